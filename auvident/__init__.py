@@ -1,0 +1,29 @@
+"""auvident: maneuvering models of autonomous underwater vehicles from their sea-trial logs.
+
+Conventions (the whole program keeps to them; conversion happens only at input and output).
+
+Axes
+    SNAME body axes at the origin O of the vehicle file: x forward, y starboard, z down.
+    Velocities u, v, w; rates p, q, r; forces X, Y, Z; moments K, M, N.
+    r is positive to starboard; heading psi from north, clockwise; pitch theta bow up.
+Stations
+    x of a part is its body-frame coordinate, forward positive; a stern fin has x < 0.
+Control angles (right-hand rule about the body axes)
+    rudder > 0: trailing edge to port, so Y_uud > 0 and N_uud < 0 for a stern rudder
+    (the bow turns to port); elevator > 0: trailing edge down, so Z_uud < 0 and M_uud < 0.
+Units
+    SI and radians inside; propeller rate n in rev/s inside, rpm in files.
+    A name that crosses a boundary carries its unit as a suffix (``u_mps``, ``rudder_rad``).
+Time
+    Seconds on one clock per trial. A sample of a measured channel at ``time_s`` is the value
+    at that time; an input (rudder, elevator, rpm) at ``time_s`` is its mean over the step that
+    *follows*, because a logged command is held until the next one.
+Vocabulary
+    trial      one log folder, recorded without interruption by one vehicle
+    maneuver   a straight run with thrust steps, a turning circle or a zigzag within a trial
+    role       ``identify`` or ``validate``; a maneuver that validates never chooses anything
+    ASE        analytical and semi-empirical estimate of the coefficients, from geometry
+    prior      value and standard deviation of a coefficient before the data are seen
+"""
+
+__version__ = "0.1.0"

@@ -1,0 +1,59 @@
+"""The exception family: what is wrong, where, what to do, and the exit code.
+
+Built-in exceptions that escape the library are bugs; everything a user can cause is one of
+these. Library code never prints and never exits.
+"""
+
+
+class AuvidentError(Exception):
+    """A problem that the user can do something about.
+
+    Parameters
+    ----------
+    problem : str
+        What is wrong, one sentence.
+    where : str, optional
+        File, row, column, table, maneuver or time it concerns.
+    remedy : str, optional
+        What to do about it.
+    """
+
+    exit_code = 1
+
+    def __init__(self, problem: str, where: str = "", remedy: str = "") -> None:
+        super().__init__(problem)
+        self.problem, self.where, self.remedy = problem, where, remedy
+
+    def __str__(self) -> str:
+        text = f"{self.where}: {self.problem}" if self.where else self.problem
+        return f"{text}\n  {self.remedy}" if self.remedy else text
+
+
+class GateError(AuvidentError):
+    """A gate that the user asked for was not met (``--fail-above``)."""
+
+    exit_code = 1
+
+
+class UsageError(AuvidentError):
+    """The command was called in a way that cannot work."""
+
+    exit_code = 2
+
+
+class InputError(AuvidentError):
+    """A log, vehicle, map or plan file cannot be used."""
+
+    exit_code = 3
+
+
+class StageError(AuvidentError):
+    """A needed earlier stage is missing or stale."""
+
+    exit_code = 4
+
+
+class NumericsError(AuvidentError):
+    """The numbers failed: divergence, loss of positive definiteness, no excitation."""
+
+    exit_code = 5

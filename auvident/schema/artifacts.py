@@ -1,0 +1,216 @@
+"""What stands in the run directory: one class per JSON artifact.
+
+`auvident schema NAME` prints the JSON schema of each. Values are dimensional SI; ``prime`` is
+the SNAME non-dimensional value. Version numbers rise when a key is renamed or dropped.
+"""
+
+from typing import Any, Literal
+
+from pydantic import Field
+
+from auvident.schema.base import Artifact
+from auvident.schema.coefficients import Plane
+
+ManeuverKind = Literal["straight", "turn", "zigzag"]
+Role = Literal["identify", "validate"]
+Origin = Literal["identified", "ase", "given", "kinematic"]
+Verdict = Literal["none_found", "effect_found", "ambiguous", "unexplained"]
+
+
+class Finding(Artifact):
+    """Something the user should know: a code to grep for, evidence, and what to do."""
+
+    code: str
+    message: str
+    where: str = ""
+    value: float | None = None
+    threshold: float | None = None
+    remedy: str = ""
+
+
+class Maneuver(Artifact):
+    """A piece of a trial that the identification or the validation uses."""
+
+    id: str
+    trial: str
+    kind: ManeuverKind
+    t_start_s: float
+    t_end_s: float
+    role: Role
+    features: dict[str, Any] = {}
+
+
+class Rejected(Artifact):
+    """A piece that was looked at and is no maneuver, with the reason."""
+
+    trial: str
+    t_start_s: float
+    t_end_s: float
+    reason: str
+    value: float | None = None
+    threshold: float | None = None
+
+
+class Maneuvers(Artifact):
+    """``segment/maneuvers.json``."""
+
+    schema_: str = Field("auvident/maneuvers/1", alias="schema")
+    maneuvers: tuple[Maneuver, ...]
+    rejected: tuple[Rejected, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+
+class AseCoefficient(Artifact):
+    """One coefficient with its standard deviation and what each part contributes."""
+
+    symbol: str
+    plane: Plane | Literal["both"]
+    value: float
+    std: float
+    unit: str
+    prime: float
+    parts: dict[str, float] = {}
+    origin: Literal["ase", "given"] = "ase"
+
+
+class AseResult(Artifact):
+    """``ase/coefficients.json``."""
+
+    schema_: str = Field("auvident/ase/1", alias="schema")
+    vehicle: str
+    applies: bool = True
+    speed_mps: float
+    length_m: float
+    density_kgpm3: float
+    coefficients: tuple[AseCoefficient, ...]
+    geometry: dict[str, float] = {}
+    facts: dict[str, Any] = {}
+    findings: tuple[Finding, ...] = ()
+
+    def by_symbol(self) -> dict[str, AseCoefficient]:
+        """Coefficients by their symbol."""
+        return {c.symbol: c for c in self.coefficients}
+
+
+class ModelCoefficient(Artifact):
+    """One coefficient of an identified model."""
+
+    symbol: str
+    value: float
+    std: float
+    unit: str
+    prime: float
+    prior: float
+    prior_std: float
+    origin: Origin
+    data_share: float
+
+
+class Combination(Artifact):
+    """A direction in coefficient space that the data cannot see."""
+
+    symbols: tuple[str, ...]
+    weights: tuple[float, ...]
+    information: float
+    meaning: str = ""
+
+
+class RigidBody(Artifact):
+    """The known constants of the equations: mass, its moment arms and inertia."""
+
+    mass_kg: float
+    x_g_m: float
+    z_g_m: float
+    inertia_kgm2: float
+    weight_n: float
+    buoyancy_n: float
+
+
+class Sensing(Artifact):
+    """Where the sensors sit and how accurate they proved to be."""
+
+    dvl_x_m: float
+    dvl_y_m: float
+    dvl_z_m: float
+    dvl_mounting_yaw_rad: float
+    noise_std: dict[str, float]
+    process_noise_std: dict[str, float]
+
+
+class StageRecord(Artifact):
+    """One pass of the plan: what was free, what it used and how well it explained the data."""
+
+    stage: str
+    cycle: int
+    system: str
+    free: tuple[str, ...]
+    maneuvers: tuple[str, ...]
+    samples: int
+    log_likelihood: float
+    nis_mean: dict[str, float]
+
+
+class IdentifiedModel(Artifact):
+    """``identify/model.json`` (and ``refine/model.json``)."""
+
+    schema_: str = Field("auvident/model/1", alias="schema")
+    vehicle: str
+    plane: Plane
+    filter: Literal["ekf", "ukf"]
+    engine: Literal["compiled", "filterpy"] = "compiled"
+    length_m: float
+    density_kgpm3: float
+    rigid_body: RigidBody
+    sensing: Sensing
+    coefficients: tuple[ModelCoefficient, ...]
+    effects: tuple[dict[str, Any], ...] = ()
+    correlations: dict[str, dict[str, float]] = {}
+    unidentifiable: tuple[Combination, ...] = ()
+    stages: tuple[StageRecord, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+    def values(self) -> dict[str, float]:
+        """Value of each coefficient by symbol."""
+        return {c.symbol: c.value for c in self.coefficients}
+
+
+class ChannelMetrics(Artifact):
+    """How well one channel of one maneuver (or of all of a role) is predicted."""
+
+    rmse: float
+    nrmse: float
+    r2: float
+    theil: float
+    unit: str
+    samples: int
+
+
+class ManeuverMetrics(Artifact):
+    """Prediction of one maneuver, with its figures measured and simulated."""
+
+    id: str
+    trial: str
+    kind: ManeuverKind
+    role: Role
+    duration_s: float
+    channels: dict[str, ChannelMetrics]
+    turn: dict[str, dict[str, float]] | None = None
+    zigzag: dict[str, dict[str, float]] | None = None
+
+
+class Metrics(Artifact):
+    """``validate/metrics.json``; ``ase`` holds the same for the ASE model alone."""
+
+    schema_: str = Field("auvident/metrics/1", alias="schema")
+    maneuvers: tuple[ManeuverMetrics, ...]
+    summary: dict[str, dict[str, ChannelMetrics]]
+    ase: "Metrics | None" = None
+    findings: tuple[Finding, ...] = ()
+
+
+ARTIFACTS: dict[str, type[Artifact]] = {
+    "maneuvers": Maneuvers,
+    "ase": AseResult,
+    "model": IdentifiedModel,
+    "metrics": Metrics,
+}
