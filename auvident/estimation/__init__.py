@@ -1,0 +1,1 @@
+"""How do we infer? Filters, noise, identifiability; knows no rudder."""

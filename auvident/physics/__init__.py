@@ -1,0 +1,1 @@
+"""How does it move? Terms, propagation, actuators, maneuver figures."""

@@ -1,0 +1,1 @@
+"""What does a person see? Console tables, figures, HTML."""

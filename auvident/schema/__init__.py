@@ -1,0 +1,1 @@
+"""What is it called? Channels, coefficients, vehicle, plan, artifacts."""

@@ -1,0 +1,1 @@
+"""What is done, in order? Functions from artifacts to an artifact."""

@@ -1,0 +1,1 @@
+"""What does geometry say? Analytical and semi-empirical estimate."""
