@@ -1,0 +1,25 @@
+"""Maneuver figures: turning circle, zigzag and straight run, measured or simulated.
+
+Definitions after IMO MSC.137(76) and ITTC 7.5-04-02-01. Pure functions on arrays of equal shape
+(n,), SI and radians in, the unit of each figure as the suffix of its name out. A figure that
+the record does not reach (the tactical diameter of a turn through 150 degrees) is absent.
+
+The track is found by dead reckoning of the body velocities, so it is the track through the
+medium the velocities refer to, and a drifting position sensor does not enter.
+"""
+
+from auvident.physics.figures_straight import rpm_levels, straight_figures
+from auvident.physics.figures_track import dead_reckoning, first_crossing, heading_from_rate
+from auvident.physics.figures_turn import turn_figures
+from auvident.physics.figures_zigzag import reversals, zigzag_figures
+
+__all__ = [
+    "dead_reckoning",
+    "first_crossing",
+    "heading_from_rate",
+    "reversals",
+    "rpm_levels",
+    "straight_figures",
+    "turn_figures",
+    "zigzag_figures",
+]

@@ -1,0 +1,140 @@
+"""Levels, ramps and noise of a logged input: where a rudder or a propeller is held constant.
+
+Everything works on plain arrays of equidistant samples. An input at index i acts from sample i
+to sample i + 1, so the sample range of a plateau is half-open like a Python slice.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+MEDIAN_OF_ABS_TO_STD = 1.4826  # normal distribution
+SECOND_DIFFERENCE_GAIN = 6**0.5  # std of x[i-1] - 2 x[i] + x[i+1] over std of white noise
+NOISE_QUANTILE = 0.25  # share of the record that is surely not maneuvering: noise is read there
+RAMP_SHARE = 0.15  # a rudder that moves slower than this share of its fastest rate has arrived
+RATE_SPAN_S = 0.3  # over which a slew rate is measured; shorter spans see noise
+
+
+@dataclass(frozen=True)
+class Plateau:
+    """A stretch of constant input.
+
+    Attributes
+    ----------
+    start, stop : int
+        Half-open sample range.
+    level : float
+        Median over the range, in the unit of the input.
+    """
+
+    start: int
+    stop: int
+    level: float
+
+    @property
+    def samples(self) -> int:
+        """Number of samples."""
+        return self.stop - self.start
+
+
+def odd_samples(span_s: float, rate_hz: float) -> int:
+    """Odd number of samples, at least 3, that spans about `span_s`."""
+    return 2 * max(1, round(span_s * rate_hz / 2)) + 1
+
+
+def running_median(x: Array, samples: int) -> Array:
+    """Centred running median of an odd number of samples; the ends are repeated."""
+    half = samples // 2
+    padded = np.pad(np.asarray(x, dtype=float), half, mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, samples)
+    return np.asarray(np.median(windows, axis=1))
+
+
+def running_mean(x: Array, samples: int) -> Array:
+    """Centred running mean of an odd number of samples; the window shrinks at the ends."""
+    x = np.asarray(x, dtype=float)
+    half = min(samples // 2, max(0, x.size - 1))
+    total = np.concatenate(([0.0], np.cumsum(x)))
+    index = np.arange(x.size)
+    low, high = np.maximum(index - half, 0), np.minimum(index + half + 1, x.size)
+    return np.asarray((total[high] - total[low]) / (high - low))
+
+
+def noise_std(x: Array, samples: int) -> float:
+    """Standard deviation of the white noise on a piecewise smooth signal.
+
+    Local second differences are taken in windows of `samples`; the quietest quarter of the
+    windows counts, because the activity of an autopilot is no sensor noise.
+    """
+    second = np.abs(np.diff(np.asarray(x, dtype=float), n=2))
+    if second.size < samples:
+        return 0.0
+    windows = second[: second.size // samples * samples].reshape(-1, samples)
+    local = np.sqrt(np.mean(windows**2, axis=1)) / SECOND_DIFFERENCE_GAIN
+    return float(np.quantile(local, NOISE_QUANTILE))
+
+
+def slew_rate(x: Array, rate_hz: float) -> float:
+    """Fastest change of an input, in its unit per second, over spans of `RATE_SPAN_S`."""
+    span = max(1, round(RATE_SPAN_S * rate_hz))
+    if x.size <= span:
+        return 0.0
+    return float(np.max(np.abs(x[span:] - x[:-span]))) * rate_hz / span
+
+
+def plateaus(x: Array, tolerance: float) -> list[Plateau]:
+    """Cut a signal into stretches that stay within `tolerance` of their level.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        The input, equidistant samples.
+    tolerance : float
+        Largest distance from the level, in the unit of `x`.
+
+    Returns
+    -------
+    list of Plateau
+        Adjacent, covering all samples; ramps become many short ones.
+    """
+    pieces: list[tuple[int, int]] = []
+    start, low, high = 0, np.inf, -np.inf
+    for i, value in enumerate(x.tolist()):
+        low, high = min(low, value), max(high, value)
+        if high - low > 2 * tolerance:
+            pieces.append((start, i))
+            start, low, high = i, value, value
+    if x.size:
+        pieces.append((start, x.size))
+    return _merged([Plateau(a, b, float(np.median(x[a:b]))) for a, b in pieces], x, tolerance)
+
+
+def _merged(pieces: list[Plateau], x: Array, tolerance: float) -> list[Plateau]:
+    """Join neighbours of the same level: noise had cut them."""
+    joined: list[Plateau] = []
+    for piece in pieces:
+        if joined and abs(joined[-1].level - piece.level) <= tolerance:
+            start = joined.pop().start
+            piece = Plateau(start, piece.stop, float(np.median(x[start : piece.stop])))
+        joined.append(piece)
+    return joined
+
+
+def ramp_start(x: Array, index: int, rate_per_sample: float) -> int:
+    """Sample at which the move that arrives at `index` began.
+
+    Walks back from `index` while the input moves in the same direction by more than
+    `RAMP_SHARE` of `rate_per_sample`, its fastest change per sample.
+    """
+    if index <= 0:
+        return 0
+    direction = np.sign(x[index] - x[max(0, index - 1)])
+    least = RAMP_SHARE * rate_per_sample
+    i = index
+    while i > 0 and direction * (x[i] - x[i - 1]) > least:
+        i -= 1
+    # the sample before the first changed one still held the old value
+    return min(i + 1, index) if i < index else index

@@ -1,0 +1,37 @@
+"""Heading and track of a maneuver by integration, and where a signal first reaches a value."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def heading_from_rate(time_s: ArrayLike, r: ArrayLike) -> Array:
+    """Heading change since the first sample [rad], by the trapezoidal rule."""
+    t, rate = np.asarray(time_s, dtype=float), np.asarray(r, dtype=float)
+    steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(t)
+    return np.concatenate(([0.0], np.cumsum(steps)))
+
+
+def dead_reckoning(
+    time_s: ArrayLike, u: ArrayLike, v: ArrayLike, heading_rad: ArrayLike
+) -> tuple[Array, Array]:
+    """North and east [m] since the first sample, from body velocities and heading."""
+    u, v = np.asarray(u, dtype=float), np.asarray(v, dtype=float)
+    cos, sin = np.cos(heading_rad), np.sin(heading_rad)
+    return (
+        heading_from_rate(time_s, u * cos - v * sin),
+        heading_from_rate(time_s, u * sin + v * cos),
+    )
+
+
+def first_crossing(t: Array, x: Array, value: float) -> float | None:
+    """Time at which `x` first reaches `value` from below, interpolated; None if it does not."""
+    above = np.flatnonzero(x >= value)
+    if above.size == 0:
+        return None
+    i = int(above[0])
+    if i == 0:
+        return float(t[0])
+    share = (value - x[i - 1]) / (x[i] - x[i - 1])
+    return float(t[i - 1] + share * (t[i] - t[i - 1]))

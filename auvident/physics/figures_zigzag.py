@@ -1,0 +1,109 @@
+"""Figures of a zigzag (IMO MSC.137(76), ITTC 7.5-04-02-01)."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from auvident.physics.figures_track import Array, first_crossing
+
+HALF = 0.5  # a rudder beyond half its amplitude has been put over
+
+
+def reversals(rudder_rad: ArrayLike) -> NDArray[np.int64]:
+    """Samples at which the rudder leaves one side of a zigzag for the other.
+
+    A side is left where the rudder was last beyond half the amplitude on it, and the move is
+    followed back to its beginning: the last sample within a tenth of the amplitude of the level.
+    """
+    x = np.asarray(rudder_rad, dtype=float)
+    level = HALF * float(np.quantile(np.abs(x), 0.9))
+    side = np.where(x > level, 1, np.where(x < -level, -1, 0))
+    known = np.flatnonzero(side)
+    change = known[:-1][side[known[:-1]] != side[known[1:]]]
+    return np.array([_departure(x, int(i)) for i in change], dtype=np.int64)
+
+
+def _departure(x: Array, last: int) -> int:
+    """First sample of the move that leaves the level held before sample `last`."""
+    sign = np.sign(x[last])
+    begin = last
+    while begin > 0 and sign * x[begin - 1] > 0:
+        begin -= 1
+    held = float(np.median(x[begin : last + 1]))
+    on_level = np.flatnonzero(sign * x[begin : last + 1] >= 0.9 * abs(held))
+    return begin + int(on_level[-1]) + 1 if on_level.size else last + 1
+
+
+def zigzag_figures(
+    time_s: ArrayLike,
+    heading_rad: ArrayLike,
+    rudder_rad: ArrayLike,
+    base_heading_rad: float | None = None,
+    switch_rad: float | None = None,
+) -> dict[str, float]:
+    """Figures of a zigzag that begins with the first rudder execute.
+
+    Parameters
+    ----------
+    time_s : array_like, shape (n,)
+        From first execute to last release [s].
+    heading_rad : array_like, shape (n,)
+        Unwrapped heading [rad]; pitch for a vertical zigzag.
+    rudder_rad : array_like, shape (n,)
+        Rudder angle [rad].
+    base_heading_rad : float, optional
+        Original course; else the heading at the first sample.
+    switch_rad : float, optional
+        Nominal switching angle; else the mean deviation found at the reversals.
+
+    Returns
+    -------
+    dict of str to float
+        ``rudder_deg`` (amplitude), ``executes`` (first included), ``switch_deg`` (mean
+        deviation at the reversals), ``overshoot_1_deg``, ``overshoot_2_deg``, ... (heading
+        beyond its value at which the rudder was reversed), ``time_to_second_execute_s``,
+        ``initial_turning_time_s`` (until the heading deviates by `switch_rad`),
+        ``time_to_check_yaw_s`` (second execute to the first greatest deviation), ``reach_s``
+        (first execute to the return to the original course), ``period_s`` (between reversals to
+        the same side, mean).
+    """
+    t, x = np.asarray(time_s, dtype=float), np.asarray(rudder_rad, dtype=float)
+    psi = np.asarray(heading_rad, dtype=float)
+    psi = psi - (psi[0] if base_heading_rad is None else base_heading_rad)
+    turn = reversals(x)
+    figures = {
+        "rudder_deg": float(np.degrees(np.median(np.abs(x)))),
+        "executes": float(turn.size + 1),
+    }
+    if turn.size == 0:
+        return figures
+    deviation = psi[turn]
+    first = 1.0 if deviation[0] >= 0 else -1.0
+    sides = first * np.array([(-1.0) ** k for k in range(turn.size)])
+    switch = float(np.mean(sides * deviation)) if switch_rad is None else switch_rad
+    figures["switch_deg"] = float(np.degrees(np.mean(sides * deviation)))
+    figures["time_to_second_execute_s"] = float(t[turn[0]] - t[0])
+    initial = first_crossing(t, first * psi, switch)
+    if initial is not None:
+        figures["initial_turning_time_s"] = initial - float(t[0])
+    figures |= _overshoots(t, psi, turn, sides)
+    back = first_crossing(t[turn[0] :], -first * psi[turn[0] :], 0.0)
+    if back is not None and back > t[turn[0]]:
+        figures["reach_s"] = back - float(t[0])
+    if turn.size >= 3:
+        figures["period_s"] = float(np.mean(t[turn[2:]] - t[turn[:-2]]))
+    return figures
+
+
+def _overshoots(t: Array, psi: Array, turn: NDArray[np.int64], sides: Array) -> dict[str, float]:
+    """Overshoot after each reversal; absent where the record ends before the heading returns."""
+    figures: dict[str, float] = {}
+    ends = [*turn[1:].tolist(), psi.size - 1]
+    for k, (begin, end) in enumerate(zip(turn.tolist(), ends, strict=True)):
+        swing = sides[k] * psi[begin : end + 1]
+        peak = int(np.argmax(swing))
+        if peak == swing.size - 1:
+            continue
+        figures[f"overshoot_{k + 1}_deg"] = float(np.degrees(swing[peak] - swing[0]))
+        if k == 0:
+            figures["time_to_check_yaw_s"] = float(t[begin + peak] - t[begin])
+    return figures
