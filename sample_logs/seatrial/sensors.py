@@ -1,0 +1,173 @@
+"""Sensors: each on its own clock, with noise, drop-outs and the flaws of a real file."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from seatrial.simulate import ELEVATOR_COMMAND, RPM_COMMAND, RUDDER_COMMAND, STEP_S
+
+DEGREE = math.pi / 180.0
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of the sensors."""
+
+    dvl_mps: float = 0.005
+    gyro_radps: float = 0.05 * DEGREE
+    tilt_rad: float = 0.1 * DEGREE
+    heading_rad: float = 0.3 * DEGREE
+    depth_m: float = 0.01
+    position_m: float = 0.3
+
+
+RATES_HZ = {
+    "dvl": 5.0,
+    "gyro": 50.0,
+    "rudder": 20.0,
+    "elevator": 20.0,
+    "rpm": 10.0,
+    "attitude": 10.0,
+    "depth": 5.0,
+    "position": 1.0,
+}
+
+
+def clock(rng: np.random.Generator, end_s: float, rate_hz: float) -> np.ndarray:
+    """Sampling times of one sensor: own start, rate off by some 0.1 %, 2 % jitter."""
+    start = rng.uniform(0.0, 1.5)
+    period = 1.0 / (rate_hz * (1.0 + rng.normal(0, 1e-3)))
+    times = np.arange(start, end_s - rng.uniform(0.1, 1.5), period)
+    return np.round(times + rng.normal(0, 0.02 * period, times.size).clip(-0.08, 0.08), 3)
+
+
+def at(record: np.ndarray, column: int, times: np.ndarray) -> np.ndarray:
+    """A recorded column at those times, linear between steps."""
+    grid = np.arange(record.shape[0]) * STEP_S
+    return np.interp(times, grid, record[:, column])
+
+
+def held(record: np.ndarray, column: int, times: np.ndarray) -> np.ndarray:
+    """A command at those times, held between steps."""
+    index = np.clip(np.floor(times / STEP_S + 1e-9).astype(int), 0, record.shape[0] - 1)
+    return record[index, column]
+
+
+def body_over_ground(record: np.ndarray, planted: dict) -> np.ndarray:
+    """Velocity of O over ground in body axes, every step, (steps, 3) [m/s]."""
+    current = planted.get("current", {})
+    north, east = current.get("north_mps", 0.0), current.get("east_mps", 0.0)
+    cr, sr = np.cos(record[:, 9]), np.sin(record[:, 9])
+    cp, sp = np.cos(record[:, 10]), np.sin(record[:, 10])
+    ch, sh = np.cos(record[:, 11]), np.sin(record[:, 11])
+    drift = np.column_stack(
+        [
+            ch * cp * north + sh * cp * east,
+            (ch * sp * sr - sh * cr) * north + (sh * sp * sr + ch * cr) * east,
+            (ch * sp * cr + sh * sr) * north + (sh * sp * cr - ch * sr) * east,
+        ]
+    )
+    return record[:, :3] + drift
+
+
+def dvl(record, vehicle, planted, rng, noise: Noise) -> dict[str, np.ndarray]:
+    """DVL velocity over ground at its own position, with drop-outs and outliers."""
+    times = clock(rng, record.shape[0] * STEP_S, RATES_HZ["dvl"])
+    lever = planted.get("dvl_lever_arm", {})
+    mount = vehicle.file["dvl"]
+    x, y = mount["x_m"] + lever.get("dx_m", 0.0), mount["y_m"] + lever.get("dy_m", 0.0)
+    position = np.array([x, y, vehicle.plant.dvl_z])
+    velocity = body_over_ground(record, planted) + np.cross(record[:, 3:6], position)
+    yaw = planted.get("dvl_misalignment", {}).get("yaw_deg", 0.0) * DEGREE
+    turn = np.array(
+        [[math.cos(yaw), math.sin(yaw), 0], [-math.sin(yaw), math.cos(yaw), 0], [0, 0, 1]]
+    )
+    velocity = velocity @ turn.T * (1.0 + planted.get("dvl_scale", {}).get("fraction", 0.0))
+    taken = times - planted.get("dvl_delay", {}).get("delay_s", 0.0)
+    measured = np.column_stack([at(velocity, i, taken) for i in range(3)])
+    measured += rng.normal(0, noise.dvl_mps, measured.shape)
+    wild = rng.random(times.size) < 0.0012
+    measured[wild] += rng.uniform(-1.2, 1.2, (int(wild.sum()), 3))
+    valid = bottom_lock(rng, times)
+    measured[~valid] = np.nan
+    return {
+        "time_s": times,
+        "u_mps": measured[:, 0],
+        "v_mps": measured[:, 1],
+        "w_mps": measured[:, 2],
+        "valid": valid.astype(int),
+    }
+
+
+def bottom_lock(rng: np.random.Generator, times: np.ndarray) -> np.ndarray:
+    """False in short drop-outs: about one in two minutes, 0.4 to 2.5 s long."""
+    valid = np.ones(times.size, bool)
+    for _ in range(rng.poisson(times[-1] / 120.0)):
+        start = rng.uniform(times[0], times[-1])
+        valid &= ~((times >= start) & (times < start + rng.uniform(0.4, 2.5)))
+    return valid
+
+
+def gyro(record, planted, rng, noise: Noise) -> dict[str, np.ndarray]:
+    """Rates p, q, r [rad/s]."""
+    times = clock(rng, record.shape[0] * STEP_S, RATES_HZ["gyro"])
+    taken = times - planted.get("gyro_delay", {}).get("delay_s", 0.0)
+    rates = np.column_stack([at(record, i, taken) for i in (3, 4, 5)])
+    rates[:, 2] *= 1.0 + planted.get("gyro_scale", {}).get("fraction", 0.0)
+    rates[:, 2] += planted.get("gyro_bias", {}).get("bias_degps", 0.0) * DEGREE
+    rates += rng.normal(0, noise.gyro_radps, rates.shape)
+    return {"time_s": times, "p": rates[:, 0], "q": rates[:, 1], "r": rates[:, 2]}
+
+
+def command(record, column: int, sensor: str, rng) -> dict[str, np.ndarray]:
+    """A logged command (rudder or elevator [rad], propeller [rpm])."""
+    times = clock(rng, record.shape[0] * STEP_S, RATES_HZ[sensor])
+    return {"time_s": times, "value": held(record, column, times)}
+
+
+def attitude(record, rng, noise: Noise) -> dict[str, np.ndarray]:
+    """Roll, pitch and heading [rad], heading within 0 .. 2 pi."""
+    times = clock(rng, record.shape[0] * STEP_S, RATES_HZ["attitude"])
+    heading = at(record, 11, times) + rng.normal(0, noise.heading_rad, times.size)
+    return {
+        "time_s": times,
+        "roll": at(record, 9, times) + rng.normal(0, noise.tilt_rad, times.size),
+        "pitch": at(record, 10, times) + rng.normal(0, noise.tilt_rad, times.size),
+        "heading": np.mod(heading, 2 * math.pi),
+    }
+
+
+def depth(record, rng, noise: Noise) -> dict[str, np.ndarray]:
+    """Depth of O [m]."""
+    times = clock(rng, record.shape[0] * STEP_S, RATES_HZ["depth"])
+    measured = at(record, 8, times) + rng.normal(0, noise.depth_m, times.size)
+    return {"time_s": times, "depth": measured}
+
+
+def position(record, rng, noise: Noise) -> dict[str, np.ndarray]:
+    """Acoustic position [m] relative to the start."""
+    times = clock(rng, record.shape[0] * STEP_S, RATES_HZ["position"])
+    error = rng.normal(0, noise.position_m, (times.size, 2))
+    return {
+        "time_s": times,
+        "north": at(record, 6, times) + error[:, 0],
+        "east": at(record, 7, times) + error[:, 1],
+    }
+
+
+def measure_all(record, vehicle, planted, streams, noise: Noise | None = None) -> dict:
+    """All sensors, SI and internal signs; `streams` maps a sensor to its random stream."""
+    noise = noise or Noise()
+    return {
+        "dvl": dvl(record, vehicle, planted, streams("dvl"), noise),
+        "gyro": gyro(record, planted, streams("gyro"), noise),
+        "rudder": command(record, RUDDER_COMMAND, "rudder", streams("rudder")),
+        "elevator": command(record, ELEVATOR_COMMAND, "elevator", streams("elevator")),
+        "rpm": command(record, RPM_COMMAND, "rpm", streams("rpm")),
+        "attitude": attitude(record, streams("attitude"), noise),
+        "depth": depth(record, streams("depth"), noise),
+        "position": position(record, streams("position"), noise),
+    }
