@@ -67,7 +67,7 @@ def _wave(rng, scale, revs):
 def _event(rng, scale, revs):
     return {
         "maneuver_fraction": float(rng.uniform(0.1, 0.9)),
-        "after_s": float(rng.uniform(8.0, 35.0)),
+        "after_s": float(rng.uniform(6.0, 20.0)),
         "duration_s": float(rng.uniform(2.0, 4.0)),
         "force_n": _side(rng, 15.0, 30.0) * scale,
         "moment_nm": _side(rng, 4.0, 8.0) * scale**1.5,

@@ -1,0 +1,132 @@
+"""The committed trials, their truth, and what each effect does to a log."""
+
+import ast
+import json
+import re
+
+import numpy as np
+import pytest
+from seatrial import trial as trial_module
+from seatrial.effects import EFFECTS
+from seatrial.sensors import measure_all
+from seatrial.trial import generate, sail, stream
+from seatrial.vehicles import load_vehicle
+
+TRIALS = ["bay_trial", "harbour_trial"]
+
+
+@pytest.mark.parametrize("trial", TRIALS)
+def test_recipe_gives_the_committed_files_to_the_byte(
+    trial, recipe, samples, truth_folder, tmp_path
+):
+    truth = generate(recipe(trial), tmp_path)
+    committed = sorted(p.name for p in (samples / trial).iterdir())
+    assert sorted(p.name for p in tmp_path.iterdir()) == committed
+    for name in committed:
+        assert (tmp_path / name).read_bytes() == (samples / trial / name).read_bytes(), name
+    kept = json.loads((truth_folder / f"{trial}.json").read_text(encoding="utf-8"))
+    assert kept == json.loads(json.dumps(truth))
+
+
+@pytest.mark.parametrize("trial", TRIALS)
+def test_trial_has_the_maneuvers_an_identification_needs(trial, truth_folder):
+    truth = json.loads((truth_folder / f"{trial}.json").read_text(encoding="utf-8"))
+    maneuvers = truth["maneuvers"]
+    kinds = [m["kind"] for m in maneuvers]
+    assert 15 * 60 < truth["duration_s"] < 25 * 60
+    assert kinds.count("turn") >= 4
+    assert kinds.count("straight") >= 2
+    for angle in (10, 20):
+        zigzags = [m for m in maneuvers if m.get("heading_deg") == angle]
+        assert len(zigzags) >= 2
+        assert len({m["rpm"] for m in zigzags}) >= 2
+    sides = {np.sign(m["rudder_deg"]) for m in maneuvers if m["kind"] == "turn"}
+    assert sides == {-1, 1}
+    ends = [m["t_end_s"] for m in maneuvers]
+    assert all(a <= m["t_start_s"] for a, m in zip(ends, maneuvers[1:], strict=False))
+
+
+@pytest.mark.parametrize("trial", TRIALS)
+def test_committed_trial_is_small(trial, samples):
+    assert sum(p.stat().st_size for p in (samples / trial).iterdir()) < 5e6
+
+
+def test_motion_of_the_trials_is_plausible(recipe):
+    for name in TRIALS:
+        r = recipe(name)
+        vehicle = load_vehicle(r["vehicle"])
+        record, starts, *_ = sail(r, vehicle, {})
+        working = record[int(starts[6] * 100) : int(starts[-6] * 100)]
+        assert 0.7 < working[:, 0].min() < working[:, 0].max() < 2.2
+        assert np.abs(np.degrees(working[:, 9])).max() < 10
+        assert np.ptp(working[3000:, 8]) < 1.5  # depth
+        assert np.abs(np.degrees(working[:, 5])).max() < 30
+
+
+def test_generator_does_not_know_the_program(samples):
+    for path in samples.rglob("*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        imported = {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}
+        imported |= {n.module or "" for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
+        assert not any(name.split(".")[0] == "auvident" for name in imported), path
+
+
+def test_nothing_beside_the_logs_tells_what_was_planted(samples, recipe):
+    planted = [e["id"] for t in TRIALS for e in recipe(t).get("effect", [])]
+    assert planted
+    for path in [*samples.glob("*.toml"), *samples.glob("*.md")]:
+        text = path.read_text(encoding="utf-8")
+        assert not any(re.search(rf"\b{effect}\b", text) for effect in planted), path
+
+
+@pytest.fixture(scope="module")
+def clean_log():
+    return log_of([])
+
+
+def log_of(effects):
+    """Measured channels of a short trial of the sailed vehicle, every sensor stacked."""
+    recipe = {
+        "name": "short",
+        "vehicle": "tern180",
+        "seed": 5,
+        "schedule": {"straights": 1, "turns": 1, "zigzags_10": 0, "zigzags_20": 1},
+    }
+    vehicle = load_vehicle("tern180")
+    planted = trial_module.draw_effects(effects, 5, vehicle.scale, 11.0)
+    record, *_ = sail(recipe, vehicle, planted)
+    return measure_all(record, vehicle, planted, lambda name: stream(5, name)), len(record)
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_each_effect_changes_the_log(effect, clean_log):
+    early = {"time_s": 200.0} if effect == "thrust_step" else {}  # the trial here is short
+    changed, _ = log_of([{"id": effect, **early}])
+    clean, _ = clean_log
+    sizes = []
+    for sensor, column in (("dvl", "u_mps"), ("dvl", "v_mps"), ("gyro", "r")):
+        n = min(clean[sensor][column].size, changed[sensor][column].size)
+        difference = clean[sensor][column][:n] - changed[sensor][column][:n]
+        sizes.append(np.sqrt(np.nanmean(difference**2)) / np.nanstd(clean[sensor][column]))
+    assert max(sizes) > 0.005, sizes
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_drawn_parameters_have_the_declared_names_and_depend_on_the_seed(effect):
+    draw = [trial_module.draw_effects([{"id": effect}], s, 1.0, 15.0)[effect] for s in (1, 1, 2)]
+    assert set(draw[0]) == set(EFFECTS[effect].units)
+    assert draw[0] == draw[1] != draw[2]
+
+
+def test_several_effects_and_given_parameters():
+    wanted = [{"id": "rudder_lag", "lag_s": 0.5}, {"id": "gyro_bias"}]
+    planted = trial_module.draw_effects(wanted, 3, 1.0, 15.0)
+    assert planted["rudder_lag"] == {"lag_s": 0.5}
+    assert set(planted) == {"rudder_lag", "gyro_bias"}
+
+
+def test_unknown_names_in_a_recipe_are_refused():
+    with pytest.raises(ValueError, match="spred"):
+        generate({"name": "x", "vehicle": "tern180", "seed": 1, "spred": 0.2}, None)
+    with pytest.raises(ValueError, match="has no parameter"):
+        trial_module.draw_effects([{"id": "rudder_lag", "lag": 1}], 1, 1.0, 15.0)
