@@ -1,0 +1,206 @@
+"""The right-hand side as data: which term stands in which equation.
+
+Both planes share one set of equations. In the horizontal plane the lateral velocity a is the
+sway v, the rate b is the yaw rate r, the angle is the heading; in the vertical plane a is the
+heave w, b the pitch rate q, the angle is the pitch, and the sign sigma of the coupling between
+translation and rotation changes (theory 1.3 and 1.4)::
+
+    M(p) d(u, a, b)/dt = sum of the terms,    d(angle)/dt = b
+
+    M = [[m - X_udot, 0, m z_G (vertical)],
+         [0, m - A_adot, sigma m x_G - A_bdot],
+         [m z_G (vertical), sigma m x_G - B_adot, I - B_bdot]]
+
+A term is ``weight * p[parameter] * factor * factor * factor``; a factor is a power of one
+variable. Everything is linear in the parameters p, hence the Jacobians of `dynamics` are exact
+and a further term is one more row here.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from auvident.schema.artifacts import RigidBody
+from auvident.schema.coefficients import Plane, symbols_of
+
+STATES = ("u", "a", "b", "angle")
+EQUATIONS = ("X", "A", "B")
+# variables a factor may be a power of: states, sine and cosine of the angle, own control
+# surface d (rudder; elevator in the vertical plane), the other one e, propeller rate n in rev/s
+VARIABLES = ("u", "a", "b", "sin", "cos", "d", "e", "n")
+POWERS = ("x", "|x|", "x^2", "x|x|", "x^3")
+CONSTANTS = ("m", "m x_G", "m z_G", "I", "W-B", "z_G W", "x_G W")
+FACTORS_PER_TERM = 3
+PLANE_NAMES = {
+    "horizontal": {"A": "Y", "B": "N", "a": "v", "b": "r"},
+    "vertical": {"A": "Z", "B": "M", "a": "w", "b": "q"},
+}
+SIGMA = {"horizontal": 1.0, "vertical": -1.0}
+
+# Hydrodynamic terms: equation, coefficient with generic axes, factors (variable, power).
+HYDRODYNAMIC = (
+    ("X", "X_uu", ("u", "x|x|")),
+    ("X", "X_aa", ("a", "x^2")),
+    ("X", "X_ab", ("a", "x"), ("b", "x")),
+    ("X", "X_bb", ("b", "x^2")),
+    ("X", "X_uudd", ("u", "x^2"), ("d", "x^2")),
+    ("X", "X_uudd", ("u", "x^2"), ("e", "x^2")),
+    ("X", "T_nn", ("n", "x|x|")),
+    ("X", "T_nu", ("n", "|x|"), ("u", "x")),
+    ("A", "A_ua", ("u", "x"), ("a", "x")),
+    ("A", "A_ub", ("u", "x"), ("b", "x")),
+    ("A", "A_a|a|", ("a", "x|x|")),
+    ("A", "A_b|b|", ("b", "x|x|")),
+    ("A", "A_uud", ("u", "x^2"), ("d", "x")),
+    ("B", "B_ua", ("u", "x"), ("a", "x")),
+    ("B", "B_ub", ("u", "x"), ("b", "x")),
+    ("B", "B_a|a|", ("a", "x|x|")),
+    ("B", "B_b|b|", ("b", "x|x|")),
+    ("B", "B_uud", ("u", "x^2"), ("d", "x")),
+)
+# Rigid-body terms moved to the right: weight in units of sigma where the plane turns the sign.
+RIGID = {
+    "horizontal": (
+        ("X", "m", +1, ("a", "x"), ("b", "x")),
+        ("X", "m x_G", +1, ("b", "x^2")),
+        ("A", "m", -1, ("u", "x"), ("b", "x")),
+        ("B", "m x_G", -1, ("u", "x"), ("b", "x")),
+    ),
+    "vertical": (
+        ("X", "m", -1, ("a", "x"), ("b", "x")),
+        ("X", "m x_G", +1, ("b", "x^2")),
+        ("X", "W-B", -1, ("sin", "x")),
+        ("A", "m", +1, ("u", "x"), ("b", "x")),
+        ("A", "m z_G", +1, ("b", "x^2")),
+        ("A", "W-B", +1, ("cos", "x")),
+        ("B", "m x_G", -1, ("u", "x"), ("b", "x")),
+        ("B", "m z_G", -1, ("a", "x"), ("b", "x")),
+        ("B", "z_G W", -1, ("sin", "x")),
+        ("B", "x_G W", -1, ("cos", "x")),
+    ),
+}
+# Mass matrix: row, column, parameter, weight.
+MASS = (
+    ("X", "X", "m", 1.0),
+    ("X", "X", "X_udot", -1.0),
+    ("A", "A", "m", 1.0),
+    ("A", "A", "A_adot", -1.0),
+    ("A", "B", "A_bdot", -1.0),
+    ("B", "A", "B_adot", -1.0),
+    ("B", "B", "I", 1.0),
+    ("B", "B", "B_bdot", -1.0),
+)
+
+
+@dataclass(frozen=True)
+class Structure:
+    """The equations of one plane as arrays for the compiled kernels.
+
+    Attributes
+    ----------
+    plane : str
+        ``horizontal`` or ``vertical``.
+    parameters : tuple of str
+        Coefficients of the plane, then `CONSTANTS`; the order of the parameter vector p.
+    terms : (n_terms, 2 + 2 * FACTORS_PER_TERM) int array
+        Equation, parameter, then (variable, power) pairs; power -1 is the factor 1.
+    weights : (n_terms,) float array
+    mass : (n_mass, 3) int array
+        Row, column, parameter.
+    mass_weights : (n_mass,) float array
+    """
+
+    plane: Plane
+    parameters: tuple[str, ...]
+    terms: npt.NDArray[np.int64]
+    weights: npt.NDArray[np.float64]
+    mass: npt.NDArray[np.int64]
+    mass_weights: npt.NDArray[np.float64]
+
+    def index(self, symbol: str) -> int:
+        """Position of a coefficient or constant in the parameter vector."""
+        return self.parameters.index(symbol)
+
+    @property
+    def arrays(self) -> tuple:
+        """The four arrays in the order the kernels take them."""
+        return self.terms, self.weights, self.mass, self.mass_weights
+
+
+def symbol_in(plane: Plane, generic: str) -> str:
+    """Coefficient symbol of a plane from its generic name, e.g. ``B_ua`` -> ``N_uv``."""
+    axis, _, rest = generic.partition("_")
+    names = PLANE_NAMES[plane]
+    if rest.endswith("dot"):
+        return f"{names.get(axis, axis)}_{names.get(rest[0], rest[0])}dot"
+    return f"{names.get(axis, axis)}_{''.join(names.get(c, c) for c in rest)}"
+
+
+def _row(parameters: tuple[str, ...], equation: str, parameter: str, factors: tuple) -> list[int]:
+    row = [EQUATIONS.index(equation), parameters.index(parameter)]
+    for variable, power in factors:
+        row += [VARIABLES.index(variable), POWERS.index(power)]
+    return row + [0, -1] * (FACTORS_PER_TERM - len(factors))
+
+
+@lru_cache(maxsize=2)
+def structure_of(plane: Plane) -> Structure:
+    """Arrays of the equations of one plane."""
+    parameters = symbols_of(plane) + CONSTANTS
+    rows, weights = [], []
+    for equation, generic, *factors in HYDRODYNAMIC:
+        rows.append(_row(parameters, equation, symbol_in(plane, generic), tuple(factors)))
+        weights.append(1.0)
+    for equation, constant, weight, *factors in RIGID[plane]:
+        rows.append(_row(parameters, equation, constant, tuple(factors)))
+        weights.append(float(weight))
+    mass = [*MASS, ("A", "B", "m x_G", SIGMA[plane]), ("B", "A", "m x_G", SIGMA[plane])]
+    if plane == "vertical":
+        mass += [("X", "B", "m z_G", 1.0), ("B", "X", "m z_G", 1.0)]
+    mass_rows = [
+        [EQUATIONS.index(i), EQUATIONS.index(j), parameters.index(_parameter(plane, name))]
+        for i, j, name, _ in mass
+    ]
+    return Structure(
+        plane,
+        parameters,
+        np.array(rows, dtype=np.int64),
+        np.array(weights),
+        np.array(mass_rows, dtype=np.int64),
+        np.array([weight for *_, weight in mass]),
+    )
+
+
+def _parameter(plane: Plane, name: str) -> str:
+    return name if name in CONSTANTS else symbol_in(plane, name)
+
+
+def parameter_vector(
+    plane: Plane, coefficients: dict[str, float], rigid: RigidBody
+) -> npt.NDArray[np.float64]:
+    """Parameter vector p of a plane: its coefficients, then the rigid-body constants.
+
+    Parameters
+    ----------
+    plane : str
+    coefficients : dict
+        Dimensional value by symbol; a missing coefficient of the plane counts as zero.
+    rigid : RigidBody
+
+    Returns
+    -------
+    (n_parameters,) array
+    """
+    constants = (
+        rigid.mass_kg,
+        rigid.mass_kg * rigid.x_g_m,
+        rigid.mass_kg * rigid.z_g_m,
+        rigid.inertia_kgm2,
+        rigid.weight_n - rigid.buoyancy_n,
+        rigid.z_g_m * rigid.weight_n,
+        rigid.x_g_m * rigid.weight_n,
+    )
+    values = [coefficients.get(symbol, 0.0) for symbol in symbols_of(plane)]
+    return np.array([*values, *constants])
