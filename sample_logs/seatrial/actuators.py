@@ -18,6 +18,7 @@ class Servo(NamedTuple):
     backlash: float = 0.0  # half width of the play
     asymmetry: float = 0.0  # gain 1 + k to the positive, 1 - k to the negative side
     offset: float = 0.0
+    separation: float = 1e9  # deflection at which the fin has lost 30 % of its effect
 
 
 @nb.njit(cache=True)
@@ -41,6 +42,13 @@ def servo_step(angle, target, servo, dt):
     step = (target - angle) * (1.0 - math.exp(-dt / max(servo.lag, 1e-6)))
     limit = servo.rate_limit * dt
     return angle + min(max(step, -limit), limit)
+
+
+@nb.njit(cache=True)
+def felt_angle(angle, servo):
+    """Deflection the flow feels: offset added, less than geometric where the flow separates."""
+    turned = angle + servo.offset
+    return turned / math.sqrt(1.0 + (turned / servo.separation) ** 2)
 
 
 @nb.njit(cache=True)

@@ -209,10 +209,10 @@ _ROWS = (
     (
         "rudder_stall",
         "actuation",
-        {"stall_deg": "deg"},
-        "fins",
-        "rudder fins stall at this incidence",
-        _one("stall_deg", 5.0, 8.0),
+        {"angle_deg": "deg"},
+        "servo",
+        "flow separates: the effect of a deflection d is d / sqrt(1 + (d / angle)^2)",
+        _one("angle_deg", 13.0, 22.0),
     ),
     (
         "propeller_lag",

@@ -60,6 +60,7 @@ def rudder_servo(planted: dict) -> Servo:
         backlash=get("rudder_backlash", "half_width_deg", 0.0, DEGREE),
         asymmetry=get("rudder_asymmetry", "gain", 0.0),
         offset=get("rudder_offset", "offset_deg", 0.0, DEGREE),
+        separation=get("rudder_stall", "angle_deg", clean.separation, DEGREE),
     )
 
 

@@ -9,7 +9,7 @@ import numba as nb
 import numpy as np
 
 from seatrial import helm
-from seatrial.actuators import motor_step, servo_step, servo_target
+from seatrial.actuators import felt_angle, motor_step, servo_step, servo_target
 from seatrial.plant import STATES, rk4_step
 from seatrial.vehicles import GRAVITY
 
@@ -137,8 +137,8 @@ def run(legs, start, body, effects, rudder_servo, elevator_servo, drive, sea, ga
         rk4_step(
             state,
             STEP_S,
-            0.5 * (rudder + next_rudder) + rudder_servo.offset,
-            0.5 * (elevator + next_elevator) + elevator_servo.offset,
+            felt_angle(0.5 * (rudder + next_rudder), rudder_servo),
+            felt_angle(0.5 * (elevator + next_elevator), elevator_servo),
             0.5 * (revs + next_revs),
             thrust_factor,
             outer,

@@ -16,7 +16,7 @@ from seatrial.planting import motor_drive, plant_effects, rudder_servo
 from seatrial.schedule import random_schedule
 from seatrial.sensors import measure_all
 from seatrial.simulate import STEP_S, Sea, run, start_state
-from seatrial.vehicles import CONTROL_RUDDER, FIN_CONTROL, FIN_STALL, Vehicle, load_vehicle
+from seatrial.vehicles import Vehicle, load_vehicle
 
 LONGEST_S = 2100.0
 RECIPE_KEYS = {"name", "vehicle", "seed", "spread", "plane", "schedule", "effect"}
@@ -82,12 +82,6 @@ def sail(recipe: dict, vehicle: Vehicle, planted: dict):
     )
     rng = stream(seed, "sea")
     body = vehicle.body
-    if "rudder_stall" in planted:
-        fins = body.fins.copy()
-        fins[fins[:, FIN_CONTROL] == CONTROL_RUDDER, FIN_STALL] = np.radians(
-            planted["rudder_stall"]["stall_deg"]
-        )
-        body = body._replace(fins=fins)
     record, starts = run(
         legs,
         start_state(0.97 * body.radius, rng.uniform(-np.pi, np.pi)),

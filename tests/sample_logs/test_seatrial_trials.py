@@ -12,7 +12,8 @@ from seatrial.sensors import measure_all
 from seatrial.trial import generate, sail, stream
 from seatrial.vehicles import load_vehicle
 
-TRIALS = ["bay_trial", "harbour_trial"]
+HORIZONTAL = ["bay_trial", "harbour_trial"]
+TRIALS = [*HORIZONTAL, "dive_trial"]
 
 
 @pytest.mark.parametrize("trial", TRIALS)
@@ -28,7 +29,7 @@ def test_recipe_gives_the_committed_files_to_the_byte(
     assert kept == json.loads(json.dumps(truth))
 
 
-@pytest.mark.parametrize("trial", TRIALS)
+@pytest.mark.parametrize("trial", HORIZONTAL)
 def test_trial_has_the_maneuvers_an_identification_needs(trial, truth_folder):
     truth = json.loads((truth_folder / f"{trial}.json").read_text(encoding="utf-8"))
     maneuvers = truth["maneuvers"]
@@ -46,13 +47,25 @@ def test_trial_has_the_maneuvers_an_identification_needs(trial, truth_folder):
     assert all(a <= m["t_start_s"] for a, m in zip(ends, maneuvers[1:], strict=False))
 
 
+def test_dive_trial_has_vertical_maneuvers(truth_folder):
+    truth = json.loads((truth_folder / "dive_trial.json").read_text(encoding="utf-8"))
+    assert truth["plane"] == "vertical"
+    kinds = [m["kind"] for m in truth["maneuvers"]]
+    assert kinds.count("straight") >= 2
+    assert kinds.count("depth_step") >= 2
+    zigzags = [m for m in truth["maneuvers"] if m["kind"] == "zigzag"]
+    assert all(m["plane"] == "vertical" for m in zigzags)
+    assert len({m["elevator_deg"] for m in zigzags}) >= 2
+    assert len({m["rpm"] for m in zigzags}) >= 2
+
+
 @pytest.mark.parametrize("trial", TRIALS)
 def test_committed_trial_is_small(trial, samples):
     assert sum(p.stat().st_size for p in (samples / trial).iterdir()) < 5e6
 
 
 def test_motion_of_the_trials_is_plausible(recipe):
-    for name in TRIALS:
+    for name in HORIZONTAL:
         r = recipe(name)
         vehicle = load_vehicle(r["vehicle"])
         record, starts, *_ = sail(r, vehicle, {})
