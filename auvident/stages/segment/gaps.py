@@ -1,0 +1,67 @@
+"""Maneuvers cut by a gap in the record: the longest piece serves, and it is said."""
+
+from collections.abc import Sequence
+
+from auvident.schema.artifacts import Finding, Rejected
+from auvident.stages.segment.pieces import Found
+
+TOUCH_S = 1.5  # a maneuver that ends this close to a gap was cut by it
+SAME_LEVEL_SHARE = 0.25  # of the fin angle: both sides of the gap are one maneuver
+
+OTHER_SIDE = "{}: the shorter side of a maneuver cut by a gap in the record, length [s]"
+
+
+def settle_cuts(
+    found: Sequence[Found],
+) -> tuple[list[Found], list[Rejected], list[Finding]]:
+    """Of two parts of one maneuver keep the longer.
+
+    Parameters
+    ----------
+    found : sequence of Found
+        All maneuvers of one trial, in time order.
+
+    Returns
+    -------
+    list of Found, list of Rejected, list of Finding
+        Maneuvers that stay, shorter parts, and a finding for every maneuver at a gap.
+    """
+    kept: list[Found] = []
+    rejected: list[Rejected] = []
+    for f in found:
+        if kept and _one_maneuver(kept[-1], f):
+            short, long = sorted((kept.pop(), f), key=lambda x: x.seconds)
+            reason = OTHER_SIDE.format(short.kind)
+            rejected.append(
+                short.piece.rejected(short.start, short.stop, reason, short.seconds, long.seconds)
+            )
+            f = long
+        kept.append(f)
+    return kept, rejected, [_finding(f) for f in kept if _begins_cut(f) or _ends_cut(f)]
+
+
+def _begins_cut(f: Found) -> bool:
+    return not f.piece.is_first and f.start <= f.piece.samples(TOUCH_S)
+
+
+def _ends_cut(f: Found) -> bool:
+    return not f.piece.is_last and f.piece.size - f.stop <= f.piece.samples(TOUCH_S)
+
+
+def _one_maneuver(a: Found, b: Found) -> bool:
+    """Whether a gap lies between two parts of the same maneuver."""
+    if a.kind != b.kind or b.piece.number <= a.piece.number:
+        return False
+    same = abs(a.level_rad - b.level_rad) <= SAME_LEVEL_SHARE * max(abs(a.level_rad), 1e-9)
+    return same and _ends_cut(a) and _begins_cut(b)
+
+
+def _finding(f: Found) -> Finding:
+    where = f"{f.piece.trial}, {f.piece.time(f.start):.1f} to {f.piece.time(f.stop):.1f} s"
+    return Finding(
+        code="cut_by_gap",
+        message=f"A gap in the record cuts this {f.kind}; its longest uninterrupted part is used.",
+        where=where,
+        value=round(f.seconds, 2),
+        remedy="See the quality report of the ingest stage for the sensor that dropped out.",
+    )

@@ -1,0 +1,166 @@
+"""From trials to maneuvers with roles."""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+
+from auvident.errors import InputError
+from auvident.schema.artifacts import Finding, Maneuver, Maneuvers, Rejected
+from auvident.schema.trial import Trial
+from auvident.stages.segment import roles
+from auvident.stages.segment.features import features_of, reference_rms
+from auvident.stages.segment.gaps import settle_cuts
+from auvident.stages.segment.pieces import Found, Piece, Scales, held_fins, pieces_of, scales_of
+from auvident.stages.segment.straights import find_straights
+from auvident.stages.segment.turns import find_turns
+from auvident.stages.segment.zigzags import find_zigzags
+
+CLOSEST = 8  # rejected candidates named when nothing was found
+
+Search = Callable[[Piece, Scales], tuple[list[Found], list[Rejected]]]
+
+
+def segment(trials: Sequence[Trial], *, hold_out: Sequence[str] = ()) -> Maneuvers:
+    """Find straight runs, turns and zigzags in the horizontal plane, and give them roles.
+
+    Parameters
+    ----------
+    trials : sequence of Trial
+        Ingested logs.
+    hold_out : sequence of str
+        IDs of maneuvers or names of trials that validate; they replace the automatic choice.
+
+    Returns
+    -------
+    Maneuvers
+        In time order within each trial, with figures and excitation as features; the rejected
+        candidates with reason, value and threshold; findings. A straight run lasts from its
+        first to its last thrust level, a turn from rudder execute to release, a zigzag from
+        first execute to last release; none crosses an interruption of the record.
+
+    Raises
+    ------
+    InputError
+        No maneuver in any trial, or none in a trial that is to be held out.
+    UsageError
+        `hold_out` names nothing known, or everything.
+    """
+    return assemble(trials, "horizontal", search_horizontal, hold_out)
+
+
+def search_horizontal(piece: Piece, scales: Scales) -> tuple[list[Found], list[Rejected]]:
+    """Turns first, then zigzags in the other rudder angles, then straight runs in the rest."""
+    held = held_fins(piece, scales)
+    turns, why_no_turn = find_turns(piece, scales, held)
+    others = [p for p in held if not any(t.start < p.stop and t.stop > p.start for t in turns)]
+    zigzags, why_no_zigzag = find_zigzags(piece, scales, others)
+    taken = [*turns, *zigzags]
+    straights, why_no_straight = find_straights(piece, scales, taken)
+    return [*taken, *straights], [*why_no_turn, *why_no_zigzag, *why_no_straight]
+
+
+def assemble(
+    trials: Sequence[Trial], plane: str, search: Search, hold_out: Sequence[str]
+) -> Maneuvers:
+    """Search every trial in one plane and give roles to what is found."""
+    maneuvers: list[Maneuver] = []
+    rejected: list[Rejected] = []
+    findings: list[Finding] = []
+    for trial in trials:
+        found, refused, said = _search_trial(trial, plane, search)
+        maneuvers += _named(trial.name, found)
+        rejected += refused
+        findings += said
+    if not maneuvers:
+        raise _nothing_found(trials, plane, rejected)
+    names = [trial.name for trial in trials]
+    held = roles.requested(maneuvers, names, hold_out) if hold_out else roles.choose(maneuvers)
+    final = roles.with_roles(maneuvers, held)
+    findings += roles.role_findings(final)
+    return Maneuvers.model_validate(
+        {"maneuvers": final, "rejected": tuple(rejected), "findings": tuple(findings)}
+    )
+
+
+def _search_trial(
+    trial: Trial, plane: str, search: Search
+) -> tuple[list[Found], list[Rejected], list[Finding]]:
+    """Maneuvers, rejected candidates and findings of one trial, in time order."""
+    pieces = pieces_of(trial, plane)
+    if not pieces:
+        return [], [], [_no_record(trial, plane)]
+    scales = scales_of(pieces)
+    found: list[Found] = []
+    rejected: list[Rejected] = []
+    for piece in pieces:
+        more, refused = search(piece, scales)
+        found += sorted(more, key=lambda f: f.start)
+        rejected += refused
+    found, cut, findings = settle_cuts(found)
+    if scales.drive > 0 and found:
+        findings.append(_wrong_sign(trial, plane))
+    return found, sorted([*rejected, *cut], key=lambda r: r.t_start_s), findings
+
+
+def _named(trial: str, found: Sequence[Found]) -> list[Maneuver]:
+    """Maneuvers with their IDs and features; roles follow."""
+    if not found:
+        return []
+    reference = reference_rms(found)
+    count: Counter[str] = Counter()
+    named = []
+    for f in found:
+        count[f.kind] += 1
+        prefix = "" if f.plane == "horizontal" else f"{f.plane}-"
+        named.append(
+            Maneuver(
+                id=f"{trial}-{prefix}{f.kind}-{count[f.kind]}",
+                trial=trial,
+                kind=f.kind,
+                t_start_s=round(f.piece.time(f.start), 3),
+                t_end_s=round(f.piece.time(f.stop), 3),
+                role="identify",
+                features=features_of(f, reference),
+            )
+        )
+    return named
+
+
+def _no_record(trial: Trial, plane: str) -> Finding:
+    needed = "elevator and pitch rate" if plane == "vertical" else "every needed channel"
+    return Finding(
+        code="no_record",
+        message=f"No uninterrupted record with {needed}: the trial has no {plane} maneuvers.",
+        where=trial.name,
+    )
+
+
+def _wrong_sign(trial: Trial, plane: str) -> Finding:
+    fin, key = ("elevator", "elevator_positive_pitches")
+    if plane == "horizontal":
+        fin, key = ("rudder", "rudder_positive_turns")
+    return Finding(
+        code=f"{fin}_sign",
+        message=f"The vehicle answers its {fin} the other way round than [signs] declares.",
+        where=trial.name,
+        remedy=f"Change {key} in the vehicle file, or the sign of the {fin} in the map.",
+    )
+
+
+def _nothing_found(trials: Sequence[Trial], plane: str, rejected: Sequence[Rejected]) -> InputError:
+    """What came closest, and why each failed."""
+    longest = sorted(rejected, key=lambda r: r.t_start_s - r.t_end_s)[:CLOSEST]
+    lines = [
+        f"{r.trial}, {r.t_start_s:.1f} to {r.t_end_s:.1f} s: {r.reason}: {r.value:g}, "
+        f"needed {r.threshold:g}"
+        for r in longest
+        if r.value is not None and r.threshold is not None
+    ]
+    closest = "\n  ".join(["Closest candidates:", *lines]) if lines else (
+        "No candidate either: the fins are never held at an angle of 2 degrees or more, and no "
+        "straight stretch of 30 s was run. Check the units and names of the channels."
+    )  # fmt: skip
+    return InputError(
+        f"no {plane} maneuver (straight run with thrust steps, turning circle, zigzag) was found",
+        where=", ".join(trial.name for trial in trials),
+        remedy=closest,
+    )

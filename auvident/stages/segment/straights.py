@@ -1,0 +1,211 @@
+"""Straight runs: the heading is left alone while the thrust is stepped.
+
+A transit is straight as well. What tells them apart is the thrust step; where the run begins
+and ends within the straight stretch is read from the levels of the propeller and from the
+rudder, which works harder under the transit's autopilot than during the run.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from auvident.physics.figures_plateaus import Array, odd_samples, running_mean
+from auvident.physics.figures_straight import RPM_STEP_SHARE, SHORTEST_LEVEL_S, rpm_levels
+from auvident.schema.artifacts import Rejected
+from auvident.stages.segment.pieces import (
+    FALLBACK_YAW_RATE_RADPS,
+    MEAN_WINDOW_S,
+    Found,
+    Piece,
+    Scales,
+)
+
+STEADY_EQUIVALENT_RAD = np.radians(3.0)  # straight: turning no faster than this rudder would turn
+STEADY_RUDDER_RAD = np.radians(6.0)  # running mean; heading kept gently stays well below
+STEADY_NOISE_BAND = 3.0
+AFLOAT_SPEED_SHARE = 0.2  # of cruise: below, the vehicle does not run
+DIVE_SLOPE = 0.1  # vertical over forward speed (6 degrees): diving or surfacing, not a level run
+DIVE_WINDOW_S = 4.0
+BRIDGE_S = 3.0  # a gust or a wave may disturb the run for this long ...
+BRIDGE_RAD = np.radians(5.0)  # ... and by this heading
+ACTIVITY_WINDOW_S = 4.0  # rudder activity: standard deviation over this
+ACTIVITY_FACTOR = 2.0  # of the run's own (90 %) activity: more is another helm
+ACTIVITY_FLOOR_RAD = np.radians(0.05)  # resolution of a fin log
+EDGE_RPM_SHARE = 0.5  # of cruise: a first or last level below has a quarter of the thrust, idles
+EDGE_SPEED_SHARE = 0.35  # of cruise
+EDGE_LEVEL_SHARE = 0.6  # of the other levels: a shorter first or last one is a settling transit
+SHORTEST_EDGE_S = 15.0  # two levels alone: each must last long enough for the speed to answer
+LONG_RUN_S = 30.0  # a straight run of this length without a step deserves a word
+STEP_REACH_S = 3.0  # a step this close to the beginning of the straight stretch bounds the level
+
+Level = tuple[int, int, float]
+
+NO_STEP = "straight: no thrust step, change of rpm"
+TOO_SHORT = "straight: thrust level too short [s]"
+
+
+def find_straights(
+    piece: Piece, scales: Scales, taken: Sequence[Found]
+) -> tuple[list[Found], list[Rejected]]:
+    """Straight runs with thrust steps outside the maneuvers already found.
+
+    Parameters
+    ----------
+    piece : Piece
+        Uninterrupted piece of a trial.
+    scales : Scales
+        Yardsticks of the trial.
+    taken : sequence of Found
+        Turns and zigzags of this piece.
+
+    Returns
+    -------
+    list of Found, list of Rejected
+        From the start of the first to the end of the last thrust level, in time order; and
+        what fell short.
+    """
+    found: list[Found] = []
+    rejected: list[Rejected] = []
+    for start, stop in steady_stretches(piece, scales, taken):
+        levels = _levels(piece, scales, start, stop)
+        run = _without_transit(piece, scales, levels)
+        if len(run) >= 2:
+            found.append(Found("straight", piece, run[0][0], run[-1][1]))
+        elif piece.seconds(start, stop) >= LONG_RUN_S:
+            rejected.append(_why_not(piece, scales, start, stop, levels))
+    return found, rejected
+
+
+def steady_stretches(piece: Piece, scales: Scales, taken: Sequence[Found]) -> list[tuple[int, int]]:
+    """Half-open ranges in which the vehicle runs level and straight."""
+    steady = steady_mask(piece, scales)
+    for other in taken:
+        steady[other.start : other.stop] = False
+    ranges = _true_ranges(steady)
+    joined: list[tuple[int, int]] = []
+    for start, stop in ranges:
+        if joined and _bridged(piece, joined[-1][1], start, taken):
+            start = joined.pop()[0]
+        joined.append((start, stop))
+    return joined
+
+
+def steady_mask(piece: Piece, scales: Scales) -> np.ndarray:
+    """Samples at which the vehicle neither turns, nor steers, nor dives, nor stands."""
+    limit = scales.gain_radpm * scales.speed_mps * STEADY_EQUIVALENT_RAD
+    limit = max(limit or FALLBACK_YAW_RATE_RADPS, STEADY_NOISE_BAND * scales.rate_noise_radps)
+    rudder = running_mean(piece.fin, odd_samples(MEAN_WINDOW_S, piece.rate_hz))
+    steady = (np.abs(piece.rate_mean) <= limit) & (np.abs(rudder) <= STEADY_RUDDER_RAD)
+    steady &= piece.speed >= AFLOAT_SPEED_SHARE * scales.speed_mps
+    if piece.depth is not None:
+        sink = running_mean(
+            np.gradient(piece.depth, piece.t), odd_samples(DIVE_WINDOW_S, piece.rate_hz)
+        )
+        steady &= np.abs(sink) <= DIVE_SLOPE * np.maximum(piece.speed, scales.speed_mps)
+    return np.asarray(steady)
+
+
+def _true_ranges(mask: np.ndarray) -> list[tuple[int, int]]:
+    """Half-open ranges in which a mask holds."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _bridged(piece: Piece, end: int, start: int, taken: Sequence[Found]) -> bool:
+    """Whether two steady ranges are one run with a short disturbance between them."""
+    if start - end > piece.samples(BRIDGE_S):
+        return False
+    if any(other.start < start and other.stop > end for other in taken):
+        return False
+    return bool(np.ptp(piece.angle[end - 1 : start + 1]) <= BRIDGE_RAD)
+
+
+def _levels(piece: Piece, scales: Scales, start: int, stop: int) -> list[Level]:
+    """Levels of the propeller rate in a range, in samples of the piece."""
+    levels = rpm_levels(piece.rpm[start:stop], piece.rate_hz, scales.rpm_noise, scales.rpm)
+    return [(a + start, b + start, rpm) for a, b, rpm in levels]
+
+
+def _without_transit(piece: Piece, scales: Scales, levels: list[Level]) -> list[Level]:
+    """Levels of the run itself: idle and transit levels are taken off both ends."""
+    run = list(levels)
+    for end in (0, -1):
+        while len(run) >= 2 and _idles(piece, scales, run[end]):
+            run.pop(end)
+    if len(run) < 2:
+        return run
+    limit = _activity_limit(piece, run)
+    activity = rudder_activity(piece)
+    outer = (_outer_step(piece, scales, run[0][0], -1), _outer_step(piece, scales, run[-1][1], 1))
+    run[0] = (_quiet_from(piece, activity, limit, run[0]), *run[0][1:])
+    run[-1] = (run[-1][0], _quiet_until(piece, activity, limit, run[-1]), run[-1][2])
+    for end, bounded in zip((-1, 0), reversed(outer), strict=True):
+        least = SHORTEST_LEVEL_S
+        if not bounded:
+            least = SHORTEST_EDGE_S if len(run) <= 2 else _edge_least(piece, run)
+        if len(run) >= 2 and piece.seconds(*run[end][:2]) < least:
+            run.pop(end)
+    return run
+
+
+def _idles(piece: Piece, scales: Scales, level: Level) -> bool:
+    """Whether a level is too slow to begin or end a run."""
+    start, stop, rpm = level
+    settled = float(np.mean(piece.speed[(start + stop) // 2 : stop]))
+    slow = settled < EDGE_SPEED_SHARE * scales.speed_mps
+    return slow or abs(rpm) < EDGE_RPM_SHARE * scales.rpm
+
+
+def _outer_step(piece: Piece, scales: Scales, index: int, side: int) -> bool:
+    """Whether the propeller rate changes just outside a level, on the given side."""
+    reach = piece.samples(STEP_REACH_S)
+    a, b = sorted((index - side, index + side * reach))
+    near = piece.rpm[max(a, 0) : max(b, 1)]
+    return near.size > 0 and bool(np.ptp(near) >= RPM_STEP_SHARE * scales.rpm)
+
+
+def _edge_least(piece: Piece, run: list[Level]) -> float:
+    """Least length of a first or last level, from the levels between [s]."""
+    return EDGE_LEVEL_SHARE * float(np.median([piece.seconds(a, b) for a, b, _ in run[1:-1]]))
+
+
+def rudder_activity(piece: Piece) -> Array:
+    """Standard deviation of the rudder over a running window [rad]."""
+    samples = odd_samples(ACTIVITY_WINDOW_S, piece.rate_hz)
+    mean = running_mean(piece.fin, samples)
+    return np.asarray(np.sqrt(np.maximum(running_mean(piece.fin**2, samples) - mean**2, 0.0)))
+
+
+def _activity_limit(piece: Piece, run: list[Level]) -> float:
+    """Rudder activity beyond which somebody else steers, from what surely is the run."""
+    first, last = run[0][1], run[-1][0]
+    near = piece.samples(SHORTEST_EDGE_S)
+    if last - first < near:
+        first, last = max(run[0][0], first - near), min(run[-1][1], last + near)
+    own = float(np.quantile(rudder_activity(piece)[first:last], 0.9)) if last > first else 0.0
+    return ACTIVITY_FACTOR * own + ACTIVITY_FLOOR_RAD
+
+
+def _quiet_from(piece: Piece, activity: Array, limit: float, level: Level) -> int:
+    """Start of a first level after the last lasting activity of another helm."""
+    start, stop, _ = level
+    half = piece.samples(ACTIVITY_WINDOW_S) // 2
+    loud = [b for a, b in _true_ranges(activity[start:stop] > limit) if b - a >= 2 * half]
+    return min(stop, max(start, start + loud[-1] - half)) if loud else start
+
+
+def _quiet_until(piece: Piece, activity: Array, limit: float, level: Level) -> int:
+    """End of a last level before the first lasting activity of another helm."""
+    start, stop, _ = level
+    half = piece.samples(ACTIVITY_WINDOW_S) // 2
+    loud = [a for a, b in _true_ranges(activity[start:stop] > limit) if b - a >= 2 * half]
+    return max(start, min(stop, start + loud[0] + half)) if loud else stop
+
+
+def _why_not(piece: Piece, scales: Scales, start: int, stop: int, levels: list[Level]) -> Rejected:
+    """The reason why a straight stretch is no run."""
+    if len(levels) >= 2:
+        shortest = min(piece.seconds(a, b) for a, b, _ in levels)
+        return piece.rejected(start, stop, TOO_SHORT, shortest, SHORTEST_EDGE_S)
+    change = float(np.ptp(piece.rpm[start:stop])) if len(levels) == 1 else 0.0
+    return piece.rejected(start, stop, NO_STEP, change, RPM_STEP_SHARE * scales.rpm)

@@ -1,0 +1,5 @@
+"""placeholder"""
+
+from auvident.stages.segment.stage import *
+
+segment_vertical = None
