@@ -75,7 +75,8 @@ class Piece:
     """An uninterrupted piece of a trial in one plane.
 
     `fin`, `rate` and `angle` are rudder, yaw rate and heading, or elevator, pitch rate and
-    pitch; `fin`, `rpm` are free of spikes, `speed` and `rate_mean` are running means.
+    pitch; `fin` and `rpm` are free of spikes, `fin_logged` is as it came; `speed` and
+    `rate_mean` are running means.
     """
 
     trial: str
@@ -89,6 +90,7 @@ class Piece:
     r: Array
     rpm: Array
     fin: Array
+    fin_logged: Array
     rate: Array
     angle: Array
     depth: Array | None
@@ -196,6 +198,7 @@ def _piece(
         r=columns["r_radps"][rows],
         rpm=running_median(columns["rpm"][rows], narrow),
         fin=running_median(fin, narrow),
+        fin_logged=fin,
         rate=rate,
         angle=angle,
         depth=depth if depth.size == t.size and np.isfinite(depth).all() else None,

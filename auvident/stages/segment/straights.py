@@ -9,9 +9,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from auvident.physics.figures_plateaus import Array, odd_samples, running_mean
+from auvident.physics.figures_plateaus import odd_samples, running_mean
 from auvident.physics.figures_straight import RPM_STEP_SHARE, SHORTEST_LEVEL_S, rpm_levels
 from auvident.schema.artifacts import Rejected
+from auvident.stages.segment.helm import Level, without_other_helm
 from auvident.stages.segment.pieces import (
     FALLBACK_YAW_RATE_RADPS,
     MEAN_WINDOW_S,
@@ -28,17 +29,12 @@ DIVE_SLOPE = 0.1  # vertical over forward speed (6 degrees): diving or surfacing
 DIVE_WINDOW_S = 4.0
 BRIDGE_S = 3.0  # a gust or a wave may disturb the run for this long ...
 BRIDGE_RAD = np.radians(5.0)  # ... and by this heading
-ACTIVITY_WINDOW_S = 4.0  # rudder activity: standard deviation over this
-ACTIVITY_FACTOR = 2.0  # of the run's own (90 %) activity: more is another helm
-ACTIVITY_FLOOR_RAD = np.radians(0.05)  # resolution of a fin log
 EDGE_RPM_SHARE = 0.5  # of cruise: a first or last level below has a quarter of the thrust, idles
 EDGE_SPEED_SHARE = 0.35  # of cruise
 EDGE_LEVEL_SHARE = 0.6  # of the other levels: a shorter first or last one is a settling transit
 SHORTEST_EDGE_S = 15.0  # two levels alone: each must last long enough for the speed to answer
 LONG_RUN_S = 30.0  # a straight run of this length without a step deserves a word
 STEP_REACH_S = 3.0  # a step this close to the beginning of the straight stretch bounds the level
-
-Level = tuple[int, int, float]
 
 NO_STEP = "straight: no thrust step, change of rpm"
 TOO_SHORT = "straight: thrust level too short [s]"
@@ -134,11 +130,8 @@ def _without_transit(piece: Piece, scales: Scales, levels: list[Level]) -> list[
             run.pop(end)
     if len(run) < 2:
         return run
-    limit = _activity_limit(piece, run)
-    activity = rudder_activity(piece)
     outer = (_outer_step(piece, scales, run[0][0], -1), _outer_step(piece, scales, run[-1][1], 1))
-    run[0] = (_quiet_from(piece, activity, limit, run[0]), *run[0][1:])
-    run[-1] = (run[-1][0], _quiet_until(piece, activity, limit, run[-1]), run[-1][2])
+    run = without_other_helm(piece, run)
     for end, bounded in zip((-1, 0), reversed(outer), strict=True):
         least = SHORTEST_LEVEL_S
         if not bounded:
@@ -167,39 +160,6 @@ def _outer_step(piece: Piece, scales: Scales, index: int, side: int) -> bool:
 def _edge_least(piece: Piece, run: list[Level]) -> float:
     """Least length of a first or last level, from the levels between [s]."""
     return EDGE_LEVEL_SHARE * float(np.median([piece.seconds(a, b) for a, b, _ in run[1:-1]]))
-
-
-def rudder_activity(piece: Piece) -> Array:
-    """Standard deviation of the rudder over a running window [rad]."""
-    samples = odd_samples(ACTIVITY_WINDOW_S, piece.rate_hz)
-    mean = running_mean(piece.fin, samples)
-    return np.asarray(np.sqrt(np.maximum(running_mean(piece.fin**2, samples) - mean**2, 0.0)))
-
-
-def _activity_limit(piece: Piece, run: list[Level]) -> float:
-    """Rudder activity beyond which somebody else steers, from what surely is the run."""
-    first, last = run[0][1], run[-1][0]
-    near = piece.samples(SHORTEST_EDGE_S)
-    if last - first < near:
-        first, last = max(run[0][0], first - near), min(run[-1][1], last + near)
-    own = float(np.quantile(rudder_activity(piece)[first:last], 0.9)) if last > first else 0.0
-    return ACTIVITY_FACTOR * own + ACTIVITY_FLOOR_RAD
-
-
-def _quiet_from(piece: Piece, activity: Array, limit: float, level: Level) -> int:
-    """Start of a first level after the last lasting activity of another helm."""
-    start, stop, _ = level
-    half = piece.samples(ACTIVITY_WINDOW_S) // 2
-    loud = [b for a, b in _true_ranges(activity[start:stop] > limit) if b - a >= 2 * half]
-    return min(stop, max(start, start + loud[-1] - half)) if loud else start
-
-
-def _quiet_until(piece: Piece, activity: Array, limit: float, level: Level) -> int:
-    """End of a last level before the first lasting activity of another helm."""
-    start, stop, _ = level
-    half = piece.samples(ACTIVITY_WINDOW_S) // 2
-    loud = [a for a, b in _true_ranges(activity[start:stop] > limit) if b - a >= 2 * half]
-    return max(start, min(stop, start + loud[0] + half)) if loud else stop
 
 
 def _why_not(piece: Piece, scales: Scales, start: int, stop: int, levels: list[Level]) -> Rejected:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from auvident.physics.figures_plateaus import Plateau, ramp_start
+from auvident.physics.figures_straight import rpm_levels
 from auvident.schema.artifacts import Rejected
 from auvident.stages.segment.pieces import Found, Piece, Scales
 
@@ -13,6 +14,11 @@ LOOKED_LIKE_RAD = np.radians(90)  # from here on a turn deserves a word when it 
 LEAST_SPEED_SHARE = 0.35  # of cruise: below, waves and drift move the vehicle as much as the fin
 HARD_OVER_RAD = np.radians(5)  # a fin held beyond this for long was meant to turn
 LONG_HOLD_S = 15.0
+HALF = 0.5  # a rudder below half of its angle has left it
+EASED_FACTOR = 3.0  # leaving takes this much longer than coming ...
+EASED_S = 0.3  # ... plus a control interval: an autopilot eases the rudder off near its course
+COURSE_ORDER_RAD = np.pi  # an autopilot turns the short way
+LEAST_EASED_RAD = np.radians(345)  # two course orders to one side; the rest as for the circle
 
 
 def find_turns(
@@ -37,22 +43,60 @@ def find_turns(
     found: list[Found] = []
     rejected: list[Rejected] = []
     for p in held:
-        change = abs(float(piece.angle[p.stop - 1] - piece.angle[p.start]))
-        fast = float(piece.speed[p.start])
-        least = LEAST_SPEED_SHARE * scales.speed_mps
-        start = execute(piece, scales, p)
-        if fast < least and (change >= LOOKED_LIKE_RAD or _was_meant(piece, p)):
-            rejected.append(piece.rejected(start, p.stop, TOO_SLOW, fast, least))
-        elif change >= LEAST_TURN_RAD:
-            found.append(Found("turn", piece, start, p.stop, p.level))
-        elif change >= LOOKED_LIKE_RAD:
-            value, limit = np.degrees(change), np.degrees(LEAST_TURN_RAD)
-            rejected.append(piece.rejected(start, p.stop, TOO_LITTLE, value, limit))
+        start, stop = execute(piece, scales, p), p.stop
+        least = LEAST_TURN_RAD
+        if eases_off(piece, p, start):
+            stop, least = _without_course_order(piece, scales, p), LEAST_EASED_RAD
+            least = least if stop == p.stop else LEAST_TURN_RAD
+        reason = judge_turn(piece, scales, Plateau(p.start, stop, p.level), least)
+        if reason is None:
+            found.append(Found("turn", piece, start, stop, p.level))
+        elif reason[0]:
+            rejected.append(piece.rejected(start, stop, *reason))
     return found, rejected
+
+
+def judge_turn(
+    piece: Piece, scales: Scales, p: Plateau, least_rad: float
+) -> tuple[str, float, float] | None:
+    """None for a turn, else reason, value, threshold; an empty reason is not worth a word."""
+    change = abs(float(piece.angle[p.stop - 1] - piece.angle[p.start]))
+    speed, least = float(piece.speed[p.start]), LEAST_SPEED_SHARE * scales.speed_mps
+    if speed < least:
+        meant = change >= LOOKED_LIKE_RAD or _was_meant(piece, p)
+        return TOO_SLOW if meant else "", speed, least
+    if change >= least_rad:
+        return None
+    reason = "" if change < LOOKED_LIKE_RAD else TOO_LITTLE
+    if change >= LEAST_TURN_RAD:
+        reason = EASED
+    return reason, float(np.degrees(change)), float(np.degrees(least_rad))
+
+
+def eases_off(piece: Piece, p: Plateau, start: int) -> bool:
+    """Whether the rudder leaves its angle as under an autopilot: much slower than it came."""
+    rest = np.abs(piece.fin[p.stop :]) * np.sign(piece.fin[p.stop :] * p.level)
+    below = np.flatnonzero(rest < HALF * abs(p.level))
+    if below.size == 0:
+        return False
+    entry_s, exit_s = piece.seconds(start, p.start), piece.seconds(p.stop, p.stop + int(below[0]))
+    return exit_s > EASED_FACTOR * entry_s + EASED_S
+
+
+def _without_course_order(piece: Piece, scales: Scales, p: Plateau) -> int:
+    """End of a turn that an autopilot continued at the same angle, if its new speed tells when."""
+    levels = rpm_levels(piece.rpm[p.start : p.stop], piece.rate_hz, scales.rpm_noise, scales.rpm)
+    if len(levels) < 2:
+        return p.stop
+    step = p.start + levels[-1][0]
+    before = abs(float(piece.angle[step] - piece.angle[p.start]))
+    after = abs(float(piece.angle[p.stop - 1] - piece.angle[step]))
+    return step if before >= LEAST_TURN_RAD and after <= COURSE_ORDER_RAD else p.stop
 
 
 TOO_SLOW = "turn: too slow, speed at the rudder execute [m/s]"
 TOO_LITTLE = "turn: too short, change of heading under constant rudder [deg]"
+EASED = "turn: an autopilot's change of course, the rudder eases off after a turn of [deg]"
 
 
 def _was_meant(piece: Piece, p: Plateau) -> bool:
