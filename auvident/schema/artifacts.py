@@ -61,7 +61,11 @@ class Maneuvers(Artifact):
 
 
 class AseCoefficient(Artifact):
-    """One coefficient with its standard deviation and what each part contributes."""
+    """One coefficient with its standard deviation and what each part contributes.
+
+    ``rigid_body`` is what the mass of the vehicle adds to the same product in its equation of
+    motion (-m in ``Y_ur``, m in the mass matrix beside ``-Y_vdot``); it is no part of the value.
+    """
 
     symbol: str
     plane: Plane | Literal["both"]
@@ -70,11 +74,16 @@ class AseCoefficient(Artifact):
     unit: str
     prime: float
     parts: dict[str, float] = {}
+    rigid_body: float = 0.0
     origin: Literal["ase", "given"] = "ase"
 
 
 class AseResult(Artifact):
-    """``ase/coefficients.json``."""
+    """``ase/coefficients.json``.
+
+    ``accuracy_effects[formula][symbol]`` is the one-sigma effect of a formula's accuracy on a
+    coefficient; `auvident.physics.ase.prior.prior_covariance` makes the covariance of it.
+    """
 
     schema_: str = Field("auvident/ase/1", alias="schema")
     vehicle: str
@@ -85,6 +94,7 @@ class AseResult(Artifact):
     coefficients: tuple[AseCoefficient, ...]
     geometry: dict[str, float] = {}
     facts: dict[str, Any] = {}
+    accuracy_effects: dict[str, dict[str, float]] = {}
     findings: tuple[Finding, ...] = ()
 
     def by_symbol(self) -> dict[str, AseCoefficient]:

@@ -4,7 +4,7 @@ One class per table of the TOML file; `Vehicle` is the whole. Lengths are metres
 file are degrees (suffix), stations ``x_m`` are body-frame coordinates (forward positive).
 """
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -34,7 +34,12 @@ class Body(Declared):
 
 
 class Hull(Declared):
-    """``[hull]``: a body of revolution by sections or offsets, or another hull by its sizes."""
+    """``[hull]``: a body of revolution by sections or offsets, or another hull by its sizes.
+
+    Without ``shape`` the keys decide: offsets, if there are any; a Myring hull, if
+    ``myring_theta_deg``, ``myring_n`` or a Myring offset is given; else an ellipsoidal nose, a
+    cylinder and a conical tail. `auvident.schema.hull_shape` says what each key means.
+    """
 
     length_m: Positive
     shape: Literal["myring", "ellipsoid", "suboff", "offsets"] | None = None
@@ -43,6 +48,9 @@ class Hull(Declared):
     tail_length_m: NonNegative | None = None
     myring_n: Positive = 2.0
     myring_theta_deg: Annotated[float, Field(gt=0, lt=90)] | None = None
+    myring_nose_offset_m: NonNegative = 0.0
+    myring_tail_offset_m: NonNegative = 0.0
+    tail_shape: Literal["cone", "parabola", "ellipsoid"] = "cone"
     tail_base_diameter_m: NonNegative = 0.0
     offsets: str | None = None
     offsets_x_from_nose_m: tuple[float, ...] | None = None
@@ -54,11 +62,43 @@ class Hull(Declared):
     @property
     def is_body_of_revolution(self) -> bool:
         """Whether the semi-empirical formulas apply to this hull."""
-        return self.diameter_m is not None or self.offsets_radius_m is not None
+        has_offsets = self.offsets_radius_m is not None or self.offsets is not None
+        return self.diameter_m is not None or has_offsets
+
+    @property
+    def family(self) -> Literal["myring", "ellipsoid", "suboff", "offsets"]:
+        """The shape that the keys ask for."""
+        if self.shape is not None:
+            return self.shape
+        if self.offsets_radius_m is not None:
+            return "offsets"
+        keys = {"myring_theta_deg", "myring_n", "myring_nose_offset_m", "myring_tail_offset_m"}
+        return "myring" if keys & self.model_fields_set else "ellipsoid"
+
+    @model_validator(mode="after")
+    def _is_some_hull(self) -> Self:
+        if (self.offsets_x_from_nose_m is None) != (self.offsets_radius_m is None):
+            raise ValueError("offsets_x_from_nose_m and offsets_radius_m are needed together")
+        if self.offsets is not None and self.offsets_radius_m is not None:
+            raise ValueError("give offsets as a file or as two arrays, not both")
+        if self.shape == "offsets" and self.offsets is None and self.offsets_radius_m is None:
+            raise ValueError("shape = 'offsets' needs offsets")
+        if not self.is_body_of_revolution and (self.beam_m is None or self.draught_m is None):
+            raise ValueError(
+                "give diameter_m or offsets (body of revolution), or beam_m and draught_m"
+            )
+        return self
 
 
 class Fin(Declared):
-    """``[[fin]]``: a set of equal fins, or the sail."""
+    """``[[fin]]``: a set of equal fins, or the sail (any fixed fin or pod).
+
+    ``count`` is 2 (one fin on either side) unless stated, and 1 for a sail. Fins stand in the
+    vertical plane (rudder, sail) or in the horizontal plane (elevator), turned out of it by
+    ``dihedral_deg``: an X-tail is a rudder pair and an elevator pair at 45 degrees.
+    ``moved_by`` names the commands that deflect the set; by default its own kind, both for a
+    set with dihedral, none for a sail.
+    """
 
     kind: FinKind
     count: Annotated[int, Field(ge=1, le=8)] = 2
@@ -70,7 +110,24 @@ class Fin(Declared):
     tip: Literal["square", "faired"] = "square"
     cd0: NonNegative | None = None
     efficiency: NonNegative = 1.0
-    dihedral_deg: Annotated[float, Field(ge=0, lt=90)] = 0.0
+    dihedral_deg: Annotated[float, Field(ge=0, le=90)] = 0.0
+    moved_by: tuple[Literal["rudder", "elevator"], ...] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _a_sail_is_single(cls, data: Any) -> Any:
+        if isinstance(data, dict) and data.get("kind") == "sail" and "count" not in data:
+            return {**data, "count": 1}
+        return data
+
+    @property
+    def commands(self) -> tuple[str, ...]:
+        """The commands that deflect this set."""
+        if self.moved_by is not None:
+            return self.moved_by
+        if self.kind == "sail":
+            return ()
+        return ("rudder", "elevator") if 0.0 < self.dihedral_deg < 90.0 else (self.kind,)
 
 
 class Propeller(Declared):
@@ -138,6 +195,26 @@ class Known(Declared):
 
 class AseOptions(Declared):
     """``[ase]``: alternatives among the semi-empirical formulas (defaults: the method's)."""
+
+    surge_spheroid: Literal["equal_volume", "diameter"] = "equal_volume"
+    finite_length: bool = False
+    coriolis_added_mass: Literal["bare", "finned"] = "bare"
+    hull_station: Literal["mid_tail", "datcom", "end"] = "mid_tail"
+    hull_slenderness: Literal["spheroid", "datcom"] = "spheroid"
+    hull_rate_lift: bool = False
+    hull_rate_crossflow: bool = False
+    friction_line: Literal["ittc57", "prandtl_schlichting", "schoenherr"] = "ittc57"
+    base_drag: bool = False
+    crossflow_drag: Literal["table", "constant"] = "table"
+    crossflow_angle_deg: Annotated[float, Field(gt=0, lt=90)] = 10.0
+    crossflow_cd: Positive = 1.2
+    crossflow_finite_length: Literal["datcom", "jorgensen", "none"] = "datcom"
+    fin_lift: Literal["whicker_fehlner", "hoerner"] = "whicker_fehlner"
+    fin_cd0: NonNegative = 0.0065
+    incidence_interference: Literal["naca1307", "none"] = "naca1307"
+    deflection_interference: Literal["k_wb", "incidence", "none"] = "k_wb"
+    induced_drag_scaling: Literal["linear", "squared"] = "linear"
+    sail_interference: Literal["mirror", "no_mirror", "none"] = "mirror"
 
 
 class Vehicle(Declared):

@@ -1,0 +1,96 @@
+"""How accurate each formula is, and how that spreads to the coefficients.
+
+Each entry is one independent normal deviate z of one formula, not of one coefficient: the same
+deviate acts on every coefficient that the formula enters, so the spread of the coefficients is
+correlated as it is in nature. A ``scale`` multiplies by exp(sigma z); a ``shift`` adds sigma z to
+a nominal value, in the unit that the entry states.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Accuracy of one formula: 1-sigma of its logarithm (scale) or of its offset (shift)."""
+
+    name: str
+    sigma: float
+    source: str
+
+
+# fmt: off
+ACCURACIES: tuple[Accuracy, ...] = (
+    Accuracy("surge_spheroid", 0.35, "REMUS X_udot -1.38 with equal volume, -0.93 with Prestero's"),
+    Accuracy("strip_added_mass", 0.22, "SUBOFF M_qdot', Z_wdot' measured (Roddy 1990): 20-25 % low"),
+    Accuracy("strip_rotation", 0.10, "SUBOFF: strip M_qdot' 21 % high, Z_wdot' 24 %: 10 % apart"),
+    Accuracy("strip_fins", 0.35, "strips of fins with aspect ratio near 2: 3-D factor 0.6-0.8"),
+    Accuracy("added_mass_centre", 0.03, "of L, shift: SUBOFF Z_qdot' -0.00063, M_wdot' -0.00056"),
+    Accuracy("coriolis", 0.30, "X_vr of hulls 0.6 to 1.0 of -Y_vdot (Hooft & Pieffers 1988)"),
+    Accuracy("slenderness", 0.10, "SUBOFF bare N_v' 2-10 % (theory 8.1); Lamb and DATCOM 1 %"),
+    Accuracy("cut_station", 0.10, "of tail, shift: brings SUBOFF bare Y_v' 25 % down to measured"),
+    Accuracy("hull_rate_lift", 1.0, "shift, 1 = slender body cut: SUBOFF Y_r' 0.7, N_r' 1.2"),
+    Accuracy("friction", 0.08, "SUBOFF resistance 3 %, tolerance 8 % (theory 8.1); ITTC or PS"),
+    Accuracy("protuberances", 0.30, "REMUS: tow tank C_d 0.267, formula 0.125 + fins (Prestero)"),
+    Accuracy("crossflow_drag", 0.45, "C_dn 0.3-1.2 about the drag crisis; eta 0.64 to 1"),
+    Accuracy("crossflow_centre", 0.08, "of L, shift: separation begins aft of the nose"),
+    Accuracy("crossflow_turning", 1.25, "shift, 1 = strip value; 1 to 1.6 with eta or without"),
+    Accuracy("suction", 0.40, "axial force at incidence: leading-edge suction partly realised"),
+    Accuracy("fin_lift", 0.10, "Whicker-Fehlner 2.61, Hoerner 3.12 at A = 2.2: 19 % apart"),
+    Accuracy("fin_wake", 0.20, "tail fins, protruding: no-K to K span, theory 8.1"),
+    Accuracy("fin_wake_buried", 0.30, "added when the tip is inside the hull's diameter: SUBOFF"),
+    Accuracy("fin_incidence", 0.15, "(1+tau)^2 or less, tail fins protruding"),
+    Accuracy("fin_incidence_buried", 0.40, "added when buried: SUBOFF planes Y_v' a factor 3.2"),
+    Accuracy("fin_deflection", 0.10, "K_W(B): chart to 0.012, gap at the root of a moving fin"),
+    Accuracy("fin_centre", 0.25, "of mean chord, shift"),
+    Accuracy("sail_interference", 0.10, "SUBOFF sail Y_v' -2 to +4 %, tolerance 15 % (theory 8.1)"),
+    Accuracy("sail_centre", 0.85, "of mean chord, shift aft: SUBOFF sail N_v' 42 % high"),
+    Accuracy("fin_drag", 0.50, "C_D0 0.0065 (W-F) to 0.02 (small fins, Prestero 5.2)"),
+    Accuracy("fin_induced", 0.35, "K or K^2, e = 0.9"),
+    Accuracy("fin_crossflow", 0.45, "C_Dc 0.42 (faired) to 0.82 (square tips) at one taper"),
+    Accuracy("thrust_line", 0.12, "K_T intercept of open-water line, Reynolds number, hull"),
+    Accuracy("thrust_slope", 0.15, "K_T slope"),
+    Accuracy("wake_given", 0.06, "wake fraction in the file"),
+    Accuracy("wake_assumed", 0.20, "no wake fraction in the file; 0.1-0.4 behind AUV hulls"),
+    Accuracy("deduction_given", 0.05, "thrust deduction in the file"),
+    Accuracy("deduction_assumed", 0.12, "no thrust deduction in the file; 0.05-0.25 usual"),
+)
+# fmt: on
+
+BY_NAME: dict[str, Accuracy] = {a.name: a for a in ACCURACIES}
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """A draw of the accuracies: normal deviates by name, zero where absent."""
+
+    z: Mapping[str, Any] = field(default_factory=dict)
+
+    def scale(self, name: str, share: Any = 1.0) -> np.ndarray:
+        """Factor exp(sigma share z) of a formula; `share` scales sigma with geometry."""
+        return np.exp(BY_NAME[name].sigma * np.asarray(share) * np.asarray(self.z.get(name, 0.0)))
+
+    def shift(self, name: str) -> np.ndarray:
+        """Offset sigma z of a formula."""
+        return BY_NAME[name].sigma * np.asarray(self.z.get(name, 0.0))
+
+
+NOMINAL = Deviation()
+
+
+def one_at_a_time() -> Deviation:
+    """The nominal case, then each accuracy one sigma up and one down.
+
+    Returns
+    -------
+    Deviation
+        Deviates of shape (1 + 2 n,), n = len(ACCURACIES): 0, up 1, down 1, up 2, ...
+    """
+    n = len(ACCURACIES)
+    z = np.zeros((n, 1 + 2 * n))
+    for i in range(n):
+        z[i, 1 + 2 * i], z[i, 2 + 2 * i] = 1.0, -1.0
+    return Deviation({a.name: z[i] for i, a in enumerate(ACCURACIES)})

@@ -1,0 +1,173 @@
+"""Every coefficient of both planes as the sum of its parts (theory 6, table 3.4.4)."""
+
+from collections import defaultdict
+from typing import Any
+
+import numpy as np
+
+from auvident.physics.ase import added_mass, hull as bare
+from auvident.physics.ase.accuracy import NOMINAL, Deviation
+from auvident.physics.ase.drag import hull_drag_kgpm
+from auvident.physics.ase.fins import FinForces, fin_forces
+from auvident.physics.ase.geometry import HullGeometry, hull_geometry
+from auvident.physics.ase.propeller import thrust_coefficients
+from auvident.schema.coefficients import COEFFICIENTS, PLANES, Plane
+from auvident.schema.vehicle import Vehicle
+
+Parts = dict[str, dict[str, np.ndarray]]
+"""Symbol -> part (hull, sail, rudder, elevator, propeller) -> value."""
+
+# The vertical plane is the horizontal one turned by 90 degrees about x: v -> w, r -> -q, Y -> Z,
+# N -> -M, and an elevator angle is a rudder angle with the opposite sign of the force.
+MIRROR: dict[str, tuple[str, int]] = {
+    "X_vv": ("X_ww", 1), "X_vr": ("X_wq", -1), "X_rr": ("X_qq", 1),
+    "Y_vdot": ("Z_wdot", 1), "Y_rdot": ("Z_qdot", -1),
+    "Y_uv": ("Z_uw", 1), "Y_ur": ("Z_uq", -1), "Y_v|v|": ("Z_w|w|", 1), "Y_r|r|": ("Z_q|q|", -1),
+    "Y_uud": ("Z_uud", -1),
+    "N_vdot": ("M_wdot", -1), "N_rdot": ("M_qdot", 1),
+    "N_uv": ("M_uw", -1), "N_ur": ("M_uq", 1), "N_v|v|": ("M_w|w|", -1), "N_r|r|": ("M_q|q|", 1),
+    "N_uud": ("M_uud", 1),
+}  # fmt: skip
+COMMAND: dict[Plane, str] = {"horizontal": "rudder", "vertical": "elevator"}
+
+
+def coefficient_parts(
+    vehicle: Vehicle,
+    speed_mps: Any,
+    deviation: Deviation = NOMINAL,
+    geometry: HullGeometry | None = None,
+) -> Parts:
+    """Contribution of each part to each coefficient.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        A body of revolution; its numbers may be arrays over a leading variants axis.
+    speed_mps : array_like
+        Speed for the Reynolds numbers.
+    deviation : Deviation, optional
+        Draw of the accuracies of the formulas.
+    geometry : HullGeometry, optional
+        Of this vehicle, when it is at hand already.
+
+    Returns
+    -------
+    dict of str to dict of str to ndarray
+        ``parts[symbol][part]``, dimensional SI; the value of a coefficient is the sum.
+    """
+    hull = hull_geometry(vehicle) if geometry is None else geometry
+    density = np.asarray(vehicle.fluid.density_kgpm3, float)
+    fins = [fin_forces(f, hull, density, vehicle.ase, deviation) for f in vehicle.fin]
+    parts: Parts = {c.symbol: {} for c in COEFFICIENTS}
+    surge = added_mass.surge(hull, density, vehicle.ase) * deviation.scale("surge_spheroid")
+    parts["X_udot"]["hull"] = surge
+    _axial_drag(vehicle, hull, fins, speed_mps, deviation, parts)
+    for plane in PLANES:
+        for symbol, contributions in _lateral(
+            vehicle, hull, fins, surge, plane, speed_mps, deviation
+        ).items():
+            name, sign = (symbol, 1) if plane == "horizontal" else MIRROR[symbol]
+            parts[name] = {part: sign * value for part, value in contributions.items()}
+    if vehicle.propeller is not None:
+        thrust = thrust_coefficients(vehicle.propeller, density, deviation)
+        parts["T_nn"]["propeller"], parts["T_nu"]["propeller"] = thrust
+    return parts
+
+
+def totals(parts: Parts) -> dict[str, np.ndarray]:
+    """Value of each coefficient: the sum of its parts, 0 where nothing contributes."""
+    return {
+        symbol: np.asarray(sum(values.values(), start=np.zeros(())))
+        for symbol, values in parts.items()
+    }
+
+
+def _add(contributions: dict[str, np.ndarray], part: str, value: np.ndarray) -> None:
+    """Add to a part; several sets of one kind add up."""
+    contributions[part] = contributions[part] + value if part in contributions else value
+
+
+def _axial_drag(
+    vehicle: Vehicle,
+    hull: HullGeometry,
+    fins: list[FinForces],
+    speed_mps: Any,
+    deviation: Deviation,
+    parts: Parts,
+) -> None:
+    """X_uu of hull and all fins; X_uudd, the mean of the planes that have a moving set."""
+    fluid = vehicle.fluid
+    drag = hull_drag_kgpm(
+        hull, speed_mps, fluid.density_kgpm3, fluid.kinematic_viscosity_m2ps, vehicle.ase
+    )
+    extra = deviation.scale("protuberances")
+    parts["X_uu"]["hull"] = -drag * deviation.scale("friction") * extra
+    for fin in fins:
+        _add(parts["X_uu"], fin.kind, -fin.profile * extra)
+    moved = [[f for f in fins if command in f.commands] for command in ("rudder", "elevator")]
+    planes = max(sum(bool(group) for group in moved), 1)
+    for group in moved:
+        for fin in group:
+            _add(parts["X_uudd"], fin.kind, -fin.induced_deflection / planes)
+
+
+def _lateral(
+    vehicle: Vehicle,
+    hull: HullGeometry,
+    fins: list[FinForces],
+    surge: np.ndarray,
+    plane: Plane,
+    speed_mps: Any,
+    deviation: Deviation,
+) -> Parts:
+    """The coefficients of one plane under their horizontal names and signs."""
+    out: Parts = defaultdict(dict, {symbol: {} for symbol in MIRROR})
+    density, options = np.asarray(vehicle.fluid.density_kgpm3, float), vehicle.ase
+    bare_mass = added_mass.bare_hull(hull, density, options, deviation)
+    masses = {"hull": [bare_mass]}
+    for entry in vehicle.fin:
+        increment = added_mass.fin_increment(entry, hull, density, plane, deviation)
+        masses.setdefault(entry.kind, []).append(increment)
+    for part, lateral in masses.items():
+        sums = added_mass.total(lateral)
+        for symbol, value in zip(
+            ("Y_vdot", "Y_rdot", "N_vdot", "N_rdot"),
+            (sums.force, sums.cross, sums.cross, sums.moment),
+            strict=True,
+        ):
+            out[symbol][part] = value
+    turning = bare_mass
+    if options.coriolis_added_mass == "finned":
+        turning = added_mass.total([m for group in masses.values() for m in group])
+    viscosity = vehicle.fluid.kinematic_viscosity_m2ps
+    for terms in (
+        bare.lift_terms(hull, density, options, deviation),
+        bare.crossflow_terms(hull, speed_mps, density, viscosity, options, deviation),
+        bare.coriolis_terms(surge, turning, deviation),
+    ):
+        for symbol, value in terms.items():
+            _add(out[symbol], "hull", value)
+    for fin in fins:
+        if fin.projection[plane] != 0.0:
+            _add_fin(out, fin, plane, deviation)
+    return dict(out)
+
+
+def _add_fin(out: Parts, fin: FinForces, plane: Plane, deviation: Deviation) -> None:
+    """Theory tables 3.3.1 to 3.3.3 with the interference of 3.4.1 to 3.4.3."""
+    cosine, x = fin.projection[plane], fin.x_m
+    square = cosine**2
+    side = -(fin.incidence + fin.profile) * square
+    suction = (fin.incidence - fin.induced) * square * deviation.scale("suction")
+    across = -fin.crossflow * cosine**3
+    terms = {
+        "X_vv": suction, "X_vr": 2.0 * x * suction, "X_rr": x**2 * suction,
+        "Y_uv": side, "Y_ur": x * side, "N_uv": x * side, "N_ur": x**2 * side,
+        "Y_v|v|": across, "Y_r|r|": across * x * np.abs(x),
+        "N_v|v|": x * across, "N_r|r|": across * np.abs(x) ** 3,
+    }  # fmt: skip
+    if COMMAND[plane] in fin.commands:
+        moved = fin.deflection * cosine
+        terms |= {"Y_uud": moved, "N_uud": x * moved}
+    for symbol, value in terms.items():
+        _add(out[symbol], fin.kind, value)

@@ -1,0 +1,146 @@
+"""What an engineer should know before trusting the estimate of this vehicle."""
+
+from collections.abc import Iterator, Mapping
+
+from auvident.physics.ase.drag import LAMINAR_REYNOLDS
+from auvident.physics.ase.fins import aspect_ratio, buried_share, projection
+from auvident.physics.ase.geometry import HullGeometry
+from auvident.physics.ase.propeller import thrust_line
+from auvident.physics.ase.stability import speed_per_rate_m
+from auvident.schema.artifacts import Finding
+from auvident.schema.vehicle import Vehicle
+
+BURIED_LIMIT = 0.5  # share of the span in the hull's wake from which lift is over-predicted
+SMALL_FINENESS = 4.0  # DATCOM charts and slender-body theory begin here
+WHICKER_FEHLNER_ASPECT = 3.0  # upper end of the tests of DTMB report 933
+MASS_TOLERANCE = 0.15  # mass against displaced mass: beyond it the file deserves a look
+
+
+def findings(
+    vehicle: Vehicle, hull: HullGeometry, values: Mapping[str, float], speed_mps: float
+) -> Iterator[Finding]:
+    """Yield the findings about an estimate.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    hull : HullGeometry
+    values : mapping of str to float
+        Coefficients by symbol.
+    speed_mps : float
+
+    Yields
+    ------
+    Finding
+    """
+    yield from _hull_findings(vehicle, hull, speed_mps)
+    yield from _fin_findings(vehicle, hull)
+    for plane, name in (("horizontal", "rudder"), ("vertical", "elevator")):
+        if not any(name in fin.commands for fin in vehicle.fin):
+            symbols = "Y_uud, N_uud" if plane == "horizontal" else "Z_uud, M_uud"
+            yield Finding(
+                code=f"no_{name}",
+                message=f"No fin moves with the {name}: {symbols} are zero with a wide margin.",
+                where="[[fin]]",
+                remedy=f"Add a [[fin]] of kind {name!r} if the vehicle has one.",
+            )
+    yield from _propeller_findings(vehicle, values)
+
+
+def _hull_findings(vehicle: Vehicle, hull: HullGeometry, speed_mps: float) -> Iterator[Finding]:
+    """Range of the hull formulas, assumed sizes, mass against volume."""
+    reynolds = speed_mps * float(hull.length_m) / vehicle.fluid.kinematic_viscosity_m2ps
+    if reynolds < LAMINAR_REYNOLDS:
+        yield Finding(
+            code="low_reynolds",
+            message="Long laminar runs are likely; the friction line is turbulent.",
+            where="[vehicle] design_speed_mps", value=reynolds, threshold=LAMINAR_REYNOLDS,
+        )  # fmt: skip
+    if float(hull.fineness) < SMALL_FINENESS:
+        yield Finding(
+            code="stout_hull",
+            message="The hull is stouter than the charts and slender-body theory reach.",
+            where="[hull]", value=float(hull.fineness), threshold=SMALL_FINENESS,
+        )  # fmt: skip
+    if vehicle.hull.family in ("myring", "ellipsoid"):
+        for key in ("nose_length_m", "tail_length_m"):
+            if getattr(vehicle.hull, key) is None:
+                yield Finding(
+                    code="assumed_section",
+                    message=f"{key} is not given; a usual one for this diameter is assumed.",
+                    where=f"[hull] {key}",
+                    remedy="Give it: the tail decides the lift of the hull.",
+                )
+    displaced = vehicle.fluid.density_kgpm3 * float(hull.volume_m3)
+    if abs(vehicle.body.mass_kg / displaced - 1.0) > MASS_TOLERANCE:
+        yield Finding(
+            code="mass_and_volume",
+            message=f"The mass, {vehicle.body.mass_kg:g} kg, and the water the hull displaces, "
+            f"{displaced:.4g} kg, differ.",
+            where="[vehicle] mass_kg", value=vehicle.body.mass_kg / displaced,
+            threshold=MASS_TOLERANCE,
+            remedy="Check both; a free-flooding vehicle counts with the water it carries.",
+        )  # fmt: skip
+
+
+def _fin_findings(vehicle: Vehicle, hull: HullGeometry) -> Iterator[Finding]:
+    """Fins outside the range in which their formulas were measured."""
+    for i, fin in enumerate(vehicle.fin):
+        where = f"[[fin]] {i + 1} ({fin.kind})"
+        buried = float(buried_share(fin, hull))
+        if fin.kind != "sail" and buried > BURIED_LIMIT:
+            yield Finding(
+                code="fin_in_wake",
+                message="Much of the span works in the wake of the hull, where the formulas gave "
+                "1.5 to 3 times the measured lift (DARPA SUBOFF); the standard deviations are "
+                "wide accordingly.",
+                where=where, value=buried, threshold=BURIED_LIMIT,
+                remedy="Set efficiency of the fin when its lift is known.",
+            )  # fmt: skip
+        aspect = float(aspect_ratio(fin))
+        if aspect > WHICKER_FEHLNER_ASPECT:
+            yield Finding(
+                code="slender_fin",
+                message="The aspect ratio is beyond the tests behind the lift formula.",
+                where=where, value=aspect, threshold=WHICKER_FEHLNER_ASPECT,
+            )  # fmt: skip
+        if fin.kind == "sail" and projection(fin, "vertical") == 0.0:
+            yield Finding(
+                code="sail_in_vertical_plane",
+                message="The sail counts in the horizontal plane and in the drag only.",
+                where=where,
+            )
+
+
+def _propeller_findings(vehicle: Vehicle, values: Mapping[str, float]) -> Iterator[Finding]:
+    """Thrust that cannot drive, and factors that are assumed."""
+    if vehicle.propeller is None:
+        yield Finding(
+            code="no_propeller",
+            message="No [propeller]: T_nn and T_nu are zero with a wide margin.",
+            where="[propeller]",
+            remedy="Give diameter_m and kt0, kt1 or a table.",
+        )
+        return
+    k_0, k_1 = (float(k) for k in thrust_line(vehicle.propeller))
+    if k_0 <= 0.0 or k_1 >= 0.0:
+        yield Finding(
+            code="propeller_line",
+            message=f"K_T = {k_0:g} + {k_1:g} J is no line of a driving propeller: thrust should "
+            "be positive at J = 0 and fall with J.",
+            where="[propeller]", value=k_0,
+        )  # fmt: skip
+    elif not speed_per_rate_m(values) > 0.0:
+        yield Finding(
+            code="no_steady_speed",
+            message="No forward speed balances the thrust.",
+            where="[propeller]",
+        )
+    assumed = {"wake_fraction", "thrust_deduction"} - vehicle.propeller.model_fields_set
+    for key in sorted(assumed):
+        yield Finding(
+            code="assumed_propulsion_factor",
+            message=f"{key} is not given and taken as 0.",
+            where=f"[propeller] {key}",
+            remedy="0.1 to 0.4 (wake) and 0.05 to 0.25 (deduction) are usual behind AUV hulls.",
+        )

@@ -1,0 +1,118 @@
+"""From the accuracies of the formulas to the standard deviations and correlations.
+
+First-order propagation: every accuracy is moved one sigma up and down, all at once in one
+vectorised evaluation; half the difference is the one-sigma effect on each coefficient.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from auvident.physics.ase.accuracy import ACCURACIES, one_at_a_time
+from auvident.physics.ase.assembly import Parts, coefficient_parts, totals
+from auvident.physics.ase.geometry import HullGeometry
+from auvident.schema.artifacts import AseResult
+from auvident.schema.coefficients import BY_SYMBOL
+from auvident.schema.vehicle import Vehicle
+
+RESIDUAL_SHARE = 0.05  # of each part: interpolation of charts and what no shared formula explains
+# Least standard deviation, as a share of a force on the whole planform (moments: times powers of
+# L/2). A pair of tail fins has Y_uv near 0.2 of that scale, so an absent pair's terms, or those of
+# what the geometry leaves out (transducers, antennas), lie within one to two tenths of it.
+FLOOR_SHARE = 0.01
+ABSENT_CONTROL_SHARE = 0.1  # a control term without a set that moves: size of half a fin pair
+ABSENT_PROPELLER_THRUST = 0.35  # K_T intercept of an unknown propeller of 0.7 hull diameters
+ABSENT_PROPELLER_DIAMETERS = 0.7
+CONTROL_SYMBOLS = ("X_uudd", "Y_uud", "N_uud", "Z_uud", "M_uud")
+
+
+def contributions(
+    vehicle: Vehicle, speed_mps: float, geometry: HullGeometry
+) -> dict[str, dict[str, float]]:
+    """One-sigma effect of each accuracy on each coefficient.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        One vehicle (no variants axis).
+    speed_mps : float
+    geometry : HullGeometry
+
+    Returns
+    -------
+    dict of str to dict of str to float
+        ``effects[accuracy][symbol]``, signed, dimensional SI; zero effects are left out.
+    """
+    values = totals(coefficient_parts(vehicle, speed_mps, one_at_a_time(), geometry))
+    effects: dict[str, dict[str, float]] = {a.name: {} for a in ACCURACIES}
+    for symbol, value in values.items():
+        spread = np.broadcast_to(value, (1 + 2 * len(ACCURACIES),))
+        half = 0.5 * (spread[1::2] - spread[2::2])
+        for accuracy, effect in zip(ACCURACIES, half, strict=True):
+            if effect != 0.0:
+                effects[accuracy.name][symbol] = float(effect)
+    return {name: effect for name, effect in effects.items() if effect}
+
+
+def residuals(vehicle: Vehicle, parts: Parts, geometry: HullGeometry) -> dict[str, float]:
+    """Standard deviation of each coefficient that no shared formula explains; never zero."""
+    result = {}
+    for symbol, values in parts.items():
+        of_parts = RESIDUAL_SHARE * np.sqrt(sum(float(v) ** 2 for v in values.values()))
+        result[symbol] = float(np.hypot(of_parts, _floor(vehicle, symbol, bool(values), geometry)))
+    return result
+
+
+def _floor(vehicle: Vehicle, symbol: str, present: bool, geometry: HullGeometry) -> float:
+    """Scale of what the geometry leaves out, in the unit of the coefficient."""
+    density, diameter = float(vehicle.fluid.density_kgpm3), float(geometry.diameter_m)
+    if symbol in ("T_nn", "T_nu"):
+        size = ABSENT_PROPELLER_DIAMETERS * diameter
+        if vehicle.propeller is not None:
+            size = float(vehicle.propeller.diameter_m)
+        share = ABSENT_PROPELLER_THRUST * (RESIDUAL_SHARE if present else 1.0)
+        return share * density * size ** (4 if symbol == "T_nn" else 3)
+    powers = BY_SYMBOL[symbol].length_power - 2
+    scale = 0.5 * density * float(geometry.planform_m2) * (0.5 * float(geometry.length_m)) ** powers
+    absent = symbol in CONTROL_SYMBOLS and not present
+    return (ABSENT_CONTROL_SHARE if absent else FLOOR_SHARE) * scale
+
+
+def standard_deviations(
+    effects: dict[str, dict[str, float]], residual: dict[str, float]
+) -> dict[str, float]:
+    """Root of the sum of squares of all effects and the residual, by symbol."""
+    return {
+        symbol: float(
+            np.sqrt(rest**2 + sum(effect.get(symbol, 0.0) ** 2 for effect in effects.values()))
+        )
+        for symbol, rest in residual.items()
+    }
+
+
+def prior_covariance(result: AseResult, symbols: Sequence[str]) -> np.ndarray:
+    """Covariance of the coefficients of an estimate, before any data.
+
+    Coefficients that the user gave are independent of all others, with their own variance.
+
+    Parameters
+    ----------
+    result : AseResult
+    symbols : sequence of str, length n
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+        Symmetric, positive definite when every std is positive; its diagonal is std squared.
+    """
+    rows = result.by_symbol()
+    estimated = np.array([rows[s].origin == "ase" for s in symbols], dtype=float)
+    effects = np.array(
+        [[effect.get(s, 0.0) for s in symbols] for effect in result.accuracy_effects.values()]
+    ).reshape(-1, len(symbols))
+    effects = effects * estimated
+    covariance = effects.T @ effects
+    variance: Any = np.array([rows[s].std ** 2 for s in symbols])
+    np.fill_diagonal(covariance, variance)
+    return covariance
