@@ -1,0 +1,358 @@
+"""Logs before and after ingest: raw sensors, the column map and the quality report.
+
+``MAP.toml`` is `ColumnMap`; ``ingest/quality.json`` is `Quality`. `RawTrial` is what the
+readers hand to the ingest stage: every sensor with its own ticks, in SI units, signs as logged.
+"""
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from auvident.schema.artifacts import Finding
+from auvident.schema.base import Artifact, Declared
+from auvident.schema.channels import BY_QUANTITY
+
+if TYPE_CHECKING:
+    import numpy as np
+
+DEG = 0.017453292519943295  # rad per degree
+KNOT = 1852.0 / 3600.0  # m/s per knot
+
+# Unit of a column (suffix or map) -> unit of the channel it fits, factor to that unit.
+UNITS: dict[str, tuple[str, float]] = {
+    "mps": ("m/s", 1.0),
+    "kn": ("m/s", KNOT),
+    "cmps": ("m/s", 0.01),
+    "mmps": ("m/s", 0.001),
+    "rad": ("rad", 1.0),
+    "deg": ("rad", DEG),
+    "radps": ("rad/s", 1.0),
+    "degps": ("rad/s", DEG),
+    "rpm": ("1/min", 1.0),
+    "rps": ("1/min", 60.0),
+    "m": ("m", 1.0),
+}
+# Other spellings, as found in unit rows, brackets and maps.
+UNIT_SPELLINGS: dict[str, str] = {
+    "m/s": "mps", "ms-1": "mps", "m s-1": "mps", "kt": "kn", "kts": "kn", "knot": "kn",
+    "knots": "kn", "cm/s": "cmps", "mm/s": "mmps", "°": "deg", "degree": "deg",
+    "degrees": "deg", "radian": "rad", "radians": "rad", "rad/s": "radps", "deg/s": "degps",
+    "°/s": "degps", "1/min": "rpm", "rev/min": "rpm", "1/s": "rps", "rev/s": "rps",
+    "hz": "rps", "metre": "m", "meter": "m", "metres": "m", "meters": "m",
+}  # fmt: skip
+TIME_UNITS: dict[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+def unit_name(text: str) -> str | None:
+    """Name of a unit in `UNITS` from any known spelling, or None."""
+    word = text.strip().strip("[]()").strip().lower()
+    word = UNIT_SPELLINGS.get(word, word)
+    return word if word in UNITS else None
+
+
+def units_of(dimension: str) -> tuple[str, ...]:
+    """Names of the units that a channel of this unit may be logged in."""
+    return tuple(name for name, (fits, _) in UNITS.items() if fits == dimension)
+
+
+# --- the map file -------------------------------------------------------------------------
+
+
+class ColumnEntry(Declared):
+    """Column of a quantity: ``{ column = "delta_cmd", unit = "deg", sign = -1 }``."""
+
+    column: str
+    unit: str | None = None
+    sign: Literal[1, -1] = 1
+
+
+def _from_name(value: object) -> object:
+    return {"column": value} if isinstance(value, str) else value
+
+
+Entry = Annotated[ColumnEntry, BeforeValidator(_from_name)] | None
+TimeUnit = Literal["s", "ms", "us", "ns", "iso"]
+
+
+class SensorMap(Declared):
+    """Where a sensor's samples stand; the tables of the sensors add their quantities."""
+
+    file: str | None = None
+    time: str | None = None
+    time_unit: TimeUnit | None = None
+    time_offset_s: float = 0.0
+    valid: str | None = None
+
+    def entries(self) -> dict[str, ColumnEntry]:
+        """Mapped columns by quantity."""
+        found = {q: getattr(self, q) for q in type(self).model_fields if q in BY_QUANTITY}
+        return {q: entry for q, entry in found.items() if entry is not None}
+
+    @model_validator(mode="after")
+    def _units_fit(self) -> Self:
+        for quantity, entry in self.entries().items():
+            dimension = BY_QUANTITY[quantity].unit
+            name = unit_name(entry.unit) if entry.unit is not None else None
+            if entry.unit is not None and (name is None or UNITS[name][0] != dimension):
+                allowed = ", ".join(units_of(dimension))
+                raise ValueError(f"unit {entry.unit!r} of {quantity} is not one of {allowed}")
+        return self
+
+
+class DvlMap(SensorMap):
+    """``[dvl]``."""
+
+    u: Entry = None
+    v: Entry = None
+    w: Entry = None
+
+
+class GyroMap(SensorMap):
+    """``[gyro]``."""
+
+    p: Entry = None
+    q: Entry = None
+    r: Entry = None
+
+
+class InputMap(SensorMap):
+    """Common to the inputs. `on_change`: rows are written only when the value changes."""
+
+    on_change: bool | None = None
+
+
+class RudderMap(InputMap):
+    """``[rudder]``."""
+
+    rudder: Entry = None
+
+
+class ElevatorMap(InputMap):
+    """``[elevator]``."""
+
+    elevator: Entry = None
+
+
+class RpmMap(InputMap):
+    """``[rpm]``."""
+
+    rpm: Entry = None
+
+
+class AttitudeMap(SensorMap):
+    """``[attitude]``."""
+
+    roll: Entry = None
+    pitch: Entry = None
+    heading: Entry = None
+
+
+class DepthMap(SensorMap):
+    """``[depth]``."""
+
+    depth: Entry = None
+
+
+class PositionMap(SensorMap):
+    """``[position]``."""
+
+    north: Entry = None
+    east: Entry = None
+
+
+class ColumnMap(Declared):
+    """``MAP.toml``: the user's files, columns, units and signs.
+
+    `file`, `time` and `time_unit` before the first table hold for every sensor whose table
+    does not say otherwise. A file is a pattern relative to the log folder.
+    """
+
+    file: str | None = None
+    time: str | None = None
+    time_unit: TimeUnit | None = None
+    dvl: DvlMap | None = None
+    gyro: GyroMap | None = None
+    rudder: RudderMap | None = None
+    elevator: ElevatorMap | None = None
+    rpm: RpmMap | None = None
+    attitude: AttitudeMap | None = None
+    depth: DepthMap | None = None
+    position: PositionMap | None = None
+
+    def of(self, sensor: str) -> SensorMap:
+        """Table of one sensor with the common settings filled in."""
+        own: SensorMap = getattr(self, sensor) or SensorMap()
+        common = {
+            key: getattr(self, key)
+            for key in ("file", "time", "time_unit")
+            if getattr(own, key) is None
+        }
+        return own.model_copy(update=common)
+
+
+# --- raw logs -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class RawSensor:
+    """Samples of one sensor as logged.
+
+    Attributes
+    ----------
+    sensor : str
+        Name of the sensor in `auvident.schema.channels`.
+    file : str
+        File it came from, for messages.
+    time_s : numpy.ndarray
+        Time of each row in s, shape (n,); not necessarily ascending, NaN where missing.
+    values : dict of str to numpy.ndarray
+        Values by channel column (``u_mps``), SI units, signs as logged, NaN where missing.
+    rows : numpy.ndarray
+        Row (1-based line of a text file) of each sample, for messages, shape (n,).
+    columns : dict of str to str
+        Name in the file of each channel column.
+    rows_read : int
+        Rows in the file, with those dropped by the reader.
+    dropped : dict of str to int
+        Rows dropped by the reader, by reason.
+    dropped_rows : dict of str to tuple of int
+        The first few rows dropped, by reason.
+    on_change : bool or None
+        The map's word on whether rows are written only on change.
+    time_column : str
+        Name of its time column in the file.
+    """
+
+    sensor: str
+    file: str
+    time_s: "np.ndarray"
+    values: "dict[str, np.ndarray]"
+    rows: "np.ndarray"
+    columns: dict[str, str]
+    rows_read: int
+    dropped: dict[str, int] = field(default_factory=dict)
+    dropped_rows: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    on_change: bool | None = None
+    time_column: str = "time_s"
+
+
+@dataclass(frozen=True)
+class RawTrial:
+    """One trial as logged: its sensors, each on its own ticks of a shared clock.
+
+    Attributes
+    ----------
+    name : str
+        Stem of its folder or file.
+    sensors : dict of str to RawSensor
+        Sensors found, by name.
+    findings : tuple of Finding
+        What the readers noticed.
+    origin : str
+        Time (ISO 8601, UTC) of ``time_s`` = 0 when the log has absolute time stamps, else "".
+    """
+
+    name: str
+    sensors: dict[str, RawSensor]
+    findings: tuple[Finding, ...] = ()
+    origin: str = ""
+
+
+# --- quality.json -------------------------------------------------------------------------
+
+
+class Dropped(Artifact):
+    """Samples left out for one reason: how many, and the times of the first few."""
+
+    count: int
+    first_times_s: tuple[float, ...] = ()
+
+
+class ChannelQuality(Artifact):
+    """What became of one channel.
+
+    `noise_std` is that of the raw samples in the channel's unit (None for inputs and where
+    there are too few); `interpolated_share` and `missing_share` refer to the grid.
+    """
+
+    column: str
+    log_column: str
+    unit: str
+    samples: int
+    dropped: dict[str, Dropped] = {}
+    minimum: float
+    maximum: float
+    noise_std: float | None = None
+    resolution: float | None = None
+    gaps: int = 0
+    longest_gap_s: float = 0.0
+    gap_limit_s: float | None = None
+    interpolated_share: float = 0.0
+    missing_share: float = 0.0
+
+
+class SensorQuality(Artifact):
+    """What became of one sensor's rows."""
+
+    sensor: str
+    file: str
+    rows_read: int
+    rows_used: int
+    dropped: dict[str, Dropped] = {}
+    rate_hz: float | None = None
+    jitter_s: float | None = None
+    t_start_s: float
+    t_end_s: float
+    method: str = ""
+    channels: tuple[ChannelQuality, ...] = ()
+
+
+class Record(Artifact):
+    """An uninterrupted piece of a trial."""
+
+    record: int
+    t_start_s: float
+    t_end_s: float
+    samples: int
+
+
+class Alignment(Artifact):
+    """Delay of one sensor's clock against another's, estimated from the motion.
+
+    `lag_s` > 0: the second lags the first by so much. `explained` is the share of the variance
+    that the relation behind the estimate explains.
+    """
+
+    first: str
+    second: str
+    lag_s: float
+    std_s: float
+    explained: float
+
+
+class TrialQuality(Artifact):
+    """Quality of one ingested trial."""
+
+    trial: str
+    rate_hz: float
+    t_start_s: float
+    t_end_s: float
+    samples: int
+    origin: str = ""
+    sensors: tuple[SensorQuality, ...] = ()
+    absent: tuple[str, ...] = ()
+    records: tuple[Record, ...] = ()
+    alignment: tuple[Alignment, ...] = ()
+    checks: dict[str, Any] = {}
+    findings: tuple[Finding, ...] = ()
+
+
+class Quality(Artifact):
+    """``ingest/quality.json``."""
+
+    schema_: str = Field("auvident/quality/1", alias="schema")
+    vehicle: str
+    rate_hz: float
+    trials: tuple[TrialQuality, ...]
+    findings: tuple[Finding, ...] = ()

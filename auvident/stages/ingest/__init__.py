@@ -1,0 +1,5 @@
+"""Ingest: every sensor of a trial cleaned and on one clock, with a report on its quality."""
+
+from auvident.stages.ingest.stage import MAX_GAP_S, NEEDED, ingest
+
+__all__ = ["MAX_GAP_S", "NEEDED", "ingest"]

@@ -1,0 +1,158 @@
+"""Samples of each channel that are fit for use: empty, repeated and implausible ones go."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from auvident.errors import InputError
+from auvident.schema.channels import BY_COLUMN, Channel
+from auvident.schema.logs import Dropped, RawSensor, RawTrial
+from auvident.schema.vehicle import Vehicle
+from auvident.stages.ingest.order import order_rows
+from auvident.stages.ingest.outliers import find_outliers, keep_one_of_held
+from auvident.stages.ingest.units import refuse_wrong_unit
+
+FIRST_FEW = 5  # times of dropped samples that are kept for the report
+
+
+@dataclass(frozen=True)
+class Series:
+    """Clean samples of one channel, shape (n,): times ascend strictly, angles are unwrapped.
+
+    `rows` are lines of the file; `dropped` counts samples by reason.
+    """
+
+    channel: Channel
+    time_s: np.ndarray
+    values: np.ndarray
+    rows: np.ndarray
+    dropped: dict[str, Dropped] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class CleanSensor:
+    """Clean samples of one sensor; `time_s` holds the ticks with a sample of any channel."""
+
+    raw: RawSensor
+    series: dict[str, Series]
+    time_s: np.ndarray
+    dropped: dict[str, Dropped]
+
+
+def clean_sensor(raw: RawSensor, vehicle: Vehicle) -> CleanSensor:
+    """Order the rows of a sensor and clean each of its channels.
+
+    Parameters
+    ----------
+    raw : RawSensor
+        As read.
+    vehicle : Vehicle
+        For the signs of the control angles.
+
+    Raises
+    ------
+    InputError
+        When time goes backward for good, or a channel is mostly beyond what is possible.
+    """
+    ordered = order_rows(raw)
+    keep = ordered.keep
+    dropped = _with(_reader_drops(raw), "backward_time", raw.time_s, ordered.backward)
+    held = keep_one_of_held(raw, keep)
+    if held is not None:
+        dropped = _with(dropped, "held_copy", raw.time_s, keep[~held])
+        keep = keep[held]
+    series = {}
+    for column in raw.values:
+        clean = _clean_channel(raw, BY_COLUMN[column], keep, vehicle)
+        if clean.time_s.size:
+            series[column] = clean
+    times = [s.time_s for s in series.values()]
+    ticks = np.unique(np.concatenate(times)) if times else np.empty(0)
+    return CleanSensor(raw, series, ticks, dropped)
+
+
+def internal_sign(channel: Channel, vehicle: Vehicle) -> int:
+    """Factor from the log's sign of a control angle to the internal one."""
+    signs = {"rudder": vehicle.rudder_sign, "elevator": vehicle.elevator_sign}
+    return signs.get(channel.quantity, 1)
+
+
+def _reader_drops(raw: RawSensor) -> dict[str, Dropped]:
+    return {reason: Dropped(count=n) for reason, n in raw.dropped.items()}
+
+
+def _with(
+    dropped: dict[str, Dropped], reason: str, time: np.ndarray, which: np.ndarray
+) -> dict[str, Dropped]:
+    if not which.size:
+        return dropped
+    first = tuple(float(t) for t in time[which[:FIRST_FEW]])
+    return dropped | {reason: Dropped(count=int(which.size), first_times_s=first)}
+
+
+def _clean_channel(raw: RawSensor, channel: Channel, keep: np.ndarray, vehicle: Vehicle) -> Series:
+    time, values = raw.time_s[keep], raw.values[channel.column][keep]
+    index = np.arange(keep.size)
+    dropped: dict[str, Dropped] = {}
+
+    def drop(reason: str, bad: np.ndarray) -> None:
+        nonlocal index, dropped
+        dropped = _with(dropped, reason, time, index[bad])
+        index = index[~bad]
+
+    drop("empty", np.isnan(values))
+    drop("repeated_time", _repeated(time[index], keep_last=channel.kind == "input"))
+    if not channel.is_angle:
+        refuse_wrong_unit(raw, channel, values[index])
+        drop("implausible", np.abs(values[index]) > channel.plausible)
+    if channel.kind == "measured":
+        drop("outlier", find_outliers(_unwrapped(values[index], channel)))
+    clean = _unwrapped(values[index], channel) * internal_sign(channel, vehicle)
+    return Series(channel, time[index], clean, raw.rows[keep][index], dropped)
+
+
+def _repeated(time: np.ndarray, keep_last: bool) -> np.ndarray:
+    """Samples at a time that has another: of a command the last holds, else the first counts."""
+    same = np.zeros(time.size, dtype=bool)
+    if keep_last:
+        same[:-1] = np.diff(time) <= 0
+    else:
+        same[1:] = np.diff(time) <= 0
+    return same
+
+
+def _unwrapped(values: np.ndarray, channel: Channel) -> np.ndarray:
+    return np.unwrap(values) if channel.is_angle and values.size else values
+
+
+def clean_trial(raw: RawTrial, vehicle: Vehicle, needed: tuple[str, ...]) -> dict[str, CleanSensor]:
+    """Clean every sensor of a trial.
+
+    Raises
+    ------
+    InputError
+        When a needed channel is missing or has no usable sample.
+    """
+    clean = {name: clean_sensor(sensor, vehicle) for name, sensor in raw.sensors.items()}
+    for column in needed:
+        channel = BY_COLUMN[column]
+        sensor = clean.get(channel.sensor)
+        if sensor is None or column not in sensor.raw.values:
+            raise InputError(
+                f"no {column} ({channel.meaning})", f"trial {raw.name}", "Add it to the log."
+            )
+        if column not in sensor.series:
+            raise InputError(
+                f"column {sensor.raw.columns[column]} ({channel.meaning}) has no usable sample: "
+                f"{_why_none(sensor)}",
+                sensor.raw.file,
+                "Record it, or name another column in a map (--map).",
+            )
+    return clean
+
+
+def _why_none(sensor: CleanSensor) -> str:
+    reasons = [f"{d.count} {reason}" for reason, d in sensor.dropped.items()]
+    return f"all {sensor.raw.rows_read} rows are empty or dropped" + (
+        f" ({', '.join(reasons)})" if reasons else ""
+    )

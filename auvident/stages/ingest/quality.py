@@ -1,0 +1,116 @@
+"""The quality report of one trial."""
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+
+from auvident.schema.channels import CHANNELS, RECORD_COLUMN, TIME_COLUMN
+from auvident.schema.logs import (
+    ChannelQuality,
+    RawTrial,
+    Record,
+    SensorQuality,
+    TrialQuality,
+)
+from auvident.schema.trial import Trial
+from auvident.schema.vehicle import Vehicle
+from auvident.stages.ingest.clean import CleanSensor, Series
+from auvident.stages.ingest.outliers import NORMAL_MAD, noise_std, resolution
+from auvident.stages.ingest.resample import Resampled, median_period
+
+MIN_NOISE_SAMPLES = 30  # fewer second differences do not tell the noise
+
+
+class Bridged(Protocol):
+    """What the report needs to know of how a channel came to the grid."""
+
+    @property
+    def limit_s(self) -> float:
+        """Longest interval bridged."""
+
+    @property
+    def method(self) -> str:
+        """How."""
+
+
+def report(
+    raw: RawTrial,
+    trial: Trial,
+    vehicle: Vehicle,
+    sensors: Mapping[str, CleanSensor],
+    plans: Mapping[str, Bridged],
+    columns: Mapping[str, Resampled],
+) -> TrialQuality:
+    """Quality of an ingested trial."""
+    time = trial.table[TIME_COLUMN].to_numpy()
+    return TrialQuality(
+        trial=raw.name,
+        rate_hz=trial.rate_hz,
+        t_start_s=float(time[0]),
+        t_end_s=float(time[-1]),
+        samples=time.size,
+        origin=raw.origin,
+        sensors=tuple(_sensor(s, plans, columns) for s in sensors.values() if s.series),
+        absent=tuple(c.column for c in CHANNELS if c.column not in columns),
+        records=_records(trial),
+        findings=raw.findings,
+    )
+
+
+def _sensor(
+    sensor: CleanSensor, plans: Mapping[str, Bridged], columns: Mapping[str, Resampled]
+) -> SensorQuality:
+    steps = np.diff(sensor.time_s)
+    period = median_period(sensor.time_s)
+    spread = float(NORMAL_MAD * np.median(np.abs(steps - period))) if steps.size else None
+    return SensorQuality(
+        sensor=sensor.raw.sensor,
+        file=sensor.raw.file,
+        rows_read=sensor.raw.rows_read,
+        rows_used=sensor.time_s.size,
+        dropped=sensor.dropped,
+        rate_hz=1.0 / period if period > 0 else None,
+        jitter_s=spread,
+        t_start_s=float(sensor.time_s[0]),
+        t_end_s=float(sensor.time_s[-1]),
+        method=", ".join(dict.fromkeys(plans[c].method for c in sensor.series)),
+        channels=tuple(
+            _channel(sensor, series, plans[c], columns[c]) for c, series in sensor.series.items()
+        ),
+    )
+
+
+def _channel(
+    sensor: CleanSensor, series: Series, plan: Bridged, found: Resampled
+) -> ChannelQuality:
+    steps = np.diff(series.time_s)
+    measured = series.channel.kind == "measured"
+    enough = series.values.size >= MIN_NOISE_SAMPLES
+    known = np.isfinite(found.values)
+    return ChannelQuality(
+        column=series.channel.column,
+        log_column=sensor.raw.columns[series.channel.column],
+        unit=series.channel.unit,
+        samples=series.values.size,
+        dropped=series.dropped,
+        minimum=float(series.values.min()),
+        maximum=float(series.values.max()),
+        noise_std=noise_std(series.values) if measured and enough else None,
+        resolution=resolution(series.values) if measured else None,
+        gaps=int(np.sum(steps > plan.limit_s)),
+        longest_gap_s=float(steps.max()) if steps.size else 0.0,
+        gap_limit_s=plan.limit_s if np.isfinite(plan.limit_s) else None,
+        interpolated_share=float(np.mean(known & ~found.sampled)) if measured else 0.0,
+        missing_share=float(np.mean(~known)),
+    )
+
+
+def _records(trial: Trial) -> tuple[Record, ...]:
+    record = trial.table[RECORD_COLUMN].to_numpy()
+    time = trial.table[TIME_COLUMN].to_numpy()
+    found = []
+    for number in range(int(record.max(initial=-1)) + 1):
+        own = time[record == number]
+        found.append(Record(record=number, t_start_s=own[0], t_end_s=own[-1], samples=own.size))
+    return tuple(found)

@@ -1,0 +1,224 @@
+"""Samples at any ticks brought to a uniform grid without delay and without invention.
+
+Measured channels are values at instants: a faster sensor is averaged over the step centred on the
+tick, a slower one interpolated. Inputs are held until the next command: their value at a tick
+is the exact mean over the step that follows.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+AVERAGE_BELOW = 0.75  # of the step: a sensor with a shorter period is averaged, else interpolated
+TICK_TOLERANCE = 1e-6  # of the step: rounding of time stamps in files
+ENOUGH_PERIODS = 2.5  # a single lost sample leaves a gap of two periods; jitter adds a bit
+HOLD_MIN_S = 2.0  # a polled command is held so long: slower vehicles poll at 1 Hz
+HOLD_PERIODS = 5.0  # and at least over so many of its periods
+ON_CHANGE_EQUAL = 0.05  # equal successive values: a command polled at a fixed rate has more
+ON_CHANGE_SPREAD = 5.0  # 95 % quantile over median of the intervals: far from a fixed rate
+HEARTBEAT_ROWS = 5  # so many long intervals ...
+HEARTBEAT_SPREAD = 1.3  # ... alike within this factor are a heartbeat, no drop-outs
+HEARTBEAT_MARGIN = 1.5  # times the heartbeat is held
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Uniform ticks ``(first + k) / rate_hz``."""
+
+    first: int
+    size: int
+    rate_hz: float
+
+    @property
+    def step_s(self) -> float:
+        """Distance of two ticks in s."""
+        return 1.0 / self.rate_hz
+
+    @property
+    def time_s(self) -> np.ndarray:
+        """The ticks, shape (size,)."""
+        return np.arange(self.first, self.first + self.size) / self.rate_hz
+
+    @classmethod
+    def within(cls, start_s: float, end_s: float, rate_hz: float) -> "Grid":
+        """All ticks from `start_s` to `end_s`, both included."""
+        first = int(np.ceil(start_s * rate_hz - TICK_TOLERANCE))
+        last = int(np.floor(end_s * rate_hz + TICK_TOLERANCE))
+        return cls(first, max(0, last - first + 1), rate_hz)
+
+
+@dataclass(frozen=True)
+class Resampled:
+    """A channel on the grid: values (NaN where unknown) and where a real sample stands behind."""
+
+    values: np.ndarray
+    sampled: np.ndarray
+
+
+def median_period(time_s: np.ndarray) -> float:
+    """Median interval between samples in s; 0 for fewer than two."""
+    return float(np.median(np.diff(time_s))) if time_s.size > 1 else 0.0
+
+
+def is_averaged(time_s: np.ndarray, step_s: float) -> bool:
+    """Whether a sensor is fast enough to be averaged over the step of the grid."""
+    return time_s.size > 1 and median_period(time_s) < AVERAGE_BELOW * step_s
+
+
+def gap_limit(time_s: np.ndarray, max_gap_s: float) -> float:
+    """Longest interval between two samples that is interpolated, in s."""
+    return max(max_gap_s, ENOUGH_PERIODS * median_period(time_s))
+
+
+def resample_measured(
+    time_s: np.ndarray, values: np.ndarray, grid: Grid, limit_s: float
+) -> Resampled:
+    """Bring a measured channel to the grid.
+
+    Parameters
+    ----------
+    time_s, values : numpy.ndarray
+        Samples in ascending time, angles unwrapped, shape (n,).
+    grid : Grid
+        The ticks.
+    limit_s : float
+        Longest interval between samples that is bridged.
+
+    Returns
+    -------
+    Resampled
+        `sampled` is True at the tick nearest to a sample; when averaged, at every tick whose
+        step holds one.
+    """
+    if is_averaged(time_s, grid.step_s):
+        found = _average(time_s, values, grid, limit_s)
+    else:
+        found = _interpolate(time_s, values, grid, limit_s)
+    nearest = np.rint(time_s * grid.rate_hz).astype(np.int64) - grid.first
+    sampled = np.zeros(grid.size, dtype=bool)
+    sampled[nearest[(nearest >= 0) & (nearest < grid.size)]] = True
+    return Resampled(found, sampled & np.isfinite(found))
+
+
+def _interpolate(time: np.ndarray, values: np.ndarray, grid: Grid, limit: float) -> np.ndarray:
+    ticks, slack = grid.time_s, TICK_TOLERANCE * grid.step_s
+    after = np.searchsorted(time, ticks - slack)
+    right = np.minimum(after, time.size - 1)
+    left = np.maximum(right - 1, 0)
+    on_sample = np.abs(time[right] - ticks) <= slack
+    known = (after > 0) & (after < time.size) & (time[right] - time[left] <= limit * (1 + 1e-9))
+    found = np.where(known, np.interp(ticks, time, values), np.nan)
+    return np.where(on_sample, values[right], found)
+
+
+def _average(time: np.ndarray, values: np.ndarray, grid: Grid, limit: float) -> np.ndarray:
+    """Mean over the centred step of the line through the samples: jitter makes no delay."""
+    middle = float(np.mean(values))  # a small integral keeps its digits
+    edges = np.concatenate((grid.time_s, [(grid.first + grid.size) / grid.rate_hz]))
+    edges -= 0.5 * grid.step_s
+    integral = np.diff(_integral_of_line(time, values - middle, edges))
+    in_gap = np.concatenate(([0.0], np.cumsum(_excess(np.diff(time), limit))))
+    gap = np.diff(np.interp(edges, time, in_gap))
+    slack = TICK_TOLERANCE * grid.step_s
+    inside = (edges[:-1] >= time[0] - slack) & (edges[1:] <= time[-1] + slack)
+    known = inside & (gap <= slack)
+    return np.where(known, middle + integral * grid.rate_hz, np.nan)
+
+
+def _excess(steps: np.ndarray, limit: float) -> np.ndarray:
+    return np.where(steps > limit * (1 + 1e-9), steps, 0.0)
+
+
+def _integral_of_line(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Integral of the line through the samples, from the first of them, at any times."""
+    steps = np.diff(time)
+    areas = np.concatenate(([0.0], np.cumsum(0.5 * steps * (values[1:] + values[:-1]))))
+    place = np.clip(np.searchsorted(time, at, side="right") - 1, 0, time.size - 2)
+    x = np.clip(at, time[0], time[-1]) - time[place]
+    slope = (values[place + 1] - values[place]) / steps[place]
+    return areas[place] + x * (values[place] + 0.5 * slope * x)
+
+
+# --- inputs -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Hold:
+    """How long a command is held: `limit_s` after a sample, and which rule said so."""
+
+    limit_s: float
+    rule: str
+
+
+def hold_rule(time_s: np.ndarray, values: np.ndarray, on_change: bool | None) -> Hold:
+    """How long a logged command holds when none follows.
+
+    A command polled at a fixed rate is held over `HOLD_MIN_S` or `HOLD_PERIODS` of its periods;
+    a longer silence is a drop-out. A log that is written only when the command changes shows
+    hardly any equal successive values at very unequal intervals: there silence means that
+    nothing changed, and the command holds until the next one.
+
+    Parameters
+    ----------
+    time_s, values : numpy.ndarray
+        Samples in ascending time, shape (n,).
+    on_change : bool or None
+        The user's word on it; None: decide from the data.
+    """
+    if on_change or (on_change is None and _is_on_change(time_s, values)):
+        return Hold(np.inf, "on_change")
+    limit = max(HOLD_MIN_S, HOLD_PERIODS * median_period(time_s))
+    steps = np.diff(time_s)
+    long = steps[steps > limit]
+    if long.size >= HEARTBEAT_ROWS and long.max() <= HEARTBEAT_SPREAD * np.median(long):
+        return Hold(HEARTBEAT_MARGIN * float(np.median(long)), "heartbeat")
+    return Hold(limit, "polled")
+
+
+def _is_on_change(time: np.ndarray, values: np.ndarray) -> bool:
+    if time.size < 2:
+        return True
+    equal = float(np.mean(np.diff(values) == 0))
+    steps = np.diff(time)
+    spread = float(np.quantile(steps, 0.95) / np.median(steps))
+    few = time.size < 2 * HEARTBEAT_ROWS  # a handful of rows in a trial is a list of commands
+    return equal <= ON_CHANGE_EQUAL and (spread > ON_CHANGE_SPREAD or few)
+
+
+def resample_input(time_s: np.ndarray, values: np.ndarray, grid: Grid, limit_s: float) -> Resampled:
+    """Bring a command to the grid: exact mean of the held value over [tick, tick + step).
+
+    Parameters
+    ----------
+    time_s, values : numpy.ndarray
+        Commands in ascending time, shape (n,); each holds until the next, at most `limit_s`.
+    grid : Grid
+        The ticks.
+    limit_s : float
+        Longest hold; may be infinite. A step that is not fully held is NaN.
+    """
+    starts, slack = grid.time_s, TICK_TOLERANCE * grid.step_s
+    ends = np.concatenate((starts[1:], [(grid.first + grid.size) / grid.rate_hz]))
+    until = np.append(time_s[1:], np.inf)
+    until = np.minimum(until, time_s + limit_s)
+    until[-1] = min(until[-1], max(ends[-1] if ends.size else 0.0, time_s[-1]))
+    knots = np.column_stack((time_s, until)).ravel()
+    held = np.column_stack((until - time_s, np.zeros_like(time_s))).ravel()[:-1]
+    covered = _between(knots, held, starts, ends)
+    area = _between(knots, held * np.repeat(values, 2)[:-1], starts, ends)
+    first = np.searchsorted(time_s, starts + slack, side="right") - 1
+    last = np.searchsorted(time_s, ends - slack, side="left") - 1
+    mean = np.where(first == last, values[np.maximum(first, 0)], area / np.maximum(covered, slack))
+    found = np.where(covered >= grid.step_s - 2 * slack, mean, np.nan)
+    tick = np.floor(time_s * grid.rate_hz + TICK_TOLERANCE).astype(np.int64) - grid.first
+    sampled = np.zeros(grid.size, dtype=bool)
+    sampled[tick[(tick >= 0) & (tick < grid.size)]] = True
+    return Resampled(found, sampled & np.isfinite(found))
+
+
+def _between(
+    knots: np.ndarray, pieces: np.ndarray, starts: np.ndarray, ends: np.ndarray
+) -> np.ndarray:
+    """Sum of pieces (each spread evenly between two knots) from `starts` to `ends`."""
+    total = np.concatenate(([0.0], np.cumsum(pieces)))
+    return np.interp(ends, knots, total) - np.interp(starts, knots, total)

@@ -1,0 +1,185 @@
+"""The ingest stage: clean, find the common clock, resample, check, report."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from auvident.errors import InputError, UsageError
+from auvident.schema.channels import (
+    BY_COLUMN,
+    CHANNELS,
+    FLAG_SUFFIX,
+    RECORD_COLUMN,
+    SENSORS,
+    TIME_COLUMN,
+)
+from auvident.schema.logs import RawTrial, TrialQuality
+from auvident.schema.trial import Trial
+from auvident.schema.vehicle import Vehicle
+from auvident.stages.ingest.clean import CleanSensor, Series, clean_trial
+from auvident.stages.ingest.quality import report
+from auvident.stages.ingest.resample import (
+    Grid,
+    Hold,
+    Resampled,
+    gap_limit,
+    hold_rule,
+    is_averaged,
+    median_period,
+    resample_input,
+    resample_measured,
+)
+
+NEEDED: tuple[str, ...] = tuple(c.column for c in CHANNELS if c.needed)
+# Interpolated rows are flagged and carry no weight in the filters; over a second a vehicle of
+# a few metres turns by a few degrees, so a line still serves segmentation and initial states.
+MAX_GAP_S = 1.0
+MAX_RATE_HZ = 1000.0
+MAX_PERIOD_S = 5.0  # slower velocities or yaw rates do not show a maneuver
+MAX_TICKS = 20_000_000  # some days at 100 Hz; more is a corrupt time stamp
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How a channel comes to the grid: longest interval bridged, and the span it covers."""
+
+    limit_s: float
+    method: str
+    start_s: float
+    end_s: float
+
+
+def ingest(
+    raw: RawTrial,
+    vehicle: Vehicle,
+    *,
+    rate_hz: float = 10.0,
+    max_gap_s: float = MAX_GAP_S,
+    needed: Collection[str] = NEEDED,
+) -> tuple[Trial, TrialQuality]:
+    """Bring a trial to one clock.
+
+    Parameters
+    ----------
+    raw : RawTrial
+        As read.
+    vehicle : Vehicle
+        For the signs of the control angles and the plausibility of the speeds.
+    rate_hz : float
+        Rows per second of the result.
+    max_gap_s : float
+        Longest interval between samples of a measured channel that is interpolated; slow
+        sensors are given 2.5 of their periods.
+    needed : collection of str
+        Channel columns that every row of a record must have.
+
+    Returns
+    -------
+    trial : Trial
+        The table of `auvident.schema.trial`.
+    quality : TrialQuality
+        What was dropped, bridged and noticed.
+
+    Raises
+    ------
+    InputError
+        When a needed channel is missing or empty, time goes backward, sensors never overlap, a
+        unit is impossible or the rudder's sign contradicts the vehicle file.
+    """
+    if not 0 < rate_hz <= MAX_RATE_HZ or not 0 < max_gap_s < np.inf:
+        raise UsageError(f"rate {rate_hz:g} Hz, longest gap {max_gap_s:g} s", "ingest",
+                         f"Give a rate of 0 to {MAX_RATE_HZ:g} Hz and a gap above 0.")  # fmt: skip
+    needed = tuple(needed)
+    sensors = clean_trial(raw, vehicle, needed)
+    _refuse_too_slow(sensors, needed)
+    plans = {c: _plan(s, k, rate_hz, max_gap_s) for c, s, k in _series(sensors)}
+    grid = _common_grid(raw, plans, needed, rate_hz)
+    columns = {c: _resample(series, plans[c], grid) for c, series, _ in _series(sensors)}
+    table = _table(grid, columns, needed)
+    trial = Trial(raw.name, table, rate_hz)
+    return trial, report(raw, trial, vehicle, sensors, plans, columns)
+
+
+def _series(sensors: dict[str, CleanSensor]) -> list[tuple[str, Series, CleanSensor]]:
+    found = {c: (c, s, k) for k in sensors.values() for c, s in k.series.items()}
+    return [found[c.column] for c in CHANNELS if c.column in found]
+
+
+def _refuse_too_slow(sensors: dict[str, CleanSensor], needed: tuple[str, ...]) -> None:
+    for column, series, sensor in _series(sensors):
+        period = median_period(series.time_s)
+        if column in needed and series.channel.kind == "measured" and period > MAX_PERIOD_S:
+            raise InputError(
+                f"one sample of {sensor.raw.columns[column]} in {period:g} s is too slow "
+                f"(limit {MAX_PERIOD_S:g} s)",
+                f"{sensor.raw.file}, column {sensor.raw.time_column}",
+                "If the time is in milliseconds, name it time_ms or say time_unit in a map.",
+            )
+
+
+def _plan(series: Series, sensor: CleanSensor, rate_hz: float, max_gap_s: float) -> Plan:
+    time, step = series.time_s, 1.0 / rate_hz
+    if series.channel.kind == "input":
+        hold: Hold = hold_rule(time, series.values, sensor.raw.on_change)
+        last = time[-1] + min(hold.limit_s, median_period(time))
+        end = np.inf if hold.rule == "on_change" else last - step
+        return Plan(hold.limit_s, hold.rule, float(time[0]), float(end))
+    limit = gap_limit(time, max_gap_s)
+    if is_averaged(time, step):
+        return Plan(limit, "averaged", float(time[0] + step / 2), float(time[-1] - step / 2))
+    return Plan(limit, "interpolated", float(time[0]), float(time[-1]))
+
+
+def _common_grid(
+    raw: RawTrial, plans: dict[str, Plan], needed: tuple[str, ...], rate_hz: float
+) -> Grid:
+    start = max(plans[column].start_s for column in needed)
+    end = min(plans[column].end_s for column in needed)
+    if not np.isfinite(end):  # nothing but commands written on change
+        end = start
+    if (end - start) * rate_hz > MAX_TICKS:
+        raise InputError(
+            f"the trial would last {end - start:.0f} s", f"trial {raw.name}",
+            "Correct the time stamps.",
+        )  # fmt: skip
+    grid = Grid.within(start, end, rate_hz)
+    if grid.size < 2:
+        spans = "; ".join(
+            f"{s.file} {s.time_s.min():.3f} to {s.time_s.max():.3f} s"
+            for name, s in raw.sensors.items()
+            if s.time_s.size and any(BY_COLUMN[c].sensor == name for c in needed)
+        )
+        raise InputError(
+            f"the needed sensors never overlap in time: {spans}",
+            f"trial {raw.name}",
+            "Check that all count the same clock; time_offset_s in a map (--map) shifts one.",
+        )
+    return grid
+
+
+def _resample(series: Series, plan: Plan, grid: Grid) -> Resampled:
+    if series.channel.kind == "input":
+        return resample_input(series.time_s, series.values, grid, plan.limit_s)
+    return resample_measured(series.time_s, series.values, grid, plan.limit_s)
+
+
+def _table(grid: Grid, columns: dict[str, Resampled], needed: tuple[str, ...]) -> pd.DataFrame:
+    table: dict[str, np.ndarray] = {TIME_COLUMN: grid.time_s}
+    table |= {column: found.values for column, found in columns.items()}
+    for sensor in SENSORS:
+        own = [c for c in columns if BY_COLUMN[c].sensor == sensor]
+        decisive = [c for c in own if c in needed] or own
+        if own:
+            flags = [columns[c].sampled for c in decisive]
+            table[sensor + FLAG_SUFFIX] = np.logical_and.reduce(flags)
+    known = np.logical_and.reduce([np.isfinite(columns[c].values) for c in needed])
+    table[RECORD_COLUMN] = _records(known)
+    return pd.DataFrame(table)
+
+
+def _records(known: np.ndarray) -> np.ndarray:
+    """Number of the uninterrupted piece of each row; -1 where a needed channel is unknown."""
+    begins = known & ~np.concatenate(([False], known[:-1]))
+    return np.where(known, np.cumsum(begins) - 1, -1)

@@ -1,0 +1,260 @@
+"""Which column of a file holds which channel, in which unit; what to suggest when none does."""
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from auvident.errors import InputError
+from auvident.schema.channels import BY_QUANTITY, CHANNELS, Channel
+from auvident.schema.logs import (
+    TIME_UNITS,
+    UNITS,
+    ColumnEntry,
+    SensorMap,
+    unit_name,
+    units_of,
+)
+from auvident.storage.log_file import LogFile
+from auvident.storage.log_layout import TIME_NAMES
+
+RPM_STEMS = ("n", "prop", "propeller", "propeller_rate", "shaft", "thruster", "motor")
+# Names met in logs, by quantity; only proposed, never used without the user's word.
+ALIASES: dict[str, tuple[str, ...]] = {
+    "u": ("vx", "vel_x", "velocity_x", "surge", "surge_velocity", "dvl_x", "dvl_u", "u_dvl",
+          "v_x", "speed", "x_velocity", "vel_u", "u_body", "bt_vx", "vforward"),
+    "v": ("vy", "vel_y", "velocity_y", "sway", "sway_velocity", "dvl_y", "dvl_v", "v_dvl",
+          "v_y", "y_velocity", "vel_v", "v_body", "bt_vy", "vlateral"),
+    "w": ("vz", "vel_z", "velocity_z", "heave", "heave_velocity", "dvl_z", "dvl_w", "w_dvl",
+          "v_z", "z_velocity", "vel_w", "w_body", "bt_vz"),
+    "p": ("roll_rate", "rollrate", "gyro_x", "wx", "omega_x", "p_gyro", "gyr_x",
+          "angular_velocity_x"),
+    "q": ("pitch_rate", "pitchrate", "gyro_y", "wy", "omega_y", "q_gyro", "gyr_y",
+          "angular_velocity_y"),
+    "r": ("yaw_rate", "yawrate", "gyro_z", "wz", "omega_z", "r_gyro", "gyr_z", "rot", "turn_rate",
+          "rate_of_turn", "psidot", "psi_dot", "angular_velocity_z"),
+    "rudder": ("delta", "delta_cmd", "delta_r", "rudder_cmd", "rudder_angle", "rud", "dr",
+               "delta_rudder", "rudder_command", "vertical_fin", "fin_rudder", "helm"),
+    "elevator": ("delta_e", "delta_s", "elevator_cmd", "elevator_angle", "stern_plane", "de",
+                 "ds", "sternplane", "delta_stern", "horizontal_fin", "pitch_fin"),
+    "rpm": ("n", "n_prop", "prop", "propeller", "propeller_rpm", "prop_rpm", "shaft_rpm",
+            "motor_rpm", "thruster_rpm", "shaft", "thruster", "rps", "rev", "n_rpm", "n_cmd"),
+    "roll": ("phi", "roll_angle"),
+    "pitch": ("theta", "pitch_angle"),
+    "heading": ("psi", "yaw", "hdg", "heading_true", "yaw_angle", "compass", "course_heading"),
+    "depth": ("z", "depth_sensor", "pos_z"),
+    "north": ("x", "x_north", "pos_n", "pos_north", "northing", "ned_x", "pos_x", "y_utm"),
+    "east": ("y", "y_east", "pos_e", "pos_east", "easting", "ned_y", "pos_y", "x_utm"),
+}  # fmt: skip
+TIME_ALIASES = (
+    "t", "time", "t_s", "time_sec", "seconds", "sec", "stamp", "utc", "datetime", "date_time",
+    "epoch", "unix_time", "timestamp_s", "timestamp_ms", "timestamp_us", "t_ms", "t_us", "clock",
+)  # fmt: skip
+USUAL_UNIT = {"m/s": "mps", "rad": "deg", "rad/s": "degps", "1/min": "rpm", "m": "m"}
+TIME_REMEDY = "Name it time_s (seconds) or timestamp (ISO 8601 or epoch)"
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a file that holds a channel: SI value = `factor` times the number."""
+
+    channel: Channel
+    name: str
+    factor: float
+
+
+def of_sensor(sensor: str) -> tuple[Channel, ...]:
+    """Channels of one sensor."""
+    return tuple(c for c in CHANNELS if c.sensor == sensor)
+
+
+def split_unit(name: str) -> tuple[str, str | None]:
+    """Stem and unit suffix of a column name, lower case; ``rpm`` and ``rps`` are their own."""
+    lower = name.strip().lower()
+    if lower in ("rpm", "rps"):
+        return "rpm", lower
+    base, _, suffix = lower.rpartition("_")
+    return (base, suffix) if base and suffix in UNITS else (lower, None)
+
+
+def quantity_of(name: str) -> str | None:
+    """Quantity that a column holds by its name, or None."""
+    base, unit = split_unit(name)
+    if base in BY_QUANTITY:
+        return base
+    return "rpm" if base in RPM_STEMS and unit in ("rpm", "rps") else None
+
+
+def time_column(log: LogFile, mapping: SensorMap) -> str:
+    """Name of the time column of a sensor.
+
+    Raises
+    ------
+    InputError
+        When there is none, naming the columns found.
+    """
+    if mapping.time is not None:
+        found = log.find(mapping.time)
+        if found is None:
+            raise _missing(log, f"the map's time column {mapping.time!r}", mapping.time)
+        return found
+    for name in TIME_NAMES:
+        found = log.find(name)
+        if found is not None:
+            return found
+    guess = guess_time(log)
+    hint = f', or say time = "{guess}" in a map (--map)' if guess else ""
+    raise InputError(
+        "has no time column",
+        f"{log.path}, columns {', '.join(log.names)}",
+        TIME_REMEDY + hint + ".",
+    )
+
+
+def guess_time(log: LogFile) -> str | None:
+    """A column that may be the time, or None."""
+    for alias in (*TIME_NAMES, *TIME_ALIASES):
+        found = log.find(alias)
+        if found is not None:
+            return found
+    return None
+
+
+def time_unit(name: str, mapping: SensorMap) -> str | None:
+    """Unit of a time column: the map's word, or the suffix of its name, or None."""
+    if mapping.time_unit is not None:
+        return mapping.time_unit
+    suffix = name.lower().rpartition("_")[2]
+    return suffix if suffix in TIME_UNITS and name.lower() != suffix else None
+
+
+def resolve(log: LogFile, sensor: str, mapping: SensorMap) -> dict[str, Column]:
+    """Columns of one sensor's channels in a file, by channel column.
+
+    Raises
+    ------
+    InputError
+        When a mapped column is missing, a quantity has no unit or one that does not fit, or two
+        columns hold the same quantity.
+    """
+    entries = mapping.entries()
+    found = {}
+    for channel in of_sensor(sensor):
+        entry = entries.get(channel.quantity)
+        column = _mapped(log, channel, entry) if entry else _by_name(log, channel)
+        if column is not None:
+            found[channel.column] = column
+    return found
+
+
+def _mapped(log: LogFile, channel: Channel, entry: ColumnEntry) -> Column:
+    name = log.find(entry.column)
+    if name is None:
+        what = f"the map's column {entry.column!r} for {channel.quantity}"
+        raise _missing(log, what, entry.column)
+    unit = unit_name(entry.unit) if entry.unit else _stated_unit(log, name, channel)
+    return Column(channel, name, _factor(log, name, channel, unit) * entry.sign)
+
+
+def _by_name(log: LogFile, channel: Channel) -> Column | None:
+    names = [name for name in log.names if quantity_of(name) == channel.quantity]
+    stated = [name for name in names if _stated_unit(log, name, channel) is not None]
+    if len(stated) > 1:
+        raise InputError(
+            f"columns {' and '.join(stated)} both hold {channel.quantity}",
+            str(log.path),
+            f"Remove one, or choose in a map (--map): {entry_text(channel, stated[0])}",
+        )
+    if not names:
+        return None
+    name = stated[0] if stated else names[0]
+    return Column(channel, name, _factor(log, name, channel, _stated_unit(log, name, channel)))
+
+
+def _stated_unit(log: LogFile, name: str, channel: Channel) -> str | None:
+    """Unit by suffix or beside the name; the two must agree."""
+    suffix = split_unit(name)[1]
+    beside = unit_name(log.unit_of(name))
+    if suffix and beside and suffix != beside:
+        raise InputError(
+            f"column {name} is labelled {log.unit_of(name)!r}",
+            str(log.path),
+            "Correct the suffix or the label, or say the unit in a map (--map): "
+            + entry_text(channel, name),
+        )
+    return suffix or beside
+
+
+def _factor(log: LogFile, name: str, channel: Channel, unit: str | None) -> float:
+    if unit is not None and UNITS[unit][0] == channel.unit:
+        return UNITS[unit][1]
+    allowed = units_of(channel.unit)
+    stem = channel.quantity if channel.quantity != "rpm" else "n"
+    names = " or ".join(f"{stem}_{suffix}" for suffix in allowed)
+    problem = "has no unit" if unit is None else f"has the unit {unit} that does not fit"
+    raise InputError(
+        f"column {name} ({channel.meaning}) {problem}",
+        str(log.path),
+        f"Name it {names}, or say the unit in a map (--map): {entry_text(channel, name)}",
+    )
+
+
+def entry_text(channel: Channel, name: str, unit: str | None = None) -> str:
+    """Line of a map for a column, e.g. ``[rudder] rudder = { column = "x", unit = "deg" }``."""
+    unit = unit or split_unit(name)[1]
+    fits = unit if unit and UNITS[unit][0] == channel.unit else USUAL_UNIT[channel.unit]
+    return f'[{channel.sensor}] {channel.quantity} = {{ column = "{name}", unit = "{fits}" }}'
+
+
+def guess_column(channel: Channel, names: Sequence[str]) -> str | None:
+    """The column that most probably holds a channel under another name, or None."""
+    bases = {name: split_unit(name)[0] for name in names}
+    for wanted in (channel.quantity, *ALIASES[channel.quantity]):
+        for name, base in bases.items():
+            if wanted in (base, name.strip().lower()):
+                return name
+    known = [a for a in (channel.quantity, *ALIASES[channel.quantity]) if len(a) > 3]
+    for name, base in bases.items():
+        if len(base) > 3 and difflib.get_close_matches(base, known, n=1, cutoff=0.8):
+            return name
+    return None
+
+
+def missing_channel(
+    channel: Channel, where: str, columns: Mapping[str, Sequence[str]]
+) -> InputError:
+    """Error for a needed channel that no file has, with what was found and a map entry.
+
+    Parameters
+    ----------
+    channel : Channel
+        What is missing.
+    where : str
+        File or folder that was searched.
+    columns : mapping of str to sequence of str
+        Columns found, by file name.
+    """
+    found = "; ".join(f"{file}: {', '.join(names)}" for file, names in columns.items())
+    guesses = [(f, guess_column(channel, names)) for f, names in columns.items()]
+    file, name = next(((f, n) for f, n in guesses if n), (next(iter(columns), "log.csv"), None))
+    suffixes = " or ".join(_log_names(channel))
+    entry = entry_text(channel, name or "your_column")
+    place = f'[{channel.sensor}] file = "{file}", ' + entry.split("] ")[1]
+    return InputError(
+        f"no column {suffixes} ({channel.meaning}) for {channel.sensor}; "
+        f"found {found or 'nothing'}",
+        where,
+        f"Name the column in a map (--map): {place}",
+    )
+
+
+def _log_names(channel: Channel) -> tuple[str, ...]:
+    if channel.quantity == "rpm":
+        return ("rpm",)
+    names = tuple(f"{channel.quantity}_{unit}" for unit in units_of(channel.unit))
+    return names[:2]
+
+
+def _missing(log: LogFile, what: str, wanted: str) -> InputError:
+    close = difflib.get_close_matches(wanted, log.names, n=1)
+    hint = f'Did you mean "{close[0]}"?' if close else "Correct the map."
+    return InputError(f"{what} is not there; found {', '.join(log.names)}", str(log.path), hint)

@@ -1,0 +1,287 @@
+"""Columns of a text log as arrays: a fast parser first, a careful one to handle or name faults."""
+
+import io
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+from pyarrow import csv as pacsv
+
+from auvident.errors import InputError
+from auvident.storage.log_layout import (
+    COMMENT_MARKS,
+    MISSING,
+    NUMBER,
+    WHITESPACE,
+    Layout,
+    is_missing,
+    is_value,
+    split,
+)
+from auvident.storage.log_text import read_text
+
+MAX_RAGGED_SHARE = 0.01  # rows with too few or too many fields: above it the file is no table
+MAX_RAGGED_FEW = 3  # so many are dropped from a short file, too
+FIRST_FEW = 5  # dropped rows whose numbers are kept for the report
+PEEK_ROWS = 200  # rows looked at to tell numbers from text
+DECIMALS_LINES = 20  # rows whose number of decimals the last row is held against
+# fmt: off
+DECIMAL_COMMA = re.compile(
+    rb"(?:^|[;\t ])[ \"]*[+-]?\d*,\d+(?:[eE][+-]?\d+)?[ \"]*(?=[;\t \n]|\Z)", re.MULTILINE
+)
+# fmt: on
+NULLS = sorted({w for m in MISSING for w in (m, m.upper(), m.capitalize())} | {"NaN", "N/a"})
+Kind = Literal["number", "text"]
+
+
+@dataclass(frozen=True)
+class LogTable:
+    """Columns of a log file, shape (n,) each: float64, or objects for text.
+
+    `rows` are lines of the file (1-based); `dropped` counts rows by reason.
+    """
+
+    columns: dict[str, np.ndarray]
+    rows: np.ndarray
+    rows_read: int
+    dropped: dict[str, int] = field(default_factory=dict)
+    dropped_rows: dict[str, tuple[int, ...]] = field(default_factory=dict)
+
+
+def read_csv(path: Path, layout: Layout, wanted: Mapping[str, Kind | None]) -> LogTable:
+    """Read some columns of a text log.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    layout : Layout
+        Its layout, from `find_layout`.
+    wanted : mapping of str to {"number", "text", None}
+        Columns to read and what they hold; None: look.
+
+    Raises
+    ------
+    InputError
+        When a number column holds text (with row, column and the text), or too many rows do
+        not have the fields that the header names.
+    """
+    body = _body(path, layout)
+    body, cut_off = _without_cut_tail(body, layout)
+    if not body.strip():
+        raise InputError("has column names but no data", str(path))
+    if layout.delimiter == WHITESPACE:
+        body = re.sub(rb"[ \t]+", b" ", re.sub(rb"^[ \t]+|[ \t]+$", b"", body, flags=re.M))
+    kinds = {name: kind or _peek(body, layout, name) for name, kind in wanted.items()}
+    bad: list[str] = []
+    comma = _has_decimal_comma(body, layout)
+    try:
+        table = _parse(body, layout, kinds, comma, bad)
+        columns = {name: _to_numpy(table.column(name), kinds[name]) for name in kinds}
+        kept = np.ones(len(table), dtype=bool)
+        lines = _lines(body, layout, len(table))
+    except pa.ArrowInvalid:
+        columns, kept, lines = _parse_carefully(path, body, layout, kinds, bad)
+    dropped, dropped_rows = _count_dropped(path, body, layout, bad, kept, lines, cut_off)
+    read = int(kept.sum()) + sum(dropped.values())
+    if not kept.any():
+        raise InputError("has column names but no data", str(path))
+    return LogTable(
+        {name: values[kept] for name, values in columns.items()},
+        lines[kept],
+        read,
+        dropped,
+        dropped_rows,
+    )
+
+
+def _body(path: Path, layout: Layout) -> bytes:
+    content, _ = read_text(path)
+    start = 0
+    for _ in range(layout.data_line):
+        start = content.index(b"\n", start) + 1
+    return content[start:]
+
+
+def _without_cut_tail(body: bytes, layout: Layout) -> tuple[bytes, int]:
+    """Drop a last line that was cut off while it was written; 1 when there was one."""
+    if not body or body.endswith(b"\n"):
+        return body, 0
+    last = body[body.rfind(b"\n") + 1 :]
+    if not _is_cut(last, body, layout):
+        return body, 0
+    return body[: len(body) - len(last)], 1
+
+
+def _is_cut(last: bytes, body: bytes, layout: Layout) -> bool:
+    fields = split(last.decode(errors="replace"), layout.delimiter)
+    if len(fields) < len(layout.names):
+        return bool(last.strip())
+    above = [
+        split(line.decode(errors="replace"), layout.delimiter)[-1:]
+        for line in body.split(b"\n", DECIMALS_LINES)[:DECIMALS_LINES]
+    ]
+    words = [word[0] for word in above if word and NUMBER.fullmatch(word[0])]
+    if len(words) < DECIMALS_LINES // 2:  # text, or too short to tell
+        return False
+    if not is_value(fields[-1]):
+        return True
+    return _decimals(fields[-1]) < min(_decimals(word) for word in words)
+
+
+def _decimals(number: str) -> int:
+    return len(re.split("[.,]", number)[1]) if re.search("[.,]", number) else 0
+
+
+def _peek(body: bytes, layout: Layout, name: str) -> Kind:
+    place = layout.names.index(name)
+    for line in body.split(b"\n", PEEK_ROWS)[:PEEK_ROWS]:
+        fields = split(line.decode(errors="replace"), layout.delimiter)
+        if len(fields) > place and not is_missing(fields[place]):
+            return "number" if NUMBER.fullmatch(fields[place]) else "text"
+    return "number"
+
+
+def _has_decimal_comma(body: bytes, layout: Layout) -> bool:
+    return layout.delimiter != "," and b"," in body and bool(DECIMAL_COMMA.search(body))
+
+
+def _parse(
+    body: bytes, layout: Layout, kinds: Mapping[str, Kind], comma: bool, bad: list[str]
+) -> pa.Table:
+    """Parse with the fast reader; rows with a wrong number of fields are collected in `bad`."""
+    keys = [f"{i}" for i in range(len(layout.names))]
+    wanted = {keys[layout.names.index(name)]: name for name in kinds}
+    types = {"number": pa.float64(), "text": pa.string()}
+
+    def note(row: pacsv.InvalidRow) -> str:
+        bad.append(row.text)
+        return "skip"
+
+    bad.clear()
+    table = pacsv.read_csv(
+        io.BytesIO(body),
+        pacsv.ReadOptions(column_names=keys),
+        pacsv.ParseOptions(delimiter=layout.delimiter, invalid_row_handler=note),
+        pacsv.ConvertOptions(
+            column_types={key: types[kinds[name]] for key, name in wanted.items()},
+            include_columns=list(wanted),
+            null_values=NULLS,
+            strings_can_be_null=True,
+            decimal_point="," if comma else ".",
+            check_utf8=False,
+        ),
+    )
+    return table.rename_columns([wanted[key] for key in table.column_names])
+
+
+def _to_numpy(column: pa.ChunkedArray, kind: Kind) -> np.ndarray:
+    if kind == "text":
+        return np.asarray(column.to_pandas().astype(object))
+    return column.to_numpy().astype(float)
+
+
+def _parse_carefully(
+    path: Path, body: bytes, layout: Layout, kinds: Mapping[str, Kind], bad: list[str]
+) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
+    """Parse as text, leave out comments and repeated headers, name the first text left."""
+    first = layout.names[0]
+    as_text: dict[str, Kind] = dict.fromkeys((first, *kinds), "text")
+    table = _parse(body, layout, as_text, False, bad)
+    texts = {
+        name: table.column(name).to_pandas().astype(object).fillna("").str.strip()
+        for name in as_text
+    }
+    lines = _lines(body, layout, len(table))
+    header = texts[first] == first
+    for name in kinds:
+        header &= texts[name].isin([name, ""]) | (texts[name] == name)
+    comment = texts[first].str.startswith(COMMENT_MARKS)
+    kept = ~np.asarray(header | comment, dtype=bool)
+    columns = {}
+    for name, kind in kinds.items():
+        text = texts[name]
+        columns[name] = (
+            _numbers(path, name, text, kept, lines) if kind == "number" else text.to_numpy(object)
+        )
+    return columns, kept, lines
+
+
+def _numbers(
+    path: Path, name: str, text: pd.Series, kept: np.ndarray, lines: np.ndarray
+) -> np.ndarray:
+    plain = text.str.replace(",", ".", regex=False).str.strip('"')
+    numbers = pd.to_numeric(plain, errors="coerce").to_numpy(dtype=float, copy=True)
+    suspect = np.flatnonzero(np.isnan(numbers) & kept)
+    wrong = suspect[~text.iloc[suspect].str.strip('" ').str.lower().isin(MISSING)]
+    if wrong.size:
+        raise InputError(
+            f"{text.iloc[wrong[0]]!r} in column {name} is not a number",
+            f"{path}, row {lines[wrong[0]]}",
+            "Correct or remove the row, or leave the cell empty where there is no value.",
+        )
+    return numbers
+
+
+def _lines(body: bytes, layout: Layout, rows: int) -> np.ndarray:
+    """Line of the file (1-based) of each parsed row."""
+    first = layout.data_line + 1
+    total = body.count(b"\n") + (not body.endswith(b"\n"))
+    if total == rows:
+        return np.arange(first, first + rows)
+    good = [k for k, line in enumerate(body.split(b"\n")) if _is_row(line, layout)]
+    return first + np.asarray(good[:rows] if len(good) >= rows else np.arange(rows))
+
+
+def _is_row(line: bytes, layout: Layout) -> bool:
+    if not line:
+        return False
+    mark = layout.delimiter.encode()
+    if b'"' in line:
+        return len(split(line.decode(errors="replace"), layout.delimiter)) == len(layout.names)
+    return line.count(mark) + 1 == len(layout.names)
+
+
+def _count_dropped(
+    path: Path,
+    body: bytes,
+    layout: Layout,
+    bad: Sequence[str],
+    kept: np.ndarray,
+    lines: np.ndarray,
+    cut_off: int,
+) -> tuple[dict[str, int], dict[str, tuple[int, ...]]]:
+    """Rows left out, by reason; too many with a wrong number of fields are refused."""
+    ragged = [row for row in bad if row.strip() and not row.lstrip().startswith(COMMENT_MARKS)]
+    where: dict[str, tuple[int, ...]] = {}
+    if ragged:
+        where["wrong_number_of_fields"] = _find_rows(body, layout, ragged[:FIRST_FEW])
+        if len(ragged) > max(MAX_RAGGED_FEW, MAX_RAGGED_SHARE * len(kept)):
+            row = where["wrong_number_of_fields"][:1]
+            raise InputError(
+                f"{len(ragged)} rows do not have the {len(layout.names)} fields of the header, "
+                f"e.g. {ragged[0][:60]!r}",
+                f"{path}, row {row[0]}" if row else str(path),
+                "Check the delimiter (a decimal comma needs semicolons or tabs between columns).",
+            )
+    if cut_off:
+        where["incomplete_last_row"] = (layout.data_line + 1 + body.count(b"\n"),)
+    counts = {
+        "wrong_number_of_fields": len(ragged),
+        "incomplete_last_row": cut_off,
+        "repeated_header": int((~kept).sum()),
+    }
+    if counts["repeated_header"]:
+        where["repeated_header"] = tuple(int(k) for k in lines[~kept][:FIRST_FEW])
+    return {reason: n for reason, n in counts.items() if n}, where
+
+
+def _find_rows(body: bytes, layout: Layout, texts: Sequence[str]) -> tuple[int, ...]:
+    wanted = {text.encode() for text in texts}
+    found = [k for k, line in enumerate(body.split(b"\n")) if line in wanted]
+    return tuple(layout.data_line + 1 + k for k in found[:FIRST_FEW])

@@ -1,0 +1,271 @@
+"""Which files make up which trial: folders, wide files, sensor files, files named by a map."""
+
+import difflib
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from auvident.errors import InputError
+from auvident.schema.channels import SENSORS
+from auvident.schema.logs import ColumnMap
+from auvident.storage.log_columns import resolve, time_column
+from auvident.storage.log_file import LOG_SUFFIXES, LogFile, looks_like_log, open_log, stem
+
+MAX_DEPTH = 4  # folders below the one given; a deeper tree is not a log folder but a disk
+LAYOUT_REMEDY = (
+    "A log is a folder with one file per sensor (dvl.csv, gyro.csv, rudder.csv, rpm.csv), "
+    "or one file with all columns; other names need a map (--map)."
+)
+
+
+@dataclass(frozen=True)
+class TrialSource:
+    """Files of one trial.
+
+    Attributes
+    ----------
+    name : str
+        Name of the trial.
+    place : Path
+        Folder or file, for messages.
+    files : tuple of Path
+        Files to search for columns.
+    assigned : dict of str to Path
+        File of a sensor as the map's pattern says.
+    """
+
+    name: str
+    place: Path
+    files: tuple[Path, ...]
+    assigned: dict[str, Path] = field(default_factory=dict)
+
+
+def find_trials(paths: Sequence[Path], column_map: ColumnMap | None = None) -> list[TrialSource]:
+    """Trials behind the paths that the user gave.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Trial folders, wide files, folders of either, or all the sensor files of a folder.
+    column_map : ColumnMap, optional
+        The user's map.
+
+    Raises
+    ------
+    InputError
+        When a path does not exist, holds no log, or two trials have one name.
+    """
+    column_map = column_map or ColumnMap()
+    found: list[TrialSource] = []
+    by_folder: dict[Path, list[Path]] = {}
+    for path in dict.fromkeys(Path(p) for p in paths):
+        if not path.exists():
+            raise _no_such(path)
+        if path.is_dir():
+            found += _folder_or_refuse(path, column_map)
+        elif _is_sensor_file(path, column_map):
+            by_folder.setdefault(path.parent, []).append(path)
+        else:
+            found.append(_single(path, column_map))
+    found += [_loose(folder, files, column_map) for folder, files in by_folder.items()]
+    return _distinct(found)
+
+
+def _no_such(path: Path) -> InputError:
+    there = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
+    close = difflib.get_close_matches(path.name, there, n=1)
+    hint = f"Did you mean {path.parent / close[0]}?" if close else "Check the path."
+    return InputError("no such file or folder", str(path), hint)
+
+
+def _is_sensor_file(path: Path, column_map: ColumnMap) -> bool:
+    return stem(path).lower() in SENSORS and not any(_patterns(column_map))
+
+
+def _patterns(column_map: ColumnMap) -> dict[str, str]:
+    patterns = {sensor: column_map.of(sensor).file for sensor in SENSORS}
+    return {sensor: pattern for sensor, pattern in patterns.items() if pattern}
+
+
+def _loose(folder: Path, files: Sequence[Path], column_map: ColumnMap) -> TrialSource:
+    """Sensor files named one by one: one trial, unless a lone file has all the columns."""
+    if len(files) == 1:
+        return _single(files[0], column_map)
+    return TrialSource(folder.resolve().name, folder, tuple(files))
+
+
+def _single(path: Path, column_map: ColumnMap) -> TrialSource:
+    for sensor, pattern in _patterns(column_map).items():
+        if not path.match(pattern):
+            raise InputError(
+                f"the map looks for [{sensor}] in {pattern!r}",
+                str(path),
+                "Give the folder of the trial instead of one file, or correct the map.",
+            )
+    return TrialSource(stem(path), path, (path,))
+
+
+def _folder_or_refuse(path: Path, column_map: ColumnMap) -> list[TrialSource]:
+    found = _folder(path, column_map, 0)
+    if found:
+        return found
+    inside = sorted(p.name + ("/" if p.is_dir() else "") for p in path.iterdir())
+    wanted = sorted(set(_patterns(column_map).values()))
+    problem = f"holds no file that matches {', '.join(wanted)}" if wanted else "holds no log"
+    listing = ", ".join(inside[:12]) + (", ..." if len(inside) > 12 else "")
+    raise InputError(f"{problem}; found {listing or 'nothing'}", str(path), LAYOUT_REMEDY)
+
+
+def _folder(path: Path, column_map: ColumnMap, depth: int) -> list[TrialSource]:
+    """Trials in a folder; when it is itself none, also those in the folders below."""
+    logs = tuple(sorted(p for p in path.iterdir() if looks_like_log(p)))
+    name = path.resolve().name
+    if _patterns(column_map):
+        matched = _by_patterns(path, logs, column_map)
+        if matched:
+            return matched
+        logs = ()
+    if any(stem(log).lower() in SENSORS for log in logs):
+        _refuse_twins(path, logs)
+        return [TrialSource(name, path, logs)]
+    wide = [log for log in logs if len(logs) == 1 or _has_time(log, column_map)]
+    if len(wide) > 1 and _is_split(wide, column_map):
+        return [TrialSource(name, path, tuple(wide))]
+    found = [TrialSource(stem(log), log, (log,)) for log in wide]
+    if depth < MAX_DEPTH:
+        for below in sorted(p for p in path.iterdir() if p.is_dir() and p.name[:1] not in "._"):
+            found += _folder(below, column_map, depth + 1)
+    return found
+
+
+def _refuse_twins(path: Path, logs: Iterable[Path]) -> None:
+    count = Counter(stem(log).lower() for log in logs)
+    twins = [name for name in SENSORS if count[name] > 1]
+    if twins:
+        files = ", ".join(log.name for log in logs if stem(log).lower() == twins[0])
+        raise InputError(f"two files of one sensor: {files}", str(path), "Keep one of them.")
+
+
+def _has_time(log: Path, column_map: ColumnMap) -> bool:
+    """Whether a file of a folder is a recording; tables such as hull offsets are none."""
+    opened = open_log(log, _time_names(column_map))
+    try:
+        return bool(time_column(opened, column_map.of("dvl")))
+    except InputError:
+        return bool(_sensors_in(opened, column_map))
+
+
+def _is_split(logs: Sequence[Path], column_map: ColumnMap) -> bool:
+    """Whether no file alone has dvl, gyro and rudder, but together they have them once each."""
+    core = ("dvl", "gyro", "rudder")
+    names = _time_names(column_map)
+    have = [_sensors_in(open_log(log, names), column_map) for log in logs]
+    if any(all(sensor in h for sensor in core) for h in have):
+        return False
+    return all(sum(sensor in h for h in have) == 1 for sensor in core)
+
+
+def _time_names(column_map: ColumnMap) -> set[str]:
+    return {t for t in (column_map.of(sensor).time for sensor in SENSORS) if t}
+
+
+def _sensors_in(log: LogFile, column_map: ColumnMap) -> set[str]:
+    """Sensors with a readable column in a file."""
+    return {sensor for sensor in SENSORS if has_sensor(log, sensor, column_map)}
+
+
+def has_sensor(log: LogFile, sensor: str, column_map: ColumnMap) -> bool:
+    """Whether a file has the time column and a column of a sensor; faults count as no."""
+    mapping = column_map.of(sensor)
+    try:
+        return bool(resolve(log, sensor, mapping)) and bool(time_column(log, mapping))
+    except InputError:
+        return False
+
+
+def _by_patterns(path: Path, logs: Sequence[Path], column_map: ColumnMap) -> list[TrialSource]:
+    """Trials of a folder by the map's file patterns.
+
+    A pattern that matches one file (or one with the mapped columns) names it; patterns that
+    match several make one trial for each text that the wildcards stand for.
+    """
+    matches = {s: _matching(path, s, p, column_map) for s, p in _patterns(column_map).items()}
+    if not any(matches.values()):
+        return []
+    if all(len(found) <= 1 for found in matches.values()):
+        assigned = {s: found[0] for s, found in matches.items() if found}
+        files = tuple(dict.fromkeys((*assigned.values(), *logs)))
+        name = path.resolve().name
+        if len(logs) == 1 and len(set(assigned.values())) == 1:
+            name = stem(files[0])
+        return [TrialSource(name, path, files, assigned)]
+    groups: dict[str, dict[str, Path]] = {}
+    for sensor, found in matches.items():
+        for file in found:
+            key = _wildcard_text(file.relative_to(path), column_map.of(sensor).file or "")
+            groups.setdefault(key, {})[sensor] = file
+    return [_group(path, key, assigned) for key, assigned in sorted(groups.items())]
+
+
+def _group(path: Path, key: str, assigned: dict[str, Path]) -> TrialSource:
+    files = tuple(dict.fromkeys(assigned.values()))
+    name = stem(files[0]) if len(files) == 1 else key.strip("._- /").replace("/", "_")
+    place = files[0] if len(files) == 1 else path
+    return TrialSource(name or path.resolve().name, place, files, assigned)
+
+
+def _matching(path: Path, sensor: str, pattern: str, column_map: ColumnMap) -> list[Path]:
+    """Files that a pattern names; of several, those that have the sensor's columns."""
+    try:
+        found = sorted(p for p in path.glob(pattern) if p.is_file())
+    except (ValueError, NotImplementedError) as error:
+        raise InputError(
+            f"[{sensor}] file = {pattern!r} is no pattern: {error}",
+            str(path),
+            'Give a name relative to the log folder, e.g. "*.csv".',
+        ) from error
+    found = [p for p in found if not p.name.startswith(".")]
+    if len(found) <= 1:
+        return found
+    logs = [p for p in found if p.name.lower().endswith(LOG_SUFFIXES)] or found
+    names = _time_names(column_map)
+    return [p for p in logs if has_sensor(open_log(p, names), sensor, column_map)]
+
+
+def _wildcard_text(relative: Path, pattern: str) -> str:
+    """Text that the wildcards of a pattern stand for in a file's name."""
+    signs = {"*": "([^/]*)", "?": "([^/])", "**": "(.*)"}
+    parts = re.split(r"(\*\*|\*|\?)", pattern)
+    expression = "".join(signs.get(part) or re.escape(part) for part in parts)
+    found = re.fullmatch(expression, relative.as_posix())
+    return "_".join(found.groups()) if found else relative.as_posix()
+
+
+def _distinct(found: list[TrialSource]) -> list[TrialSource]:
+    """Refuse two trials of one name; a lone file of a folder may take the folder's name."""
+    count = Counter(source.name for source in found)
+    named = [
+        replace(s, name=_folder_name(s)) if count[s.name] > 1 and _is_alone(s) else s for s in found
+    ]
+    count = Counter(source.name for source in named)
+    for source in named:
+        if count[source.name] > 1:
+            places = " and ".join(str(s.place) for s in named if s.name == source.name)
+            raise InputError(
+                f"two trials have the name {source.name!r}",
+                places,
+                "Rename one file or folder: trials are known by their stem.",
+            )
+    return named
+
+
+def _is_alone(source: TrialSource) -> bool:
+    folder = source.files[0].parent
+    logs = [p for p in folder.iterdir() if looks_like_log(p)]
+    return len(source.files) == 1 and len(logs) == 1
+
+
+def _folder_name(source: TrialSource) -> str:
+    return source.files[0].resolve().parent.name

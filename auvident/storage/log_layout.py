@@ -1,0 +1,192 @@
+"""Where the columns of a text log stand: delimiter, header, units row, first row of data."""
+
+import csv
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+from auvident.errors import InputError
+from auvident.schema.logs import TIME_UNITS, unit_name
+
+HEADER_LINES = 400  # a longer preamble is no log of ours
+COMMENT_MARKS = ("#", "//", "%")
+DELIMITERS = ("\t", ";", ",")
+WHITESPACE = " "
+# fmt: off
+MISSING = frozenset((
+    "", "-", "--", "?", "nan", "-nan", "+nan", "nan(ind)", "-nan(ind)", "null", "none", "nil",
+    "nat", "n/a", "na", "#n/a", "inf", "-inf", "+inf", "infinity", "-infinity",
+))
+# fmt: on
+TIME_NAMES = ("time_s", "timestamp", *(f"time_{unit}" for unit in TIME_UNITS if unit != "s"))
+NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?")
+INSTANT = re.compile(r"\d{4}-?\d\d-?\d\d([T ].*)?|\d\d?:\d\d(:\d\d([.,]\d+)?)?")
+BRACKETS = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]$")
+REMEDY = "The first row should name the columns, e.g. time_s,u_mps,v_mps."
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Layout of a text log; lines count from 0.
+
+    `units` holds the text of a units row or of brackets behind the name, "" where none.
+    """
+
+    delimiter: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    header_line: int
+    data_line: int
+
+
+def split(line: str, delimiter: str) -> list[str]:
+    """Fields of one line, quotes and blanks removed."""
+    if delimiter == WHITESPACE:
+        return line.split()
+    fields = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    return [field.strip() for field in fields]
+
+
+def is_comment(line: str) -> bool:
+    """Whether a line is a comment."""
+    return line.lstrip().startswith(COMMENT_MARKS)
+
+
+def is_missing(field: str) -> bool:
+    """Whether a field is a recognised marker of a missing value."""
+    return field.strip().lower() in MISSING
+
+
+def is_value(field: str) -> bool:
+    """Whether a field is a number, an instant or a missing value."""
+    return is_missing(field) or bool(NUMBER.fullmatch(field) or INSTANT.fullmatch(field))
+
+
+def find_layout(text: str, where: str, time_names: Collection[str]) -> Layout:
+    """Find the row of column names and the first row of data.
+
+    Parameters
+    ----------
+    text : str
+        The beginning of the file.
+    where : str
+        File, for messages.
+    time_names : collection of str
+        Names of a time column, lower case: a row that has one is the header.
+
+    Raises
+    ------
+    InputError
+        When there is no header, or nothing but a header.
+    """
+    lines = text.split("\n")
+    header = _header_by_name(lines, time_names)
+    if header is None:
+        header = _header_by_structure(lines)
+    if header is None:
+        first = next((line.strip() for line in lines if line.strip()), "")
+        raise InputError(f"has no row of column names; it starts with {first[:60]!r}",
+                         where, REMEDY)  # fmt: skip
+    index, delimiter = header
+    names, units = _names_and_units(split(_uncommented(lines[index]), delimiter))
+    start = _next_content(lines, index + 1)
+    if start is not None and _is_units_row(split(lines[start], delimiter)):
+        units = _merge_units(units, split(lines[start], delimiter), where, start + 1)
+        start = _next_content(lines, start + 1)
+    if start is None:
+        raise InputError("has column names but no data", where, "Record it again or leave it out.")
+    extra = len(split(lines[start], delimiter)) - len(names)
+    if extra == 1 and split(lines[start], delimiter)[-1] == "":  # rows end in a delimiter
+        names, units = (*names, ""), (*units, "")
+    return Layout(delimiter, names, units, index, start)
+
+
+def _uncommented(line: str) -> str:
+    stripped = line.strip("\n ")
+    for mark in COMMENT_MARKS:
+        if stripped.startswith(mark):
+            return stripped.lstrip("#/% ")
+    return stripped
+
+
+def _best_split(line: str) -> tuple[str, list[str]]:
+    """Delimiter that gives the most fields; blanks only when no other splits at all."""
+    options = [(d, split(line, d)) for d in DELIMITERS]
+    delimiter, fields = max(options, key=lambda option: len(option[1]))
+    if len(fields) > 1:
+        return delimiter, fields
+    words = line.split()
+    return (WHITESPACE, words) if len(words) > 1 else (",", fields)
+
+
+def _next_content(lines: Sequence[str], start: int) -> int | None:
+    for index in range(start, len(lines)):
+        if lines[index].strip() and not is_comment(lines[index]):
+            return index
+    return None
+
+
+def _header_by_name(lines: Sequence[str], names: Collection[str]) -> tuple[int, str] | None:
+    """First row with a known name of the time column; a comment only right before data."""
+    for index, line in enumerate(lines[:HEADER_LINES]):
+        if not line.strip():
+            continue
+        delimiter, fields = _best_split(_uncommented(line))
+        known = any(_plain(name)[0].lower() in names for name in fields)
+        if not known or any(NUMBER.fullmatch(field) for field in fields):
+            continue
+        if is_comment(line):
+            below = _next_content(lines, index + 1)
+            row = split(lines[below], delimiter) if below is not None else []
+            if len(row) != len(fields) or not all(is_value(field) for field in row):
+                continue
+        return index, delimiter
+    return None
+
+
+def _header_by_structure(lines: Sequence[str]) -> tuple[int, str] | None:
+    """First row of two or more words above a row of as many fields, half of them values."""
+    for index, line in enumerate(lines[:HEADER_LINES]):
+        if not line.strip() or is_comment(line):
+            continue
+        delimiter, fields = _best_split(line)
+        if len(fields) < 2 or any(is_value(field) for field in fields if field):
+            continue
+        below = _next_content(lines, index + 1)
+        if below is not None and _is_units_row(split(lines[below], delimiter)):
+            below = _next_content(lines, below + 1)
+        if below is None:
+            return index, delimiter
+        row = split(lines[below], delimiter)
+        values = sum(is_value(field) for field in row)
+        if len(row) - len(fields) in (0, 1) and 2 * values >= len(row):
+            return index, delimiter
+    return None
+
+
+def _plain(name: str) -> tuple[str, str]:
+    found = BRACKETS.match(name)
+    return (found["name"], found["unit"]) if found else (name, "")
+
+
+def _names_and_units(fields: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    pairs = [_plain(field) for field in fields]
+    return tuple(name for name, _ in pairs), tuple(unit for _, unit in pairs)
+
+
+def _is_units_row(fields: Sequence[str]) -> bool:
+    """Only words, at least one of them a unit."""
+    units = [f for f in fields if unit_name(f) or f.strip("[]()").lower() in TIME_UNITS]
+    return bool(units) and not any(NUMBER.fullmatch(f) or INSTANT.fullmatch(f) for f in fields)
+
+
+def _merge_units(
+    brackets: tuple[str, ...], row: Sequence[str], where: str, line: int
+) -> tuple[str, ...]:
+    if len(row) != len(brackets):
+        raise InputError(
+            f"the units row has {len(row)} fields, the header {len(brackets)}",
+            f"{where}, row {line}",
+            "Give every column its unit, or remove the row.",
+        )
+    return tuple(own or other for own, other in zip(brackets, row, strict=True))

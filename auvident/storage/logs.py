@@ -1,0 +1,277 @@
+"""Readers of trial logs: paths and a column map in, raw sensors in SI units out.
+
+The layout of a log is section 3 of the user's contract: one file per sensor, one wide file, or
+files named freely with a map. Nothing is resampled or cleaned here but rows that are no samples
+(marked invalid, cut off, without a time).
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from auvident.errors import InputError
+from auvident.schema.artifacts import Finding
+from auvident.schema.channels import BY_COLUMN, CHANNELS, SENSORS
+from auvident.schema.logs import ColumnMap, InputMap, RawSensor, RawTrial
+from auvident.storage.declared import parse, read_toml
+from auvident.storage.log_columns import (
+    Column,
+    missing_channel,
+    resolve,
+    time_column,
+    time_unit,
+)
+from auvident.storage.log_csv import FIRST_FEW, Kind, LogTable
+from auvident.storage.log_file import LogFile, open_log, read_log, stem
+from auvident.storage.log_find import TrialSource, find_trials, has_sensor
+from auvident.storage.log_time import ABSOLUTE_S, to_seconds
+
+NEEDED: tuple[str, ...] = tuple(c.column for c in CHANNELS if c.needed)
+FALSE_WORDS = frozenset(("0", "0.0", "false", "f", "no", "n", "invalid", "bad", "nok"))
+MAP_REMEDY = (
+    'A table per sensor, e.g. [rudder] file = "*.csv", time = "t", '
+    'rudder = { column = "delta_cmd", unit = "deg", sign = -1 }.'
+)
+
+
+def read_column_map(path: Path) -> ColumnMap:
+    """Read ``MAP.toml``; a fault is an `InputError` naming file, table and key."""
+    return parse(ColumnMap, read_toml(path), path, MAP_REMEDY)
+
+
+def read_trials(
+    paths: Sequence[Path],
+    column_map: ColumnMap | None = None,
+    needed: Collection[str] = NEEDED,
+) -> list[RawTrial]:
+    """Read the trials behind some paths.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Trial folders, wide files, or folders of either; see `find_trials`.
+    column_map : ColumnMap, optional
+        The user's names, units and signs.
+    needed : collection of str
+        Channel columns (``u_mps``) without which a trial is refused.
+
+    Returns
+    -------
+    list of RawTrial
+        In the order of the paths.
+
+    Raises
+    ------
+    InputError
+        When a file, column, unit, number or time cannot be used; see `auvident.errors`.
+    """
+    return [read_trial(s, column_map, needed) for s in find_trials(paths, column_map)]
+
+
+def read_trial(
+    source: TrialSource,
+    column_map: ColumnMap | None = None,
+    needed: Collection[str] = NEEDED,
+) -> RawTrial:
+    """Read one trial; parameters and errors as for `read_trials`."""
+    column_map = column_map or ColumnMap()
+    times = {t for t in (column_map.of(sensor).time for sensor in SENSORS) if t}
+    logs = {path: open_log(path, times) for path in source.files}
+    columns: dict[str, dict[str, Column]] = {}
+    homes: dict[str, LogFile] = {}
+    for sensor in SENSORS:
+        log = _home(source, logs, sensor, column_map)
+        if log is not None:
+            columns[sensor] = resolve(log, sensor, column_map.of(sensor))
+            homes[sensor] = log
+    _refuse_missing(source, logs, columns, homes, needed)
+    homes = {sensor: log for sensor, log in homes.items() if columns[sensor]}
+    sensors = _read_sensors(homes, columns, column_map)
+    return _from_common_origin(source.name, sensors, _unused(source, logs, homes))
+
+
+def _home(
+    source: TrialSource, logs: dict[Path, LogFile], sensor: str, column_map: ColumnMap
+) -> LogFile | None:
+    """File of a sensor: assigned by the map, of its name, or the only one with its columns."""
+    if sensor in source.assigned:
+        return logs[source.assigned[sensor]]
+    if len(logs) == 1:
+        return next(iter(logs.values()))
+    named = [log for path, log in logs.items() if stem(path).lower() == sensor]
+    if named:
+        return named[0]
+    having = [log for log in logs.values() if has_sensor(log, sensor, column_map)]
+    if len(having) > 1:
+        names = " and ".join(log.path.name for log in having)
+        raise InputError(
+            f"columns of {sensor} stand in {names}",
+            str(source.place),
+            f'Name the file in a map (--map): [{sensor}] file = "{having[0].path.name}"',
+        )
+    return having[0] if having else None
+
+
+def _refuse_missing(
+    source: TrialSource,
+    logs: dict[Path, LogFile],
+    columns: dict[str, dict[str, Column]],
+    homes: dict[str, LogFile],
+    needed: Collection[str],
+) -> None:
+    for column in needed:
+        channel = BY_COLUMN[column]
+        if column in columns.get(channel.sensor, {}):
+            continue
+        home = homes.get(channel.sensor)
+        searched = [home] if home is not None else list(logs.values())
+        where = str(home.path) if home is not None else str(source.place)
+        raise missing_channel(channel, where, {log.path.name: log.names for log in searched})
+
+
+def _read_sensors(
+    homes: dict[str, LogFile], columns: dict[str, dict[str, Column]], column_map: ColumnMap
+) -> dict[str, RawSensor]:
+    """Read each file once and hand its columns to its sensors."""
+    found: dict[str, RawSensor] = {}
+    for path in dict.fromkeys(log.path for log in homes.values()):
+        here = [sensor for sensor, log in homes.items() if log.path == path]
+        log = homes[here[0]]
+        wanted: dict[str, Kind | None] = {}
+        for sensor in here:
+            mapping = column_map.of(sensor)
+            wanted[time_column(log, mapping)] = None
+            wanted |= {column.name: "number" for column in columns[sensor].values()}
+            flag = _valid_column(log, sensor, here, mapping.valid)
+            if flag is not None:
+                wanted[flag] = None
+        table = read_log(log, wanted)
+        for sensor in here:
+            flag = _valid_column(log, sensor, here, column_map.of(sensor).valid)
+            found[sensor] = _sensor(log, table, sensor, columns[sensor], column_map, flag)
+    return {sensor: found[sensor] for sensor in SENSORS if sensor in found}
+
+
+def _valid_column(log: LogFile, sensor: str, here: Sequence[str], mapped: str | None) -> str | None:
+    """Column that marks invalid samples of a sensor.
+
+    A bare ``valid`` belongs to the sensor that names the file or is alone in it; in a file of
+    several sensors it is the DVL's, the only one that tells when it has lost the bottom.
+    """
+    if mapped is not None:
+        found = log.find(mapped)
+        if found is None:
+            raise InputError(
+                f"the map's valid column {mapped!r} for {sensor} is not there; "
+                f"found {', '.join(log.names)}",
+                str(log.path),
+                "Correct the map.",
+            )
+        return found
+    own = log.find(f"{sensor}_valid")
+    owner = stem(log.path).lower() if stem(log.path).lower() in here else "dvl"
+    owner = here[0] if len(here) == 1 else owner
+    return own or (log.find("valid") if sensor == owner else None)
+
+
+def _sensor(
+    log: LogFile,
+    table: LogTable,
+    sensor: str,
+    columns: dict[str, Column],
+    column_map: ColumnMap,
+    flag: str | None,
+) -> RawSensor:
+    mapping = column_map.of(sensor)
+    name = time_column(log, mapping)
+    time_s = to_seconds(
+        table.columns[name], time_unit(name, mapping), f"{log.path}, column {name}", table.rows
+    )
+    valid = np.isfinite(time_s)
+    dropped, dropped_rows = dict(table.dropped), dict(table.dropped_rows)
+    _note(dropped, dropped_rows, "no_time", table.rows[~valid])
+    if flag is not None:
+        false = _is_false(table.columns[flag]) & valid
+        _note(dropped, dropped_rows, "marked_invalid", table.rows[false])
+        valid &= ~false
+    values = {key: column.factor * table.columns[column.name] for key, column in columns.items()}
+    return RawSensor(
+        sensor=sensor,
+        file=str(log.path),
+        time_s=time_s[valid] + mapping.time_offset_s,
+        values={key: _finite(numbers[valid]) for key, numbers in values.items()},
+        rows=table.rows[valid],
+        columns={key: column.name for key, column in columns.items()},
+        rows_read=table.rows_read,
+        dropped=dropped,
+        dropped_rows=dropped_rows,
+        on_change=mapping.on_change if isinstance(mapping, InputMap) else None,
+        time_column=name,
+    )
+
+
+def _finite(numbers: np.ndarray) -> np.ndarray:
+    return np.where(np.isfinite(numbers), numbers, np.nan)
+
+
+def _note(
+    dropped: dict[str, int],
+    dropped_rows: dict[str, tuple[int, ...]],
+    reason: str,
+    rows: np.ndarray,
+) -> None:
+    if rows.size:
+        dropped[reason] = int(rows.size)
+        dropped_rows[reason] = tuple(int(row) for row in rows[:FIRST_FEW])
+
+
+def _is_false(flags: np.ndarray) -> np.ndarray:
+    """Samples that their flag calls invalid; an empty flag says nothing."""
+    if flags.dtype != object:
+        return flags == 0
+    return np.array([str(flag).strip().lower() in FALSE_WORDS for flag in flags], dtype=bool)
+
+
+def _unused(
+    source: TrialSource, logs: dict[Path, LogFile], homes: dict[str, LogFile]
+) -> tuple[Finding, ...]:
+    used = {log.path for log in homes.values()}
+    return tuple(
+        Finding(
+            code="file_not_used",
+            message=f"{path.name} has no column of a known channel that is not in another file",
+            where=str(source.place),
+        )
+        for path in logs
+        if path not in used
+    )
+
+
+def _is_instant(sensor: RawSensor) -> bool:
+    """Whether a sensor's times are absolute; ``time_s`` is what the user counts, as it is."""
+    return not sensor.time_column.lower().endswith("_s")
+
+
+def _from_common_origin(
+    name: str, sensors: dict[str, RawSensor], findings: tuple[Finding, ...]
+) -> RawTrial:
+    """Count absolute instants from the whole second at which the trial starts.
+
+    ``time_s`` is left as the user counts it, even from 1970.
+    """
+    starts = [float(s.time_s.min()) for s in sensors.values() if s.time_s.size]
+    absolute = [start for start in starts if start > ABSOLUTE_S]
+    if not absolute or not any(_is_instant(s) for s in sensors.values()):
+        return RawTrial(name, sensors, findings)
+    origin = float(np.floor(min(absolute)))
+    moved = {
+        key: replace(s, time_s=s.time_s - origin)
+        if s.time_s.size and s.time_s.min() > ABSOLUTE_S
+        else s
+        for key, s in sensors.items()
+    }
+    stamp = datetime.fromtimestamp(origin, UTC).isoformat().replace("+00:00", "Z")
+    return RawTrial(name, moved, findings, stamp)
