@@ -69,8 +69,8 @@ def _event(rng, scale, revs):
         "maneuver_fraction": float(rng.uniform(0.1, 0.9)),
         "after_s": float(rng.uniform(6.0, 20.0)),
         "duration_s": float(rng.uniform(2.0, 4.0)),
-        "force_n": _side(rng, 15.0, 30.0) * scale,
-        "moment_nm": _side(rng, 4.0, 8.0) * scale**1.5,
+        "force_n": _side(rng, 10.0, 20.0) * scale,
+        "moment_nm": _side(rng, 2.0, 4.0) * scale**1.5,
     }
 
 
@@ -104,8 +104,8 @@ def _cubic(rng, scale, revs):
 
 def _memory(rng, scale, revs):
     return {
-        "Y_vr": _side(rng, 40, 70) * scale,
-        "N_vr": _side(rng, 8, 15) * scale**1.5,
+        "Y_vr": _side(rng, 70, 120) * scale,
+        "N_vr": _side(rng, 14, 25) * scale**1.5,
         "time_s": float(rng.uniform(3, 6)),
     }
 
@@ -118,6 +118,7 @@ def _mode(rng, scale, revs):
     }
 
 
+# The row number seeds the draw: new rows go to the end.
 _ROWS = (
     # id, family, units, into, how, draw
     (
@@ -359,7 +360,7 @@ _ROWS = (
         {"X_u": "kg/s"},
         "plant",
         "axial drag in proportion to u",
-        lambda rng, s, n: {"X_u": float(-rng.uniform(0.8, 2.0) * s)},
+        lambda rng, s, n: {"X_u": float(-rng.uniform(1.2, 2.5) * s)},
     ),
     (
         "roll_coupling",
@@ -392,6 +393,38 @@ _ROWS = (
         "plant",
         "side force from a lightly damped mode driven by u r",
         _mode,
+    ),
+    (
+        "elevator_offset",
+        "actuation",
+        {"offset_deg": "deg"},
+        "servo",
+        "fin angle = servo angle + offset",
+        _one("offset_deg", 0.6, 1.5, True),
+    ),
+    (
+        "elevator_lag",
+        "actuation",
+        {"lag_s": "s"},
+        "servo",
+        "first-order servo instead of 0.05 s",
+        _one("lag_s", 0.3, 0.6),
+    ),
+    (
+        "elevator_rate_limit",
+        "actuation",
+        {"rate_degps": "deg/s"},
+        "servo",
+        "slew limit instead of 120 deg/s",
+        _one("rate_degps", 8.0, 20.0),
+    ),
+    (
+        "elevator_delay",
+        "actuation",
+        {"delay_s": "s"},
+        "servo",
+        "command acts later",
+        _one("delay_s", 0.2, 0.4),
     ),
 )
 EFFECTS = {row[0]: Effect(*row[:3], row[3], row[4], row[5]) for row in _ROWS}

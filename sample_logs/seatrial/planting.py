@@ -45,22 +45,23 @@ def plant_effects(planted: dict) -> PlantEffects:
     return PlantEffects(**values)
 
 
-def rudder_servo(planted: dict) -> Servo:
-    """Rudder servo with its faults."""
+def fin_servo(fin: str, planted: dict) -> Servo:
+    """Servo of the "rudder" or the "elevator" with its faults."""
     clean = Servo()
 
-    def get(effect: str, parameter: str, default: float, factor: float = 1.0) -> float:
-        return factor * planted[effect][parameter] if effect in planted else default
+    def get(fault: str, parameter: str, default: float, factor: float = 1.0) -> float:
+        found = planted.get(f"{fin}_{fault}")
+        return default if found is None else factor * found[parameter]
 
     return Servo(
-        lag=get("rudder_lag", "lag_s", clean.lag),
-        rate_limit=get("rudder_rate_limit", "rate_degps", clean.rate_limit, DEGREE),
-        delay=get("rudder_delay", "delay_s", 0.0),
-        deadband=get("rudder_deadband", "deadband_deg", 0.0, DEGREE),
-        backlash=get("rudder_backlash", "half_width_deg", 0.0, DEGREE),
-        asymmetry=get("rudder_asymmetry", "gain", 0.0),
-        offset=get("rudder_offset", "offset_deg", 0.0, DEGREE),
-        separation=get("rudder_stall", "angle_deg", clean.separation, DEGREE),
+        lag=get("lag", "lag_s", clean.lag),
+        rate_limit=get("rate_limit", "rate_degps", clean.rate_limit, DEGREE),
+        delay=get("delay", "delay_s", 0.0),
+        deadband=get("deadband", "deadband_deg", 0.0, DEGREE),
+        backlash=get("backlash", "half_width_deg", 0.0, DEGREE),
+        asymmetry=get("asymmetry", "gain", 0.0),
+        offset=get("offset", "offset_deg", 0.0, DEGREE),
+        separation=get("stall", "angle_deg", clean.separation, DEGREE),
     )
 
 

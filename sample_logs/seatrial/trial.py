@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from seatrial import helm
-from seatrial.actuators import Servo
 from seatrial.effects import draw_effects
 from seatrial.logs import write_logs
 from seatrial.plant import workspace
-from seatrial.planting import motor_drive, plant_effects, rudder_servo
+from seatrial.planting import fin_servo, motor_drive, plant_effects
 from seatrial.schedule import random_schedule
 from seatrial.sensors import measure_all
 from seatrial.simulate import STEP_S, Sea, run, start_state
@@ -87,8 +86,8 @@ def sail(recipe: dict, vehicle: Vehicle, planted: dict):
         start_state(0.97 * body.radius, rng.uniform(-np.pi, np.pi)),
         body,
         plant_effects(planted),
-        rudder_servo(planted),
-        Servo(),
+        fin_servo("rudder", planted),
+        fin_servo("elevator", planted),
         motor_drive(planted),
         make_sea(vehicle, planted, legs, notes, rng),
         helm.Gains(),

@@ -92,6 +92,9 @@ def test_nothing_beside_the_logs_tells_what_was_planted(samples, recipe):
         assert not any(re.search(rf"\b{effect}\b", text) for effect in planted), path
 
 
+CHANNELS = (("dvl", "u_mps"), ("dvl", "v_mps"), ("gyro", "r"), ("gyro", "q"))
+
+
 @pytest.fixture(scope="module")
 def clean_log():
     return log_of([])
@@ -117,7 +120,7 @@ def test_each_effect_changes_the_log(effect, clean_log):
     changed, _ = log_of([{"id": effect, **early}])
     clean, _ = clean_log
     sizes = []
-    for sensor, column in (("dvl", "u_mps"), ("dvl", "v_mps"), ("gyro", "r")):
+    for sensor, column in CHANNELS:
         n = min(clean[sensor][column].size, changed[sensor][column].size)
         difference = clean[sensor][column][:n] - changed[sensor][column][:n]
         sizes.append(np.sqrt(np.nanmean(difference**2)) / np.nanstd(clean[sensor][column]))
