@@ -74,7 +74,7 @@ def _event(rng, scale, revs):
     }
 
 
-def _pair(first: str, a: tuple, second: str, b: tuple, power: float = 1.0):
+def _pair(first: str, a: tuple, second: str, b: tuple):
     """Drawer of a side force and a yaw moment of either sign, scaled with the vehicle."""
 
     def draw(rng, scale, revs):

@@ -44,8 +44,8 @@ class Programme:
 
 def random_schedule(
     plane: str, cruise_rpm: float, rng: np.random.Generator, options: dict
-) -> tuple[np.ndarray, list, float]:
-    """Legs of a trial, notes on its maneuvers and the working depth [m].
+) -> tuple[np.ndarray, list]:
+    """Legs of a trial and notes on its maneuvers.
 
     `options` may hold the numbers of maneuvers: straights, turns, zigzags_10, zigzags_20 in the
     horizontal plane; straights, vertical_zigzags, depth_steps in the vertical one.
@@ -60,7 +60,7 @@ def random_schedule(
         builders[number](programme)
     transit(programme)
     surface_end(programme)
-    return np.array(programme.legs), programme.notes, depth
+    return np.array(programme.legs), programme.notes
 
 
 def horizontal_list(options: dict, rng: np.random.Generator) -> list:

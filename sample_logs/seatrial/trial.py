@@ -73,7 +73,7 @@ def stream(seed: int, name: str) -> np.random.Generator:
 def sail(recipe: dict, vehicle: Vehicle, planted: dict):
     """Run the simulation. Returns the record, leg starts [s], legs and maneuver notes."""
     seed = int(recipe["seed"])
-    legs, notes, _ = random_schedule(
+    legs, notes = random_schedule(
         recipe.get("plane", "horizontal"),
         vehicle.plant.cruise_rpm,
         stream(seed, "schedule"),
