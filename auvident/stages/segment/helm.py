@@ -17,6 +17,7 @@ RESOLUTION_RAD = np.radians(0.005)  # of a fin log; less motion is none
 LOUDER = 1.5  # ratio of RMS motion that tells two helms apart; one helm varies by 10 to 20 %
 SURE = 5.0  # standard errors of the difference: a chance of 1e-6 per cut that is tried
 LEAST_BLOCKS = 3  # on either side
+SHORTEST_TRANSIT_S = 8.0  # between two runs: to take over, settle and hand back
 NEAR_S = 15.0  # next to a single step, what surely is the run if anything is
 
 
@@ -58,6 +59,48 @@ def without_other_helm(piece: Piece, run: list[Level]) -> list[Level]:
     end = last[1] - block * loud_blocks(outside, inside) if outside.size else last[1]
     last = (last[0], max(end, last[0]), last[2])
     return [first, *run[1:-1], last]
+
+
+def split_by_other_helm(piece: Piece, run: list[Level]) -> list[list[Level]]:
+    """Two runs where another helm steered between them, else the run as it is.
+
+    The loudest stretch in the middle decides. It must be louder than what is before and after,
+    and leave two thrust levels on either side.
+    """
+    if len(run) < 4:
+        return [run]
+    block = max(2, piece.samples(BLOCK_S))
+    noise = _blocks(restlessness(piece), run[0][0], run[-1][1], block)
+    loud = _loudest_stretch(noise, max(LEAST_BLOCKS, round(SHORTEST_TRANSIT_S / BLOCK_S)))
+    if loud is None:
+        return [run]
+    origin = -(-run[0][0] // block)
+    start, stop = block * (origin + loud[0]), block * (origin + loud[1])
+    before = [(a, min(b, start), rpm) for a, b, rpm in run if a < start]
+    after = [(max(a, stop), b, rpm) for a, b, rpm in run if b > stop]
+    if len(before) < 2 or len(after) < 2:
+        return [run]
+    return [*split_by_other_helm(piece, before), *split_by_other_helm(piece, after)]
+
+
+def _loudest_stretch(noise: Array, shortest: int) -> tuple[int, int] | None:
+    """The stretch that differs most surely from the rest, if it is louder than both sides."""
+    n = noise.size
+    total, square = (np.concatenate(([0.0], np.cumsum(x))) for x in (noise, noise**2))
+    a, b = np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij")
+    ok = (b - a >= shortest) & (a >= shortest) & (b <= n - shortest)
+    if not ok.any():
+        return None
+    a, b = a[ok], b[ok]
+    counts = np.stack([a, b - a, n - b])
+    sums = np.stack([total[a], total[b] - total[a], total[n] - total[b]])
+    before, inside, after = sums / counts
+    residual = np.maximum(square[n] - np.sum(sums**2 / counts, axis=0), 1e-12) / (n - 3)
+    louder = inside - np.maximum(before, after)
+    error = np.sqrt(residual * (1 / counts[1] + 1 / np.minimum(counts[0], counts[2])))
+    sure = np.where(louder >= 2 * np.log(LOUDER), louder / error, 0.0)
+    best = int(np.argmax(sure))
+    return (int(a[best]), int(b[best])) if sure[best] > SURE else None
 
 
 def _blocks(noise: Array, start: int, stop: int, block: int) -> Array:

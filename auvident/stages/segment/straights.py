@@ -9,12 +9,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from auvident.physics.figures_plateaus import odd_samples, running_mean
+from auvident.physics.figures_plateaus import (
+    MEDIAN_OF_ABS_TO_STD,
+    odd_samples,
+    plateaus,
+    running_mean,
+)
 from auvident.physics.figures_straight import RPM_STEP_SHARE, SHORTEST_LEVEL_S, rpm_levels
 from auvident.schema.artifacts import Rejected
-from auvident.stages.segment.helm import Level, without_other_helm
+from auvident.stages.segment.helm import Level, split_by_other_helm, without_other_helm
 from auvident.stages.segment.pieces import (
     FALLBACK_YAW_RATE_RADPS,
+    LEAST_FIN_RAD,
     MEAN_WINDOW_S,
     Found,
     Piece,
@@ -24,6 +30,9 @@ from auvident.stages.segment.pieces import (
 STEADY_EQUIVALENT_RAD = np.radians(3.0)  # straight: turning no faster than this rudder would turn
 STEADY_RUDDER_RAD = np.radians(6.0)  # running mean; heading kept gently stays well below
 STEADY_NOISE_BAND = 3.0
+SEA_BAND = 3.0  # standard deviations of the yaw rate that the sea alone makes
+DRIFT_EQUIVALENT_RAD = np.radians(9.0)  # asymmetry and sea turn no faster than this rudder would
+REST_S = 10.0  # a rudder still for this long has been left alone
 AFLOAT_SPEED_SHARE = 0.2  # of cruise: below, the vehicle does not run
 DIVE_SLOPE = 0.1  # vertical over forward speed (6 degrees): diving or surfacing, not a level run
 DIVE_WINDOW_S = 4.0
@@ -34,10 +43,11 @@ EDGE_SPEED_SHARE = 0.35  # of cruise
 EDGE_LEVEL_SHARE = 0.6  # of the other levels: a shorter first or last one is a settling transit
 SHORTEST_EDGE_S = 15.0  # two levels alone: each must last long enough for the speed to answer
 LONG_RUN_S = 30.0  # a straight run of this length without a step deserves a word
+RUN_RANGE_SHARE = 0.12  # of cruise rpm: a quarter of the thrust, more than transits differ by
 STEP_REACH_S = 3.0  # a step this close to the beginning of the straight stretch bounds the level
 
 NO_STEP = "straight: no thrust step, change of rpm"
-TOO_SHORT = "straight: thrust level too short [s]"
+TOO_SHORT = "straight: the levels on either side of the thrust step do not last, shortest [s]"
 
 
 def find_straights(
@@ -64,12 +74,21 @@ def find_straights(
     rejected: list[Rejected] = []
     for start, stop in steady_stretches(piece, scales, taken):
         levels = _levels(piece, scales, start, stop)
-        run = _without_transit(piece, scales, levels)
-        if len(run) >= 2:
-            found.append(Found("straight", piece, run[0][0], run[-1][1]))
-        elif piece.seconds(start, stop) >= LONG_RUN_S:
-            rejected.append(_why_not(piece, scales, start, stop, levels))
+        runs = [
+            _without_transit(piece, scales, part) for part in split_by_other_helm(piece, levels)
+        ]
+        good = [run for run in runs if _range(run) >= RUN_RANGE_SHARE * scales.rpm]
+        found += [Found("straight", piece, run[0][0], run[-1][1]) for run in good]
+        if not good and piece.seconds(start, stop) >= LONG_RUN_S:
+            longest = max(runs, key=len)
+            rejected.append(_why_not(piece, scales, start, stop, longest, levels))
     return found, rejected
+
+
+def _range(run: list[Level]) -> float:
+    """Difference between the highest and the lowest propeller rate of a run [1/min]."""
+    rpm = [level for _, _, level in run]
+    return max(rpm) - min(rpm) if len(rpm) >= 2 else 0.0
 
 
 def steady_stretches(piece: Piece, scales: Scales, taken: Sequence[Found]) -> list[tuple[int, int]]:
@@ -88,17 +107,37 @@ def steady_stretches(piece: Piece, scales: Scales, taken: Sequence[Found]) -> li
 
 def steady_mask(piece: Piece, scales: Scales) -> np.ndarray:
     """Samples at which the vehicle neither turns, nor steers, nor dives, nor stands."""
-    limit = scales.gain_radpm * scales.speed_mps * STEADY_EQUIVALENT_RAD
-    limit = max(limit or FALLBACK_YAW_RATE_RADPS, STEADY_NOISE_BAND * scales.rate_noise_radps)
     rudder = running_mean(piece.fin, odd_samples(MEAN_WINDOW_S, piece.rate_hz))
-    steady = (np.abs(piece.rate_mean) <= limit) & (np.abs(rudder) <= STEADY_RUDDER_RAD)
-    steady &= piece.speed >= AFLOAT_SPEED_SHARE * scales.speed_mps
+    small = np.abs(rudder) <= STEADY_RUDDER_RAD
+    afloat = piece.speed >= AFLOAT_SPEED_SHARE * scales.speed_mps
+    rate = np.abs(piece.rate_mean)
+    least, most = _rate_limits(scales)
+    sea = float(np.median(rate[small & afloat])) if (small & afloat).any() else 0.0
+    limit = np.clip(SEA_BAND * MEDIAN_OF_ABS_TO_STD * sea, least, most)
+    steady = small & afloat & ((rate <= limit) | (_at_rest(piece, scales) & (rate <= most)))
     if piece.depth is not None:
         sink = running_mean(
             np.gradient(piece.depth, piece.t), odd_samples(DIVE_WINDOW_S, piece.rate_hz)
         )
         steady &= np.abs(sink) <= DIVE_SLOPE * np.maximum(piece.speed, scales.speed_mps)
     return np.asarray(steady)
+
+
+def _rate_limits(scales: Scales) -> tuple[float, float]:
+    """Yaw rate that is straight in calm water, and at most [rad/s]."""
+    per_rudder = scales.gain_radpm * scales.speed_mps
+    least = per_rudder * STEADY_EQUIVALENT_RAD or FALLBACK_YAW_RATE_RADPS
+    least = max(least, STEADY_NOISE_BAND * scales.rate_noise_radps)
+    return least, max(least, per_rudder * DRIFT_EQUIVALENT_RAD)
+
+
+def _at_rest(piece: Piece, scales: Scales) -> np.ndarray:
+    """Where the rudder lies still amidships: what turns the vehicle then is no helm."""
+    rest = np.zeros(piece.size, dtype=bool)
+    for p in plateaus(piece.fin, scales.tolerance_rad):
+        if abs(p.level) < LEAST_FIN_RAD and p.samples >= piece.samples(REST_S):
+            rest[p.start : p.stop] = True
+    return rest
 
 
 def _true_ranges(mask: np.ndarray) -> list[tuple[int, int]]:
@@ -162,10 +201,11 @@ def _edge_least(piece: Piece, run: list[Level]) -> float:
     return EDGE_LEVEL_SHARE * float(np.median([piece.seconds(a, b) for a, b, _ in run[1:-1]]))
 
 
-def _why_not(piece: Piece, scales: Scales, start: int, stop: int, levels: list[Level]) -> Rejected:
+def _why_not(
+    piece: Piece, scales: Scales, start: int, stop: int, run: list[Level], levels: list[Level]
+) -> Rejected:
     """The reason why a straight stretch is no run."""
-    if len(levels) >= 2:
+    if len(run) < 2 and _range(levels) >= RUN_RANGE_SHARE * scales.rpm:
         shortest = min(piece.seconds(a, b) for a, b, _ in levels)
         return piece.rejected(start, stop, TOO_SHORT, shortest, SHORTEST_EDGE_S)
-    change = float(np.ptp(piece.rpm[start:stop])) if len(levels) == 1 else 0.0
-    return piece.rejected(start, stop, NO_STEP, change, RPM_STEP_SHARE * scales.rpm)
+    return piece.rejected(start, stop, NO_STEP, _range(levels), RUN_RANGE_SHARE * scales.rpm)

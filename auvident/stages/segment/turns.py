@@ -12,6 +12,7 @@ from auvident.stages.segment.pieces import Found, Piece, Scales
 LEAST_TURN_RAD = np.radians(165)  # a circle comes to 180 degrees; the rest is gyro drift and lag
 LOOKED_LIKE_RAD = np.radians(90)  # from here on a turn deserves a word when it is refused
 LEAST_SPEED_SHARE = 0.35  # of cruise: below, waves and drift move the vehicle as much as the fin
+LEAST_RPM_SHARE = 0.45  # of cruise: a fifth of the thrust; fin checks and surface runs, no trial
 HARD_OVER_RAD = np.radians(5)  # a fin held beyond this for long was meant to turn
 LONG_HOLD_S = 15.0
 HALF = 0.5  # a rudder below half of its angle has left it
@@ -61,16 +62,27 @@ def judge_turn(
 ) -> tuple[str, float, float] | None:
     """None for a turn, else reason, value, threshold; an empty reason is not worth a word."""
     change = abs(float(piece.angle[p.stop - 1] - piece.angle[p.start]))
-    speed, least = float(piece.speed[p.start]), LEAST_SPEED_SHARE * scales.speed_mps
-    if speed < least:
+    slow = too_slow(piece, scales, p)
+    if slow is not None:
         meant = change >= LOOKED_LIKE_RAD or _was_meant(piece, p)
-        return TOO_SLOW if meant else "", speed, least
+        return f"turn: {slow[0]}" if meant else "", *slow[1:]
     if change >= least_rad:
         return None
     reason = "" if change < LOOKED_LIKE_RAD else TOO_LITTLE
     if change >= LEAST_TURN_RAD:
         reason = EASED
     return reason, float(np.degrees(change)), float(np.degrees(least_rad))
+
+
+def too_slow(piece: Piece, scales: Scales, p: Plateau) -> tuple[str, float, float] | None:
+    """Reason, value and threshold if the vehicle hardly runs when the fin is put to `p`."""
+    speed, least = float(piece.speed[p.start]), LEAST_SPEED_SHARE * scales.speed_mps
+    if speed < least:
+        return "too slow, speed at the execute [m/s]", speed, least
+    rpm, least = float(np.median(np.abs(piece.rpm[p.start : p.stop]))), LEAST_RPM_SHARE * scales.rpm
+    if rpm < least:
+        return "too little thrust at the execute [rpm]", rpm, least
+    return None
 
 
 def eases_off(piece: Piece, p: Plateau, start: int) -> bool:
@@ -94,7 +106,6 @@ def _without_course_order(piece: Piece, scales: Scales, p: Plateau) -> int:
     return step if before >= LEAST_TURN_RAD and after <= COURSE_ORDER_RAD else p.stop
 
 
-TOO_SLOW = "turn: too slow, speed at the rudder execute [m/s]"
 TOO_LITTLE = "turn: too short, change of heading under constant rudder [deg]"
 EASED = "turn: an autopilot's change of course, the rudder eases off after a turn of [deg]"
 

@@ -13,7 +13,7 @@ import numpy as np
 from auvident.physics.figures_plateaus import Plateau
 from auvident.schema.artifacts import Rejected
 from auvident.stages.segment.pieces import Found, Piece, Scales
-from auvident.stages.segment.turns import LEAST_SPEED_SHARE, execute
+from auvident.stages.segment.turns import execute, too_slow
 
 LEAST_EXECUTES = 3  # IMO MSC.137(76): two overshoots, hence two reversals after the execute
 SAME_SIDE_SHARE = 0.08  # of the amplitude: the angle returns to this on the same side
@@ -25,7 +25,6 @@ LEAST_SWING_RAD = np.radians(0.5)  # heading between two reversals; the least zi
 LEAST_SWING_SHARE = 0.1  # of the whole swing; overshoots of nine times the angle do not occur
 
 TOO_FEW = "zigzag: too few rudder executes"
-TOO_SLOW = "zigzag: too slow, mean speed [m/s]"
 AUTOPILOT = "zigzag: the rudder brings the heading back instead of swinging it, swing [deg]"
 
 
@@ -93,15 +92,14 @@ def judge(
     piece: Piece, scales: Scales, chain: Sequence[Plateau]
 ) -> tuple[str, float, float] | None:
     """None for a zigzag, else reason, value, threshold; an empty reason is not worth a word."""
-    start, stop = chain[0].start, chain[-1].stop
     swing, whole = swings(piece, scales, chain)
     least_swing = max(LEAST_SWING_RAD, LEAST_SWING_SHARE * whole)
     if len(chain) < LEAST_EXECUTES:
         reason = TOO_FEW if swing >= least_swing else ""
         return reason, len(chain), LEAST_EXECUTES
-    speed, least = float(np.mean(piece.speed[start:stop])), LEAST_SPEED_SHARE * scales.speed_mps
-    if speed < least:
-        return TOO_SLOW, speed, least
+    slow = too_slow(piece, scales, chain[0])
+    if slow is not None:
+        return f"zigzag: {slow[0]}", *slow[1:]
     if swing < least_swing:
         return AUTOPILOT, float(np.degrees(swing)), float(np.degrees(least_swing))
     return None
