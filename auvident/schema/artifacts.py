@@ -85,7 +85,7 @@ class AseResult(Artifact):
     coefficient; `auvident.physics.ase.prior.prior_covariance` makes the covariance of it.
     """
 
-    schema_: str = Field("auvident/ase/1", alias="schema")
+    schema_: str = Field(default="auvident/ase/1", alias="schema")
     vehicle: str
     applies: bool = True
     speed_mps: float
@@ -157,7 +157,8 @@ class StageRecord(Artifact):
     maneuvers: tuple[str, ...]
     samples: int
     log_likelihood: float
-    nis_mean: dict[str, float]
+    inflation: float = 1.0
+    nis_mean: dict[str, float] = {}
 
 
 class IdentifiedModel(Artifact):
@@ -168,12 +169,14 @@ class IdentifiedModel(Artifact):
     plane: Plane
     filter: Literal["ekf", "ukf"]
     engine: Literal["compiled", "filterpy"] = "compiled"
+    plan: str = ""
     length_m: float
     density_kgpm3: float
     rigid_body: RigidBody
     sensing: Sensing
     coefficients: tuple[ModelCoefficient, ...]
     effects: tuple[dict[str, Any], ...] = ()
+    covariance: dict[str, Any] = {}
     correlations: dict[str, dict[str, float]] = {}
     unidentifiable: tuple[Combination, ...] = ()
     stages: tuple[StageRecord, ...] = ()

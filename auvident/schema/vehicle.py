@@ -17,6 +17,10 @@ Fraction = Annotated[float, Field(ge=0, lt=1)]
 
 FinKind = Literal["rudder", "elevator", "sail"]
 
+# Where on the mean chord a stated fin station lies: midway between the quarter chord, where the
+# lift acts, and the half chord. REMUS: x = -0.638 of a fin from -0.611 to -0.685, 0.36 (Prestero).
+STATION_CHORD_SHARE = 0.375
+
 
 class Body(Declared):
     """``[vehicle]``: mass properties about the origin O."""
@@ -119,6 +123,12 @@ class Fin(Declared):
         if isinstance(data, dict) and data.get("kind") == "sail" and "count" not in data:
             return {**data, "count": 1}
         return data
+
+    @property
+    def mid_chord_x_m(self) -> float:
+        """Station of the half chord at mid-span; the hull radius there is that of the fin."""
+        chord = 0.5 * (self.root_chord_m + self.tip_chord_m)
+        return self.x_m - (0.5 - STATION_CHORD_SHARE) * chord
 
     @property
     def commands(self) -> tuple[str, ...]:

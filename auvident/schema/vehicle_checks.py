@@ -223,14 +223,16 @@ def _tip_inside(fin: Fin, shape: HullShape, nose: np.ndarray, where: str) -> Con
     """The tip, measured from the hull at x_m, against the thicker hull at its leading edge."""
     half = 0.5 * np.asarray(fin.exposed_span_m, float)
     back = half * np.tan(np.radians(np.asarray(fin.sweep_deg, float)))
-    lead = np.asarray(fin.x_m, float) - back + 0.25 * np.asarray(fin.tip_chord_m, float)
-    root = shape.radius_m((nose - np.asarray(fin.x_m, float))[..., None])[..., 0]
+    root_chord, tip_chord = np.asarray(fin.root_chord_m, float), np.asarray(fin.tip_chord_m, float)
+    middle = np.asarray(fin.mid_chord_x_m, float)
+    lead = middle + 0.125 * (root_chord + tip_chord) - back + 0.25 * tip_chord
+    root = shape.radius_m((nose - middle)[..., None])[..., 0]
     there = shape.radius_m((nose - lead)[..., None])[..., 0]
     return _say(
         there > root + 2.0 * half, f"{where} exposed_span_m",
         lambda s, r: f"the tip, {s:.4g} m from the axis, is inside the hull at its leading edge, "
         f"{r:.4g} m",
-        "exposed_span_m is the height above the hull at x_m; check it and x_m.",
+        "exposed_span_m is the height above the hull at mid-chord; check it and x_m.",
         root + 2.0 * half, there,
     )  # fmt: skip
 

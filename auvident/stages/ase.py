@@ -7,9 +7,9 @@ import numpy as np
 from auvident.errors import InputError
 from auvident.physics.ase import facts as ase_facts
 from auvident.physics.ase.accuracy import NOMINAL
-from auvident.physics.ase.assembly import Parts, coefficient_parts, totals
+from auvident.physics.ase.assembly import Parts, coefficient_parts
 from auvident.physics.ase.findings import findings
-from auvident.physics.ase.geometry import HullGeometry, hull_geometry
+from auvident.physics.ase.geometry import hull_geometry
 from auvident.physics.ase.prior import contributions, residuals, standard_deviations
 from auvident.physics.ase.propeller import thrust_coefficients
 from auvident.schema.artifacts import AseCoefficient, AseResult, Finding

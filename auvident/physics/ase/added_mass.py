@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auvident.physics.ase.accuracy import Deviation
-from auvident.physics.ase.fins import chord_edges_m, local_span, projection
+from auvident.physics.ase.fins import chord_edges_m, projection
 from auvident.physics.ase.geometry import HullGeometry
 from auvident.physics.ase.quadrature import nodes_and_weights
 from auvident.physics.ase.spheroid import equal_volume_radius_m, spheroid_factors
@@ -96,7 +96,8 @@ def fin_increment(
 ) -> Lateral:
     """What a set of fins adds to the strips of the hull it covers.
 
-    The section's outer edge is that of the real planform; the hull radius is the local one.
+    The tips stand at one distance from the axis over the mean chord (the s_R of the method); the
+    hull radius is the local one.
 
     Returns
     -------
@@ -108,11 +109,10 @@ def fin_increment(
         zero = np.zeros(())
         return Lateral(zero, zero, zero)
     edges = np.stack(np.broadcast_arrays(*chord_edges_m(fin)), axis=-1)
-    x, weight = nodes_and_weights(np.sort(edges, axis=-1), STRIP_NODES)
+    x, weight = nodes_and_weights(edges, STRIP_NODES)
     radius = hull.shape.radius_m(hull.nose_x_m[..., None] - x)
-    root = hull.radius_at(fin.x_m)[..., None]
-    reach = local_span(fin, x) * np.asarray(fin.exposed_span_m, float)[..., None]
-    tip = np.maximum(np.where(reach > 0.0, root + reach, radius), radius)
+    reach = hull.radius_at(fin.mid_chord_x_m) + np.asarray(fin.exposed_span_m, float)
+    tip = np.maximum(reach[..., None], radius)
     rho = np.asarray(density, float)[..., None]
     pairs, singles = divmod(fin.count, 2)
     circle = np.pi * rho * radius**2

@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from auvident.physics.ase import added_mass, hull as bare
+from auvident.physics.ase import added_mass
+from auvident.physics.ase import hull as bare
 from auvident.physics.ase.accuracy import NOMINAL, Deviation
 from auvident.physics.ase.drag import hull_drag_kgpm
 from auvident.physics.ase.fins import FinForces, fin_forces

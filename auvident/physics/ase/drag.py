@@ -13,10 +13,10 @@ BASE_DRAG = 0.029  # 0.029 (d_b/d)^3 / sqrt(C_Df), on the frontal area (DATCOM 4
 
 # Cylinder drag against cross-flow Reynolds number: Jorgensen TR R-474 p. 76 by way of digitised
 # data (White; Roshko 1961), smoothed (theory 3.2, row "use").
-CROSSFLOW_REYNOLDS = (1e2, 1e3, 3e3, 1e4, 3e4, 1e5, 2e5, 2.5e5, 3.2e5, 4e5, 5e5, 6.3e5, 1e6, 1.6e6,
-                      2e6, 2.5e6, 3.2e6, 4e6)  # fmt: skip
-CROSSFLOW_DRAG = (1.40, 1.00, 0.95, 1.10, 1.20, 1.20, 1.18, 1.08, 0.90, 0.45, 0.29, 0.30, 0.34, 0.43,
-                  0.55, 0.61, 0.69, 0.70)  # fmt: skip
+CROSSFLOW_REYNOLDS = (1e2, 1e3, 3e3, 1e4, 3e4, 1e5, 2e5, 2.5e5, 3.2e5,
+                      4e5, 5e5, 6.3e5, 1e6, 1.6e6, 2e6, 2.5e6, 3.2e6, 4e6)  # fmt: skip
+CROSSFLOW_DRAG = (1.40, 1.00, 0.95, 1.10, 1.20, 1.20, 1.18, 1.08, 0.90,
+                  0.45, 0.29, 0.30, 0.34, 0.43, 0.55, 0.61, 0.69, 0.70)  # fmt: skip
 
 # Finite-length factor against fineness: Jorgensen 1977 fig. 4, digitised; and DATCOM
 # fig. 4.2.1.2-35a.

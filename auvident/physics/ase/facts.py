@@ -135,11 +135,11 @@ def _vertical(vehicle: Vehicle, c: Mapping[str, float]) -> dict[str, Any]:
     return facts
 
 
-def _quotient(function: Any, *arguments: Any) -> float:
+def _quotient(function: Any, c: Mapping[str, float], mass: float, x_g: float) -> float:
     """Value of a quotient, NaN (left out later) where its denominator is zero."""
+    numbers = {symbol: np.float64(value) for symbol, value in c.items()}
     with np.errstate(divide="ignore", invalid="ignore"):
-        return float(function(*[np.float64(a) if np.isscalar(a) else
-                                {k: np.float64(v) for k, v in a.items()} for a in arguments]))  # fmt: skip
+        return float(function(numbers, np.float64(mass), np.float64(x_g)))
 
 
 def _finite(facts: Any) -> Any:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 
 from auvident.physics.ase.drag import LAMINAR_REYNOLDS
-from auvident.physics.ase.fins import aspect_ratio, buried_share, projection
+from auvident.physics.ase.fins import aspect_ratio, buried_share
 from auvident.physics.ase.geometry import HullGeometry
 from auvident.physics.ase.propeller import thrust_line
 from auvident.physics.ase.stability import speed_per_rate_m
@@ -104,12 +104,6 @@ def _fin_findings(vehicle: Vehicle, hull: HullGeometry) -> Iterator[Finding]:
                 message="The aspect ratio is beyond the tests behind the lift formula.",
                 where=where, value=aspect, threshold=WHICKER_FEHLNER_ASPECT,
             )  # fmt: skip
-        if fin.kind == "sail" and projection(fin, "vertical") == 0.0:
-            yield Finding(
-                code="sail_in_vertical_plane",
-                message="The sail counts in the horizontal plane and in the drag only.",
-                where=where,
-            )
 
 
 def _propeller_findings(vehicle: Vehicle, values: Mapping[str, float]) -> Iterator[Finding]:

@@ -101,13 +101,13 @@ def projection(fin: Fin, plane: Plane) -> float:
 
 def hull_ratio(fin: Fin, hull: HullGeometry) -> np.ndarray:
     """Tau: hull radius at the fin over the distance of the tip from the axis."""
-    radius = hull.radius_at(fin.x_m)
+    radius = hull.radius_at(fin.mid_chord_x_m)
     return radius / (radius + np.asarray(fin.exposed_span_m, float))
 
 
 def buried_share(fin: Fin, hull: HullGeometry) -> np.ndarray:
     """Share of the span inside the hull's largest diameter: it works in the hull's wake."""
-    inside = 0.5 * hull.diameter_m - hull.radius_at(fin.x_m)
+    inside = 0.5 * hull.diameter_m - hull.radius_at(fin.mid_chord_x_m)
     return np.clip(inside / np.asarray(fin.exposed_span_m, float), 0.0, 1.0)
 
 
@@ -215,40 +215,14 @@ def _centre_m(fin: Fin, deviation: Deviation) -> np.ndarray:
     return np.asarray(fin.x_m, float) - chord * deviation.shift(name)
 
 
-def chord_edges_m(fin: Fin) -> tuple[np.ndarray, ...]:
-    """Stations of leading and trailing edge at root and at tip, body axes.
-
-    The quarter-chord point at mid-span is taken to be ``x_m``; the quarter-chord line runs aft
-    with the sweep, chords taper linearly from root to tip.
+def chord_edges_m(fin: Fin) -> tuple[np.ndarray, np.ndarray]:
+    """Stations between which the fin's strips stand: its mean chord about the mid-chord point.
 
     Returns
     -------
-    tuple of ndarray
-        Leading edge at root and tip, trailing edge at root and tip.
+    aft, forward : ndarray
+        Body axes, m.
     """
-    x, half = np.asarray(fin.x_m, float), 0.5 * np.asarray(fin.exposed_span_m, float)
-    shift = half * np.tan(np.radians(np.asarray(fin.sweep_deg, float)))
-    root, tip = np.asarray(fin.root_chord_m, float), np.asarray(fin.tip_chord_m, float)
-    lead = (x + shift + 0.25 * root, x - shift + 0.25 * tip)
-    return (*lead, lead[0] - root, lead[1] - tip)
-
-
-def local_span(fin: Fin, x: np.ndarray) -> np.ndarray:
-    """Share of the exposed span that the planform reaches at stations `x` (..., n), 0 to 1."""
-    lead_root, lead_tip, trail_root, trail_tip = (e[..., None] for e in chord_edges_m(fin))
-    ahead = _crossing(lead_root, lead_tip, x)
-    behind = _crossing(trail_root, trail_tip, x)
-    upper = np.minimum(
-        np.where(lead_tip < lead_root, ahead, 1.0), np.where(trail_tip > trail_root, behind, 1.0)
-    )
-    lower = np.maximum(
-        np.where(lead_tip > lead_root, ahead, 0.0), np.where(trail_tip < trail_root, behind, 0.0)
-    )
-    level = (x <= np.maximum(lead_root, lead_tip)) & (x >= np.minimum(trail_root, trail_tip))
-    return np.where(level & (upper > lower), np.clip(upper, 0.0, 1.0), 0.0)
-
-
-def _crossing(root: np.ndarray, tip: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Span share at which an edge from `root` to `tip` passes station `x`."""
-    run = tip - root
-    return (x - root) / np.where(run == 0.0, 1.0, run)
+    middle = np.asarray(fin.mid_chord_x_m, float)
+    half = 0.25 * (np.asarray(fin.root_chord_m, float) + np.asarray(fin.tip_chord_m, float))
+    return middle - half, middle + half

@@ -17,11 +17,13 @@ from auvident.schema.coefficients import BY_SYMBOL
 from auvident.schema.vehicle import Vehicle
 
 RESIDUAL_SHARE = 0.05  # of each part: interpolation of charts and what no shared formula explains
-# Least standard deviation, as a share of a force on the whole planform (moments: times powers of
-# L/2). A pair of tail fins has Y_uv near 0.2 of that scale, so an absent pair's terms, or those of
-# what the geometry leaves out (transducers, antennas), lie within one to two tenths of it.
-FLOOR_SHARE = 0.01
-ABSENT_CONTROL_SHARE = 0.1  # a control term without a set that moves: size of half a fin pair
+# Least standard deviation, as a share of the dynamic pressure on the whole planform (moments:
+# times powers of L/2). A pair of tail fins has Y_uv near 0.3 of it and C_D0 near 4e-4: the floors
+# are about 2 % of a fin pair across the flow and twice a fin pair's drag along it, the size of the
+# antennas and transducers that the geometry leaves out.
+FLOOR_ACROSS, FLOOR_ALONG = 0.005, 0.001
+ALONG_SYMBOLS = ("X_udot", "X_uu", "X_uudd")
+ABSENT_CONTROL_SHARE = 0.1  # a control term without a set that moves: a third of a fin pair
 ABSENT_PROPELLER_THRUST = 0.35  # K_T intercept of an unknown propeller of 0.7 hull diameters
 ABSENT_PROPELLER_DIAMETERS = 0.7
 CONTROL_SYMBOLS = ("X_uudd", "Y_uud", "N_uud", "Z_uud", "M_uud")
@@ -76,7 +78,9 @@ def _floor(vehicle: Vehicle, symbol: str, present: bool, geometry: HullGeometry)
     powers = BY_SYMBOL[symbol].length_power - 2
     scale = 0.5 * density * float(geometry.planform_m2) * (0.5 * float(geometry.length_m)) ** powers
     absent = symbol in CONTROL_SYMBOLS and not present
-    return (ABSENT_CONTROL_SHARE if absent else FLOOR_SHARE) * scale
+    if absent:
+        return ABSENT_CONTROL_SHARE * scale
+    return (FLOOR_ALONG if symbol in ALONG_SYMBOLS else FLOOR_ACROSS) * scale
 
 
 def standard_deviations(
