@@ -19,6 +19,7 @@ MYRING_THETA_DEG = 25.0  # tail half angle when none is given; REMUS: 0.436 rad 
 DEFAULT_NOSE_DIAMETERS = 1.0  # nose length when none is given; REMUS 0.91, SUBOFF 2.0 diameters
 DEFAULT_TAIL_DIAMETERS = 2.5  # tail length when none is given; REMUS 2.6, SUBOFF 2.2 diameters
 PARALLEL_TOLERANCE = 5e-4  # of the largest radius: an offset this close to it is parallel body
+PARALLEL_STATIONS = 4001  # at which the end of the parallel body is looked for in offsets
 
 Squared = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -209,7 +210,9 @@ def _offsets(hull: Hull) -> HullShape:
     if hull.tail_length_m is not None:
         tail_start = x[-1] - float(hull.tail_length_m)
     else:
-        tail_start = float(x[np.flatnonzero(np.sqrt(g) >= (1.0 - PARALLEL_TOLERANCE) * top)[-1]])
+        fine = np.linspace(x[0], x[-1], PARALLEL_STATIONS)
+        full = np.sqrt(np.maximum(squared_radius(fine)[0], 0.0)) >= (1.0 - PARALLEL_TOLERANCE) * top
+        tail_start = float(fine[np.flatnonzero(full)[-1]]) if np.any(full) else float(x[g.argmax()])
     return HullShape(
         np.asarray(x[-1] - x[0]), np.asarray(top), x, np.asarray(tail_start), squared_radius
     )
