@@ -1,10 +1,11 @@
 """The quality report of one trial."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
 
+from auvident.schema.artifacts import Finding
 from auvident.schema.channels import CHANNELS, RECORD_COLUMN, TIME_COLUMN
 from auvident.schema.logs import (
     ChannelQuality,
@@ -15,8 +16,11 @@ from auvident.schema.logs import (
 )
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
+from auvident.stages.ingest.alignment import check_alignment
 from auvident.stages.ingest.clean import CleanSensor, Series
+from auvident.stages.ingest.consistency import check_consistency
 from auvident.stages.ingest.outliers import NORMAL_MAD, noise_std, resolution
+from auvident.stages.ingest.remarks import sampling_findings
 from auvident.stages.ingest.resample import Resampled, median_period
 
 MIN_NOISE_SAMPLES = 30  # fewer second differences do not tell the noise
@@ -41,9 +45,20 @@ def report(
     sensors: Mapping[str, CleanSensor],
     plans: Mapping[str, Bridged],
     columns: Mapping[str, Resampled],
+    needed: Sequence[str],
 ) -> TrialQuality:
-    """Quality of an ingested trial."""
+    """Quality of an ingested trial; a contradiction in its signs or units is an `InputError`."""
     time = trial.table[TIME_COLUMN].to_numpy()
+    own = tuple(_sensor(s, plans, columns) for s in sensors.values() if s.series)
+    absent = tuple(c.column for c in CHANNELS if c.column not in columns)
+    aligned = check_alignment(raw, trial, vehicle)
+    findings = (
+        *raw.findings,
+        *sampling_findings(raw.name, own, needed, absent),
+        *_unusable(sensors),
+        *check_consistency(raw, trial, vehicle),
+        *aligned.findings,
+    )
     return TrialQuality(
         trial=raw.name,
         rate_hz=trial.rate_hz,
@@ -51,11 +66,27 @@ def report(
         t_end_s=float(time[-1]),
         samples=time.size,
         origin=raw.origin,
-        sensors=tuple(_sensor(s, plans, columns) for s in sensors.values() if s.series),
-        absent=tuple(c.column for c in CHANNELS if c.column not in columns),
+        sensors=own,
+        absent=absent,
         records=_records(trial),
-        findings=raw.findings,
+        alignment=aligned.alignment,
+        checks=aligned.checks,
+        findings=findings,
     )
+
+
+def _unusable(sensors: Mapping[str, CleanSensor]) -> list[Finding]:
+    """Optional channels of the log without a usable sample."""
+    return [
+        Finding(
+            code="channel_unusable",
+            message=f"column {sensor.raw.columns[column]} has no usable sample",
+            where=sensor.raw.file,
+        )
+        for sensor in sensors.values()
+        for column in sensor.raw.values
+        if column not in sensor.series
+    ]
 
 
 def _sensor(

@@ -99,7 +99,7 @@ def ingest(
     columns = {c: _resample(series, plans[c], grid) for c, series, _ in _series(sensors)}
     table = _table(grid, columns, needed)
     trial = Trial(raw.name, table, rate_hz)
-    return trial, report(raw, trial, vehicle, sensors, plans, columns)
+    return trial, report(raw, trial, vehicle, sensors, plans, columns, needed)
 
 
 def _series(sensors: dict[str, CleanSensor]) -> list[tuple[str, Series, CleanSensor]]:

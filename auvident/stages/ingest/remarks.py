@@ -1,0 +1,153 @@
+"""Findings on how the sensors sampled: late starts, gaps, coarse clocks, losses."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from auvident.schema.artifacts import Finding
+from auvident.schema.channels import BY_COLUMN, CHANNELS
+from auvident.schema.logs import ChannelQuality, SensorQuality
+
+LATE_S = 10.0  # a needed sensor that starts so late or stops so early costs part of the trial
+REPEATED_SHARE = 0.02  # of the rows: stamps are then coarser than the samples
+JITTER_SHARE = 0.25  # of the period: stamps are then those of arrival, not of the sample
+DROPPED_SHARE = 0.10  # of the rows
+MISSING_SHARE = 0.05  # of the grid
+
+
+def sampling_findings(
+    trial: str, sensors: Sequence[SensorQuality], needed: Sequence[str], absent: Sequence[str]
+) -> list[Finding]:
+    """Findings of one trial, from the quality of its sensors."""
+    own = {BY_COLUMN[column].sensor for column in needed}
+    found = [*_spans([s for s in sensors if s.sensor in own])]
+    for sensor in sensors:
+        found += [*_clock(sensor), *_losses(sensor), *_holds(sensor)]
+        for channel in sensor.channels:
+            found += [*_channel(sensor, channel, channel.column in needed)]
+    found += [*_absent(absent)]
+    return [f if f.where else f.model_copy(update={"where": f"trial {trial}"}) for f in found]
+
+
+def _spans(sensors: Sequence[SensorQuality]) -> Iterator[Finding]:
+    """Needed sensors that start late or stop early; a list of commands has no end."""
+    if not sensors:
+        return
+    first = min(s.t_start_s for s in sensors)
+    last = max(s.t_end_s for s in sensors)
+    for sensor in sensors:
+        late = sensor.t_start_s - first
+        early = 0.0 if sensor.method == "on_change" else last - sensor.t_end_s
+        for code, lost, verb in (("starts_late", late, "starts"), ("stops_early", early, "stops")):
+            if lost > LATE_S:
+                side = "after the first" if verb == "starts" else "before the last"
+                yield Finding(
+                    code=f"sensor_{code}",
+                    message=f"{sensor.sensor} {verb} {lost:.1f} s {side} sensor; "
+                    "the trial is what all have",
+                    where=sensor.file,
+                    value=lost,
+                    threshold=LATE_S,
+                )
+
+
+def _clock(sensor: SensorQuality) -> Iterator[Finding]:
+    repeated = max(
+        (c.dropped["repeated_time"].count for c in sensor.channels if "repeated_time" in c.dropped),
+        default=0,
+    )
+    if repeated > REPEATED_SHARE * sensor.rows_read:
+        yield Finding(
+            code="coarse_time",
+            message=f"{repeated} of {sensor.rows_read} rows of {sensor.sensor} repeat a time "
+            "stamp; only one sample of each was used",
+            where=sensor.file,
+            value=repeated / sensor.rows_read,
+            threshold=REPEATED_SHARE,
+            remedy="Log the time with more digits.",
+        )
+    if sensor.rate_hz and sensor.jitter_s and sensor.jitter_s * sensor.rate_hz > JITTER_SHARE:
+        if sensor.method == "on_change":
+            return
+        yield Finding(
+            code="jitter",
+            message=f"the ticks of {sensor.sensor} scatter by {sensor.jitter_s:.3g} s",
+            where=sensor.file,
+            value=sensor.jitter_s,
+            threshold=JITTER_SHARE / sensor.rate_hz,
+            remedy="Log the time of the sample rather than of its arrival.",
+        )
+
+
+def _losses(sensor: SensorQuality) -> Iterator[Finding]:
+    counts = {reason: d.count for reason, d in sensor.dropped.items() if reason != "held_copy"}
+    lost = sum(counts.values())
+    if lost > DROPPED_SHARE * sensor.rows_read:
+        reasons = ", ".join(f"{count} {reason}" for reason, count in counts.items())
+        yield Finding(
+            code="many_rows_dropped",
+            message=f"{lost} of {sensor.rows_read} rows of {sensor.sensor} dropped: {reasons}",
+            where=sensor.file,
+            value=lost / sensor.rows_read,
+            threshold=DROPPED_SHARE,
+        )
+
+
+def _holds(sensor: SensorQuality) -> Iterator[Finding]:
+    if "held_copy" in sensor.dropped:
+        yield Finding(
+            code="held_copies",
+            message=f"{sensor.sensor} is copied into the rows between its samples; only the rows "
+            f"where it changes were used ({sensor.dropped['held_copy'].count} left out)",
+            where=sensor.file,
+            value=sensor.rate_hz,
+        )
+    if sensor.method in ("on_change", "heartbeat"):
+        longest = max((c.longest_gap_s for c in sensor.channels), default=0.0)
+        how = "only when it changes" if sensor.method == "on_change" else "on change and regularly"
+        yield Finding(
+            code="input_logged_on_change",
+            message=f"{sensor.sensor} seems to be logged {how}; each value was held until the "
+            f"next, for up to {longest:.1f} s",
+            where=sensor.file,
+            value=longest,
+            remedy="If it is polled and these are drop-outs, say on_change = false in a map.",
+        )
+
+
+def _channel(sensor: SensorQuality, channel: ChannelQuality, needed: bool) -> Iterator[Finding]:
+    if needed and channel.missing_share > MISSING_SHARE:
+        yield Finding(
+            code="much_missing",
+            message=f"{channel.column} is unknown for {100 * channel.missing_share:.0f} % of the "
+            f"trial: {channel.gaps} gaps, the longest {channel.longest_gap_s:.1f} s",
+            where=sensor.file,
+            value=channel.missing_share,
+            threshold=MISSING_SHARE,
+        )
+    constant = channel.minimum == channel.maximum and channel.samples > 1
+    if constant and BY_COLUMN[channel.column].kind == "measured":
+        yield Finding(
+            code="constant_channel",
+            message=f"{channel.column} never changes; the sensor may be stuck",
+            where=sensor.file,
+            value=channel.minimum,
+        )
+    if constant and channel.column == "rudder_rad":
+        yield Finding(
+            code="rudder_never_moves",
+            message="the rudder never moves: no turn can be identified",
+            where=sensor.file,
+            value=channel.minimum,
+        )
+
+
+def _absent(absent: Sequence[str]) -> Iterator[Finding]:
+    order = [c.column for c in CHANNELS]
+    if absent:
+        names = ", ".join(sorted(absent, key=order.index))
+        yield Finding(
+            code="channels_absent",
+            message=f"not in the log: {names}",
+            value=float(np.size(absent)),
+        )
