@@ -14,7 +14,8 @@ Array = NDArray[np.float64]
 MEDIAN_OF_ABS_TO_STD = 1.4826  # normal distribution
 SECOND_DIFFERENCE_GAIN = 6**0.5  # std of x[i-1] - 2 x[i] + x[i+1] over std of white noise
 NOISE_QUANTILE = 0.25  # share of the record that is surely not maneuvering: noise is read there
-RAMP_SHARE = 0.15  # a rudder that moves slower than this share of its fastest rate has arrived
+FEWEST_WINDOWS = 8  # a quarter of fewer is chance
+RAMP_SHARE = 0.05  # of the level: a fin that moves less than this within a span is at rest
 RATE_SPAN_S = 0.3  # over which a slew rate is measured; shorter spans see noise
 
 
@@ -63,13 +64,16 @@ def running_mean(x: Array, samples: int) -> Array:
     return np.asarray((total[high] - total[low]) / (high - low))
 
 
-def noise_std(x: Array, samples: int) -> float:
+def noise_std(x: Array, samples: int, where: NDArray[np.bool_] | None = None) -> float:
     """Standard deviation of the white noise on a piecewise smooth signal.
 
     Local second differences are taken in windows of `samples`; the quietest quarter of the
-    windows counts, because the activity of an autopilot is no sensor noise.
+    windows counts, because the activity of an autopilot is no sensor noise. With `where` only
+    those samples count, if they fill `FEWEST_WINDOWS` windows.
     """
     second = np.abs(np.diff(np.asarray(x, dtype=float), n=2))
+    if where is not None and np.count_nonzero(where[1:-1]) >= FEWEST_WINDOWS * samples:
+        second = second[where[1:-1]]
     if second.size < samples:
         return 0.0
     windows = second[: second.size // samples * samples].reshape(-1, samples)
@@ -123,18 +127,16 @@ def _merged(pieces: list[Plateau], x: Array, tolerance: float) -> list[Plateau]:
     return joined
 
 
-def ramp_start(x: Array, index: int, rate_per_sample: float) -> int:
-    """Sample at which the move that arrives at `index` began.
+def ramp_start(x: Array, arrival: int, level: float, span: int, tolerance: float) -> int:
+    """First sample of the move that arrives at `level` at sample `arrival`.
 
-    Walks back from `index` while the input moves in the same direction by more than
-    `RAMP_SHARE` of `rate_per_sample`, its fastest change per sample.
+    Walks back while the distance from the level grows by more than half of `tolerance` (or
+    `RAMP_SHARE` of the level) per `span` samples; so a slow ramp, the tail of a servo and the
+    step of a command are followed alike, and noise is not.
     """
-    if index <= 0:
-        return 0
-    direction = np.sign(x[index] - x[max(0, index - 1)])
-    least = RAMP_SHARE * rate_per_sample
-    i = index
-    while i > 0 and direction * (x[i] - x[i - 1]) > least:
+    distance = np.abs(np.asarray(x[: arrival + 1], dtype=float) - level)
+    least = max(0.5 * tolerance, RAMP_SHARE * abs(level))
+    i = arrival
+    while i > 0 and distance[max(0, i - span)] - distance[i] > least:
         i -= 1
-    # the sample before the first changed one still held the old value
-    return min(i + 1, index) if i < index else index
+    return min(i + 1, arrival) if i < arrival else arrival

@@ -30,6 +30,7 @@ NOISE_WINDOW_S = 2.0  # second differences are pooled over this to read the nois
 MEDIAN_WINDOW_S = 0.5  # spikes of the fin log up to half of it disappear, edges stay
 MEAN_WINDOW_S = 2.0  # waves and sensor noise average out, a swing of a zigzag does not
 LEAST_TOLERANCE_RAD = np.radians(0.5)  # fin angles closer than this are one angle
+NOISE_OF_MEDIAN = 1.2533  # std of a median over that of a mean, normal distribution
 NOISE_BAND = 4.0  # standard deviations that hold the noise of a whole plateau
 LEAST_FIN_RAD = np.radians(2.0)  # less is trim or an autopilot at work
 PROPELLED_SHARE = 0.2  # of the highest rpm: below, the vehicle idles
@@ -46,7 +47,8 @@ class Scales:
     speed_mps, rpm : float
         Cruise: medians while the propeller turns.
     fin_noise_rad, rpm_noise, rate_noise_radps : float
-        Standard deviations of the noise on the logged fin angle, rpm and angular rate.
+        Standard deviations of the noise on fin angle and rpm after the running median, and on
+        the running mean of the angular rate.
     fin_slew_radps : float
         Fastest fin motion seen.
     gain_radpm : float
@@ -75,8 +77,8 @@ class Piece:
     """An uninterrupted piece of a trial in one plane.
 
     `fin`, `rate` and `angle` are rudder, yaw rate and heading, or elevator, pitch rate and
-    pitch; `fin` and `rpm` are free of spikes, `fin_logged` is as it came; `speed` and
-    `rate_mean` are running means.
+    pitch; `fin` and `rpm` are free of spikes, `fin_logged` and `rpm_logged` are as they
+    came; `speed` and `rate_mean` are running means.
     """
 
     trial: str
@@ -89,6 +91,7 @@ class Piece:
     v: Array
     r: Array
     rpm: Array
+    rpm_logged: Array
     fin: Array
     fin_logged: Array
     rate: Array
@@ -197,6 +200,7 @@ def _piece(
         v=columns["v_mps"][rows],
         r=columns["r_radps"][rows],
         rpm=running_median(columns["rpm"][rows], narrow),
+        rpm_logged=columns["rpm"][rows],
         fin=running_median(fin, narrow),
         fin_logged=fin,
         rate=rate,
@@ -215,11 +219,13 @@ def scales_of(pieces: Sequence[Piece]) -> Scales:
     rate_hz = pieces[0].rate_hz
     window = max(3, round(NOISE_WINDOW_S * rate_hz))
     longest = max(pieces, key=lambda p: p.size)
+    steered = np.abs(longest.fin) > LEAST_FIN_RAD
+    left = NOISE_OF_MEDIAN / np.sqrt(odd_samples(MEDIAN_WINDOW_S, rate_hz))
     basic = Scales(
         speed_mps=max(float(np.median(speed[propelled])), 0.0),
         rpm=float(np.median(rpm[propelled])),
-        fin_noise_rad=noise_std(longest.fin, window),
-        rpm_noise=noise_std(longest.rpm, window),
+        fin_noise_rad=left * noise_std(longest.fin_logged, window, steered),
+        rpm_noise=left * noise_std(longest.rpm_logged, window),
         rate_noise_radps=noise_std(longest.rate, window) / np.sqrt(window),
         fin_slew_radps=max(slew_rate(p.fin, rate_hz) for p in pieces),
     )
@@ -244,6 +250,7 @@ def _with_response(scales: Scales, pieces: Sequence[Piece]) -> Scales:
 
 
 SHORTEST_HOLD_S = 0.4  # a fin held for less was passing by
+PASSING_SHARE = 0.25  # of its neighbours: a hold shorter than this is part of the ramp
 REST_S = 1.0  # a hold may be interrupted for this long (a glitch) and stays one hold
 
 
@@ -253,13 +260,29 @@ def held_fins(piece: Piece, scales: Scales) -> list[Plateau]:
     shortest = max(2, piece.samples(SHORTEST_HOLD_S))
     held: list[Plateau] = []
     for p in plateaus(piece.fin, tolerance):
-        if p.samples < shortest or abs(p.level) < LEAST_FIN_RAD:
+        if p.samples < shortest or abs(p.level) < LEAST_FIN_RAD or _moves(piece, p, tolerance):
             continue
         if held and _same_hold(piece, held[-1], p, tolerance):
             start = held.pop().start
             p = Plateau(start, p.stop, float(np.median(piece.fin[start : p.stop])))
         held.append(p)
-    return held
+    return [p for i, p in enumerate(held) if not _passes_by(held[max(0, i - 1) : i + 2], p)]
+
+
+def _moves(piece: Piece, p: Plateau, tolerance: float) -> bool:
+    """Whether the fin goes on moving during a short hold: a slow ramp."""
+    third = max(1, p.samples // 3)
+    first, last = piece.fin[p.start : p.start + third], piece.fin[p.stop - third : p.stop]
+    return bool(abs(np.mean(last) - np.mean(first)) > tolerance)
+
+
+def _passes_by(near: list[Plateau], p: Plateau) -> bool:
+    """Whether noise made a short hold out of a ramp between two long ones."""
+    if len(near) < 3:
+        return False
+    before, _, after = near
+    between = min(before.level, after.level) < p.level < max(before.level, after.level)
+    return between and p.samples < PASSING_SHARE * min(before.samples, after.samples)
 
 
 def _same_hold(piece: Piece, a: Plateau, b: Plateau, tolerance: float) -> bool:

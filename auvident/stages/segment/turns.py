@@ -15,6 +15,8 @@ LEAST_SPEED_SHARE = 0.35  # of cruise: below, waves and drift move the vehicle a
 LEAST_RPM_SHARE = 0.45  # of cruise: a fifth of the thrust; fin checks and surface runs, no trial
 HARD_OVER_RAD = np.radians(5)  # a fin held beyond this for long was meant to turn
 LONG_HOLD_S = 15.0
+RAMP_SPAN_S = 0.5  # over which a move of the fin shows above its noise
+TRAVEL_FACTOR = 1.5  # a fin near its end stop slows down
 HALF = 0.5  # a rudder below half of its angle has left it
 EASED_FACTOR = 3.0  # leaving takes this much longer than coming ...
 EASED_S = 0.3  # ... plus a control interval: an autopilot eases the rudder off near its course
@@ -46,7 +48,7 @@ def find_turns(
     for p in held:
         start, stop = execute(piece, scales, p), p.stop
         least = LEAST_TURN_RAD
-        if eases_off(piece, p, start):
+        if eases_off(piece, scales, p, start):
             stop, least = _without_course_order(piece, scales, p), LEAST_EASED_RAD
             least = least if stop == p.stop else LEAST_TURN_RAD
         reason = judge_turn(piece, scales, Plateau(p.start, stop, p.level), least)
@@ -85,11 +87,18 @@ def too_slow(piece: Piece, scales: Scales, p: Plateau) -> tuple[str, float, floa
     return None
 
 
-def eases_off(piece: Piece, p: Plateau, start: int) -> bool:
-    """Whether the rudder leaves its angle as under an autopilot: much slower than it came."""
-    rest = np.abs(piece.fin[p.stop :]) * np.sign(piece.fin[p.stop :] * p.level)
+def eases_off(piece: Piece, scales: Scales, p: Plateau, start: int) -> bool:
+    """Whether the rudder leaves its angle as under an autopilot that nears its course.
+
+    It then falls to half of the angle much slower than it came and without a rest on the way;
+    a rest is the stop at which an autopilot holds the rudder after a release.
+    """
+    rest = piece.fin[p.stop :] * np.sign(p.level)
     below = np.flatnonzero(rest < HALF * abs(p.level))
     if below.size == 0:
+        return False
+    path, second = rest[: below[0] + 1], piece.samples(1.0)
+    if path.size > second and np.min(np.abs(path[second:] - path[:-second])) < scales.tolerance_rad:
         return False
     entry_s, exit_s = piece.seconds(start, p.start), piece.seconds(p.stop, p.stop + int(below[0]))
     return exit_s > EASED_FACTOR * entry_s + EASED_S
@@ -117,4 +126,7 @@ def _was_meant(piece: Piece, p: Plateau) -> bool:
 
 def execute(piece: Piece, scales: Scales, p: Plateau) -> int:
     """Sample at which the fin began to move towards the level of `p`."""
-    return ramp_start(piece.fin, p.start, scales.fin_slew_radps / piece.rate_hz)
+    span = max(1, piece.samples(RAMP_SPAN_S))
+    start = ramp_start(piece.fin, p.start, p.level, span, scales.tolerance_rad)
+    travel_s = TRAVEL_FACTOR * 2 * abs(p.level) / max(scales.fin_slew_radps, 1e-6)
+    return max(start, p.start - piece.samples(travel_s) - span)

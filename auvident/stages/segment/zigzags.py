@@ -13,14 +13,14 @@ import numpy as np
 from auvident.physics.figures_plateaus import Plateau
 from auvident.schema.artifacts import Rejected
 from auvident.stages.segment.pieces import Found, Piece, Scales
-from auvident.stages.segment.turns import execute, too_slow
+from auvident.stages.segment.turns import TRAVEL_FACTOR, execute, too_slow
 
 LEAST_EXECUTES = 3  # IMO MSC.137(76): two overshoots, hence two reversals after the execute
 SAME_SIDE_SHARE = 0.08  # of the amplitude: the angle returns to this on the same side
 TWO_SIDES_SHARE = 0.25  # of the amplitude: the two sides differ by trim and calibration
 TWO_SIDES_RAD = np.radians(2.0)  # or by this
 REST_S = 1.0  # between two holds, besides the time the fin needs to travel
-TRAVEL_FACTOR = 1.5  # a fin near its end stop slows down
+PEAK_SHARE = 0.4  # of the amplitude: an autopilot's rudder before the execute is smaller
 LEAST_SWING_RAD = np.radians(0.5)  # heading between two reversals; the least zigzag has 2 degrees
 LEAST_SWING_SHARE = 0.1  # of the whole swing; overshoots of nine times the angle do not occur
 
@@ -52,14 +52,28 @@ def find_zigzags(
     found: list[Found] = []
     rejected: list[Rejected] = []
     for chain in chains(piece, scales, held):
-        start, stop = execute(piece, scales, chain[0]), chain[-1].stop
-        verdict = judge(piece, scales, chain)
+        start, unheld = first_execute(piece, scales, chain)
+        stop = chain[-1].stop
+        verdict = judge(piece, scales, chain, unheld)
         if verdict is None:
             level = float(np.median([abs(p.level) for p in chain]))
             found.append(Found("zigzag", piece, start, stop, level, plane))
         elif verdict[0]:
             rejected.append(piece.rejected(start, stop, *verdict))
     return found, rejected
+
+
+def first_execute(piece: Piece, scales: Scales, chain: Sequence[Plateau]) -> tuple[int, int]:
+    """Sample of the first execute of a chain, and the number of executes before its first hold.
+
+    A slow fin may be reversed before it has reached its angle the first time; then the move to
+    the first hold begins on the other side, and the execute is the beginning of the move there.
+    """
+    start = execute(piece, scales, chain[0])
+    peak = float(piece.fin[max(0, start - 1)])
+    if start == 0 or peak * chain[0].level >= 0 or abs(peak) < PEAK_SHARE * abs(chain[0].level):
+        return start, 0
+    return execute(piece, scales, Plateau(start - 1, start, peak)), 1
 
 
 def chains(piece: Piece, scales: Scales, held: Sequence[Plateau]) -> list[list[Plateau]]:
@@ -89,14 +103,18 @@ def _continues(piece: Piece, scales: Scales, run: Sequence[Plateau], p: Plateau)
 
 
 def judge(
-    piece: Piece, scales: Scales, chain: Sequence[Plateau]
+    piece: Piece, scales: Scales, chain: Sequence[Plateau], unheld: int = 0
 ) -> tuple[str, float, float] | None:
-    """None for a zigzag, else reason, value, threshold; an empty reason is not worth a word."""
+    """None for a zigzag, else reason, value, threshold; an empty reason is not worth a word.
+
+    `unheld` executes came before the chain without reaching their angle.
+    """
     swing, whole = swings(piece, scales, chain)
     least_swing = max(LEAST_SWING_RAD, LEAST_SWING_SHARE * whole)
-    if len(chain) < LEAST_EXECUTES:
+    executes = len(chain) + unheld
+    if executes < LEAST_EXECUTES:
         reason = TOO_FEW if swing >= least_swing else ""
-        return reason, len(chain), LEAST_EXECUTES
+        return reason, executes, LEAST_EXECUTES
     slow = too_slow(piece, scales, chain[0])
     if slow is not None:
         return f"zigzag: {slow[0]}", *slow[1:]
