@@ -87,6 +87,8 @@ class Hull(Declared):
             raise ValueError("give offsets as a file or as two arrays, not both")
         if self.shape == "offsets" and self.offsets is None and self.offsets_radius_m is None:
             raise ValueError("shape = 'offsets' needs offsets")
+        if self.shape not in (None, "offsets") and self.diameter_m is None:
+            raise ValueError(f"shape = {self.shape!r} needs diameter_m")
         if not self.is_body_of_revolution and (self.beam_m is None or self.draught_m is None):
             raise ValueError(
                 "give diameter_m or offsets (body of revolution), or beam_m and draught_m"

@@ -46,7 +46,7 @@ def contradictions(vehicle: Vehicle) -> Iterator[Contradiction]:
     """
     if not vehicle.hull.is_body_of_revolution:
         return
-    for check in (_lengths, _offsets, _stations, _fins, _masses):
+    for check in (_lengths, _offsets, _stations, _fins, _masses, _inertias):
         found = [c for c in check(vehicle) if np.any(c.mask)]
         yield from found
         if any(np.all(c.mask) for c in found):
@@ -176,17 +176,6 @@ def _stations(vehicle: Vehicle) -> Iterator[Contradiction]:
         f"{r:g} m",
         "z_g_m is positive downwards, metres.", body.z_g_m, radius,
     )  # fmt: skip
-    for name, inertia in (("izz_kgm2", body.izz_kgm2), ("iyy_kgm2", body.iyy_kgm2)):
-        if inertia is None:
-            continue
-        gyradius = np.sqrt(np.asarray(inertia, float) / np.asarray(body.mass_kg, float))
-        reach = np.maximum(origin, length - origin) + radius
-        yield _say(
-            gyradius > reach, f"[vehicle] {name}",
-            lambda k, le: f"the radius of gyration, {k:.3g} m, is larger than the hull reaches "
-            f"from O, {le:.3g} m",
-            "Inertia is about O, in kg m^2.", gyradius, reach,
-        )  # fmt: skip
 
 
 def _fins(vehicle: Vehicle) -> Iterator[Contradiction]:
@@ -259,4 +248,22 @@ def _masses(vehicle: Vehicle) -> Iterator[Contradiction]:
             (stated < low * volume) | (stated > high * volume), "[vehicle] displaced_volume_m3",
             lambda s, v: f"a volume of {s:g} m^3 contradicts the hull's, {v:.4g} m^3",
             "Check the unit and the hull's sizes.", stated, volume,
+        )  # fmt: skip
+
+
+def _inertias(vehicle: Vehicle) -> Iterator[Contradiction]:
+    """Radii of gyration against the reach of the hull from O."""
+    body, length = vehicle.body, np.asarray(vehicle.hull.length_m, float)
+    origin = np.asarray(body.origin_from_nose_m, float)
+    radius = hull_shape(vehicle.hull).max_radius_m
+    for name, inertia in (("izz_kgm2", body.izz_kgm2), ("iyy_kgm2", body.iyy_kgm2)):
+        if inertia is None:
+            continue
+        gyradius = np.sqrt(np.asarray(inertia, float) / np.asarray(body.mass_kg, float))
+        reach = np.maximum(origin, length - origin) + radius
+        yield _say(
+            gyradius > reach, f"[vehicle] {name}",
+            lambda k, le: f"the radius of gyration, {k:.3g} m, is larger than the hull reaches "
+            f"from O, {le:.3g} m",
+            "Inertia is about O, in kg m^2.", gyradius, reach,
         )  # fmt: skip

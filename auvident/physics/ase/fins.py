@@ -17,6 +17,7 @@ from auvident.schema.vehicle import AseOptions, Fin
 
 LIFT_EFFICIENCY = 0.9  # section lift slope over 2 pi, and span efficiency (Whicker & Fehlner 1958)
 # C_Dc = 0.1 + slope * taper (Whicker & Fehlner 1958 fig. 28: 0.80 and 0.40 at taper 0.45).
+LEAST_CROSSFLOW_ASPECT = 0.5  # C_Dc/A of a long low strake would exceed a plate across the flow
 CROSSFLOW_BASE, CROSSFLOW_SLOPE = 0.1, {"square": 1.6, "faired": 0.7}
 
 
@@ -164,7 +165,8 @@ def fin_forces(
     power = 1 if options.induced_drag_scaling == "linear" else 2
     drag = slope**2 / (LIFT_EFFICIENCY * np.pi * aspect) * deviation.scale("fin_induced")
     profile = options.fin_cd0 if fin.cd0 is None else np.asarray(fin.cd0, float)
-    across = crossflow_coefficient(fin) / aspect * np.asarray(fin.efficiency, float)
+    across = crossflow_coefficient(fin) / np.maximum(aspect, LEAST_CROSSFLOW_ASPECT)
+    across = across * np.asarray(fin.efficiency, float)
     return FinForces(
         kind=fin.kind,
         commands=fin.commands,

@@ -136,7 +136,7 @@ def _evaluate(
     """One chunk of variants."""
     import pandas as pd
 
-    problems = _problems(with_values(vehicle, values), count)
+    problems = _problems(vehicle, values, count)
     possible = problems == ""
     kept = {key: v[possible] for key, v in values.items()}
     frame = pd.DataFrame({**values, "problem": problems})
@@ -170,14 +170,19 @@ def _facts(variants: Vehicle, values: Mapping[str, np.ndarray]) -> dict[str, np.
         }
 
 
-def _problems(variants: Vehicle, count: int) -> np.ndarray:
+def _problems(vehicle: Vehicle, values: Mapping[str, np.ndarray], count: int) -> np.ndarray:
     """Why each variant is impossible; empty where it is not."""
     problems = np.full(count, "", dtype=object)
-    positive = _not_positive(variants, count)
+    positive = _not_positive(with_values(vehicle, values), count)
     problems[positive] = "a size is zero or negative"
-    for fault in contradictions(variants):
-        concerned = np.broadcast_to(fault.mask, (count,)) & (problems == "")
-        problems[concerned] = f"{fault.where}: {fault.problem}"
+    left = np.flatnonzero(~positive)
+    if left.size == 0:
+        return problems
+    kept = {key: v[left] for key, v in values.items()}
+    for fault in contradictions(with_values(vehicle, kept)):
+        concerned = left[np.broadcast_to(fault.mask, left.shape)]
+        first = concerned[problems[concerned] == ""]
+        problems[first] = f"{fault.where}: {fault.problem}"
     return problems
 
 

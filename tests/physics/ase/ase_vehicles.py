@@ -23,6 +23,4 @@ def changed(base: Vehicle, /, **tables: Any) -> Vehicle:
 
 def fins(vehicle: Vehicle, *kinds: str, **update: Any) -> list[dict]:
     """The entries of some kinds, for `changed`."""
-    return [
-        {**f.model_dump(exclude_unset=True), **update} for f in vehicle.fin if f.kind in kinds
-    ]
+    return [{**f.model_dump(exclude_unset=True), **update} for f in vehicle.fin if f.kind in kinds]

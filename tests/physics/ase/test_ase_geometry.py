@@ -92,7 +92,9 @@ def test_sizes_scale_with_the_hull(scale, tail):
 
 
 def test_myring_tail_ends_at_its_base_with_its_slope():
-    shape = hull_shape(body(myring_theta_deg=20.0, tail_length_m=0.6, tail_base_diameter_m=0.1).hull)
+    shape = hull_shape(
+        body(myring_theta_deg=20.0, tail_length_m=0.6, tail_base_diameter_m=0.1).hull
+    )
     end = shape.radius_m(np.array([2.0, 2.0 - 1e-6]))
     assert end[0] == pytest.approx(0.05, abs=1e-9)
     assert (end[1] - end[0]) / 1e-6 == pytest.approx(np.tan(np.radians(20.0)), rel=1e-4)

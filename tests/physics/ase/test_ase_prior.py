@@ -1,0 +1,83 @@
+import numpy as np
+import pytest
+from ase_vehicles import changed, fins, load
+
+from auvident.physics.ase.accuracy import ACCURACIES, Deviation
+from auvident.physics.ase.assembly import coefficient_parts, totals
+from auvident.physics.ase.geometry import hull_geometry
+from auvident.physics.ase.hull import crossflow_terms
+from auvident.physics.ase.prior import prior_covariance
+from auvident.stages.ase import estimate
+
+
+@pytest.mark.parametrize("name", ["suboff", "remus"])
+def test_no_deviation_is_zero(name):
+    for row in estimate(load(name)).coefficients:
+        assert row.std > 0.0, row.symbol
+
+
+def test_deviation_without_fins_covers_a_small_fin():
+    """A vehicle with no rudder in its file still may have one of a third of REMUS's effect."""
+    remus = load("remus")
+    bare = estimate(changed(remus, fin=[])).by_symbol()
+    full = estimate(remus).by_symbol()
+    for symbol in ("Y_uud", "N_uud", "Z_uud", "M_uud"):
+        assert bare[symbol].value == 0.0
+        assert bare[symbol].std > 0.2 * abs(full[symbol].value)
+    codes = {f.code for f in estimate(changed(remus, fin=fins(remus, "rudder"))).findings}
+    assert "no_elevator" in codes
+    assert "no_rudder" not in codes
+
+
+def test_deviation_of_absent_yaw_cross_flow_covers_the_strips():
+    remus = load("remus")
+    found = estimate(remus).by_symbol()["N_r|r|"]
+    ase = changed(remus, ase={"hull_rate_crossflow": True}).ase
+    strips = crossflow_terms(hull_geometry(remus), 1.5, 1030.0, 1.19e-6, ase, Deviation())
+    assert found.std > abs(float(strips["N_r|r|"]))
+
+
+def test_covariance_is_that_of_the_deviations_and_positive():
+    result = estimate(load("suboff"))
+    symbols = [c.symbol for c in result.coefficients]
+    covariance = prior_covariance(result, symbols)
+    std = np.array([c.std for c in result.coefficients])
+    assert np.sqrt(np.diag(covariance)) == pytest.approx(std, rel=1e-12)
+    correlation = covariance / np.outer(std, std)
+    assert np.linalg.eigvalsh(correlation).min() > 1e-6
+    i, j = symbols.index("Y_uud"), symbols.index("N_uud")
+    assert correlation[i, j] < -0.95  # one lift at one station
+
+
+def test_first_order_propagation_against_random_draws():
+    """Standard deviations against 4000 draws of the accuracies (without the residuals)."""
+    remus = load("remus")
+    rng = np.random.default_rng(5)
+    draws = Deviation({a.name: rng.standard_normal(4000) for a in ACCURACIES})
+    sampled = totals(coefficient_parts(remus, 1.54, draws))
+    result = estimate(remus)
+    for symbol in ("Y_uv", "N_uv", "Y_vdot", "N_rdot", "Y_v|v|", "X_uu", "Y_uud", "T_nn"):
+        linear = np.sqrt(sum(e.get(symbol, 0.0) ** 2 for e in result.accuracy_effects.values()))
+        # products of log-normal factors have a longer tail than first order: 25 % here
+        assert np.std(sampled[symbol]) == pytest.approx(linear, rel=0.25), symbol
+
+
+def test_given_coefficients_are_independent_of_the_formulas():
+    known = {"Y_uv": {"value": -40.0, "std": 2.0}}
+    result = estimate(changed(load("remus"), coefficients=known))
+    row = result.by_symbol()["Y_uv"]
+    assert (row.value, row.std, row.origin) == (-40.0, 2.0, "given")
+    covariance = prior_covariance(result, ["Y_uv", "N_uv", "N_ur"])
+    assert covariance[0] == pytest.approx([4.0, 0.0, 0.0])
+    assert covariance[1, 2] != 0.0
+
+
+def test_every_accuracy_has_an_effect_and_a_source():
+    suboff = load("suboff")
+    propeller = {"propeller": {"diameter_m": 0.2, "kt0": 0.4, "kt1": -0.4}}
+    given = {"propeller": {**propeller["propeller"], "wake_fraction": 0.2, "thrust_deduction": 0.1}}
+    seen = set()
+    for tables in (propeller, given):
+        seen |= set(estimate(changed(suboff, **tables)).accuracy_effects)
+    assert seen == {a.name for a in ACCURACIES}
+    assert all(a.source and a.sigma > 0.0 for a in ACCURACIES)
