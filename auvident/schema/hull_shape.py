@@ -16,6 +16,7 @@ import numpy as np
 from auvident.schema.vehicle import Hull
 
 MYRING_THETA_DEG = 25.0  # tail half angle when none is given; REMUS: 0.436 rad (Prestero 2001)
+MYRING_FULLEST = 2.5  # c tan(theta) over the drop in radius of an assumed tail; from 3 on it bulges
 DEFAULT_NOSE_DIAMETERS = 1.0  # nose length when none is given; REMUS 0.91, SUBOFF 2.0 diameters
 DEFAULT_TAIL_DIAMETERS = 2.5  # tail length when none is given; REMUS 2.6, SUBOFF 2.2 diameters
 PARALLEL_TOLERANCE = 5e-4  # of the largest radius: an offset this close to it is parallel body
@@ -126,6 +127,8 @@ def _tail(hull: Hull, start: np.ndarray, tail: np.ndarray, radius: np.ndarray) -
     c = np.where(c > 0.0, c, 1.0)
     theta = MYRING_THETA_DEG if hull.myring_theta_deg is None else hull.myring_theta_deg
     slope = c * np.tan(np.radians(np.asarray(theta, float)))[..., None]
+    if hull.myring_theta_deg is None:
+        slope = np.minimum(slope, MYRING_FULLEST * drop)
     kind = "myring" if hull.family == "myring" else hull.tail_shape
 
     def squared(xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

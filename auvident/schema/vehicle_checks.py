@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from auvident.schema.hull_shape import HullShape, hull_shape, section_lengths
-from auvident.schema.vehicle import Fin, Vehicle
+from auvident.schema.vehicle import Fin, Hull, Vehicle
 
 MASS_RATIO = (0.67, 1.5)  # mass over displaced mass of a submerged vehicle, at the very most
 SHORTEST_FINENESS = 1.2  # length over diameter: below it no formula of the method holds
@@ -90,6 +90,22 @@ def _lengths(vehicle: Vehicle) -> Iterator[Contradiction]:
         base > diameter, "[hull] tail_base_diameter_m",
         lambda b, d: f"the tail ends with {b:g} m, wider than the hull, {d:g} m",
         "The base is the flat end of the tail, 0 for a pointed one.", base, diameter,
+    )  # fmt: skip
+    if hull.family == "myring" and hull.myring_theta_deg is not None:
+        yield _bulging_tail(hull, tail)
+
+
+def _bulging_tail(hull: Hull, tail: np.ndarray) -> Contradiction:
+    """A Myring tail so long for its end angle that it grows wider than the hull."""
+    drop = 0.5 * (np.asarray(hull.diameter_m, float) - np.asarray(hull.tail_base_diameter_m, float))
+    theta = np.asarray(hull.myring_theta_deg, float)
+    c = tail + np.asarray(hull.myring_tail_offset_m, float)
+    most = np.degrees(np.arctan2(3.0 * drop, c))
+    return _say(
+        theta > most, "[hull] myring_theta_deg",
+        lambda t, m: f"a tail ending with {t:g} deg grows wider than the hull; {m:.3g} deg is the "
+        "most for its length",
+        "Lower myring_theta_deg or shorten the tail.", theta, most,
     )  # fmt: skip
 
 

@@ -28,6 +28,7 @@ def test_vehicles_load(path):
 
 IMPOSSIBLE = [  # what is replaced, by what, what the message must name
     ("nose_length_m = 0.1745", "nose_length_m = 0.9", ["0.9", "0.502", "1.33", "nose_length_m"]),
+    ("theta_deg = 24.98", "theta_deg = 35.0", ["35", "27.9", "myring_theta_deg"]),
     ("diameter_m = 0.191", "diameter_m = 1.91", ["1.91", "1.33", "diameter_m"]),
     ("myring_n = 2.0", "tail_base_diameter_m = 0.3", ["0.3", "0.191", "tail_base_diameter_m"]),
     ("origin_from_nose_m = 0.611", "origin_from_nose_m = 2.0", ["2", "1.33", "origin"]),

@@ -186,6 +186,8 @@ def righting_speed_mps(
     if static >= 0.0:
         return None
     damping = float(m12 * a21 + m21 * a12 - m11 * a22 - m22 * a11)
+    if damping <= 0.0:
+        return 0.0
     reserve = damping * m11 + a11 * (m11 * m22 - m12 * m21)
     square = mass * GRAVITY * z_g * reserve / (damping * -static)
     return float(np.sqrt(square)) if square > 0.0 else 0.0

@@ -3,10 +3,13 @@ import time
 import numpy as np
 import pytest
 from ase_vehicles import changed, fins, load
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from auvident.errors import InputError
 from auvident.schema.artifacts import AseResult
 from auvident.schema.coefficients import prime_unit
+from auvident.schema.vehicle import Vehicle
 from auvident.stages.ase import estimate
 
 
@@ -113,3 +116,37 @@ def test_numbers_are_finite_for_a_hull_alone():
     result = estimate(changed(load("remus"), fin=[]))
     for row in result.coefficients:
         assert np.isfinite([row.value, row.std, row.prime]).all()
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    length=st.floats(0.6, 12.0),
+    fineness=st.floats(3.0, 14.0),
+    nose=st.floats(0.0, 0.4),
+    tail=st.floats(0.05, 0.5),
+    span=st.floats(0.2, 1.0),
+    dihedral=st.sampled_from([0.0, 30.0, 45.0, 90.0]),
+    count=st.integers(1, 4),
+    ends=st.sampled_from(["mid_tail", "datcom", "end"]),
+)
+def test_any_possible_vehicle_gets_finite_numbers(
+    length, fineness, nose, tail, span, dihedral, count, ends
+):
+    d = length / fineness
+    fin = {"x_m": -0.42 * length, "exposed_span_m": span * d, "root_chord_m": 0.6 * d}
+    fin |= {"tip_chord_m": 0.4 * d, "dihedral_deg": dihedral, "count": count}
+    hull = {"length_m": length, "diameter_m": d}
+    hull |= {"nose_length_m": nose * length, "tail_length_m": tail * length}
+    body = {"mass_kg": 1025.0 * 0.25 * np.pi * d * d * length * (1.0 - nose / 3 - 2 * tail / 3)}
+    body |= {"izz_kgm2": body["mass_kg"] * length**2 / 16, "origin_from_nose_m": 0.5 * length}
+    vehicle = Vehicle.model_validate(
+        {
+            "vehicle": body,
+            "hull": hull,
+            "fin": [{"kind": "rudder", **fin}, {"kind": "sail", **fin, "x_m": 0.0}],
+            "ase": {"hull_station": ends},
+        }
+    )
+    for row in estimate(vehicle).coefficients:
+        assert np.isfinite([row.value, row.std]).all()
+        assert row.std > 0.0
