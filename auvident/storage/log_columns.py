@@ -243,7 +243,7 @@ def missing_channel(
         f"no column {suffixes} ({channel.meaning}) for {channel.sensor}; "
         f"found {found or 'nothing'}",
         where,
-        f"Name the column in a map (--map): {place}",
+        f"Name the column in a map (--map; `auvident inspect` proposes one): {place}",
     )
 
 

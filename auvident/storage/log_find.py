@@ -16,7 +16,8 @@ from auvident.storage.log_file import LOG_SUFFIXES, LogFile, looks_like_log, ope
 MAX_DEPTH = 4  # folders below the one given; a deeper tree is not a log folder but a disk
 LAYOUT_REMEDY = (
     "A log is a folder with one file per sensor (dvl.csv, gyro.csv, rudder.csv, rpm.csv), "
-    "or one file with all columns; other names need a map (--map)."
+    "or one file with all columns; other names need a map (--map), "
+    "which `auvident inspect` proposes."
 )
 
 
@@ -113,7 +114,11 @@ def _folder_or_refuse(path: Path, column_map: ColumnMap) -> list[TrialSource]:
         return found
     inside = sorted(p.name + ("/" if p.is_dir() else "") for p in path.iterdir())
     wanted = sorted(set(_patterns(column_map).values()))
-    problem = f"holds no file that matches {', '.join(wanted)}" if wanted else "holds no log"
+    problem = "holds no log"
+    if any(looks_like_log(p) for p in path.iterdir()):
+        problem = "holds no file that is named for a sensor or has a time column"
+    if wanted:
+        problem = f"holds no file that matches {', '.join(wanted)} and has the mapped columns"
     listing = ", ".join(inside[:12]) + (", ..." if len(inside) > 12 else "")
     raise InputError(f"{problem}; found {listing or 'nothing'}", str(path), LAYOUT_REMEDY)
 

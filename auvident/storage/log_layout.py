@@ -156,7 +156,7 @@ def _header_by_structure(lines: Sequence[str]) -> tuple[int, str] | None:
         if below is not None and _is_units_row(split(lines[below], delimiter)):
             below = _next_content(lines, below + 1)
         if below is None:
-            return index, delimiter
+            return None
         row = split(lines[below], delimiter)
         values = sum(is_value(field) for field in row)
         if len(row) - len(fields) in (0, 1) and 2 * values >= len(row):

@@ -160,6 +160,11 @@ def _gyro_to_dvl(
     return fit_relation(records, relation, EITHER_WAY_S, lambda s: s["u"] > grip)
 
 
+def _in_stds(found: Relation) -> float:
+    """Leading coefficient in its standard deviations; 0 when it was never excited."""
+    return float(found.theta[0] / max(found.theta_std[0], np.finfo(float).tiny))
+
+
 def _alignment(first: str, second: str, found: Relation | None) -> Alignment | None:
     if found is None:
         return None
@@ -195,7 +200,7 @@ def _refuse_sign(raw: RawTrial, vehicle: Vehicle, fin: str, found: Relation | No
     """Refuse a log whose rudder or elevator works the other way than the vehicle file says."""
     if found is None or found.explained < SIGN_EXPLAINED or found.alone[0] < SIGN_SHARE:
         return
-    if found.theta[0] <= SIGN_STDS * found.theta_std[0]:
+    if _in_stds(found) <= SIGN_STDS:
         return
     key, ways, rate = {
         "rudder": ("rudder_positive_turns", ("port", "starboard"), "r"),
@@ -208,7 +213,7 @@ def _refuse_sign(raw: RawTrial, vehicle: Vehicle, fin: str, found: Relation | No
     raise InputError(
         f"the log's {fin} sign contradicts [signs] {key} = {said!r}: a positive {column} turns "
         f"the bow {other} (its share of the acceleration is {100 * found.alone[0]:.0f} %, "
-        f"{found.theta[0] / found.theta_std[0]:.0f} standard deviations from zero)",
+        f"{_in_stds(found):.0f} standard deviations from zero)",
         f"{sensor.file}, column {column}",
         f"Say {key} = {other!r} in the vehicle file, or sign = -1 for the column in a map "
         f"(--map); if it is the gyro that counts the other way, give {rate} the sign -1.",
@@ -281,14 +286,14 @@ def _lag_findings(raw: RawTrial, lags: tuple[Alignment, ...]) -> list[Finding]:
 
 
 def _sign_findings(raw: RawTrial, found: Relation | None) -> list[Finding]:
-    if found is not None and found.theta[0] < -SURE_STDS * found.theta_std[0]:
+    if found is not None and _in_stds(found) < -SURE_STDS:
         return []
     return [
         Finding(
             code="rudder_sign_unverified",
             message="the trial does not show which way a positive rudder turns the vehicle",
             where=f"trial {raw.name}",
-            value=None if found is None else float(found.theta[0] / found.theta_std[0]),
+            value=None if found is None else _in_stds(found),
             threshold=-SURE_STDS,
             remedy="Make sure that [signs] rudder_positive_turns is right.",
         )

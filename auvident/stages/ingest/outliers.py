@@ -112,7 +112,7 @@ def keep_one_of_held(raw: RawSensor, rows: np.ndarray) -> np.ndarray | None:
         return None
     table = np.stack([raw.values[column][rows] for column in raw.values])
     table = np.where(np.isnan(table), np.inf, table)  # an empty cell equals an empty cell
-    starts = np.concatenate(([0], np.flatnonzero((np.diff(table) != 0).any(axis=0)) + 1))
+    starts = np.concatenate(([0], np.flatnonzero((table[:, 1:] != table[:, :-1]).any(axis=0)) + 1))
     lengths = np.diff(np.concatenate((starts, [rows.size])))
     if lengths.size < MIN_HELD_RUNS or np.quantile(lengths[:-1], HELD_QUANTILE) < 2:
         return None

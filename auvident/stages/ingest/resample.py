@@ -169,7 +169,7 @@ def hold_rule(time_s: np.ndarray, values: np.ndarray, on_change: bool | None) ->
         return Hold(np.inf, "on_change")
     limit = max(HOLD_MIN_S, HOLD_PERIODS * median_period(time_s))
     steps = np.diff(time_s)
-    long = steps[steps > limit]
+    long = steps[steps > limit] if on_change is None else steps[:0]
     if long.size >= HEARTBEAT_ROWS and long.max() <= HEARTBEAT_SPREAD * np.median(long):
         return Hold(HEARTBEAT_MARGIN * float(np.median(long)), "heartbeat")
     return Hold(limit, "polled")

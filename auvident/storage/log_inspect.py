@@ -1,0 +1,187 @@
+"""What is in a log, and a map that would read it: the data behind ``auvident inspect``."""
+
+from pathlib import Path
+
+import numpy as np
+
+from auvident.errors import InputError
+from auvident.schema.base import Artifact
+from auvident.storage.log_columns import guess_time, quantity_of
+from auvident.storage.log_file import LogFile, looks_like_log, open_log, read_log
+from auvident.storage.log_find import LAYOUT_REMEDY, MAX_DEPTH
+from auvident.storage.log_propose import propose_map
+from auvident.storage.log_time import to_seconds
+
+GAP_PERIODS = 5.0  # an interval of so many periods is shown as a gap
+
+
+class ColumnReport(Artifact):
+    """A column: what it was taken for, its range and its empty cells."""
+
+    name: str
+    unit: str = ""
+    quantity: str | None = None
+    minimum: float | None = None
+    maximum: float | None = None
+    empty: int = 0
+    distinct: int = 0
+    note: str = ""
+
+
+class FileReport(Artifact):
+    """A file: its clock and its columns."""
+
+    file: str
+    rows: int = 0
+    time_column: str | None = None
+    start_s: float | None = None
+    end_s: float | None = None
+    rate_hz: float | None = None
+    gaps: int = 0
+    longest_gap_s: float | None = None
+    backward: int = 0
+    repeated: int = 0
+    columns: tuple[ColumnReport, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+class LogReport(Artifact):
+    """Everything ``auvident inspect`` shows.
+
+    `proposed_map` is the text of a ``MAP.toml``; "" when the log can be read without one.
+    `unassigned` names needed channels for which no column was found.
+    """
+
+    path: str
+    files: tuple[FileReport, ...]
+    proposed_map: str = ""
+    unassigned: tuple[str, ...] = ()
+
+
+def inspect_log(path: Path) -> LogReport:
+    """Look at a log without judging it.
+
+    Parameters
+    ----------
+    path : Path
+        A file, a trial folder or a folder of them.
+
+    Raises
+    ------
+    InputError
+        When there is nothing at the path that could be a log.
+    """
+    path = Path(path)
+    files = _files(path)
+    opened: dict[Path, LogFile] = {}
+    values: dict[Path, dict[str, np.ndarray]] = {}
+    reports = []
+    for file in files:
+        try:
+            opened[file] = open_log(file)
+        except InputError as error:
+            reports.append(FileReport(file=str(file), notes=(error.problem,)))
+            continue
+        values[file], report = _inspect_file(opened[file])
+        reports.append(report)
+    first = files[0].parent
+    together = {f: log for f, log in opened.items() if f.parent == first}
+    text, unassigned = propose_map(together, values)
+    return LogReport(path=str(path), files=tuple(reports), proposed_map=text, unassigned=unassigned)
+
+
+def _files(path: Path) -> list[Path]:
+    if not path.exists():
+        raise InputError("no such file or folder", str(path), "Check the path.")
+    if path.is_file():
+        return [path]
+    found: list[Path] = []
+    level = [path]
+    for _ in range(MAX_DEPTH):
+        found += [p for folder in level for p in sorted(folder.iterdir()) if looks_like_log(p)]
+        level = [p for folder in level for p in sorted(folder.iterdir()) if p.is_dir()]
+    if not found:
+        raise InputError("holds no CSV or Parquet file", str(path), LAYOUT_REMEDY)
+    return found
+
+
+def _inspect_file(log: LogFile) -> tuple[dict[str, np.ndarray], FileReport]:
+    numbers, rows, notes = _read_all(log)
+    time_name = guess_time(log)
+    clock: dict[str, float | int | None] = {}
+    if time_name is not None and time_name in numbers:
+        try:
+            time = to_seconds(numbers[time_name], None, str(log.path), np.arange(1, rows + 1))
+            clock = _clock(time)
+        except InputError as error:
+            notes.append(error.problem)
+    columns = tuple(_column(log, name, numbers.get(name)) for name in log.names if name)
+    report = FileReport.model_validate(
+        {
+            "file": str(log.path),
+            "rows": rows,
+            "time_column": time_name,
+            "columns": columns,
+            "notes": tuple(notes),
+            **clock,
+        }
+    )
+    return numbers, report
+
+
+def _read_all(log: LogFile) -> tuple[dict[str, np.ndarray], int, list[str]]:
+    """All columns; where one is faulty, those that can be read, and the faults."""
+    names = [name for name in dict.fromkeys(log.names) if name and log.names.count(name) == 1]
+    try:
+        table = read_log(log, dict.fromkeys(names))
+        notes = [f"{count} rows: {reason}" for reason, count in table.dropped.items()]
+        return table.columns, table.rows.size, notes
+    except InputError as error:
+        numbers: dict[str, np.ndarray] = {}
+        notes, rows = [str(error).split("\n")[0]], 0
+    for name in names:
+        try:
+            table = read_log(log, {name: None})
+        except InputError:
+            continue
+        numbers[name], rows = table.columns[name], table.rows.size
+    return numbers, rows, notes
+
+
+def _clock(time: np.ndarray) -> dict[str, float | int | None]:
+    known = time[np.isfinite(time)]
+    if not known.size:
+        return {}
+    steps = np.diff(known)
+    ahead = steps[steps > 0]
+    period = float(np.median(ahead)) if ahead.size else 0.0
+    return {
+        "start_s": float(known.min()),
+        "end_s": float(known.max()),
+        "rate_hz": 1.0 / period if period > 0 else None,
+        "gaps": int(np.sum(ahead > GAP_PERIODS * period)),
+        "longest_gap_s": float(ahead.max()) if ahead.size else None,
+        "backward": int(np.sum(steps < 0)),
+        "repeated": int(np.sum(steps == 0)),
+    }
+
+
+def _column(log: LogFile, name: str, values: np.ndarray | None) -> ColumnReport:
+    unit = log.unit_of(name)
+    if values is None:
+        return ColumnReport(name=name, unit=unit, note="cannot be read as numbers or time")
+    if values.dtype == object:
+        empty = sum(not str(v).strip() or v is None for v in values)
+        return ColumnReport(
+            name=name, unit=unit, empty=empty, distinct=len(set(map(str, values))), note="text"
+        )
+    known = values[np.isfinite(values)]
+    return ColumnReport(
+        name=name,
+        unit=unit,
+        quantity=quantity_of(name),
+        minimum=float(known.min()) if known.size else None,
+        maximum=float(known.max()) if known.size else None,
+        empty=int(values.size - known.size),
+        distinct=int(np.unique(known).size),
+    )

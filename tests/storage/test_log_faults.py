@@ -1,0 +1,171 @@
+"""Each wrong input ends in one clear message: file, row, column, what to do, exit code 3."""
+
+import numpy as np
+import pytest
+from log_world import sensor_tables, wide_table, write_folder
+
+from auvident.errors import InputError
+from auvident.storage.logs import read_trials
+
+
+def refused(path, *words):
+    """The message of a refusal, in which every word must occur."""
+    with pytest.raises(InputError) as caught:
+        read_trials([path] if not isinstance(path, list) else path)
+    message = str(caught.value)
+    assert caught.value.exit_code == 3
+    assert caught.value.remedy
+    for word in words:
+        assert str(word) in message, f"{word!r} not in: {message}"
+    return message
+
+
+def wide_file(tmp_path, change=lambda text: text):
+    path = tmp_path / "run.csv"
+    path.write_text(change(wide_table().to_csv(index=False)))
+    return path
+
+
+def test_no_such_path_with_the_nearest_name(tmp_path):
+    wide_file(tmp_path)
+    refused(tmp_path / "rum.csv", "rum.csv", "no such file", "run.csv")
+
+
+def test_missing_sensor_file(tmp_path):
+    tables = sensor_tables()
+    tables["servo"] = tables.pop("rudder").rename(columns={"rudder_deg": "delta_cmd"})
+    folder = write_folder(tmp_path / "run", tables)
+    refused(
+        folder, folder, "rudder_deg", "servo.csv: time_s, delta_cmd",
+        '[rudder] file = "servo.csv", rudder = { column = "delta_cmd", unit = "deg" }',
+    )  # fmt: skip
+
+
+def test_missing_column(tmp_path):
+    tables = sensor_tables()
+    tables["dvl"] = tables["dvl"].rename(columns={"v_mps": "vel_y_mps"})
+    folder = write_folder(tmp_path / "run", tables)
+    refused(
+        folder, folder / "dvl.csv", "v_mps", "time_s, u_mps, vel_y_mps",
+        'v = { column = "vel_y_mps", unit = "mps" }',
+    )  # fmt: skip
+
+
+def test_missing_time_column(tmp_path):
+    path = wide_file(tmp_path, lambda text: text.replace("time_s", "t"))
+    refused(path, path, "no time column", "t, u_mps", 'time = "t"')
+
+
+@pytest.mark.parametrize("name", ["u", "r", "rudder"])
+def test_known_quantity_without_unit(tmp_path, name):
+    column = {"u": "u_mps", "r": "r_radps", "rudder": "rudder_deg"}[name]
+    path = wide_file(tmp_path, lambda text: text.replace(column, name))
+    refused(path, path, f"column {name} ", "has no unit", column, "--map")
+
+
+def test_unit_of_another_dimension(tmp_path):
+    path = wide_file(tmp_path, lambda text: text.replace("u_mps", "u_deg"))
+    refused(path, "u_deg", "does not fit", "u_mps or u_kn")
+
+
+def test_label_that_contradicts_the_suffix(tmp_path):
+    path = wide_file(tmp_path, lambda text: text.replace("u_mps", "u_mps [kn]"))
+    refused(path, path, "u_mps", "kn")
+
+
+def test_one_quantity_twice(tmp_path):
+    path = tmp_path / "run.csv"
+    wide_table().assign(u_kn=3.0).to_csv(path, index=False)
+    refused(path, path, "u_mps and u_kn", "both hold u")
+
+
+@pytest.mark.parametrize("text", ["ERR", "1.2.3", "12:30", "0x1F", "1 2"])
+def test_text_in_a_number_column(tmp_path, text):
+    lines = wide_table().to_csv(index=False).split("\n")
+    fields = lines[100].split(",")
+    fields[3] = text
+    lines[100] = ",".join(fields)
+    path = tmp_path / "run.csv"
+    path.write_text("# preamble\n\n" + "\n".join(lines))
+    refused(path, path, "row 103", "column r_radps", repr(text))
+
+
+def test_text_in_the_time_column(tmp_path):
+    path = wide_file(tmp_path, lambda text: text.replace("\n2.0,", "\nnoon,"))
+    refused(path, "row 22", "time_s", "'noon'")
+
+
+def test_no_instant_in_timestamp(tmp_path):
+    table = wide_table().rename(columns={"time_s": "timestamp"}).astype({"timestamp": object})
+    table["timestamp"] = [f"2024-05-01T10:00:{k:05.2f}" for k in np.arange(len(table)) / 10]
+    table.loc[4, "timestamp"] = "yesterday"
+    table.to_csv(tmp_path / "run.csv", index=False)
+    refused(tmp_path / "run.csv", "row 6", "timestamp", "'yesterday'", "ISO 8601")
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "is empty"),
+        (b"\n\n  \n", "is empty"),
+        (b"\0" * 400, "is empty"),
+        (b"time_s,u_mps,v_mps,r_radps,rudder_deg,rpm\n", "no data"),
+        (bytes(range(256)) * 20, "binary"),
+        (b"PK\x03\x04" + b"x" * 100, "ZIP"),
+        (b"\x89HDF\r\n\x1a\n" + b"x" * 100, "HDF5"),
+        (b"PAR1 but not really", "damaged Parquet"),
+        (b"\x1f\x8b" + b"garbage" * 9, "damaged gzip"),
+        (b"0.0,1.5,0.1\n0.1,1.5,0.1\n", "no row of column names"),
+        (b"a letter\nto no one\n", "no row of column names"),
+    ],
+)
+def test_files_that_are_no_logs(tmp_path, content, words):
+    path = tmp_path / "run.csv"
+    path.write_bytes(content)
+    refused(path, path, words)
+
+
+def test_one_broken_file_among_sensors(tmp_path):
+    folder = write_folder(tmp_path / "run")
+    (folder / "gyro.csv").write_bytes(b"")
+    refused(folder, folder / "gyro.csv", "is empty")
+
+
+def test_many_ragged_rows(tmp_path):
+    path = wide_file(tmp_path, lambda text: text.replace("0,", "0,,", 40))
+    refused(path, path, "row", "fields of the header")
+
+
+def test_decimal_comma_between_commas(tmp_path):
+    table = wide_table()
+    path = tmp_path / "run.csv"
+    lines = [",".join(f"{x:.2f}".replace(".", ",") for x in row) for row in table.to_numpy()]
+    path.write_text("\n".join([",".join(table.columns), *lines]))
+    refused(path, path, "fields of the header", "decimal comma")
+
+
+def test_two_files_of_one_sensor(tmp_path):
+    folder = write_folder(tmp_path / "run")
+    sensor_tables()["dvl"].to_parquet(folder / "dvl.parquet")
+    refused(folder, folder, "dvl.csv, dvl.parquet")
+
+
+def test_folder_without_logs(tmp_path):
+    (tmp_path / "photo.jpg").write_bytes(b"x")
+    refused(tmp_path, tmp_path, "holds no log", "photo.jpg", "dvl.csv")
+
+
+def test_lone_sensor_file(tmp_path):
+    folder = write_folder(tmp_path / "run")
+    refused(folder / "dvl.csv", "dvl.csv", "r_degps", "gyro")
+
+
+def test_parquet_with_text_or_nothing(tmp_path):
+    path = tmp_path / "run.parquet"
+    table = wide_table().astype({"u_mps": str})
+    table.loc[7, "u_mps"] = "ERR"
+    table.to_parquet(path)
+    refused(path, path, "row 8", "u_mps", "'ERR'")
+    wide_table().iloc[:0].to_parquet(path)
+    with pytest.raises(InputError, match="no data"):
+        read_trials([path])
