@@ -1,0 +1,86 @@
+"""The command line: parse, one call of the pipeline, translate the error.
+
+Nothing heavy is imported here; `auvident --help` is there at once.
+"""
+
+import os
+import sys
+
+import click
+
+from auvident import __version__
+from auvident.cli.common import OPTIONS_OF_PROCESS, Group
+from auvident.errors import AuvidentError
+
+BUG_EXIT_CODE = 70  # EX_SOFTWARE of sysexits.h: the program is at fault, not its user
+INTERRUPTED_EXIT_CODE = 130  # 128 + SIGINT, as shells count
+BUG_REPORT = (
+    "This is a fault of the program. Please report it with the output of the same command and "
+    "--verbose."
+)
+EPILOG = """\b
+Example:
+  auvident run sample_logs/harbour_trial --vehicle sample_logs/remus100.toml --run runs/demo
+"""
+# Modules with the commands, and the commands each holds, in the order of the help.
+COMMANDS = {
+    "auvident.cli.stages": ("run", "ingest", "segment", "ase", "identify"),
+    "auvident.cli.results": ("status",),
+    "auvident.cli.tables": ("coefficients", "schema"),
+}
+
+
+@click.group(cls=Group, sources=COMMANDS, epilog=EPILOG)
+@click.version_option(__version__, prog_name="auvident")
+def cli() -> None:
+    """Maneuvering models of autonomous underwater vehicles from their sea-trial logs.
+
+    `auvident run` does everything; the other commands do one step each on the run directory
+    that it leaves. Exit codes: 0 done, 1 a gate was not met, 2 wrong usage, 3 unusable input,
+    4 an earlier stage is missing or stale, 5 the numbers failed.
+    """
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line and leave with its exit code."""
+    sys.exit(_run(arguments))
+
+
+def _run(arguments: list[str] | None) -> int:
+    try:
+        _quiet_libraries()
+        result = cli.main(args=arguments, prog_name="auvident", standalone_mode=False)
+        return result if isinstance(result, int) else 0
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except AuvidentError as error:
+        click.echo(f"Error: {error}", err=True)
+        return error.exit_code
+    except (KeyboardInterrupt, click.Abort):
+        click.echo(
+            "Interrupted; the run directory is as the last finished stage left it.", err=True
+        )
+        return INTERRUPTED_EXIT_CODE
+    except BrokenPipeError:  # the reader of a pipe has left
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception as error:
+        return _report_bug(error)
+
+
+def _quiet_libraries() -> None:
+    """Warnings of libraries are for developers; -W and PYTHONWARNINGS still show them."""
+    import warnings
+
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+
+
+def _report_bug(error: Exception) -> int:
+    if OPTIONS_OF_PROCESS.verbose:
+        import traceback
+
+        traceback.print_exception(error)
+    click.echo(f"Error: unexpected {type(error).__name__}: {error}\n  {BUG_REPORT}", err=True)
+    return BUG_EXIT_CODE

@@ -1,0 +1,150 @@
+"""What all commands share: loading on demand, help with an example, output options."""
+
+import importlib
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from auvident.errors import UsageError
+
+if TYPE_CHECKING:
+    from auvident.cli.watch import Watch
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+@dataclass
+class Output:
+    """How a command speaks.
+
+    Attributes
+    ----------
+    json : bool
+        The main artifact on standard output.
+    quiet, verbose : bool
+        Nothing but errors; more than usual.
+    """
+
+    json: bool = False
+    quiet: bool = False
+    verbose: bool = False
+
+    def watch(self, brief: bool = False) -> "Watch":
+        """The console that follows the pipeline."""
+        from auvident.cli.watch import Watch
+
+        return Watch(self, brief)
+
+    def artifact(self, artifact: Any, name: str) -> None:
+        """Print an artifact as JSON when it was asked for."""
+        if self.json:
+            from auvident.storage.artifacts import json_bytes
+
+            sys.stdout.buffer.write(json_bytes(artifact, name))
+            sys.stdout.flush()
+
+    def text(self, text: str) -> None:
+        """Print the result of a command that makes text; not part of progress."""
+        click.echo(text)
+
+
+OPTIONS_OF_PROCESS = Output()  # of the command that runs, for the report of a bug
+
+
+class Group(click.Group):
+    """A group that imports the module of a command when it is needed."""
+
+    def __init__(self, *args: Any, sources: Mapping[str, tuple[str, ...]], **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.module_of = {name: module for module, names in sources.items() for name in names}
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of all commands, in the order of the table."""
+        return list(self.module_of)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command, from its module."""
+        module = self.module_of.get(cmd_name)
+        return getattr(importlib.import_module(module), cmd_name) if module else None
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        """As click does, with the closest name when there is no such command."""
+        try:
+            return super().resolve_command(ctx, args)
+        except click.UsageError as error:
+            import difflib
+
+            close = difflib.get_close_matches(args[0], self.module_of, n=1)
+            if not close:
+                raise
+            raise click.UsageError(f"{error.message} Did you mean {close[0]!r}?", ctx) from None
+
+
+def command(name: str, *examples: str) -> Callable[[Callable[..., Any]], click.Command]:
+    """Declare a command with its output options and the examples that end its help.
+
+    The function gets an `Output` first.
+    """
+    title = "Example:" if len(examples) == 1 else "Examples:"
+    epilog = "\b\n" + "\n".join([title, *(f"  {example}" for example in examples)])
+
+    def declare(function: Callable[..., Any]) -> click.Command:
+        def call(as_json: bool, quiet: bool, verbose: bool, **kwargs: Any) -> Any:
+            OPTIONS_OF_PROCESS.verbose = verbose
+            return function(Output(as_json, quiet, verbose), **kwargs)
+
+        call.__doc__ = function.__doc__
+        call.__click_params__ = getattr(function, "__click_params__", [])  # type: ignore[attr-defined]
+        wrapped = call
+        for option in _OUTPUT_OPTIONS:
+            wrapped = option(wrapped)
+        return click.command(name, epilog=epilog)(wrapped)
+
+    return declare
+
+
+_OUTPUT_OPTIONS = (
+    click.option("--verbose", is_flag=True, help="Say more; show where a fault arose."),
+    click.option("--quiet", is_flag=True, help="Nothing but errors on standard error."),
+    click.option("--json", "as_json", is_flag=True, help="Print the result on standard output."),
+)
+
+
+def options(*decorators: Callable[[Function], Function]) -> Callable[[Function], Function]:
+    """Several options as one decorator, in the order in which they stand in the help."""
+
+    def decorate(function: Function) -> Function:
+        for decorator in reversed(decorators):
+            function = decorator(function)
+        return function
+
+    return decorate
+
+
+def given(**values: Any) -> dict[str, Any]:
+    """The options that stand on the command line; the others have their defaults."""
+    return {key: value for key, value in values.items() if value not in (None, ())}
+
+
+RUN = click.argument("run", metavar="RUN", type=click.Path(path_type=Path))
+PATH: Any = click.Path(path_type=Path)  # existence is the reader's business: exit code 3
+
+
+def parse_limits(texts: tuple[str, ...]) -> dict[str, float]:
+    """``u=0.05`` -> {"u": 0.05}, for ``--fail-above``."""
+    limits = {}
+    for text in texts:
+        channel, equals, number = text.partition("=")
+        try:
+            limits[channel.strip()] = float(number)
+        except ValueError:
+            equals = ""
+        if not equals or not channel.strip():
+            raise UsageError(
+                f"{text!r} is not CHANNEL=RMSE", "--fail-above", "For example --fail-above u=0.05."
+            )
+    return limits

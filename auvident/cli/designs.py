@@ -1,0 +1,58 @@
+"""`auvident ase` on vehicle files: one estimate, several side by side, or a sweep."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from auvident.cli.common import Output
+from auvident.errors import UsageError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SHOWN_VARIANTS = 20  # rows of a sweep on the console
+
+
+def compare_designs(output: Output, files: Sequence[Path]) -> None:
+    """Estimate of each vehicle file; JSON is one result, or a list of them."""
+    from auvident.report.ase_tables import ase_report, side_by_side
+    from auvident.stages.ase import estimate
+    from auvident.storage.vehicle_file import load_vehicle
+
+    results = [estimate(load_vehicle(file)) for file in files]
+    with output.watch() as watch:
+        watch.show(ase_report(results[0]) if len(results) == 1 else side_by_side(results))
+    output.artifact(results[0] if len(results) == 1 else results, "ase/coefficients.json")
+
+
+def show_sweep(output: Output, file: Path, texts: Sequence[str], target: Path | None) -> None:
+    """Coefficients of every variant: to a file, as JSON, or the first on the console."""
+    from auvident.physics.ase.sweep import parse_sweep, sweep
+    from auvident.report.console import frame_table
+    from auvident.storage.vehicle_file import load_vehicle
+
+    grid = parse_sweep(texts)
+    table = sweep(load_vehicle(file), grid)
+    if target is not None:
+        write_table(table, target)
+    possible = table[table["problem"] == ""]
+    columns = [*grid, "Y_uv", "N_uv", "Y_uud", "N_uud", "G_H", "G_V", "turning_gain_per_m"]
+    shown = possible[[c for c in columns if c in possible]].head(SHOWN_VARIANTS)
+    with output.watch() as watch:
+        watch.show(frame_table(f"{len(possible)} of {len(table)} variants are possible", shown))
+        watch.note(f"All columns: {target}" if target else "All columns: --output FILE.parquet")
+    if output.json:
+        records = table.astype(object).where(table.notna(), None).to_dict("records")
+        output.artifact({"schema": "auvident/sweep/1", "variants": records}, "sweep")
+
+
+def write_table(table: "pd.DataFrame", target: Path) -> None:
+    """A table as Parquet or CSV, by the end of the file's name."""
+    from auvident.storage.artifacts import parquet_bytes, write_bytes
+
+    if target.suffix == ".parquet":
+        write_bytes(target, parquet_bytes(table, {}))
+    elif target.suffix == ".csv":
+        write_bytes(target, table.to_csv(index=False).encode())
+    else:
+        raise UsageError("is neither .parquet nor .csv", str(target), "Name another file.")

@@ -1,0 +1,195 @@
+"""The commands of the stages, and `auvident run`, which does them all."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from auvident.cli.common import PATH, RUN, Output, command, given, options
+
+LOGS = click.argument("logs", metavar="LOG...", nargs=-1, type=PATH)
+VEHICLE = click.option("--vehicle", type=PATH, help="Vehicle file (TOML).")
+RUN_OPTION = click.option("--run", required=True, type=PATH, help="Run directory; made if needed.")
+KEEP_GOING = click.option(
+    "--keep-going", is_flag=True, default=None,
+    help="Leave out logs that cannot be used and go on; exit code 3 at the end.",
+)  # fmt: skip
+INGEST_OPTIONS = options(
+    click.option("--map", "map_", type=PATH, help="Names, units and signs of your columns (TOML)."),
+    click.option(
+        "--rate", "rate_hz", type=float, metavar="HZ", help="Rows per second.  [default: 10]"
+    ),
+    click.option(
+        "--max-gap", "max_gap_s", type=float, metavar="SECONDS",
+        help="Longest interval between samples that is bridged.  [default: 1]",
+    ),
+    KEEP_GOING,
+)  # fmt: skip
+SEGMENT_OPTIONS = options(
+    click.option(
+        "--hold-out", multiple=True, metavar="ID",
+        help="A maneuver or trial to validate with; repeatable; replaces the automatic choice.",
+    )
+)  # fmt: skip
+IDENTIFY_OPTIONS = options(
+    click.option("--filter", type=click.Choice(["ekf", "ukf"]), help="[default: ekf]"),
+    click.option(
+        "--engine", type=click.Choice(["compiled", "filterpy"]), help="[default: compiled]"
+    ),
+    click.option(
+        "--plane", type=click.Choice(["horizontal", "vertical"]), help="[default: horizontal]"
+    ),
+    click.option("--plan", metavar="NAME|FILE", help="Order of the stages.  [default: spiral]"),
+)
+SEED = click.option("--seed", type=int, help="Of the random numbers.  [default: 0]")
+
+
+def run_one(output: Output, name: str, path: Path, seed: int | None = None, **options: Any) -> Any:
+    """Run one stage, show its tables, print its main artifact with ``--json``."""
+    from auvident.pipeline import run_stage
+    from auvident.pipeline.table import BY_NAME
+
+    with output.watch() as watch:
+        outputs = run_stage(name, path, given(**options), seed=seed, observer=watch)
+    main = BY_NAME[name].main
+    output.artifact(outputs[main], main)
+    return outputs
+
+
+@command(
+    "ingest",
+    "auvident ingest sample_logs/harbour_trial --vehicle sample_logs/remus100.toml"
+    " --run runs/harbour",
+)
+@LOGS
+@VEHICLE
+@RUN_OPTION
+@INGEST_OPTIONS
+def ingest(
+    output: Output, logs: tuple[Path, ...], vehicle: Path | None, run: Path, map_: Path | None,
+    rate_hz: float | None, max_gap_s: float | None, keep_going: bool | None,
+) -> int:  # fmt: skip
+    """Read logs, put every sensor on one clock, clean, report quality.
+
+    LOG is a trial folder with one file per sensor, one wide file, or a folder of trials; several
+    trials may be given. `auvident inspect LOG` shows what is in one.
+    """
+    _need(logs, vehicle)
+    outputs = run_one(
+        output, "ingest", run, logs=logs, vehicle=vehicle, map=map_, rate_hz=rate_hz,
+        max_gap_s=max_gap_s, keep_going=keep_going,
+    )  # fmt: skip
+    return exit_code(outputs)
+
+
+def _need(logs: tuple[Path, ...], vehicle: Path | None) -> None:
+    if not logs:
+        raise click.UsageError("Missing argument 'LOG...'.")
+    if vehicle is None:
+        raise click.UsageError("Missing option '--vehicle'.")
+
+
+def exit_code(outputs: Any) -> int:
+    """3 when ``--keep-going`` left out a log, else 0."""
+    quality = outputs.get("ingest/quality.json")
+    refused = [f for f in quality.findings if f.code == "log_refused"] if quality else []
+    return 3 if refused else 0
+
+
+@command("segment", "auvident segment runs/demo --hold-out harbour_trial-zigzag-3")
+@RUN
+@SEGMENT_OPTIONS
+def segment(output: Output, run: Path, hold_out: tuple[str, ...]) -> None:
+    """Find straight runs, turns and zigzags; choose which identify and which validate."""
+    run_one(output, "segment", run, hold_out=hold_out)
+
+
+@command(
+    "identify", "auvident identify runs/demo", "auvident identify runs/demo --plan filter_only"
+)
+@RUN
+@IDENTIFY_OPTIONS
+def identify(output: Output, run: Path, **chosen: Any) -> None:
+    """Estimate states and coefficients together, in the stages of a plan."""
+    run_one(output, "identify", run, **chosen)
+
+
+@command(
+    "run",
+    "auvident run sample_logs/harbour_trial --vehicle sample_logs/remus100.toml --run runs/demo",
+)
+@LOGS
+@VEHICLE
+@RUN_OPTION
+@INGEST_OPTIONS
+@SEGMENT_OPTIONS
+@IDENTIFY_OPTIONS
+@SEED
+def run(
+    output: Output, logs: tuple[Path, ...], vehicle: Path | None, run: Path, map_: Path | None,
+    rate_hz: float | None, max_gap_s: float | None, keep_going: bool | None,
+    hold_out: tuple[str, ...], seed: int | None, **identify: Any,
+) -> int:  # fmt: skip
+    """Do every stage in order; stages that are up to date are skipped.
+
+    Without LOG the logs, the vehicle file and the options of the last run hold.
+    """
+    from auvident.pipeline import run_all
+
+    chosen: dict[str, dict[str, Any]] = {
+        "ingest": given(
+            logs=logs, vehicle=vehicle, map=map_, rate_hz=rate_hz, max_gap_s=max_gap_s,
+            keep_going=keep_going,
+        ),
+        "segment": given(hold_out=hold_out),
+        "identify": given(**identify),
+    }  # fmt: skip
+    chosen = remembered(run, chosen) if not logs and vehicle is None else chosen
+    _need(chosen["ingest"].get("logs", ()), chosen["ingest"].get("vehicle"))
+    with output.watch(brief=True) as watch:
+        result = run_all(run, chosen, seed=seed, observer=watch)
+    return exit_code(result.outputs)
+
+
+def remembered(path: Path, chosen: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """The options of the last run, with those that were given now."""
+    from auvident.pipeline.run import last_options
+
+    former = last_options(path)
+    return {name: {**former.get(name, {}), **chosen.get(name, {})} for name in former | chosen}
+
+
+@command(
+    "ase",
+    "auvident ase runs/demo",
+    "auvident ase --vehicle sample_logs/remus100.toml --json",
+    "auvident ase sample_logs/remus100.toml sample_logs/tern180.toml",
+    "auvident ase --vehicle sample_logs/tern180.toml --sweep rudder.exposed_span_m=0.08:0.16:100",
+)
+@click.argument("targets", metavar="[RUN | V.toml...]", nargs=-1, type=PATH)
+@click.option("--vehicle", "vehicles", multiple=True, type=PATH, help="Vehicle file (TOML).")
+@click.option("--sweep", multiple=True, metavar="KEY=START:STOP:COUNT", help="Vary a number.")
+@click.option("--output", "file", type=PATH, help="Where the sweep goes (.parquet or .csv).")
+def ase(
+    output: Output, targets: tuple[Path, ...], vehicles: tuple[Path, ...], sweep: tuple[str, ...],
+    file: Path | None,
+) -> None:  # fmt: skip
+    """Estimate the coefficients of both planes from geometry.
+
+    With a run directory the vehicle is the one given at ingest, and the result becomes the prior
+    of the identification. With vehicle files alone nothing is kept; several stand side by side.
+    """
+    from auvident.cli.designs import compare_designs, show_sweep
+
+    files = [*vehicles, *(t for t in targets if t.suffix == ".toml")]
+    runs = [t for t in targets if t.suffix != ".toml"]
+    if len(runs) + bool(files) != 1 or len(runs) > 1:
+        raise click.UsageError("Give one run directory, or vehicle files.")
+    if (sweep or file) and len(files) != 1:
+        raise click.UsageError("--sweep and --output need one --vehicle.")
+    if runs:
+        run_one(output, "ase", runs[0])
+    elif sweep:
+        show_sweep(output, files[0], sweep, file)
+    else:
+        compare_designs(output, files)

@@ -1,0 +1,103 @@
+"""The console that follows the pipeline: decisions, progress and tables on standard error."""
+
+import sys
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from auvident.cli.common import Output
+from auvident.pipeline.observer import Observer
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.progress import Progress, TaskID
+
+PLAIN_WIDTH = 140  # columns of a table that goes to a file or a pipe
+
+
+class Watch(Observer):
+    """Prints what the pipeline tells, unless ``--quiet``.
+
+    Parameters
+    ----------
+    output : Output
+    brief : bool
+        Whether the tables of a stage stand among those of others.
+    """
+
+    def __init__(self, output: Output, brief: bool = False) -> None:
+        self.output, self.brief = output, brief and not output.verbose
+        self._bar: tuple[Progress, TaskID] | None = None
+
+    def decided(self, stage: str, sentence: str) -> None:
+        """One line a stage."""
+        self._line(sentence)
+
+    def note(self, text: str) -> None:
+        """One line."""
+        self._line(text)
+
+    def refused(self, problem: str) -> None:
+        """A warning; also with ``--quiet``."""
+        self._stop()
+        click.echo(f"Warning: left out: {problem}", err=True)
+
+    def progress(self, text: str, fraction: float | None = None) -> None:
+        """A bar, on a terminal only."""
+        if self.output.quiet or not sys.stderr.isatty():
+            return
+        if self._bar is None:
+            self._bar = _start_bar()
+        bar, task = self._bar
+        bar.update(
+            task, description=text, completed=fraction, total=None if fraction is None else 1
+        )
+
+    def finished(self, stage: str, outputs: Mapping[str, Any], seconds: float) -> None:
+        """The tables of the stage."""
+        self._stop()
+        if self.output.quiet:
+            return
+        from auvident.report.console import stage_report
+
+        for piece in stage_report(stage, outputs, self.brief):
+            self.show(piece)
+        if self.output.verbose:
+            self._line(f"{stage}: {seconds:.1f} s")
+
+    def show(self, piece: "RenderableType") -> None:
+        """A table, with rules and colours where the terminal has them."""
+        if self.output.quiet:
+            return
+        self._stop()
+        from rich.console import Console
+
+        terminal = sys.stderr.isatty()
+        Console(stderr=True, highlight=False, width=None if terminal else PLAIN_WIDTH).print(piece)
+
+    def _line(self, text: str) -> None:
+        self._stop()
+        if not self.output.quiet:
+            click.echo(text, err=True)
+
+    def _stop(self) -> None:
+        if self._bar is not None:
+            self._bar[0].stop()
+            self._bar = None
+
+    def __enter__(self) -> "Watch":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop()
+
+
+def _start_bar() -> "tuple[Progress, TaskID]":
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    bar = Progress(*columns, console=Console(stderr=True), transient=True)
+    bar.start()
+    return bar, bar.add_task("", total=None)

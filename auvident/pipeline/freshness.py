@@ -1,0 +1,155 @@
+"""Which stages are done, stale or missing, and why: hashes decide, not times."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from auvident import __version__
+from auvident.pipeline.given import matching
+from auvident.pipeline.table import BY_NAME, STAGES, Stage, before
+from auvident.schema.manifest import Manifest, StageEntry
+from auvident.storage.artifacts import sha256_of
+from auvident.storage.run_directory import RunDirectory
+
+State = Literal["done", "stale", "missing"]
+
+
+@dataclass(frozen=True)
+class Decision:
+    """State of a stage with the reason in half a sentence (empty when done)."""
+
+    stage: str
+    state: State
+    reason: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """What `auvident run` prints before it runs or skips the stage."""
+        if self.state == "done":
+            return f"{self.stage}: up to date"
+        if self.state == "missing":
+            return f"{self.stage}: runs because {self.reason}"
+        return f"{self.stage}: runs again because {self.reason}"
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What a stage would be run with; compared with what it was run with."""
+
+    options: Mapping[str, Any]
+    sources: Mapping[str, str]
+    seed: int | None = None
+
+
+def judge(
+    stage: Stage, run: RunDirectory, manifest: Manifest | None, wanted: Wanted | None = None
+) -> Decision:
+    """State of one stage by itself; stages before it are taken as they are.
+
+    Parameters
+    ----------
+    stage : Stage
+    run : RunDirectory
+    manifest : Manifest or None
+    wanted : Wanted, optional
+        Options and sources of a new run; without it those of the last run hold, and a source
+        that can no longer be found does not make the stage stale.
+    """
+    entry = manifest.stages.get(stage.name) if manifest else None
+    if entry is None or manifest is None:
+        return Decision(stage.name, "missing", "it has not been run")
+    reason = (
+        _program(entry)
+        or (_options(entry, wanted) if wanted else "")
+        or _sources(entry, run, wanted)
+        or _inputs(stage, entry, run, manifest)
+        or _outputs(entry, run)
+    )
+    return Decision(stage.name, "stale" if reason else "done", reason)
+
+
+def _program(entry: StageEntry) -> str:
+    if entry.program_version == __version__:
+        return ""
+    return f"the program changed from {entry.program_version} to {__version__}"
+
+
+def _options(entry: StageEntry, wanted: Wanted) -> str:
+    for key, value in wanted.options.items():
+        old, new = _spelled(entry.options.get(key)), _spelled(value)
+        if old != new:
+            return f"option {key} changed from {old} to {new}"
+    if wanted.seed is not None and wanted.seed != entry.seed:
+        return f"option seed changed from {_spelled(entry.seed)} to {wanted.seed}"
+    return ""
+
+
+def _spelled(value: Any) -> str:
+    """An option as a sentence names it."""
+    if value is None or value == () or value == []:
+        return "none"
+    return ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+
+
+def _sources(entry: StageEntry, run: RunDirectory, wanted: Wanted | None) -> str:
+    if wanted is not None:
+        return _difference(entry.sources, wanted.sources)
+    for name, old in entry.sources.items():
+        now = sha256_of(run.located(name))
+        if now is not None and now != old:
+            return f"{_shown(name)} changed"
+    return ""
+
+
+def _inputs(stage: Stage, entry: StageEntry, run: RunDirectory, manifest: Manifest) -> str:
+    names = matching(manifest, stage.reads)
+    return _difference(entry.inputs, {name: run.sha256(name) or "" for name in names})
+
+
+def _outputs(entry: StageEntry, run: RunDirectory) -> str:
+    for name, old in entry.outputs.items():
+        now = run.sha256(name)
+        if now != old:
+            return f"{name} {'is missing' if now is None else 'is not as it was written'}"
+    return ""
+
+
+def _difference(old: Mapping[str, str], new: Mapping[str, str]) -> str:
+    """The first difference between two sets of files with their hashes."""
+    for name in new:
+        if name not in old:
+            return f"{_shown(name)} is new"
+    for name, digest in old.items():
+        if name not in new:
+            return f"{_shown(name)} is no longer used"
+        if not new[name]:
+            return f"{_shown(name)} is missing"
+        if new[name] != digest:
+            return f"{_shown(name)} changed"
+    return ""
+
+
+def _shown(name: str) -> str:
+    """A file as a sentence names it: artifacts by path, files elsewhere by folder and name."""
+    return "/".join(Path(name).parts[-2:]) if name.startswith((".", "/")) else name
+
+
+def judge_all(run: RunDirectory, manifest: Manifest | None) -> list[Decision]:
+    """State of every stage; a stage that rests on a stale one is stale."""
+    decisions: dict[str, Decision] = {}
+    for stage in STAGES:
+        decision = judge(stage, run, manifest)
+        broken = [s for s in before(stage.name) if decisions[s.name].state != "done"]
+        if broken and decision.state == "done":
+            first = decisions[broken[0].name]
+            decision = Decision(stage.name, "stale", f"{first.stage} is {first.state}")
+        decisions[stage.name] = decision
+    return list(decisions.values())
+
+
+def first_broken(name: str, run: RunDirectory, manifest: Manifest | None) -> Decision | None:
+    """The first stage before `name` that must run again, or None."""
+    needed = {stage.name for stage in before(name)}
+    decisions = (judge(BY_NAME[s.name], run, manifest) for s in STAGES if s.name in needed)
+    return next((d for d in decisions if d.state != "done"), None)

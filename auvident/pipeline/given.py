@@ -1,0 +1,123 @@
+"""What a stage is given: the artifacts it reads, its options, and who watches."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from functools import cached_property
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from pydantic import BaseModel
+
+from auvident.pipeline.observer import Observer
+from auvident.schema.manifest import Manifest
+from auvident.storage.artifacts import as_model, read_json, read_model, read_table
+from auvident.storage.run_directory import RunDirectory
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from auvident.schema.artifacts import AseResult, IdentifiedModel, Maneuvers, Metrics
+    from auvident.schema.logs import Quality
+    from auvident.schema.trial import Trial
+    from auvident.schema.vehicle import Vehicle
+
+Model = TypeVar("Model", bound=BaseModel)
+TRIALS = "ingest/*.parquet"
+
+
+def matching(manifest: Manifest | None, patterns: tuple[str, ...]) -> list[str]:
+    """Artifacts of all stages done that match one of the patterns, in order."""
+    entries = manifest.stages.values() if manifest else ()
+    names = [name for entry in entries for name in entry.outputs]
+    return sorted(n for n in names if any(fnmatchcase(n, pattern) for pattern in patterns))
+
+
+@dataclass(frozen=True)
+class Given:
+    """Loads artifacts when asked for; each once."""
+
+    run: RunDirectory
+    manifest: Manifest | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
+    seed: int | None = None
+    observer: Observer = field(default_factory=Observer)
+
+    def read(self, name: str, model: type[Model]) -> Model:
+        """A JSON artifact as its class."""
+        return read_model(self.run / name, model, self._remedy(name))
+
+    def table(self, name: str) -> "pd.DataFrame":
+        """A Parquet artifact."""
+        return read_table(self.run / name, self._remedy(name))
+
+    def has(self, name: str) -> bool:
+        """Whether an artifact is there."""
+        return (self.run / name).exists()
+
+    def _remedy(self, name: str) -> str:
+        return f"Run `auvident {PurePosixPath(name).parts[0]} {self.run.path}` again."
+
+    @cached_property
+    def vehicle(self) -> "Vehicle":
+        """The vehicle as it was at ingest."""
+        from auvident.schema.vehicle import Vehicle
+
+        return self.read("ingest/vehicle.json", Vehicle)
+
+    @cached_property
+    def quality(self) -> "Quality":
+        """Quality of the logs."""
+        from auvident.schema.logs import Quality
+
+        return self.read("ingest/quality.json", Quality)
+
+    @cached_property
+    def trials(self) -> "list[Trial]":
+        """The ingested trials, in the order in which they were given."""
+        from auvident.schema.trial import Trial
+
+        return [
+            Trial(t.trial, self.table(f"ingest/{t.trial}.parquet"), t.rate_hz)
+            for t in self.quality.trials
+        ]
+
+    @cached_property
+    def maneuvers(self) -> "Maneuvers":
+        """The maneuvers with their roles; the file itself is a plain list."""
+        from auvident.schema.artifacts import Maneuvers
+
+        name = "segment/maneuvers.json"
+        path = self.run / name
+        tree = {"maneuvers": read_json(path, self._remedy(name))}
+        return as_model(tree, Maneuvers, path, self._remedy(name))
+
+    @cached_property
+    def ase(self) -> "AseResult":
+        """The estimate from geometry."""
+        from auvident.schema.artifacts import AseResult
+
+        return self.read("ase/coefficients.json", AseResult)
+
+    @cached_property
+    def model(self) -> "IdentifiedModel":
+        """The identified model."""
+        from auvident.schema.artifacts import IdentifiedModel
+
+        return self.read("identify/model.json", IdentifiedModel)
+
+    @cached_property
+    def metrics(self) -> "Metrics":
+        """How well the model predicts."""
+        from auvident.schema.artifacts import Metrics
+
+        return self.read("validate/metrics.json", Metrics)
+
+    def noise(self) -> dict[str, float]:
+        """Noise of each measured channel by column: root mean square over the trials."""
+        squares: dict[str, list[float]] = {}
+        for trial in self.quality.trials:
+            for channel in (c for sensor in trial.sensors for c in sensor.channels):
+                if channel.noise_std is not None:
+                    squares.setdefault(channel.column, []).append(channel.noise_std**2)
+        return {column: (sum(s) / len(s)) ** 0.5 for column, s in squares.items()}

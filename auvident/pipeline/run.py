@@ -1,0 +1,287 @@
+"""Run one stage, or all that are not up to date."""
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from auvident import __version__
+from auvident.errors import AuvidentError, NumericsError, StageError
+from auvident.pipeline.freshness import Decision, Wanted, first_broken, judge, judge_all
+from auvident.pipeline.given import Given, matching
+from auvident.pipeline.observer import Observer
+from auvident.pipeline.table import BY_NAME, STAGES, Outputs, Stage
+from auvident.schema.manifest import Attempt, Manifest, StageEntry
+from auvident.storage.artifacts import json_bytes, parquet_bytes, sha256_of
+from auvident.storage.run_directory import RunDirectory
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+NOT_RECORDED = frozenset({"keep_going"})  # options that change no result
+SILENT = Observer()
+
+
+@dataclass
+class RunResult:
+    """What `run_all` did: a decision a stage, and the outputs of those that ran."""
+
+    decisions: list[Decision] = field(default_factory=list)
+    outputs: dict[str, Any] = field(default_factory=dict)
+
+
+def run_stage(
+    name: str,
+    path: Path,
+    options: Mapping[str, Any] | None = None,
+    *,
+    seed: int | None = None,
+    observer: Observer = SILENT,
+) -> Outputs:
+    """Run one stage, whether or not it is up to date.
+
+    Parameters
+    ----------
+    name : str
+        A stage of the table.
+    path : Path
+        Run directory.
+    options : mapping, optional
+        Options of the stage; those left out have their defaults.
+    seed : int, optional
+        For a stage that draws.
+    observer : Observer
+
+    Returns
+    -------
+    mapping
+        The artifacts written, by path in the run directory.
+
+    Raises
+    ------
+    StageError
+        An earlier stage is missing or stale; names the command to run.
+    """
+    stage, run = BY_NAME[name], RunDirectory(path)
+    with ExitStack() as stack:
+        if run.path.is_dir():
+            stack.enter_context(run.lock())
+        manifest = run.manifest() if stage.after == () else run.existing()
+        _refuse_broken(stage, run, manifest)
+        wanted = _wanted(stage, run, options or {}, seed)
+        return _execute(stage, run, manifest, wanted, options or {}, observer, stack)
+
+
+def run_all(
+    path: Path,
+    options: Mapping[str, Mapping[str, Any]],
+    *,
+    seed: int | None = None,
+    observer: Observer = SILENT,
+    until: str | None = None,
+) -> RunResult:
+    """Run every stage that is not up to date, in the order of the table.
+
+    Parameters
+    ----------
+    path : Path
+        Run directory; it is created once the logs have proved usable.
+    options : mapping of str to mapping
+        Options by stage.
+    seed, observer
+        As for `run_stage`.
+    until : str, optional
+        Last stage.
+    """
+    run, result = RunDirectory(path), RunResult()
+    with ExitStack() as stack:
+        if run.path.is_dir():
+            stack.enter_context(run.lock())
+        wanted = {s.name: _wanted(s, run, options.get(s.name, {}), seed) for s in _until(until)}
+        for stage in _until(until):
+            manifest = run.manifest()
+            decision = judge(stage, run, manifest, wanted[stage.name])
+            result.decisions.append(decision)
+            observer.decided(stage.name, decision.sentence)
+            if decision.state != "done":
+                result.outputs |= _execute(
+                    stage, run, manifest, wanted[stage.name], options.get(stage.name, {}),
+                    observer, stack,
+                )  # fmt: skip
+    return result
+
+
+def status(path: Path) -> tuple[list[Decision], Manifest]:
+    """State of every stage of an existing run directory, and its manifest."""
+    run = RunDirectory(path)
+    manifest = run.existing()
+    return judge_all(run, manifest), manifest
+
+
+def _until(last: str | None) -> Iterator[Stage]:
+    for stage in STAGES:
+        yield stage
+        if stage.name == last:
+            return
+
+
+def command_of(stage: str, run: RunDirectory, manifest: Manifest | None) -> str:
+    """The command that runs a stage."""
+    if stage != "ingest":
+        return f"auvident {stage} {run.path}"
+    entry = manifest.stages.get("ingest") if manifest else None
+    if entry is None:
+        return f"auvident ingest LOG... --vehicle V.toml --run {run.path}"
+    logs = " ".join(str(run.located(p)) for p in entry.options["logs"])
+    column_map = entry.options.get("map")
+    also = f" --map {run.located(column_map)}" if column_map else ""
+    vehicle = run.located(entry.options["vehicle"])
+    return f"auvident ingest {logs} --vehicle {vehicle}{also} --run {run.path}"
+
+
+def _refuse_broken(stage: Stage, run: RunDirectory, manifest: Manifest | None) -> None:
+    broken = first_broken(stage.name, run, manifest)
+    if broken is not None:
+        raise StageError(
+            f"{stage.name} needs {broken.stage}, which is {broken.state}: {broken.reason}",
+            str(run.path),
+            f"Run `{command_of(broken.stage, run, manifest)}` first.",
+        )
+
+
+def _wanted(
+    stage: Stage, run: RunDirectory, options: Mapping[str, Any], seed: int | None
+) -> Wanted:
+    """Options with defaults, and the hashes of the sources; refuses unusable ones."""
+    full = {**stage.options, **options}
+    files = stage.sources(full)
+    recorded = {
+        key: _recorded(value, run if key in stage.paths else None)
+        for key, value in full.items()
+        if key not in NOT_RECORDED
+    }
+    return Wanted(
+        recorded,
+        {run.remembered(file): sha256_of(file) or "" for file in files},
+        seed if stage.draws else None,
+    )
+
+
+def _recorded(value: Any, paths_of: RunDirectory | None) -> Any:
+    """An option as JSON keeps it; paths as the run directory remembers them."""
+    if isinstance(value, tuple | list):
+        return [_recorded(item, paths_of) for item in value]
+    return paths_of.remembered(Path(value)) if paths_of and value is not None else value
+
+
+def _execute(
+    stage: Stage,
+    run: RunDirectory,
+    manifest: Manifest | None,
+    wanted: Wanted,
+    options: Mapping[str, Any],
+    observer: Observer,
+    stack: ExitStack,
+) -> Outputs:
+    """Call a stage and write what it returns: first the outputs, then the manifest."""
+    started, clock = _now(), time.perf_counter()
+    inputs = {name: run.sha256(name) or "" for name in matching(manifest, stage.reads)}
+    given = Given(run, manifest, {**stage.options, **options}, wanted.seed, observer)
+    try:
+        outputs = stage.function(given)
+        content = {name: _bytes(name, artifact) for name, artifact in outputs.items()}
+    except NumericsError as error:
+        _record_failure(stage, run, manifest, wanted, error)
+        raise
+    if manifest is None and not run.path.is_dir():
+        stack.enter_context(run.lock())
+    manifest = manifest or Manifest(program_version=__version__, created_at=started)
+    former = manifest.stages.get(stage.name)
+    run.commit(content, frozenset(former.outputs if former else ()))
+    entry = StageEntry(
+        program_version=__version__,
+        inputs=inputs,
+        sources=dict(wanted.sources),
+        options=dict(wanted.options),
+        outputs={name: run.sha256(name) or "" for name in content},
+        seed=wanted.seed,
+        started_at=started,
+        ended_at=_now(),
+        outcome="done_with_findings" if _has_findings(outputs.values()) else "done",
+    )
+    run.save(_with(manifest, stage.name, entry))
+    observer.finished(stage.name, outputs, time.perf_counter() - clock)
+    return outputs
+
+
+def _with(manifest: Manifest, name: str, entry: StageEntry) -> Manifest:
+    """The manifest with one stage done, stages in the order of the table."""
+    stages = {**manifest.stages, name: entry}
+    ordered = {s.name: stages.pop(s.name) for s in STAGES if s.name in stages} | stages
+    failed = {key: attempt for key, attempt in manifest.failed.items() if key != name}
+    return manifest.model_copy(
+        update={"stages": ordered, "failed": failed, "program_version": __version__}
+    )
+
+
+def _record_failure(
+    stage: Stage,
+    run: RunDirectory,
+    manifest: Manifest | None,
+    wanted: Wanted,
+    error: AuvidentError,
+) -> None:
+    """Note a failure of the numbers; the artifacts of an earlier success stay."""
+    if manifest is None:
+        return
+    attempt = Attempt(
+        at=_now(), problem=error.problem, where=error.where, remedy=error.remedy,
+        exit_code=error.exit_code, options=dict(wanted.options),
+    )  # fmt: skip
+    failed = {**manifest.failed, stage.name: attempt}
+    run.save(manifest.model_copy(update={"failed": failed}))
+
+
+def _bytes(name: str, artifact: "Any | pd.DataFrame") -> bytes:
+    """Content of a file by the end of its name."""
+    if name.endswith(".parquet"):
+        return parquet_bytes(artifact, {"program": f"auvident {__version__}"})
+    if name.endswith(".json"):
+        return json_bytes(artifact, name)
+    return artifact if isinstance(artifact, bytes) else str(artifact).encode()
+
+
+def _has_findings(artifacts: Any) -> bool:
+    return any(_findings(artifact) for artifact in artifacts)
+
+
+def _findings(artifact: Any) -> Sequence[Any]:
+    if isinstance(artifact, Mapping):
+        return artifact.get("findings", ())
+    return getattr(artifact, "findings", ()) if not hasattr(artifact, "columns") else ()
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+
+def last_options(path: Path) -> dict[str, dict[str, Any]]:
+    """Options that every stage was last run with, paths as they are found from here."""
+    run = RunDirectory(path)
+    found: dict[str, dict[str, Any]] = {}
+    for name, entry in run.existing().stages.items():
+        paths = BY_NAME[name].paths if name in BY_NAME else ()
+        found[name] = {
+            key: _located(value, run) if key in paths else value
+            for key, value in entry.options.items()
+        }
+    return found
+
+
+def _located(value: Any, run: RunDirectory) -> Any:
+    if isinstance(value, list):
+        return [run.located(item) for item in value]
+    return run.located(value) if value is not None else None

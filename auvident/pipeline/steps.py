@@ -1,0 +1,211 @@
+"""One function a stage: artifacts in, the stage's own function called, artifacts out.
+
+Imports stand inside, so that a command loads only what it uses.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from auvident.errors import AuvidentError, InputError
+from auvident.pipeline.given import Given
+from auvident.storage.run_directory import PACKAGE_ROOT
+
+if TYPE_CHECKING:
+    from auvident.schema.logs import ColumnMap, RawTrial
+    from auvident.schema.plan import Plan
+    from auvident.schema.trial import Trial
+
+PLANS = PACKAGE_ROOT / "plans"
+LEAST_UNDER_WAY_MPS = 0.3  # slower samples do not belong to a run at speed
+
+
+# --- ingest -------------------------------------------------------------------------------
+
+
+def ingest(given: Given) -> dict[str, Any]:
+    """Read the logs and the vehicle file, bring every trial to one clock."""
+    from auvident.schema.logs import Quality
+    from auvident.stages.ingest import ingest as bring_to_one_clock
+    from auvident.storage.vehicle_file import load_vehicle
+
+    vehicle = load_vehicle(Path(given.options["vehicle"]))
+    refused: list[AuvidentError] = []
+    outputs: dict[str, Any] = {}
+    reports = []
+    for raw in _raw_trials(given, refused):
+        try:
+            trial, quality = bring_to_one_clock(
+                raw, vehicle, rate_hz=given.options["rate_hz"], max_gap_s=given.options["max_gap_s"]
+            )
+        except InputError as error:
+            _refuse(given, error, refused)
+            continue
+        outputs[f"ingest/{trial.name}.parquet"] = trial.table
+        reports.append(quality)
+    if not reports:
+        raise refused[0]
+    outputs["ingest/vehicle.json"] = vehicle
+    outputs["ingest/quality.json"] = Quality(
+        vehicle=vehicle.body.name,
+        rate_hz=given.options["rate_hz"],
+        trials=tuple(reports),
+        findings=_refused_findings(refused),
+    )
+    return outputs
+
+
+def _raw_trials(given: Given, refused: list[AuvidentError]) -> "list[RawTrial]":
+    """Every log that can be read; with ``keep_going`` the others are noted."""
+    from auvident.storage.log_find import find_trials
+    from auvident.storage.logs import read_trial
+
+    column_map = _column_map(given.options)
+    found: list[RawTrial] = []
+    for group in _groups(given.options):
+        try:
+            sources = find_trials(group, column_map)
+        except InputError as error:
+            _refuse(given, error, refused)
+            continue
+        for source in sources:
+            given.observer.progress(f"reading {source.place}")
+            try:
+                found.append(read_trial(source, column_map))
+            except InputError as error:
+                _refuse(given, error, refused)
+    return found
+
+
+def _groups(options: Mapping[str, Any]) -> list[list[Path]]:
+    """All logs together; one by one where one may fail (sensor files belong together)."""
+    paths = [Path(p) for p in options["logs"]]
+    if not options.get("keep_going"):
+        return [paths]
+    files = [p for p in paths if p.is_file()]
+    alone = [[p] for p in paths if not p.is_file()]
+    return [*alone, files] if files else alone
+
+
+def _refuse(given: Given, error: AuvidentError, refused: list[AuvidentError]) -> None:
+    if not given.options.get("keep_going"):
+        raise error
+    given.observer.refused(str(error))
+    refused.append(error)
+
+
+def _refused_findings(refused: list[AuvidentError]) -> tuple:
+    from auvident.schema.artifacts import Finding
+
+    return tuple(
+        Finding(code="log_refused", message=e.problem, where=e.where, remedy=e.remedy)
+        for e in refused
+    )
+
+
+def _column_map(options: Mapping[str, Any]) -> "ColumnMap | None":
+    from auvident.storage.logs import read_column_map
+
+    return read_column_map(Path(options["map"])) if options["map"] else None
+
+
+def ingest_sources(options: Mapping[str, Any]) -> list[Path]:
+    """Files of the logs, the map, the vehicle file and its offsets file."""
+    from auvident.storage.declared import read_toml
+    from auvident.storage.log_find import find_trials
+
+    vehicle = Path(options["vehicle"])
+    sources = [vehicle]
+    hull = read_toml(vehicle).get("hull")
+    if isinstance(hull, dict) and isinstance(hull.get("offsets"), str):
+        sources.append(vehicle.parent / hull["offsets"])
+    if options["map"]:
+        sources.append(Path(options["map"]))
+    column_map = _column_map(options)
+    for group in _groups(options):
+        try:
+            sources += [file for trial in find_trials(group, column_map) for file in trial.files]
+        except InputError:
+            if not options.get("keep_going"):
+                raise
+    return list(dict.fromkeys(sources))
+
+
+# --- segment, ase -------------------------------------------------------------------------
+
+
+def segment(given: Given) -> dict[str, Any]:
+    """Find the maneuvers; the plain list is the artifact, what was rejected stands beside it."""
+    from auvident.stages.segment import segment as find_maneuvers
+
+    found = find_maneuvers(given.trials, hold_out=given.options["hold_out"])
+    return {
+        "segment/maneuvers.json": found.maneuvers,
+        "segment/rejected.json": {
+            "schema": "auvident/rejected/1",
+            "rejected": found.rejected,
+            "findings": found.findings,
+        },
+    }
+
+
+def ase(given: Given) -> dict[str, Any]:
+    """Estimate the coefficients from geometry."""
+    from auvident.stages.ase import estimate
+
+    stated = given.vehicle.body.design_speed_mps
+    speed = stated or cruising_speed(given.trials)
+    return {"ase/coefficients.json": estimate(given.vehicle, speed)}
+
+
+def cruising_speed(trials: "list[Trial]") -> float | None:
+    """Median speed under way, None when the vehicle never is."""
+    import numpy as np
+
+    speeds = np.concatenate([trial.table["u_mps"].to_numpy() for trial in trials])
+    under_way = speeds[speeds > LEAST_UNDER_WAY_MPS]  # NaN compares false
+    return float(np.median(under_way)) if under_way.size else None
+
+
+# --- identify -----------------------------------------------------------------------------
+
+
+def plan_path(name: str) -> Path:
+    """File of a plan, which is named by its path or, if it comes with the program, by name."""
+    built_in = PLANS / f"{name}.toml"
+    if built_in.is_file() and not Path(name).is_file():
+        return built_in
+    if not Path(name).is_file() and not name.endswith(".toml"):
+        known = ", ".join(sorted(p.stem for p in PLANS.glob("*.toml")))
+        raise InputError(
+            "there is no such plan", name, f"Give a TOML file or one of the built-in: {known}."
+        )
+    return Path(name)
+
+
+def read_plan(name: str) -> "Plan":
+    """A plan by its name or file."""
+    from auvident.schema.plan import Plan
+    from auvident.storage.declared import parse, read_toml
+
+    path = plan_path(name)
+    return parse(Plan, read_toml(path), path, "See `auvident schema plan`.")
+
+
+def plan_source(options: Mapping[str, Any]) -> list[Path]:
+    """The plan file; read at once, so that a fault stops the run before anything is done."""
+    read_plan(options["plan"])
+    return [plan_path(options["plan"])]
+
+
+def identify(given: Given) -> dict[str, Any]:
+    """Estimate the coefficients from the maneuvers that identify."""
+    from auvident.stages.identify import identify as estimate_jointly
+
+    plan = read_plan(given.options["plan"])
+    result = estimate_jointly(
+        given.trials, given.maneuvers, given.ase, given.vehicle, given.noise(),
+        plane=given.options["plane"], plan=plan, filter=given.options["filter"],
+        engine=given.options["engine"], progress=given.observer.progress,
+    )  # fmt: skip
+    return {"identify/model.json": result.model, "identify/history.parquet": result.history}

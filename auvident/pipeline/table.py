@@ -1,0 +1,125 @@
+"""The table of stages: what each reads, writes, takes and calls.
+
+A new stage is one more row here and one function in `auvident.pipeline.steps`.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from auvident.pipeline import steps
+from auvident.pipeline.given import Given
+
+Outputs = Mapping[str, Any]
+Sources = Callable[[Mapping[str, Any]], list[Path]]
+
+
+def _no_sources(options: Mapping[str, Any]) -> list[Path]:
+    return []
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Declaration of one stage.
+
+    Attributes
+    ----------
+    name : str
+        Also its command and its folder in the run directory.
+    job : str
+        What it does, for people.
+    after : tuple of str
+        Stages that must be up to date before.
+    reads : tuple of str
+        Artifacts it reads, as patterns.
+    main : str
+        The artifact that ``--json`` prints.
+    function : callable
+        `Given` -> artifact by path.
+    options : mapping
+        Options with their defaults.
+    sources : callable
+        Files outside of the run directory that it reads.
+    paths : tuple of str
+        Options that are paths; the manifest keeps them relative to the run directory.
+    draws : bool
+        Whether it draws random numbers, so that the seed matters.
+    """
+
+    name: str
+    job: str
+    after: tuple[str, ...]
+    reads: tuple[str, ...]
+    main: str
+    function: Callable[[Given], Outputs]
+    options: Mapping[str, Any] = field(default_factory=dict)
+    sources: Sources = _no_sources
+    paths: tuple[str, ...] = ()
+    draws: bool = False
+
+
+STAGES: tuple[Stage, ...] = (
+    Stage(
+        "ingest",
+        "logs on one clock, cleaned, with a quality report",
+        after=(),
+        reads=(),
+        main="ingest/quality.json",
+        function=steps.ingest,
+        options={
+            "logs": (),
+            "vehicle": None,
+            "map": None,
+            "rate_hz": 10.0,
+            "max_gap_s": 1.0,
+        },
+        sources=steps.ingest_sources,
+        paths=("logs", "vehicle", "map"),
+    ),
+    Stage(
+        "segment",
+        "maneuvers and their roles",
+        after=("ingest",),
+        reads=("ingest/*.parquet",),
+        main="segment/maneuvers.json",
+        function=steps.segment,
+        options={"hold_out": ()},
+    ),
+    Stage(
+        "ase",
+        "coefficients from geometry",
+        after=("ingest",),
+        reads=("ingest/vehicle.json", "ingest/*.parquet"),
+        main="ase/coefficients.json",
+        function=steps.ase,
+    ),
+    Stage(
+        "identify",
+        "coefficients from the maneuvers",
+        after=("segment", "ase"),
+        reads=("ingest/*", "segment/maneuvers.json", "ase/coefficients.json"),
+        main="identify/model.json",
+        function=steps.identify,
+        options={
+            "plane": "horizontal",
+            "filter": "ekf",
+            "engine": "compiled",
+            "plan": "spiral",
+        },
+        sources=steps.plan_source,
+    ),
+)
+BY_NAME: dict[str, Stage] = {stage.name: stage for stage in STAGES}
+
+
+def before(name: str) -> list[Stage]:
+    """Stages that a stage rests on, directly or not, in the order of the table."""
+    wanted: set[str] = set()
+    pending = list(BY_NAME[name].after)
+    while pending:
+        stage = pending.pop()
+        if stage in BY_NAME and stage not in wanted:
+            wanted.add(stage)
+            pending += BY_NAME[stage].after
+    return [stage for stage in STAGES if stage.name in wanted]

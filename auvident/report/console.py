@@ -1,0 +1,150 @@
+"""Tables of every stage for people; the command line prints them on standard error."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich import box
+from rich.console import RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from auvident.report.ase_tables import ase_report, finding_line
+from auvident.schema.artifacts import Finding, IdentifiedModel, Maneuver
+from auvident.schema.logs import Quality
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+STATE_STYLES = {"done": "green", "stale": "yellow", "missing": "red"}
+MOST_FINDINGS = 12  # lines of findings a stage; the artifact has all of them
+
+
+def stage_report(
+    stage: str, outputs: Mapping[str, Any], brief: bool = False
+) -> list[RenderableType]:
+    """What a person sees of the outputs of a stage.
+
+    Parameters
+    ----------
+    stage : str
+    outputs : mapping
+        Artifacts by path in the run directory.
+    brief : bool
+        One stage among several: without what a later table repeats.
+    """
+    if brief and stage == "ase":  # the values come again as the prior of the identification
+        return findings_lines(outputs["ase/coefficients.json"].findings)
+    report = REPORTS.get(stage)
+    return report(outputs) if report else []
+
+
+def house_table(title: str, left: Sequence[str], right: Sequence[str] = ()) -> Table:
+    """The house style: no vertical rules, title on the left, numbers on the right."""
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for name in left:
+        table.add_column(name)
+    for name in right:
+        table.add_column(name, justify="right")
+    return table
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """A number with some significant digits; empty when there is none."""
+    return "" if value is None else f"{value:.{digits}g}"
+
+
+def findings_lines(findings: Sequence[Finding]) -> list[RenderableType]:
+    """The first findings, and how many more there are."""
+    lines: list[RenderableType] = [finding_line(f) for f in findings[:MOST_FINDINGS]]
+    if len(findings) > MOST_FINDINGS:
+        lines.append(Text(f"... and {len(findings) - MOST_FINDINGS} more findings", style="dim"))
+    return lines
+
+
+def frame_table(title: str, frame: "pd.DataFrame") -> Table:
+    """A small table of numbers."""
+    table = house_table(title, (), [str(c) for c in frame.columns])
+    for row in frame.itertuples(index=False):
+        table.add_row(*(number(v) if isinstance(v, float) else str(v) for v in row))
+    return table
+
+
+def _ingest(outputs: Mapping[str, Any]) -> list[RenderableType]:
+    quality: Quality = outputs["ingest/quality.json"]
+    pieces: list[RenderableType] = []
+    for trial in quality.trials:
+        title = (
+            f"{trial.trial}: {trial.samples} rows at {trial.rate_hz:g} Hz, "
+            f"{len(trial.records)} uninterrupted records"
+        )
+        table = house_table(title, ("sensor",), ("rows", "used", "rate, Hz", "gaps"))
+        table.add_column("dropped")
+        for s in trial.sensors:
+            dropped: dict[str, int] = {}
+            for where in (s.dropped, *(c.dropped for c in s.channels)):
+                for reason, d in where.items():
+                    dropped[reason] = dropped.get(reason, 0) + d.count
+            table.add_row(
+                s.sensor, str(s.rows_read), str(s.rows_used), number(s.rate_hz, 3),
+                str(max((c.gaps for c in s.channels), default=0)),
+                ", ".join(f"{count} {reason}" for reason, count in dropped.items()),
+            )  # fmt: skip
+        pieces += [table, *findings_lines(trial.findings)]
+    return [*pieces, *findings_lines(quality.findings)]
+
+
+def _segment(outputs: Mapping[str, Any]) -> list[RenderableType]:
+    maneuvers: Sequence[Maneuver] = outputs["segment/maneuvers.json"]
+    beside = outputs["segment/rejected.json"]
+    table = house_table("Maneuvers", ("id", "kind", "role"), ("from, s", "to, s", "length, s"))
+    for m in maneuvers:
+        style = "cyan" if m.role == "validate" else ""
+        table.add_row(
+            m.id, m.kind, m.role, f"{m.t_start_s:.1f}", f"{m.t_end_s:.1f}",
+            f"{m.t_end_s - m.t_start_s:.1f}", style=style,
+        )  # fmt: skip
+    note = f"{len(beside['rejected'])} candidates rejected: segment/rejected.json says why"
+    return [table, Text(note, style="dim"), *findings_lines(beside["findings"])]
+
+
+def _ase(outputs: Mapping[str, Any]) -> list[RenderableType]:
+    return [ase_report(outputs["ase/coefficients.json"])]
+
+
+def _identify(outputs: Mapping[str, Any]) -> list[RenderableType]:
+    model: IdentifiedModel = outputs["identify/model.json"]
+    return [model_table(model), *findings_lines(model.findings)]
+
+
+def model_table(model: IdentifiedModel) -> Table:
+    """Coefficients before and after the data."""
+    title = f"{model.vehicle}, {model.plane} plane ({model.filter}, {model.engine})"
+    columns = ("value", "std", "prior", "prior std", "1000 x prime", "from data")
+    table = house_table(title, ("", "unit"), columns)
+    table.add_column("origin")
+    for c in model.coefficients:
+        table.add_row(
+            c.symbol, c.unit, number(c.value), number(c.std, 2), number(c.prior),
+            number(c.prior_std, 2), number(1e3 * c.prime), f"{100.0 * c.data_share:.0f} %",
+            c.origin,
+        )  # fmt: skip
+    return table
+
+
+def status_table(run: Path, rows: Sequence[Mapping[str, Any]]) -> Table:
+    """State of every stage."""
+    table = house_table(f"Run directory {run}", ("stage", "state", "why", "last failure"))
+    for row in rows:
+        style = STATE_STYLES[row["state"]]
+        failed = row["failed"].problem if row["failed"] else ""
+        table.add_row(row["stage"], Text(row["state"], style=style), row["reason"], failed)
+    return table
+
+
+REPORTS: dict[str, Callable[[Mapping[str, Any]], list[RenderableType]]] = {
+    "ingest": _ingest,
+    "segment": _segment,
+    "ase": _ase,
+    "identify": _identify,
+}

@@ -1,0 +1,182 @@
+"""Serialisation of artifacts: JSON and Parquet as bytes, atomic files, hashes.
+
+A file is written beside its place under a temporary name, flushed to the disk and renamed, so
+that a reader, or a process killed at any moment, sees the old file or the new one.
+"""
+
+import hashlib
+import io
+import json
+import math
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from auvident.errors import NumericsError, StageError
+from auvident.schema.channels import BY_COLUMN, FLAG_SUFFIX
+from auvident.schema.coefficients import BY_SYMBOL
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Model = TypeVar("Model", bound=BaseModel)
+
+TEMPORARY_SUFFIX = ".auvident-partial"  # of a file that is being written
+HASH_CHUNK = 1 << 20  # bytes read at a time
+# Unit of a column by the end of its name, the longest first.
+UNIT_SUFFIXES = {
+    "_radps": "rad/s", "_degps": "deg/s", "_mps": "m/s", "_rad": "rad", "_deg": "deg",
+    "_rpm": "1/min", "_m": "m", "_s": "s",
+}  # fmt: skip
+STD_SUFFIXES = ("_std", " std")
+
+
+def json_bytes(artifact: Any, name: str) -> bytes:
+    """JSON text of a pydantic model or of plain containers.
+
+    Raises
+    ------
+    NumericsError
+        When a number is not finite; says which.
+    """
+    tree = _plain(artifact)
+    for place, value in _not_finite(tree, ""):
+        raise NumericsError(f"{place} is {value}", name, "Please report this; see --verbose.")
+    return (json.dumps(tree, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+def _plain(tree: Any) -> Any:
+    """Containers, strings and numbers of a model, also of models and arrays inside."""
+    if isinstance(tree, BaseModel):
+        return _plain(tree.model_dump(by_alias=True))
+    if isinstance(tree, Mapping):
+        return {str(key): _plain(value) for key, value in tree.items()}
+    if isinstance(tree, list | tuple | set | frozenset):
+        return [_plain(value) for value in tree]
+    if hasattr(tree, "tolist"):  # numpy arrays and scalars
+        return _plain(tree.tolist())
+    return tree if isinstance(tree, str | int | float | bool | None) else str(tree)
+
+
+def _not_finite(tree: Any, place: str) -> Iterator[tuple[str, float]]:
+    if isinstance(tree, float) and not math.isfinite(tree):
+        yield place, tree
+    elif isinstance(tree, dict):
+        for key, value in tree.items():
+            yield from _not_finite(value, f"{place}.{key}" if place else key)
+    elif isinstance(tree, list):
+        for number, value in enumerate(tree):
+            yield from _not_finite(value, f"{place}[{number}]")
+
+
+def read_json(path: Path, remedy: str = "") -> Any:
+    """Plain content of a JSON artifact; `StageError` when it is missing or damaged."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise StageError("is missing", str(path), remedy) from None
+    except (OSError, ValueError) as error:
+        raise StageError(f"cannot be read: {error}", str(path), remedy) from None
+
+
+def read_model(path: Path, model: type[Model], remedy: str = "") -> Model:
+    """A JSON artifact as its class; `StageError` when it does not fit."""
+    return as_model(read_json(path, remedy), model, path, remedy)
+
+
+def as_model(tree: Any, model: type[Model], path: Path, remedy: str = "") -> Model:
+    """Plain content as its class; `StageError` when it does not fit."""
+    try:
+        return model.model_validate(tree)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise StageError(f"{place}: {first['msg']}", str(path), remedy) from None
+
+
+def unit_of(column: str) -> str:
+    """Unit of a column of any table; ``bool`` for flags, ``1`` for numbers without unit."""
+    if column in BY_COLUMN:
+        return BY_COLUMN[column].unit
+    for suffix in STD_SUFFIXES:
+        if column.endswith(suffix):
+            return unit_of(column.removesuffix(suffix))
+    if column in BY_SYMBOL:
+        return BY_SYMBOL[column].unit
+    if column.endswith(FLAG_SUFFIX):
+        return "bool"
+    return next((u for suffix, u in UNIT_SUFFIXES.items() if column.endswith(suffix)), "1")
+
+
+def parquet_bytes(table: "pd.DataFrame", metadata: Mapping[str, str]) -> bytes:
+    """Parquet of a table, with the unit of each column in the metadata of its field.
+
+    The unit stands under ``unit`` of the column, and under ``units`` (JSON) of the file.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    plain = pa.Table.from_pandas(table, preserve_index=False)
+    units = {field.name: unit_of(field.name) for field in plain.schema}
+    schema = pa.schema([f.with_metadata({"unit": units[f.name]}) for f in plain.schema])
+    about = {**metadata, "units": json.dumps(units, ensure_ascii=False)}
+    kept = {**(plain.schema.metadata or {}), **{k: v.encode() for k, v in about.items()}}
+    stream = io.BytesIO()
+    pq.write_table(plain.cast(schema).replace_schema_metadata(kept), stream)
+    return stream.getvalue()
+
+
+def read_table(path: Path, remedy: str = "") -> "pd.DataFrame":
+    """A Parquet artifact; `StageError` when it is missing or damaged."""
+    import pandas as pd
+
+    try:
+        return pd.read_parquet(path)
+    except FileNotFoundError:
+        raise StageError("is missing", str(path), remedy) from None
+    except (OSError, ValueError) as error:
+        raise StageError(f"cannot be read: {error}", str(path), remedy) from None
+
+
+def sha256_of(path: Path) -> str | None:
+    """Hash of a file's content; None when there is no such file."""
+    digest = hashlib.sha256()
+    try:
+        with path.open("rb") as stream:
+            while chunk := stream.read(HASH_CHUNK):
+                digest.update(chunk)
+    except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
+        return None
+    return digest.hexdigest()
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file so that it is there whole or not at all, and stays after a power cut."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
+    try:
+        with temporary.open("wb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(temporary, path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+    _sync_folder(path.parent)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make the renaming durable where the system can."""
+    if os.name == "nt":
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    except OSError:  # file systems that do not sync folders
+        pass
+    finally:
+        os.close(descriptor)
