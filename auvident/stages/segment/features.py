@@ -26,13 +26,13 @@ DECIMALS = 4
 def regressors(piece: Piece, rows: slice) -> dict[str, Array]:
     """Columns of the surge and the sway-yaw equations, shape (n, 3) each.
 
-    Surge: u|u|, n|n|, |n|u; yaw and sway: u v, u r, u u rudder.
+    Surge: u|u|, n|n|, |n|u; steering: u v, u r, u u rudder, or u w, u q, u u elevator.
     """
     u, v, r, fin = (x[rows] for x in (piece.speed, piece.v, piece.rate_mean, piece.fin))
     n = piece.rpm[rows] / RPM_PER_RPS
     return {
         "surge": np.column_stack([u * np.abs(u), n * np.abs(n), np.abs(n) * u]),
-        "yaw_sway": np.column_stack([u * v, u * r, u * u * fin]),
+        "steering": np.column_stack([u * v, u * r, u * u * fin]),
     }
 
 
@@ -41,7 +41,7 @@ def reference_rms(found: Sequence[Found]) -> dict[str, Array]:
     parts = [regressors(f.piece, slice(f.start, f.stop)) for f in found]
     return {
         name: np.sqrt(np.mean(np.concatenate([p[name] for p in parts]) ** 2, axis=0))
-        for name in ("surge", "yaw_sway")
+        for name in ("surge", "steering")
     }
 
 
@@ -51,16 +51,18 @@ def excitation(f: Found, reference: dict[str, Array]) -> dict[str, float]:
     Returns
     -------
     dict of str to float
-        ``u_std_mps``, ``v_std_mps``, ``r_std_degps``, ``rudder_std_deg``, ``rpm_std``,
-        ``surge`` and ``yaw_sway`` (see the module).
+        ``u_std_mps``, ``rpm_std``, ``v_std_mps``, ``r_std_degps``, ``rudder_std_deg``,
+        ``surge`` and ``steering`` (see the module). In the vertical plane w, q and elevator
+        take the place of v, r and rudder.
     """
     p, rows = f.piece, slice(f.start, f.stop)
+    v, r, fin = ("v", "r", "rudder") if f.plane == "horizontal" else ("w", "q", "elevator")
     numbers = {
         "u_std_mps": float(np.std(p.u[rows])),
-        "v_std_mps": float(np.std(p.v[rows])),
-        "r_std_degps": float(np.degrees(np.std(p.rate[rows]))),
-        "rudder_std_deg": float(np.degrees(np.std(p.fin[rows]))),
         "rpm_std": float(np.std(p.rpm[rows])),
+        f"{v}_std_mps": float(np.std(p.v[rows])),
+        f"{r}_std_degps": float(np.degrees(np.std(p.rate[rows]))),
+        f"{fin}_std_deg": float(np.degrees(np.std(p.fin[rows]))),
     }
     for name, columns in regressors(p, rows).items():
         scaled = columns / np.where(reference[name] > 0, reference[name], 1.0)
@@ -74,6 +76,7 @@ def features_of(f: Found, reference: dict[str, Array]) -> dict[str, Any]:
     build = {"turn": _turn, "zigzag": _zigzag, "straight": _straight}[f.kind]
     features = {name: _rounded(value) for name, value in build(f).items()}
     features["plane"] = f.plane
+    features |= f.notes
     features["excitation"] = excitation(f, reference)
     return features
 
@@ -117,7 +120,9 @@ def _zigzag(f: Found) -> dict[str, Any]:
     before = slice(max(0, f.start - p.samples(1.0)), f.start + 1)
     base = float(np.mean(p.angle[before])) if f.start else float(p.angle[0])
     figures: dict[str, Any] = dict(zigzag_figures(p.t[rows], p.angle[rows], p.fin[rows], base))
-    figures["rudder_deg"] = float(np.degrees(f.level_rad))
+    del figures["rudder_deg"]
+    fin = "rudder" if f.plane == "horizontal" else "elevator"
+    figures[f"{fin}_deg"] = float(np.degrees(f.level_rad))
     figures["executes"] = int(figures["executes"])
     figures["switches"] = figures["executes"] - 1
     figures["approach_speed_mps"] = approach_speed(f)

@@ -1,23 +1,16 @@
-"""What the search works on: uninterrupted pieces of a trial, and the trial's own yardsticks.
+"""What the search works on: the pieces of a trial between long gaps, and what is found in them."""
 
-Speeds are judged against the trial's cruise, angles against its noise, yaw rates against what
-the rudder achieves, so a 7 m model at 1 deg/s and a small vehicle at 30 deg/s meet one rule.
-"""
-
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from auvident.physics.figures_plateaus import (
     Array,
-    Plateau,
-    noise_std,
     odd_samples,
-    plateaus,
     running_mean,
     running_median,
-    slew_rate,
 )
 from auvident.physics.figures_track import heading_from_rate
 from auvident.schema.artifacts import ManeuverKind, Rejected
@@ -25,60 +18,22 @@ from auvident.schema.channels import RECORD_COLUMN, TIME_COLUMN
 from auvident.schema.trial import Trial
 
 NEEDED = ("u_mps", "v_mps", "r_radps", "rudder_rad", "rpm")
+BRIDGED_S = 5.0  # a drop-out of a sensor hides no maneuver; a longer gap may hide a swing or turn
+VERTICAL = ("elevator_rad", "q_radps", "w_mps")  # needed as well in the vertical plane
 SHORTEST_PIECE_S = 5.0  # no maneuver fits into less
-NOISE_WINDOW_S = 2.0  # second differences are pooled over this to read the noise of an input
 MEDIAN_WINDOW_S = 0.5  # spikes of the fin log up to half of it disappear, edges stay
 MEAN_WINDOW_S = 2.0  # waves and sensor noise average out, a swing of a zigzag does not
-LEAST_TOLERANCE_RAD = np.radians(0.5)  # fin angles closer than this are one angle
-NOISE_OF_MEDIAN = 1.2533  # std of a median over that of a mean, normal distribution
-NOISE_BAND = 4.0  # standard deviations that hold the noise of a whole plateau
-LEAST_FIN_RAD = np.radians(2.0)  # less is trim or an autopilot at work
-PROPELLED_SHARE = 0.2  # of the highest rpm: below, the vehicle idles
-FALLBACK_YAW_RATE_RADPS = np.radians(1.0)  # limit of straight where nothing was ever steered
-SURE_SIGN = 0.3  # share of agreement (of -1..1) from which the data settle the sign of the fin
-
-
-@dataclass(frozen=True)
-class Scales:
-    """Yardsticks of one trial.
-
-    Attributes
-    ----------
-    speed_mps, rpm : float
-        Cruise: medians while the propeller turns.
-    fin_noise_rad, rpm_noise, rate_noise_radps : float
-        Standard deviations of the noise on fin angle and rpm after the running median, and on
-        the running mean of the angular rate.
-    fin_slew_radps : float
-        Fastest fin motion seen.
-    gain_radpm : float
-        Angular rate per fin angle and speed [rad/s per rad m/s]; 0 when nothing was steered.
-    drive : int
-        Sign of the rate that a positive fin angle drives: -1 by the program's convention.
-    """
-
-    speed_mps: float
-    rpm: float
-    fin_noise_rad: float
-    rpm_noise: float
-    rate_noise_radps: float
-    fin_slew_radps: float
-    gain_radpm: float = 0.0
-    drive: int = -1
-
-    @property
-    def tolerance_rad(self) -> float:
-        """Fin angles within this of each other are one level."""
-        return max(LEAST_TOLERANCE_RAD, NOISE_BAND * self.fin_noise_rad)
 
 
 @dataclass(frozen=True)
 class Piece:
-    """An uninterrupted piece of a trial in one plane.
+    """A piece of a trial without a long gap, in one plane.
 
-    `fin`, `rate` and `angle` are rudder, yaw rate and heading, or elevator, pitch rate and
-    pitch; `fin` and `rpm` are free of spikes, `fin_logged` and `rpm_logged` are as they
-    came; `speed` and `rate_mean` are running means.
+    `record` is the number of the uninterrupted record of each sample, -1 in a bridged gap.
+
+    `v`, `fin`, `rate` and `angle` are sway, rudder, yaw rate and heading, or heave, elevator,
+    pitch rate and pitch; `fin` and `rpm` are free of spikes, `fin_logged` and `rpm_logged` are
+    as they came; `speed` and `rate_mean` are running means.
     """
 
     trial: str
@@ -86,10 +41,10 @@ class Piece:
     is_first: bool
     is_last: bool
     rate_hz: float
+    record: NDArray[np.int64]
     t: Array
     u: Array
     v: Array
-    r: Array
     rpm: Array
     rpm_logged: Array
     fin: Array
@@ -141,6 +96,7 @@ class Found:
     stop: int
     level_rad: float = 0.0
     plane: str = "horizontal"
+    notes: dict[str, Any] = field(default_factory=dict)
 
     @property
     def seconds(self) -> float:
@@ -149,33 +105,69 @@ class Found:
 
 
 def pieces_of(trial: Trial, plane: str = "horizontal") -> list[Piece]:
-    """Uninterrupted pieces of a trial, in time order; those too short for anything are left out."""
+    """Pieces of a trial without a long gap, in time order; too short ones are left out.
+
+    Short gaps of a sensor are bridged so that a maneuver is recognised as a whole; `record`
+    remembers them.
+    """
     table = trial.table
-    needed = [*NEEDED, *(("elevator_rad", "q_radps") if plane == "vertical" else ())]
+    needed = [*NEEDED, *(VERTICAL if plane == "vertical" else ())]
     if any(column not in table for column in needed):
         return []
-    columns = {c: table[c].to_numpy(dtype=float) for c in table.columns if c in _READ}
+    columns = {c: table[c].to_numpy(dtype=float).copy() for c in table.columns if c in _READ}
     record = table[RECORD_COLUMN].to_numpy() if RECORD_COLUMN in table else np.zeros(len(table))
     usable = np.all([np.isfinite(columns[c]) for c in needed], axis=0) & (record >= 0)
-    label = np.where(usable, record, -1)
-    cuts = np.flatnonzero(np.diff(label)) + 1
+    label = np.where(usable, record, -1).astype(np.int64)
+    for column in needed:
+        _bridge(columns[column], held=column in _INPUTS)
     ranges = [
         (a, b)
-        for a, b in zip([0, *cuts.tolist()], [*cuts.tolist(), len(label)], strict=True)
-        if b > a and label[a] >= 0 and (b - a) >= SHORTEST_PIECE_S * trial.rate_hz
+        for a, b in _without_long_gaps(usable, round(BRIDGED_S * trial.rate_hz))
+        if b - a >= SHORTEST_PIECE_S * trial.rate_hz
     ]
     last = len(ranges) - 1
     return [
-        _piece(trial, plane, columns, slice(a, b), number, last)
+        _piece(trial, plane, columns, label, slice(a, b), number, last)
         for number, (a, b) in enumerate(ranges)
     ]
 
 
-_READ = {*NEEDED, TIME_COLUMN, "heading_rad", "elevator_rad", "q_radps", "pitch_rad", "depth_m"}
+_READ = {*NEEDED, TIME_COLUMN, "heading_rad", *VERTICAL, "pitch_rad", "depth_m"}
+_INPUTS = ("rudder_rad", "elevator_rad", "rpm")
+
+
+def _bridge(values: Array, held: bool) -> None:
+    """Fill the missing values of a channel in place: an input is held, a motion interpolated."""
+    good = np.flatnonzero(np.isfinite(values))
+    missing = np.flatnonzero(~np.isfinite(values))
+    if good.size == 0 or missing.size == 0:
+        return
+    if held:
+        before = np.maximum(np.searchsorted(good, missing) - 1, 0)
+        values[missing] = values[good[before]]
+    else:
+        values[missing] = np.interp(missing, good, values[good])
+
+
+def _without_long_gaps(usable: NDArray[np.bool_], longest: int) -> list[tuple[int, int]]:
+    """Half-open ranges of rows that begin and end usable, with gaps of at most `longest` rows."""
+    rows = np.flatnonzero(usable)
+    if rows.size == 0:
+        return []
+    cuts = np.flatnonzero(np.diff(rows) > longest + 1)
+    first = np.concatenate(([rows[0]], rows[cuts + 1]))
+    last = np.concatenate((rows[cuts], [rows[-1]]))
+    return [(int(a), int(b) + 1) for a, b in zip(first, last, strict=True)]
 
 
 def _piece(
-    trial: Trial, plane: str, columns: dict[str, Array], rows: slice, number: int, last: int
+    trial: Trial,
+    plane: str,
+    columns: dict[str, Array],
+    label: NDArray[np.int64],
+    rows: slice,
+    number: int,
+    last: int,
 ) -> Piece:
     """One piece; an angle that is missing or broken is the integral of its rate."""
     horizontal = plane == "horizontal"
@@ -188,19 +180,20 @@ def _piece(
     depth = columns.get("depth_m", np.array([]))[rows]
     narrow = odd_samples(MEDIAN_WINDOW_S, trial.rate_hz)
     wide = odd_samples(MEAN_WINDOW_S, trial.rate_hz)
-    u = columns["u_mps"][rows]
+    u, rpm = columns["u_mps"][rows], columns["rpm"][rows]
+    v = columns["v_mps" if horizontal else "w_mps"][rows]
     return Piece(
         trial=trial.name,
         number=number,
         is_first=number == 0,
         is_last=number == last,
         rate_hz=trial.rate_hz,
+        record=label[rows],
         t=t,
         u=u,
-        v=columns["v_mps"][rows],
-        r=columns["r_radps"][rows],
-        rpm=running_median(columns["rpm"][rows], narrow),
-        rpm_logged=columns["rpm"][rows],
+        v=v,
+        rpm=running_median(rpm, narrow),
+        rpm_logged=rpm,
         fin=running_median(fin, narrow),
         fin_logged=fin,
         rate=rate,
@@ -209,84 +202,3 @@ def _piece(
         speed=running_mean(u, wide),
         rate_mean=running_mean(rate, wide),
     )
-
-
-def scales_of(pieces: Sequence[Piece]) -> Scales:
-    """Yardsticks of a trial from all its pieces (at least one)."""
-    rpm = np.abs(np.concatenate([p.rpm for p in pieces]))
-    speed = np.concatenate([p.speed for p in pieces])
-    propelled = rpm >= PROPELLED_SHARE * np.max(rpm)
-    rate_hz = pieces[0].rate_hz
-    window = max(3, round(NOISE_WINDOW_S * rate_hz))
-    longest = max(pieces, key=lambda p: p.size)
-    steered = np.abs(longest.fin) > LEAST_FIN_RAD
-    left = NOISE_OF_MEDIAN / np.sqrt(odd_samples(MEDIAN_WINDOW_S, rate_hz))
-    basic = Scales(
-        speed_mps=max(float(np.median(speed[propelled])), 0.0),
-        rpm=float(np.median(rpm[propelled])),
-        fin_noise_rad=left * noise_std(longest.fin_logged, window, steered),
-        rpm_noise=left * noise_std(longest.rpm_logged, window),
-        rate_noise_radps=noise_std(longest.rate, window) / np.sqrt(window),
-        fin_slew_radps=max(slew_rate(p.fin, rate_hz) for p in pieces),
-    )
-    return _with_response(basic, pieces)
-
-
-def _with_response(scales: Scales, pieces: Sequence[Piece]) -> Scales:
-    """Add how strongly, and which way, the vehicle answers its fin."""
-    rate2 = input2 = agree = total = 0.0
-    for piece in pieces:
-        moved = (np.abs(piece.fin) > LEAST_FIN_RAD) & (piece.speed > 0.5 * scales.speed_mps)
-        rate2 += float(np.sum(piece.rate_mean[moved] ** 2))
-        input2 += float(np.sum((piece.fin * piece.speed)[moved] ** 2))
-        for held in held_fins(piece, scales):
-            if piece.speed[held.start] > 0.5 * scales.speed_mps:
-                change = piece.rate_mean[held.stop - 1] - piece.rate_mean[held.start]
-                agree += float(np.sign(held.level) * change)
-                total += float(abs(change))
-    drive = 1 if total > 0 and agree / total > SURE_SIGN else -1
-    gain = float(np.sqrt(rate2 / input2)) if input2 > 0 else 0.0
-    return Scales(**{**scales.__dict__, "gain_radpm": gain, "drive": drive})
-
-
-SHORTEST_HOLD_S = 0.4  # a fin held for less was passing by
-PASSING_SHARE = 0.25  # of its neighbours: a hold shorter than this is part of the ramp
-REST_S = 1.0  # a hold may be interrupted for this long (a glitch) and stays one hold
-
-
-def held_fins(piece: Piece, scales: Scales) -> list[Plateau]:
-    """Stretches over which the fin is held at an angle beyond trim, glitches bridged."""
-    tolerance = scales.tolerance_rad
-    shortest = max(2, piece.samples(SHORTEST_HOLD_S))
-    held: list[Plateau] = []
-    for p in plateaus(piece.fin, tolerance):
-        if p.samples < shortest or abs(p.level) < LEAST_FIN_RAD or _moves(piece, p, tolerance):
-            continue
-        if held and _same_hold(piece, held[-1], p, tolerance):
-            start = held.pop().start
-            p = Plateau(start, p.stop, float(np.median(piece.fin[start : p.stop])))
-        held.append(p)
-    return [p for i, p in enumerate(held) if not _passes_by(held[max(0, i - 1) : i + 2], p)]
-
-
-def _moves(piece: Piece, p: Plateau, tolerance: float) -> bool:
-    """Whether the fin goes on moving during a short hold: a slow ramp."""
-    third = max(1, p.samples // 3)
-    first, last = piece.fin[p.start : p.start + third], piece.fin[p.stop - third : p.stop]
-    return bool(abs(np.mean(last) - np.mean(first)) > tolerance)
-
-
-def _passes_by(near: list[Plateau], p: Plateau) -> bool:
-    """Whether noise made a short hold out of a ramp between two long ones."""
-    if len(near) < 3:
-        return False
-    before, _, after = near
-    between = min(before.level, after.level) < p.level < max(before.level, after.level)
-    return between and p.samples < PASSING_SHARE * min(before.samples, after.samples)
-
-
-def _same_hold(piece: Piece, a: Plateau, b: Plateau, tolerance: float) -> bool:
-    """Whether b continues a after a glitch shorter than both."""
-    gap = b.start - a.stop
-    short = gap <= piece.samples(REST_S) and gap <= min(a.samples, b.samples)
-    return short and abs(a.level - b.level) <= tolerance

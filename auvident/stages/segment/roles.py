@@ -50,7 +50,7 @@ def _amplitude(m: Maneuver) -> float:
     """Fin angle; for a straight run the greatest thrust step."""
     if m.kind == "straight":
         return max((abs(float(x)) for x in m.features.get("rpm_steps", [])), default=0.0)
-    return abs(float(m.features.get("rudder_deg", 0.0)))
+    return abs(float(m.features.get("rudder_deg", m.features.get("elevator_deg", 0.0))))
 
 
 def _speed(m: Maneuver) -> float:
@@ -73,7 +73,8 @@ def _losses(m: Maneuver, remaining: Sequence[Maneuver], held: Sequence[Maneuver]
     )
     speeds = [_speed(x) for x in others]
     fastest = bool(speeds) and not min(speeds) <= _speed(m) <= max(speeds)
-    return largest, side and len(others) > 1, smallest, again, fastest
+    torn = int(m.features.get("parts", 1)) > 1  # an uninterrupted one tests the longer prediction
+    return largest, side and len(others) > 1, smallest, torn, again, fastest
 
 
 def _off_centre(m: Maneuver, remaining: Sequence[Maneuver]) -> tuple[float, float, str]:
@@ -88,6 +89,22 @@ def _off_centre(m: Maneuver, remaining: Sequence[Maneuver]) -> tuple[float, floa
     return round(distance(_amplitude) + distance(_speed), 6), _amplitude(m), m.id
 
 
+def part_id(whole: str, number: int) -> str:
+    """ID of the numbered part (from 0) of a maneuver torn by drop-outs."""
+    letters = ""
+    number += 1
+    while number:
+        number, digit = divmod(number - 1, 26)
+        letters = chr(ord("a") + digit) + letters
+    return whole + letters
+
+
+def _is_part(name: str, whole: str) -> bool:
+    """Whether a name is the ID of a part of a maneuver; its parts go together."""
+    rest = name.removeprefix(whole)
+    return name.startswith(whole) and rest.isalpha() and rest.islower()
+
+
 def requested(
     maneuvers: Sequence[Maneuver], trials: Sequence[str], hold_out: Sequence[str]
 ) -> set[str]:
@@ -100,7 +117,7 @@ def requested(
     """
     held: set[str] = set()
     for name in hold_out:
-        chosen = {m.id for m in maneuvers if name in (m.id, m.trial)}
+        chosen = {m.id for m in maneuvers if name in (m.id, m.trial) or _is_part(name, m.id)}
         if not chosen and name not in trials:
             ids = ", ".join(m.id for m in maneuvers)
             raise UsageError(

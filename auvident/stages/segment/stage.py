@@ -7,9 +7,11 @@ from auvident.errors import InputError
 from auvident.schema.artifacts import Finding, Maneuver, Maneuvers, Rejected
 from auvident.schema.trial import Trial
 from auvident.stages.segment import roles
+from auvident.stages.segment.elevators import elevator_zigzags_of, on_clock_of
 from auvident.stages.segment.features import features_of, reference_rms
-from auvident.stages.segment.gaps import settle_cuts
-from auvident.stages.segment.pieces import Found, Piece, Scales, held_fins, pieces_of, scales_of
+from auvident.stages.segment.gaps import parts_of, settle_cuts
+from auvident.stages.segment.pieces import Found, Piece, pieces_of
+from auvident.stages.segment.scales import Scales, held_fins, scales_of
 from auvident.stages.segment.straights import find_straights
 from auvident.stages.segment.turns import find_turns
 from auvident.stages.segment.zigzags import find_zigzags
@@ -17,6 +19,7 @@ from auvident.stages.segment.zigzags import find_zigzags
 CLOSEST = 8  # rejected candidates named when nothing was found
 
 Search = Callable[[Piece, Scales], tuple[list[Found], list[Rejected]]]
+Searched = tuple[list[Found], list[Rejected], list[Finding]]
 
 
 def segment(trials: Sequence[Trial], *, hold_out: Sequence[str] = ()) -> Maneuvers:
@@ -35,7 +38,9 @@ def segment(trials: Sequence[Trial], *, hold_out: Sequence[str] = ()) -> Maneuve
         In time order within each trial, with figures and excitation as features; the rejected
         candidates with reason, value and threshold; findings. A straight run lasts from its
         first to its last thrust level, a turn from rudder execute to release, a zigzag from
-        first execute to last release; none crosses an interruption of the record.
+        first execute to last release. None crosses an interruption of the record: one torn by
+        a short drop-out comes in parts (``...-turn-2a``, ``...-turn-2b``) of one role whose
+        features are those of the whole.
 
     Raises
     ------
@@ -44,46 +49,81 @@ def segment(trials: Sequence[Trial], *, hold_out: Sequence[str] = ()) -> Maneuve
     UsageError
         `hold_out` names nothing known, or everything.
     """
-    return assemble(trials, "horizontal", search_horizontal, hold_out)
+    return assemble(trials, "horizontal", search_horizontally, hold_out)
 
 
-def search_horizontal(piece: Piece, scales: Scales) -> tuple[list[Found], list[Rejected]]:
+def search_horizontally(trial: Trial) -> Searched:
+    """Maneuvers of one trial in the horizontal plane, rejected candidates, findings."""
+    swung = elevator_zigzags_of(trial)
+
+    def search(piece: Piece, scales: Scales) -> tuple[list[Found], list[Rejected]]:
+        """No straight run where the elevators swing the vehicle."""
+        return search_horizontal(piece, scales, [on_clock_of(piece, f) for f in swung])
+
+    return search_trial(trial, "horizontal", search)
+
+
+def search_horizontal(
+    piece: Piece, scales: Scales, elsewhere: Sequence[Found] = ()
+) -> tuple[list[Found], list[Rejected]]:
     """Turns first, then zigzags in the other rudder angles, then straight runs in the rest."""
     held = held_fins(piece, scales)
     turns, why_no_turn = find_turns(piece, scales, held)
     others = [p for p in held if not any(t.start < p.stop and t.stop > p.start for t in turns)]
     zigzags, why_no_zigzag = find_zigzags(piece, scales, others)
     taken = [*turns, *zigzags]
-    straights, why_no_straight = find_straights(piece, scales, taken)
+    straights, why_no_straight = find_straights(piece, scales, [*taken, *elsewhere])
     return [*taken, *straights], [*why_no_turn, *why_no_zigzag, *why_no_straight]
 
 
 def assemble(
-    trials: Sequence[Trial], plane: str, search: Search, hold_out: Sequence[str]
+    trials: Sequence[Trial],
+    plane: str,
+    search: Callable[[Trial], Searched],
+    hold_out: Sequence[str],
 ) -> Maneuvers:
-    """Search every trial in one plane and give roles to what is found."""
-    maneuvers: list[Maneuver] = []
+    """Search every trial and give roles to what is found; arguments as for `segment`."""
+    wholes: list[tuple[Maneuver, Found]] = []
     rejected: list[Rejected] = []
     findings: list[Finding] = []
     for trial in trials:
-        found, refused, said = _search_trial(trial, plane, search)
-        maneuvers += _named(trial.name, found)
+        found, refused, said = search(trial)
+        wholes += zip(_named(trial.name, found), found, strict=True)
         rejected += refused
         findings += said
-    if not maneuvers:
+    if not wholes:
         raise _nothing_found(trials, plane, rejected)
+    maneuvers = [m for m, _ in wholes]
     names = [trial.name for trial in trials]
     held = roles.requested(maneuvers, names, hold_out) if hold_out else roles.choose(maneuvers)
     final = roles.with_roles(maneuvers, held)
     findings += roles.role_findings(final)
+    parts = [p for m, (_, f) in zip(final, wholes, strict=True) for p in _parts(m, f)]
     return Maneuvers.model_validate(
-        {"maneuvers": final, "rejected": tuple(rejected), "findings": tuple(findings)}
+        {"maneuvers": tuple(parts), "rejected": tuple(rejected), "findings": tuple(findings)}
     )
 
 
-def _search_trial(
-    trial: Trial, plane: str, search: Search
-) -> tuple[list[Found], list[Rejected], list[Finding]]:
+def _parts(m: Maneuver, f: Found) -> list[Maneuver]:
+    """The maneuver, or its uninterrupted parts with a letter each; figures are of the whole."""
+    ranges = parts_of(f)
+    if ranges == [(f.start, f.stop)]:
+        return [m]
+    whole = {"whole": m.id, "whole_start_s": m.t_start_s, "whole_end_s": m.t_end_s}
+    return [
+        m.model_copy(
+            update={
+                "id": roles.part_id(m.id, number) if len(ranges) > 1 else m.id,
+                "t_start_s": round(f.piece.time(a), 3),
+                "t_end_s": round(f.piece.time(b if b == f.stop else b - 1), 3),
+                "features": {**m.features, **whole, "part": number + 1},
+            }
+        )
+        for number, (a, b) in enumerate(ranges)
+    ]
+
+
+def search_trial(trial: Trial, plane: str, search: Search) -> Searched:
     """Maneuvers, rejected candidates and findings of one trial, in time order."""
     pieces = pieces_of(trial, plane)
     if not pieces:
@@ -119,7 +159,7 @@ def _named(trial: str, found: Sequence[Found]) -> list[Maneuver]:
                 t_start_s=round(f.piece.time(f.start), 3),
                 t_end_s=round(f.piece.time(f.stop), 3),
                 role="identify",
-                features=features_of(f, reference),
+                features={**features_of(f, reference), "parts": len(parts_of(f))},
             )
         )
     return named

@@ -18,15 +18,10 @@ from auvident.physics.figures_plateaus import (
 from auvident.physics.figures_straight import RPM_STEP_SHARE, SHORTEST_LEVEL_S, rpm_levels
 from auvident.schema.artifacts import Rejected
 from auvident.stages.segment.helm import Level, split_by_other_helm, without_other_helm
-from auvident.stages.segment.pieces import (
-    FALLBACK_YAW_RATE_RADPS,
-    LEAST_FIN_RAD,
-    MEAN_WINDOW_S,
-    Found,
-    Piece,
-    Scales,
-)
+from auvident.stages.segment.pieces import MEAN_WINDOW_S, Found, Piece
+from auvident.stages.segment.scales import LEAST_FIN_RAD, Scales
 
+FALLBACK_YAW_RATE_RADPS = np.radians(1.0)  # limit of straight where nothing was ever steered
 STEADY_EQUIVALENT_RAD = np.radians(3.0)  # straight: turning no faster than this rudder would turn
 STEADY_RUDDER_RAD = np.radians(6.0)  # running mean; heading kept gently stays well below
 STEADY_NOISE_BAND = 3.0
@@ -96,7 +91,7 @@ def steady_stretches(piece: Piece, scales: Scales, taken: Sequence[Found]) -> li
     steady = steady_mask(piece, scales)
     for other in taken:
         steady[other.start : other.stop] = False
-    ranges = _true_ranges(steady)
+    ranges = true_ranges(steady)
     joined: list[tuple[int, int]] = []
     for start, stop in ranges:
         if joined and _bridged(piece, joined[-1][1], start, taken):
@@ -140,7 +135,7 @@ def _at_rest(piece: Piece, scales: Scales) -> np.ndarray:
     return rest
 
 
-def _true_ranges(mask: np.ndarray) -> list[tuple[int, int]]:
+def true_ranges(mask: np.ndarray) -> list[tuple[int, int]]:
     """Half-open ranges in which a mask holds."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

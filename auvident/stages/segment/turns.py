@@ -7,7 +7,8 @@ import numpy as np
 from auvident.physics.figures_plateaus import Plateau, ramp_start
 from auvident.physics.figures_straight import rpm_levels
 from auvident.schema.artifacts import Rejected
-from auvident.stages.segment.pieces import Found, Piece, Scales
+from auvident.stages.segment.pieces import Found, Piece
+from auvident.stages.segment.scales import Scales
 
 LEAST_TURN_RAD = np.radians(165)  # a circle comes to 180 degrees; the rest is gyro drift and lag
 LOOKED_LIKE_RAD = np.radians(90)  # from here on a turn deserves a word when it is refused

@@ -1,5 +1,149 @@
-"""placeholder"""
+"""Maneuvers of the vertical plane: elevator zigzags, depth steps, and straight runs."""
 
-from auvident.stages.segment.stage import *
+from collections.abc import Sequence
 
-segment_vertical = None
+import numpy as np
+
+from auvident.physics.figures_plateaus import odd_samples, running_mean
+from auvident.physics.figures_straight import rpm_levels
+from auvident.schema.artifacts import Maneuvers, Rejected
+from auvident.schema.trial import Trial
+from auvident.stages.segment.elevators import find_elevator_zigzags, on_clock_of
+from auvident.stages.segment.pieces import Found, Piece
+from auvident.stages.segment.scales import Scales
+from auvident.stages.segment.stage import Searched, assemble, search_trial
+from auvident.stages.segment.straights import DIVE_WINDOW_S, find_straights, true_ranges
+
+STEP_SLOPE = 0.03  # vertical over forward speed (2 degrees): a change of depth was ordered
+SETTLE_S = 10.0  # the depth swings in after a step; orders closer than twice this are one run
+LEAST_STEP_M = 0.5  # well above the waves' pressure and the depth-keeping of an autopilot
+SUBMERGED_SHARE = 0.3  # of the usual depth: shallower is a dive from or a rise to the surface
+
+SURFACE = "depth step: begins or ends near the surface, least depth [m]"
+TOO_SMALL = "depth step: too small, change of depth [m]"
+
+
+def segment_vertical(trials: Sequence[Trial], hold_out: Sequence[str] = ()) -> Maneuvers:
+    """Find elevator zigzags, depth steps and straight runs, and give them roles.
+
+    Parameters
+    ----------
+    trials : sequence of Trial
+        Ingested logs with elevator, heave velocity and pitch rate; others are passed over.
+    hold_out : sequence of str
+        As for `segment`.
+
+    Returns
+    -------
+    Maneuvers
+        As by `segment`. An elevator zigzag has kind ``zigzag``, a run of depth steps kind
+        ``straight``, both with ``plane = "vertical"`` among the features; a depth step has
+        ``depth_range_m`` as well. Straight runs with thrust steps are those of `segment`.
+
+    Raises
+    ------
+    InputError, UsageError
+        As by `segment`.
+    """
+    return assemble(trials, "vertical", search_vertically, hold_out)
+
+
+def search_vertically(trial: Trial) -> Searched:
+    """Vertical maneuvers of one trial, and its straight runs outside them."""
+    found, rejected, findings = search_trial(trial, "vertical", search_vertical)
+    if not found and findings:
+        return found, rejected, findings
+
+    def straights(piece: Piece, scales: Scales) -> tuple[list[Found], list[Rejected]]:
+        """Straight runs in what the vertical maneuvers leave."""
+        return find_straights(piece, scales, [on_clock_of(piece, f) for f in found])
+
+    runs, no_runs, torn = search_trial(trial, "horizontal", straights)
+    both = sorted([*found, *runs], key=lambda f: f.piece.time(f.start))
+    torn = [f for f in torn if not f.code.endswith("_sign")]
+    return both, [*rejected, *no_runs], [*findings, *torn]
+
+
+def search_vertical(piece: Piece, scales: Scales) -> tuple[list[Found], list[Rejected]]:
+    """Elevator zigzags, and depth steps in the rest."""
+    zigzags, no_zigzags = find_elevator_zigzags(piece, scales)
+    steps, no_steps = find_depth_steps(piece, scales, zigzags)
+    return [*zigzags, *steps], [*no_zigzags, *no_steps]
+
+
+def find_depth_steps(
+    piece: Piece, scales: Scales, taken: Sequence[Found]
+) -> tuple[list[Found], list[Rejected]]:
+    """Runs of ordered changes of depth, submerged from beginning to end.
+
+    Parameters
+    ----------
+    piece : Piece
+        Piece of a trial in the vertical plane; without depth nothing is found.
+    scales : Scales
+        Yardsticks of the trial.
+    taken : sequence of Found
+        Zigzags of this piece.
+
+    Returns
+    -------
+    list of Found, list of Rejected
+        From the first change of depth until the last has settled, in time order; and what
+        fell short.
+    """
+    found: list[Found] = []
+    rejected: list[Rejected] = []
+    if piece.depth is None:
+        return found, rejected
+    usual = float(np.median(piece.depth[piece.speed > 0.5 * scales.speed_mps]))
+    steps: list[tuple[int, int]] = []
+    for start, stop in depth_changes(piece, scales, taken):
+        depth = piece.depth[start:stop]
+        if stop - start < piece.samples(DIVE_WINDOW_S):
+            continue  # the ripple of depth-keeping
+        change, least = float(np.ptp(depth)), SUBMERGED_SHARE * usual
+        if depth.min() < least:
+            rejected.append(piece.rejected(start, stop, SURFACE, float(depth.min()), least))
+        elif change < LEAST_STEP_M:
+            rejected.append(piece.rejected(start, stop, TOO_SMALL, change, LEAST_STEP_M))
+        else:
+            steps.append((start, stop))
+    for start, stop in _joined(piece, scales, steps, taken):
+        depth = piece.depth[start:stop]
+        ends = [round(float(x), 3) for x in (depth.min(), depth.max())]
+        notes = {"maneuver": "depth_step", "depth_range_m": ends}
+        found.append(Found("straight", piece, start, stop, plane="vertical", notes=notes))
+    return found, rejected
+
+
+def depth_changes(piece: Piece, scales: Scales, taken: Sequence[Found]) -> list[tuple[int, int]]:
+    """Half-open ranges in which the depth changes outside the zigzags."""
+    depth = np.asarray(piece.depth)
+    sink = running_mean(np.gradient(depth, piece.t), odd_samples(DIVE_WINDOW_S, piece.rate_hz))
+    changes = np.abs(sink) > STEP_SLOPE * scales.speed_mps
+    for other in taken:  # a zigzag swings the depth, and leaves one to recover from
+        changes[other.start : other.stop + 2 * piece.samples(SETTLE_S)] = False
+    return true_ranges(changes)
+
+
+def _joined(
+    piece: Piece, scales: Scales, steps: Sequence[tuple[int, int]], taken: Sequence[Found]
+) -> list[tuple[int, int]]:
+    """Steps at one thrust, each before the last has settled, are one run; with settling."""
+    settle = piece.samples(SETTLE_S)
+    levels = rpm_levels(piece.rpm, piece.rate_hz, scales.rpm_noise, scales.rpm)
+    steps = [
+        (max(start, a), min(stop, b))
+        for start, stop in steps
+        for a, b, _ in levels
+        if min(stop, b) - max(start, a) >= piece.samples(DIVE_WINDOW_S)
+    ]
+    borders = sorted([*(t.start for t in taken), *(a for a, _, _ in levels)])
+    runs: list[tuple[int, int]] = []
+    for start, stop in steps:
+        stop = min([stop + settle, piece.size, *(b for b in borders if b >= stop)])
+        between = bool(runs) and any(runs[-1][1] <= b <= start for b in borders)
+        if runs and start - runs[-1][1] <= settle and not between:
+            start = runs.pop()[0]
+        runs.append((start, stop))
+    return runs

@@ -12,7 +12,8 @@ import numpy as np
 
 from auvident.physics.figures_plateaus import Plateau
 from auvident.schema.artifacts import Rejected
-from auvident.stages.segment.pieces import Found, Piece, Scales
+from auvident.stages.segment.pieces import Found, Piece
+from auvident.stages.segment.scales import Scales
 from auvident.stages.segment.turns import TRAVEL_FACTOR, execute, too_slow
 
 LEAST_EXECUTES = 3  # IMO MSC.137(76): two overshoots, hence two reversals after the execute
@@ -52,18 +53,25 @@ def find_zigzags(
     found: list[Found] = []
     rejected: list[Rejected] = []
     for chain in chains(piece, scales, held):
-        start, unheld = first_execute(piece, scales, chain)
+        start, unheld = first_execute(piece, scales, chain, held)
         stop = chain[-1].stop
         verdict = judge(piece, scales, chain, unheld)
         if verdict is None:
-            level = float(np.median([abs(p.level) for p in chain]))
-            found.append(Found("zigzag", piece, start, stop, level, plane))
+            found.append(Found("zigzag", piece, start, stop, _amplitude(chain), plane))
         elif verdict[0]:
             rejected.append(piece.rejected(start, stop, *verdict))
     return found, rejected
 
 
-def first_execute(piece: Piece, scales: Scales, chain: Sequence[Plateau]) -> tuple[int, int]:
+def _amplitude(chain: Sequence[Plateau]) -> float:
+    """Mean of the fin angles to the two sides: a trim angle cancels."""
+    sides = [[p.level for p in chain if p.level * sign > 0] for sign in (1, -1)]
+    return 0.5 * float(np.median(sides[0]) - np.median(sides[1]))
+
+
+def first_execute(
+    piece: Piece, scales: Scales, chain: Sequence[Plateau], held: Sequence[Plateau]
+) -> tuple[int, int]:
     """Sample of the first execute of a chain, and the number of executes before its first hold.
 
     A slow fin may be reversed before it has reached its angle the first time; then the move to
@@ -71,7 +79,9 @@ def first_execute(piece: Piece, scales: Scales, chain: Sequence[Plateau]) -> tup
     """
     start = execute(piece, scales, chain[0])
     peak = float(piece.fin[max(0, start - 1)])
-    if start == 0 or peak * chain[0].level >= 0 or abs(peak) < PEAK_SHARE * abs(chain[0].level):
+    small = peak * chain[0].level >= 0 or abs(peak) < PEAK_SHARE * abs(chain[0].level)
+    near = start - piece.samples(REST_S)
+    if start == 0 or small or any(near < p.stop <= start for p in held):
         return start, 0
     return execute(piece, scales, Plateau(start - 1, start, peak)), 1
 
