@@ -107,7 +107,7 @@ def _sections(hull: Hull) -> HullShape:
 def _nose(hull: Hull, nose: np.ndarray, radius: np.ndarray) -> Squared:
     """R = d/2 [1 - ((xi + a_off - a)/a)^2]^(1/n), a = nose length + a_off (Prestero 2.1)."""
     a = nose + np.asarray(hull.myring_nose_offset_m, float)
-    a = np.where(a > 0.0, a, 1.0)
+    a = np.where(a > 1e-9 * radius, a, 1.0)  # no nose at all
     power = 2.0 / np.asarray(hull.myring_n, float)[..., None]
 
     def squared(xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -124,7 +124,7 @@ def _tail(hull: Hull, start: np.ndarray, tail: np.ndarray, radius: np.ndarray) -
     base = 0.5 * np.asarray(hull.tail_base_diameter_m, float)[..., None]
     drop = radius - base
     c = tail + np.asarray(hull.myring_tail_offset_m, float)[..., None]
-    c = np.where(c > 0.0, c, 1.0)
+    c = np.where(c > 1e-9 * radius, c, 1.0)  # no tail at all
     theta = MYRING_THETA_DEG if hull.myring_theta_deg is None else hull.myring_theta_deg
     slope = c * np.tan(np.radians(np.asarray(theta, float)))[..., None]
     if hull.myring_theta_deg is None:

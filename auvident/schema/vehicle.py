@@ -206,7 +206,31 @@ class Known(Declared):
 
 
 class AseOptions(Declared):
-    """``[ase]``: alternatives among the semi-empirical formulas (defaults: the method's)."""
+    """``[ase]``: alternatives among the semi-empirical formulas (defaults: the method's).
+
+    Attributes
+    ----------
+    surge_spheroid : X_udot of the spheroid of equal volume, or of the hull's diameter (Prestero).
+    finite_length : multiply the hull's strips by the spheroid's factors (strips run 20 % high).
+    coriolis_added_mass : X_vr, X_rr, N_ur with the added mass of the bare hull or with fins.
+    hull_station : where potential flow ends: middle of the tail, DATCOM's station, or the end
+        of the hull (Munk's couple, no lift).
+    hull_slenderness : k2 - k1 of the equal-volume spheroid or DATCOM's chart.
+    hull_rate_lift : add x_s Y_uv to Y_ur and x_s^2 Y_uv to N_ur, a slender body cut at x_s.
+    hull_rate_crossflow : add the cross-flow of a turning hull to Y_r|r| and N_r|r|.
+    friction_line : flat-plate friction of the hull.
+    base_drag : add DATCOM's drag of a flat tail end.
+    crossflow_drag : C_dn against the cross-flow Reynolds number at ``crossflow_angle_deg``, or
+        the constant ``crossflow_cd``.
+    crossflow_finite_length : factor for the finite hull, DATCOM or Jorgensen fig. 4, or none.
+    fin_lift : lift slope of the fins.
+    fin_cd0 : profile drag coefficient of fins without ``cd0`` (0.0065: W-F; small fins 0.02).
+    incidence_interference : (1 + tau)^2 on the lift of fin pairs at incidence, or none.
+    deflection_interference : K_W(B), the factor of incidence, or none on deflected fins.
+    induced_drag_scaling : induced drag with the factor of the lift or its square.
+    sail_interference : (1 + 6 tau + tau^2)/2 with aspect ratio 2 h^2/S, twice that with h^2/S,
+        or none.
+    """
 
     surge_spheroid: Literal["equal_volume", "diameter"] = "equal_volume"
     finite_length: bool = False
