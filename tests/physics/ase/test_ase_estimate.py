@@ -3,13 +3,14 @@ import time
 import numpy as np
 import pytest
 from ase_vehicles import changed, fins, load
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from auvident.errors import InputError
 from auvident.schema.artifacts import AseResult
 from auvident.schema.coefficients import prime_unit
 from auvident.schema.vehicle import Vehicle
+from auvident.schema.vehicle_checks import contradictions
 from auvident.stages.ase import estimate
 
 
@@ -147,6 +148,7 @@ def test_any_possible_vehicle_gets_finite_numbers(
             "ase": {"hull_station": ends},
         }
     )
+    assume(not list(contradictions(vehicle)))  # a short fin on a steep tail is inside the hull
     for row in estimate(vehicle).coefficients:
         assert np.isfinite([row.value, row.std]).all()
         assert row.std > 0.0
