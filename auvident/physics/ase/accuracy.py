@@ -3,7 +3,8 @@
 Each entry is one independent normal deviate z of one formula, not of one coefficient: the same
 deviate acts on every coefficient that the formula enters, so the spread of the coefficients is
 correlated as it is in nature. A ``scale`` multiplies by exp(sigma z); a ``shift`` adds sigma z to
-a nominal value, in the unit that the entry states.
+a nominal value, in the unit that the entry states. Where no measurement was at hand the source
+says ``judgement``.
 """
 
 from collections.abc import Mapping
@@ -27,36 +28,36 @@ ACCURACIES: tuple[Accuracy, ...] = (
     Accuracy("surge_spheroid", 0.35, "REMUS X_udot -1.38 with equal volume, -0.93 with Prestero's"),
     Accuracy("strip_added_mass", 0.24, "SUBOFF Z_wdot' measured 20-25 % below strips (Roddy 1990)"),
     Accuracy("strip_rotation", 0.15, "SUBOFF M_qdot' 21 % below the hull's strips, 30 % with fins"),
-    Accuracy("strip_fins", 0.40, "strips of fins with aspect ratio near 2: 3-D factor 0.6-0.8"),
+    Accuracy("strip_fins", 0.40, "judgement: strips ignore the ends of fins with A near 2"),
     Accuracy("added_mass_centre", 0.03, "of L, shift: SUBOFF Z_qdot' -0.00063, M_wdot' -0.00056"),
-    Accuracy("coriolis", 0.30, "X_vr of hulls 0.6 to 1.0 of -Y_vdot (Hooft & Pieffers 1988)"),
+    Accuracy("coriolis", 0.30, "judgement: ideal fluid; nothing measured at hand"),
     Accuracy("slenderness", 0.10, "SUBOFF bare N_v' 2-10 % (theory 8.1); Lamb and DATCOM 1 %"),
     Accuracy("cut_station", 0.10, "of tail, shift: brings SUBOFF bare Y_v' 25 % down to measured"),
     Accuracy("hull_rate_lift", 1.0, "shift, 1 = slender body cut: SUBOFF Y_r' 0.7, N_r' 1.2"),
     Accuracy("friction", 0.08, "SUBOFF resistance 3 %, tolerance 8 % (theory 8.1); ITTC or PS"),
     Accuracy("protuberances", 0.40, "REMUS: tow tank C_d 0.267, formula 0.125 + fins (Prestero)"),
     Accuracy("crossflow_drag", 0.45, "C_dn 0.3-1.2 about the drag crisis; eta 0.64 to 1"),
-    Accuracy("crossflow_centre", 0.08, "of L, shift: separation begins aft of the nose"),
+    Accuracy("crossflow_centre", 0.08, "of L, shift, judgement: separation begins aft of the nose"),
     Accuracy("crossflow_turning", 1.25, "shift, 1 = strip value; 1 to 1.6 with eta or without"),
-    Accuracy("suction", 0.40, "axial force at incidence: leading-edge suction partly realised"),
+    Accuracy("suction", 0.40, "judgement: leading-edge suction is realised in part"),
     Accuracy("fin_lift", 0.10, "Whicker-Fehlner 2.61, Hoerner 3.12 at A = 2.2: 19 % apart"),
     Accuracy("fin_wake", 0.20, "tail fins, protruding: no-K to K span, theory 8.1"),
     Accuracy("fin_wake_buried", 0.30, "added when the tip is inside the hull's diameter: SUBOFF"),
     Accuracy("fin_incidence", 0.15, "(1+tau)^2 or less, tail fins protruding"),
     Accuracy("fin_incidence_buried", 0.40, "added when buried: SUBOFF planes Y_v' a factor 3.2"),
     Accuracy("fin_deflection", 0.10, "K_W(B): chart to 0.012, gap at the root of a moving fin"),
-    Accuracy("fin_centre", 0.25, "of mean chord, shift"),
+    Accuracy("fin_centre", 0.25, "of mean chord, shift, judgement: stock or quarter chord"),
     Accuracy("sail_interference", 0.10, "SUBOFF sail Y_v' -2 to +4 %, tolerance 15 % (theory 8.1)"),
     Accuracy("sail_centre", 0.85, "of mean chord, shift aft: SUBOFF sail N_v' 42 % high"),
     Accuracy("fin_drag", 0.50, "C_D0 0.0065 (W-F) to 0.02 (small fins, Prestero 5.2)"),
-    Accuracy("fin_induced", 0.35, "K or K^2, e = 0.9"),
+    Accuracy("fin_induced", 0.35, "K or K^2 (theory 5.1), e = 0.9"),
     Accuracy("fin_crossflow", 0.45, "C_Dc 0.42 (faired) to 0.82 (square tips) at one taper"),
-    Accuracy("thrust_line", 0.12, "K_T intercept of open-water line, Reynolds number, hull"),
-    Accuracy("thrust_slope", 0.15, "K_T slope"),
-    Accuracy("wake_given", 0.06, "wake fraction in the file"),
-    Accuracy("wake_assumed", 0.20, "no wake fraction in the file; 0.1-0.4 behind AUV hulls"),
-    Accuracy("deduction_given", 0.05, "thrust deduction in the file"),
-    Accuracy("deduction_assumed", 0.12, "no thrust deduction in the file; 0.05-0.25 usual"),
+    Accuracy("thrust_line", 0.12, "judgement: open-water line at another Reynolds number"),
+    Accuracy("thrust_slope", 0.15, "judgement: as thrust_line, and a curve that is no line"),
+    Accuracy("wake_given", 0.06, "judgement: wake fraction in the file"),
+    Accuracy("wake_assumed", 0.20, "judgement: none in the file, 0.1-0.4 behind a hull"),
+    Accuracy("deduction_given", 0.05, "judgement: thrust deduction in the file"),
+    Accuracy("deduction_assumed", 0.12, "judgement: none in the file, 0.05-0.25 usual"),
 )
 # fmt: on
 

@@ -3,8 +3,8 @@ import pytest
 
 from auvident.physics.ase.spheroid import datcom_slenderness, spheroid_factors
 
-# a/b, k1, k2, k': Lamb, Hydrodynamics, art. 115 and 373 (three digits in print); further digits
-# from the closed forms evaluated with mpmath.
+# a/b, k1, k2, k': Lamb, Hydrodynamics, art. 115 and 373 has three digits in print; the further
+# ones are those of theory 2.1, which agree with Lamb's table.
 LAMB = [
     (1.5, 0.303749, 0.622084, 0.095124),
     (2, 0.210015, 0.704210, 0.239424),
