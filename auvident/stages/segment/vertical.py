@@ -37,8 +37,9 @@ def segment_vertical(trials: Sequence[Trial], hold_out: Sequence[str] = ()) -> M
     -------
     Maneuvers
         As by `segment`. An elevator zigzag has kind ``zigzag``, a run of depth steps kind
-        ``straight``, both with ``plane = "vertical"`` among the features; a depth step has
-        ``depth_range_m`` as well. Straight runs with thrust steps are those of `segment`.
+        ``straight``, both with ``plane = "vertical"`` among the features; depth steps also have
+        ``maneuver = "depth_step"`` and ``depth_range_m``. Straight runs with thrust steps are
+        those of `segment`.
 
     Raises
     ------
