@@ -132,7 +132,8 @@ def _difference(old: Mapping[str, str], new: Mapping[str, str]) -> str:
 
 def _shown(name: str) -> str:
     """A file as a sentence names it: artifacts by path, files elsewhere by folder and name."""
-    return "/".join(Path(name).parts[-2:]) if name.startswith((".", "/")) else name
+    parts = [part for part in Path(name).parts if part not in ("..", "/")]
+    return "/".join(parts[-2:])
 
 
 def judge_all(run: RunDirectory, manifest: Manifest | None) -> list[Decision]:

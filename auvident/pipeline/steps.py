@@ -136,9 +136,9 @@ def ingest_sources(options: Mapping[str, Any]) -> list[Path]:
 
 def segment(given: Given) -> dict[str, Any]:
     """Find the maneuvers; the plain list is the artifact, what was rejected stands beside it."""
-    from auvident.stages.segment import segment as find_maneuvers
+    from auvident.pipeline.planes import segment_both
 
-    found = find_maneuvers(given.trials, hold_out=given.options["hold_out"])
+    found = segment_both(given.trials, given.options["hold_out"])
     return {
         "segment/maneuvers.json": found.maneuvers,
         "segment/rejected.json": {

@@ -135,14 +135,21 @@ class RunDirectory:
         return sha256_of(self.path / relative)
 
     def remembered(self, path: Path) -> str:
-        """A path outside of the run directory as the manifest keeps it, relative if possible."""
+        """A path outside of the run directory as the manifest keeps it.
+
+        Relative, so that a project can be moved as a whole; absolute where the two share
+        nothing but the root.
+        """
         whole = Path(path).resolve()
         if whole.is_relative_to(PACKAGE_ROOT):
             return PACKAGE + whole.relative_to(PACKAGE_ROOT).as_posix()
+        here = self.path.resolve()
         try:
-            return Path(os.path.relpath(whole, self.path.resolve())).as_posix()
+            if os.path.commonpath([whole, here]) != whole.anchor:
+                return Path(os.path.relpath(whole, here)).as_posix()
         except ValueError:  # another drive
-            return str(whole)
+            pass
+        return str(whole)
 
     def located(self, remembered: str) -> Path:
         """Inverse of `remembered`."""
