@@ -255,6 +255,19 @@ def _is_instant(sensor: RawSensor) -> bool:
     return not sensor.time_column.lower().endswith("_s")
 
 
+def _refuse_two_clocks(name: str, sensors: dict[str, RawSensor]) -> None:
+    """Refuse instants beside seconds since switch-on: any overlap would be an accident."""
+    clocks = {s.time_s.min() > ABSOLUTE_S: s for s in sensors.values() if s.time_s.size}
+    if len(clocks) == 2:
+        since, instant = clocks[False], clocks[True]
+        raise InputError(
+            f"the sensors count different clocks: {since.time_column} of {since.file} starts at "
+            f"{since.time_s.min():.3f} s, {instant.time_column} of {instant.file} is absolute",
+            f"trial {name}",
+            "Give all of them the same clock.",
+        )
+
+
 def _from_common_origin(
     name: str, sensors: dict[str, RawSensor], findings: tuple[Finding, ...]
 ) -> RawTrial:
@@ -266,12 +279,8 @@ def _from_common_origin(
     absolute = [start for start in starts if start > ABSOLUTE_S]
     if not absolute or not any(_is_instant(s) for s in sensors.values()):
         return RawTrial(name, sensors, findings)
+    _refuse_two_clocks(name, sensors)
     origin = float(np.floor(min(absolute)))
-    moved = {
-        key: replace(s, time_s=s.time_s - origin)
-        if s.time_s.size and s.time_s.min() > ABSOLUTE_S
-        else s
-        for key, s in sensors.items()
-    }
+    moved = {key: replace(s, time_s=s.time_s - origin) for key, s in sensors.items()}
     stamp = datetime.fromtimestamp(origin, UTC).isoformat().replace("+00:00", "Z")
     return RawTrial(name, moved, findings, stamp)

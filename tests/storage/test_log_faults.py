@@ -169,3 +169,11 @@ def test_parquet_with_text_or_nothing(tmp_path):
     wide_table().iloc[:0].to_parquet(path)
     with pytest.raises(InputError, match="no data"):
         read_trials([path])
+
+
+def test_two_clocks_in_one_trial(tmp_path):
+    tables = sensor_tables()
+    gyro = tables["gyro"].rename(columns={"time_s": "timestamp"})
+    gyro["timestamp"] += 1.7e9
+    folder = write_folder(tmp_path / "run", tables | {"gyro": gyro})
+    refused(folder, "different clocks", "gyro.csv", "timestamp", "100.000 s")

@@ -1,16 +1,16 @@
 """Samples that no motion of a vehicle can explain, and copies of a held sample."""
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, median_filter
 
 from auvident.schema.logs import RawSensor
 
-WINDOW = 7  # samples of the running median: up to 3 wild ones in a row do not move it
+MIN_SAMPLES = 7  # fewer do not show what is usual
 MAX_RUN = 2  # wild samples in a row; a longer excursion may be motion and stays
-MIN_SIGMAS = 6.0  # of the noise: once in 5e8 samples of a normal distribution
+MIN_SIGMAS = 6.0  # of the noise: once in a million samples of a normal distribution, and then
 MIN_RESOLUTIONS = 3.0  # of the smallest step: a digit that toggles is no outlier
-NEIGHBOUR_STEPS = 3.0  # times the largest step nearby: an onset or peak has such steps beside it
-NEARBY = 5  # samples on either side whose steps count
+NEIGHBOUR_STEPS = 3.0  # times the steps nearby: an onset or peak has such steps beside it
+NEARBY = 5  # steps on either side that count
+SPARED = 2  # largest of them that do not: those of another outlier
 NORMAL_MAD = 1.4826  # standard deviation over median absolute deviation, normal distribution
 
 HELD_SENSORS = ("dvl", "gyro", "attitude")  # depth and position may well stand still
@@ -19,11 +19,12 @@ HELD_QUANTILE = 0.1  # so many of the runs may be shorter than two rows
 
 
 def find_outliers(values: np.ndarray) -> np.ndarray:
-    """Isolated samples far from a running median (Hampel filter with two guards).
+    """Isolated samples far from the line between the samples on either side.
 
-    A sample goes only if its distance from the running median exceeds `MIN_SIGMAS` of the
-    noise and `NEIGHBOUR_STEPS` times the largest step between samples nearby, in a run of at
-    most `MAX_RUN`. The onset of a maneuver moves the samples that follow, too, and stays.
+    A Hampel filter of the shortest window, with two guards: a sample, or a run of up to
+    `MAX_RUN`, goes only if every one is farther from that line than `MIN_SIGMAS` of the noise,
+    and than `NEIGHBOUR_STEPS` times the distance of the two good samples and the steps nearby.
+    The onset of a maneuver moves the samples that follow, too, and stays.
 
     Parameters
     ----------
@@ -36,40 +37,37 @@ def find_outliers(values: np.ndarray) -> np.ndarray:
         True where a sample is an outlier, shape (n,).
     """
     flags = np.zeros(values.size, dtype=bool)
-    if values.size < WINDOW:
+    if values.size < MIN_SAMPLES:
         return flags
-    residual = np.abs(values - median_filter(values, WINDOW, mode="nearest"))
-    wild = residual > max(MIN_SIGMAS * noise_std(values), MIN_RESOLUTIONS * resolution(values))
-    if not wild.any():
-        return flags
-    steps = np.abs(np.diff(values))
-    steps[wild[1:] | wild[:-1]] = 0.0
-    largest = np.zeros(values.size)
-    largest[1:] = maximum_filter1d(steps, 2 * NEARBY + 1, mode="constant")
-    largest[0] = largest[1]
-    across = _step_across(values, wild)
-    far = wild & (residual > NEIGHBOUR_STEPS * np.maximum(largest, across))
-    return far & (_run_lengths(wild) <= MAX_RUN)
+    limit = max(MIN_SIGMAS * noise_std(values), MIN_RESOLUTIONS * resolution(values))
+    for size in range(1, MAX_RUN + 1):
+        for first in _wild_runs(values, size, limit):
+            flags[first : first + size] = True
+    return flags
 
 
-def _step_across(values: np.ndarray, wild: np.ndarray) -> np.ndarray:
-    """Distance between the good samples on either side of each run of wild ones."""
-    good = np.flatnonzero(~wild)
-    if not good.size:
-        return np.full(values.size, np.inf)
-    index = np.arange(values.size)
-    right = np.searchsorted(good, index)
-    after = values[good[np.minimum(right, good.size - 1)]]
-    before = values[good[np.maximum(right - 1, 0)]]
-    return np.where(wild, np.abs(after - before), 0.0)
+def _wild_runs(values: np.ndarray, size: int, limit: float) -> np.ndarray:
+    """First samples of runs of `size` that stand out; the ends are mirrored."""
+    padded = np.pad(values, 1, mode="reflect")
+    left, right = padded[: -size - 1], padded[size + 1 :]
+    across = right - left
+    far = np.full(left.size, np.inf)
+    for k in range(1, size + 1):
+        inside = padded[k : k + left.size]
+        far = np.minimum(far, np.abs(inside - left - across * k / (size + 1)))
+    first = np.flatnonzero(far > np.maximum(limit, NEIGHBOUR_STEPS * np.abs(across)))
+    usual = _usual_steps(values, first, size)
+    return first[far[first] > NEIGHBOUR_STEPS * usual]
 
 
-def _run_lengths(flags: np.ndarray) -> np.ndarray:
-    """Length of the run of equal flags that each sample is in."""
-    edges = np.flatnonzero(np.diff(flags.astype(np.int8))) + 1
-    bounds = np.concatenate(([0], edges, [flags.size]))
-    lengths = np.diff(bounds)
-    return np.repeat(lengths, lengths)
+def _usual_steps(values: np.ndarray, first: np.ndarray, size: int) -> np.ndarray:
+    """Largest step near each run but `SPARED`, those into and out of the run left out."""
+    steps = np.concatenate((np.abs(np.diff(values)), [0.0]))  # the last stands for "none"
+    before = first[:, None] - 2 - np.arange(NEARBY)
+    after = first[:, None] + size + np.arange(NEARBY)
+    nearby = np.hstack((before, after))
+    nearby[(nearby < 0) | (nearby >= values.size - 1)] = values.size - 1
+    return np.sort(steps[nearby], axis=1)[:, -1 - SPARED]
 
 
 def noise_std(values: np.ndarray) -> float:
@@ -78,7 +76,7 @@ def noise_std(values: np.ndarray) -> float:
     The second difference of white noise has sqrt(6) times its standard deviation; motion that is
     smooth over three samples cancels, and the median ignores the rest.
     """
-    if values.size < WINDOW:
+    if values.size < MIN_SAMPLES:
         return 0.0
     second = np.diff(values, 2)
     return float(NORMAL_MAD * np.median(np.abs(second - np.median(second))) / np.sqrt(6.0))
