@@ -13,11 +13,13 @@ def reversals(rudder_rad: ArrayLike) -> NDArray[np.int64]:
 
     A side is left where the rudder was last beyond half the amplitude on it, and the move is
     followed back to its beginning: the last sample within a tenth of the amplitude of the level.
+    The last sample, which may be the release already, starts no new side.
     """
     x = np.asarray(rudder_rad, dtype=float)
     level = HALF * float(np.quantile(np.abs(x), 0.9))
     side = np.where(x > level, 1, np.where(x < -level, -1, 0))
     known = np.flatnonzero(side)
+    known = known[: known.size - (known.size > 1 and known[-1] == x.size - 1)]
     change = known[:-1][side[known[:-1]] != side[known[1:]]]
     return np.array([_departure(x, int(i)) for i in change], dtype=np.int64)
 

@@ -129,6 +129,8 @@ def search_trial(trial: Trial, plane: str, search: Search) -> Searched:
     if not pieces:
         return [], [], [_no_record(trial, plane)]
     scales = scales_of(pieces)
+    if scales.rpm <= 0:
+        return [], [], [_never_under_way(trial)]
     found: list[Found] = []
     rejected: list[Rejected] = []
     for piece in pieces:
@@ -171,6 +173,16 @@ def _no_record(trial: Trial, plane: str) -> Finding:
         code="no_record",
         message=f"No uninterrupted record with {needed}: the trial has no {plane} maneuvers.",
         where=trial.name,
+    )
+
+
+def _never_under_way(trial: Trial) -> Finding:
+    return Finding(
+        code="never_under_way",
+        message="The propeller never turns: the trial has no maneuvers.",
+        where=trial.name,
+        value=0.0,
+        remedy="Check the rpm channel, or leave this trial out.",
     )
 
 

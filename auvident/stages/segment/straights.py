@@ -72,7 +72,8 @@ def find_straights(
         runs = [
             _without_transit(piece, scales, part) for part in split_by_other_helm(piece, levels)
         ]
-        good = [run for run in runs if _range(run) >= RUN_RANGE_SHARE * scales.rpm]
+        least = RUN_RANGE_SHARE * scales.rpm
+        good = [run for run in runs if len(run) >= 2 and _range(run) >= least]
         found += [Found("straight", piece, run[0][0], run[-1][1]) for run in good]
         if not good and piece.seconds(start, stop) >= LONG_RUN_S:
             longest = max(runs, key=len)
