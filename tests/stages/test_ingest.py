@@ -155,9 +155,10 @@ def test_options_out_of_range(options):
 # --- signs and clocks ---------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("duration", [50, 150])
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_right_rudder_sign_is_accepted_and_the_wrong_one_refused(seed):
-    raw = maneuvers(seed, duration_s=150)
+def test_right_rudder_sign_is_accepted_and_the_wrong_one_refused(seed, duration):
+    raw = maneuvers(seed, duration_s=duration)
     _, quality = ingest(raw, vehicle())
     assert quality.checks["rudder_sign"]["response_1pm2"] < 0
     assert "rudder_sign_unverified" not in codes(quality)

@@ -14,7 +14,8 @@ from auvident.schema.channels import RECORD_COLUMN
 from auvident.schema.trial import Trial
 
 SMOOTHING_S = 1.0  # moving average, twice: shorter than any turn, longer than sensor noise
-BLOCK_S = 20.0  # about a zigzag leg; longer than the memory of residuals
+BLOCK_S = (5.0, 20.0)  # about a zigzag leg, longer than the memory of residuals; short trials ...
+BLOCKS = 8  # ... are cut into so many, but not shorter than turbulence lasts
 LAG_STEP_S = 0.1  # of the scan; a parabola through the best three refines it
 MIN_RECORD_S = 10.0  # shorter records leave nothing after smoothing and shifting
 MIN_BLOCKS = 4  # fewer give no uncertainty
@@ -123,7 +124,9 @@ def fit_relation(
     """
     lags = np.arange(lags_s[0], lags_s[1] + LAG_STEP_S / 2, LAG_STEP_S)
     margin = max(abs(lags_s[0]), abs(lags_s[1]))
-    grams = np.stack([_grams(records, relation, lag, margin, use) for lag in lags])
+    whole = sum(float(s["time"][-1] - s["time"][0]) - 2 * margin for s in records)
+    block = float(np.clip(whole / BLOCKS, *BLOCK_S))
+    grams = np.stack([_grams(records, relation, lag, margin, block, use) for lag in lags])
     if grams.shape[1] < MIN_BLOCKS:
         return None
     total = grams.sum(axis=1)
@@ -149,6 +152,7 @@ def _grams(
     relation: Callable[[Signals, float], tuple[np.ndarray, np.ndarray]],
     lag: float,
     margin: float,
+    block_s: float,
     use: Callable[[Signals], np.ndarray],
 ) -> np.ndarray:
     """Gram matrix of (X, y) of each block, shape (blocks, p + 1, p + 1)."""
@@ -158,7 +162,7 @@ def _grams(
         time = signals["time"]
         rows = use(signals) & (time >= time[0] + margin) & (time <= time[-1] - margin)
         both = np.column_stack((x, y)) * rows[:, None]
-        block = ((time - time[0]) // BLOCK_S).astype(int)
+        block = ((time - time[0] - margin) // block_s).astype(int)
         starts = np.concatenate(([0], np.flatnonzero(np.diff(block)) + 1))
         for first, last in zip(starts, np.append(starts[1:], time.size), strict=True):
             if rows[first:last].any():

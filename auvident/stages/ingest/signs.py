@@ -12,6 +12,9 @@ SURE_STDS = 3.0  # standard deviations beyond which a figure is not chance
 SIGN_STDS = 4.0  # a refusal needs more than a warning: four jackknife standard deviations,
 SIGN_SHARE = 0.2  # a fifth of the variance of the yaw acceleration due to the rudder alone,
 SIGN_EXPLAINED = 0.4  # and a relation that explains a fair part of it; true ones exceed 0.85
+# Angular acceleration over u^2 / L^2 and angle: 0.5 to 1.3 for torpedo and tanker alike; what is
+# far below it is no fin's doing.
+SIGN_RESPONSE = 0.1
 GAIN_LIMIT = 0.1  # gyro against heading: no gyro has a scale error of 10 %
 UNIT_LIMIT = 0.25  # relative distance from a ratio of units that counts as that ratio
 
@@ -39,7 +42,8 @@ def refuse_sign(raw: RawTrial, vehicle: Vehicle, fin: str, found: Relation | Non
     """Refuse a log whose rudder or elevator works the other way than the vehicle file says."""
     if found is None or found.explained < SIGN_EXPLAINED or found.alone[0] < SIGN_SHARE:
         return
-    if _in_stds(found) <= SIGN_STDS:
+    response = float(found.theta[0]) * vehicle.hull.length_m**2
+    if _in_stds(found) <= SIGN_STDS or response < SIGN_RESPONSE:
         return
     key, ways, rate = {
         "rudder": ("rudder_positive_turns", ("port", "starboard"), "r"),
