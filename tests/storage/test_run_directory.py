@@ -19,7 +19,7 @@ from auvident.schema.manifest import Manifest
 from auvident.storage import artifacts
 from auvident.storage.artifacts import json_bytes, parquet_bytes, read_table, write_bytes
 from auvident.storage.run_directory import RunDirectory
-from tests.conftest import ENVIRONMENT, PROGRAM, SAMPLES
+from tests.command_line import ENVIRONMENT, PROGRAM, SAMPLES
 
 KILLS_OF_THE_PROGRAM = 6  # of a real process at random moments: about a second each
 FAST_STAGES = ("ingest", "segment", "ase")  # together 0.3 s; the kernels take longer
