@@ -263,10 +263,11 @@ class RawTrial:
 
 
 class Dropped(Artifact):
-    """Samples left out for one reason: how many, and the times of the first few."""
+    """Samples left out for one reason: how many, and times and rows of the first few."""
 
     count: int
     first_times_s: tuple[float, ...] = ()
+    first_rows: tuple[int, ...] = ()
 
 
 class ChannelQuality(Artifact):

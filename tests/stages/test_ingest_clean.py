@@ -93,6 +93,7 @@ def test_repeated_stamps_first_sample_last_command():
     counts = {c.column: c.dropped for s in quality.sensors for c in s.channels}
     assert counts["r_radps"]["repeated_time"].count == 1
     assert counts["r_radps"]["repeated_time"].first_times_s == (raw.sensors["gyro"].time_s[29],)
+    assert counts["r_radps"]["repeated_time"].first_rows == (32,)  # row 2 is sample 0
     assert counts["rudder_rad"]["repeated_time"].count == 1
     values = raw.sensors["gyro"].values["r_radps"]
     assert trial.table["r_radps"][29] == values[29]

@@ -56,10 +56,10 @@ def clean_sensor(raw: RawSensor, vehicle: Vehicle) -> CleanSensor:
     """
     ordered = order_rows(raw)
     keep = ordered.keep
-    dropped = _with(_reader_drops(raw), "backward_time", raw.time_s, ordered.backward)
+    dropped = _with(_reader_drops(raw), "backward_time", raw, ordered.backward)
     held = keep_one_of_held(raw, keep)
     if held is not None:
-        dropped = _with(dropped, "held_copy", raw.time_s, keep[~held])
+        dropped = _with(dropped, "held_copy", raw, keep[~held])
         keep = keep[held]
     series = {}
     for column in raw.values:
@@ -78,16 +78,22 @@ def internal_sign(channel: Channel, vehicle: Vehicle) -> int:
 
 
 def _reader_drops(raw: RawSensor) -> dict[str, Dropped]:
-    return {reason: Dropped(count=n) for reason, n in raw.dropped.items()}
+    return {
+        reason: Dropped(count=n, first_rows=raw.dropped_rows.get(reason, ()))
+        for reason, n in raw.dropped.items()
+    }
 
 
 def _with(
-    dropped: dict[str, Dropped], reason: str, time: np.ndarray, which: np.ndarray
+    dropped: dict[str, Dropped], reason: str, raw: RawSensor, which: np.ndarray
 ) -> dict[str, Dropped]:
+    """Add the samples `which` (indices into the raw rows) under a reason."""
     if not which.size:
         return dropped
-    first = tuple(float(t) for t in time[which[:FIRST_FEW]])
-    return dropped | {reason: Dropped(count=int(which.size), first_times_s=first)}
+    first = which[:FIRST_FEW]
+    times = tuple(float(t) for t in raw.time_s[first])
+    rows = tuple(int(row) for row in raw.rows[first])
+    return dropped | {reason: Dropped(count=int(which.size), first_times_s=times, first_rows=rows)}
 
 
 def _clean_channel(raw: RawSensor, channel: Channel, keep: np.ndarray, vehicle: Vehicle) -> Series:
@@ -97,7 +103,7 @@ def _clean_channel(raw: RawSensor, channel: Channel, keep: np.ndarray, vehicle: 
 
     def drop(reason: str, bad: np.ndarray) -> None:
         nonlocal index, dropped
-        dropped = _with(dropped, reason, time, index[bad])
+        dropped = _with(dropped, reason, raw, keep[index[bad]])
         index = index[~bad]
 
     drop("empty", np.isnan(values))

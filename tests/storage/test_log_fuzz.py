@@ -1,0 +1,95 @@
+"""Damaged files: whatever the bytes, they are read or refused with an error of the family."""
+
+import pandas as pd
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from log_world import wide_table
+
+from auvident.errors import AuvidentError
+from auvident.storage.log_inspect import inspect_log
+from auvident.storage.logs import read_trials
+
+FUZZ = settings(
+    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+TEXT = wide_table().head(40).to_csv(index=False).encode()
+PIECES = [b"", b",", b";", b"\n", b"\r", b'"', b"#", b"nan", b"1e999", b"\0", b"\xff\xfe",
+          b"time_s", b" ", b"-", b"\xef\xbb\xbf", b"x" * 50, b"\t", b"1,5"]  # fmt: skip
+
+
+def damaged(content: bytes, cuts: list[tuple[int, int, bytes]]) -> bytes:
+    for at, length, piece in cuts:
+        at %= len(content) + 1
+        content = content[:at] + piece + content[at + length :]
+    return content
+
+
+def read_or_refuse(path) -> None:
+    try:
+        (trial,) = read_trials([path])
+    except AuvidentError as error:
+        assert error.problem
+        assert error.where
+    else:
+        for sensor in trial.sensors.values():
+            assert {x.size for x in sensor.values.values()} == {sensor.time_s.size}
+            assert sensor.rows.size == sensor.time_s.size
+
+
+CUTS = st.lists(
+    st.tuples(st.integers(0, 10_000), st.integers(0, 200), st.sampled_from(PIECES)), max_size=5
+)
+
+
+@FUZZ
+@given(cuts=CUTS)
+def test_damaged_text(tmp_path, cuts):
+    path = tmp_path / "run.csv"
+    path.write_bytes(damaged(TEXT, cuts))
+    read_or_refuse(path)
+
+
+@FUZZ
+@given(content=st.binary(max_size=400))
+def test_any_bytes(tmp_path, content):
+    path = tmp_path / "run.csv"
+    path.write_bytes(content)
+    read_or_refuse(path)
+
+
+@FUZZ
+@given(cuts=CUTS)
+def test_damaged_parquet(tmp_path, cuts):
+    whole = tmp_path / "whole.parquet"
+    if not whole.exists():
+        wide_table().to_parquet(whole)
+    path = tmp_path / "run.parquet"
+    path.write_bytes(damaged(whole.read_bytes(), cuts))
+    read_or_refuse(path)
+
+
+@settings(parent=FUZZ, max_examples=60)
+@given(cuts=CUTS)
+def test_inspect_never_stops(tmp_path, cuts):
+    path = tmp_path / "run.csv"
+    path.write_bytes(damaged(TEXT, cuts))
+    report = inspect_log(path)
+    assert len(report.files) == 1
+    report.model_dump_json()
+
+
+@settings(parent=FUZZ, max_examples=60)
+@given(
+    names=st.lists(
+        st.sampled_from(["t", "time_s", "vx", "u_mps", "delta", "n", "x", "psi", "yaw_rate", "u"]),
+        min_size=2, max_size=6, unique=True,
+    )
+)  # fmt: skip
+def test_a_proposed_map_is_valid_whatever_the_columns(tmp_path, names):
+    from auvident.storage.logs import read_column_map
+
+    table = pd.DataFrame({name: [float(k), k + 0.5, k + 1.0] for k, name in enumerate(names)})
+    table.to_csv(tmp_path / "run.csv", index=False)
+    text = inspect_log(tmp_path / "run.csv").proposed_map
+    (tmp_path / "MAP.toml").write_text(text)
+    read_column_map(tmp_path / "MAP.toml")
