@@ -8,7 +8,7 @@ one channel costs nothing; then every block is predicted one step.
 import math
 
 import numpy as np
-from numba import njit
+from auvident.jit import kernel
 
 from auvident.engines.problem import (
     FilterProblem,
@@ -26,13 +26,13 @@ from auvident.estimation.kalman import (
 from auvident.physics.dynamics import (
     N_STATES,
     N_VELOCITIES,
-    _inverse_mass,
+    SPEED_LIMIT,
+    inverse_mass,
     step,
     step_with_sensitivities,
 )
 from auvident.physics.terms import STATES
 
-SPEED_LIMIT = 1.0e3  # [m/s, rad/s] a state beyond this has diverged, whatever the vehicle
 # what a pass reports when it has to stop: (step, record, channel or state, reason)
 NOT_POSITIVE, DIVERGED, SINGULAR = 1, 2, 3
 REASONS = {
@@ -43,7 +43,7 @@ REASONS = {
 SIGMA_POINT_SPREAD = 1.0  # sigma points at one standard deviation: within the range of the prior
 
 
-@njit(cache=True)
+@kernel
 def _parameters_at(base, column, scale, theta, p):
     """Parameter vector at the deviations theta."""
     for i in range(base.shape[0]):
@@ -52,7 +52,7 @@ def _parameters_at(base, column, scale, theta, p):
             p[i] += scale[column[i]] * theta[column[i]]
 
 
-@njit(cache=True)
+@kernel
 def _take_readings(
     t, alive, mean, covariance, n, n_theta, index, lengths, measured, given, channels, sensor,
     sensor_variance, x, whitened, fault,
@@ -88,7 +88,7 @@ def _take_readings(
     return log_likelihood, count
 
 
-@njit(cache=True)
+@kernel
 def _store(t, alive, mean, covariance, n_theta, index, states, history, history_std, given):
     for l in range(n_theta):  # noqa: E741
         history[t, l] = mean[l]
@@ -100,7 +100,7 @@ def _store(t, alive, mean, covariance, n_theta, index, states, history, history_
             states[j, t, index[i]] = mean[n_theta + j * index.shape[0] + i]
 
 
-@njit(cache=True)
+@kernel
 def _ekf_predict(
     t, alive, mean, covariance, n_theta, index, base, column, scale, inputs, given, dt, active,
     terms, weights, mass, mass_weights, q_theta, q_x, fault,
@@ -113,7 +113,7 @@ def _ekf_predict(
     sensitivity = np.empty((alive, n_x, n_theta))
     s_x = np.empty((N_STATES, N_STATES + n_theta))
     _parameters_at(base, column, scale, mean, p)
-    if not _inverse_mass(p, mass, mass_weights, active, inverse) > 0.0:
+    if not inverse_mass(p, mass, mass_weights, active, inverse) > 0.0:
         fault[0], fault[1], fault[2], fault[3] = t, 0, 0, SINGULAR
         return
     for j in range(alive):
@@ -141,7 +141,7 @@ def _ekf_predict(
     predict_covariance(covariance, transition, sensitivity, n_theta, n_x, alive, q_theta, q_x)
 
 
-@njit(cache=True)
+@kernel
 def _ukf_predict(
     t, alive, mean, covariance, n_theta, index, base, column, scale, inputs, given, dt, active,
     terms, weights, mass, mass_weights, q_theta, q_x, fault, spread, factor,
@@ -165,7 +165,7 @@ def _ukf_predict(
             theta[l] = mean[l] + sign * factor[l, c]
         if s == 0 or c < n_theta or s == n + 1 + n_theta or s == 1 + n_theta:
             _parameters_at(base, column, scale, theta, p)
-            if not _inverse_mass(p, mass, mass_weights, active, inverse) > 0.0:
+            if not inverse_mass(p, mass, mass_weights, active, inverse) > 0.0:
                 fault[0], fault[1], fault[2], fault[3] = t, 0, 0, SINGULAR
                 return
         for j in range(alive):
@@ -190,7 +190,7 @@ def _ukf_predict(
     )  # fmt: skip
 
 
-@njit(cache=True)
+@kernel
 def _recombine(
     t, alive, mean, covariance, n_theta, n_x, n, moved, factor, spread, w_mean, w_centre, w,
     q_theta, q_x, fault,
@@ -225,7 +225,7 @@ def _recombine(
         covariance[l, l] += q_theta[l]
 
 
-@njit(cache=True)
+@kernel
 def _pass(
     unscented, spread, mean, covariance, n_theta, index, lengths, inputs, given, measured, dt,
     base, column, scale, active, channels, sensor, sensor_variance, q_theta, q_x, terms, weights,

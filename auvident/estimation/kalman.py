@@ -8,10 +8,10 @@ prediction, so only the rows of the blocks are recomputed.
 import math
 
 import numpy as np
-from numba import njit
+from auvident.jit import kernel
 
 
-@njit(cache=True)
+@kernel
 def predict_covariance(covariance, transition, sensitivity, n_theta, n_x, n_blocks, q_theta, q_x):
     """Covariance after one prediction of every block, in place.
 
@@ -62,7 +62,7 @@ def predict_covariance(covariance, transition, sensitivity, n_theta, n_x, n_bloc
         covariance[n_theta + row, n_theta + row] += q_x[row % n_x]
 
 
-@njit(cache=True)
+@kernel
 def update_scalar(mean, covariance, n, first, gradient, innovation, variance):
     """Update with one scalar measurement in Joseph form, in place.
 
@@ -115,7 +115,7 @@ def update_scalar(mean, covariance, n, first, gradient, innovation, variance):
     return spread
 
 
-@njit(cache=True)
+@kernel
 def cholesky(matrix, n, factor):
     """Lower Cholesky factor of the leading n x n block.
 
@@ -141,7 +141,7 @@ def cholesky(matrix, n, factor):
     return -1
 
 
-@njit(cache=True)
+@kernel
 def unscented_weights(n, spread):
     """Weights of the scaled unscented transform with sigma points at `spread` std.
 

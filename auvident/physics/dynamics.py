@@ -9,15 +9,16 @@ the surge system takes v and r from the measurements and the yaw-sway system tak
 import math
 
 import numpy as np
-from numba import njit
+from auvident.jit import kernel
 
 N_STATES = 4
 N_VELOCITIES = 3
 N_VARIABLES = 8
 N_POWERS = 5
+SPEED_LIMIT = 1.0e3  # [m/s, rad/s] a velocity beyond this ran away, whatever the vehicle
 
 
-@njit(cache=True)
+@kernel
 def _powers(x, inputs, value, slope):
     """Every power of every variable, and its derivative (`terms.POWERS`)."""
     variables = (x[0], x[1], x[2], math.sin(x[3]), math.cos(x[3]), inputs[0], inputs[1], inputs[2])
@@ -32,8 +33,8 @@ def _powers(x, inputs, value, slope):
         value[i, 4], slope[i, 4] = y * y * y, 3.0 * y * y
 
 
-@njit(cache=True)
-def _inverse_mass(p, mass, mass_weights, active, inverse):
+@kernel
+def inverse_mass(p, mass, mass_weights, active, inverse):
     """Inverse of the 3x3 mass matrix with inactive rows and columns replaced by identity.
 
     Returns the determinant.
@@ -58,7 +59,7 @@ def _inverse_mass(p, mass, mass_weights, active, inverse):
     return determinant
 
 
-@njit(cache=True)
+@kernel
 def derivative(x, inputs, p, inverse, active, terms, weights, rate):
     """Time derivative of the state.
 
@@ -70,7 +71,7 @@ def derivative(x, inputs, p, inverse, active, terms, weights, rate):
         Own control angle, other control angle [rad], propeller rate [rev/s].
     p : (n_parameters,) array
     inverse : (3, 3) array
-        Inverse mass matrix from `_inverse_mass`.
+        Inverse mass matrix from `inverse_mass`.
     active : (4,) bool array
     terms, weights : arrays of `terms.Structure`
     rate : (4,) array, filled
@@ -89,7 +90,7 @@ def derivative(x, inputs, p, inverse, active, terms, weights, rate):
     _accelerate(force, x, inverse, active, rate)
 
 
-@njit(cache=True)
+@kernel
 def _accelerate(force, x, inverse, active, rate):
     for i in range(N_VELOCITIES):
         rate[i] = 0.0
@@ -99,7 +100,7 @@ def _accelerate(force, x, inverse, active, rate):
     rate[3] = x[2] if active[3] else 0.0
 
 
-@njit(cache=True)
+@kernel
 def derivative_and_jacobians(
     x, inputs, p, inverse, active, terms, weights, mass, mass_weights, column, rate, j_x, j_p
 ):
@@ -142,7 +143,7 @@ def derivative_and_jacobians(
     j_p[3, :] = 0.0
 
 
-@njit(cache=True)
+@kernel
 def _add_term(k, terms, weights, p, value, slope, x, column, force, f_x, f_p):
     """Add term k to the forces and to their derivatives."""
     i, parameter = terms[k, 0], terms[k, 1]
@@ -171,7 +172,7 @@ def _add_term(k, terms, weights, p, value, slope, x, column, force, f_x, f_p):
             f_x[i, 3] -= part * math.sin(x[3])
 
 
-@njit(cache=True)
+@kernel
 def _place_given(stage, given0, given1, fraction, active):
     """Set the inactive states to the given ones, linear between the ends of the step."""
     for i in range(N_STATES):
@@ -179,7 +180,7 @@ def _place_given(stage, given0, given1, fraction, active):
             stage[i] = given0[i] + fraction * (given1[i] - given0[i])
 
 
-@njit(cache=True)
+@kernel
 def step(x, inputs, given0, given1, dt, p, inverse, active, terms, weights, out):
     """One RK4 step of the active states; inputs are constant (step means) over the step."""
     stage = x.copy()
@@ -197,7 +198,7 @@ def step(x, inputs, given0, given1, dt, p, inverse, active, terms, weights, out)
         out[i] = x[i] + dt / 6.0 * total[i] if active[i] else given1[i]
 
 
-@njit(cache=True)
+@kernel
 def step_with_sensitivities(
     x, inputs, given0, given1, dt, p, inverse, active, terms, weights, mass, mass_weights, column,
     s_x, out,
@@ -239,7 +240,7 @@ def step_with_sensitivities(
             s_x[i, c] += dt / 6.0 * s_total[i, c]
 
 
-@njit(cache=True)
+@kernel
 def simulate_states(x0, inputs, given, dt, p, active, terms, weights, mass, mass_weights):
     """States over a whole record from its initial state and inputs alone.
 
@@ -253,45 +254,100 @@ def simulate_states(x0, inputs, given, dt, p, active, terms, weights, mass, mass
     Returns
     -------
     (n, 4) array
-        Not finite from the row on at which the simulation diverged.
+        NaN from the row on at which the simulation ran away; all NaN when the mass matrix is
+        not positive definite.
     """
     n = inputs.shape[0]
-    states = np.empty((n, N_STATES))
+    states = np.full((n, N_STATES), np.nan)
     inverse = np.empty((N_VELOCITIES, N_VELOCITIES))
-    _inverse_mass(p, mass, mass_weights, active, inverse)
+    if not inverse_mass(p, mass, mass_weights, active, inverse) > 0.0:
+        return states
     states[0] = x0
     for k in range(n - 1):
         step(
             states[k], inputs[k], given[k], given[k + 1], dt, p, inverse, active, terms, weights,
             states[k + 1],
         )  # fmt: skip
+        if _ran_away(states[k + 1]):
+            states[k + 1, :] = np.nan
+            break
     return states
 
 
-@njit(cache=True)
-def simulate_sensitivities(
-    x0, inputs, given, dt, p, active, terms, weights, mass, mass_weights, column, n_free
-):
-    """As `simulate_states`, with the exact derivative of every state.
+@kernel
+def _ran_away(x):
+    """Whether a velocity is not finite or beyond any vehicle's."""
+    for i in range(N_VELOCITIES):
+        if not abs(x[i]) < SPEED_LIMIT:
+            return True
+    return False
+
+
+@kernel
+def output_error(
+    x0, inputs, given, measured, sensor, sigma, channels, dt, p, active, terms, weights, mass,
+    mass_weights, column, scale, gradient, curvature,
+):  # fmt: skip
+    """Half the sum of squared whitened output errors of one record, with gradient and curvature.
+
+    Parameters
+    ----------
+    measured : (n, 4) array
+        Readings; NaN where there is none.
+    sensor : (4, 4) array
+        Reading = sensor @ state.
+    sigma : (4,) array
+        Standard deviation of each channel.
+    channels : (4,) bool array
+        Channels that count.
+    column : (n_parameters,) int array
+        Column of each parameter in the gradient, or -1.
+    scale : (n_free,) array
+        Unit of each free parameter.
+    gradient : (n_free,) array, added to
+    curvature : (n_free, n_free) array, added to
+        Gauss-Newton approximation.
 
     Returns
     -------
-    states : (n, 4) array
-    sensitivities : (n, 4, 4 + n_free) array
-        d state/d(start state, free parameters).
+    float
+        Infinite when the prediction ran away.
     """
-    n = inputs.shape[0]
-    states = np.empty((n, N_STATES))
-    sensitivities = np.zeros((n, N_STATES, N_STATES + n_free))
-    inverse = np.empty((N_VELOCITIES, N_VELOCITIES))
-    _inverse_mass(p, mass, mass_weights, active, inverse)
-    states[0] = x0
+    n, n_free = inputs.shape[0], scale.shape[0]
+    x, out = x0.copy(), np.empty(N_STATES)
+    s_x = np.zeros((N_STATES, N_STATES + n_free))
     for i in range(N_STATES):
-        sensitivities[0, i, i] = 1.0
-    for k in range(n - 1):
-        sensitivities[k + 1] = sensitivities[k]
+        s_x[i, i] = 1.0
+    inverse = np.empty((N_VELOCITIES, N_VELOCITIES))
+    if not inverse_mass(p, mass, mass_weights, active, inverse) > 0.0:
+        return np.inf
+    half = 0.0
+    slope = np.empty(n_free)
+    for k in range(n):
+        for c in range(N_STATES):
+            if not channels[c] or math.isnan(measured[k, c]):
+                continue
+            error = -measured[k, c]
+            slope[:] = 0.0
+            for i in range(N_STATES):
+                if sensor[c, i] != 0.0:
+                    error += sensor[c, i] * x[i]
+                    for l in range(n_free):  # noqa: E741
+                        slope[l] += sensor[c, i] * s_x[i, N_STATES + l]
+            error /= sigma[c]
+            half += 0.5 * error * error
+            for l in range(n_free):  # noqa: E741
+                slope[l] *= scale[l] / sigma[c]
+                gradient[l] += slope[l] * error
+                for m in range(l + 1):
+                    curvature[l, m] += slope[l] * slope[m]
+        if k == n - 1:
+            break
         step_with_sensitivities(
-            states[k], inputs[k], given[k], given[k + 1], dt, p, inverse, active, terms, weights,
-            mass, mass_weights, column, sensitivities[k + 1], states[k + 1],
+            x, inputs[k], given[k], given[k + 1], dt, p, inverse, active, terms, weights, mass,
+            mass_weights, column, s_x, out,
         )  # fmt: skip
-    return states, sensitivities
+        x[:] = out
+        if _ran_away(x):
+            return np.inf
+    return half

@@ -157,7 +157,7 @@ class StageRecord(Artifact):
     maneuvers: tuple[str, ...]
     samples: int
     log_likelihood: float
-    inflation: float = 1.0
+    noise_std: dict[str, float] = {}
     nis_mean: dict[str, float] = {}
 
 

@@ -67,7 +67,7 @@ class Plan(Declared):
     name: str
     description: str = ""
     cycles: Annotated[int, Field(ge=1, le=50)] = 1
-    observer_time_s: Annotated[float, Field(gt=0)] = 10.0
+    observer_time_s: Annotated[float, Field(gt=0)] = 30.0
     stage: tuple[PlanStage, ...] = Field(min_length=1)
     tuning: dict[str, Tuning] = {}
 

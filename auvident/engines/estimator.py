@@ -1,0 +1,307 @@
+"""One stage of a plan on the data: a filter pass or a refinement of the prediction.
+
+A stage starts at the best coefficients so far, but its prior stays the one of the ASE: running
+the same data through several stages and cycles does not count them several times.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from auvident.engines import compiled, reference
+from auvident.engines.problem import FilterProblem, FilterResult, Records
+from auvident.engines.records import Record, stack
+from auvident.errors import NumericsError
+from auvident.estimation.output_error import correlation_time, fit
+from auvident.physics.dynamics import N_STATES, output_error, simulate_states
+from auvident.physics.terms import STATES, Structure
+from auvident.schema.coefficients import BY_SYMBOL, expand
+from auvident.schema.plan import ACTIVE, Plan, PlanStage, System
+
+Array = npt.NDArray[np.float64]
+ENGINES = {"compiled": compiled.run, "filterpy": reference.run}
+
+LONGEST_CORRELATION_S = 60.0  # lags beyond this are not looked at: longer than any transient
+ESCAPED = 10.0  # [std of the channel] a prediction that ran away counts as this wrong
+START_STD = 3.0  # starting state is known to this many (effective) sensor standard deviations
+N_VELOCITIES = 3
+NOISE_ROUNDS = 4  # rounds of fit and effective noise
+NOISE_SETTLED = 0.03  # relative change of the noise below which another round changes nothing
+
+
+@dataclass(frozen=True)
+class Setup:
+    """All that stays the same from stage to stage.
+
+    Attributes
+    ----------
+    structure : Structure
+    plan : Plan
+    records : dict
+        Record and maneuver kind by maneuver id; only those that identify.
+    dt_s : float
+    sensor : (4, 4) array
+        Reading = sensor @ state.
+    sensor_std : (4,) array
+        Accuracy of each channel; sets the relative weights of the channels.
+    prior, prior_std : (n_parameters,) array
+    followers : (m, 2) int array
+        (position, position it moves with), see `FilterProblem`.
+    filter, engine : str
+    """
+
+    structure: Structure
+    plan: Plan
+    records: dict[str, tuple[str, Record]]
+    dt_s: float
+    sensor: Array
+    sensor_std: Array
+    prior: Array
+    prior_std: Array
+    followers: npt.NDArray[np.int64]
+    filter: str
+    engine: str
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a stage leaves.
+
+    Attributes
+    ----------
+    parameters : (n_parameters,) array
+    free : (n_free,) int array
+    covariance : (n_free, n_free) array
+        Posterior covariance in units of the prior standard deviations.
+    noise : (4,) array
+        Effective standard deviation of each channel (see `effective_noise`).
+    passed : FilterResult or None
+        The record of the filter pass; None for a refinement.
+    """
+
+    parameters: Array
+    free: npt.NDArray[np.int64]
+    covariance: Array
+    noise: Array
+    ids: tuple[str, ...]
+    log_likelihood: float
+    samples: int
+    passed: FilterResult | None = field(default=None, repr=False)
+
+
+def active_states(system: System, plane: str) -> npt.NDArray[np.bool_]:
+    """Which of (u, a, b, angle) a system estimates; the pitch moves with the coupled plane."""
+    return np.array([*ACTIVE[system], system == "coupled" and plane == "vertical"])
+
+
+def free_positions(setup: Setup, stage: PlanStage) -> npt.NDArray[np.int64]:
+    """Positions in the parameter vector that a stage estimates.
+
+    Followers move with their leader; a coefficient with a standard deviation of zero is held.
+    """
+    following = set(setup.followers[:, 0].tolist())
+    positions = [setup.structure.index(s) for s in expand(stage.free, setup.structure.plane)]
+    return np.array(
+        [i for i in positions if i not in following and setup.prior_std[i] > 0.0], dtype=np.int64
+    )
+
+
+def stage_records(setup: Setup, stage: PlanStage) -> list[Record]:
+    """Records of the maneuver kinds a stage uses."""
+    return [record for kind, record in setup.records.values() if kind in stage.maneuvers]
+
+
+def predicted(setup: Setup, parameters: Array, record: Record, active: Array) -> Array:
+    """Readings (n, 4) predicted by free-running simulation of the active states."""
+    states = simulate_states(
+        record.start, record.inputs, record.given, setup.dt_s, parameters, active,
+        *setup.structure.arrays,
+    )  # fmt: skip
+    return states @ setup.sensor.T
+
+
+def effective_noise(
+    setup: Setup, parameters: Array, records: Sequence[Record], active: Array
+) -> Array:
+    """Standard deviation at which residuals of the current model count as independent.
+
+    What a sensor's accuracy does not explain is the model's fault or the sea's: the rms of the
+    residual takes the place of the sensor noise where it is larger. And a residual correlated
+    over n samples says as little as one of n: times the square root of its correlation time.
+    So a channel stirred by turbulence does not bend the coefficients to explain what is random,
+    nor drown the prior, nor is it claimed as certainty afterwards.
+
+    Returns
+    -------
+    (4,) array
+        Effective standard deviation of each channel; the sensor's own where it is inactive.
+    """
+    longest = round(LONGEST_CORRELATION_S / setup.dt_s)
+    power, times, count = np.zeros(N_STATES), np.zeros(N_STATES), np.zeros(N_STATES)
+    for record in records:
+        residual = record.measured - predicted(setup, parameters, record, active)
+        for c in np.flatnonzero(active):
+            seen = np.isfinite(record.measured[:, c])
+            values = residual[seen, c]
+            values = np.where(np.isfinite(values), values, _spread(record, c))
+            power[c] += float(values @ values)
+            count[c] += values.size
+            times[c] += values.size * correlation_time(values, longest)
+    noise = setup.sensor_std.copy()
+    used = count > 0
+    rms = np.sqrt(power[used] / count[used])
+    noise[used] = np.maximum(rms, noise[used]) * np.sqrt(times[used] / count[used])
+    return noise
+
+
+def _spread(record: Record, channel: int) -> float:
+    """What a prediction that ran away counts as: far outside what was measured."""
+    return ESCAPED * float(np.nanstd(record.measured[:, channel]))
+
+
+def run_stage(setup: Setup, parameters: Array, stage: PlanStage) -> Outcome:
+    """Estimate what a stage frees, from the maneuvers it uses.
+
+    Raises
+    ------
+    NumericsError
+        Nothing to estimate or to estimate it from; or the filter failed, with coordinates.
+    """
+    records, free = stage_records(setup, stage), free_positions(setup, stage)
+    if not records:
+        raise NumericsError(
+            f"no maneuver of the kinds {', '.join(stage.maneuvers)} to identify from",
+            f"stage {stage.name!r}",
+            "Give a plan whose stages fit the trial, or hold out fewer maneuvers.",
+        )
+    if not len(free):
+        raise NumericsError("nothing is free", f"stage {stage.name!r}", "Check the priors.")
+    active = active_states(stage.system, setup.structure.plane)
+    noise = effective_noise(setup, parameters, records, active)
+    run = _refine if stage.method == "output_error" else _filter
+    return run(setup, parameters, free, records, active, noise)
+
+
+def _tuning(setup: Setup, free: Array) -> tuple[Array, Array]:
+    """Prior factor and drift of each free coefficient."""
+    factors, drifts = np.ones(len(free)), np.zeros(len(free))
+    for i, position in enumerate(free):
+        symbol = setup.structure.parameters[position]
+        for name in ("all", BY_SYMBOL[symbol].group, symbol):
+            if name in setup.plan.tuning:
+                factors[i] = setup.plan.tuning[name].prior
+                drifts[i] = setup.plan.tuning[name].drift
+    return factors, drifts
+
+
+def _filter(
+    setup: Setup, parameters: Array, free: Array, records: list[Record], active: Array,
+    noise: Array,
+) -> Outcome:  # fmt: skip
+    stacked, starts = stack(records, setup.dt_s)
+    scale = setup.prior_std[free]
+    factors, drifts = _tuning(setup, free)
+    problem = FilterProblem(
+        structure=setup.structure,
+        records=stacked,
+        parameters=parameters,
+        free=free,
+        followers=_live_followers(setup, free),
+        scale=scale,
+        theta_covariance=np.diag(factors**2),
+        theta_noise=drifts**2 * setup.dt_s,
+        active=active,
+        channels=active & _sensed(stacked),
+        sensor=setup.sensor,
+        process_std=noise * np.sqrt(setup.dt_s) / setup.plan.observer_time_s,
+        sensor_std=noise,
+        start=starts,
+        start_std=START_STD * noise,
+    )
+    passed = ENGINES[setup.engine](problem, setup.filter)
+    away = (setup.prior[free] - parameters[free]) / scale
+    theta = (passed.parameters[free] - parameters[free]) / scale
+    # the pass took its start for the mean of the prior; put the mean back where it belongs
+    theta = theta + passed.theta_covariance @ (away / factors**2)
+    return Outcome(
+        problem.parameters_at(theta), free, passed.theta_covariance, noise, stacked.ids,
+        passed.log_likelihood, passed.samples, passed,
+    )  # fmt: skip
+
+
+def _refine(
+    setup: Setup, parameters: Array, free: Array, records: list[Record], active: Array,
+    noise: Array,
+) -> Outcome:  # fmt: skip
+    """Fit, with the effective noise brought up to date until it no longer changes."""
+    factors, _ = _tuning(setup, free)
+    scale = setup.prior_std[free]
+    for _ in range(NOISE_ROUNDS):
+        away = (setup.prior[free] - parameters[free]) / scale
+        result = fit(
+            _likelihood(setup, parameters, free, records, active, noise),
+            np.zeros(len(free)), away, np.diag(1.0 / factors**2),
+        )  # fmt: skip
+        parameters = _moved(setup, parameters, free, result.theta)
+        used, noise = noise, effective_noise(setup, parameters, records, active)
+        if np.abs(noise / used - 1.0).max() < NOISE_SETTLED:
+            break
+    samples = sum(int(np.isfinite(r.measured[:, :3][:, active[:3]]).sum()) for r in records)
+    return Outcome(
+        parameters, free, result.covariance, noise, tuple(r.id for r in records),
+        -result.cost, samples,
+    )  # fmt: skip
+
+
+def _moved(setup: Setup, parameters: Array, free: Array, theta: Array) -> Array:
+    """Parameters moved by theta prior standard deviations; followers move along."""
+    p = parameters.copy()
+    p[free] += setup.prior_std[free] * theta
+    for follower, leader in _live_followers(setup, free):
+        p[follower] += p[leader] - parameters[leader]
+    return p
+
+
+def _likelihood(
+    setup: Setup, parameters: Array, free: Array, records: list[Record], active: Array,
+    noise: Array,
+):  # fmt: skip
+    """Likelihood of the deviations from `parameters` for `estimation.output_error.fit`."""
+    column = np.full(len(parameters), -1, dtype=np.int64)
+    column[free] = np.arange(len(free))
+    for follower, leader in _live_followers(setup, free):
+        column[follower] = column[leader]
+    scale = setup.prior_std[free]
+
+    def likelihood(theta: Array) -> tuple[float, Array, Array]:
+        p = _moved(setup, parameters, free, theta)
+        gradient, curvature = np.zeros(len(free)), np.zeros((len(free), len(free)))
+        half = 0.0
+        for record in records:
+            half += output_error(
+                record.start, record.inputs, record.given, record.measured, setup.sensor, noise,
+                active, setup.dt_s, p, active, *setup.structure.arrays, column, scale, gradient,
+                curvature,
+            )  # fmt: skip
+            if not np.isfinite(half):
+                break
+        return half, gradient, curvature + np.tril(curvature, -1).T
+
+    return likelihood
+
+
+def _live_followers(setup: Setup, free: Array) -> npt.NDArray[np.int64]:
+    """Followers whose leader is free."""
+    return setup.followers[np.isin(setup.followers[:, 1], free)]
+
+
+def _sensed(records: Records) -> npt.NDArray[np.bool_]:
+    """Channels with at least one reading."""
+    return np.array([np.isfinite(records.measured[:, :, c]).any() for c in range(N_STATES)])
+
+
+def state_names(active: Array) -> tuple[str, ...]:
+    """Names of the active states."""
+    return tuple(name for name, on in zip(STATES, active, strict=True) if on)
