@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from auvident.physics.figures_plateaus import Plateau, ramp_start
-from auvident.physics.figures_straight import rpm_levels
+from auvident.physics.figures_straight import RPM_LEVEL_SHARE
 from auvident.schema.artifacts import Rejected
 from auvident.stages.segment.pieces import Found, Piece
 from auvident.stages.segment.scales import Scales
@@ -22,7 +22,12 @@ HALF = 0.5  # a rudder below half of its angle has left it
 EASED_FACTOR = 3.0  # leaving takes this much longer than coming ...
 EASED_S = 0.3  # ... plus a control interval: an autopilot eases the rudder off near its course
 COURSE_ORDER_RAD = np.pi  # an autopilot turns the short way
+ORDER_S = 2.0  # speed and rudder of a maneuver are ordered within this time
+SETTLED_S = 5.0  # an autopilot on its course has kept the rudder small for this long
 LEAST_EASED_RAD = np.radians(345)  # two course orders to one side; the rest as for the circle
+
+TOO_LITTLE = "turn: too short, change of heading under constant rudder [deg]"
+EASED = "turn: an autopilot's change of course, the rudder eases off after a turn of [deg]"
 
 
 def find_turns(
@@ -50,8 +55,9 @@ def find_turns(
         start, stop = execute(piece, scales, p), p.stop
         least = LEAST_TURN_RAD
         if eases_off(piece, scales, p, start):
-            stop, least = _without_course_order(piece, scales, p), LEAST_EASED_RAD
-            least = least if stop == p.stop else LEAST_TURN_RAD
+            stop = _without_course_order(piece, scales, p)
+            ordered = stop < p.stop or _was_ordered(piece, scales, p, start)
+            least = LEAST_TURN_RAD if ordered else LEAST_EASED_RAD
         reason = judge_turn(piece, scales, Plateau(p.start, stop, p.level), least)
         if reason is None:
             found.append(Found("turn", piece, start, stop, p.level))
@@ -107,17 +113,34 @@ def eases_off(piece: Piece, scales: Scales, p: Plateau, start: int) -> bool:
 
 def _without_course_order(piece: Piece, scales: Scales, p: Plateau) -> int:
     """End of a turn that an autopilot continued at the same angle, if its new speed tells when."""
-    levels = rpm_levels(piece.rpm[p.start : p.stop], piece.rate_hz, scales.rpm_noise, scales.rpm)
-    if len(levels) < 2:
-        return p.stop
-    step = p.start + levels[-1][0]
-    before = abs(float(piece.angle[step] - piece.angle[p.start]))
-    after = abs(float(piece.angle[p.stop - 1] - piece.angle[step]))
-    return step if before >= LEAST_TURN_RAD and after <= COURSE_ORDER_RAD else p.stop
+    for step in reversed(thrust_steps(piece, scales, p.start, p.stop)):
+        before = abs(float(piece.angle[step] - piece.angle[p.start]))
+        after = abs(float(piece.angle[p.stop - 1] - piece.angle[step]))
+        if before >= LEAST_TURN_RAD and after <= COURSE_ORDER_RAD:
+            return step
+    return p.stop
 
 
-TOO_LITTLE = "turn: too short, change of heading under constant rudder [deg]"
-EASED = "turn: an autopilot's change of course, the rudder eases off after a turn of [deg]"
+def _was_ordered(piece: Piece, scales: Scales, p: Plateau, start: int) -> bool:
+    """Whether the execute comes out of a settled course together with a new speed.
+
+    A transit settles before a maneuver, and maneuvers come with their speeds; the second of two
+    course orders comes with neither.
+    """
+    near = piece.samples(ORDER_S)
+    before = piece.fin[max(0, start - piece.samples(SETTLED_S)) : start]
+    settled = before.size > 0 and float(np.max(np.abs(before))) < HALF * abs(p.level)
+    return settled and bool(thrust_steps(piece, scales, start - near, start + near))
+
+
+def thrust_steps(piece: Piece, scales: Scales, start: int, stop: int) -> list[int]:
+    """Samples in a range at which the propeller rate begins to change."""
+    second = max(1, piece.samples(1.0))
+    first = max(start, second)
+    change = np.abs(piece.rpm[first:stop] - piece.rpm[first - second : max(stop - second, 0)])
+    moving = change > max(RPM_LEVEL_SHARE * scales.rpm, 4 * scales.rpm_noise)
+    begins = np.flatnonzero(np.diff(np.concatenate(([0], moving.astype(np.int8)))) == 1)
+    return [first + int(i) for i in begins]
 
 
 def _was_meant(piece: Piece, p: Plateau) -> bool:

@@ -22,6 +22,7 @@ TWO_SIDES_SHARE = 0.25  # of the amplitude: the two sides differ by trim and cal
 TWO_SIDES_RAD = np.radians(2.0)  # or by this
 REST_S = 1.0  # between two holds, besides the time the fin needs to travel
 PEAK_SHARE = 0.4  # of the amplitude: an autopilot's rudder before the execute is smaller
+HELD_S = 0.5  # a fin that rests for this long has reached its angle
 LEAST_SWING_RAD = np.radians(0.5)  # heading between two reversals; the least zigzag has 2 degrees
 LEAST_SWING_SHARE = 0.1  # of the whole swing; overshoots of nine times the angle do not occur
 
@@ -53,7 +54,7 @@ def find_zigzags(
     found: list[Found] = []
     rejected: list[Rejected] = []
     for chain in chains(piece, scales, held):
-        start, unheld = first_execute(piece, scales, chain, held)
+        start, unheld = first_execute(piece, scales, chain)
         stop = chain[-1].stop
         verdict = judge(piece, scales, chain, unheld)
         if verdict is None:
@@ -69,9 +70,7 @@ def _amplitude(chain: Sequence[Plateau]) -> float:
     return 0.5 * float(np.median(sides[0]) - np.median(sides[1]))
 
 
-def first_execute(
-    piece: Piece, scales: Scales, chain: Sequence[Plateau], held: Sequence[Plateau]
-) -> tuple[int, int]:
+def first_execute(piece: Piece, scales: Scales, chain: Sequence[Plateau]) -> tuple[int, int]:
     """Sample of the first execute of a chain, and the number of executes before its first hold.
 
     A slow fin may be reversed before it has reached its angle the first time; then the move to
@@ -80,9 +79,9 @@ def first_execute(
     start = execute(piece, scales, chain[0])
     peak = float(piece.fin[max(0, start - 1)])
     small = peak * chain[0].level >= 0 or abs(peak) < PEAK_SHARE * abs(chain[0].level)
-    near = start - piece.samples(REST_S)
-    if start == 0 or small or any(near < p.stop <= start for p in held):
-        return start, 0
+    before = piece.fin[max(0, start - piece.samples(HELD_S)) : start]
+    if start == 0 or small or float(np.ptp(before)) <= scales.tolerance_rad:
+        return start, 0  # an angle that was held is another maneuver's
     return execute(piece, scales, Plateau(start - 1, start, peak)), 1
 
 
