@@ -25,8 +25,8 @@ Example:
 # Modules with the commands, and the commands each holds, in the order of the help.
 COMMANDS = {
     "auvident.cli.stages": ("run", "ingest", "segment", "ase", "identify"),
-    "auvident.cli.results": ("status",),
-    "auvident.cli.tables": ("coefficients", "schema"),
+    "auvident.cli.results": ("status", "compare", "simulate", "export"),
+    "auvident.cli.tables": ("inspect", "coefficients", "schema"),
 }
 
 

@@ -12,6 +12,8 @@ import click
 from auvident.errors import UsageError
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from auvident.cli.watch import Watch
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -148,3 +150,15 @@ def parse_limits(texts: tuple[str, ...]) -> dict[str, float]:
                 f"{text!r} is not CHANNEL=RMSE", "--fail-above", "For example --fail-above u=0.05."
             )
     return limits
+
+
+def write_table(table: "pd.DataFrame", target: Path) -> None:
+    """A table as Parquet or CSV, by the end of the file's name."""
+    from auvident.storage.artifacts import parquet_bytes, write_bytes
+
+    if target.suffix == ".parquet":
+        write_bytes(target, parquet_bytes(table, {}))
+    elif target.suffix == ".csv":
+        write_bytes(target, table.to_csv(index=False).encode())
+    else:
+        raise UsageError("is neither .parquet nor .csv", str(target), "Name another file.")

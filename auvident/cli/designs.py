@@ -2,13 +2,8 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from auvident.cli.common import Output
-from auvident.errors import UsageError
-
-if TYPE_CHECKING:
-    import pandas as pd
+from auvident.cli.common import Output, write_table
 
 SHOWN_VARIANTS = 20  # rows of a sweep on the console
 
@@ -44,15 +39,3 @@ def show_sweep(output: Output, file: Path, texts: Sequence[str], target: Path | 
     if output.json:
         records = table.astype(object).where(table.notna(), None).to_dict("records")
         output.artifact({"schema": "auvident/sweep/1", "variants": records}, "sweep")
-
-
-def write_table(table: "pd.DataFrame", target: Path) -> None:
-    """A table as Parquet or CSV, by the end of the file's name."""
-    from auvident.storage.artifacts import parquet_bytes, write_bytes
-
-    if target.suffix == ".parquet":
-        write_bytes(target, parquet_bytes(table, {}))
-    elif target.suffix == ".csv":
-        write_bytes(target, table.to_csv(index=False).encode())
-    else:
-        raise UsageError("is neither .parquet nor .csv", str(target), "Name another file.")

@@ -1,8 +1,11 @@
 """Commands that look at run directories."""
 
+import math
 from pathlib import Path
 
-from auvident.cli.common import RUN, Output, command
+import click
+
+from auvident.cli.common import PATH, RUN, Output, command, write_table
 
 
 @command("status", "auvident status runs/demo")
@@ -29,3 +32,107 @@ def status(output: Output, run: Path) -> None:
     with output.watch() as watch:
         watch.show(status_table(run, rows))
     output.artifact({"schema": "auvident/status/1", "run": str(run), "stages": rows}, "status")
+
+
+@command(
+    "simulate",
+    "auvident simulate runs/demo --inputs sample_logs/harbour_trial --from 1373 --to 1448",
+)
+@click.argument("target", metavar="RUN|MODEL", type=PATH)
+@click.option("--inputs", "log", required=True, type=PATH, help="Log with the inputs.")
+@click.option("--from", "from_s", type=float, metavar="SECONDS", help="Start of the simulation.")
+@click.option("--to", "to_s", type=float, metavar="SECONDS", help="End of the simulation.")
+@click.option(
+    "--speed", "speed_mps", type=float, metavar="MPS",
+    help="Initial speed of a straight run, in place of the measured state.",
+)  # fmt: skip
+@click.option("--vehicle", type=PATH, help="Vehicle file, for a MODEL outside of a run directory.")
+@click.option("--map", "map_", type=PATH, help="Names, units and signs of your columns (TOML).")
+@click.option("--rate", "rate_hz", type=float, default=10.0, metavar="HZ", help="[default: 10]")
+@click.option("--samples", type=int, default=100, help="Models drawn for the band.  [default: 100]")
+@click.option("--output", "file", type=PATH, help="Where it goes (.parquet or .csv).")
+@click.option("--seed", type=int, default=0, help="Of the models drawn.  [default: 0]")
+def simulate(
+    output: Output, target: Path, log: Path, from_s: float | None, to_s: float | None,
+    speed_mps: float | None, vehicle: Path | None, map_: Path | None, rate_hz: float,
+    samples: int, file: Path | None, seed: int,
+) -> None:  # fmt: skip
+    """Predict the motion from the inputs of a log, with the uncertainty of the model.
+
+    It starts at the measured state where the log has one, else on a straight run at --speed or
+    at the steady speed of the first propeller rate. The band is between the 5 and 95 % points.
+    The table goes to --output, else to RUN/simulate, else (MODEL alone) to standard output.
+    """
+    from auvident.pipeline.predict import predict
+
+    window = (-math.inf if from_s is None else from_s, math.inf if to_s is None else to_s)
+    with output.watch() as watch:
+        made = predict(
+            target, log, vehicle_file=vehicle, column_map=map_, rate_hz=rate_hz, seed=seed,
+            observer=watch,
+            options={"window_s": window, "speed_mps": speed_mps, "samples": samples},
+        )  # fmt: skip
+        if file is None and target.is_dir():
+            file = target / "simulate" / f"{made.trial}.parquet"
+        if file is not None:
+            write_table(made.table, file)
+            watch.note(f"{len(made.table)} rows from {made.model_file} in {file}")
+    if output.json:
+        columns = {name: values.tolist() for name, values in made.table.items()}
+        simulation = {"schema": "auvident/simulation/1", "trial": made.trial, "columns": columns}
+        output.artifact(simulation, "simulation")
+    elif file is None:
+        output.text(made.table.to_csv(index=False).rstrip("\n"))
+
+
+@command(
+    "export",
+    "auvident export runs/demo --format python --output remus100_model.py",
+    "auvident export runs/demo --format toml",
+)
+@click.argument("target", metavar="RUN|MODEL", type=PATH)
+@click.option(
+    "--format", "form", type=click.Choice(["json", "toml", "csv", "python", "matlab"]),
+    help="By default as the end of --output says, else json.",
+)  # fmt: skip
+@click.option("--output", "file", type=PATH, help="Where it goes; else to standard output.")
+def export(output: Output, target: Path, form: str | None, file: Path | None) -> None:
+    """Write the model for use elsewhere.
+
+    python and matlab are self-contained functions with the equations; toml is a [coefficients]
+    table for a vehicle file.
+    """
+    from auvident.pipeline.predict import find_model
+    from auvident.stages.export import export as as_text
+    from auvident.storage.artifacts import write_bytes
+
+    if form is None:
+        form = FORM_OF_SUFFIX.get(file.suffix, "json") if file else "json"
+    path, model = find_model(target)
+    text = as_text(model, form)
+    if file is not None:
+        write_bytes(file, text.encode())
+        with output.watch() as watch:
+            watch.note(f"{path} as {form} in {file}")
+    if file is None and not output.json:
+        output.text(text.rstrip("\n"))
+    output.artifact(model, str(path))
+
+
+FORM_OF_SUFFIX = {".json": "json", ".toml": "toml", ".csv": "csv", ".py": "python", ".m": "matlab"}
+
+
+@command("compare", "auvident compare runs/demo runs/other")
+@click.argument("runs", metavar="RUN RUN...", nargs=-1, required=True, type=PATH)
+def compare(output: Output, runs: tuple[Path, ...]) -> None:
+    """Show coefficients and held-out errors of several runs side by side."""
+    from auvident.pipeline.compare import compare_runs
+    from auvident.report.console import comparison_tables
+
+    if len(runs) < 2:
+        raise click.UsageError("Give two run directories or more.")
+    comparison = compare_runs(runs)
+    with output.watch() as watch:
+        for table in comparison_tables(comparison):
+            watch.show(table)
+    output.artifact(comparison, "compare")

@@ -104,9 +104,7 @@ def segment(output: Output, run: Path, hold_out: tuple[str, ...]) -> None:
     run_one(output, "segment", run, hold_out=hold_out)
 
 
-@command(
-    "identify", "auvident identify runs/demo", "auvident identify runs/demo --plan filter_only"
-)
+@command("identify", "auvident identify runs/demo", "auvident identify runs/demo --plan together")
 @RUN
 @IDENTIFY_OPTIONS
 def identify(output: Output, run: Path, **chosen: Any) -> None:

@@ -1,8 +1,10 @@
-"""Commands that print the program's own tables."""
+"""Commands that look things up: what is in a log, and the program's own tables."""
+
+from pathlib import Path
 
 import click
 
-from auvident.cli.common import Output, command
+from auvident.cli.common import PATH, Output, command
 from auvident.errors import UsageError
 from auvident.schema.coefficients import COEFFICIENTS, PLANES, of_plane
 
@@ -50,3 +52,32 @@ def schema(output: Output, name: str | None) -> None:
         raise UsageError(f"there is no schema {name!r}", "schema", f"One of {', '.join(SCHEMAS)}.")
     output.json = True
     output.artifact(json_schema(key), key)
+
+
+@command(
+    "inspect",
+    "auvident inspect sample_logs/harbour_trial",
+    "auvident inspect sample_logs/harbour_trial/gyro.csv --json",
+)
+@click.argument("log", metavar="LOG", type=PATH)
+@click.option("--output", "file", type=PATH, help="Where the proposed map goes (TOML).")
+def inspect(output: Output, log: Path, file: Path | None) -> None:
+    """Show what is in a log: clocks, columns, ranges, gaps, and a map that would read it.
+
+    The proposed map, if one is needed, goes to standard output, ready for --map.
+    """
+    from auvident.report.console import log_tables
+    from auvident.storage.artifacts import write_bytes
+    from auvident.storage.log_inspect import inspect_log
+
+    report = inspect_log(log)
+    with output.watch() as watch:
+        for piece in log_tables(report):
+            watch.show(piece)
+        if not report.proposed_map:
+            watch.note("The log can be read as it is, without a map.")
+    if file is not None:
+        write_bytes(file, report.proposed_map.encode())
+    elif report.proposed_map and not output.json:
+        output.text(report.proposed_map.rstrip("\n"))
+    output.artifact(report, "inspect")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from auvident.errors import AuvidentError, InputError
 from auvident.pipeline.given import Given
+from auvident.pipeline.observer import Observer
 from auvident.storage.run_directory import PACKAGE_ROOT
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from auvident.schema.plan import Plan
     from auvident.schema.trial import Trial
 
+COMPILING = "The numerical kernels are compiled, once on this machine: up to half a minute."
 PLANS = PACKAGE_ROOT / "plans"
 LEAST_UNDER_WAY_MPS = 0.3  # slower samples do not belong to a run at speed
 
@@ -198,11 +200,20 @@ def plan_source(options: Mapping[str, Any]) -> list[Path]:
     return [plan_path(options["plan"])]
 
 
+def announce_compilation(observer: Observer) -> None:
+    """Tell the user why the first use takes longer."""
+    from auvident.jit import compiled_already
+
+    if not compiled_already():
+        observer.note(COMPILING)
+
+
 def identify(given: Given) -> dict[str, Any]:
     """Estimate the coefficients from the maneuvers that identify."""
     from auvident.stages.identify import identify as estimate_jointly
 
     plan = read_plan(given.options["plan"])
+    announce_compilation(given.observer)
     result = estimate_jointly(
         given.trials, given.maneuvers, given.ase, given.vehicle, given.noise(),
         plane=given.options["plane"], plan=plan, filter=given.options["filter"],

@@ -41,7 +41,7 @@ def stage_report(
 
 def house_table(title: str, left: Sequence[str], right: Sequence[str] = ()) -> Table:
     """The house style: no vertical rules, title on the left, numbers on the right."""
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    table = Table(title=title or None, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for name in left:
         table.add_column(name)
     for name in right:
@@ -140,6 +140,55 @@ def status_table(run: Path, rows: Sequence[Mapping[str, Any]]) -> Table:
         failed = row["failed"].problem if row["failed"] else ""
         table.add_row(row["stage"], Text(row["state"], style=style), row["reason"], failed)
     return table
+
+
+def comparison_tables(comparison: Mapping[str, Any]) -> list[RenderableType]:
+    """Several runs side by side."""
+    runs = [str(run["run"]) for run in comparison["runs"]]
+    table = house_table("Coefficients (value ± std)", ("", "unit"), (*runs, "apart, std"))
+    for row in comparison["coefficients"]:
+        cells = [
+            "" if value is None else f"{number(value)} ± {number(std, 2)}"
+            for value, std in zip(row["value"], row["std"], strict=True)
+        ]
+        table.add_row(row["symbol"], row["unit"], *cells, number(row["apart"], 2))
+    errors = house_table("Held-out error, RMSE (NRMSE)", ("", "unit"), runs)
+    for row in comparison["held_out"]:
+        cells = [
+            "" if rmse is None else f"{number(rmse, 3)} ({number(nrmse, 3)})"
+            for rmse, nrmse in zip(row["rmse"], row["nrmse"], strict=True)
+        ]
+        errors.add_row(row["channel"], row["unit"], *cells)
+    sets = {tuple(run["held_out"]) for run in comparison["runs"]}
+    note = "The runs hold out different maneuvers: their errors are not of the same thing."
+    pieces: list[RenderableType] = [table]
+    if comparison["held_out"]:
+        pieces.append(errors)
+    return [*pieces, Text(note, style="yellow")] if len(sets) > 1 else pieces
+
+
+def log_tables(report: Any) -> list[RenderableType]:
+    """What is in a log: its files with their clocks and columns, and a proposed map."""
+    pieces: list[RenderableType] = []
+    for file in report.files:
+        clock = f"time in {file.time_column!r}" if file.time_column else "no time column"
+        rate = f", {number(file.rate_hz, 4)} Hz" if file.rate_hz else ""
+        span = "" if file.start_s is None else f", {file.start_s:.1f} to {file.end_s:.1f} s"
+        gaps = f", {file.gaps} gaps up to {file.longest_gap_s:.3g} s" if file.gaps else ""
+        title = f"{file.file}: {file.rows} rows, {clock}{rate}{span}{gaps}"
+        table = house_table("", ("column", "taken for", "unit"), ("least", "most", "empty"))
+        table.add_column("note")
+        for c in file.columns:
+            table.add_row(
+                c.name, c.quantity or "", c.unit, number(c.minimum), number(c.maximum),
+                str(c.empty), c.note,
+            )  # fmt: skip
+        notes = [Text(note, style="yellow") for note in file.notes]
+        pieces += [Text(title, style="italic"), table, *notes]
+    if report.unassigned:
+        names = ", ".join(report.unassigned)
+        pieces.append(Text(f"No column was found for: {names}", style="yellow"))
+    return pieces
 
 
 REPORTS: dict[str, Callable[[Mapping[str, Any]], list[RenderableType]]] = {

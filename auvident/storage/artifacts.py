@@ -31,7 +31,7 @@ UNIT_SUFFIXES = {
     "_radps": "rad/s", "_degps": "deg/s", "_mps": "m/s", "_rad": "rad", "_deg": "deg",
     "_rpm": "1/min", "_m": "m", "_s": "s",
 }  # fmt: skip
-STD_SUFFIXES = ("_std", " std")
+STD_SUFFIXES = ("_std", "_low", "_high")  # in the unit of what they belong to
 
 
 def json_bytes(artifact: Any, name: str) -> bytes:

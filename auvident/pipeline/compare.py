@@ -1,0 +1,100 @@
+"""Several run directories side by side: coefficients, and errors on what was held out."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from auvident.pipeline.given import Given
+from auvident.pipeline.predict import find_model
+from auvident.storage.run_directory import RunDirectory
+
+if TYPE_CHECKING:
+    from auvident.schema.artifacts import IdentifiedModel
+
+METRICS = "validate/metrics.json"
+
+
+def compare_runs(paths: Sequence[Path]) -> dict[str, Any]:
+    """Coefficients and held-out errors.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Run directories with an identified model.
+
+    Returns
+    -------
+    dict
+        ``runs`` (path, vehicle, plane, filter, model file, maneuvers held out),
+        ``coefficients`` (symbol, unit, and by run value and std; ``apart``: greatest difference
+        from the first run in standard deviations of the difference), ``held_out`` (channel, unit,
+        and by run rmse and nrmse). None stands where a run has no such value.
+
+    Raises
+    ------
+    StageError
+        A run directory without a model.
+    """
+    models = [find_model(path) for path in paths]
+    held_out = [_held_out(path) for path in paths]
+    return {
+        "schema": "auvident/compare/1",
+        "runs": [
+            {
+                "run": str(path), "vehicle": model.vehicle, "plane": model.plane,
+                "filter": model.filter, "engine": model.engine, "plan": model.plan,
+                "model": str(file), "held_out": errors["maneuvers"],
+            }
+            for path, (file, model), errors in zip(paths, models, held_out, strict=True)
+        ],
+        "coefficients": _coefficients([model for _, model in models]),
+        "held_out": _errors([errors["channels"] for errors in held_out]),
+    }  # fmt: skip
+
+
+def _held_out(path: Path) -> dict[str, Any]:
+    """Maneuvers that validate, and pooled errors by channel; empty before `validate`."""
+    given = Given(RunDirectory(path))
+    if not given.has(METRICS):
+        return {"maneuvers": [], "channels": {}}
+    metrics = given.metrics
+    maneuvers = [m.id for m in metrics.maneuvers if m.role == "validate"]
+    return {"maneuvers": maneuvers, "channels": metrics.summary.get("validate", {})}
+
+
+def _coefficients(models: "Sequence[IdentifiedModel]") -> list[dict[str, Any]]:
+    tables = [{c.symbol: c for c in model.coefficients} for model in models]
+    rows = []
+    for symbol in dict.fromkeys(s for table in tables for s in table):
+        found = [table.get(symbol) for table in tables]
+        first = found[0]
+        apart = [
+            abs(c.value - first.value) / (c.std**2 + first.std**2) ** 0.5
+            for c in found[1:]
+            if c is not None and first is not None and c.std + first.std > 0.0
+        ]
+        rows.append(
+            {
+                "symbol": symbol,
+                "unit": next(c.unit for c in found if c is not None),
+                "value": [c.value if c else None for c in found],
+                "std": [c.std if c else None for c in found],
+                "apart": max(apart, default=None),
+            }
+        )
+    return rows
+
+
+def _errors(tables: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    rows = []
+    for channel in dict.fromkeys(c for table in tables for c in table):
+        found = [table.get(channel) for table in tables]
+        rows.append(
+            {
+                "channel": channel,
+                "unit": next(c.unit for c in found if c is not None),
+                "rmse": [c.rmse if c else None for c in found],
+                "nrmse": [c.nrmse if c else None for c in found],
+            }
+        )
+    return rows

@@ -1,0 +1,144 @@
+"""Simulation of a log with the model of a run directory, or of a model file."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from auvident.errors import InputError, StageError
+from auvident.pipeline.observer import Observer
+from auvident.pipeline.steps import announce_compilation
+from auvident.storage.artifacts import read_model
+from auvident.storage.run_directory import MANIFEST, RunDirectory
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from auvident.schema.artifacts import IdentifiedModel
+    from auvident.schema.trial import Trial
+    from auvident.schema.vehicle import Vehicle
+
+# Models of a run directory, the last one that there is goes first.
+MODELS = ("refine/model.json", "identify/model.json")
+VEHICLE = "ingest/vehicle.json"
+USUAL_FINENESS = 8.0  # length over diameter of a survey AUV
+SIGNS_ASSUMED = (
+    "The model stands in no run directory: a positive rudder is taken to turn to port, a positive "
+    "elevator to pitch down. --vehicle V.toml says otherwise."
+)
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """A simulation and what it was made from."""
+
+    trial: str
+    model_file: Path
+    model: "IdentifiedModel"
+    table: "pd.DataFrame"
+
+
+def find_model(target: Path) -> "tuple[Path, IdentifiedModel]":
+    """The model of a run directory (refined, if it was) or of a file.
+
+    Raises
+    ------
+    InputError
+        There is no such file.
+    StageError
+        The run directory has no model, or the file is none.
+    """
+    from auvident.schema.artifacts import IdentifiedModel
+
+    path = target
+    if target.is_dir() or not target.suffix:
+        run = RunDirectory(target)
+        manifest = run.existing()
+        done = {name for entry in manifest.stages.values() for name in entry.outputs}
+        found = [name for name in MODELS if name in done and (target / name).exists()]
+        if not found:
+            raise StageError(
+                "there is no identified model", str(target), f"Run `auvident identify {target}`."
+            )
+        path = target / found[0]
+    elif not target.exists():
+        raise InputError("no such file", str(target), "Give a run directory or a model.json.")
+    return path, read_model(path, IdentifiedModel, "Give a model.json that auvident has written.")
+
+
+def _vehicle_of(
+    model_file: Path, model: "IdentifiedModel", vehicle_file: Path | None, observer: Observer
+) -> "Vehicle":
+    """The vehicle: as given, or of the run directory that the model stands in."""
+    from auvident.schema.vehicle import Vehicle
+    from auvident.storage.vehicle_file import load_vehicle
+
+    if vehicle_file is not None:
+        return load_vehicle(vehicle_file)
+    run = model_file.resolve().parents[1]
+    if (run / MANIFEST).exists() and (run / VEHICLE).exists():
+        return read_model(run / VEHICLE, Vehicle)
+    observer.note(SIGNS_ASSUMED)
+    body = {
+        "name": model.vehicle, "mass_kg": model.rigid_body.mass_kg,
+        "izz_kgm2": model.rigid_body.inertia_kgm2, "origin_from_nose_m": 0.5 * model.length_m,
+    }  # fmt: skip
+    # reading a log takes only the signs from a vehicle; a hull must stand there
+    hull = {"length_m": model.length_m, "diameter_m": model.length_m / USUAL_FINENESS}
+    return Vehicle.model_validate({"vehicle": body, "hull": hull})
+
+
+def _trial(
+    model: "IdentifiedModel", vehicle: "Vehicle", log: Path, column_map: Path | None, rate_hz: float
+) -> "Trial":
+    from auvident.stages.ingest import ingest
+    from auvident.stages.simulate import INPUT_COLUMNS
+    from auvident.storage.logs import read_column_map, read_trials
+
+    needed = INPUT_COLUMNS[model.plane]
+    trials = read_trials([log], read_column_map(column_map) if column_map else None, needed)
+    if len(trials) > 1:
+        names = ", ".join(t.name for t in trials)
+        raise InputError("holds several trials", str(log), f"Give one of them: {names}.")
+    return ingest(trials[0], vehicle, rate_hz=rate_hz, needed=needed)[0]
+
+
+def predict(
+    target: Path,
+    log: Path,
+    *,
+    vehicle_file: Path | None = None,
+    column_map: Path | None = None,
+    rate_hz: float = 10.0,
+    seed: int = 0,
+    observer: Observer,
+    options: Mapping[str, Any],
+) -> Prediction:
+    """Simulate a log with a model.
+
+    Parameters
+    ----------
+    target : Path
+        Run directory or ``model.json``.
+    log : Path
+        With the inputs, and the initial state if there is one.
+    vehicle_file : Path, optional
+        For the signs, where the model stands in no run directory.
+    column_map : Path, optional
+    rate_hz : float
+    seed : int
+        Of the models drawn for the band.
+    observer : Observer
+    options : mapping
+        ``window_s``, ``speed_mps`` and ``samples`` of `auvident.stages.simulate.simulate`.
+    """
+    import numpy as np
+
+    path, model = find_model(target)
+    vehicle = _vehicle_of(path, model, vehicle_file, observer)
+    trial = _trial(model, vehicle, log, column_map, rate_hz)
+    announce_compilation(observer)
+    from auvident.stages.simulate import simulate
+
+    table = simulate(model, trial, rng=np.random.default_rng(seed), **options)
+    return Prediction(trial.name, path, model, table)

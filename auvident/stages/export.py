@@ -1,0 +1,249 @@
+"""An identified model as text for other programs: data, or equations that stand alone."""
+
+import json
+from collections.abc import Callable
+
+from auvident.errors import UsageError
+from auvident.physics.terms import (
+    CONSTANTS,
+    EQUATIONS,
+    PLANE_NAMES,
+    POWERS,
+    VARIABLES,
+    Structure,
+    parameter_vector,
+    structure_of,
+)
+from auvident.schema.artifacts import IdentifiedModel
+
+# Valid in Python and in MATLAB alike.
+POWER_TEXT = {
+    "x": "{0}", "|x|": "abs({0})", "x^2": "{0}*{0}", "x|x|": "{0}*abs({0})", "x^3": "{0}*{0}*{0}",
+}  # fmt: skip
+CONSTANT_NAMES = {
+    "m": "mass", "m x_G": "mass_x_g", "m z_G": "mass_z_g", "I": "inertia",
+    "W-B": "weight_less_buoyancy", "z_G W": "z_g_weight", "x_G W": "x_g_weight",
+}  # fmt: skip
+INPUTS = {
+    "horizontal": ("rudder_rad", "elevator_rad", "rate_rps"),
+    "vertical": ("elevator_rad", "rudder_rad", "rate_rps"),
+}
+ANGLE = {"horizontal": "heading", "vertical": "pitch"}
+
+
+def identifier(symbol: str) -> str:
+    """A coefficient's symbol as a name in a program: ``Y_v|v|`` -> ``Y_v_abs_v``."""
+    stem, bar, rest = symbol.partition("|")
+    return f"{stem}_abs_{rest.rstrip('|')}" if bar else symbol
+
+
+def export(model: IdentifiedModel, form: str) -> str:
+    """The model in another form.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+    form : str
+        A key of `FORMS`.
+
+    Raises
+    ------
+    UsageError
+        Unknown form, or effects in a form that has no room for them.
+    """
+    if form not in FORMS:
+        raise UsageError(f"there is no format {form!r}", "--format", f"One of {', '.join(FORMS)}.")
+    if model.effects and form in EQUATION_FORMS:
+        names = ", ".join(str(effect.get("id", "")) for effect in model.effects)
+        raise UsageError(
+            f"the equations of the effects {names} have no {form} form", "--format",
+            "Export the model of the identification (identify/model.json), or use json.",
+        )  # fmt: skip
+    return FORMS[form](model)
+
+
+def _json(model: IdentifiedModel) -> str:
+    return json.dumps(model.model_dump(by_alias=True), indent=2, ensure_ascii=False) + "\n"
+
+
+def _toml(model: IdentifiedModel) -> str:
+    """A table that can stand in a vehicle file: the next identification starts from it."""
+    lines = [f"# {_title(model)}", "# Dimensional SI values; valid in a vehicle file.", ""]
+    lines.append("[coefficients]")
+    for c in model.coefficients:
+        key = f'"{c.symbol}"' if "|" in c.symbol else c.symbol
+        lines.append(f"{key} = {{ value = {c.value!r}, std = {c.std!r} }}  # {c.unit}")
+    return "\n".join(lines) + "\n"
+
+
+def _csv(model: IdentifiedModel) -> str:
+    lines = ["symbol,value,std,unit,prime,prior,prior_std,origin,data_share"]
+    for c in model.coefficients:
+        numbers = f"{c.prime!r},{c.prior!r},{c.prior_std!r},{c.origin},{c.data_share!r}"
+        lines.append(f"{c.symbol},{c.value!r},{c.std!r},{c.unit},{numbers}")
+    return "\n".join(lines) + "\n"
+
+
+def _title(model: IdentifiedModel) -> str:
+    return f"{model.vehicle}: model of the {model.plane} plane, identified by auvident."
+
+
+def _parameters(model: IdentifiedModel) -> dict[str, float]:
+    """Values by their name in a program."""
+    structure = structure_of(model.plane)
+    p = parameter_vector(model.plane, model.values(), model.rigid_body)
+    names = [CONSTANT_NAMES.get(name, identifier(name)) for name in structure.parameters]
+    return {name: float(value) for name, value in zip(names, p, strict=True)}
+
+
+def _sum(terms: list[tuple[float, str]]) -> str:
+    """Terms with weights +1 or -1 as one expression."""
+    text = "".join(f" {'-' if weight < 0 else '+'} {term}" for weight, term in terms)
+    if text.startswith(" - "):
+        return f"-{text.removeprefix(' - ')}"
+    return text.removeprefix(" + ") or "0.0"
+
+
+def _variables(structure: Structure) -> dict[str, str]:
+    """Name of each variable of the terms in a program."""
+    names = PLANE_NAMES[structure.plane]
+    angle, (own, other, rate) = ANGLE[structure.plane], INPUTS[structure.plane]
+    values = ("u", names["a"], names["b"], f"sin({angle})", f"cos({angle})", own, other, rate)
+    return dict(zip(VARIABLES, values, strict=True))
+
+
+def _name(structure: Structure, parameter: int) -> str:
+    symbol = structure.parameters[parameter]
+    return CONSTANT_NAMES[symbol] if symbol in CONSTANTS else identifier(symbol)
+
+
+def force_expressions(structure: Structure) -> list[str]:
+    """Right-hand side of each equation, from the table of terms."""
+    variables = _variables(structure)
+    forces: list[list[tuple[float, str]]] = [[] for _ in EQUATIONS]
+    for row, weight in zip(structure.terms, structure.weights, strict=True):
+        factors = [_name(structure, int(row[1]))]
+        for variable, power in zip(row[2::2], row[3::2], strict=True):
+            if power >= 0:
+                text = variables[VARIABLES[variable]]
+                factors.append(POWER_TEXT[POWERS[power]].format(text))
+        forces[row[0]].append((float(weight), "*".join(factors)))
+    return [_sum(terms) for terms in forces]
+
+
+def mass_expressions(structure: Structure) -> list[list[str]]:
+    """Elements of the 3x3 mass matrix."""
+    size = range(len(EQUATIONS))
+    elements: list[list[list[tuple[float, str]]]] = [[[] for _ in size] for _ in size]
+    for (i, j, parameter), weight in zip(structure.mass, structure.mass_weights, strict=True):
+        elements[i][j].append((float(weight), _name(structure, int(parameter))))
+    return [[_sum(terms) for terms in row] for row in elements]
+
+
+PYTHON = '''"""{title}
+
+Self-contained: needs only Python. Units SI, angles in radians; x forward, y starboard, z down.
+A positive rudder has its trailing edge to port (the bow turns to port), a positive elevator its
+trailing edge down. States: {states}. Inputs: {inputs} (propeller rate in rev/s).
+"""
+
+from math import cos, sin
+
+{parameters}
+
+MASS = (
+{mass}
+)
+
+
+def derivative(state, inputs):
+    """Time derivative of the state ({states})."""
+    {states} = state
+    {inputs} = inputs
+    force = (
+{forces}
+    )
+    (m00, m01, m02), (m10, m11, m12), (m20, m21, m22) = MASS
+    f0, f1, f2 = force
+    c0, c1, c2 = m11 * m22 - m12 * m21, m12 * m20 - m10 * m22, m10 * m21 - m11 * m20
+    determinant = m00 * c0 + m01 * c1 + m02 * c2
+    du = f0 * c0 + f1 * (m02 * m21 - m01 * m22) + f2 * (m01 * m12 - m02 * m11)
+    da = f0 * c1 + f1 * (m00 * m22 - m02 * m20) + f2 * (m02 * m10 - m00 * m12)
+    db = f0 * c2 + f1 * (m01 * m20 - m00 * m21) + f2 * (m00 * m11 - m01 * m10)
+    return (du / determinant, da / determinant, db / determinant, {rate})
+
+
+def step(state, inputs, dt_s):
+    """State after one step of the classical Runge-Kutta method with constant inputs."""
+    k1 = derivative(state, inputs)
+    k2 = derivative([x + 0.5 * dt_s * k for x, k in zip(state, k1)], inputs)
+    k3 = derivative([x + 0.5 * dt_s * k for x, k in zip(state, k2)], inputs)
+    k4 = derivative([x + dt_s * k for x, k in zip(state, k3)], inputs)
+    slopes = [a + 2.0 * b + 2.0 * c + d for a, b, c, d in zip(k1, k2, k3, k4)]
+    return [x + dt_s / 6.0 * slope for x, slope in zip(state, slopes)]
+
+
+def simulate(state, inputs, dt_s):
+    """States at the start of every step: one row of inputs a step."""
+    states = [list(state)]
+    for row in inputs[:-1]:
+        states.append(step(states[-1], row, dt_s))
+    return states
+'''
+
+MATLAB = """function dx = auvident_model(x, inputs)
+% {title}
+% Units SI, angles in radians; x forward, y starboard, z down. A positive rudder has its trailing
+% edge to port (the bow turns to port), a positive elevator its trailing edge down.
+% x = [{states}], inputs = [{inputs}] (propeller rate in rev/s); dx is a column.
+% Example: [t, x] = ode45(@(t, x) auvident_model(x, [0.1 0 14]), [0 60], [1.4 0 0 0]);
+{parameters}
+{unpack}
+force = [{forces}];
+mass_matrix = [{mass}];
+dx = [mass_matrix \\ force; {rate}];
+end
+"""
+
+
+def _python(model: IdentifiedModel) -> str:
+    structure = structure_of(model.plane)
+    names = PLANE_NAMES[model.plane]
+    indent = " " * 8
+    return PYTHON.format(
+        title=_title(model),
+        states=f"u, {names['a']}, {names['b']}, {ANGLE[model.plane]}",
+        inputs=", ".join(INPUTS[model.plane]),
+        parameters="\n".join(f"{k} = {v!r}" for k, v in _parameters(model).items()),
+        mass="\n".join(f"    ({', '.join(row)})," for row in mass_expressions(structure)),
+        forces="\n".join(f"{indent}{force}," for force in force_expressions(structure)),
+        rate=names["b"],
+    )
+
+
+def _matlab(model: IdentifiedModel) -> str:
+    structure = structure_of(model.plane)
+    names = PLANE_NAMES[model.plane]
+    states = ("u", names["a"], names["b"], ANGLE[model.plane])
+    unpack = [f"{name} = x({i});" for i, name in enumerate(states, start=1)]
+    unpack += [f"{name} = inputs({i});" for i, name in enumerate(INPUTS[model.plane], start=1)]
+    return MATLAB.format(
+        title=_title(model),
+        states=" ".join(states),
+        inputs=" ".join(INPUTS[model.plane]),
+        parameters="\n".join(f"{k} = {v!r};" for k, v in _parameters(model).items()),
+        unpack="\n".join(unpack),
+        forces="; ...\n    ".join(force_expressions(structure)),
+        mass="; ...\n    ".join(", ".join(row) for row in mass_expressions(structure)),
+        rate=names["b"],
+    )
+
+
+FORMS: dict[str, Callable[[IdentifiedModel], str]] = {
+    "json": _json,
+    "toml": _toml,
+    "csv": _csv,
+    "python": _python,
+    "matlab": _matlab,
+}
+EQUATION_FORMS = ("python", "matlab")

@@ -1,0 +1,193 @@
+"""Prediction with an identified model: from the inputs of a log to the motion, with a band."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from auvident.engines.records import STATE_COLUMNS, Record, record_of, sensor_matrix
+from auvident.errors import InputError, NumericsError, UsageError
+from auvident.physics.dynamics import N_STATES, simulate_states
+from auvident.physics.figures_track import dead_reckoning
+from auvident.physics.terms import parameter_vector, structure_of
+from auvident.schema.artifacts import IdentifiedModel, Maneuver
+from auvident.schema.channels import TIME_COLUMN
+from auvident.schema.trial import Trial
+
+Array = npt.NDArray[np.float64]
+
+BAND = (5.0, 95.0)  # percentiles of the uncertainty band
+SAMPLES = 100  # models drawn for it: its edges then rest on some five models each
+LEAST_ROWS = 10  # a shorter stretch of inputs says nothing
+INPUT_COLUMNS = {"horizontal": ("rudder_rad", "rpm"), "vertical": ("elevator_rad", "rpm")}
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """An uninterrupted stretch of inputs, and where its initial speed comes from."""
+
+    record: Record
+    start: Array
+    measured: bool
+
+
+def simulate(
+    model: IdentifiedModel,
+    trial: Trial,
+    *,
+    window_s: tuple[float, float] = (-np.inf, np.inf),
+    speed_mps: float | None = None,
+    samples: int = SAMPLES,
+    rng: np.random.Generator,
+) -> pd.DataFrame:
+    """Predict the motion from the inputs of a trial.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+    trial : Trial
+        With control angle and rpm; measured velocities give the initial state if present.
+    window_s : tuple of float
+        First and last time [s] to simulate.
+    speed_mps : float, optional
+        Initial speed on a straight run, in place of the measured state.
+    samples : int
+        Models drawn from the covariance for the band; 0 for none.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``time_s``, ``stretch`` (number of the uninterrupted stretch), the inputs, the states,
+        in the horizontal plane north and east from the start, and ``..._low``, ``..._high`` of
+        each state: the 5 and 95 % points of the models drawn.
+
+    Raises
+    ------
+    UsageError
+        Nothing to simulate in the window.
+    NumericsError
+        The model runs away; says when.
+    """
+    stretches = _stretches(model, trial, window_s, speed_mps)
+    draws = _draws(model, samples, rng)
+    tables = []
+    for number, stretch in enumerate(stretches):
+        table = _predict(model, stretch, draws, 1.0 / trial.rate_hz)
+        table.insert(1, "stretch", number)
+        tables.append(table)
+    return pd.concat(tables, ignore_index=True)
+
+
+def _stretches(
+    model: IdentifiedModel, trial: Trial, window_s: tuple[float, float], speed: float | None
+) -> list[Stretch]:
+    """Where all inputs are known, within the window."""
+    table = trial.table
+    needed = INPUT_COLUMNS[model.plane]
+    missing = [c for c in needed if c not in table]
+    if missing:
+        raise InputError(f"there is no {missing[0]}", f"trial {trial.name}", "It is an input.")
+    time = table[TIME_COLUMN].to_numpy()
+    known = np.isfinite(table[list(needed)].to_numpy(float)).all(axis=1)
+    known &= (time >= window_s[0]) & (time <= window_s[1])
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], known, [False]))))
+    pairs = [(a, b) for a, b in edges.reshape(-1, 2) if b - a >= LEAST_ROWS]
+    if not pairs:
+        raise UsageError(
+            "there is nothing to simulate: no inputs in the window",
+            f"trial {trial.name}, {time[0]:.1f} to {time[-1]:.1f} s",
+            "Widen --from and --to.",
+        )
+    return [_stretch(model, trial, time[a], time[b - 1], speed) for a, b in pairs]
+
+
+def _stretch(
+    model: IdentifiedModel, trial: Trial, start_s: float, end_s: float, speed: float | None
+) -> Stretch:
+    maneuver = Maneuver(
+        id=trial.name, trial=trial.name, kind="straight", t_start_s=start_s, t_end_s=end_s,
+        role="validate",
+    )  # fmt: skip
+    record = record_of(maneuver, trial, model.plane, sensor_matrix(model.plane, model.sensing))
+    measured = all(c in trial.table for c in STATE_COLUMNS[model.plane][:3])
+    if speed is None and measured and np.isfinite(record.start).all():
+        return Stretch(record, record.start, True)
+    start = np.zeros(N_STATES)
+    start[0] = steady_speed(model, record.inputs[0, 2]) if speed is None else speed
+    return Stretch(record, start, False)
+
+
+def steady_speed(model: IdentifiedModel, rate_rps: float) -> float:
+    """Speed at which thrust and drag balance on a straight run ahead [m/s]; 0 without thrust."""
+    values = model.values()
+    if rate_rps <= 0.0 or values["X_uu"] >= 0.0:
+        return 0.0
+    roots = np.roots(
+        [values["X_uu"], values["T_nu"] * rate_rps, values["T_nn"] * rate_rps**2]
+    )  # X_uu u^2 + T_nu n u + T_nn n^2 = 0
+    real = roots.real[np.abs(roots.imag) < 1e-12]
+    return float(max(real.max(initial=0.0), 0.0))
+
+
+def _draws(model: IdentifiedModel, samples: int, rng: np.random.Generator) -> list[Array]:
+    """Parameter vectors: the model's own first, then some from its covariance."""
+    values = model.values()
+    vectors = [parameter_vector(model.plane, values, model.rigid_body)]
+    symbols = list(model.covariance.get("symbols", ()))
+    if not symbols or samples < 1:
+        return vectors
+    covariance = np.array(model.covariance["matrix"])
+    # eigenvalues may be rounded below zero; the method takes them as zero
+    drawn = rng.multivariate_normal(
+        np.zeros(len(symbols)), covariance, size=samples, method="eigh", check_valid="ignore"
+    )
+    followers = {c.symbol for c in model.coefficients if c.origin == "kinematic"}
+    for deviation in drawn:
+        moved = dict(zip(symbols, deviation, strict=True))
+        for follower in followers:  # N_vdot = Y_rdot, M_wdot = Z_qdot: one added mass
+            moved[follower] = moved.get(_LEADERS[follower], 0.0)
+        changed = {s: v + moved.get(s, 0.0) for s, v in values.items()}
+        vectors.append(parameter_vector(model.plane, changed, model.rigid_body))
+    return vectors
+
+
+_LEADERS = {"N_vdot": "Y_rdot", "M_wdot": "Z_qdot"}
+
+
+def _predict(
+    model: IdentifiedModel, stretch: Stretch, draws: list[Array], dt_s: float
+) -> pd.DataFrame:
+    record = stretch.record
+    runs = [_states(model, stretch, p, dt_s) for p in draws]
+    if not np.isfinite(runs[0]).all():
+        row = int(np.argmin(np.isfinite(runs[0]).all(axis=1)))
+        raise NumericsError(
+            "the simulation runs away",
+            f"{record.id}, {record.time_s[row]:.1f} s",
+            "The inputs lie outside of what the model was identified from.",
+        )
+    columns = {TIME_COLUMN: record.time_s}
+    own, rpm = INPUT_COLUMNS[model.plane]
+    columns |= {own: record.inputs[:, 0], rpm: 60.0 * record.inputs[:, 2]}
+    names = STATE_COLUMNS[model.plane]
+    columns |= {name: runs[0][:, i] for i, name in enumerate(names)}
+    if model.plane == "horizontal":
+        states = runs[0]
+        north, east = dead_reckoning(record.time_s, states[:, 0], states[:, 1], states[:, 3])
+        columns |= {"north_m": north, "east_m": east}
+    stable = [run for run in runs[1:] if np.isfinite(run).all()]
+    if stable:
+        low, high = np.percentile(np.array(stable), BAND, axis=0)
+        for i, name in enumerate(names):
+            columns |= {f"{name}_low": low[:, i], f"{name}_high": high[:, i]}
+    return pd.DataFrame(columns)
+
+
+def _states(model: IdentifiedModel, stretch: Stretch, p: Array, dt_s: float) -> Array:
+    active = np.ones(N_STATES, dtype=bool)
+    return simulate_states(
+        stretch.start, stretch.record.inputs, stretch.record.given, dt_s, p, active,
+        *structure_of(model.plane).arrays,
+    )  # fmt: skip
