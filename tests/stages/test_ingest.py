@@ -101,6 +101,15 @@ def test_sensors_that_never_overlap_are_refused():
         assert word in str(caught.value)
 
 
+def test_an_optional_sensor_outside_the_trial_is_named_and_left_out():
+    depth = sensor("depth", np.arange(500.0, 520.0), depth_m=np.full(20, 3.0))
+    result, quality = ingest(with_sensor(calm(), depth), vehicle())
+    assert "depth_m" not in result.table
+    assert "depth_m" in quality.absent
+    (found,) = [f for f in quality.findings if f.code == "channel_unusable"]
+    assert found.where == "depth.csv"
+
+
 def test_gaps_split_the_record():
     raw = calm(duration_s=40)
     dvl = raw.sensors["dvl"]

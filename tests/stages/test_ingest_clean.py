@@ -146,11 +146,25 @@ def test_held_copies_are_thinned_and_true_samples_are_not():
     np.testing.assert_array_equal(
         np.flatnonzero(keep_one_of_held(held, np.arange(300))), np.arange(0, 300, 5)
     )
-    still = np.repeat(slow, 5)
-    still[100:150] = 0.0  # alongside the pier: nothing changes, samples keep coming
-    kept = keep_one_of_held(sensor("dvl", t, u_mps=still), np.arange(300))
-    np.testing.assert_array_equal(np.flatnonzero(kept), np.arange(0, 300, 5))
+    uneven = np.repeat(slow, np.tile([2, 3], 30))  # 4 Hz in a log of 10 Hz
+    kept = keep_one_of_held(sensor("dvl", np.arange(150) * 0.1, u_mps=uneven), np.arange(150))
+    assert kept.sum() == 60
     assert keep_one_of_held(sensor("dvl", t, u_mps=rng.normal(size=300)), np.arange(300)) is None
+
+
+def test_a_drop_out_filled_with_copies_becomes_a_gap():
+    raw = calm(duration_s=100)
+    noise = 0.005 * np.random.default_rng(1).normal(size=(2, 1000))
+    values = {"u_mps": 1.5 + noise[0], "v_mps": noise[1]}
+    for x in values.values():
+        x[500:530] = x[500]
+    _, quality = ingest(changed(raw, "dvl", values=values), vehicle())
+    assert [(r.t_start_s, r.t_end_s) for r in quality.records] == [(0.0, 50.0), (53.0, 99.9)]
+    assert quality.sensors[0].dropped["held_copy"].count == 29
+    assert "held_copies" in [f.code for f in quality.findings]
+    rest = {"u_mps": np.full(1000, 1.5), "v_mps": np.zeros(1000)}  # no noise: nothing is stuck
+    _, quality = ingest(changed(raw, "dvl", values=rest), vehicle())
+    assert len(quality.records) == 1
 
 
 def test_implausible_values_are_dropped_and_a_wrong_unit_is_refused():

@@ -16,6 +16,9 @@ NORMAL_MAD = 1.4826  # standard deviation over median absolute deviation, normal
 HELD_SENSORS = ("dvl", "gyro", "attitude")  # depth and position may well stand still
 MIN_HELD_RUNS = 20  # fewer changes do not show a pattern
 HELD_QUANTILE = 0.1  # so many of the runs may be shorter than two rows
+STUCK_SENSORS = ("dvl", "gyro")  # a heading is smoothed, and stands still on a straight run
+STUCK_ROWS = 8  # equal rows of a sensor whose noise otherwise hardly ever repeats a value ...
+STUCK_SHARE = 0.05  # ... in less than this share of its rows: a drop-out filled with copies
 
 
 def find_outliers(values: np.ndarray) -> np.ndarray:
@@ -90,9 +93,10 @@ def resolution(values: np.ndarray) -> float:
 
 
 def keep_one_of_held(raw: RawSensor, rows: np.ndarray) -> np.ndarray | None:
-    """Rows that carry a new sample, where a slow sensor is copied into the rows of a faster log.
+    """Rows that carry a new sample, where the last one is copied into the rows that follow.
 
-    Such copies would count one measurement several times and delay it by half its period.
+    Logs of a fast sensor carry copies of a slow one, and some sensors repeat their last value
+    in a drop-out. Copies would count one measurement several times, delay it and hide the gap.
 
     Parameters
     ----------
@@ -104,7 +108,7 @@ def keep_one_of_held(raw: RawSensor, rows: np.ndarray) -> np.ndarray | None:
     Returns
     -------
     numpy.ndarray of bool or None
-        True for the rows to keep, shape (n,); None when the sensor is not held.
+        True for the rows to keep, shape (n,); None when there are no copies.
     """
     if raw.sensor not in HELD_SENSORS or rows.size <= MIN_HELD_RUNS:
         return None
@@ -112,8 +116,15 @@ def keep_one_of_held(raw: RawSensor, rows: np.ndarray) -> np.ndarray | None:
     table = np.where(np.isnan(table), np.inf, table)  # an empty cell equals an empty cell
     starts = np.concatenate(([0], np.flatnonzero((table[:, 1:] != table[:, :-1]).any(axis=0)) + 1))
     lengths = np.diff(np.concatenate((starts, [rows.size])))
-    if lengths.size < MIN_HELD_RUNS or np.quantile(lengths[:-1], HELD_QUANTILE) < 2:
+    first = np.zeros(rows.size, dtype=bool)
+    first[starts] = True
+    if lengths.size < MIN_HELD_RUNS:
         return None
-    typical = int(np.median(lengths))
-    place = np.arange(rows.size) - np.repeat(starts, lengths)
-    return place % typical == 0
+    if np.quantile(lengths[:-1], HELD_QUANTILE) >= 2:
+        return first
+    stuck = (lengths >= STUCK_ROWS) & (raw.sensor in STUCK_SENSORS)
+    known = np.isfinite(table[:, starts]).any(axis=0)  # empty rows are drop-outs as they are
+    repeats = rows.size - lengths.size - int(np.sum((lengths - 1)[~known]))
+    if not (stuck & known).any() or repeats > STUCK_SHARE * rows.size:
+        return None
+    return first | ~np.repeat(stuck & known, lengths)

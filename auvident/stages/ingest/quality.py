@@ -76,11 +76,12 @@ def report(
 
 
 def _unusable(sensors: Mapping[str, CleanSensor]) -> list[Finding]:
-    """Optional channels of the log without a usable sample."""
+    """Optional channels of the log without a usable sample in the trial."""
     return [
         Finding(
             code="channel_unusable",
-            message=f"column {sensor.raw.columns[column]} has no usable sample",
+            message=f"column {sensor.raw.columns[column]} has no usable sample "
+            "in the time that the needed sensors share",
             where=sensor.raw.file,
         )
         for sensor in sensors.values()

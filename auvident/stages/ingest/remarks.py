@@ -97,8 +97,8 @@ def _holds(sensor: SensorQuality) -> Iterator[Finding]:
     if "held_copy" in sensor.dropped:
         yield Finding(
             code="held_copies",
-            message=f"{sensor.sensor} is copied into the rows between its samples; only the rows "
-            f"where it changes were used ({sensor.dropped['held_copy'].count} left out)",
+            message=f"{sensor.sensor} repeats its last sample in "
+            f"{sensor.dropped['held_copy'].count} rows; only the rows where it changes were used",
             where=sensor.file,
             value=sensor.rate_hz,
         )

@@ -1,7 +1,7 @@
 """The ingest stage: clean, find the common clock, resample, check, report."""
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -97,6 +97,8 @@ def ingest(
     plans = {c: _plan(s, k, rate_hz, max_gap_s) for c, s, k in _series(sensors)}
     grid = _common_grid(raw, plans, needed, rate_hz)
     columns = {c: _resample(series, plans[c], grid) for c, series, _ in _series(sensors)}
+    columns = {c: x for c, x in columns.items() if c in needed or np.isfinite(x.values).any()}
+    sensors = {name: _only(k, columns) for name, k in sensors.items()}
     table = _table(grid, columns, needed)
     trial = Trial(raw.name, table, rate_hz)
     return trial, report(raw, trial, vehicle, sensors, plans, columns, needed)
@@ -105,6 +107,11 @@ def ingest(
 def _series(sensors: dict[str, CleanSensor]) -> list[tuple[str, Series, CleanSensor]]:
     found = {c: (c, s, k) for k in sensors.values() for c, s in k.series.items()}
     return [found[c.column] for c in CHANNELS if c.column in found]
+
+
+def _only(sensor: CleanSensor, columns: Collection[str]) -> CleanSensor:
+    """The sensor without channels that have nothing to say within the trial."""
+    return replace(sensor, series={c: s for c, s in sensor.series.items() if c in columns})
 
 
 def _refuse_too_slow(sensors: dict[str, CleanSensor], needed: tuple[str, ...]) -> None:
