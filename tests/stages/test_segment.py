@@ -217,6 +217,20 @@ def test_a_change_of_course_is_no_turn(degrees):
     assert not of_kind(segment([s.trial()]), "turn")
 
 
+def test_a_spin_against_the_rudder_is_no_turn():
+    s = sail()
+    s.zigzag(15 * DEG, 15 * DEG, 6, 900)
+    s.steer(20, 900, s.psi, 0.9, 8 * DEG)
+    s.turn(12 * DEG, 900, 400)
+    trial = s.trial()
+    table = trial.table.copy()
+    spin = table["time_s"] >= s.truth[-1][1]
+    table.loc[spin, "r_radps"] *= -1
+    result = segment([replace(trial, table=table.drop(columns="heading_rad"))])
+    assert not of_kind(result, "turn")
+    assert any("against its rudder" in r.reason for r in result.rejected)
+
+
 def mirrored(trial: Trial) -> Trial:
     table = trial.table.copy()
     for column in ("v_mps", "r_radps", "rudder_rad", "heading_rad"):

@@ -27,6 +27,7 @@ SETTLED_S = 5.0  # an autopilot on its course has kept the rudder small for this
 LEAST_EASED_RAD = np.radians(345)  # two course orders to one side; the rest as for the circle
 
 TOO_LITTLE = "turn: too short, change of heading under constant rudder [deg]"
+AGAINST = "turn: the vehicle turns against its rudder, by [deg]"
 EASED = "turn: an autopilot's change of course, the rudder eases off after a turn of [deg]"
 
 
@@ -70,11 +71,14 @@ def judge_turn(
     piece: Piece, scales: Scales, p: Plateau, least_rad: float
 ) -> tuple[str, float, float] | None:
     """None for a turn, else reason, value, threshold; an empty reason is not worth a word."""
-    change = abs(float(piece.angle[p.stop - 1] - piece.angle[p.start]))
+    turned = float(piece.angle[p.stop - 1] - piece.angle[p.start])
+    change = abs(turned)
     slow = too_slow(piece, scales, p)
     if slow is not None:
         meant = change >= LOOKED_LIKE_RAD or _was_meant(piece, p)
         return f"turn: {slow[0]}" if meant else "", *slow[1:]
+    if change >= least_rad and turned * p.level * scales.drive < 0:
+        return AGAINST, float(np.degrees(change)), 0.0
     if change >= least_rad:
         return None
     reason = "" if change < LOOKED_LIKE_RAD else TOO_LITTLE
