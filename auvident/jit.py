@@ -6,7 +6,9 @@ into a temporary folder of this process, and `cache_is_writable` says so.
 
 import os
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from numba import njit
 
@@ -44,4 +46,4 @@ if not cache_is_writable():
 
     numba.core.config.CACHE_DIR = tempfile.mkdtemp(prefix="auvident-kernels-")
 
-kernel = njit(cache=True)
+kernel: Callable[[Callable[..., Any]], Any] = njit(cache=True)

@@ -8,7 +8,6 @@ one channel costs nothing; then every block is predicted one step.
 import math
 
 import numpy as np
-from auvident.jit import kernel
 
 from auvident.engines.problem import (
     FilterProblem,
@@ -23,6 +22,7 @@ from auvident.estimation.kalman import (
     unscented_weights,
     update_scalar,
 )
+from auvident.jit import kernel
 from auvident.physics.dynamics import (
     N_STATES,
     N_VELOCITIES,

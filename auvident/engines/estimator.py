@@ -4,8 +4,9 @@ A stage starts at the best coefficients so far, but its prior stays the one of t
 the same data through several stages and cycles does not count them several times.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +21,7 @@ from auvident.physics.terms import STATES, Structure
 from auvident.schema.coefficients import BY_SYMBOL, expand
 from auvident.schema.plan import ACTIVE, Plan, PlanStage, System
 
-Array = npt.NDArray[np.float64]
+Array = npt.NDArray[Any]
 ENGINES = {"compiled": compiled.run, "filterpy": reference.run}
 
 LONGEST_CORRELATION_S = 60.0  # lags beyond this are not looked at: longer than any transient
@@ -54,7 +55,7 @@ class Setup:
 
     structure: Structure
     plan: Plan
-    records: dict[str, tuple[str, Record]]
+    records: Mapping[str, tuple[str, Record]]
     dt_s: float
     sensor: Array
     sensor_std: Array
@@ -145,7 +146,7 @@ def effective_noise(
         for c in np.flatnonzero(active):
             seen = np.isfinite(record.measured[:, c])
             values = residual[seen, c]
-            values = np.where(np.isfinite(values), values, _spread(record, c))
+            values = np.where(np.isfinite(values), values, _spread(record, int(c)))
             power[c] += float(values @ values)
             count[c] += values.size
             times[c] += values.size * correlation_time(values, longest)

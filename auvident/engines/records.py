@@ -118,15 +118,23 @@ def stack(records: Sequence[Record], dt_s: float) -> tuple[Records, Array]:
     """Put records side by side, longest first; also returns their start states (k, 4)."""
     ordered = sorted(records, key=lambda record: (-len(record.time_s), record.id))
     lengths = np.array([len(record.time_s) for record in ordered], dtype=np.int64)
-    stacked = []
-    for name in ("inputs", "given", "measured"):
-        width = getattr(ordered[0], name).shape[1]
-        block = np.full((len(ordered), lengths[0], width), np.nan)
-        for j, record in enumerate(ordered):
-            block[j, : lengths[j]] = getattr(record, name)
-        stacked.append(block)
-    starts = np.array([record.start for record in ordered])
-    return Records(tuple(r.id for r in ordered), lengths, *stacked, dt_s), starts
+    records = Records(
+        ids=tuple(record.id for record in ordered),
+        lengths=lengths,
+        inputs=_padded([record.inputs for record in ordered]),
+        given=_padded([record.given for record in ordered]),
+        measured=_padded([record.measured for record in ordered]),
+        dt_s=dt_s,
+    )
+    return records, np.array([record.start for record in ordered])
+
+
+def _padded(blocks: Sequence[Array]) -> Array:
+    """Blocks (n_j, width), longest first, as one array (k, n_0, width) padded with NaN."""
+    padded = np.full((len(blocks), *blocks[0].shape), np.nan)
+    for j, block in enumerate(blocks):
+        padded[j, : len(block)] = block
+    return padded
 
 
 def unit_of(plane: Plane, state: int) -> str:

@@ -1,7 +1,231 @@
-"""The same passes on filterpy's classes: the independent, slow engine."""
+"""The same passes on filterpy's classes: the independent, slow engine.
+
+Only the right-hand side is shared with the compiled engine; prediction, update, sigma points
+and weights are filterpy's own. filterpy updates with all readings of a step at once, in Joseph
+form; the sigma points of the UKF are drawn again after the prediction, so that the process
+noise is in them (filterpy would otherwise leave it out of the innovation covariance).
+"""
+
+import math
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
+from filterpy.kalman import (
+    ExtendedKalmanFilter,
+    MerweScaledSigmaPoints,
+    UnscentedKalmanFilter,
+)
+
+from auvident.engines.problem import (
+    FilterProblem,
+    FilterResult,
+    empty_states,
+    starting_covariance,
+)
+from auvident.errors import NumericsError
+from auvident.physics.dynamics import N_STATES, inverse_mass, step, step_with_sensitivities
+
+Array = npt.NDArray[Any]
+
+BETA = 2.0  # of the unscented transform: Gaussian
 
 
-def run(problem, kind, spread=1.0):
-    raise NotImplementedError
+class _Model:
+    """The augmented system [theta, x_1, ..., x_k] of a problem, as filterpy asks for it."""
+
+    def __init__(self, problem: FilterProblem) -> None:
+        self.problem = problem
+        self.index = problem.active_index
+        self.n_theta, self.n_x = len(problem.free), len(self.index)
+        self.inverse = np.empty((3, 3))
+        self.terms, self.weights, self.mass, self.mass_weights = problem.structure.arrays
+
+    def size(self, alive: int) -> int:
+        return self.n_theta + alive * self.n_x
+
+    def block(self, j: int) -> slice:
+        return slice(self.n_theta + j * self.n_x, self.n_theta + (j + 1) * self.n_x)
+
+    def full_state(self, chi: Array, j: int, t: int) -> Array:
+        x = self.problem.records.given[j, t].copy()
+        x[self.index] = chi[self.block(j)]
+        return x
+
+    def _arguments(self, chi: Array, j: int, t: int, p: Array) -> tuple:
+        records = self.problem.records
+        return (
+            self.full_state(chi, j, t), records.inputs[j, t], records.given[j, t],
+            records.given[j, t + 1], records.dt_s, p, self.inverse, self.problem.active,
+            self.terms, self.weights,
+        )  # fmt: skip
+
+    def _prepare(self, chi: Array) -> Array:
+        p = self.problem.parameters_at(chi[: self.n_theta])
+        inverse_mass(p, self.mass, self.mass_weights, self.problem.active, self.inverse)
+        return p
+
+    def advance(self, chi: Array, t: int) -> Array:
+        """The whole state one step on."""
+        p, moved, out = self._prepare(chi), chi.copy(), np.empty(N_STATES)
+        for j in range((len(chi) - self.n_theta) // self.n_x):
+            step(*self._arguments(chi, j, t, p), out)
+            moved[self.block(j)] = out[self.index]
+        return moved
+
+    def transition(self, chi: Array, t: int) -> tuple[Array, Array]:
+        """The whole state one step on, and its derivative."""
+        p, moved, out = self._prepare(chi), chi.copy(), np.empty(N_STATES)
+        derivative = np.eye(len(chi))
+        for j in range((len(chi) - self.n_theta) // self.n_x):
+            s_x = np.hstack([np.eye(N_STATES), np.zeros((N_STATES, self.n_theta))])
+            step_with_sensitivities(
+                *self._arguments(chi, j, t, p), self.mass, self.mass_weights,
+                self.problem.column, s_x, out,
+            )  # fmt: skip
+            rows = self.block(j)
+            moved[rows] = out[self.index]
+            derivative[rows, : self.n_theta] = s_x[self.index, N_STATES:] * self.problem.scale
+            derivative[rows, rows] = s_x[np.ix_(self.index, self.index)]
+        return moved, derivative
+
+    def readings(self, alive: int, t: int) -> list[tuple[int, int]]:
+        """(record, channel) of every reading at a step."""
+        measured = self.problem.records.measured
+        return [
+            (j, int(c))
+            for j in range(alive)
+            for c in np.flatnonzero(self.problem.channels)
+            if not math.isnan(measured[j, t, c])
+        ]
+
+    def predicted(self, chi: Array, t: int, readings: list[tuple[int, int]]) -> Array:
+        """What the sensors should read."""
+        sensor = self.problem.sensor
+        return np.array(
+            [np.dot(sensor[c], np.where(sensor[c] != 0.0, self.full_state(chi, j, t), 0.0))
+             for j, c in readings]
+        )  # fmt: skip
+
+    def gradient(self, size: int, readings: list[tuple[int, int]]) -> Array:
+        """Derivative of `predicted`."""
+        h = np.zeros((len(readings), size))
+        for row, (j, c) in enumerate(readings):
+            h[row, self.block(j)] = self.problem.sensor[c, self.index]
+        return h
+
+    def noise(self, alive: int) -> Array:
+        """Variance added per step, as a matrix."""
+        per_block = self.problem.process_std[self.index] ** 2 * self.problem.records.dt_s
+        return np.diag(np.concatenate([self.problem.theta_noise, np.tile(per_block, alive)]))
+
+
+class _Ekf(ExtendedKalmanFilter):
+    """filterpy's EKF with the non-linear prediction of `_Model`."""
+
+    moved: Array
+
+    def predict_x(self, u: object = 0) -> None:
+        """Take the state that came with the transition matrix."""
+        self.x = self.moved
+
+
+def run(problem: FilterProblem, kind: str, spread: float = 1.0) -> FilterResult:
+    """One pass of filterpy's EKF or UKF; parameters and errors as `compiled.run`."""
+    model = _Model(problem)
+    lengths = problem.records.lengths
+    n_steps = int(lengths[0])
+    chi = np.concatenate([np.zeros(model.n_theta), problem.start[:, model.index].ravel()])
+    covariance = starting_covariance(problem)
+    whitened, states = empty_states(problem), empty_states(problem)
+    history = np.zeros((n_steps, model.n_theta))
+    history_std = np.zeros((n_steps, model.n_theta))
+    log_likelihood, count = 0.0, 0
+    for t in range(n_steps):
+        alive = int(np.sum(lengths > t))
+        chi, covariance = chi[: model.size(alive)], covariance[: len(chi), : len(chi)]
+        covariance = covariance[: model.size(alive), : model.size(alive)]
+        readings = model.readings(alive, t)
+        if readings:
+            chi, covariance, gained = _update(model, chi, covariance, t, readings, whitened)
+            log_likelihood += gained
+            count += len(readings)
+        history[t], history_std[t] = (
+            chi[: model.n_theta],
+            np.sqrt(np.diag(covariance)[: model.n_theta]),
+        )
+        for j in range(alive):
+            states[j, t] = model.full_state(chi, j, t)
+        alive = int(np.sum(lengths > t + 1))
+        if alive:
+            size = model.size(alive)
+            predict = _predict_ukf if kind == "ukf" else _predict_ekf
+            chi, covariance = predict(model, chi[:size], covariance[:size, :size], t, spread)
+            _refuse_divergence(problem, chi, covariance, t)
+    return FilterResult(
+        problem.parameters_at(chi[: model.n_theta]),
+        covariance[: model.n_theta, : model.n_theta].copy(),
+        problem.parameters[problem.free] + problem.scale * history,
+        problem.scale * history_std,
+        whitened,
+        states,
+        float(log_likelihood),
+        count,
+    )
+
+
+def _update(
+    model: _Model, chi: Array, covariance: Array, t: int, readings: list[tuple[int, int]],
+    whitened: Array,
+) -> tuple[Array, Array, float]:  # fmt: skip
+    """filterpy's update with all readings of a step; the measurement is linear."""
+    ekf = _Ekf(dim_x=len(chi), dim_z=len(readings))
+    ekf.x, ekf.P = chi, covariance
+    ekf.R = np.diag([model.problem.sensor_std[c] ** 2 for _, c in readings])
+    z = np.array([model.problem.records.measured[j, t, c] for j, c in readings])
+    ekf.update(
+        z,
+        HJacobian=lambda x: model.gradient(len(chi), readings),
+        Hx=lambda x: model.predicted(x, t, readings),
+    )
+    factor = np.linalg.cholesky(ekf.S)
+    white = np.linalg.solve(factor, ekf.y)
+    for (j, c), value in zip(readings, white, strict=True):
+        whitened[j, t, c] = value
+    log_likelihood = -0.5 * float(white @ white) - float(np.log(np.diag(factor)).sum())
+    return ekf.x, ekf.P, log_likelihood - 0.5 * len(z) * math.log(2.0 * math.pi)
+
+
+def _predict_ekf(
+    model: _Model, chi: Array, covariance: Array, t: int, spread: float
+) -> tuple[Array, Array]:
+    ekf = _Ekf(dim_x=len(chi), dim_z=1)
+    ekf.x, ekf.P, ekf.Q = chi, covariance, model.noise((len(chi) - model.n_theta) // model.n_x)
+    ekf.moved, ekf.F = model.transition(chi, t)
+    ekf.predict()
+    return ekf.x, ekf.P
+
+
+def _predict_ukf(
+    model: _Model, chi: Array, covariance: Array, t: int, spread: float
+) -> tuple[Array, Array]:
+    n = len(chi)
+    points = MerweScaledSigmaPoints(n, alpha=spread / math.sqrt(n), beta=BETA, kappa=0.0)
+    ukf = UnscentedKalmanFilter(
+        dim_x=n, dim_z=1, dt=model.problem.records.dt_s, hx=lambda x: x[:1],
+        fx=lambda x, dt: model.advance(x, t), points=points,
+    )  # fmt: skip
+    ukf.x, ukf.P = chi, covariance
+    ukf.Q = model.noise((n - model.n_theta) // model.n_x)
+    ukf.predict()
+    return ukf.x, ukf.P
+
+
+def _refuse_divergence(problem: FilterProblem, chi: Array, covariance: Array, t: int) -> None:
+    if np.isfinite(chi).all() and np.isfinite(covariance).all() and (np.diag(covariance) > 0).all():
+        return
+    raise NumericsError(
+        "filterpy's filter diverged",
+        f"{t * problem.records.dt_s:.1f} s after the start of {', '.join(problem.records.ids)}",
+        "Use the compiled engine, which names the maneuver, or narrow the prior.",
+    )

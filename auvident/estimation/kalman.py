@@ -8,6 +8,7 @@ prediction, so only the rows of the blocks are recomputed.
 import math
 
 import numpy as np
+
 from auvident.jit import kernel
 
 

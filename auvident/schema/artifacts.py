@@ -54,7 +54,7 @@ class Rejected(Artifact):
 class Maneuvers(Artifact):
     """``segment/maneuvers.json``."""
 
-    schema_: str = Field("auvident/maneuvers/1", alias="schema")
+    schema_: str = Field(default="auvident/maneuvers/1", alias="schema")
     maneuvers: tuple[Maneuver, ...]
     rejected: tuple[Rejected, ...] = ()
     findings: tuple[Finding, ...] = ()
@@ -164,7 +164,7 @@ class StageRecord(Artifact):
 class IdentifiedModel(Artifact):
     """``identify/model.json`` (and ``refine/model.json``)."""
 
-    schema_: str = Field("auvident/model/1", alias="schema")
+    schema_: str = Field(default="auvident/model/1", alias="schema")
     vehicle: str
     plane: Plane
     filter: Literal["ekf", "ukf"]
@@ -214,7 +214,7 @@ class ManeuverMetrics(Artifact):
 class Metrics(Artifact):
     """``validate/metrics.json``; ``ase`` holds the same for the ASE model alone."""
 
-    schema_: str = Field("auvident/metrics/1", alias="schema")
+    schema_: str = Field(default="auvident/metrics/1", alias="schema")
     maneuvers: tuple[ManeuverMetrics, ...]
     summary: dict[str, dict[str, ChannelMetrics]]
     ase: "Metrics | None" = None

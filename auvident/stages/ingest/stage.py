@@ -33,9 +33,10 @@ from auvident.stages.ingest.resample import (
 )
 
 NEEDED: tuple[str, ...] = tuple(c.column for c in CHANNELS if c.needed)
-# Interpolated rows are flagged and carry no weight in the filters; over a second a vehicle of
-# a few metres turns by a few degrees, so a line still serves segmentation and initial states.
-MAX_GAP_S = 1.0
+# A DVL loses the bottom for a few seconds now and then; a maneuver is not lost with it. The rows
+# between are interpolated, flagged and carry no weight in the filters; they only bridge the
+# segmentation and the channels a decoupled system takes as inputs.
+MAX_GAP_S = 5.0
 MAX_RATE_HZ = 1000.0
 MAX_PERIOD_S = 5.0  # slower velocities or yaw rates do not show a maneuver
 MAX_TICKS = 20_000_000  # some days at 100 Hz; more is a corrupt time stamp

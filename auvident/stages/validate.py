@@ -1,0 +1,270 @@
+"""Validation: re-simulation of whole maneuvers from their initial state and inputs alone."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from auvident.engines.records import Record, record_of, sensor_matrix
+from auvident.physics.dynamics import simulate_states
+from auvident.physics.figures import dead_reckoning, turn_figures, zigzag_figures
+from auvident.physics.terms import parameter_vector, structure_of
+from auvident.schema.artifacts import (
+    ChannelMetrics,
+    Finding,
+    IdentifiedModel,
+    Maneuver,
+    ManeuverMetrics,
+    Maneuvers,
+    Metrics,
+)
+from auvident.schema.coefficients import Plane
+from auvident.schema.trial import Trial
+
+Array = npt.NDArray[np.float64]
+
+# channels of a plane: name, column of the simulation table, unit, column of the trial
+CHANNELS: dict[Plane, tuple[tuple[str, str, str], ...]] = {
+    "horizontal": (
+        ("u", "u_mps", "m/s"), ("v", "v_mps", "m/s"), ("r", "r_radps", "rad/s"),
+        ("heading", "heading_rad", "rad"),
+    ),
+    "vertical": (
+        ("u", "u_mps", "m/s"), ("w", "w_mps", "m/s"), ("q", "q_radps", "rad/s"),
+        ("pitch", "pitch_rad", "rad"),
+    ),
+}  # fmt: skip
+ACTIVE = np.array([True, True, True, True])
+FLAT = 1.0e-12  # a channel that varies less than this has no standard deviation to compare with
+
+
+@dataclass(frozen=True)
+class Validation:
+    """What `validate` returns: the metrics, and measured and simulated channels side by side."""
+
+    metrics: Metrics
+    simulation: pd.DataFrame
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """One maneuver measured and predicted; readings are (n, 4): u, a, b, angle."""
+
+    maneuver: Maneuver
+    record: Record
+    measured: Array
+    predicted: Array
+
+    @property
+    def ran_away(self) -> bool:
+        """Whether the prediction left every bound."""
+        return not bool(np.isfinite(self.predicted).all())
+
+
+def validate(trials: Sequence[Trial], maneuvers: Maneuvers, model: IdentifiedModel) -> Validation:
+    """Predict every maneuver of the model's plane and compare with what was measured.
+
+    A prediction starts from the measured initial state and is given only the logged inputs
+    (rudder, elevator, propeller rate) after that. The same is done with the prior coefficients
+    of the model (the ASE), so that the gain from identification is seen.
+
+    Parameters
+    ----------
+    trials : sequence of Trial
+    maneuvers : Maneuvers
+    model : IdentifiedModel
+
+    Returns
+    -------
+    Validation
+        ``summary`` pools all samples of all maneuvers of a role.
+    """
+    prior = {c.symbol: c.prior for c in model.coefficients}
+    after = predict_all(trials, maneuvers, model, model.values())
+    before = predict_all(trials, maneuvers, model, prior)
+    metrics = _metrics(after, model.plane).model_copy(update={"ase": _metrics(before, model.plane)})
+    tables = [_table(a, b, model.plane) for a, b in zip(after, before, strict=True)]
+    return Validation(metrics, pd.concat(tables, ignore_index=True))
+
+
+def predict_all(
+    trials: Sequence[Trial], maneuvers: Maneuvers, model: IdentifiedModel,
+    coefficients: dict[str, float],
+) -> list[Prediction]:  # fmt: skip
+    """Predictions of every maneuver of the model's plane with given coefficients."""
+    plane = model.plane
+    by_name = {trial.name: trial for trial in trials}
+    sensor = sensor_matrix(plane, model.sensing)
+    p = parameter_vector(plane, coefficients, model.rigid_body)
+    return [
+        _predict(m, by_name[m.trial], plane, sensor, p)
+        for m in maneuvers.maneuvers
+        if m.features.get("plane", "horizontal") == plane
+    ]
+
+
+def _predict(maneuver: Maneuver, trial: Trial, plane: Plane, sensor: Array, p: Array) -> Prediction:
+    record = record_of(maneuver, trial, plane, sensor)
+    dt = 1.0 / trial.rate_hz
+    states = simulate_states(
+        record.start, record.inputs, record.given, dt, p, ACTIVE, *structure_of(plane).arrays
+    )
+    measured = record.measured.copy()
+    if not np.isfinite(measured[:, 3]).any():  # no angle logged: the gyro integrated
+        steps = np.cumsum(record.given[:-1, 2] + record.given[1:, 2]) * dt / 2.0
+        measured[:, 3] = record.start[3] + np.concatenate([[0.0], steps])
+    return Prediction(maneuver, record, measured, states @ sensor.T)
+
+
+def _metrics(predictions: Sequence[Prediction], plane: Plane) -> Metrics:
+    good = [p for p in predictions if not p.ran_away]
+    roles = sorted({p.maneuver.role for p in good})
+    return Metrics(
+        maneuvers=tuple(_one(p, plane) for p in good),
+        summary={
+            role: _pooled([p for p in good if p.maneuver.role == role], plane) for role in roles
+        },
+        findings=tuple(_escaped(p) for p in predictions if p.ran_away),
+    )
+
+
+def _escaped(prediction: Prediction) -> Finding:
+    row = int(np.flatnonzero(~np.isfinite(prediction.predicted).all(axis=1))[0])
+    seconds = prediction.record.time_s[row] - prediction.record.time_s[0]
+    return Finding(
+        code="prediction-ran-away",
+        message=f"the prediction leaves every bound {seconds:.1f} s after the start",
+        where=prediction.maneuver.id,
+        remedy="The model is unstable in this maneuver; it counts in no error of the summary.",
+    )
+
+
+def compare(measured: Array, simulated: Array, unit: str) -> ChannelMetrics | None:
+    """Metrics of one channel; rows that were not measured do not count.
+
+    RMSE; NRMSE = RMSE / standard deviation of the measured channel; R2 = 1 - NRMSE^2; Theil's
+    inequality coefficient = RMSE / (rms measured + rms simulated), 0 perfect, 1 useless.
+
+    Parameters
+    ----------
+    measured, simulated : (n,) or (n, m) array
+        With m columns the errors are vectors (a track).
+
+    Returns
+    -------
+    ChannelMetrics or None
+        None when nothing was measured.
+    """
+    measured, simulated = measured.reshape(len(measured), -1), simulated.reshape(len(simulated), -1)
+    seen = np.isfinite(measured).all(axis=1)
+    if not seen.any():
+        return None
+    m, s = measured[seen], simulated[seen]
+    rmse = float(np.sqrt(np.mean(np.sum((m - s) ** 2, axis=1))))
+    spread = float(np.sqrt(np.sum(np.var(m, axis=0))))
+    size = sum(float(np.sqrt(np.mean(np.sum(x**2, axis=1)))) for x in (m, s))
+    nrmse = rmse / spread if spread > FLAT else 0.0
+    return ChannelMetrics(
+        rmse=rmse,
+        nrmse=nrmse,
+        r2=1.0 - nrmse**2,
+        theil=rmse / size if size > FLAT else 0.0,
+        unit=unit,
+        samples=int(seen.sum()),
+    )
+
+
+def channel_pairs(p: Prediction, plane: Plane) -> Iterable[tuple[str, str, Array, Array]]:
+    """Name, unit, measured and simulated of each channel; angles from the maneuver's start."""
+    for c, (name, _, unit) in enumerate(CHANNELS[plane]):
+        measured, simulated = p.measured[:, c], p.predicted[:, c]
+        if name == "heading":
+            measured, simulated = measured - p.record.start[3], simulated - p.record.start[3]
+        yield name, unit, measured, simulated
+    if plane == "horizontal":
+        yield "track", "m", *tracks(p)
+
+
+def tracks(p: Prediction) -> tuple[Array, Array]:
+    """Dead-reckoned track (n, 2), north and east from the start: measured and predicted."""
+    given = p.record.given
+    angle = np.where(np.isfinite(p.measured[:, 3]), p.measured[:, 3], p.record.given[:, 3])
+    if not np.isfinite(p.record.measured[:, 3]).any():
+        angle = p.measured[:, 3]
+    states = np.column_stack([given[:, :3], angle])
+    return _track(p, states), _track(p, p.predicted)
+
+
+def _track(p: Prediction, states: Array) -> Array:
+    north, east = dead_reckoning(p.record.time_s, states[:, 0], states[:, 1], states[:, 3])
+    return np.column_stack([north, east])
+
+
+def _one(p: Prediction, plane: Plane) -> ManeuverMetrics:
+    channels = {
+        name: metrics
+        for name, unit, measured, simulated in channel_pairs(p, plane)
+        if (metrics := compare(measured, simulated, unit)) is not None
+    }
+    m = p.maneuver
+    figures = {m.kind: _figures(p)} if m.kind in ("turn", "zigzag") else {}
+    return ManeuverMetrics(
+        id=m.id, trial=m.trial, kind=m.kind, role=m.role,
+        duration_s=float(p.record.time_s[-1] - p.record.time_s[0]), channels=channels,
+        **figures,
+    )  # fmt: skip
+
+
+def _figures(p: Prediction) -> dict[str, dict[str, float]]:
+    """Figures of a turn or zigzag, measured and simulated."""
+    found = {}
+    heading = p.measured[:, 3]
+    filled = np.interp(
+        np.arange(len(heading)), np.flatnonzero(np.isfinite(heading)), heading[np.isfinite(heading)]
+    )
+    measured = np.column_stack([p.record.given[:, :3], filled])
+    for name, x in (("measured", measured), ("simulated", p.predicted)):
+        if p.maneuver.kind == "turn":
+            found[name] = turn_figures(
+                p.record.time_s, x[:, 0], x[:, 1], x[:, 2], p.record.inputs[:, 0], x[:, 3]
+            )
+        else:
+            found[name] = zigzag_figures(p.record.time_s, x[:, 3], p.record.inputs[:, 0])
+    return found
+
+
+def _pooled(predictions: Sequence[Prediction], plane: Plane) -> dict[str, ChannelMetrics]:
+    """Metrics over all samples of all maneuvers together."""
+    pooled: dict[str, tuple[str, list[Array], list[Array]]] = {}
+    for p in predictions:
+        for name, unit, measured, simulated in channel_pairs(p, plane):
+            _, m, s = pooled.setdefault(name, (unit, [], []))
+            m.append(measured)
+            s.append(simulated)
+    found = {}
+    for name, (unit, m, s) in pooled.items():
+        metrics = compare(np.concatenate(m), np.concatenate(s), unit)
+        if metrics is not None:
+            found[name] = metrics
+    return found
+
+
+def _table(after: Prediction, before: Prediction, plane: Plane) -> pd.DataFrame:
+    """Measured, simulated and ASE channels of one maneuver with its inputs, row by row."""
+    m, record = after.maneuver, after.record
+    columns: dict[str, object] = {
+        "maneuver": m.id, "trial": m.trial, "kind": m.kind, "role": m.role,
+        "time_s": record.time_s,
+    }  # fmt: skip
+    for c, (_, column, _) in enumerate(CHANNELS[plane]):
+        columns[f"{column}_measured"] = after.measured[:, c]
+        columns[f"{column}_simulated"] = after.predicted[:, c]
+        columns[f"{column}_ase"] = before.predicted[:, c]
+    columns["control_rad"] = record.inputs[:, 0]
+    columns["rpm"] = record.inputs[:, 2] * 60.0
+    if plane == "horizontal":
+        for name, track in zip(("measured", "simulated"), tracks(after), strict=True):
+            columns[f"north_m_{name}"], columns[f"east_m_{name}"] = track[:, 0], track[:, 1]
+    return pd.DataFrame(columns)
