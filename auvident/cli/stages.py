@@ -96,7 +96,7 @@ def exit_code(outputs: Any) -> int:
     return 3 if refused else 0
 
 
-@command("segment", "auvident segment runs/demo --hold-out harbour_trial-zigzag-3")
+@command("segment", "auvident segment runs/demo --hold-out harbour_trial-turn-4")
 @RUN
 @SEGMENT_OPTIONS
 def segment(output: Output, run: Path, hold_out: tuple[str, ...]) -> None:

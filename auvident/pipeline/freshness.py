@@ -142,7 +142,7 @@ def judge_all(run: RunDirectory, manifest: Manifest | None) -> list[Decision]:
     for stage in STAGES:
         decision = judge(stage, run, manifest)
         broken = [s for s in before(stage.name) if decisions[s.name].state != "done"]
-        if broken and decision.state == "done":
+        if broken and decision.state != "missing":
             first = decisions[broken[0].name]
             decision = Decision(stage.name, "stale", f"{first.stage} is {first.state}")
         decisions[stage.name] = decision

@@ -72,7 +72,7 @@ STAGES: tuple[Stage, ...] = (
             "vehicle": None,
             "map": None,
             "rate_hz": 10.0,
-            "max_gap_s": 1.0,
+            "max_gap_s": 5.0,
         },
         sources=steps.ingest_sources,
         paths=("logs", "vehicle", "map"),

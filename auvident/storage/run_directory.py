@@ -140,10 +140,10 @@ class RunDirectory:
         Relative, so that a project can be moved as a whole; absolute where the two share
         nothing but the root.
         """
-        whole = Path(path).resolve()
+        whole = Path(os.path.abspath(path))  # links keep the names that the user gave them
         if whole.is_relative_to(PACKAGE_ROOT):
             return PACKAGE + whole.relative_to(PACKAGE_ROOT).as_posix()
-        here = self.path.resolve()
+        here = Path(os.path.abspath(self.path))
         try:
             if os.path.commonpath([whole, here]) != whole.anchor:
                 return Path(os.path.relpath(whole, here)).as_posix()
@@ -155,7 +155,7 @@ class RunDirectory:
         """Inverse of `remembered`."""
         if remembered.startswith(PACKAGE):
             return PACKAGE_ROOT / remembered.removeprefix(PACKAGE)
-        place = Path(os.path.normpath(self.path.resolve() / remembered))
+        place = Path(os.path.abspath(self.path / remembered))
         here = Path.cwd()
         return place.relative_to(here) if place.is_relative_to(here) else place
 

@@ -1,0 +1,262 @@
+"""The command line: help, examples, output, exit codes."""
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+import pandas as pd
+import pytest
+
+from auvident.cli import COMMANDS, cli
+from auvident.pipeline import STAGES
+from tests.command_line import ENVIRONMENT, PROGRAM, Called
+
+ALL = [name for names in COMMANDS.values() for name in names]
+HELP_SECONDS = 0.3  # what the user is promised; measured on the best of several attempts
+
+
+def command_of(name: str) -> click.Command:
+    found = cli.get_command(click.Context(cli), name)
+    assert found is not None
+    return found
+
+
+def examples_of(name: str) -> list[str]:
+    lines = (command_of(name).epilog or "").splitlines()
+    return [line.strip() for line in lines if line.strip().startswith("auvident ")]
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_every_command_has_help_that_ends_in_an_example(
+    auvident: Callable[..., Called], name: str
+) -> None:
+    called = auvident(name, "--help")
+    assert called.code == 0
+    assert command_of(name).help
+    assert examples_of(name)
+    assert called.out.strip().splitlines()[-1].strip() == examples_of(name)[-1]
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_every_option_is_explained(name: str) -> None:
+    for parameter in command_of(name).params:
+        if isinstance(parameter, click.Option):
+            assert parameter.help, parameter.name
+
+
+@pytest.mark.parametrize("example", [e for name in ALL for e in examples_of(name)])
+def test_every_example_works(
+    demo: Path, auvident: Callable[..., Called], example: str, tmp_path: Path
+) -> None:
+    import shutil
+
+    shutil.copytree(demo, tmp_path / "runs" / "other")
+    called = auvident(*example.split()[1:])
+    assert called.code == 0, called.err
+
+
+def test_every_stage_has_a_command() -> None:
+    assert {stage.name for stage in STAGES} <= set(ALL)
+
+
+def test_help_is_there_at_once() -> None:
+    """Nothing heavy is imported for it; seconds are those of the fastest of five."""
+    seconds = []
+    for _ in range(5):
+        started = time.perf_counter()
+        subprocess.run([PROGRAM, "--help"], check=True, capture_output=True, env=ENVIRONMENT)
+        seconds.append(time.perf_counter() - started)
+    assert min(seconds) < HELP_SECONDS
+    script = "import sys, auvident.cli; print(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", script], check=True, capture_output=True, text=True, env=ENVIRONMENT
+    )
+    heavy = {"numpy", "pandas", "numba", "pydantic", "rich", "scipy", "pyarrow", "matplotlib"}
+    assert not heavy & set(done.stdout.split())
+
+
+@pytest.mark.parametrize("stage", [s for s in STAGES if s.name != "ingest"], ids=lambda s: s.name)
+def test_json_is_the_main_artifact_and_nothing_else(
+    demo: Path, auvident: Callable[..., Called], stage: object
+) -> None:
+    name, main = stage.name, stage.main  # type: ignore[attr-defined]
+    if not main.endswith(".json"):
+        pytest.skip("its main artifact is no JSON")
+    called = auvident(name, demo, "--json")
+    assert called.code == 0, called.err
+    assert called.out.encode() == (demo / main).read_bytes()
+
+
+def test_quiet_says_nothing(demo: Path, auvident: Callable[..., Called]) -> None:
+    called = auvident("run", "--run", demo, "--rate", "5", "--quiet")
+    assert (called.code, called.out, called.err) == (0, "", "")
+
+
+def test_there_is_no_progress_bar_in_a_pipe(demo: Path) -> None:
+    done = subprocess.run(
+        [PROGRAM, "identify", str(demo)], capture_output=True, text=True, env=ENVIRONMENT
+    )
+    assert done.returncode == 0, done.stderr
+    assert "\x1b" not in done.stderr
+    assert "\r" not in done.stderr
+
+
+def test_status_says_what_is_stale_and_why(demo: Path, auvident: Callable[..., Called]) -> None:
+    (demo / "segment" / "maneuvers.json").write_text("[]\n")
+    called = auvident("status", demo, "--json")
+    stages = {s["stage"]: s for s in json.loads(called.out)["stages"]}
+    assert stages["ingest"]["state"] == "done"
+    assert stages["segment"]["state"] == "stale"
+    assert stages["segment"]["reason"] == "segment/maneuvers.json is not as it was written"
+    assert stages["identify"]["reason"] == "segment is stale"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("segmnt", "x"), "segment"),
+        (("segment",), "RUN"),
+        (("ingest", "log", "--run", "r"), "--vehicle"),
+        (("ingest", "--vehicle", "v", "--run", "r"), "LOG"),
+        (("identify", "runs/demo", "--filter", "kalman"), "ukf"),
+        (("segment", "runs/demo", "--hold-out", "nothing"), "nothing"),
+        (("ingest", "sample_logs/harbour_trial", "--vehicle", "sample_logs/remus100.toml",
+          "--run", "runs/new", "--rate", "-3"), "rate"),
+        (("status", "sample_logs/remus100.toml"), "run directory"),
+        (("schema", "nothing"), "vehicle"),
+        (("compare", "runs/demo"), "two"),
+        (("ase", "runs/demo", "--sweep", "a.b=1:2:3"), "--vehicle"),
+    ],
+)  # fmt: skip
+def test_wrong_usage_ends_with_2(
+    demo: Path, auvident: Callable[..., Called], arguments: tuple[str, ...], word: str
+) -> None:
+    called = auvident(*arguments)
+    assert called.code == 2, called.err
+    assert word in called.err
+    assert "Traceback" not in called.err
+    assert called.out == ""
+
+
+def test_a_fault_of_the_program_asks_for_a_report(
+    demo: Path, auvident: Callable[..., Called], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(path: Path) -> None:
+        raise KeyError("oops")
+
+    monkeypatch.setattr("auvident.pipeline.status", fail)
+    called = auvident("status", demo)
+    assert called.code == 70
+    assert "--verbose" in called.err
+    assert "Traceback" not in called.err
+    assert "Traceback" in auvident("status", demo, "--verbose").err
+
+
+def test_interruption_is_no_fault(
+    demo: Path, auvident: Callable[..., Called], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(path: Path) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("auvident.pipeline.status", interrupt)
+    called = auvident("status", demo)
+    assert called.code == 130
+    assert "Traceback" not in called.err
+
+
+def test_ase_of_vehicle_files(demo: Path, auvident: Callable[..., Called]) -> None:
+    files = ("sample_logs/remus100.toml", "sample_logs/tern180.toml")
+    one = json.loads(auvident("ase", "--vehicle", files[0], "--json").out)
+    assert one["vehicle"] == "REMUS 100"
+    assert {"symbol", "plane", "value", "std", "unit", "prime", "parts"} <= set(
+        one["coefficients"][0]
+    )
+    two = json.loads(auvident("ase", *files, "--json").out)
+    assert [result["vehicle"] for result in two] == ["REMUS 100", "Tern 180"]
+
+
+def test_a_sweep_goes_to_a_file(demo: Path, auvident: Callable[..., Called]) -> None:
+    called = auvident(
+        "ase", "--vehicle", "sample_logs/tern180.toml", "--sweep",
+        "rudder.exposed_span_m=0.08:0.16:5", "--output", "sweep.parquet",
+    )  # fmt: skip
+    assert called.code == 0, called.err
+    table = pd.read_parquet("sweep.parquet")
+    assert len(table) == 5
+    assert table["N_uud"].is_monotonic_decreasing  # a larger rudder turns harder
+
+
+def test_coefficients_and_schemas_come_from_the_program(auvident: Callable[..., Called]) -> None:
+    from auvident.pipeline.schemas import SCHEMAS
+    from auvident.schema.coefficients import COEFFICIENTS
+
+    listed = json.loads(auvident("coefficients", "--json").out)["coefficients"]
+    assert [c["symbol"] for c in listed] == [c.symbol for c in COEFFICIENTS]
+    assert all(c.symbol in auvident("coefficients").out for c in COEFFICIENTS)
+    for name in SCHEMAS:
+        schema = json.loads(auvident("schema", name).out)
+        assert properties(schema)
+
+
+def properties(schema: dict) -> dict:
+    """Keys of a schema, of its elements, or of the class it refers to."""
+    if "$ref" in schema:
+        return properties(schema["$defs"][schema["$ref"].rsplit("/", 1)[-1]])
+    found = schema.get("properties") or schema["$defs"]["Maneuver"]["properties"]
+    assert isinstance(found, dict)
+    return found
+
+
+def test_artifacts_fit_their_schemas(demo: Path) -> None:
+    """Every key that an artifact has is in its schema."""
+    from auvident.pipeline.schemas import SCHEMAS, json_schema
+
+    checked = 0
+    for name, (file, _) in SCHEMAS.items():
+        if not (demo / file).exists() or name == "maneuvers":
+            continue
+        tree = json.loads((demo / file).read_text())
+        assert set(tree) <= set(properties(json_schema(name)))
+        checked += 1
+    assert checked >= 4
+
+
+def test_inspect_proposes_a_map_that_works(demo: Path, auvident: Callable[..., Called]) -> None:
+    import shutil
+
+    odd = Path("odd_trial")
+    shutil.copytree("sample_logs/harbour_trial", odd)
+    text = (odd / "rudder.csv").read_text().replace("rudder_deg", "delta_cmd", 1)
+    (odd / "servo.csv").write_text(text)
+    (odd / "rudder.csv").unlink()
+    arguments = ("ingest", odd, "--vehicle", "sample_logs/remus100.toml", "--run", "runs/odd")
+    assert auvident(*arguments).code == 3
+    called = auvident("inspect", odd, "--output", "map.toml")
+    assert called.code == 0
+    assert called.out == ""
+    called = auvident(*arguments, "--map", "map.toml", "--quiet")
+    assert called.code == 0, called.err
+    same = [
+        pd.read_parquet(p)["rudder_rad"]
+        for p in ("runs/odd/ingest/odd_trial.parquet", demo / "ingest/harbour_trial.parquet")
+    ]
+    pd.testing.assert_series_equal(*same)
+
+
+def test_compare_puts_runs_side_by_side(demo: Path, auvident: Callable[..., Called]) -> None:
+    import shutil
+
+    shutil.copytree(demo, "runs/other")
+    auvident("identify", "runs/other", "--filter", "ukf", "--quiet")
+    comparison = json.loads(auvident("compare", demo, "runs/other", "--json").out)
+    assert [run["filter"] for run in comparison["runs"]] == ["ekf", "ukf"]
+    model = json.loads((demo / "identify" / "model.json").read_text())
+    row = next(r for r in comparison["coefficients"] if r["symbol"] == "N_uud")
+    assert row["value"][0] == next(
+        c["value"] for c in model["coefficients"] if c["symbol"] == "N_uud"
+    )
+    assert row["apart"] > 0.0
