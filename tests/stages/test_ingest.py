@@ -13,7 +13,7 @@ from ingest_world import LENGTH_M, calm, changed, maneuvers, sensor, trial, vehi
 from auvident.errors import InputError, UsageError
 from auvident.schema.channels import BY_COLUMN, CHANNELS
 from auvident.schema.logs import Quality, RawTrial
-from auvident.stages.ingest import ingest
+from auvident.stages.ingest import MAX_GAP_S, ingest
 
 
 def codes(quality):
@@ -113,15 +113,15 @@ def test_an_optional_sensor_outside_the_trial_is_named_and_left_out():
 def test_gaps_split_the_record():
     raw = calm(duration_s=40)
     dvl = raw.sensors["dvl"]
-    keep = ~((dvl.time_s > 10.05) & (dvl.time_s < 12.95)) & ~(abs(dvl.time_s - 30.0) < 0.25)
+    keep = ~((dvl.time_s > 10.05) & (dvl.time_s < 16.95)) & ~(abs(dvl.time_s - 30.0) < 0.25)
     cut = replace(dvl, time_s=dvl.time_s[keep], rows=dvl.rows[keep],
                   values={c: x[keep] for c, x in dvl.values.items()})  # fmt: skip
     result, quality = ingest(with_sensor(raw, cut), vehicle())
     table = result.table
     assert [r.record for r in quality.records] == [0, 1]
     assert quality.records[0].t_end_s == 10.0
-    assert quality.records[1].t_start_s == 13.0
-    inside = (table["time_s"] > 10.05) & (table["time_s"] < 12.95)
+    assert quality.records[1].t_start_s == 17.0
+    inside = (table["time_s"] > 10.05) & (table["time_s"] < 16.95)
     assert (table["record"][inside] == -1).all()
     assert table["u_mps"][inside].isna().all()
     assert table["r_radps"].notna().all()
@@ -129,8 +129,8 @@ def test_gaps_split_the_record():
     assert table["u_mps"][bridged].notna().all()
     assert not table["dvl_sampled"][bridged].any()
     (channel, _) = quality.sensors[0].channels
-    assert (channel.gaps, channel.gap_limit_s) == (1, 1.0)
-    assert channel.longest_gap_s == pytest.approx(3.0)
+    assert (channel.gaps, channel.gap_limit_s) == (1, MAX_GAP_S)
+    assert channel.longest_gap_s == pytest.approx(7.0)
 
 
 def test_commands_written_on_change_are_held_and_this_is_said():

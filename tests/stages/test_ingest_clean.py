@@ -158,7 +158,8 @@ def test_a_drop_out_filled_with_copies_becomes_a_gap():
     values = {"u_mps": 1.5 + noise[0], "v_mps": noise[1]}
     for x in values.values():
         x[500:530] = x[500]
-    _, quality = ingest(changed(raw, "dvl", values=values), vehicle())
+    stuck = changed(raw, "dvl", values=values)
+    _, quality = ingest(stuck, vehicle(), max_gap_s=1.0)
     assert [(r.t_start_s, r.t_end_s) for r in quality.records] == [(0.0, 50.0), (53.0, 99.9)]
     assert quality.sensors[0].dropped["held_copy"].count == 29
     assert "held_copies" in [f.code for f in quality.findings]
