@@ -63,6 +63,21 @@ def test_every_stage_has_a_command() -> None:
     assert {stage.name for stage in STAGES} <= set(ALL)
 
 
+@pytest.mark.parametrize("command", ["stage", "run"])
+@pytest.mark.parametrize("stage", STAGES, ids=lambda s: s.name)
+def test_the_help_tells_the_defaults_of_the_stages(
+    auvident: Callable[..., Called], stage: object, command: str
+) -> None:
+    text = auvident(stage.name if command == "stage" else "run", "--help").out  # type: ignore
+    flat = " ".join(text.split())
+    for key, default in stage.options.items():  # type: ignore[attr-defined]
+        if default not in (None, ()):
+            shown = f"{default:g}" if isinstance(default, float) else str(default)
+            option = f"--{key.removesuffix('_hz').removesuffix('_s').replace('_', '-')} "
+            assert option in flat
+            assert f"[default: {shown}]" in flat.split(option, 1)[1].split(" --")[0]
+
+
 def test_help_is_there_at_once() -> None:
     """Nothing heavy is imported for it; seconds are those of the fastest of five."""
     seconds = []
@@ -260,3 +275,40 @@ def test_compare_puts_runs_side_by_side(demo: Path, auvident: Callable[..., Call
         c["value"] for c in model["coefficients"] if c["symbol"] == "N_uud"
     )
     assert row["apart"] > 0.0
+
+
+def test_gates_decide_by_the_held_out_error(demo: Path, auvident: Callable[..., Called]) -> None:
+    metrics = json.loads((demo / "validate" / "metrics.json").read_text())
+    error = metrics["summary"]["validate"]["r"]["rmse"]
+    assert auvident("validate", demo, "--fail-above", f"r={1.001 * error}").code == 0
+    called = auvident("validate", demo, "--fail-above", f"r={0.999 * error}", "--fail-above", "u=9")
+    assert called.code == 1
+    assert "r: RMSE" in called.err
+    assert "u: RMSE" not in called.err
+    assert auvident("run", "--run", demo, "--fail-above", "u=1e-6").code == 1
+    assert auvident("run", "--run", demo, "--fail-above", "u=9").code == 0
+    for wrong in ("nothing=1", "u", "u=x", "=1"):
+        assert auvident("validate", demo, "--fail-above", wrong).code == 2
+
+
+def test_a_gate_with_nothing_held_out_is_not_met(demo: Path) -> None:
+    from auvident.errors import GateError
+    from auvident.pipeline.gates import check_gates
+    from auvident.schema.artifacts import Finding, Metrics
+
+    metrics = Metrics.model_validate_json((demo / "validate" / "metrics.json").read_bytes())
+    identify = {"identify": metrics.summary["identify"]}
+    with pytest.raises(GateError, match="nothing was held out"):
+        check_gates(metrics.model_copy(update={"summary": identify}), {"u": 9.0})
+    escaped = Finding(code="prediction-ran-away", message="", where="zigzag-9")
+    with pytest.raises(GateError, match="runs away"):
+        check_gates(metrics.model_copy(update={"findings": (escaped,)}), {"u": 9.0})
+
+
+def test_json_of_a_whole_run_has_the_main_artifacts(
+    demo: Path, auvident: Callable[..., Called]
+) -> None:
+    called = auvident("run", "--run", demo, "--json")
+    found = json.loads(called.out)
+    assert [d["state"] for d in found["decisions"]] == ["done"] * len(STAGES)
+    assert found["identify"] == json.loads((demo / "identify" / "model.json").read_text())

@@ -204,3 +204,23 @@ def test_noise_is_the_root_mean_square_over_the_trials(demo: Path) -> None:
     noise = Given(RunDirectory(demo)).noise()
     assert 0.001 < noise["u_mps"] < 0.05
     assert "rudder_rad" not in noise
+
+
+def test_a_run_directory_in_use_is_refused(demo: Path, auvident: Callable[..., Called]) -> None:
+    from auvident.storage.run_directory import RunDirectory
+
+    with RunDirectory(demo).lock():
+        called = auvident("segment", demo)
+    assert called.code == 2
+    assert "another auvident process" in called.err
+    assert auvident("status", demo).code == 0
+
+
+def test_a_run_directory_that_cannot_be_written_is_named(
+    demo: Path, auvident: Callable[..., Called]
+) -> None:
+    Path("file").write_text("")
+    called = auvident(*RUN, "file/run")
+    assert called.code == 3
+    assert "file/run" in called.err
+    assert auvident(*RUN, "file").code == 2

@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from auvident.cli.common import PATH, RUN, Output, command, given, options
+from auvident.cli.common import PATH, RUN, Output, command, given, options, parse_limits
 
 LOGS = click.argument("logs", metavar="LOG...", nargs=-1, type=PATH)
 VEHICLE = click.option("--vehicle", type=PATH, help="Vehicle file (TOML).")
@@ -21,7 +21,7 @@ INGEST_OPTIONS = options(
     ),
     click.option(
         "--max-gap", "max_gap_s", type=float, metavar="SECONDS",
-        help="Longest interval between samples that is bridged.  [default: 1]",
+        help="Longest interval between samples that is bridged.  [default: 5]",
     ),
     KEEP_GOING,
 )  # fmt: skip
@@ -41,6 +41,10 @@ IDENTIFY_OPTIONS = options(
     ),
     click.option("--plan", metavar="NAME|FILE", help="Order of the stages.  [default: spiral]"),
 )
+FAIL_ABOVE = click.option(
+    "--fail-above", multiple=True, metavar="CHANNEL=RMSE",
+    help="Exit code 1 when the held-out RMSE of a channel is greater; repeatable.",
+)  # fmt: skip
 SEED = click.option("--seed", type=int, help="Of the random numbers.  [default: 0]")
 
 
@@ -113,6 +117,26 @@ def identify(output: Output, run: Path, **chosen: Any) -> None:
 
 
 @command(
+    "validate",
+    "auvident validate runs/demo",
+    "auvident validate runs/demo --fail-above u=0.2 --fail-above r=0.1",
+)
+@RUN
+@FAIL_ABOVE
+def validate(output: Output, run: Path, fail_above: tuple[str, ...]) -> None:
+    """Simulate the maneuvers from their initial state and inputs; compare with the log.
+
+    The maneuvers that were held out have never been seen by the identification. RMSE in the unit
+    of the channel: m/s, rad/s, rad, m.
+    """
+    from auvident.pipeline.gates import check_gates
+
+    limits = parse_limits(fail_above)
+    outputs = run_one(output, "validate", run)
+    check_gates(outputs["validate/metrics.json"], limits)
+
+
+@command(
     "run",
     "auvident run sample_logs/harbour_trial --vehicle sample_logs/remus100.toml --run runs/demo",
 )
@@ -122,18 +146,21 @@ def identify(output: Output, run: Path, **chosen: Any) -> None:
 @INGEST_OPTIONS
 @SEGMENT_OPTIONS
 @IDENTIFY_OPTIONS
+@FAIL_ABOVE
 @SEED
 def run(
     output: Output, logs: tuple[Path, ...], vehicle: Path | None, run: Path, map_: Path | None,
     rate_hz: float | None, max_gap_s: float | None, keep_going: bool | None,
-    hold_out: tuple[str, ...], seed: int | None, **identify: Any,
+    hold_out: tuple[str, ...], fail_above: tuple[str, ...], seed: int | None, **identify: Any,
 ) -> int:  # fmt: skip
     """Do every stage in order; stages that are up to date are skipped.
 
     Without LOG the logs, the vehicle file and the options of the last run hold.
     """
     from auvident.pipeline import run_all
+    from auvident.pipeline.gates import check_gates
 
+    limits = parse_limits(fail_above)
     chosen: dict[str, dict[str, Any]] = {
         "ingest": given(
             logs=logs, vehicle=vehicle, map=map_, rate_hz=rate_hz, max_gap_s=max_gap_s,
@@ -146,7 +173,32 @@ def run(
     _need(chosen["ingest"].get("logs", ()), chosen["ingest"].get("vehicle"))
     with output.watch(brief=True) as watch:
         result = run_all(run, chosen, seed=seed, observer=watch)
+    if output.json:
+        output.artifact(summary(run, result), "run")
+    if limits:
+        check_gates(given_by(run).metrics, limits)
     return exit_code(result.outputs)
+
+
+def given_by(run: Path) -> Any:
+    """Loader of the artifacts of a run directory."""
+    from auvident.pipeline.given import Given
+    from auvident.storage.run_directory import RunDirectory
+
+    return Given(RunDirectory(run))
+
+
+def summary(run: Path, result: Any) -> dict[str, Any]:
+    """What ``auvident run --json`` prints: the decisions and the main artifacts."""
+    from auvident.pipeline.table import STAGES
+    from auvident.storage.artifacts import read_json
+
+    decisions = [{"stage": d.stage, "state": d.state, "reason": d.reason} for d in result.decisions]
+    mains = {s.name: s.main for s in STAGES}
+    artifacts = {n: read_json(run / p) for n, p in mains.items() if p.endswith(".json")}
+    files = {n: str(run / p) for n, p in mains.items()}
+    found = {"decisions": decisions, "files": files, **artifacts}
+    return {"schema": "auvident/summary/1", "run": str(run), **found}
 
 
 def remembered(path: Path, chosen: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:

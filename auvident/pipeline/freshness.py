@@ -10,7 +10,7 @@ from auvident.pipeline.given import matching
 from auvident.pipeline.table import BY_NAME, STAGES, Stage, before
 from auvident.schema.manifest import Manifest, StageEntry
 from auvident.storage.artifacts import sha256_of
-from auvident.storage.run_directory import RunDirectory
+from auvident.storage.run_directory import PACKAGE, RunDirectory
 
 State = Literal["done", "stale", "missing"]
 
@@ -132,7 +132,7 @@ def _difference(old: Mapping[str, str], new: Mapping[str, str]) -> str:
 
 def _shown(name: str) -> str:
     """A file as a sentence names it: artifacts by path, files elsewhere by folder and name."""
-    parts = [part for part in Path(name).parts if part not in ("..", "/")]
+    parts = [p for p in Path(name.removeprefix(PACKAGE)).parts if p not in ("..", "/")]
     return "/".join(parts[-2:])
 
 

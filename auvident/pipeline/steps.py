@@ -48,11 +48,13 @@ def ingest(given: Given) -> dict[str, Any]:
     if not reports:
         raise refused[0]
     outputs["ingest/vehicle.json"] = vehicle
-    outputs["ingest/quality.json"] = Quality(
-        vehicle=vehicle.body.name,
-        rate_hz=given.options["rate_hz"],
-        trials=tuple(reports),
-        findings=_refused_findings(refused),
+    outputs["ingest/quality.json"] = Quality.model_validate(
+        {
+            "vehicle": vehicle.body.name,
+            "rate_hz": given.options["rate_hz"],
+            "trials": tuple(reports),
+            "findings": _refused_findings(refused),
+        }
     )
     return outputs
 
@@ -220,3 +222,18 @@ def identify(given: Given) -> dict[str, Any]:
         engine=given.options["engine"], progress=given.observer.progress,
     )  # fmt: skip
     return {"identify/model.json": result.model, "identify/history.parquet": result.history}
+
+
+# --- validate -----------------------------------------------------------------------------
+
+
+def validate(given: Given) -> dict[str, Any]:
+    """Re-simulate the maneuvers with the identified model and with the estimate."""
+    announce_compilation(given.observer)
+    from auvident.stages.validate import validate as predict_again
+
+    result = predict_again(given.trials, given.maneuvers, given.model)
+    return {
+        "validate/metrics.json": result.metrics,
+        "validate/simulation.parquet": result.simulation,
+    }

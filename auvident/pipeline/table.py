@@ -109,6 +109,14 @@ STAGES: tuple[Stage, ...] = (
         },
         sources=steps.plan_source,
     ),
+    Stage(
+        "validate",
+        "prediction of the held-out maneuvers",
+        after=("identify",),
+        reads=("ingest/*", "segment/maneuvers.json", "identify/model.json"),
+        main="validate/metrics.json",
+        function=steps.validate,
+    ),
 )
 BY_NAME: dict[str, Stage] = {stage.name: stage for stage in STAGES}
 

@@ -10,13 +10,17 @@ from rich.table import Table
 from rich.text import Text
 
 from auvident.report.ase_tables import ase_report, finding_line
-from auvident.schema.artifacts import Finding, IdentifiedModel, Maneuver
+from auvident.schema.artifacts import ChannelMetrics, Finding, IdentifiedModel, Maneuver, Metrics
 from auvident.schema.logs import Quality
 
 if TYPE_CHECKING:
     import pandas as pd
 
 STATE_STYLES = {"done": "green", "stale": "yellow", "missing": "red"}
+ROLES = {
+    "identify": "Prediction of the maneuvers that identified",
+    "validate": "Prediction of the held-out maneuvers",
+}
 MOST_FINDINGS = 12  # lines of findings a stage; the artifact has all of them
 
 
@@ -117,6 +121,31 @@ def _identify(outputs: Mapping[str, Any]) -> list[RenderableType]:
     return [model_table(model), *findings_lines(model.findings)]
 
 
+def _validate(outputs: Mapping[str, Any]) -> list[RenderableType]:
+    metrics: Metrics = outputs["validate/metrics.json"]
+    pieces: list[RenderableType] = []
+    for role, title in ROLES.items():
+        if role in metrics.summary:
+            before = metrics.ase.summary.get(role, {}) if metrics.ase else {}
+            pieces.append(error_table(title, metrics.summary[role], before))
+    return [*pieces, *findings_lines(metrics.findings)]
+
+
+def error_table(
+    title: str, after: Mapping[str, ChannelMetrics], before: Mapping[str, ChannelMetrics]
+) -> Table:
+    """Errors of the prediction by channel: estimate from geometry, identified model."""
+    columns = ("RMSE, ASE", "RMSE, identified", "NRMSE, ASE", "NRMSE, identified", "R²")
+    table = house_table(title, ("channel", "unit"), columns)
+    for channel, a in after.items():
+        b = before.get(channel)
+        table.add_row(
+            channel, a.unit, number(b.rmse if b else None, 3), number(a.rmse, 3),
+            number(b.nrmse if b else None, 3), number(a.nrmse, 3), f"{a.r2:.3f}",
+        )  # fmt: skip
+    return table
+
+
 def model_table(model: IdentifiedModel) -> Table:
     """Coefficients before and after the data."""
     title = f"{model.vehicle}, {model.plane} plane ({model.filter}, {model.engine})"
@@ -196,4 +225,5 @@ REPORTS: dict[str, Callable[[Mapping[str, Any]], list[RenderableType]]] = {
     "segment": _segment,
     "ase": _ase,
     "identify": _identify,
+    "validate": _validate,
 }

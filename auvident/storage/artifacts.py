@@ -31,7 +31,8 @@ UNIT_SUFFIXES = {
     "_radps": "rad/s", "_degps": "deg/s", "_mps": "m/s", "_rad": "rad", "_deg": "deg",
     "_rpm": "1/min", "_m": "m", "_s": "s",
 }  # fmt: skip
-STD_SUFFIXES = ("_std", "_low", "_high")  # in the unit of what they belong to
+# Added to a name: in the same unit.
+SAME_UNIT_SUFFIXES = ("_std", "_low", "_high", "_measured", "_simulated", "_ase")
 
 
 def json_bytes(artifact: Any, name: str) -> bytes:
@@ -101,7 +102,7 @@ def unit_of(column: str) -> str:
     """Unit of a column of any table; ``bool`` for flags, ``1`` for numbers without unit."""
     if column in BY_COLUMN:
         return BY_COLUMN[column].unit
-    for suffix in STD_SUFFIXES:
+    for suffix in SAME_UNIT_SUFFIXES:
         if column.endswith(suffix):
             return unit_of(column.removesuffix(suffix))
     if column in BY_SYMBOL:
