@@ -265,6 +265,23 @@ def _moved(setup: Setup, parameters: Array, free: Array, theta: Array) -> Array:
     return p
 
 
+def data_information(setup: Setup, outcome: Outcome, stage: PlanStage) -> Array:
+    """Fisher information of the stage's maneuvers about its free coefficients.
+
+    From the exact sensitivities of the free-running prediction, with the effective noise.
+
+    Returns
+    -------
+    (n_free, n_free) array
+        In units of the prior standard deviations.
+    """
+    likelihood = _likelihood(
+        setup, outcome.parameters, outcome.free, stage_records(setup, stage),
+        active_states(stage.system, setup.structure.plane), outcome.noise,
+    )  # fmt: skip
+    return likelihood(np.zeros(len(outcome.free)))[2]
+
+
 def _likelihood(
     setup: Setup, parameters: Array, free: Array, records: list[Record], active: Array,
     noise: Array,

@@ -1,17 +1,49 @@
 """What the data told: shares, correlations, and the directions they left to the prior."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
-# A direction is called unidentifiable when the data add less than this to the prior's
-# information about it: its standard deviation then fell by less than a fifth.
+# A direction is called unseen when the data add less than this to the prior's information
+# about it: its standard deviation then fell by less than a fifth.
 UNSEEN_INFORMATION = 0.5
-SMALL_WEIGHT = 0.15  # components of a direction below this share of the largest are not named
+# Eigenvalues this small beside the largest are zero to rounding: no data of any length or
+# quality would see the direction, it follows from the equations.
+STRUCTURAL_RATIO = 1.0e-10
+SMALL_WEIGHT = 0.1  # components of a direction below this share of the largest are not named
 REPORTED_CORRELATION = 0.3
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A direction in parameter space, in units of the prior standard deviations.
+
+    Attributes
+    ----------
+    weights : (n,) array
+        The largest component is +1.
+    information : float
+        The data's information over the prior's.
+    structural : bool
+        Whether the equations alone hide it.
+    """
+
+    weights: Array
+    information: float
+    structural: bool
+
+    def named(self, symbols: Sequence[str]) -> list[tuple[str, float]]:
+        """Symbols and weights worth naming, largest first."""
+        order = np.argsort(-np.abs(self.weights))
+        return [
+            (symbols[i], round(float(self.weights[i]), 3))
+            for i in order
+            if abs(self.weights[i]) >= SMALL_WEIGHT
+        ]
 
 
 def data_shares(covariance: Array) -> Array:
@@ -44,32 +76,27 @@ def correlations(covariance: Array, symbols: Sequence[str]) -> dict[str, dict[st
     }
 
 
-def combinations(
-    covariance: Array, symbols: Sequence[str]
-) -> list[tuple[list[str], list[float], float]]:
-    """Directions in units of the prior that the data cannot see, least seen first.
+def unseen_directions(information: Array) -> list[Direction]:
+    """Directions that the data cannot see, least seen first.
 
-    Eigenvectors of the data's information relative to the prior's.
+    Parameters
+    ----------
+    information : (n, n) array
+        Fisher information of the data, in units of the prior standard deviations.
 
     Returns
     -------
-    list of (symbols, weights, information)
-        Weights are in prior standard deviations, the largest is +1; information is the data's
-        over the prior's.
+    list of Direction
+        Eigenvectors with less than `UNSEEN_INFORMATION`.
     """
-    information = np.linalg.inv(covariance) - np.eye(len(symbols))
     values, vectors = np.linalg.eigh(0.5 * (information + information.T))
-    found = []
-    for value, vector in zip(values, vectors.T, strict=True):
-        if value >= UNSEEN_INFORMATION:
-            break
-        weights = vector / vector[np.argmax(np.abs(vector))]
-        named = [i for i in np.argsort(-np.abs(weights)) if abs(weights[i]) >= SMALL_WEIGHT]
-        found.append(
-            (
-                [symbols[i] for i in named],
-                [round(float(weights[i]), 3) for i in named],
-                max(float(value), 0.0),
-            )
+    floor = STRUCTURAL_RATIO * max(float(values[-1]), 0.0)
+    return [
+        Direction(
+            vector / vector[np.argmax(np.abs(vector))],
+            max(float(value), 0.0),
+            bool(value <= floor),
         )
-    return found
+        for value, vector in zip(values, vectors.T, strict=True)
+        if value < UNSEEN_INFORMATION
+    ]

@@ -122,6 +122,7 @@ class Combination(Artifact):
     symbols: tuple[str, ...]
     weights: tuple[float, ...]
     information: float
+    structural: bool = False
     meaning: str = ""
 
 

@@ -8,10 +8,21 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from auvident.engines.estimator import Outcome, Setup, run_stage, stage_records
+from auvident.engines.estimator import (
+    Outcome,
+    Setup,
+    data_information,
+    run_stage,
+    stage_records,
+)
 from auvident.engines.records import STATE_COLUMNS, record_of, sensor_matrix
 from auvident.errors import NumericsError
-from auvident.estimation.identifiability import combinations, correlations, data_shares
+from auvident.estimation.identifiability import (
+    Direction,
+    correlations,
+    data_shares,
+    unseen_directions,
+)
 from auvident.physics.terms import Structure, parameter_vector, structure_of, symbol_in
 from auvident.schema.artifacts import (
     AseResult,
@@ -104,12 +115,14 @@ def identify(
         if progress:
             progress(f"cycle {cycle}: {stage.name}", number / len(rounds))
         if not stage_records(setup, stage) and number + 1 < len(rounds):
-            skipped.append(_skipped(stage.name, stage.maneuvers))
+            if cycle == 1:
+                skipped.append(_skipped(stage.name, stage.maneuvers))
             continue
         outcome = run_stage(setup, parameters, stage)
         parameters = outcome.parameters
         done.append((cycle, stage.name, stage.system, outcome))
-    model = _model(setup, sensing, ase, vehicle, done, tuple(dict.fromkeys(skipped)))
+    unseen = unseen_directions(data_information(setup, done[-1][3], rounds[-1][1]))
+    model = _model(setup, sensing, ase, vehicle, done, unseen, tuple(skipped))
     return Identification(model, _history(setup, done))
 
 
@@ -209,7 +222,8 @@ def _skipped(name: str, kinds: Sequence[str]) -> Finding:
 
 def _model(
     setup: Setup, sensing: Sensing, ase: AseResult, vehicle: Vehicle,
-    done: Sequence[tuple[int, str, str, Outcome]], skipped: tuple[Finding, ...],
+    done: Sequence[tuple[int, str, str, Outcome]], unseen: Sequence[Direction],
+    skipped: tuple[Finding, ...],
 ) -> IdentifiedModel:  # fmt: skip
     """Assemble the artifact from the last stage that estimated each coefficient."""
     final = done[-1][3]
@@ -236,12 +250,34 @@ def _model(
         coefficients=rows,
         covariance=_covariance(setup, final, symbols),
         correlations=correlations(final.covariance, symbols),
-        unidentifiable=tuple(
-            Combination(symbols=tuple(s), weights=tuple(w), information=i)
-            for s, w, i in combinations(final.covariance, symbols)
-        ),
+        unidentifiable=tuple(_combination(direction, symbols) for direction in unseen),
         stages=tuple(_stage_record(structure, *entry) for entry in done),
         findings=(*skipped, *_findings(rows, final, symbols)),
+    )
+
+
+def _combination(direction: Direction, symbols: Sequence[str]) -> Combination:
+    """A direction the data cannot see, in words."""
+    named = direction.named(symbols)
+    equations = {BY_SYMBOL[symbol].equation for symbol, _ in named}
+    if not direction.structural:
+        meaning = "these maneuvers hardly show this combination; the prior holds it"
+    elif equations == {"X"}:
+        meaning = (
+            "common scale of the surge equation: only ratios to the inertia can be seen, "
+            "whatever the data; the prior holds it"
+        )
+    else:
+        meaning = (
+            "mixing of the two lateral equations (the mass matrix times any matrix): no data "
+            "can see it; the prior holds it"
+        )
+    return Combination(
+        symbols=tuple(symbol for symbol, _ in named),
+        weights=tuple(weight for _, weight in named),
+        information=direction.information,
+        structural=direction.structural,
+        meaning=meaning,
     )
 
 
