@@ -312,3 +312,19 @@ def test_json_of_a_whole_run_has_the_main_artifacts(
     found = json.loads(called.out)
     assert [d["state"] for d in found["decisions"]] == ["done"] * len(STAGES)
     assert found["identify"] == json.loads((demo / "identify" / "model.json").read_text())
+
+
+def test_the_module_is_the_program_and_ctrl_c_leaves_a_message(demo: Path) -> None:
+    import signal
+
+    process = subprocess.Popen(
+        [sys.executable, "-m", "auvident", "run", "--run", str(demo), "--rate", "20"],
+        stderr=subprocess.PIPE, env=ENVIRONMENT, text=True,
+    )  # fmt: skip
+    assert process.stderr is not None
+    assert process.stderr.readline().startswith("ingest: runs again")
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "Interrupted" in err
+    assert "Traceback" not in err

@@ -1,5 +1,6 @@
 """What runs, what is skipped and why; what a stage leaves in the run directory."""
 
+import contextlib
 import hashlib
 import json
 import shutil
@@ -37,8 +38,9 @@ def test_the_manifest_has_the_hash_of_every_artifact(demo: Path) -> None:
         assert entry["started_at"] <= entry["ended_at"]
         for path, digest in (entry["inputs"] | entry["outputs"]).items():
             assert hashlib.sha256((demo / path).read_bytes()).hexdigest() == digest
-    sources = manifest["stages"]["ingest"]["sources"]
-    assert {Path(s).name for s in sources} >= {"remus100.toml", "dvl.csv", "rudder.csv"}
+    files = {Path(name).name for name in manifest["stages"]["ingest"]["inputs"]}
+    assert files >= {"remus100.toml", "dvl.csv", "rudder.csv"}
+    assert list(manifest["stages"]["identify"]["program_files"]) == ["plans/spiral.toml"]
 
 
 def test_every_file_of_the_run_is_in_the_manifest(demo: Path) -> None:
@@ -224,3 +226,18 @@ def test_a_run_directory_that_cannot_be_written_is_named(
     assert called.code == 3
     assert "file/run" in called.err
     assert auvident(*RUN, "file").code == 2
+
+
+def test_a_plan_of_the_user_is_an_input(demo: Path, auvident: Callable[..., Called]) -> None:
+    import auvident as package
+
+    plan = Path("mine.toml")
+    text = (Path(package.__file__).parent / "plans" / "together.toml").read_text()
+    plan.write_text(text)
+    said = decisions(auvident("run", "--run", demo, "--plan", plan))
+    assert said["identify"].endswith("option plan changed from spiral to ../../mine.toml")
+    plan.write_text(text + "# a remark\n")
+    assert {d.stage: d.reason for d in status(demo)[0]}["identify"] == "mine.toml changed"
+    with contextlib.chdir(demo):  # the plan is found from anywhere
+        said = decisions(auvident("run", "--run", "."))
+    assert said["identify"].endswith("mine.toml changed")

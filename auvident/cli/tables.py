@@ -42,12 +42,13 @@ def schema(output: Output, name: str | None) -> None:
 
     Without NAME the names are listed.
     """
-    from auvident.pipeline.schemas import SCHEMAS, json_schema
+    from auvident.pipeline.schemas import ALIASES, SCHEMAS, json_schema
 
     if name is None:
         output.text("\n".join(f"{key:12s} {file}" for key, (file, _) in SCHEMAS.items()))
         return
-    key = name.removesuffix(".json").removesuffix(".toml")
+    stem = name.removesuffix(".json").removesuffix(".toml")
+    key = ALIASES.get(stem, stem)
     if key not in SCHEMAS:
         raise UsageError(f"there is no schema {name!r}", "schema", f"One of {', '.join(SCHEMAS)}.")
     output.json = True

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from auvident import __version__
-from auvident.pipeline.given import matching
+from auvident.pipeline.given import fits, matching
 from auvident.pipeline.table import BY_NAME, STAGES, Stage, before
 from auvident.schema.manifest import Manifest, StageEntry
 from auvident.storage.artifacts import sha256_of
@@ -62,7 +62,7 @@ def judge(
     reason = (
         _program(entry)
         or (_options(entry, wanted) if wanted else "")
-        or _sources(entry, run, wanted)
+        or _sources(stage, entry, run, wanted)
         or _inputs(stage, entry, run, manifest)
         or _outputs(entry, run)
     )
@@ -92,10 +92,17 @@ def _spelled(value: Any) -> str:
     return ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
 
 
-def _sources(entry: StageEntry, run: RunDirectory, wanted: Wanted | None) -> str:
+def sources_of(stage: Stage, entry: StageEntry) -> dict[str, str]:
+    """Hashes of the files that a stage read from outside, named as by `RunDirectory`."""
+    files = {name: h for name, h in entry.inputs.items() if not fits(name, stage.reads)}
+    return files | {PACKAGE + name: h for name, h in entry.program_files.items()}
+
+
+def _sources(stage: Stage, entry: StageEntry, run: RunDirectory, wanted: Wanted | None) -> str:
+    sources = sources_of(stage, entry)
     if wanted is not None:
-        return _difference(entry.sources, wanted.sources)
-    for name, old in entry.sources.items():
+        return _difference(sources, wanted.sources)
+    for name, old in sources.items():
         now = sha256_of(run.located(name))
         if now is not None and now != old:
             return f"{_shown(name)} changed"
@@ -103,8 +110,9 @@ def _sources(entry: StageEntry, run: RunDirectory, wanted: Wanted | None) -> str
 
 
 def _inputs(stage: Stage, entry: StageEntry, run: RunDirectory, manifest: Manifest) -> str:
+    old = {name: h for name, h in entry.inputs.items() if fits(name, stage.reads)}
     names = matching(manifest, stage.reads)
-    return _difference(entry.inputs, {name: run.sha256(name) or "" for name in names})
+    return _difference(old, {name: run.sha256(name) or "" for name in names})
 
 
 def _outputs(entry: StageEntry, run: RunDirectory) -> str:

@@ -30,7 +30,12 @@ def matching(manifest: Manifest | None, patterns: tuple[str, ...]) -> list[str]:
     """Artifacts of all stages done that match one of the patterns, in order."""
     entries = manifest.stages.values() if manifest else ()
     names = [name for entry in entries for name in entry.outputs]
-    return sorted(n for n in names if any(fnmatchcase(n, pattern) for pattern in patterns))
+    return sorted(name for name in names if fits(name, patterns))
+
+
+def fits(name: str, patterns: tuple[str, ...]) -> bool:
+    """Whether an artifact matches one of the patterns."""
+    return any(fnmatchcase(name, pattern) for pattern in patterns)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from auvident.pipeline.observer import Observer
 from auvident.pipeline.table import BY_NAME, STAGES, Outputs, Stage
 from auvident.schema.manifest import Attempt, Manifest, StageEntry
 from auvident.storage.artifacts import json_bytes, parquet_bytes, sha256_of
-from auvident.storage.run_directory import RunDirectory
+from auvident.storage.run_directory import PACKAGE, RunDirectory
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -174,7 +174,9 @@ def _recorded(value: Any, paths_of: RunDirectory | None) -> Any:
     """An option as JSON keeps it; paths as the run directory remembers them."""
     if isinstance(value, tuple | list):
         return [_recorded(item, paths_of) for item in value]
-    return paths_of.remembered(Path(value)) if paths_of and value is not None else value
+    if paths_of is None or value is None or not Path(value).exists():  # name of a built-in plan
+        return value
+    return paths_of.remembered(Path(value))
 
 
 def _execute(
@@ -203,8 +205,10 @@ def _execute(
     run.commit(content, frozenset(former.outputs if former else ()))
     entry = StageEntry(
         program_version=__version__,
-        inputs=inputs,
-        sources=dict(wanted.sources),
+        inputs=inputs | {k: h for k, h in wanted.sources.items() if not k.startswith(PACKAGE)},
+        program_files={
+            k.removeprefix(PACKAGE): h for k, h in wanted.sources.items() if k.startswith(PACKAGE)
+        },
         options=dict(wanted.options),
         outputs={name: run.sha256(name) or "" for name in content},
         seed=wanted.seed,
@@ -284,4 +288,6 @@ def last_options(path: Path) -> dict[str, dict[str, Any]]:
 def _located(value: Any, run: RunDirectory) -> Any:
     if isinstance(value, list):
         return [run.located(item) for item in value]
-    return run.located(value) if value is not None else None
+    if value is None or not run.located(value).exists():
+        return value
+    return run.located(value)

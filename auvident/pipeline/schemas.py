@@ -22,6 +22,8 @@ SCHEMAS: dict[str, tuple[str, Any]] = {
     "model": ("identify/model.json", IdentifiedModel),
     "metrics": ("validate/metrics.json", Metrics),
 }
+# Other names that users try: the stems of the files.
+ALIASES = {"coefficients": "ase", "manifest": "run"}
 
 
 def json_schema(name: str) -> dict[str, Any]:

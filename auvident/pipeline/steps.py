@@ -174,20 +174,20 @@ def cruising_speed(trials: "list[Trial]") -> float | None:
 # --- identify -----------------------------------------------------------------------------
 
 
-def plan_path(name: str) -> Path:
+def plan_path(name: str | Path) -> Path:
     """File of a plan, which is named by its path or, if it comes with the program, by name."""
     built_in = PLANS / f"{name}.toml"
     if built_in.is_file() and not Path(name).is_file():
         return built_in
-    if not Path(name).is_file() and not name.endswith(".toml"):
+    if not Path(name).is_file() and Path(name).suffix != ".toml":
         known = ", ".join(sorted(p.stem for p in PLANS.glob("*.toml")))
         raise InputError(
-            "there is no such plan", name, f"Give a TOML file or one of the built-in: {known}."
+            "there is no such plan", str(name), f"Give a TOML file or one of the built-in: {known}."
         )
     return Path(name)
 
 
-def read_plan(name: str) -> "Plan":
+def read_plan(name: str | Path) -> "Plan":
     """A plan by its name or file."""
     from auvident.schema.plan import Plan
     from auvident.storage.declared import parse, read_toml

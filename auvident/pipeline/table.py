@@ -108,6 +108,7 @@ STAGES: tuple[Stage, ...] = (
             "plan": "spiral",
         },
         sources=steps.plan_source,
+        paths=("plan",),
     ),
     Stage(
         "validate",

@@ -24,10 +24,10 @@ class StageEntry(Artifact):
     Attributes
     ----------
     inputs, outputs : dict of str to str
-        sha256 by path in the run directory.
-    sources : dict of str to str
-        sha256 of files outside of the run directory, by path; a path that is not absolute is
-        relative to the run directory, one that begins with ``package:`` to the program.
+        sha256 by path, relative to the run directory or absolute. Inputs are artifacts of earlier
+        stages, and the user's files (logs, map, vehicle file, plan).
+    program_files : dict of str to str
+        sha256 of files that come with the program (built-in plans), by path in the package.
     options : dict
         Every option with its value, defaults included; those of ingest name the logs, the
         vehicle file and the map.
@@ -41,7 +41,7 @@ class StageEntry(Artifact):
 
     program_version: str
     inputs: dict[str, str] = {}
-    sources: dict[str, str] = {}
+    program_files: dict[str, str] = {}
     options: dict[str, Any] = {}
     outputs: dict[str, str]
     seed: int | None = None
