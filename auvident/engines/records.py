@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +15,7 @@ from auvident.schema.channels import BY_COLUMN, RECORD_COLUMN, TIME_COLUMN, samp
 from auvident.schema.coefficients import Plane
 from auvident.schema.trial import Trial
 
-Array = npt.NDArray[np.float64]
+Array = npt.NDArray[Any]
 
 # column of each state (u, a, b, angle), of the own and of the other control surface
 STATE_COLUMNS: dict[Plane, tuple[str, str, str, str]] = {
@@ -114,9 +115,9 @@ def _state_at(trial: Trial, plane: Plane, row: int, inverse: Array) -> Array:
     return inverse @ reading
 
 
-def stack(records: Sequence[Record], dt_s: float) -> tuple[Records, Array]:
+def stack(maneuvers: Sequence[Record], dt_s: float) -> tuple[Records, Array]:
     """Put records side by side, longest first; also returns their start states (k, 4)."""
-    ordered = sorted(records, key=lambda record: (-len(record.time_s), record.id))
+    ordered = sorted(maneuvers, key=lambda record: (-len(record.time_s), record.id))
     lengths = np.array([len(record.time_s) for record in ordered], dtype=np.int64)
     records = Records(
         ids=tuple(record.id for record in ordered),

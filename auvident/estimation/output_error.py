@@ -2,13 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from auvident.errors import NumericsError
 
-Array = npt.NDArray[np.float64]
+Array = npt.NDArray[Any]
 
 MAX_ITERATIONS = 40
 COST_TOLERANCE = 1.0e-5  # relative fall of the cost below which the fit has converged

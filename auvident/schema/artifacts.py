@@ -188,6 +188,25 @@ class IdentifiedModel(Artifact):
         return {c.symbol: c.value for c in self.coefficients}
 
 
+class TrialCandidate(Artifact):
+    """A maneuver that could be added to a trial, and what it would add."""
+
+    name: str
+    what: str
+    duration_s: float
+    gain_nats: float
+    shrinks: dict[str, float] = {}
+
+
+class TrialPlan(Artifact):
+    """What `auvident plan-trial` prints: candidate maneuvers, best first."""
+
+    schema_: str = Field(default="auvident/trial-plan/1", alias="schema")
+    vehicle: str
+    plane: Plane
+    candidates: tuple[TrialCandidate, ...]
+
+
 class ChannelMetrics(Artifact):
     """How well one channel of one maneuver (or of all of a role) is predicted."""
 
@@ -227,4 +246,5 @@ ARTIFACTS: dict[str, type[Artifact]] = {
     "ase": AseResult,
     "model": IdentifiedModel,
     "metrics": Metrics,
+    "trial-plan": TrialPlan,
 }
