@@ -192,33 +192,47 @@ def _execute(
     started, clock = _now(), time.perf_counter()
     inputs = {name: run.sha256(name) or "" for name in matching(manifest, stage.reads)}
     given = Given(run, manifest, {**stage.options, **options}, wanted.seed, observer)
-    try:
-        outputs = stage.function(given)
-        content = {name: _bytes(name, artifact) for name, artifact in outputs.items()}
-    except NumericsError as error:
-        _record_failure(stage, run, manifest, wanted, error)
-        raise
+    outputs, content = _call(stage, given, wanted)
     if manifest is None and not run.path.is_dir():
         stack.enter_context(run.lock())
     manifest = manifest or Manifest(program_version=__version__, created_at=started)
     former = manifest.stages.get(stage.name)
     run.commit(content, frozenset(former.outputs if former else ()))
-    entry = StageEntry(
-        program_version=__version__,
-        inputs=inputs | {k: h for k, h in wanted.sources.items() if not k.startswith(PACKAGE)},
-        program_files={
-            k.removeprefix(PACKAGE): h for k, h in wanted.sources.items() if k.startswith(PACKAGE)
-        },
-        options=dict(wanted.options),
-        outputs={name: run.sha256(name) or "" for name in content},
-        seed=wanted.seed,
-        started_at=started,
-        ended_at=_now(),
-        outcome="done_with_findings" if _has_findings(outputs.values()) else "done",
+    entry = _entry(wanted, inputs, started).model_copy(
+        update={
+            "outputs": {name: run.sha256(name) or "" for name in content},
+            "outcome": "done_with_findings" if _has_findings(outputs.values()) else "done",
+        }
     )
     run.save(_with(manifest, stage.name, entry))
     observer.finished(stage.name, outputs, time.perf_counter() - clock)
     return outputs
+
+
+def _call(stage: Stage, given: Given, wanted: Wanted) -> tuple[Outputs, dict[str, bytes]]:
+    """The artifacts of a stage, and the content of their files; a failure is noted."""
+    try:
+        outputs = stage.function(given)
+        return outputs, {name: _bytes(name, artifact) for name, artifact in outputs.items()}
+    except NumericsError as error:
+        _record_failure(stage, given.run, given.manifest, wanted, error)
+        raise
+
+
+def _entry(wanted: Wanted, inputs: Mapping[str, str], started: str) -> StageEntry:
+    """What the manifest says of a stage that has just been called, still without outputs."""
+    files = {k: h for k, h in wanted.sources.items() if not k.startswith(PACKAGE)}
+    program = {k.removeprefix(PACKAGE): h for k, h in wanted.sources.items() if k not in files}
+    return StageEntry(
+        program_version=__version__,
+        inputs={**inputs, **files},
+        program_files=program,
+        options=dict(wanted.options),
+        outputs={},
+        seed=wanted.seed,
+        started_at=started,
+        ended_at=_now(),
+    )
 
 
 def _with(manifest: Manifest, name: str, entry: StageEntry) -> Manifest:
