@@ -1,0 +1,126 @@
+"""Maneuvers run in the model with a helm of its own: it decides from the simulated angle."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from auvident.physics.dynamics import N_STATES, N_VELOCITIES, inverse_mass, step
+from auvident.physics.terms import Structure
+
+Array = npt.NDArray[Any]
+# seconds since the start, angle since the start [rad], last command [rad] -> command, thrust ratio
+Helm = Callable[[float, float, float], tuple[float, float]]
+
+ACTIVE = np.array([True, True, True, True])
+
+
+@dataclass(frozen=True)
+class VirtualRun:
+    """What happened: times (n,), states (n, 4) and inputs (n, 3)."""
+
+    time_s: Array
+    states: Array
+    inputs: Array
+
+
+def zigzag_helm(amplitude_rad: float, switch_rad: float) -> Helm:
+    """Reverse the control each time the angle passes the switching angle on its side.
+
+    Parameters
+    ----------
+    amplitude_rad : float
+        First command; positive turns to port (bow down), so that the angle falls.
+    switch_rad : float
+        Positive.
+    """
+
+    def helm(time: float, angle: float, last: float) -> tuple[float, float]:
+        command = last or amplitude_rad
+        if command * angle < 0.0 and abs(angle) >= switch_rad:
+            command = -command
+        return command, 1.0
+
+    return helm
+
+
+def held_helm(control_rad: float) -> Helm:
+    """Hold the control."""
+    return lambda time, angle, last: (control_rad, 1.0)
+
+
+def thrust_helm(ratios: Sequence[float], level_s: float) -> Helm:
+    """Control amidships, the propeller rate in steps relative to the approach."""
+    return lambda time, angle, last: (0.0, ratios[min(int(time / level_s), len(ratios) - 1)])
+
+
+def combined_helm(control: Helm, thrust: Helm) -> Helm:
+    """Control of one helm, thrust of another."""
+    return lambda t, angle, last: (control(t, angle, last)[0], thrust(t, angle, last)[1])
+
+
+def run_virtual(
+    structure: Structure,
+    p: Array,
+    start: Array,
+    n_rps: float,
+    duration_s: float,
+    helm: Helm,
+    *,
+    dt_s: float = 0.1,
+    rate_limit_radps: float = math.inf,
+) -> VirtualRun:
+    """Run a maneuver in the model.
+
+    Parameters
+    ----------
+    structure, p : Structure, (n_parameters,) array
+    start : (4,) array
+        u, a, b, angle.
+    n_rps : float
+        Propeller rate of the approach.
+    duration_s : float
+    helm : Helm
+    dt_s : float
+    rate_limit_radps : float
+        Of the control surface.
+
+    Returns
+    -------
+    VirtualRun
+        Ends early where the model runs away.
+    """
+    inverse = np.empty((N_VELOCITIES, N_VELOCITIES))
+    inverse_mass(p, structure.mass, structure.mass_weights, ACTIVE, inverse)
+    states, inputs = [np.asarray(start, dtype=float)], []
+    command = control = 0.0
+    for k in range(round(duration_s / dt_s)):
+        x, out = states[-1], np.empty(N_STATES)
+        command, ratio = helm(k * dt_s, x[3] - start[3], command)
+        move = rate_limit_radps * dt_s
+        control += min(max(command - control, -move), move)
+        inputs.append(np.array([control, 0.0, n_rps * ratio]))
+        step(x, inputs[-1], x, x, dt_s, p, inverse, ACTIVE, structure.terms, structure.weights, out)
+        if not np.isfinite(out).all():
+            break
+        states.append(out)
+    n = min(len(inputs), len(states))
+    return VirtualRun(np.arange(n) * dt_s, np.array(states[:n]), np.array(inputs[:n]))
+
+
+def steady_approach(structure: Structure, p: Array, n_rps: float, settle_s: float = 60.0) -> Array:
+    """State (4,) of a straight run at a propeller rate, lateral motion held at zero."""
+    active = np.array([True, False, False, False])
+    inverse = np.empty((N_VELOCITIES, N_VELOCITIES))
+    inverse_mass(p, structure.mass, structure.mass_weights, active, inverse)
+    x, given = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(N_STATES)
+    inputs = np.array([0.0, 0.0, n_rps])
+    for _ in range(round(settle_s / 0.1)):
+        out = np.empty(N_STATES)
+        step(x, inputs, given, given, 0.1, p, inverse, active, structure.terms,
+             structure.weights, out)  # fmt: skip
+        x = out
+    return x
