@@ -1,5 +1,6 @@
 """Validation: re-simulation of whole maneuvers from their initial state and inputs alone."""
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -10,7 +11,8 @@ import pandas as pd
 from auvident.engines.records import Record, record_of, sensor_matrix
 from auvident.physics.dynamics import simulate_states
 from auvident.physics.figures import dead_reckoning, turn_figures, zigzag_figures
-from auvident.physics.terms import parameter_vector, structure_of
+from auvident.physics.terms import Structure, parameter_vector, structure_of
+from auvident.physics.virtual import run_virtual, zigzag_helm
 from auvident.schema.artifacts import (
     ChannelMetrics,
     Finding,
@@ -81,25 +83,26 @@ def validate(trials: Sequence[Trial], maneuvers: Maneuvers, model: IdentifiedMod
     Validation
         ``summary`` pools all samples of all maneuvers of a role.
     """
+    identified = parameter_vector(model.plane, model.values(), model.rigid_body)
     prior = {c.symbol: c.prior for c in model.coefficients}
-    after = predict_all(trials, maneuvers, model, model.values())
-    before = predict_all(trials, maneuvers, model, prior)
-    metrics = _metrics(after, model.plane).model_copy(update={"ase": _metrics(before, model.plane)})
+    estimate = parameter_vector(model.plane, prior, model.rigid_body)
+    after = predict_all(trials, maneuvers, model, identified)
+    before = predict_all(trials, maneuvers, model, estimate)
+    metrics = _metrics(after, model.plane, identified)
+    metrics = metrics.model_copy(update={"ase": _metrics(before, model.plane, estimate)})
     tables = [_table(a, b, model.plane) for a, b in zip(after, before, strict=True)]
     return Validation(metrics, pd.concat(tables, ignore_index=True))
 
 
 def predict_all(
-    trials: Sequence[Trial], maneuvers: Maneuvers, model: IdentifiedModel,
-    coefficients: dict[str, float],
-) -> list[Prediction]:  # fmt: skip
-    """Predictions of every maneuver of the model's plane with given coefficients."""
+    trials: Sequence[Trial], maneuvers: Maneuvers, model: IdentifiedModel, parameters: Array
+) -> list[Prediction]:
+    """Predictions of every maneuver of the model's plane with a parameter vector."""
     plane = model.plane
     by_name = {trial.name: trial for trial in trials}
     sensor = sensor_matrix(plane, model.sensing)
-    p = parameter_vector(plane, coefficients, model.rigid_body)
     return [
-        _predict(m, by_name[m.trial], plane, sensor, p)
+        _predict(m, by_name[m.trial], plane, sensor, parameters)
         for m in maneuvers.maneuvers
         if m.features.get("plane", "horizontal") == plane
     ]
@@ -118,11 +121,11 @@ def _predict(maneuver: Maneuver, trial: Trial, plane: Plane, sensor: Array, p: A
     return Prediction(maneuver, record, measured, states @ sensor.T)
 
 
-def _metrics(predictions: Sequence[Prediction], plane: Plane) -> Metrics:
+def _metrics(predictions: Sequence[Prediction], plane: Plane, parameters: Array) -> Metrics:
     good = [p for p in predictions if not p.ran_away]
     roles = sorted({p.maneuver.role for p in good})
     return Metrics(
-        maneuvers=tuple(_one(p, plane) for p in good),
+        maneuvers=tuple(_one(p, plane, parameters) for p in good),
         summary={
             role: _pooled([p for p in good if p.maneuver.role == role], plane) for role in roles
         },
@@ -202,7 +205,37 @@ def _track(p: Prediction, states: Array) -> Array:
     return np.column_stack([north, east])
 
 
-def _one(p: Prediction, plane: Plane) -> ManeuverMetrics:
+def virtual_zigzag(p: Prediction, structure: Structure, parameters: Array) -> dict[str, float]:
+    """Figures of the same zigzag with the model's own heading deciding when to reverse.
+
+    Amplitude, switching angle, first side, propeller rate and slew of the fin are the measured
+    ones. Empty when the measured zigzag has no figures to repeat.
+    """
+    control, time = p.record.inputs[:, 0], p.record.time_s
+    measured = zigzag_figures(time, _filled(p.measured[:, 3]), control)
+    if "switch_deg" not in measured or "rudder_deg" not in measured:
+        return {}
+    first = control[np.argmax(np.abs(control) >= 0.5 * math.radians(measured["rudder_deg"]))]
+    helm = zigzag_helm(
+        math.copysign(math.radians(measured["rudder_deg"]), first),
+        math.radians(measured["switch_deg"]),
+    )
+    dt = float(time[1] - time[0])
+    run = run_virtual(
+        structure, parameters, p.record.start, float(np.median(p.record.inputs[:, 2])),
+        float(time[-1] - time[0]), helm, dt_s=dt,
+        rate_limit_radps=float(np.abs(np.diff(control)).max()) / dt,
+    )  # fmt: skip
+    return zigzag_figures(run.time_s, run.states[:, 3], run.inputs[:, 0])
+
+
+def _filled(angle: Array) -> Array:
+    """Angle with its gaps bridged by a line."""
+    seen = np.isfinite(angle)
+    return np.interp(np.arange(len(angle)), np.flatnonzero(seen), angle[seen])
+
+
+def _one(p: Prediction, plane: Plane, parameters: Array) -> ManeuverMetrics:
     channels = {
         name: metrics
         for name, unit, measured, simulated in channel_pairs(p, plane)
@@ -210,6 +243,8 @@ def _one(p: Prediction, plane: Plane) -> ManeuverMetrics:
     }
     m = p.maneuver
     figures = {m.kind: _figures(p)} if m.kind in ("turn", "zigzag") else {}
+    if m.kind == "zigzag" and (virtual := virtual_zigzag(p, structure_of(plane), parameters)):
+        figures[m.kind]["virtual"] = virtual
     return ManeuverMetrics(
         id=m.id, trial=m.trial, kind=m.kind, role=m.role,
         duration_s=float(p.record.time_s[-1] - p.record.time_s[0]), channels=channels,
@@ -220,11 +255,7 @@ def _one(p: Prediction, plane: Plane) -> ManeuverMetrics:
 def _figures(p: Prediction) -> dict[str, dict[str, float]]:
     """Figures of a turn or zigzag, measured and simulated."""
     found = {}
-    heading = p.measured[:, 3]
-    filled = np.interp(
-        np.arange(len(heading)), np.flatnonzero(np.isfinite(heading)), heading[np.isfinite(heading)]
-    )
-    measured = np.column_stack([p.record.given[:, :3], filled])
+    measured = np.column_stack([p.record.given[:, :3], _filled(p.measured[:, 3])])
     for name, x in (("measured", measured), ("simulated", p.predicted)):
         if p.maneuver.kind == "turn":
             found[name] = turn_figures(
