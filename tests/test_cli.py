@@ -328,3 +328,16 @@ def test_the_module_is_the_program_and_ctrl_c_leaves_a_message(demo: Path) -> No
     assert process.returncode == 130
     assert "Interrupted" in err
     assert "Traceback" not in err
+
+
+def test_plan_trial_needs_a_model_that_is_up_to_date(
+    demo: Path, auvident: Callable[..., Called]
+) -> None:
+    plan = json.loads(auvident("plan-trial", demo, "--json").out)
+    gains = [c["gain_nats"] for c in plan["candidates"]]
+    assert len(gains) > 3
+    assert gains == sorted(gains, reverse=True)
+    auvident("segment", demo, "--hold-out", "harbour_trial-turn-4", "--quiet")
+    called = auvident("plan-trial", demo)
+    assert called.code == 4
+    assert f"auvident identify {demo}" in called.err

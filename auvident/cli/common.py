@@ -71,7 +71,10 @@ class Group(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """The command, from its module."""
         module = self.module_of.get(cmd_name)
-        return getattr(importlib.import_module(module), cmd_name) if module else None
+        if module is None:
+            return None
+        found: click.Command = getattr(importlib.import_module(module), cmd_name.replace("-", "_"))
+        return found
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """As click does, with the closest name when there is no such command."""

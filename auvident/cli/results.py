@@ -136,3 +136,20 @@ def compare(output: Output, runs: tuple[Path, ...]) -> None:
         for table in comparison_tables(comparison):
             watch.show(table)
     output.artifact(comparison, "compare")
+
+
+@command("plan-trial", "auvident plan-trial runs/demo")
+@RUN
+def plan_trial(output: Output, run: Path) -> None:
+    """Say which further maneuver would tell most about the coefficients.
+
+    Candidates are simulated with the identified model; what each would add is counted as the
+    expected gain of information, and as the factor by which standard deviations would shrink.
+    """
+    from auvident.pipeline.ask import plan_trial as rank
+    from auvident.report.console import trial_plan_table
+
+    with output.watch() as watch:
+        plan = rank(run, watch)
+        watch.show(trial_plan_table(plan))
+    output.artifact(plan, "plan-trial")

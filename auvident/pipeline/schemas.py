@@ -4,7 +4,7 @@ from typing import Any
 
 from pydantic import BaseModel, TypeAdapter
 
-from auvident.schema.artifacts import AseResult, IdentifiedModel, Maneuver, Metrics
+from auvident.schema.artifacts import AseResult, IdentifiedModel, Maneuver, Metrics, TrialPlan
 from auvident.schema.logs import ColumnMap, Quality
 from auvident.schema.manifest import Manifest
 from auvident.schema.plan import Plan
@@ -20,6 +20,7 @@ SCHEMAS: dict[str, tuple[str, Any]] = {
     "maneuvers": ("segment/maneuvers.json", list[Maneuver]),
     "ase": ("ase/coefficients.json", AseResult),
     "model": ("identify/model.json", IdentifiedModel),
+    "trial-plan": ("what plan-trial prints", TrialPlan),
     "metrics": ("validate/metrics.json", Metrics),
 }
 # Other names that users try: the stems of the files.

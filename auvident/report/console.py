@@ -10,7 +10,14 @@ from rich.table import Table
 from rich.text import Text
 
 from auvident.report.ase_tables import ase_report, finding_line
-from auvident.schema.artifacts import ChannelMetrics, Finding, IdentifiedModel, Maneuver, Metrics
+from auvident.schema.artifacts import (
+    ChannelMetrics,
+    Finding,
+    IdentifiedModel,
+    Maneuver,
+    Metrics,
+    TrialPlan,
+)
 from auvident.schema.logs import Quality
 
 if TYPE_CHECKING:
@@ -218,6 +225,17 @@ def log_tables(report: Any) -> list[RenderableType]:
         names = ", ".join(report.unassigned)
         pieces.append(Text(f"No column was found for: {names}", style="yellow"))
     return pieces
+
+
+def trial_plan_table(plan: TrialPlan) -> Table:
+    """Candidate maneuvers, best first."""
+    title = f"{plan.vehicle}, {plan.plane} plane: what another maneuver would add"
+    table = house_table(title, ("maneuver", "what to do"), ("length, s", "gain, nats"))
+    table.add_column("standard deviations shrink by the factor")
+    for c in plan.candidates:
+        shrinks = ", ".join(f"{symbol} {number(f, 2)}" for symbol, f in c.shrinks.items())
+        table.add_row(c.name, c.what, f"{c.duration_s:.0f}", f"{c.gain_nats:.2f}", shrinks)
+    return table
 
 
 REPORTS: dict[str, Callable[[Mapping[str, Any]], list[RenderableType]]] = {
