@@ -60,13 +60,16 @@ class Plan(Declared):
     """The whole plan file.
 
     Stages run in order, `cycles` times round (the spiral); those marked ``once`` run only in
-    the last round. ``observer_time_s`` sets the process noise relative to the measurement
+    the last round. ``start`` gives the factors on the prior values at which the estimation
+    starts; with several, all stages run from each and the results are averaged (Abkowitz's over-
+    and under-estimation). ``observer_time_s`` sets the process noise relative to the measurement
     noise: the filter trusts the model over about this time.
     """
 
     name: str
     description: str = ""
     cycles: Annotated[int, Field(ge=1, le=50)] = 1
+    start: tuple[Annotated[float, Field(gt=0)], ...] = Field((1.0,), min_length=1)
     observer_time_s: Annotated[float, Field(gt=0)] = 30.0
     stage: tuple[PlanStage, ...] = Field(min_length=1)
     tuning: dict[str, Tuning] = {}

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -39,7 +39,7 @@ from auvident.schema.artifacts import (
 )
 from auvident.schema.channels import BY_COLUMN
 from auvident.schema.coefficients import BY_SYMBOL, Plane, prime_unit, symbols_of
-from auvident.schema.plan import Plan
+from auvident.schema.plan import Plan, PlanStage
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 
@@ -54,6 +54,7 @@ ANGLE_STD_RAD = 5.0e-3
 HISTORY_PERIOD_S = 0.5  # the history of the coefficients is stored this often
 NOT_MOVED = 0.05  # data share below which a coefficient stayed where the prior put it
 CORRELATED = 0.95
+STARTS_APART = 1.0  # [std] results of several starts further apart than this are named
 
 
 @dataclass(frozen=True)
@@ -107,23 +108,76 @@ def identify(
         trials, maneuvers, ase, vehicle, noise, plane=plane, plan=plan, filter=filter,
         engine=engine,
     )  # fmt: skip
+    runs = [_run(setup, factor, progress) for factor in plan.start]
+    done, skipped = runs[-1]
+    findings = [*skipped, *_disagreement([run[0][-1].outcome for run in runs], setup)]
+    final = _average(setup, [run[0][-1].outcome for run in runs])
+    unseen = unseen_directions(data_information(setup, final, done[-1].stage))
+    done = [*done[:-1], replace(done[-1], outcome=final)]
+    model = _model(setup, sensing, ase, vehicle, done, unseen, findings)
+    return Identification(model, _history(setup, [step for run in runs for step in run[0]]))
+
+
+@dataclass(frozen=True)
+class Step:
+    """A stage that was run: in which cycle, from which start, and what it left."""
+
+    cycle: int
+    start: float
+    stage: PlanStage
+    outcome: Outcome
+
+
+def _run(
+    setup: Setup, factor: float, progress: Progress | None
+) -> tuple[list[Step], list[Finding]]:
+    """All stages of the plan from the prior values times a factor."""
     parameters = setup.prior.copy()
-    done: list[tuple[int, str, str, Outcome]] = []
-    rounds = plan.rounds()
-    skipped: list[Finding] = []
+    parameters[: len(symbols_of(setup.structure.plane))] *= factor
+    rounds = setup.plan.rounds()
+    done: list[Step] = []
+    skipped = []
     for number, (cycle, stage) in enumerate(rounds):
         if progress:
             progress(f"cycle {cycle}: {stage.name}", number / len(rounds))
         if not stage_records(setup, stage) and number + 1 < len(rounds):
             if cycle == 1:
-                skipped.append(_skipped(stage.name, stage.maneuvers))
+                skipped.append(_skipped(stage))
             continue
         outcome = run_stage(setup, parameters, stage)
         parameters = outcome.parameters
-        done.append((cycle, stage.name, stage.system, outcome))
-    unseen = unseen_directions(data_information(setup, done[-1][3], rounds[-1][1]))
-    model = _model(setup, sensing, ase, vehicle, done, unseen, tuple(skipped))
-    return Identification(model, _history(setup, done))
+        done.append(Step(cycle, factor, stage, outcome))
+    return done, skipped
+
+
+def _average(setup: Setup, outcomes: Sequence[Outcome]) -> Outcome:
+    """Mean of the results of several starts; their scatter adds to the covariance."""
+    if len(outcomes) == 1:
+        return outcomes[0]
+    last = outcomes[-1]
+    values = np.array([o.parameters for o in outcomes])
+    parameters = values.mean(axis=0)
+    away = (values - parameters)[:, last.free] / setup.prior_std[last.free]
+    covariance = last.covariance + away.T @ away / len(outcomes)
+    return replace(last, parameters=parameters, covariance=covariance)
+
+
+def _disagreement(outcomes: Sequence[Outcome], setup: Setup) -> list[Finding]:
+    """Coefficients whose result depends on where the estimation started."""
+    found = []
+    last = outcomes[-1]
+    spread = np.sqrt(np.diag(last.covariance)) * setup.prior_std[last.free]
+    values = np.array([o.parameters[last.free] for o in outcomes])
+    apart = np.ptp(values, axis=0) / spread
+    for column in np.flatnonzero(apart > STARTS_APART):
+        symbol = setup.structure.parameters[last.free[column]]
+        found.append(Finding(
+            code="depends-on-start", where=symbol, value=float(apart[column]),
+            threshold=STARTS_APART,
+            message=f"{symbol} depends on the value the estimation starts from",
+            remedy="More cycles, or another maneuver that shows it.",
+        ))  # fmt: skip
+    return found
 
 
 def prepare(
@@ -211,27 +265,27 @@ def sensing_of(vehicle: Vehicle, noise: Mapping[str, float], plane: Plane) -> Se
     )
 
 
-def _skipped(name: str, kinds: Sequence[str]) -> Finding:
+def _skipped(stage: PlanStage) -> Finding:
     return Finding(
         code="stage-skipped",
-        message=f"stage {name!r} had no maneuver of the kinds {', '.join(kinds)}",
-        where=name,
+        message=f"there is no maneuver of the kinds {', '.join(stage.maneuvers)}",
+        where=f"stage {stage.name!r}",
         remedy="Its coefficients rest on the other maneuvers and on the prior.",
     )
 
 
 def _model(
     setup: Setup, sensing: Sensing, ase: AseResult, vehicle: Vehicle,
-    done: Sequence[tuple[int, str, str, Outcome]], unseen: Sequence[Direction],
-    skipped: tuple[Finding, ...],
+    done: Sequence[Step], unseen: Sequence[Direction],
+    findings: Sequence[Finding],
 ) -> IdentifiedModel:  # fmt: skip
     """Assemble the artifact from the last stage that estimated each coefficient."""
-    final = done[-1][3]
+    final = done[-1].outcome
     structure, plane = setup.structure, setup.structure.plane
     last: dict[int, tuple[Outcome, int]] = {}
-    for *_, outcome in done:
-        for column, position in enumerate(outcome.free):
-            last[int(position)] = (outcome, column)
+    for step in done:
+        for column, position in enumerate(step.outcome.free):
+            last[int(position)] = (step.outcome, column)
     rows = tuple(
         _row(setup, ase, final.parameters, last, structure.index(symbol))
         for symbol in symbols_of(plane)
@@ -251,8 +305,8 @@ def _model(
         covariance=_covariance(setup, final, symbols),
         correlations=correlations(final.covariance, symbols),
         unidentifiable=tuple(_combination(direction, symbols) for direction in unseen),
-        stages=tuple(_stage_record(structure, *entry) for entry in done),
-        findings=(*skipped, *_findings(rows, final, symbols)),
+        stages=tuple(_stage_record(structure, step) for step in done),
+        findings=(*findings, *_findings(rows, final, symbols)),
     )
 
 
@@ -319,10 +373,8 @@ def _row(
     )
 
 
-def _stage_record(
-    structure: Structure, cycle: int, name: str, system: str, outcome: Outcome
-) -> StageRecord:
-    passed = outcome.passed
+def _stage_record(structure: Structure, step: Step) -> StageRecord:
+    outcome, passed = step.outcome, step.outcome.passed
     nis = {}
     if passed is not None:
         for c, column in enumerate(STATE_COLUMNS[structure.plane]):
@@ -330,9 +382,9 @@ def _stage_record(
             if np.isfinite(values).any():
                 nis[column] = float(np.nanmean(values**2))
     return StageRecord(
-        stage=name,
-        cycle=cycle,
-        system=system,
+        stage=step.stage.name,
+        cycle=step.cycle,
+        system=step.stage.system,
         free=tuple(structure.parameters[i] for i in outcome.free),
         maneuvers=outcome.ids,
         samples=outcome.samples,
@@ -374,11 +426,12 @@ def _findings(
     return found
 
 
-def _history(setup: Setup, done: Sequence[tuple[int, str, str, Outcome]]) -> pd.DataFrame:
+def _history(setup: Setup, done: Sequence[Step]) -> pd.DataFrame:
     """Every coefficient and its standard deviation against time, by stage and cycle."""
     pieces = []
     every = max(round(HISTORY_PERIOD_S / setup.dt_s), 1)
-    for order, (cycle, name, _, outcome) in enumerate(done):
+    for order, step in enumerate(done):
+        outcome = step.outcome
         symbols = [setup.structure.parameters[i] for i in outcome.free]
         if outcome.passed is not None:
             rows = slice(0, None, every)
@@ -389,7 +442,7 @@ def _history(setup: Setup, done: Sequence[tuple[int, str, str, Outcome]]) -> pd.
             stds = np.sqrt(np.diag(outcome.covariance))[None, :] * scale
         times = np.arange(len(values)) * every * setup.dt_s
         pieces.append(pd.DataFrame({
-            "order": order, "cycle": cycle, "stage": name,
+            "order": order, "start": step.start, "cycle": step.cycle, "stage": step.stage.name,
             "time_s": np.repeat(times, len(symbols)), "symbol": symbols * len(times),
             "value": values.ravel(), "std": stds.ravel(),
         }))  # fmt: skip
