@@ -18,7 +18,7 @@ from auvident.schema.artifacts import (
     Metrics,
     TrialPlan,
 )
-from auvident.schema.logs import Quality
+from auvident.schema.logs import Quality, SensorQuality, TrialQuality
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,6 +28,7 @@ ROLES = {
     "identify": "Prediction of the maneuvers that identified",
     "validate": "Prediction of the held-out maneuvers",
 }
+MOST_SENSOR_TABLES = 3  # trials; more of them are shown with one row each
 MOST_FINDINGS = 12  # lines of findings a stage; the artifact has all of them
 
 
@@ -66,10 +67,18 @@ def number(value: float | None, digits: int = 4) -> str:
 
 
 def findings_lines(findings: Sequence[Finding]) -> list[RenderableType]:
-    """The first findings, and how many more there are."""
-    lines: list[RenderableType] = [finding_line(f) for f in findings[:MOST_FINDINGS]]
-    if len(findings) > MOST_FINDINGS:
-        lines.append(Text(f"... and {len(findings) - MOST_FINDINGS} more findings", style="dim"))
+    """The first findings, the same of several places as one, and how many more there are."""
+    groups: dict[tuple[str, str], list[Finding]] = {}
+    for finding in findings:
+        groups.setdefault((finding.code, finding.message), []).append(finding)
+    lines: list[RenderableType] = []
+    for same in list(groups.values())[:MOST_FINDINGS]:
+        line = finding_line(same[0])
+        if len(same) > 1:
+            line.append(f" (and {len(same) - 1} more of the same)", style="dim")
+        lines.append(line)
+    if len(groups) > MOST_FINDINGS:
+        lines.append(Text(f"... and {len(groups) - MOST_FINDINGS} more findings", style="dim"))
     return lines
 
 
@@ -84,25 +93,51 @@ def frame_table(title: str, frame: "pd.DataFrame") -> Table:
 def _ingest(outputs: Mapping[str, Any]) -> list[RenderableType]:
     quality: Quality = outputs["ingest/quality.json"]
     pieces: list[RenderableType] = []
-    for trial in quality.trials:
-        title = (
-            f"{trial.trial}: {trial.samples} rows at {trial.rate_hz:g} Hz, "
-            f"{len(trial.records)} uninterrupted records"
-        )
-        table = house_table(title, ("sensor",), ("rows", "used", "rate, Hz", "gaps"))
-        table.add_column("dropped")
-        for s in trial.sensors:
-            dropped: dict[str, int] = {}
-            for where in (s.dropped, *(c.dropped for c in s.channels)):
-                for reason, d in where.items():
-                    dropped[reason] = dropped.get(reason, 0) + d.count
-            table.add_row(
-                s.sensor, str(s.rows_read), str(s.rows_used), number(s.rate_hz, 3),
-                str(max((c.gaps for c in s.channels), default=0)),
-                ", ".join(f"{count} {reason}" for reason, count in dropped.items()),
-            )  # fmt: skip
-        pieces += [table, *findings_lines(trial.findings)]
-    return [*pieces, *findings_lines(quality.findings)]
+    if len(quality.trials) > MOST_SENSOR_TABLES:
+        pieces.append(_trials_table(quality.trials))
+    else:
+        pieces += [_sensors_table(trial) for trial in quality.trials]
+    findings = [f for trial in quality.trials for f in trial.findings]
+    return [*pieces, *findings_lines([*findings, *quality.findings])]
+
+
+def _trials_table(trials: Sequence[TrialQuality]) -> Table:
+    """One row a trial."""
+    table = house_table("Trials", ("trial",), ("rows", "rate, Hz", "length, s", "records"))
+    table.add_column("dropped")
+    for t in trials:
+        dropped = _dropped(t.sensors)
+        table.add_row(
+            t.trial, str(t.samples), f"{t.rate_hz:g}", f"{t.t_end_s - t.t_start_s:.1f}",
+            str(len(t.records)), dropped,
+        )  # fmt: skip
+    return table
+
+
+def _sensors_table(trial: TrialQuality) -> Table:
+    """One row a sensor."""
+    title = (
+        f"{trial.trial}: {trial.samples} rows at {trial.rate_hz:g} Hz, uninterrupted records: "
+        f"{len(trial.records)}"
+    )
+    table = house_table(title, ("sensor",), ("rows", "used", "rate, Hz", "gaps"))
+    table.add_column("dropped")
+    for s in trial.sensors:
+        gaps = max((c.gaps for c in s.channels), default=0)
+        table.add_row(
+            s.sensor, str(s.rows_read), str(s.rows_used), number(s.rate_hz, 3), str(gaps),
+            _dropped((s,)),
+        )  # fmt: skip
+    return table
+
+
+def _dropped(sensors: Sequence[SensorQuality]) -> str:
+    """How many samples were left out, by reason."""
+    count: dict[str, int] = {}
+    for where in (d for s in sensors for d in (s.dropped, *(c.dropped for c in s.channels))):
+        for reason, dropped in where.items():
+            count[reason] = count.get(reason, 0) + dropped.count
+    return ", ".join(f"{n} {reason}" for reason, n in count.items())
 
 
 def _segment(outputs: Mapping[str, Any]) -> list[RenderableType]:
