@@ -1,0 +1,191 @@
+"""Figures as SVG inside a page: one style, colours that follow the page, few points.
+
+A figure is drawn with fixed colours, each of which stands for a CSS variable of the page; so it
+is readable on light and dark ground and in print. Text stays text.
+"""
+
+import io
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+
+Array = npt.NDArray[np.float64]
+
+WIDTH_IN = 11.0  # of a figure over the whole page
+MOST_POINTS = 1600  # of a line: about twice the pixels of a panel
+COORDINATE_DIGITS = 2  # after the point, in SVG units of 1/72 inch
+
+# Colour in the drawing -> variable of the page. The first four are ink and paper; the others,
+# after Okabe and Ito, are told apart by all common kinds of colour vision.
+INK, SOFT, GRID, PAPER = "#101112", "#606162", "#d0d1d2", "#fdfefc"
+BLUE, VERMILLION, GREEN, SKY, PURPLE, ORANGE = (
+    "#0072b2", "#d55e00", "#009e73", "#56b4e9", "#cc79a7", "#e69f00",
+)  # fmt: skip
+VARIABLES = {
+    INK: "--ink", SOFT: "--soft", GRID: "--grid", PAPER: "--paper", BLUE: "--blue",
+    VERMILLION: "--vermillion", GREEN: "--green", SKY: "--sky", PURPLE: "--purple",
+    ORANGE: "--orange",
+}  # fmt: skip
+KIND_COLOURS = {"straight": SKY, "turn": PURPLE, "zigzag": GREEN}
+STYLE: Any = {
+    "svg.fonttype": "none",
+    "text.parse_math": False,  # names are of the user: a dollar sign is a dollar sign
+    "font.family": "DejaVu Sans",
+    "font.size": 9.0,
+    "axes.titlesize": 9.0,
+    "axes.labelsize": 9.0,
+    "axes.titlelocation": "left",
+    "axes.edgecolor": SOFT,
+    "axes.labelcolor": INK,
+    "axes.titlecolor": INK,
+    "axes.facecolor": "none",
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "figure.facecolor": "none",
+    "grid.color": GRID,
+    "grid.linewidth": 0.6,
+    "text.color": INK,
+    "xtick.color": SOFT,
+    "ytick.color": SOFT,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "lines.linewidth": 1.1,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "hatch.linewidth": 0.6,
+    "path.simplify": True,
+    "path.simplify_threshold": 0.3,
+}
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Style of the report, for figures made and drawn inside."""
+    with rc_context(STYLE):
+        yield
+
+
+def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
+    """An empty figure with its own canvas."""
+    figure = Figure(figsize=(width_in, height_in))
+    FigureCanvasSVG(figure)
+    return figure
+
+
+def svg(figure: Figure, name: str, caption: str) -> str:
+    """A figure as an SVG element that may stand in an HTML page with others.
+
+    Parameters
+    ----------
+    figure : Figure
+    name : str
+        Different for each figure of the page: identifiers inside derive from it.
+    caption : str
+        What it shows, for those who cannot see it.
+    """
+    stream = io.StringIO()
+    with rc_context({"svg.hashsalt": name}):
+        figure.savefig(stream, format="svg", metadata={"Date": None})
+    text = stream.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(r'<g id="[^"]*"', "<g", text)  # the same in every figure
+    text = re.sub(r"<!--.*?-->\n?", "", text, flags=re.DOTALL)
+    text = text.replace("xlink:href", "href")
+    text = re.sub(r"<[^>]*>", lambda tag: _shorter(tag.group()), text)  # not what stands between
+    return re.sub(r"<svg[^>]*>", _opening(text, caption), text, count=1)
+
+
+def _shorter(tag: str) -> str:
+    """A tag with short coordinates and the colours of the page."""
+    if "base64" in tag:
+        return tag
+    tag = re.sub(r"\d+\.\d{3,}", _short, tag)
+    for colour, variable in VARIABLES.items():
+        tag = tag.replace(colour, f"var({variable})")
+    return tag
+
+
+def _short(match: re.Match[str]) -> str:
+    return f"{float(match.group()):.{COORDINATE_DIGITS}f}".rstrip("0").rstrip(".")
+
+
+def _opening(text: str, caption: str) -> str:
+    """The svg tag: scales with the page, named for screen readers, no namespaces (HTML)."""
+    from markupsafe import escape
+
+    found = re.search(r'viewBox="([^"]*)"', text)
+    assert found is not None
+    width = found.group(1).split()[2]
+    label = str(escape(caption)).replace("\\", "\\\\")
+    return (
+        f'<svg viewBox="{found.group(1)}" role="img" aria-label="{label}" '
+        f'style="max-width:{width}pt">'
+    )
+
+
+def thinned(t: Array, *columns: Array) -> tuple[Array, ...]:
+    """Lines with at most about `MOST_POINTS` points, extremes of each piece kept.
+
+    Parameters
+    ----------
+    t : (n,) array
+    *columns : (n,) arrays
+        The first decides which points are kept.
+
+    Returns
+    -------
+    tuple of arrays
+        The same rows of all of them.
+    """
+    n = len(t)
+    if n <= MOST_POINTS or not columns:
+        return (t, *columns)
+    pieces = MOST_POINTS // 2
+    length = n // pieces + (n % pieces > 0)
+    padded = np.pad(columns[0], (0, -n % length), constant_values=np.nan).reshape(-1, length)
+    starts = np.arange(len(padded)) * length
+    low = np.argmin(np.where(np.isnan(padded), np.inf, padded), axis=1) + starts
+    high = np.argmax(np.where(np.isnan(padded), -np.inf, padded), axis=1) + starts
+    missing = np.flatnonzero(np.isnan(padded).any(axis=1)) * length  # a hole stays a hole
+    holes = [s + np.flatnonzero(np.isnan(columns[0][s : s + length]))[:1] for s in missing]
+    rows = np.unique(np.concatenate([[0, n - 1], low, high, *holes]))
+    rows = rows[rows < n].astype(int)
+    return (t[rows], *(c[rows] for c in columns))
+
+
+def limits(inside: Array, beyond: Array, most: float = 0.6) -> tuple[float, float]:
+    """Limits of an axis that show `inside` whole and `beyond` as far as space allows.
+
+    Parameters
+    ----------
+    inside, beyond : array
+        Values that must be seen, and values that may leave the panel.
+    most : float
+        Space given to `beyond` on each side, in spans of `inside`.
+    """
+    inside, beyond = inside[np.isfinite(inside)], beyond[np.isfinite(beyond)]
+    if not inside.size:
+        return 0.0, 1.0
+    low, high = float(inside.min()), float(inside.max())
+    span = max(high - low, 1e-3 * max(abs(low), abs(high)), 1e-9)
+    if beyond.size:
+        low = max(min(low, float(beyond.min())), low - most * span)
+        high = min(max(high, float(beyond.max())), high + most * span)
+    margin = 0.06 * (high - low + span)
+    return low - margin, high + margin
+
+
+def quiet(axes: Axes) -> None:
+    """A panel without its own labels of time: another below has them."""
+    axes.tick_params(labelbottom=False)

@@ -1,0 +1,169 @@
+"""Figures of the coefficients: before and after the data, on the way, and tied to each other."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from auvident.report.figures import (
+    BLUE,
+    GREEN,
+    GRID,
+    PAPER,
+    SKY,
+    SOFT,
+    VERMILLION,
+    new_figure,
+    svg,
+)
+from auvident.report.html_data import unit_text
+from auvident.schema.artifacts import ModelCoefficient
+
+ORIGIN_COLOURS = {"identified": BLUE, "kinematic": GREEN, "ase": SOFT, "given": SOFT}
+FOREST_REACH = 4.5  # prior standard deviations shown on each side; farther ones get an arrow
+HISTORY_COLUMNS = 4
+RINGED = 0.95  # correlation beyond which a pair is marked
+MOST_HISTORY_POINTS = 24  # of one pass of one coefficient: its panel is small
+
+
+def forest(coefficients: Sequence[ModelCoefficient], name: str) -> str:
+    """Posterior against prior, in units of the prior standard deviation, with the data share."""
+    rows = [c for c in coefficients if c.prior_std > 0.0]
+    figure = new_figure(0.9 + 0.235 * len(rows))
+    top = 1.0 - 0.45 / figure.get_figheight()
+    left, right = figure.subplots(
+        1, 2, sharey=True, gridspec_kw={"width_ratios": [3.2, 1.0], "wspace": 0.04}
+    )
+    figure.subplots_adjust(left=0.07, right=0.99, top=top, bottom=0.5 / figure.get_figheight())
+    for i, c in enumerate(rows):
+        _forest_row(left, i, c)
+        right.barh(i, 100.0 * c.data_share, color=ORIGIN_COLOURS[c.origin], height=0.62)
+    left.axvspan(-1.0, 1.0, color=SKY, alpha=0.2, lw=0)
+    left.axvline(0.0, color=SOFT, lw=0.8)
+    left.set_xlim(-FOREST_REACH, FOREST_REACH)
+    left.set_ylim(len(rows) - 0.4, -0.6)
+    left.set_yticks(range(len(rows)), [c.symbol for c in rows])
+    left.set_xlabel("(value − prior) / prior standard deviation")
+    left.set_title("identified ± 1 std; band: prior ± 1 std")
+    right.set_xlim(0.0, 100.0)
+    right.set_xlabel("% of certainty")
+    right.set_title("share that came from the data")
+    right.tick_params(left=False)
+    return svg(figure, name, "Coefficients before and after the data")
+
+
+def _forest_row(axes: Axes, i: int, c: ModelCoefficient) -> None:
+    place, spread = (c.value - c.prior) / c.prior_std, c.std / c.prior_std
+    colour = ORIGIN_COLOURS[c.origin]
+    if abs(place) > FOREST_REACH:
+        edge = np.sign(place) * (FOREST_REACH - 0.1)
+        axes.plot(edge, i, ">" if place > 0 else "<", color=VERMILLION, ms=6)
+        text = f"{place:+.1f} "
+        axes.text(edge - 0.12 * np.sign(place), i, text, va="center", fontsize=8,
+                  ha="right" if place > 0 else "left")  # fmt: skip
+        return
+    axes.errorbar(place, i, xerr=spread, fmt="o", color=colour, ms=4.5, lw=1.6, capsize=0)
+
+
+def history(table: pd.DataFrame, coefficients: Sequence[ModelCoefficient], name: str) -> str | None:
+    """Every estimated coefficient through the passes of the plan, with its band.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        ``identify/history.parquet``.
+    coefficients : sequence of ModelCoefficient
+        Their order and prior.
+    name : str
+        Different for each figure of the page.
+    """
+    there = set(table["symbol"])
+    rows = [c for c in coefficients if c.symbol in there]
+    if not rows:
+        return None
+    passes = table.groupby("order")["cycle"].first()
+    starts = [int(o) for o, new in zip(passes.index, passes.diff().ne(0.0), strict=True) if new]
+    lines = -(-len(rows) // HISTORY_COLUMNS)
+    figure = new_figure(0.5 + 1.3 * lines)
+    height = figure.get_figheight()
+    grid = figure.add_gridspec(
+        lines, HISTORY_COLUMNS, left=0.055, right=0.995, top=1.0 - 0.25 / height,
+        bottom=0.42 / height, hspace=0.42, wspace=0.24,
+    )  # fmt: skip
+    groups = dict(list(table.groupby("symbol", sort=False)))
+    for i, c in enumerate(rows):
+        axes = figure.add_subplot(grid[i // HISTORY_COLUMNS, i % HISTORY_COLUMNS])
+        _history_panel(axes, groups[c.symbol], c, starts, len(passes))
+        if i + HISTORY_COLUMNS >= len(rows):
+            axes.set_xlabel("cycle")
+    return svg(figure, name, "Coefficients through the stages and cycles of the plan")
+
+
+def _history_panel(
+    axes: Axes, table: pd.DataFrame, c: ModelCoefficient, starts: Sequence[int], end: int
+) -> None:
+    for start in starts[1:]:
+        axes.axvline(start, color=SOFT, lw=0.7)
+    band = (c.prior - c.prior_std, c.prior + c.prior_std)
+    axes.axhspan(*band, color=SKY, alpha=0.2, lw=0)
+    axes.axhline(c.prior, color=SOFT, lw=0.7, ls=(0, (4, 2)))
+    x, value, std = _passes(table)
+    axes.fill_between(x, value - std, value + std, color=BLUE, alpha=0.25, lw=0)
+    seen = np.isfinite(value)
+    axes.plot(x[seen], value[seen], color=BLUE, lw=0.6, ls=(0, (1, 2)))  # held between passes
+    axes.plot(x, value, color=BLUE, lw=1.2)
+    shown = np.concatenate([value[seen], [c.value - c.std, c.value + c.std, c.prior]])
+    low, high = float(shown.min()), float(shown.max())
+    margin = max(0.12 * (high - low), 0.6 * c.std, 1e-12)
+    axes.set_ylim(low - margin, high + margin)
+    axes.set_xlim(0, end)
+    axes.set_xticks(list(starts), [str(i + 1) for i in range(len(starts))])
+    axes.grid(False, axis="x")
+    axes.set_title(f"{c.symbol}, {unit_text(c.unit)}", pad=3)
+    axes.locator_params(axis="y", nbins=4)
+    axes.tick_params(labelsize=8)
+
+
+def _passes(table: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Place (pass + share of the pass done), value and std; NaN between passes."""
+    pieces: list[np.ndarray] = []
+    for order, group in table.groupby("order"):
+        rows = group[["time_s", "value", "std"]].to_numpy(float)
+        rows = rows[:: max(len(rows) // MOST_HISTORY_POINTS, 1)]
+        length = max(float(group["time_s"].iloc[-1]), 1e-9)
+        rows = np.column_stack([float(order) + rows[:, 0] / length, rows[:, 1:]])  # type: ignore[arg-type]
+        if len(rows) == 1:  # a fit has one result: hold it over its pass
+            rows = np.vstack([rows, rows + np.array([1.0, 0.0, 0.0])])
+        pieces += [rows, np.full((1, 3), np.nan)]
+    joined = np.vstack(pieces)
+    return joined[:, 0], joined[:, 1], joined[:, 2]
+
+
+def correlation_matrix(covariance: Mapping[str, Any], name: str) -> str | None:
+    """Posterior correlations of all pairs as a map; None without a covariance."""
+    symbols = list(covariance.get("symbols", ()))
+    if len(symbols) < 2:
+        return None
+    matrix = np.asarray(covariance["matrix"], float)
+    spread = np.sqrt(np.diag(matrix))
+    matrix = matrix / np.outer(spread, spread)
+    size = 1.3 + 0.27 * len(symbols)
+    figure = new_figure(size, width_in=size + 1.1)
+    axes = figure.subplots()
+    np.fill_diagonal(matrix, np.nan)  # says nothing
+    image = axes.imshow(matrix, cmap="PuOr", vmin=-1.0, vmax=1.0, interpolation="none")
+    axes.set_xticks(range(len(symbols)), symbols, rotation=90)
+    axes.set_yticks(range(len(symbols)), symbols)
+    axes.grid(False)
+    axes.set_xticks(np.arange(len(symbols) - 1) + 0.5, minor=True)
+    axes.set_yticks(np.arange(len(symbols) - 1) + 0.5, minor=True)
+    axes.grid(True, which="minor", color=GRID, lw=0.4)
+    axes.tick_params(which="minor", length=0)
+    for i, j in zip(*np.nonzero(np.triu(np.abs(matrix) >= RINGED, 1)), strict=True):
+        for a, b in ((i, j), (j, i)):
+            axes.plot(a, b, "o", mfc="none", mec=PAPER, mew=1.4, ms=7)
+    figure.colorbar(image, ax=axes, label="correlation", shrink=0.8)
+    figure.tight_layout()
+    return svg(figure, name, "Correlations of the identified coefficients")

@@ -1,0 +1,167 @@
+"""Figures of the predictions: a maneuver measured, predicted by the model and by the estimate."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from auvident.report.figures import (
+    BLUE,
+    GRID,
+    INK,
+    SOFT,
+    VERMILLION,
+    limits,
+    new_figure,
+    quiet,
+    svg,
+    thinned,
+)
+from auvident.report.html_data import CHANNELS, SHOWN_UNITS, gain, number, quantity
+from auvident.schema.artifacts import ChannelMetrics, ManeuverMetrics
+
+# column ending, colour, line style, line width, words; drawn in this order
+LINES = (
+    ("ase", VERMILLION, (0, (4, 2)), 1.0, "ASE alone"),
+    ("measured", INK, "-", 2.0, "measured"),
+    ("simulated", BLUE, "-", 1.2, "model"),
+)
+MEASURED_OPACITY = 0.45  # so that the model on top of it is seen
+WITH_TRACK = 0.64  # share of the width left to the channels
+
+
+def prediction(
+    table: pd.DataFrame, after: ManeuverMetrics, before: ManeuverMetrics | None, name: str
+) -> str:
+    """One maneuver: its inputs, each channel, and the track where there is one.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Rows of the maneuver of ``validate/simulation.parquet``.
+    after, before : ManeuverMetrics
+        Errors of the model and of the estimate from geometry.
+    name : str
+        Different for each figure of the page.
+    """
+    rows = [c for c in CHANNELS if f"{c[1]}_measured" in table]
+    has_track = "north_m_measured" in table
+    figure = new_figure(1.0 + 1.12 * len(rows) + 0.6)
+    grid = figure.add_gridspec(
+        len(rows) + 1, 1, left=0.075, right=WITH_TRACK if has_track else 0.99,
+        top=0.93, bottom=0.075, hspace=0.38, height_ratios=[0.6, *[1.0] * len(rows)],
+    )  # fmt: skip
+    time = table["time_s"].to_numpy(float)
+    time = time - time[0]
+    first = figure.add_subplot(grid[0])
+    _inputs(first, time, table, after)
+    for i, (channel, column, unit, words) in enumerate(rows):
+        axes = figure.add_subplot(grid[i + 1], sharex=first)
+        _channel(axes, time, table, column, unit)
+        axes.set_ylabel(f"{words}\n{SHOWN_UNITS.get(unit, (unit,))[0]}")
+        _errors(axes, channel, after.channels, before.channels if before else {})
+        if i + 1 < len(rows):
+            quiet(axes)
+    quiet(first)
+    axes.set_xlabel("time from the start of the maneuver, s")
+    axes.set_xlim(time[0], time[-1])
+    if has_track:
+        _track(figure, table, after, before)
+    _legend(figure)
+    return svg(figure, name, f"Maneuver {after.id}, measured and predicted")
+
+
+def _inputs(axes: Axes, time: np.ndarray, table: pd.DataFrame, metrics: ManeuverMetrics) -> None:
+    control = np.degrees(table["control_rad"].to_numpy(float))
+    axes.plot(*thinned(time, control), color=SOFT, drawstyle="steps-post", lw=1.0)
+    surface = "elevator" if "w_mps_measured" in table else "rudder"
+    axes.set_ylabel(f"{surface}\ndeg")
+    low, high = table["rpm"].min(), table["rpm"].max()
+    rate = f"{low:.0f}" if high - low < 1.0 else f"{low:.0f} to {high:.0f}"
+    axes.set_title(f"propeller {rate} rpm", loc="right", fontsize=8.5, color=SOFT)
+    axes.locator_params(axis="y", nbins=4)
+
+
+def _channel(axes: Axes, time: np.ndarray, table: pd.DataFrame, column: str, unit: str) -> None:
+    factor = SHOWN_UNITS.get(unit, (unit, 1.0))[1]
+    values = {}
+    for ending, colour, dashes, width, _ in LINES:
+        if f"{column}_{ending}" not in table:
+            continue
+        y = table[f"{column}_{ending}"].to_numpy(float) * factor
+        if column in ("heading_rad",):  # as turned since the start, not the compass
+            y = y - factor * float(table[f"{column}_simulated"].iloc[0])
+        values[ending] = y
+        seen = np.isfinite(y)  # a sensor slower than the rows leaves holes between its samples
+        opacity = MEASURED_OPACITY if ending == "measured" else 1.0
+        axes.plot(*thinned(time[seen], y[seen]), color=colour, ls=dashes, lw=width, alpha=opacity)
+    inside = np.concatenate([values["measured"], values["simulated"]])
+    axes.set_ylim(*limits(inside, values.get("ase", np.array([]))))
+    axes.locator_params(axis="y", nbins=5)
+
+
+def _errors(
+    axes: Axes, channel: str, after: Mapping[str, ChannelMetrics],
+    before: Mapping[str, ChannelMetrics],
+) -> None:  # fmt: skip
+    found = after.get(channel)
+    if found is None:
+        return
+    text = f"RMSE {quantity(found.rmse, found.unit)} · NRMSE {number(found.nrmse, 2)}"
+    ratio = gain(before.get(channel), found)
+    if channel in before:
+        text += f" (ASE {quantity(before[channel].rmse, found.unit)}"
+        text += f", squared error ÷ {number(ratio, 2)})" if ratio else ")"
+    axes.set_title(text, loc="right", fontsize=8.5, pad=3)
+
+
+def _track(
+    figure: Figure, table: pd.DataFrame, after: ManeuverMetrics, before: ManeuverMetrics | None
+) -> None:
+    axes = figure.add_axes((WITH_TRACK + 0.075, 0.22, 0.995 - WITH_TRACK - 0.075, 0.6))
+    for ending, colour, dashes, width, _ in LINES:
+        if f"north_m_{ending}" in table:
+            east, north = (table[f"{c}_m_{ending}"].to_numpy(float) for c in ("east", "north"))
+            opacity = MEASURED_OPACITY if ending == "measured" else 1.0
+            axes.plot(*thinned(east, north), color=colour, ls=dashes, lw=width, alpha=opacity)
+    seen = [
+        table[f"{c}_m_{e}"].to_numpy(float) for e in ("measured", "simulated")
+        for c in ("east", "north")
+    ]  # fmt: skip
+    _square(axes, np.concatenate([seen[0], seen[2]]), np.concatenate([seen[1], seen[3]]))
+    axes.plot(0.0, 0.0, "o", color=INK, ms=4)
+    axes.axhline(0.0, color=GRID, lw=0.6)
+    axes.set_xlabel("east of the start, m")
+    axes.set_ylabel("north of the start, m")
+    found = after.channels.get("track")
+    if found is not None:
+        ratio = gain(before.channels.get("track") if before else None, found)
+        text = f"track: RMSE {quantity(found.rmse, found.unit)}"
+        text += f", ASE {quantity(before.channels['track'].rmse, 'm')}" if ratio and before else ""
+        axes.set_title(text, fontsize=8.5)
+
+
+def _square(axes: Axes, east: np.ndarray, north: np.ndarray) -> None:
+    """The same scale both ways, around what was measured and predicted."""
+    middle = [(np.nanmin(x) + np.nanmax(x)) / 2.0 for x in (east, north)]
+    half = 0.56 * max(float(np.nanmax(x) - np.nanmin(x)) for x in (east, north))
+    half = max(half, 0.5)
+    axes.set_xlim(middle[0] - half, middle[0] + half)
+    axes.set_ylim(middle[1] - half, middle[1] + half)
+    axes.set_aspect("equal")
+    axes.locator_params(nbins=6)
+
+
+def _legend(figure: Figure) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=c, ls=d, lw=w, label=words,
+               alpha=MEASURED_OPACITY if e == "measured" else 1.0)
+        for e, c, d, w, words in (LINES[1], LINES[2], LINES[0])
+    ]  # fmt: skip
+    figure.legend(
+        handles=handles, loc="upper left", ncols=3, bbox_to_anchor=(0.07, 1.0), borderaxespad=0.1
+    )

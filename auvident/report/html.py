@@ -1,0 +1,200 @@
+"""The HTML report: one file, nothing outside of it, no script."""
+
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from auvident import __version__
+from auvident.report import html_tables as tables
+from auvident.report import html_words as words
+from auvident.report.html_data import DYNAMIC, ReportData, number, quantity
+
+if TYPE_CHECKING:
+    from jinja2 import Template
+
+FOLDER = Path(__file__).resolve().parent
+MOST_TRIALS = 6  # drawn over time; of the others the table of maneuvers tells
+MOST_PREDICTIONS = 10  # held-out maneuvers drawn; the errors of all are in a table
+
+
+def render(report: ReportData) -> str:
+    """The report as one self-contained HTML document.
+
+    Parameters
+    ----------
+    report : ReportData
+        Sections whose artifacts are missing say so, or are left out.
+
+    Returns
+    -------
+    str
+    """
+    return _template().render(
+        name=report.name,
+        plane=report.model.plane if report.model else "",
+        version=__version__,
+        data=report,
+        subtitle=_subtitle(report),
+        verdict=words.verdict(report),
+        cards=words.cards(report),
+        held=bool(report.held_out()),
+        warnings=words.warnings(report),
+        figures=_figures(report),
+        left_out=_left_out(report),
+        number=number,
+        quantity=quantity,
+        **_tables(report),
+    )
+
+
+@cache
+def _template() -> "Template":
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    environment = Environment(
+        loader=FileSystemLoader(FOLDER), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    return environment.get_template("template.html")
+
+
+def _subtitle(report: ReportData) -> list[str]:
+    """What the report is about, in a few facts."""
+    facts = []
+    if report.quality:
+        for t in report.quality.trials[:MOST_TRIALS]:
+            start = f", {t.origin[:10]}" if t.origin else ""
+            facts.append(f"{t.trial} ({(t.t_end_s - t.t_start_s) / 60.0:.0f} min{start})")
+        if len(report.quality.trials) > MOST_TRIALS:
+            facts.append(f"and {len(report.quality.trials) - MOST_TRIALS} more trials")
+    if report.maneuvers:
+        held = sum(m.role == "validate" for m in report.maneuvers.maneuvers)
+        facts.append(f"{len(report.maneuvers.maneuvers)} maneuvers, {held} held out")
+    return facts
+
+
+def _figures(report: ReportData) -> dict[str, Any]:
+    """All figures as markup that needs no escaping: the SVG writer has escaped the names."""
+    from markupsafe import Markup
+
+    from auvident.report.figures import style
+
+    def safe(texts: Sequence[str | None]) -> list[Markup]:
+        return [Markup(text) for text in texts if text]
+
+    with style():
+        return {
+            "timelines": safe(_timelines(report)),
+            "tracks": safe(_tracks(report)),
+            "predictions": safe(_predictions(report)),
+            "coefficients": safe(_coefficients(report)),
+            "history": safe(_history(report)),
+        }
+
+
+def _drawn(report: ReportData) -> list[Any]:
+    """Trials that are drawn: those with held-out maneuvers go first."""
+    if report.maneuvers is None:
+        return list(report.trials)[:MOST_TRIALS]
+    held = {m.trial for m in report.maneuvers.maneuvers if m.role == "validate"}
+    chosen = sorted(report.trials, key=lambda t: t.name not in held)[:MOST_TRIALS]
+    return [t for t in report.trials if any(t is c for c in chosen)]
+
+
+def _timelines(report: ReportData) -> list[str]:
+    from auvident.report.figures_trial import timeline
+
+    maneuvers = report.maneuvers.maneuvers if report.maneuvers else ()
+    return [timeline(t, maneuvers, f"timeline{i}") for i, t in enumerate(_drawn(report))]
+
+
+def _tracks(report: ReportData) -> list[str | None]:
+    from auvident.report.figures_trial import track
+
+    maneuvers = report.maneuvers.maneuvers if report.maneuvers else ()
+    return [track(t, maneuvers, f"track{i}") for i, t in enumerate(_drawn(report))]
+
+
+def _predictions(report: ReportData) -> list[str]:
+    from auvident.report.figures_prediction import prediction
+
+    if report.simulation is None:
+        return []
+    rows = dict(list(report.simulation.groupby("maneuver", sort=False)))
+    return [
+        prediction(rows[m.id], m, report.before(m.id), f"prediction{i}")
+        for i, m in enumerate(report.held_out()[:MOST_PREDICTIONS])
+        if m.id in rows
+    ]
+
+
+def _coefficients(report: ReportData) -> list[str | None]:
+    from auvident.report.figures_coefficients import correlation_matrix, forest
+
+    if report.model is None:
+        return []
+    return [
+        forest(report.model.coefficients, "forest"),
+        correlation_matrix(report.model.covariance, "correlations"),
+    ]
+
+
+def _history(report: ReportData) -> list[str | None]:
+    from auvident.report.figures_coefficients import history
+
+    if report.model is None or report.history is None:
+        return []
+    return [history(report.history, report.model.coefficients, "history")]
+
+
+def _left_out(report: ReportData) -> list[str]:
+    """What is not drawn, said."""
+    notes = []
+    trials, held = len(report.trials), len(report.held_out())
+    if trials > MOST_TRIALS:
+        notes.append(f"{MOST_TRIALS} of {trials} trials are drawn, those with held-out maneuvers.")
+    if held > MOST_PREDICTIONS:
+        notes.append(f"{MOST_PREDICTIONS} of {held} held-out maneuvers are drawn.")
+    return notes
+
+
+def _tables(report: ReportData) -> dict[str, Any]:
+    """Tables by the names that the template uses; None where there is nothing to show."""
+    held = report.held_out()
+    model, quality, manifest = report.model, report.quality, report.manifest
+    maneuvers = report.maneuvers
+    return {
+        "dynamic": DYNAMIC,
+        "figure_tables": [
+            t for kind in ("turn", "zigzag") for t in tables.figure_tables(held, kind)
+        ],
+        "errors": tables.error_table(report) if report.metrics else None,
+        "coefficients": tables.coefficient_rows(model) if model else [],
+        "combinations": [words.combination(c) for c in model.unidentifiable] if model else [],
+        "pairs": words.pairs(model.correlations) if model else [],
+        "sensors": tables.sensor_table(quality) if quality else None,
+        "lags": tables.lag_table(quality) if quality else None,
+        "maneuver_rows": tables.maneuver_table(maneuvers.maneuvers) if maneuvers else None,
+        "passes": tables.pass_table(model) if model else None,
+        "stages": tables.manifest_table(manifest) if manifest else None,
+        "hashes": tables.hash_table(manifest) if manifest else None,
+        "diagnosed": _diagnosed(report),
+    }
+
+
+def _diagnosed(report: ReportData) -> dict[str, Any] | None:
+    """What the model lacks, from the refinement or, before it, the diagnosis."""
+    found = report.comparison or report.diagnosis
+    if found is None:
+        return None
+    return {
+        "verdict": str(found.get("verdict", "")).replace("_", " "),
+        "effects": tables.candidate_table(found.get("effects") or ()),
+        "ambiguous": [", ".join(map(str, group)) for group in found.get("ambiguous") or ()],
+        "unexplained": tables.candidate_table([found["unexplained"]])
+        if found.get("unexplained") else None,
+        "candidates": tables.candidate_table(found.get("candidates") or ()),
+        "held_out": tables.before_after_table(found.get("held_out") or {}),
+        "false_alarm_p": found.get("false_alarm_p"),
+    }  # fmt: skip

@@ -1,0 +1,137 @@
+"""What the HTML report is made of, and how its numbers are shown."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from auvident.schema.artifacts import (
+    AseResult,
+    ChannelMetrics,
+    IdentifiedModel,
+    ManeuverMetrics,
+    Maneuvers,
+    Metrics,
+)
+from auvident.schema.logs import Quality
+from auvident.schema.manifest import Manifest
+from auvident.schema.trial import Trial
+from auvident.schema.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# SI unit -> unit that people read on an axis, factor to it.
+SHOWN_UNITS: dict[str, tuple[str, float]] = {
+    "rad": ("deg", 180.0 / math.pi),
+    "rad/s": ("deg/s", 180.0 / math.pi),
+}
+# Channels of a prediction in the order of the report: name in the metrics, stem of the columns
+# of the simulation table, unit of the column, words.
+CHANNELS: tuple[tuple[str, str, str, str], ...] = (
+    ("u", "u_mps", "m/s", "surge velocity"),
+    ("v", "v_mps", "m/s", "sway velocity"),
+    ("w", "w_mps", "m/s", "heave velocity"),
+    ("r", "r_radps", "rad/s", "yaw rate"),
+    ("q", "q_radps", "rad/s", "pitch rate"),
+    ("heading", "heading_rad", "rad", "heading"),
+    ("pitch", "pitch_rad", "rad", "pitch"),
+)
+DYNAMIC = ("u", "v", "w", "r", "q")  # what the equations predict; heading and track are sums of it
+
+
+@dataclass(frozen=True)
+class ReportData:
+    """Artifacts of a run, as far as they are there; what is missing is None or empty.
+
+    Attributes
+    ----------
+    trials : sequence of Trial
+    vehicle, quality, maneuvers, ase, model, metrics, manifest
+        The artifacts of the stages.
+    history, simulation : pandas.DataFrame or None
+        ``identify/history.parquet`` and ``validate/simulation.parquet``.
+    diagnosis, comparison : mapping or None
+        ``diagnose/diagnosis.json`` and ``refine/comparison.json`` as plain containers.
+    refined : IdentifiedModel or None
+        ``refine/model.json``.
+    """
+
+    trials: Sequence[Trial] = ()
+    vehicle: Vehicle | None = None
+    quality: Quality | None = None
+    maneuvers: Maneuvers | None = None
+    ase: AseResult | None = None
+    model: IdentifiedModel | None = None
+    history: "pd.DataFrame | None" = None
+    metrics: Metrics | None = None
+    simulation: "pd.DataFrame | None" = None
+    manifest: Manifest | None = None
+    diagnosis: Mapping[str, Any] | None = None
+    comparison: Mapping[str, Any] | None = None
+    refined: IdentifiedModel | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the vehicle, from whatever knows it."""
+        for source in (self.model, self.ase, self.quality):
+            if source is not None:
+                return source.vehicle
+        return self.vehicle.body.name if self.vehicle else "unknown vehicle"
+
+    def held_out(self) -> tuple[ManeuverMetrics, ...]:
+        """Predictions of the maneuvers that were held out."""
+        found = self.metrics.maneuvers if self.metrics else ()
+        return tuple(m for m in found if m.role == "validate")
+
+    def before(self, maneuver: str) -> ManeuverMetrics | None:
+        """The same maneuver predicted by the estimate from geometry."""
+        ase = self.metrics.ase if self.metrics else None
+        return next((m for m in ase.maneuvers if m.id == maneuver), None) if ase else None
+
+
+def shown(value: float, unit: str) -> tuple[float, str]:
+    """A value in the unit that people read: angles in degrees."""
+    name, factor = SHOWN_UNITS.get(unit, (unit, 1.0))
+    return value * factor, name
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A number with significant digits and a real minus sign; a dash when there is none.
+
+    Powers of ten only where plain digits would need more than six of them.
+    """
+    if value is None or not math.isfinite(value):
+        return "–"
+    if value == 0.0:
+        return "0"
+    value = float(f"{value:.{digits - 1}e}")  # 9.9996 has its digits as 10.0
+    decimals = digits - 1 - math.floor(math.log10(abs(value)))
+    if -3 <= decimals <= 6:
+        text = f"{value:.{max(decimals, 0)}f}"
+    else:
+        text = f"{value:.{digits - 1}e}"
+    return text.replace("-", "−")
+
+
+def quantity(value: float, unit: str, digits: int = 3) -> str:
+    """A number with its unit, angles in degrees."""
+    value, unit = shown(value, unit)
+    return f"{number(value, digits)} {unit}".rstrip()
+
+
+def unit_text(unit: str) -> str:
+    """A unit as people write it."""
+    return unit.replace("^2", "²").replace("1/min", "rpm")
+
+
+def percent(share: float) -> str:
+    """A share in percent, whole above 10 %."""
+    return f"{100.0 * share:.0f} %" if share >= 0.1 else f"{number(100.0 * share, 2)} %"
+
+
+def gain(before: ChannelMetrics | None, after: ChannelMetrics) -> float | None:
+    """Ratio of the squared errors: how many times better than before; None when unknown."""
+    if before is None or after.rmse <= 0.0:
+        return None
+    return (before.rmse / after.rmse) ** 2

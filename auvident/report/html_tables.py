@@ -1,0 +1,303 @@
+"""Rows of the tables of the HTML report, as text ready to show."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import PurePath
+from typing import Any
+
+from auvident.report.html_data import ReportData, number, percent, quantity, shown, unit_text
+from auvident.schema.artifacts import IdentifiedModel, Maneuver, ManeuverMetrics
+from auvident.schema.coefficients import BY_SYMBOL
+from auvident.schema.logs import Quality
+from auvident.schema.manifest import Manifest, StageEntry
+
+MOST_COLUMNS = 5  # maneuvers side by side in one table of figures
+OVERSHOOTS_SHOWN = 2  # the others of a long zigzag as their mean
+HASH_DIGITS = 12
+WORTH_SAYING = 0.02  # relative difference of a figure below which it is not marked
+
+# Figure of a maneuver -> words, unit. Those not listed are shown under their own name.
+TURN_FIGURES = {
+    "rudder_deg": ("rudder", "deg"),
+    "approach_speed_mps": ("approach speed", "m/s"),
+    "advance_m": ("advance", "m"),
+    "transfer_m": ("transfer", "m"),
+    "time_to_90_s": ("time to 90° of heading", "s"),
+    "tactical_diameter_m": ("tactical diameter", "m"),
+    "time_to_180_s": ("time to 180° of heading", "s"),
+    "steady_diameter_m": ("steady diameter", "m"),
+    "steady_r_degps": ("steady yaw rate", "deg/s"),
+    "steady_speed_mps": ("steady speed", "m/s"),
+    "steady_drift_deg": ("steady drift angle", "deg"),
+    "speed_loss": ("loss of speed", ""),
+    "heading_change_deg": ("change of heading", "deg"),
+}
+ZIGZAG_FIGURES = {
+    "rudder_deg": ("control angle", "deg"),
+    "switch_deg": ("heading at the switch", "deg"),
+    "initial_turning_time_s": ("initial turning time", "s"),
+    "time_to_check_yaw_s": ("time to check yaw", "s"),
+    "overshoot_1_deg": ("1st overshoot", "deg"),
+    "overshoot_2_deg": ("2nd overshoot", "deg"),
+    "later_overshoots_deg": ("later overshoots, mean", "deg"),
+    "reach_s": ("reach", "s"),
+    "period_s": ("period", "s"),
+}
+
+
+@dataclass(frozen=True)
+class Table:
+    """Heads and rows; the first `left` columns are text, the others numbers."""
+
+    heads: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    left: int = 1
+    mark: str = ""  # rows with this cell stand out
+
+
+def figure_tables(metrics: Sequence[ManeuverMetrics], kind: str) -> Iterator[Table]:
+    """Figures of turns or zigzags, measured and simulated, maneuvers side by side."""
+    words = TURN_FIGURES if kind == "turn" else ZIGZAG_FIGURES
+    found = [(m.id, getattr(m, kind)) for m in metrics if m.kind == kind and getattr(m, kind)]
+    for start in range(0, len(found), MOST_COLUMNS):
+        piece = [(i, _condensed(f)) for i, f in found[start : start + MOST_COLUMNS]]
+        rows = []
+        for name, (label, unit) in words.items():
+            cells = [_measured_simulated(figures, name) for _, figures in piece]
+            if any(cells):
+                rows.append([label, unit, *(c or "–" for c in cells)])
+        yield Table(("measured → model", "", *(i for i, _ in piece)), rows, left=2)
+
+
+def _condensed(figures: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
+    """Overshoots beyond the first as their mean."""
+    found = {}
+    for side, values in figures.items():
+        later = [
+            v for k, v in values.items()
+            if k.startswith("overshoot_") and int(k.split("_")[1]) > OVERSHOOTS_SHOWN
+        ]  # fmt: skip
+        found[side] = dict(values)
+        if later:
+            found[side]["later_overshoots_deg"] = sum(later) / len(later)
+    return found
+
+
+def _measured_simulated(figures: Mapping[str, Mapping[str, float]], name: str) -> str:
+    m, s = (figures.get(side, {}).get(name) for side in ("measured", "simulated"))
+    if m is None and s is None:
+        return ""
+    text = f"{number(m)} → {number(s)}"
+    if m and s is not None and abs(s / m - 1.0) >= WORTH_SAYING:
+        text += f" ({100.0 * (s / m - 1.0):+.0f} %)".replace("-", "−")
+    return text
+
+
+def error_table(data: ReportData) -> Table:
+    """RMSE of every maneuver and channel, the estimate's in brackets."""
+    metrics = data.metrics.maneuvers if data.metrics else ()
+    names = list(dict.fromkeys(name for m in metrics for name in m.channels))
+    units = {name: c.unit for m in metrics for name, c in m.channels.items()}
+    heads = ["maneuver", "kind", "role", "s", *(f"{n}, {shown(0.0, units[n])[1]}" for n in names)]
+    rows = []
+    for m in sorted(metrics, key=lambda m: m.role != "validate"):
+        before = data.before(m.id)
+        cells = []
+        for n in names:
+            c = m.channels.get(n)
+            b = before.channels.get(n) if before else None
+            text = number(shown(c.rmse, c.unit)[0]) if c else "–"
+            cells.append(f"{text} ({number(shown(b.rmse, b.unit)[0], 2)})" if c and b else text)
+        rows.append([m.id, m.kind, m.role, f"{m.duration_s:.0f}", *cells])
+    return Table(heads, rows, left=3, mark="validate")
+
+
+def coefficient_rows(model: IdentifiedModel) -> list[dict[str, Any]]:
+    """Coefficients with everything about them."""
+    rows = []
+    for c in model.coefficients:
+        declared = BY_SYMBOL[c.symbol]
+        wrong = declared.sign and c.value * declared.sign < 0.0
+        rows.append({
+            "symbol": c.symbol, "meaning": declared.meaning, "regressor": declared.regressor,
+            "equation": declared.equation, "unit": unit_text(c.unit), "value": number(c.value, 4),
+            "std": number(c.std, 2), "prime": number(1000.0 * c.prime, 4),
+            "prior": number(c.prior, 4), "prior_std": number(c.prior_std, 2), "origin": c.origin,
+            "share": 100.0 * c.data_share, "wrong_sign": bool(wrong),
+        })  # fmt: skip
+    return rows
+
+
+def sensor_table(quality: Quality) -> Table:
+    """What became of every sensor's rows."""
+    heads = (
+        "trial", "sensor", "left out", "noise", "rows", "used", "Hz", "jitter, ms", "gaps",
+        "longest interval, s",
+    )  # fmt: skip
+    rows = []
+    for trial in quality.trials:
+        for s in trial.sensors:
+            dropped: dict[str, int] = {}
+            for where in (s.dropped, *(c.dropped for c in s.channels)):
+                for reason, d in where.items():
+                    dropped[reason] = dropped.get(reason, 0) + d.count
+            noise = [
+                f"{c.log_column} {quantity(c.noise_std, c.unit, 2)}"
+                for c in s.channels if c.noise_std
+            ]  # fmt: skip
+            rows.append([
+                trial.trial, s.sensor,
+                ", ".join(f"{n} {reason.replace('_', ' ')}" for reason, n in dropped.items()),
+                ", ".join(noise),
+                str(s.rows_read), str(s.rows_used), number(s.rate_hz),
+                f"{1000.0 * s.jitter_s:.1f}" if s.jitter_s is not None else "–",
+                str(max((c.gaps for c in s.channels), default=0)),
+                number(max((c.longest_gap_s for c in s.channels), default=0.0), 2),
+            ])  # fmt: skip
+    return Table(heads, rows, left=4)
+
+
+def lag_table(quality: Quality) -> Table:
+    """Delays between the sensors' clocks."""
+    rows = [
+        [t.trial, f"{a.second} behind {a.first}", f"{1000.0 * a.lag_s:.0f}".replace("-", "−"),
+         f"{1000.0 * a.std_s:.1f}", percent(a.explained)]
+        for t in quality.trials for a in t.alignment
+    ]  # fmt: skip
+    return Table(("trial", "clocks", "lag, ms", "std, ms", "explained"), rows, left=2)
+
+
+def maneuver_table(maneuvers: Sequence[Maneuver]) -> Table:
+    """Maneuvers with what characterises them."""
+    heads = (
+        "maneuver",
+        "kind",
+        "role",
+        "what",
+        "from, s",
+        "to, s",
+        "s",
+        "std u, m/s",
+        "std r or q, deg/s",
+    )
+    rows = []
+    for m in maneuvers:
+        excitation = m.features.get("excitation") or {}
+        rows.append([
+            m.id, m.kind, m.role, _what(m), f"{m.t_start_s:.1f}", f"{m.t_end_s:.1f}",
+            f"{m.t_end_s - m.t_start_s:.0f}", number(excitation.get("u_std_mps"), 2),
+            number(excitation.get("r_std_degps", excitation.get("q_std_degps")), 2),
+        ])  # fmt: skip
+    return Table(heads, rows, left=4, mark="validate")
+
+
+def _what(m: Maneuver) -> str:
+    """A maneuver in a few words, from those of its features that it has."""
+    f = m.features
+    control = f.get("rudder_deg", f.get("elevator_deg"))
+    pieces = [
+        f"{number(f.get('approach_speed_mps'))} m/s" if f.get("approach_speed_mps") else "",
+        f"{number(control)}° {'elevator' if 'elevator_deg' in f else 'rudder'}" if control else "",
+        f"to {f['side']}" if f.get("side") else "",
+        f"diameter {number(f['steady_diameter_m'])} m" if f.get("steady_diameter_m") else "",
+        f"{f['executes']} executes" if f.get("executes") else "",
+        f"1st overshoot {number(f['overshoot_1_deg'])}°" if f.get("overshoot_1_deg") else "",
+        f"period {number(f['period_s'])} s" if f.get("period_s") else "",
+    ]
+    if f.get("rpm_levels"):
+        levels = ", ".join(f"{x:.0f}" for x in f["rpm_levels"])
+        pieces.append(f"{levels} rpm")
+    if f.get("steady_speed_mps") and isinstance(f["steady_speed_mps"], list):
+        pieces.append(", ".join(number(x) for x in f["steady_speed_mps"]) + " m/s")
+    return ", ".join(p for p in pieces if p)
+
+
+def pass_table(model: IdentifiedModel) -> Table:
+    """The passes of the plan as they were done."""
+    columns = list(dict.fromkeys(c for s in model.stages for c in s.nis_mean))
+    heads = [
+        "cycle", "stage", "system", "free", "maneuvers", "samples", "log likelihood",
+        *(f"noise {c}" for c in columns), *(f"NIS {c}" for c in columns),
+    ]  # fmt: skip
+    rows = []
+    for s in model.stages:
+        noise = [number(s.noise_std.get(c), 2) if c in s.nis_mean else "" for c in columns]
+        nis = [number(s.nis_mean[c], 2) if c in s.nis_mean else "" for c in columns]
+        rows.append([
+            str(s.cycle), s.stage, s.system, str(len(s.free)), str(len(s.maneuvers)),
+            str(s.samples), number(s.log_likelihood, 5), *noise, *nis,
+        ])  # fmt: skip
+    return Table(heads, rows, left=3)
+
+
+def manifest_table(manifest: Manifest) -> Table:
+    """Stages of the run: when, with which options and seed."""
+    rows = []
+    for name, entry in manifest.stages.items():
+        options = ", ".join(
+            f"{k} = {_option(v)}" for k, v in entry.options.items() if v not in (None, (), [])
+        )
+        rows.append([
+            name, entry.outcome.replace("_", " "), options, entry.started_at[:19].replace("T", " "),
+            _seconds(entry), "–" if entry.seed is None else str(entry.seed), entry.program_version,
+        ])  # fmt: skip
+    heads = ("stage", "outcome", "options", "started, UTC", "s", "seed", "version")
+    return Table(heads, rows, left=3)
+
+
+def _option(value: Any) -> str:
+    """An option, paths by their last part: the report may travel."""
+    if isinstance(value, list | tuple):
+        return ", ".join(_option(v) for v in value)
+    return PurePath(value).name if isinstance(value, str) and "/" in value else str(value)
+
+
+def _seconds(entry: StageEntry) -> str:
+    try:
+        ended, started = (datetime.fromisoformat(t) for t in (entry.ended_at, entry.started_at))
+    except ValueError:
+        return "–"
+    return number((ended - started).total_seconds(), 2)
+
+
+def hash_table(manifest: Manifest) -> Table:
+    """The files the run rests on, with the start of their sha256."""
+    found: dict[str, str] = {}
+    made = {name for entry in manifest.stages.values() for name in entry.outputs}
+    for entry in manifest.stages.values():
+        found |= {name: sha for name, sha in entry.inputs.items() if name not in made}
+        found |= entry.program_files
+    rows = [["/".join(PurePath(n).parts[-2:]), s[:HASH_DIGITS]] for n, s in found.items()]
+    return Table(("file", "sha256 begins"), rows, left=2)
+
+
+def candidate_table(candidates: Sequence[Mapping[str, Any]]) -> Table:
+    """Candidate effects of the diagnosis, whatever they carry."""
+    keys = list(dict.fromkeys(k for c in candidates for k in c))
+    rows = [[_cell(c.get(k)) for k in keys] for c in candidates]
+    return Table([k.replace("_", " ") for k in keys], rows, left=1)
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, bool) or value is None or isinstance(value, str):
+        return "" if value is None else str(value)
+    if isinstance(value, int | float):
+        return number(float(value))
+    if isinstance(value, Mapping):
+        if "symbol" in value:
+            return f"{value['symbol']} = {_cell(value.get('value'))} ± {_cell(value.get('std'))} " \
+                   f"{value.get('unit', '')}".rstrip()  # fmt: skip
+        return ", ".join(f"{k} {_cell(v)}" for k, v in value.items())
+    return ", ".join(_cell(v) for v in value)
+
+
+def before_after_table(held_out: Mapping[str, Any]) -> Table:
+    """Held-out error before and after the refinement."""
+    before, after = held_out.get("before", {}), held_out.get("after", {})
+    rows = []
+    for name in before:
+        b, a = before[name].get("rmse"), after.get(name, {}).get("rmse")
+        ratio = number((b / a) ** 2, 2) if a and b else "–"
+        rows.append([name, number(b), number(a), ratio])
+    return Table(("channel", "RMSE before", "RMSE after", "squared error ÷"), rows)

@@ -1,0 +1,209 @@
+"""The sentences of the HTML report: the verdict, how far to trust it, what cannot be told."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from auvident.report.html_data import (
+    DYNAMIC,
+    ReportData,
+    gain,
+    number,
+    percent,
+    quantity,
+)
+from auvident.schema.artifacts import ChannelMetrics, Combination, Finding
+
+# Pooled NRMSE of the worst of the velocities and rates -> word, CSS class.
+GRADES = (
+    (0.1, "closely", "good"),
+    (0.3, "usably", "fair"),
+    (1.0, "poorly", "poor"),
+)
+WORSE_THAN_CONSTANT = ("worse than its own mean would", "poor")
+NOT_BETTER = 1.0  # ratio of squared errors below which the data did not help
+MANY_ON_PRIOR = 0.5  # data share below which a coefficient is more prior than data
+STRONG_CORRELATION = 0.8
+SERIOUS = {
+    "prediction-ran-away", "nothing_held_out", "wrong-sign", "not-predicted", "no-better",
+    "log_refused", "rudder_sign_unverified", "never_under_way", "no_record", "rudder_never_moves",
+    "channel_unusable",
+}  # fmt: skip
+NOTES = {"channels_absent", "file_not_used", "assumed_section", "assumed_propulsion_factor",
+         "input_logged_on_change", "coarse_time", "jitter"}  # fmt: skip
+RANKS = ("serious", "caution", "note")
+
+
+@dataclass(frozen=True)
+class Warning_:
+    """A finding as the report shows it: how grave, from which stage."""
+
+    rank: str
+    stage: str
+    finding: Finding
+
+
+def verdict(data: ReportData) -> tuple[str, str]:
+    """The report in one sentence, and its CSS class."""
+    metrics = data.metrics
+    if metrics is None or data.model is None:
+        return "No model has been identified and validated yet; what follows is the input.", "none"
+    if not metrics.summary:
+        return "The model's predictions leave every bound: it predicts nothing.", "poor"
+    role = "validate" if "validate" in metrics.summary else "identify"
+    pooled = {k: m for k, m in metrics.summary[role].items() if k in DYNAMIC}
+    if not pooled:
+        return "No channel was measured to compare the predictions with.", "none"
+    word, grade = _grade(max(m.nrmse for m in pooled.values()))
+    count = sum(m.role == role for m in metrics.maneuvers)
+    which = "held-out maneuver" if role == "validate" else "maneuver that identified the model"
+    which = _plural(which, count)
+    errors = ", ".join(f"{k} {quantity(m.rmse, m.unit, 2)} ({percent(m.nrmse)})"
+                       for k, m in pooled.items())  # fmt: skip
+    text = (
+        f"The model predicts {count} {which} {word}: RMSE {errors} of the measured standard "
+        "deviation)"
+    ).replace("%) of", "% of")
+    text += _gain_words(data, role, pooled)
+    if role == "identify":
+        return text + " No maneuver was held out, so this says little about others.", "poor"
+    return text, grade
+
+
+def _plural(which: str, count: int) -> str:
+    return which if count == 1 else which.replace("maneuver", "maneuvers", 1)
+
+
+def _grade(worst: float) -> tuple[str, str]:
+    for limit, word, grade in GRADES:
+        if worst <= limit:
+            return word, grade
+    return WORSE_THAN_CONSTANT
+
+
+def _gain_words(data: ReportData, role: str, pooled: dict[str, ChannelMetrics]) -> str:
+    before = data.metrics.ase.summary.get(role, {}) if data.metrics and data.metrics.ase else {}
+    ratios = {k: g for k, m in pooled.items() if (g := gain(before.get(k), m)) is not None}
+    if not ratios:
+        return "."
+    factors = ", ".join(f"{number(g, 2)} ({k})" for k, g in ratios.items())
+    return f". The squared error of the estimate from geometry (ASE) is {factors} times as large."
+
+
+def cards(data: ReportData) -> list[dict[str, Any]]:
+    """Pooled error of each channel with that of the estimate from geometry and the gain."""
+    if data.metrics is None:
+        return []
+    role = "validate" if "validate" in data.metrics.summary else "identify"
+    before = data.metrics.ase.summary.get(role, {}) if data.metrics.ase else {}
+    found = []
+    for name, m in data.metrics.summary.get(role, {}).items():
+        b, ratio = before.get(name), gain(before.get(name), m)
+        grade = _grade(m.nrmse)[1]
+        found.append({
+            "name": name, "rmse": quantity(m.rmse, m.unit), "nrmse": percent(m.nrmse),
+            "r2": number(m.r2), "theil": number(m.theil, 2), "grade": grade,
+            "before": quantity(b.rmse, b.unit) if b else "–",
+            "before_nrmse": percent(b.nrmse) if b else "–",
+            "gain": number(ratio, 2) if ratio else "–",
+            "worse": ratio is not None and ratio <= NOT_BETTER,
+        })  # fmt: skip
+    return found
+
+
+def warnings(data: ReportData) -> list[Warning_]:
+    """Every finding of every stage, with those only the report can see, the gravest first."""
+    found = [("validate", f) for f in _own_findings(data)]
+    if data.metrics:
+        found += [("validate", f) for f in data.metrics.findings]
+    if data.model:
+        found += [("identify", f) for f in data.model.findings]
+    if data.maneuvers:
+        found += [("segment", f) for f in data.maneuvers.findings]
+    if data.quality:
+        found += [("ingest", f) for f in data.quality.findings]
+        found += [
+            ("ingest", f.model_copy(update={"where": _at(t.trial, f.where)}))
+            for t in data.quality.trials for f in t.findings
+        ]  # fmt: skip
+    if data.ase:
+        found += [("ase", f) for f in data.ase.findings]
+    ranked = [Warning_(_rank(f.code), stage, f) for stage, f in _merged(found)]
+    return sorted(ranked, key=lambda w: RANKS.index(w.rank))
+
+
+def _at(trial: str, where: str) -> str:
+    return where if trial in where or not trial else f"{trial}, {where}" if where else trial
+
+
+def _merged(found: Sequence[tuple[str, Finding]]) -> list[tuple[str, Finding]]:
+    """The same message at several places said once."""
+    groups: dict[tuple[str, str, str], list[Finding]] = {}
+    for stage, f in found:
+        groups.setdefault((stage, f.code, f.message), []).append(f)
+    merged = []
+    for (stage, _, _), same in groups.items():
+        where = "; ".join(dict.fromkeys(f.where for f in same if f.where))
+        merged.append((stage, same[0].model_copy(update={"where": where})))
+    return merged
+
+
+def _rank(code: str) -> str:
+    return "serious" if code in SERIOUS else "note" if code in NOTES else "caution"
+
+
+def _own_findings(data: ReportData) -> list[Finding]:
+    """What follows from the numbers of several artifacts together."""
+    if data.metrics is None or data.model is None:
+        return []
+    found = []
+    pooled = data.metrics.summary.get("validate", {})
+    before = data.metrics.ase.summary.get("validate", {}) if data.metrics.ase else {}
+    for name, m in pooled.items():
+        if m.nrmse >= 1.0:
+            found.append(Finding(
+                code="not-predicted", where=name, value=m.nrmse, threshold=1.0,
+                message=f"the error of {name} is as large as its variation: not predicted",
+            ))  # fmt: skip
+        ratio = gain(before.get(name), m)
+        if ratio is not None and ratio <= NOT_BETTER:
+            found.append(Finding(
+                code="no-better", where=name, value=ratio, threshold=NOT_BETTER,
+                message=f"{name} of the held-out maneuvers is predicted no better than by the "
+                "estimate from geometry",
+            ))  # fmt: skip
+    on_prior = [c.symbol for c in data.model.coefficients if c.data_share < MANY_ON_PRIOR]
+    if on_prior:
+        found.append(Finding(
+            code="rests-on-prior", where=", ".join(on_prior),
+            message=f"{len(on_prior)} of {len(data.model.coefficients)} coefficients rest more on "
+            "the prior than on these data; the prediction is good where the maneuvers were, the "
+            "single coefficient need not be",
+        ))  # fmt: skip
+    return found
+
+
+def combination(c: Combination) -> str:
+    """A direction that the data cannot see, in words."""
+    if c.meaning:
+        return c.meaning
+    first, rest = c.symbols[0], list(zip(c.symbols, c.weights, strict=True))[1:]
+    if not rest:
+        return (
+            f"{first} alone: the data hold {number(c.information, 2)} of the prior's information."
+        )
+    moves = ", ".join(f"{s} by {number(w, 2)}" for s, w in rest)
+    return (
+        f"When {first} changes by 1 of its prior std, {moves} can make up for it: the data hold "
+        f"{number(c.information, 2)} of the prior's information about this direction."
+    )
+
+
+def pairs(correlations: dict[str, dict[str, float]]) -> list[tuple[str, str, float]]:
+    """Pairs of coefficients that are strongly correlated, the strongest first."""
+    seen = {
+        (min(a, b), max(a, b)): value
+        for a, row in correlations.items() for b, value in row.items()
+        if abs(value) >= STRONG_CORRELATION
+    }  # fmt: skip
+    return [(a, b, v) for (a, b), v in sorted(seen.items(), key=lambda x: -abs(x[1]))]
