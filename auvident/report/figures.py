@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 
 Array = npt.NDArray[np.float64]
 
-WIDTH_IN = 11.0  # of a figure over the whole page
+WIDTH_IN = 11.8  # of a figure over the whole page
 MOST_POINTS = 1600  # of a line: about twice the pixels of a panel
 COORDINATE_DIGITS = 2  # after the point, in SVG units of 1/72 inch
 

@@ -24,7 +24,7 @@ from auvident.schema.artifacts import ChannelMetrics, ManeuverMetrics
 
 # column ending, colour, line style, line width, words; drawn in this order
 LINES = (
-    ("ase", VERMILLION, (0, (4, 2)), 1.0, "ASE alone"),
+    ("ase", VERMILLION, (0, (4, 2)), 1.0, "{prior} alone"),
     ("measured", INK, "-", 2.0, "measured"),
     ("simulated", BLUE, "-", 1.2, "model"),
 )
@@ -33,8 +33,9 @@ WITH_TRACK = 0.64  # share of the width left to the channels
 
 
 def prediction(
-    table: pd.DataFrame, after: ManeuverMetrics, before: ManeuverMetrics | None, name: str
-) -> str:
+    table: pd.DataFrame, after: ManeuverMetrics, before: ManeuverMetrics | None, name: str,
+    prior: str = "ASE",
+) -> str:  # fmt: skip
     """One maneuver: its inputs, each channel, and the track where there is one.
 
     Parameters
@@ -45,12 +46,14 @@ def prediction(
         Errors of the model and of the estimate from geometry.
     name : str
         Different for each figure of the page.
+    prior : str
+        What the model started from.
     """
     rows = [c for c in CHANNELS if f"{c[1]}_measured" in table]
     has_track = "north_m_measured" in table
     figure = new_figure(1.0 + 1.12 * len(rows) + 0.6)
     grid = figure.add_gridspec(
-        len(rows) + 1, 1, left=0.075, right=WITH_TRACK if has_track else 0.99,
+        len(rows) + 1, 1, left=0.085, right=WITH_TRACK if has_track else 0.99,
         top=0.93, bottom=0.075, hspace=0.38, height_ratios=[0.6, *[1.0] * len(rows)],
     )  # fmt: skip
     time = table["time_s"].to_numpy(float)
@@ -61,15 +64,16 @@ def prediction(
         axes = figure.add_subplot(grid[i + 1], sharex=first)
         _channel(axes, time, table, column, unit)
         axes.set_ylabel(f"{words}\n{SHOWN_UNITS.get(unit, (unit,))[0]}")
-        _errors(axes, channel, after.channels, before.channels if before else {})
+        _errors(axes, channel, after.channels, before.channels if before else {}, prior)
         if i + 1 < len(rows):
             quiet(axes)
     quiet(first)
     axes.set_xlabel("time from the start of the maneuver, s")
     axes.set_xlim(time[0], time[-1])
     if has_track:
-        _track(figure, table, after, before)
-    _legend(figure)
+        _track(figure, table, after, before, prior)
+    _legend(figure, prior)
+    figure.align_ylabels()
     return svg(figure, name, f"Maneuver {after.id}, measured and predicted")
 
 
@@ -104,7 +108,7 @@ def _channel(axes: Axes, time: np.ndarray, table: pd.DataFrame, column: str, uni
 
 def _errors(
     axes: Axes, channel: str, after: Mapping[str, ChannelMetrics],
-    before: Mapping[str, ChannelMetrics],
+    before: Mapping[str, ChannelMetrics], prior: str,
 ) -> None:  # fmt: skip
     found = after.get(channel)
     if found is None:
@@ -112,13 +116,17 @@ def _errors(
     text = f"RMSE {quantity(found.rmse, found.unit)} · NRMSE {number(found.nrmse, 2)}"
     ratio = gain(before.get(channel), found)
     if channel in before:
-        text += f" (ASE {quantity(before[channel].rmse, found.unit)}"
+        text += f" ({prior} {quantity(before[channel].rmse, found.unit)}"
         text += f", squared error ÷ {number(ratio, 2)})" if ratio else ")"
     axes.set_title(text, loc="right", fontsize=8.5, pad=3)
 
 
 def _track(
-    figure: Figure, table: pd.DataFrame, after: ManeuverMetrics, before: ManeuverMetrics | None
+    figure: Figure,
+    table: pd.DataFrame,
+    after: ManeuverMetrics,
+    before: ManeuverMetrics | None,
+    prior: str,
 ) -> None:
     axes = figure.add_axes((WITH_TRACK + 0.075, 0.22, 0.995 - WITH_TRACK - 0.075, 0.6))
     for ending, colour, dashes, width, _ in LINES:
@@ -139,7 +147,9 @@ def _track(
     if found is not None:
         ratio = gain(before.channels.get("track") if before else None, found)
         text = f"track: RMSE {quantity(found.rmse, found.unit)}"
-        text += f", ASE {quantity(before.channels['track'].rmse, 'm')}" if ratio and before else ""
+        text += (
+            f", {prior} {quantity(before.channels['track'].rmse, 'm')}" if ratio and before else ""
+        )
         axes.set_title(text, fontsize=8.5)
 
 
@@ -154,14 +164,14 @@ def _square(axes: Axes, east: np.ndarray, north: np.ndarray) -> None:
     axes.locator_params(nbins=6)
 
 
-def _legend(figure: Figure) -> None:
+def _legend(figure: Figure, prior: str) -> None:
     from matplotlib.lines import Line2D
 
     handles = [
-        Line2D([], [], color=c, ls=d, lw=w, label=words,
+        Line2D([], [], color=c, ls=d, lw=w, label=words.format(prior=prior),
                alpha=MEASURED_OPACITY if e == "measured" else 1.0)
         for e, c, d, w, words in (LINES[1], LINES[2], LINES[0])
     ]  # fmt: skip
     figure.legend(
-        handles=handles, loc="upper left", ncols=3, bbox_to_anchor=(0.07, 1.0), borderaxespad=0.1
+        handles=handles, loc="upper left", ncols=3, bbox_to_anchor=(0.08, 1.0), borderaxespad=0.1
     )

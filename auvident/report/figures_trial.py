@@ -13,12 +13,14 @@ from auvident.report.figures import (
     KIND_COLOURS,
     ORANGE,
     SOFT,
+    Array,
     new_figure,
     quiet,
     svg,
     thinned,
 )
-from auvident.report.html_data import SHOWN_UNITS
+from auvident.report.figures_joined import joined
+from auvident.report.html_data import SHOWN_UNITS, unit_text
 from auvident.schema.artifacts import Maneuver
 from auvident.schema.channels import BY_COLUMN, RECORD_COLUMN, TIME_COLUMN
 from auvident.schema.trial import Trial
@@ -38,40 +40,46 @@ HORIZONTAL_ONLY = ("r_radps", "heading_rad")
 SHADE = {"identify": 0.18, "validate": 0.42}  # opacity by role
 HATCH = {"identify": None, "validate": "////"}
 LABEL_SHARE = 0.022  # of the trial's length a maneuver needs for its label
-TRACK_IN = 4.6
-HEAD_IN, PANEL_IN = 1.0, 1.05  # height of legend, names and axis; of one panel
+TRACK_IN, TRACK_WIDTH_IN = 5.0, 7.5
+HEAD_IN, HEAD_JOINED_IN, PANEL_IN = 1.0, 1.6, 1.05  # legend, names and axis; one panel
+LABEL_SLANT_DEG = 22  # where names are long
 
 
-def timeline(trial: Trial, maneuvers: Sequence[Maneuver], name: str) -> str:
-    """Channels of a trial over time, maneuvers shaded by kind and role, gaps marked.
+def timeline(trials: Sequence[Trial], maneuvers: Sequence[Maneuver], name: str) -> str:
+    """Channels over time, maneuvers shaded by kind and role, gaps marked.
 
     Parameters
     ----------
-    trial : Trial
+    trials : sequence of Trial
+        Several are laid end to end.
     maneuvers : sequence of Maneuver
-        Of any trial; the others are left out.
+        Of any trial; those of others are left out.
     name : str
         Different for each figure of the page.
     """
-    own = [m for m in maneuvers if m.trial == trial.name]
+    trial, own = joined(trials, maneuvers)
     rows = _rows(trial, own)
-    figure = new_figure(HEAD_IN + PANEL_IN * len(rows))
+    head = HEAD_IN if len(trials) == 1 else HEAD_JOINED_IN
+    figure = new_figure(head + PANEL_IN * len(rows))
     height = figure.get_figheight()
-    heights = [0.32, *[1.0] * len(rows)]
     panels = figure.subplots(
-        len(rows) + 1, 1, sharex=True, gridspec_kw={"height_ratios": heights, "hspace": 0.16}
+        len(rows) + 1, 1, sharex=True,
+        gridspec_kw={"height_ratios": [0.32, *[1.0] * len(rows)], "hspace": 0.16},
+    )  # fmt: skip
+    figure.subplots_adjust(
+        left=0.075, right=0.99, top=1.0 - (head - 0.5) / height, bottom=0.45 / height
     )
-    figure.subplots_adjust(left=0.075, right=0.99, top=1.0 - 0.5 / height, bottom=0.45 / height)
-    _strip(panels[0], own, trial)
+    _strip(panels[0], own, trial, slanted=len(trials) > 1)
     for axes, (columns, label) in zip(panels[1:], rows, strict=True):
         _channel(axes, trial, columns, label)
         _shade(axes, own)
         _gaps(axes, trial)
         if axes is not panels[-1]:
             quiet(axes)
-    panels[-1].set_xlabel("time, s")
+    panels[-1].set_xlabel("time, s" if len(trials) == 1 else "time, trials end to end, s")
     time = trial.table[TIME_COLUMN]
     panels[-1].set_xlim(float(time.iloc[0]), float(time.iloc[-1]))
+    figure.align_ylabels(panels)
     _legend(figure, own, _interruptions(trial).size > 0)
     return svg(figure, name, f"Trial {trial.name} over time with its maneuvers")
 
@@ -93,7 +101,13 @@ def _rows(trial: Trial, maneuvers: Sequence[Maneuver]) -> list[tuple[list[str], 
     return rows
 
 
-def _strip(axes: Axes, maneuvers: Sequence[Maneuver], trial: Trial) -> None:
+def _label(m: Maneuver, trial: Trial) -> str:
+    """Short name of a maneuver."""
+    label = m.id.removeprefix(f"{trial.name}-").removeprefix("vertical-")
+    return label.replace("straight", "str").replace("zigzag", "zz")
+
+
+def _strip(axes: Axes, maneuvers: Sequence[Maneuver], trial: Trial, slanted: bool) -> None:
     """Bars with the names of the maneuvers above the panels."""
     time = trial.table[TIME_COLUMN]
     shortest = LABEL_SHARE * float(time.iloc[-1] - time.iloc[0])
@@ -105,11 +119,12 @@ def _strip(axes: Axes, maneuvers: Sequence[Maneuver], trial: Trial) -> None:
             alpha=0.55 if held else 0.3, hatch=HATCH[m.role], edgecolor=INK if held else SOFT,
             linewidth=1.2 if held else 0.5,
         )  # fmt: skip
-        if length > shortest:
-            label = m.id.removeprefix(f"{trial.name}-").removeprefix("vertical-")
+        if slanted or length > shortest:
+            place = m.t_start_s if slanted else m.t_start_s + length / 2
             axes.text(
-                m.t_start_s + length / 2, 0.72, label.replace("straight", "str").replace("zigzag",
-                "zz"), ha="center", va="bottom", fontsize=8, fontweight="bold" if held else None,
+                place, 0.72, _label(m, trial), ha="left" if slanted else "center", va="bottom",
+                rotation=LABEL_SLANT_DEG if slanted else 0, rotation_mode="anchor", fontsize=8,
+                fontweight="bold" if held else None,
             )  # fmt: skip
     axes.set_ylim(-0.5, 0.5)
     axes.set_axis_off()
@@ -124,10 +139,13 @@ def _channel(axes: Axes, trial: Trial, columns: Sequence[str], label: str) -> No
         axes.plot(*thinned(time, values), color=colour, lw=0.9, drawstyle=where, label=column)
     if columns[0] == "depth_m":
         axes.invert_yaxis()
-    words = "elevator" if columns[0] == "elevator_rad" else label
     if len(columns) > 1:
-        words = "rudder,\nelevator (orange)"
-    axes.set_ylabel(f"{words}\n{unit}")
+        label = "fins"
+        for place, words, colour in ((0.005, "rudder", BLUE), (0.06, "elevator", ORANGE)):
+            axes.text(place, 0.05, words, color=colour, transform=axes.transAxes, fontsize=8)
+    elif columns[0] == "elevator_rad":
+        label = "elevator"
+    axes.set_ylabel(f"{label}\n{unit_text(unit)}")
     axes.locator_params(axis="y", nbins=5)
 
 
@@ -165,34 +183,46 @@ def _legend(figure: Figure, maneuvers: Sequence[Maneuver], gaps: bool) -> None:
     )  # fmt: skip
 
 
-def track(trial: Trial, maneuvers: Sequence[Maneuver], name: str) -> str | None:
-    """Track of a trial, north up; measured positions, else dead reckoning; None without both."""
-    found = _positions(trial)
-    if found is None:
+def track(trials: Sequence[Trial], maneuvers: Sequence[Maneuver], name: str) -> str | None:
+    """Tracks, north up; measured positions, else dead reckoning; None without both.
+
+    Several trials are drawn from their own start.
+    """
+    found = [(t, p) for t in trials if (p := _positions(t)) is not None]
+    if not found:
         return None
-    north, east, how = found
-    time = trial.table[TIME_COLUMN].to_numpy(float)
-    spans = [max(float(np.nanmax(x) - np.nanmin(x)), 1.0) for x in (north, east)]
-    wide = min(max(spans[1] / spans[0], 0.45), 2.0)
-    figure = new_figure(TRACK_IN, width_in=min(TRACK_IN * wide + 2.8, 11.0))
+    figure = new_figure(TRACK_IN, width_in=TRACK_WIDTH_IN)
     axes = figure.subplots()
+    for trial, (north, east, _) in found:
+        if len(found) > 1:
+            first = np.flatnonzero(np.isfinite(north))[0]
+            north, east = north - north[first], east - east[first]
+        _one_track(axes, trial, north, east, [m for m in maneuvers if m.trial == trial.name])
+    axes.set_aspect("equal", adjustable="datalim")
+    start = ", each from its start" if len(found) > 1 else ""
+    axes.set_xlabel(f"east, m{start}")
+    axes.set_ylabel("north, m")
+    how = " and ".join(dict.fromkeys(p[2] for _, p in found))
+    axes.set_title(f"{how}; held-out maneuvers thick")
+    figure.tight_layout()
+    return svg(figure, name, f"Track of trial {', '.join(t.name for t, _ in found)}")
+
+
+def _one_track(
+    axes: Axes, trial: Trial, north: Array, east: Array, maneuvers: Sequence[Maneuver]
+) -> None:
+    time = trial.table[TIME_COLUMN].to_numpy(float)
     axes.plot(*thinned(east, north), color=SOFT, lw=0.7)
-    for m in (m for m in maneuvers if m.trial == trial.name):
+    for m in maneuvers:
         inside = (time >= m.t_start_s) & (time <= m.t_end_s)
         width = 2.6 if m.role == "validate" else 1.5
         axes.plot(*thinned(east[inside], north[inside]), color=KIND_COLOURS[m.kind], lw=width)
     start = np.flatnonzero(np.isfinite(north))[0]
     axes.plot(east[start], north[start], "o", color=INK, ms=5)
-    axes.annotate(" start", (east[start], north[start]))
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("east, m")
-    axes.set_ylabel("north, m")
-    axes.set_title(f"{how}; held-out maneuvers thick")
-    figure.tight_layout()
-    return svg(figure, name, f"Track of trial {trial.name}")
+    axes.annotate("start", (east[start], north[start]), (6, 5), textcoords="offset points")
 
 
-def _positions(trial: Trial) -> tuple[np.ndarray, np.ndarray, str] | None:
+def _positions(trial: Trial) -> tuple[Array, Array, str] | None:
     """North, east and how they were found."""
     table = trial.table
     if {"north_m", "east_m"} <= set(table) and table["north_m"].notna().any():

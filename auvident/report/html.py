@@ -8,13 +8,17 @@ from typing import TYPE_CHECKING, Any
 from auvident import __version__
 from auvident.report import html_tables as tables
 from auvident.report import html_words as words
-from auvident.report.html_data import DYNAMIC, ReportData, number, quantity
+from auvident.report.html_data import ReportData, number, quantity
 
 if TYPE_CHECKING:
     from jinja2 import Template
 
+    from auvident.schema.trial import Trial
+
 FOLDER = Path(__file__).resolve().parent
-MOST_TRIALS = 6  # drawn over time; of the others the table of maneuvers tells
+MOST_TRIALS = 32  # drawn over time; of the others the table of maneuvers tells
+TRIALS_NAMED = 6  # in the head
+TRIALS_APART, TRIALS_TOGETHER = 2, 16  # a figure each up to so many; else so many in a figure
 MOST_PREDICTIONS = 10  # held-out maneuvers drawn; the errors of all are in a table
 
 
@@ -38,6 +42,8 @@ def render(report: ReportData) -> str:
         subtitle=_subtitle(report),
         verdict=words.verdict(report),
         cards=words.cards(report),
+        prior=report.prior_name,
+        prior_words=words.PRIOR_WORDS[report.prior_name],
         held=bool(report.held_out()),
         warnings=words.warnings(report),
         figures=_figures(report),
@@ -63,11 +69,11 @@ def _subtitle(report: ReportData) -> list[str]:
     """What the report is about, in a few facts."""
     facts = []
     if report.quality:
-        for t in report.quality.trials[:MOST_TRIALS]:
+        for t in report.quality.trials[:TRIALS_NAMED]:
             start = f", {t.origin[:10]}" if t.origin else ""
             facts.append(f"{t.trial} ({(t.t_end_s - t.t_start_s) / 60.0:.0f} min{start})")
-        if len(report.quality.trials) > MOST_TRIALS:
-            facts.append(f"and {len(report.quality.trials) - MOST_TRIALS} more trials")
+        if len(report.quality.trials) > TRIALS_NAMED:
+            facts.append(f"and {len(report.quality.trials) - TRIALS_NAMED} more trials")
     if report.maneuvers:
         held = sum(m.role == "validate" for m in report.maneuvers.maneuvers)
         facts.append(f"{len(report.maneuvers.maneuvers)} maneuvers, {held} held out")
@@ -93,27 +99,28 @@ def _figures(report: ReportData) -> dict[str, Any]:
         }
 
 
-def _drawn(report: ReportData) -> list[Any]:
-    """Trials that are drawn: those with held-out maneuvers go first."""
-    if report.maneuvers is None:
-        return list(report.trials)[:MOST_TRIALS]
-    held = {m.trial for m in report.maneuvers.maneuvers if m.role == "validate"}
-    chosen = sorted(report.trials, key=lambda t: t.name not in held)[:MOST_TRIALS]
-    return [t for t in report.trials if any(t is c for c in chosen)]
+def _drawn(report: ReportData) -> "list[list[Trial]]":
+    """Trials that are drawn, by figure; of too many those with held-out maneuvers first."""
+    from auvident.report.figures_joined import groups
+
+    maneuvers = report.maneuvers.maneuvers if report.maneuvers else ()
+    held = {m.trial for m in maneuvers if m.role == "validate"}
+    chosen = {t.name for t in sorted(report.trials, key=lambda t: t.name not in held)[:MOST_TRIALS]}
+    return groups([t for t in report.trials if t.name in chosen], TRIALS_APART, TRIALS_TOGETHER)
 
 
 def _timelines(report: ReportData) -> list[str]:
     from auvident.report.figures_trial import timeline
 
     maneuvers = report.maneuvers.maneuvers if report.maneuvers else ()
-    return [timeline(t, maneuvers, f"timeline{i}") for i, t in enumerate(_drawn(report))]
+    return [timeline(g, maneuvers, f"timeline{i}") for i, g in enumerate(_drawn(report))]
 
 
 def _tracks(report: ReportData) -> list[str | None]:
     from auvident.report.figures_trial import track
 
     maneuvers = report.maneuvers.maneuvers if report.maneuvers else ()
-    return [track(t, maneuvers, f"track{i}") for i, t in enumerate(_drawn(report))]
+    return [track(g, maneuvers, f"track{i}") for i, g in enumerate(_drawn(report))]
 
 
 def _predictions(report: ReportData) -> list[str]:
@@ -123,7 +130,7 @@ def _predictions(report: ReportData) -> list[str]:
         return []
     rows = dict(list(report.simulation.groupby("maneuver", sort=False)))
     return [
-        prediction(rows[m.id], m, report.before(m.id), f"prediction{i}")
+        prediction(rows[m.id], m, report.before(m.id), f"prediction{i}", report.prior_name)
         for i, m in enumerate(report.held_out()[:MOST_PREDICTIONS])
         if m.id in rows
     ]
@@ -153,7 +160,9 @@ def _left_out(report: ReportData) -> list[str]:
     notes = []
     trials, held = len(report.trials), len(report.held_out())
     if trials > MOST_TRIALS:
-        notes.append(f"{MOST_TRIALS} of {trials} trials are drawn, those with held-out maneuvers.")
+        notes.append(
+            f"{MOST_TRIALS} of {trials} trials are drawn, those with held-out maneuvers first."
+        )
     if held > MOST_PREDICTIONS:
         notes.append(f"{MOST_PREDICTIONS} of {held} held-out maneuvers are drawn.")
     return notes
@@ -165,7 +174,6 @@ def _tables(report: ReportData) -> dict[str, Any]:
     model, quality, manifest = report.model, report.quality, report.manifest
     maneuvers = report.maneuvers
     return {
-        "dynamic": DYNAMIC,
         "figure_tables": [
             t for kind in ("turn", "zigzag") for t in tables.figure_tables(held, kind)
         ],

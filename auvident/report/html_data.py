@@ -29,11 +29,11 @@ SHOWN_UNITS: dict[str, tuple[str, float]] = {
 # Channels of a prediction in the order of the report: name in the metrics, stem of the columns
 # of the simulation table, unit of the column, words.
 CHANNELS: tuple[tuple[str, str, str, str], ...] = (
-    ("u", "u_mps", "m/s", "surge velocity"),
-    ("v", "v_mps", "m/s", "sway velocity"),
-    ("w", "w_mps", "m/s", "heave velocity"),
-    ("r", "r_radps", "rad/s", "yaw rate"),
-    ("q", "q_radps", "rad/s", "pitch rate"),
+    ("u", "u_mps", "m/s", "surge u"),
+    ("v", "v_mps", "m/s", "sway v"),
+    ("w", "w_mps", "m/s", "heave w"),
+    ("r", "r_radps", "rad/s", "yaw rate r"),
+    ("q", "q_radps", "rad/s", "pitch rate q"),
     ("heading", "heading_rad", "rad", "heading"),
     ("pitch", "pitch_rad", "rad", "pitch"),
 )
@@ -79,6 +79,11 @@ class ReportData:
                 return source.vehicle
         return self.vehicle.body.name if self.vehicle else "unknown vehicle"
 
+    @property
+    def prior_name(self) -> str:
+        """What the model is compared with: the estimate from geometry, else given values."""
+        return "prior" if self.ase is not None and not self.ase.applies else "ASE"
+
     def held_out(self) -> tuple[ManeuverMetrics, ...]:
         """Predictions of the maneuvers that were held out."""
         found = self.metrics.maneuvers if self.metrics else ()
@@ -117,7 +122,7 @@ def number(value: float | None, digits: int = 3) -> str:
 def quantity(value: float, unit: str, digits: int = 3) -> str:
     """A number with its unit, angles in degrees."""
     value, unit = shown(value, unit)
-    return f"{number(value, digits)} {unit}".rstrip()
+    return f"{number(value, digits)}\u00a0{unit}" if unit else number(value, digits)
 
 
 def unit_text(unit: str) -> str:
@@ -127,7 +132,7 @@ def unit_text(unit: str) -> str:
 
 def percent(share: float) -> str:
     """A share in percent, whole above 10 %."""
-    return f"{100.0 * share:.0f} %" if share >= 0.1 else f"{number(100.0 * share, 2)} %"
+    return f"{100.0 * share:.0f}\u00a0%" if share >= 0.1 else f"{number(100.0 * share, 2)}\u00a0%"
 
 
 def gain(before: ChannelMetrics | None, after: ChannelMetrics) -> float | None:

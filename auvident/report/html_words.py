@@ -12,7 +12,7 @@ from auvident.report.html_data import (
     percent,
     quantity,
 )
-from auvident.schema.artifacts import ChannelMetrics, Combination, Finding
+from auvident.schema.artifacts import ChannelMetrics, Combination, Finding, ManeuverMetrics
 
 # Pooled NRMSE of the worst of the velocities and rates -> word, CSS class.
 GRADES = (
@@ -24,6 +24,10 @@ WORSE_THAN_CONSTANT = ("worse than its own mean would", "poor")
 NOT_BETTER = 1.0  # ratio of squared errors below which the data did not help
 MANY_ON_PRIOR = 0.5  # data share below which a coefficient is more prior than data
 STRONG_CORRELATION = 0.8
+PRIOR_WORDS = {
+    "ASE": "the estimate from geometry (ASE)",
+    "prior": "the given coefficients (prior)",
+}
 SERIOUS = {
     "prediction-ran-away", "nothing_held_out", "wrong-sign", "not-predicted", "no-better",
     "log_refused", "rudder_sign_unverified", "never_under_way", "no_record", "rudder_never_moves",
@@ -86,8 +90,9 @@ def _gain_words(data: ReportData, role: str, pooled: dict[str, ChannelMetrics]) 
     ratios = {k: g for k, m in pooled.items() if (g := gain(before.get(k), m)) is not None}
     if not ratios:
         return "."
-    factors = ", ".join(f"{number(g, 2)} ({k})" for k, g in ratios.items())
-    return f". The squared error of the estimate from geometry (ASE) is {factors} times as large."
+    factors = ", ".join(f"{k} {number(g, 2)}" for k, g in ratios.items())
+    what = PRIOR_WORDS[data.prior_name]
+    return f". Squared errors of {what} are larger by the factors {factors}."
 
 
 def cards(data: ReportData) -> list[dict[str, Any]]:
@@ -119,7 +124,12 @@ def warnings(data: ReportData) -> list[Warning_]:
     if data.model:
         found += [("identify", f) for f in data.model.findings]
     if data.maneuvers:
-        found += [("segment", f) for f in data.maneuvers.findings]
+        # the other plane may lack a held-out maneuver; the report is about one plane
+        found += [
+            ("segment", f)
+            for f in data.maneuvers.findings
+            if f.code != "nothing_held_out" or not data.held_out()
+        ]
     if data.quality:
         found += [("ingest", f) for f in data.quality.findings]
         found += [
@@ -169,9 +179,16 @@ def _own_findings(data: ReportData) -> list[Finding]:
         if ratio is not None and ratio <= NOT_BETTER:
             found.append(Finding(
                 code="no-better", where=name, value=ratio, threshold=NOT_BETTER,
-                message=f"{name} of the held-out maneuvers is predicted no better than by the "
-                "estimate from geometry",
+                message=f"{name} of the held-out maneuvers is predicted no better than by "
+                f"{PRIOR_WORDS[data.prior_name]}",
             ))  # fmt: skip
+    worse = [text for m in data.held_out() if (text := _worse_channels(data, m))]
+    if worse:
+        found.append(Finding(
+            code="worse-than-prior", where="; ".join(worse),
+            message="some channels of single held-out maneuvers are predicted worse than by "
+            f"{PRIOR_WORDS[data.prior_name]}",
+        ))  # fmt: skip
     on_prior = [c.symbol for c in data.model.coefficients if c.data_share < MANY_ON_PRIOR]
     if on_prior:
         found.append(Finding(
@@ -181,6 +198,16 @@ def _own_findings(data: ReportData) -> list[Finding]:
             "single coefficient need not be",
         ))  # fmt: skip
     return found
+
+
+def _worse_channels(data: ReportData, m: ManeuverMetrics) -> str:
+    """Maneuver and channels that the data made worse; empty when there are none."""
+    before = data.before(m.id)
+    names = [
+        k for k, c in m.channels.items()
+        if before and (g := gain(before.channels.get(k), c)) is not None and g < NOT_BETTER
+    ]  # fmt: skip
+    return f"{m.id} ({', '.join(names)})" if names else ""
 
 
 def combination(c: Combination) -> str:
