@@ -39,6 +39,11 @@ class Maneuver(Artifact):
     role: Role
     features: dict[str, Any] = {}
 
+    def shows(self, plane: Plane) -> bool:
+        """Whether it identifies and validates in a plane: a thrust-step run does in both."""
+        own = self.features.get("plane", "horizontal")
+        return own == plane or (self.kind == "straight" and own == "horizontal")
+
 
 class Rejected(Artifact):
     """A piece that was looked at and is no maneuver, with the reason."""

@@ -104,7 +104,7 @@ def predict_all(
     return [
         _predict(m, by_name[m.trial], plane, sensor, parameters)
         for m in maneuvers.maneuvers
-        if m.features.get("plane", "horizontal") == plane
+        if m.shows(plane)
     ]
 
 

@@ -61,10 +61,11 @@ def test_fastest_and_slowest_stay_where_others_can_be_spared():
     assert held == {"z1.5"}
 
 
-def test_one_straight_run_of_three_is_held_out():
+def test_one_of_several_straight_runs_is_held_out_the_richest_stays():
     runs = [maneuver(f"s{i}", "straight", step) for i, step in enumerate((100, 200, 300))]
     assert choose(runs) == {"s1"}
-    assert choose(runs[:2]) == set()
+    assert choose(runs[:2]) == {"s0"}
+    assert choose(runs[:1]) == set()
 
 
 def test_the_choice_does_not_depend_on_the_order():

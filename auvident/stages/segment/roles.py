@@ -1,8 +1,9 @@
 """Which maneuvers identify and which validate.
 
 The automatic choice holds out about a quarter of the zigzags and of the turns, at least one
-where there are two, and one straight run of three or more. It takes maneuvers from the middle
-of the range, so that the validation interpolates: the identification keeps the largest and the
+where there are two, and one of several straight runs, so that speed is predicted through thrust
+steps too (the turns and zigzags that identify are run at several speeds). It takes maneuvers from
+the middle of the range, so that the validation interpolates: the rest keeps the largest and the
 smallest fin angle, both sides and both ends of the speed range as long as others can be spared.
 """
 
@@ -13,7 +14,7 @@ from auvident.errors import InputError, UsageError
 from auvident.schema.artifacts import Finding, Maneuver
 
 HELD_OUT_SHARE = 0.25
-LEAST_OF_KIND = {"zigzag": 2, "turn": 2, "straight": 3}  # fewer: all are needed to identify
+LEAST_OF_KIND = {"zigzag": 2, "turn": 2, "straight": 2}  # fewer: all are needed to identify
 SAME_ANGLE_DEG = 1.0  # fin angles within this are one amplitude
 
 
@@ -105,6 +106,11 @@ def _is_part(name: str, whole: str) -> bool:
     return name.startswith(whole) and rest.isalpha() and rest.islower()
 
 
+def _same_whole(name: str, other: str) -> bool:
+    """Whether one is a part of the other."""
+    return _is_part(name, other) or _is_part(other, name)
+
+
 def requested(
     maneuvers: Sequence[Maneuver], trials: Sequence[str], hold_out: Sequence[str]
 ) -> set[str]:
@@ -117,7 +123,7 @@ def requested(
     """
     held: set[str] = set()
     for name in hold_out:
-        chosen = {m.id for m in maneuvers if name in (m.id, m.trial) or _is_part(name, m.id)}
+        chosen = {m.id for m in maneuvers if name in (m.id, m.trial) or _same_whole(name, m.id)}
         if not chosen and name not in trials:
             ids = ", ".join(m.id for m in maneuvers)
             raise UsageError(

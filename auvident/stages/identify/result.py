@@ -1,0 +1,226 @@
+"""The identified model and its history from the stages that were run."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from auvident.engines.estimator import (
+    Outcome,
+    Setup,
+)
+from auvident.engines.records import STATE_COLUMNS
+from auvident.estimation.identifiability import (
+    Direction,
+    correlations,
+    data_shares,
+)
+from auvident.physics.terms import Structure
+from auvident.schema.artifacts import (
+    AseResult,
+    Combination,
+    Finding,
+    IdentifiedModel,
+    ModelCoefficient,
+    Origin,
+    Sensing,
+    StageRecord,
+)
+from auvident.schema.coefficients import BY_SYMBOL, prime_unit, symbols_of
+from auvident.schema.plan import PlanStage
+from auvident.schema.vehicle import Vehicle
+from auvident.stages.identify.setup import rigid_body
+
+Array = npt.NDArray[Any]
+
+HISTORY_PERIOD_S = 0.5  # the history of the coefficients is stored this often
+NOT_MOVED = 0.05  # data share below which a coefficient stayed where the prior put it
+CORRELATED = 0.95
+
+
+@dataclass(frozen=True)
+class Step:
+    """A stage that was run: in which cycle, from which start, and what it left."""
+
+    cycle: int
+    start: float
+    stage: PlanStage
+    outcome: Outcome
+
+
+def model_of(
+    setup: Setup, sensing: Sensing, ase: AseResult, vehicle: Vehicle,
+    done: Sequence[Step], unseen: Sequence[Direction],
+    findings: Sequence[Finding],
+) -> IdentifiedModel:  # fmt: skip
+    """Assemble the artifact from the last stage that estimated each coefficient."""
+    final = done[-1].outcome
+    structure, plane = setup.structure, setup.structure.plane
+    last: dict[int, tuple[Outcome, int]] = {}
+    for step in done:
+        for column, position in enumerate(step.outcome.free):
+            last[int(position)] = (step.outcome, column)
+    rows = tuple(
+        _row(setup, ase, final.parameters, last, structure.index(symbol))
+        for symbol in symbols_of(plane)
+    )
+    symbols = [structure.parameters[i] for i in final.free]
+    return IdentifiedModel(
+        vehicle=vehicle.body.name,
+        plane=plane,
+        filter=setup.filter,  # type: ignore[arg-type]
+        engine=setup.engine,  # type: ignore[arg-type]
+        plan=setup.plan.name,
+        length_m=ase.length_m,
+        density_kgpm3=ase.density_kgpm3,
+        rigid_body=rigid_body(vehicle, plane),
+        sensing=sensing,
+        coefficients=rows,
+        covariance=_covariance(setup, final, symbols),
+        correlations=correlations(final.covariance, symbols),
+        unidentifiable=tuple(_combination(direction, symbols) for direction in unseen),
+        stages=tuple(_stage_record(structure, step) for step in done),
+        findings=(*findings, *_findings(rows, final, symbols)),
+    )
+
+
+def _combination(direction: Direction, symbols: Sequence[str]) -> Combination:
+    """A direction the data cannot see, in words."""
+    named = direction.named(symbols)
+    equations = {BY_SYMBOL[symbol].equation for symbol, _ in named}
+    if not direction.structural:
+        meaning = "these maneuvers hardly show this combination; the prior holds it"
+    elif equations == {"X"}:
+        meaning = (
+            "common scale of the surge equation: only ratios to the inertia can be seen, "
+            "whatever the data; the prior holds it"
+        )
+    else:
+        meaning = (
+            "mixing of the two lateral equations (the mass matrix times any matrix): no data "
+            "can see it; the prior holds it"
+        )
+    return Combination(
+        symbols=tuple(symbol for symbol, _ in named),
+        weights=tuple(weight for _, weight in named),
+        information=direction.information,
+        structural=direction.structural,
+        meaning=meaning,
+    )
+
+
+def _covariance(setup: Setup, final: Outcome, symbols: Sequence[str]) -> dict:
+    """Posterior covariance of the coefficients, dimensional."""
+    scale = setup.prior_std[final.free]
+    matrix = final.covariance * np.outer(scale, scale)
+    return {"symbols": list(symbols), "matrix": matrix.tolist()}
+
+
+def _row(
+    setup: Setup, ase: AseResult, parameters: Array, last: dict[int, tuple[Outcome, int]],
+    position: int,
+) -> ModelCoefficient:  # fmt: skip
+    symbol = setup.structure.parameters[position]
+    leaders = dict(setup.followers.tolist())
+    unit = prime_unit(symbol, ase.density_kgpm3, ase.length_m)
+    prior_std = float(setup.prior_std[position])
+    source = last.get(leaders.get(position, position))
+    origin: Origin = "kinematic" if position in leaders else "identified"
+    std, share = prior_std, 0.0
+    if source is None:
+        origin = next(c.origin for c in ase.coefficients if c.symbol == symbol)
+    else:
+        outcome, column = source
+        leader = int(outcome.free[column])
+        std = float(np.sqrt(outcome.covariance[column, column]) * setup.prior_std[leader])
+        share = float(data_shares(outcome.covariance)[column])
+    return ModelCoefficient(
+        symbol=symbol,
+        value=float(parameters[position]),
+        std=std,
+        unit=BY_SYMBOL[symbol].unit,
+        prime=float(parameters[position]) / unit,
+        prior=float(setup.prior[position]),
+        prior_std=prior_std,
+        origin=origin,
+        data_share=share,
+    )
+
+
+def _stage_record(structure: Structure, step: Step) -> StageRecord:
+    outcome, passed = step.outcome, step.outcome.passed
+    nis = {}
+    if passed is not None:
+        for c, column in enumerate(STATE_COLUMNS[structure.plane]):
+            values = passed.whitened[:, :, c]
+            if np.isfinite(values).any():
+                nis[column] = float(np.nanmean(values**2))
+    return StageRecord(
+        stage=step.stage.name,
+        cycle=step.cycle,
+        system=step.stage.system,
+        free=tuple(structure.parameters[i] for i in outcome.free),
+        maneuvers=outcome.ids,
+        samples=outcome.samples,
+        log_likelihood=outcome.log_likelihood,
+        noise_std={
+            column: float(outcome.noise[c])
+            for c, column in enumerate(STATE_COLUMNS[structure.plane])
+        },
+        nis_mean=nis,
+    )
+
+
+def _findings(
+    rows: Sequence[ModelCoefficient], final: Outcome, symbols: Sequence[str]
+) -> list[Finding]:
+    """Warnings about coefficients, each with its evidence."""
+    found = []
+    for row in rows:
+        if row.origin == "identified" and row.data_share < NOT_MOVED:
+            found.append(Finding(
+                code="not-seen", where=row.symbol, value=row.data_share, threshold=NOT_MOVED,
+                message=f"{row.symbol} rests on its prior: these maneuvers hardly show it",
+            ))  # fmt: skip
+        expected = BY_SYMBOL[row.symbol].sign
+        if expected and row.value * expected < 0.0 and abs(row.value) > 2.0 * row.std:
+            found.append(Finding(
+                code="wrong-sign", where=row.symbol, value=row.value, threshold=0.0,
+                message=f"{row.symbol} has the sign opposite to a streamlined hull's",
+                remedy="It may stand in for an effect the model lacks.",
+            ))  # fmt: skip
+    spread = np.sqrt(np.diag(final.covariance))
+    matrix = final.covariance / np.outer(spread, spread)
+    for i, j in zip(*np.where(np.triu(np.abs(matrix), 1) > CORRELATED), strict=True):
+        found.append(Finding(
+            code="correlated", where=f"{symbols[i]}, {symbols[j]}", value=float(matrix[i, j]),
+            threshold=CORRELATED,
+            message=f"{symbols[i]} and {symbols[j]} can hardly be told apart",
+        ))  # fmt: skip
+    return found
+
+
+def history_of(setup: Setup, done: Sequence[Step]) -> pd.DataFrame:
+    """Every coefficient and its standard deviation against time, by stage and cycle."""
+    pieces = []
+    every = max(round(HISTORY_PERIOD_S / setup.dt_s), 1)
+    for order, step in enumerate(done):
+        outcome = step.outcome
+        symbols = [setup.structure.parameters[i] for i in outcome.free]
+        if outcome.passed is not None:
+            rows = slice(0, None, every)
+            values, stds = outcome.passed.history[rows], outcome.passed.history_std[rows]
+        else:
+            scale = setup.prior_std[outcome.free]
+            values = outcome.parameters[outcome.free][None, :]
+            stds = np.sqrt(np.diag(outcome.covariance))[None, :] * scale
+        times = np.arange(len(values)) * every * setup.dt_s
+        pieces.append(pd.DataFrame({
+            "order": order, "start": step.start, "cycle": step.cycle, "stage": step.stage.name,
+            "time_s": np.repeat(times, len(symbols)), "symbol": symbols * len(times),
+            "value": values.ravel(), "std": stds.ravel(),
+        }))  # fmt: skip
+    return pd.concat(pieces, ignore_index=True)

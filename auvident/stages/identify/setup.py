@@ -1,0 +1,113 @@
+"""What stays the same through an identification: data, priors, sensors."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from auvident.engines.estimator import (
+    Setup,
+)
+from auvident.engines.records import STATE_COLUMNS, record_of, sensor_matrix
+from auvident.errors import NumericsError
+from auvident.physics.terms import parameter_vector, structure_of, symbol_in
+from auvident.schema.artifacts import (
+    AseResult,
+    Maneuvers,
+    RigidBody,
+    Sensing,
+)
+from auvident.schema.channels import BY_COLUMN
+from auvident.schema.coefficients import Plane, symbols_of
+from auvident.schema.plan import Plan
+from auvident.schema.trial import Trial
+from auvident.schema.vehicle import Vehicle
+
+Array = npt.NDArray[Any]
+
+GRAVITY_MPS2 = 9.80665
+# Accuracy of a channel when neither the vehicle file nor the log tells: a common DVL, a
+# fibre-optic or MEMS rate gyro, a compass.
+DEFAULT_STD = {"m/s": 5.0e-3, "rad/s": 1.0e-3, "rad": 5.0e-3}
+
+
+def prepare(
+    trials: Sequence[Trial],
+    maneuvers: Maneuvers,
+    ase: AseResult,
+    vehicle: Vehicle,
+    noise: Mapping[str, float],
+    *,
+    plane: Plane,
+    plan: Plan,
+    filter: str,
+    engine: str,
+) -> tuple[Setup, Sensing]:
+    """Arrays of the identification; see `identify` for the parameters."""
+    structure = structure_of(plane)
+    sensing = sensing_of(vehicle, noise, plane)
+    sensor = sensor_matrix(plane, sensing)
+    by_name = {trial.name: trial for trial in trials}
+    chosen = [m for m in maneuvers.maneuvers if m.role == "identify" and m.shows(plane)]
+    if not chosen:
+        raise NumericsError(
+            f"no maneuver of the {plane} plane identifies",
+            remedy="Hold out fewer maneuvers, or add a trial with maneuvers of this plane.",
+        )
+    records = {m.id: (m.kind, record_of(m, by_name[m.trial], plane, sensor)) for m in chosen}
+    values, stds = priors(ase, plane)
+    prior = parameter_vector(plane, values, rigid_body(vehicle, plane))
+    prior_std = np.array([stds.get(name, 0.0) for name in structure.parameters])
+    followers = np.array(
+        [[structure.index(symbol_in(plane, "B_adot")), structure.index(symbol_in(plane, "A_bdot"))]]
+    )
+    rate_hz = by_name[chosen[0].trial].rate_hz
+    return (
+        Setup(
+            structure, plan, records, 1.0 / rate_hz, sensor,
+            np.array([sensing.noise_std[c] for c in STATE_COLUMNS[plane]]), prior, prior_std,
+            followers, filter, engine,
+        ),
+        sensing,
+    )  # fmt: skip
+
+
+def priors(ase: AseResult, plane: Plane) -> tuple[dict[str, float], dict[str, float]]:
+    """Value and standard deviation of each coefficient of a plane before the data."""
+    wanted = set(symbols_of(plane))
+    rows = [c for c in ase.coefficients if c.symbol in wanted]
+    return {c.symbol: c.value for c in rows}, {c.symbol: c.std for c in rows}
+
+
+def rigid_body(vehicle: Vehicle, plane: Plane) -> RigidBody:
+    """Mass properties in the equations of a plane."""
+    body = vehicle.body
+    weight = body.mass_kg * GRAVITY_MPS2
+    inertia = body.izz_kgm2 if plane == "horizontal" else (body.iyy_kgm2 or body.izz_kgm2)
+    return RigidBody(
+        mass_kg=body.mass_kg,
+        x_g_m=body.x_g_m,
+        z_g_m=body.z_g_m,
+        inertia_kgm2=inertia,
+        weight_n=weight,
+        buoyancy_n=body.buoyancy_n or weight,
+    )
+
+
+def sensing_of(vehicle: Vehicle, noise: Mapping[str, float], plane: Plane) -> Sensing:
+    """Sensor positions and accuracies: the vehicle file, else the log, else a common sensor."""
+    stated = {"dvl": vehicle.dvl.std_mps, "gyro": vehicle.gyro.std_radps}
+    stds = {}
+    for column in STATE_COLUMNS[plane]:
+        channel = BY_COLUMN[column]
+        stds[column] = stated.get(channel.sensor) or noise.get(column) or DEFAULT_STD[channel.unit]
+    return Sensing(
+        dvl_x_m=vehicle.dvl.x_m,
+        dvl_y_m=vehicle.dvl.y_m,
+        dvl_z_m=vehicle.dvl.z_m,
+        dvl_mounting_yaw_rad=math.radians(vehicle.dvl.mounting_yaw_deg),
+        noise_std=stds,
+        process_noise_std={},
+    )

@@ -1,0 +1,156 @@
+"""Identification: the stages of a plan, from the ASE to the identified model."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from auvident.engines.estimator import (
+    Outcome,
+    Setup,
+    data_information,
+    run_stage,
+    stage_records,
+)
+from auvident.estimation.identifiability import (
+    unseen_directions,
+)
+from auvident.schema.artifacts import (
+    AseResult,
+    Finding,
+    IdentifiedModel,
+    Maneuvers,
+)
+from auvident.schema.coefficients import Plane, symbols_of
+from auvident.schema.plan import Plan, PlanStage
+from auvident.schema.trial import Trial
+from auvident.schema.vehicle import Vehicle
+from auvident.stages.identify.result import Step, history_of, model_of
+from auvident.stages.identify.setup import prepare
+
+Progress = Callable[[str, float], None]
+
+STARTS_APART = 1.0  # [std] results of several starts further apart than this are named
+
+
+@dataclass(frozen=True)
+class Identification:
+    """What `identify` returns: the model and the history of its coefficients."""
+
+    model: IdentifiedModel
+    history: pd.DataFrame
+
+
+def identify(
+    trials: Sequence[Trial],
+    maneuvers: Maneuvers,
+    ase: AseResult,
+    vehicle: Vehicle,
+    noise: Mapping[str, float],
+    *,
+    plane: Plane = "horizontal",
+    plan: Plan,
+    filter: str = "ekf",
+    engine: str = "compiled",
+    progress: Progress | None = None,
+) -> Identification:
+    """Estimate the coefficients of one plane from the maneuvers that identify.
+
+    Parameters
+    ----------
+    trials : sequence of Trial
+    maneuvers : Maneuvers
+        Those with role ``identify`` are used, the others not looked at.
+    ase : AseResult
+        Prior of every coefficient of the plane.
+    vehicle : Vehicle
+    noise : mapping
+        Noise of each channel by column, from the quality report; the vehicle file goes before.
+    plane : str
+    plan : Plan
+    filter : str
+        ``ekf`` or ``ukf``.
+    engine : str
+        ``compiled`` or ``filterpy``.
+    progress : callable, optional
+        Called with a text and the fraction done.
+
+    Raises
+    ------
+    NumericsError
+        Nothing to identify from, or a filter failed (with maneuver and time).
+    """
+    setup, sensing = prepare(
+        trials, maneuvers, ase, vehicle, noise, plane=plane, plan=plan, filter=filter,
+        engine=engine,
+    )  # fmt: skip
+    runs = [_run(setup, factor, progress) for factor in plan.start]
+    done, skipped = runs[-1]
+    findings = [*skipped, *_disagreement([run[0][-1].outcome for run in runs], setup)]
+    final = _average(setup, [run[0][-1].outcome for run in runs])
+    unseen = unseen_directions(data_information(setup, final, done[-1].stage))
+    done = [*done[:-1], replace(done[-1], outcome=final)]
+    model = model_of(setup, sensing, ase, vehicle, done, unseen, findings)
+    return Identification(model, history_of(setup, [step for run in runs for step in run[0]]))
+
+
+def _run(
+    setup: Setup, factor: float, progress: Progress | None
+) -> tuple[list[Step], list[Finding]]:
+    """All stages of the plan from the prior values times a factor."""
+    parameters = setup.prior.copy()
+    parameters[: len(symbols_of(setup.structure.plane))] *= factor
+    rounds = setup.plan.rounds()
+    done: list[Step] = []
+    skipped = []
+    for number, (cycle, stage) in enumerate(rounds):
+        if progress:
+            progress(f"cycle {cycle}: {stage.name}", number / len(rounds))
+        if not stage_records(setup, stage) and number + 1 < len(rounds):
+            if cycle == 1:
+                skipped.append(_skipped(stage))
+            continue
+        outcome = run_stage(setup, parameters, stage)
+        parameters = outcome.parameters
+        done.append(Step(cycle, factor, stage, outcome))
+    return done, skipped
+
+
+def _average(setup: Setup, outcomes: Sequence[Outcome]) -> Outcome:
+    """Mean of the results of several starts; their scatter adds to the covariance."""
+    if len(outcomes) == 1:
+        return outcomes[0]
+    last = outcomes[-1]
+    values = np.array([o.parameters for o in outcomes])
+    parameters = values.mean(axis=0)
+    away = (values - parameters)[:, last.free] / setup.prior_std[last.free]
+    covariance = last.covariance + away.T @ away / len(outcomes)
+    return replace(last, parameters=parameters, covariance=covariance)
+
+
+def _disagreement(outcomes: Sequence[Outcome], setup: Setup) -> list[Finding]:
+    """Coefficients whose result depends on where the estimation started."""
+    found = []
+    last = outcomes[-1]
+    spread = np.sqrt(np.diag(last.covariance)) * setup.prior_std[last.free]
+    values = np.array([o.parameters[last.free] for o in outcomes])
+    apart = np.ptp(values, axis=0) / spread
+    for column in np.flatnonzero(apart > STARTS_APART):
+        symbol = setup.structure.parameters[last.free[column]]
+        found.append(Finding(
+            code="depends-on-start", where=symbol, value=float(apart[column]),
+            threshold=STARTS_APART,
+            message=f"{symbol} depends on the value the estimation starts from",
+            remedy="More cycles, or another maneuver that shows it.",
+        ))  # fmt: skip
+    return found
+
+
+def _skipped(stage: PlanStage) -> Finding:
+    return Finding(
+        code="stage-skipped",
+        message=f"there is no maneuver of the kinds {', '.join(stage.maneuvers)}",
+        where=f"stage {stage.name!r}",
+        remedy="Its coefficients rest on the other maneuvers and on the prior.",
+    )
