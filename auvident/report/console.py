@@ -12,6 +12,7 @@ from rich.text import Text
 from auvident.report.ase_tables import ase_report, finding_line
 from auvident.schema.artifacts import (
     ChannelMetrics,
+    Combination,
     Finding,
     IdentifiedModel,
     Maneuver,
@@ -28,6 +29,9 @@ ROLES = {
     "identify": "Prediction of the maneuvers that identified",
     "validate": "Prediction of the held-out maneuvers",
 }
+# share of a coefficient's certainty that came from the data: from, name
+SIGHT = ((0.8, "well seen"), (0.3, "partly seen"), (-1.0, "left to the prior"))
+MOST_SHARES = 5  # coefficients named of a combination
 MOST_SENSOR_TABLES = 3  # trials; more of them are shown with one row each
 MOST_FINDINGS = 12  # lines of findings a stage; the artifact has all of them
 
@@ -160,7 +164,7 @@ def _ase(outputs: Mapping[str, Any]) -> list[RenderableType]:
 
 def _identify(outputs: Mapping[str, Any]) -> list[RenderableType]:
     model: IdentifiedModel = outputs["identify/model.json"]
-    return [model_table(model), *findings_lines(model.findings)]
+    return [sight_table(model), model_table(model), *findings_lines(model.findings)]
 
 
 def _validate(outputs: Mapping[str, Any]) -> list[RenderableType]:
@@ -186,6 +190,34 @@ def error_table(
             number(b.nrmse if b else None, 3), number(a.nrmse, 3), f"{a.r2:.3f}",
         )  # fmt: skip
     return table
+
+
+def sight_table(model: IdentifiedModel) -> Table:
+    """What the maneuvers can and cannot see, before any value is shown."""
+    table = house_table("What these maneuvers can and cannot see", ("", ""))
+    least = 1.1
+    for below, name in SIGHT:
+        seen = [
+            c.symbol
+            for c in model.coefficients
+            if c.origin in ("identified", "kinematic") and below <= c.data_share < least
+        ]
+        least = below
+        table.add_row(name, ", ".join(seen) or "-")
+    for combination in model.unidentifiable:
+        name = "no data can see" if combination.structural else "not shown here"
+        table.add_row(name, combination_text(combination))
+    table.caption = "auvident plan-trial RUN ranks the maneuvers that would show more"
+    table.caption_justify = "left"
+    return table
+
+
+def combination_text(combination: Combination) -> str:
+    """A combination of coefficients, largest share first, in prior standard deviations."""
+    shares = zip(combination.symbols, combination.weights, strict=True)
+    text = " ".join(f"{weight:+.2g} {symbol}" for symbol, weight in list(shares)[:MOST_SHARES])
+    more = " ..." if len(combination.symbols) > MOST_SHARES else ""
+    return f"{text.removeprefix('+')}{more}"
 
 
 def model_table(model: IdentifiedModel) -> Table:
