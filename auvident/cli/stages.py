@@ -136,6 +136,23 @@ def validate(output: Output, run: Path, fail_above: tuple[str, ...]) -> None:
     check_gates(outputs["validate/metrics.json"], limits)
 
 
+@command("report", "auvident report runs/demo")
+@RUN
+def report(output: Output, run: Path) -> None:
+    """Write everything the run knows into one HTML file; print its path.
+
+    The file needs no other and no network: figures, tables and findings stand inside.
+    """
+    from auvident.pipeline import run_stage
+
+    with output.watch() as watch:
+        (name,) = run_stage("report", run, observer=watch)
+    if output.json:
+        output.artifact({"schema": "auvident/report/1", "file": str(run / name)}, name)
+    else:
+        output.text(str(run / name))
+
+
 @command(
     "run",
     "auvident run sample_logs/harbour_trial --vehicle sample_logs/remus100.toml --run runs/demo",
@@ -175,6 +192,8 @@ def run(
         result = run_all(run, chosen, seed=seed, observer=watch)
     if output.json:
         output.artifact(summary(run, result), "run")
+    elif not output.quiet:
+        output.text(str(run / "report" / "report.html"))
     if limits:
         check_gates(given_by(run).metrics, limits)
     return exit_code(result.outputs)

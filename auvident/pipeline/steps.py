@@ -237,3 +237,14 @@ def validate(given: Given) -> dict[str, Any]:
         "validate/metrics.json": result.metrics,
         "validate/simulation.parquet": result.simulation,
     }
+
+
+# --- report -------------------------------------------------------------------------------
+
+
+def report(given: Given) -> dict[str, Any]:
+    """Everything that the run knows as one HTML file."""
+    from auvident.pipeline.reporting import report_data
+    from auvident.report.html import render
+
+    return {"report/report.html": render(report_data(given))}

@@ -118,6 +118,22 @@ STAGES: tuple[Stage, ...] = (
         main="validate/metrics.json",
         function=steps.validate,
     ),
+    Stage(
+        "report",
+        "everything in one HTML file",
+        after=("validate",),
+        reads=(
+            "ingest/*",
+            "segment/*",
+            "ase/*",
+            "identify/*",
+            "validate/*",
+            "diagnose/*",
+            "refine/*",
+        ),
+        main="report/report.html",
+        function=steps.report,
+    ),
 )
 BY_NAME: dict[str, Stage] = {stage.name: stage for stage in STAGES}
 

@@ -1,0 +1,51 @@
+"""What the report stage reads: every artifact that the run has."""
+
+from typing import TYPE_CHECKING, Any
+
+from auvident.pipeline.given import Given, matching
+from auvident.storage.artifacts import read_json
+
+if TYPE_CHECKING:
+    from auvident.report.html_data import ReportData
+    from auvident.schema.artifacts import Maneuvers
+
+
+def report_data(given: Given) -> "ReportData":
+    """Artifacts of all stages done; those of stages not done are left out."""
+    from auvident.report.html_data import ReportData
+    from auvident.schema.artifacts import IdentifiedModel
+
+    def there(name: str) -> bool:
+        return bool(matching(given.manifest, (name,)))
+
+    def plain(name: str) -> Any:
+        return read_json(given.run / name) if there(name) else None
+
+    refined = "refine/model.json"
+    return ReportData(
+        trials=given.trials,
+        vehicle=given.vehicle,
+        quality=given.quality,
+        maneuvers=_maneuvers(given),
+        ase=given.ase,
+        model=given.model,
+        history=given.table("identify/history.parquet"),
+        metrics=given.metrics,
+        simulation=given.table("validate/simulation.parquet"),
+        manifest=given.manifest,
+        diagnosis=plain("diagnose/diagnosis.json"),
+        comparison=plain("refine/comparison.json"),
+        refined=given.read(refined, IdentifiedModel) if there(refined) else None,
+    )
+
+
+def _maneuvers(given: Given) -> "Maneuvers":
+    """The maneuvers with what was rejected, which stands in a file of its own."""
+    beside = read_json(given.run / "segment/rejected.json")
+    return given.maneuvers.model_validate(
+        {
+            "maneuvers": given.maneuvers.maneuvers,
+            "rejected": beside["rejected"],
+            "findings": beside["findings"],
+        }
+    )
