@@ -1,0 +1,282 @@
+"""One stage of a plan: the prior stays the ASE's, effective noise, what is free, errors."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvident.engines import estimator
+from auvident.engines.estimator import (
+    Setup,
+    active_states,
+    data_information,
+    effective_noise,
+    free_positions,
+    predicted,
+    run_stage,
+    stage_records,
+)
+from auvident.errors import NumericsError
+from auvident.estimation.output_error import correlation_time
+from auvident.schema.plan import PlanStage, Tuning
+from tests.engines.chain import cut, plan_named, setup_of
+
+LINEAR = ("X_vv", "X_vr", "X_rr", "T_nn")
+METHODS = ("filter", "output_error")
+
+
+def stage(**changes) -> PlanStage:
+    parts = {"name": "test", "system": "surge", "free": LINEAR, "maneuvers": ("turn",)}
+    return PlanStage.model_validate(parts | changes)
+
+
+def linear_setup(filter: str = "ekf", **tuning) -> Setup:
+    """The surge equation without u on its right-hand side: linear in state and parameters."""
+    plan = plan_named("spiral").model_copy(update={"tuning": tuning})
+    setup = setup_of(plan=plan, filter=filter)
+    prior = setup.prior.copy()
+    for symbol in ("X_uu", "T_nu", "X_uudd"):
+        prior[setup.structure.index(symbol)] = 0.0
+    records = {key: (kind, cut(record, 300)) for key, (kind, record) in setup.records.items()}
+    return replace(setup, prior=prior, records=records)
+
+
+def elsewhere(setup: Setup) -> np.ndarray:
+    """Parameters some standard deviations from the prior."""
+    free = free_positions(setup, stage())
+    p = setup.prior.copy()
+    p[free] += setup.prior_std[free] * np.array([3.0, -2.0, 4.0, -1.5])
+    return p
+
+
+@pytest.fixture
+def steady_noise(monkeypatch):
+    """Noise that does not depend on the residuals, and so not on the start."""
+    monkeypatch.setattr(estimator, "effective_noise", lambda setup, *_: 20.0 * setup.sensor_std)
+
+
+# --- anchoring -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("method", "kind"), [("filter", "ekf"), ("filter", "ukf"), ("output_error", "ekf")]
+)
+@pytest.mark.parametrize("tuning", [{}, {"X_vr": Tuning(prior=0.5), "thrust": Tuning(prior=2.0)}])
+def test_the_start_of_a_stage_is_no_prior(steady_noise, method, kind, tuning) -> None:
+    setup, how = linear_setup(kind, **tuning), stage(method=method)
+    here = run_stage(setup, setup.prior, how)
+    there = run_stage(setup, elsewhere(setup), how)
+    free, scale = here.free, setup.prior_std[here.free]
+    posterior = np.sqrt(np.diag(here.covariance))
+    apart = (here.parameters - there.parameters)[free] / scale / posterior
+    # linear: equal to rounding in the filter (condition 1e6); the fit stops at 1e-5 of its cost
+    # (some 1e3), where Newton's last step has left 1e-3 of the 1e-2 allowed
+    assert np.abs(apart).max() < (1e-6 if method == "filter" else 1e-2)
+    np.testing.assert_allclose(here.covariance, there.covariance, atol=1e-9)
+    moved = (elsewhere(setup) - here.parameters)[free] / scale / posterior
+    assert np.abs(moved).max() > 1.0  # it did come back from somewhere else
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_same_data_twice_count_once(steady_noise, method) -> None:
+    setup, how = linear_setup(), stage(method=method)
+    once = run_stage(setup, setup.prior, how)
+    twice = run_stage(setup, once.parameters, how)
+    scale = setup.prior_std[once.free] * np.sqrt(np.diag(once.covariance))
+    apart = (twice.parameters - once.parameters)[once.free] / scale
+    assert np.abs(apart).max() < (1e-6 if method == "filter" else 1e-2)
+    np.testing.assert_allclose(once.covariance, twice.covariance, atol=1e-9)
+
+
+def test_the_fit_is_the_filter_without_process_noise(steady_noise) -> None:
+    """On a linear problem both have the same posterior, but for the free start of the filter."""
+    setup = linear_setup()
+    calm = setup.plan.model_copy(update={"observer_time_s": 1e9})
+    filtered = run_stage(replace(setup, plan=calm), setup.prior, stage())
+    fitted = run_stage(setup, setup.prior, stage(method="output_error"))
+    scale = setup.prior_std[fitted.free] * np.sqrt(np.diag(filtered.covariance))
+    apart = (filtered.parameters - fitted.parameters)[fitted.free] / scale
+    # the start, known to 3 standard deviations of a reading, is estimated by one of them only
+    assert np.abs(apart).max() < 1.0
+    assert np.all(np.diag(filtered.covariance) > 0.99 * np.diag(fitted.covariance))
+
+
+@pytest.mark.xfail(
+    strict=True, reason="the mean is put back as if no drift had been added during the pass"
+)
+def test_the_start_is_no_prior_with_drift_either(steady_noise) -> None:
+    setup = linear_setup(all=Tuning(drift=0.1))
+    here = run_stage(setup, setup.prior, stage())
+    there = run_stage(setup, elsewhere(setup), stage())
+    scale = setup.prior_std[here.free] * np.sqrt(np.diag(here.covariance))
+    assert np.abs((here.parameters - there.parameters)[here.free] / scale).max() < 1e-6
+
+
+# --- effective noise -----------------------------------------------------------------------
+
+
+def with_residual(setup: Setup, residual) -> Setup:
+    """Every reading is the prediction of the prior plus a residual (n, 4) by record."""
+    active = active_states("coupled", "horizontal")
+    records = {}
+    for number, (key, (kind, record)) in enumerate(setup.records.items()):
+        if kind == "turn":
+            exact = predicted(setup, setup.prior, record, active)
+            measured = exact + residual(number, len(exact))
+            records[key] = (kind, replace(record, measured=measured))
+    return replace(setup, records=records)
+
+
+def noise_of(setup: Setup) -> np.ndarray:
+    active = active_states("coupled", "horizontal")
+    return effective_noise(setup, setup.prior, [r for _, r in setup.records.values()], active)
+
+
+def test_residuals_within_the_accuracy_of_the_sensor_leave_it_as_it_is() -> None:
+    setup = setup_of()
+
+    def tiny(number, n):
+        return 1e-9 * np.random.default_rng(number).normal(size=(n, 4))
+
+    noise = noise_of(with_residual(setup, tiny))
+    # correlation time of white noise over 700 samples: 1 to 1.3, under the root
+    assert (noise >= setup.sensor_std).all()
+    assert (noise < 1.15 * setup.sensor_std).all()
+
+
+def test_white_residuals_count_with_their_rms() -> None:
+    setup = setup_of()
+
+    def white(number, n):
+        return 7 * setup.sensor_std * np.random.default_rng(number).normal(size=(n, 4))
+
+    noise = noise_of(with_residual(setup, white)) / setup.sensor_std
+    # rms of 2000 samples within 5 %, root of the correlation time up to 1.15
+    assert (noise[:3] > 7 * 0.95).all() and (noise[:3] < 7 * 1.2).all()
+    assert noise[3] == 1.0  # the heading is not active in this system
+
+
+def test_correlated_residuals_count_less_by_the_root_of_their_correlation_time() -> None:
+    setup, a = setup_of(), 0.9
+
+    def correlated(number, n):
+        rng, x = np.random.default_rng(number), np.zeros((n, 4))
+        for k in range(1, n):
+            x[k] = a * x[k - 1] + rng.normal(size=4) * np.sqrt(1 - a * a)
+        return 7 * setup.sensor_std * x
+
+    noise = noise_of(with_residual(setup, correlated)) / setup.sensor_std
+    closed = 7 * np.sqrt((1 + a) / (1 - a))  # 30.5
+    # 2000 samples of 19 correlated ones: some 100 independent, 10 % and its root each
+    assert (np.abs(noise[:3] / closed - 1) < 0.35).all()
+
+
+def test_a_prediction_that_ran_away_is_far_out_but_finite() -> None:
+    setup = setup_of()
+    p = setup.prior.copy()
+    p[setup.structure.index("X_uu")] = +60.0
+    records = stage_records(setup, stage())
+    noise = effective_noise(setup, p, records, active_states("coupled", "horizontal"))
+    spread = np.nanstd(np.concatenate([r.measured for r in records])[:, 0])
+    assert np.isfinite(noise).all()
+    assert noise[0] > 5 * spread
+
+
+def test_missing_readings_do_not_make_a_residual_white() -> None:
+    """The correlation counts in samples that were taken."""
+    setup = setup_of()
+
+    def constant(number, n):
+        x = np.full((n, 4), 1.0)
+        x[::2] = np.nan
+        return x
+
+    noise = noise_of(with_residual(setup, constant))
+    lengths = [len(r.time_s) // 2 for _, r in with_residual(setup, constant).records.values()]
+    times = [correlation_time(np.ones(n), 600) for n in lengths]
+    expected = np.sqrt(np.average(times, weights=lengths))
+    np.testing.assert_allclose(noise[:3], expected, rtol=1e-6)
+
+
+# --- what is free --------------------------------------------------------------------------
+
+
+def test_free_are_the_named_coefficients_but_followers_and_what_is_certain() -> None:
+    setup = setup_of()
+    certain = setup.prior_std.copy()
+    certain[setup.structure.index("Y_vdot")] = 0.0
+    positions = free_positions(replace(setup, prior_std=certain), stage(free=("inertia", "Y_uv")))
+    found = [setup.structure.parameters[i] for i in positions]
+    assert found == ["Y_rdot", "Y_uv", "N_rdot"]  # no N_vdot: it follows Y_rdot
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_followers_move_along_and_others_stay(method) -> None:
+    setup = setup_of()
+    setup = replace(
+        setup, records={k: (kind, cut(r, 250)) for k, (kind, r) in setup.records.items()}
+    )
+    how = stage(free=("inertia", "lift"), system="lateral", maneuvers=("zigzag",), method=method)
+    outcome = run_stage(setup, setup.prior, how)
+    moved = outcome.parameters - setup.prior
+    leader, follower = (setup.structure.index(s) for s in ("Y_rdot", "N_vdot"))
+    assert moved[follower] == pytest.approx(moved[leader], rel=1e-9)
+    assert moved[leader] != 0.0
+    held = np.setdiff1d(np.arange(len(moved)), [*outcome.free, follower])
+    assert (moved[held] == 0.0).all()
+    assert outcome.ids and all("zigzag" in name for name in outcome.ids)
+    assert (np.linalg.eigvalsh(outcome.covariance) > 0).all()
+    assert (np.diag(outcome.covariance) <= 1.0 + 1e-12).all()  # never less certain than before
+
+
+def test_a_tighter_prior_moves_less(steady_noise) -> None:
+    loose = run_stage(linear_setup(), linear_setup().prior, stage())
+    tight = run_stage(linear_setup(turning_drag=Tuning(prior=1e-3)), linear_setup().prior, stage())
+    scale = linear_setup().prior_std[loose.free]
+    moved = [(o.parameters - linear_setup().prior)[o.free] / scale for o in (loose, tight)]
+    assert np.abs(moved[0][:3]).max() > 0.1
+    assert np.abs(moved[1][:3]).max() < 0.01
+    np.testing.assert_allclose(np.diag(tight.covariance)[:3], 1e-6, rtol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("system", "plane", "expected"),
+    [
+        ("surge", "horizontal", [1, 0, 0, 0]),
+        ("lateral", "vertical", [0, 1, 1, 0]),
+        ("coupled", "horizontal", [1, 1, 1, 0]),
+        ("coupled", "vertical", [1, 1, 1, 1]),  # the pitch acts back through the weight
+    ],
+)
+def test_active_states(system, plane, expected) -> None:
+    assert active_states(system, plane).astype(int).tolist() == expected
+
+
+def test_information_of_the_data_is_symmetric_and_what_the_fit_found(steady_noise) -> None:
+    setup, how = linear_setup(), stage(method="output_error")
+    outcome = run_stage(setup, setup.prior, how)
+    information = data_information(setup, outcome, how)
+    np.testing.assert_array_equal(information, information.T)
+    np.testing.assert_allclose(
+        np.linalg.inv(information + np.eye(4)), outcome.covariance, rtol=1e-9, atol=1e-12
+    )
+
+
+# --- errors --------------------------------------------------------------------------------
+
+
+def test_a_stage_without_maneuvers_is_an_error_that_names_it() -> None:
+    setup = setup_of()
+    turns = {k: v for k, v in setup.records.items() if v[0] == "turn"}
+    with pytest.raises(NumericsError, match="no maneuver of the kinds zigzag") as caught:
+        run_stage(replace(setup, records=turns), setup.prior, stage(maneuvers=("zigzag",)))
+    assert caught.value.exit_code == 5
+    assert "'test'" in caught.value.where
+
+
+def test_a_stage_with_nothing_free_is_an_error() -> None:
+    setup = setup_of()
+    certain = replace(setup, prior_std=np.zeros_like(setup.prior_std))
+    with pytest.raises(NumericsError, match="nothing is free") as caught:
+        run_stage(certain, setup.prior, stage())
+    assert "'test'" in caught.value.where

@@ -1,0 +1,163 @@
+"""From a trial's table to arrays: sensor geometry, which rows, gaps, the state at the start."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from auvident.engines.records import CONTROL_COLUMNS, STATE_COLUMNS, record_of, sensor_matrix
+from auvident.schema.artifacts import Maneuver, Sensing
+from auvident.schema.coefficients import PLANES
+from auvident.schema.trial import Trial
+
+RATE = 10.0
+
+
+def sensing(**changes) -> Sensing:
+    place = {"dvl_x_m": 0.0, "dvl_y_m": 0.0, "dvl_z_m": 0.0, "dvl_mounting_yaw_rad": 0.0}
+    return Sensing(**(place | changes), noise_std={}, process_noise_std={})
+
+
+def trial(plane: str = "horizontal", rows: int = 200, **columns) -> Trial:
+    """Every channel its own straight line, so that what was taken is recognised."""
+    time = 50.0 + np.arange(rows) / RATE
+    table = pd.DataFrame({"time_s": time, "record": 0})
+    names = (*STATE_COLUMNS[plane], *CONTROL_COLUMNS[plane])
+    for i, name in enumerate(names):
+        table[name] = 0.1 * (i + 1) + 0.01 * (i + 1) * (time - 50.0)
+    table["rpm"] = 600.0 + time
+    for sensor in ("dvl", "gyro", "attitude", "rudder", "elevator", "rpm"):
+        table[f"{sensor}_sampled"] = True
+    for name, values in columns.items():
+        table[name] = values
+    return Trial("t", table, RATE)
+
+
+def maneuver(start: float, end: float) -> Maneuver:
+    return Maneuver(
+        id="t-turn-1", trial="t", kind="turn", t_start_s=start, t_end_s=end, role="identify"
+    )
+
+
+# --- sensor matrix -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_a_dvl_at_the_origin_reads_the_state(plane) -> None:
+    np.testing.assert_array_equal(sensor_matrix(plane, sensing()), np.eye(4))
+
+
+def test_horizontal_lever_arm_and_mounting_angle() -> None:
+    """v_D = v_O + omega x r_D (theory 2.3.10-11), seen in axes turned to starboard."""
+    u, v, r, heading = 1.5, -0.2, 0.3, 0.7
+    x, y, turn = 0.8, -0.1, 0.05
+    at_dvl = np.array([u - y * r, v + x * r])
+    rotation = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
+    matrix = sensor_matrix(
+        "horizontal", sensing(dvl_x_m=x, dvl_y_m=y, dvl_z_m=5.0, dvl_mounting_yaw_rad=turn)
+    )
+    expected = [*(rotation @ at_dvl), r, heading]
+    np.testing.assert_allclose(matrix @ [u, v, r, heading], expected, rtol=1e-15)
+
+
+def test_a_dvl_turned_to_starboard_sees_the_way_ahead_from_port() -> None:
+    matrix = sensor_matrix("horizontal", sensing(dvl_mounting_yaw_rad=0.1))
+    assert (matrix @ [1.0, 0.0, 0.0, 0.0])[1] == pytest.approx(-math.sin(0.1))
+
+
+def test_vertical_lever_arm() -> None:
+    """u_D = u + z_D q, w_D = w - x_D q."""
+    u, w, q, pitch = 1.5, -0.2, 0.3, 0.7
+    matrix = sensor_matrix("vertical", sensing(dvl_x_m=0.8, dvl_y_m=5.0, dvl_z_m=-0.1))
+    expected = [u - 0.1 * q, w - 0.8 * q, q, pitch]
+    np.testing.assert_allclose(matrix @ [u, w, q, pitch], expected, rtol=1e-15)
+
+
+# --- record --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_rows_and_columns_of_a_maneuver(plane) -> None:
+    t = trial(plane)
+    record = record_of(maneuver(55.0, 60.0), t, plane, np.eye(4))
+    rows = slice(50, 101)  # both ends belong to it
+    np.testing.assert_array_equal(record.time_s, t.table["time_s"][rows])
+    np.testing.assert_array_equal(record.measured, t.table[list(STATE_COLUMNS[plane])][rows])
+    np.testing.assert_array_equal(record.inputs[:, :2], t.table[list(CONTROL_COLUMNS[plane])][rows])
+    np.testing.assert_allclose(record.inputs[:, 2], t.table["rpm"][rows] / 60.0, rtol=1e-15)
+    np.testing.assert_array_equal(record.given, record.measured)
+
+
+def test_interpolated_rows_are_given_but_not_measured() -> None:
+    slow = np.arange(200) % 2 == 0
+    record = record_of(maneuver(55.0, 60.0), trial(dvl_sampled=slow), "horizontal", np.eye(4))
+    assert np.isnan(record.measured[1::2, :2]).all()
+    assert np.isfinite(record.measured[::2]).all()
+    assert np.isfinite(record.measured[:, 2:]).all()  # other sensors have their own flags
+    assert np.isfinite(record.given).all()
+
+
+def test_given_states_are_at_the_origin() -> None:
+    """What the sensors read, taken back through lever arm and mounting angle."""
+    place = sensing(dvl_x_m=0.8, dvl_y_m=-0.1, dvl_mounting_yaw_rad=0.05)
+    matrix = sensor_matrix("horizontal", place)
+    states = np.column_stack([np.full(200, 1.5), np.full(200, -0.2), np.full(200, 0.3),
+                              np.linspace(0, 1, 200)])  # fmt: skip
+    read = states @ matrix.T
+    t = trial(**dict(zip(STATE_COLUMNS["horizontal"], read.T, strict=True)))
+    record = record_of(maneuver(55.0, 60.0), t, "horizontal", matrix)
+    np.testing.assert_allclose(record.given, states[50:101], atol=1e-14)
+    np.testing.assert_allclose(record.start, states[50], atol=1e-12)
+    np.testing.assert_allclose(record.measured, read[50:101], atol=1e-15)
+
+
+@pytest.mark.parametrize("missing", ["heading_rad", "elevator_rad"])
+def test_a_channel_the_log_lacks_is_zero_and_not_measured(missing) -> None:
+    t = trial()
+    record = record_of(
+        maneuver(55.0, 60.0), Trial("t", t.table.drop(columns=missing), RATE), "horizontal",
+        np.eye(4),
+    )  # fmt: skip
+    if missing == "heading_rad":
+        assert np.isnan(record.measured[:, 3]).all()
+        assert (record.given[:, 3] == 0.0).all()
+    else:
+        assert (record.inputs[:, 1] == 0.0).all()
+
+
+# --- state at the start --------------------------------------------------------------------
+
+
+def test_start_is_a_line_through_noisy_readings() -> None:
+    rng = np.random.default_rng(0)
+    t = trial()
+    exact = t.table["r_radps"].to_numpy()[50]
+    errors = []
+    for _ in range(200):
+        noisy = t.table.assign(r_radps=t.table["r_radps"] + 0.01 * rng.normal(size=200))
+        record = record_of(maneuver(55.0, 60.0), Trial("t", noisy, RATE), "horizontal", np.eye(4))
+        errors.append(record.start[2] - exact)
+    # 16 rows from -1.0 to +0.5 s: variance 1/16 + (mean away)^2 / (16 var) = 0.0809 sigma^2
+    lever = np.arange(-10, 6)
+    closed = 0.01 * math.sqrt(1 / 16 + lever.mean() ** 2 / (16 * lever.var()))
+    assert abs(np.mean(errors)) < 4 * closed / math.sqrt(200)
+    # chi-square with 200 degrees of freedom: within 25 % at five standard deviations
+    assert np.std(errors) == pytest.approx(closed, rel=0.25)
+
+
+def test_start_uses_only_the_same_uninterrupted_piece() -> None:
+    t = trial()
+    before = t.table["record"].to_numpy().copy()
+    before[:50] = -1
+    wild = t.table["u_mps"].to_numpy().copy()
+    wild[:50] = 99.0
+    torn = Trial("t", t.table.assign(record=before, u_mps=wild), RATE)
+    found = record_of(maneuver(55.0, 60.0), torn, "horizontal", np.eye(4)).start
+    assert found[0] == pytest.approx(t.table["u_mps"][50], abs=1e-12)
+
+
+def test_start_at_the_beginning_of_the_log_has_rows_on_one_side() -> None:
+    t = trial()
+    found = record_of(maneuver(50.0, 60.0), t, "horizontal", np.eye(4)).start
+    np.testing.assert_allclose(found, t.table[list(STATE_COLUMNS["horizontal"])].iloc[0], atol=1e-9)
