@@ -217,9 +217,10 @@ def _one_track(
         inside = (time >= m.t_start_s) & (time <= m.t_end_s)
         width = 2.6 if m.role == "validate" else 1.5
         axes.plot(*thinned(east[inside], north[inside]), color=KIND_COLOURS[m.kind], lw=width)
-    start = np.flatnonzero(np.isfinite(north))[0]
-    axes.plot(east[start], north[start], "o", color=INK, ms=5)
-    axes.annotate("start", (east[start], north[start]), (6, 5), textcoords="offset points")
+    if not axes.texts:  # said once where several begin at the same place
+        start = np.flatnonzero(np.isfinite(north))[0]
+        axes.plot(east[start], north[start], "o", color=INK, ms=5)
+        axes.annotate("start", (east[start], north[start]), (6, 5), textcoords="offset points")
 
 
 def _positions(trial: Trial) -> tuple[Array, Array, str] | None:

@@ -94,6 +94,16 @@ class ReportData:
         ase = self.metrics.ase if self.metrics else None
         return next((m for m in ase.maneuvers if m.id == maneuver), None) if ase else None
 
+    def pooled_before(self, role: str) -> Mapping[str, ChannelMetrics]:
+        """Pooled errors of the prior; empty when it did not predict the same maneuvers."""
+        metrics = self.metrics
+        if metrics is None or metrics.ase is None:
+            return {}
+        after, before = (
+            {m.id for m in x.maneuvers if m.role == role} for x in (metrics, metrics.ase)
+        )
+        return metrics.ase.summary.get(role, {}) if after == before else {}
+
 
 def shown(value: float, unit: str) -> tuple[float, str]:
     """A value in the unit that people read: angles in degrees."""

@@ -86,7 +86,7 @@ def _grade(worst: float) -> tuple[str, str]:
 
 
 def _gain_words(data: ReportData, role: str, pooled: dict[str, ChannelMetrics]) -> str:
-    before = data.metrics.ase.summary.get(role, {}) if data.metrics and data.metrics.ase else {}
+    before = data.pooled_before(role)
     ratios = {k: g for k, m in pooled.items() if (g := gain(before.get(k), m)) is not None}
     if not ratios:
         return "."
@@ -100,7 +100,7 @@ def cards(data: ReportData) -> list[dict[str, Any]]:
     if data.metrics is None:
         return []
     role = "validate" if "validate" in data.metrics.summary else "identify"
-    before = data.metrics.ase.summary.get(role, {}) if data.metrics.ase else {}
+    before = data.pooled_before(role)
     found = []
     for name, m in data.metrics.summary.get(role, {}).items():
         b, ratio = before.get(name), gain(before.get(name), m)
@@ -168,7 +168,7 @@ def _own_findings(data: ReportData) -> list[Finding]:
         return []
     found = []
     pooled = data.metrics.summary.get("validate", {})
-    before = data.metrics.ase.summary.get("validate", {}) if data.metrics.ase else {}
+    before = data.pooled_before("validate")
     for name, m in pooled.items():
         if m.nrmse >= 1.0:
             found.append(Finding(
@@ -182,6 +182,13 @@ def _own_findings(data: ReportData) -> list[Finding]:
                 message=f"{name} of the held-out maneuvers is predicted no better than by "
                 f"{PRIOR_WORDS[data.prior_name]}",
             ))  # fmt: skip
+    escaped = data.metrics.ase.findings if data.metrics.ase else ()
+    if escaped:
+        found.append(Finding(
+            code="prior-ran-away", where=", ".join(f.where for f in escaped),
+            message=f"predictions by {PRIOR_WORDS[data.prior_name]} leave every bound, so their "
+            "pooled errors are not compared",
+        ))  # fmt: skip
     worse = [text for m in data.held_out() if (text := _worse_channels(data, m))]
     if worse:
         found.append(Finding(

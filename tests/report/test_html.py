@@ -1,0 +1,306 @@
+"""The report has everything of a run, needs nothing else, and survives what is missing."""
+
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from auvident.pipeline.given import Given
+from auvident.pipeline.reporting import report_data
+from auvident.report.html import render
+from auvident.report.html_data import ReportData, number, quantity
+from auvident.report.html_words import verdict, warnings
+from auvident.schema.artifacts import Finding, Maneuvers
+from auvident.storage.run_directory import RunDirectory
+
+MOST_BYTES = 4e6
+VOID = {"meta", "br", "img", "link", "input", "hr"}
+NASTY = '<b>"A" & $B$</b>'
+
+
+class Page(HTMLParser):
+    """Identifiers, references, text and nesting of a page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.ids: list[str] = []
+        self.references: list[str] = []
+        self.tags: list[str] = []
+        self.open: list[str] = []
+        self.words: list[str] = []
+        self.feed(text)
+        self.text = " ".join(" ".join(self.words).split())
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        if tag not in VOID:
+            self.open.append(tag)
+        for name, value in attrs:
+            if name == "id":
+                self.ids.append(str(value))
+            elif name in ("href", "src", "xlink:href"):
+                self.references.append(str(value))
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        self.handle_endtag(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert tag in VOID or self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+
+@pytest.fixture(scope="module")
+def data(completed: Path) -> ReportData:
+    run = RunDirectory(completed / "runs/demo")
+    return report_data(Given(run, run.manifest()))
+
+
+@pytest.fixture(scope="module")
+def text(data: ReportData) -> str:
+    return render(data)
+
+
+@pytest.fixture(scope="module")
+def page(text: str) -> Page:
+    return Page(text)
+
+
+def test_every_maneuver_coefficient_and_rejection_is_in_it(data: ReportData, page: Page) -> None:
+    assert data.maneuvers and data.model and data.maneuvers.rejected
+    wanted = [m.id for m in data.maneuvers.maneuvers]
+    wanted += [c.symbol for c in data.model.coefficients]
+    wanted += [r.reason for r in data.maneuvers.rejected]
+    wanted += [s.stage for s in data.model.stages]
+    assert [w for w in wanted if w not in page.text] == []
+
+
+def test_findings_of_every_stage_are_in_it(data: ReportData, page: Page) -> None:
+    assert data.model and data.ase and data.model.findings and data.ase.findings
+    messages = [f.message.rstrip(".") for f in (*data.model.findings, *data.ase.findings)]
+    assert [m for m in messages if m not in page.text] == []
+
+
+def test_held_out_errors_are_those_of_the_metrics(data: ReportData, page: Page) -> None:
+    assert data.metrics
+    for metrics in data.metrics.summary["validate"].values():
+        assert quantity(metrics.rmse, metrics.unit).replace("\u00a0", " ") in page.text
+    for maneuver in data.held_out():  # in the figure
+        u = maneuver.channels["u"]
+        words = f"RMSE {quantity(u.rmse, 'm/s')} · NRMSE {number(u.nrmse, 2)}"
+        assert words.replace("\u00a0", " ") in page.text
+
+
+def test_it_needs_no_other_file_and_no_script(text: str, page: Page) -> None:
+    assert "http:" not in text and "https:" not in text
+    assert not {"script", "link", "iframe", "object"} & set(page.tags)
+    assert page.references and all(r.startswith(("#", "data:")) for r in page.references)
+    assert all(u.startswith("#") for u in re.findall(r"url\(['\"]?([^)]*)", text))
+    assert len(text.encode()) < MOST_BYTES
+
+
+def test_page_is_well_formed_with_unique_identifiers(text: str, page: Page) -> None:
+    assert page.open == []
+    assert len(page.ids) == len(set(page.ids))
+    assert {r[1:] for r in page.references if r.startswith("#")} <= set(page.ids)
+    figures = re.findall(r"<svg.*?</svg>", text, flags=re.DOTALL)
+    assert len(figures) >= 6
+    for figure in figures:
+        ElementTree.fromstring(figure)
+
+
+def test_no_colour_of_the_drawing_is_left_that_dark_paper_would_hide(text: str) -> None:
+    from auvident.report.figures import VARIABLES
+
+    figures = "".join(re.findall(r"<svg.*?</svg>", text, flags=re.DOTALL))
+    for colour, variable in VARIABLES.items():
+        assert colour not in figures
+        assert text.count(f"{variable}: #") == 3  # light, dark, print
+
+
+def test_the_same_run_makes_the_same_report(data: ReportData, text: str) -> None:
+    assert render(data) == text
+
+
+@pytest.mark.parametrize(
+    "missing",
+    [
+        ("ase",), ("quality",), ("manifest",), ("history",), ("simulation",), ("maneuvers",),
+        ("model", "history"), ("metrics", "simulation"), ("trials",),
+        ("ase", "model", "history", "metrics", "simulation", "maneuvers"),
+    ],
+    ids=" ".join,
+)  # fmt: skip
+def test_missing_artifacts_leave_out_their_sections(
+    data: ReportData, missing: tuple[str, ...]
+) -> None:
+    partial = replace(data, **{name: () if name == "trials" else None for name in missing})
+    page = Page(render(partial))
+    assert "REMUS 100" in page.text
+    sections = {
+        "quality": "Data quality", "history": "Coefficients through the stages",
+        "model": "Coefficients before and after", "metrics": "Error of every maneuver",
+        "trials": "Trial at a glance", "manifest": "Record of the run",
+    }  # fmt: skip
+    for name, heading in sections.items():
+        assert (heading in page.text) == (name not in missing), name
+
+
+def test_nothing_at_all_is_a_report_that_says_so() -> None:
+    assert "No model has been identified" in Page(render(ReportData())).text
+
+
+def test_optional_channels_may_be_missing(data: ReportData) -> None:
+    needed = ["time_s", "u_mps", "v_mps", "r_radps", "rudder_rad", "rpm", "record"]
+    trials = [replace(t, table=t.table[needed]) for t in data.trials]
+    page = Page(render(replace(data, trials=trials)))
+    assert "Trial at a glance" in page.text
+    assert "measured positions" not in page.text and "dead reckoning" not in page.text
+    with_heading = [
+        replace(t, table=t.table[[*needed, "heading_rad"]]) for t in data.trials
+    ]  # fmt: skip
+    assert "dead reckoning" in Page(render(replace(data, trials=with_heading))).text
+
+
+def test_a_single_maneuver_that_identifies(data: ReportData) -> None:
+    assert data.maneuvers and data.metrics and data.metrics.ase
+    one = next(m for m in data.maneuvers.maneuvers if m.role == "identify")
+
+    def cut(metrics):  # type: ignore[no-untyped-def]
+        found = tuple(m for m in metrics.maneuvers if m.id == one.id)
+        summary = {"identify": found[0].channels}
+        return metrics.model_copy(update={"maneuvers": found, "summary": summary})
+
+    metrics = cut(data.metrics).model_copy(update={"ase": cut(data.metrics.ase)})
+    single = replace(data, maneuvers=Maneuvers(maneuvers=(one,)), metrics=metrics)
+    page = Page(render(single))
+    assert "No maneuver was held out" in page.text
+    assert one.id in page.text
+    assert verdict(single)[1] == "poor"
+
+
+def test_names_are_escaped(data: ReportData) -> None:
+    assert data.model and data.maneuvers and data.metrics and data.simulation is not None
+
+    def renamed(rows):  # type: ignore[no-untyped-def]
+        old = data.trials[0].name
+        return tuple(
+            m.model_copy(update={"id": m.id.replace(old, NASTY), "trial": NASTY}) for m in rows
+        )
+
+    simulation = data.simulation.assign(
+        maneuver=data.simulation["maneuver"].str.replace(data.trials[0].name, NASTY, regex=False)
+    )
+    named = replace(
+        data,
+        model=data.model.model_copy(update={"vehicle": NASTY}),
+        trials=[replace(data.trials[0], name=NASTY)],
+        maneuvers=data.maneuvers.model_copy(
+            update={"maneuvers": renamed(data.maneuvers.maneuvers)}
+        ),
+        metrics=data.metrics.model_copy(update={"maneuvers": renamed(data.metrics.maneuvers)}),
+        simulation=simulation,
+    )
+    text = render(named)
+    assert "<b>&quot;A" not in text and '<b>"A' not in text
+    assert "&lt;b&gt;" in text
+    page = Page(text)
+    assert page.open == []
+    assert f"{NASTY}: maneuvering model" in page.text
+    for figure in re.findall(r"<svg.*?</svg>", text, flags=re.DOTALL):
+        ElementTree.fromstring(figure)
+
+
+def test_verdict_follows_the_worst_velocity(data: ReportData) -> None:
+    assert data.metrics
+
+    def with_nrmse(value: float) -> ReportData:
+        pooled = dict(data.metrics.summary["validate"])  # type: ignore[union-attr]
+        pooled["v"] = pooled["v"].model_copy(update={"nrmse": value})
+        summary = {"validate": pooled}
+        return replace(data, metrics=data.metrics.model_copy(update={"summary": summary}))  # type: ignore[union-attr]
+
+    assert [verdict(with_nrmse(x))[1] for x in (0.09, 0.11, 0.31)] == ["good", "fair", "poor"]
+    assert "worse than its own mean" in verdict(with_nrmse(1.2))[0]
+    codes = {w.finding.code: w.rank for w in warnings(with_nrmse(1.2))}
+    assert codes["not-predicted"] == "serious"
+    assert "not-predicted" not in {w.finding.code for w in warnings(with_nrmse(0.3))}
+
+
+def test_data_that_did_not_help_are_called_so(data: ReportData) -> None:
+    assert data.metrics and data.metrics.ase
+    swapped = data.metrics.ase.model_copy(update={"ase": data.metrics})
+    found = {w.finding.where: w for w in warnings(replace(data, metrics=swapped))}
+    assert found["u"].finding.code == "no-better"
+    assert found["u"].rank == "serious"
+    assert "no-better" not in {w.finding.code for w in warnings(data)}
+
+
+def test_a_prior_that_ran_away_is_not_compared(data: ReportData) -> None:
+    assert data.metrics and data.metrics.ase
+    gone = data.held_out()[0].id
+    ase = data.metrics.ase.model_copy(
+        update={
+            "maneuvers": tuple(m for m in data.metrics.ase.maneuvers if m.id != gone),
+            "findings": (Finding(code="prediction-ran-away", message="away", where=gone),),
+        }
+    )
+    changed = replace(data, metrics=data.metrics.model_copy(update={"ase": ase}))
+    assert "factors" in verdict(data)[0] and "factors" not in verdict(changed)[0]
+    assert gone in next(
+        w.finding.where for w in warnings(changed) if w.finding.code == "prior-ran-away"
+    )
+    assert gone in Page(render(changed)).text
+
+
+def test_gravest_findings_come_first(data: ReportData) -> None:
+    assert data.metrics
+    away = Finding(code="prediction-ran-away", message="it leaves every bound", where="turn-9")
+    found = warnings(
+        replace(data, metrics=data.metrics.model_copy(update={"findings": (away,)}))
+    )  # fmt: skip
+    assert found[0].finding.code == "prediction-ran-away"
+    ranks = [w.rank for w in found]
+    assert ranks == sorted(ranks, key=["serious", "caution", "note"].index)
+
+
+def test_refinement_stands_before_the_figures(data: ReportData) -> None:
+    comparison = {
+        "verdict": "effect_found",
+        "effects": [
+            {
+                "id": "rudder_lag", "family": "actuation",
+                "parameters": [{"symbol": "tau", "value": 0.31, "std": 0.02, "unit": "s"}],
+            }
+        ],
+        "ambiguous": [["rudder_lag", "rudder_delay"]],
+        "held_out": {"before": {"r": {"rmse": 0.02}}, "after": {"r": {"rmse": 0.01}}},
+        "false_alarm_p": 0.004,
+        "candidates": [{"id": "current", "gain": 12.0, "p": 0.4, "parameters": []}],
+        "unexplained": {},
+    }  # fmt: skip
+    text = Page(render(replace(data, comparison=comparison))).text
+    assert "effect found" in text and "tau = 0.310 ± 0.0200 s" in text
+    assert "rudder_lag, rudder_delay" in text and "0.0200 0.0100 4.0" in text
+    assert text.index("What the model lacked") < text.index("Trial at a glance")
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [
+        (None, "–"), (float("nan"), "–"), (0.0, "0"), (-1.5, "−1.50"), (9.9996, "10.0"),
+        (1234.5, "1230"), (0.000474, "0.000474"), (1.234e-9, "1.23e−09"), (2.5e7, "2.50e+07"),
+    ],
+)  # fmt: skip
+def test_numbers_have_their_digits(value: float | None, shown: str) -> None:
+    assert number(value) == shown
+
+
+def test_angles_are_shown_in_degrees() -> None:
+    assert quantity(0.1, "rad/s") == "5.73\u00a0deg/s"
+    assert quantity(0.1, "m/s") == "0.100\u00a0m/s"
