@@ -82,6 +82,7 @@ def _inputs(axes: Axes, time: np.ndarray, table: pd.DataFrame, metrics: Maneuver
     axes.plot(*thinned(time, control), color=SOFT, drawstyle="steps-post", lw=1.0)
     surface = "elevator" if "w_mps_measured" in table else "rudder"
     axes.set_ylabel(f"{surface}\ndeg")
+    axes.margins(y=0.15)
     low, high = table["rpm"].min(), table["rpm"].max()
     rate = f"{low:.0f}" if high - low < 1.0 else f"{low:.0f} to {high:.0f}"
     axes.set_title(f"propeller {rate} rpm", loc="right", fontsize=8.5, color=SOFT)

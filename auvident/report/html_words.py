@@ -217,20 +217,18 @@ def _worse_channels(data: ReportData, m: ManeuverMetrics) -> str:
     return f"{m.id} ({', '.join(names)})" if names else ""
 
 
-def combination(c: Combination) -> str:
-    """A direction that the data cannot see, in words."""
-    if c.meaning:
-        return c.meaning
-    first, rest = c.symbols[0], list(zip(c.symbols, c.weights, strict=True))[1:]
-    if not rest:
-        return (
-            f"{first} alone: the data hold {number(c.information, 2)} of the prior's information."
-        )
-    moves = ", ".join(f"{s} by {number(w, 2)}" for s, w in rest)
-    return (
-        f"When {first} changes by 1 of its prior std, {moves} can make up for it: the data hold "
-        f"{number(c.information, 2)} of the prior's information about this direction."
-    )
+def combination(c: Combination) -> tuple[str, str]:
+    """A direction that the data cannot see: its coefficients, and what that means."""
+    moves = [
+        f"{number(w, 2)} {symbol}" if w != 1.0 else symbol
+        for symbol, w in zip(c.symbols, c.weights, strict=True)
+    ]
+    text = " + ".join(moves).replace("+ −", "− ")
+    meaning = c.meaning or (
+        "moved together by so many prior standard deviations they can stand in for each other"
+        if len(moves) > 1 else "rests on its prior"
+    )  # fmt: skip
+    return text, f"{meaning} (the data hold {number(c.information, 2)} of the prior's information)"
 
 
 def pairs(correlations: dict[str, dict[str, float]]) -> list[tuple[str, str, float]]:

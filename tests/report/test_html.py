@@ -12,8 +12,8 @@ from auvident.pipeline.given import Given
 from auvident.pipeline.reporting import report_data
 from auvident.report.html import render
 from auvident.report.html_data import ReportData, number, quantity
-from auvident.report.html_words import verdict, warnings
-from auvident.schema.artifacts import Finding, Maneuvers
+from auvident.report.html_words import combination, verdict, warnings
+from auvident.schema.artifacts import Combination, Finding, Maneuvers
 from auvident.storage.run_directory import RunDirectory
 
 MOST_BYTES = 4e6
@@ -84,6 +84,17 @@ def test_findings_of_every_stage_are_in_it(data: ReportData, page: Page) -> None
     assert data.model and data.ase and data.model.findings and data.ase.findings
     messages = [f.message.rstrip(".") for f in (*data.model.findings, *data.ase.findings)]
     assert [m for m in messages if m not in page.text] == []
+
+
+def test_what_the_data_cannot_tell_is_named(data: ReportData, page: Page) -> None:
+    assert data.model and data.model.unidentifiable
+    items = re.findall(r"[^:]*\(the data hold", page.text)
+    assert len(items) == len(data.model.unidentifiable)
+    direction = Combination(symbols=("Y_uv", "N_uv"), weights=(1.0, -0.25), information=0.0031)
+    assert combination(direction)[0] == "Y_uv − 0.25 N_uv"
+    assert "0.0031" in combination(direction)[1]
+    known = direction.model_copy(update={"meaning": "only the ratio is seen"})
+    assert combination(known)[1].startswith("only the ratio is seen")
 
 
 def test_held_out_errors_are_those_of_the_metrics(data: ReportData, page: Page) -> None:
