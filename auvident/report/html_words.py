@@ -24,6 +24,7 @@ WORSE_THAN_CONSTANT = ("worse than its own mean would", "poor")
 NOT_BETTER = 1.0  # ratio of squared errors below which the data did not help
 MANY_ON_PRIOR = 0.5  # data share below which a coefficient is more prior than data
 STRONG_CORRELATION = 0.8
+NO_INFORMATION = 1.0e-6  # beside the prior's: zero but for rounding
 PRIOR_WORDS = {
     "ASE": "the estimate from geometry (ASE)",
     "prior": "the given coefficients (prior)",
@@ -228,6 +229,8 @@ def combination(c: Combination) -> tuple[str, str]:
         "moved together by so many prior standard deviations they can stand in for each other"
         if len(moves) > 1 else "rests on its prior"
     )  # fmt: skip
+    if c.information < NO_INFORMATION:
+        return text, meaning
     return text, f"{meaning} (the data hold {number(c.information, 2)} of the prior's information)"
 
 
