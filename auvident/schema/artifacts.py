@@ -153,6 +153,16 @@ class Sensing(Artifact):
     process_noise_std: dict[str, float]
 
 
+class NisTest(Artifact):
+    """Normalised innovation squared of a channel; see `auvident.estimation.innovations`."""
+
+    mean: float
+    correlation: float
+    corrected: float
+    low: float
+    high: float
+
+
 class StageRecord(Artifact):
     """One pass of the plan: what was free, what it used and how well it explained the data."""
 
@@ -165,6 +175,7 @@ class StageRecord(Artifact):
     log_likelihood: float
     noise_std: dict[str, float] = {}
     nis_mean: dict[str, float] = {}
+    nis: dict[str, NisTest] = {}
 
 
 class IdentifiedModel(Artifact):

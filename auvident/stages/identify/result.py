@@ -1,7 +1,7 @@
 """The identified model and its history from the stages that were run."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from auvident.estimation.identifiability import (
     correlations,
     data_shares,
 )
+from auvident.estimation.innovations import consistency
 from auvident.physics.terms import Structure
 from auvident.schema.artifacts import (
     AseResult,
@@ -25,6 +26,7 @@ from auvident.schema.artifacts import (
     Finding,
     IdentifiedModel,
     ModelCoefficient,
+    NisTest,
     Origin,
     Sensing,
     StageRecord,
@@ -39,6 +41,8 @@ Array = npt.NDArray[Any]
 HISTORY_PERIOD_S = 0.5  # the history of the coefficients is stored this often
 NOT_MOVED = 0.05  # data share below which a coefficient stayed where the prior put it
 CORRELATED = 0.95
+NIS_LONGEST = 600  # samples: lags beyond this are not looked at
+NIS_FACTOR = 2.0  # squared innovations within this factor of the claim are no finding
 
 
 @dataclass(frozen=True)
@@ -68,6 +72,7 @@ def model_of(
         for symbol in symbols_of(plane)
     )
     symbols = [structure.parameters[i] for i in final.free]
+    records = tuple(_stage_record(structure, step) for step in done)
     return IdentifiedModel(
         vehicle=vehicle.body.name,
         plane=plane,
@@ -82,8 +87,8 @@ def model_of(
         covariance=_covariance(setup, final, symbols),
         correlations=correlations(final.covariance, symbols),
         unidentifiable=tuple(_combination(direction, symbols) for direction in unseen),
-        stages=tuple(_stage_record(structure, step) for step in done),
-        findings=(*findings, *_findings(rows, final, symbols)),
+        stages=records,
+        findings=(*findings, *_findings(rows, final, symbols), *_nis_findings(records[-1])),
     )
 
 
@@ -152,12 +157,12 @@ def _row(
 
 def _stage_record(structure: Structure, step: Step) -> StageRecord:
     outcome, passed = step.outcome, step.outcome.passed
-    nis = {}
+    nis: dict[str, NisTest] = {}
     if passed is not None:
         for c, column in enumerate(STATE_COLUMNS[structure.plane]):
-            values = passed.whitened[:, :, c]
-            if np.isfinite(values).any():
-                nis[column] = float(np.nanmean(values**2))
+            test = consistency(passed.whitened[:, :, c], NIS_LONGEST)
+            if test is not None:
+                nis[column] = NisTest(**asdict(test))
     return StageRecord(
         stage=step.stage.name,
         cycle=step.cycle,
@@ -170,7 +175,8 @@ def _stage_record(structure: Structure, step: Step) -> StageRecord:
             column: float(outcome.noise[c])
             for c, column in enumerate(STATE_COLUMNS[structure.plane])
         },
-        nis_mean=nis,
+        nis_mean={column: test.mean for column, test in nis.items()},
+        nis=nis,
     )
 
 
@@ -201,6 +207,21 @@ def _findings(
             message=f"{symbols[i]} and {symbols[j]} can hardly be told apart",
         ))  # fmt: skip
     return found
+
+
+def _nis_findings(record: StageRecord) -> list[Finding]:
+    """Channels whose innovations are not as large as the filter says."""
+    return [
+        Finding(
+            code="nis-outside", where=column, value=test.corrected,
+            threshold=test.high if test.corrected > 1.0 else test.low,
+            message=f"the innovations of {column} are not as large as the filter claims",
+            remedy="The standard deviations of what this channel shows are off accordingly.",
+        )
+        for column, test in record.nis.items()
+        if not (test.low <= test.corrected <= test.high)
+        and not (1.0 / NIS_FACTOR <= test.corrected <= NIS_FACTOR)
+    ]  # fmt: skip
 
 
 def history_of(setup: Setup, done: Sequence[Step]) -> pd.DataFrame:
