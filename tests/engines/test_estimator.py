@@ -280,3 +280,59 @@ def test_a_stage_with_nothing_free_is_an_error() -> None:
     with pytest.raises(NumericsError, match="nothing is free") as caught:
         run_stage(certain, setup.prior, stage())
     assert "'test'" in caught.value.where
+
+
+# --- recovery ------------------------------------------------------------------------------
+
+EVERYTHING = {"free": ("all",), "system": "coupled", "maneuvers": ("straight", "turn", "zigzag")}
+
+
+def drawn(setup: Setup, seed: int) -> tuple[np.ndarray, Setup]:
+    """Coefficients from the prior, and what sensors of the stated accuracy would have logged.
+
+    Drawn again where the vehicle would not go straight, or spin, with the logged inputs.
+    """
+    rng, active = np.random.default_rng(seed), active_states("coupled", "horizontal")
+    free = free_positions(setup, stage(**EVERYTHING))
+    while True:
+        p = setup.prior.copy()
+        p[free] += setup.prior_std[free] * rng.normal(size=len(free))
+        for follower, leader in setup.followers:
+            p[follower] = setup.prior[follower] + p[leader] - setup.prior[leader]
+        records = {}
+        for key, (kind, record) in setup.records.items():
+            exact = predicted(setup, p, record, active)
+            if not (np.abs(exact[:, 2]) < 1.0).all() or not (np.abs(exact[:, 0] - 2.6) < 2.4).all():
+                break
+            read = exact + setup.sensor_std * rng.normal(size=exact.shape)
+            read[np.isnan(record.measured)] = np.nan
+            records[key] = (kind, replace(record, measured=read))
+        if len(records) == len(setup.records):
+            return p, replace(setup, records=records)
+
+
+def squared_distance(seed: int, method: str) -> float:
+    """Squared error over claimed covariance, per coefficient."""
+    truth, setup = drawn(setup_of(), seed)
+    p = setup.prior
+    for how in ("filter", "filter", method):
+        outcome = run_stage(setup, p, stage(**EVERYTHING, method=how))
+        p = outcome.parameters
+    error = (p - truth)[outcome.free] / setup.prior_std[outcome.free]
+    return float(error @ np.linalg.solve(outcome.covariance, error)) / len(error)
+
+
+def test_known_coefficients_are_recovered_within_their_stated_uncertainty() -> None:
+    """The fit of the prediction, on data with the noise it supposes."""
+    found = [squared_distance(seed, "output_error") for seed in range(5)]
+    # chi-square with 5 x 21 degrees of freedom over 105: 1 +- 0.14; four deviations either way,
+    # and some more above for the linearisation of the covariance
+    assert 0.5 < np.mean(found) < 1.8
+    assert max(found) < 3.5
+
+
+def test_the_filter_claims_no_more_than_it_knows() -> None:
+    """Its noise covers what its linearisation left unexplained: it may claim too little."""
+    found = [squared_distance(seed, "filter") for seed in range(5)]
+    assert 0.1 < np.mean(found) < 1.4
+    assert max(found) < 3.5
