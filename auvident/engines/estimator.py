@@ -17,7 +17,7 @@ from auvident.engines.records import Record, stack
 from auvident.errors import NumericsError
 from auvident.estimation.output_error import correlation_time, fit
 from auvident.physics.dynamics import N_STATES, output_error, simulate_states
-from auvident.physics.terms import STATES, Structure
+from auvident.physics.terms import Structure
 from auvident.schema.coefficients import BY_SYMBOL, expand
 from auvident.schema.plan import ACTIVE, Plan, PlanStage, System
 
@@ -242,7 +242,7 @@ def _refine(
     for _ in range(NOISE_ROUNDS):
         away = (setup.prior[free] - parameters[free]) / scale
         result = fit(
-            _likelihood(setup, parameters, free, records, active, noise),
+            likelihood_of(setup, parameters, free, records, active, noise),
             np.zeros(len(free)), away, np.diag(1.0 / factors**2),
         )  # fmt: skip
         parameters = _moved(setup, parameters, free, result.theta)
@@ -275,14 +275,14 @@ def data_information(setup: Setup, outcome: Outcome, stage: PlanStage) -> Array:
     (n_free, n_free) array
         In units of the prior standard deviations.
     """
-    likelihood = _likelihood(
+    likelihood = likelihood_of(
         setup, outcome.parameters, outcome.free, stage_records(setup, stage),
         active_states(stage.system, setup.structure.plane), outcome.noise,
     )  # fmt: skip
     return likelihood(np.zeros(len(outcome.free)))[2]
 
 
-def _likelihood(
+def likelihood_of(
     setup: Setup, parameters: Array, free: Array, records: list[Record], active: Array,
     noise: Array,
 ):  # fmt: skip
@@ -318,8 +318,3 @@ def _live_followers(setup: Setup, free: Array) -> npt.NDArray[np.int64]:
 def _sensed(records: Records) -> npt.NDArray[np.bool_]:
     """Channels with at least one reading."""
     return np.array([np.isfinite(records.measured[:, :, c]).any() for c in range(N_STATES)])
-
-
-def state_names(active: Array) -> tuple[str, ...]:
-    """Names of the active states."""
-    return tuple(name for name, on in zip(STATES, active, strict=True) if on)

@@ -108,7 +108,11 @@ class AseResult(Artifact):
 
 
 class ModelCoefficient(Artifact):
-    """One coefficient of an identified model."""
+    """One coefficient of an identified model.
+
+    ``std`` is the larger of the filter's own standard deviation and that from the scatter
+    between maneuvers (jackknife), at most the prior's; both stand beside it.
+    """
 
     symbol: str
     value: float
@@ -119,6 +123,8 @@ class ModelCoefficient(Artifact):
     prior_std: float
     origin: Origin
     data_share: float
+    std_filter: float | None = None
+    std_jackknife: float | None = None
 
 
 class Combination(Artifact):

@@ -41,6 +41,9 @@ Array = npt.NDArray[Any]
 HISTORY_PERIOD_S = 0.5  # the history of the coefficients is stored this often
 NOT_MOVED = 0.05  # data share below which a coefficient stayed where the prior put it
 CORRELATED = 0.95
+# scatter between maneuvers over the filter's own standard deviation: with some ten maneuvers
+# the scatter itself is known to a quarter, so twice is no chance
+DISAGREE = 2.0
 NIS_LONGEST = 600  # samples: lags beyond this are not looked at
 NIS_FACTOR = 2.0  # squared innovations within this factor of the claim are no finding
 
@@ -57,11 +60,16 @@ class Step:
 
 def model_of(
     setup: Setup, sensing: Sensing, ase: AseResult, vehicle: Vehicle,
-    done: Sequence[Step], unseen: Sequence[Direction],
+    done: Sequence[Step], unseen: Sequence[Direction], scatter: Array | None,
     findings: Sequence[Finding],
 ) -> IdentifiedModel:  # fmt: skip
-    """Assemble the artifact from the last stage that estimated each coefficient."""
+    """Assemble the artifact from the last stage that estimated each coefficient.
+
+    `scatter` (n_free,) is the jackknife standard deviation of the last stage's coefficients in
+    units of the prior's; None when there are too few maneuvers.
+    """
     final = done[-1].outcome
+    widen = widening(final.covariance, scatter)
     structure, plane = setup.structure, setup.structure.plane
     last: dict[int, tuple[Outcome, int]] = {}
     for step in done:
@@ -71,6 +79,7 @@ def model_of(
         _row(setup, ase, final.parameters, last, structure.index(symbol))
         for symbol in symbols_of(plane)
     )
+    rows = tuple(_widened(row, final, structure, setup.followers, scatter, widen) for row in rows)
     symbols = [structure.parameters[i] for i in final.free]
     records = tuple(_stage_record(structure, step) for step in done)
     return IdentifiedModel(
@@ -84,7 +93,7 @@ def model_of(
         rigid_body=rigid_body(vehicle, plane),
         sensing=sensing,
         coefficients=rows,
-        covariance=_covariance(setup, final, symbols),
+        covariance=_covariance(setup, final, symbols, widen),
         correlations=correlations(final.covariance, symbols),
         unidentifiable=tuple(_combination(direction, symbols) for direction in unseen),
         stages=records,
@@ -117,9 +126,40 @@ def _combination(direction: Direction, symbols: Sequence[str]) -> Combination:
     )
 
 
-def _covariance(setup: Setup, final: Outcome, symbols: Sequence[str]) -> dict:
+def widening(covariance: Array, scatter: Array | None) -> Array:
+    """Factor (n,) on each standard deviation: up to the jackknife's, at most to the prior's."""
+    spread = np.sqrt(np.diag(covariance))
+    if scatter is None:
+        return np.ones(len(spread))
+    return np.maximum(np.minimum(np.maximum(spread, scatter), 1.0) / spread, 1.0)
+
+
+def _widened(
+    row: ModelCoefficient, final: Outcome, structure: Structure, followers: Array,
+    scatter: Array | None, widen: Array,
+) -> ModelCoefficient:  # fmt: skip
+    """A coefficient with its standard deviation widened to the scatter between maneuvers."""
+    position = structure.index(row.symbol)
+    position = dict(followers.tolist()).get(position, position)
+    found = np.flatnonzero(final.free == position)
+    if scatter is None or not found.size:
+        return row.model_copy(update={"std_filter": row.std})
+    column = int(found[0])
+    unit = row.std / float(np.sqrt(final.covariance[column, column]))
+    return row.model_copy(
+        update={
+            "std": row.std * float(widen[column]),
+            "std_filter": row.std,
+            "std_jackknife": float(scatter[column]) * unit,
+        }
+    )
+
+
+def _covariance(
+    setup: Setup, final: Outcome, symbols: Sequence[str], widen: Array
+) -> dict[str, Any]:
     """Posterior covariance of the coefficients, dimensional."""
-    scale = setup.prior_std[final.free]
+    scale = setup.prior_std[final.free] * widen
     matrix = final.covariance * np.outer(scale, scale)
     return {"symbols": list(symbols), "matrix": matrix.tolist()}
 
@@ -191,6 +231,15 @@ def _findings(
                 code="not-seen", where=row.symbol, value=row.data_share, threshold=NOT_MOVED,
                 message=f"{row.symbol} rests on its prior: these maneuvers hardly show it",
             ))  # fmt: skip
+        if row.std_jackknife and row.std_filter and row.origin == "identified":
+            ratio = row.std_jackknife / row.std_filter
+            if ratio > DISAGREE and row.data_share > NOT_MOVED:
+                found.append(Finding(
+                    code="maneuvers-disagree", where=row.symbol, value=ratio, threshold=DISAGREE,
+                    message=f"the maneuvers disagree about {row.symbol}; its standard deviation "
+                    "was widened to their scatter",
+                    remedy="Something the model lacks may act differently in them.",
+                ))  # fmt: skip
         expected = BY_SYMBOL[row.symbol].sign
         if expected and row.value * expected < 0.0 and abs(row.value) > 2.0 * row.std:
             found.append(Finding(

@@ -13,6 +13,7 @@ from auvident.engines.estimator import (
     run_stage,
     stage_records,
 )
+from auvident.engines.jackknife import influences, jackknife_covariance
 from auvident.estimation.identifiability import (
     unseen_directions,
 )
@@ -91,7 +92,9 @@ def identify(
     final = _average(setup, [run[0][-1].outcome for run in runs])
     unseen = unseen_directions(data_information(setup, final, done[-1].stage))
     done = [*done[:-1], replace(done[-1], outcome=final)]
-    model = model_of(setup, sensing, ase, vehicle, done, unseen, findings)
+    covariance = jackknife_covariance(influences(setup, final, done[-1].stage))
+    scatter = None if covariance is None else np.sqrt(np.diag(covariance))
+    model = model_of(setup, sensing, ase, vehicle, done, unseen, scatter, findings)
     return Identification(model, history_of(setup, [step for run in runs for step in run[0]]))
 
 
