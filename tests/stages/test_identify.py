@@ -12,6 +12,7 @@ from auvident.schema.artifacts import AseResult, IdentifiedModel
 from auvident.schema.channels import BY_COLUMN
 from auvident.schema.coefficients import BY_SYMBOL, expand, prime_unit, symbols_of
 from auvident.schema.plan import Plan
+from auvident.schema.trial import Trial
 from auvident.stages.identify.setup import sensing_of
 from tests.engines.chain import identified, plan_named, sample, validated
 
@@ -92,22 +93,38 @@ def test_priors_off_by_half_end_at_the_same_prediction(trial, seed) -> None:
 # --- what may choose -----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("poison", [np.nan, "noise"])
-def test_held_out_maneuvers_choose_nothing(poison) -> None:
-    c = sample("harbour_trial")
-    (trial,) = c.trials
+def poisoned(name: str, plane: str, poison) -> Trial:
+    """A sample trial with the rows of its held-out maneuvers spoiled in every channel."""
+    (trial,) = sample(name).trials
     table = trial.table.copy()
-    for m in c.maneuvers.maneuvers:
-        if m.role == "validate":
+    for m in sample(name).maneuvers.maneuvers:
+        if m.role == "validate" and m.shows(plane):
             rows = table["time_s"].between(m.t_start_s, m.t_end_s)
             for column in set(BY_COLUMN) & set(table.columns):
-                size = int(rows.sum())
-                noise = np.random.default_rng(0).normal(size=size)
+                noise = np.random.default_rng(0).normal(size=int(rows.sum()))
                 table.loc[rows, column] = noise if poison == "noise" else poison
     assert not table.equals(trial.table)
-    found = c.identify(trials=[replace(trial, table=table)])
-    assert found.model == identified("harbour_trial").model
-    assert found.history.equals(identified("harbour_trial").history)
+    return replace(trial, table=table)
+
+
+@pytest.mark.parametrize(
+    ("trial", "poison"),
+    [
+        (HARBOUR, np.nan),
+        (HARBOUR, "noise"),
+        pytest.param(
+            DIVE, "noise",
+            marks=pytest.mark.xfail(
+                strict=True,
+                reason="a maneuver that identifies ends in the row where a held-out one begins",
+            ),
+        ),
+    ],
+)  # fmt: skip
+def test_held_out_maneuvers_choose_nothing(trial, poison) -> None:
+    found = sample(trial[0]).identify(trial[1], trials=[poisoned(*trial, poison)])
+    assert found.model == identified(*trial).model
+    assert found.history.equals(identified(*trial).history)
 
 
 def test_what_identifies_does_choose() -> None:
@@ -187,9 +204,12 @@ def test_coefficients_of_the_model(trial, filter) -> None:
         unit = prime_unit(x.symbol, model.density_kgpm3, model.length_m)
         assert x.prime == pytest.approx(x.value / unit, rel=1e-12)
         assert x.origin == ("kinematic" if x.symbol == follower else "identified")
-        assert 0.0 < x.std <= x.prior_std * (1 + 1e-9)  # data never take certainty away
+        assert 0.0 < x.std_filter <= x.prior_std * (1 + 1e-9)  # data never take certainty away
         # share of the variance that the data took off the prior
-        assert x.data_share == pytest.approx(1 - (x.std / x.prior_std) ** 2, abs=1e-9)
+        assert x.data_share == pytest.approx(1 - (x.std_filter / x.prior_std) ** 2, abs=1e-9)
+        # widened to the scatter between maneuvers, but not beyond the prior
+        widest = max(x.std_filter, min(x.std_jackknife, x.prior_std))
+        assert x.std == pytest.approx(widest, rel=1e-9)
 
 
 @pytest.mark.parametrize(("trial", "filter"), models())
@@ -254,16 +274,32 @@ def test_the_model_as_json_is_the_model(trial) -> None:
     assert IdentifiedModel.model_validate_json(text) == model
 
 
-def test_a_certain_coefficient_is_held_and_keeps_its_origin() -> None:
-    c = sample("harbour_trial")
+def with_certain_drag(ase: AseResult) -> AseResult:
     rows = tuple(
         x.model_copy(update={"std": 0.0, "origin": "given"}) if x.symbol == "X_uu" else x
-        for x in c.ase.coefficients
+        for x in ase.coefficients
     )
-    model = c.identify(ase=c.ase.model_copy(update={"coefficients": rows})).model
-    found = next(x for x in model.coefficients if x.symbol == "X_uu")
+    return ase.model_copy(update={"coefficients": rows})
+
+
+def drag_of(model: IdentifiedModel):
+    return next(x for x in model.coefficients if x.symbol == "X_uu")
+
+
+def test_a_certain_coefficient_is_held_and_keeps_its_origin() -> None:
+    c = sample("harbour_trial")
+    found = drag_of(c.identify(ase=with_certain_drag(c.ase), plan=short_plan()).model)
     assert (found.value, found.std, found.origin) == (found.prior, 0.0, "given")
     assert found.data_share == 0.0
+
+
+@pytest.mark.xfail(
+    strict=True, reason="the factor of a start multiplies what is never estimated as well"
+)
+def test_a_certain_coefficient_is_held_from_every_start() -> None:
+    c = sample("harbour_trial")
+    found = drag_of(c.identify(ase=with_certain_drag(c.ase), plan=short_plan(0.7)).model)
+    assert found.value == found.prior
 
 
 # --- starts, engines, sensors --------------------------------------------------------------
@@ -285,8 +321,8 @@ def test_several_starts_are_averaged_and_their_scatter_is_uncertainty() -> None:
         mean = 0.5 * (low[symbol].value + high[symbol].value)
         scatter = 0.5 * (low[symbol].value - high[symbol].value)
         assert both[symbol].value == pytest.approx(mean, rel=1e-9)
-        expected = np.hypot(high[symbol].std, scatter)
-        assert both[symbol].std == pytest.approx(expected, rel=1e-9)
+        expected = np.hypot(high[symbol].std_filter, scatter)
+        assert both[symbol].std_filter == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
