@@ -21,7 +21,8 @@ seeds = st.integers(0, 2**32 - 1)
 
 def random_covariance(rng: np.random.Generator, n: int, condition: float = 1e3) -> np.ndarray:
     q, _ = np.linalg.qr(rng.normal(size=(n, n)))
-    return (q * np.geomspace(1.0, 1.0 / condition, n)) @ q.T
+    covariance = (q * np.geomspace(1.0, 1.0 / condition, n)) @ q.T
+    return 0.5 * (covariance + covariance.T)  # symmetric to the last bit
 
 
 def scalar_by_scalar(system: LinearSystem, z, mean, covariance):

@@ -1,0 +1,74 @@
+"""Leave one maneuver out by one Newton step, against leaving it out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvident.engines import estimator
+from auvident.engines.estimator import Setup, run_stage
+from auvident.engines.jackknife import influences, jackknife_covariance
+from auvident.schema.plan import Tuning
+from tests.engines.test_estimator import linear_setup, stage
+
+EVERY = {"maneuvers": ("straight", "turn", "zigzag"), "method": "output_error"}
+
+
+@pytest.fixture(autouse=True)
+def steady_noise(monkeypatch):
+    monkeypatch.setattr(estimator, "effective_noise", lambda setup, *_: 20.0 * setup.sensor_std)
+
+
+def left_out(setup: Setup, name: str) -> Setup:
+    return replace(setup, records={k: v for k, v in setup.records.items() if k != name})
+
+
+@pytest.mark.parametrize(
+    "tuning",
+    [
+        {},
+        pytest.param(
+            {"all": Tuning(prior=0.3)},
+            marks=pytest.mark.xfail(
+                strict=True, reason="the curvature of the prior is taken for 1, tuned or not"
+            ),
+        ),
+    ],
+)
+def test_influence_of_a_maneuver_on_a_linear_problem_is_leaving_it_out(tuning) -> None:
+    setup, how = linear_setup(**tuning), stage(**EVERY)
+    whole = run_stage(setup, setup.prior, how)
+    whole = run_stage(setup, whole.parameters, how)  # to the bottom: the moves suppose it
+    moves = influences(setup, whole, how)
+    assert set(moves) == set(setup.records)
+    for name, move in moves.items():
+        rest = left_out(setup, name)
+        without = run_stage(rest, whole.parameters, how)
+        without = run_stage(rest, without.parameters, how)
+        scale = setup.prior_std[whole.free]
+        moved = (without.parameters - whole.parameters)[whole.free] / scale
+        posterior = np.sqrt(np.diag(whole.covariance))
+        # exact for a linear problem but for where the two fits stop (1e-5 of the cost)
+        np.testing.assert_allclose(move / posterior, moved / posterior, atol=0.02)
+    largest = max(
+        np.abs(move / np.sqrt(np.diag(whole.covariance))).max() for move in moves.values()
+    )
+    assert largest > 0.5  # some maneuver does matter
+
+
+def test_scatter_of_the_moves_by_hand() -> None:
+    moves = {"a": np.array([1.0, 0.0]), "b": np.array([-1.0, 0.0]), "c": np.array([3.0, 6.0])}
+    # means 1 and 2; (F - 1)/F of the sums of squares 0 + 4 + 4, 4 + 4 + 16, product 0 + 4 + 8
+    expected = 2 / 3 * np.array([[8.0, 12.0], [12.0, 24.0]])
+    np.testing.assert_allclose(jackknife_covariance(moves), expected, rtol=1e-12)
+
+
+def test_jackknife_of_a_mean_is_its_standard_error() -> None:
+    """Leaving x_i out of a mean moves it by (mean - x_i) / (n - 1): the classic identity."""
+    x = np.random.default_rng(0).normal(size=12)
+    moves = {str(i): np.array([(x.mean() - v) / (len(x) - 1)]) for i, v in enumerate(x)}
+    assert jackknife_covariance(moves)[0, 0] == pytest.approx(x.var(ddof=1) / len(x), rel=1e-12)
+
+
+def test_two_maneuvers_say_nothing_about_scatter() -> None:
+    assert jackknife_covariance({"a": np.ones(2), "b": np.zeros(2)}) is None
