@@ -225,7 +225,9 @@ def _filter(
     away = (setup.prior[free] - parameters[free]) / scale
     theta = (passed.parameters[free] - parameters[free]) / scale
     # the pass took its start for the mean of the prior; put the mean back where it belongs
-    theta = theta + passed.theta_covariance @ (away / factors**2)
+    # (exact for a linear problem without drift, which makes the filter forget the prior)
+    drifted = drifts**2 * setup.dt_s * len(passed.history)
+    theta = theta + passed.theta_covariance @ (away / (factors**2 + drifted))
     return Outcome(
         problem.parameters_at(theta), free, passed.theta_covariance, noise, stacked.ids,
         passed.log_likelihood, passed.samples, passed,
@@ -249,7 +251,7 @@ def _refine(
         used, noise = noise, effective_noise(setup, parameters, records, active)
         if np.abs(noise / used - 1.0).max() < NOISE_SETTLED:
             break
-    samples = sum(int(np.isfinite(r.measured[:, :3][:, active[:3]]).sum()) for r in records)
+    samples = sum(int(np.isfinite(r.measured[:, active]).sum()) for r in records)
     return Outcome(
         parameters, free, result.covariance, noise, tuple(r.id for r in records),
         -result.cost, samples,

@@ -74,7 +74,8 @@ def record_of(maneuver: Maneuver, trial: Trial, plane: Plane, sensor: Array) -> 
     """
     table, half = trial.table, 0.5 / trial.rate_hz
     time = table[TIME_COLUMN].to_numpy()
-    first, last = np.searchsorted(time, [maneuver.t_start_s - half, maneuver.t_end_s + half])
+    # the row at its end is the first of a maneuver that follows at once
+    first, last = np.searchsorted(time, [maneuver.t_start_s - half, maneuver.t_end_s - half])
     readings = np.zeros((last - first, N_STATES))
     measured = np.full_like(readings, np.nan)
     for i, column in enumerate(STATE_COLUMNS[plane]):

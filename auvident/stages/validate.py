@@ -39,7 +39,7 @@ CHANNELS: dict[Plane, tuple[tuple[str, str, str], ...]] = {
     ),
 }  # fmt: skip
 ACTIVE = np.array([True, True, True, True])
-FLAT = 1.0e-12  # a channel that varies less than this has no standard deviation to compare with
+FLAT = 1.0e-9  # least standard deviation to compare with: a constant channel is never predicted
 
 
 @dataclass(frozen=True)
@@ -52,12 +52,17 @@ class Validation:
 
 @dataclass(frozen=True)
 class Prediction:
-    """One maneuver measured and predicted; readings are (n, 4): u, a, b, angle."""
+    """One maneuver measured and predicted.
+
+    Readings (n, 4) at the sensors (u, a, b, angle) are what errors are taken of; states (n, 4)
+    at the origin are what tracks and figures are made of.
+    """
 
     maneuver: Maneuver
     record: Record
     measured: Array
     predicted: Array
+    states: Array
 
     @property
     def ran_away(self) -> bool:
@@ -118,7 +123,7 @@ def _predict(maneuver: Maneuver, trial: Trial, plane: Plane, sensor: Array, p: A
     if not np.isfinite(measured[:, 3]).any():  # no angle logged: the gyro integrated
         steps = np.cumsum(record.given[:-1, 2] + record.given[1:, 2]) * dt / 2.0
         measured[:, 3] = record.start[3] + np.concatenate([[0.0], steps])
-    return Prediction(maneuver, record, measured, states @ sensor.T)
+    return Prediction(maneuver, record, measured, states @ sensor.T, states)
 
 
 def _metrics(predictions: Sequence[Prediction], plane: Plane, parameters: Array) -> Metrics:
@@ -168,7 +173,7 @@ def compare(measured: Array, simulated: Array, unit: str) -> ChannelMetrics | No
     rmse = float(np.sqrt(np.mean(np.sum((m - s) ** 2, axis=1))))
     spread = float(np.sqrt(np.sum(np.var(m, axis=0))))
     size = sum(float(np.sqrt(np.mean(np.sum(x**2, axis=1)))) for x in (m, s))
-    nrmse = rmse / spread if spread > FLAT else 0.0
+    nrmse = rmse / max(spread, FLAT)
     return ChannelMetrics(
         rmse=rmse,
         nrmse=nrmse,
@@ -197,7 +202,7 @@ def tracks(p: Prediction) -> tuple[Array, Array]:
     if not np.isfinite(p.record.measured[:, 3]).any():
         angle = p.measured[:, 3]
     states = np.column_stack([given[:, :3], angle])
-    return _track(p, states), _track(p, p.predicted)
+    return _track(p, states), _track(p, p.states)
 
 
 def _track(p: Prediction, states: Array) -> Array:
@@ -256,7 +261,7 @@ def _figures(p: Prediction) -> dict[str, dict[str, float]]:
     """Figures of a turn or zigzag, measured and simulated."""
     found = {}
     measured = np.column_stack([p.record.given[:, :3], _filled(p.measured[:, 3])])
-    for name, x in (("measured", measured), ("simulated", p.predicted)):
+    for name, x in (("measured", measured), ("simulated", p.states)):
         if p.maneuver.kind == "turn":
             found[name] = turn_figures(
                 p.record.time_s, x[:, 0], x[:, 1], x[:, 2], p.record.inputs[:, 0], x[:, 3]

@@ -167,8 +167,9 @@ def test_correlated_residuals_count_less_by_the_root_of_their_correlation_time()
 
     noise = noise_of(with_residual(setup, correlated)) / setup.sensor_std
     closed = 7 * np.sqrt((1 + a) / (1 - a))  # 30.5
-    # 2000 samples of 19 correlated ones: some 100 independent, 10 % and its root each
-    assert (np.abs(noise[:3] / closed - 1) < 0.35).all()
+    # 2000 samples of 19 correlated ones: some 100 independent; the correlation time is known to a
+    # third, its root to a sixth or so, the mean of three channels to a tenth; three times that
+    assert abs(float(np.mean(noise[:3])) / closed - 1) < 0.3
 
 
 def test_a_prediction_that_ran_away_is_far_out_but_finite() -> None:
@@ -260,6 +261,15 @@ def test_information_of_the_data_is_symmetric_and_what_the_fit_found(steady_nois
     np.testing.assert_allclose(
         np.linalg.inv(information + np.eye(4)), outcome.covariance, rtol=1e-9, atol=1e-12
     )
+
+
+def test_both_methods_count_the_same_readings_in_the_vertical_plane() -> None:
+    setup = setup_of("dive_trial", "vertical")
+    pieces = [(key, kind, cut(r, 100)) for key, (kind, r) in setup.records.items()][:2]
+    setup = replace(setup, records={key: (kind, r) for key, kind, r in pieces})
+    free = {"free": ("lift",), "system": "coupled", "maneuvers": ("straight", "turn", "zigzag")}
+    counts = [run_stage(setup, setup.prior, stage(**free, method=m)).samples for m in METHODS]
+    assert counts[0] == counts[1]
 
 
 # --- errors --------------------------------------------------------------------------------

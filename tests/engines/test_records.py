@@ -81,7 +81,7 @@ def test_vertical_lever_arm() -> None:
 def test_rows_and_columns_of_a_maneuver(plane) -> None:
     t = trial(plane)
     record = record_of(maneuver(55.0, 60.0), t, plane, np.eye(4))
-    rows = slice(50, 101)  # both ends belong to it
+    rows = slice(50, 100)  # the row at its end begins the next
     np.testing.assert_array_equal(record.time_s, t.table["time_s"][rows])
     np.testing.assert_array_equal(record.measured, t.table[list(STATE_COLUMNS[plane])][rows])
     np.testing.assert_array_equal(record.inputs[:, :2], t.table[list(CONTROL_COLUMNS[plane])][rows])
@@ -107,9 +107,9 @@ def test_given_states_are_at_the_origin() -> None:
     read = states @ matrix.T
     t = trial(**dict(zip(STATE_COLUMNS["horizontal"], read.T, strict=True)))
     record = record_of(maneuver(55.0, 60.0), t, "horizontal", matrix)
-    np.testing.assert_allclose(record.given, states[50:101], atol=1e-14)
+    np.testing.assert_allclose(record.given, states[50:100], atol=1e-14)
     np.testing.assert_allclose(record.start, states[50], atol=1e-12)
-    np.testing.assert_allclose(record.measured, read[50:101], atol=1e-15)
+    np.testing.assert_allclose(record.measured, read[50:100], atol=1e-15)
 
 
 @pytest.mark.parametrize("missing", ["heading_rad", "elevator_rad"])

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from auvident.schema.artifacts import (
     RigidBody,
     Sensing,
 )
-from auvident.schema.channels import BY_COLUMN
+from auvident.schema.channels import BY_COLUMN, TIME_COLUMN
 from auvident.schema.coefficients import Plane, symbols_of
 from auvident.schema.plan import Plan
 from auvident.schema.trial import Trial
@@ -49,7 +50,7 @@ def prepare(
     structure = structure_of(plane)
     sensing = sensing_of(vehicle, noise, plane)
     sensor = sensor_matrix(plane, sensing)
-    by_name = {trial.name: trial for trial in trials}
+    by_name = {trial.name: _without_held_out(trial, maneuvers) for trial in trials}
     chosen = [m for m in maneuvers.maneuvers if m.role == "identify" and m.shows(plane)]
     if not chosen:
         raise NumericsError(
@@ -72,6 +73,19 @@ def prepare(
         ),
         sensing,
     )  # fmt: skip
+
+
+def _without_held_out(trial: Trial, maneuvers: Maneuvers) -> Trial:
+    """The trial with the rows of its held-out maneuvers blanked: they choose nothing."""
+    held = [m for m in maneuvers.maneuvers if m.role == "validate" and m.trial == trial.name]
+    if not held:
+        return trial
+    table = trial.table.copy()
+    measured = [c for c in BY_COLUMN if c in table and BY_COLUMN[c].kind == "measured"]
+    for m in held:
+        rows = (table[TIME_COLUMN] >= m.t_start_s) & (table[TIME_COLUMN] < m.t_end_s)
+        table.loc[rows, measured] = np.nan
+    return replace(trial, table=table)
 
 
 def priors(ase: AseResult, plane: Plane) -> tuple[dict[str, float], dict[str, float]]:

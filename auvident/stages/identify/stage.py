@@ -23,7 +23,7 @@ from auvident.schema.artifacts import (
     IdentifiedModel,
     Maneuvers,
 )
-from auvident.schema.coefficients import Plane, symbols_of
+from auvident.schema.coefficients import Plane
 from auvident.schema.plan import Plan, PlanStage
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
@@ -103,7 +103,7 @@ def _run(
 ) -> tuple[list[Step], list[Finding]]:
     """All stages of the plan from the prior values times a factor."""
     parameters = setup.prior.copy()
-    parameters[: len(symbols_of(setup.structure.plane))] *= factor
+    parameters[setup.prior_std > 0.0] *= factor
     rounds = setup.plan.rounds()
     done: list[Step] = []
     skipped = []
