@@ -89,6 +89,15 @@ def test_rows_and_columns_of_a_maneuver(plane) -> None:
     np.testing.assert_array_equal(record.given, record.measured)
 
 
+def test_maneuvers_that_touch_share_no_row() -> None:
+    first, second = (
+        record_of(maneuver(*span), trial(), "horizontal", np.eye(4))
+        for span in ((52.0, 55.0), (55.0, 60.0))
+    )
+    assert not set(first.time_s) & set(second.time_s)
+    assert second.time_s[0] - first.time_s[-1] == pytest.approx(1 / RATE)
+
+
 def test_interpolated_rows_are_given_but_not_measured() -> None:
     slow = np.arange(200) % 2 == 0
     record = record_of(maneuver(55.0, 60.0), trial(dvl_sampled=slow), "horizontal", np.eye(4))
