@@ -13,7 +13,7 @@ from auvident.schema.channels import BY_COLUMN
 from auvident.schema.coefficients import BY_SYMBOL, expand, prime_unit, symbols_of
 from auvident.schema.plan import Plan
 from auvident.schema.trial import Trial
-from auvident.stages.identify.setup import sensing_of
+from auvident.stages.identify.setup import prepare, sensing_of
 from tests.engines.chain import identified, plan_named, sample, validated
 
 HARBOUR, DIVE = ("harbour_trial", "horizontal"), ("dive_trial", "vertical")
@@ -122,6 +122,26 @@ def test_held_out_maneuvers_choose_nothing(trial, poison) -> None:
     found = sample(trial[0]).identify(trial[1], trials=[poisoned(*trial, poison)])
     assert found.model == identified(*trial).model
     assert found.history.equals(identified(*trial).history)
+
+
+@pytest.mark.xfail(
+    strict=True,
+    reason="rows blanked for a held-out maneuver of the other plane count as zero speed",
+)
+def test_a_held_out_maneuver_of_the_other_plane_is_a_gap_and_no_standstill() -> None:
+    """Planes are segmented one by one: their maneuvers may overlap in time."""
+    c = sample("harbour_trial")
+    turn = next(m for m in c.maneuvers.maneuvers if m.kind == "turn" and m.role == "identify")
+    start = turn.t_start_s + 20.0
+    changes = {"id": "harbour_trial-vertical-zigzag-1", "kind": "zigzag", "role": "validate"}
+    changes |= {"t_start_s": start, "t_end_s": start + 20.0, "features": {"plane": "vertical"}}
+    overlapping = (*c.maneuvers.maneuvers, turn.model_copy(update=changes))
+    setup, _ = prepare(
+        c.trials, c.maneuvers.model_copy(update={"maneuvers": overlapping}), c.ase, c.vehicle,
+        c.noise, plane="horizontal", plan=plan_named("spiral"), filter="ekf", engine="compiled",
+    )  # fmt: skip
+    given = setup.records[turn.id][1].given
+    assert (given[:, 0] > 0.3).all()  # the surge given to the lateral system
 
 
 def test_what_identifies_does_choose() -> None:
