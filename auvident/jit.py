@@ -1,16 +1,33 @@
 """Compilation of the numerical kernels, cached on disk where that is possible.
 
-Where neither the installation nor the user's cache folder can be written, kernels are compiled
-into a temporary folder of this process, and `cache_is_writable` says so.
+The cache lies beside the package, else in the user's cache folder, else (neither can be written)
+in a temporary folder of this process, and `cache_is_writable` says so. Its folder is named after
+the sources of all kernels together: numba itself looks only at the file of a function, and would
+go on using what was compiled with an older version of the functions it calls.
 """
 
+import atexit
+import hashlib
 import os
+import shutil
 import tempfile
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from numba import njit
+from numba.core import config
+
+PACKAGE = Path(__file__).resolve().parent
+KERNEL_MODULES = (
+    "engines/passes.py",
+    "estimation/kalman.py",
+    "physics/batch.py",
+    "physics/dynamics.py",
+    "physics/sensitivity.py",
+)
+FOLDER = "auvident-kernels-"
 
 
 def _writable(folder: Path) -> bool:
@@ -23,27 +40,55 @@ def _writable(folder: Path) -> bool:
 
 
 def _candidates() -> list[Path]:
-    """Folders numba would try, in its order: beside the source, then the user's cache."""
+    """Folders the cache may lie in: the one the user names, else the package's, the user's."""
+    sources = hashlib.sha256()
+    for module in KERNEL_MODULES:
+        sources.update((PACKAGE / module).read_bytes())
+    name = FOLDER + sources.hexdigest()[:16]
     named = os.environ.get("NUMBA_CACHE_DIR")
     if named:
-        return [Path(named)]
-    return [Path(__file__).parent / "__pycache__", Path.home() / ".cache" / "numba"]
+        return [Path(named) / name]
+    own = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    return [PACKAGE / "__pycache__" / name, Path(own) / "auvident" / name]
+
+
+@cache
+def _permanent() -> Path | None:
+    """The first folder that can be written."""
+    return next((folder for folder in _candidates() if _writable(folder)), None)
+
+
+@cache
+def _temporary() -> Path:
+    folder = Path(tempfile.mkdtemp(prefix=FOLDER))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
 
 
 def cache_is_writable() -> bool:
     """Whether compiled kernels outlive this process."""
-    return any(_writable(folder) for folder in _candidates())
+    return _permanent() is not None
 
 
-def compiled_already() -> bool:
-    """Whether an earlier process left the compiled kernels (so none has to wait for them)."""
-    folders = [Path(__file__).parent / "engines" / "__pycache__", *_candidates()[-1:]]
-    return any(next(folder.glob("**/compiled._pass-*.nbc"), None) for folder in folders)
+def compiled_already(kind: str = "ekf") -> bool:
+    """Whether an earlier process left the kernels of a filter (so nobody has to wait for them)."""
+    folder = _permanent()
+    return folder is not None and any(folder.glob(f"*/passes.{kind}_pass-*.nbc"))
 
 
-if not cache_is_writable():
-    import numba.core.config
+def _compiled_in(folder: Path, function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile with the cache in a folder; numba's setting is put back for everyone else."""
+    before = config.CACHE_DIR  # type: ignore[attr-defined]
+    config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
+    try:
+        return njit(cache=True, error_model="numpy")(function)
+    finally:
+        config.CACHE_DIR = before  # type: ignore[attr-defined]
 
-    numba.core.config.CACHE_DIR = tempfile.mkdtemp(prefix="auvident-kernels-")
 
-kernel: Callable[[Callable[..., Any]], Any] = njit(cache=True)
+def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a function when it is first called; division by zero gives infinity, as in numpy."""
+    try:
+        return _compiled_in(_permanent() or _temporary(), function)
+    except RuntimeError:  # numba: "no locator available": a folder inside belongs to someone else
+        return _compiled_in(_temporary(), function)

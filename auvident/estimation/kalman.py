@@ -3,6 +3,9 @@
 The state is one vector of shared parameters followed by one block of states per record
 ("parallel processing"): theta (n_theta), x_1 (n_x), ..., x_k (n_x). Parameters do not move under
 prediction, so only the rows of the blocks are recomputed.
+
+Every kernel has a form that takes its work arrays, for the loops of a pass, where making them
+anew would cost more than the arithmetic. Innermost loops run along rows.
 """
 
 import math
@@ -28,39 +31,63 @@ def predict_covariance(covariance, transition, sensitivity, n_theta, n_x, n_bloc
     q_x : (n_x,) array
         Variance added to each state of each block.
     """
-    n = n_theta + n_blocks * n_x
-    rows = np.zeros((n_blocks * n_x, n))  # [sensitivity transition] P, block rows
+    gradient = np.empty((n_blocks * n_x, n_x + n_theta))
     for j in range(n_blocks):
         for i in range(n_x):
-            row = j * n_x + i
-            for l in range(n_theta):  # noqa: E741
-                g = sensitivity[j, i, l]
-                if g != 0.0:
-                    for c in range(n):
-                        rows[row, c] += g * covariance[l, c]
-            for l in range(n_x):  # noqa: E741
-                f = transition[j, i, l]
-                for c in range(n):
-                    rows[row, c] += f * covariance[n_theta + j * n_x + l, c]
-    for row in range(n_blocks * n_x):
+            gradient[j * n_x + i, :n_x] = transition[j, i]
+            gradient[j * n_x + i, n_x:] = sensitivity[j, i]
+    rows = np.empty((n_blocks * n_x, n_theta + n_blocks * n_x))
+    predict_with(covariance, gradient, n_theta, n_x, n_blocks, q_theta, q_x, rows)
+
+
+@kernel
+def predict_with(covariance, gradient, n_theta, n_x, n_blocks, q_theta, q_x, rows):
+    """As `predict_covariance`.
+
+    Parameters
+    ----------
+    gradient : (>= n_blocks * n_x, n_x + n_theta) array
+        Transition and sensitivity of each state of each block, side by side.
+    rows : (>= n_blocks * n_x, >= n) array
+        Work array: [sensitivity transition] P.
+    """
+    n = n_theta + n_blocks * n_x
+    for k in range(n_blocks * n_x):
+        for c in range(n):
+            rows[k, c] = 0.0
+        block = n_theta + k // n_x * n_x
+        for l in range(n_x):  # noqa: E741
+            slope = gradient[k, l]
+            for c in range(n):
+                rows[k, c] += slope * covariance[block + l, c]
+        for l in range(0, n_theta - 3, 4):  # noqa: E741 (four at once: a quarter of the stores)
+            s0, s1 = gradient[k, n_x + l], gradient[k, n_x + l + 1]
+            s2, s3 = gradient[k, n_x + l + 2], gradient[k, n_x + l + 3]
+            for c in range(n):
+                rows[k, c] += (
+                    s0 * covariance[l, c] + s1 * covariance[l + 1, c]
+                    + s2 * covariance[l + 2, c] + s3 * covariance[l + 3, c]
+                )  # fmt: skip
+        for l in range(n_theta - n_theta % 4, n_theta):  # noqa: E741
+            slope = gradient[k, n_x + l]
+            for c in range(n):
+                rows[k, c] += slope * covariance[l, c]
+    for k in range(n_blocks * n_x):
         for c in range(n_theta):
-            covariance[n_theta + row, c] = rows[row, c]
-            covariance[c, n_theta + row] = rows[row, c]
-    for row in range(n_blocks * n_x):
-        for j in range(row // n_x + 1):
-            for i in range(n_x):
-                total = 0.0
-                for l in range(n_theta):  # noqa: E741
-                    total += rows[row, l] * sensitivity[j, i, l]
-                for l in range(n_x):  # noqa: E741
-                    total += rows[row, n_theta + j * n_x + l] * transition[j, i, l]
-                column = n_theta + j * n_x + i
-                covariance[n_theta + row, column] = total
-                covariance[column, n_theta + row] = total
+            covariance[n_theta + k, c] = rows[k, c]
+            covariance[c, n_theta + k] = rows[k, c]
+        for i in range((k // n_x + 1) * n_x):
+            total, block = 0.0, n_theta + i // n_x * n_x
+            for l in range(n_x):  # noqa: E741
+                total += rows[k, block + l] * gradient[i, l]
+            for l in range(n_theta):  # noqa: E741
+                total += rows[k, l] * gradient[i, n_x + l]
+            covariance[n_theta + k, n_theta + i] = total
+            covariance[n_theta + i, n_theta + k] = total
     for l in range(n_theta):  # noqa: E741
         covariance[l, l] += q_theta[l]
-    for row in range(n_blocks * n_x):
-        covariance[n_theta + row, n_theta + row] += q_x[row % n_x]
+    for k in range(n_blocks * n_x):
+        covariance[n_theta + k, n_theta + k] += q_x[k % n_x]
 
 
 @kernel
@@ -71,6 +98,7 @@ def update_scalar(mean, covariance, n, first, gradient, innovation, variance):
     ----------
     mean : (>= n,) array
     covariance : (>= n, >= n) array
+        Symmetric.
     n : int
         Length of the state in use.
     first : int
@@ -88,31 +116,47 @@ def update_scalar(mean, covariance, n, first, gradient, innovation, variance):
         Innovation variance; not positive when the covariance is no longer positive definite,
         and then nothing is changed.
     """
-    projected = np.zeros(n)  # P h
-    for i in range(n):
-        for l in range(gradient.shape[0]):  # noqa: E741
-            projected[i] += covariance[i, first + l] * gradient[l]
-    spread = variance
-    for l in range(gradient.shape[0]):  # noqa: E741
-        spread += gradient[l] * projected[first + l]
-    if not (spread > 0.0 and math.isfinite(spread)):
-        return -1.0
-    gain = projected / spread
-    for i in range(n):
-        mean[i] += gain[i] * innovation
-        for j in range(n):  # (I - K h') P
-            covariance[i, j] -= gain[i] * projected[j]
-    for i in range(n):  # ... (I - K h')' + K R K'
-        along = 0.0
-        for l in range(gradient.shape[0]):  # noqa: E741
-            along += covariance[i, first + l] * gradient[l]
-        for j in range(n):
-            covariance[i, j] += (variance * gain[i] - along) * gain[j]
+    projected, gain, half = np.empty(n), np.empty(n), np.empty(n)
+    spread = update_with(
+        mean, covariance, n, first, gradient, innovation, variance, projected, gain, half
+    )
     for i in range(n):
         for j in range(i):
             even = 0.5 * (covariance[i, j] + covariance[j, i])
             covariance[i, j] = even
             covariance[j, i] = even
+    return spread
+
+
+@kernel
+def update_with(mean, covariance, n, first, gradient, innovation, variance, projected, gain, half):
+    """As `update_scalar`, with work arrays (>= n,): P h, the gain, half the change over it.
+
+    A symmetric covariance stays symmetric to the last bit: it changes by gain half' + half gain'.
+    """
+    for i in range(n):
+        projected[i] = 0.0
+    for l in range(gradient.shape[0]):  # noqa: E741
+        slope = gradient[l]
+        for i in range(n):
+            projected[i] += slope * covariance[first + l, i]
+    seen = 0.0  # h' P h
+    for l in range(gradient.shape[0]):  # noqa: E741
+        seen += gradient[l] * projected[first + l]
+    spread = seen + variance
+    if not (spread > 0.0 and math.isfinite(spread)):
+        return -1.0
+    for i in range(n):
+        gain[i] = projected[i] / spread
+        mean[i] += gain[i] * innovation
+        # Joseph: (I - K h') P (I - K h')' + K R K' = P + K half' + half K', where in
+        # half = (K R - (I - K h') P h - P h) / 2 the first two are equal but for rounding
+        rest = variance * gain[i] - (projected[i] - gain[i] * seen)
+        half[i] = 0.5 * (rest - projected[i])
+    for i in range(n):
+        k_i, half_i = gain[i], half[i]
+        for j in range(n):
+            covariance[i, j] += k_i * half[j] + half_i * gain[j]
     return spread
 
 
@@ -125,20 +169,29 @@ def cholesky(matrix, n, factor):
     int
         -1, or the index of the first pivot that is not positive.
     """
-    for j in range(n):
-        pivot = matrix[j, j]
-        for l in range(j):  # noqa: E741
-            pivot -= factor[j, l] * factor[j, l]
-        if not pivot > 0.0:
-            return j
-        factor[j, j] = math.sqrt(pivot)
-        for i in range(j + 1, n):
-            total = matrix[i, j]
-            for l in range(j):  # noqa: E741
-                total -= factor[i, l] * factor[j, l]
-            factor[i, j] = total / factor[j, j]
-        for i in range(j):
-            factor[i, j] = 0.0
+    bad = upper_cholesky(matrix, n, factor)
+    for i in range(n):
+        for j in range(i):
+            factor[i, j] = factor[j, i]
+            factor[j, i] = 0.0
+    return bad
+
+
+@kernel
+def upper_cholesky(matrix, n, factor):
+    """As `cholesky`, transposed; what is left of the diagonal is not touched."""
+    for i in range(n):
+        for j in range(i, n):
+            factor[i, j] = matrix[i, j]
+        for l in range(i):  # noqa: E741
+            share = factor[l, i]
+            for j in range(i, n):
+                factor[i, j] -= share * factor[l, j]
+        if not factor[i, i] > 0.0:
+            return i
+        root = math.sqrt(factor[i, i])
+        for j in range(i, n):
+            factor[i, j] /= root
     return -1
 
 

@@ -1,7 +1,8 @@
 """The one right-hand side, its exact Jacobians and one step of it, compiled.
 
-Simulation, EKF, UKF and residuals all call `derivative`. The structure of the equations comes
-in as the arrays of `terms.Structure`, so that compiled code is cached once for every model.
+Simulation, EKF, UKF and residuals all evaluate the arrays of `terms.Structure`, so that compiled
+code is cached once for every model: `batch` the rates, at one point or many, and
+`sensitivity` the rates with their derivatives. Here are both for one state at a time.
 States are (u, a, b, angle); a state that is not active is held at the value given, which is how
 the surge system takes v and r from the measurements and the yaw-sway system takes u.
 """
@@ -9,54 +10,57 @@ the surge system takes v and r from the measurements and the yaw-sway system tak
 import math
 
 import numpy as np
+
 from auvident.jit import kernel
+from auvident.physics.batch import (
+    N_STATES,
+    N_VELOCITIES,
+    P_ROWS,
+    P_SCALARS,
+    invert_masses,
+    invert_rows,
+    needed_powers,
+    place_inputs,
+    rates,
+    sort_terms,
+    step_points,
+    used_variables,
+)
+from auvident.physics.sensitivity import (
+    N_PLACES,
+    linearise,
+    place_parameters,
+    sort_masses,
+    sort_slopes,
+    step_linear,
+)
 
-N_STATES = 4
-N_VELOCITIES = 3
-N_VARIABLES = 8
-N_POWERS = 5
 SPEED_LIMIT = 1.0e3  # [m/s, rad/s] a velocity beyond this ran away, whatever the vehicle
-
-
-@kernel
-def _powers(x, inputs, value, slope):
-    """Every power of every variable, and its derivative (`terms.POWERS`)."""
-    variables = (x[0], x[1], x[2], math.sin(x[3]), math.cos(x[3]), inputs[0], inputs[1], inputs[2])
-    for i in range(N_VARIABLES):
-        y = variables[i]
-        absolute = abs(y)
-        sign = 1.0 if y > 0.0 else (-1.0 if y < 0.0 else 0.0)
-        value[i, 0], slope[i, 0] = y, 1.0
-        value[i, 1], slope[i, 1] = absolute, sign
-        value[i, 2], slope[i, 2] = y * y, 2.0 * y
-        value[i, 3], slope[i, 3] = y * absolute, 2.0 * absolute
-        value[i, 4], slope[i, 4] = y * y * y, 3.0 * y * y
 
 
 @kernel
 def inverse_mass(p, mass, mass_weights, active, inverse):
     """Inverse of the 3x3 mass matrix with inactive rows and columns replaced by identity.
 
-    Returns the determinant.
+    Returns the determinant; with a minus when the matrix is not positive definite.
     """
-    m = np.zeros((N_VELOCITIES, N_VELOCITIES))
+    m = np.zeros((10, 1))
     for k in range(mass.shape[0]):
         i, j = mass[k, 0], mass[k, 1]
         if active[i] and active[j]:
-            m[i, j] += mass_weights[k] * p[mass[k, 2]]
+            m[3 * i + j, 0] += mass_weights[k] * p[mass[k, 2]]
     for i in range(N_VELOCITIES):
         if not active[i]:
-            m[i, i] = 1.0
-    for i in range(N_VELOCITIES):
-        i1, i2 = (i + 1) % 3, (i + 2) % 3
-        for j in range(N_VELOCITIES):
-            j1, j2 = (j + 1) % 3, (j + 2) % 3
-            inverse[j, i] = m[i1, j1] * m[i2, j2] - m[i1, j2] * m[i2, j1]
-    determinant = m[0, 0] * inverse[0, 0] + m[0, 1] * inverse[1, 0] + m[0, 2] * inverse[2, 0]
-    for i in range(N_VELOCITIES):
-        for j in range(N_VELOCITIES):
-            inverse[i, j] /= determinant
-    return determinant
+            m[4 * i, 0] = 1.0
+    return invert_rows(1, m, inverse.reshape((9, 1)))
+
+
+@kernel
+def _scalars(p):
+    """What all points share: powers (placed later), the factor 1, the parameters."""
+    scalars = np.ones(P_SCALARS + p.shape[0])
+    scalars[P_SCALARS:] = p
+    return scalars
 
 
 @kernel
@@ -76,28 +80,15 @@ def derivative(x, inputs, p, inverse, active, terms, weights, rate):
     terms, weights : arrays of `terms.Structure`
     rate : (4,) array, filled
     """
-    value = np.empty((N_VARIABLES, N_POWERS))
-    slope = np.empty((N_VARIABLES, N_POWERS))
-    _powers(x, inputs, value, slope)
-    force = np.zeros(N_VELOCITIES)
-    for k in range(terms.shape[0]):
-        if active[terms[k, 0]]:
-            f = weights[k] * p[terms[k, 1]]
-            for c in range(2, terms.shape[1], 2):
-                if terms[k, c + 1] >= 0:
-                    f *= value[terms[k, c], terms[k, c + 1]]
-            force[terms[k, 0]] += f
-    _accelerate(force, x, inverse, active, rate)
-
-
-@kernel
-def _accelerate(force, x, inverse, active, rate):
-    for i in range(N_VELOCITIES):
-        rate[i] = 0.0
-        if active[i]:
-            for j in range(N_VELOCITIES):
-                rate[i] += inverse[i, j] * force[j]
-    rate[3] = x[2] if active[3] else 0.0
+    table, sorted_weights = sort_terms(active, np.zeros(p.shape[0], np.bool_), terms, weights)
+    used, scalars = used_variables(active, terms), _scalars(p)
+    place_inputs(inputs, used, scalars)
+    rate[:] = 0.0
+    rates(
+        1, 0.0, x, x, active, used, table, sorted_weights, needed_powers(active, terms),
+        inverse.reshape((9, 1)), np.empty(N_STATES), scalars, np.empty((P_ROWS, 1)),
+        np.empty((N_VELOCITIES, 1)), x.reshape((N_STATES, 1)), rate.reshape((N_STATES, 1)),
+    )  # fmt: skip
 
 
 @kernel
@@ -109,93 +100,47 @@ def derivative_and_jacobians(
     ``column[i]`` is the column of parameter i in `j_p`, or -1 when it is not free. Derivatives
     with respect to inactive states are left out (they are given, not estimated).
     """
-    value = np.empty((N_VARIABLES, N_POWERS))
-    slope = np.empty((N_VARIABLES, N_POWERS))
-    _powers(x, inputs, value, slope)
-    n_free = j_p.shape[1]
-    force = np.zeros(N_VELOCITIES)
-    f_x = np.zeros((N_VELOCITIES, N_STATES))
-    f_p = np.zeros((N_VELOCITIES, n_free))
-    for k in range(terms.shape[0]):
-        i = terms[k, 0]
-        if active[i]:
-            _add_term(k, terms, weights, p, value, slope, x, column, force, f_x, f_p)
-    _accelerate(force, x, inverse, active, rate)
-    for k in range(mass.shape[0]):  # d(M rate)/dp moved to the right-hand side
-        i, j, c = mass[k, 0], mass[k, 1], column[mass[k, 2]]
-        if c >= 0 and active[i] and active[j]:
-            f_p[i, c] -= mass_weights[k] * rate[j]
-    for i in range(N_VELOCITIES):
-        for j in range(N_STATES):
-            total = 0.0
-            if active[i] and active[j]:
-                for l in range(N_VELOCITIES):  # noqa: E741
-                    total += inverse[i, l] * f_x[l, j]
-            j_x[i, j] = total
-        for c in range(n_free):
-            total = 0.0
-            if active[i]:
-                for l in range(N_VELOCITIES):  # noqa: E741
-                    total += inverse[i, l] * f_p[l, c]
-            j_p[i, c] = total
-    for j in range(N_STATES):
-        j_x[3, j] = 1.0 if (j == 2 and active[3] and active[2]) else 0.0
-    j_p[3, :] = 0.0
-
-
-@kernel
-def _add_term(k, terms, weights, p, value, slope, x, column, force, f_x, f_p):
-    """Add term k to the forces and to their derivatives."""
-    i, parameter = terms[k, 0], terms[k, 1]
-    product = 1.0
-    for c in range(2, terms.shape[1], 2):
-        if terms[k, c + 1] >= 0:
-            product *= value[terms[k, c], terms[k, c + 1]]
-    f = weights[k] * p[parameter]
-    force[i] += f * product
-    if column[parameter] >= 0:
-        f_p[i, column[parameter]] += weights[k] * product
-    for c in range(2, terms.shape[1], 2):
-        variable, power = terms[k, c], terms[k, c + 1]
-        if power < 0 or variable > 4:
-            continue
-        others = 1.0
-        for d in range(2, terms.shape[1], 2):
-            if d != c and terms[k, d + 1] >= 0:
-                others *= value[terms[k, d], terms[k, d + 1]]
-        part = f * slope[variable, power] * others
-        if variable < 3:
-            f_x[i, variable] += part
-        elif variable == 3:
-            f_x[i, 3] += part * math.cos(x[3])
-        else:
-            f_x[i, 3] -= part * math.sin(x[3])
-
-
-@kernel
-def _place_given(stage, given0, given1, fraction, active):
-    """Set the inactive states to the given ones, linear between the ends of the step."""
+    used, value, scale = used_variables(active, terms), np.ones(N_PLACES), np.ones(j_p.shape[1])
+    lead, columns = 1 + N_STATES, 1 + N_STATES + j_p.shape[1]
+    table, both, partials = sort_slopes(active, column, scale, lead, terms, weights)
+    sorted_mass, mass_both = sort_masses(active, column, scale, lead, mass, mass_weights)
+    stage, result = np.zeros((N_STATES, columns)), np.zeros((N_STATES, columns))
+    stage[:, 0] = x
     for i in range(N_STATES):
-        if not active[i]:
-            stage[i] = given0[i] + fraction * (given1[i] - given0[i])
+        stage[i, 1 + i] = 1.0 if active[i] else 0.0
+    place_inputs(inputs, used, value)
+    linearise(
+        stage, active, used, table, both, partials, sorted_mass, mass_both,
+        _coefficients(p, table, both), inverse.reshape((9, 1)), value,
+        np.zeros((N_VELOCITIES, columns + 1)), np.zeros((N_VELOCITIES, N_STATES)), result,
+    )  # fmt: skip
+    rate[:], j_x[:, :], j_p[:, :] = result[:, 0], result[:, 1:lead], result[:, lead:]
+
+
+@kernel
+def _coefficients(p, table, weights):
+    """Weight times parameter of every term."""
+    coefficient = np.empty(weights.shape[0])
+    for k in range(weights.shape[0]):
+        coefficient[k] = weights[k, 0] * p[table[k, 1]]
+    return coefficient
 
 
 @kernel
 def step(x, inputs, given0, given1, dt, p, inverse, active, terms, weights, out):
     """One RK4 step of the active states; inputs are constant (step means) over the step."""
-    stage = x.copy()
-    total = np.zeros(N_STATES)
-    rate = np.empty(N_STATES)
-    for s in range(4):
-        _place_given(stage, given0, given1, (0.0, 0.5, 0.5, 1.0)[s], active)
-        derivative(stage, inputs, p, inverse, active, terms, weights, rate)
-        share = (1.0, 2.0, 2.0, 1.0)[s]
-        advance = (0.5, 0.5, 1.0, 0.0)[s] * dt
-        for i in range(N_STATES):
-            total[i] += share * rate[i]
-            stage[i] = x[i] + advance * rate[i]
+    table, sorted_weights = sort_terms(active, np.zeros(p.shape[0], np.bool_), terms, weights)
+    work = np.empty((3, N_STATES, 1))
+    out[:] = x
+    step_points(
+        1, inputs, given0, given1, dt, active, used_variables(active, terms), table,
+        sorted_weights, needed_powers(active, terms), inverse.reshape((9, 1)), np.empty(N_STATES),
+        _scalars(p), np.empty((P_ROWS, 1)), np.empty((N_VELOCITIES, 1)),
+        out.reshape((N_STATES, 1)), work[0], work[1], work[2],
+    )  # fmt: skip
     for i in range(N_STATES):
-        out[i] = x[i] + dt / 6.0 * total[i] if active[i] else given1[i]
+        if not active[i]:
+            out[i] = given1[i]
 
 
 @kernel
@@ -208,36 +153,26 @@ def step_with_sensitivities(
     `s_x` (4, 4 + n_free) comes in as d x/d(x_start, p_free) and leaves as the same after the
     step; with ``[I, 0]`` it returns the transition matrix and the parameter sensitivity.
     """
-    n_free = s_x.shape[1] - N_STATES
-    columns = s_x.shape[1]
-    stage, rate = x.copy(), np.empty(N_STATES)
-    j_x, j_p = np.empty((N_STATES, N_STATES)), np.empty((N_STATES, n_free))
-    s_stage, s_rate = s_x.copy(), np.empty((N_STATES, columns))
-    total, s_total = np.zeros(N_STATES), np.zeros((N_STATES, columns))
-    for s in range(4):
-        _place_given(stage, given0, given1, (0.0, 0.5, 0.5, 1.0)[s], active)
-        derivative_and_jacobians(
-            stage, inputs, p, inverse, active, terms, weights, mass, mass_weights, column,
-            rate, j_x, j_p,
-        )  # fmt: skip
-        share = (1.0, 2.0, 2.0, 1.0)[s]
-        advance = (0.5, 0.5, 1.0, 0.0)[s] * dt
-        for i in range(N_STATES):
-            total[i] += share * rate[i]
-            for c in range(columns):
-                value = j_p[i, c - N_STATES] if c >= N_STATES else 0.0
-                for j in range(N_STATES):
-                    value += j_x[i, j] * s_stage[j, c]
-                s_rate[i, c] = value
-        for i in range(N_STATES):
-            stage[i] = x[i] + advance * rate[i]
-            for c in range(columns):
-                s_total[i, c] += share * s_rate[i, c]
-                s_stage[i, c] = s_x[i, c] + advance * s_rate[i, c]
+    scale, value = np.ones(s_x.shape[1] - N_STATES), np.ones(N_PLACES)
+    lead, columns = 1 + N_STATES, 1 + s_x.shape[1]
+    table, both, partials = sort_slopes(active, column, scale, lead, terms, weights)
+    sorted_mass, mass_both = sort_masses(active, column, scale, lead, mass, mass_weights)
+    work = np.zeros((4, N_STATES, columns))
+    z = work[0]
     for i in range(N_STATES):
-        out[i] = x[i] + dt / 6.0 * total[i] if active[i] else given1[i]
-        for c in range(columns):
-            s_x[i, c] += dt / 6.0 * s_total[i, c]
+        z[i, 0] = x[i]
+        if active[i]:
+            z[i, 1:] = s_x[i]
+    step_linear(
+        z, inputs, given0, given1, dt, active, used_variables(active, terms), table, both,
+        partials, sorted_mass, mass_both, _coefficients(p, table, both), inverse.reshape((9, 1)),
+        value, np.zeros((N_VELOCITIES, columns + 1)), np.zeros((N_VELOCITIES, N_STATES)), work[1],
+        work[2], work[3],
+    )  # fmt: skip
+    for i in range(N_STATES):
+        out[i] = z[i, 0]
+        if active[i]:
+            s_x[i] = z[i, 1:]
 
 
 @kernel
@@ -257,28 +192,35 @@ def simulate_states(x0, inputs, given, dt, p, active, terms, weights, mass, mass
         NaN from the row on at which the simulation ran away; all NaN when the mass matrix is
         not positive definite.
     """
-    n = inputs.shape[0]
-    states = np.full((n, N_STATES), np.nan)
-    inverse = np.empty((N_VELOCITIES, N_VELOCITIES))
-    if not inverse_mass(p, mass, mass_weights, active, inverse) > 0.0:
+    n, moves = inputs.shape[0], np.zeros(p.shape[0], np.bool_)
+    states, work = np.full((n, N_STATES), np.nan), np.empty((4, N_STATES, 1))
+    x, stage, rate, total = work[0], work[1], work[2], work[3]
+    table, sorted_weights = sort_terms(active, moves, terms, weights)
+    used, powers, scalars = used_variables(active, terms), needed_powers(active, terms), _scalars(p)
+    rows, force, fixed = np.empty((P_ROWS, 1)), np.empty((N_VELOCITIES, 1)), np.empty(N_STATES)
+    m, inverse = np.empty((10, 1)), np.empty((9, 1))
+    if not invert_masses(1, active, mass, mass_weights, moves, scalars, rows, m, inverse) > 0.0:
         return states
-    states[0] = x0
+    states[0], x[:, 0] = x0, x0
     for k in range(n - 1):
-        step(
-            states[k], inputs[k], given[k], given[k + 1], dt, p, inverse, active, terms, weights,
-            states[k + 1],
+        step_points(
+            1, inputs[k], given[k], given[k + 1], dt, active, used, table, sorted_weights, powers,
+            inverse, fixed, scalars, rows, force, x, stage, rate, total,
         )  # fmt: skip
-        if _ran_away(states[k + 1]):
-            states[k + 1, :] = np.nan
+        for i in range(N_STATES):
+            if not active[i]:
+                x[i, 0] = given[k + 1, i]
+        if _ran_away(x):
             break
+        states[k + 1] = x[:, 0]
     return states
 
 
 @kernel
 def _ran_away(x):
-    """Whether a velocity is not finite or beyond any vehicle's."""
-    for i in range(N_VELOCITIES):
-        if not abs(x[i]) < SPEED_LIMIT:
+    """Whether a velocity of x (4, >= 1) is not finite or beyond any vehicle's."""
+    for i in range(N_VELOCITIES):  # noqa: SIM110 (compiled: no generator)
+        if not abs(x[i, 0]) < SPEED_LIMIT:
             return True
     return False
 
@@ -314,40 +256,48 @@ def output_error(
         Infinite when the prediction ran away.
     """
     n, n_free = inputs.shape[0], scale.shape[0]
-    x, out = x0.copy(), np.empty(N_STATES)
-    s_x = np.zeros((N_STATES, N_STATES + n_free))
-    for i in range(N_STATES):
-        s_x[i, i] = 1.0
-    inverse = np.empty((N_VELOCITIES, N_VELOCITIES))
-    if not inverse_mass(p, mass, mass_weights, active, inverse) > 0.0:
+    table, both, partials = sort_slopes(active, column, scale, 1, terms, weights)
+    sorted_mass, mass_both = sort_masses(active, column, scale, 1, mass, mass_weights)
+    used, value, coefficient = used_variables(active, terms), np.ones(N_PLACES), both[:, 0].copy()
+    m, inverse = np.empty((10, 1)), np.empty((9, 1))
+    if not place_parameters(
+        p, active, table, both, sorted_mass, mass_both, coefficient, m, inverse
+    ) > 0.0:  # fmt: skip
         return np.inf
-    half = 0.0
-    slope = np.empty(n_free)
+    f, f_x = np.zeros((N_VELOCITIES, 2 + n_free)), np.zeros((N_VELOCITIES, N_STATES))
+    work = np.zeros((4, N_STATES, 1 + n_free))
+    z, stage, rate, total = work[0], work[1], work[2], work[3]
+    z[:, 0], slope, half = x0, np.empty(n_free), 0.0
     for k in range(n):
         for c in range(N_STATES):
-            if not channels[c] or math.isnan(measured[k, c]):
-                continue
-            error = -measured[k, c]
-            slope[:] = 0.0
-            for i in range(N_STATES):
-                if sensor[c, i] != 0.0:
-                    error += sensor[c, i] * x[i]
-                    for l in range(n_free):  # noqa: E741
-                        slope[l] += sensor[c, i] * s_x[i, N_STATES + l]
-            error /= sigma[c]
-            half += 0.5 * error * error
-            for l in range(n_free):  # noqa: E741
-                slope[l] *= scale[l] / sigma[c]
-                gradient[l] += slope[l] * error
-                for m in range(l + 1):
-                    curvature[l, m] += slope[l] * slope[m]
+            if channels[c] and not math.isnan(measured[k, c]):
+                half += _add_error(measured[k, c], c, sensor, sigma, z, slope, gradient, curvature)
         if k == n - 1:
             break
-        step_with_sensitivities(
-            x, inputs[k], given[k], given[k + 1], dt, p, inverse, active, terms, weights, mass,
-            mass_weights, column, s_x, out,
+        step_linear(
+            z, inputs[k], given[k], given[k + 1], dt, active, used, table, both, partials,
+            sorted_mass, mass_both, coefficient, inverse, value, f, f_x, stage, rate, total,
         )  # fmt: skip
-        x[:] = out
-        if _ran_away(x):
+        if _ran_away(z):
             return np.inf
     return half
+
+
+@kernel
+def _add_error(reading, channel, sensor, sigma, z, slope, gradient, curvature):
+    """Add one reading to gradient and curvature (lower half); returns half its squared error."""
+    n_free, error = slope.shape[0], -reading
+    slope[:] = 0.0
+    for i in range(N_STATES):
+        if sensor[channel, i] != 0.0:
+            error += sensor[channel, i] * z[i, 0]
+            share = sensor[channel, i] / sigma[channel]
+            for l in range(n_free):  # noqa: E741
+                slope[l] += share * z[i, 1 + l]
+    error /= sigma[channel]
+    for l in range(n_free):  # noqa: E741
+        gradient[l] += slope[l] * error
+        share = slope[l]
+        for m in range(l + 1):
+            curvature[l, m] += share * slope[m]
+    return 0.5 * error * error

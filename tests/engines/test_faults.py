@@ -105,12 +105,7 @@ def test_the_maneuver_that_diverges_is_the_one_named(run, kind) -> None:
     ("run", "kind"),
     [
         RUNS[0],
-        pytest.param(
-            compiled.run, "ukf", id="compiled-ukf",
-            marks=pytest.mark.xfail(
-                strict=True, reason="_recombine reports the place among the active states"
-            ),
-        ),
+        pytest.param(compiled.run, "ukf", id="compiled-ukf"),
     ],
 )  # fmt: skip
 def test_the_state_that_diverges_is_the_one_named(run, kind) -> None:
@@ -132,9 +127,6 @@ def test_a_prior_that_reaches_a_negative_mass_stops_the_ukf() -> None:
     assert "mass matrix is not positive definite" in caught(compiled.run, "ukf", made).problem
 
 
-@pytest.mark.xfail(
-    strict=True, raises=ZeroDivisionError, reason="inverse_mass divides by a determinant of zero"
-)
 @pytest.mark.parametrize(("run", "kind"), RUNS)
 def test_an_exactly_singular_mass_matrix_stops_the_filter(run, kind) -> None:
     setup = setup_of()
@@ -142,7 +134,6 @@ def test_an_exactly_singular_mass_matrix_stops_the_filter(run, kind) -> None:
     caught(run, kind, problem(DRAG, SURGE, parameters={"X_udot": mass}))
 
 
-@pytest.mark.xfail(strict=True, reason="inverse_mass returns the determinant, tested for > 0 only")
 @pytest.mark.parametrize(("run", "kind"), RUNS)
 def test_two_negative_masses_stop_the_filter(run, kind) -> None:
     caught(run, kind, problem(LIFT, LATERAL, parameters={"Y_vdot": 100.0, "N_rdot": 100.0}))

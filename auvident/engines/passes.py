@@ -1,0 +1,368 @@
+"""EKF and UKF passes over all records of a stage in one augmented state, compiled.
+
+The state is [theta, x_1, ..., x_k]; a record that ends drops out of it. At each time step the
+readings are taken one scalar at a time (their noises are independent), so a missing sample of
+one channel costs nothing; then every block is predicted one step.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from auvident.estimation.kalman import (
+    predict_with,
+    unscented_weights,
+    update_with,
+    upper_cholesky,
+)
+from auvident.jit import kernel
+from auvident.physics.batch import (
+    N_STATES,
+    N_VELOCITIES,
+    P_ROWS,
+    P_SCALARS,
+    invert_masses,
+    needed_powers,
+    sort_terms,
+    step_points,
+    used_variables,
+)
+from auvident.physics.dynamics import SPEED_LIMIT
+from auvident.physics.sensitivity import (
+    N_PLACES,
+    place_parameters,
+    sort_masses,
+    sort_slopes,
+    step_linear,
+)
+
+# what a pass reports when it has to stop: (step, record, channel or state, reason)
+NOT_POSITIVE, DIVERGED, SINGULAR = 1, 2, 3
+
+
+class Case(NamedTuple):
+    """What a pass runs on: `FilterProblem` and its structure as arrays, and what it fills.
+
+    The fields are taken out once per call of a kernel, never inside a loop.
+    """
+
+    active_index: np.ndarray
+    lengths: np.ndarray
+    inputs: np.ndarray
+    given: np.ndarray
+    measured: np.ndarray
+    dt: float
+    base: np.ndarray  # parameters at theta = 0
+    column: np.ndarray
+    scale: np.ndarray
+    active: np.ndarray
+    channels: np.ndarray
+    sensor: np.ndarray
+    sensor_variance: np.ndarray
+    q_theta: np.ndarray
+    q_x: np.ndarray
+    whitened: np.ndarray
+    states: np.ndarray
+    history: np.ndarray
+    history_std: np.ndarray
+    fault: np.ndarray
+
+
+@kernel
+def _stop(fault, t, record, where, reason):
+    fault[0], fault[1], fault[2], fault[3] = t, record, where, reason
+
+
+@kernel
+def _take_readings(
+    t, alive, mean, covariance, n_theta, index, given, measured, channels, sensor,
+    sensor_variance, whitened, fault, x, gradient, projected, gain, half,
+):  # fmt: skip
+    """Update with every reading at step t; returns log-likelihood and count."""
+    n_x, n = index.shape[0], n_theta + alive * index.shape[0]
+    log_likelihood, count = 0.0, 0
+    for j in range(alive):
+        first = n_theta + j * n_x
+        for c in range(N_STATES):
+            innovation = measured[j, t, c]
+            if not channels[c] or math.isnan(innovation):
+                continue
+            for i in range(N_STATES):
+                x[i] = given[j, t, i]
+            for i in range(n_x):
+                x[index[i]] = mean[first + i]
+                gradient[i] = sensor[c, index[i]]
+            for i in range(N_STATES):
+                if sensor[c, i] != 0.0:
+                    innovation -= sensor[c, i] * x[i]
+            spread = update_with(
+                mean, covariance, n, first, gradient, innovation, sensor_variance[c], projected,
+                gain, half,
+            )  # fmt: skip
+            if spread <= 0.0:
+                _stop(fault, t, j, c, NOT_POSITIVE)
+                return log_likelihood, count
+            whitened[j, t, c] = innovation / math.sqrt(spread)
+            log_likelihood -= 0.5 * (whitened[j, t, c] ** 2 + math.log(2.0 * math.pi * spread))
+            count += 1
+    return log_likelihood, count
+
+
+@kernel
+def _store(t, alive, mean, covariance, n_theta, index, given, states, history, history_std):
+    for l in range(n_theta):  # noqa: E741
+        history[t, l] = mean[l]
+        history_std[t, l] = math.sqrt(max(covariance[l, l], 0.0))
+    for j in range(alive):
+        for i in range(N_STATES):
+            states[j, t, i] = given[j, t, i]
+        for i in range(index.shape[0]):
+            states[j, t, index[i]] = mean[n_theta + j * index.shape[0] + i]
+
+
+@kernel
+def records_alive(lengths, t):
+    """How many records reach step t; they are sorted, longest first."""
+    alive = 0
+    while alive < lengths.shape[0] and lengths[alive] > t:
+        alive += 1
+    return alive
+
+
+@kernel
+def _parameters_at(base, column, scale, theta, p):
+    """Parameter vector at the deviations theta."""
+    for i in range(base.shape[0]):
+        p[i] = base[i]
+        if column[i] >= 0:
+            p[i] += scale[column[i]] * theta[column[i]]
+
+
+@kernel
+def _small(n_x):
+    """Work arrays: a state, a gradient, inputs, given states at both ends of a step."""
+    return np.empty(N_STATES), np.empty(n_x), np.empty(3), np.empty(N_STATES), np.empty(N_STATES)
+
+
+@kernel
+def _place_step(j, t, inputs, given, u, g0, g1):
+    """Copy the inputs and given states of a step (a view of them would cost more)."""
+    for i in range(3):
+        u[i] = inputs[j, t, i]
+    for i in range(N_STATES):
+        g0[i], g1[i] = given[j, t, i], given[j, t + 1, i]
+
+
+@kernel
+def ekf_pass(mean, covariance, case, terms, weights, mass, mass_weights):
+    """Run the EKF over all records; returns log-likelihood and number of readings."""
+    (
+        index, lengths, inputs, given, measured, dt, base, column, scale, active, channels, sensor,
+        sensor_variance, q_theta, q_x, whitened, states, history, history_std, fault,
+    ) = case  # fmt: skip
+    n_x, n, n_theta = index.shape[0], mean.shape[0], scale.shape[0]
+    table, both, partials = sort_slopes(active, column, scale, 1 + n_x, terms, weights)
+    sorted_mass, mass_both = sort_masses(active, column, scale, 1 + n_x, mass, mass_weights)
+    used, value, coefficient = used_variables(active, terms), np.ones(N_PLACES), both[:, 0].copy()
+    p, m, inverse = base.copy(), np.empty((10, 1)), np.empty((9, 1))
+    shape = (N_STATES, 1 + n_x + n_theta)
+    f, f_x = np.zeros((N_VELOCITIES, 1 + shape[1])), np.zeros((N_VELOCITIES, N_STATES))
+    z, stage, rate, total = np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    slopes, rows = np.empty((n - n_theta, n_x + n_theta)), np.empty((n - n_theta, n))
+    x, gradient, u, g0, g1 = _small(n_x)
+    projected, gain, half = np.empty(n), np.empty(n), np.empty(n)
+    log_likelihood, count = 0.0, 0
+    for t in range(lengths[0]):
+        alive = records_alive(lengths, t)
+        gained, taken = _take_readings(
+            t, alive, mean, covariance, n_theta, index, given, measured, channels, sensor,
+            sensor_variance, whitened, fault, x, gradient, projected, gain, half,
+        )  # fmt: skip
+        log_likelihood += gained
+        count += taken
+        _store(t, alive, mean, covariance, n_theta, index, given, states, history, history_std)
+        alive = records_alive(lengths, t + 1)
+        if fault[3] > 0 or alive == 0:
+            break
+        _parameters_at(base, column, scale, mean, p)
+        if not place_parameters(
+            p, active, table, both, sorted_mass, mass_both, coefficient, m, inverse
+        ) > 0.0:  # fmt: skip
+            _stop(fault, t, 0, 0, SINGULAR)
+            break
+        for j in range(alive):
+            first = n_theta + j * n_x
+            for i in range(N_STATES):
+                for c in range(1, shape[1]):
+                    z[i, c] = 0.0
+                z[i, 0] = given[j, t, i]
+            for i in range(n_x):
+                z[index[i], 0], z[index[i], 1 + i] = mean[first + i], 1.0
+            _place_step(j, t, inputs, given, u, g0, g1)
+            step_linear(
+                z, u, g0, g1, dt, active, used, table, both,
+                partials, sorted_mass, mass_both, coefficient, inverse, value, f, f_x, stage, rate,
+                total,
+            )  # fmt: skip
+            for i in range(n_x):
+                mean[first + i] = z[index[i], 0]
+                if not abs(z[index[i], 0]) < SPEED_LIMIT and fault[3] == 0:
+                    _stop(fault, t, j, index[i], DIVERGED)
+                for c in range(n_x + n_theta):
+                    slopes[j * n_x + i, c] = z[index[i], 1 + c]
+        if fault[3] > 0:
+            break
+        predict_with(covariance, slopes, n_theta, n_x, alive, q_theta, q_x, rows)
+    return log_likelihood, count
+
+
+@kernel
+def _spread_row(centre, unit, component, upper, spread, count, row, rows):
+    """One component of the sigma points: the centre, then a pair for each column of the factor."""
+    rows[row, 0] = centre
+    for c in range(component + 1):
+        away = unit * (spread * upper[c, component])
+        rows[row, 1 + 2 * c], rows[row, 2 + 2 * c] = centre + away, centre - away
+    for s in range(2 * component + 3, count):  # the factor is triangular: the others do not move it
+        rows[row, s] = centre
+
+
+@kernel
+def _recombine(
+    t, alive, mean, covariance, n_theta, index, spread, upper, moved, shift, pairs, q_theta, q_x,
+    fault,
+):  # fmt: skip
+    """Mean and covariance of the propagated sigma points.
+
+    All from the differences to the centre, which leave a small shift of the mean instead of
+    large weights of opposite sign.
+    """
+    n_x = index.shape[0]
+    n = n_theta + alive * n_x
+    _, w_centre, w = unscented_weights(n, spread)
+    for k in range(alive * n_x):
+        count = 1 + 2 * (n_theta + (k // n_x + 1) * n_x)
+        centre, even, odd = moved[k, 0], 0.0, 0.0
+        for s in range(count):
+            moved[k, s] -= centre
+        for s in range(1, count, 2):
+            even += moved[k, s]
+            odd += moved[k, s + 1]
+        shift[k] = w * (even + odd)
+        mean[n_theta + k] = centre + shift[k]
+        if not abs(mean[n_theta + k]) < SPEED_LIMIT:
+            _stop(fault, t, k // n_x, index[k % n_x], DIVERGED)
+            return
+        for l in range(n_theta):  # noqa: E741
+            pairs[l] = 0.0
+        for c in range(n_theta):
+            difference = w * spread * (moved[k, 1 + 2 * c] - moved[k, 2 + 2 * c])
+            for l in range(c, n_theta):  # noqa: E741
+                pairs[l] += difference * upper[c, l]
+        for l in range(n_theta):  # noqa: E741
+            covariance[n_theta + k, l] = pairs[l]
+            covariance[l, n_theta + k] = pairs[l]
+    of_shift = w_centre + 2.0 * n * w - 2.0
+    for k in range(alive * n_x):
+        for i in range(k + 1):
+            product = w * _dot(moved, k, i, 1 + 2 * (n_theta + (i // n_x + 1) * n_x))
+            product += of_shift * shift[k] * shift[i]
+            covariance[n_theta + k, n_theta + i] = product
+            covariance[n_theta + i, n_theta + k] = product
+        covariance[n_theta + k, n_theta + k] += q_x[k % n_x]
+    for l in range(n_theta):  # noqa: E741
+        covariance[l, l] += q_theta[l]
+
+
+@kernel
+def _dot(rows, a, b, n):
+    """Scalar product of two rows, n odd, in four partial sums that do not wait for each other."""
+    s0 = rows[a, 0] * rows[b, 0]
+    s1 = s2 = s3 = 0.0
+    last = n - (n - 1) % 4
+    for k in range(1, last, 4):
+        s0 += rows[a, k] * rows[b, k]
+        s1 += rows[a, k + 1] * rows[b, k + 1]
+        s2 += rows[a, k + 2] * rows[b, k + 2]
+        s3 += rows[a, k + 3] * rows[b, k + 3]
+    for k in range(last, n):
+        s0 += rows[a, k] * rows[b, k]
+    return (s0 + s1) + (s2 + s3)
+
+
+@kernel
+def ukf_pass(mean, covariance, case, terms, weights, mass, mass_weights, spread):
+    """Run the UKF over all records; returns log-likelihood and number of readings.
+
+    Sigma points: the centre, then a pair for each column of the factor of the covariance. The
+    parameter block does not move in the prediction and is left as it is.
+    """
+    (
+        index, lengths, inputs, given, measured, dt, base, column, scale, active, channels, sensor,
+        sensor_variance, q_theta, q_x, whitened, states, history, history_std, fault,
+    ) = case  # fmt: skip
+    n_x, n, n_theta = index.shape[0], mean.shape[0], scale.shape[0]
+    moves, size = column >= 0, 2 * n + 1
+    moving, differ = np.flatnonzero(moves), 1 + 2 * n_theta
+    table, sorted_weights = sort_terms(active, moves, terms, weights)
+    used, powers = used_variables(active, terms), needed_powers(active, terms)
+    scalars, rows = np.ones(P_SCALARS + base.shape[0]), np.zeros((P_ROWS + base.shape[0], size))
+    scalars[P_SCALARS:] = base
+    m, inverse, force = np.empty((10, size)), np.empty((9, size)), np.empty((N_VELOCITIES, size))
+    points, stage = np.empty((N_STATES, size)), np.empty((N_STATES, size))
+    rate, total, fixed = np.empty((N_STATES, size)), np.empty((N_STATES, size)), np.empty(N_STATES)
+    upper, moved = np.zeros((n, n)), np.zeros((n - n_theta, size))
+    x, gradient, u, g0, g1 = _small(n_x)
+    projected, gain, half = np.empty(n), np.empty(n), np.empty(n)
+    log_likelihood, count = 0.0, 0
+    for t in range(lengths[0]):
+        alive = records_alive(lengths, t)
+        gained, taken = _take_readings(
+            t, alive, mean, covariance, n_theta, index, given, measured, channels, sensor,
+            sensor_variance, whitened, fault, x, gradient, projected, gain, half,
+        )  # fmt: skip
+        log_likelihood += gained
+        count += taken
+        _store(t, alive, mean, covariance, n_theta, index, given, states, history, history_std)
+        alive = records_alive(lengths, t + 1)
+        if fault[3] > 0 or alive == 0:
+            break
+        bad = upper_cholesky(covariance, n_theta + alive * n_x, upper)
+        if bad >= 0:
+            _stop(fault, t, max(bad - n_theta, 0) // n_x, bad, NOT_POSITIVE)
+            break
+        all_points = 1 + 2 * (n_theta + alive * n_x)
+        for k in range(moving.shape[0]):
+            i, c = moving[k], column[moving[k]]
+            centre = base[i] + scale[c] * mean[c]
+            _spread_row(centre, scale[c], c, upper, spread, all_points, P_ROWS + i, rows)
+        if not invert_masses(
+            differ, active, mass, mass_weights, moves, scalars, rows, m, inverse
+        ) > 0.0:  # fmt: skip
+            _stop(fault, t, 0, 0, SINGULAR)
+            break
+        for i in range(9):
+            for s in range(differ, all_points):
+                inverse[i, s] = inverse[i, 0]
+        for j in range(alive):
+            at = n_theta + j * n_x
+            reached = 1 + 2 * (at + n_x)  # the other points leave this record at its mean
+            for i in range(n_x):
+                _spread_row(mean[at + i], 1.0, at + i, upper, spread, reached, index[i], points)
+            _place_step(j, t, inputs, given, u, g0, g1)
+            step_points(
+                reached, u, g0, g1, dt, active, used, table,
+                sorted_weights, powers, inverse, fixed, scalars, rows, force, points, stage, rate,
+                total,
+            )  # fmt: skip
+            for i in range(n_x):
+                for s in range(reached):
+                    moved[j * n_x + i, s] = points[index[i], s]
+        _recombine(
+            t, alive, mean, covariance, n_theta, index, spread, upper, moved, projected, gain,
+            q_theta, q_x, fault,
+        )  # fmt: skip
+        if fault[3] > 0:
+            break
+    return log_likelihood, count

@@ -1,0 +1,127 @@
+"""The cache of compiled kernels never breaks the program, and says what it is."""
+
+import ctypes
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from auvident.jit import KERNEL_MODULES, PACKAGE, compiled_already
+
+PR_CAPBSET_DROP, CAP_DAC_OVERRIDE = 24, 1  # Linux
+SMALL = """
+import sys, json
+import numpy as np
+sys.path.insert(0, {root!r})
+from auvident import jit
+from auvident.estimation.kalman import unscented_weights
+before = sum(1 for _ in jit._permanent().glob("**/*.nbc")) if jit.cache_is_writable() else -1
+unscented_weights(4, 1.0)
+stats = unscented_weights.stats
+print(json.dumps([jit.cache_is_writable(), jit.compiled_already(), before,
+                  sum(stats.cache_hits.values()), str(jit._permanent())]))
+"""
+
+
+@pytest.fixture
+def installed(tmp_path: Path) -> Path:
+    """A copy of the installed package with nothing compiled."""
+    ignored = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(PACKAGE, tmp_path / "site" / "auvident", ignore=ignored)
+    return tmp_path / "site"
+
+
+def obey_permissions() -> None:
+    """Give up the superuser's right to write anywhere; for others there is nothing to give up."""
+    if os.geteuid() == 0:
+        ctypes.CDLL(None).prctl(PR_CAPBSET_DROP, CAP_DAC_OVERRIDE, 0, 0, 0)
+
+
+def run_in(site: Path, home: Path, **environment: str) -> list:
+    """Use one kernel in a fresh process."""
+    keep = {k: v for k, v in os.environ.items() if k not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")}
+    done = subprocess.run(
+        [sys.executable, "-c", SMALL.format(root=str(site))],
+        env={**keep, "HOME": str(home), "PYTHONDONTWRITEBYTECODE": "1", **environment},
+        preexec_fn=obey_permissions, capture_output=True, text=True, cwd=site, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def close(folder: Path) -> None:
+    """Nobody may write here."""
+    for path in (folder, *folder.rglob("*")):
+        path.chmod(0o555 if path.is_dir() else 0o444)
+
+
+def open_again(folder: Path) -> None:
+    for path in (folder, *folder.rglob("*")):
+        path.chmod(0o755 if path.is_dir() else 0o644)
+
+
+def test_a_read_only_installation_is_cached_for_the_user(installed: Path, tmp_path: Path) -> None:
+    home = tmp_path / "home"
+    home.mkdir()
+    close(installed)
+    try:
+        first = run_in(installed, home)
+        second = run_in(installed, home)
+    finally:
+        open_again(installed)
+    assert first[:4] == [True, False, 0, 0]
+    assert first[4].startswith(str(home))
+    assert second[2] == 1 and second[3] == 1  # found, and loaded instead of compiled
+
+
+def test_nothing_writable_still_works_and_says_so(installed: Path, tmp_path: Path) -> None:
+    home = tmp_path / "home"
+    home.mkdir()
+    close(home)
+    close(installed)
+    try:
+        assert run_in(installed, home)[:3] == [False, False, -1]
+    finally:
+        open_again(installed)
+        home.chmod(0o755)
+
+
+def test_a_named_folder_is_used(installed: Path, tmp_path: Path) -> None:
+    named = tmp_path / "named"
+    named.mkdir()
+    found = run_in(installed, tmp_path, NUMBA_CACHE_DIR=str(named))
+    assert found[0] and found[4].startswith(str(named))
+
+
+def test_changed_sources_are_compiled_anew(installed: Path, tmp_path: Path) -> None:
+    """numba looks only at the file of the function itself, not at those of what it calls."""
+    named = tmp_path / "named"
+    named.mkdir()
+    first = run_in(installed, tmp_path, NUMBA_CACHE_DIR=str(named))
+    with (installed / "auvident/physics/batch.py").open("a") as source:
+        source.write("# changed\n")
+    second = run_in(installed, tmp_path, NUMBA_CACHE_DIR=str(named))
+    assert first[4] != second[4] and second[3] == 0
+
+
+def test_compiled_already_looks_for_the_passes(installed: Path, tmp_path: Path) -> None:
+    named = tmp_path / "named"
+    named.mkdir()
+    place = Path(run_in(installed, tmp_path, NUMBA_CACHE_DIR=str(named))[4])
+    (place / "engines_0").mkdir()
+    (place / "engines_0" / "passes.ekf_pass-1.py311.1.nbc").touch()
+    assert run_in(installed, tmp_path, NUMBA_CACHE_DIR=str(named))[1]
+    assert isinstance(compiled_already("ukf"), bool)
+
+
+def test_every_kernel_module_is_in_the_name_of_the_cache() -> None:
+    users = {
+        str(path.relative_to(PACKAGE))
+        for path in PACKAGE.rglob("*.py")
+        if "@kernel" in path.read_text()
+    }
+    assert users - {"jit.py"} == set(KERNEL_MODULES)
