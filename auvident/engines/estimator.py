@@ -185,7 +185,7 @@ def run_stage(setup: Setup, parameters: Array, stage: PlanStage) -> Outcome:
     return run(setup, parameters, free, records, active, noise)
 
 
-def _tuning(setup: Setup, free: Array) -> tuple[Array, Array]:
+def tuning_of(setup: Setup, free: Array) -> tuple[Array, Array]:
     """Prior factor and drift of each free coefficient."""
     factors, drifts = np.ones(len(free)), np.zeros(len(free))
     for i, position in enumerate(free):
@@ -203,7 +203,7 @@ def _filter(
 ) -> Outcome:  # fmt: skip
     stacked, starts = stack(records, setup.dt_s)
     scale = setup.prior_std[free]
-    factors, drifts = _tuning(setup, free)
+    factors, drifts = tuning_of(setup, free)
     problem = FilterProblem(
         structure=setup.structure,
         records=stacked,
@@ -239,7 +239,7 @@ def _refine(
     noise: Array,
 ) -> Outcome:  # fmt: skip
     """Fit, with the effective noise brought up to date until it no longer changes."""
-    factors, _ = _tuning(setup, free)
+    factors, _ = tuning_of(setup, free)
     scale = setup.prior_std[free]
     for _ in range(NOISE_ROUNDS):
         away = (setup.prior[free] - parameters[free]) / scale

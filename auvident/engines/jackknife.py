@@ -11,6 +11,7 @@ from auvident.engines.estimator import (
     active_states,
     likelihood_of,
     stage_records,
+    tuning_of,
 )
 from auvident.schema.plan import PlanStage
 
@@ -39,7 +40,8 @@ def influences(setup: Setup, outcome: Outcome, stage: PlanStage) -> dict[str, Ar
         )(at_rest)
         for record in records
     }
-    whole = np.eye(len(outcome.free)) + sum(curvature for _, _, curvature in parts.values())
+    factors, _ = tuning_of(setup, outcome.free)
+    whole = np.diag(1.0 / factors**2) + sum(curvature for _, _, curvature in parts.values())
     return {
         name: np.linalg.solve(whole - curvature, gradient)
         for name, (_, gradient, curvature) in parts.items()

@@ -62,7 +62,9 @@ class _Model:
 
     def _prepare(self, chi: Array) -> Array:
         p = self.problem.parameters_at(chi[: self.n_theta])
-        inverse_mass(p, self.mass, self.mass_weights, self.problem.active, self.inverse)
+        mass = (self.mass, self.mass_weights, self.problem.active, self.inverse)
+        if not inverse_mass(p, *mass) > 0.0:
+            raise np.linalg.LinAlgError("the mass matrix is not positive definite")
         return p
 
     def advance(self, chi: Array, t: int) -> Array:
@@ -160,7 +162,10 @@ def run(problem: FilterProblem, kind: str, spread: float = 1.0) -> FilterResult:
         if alive:
             size = model.size(alive)
             predict = _predict_ukf if kind == "ukf" else _predict_ekf
-            chi, covariance = predict(model, chi[:size], covariance[:size, :size], t, spread)
+            try:
+                chi, covariance = predict(model, chi[:size], covariance[:size, :size], t, spread)
+            except (np.linalg.LinAlgError, ValueError) as error:
+                raise _failure(problem, t, str(error)) from None
             _refuse_divergence(problem, chi, covariance, t)
     return FilterResult(
         problem.parameters_at(chi[: model.n_theta]),
@@ -224,8 +229,12 @@ def _predict_ukf(
 def _refuse_divergence(problem: FilterProblem, chi: Array, covariance: Array, t: int) -> None:
     if np.isfinite(chi).all() and np.isfinite(covariance).all() and (np.diag(covariance) > 0).all():
         return
-    raise NumericsError(
-        "filterpy's filter diverged",
+    raise _failure(problem, t, "it diverged")
+
+
+def _failure(problem: FilterProblem, t: int, why: str) -> NumericsError:
+    return NumericsError(
+        f"filterpy's filter stopped: {why}",
         f"{t * problem.records.dt_s:.1f} s after the start of {', '.join(problem.records.ids)}",
         "Use the compiled engine, which names the maneuver, or narrow the prior.",
     )

@@ -76,27 +76,38 @@ def correlations(covariance: Array, symbols: Sequence[str]) -> dict[str, dict[st
     }
 
 
-def unseen_directions(information: Array) -> list[Direction]:
-    """Directions that the data cannot see, least seen first.
+def unseen_directions(information: Array, blocks: Sequence[Sequence[int]]) -> list[Direction]:
+    """Directions that the data cannot see, structural ones first, then least seen first.
 
     Parameters
     ----------
     information : (n, n) array
         Fisher information of the data, in units of the prior standard deviations.
+    blocks : sequence of index sequences
+        Parameters of each set of equations. A direction that the equations hide lies within one
+        (a null vector of a principal block, padded with zeros, is one of the whole), so it is
+        looked for there and not mixed with the others'.
 
     Returns
     -------
     list of Direction
-        Eigenvectors with less than `UNSEEN_INFORMATION`.
+        Those with less than `UNSEEN_INFORMATION`.
     """
-    values, vectors = np.linalg.eigh(0.5 * (information + information.T))
+    symmetric = 0.5 * (information + information.T)
+    values, vectors = np.linalg.eigh(symmetric)
     floor = STRUCTURAL_RATIO * max(float(values[-1]), 0.0)
-    return [
-        Direction(
-            vector / vector[np.argmax(np.abs(vector))],
-            max(float(value), 0.0),
-            bool(value <= floor),
-        )
-        for value, vector in zip(values, vectors.T, strict=True)
-        if value < UNSEEN_INFORMATION
-    ]
+    found = []
+    for block in blocks:
+        part, directions = np.linalg.eigh(symmetric[np.ix_(block, block)])
+        for vector in directions.T[part <= floor]:
+            whole = np.zeros(len(symmetric))
+            whole[list(block)] = vector
+            found.append(_direction(whole, 0.0, True))
+    for value, vector in zip(values, vectors.T, strict=True):
+        if floor < value < UNSEEN_INFORMATION:
+            found.append(_direction(vector, float(value), False))
+    return found
+
+
+def _direction(vector: Array, information: float, structural: bool) -> Direction:
+    return Direction(vector / vector[np.argmax(np.abs(vector))], information, structural)

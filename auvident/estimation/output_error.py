@@ -77,7 +77,7 @@ def fit(likelihood: Likelihood, start: Array, prior_mean: Array, prior_informati
     while iteration < MAX_ITERATIONS and damping < DAMPING_CEILING:
         iteration += 1
         scale = np.diag(np.maximum(np.diag(curvature), np.diag(prior_information)))
-        trial = theta - np.linalg.solve(curvature + damping * scale, gradient)
+        trial = theta - _solved(curvature + damping * scale, gradient)
         attempt = _posterior(likelihood, trial, prior_mean, prior_information)
         if not attempt[0] < cost:
             damping *= DAMPING_UP
@@ -87,14 +87,18 @@ def fit(likelihood: Likelihood, start: Array, prior_mean: Array, prior_informati
         damping /= DAMPING_DOWN
         if fall < COST_TOLERANCE:
             break
+    covariance = _solved(curvature, np.eye(len(theta)))
+    return Fit(theta, curvature - prior_information, covariance, cost, iteration)
+
+
+def _solved(curvature: Array, right: Array) -> Array:
     try:
-        covariance = np.linalg.inv(curvature)
+        return np.linalg.solve(curvature, right)
     except np.linalg.LinAlgError:
         raise NumericsError(
             "the curvature of the fit is singular",
             remedy="Free fewer coefficients, or give them priors.",
         ) from None
-    return Fit(theta, curvature - prior_information, covariance, cost, iteration)
 
 
 def _posterior(

@@ -246,28 +246,33 @@ def output_error(
         Column of each parameter in the gradient, or -1.
     scale : (n_free,) array
         Unit of each free parameter.
-    gradient : (n_free,) array, added to
-    curvature : (n_free, n_free) array, added to
-        Gauss-Newton approximation.
+    gradient : (n_free,) or (n_active + n_free,) array, added to
+        When it is longer than `scale`, it begins with the active states at the start.
+    curvature : matrix of that size, added to
+        Gauss-Newton approximation, lower half.
 
     Returns
     -------
     float
         Infinite when the prediction ran away.
     """
-    n, n_free = inputs.shape[0], scale.shape[0]
-    table, both, partials = sort_slopes(active, column, scale, 1, terms, weights)
-    sorted_mass, mass_both = sort_masses(active, column, scale, 1, mass, mass_weights)
+    n, n_columns = inputs.shape[0], gradient.shape[0]
+    lead = 1 + n_columns - scale.shape[0]
+    table, both, partials = sort_slopes(active, column, scale, lead, terms, weights)
+    sorted_mass, mass_both = sort_masses(active, column, scale, lead, mass, mass_weights)
     used, value, coefficient = used_variables(active, terms), np.ones(N_PLACES), both[:, 0].copy()
     m, inverse = np.empty((10, 1)), np.empty((9, 1))
     if not place_parameters(
         p, active, table, both, sorted_mass, mass_both, coefficient, m, inverse
     ) > 0.0:  # fmt: skip
         return np.inf
-    f, f_x = np.zeros((N_VELOCITIES, 2 + n_free)), np.zeros((N_VELOCITIES, N_STATES))
-    work = np.zeros((4, N_STATES, 1 + n_free))
+    f, f_x = np.zeros((N_VELOCITIES, 2 + n_columns)), np.zeros((N_VELOCITIES, N_STATES))
+    work = np.zeros((4, N_STATES, 1 + n_columns))
     z, stage, rate, total = work[0], work[1], work[2], work[3]
-    z[:, 0], slope, half = x0, np.empty(n_free), 0.0
+    z[:, 0], slope, half = x0, np.empty(n_columns), 0.0
+    if lead > 1:
+        for k, i in enumerate(np.flatnonzero(active)):
+            z[i, 1 + k] = 1.0
     for k in range(n):
         for c in range(N_STATES):
             if channels[c] and not math.isnan(measured[k, c]):

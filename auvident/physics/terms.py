@@ -31,7 +31,7 @@ EQUATIONS = ("X", "A", "B")
 # surface d (rudder; elevator in the vertical plane), the other one e, propeller rate n in rev/s
 VARIABLES = ("u", "a", "b", "sin", "cos", "d", "e", "n")
 POWERS = ("x", "|x|", "x^2", "x|x|", "x^3")
-CONSTANTS = ("m", "m x_G", "m z_G", "I", "W-B", "z_G W", "x_G W")
+CONSTANTS = ("m", "m x_G", "m z_G", "I", "W-B", "z_G W", "trim")
 FACTORS_PER_TERM = 3
 PLANE_NAMES = {
     "horizontal": {"A": "Y", "B": "N", "a": "v", "b": "r"},
@@ -78,7 +78,7 @@ RIGID = {
         ("B", "m x_G", -1, ("u", "x"), ("b", "x")),
         ("B", "m z_G", -1, ("a", "x"), ("b", "x")),
         ("B", "z_G W", -1, ("sin", "x")),
-        ("B", "x_G W", -1, ("cos", "x")),
+        ("B", "trim", -1, ("cos", "x")),
     ),
 }
 # Mass matrix: row, column, parameter, weight.
@@ -200,7 +200,7 @@ def parameter_vector(
         rigid.inertia_kgm2,
         rigid.weight_n - rigid.buoyancy_n,
         rigid.z_g_m * rigid.weight_n,
-        rigid.x_g_m * rigid.weight_n,
+        rigid.trim_moment_nm,
     )
     values = [coefficients.get(symbol, 0.0) for symbol in symbols_of(plane)]
     return np.array([*values, *constants])

@@ -146,6 +146,7 @@ class RigidBody(Artifact):
     inertia_kgm2: float
     weight_n: float
     buoyancy_n: float
+    trim_moment_nm: float = 0.0  # x_G W - x_B B; a vehicle is ballasted to lie level
 
 
 class Sensing(Artifact):

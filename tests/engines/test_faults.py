@@ -12,9 +12,6 @@ LIFT = ("Y_uv", "Y_ur", "N_uv", "N_ur", "Y_uud", "N_uud")
 DRAG = ("X_uu", "T_nn", "T_nu")
 LONG = "harbour_trial-zigzag-1"
 SHORT = "harbour_trial-turn-1"
-FILTERPY = pytest.mark.xfail(
-    strict=True, reason="filterpy's own exceptions escape, a singular mass is not looked for"
-)
 RUNS = [
     pytest.param(compiled.run, "ekf", id="compiled-ekf"),
     pytest.param(compiled.run, "ukf", id="compiled-ukf"),
@@ -145,10 +142,10 @@ def test_two_negative_masses_stop_the_filter(run, kind) -> None:
     [
         pytest.param(reference.run, "ekf", indefinite, id="ekf-indefinite"),
         pytest.param(reference.run, "ekf", diverging, id="ekf-diverging"),
-        pytest.param(reference.run, "ekf", singular, id="ekf-singular", marks=FILTERPY),
-        pytest.param(reference.run, "ukf", indefinite, id="ukf-indefinite", marks=FILTERPY),
-        pytest.param(reference.run, "ukf", diverging, id="ukf-diverging", marks=FILTERPY),
-        pytest.param(reference.run, "ukf", singular, id="ukf-singular", marks=FILTERPY),
+        pytest.param(reference.run, "ekf", singular, id="ekf-singular"),
+        pytest.param(reference.run, "ukf", indefinite, id="ukf-indefinite"),
+        pytest.param(reference.run, "ukf", diverging, id="ukf-diverging"),
+        pytest.param(reference.run, "ukf", singular, id="ukf-singular"),
     ],
 )
 def test_filterpys_engine_has_the_same_errors(run, kind, made) -> None:

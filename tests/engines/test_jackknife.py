@@ -23,18 +23,7 @@ def left_out(setup: Setup, name: str) -> Setup:
     return replace(setup, records={k: v for k, v in setup.records.items() if k != name})
 
 
-@pytest.mark.parametrize(
-    "tuning",
-    [
-        {},
-        pytest.param(
-            {"all": Tuning(prior=0.3)},
-            marks=pytest.mark.xfail(
-                strict=True, reason="the curvature of the prior is taken for 1, tuned or not"
-            ),
-        ),
-    ],
-)
+@pytest.mark.parametrize("tuning", [{}, {"all": Tuning(prior=0.3)}])
 def test_influence_of_a_maneuver_on_a_linear_problem_is_leaving_it_out(tuning) -> None:
     setup, how = linear_setup(**tuning), stage(**EVERY)
     whole = run_stage(setup, setup.prior, how)

@@ -33,7 +33,7 @@ def rotated(values, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
 
 def test_unseen_directions_are_the_eigenvectors_of_little_information() -> None:
     information, q = rotated([0.2, 100.0, 0.01, 40.0])
-    found = unseen_directions(information)
+    found = unseen_directions(information, [range(len(information))])
     assert [d.information for d in found] == pytest.approx([0.01, 0.2], rel=1e-9)
     for direction, column in zip(found, (2, 0), strict=True):
         # the largest component is +1, the others in proportion
@@ -44,8 +44,8 @@ def test_unseen_directions_are_the_eigenvectors_of_little_information() -> None:
 
 
 def test_a_direction_that_was_seen_is_not_named() -> None:
-    assert unseen_directions(np.eye(3) * UNSEEN_INFORMATION * 1.01) == []
-    assert len(unseen_directions(np.eye(3) * UNSEEN_INFORMATION * 0.99)) == 3
+    assert unseen_directions(np.eye(3) * UNSEEN_INFORMATION * 1.01, [range(3)]) == []
+    assert len(unseen_directions(np.eye(3) * UNSEEN_INFORMATION * 0.99, [range(3)])) == 3
 
 
 def test_the_common_scale_of_an_equation_is_structural() -> None:
@@ -54,7 +54,7 @@ def test_the_common_scale_of_an_equation_is_structural() -> None:
     truth = np.array([2.0, -1.0, 0.5])
     design = rng.normal(size=(500, 3))
     design -= np.outer(design @ truth, truth) / (truth @ truth)
-    found = unseen_directions(design.T @ design)
+    found = unseen_directions(design.T @ design, [range(3)])
     assert len(found) == 1
     assert found[0].structural
     # rounding of an eigenvalue of 500: information is never negative
@@ -63,7 +63,7 @@ def test_the_common_scale_of_an_equation_is_structural() -> None:
 
 
 def test_no_data_at_all_is_structural_in_every_direction() -> None:
-    found = unseen_directions(np.zeros((2, 2)))
+    found = unseen_directions(np.zeros((2, 2)), [range(2)])
     assert [(d.information, d.structural) for d in found] == [(0.0, True)] * 2
 
 
@@ -71,5 +71,17 @@ def test_names_of_a_direction_start_with_the_largest_and_leave_out_the_small() -
     weights = np.array([0.5, SMALL_WEIGHT / 2, 1.0, -0.7])
     weights /= np.linalg.norm(weights)
     information = 100.0 * (np.eye(4) - np.outer(weights, weights))
-    (direction,) = unseen_directions(information)
+    (direction,) = unseen_directions(information, [range(len(information))])
     assert direction.named(["a", "b", "c", "d"]) == [("c", 1.0), ("d", -0.7), ("a", 0.5)]
+
+
+def test_structural_directions_of_two_sets_of_equations_are_not_mixed() -> None:
+    """Both have eigenvalue zero, so that the eigenvectors of the whole are any mixture."""
+    a, b = np.array([3.0, 4.0]) / 5.0, np.array([1.0, -1.0]) / np.sqrt(2.0)
+    information = np.zeros((4, 4))
+    information[:2, :2] = 50.0 * (np.eye(2) - np.outer(a, a))
+    information[2:, 2:] = 50.0 * (np.eye(2) - np.outer(b, b))
+    first, second = unseen_directions(information, [[0, 1], [2, 3]])
+    assert first.structural and second.structural
+    np.testing.assert_allclose(first.weights, [0.75, 1.0, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(np.abs(second.weights), [0.0, 0.0, 1.0, 1.0], atol=1e-12)

@@ -89,9 +89,6 @@ def test_a_start_that_runs_away_is_an_error() -> None:
     assert caught.value.exit_code == 5
 
 
-@pytest.mark.xfail(
-    strict=True, raises=np.linalg.LinAlgError, reason="np.linalg.solve in the loop is not guarded"
-)
 def test_a_singular_curvature_is_an_error() -> None:
     """The second parameter has neither data nor prior."""
 

@@ -97,7 +97,7 @@ def vertical(x, inputs, c: Values) -> tuple[np.ndarray, np.ndarray]:
         + c["M_q|q|"] * q * magnitude(q)
         + c["M_uud"] * u**2 * d
         - c["z_G W"] * np.sin(theta)
-        - c["x_G W"] * np.cos(theta)
+        - c["trim"] * np.cos(theta)
     )
     return mass, np.array([f_x, f_z, f_m])
 
@@ -123,7 +123,7 @@ def random_values(plane: str, symbols, rng: np.random.Generator) -> dict[str, fl
     """
     values = {symbol: float(rng.uniform(-30.0, 30.0)) for symbol in symbols}
     values |= {"m": 50.0, "m x_G": rng.uniform(-2, 2), "m z_G": rng.uniform(0, 2), "I": 20.0}
-    values |= {"W-B": rng.uniform(-3, 3), "z_G W": rng.uniform(0, 10), "x_G W": rng.uniform(-2, 2)}
+    values |= {"W-B": rng.uniform(-3, 3), "z_G W": rng.uniform(0, 10), "trim": rng.uniform(-2, 2)}
     for symbol in symbols:
         if symbol.endswith("dot"):
             values[symbol] = float(rng.uniform(-3.0, 3.0))
@@ -148,7 +148,7 @@ def stable_values(plane: str) -> dict[str, float]:
         f"{big_b}_{b}|{b}|": -8.0, f"{big_b}_uud": -10.0,
     }  # fmt: skip
     constants = {"m": 32.0, "m x_G": 0.3, "I": 3.5, "m z_G": 0.0, "W-B": 0.0}
-    constants |= {"z_G W": 0.0, "x_G W": 0.0}
+    constants |= {"z_G W": 0.0, "trim": 0.0}
     if plane == "vertical":
-        constants |= {"m z_G": 0.6, "W-B": -2.0, "z_G W": 6.0, "x_G W": 0.5}
+        constants |= {"m z_G": 0.6, "W-B": -2.0, "z_G W": 6.0, "trim": 0.5}
     return values | constants

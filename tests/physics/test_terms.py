@@ -55,7 +55,7 @@ def test_arrays_use_every_parameter(plane) -> None:
     used = set(structure.terms[:, 1].tolist()) | set(structure.mass[:, 2].tolist())
     unused = {structure.parameters[i] for i in set(range(len(structure.parameters))) - used}
     # the horizontal plane has no restoring force and y_G = 0: these constants have no place in it
-    expected = {"m z_G", "W-B", "z_G W", "x_G W"} if plane == "horizontal" else set()
+    expected = {"m z_G", "W-B", "z_G W", "trim"} if plane == "horizontal" else set()
     assert unused == expected
     assert len(structure.terms) == len(structure.weights)
     assert len(structure.mass) == len(structure.mass_weights)
@@ -106,6 +106,6 @@ def test_parameter_vector_has_coefficients_then_constants() -> None:
     found = dict(zip(structure.parameters, p, strict=True))
     assert found.pop("M_uq") == -4.0
     constants = {"m": 30.0, "m x_G": 3.0, "m z_G": 0.6, "I": 3.0, "W-B": -6.0}
-    constants |= {"z_G W": 6.0, "x_G W": 30.0}
+    constants |= {"z_G W": 6.0, "trim": 0.0}
     assert {name: found.pop(name) for name in CONSTANTS} == pytest.approx(constants)
     assert set(found.values()) == {0.0}  # what is not given counts as zero

@@ -124,10 +124,6 @@ def test_held_out_maneuvers_choose_nothing(trial, poison) -> None:
     assert found.history.equals(identified(*trial).history)
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="rows blanked for a held-out maneuver of the other plane count as zero speed",
-)
 def test_a_held_out_maneuver_of_the_other_plane_is_a_gap_and_no_standstill() -> None:
     """Planes are segmented one by one: their maneuvers may overlap in time."""
     c = sample("harbour_trial")

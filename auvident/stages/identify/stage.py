@@ -23,7 +23,7 @@ from auvident.schema.artifacts import (
     IdentifiedModel,
     Maneuvers,
 )
-from auvident.schema.coefficients import Plane
+from auvident.schema.coefficients import BY_SYMBOL, Plane
 from auvident.schema.plan import Plan, PlanStage
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
@@ -90,12 +90,23 @@ def identify(
     done, skipped = runs[-1]
     findings = [*skipped, *_disagreement([run[0][-1].outcome for run in runs], setup)]
     final = _average(setup, [run[0][-1].outcome for run in runs])
-    unseen = unseen_directions(data_information(setup, final, done[-1].stage))
+    unseen = unseen_directions(
+        data_information(setup, final, done[-1].stage), _equations(setup, final)
+    )
     done = [*done[:-1], replace(done[-1], outcome=final)]
     covariance = jackknife_covariance(influences(setup, final, done[-1].stage))
     scatter = None if covariance is None else np.sqrt(np.diag(covariance))
     model = model_of(setup, sensing, ase, vehicle, done, unseen, scatter, findings)
     return Identification(model, history_of(setup, [step for run in runs for step in run[0]]))
+
+
+def _equations(setup: Setup, outcome: Outcome) -> list[list[int]]:
+    """Free coefficients of the surge equation, and of the two lateral ones."""
+    surge = [
+        BY_SYMBOL[setup.structure.parameters[position]].equation == "X" for position in outcome.free
+    ]
+    blocks = [[i for i, x in enumerate(surge) if x], [i for i, x in enumerate(surge) if not x]]
+    return [block for block in blocks if block]
 
 
 def _run(
