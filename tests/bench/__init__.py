@@ -1,0 +1,1 @@
+"""Benchmarks: speed of the filters, cost of an identification, honesty of its uncertainties."""

@@ -1,0 +1,152 @@
+"""Time of one filter pass against filterpy's, and of a whole identification."""
+
+import json
+import subprocess
+import sys
+import tempfile
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from auvident.engines import compiled, reference
+from auvident.engines.estimator import active_states, free_positions
+from auvident.engines.problem import FilterProblem
+from auvident.engines.records import Record, stack
+from auvident.schema.plan import PlanStage
+from auvident.stages.identify import prepare
+from tests.engines.chain import SAMPLES, Chain, chain_of, plan_named, sample
+
+PASSES = {
+    "16 states (yaw-sway)": ("lateral", ("inertia", "lift", "cross_flow", "control")),
+    "22 states (coupled)": ("coupled", ("all",)),
+}
+OBSERVER_S = 30.0
+LONG_S = 1800.0
+TRUTH = Path(__file__).resolve().parents[1] / "truth"
+
+
+def seconds(work: Callable[[], Any], repeats: int) -> float:
+    """Median time of a piece of work, after one run that compiles and warms up."""
+    work()
+    times = []
+    for _ in range(repeats):
+        start = perf_counter()
+        work()
+        times.append(perf_counter() - start)
+    return median(times)
+
+
+def one_pass(chain: Chain, system: str, free: tuple[str, ...], rows: int) -> FilterProblem:
+    """A filter problem on one zigzag of a trial."""
+    setup, _ = prepare(
+        chain.trials, chain.maneuvers, chain.ase, chain.vehicle, chain.noise, plane="horizontal",
+        plan=plan_named("spiral"), filter="ekf", engine="compiled",
+    )  # fmt: skip
+    longest = max(
+        (r for kind, r in setup.records.values() if kind == "zigzag"), key=lambda r: len(r.time_s)
+    )
+    parts = (getattr(longest, n)[:rows] for n in ("time_s", "inputs", "given", "measured"))
+    records, starts = stack([Record(longest.id, *parts, longest.start)], setup.dt_s)
+    positions = free_positions(setup, PlanStage(name="pass", system=system, free=free))
+    active, noise, n = active_states(system, "horizontal"), setup.sensor_std, len(positions)
+    return FilterProblem(
+        structure=setup.structure, records=records, parameters=setup.prior, free=positions,
+        followers=setup.followers[np.isin(setup.followers[:, 1], positions)],
+        scale=setup.prior_std[positions], theta_covariance=np.eye(n), theta_noise=np.zeros(n),
+        active=active, channels=active.copy(), sensor=setup.sensor,
+        process_std=noise * np.sqrt(setup.dt_s) / OBSERVER_S, sensor_std=noise, start=starts,
+        start_std=3.0 * noise,
+    )  # fmt: skip
+
+
+def passes(repeats: int = 5, rows: int = 600) -> list[dict[str, Any]]:
+    """Compiled and filterpy passes side by side, in one process."""
+    chain = sample("harbour_trial")
+    found = []
+    for name, (system, free) in PASSES.items():
+        problem = one_pass(chain, system, free, rows)
+        for kind in ("ekf", "ukf"):
+            fast = seconds(lambda p=problem, k=kind: compiled.run(p, k), 3 * repeats)
+            slow = seconds(lambda p=problem, k=kind: reference.run(p, k), repeats)
+            found.append({
+                "pass": name, "filter": kind, "steps": len(problem.records.inputs[0]),
+                "states": len(problem.free) + int(problem.active.sum()),
+                "compiled_ms": 1e3 * fast, "filterpy_ms": 1e3 * slow, "ratio": slow / fast,
+            })  # fmt: skip
+    return found
+
+
+def long_trial(share: float = 1.0) -> Chain:
+    """A trial of 30 minutes with 12 maneuvers, from the independent generator of the samples."""
+    sys.path.insert(0, str(SAMPLES))
+    from seatrial.trial import generate
+
+    recipe = tomllib.loads((TRUTH / "harbour_trial.toml").read_text())
+    count = {"straights": 2, "turns": 4, "zigzags_10": 3, "zigzags_20": 3}
+    recipe |= {"name": "long", "schedule": {k: round(v * share) or 1 for k, v in count.items()}}
+    folder = Path(tempfile.mkdtemp(prefix="auvident-bench-")) / "long"
+    generate(recipe, folder)
+    return chain_of([folder], SAMPLES / "remus100.toml")
+
+
+def whole(repeats: int = 3, shares=(0.5, 1.0), plan: str = "spiral") -> list[dict[str, Any]]:
+    """Whole identifications of the long trial and of one half as long."""
+    found = []
+    for share in shares:
+        chain = long_trial(share)
+        used = [
+            m for m in chain.maneuvers.maneuvers if m.role == "identify" and m.shows("horizontal")
+        ]
+        for kind in ("ekf", "ukf"):
+            took = seconds(
+                lambda c=chain, k=kind: c.identify(filter=k, plan=plan_named(plan)), repeats
+            )
+            found.append({
+                "plan": plan, "filter": kind, "maneuvers": len(used),
+                "trial_min": len(chain.trials[0].table) / chain.trials[0].rate_hz / 60.0,
+                "data_s": sum(m.t_end_s - m.t_start_s for m in used), "seconds": took,
+            })  # fmt: skip
+    return found
+
+
+MEMORY = """
+import json, resource, sys
+sys.path.insert(0, {root!r})
+from tests.engines.chain import sample
+sample("harbour_trial").identify(filter={kind!r})
+print(json.dumps(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024))
+"""
+
+
+def memory() -> list[dict[str, Any]]:
+    """Peak memory [MB] of a process that reads, ingests and identifies a sample trial."""
+    root = str(Path(__file__).resolve().parents[2])
+    found = []
+    for kind in ("ekf", "ukf"):
+        code = MEMORY.format(root=root, kind=kind)
+        out = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        )
+        found.append({"filter": kind, "peak_mb": json.loads(out.stdout)})
+    return found
+
+
+def plans(trial: str = "harbour_trial", repeats: int = 1) -> list[dict[str, Any]]:
+    """Held-out errors and time of every built-in plan with both filters."""
+    from tests.engines.chain import PLANS
+
+    chain, found = sample(trial), []
+    for path in sorted(PLANS.glob("*.toml")):
+        for kind in ("ekf", "ukf"):
+            plan = plan_named(path.stem)
+            model = chain.identify(filter=kind, plan=plan).model
+            took = seconds(lambda p=plan, k=kind: chain.identify(filter=k, plan=p), repeats)
+            held_out = chain.validate(model).metrics.summary["validate"]
+            errors = {f"nrmse_{c}": held_out[c].nrmse for c in ("u", "v", "r") if c in held_out}
+            found.append({"plan": path.stem, "filter": kind, **errors, "seconds": took})
+    return found

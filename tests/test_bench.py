@@ -1,0 +1,47 @@
+"""The benchmarks still run, on small sizes; their figures are for `make bench`."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from tests.bench import __main__ as bench
+from tests.bench import recovery, speed
+from tests.bench.world import equations, make_world
+
+
+def test_a_pass_is_compared_with_filterpy() -> None:
+    rows = speed.passes(repeats=1, rows=60)
+    assert [row["filter"] for row in rows] == ["ekf", "ukf", "ekf", "ukf"]
+    assert all(row["ratio"] > 5.0 for row in rows)
+
+
+def test_recovery_is_summed_up() -> None:
+    found = recovery.recovery(1, plans=("together",), filters=("ekf",))["together ekf"]
+    rows = found["claimed"]["all coefficients"]
+    assert found["failed"] == 0 and rows["n"] > 0 and 0.0 <= rows["coverage"] <= 1.0
+
+
+def test_errors_of_one_standard_deviation_are_within_the_band() -> None:
+    quantiles = norm.ppf((np.arange(400) + 0.5) / 400)
+    row = recovery.summary({"x": list(quantiles)})["x"]
+    assert row["low"] < row["mean_square"] < row["high"]
+    assert row["coverage"] == pytest.approx(0.95, abs=0.003)
+
+
+def test_the_world_keeps_a_straight_run_straight() -> None:
+    vehicle, ase = recovery.vehicle_and_prior()
+    world = make_world(ase, vehicle, seed=3, programme=(("straight", 0, None, (1.0, 1.2)),))
+    assert np.abs(world.trial.table["r_radps"]).max() < 6 * 0.0009
+    assert equations(world.truth, vehicle)(0.0, [1.5, 0, 0, 0], 0.0, 15.0)[1:] == [0.0, 0.0, 0]
+
+
+def test_parts_can_be_chosen(monkeypatch, capsys) -> None:
+    monkeypatch.setattr(bench, "_run", lambda part, repeats, seeds: {part: [{"x": 1.0}]})
+    bench.main(["speed", "plans", "--json"])
+    assert list(json.loads(capsys.readouterr().out)) == ["speed", "plans"]
+    bench.main(["plans"])
+    assert "plans" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        bench.main(["nothing"])
