@@ -41,6 +41,12 @@ def seconds(work: Callable[[], Any], repeats: int) -> float:
     return median(times)
 
 
+def side_by_side(fast: Callable[[], Any], slow: Callable[[], Any], repeats: int):
+    """Times of two pieces of work in turn, so that a busy machine slows both."""
+    pairs = [(seconds(fast, 5), seconds(slow, 1)) for _ in range(repeats)]
+    return [a for a, _ in pairs], [b for _, b in pairs]
+
+
 def one_pass(chain: Chain, system: str, free: tuple[str, ...], rows: int) -> FilterProblem:
     """A filter problem on one zigzag of a trial."""
     setup, _ = prepare(
@@ -71,12 +77,15 @@ def passes(repeats: int = 5, rows: int = 600) -> list[dict[str, Any]]:
     for name, (system, free) in PASSES.items():
         problem = one_pass(chain, system, free, rows)
         for kind in ("ekf", "ukf"):
-            fast = seconds(lambda p=problem, k=kind: compiled.run(p, k), 3 * repeats)
-            slow = seconds(lambda p=problem, k=kind: reference.run(p, k), repeats)
+            fast, slow = side_by_side(
+                lambda p=problem, k=kind: compiled.run(p, k),
+                lambda p=problem, k=kind: reference.run(p, k), repeats,
+            )  # fmt: skip
             found.append({
                 "pass": name, "filter": kind, "steps": len(problem.records.inputs[0]),
                 "states": len(problem.free) + int(problem.active.sum()),
-                "compiled_ms": 1e3 * fast, "filterpy_ms": 1e3 * slow, "ratio": slow / fast,
+                "compiled_ms": 1e3 * median(fast), "filterpy_ms": 1e3 * median(slow),
+                "ratio": median(b / a for a, b in zip(fast, slow, strict=True)),
             })  # fmt: skip
     return found
 
