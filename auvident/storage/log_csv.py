@@ -105,7 +105,12 @@ def _body(path: Path, layout: Layout) -> bytes:
     start = 0
     for _ in range(layout.data_line):
         start = content.index(b"\n", start) + 1
-    return content[start:]
+    body = content[start:]
+    try:
+        body.decode()
+    except UnicodeDecodeError:  # the parser stops at bytes that are no text
+        body = body.decode(errors="replace").encode()
+    return body
 
 
 def _without_cut_tail(body: bytes, layout: Layout) -> tuple[bytes, int]:
