@@ -221,7 +221,11 @@ def identify(given: Given) -> dict[str, Any]:
         plane=given.options["plane"], plan=plan, filter=given.options["filter"],
         engine=given.options["engine"], progress=given.observer.progress,
     )  # fmt: skip
-    return {"identify/model.json": result.model, "identify/history.parquet": result.history}
+    return {
+        "identify/model.json": result.model,
+        "identify/history.parquet": result.history,
+        "identify/states.parquet": result.states,
+    }
 
 
 # --- validate -----------------------------------------------------------------------------

@@ -11,8 +11,10 @@ import pandas as pd
 from auvident.engines.estimator import (
     Outcome,
     Setup,
+    active_states,
 )
 from auvident.engines.records import STATE_COLUMNS
+from auvident.engines.states import smoothed_states
 from auvident.estimation.identifiability import (
     Direction,
     correlations,
@@ -293,4 +295,22 @@ def history_of(setup: Setup, done: Sequence[Step]) -> pd.DataFrame:
             "time_s": np.repeat(times, len(symbols)), "symbol": symbols * len(times),
             "value": values.ravel(), "std": stds.ravel(),
         }))  # fmt: skip
+    return pd.concat(pieces, ignore_index=True)
+
+
+def states_of(setup: Setup, parameters: Array) -> pd.DataFrame:
+    """Smoothed states of every maneuver that identifies, with their standard deviations."""
+    active = active_states("coupled", setup.structure.plane)
+    columns = STATE_COLUMNS[setup.structure.plane]
+    pieces = []
+    for name, (_, record) in setup.records.items():
+        found = smoothed_states(
+            setup.structure, parameters, record, active, setup.sensor, setup.sensor_std,
+            setup.dt_s,
+        )  # fmt: skip
+        piece = {"maneuver": name, "time_s": record.time_s}
+        for c in np.flatnonzero(active):
+            piece[columns[c]] = found.mean[:, c]
+            piece[f"std_{columns[c]}"] = found.std[:, c]
+        pieces.append(pd.DataFrame(piece))
     return pd.concat(pieces, ignore_index=True)

@@ -27,7 +27,7 @@ from auvident.schema.coefficients import BY_SYMBOL, Plane
 from auvident.schema.plan import Plan, PlanStage
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
-from auvident.stages.identify.result import Step, history_of, model_of
+from auvident.stages.identify.result import Step, history_of, model_of, states_of
 from auvident.stages.identify.setup import prepare
 
 Progress = Callable[[str, float], None]
@@ -37,10 +37,11 @@ STARTS_APART = 1.0  # [std] results of several starts further apart than this ar
 
 @dataclass(frozen=True)
 class Identification:
-    """What `identify` returns: the model and the history of its coefficients."""
+    """What `identify` returns: the model, the history of its coefficients, smoothed states."""
 
     model: IdentifiedModel
     history: pd.DataFrame
+    states: pd.DataFrame
 
 
 def identify(
@@ -97,7 +98,8 @@ def identify(
     covariance = jackknife_covariance(influences(setup, final, done[-1].stage))
     scatter = None if covariance is None else np.sqrt(np.diag(covariance))
     model = model_of(setup, sensing, ase, vehicle, done, unseen, scatter, findings)
-    return Identification(model, history_of(setup, [step for run in runs for step in run[0]]))
+    history = history_of(setup, [step for run in runs for step in run[0]])
+    return Identification(model, history, states_of(setup, final.parameters))
 
 
 def _equations(setup: Setup, outcome: Outcome) -> list[list[int]]:

@@ -1,0 +1,52 @@
+"""Smoothed states of a maneuver: on a known motion, and beside the readings of the sample."""
+
+import numpy as np
+
+from auvident.engines.records import Record
+from auvident.engines.states import smoothed_states
+from auvident.physics.dynamics import simulate_states
+from auvident.physics.terms import parameter_vector, structure_of
+from auvident.schema.artifacts import RigidBody
+
+ACTIVE = np.array([True, True, True, False])
+NOISE = np.array([0.005, 0.005, 0.001, 0.005])
+COEFFICIENTS = {
+    "X_udot": -1.0, "X_uu": -3.0, "T_nn": 0.1, "T_nu": -0.8, "Y_vdot": -35.0, "N_rdot": -5.0,
+    "Y_uv": -50.0, "Y_ur": 10.0, "Y_uud": 10.0, "N_uv": 2.0, "N_ur": -10.0, "N_uud": -6.0,
+}  # fmt: skip
+
+
+def made(seed: int):
+    """A zigzag-like motion of a known vehicle, its noisy readings with every other one missing."""
+    body = RigidBody(
+        mass_kg=30.0, x_g_m=0.0, z_g_m=0.0, inertia_kgm2=3.5, weight_n=294.0, buoyancy_n=294.0
+    )
+    structure, rng = structure_of("horizontal"), np.random.default_rng(seed)
+    p = parameter_vector("horizontal", COEFFICIENTS, body)
+    n = 400
+    inputs = np.zeros((n, 3))
+    inputs[:, 0] = 0.2 * np.sign(np.sin(np.arange(n) / 30.0))
+    inputs[:, 2] = 15.0
+    start = np.array([1.4, 0.0, 0.0, 0.0])
+    truth = simulate_states(start, inputs, np.zeros((n, 4)), 0.1, p, ACTIVE, *structure.arrays)
+    measured = truth + rng.normal(size=(n, 4)) * NOISE
+    measured[1::2, :2] = np.nan
+    record = Record("m", np.arange(n) * 0.1, inputs, np.zeros((n, 4)), measured, start)
+    return structure, p, record, truth
+
+
+def test_smoothed_states_are_nearer_to_the_truth_than_the_readings() -> None:
+    structure, p, record, truth = made(1)
+    found = smoothed_states(structure, p, record, ACTIVE, np.eye(4), NOISE, 0.1)
+    error = np.sqrt(np.mean((found.mean - truth)[:, :3] ** 2, axis=0))
+    assert (error < 0.5 * NOISE[:3]).all()  # 200 to 400 readings of a motion that is known
+
+
+def test_the_error_of_smoothed_states_is_of_the_stated_size() -> None:
+    """Mean squared error over variance, over seeds; correlated in time, hence a wide band."""
+    ratios = []
+    for seed in range(12):
+        structure, p, record, truth = made(seed)
+        found = smoothed_states(structure, p, record, ACTIVE, np.eye(4), NOISE, 0.1)
+        ratios.append(np.mean(((found.mean - truth)[:, :3] / found.std[:, :3]) ** 2))
+    assert 0.2 < np.mean(ratios) < 2.0  # the forcing is bounded from below: cautious
