@@ -5,7 +5,7 @@ the same data through several stages and cycles does not count them several time
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,10 @@ LONGEST_CORRELATION_S = 60.0  # lags beyond this are not looked at: longer than 
 ESCAPED = 10.0  # [std of the channel] a prediction that ran away counts as this wrong
 START_STD = 3.0  # starting state is known to this many (effective) sensor standard deviations
 N_VELOCITIES = 3
-NOISE_ROUNDS = 4  # rounds of fit and effective noise
+# In a fit the start is estimated along; the line through the readings that it begins from bends
+# where the rudder is laid at once, hence so wide.
+FITTED_START_STD = 30.0
+NOISE_ROUNDS = 6  # rounds of fit and effective noise
 NOISE_SETTLED = 0.03  # relative change of the noise below which another round changes nothing
 
 
@@ -105,7 +108,8 @@ def free_positions(setup: Setup, stage: PlanStage) -> npt.NDArray[np.int64]:
     following = set(setup.followers[:, 0].tolist())
     positions = [setup.structure.index(s) for s in expand(stage.free, setup.structure.plane)]
     return np.array(
-        [i for i in positions if i not in following and setup.prior_std[i] > 0.0], dtype=np.int64
+        [i for i in positions if i not in following and setup.prior_std[i] > 0.0],
+        dtype=np.int64,
     )
 
 
@@ -248,6 +252,7 @@ def _refine(
             np.zeros(len(free)), away, np.diag(1.0 / factors**2),
         )  # fmt: skip
         parameters = _moved(setup, parameters, free, result.theta)
+        records = [_with_fitted_start(setup, parameters, r, active, noise) for r in records]
         used, noise = noise, effective_noise(setup, parameters, records, active)
         if np.abs(noise / used - 1.0).max() < NOISE_SETTLED:
             break
@@ -256,6 +261,41 @@ def _refine(
         parameters, free, result.covariance, noise, tuple(r.id for r in records),
         -result.cost, samples,
     )  # fmt: skip
+
+
+def _with_fitted_start(
+    setup: Setup, parameters: Array, record: Record, active: Array, noise: Array
+) -> Record:
+    """The record with the start state that suits it best, so that its residual is one."""
+    half, gradient, curvature = _record_error(
+        setup, parameters, record, active, noise,
+        np.full(len(parameters), -1, dtype=np.int64), np.zeros(0),
+    )  # fmt: skip
+    if not np.isfinite(half):
+        return record
+    start = record.start.copy()
+    start[active] -= np.linalg.solve(curvature + _start_information(active, noise), gradient)
+    return replace(record, start=start)
+
+
+def _start_information(active: Array, noise: Array) -> Array:
+    """What is known of the start before the fit, as an inverse covariance."""
+    return np.diag((FITTED_START_STD * noise[active]) ** -2.0)
+
+
+def _record_error(
+    setup: Setup, p: Array, record: Record, active: Array, noise: Array, column: Array,
+    scale: Array,
+) -> tuple[float, Array, Array]:  # fmt: skip
+    """Output error of a record, its gradient and curvature: start states, then coefficients."""
+    n = int(np.sum(active)) + len(scale)
+    gradient, curvature = np.zeros(n), np.zeros((n, n))
+    half = output_error(
+        record.start, record.inputs, record.given, record.measured, setup.sensor, noise,
+        active, setup.dt_s, p, active, *setup.structure.arrays, column, scale, gradient,
+        curvature,
+    )  # fmt: skip
+    return half, gradient, curvature + np.tril(curvature, -1).T
 
 
 def _moved(setup: Setup, parameters: Array, free: Array, theta: Array) -> Array:
@@ -295,19 +335,23 @@ def likelihood_of(
         column[follower] = column[leader]
     scale = setup.prior_std[free]
 
+    k, held = int(np.sum(active)), _start_information(active, noise)
+
     def likelihood(theta: Array) -> tuple[float, Array, Array]:
         p = _moved(setup, parameters, free, theta)
         gradient, curvature = np.zeros(len(free)), np.zeros((len(free), len(free)))
         half = 0.0
         for record in records:
-            half += output_error(
-                record.start, record.inputs, record.given, record.measured, setup.sensor, noise,
-                active, setup.dt_s, p, active, *setup.structure.arrays, column, scale, gradient,
-                curvature,
-            )  # fmt: skip
+            error, g, h = _record_error(setup, p, record, active, noise, column, scale)
+            half += error
             if not np.isfinite(half):
                 break
-        return half, gradient, curvature + np.tril(curvature, -1).T
+            # the start is no coefficient: its best value is taken, its uncertainty counted
+            start = np.linalg.solve(h[:k, :k] + held, np.column_stack([g[:k], h[:k, k:]]))
+            half -= 0.5 * float(g[:k] @ start[:, 0])
+            gradient += g[k:] - h[k:, :k] @ start[:, 0]
+            curvature += h[k:, k:] - h[k:, :k] @ start[:, 1:]
+        return half, gradient, 0.5 * (curvature + curvature.T)
 
     return likelihood
 

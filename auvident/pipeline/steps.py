@@ -202,11 +202,11 @@ def plan_source(options: Mapping[str, Any]) -> list[Path]:
     return [plan_path(options["plan"])]
 
 
-def announce_compilation(observer: Observer) -> None:
+def announce_compilation(observer: Observer, filter: str = "ekf") -> None:
     """Tell the user why the first use takes longer."""
     from auvident.jit import compiled_already
 
-    if not compiled_already():
+    if not compiled_already(filter):
         observer.note(COMPILING)
 
 
@@ -215,7 +215,7 @@ def identify(given: Given) -> dict[str, Any]:
     from auvident.stages.identify import identify as estimate_jointly
 
     plan = read_plan(given.options["plan"])
-    announce_compilation(given.observer)
+    announce_compilation(given.observer, given.options["filter"])
     result = estimate_jointly(
         given.trials, given.maneuvers, given.ase, given.vehicle, given.noise(),
         plane=given.options["plane"], plan=plan, filter=given.options["filter"],

@@ -99,7 +99,11 @@ def model_of(
         correlations=correlations(final.covariance, symbols),
         unidentifiable=tuple(_combination(direction, symbols) for direction in unseen),
         stages=records,
-        findings=(*findings, *_findings(rows, final, symbols), *_nis_findings(records[-1])),
+        findings=(
+            *findings,
+            *_findings(rows, final, symbols),
+            *_nis_findings(records[-1]),
+        ),
     )
 
 
@@ -161,8 +165,10 @@ def _covariance(
     setup: Setup, final: Outcome, symbols: Sequence[str], widen: Array
 ) -> dict[str, Any]:
     """Posterior covariance of the coefficients, dimensional."""
-    scale = setup.prior_std[final.free] * widen
-    matrix = final.covariance * np.outer(scale, scale)
+    # added to the variances: scaling rows and columns would tilt what is known well together
+    wide = final.covariance + np.diag((widen**2 - 1.0) * np.diag(final.covariance))
+    scale = setup.prior_std[final.free]
+    matrix = wide * np.outer(scale, scale)
     return {"symbols": list(symbols), "matrix": matrix.tolist()}
 
 
@@ -284,7 +290,10 @@ def history_of(setup: Setup, done: Sequence[Step]) -> pd.DataFrame:
         symbols = [setup.structure.parameters[i] for i in outcome.free]
         if outcome.passed is not None:
             rows = slice(0, None, every)
-            values, stds = outcome.passed.history[rows], outcome.passed.history_std[rows]
+            values, stds = (
+                outcome.passed.history[rows],
+                outcome.passed.history_std[rows],
+            )
         else:
             scale = setup.prior_std[outcome.free]
             values = outcome.parameters[outcome.free][None, :]
