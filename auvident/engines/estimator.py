@@ -15,7 +15,7 @@ from auvident.engines import compiled, reference
 from auvident.engines.problem import FilterProblem, FilterResult, Records
 from auvident.engines.records import Record, stack
 from auvident.errors import NumericsError
-from auvident.estimation.output_error import correlation_time, fit
+from auvident.estimation.output_error import Likelihood, correlation_time, fit
 from auvident.physics.dynamics import N_STATES, output_error, simulate_states
 from auvident.physics.terms import Structure
 from auvident.schema.coefficients import BY_SYMBOL, expand
@@ -327,7 +327,7 @@ def data_information(setup: Setup, outcome: Outcome, stage: PlanStage) -> Array:
 def likelihood_of(
     setup: Setup, parameters: Array, free: Array, records: list[Record], active: Array,
     noise: Array,
-):  # fmt: skip
+) -> Likelihood:  # fmt: skip
     """Likelihood of the deviations from `parameters` for `estimation.output_error.fit`."""
     column = np.full(len(parameters), -1, dtype=np.int64)
     column[free] = np.arange(len(free))

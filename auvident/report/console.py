@@ -33,6 +33,7 @@ ROLES = {
 SIGHT = ((0.8, "well seen"), (0.3, "partly seen"), (-1.0, "left to the prior"))
 MOST_SHARES = 5  # coefficients named of a combination
 MOST_SENSOR_TABLES = 3  # trials; more of them are shown with one row each
+MOST_PLACES = 6  # places named of a finding that several share
 MOST_FINDINGS = 12  # lines of findings a stage; the artifact has all of them
 
 
@@ -77,10 +78,14 @@ def findings_lines(findings: Sequence[Finding]) -> list[RenderableType]:
         groups.setdefault((finding.code, finding.message), []).append(finding)
     lines: list[RenderableType] = []
     for same in list(groups.values())[:MOST_FINDINGS]:
-        line = finding_line(same[0])
         if len(same) > 1:
-            line.append(f" (and {len(same) - 1} more of the same)", style="dim")
-        lines.append(line)
+            places = list(dict.fromkeys(finding.where for finding in same))
+            more = [f"{len(places) - MOST_PLACES} more"] if len(places) > MOST_PLACES else []
+            where = ", ".join(places[:MOST_PLACES] + more)
+            first = same[0].model_copy(update={"where": where, "value": None})
+            lines.append(finding_line(first))
+        else:
+            lines.append(finding_line(same[0]))
     if len(groups) > MOST_FINDINGS:
         lines.append(Text(f"... and {len(groups) - MOST_FINDINGS} more findings", style="dim"))
     return lines

@@ -62,7 +62,7 @@ def test_the_same_finding_of_several_places_is_said_once() -> None:
     same = [Finding(code="a", message="short of data", where=f"t{i}") for i in range(9)]
     text = text_of(findings_lines([*same, Finding(code="b", message="wrong sign")]))
     assert text.count("short of data") == 1
-    assert "8 more of the same" in text
+    assert "t4, t5, 3 more: short of data" in text
     assert "wrong sign" in text
     many = [Finding(code=f"c{i}", message=f"m{i}") for i in range(20)]
     assert "and 8 more findings" in text_of(findings_lines(many))

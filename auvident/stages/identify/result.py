@@ -237,22 +237,22 @@ def _findings(
         if row.origin == "identified" and row.data_share < NOT_MOVED:
             found.append(Finding(
                 code="not-seen", where=row.symbol, value=row.data_share, threshold=NOT_MOVED,
-                message=f"{row.symbol} rests on its prior: these maneuvers hardly show it",
+                message="rests on the prior: these maneuvers hardly show it",
             ))  # fmt: skip
         if row.std_jackknife and row.std_filter and row.origin == "identified":
             ratio = row.std_jackknife / row.std_filter
             if ratio > DISAGREE and row.data_share > NOT_MOVED:
                 found.append(Finding(
                     code="maneuvers-disagree", where=row.symbol, value=ratio, threshold=DISAGREE,
-                    message=f"the maneuvers disagree about {row.symbol}; its standard deviation "
-                    "was widened to their scatter",
+                    message="the maneuvers disagree about it; its standard deviation was widened "
+                    "to their scatter",
                     remedy="Something the model lacks may act differently in them.",
                 ))  # fmt: skip
         expected = BY_SYMBOL[row.symbol].sign
         if expected and row.value * expected < 0.0 and abs(row.value) > 2.0 * row.std:
             found.append(Finding(
                 code="wrong-sign", where=row.symbol, value=row.value, threshold=0.0,
-                message=f"{row.symbol} has the sign opposite to a streamlined hull's",
+                message="has the sign opposite to a streamlined hull's",
                 remedy="It may stand in for an effect the model lacks.",
             ))  # fmt: skip
     spread = np.sqrt(np.diag(final.covariance))
@@ -261,7 +261,7 @@ def _findings(
         found.append(Finding(
             code="correlated", where=f"{symbols[i]}, {symbols[j]}", value=float(matrix[i, j]),
             threshold=CORRELATED,
-            message=f"{symbols[i]} and {symbols[j]} can hardly be told apart",
+            message="can hardly be told apart",
         ))  # fmt: skip
     return found
 
@@ -272,7 +272,7 @@ def _nis_findings(record: StageRecord) -> list[Finding]:
         Finding(
             code="nis-outside", where=column, value=test.corrected,
             threshold=test.high if test.corrected > 1.0 else test.low,
-            message=f"the innovations of {column} are not as large as the filter claims",
+            message="the innovations are not as large as the filter claims",
             remedy="The standard deviations of what this channel shows are off accordingly.",
         )
         for column, test in record.nis.items()
