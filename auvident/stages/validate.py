@@ -301,6 +301,8 @@ def _table(after: Prediction, before: Prediction, plane: Plane) -> pd.DataFrame:
     columns["control_rad"] = record.inputs[:, 0]
     columns["rpm"] = record.inputs[:, 2] * 60.0
     if plane == "horizontal":
-        for name, track in zip(("measured", "simulated"), tracks(after), strict=True):
+        measured, simulated = tracks(after)
+        named = {"measured": measured, "simulated": simulated, "ase": tracks(before)[1]}
+        for name, track in named.items():
             columns[f"north_m_{name}"], columns[f"east_m_{name}"] = track[:, 0], track[:, 1]
     return pd.DataFrame(columns)
