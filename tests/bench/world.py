@@ -127,6 +127,7 @@ def cruise_rate(c: dict[str, float]) -> float:
     return float(roots.real.max())
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a vehicle that runs away is refused afterwards
 def sail(c: dict[str, float], vehicle: Vehicle, kind: str, rudder_deg, switch_deg, ratios):
     """States (n, 4), rudder and propeller rate (n,) of one maneuver with its approach."""
     rate = equations(c, vehicle)
