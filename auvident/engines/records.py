@@ -11,7 +11,7 @@ import numpy.typing as npt
 from auvident.engines.problem import Records
 from auvident.physics.dynamics import N_STATES
 from auvident.schema.artifacts import Maneuver, Sensing
-from auvident.schema.channels import BY_COLUMN, RECORD_COLUMN, TIME_COLUMN, sampled_flag
+from auvident.schema.channels import RECORD_COLUMN, TIME_COLUMN, sampled_flag
 from auvident.schema.coefficients import Plane
 from auvident.schema.trial import Trial
 
@@ -137,8 +137,3 @@ def _padded(blocks: Sequence[Array]) -> Array:
     for j, block in enumerate(blocks):
         padded[j, : len(block)] = block
     return padded
-
-
-def unit_of(plane: Plane, state: int) -> str:
-    """Unit of a state's channel."""
-    return BY_COLUMN[STATE_COLUMNS[plane][state]].unit

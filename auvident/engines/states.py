@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.engines.estimator import LONGEST_CORRELATION_S, START_STD
 from auvident.engines.records import Record
 from auvident.estimation.output_error import correlation_time
 from auvident.estimation.smoother import smooth
@@ -19,7 +20,6 @@ from auvident.physics.terms import Structure
 
 Array = npt.NDArray[Any]
 
-LONGEST_CORRELATION_S = 60.0
 LEAST_FORCING = 0.05  # process noise of a channel the model explains, in sensor std per root second
 
 
@@ -53,7 +53,7 @@ def smoothed_states(
     index = np.flatnonzero(active)
     inverse = np.empty((3, 3))
     inverse_mass(p, structure.mass, structure.mass_weights, active, inverse)
-    x, covariance = record.start[index].copy(), np.diag((3.0 * sensor_std[index]) ** 2)
+    x, covariance = record.start[index].copy(), np.diag((START_STD * sensor_std[index]) ** 2)
     n, m = len(record.time_s), len(index)
     after, before = (np.zeros((n, m)), np.zeros((n, m, m))), (np.zeros((n, m)), np.zeros((n, m, m)))
     transition = np.zeros((n, m, m))

@@ -35,7 +35,7 @@ def segment_both(trials: Sequence[Trial], hold_out: Sequence[str]) -> Maneuvers:
         if any(_plane(m) == VERTICAL for m in vertical.maneuvers):
             found.append(vertical)
     except InputError:
-        pass
+        pass  # most trials have none; identifying in that plane says so when it is asked for
     if failure is not None and not found:
         raise failure
     return _with_roles(_merged(trials, found), trials, hold_out)

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from auvident.schema.trial import Trial
 
 COMPILING = "The numerical kernels are compiled, once on this machine: up to half a minute."
+COMPILING_EACH_TIME = (
+    "The numerical kernels are compiled in every run, up to half a minute: no folder for them can "
+    "be written. NUMBA_CACHE_DIR names one."
+)
 PLANS = PACKAGE_ROOT / "plans"
 LEAST_UNDER_WAY_MPS = 0.3  # slower samples do not belong to a run at speed
 
@@ -204,9 +208,11 @@ def plan_source(options: Mapping[str, Any]) -> list[Path]:
 
 def announce_compilation(observer: Observer, filter: str = "ekf") -> None:
     """Tell the user why the first use takes longer."""
-    from auvident.jit import compiled_already
+    from auvident.jit import cache_is_writable, compiled_already
 
-    if not compiled_already(filter):
+    if not cache_is_writable():
+        observer.note(COMPILING_EACH_TIME)
+    elif not compiled_already(filter):
         observer.note(COMPILING)
 
 

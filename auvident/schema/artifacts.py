@@ -157,7 +157,6 @@ class Sensing(Artifact):
     dvl_z_m: float
     dvl_mounting_yaw_rad: float
     noise_std: dict[str, float]
-    process_noise_std: dict[str, float]
 
 
 class NisTest(Artifact):

@@ -28,7 +28,6 @@ from auvident.schema.trial import Trial
 
 Array = npt.NDArray[Any]
 
-DT_S = 0.1
 CIRCLE_S, ZIGZAG_S, LEVEL_S = 75.0, 90.0, 35.0  # usual lengths of a maneuver
 ZIGZAGS_DEG = ((10, 10), (20, 20), (20, 5), (30, 10))
 CIRCLES_DEG = (-20, -10, 10, 20)
@@ -77,9 +76,10 @@ def plan_trial(
     structure = structure_of(model.plane)
     symbols = list(model.covariance["symbols"])
     posterior = np.array(model.covariance["matrix"])
+    dt_s = 1.0 / trials[0].rate_hz  # the noise found in the trial is that of a sample at its rate
     found = []
     for candidate in candidates(model.plane, *rpm_levels(trials, maneuvers)):
-        information = expected_information(model, structure, symbols, candidate)
+        information = expected_information(model, structure, symbols, candidate, dt_s)
         if information is not None:
             found.append(_judge(candidate, symbols, posterior, information))
     if not found:
@@ -137,7 +137,11 @@ def rpm_levels(
 
 
 def expected_information(
-    model: IdentifiedModel, structure: Structure, symbols: Sequence[str], candidate: Candidate
+    model: IdentifiedModel,
+    structure: Structure,
+    symbols: Sequence[str],
+    candidate: Candidate,
+    dt_s: float,
 ) -> Array | None:
     """Fisher information (n, n) of a candidate, in units of the posterior standard deviations.
 
@@ -146,7 +150,7 @@ def expected_information(
     p = parameter_vector(model.plane, model.values(), model.rigid_body)
     n_rps = candidate.rpm / 60.0
     start = steady_approach(structure, p, n_rps)
-    run = run_virtual(structure, p, start, n_rps, candidate.duration_s, candidate.helm, dt_s=DT_S)
+    run = run_virtual(structure, p, start, n_rps, candidate.duration_s, candidate.helm, dt_s=dt_s)
     column = np.full(len(p), -1, dtype=np.int64)
     for i, symbol in enumerate(symbols):
         column[structure.index(symbol)] = i
@@ -159,7 +163,7 @@ def expected_information(
     gradient, curvature = np.zeros(len(symbols)), np.zeros((len(symbols), len(symbols)))
     half = output_error(
         run.states[0], run.inputs, run.states, run.states @ sensor.T, sensor, sigma, VELOCITIES,
-        DT_S, p, ACTIVE, *structure.arrays, column, spread, gradient, curvature,
+        dt_s, p, ACTIVE, *structure.arrays, column, spread, gradient, curvature,
     )  # fmt: skip
     return curvature + np.tril(curvature, -1).T if np.isfinite(half) else None
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from auvident.errors import InputError
 
 HEAD_BYTES = 1 << 18  # enough for any header block; the rest is read only when it is wanted
-CHUNK_BYTES = 1 << 20
 GZIP_MAGIC = b"\x1f\x8b"
 GZIP_WINDOW = 31  # zlib's code for "gzip wrapper, largest window"
 OTHER_FORMATS: dict[bytes, str] = {

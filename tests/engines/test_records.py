@@ -16,7 +16,7 @@ RATE = 10.0
 
 def sensing(**changes) -> Sensing:
     place = {"dvl_x_m": 0.0, "dvl_y_m": 0.0, "dvl_z_m": 0.0, "dvl_mounting_yaw_rad": 0.0}
-    return Sensing(**(place | changes), noise_std={}, process_noise_std={})
+    return Sensing(**(place | changes), noise_std={})
 
 
 def trial(plane: str = "horizontal", rows: int = 200, **columns) -> Trial:

@@ -105,7 +105,7 @@ def test_a_gap_of_the_compass_is_bridged_by_the_given_heading() -> None:
 
 def with_sensing(model: IdentifiedModel, **place) -> IdentifiedModel:
     origin = {"dvl_x_m": 0.0, "dvl_y_m": 0.0, "dvl_z_m": 0.0, "dvl_mounting_yaw_rad": 0.0}
-    sensing = Sensing(**(origin | place), noise_std={}, process_noise_std={})
+    sensing = Sensing(**(origin | place), noise_std={})
     return model.model_copy(update={"sensing": sensing})
 
 

@@ -9,6 +9,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from auvident.engines.estimator import (
+    LONGEST_CORRELATION_S,
     Outcome,
     Setup,
     active_states,
@@ -46,7 +47,6 @@ CORRELATED = 0.95
 # scatter between maneuvers over the filter's own standard deviation: with some ten maneuvers
 # the scatter itself is known to a quarter, so twice is no chance
 DISAGREE = 2.0
-NIS_LONGEST = 600  # samples: lags beyond this are not looked at
 NIS_FACTOR = 2.0  # squared innovations within this factor of the claim are no finding
 
 
@@ -83,7 +83,7 @@ def model_of(
     )
     rows = tuple(_widened(row, final, structure, setup.followers, scatter, widen) for row in rows)
     symbols = [structure.parameters[i] for i in final.free]
-    records = tuple(_stage_record(structure, step) for step in done)
+    records = tuple(_stage_record(setup, step) for step in done)
     return IdentifiedModel(
         vehicle=vehicle.body.name,
         plane=plane,
@@ -203,12 +203,13 @@ def _row(
     )
 
 
-def _stage_record(structure: Structure, step: Step) -> StageRecord:
+def _stage_record(setup: Setup, step: Step) -> StageRecord:
+    structure, longest = setup.structure, round(LONGEST_CORRELATION_S / setup.dt_s)
     outcome, passed = step.outcome, step.outcome.passed
     nis: dict[str, NisTest] = {}
     if passed is not None:
         for c, column in enumerate(STATE_COLUMNS[structure.plane]):
-            test = consistency(passed.whitened[:, :, c], NIS_LONGEST)
+            test = consistency(passed.whitened[:, :, c], longest)
             if test is not None:
                 nis[column] = NisTest(**asdict(test))
     return StageRecord(

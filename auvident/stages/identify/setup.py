@@ -127,5 +127,4 @@ def sensing_of(vehicle: Vehicle, noise: Mapping[str, float], plane: Plane) -> Se
         dvl_z_m=vehicle.dvl.z_m,
         dvl_mounting_yaw_rad=math.radians(vehicle.dvl.mounting_yaw_deg),
         noise_std=stds,
-        process_noise_std={},
     )
