@@ -1,0 +1,191 @@
+"""Artifacts of the residual loop: what the model lacks, and what adding it changed."""
+
+from typing import Any
+
+from pydantic import Field
+
+from auvident.schema.artifacts import Finding, Verdict
+from auvident.schema.base import Artifact
+
+
+class ParameterValue(Artifact):
+    """A parameter of an effect in the unit an engineer reads; interval of 95 %."""
+
+    symbol: str
+    value: float
+    std: float
+    unit: str
+    low: float | None = None
+    high: float | None = None
+
+
+class EffectFound(Artifact):
+    """An effect that was accepted.
+
+    ``plain`` says it in words (a current in m/s and degrees, a side force in N at cruise).
+    ``maneuver``, ``time_s`` and ``duration_s`` belong to a `one_off_event` or a `thrust_step`.
+    """
+
+    id: str
+    family: str
+    parameters: tuple[ParameterValue, ...]
+    plain: str = ""
+    maneuver: str | None = None
+    time_s: float | None = None
+    duration_s: float | None = None
+
+
+class Candidate(Artifact):
+    """One effect that was tried.
+
+    ``gain`` is the rise of the log-likelihood by adding it, in nats, corrected for the colour of
+    the residual; ``p`` the share of sign-flipped residuals in which some candidate gained as
+    much. ``held_back_gain`` is that of identifying maneuvers left out in turn, ``improved`` the
+    share of them that it helps, ``rms_fall`` the relative fall of the residual by channel.
+    ``rejected`` says which test it failed; empty for an accepted one.
+    """
+
+    id: str
+    family: str
+    gain: float
+    p: float | None = None
+    parameters: tuple[ParameterValue, ...] = ()
+    held_back_gain: float | None = None
+    improved: float | None = None
+    rms_fall: dict[str, float] = {}
+    refitted: bool = False
+    rejected: str = ""
+
+
+class Detectable(Artifact):
+    """Smallest size of an effect that these maneuvers would show.
+
+    ``visible`` is false where that is beyond any plausible size, with the reason in ``why``;
+    ``kept`` is the share of its signature that the coefficients cannot take up.
+    """
+
+    id: str
+    family: str
+    symbol: str
+    size: float
+    unit: str
+    visible: bool
+    kept: float
+    why: str = ""
+
+
+class Lookalikes(Artifact):
+    """Effects that these maneuvers cannot, or can hardly, tell apart; what would separate them."""
+
+    ids: tuple[str, ...]
+    cosine: float
+    separate_by: str = ""
+
+
+class ResidualRow(Artifact):
+    """Residual of one channel in one identifying maneuver against the noise of its sensor."""
+
+    maneuver: str
+    channel: str
+    unit: str
+    rms: float
+    rms_after: float
+    noise_std: float
+    correlation_time_s: float
+
+
+class Diagnosis(Artifact):
+    """``diagnose/diagnosis.json``.
+
+    ``sees`` stands before any verdict: what these maneuvers can show. ``silent`` are the
+    allowances every model is given (servo lag and the like), with what they took up. ``steps``
+    tells in order what was added, tested and removed. ``unexplained`` has ``correlates`` (axis,
+    regressor, gain), ``nearest`` and ``channels`` where something is left.
+    """
+
+    schema_: str = Field(default="auvident/diagnosis/1", alias="schema")
+    plane: str
+    verdict: Verdict
+    statement: str
+    effects: tuple[EffectFound, ...] = ()
+    candidates: tuple[Candidate, ...] = ()
+    ambiguous: tuple[tuple[str, ...], ...] = ()
+    unexplained: dict[str, Any] = {}
+    sees: tuple[Detectable, ...] = ()
+    lookalikes: tuple[Lookalikes, ...] = ()
+    separate_by: str = ""
+    silent: tuple[EffectFound, ...] = ()
+    steps: tuple[str, ...] = ()
+    residuals: tuple[ResidualRow, ...] = ()
+    checks: dict[str, Any] = {}
+    missing: tuple[str, ...] = ()
+    false_alarm_p: float | None = None
+    identify_maneuvers: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+
+class ChannelError(Artifact):
+    """Root mean square error of a prediction."""
+
+    rmse: float
+    nrmse: float
+    unit: str
+
+
+class Difference(Artifact):
+    """After minus before of an RMSE, with the 95 % interval of a block bootstrap."""
+
+    value: float
+    low: float
+    high: float
+
+
+class ManeuverComparison(Artifact):
+    """Errors of one maneuver before and after."""
+
+    id: str
+    kind: str
+    role: str
+    before: dict[str, ChannelError]
+    after: dict[str, ChannelError]
+    difference: dict[str, Difference] = {}
+
+
+class HeldOut(Artifact):
+    """Errors over all held-out maneuvers together, before and after, by channel."""
+
+    maneuvers: tuple[str, ...]
+    before: dict[str, ChannelError]
+    after: dict[str, ChannelError]
+    difference: dict[str, Difference] = {}
+
+
+class CoefficientComparison(Artifact):
+    """A coefficient before and after, against the estimate from geometry."""
+
+    symbol: str
+    unit: str
+    prior: float
+    prior_std: float
+    before: float
+    before_std: float
+    after: float
+    after_std: float
+
+
+class Comparison(Artifact):
+    """``refine/comparison.json``."""
+
+    schema_: str = Field(default="auvident/comparison/1", alias="schema")
+    verdict: Verdict
+    statement: str
+    effects: tuple[EffectFound, ...] = ()
+    ambiguous: tuple[tuple[str, ...], ...] = ()
+    held_out: HeldOut
+    identify: HeldOut
+    maneuvers: tuple[ManeuverComparison, ...] = ()
+    coefficients: tuple[CoefficientComparison, ...] = ()
+    false_alarm_p: float | None = None
+    candidates: tuple[Candidate, ...] = ()
+    unexplained: dict[str, Any] = {}
+    findings: tuple[Finding, ...] = ()

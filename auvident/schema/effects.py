@@ -1,0 +1,271 @@
+"""The effects a model may lack, each declared once.
+
+The candidates of `diagnose`, the parameters of the prediction, ``auvident effects`` and the
+report derive from this table; the equation of each stands in `auvident.physics.actuation` (what
+becomes of a command), `auvident.physics.terms` (forces) or `auvident.physics.sensing` (readings).
+An effect is off when its parameters are zero. Values here and in the artifacts are in the unit an
+engineer reads; `EffectParameter.internal` brings them to SI, radians and a form in which zero
+means off.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from auvident.schema.coefficients import Plane
+
+EffectFamily = Literal["environment", "actuation", "sensing", "hydrodynamics"]
+# where an effect enters: before the equations of motion, in them, after them, or in no model (a
+# disturbance of one trial, which is named and masked)
+Enters = Literal["input", "force", "reading", "disturbance"]
+# how a value is stored: as it is, its inverse (a limit that is infinite without the effect), or
+# the inverse of its square
+Form = Literal["plain", "inverse", "inverse_square"]
+
+DEGREES = 180.0 / math.pi
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """Declaration of one parameter of an effect.
+
+    Attributes
+    ----------
+    symbol : str
+        Name in the artifacts, unit as suffix.
+    unit : str
+        Unit in the artifacts.
+    prior : float
+        Standard deviation of the internal value before the data, in internal units over
+        `factor`; of a force in units of `powers`.
+    practical : float
+        Size from which on the effect is worth a word, stated like `prior`.
+    low, high : float
+        Bounds of the internal value, stated like `prior`.
+    factor : float
+        Unit conversion: one internal unit is this many of `unit`.
+    form : str
+    step : float
+        Change, in units of the prior, over which a slope is taken; effects that do nothing
+        when they are small (play, dead band) need a large one.
+    powers : tuple of int
+        A force effect scales with density/2, length, speed and propeller rate to these powers.
+    silent : float
+        Standard deviation that every model is allowed without a word: no real servo is without
+        lag and no hull without asymmetry. Zero for most.
+    """
+
+    symbol: str
+    unit: str
+    prior: float
+    practical: float
+    low: float
+    high: float
+    factor: float = 1.0
+    form: Form = "plain"
+    step: float = 0.02
+    powers: tuple[int, int, int, int] = (0, 0, 0, 0)
+    silent: float = 0.0
+
+    def internal(self, shown: float) -> float:
+        """Internal value of a value as shown."""
+        if self.form == "plain":
+            return shown / self.factor
+        power = 1.0 if self.form == "inverse" else 2.0
+        return (self.factor / shown) ** power
+
+    def shown(self, internal: float, std: float = 0.0) -> tuple[float, float]:
+        """Value and standard deviation as shown, from the internal ones.
+
+        A limit that is not reached (internal value zero) is shown as the largest finite number
+        of its form: the one at a hundredth of the practical size.
+        """
+        if self.form == "plain":
+            return internal * self.factor, std * self.factor
+        power = 1.0 if self.form == "inverse" else 0.5
+        least = max(internal, 0.01 * self.practical)
+        value = self.factor * least**-power
+        return value, power * value / least * std
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Declaration of one effect.
+
+    Attributes
+    ----------
+    id : str
+        Name in every file and table.
+    family : str
+    enters : str
+        Part of the prediction that carries it.
+    planes : tuple of str
+    parameters : tuple of EffectParameter
+    equation : str
+        For people.
+    signature : str
+        How it shows, for people.
+    needs : tuple of str
+        Columns of the trial without which it cannot be seen or told apart.
+    source : str
+    """
+
+    id: str
+    family: EffectFamily
+    enters: Enters
+    planes: tuple[Plane, ...]
+    parameters: tuple[EffectParameter, ...]
+    equation: str
+    signature: str
+    needs: tuple[str, ...] = ()
+    source: str = ""
+
+    def names(self) -> tuple[str, ...]:
+        """Names of its parameters in the parameter vector."""
+        return tuple(f"{self.id}.{p.symbol}" for p in self.parameters)
+
+
+H: tuple[Plane, ...] = ("horizontal",)
+HV: tuple[Plane, ...] = ("horizontal", "vertical")
+P = EffectParameter
+SERVO = "first-order servo with play and limits; Fossen (2021), Handbook, 9.5"
+SENSOR = "Hegrenaes and Hallingstad (2011), model-aided INS; Pan and Wu (2015), DVL calibration"
+
+# fmt: off
+EFFECTS: tuple[Effect, ...] = (
+    Effect("current", "environment", "reading", H, (
+        P("north_mps", "m/s", 0.3, 0.05, -2.0, 2.0),
+        P("east_mps", "m/s", 0.3, 0.05, -2.0, 2.0),
+    ), "velocity over ground = velocity through the water + R(heading)' (north, east)",
+        "u and v residuals that turn with the heading", ("heading_rad",), "Fossen (2021), 10.3"),
+    Effect("wave", "environment", "disturbance", H, (
+        P("omega_radps", "rad/s", 1.0, 0.0, 0.0, 4.0),
+        P("direction_deg", "deg", 3.0, 0.0, -4.0, 4.0, DEGREES),
+    ), "force at the encounter frequency omega - omega^2 u cos(heading - direction) / g",
+        "a line in the residual that moves with heading and speed", ("heading_rad",),
+        "Fossen (2021), 10.2"),
+    Effect("one_off_event", "environment", "disturbance", H, (
+        P("time_s", "s", 1.0, 0.0, 0.0, 1e9), P("duration_s", "s", 1.0, 0.0, 0.0, 1e3),
+    ), "none: the rows are masked", "residual energy in a few seconds of one maneuver"),
+    Effect("rudder_offset", "actuation", "input", HV, (
+        P("offset_deg", "deg", 0.035, 0.0087, -0.35, 0.35, DEGREES),
+    ), "d = d_command + offset", "turns with the rudder amidships, in proportion to u^2", (), SERVO),
+    Effect("rudder_lag", "actuation", "input", HV, (
+        P("lag_s", "s", 0.4, 0.15, 0.0, 3.0, silent=0.05, step=0.05),
+    ), "d' = (d_command - d) / lag", "residual after every helm, decaying", (), SERVO),
+    Effect("rudder_rate_limit", "actuation", "input", HV, (
+        P("rate_degps", "deg/s", 3.0, 1.9, 0.0, 20.0, DEGREES, "inverse", step=0.3, silent=0.4),
+    ), "|d'| <= rate", "residual after every helm, longer after larger ones", (), SERVO),
+    Effect("rudder_delay", "actuation", "input", HV, (
+        P("delay_s", "s", 0.3, 0.15, -0.3, 2.0, silent=0.05, step=0.05),
+    ), "d(t) = d_command(t - delay)", "residual after every helm, flat-topped", (), SERVO),
+    Effect("rudder_backlash", "actuation", "input", HV, (
+        P("half_width_deg", "deg", 0.026, 0.0122, 0.0, 0.2, DEGREES, step=0.7),
+    ), "d follows d_command at a distance of the half width", "circles differ after reversals",
+        (), SERVO),
+    Effect("rudder_deadband", "actuation", "input", HV, (
+        P("deadband_deg", "deg", 0.026, 0.0122, 0.0, 0.2, DEGREES, step=0.7),
+    ), "d = sign(d_command) max(|d_command| - deadband, 0)", "small helms do too little", (),
+        SERVO),
+    Effect("rudder_asymmetry", "actuation", "input", HV, (
+        P("gain", "-", 0.15, 0.05, -0.9, 0.9),
+    ), "d = d_command (1 + gain sign(d_command))", "turns differ from side to side", (), SERVO),
+    Effect("rudder_stall", "actuation", "input", HV, (
+        P("angle_deg", "deg", 6.0, 3.0, 0.0, 60.0, DEGREES, "inverse_square", step=0.3),
+    ), "effective d = d / sqrt(1 + (d / angle)^2)", "large helms do too little", (),
+        "Molland and Turnock (2007), 5.3"),
+    Effect("propeller_lag", "actuation", "input", HV, (
+        P("lag_s", "s", 0.7, 0.3, 0.0, 6.0, silent=0.15, step=0.05),
+    ), "n' = (n_command - n) / lag", "u residual after thrust steps only"),
+    Effect("propeller_race", "actuation", "input", HV, (
+        P("c_m2ps2pn", "m^2/s^2/N", 100.0, 30.0, -1000.0, 1000.0, powers=(-1, -2, 0, 0)),
+    ), "rudder sees u^2 + c T", "rudder power depends on the loading of the propeller", (),
+        "Molland and Turnock (2007), 3.6"),
+    Effect("thrust_sag", "actuation", "input", HV, (
+        P("fraction_per_1000_s", "-", 0.15, 0.05, -0.9, 0.9),
+    ), "thrust (1 - fraction t / 1000 s)", "u falls slowly through the trial"),
+    Effect("thrust_step", "actuation", "input", HV, (
+        P("fraction", "-", 0.15, 0.05, -0.9, 0.9),
+    ), "thrust (1 - fraction) from one time on", "u falls at one time and stays down"),
+    Effect("dvl_delay", "sensing", "reading", HV, (
+        P("delay_s", "s", 0.25, 0.1, -1.0, 2.0),
+    ), "u, v(t) are those of t - delay", "u and v residuals like their derivatives", (), SENSOR),
+    Effect("gyro_delay", "sensing", "reading", HV, (
+        P("delay_s", "s", 0.25, 0.1, -1.0, 2.0),
+    ), "r(t) is that of t - delay", "r residual like its derivative", (), SENSOR),
+    Effect("dvl_misalignment", "sensing", "reading", H, (
+        P("yaw_deg", "deg", 0.035, 0.0087, -0.5, 0.5, DEGREES),
+    ), "(u, v) turned by yaw", "v in proportion to u while r = 0", (), SENSOR),
+    Effect("dvl_scale", "sensing", "reading", HV, (
+        P("fraction", "-", 0.03, 0.015, -0.5, 0.5),
+    ), "(u, v) (1 + fraction)", "only a position log shows it", ("north_m",), SENSOR),
+    Effect("dvl_lever_arm", "sensing", "reading", H, (
+        P("dx_m", "m", 0.2, 0.05, -1.0, 1.0), P("dy_m", "m", 0.1, 0.03, -1.0, 1.0),
+    ), "v + r dx, u - r dy", "u differs in port and starboard turns (dy)", (), SENSOR),
+    Effect("gyro_bias", "sensing", "reading", HV, (
+        P("bias_degps", "deg/s", 0.005, 0.00175, -0.2, 0.2, DEGREES),
+    ), "r + bias", "heading disagrees with the integral of r", (), SENSOR),
+    Effect("gyro_scale", "sensing", "reading", HV, (
+        P("fraction", "-", 0.03, 0.015, -0.5, 0.5),
+    ), "r (1 + fraction)", "heading disagrees with the integral of r in turns", ("heading_rad",),
+        SENSOR),
+    Effect("propeller_side_force", "hydrodynamics", "force", H, (
+        P("Y_nn", "N s^2", 1.2e-3, 2e-4, -0.1, 0.1, powers=(1, 2, 2, -2)),
+        P("N_nn", "N m s^2", 2.5e-4, 4e-5, -0.1, 0.1, powers=(1, 3, 2, -2)),
+    ), "Y + Y_nn n|n|, N + N_nn n|n|", "turns with the rudder amidships, in proportion to n^2"),
+    Effect("hull_asymmetry", "hydrodynamics", "force", H, (
+        P("Y_0", "kg/m", 1.2e-3, 2e-4, -0.1, 0.1, powers=(1, 2, 0, 0), silent=1.2e-4),
+        P("N_0", "kg", 2.5e-4, 4e-5, -0.1, 0.1, powers=(1, 3, 0, 0), silent=4e-5),
+    ), "Y + Y_0 u|u|, N + N_0 u|u|", "turns with the rudder amidships, in proportion to u^2"),
+    Effect("sway_cross_flow", "hydrodynamics", "force", H, (
+        P("Y_v|r|", "kg", 0.03, 0.01, -1.0, 1.0, powers=(1, 3, 0, 0)),
+        P("Y_r|v|", "kg", 0.03, 0.01, -1.0, 1.0, powers=(1, 3, 0, 0)),
+    ), "Y + Y_v|r| v|r| + Y_r|v| r|v|", "drift angle depends on the rate of turn", (),
+        "Norrbin (1971); Clarke (2003)"),
+    Effect("yaw_cross_flow", "hydrodynamics", "force", H, (
+        P("N_v|r|", "kg m", 0.008, 0.003, -1.0, 1.0, powers=(1, 4, 0, 0)),
+        P("N_r|v|", "kg m", 0.008, 0.003, -1.0, 1.0, powers=(1, 4, 0, 0)),
+    ), "N + N_v|r| v|r| + N_r|v| r|v|", "overshoot depends on the rate of turn", (),
+        "Norrbin (1971); Clarke (2003)"),
+    Effect("cubic_damping", "hydrodynamics", "force", H, (
+        P("N_vvr", "kg s", 0.05, 0.02, -5.0, 5.0, powers=(1, 4, -1, 0)),
+        P("N_rrr", "kg m^2 s", 0.01, 0.004, -1.0, 1.0, powers=(1, 6, -1, 0)),
+    ), "N + N_vvr v v r + N_rrr r^3", "yaw damping grows faster than the square", (),
+        "Abkowitz (1964)"),
+    Effect("turning_drag", "hydrodynamics", "force", H, (
+        P("X_vvu", "kg s/m^2", 0.05, 0.02, -5.0, 5.0, powers=(1, 2, -1, 0)),
+        P("X_rru", "kg s", 0.01, 0.004, -5.0, 5.0, powers=(1, 4, -1, 0)),
+    ), "X + X_vvu v v u + X_rru r r u", "u lower in turns than X_vv, X_vr and X_rr make it"),
+    Effect("linear_drag", "hydrodynamics", "force", H, (
+        P("X_u", "kg/s", 1.0e-3, 2e-4, -0.1, 0.1, powers=(1, 2, 1, 0)),
+    ), "X + X_u u", "u over n changes with speed"),
+    Effect("roll_coupling", "hydrodynamics", "force", H, (
+        P("Y_uuphi", "kg/m", 0.015, 0.004, -1.0, 1.0, powers=(1, 2, 0, 0)),
+        P("N_uuphi", "kg", 0.004, 0.001, -1.0, 1.0, powers=(1, 3, 0, 0)),
+    ), "Y + Y_uuphi u u roll, N + N_uuphi u u roll", "residual follows the roll", ("roll_rad",)),
+    Effect("dvl_height", "sensing", "reading", H, (
+        P("dz_m", "m", 0.15, 0.1, -1.0, 1.0, silent=0.15),
+    ), "v - p dz, u + q dz", "v residual follows the roll rate", ("p_radps",), SENSOR),
+    Effect("weight_excess", "hydrodynamics", "force", H, (
+        P("W-B_n", "N", 1.0e-3, 5e-4, -0.1, 0.1, powers=(1, 2, 2, 0), silent=1e-3),
+    ), "X - (W-B) pitch", "u residual follows the pitch", ("pitch_rad",), "Fossen (2021), 4.1"),
+)
+# fmt: on
+
+BY_ID: dict[str, Effect] = {effect.id: effect for effect in EFFECTS}
+
+
+def in_plane(plane: Plane) -> tuple[Effect, ...]:
+    """Effects whose parameters stand in the prediction of a plane, in the order of the table."""
+    return tuple(e for e in EFFECTS if plane in e.planes and e.enters != "disturbance")
+
+
+def names_of(plane: Plane) -> tuple[str, ...]:
+    """Names of the parameters of `in_plane`, ``effect.parameter``."""
+    return tuple(name for effect in in_plane(plane) for name in effect.names())
+
+
+def parameter_of(name: str) -> EffectParameter:
+    """Declaration behind a name ``effect.parameter``."""
+    effect, _, symbol = name.partition(".")
+    return next(p for p in BY_ID[effect].parameters if p.symbol == symbol)
