@@ -23,6 +23,7 @@ PACKAGE = Path(__file__).resolve().parent
 KERNEL_MODULES = (
     "engines/passes.py",
     "estimation/kalman.py",
+    "physics/actuation.py",
     "physics/batch.py",
     "physics/dynamics.py",
     "physics/sensitivity.py",

@@ -14,6 +14,7 @@ from auvident.engines.problem import (
     FilterProblem,
     FilterResult,
     empty_states,
+    no_effects,
     starting_covariance,
 )
 from auvident.errors import NumericsError
@@ -48,10 +49,12 @@ def run(problem: FilterProblem, kind: str, spread: float = SIGMA_POINT_SPREAD) -
     n_theta, n_steps = len(problem.free), records.inputs.shape[1]
     mean = np.concatenate([np.zeros(n_theta), problem.start[:, index].ravel()])
     covariance = starting_covariance(problem)
+    linear = problem.linear or no_effects(len(records.ids))
     case = Case(
         index, records.lengths, records.inputs, records.given, records.measured, records.dt_s,
         problem.parameters, problem.column, problem.scale, problem.active, problem.channels,
-        problem.sensor, problem.sensor_std**2, problem.theta_noise,
+        problem.sensor, problem.sensor_std**2, linear.input_slopes, linear.input_columns,
+        linear.offset, linear.reading_slopes, linear.reading_columns, problem.theta_noise,
         problem.process_std[index] ** 2 * records.dt_s, empty_states(problem),
         empty_states(problem), np.zeros((n_steps, n_theta)), np.zeros((n_steps, n_theta)),
         np.zeros(4, dtype=np.int64),

@@ -12,12 +12,24 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.engines import compiled, reference
+from auvident.engines.prediction import (
+    Frame,
+    Free,
+    at_effects,
+    linear_about,
+    readings,
+    readings_with_slopes,
+    seen_rows,
+    simulated,
+)
 from auvident.engines.problem import FilterProblem, FilterResult, Records
 from auvident.engines.records import Record, stack
 from auvident.errors import NumericsError
 from auvident.estimation.output_error import Likelihood, correlation_time, fit
-from auvident.physics.dynamics import N_STATES, output_error, simulate_states
+from auvident.physics.dynamics import N_STATES
+from auvident.physics.sensing import sensor_matrix
 from auvident.physics.terms import Structure
+from auvident.schema.artifacts import Sensing
 from auvident.schema.coefficients import BY_SYMBOL, expand
 from auvident.schema.plan import ACTIVE, Plan, PlanStage, System
 
@@ -27,7 +39,11 @@ ENGINES = {"compiled": compiled.run, "filterpy": reference.run}
 LONGEST_CORRELATION_S = 60.0  # lags beyond this are not looked at: longer than any transient
 ESCAPED = 10.0  # [std of the channel] a prediction that ran away counts as this wrong
 START_STD = 3.0  # starting state is known to this many (effective) sensor standard deviations
-N_VELOCITIES = 3
+NOTHING = np.zeros(0, dtype=np.int64)
+# effects that the surge equation alone can show
+SURGE_EFFECTS = (
+    "propeller_lag", "thrust_sag", "thrust_step", "turning_drag", "linear_drag", "weight_excess",
+)  # fmt: skip
 # In a fit the start is estimated along; the line through the readings that it begins from bends
 # where the rudder is laid at once, hence so wide.
 FITTED_START_STD = 30.0
@@ -46,8 +62,7 @@ class Setup:
     records : dict
         Record and maneuver kind by maneuver id; only those that identify.
     dt_s : float
-    sensor : (4, 4) array
-        Reading = sensor @ state.
+    sensing : Sensing
     sensor_std : (4,) array
         Accuracy of each channel; sets the relative weights of the channels.
     prior, prior_std : (n_parameters,) array
@@ -60,13 +75,31 @@ class Setup:
     plan: Plan
     records: Mapping[str, tuple[str, Record]]
     dt_s: float
-    sensor: Array
+    sensing: Sensing
     sensor_std: Array
     prior: Array
     prior_std: Array
     followers: npt.NDArray[np.int64]
     filter: str
     engine: str
+
+    @property
+    def frame(self) -> Frame:
+        """Structure, sensors and step of the prediction."""
+        return Frame(self.structure, self.sensing, self.dt_s)
+
+    @property
+    def sensor(self) -> Array:
+        """Reading = sensor @ state, without effects."""
+        return sensor_matrix(self.structure.plane, self.sensing)
+
+    def free(self, positions: Array) -> Free:
+        """Parameters that move, with those that follow them."""
+        column = np.full(len(self.prior), -1, dtype=np.int64)
+        column[positions] = np.arange(len(positions))
+        for follower, leader in _live_followers(self, positions):
+            column[follower] = column[leader]
+        return Free(positions, column, self.prior_std[positions])
 
 
 @dataclass(frozen=True)
@@ -107,10 +140,21 @@ def free_positions(setup: Setup, stage: PlanStage) -> npt.NDArray[np.int64]:
     """
     following = set(setup.followers[:, 0].tolist())
     positions = [setup.structure.index(s) for s in expand(stage.free, setup.structure.plane)]
+    positions += effect_positions(setup, active_states(stage.system, setup.structure.plane))
     return np.array(
         [i for i in positions if i not in following and setup.prior_std[i] > 0.0],
         dtype=np.int64,
     )
+
+
+def effect_positions(setup: Setup, active: Array) -> list[int]:
+    """Positions of the effects' parameters that can be seen in the active states."""
+    lateral = bool(active[1])
+    return [
+        i
+        for i, name in enumerate(setup.structure.parameters)
+        if "." in name and (lateral or name.split(".")[0] in SURGE_EFFECTS)
+    ]
 
 
 def stage_records(setup: Setup, stage: PlanStage) -> list[Record]:
@@ -120,11 +164,9 @@ def stage_records(setup: Setup, stage: PlanStage) -> list[Record]:
 
 def predicted(setup: Setup, parameters: Array, record: Record, active: Array) -> Array:
     """Readings (n, 4) predicted by free-running simulation of the active states."""
-    states = simulate_states(
-        record.start, record.inputs, record.given, setup.dt_s, parameters, active,
-        *setup.structure.arrays,
-    )  # fmt: skip
-    return states @ setup.sensor.T
+    acting = at_effects(setup.frame, parameters, record)
+    states = simulated(setup.frame, parameters, acting, active)
+    return readings(setup.frame, parameters, record, states)
 
 
 def effective_noise(
@@ -194,7 +236,8 @@ def tuning_of(setup: Setup, free: Array) -> tuple[Array, Array]:
     factors, drifts = np.ones(len(free)), np.zeros(len(free))
     for i, position in enumerate(free):
         symbol = setup.structure.parameters[position]
-        for name in ("all", BY_SYMBOL[symbol].group, symbol):
+        groups = (BY_SYMBOL[symbol].group,) if symbol in BY_SYMBOL else ()
+        for name in ("all", *groups, symbol):
             if name in setup.plan.tuning:
                 factors[i] = setup.plan.tuning[name].prior
                 drifts[i] = setup.plan.tuning[name].drift
@@ -205,7 +248,13 @@ def _filter(
     setup: Setup, parameters: Array, free: Array, records: list[Record], active: Array,
     noise: Array,
 ) -> Outcome:  # fmt: skip
-    stacked, starts = stack(records, setup.dt_s)
+    acting = [at_effects(setup.frame, parameters, record) for record in records]
+    stacked, starts = stack(acting, setup.dt_s)
+    by_id = {record.id: record for record in acting}
+    linear, sensor = linear_about(
+        setup.frame, parameters, [by_id[i] for i in stacked.ids], setup.free(free),
+        stacked.inputs.shape[1],
+    )  # fmt: skip
     scale = setup.prior_std[free]
     factors, drifts = tuning_of(setup, free)
     problem = FilterProblem(
@@ -219,11 +268,12 @@ def _filter(
         theta_noise=drifts**2 * setup.dt_s,
         active=active,
         channels=active & _sensed(stacked),
-        sensor=setup.sensor,
+        sensor=sensor,
         process_std=noise * np.sqrt(setup.dt_s) / setup.plan.observer_time_s,
         sensor_std=noise,
         start=starts,
         start_std=START_STD * noise,
+        linear=linear if setup.structure.effects else None,
     )
     passed = ENGINES[setup.engine](problem, setup.filter)
     away = (setup.prior[free] - parameters[free]) / scale
@@ -267,14 +317,20 @@ def _with_fitted_start(
     setup: Setup, parameters: Array, record: Record, active: Array, noise: Array
 ) -> Record:
     """The record with the start state that suits it best, so that its residual is one."""
-    half, gradient, curvature = _record_error(
-        setup, parameters, record, active, noise,
-        np.full(len(parameters), -1, dtype=np.int64), np.zeros(0),
-    )  # fmt: skip
-    if not np.isfinite(half):
+    found = whitened(setup, parameters, record, active, noise, setup.free(NOTHING))
+    if found is None:
         return record
+    residual, slopes = found
+    move = np.linalg.solve(
+        slopes.T @ slopes + _start_information(active, noise), slopes.T @ residual
+    )
+    return moved_start(record, active, -move)
+
+
+def moved_start(record: Record, active: Array, move: Array) -> Record:
+    """The record with the active states of its start moved."""
     start = record.start.copy()
-    start[active] -= np.linalg.solve(curvature + _start_information(active, noise), gradient)
+    start[active] += move
     return replace(record, start=start)
 
 
@@ -283,19 +339,26 @@ def _start_information(active: Array, noise: Array) -> Array:
     return np.diag((FITTED_START_STD * noise[active]) ** -2.0)
 
 
-def _record_error(
-    setup: Setup, p: Array, record: Record, active: Array, noise: Array, column: Array,
-    scale: Array,
-) -> tuple[float, Array, Array]:  # fmt: skip
-    """Output error of a record, its gradient and curvature: start states, then coefficients."""
-    n = int(np.sum(active)) + len(scale)
-    gradient, curvature = np.zeros(n), np.zeros((n, n))
-    half = output_error(
-        record.start, record.inputs, record.given, record.measured, setup.sensor, noise,
-        active, setup.dt_s, p, active, *setup.structure.arrays, column, scale, gradient,
-        curvature,
-    )  # fmt: skip
-    return half, gradient, curvature + np.tril(curvature, -1).T
+def whitened(
+    setup: Setup, p: Array, record: Record, active: Array, noise: Array, free: Free,
+    gain: Array | None = None,
+) -> tuple[Array, Array] | None:  # fmt: skip
+    """Output errors of a record over their noise, and their slopes.
+
+    Returns
+    -------
+    tuple of (m,) and (m, n_active + n_free) array, or None
+        Predicted minus measured, by the active states at the start and the free parameters; None
+        where the simulation ran away.
+    """
+    found = readings_with_slopes(setup.frame, p, record, active, free, gain)
+    if found is None:
+        return None
+    seen = seen_rows(setup.frame, p, record, active)
+    kept = np.concatenate([np.flatnonzero(active), N_STATES + np.arange(len(free.positions))])
+    weight = np.broadcast_to(1.0 / noise, seen.shape)[seen]
+    error = (found.readings - record.measured)[seen] * weight
+    return error, found.slopes[seen][:, kept] * weight[:, None]
 
 
 def _moved(setup: Setup, parameters: Array, free: Array, theta: Array) -> Array:
@@ -329,26 +392,22 @@ def likelihood_of(
     noise: Array,
 ) -> Likelihood:  # fmt: skip
     """Likelihood of the deviations from `parameters` for `estimation.output_error.fit`."""
-    column = np.full(len(parameters), -1, dtype=np.int64)
-    column[free] = np.arange(len(free))
-    for follower, leader in _live_followers(setup, free):
-        column[follower] = column[leader]
-    scale = setup.prior_std[free]
-
-    k, held = int(np.sum(active)), _start_information(active, noise)
+    moving, k = setup.free(free), int(np.sum(active))
+    held = _start_information(active, noise)
 
     def likelihood(theta: Array) -> tuple[float, Array, Array]:
         p = _moved(setup, parameters, free, theta)
         gradient, curvature = np.zeros(len(free)), np.zeros((len(free), len(free)))
         half = 0.0
         for record in records:
-            error, g, h = _record_error(setup, p, record, active, noise, column, scale)
-            half += error
-            if not np.isfinite(half):
-                break
+            found = whitened(setup, p, record, active, noise, moving)
+            if found is None:
+                return np.inf, gradient, curvature
+            error, slopes = found
+            g, h = slopes.T @ error, slopes.T @ slopes
             # the start is no coefficient: its best value is taken, its uncertainty counted
             start = np.linalg.solve(h[:k, :k] + held, np.column_stack([g[:k], h[:k, k:]]))
-            half -= 0.5 * float(g[:k] @ start[:, 0])
+            half += 0.5 * float(error @ error) - 0.5 * float(g[:k] @ start[:, 0])
             gradient += g[k:] - h[k:, :k] @ start[:, 0]
             curvature += h[k:, k:] - h[k:, :k] @ start[:, 1:]
         return half, gradient, 0.5 * (curvature + curvature.T)

@@ -18,6 +18,9 @@ from auvident.estimation.kalman import (
 )
 from auvident.jit import kernel
 from auvident.physics.batch import (
+    N_INPUTS,
+    N_POSITIONS,
+    N_POWERS,
     N_STATES,
     N_VELOCITIES,
     P_ROWS,
@@ -31,6 +34,7 @@ from auvident.physics.batch import (
 from auvident.physics.dynamics import SPEED_LIMIT
 from auvident.physics.sensitivity import (
     N_PLACES,
+    N_SLOPES,
     place_parameters,
     sort_masses,
     sort_slopes,
@@ -60,6 +64,11 @@ class Case(NamedTuple):
     channels: np.ndarray
     sensor: np.ndarray
     sensor_variance: np.ndarray
+    input_slopes: np.ndarray
+    input_columns: np.ndarray
+    offset: np.ndarray
+    reading_slopes: np.ndarray
+    reading_columns: np.ndarray
     q_theta: np.ndarray
     q_x: np.ndarray
     whitened: np.ndarray
@@ -77,7 +86,8 @@ def _stop(fault, t, record, where, reason):
 @kernel
 def _take_readings(
     t, alive, mean, covariance, n_theta, index, given, measured, channels, sensor,
-    sensor_variance, whitened, fault, x, gradient, projected, gain, half,
+    sensor_variance, offset, reading_slopes, reading_columns, whitened, fault, x, gradient,
+    by_theta, projected, gain, half,
 ):  # fmt: skip
     """Update with every reading at step t; returns log-likelihood and count."""
     n_x, n = index.shape[0], n_theta + alive * index.shape[0]
@@ -96,9 +106,14 @@ def _take_readings(
             for i in range(N_STATES):
                 if sensor[c, i] != 0.0:
                     innovation -= sensor[c, i] * x[i]
+            if offset.shape[1] > 0:
+                innovation -= offset[j, t, c]
+            for i in range(reading_columns.shape[0]):
+                by_theta[i] = reading_slopes[j, t, c, i]
+                innovation -= by_theta[i] * mean[reading_columns[i]]
             spread = update_with(
-                mean, covariance, n, first, gradient, innovation, sensor_variance[c], projected,
-                gain, half,
+                mean, covariance, n, first, gradient, reading_columns, by_theta, innovation,
+                sensor_variance[c], projected, gain, half,
             )  # fmt: skip
             if spread <= 0.0:
                 _stop(fault, t, j, c, NOT_POSITIVE)
@@ -141,17 +156,45 @@ def _parameters_at(base, column, scale, theta, p):
 
 @kernel
 def _small(n_x):
-    """Work arrays: a state, a gradient, inputs, given states at both ends of a step."""
-    return np.empty(N_STATES), np.empty(n_x), np.empty(3), np.empty(N_STATES), np.empty(N_STATES)
+    """Work arrays: a state, a gradient, given states at both ends of a step."""
+    return np.empty(N_STATES), np.empty(n_x), np.empty(N_STATES), np.empty(N_STATES)
 
 
 @kernel
 def _place_step(j, t, inputs, given, u, g0, g1):
     """Copy the inputs and given states of a step (a view of them would cost more)."""
-    for i in range(3):
+    for i in range(u.shape[0]):
         u[i] = inputs[j, t, i]
     for i in range(N_STATES):
         g0[i], g1[i] = given[j, t, i], given[j, t + 1, i]
+
+
+@kernel
+def _place_inputs_at(j, t, theta, input_slopes, input_columns, u, u_slopes):
+    """Inputs and their slopes at the deviations theta."""
+    for k in range(input_columns.shape[0]):
+        for i in range(N_INPUTS):
+            u_slopes[i, k] = input_slopes[j, t, i, k]
+            u[i] += u_slopes[i, k] * theta[input_columns[k]]
+
+
+@kernel
+def _spread_inputs(j, t, count, u, mean, input_slopes, input_columns, upper, spread, moving, rows):
+    """Inputs that move, at every sigma point, as the rows of their variables."""
+    n_points = input_columns.shape[0]
+    for i in range(N_INPUTS):
+        if not moving[i]:
+            continue
+        at, centre = (N_POSITIONS + i) * N_POWERS, u[i]
+        for k in range(n_points):
+            centre += input_slopes[j, t, i, k] * mean[input_columns[k]]
+        for s in range(count):
+            rows[at, s] = centre
+        for k in range(n_points):
+            slope = spread * input_slopes[j, t, i, k]
+            for c in range(input_columns[k] + 1):
+                rows[at, 1 + 2 * c] += slope * upper[c, input_columns[k]]
+                rows[at, 2 + 2 * c] -= slope * upper[c, input_columns[k]]
 
 
 @kernel
@@ -159,25 +202,30 @@ def ekf_pass(mean, covariance, case, terms, weights, mass, mass_weights):
     """Run the EKF over all records; returns log-likelihood and number of readings."""
     (
         index, lengths, inputs, given, measured, dt, base, column, scale, active, channels, sensor,
-        sensor_variance, q_theta, q_x, whitened, states, history, history_std, fault,
+        sensor_variance, input_slopes, input_columns, offset, reading_slopes, reading_columns,
+        q_theta, q_x, whitened, states, history, history_std, fault,
     ) = case  # fmt: skip
     n_x, n, n_theta = index.shape[0], mean.shape[0], scale.shape[0]
-    table, both, partials = sort_slopes(active, column, scale, 1 + n_x, terms, weights)
+    moving, places = np.full(N_INPUTS, input_columns.shape[0] > 0), input_columns + 1 + n_x
+    u_slopes = np.zeros((N_INPUTS, places.shape[0]))
+    table, both, partials = sort_slopes(active, column, scale, 1 + n_x, moving, terms, weights)
     sorted_mass, mass_both = sort_masses(active, column, scale, 1 + n_x, mass, mass_weights)
     used, value, coefficient = used_variables(active, terms), np.ones(N_PLACES), both[:, 0].copy()
     p, m, inverse = base.copy(), np.empty((10, 1)), np.empty((9, 1))
     shape = (N_STATES, 1 + n_x + n_theta)
-    f, f_x = np.zeros((N_VELOCITIES, 1 + shape[1])), np.zeros((N_VELOCITIES, N_STATES))
+    f, f_x = np.zeros((N_VELOCITIES, 1 + shape[1])), np.zeros((N_VELOCITIES, N_SLOPES))
     z, stage, rate, total = np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape)
     slopes, rows = np.empty((n - n_theta, n_x + n_theta)), np.empty((n - n_theta, n))
-    x, gradient, u, g0, g1 = _small(n_x)
+    x, gradient, g0, g1 = _small(n_x)
+    u, by_theta = np.empty(inputs.shape[2]), np.empty(reading_columns.shape[0])
     projected, gain, half = np.empty(n), np.empty(n), np.empty(n)
     log_likelihood, count = 0.0, 0
     for t in range(lengths[0]):
         alive = records_alive(lengths, t)
         gained, taken = _take_readings(
             t, alive, mean, covariance, n_theta, index, given, measured, channels, sensor,
-            sensor_variance, whitened, fault, x, gradient, projected, gain, half,
+            sensor_variance, offset, reading_slopes, reading_columns, whitened, fault, x, gradient,
+            by_theta, projected, gain, half,
         )  # fmt: skip
         log_likelihood += gained
         count += taken
@@ -200,10 +248,10 @@ def ekf_pass(mean, covariance, case, terms, weights, mass, mass_weights):
             for i in range(n_x):
                 z[index[i], 0], z[index[i], 1 + i] = mean[first + i], 1.0
             _place_step(j, t, inputs, given, u, g0, g1)
+            _place_inputs_at(j, t, mean, input_slopes, input_columns, u, u_slopes)
             step_linear(
-                z, u, g0, g1, dt, active, used, table, both,
-                partials, sorted_mass, mass_both, coefficient, inverse, value, f, f_x, stage, rate,
-                total,
+                z, u, g0, g1, dt, active, used, table, both, partials, sorted_mass, mass_both,
+                coefficient, inverse, u_slopes, places, value, f, f_x, stage, rate, total,
             )  # fmt: skip
             for i in range(n_x):
                 mean[first + i] = z[index[i], 0]
@@ -300,27 +348,34 @@ def ukf_pass(mean, covariance, case, terms, weights, mass, mass_weights, spread)
     """
     (
         index, lengths, inputs, given, measured, dt, base, column, scale, active, channels, sensor,
-        sensor_variance, q_theta, q_x, whitened, states, history, history_std, fault,
+        sensor_variance, input_slopes, input_columns, offset, reading_slopes, reading_columns,
+        q_theta, q_x, whitened, states, history, history_std, fault,
     ) = case  # fmt: skip
     n_x, n, n_theta = index.shape[0], mean.shape[0], scale.shape[0]
     moves, size = column >= 0, 2 * n + 1
     moving, differ = np.flatnonzero(moves), 1 + 2 * n_theta
-    table, sorted_weights = sort_terms(active, moves, terms, weights)
-    used, powers = used_variables(active, terms), needed_powers(active, terms)
+    used = used_variables(active, terms)
+    moved_inputs = used[N_POSITIONS:].copy()
+    if input_columns.shape[0] == 0:
+        moved_inputs[:] = False
+    table, sorted_weights = sort_terms(active, moves, moved_inputs, terms, weights)
+    powers = needed_powers(active, moved_inputs, terms)
     scalars, rows = np.ones(P_SCALARS + base.shape[0]), np.zeros((P_ROWS + base.shape[0], size))
     scalars[P_SCALARS:] = base
     m, inverse, force = np.empty((10, size)), np.empty((9, size)), np.empty((N_VELOCITIES, size))
     points, stage = np.empty((N_STATES, size)), np.empty((N_STATES, size))
     rate, total, fixed = np.empty((N_STATES, size)), np.empty((N_STATES, size)), np.empty(N_STATES)
     upper, moved = np.zeros((n, n)), np.zeros((n - n_theta, size))
-    x, gradient, u, g0, g1 = _small(n_x)
+    x, gradient, g0, g1 = _small(n_x)
+    u, by_theta = np.empty(inputs.shape[2]), np.empty(reading_columns.shape[0])
     projected, gain, half = np.empty(n), np.empty(n), np.empty(n)
     log_likelihood, count = 0.0, 0
     for t in range(lengths[0]):
         alive = records_alive(lengths, t)
         gained, taken = _take_readings(
             t, alive, mean, covariance, n_theta, index, given, measured, channels, sensor,
-            sensor_variance, whitened, fault, x, gradient, projected, gain, half,
+            sensor_variance, offset, reading_slopes, reading_columns, whitened, fault, x, gradient,
+            by_theta, projected, gain, half,
         )  # fmt: skip
         log_likelihood += gained
         count += taken
@@ -351,6 +406,10 @@ def ukf_pass(mean, covariance, case, terms, weights, mass, mass_weights, spread)
             for i in range(n_x):
                 _spread_row(mean[at + i], 1.0, at + i, upper, spread, reached, index[i], points)
             _place_step(j, t, inputs, given, u, g0, g1)
+            _spread_inputs(
+                j, t, reached, u, mean, input_slopes, input_columns, upper, spread, moved_inputs,
+                rows,
+            )  # fmt: skip
             step_points(
                 reached, u, g0, g1, dt, active, used, table,
                 sorted_weights, powers, inverse, fixed, scalars, rows, force, points, stage, rate,

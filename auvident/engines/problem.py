@@ -39,6 +39,36 @@ class Records:
 
 
 @dataclass(frozen=True)
+class Linear:
+    """Inputs and readings to first order in the free parameters, records as in `Records`.
+
+    Attributes
+    ----------
+    input_columns : (a,) int array
+        Free parameters that the inputs depend on.
+    input_slopes : (k, n, 9, a) array
+        In units of the free parameters' scale.
+    offset : (k, n, 4) array
+        Reading = sensor @ state + offset + slopes @ theta.
+    reading_columns : (b,) int array
+        Free parameters that the readings depend on.
+    reading_slopes : (k, n, 4, b) array
+    """
+
+    input_columns: npt.NDArray[np.int64]
+    input_slopes: Array
+    offset: Array
+    reading_columns: npt.NDArray[np.int64]
+    reading_slopes: Array
+
+
+def no_effects(k: int) -> Linear:
+    """The `Linear` of a problem whose inputs and readings depend on no parameter."""
+    none = np.zeros(0, dtype=np.int64)
+    return Linear(none, np.zeros((k, 0, 9, 0)), np.zeros((k, 0, 4)), none, np.zeros((k, 0, 4, 0)))
+
+
+@dataclass(frozen=True)
 class FilterProblem:
     """One pass of a filter over all records of a stage in one augmented state.
 
@@ -72,6 +102,8 @@ class FilterProblem:
         Initial states.
     start_std : (4,) array
         Their standard deviation.
+    linear : Linear, optional
+        How inputs and readings depend on the free parameters.
     """
 
     structure: Structure
@@ -89,6 +121,7 @@ class FilterProblem:
     sensor_std: Array
     start: Array
     start_std: Array
+    linear: "Linear | None" = None
 
     @property
     def active_index(self) -> npt.NDArray[np.int64]:

@@ -1,6 +1,5 @@
 """From tables on one clock to the arrays of a filter pass or a simulation."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,12 +9,23 @@ import numpy.typing as npt
 
 from auvident.engines.problem import Records
 from auvident.physics.dynamics import N_STATES
-from auvident.schema.artifacts import Maneuver, Sensing
+from auvident.physics.sensing import sensor_matrix
+from auvident.schema.artifacts import Maneuver
 from auvident.schema.channels import RECORD_COLUMN, TIME_COLUMN, sampled_flag
 from auvident.schema.coefficients import Plane
 from auvident.schema.trial import Trial
 
 Array = npt.NDArray[Any]
+
+__all__ = [
+    "CONTROL_COLUMNS",
+    "STATE_COLUMNS",
+    "Record",
+    "Source",
+    "record_of",
+    "sensor_matrix",
+    "stack",
+]
 
 # column of each state (u, a, b, angle), of the own and of the other control surface
 STATE_COLUMNS: dict[Plane, tuple[str, str, str, str]] = {
@@ -26,7 +36,44 @@ CONTROL_COLUMNS: dict[Plane, tuple[str, str]] = {
     "horizontal": ("rudder_rad", "elevator_rad"),
     "vertical": ("elevator_rad", "rudder_rad"),
 }
+LEAD_IN_S = 20.0  # inputs before a maneuver, for what remembers them: lags, delays and play
+AUXILIARY = ("p_radps", "q_radps", "roll_rad", "pitch_rad")
 START_BEFORE_S, START_AFTER_S = 1.0, 0.5  # window of the line that gives the state at the start
+
+
+@dataclass(frozen=True)
+class Source:
+    """What effects need of the log beside a record of n rows; m more rows of inputs lead in.
+
+    Attributes
+    ----------
+    raw : (m + n, 3) array
+        Logged inputs: own control, other control [rad], propeller rate [rev/s].
+    elapsed_s : (m + n,) array
+        Time since the start of the trial.
+    speed : (m + n,) array
+        Measured surge velocity.
+    roll, pitch : (m + n,) array
+        Zero where not logged.
+    rates : (n, 2) array
+        Roll and pitch rate, zero where not logged.
+    bridged : (n, 4) array
+        Readings, gaps bridged.
+    start : (4,) array
+        Readings at the start, from a line.
+    free_force : (n, 3) array or None
+        Forces X, A, B that act in addition.
+    """
+
+    raw: Array
+    elapsed_s: Array
+    speed: Array
+    roll: Array
+    pitch: Array
+    rates: Array
+    bridged: Array
+    start: Array
+    free_force: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -39,27 +86,7 @@ class Record:
     given: Array
     measured: Array
     start: Array
-
-
-def sensor_matrix(plane: Plane, sensing: Sensing) -> Array:
-    """Readings (DVL u, DVL v or w, rate gyro, angle) as linear functions of the state.
-
-    Theory 2.3: velocity of the DVL's position in the axes of the DVL, which is turned by the
-    mounting angle (positive to starboard).
-
-    Returns
-    -------
-    (4, 4) array
-        Reading = matrix @ (u, a, b, angle).
-    """
-    matrix = np.eye(N_STATES)
-    if plane == "vertical":
-        matrix[0, 2], matrix[1, 2] = sensing.dvl_z_m, -sensing.dvl_x_m
-        return matrix
-    matrix[0, 2], matrix[1, 2] = -sensing.dvl_y_m, sensing.dvl_x_m
-    c, s = math.cos(sensing.dvl_mounting_yaw_rad), math.sin(sensing.dvl_mounting_yaw_rad)
-    matrix[:2] = np.array([[c, s], [-s, c]]) @ matrix[:2]
-    return matrix
+    source: Source | None = None
 
 
 def record_of(maneuver: Maneuver, trial: Trial, plane: Plane, sensor: Array) -> Record:
@@ -84,20 +111,39 @@ def record_of(maneuver: Maneuver, trial: Trial, plane: Plane, sensor: Array) -> 
             sampled = table[sampled_flag(column)].to_numpy()[first:last]
             measured[:, i] = np.where(sampled, readings[:, i], np.nan)
     inverse = np.linalg.inv(sensor)
-    inputs = np.zeros((last - first, 3))
-    for i, column in enumerate(CONTROL_COLUMNS[plane]):
-        if column in table:
-            inputs[:, i] = table[column].to_numpy()[first:last]
-    inputs[:, 2] = table["rpm"].to_numpy()[first:last] / 60.0
-    given = np.nan_to_num(readings) @ inverse.T
+    lead = min(round(LEAD_IN_S * trial.rate_hz), int(first))
+    raw = _raw_inputs(trial, plane, int(first) - lead, int(last))
+    bridged = np.nan_to_num(readings)
+    start = _reading_at(trial, plane, int(first))
+    extra = _columns(trial, AUXILIARY, int(first) - lead, int(last))
+    speed = _columns(trial, STATE_COLUMNS[plane][:1], int(first) - lead, int(last))[:, 0]
+    source = Source(
+        raw, time[first - lead : last] - time[0], speed, extra[:, 2], extra[:, 3],
+        extra[lead:, :2], bridged, start,
+    )  # fmt: skip
     return Record(
-        maneuver.id, time[first:last], np.nan_to_num(inputs), given, measured,
-        _state_at(trial, plane, int(first), inverse),
+        maneuver.id, time[first:last], raw[lead:].copy(), bridged @ inverse.T, measured,
+        inverse @ start, source,
     )  # fmt: skip
 
 
-def _state_at(trial: Trial, plane: Plane, row: int, inverse: Array) -> Array:
-    """State at a row, from a line through the readings around it in the same record."""
+def _raw_inputs(trial: Trial, plane: Plane, first: int, last: int) -> Array:
+    """Logged inputs (n, 3), zero where there are none."""
+    columns = (*CONTROL_COLUMNS[plane], "rpm")
+    return _columns(trial, columns, first, last) / np.array([1.0, 1.0, 60.0])
+
+
+def _columns(trial: Trial, names: Sequence[str], first: int, last: int) -> Array:
+    """Columns (n, k) of a trial, zero where there is no value."""
+    out = np.zeros((last - first, len(names)))
+    for i, column in enumerate(names):
+        if column in trial.table:
+            out[:, i] = trial.table[column].to_numpy()[first:last]
+    return np.nan_to_num(out)
+
+
+def _reading_at(trial: Trial, plane: Plane, row: int) -> Array:
+    """Readings (4,) at a row, from a line through the readings around it in the same record."""
     table = trial.table
     before, after = (round(s * trial.rate_hz) for s in (START_BEFORE_S, START_AFTER_S))
     rows = np.arange(max(row - before, 0), min(row + after + 1, len(table)))
@@ -113,7 +159,7 @@ def _state_at(trial: Trial, plane: Plane, row: int, inverse: Array) -> Array:
             reading[i] = np.polynomial.polynomial.polyfit(rows[good] - row, values[good], 1)[0]
         elif good.any():
             reading[i] = values[good][0]
-    return inverse @ reading
+    return reading
 
 
 def stack(maneuvers: Sequence[Record], dt_s: float) -> tuple[Records, Array]:

@@ -21,9 +21,11 @@ from auvident.engines.problem import (
     FilterProblem,
     FilterResult,
     empty_states,
+    no_effects,
     starting_covariance,
 )
 from auvident.errors import NumericsError
+from auvident.physics.batch import N_INPUTS
 from auvident.physics.dynamics import N_STATES, inverse_mass, step, step_with_sensitivities
 
 Array = npt.NDArray[Any]
@@ -40,6 +42,7 @@ class _Model:
         self.n_theta, self.n_x = len(problem.free), len(self.index)
         self.inverse = np.empty((3, 3))
         self.terms, self.weights, self.mass, self.mass_weights = problem.structure.arrays
+        self.linear = problem.linear or no_effects(len(problem.records.ids))
 
     def size(self, alive: int) -> int:
         return self.n_theta + alive * self.n_x
@@ -52,10 +55,25 @@ class _Model:
         x[self.index] = chi[self.block(j)]
         return x
 
+    def inputs(self, chi: Array, j: int, t: int) -> Array:
+        """Inputs of a record at the parameters of a state."""
+        inputs: Array = self.problem.records.inputs[j, t]
+        columns = self.linear.input_columns
+        if len(columns):
+            inputs = inputs + self.linear.input_slopes[j, t] @ chi[columns]
+        return inputs
+
+    def _input_slopes(self, j: int, t: int) -> Array:
+        if not len(self.linear.input_columns):
+            return np.zeros((N_INPUTS, 0))
+        return np.ascontiguousarray(
+            self.linear.input_slopes[j, t] / self.problem.scale[self.linear.input_columns]
+        )
+
     def _arguments(self, chi: Array, j: int, t: int, p: Array) -> tuple:
         records = self.problem.records
         return (
-            self.full_state(chi, j, t), records.inputs[j, t], records.given[j, t],
+            self.full_state(chi, j, t), self.inputs(chi, j, t), records.given[j, t],
             records.given[j, t + 1], records.dt_s, p, self.inverse, self.problem.active,
             self.terms, self.weights,
         )  # fmt: skip
@@ -83,7 +101,8 @@ class _Model:
             s_x = np.hstack([np.eye(N_STATES), np.zeros((N_STATES, self.n_theta))])
             step_with_sensitivities(
                 *self._arguments(chi, j, t, p), self.mass, self.mass_weights,
-                self.problem.column, s_x, out,
+                self.problem.column, self._input_slopes(j, t), self.linear.input_columns, s_x,
+                out,
             )  # fmt: skip
             rows = self.block(j)
             moved[rows] = out[self.index]
@@ -104,16 +123,25 @@ class _Model:
     def predicted(self, chi: Array, t: int, readings: list[tuple[int, int]]) -> Array:
         """What the sensors should read."""
         sensor = self.problem.sensor
-        return np.array(
+        values = np.array(
             [np.dot(sensor[c], np.where(sensor[c] != 0.0, self.full_state(chi, j, t), 0.0))
              for j, c in readings]
         )  # fmt: skip
+        columns = self.linear.reading_columns
+        for row, (j, c) in enumerate(readings):
+            if self.linear.offset.shape[1]:
+                values[row] += self.linear.offset[j, t, c]
+            if len(columns):
+                values[row] += self.linear.reading_slopes[j, t, c] @ chi[columns]
+        return values
 
-    def gradient(self, size: int, readings: list[tuple[int, int]]) -> Array:
+    def gradient(self, size: int, t: int, readings: list[tuple[int, int]]) -> Array:
         """Derivative of `predicted`."""
         h = np.zeros((len(readings), size))
         for row, (j, c) in enumerate(readings):
             h[row, self.block(j)] = self.problem.sensor[c, self.index]
+            if len(self.linear.reading_columns):
+                h[row, self.linear.reading_columns] = self.linear.reading_slopes[j, t, c]
         return h
 
     def noise(self, alive: int) -> Array:
@@ -190,7 +218,7 @@ def _update(
     z = np.array([model.problem.records.measured[j, t, c] for j, c in readings])
     ekf.update(
         z,
-        HJacobian=lambda x: model.gradient(len(chi), readings),
+        HJacobian=lambda x: model.gradient(len(chi), t, readings),
         Hx=lambda x: model.predicted(x, t, readings),
     )
     factor = np.linalg.cholesky(ekf.S)

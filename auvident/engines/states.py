@@ -10,6 +10,7 @@ from auvident.engines.estimator import LONGEST_CORRELATION_S, START_STD
 from auvident.engines.records import Record
 from auvident.estimation.output_error import correlation_time
 from auvident.estimation.smoother import smooth
+from auvident.physics.batch import N_INPUTS
 from auvident.physics.dynamics import (
     N_STATES,
     inverse_mass,
@@ -57,6 +58,7 @@ def smoothed_states(
     n, m = len(record.time_s), len(index)
     after, before = (np.zeros((n, m)), np.zeros((n, m, m))), (np.zeros((n, m)), np.zeros((n, m, m)))
     transition = np.zeros((n, m, m))
+    no_slopes, no_columns = np.zeros((N_INPUTS, 0)), np.zeros(0, dtype=np.int64)
     column = np.full(len(p), -1, dtype=np.int64)
     for k in range(n):
         before[0][k], before[1][k] = x, covariance
@@ -69,7 +71,7 @@ def smoothed_states(
         s_x = np.eye(N_STATES)
         step_with_sensitivities(
             full, record.inputs[k], record.given[k], record.given[k + 1], dt_s, p, inverse,
-            active, *structure.arrays, column, s_x, out,
+            active, *structure.arrays, column, no_slopes, no_columns, s_x, out,
         )  # fmt: skip
         transition[k] = s_x[np.ix_(index, index)]
         x = out[index]

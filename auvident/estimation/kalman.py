@@ -118,8 +118,9 @@ def update_scalar(mean, covariance, n, first, gradient, innovation, variance):
     """
     projected, gain, half = np.empty(n), np.empty(n), np.empty(n)
     spread = update_with(
-        mean, covariance, n, first, gradient, innovation, variance, projected, gain, half
-    )
+        mean, covariance, n, first, gradient, np.zeros(0, np.int64), np.zeros(0), innovation,
+        variance, projected, gain, half,
+    )  # fmt: skip
     for i in range(n):
         for j in range(i):
             even = 0.5 * (covariance[i, j] + covariance[j, i])
@@ -129,8 +130,13 @@ def update_scalar(mean, covariance, n, first, gradient, innovation, variance):
 
 
 @kernel
-def update_with(mean, covariance, n, first, gradient, innovation, variance, projected, gain, half):
+def update_with(
+    mean, covariance, n, first, gradient, places, slopes, innovation, variance, projected, gain,
+    half,
+):  # fmt: skip
     """As `update_scalar`, with work arrays (>= n,): P h, the gain, half the change over it.
+
+    The measurement may also depend on the states `places` (k,) with `slopes` (k,).
 
     A symmetric covariance stays symmetric to the last bit: it changes by gain half' + half gain'.
     """
@@ -140,9 +146,15 @@ def update_with(mean, covariance, n, first, gradient, innovation, variance, proj
         slope = gradient[l]
         for i in range(n):
             projected[i] += slope * covariance[first + l, i]
+    for l in range(places.shape[0]):  # noqa: E741
+        slope, place = slopes[l], places[l]
+        for i in range(n):
+            projected[i] += slope * covariance[place, i]
     seen = 0.0  # h' P h
     for l in range(gradient.shape[0]):  # noqa: E741
         seen += gradient[l] * projected[first + l]
+    for l in range(places.shape[0]):  # noqa: E741
+        seen += slopes[l] * projected[places[l]]
     spread = seen + variance
     if not (spread > 0.0 and math.isfinite(spread)):
         return -1.0

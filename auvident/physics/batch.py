@@ -18,23 +18,26 @@ from auvident.jit import kernel
 
 N_STATES = 4
 N_VELOCITIES = 3
-N_VARIABLES = 8
+N_VARIABLES = 14
+N_INPUTS = 9  # the last variables: control surfaces, propeller rate and what effects need
 N_POWERS = 5
 N_POSITIONS = 5  # variables that depend on the state: u, a, b, sine and cosine of the angle
 ONE = N_VARIABLES * N_POWERS  # place of the factor 1, after the powers of all variables
 P_SCALARS = ONE + 1  # place of the first parameter among the scalars ...
-P_ROWS = N_POSITIONS * N_POWERS  # ... and among the rows
+P_ROWS = ONE  # ... and among the rows
 
 
 @kernel
-def varies(variable, active):
-    """Whether a variable of a term differs from point to point."""
-    return active[min(variable, N_STATES - 1)] if variable < N_POSITIONS else False
+def varies(variable, active, moving):
+    """Whether a variable of a term differs from point to point (moving: inputs (9,) that do)."""
+    if variable < N_POSITIONS:
+        return active[min(variable, N_STATES - 1)]
+    return moving[variable - N_POSITIONS]
 
 
 @kernel
 def used_variables(active, terms):
-    """Variables (8,) that stand in the terms of the active equations."""
+    """Variables (14,) that stand in the terms of the active equations."""
     used = np.zeros(N_VARIABLES, np.bool_)
     for k in range(terms.shape[0]):
         for c in range(2, terms.shape[1], 2):
@@ -44,7 +47,7 @@ def used_variables(active, terms):
 
 
 @kernel
-def sort_terms(active, moves, terms, weights):
+def sort_terms(active, moves, moving, terms, weights):
     """Sort the terms of the active equations for many points.
 
     Parameters
@@ -52,6 +55,8 @@ def sort_terms(active, moves, terms, weights):
     active : (4,) bool array
     moves : (n_parameters,) bool array
         Whether a parameter differs from point to point.
+    moving : (9,) bool array
+        Whether an input does.
     terms, weights : arrays of `terms.Structure`
 
     Returns
@@ -71,7 +76,7 @@ def sort_terms(active, moves, terms, weights):
             table[k, 5], table[k, 6], n = ONE, P_ROWS + term[1], 1
         for c in range(3):
             variable, power = term[2 + 2 * c], term[3 + 2 * c]
-            if power >= 0 and varies(variable, active):
+            if power >= 0 and varies(variable, active, moving):
                 table[k, 6 + n] = variable * N_POWERS + power
                 n += 1
             elif power >= 0:
@@ -81,16 +86,16 @@ def sort_terms(active, moves, terms, weights):
 
 
 @kernel
-def needed_powers(active, terms):
-    """Variable and power (k, 2) of every power of an active state that stands in a term."""
-    needed = np.zeros((N_POSITIONS, N_POWERS), np.bool_)
+def needed_powers(active, moving, terms):
+    """Variable and power (k, 2) of every power in a term that differs from point to point."""
+    needed = np.zeros((N_VARIABLES, N_POWERS), np.bool_)
     for k in range(terms.shape[0]):
         for c in range(2, terms.shape[1], 2):
             variable, power = terms[k, c], terms[k, c + 1]
-            if active[terms[k, 0]] and power >= 0 and varies(variable, active):
+            if active[terms[k, 0]] and power >= 0 and varies(variable, active, moving):
                 needed[variable, 0] = needed[variable, power] = True
-    powers, k = np.zeros((N_POSITIONS * N_POWERS, 2), np.int64), 0
-    for variable in range(N_POSITIONS):
+    powers, k = np.zeros((N_VARIABLES * N_POWERS, 2), np.int64), 0
+    for variable in range(N_VARIABLES):
         for power in range(N_POWERS):
             if needed[variable, power]:
                 powers[k, 0], powers[k, 1] = variable, power
@@ -108,8 +113,8 @@ def place_powers(variable, y, value):
 
 @kernel
 def place_inputs(inputs, used, value):
-    """Powers of control angles and propeller rate."""
-    for i in range(3):
+    """Powers of the inputs that stand in a term."""
+    for i in range(N_INPUTS):
         if used[N_POSITIONS + i]:
             place_powers(N_POSITIONS + i, inputs[i], value)
 
@@ -181,7 +186,7 @@ def _place_given(given0, given1, fraction, active, used, fixed, scalars):
 
 @kernel
 def _place_rows(count, powers, stage, rows):
-    """Powers of the active states of every point."""
+    """Powers of the active states of every point; moving inputs stand in their rows already."""
     for k in range(powers.shape[0]):
         variable, power = powers[k, 0], powers[k, 1]
         base = variable * N_POWERS
@@ -193,7 +198,7 @@ def _place_rows(count, powers, stage, rows):
             elif variable == N_VELOCITIES:
                 for s in range(count):
                     rows[at, s] = math.sin(stage[3, s])
-            else:
+            elif variable < N_POSITIONS:
                 for s in range(count):
                     rows[at, s] = math.cos(stage[3, s])
         elif power == 1:

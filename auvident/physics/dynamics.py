@@ -7,12 +7,11 @@ States are (u, a, b, angle); a state that is not active is held at the value giv
 the surge system takes v and r from the measurements and the yaw-sway system takes u.
 """
 
-import math
-
 import numpy as np
 
 from auvident.jit import kernel
 from auvident.physics.batch import (
+    N_INPUTS,
     N_STATES,
     N_VELOCITIES,
     P_ROWS,
@@ -28,6 +27,7 @@ from auvident.physics.batch import (
 )
 from auvident.physics.sensitivity import (
     N_PLACES,
+    N_SLOPES,
     linearise,
     place_parameters,
     sort_masses,
@@ -56,6 +56,12 @@ def inverse_mass(p, mass, mass_weights, active, inverse):
 
 
 @kernel
+def _still():
+    """No input depends on a free parameter."""
+    return np.zeros(N_INPUTS, np.bool_)
+
+
+@kernel
 def _scalars(p):
     """What all points share: powers (placed later), the factor 1, the parameters."""
     scalars = np.ones(P_SCALARS + p.shape[0])
@@ -80,12 +86,14 @@ def derivative(x, inputs, p, inverse, active, terms, weights, rate):
     terms, weights : arrays of `terms.Structure`
     rate : (4,) array, filled
     """
-    table, sorted_weights = sort_terms(active, np.zeros(p.shape[0], np.bool_), terms, weights)
+    table, sorted_weights = sort_terms(
+        active, np.zeros(p.shape[0], np.bool_), _still(), terms, weights
+    )
     used, scalars = used_variables(active, terms), _scalars(p)
     place_inputs(inputs, used, scalars)
     rate[:] = 0.0
     rates(
-        1, 0.0, x, x, active, used, table, sorted_weights, needed_powers(active, terms),
+        1, 0.0, x, x, active, used, table, sorted_weights, needed_powers(active, _still(), terms),
         inverse.reshape((9, 1)), np.empty(N_STATES), scalars, np.empty((P_ROWS, 1)),
         np.empty((N_VELOCITIES, 1)), x.reshape((N_STATES, 1)), rate.reshape((N_STATES, 1)),
     )  # fmt: skip
@@ -102,7 +110,7 @@ def derivative_and_jacobians(
     """
     used, value, scale = used_variables(active, terms), np.ones(N_PLACES), np.ones(j_p.shape[1])
     lead, columns = 1 + N_STATES, 1 + N_STATES + j_p.shape[1]
-    table, both, partials = sort_slopes(active, column, scale, lead, terms, weights)
+    table, both, partials = sort_slopes(active, column, scale, lead, _still(), terms, weights)
     sorted_mass, mass_both = sort_masses(active, column, scale, lead, mass, mass_weights)
     stage, result = np.zeros((N_STATES, columns)), np.zeros((N_STATES, columns))
     stage[:, 0] = x
@@ -111,8 +119,9 @@ def derivative_and_jacobians(
     place_inputs(inputs, used, value)
     linearise(
         stage, active, used, table, both, partials, sorted_mass, mass_both,
-        _coefficients(p, table, both), inverse.reshape((9, 1)), value,
-        np.zeros((N_VELOCITIES, columns + 1)), np.zeros((N_VELOCITIES, N_STATES)), result,
+        _coefficients(p, table, both), inverse.reshape((9, 1)), np.zeros((N_INPUTS, 0)),
+        np.zeros(0, np.int64), value, np.zeros((N_VELOCITIES, columns + 1)),
+        np.zeros((N_VELOCITIES, N_SLOPES)), result,
     )  # fmt: skip
     rate[:], j_x[:, :], j_p[:, :] = result[:, 0], result[:, 1:lead], result[:, lead:]
 
@@ -129,13 +138,15 @@ def _coefficients(p, table, weights):
 @kernel
 def step(x, inputs, given0, given1, dt, p, inverse, active, terms, weights, out):
     """One RK4 step of the active states; inputs are constant (step means) over the step."""
-    table, sorted_weights = sort_terms(active, np.zeros(p.shape[0], np.bool_), terms, weights)
+    table, sorted_weights = sort_terms(
+        active, np.zeros(p.shape[0], np.bool_), _still(), terms, weights
+    )
     work = np.empty((3, N_STATES, 1))
     out[:] = x
     step_points(
         1, inputs, given0, given1, dt, active, used_variables(active, terms), table,
-        sorted_weights, needed_powers(active, terms), inverse.reshape((9, 1)), np.empty(N_STATES),
-        _scalars(p), np.empty((P_ROWS, 1)), np.empty((N_VELOCITIES, 1)),
+        sorted_weights, needed_powers(active, _still(), terms), inverse.reshape((9, 1)),
+        np.empty(N_STATES), _scalars(p), np.empty((P_ROWS, 1)), np.empty((N_VELOCITIES, 1)),
         out.reshape((N_STATES, 1)), work[0], work[1], work[2],
     )  # fmt: skip
     for i in range(N_STATES):
@@ -146,16 +157,21 @@ def step(x, inputs, given0, given1, dt, p, inverse, active, terms, weights, out)
 @kernel
 def step_with_sensitivities(
     x, inputs, given0, given1, dt, p, inverse, active, terms, weights, mass, mass_weights, column,
-    s_x, out,
+    input_slopes, input_columns, s_x, out,
 ):  # fmt: skip
     """One RK4 step and the exact derivative of the step.
+
+    `input_slopes` (9, k) are the derivatives of the inputs by the free parameters
+    `input_columns` (k,).
 
     `s_x` (4, 4 + n_free) comes in as d x/d(x_start, p_free) and leaves as the same after the
     step; with ``[I, 0]`` it returns the transition matrix and the parameter sensitivity.
     """
     scale, value = np.ones(s_x.shape[1] - N_STATES), np.ones(N_PLACES)
     lead, columns = 1 + N_STATES, 1 + s_x.shape[1]
-    table, both, partials = sort_slopes(active, column, scale, lead, terms, weights)
+    table, both, partials = sort_slopes(
+        active, column, scale, lead, np.full(N_INPUTS, input_columns.shape[0] > 0), terms, weights
+    )
     sorted_mass, mass_both = sort_masses(active, column, scale, lead, mass, mass_weights)
     work = np.zeros((4, N_STATES, columns))
     z = work[0]
@@ -166,8 +182,8 @@ def step_with_sensitivities(
     step_linear(
         z, inputs, given0, given1, dt, active, used_variables(active, terms), table, both,
         partials, sorted_mass, mass_both, _coefficients(p, table, both), inverse.reshape((9, 1)),
-        value, np.zeros((N_VELOCITIES, columns + 1)), np.zeros((N_VELOCITIES, N_STATES)), work[1],
-        work[2], work[3],
+        input_slopes, input_columns + lead, value, np.zeros((N_VELOCITIES, columns + 1)),
+        np.zeros((N_VELOCITIES, N_SLOPES)), work[1], work[2], work[3],
     )  # fmt: skip
     for i in range(N_STATES):
         out[i] = z[i, 0]
@@ -195,8 +211,12 @@ def simulate_states(x0, inputs, given, dt, p, active, terms, weights, mass, mass
     n, moves = inputs.shape[0], np.zeros(p.shape[0], np.bool_)
     states, work = np.full((n, N_STATES), np.nan), np.empty((4, N_STATES, 1))
     x, stage, rate, total = work[0], work[1], work[2], work[3]
-    table, sorted_weights = sort_terms(active, moves, terms, weights)
-    used, powers, scalars = used_variables(active, terms), needed_powers(active, terms), _scalars(p)
+    table, sorted_weights = sort_terms(active, moves, _still(), terms, weights)
+    used, powers, scalars = (
+        used_variables(active, terms),
+        needed_powers(active, _still(), terms),
+        _scalars(p),
+    )
     rows, force, fixed = np.empty((P_ROWS, 1)), np.empty((N_VELOCITIES, 1)), np.empty(N_STATES)
     m, inverse = np.empty((10, 1)), np.empty((9, 1))
     if not invert_masses(1, active, mass, mass_weights, moves, scalars, rows, m, inverse) > 0.0:
@@ -226,83 +246,67 @@ def _ran_away(x):
 
 
 @kernel
-def output_error(
-    x0, inputs, given, measured, sensor, sigma, channels, dt, p, active, terms, weights, mass,
-    mass_weights, column, scale, gradient, curvature,
+def simulate_with_sensitivities(
+    x0, inputs, input_slopes, input_columns, given, gain, dt, p, active, terms, weights, mass,
+    mass_weights, column, scale, z,
 ):  # fmt: skip
-    """Half the sum of squared whitened output errors of one record, with gradient and curvature.
+    """States over a whole record with their derivatives by the start and the free parameters.
 
     Parameters
     ----------
-    measured : (n, 4) array
-        Readings; NaN where there is none.
-    sensor : (4, 4) array
-        Reading = sensor @ state.
-    sigma : (4,) array
-        Standard deviation of each channel.
-    channels : (4,) bool array
-        Channels that count.
+    x0 : (4,) array
+    inputs : (n, 9) or (n, 3) array
+    input_slopes : (n, 9, k) array
+        Derivatives of the inputs by the parameters in the columns `input_columns` (k,), counted
+        among the free ones; in units of `scale`.
+    given : (n, 4) array
+        Values of the inactive states; of the active ones where the gain pulls them.
+    gain : (4,) array
+        Observer gain: share of the distance to `given` that each active state is moved by after
+        every step. Zero runs free.
     column : (n_parameters,) int array
-        Column of each parameter in the gradient, or -1.
+        Column of each parameter among the free ones, or -1.
     scale : (n_free,) array
         Unit of each free parameter.
-    gradient : (n_free,) or (n_active + n_free,) array, added to
-        When it is longer than `scale`, it begins with the active states at the start.
-    curvature : matrix of that size, added to
-        Gauss-Newton approximation, lower half.
+    z : (n, 4, 1 + 4 + n_free) array, filled
+        State, its derivatives by the start state, by the free parameters; zeros before.
 
     Returns
     -------
-    float
-        Infinite when the prediction ran away.
+    bool
+        False when the simulation ran away or the mass matrix is not positive definite.
     """
-    n, n_columns = inputs.shape[0], gradient.shape[0]
-    lead = 1 + n_columns - scale.shape[0]
-    table, both, partials = sort_slopes(active, column, scale, lead, terms, weights)
+    n, lead, columns = inputs.shape[0], 1 + N_STATES, z.shape[2]
+    moving = np.full(N_INPUTS, input_columns.shape[0] > 0)
+    table, both, partials = sort_slopes(active, column, scale, lead, moving, terms, weights)
     sorted_mass, mass_both = sort_masses(active, column, scale, lead, mass, mass_weights)
     used, value, coefficient = used_variables(active, terms), np.ones(N_PLACES), both[:, 0].copy()
     m, inverse = np.empty((10, 1)), np.empty((9, 1))
     if not place_parameters(
         p, active, table, both, sorted_mass, mass_both, coefficient, m, inverse
     ) > 0.0:  # fmt: skip
-        return np.inf
-    f, f_x = np.zeros((N_VELOCITIES, 2 + n_columns)), np.zeros((N_VELOCITIES, N_STATES))
-    work = np.zeros((4, N_STATES, 1 + n_columns))
-    z, stage, rate, total = work[0], work[1], work[2], work[3]
-    z[:, 0], slope, half = x0, np.empty(n_columns), 0.0
-    if lead > 1:
-        for k, i in enumerate(np.flatnonzero(active)):
-            z[i, 1 + k] = 1.0
-    for k in range(n):
-        for c in range(N_STATES):
-            if channels[c] and not math.isnan(measured[k, c]):
-                half += _add_error(measured[k, c], c, sensor, sigma, z, slope, gradient, curvature)
-        if k == n - 1:
-            break
-        step_linear(
-            z, inputs[k], given[k], given[k + 1], dt, active, used, table, both, partials,
-            sorted_mass, mass_both, coefficient, inverse, value, f, f_x, stage, rate, total,
-        )  # fmt: skip
-        if _ran_away(z):
-            return np.inf
-    return half
-
-
-@kernel
-def _add_error(reading, channel, sensor, sigma, z, slope, gradient, curvature):
-    """Add one reading to gradient and curvature (lower half); returns half its squared error."""
-    n_free, error = slope.shape[0], -reading
-    slope[:] = 0.0
+        return False
+    f, f_x = np.zeros((N_VELOCITIES, 1 + columns)), np.zeros((N_VELOCITIES, N_SLOPES))
+    work = np.zeros((4, N_STATES, columns))
+    now, stage, rate, total = work[0], work[1], work[2], work[3]
+    places = input_columns + lead
     for i in range(N_STATES):
-        if sensor[channel, i] != 0.0:
-            error += sensor[channel, i] * z[i, 0]
-            share = sensor[channel, i] / sigma[channel]
-            for l in range(n_free):  # noqa: E741
-                slope[l] += share * z[i, 1 + l]
-    error /= sigma[channel]
-    for l in range(n_free):  # noqa: E741
-        gradient[l] += slope[l] * error
-        share = slope[l]
-        for m in range(l + 1):
-            curvature[l, m] += share * slope[m]
-    return 0.5 * error * error
+        now[i, 0] = x0[i]
+        if active[i]:
+            now[i, 1 + i] = 1.0
+    z[0] = now
+    for k in range(n - 1):
+        step_linear(
+            now, inputs[k], given[k], given[k + 1], dt, active, used, table, both, partials,
+            sorted_mass, mass_both, coefficient, inverse, input_slopes[k], places, value, f, f_x,
+            stage, rate, total,
+        )  # fmt: skip
+        if _ran_away(now):
+            return False
+        for i in range(N_STATES):
+            if active[i] and gain[i] > 0.0:
+                now[i, 0] += gain[i] * (given[k + 1, i] - now[i, 0])
+                for c in range(1, columns):
+                    now[i, c] *= 1.0 - gain[i]
+        z[k + 1] = now
+    return True

@@ -15,9 +15,11 @@ import numpy as np
 
 from auvident.jit import kernel
 from auvident.physics.batch import (
+    N_INPUTS,
     N_POSITIONS,
     N_POWERS,
     N_STATES,
+    N_VARIABLES,
     N_VELOCITIES,
     ONE,
     invert_rows,
@@ -27,11 +29,12 @@ from auvident.physics.batch import (
 )
 
 SLOPES = ONE + 1  # place of the first derivative of a power, after the powers and the 1
-N_PLACES = SLOPES + N_POSITIONS * N_POWERS
+N_PLACES = SLOPES + N_VARIABLES * N_POWERS
+N_SLOPES = N_STATES + N_INPUTS  # a force has a slope by each state and by each input
 
 
 @kernel
-def sort_slopes(active, column, scale, lead, terms, weights):
+def sort_slopes(active, column, scale, lead, moving, terms, weights):
     """Sort the terms of the active equations with their derivatives.
 
     Parameters
@@ -43,6 +46,8 @@ def sort_slopes(active, column, scale, lead, terms, weights):
         Unit of each column.
     lead : int
         Columns before those of the parameters, the state itself among them.
+    moving : (9,) bool array
+        Inputs that depend on free parameters.
     terms, weights : arrays of `terms.Structure`
 
     Returns
@@ -53,7 +58,7 @@ def sort_slopes(active, column, scale, lead, terms, weights):
     weights : (m, 2) array
         Weight, weight in units of the column.
     partials : (d, 6) uint array
-        Term, equation, state, places of the slope and of the other two factors.
+        Term, equation, state (from 4 on: input), places of the slope and of the other two factors.
     """
     chosen, spare = np.flatnonzero(active[terms[:, 0]]), lead + scale.shape[0]
     m, d = chosen.shape[0], 0
@@ -70,9 +75,11 @@ def sort_slopes(active, column, scale, lead, terms, weights):
                 table[k, 3 + f] = term[2 + 2 * f] * N_POWERS + term[3 + 2 * f]
         for f in range(3):
             variable, power = term[2 + 2 * f], term[3 + 2 * f]
-            if power >= 0 and varies(variable, active):
+            if power >= 0 and varies(variable, active, moving):
                 partials[d, 0], partials[d, 1] = k, term[0]
                 partials[d, 2] = min(variable, N_STATES - 1)
+                if variable >= N_POSITIONS:
+                    partials[d, 2] = N_STATES + variable - N_POSITIONS
                 partials[d, 3] = SLOPES + variable * N_POWERS + power
                 partials[d, 4] = table[k, 3 + (f + 1) % 3]
                 partials[d, 5] = table[k, 3 + (f + 2) % 3]
@@ -143,9 +150,9 @@ def _place_states(stage, active, used, value):
 
 @kernel
 def _add_forces(active, table, weights, partials, coefficient, value, f, f_x):
-    """Forces, one row per equation, with their derivatives by parameters and by states (f_x)."""
+    """Forces by equation, with their derivatives by parameters, and by states and inputs (f_x)."""
     for i in range(N_VELOCITIES):
-        for l in range(N_STATES):  # noqa: E741
+        for l in range(N_SLOPES):  # noqa: E741
             f_x[i, l] = 0.0
         if active[i]:
             for c in range(f.shape[1]):
@@ -161,13 +168,14 @@ def _add_forces(active, table, weights, partials, coefficient, value, f, f_x):
 
 @kernel
 def linearise(
-    stage, active, used, table, weights, partials, mass, mass_weights, coefficient, inverse, value,
-    f, f_x, rate,
+    stage, active, used, table, weights, partials, mass, mass_weights, coefficient, inverse,
+    input_slopes, input_columns, value, f, f_x, rate,
 ):  # fmt: skip
     """Rate (4, 1 + C) of a state and its sensitivities `stage` (4, 1 + C).
 
-    Sensitivities of inactive states and forces of inactive equations are zero throughout; f
-    (3, 2 + C) and f_x (3, 4) are work arrays.
+    `input_slopes` (9, k) are the derivatives of the inputs by the parameters in the columns
+    `input_columns` (k,). Sensitivities of inactive states and forces of inactive equations are
+    zero throughout; f (3, 2 + C) and f_x (3, 13) are work arrays.
     """
     _place_states(stage, active, used, value)
     _add_forces(active, table, weights, partials, coefficient, value, f, f_x)
@@ -187,6 +195,9 @@ def linearise(
                     f_u * stage[0, c] + f_a * stage[1, c] + f_b * stage[2, c]
                     + f_angle * stage[3, c]
                 )  # fmt: skip
+            for k in range(input_columns.shape[0]):
+                for l in range(N_INPUTS):  # noqa: E741
+                    f[i, input_columns[k]] += f_x[i, N_STATES + l] * input_slopes[l, k]
     for i in range(N_VELOCITIES):
         if active[i]:
             x, y, n = inverse[3 * i, 0], inverse[3 * i + 1, 0], inverse[3 * i + 2, 0]
@@ -200,16 +211,21 @@ def linearise(
 @kernel
 def step_linear(
     z, inputs, given0, given1, dt, active, used, table, weights, partials, mass, mass_weights,
-    coefficient, inverse, value, f, f_x, stage, rate, total,
+    coefficient, inverse, input_slopes, input_columns, value, f, f_x, stage, rate, total,
 ):  # fmt: skip
     """One RK4 step of a state and its sensitivities z (4, 1 + C), in place.
 
     Of inactive states only the value is set, to the one at the end of the step. `coefficient`
-    and `inverse` come from `place_parameters`; the arrays after them are work arrays, made zero
-    once: `stage`, `rate` and `total` of the shape of z, f and f_x as in `linearise`.
+    and `inverse` come from `place_parameters`, input slopes are as in `linearise`; the arrays
+    after them are work arrays, made zero once: `stage`, `rate` and `total` of the shape of z, f
+    and f_x as in `linearise`.
     """
     columns = z.shape[1]
     place_inputs(inputs, used, value)
+    if input_columns.shape[0] > 0:
+        for i in range(N_INPUTS):
+            if used[N_POSITIONS + i]:
+                _place_slopes(N_POSITIONS + i, inputs[i], 1.0, value)
     for i in range(N_STATES):
         if active[i]:
             for c in range(columns):
@@ -223,7 +239,7 @@ def step_linear(
                 stage[i, 0] = given0[i] + fraction * (given1[i] - given0[i])
         linearise(
             stage, active, used, table, weights, partials, mass, mass_weights, coefficient,
-            inverse, value, f, f_x, rate,
+            inverse, input_slopes, input_columns, value, f, f_x, rate,
         )  # fmt: skip
         for i in range(N_STATES):
             if active[i]:

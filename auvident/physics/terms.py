@@ -16,6 +16,7 @@ variable. Everything is linear in the parameters p, hence the Jacobians of `dyna
 and a further term is one more row here.
 """
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -24,12 +25,15 @@ import numpy.typing as npt
 
 from auvident.schema.artifacts import RigidBody
 from auvident.schema.coefficients import Plane, symbols_of
+from auvident.schema.effects import BY_ID
 
 STATES = ("u", "a", "b", "angle")
 EQUATIONS = ("X", "A", "B")
 # variables a factor may be a power of: states, sine and cosine of the angle, own control
-# surface d (rudder; elevator in the vertical plane), the other one e, propeller rate n in rev/s
-VARIABLES = ("u", "a", "b", "sin", "cos", "d", "e", "n")
+# surface d (rudder; elevator in the vertical plane), the other one e, propeller rate n in rev/s;
+# with effects also a factor on the thrust, roll and pitch as logged, and free forces
+INPUTS = ("d", "e", "n", "thrust", "roll", "pitch", "X", "A", "B")
+VARIABLES = ("u", "a", "b", "sin", "cos", *INPUTS)
 POWERS = ("x", "|x|", "x^2", "x|x|", "x^3")
 CONSTANTS = ("m", "m x_G", "m z_G", "I", "W-B", "z_G W", "trim")
 FACTORS_PER_TERM = 3
@@ -60,6 +64,27 @@ HYDRODYNAMIC = (
     ("B", "B_b|b|", ("b", "x|x|")),
     ("B", "B_uud", ("u", "x^2"), ("d", "x")),
 )
+# Forces of effects: parameter of the table of effects, equation, weight, factors.
+EFFECT_FORCES = (
+    ("propeller_side_force.Y_nn", "A", +1, ("n", "x|x|")),
+    ("propeller_side_force.N_nn", "B", +1, ("n", "x|x|")),
+    ("hull_asymmetry.Y_0", "A", +1, ("u", "x|x|")),
+    ("hull_asymmetry.N_0", "B", +1, ("u", "x|x|")),
+    ("sway_cross_flow.Y_v|r|", "A", +1, ("a", "x"), ("b", "|x|")),
+    ("sway_cross_flow.Y_r|v|", "A", +1, ("b", "x"), ("a", "|x|")),
+    ("yaw_cross_flow.N_v|r|", "B", +1, ("a", "x"), ("b", "|x|")),
+    ("yaw_cross_flow.N_r|v|", "B", +1, ("b", "x"), ("a", "|x|")),
+    ("cubic_damping.N_vvr", "B", +1, ("a", "x^2"), ("b", "x")),
+    ("cubic_damping.N_rrr", "B", +1, ("b", "x^3")),
+    ("turning_drag.X_vvu", "X", +1, ("a", "x^2"), ("u", "x")),
+    ("turning_drag.X_rru", "X", +1, ("b", "x^2"), ("u", "x")),
+    ("linear_drag.X_u", "X", +1, ("u", "x")),
+    ("roll_coupling.Y_uuphi", "A", +1, ("u", "x^2"), ("roll", "x")),
+    ("roll_coupling.N_uuphi", "B", +1, ("u", "x^2"), ("roll", "x")),
+    ("weight_excess.W-B_n", "X", -1, ("pitch", "x")),
+)
+THRUST_EFFECTS = ("thrust_sag", "thrust_step")  # they multiply the thrust by a factor
+FREE_FORCE = "free_force"  # forces that come as a series in time; name of their unit parameter
 # Rigid-body terms moved to the right: weight in units of sigma where the plane turns the sign.
 RIGID = {
     "horizontal": (
@@ -103,7 +128,10 @@ class Structure:
     plane : str
         ``horizontal`` or ``vertical``.
     parameters : tuple of str
-        Coefficients of the plane, then `CONSTANTS`; the order of the parameter vector p.
+        Coefficients of the plane, then `CONSTANTS`, then the parameters of the effects; the
+        order of the parameter vector p.
+    effects : tuple of str
+        Effects that the prediction carries; `FREE_FORCE` may be among them.
     terms : (n_terms, 2 + 2 * FACTORS_PER_TERM) int array
         Equation, parameter, then (variable, power) pairs; power -1 is the factor 1.
     weights : (n_terms,) float array
@@ -114,6 +142,7 @@ class Structure:
 
     plane: Plane
     parameters: tuple[str, ...]
+    effects: tuple[str, ...]
     terms: npt.NDArray[np.int64]
     weights: npt.NDArray[np.float64]
     mass: npt.NDArray[np.int64]
@@ -145,16 +174,15 @@ def _row(parameters: tuple[str, ...], equation: str, parameter: str, factors: tu
     return row + [0, -1] * (FACTORS_PER_TERM - len(factors))
 
 
-@lru_cache(maxsize=2)
-def structure_of(plane: Plane) -> Structure:
-    """Arrays of the equations of one plane."""
-    parameters = symbols_of(plane) + CONSTANTS
+@lru_cache(maxsize=64)
+def structure_of(plane: Plane, effects: tuple[str, ...] = ()) -> Structure:
+    """Arrays of the equations of one plane, with the effects that the prediction carries."""
+    names = tuple(name for e in effects if e != FREE_FORCE for name in BY_ID[e].names())
+    names += (FREE_FORCE,) * (FREE_FORCE in effects)
+    parameters = symbols_of(plane) + CONSTANTS + names
     rows, weights = [], []
-    for equation, generic, *factors in HYDRODYNAMIC:
-        rows.append(_row(parameters, equation, symbol_in(plane, generic), tuple(factors)))
-        weights.append(1.0)
-    for equation, constant, weight, *factors in RIGID[plane]:
-        rows.append(_row(parameters, equation, constant, tuple(factors)))
+    for equation, parameter, weight, factors in _force_rows(plane, effects, names):
+        rows.append(_row(parameters, equation, parameter, factors))
         weights.append(float(weight))
     mass = [*MASS, ("A", "B", "m x_G", SIGMA[plane]), ("B", "A", "m x_G", SIGMA[plane])]
     if plane == "vertical":
@@ -166,6 +194,7 @@ def structure_of(plane: Plane) -> Structure:
     return Structure(
         plane,
         parameters,
+        effects,
         np.array(rows, dtype=np.int64),
         np.array(weights),
         np.array(mass_rows, dtype=np.int64),
@@ -173,26 +202,52 @@ def structure_of(plane: Plane) -> Structure:
     )
 
 
+def _force_rows(plane: Plane, effects: tuple[str, ...], names: tuple[str, ...]) -> Iterator[tuple]:
+    """Equation, parameter, weight and factors of every force."""
+    thrust_varies = any(effect in effects for effect in THRUST_EFFECTS)
+    for equation, generic, *factors in HYDRODYNAMIC:
+        if thrust_varies and generic.startswith("T_"):
+            factors = [*factors, ("thrust", "x")]
+        yield equation, symbol_in(plane, generic), 1.0, tuple(factors)
+    for equation, constant, weight, *factors in RIGID[plane]:
+        yield equation, constant, weight, tuple(factors)
+    for name, equation, weight, *factors in EFFECT_FORCES:
+        if name in names:
+            yield equation, name, weight, tuple(factors)
+    if FREE_FORCE in effects:
+        for equation in EQUATIONS:
+            yield equation, FREE_FORCE, 1.0, ((equation, "x"),)
+
+
 def _parameter(plane: Plane, name: str) -> str:
     return name if name in CONSTANTS else symbol_in(plane, name)
 
 
 def parameter_vector(
-    plane: Plane, coefficients: dict[str, float], rigid: RigidBody
+    plane: Plane,
+    coefficients: Mapping[str, float],
+    rigid: RigidBody,
+    effects: Mapping[str, float] | None = None,
+    structure: Structure | None = None,
 ) -> npt.NDArray[np.float64]:
-    """Parameter vector p of a plane: its coefficients, then the rigid-body constants.
+    """Parameter vector p of a plane: its coefficients, the rigid-body constants, the effects.
 
     Parameters
     ----------
     plane : str
-    coefficients : dict
+    coefficients : mapping
         Dimensional value by symbol; a missing coefficient of the plane counts as zero.
     rigid : RigidBody
+    effects : mapping, optional
+        Internal value by name ``effect.parameter``; a missing one counts as zero.
+    structure : Structure, optional
+        Whose parameters are meant; without it that of the plane without effects.
 
     Returns
     -------
     (n_parameters,) array
     """
+    structure = structure or structure_of(plane)
     constants = (
         rigid.mass_kg,
         rigid.mass_kg * rigid.x_g_m,
@@ -202,5 +257,6 @@ def parameter_vector(
         rigid.z_g_m * rigid.weight_n,
         rigid.trim_moment_nm,
     )
-    values = [coefficients.get(symbol, 0.0) for symbol in symbols_of(plane)]
-    return np.array([*values, *constants])
+    values = {**coefficients, **dict(zip(CONSTANTS, constants, strict=True)), FREE_FORCE: 1.0}
+    values |= effects or {}
+    return np.array([values.get(name, 0.0) for name in structure.parameters])

@@ -36,8 +36,8 @@ class EffectParameter:
     unit : str
         Unit in the artifacts.
     prior : float
-        Standard deviation of the internal value before the data, in internal units over
-        `factor`; of a force in units of `powers`.
+        Standard deviation of the internal value before the data, in internal units; of a force
+        in units of `powers`. Zero where it is searched for and not estimated.
     practical : float
         Size from which on the effect is worth a word, stated like `prior`.
     low, high : float
@@ -149,7 +149,8 @@ EFFECTS: tuple[Effect, ...] = (
     ), "none: the rows are masked", "residual energy in a few seconds of one maneuver"),
     Effect("rudder_offset", "actuation", "input", HV, (
         P("offset_deg", "deg", 0.035, 0.0087, -0.35, 0.35, DEGREES),
-    ), "d = d_command + offset", "turns with the rudder amidships, in proportion to u^2", (), SERVO),
+    ), "d = d_command + offset", "turns with the rudder amidships, in proportion to u^2", (),
+        SERVO),
     Effect("rudder_lag", "actuation", "input", HV, (
         P("lag_s", "s", 0.4, 0.15, 0.0, 3.0, silent=0.05, step=0.05),
     ), "d' = (d_command - d) / lag", "residual after every helm, decaying", (), SERVO),
@@ -185,7 +186,7 @@ EFFECTS: tuple[Effect, ...] = (
         P("fraction_per_1000_s", "-", 0.15, 0.05, -0.9, 0.9),
     ), "thrust (1 - fraction t / 1000 s)", "u falls slowly through the trial"),
     Effect("thrust_step", "actuation", "input", HV, (
-        P("fraction", "-", 0.15, 0.05, -0.9, 0.9),
+        P("fraction", "-", 0.15, 0.05, -0.9, 0.9), P("time_s", "s", 0.0, 0.0, 0.0, 1e9),
     ), "thrust (1 - fraction) from one time on", "u falls at one time and stays down"),
     Effect("dvl_delay", "sensing", "reading", HV, (
         P("delay_s", "s", 0.25, 0.1, -1.0, 2.0),

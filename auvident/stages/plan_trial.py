@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from auvident.engines.records import STATE_COLUMNS, sensor_matrix
 from auvident.errors import NumericsError, StageError
-from auvident.physics.dynamics import output_error
+from auvident.physics.batch import N_INPUTS
+from auvident.physics.dynamics import N_STATES, simulate_with_sensitivities
 from auvident.physics.terms import Structure, parameter_vector, structure_of, symbol_in
 from auvident.physics.virtual import (
     ACTIVE,
@@ -160,12 +161,17 @@ def expected_information(
     sensor = sensor_matrix(model.plane, model.sensing)
     noise = model.stages[-1].noise_std
     sigma = np.array([noise[c] for c in STATE_COLUMNS[model.plane]])
-    gradient, curvature = np.zeros(len(symbols)), np.zeros((len(symbols), len(symbols)))
-    half = output_error(
-        run.states[0], run.inputs, run.states, run.states @ sensor.T, sensor, sigma, VELOCITIES,
-        dt_s, p, ACTIVE, *structure.arrays, column, spread, gradient, curvature,
-    )  # fmt: skip
-    return curvature + np.tril(curvature, -1).T if np.isfinite(half) else None
+    n = len(run.states)
+    slopes = np.zeros((n, N_STATES, 1 + N_STATES + len(symbols)))
+    if not simulate_with_sensitivities(
+        run.states[0], run.inputs, np.zeros((n, N_INPUTS, 0)), np.zeros(0, dtype=np.int64),
+        run.states, np.zeros(N_STATES), dt_s, p, ACTIVE, *structure.arrays, column, spread, slopes,
+    ):  # fmt: skip
+        return None
+    shown = np.matmul(sensor, slopes[:, :, 1 + N_STATES :]) / sigma[:, None]
+    flat = shown[:, VELOCITIES].reshape(-1, len(symbols))
+    information: Array = flat.T @ flat
+    return information
 
 
 def _judge(

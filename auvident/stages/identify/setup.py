@@ -67,7 +67,7 @@ def prepare(
     rate_hz = by_name[chosen[0].trial].rate_hz
     return (
         Setup(
-            structure, plan, records, 1.0 / rate_hz, sensor,
+            structure, plan, records, 1.0 / rate_hz, sensing,
             np.array([sensing.noise_std[c] for c in STATE_COLUMNS[plane]]), prior, prior_std,
             followers, filter, engine,
         ),

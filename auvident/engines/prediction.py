@@ -1,0 +1,266 @@
+"""The one prediction: logged inputs to predicted readings, with every effect in it.
+
+What acts on the vehicle (`physics.actuation`), how it moves (`physics.dynamics`), what the
+sensors read (`physics.sensing`), at a parameter vector, with derivatives by its free entries.
+Simulation, output error and the analysis of residuals run it; the filters take its parts, with
+inputs and readings to first order about the parameters of their start.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from auvident.engines.problem import Linear
+from auvident.engines.records import Record, Source
+from auvident.physics import sensing as sense
+from auvident.physics.actuation import COMMAND, FORCE, acting_inputs, command_values
+from auvident.physics.dynamics import N_STATES, simulate_states, simulate_with_sensitivities
+from auvident.physics.terms import FREE_FORCE, Structure
+from auvident.schema.artifacts import Sensing
+from auvident.schema.effects import parameter_of
+
+Array = npt.NDArray[Any]
+
+SMALL_STEP = 0.02  # [of the prior] longest step of a slope where an effect is at work already
+READING_STEP = 0.05  # [of the prior] step of a slope of the readings
+SMOOTHED_S = 1.5  # readings are smoothed over this time before slopes are taken from them
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What a prediction needs beside parameters and a record.
+
+    Attributes
+    ----------
+    structure : Structure
+    sensing : Sensing
+    dt_s : float
+    """
+
+    structure: Structure
+    sensing: Sensing
+    dt_s: float
+
+    def reading_effects(self, p: Array) -> Array:
+        """Effects of the sensors in the order of `physics.sensing.READING`."""
+        return sense.reading_values(self.structure.parameters, p)
+
+
+@dataclass(frozen=True)
+class Free:
+    """Parameters that move: positions, the column of every parameter, unit and step of each.
+
+    Attributes
+    ----------
+    positions : (n_free,) int array
+    column : (n_parameters,) int array
+        Column of each parameter (also of those that follow another), or -1.
+    scale : (n_free,) array
+    """
+
+    positions: npt.NDArray[np.int64]
+    column: npt.NDArray[np.int64]
+    scale: Array
+
+
+def at_effects(frame: Frame, p: Array, record: Record) -> Record:
+    """The record as the effects at p make it: acting inputs, states behind the readings."""
+    source = record.source
+    if source is None or not frame.structure.effects:
+        return record
+    e = frame.reading_effects(p)
+    behind = sense.states_behind(
+        frame.structure.plane, frame.sensing, e, source.bridged, source.rates, frame.dt_s
+    )
+    inputs = _inputs(frame, command_values(frame.structure.parameters, p), record)
+    return replace(record, inputs=inputs, given=behind, start=_start(frame, e, record, source))
+
+
+def _start(frame: Frame, e: Array, record: Record, source: Source) -> Array:
+    """State (4,) at the start; what a fit moved it by stays."""
+    plane = frame.structure.plane
+    args = (source.start[None], source.rates[:1], frame.dt_s)
+    here, without = (
+        sense.states_behind(plane, frame.sensing, values, *args)[0]
+        for values in (e, np.zeros_like(e))
+    )
+    start: Array = record.start + here - without
+    return start
+
+
+def _inputs(frame: Frame, e: Array, record: Record) -> Array:
+    source = record.source
+    assert source is not None
+    whole = acting_inputs(
+        source.raw, source.elapsed_s, source.speed, source.roll, source.pitch, frame.dt_s, e
+    )
+    inputs = whole[len(source.raw) - len(record.time_s) :]
+    if source.free_force is not None:
+        inputs[:, FORCE:] = source.free_force
+    return np.ascontiguousarray(inputs)
+
+
+def input_slopes(frame: Frame, p: Array, record: Record, free: Free) -> tuple[Array, Array]:
+    """Slopes (n, 9, k) of the inputs by the free parameters in columns (k,), per unit of scale.
+
+    By differences: play, dead band and limits have no slope where they are off, and take a step
+    of the size to be expected there.
+    """
+    names, e = frame.structure.parameters, command_values(frame.structure.parameters, p)
+    found = [
+        (column, COMMAND.index(names[i]))
+        for column, i in enumerate(free.positions)
+        if "." in names[i] and names[i] in COMMAND
+    ]
+    slopes = np.zeros((len(record.time_s), 9, len(found)))
+    if not found or record.source is None:
+        return np.zeros((len(record.time_s), 9, 0)), np.zeros(0, dtype=np.int64)
+    base = _inputs(frame, e, record)
+    for k, (column, place) in enumerate(found):
+        declared, moved = parameter_of(COMMAND[place]), e.copy()
+        step = declared.step if abs(e[place]) < declared.step * free.scale[column] else min(
+            declared.step, SMALL_STEP
+        )  # fmt: skip
+        moved[place] += step * free.scale[column]
+        slopes[:, :, k] = (_inputs(frame, moved, record) - base) / step
+    return slopes, np.array([column for column, _ in found], dtype=np.int64)
+
+
+def simulated(frame: Frame, p: Array, record: Record, active: Array) -> Array:
+    """States (n, 4) of the free-running simulation of a record; see `at_effects` for its form."""
+    return simulate_states(
+        record.start, record.inputs, record.given, frame.dt_s, p, active, *frame.structure.arrays
+    )
+
+
+def readings(frame: Frame, p: Array, record: Record, states: Array) -> Array:
+    """Readings (n, 4) that the sensors would give of the states."""
+    rates = np.zeros((len(states), 2)) if record.source is None else record.source.rates
+    return sense.readings(
+        frame.structure.plane, frame.sensing, frame.reading_effects(p), states, states[:, 3],
+        rates, frame.dt_s,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """Readings (n, 4) and their slopes (n, 4, 4 + n_free) by the start and the free parameters."""
+
+    readings: Array
+    slopes: Array
+    states: Array
+
+
+def readings_with_slopes(
+    frame: Frame, p: Array, record: Record, active: Array, free: Free, gain: Array | None = None
+) -> Slopes | None:
+    """Predicted readings of a record with their slopes; None where the simulation runs away.
+
+    Parameters
+    ----------
+    record : Record
+        As ingested; the effects at p are put in here.
+    gain : (4,) array, optional
+        Observer gain, see `physics.dynamics.simulate_with_sensitivities`.
+    """
+    acting = at_effects(frame, p, record)
+    slopes, columns = input_slopes(frame, p, record, free)
+    z = np.zeros((len(record.time_s), N_STATES, 1 + N_STATES + len(free.positions)))
+    if not simulate_with_sensitivities(
+        acting.start, acting.inputs, slopes, columns, acting.given,
+        np.zeros(N_STATES) if gain is None else gain, frame.dt_s, p, active,
+        *frame.structure.arrays, free.column, free.scale, z,
+    ):  # fmt: skip
+        return None
+    states = z[:, :, 0].copy()
+    e = frame.reading_effects(p)
+    matrix = sense.sensor_matrix(frame.structure.plane, frame.sensing, e)
+    read = sense.late(np.matmul(matrix, z), e, frame.dt_s)
+    found = readings(frame, p, record, states)
+    _add_reading_slopes(frame, e, record, states, found, free, read[:, :, 1:])
+    return Slopes(found, read[:, :, 1:], states)
+
+
+def _reading_columns(frame: Frame, free: Free) -> list[tuple[int, int]]:
+    """Column among the free parameters and place in `READING` of every effect of a sensor."""
+    names = frame.structure.parameters
+    return [
+        (column, sense.READING.index(names[i]))
+        for column, i in enumerate(free.positions)
+        if names[i] in sense.READING
+    ]
+
+
+def _add_reading_slopes(
+    frame: Frame, e: Array, record: Record, states: Array, base: Array, free: Free, slopes: Array
+) -> None:
+    """Slopes of the readings by the effects of the sensors, by differences."""
+    assert record.source is not None or not frame.structure.effects
+    for column, place in _reading_columns(frame, free):
+        moved = e.copy()
+        moved[place] += READING_STEP * free.scale[column]
+        there = sense.readings(
+            frame.structure.plane, frame.sensing, moved, states, states[:, 3],
+            record.source.rates, frame.dt_s,  # type: ignore[union-attr]
+        )  # fmt: skip
+        slopes[:, :, N_STATES + column] += (there - base) / READING_STEP
+
+
+def seen_rows(frame: Frame, p: Array, record: Record, channels: Array) -> Array:
+    """Rows (n, 4) of the readings that a prediction can be compared with."""
+    seen = np.isfinite(record.measured) & channels
+    if frame.structure.effects:
+        seen &= ~sense.unknown_rows(frame.reading_effects(p), len(seen), frame.dt_s)
+    return seen
+
+
+def linear_about(
+    frame: Frame, p: Array, records: Sequence[Record], free: Free, n: int
+) -> tuple[Linear, Array]:
+    """Inputs and readings to first order in the free parameters, and the sensor matrix (4, 4).
+
+    Readings are taken about the smoothed states behind the log, which the model has no part in.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        As `at_effects` returns them, in the order of the problem.
+    n : int
+        Length that they are padded to.
+    """
+    e, k = frame.reading_effects(p), len(records)
+    matrix = sense.sensor_matrix(frame.structure.plane, frame.sensing, e)
+    pairs = _reading_columns(frame, free)
+    offset, by_reading = np.zeros((k, n, 4)), np.zeros((k, n, 4, len(pairs)))
+    inputs: list[Array] = []
+    columns = np.zeros(0, dtype=np.int64)
+    for j, record in enumerate(records):
+        length, states = len(record.time_s), _smoothed(record.given, frame.dt_s)
+        base = readings(frame, p, record, states)
+        offset[j, :length] = base - states @ matrix.T
+        slopes = np.zeros((length, 4, N_STATES + len(free.positions)))
+        _add_reading_slopes(frame, e, record, states, base, free, slopes)
+        by_reading[j, :length] = slopes[:, :, [N_STATES + column for column, _ in pairs]]
+        slope, columns = input_slopes(frame, p, record, free)
+        inputs.append(np.concatenate([slope, np.zeros((n - length, *slope.shape[1:]))]))
+    reading_columns = np.array([column for column, _ in pairs], dtype=np.int64)
+    return Linear(columns, np.array(inputs), offset, reading_columns, by_reading), matrix
+
+
+def _smoothed(states: Array, dt_s: float) -> Array:
+    """States without their fastest noise (local parabolas)."""
+    from scipy.signal import savgol_filter
+
+    window = 2 * round(0.5 * SMOOTHED_S / dt_s) + 1
+    if len(states) < window or window < 5:
+        return states
+    smooth: Array = savgol_filter(states, window, 2, axis=0)
+    return smooth
+
+
+def has_free_force(structure: Structure) -> bool:
+    """Whether a prediction carries forces that come as a series in time."""
+    return FREE_FORCE in structure.effects

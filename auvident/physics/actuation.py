@@ -1,0 +1,150 @@
+"""What becomes of a command: from the logged inputs to those that act on the vehicle.
+
+The input side of the prediction. Logged commands are held until the next one and given as means
+over each step. In order: a delay; dead band, play and unequal gain between command and servo; a
+first-order servo with a slew limit; an offset of the fin; separation of the flow; the propeller
+race, which makes a fin in it act as if it were laid further. The propeller follows its command
+with a lag, and the thrust may fall through the trial. Without effects the inputs pass unchanged.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from auvident.jit import kernel
+from auvident.physics.batch import N_INPUTS
+
+Array = npt.NDArray[Any]
+
+SUBSTEPS = 5  # of a step, for the servo: a fifth of a step is short beside any servo
+LEAST_SPEED_MPS = 0.2  # the race is not divided by less than this speed
+SAG_PERIOD_S = 1000.0  # the thrust sags by its fraction in this time
+# parameters in the order in which `actuate` takes them
+COMMAND = (
+    "rudder_delay.delay_s", "rudder_deadband.deadband_deg", "rudder_backlash.half_width_deg",
+    "rudder_asymmetry.gain", "rudder_lag.lag_s", "rudder_rate_limit.rate_degps",
+    "rudder_offset.offset_deg", "rudder_stall.angle_deg", "propeller_race.c_m2ps2pn",
+    "propeller_lag.lag_s", "thrust_sag.fraction_per_1000_s", "thrust_step.fraction",
+    "thrust_step.time_s", "T_nn", "T_nu",
+)  # fmt: skip
+DELAY, DEADBAND, BACKLASH, ASYMMETRY, LAG, SLOWNESS, OFFSET, STALL, RACE = range(9)
+MOTOR_LAG, SAG, STEP, STEP_TIME, T_NN, T_NU = range(9, 15)
+# columns of the inputs
+CONTROL, OTHER, REVS, THRUST, ROLL, PITCH, FORCE = range(7)
+
+
+@kernel
+def delayed(command, steps, out):
+    """Step means of a held command that arrives `steps` (a fraction, either sign) later."""
+    n, whole = command.shape[0], math.floor(steps)
+    share = steps - whole
+    for k in range(n):
+        first = min(max(k - int(whole), 0), n - 1)
+        before = min(max(k - int(whole) - 1, 0), n - 1)
+        out[k] = (1.0 - share) * command[first] + share * command[before]
+
+
+@kernel
+def servo_angle(command, lag, slowness, deadband, half_width, asymmetry, dt, out):
+    """Step means of the angle of a servo.
+
+    Parameters
+    ----------
+    command : (n,) array
+        Step means of the angle ordered [rad].
+    lag : float
+        Time constant [s]; zero follows at once.
+    slowness : float
+        Inverse of the slew limit [s/rad]; zero has none.
+    deadband, half_width : float
+        Of the command, and of the play [rad].
+    asymmetry : float
+        Gain 1 + asymmetry to the positive, 1 - asymmetry to the negative side.
+    dt : float
+        Step [s].
+    out : (n,) array, filled
+    """
+    h = dt / SUBSTEPS
+    keep = math.exp(-h / lag) if lag > 0.0 else 0.0
+    most = h / slowness if slowness > 0.0 else math.inf
+    taken = angle = 0.0
+    for k in range(command.shape[0]):
+        ordered = math.copysign(max(abs(command[k]) - deadband, 0.0), command[k])
+        taken = min(max(taken, ordered - half_width), ordered + half_width)
+        if k == 0:
+            taken = ordered
+        target = taken * (1.0 + asymmetry if taken > 0.0 else 1.0 - asymmetry)
+        if k == 0:
+            angle = target
+        total = 0.0
+        for _ in range(SUBSTEPS):
+            before = angle
+            angle += min(max((target - angle) * (1.0 - keep), -most), most)
+            total += 0.5 * (before + angle)
+        out[k] = total / SUBSTEPS if lag > 0.0 or slowness > 0.0 else target
+
+
+@kernel
+def lagged(command, lag, dt, out):
+    """Step means of a first-order response to step means of its command."""
+    if lag <= 0.0:
+        out[:] = command
+        return
+    keep = math.exp(-dt / lag)
+    now = command[0]
+    for k in range(command.shape[0]):
+        out[k] = command[k] + (now - command[k]) * (1.0 - keep) * lag / dt
+        now = command[k] + (now - command[k]) * keep
+
+
+@kernel
+def actuate(raw, elapsed, speed, dt, e, out):
+    """Inputs that act on the vehicle.
+
+    Parameters
+    ----------
+    raw : (n, 3) array
+        Own control, other control [rad], propeller rate [rev/s]; from a while before the
+        maneuver on, so that play and lags have settled.
+    elapsed : (n,) array
+        Time since the start of the trial [s].
+    speed : (n,) array
+        Measured surge velocity [m/s], for the race.
+    dt : float
+    e : (15,) array
+        Internal values in the order of `COMMAND`.
+    out : (n, 9) array
+        Its first four columns are filled: controls, propeller rate, thrust factor.
+    """
+    n = raw.shape[0]
+    work, angle = np.empty(n), np.empty(n)
+    delayed(raw[:, CONTROL].copy(), e[DELAY] / dt, work)
+    servo_angle(work, e[LAG], e[SLOWNESS], e[DEADBAND], e[BACKLASH], e[ASYMMETRY], dt, angle)
+    lagged(raw[:, REVS].copy(), e[MOTOR_LAG], dt, work)
+    for k in range(n):
+        turned = angle[k] + e[OFFSET]
+        turned /= math.sqrt(1.0 + max(e[STALL], 0.0) * turned * turned)
+        u, revs = max(abs(speed[k]), LEAST_SPEED_MPS), work[k]
+        thrust = e[T_NN] * revs * abs(revs) + e[T_NU] * abs(revs) * speed[k]
+        factor = 1.0 - e[SAG] * elapsed[k] / SAG_PERIOD_S
+        if elapsed[k] >= e[STEP_TIME]:
+            factor -= e[STEP]
+        out[k, CONTROL] = turned * (1.0 + e[RACE] * thrust * factor / (u * u))
+        out[k, OTHER], out[k, REVS], out[k, THRUST] = raw[k, OTHER], revs, factor
+
+
+def command_values(parameters: tuple[str, ...], p: Array) -> Array:
+    """Values in the order of `COMMAND` from a parameter vector; absent ones are zero."""
+    place = {name: i for i, name in enumerate(parameters)}
+    return np.array([p[place[name]] if name in place else 0.0 for name in COMMAND])
+
+
+def acting_inputs(raw: Array, elapsed: Array, speed: Array, roll: Array, pitch: Array, dt: float,
+                  e: Array) -> Array:  # fmt: skip
+    """Inputs (n, 9) of the equations of motion; see `actuate`. No free force acts."""
+    out = np.zeros((len(raw), N_INPUTS))
+    actuate(raw, elapsed, speed, dt, e, out)
+    out[:, ROLL], out[:, PITCH] = roll, pitch
+    return out

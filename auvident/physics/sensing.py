@@ -1,0 +1,146 @@
+"""What the sensors read: from the states at the origin to the readings in the log.
+
+The output side of the prediction. In the presence of a steady uniform current the equations of
+motion hold for the velocity through the water, and the log over ground adds the current (Fossen
+2021, 10.3); hence a current stands here. The DVL measures at its own position, in axes turned by
+its mounting angle. Readings may be late and off by a scale or a bias.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from auvident.schema.artifacts import Sensing
+from auvident.schema.coefficients import Plane
+
+Array = npt.NDArray[Any]
+
+N_CHANNELS = 4
+# parameters in the order in which the functions take them
+READING = (
+    "current.north_mps", "current.east_mps", "dvl_misalignment.yaw_deg", "dvl_scale.fraction",
+    "dvl_lever_arm.dx_m", "dvl_lever_arm.dy_m", "dvl_height.dz_m", "gyro_bias.bias_degps",
+    "gyro_scale.fraction", "dvl_delay.delay_s", "gyro_delay.delay_s",
+)  # fmt: skip
+NORTH, EAST, YAW, SCALE, DX, DY, DZ, BIAS, GYRO_SCALE, DVL_DELAY, GYRO_DELAY = range(11)
+ROLL_RATE, PITCH_RATE = range(2)
+
+
+def reading_values(parameters: tuple[str, ...], p: Array) -> Array:
+    """Values in the order of `READING` from a parameter vector; absent ones are zero."""
+    place = {name: i for i, name in enumerate(parameters)}
+    return np.array([p[place[name]] if name in place else 0.0 for name in READING])
+
+
+def sensor_matrix(plane: Plane, sensing: Sensing, e: Array | None = None) -> Array:
+    """Readings (DVL u, DVL v or w, rate gyro, angle) as linear functions of the state.
+
+    Theory 2.3: velocity of the DVL's position in the axes of the DVL, which is turned by the
+    mounting angle (positive to starboard).
+
+    Parameters
+    ----------
+    plane : str
+    sensing : Sensing
+    e : (11,) array, optional
+        Effects in the order of `READING`.
+
+    Returns
+    -------
+    (4, 4) array
+        Reading = matrix @ (u, a, b, angle).
+    """
+    e = np.zeros(len(READING)) if e is None else e
+    matrix = np.eye(N_CHANNELS)
+    matrix[2, 2] = 1.0 + e[GYRO_SCALE]
+    if plane == "vertical":
+        matrix[0, 2], matrix[1, 2] = sensing.dvl_z_m, -sensing.dvl_x_m
+        matrix[:2] *= 1.0 + e[SCALE]
+        return matrix
+    matrix[0, 2], matrix[1, 2] = -(sensing.dvl_y_m + e[DY]), sensing.dvl_x_m + e[DX]
+    matrix[:2] = (1.0 + e[SCALE]) * _turn(sensing, e) @ matrix[:2]
+    return matrix
+
+
+def _turn(sensing: Sensing, e: Array) -> Array:
+    """Rotation (2, 2) from vehicle axes to those of the DVL."""
+    yaw = sensing.dvl_mounting_yaw_rad + e[YAW]
+    c, s = math.cos(yaw), math.sin(yaw)
+    return np.array([[c, s], [-s, c]])
+
+
+def offsets(plane: Plane, sensing: Sensing, e: Array, angle: Array, rates: Array) -> Array:
+    """Part (n, 4) of the readings that does not depend on velocities.
+
+    Parameters
+    ----------
+    angle : (n,) array
+        Heading.
+    rates : (n, 2) array
+        Roll and pitch rate, zero where not logged.
+    """
+    out = np.zeros((len(angle), N_CHANNELS))
+    out[:, 2] = e[BIAS]
+    if plane == "vertical":
+        return out
+    c, s = np.cos(angle), np.sin(angle)
+    ahead = e[NORTH] * c + e[EAST] * s + rates[:, PITCH_RATE] * e[DZ]
+    aside = e[EAST] * c - e[NORTH] * s - rates[:, ROLL_RATE] * e[DZ]
+    out[:, :2] = (1.0 + e[SCALE]) * np.column_stack([ahead, aside]) @ _turn(sensing, e).T
+    return out
+
+
+def late(values: Array, e: Array, dt: float) -> Array:
+    """Values (n, 4, ...) as the late sensors show them: those of a while ago.
+
+    Linear between rows; before the first row the first one is held.
+    """
+    dvl, gyro = e[DVL_DELAY] / dt, e[GYRO_DELAY] / dt
+    if dvl == 0.0 and gyro == 0.0:
+        return values
+    out = values.copy()
+    if dvl != 0.0:
+        out[:, :2] = _shifted(values[:, :2], dvl)
+    if gyro != 0.0:
+        out[:, 2] = _shifted(values[:, 2], gyro)
+    return out
+
+
+def _shifted(values: Array, steps: float) -> Array:
+    n, whole = len(values), math.floor(steps)
+    share = steps - whole
+    rows = np.arange(n) - whole
+    return (1.0 - share) * values[np.clip(rows, 0, n - 1)] + share * values[
+        np.clip(rows - 1, 0, n - 1)
+    ]
+
+
+def unknown_rows(e: Array, n: int, dt: float) -> Array:
+    """Rows (n, 4) whose late reading stems from before the first or after the last row."""
+    rows = np.arange(n)[:, None]
+    steps = np.array([e[DVL_DELAY], e[DVL_DELAY], e[GYRO_DELAY], 0.0]) / dt
+    return (rows - steps < 0.0) | (rows - steps > n - 1.0)
+
+
+def readings(
+    plane: Plane, sensing: Sensing, e: Array, states: Array, angle: Array, rates: Array, dt: float
+) -> Array:
+    """Readings (n, 4) of the states (n, 4); see `offsets` and `late` for the rest."""
+    at_once = states @ sensor_matrix(plane, sensing, e).T
+    return late(at_once + offsets(plane, sensing, e, angle, rates), e, dt)
+
+
+def states_behind(
+    plane: Plane, sensing: Sensing, e: Array, measured: Array, rates: Array, dt: float
+) -> Array:
+    """States (n, 4) that would give these readings: `readings` the other way round.
+
+    Of the current, which is turned by the heading as read.
+    """
+    early = e.copy()
+    early[DVL_DELAY], early[GYRO_DELAY] = -e[DVL_DELAY], -e[GYRO_DELAY]
+    at_once = late(measured, early, dt)
+    at_once = at_once - offsets(plane, sensing, e, measured[:, 3], rates)
+    return at_once @ np.linalg.inv(sensor_matrix(plane, sensing, e)).T
