@@ -24,9 +24,10 @@ Example:
 """
 # Modules with the commands, and the commands each holds, in the order of the help.
 COMMANDS = {
-    "auvident.cli.stages": ("run", "ingest", "segment", "ase", "identify", "validate", "report"),
+    "auvident.cli.stages": ("run", "ingest", "segment", "ase", "identify", "validate"),
+    "auvident.cli.loop": ("diagnose", "refine", "report"),
     "auvident.cli.results": ("status", "compare", "simulate", "plan-trial", "export"),
-    "auvident.cli.tables": ("inspect", "coefficients", "schema"),
+    "auvident.cli.tables": ("inspect", "coefficients", "effects", "schema"),
 }
 
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from auvident.cli.watch import Watch
+    from auvident.pipeline.given import Given
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -135,6 +136,33 @@ def given(**values: Any) -> dict[str, Any]:
     return {key: value for key, value in values.items() if value not in (None, ())}
 
 
+def run_one(output: Output, name: str, path: Path, seed: int | None = None, **options: Any) -> Any:
+    """Run one stage, show its tables, print its main artifact with ``--json``."""
+    from auvident.pipeline import run_stage
+    from auvident.pipeline.table import BY_NAME
+
+    with output.watch() as watch:
+        outputs = run_stage(name, path, given(**options), seed=seed, observer=watch)
+    main = BY_NAME[name].main
+    output.artifact(outputs[main], main)
+    return outputs
+
+
+def given_by(run: Path) -> "Given":
+    """Loader of the artifacts of a run directory."""
+    from auvident.pipeline.given import Given
+    from auvident.storage.run_directory import RunDirectory
+
+    return Given(RunDirectory(run))
+
+
+FAIL_ABOVE = click.option(
+    "--fail-above", multiple=True, metavar="CHANNEL=RMSE",
+    help="Exit code 1 when the held-out RMSE of a channel is greater; repeatable.",
+)  # fmt: skip
+SEED = click.option(
+    "--seed", type=int, help="Of the random numbers.  [default: that of the last run, at first 0]"
+)
 RUN = click.argument("run", metavar="RUN", type=click.Path(path_type=Path))
 PATH: Any = click.Path(path_type=Path)  # existence is the reader's business: exit code 3
 

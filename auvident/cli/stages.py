@@ -5,7 +5,19 @@ from typing import Any
 
 import click
 
-from auvident.cli.common import PATH, RUN, Output, command, given, options, parse_limits
+from auvident.cli.common import (
+    FAIL_ABOVE,
+    PATH,
+    RUN,
+    SEED,
+    Output,
+    command,
+    given,
+    given_by,
+    options,
+    parse_limits,
+    run_one,
+)
 
 LOGS = click.argument("logs", metavar="LOG...", nargs=-1, type=PATH)
 VEHICLE = click.option("--vehicle", type=PATH, help="Vehicle file (TOML).")
@@ -41,23 +53,6 @@ IDENTIFY_OPTIONS = options(
     ),
     click.option("--plan", metavar="NAME|FILE", help="Order of the stages.  [default: spiral]"),
 )
-FAIL_ABOVE = click.option(
-    "--fail-above", multiple=True, metavar="CHANNEL=RMSE",
-    help="Exit code 1 when the held-out RMSE of a channel is greater; repeatable.",
-)  # fmt: skip
-SEED = click.option("--seed", type=int, help="Of the random numbers.  [default: 0]")
-
-
-def run_one(output: Output, name: str, path: Path, seed: int | None = None, **options: Any) -> Any:
-    """Run one stage, show its tables, print its main artifact with ``--json``."""
-    from auvident.pipeline import run_stage
-    from auvident.pipeline.table import BY_NAME
-
-    with output.watch() as watch:
-        outputs = run_stage(name, path, given(**options), seed=seed, observer=watch)
-    main = BY_NAME[name].main
-    output.artifact(outputs[main], main)
-    return outputs
 
 
 @command(
@@ -136,23 +131,6 @@ def validate(output: Output, run: Path, fail_above: tuple[str, ...]) -> None:
     check_gates(outputs["validate/metrics.json"], limits)
 
 
-@command("report", "auvident report runs/demo")
-@RUN
-def report(output: Output, run: Path) -> None:
-    """Write everything the run knows into one HTML file; print its path.
-
-    The file needs no other and no network: figures, tables and findings stand inside.
-    """
-    from auvident.pipeline import run_stage
-
-    with output.watch() as watch:
-        (name,) = run_stage("report", run, observer=watch)
-    if output.json:
-        output.artifact({"schema": "auvident/report/1", "file": str(run / name)}, name)
-    else:
-        output.text(str(run / name))
-
-
 @command(
     "run",
     "auvident run sample_logs/harbour_trial --vehicle sample_logs/remus100.toml --run runs/demo",
@@ -172,10 +150,12 @@ def run(
 ) -> int:  # fmt: skip
     """Do every stage in order; stages that are up to date are skipped.
 
-    Without LOG the logs, the vehicle file and the options of the last run hold.
+    It ends with what the model lacked and what adding that changed. Without LOG the logs, the
+    vehicle file and the options of the last run hold.
     """
     from auvident.pipeline import run_all
-    from auvident.pipeline.gates import check_gates
+    from auvident.pipeline.gates import check_refined
+    from auvident.report.console_loop import discovery
 
     limits = parse_limits(fail_above)
     chosen: dict[str, dict[str, Any]] = {
@@ -190,21 +170,15 @@ def run(
     _need(chosen["ingest"].get("logs", ()), chosen["ingest"].get("vehicle"))
     with output.watch(brief=True) as watch:
         result = run_all(run, chosen, seed=seed, observer=watch)
+        left = given_by(run)
+        for piece in discovery(left.comparison):
+            watch.show(piece)
     if output.json:
         output.artifact(summary(run, result), "run")
     elif not output.quiet:
         output.text(str(run / "report" / "report.html"))
-    if limits:
-        check_gates(given_by(run).metrics, limits)
+    check_refined(left.comparison, limits, left.metrics)
     return exit_code(result.outputs)
-
-
-def given_by(run: Path) -> Any:
-    """Loader of the artifacts of a run directory."""
-    from auvident.pipeline.given import Given
-    from auvident.storage.run_directory import RunDirectory
-
-    return Given(RunDirectory(run))
 
 
 def summary(run: Path, result: Any) -> dict[str, Any]:

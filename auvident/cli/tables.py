@@ -1,5 +1,6 @@
 """Commands that look things up: what is in a log, and the program's own tables."""
 
+from dataclasses import asdict
 from pathlib import Path
 
 import click
@@ -7,7 +8,9 @@ import click
 from auvident.cli.common import PATH, Output, command
 from auvident.errors import UsageError
 from auvident.schema.coefficients import COEFFICIENTS, PLANES, of_plane
+from auvident.schema.effects import EFFECTS, Effect
 
+FAMILIES = tuple(dict.fromkeys(effect.family for effect in EFFECTS))
 SIGNS = {1: "+", -1: "-", 0: "±"}
 
 
@@ -33,6 +36,32 @@ def coefficients(output: Output, plane: str | None) -> None:
     for row in rows:
         cells = [str(row[name]).ljust(width) for name, width in widths.items()]
         output.text("  ".join([*cells, str(row["meaning"])]))
+
+
+@command("effects", "auvident effects --family actuation")
+@click.option("--family", type=click.Choice(FAMILIES), help="Only those of one family.")
+def effects(output: Output, family: str | None) -> None:
+    """List the effects that a model may lack: family, parameters with units, how each shows.
+
+    `auvident diagnose` tries each; --json has the equations, bounds and sources, too.
+    """
+    chosen = [effect for effect in EFFECTS if family in (None, effect.family)]
+    if output.json:
+        rows = [asdict(effect) for effect in chosen]
+        output.artifact({"schema": "auvident/effects/1", "effects": rows}, "effects")
+        return
+    heads = ("effect", "family", "parameters", "units")
+    widths = [max(map(len, column)) for column in zip(heads, *map(_cells, EFFECTS), strict=True)]
+    for cells, last in [(heads, "how it shows"), *((_cells(e), e.signature) for e in chosen)]:
+        padded = [cell.ljust(width) for cell, width in zip(cells, widths, strict=True)]
+        output.text("  ".join([*padded, last]))
+
+
+def _cells(effect: Effect) -> tuple[str, ...]:
+    """First columns of an effect: name, family, parameters and their units."""
+    symbols = ", ".join(p.symbol for p in effect.parameters)
+    units = ", ".join(dict.fromkeys(p.unit for p in effect.parameters))
+    return effect.id, effect.family, symbols, units
 
 
 @command("schema", "auvident schema model")

@@ -2,14 +2,11 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from auvident.pipeline.given import Given
-from auvident.pipeline.predict import find_model
+from auvident.pipeline.predict import REFINED, find_model
 from auvident.storage.run_directory import RunDirectory
-
-if TYPE_CHECKING:
-    from auvident.schema.artifacts import IdentifiedModel
 
 METRICS = "validate/metrics.json"
 
@@ -25,10 +22,13 @@ def compare_runs(paths: Sequence[Path]) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``runs`` (path, vehicle, plane, filter, model file, maneuvers held out),
+        ``runs`` (path, vehicle, plane, filter, model file, maneuvers held out, verdict of the
+        refinement),
         ``coefficients`` (symbol, unit, and by run value and std; ``apart``: greatest difference
-        from the first run in standard deviations of the difference), ``held_out`` (channel, unit,
-        and by run rmse and nrmse). None stands where a run has no such value.
+        from the first run in standard deviations of the difference), ``effects`` (the same of
+        the parameters of effects that were added), ``held_out`` (channel, unit, and by run rmse
+        and nrmse). A refined model and its errors take the place of the identified ones. None
+        stands where a run has no such value.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def compare_runs(paths: Sequence[Path]) -> dict[str, Any]:
         A run directory without a model.
     """
     models = [find_model(path) for path in paths]
-    held_out = [_held_out(path) for path in paths]
+    held_out = [_held_out(path, file) for path, (file, _) in zip(paths, models, strict=True)]
     return {
         "schema": "auvident/compare/1",
         "runs": [
@@ -44,17 +44,27 @@ def compare_runs(paths: Sequence[Path]) -> dict[str, Any]:
                 "run": str(path), "vehicle": model.vehicle, "plane": model.plane,
                 "filter": model.filter, "engine": model.engine, "plan": model.plan,
                 "model": str(file), "held_out": errors["maneuvers"],
+                "verdict": errors.get("verdict"),
             }
             for path, (file, model), errors in zip(paths, models, held_out, strict=True)
         ],
-        "coefficients": _coefficients([model for _, model in models]),
+        "coefficients": _rows([{c.symbol: c for c in m.coefficients} for _, m in models]),
+        "effects": _rows([errors.get("effects", {}) for errors in held_out]),
         "held_out": _errors([errors["channels"] for errors in held_out]),
     }  # fmt: skip
 
 
-def _held_out(path: Path) -> dict[str, Any]:
+def _held_out(path: Path, model_file: Path) -> dict[str, Any]:
     """Maneuvers that validate, and pooled errors by channel; empty before `validate`."""
     given = Given(RunDirectory(path))
+    if model_file == given.run / REFINED:
+        comparison = given.comparison
+        return {
+            "maneuvers": list(comparison.held_out.maneuvers),
+            "channels": comparison.held_out.after,
+            "verdict": comparison.verdict,
+            "effects": {f"{e.id}.{p.symbol}": p for e in comparison.effects for p in e.parameters},
+        }
     if not given.has(METRICS):
         return {"maneuvers": [], "channels": {}}
     metrics = given.metrics
@@ -62,8 +72,8 @@ def _held_out(path: Path) -> dict[str, Any]:
     return {"maneuvers": maneuvers, "channels": metrics.summary.get("validate", {})}
 
 
-def _coefficients(models: "Sequence[IdentifiedModel]") -> list[dict[str, Any]]:
-    tables = [{c.symbol: c for c in model.coefficients} for model in models]
+def _rows(tables: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Values with their standard deviations by name, one column a run."""
     rows = []
     for symbol in dict.fromkeys(s for table in tables for s in table):
         found = [table.get(symbol) for table in tables]

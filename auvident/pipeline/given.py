@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from auvident.schema.artifacts import AseResult, IdentifiedModel, Maneuvers, Metrics
+    from auvident.schema.diagnosis import Comparison, Diagnosis
     from auvident.schema.logs import Quality
     from auvident.schema.trial import Trial
     from auvident.schema.vehicle import Vehicle
@@ -45,7 +46,7 @@ class Given:
     run: RunDirectory
     manifest: Manifest | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
-    seed: int | None = None
+    seed: int = 0
     observer: Observer = field(default_factory=Observer)
 
     def read(self, name: str, model: type[Model]) -> Model:
@@ -117,6 +118,20 @@ class Given:
         from auvident.schema.artifacts import Metrics
 
         return self.read("validate/metrics.json", Metrics)
+
+    @cached_property
+    def diagnosis(self) -> "Diagnosis":
+        """What the model lacks."""
+        from auvident.schema.diagnosis import Diagnosis
+
+        return self.read("diagnose/diagnosis.json", Diagnosis)
+
+    @cached_property
+    def comparison(self) -> "Comparison":
+        """What adding it changed."""
+        from auvident.schema.diagnosis import Comparison
+
+        return self.read("refine/comparison.json", Comparison)
 
     def noise(self) -> dict[str, float]:
         """Noise of each measured channel by column: root mean square over the trials."""

@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from auvident.errors import InputError, StageError
+from auvident.pipeline.freshness import judge
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.steps import announce_compilation
+from auvident.pipeline.table import BY_NAME
 from auvident.storage.artifacts import read_model
 from auvident.storage.run_directory import MANIFEST, RunDirectory
 
@@ -18,8 +20,8 @@ if TYPE_CHECKING:
     from auvident.schema.trial import Trial
     from auvident.schema.vehicle import Vehicle
 
-# Models of a run directory, the last one that there is goes first.
-MODELS = ("refine/model.json", "identify/model.json")
+REFINED = "refine/model.json"  # goes first, unless what it rests on has changed since
+IDENTIFIED = "identify/model.json"
 VEHICLE = "ingest/vehicle.json"
 USUAL_FINENESS = 8.0  # length over diameter of a survey AUV
 SIGNS_ASSUMED = (
@@ -39,7 +41,7 @@ class Prediction:
 
 
 def find_model(target: Path) -> "tuple[Path, IdentifiedModel]":
-    """The model of a run directory (refined, if it was) or of a file.
+    """The model of a run directory (refined, if it was and nothing changed since) or of a file.
 
     Raises
     ------
@@ -52,18 +54,22 @@ def find_model(target: Path) -> "tuple[Path, IdentifiedModel]":
 
     path = target
     if target.is_dir() or not target.suffix:
-        run = RunDirectory(target)
-        manifest = run.existing()
-        done = {name for entry in manifest.stages.values() for name in entry.outputs}
-        found = [name for name in MODELS if name in done and (target / name).exists()]
-        if not found:
-            raise StageError(
-                "there is no identified model", str(target), f"Run `auvident identify {target}`."
-            )
-        path = target / found[0]
+        path = _model_of(RunDirectory(target))
     elif not target.exists():
         raise InputError("no such file", str(target), "Give a run directory or a model.json.")
     return path, read_model(path, IdentifiedModel, "Give a model.json that auvident has written.")
+
+
+def _model_of(run: RunDirectory) -> Path:
+    manifest = run.existing()
+    if judge(BY_NAME["refine"], run, manifest).state == "done":
+        return run / REFINED
+    identify = manifest.stages.get("identify")
+    if identify is None or not (run / IDENTIFIED).exists():
+        raise StageError(
+            "there is no identified model", str(run.path), f"Run `auvident identify {run.path}`."
+        )
+    return run / IDENTIFIED
 
 
 def _vehicle_of(

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -52,7 +52,7 @@ def run_stage(
     options : mapping, optional
         Options of the stage; those left out have their defaults.
     seed : int, optional
-        For a stage that draws.
+        For a stage that draws; without it that of its last run, at first 0.
     observer : Observer
 
     Returns
@@ -190,13 +190,14 @@ def _execute(
 ) -> Outputs:
     """Call a stage and write what it returns: first the outputs, then the manifest."""
     started, clock = _now(), time.perf_counter()
+    former = manifest.stages.get(stage.name) if manifest else None
+    wanted = _with_seed(stage, wanted, former)
     inputs = {name: run.sha256(name) or "" for name in matching(manifest, stage.reads)}
-    given = Given(run, manifest, {**stage.options, **options}, wanted.seed, observer)
+    given = Given(run, manifest, {**stage.options, **options}, wanted.seed or 0, observer)
     outputs, content = _call(stage, given, wanted)
     if manifest is None and not run.path.is_dir():
         stack.enter_context(run.lock())
     manifest = manifest or Manifest(program_version=__version__, created_at=started)
-    former = manifest.stages.get(stage.name)
     run.commit(content, frozenset(former.outputs if former else ()))
     entry = _entry(wanted, inputs, started).model_copy(
         update={
@@ -207,6 +208,13 @@ def _execute(
     run.save(_with(manifest, stage.name, entry))
     observer.finished(stage.name, outputs, time.perf_counter() - clock)
     return outputs
+
+
+def _with_seed(stage: Stage, wanted: Wanted, former: StageEntry | None) -> Wanted:
+    """The seed of a stage that draws: as given, else that of its last run, else 0."""
+    if not stage.draws or wanted.seed is not None:
+        return wanted
+    return replace(wanted, seed=former.seed if former and former.seed is not None else 0)
 
 
 def _call(stage: Stage, given: Given, wanted: Wanted) -> tuple[Outputs, dict[str, bytes]]:

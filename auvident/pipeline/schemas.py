@@ -5,6 +5,7 @@ from typing import Any
 from pydantic import BaseModel, TypeAdapter
 
 from auvident.schema.artifacts import AseResult, IdentifiedModel, Maneuver, Metrics, TrialPlan
+from auvident.schema.diagnosis import Comparison, Diagnosis
 from auvident.schema.logs import ColumnMap, Quality
 from auvident.schema.manifest import Manifest
 from auvident.schema.plan import Plan
@@ -22,6 +23,8 @@ SCHEMAS: dict[str, tuple[str, Any]] = {
     "model": ("identify/model.json", IdentifiedModel),
     "trial-plan": ("what plan-trial prints", TrialPlan),
     "metrics": ("validate/metrics.json", Metrics),
+    "diagnosis": ("diagnose/diagnosis.json", Diagnosis),
+    "comparison": ("refine/comparison.json", Comparison),
 }
 # Other names that users try: the stems of the files.
 ALIASES = {"coefficients": "ase", "manifest": "run"}

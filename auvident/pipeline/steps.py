@@ -249,6 +249,51 @@ def validate(given: Given) -> dict[str, Any]:
     }
 
 
+# --- diagnose, refine ---------------------------------------------------------------------
+
+
+def identifying_plan(given: Given) -> "Plan":
+    """The plan that the model was identified with; a changed one has made it stale already."""
+    entry = given.manifest.stages["identify"] if given.manifest else None
+    name = entry.options["plan"] if entry else "spiral"
+    file = given.run.located(name)
+    return read_plan(file if file.exists() or file.suffix == ".toml" else name)
+
+
+def diagnose(given: Given) -> dict[str, Any]:
+    """Trace what the model does not explain to an effect that it lacks."""
+    announce_compilation(given.observer, given.model.filter)
+    from auvident.stages.diagnose import diagnose as trace
+
+    result = trace(
+        given.trials, given.maneuvers, given.ase, given.vehicle, given.noise(), given.model,
+        plan=identifying_plan(given), seed=given.seed, progress=given.observer.progress,
+    )  # fmt: skip
+    return {
+        "diagnose/diagnosis.json": result.diagnosis,
+        "diagnose/residuals.parquet": result.residuals,
+    }
+
+
+def refine(given: Given) -> dict[str, Any]:
+    """Add the traced effects, identify again, compare the errors of what was held out."""
+    filter = given.options["filter"] or given.model.filter
+    announce_compilation(given.observer, filter)
+    from auvident.stages.refine import refine as identify_again
+
+    result = identify_again(
+        given.trials, given.maneuvers, given.ase, given.vehicle, given.noise(), given.model,
+        given.diagnosis, plan=identifying_plan(given), filter=filter, engine=given.model.engine,
+        seed=given.seed, progress=given.observer.progress,
+    )  # fmt: skip
+    return {
+        "refine/model.json": result.model,
+        "refine/comparison.json": result.comparison,
+        "refine/history.parquet": result.history,
+        "refine/simulation.parquet": result.simulation,
+    }
+
+
 # --- report -------------------------------------------------------------------------------
 
 

@@ -31,6 +31,8 @@ class Stage:
         What it does, for people.
     after : tuple of str
         Stages that must be up to date before.
+    also : tuple of str
+        Stages it shows where they have been run; then they must not be stale.
     reads : tuple of str
         Artifacts it reads, as patterns.
     main : str
@@ -57,6 +59,7 @@ class Stage:
     sources: Sources = _no_sources
     paths: tuple[str, ...] = ()
     draws: bool = False
+    also: tuple[str, ...] = ()
 
 
 STAGES: tuple[Stage, ...] = (
@@ -119,6 +122,36 @@ STAGES: tuple[Stage, ...] = (
         function=steps.validate,
     ),
     Stage(
+        "diagnose",
+        "what the model lacks",
+        after=("identify",),
+        reads=(
+            "ingest/*",
+            "segment/maneuvers.json",
+            "ase/coefficients.json",
+            "identify/model.json",
+        ),
+        main="diagnose/diagnosis.json",
+        function=steps.diagnose,
+        draws=True,
+    ),
+    Stage(
+        "refine",
+        "the model with what it lacked",
+        after=("diagnose",),
+        reads=(
+            "ingest/*",
+            "segment/maneuvers.json",
+            "ase/coefficients.json",
+            "identify/model.json",
+            "diagnose/diagnosis.json",
+        ),
+        main="refine/comparison.json",
+        function=steps.refine,
+        options={"filter": None},
+        draws=True,
+    ),
+    Stage(
         "report",
         "everything in one HTML file",
         after=("validate",),
@@ -133,6 +166,7 @@ STAGES: tuple[Stage, ...] = (
         ),
         main="report/report.html",
         function=steps.report,
+        also=("diagnose", "refine"),
     ),
 )
 BY_NAME: dict[str, Stage] = {stage.name: stage for stage in STAGES}

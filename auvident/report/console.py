@@ -4,16 +4,16 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich import box
 from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from auvident.report.ase_tables import ase_report, finding_line
+from auvident.report import console_loop
+from auvident.report.ase_tables import ase_report
+from auvident.report.console_style import findings_lines, house_table, number
 from auvident.schema.artifacts import (
     ChannelMetrics,
     Combination,
-    Finding,
     IdentifiedModel,
     Maneuver,
     Metrics,
@@ -33,8 +33,6 @@ ROLES = {
 SIGHT = ((0.8, "well seen"), (0.3, "partly seen"), (-1.0, "left to the prior"))
 MOST_SHARES = 5  # coefficients named of a combination
 MOST_SENSOR_TABLES = 3  # trials; more of them are shown with one row each
-MOST_PLACES = 6  # places named of a finding that several share
-MOST_FINDINGS = 12  # lines of findings a stage; the artifact has all of them
 
 
 def stage_report(
@@ -50,45 +48,9 @@ def stage_report(
     brief : bool
         One stage among several: without what a later table repeats.
     """
-    if brief and stage == "ase":  # the values come again as the prior of the identification
-        return findings_lines(outputs["ase/coefficients.json"].findings)
-    report = REPORTS.get(stage)
+    report = BRIEF_REPORTS.get(stage) if brief else None
+    report = report or REPORTS.get(stage)
     return report(outputs) if report else []
-
-
-def house_table(title: str, left: Sequence[str], right: Sequence[str] = ()) -> Table:
-    """The house style: no vertical rules, title on the left, numbers on the right."""
-    table = Table(title=title or None, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for name in left:
-        table.add_column(name)
-    for name in right:
-        table.add_column(name, justify="right")
-    return table
-
-
-def number(value: float | None, digits: int = 4) -> str:
-    """A number with some significant digits; empty when there is none."""
-    return "" if value is None else f"{value:.{digits}g}"
-
-
-def findings_lines(findings: Sequence[Finding]) -> list[RenderableType]:
-    """The first findings, the same of several places as one, and how many more there are."""
-    groups: dict[tuple[str, str], list[Finding]] = {}
-    for finding in findings:
-        groups.setdefault((finding.code, finding.message), []).append(finding)
-    lines: list[RenderableType] = []
-    for same in list(groups.values())[:MOST_FINDINGS]:
-        if len(same) > 1:
-            places = list(dict.fromkeys(finding.where for finding in same))
-            more = [f"{len(places) - MOST_PLACES} more"] if len(places) > MOST_PLACES else []
-            where = ", ".join(places[:MOST_PLACES] + more)
-            first = same[0].model_copy(update={"where": where, "value": None})
-            lines.append(finding_line(first))
-        else:
-            lines.append(finding_line(same[0]))
-    if len(groups) > MOST_FINDINGS:
-        lines.append(Text(f"... and {len(groups) - MOST_FINDINGS} more findings", style="dim"))
-    return lines
 
 
 def frame_table(title: str, frame: "pd.DataFrame") -> Table:
@@ -255,11 +217,10 @@ def comparison_tables(comparison: Mapping[str, Any]) -> list[RenderableType]:
     runs = [str(run["run"]) for run in comparison["runs"]]
     table = house_table("Coefficients (value ± std)", ("", "unit"), (*runs, "apart, std"))
     for row in comparison["coefficients"]:
-        cells = [
-            "" if value is None else f"{number(value)} ± {number(std, 2)}"
-            for value, std in zip(row["value"], row["std"], strict=True)
-        ]
-        table.add_row(row["symbol"], row["unit"], *cells, number(row["apart"], 2))
+        table.add_row(row["symbol"], row["unit"], *_with_std(row), number(row["apart"], 2))
+    effects = house_table("Effects that were added (value ± std)", ("", "unit"), runs)
+    for row in comparison["effects"]:
+        effects.add_row(row["symbol"], row["unit"], *_with_std(row))
     errors = house_table("Held-out error, RMSE (NRMSE)", ("", "unit"), runs)
     for row in comparison["held_out"]:
         cells = [
@@ -269,10 +230,18 @@ def comparison_tables(comparison: Mapping[str, Any]) -> list[RenderableType]:
         errors.add_row(row["channel"], row["unit"], *cells)
     sets = {tuple(run["held_out"]) for run in comparison["runs"]}
     note = "The runs hold out different maneuvers: their errors are not of the same thing."
-    pieces: list[RenderableType] = [table]
+    pieces: list[RenderableType] = [table, effects] if comparison["effects"] else [table]
     if comparison["held_out"]:
         pieces.append(errors)
     return [*pieces, Text(note, style="yellow")] if len(sets) > 1 else pieces
+
+
+def _with_std(row: Mapping[str, Any]) -> list[str]:
+    """Value and standard deviation of every run; empty where it has none."""
+    return [
+        "" if value is None else f"{number(value)} ± {number(std, 2)}"
+        for value, std in zip(row["value"], row["std"], strict=True)
+    ]
 
 
 def log_tables(report: Any) -> list[RenderableType]:
@@ -316,4 +285,13 @@ REPORTS: dict[str, Callable[[Mapping[str, Any]], list[RenderableType]]] = {
     "ase": _ase,
     "identify": _identify,
     "validate": _validate,
+    "diagnose": console_loop.diagnose,
+    "refine": console_loop.refine,
+}
+# Where a later table repeats most of it: the estimate comes again as the prior of the
+# identification, the verdict at the end of the run.
+BRIEF_REPORTS: dict[str, Callable[[Mapping[str, Any]], list[RenderableType]]] = {
+    "ase": lambda outputs: findings_lines(outputs["ase/coefficients.json"].findings),
+    "diagnose": console_loop.diagnose_brief,
+    "refine": console_loop.refine_brief,
 }

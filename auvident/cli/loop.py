@@ -1,0 +1,62 @@
+"""Commands of the residual loop, and of the report that tells all."""
+
+from pathlib import Path
+
+import click
+
+from auvident.cli.common import FAIL_ABOVE, RUN, SEED, Output, command, parse_limits, run_one
+
+
+@command("diagnose", "auvident diagnose runs/demo")
+@RUN
+@SEED
+def diagnose(output: Output, run: Path, seed: int | None) -> None:
+    """Trace what the model does not explain to an effect that it lacks.
+
+    First it says what these maneuvers can show at all; then each effect of `auvident effects` is
+    tried, and a verdict given: an effect found, several that cannot be told apart, something that
+    no listed effect explains, or nothing.
+    """
+    run_one(output, "diagnose", run, seed)
+
+
+@command(
+    "refine",
+    "auvident refine runs/demo",
+    "auvident refine runs/demo --fail-above u=0.2 --fail-above r=0.1",
+)
+@RUN
+@click.option(
+    "--filter", type=click.Choice(["ekf", "ukf"]), help="[default: that of the identification]"
+)
+@FAIL_ABOVE
+@SEED
+def refine(
+    output: Output, run: Path, filter: str | None, fail_above: tuple[str, ...], seed: int | None
+) -> None:
+    """Add the traced effects to the model, identify again, compare held-out errors.
+
+    The plan is that of the identification. --fail-above looks at the errors of the refined model.
+    """
+    from auvident.pipeline.gates import check_refined
+
+    limits = parse_limits(fail_above)
+    outputs = run_one(output, "refine", run, seed, filter=filter)
+    check_refined(outputs["refine/comparison.json"], limits)
+
+
+@command("report", "auvident report runs/demo")
+@RUN
+def report(output: Output, run: Path) -> None:
+    """Write everything the run knows into one HTML file; print its path.
+
+    The file needs no other and no network: figures, tables and findings stand inside.
+    """
+    from auvident.pipeline import run_stage
+
+    with output.watch() as watch:
+        (name,) = run_stage("report", run, observer=watch)
+    if output.json:
+        output.artifact({"schema": "auvident/report/1", "file": str(run / name)}, name)
+    else:
+        output.text(str(run / name))

@@ -1,0 +1,49 @@
+"""House style of the console: tables, numbers, lines of findings."""
+
+from collections.abc import Sequence
+
+from rich import box
+from rich.console import RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from auvident.report.ase_tables import finding_line
+from auvident.schema.artifacts import Finding
+
+MOST_PLACES = 6  # places named of a finding that several share
+MOST_FINDINGS = 12  # lines of findings a stage; the artifact has all of them
+
+
+def house_table(title: str, left: Sequence[str], right: Sequence[str] = ()) -> Table:
+    """The house style: no vertical rules, title on the left, numbers on the right."""
+    table = Table(title=title or None, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for name in left:
+        table.add_column(name)
+    for name in right:
+        table.add_column(name, justify="right")
+    return table
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """A number with some significant digits; empty when there is none."""
+    return "" if value is None else f"{value:.{digits}g}"
+
+
+def findings_lines(findings: Sequence[Finding]) -> list[RenderableType]:
+    """The first findings, the same of several places as one, and how many more there are."""
+    groups: dict[tuple[str, str], list[Finding]] = {}
+    for finding in findings:
+        groups.setdefault((finding.code, finding.message), []).append(finding)
+    lines: list[RenderableType] = []
+    for same in list(groups.values())[:MOST_FINDINGS]:
+        if len(same) > 1:
+            places = list(dict.fromkeys(finding.where for finding in same))
+            more = [f"{len(places) - MOST_PLACES} more"] if len(places) > MOST_PLACES else []
+            where = ", ".join(places[:MOST_PLACES] + more)
+            first = same[0].model_copy(update={"where": where, "value": None})
+            lines.append(finding_line(first))
+        else:
+            lines.append(finding_line(same[0]))
+    if len(groups) > MOST_FINDINGS:
+        lines.append(Text(f"... and {len(groups) - MOST_FINDINGS} more findings", style="dim"))
+    return lines

@@ -1,0 +1,174 @@
+"""What the residual loop found, in words that the console and the HTML report share."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from auvident.schema.diagnosis import (
+    Candidate,
+    CoefficientComparison,
+    Detectable,
+    EffectFound,
+    ParameterValue,
+    ResidualRow,
+)
+from auvident.schema.effects import BY_ID, EFFECTS
+
+NORMAL_95 = 1.96  # standard deviations on each side of a 95 % interval
+MOVED = 2.0  # standard deviations before, from which on a coefficient is said to have moved
+FAMILIES = tuple(dict.fromkeys(effect.family for effect in EFFECTS))
+VERDICTS = {
+    "none_found": "nothing found",
+    "effect_found": "effect found",
+    "ambiguous": "effects that cannot be told apart",
+    "unexplained": "something no listed effect explains",
+}
+
+
+@dataclass(frozen=True)
+class PooledResidual:
+    """Residual of a channel over all identifying maneuvers, and the noise of its sensor."""
+
+    channel: str
+    unit: str
+    rms: float
+    rms_after: float
+    noise_std: float
+    correlation_time_s: float
+
+    @property
+    def ratio(self) -> float | None:
+        """Residual over noise; None where the noise is not known."""
+        return self.rms / self.noise_std if self.noise_std > 0.0 else None
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A number with some significant digits; empty when there is none."""
+    return "" if value is None else f"{value:.{digits}g}"
+
+
+def with_unit(value: float, unit: str, digits: int = 3) -> str:
+    """A number with its unit, if it has one."""
+    return (
+        f"{number(value, digits)} {unit}" if unit not in ("", "-", "1") else number(value, digits)
+    )
+
+
+def interval(p: ParameterValue) -> tuple[float, float]:
+    """The 95 % interval: as stated, else from the standard deviation."""
+    low = p.value - NORMAL_95 * p.std if p.low is None else p.low
+    high = p.value + NORMAL_95 * p.std if p.high is None else p.high
+    return low, high
+
+
+def interval_text(p: ParameterValue) -> str:
+    """The 95 % interval, ``0.11 to 0.13``."""
+    return " to ".join(number(bound) for bound in interval(p))
+
+
+def size(p: ParameterValue) -> str:
+    """A parameter with its interval: ``lag_s 0.38 s (0.33 to 0.43)``."""
+    return f"{p.symbol} {with_unit(p.value, p.unit)} ({interval_text(p)})"
+
+
+def sizes(parameters: Iterable[ParameterValue]) -> str:
+    """Parameters of an effect with their intervals."""
+    return ", ".join(size(p) for p in parameters)
+
+
+def place(effect: EffectFound) -> str:
+    """Where and when an effect of one time acted; empty for one that acts always."""
+    pieces = [effect.maneuver or ""]
+    if effect.time_s is not None:
+        pieces.append(f"at {effect.time_s:.1f} s")
+    if effect.duration_s is not None:
+        pieces.append(f"for {effect.duration_s:.1f} s")
+    return " ".join(piece for piece in pieces if piece)
+
+
+def detectable_text(rows: Sequence[Detectable]) -> str:
+    """Smallest sizes of one effect that would show, the parameters together."""
+    pieces = [f"{bound(row)} {with_unit(row.size, row.unit, 2)}" for row in rows]
+    return f"{rows[0].id} {', '.join(dict.fromkeys(pieces))}"
+
+
+def bound(row: Detectable) -> str:
+    """A limit shows from some size downwards, everything else upwards."""
+    declared = BY_ID[row.id].parameters if row.id in BY_ID else ()
+    form = next((p.form for p in declared if p.symbol == row.symbol), "plain")
+    return "≥" if form == "plain" else "≤"
+
+
+def visible_by_family(sees: Sequence[Detectable]) -> dict[str, list[str]]:
+    """Effects that would show, each with its smallest sizes, by family."""
+    found: dict[str, dict[str, list[Detectable]]] = {}
+    for row in (row for row in sees if row.visible):
+        found.setdefault(row.family, {}).setdefault(row.id, []).append(row)
+    return {
+        family: [detectable_text(rows) for rows in found[family].values()]
+        for family in (*FAMILIES, *(f for f in found if f not in FAMILIES))
+        if family in found
+    }
+
+
+def blind_by_reason(sees: Sequence[Detectable]) -> dict[str, list[str]]:
+    """Effects, or single parameters of effects, that would not show, by the reason."""
+    seen = {row.id for row in sees if row.visible}
+    found: dict[str, list[str]] = {}
+    for row in (row for row in sees if not row.visible):
+        name = f"{row.id}.{row.symbol}" if row.id in seen else row.id
+        names = found.setdefault(row.why or "too small beside the noise", [])
+        if name not in names:
+            names.append(name)
+    return found
+
+
+def ranked(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Candidates, accepted ones first, then by what they gained."""
+    return sorted(candidates, key=lambda c: (bool(c.rejected), -c.gain))
+
+
+def pooled(rows: Sequence[ResidualRow]) -> list[PooledResidual]:
+    """Residual by channel: root mean square over the maneuvers, median correlation time."""
+    found = []
+    for channel in dict.fromkeys(row.channel for row in rows):
+        same = [row for row in rows if row.channel == channel]
+        times = sorted(row.correlation_time_s for row in same)
+        found.append(
+            PooledResidual(
+                channel, same[0].unit, _rms(r.rms for r in same), _rms(r.rms_after for r in same),
+                _rms(r.noise_std for r in same), times[len(times) // 2],
+            )
+        )  # fmt: skip
+    return found
+
+
+def _rms(values: Iterable[float]) -> float:
+    squares = [value**2 for value in values]
+    return math.sqrt(sum(squares) / len(squares))
+
+
+def moves(c: CoefficientComparison) -> float:
+    """Change of a coefficient in standard deviations that it had before."""
+    return (c.after - c.before) / c.before_std if c.before_std > 0.0 else 0.0
+
+
+def moved(coefficients: Sequence[CoefficientComparison]) -> list[CoefficientComparison]:
+    """Coefficients that changed by more than `MOVED` of their standard deviations, most first."""
+    found = [c for c in coefficients if abs(moves(c)) > MOVED]
+    return sorted(found, key=lambda c: -abs(moves(c)))
+
+
+def correlates(unexplained: Mapping[str, object]) -> list[str]:
+    """What an unexplained residual follows, strongest first, whatever form it came in."""
+    rows = unexplained.get("correlates") or ()
+    assert isinstance(rows, list | tuple)
+    return [_correlate(row) for row in rows]
+
+
+def _correlate(row: object) -> str:
+    if not isinstance(row, Mapping):
+        return ", ".join(map(str, row)) if isinstance(row, list | tuple) else str(row)
+    gain = row.get("gain")
+    text = " with ".join(str(row[k]) for k in ("axis", "regressor") if row.get(k))
+    return f"{text} (gain {number(float(gain))})" if isinstance(gain, int | float) else text
