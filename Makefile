@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DEMO_RUN := runs/demo
 
-.PHONY: install demo test lint check bench clean
+.PHONY: install demo test lint check bench bench-effects clean
 .DELETE_ON_ERROR:
 
 $(VENV)/.installed: pyproject.toml
@@ -33,6 +33,13 @@ check: lint test
 
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.bench
+
+# Seeds of their own, not those of development; a run that was interrupted goes on where it was.
+EFFECTS_RUN := runs/bench-effects
+bench-effects: $(VENV)/.installed-dev
+	mkdir -p $(EFFECTS_RUN)
+	$(BIN)/python -m tests.bench effects --seed-base 5000 \
+		--resume $(EFFECTS_RUN)/outcomes.jsonl --json $(EFFECTS_RUN)/found.json
 
 clean:
 	rm -rf $(VENV) runs build *.egg-info .pytest_cache .mypy_cache .ruff_cache

@@ -1,4 +1,7 @@
-"""``python -m tests.bench [speed|identify|recovery|plans] ... [--seeds N] [--json]``."""
+"""``python -m tests.bench [speed|identify|recovery|plans] ... [--seeds N] [--json]``.
+
+The study of the residual loop has options of its own: ``python -m tests.bench effects --help``.
+"""
 
 import argparse
 import json
@@ -13,7 +16,13 @@ PARTS = ("speed", "identify", "recovery", "plans")
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the parts asked for, all of them by default."""
+    """Run the parts asked for, all of them but the study of effects by default."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments[:1] == ["effects"]:
+        from tests.bench import effects
+
+        effects.main(arguments[1:], _print)
+        return
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
     parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
     parser.add_argument("--seeds", type=int, default=200, help="trials of the recovery study")

@@ -1,0 +1,185 @@
+"""Was the planted effect found? Pure functions from one outcome to one score."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from auvident.schema.effects import BY_ID, parameter_of
+from tests.bench.effects_truth import FINDING_OF
+
+NORMAL_95 = 1.96
+CONFIDENT = ("effect_found", "ambiguous")
+# Seen by a search of the residual and not by a slope: `sees` may have no size for them.
+SEARCHED = ("wave", "one_off_event")
+
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Size:
+    """A named size against the planted one."""
+
+    symbol: str
+    planted: float
+    value: float
+    std: float
+    z: float | None
+    inside: bool | None
+
+
+@dataclass(frozen=True)
+class Score:
+    """What one trial says about the residual loop.
+
+    ``declared``: an effect is stated, by name or as one of a group. ``right_id``: every planted
+    effect is named; ``right_or_group``: or stands in a group with a named one; ``right_family``:
+    or its family is named. ``wrong_name``: something is named and nothing of a planted family;
+    ``extra`` are the names that are neither planted nor in a group with a planted one.
+    ``by_finding``: a finding on the coefficients says it. ``visible`` is None with nothing planted.
+    ``off_s``: how far outside of the planted time a named event or step lies.
+    """
+
+    key: str
+    kind: str
+    label: str
+    vehicle: str
+    verdict: str
+    named: tuple[str, ...]
+    visible: bool | None
+    declared: bool
+    right_id: bool
+    right_or_group: bool
+    right_family: bool
+    wrong_name: bool
+    by_finding: bool
+    extra: tuple[str, ...] = ()
+    sizes: tuple[Size, ...] = ()
+    off_s: float | None = None
+    held_out: dict[str, tuple[float, float]] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+    peak_mb: float = 0.0
+    why: str = ""
+
+
+def score(outcome: Row) -> Score:
+    """Score of one trial."""
+    diagnosis, comparison = outcome.get("diagnosis") or {}, outcome.get("comparison") or {}
+    final = comparison if comparison.get("verdict") else diagnosis
+    planted = outcome["truth"]["planted"]
+    effects = final.get("effects", [])
+    named = tuple(e["id"] for e in effects)
+    groups = [set(g) for g in final.get("ambiguous", [])]
+    ids = list(outcome["case"]["planted"])
+    by_finding = any(_finding_says(name, diagnosis, comparison) for name in ids)
+    family = bool(planted) and all(_family_named(p, effects, groups) for p in planted)
+    return Score(
+        key=outcome["case"]["key"], kind=outcome["case"]["kind"],
+        label="+".join(ids) or "none", vehicle=outcome["case"]["vehicle"],
+        verdict=final.get("verdict", "failed"), named=named,
+        visible=all(is_visible(p, diagnosis.get("sees", [])) for p in planted) if ids else None,
+        declared=final.get("verdict") in CONFIDENT and bool(named),
+        right_id=bool(ids) and set(ids) <= set(named),
+        right_or_group=bool(ids) and all(_in_group(i, named, groups) for i in ids),
+        right_family=family,
+        wrong_name=bool(named) and not any(_family_named(p, effects, groups) for p in planted),
+        by_finding=by_finding,
+        extra=tuple(n for n in named if not any(_in_group(n, [i], groups) for i in ids)),
+        sizes=tuple(sizes(planted, effects)), off_s=time_off(planted, effects),
+        held_out=errors(comparison),
+        seconds=dict(outcome.get("seconds", {})), peak_mb=outcome.get("peak_mb", 0.0),
+        why=reason(ids, outcome.get("error"), diagnosis),
+    )  # fmt: skip
+
+
+def _in_group(name: str, named: Iterable[str], groups: Iterable[set[str]]) -> bool:
+    """Whether an id is named, or stands in a group with a named one."""
+    told = set(named)
+    return name in told or any(name in g and g & told for g in groups)
+
+
+def _family_named(planted: Row, effects: list[Row], groups: list[set[str]]) -> bool:
+    families = {e["family"] for e in effects}
+    return planted["family"] in families or _in_group(
+        planted["id"], [e["id"] for e in effects], groups
+    )
+
+
+def _finding_says(name: str, *artifacts: Row) -> bool:
+    codes = [f["code"] for a in artifacts for f in a.get("findings", [])]
+    return name in FINDING_OF and any(FINDING_OF[name] in code for code in codes)
+
+
+def is_visible(planted: Row, sees: Iterable[Row]) -> bool:
+    """Whether the planted size is above the one that the program says it would see.
+
+    Of several parameters one is enough; of a limit the smaller is the stronger.
+    """
+    rows = [row for row in sees if row["id"] == planted["id"]]
+    if not rows:
+        return planted["id"] in SEARCHED
+    return any(_is_above(planted, row) for row in rows if row["visible"])
+
+
+def _is_above(planted: Row, row: Row) -> bool:
+    size = planted["parameters"].get(row["symbol"])
+    if size is None or planted["id"] in SEARCHED:
+        return True
+    if _is_limit(planted["id"], row["symbol"]):
+        return bool(abs(size) <= row["size"])
+    return bool(abs(size) >= row["size"])
+
+
+def _is_limit(name: str, symbol: str) -> bool:
+    known = name in BY_ID and any(p.symbol == symbol for p in BY_ID[name].parameters)
+    return known and parameter_of(f"{name}.{symbol}").form != "plain"
+
+
+def sizes(planted: Iterable[Row], effects: Iterable[Row]) -> Iterable[Size]:
+    """Named sizes of the planted effects, where both are parameters of one form."""
+    stated = {e["id"]: {p["symbol"]: p for p in e["parameters"]} for e in effects}
+    for effect in planted:
+        for symbol, truth in effect["parameters"].items() if effect["exact"] else ():
+            if symbol in stated.get(effect["id"], {}):
+                yield compared(symbol, truth, stated[effect["id"]][symbol])
+
+
+def compared(symbol: str, truth: float, stated: Row) -> Size:
+    """One size: error over the claimed deviation, and whether the 95 % interval holds it."""
+    value, std = stated["value"], stated["std"]
+    low, high = stated.get("low"), stated.get("high")
+    off = truth - value
+    if symbol == "direction_deg":
+        off = (off + 180.0) % 360.0 - 180.0
+    if low is None or high is None:
+        low, high = value - NORMAL_95 * std, value + NORMAL_95 * std
+    known = std > 0.0 or high > low
+    return Size(
+        symbol, truth, value, std, -off / std if std > 0.0 else None,
+        bool(low <= value + off <= high) if known else None,
+    )  # fmt: skip
+
+
+def time_off(planted: Iterable[Row], effects: Iterable[Row]) -> float | None:
+    """Seconds between the stated time of an effect and its planted one, or from its span."""
+    stated = {e["id"]: e.get("time_s") for e in effects}
+    for effect in planted:
+        time, span = stated.get(effect["id"]), effect["time_s"]
+        if time is not None and len(span):
+            return float(max(span[0] - time, time - span[-1], 0.0))
+    return None
+
+
+def errors(comparison: Row) -> dict[str, tuple[float, float]]:
+    """Held-out RMSE before and after, by channel."""
+    held_out = comparison.get("held_out", {})
+    before, after = held_out.get("before", {}), held_out.get("after", {})
+    return {c: (before[c]["rmse"], after[c]["rmse"]) for c in before if c in after}
+
+
+def reason(planted: list[str], error: str | None, diagnosis: Row) -> str:
+    """Why the planted effects were not accepted, as the program puts it."""
+    if error:
+        return error
+    tried = {c["id"]: c for c in diagnosis.get("candidates", [])}
+    said = [f"{i}: {tried[i].get('rejected')}" for i in planted if i in tried]
+    return "; ".join(s for s in said if not s.endswith(": ")) or diagnosis.get("statement", "")

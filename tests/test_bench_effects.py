@@ -1,0 +1,334 @@
+"""The study of the residual loop: its list of trials, its scoring and its tables."""
+
+import json
+import math
+from collections import Counter
+from itertools import islice
+
+import pytest
+
+from auvident.schema.effects import BY_ID, EFFECTS, names_of
+from tests import loop_world
+from tests.bench import __main__ as bench
+from tests.bench import effects
+from tests.bench.effects_bars import affected_ratio, bars, clean_errors, worst_rise
+from tests.bench.effects_cases import (
+    DEVELOPMENT,
+    OUTSIDE,
+    REPORTED,
+    SINGLES,
+    VEHICLES,
+    Case,
+    cases,
+    endless,
+)
+from tests.bench.effects_score import compared, is_visible, score
+from tests.bench.effects_summary import as_json, confusion, failures, is_good, tables
+from tests.bench.effects_trial import outcome
+from tests.bench.effects_truth import cross_flow, planted_of, translate
+
+CURRENT = {
+    "id": "current", "family": "environment", "exact": True, "time_s": [],
+    "parameters": {"north_mps": -0.12, "east_mps": 0.1},
+}  # fmt: skip
+LAG = {
+    "id": "rudder_lag", "family": "actuation", "exact": True, "time_s": [],
+    "parameters": {"lag_s": 0.5},
+}  # fmt: skip
+
+
+def outcome_with(planted=(CURRENT,), found=loop_world.diagnosis, kind="single", **update):
+    """An outcome with hand-made artifacts; `update` goes into the diagnosis."""
+    said = found().model_copy(update=update)
+    ids = tuple(p["id"] for p in planted)
+    case = Case(1, "remus100", kind, ids)
+    return {
+        "case": {"key": case.key, "vehicle": case.vehicle, "kind": kind, "planted": list(ids)},
+        "truth": {"planted": list(planted)},
+        "diagnosis": said.model_dump(mode="json", by_alias=True),
+        "comparison": loop_world.comparison(said).model_dump(mode="json", by_alias=True),
+        "seconds": {"diagnose": 12.0, "refine": 3.0}, "peak_mb": 400.0,
+    }  # fmt: skip
+
+
+# --- the list -----------------------------------------------------------------------------
+
+
+def test_the_list_covers_every_effect_on_both_vehicles() -> None:
+    found = cases()
+    kinds = Counter(c.kind for c in found)
+    assert len(found) > 200 and kinds["none"] >= 40 and kinds["pair"] >= 24
+    count = Counter((c.label, c.vehicle) for c in found)
+    for label in (*SINGLES, *OUTSIDE):
+        assert min(count[label, vehicle] for vehicle in VEHICLES) >= 2
+    assert {c.label for c in found if c.kind == "outside"} == set(OUTSIDE)
+
+
+def test_pairs_are_of_different_families() -> None:
+    from seatrial.effects import EFFECTS as PLANTED
+
+    pairs = {c.planted for c in cases() if c.kind == "pair"}
+    assert len(pairs) >= 12
+    assert all(PLANTED[a].family != PLANTED[b].family for a, b in pairs)
+
+
+def test_a_trial_keeps_its_seed_whatever_else_is_left_out() -> None:
+    whole = {c.key: c for c in cases()}
+    some = cases(only=["current", "pair"], vehicles=["tern180"])
+    assert some and all(whole[c.key] == c and c.vehicle == "tern180" for c in some)
+    assert cases(trials=7) == list(islice(endless(DEVELOPMENT), 7))
+    assert [c.label for c in cases(trials=3, only=["dvl_scale"])] == ["dvl_scale"] * 3
+
+
+def test_seeds_of_development_and_report_never_meet() -> None:
+    last = max(c.seed for c in endless(DEVELOPMENT))
+    assert last < REPORTED == min(c.seed for c in cases(REPORTED))
+    assert len({c.seed for c in cases()}) == len(cases())
+
+
+# --- the truth ----------------------------------------------------------------------------
+
+
+def test_every_planted_parameter_is_one_of_the_program() -> None:
+    from seatrial.effects import draw_effects
+    from seatrial.vehicles import load_vehicle
+
+    vehicle = load_vehicle("tern180")
+    for name in SINGLES:
+        drawn = draw_effects([{"id": name}], 3, vehicle.scale, 11.0)[name]
+        truth = {"effects": [{"id": name, "parameters": drawn}]}
+        (planted,) = planted_of(truth, vehicle)
+        declared = {p.symbol for p in BY_ID[name].parameters}
+        assert set(planted.parameters) <= declared and planted.family == BY_ID[name].family
+
+
+def test_only_the_allowances_of_the_program_are_never_planted() -> None:
+    assert {e.id for e in EFFECTS} - set(SINGLES) == {"dvl_height", "weight_excess"}
+
+
+def test_angles_are_translated() -> None:
+    wave = translate("wave", {"omega_radps": 1.1, "direction_rad": math.pi / 2})
+    assert wave == {"omega_radps": 1.1, "direction_deg": pytest.approx(90.0)}
+
+
+def test_strips_of_one_station_have_the_closed_form() -> None:
+    class Body:
+        density, cross_flow = 1000.0, 1.0
+        strip_x, strip_area = 0.0, 0.2
+
+    import numpy as np
+
+    body = Body()
+    body.strip_x, body.strip_area = np.array([0.0]), np.array([0.2])
+    # at the origin the force is -100 v|v|: nothing is left for the cross terms
+    assert all(abs(value) < 1e-9 for value in cross_flow(body).values())
+
+
+# --- the score ----------------------------------------------------------------------------
+
+
+def test_a_right_name() -> None:
+    found = score(outcome_with())
+    assert found.declared and found.right_id and found.right_family and found.visible
+    assert not (found.wrong_name or found.extra)
+    assert found.held_out["u"] == (loop_world.BEFORE["u"], loop_world.AFTER["u"])
+
+
+def test_sizes_are_held_against_their_intervals() -> None:
+    north, east = score(outcome_with()).sizes
+    assert north.inside and north.z == pytest.approx((-0.121 + 0.12) / 0.004)
+    assert east.inside is False and east.value == 0.083  # no interval stated: 1.96 deviations
+    assert not is_good(score(outcome_with()))
+
+
+def test_a_direction_comes_round() -> None:
+    stated = {"value": 179.0, "std": 2.0}
+    found = compared("direction_deg", -180.0, stated)
+    assert found.inside and found.z == pytest.approx(-0.5)
+
+
+def test_a_wrong_name() -> None:
+    found = score(outcome_with([LAG]))
+    assert found.declared and found.wrong_name and found.extra == ("current",)
+    assert not (found.right_family or found.right_or_group)
+
+
+def test_a_group_counts_when_one_of_it_is_named() -> None:
+    group = {"verdict": "ambiguous", "ambiguous": (("current", "rudder_lag"),)}
+    found = score(outcome_with([LAG], **group))
+    assert found.right_or_group and found.right_family and not found.right_id
+    assert not (found.wrong_name or found.extra)
+    other = score(outcome_with([LAG], ambiguous=(("gyro_bias", "rudder_lag"),)))
+    assert not other.right_or_group
+
+
+def test_another_name_of_the_family_is_no_wrong_one() -> None:
+    delay = {**LAG, "id": "wave", "family": "environment", "parameters": {}}
+    found = score(outcome_with([delay]))
+    assert found.right_family and not found.wrong_name and not found.right_or_group
+
+
+def test_visible_is_what_the_program_says_it_sees() -> None:
+    sees = [row.model_dump() for row in loop_world.sees()]
+    assert is_visible(LAG, sees)
+    assert not is_visible({**LAG, "parameters": {"lag_s": 0.06}}, sees)
+    limit = {"id": "rudder_rate_limit", "parameters": {"rate_degps": 20.0}}
+    assert is_visible(limit, sees)
+    assert not is_visible({**limit, "parameters": {"rate_degps": 40.0}}, sees)
+    arm = {"id": "dvl_lever_arm", "parameters": {"dx_m": 0.01, "dy_m": 2.0}}
+    assert not is_visible(arm, sees)  # dy would be large enough, but is not visible at all
+    assert is_visible({"id": "one_off_event", "parameters": {}}, sees)
+    assert not is_visible({"id": "dvl_scale", "parameters": {"fraction": 0.9}}, sees)
+
+
+def test_nothing_planted() -> None:
+    good = score(outcome_with([], found=loop_world.nothing, kind="none"))
+    assert is_good(good) and good.visible is None and not good.wrong_name
+    bad = score(outcome_with([], kind="none"))
+    assert bad.wrong_name and not is_good(bad)
+
+
+def test_outside_of_the_library_a_doubtful_name_is_allowed() -> None:
+    force = {**LAG, "id": "heading_force", "family": "outside", "parameters": {}}
+    doubt = {"verdict": "unexplained", "unexplained": {"nearest": "current"}}
+    assert is_good(score(outcome_with([force], kind="outside", **doubt)))
+    assert not is_good(score(outcome_with([force], kind="outside")))
+
+
+def test_a_finding_on_the_coefficients_counts() -> None:
+    found = outcome_with([{**LAG, "id": "sway_cross_flow", "family": "hydrodynamics",
+                           "exact": False, "parameters": {"Y_v|r|": -50.0}}],
+                         found=loop_world.nothing)  # fmt: skip
+    assert not score(found).by_finding
+    found["diagnosis"]["findings"] = [{"code": "cross-flow"}]
+    assert score(found).by_finding and is_good(score(found))
+
+
+def test_the_time_of_an_event() -> None:
+    event = {"id": "one_off_event", "family": "environment", "exact": False, "parameters": {}}
+    told = {"effects": (loop_world.EVENT,)}
+    assert score(outcome_with([{**event, "time_s": [430.0, 433.0]}], **told)).off_s == 0.0
+    assert score(outcome_with([{**event, "time_s": [400.0, 403.0]}], **told)).off_s == 28.5
+
+
+def test_both_of_a_pair_are_asked_for() -> None:
+    assert not score(outcome_with([CURRENT, LAG], kind="pair")).right_family
+    lag = loop_world.EffectFound(id="rudder_delay", family="actuation", parameters=())
+    both = {"effects": (loop_world.CURRENT, lag)}
+    found = score(outcome_with([CURRENT, LAG], kind="pair", **both))
+    assert found.right_family and not found.right_or_group and found.extra == ("rudder_delay",)
+
+
+def test_a_trial_that_failed() -> None:
+    failed = {**outcome_with(), "diagnosis": None, "comparison": None, "error": "no maneuver"}
+    found = score(failed)
+    assert (found.verdict, found.why) == ("failed", "no maneuver") and not is_good(found)
+
+
+# --- the tables ---------------------------------------------------------------------------
+
+
+def some_scores():
+    clean = outcome_with([], found=loop_world.nothing, kind="none")
+    return [score(o) for o in (outcome_with(), outcome_with([LAG]), clean)]
+
+
+def test_the_bars_count_what_they_say() -> None:
+    rows = {row["what"]: row for row in bars(some_scores())}
+    assert rows["visible effects declared"]["found"] == "100.0%"
+    assert rows["right family"] == {
+        "what": "right family", "n": 2, "found": "50.0%", "bar": ">= 92%", "met": "NO"
+    }  # fmt: skip
+    assert rows["nothing planted: anything stated"]["met"] == "yes"
+    assert rows["pairs: both families"]["met"] == ""
+
+
+def test_the_confusion_table_counts_names() -> None:
+    rows = {row["planted"]: row["named"] for row in confusion(some_scores())}
+    assert rows == {"current": "current 1", "rudder_lag": "current 1", "none": "none_found 1"}
+
+
+def test_the_most_affected_channel_is_the_one_worst_against_clean_trials() -> None:
+    found = score(outcome_with())
+    clean = {("remus100", c): rmse for c, rmse in (("u", 0.046), ("v", 0.01), ("r", 0.006))}
+    assert affected_ratio(found, clean) == pytest.approx(0.0055 / 0.041)
+    assert worst_rise(found) == pytest.approx(0.006 / 0.0062 - 1.0)
+    assert clean_errors(some_scores())["remus100", "r"] == loop_world.BEFORE["r"]
+
+
+def test_failed_trials_are_listed_with_the_reason() -> None:
+    (size, wrong) = failures(some_scores())
+    assert size["sizes"][1][-1] is False
+    assert wrong["named"] == ["current"] and "as likely by chance" in wrong["why"]
+    assert set(json.loads(as_json(some_scores()))) == {*tables(some_scores()), "failed trials"}
+
+
+# --- the command --------------------------------------------------------------------------
+
+
+def test_an_interrupted_study_is_taken_up_again(monkeypatch, tmp_path, capsys) -> None:
+    sailed: list[str] = []
+
+    def sail(wanted, workers):
+        for case in wanted:
+            sailed.append(case.key)
+            planted = [] if case.kind == "none" else [{**LAG, "id": case.label, "parameters": {}}]
+            yield {**outcome_with(planted, kind=case.kind), "case": {
+                "key": case.key, "vehicle": case.vehicle, "kind": case.kind,
+                "planted": list(case.planted),
+            }}  # fmt: skip
+
+    monkeypatch.setattr(effects, "outcomes", sail)
+    kept, found = tmp_path / "kept.jsonl", tmp_path / "found.json"
+    command = ["effects", "--only", "none,rudder_lag", "--resume", str(kept)]
+    bench.main([*command, "--trials", "3"])
+    kept.write_text(kept.read_text()[:-40])  # killed in the middle of a line
+    bench.main([*command, "--trials", "5", "--json", str(found)])
+    assert Counter(sailed)[sailed[2]] == 2 and len(set(sailed)) == 5 and len(sailed) == 6
+    assert "planted against named" in capsys.readouterr().out
+    assert sum(row["n"] for row in json.loads(found.read_text())["by planted effect"]) == 5
+
+
+def test_outcomes_of_another_program_are_sailed_again_and_can_be_scored(
+    monkeypatch, tmp_path, capsys
+) -> None:
+    kept, case = tmp_path / "kept.jsonl", cases(only=["none"])[0]
+    old = outcome_with([], found=loop_world.nothing, kind="none")
+    old["case"] |= {"key": case.key, "vehicle": case.vehicle}
+    monkeypatch.setattr(effects, "outcomes", lambda wanted, workers: [dict(old) for _ in wanted])
+    for version in ("old", "new", "new"):
+        monkeypatch.setattr(effects, "program", lambda v=version: v)
+        bench.main(["effects", "--only", "none", "--trials", "1", "--resume", str(kept)])
+    assert len(kept.read_text().splitlines()) == 2
+    capsys.readouterr()
+    monkeypatch.setattr(effects, "outcomes", lambda *_: pytest.fail("nothing is to be sailed"))
+    bench.main(["effects", "--only", "none", "--trials", "1", "--score", str(kept)])
+    assert "none_found 1" in capsys.readouterr().out
+
+
+def test_unknown_effects_are_refused(capsys) -> None:
+    with pytest.raises(SystemExit):
+        bench.main(["effects", "--only", "curent"])
+    assert "curent" in capsys.readouterr().err
+
+
+def test_a_trial_goes_through_the_program(monkeypatch) -> None:
+    made = loop_world.put_in_place(monkeypatch)
+    found = outcome(next(c for c in cases(only=["rudder_lag"])))
+    assert set(made.calls) == {"diagnose", "refine"} and "error" not in found
+    assert found["truth"]["planted"][0]["parameters"].keys() == {"lag_s"}
+    assert score(found).wrong_name and found["seconds"]["refine"] >= 0.0
+
+
+def test_a_refusal_of_the_program_is_an_outcome() -> None:
+    from auvident.errors import NumericsError
+
+    def refuse(*_, **__):
+        raise NumericsError("no excitation", "turn-1", "sail more")
+
+    found = outcome(Case(1, "remus100", "none", ()), refuse)
+    assert found["error"] == "no excitation (turn-1)" and found["diagnosis"] is None
+
+
+def test_the_program_knows_the_symbols_that_are_compared() -> None:
+    assert {"current.north_mps", "rudder_lag.lag_s"} <= set(names_of("horizontal"))
