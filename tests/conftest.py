@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests import loop_world
 from tests.command_line import ROOT, SAMPLES, Called, call
 
 
@@ -37,3 +38,9 @@ def demo(completed: Path, tmp_path: Path) -> Iterator[Path]:
     shutil.copytree(completed / "runs", tmp_path / "runs")
     with contextlib.chdir(tmp_path):
         yield Path("runs/demo")
+
+
+@pytest.fixture
+def quick_loop(monkeypatch: pytest.MonkeyPatch) -> loop_world.HandMade:
+    """`diagnose` and `refine` by hand-made stages that find nothing, for tests of the others."""
+    return loop_world.put_in_place(monkeypatch, loop_world.nothing)

@@ -106,6 +106,7 @@ def test_json_is_the_main_artifact_and_nothing_else(
     assert called.out.encode() == (demo / main).read_bytes()
 
 
+@pytest.mark.usefixtures("quick_loop")
 def test_quiet_says_nothing(demo: Path, auvident: Callable[..., Called]) -> None:
     called = auvident("run", "--run", demo, "--rate", "5", "--quiet")
     assert (called.code, called.out, called.err) == (0, "", "")

@@ -1,8 +1,8 @@
 """What the report stage reads: every artifact that the run has."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from auvident.pipeline.given import Given, matching
+from auvident.pipeline.given import Given
 from auvident.storage.artifacts import read_json
 
 if TYPE_CHECKING:
@@ -13,15 +13,8 @@ if TYPE_CHECKING:
 def report_data(given: Given) -> "ReportData":
     """Artifacts of all stages done; those of stages not done are left out."""
     from auvident.report.html_data import ReportData
-    from auvident.schema.artifacts import IdentifiedModel
 
-    def there(name: str) -> bool:
-        return bool(matching(given.manifest, (name,)))
-
-    def plain(name: str) -> Any:
-        return read_json(given.run / name) if there(name) else None
-
-    refined = "refine/model.json"
+    done = given.manifest.stages if given.manifest else {}
     return ReportData(
         trials=given.trials,
         vehicle=given.vehicle,
@@ -33,9 +26,9 @@ def report_data(given: Given) -> "ReportData":
         metrics=given.metrics,
         simulation=given.table("validate/simulation.parquet"),
         manifest=given.manifest,
-        diagnosis=plain("diagnose/diagnosis.json"),
-        comparison=plain("refine/comparison.json"),
-        refined=given.read(refined, IdentifiedModel) if there(refined) else None,
+        diagnosis=given.diagnosis if "diagnose" in done else None,
+        comparison=given.comparison if "refine" in done else None,
+        residuals=given.table("diagnose/residuals.parquet") if "diagnose" in done else None,
     )
 
 

@@ -65,7 +65,7 @@ def discovery(found: Comparison) -> list[RenderableType]:
 
 def statement(found: Diagnosis | Comparison) -> Text:
     """The verdict in one sentence."""
-    text = Text("What the model lacks: ", style="bold")
+    text = Text("Verdict: ", style="bold")
     return text.append(found.statement, style=VERDICT_STYLES[found.verdict])
 
 

@@ -9,6 +9,8 @@ from auvident import __version__
 from auvident.report import html_tables as tables
 from auvident.report import html_words as words
 from auvident.report.html_data import ReportData, number, quantity
+from auvident.report.html_loop import figures as loop_figures
+from auvident.report.html_loop import lacks
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -96,6 +98,7 @@ def _figures(report: ReportData) -> dict[str, Any]:
             "predictions": safe(_predictions(report)),
             "coefficients": safe(_coefficients(report)),
             "history": safe(_history(report)),
+            **{name: safe(found) for name, found in loop_figures(report).items()},
         }
 
 
@@ -187,22 +190,5 @@ def _tables(report: ReportData) -> dict[str, Any]:
         "passes": tables.pass_table(model) if model else None,
         "stages": tables.manifest_table(manifest) if manifest else None,
         "hashes": tables.hash_table(manifest) if manifest else None,
-        "diagnosed": _diagnosed(report),
+        "lacks": lacks(report),
     }
-
-
-def _diagnosed(report: ReportData) -> dict[str, Any] | None:
-    """What the model lacks, from the refinement or, before it, the diagnosis."""
-    found = report.comparison or report.diagnosis
-    if found is None:
-        return None
-    return {
-        "verdict": str(found.get("verdict", "")).replace("_", " "),
-        "effects": tables.candidate_table(found.get("effects") or ()),
-        "ambiguous": [", ".join(map(str, group)) for group in found.get("ambiguous") or ()],
-        "unexplained": tables.candidate_table([found["unexplained"]])
-        if found.get("unexplained") else None,
-        "candidates": tables.candidate_table(found.get("candidates") or ()),
-        "held_out": tables.before_after_table(found.get("held_out") or {}),
-        "false_alarm_p": found.get("false_alarm_p"),
-    }  # fmt: skip

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from auvident.schema.artifacts import (
     AseResult,
@@ -13,6 +13,7 @@ from auvident.schema.artifacts import (
     Maneuvers,
     Metrics,
 )
+from auvident.schema.diagnosis import Comparison, Diagnosis
 from auvident.schema.logs import Quality
 from auvident.schema.manifest import Manifest
 from auvident.schema.trial import Trial
@@ -51,10 +52,10 @@ class ReportData:
         The artifacts of the stages.
     history, simulation : pandas.DataFrame or None
         ``identify/history.parquet`` and ``validate/simulation.parquet``.
-    diagnosis, comparison : mapping or None
-        ``diagnose/diagnosis.json`` and ``refine/comparison.json`` as plain containers.
-    refined : IdentifiedModel or None
-        ``refine/model.json``.
+    diagnosis, comparison
+        What the model lacks, and what adding it changed.
+    residuals : pandas.DataFrame or None
+        ``diagnose/residuals.parquet``.
     """
 
     trials: Sequence[Trial] = ()
@@ -67,9 +68,9 @@ class ReportData:
     metrics: Metrics | None = None
     simulation: "pd.DataFrame | None" = None
     manifest: Manifest | None = None
-    diagnosis: Mapping[str, Any] | None = None
-    comparison: Mapping[str, Any] | None = None
-    refined: IdentifiedModel | None = None
+    diagnosis: Diagnosis | None = None
+    comparison: Comparison | None = None
+    residuals: "pd.DataFrame | None" = None
 
     @property
     def name(self) -> str:

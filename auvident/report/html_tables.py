@@ -270,34 +270,3 @@ def hash_table(manifest: Manifest) -> Table:
         found |= entry.program_files
     rows = [["/".join(PurePath(n).parts[-2:]), s[:HASH_DIGITS]] for n, s in found.items()]
     return Table(("file", "sha256 begins"), rows, left=2)
-
-
-def candidate_table(candidates: Sequence[Mapping[str, Any]]) -> Table:
-    """Candidate effects of the diagnosis, whatever they carry."""
-    keys = list(dict.fromkeys(k for c in candidates for k in c))
-    rows = [[_cell(c.get(k)) for k in keys] for c in candidates]
-    return Table([k.replace("_", " ") for k in keys], rows, left=1)
-
-
-def _cell(value: Any) -> str:
-    if isinstance(value, bool) or value is None or isinstance(value, str):
-        return "" if value is None else str(value)
-    if isinstance(value, int | float):
-        return number(float(value))
-    if isinstance(value, Mapping):
-        if "symbol" in value:
-            return f"{value['symbol']} = {_cell(value.get('value'))} ± {_cell(value.get('std'))} " \
-                   f"{value.get('unit', '')}".rstrip()  # fmt: skip
-        return ", ".join(f"{k} {_cell(v)}" for k, v in value.items())
-    return ", ".join(_cell(v) for v in value)
-
-
-def before_after_table(held_out: Mapping[str, Any]) -> Table:
-    """Held-out error before and after the refinement."""
-    before, after = held_out.get("before", {}), held_out.get("after", {})
-    rows = []
-    for name in before:
-        b, a = before[name].get("rmse"), after.get(name, {}).get("rmse")
-        ratio = number((b / a) ** 2, 2) if a and b else "–"
-        rows.append([name, number(b), number(a), ratio])
-    return Table(("channel", "RMSE before", "RMSE after", "squared error ÷"), rows)

@@ -124,6 +124,8 @@ def warnings(data: ReportData) -> list[Warning_]:
         found += [("validate", f) for f in data.metrics.findings]
     if data.model:
         found += [("identify", f) for f in data.model.findings]
+    for stage, artifact in (("diagnose", data.diagnosis), ("refine", data.comparison)):
+        found += [(stage, f) for f in artifact.findings] if artifact else []
     if data.maneuvers:
         # the other plane may lack a held-out maneuver; the report is about one plane
         found += [

@@ -87,9 +87,14 @@ def place(effect: EffectFound) -> str:
 
 
 def detectable_text(rows: Sequence[Detectable]) -> str:
-    """Smallest sizes of one effect that would show, the parameters together."""
-    pieces = [f"{bound(row)} {with_unit(row.size, row.unit, 2)}" for row in rows]
-    return f"{rows[0].id} {', '.join(dict.fromkeys(pieces))}"
+    """Smallest size of one effect that would show in all its parameters of a unit."""
+    worst: dict[tuple[str, str], Detectable] = {}
+    for row in rows:
+        key = (bound(row), row.unit)
+        least, most = sorted((row, worst.get(key, row)), key=lambda r: r.size)
+        worst[key] = most if bound(row) == "≥" else least
+    pieces = [f"{sign} {with_unit(row.size, row.unit, 2)}" for (sign, _), row in worst.items()]
+    return f"{rows[0].id} {', '.join(pieces)}"
 
 
 def bound(row: Detectable) -> str:
@@ -166,9 +171,19 @@ def correlates(unexplained: Mapping[str, object]) -> list[str]:
     return [_correlate(row) for row in rows]
 
 
+def plain(found: object) -> str:
+    """Names out of whatever container they stand in."""
+    if isinstance(found, Mapping):
+        name = found.get("id")
+        return str(name) if name else ", ".join(f"{k} {plain(v)}" for k, v in found.items())
+    if isinstance(found, list | tuple):
+        return ", ".join(plain(item) for item in found)
+    return number(found) if isinstance(found, float) else str(found)
+
+
 def _correlate(row: object) -> str:
     if not isinstance(row, Mapping):
-        return ", ".join(map(str, row)) if isinstance(row, list | tuple) else str(row)
+        return plain(row)
     gain = row.get("gain")
     text = " with ".join(str(row[k]) for k in ("axis", "regressor") if row.get(k))
     return f"{text} (gain {number(float(gain))})" if isinstance(gain, int | float) else text

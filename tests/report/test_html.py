@@ -280,27 +280,6 @@ def test_gravest_findings_come_first(data: ReportData) -> None:
     assert ranks == sorted(ranks, key=["serious", "caution", "note"].index)
 
 
-def test_refinement_stands_before_the_figures(data: ReportData) -> None:
-    comparison = {
-        "verdict": "effect_found",
-        "effects": [
-            {
-                "id": "rudder_lag", "family": "actuation",
-                "parameters": [{"symbol": "tau", "value": 0.31, "std": 0.02, "unit": "s"}],
-            }
-        ],
-        "ambiguous": [["rudder_lag", "rudder_delay"]],
-        "held_out": {"before": {"r": {"rmse": 0.02}}, "after": {"r": {"rmse": 0.01}}},
-        "false_alarm_p": 0.004,
-        "candidates": [{"id": "current", "gain": 12.0, "p": 0.4, "parameters": []}],
-        "unexplained": {},
-    }  # fmt: skip
-    text = Page(render(replace(data, comparison=comparison))).text
-    assert "effect found" in text and "tau = 0.310 ± 0.0200 s" in text
-    assert "rudder_lag, rudder_delay" in text and "0.0200 0.0100 4.0" in text
-    assert text.index("What the model lacked") < text.index("Trial at a glance")
-
-
 @pytest.mark.parametrize(
     ("value", "shown"),
     [

@@ -1,0 +1,206 @@
+"""Figures of the residual loop: gains, maneuvers before and after, coefficients that moved."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from auvident.report.figures import (
+    BLUE,
+    GREEN,
+    INK,
+    PAPER,
+    SKY,
+    SOFT,
+    VERMILLION,
+    limits,
+    new_figure,
+    quiet,
+    svg,
+    thinned,
+)
+from auvident.report.figures_coefficients import FOREST_REACH
+from auvident.report.html_data import CHANNELS, SHOWN_UNITS, number
+from auvident.report.loop_words import ranked
+from auvident.schema.diagnosis import Candidate, CoefficientComparison
+
+MOST_BARS = 15
+LEAST_GAIN = 0.3  # nats, where the logarithmic axis begins: less is nothing
+MOST_CHANNELS, MOST_MANEUVERS = 3, 2  # drawn over time
+WORTH_DRAWING = 0.05  # of the greatest fall of the residual: channels below it are left out
+# column ending, colour, line style, line width, opacity, words
+LINES = (
+    ("measured", INK, "-", 2.0, 0.4, "measured"),
+    ("before", VERMILLION, (0, (4, 2)), 1.1, 1.0, "predicted before"),
+    ("after", BLUE, "-", 1.2, 1.0, "with the effects"),
+)
+
+
+def gains(candidates: Sequence[Candidate], name: str) -> str | None:
+    """Gain of the best candidates as bars, in data left out as dots; accepted ones in colour."""
+    rows = ranked(candidates)[:MOST_BARS]
+    if not rows:
+        return None
+    figure = new_figure(0.75 + 0.24 * len(rows), width_in=8.2)
+    axes = figure.subplots()
+    for i, c in enumerate(rows):
+        shown = max(c.gain, LEAST_GAIN)
+        axes.barh(i, shown, color=SOFT if c.rejected else BLUE, height=0.62)
+        axes.text(shown * 1.08, i, number(c.gain), va="center", fontsize=8)
+        if c.held_back_gain is not None and c.held_back_gain > LEAST_GAIN:
+            axes.plot(c.held_back_gain, i, "D", color=GREEN, mec=PAPER, mew=0.8, ms=6)
+    axes.set_xscale("log")
+    axes.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
+    axes.xaxis.set_minor_formatter(lambda x, _: "")
+    axes.set_xlim(LEAST_GAIN, 3.0 * max(*(c.gain for c in rows), 10.0 * LEAST_GAIN))
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    axes.set_yticks(range(len(rows)), [c.id for c in rows])
+    axes.set_xlabel("gain of the log-likelihood, nats (logarithmic)")
+    figure.tight_layout()
+    return svg(figure, name, "Gain of each candidate effect")
+
+
+def before_after(table: pd.DataFrame, name: str) -> str | None:
+    """The most affected channels in one or two maneuvers, with the residual below each.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        ``diagnose/residuals.parquet``.
+    name : str
+        Different for each figure of the page.
+    """
+    falls = squared_falls(table)
+    if falls.empty:
+        return None
+    channels, maneuvers = most_affected(falls, table)
+    figure = new_figure(0.7 + 2.1 * len(channels))
+    height = figure.get_figheight()
+    grid = figure.add_gridspec(
+        2 * len(channels), len(maneuvers), left=0.075, right=0.99, top=1.0 - 0.55 / height,
+        bottom=0.45 / height, hspace=0.35, wspace=0.14, height_ratios=[1.0, 0.55] * len(channels),
+    )  # fmt: skip
+    for j, maneuver in enumerate(maneuvers):
+        rows = table[table["maneuver"] == maneuver]
+        for i, column in enumerate(channels):
+            upper = figure.add_subplot(grid[2 * i, j])
+            lower = figure.add_subplot(grid[2 * i + 1, j], sharex=upper)
+            _panel(upper, lower, rows, column, first=j == 0)
+            quiet(upper)
+            if i == 0:
+                upper.set_title(f"{maneuver} ({rows['role'].iloc[0]})")
+        lower.set_xlabel("time from the start of the maneuver, s")
+    _legend(figure, any(f"{c}_after" in table for c in channels))
+    figure.align_ylabels()
+    return svg(figure, name, "Measured and predicted before and after, with the residuals")
+
+
+def squared_falls(table: pd.DataFrame) -> pd.DataFrame:
+    """Fall of the mean squared residual by maneuver and channel, over the channel's variance.
+
+    Where there is no prediction after, the mean square itself. Columns are those of the channels.
+    """
+    found = {}
+    for _, column, _, _ in CHANNELS:
+        if f"{column}_before" not in table or f"{column}_measured" not in table:
+            continue
+        measured = table[f"{column}_measured"]
+        squares = (measured - table[f"{column}_before"]) ** 2
+        if f"{column}_after" in table and not table[f"{column}_after"].isna().all():
+            after = (measured - table[f"{column}_after"]) ** 2
+            fall = squares - after
+            squares = fall if fall.abs().max() > 0.0 else squares
+        spread = float(measured.var()) or 1.0
+        found[column] = (squares / spread).groupby(table["maneuver"], sort=False).mean()
+    return pd.DataFrame(found)
+
+
+def most_affected(falls: pd.DataFrame, table: pd.DataFrame) -> tuple[list[str], list[str]]:
+    """Channels and maneuvers to draw: one that identified and one held out, where there are."""
+    mean = falls.mean().sort_values(ascending=False)
+    channels = [c for c in mean.index if mean[c] >= WORTH_DRAWING * mean.iloc[0]][:MOST_CHANNELS]
+    best = falls[channels].sum(axis=1).sort_values(ascending=False)
+    roles = dict(zip(table["maneuver"], table["role"], strict=True))
+    chosen = [
+        next((m for m in best.index if roles[m] == r), None) for r in ("validate", "identify")
+    ]
+    found = [m for m in chosen if m is not None]
+    return channels, found[:MOST_MANEUVERS]
+
+
+def _panel(upper: Axes, lower: Axes, rows: pd.DataFrame, column: str, first: bool) -> None:
+    words, unit = next((w, u) for _, c, u, w in CHANNELS if c == column)
+    shown, factor = SHOWN_UNITS.get(unit, (unit, 1.0))
+    time = rows["time_s"].to_numpy(float) - float(rows["time_s"].iloc[0])
+    values = {
+        ending: rows[f"{column}_{ending}"].to_numpy(float) * factor
+        for ending, *_ in LINES if f"{column}_{ending}" in rows
+    }  # fmt: skip
+    for ending, colour, dashes, width, opacity, _ in LINES:
+        if ending in values:
+            _line(upper, time, values[ending], (colour, dashes, width, opacity))
+        if ending in values and ending != "measured":
+            residual = values["measured"] - values[ending]
+            _line(lower, time, residual, (colour, dashes, width, opacity))
+    lower.axhline(0.0, color=SOFT, lw=0.7)
+    upper.set_ylim(*limits(np.concatenate(list(values.values())), np.array([])))
+    upper.set_xlim(time[0], max(time[-1], time[0] + 1e-9))
+    lower.locator_params(axis="y", nbins=4)
+    if first:
+        upper.set_ylabel(f"{words}\n{shown}")
+        lower.set_ylabel(f"residual\n{shown}")
+
+
+def _line(axes: Axes, time: np.ndarray, y: np.ndarray, look: tuple[Any, ...]) -> None:
+    seen = np.isfinite(y)  # a sensor slower than the rows leaves holes between its samples
+    colour, dashes, width, opacity = look
+    kept = thinned(time[seen], y[seen])
+    axes.plot(*kept, color=colour, ls=dashes, lw=width, alpha=opacity)
+
+
+def _legend(figure: Figure, with_after: bool) -> None:
+    handles = [
+        Line2D([], [], color=colour, ls=dashes, lw=width, alpha=opacity, label=words)
+        for ending, colour, dashes, width, opacity, words in LINES
+        if with_after or ending != "after"
+    ]
+    figure.legend(
+        handles=handles, loc="upper left", ncols=3, bbox_to_anchor=(0.07, 1.0), borderaxespad=0.1
+    )
+
+
+def moves(coefficients: Sequence[CoefficientComparison], name: str) -> str | None:
+    """Coefficients before and after against the estimate from geometry."""
+    rows = [c for c in coefficients if c.prior_std > 0.0]
+    if not rows:
+        return None
+    figure = new_figure(0.9 + 0.235 * len(rows), width_in=8.2)
+    axes = figure.subplots()
+    for i, c in enumerate(rows):
+        _move(axes, i - 0.14, c, (c.before, c.before_std), {"color": VERMILLION, "mfc": "none"})
+        _move(axes, i + 0.14, c, (c.after, c.after_std), {"color": BLUE})
+    axes.axvspan(-1.0, 1.0, color=SKY, alpha=0.2, lw=0)
+    axes.axvline(0.0, color=SOFT, lw=0.8)
+    axes.set_xlim(-FOREST_REACH, FOREST_REACH)
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    axes.set_yticks(range(len(rows)), [c.symbol for c in rows])
+    axes.set_xlabel("(value − prior) / prior standard deviation")
+    figure.tight_layout()
+    return svg(figure, name, "Coefficients before and after the refinement")
+
+
+def _move(
+    axes: Axes, y: float, c: CoefficientComparison, value: tuple[float, float],
+    look: dict[str, Any],
+) -> None:  # fmt: skip
+    """A dot with its standard deviation; an arrow where it is beyond the axis."""
+    place, spread = (value[0] - c.prior) / c.prior_std, value[1] / c.prior_std
+    if abs(place) > FOREST_REACH:
+        edge = float(np.sign(place)) * (FOREST_REACH - 0.1)
+        axes.plot(edge, y, ">" if place > 0 else "<", ms=5, **look)
+        return
+    axes.errorbar(place, y, xerr=spread, fmt="o", ms=4, lw=1.5, capsize=0, **look)

@@ -1,0 +1,120 @@
+"""What a person sees of the residual loop on the console."""
+
+from typing import Any
+
+import pytest
+
+from auvident.report.console import stage_report
+from auvident.report.console_loop import MOST_CANDIDATES, discovery
+from auvident.schema.artifacts import Finding
+from auvident.schema.diagnosis import Comparison, Diagnosis
+from tests import loop_world
+from tests.report.test_console import text_of
+
+
+def diagnosed(found: Diagnosis, brief: bool = False) -> str:
+    return text_of(stage_report("diagnose", {"diagnose/diagnosis.json": found}, brief))
+
+
+def refined(found: Comparison, brief: bool = False) -> str:
+    return text_of(stage_report("refine", {"refine/comparison.json": found}, brief))
+
+
+def moved_comparison() -> Comparison:
+    from auvident.schema.diagnosis import CoefficientComparison as Row
+
+    compared = loop_world.comparison(loop_world.diagnosis())
+    row = {"unit": "kg m", "prior": -12.9, "prior_std": 6.9, "before_std": 3.7, "after_std": 3.1}
+    rows = (
+        Row(symbol="N_ur", before=-1.2, after=13.6, **row),  # type: ignore[arg-type]
+        Row(symbol="Y_ur", before=-1.2, after=-1.3, **row),  # type: ignore[arg-type]
+    )
+    return compared.model_copy(update={"coefficients": rows})
+
+
+def test_what_can_be_seen_stands_before_the_verdict() -> None:
+    text = diagnosed(loop_world.diagnosis())
+    order = ["can and cannot see", "current ≥ 0.014 m/s", "no position was logged", "look alike",
+             "What the model does not explain", "Effects that were tried", "Verdict: "]  # fmt: skip
+    places = [text.index(words) for words in order]
+    assert places == sorted(places)
+    assert loop_world.STATEMENT in text
+    assert "roll_coupling: the log has no roll" in text
+
+
+def test_the_residual_stands_against_the_noise() -> None:
+    line = next(
+        line for line in diagnosed(loop_world.diagnosis()).splitlines() if line.startswith(" u ")
+    )
+    assert line.split() == ["u", "m/s", "0.046", "0.005", "9.2", "0.0061", "4.2"]
+
+
+def test_the_ranking_says_why_a_candidate_was_turned_down() -> None:
+    text = diagnosed(loop_world.diagnosis())
+    assert "as likely by chance (p = 0.62)" in text
+    assert f"and {len(loop_world.CANDIDATES) - MOST_CANDIDATES} more" in text
+    last = loop_world.CANDIDATES[-1]
+    table = text[text.index("Effects that were tried") : text.index("Verdict")]
+    assert last.id not in table
+
+
+def test_an_effect_stands_with_value_and_interval_of_each_parameter() -> None:
+    for text in (diagnosed(loop_world.diagnosis()), refined(moved_comparison())):
+        assert "a current of 0.15 m/s that sets to 145 degrees" in text
+        assert "-0.129 to -0.113" in text
+        assert "0.0732 to 0.0928" in text
+
+
+def test_groups_and_what_is_left_are_named() -> None:
+    found = loop_world.diagnosis(
+        verdict="unexplained",
+        ambiguous=(("rudder_offset", "hull_asymmetry"),),
+        separate_by="vary the speed",
+        unexplained={"correlates": [{"axis": "N", "regressor": "roll", "gain": 12.0}]},
+    )
+    text = diagnosed(found)
+    assert "These data cannot tell apart: rudder_offset, hull_asymmetry" in text
+    assert "To tell them apart: vary the speed" in text
+    assert "Left unexplained: N with roll (gain 12)" in text
+
+
+def test_held_out_errors_before_and_after_with_the_interval_of_the_difference() -> None:
+    text = refined(moved_comparison())
+    line = next(line for line in text.splitlines() if line.startswith(" v "))
+    assert "0.041" in line and "0.0055" in line
+    assert "-0.036" in line and "-0.04 to -0.0001" in line
+
+
+def test_only_coefficients_that_moved_are_listed() -> None:
+    text = refined(moved_comparison())
+    assert "+4.0" in text and "N_ur" in text
+    assert "Y_ur" not in text
+
+
+def test_nothing_found_is_one_sentence_without_tables_of_equal_numbers() -> None:
+    compared = loop_world.comparison(loop_world.nothing())
+    assert text_of(discovery(compared)).strip() == f"Verdict: {loop_world.NONE}"
+
+
+def test_a_run_keeps_its_verdict_for_the_end() -> None:
+    finding = Finding(code="few-maneuvers", message="only two maneuvers identify")
+    found = loop_world.diagnosis(findings=(finding,))
+    text = diagnosed(found, brief=True)
+    assert "can and cannot see" in text and "only two maneuvers identify" in text
+    assert loop_world.STATEMENT not in text
+    compared = moved_comparison().model_copy(update={"findings": (finding,)})
+    assert refined(compared, brief=True).strip() == "only two maneuvers identify"
+
+
+@pytest.mark.parametrize(
+    "empty",
+    [{"sees": ()}, {"residuals": ()}, {"candidates": ()}, {"lookalikes": ()}, {"effects": ()}],
+    ids=str,
+)
+def test_what_is_missing_is_left_out(empty: dict[str, Any]) -> None:
+    assert loop_world.STATEMENT in diagnosed(loop_world.diagnosis(**empty))
+
+
+def test_an_event_has_its_place() -> None:
+    found = loop_world.diagnosis(effects=(loop_world.EVENT,))
+    assert "a disturbance harbour_trial-turn-2 at 431.5 s" in diagnosed(found)

@@ -1,0 +1,192 @@
+"""The section "What the model lacks" of the HTML report."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+from auvident.pipeline.given import Given
+from auvident.pipeline.reporting import report_data
+from auvident.report.html import render
+from auvident.report.html_data import ReportData
+from auvident.report.html_loop import lacks
+from auvident.schema.artifacts import Finding
+from auvident.schema.diagnosis import Comparison, Diagnosis
+from auvident.storage.run_directory import RunDirectory
+from tests import loop_world
+from tests.report.test_html import Page
+
+HEADING = "What the model lacks"
+NEXT = "Trial at a glance"
+
+
+@pytest.fixture(scope="module")
+def data(completed: Path) -> ReportData:
+    """A finished run in which a current was found."""
+    run = RunDirectory(completed / "runs/demo")
+    found = report_data(Given(run, run.manifest()))
+    assert found.maneuvers and found.model
+    chosen = loop_world.in_plane(found.maneuvers, found.model)
+    diagnosis = loop_world.diagnosis([m.id for m in chosen if m.role == "identify"])
+    comparison = loop_world.comparison(diagnosis, found.model, chosen)
+    residuals = loop_world.residual_table(found.trials, chosen)
+    return replace(found, diagnosis=diagnosis, comparison=comparison, residuals=residuals)
+
+
+@pytest.fixture(scope="module")
+def text(data: ReportData) -> str:
+    return render(data)
+
+
+@pytest.fixture(scope="module")
+def section(text: str) -> str:
+    whole = Page(text).text
+    assert whole.index(HEADING) < whole.index(NEXT)
+    return whole[whole.index(HEADING) : whole.index(NEXT)]
+
+
+def with_diagnosis(data: ReportData, **update: Any) -> ReportData:
+    assert data.diagnosis
+    return replace(data, diagnosis=data.diagnosis.model_copy(update=update))
+
+
+def test_verdict_and_held_out_errors_stand_at_the_top_of_the_page(text: str) -> None:
+    whole = Page(text).text
+    top = whole[: whole.index("How far to trust it")]
+    assert loop_world.STATEMENT in top
+    assert "u 0.046 m/s → 0.0061 m/s" in top and "r 0.36 deg/s → 0.34 deg/s" in top
+
+
+def test_the_section_has_everything_of_the_diagnosis(data: ReportData, section: str) -> None:
+    assert data.diagnosis
+    wanted = [c.id for c in data.diagnosis.candidates]
+    wanted += [c.rejected for c in data.diagnosis.candidates]
+    wanted += [s.why for s in data.diagnosis.sees]
+    wanted += [*data.diagnosis.missing, *data.diagnosis.steps]
+    wanted += ["rudder_offset, hull_asymmetry", "vary the speed while the rudder is amidships"]
+    wanted += ["probability of a false alarm 0.0050", "−0.129 to −0.113"]
+    assert [w for w in wanted if w not in section] == []
+
+
+def test_every_maneuver_stands_before_and_after_held_out_ones_first(
+    data: ReportData, section: str
+) -> None:
+    assert data.comparison
+    found = [section.index(m.id) for m in data.comparison.maneuvers]
+    held = [
+        p for p, m in zip(found, data.comparison.maneuvers, strict=True) if m.role == "validate"
+    ]
+    assert max(held) < min(set(found) - set(held))
+    assert "0.0460 → 0.00610 *" in section  # its interval excludes zero
+    assert "0.355 → 0.344 *" in section  # deg/s
+
+
+def test_a_difference_that_may_be_none_has_no_star(data: ReportData) -> None:
+    from auvident.report.html_loop import maneuver_table
+    from auvident.schema.diagnosis import Difference
+
+    assert data.comparison
+    unsure = data.comparison.maneuvers[0].model_copy(
+        update={"difference": {"u": Difference(value=-0.04, low=-0.09, high=0.01)}}
+    )
+    assert maneuver_table([unsure]).rows[0][3] == "0.0460 → 0.00610"
+
+
+def test_coefficients_that_moved_and_allowances_are_in_it(section: str) -> None:
+    moved = section[section.index("Moved by more than two") : section.index("Allowances")]
+    assert "N_ur" in moved and "+4.0" in moved and "Y_ur" not in moved
+    assert "lag_s" in section[section.index("Allowances") :]
+
+
+def test_its_figures_are_drawn_and_well_formed(text: str) -> None:
+    part = text[text.index(f"<h2>{HEADING}") : text.index(f"<h2>{NEXT}")]
+    labels = re.findall(r'aria-label="([^"]*)"', part)
+    assert len(labels) == 4
+    for figure in re.findall(r"<svg.*?</svg>", part, flags=re.DOTALL):
+        ElementTree.fromstring(figure)
+
+
+def test_the_page_needs_nothing_else_and_repeats_itself(data: ReportData, text: str) -> None:
+    page = Page(text)
+    assert page.open == [] and len(page.ids) == len(set(page.ids))
+    assert "http:" not in text and "https:" not in text
+    assert render(data) == text
+
+
+def test_without_the_loop_there_is_no_section(data: ReportData) -> None:
+    bare = replace(data, diagnosis=None, comparison=None, residuals=None)
+    assert HEADING not in Page(render(bare)).text
+    assert lacks(bare) is None
+
+
+def test_a_diagnosis_alone_is_told(data: ReportData) -> None:
+    page = Page(render(replace(data, comparison=None))).text
+    assert loop_world.STATEMENT in page and "Effects that were tried" in page
+    assert "Held-out error before and after" not in page
+
+
+def test_a_comparison_alone_is_told(data: ReportData) -> None:
+    page = Page(render(replace(data, diagnosis=None, residuals=None))).text
+    assert "Held-out error before and after" in page
+    assert "can and cannot see" not in page
+
+
+def test_nothing_found_is_good_news_and_draws_no_change(data: ReportData) -> None:
+    assert data.maneuvers and data.model
+    none = loop_world.nothing()
+    chosen = loop_world.in_plane(data.maneuvers, data.model)
+    compared = loop_world.comparison(none, data.model, chosen)
+    found = replace(data, diagnosis=none, comparison=compared)
+    told = lacks(found)
+    assert told and (told.grade, told.summary) == ("good", "")
+    page = Page(render(found)).text
+    assert loop_world.NONE in page
+    assert "Coefficients before and after the effects" not in page
+
+
+@pytest.mark.parametrize("verdict", ["none_found", "effect_found", "ambiguous", "unexplained"])
+def test_every_verdict_has_words(data: ReportData, verdict: str) -> None:
+    assert data.diagnosis
+    found = data.diagnosis.model_copy(update={"verdict": verdict})
+    told = lacks(replace(data, diagnosis=found, comparison=None))
+    assert told and told.verdict and told.grade in ("good", "fair", "poor")
+
+
+def test_groups_and_what_is_left_are_named(data: ReportData) -> None:
+    rest = {
+        "correlates": [{"axis": "N", "regressor": "cos 2 heading", "gain": 41.0}],
+        "nearest": "propeller_race", "channels": ["v", "r"],
+    }  # fmt: skip
+    found = with_diagnosis(
+        data, verdict="unexplained", unexplained=rest, separate_by="vary the speed",
+        ambiguous=(("rudder_offset", "hull_asymmetry"),),
+    )  # fmt: skip
+    page = Page(render(replace(found, comparison=None))).text
+    assert "It follows N with cos 2 heading (gain 41)." in page
+    assert "not confirmed: propeller_race." in page and "It is in v, r." in page
+    assert "To tell them apart: vary the speed" in page
+
+
+def test_findings_of_the_loop_are_among_the_warnings(data: ReportData) -> None:
+    finding = Finding(code="few-maneuvers", message="only two maneuvers identify")
+    assert (
+        "only two maneuvers identify"
+        in Page(render(with_diagnosis(data, findings=(finding,)))).text
+    )
+
+
+def test_texts_of_the_artifacts_are_escaped(data: ReportData) -> None:
+    nasty = '<b>"A" & $B$</b>'
+    found = with_diagnosis(data, statement=nasty, steps=(nasty,), missing=(nasty,))
+    text = render(replace(found, comparison=None))
+    assert nasty not in text
+    assert Page(text).open == []
+
+
+def test_artifacts_are_read_as_they_are_written(data: ReportData) -> None:
+    assert data.diagnosis and data.comparison
+    for artifact, model in ((data.diagnosis, Diagnosis), (data.comparison, Comparison)):
+        assert model.model_validate_json(artifact.model_dump_json(by_alias=True)) == artifact

@@ -1,0 +1,99 @@
+"""The words of the residual loop."""
+
+import pytest
+
+from auvident.report import loop_words as words
+from auvident.schema.diagnosis import Detectable, ParameterValue
+from tests import loop_world
+
+
+def test_an_interval_is_as_stated_else_from_the_standard_deviation() -> None:
+    assert words.interval(loop_world.NORTH) == (-0.129, -0.113)
+    low, high = words.interval(loop_world.EAST)
+    assert (low, high) == pytest.approx((0.083 - 1.96 * 0.005, 0.083 + 1.96 * 0.005))
+    half = ParameterValue(symbol="lag_s", value=0.1, std=0.1, unit="s", low=0.0)
+    assert words.interval_text(half) == "0 to 0.296"
+
+
+def test_a_size_has_unit_and_interval() -> None:
+    assert words.size(loop_world.NORTH) == "north_mps -0.121 m/s (-0.129 to -0.113)"
+    bare = ParameterValue(symbol="gain", value=0.2, std=0.01, unit="-")
+    assert words.size(bare) == "gain 0.2 (0.18 to 0.22)"
+
+
+def test_the_place_of_an_effect_of_one_time() -> None:
+    assert words.place(loop_world.EVENT) == "harbour_trial-turn-2 at 431.5 s for 6.0 s"
+    assert words.place(loop_world.CURRENT) == ""
+
+
+def test_visible_effects_stand_by_family_with_the_size_that_shows_them_whole() -> None:
+    found = words.visible_by_family(loop_world.sees())
+    assert found["environment"] == ["current ≥ 0.014 m/s"]  # the worse of north and east
+    assert found["sensing"] == ["gyro_bias ≥ 0.03 deg/s", "dvl_lever_arm ≥ 0.05 m"]
+    assert list(found) == ["environment", "actuation", "sensing", "hydrodynamics"]
+    assert words.visible_by_family(()) == {}
+
+
+def test_a_limit_shows_from_its_size_downwards() -> None:
+    found = words.visible_by_family(loop_world.sees())
+    assert found["actuation"] == ["rudder_lag ≥ 0.07 s", "rudder_rate_limit ≤ 31 deg/s"]
+
+
+def test_blind_effects_are_named_once_by_reason() -> None:
+    found = words.blind_by_reason(loop_world.sees())
+    assert found == {
+        "the coefficients take it up": ["dvl_lever_arm.dy_m"],  # dx_m of it is seen
+        "no position was logged": ["dvl_scale"],
+        "no roll logged": ["roll_coupling"],
+    }
+    silent = Detectable(
+        id="wave", family="environment", symbol="omega_radps", size=1.0, unit="rad/s",
+        visible=False, kept=0.0,
+    )  # fmt: skip
+    assert words.blind_by_reason([silent]) == {"too small beside the noise": ["wave"]}
+
+
+def test_accepted_candidates_come_first_then_the_greatest_gain() -> None:
+    accepted, *rejected = loop_world.CANDIDATES
+    weak = accepted.model_copy(update={"gain": 0.5})
+    assert words.ranked([*reversed(rejected), weak])[0] is weak
+    gains = [c.gain for c in words.ranked(loop_world.CANDIDATES)]
+    assert gains == sorted(gains, reverse=True)
+
+
+def test_residuals_are_pooled_as_root_mean_squares() -> None:
+    rows = loop_world.residual_rows(["a", "b"], loop_world.AFTER)
+    rows = (rows[0].model_copy(update={"rms": 0.03}), *rows[1:])
+    u, _, r = words.pooled(rows)
+    assert u.rms == pytest.approx(((0.03**2 + 0.046**2) / 2.0) ** 0.5)
+    assert u.rms_after == pytest.approx(0.0061)
+    assert r.ratio == pytest.approx(0.0062 / 0.0009)
+    unknown = rows[0].model_copy(update={"noise_std": 0.0})
+    assert words.pooled([unknown])[0].ratio is None
+
+
+def test_what_an_unexplained_residual_follows_in_whatever_form() -> None:
+    rows = [
+        {"axis": "N", "regressor": "cos 2 heading", "gain": 41.27},
+        ["Y", "v|r|", 3.0],
+        "time",
+    ]
+    assert words.correlates({"correlates": rows}) == [
+        "N with cos 2 heading (gain 41.3)", "Y, v|r|, 3", "time",
+    ]  # fmt: skip
+    assert words.correlates({}) == []
+    assert words.plain({"id": "current", "gain": 3.0}) == "current"
+    assert words.plain({"u": 0.25, "v": ["a", "b"]}) == "u 0.25, v a, b"
+
+
+def test_coefficients_that_moved_by_more_than_two_of_their_deviations() -> None:
+    base = {"unit": "kg", "prior": 0.0, "prior_std": 9.0, "before": 1.0, "before_std": 0.5,
+            "after_std": 0.1}  # fmt: skip
+    from auvident.schema.diagnosis import CoefficientComparison as Row
+
+    rows = [
+        Row(symbol=symbol, after=after, **base)  # type: ignore[arg-type]
+        for symbol, after in (("a", 1.9), ("b", 2.1), ("c", -1.0))
+    ]
+    fixed = Row(symbol="d", after=9.0, **base | {"before_std": 0.0})  # type: ignore[arg-type]
+    assert [c.symbol for c in words.moved([*rows, fixed])] == ["c", "b"]
