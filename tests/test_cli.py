@@ -270,7 +270,7 @@ def test_compare_puts_runs_side_by_side(demo: Path, auvident: Callable[..., Call
     auvident("identify", "runs/other", "--filter", "ukf", "--quiet")
     comparison = json.loads(auvident("compare", demo, "runs/other", "--json").out)
     assert [run["filter"] for run in comparison["runs"]] == ["ekf", "ukf"]
-    model = json.loads((demo / "identify" / "model.json").read_text())
+    model = json.loads((demo / "refine" / "model.json").read_text())
     row = next(r for r in comparison["coefficients"] if r["symbol"] == "N_uud")
     assert row["value"][0] == next(
         c["value"] for c in model["coefficients"] if c["symbol"] == "N_uud"

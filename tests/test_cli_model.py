@@ -75,7 +75,7 @@ def test_exported_toml_is_a_table_of_a_vehicle_file(
     demo: Path, auvident: Callable[..., Called]
 ) -> None:
     table = tomllib.loads(auvident("export", demo, "--format", "toml").out)["coefficients"]
-    model = json.loads((demo / "identify" / "model.json").read_text())
+    model = json.loads((demo / "refine" / "model.json").read_text())
     assert table == {c["symbol"]: {"value": c["value"], "std": c["std"]}
                      for c in model["coefficients"]}  # fmt: skip
     text = Path("sample_logs/remus100.toml").read_text()
@@ -86,9 +86,9 @@ def test_exported_toml_is_a_table_of_a_vehicle_file(
 
 
 def test_exported_json_is_the_model(demo: Path, auvident: Callable[..., Called]) -> None:
-    model = json.loads((demo / "identify" / "model.json").read_text())
+    model = json.loads((demo / "refine" / "model.json").read_text())
     assert json.loads(auvident("export", demo, "--format", "json").out) == model
-    assert json.loads(auvident("export", demo / "identify" / "model.json", "--json").out) == model
+    assert json.loads(auvident("export", demo / "refine" / "model.json", "--json").out) == model
 
 
 def test_export_does_not_print_twice(demo: Path, auvident: Callable[..., Called]) -> None:
@@ -130,7 +130,7 @@ def test_inputs_alone_start_on_a_straight_run(
     for sensor in ("rudder", "rpm"):
         text = Path(f"sample_logs/harbour_trial/{sensor}.csv").read_text()
         (log / f"{sensor}.csv").write_text(text)
-    arguments = ("simulate", demo / "identify" / "model.json", "--inputs", log, *WINDOW)
+    arguments = ("simulate", demo / "refine" / "model.json", "--inputs", log, *WINDOW)
     table = pd.read_csv(_stream(auvident(*arguments).out))
     model = exported(demo, auvident)
     steady = [table.u_mps[0], 0.0, 0.0, 0.0]
@@ -149,7 +149,7 @@ def _stream(text: str) -> object:
 def test_a_model_away_from_its_run_says_what_it_assumes(
     demo: Path, auvident: Callable[..., Called]
 ) -> None:
-    Path("model.json").write_bytes((demo / "identify" / "model.json").read_bytes())
+    Path("model.json").write_bytes((demo / "refine" / "model.json").read_bytes())
     arguments = ("simulate", "model.json", "--inputs", "sample_logs/harbour_trial", *WINDOW)
     called = auvident(*arguments)
     assert called.code == 0

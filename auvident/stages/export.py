@@ -69,6 +69,9 @@ def _json(model: IdentifiedModel) -> str:
 def _toml(model: IdentifiedModel) -> str:
     """A table that can stand in a vehicle file: the next identification starts from it."""
     lines = [f"# {_title(model)}", "# Dimensional SI values; valid in a vehicle file.", ""]
+    if model.effects:
+        names = ", ".join(str(effect.get("id", "")) for effect in model.effects)
+        lines += [f"# Identified together with the effects {names}, which have no place here.", ""]
     lines.append("[coefficients]")
     for c in model.coefficients:
         key = f'"{c.symbol}"' if "|" in c.symbol else c.symbol
@@ -109,7 +112,7 @@ def _variables(structure: Structure) -> dict[str, str]:
     names = PLANE_NAMES[structure.plane]
     angle, (own, other, rate) = ANGLE[structure.plane], INPUTS[structure.plane]
     values = ("u", names["a"], names["b"], f"sin({angle})", f"cos({angle})", own, other, rate)
-    return dict(zip(VARIABLES, values, strict=True))
+    return dict(zip(VARIABLES, values, strict=False))  # those after them belong to effects
 
 
 def _name(structure: Structure, parameter: int) -> str:

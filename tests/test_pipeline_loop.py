@@ -1,0 +1,189 @@
+"""How `diagnose` and `refine` stand among the stages: what they are given, when they are stale."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from auvident.pipeline import STAGES, status
+from auvident.pipeline.predict import find_model
+from tests import loop_world
+from tests.command_line import Called
+from tests.test_pipeline import RUN, decisions, states
+
+
+@pytest.fixture
+def found(monkeypatch: pytest.MonkeyPatch) -> loop_world.HandMade:
+    """Hand-made stages that find a current."""
+    return loop_world.put_in_place(monkeypatch)
+
+
+def seed_of(run: Path, stage: str) -> int:
+    return json.loads((run / "run.json").read_text())["stages"][stage]["seed"]
+
+
+def forget(run: Path, *stages: str) -> None:
+    """As if the stages had never been run."""
+    manifest = json.loads((run / "run.json").read_text())
+    for stage in stages:
+        del manifest["stages"][stage]
+        shutil.rmtree(run / stage)
+    (run / "run.json").write_text(json.dumps(manifest))
+
+
+def test_the_loop_comes_after_validation_and_before_the_report() -> None:
+    names = [stage.name for stage in STAGES]
+    assert names[-4:] == ["validate", "diagnose", "refine", "report"]
+
+
+def test_their_artifacts_stand_where_users_look(
+    demo: Path, auvident: Callable[..., Called], found: loop_world.HandMade
+) -> None:
+    assert auvident("diagnose", demo, "--quiet").code == 0
+    assert auvident("refine", demo, "--quiet").code == 0
+    assert sorted(p.name for p in (demo / "diagnose").iterdir()) == [
+        "diagnosis.json", "residuals.parquet",
+    ]  # fmt: skip
+    assert sorted(p.name for p in (demo / "refine").iterdir()) == [
+        "comparison.json", "history.parquet", "model.json", "simulation.parquet",
+    ]  # fmt: skip
+    assert states(demo) | {"diagnose": "done", "refine": "done"} == states(demo)
+    assert states(demo)["report"] == "stale"
+
+
+def test_they_are_given_noise_and_the_plan_and_filter_of_the_identification(
+    demo: Path, auvident: Callable[..., Called], found: loop_world.HandMade
+) -> None:
+    import auvident as package
+
+    plan = Path("mine.toml")
+    text = (Path(package.__file__).parent / "plans" / "together.toml").read_text()
+    plan.write_text(text.replace('name = "together"', 'name = "mine"', 1))
+    arguments = ("identify", demo, "--plan", plan, "--filter", "ukf", "--quiet")
+    assert auvident(*arguments).code == 0
+    for stage in ("diagnose", "refine"):
+        assert auvident(stage, demo, "--quiet").code == 0
+        assert found.calls[stage]["plan"].name == "mine"
+    assert found.calls["diagnose"]["noise"]["u_mps"] > 0.0
+    assert (found.calls["refine"]["filter"], found.calls["refine"]["engine"]) == ("ukf", "compiled")
+    assert auvident("refine", demo, "--filter", "ekf", "--quiet").code == 0
+    assert found.calls["refine"]["filter"] == "ekf"
+    assert states(demo)["refine"] == "done"
+
+
+def test_a_plan_that_is_gone_is_named(
+    demo: Path, auvident: Callable[..., Called], found: loop_world.HandMade
+) -> None:
+    import auvident as package
+
+    shutil.copy(Path(package.__file__).parent / "plans" / "together.toml", "mine.toml")
+    assert auvident("identify", demo, "--plan", "mine.toml", "--quiet").code == 0
+    Path("mine.toml").unlink()
+    called = auvident("diagnose", demo)
+    assert called.code == 3
+    assert "mine.toml" in called.err
+
+
+def test_a_changed_plan_refuses_them_until_it_is_identified_again(
+    demo: Path, auvident: Callable[..., Called], found: loop_world.HandMade
+) -> None:
+    import auvident as package
+
+    text = (Path(package.__file__).parent / "plans" / "together.toml").read_text()
+    Path("mine.toml").write_text(text)
+    auvident("identify", demo, "--plan", "mine.toml", "--quiet")
+    Path("mine.toml").write_text(text + "# changed\n")
+    for stage in ("diagnose", "refine"):
+        called = auvident(stage, demo)
+        assert called.code == 4
+        assert f"auvident identify {demo}" in called.err
+
+
+def test_the_seed_is_kept_until_another_is_given(
+    demo: Path, auvident: Callable[..., Called], found: loop_world.HandMade
+) -> None:
+    forget(demo, "diagnose")
+    auvident("diagnose", demo, "--quiet")
+    assert (found.calls["diagnose"]["seed"], seed_of(demo, "diagnose")) == (0, 0)
+    auvident("diagnose", demo, "--seed", 7, "--quiet")
+    auvident("diagnose", demo, "--quiet")
+    assert (found.calls["diagnose"]["seed"], seed_of(demo, "diagnose")) == (7, 7)
+    said = decisions(auvident(*RUN, demo))
+    assert said["diagnose"] == "up to date"  # no seed was asked for
+    said = decisions(auvident(*RUN, demo, "--seed", 3))
+    assert said["diagnose"] == "runs again because option seed changed from 7 to 3"
+    assert said["identify"] == "up to date"  # it draws nothing
+    assert (seed_of(demo, "diagnose"), seed_of(demo, "refine")) == (3, 3)
+
+
+def test_a_new_model_makes_both_stale_a_new_diagnosis_only_the_refinement(
+    demo: Path, auvident: Callable[..., Called], found: loop_world.HandMade
+) -> None:
+    auvident("diagnose", demo, "--quiet")  # another diagnosis than that of the finished run
+    reasons = {d.stage: d.reason for d in status(demo)[0]}
+    assert reasons["diagnose"] == reasons["validate"] == ""
+    assert reasons["refine"] == "diagnose/diagnosis.json changed"
+    auvident("refine", demo, "--quiet")
+    auvident("identify", demo, "--filter", "ukf", "--quiet")
+    reasons = {d.stage: d.reason for d in status(demo)[0]}
+    assert reasons["diagnose"] == "identify/model.json changed"
+    assert reasons["refine"] == "diagnose is stale"
+
+
+def test_a_report_needs_no_diagnosis_but_shows_no_stale_one(
+    demo: Path, auvident: Callable[..., Called], found: loop_world.HandMade
+) -> None:
+    forget(demo, "diagnose", "refine")
+    assert auvident("report", demo, "--quiet").code == 0
+    assert states(demo)["report"] == "done"
+    assert "What the model lacks" not in (demo / "report/report.html").read_text()
+    auvident("diagnose", demo, "--quiet")
+    assert {d.stage: d.reason for d in status(demo)[0]}["report"] == (
+        "diagnose/diagnosis.json is new"
+    )
+    assert auvident("report", demo, "--quiet").code == 0
+    assert loop_world.STATEMENT in (demo / "report/report.html").read_text()
+    auvident("identify", demo, "--filter", "ukf", "--quiet")
+    auvident("validate", demo, "--quiet")
+    called = auvident("report", demo)
+    assert called.code == 4
+    assert f"auvident diagnose {demo}" in called.err
+    assert {d.stage: d.reason for d in status(demo)[0]}["report"] == "diagnose is stale"
+
+
+def test_the_refined_model_is_used_until_another_is_identified(
+    demo: Path, auvident: Callable[..., Called], found: loop_world.HandMade
+) -> None:
+    auvident("diagnose", demo, "--quiet")
+    assert find_model(demo)[0] == demo / "identify/model.json"  # the refinement is an old one
+    auvident("refine", demo, "--quiet")
+    path, model = find_model(demo)
+    assert path == demo / "refine/model.json"
+    assert [effect["id"] for effect in model.effects] == ["current"]
+    auvident("identify", demo, "--filter", "ukf", "--quiet")
+    assert find_model(demo)[0] == demo / "identify/model.json"
+
+
+def test_messages_of_the_stages_pass_through(
+    demo: Path,
+    auvident: Callable[..., Called],
+    found: loop_world.HandMade,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    import sys
+    from types import SimpleNamespace
+
+    from auvident.errors import NumericsError
+
+    def fail(*arguments: object, progress: Callable[..., None], **options: object) -> None:
+        progress("trying 32 effects", 0.5)
+        raise NumericsError("the fit diverged", "turn-1, 12.3 s", "Hold out turn-1.")
+
+    module = SimpleNamespace(diagnose=fail)
+    monkeypatch.setitem(sys.modules, "auvident.stages.diagnose", module)
+    called = auvident("diagnose", demo)
+    assert called.code == 5
+    assert "turn-1, 12.3 s: the fit diverged" in called.err and "Hold out turn-1." in called.err
+    assert status(demo)[1].failed["diagnose"].problem == "the fit diverged"
