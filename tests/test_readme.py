@@ -77,6 +77,17 @@ def test_commands_that_the_text_names_exist(command: str) -> None:
     assert command in {name for names in COMMANDS.values() for name in names}
 
 
+@pytest.mark.parametrize(
+    "command", ["auvident effects", "auvident coefficients --plane horizontal"]
+)
+def test_a_table_of_the_program_is_whole(command: str) -> None:
+    """Not only is every line of it what the program prints: none is missing."""
+    from tests.command_line import call
+
+    shown = next(e for e in examples(README) if e.command == command)
+    assert shown.printed == call(*command.split()[1:]).out.splitlines()
+
+
 def test_commands_are_no_shell_riddles() -> None:
     for example in examples(README):
         assert shlex.split(example.command)
