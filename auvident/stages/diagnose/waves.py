@@ -9,9 +9,10 @@ is whitened per maneuver first, and each maneuver counts alike, whatever happene
 
 The statistic is the power over that of white noise, averaged over maneuvers and channels, at its
 largest over frequency and direction. On residuals of identified models, before any refit, on
-generated trials of two vehicles (7 or 8 maneuvers): 30 clean 2.2 to 5.2, 36 with other effects up
-to 9.4 (hull asymmetry 13.7), 20 with waves 45 to 69; waves of a fifth of that force 19 to 22, with
-frequency right to 0.01 rad/s and direction to 3 degrees. Single maneuvers reach 34 by chance.
+generated trials of two vehicles (7 or 8 maneuvers): 61 clean 2.2 to 7.3, 96 with other effects up
+to 13.7 (median 4.2), 27 with waves 42 to 69, frequency right to 0.01 rad/s and direction to 3
+degrees; waves of a tenth of that force 16 to 17, of a fifth 19 to 22. One maneuver alone reaches
+34 by chance when clean, 48 with other effects.
 """
 
 import math
@@ -49,7 +50,8 @@ class Residual:
     values : (n, 4) array
         Measured minus predicted u, v (m/s), r (rad/s), heading (rad); NaN where not measured.
     u_mps, heading_rad : (n,) array
-        Measured, gaps bridged.
+        Measured, gaps bridged; the heading is the integrated gyro where none is logged (the
+        direction of a wave then counts from the heading at the start).
     """
 
     maneuver: str

@@ -1,6 +1,7 @@
 """The search for one-off events, on residuals of a linear vehicle that is pushed."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -95,6 +96,18 @@ def test_a_push_below_the_noise_of_the_sensors_is_none() -> None:
     pieces = pieces_of(5, push={3: (30.0, 1.0)})
     assert find_events(pieces, NOISE)
     assert not find_events(pieces, 100.0 * NOISE)
+
+
+def test_a_prediction_that_runs_away_is_no_event() -> None:
+    """Its residual grows beyond what the vehicle did, or ends in nothing."""
+    pieces = pieces_of(6, helm=0.5)
+    for number, last in ((2, 850), (5, 400)):
+        values = pieces[number].values.copy()
+        grown = np.exp((np.arange(850) - 400.0) / 15.0)
+        values[:, 1:3] += 0.01 * np.minimum(grown, 100.0)[:, None]
+        values[last:] = np.nan
+        pieces[number] = replace(pieces[number], values=values)
+    assert find_events(pieces, NOISE) == []
 
 
 def test_one_maneuver_alone_tells_nothing() -> None:
