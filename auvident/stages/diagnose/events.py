@@ -92,19 +92,12 @@ def find_events(pieces: Sequence[Residual], noise: Array) -> list[Event]:
     Returns
     -------
     list of Event
-        At most `MOST_EVENTS`; empty with fewer than two maneuvers.
+        At most `MOST_EVENTS`; empty with fewer than two maneuvers that can be used.
     """
-    if len(pieces) < 2:
-        return []
     tracks = _tracks(pieces)
-    left = [np.sqrt(t.energy[:, DECISIVE[0]] * t.energy[:, DECISIVE[1]]) for t in tracks]
-    places: list[tuple[int, int]] = []
-    for _ in range(MOST_EVENTS + 1):
-        place = _highest(left)
-        if place is None:
-            break
-        places.append(place)
-        left[place[0]][_near(place[1], len(left[place[0]]))] = 0.0
+    if sum(len(t.energy) > 0 for t in tracks) < 2:
+        return []
+    places = _places(tracks)
     for count in range(min(MOST_EVENTS, len(places) - 1), 0, -1):
         ratios = [_ratios(tracks, place, places[:count]) for place in places[:count]]
         sizes = [float(np.exp(np.mean(np.log(x[list(DECISIVE)])))) for x in ratios]
@@ -119,14 +112,30 @@ def find_events(pieces: Sequence[Residual], noise: Array) -> list[Event]:
 
 def _tracks(pieces: Sequence[Residual]) -> list[Track]:
     means = [_means(piece) for piece in pieces]
-    keep = [_memory([m[:, c] for m in means]) for c in range(len(CHANNELS))]
+    useful = [
+        len(mean) >= LEAST_BINS and not _is_lost(piece, mean[:, 2])
+        for piece, mean in zip(pieces, means, strict=True)
+    ]
+    good = [mean for mean, use in zip(means, useful, strict=True) if use]
+    keep = np.array([_memory([m[:, c] for m in good]) for c in range(len(CHANNELS))])
     tracks = []
-    for piece, mean in zip(pieces, means, strict=True):
-        fresh = mean[1:, :3] - np.array(keep) * mean[:-1, :3]
-        energy = _windowed(fresh**2)
-        useless = len(mean) < LEAST_BINS or _is_lost(piece, mean[:, 2])
-        tracks.append(Track(mean, energy[:0] if useless else energy))
+    for mean, use in zip(means, useful, strict=True):
+        energy = _windowed((mean[1:, :3] - keep * mean[:-1, :3]) ** 2)
+        tracks.append(Track(mean, energy if use else energy[:0]))
     return [_without_start(track) for track in tracks]
+
+
+def _places(tracks: Sequence[Track]) -> list[tuple[int, int]]:
+    """Maneuver and window of the worst places, each a guard away from those before."""
+    left = [np.sqrt(t.energy[:, DECISIVE[0]] * t.energy[:, DECISIVE[1]]) for t in tracks]
+    places: list[tuple[int, int]] = []
+    for _ in range(MOST_EVENTS + 1):
+        place = _highest(left)
+        if place is None:
+            break
+        places.append(place)
+        left[place[0]][_near(place[1], len(left[place[0]]))] = 0.0
+    return places
 
 
 def _means(piece: Residual) -> Array:
@@ -150,8 +159,8 @@ def _is_lost(piece: Residual, yaw_rate: Array) -> bool:
 
 def _memory(series: Sequence[Array]) -> float:
     """Correlation of successive means of one channel, over all maneuvers."""
-    before = np.concatenate([x[:-1] for x in series])
-    after = np.concatenate([x[1:] for x in series])
+    before = np.concatenate([x[:-1] for x in series] or [np.zeros(0)])
+    after = np.concatenate([x[1:] for x in series] or [np.zeros(0)])
     known = np.isfinite(before) & np.isfinite(after)
     energy = math.sqrt(float(np.sum(before[known] ** 2) * np.sum(after[known] ** 2)))
     return float(np.sum(before[known] * after[known])) / energy if energy > 0.0 else 0.0
