@@ -108,7 +108,7 @@ def add_hull(nu, body, effects, tau):
     friction = 0.075 / (math.log10(reynolds) - 2.0) ** 2
     drag = body.drag_form * body.frontal_area
     drag += body.friction_factor * friction * body.wetted_area
-    tau[0] -= 0.5 * rho * drag * u * abs(u) + effects.linear_drag * u
+    tau[0] -= 0.5 * rho * drag * u * abs(u) - effects.linear_drag * u
     x = body.hull_lift_x
     side, heave = v + r * x, w - q * x
     speed = math.sqrt(u * u + v * v + w * w)
