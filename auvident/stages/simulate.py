@@ -1,18 +1,20 @@
 """Prediction with an identified model: from the inputs of a log to the motion, with a band."""
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from auvident.engines.prediction import Frame, at_effects, simulated
 from auvident.engines.records import STATE_COLUMNS, Record, record_of, sensor_matrix
 from auvident.errors import InputError, NumericsError, UsageError
-from auvident.physics.dynamics import N_STATES, simulate_states
+from auvident.physics.dynamics import N_STATES
 from auvident.physics.figures_track import dead_reckoning
-from auvident.physics.terms import parameter_vector, structure_of
+from auvident.physics.terms import Structure, parameter_vector, structure_of
 from auvident.schema.artifacts import IdentifiedModel, Maneuver
 from auvident.schema.channels import TIME_COLUMN
+from auvident.schema.effects import in_plane, parameter_of
 from auvident.schema.trial import Trial
 
 Array = npt.NDArray[np.float64]
@@ -21,15 +23,6 @@ BAND = (5.0, 95.0)  # percentiles of the uncertainty band
 SAMPLES = 100  # models drawn for it: its edges then rest on some five models each
 LEAST_ROWS = 10  # a shorter stretch of inputs says nothing
 INPUT_COLUMNS = {"horizontal": ("rudder_rad", "rpm"), "vertical": ("elevator_rad", "rpm")}
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """An uninterrupted stretch of inputs, and where its initial speed comes from."""
-
-    record: Record
-    start: Array
-    measured: bool
 
 
 def simulate(
@@ -42,6 +35,10 @@ def simulate(
     rng: np.random.Generator,
 ) -> pd.DataFrame:
     """Predict the motion from the inputs of a trial.
+
+    The effects of the model act: those of actuators and forces on the motion, those of sensors
+    on the initial state that the readings give, a current also on the track. Velocities are
+    those through the water.
 
     Parameters
     ----------
@@ -70,11 +67,11 @@ def simulate(
     NumericsError
         The model runs away; says when.
     """
-    stretches = _stretches(model, trial, window_s, speed_mps)
+    records = _stretches(model, trial, window_s, speed_mps)
     draws = _draws(model, samples, rng)
     tables = []
-    for number, stretch in enumerate(stretches):
-        table = _predict(model, stretch, draws, 1.0 / trial.rate_hz)
+    for number, record in enumerate(records):
+        table = _predict(model, record, draws, 1.0 / trial.rate_hz)
         table.insert(1, "stretch", number)
         tables.append(table)
     return pd.concat(tables, ignore_index=True)
@@ -82,8 +79,8 @@ def simulate(
 
 def _stretches(
     model: IdentifiedModel, trial: Trial, window_s: tuple[float, float], speed: float | None
-) -> list[Stretch]:
-    """Where all inputs are known, within the window."""
+) -> list[Record]:
+    """Uninterrupted stretches where all inputs are known, within the window, as they act."""
     table = trial.table
     needed = INPUT_COLUMNS[model.plane]
     missing = [c for c in needed if c not in table]
@@ -105,7 +102,7 @@ def _stretches(
 
 def _stretch(
     model: IdentifiedModel, trial: Trial, start_s: float, end_s: float, speed: float | None
-) -> Stretch:
+) -> Record:
     maneuver = Maneuver(
         id=trial.name, trial=trial.name, kind="straight", t_start_s=start_s, t_end_s=end_s,
         role="validate",
@@ -113,10 +110,44 @@ def _stretch(
     record = record_of(maneuver, trial, model.plane, sensor_matrix(model.plane, model.sensing))
     measured = all(c in trial.table for c in STATE_COLUMNS[model.plane][:3])
     if speed is None and measured and np.isfinite(record.start).all():
-        return Stretch(record, record.start, True)
+        return _acting(model, record, trial.rate_hz)
     start = np.zeros(N_STATES)
     start[0] = steady_speed(model, record.inputs[0, 2]) if speed is None else speed
-    return Stretch(record, start, False)
+    if record.source is not None and not measured:  # no speed was logged
+        source = replace(record.source, speed=np.full_like(record.source.speed, start[0]))
+        record = replace(record, source=source)
+    return replace(_acting(model, record, trial.rate_hz), start=start)
+
+
+def effect_values(model: IdentifiedModel) -> dict[str, float]:
+    """Internal value of every parameter of the model's effects, ``effect.parameter``."""
+    names = {effect.id for effect in in_plane(model.plane)}
+    return {
+        (name := f"{effect['id']}.{p['symbol']}"): parameter_of(name).internal(p["value"])
+        for effect in model.effects if effect["id"] in names
+        for p in effect["parameters"]
+    }  # fmt: skip
+
+
+def _structure(model: IdentifiedModel) -> Structure:
+    """The equations with the effects of the model, in the order of the table of effects."""
+    there = {name.partition(".")[0] for name in effect_values(model)}
+    return structure_of(model.plane, tuple(e.id for e in in_plane(model.plane) if e.id in there))
+
+
+def _parameters(model: IdentifiedModel, coefficients: dict[str, float]) -> Array:
+    """Parameter vector of the model with other coefficients."""
+    values, structure = effect_values(model), _structure(model)
+    return parameter_vector(model.plane, coefficients, model.rigid_body, values, structure)
+
+
+def _frame(model: IdentifiedModel, dt_s: float) -> Frame:
+    return Frame(_structure(model), model.sensing, dt_s)
+
+
+def _acting(model: IdentifiedModel, record: Record, rate_hz: float) -> Record:
+    """The record as the effects make it: what acts on the vehicle, the state it starts from."""
+    return at_effects(_frame(model, 1.0 / rate_hz), _parameters(model, model.values()), record)
 
 
 def steady_speed(model: IdentifiedModel, rate_rps: float) -> float:
@@ -134,7 +165,7 @@ def steady_speed(model: IdentifiedModel, rate_rps: float) -> float:
 def _draws(model: IdentifiedModel, samples: int, rng: np.random.Generator) -> list[Array]:
     """Parameter vectors: the model's own first, then some from its covariance."""
     values = model.values()
-    vectors = [parameter_vector(model.plane, values, model.rigid_body)]
+    vectors = [_parameters(model, values)]
     symbols = list(model.covariance.get("symbols", ()))
     if not symbols or samples < 1:
         return vectors
@@ -149,7 +180,7 @@ def _draws(model: IdentifiedModel, samples: int, rng: np.random.Generator) -> li
         for follower in followers:  # N_vdot = Y_rdot, M_wdot = Z_qdot: one added mass
             moved[follower] = moved.get(_LEADERS[follower], 0.0)
         changed = {s: v + moved.get(s, 0.0) for s, v in values.items()}
-        vectors.append(parameter_vector(model.plane, changed, model.rigid_body))
+        vectors.append(_parameters(model, changed))
     return vectors
 
 
@@ -157,10 +188,10 @@ _LEADERS = {"N_vdot": "Y_rdot", "M_wdot": "Z_qdot"}
 
 
 def _predict(
-    model: IdentifiedModel, stretch: Stretch, draws: list[Array], dt_s: float
+    model: IdentifiedModel, record: Record, draws: list[Array], dt_s: float
 ) -> pd.DataFrame:
-    record = stretch.record
-    runs = [_states(model, stretch, p, dt_s) for p in draws]
+    frame, active = _frame(model, dt_s), np.ones(N_STATES, dtype=bool)
+    runs = [simulated(frame, p, record, active) for p in draws]
     if not np.isfinite(runs[0]).all():
         row = int(np.argmin(np.isfinite(runs[0]).all(axis=1)))
         raise NumericsError(
@@ -170,12 +201,17 @@ def _predict(
         )
     columns = {TIME_COLUMN: record.time_s}
     own, rpm = INPUT_COLUMNS[model.plane]
-    columns |= {own: record.inputs[:, 0], rpm: 60.0 * record.inputs[:, 2]}
+    assert record.source is not None
+    logged = record.source.raw[len(record.source.raw) - len(record.time_s) :]
+    columns |= {own: logged[:, 0], rpm: 60.0 * logged[:, 2]}
     names = STATE_COLUMNS[model.plane]
     columns |= {name: runs[0][:, i] for i, name in enumerate(names)}
     if model.plane == "horizontal":
         states = runs[0]
         north, east = dead_reckoning(record.time_s, states[:, 0], states[:, 1], states[:, 3])
+        values, elapsed = effect_values(model), record.time_s - record.time_s[0]
+        north = north + values.get("current.north_mps", 0.0) * elapsed
+        east = east + values.get("current.east_mps", 0.0) * elapsed
         columns |= {"north_m": north, "east_m": east}
     stable = [run for run in runs[1:] if np.isfinite(run).all()]
     if stable:
@@ -183,11 +219,3 @@ def _predict(
         for i, name in enumerate(names):
             columns |= {f"{name}_low": low[:, i], f"{name}_high": high[:, i]}
     return pd.DataFrame(columns)
-
-
-def _states(model: IdentifiedModel, stretch: Stretch, p: Array, dt_s: float) -> Array:
-    active = np.ones(N_STATES, dtype=bool)
-    return simulate_states(
-        stretch.start, stretch.record.inputs, stretch.record.given, dt_s, p, active,
-        *structure_of(model.plane).arrays,
-    )  # fmt: skip

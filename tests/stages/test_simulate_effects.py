@@ -1,0 +1,105 @@
+"""Simulation of a model with effects: each acts where the table of effects says."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from auvident.pipeline.given import Given
+from auvident.schema.artifacts import IdentifiedModel
+from auvident.schema.trial import Trial
+from auvident.stages.simulate import effect_values, simulate
+from auvident.storage.run_directory import RunDirectory
+
+WINDOW = (1373.0, 1448.0)  # the last zigzag
+STATES = ["u_mps", "v_mps", "r_radps", "heading_rad"]
+
+
+@pytest.fixture(scope="module")
+def given(completed: Path) -> Given:
+    return Given(RunDirectory(completed / "runs/demo"))
+
+
+def with_effects(model: IdentifiedModel, **effects: dict[str, float]) -> IdentifiedModel:
+    found = tuple(
+        {"id": name, "parameters": [{"symbol": s, "value": v} for s, v in parameters.items()]}
+        for name, parameters in effects.items()
+    )
+    return model.model_copy(update={"effects": found})
+
+
+def run(model: IdentifiedModel, trial: Trial, **options: Any) -> pd.DataFrame:
+    options = {"window_s": WINDOW, "samples": 0, "rng": np.random.default_rng(0)} | options
+    return simulate(model, trial, **options)
+
+
+def changed(trial: Trial, **columns: Any) -> Trial:
+    return Trial(trial.name, trial.table.assign(**columns), trial.rate_hz)
+
+
+def test_values_are_brought_to_internal_units(given: Given) -> None:
+    model = with_effects(
+        given.model, rudder_offset={"offset_deg": 2.0}, rudder_rate_limit={"rate_degps": 20.0},
+        one_off_event={"time_s": 3.0, "duration_s": 1.0},
+    )  # fmt: skip
+    assert effect_values(model) == pytest.approx(
+        {"rudder_offset.offset_deg": np.radians(2.0),
+         "rudder_rate_limit.rate_degps": 1.0 / np.radians(20.0)}
+    )  # fmt: skip
+
+
+def test_an_offset_of_the_rudder_is_a_rudder_laid_by_so_much(given: Given) -> None:
+    trial = given.trials[0]
+    laid = changed(trial, rudder_rad=trial.table["rudder_rad"] + np.radians(2.0))
+    expected = run(given.model, laid)
+    found = run(with_effects(given.model, rudder_offset={"offset_deg": 2.0}), trial)
+    np.testing.assert_allclose(found[STATES], expected[STATES], atol=1e-12)
+    # the inputs shown are those of the log
+    pd.testing.assert_series_equal(found["rudder_rad"], run(given.model, trial)["rudder_rad"])
+    assert not np.allclose(found["r_radps"], run(given.model, trial)["r_radps"], atol=0.01)
+
+
+def test_a_current_moves_the_start_and_the_track_but_no_maneuver(given: Given) -> None:
+    trial = given.trials[0]
+    north, east = 0.2, -0.1
+    model = with_effects(given.model, current={"north_mps": north, "east_mps": east})
+    found = run(model, trial)
+    without = run(given.model, trial)
+    heading = without["heading_rad"].iloc[0]
+    ahead = north * np.cos(heading) + east * np.sin(heading)
+    # readings are over ground; the vehicle moves by so much less through the water
+    assert found["u_mps"].iloc[0] == pytest.approx(without["u_mps"].iloc[0] - ahead, abs=1e-9)
+    speed = {"speed_mps": 1.2}  # the same start for both
+    found, without = run(model, trial, **speed), run(given.model, trial, **speed)
+    np.testing.assert_allclose(found[STATES], without[STATES], atol=1e-12)
+    seconds = found["time_s"] - found["time_s"].iloc[0]
+    np.testing.assert_allclose(found["north_m"] - without["north_m"], north * seconds, atol=1e-9)
+    np.testing.assert_allclose(found["east_m"] - without["east_m"], east * seconds, atol=1e-9)
+
+
+def test_a_force_acts(given: Given) -> None:
+    """The moment of an asymmetric hull turns a vehicle that goes straight."""
+    trial = changed(given.trials[0], rudder_rad=0.0)
+    model = with_effects(given.model, hull_asymmetry={"Y_0": 0.0, "N_0": 0.4})
+    found = run(model, trial, speed_mps=1.2)
+    assert abs(run(given.model, trial, speed_mps=1.2)["r_radps"].iloc[-1]) < 1e-9
+    assert found["r_radps"].iloc[-1] > 0.01
+
+
+def test_the_race_of_the_propeller_rests_on_the_speed_of_the_simulation(given: Given) -> None:
+    """Where no speed was logged; the rudder would be laid over without bound otherwise."""
+    trial = given.trials[0]
+    bare = Trial(trial.name, trial.table[["time_s", "rudder_rad", "rpm", "record"]], trial.rate_hz)
+    model = with_effects(given.model, propeller_race={"c_m2ps2pn": 0.01})
+    plain, raced = run(given.model, bare), run(model, bare)
+    assert raced["r_radps"].abs().max() < 2.0 * plain["r_radps"].abs().max()
+    assert not np.allclose(raced["r_radps"], plain["r_radps"], atol=1e-4)
+
+
+def test_the_band_is_drawn_with_the_effects(given: Given) -> None:
+    model = with_effects(given.model, rudder_offset={"offset_deg": 2.0})
+    found = run(model, given.trials[0], samples=30)
+    inside = found["r_radps"].between(found["r_radps_low"], found["r_radps_high"])
+    assert inside.mean() > 0.8
