@@ -11,6 +11,7 @@ import pytest
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Dvl
 from auvident.stages.diagnose.kinematics import (
+    HEADING_LATENCY_S,
     HEADING_REFERENCE_RAD,
     HEEL_SCALE,
     SensorCheck,
@@ -87,11 +88,23 @@ def trial_of(
     return Trial("t", pd.DataFrame(table).drop(columns=list(drop)), RATE_HZ)
 
 
+ALLOWANCES = {
+    "gyro_delay.delay_s": HEADING_LATENCY_S, "dvl_delay.delay_s": HEADING_LATENCY_S,
+    "dvl_misalignment.yaw_deg": HEADING_REFERENCE_RAD,
+}  # fmt: skip
+
+
+def scatter(check: SensorCheck) -> np.ndarray:
+    """Claimed standard deviations without what is allowed for beyond these logs."""
+    allowed = np.array([ALLOWANCES.get(n, 0.0) for n in check.names])
+    return np.sqrt(np.diag(check.covariance) - allowed**2)
+
+
 def errors(check: SensorCheck | None, truth: dict[str, float]) -> np.ndarray:
     """Errors over claimed standard deviations."""
     assert check is not None
     known = np.array([truth.get(n, 0.0) for n in check.names])
-    return (check.mean - known) / np.sqrt(np.diag(check.covariance))
+    return (check.mean - known) / scatter(check)
 
 
 def test_gyro_errors_are_found_together() -> None:
@@ -102,7 +115,7 @@ def test_gyro_errors_are_found_together() -> None:
     }  # fmt: skip
     assert check is not None and tuple(truth) == check.names
     assert np.abs(errors(check, truth)).max() < 3.5
-    assert np.all(np.sqrt(np.diag(check.covariance)) < [1e-4, 2e-3, 5e-3])
+    assert np.all(scatter(check) < [1e-4, 2e-3, 5e-3])
     assert check.residual_rms == pytest.approx(5e-3, rel=0.1)
 
 
@@ -136,8 +149,9 @@ def test_dvl_errors_are_found_together_in_spite_of_a_late_position_log() -> None
     assert check is not None
     z = errors(check, {"dvl_scale.fraction": 0.04, "dvl_misalignment.yaw_deg": -0.05})
     assert np.abs(z).max() < 3.5
-    assert math.sqrt(check.covariance[0, 0]) < 0.01
-    assert math.sqrt(check.covariance[1, 1]) == pytest.approx(HEADING_REFERENCE_RAD, rel=0.3)
+    assert np.all(scatter(check)[:2] < 0.01)
+    assert check.covariance[1, 1] >= HEADING_REFERENCE_RAD**2
+    assert check.covariance[2, 2] >= HEADING_LATENCY_S**2
 
 
 def test_current_is_seen_by_a_dvl_that_measures_through_the_water() -> None:
@@ -151,12 +165,12 @@ def test_current_is_seen_by_a_dvl_that_measures_through_the_water() -> None:
 
 
 def test_without_position_errors_the_claims_hold() -> None:
-    """Coloured position noise; scale and delay (yaw counts the heading's reference besides)."""
+    """Coloured position noise; 10 seeds, rms of 30 z."""
     found = [
         errors(position_against_dvl([trial_of(np.random.default_rng(s))], DVL), {})
         for s in range(10)
     ]
-    assert 0.5 < np.sqrt(np.mean(np.square(found)[:, [0, 2]])) < 1.5
+    assert 0.5 < np.sqrt(np.mean(np.square(found))) < 1.5
 
 
 @pytest.mark.parametrize("column", ["heading_rad", "north_m"])
