@@ -23,7 +23,7 @@ from tests.bench.effects_cases import (
     endless,
 )
 from tests.bench.effects_score import compared, is_visible, score
-from tests.bench.effects_summary import as_json, confusion, failures, is_good, tables
+from tests.bench.effects_summary import as_json, by_effect, confusion, failures, is_good, tables
 from tests.bench.effects_trial import outcome
 from tests.bench.effects_truth import cross_flow, planted_of, translate
 
@@ -209,6 +209,19 @@ def test_the_time_of_an_event() -> None:
     told = {"effects": (loop_world.EVENT,)}
     assert score(outcome_with([{**event, "time_s": [430.0, 433.0]}], **told)).off_s == 0.0
     assert score(outcome_with([{**event, "time_s": [400.0, 403.0]}], **told)).off_s == 28.5
+
+
+def test_an_event_elsewhere_is_no_good_one() -> None:
+    event = {"id": "one_off_event", "family": "environment", "exact": False, "parameters": {}}
+    for begin, good in ((430.0, True), (300.0, False)):
+        planted = [{**event, "time_s": [begin, begin + 3.0]}]
+        assert is_good(score(outcome_with(planted, effects=(loop_world.EVENT,)))) is good
+
+
+def test_the_table_of_effects_has_the_error_of_the_size() -> None:
+    row = by_effect([score(outcome_with())])[0]
+    # north off by 0.001 of 0.12, east by 0.017 of 0.1: the median is their mean
+    assert row["error"] == pytest.approx((0.001 / 0.12 + 0.17) / 2) and row["inside_95"] == "1/2"
 
 
 def test_both_of_a_pair_are_asked_for() -> None:

@@ -12,6 +12,7 @@ Table = list[dict[str, Any]]
 
 AFFECTED = ("current", "rudder_lag", "rudder_offset", "dvl_misalignment")
 CHANNELS = ("u", "v", "r")
+NEAR_S = 10.0  # of an event's or a step's time
 # Held-out errors of a good model of these vehicles (m/s, m/s, rad/s), where no clean trial was run.
 CLEAN = {"u": 0.006, "v": 0.008, "r": 0.0025}
 
@@ -92,6 +93,8 @@ def for_information(single: Scores, none: Scores, pair: Scores) -> Table:
         _at_most("not visible, wrong name", None, [s.wrong_name for s in hidden]),
         _at_least("cross-flow and turning drag: name or finding", None,
                   [s.by_finding or s.right_or_group for s in finding]),
+        _at_least("named events and steps within 10 s of their time", None,
+                  [s.off_s <= NEAR_S for s in single if s.off_s is not None]),
         _at_most("nothing planted: a name", None, [bool(s.named) for s in none]),
         _at_least("pairs: both ids or groups", None, [s.right_or_group for s in pair]),
     ]  # fmt: skip

@@ -5,8 +5,16 @@ from collections import Counter
 from collections.abc import Iterable
 from statistics import median
 
-from tests.bench.effects_bars import Scores, Table, affected_ratio, bars, clean_errors, stated
-from tests.bench.effects_score import Score
+from tests.bench.effects_bars import (
+    NEAR_S,
+    Scores,
+    Table,
+    affected_ratio,
+    bars,
+    clean_errors,
+    stated,
+)
+from tests.bench.effects_score import Score, Size
 
 
 def tables(scores: Scores) -> dict[str, Table]:
@@ -60,10 +68,16 @@ def by_effect(scores: Scores) -> Table:
             "finding": sum(s.by_finding for s in rows),
             "wrong": sum(s.wrong_name for s in rows), "extra": sum(bool(s.extra) for s in rows),
             "inside_95": _share(z.inside for s in rows for z in s.sizes if z.inside is not None),
+            "error": _median(relative(z) for s in rows for z in s.sizes if z.planted),
             "ratio": _median(r for s in rows if (r := affected_ratio(s, clean)) is not None),
         }
         for label, rows in grouped(scores).items()
     ]  # fmt: skip
+
+
+def relative(size: Size) -> float:
+    """Error of a size as a share of it."""
+    return abs(size.value / size.planted - 1.0)
 
 
 def _share(flags: Iterable[bool]) -> str:
@@ -111,7 +125,15 @@ def is_good(score: Score) -> bool:
         return not score.declared and score.verdict != "failed"
     missed = bool(score.visible) and not (score.right_or_group or score.by_finding)
     outside = any(size.inside is False for size in score.sizes)
-    return not (missed or outside or score.wrong_name or score.extra or score.verdict == "failed")
+    elsewhere = score.off_s is not None and score.off_s > NEAR_S
+    return not (
+        missed
+        or outside
+        or elsewhere
+        or score.wrong_name
+        or score.extra
+        or score.verdict == "failed"
+    )
 
 
 def as_json(scores: Scores) -> str:
