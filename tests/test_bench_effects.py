@@ -236,6 +236,7 @@ def test_a_trial_that_failed() -> None:
     failed = {**outcome_with(), "diagnosis": None, "comparison": None, "error": "no maneuver"}
     found = score(failed)
     assert (found.verdict, found.why) == ("failed", "no maneuver") and not is_good(found)
+    assert found.visible and not found.declared
 
 
 # --- the tables ---------------------------------------------------------------------------

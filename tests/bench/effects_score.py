@@ -35,7 +35,8 @@ class Score:
     effect is named; ``right_or_group``: or stands in a group with a named one; ``right_family``:
     or its family is named. ``wrong_name``: something is named and nothing of a planted family;
     ``extra`` are the names that are neither planted nor in a group with a planted one.
-    ``by_finding``: a finding on the coefficients says it. ``visible`` is None with nothing planted.
+    ``by_finding``: a finding on the coefficients says it. ``visible`` is None with nothing planted,
+    and true where there is no diagnosis: a failure is not excused.
     ``off_s``: how far outside of the planted time a named event or step lies.
     """
 
@@ -76,7 +77,7 @@ def score(outcome: Row) -> Score:
         key=outcome["case"]["key"], kind=outcome["case"]["kind"],
         label="+".join(ids) or "none", vehicle=outcome["case"]["vehicle"],
         verdict=final.get("verdict", "failed"), named=named,
-        visible=all(is_visible(p, diagnosis.get("sees", [])) for p in planted) if ids else None,
+        visible=_all_visible(planted, diagnosis) if ids else None,
         declared=final.get("verdict") in CONFIDENT and bool(named),
         right_id=bool(ids) and set(ids) <= set(named),
         right_or_group=bool(ids) and all(_in_group(i, named, groups) for i in ids),
@@ -107,6 +108,10 @@ def _family_named(planted: Row, effects: list[Row], groups: list[set[str]]) -> b
 def _finding_says(name: str, *artifacts: Row) -> bool:
     codes = [f["code"] for a in artifacts for f in a.get("findings", [])]
     return name in FINDING_OF and any(FINDING_OF[name] in code for code in codes)
+
+
+def _all_visible(planted: Iterable[Row], diagnosis: Row) -> bool:
+    return not diagnosis or all(is_visible(p, diagnosis.get("sees", [])) for p in planted)
 
 
 def is_visible(planted: Row, sees: Iterable[Row]) -> bool:
