@@ -1,19 +1,19 @@
 """Swell in the residual: power at the encounter frequency of one wave, pooled over maneuvers.
 
-A regular wave of frequency omega from abeam or ahead meets a moving vehicle with the phase
-omega t - k (way made good along the wave), k = omega^2 / g in deep water (Fossen 2021, 10.2),
-which sweeps with heading and speed: a spectral line test misses it, a periodogram along this
-phase does not. The force goes with the cosine (surge), sine (sway) and sine of twice (yaw) the
-angle between wave and heading (Froude-Krylov, slender hull), so the residual is weighted so. It
-is whitened per maneuver first, and each maneuver counts alike, whatever happened in one of them.
+A regular wave of frequency omega meets a moving vehicle with the phase omega t - k (way made good
+along the wave), k = omega^2 / g in deep water (Fossen 2021, 10.2), which sweeps with heading and
+speed: a spectral line test misses it, a periodogram along this phase does not. The force goes with
+the cosine (surge), sine (sway) and sine of twice (yaw) the angle between wave and heading
+(Froude-Krylov, slender hull), so the residual is weighted so. It is whitened per maneuver first,
+and each maneuver counts alike, whatever happened in one of them.
 
 The statistic is the power over that of white noise, averaged over maneuvers and channels, at its
 largest over frequency and direction. On residuals of identified models, before any refit, on
 generated trials of two vehicles (7 or 8 maneuvers): 61 clean 2.2 to 7.3, 96 with other effects up
 to 13.7 (median 4.2), 27 with waves 42 to 69, frequency right to 0.01 rad/s and direction to 3
 degrees; waves of a tenth of that force 16 to 17, of a fifth 19 to 22. After a refit with
-allowances clean ones stay below 6, a current not yet accepted reaches 14, waves keep their power. One maneuver alone reaches
-34 by chance when clean, 48 with other effects.
+allowances clean ones reach 6, a current that is not yet accepted 14, and waves keep their power.
+One maneuver alone reaches 34 by chance when clean, 48 with other effects.
 """
 
 import math
