@@ -18,12 +18,13 @@ from auvident.engines.records import Record, Source
 from auvident.physics import sensing as sense
 from auvident.physics.actuation import COMMAND, FORCE, acting_inputs, command_values
 from auvident.physics.dynamics import N_STATES, simulate_states, simulate_with_sensitivities
-from auvident.physics.terms import FREE_FORCE, Structure
+from auvident.physics.terms import Structure
 from auvident.schema.artifacts import Sensing
 from auvident.schema.effects import parameter_of
 
 Array = npt.NDArray[Any]
 
+SMALL = 0.1  # an effect below this part of its step is not at work yet
 SMALL_STEP = 0.02  # [of the prior] longest step of a slope where an effect is at work already
 READING_STEP = 0.05  # [of the prior] step of a slope of the readings
 SMOOTHED_S = 1.5  # readings are smoothed over this time before slopes are taken from them
@@ -121,9 +122,8 @@ def input_slopes(frame: Frame, p: Array, record: Record, free: Free) -> tuple[Ar
     base = _inputs(frame, e, record)
     for k, (column, place) in enumerate(found):
         declared, moved = parameter_of(COMMAND[place]), e.copy()
-        step = declared.step if abs(e[place]) < declared.step * free.scale[column] else min(
-            declared.step, SMALL_STEP
-        )  # fmt: skip
+        at_work = abs(e[place]) > SMALL * declared.step * free.scale[column]
+        step = min(declared.step, SMALL_STEP) if at_work else declared.step
         moved[place] += step * free.scale[column]
         slopes[:, :, k] = (_inputs(frame, moved, record) - base) / step
     return slopes, np.array([column for column, _ in found], dtype=np.int64)
@@ -259,8 +259,3 @@ def _smoothed(states: Array, dt_s: float) -> Array:
         return states
     smooth: Array = savgol_filter(states, window, 2, axis=0)
     return smooth
-
-
-def has_free_force(structure: Structure) -> bool:
-    """Whether a prediction carries forces that come as a series in time."""
-    return FREE_FORCE in structure.effects

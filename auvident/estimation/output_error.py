@@ -45,7 +45,11 @@ class Fit:
 Likelihood = Callable[[Array], tuple[float, Array, Array]]
 
 
-def fit(likelihood: Likelihood, start: Array, prior_mean: Array, prior_information: Array) -> Fit:
+def fit(
+    likelihood: Likelihood, start: Array, prior_mean: Array, prior_information: Array,
+    bounds: tuple[Array, Array] | None = None, iterations: int = MAX_ITERATIONS,
+    tolerance: float = COST_TOLERANCE, damping: float = DAMPING_START,
+) -> Fit:  # fmt: skip
     """Minimise whitened residuals and distance from the prior together.
 
     Levenberg-Marquardt on the normal equations: the curvature is accumulated while simulating,
@@ -59,6 +63,16 @@ def fit(likelihood: Likelihood, start: Array, prior_mean: Array, prior_informati
     start, prior_mean : (n,) array
     prior_information : (n, n) array
         Inverse prior covariance of theta.
+    bounds : pair of (n,) arrays, optional
+        Least and largest values; a parameter at its bound that the gradient pushes outwards is
+        held.
+    iterations : int
+        At most so many steps are tried.
+    tolerance : float
+        Relative fall of the cost below which the fit has converged.
+    damping : float
+        Of the first step. Little of it goes through narrow valleys faster, much of it is safer
+        far from the solution.
 
     Raises
     ------
@@ -72,12 +86,14 @@ def fit(likelihood: Likelihood, start: Array, prior_mean: Array, prior_informati
             "the prediction runs away with the coefficients the fit starts from",
             remedy="Run the filter stages first, or check the priors and the mass properties.",
         )
-    damping = DAMPING_START
     iteration = 0
-    while iteration < MAX_ITERATIONS and damping < DAMPING_CEILING:
+    low, high = bounds or (np.full(len(theta), -np.inf), np.full(len(theta), np.inf))
+    while iteration < iterations and damping < DAMPING_CEILING:
         iteration += 1
         scale = np.diag(np.maximum(np.diag(curvature), np.diag(prior_information)))
-        trial = theta - _solved(curvature + damping * scale, gradient)
+        held = ((theta <= low) & (gradient > 0.0)) | ((theta >= high) & (gradient < 0.0))
+        step = _step(curvature + damping * scale, gradient, ~held)
+        trial = np.clip(theta - step, low, high)
         attempt = _posterior(likelihood, trial, prior_mean, prior_information)
         if not attempt[0] < cost:
             damping *= DAMPING_UP
@@ -85,10 +101,17 @@ def fit(likelihood: Likelihood, start: Array, prior_mean: Array, prior_informati
         fall = (cost - attempt[0]) / max(cost, 1.0)
         theta, (cost, gradient, curvature) = trial, attempt
         damping /= DAMPING_DOWN
-        if fall < COST_TOLERANCE:
+        if fall < tolerance:
             break
     covariance = _solved(curvature, np.eye(len(theta)))
     return Fit(theta, curvature - prior_information, covariance, cost, iteration)
+
+
+def _step(curvature: Array, gradient: Array, moves: Array) -> Array:
+    """Newton step of the parameters that move; zero for the others."""
+    step = np.zeros(len(gradient))
+    step[moves] = _solved(curvature[np.ix_(moves, moves)], gradient[moves])
+    return step
 
 
 def _solved(curvature: Array, right: Array) -> Array:

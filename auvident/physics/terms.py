@@ -84,7 +84,9 @@ EFFECT_FORCES = (
     ("weight_excess.W-B_n", "X", -1, ("pitch", "x")),
 )
 THRUST_EFFECTS = ("thrust_sag", "thrust_step")  # they multiply the thrust by a factor
-FREE_FORCE = "free_force"  # forces that come as a series in time; name of their unit parameter
+# forces that come as a series in time, each with a factor as its parameter
+FREE_FORCE = "free_force"
+FREE_FORCES = tuple(f"{FREE_FORCE}.{equation}" for equation in EQUATIONS)
 # Rigid-body terms moved to the right: weight in units of sigma where the plane turns the sign.
 RIGID = {
     "horizontal": (
@@ -178,7 +180,7 @@ def _row(parameters: tuple[str, ...], equation: str, parameter: str, factors: tu
 def structure_of(plane: Plane, effects: tuple[str, ...] = ()) -> Structure:
     """Arrays of the equations of one plane, with the effects that the prediction carries."""
     names = tuple(name for e in effects if e != FREE_FORCE for name in BY_ID[e].names())
-    names += (FREE_FORCE,) * (FREE_FORCE in effects)
+    names += FREE_FORCES if FREE_FORCE in effects else ()
     parameters = symbols_of(plane) + CONSTANTS + names
     rows, weights = [], []
     for equation, parameter, weight, factors in _force_rows(plane, effects, names):
@@ -215,8 +217,8 @@ def _force_rows(plane: Plane, effects: tuple[str, ...], names: tuple[str, ...]) 
         if name in names:
             yield equation, name, weight, tuple(factors)
     if FREE_FORCE in effects:
-        for equation in EQUATIONS:
-            yield equation, FREE_FORCE, 1.0, ((equation, "x"),)
+        for equation, name in zip(EQUATIONS, FREE_FORCES, strict=True):
+            yield equation, name, 1.0, ((equation, "x"),)
 
 
 def _parameter(plane: Plane, name: str) -> str:
@@ -257,6 +259,5 @@ def parameter_vector(
         rigid.z_g_m * rigid.weight_n,
         rigid.trim_moment_nm,
     )
-    values = {**coefficients, **dict(zip(CONSTANTS, constants, strict=True)), FREE_FORCE: 1.0}
-    values |= effects or {}
+    values = {**coefficients, **dict(zip(CONSTANTS, constants, strict=True)), **(effects or {})}
     return np.array([values.get(name, 0.0) for name in structure.parameters])

@@ -264,10 +264,17 @@ def diagnose(given: Given) -> dict[str, Any]:
     """Trace what the model does not explain to an effect that it lacks."""
     announce_compilation(given.observer, given.model.filter)
     from auvident.stages.diagnose import diagnose as trace
+    from auvident.stages.identify import prepare, without_held_out
 
+    setup, _ = prepare(
+        given.trials, given.maneuvers, given.ase, given.vehicle, given.noise(),
+        plane=given.model.plane, plan=identifying_plan(given), filter=given.model.filter,
+        engine=given.model.engine,
+    )  # fmt: skip
+    seen = [without_held_out(t, given.maneuvers, given.model.plane) for t in given.trials]
     result = trace(
-        given.trials, given.maneuvers, given.ase, given.vehicle, given.noise(), given.model,
-        plan=identifying_plan(given), seed=given.seed, progress=given.observer.progress,
+        seen, given.maneuvers, given.vehicle, setup, given.model, seed=given.seed or 0,
+        progress=given.observer.progress,
     )  # fmt: skip
     return {
         "diagnose/diagnosis.json": result.diagnosis,

@@ -67,6 +67,13 @@ class EffectParameter:
     powers: tuple[int, int, int, int] = (0, 0, 0, 0)
     silent: float = 0.0
 
+    def size_unit(
+        self, density_kgpm3: float, length_m: float, speed_mps: float, rate_rps: float
+    ) -> float:
+        """What sizes and bounds are multiplied by for a vehicle (1 except for forces)."""
+        quantities = (0.5 * density_kgpm3, length_m, speed_mps, rate_rps)
+        return math.prod(q**power for q, power in zip(quantities, self.powers, strict=True))
+
     def internal(self, shown: float) -> float:
         """Internal value of a value as shown."""
         if self.form == "plain":
@@ -172,14 +179,14 @@ EFFECTS: tuple[Effect, ...] = (
         P("gain", "-", 0.15, 0.05, -0.9, 0.9),
     ), "d = d_command (1 + gain sign(d_command))", "turns differ from side to side", (), SERVO),
     Effect("rudder_stall", "actuation", "input", HV, (
-        P("angle_deg", "deg", 6.0, 3.0, 0.0, 60.0, DEGREES, "inverse_square", step=0.3),
+        P("angle_deg", "deg", 6.0, 3.0, 0.0, 60.0, DEGREES, "inverse_square", step=0.1),
     ), "effective d = d / sqrt(1 + (d / angle)^2)", "large helms do too little", (),
         "Molland and Turnock (2007), 5.3"),
     Effect("propeller_lag", "actuation", "input", HV, (
         P("lag_s", "s", 0.7, 0.3, 0.0, 6.0, silent=0.15, step=0.05),
     ), "n' = (n_command - n) / lag", "u residual after thrust steps only"),
     Effect("propeller_race", "actuation", "input", HV, (
-        P("c_m2ps2pn", "m^2/s^2/N", 100.0, 30.0, -1000.0, 1000.0, powers=(-1, -2, 0, 0)),
+        P("c_m2ps2pn", "m^2/s^2/N", 100.0, 50.0, -1000.0, 1000.0, powers=(-1, -2, 0, 0)),
     ), "rudder sees u^2 + c T", "rudder power depends on the loading of the propeller", (),
         "Molland and Turnock (2007), 3.6"),
     Effect("thrust_sag", "actuation", "input", HV, (
@@ -238,7 +245,7 @@ EFFECTS: tuple[Effect, ...] = (
         P("X_rru", "kg s", 0.01, 0.004, -5.0, 5.0, powers=(1, 4, -1, 0)),
     ), "X + X_vvu v v u + X_rru r r u", "u lower in turns than X_vv, X_vr and X_rr make it"),
     Effect("linear_drag", "hydrodynamics", "force", H, (
-        P("X_u", "kg/s", 1.0e-3, 2e-4, -0.1, 0.1, powers=(1, 2, 1, 0)),
+        P("X_u", "kg/s", 1.0e-3, 4e-4, -0.1, 0.1, powers=(1, 2, 1, 0), silent=1.5e-4),
     ), "X + X_u u", "u over n changes with speed"),
     Effect("roll_coupling", "hydrodynamics", "force", H, (
         P("Y_uuphi", "kg/m", 0.015, 0.004, -1.0, 1.0, powers=(1, 2, 0, 0)),

@@ -1,0 +1,5 @@
+"""Diagnosis: what a model leaves of its trial, and the effect behind it."""
+
+from auvident.stages.diagnose.stage import Diagnosed, diagnose
+
+__all__ = ["Diagnosed", "diagnose"]

@@ -1,6 +1,6 @@
 """Identification: the stages of a plan, from the ASE to the identified model."""
 
-from auvident.stages.identify.setup import prepare
+from auvident.stages.identify.setup import prepare, without_held_out
 from auvident.stages.identify.stage import Identification, identify
 
-__all__ = ["Identification", "identify", "prepare"]
+__all__ = ["Identification", "identify", "prepare", "without_held_out"]

@@ -50,7 +50,7 @@ def prepare(
     structure = structure_of(plane)
     sensing = sensing_of(vehicle, noise, plane)
     sensor = sensor_matrix(plane, sensing)
-    by_name = {trial.name: _without_held_out(trial, maneuvers, plane) for trial in trials}
+    by_name = {trial.name: without_held_out(trial, maneuvers, plane) for trial in trials}
     chosen = [m for m in maneuvers.maneuvers if m.role == "identify" and m.shows(plane)]
     if not chosen:
         raise NumericsError(
@@ -75,7 +75,7 @@ def prepare(
     )  # fmt: skip
 
 
-def _without_held_out(trial: Trial, maneuvers: Maneuvers, plane: Plane) -> Trial:
+def without_held_out(trial: Trial, maneuvers: Maneuvers, plane: Plane) -> Trial:
     """The trial with the rows of the plane's held-out maneuvers blanked: they choose nothing."""
     held = [
         m

@@ -1,0 +1,128 @@
+"""Residuals of a free-running prediction as sensor noise and a slow disturbance; no vehicle here.
+
+What a model leaves of a record is white noise of the sensor plus what the sea and the model's own
+faults add, which lasts for seconds: an Ornstein-Uhlenbeck process. A scalar Kalman filter turns
+such a residual, and everything linear in it, into white innovations, so that a likelihood counts
+neither a slow error as many independent ones nor a fast one as if it drowned in the slow.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from auvident.jit import kernel
+
+Array = npt.NDArray[Any]
+
+TIMES_S = (0.3, 0.6, 1.0, 2.0, 4.0)  # correlation times that are tried; slower is the model's fault
+RATIOS = (0.3, 0.6, 1.0, 1.7, 3.0, 5.0, 9.0, 16.0)  # disturbance over sensor noise
+
+
+@dataclass(frozen=True)
+class Colour:
+    """Noise of a channel.
+
+    Attributes
+    ----------
+    white : float
+        Standard deviation of the sensor noise.
+    slow : float
+        Standard deviation of the disturbance.
+    time_s : float
+        Its correlation time.
+    """
+
+    white: float
+    slow: float
+    time_s: float
+
+
+@kernel
+def whiten(values, seen, keep, white, slow):
+    """Innovations of the columns of `values` (n, C), in place, over their standard deviation.
+
+    Parameters
+    ----------
+    values : (n, C) array
+        Column 0 may be a residual, the others slopes of it. Rows not seen become zero.
+    seen : (n,) bool array
+    keep : float
+        exp(-step / correlation time).
+    white, slow : float
+
+    Returns
+    -------
+    float
+        Sum of the logarithms of the innovation variances.
+    """
+    n, columns = values.shape
+    state, variance, total = np.zeros(columns), slow * slow, 0.0
+    for k in range(n):
+        if seen[k]:
+            spread = variance + white * white
+            gain, scale = variance / spread, 1.0 / math.sqrt(spread)
+            total += math.log(spread)
+            for c in range(columns):
+                innovation = values[k, c] - state[c]
+                values[k, c] = innovation * scale
+                state[c] = (state[c] + gain * innovation) * keep
+            variance *= 1.0 - gain
+        else:
+            for c in range(columns):
+                values[k, c] = 0.0
+                state[c] *= keep
+        variance = keep * keep * variance + (1.0 - keep * keep) * slow * slow
+    return total
+
+
+@kernel
+def _distance(values, seen, keep, ratio):
+    """Sum of squared innovations and of log variances for a unit white noise."""
+    state, variance, square, total = 0.0, ratio * ratio, 0.0, 0.0
+    for k in range(values.shape[0]):
+        if seen[k]:
+            spread = variance + 1.0
+            gain, innovation = variance / spread, values[k] - state
+            square += innovation * innovation / spread
+            total += math.log(spread)
+            state += gain * innovation
+            variance *= 1.0 - gain
+        state *= keep
+        variance = keep * keep * variance + (1.0 - keep * keep) * ratio * ratio
+    return square, total
+
+
+def colour_of(pieces: Sequence[Array], dt_s: float) -> tuple[Colour, float]:
+    """Most likely noise of a channel, and the log-likelihood with it.
+
+    Parameters
+    ----------
+    pieces : sequence of (n,) array
+        Residual of each record, NaN where nothing was measured.
+    dt_s : float
+
+    Returns
+    -------
+    tuple of Colour and float
+    """
+    seen = [np.isfinite(piece) for piece in pieces]
+    filled = [np.where(s, piece, 0.0) for s, piece in zip(seen, pieces, strict=True)]
+    count = sum(int(s.sum()) for s in seen)
+    if count == 0:
+        return Colour(1.0, 0.0, 1.0), 0.0
+    best = (-math.inf, Colour(1.0, 0.0, 1.0))
+    for time in TIMES_S:
+        keep = math.exp(-dt_s / time)
+        for ratio in RATIOS:
+            parts = [_distance(v, s, keep, ratio) for v, s in zip(filled, seen, strict=True)]
+            variance = sum(part[0] for part in parts) / count
+            logs = sum(part[1] for part in parts)
+            value = -0.5 * (count * (math.log(2.0 * math.pi * max(variance, 1e-300)) + 1.0) + logs)
+            if value > best[0]:
+                white = math.sqrt(variance)
+                best = (value, Colour(white, ratio * white, time))
+    return best[1], best[0]

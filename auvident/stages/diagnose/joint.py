@@ -1,0 +1,255 @@
+"""All effects at once, to first order about a fitted model: the screen before any refit.
+
+One simulation with the slopes of everything gives, for each maneuver, how the likelihood changes
+when any effect is added and the coefficients adjust (the score test, or Lagrange multiplier),
+which effects these maneuvers can show at all, and which look alike.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from auvident.engines.prediction import readings_with_slopes, seen_rows
+from auvident.stages.diagnose.case import ACTIVE, Case
+from auvident.stages.diagnose.fits import (
+    N_CHANNELS,
+    N_START,
+    Colours,
+    Fitted,
+    prior_of,
+    start_spread,
+    white_rows,
+)
+
+Array = npt.NDArray[Any]
+
+BLOCK_S = 20.0  # residuals further apart than this count as independent
+SMALLEST = 1.0e-12
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Slopes of the likelihood about a fitted model.
+
+    Attributes
+    ----------
+    case : Case
+    fitted : Fitted
+    free : (n,) int array
+        Coefficients, silent allowances and the parameters of all effects.
+    gradient : (n,) array
+    curvature : (n, n) array
+        Summed over the maneuvers, starts eliminated.
+    block_gradients : (b, n) array
+        The same gradient in blocks of `BLOCK_S`.
+    raw : (3, n, n) array
+        Mean products of the unwhitened slopes of each channel.
+    """
+
+    case: Case
+    fitted: Fitted
+    free: npt.NDArray[np.int64]
+    gradient: Array
+    curvature: Array
+    block_gradients: Array
+    raw: Array
+
+    def columns(self, positions: Sequence[int]) -> Array:
+        """Columns of parameters."""
+        return np.searchsorted(self.free, np.array(positions, dtype=np.int64))
+
+
+def joint_about(
+    case: Case, fitted: Fitted, effects: Sequence[str], gain: Array | None = None
+) -> Joint | None:
+    """Slopes of everything about a fitted model; None where the simulation runs away.
+
+    Parameters
+    ----------
+    effects : sequence of str
+        Effects to look at.
+    gain : (4,) array, optional
+        Observer gain, which brings out what is fast.
+    """
+    extra = [i for effect in effects for i in case.positions(effect)]
+    free = np.array(sorted({*fitted.free.tolist(), *extra}), dtype=np.int64)
+    n, moving = len(free), case.setup.free(free)
+    gradient, curvature, raw = np.zeros(n), np.zeros((n, n)), np.zeros((N_CHANNELS, n, n))
+    blocks, count = [], np.zeros(N_CHANNELS)
+    for record in case.records:
+        found = readings_with_slopes(case.setup.frame, fitted.parameters, record, ACTIVE, moving,
+                                     gain)  # fmt: skip
+        if found is None:
+            return None
+        seen = seen_rows(case.setup.frame, fitted.parameters, record, ACTIVE)
+        slopes = found.slopes[:, :, np.r_[0:N_START, 4 : 4 + n]]
+        rows = white_rows(
+            found.readings - record.measured, slopes, seen, fitted.colours, case.setup.dt_s
+        )
+        error, own = _without_start(rows, fitted.colours)
+        gradient += own.T @ error
+        curvature += own.T @ own
+        blocks.append(_in_blocks(error[:, None] * own, len(seen), case.setup.dt_s))
+        for c in range(N_CHANNELS):
+            part = slopes[seen[:, c], c, N_START:]
+            raw[c] += part.T @ part
+            count[c] += len(part)
+    raw /= np.maximum(count, 1.0)[:, None, None]
+    return Joint(case, fitted, free, gradient, curvature, np.concatenate(blocks), raw)
+
+
+def _without_start(rows: Array, colours: Colours) -> tuple[Array, Array]:
+    """Errors and slopes with what the start state can take up removed."""
+    start = rows[:, 1 : 1 + N_START]
+    held = np.diag([start_spread(colour) ** -2.0 for colour in colours])
+    share = np.linalg.solve(start.T @ start + held, start.T @ rows)
+    left = rows - start @ share
+    return left[:, 0], left[:, 1 + N_START :]
+
+
+def _in_blocks(products: Array, n: int, dt_s: float) -> Array:
+    """Sums (b, k) of rows, which stand channel below channel, over blocks of time."""
+    number = (np.arange(n) * dt_s // BLOCK_S).astype(np.int64)
+    number = np.tile(number, N_CHANNELS)
+    sums = np.zeros((int(number.max()) + 1, products.shape[1]))
+    np.add.at(sums, number, products)
+    return sums
+
+
+@dataclass(frozen=True)
+class Score:
+    """What adding an effect would bring to first order.
+
+    Attributes
+    ----------
+    gain : float
+        Rise of the log posterior [nats].
+    parameters : (n_parameters,) array
+        Where the first step leads.
+    """
+
+    gain: float
+    parameters: Array
+
+
+def score(joint: Joint, effects: Sequence[str]) -> Score:
+    """Gain of adding effects to the fitted model, the other parameters adjusting."""
+    case, start = joint.case, joint.fitted.parameters
+    free = np.array(sorted({
+        *joint.fitted.free.tolist(), *(i for e in effects for i in case.positions(e))
+    }), dtype=np.int64)  # fmt: skip
+    open_ = [i for e in (*joint.fitted.effects, *effects) for i in case.positions(e)]
+    mean, information, low, high = prior_of(case, free, open_)
+    at = joint.columns(free)
+    theta = start[free] / case.setup.prior_std[free]
+    gradient = joint.gradient[at] + information @ (theta - mean)
+    curvature = joint.curvature[np.ix_(at, at)] + information
+    step = _bounded_step(theta, gradient, curvature, low, high)
+    gain = -(gradient @ step + 0.5 * step @ curvature @ step)
+    p = start.copy()
+    p[free] = (theta + step) * case.setup.prior_std[free]
+    return Score(float(gain), p)
+
+
+def _bounded_step(theta: Array, gradient: Array, curvature: Array, low: Array, high: Array) -> Array:
+    """Newton step within bounds: parameters that would leave them are held there."""
+    held = np.zeros(len(theta), dtype=bool)
+    step = np.zeros(len(theta))
+    for _ in range(len(theta)):
+        moves = ~held
+        right = gradient[moves] + curvature[np.ix_(moves, held)] @ step[held]
+        step[moves] = -np.linalg.solve(curvature[np.ix_(moves, moves)], right)
+        there = theta + step
+        out = moves & ((there < low) | (there > high))
+        if not out.any():
+            break
+        step[out] = np.clip(there, low, high)[out] - theta[out]
+        held |= out
+    return step
+
+
+def unabsorbed(joint: Joint, positions: Sequence[int]) -> tuple[Array, Array, Array]:
+    """What of the signature of parameters the fitted model cannot take up.
+
+    Returns
+    -------
+    information : (k, k) array
+        Of the parameters, in units of their prior, the others adjusting.
+    kept : (k,) array
+        Share of each one's signature (0: the coefficients absorb it, 1: nothing hides it).
+    rms : (k, 3) array
+        Root mean square in each channel, per unit of prior.
+    """
+    own = joint.columns(positions)
+    # silent allowances are bounded, and an effect worth a word exceeds them
+    base = joint.columns([
+        i for i in joint.fitted.free if i not in set(positions) and joint.case.silent[i] == 0.0
+    ])  # fmt: skip
+    _, information, _, _ = prior_of(joint.case, joint.free[base], _open(joint))
+    h = joint.curvature
+    share = np.linalg.solve(h[np.ix_(base, base)] + information, h[np.ix_(base, own)])
+    left = h[np.ix_(own, own)] - h[np.ix_(own, base)] @ share
+    kept = np.diag(left) / np.maximum(np.diag(h)[own], SMALLEST)
+    transform = np.zeros((len(h), len(own)))
+    transform[own, np.arange(len(own))] = 1.0
+    transform[base] = -share
+    power = np.einsum("ik,cij,jk->kc", transform, joint.raw, transform)
+    return left, kept, np.sqrt(np.maximum(power, 0.0))
+
+
+def _open(joint: Joint) -> list[int]:
+    return [i for e in joint.fitted.effects for i in joint.case.positions(e)]
+
+
+def cosine(joint: Joint, a: Sequence[int], b: Sequence[int]) -> float:
+    """Likeness of two effects: largest canonical correlation of what is not absorbed of them."""
+    both = [*a, *b]
+    left, _, _ = unabsorbed(joint, both)
+    k = len(a)
+    aa, bb, ab = left[:k, :k], left[k:, k:], left[:k, k:]
+    return _canonical(aa, bb, ab)
+
+
+def _canonical(aa: Array, bb: Array, ab: Array) -> float:
+    def root(m: Array) -> Array:
+        values, vectors = np.linalg.eigh(0.5 * (m + m.T))
+        values = np.where(values > 1e-9 * max(float(values[-1]), SMALLEST), values, np.inf)
+        return np.asarray(vectors / np.sqrt(values) @ vectors.T)
+
+    return float(np.clip(np.linalg.svd(root(aa) @ ab @ root(bb), compute_uv=False)[0], 0.0, 1.0))
+
+
+def flipped_gains(
+    joint: Joint, candidates: Sequence[str], rng: np.random.Generator, draws: int
+) -> Array:
+    """Largest gain (draws,) over the candidates when the signs of residual blocks are drawn.
+
+    A wild block bootstrap with the maximum over all candidates (Cameron, Gelbach and Miller
+    2008; Westfall and Young 1993): what a search among so many finds in residuals that have the
+    same size and colour and no cause.
+    """
+    signs = rng.choice([-1.0, 1.0], size=(draws, len(joint.block_gradients)))
+    gradients = signs @ joint.block_gradients
+    base = joint.columns(joint.fitted.free)
+    _, information, _, _ = prior_of(joint.case, joint.fitted.free, _open(joint))
+    h = joint.curvature
+    best = np.zeros(draws)
+    inner = np.linalg.inv(h[np.ix_(base, base)] + information)
+    for effect in candidates:
+        own = joint.columns([i for i in joint.case.positions(effect) if i not in joint.fitted.free])
+        if not own.size:
+            own = joint.columns(joint.case.positions(effect))
+        rest = np.setdiff1d(base, own)
+        share = (
+            inner @ h[np.ix_(base, own)] if rest.size == base.size
+            else np.linalg.solve(h[np.ix_(rest, rest)] + np.eye(len(rest)) * 1e-9,
+                                 h[np.ix_(rest, own)])
+        )  # fmt: skip
+        left = h[np.ix_(own, own)] - h[np.ix_(own, rest)] @ share + np.eye(len(own))
+        score_ = gradients[:, own] - gradients[:, rest] @ share
+        gains = 0.5 * np.einsum("dk,dk->d", score_, np.linalg.solve(left, score_.T).T)
+        best = np.maximum(best, gains)
+    return best

@@ -1,0 +1,385 @@
+"""From the evidence of a diagnosis to its verdict and its artifact."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from scipy.stats import t as student
+
+from auvident.engines.records import STATE_COLUMNS
+from auvident.schema.artifacts import Finding, IdentifiedModel, Maneuvers, Verdict
+from auvident.schema.diagnosis import (
+    Candidate,
+    Diagnosis,
+    EffectFound,
+    ParameterValue,
+    ResidualRow,
+)
+from auvident.schema.effects import BY_ID, parameter_of
+from auvident.stages.diagnose import words
+from auvident.stages.diagnose.case import CHANNELS, Case
+from auvident.stages.diagnose.events import Event
+from auvident.stages.diagnose.fits import Fitted, check_cost, prior_of, record_parts
+from auvident.stages.diagnose.free_forces import FreeForce
+from auvident.stages.diagnose.leftout import leave_out
+from auvident.stages.diagnose.search import LOOKALIKES, Round, Traced, Tried, open_of
+from auvident.stages.diagnose.sight import detectable, lookalikes, separated_by
+from auvident.stages.diagnose.waves import Wave
+
+Array = npt.NDArray[Any]
+
+FREE_GAIN, FREE_FALL = 150.0, 0.08  # a free force that gains and explains so much is something
+BEATEN = 1.08  # a free force that gains so many times what the named effect does beats it
+DVL_NOISES, TURN_NRMSE = 3.0, 0.06  # a residual beyond these means something is left
+INTERVAL = 0.975
+UNITS = ("m/s", "m/s", "rad/s")
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """All that a verdict rests on.
+
+    Attributes
+    ----------
+    traced : Traced
+    candidates : tuple of str
+        Effects that could be tested.
+    events : tuple of Event
+    wave : Wave or None
+        The strongest one in the final residual, found or not.
+    free : tuple of FreeForce
+        Forces without physics beside the final model, best first.
+    rival : FreeForce or None
+        The best of them in place of the effect accepted last.
+    missing : tuple of str
+        Columns whose absence hides effects.
+    """
+
+    traced: Traced
+    candidates: tuple[str, ...]
+    events: tuple[Event, ...]
+    wave: Wave | None
+    free: tuple[FreeForce, ...]
+    rival: FreeForce | None
+    missing: tuple[str, ...]
+
+
+def diagnosis_of(evidence: Evidence, model: IdentifiedModel, maneuvers: Maneuvers) -> Diagnosis:
+    """The artifact of a diagnosis."""
+    traced, case = evidence.traced, evidence.traced.case
+    first = traced.rounds[0]
+    effects = [*_disturbances(evidence), *_accepted(evidence)]
+    left = left_channels(case, traced.final)
+    nearest = _nearest(evidence)
+    groups = tuple(r.alike for r in traced.rounds if r.alike and r.accepted in traced.final.effects)
+    verdict = _verdict(effects, evidence, left, nearest, groups)
+    correlates = [_correlate(f) for f in (evidence.rival, *evidence.free) if f is not None]
+    sees = detectable(first.joint, evidence.candidates)
+    by = separated_by([e for g in groups for e in g]) if groups else ""
+    named = () if verdict == "unexplained" and nearest else tuple(effects)
+    unexplained: dict[str, Any] = {}
+    if verdict == "unexplained" or left:
+        unexplained = {"correlates": correlates, "nearest": nearest, "channels": left}
+    statement = {
+        "none_found": lambda: words.nothing_found(sees),
+        "effect_found": lambda: words.found(named),
+        "ambiguous": lambda: words.ambiguous(named, groups, by),
+        "unexplained": lambda: words.unexplained(correlates, nearest, left),
+    }[verdict]()
+    return Diagnosis(
+        plane=model.plane, verdict=verdict, statement=statement, effects=named,
+        candidates=tuple(_candidates(traced.rounds, case)), ambiguous=groups,
+        unexplained=unexplained, sees=sees,
+        lookalikes=lookalikes(first.joint, evidence.candidates), separate_by=by,
+        silent=_silent(case, traced.final), steps=traced.steps,
+        residuals=tuple(_residual_rows(evidence)), checks=_checks(evidence),
+        missing=evidence.missing, false_alarm_p=first.p,
+        identify_maneuvers=tuple(r.id for r in case.records),
+        findings=tuple(_coefficient_findings(traced)),
+    )  # fmt: skip
+
+
+def _verdict(
+    effects: Sequence[EffectFound], evidence: Evidence, left: Sequence[str], nearest: str | None,
+    groups: Sequence[Sequence[str]],
+) -> Verdict:  # fmt: skip
+    something = any(f.gain > FREE_GAIN and f.falls.max() > FREE_FALL for f in evidence.free)
+    if nearest or ((left or something) and not effects):
+        return "unexplained"
+    if not effects:
+        return "none_found"
+    across = any(len({BY_ID[e].family for e in g}) > 1 and not _nested(g) for g in groups)
+    return "ambiguous" if across else "effect_found"
+
+
+def _nested(group: Sequence[str]) -> bool:
+    """Whether the effect named is a special case of all others of its group."""
+    return set(group) <= set(LOOKALIKES[0]) and group[0] == "rudder_offset"
+
+
+def _nearest(evidence: Evidence) -> str | None:
+    """The named effect, if a free force in its place does clearly better."""
+    rival, accepted = evidence.rival, [r for r in evidence.traced.rounds if r.accepted]
+    if rival is None or not accepted:
+        return None
+    named = next(t for t in accepted[-1].tried if t.id == accepted[-1].accepted)
+    return named.id if rival.gain > BEATEN * named.gain and rival.gain > FREE_GAIN else None
+
+
+def left_channels(case: Case, fitted: Fitted) -> list[str]:
+    """Channels whose residual is larger than any complete model leaves it."""
+    found = [
+        name
+        for c, name in enumerate(CHANNELS[:2])
+        if fitted.rms[c] > DVL_NOISES * case.setup.sensor_std[c]
+    ]
+    turn = np.concatenate([r.measured[:, 2] for r in case.records])
+    if fitted.rms[2] > TURN_NRMSE * float(np.nanstd(turn)):
+        found.append("r")
+    return found
+
+
+def _disturbances(evidence: Evidence) -> list[EffectFound]:
+    found = [
+        EffectFound(
+            id="one_off_event", family="environment",
+            parameters=(
+                ParameterValue(symbol="time_s", value=e.time_s, std=1.0, unit="s"),
+                ParameterValue(symbol="duration_s", value=e.duration_s, std=1.0, unit="s"),
+            ),
+            plain=f"a one-off event in {e.maneuver} at {e.time_s:.0f} s (masked)",
+            maneuver=e.maneuver, time_s=e.time_s, duration_s=e.duration_s,
+        )
+        for e in evidence.events
+    ]  # fmt: skip
+    wave = evidence.wave
+    if wave is not None and wave.found:
+        degrees = float(np.degrees(wave.direction_rad))
+        found.append(EffectFound(
+            id="wave", family="environment",
+            parameters=(
+                ParameterValue(symbol="omega_radps", value=wave.frequency_radps, std=0.02,
+                               unit="rad/s"),
+                ParameterValue(symbol="direction_deg", value=degrees, std=5.0, unit="deg"),
+            ),
+            plain=f"a wave of {wave.frequency_radps:.2f} rad/s towards {degrees:.0f} deg",
+        ))  # fmt: skip
+    return found
+
+
+def _accepted(evidence: Evidence) -> list[EffectFound]:
+    traced, case = evidence.traced, evidence.traced.case
+    final = traced.final
+    if not final.effects:
+        return []
+    stds = spreads(case, final)
+    speed = float(np.median(np.concatenate([r.given[:, 0] for r in case.records])))
+    rate = float(np.median(np.concatenate([r.inputs[:, 2] for r in case.records])))
+    found = []
+    for effect in final.effects:
+        values = effect_values(case, effect, final.parameters, stds)
+        start = case.records[0].time_s[0] - _elapsed(case)
+        time = None
+        if effect == "thrust_step":
+            time = float(final.parameters[case.position("thrust_step.time_s")] + start)
+        found.append(EffectFound(
+            id=effect, family=BY_ID[effect].family, parameters=values,
+            plain=words.plain(effect, values, speed, rate), time_s=time,
+        ))  # fmt: skip
+    return found
+
+
+def _elapsed(case: Case) -> float:
+    source = case.records[0].source
+    assert source is not None
+    return float(source.elapsed_s[len(source.elapsed_s) - len(case.records[0].time_s)])
+
+
+def spreads(case: Case, fitted: Fitted) -> Array:
+    """Standard deviation (n_parameters,) of the free parameters of a fit.
+
+    The larger of what the curvature says and of the scatter when maneuvers are left out.
+    """
+    free, moving = fitted.free, case.setup.free(fitted.free)
+    _, curvature, _, _ = prior_of(case, free, open_of(case, fitted))
+    for record in case.records:
+        parts = record_parts(case, fitted.parameters, record, fitted.colours, moving)
+        if parts is not None:
+            curvature = curvature + parts[2]
+    out = np.zeros(len(fitted.parameters))
+    out[free] = np.sqrt(np.diag(np.linalg.inv(curvature))) * moving.scale
+    scatter = leave_out(case, fitted, fitted.colours).parameters
+    count = len(scatter)
+    if count > 2:
+        jackknife = np.sqrt((count - 1) / count * np.sum((scatter - scatter.mean(0)) ** 2, axis=0))
+        out = np.maximum(out, np.where(out > 0.0, jackknife, 0.0))
+    return out
+
+
+def effect_values(case: Case, effect: str, p: Array, stds: Array) -> tuple[ParameterValue, ...]:
+    """Parameters of an effect in the units of the artifacts, with 95 % intervals."""
+    found, freedom = [], max(len(case.records) - 1, 1)
+    reach = float(student.ppf(INTERVAL, freedom))
+    for i in case.positions(effect):
+        declared = parameter_of(case.names[i])
+        value, std = declared.shown(float(p[i] - case.setup.prior[i]), float(stds[i]))
+        found.append(ParameterValue(
+            symbol=declared.symbol, value=value, std=std, unit=declared.unit,
+            low=value - reach * std, high=value + reach * std,
+        ))  # fmt: skip
+    return tuple(found)
+
+
+def _silent(case: Case, fitted: Fitted) -> tuple[EffectFound, ...]:
+    found: dict[str, list[ParameterValue]] = {}
+    for i in np.flatnonzero(case.silent > 0.0):
+        effect = case.names[i].partition(".")[0]
+        if effect in fitted.effects:
+            continue
+        declared = parameter_of(case.names[i])
+        value, std = declared.shown(float(fitted.parameters[i]), float(case.silent[i]))
+        found.setdefault(effect, []).append(
+            ParameterValue(symbol=declared.symbol, value=value, std=std, unit=declared.unit)
+        )
+    return tuple(
+        EffectFound(id=e, family=BY_ID[e].family, parameters=tuple(values))
+        for e, values in found.items()
+    )
+
+
+def _candidates(rounds: Sequence[Round], case: Case) -> list[Candidate]:
+    """Every candidate, from the round in which it was refitted last, best first."""
+    rows: dict[str, Candidate] = {}
+    for done in rounds:
+        for name, gain in done.screened.items():
+            if name not in rows:
+                rows[name] = Candidate(
+                    id=name, family=BY_ID[name].family, gain=gain, rejected="not in the short list"
+                )
+        for tried in done.tried:
+            if name_open(rows, tried):
+                rows[tried.id] = _candidate(case, tried, done.p)
+    return sorted(rows.values(), key=lambda c: -c.gain)
+
+
+def name_open(rows: dict[str, Candidate], tried: Tried) -> bool:
+    """Whether a later round has better to say about a candidate."""
+    known = rows.get(tried.id)
+    return known is None or not known.refitted or not tried.refused
+
+
+def _candidate(case: Case, tried: Tried, p: float) -> Candidate:
+    nothing = np.zeros(len(tried.fitted.parameters))
+    values = effect_values(case, tried.id, tried.fitted.parameters, nothing)
+    return Candidate(
+        id=tried.id, family=BY_ID[tried.id].family, gain=tried.gain, p=p,
+        parameters=tuple(v.model_copy(update={"low": None, "high": None}) for v in values),
+        held_back_gain=tried.helped.gain if tried.helped else None,
+        improved=tried.helped.share if tried.helped else None,
+        rms_fall=tried.falls, refitted=True, rejected=tried.refused,
+    )  # fmt: skip
+
+
+def _correlate(force: FreeForce) -> dict[str, Any]:
+    return {
+        "axis": force.axis, "regressor": force.regressor, "gain": force.gain, "rms": force.size,
+        "rms_fall": {n: float(f) for n, f in zip(CHANNELS, force.falls, strict=True)},
+    }  # fmt: skip
+
+
+def _residual_rows(evidence: Evidence) -> list[ResidualRow]:
+    traced, case = evidence.traced, evidence.traced.case
+    rows = []
+    for before, after in zip(traced.baseline.residuals, traced.final.residuals, strict=True):
+        for c, name in enumerate(CHANNELS):
+            if np.isfinite(before.error[:, c]).any():
+                rows.append(ResidualRow(
+                    maneuver=before.id, channel=name, unit=UNITS[c],
+                    rms=float(np.sqrt(np.nanmean(before.error[:, c] ** 2))),
+                    rms_after=float(np.sqrt(np.nanmean(after.error[:, c] ** 2))),
+                    noise_std=float(case.setup.sensor_std[c]),
+                    correlation_time_s=traced.final.colours[c].time_s,
+                ))  # fmt: skip
+    return rows
+
+
+def _checks(evidence: Evidence) -> dict[str, Any]:
+    case, final = evidence.traced.case, evidence.traced.final
+    found: dict[str, Any] = {
+        c.what: {
+            name: {
+                "value": parameter_of(name).shown(float(mean))[0],
+                "std": parameter_of(name).shown(0.0, float(std))[1],
+            }
+            for name, mean, std in zip(c.names, c.mean, np.sqrt(np.diag(c.covariance)), strict=True)
+        }
+        for c in case.checks
+    }
+    found["sensor_distance"] = {
+        "before": check_cost(case, evidence.traced.baseline.parameters),
+        "after": check_cost(case, final.parameters),
+    }
+    if evidence.wave is not None:
+        found["wave"] = {
+            "power_ratio": evidence.wave.power_ratio, "threshold": evidence.wave.threshold,
+            "omega_radps": evidence.wave.frequency_radps,
+        }  # fmt: skip
+    found["free_forces"] = [_correlate(f) for f in evidence.free]
+    found["rms"] = {
+        "before": dict(zip(CHANNELS, evidence.traced.baseline.rms.tolist(), strict=True)),
+        "after": dict(zip(CHANNELS, final.rms.tolist(), strict=True)),
+    }
+    return found
+
+
+# coefficients that take an effect up, how many prior standard deviations away they must all be
+TAKEN_UP = (
+    ("cross-flow", ("Y_v|v|", "N_r|r|"), 1.0, "cross-flow drag beyond the estimate"),
+    ("turning-drag", ("X_vv", "X_rr"), 1.0, "drag in turns beyond the estimate"),
+)
+TWICE = 1.7  # ... and how many times the estimate
+
+
+def _coefficient_findings(traced: Traced) -> list[Finding]:
+    """Effects that show as coefficients far from the estimate, because the model has room."""
+    case, p = traced.case, traced.final.parameters
+    found = []
+    for code, symbols, least, text in TAKEN_UP:
+        ratios = []
+        for symbol in symbols:
+            i = case.position(symbol)
+            away = (p[i] - case.setup.prior[i]) / case.setup.prior_std[i]
+            ratios.append(p[i] / case.setup.prior[i] if abs(away) > least else 0.0)
+        if min(ratios) > TWICE:
+            found.append(Finding(
+                code=code, where=", ".join(symbols), value=float(min(ratios)), threshold=TWICE,
+                message=f"{text}: {', '.join(f'{s} {r:.1f} times' for s, r in zip(symbols, ratios, strict=True))}",
+                remedy="The coefficients carry it; the prediction is complete.",
+            ))  # fmt: skip
+    return found
+
+
+def residual_table(evidence: Evidence, maneuvers: Maneuvers) -> pd.DataFrame:
+    """Measured and predicted channels of the identifying maneuvers, before and after."""
+    traced, case = evidence.traced, evidence.traced.case
+    columns = STATE_COLUMNS[case.setup.structure.plane]
+    by_id = {m.id: m for m in maneuvers.maneuvers}
+    tables = []
+    for record, before, after in zip(
+        case.records, traced.baseline.residuals, traced.final.residuals, strict=True
+    ):
+        m = by_id[record.id]
+        table: dict[str, Any] = {
+            "maneuver": m.id, "trial": m.trial, "kind": m.kind, "role": m.role,
+            "time_s": record.time_s, "heading_rad": record.given[:, 3],
+        }  # fmt: skip
+        for c, column in enumerate(columns[:3]):
+            table[f"{column}_measured"] = record.measured[:, c]
+            table[f"{column}_before"] = record.measured[:, c] - before.error[:, c]
+            table[f"{column}_after"] = record.measured[:, c] - after.error[:, c]
+        table["control_rad"] = record.inputs[:, 0]
+        tables.append(pd.DataFrame(table))
+    return pd.concat(tables, ignore_index=True)

@@ -1,0 +1,398 @@
+"""Which effects the model lacks: screen, refit, test, repeat; then remove and swap.
+
+A named effect is accepted when it is large enough to matter, makes the residual of some channel
+clearly smaller, and helps maneuvers that were left out; likelihood alone accepts nothing, since
+any model is wrong in small ways that a long record shows. Held-out maneuvers take no part.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from auvident.schema.effects import BY_ID, parameter_of
+from auvident.stages.diagnose.case import CHANNELS, Case
+from auvident.stages.diagnose.fits import Fitted, check_cost, first_colours, fit_with, log_gain
+from auvident.stages.diagnose.joint import Joint, flipped_gains, joint_about, score
+from auvident.stages.diagnose.leftout import Helped, LeftOut, helped, leave_out
+
+Array = npt.NDArray[Any]
+
+MOST_EFFECTS = 4
+SCREENED, SCREENED_FAST, REFITTED = 7, 4, 4  # of the short lists, and refitted to the end
+FAST_GAIN = np.array([0.1, 0.1, 0.1, 0.0])  # observer gain of the screen for what is fast
+LEAST_GAIN = 60.0  # [nats]
+OF_BEST = 0.5  # a candidate must gain this share of the best one's
+LEAST_FALL = 0.05  # of the rms of some channel
+CHECK_GAIN = 12.0  # [nats] a sensor check that is reconciled counts as a channel
+LEAST_SHARE = 0.6  # of the maneuvers left out that it has to help
+SIMPLER = 0.04  # an effect with fewer parameters may gain this share less
+ALIKE = 0.12  # effects that gain all but this share of the best are not told apart
+ALIKE_LEAST = 12.0  # [nats] nor those within this
+REMOVAL = 40.0  # [nats] an accepted effect that is worth less is taken out again
+SWAP = 15.0  # [nats] another in its place has to gain so much
+DRAWS = 199  # of the sign flips
+ALWAYS_SECOND_START = 2  # so many of the best are fitted from the analytical estimate as well
+THRUST_TIMES_S = 60.0  # steps of thrust are looked for this far apart
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A candidate after its refit, and why it was refused (empty: accepted)."""
+
+    id: str
+    fitted: Fitted
+    gain: float
+    falls: dict[str, float]
+    helped: Helped | None = None
+    refused: str = ""
+
+
+@dataclass(frozen=True)
+class Round:
+    """One search: the model it began with and what was tried, best first."""
+
+    before: Fitted
+    joint: Joint
+    tried: tuple[Tried, ...]
+    screened: dict[str, float]
+    p: float
+    alike: tuple[str, ...] = ()
+    accepted: str | None = None
+
+
+@dataclass(frozen=True)
+class Traced:
+    """Result of the search."""
+
+    case: Case
+    baseline: Fitted
+    final: Fitted
+    rounds: tuple[Round, ...]
+    steps: tuple[str, ...] = ()
+    groups: tuple[tuple[str, ...], ...] = ()
+
+
+@dataclass
+class Search:
+    """State of a search: the case, the candidates, the random numbers, and what happened."""
+
+    case: Case
+    candidates: tuple[str, ...]
+    rng: np.random.Generator
+    steps: list[str] = field(default_factory=list)
+
+    def baseline(self) -> Fitted:
+        """Best fit without any effect, from the identified model and from the estimate."""
+        case, found = self.case, []
+        for start in (case.identified, case.setup.prior):
+            p = case.at_rest(start)
+            fitted = fit_with(case, (), p, first_colours(case, p), rounds=3, steps=12)
+            found += [fitted] if fitted is not None else []
+        return max(found, key=lambda f: f.log_likelihood)
+
+    def refit(self, effects: Sequence[str], starts: Sequence[Array], like: Fitted,
+              rounds: int = 2, steps: int = 8) -> Fitted | None:  # fmt: skip
+        """Best fit with effects from several starts."""
+        fits = [
+            fit_with(self.case, effects, start, like.colours, rounds=rounds, steps=steps)
+            for start in starts
+        ]
+        good = [f for f in fits if f is not None]
+        return max(good, key=lambda f: f.log_likelihood) if good else None
+
+    def trace(self, baseline: Fitted) -> Traced:
+        """Search until nothing more is accepted."""
+        current, rounds = baseline, []
+        for _ in range(MOST_EFFECTS):
+            done, current = self.one_round(current)
+            rounds.append(done)
+            if done.accepted is None:
+                break
+            current = self.reconsider(current)
+        return Traced(self.case, baseline, current, tuple(rounds), tuple(self.steps))
+
+    def one_round(self, before: Fitted) -> tuple[Round, Fitted]:
+        """Screen, refit and test; the model with the accepted effect, or as it was."""
+        before = self._thrust_step_placed(before)
+        before, joint, fast = self._joints(before)
+        open_ids = [c for c in self.candidates if c not in before.effects]
+        scores = {c: self._score(joint, c) for c in open_ids}
+        quick = {c: score(fast, (c,)).gain for c in open_ids} if fast else {}
+        short = ranked(scores_of(scores))[:SCREENED] + ranked(quick)[:SCREENED_FAST]
+        tried, before = self._tried(before, list(dict.fromkeys(short)), scores)
+        flips = flipped_gains(joint, open_ids, self.rng, DRAWS)
+        best = max(scores_of(scores).values(), default=0.0)
+        p = float((1 + np.sum(flips >= best)) / (1 + DRAWS))
+        judged, accepted = self._judge(before, tried)
+        screened = {c: s[0] for c, s in scores.items()}
+        alike = self._alike(accepted, judged) if accepted else ()
+        name = accepted.id if accepted else None
+        done = Round(before, joint, tuple(judged), screened, p, alike, name)
+        if accepted is None:
+            return done, before
+        self.steps.append(f"{accepted.id} added: {accepted.gain:.0f} nats")
+        return done, accepted.fitted
+
+    def _thrust_step_placed(self, before: Fitted) -> Fitted:
+        """The model with the time at which a step of the thrust would explain most."""
+        if "thrust_step" not in self.candidates or "thrust_step" in before.effects:
+            return before
+        sources = [r.source for r in self.case.records if r.source is not None]
+        ends = [s.elapsed_s[-1] for s in sources]
+        coarse = np.arange(min(s.elapsed_s[0] for s in sources), max(ends), THRUST_TIMES_S)
+        best = self._best_time(before, coarse[1:])
+        fine = best + np.linspace(-0.8, 0.8, 9) * THRUST_TIMES_S
+        return _with_time(self.case, before, self._best_time(before, fine))
+
+    def _best_time(self, before: Fitted, times: Array) -> float:
+        gains = {}
+        for time in times:
+            joint = joint_about(self.case, _with_time(self.case, before, time), ("thrust_step",))
+            gains[float(time)] = score(joint, ("thrust_step",)).gain if joint else 0.0
+        return max(gains, key=lambda t: gains[t])
+
+    def _joints(self, before: Fitted) -> tuple[Fitted, Joint, Joint | None]:
+        joint = joint_about(self.case, before, self.candidates)
+        assert joint is not None  # the fit itself ran through
+        return before, joint, joint_about(self.case, before, self.candidates, FAST_GAIN)
+
+    def _score(self, joint: Joint, candidate: str) -> tuple[float, Array]:
+        found = score(joint, (candidate,))
+        return found.gain, found.parameters
+
+    def _tried(
+        self, before: Fitted, short: list[str], scores: dict[str, tuple[float, Array]]
+    ) -> tuple[list[Tried], Fitted]:
+        """Refits of the short list, the best of them to the end and from a second start."""
+        found: dict[str, Fitted] = {}
+        for c in short:
+            effects = (*before.effects, c)
+            fitted = self.refit(effects, [scores[c][1]], before, 1, 5)
+            fitted = fitted or self.refit(effects, [before.parameters], before, 1, 5)
+            if fitted is not None:
+                found[c] = fitted
+        for number, c in enumerate(ranked({c: f.log_likelihood for c, f in found.items()})):
+            if number >= REFITTED:
+                break
+            again = self.refit(found[c].effects, [found[c].parameters], found[c], 2, 8)
+            options = [found[c], *([again] if again else [])]
+            if number < ALWAYS_SECOND_START:
+                start = self._analytical(found[c])
+                second = fit_with(self.case, found[c].effects, start,
+                                  first_colours(self.case, start), rounds=3, steps=8)  # fmt: skip
+                options += [second] if second else []
+            found[c] = max(options, key=lambda f: f.log_likelihood)
+        before = self._polished(before, found)
+        tried = [
+            Tried(c, f, log_gain(before, f), self._falls(before, f)) for c, f in found.items()
+        ]
+        return sorted(tried, key=lambda t: -t.gain), before
+
+    def _analytical(self, fitted: Fitted) -> Array:
+        """The analytical estimate with the effects at the sizes found."""
+        start = self.case.at_rest(self.case.setup.prior)
+        for effect in fitted.effects:
+            positions = self.case.positions(effect)
+            start[positions] = fitted.parameters[positions]
+        return start
+
+    def _polished(self, before: Fitted, found: dict[str, Fitted]) -> Fitted:
+        """The model without the candidate, from where the best candidates lie: was it stuck?"""
+        best = ranked({c: f.log_likelihood for c, f in found.items()})[:2]
+        for c in best:
+            start = found[c].parameters.copy()
+            own = [i for i in self.case.positions(c)]
+            start[own] = before.parameters[own]
+            again = fit_with(self.case, before.effects, start, before.colours, rounds=2, steps=6)
+            if again is not None and again.log_likelihood > before.log_likelihood:
+                before = again
+        return before
+
+    def _falls(self, before: Fitted, after: Fitted) -> dict[str, float]:
+        falls = 1.0 - after.rms / before.rms
+        found = {name: float(fall) for name, fall in zip(CHANNELS, falls, strict=True)}
+        gained = check_cost(self.case, before.parameters) - check_cost(self.case, after.parameters)
+        if gained > CHECK_GAIN:
+            found["sensors"] = 1.0 - float(np.sqrt(
+                check_cost(self.case, after.parameters) / check_cost(self.case, before.parameters)
+            ))  # fmt: skip
+        return found
+
+    def _judge(self, before: Fitted, tried: list[Tried]) -> tuple[list[Tried], Tried | None]:
+        """Test the candidates in the order of their gain; the first that passes is accepted."""
+        judged: list[Tried] = []
+        accepted, reference = None, None
+        least = max([LEAST_GAIN, *(OF_BEST * t.gain for t in tried[:1])])
+        for t in tried:
+            refused = self._refusal(before, t, least)
+            if not refused and accepted is None:
+                reference = reference or leave_out(self.case, before, t.fitted.colours)
+                own = leave_out(self.case, t.fitted, t.fitted.colours)
+                t = replace(t, helped=self._helped(before, reference, own, t))
+                refused = _unhelpful(t.helped)
+            elif not refused:
+                refused = "another gains more"
+            t = replace(t, refused=refused)
+            if not refused:
+                accepted = t
+            judged.append(t)
+        simpler = self._simpler(judged, accepted)
+        if simpler is not None and accepted is not None and simpler.id != accepted.id:
+            judged = [
+                replace(t, refused="") if t.id == simpler.id
+                else replace(t, refused=f"{simpler.id} does as well with less")
+                if t.id == accepted.id else t
+                for t in judged
+            ]  # fmt: skip
+            accepted = simpler
+        return judged, accepted
+
+    def _helped(self, before: Fitted, reference: LeftOut, own: LeftOut, t: Tried) -> Helped:
+        found = helped(reference, own, self.rng)
+        checked = check_cost(self.case, before.parameters) - check_cost(
+            self.case, t.fitted.parameters
+        )
+        if checked > CHECK_GAIN:  # what the sensors say needs no maneuver
+            return Helped(found.gain + checked, max(found.share, 1.0), found.low + checked)
+        return found
+
+    def _refusal(self, before: Fitted, t: Tried, least: float) -> str:
+        if t.gain < LEAST_GAIN:
+            return f"gains {t.gain:.0f} nats, less than {LEAST_GAIN:.0f}"
+        if t.gain < least:
+            return "gains less than half of the best one"
+        if size_of(self.case, t.id, t.fitted.parameters) < 1.0:
+            return "smaller than of practical interest"
+        if max(t.falls.values()) < LEAST_FALL:
+            return f"no residual falls by {100 * LEAST_FALL:.0f} %"
+        if at_bound(self.case, t.id, t.fitted.parameters):
+            return "at the bound of what is plausible"
+        return ""
+
+    def _simpler(self, judged: list[Tried], accepted: Tried | None) -> Tried | None:
+        """A candidate with fewer parameters that gains nearly as much."""
+        if accepted is None:
+            return None
+        own = len(self.case.positions(accepted.id))
+        least = accepted.gain - max(SIMPLER * accepted.gain, 4.0)
+        for t in judged:
+            fewer = len(self.case.positions(t.id)) < own
+            if fewer and t.gain >= least and not self._refusal(t.fitted, t, 0.0):
+                return t
+        return None
+
+    def _alike(self, accepted: Tried, judged: list[Tried]) -> tuple[str, ...]:
+        """Candidates that explain the data as well as the accepted one."""
+        least = accepted.gain - max(ALIKE * accepted.gain, ALIKE_LEAST)
+        others = [
+            t.id for t in judged
+            if t.id != accepted.id and t.gain >= least
+            and size_of(self.case, t.id, t.fitted.parameters) >= 0.5
+        ]  # fmt: skip
+        return (accepted.id, *others) if others else ()
+
+    def reconsider(self, current: Fitted) -> Fitted:
+        """Take out effects that are no longer worth it; swap one for what looks like it."""
+        if len(current.effects) < 2:
+            return current
+        for effect in current.effects[:-1]:
+            rest = tuple(e for e in current.effects if e != effect)
+            start = current.parameters.copy()
+            start[self.case.positions(effect)] = 0.0
+            without = self.refit(rest, [start], current)
+            if without is not None and log_gain(without, current) < REMOVAL:
+                self.steps.append(f"{effect} removed: worth {log_gain(without, current):.0f} nats")
+                current = without
+        return self._swapped(current)
+
+    def _swapped(self, current: Fitted) -> Fitted:
+        for effect in current.effects[:-1]:
+            for other in partners(effect):
+                if other in current.effects or other not in self.candidates:
+                    continue
+                effects = tuple(other if e == effect else e for e in current.effects)
+                start = current.parameters.copy()
+                start[self.case.positions(effect)] = 0.0
+                swapped = self.refit(effects, [start], current)
+                if swapped is not None and log_gain(current, swapped) > SWAP:
+                    self.steps.append(f"{effect} swapped for {other}")
+                    return swapped
+        return current
+
+
+def _with_time(case: Case, fitted: Fitted, time: float) -> Fitted:
+    p = fitted.parameters.copy()
+    p[case.position("thrust_step.time_s")] = time
+    return replace(fitted, parameters=p)
+
+
+# effects that are special cases of each other or look alike in most maneuvers
+LOOKALIKES = (
+    ("rudder_offset", "hull_asymmetry", "propeller_side_force"),
+    ("rudder_lag", "rudder_delay", "rudder_rate_limit", "gyro_delay"),
+    ("rudder_backlash", "rudder_deadband"),
+    ("rudder_stall", "cubic_damping", "propeller_race"),
+    ("thrust_sag", "thrust_step"),
+    ("linear_drag", "turning_drag"),
+)
+
+
+def partners(effect: str) -> tuple[str, ...]:
+    """Effects that look like one."""
+    return tuple(o for group in LOOKALIKES if effect in group for o in group if o != effect)
+
+
+def ranked(values: dict[str, float]) -> list[str]:
+    """Names, largest value first."""
+    return sorted(values, key=lambda name: (-values[name], name))
+
+
+def scores_of(scores: dict[str, tuple[float, Array]]) -> dict[str, float]:
+    """Gains alone."""
+    return {c: s[0] for c, s in scores.items()}
+
+
+def size_of(case: Case, effect: str, p: Array) -> float:
+    """Size of an effect beyond what every model is expected to have, in practical sizes."""
+    total = 0.0
+    for i in case.positions(effect):
+        declared = parameter_of(case.names[i])
+        unit = case.setup.prior_std[i] / declared.prior
+        total += ((p[i] - case.setup.prior[i]) / (declared.practical * unit)) ** 2
+    return float(np.sqrt(total))
+
+
+def at_bound(case: Case, effect: str, p: Array) -> bool:
+    """Whether a parameter lies at a physical bound other than off."""
+    for i in case.positions(effect):
+        width = case.high[i] - case.low[i]
+        if p[i] >= case.high[i] - 1e-3 * width or (
+            case.low[i] < 0.0 and p[i] <= case.low[i] + 1e-3 * width
+        ):
+            return True
+    return False
+
+
+def _unhelpful(found: Helped | None) -> str:
+    if found is None:
+        return ""
+    if found.gain <= 0.0:
+        return "makes the maneuvers left out worse"
+    if found.share < LEAST_SHARE:
+        return f"helps only {100 * found.share:.0f} % of the maneuvers left out"
+    if found.low <= 0.0:
+        return "helps the maneuvers left out no more than chance would"
+    return ""
+
+
+def open_of(case: Case, fitted: Fitted) -> list[int]:
+    """Positions of the effects' parameters of a fit."""
+    return [i for effect in fitted.effects for i in case.positions(effect)]
+
+
+def families(effects: Sequence[str]) -> set[str]:
+    """Families of effects."""
+    return {BY_ID[e].family for e in effects}

@@ -1,0 +1,97 @@
+"""What these maneuvers can show, cannot show and cannot separate; no residual is looked at."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from auvident.schema.diagnosis import Detectable, Lookalikes
+from auvident.schema.effects import BY_ID, parameter_of
+from auvident.stages.diagnose.fits import check_cost
+from auvident.stages.diagnose.joint import Joint, cosine, unabsorbed
+from auvident.stages.diagnose.search import CHECK_GAIN, LEAST_FALL, LEAST_GAIN, LOOKALIKES
+
+MARGIN = 1.3  # stated sizes leave room for the scatter of an estimate
+PLAUSIBLE = 3.0  # an effect that must exceed so many priors to be seen is not visible
+SEPARABLE = 0.98  # cosine from which on two effects are not told apart
+# relative rms that adds up to a fall by LEAST_FALL when it is removed
+SHARE_OF_RMS = float(np.sqrt((1.0 - LEAST_FALL) ** -2 - 1.0))
+
+SEPARATE_BY = {
+    frozenset(LOOKALIKES[0]): "coast-downs and thrust steps with the rudder amidships",
+    frozenset(LOOKALIKES[1]): "zigzags of two sizes (10/10 and 20/20), logged at 10 Hz or faster",
+    frozenset(LOOKALIKES[2]): "zigzags of 5 degrees and less, and circles entered from both sides",
+    frozenset(LOOKALIKES[3]): "circles of 25 degrees and more, and circles with a thrust step",
+    frozenset(LOOKALIKES[4]): "straight runs at the same rpm all through the trial",
+    frozenset(LOOKALIKES[5]): "straight runs at low and at full speed",
+}
+
+
+def detectable(joint: Joint, candidates: Sequence[str]) -> tuple[Detectable, ...]:
+    """Smallest size of each parameter of each effect that would be declared."""
+    return tuple(row for effect in candidates for row in _rows(joint, effect))
+
+
+def _rows(joint: Joint, effect: str) -> list[Detectable]:
+    case, found = joint.case, []
+    positions = case.positions(effect)
+    information, kept, rms = unabsorbed(joint, positions)
+    for k, i in enumerate(positions):
+        declared = parameter_of(case.names[i])
+        unit = case.setup.prior_std[i] / declared.prior  # internal value of one table unit
+        by_gain = np.sqrt(2.0 * LEAST_GAIN / max(information[k, k], 1e-12))
+        by_fall = np.min(SHARE_OF_RMS * joint.fitted.rms / np.maximum(rms[k], 1e-15))
+        size = max(by_gain, float(by_fall)) * MARGIN * declared.prior
+        size = max(min(size, _by_checks(joint, i)), declared.practical)
+        visible = size < PLAUSIBLE * declared.prior
+        found.append(Detectable(
+            id=effect, family=BY_ID[effect].family, symbol=declared.symbol,
+            size=declared.shown(min(size, 1e3 * declared.prior) * unit)[0], unit=declared.unit,
+            visible=bool(visible), kept=float(np.clip(kept[k], 0.0, 1.0)),
+            why="" if visible else _why(float(kept[k]), joint, effect),
+        ))  # fmt: skip
+    return found
+
+
+def _by_checks(joint: Joint, position: int) -> float:
+    """Size, in table units, that the sensors alone would show; infinite without a check."""
+    case, name = joint.case, joint.case.names[position]
+    for check in case.checks:
+        if name in check.names:
+            k = check.names.index(name)
+            spread = np.sqrt(check.covariance[k, k])
+            declared = parameter_of(name)
+            unit = case.setup.prior_std[position] / declared.prior
+            return float(MARGIN * spread * np.sqrt(2.0 * max(LEAST_GAIN, CHECK_GAIN)) / unit)
+    return float("inf")
+
+
+def _why(kept: float, joint: Joint, effect: str) -> str:
+    needs = BY_ID[effect].needs
+    if kept < 0.05:
+        return "the coefficients take it up"
+    if needs and not check_cost(joint.case, joint.fitted.parameters) and not joint.case.checks:
+        return f"needs {', '.join(needs)}"
+    return "these maneuvers hardly excite it"
+
+
+def lookalikes(joint: Joint, candidates: Sequence[str]) -> tuple[Lookalikes, ...]:
+    """Pairs of effects of one group that these maneuvers cannot tell apart."""
+    found = []
+    for group in LOOKALIKES:
+        there = [e for e in group if e in candidates]
+        for k, a in enumerate(there):
+            for b in there[k + 1 :]:
+                value = cosine(joint, joint.case.positions(a), joint.case.positions(b))
+                if value > SEPARABLE:
+                    found.append(Lookalikes(
+                        ids=(a, b), cosine=value, separate_by=SEPARATE_BY[frozenset(group)]
+                    ))  # fmt: skip
+    return tuple(found)
+
+
+def separated_by(ids: Sequence[str]) -> str:
+    """The maneuver that would separate effects."""
+    for group, text in SEPARATE_BY.items():
+        if len(group & set(ids)) >= 2:
+            return text
+    return "straight runs on opposite headings, circles to both sides and zigzags of two sizes"

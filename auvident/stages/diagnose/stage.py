@@ -1,0 +1,123 @@
+"""Diagnosis: what the identified model does not explain, traced to the effect it lacks."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from auvident.engines.estimator import Setup
+from auvident.errors import NumericsError
+from auvident.schema.artifacts import IdentifiedModel, Maneuvers
+from auvident.schema.diagnosis import Diagnosis
+from auvident.schema.trial import Trial
+from auvident.schema.vehicle import Vehicle
+from auvident.stages.diagnose.case import Case, case_of, testable
+from auvident.stages.diagnose.events import Event, find_events
+from auvident.stages.diagnose.free_forces import FreeForce, free_forces
+from auvident.stages.diagnose.kinematics import heading_against_gyro, position_against_dvl
+from auvident.stages.diagnose.rows import Evidence, diagnosis_of, residual_table
+from auvident.stages.diagnose.search import Search, Traced
+from auvident.stages.diagnose.waves import Residual, find_wave
+
+Array = npt.NDArray[Any]
+Progress = Callable[[str, float], None]
+
+ALLOWANCES = ("dvl_height", "weight_excess")  # only ever silent: no engineer asks for them
+
+
+@dataclass(frozen=True)
+class Diagnosed:
+    """What `diagnose` returns: the verdict with its evidence, and the residuals."""
+
+    diagnosis: Diagnosis
+    residuals: pd.DataFrame
+
+
+def diagnose(
+    trials: Sequence[Trial],
+    maneuvers: Maneuvers,
+    vehicle: Vehicle,
+    setup: Setup,
+    model: IdentifiedModel,
+    *,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Diagnosed:
+    """Trace what a model leaves of the identifying maneuvers to the effects it lacks.
+
+    Parameters
+    ----------
+    trials : sequence of Trial
+        With the readings of held-out maneuvers blanked, so that they choose nothing.
+    maneuvers : Maneuvers
+    vehicle : Vehicle
+    setup : Setup
+        Of the identification.
+    model : IdentifiedModel
+    seed : int
+        Of sign flips and bootstrap.
+    progress : callable, optional
+        Called with a text and the fraction done.
+
+    Raises
+    ------
+    NumericsError
+        The model is not one of the horizontal plane, or runs away in a maneuver.
+    """
+    if model.plane != "horizontal":
+        raise NumericsError(
+            "diagnosis knows the horizontal plane only", f"model of the {model.plane} plane",
+            "Identify with --plane horizontal.",
+        )  # fmt: skip
+    tell = progress or (lambda text, share: None)
+    tell("sensors against each other", 0.0)
+    checks = [heading_against_gyro(trials), position_against_dvl(trials, vehicle.dvl)]
+    case = case_of(setup, model, [c for c in checks if c is not None])
+    there, missing = testable(setup, case.records)
+    candidates = tuple(e.id for e in there if e.id not in ALLOWANCES)
+    tell("one-off events", 0.1)
+    search = Search(case, candidates, np.random.default_rng(seed))
+    baseline = search.baseline()
+    events = find_events(pieces_of(case, baseline.residuals), setup.sensor_std[:3])
+    if events:
+        case = case.masked([(e.maneuver, e.time_s, e.time_s + e.duration_s) for e in events])
+        search.case = case
+        baseline = search.baseline()
+    tell("candidate effects", 0.2)
+    traced = search.trace(baseline)
+    tell("free forces", 0.8)
+    evidence = _evidence(traced, search, events, missing)
+    tell("verdict", 1.0)
+    diagnosis = diagnosis_of(evidence, model, maneuvers)
+    return Diagnosed(diagnosis, residual_table(evidence, maneuvers))
+
+
+def _evidence(
+    traced: Traced, search: Search, events: Sequence[Event], missing: Sequence[str]
+) -> Evidence:
+    case = traced.case
+    wave = find_wave(pieces_of(case, traced.final.residuals))
+    free = free_forces(case, traced.final)
+    rival = rival_of(traced)
+    return Evidence(traced, search.candidates, tuple(events), wave, tuple(free), rival,
+                    tuple(missing))  # fmt: skip
+
+
+def rival_of(traced: Traced) -> FreeForce | None:
+    """The best free force in place of the last effect that was accepted."""
+    accepted = [r for r in traced.rounds if r.accepted is not None]
+    if not accepted:
+        return None
+    found = free_forces(traced.case, accepted[-1].before)
+    return found[0] if found else None
+
+
+def pieces_of(case: Case, residuals: Sequence[Any]) -> list[Residual]:
+    """Residuals as the searches for waves and events take them."""
+    return [
+        Residual(r.id, r.time_s, r.error, record.given[:, 0], record.given[:, 3])
+        for r, record in zip(residuals, case.records, strict=True)
+    ]
