@@ -69,6 +69,8 @@ class Setup:
     followers : (m, 2) int array
         (position, position it moves with), see `FilterProblem`.
     filter, engine : str
+    start : (n_parameters,) array
+        Where the first stage starts.
     """
 
     structure: Structure
@@ -82,6 +84,7 @@ class Setup:
     followers: npt.NDArray[np.int64]
     filter: str
     engine: str
+    start: Array
 
     @property
     def frame(self) -> Frame:

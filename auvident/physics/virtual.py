@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.physics.batch import N_INPUTS
 from auvident.physics.dynamics import N_STATES, N_VELOCITIES, inverse_mass, step
 from auvident.physics.terms import Structure
 
@@ -103,12 +104,29 @@ def run_virtual(
         move = rate_limit_radps * dt_s
         control += min(max(command - control, -move), move)
         inputs.append(np.array([control, 0.0, n_rps * ratio]))
-        step(x, inputs[-1], x, x, dt_s, p, inverse, ACTIVE, structure.terms, structure.weights, out)
+        step(
+            x,
+            healthy(inputs[-1]),
+            x,
+            x,
+            dt_s,
+            p,
+            inverse,
+            ACTIVE,
+            structure.terms,
+            structure.weights,
+            out,
+        )
         if not np.isfinite(out).all():
             break
         states.append(out)
     n = min(len(inputs), len(states))
     return VirtualRun(np.arange(n) * dt_s, np.array(states[:n]), np.array(inputs[:n]))
+
+
+def healthy(inputs: Array) -> Array:
+    """Inputs (9,) of the equations when the controls (3,) act as ordered and nothing else does."""
+    return np.concatenate([inputs, [1.0], np.zeros(N_INPUTS - 4)])
 
 
 def steady_approach(structure: Structure, p: Array, n_rps: float, settle_s: float = 60.0) -> Array:
@@ -117,7 +135,7 @@ def steady_approach(structure: Structure, p: Array, n_rps: float, settle_s: floa
     inverse = np.empty((N_VELOCITIES, N_VELOCITIES))
     inverse_mass(p, structure.mass, structure.mass_weights, active, inverse)
     x, given = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(N_STATES)
-    inputs = np.array([0.0, 0.0, n_rps])
+    inputs = healthy(np.array([0.0, 0.0, n_rps]))
     for _ in range(round(settle_s / 0.1)):
         out = np.empty(N_STATES)
         step(x, inputs, given, given, 0.1, p, inverse, active, structure.terms,

@@ -286,18 +286,30 @@ def refine(given: Given) -> dict[str, Any]:
     """Add the traced effects, identify again, compare the errors of what was held out."""
     filter = given.options["filter"] or given.model.filter
     announce_compilation(given.observer, filter)
-    from auvident.stages.refine import refine as identify_again
+    from auvident.stages.identify import identify as estimate_jointly
+    from auvident.stages.refine import carried_of, compare
+    from auvident.stages.validate import validate as predict_again
 
-    result = identify_again(
-        given.trials, given.maneuvers, given.ase, given.vehicle, given.noise(), given.model,
-        given.diagnosis, plan=identifying_plan(given), filter=filter, engine=given.model.engine,
-        seed=given.seed, progress=given.observer.progress,
+    carried = carried_of(given.diagnosis)
+    after, history = given.model, given.table("identify/history.parquet")
+    if carried is not None or filter != given.model.filter:
+        result = estimate_jointly(
+            given.trials, given.maneuvers, given.ase, given.vehicle, given.noise(),
+            plane=given.model.plane, plan=identifying_plan(given), filter=filter,
+            engine=given.model.engine, carried=carried, progress=given.observer.progress,
+        )  # fmt: skip
+        after, history = result.model, result.history
+    before = predict_again(given.trials, given.maneuvers, given.model)
+    now = predict_again(given.trials, given.maneuvers, after)
+    comparison = compare(
+        given.diagnosis, given.maneuvers, given.model, after, before.simulation, now.simulation,
+        seed=given.seed or 0,
     )  # fmt: skip
     return {
-        "refine/model.json": result.model,
-        "refine/comparison.json": result.comparison,
-        "refine/history.parquet": result.history,
-        "refine/simulation.parquet": result.simulation,
+        "refine/model.json": after,
+        "refine/comparison.json": comparison,
+        "refine/history.parquet": history,
+        "refine/simulation.parquet": now.simulation,
     }
 
 

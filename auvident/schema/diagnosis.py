@@ -99,7 +99,9 @@ class Diagnosis(Artifact):
 
     ``sees`` stands before any verdict: what these maneuvers can show. ``silent`` are the
     allowances every model is given (servo lag and the like), with what they took up. ``steps``
-    tells in order what was added, tested and removed. ``unexplained`` has ``correlates`` (axis,
+    tells in order what was added, tested and removed. ``carried`` has the internal values
+    (``start``) of all effects that a refined model takes along, and ``prior`` and ``prior_std`` of
+    those estimated again. ``unexplained`` has ``correlates`` (axis,
     regressor, gain), ``nearest`` and ``channels`` where something is left.
     """
 
@@ -115,6 +117,7 @@ class Diagnosis(Artifact):
     lookalikes: tuple[Lookalikes, ...] = ()
     separate_by: str = ""
     silent: tuple[EffectFound, ...] = ()
+    carried: dict[str, dict[str, float]] = {}
     steps: tuple[str, ...] = ()
     residuals: tuple[ResidualRow, ...] = ()
     checks: dict[str, Any] = {}

@@ -6,15 +6,19 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from auvident.engines.prediction import Frame, at_effects, simulated
+from auvident.engines.carried import (
+    frame_of,
+    internal_values,
+    structure_behind,
+    vector_behind,
+)
+from auvident.engines.prediction import at_effects, simulated
 from auvident.engines.records import STATE_COLUMNS, Record, record_of, sensor_matrix
 from auvident.errors import InputError, NumericsError, UsageError
 from auvident.physics.dynamics import N_STATES
 from auvident.physics.figures_track import dead_reckoning
-from auvident.physics.terms import Structure, parameter_vector, structure_of
 from auvident.schema.artifacts import IdentifiedModel, Maneuver
 from auvident.schema.channels import TIME_COLUMN
-from auvident.schema.effects import in_plane, parameter_of
 from auvident.schema.trial import Trial
 
 Array = npt.NDArray[np.float64]
@@ -119,35 +123,9 @@ def _stretch(
     return replace(_acting(model, record, trial.rate_hz), start=start)
 
 
-def effect_values(model: IdentifiedModel) -> dict[str, float]:
-    """Internal value of every parameter of the model's effects, ``effect.parameter``."""
-    names = {effect.id for effect in in_plane(model.plane)}
-    return {
-        (name := f"{effect['id']}.{p['symbol']}"): parameter_of(name).internal(p["value"])
-        for effect in model.effects if effect["id"] in names
-        for p in effect["parameters"]
-    }  # fmt: skip
-
-
-def _structure(model: IdentifiedModel) -> Structure:
-    """The equations with the effects of the model, in the order of the table of effects."""
-    there = {name.partition(".")[0] for name in effect_values(model)}
-    return structure_of(model.plane, tuple(e.id for e in in_plane(model.plane) if e.id in there))
-
-
-def _parameters(model: IdentifiedModel, coefficients: dict[str, float]) -> Array:
-    """Parameter vector of the model with other coefficients."""
-    values, structure = effect_values(model), _structure(model)
-    return parameter_vector(model.plane, coefficients, model.rigid_body, values, structure)
-
-
-def _frame(model: IdentifiedModel, dt_s: float) -> Frame:
-    return Frame(_structure(model), model.sensing, dt_s)
-
-
 def _acting(model: IdentifiedModel, record: Record, rate_hz: float) -> Record:
     """The record as the effects make it: what acts on the vehicle, the state it starts from."""
-    return at_effects(_frame(model, 1.0 / rate_hz), _parameters(model, model.values()), record)
+    return at_effects(frame_of(model, 1.0 / rate_hz), vector_behind(model), record)
 
 
 def steady_speed(model: IdentifiedModel, rate_rps: float) -> float:
@@ -165,7 +143,7 @@ def steady_speed(model: IdentifiedModel, rate_rps: float) -> float:
 def _draws(model: IdentifiedModel, samples: int, rng: np.random.Generator) -> list[Array]:
     """Parameter vectors: the model's own first, then some from its covariance."""
     values = model.values()
-    vectors = [_parameters(model, values)]
+    vectors = [vector_behind(model)]
     symbols = list(model.covariance.get("symbols", ()))
     if not symbols or samples < 1:
         return vectors
@@ -180,7 +158,10 @@ def _draws(model: IdentifiedModel, samples: int, rng: np.random.Generator) -> li
         for follower in followers:  # N_vdot = Y_rdot, M_wdot = Z_qdot: one added mass
             moved[follower] = moved.get(_LEADERS[follower], 0.0)
         changed = {s: v + moved.get(s, 0.0) for s, v in values.items()}
-        vectors.append(_parameters(model, changed))
+        vector, names = vector_behind(model, changed), structure_behind(model).parameters
+        for name in (moved.keys() & set(names)) - values.keys():  # a parameter of an effect
+            vector[names.index(name)] += moved[name]
+        vectors.append(vector)
     return vectors
 
 
@@ -190,7 +171,7 @@ _LEADERS = {"N_vdot": "Y_rdot", "M_wdot": "Z_qdot"}
 def _predict(
     model: IdentifiedModel, record: Record, draws: list[Array], dt_s: float
 ) -> pd.DataFrame:
-    frame, active = _frame(model, dt_s), np.ones(N_STATES, dtype=bool)
+    frame, active = frame_of(model, dt_s), np.ones(N_STATES, dtype=bool)
     runs = [simulated(frame, p, record, active) for p in draws]
     if not np.isfinite(runs[0]).all():
         row = int(np.argmin(np.isfinite(runs[0]).all(axis=1)))
@@ -209,7 +190,7 @@ def _predict(
     if model.plane == "horizontal":
         states = runs[0]
         north, east = dead_reckoning(record.time_s, states[:, 0], states[:, 1], states[:, 3])
-        values, elapsed = effect_values(model), record.time_s - record.time_s[0]
+        values, elapsed = internal_values(model.effects), record.time_s - record.time_s[0]
         north = north + values.get("current.north_mps", 0.0) * elapsed
         east = east + values.get("current.east_mps", 0.0) * elapsed
         columns |= {"north_m": north, "east_m": east}

@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from auvident.engines.carried import frame_of, predicted_course, structure_behind, vector_behind
 from auvident.engines.records import Record, record_of, sensor_matrix
-from auvident.physics.dynamics import simulate_states
 from auvident.physics.figures import dead_reckoning, turn_figures, zigzag_figures
-from auvident.physics.terms import Structure, parameter_vector, structure_of
+from auvident.physics.terms import Structure
 from auvident.physics.virtual import run_virtual, zigzag_helm
 from auvident.schema.artifacts import (
     ChannelMetrics,
@@ -88,13 +88,14 @@ def validate(trials: Sequence[Trial], maneuvers: Maneuvers, model: IdentifiedMod
     Validation
         ``summary`` pools all samples of all maneuvers of a role.
     """
-    identified = parameter_vector(model.plane, model.values(), model.rigid_body)
+    identified, structure = vector_behind(model), structure_behind(model)
     prior = {c.symbol: c.prior for c in model.coefficients}
-    estimate = parameter_vector(model.plane, prior, model.rigid_body)
+    bare = model.model_copy(update={"effects": ()})
+    estimate, plain = vector_behind(bare, prior), structure_behind(bare)
     after = predict_all(trials, maneuvers, model, identified)
-    before = predict_all(trials, maneuvers, model, estimate)
-    metrics = _metrics(after, model.plane, identified)
-    metrics = metrics.model_copy(update={"ase": _metrics(before, model.plane, estimate)})
+    before = predict_all(trials, maneuvers, bare, estimate)
+    metrics = _metrics(after, structure, identified)
+    metrics = metrics.model_copy(update={"ase": _metrics(before, plain, estimate)})
     tables = [_table(a, b, model.plane) for a, b in zip(after, before, strict=True)]
     return Validation(metrics, pd.concat(tables, ignore_index=True))
 
@@ -103,34 +104,32 @@ def predict_all(
     trials: Sequence[Trial], maneuvers: Maneuvers, model: IdentifiedModel, parameters: Array
 ) -> list[Prediction]:
     """Predictions of every maneuver of the model's plane with a parameter vector."""
-    plane = model.plane
     by_name = {trial.name: trial for trial in trials}
-    sensor = sensor_matrix(plane, model.sensing)
     return [
-        _predict(m, by_name[m.trial], plane, sensor, parameters)
+        _predict(m, by_name[m.trial], model, parameters)
         for m in maneuvers.maneuvers
-        if m.shows(plane)
+        if m.shows(model.plane)
     ]
 
 
-def _predict(maneuver: Maneuver, trial: Trial, plane: Plane, sensor: Array, p: Array) -> Prediction:
-    record = record_of(maneuver, trial, plane, sensor)
+def _predict(maneuver: Maneuver, trial: Trial, model: IdentifiedModel, p: Array) -> Prediction:
+    sensor = sensor_matrix(model.plane, model.sensing)
+    record = record_of(maneuver, trial, model.plane, sensor)
     dt = 1.0 / trial.rate_hz
-    states = simulate_states(
-        record.start, record.inputs, record.given, dt, p, ACTIVE, *structure_of(plane).arrays
-    )
+    course = predicted_course(frame_of(model, dt), p, record, ACTIVE)
     measured = record.measured.copy()
     if not np.isfinite(measured[:, 3]).any():  # no angle logged: the gyro integrated
         steps = np.cumsum(record.given[:-1, 2] + record.given[1:, 2]) * dt / 2.0
         measured[:, 3] = record.start[3] + np.concatenate([[0.0], steps])
-    return Prediction(maneuver, record, measured, states @ sensor.T, states)
+    return Prediction(maneuver, record, measured, course.readings, course.over_ground)
 
 
-def _metrics(predictions: Sequence[Prediction], plane: Plane, parameters: Array) -> Metrics:
+def _metrics(predictions: Sequence[Prediction], structure: Structure, parameters: Array) -> Metrics:
+    plane = structure.plane
     good = [p for p in predictions if not p.ran_away]
     roles = sorted({p.maneuver.role for p in good})
     return Metrics(
-        maneuvers=tuple(_one(p, plane, parameters) for p in good),
+        maneuvers=tuple(_one(p, structure, parameters) for p in good),
         summary={
             role: _pooled([p for p in good if p.maneuver.role == role], plane) for role in roles
         },
@@ -240,7 +239,8 @@ def _filled(angle: Array) -> Array:
     return np.interp(np.arange(len(angle)), np.flatnonzero(seen), angle[seen])
 
 
-def _one(p: Prediction, plane: Plane, parameters: Array) -> ManeuverMetrics:
+def _one(p: Prediction, structure: Structure, parameters: Array) -> ManeuverMetrics:
+    plane = structure.plane
     channels = {
         name: metrics
         for name, unit, measured, simulated in channel_pairs(p, plane)
@@ -248,7 +248,7 @@ def _one(p: Prediction, plane: Plane, parameters: Array) -> ManeuverMetrics:
     }
     m = p.maneuver
     figures = {m.kind: _figures(p)} if m.kind in ("turn", "zigzag") else {}
-    if m.kind == "zigzag" and (virtual := virtual_zigzag(p, structure_of(plane), parameters)):
+    if m.kind == "zigzag" and (virtual := virtual_zigzag(p, structure, parameters)):
         figures[m.kind]["virtual"] = virtual
     return ManeuverMetrics(
         id=m.id, trial=m.trial, kind=m.kind, role=m.role,

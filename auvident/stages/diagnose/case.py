@@ -188,7 +188,9 @@ def sizes_of(model: IdentifiedModel, records: Sequence[Record]) -> tuple[float, 
     return max(speed, 0.1), max(rate, 0.1)
 
 
-def size_unit(declared: EffectParameter, model: IdentifiedModel, unit: tuple[float, float]) -> float:
+def size_unit(
+    declared: EffectParameter, model: IdentifiedModel, unit: tuple[float, float]
+) -> float:
     """What the sizes of a parameter are multiplied by for a vehicle."""
     return declared.size_unit(model.density_kgpm3, model.length_m, *unit)
 

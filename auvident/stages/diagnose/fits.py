@@ -6,7 +6,6 @@ in between.
 """
 
 import math
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -147,9 +146,7 @@ def first_colours(case: Case, p: Array) -> Colours:
     return sensors if found is None else colours_of(case, found)[0]
 
 
-def prior_of(
-    case: Case, free: Array, open_: Sequence[int]
-) -> tuple[Array, Array, Array, Array]:
+def prior_of(case: Case, free: Array, open_: Sequence[int]) -> tuple[Array, Array, Array, Array]:
     """Mean, information and bounds of the free parameters, in units of their prior.
 
     Silent allowances are tight unless their effect is open (a candidate or accepted). What the

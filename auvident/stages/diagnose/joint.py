@@ -57,7 +57,7 @@ class Joint:
     block_gradients: Array
     raw: Array
 
-    def columns(self, positions: Sequence[int]) -> Array:
+    def columns(self, positions: Sequence[int] | Array) -> Array:
         """Columns of parameters."""
         return np.searchsorted(self.free, np.array(positions, dtype=np.int64))
 
@@ -154,7 +154,9 @@ def score(joint: Joint, effects: Sequence[str]) -> Score:
     return Score(float(gain), p)
 
 
-def _bounded_step(theta: Array, gradient: Array, curvature: Array, low: Array, high: Array) -> Array:
+def _bounded_step(
+    theta: Array, gradient: Array, curvature: Array, low: Array, high: Array
+) -> Array:
     """Newton step within bounds: parameters that would leave them are held there."""
     held = np.zeros(len(theta), dtype=bool)
     step = np.zeros(len(theta))

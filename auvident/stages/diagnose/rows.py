@@ -94,7 +94,8 @@ def diagnosis_of(evidence: Evidence, model: IdentifiedModel, maneuvers: Maneuver
         candidates=tuple(_candidates(traced.rounds, case)), ambiguous=groups,
         unexplained=unexplained, sees=sees,
         lookalikes=lookalikes(first.joint, evidence.candidates), separate_by=by,
-        silent=_silent(case, traced.final), steps=traced.steps,
+        silent=_silent(case, traced.final), carried=_carried(case, traced.final),
+        steps=traced.steps,
         residuals=tuple(_residual_rows(evidence)), checks=_checks(evidence),
         missing=evidence.missing, false_alarm_p=first.p,
         identify_maneuvers=tuple(r.id for r in case.records),
@@ -250,6 +251,20 @@ def _silent(case: Case, fitted: Fitted) -> tuple[EffectFound, ...]:
     )
 
 
+def _carried(case: Case, fitted: Fitted) -> dict[str, dict[str, float]]:
+    """Internal values of the effects a refined model takes along, and the priors of those named."""
+    found: dict[str, dict[str, float]] = {"start": {}, "prior": {}, "prior_std": {}}
+    for i, name in enumerate(case.names):
+        effect = name.partition(".")[0]
+        if effect in fitted.effects:
+            found["start"][name] = float(fitted.parameters[i])
+            found["prior"][name] = float(case.setup.prior[i])
+            found["prior_std"][name] = float(case.setup.prior_std[i])
+        elif case.silent[i] > 0.0:
+            found["start"][name] = float(fitted.parameters[i])
+    return found
+
+
 def _candidates(rounds: Sequence[Round], case: Case) -> list[Candidate]:
     """Every candidate, from the round in which it was refitted last, best first."""
     rows: dict[str, Candidate] = {}
@@ -354,9 +369,11 @@ def _coefficient_findings(traced: Traced) -> list[Finding]:
             away = (p[i] - case.setup.prior[i]) / case.setup.prior_std[i]
             ratios.append(p[i] / case.setup.prior[i] if abs(away) > least else 0.0)
         if min(ratios) > TWICE:
+            pairs = zip(symbols, ratios, strict=True)
+            listed = ", ".join(f"{symbol} {ratio:.1f} times" for symbol, ratio in pairs)
             found.append(Finding(
                 code=code, where=", ".join(symbols), value=float(min(ratios)), threshold=TWICE,
-                message=f"{text}: {', '.join(f'{s} {r:.1f} times' for s, r in zip(symbols, ratios, strict=True))}",
+                message=f"{text}: {listed}",
                 remedy="The coefficients carry it; the prediction is complete.",
             ))  # fmt: skip
     return found

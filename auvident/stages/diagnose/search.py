@@ -186,9 +186,7 @@ class Search:
                 options += [second] if second else []
             found[c] = max(options, key=lambda f: f.log_likelihood)
         before = self._polished(before, found)
-        tried = [
-            Tried(c, f, log_gain(before, f), self._falls(before, f)) for c, f in found.items()
-        ]
+        tried = [Tried(c, f, log_gain(before, f), self._falls(before, f)) for c, f in found.items()]
         return sorted(tried, key=lambda t: -t.gain), before
 
     def _analytical(self, fitted: Fitted) -> Array:
@@ -204,7 +202,7 @@ class Search:
         best = ranked({c: f.log_likelihood for c, f in found.items()})[:2]
         for c in best:
             start = found[c].parameters.copy()
-            own = [i for i in self.case.positions(c)]
+            own = self.case.positions(c)
             start[own] = before.parameters[own]
             again = fit_with(self.case, before.effects, start, before.colours, rounds=2, steps=6)
             if again is not None and again.log_likelihood > before.log_likelihood:

@@ -1,19 +1,22 @@
 """The identified model and its history from the stages that were run."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from auvident.engines.carried import Carried, effect_rows
 from auvident.engines.estimator import (
     LONGEST_CORRELATION_S,
+    NOTHING,
     Outcome,
     Setup,
     active_states,
 )
+from auvident.engines.prediction import at_effects, linear_about
 from auvident.engines.records import STATE_COLUMNS
 from auvident.engines.states import smoothed_states
 from auvident.estimation.identifiability import (
@@ -63,7 +66,7 @@ class Step:
 def model_of(
     setup: Setup, sensing: Sensing, ase: AseResult, vehicle: Vehicle,
     done: Sequence[Step], unseen: Sequence[Direction], scatter: Array | None,
-    findings: Sequence[Finding],
+    findings: Sequence[Finding], carried: Carried | None = None,
 ) -> IdentifiedModel:  # fmt: skip
     """Assemble the artifact from the last stage that estimated each coefficient.
 
@@ -95,6 +98,7 @@ def model_of(
         rigid_body=rigid_body(vehicle, plane),
         sensing=sensing,
         coefficients=rows,
+        effects=_effects(setup, final, widen, carried),
         covariance=_covariance(setup, final, symbols, widen),
         correlations=correlations(final.covariance, symbols),
         unidentifiable=tuple(_combination(direction, symbols) for direction in unseen),
@@ -107,10 +111,24 @@ def model_of(
     )
 
 
+def _effects(
+    setup: Setup, final: Outcome, widen: Array, carried: Carried | None
+) -> tuple[dict[str, Any], ...]:
+    """The effects that the model carries, with the standard deviations of those estimated."""
+    if carried is None:
+        return ()
+    spread = np.sqrt(np.diag(final.covariance)) * setup.prior_std[final.free] * widen
+    stds = {
+        setup.structure.parameters[position]: float(std)
+        for position, std in zip(final.free, spread, strict=True)
+    }
+    return effect_rows(setup.structure, final.parameters, stds, carried.prior, carried.effects)
+
+
 def _combination(direction: Direction, symbols: Sequence[str]) -> Combination:
     """A direction the data cannot see, in words."""
     named = direction.named(symbols)
-    equations = {BY_SYMBOL[symbol].equation for symbol, _ in named}
+    equations = {BY_SYMBOL[symbol].equation for symbol, _ in named if symbol in BY_SYMBOL}
     if not direction.structural:
         meaning = "these maneuvers hardly show this combination; the prior holds it"
     elif equations == {"X"}:
@@ -314,10 +332,13 @@ def states_of(setup: Setup, parameters: Array) -> pd.DataFrame:
     columns = STATE_COLUMNS[setup.structure.plane]
     pieces = []
     for name, (_, record) in setup.records.items():
+        acting = at_effects(setup.frame, parameters, record)
+        linear, sensor = linear_about(setup.frame, parameters, [acting], setup.free(NOTHING),
+                                      len(record.time_s))  # fmt: skip
+        acting = replace(acting, measured=acting.measured - linear.offset[0])
         found = smoothed_states(
-            setup.structure, parameters, record, active, setup.sensor, setup.sensor_std,
-            setup.dt_s,
-        )  # fmt: skip
+            setup.structure, parameters, acting, active, sensor, setup.sensor_std, setup.dt_s
+        )
         piece = {"maneuver": name, "time_s": record.time_s}
         for c in np.flatnonzero(active):
             piece[columns[c]] = found.mean[:, c]

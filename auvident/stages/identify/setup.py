@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.engines.carried import Carried
 from auvident.engines.estimator import (
     Setup,
 )
-from auvident.engines.records import STATE_COLUMNS, record_of, sensor_matrix
+from auvident.engines.records import STATE_COLUMNS, Record, record_of, sensor_matrix
 from auvident.errors import NumericsError
-from auvident.physics.terms import parameter_vector, structure_of, symbol_in
+from auvident.physics.terms import parameter_vector, symbol_in
 from auvident.schema.artifacts import (
     AseResult,
     Maneuvers,
@@ -45,9 +46,11 @@ def prepare(
     plan: Plan,
     filter: str,
     engine: str,
+    carried: Carried | None = None,
 ) -> tuple[Setup, Sensing]:
     """Arrays of the identification; see `identify` for the parameters."""
-    structure = structure_of(plane)
+    carried = carried or Carried()
+    structure = carried.structure(plane)
     sensing = sensing_of(vehicle, noise, plane)
     sensor = sensor_matrix(plane, sensing)
     by_name = {trial.name: without_held_out(trial, maneuvers, plane) for trial in trials}
@@ -59,8 +62,13 @@ def prepare(
         )
     records = {m.id: (m.kind, record_of(m, by_name[m.trial], plane, sensor)) for m in chosen}
     values, stds = priors(ase, plane)
-    prior = parameter_vector(plane, values, rigid_body(vehicle, plane))
+    stds |= {name: std for name, std in carried.prior_std.items() if std > 0.0}
+    rigid = rigid_body(vehicle, plane)
+    prior = parameter_vector(plane, values, rigid, carried.prior, structure)
+    start = parameter_vector(plane, values, rigid, carried.start, structure)
     prior_std = np.array([stds.get(name, 0.0) for name in structure.parameters])
+    prior = np.where(prior_std > 0.0, prior, start)
+    records = {name: (kind, _masked(r, carried)) for name, (kind, r) in records.items()}
     followers = np.array(
         [[structure.index(symbol_in(plane, "B_adot")), structure.index(symbol_in(plane, "A_bdot"))]]
     )
@@ -69,10 +77,19 @@ def prepare(
         Setup(
             structure, plan, records, 1.0 / rate_hz, sensing,
             np.array([sensing.noise_std[c] for c in STATE_COLUMNS[plane]]), prior, prior_std,
-            followers, filter, engine,
+            followers, filter, engine, start,
         ),
         sensing,
     )  # fmt: skip
+
+
+def _masked(record: Record, carried: Carried) -> Record:
+    """The record without the readings in the windows that are left out."""
+    measured = record.measured.copy()
+    for name, start, end in carried.windows:
+        if name == record.id:
+            measured[(record.time_s >= start) & (record.time_s <= end)] = np.nan
+    return replace(record, measured=measured)
 
 
 def without_held_out(trial: Trial, maneuvers: Maneuvers, plane: Plane) -> Trial:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
+from auvident.engines.carried import Carried
 from auvident.engines.estimator import (
     Outcome,
     Setup,
@@ -55,6 +56,7 @@ def identify(
     plan: Plan,
     filter: str = "ekf",
     engine: str = "compiled",
+    carried: Carried | None = None,
     progress: Progress | None = None,
 ) -> Identification:
     """Estimate the coefficients of one plane from the maneuvers that identify.
@@ -75,6 +77,8 @@ def identify(
         ``ekf`` or ``ukf``.
     engine : str
         ``compiled`` or ``filterpy``.
+    carried : Carried, optional
+        Effects that are estimated along, or given.
     progress : callable, optional
         Called with a text and the fraction done.
 
@@ -85,7 +89,7 @@ def identify(
     """
     setup, sensing = prepare(
         trials, maneuvers, ase, vehicle, noise, plane=plane, plan=plan, filter=filter,
-        engine=engine,
+        engine=engine, carried=carried,
     )  # fmt: skip
     runs = [_run(setup, factor, progress) for factor in plan.start]
     done, skipped = runs[-1]
@@ -97,16 +101,15 @@ def identify(
     done = [*done[:-1], replace(done[-1], outcome=final)]
     covariance = jackknife_covariance(influences(setup, final, done[-1].stage))
     scatter = None if covariance is None else np.sqrt(np.diag(covariance))
-    model = model_of(setup, sensing, ase, vehicle, done, unseen, scatter, findings)
+    model = model_of(setup, sensing, ase, vehicle, done, unseen, scatter, findings, carried)
     history = history_of(setup, [step for run in runs for step in run[0]])
     return Identification(model, history, states_of(setup, final.parameters))
 
 
 def _equations(setup: Setup, outcome: Outcome) -> list[list[int]]:
     """Free coefficients of the surge equation, and of the two lateral ones."""
-    surge = [
-        BY_SYMBOL[setup.structure.parameters[position]].equation == "X" for position in outcome.free
-    ]
+    names = [setup.structure.parameters[position] for position in outcome.free]
+    surge = [n in BY_SYMBOL and BY_SYMBOL[n].equation == "X" for n in names]
     blocks = [[i for i, x in enumerate(surge) if x], [i for i, x in enumerate(surge) if not x]]
     return [block for block in blocks if block]
 
@@ -115,7 +118,7 @@ def _run(
     setup: Setup, factor: float, progress: Progress | None
 ) -> tuple[list[Step], list[Finding]]:
     """All stages of the plan from the prior values times a factor."""
-    parameters = setup.prior.copy()
+    parameters = setup.start.copy()
     parameters[setup.prior_std > 0.0] *= factor
     rounds = setup.plan.rounds()
     done: list[Step] = []

@@ -1,0 +1,132 @@
+"""The effects a model carries: from its artifact to the prediction and back."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from auvident.engines.prediction import Frame, at_effects, readings, simulated
+from auvident.engines.records import Record
+from auvident.physics.terms import Structure, parameter_vector, structure_of
+from auvident.schema.artifacts import IdentifiedModel
+from auvident.schema.coefficients import Plane
+from auvident.schema.effects import BY_ID, parameter_of
+
+Array = npt.NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Carried:
+    """Effects that an identification carries.
+
+    Attributes
+    ----------
+    effects : tuple of str
+        Those that are estimated, in the order of the table; the others are given.
+    start, prior, prior_std : mapping
+        Internal values by name ``effect.parameter``; a standard deviation of zero holds the start.
+    windows : tuple of (maneuver, start, end)
+        Readings that are left out [s].
+    """
+
+    effects: tuple[str, ...] = ()
+    start: Mapping[str, float] = field(default_factory=dict)
+    prior: Mapping[str, float] = field(default_factory=dict)
+    prior_std: Mapping[str, float] = field(default_factory=dict)
+    windows: tuple[tuple[str, float, float], ...] = ()
+
+    def ids(self, plane: Plane) -> tuple[str, ...]:
+        """All effects with a value, estimated or given, in the order of the table."""
+        named = {name.partition(".")[0] for name, value in self.start.items() if value}
+        named |= set(self.effects)
+        return tuple(e for e in BY_ID if e in named and plane in BY_ID[e].planes)
+
+    def structure(self, plane: Plane) -> Structure:
+        """The equations with these effects."""
+        return structure_of(plane, self.ids(plane))
+
+
+def internal_values(effects: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Internal value of every parameter of the effects in a model."""
+    return {name: float(v) for effect in effects for name, v in effect["internal"].items()}
+
+
+def structure_behind(model: IdentifiedModel) -> Structure:
+    """The equations of a model with the effects it carries."""
+    return structure_of(model.plane, tuple(str(e["id"]) for e in model.effects))
+
+
+def vector_behind(model: IdentifiedModel, coefficients: Mapping[str, float] | None = None) -> Array:
+    """Parameter vector of a model, its effects included.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+    coefficients : mapping, optional
+        Coefficients to take in place of the model's own.
+    """
+    return parameter_vector(
+        model.plane, coefficients or model.values(), model.rigid_body,
+        internal_values(model.effects), structure_behind(model),
+    )  # fmt: skip
+
+
+def frame_of(model: IdentifiedModel, dt_s: float) -> Frame:
+    """What a prediction with a model needs."""
+    return Frame(structure_behind(model), model.sensing, dt_s)
+
+
+@dataclass(frozen=True)
+class Course:
+    """A predicted course: readings (n, 4) at the sensors, states (n, 4) at the origin.
+
+    Velocities of `states` are through the water where the model has a current, those of
+    `over_ground` never.
+    """
+
+    readings: Array
+    states: Array
+    over_ground: Array
+
+
+def predicted_course(frame: Frame, p: Array, record: Record, active: Array) -> Course:
+    """Free-running prediction of a record from its start and inputs."""
+    acting = at_effects(frame, p, record)
+    states = simulated(frame, p, acting, active)
+    return Course(readings(frame, p, record, states), states, over_ground(frame, p, states))
+
+
+def over_ground(frame: Frame, p: Array, states: Array) -> Array:
+    """States with the velocity of the water added."""
+    names = frame.structure.parameters
+    if "current.north_mps" not in names:
+        return states
+    north, east = (float(p[names.index(f"current.{s}_mps")]) for s in ("north", "east"))
+    out, c, s = states.copy(), np.cos(states[:, 3]), np.sin(states[:, 3])
+    out[:, 0] += north * c + east * s
+    out[:, 1] += east * c - north * s
+    return out
+
+
+def effect_rows(
+    structure: Structure, p: Array, stds: Mapping[str, float], prior: Mapping[str, float],
+    named: Sequence[str],
+) -> tuple[dict[str, Any], ...]:  # fmt: skip
+    """The effects of a model as they stand in its artifact; ``silent`` are those not named."""
+    rows = []
+    for effect in structure.effects:
+        internal = {n: float(p[structure.index(n)]) for n in BY_ID[effect].names()}
+        values = []
+        for name, value in internal.items():
+            declared = parameter_of(name)
+            shown, std = declared.shown(value - prior.get(name, 0.0), stds.get(name, 0.0))
+            values.append({
+                "symbol": declared.symbol, "value": shown, "std": std, "unit": declared.unit,
+            })  # fmt: skip
+        rows.append({
+            "id": effect, "family": BY_ID[effect].family, "parameters": values,
+            "silent": effect not in named, "internal": internal,
+        })  # fmt: skip
+    return tuple(rows)
