@@ -217,10 +217,9 @@ class HandMade:
         self.found, self.calls = found, {}  # type: ignore[var-annotated]
 
     def diagnose(
-        self, trials: Any, maneuvers: Maneuvers, ase: Any, vehicle: Any, noise: Any,
-        model: IdentifiedModel, *, plan: Any, seed: int, progress: Any,
-    ) -> SimpleNamespace:  # fmt: skip
-        self.calls["diagnose"] = {"plan": plan, "seed": seed, "noise": noise}
+        self, trials: Any, maneuvers: Maneuvers, *given: Any, **options: Any
+    ) -> SimpleNamespace:
+        model = self._note("diagnose", given, options)
         chosen = in_plane(maneuvers, model)
         names = [m.id for m in chosen if m.role == "identify"]
         return SimpleNamespace(
@@ -228,16 +227,15 @@ class HandMade:
         )
 
     def refine(
-        self, trials: Any, maneuvers: Maneuvers, ase: Any, vehicle: Any, noise: Any,
-        model: IdentifiedModel, diagnosis: Diagnosis, *, plan: Any, filter: str, engine: str,
-        seed: int, progress: Any,
-    ) -> SimpleNamespace:  # fmt: skip
-        self.calls["refine"] = {"plan": plan, "filter": filter, "engine": engine, "seed": seed}
+        self, trials: Any, maneuvers: Maneuvers, *given: Any, **options: Any
+    ) -> SimpleNamespace:
+        model = self._note("refine", given, options)
+        diagnosis = next(x for x in given if isinstance(x, Diagnosis))
         compared = comparison(diagnosis, model, in_plane(maneuvers, model))
         after = {c.symbol: c.after for c in compared.coefficients}
         refined = model.model_copy(update={
             "effects": tuple(e.model_dump() for e in diagnosis.effects),
-            "filter": filter,
+            "filter": self.calls["refine"]["filter"],
             "coefficients": tuple(
                 c.model_copy(update={"value": after[c.symbol]}) for c in model.coefficients
             ),
@@ -247,6 +245,14 @@ class HandMade:
         return SimpleNamespace(
             model=refined, comparison=compared, history=history, simulation=frame
         )
+
+    def _note(self, stage: str, given: tuple[Any, ...], options: dict[str, Any]) -> IdentifiedModel:
+        """Keep plan, filter, engine and seed, alone or as a `Setup` has them; return the model."""
+        setups = [x for x in given if hasattr(x, "plan") and hasattr(x, "structure")]
+        inside = {k: getattr(s, k) for s in setups for k in ("plan", "filter", "engine")
+                  if hasattr(s, k)}  # fmt: skip
+        self.calls[stage] = {**inside, **options}
+        return next(x for x in given if isinstance(x, IdentifiedModel))
 
 
 def put_in_place(monkeypatch: pytest.MonkeyPatch, found: Any = diagnosis) -> HandMade:

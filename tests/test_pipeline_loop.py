@@ -53,7 +53,7 @@ def test_their_artifacts_stand_where_users_look(
     assert states(demo)["report"] == "stale"
 
 
-def test_they_are_given_noise_and_the_plan_and_filter_of_the_identification(
+def test_they_are_given_the_plan_and_filter_of_the_identification(
     demo: Path, auvident: Callable[..., Called], found: loop_world.HandMade
 ) -> None:
     import auvident as package
@@ -66,7 +66,6 @@ def test_they_are_given_noise_and_the_plan_and_filter_of_the_identification(
     for stage in ("diagnose", "refine"):
         assert auvident(stage, demo, "--quiet").code == 0
         assert found.calls[stage]["plan"].name == "mine"
-    assert found.calls["diagnose"]["noise"]["u_mps"] > 0.0
     assert (found.calls["refine"]["filter"], found.calls["refine"]["engine"]) == ("ukf", "compiled")
     assert auvident("refine", demo, "--filter", "ekf", "--quiet").code == 0
     assert found.calls["refine"]["filter"] == "ekf"
@@ -187,3 +186,35 @@ def test_messages_of_the_stages_pass_through(
     assert called.code == 5
     assert "turn-1, 12.3 s: the fit diverged" in called.err and "Hold out turn-1." in called.err
     assert status(demo)[1].failed["diagnose"].problem == "the fit diverged"
+
+
+def test_a_run_goes_on_when_the_numbers_of_the_diagnosis_fail(
+    demo: Path,
+    auvident: Callable[..., Called],
+    found: loop_world.HandMade,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The report tells the rest, without a diagnosis of another model; the exit code is 5."""
+    import sys
+    from types import SimpleNamespace
+
+    from auvident.errors import NumericsError
+
+    auvident("diagnose", demo, "--quiet")
+    auvident("refine", demo, "--quiet")
+
+    def fail(*arguments: object, **options: object) -> None:
+        raise NumericsError("the fit diverged", "turn-1", "Hold out turn-1.")
+
+    module = SimpleNamespace(diagnose=fail)
+    monkeypatch.setitem(sys.modules, "auvident.stages.diagnose", module)
+    called = auvident(*RUN, demo, "--filter", "ukf")
+    assert called.code == 5
+    assert called.err.rstrip().splitlines()[-1].strip() == "Hold out turn-1."
+    said = decisions(called)
+    assert said["refine"] == "left out, the numbers failed before"
+    assert said["report"].startswith("runs again")
+    assert "What the model lacks" not in (demo / "report/report.html").read_text()
+    assert states(demo) | {"validate": "done", "diagnose": "stale"} == states(demo)
+    summary = auvident(*RUN, demo, "--filter", "ukf", "--json")
+    assert summary.code == 5 and json.loads(summary.out)["validate"]["summary"]

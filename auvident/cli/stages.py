@@ -171,12 +171,14 @@ def run(
     with output.watch(brief=True) as watch:
         result = run_all(run, chosen, seed=seed, observer=watch)
         left = given_by(run)
-        for piece in discovery(left.comparison):
+        for piece in discovery(left.comparison) if result.failure is None else []:
             watch.show(piece)
     if output.json:
         output.artifact(summary(run, result), "run")
     elif not output.quiet:
         output.text(str(run / "report" / "report.html"))
+    if result.failure is not None:
+        raise result.failure
     check_refined(left.comparison, limits, left.metrics)
     return exit_code(result.outputs)
 
@@ -188,8 +190,8 @@ def summary(run: Path, result: Any) -> dict[str, Any]:
 
     decisions = [{"stage": d.stage, "state": d.state, "reason": d.reason} for d in result.decisions]
     mains = {s.name: s.main for s in STAGES}
-    artifacts = {n: read_json(run / p) for n, p in mains.items() if p.endswith(".json")}
-    files = {n: str(run / p) for n, p in mains.items()}
+    files = {n: str(run / p) for n, p in mains.items() if (run / p).exists()}
+    artifacts = {n: read_json(Path(p)) for n, p in files.items() if p.endswith(".json")}
     found = {"decisions": decisions, "files": files, **artifacts}
     return {"schema": "auvident/summary/1", "run": str(run), **found}
 

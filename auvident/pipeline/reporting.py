@@ -2,7 +2,9 @@
 
 from typing import TYPE_CHECKING
 
+from auvident.pipeline.freshness import judge
 from auvident.pipeline.given import Given
+from auvident.pipeline.table import BY_NAME
 from auvident.storage.artifacts import read_json
 
 if TYPE_CHECKING:
@@ -11,10 +13,11 @@ if TYPE_CHECKING:
 
 
 def report_data(given: Given) -> "ReportData":
-    """Artifacts of all stages done; those of stages not done are left out."""
+    """Artifacts of all stages; of those it only shows where they are there, and not stale."""
     from auvident.report.html_data import ReportData
 
-    done = given.manifest.stages if given.manifest else {}
+    stages = (BY_NAME[name] for name in BY_NAME["report"].also)
+    done = {s.name for s in stages if judge(s, given.run, given.manifest).state == "done"}
     return ReportData(
         trials=given.trials,
         vehicle=given.vehicle,
@@ -29,6 +32,7 @@ def report_data(given: Given) -> "ReportData":
         diagnosis=given.diagnosis if "diagnose" in done else None,
         comparison=given.comparison if "refine" in done else None,
         residuals=given.table("diagnose/residuals.parquet") if "diagnose" in done else None,
+        refined=given.table("refine/simulation.parquet") if "refine" in done else None,
     )
 
 

@@ -21,16 +21,21 @@ from auvident.storage.run_directory import PACKAGE, RunDirectory
 if TYPE_CHECKING:
     import pandas as pd
 
+OPTIONAL = frozenset(BY_NAME["report"].also)  # a run goes on when their numbers fail
 NOT_RECORDED = frozenset({"keep_going"})  # options that change no result
 SILENT = Observer()
 
 
 @dataclass
 class RunResult:
-    """What `run_all` did: a decision a stage, and the outputs of those that ran."""
+    """What `run_all` did: a decision a stage, and the outputs of those that ran.
+
+    ``failure`` is that of a stage which the report can do without.
+    """
 
     decisions: list[Decision] = field(default_factory=list)
     outputs: dict[str, Any] = field(default_factory=dict)
+    failure: NumericsError | None = None
 
 
 def run_stage(
@@ -95,6 +100,12 @@ def run_all(
         As for `run_stage`.
     until : str, optional
         Last stage.
+
+    Returns
+    -------
+    RunResult
+        A failure of the numbers stops the run, except in a stage that the report only shows
+        where it was run: then it is returned.
     """
     run, result = RunDirectory(path), RunResult()
     with ExitStack() as stack:
@@ -105,12 +116,21 @@ def run_all(
             manifest = run.manifest()
             decision = judge(stage, run, manifest, wanted[stage.name])
             result.decisions.append(decision)
+            if result.failure is not None and stage.name in OPTIONAL:
+                observer.decided(stage.name, f"{stage.name}: left out, the numbers failed before")
+                continue
             observer.decided(stage.name, decision.sentence)
-            if decision.state != "done":
+            if decision.state == "done":
+                continue
+            try:
                 result.outputs |= _execute(
                     stage, run, manifest, wanted[stage.name], options.get(stage.name, {}),
                     observer, stack,
                 )  # fmt: skip
+            except NumericsError as error:
+                if stage.name not in OPTIONAL:
+                    raise
+                result.failure = error
     return result
 
 

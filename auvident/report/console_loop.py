@@ -57,7 +57,7 @@ def discovery(found: Comparison) -> list[RenderableType]:
     pieces: list[RenderableType] = [statement(found)]
     if found.effects:
         pieces.append(effects_table(found))
-    pieces += _ambiguous_lines(found)
+    pieces += [*_ambiguous_lines(found), *_unexplained_lines(found)]
     if found.effects and found.held_out.before:
         pieces.append(held_out_table(found.held_out))
     return pieces
@@ -123,9 +123,7 @@ def verdict_lines(found: Diagnosis) -> list[RenderableType]:
     pieces += _ambiguous_lines(found)
     if found.separate_by:
         pieces.append(Text(f"To tell them apart: {found.separate_by}", style="yellow"))
-    for line in words.correlates(found.unexplained):
-        pieces.append(Text(f"Left unexplained: {line}", style="yellow"))
-    return pieces
+    return pieces + _unexplained_lines(found)
 
 
 def _ambiguous_lines(found: Diagnosis | Comparison) -> list[RenderableType]:
@@ -133,6 +131,11 @@ def _ambiguous_lines(found: Diagnosis | Comparison) -> list[RenderableType]:
         Text(f"These data cannot tell apart: {', '.join(group)}", style="yellow")
         for group in found.ambiguous
     ]
+
+
+def _unexplained_lines(found: Diagnosis | Comparison) -> list[RenderableType]:
+    lines = words.unexplained_lines(found.unexplained)
+    return [Text(f"Left unexplained: {line}", style="yellow") for line in lines]
 
 
 def effects_table(found: Diagnosis | Comparison) -> Table:

@@ -32,6 +32,7 @@ MOST_BARS = 15
 LEAST_GAIN = 0.3  # nats, where the logarithmic axis begins: less is nothing
 MOST_CHANNELS, MOST_MANEUVERS = 3, 2  # drawn over time
 WORTH_DRAWING = 0.05  # of the greatest fall of the residual: channels below it are left out
+ROLES = ("validate", "identify")  # a maneuver of each is drawn, where there is one
 # column ending, colour, line style, line width, opacity, words
 LINES = (
     ("measured", INK, "-", 2.0, 0.4, "measured"),
@@ -120,16 +121,14 @@ def squared_falls(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def most_affected(falls: pd.DataFrame, table: pd.DataFrame) -> tuple[list[str], list[str]]:
-    """Channels and maneuvers to draw: one that identified and one held out, where there are."""
+    """Channels and maneuvers to draw: one held out and one that identified first."""
     mean = falls.mean().sort_values(ascending=False)
     channels = [c for c in mean.index if mean[c] >= WORTH_DRAWING * mean.iloc[0]][:MOST_CHANNELS]
     best = falls[channels].sum(axis=1).sort_values(ascending=False)
     roles = dict(zip(table["maneuver"], table["role"], strict=True))
-    chosen = [
-        next((m for m in best.index if roles[m] == r), None) for r in ("validate", "identify")
-    ]
-    found = [m for m in chosen if m is not None]
-    return channels, found[:MOST_MANEUVERS]
+    firsts = [next((m for m in best.index if roles[m] == r), None) for r in ROLES]
+    order = dict.fromkeys([*(m for m in firsts if m is not None), *best.index])
+    return channels, list(order)[:MOST_MANEUVERS]
 
 
 def _panel(upper: Axes, lower: Axes, rows: pd.DataFrame, column: str, first: bool) -> None:

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from auvident.report.figures import (
     BLUE,
+    GREEN,
     GRID,
     INK,
     SOFT,
@@ -27,6 +28,7 @@ LINES = (
     ("ase", VERMILLION, (0, (4, 2)), 1.0, "{prior} alone"),
     ("measured", INK, "-", 2.0, "measured"),
     ("simulated", BLUE, "-", 1.2, "model"),
+    ("refined", GREEN, (0, (5, 1)), 1.2, "model with the effects"),
 )
 MEASURED_OPACITY = 0.45  # so that the model on top of it is seen
 WITH_TRACK = 0.64  # share of the width left to the channels
@@ -72,7 +74,7 @@ def prediction(
     axes.set_xlim(time[0], time[-1])
     if has_track:
         _track(figure, table, after, before, prior)
-    _legend(figure, prior)
+    _legend(figure, prior, any(str(c).endswith("_refined") for c in table.columns))
     figure.align_ylabels()
     return svg(figure, name, f"Maneuver {after.id}, measured and predicted")
 
@@ -102,7 +104,7 @@ def _channel(axes: Axes, time: np.ndarray, table: pd.DataFrame, column: str, uni
         seen = np.isfinite(y)  # a sensor slower than the rows leaves holes between its samples
         opacity = MEASURED_OPACITY if ending == "measured" else 1.0
         axes.plot(*thinned(time[seen], y[seen]), color=colour, ls=dashes, lw=width, alpha=opacity)
-    inside = np.concatenate([values["measured"], values["simulated"]])
+    inside = np.concatenate([values[e] for e in values if e != "ase"])
     axes.set_ylim(*limits(inside, values.get("ase", np.array([]))))
     axes.locator_params(axis="y", nbins=5)
 
@@ -165,14 +167,14 @@ def _square(axes: Axes, east: np.ndarray, north: np.ndarray) -> None:
     axes.locator_params(nbins=6)
 
 
-def _legend(figure: Figure, prior: str) -> None:
+def _legend(figure: Figure, prior: str, refined: bool) -> None:
     from matplotlib.lines import Line2D
 
     handles = [
         Line2D([], [], color=c, ls=d, lw=w, label=words.format(prior=prior),
                alpha=MEASURED_OPACITY if e == "measured" else 1.0)
-        for e, c, d, w, words in (LINES[1], LINES[2], LINES[0])
+        for e, c, d, w, words in (*LINES[1:], LINES[0]) if e != "refined" or refined
     ]  # fmt: skip
     figure.legend(
-        handles=handles, loc="upper left", ncols=3, bbox_to_anchor=(0.08, 1.0), borderaxespad=0.1
+        handles=handles, loc="upper left", ncols=4, bbox_to_anchor=(0.08, 1.0), borderaxespad=0.1
     )

@@ -10,7 +10,7 @@ from auvident.report import html_tables as tables
 from auvident.report import html_words as words
 from auvident.report.html_data import ReportData, number, quantity
 from auvident.report.html_loop import figures as loop_figures
-from auvident.report.html_loop import lacks
+from auvident.report.html_loop import lacks, with_refined
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -133,7 +133,13 @@ def _predictions(report: ReportData) -> list[str]:
         return []
     rows = dict(list(report.simulation.groupby("maneuver", sort=False)))
     return [
-        prediction(rows[m.id], m, report.before(m.id), f"prediction{i}", report.prior_name)
+        prediction(
+            with_refined(rows[m.id], report, m.id),
+            m,
+            report.before(m.id),
+            f"prediction{i}",
+            report.prior_name,
+        )
         for i, m in enumerate(report.held_out()[:MOST_PREDICTIONS])
         if m.id in rows
     ]

@@ -54,8 +54,8 @@ class ReportData:
         ``identify/history.parquet`` and ``validate/simulation.parquet``.
     diagnosis, comparison
         What the model lacks, and what adding it changed.
-    residuals : pandas.DataFrame or None
-        ``diagnose/residuals.parquet``.
+    residuals, refined : pandas.DataFrame or None
+        ``diagnose/residuals.parquet`` and ``refine/simulation.parquet``.
     """
 
     trials: Sequence[Trial] = ()
@@ -71,6 +71,7 @@ class ReportData:
     diagnosis: Diagnosis | None = None
     comparison: Comparison | None = None
     residuals: "pd.DataFrame | None" = None
+    refined: "pd.DataFrame | None" = None
 
     @property
     def name(self) -> str:

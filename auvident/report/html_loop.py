@@ -3,6 +3,9 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from auvident.report import loop_words as words
 from auvident.report.html_data import ReportData, number, quantity, shown, unit_text
@@ -19,6 +22,9 @@ from auvident.schema.diagnosis import (
     ManeuverComparison,
     ParameterValue,
 )
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 GRADES = {"none_found": "good", "effect_found": "fair", "ambiguous": "fair", "unexplained": "poor"}
 
@@ -65,7 +71,7 @@ def lacks(report: ReportData) -> Lacks | None:
         silent=effect_table(diagnosis.silent),
         ambiguous=tuple(", ".join(group) for group in found.ambiguous),
         separate_by=diagnosis.separate_by,
-        unexplained=unexplained_lines(found),
+        unexplained=words.unexplained_lines(found.unexplained),
         summary=summary(comparison) if comparison else "",
         held_out=held_out_table(comparison.held_out) if comparison else None,
         maneuvers=maneuver_table(comparison.maneuvers) if comparison else None,
@@ -114,6 +120,24 @@ def figures(report: ReportData) -> dict[str, list[str | None]]:
     }  # fmt: skip
 
 
+def with_refined(rows: "pd.DataFrame", report: ReportData, maneuver: str) -> "pd.DataFrame":
+    """Rows of a maneuver with what the refined model predicts as ``..._refined``.
+
+    As they are where nothing was added, or the refinement does not have the same rows.
+    """
+    if report.refined is None or report.comparison is None or not report.comparison.effects:
+        return rows
+    refined = report.refined[report.refined["maneuver"] == maneuver]
+    if not np.array_equal(refined["time_s"], rows["time_s"]):
+        return rows
+    ending = "_simulated"
+    added = {
+        c.removesuffix(ending) + "_refined": refined[c].to_numpy()
+        for c in refined.columns if c.endswith(ending)
+    }  # fmt: skip
+    return rows.assign(**added)
+
+
 def effect_table(effects: Sequence[EffectFound]) -> Table:
     """Effects in plain words, with each parameter and its interval."""
     rows = []
@@ -129,21 +153,7 @@ def effect_table(effects: Sequence[EffectFound]) -> Table:
 
 
 def _value(p: ParameterValue) -> tuple[str, str, str]:
-    low, high = words.interval(p)
-    return unit_text(p.unit), number(p.value), f"{number(low)} to {number(high)}"
-
-
-def unexplained_lines(found: Diagnosis | Comparison) -> tuple[str, ...]:
-    """What is left: what it follows, the effect that comes nearest, where it is."""
-    rest = found.unexplained
-    lines = [f"It follows {line}." for line in words.correlates(rest)]
-    if rest.get("nearest"):
-        lines.append(
-            f"Nearest of the listed effects, not confirmed: {words.plain(rest['nearest'])}."
-        )
-    if rest.get("channels"):
-        lines.append(f"It is in {words.plain(rest['channels'])}.")
-    return tuple(lines)
+    return unit_text(p.unit), number(p.value), _signs(words.interval_text(p))
 
 
 def held_out_table(held_out: HeldOut) -> Table:

@@ -15,6 +15,7 @@ from auvident.schema.diagnosis import (
 from auvident.schema.effects import BY_ID, EFFECTS
 
 NORMAL_95 = 1.96  # standard deviations on each side of a 95 % interval
+LEAST_PLAIN, MOST_PLAIN, DECIMALS = 1.0e-5, 1.0e6, 7
 MOVED = 2.0  # standard deviations before, from which on a coefficient is said to have moved
 FAMILIES = tuple(dict.fromkeys(effect.family for effect in EFFECTS))
 VERDICTS = {
@@ -43,8 +44,14 @@ class PooledResidual:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """A number with some significant digits; empty when there is none."""
-    return "" if value is None else f"{value:.{digits}g}"
+    """A number with some significant digits, empty when there is none.
+
+    Powers of ten only where plain digits would be many.
+    """
+    text = "" if value is None else f"{value:.{digits}g}"
+    if "e" not in text or value is None or not LEAST_PLAIN <= abs(value) < MOST_PLAIN:
+        return text
+    return f"{float(text):.{DECIMALS}f}".rstrip("0").rstrip(".")
 
 
 def with_unit(value: float, unit: str, digits: int = 3) -> str:
@@ -62,13 +69,16 @@ def interval(p: ParameterValue) -> tuple[float, float]:
 
 
 def interval_text(p: ParameterValue) -> str:
-    """The 95 % interval, ``0.11 to 0.13``."""
+    """The 95 % interval, ``0.11 to 0.13``; empty where it was not worked out."""
+    if p.std <= 0.0 and (p.low is None or p.high is None):
+        return ""
     return " to ".join(number(bound) for bound in interval(p))
 
 
 def size(p: ParameterValue) -> str:
-    """A parameter with its interval: ``lag_s 0.38 s (0.33 to 0.43)``."""
-    return f"{p.symbol} {with_unit(p.value, p.unit)} ({interval_text(p)})"
+    """A parameter with its interval, if it has one: ``lag_s 0.38 s (0.33 to 0.43)``."""
+    bounds = f" ({interval_text(p)})" if interval_text(p) else ""
+    return f"{p.symbol} {with_unit(p.value, p.unit)}{bounds}"
 
 
 def sizes(parameters: Iterable[ParameterValue]) -> str:
@@ -169,6 +179,17 @@ def correlates(unexplained: Mapping[str, object]) -> list[str]:
     rows = unexplained.get("correlates") or ()
     assert isinstance(rows, list | tuple)
     return [_correlate(row) for row in rows]
+
+
+def unexplained_lines(unexplained: Mapping[str, object]) -> tuple[str, ...]:
+    """What is left: what it follows, the effect that comes nearest, where it is."""
+    lines = [f"It follows {line}." for line in correlates(unexplained)]
+    if unexplained.get("nearest"):
+        nearest = plain(unexplained["nearest"])
+        lines.append(f"Nearest of the listed effects, not confirmed: {nearest}.")
+    if unexplained.get("channels"):
+        lines.append(f"It is in {plain(unexplained['channels'])}.")
+    return tuple(lines)
 
 
 def plain(found: object) -> str:

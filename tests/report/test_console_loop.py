@@ -75,7 +75,9 @@ def test_groups_and_what_is_left_are_named() -> None:
     text = diagnosed(found)
     assert "These data cannot tell apart: rudder_offset, hull_asymmetry" in text
     assert "To tell them apart: vary the speed" in text
-    assert "Left unexplained: N with roll (gain 12)" in text
+    assert "Left unexplained: It follows N with roll (gain 12)." in text
+    ending = text_of(discovery(loop_world.comparison(found)))
+    assert "cannot tell apart" in ending and "It follows N with roll (gain 12)." in ending
 
 
 def test_held_out_errors_before_and_after_with_the_interval_of_the_difference() -> None:

@@ -6,13 +6,14 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
 from auvident.pipeline.given import Given
 from auvident.pipeline.reporting import report_data
 from auvident.report.html import render
 from auvident.report.html_data import ReportData
-from auvident.report.html_loop import lacks
+from auvident.report.html_loop import lacks, with_refined
 from auvident.schema.artifacts import Finding
 from auvident.schema.diagnosis import Comparison, Diagnosis
 from auvident.storage.run_directory import RunDirectory
@@ -34,6 +35,12 @@ def data(completed: Path) -> ReportData:
     comparison = loop_world.comparison(diagnosis, found.model, chosen)
     residuals = loop_world.residual_table(found.trials, chosen)
     return replace(found, diagnosis=diagnosis, comparison=comparison, residuals=residuals)
+
+
+@pytest.fixture(scope="module")
+def small(data: ReportData) -> ReportData:
+    """The same with the section alone: what else the report draws takes its time."""
+    return replace(data, trials=(), history=None, simulation=None)
 
 
 @pytest.fixture(scope="module")
@@ -116,30 +123,30 @@ def test_the_page_needs_nothing_else_and_repeats_itself(data: ReportData, text: 
     assert render(data) == text
 
 
-def test_without_the_loop_there_is_no_section(data: ReportData) -> None:
-    bare = replace(data, diagnosis=None, comparison=None, residuals=None)
+def test_without_the_loop_there_is_no_section(small: ReportData) -> None:
+    bare = replace(small, diagnosis=None, comparison=None, residuals=None)
     assert HEADING not in Page(render(bare)).text
     assert lacks(bare) is None
 
 
-def test_a_diagnosis_alone_is_told(data: ReportData) -> None:
-    page = Page(render(replace(data, comparison=None))).text
+def test_a_diagnosis_alone_is_told(small: ReportData) -> None:
+    page = Page(render(replace(small, comparison=None))).text
     assert loop_world.STATEMENT in page and "Effects that were tried" in page
     assert "Held-out error before and after" not in page
 
 
-def test_a_comparison_alone_is_told(data: ReportData) -> None:
-    page = Page(render(replace(data, diagnosis=None, residuals=None))).text
+def test_a_comparison_alone_is_told(small: ReportData) -> None:
+    page = Page(render(replace(small, diagnosis=None, residuals=None))).text
     assert "Held-out error before and after" in page
     assert "can and cannot see" not in page
 
 
-def test_nothing_found_is_good_news_and_draws_no_change(data: ReportData) -> None:
-    assert data.maneuvers and data.model
+def test_nothing_found_is_good_news_and_draws_no_change(small: ReportData) -> None:
+    assert small.maneuvers and small.model
     none = loop_world.nothing()
-    chosen = loop_world.in_plane(data.maneuvers, data.model)
-    compared = loop_world.comparison(none, data.model, chosen)
-    found = replace(data, diagnosis=none, comparison=compared)
+    chosen = loop_world.in_plane(small.maneuvers, small.model)
+    compared = loop_world.comparison(none, small.model, chosen)
+    found = replace(small, diagnosis=none, comparison=compared)
     told = lacks(found)
     assert told and (told.grade, told.summary) == ("good", "")
     page = Page(render(found)).text
@@ -155,13 +162,13 @@ def test_every_verdict_has_words(data: ReportData, verdict: str) -> None:
     assert told and told.verdict and told.grade in ("good", "fair", "poor")
 
 
-def test_groups_and_what_is_left_are_named(data: ReportData) -> None:
+def test_groups_and_what_is_left_are_named(small: ReportData) -> None:
     rest = {
         "correlates": [{"axis": "N", "regressor": "cos 2 heading", "gain": 41.0}],
         "nearest": "propeller_race", "channels": ["v", "r"],
     }  # fmt: skip
     found = with_diagnosis(
-        data, verdict="unexplained", unexplained=rest, separate_by="vary the speed",
+        small, verdict="unexplained", unexplained=rest, separate_by="vary the speed",
         ambiguous=(("rudder_offset", "hull_asymmetry"),),
     )  # fmt: skip
     page = Page(render(replace(found, comparison=None))).text
@@ -170,17 +177,17 @@ def test_groups_and_what_is_left_are_named(data: ReportData) -> None:
     assert "To tell them apart: vary the speed" in page
 
 
-def test_findings_of_the_loop_are_among_the_warnings(data: ReportData) -> None:
+def test_findings_of_the_loop_are_among_the_warnings(small: ReportData) -> None:
     finding = Finding(code="few-maneuvers", message="only two maneuvers identify")
     assert (
         "only two maneuvers identify"
-        in Page(render(with_diagnosis(data, findings=(finding,)))).text
+        in Page(render(with_diagnosis(small, findings=(finding,)))).text
     )
 
 
-def test_texts_of_the_artifacts_are_escaped(data: ReportData) -> None:
+def test_texts_of_the_artifacts_are_escaped(small: ReportData) -> None:
     nasty = '<b>"A" & $B$</b>'
-    found = with_diagnosis(data, statement=nasty, steps=(nasty,), missing=(nasty,))
+    found = with_diagnosis(small, statement=nasty, steps=(nasty,), missing=(nasty,))
     text = render(replace(found, comparison=None))
     assert nasty not in text
     assert Page(text).open == []
@@ -190,3 +197,31 @@ def test_artifacts_are_read_as_they_are_written(data: ReportData) -> None:
     assert data.diagnosis and data.comparison
     for artifact, model in ((data.diagnosis, Diagnosis), (data.comparison, Comparison)):
         assert model.model_validate_json(artifact.model_dump_json(by_alias=True)) == artifact
+
+
+def refined_table(data: ReportData) -> Any:
+    """As if the refined model predicted what was measured."""
+    assert data.simulation is not None
+    columns = [c for c in data.simulation if c.endswith("_simulated")]
+    measured = {c: data.simulation[c.replace("_simulated", "_measured")] for c in columns}
+    return data.simulation.assign(**measured)
+
+
+def test_the_refined_prediction_is_drawn_beside_the_others(data: ReportData) -> None:
+    refined = refined_table(data)
+    assert "model with the effects" in render(replace(data, refined=refined))
+    assert "model with the effects" not in render(replace(data, refined=None))
+
+
+def test_the_refined_prediction_is_taken_row_by_row(data: ReportData) -> None:
+    assert data.simulation is not None and data.comparison
+    refined, maneuver = refined_table(data), data.held_out()[0].id
+    rows = data.simulation[data.simulation["maneuver"] == maneuver]
+    found = with_refined(rows, replace(data, refined=refined), maneuver)
+    np.testing.assert_array_equal(found["u_mps_refined"], rows["u_mps_measured"])
+    np.testing.assert_array_equal(found["u_mps_simulated"], rows["u_mps_simulated"])
+    shorter = refined.drop(index=rows.index[:1])  # not the same rows: not drawn
+    assert "u_mps_refined" not in with_refined(rows, replace(data, refined=shorter), maneuver)
+    unchanged = data.comparison.model_copy(update={"effects": ()})
+    told = replace(data, refined=refined, comparison=unchanged)
+    assert "u_mps_refined" not in with_refined(rows, told, maneuver)

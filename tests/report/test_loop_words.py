@@ -19,6 +19,8 @@ def test_a_size_has_unit_and_interval() -> None:
     assert words.size(loop_world.NORTH) == "north_mps -0.121 m/s (-0.129 to -0.113)"
     bare = ParameterValue(symbol="gain", value=0.2, std=0.01, unit="-")
     assert words.size(bare) == "gain 0.2 (0.18 to 0.22)"
+    screened = bare.model_copy(update={"std": 0.0})  # a size without an interval
+    assert words.size(screened) == "gain 0.2"
 
 
 def test_the_place_of_an_effect_of_one_time() -> None:
@@ -97,3 +99,12 @@ def test_coefficients_that_moved_by_more_than_two_of_their_deviations() -> None:
     ]
     fixed = Row(symbol="d", after=9.0, **base | {"before_std": 0.0})  # type: ignore[arg-type]
     assert [c.symbol for c in words.moved([*rows, fixed])] == ["c", "b"]
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [(178.0, "180"), (0.00003, "0.00003"), (1.26, "1.3"), (-2511.0, "-2500"), (3e-9, "3e-09"),
+     (2e7, "2e+07"), (0.0, "0"), (None, "")],
+)  # fmt: skip
+def test_numbers_are_plain_where_they_can_be(value: float | None, shown: str) -> None:
+    assert words.number(value, 2) == shown
