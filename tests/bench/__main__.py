@@ -68,8 +68,8 @@ def _show(part: str, result: dict[str, Any]) -> None:
 
 def _print(title: str, rows: list[dict[str, Any]]) -> None:
     table = Table(title=title, title_justify="left")
-    for column in rows[0]:
-        table.add_column(column.replace("_", " "))
+    for place, column in enumerate(rows[0]):
+        table.add_column(column.replace("_", " "), no_wrap=place == 0)
     for row in rows:
         table.add_row(*(f"{v:.3g}" if isinstance(v, float) else str(v) for v in row.values()))
     Console(width=120).print(table)

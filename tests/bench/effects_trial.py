@@ -56,7 +56,9 @@ def outcome(case: Case, run: Callable[..., Any] = run_all) -> Outcome:
         options = {"ingest": {"logs": (log,), "vehicle": SAMPLES / f"{case.vehicle}.toml"}}
         try:
             found["truth"] = sail(case, log)
-            run(directory, options, observer=clock, until="refine")
+            failure = run(directory, options, observer=clock, until="refine").failure
+            if failure is not None:
+                raise failure
         except AuvidentError as error:
             found["error"] = f"{error.problem} ({error.where})"
         except Exception:
