@@ -1,14 +1,14 @@
 """A made-up but plausible diagnosis and comparison of a run, and stages that return them."""
 
-import sys
-from collections.abc import Sequence
-from types import SimpleNamespace
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from auvident.pipeline.given import Given
+from auvident.pipeline.table import BY_NAME
 from auvident.schema.artifacts import IdentifiedModel, Maneuver, Maneuvers
 from auvident.schema.diagnosis import (
     Candidate,
@@ -25,6 +25,7 @@ from auvident.schema.diagnosis import (
     ParameterValue,
     ResidualRow,
 )
+from auvident.schema.effects import BY_ID, parameter_of
 from auvident.schema.trial import Trial
 
 CHANNELS = (("u", "u_mps", "m/s"), ("v", "v_mps", "m/s"), ("r", "r_radps", "rad/s"))
@@ -210,55 +211,67 @@ def in_plane(maneuvers: Maneuvers, model: IdentifiedModel) -> list[Maneuver]:
     return [m for m in maneuvers.maneuvers if m.shows(model.plane)]
 
 
+def model_effects(effects: Mapping[str, Mapping[str, float]]) -> tuple[dict[str, Any], ...]:
+    """Effects as a model has them, from their sizes as an engineer reads them."""
+    return tuple(
+        {
+            "id": name, "family": BY_ID[name].family,
+            "parameters": [{"symbol": s, "value": v} for s, v in sizes.items()],
+            "internal": {
+                f"{name}.{s}": parameter_of(f"{name}.{s}").internal(v) for s, v in sizes.items()
+            },
+        }
+        for name, sizes in effects.items()
+    )  # fmt: skip
+
+
 class HandMade:
     """Stages that return the same diagnosis whatever the data, and note what they were given."""
 
     def __init__(self, found: Any = diagnosis) -> None:
         self.found, self.calls = found, {}  # type: ignore[var-annotated]
 
-    def diagnose(
-        self, trials: Any, maneuvers: Maneuvers, *given: Any, **options: Any
-    ) -> SimpleNamespace:
-        model = self._note("diagnose", given, options)
-        chosen = in_plane(maneuvers, model)
+    def diagnose(self, given: Given) -> dict[str, Any]:
+        self.calls["diagnose"] = given
+        chosen = in_plane(given.maneuvers, given.model)
         names = [m.id for m in chosen if m.role == "identify"]
-        return SimpleNamespace(
-            diagnosis=self.found(names), residuals=residual_table(trials, chosen)
-        )
+        return {
+            "diagnose/diagnosis.json": self.found(names),
+            "diagnose/residuals.parquet": residual_table(given.trials, chosen),
+        }
 
-    def refine(
-        self, trials: Any, maneuvers: Maneuvers, *given: Any, **options: Any
-    ) -> SimpleNamespace:
-        model = self._note("refine", given, options)
-        diagnosis = next(x for x in given if isinstance(x, Diagnosis))
-        compared = comparison(diagnosis, model, in_plane(maneuvers, model))
+    def refine(self, given: Given) -> dict[str, Any]:
+        self.calls["refine"] = given
+        model, found = given.model, given.diagnosis
+        compared = comparison(found, model, in_plane(given.maneuvers, model))
         after = {c.symbol: c.after for c in compared.coefficients}
         refined = model.model_copy(update={
-            "effects": tuple(e.model_dump() for e in diagnosis.effects),
-            "filter": self.calls["refine"]["filter"],
+            "effects": model_effects(
+                {e.id: {p.symbol: p.value for p in e.parameters} for e in found.effects}
+            ),
             "coefficients": tuple(
                 c.model_copy(update={"value": after[c.symbol]}) for c in model.coefficients
             ),
         })  # fmt: skip
-        frame = pd.DataFrame({"maneuver": ["zigzag-9"], "time_s": [0.0], "u_mps_simulated": [1.0]})
-        history = pd.DataFrame({"symbol": ["N_ur"], "time_s": [0.0], "value": [1.0], "std": [0.1]})
-        return SimpleNamespace(
-            model=refined, comparison=compared, history=history, simulation=frame
-        )
-
-    def _note(self, stage: str, given: tuple[Any, ...], options: dict[str, Any]) -> IdentifiedModel:
-        """Keep plan, filter, engine and seed, alone or as a `Setup` has them; return the model."""
-        setups = [x for x in given if hasattr(x, "plan") and hasattr(x, "structure")]
-        inside = {k: getattr(s, k) for s in setups for k in ("plan", "filter", "engine")
-                  if hasattr(s, k)}  # fmt: skip
-        self.calls[stage] = {**inside, **options}
-        return next(x for x in given if isinstance(x, IdentifiedModel))
+        simulation = given.table("validate/simulation.parquet")
+        return {
+            "refine/model.json": refined,
+            "refine/comparison.json": compared,
+            "refine/history.parquet": given.table("identify/history.parquet"),
+            "refine/simulation.parquet": simulation,
+        }
 
 
 def put_in_place(monkeypatch: pytest.MonkeyPatch, found: Any = diagnosis) -> HandMade:
     """Let the pipeline call hand-made stages."""
     made = HandMade(found)
     for name in ("diagnose", "refine"):
-        module = SimpleNamespace(**{name: getattr(made, name)})
-        monkeypatch.setitem(sys.modules, f"auvident.stages.{name}", module)
+        replace_stage(monkeypatch, name, getattr(made, name))
     return made
+
+
+def replace_stage(
+    monkeypatch: pytest.MonkeyPatch, name: str, function: Callable[[Given], dict[str, Any]]
+) -> None:
+    """Let a row of the table of stages call another function."""
+    monkeypatch.setitem(BY_NAME[name].__dict__, "function", function)

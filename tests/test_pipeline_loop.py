@@ -4,9 +4,13 @@ import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
+import pandas as pd
 import pytest
 
+from auvident.engines.estimator import Setup
+from auvident.errors import NumericsError
 from auvident.pipeline import STAGES, status
 from auvident.pipeline.predict import find_model
 from tests import loop_world
@@ -53,28 +57,33 @@ def test_their_artifacts_stand_where_users_look(
     assert states(demo)["report"] == "stale"
 
 
-def test_they_are_given_the_plan_and_filter_of_the_identification(
-    demo: Path, auvident: Callable[..., Called], found: loop_world.HandMade
+def test_they_take_the_plan_and_filter_of_the_identification(
+    demo: Path, auvident: Callable[..., Called], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     import auvident as package
 
+    setups = []
+
+    def note(*given: object, **options: object) -> SimpleNamespace:
+        setups.extend(x for x in given if isinstance(x, Setup))
+        return SimpleNamespace(diagnosis=loop_world.nothing(), residuals=pd.DataFrame())
+
+    monkeypatch.setattr("auvident.stages.diagnose.diagnose", note)
     plan = Path("mine.toml")
     text = (Path(package.__file__).parent / "plans" / "together.toml").read_text()
     plan.write_text(text.replace('name = "together"', 'name = "mine"', 1))
     arguments = ("identify", demo, "--plan", plan, "--filter", "ukf", "--quiet")
     assert auvident(*arguments).code == 0
-    for stage in ("diagnose", "refine"):
-        assert auvident(stage, demo, "--quiet").code == 0
-        assert found.calls[stage]["plan"].name == "mine"
-    assert (found.calls["refine"]["filter"], found.calls["refine"]["engine"]) == ("ukf", "compiled")
-    assert auvident("refine", demo, "--filter", "ekf", "--quiet").code == 0
-    assert found.calls["refine"]["filter"] == "ekf"
+    assert auvident("diagnose", demo, "--quiet").code == 0
+    assert [(s.plan.name, s.filter) for s in setups] == [("mine", "ukf")]
+    for option, filter in (((), "ukf"), (("--filter", "ekf"), "ekf")):
+        assert auvident("refine", demo, *option, "--quiet").code == 0
+        model = json.loads((demo / "refine/model.json").read_text())
+        assert (model["plan"], model["filter"]) == ("mine", filter)
     assert states(demo)["refine"] == "done"
 
 
-def test_a_plan_that_is_gone_is_named(
-    demo: Path, auvident: Callable[..., Called], found: loop_world.HandMade
-) -> None:
+def test_a_plan_that_is_gone_is_named(demo: Path, auvident: Callable[..., Called]) -> None:
     import auvident as package
 
     shutil.copy(Path(package.__file__).parent / "plans" / "together.toml", "mine.toml")
@@ -105,10 +114,10 @@ def test_the_seed_is_kept_until_another_is_given(
 ) -> None:
     forget(demo, "diagnose")
     auvident("diagnose", demo, "--quiet")
-    assert (found.calls["diagnose"]["seed"], seed_of(demo, "diagnose")) == (0, 0)
+    assert (found.calls["diagnose"].seed, seed_of(demo, "diagnose")) == (0, 0)
     auvident("diagnose", demo, "--seed", 7, "--quiet")
     auvident("diagnose", demo, "--quiet")
-    assert (found.calls["diagnose"]["seed"], seed_of(demo, "diagnose")) == (7, 7)
+    assert (found.calls["diagnose"].seed, seed_of(demo, "diagnose")) == (7, 7)
     said = decisions(auvident(*RUN, demo))
     assert said["diagnose"] == "up to date"  # no seed was asked for
     said = decisions(auvident(*RUN, demo, "--seed", 3))
@@ -168,20 +177,13 @@ def test_the_refined_model_is_used_until_another_is_identified(
 def test_messages_of_the_stages_pass_through(
     demo: Path,
     auvident: Callable[..., Called],
-    found: loop_world.HandMade,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    import sys
-    from types import SimpleNamespace
-
-    from auvident.errors import NumericsError
-
     def fail(*arguments: object, progress: Callable[..., None], **options: object) -> None:
         progress("trying 32 effects", 0.5)
         raise NumericsError("the fit diverged", "turn-1, 12.3 s", "Hold out turn-1.")
 
-    module = SimpleNamespace(diagnose=fail)
-    monkeypatch.setitem(sys.modules, "auvident.stages.diagnose", module)
+    monkeypatch.setattr("auvident.stages.diagnose.diagnose", fail)
     called = auvident("diagnose", demo)
     assert called.code == 5
     assert "turn-1, 12.3 s: the fit diverged" in called.err and "Hold out turn-1." in called.err
@@ -195,19 +197,13 @@ def test_a_run_goes_on_when_the_numbers_of_the_diagnosis_fail(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The report tells the rest, without a diagnosis of another model; the exit code is 5."""
-    import sys
-    from types import SimpleNamespace
 
-    from auvident.errors import NumericsError
+    def fail(given: object) -> dict:
+        raise NumericsError("the fit diverged", "turn-1", "Hold out turn-1.")
 
     auvident("diagnose", demo, "--quiet")
     auvident("refine", demo, "--quiet")
-
-    def fail(*arguments: object, **options: object) -> None:
-        raise NumericsError("the fit diverged", "turn-1", "Hold out turn-1.")
-
-    module = SimpleNamespace(diagnose=fail)
-    monkeypatch.setitem(sys.modules, "auvident.stages.diagnose", module)
+    loop_world.replace_stage(monkeypatch, "diagnose", fail)
     called = auvident(*RUN, demo, "--filter", "ukf")
     assert called.code == 5
     assert called.err.rstrip().splitlines()[-1].strip() == "Hold out turn-1."

@@ -10,8 +10,9 @@ import pytest
 from auvident.pipeline.given import Given
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.trial import Trial
-from auvident.stages.simulate import effect_values, simulate
+from auvident.stages.simulate import simulate
 from auvident.storage.run_directory import RunDirectory
+from tests import loop_world
 
 WINDOW = (1373.0, 1448.0)  # the last zigzag
 STATES = ["u_mps", "v_mps", "r_radps", "heading_rad"]
@@ -23,11 +24,8 @@ def given(completed: Path) -> Given:
 
 
 def with_effects(model: IdentifiedModel, **effects: dict[str, float]) -> IdentifiedModel:
-    found = tuple(
-        {"id": name, "parameters": [{"symbol": s, "value": v} for s, v in parameters.items()]}
-        for name, parameters in effects.items()
-    )
-    return model.model_copy(update={"effects": found})
+    """A model with effects of these sizes, as an engineer reads them."""
+    return model.model_copy(update={"effects": loop_world.model_effects(effects)})
 
 
 def run(model: IdentifiedModel, trial: Trial, **options: Any) -> pd.DataFrame:
@@ -37,17 +35,6 @@ def run(model: IdentifiedModel, trial: Trial, **options: Any) -> pd.DataFrame:
 
 def changed(trial: Trial, **columns: Any) -> Trial:
     return Trial(trial.name, trial.table.assign(**columns), trial.rate_hz)
-
-
-def test_values_are_brought_to_internal_units(given: Given) -> None:
-    model = with_effects(
-        given.model, rudder_offset={"offset_deg": 2.0}, rudder_rate_limit={"rate_degps": 20.0},
-        one_off_event={"time_s": 3.0, "duration_s": 1.0},
-    )  # fmt: skip
-    assert effect_values(model) == pytest.approx(
-        {"rudder_offset.offset_deg": np.radians(2.0),
-         "rudder_rate_limit.rate_degps": 1.0 / np.radians(20.0)}
-    )  # fmt: skip
 
 
 def test_an_offset_of_the_rudder_is_a_rudder_laid_by_so_much(given: Given) -> None:
