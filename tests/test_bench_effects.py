@@ -221,7 +221,7 @@ def test_an_event_elsewhere_is_no_good_one() -> None:
 def test_the_table_of_effects_has_the_error_of_the_size() -> None:
     row = by_effect([score(outcome_with())])[0]
     # north off by 0.001 of 0.12, east by 0.017 of 0.1: the median is their mean
-    assert row["error"] == pytest.approx((0.001 / 0.12 + 0.17) / 2) and row["inside_95"] == "1/2"
+    assert row["error"] == pytest.approx((0.001 / 0.12 + 0.17) / 2) and row["in_95"] == "1/2"
 
 
 def test_both_of_a_pair_are_asked_for() -> None:
@@ -267,6 +267,7 @@ def test_the_most_affected_channel_is_the_one_worst_against_clean_trials() -> No
     clean = {("remus100", c): rmse for c, rmse in (("u", 0.046), ("v", 0.01), ("r", 0.006))}
     assert affected_ratio(found, clean) == pytest.approx(0.0055 / 0.041)
     assert worst_rise(found) == pytest.approx(0.006 / 0.0062 - 1.0)
+    assert worst_rise(found, ("heading",)) is None
     assert clean_errors(some_scores())["remus100", "r"] == loop_world.BEFORE["r"]
 
 

@@ -182,9 +182,13 @@ def errors(comparison: Row) -> dict[str, tuple[float, float]]:
 
 
 def reason(planted: list[str], error: str | None, diagnosis: Row) -> str:
-    """Why the planted effects were not accepted, as the program puts it."""
+    """Why the planted effects were not accepted, and what gained most, as the program puts it."""
     if error:
         return error
     tried = {c["id"]: c for c in diagnosis.get("candidates", [])}
-    said = [f"{i}: {tried[i].get('rejected')}" for i in planted if i in tried]
-    return "; ".join(s for s in said if not s.endswith(": ")) or diagnosis.get("statement", "")
+    most = sorted(tried, key=lambda name: -tried[name]["gain"])[:1]
+    said = [
+        f"{name} ({tried[name]['gain']:.0f} nats): {tried[name]['rejected'] or 'accepted'}"
+        for name in dict.fromkeys([*planted, *most]) if name in tried
+    ]  # fmt: skip
+    return "; ".join(said) or diagnosis.get("statement", "")

@@ -57,17 +57,20 @@ def grouped(scores: Scores) -> dict[str, list[Score]]:
 
 
 def by_effect(scores: Scores) -> Table:
-    """Counts by planted effect, median error of the size and ratio of the held-out error."""
+    """Counts by planted effect, median error of the size and ratio of the held-out error.
+
+    ``seen``: visible; ``said``: declared; ``group``: right id, or in a stated group with it.
+    """
     clean = clean_errors(scores)
     return [
         {
-            "planted": label, "n": len(rows), "visible": sum(bool(s.visible) for s in rows),
-            "declared": sum(s.declared for s in rows), "id": sum(s.right_id for s in rows),
-            "id_or_group": sum(s.right_or_group for s in rows),
+            "planted": label, "n": len(rows), "seen": sum(bool(s.visible) for s in rows),
+            "said": sum(s.declared for s in rows), "id": sum(s.right_id for s in rows),
+            "group": sum(s.right_or_group for s in rows),
             "family": sum(s.right_family for s in rows),
             "finding": sum(s.by_finding for s in rows),
             "wrong": sum(s.wrong_name for s in rows), "extra": sum(bool(s.extra) for s in rows),
-            "inside_95": _share(z.inside for s in rows for z in s.sizes if z.inside is not None),
+            "in_95": _share(z.inside for s in rows for z in s.sizes if z.inside is not None),
             "error": _median(relative(z) for s in rows for z in s.sizes if z.planted),
             "ratio": _median(r for s in rows if (r := affected_ratio(s, clean)) is not None),
         }
