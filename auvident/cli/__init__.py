@@ -50,6 +50,7 @@ def main(arguments: list[str] | None = None) -> None:
 def _run(arguments: list[str] | None) -> int:
     try:
         _quiet_libraries()
+        _one_thread()
         result = cli.main(args=arguments, prog_name="auvident", standalone_mode=False)
         return result if isinstance(result, int) else 0
     except click.ClickException as error:
@@ -76,6 +77,15 @@ def _quiet_libraries() -> None:
 
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
+
+
+def _one_thread() -> None:
+    """Linear algebra on one thread, before numpy is loaded; whoever sets the number is heard.
+
+    The matrices here are small: threads would only wait for each other.
+    """
+    for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
 
 
 def _report_bug(error: Exception) -> int:

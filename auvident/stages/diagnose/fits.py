@@ -26,7 +26,7 @@ Colours = tuple[Colour, ...]
 N_CHANNELS = 3
 N_START = 3  # active states whose start is fitted along
 ROUNDS, STEPS = 2, 8  # rounds of fixed weights, steps in each
-TOLERANCE = 2.0e-5  # relative fall of the cost at which a round ends
+TOLERANCE = 1.0e-4  # relative fall of the cost at which a round ends
 START_STD = 5.0  # a start is known to this many standard deviations of the residual
 DAMPING = 1.0e-5  # coefficients trade against each other along narrow valleys
 NOTHING = np.zeros(0, dtype=np.int64)

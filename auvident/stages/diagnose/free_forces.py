@@ -22,7 +22,7 @@ from auvident.stages.diagnose.joint import joint_about, score
 Array = npt.NDArray[Any]
 Regressor = Callable[[Array, Record, float], Array]
 
-REFITTED = 3
+REFITTED = 2
 SLOW_S, QUICK_S = 4.0, 1.5  # lags of the regressors with memory
 AXES = {"X": "X", "A": "Y", "B": "N"}
 
@@ -87,8 +87,9 @@ def free_forces(case: Case, fitted: Fitted) -> list[FreeForce]:
     found = []
     for name in best:
         after = fit_with(
-            cases[name], (*fitted.effects, FREE_FORCE), gains[name].parameters, fitted.colours
-        )
+            cases[name], (*fitted.effects, FREE_FORCE), gains[name].parameters, fitted.colours,
+            rounds=1, steps=6,
+        )  # fmt: skip
         if after is not None:
             found.append(_described(cases[name], name, fitted, after))
     return sorted(found, key=lambda f: -f.gain)

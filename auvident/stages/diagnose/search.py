@@ -34,8 +34,9 @@ ALIKE_LEAST = 12.0  # [nats] nor those within this
 REMOVAL = 40.0  # [nats] an accepted effect that is worth less is taken out again
 SWAP = 15.0  # [nats] another in its place has to gain so much
 DRAWS = 199  # of the sign flips
-ALWAYS_SECOND_START = 2  # so many of the best are fitted from the analytical estimate as well
-THRUST_TIMES_S = 60.0  # steps of thrust are looked for this far apart
+WORTH, WORTH_A_START = 8.0, 30.0  # [nats] to be refitted, and from a second start as well
+SECOND_STARTS = 2  # so many of the best are fitted from the analytical estimate as well
+THRUST_TIMES_S = 120.0  # steps of thrust are looked for this far apart
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ class Search:
         open_ids = [c for c in self.candidates if c not in before.effects]
         scores = {c: self._score(joint, c) for c in open_ids}
         quick = {c: score(fast, (c,)).gain for c in open_ids} if fast else {}
-        short = ranked(scores_of(scores))[:SCREENED] + ranked(quick)[:SCREENED_FAST]
+        short = _worth(scores_of(scores))[:SCREENED] + _worth(quick)[:SCREENED_FAST]
         tried, before = self._tried(before, list(dict.fromkeys(short)), scores)
         flips = flipped_gains(joint, open_ids, self.rng, DRAWS)
         best = max(scores_of(scores).values(), default=0.0)
@@ -144,8 +145,9 @@ class Search:
         ends = [s.elapsed_s[-1] for s in sources]
         coarse = np.arange(min(s.elapsed_s[0] for s in sources), max(ends), THRUST_TIMES_S)
         best = self._best_time(before, coarse[1:])
-        fine = best + np.linspace(-0.8, 0.8, 9) * THRUST_TIMES_S
-        return _with_time(self.case, before, self._best_time(before, fine))
+        for reach in (0.75, 0.19):
+            best = self._best_time(before, best + reach * THRUST_TIMES_S * np.linspace(-1, 1, 5))
+        return _with_time(self.case, before, best)
 
     def _best_time(self, before: Fitted, times: Array) -> float:
         gains = {}
@@ -179,7 +181,7 @@ class Search:
                 break
             again = self.refit(found[c].effects, [found[c].parameters], found[c], 2, 8)
             options = [found[c], *([again] if again else [])]
-            if number < ALWAYS_SECOND_START:
+            if number < SECOND_STARTS and log_gain(before, found[c]) > WORTH_A_START:
                 start = self._analytical(found[c])
                 second = fit_with(self.case, found[c].effects, start,
                                   first_colours(self.case, start), rounds=3, steps=8)  # fmt: skip
@@ -198,8 +200,8 @@ class Search:
         return start
 
     def _polished(self, before: Fitted, found: dict[str, Fitted]) -> Fitted:
-        """The model without the candidate, from where the best candidates lie: was it stuck?"""
-        best = ranked({c: f.log_likelihood for c, f in found.items()})[:2]
+        """The model without the candidate, from where the best candidate lies: was it stuck?"""
+        best = ranked({c: f.log_likelihood for c, f in found.items()})[:1]
         for c in best:
             start = found[c].parameters.copy()
             own = self.case.positions(c)
@@ -346,6 +348,11 @@ def partners(effect: str) -> tuple[str, ...]:
 def ranked(values: dict[str, float]) -> list[str]:
     """Names, largest value first."""
     return sorted(values, key=lambda name: (-values[name], name))
+
+
+def _worth(gains: dict[str, float]) -> list[str]:
+    """Candidates with a gain worth a refit, best first."""
+    return [name for name in ranked(gains) if gains[name] > WORTH]
 
 
 def scores_of(scores: dict[str, tuple[float, Array]]) -> dict[str, float]:
