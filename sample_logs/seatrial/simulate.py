@@ -1,4 +1,8 @@
-"""The compiled loop: helm, servos, sea and plant at 100 Hz, one row recorded per step."""
+"""The compiled loop: helm, servos, sea and plant at 100 Hz, one row recorded per step.
+
+numba keeps the compiled `run`, with what it calls, until this very file changes: after a change of
+`plant`, `helm` or `actuators` remove ``__pycache__``.
+"""
 
 from __future__ import annotations
 

@@ -282,6 +282,18 @@ def test_forces_are_those_of_the_row(name, effect):
 
 
 @pytest.mark.parametrize("name", VEHICLES)
+def test_drags_slow_a_trial_down(trial, name):
+    """Through the whole loop: a stale compiled one would show here."""
+    clean, *_ = trial(name)
+    scale = load_vehicle(name).scale
+    straight, *_ = trial(name, linear_drag={"X_u": -2.0 * scale})
+    turning, *_ = trial(name, turning_drag={"X_vv": -45.0 * scale, "X_rr": -13.0 * scale**2})
+    for braked, least in ((straight, 0.1), (turning, 0.01)):
+        n = min(len(clean), len(braked))
+        assert clean[10000:n, 0].mean() - braked[10000:n, 0].mean() > least
+
+
+@pytest.mark.parametrize("name", VEHICLES)
 def test_extra_cross_flow_is_a_share_of_that_of_the_hull(name):
     body = load_vehicle(name).body
     bare = PlantEffects(sway_cross_flow=-1.0, yaw_cross_flow=-1.0)
