@@ -155,10 +155,25 @@ def test_a_report_needs_no_diagnosis_but_shows_no_stale_one(
     assert loop_world.STATEMENT in (demo / "report/report.html").read_text()
     auvident("identify", demo, "--filter", "ukf", "--quiet")
     auvident("validate", demo, "--quiet")
-    called = auvident("report", demo)
-    assert called.code == 4
-    assert f"auvident diagnose {demo}" in called.err
-    assert {d.stage: d.reason for d in status(demo)[0]}["report"] == "diagnose is stale"
+    assert auvident("report", demo, "--quiet").code == 0
+    assert states(demo) | {"diagnose": "stale", "report": "done"} == states(demo)
+    assert "What the model lacks" not in (demo / "report/report.html").read_text()
+
+
+def test_a_run_of_another_plane_goes_on_without_the_loop(
+    demo: Path, auvident: Callable[..., Called], found: loop_world.HandMade
+) -> None:
+    run = ("run", "sample_logs/dive_trial", "--vehicle", "sample_logs/remus100.toml", "--run",
+           "runs/dive", "--plane", "vertical")  # fmt: skip
+    called = auvident(*run)
+    assert called.code == 0, called.err
+    said = decisions(called)
+    assert said["diagnose"] == said["refine"] == "left out, it knows the horizontal plane only"
+    assert found.calls == {}
+    assert Path(called.out.strip()).exists()
+    assert auvident(*run, "--fail-above", "w=1e-6").code == 1
+    assert auvident(*run, "--fail-above", "w=9").code == 0
+    assert json.loads(auvident(*run, "--json").out)["validate"]["summary"]
 
 
 def test_the_refined_model_is_used_until_another_is_identified(

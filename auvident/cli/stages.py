@@ -154,7 +154,7 @@ def run(
     vehicle file and the options of the last run hold.
     """
     from auvident.pipeline import run_all
-    from auvident.pipeline.gates import check_refined
+    from auvident.pipeline.gates import check_gates, check_refined
     from auvident.report.console_loop import discovery
 
     limits = parse_limits(fail_above)
@@ -170,8 +170,8 @@ def run(
     _need(chosen["ingest"].get("logs", ()), chosen["ingest"].get("vehicle"))
     with output.watch(brief=True) as watch:
         result = run_all(run, chosen, seed=seed, observer=watch)
-        left = given_by(run)
-        for piece in discovery(left.comparison) if result.failure is None else []:
+        left, refined = given_by(run), "refine" not in result.left_out
+        for piece in discovery(left.comparison) if refined else []:
             watch.show(piece)
     if output.json:
         output.artifact(summary(run, result), "run")
@@ -179,7 +179,10 @@ def run(
         output.text(str(run / "report" / "report.html"))
     if result.failure is not None:
         raise result.failure
-    check_refined(left.comparison, limits, left.metrics)
+    if refined:
+        check_refined(left.comparison, limits, left.metrics)
+    else:
+        check_gates(left.metrics, limits)
     return exit_code(result.outputs)
 
 

@@ -149,26 +149,16 @@ def judge_all(run: RunDirectory, manifest: Manifest | None) -> list[Decision]:
     decisions: dict[str, Decision] = {}
     for stage in STAGES:
         decision = judge(stage, run, manifest)
-        first = _first_broken(stage.name, decisions)
-        if first is not None and decision.state != "missing":
+        broken = [s for s in before(stage.name) if decisions[s.name].state != "done"]
+        if broken and decision.state != "missing":
+            first = decisions[broken[0].name]
             decision = Decision(stage.name, "stale", f"{first.stage} is {first.state}")
         decisions[stage.name] = decision
     return list(decisions.values())
 
 
 def first_broken(name: str, run: RunDirectory, manifest: Manifest | None) -> Decision | None:
-    """The first stage that must run again before `name` can, or None."""
-    needed = {stage.name for stage in before(name)} | set(BY_NAME[name].also)
-    decisions = {s.name: judge(s, run, manifest) for s in STAGES if s.name in needed}
-    return _first_broken(name, decisions)
-
-
-def _first_broken(name: str, decisions: Mapping[str, Decision]) -> Decision | None:
-    """The first stage that stops `name`: one it needs, or one it shows that is stale."""
+    """The first stage before `name` that must run again, or None."""
     needed = {stage.name for stage in before(name)}
-    for stage, decision in decisions.items():
-        if stage in needed and decision.state != "done":
-            return decision
-        if stage in BY_NAME[name].also and decision.state == "stale":
-            return decision
-    return None
+    decisions = (judge(BY_NAME[s.name], run, manifest) for s in STAGES if s.name in needed)
+    return next((d for d in decisions if d.state != "done"), None)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def report_data(given: Given) -> "ReportData":
-    """Artifacts of all stages; of those it only shows where they are there, and not stale."""
+    """Artifacts of all stages; of those it can do without only where they are up to date."""
     from auvident.report.html_data import ReportData
 
     stages = (BY_NAME[name] for name in BY_NAME["report"].also)

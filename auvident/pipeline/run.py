@@ -1,7 +1,7 @@
 """Run one stage, or all that are not up to date."""
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -30,11 +30,13 @@ SILENT = Observer()
 class RunResult:
     """What `run_all` did: a decision a stage, and the outputs of those that ran.
 
+    ``left_out`` are stages that do not know the plane, or rest on one whose numbers failed;
     ``failure`` is that of a stage which the report can do without.
     """
 
     decisions: list[Decision] = field(default_factory=list)
     outputs: dict[str, Any] = field(default_factory=dict)
+    left_out: list[str] = field(default_factory=list)
     failure: NumericsError | None = None
 
 
@@ -86,7 +88,6 @@ def run_all(
     *,
     seed: int | None = None,
     observer: Observer = SILENT,
-    until: str | None = None,
 ) -> RunResult:
     """Run every stage that is not up to date, in the order of the table.
 
@@ -98,8 +99,6 @@ def run_all(
         Options by stage.
     seed, observer
         As for `run_stage`.
-    until : str, optional
-        Last stage.
 
     Returns
     -------
@@ -111,13 +110,15 @@ def run_all(
     with ExitStack() as stack:
         if run.path.is_dir():
             stack.enter_context(run.lock())
-        wanted = {s.name: _wanted(s, run, options.get(s.name, {}), seed) for s in _until(until)}
-        for stage in _until(until):
+        wanted = {s.name: _wanted(s, run, options.get(s.name, {}), seed) for s in STAGES}
+        for stage in STAGES:
             manifest = run.manifest()
             decision = judge(stage, run, manifest, wanted[stage.name])
             result.decisions.append(decision)
-            if result.failure is not None and stage.name in OPTIONAL:
-                observer.decided(stage.name, f"{stage.name}: left out, the numbers failed before")
+            reason = _left_out(stage, str(wanted["identify"].options["plane"]), result.failure)
+            if reason:
+                observer.decided(stage.name, f"{stage.name}: left out, {reason}")
+                result.left_out.append(stage.name)
                 continue
             observer.decided(stage.name, decision.sentence)
             if decision.state == "done":
@@ -131,7 +132,15 @@ def run_all(
                 if stage.name not in OPTIONAL:
                     raise
                 result.failure = error
+                result.left_out.append(stage.name)
     return result
+
+
+def _left_out(stage: Stage, plane: str, failure: NumericsError | None) -> str:
+    """Why a run goes on without a stage; empty when it does not."""
+    if plane not in stage.planes:
+        return f"it knows the {' and '.join(stage.planes)} plane only"
+    return "the numbers failed before" if failure and stage.name in OPTIONAL else ""
 
 
 def status(path: Path) -> tuple[list[Decision], Manifest]:
@@ -139,13 +148,6 @@ def status(path: Path) -> tuple[list[Decision], Manifest]:
     run = RunDirectory(path)
     manifest = run.existing()
     return judge_all(run, manifest), manifest
-
-
-def _until(last: str | None) -> Iterator[Stage]:
-    for stage in STAGES:
-        yield stage
-        if stage.name == last:
-            return
 
 
 def command_of(stage: str, run: RunDirectory, manifest: Manifest | None) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 
 from auvident.pipeline import steps
 from auvident.pipeline.given import Given
+from auvident.schema.coefficients import PLANES
 
 Outputs = Mapping[str, Any]
 Sources = Callable[[Mapping[str, Any]], list[Path]]
@@ -32,7 +33,9 @@ class Stage:
     after : tuple of str
         Stages that must be up to date before.
     also : tuple of str
-        Stages it shows where they have been run; then they must not be stale.
+        Stages it shows where they are up to date, and does without where not.
+    planes : tuple of str
+        Planes of motion that it knows; a run of another plane goes on without it.
     reads : tuple of str
         Artifacts it reads, as patterns.
     main : str
@@ -60,6 +63,7 @@ class Stage:
     paths: tuple[str, ...] = ()
     draws: bool = False
     also: tuple[str, ...] = ()
+    planes: tuple[str, ...] = PLANES
 
 
 STAGES: tuple[Stage, ...] = (
@@ -134,6 +138,7 @@ STAGES: tuple[Stage, ...] = (
         main="diagnose/diagnosis.json",
         function=steps.diagnose,
         draws=True,
+        planes=("horizontal",),
     ),
     Stage(
         "refine",
@@ -150,6 +155,7 @@ STAGES: tuple[Stage, ...] = (
         function=steps.refine,
         options={"filter": None},
         draws=True,
+        planes=("horizontal",),
     ),
     Stage(
         "report",
