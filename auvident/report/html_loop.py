@@ -26,6 +26,7 @@ from auvident.schema.diagnosis import (
 if TYPE_CHECKING:
     import pandas as pd
 
+MOST_CANDIDATES = 8  # the others can be unfolded
 GRADES = {"none_found": "good", "effect_found": "fair", "ambiguous": "fair", "unexplained": "poor"}
 
 
@@ -47,6 +48,7 @@ class Lacks:
     maneuvers: Table | None
     moved: Table | None
     candidates: Table
+    others: Table
     sees: Table
     blind: Table
     lookalikes: Table
@@ -76,7 +78,8 @@ def lacks(report: ReportData) -> Lacks | None:
         held_out=held_out_table(comparison.held_out) if comparison else None,
         maneuvers=maneuver_table(comparison.maneuvers) if comparison else None,
         moved=moved_table(comparison.coefficients) if comparison else None,
-        candidates=candidate_table(found.candidates),
+        candidates=candidate_table(words.ranked(found.candidates)[:MOST_CANDIDATES]),
+        others=candidate_table(words.ranked(found.candidates)[MOST_CANDIDATES:]),
         sees=sees_table(diagnosis),
         blind=blind_table(diagnosis),
         lookalikes=lookalike_table(diagnosis),
@@ -222,12 +225,12 @@ def moved_table(coefficients: Sequence[CoefficientComparison]) -> Table:
 
 
 def candidate_table(candidates: Sequence[Candidate]) -> Table:
-    """All candidates, accepted ones first; those are marked."""
+    """Candidates in their order; accepted ones are marked."""
     rows = [
         ["accepted" if not c.rejected else "", c.id, c.family, _signs(words.sizes(c.parameters)),
          c.rejected, number(c.gain), number(c.p, 2), number(c.held_back_gain),
          "–" if c.improved is None else f"{100.0 * c.improved:.0f} %"]
-        for c in words.ranked(candidates)
+        for c in candidates
     ]  # fmt: skip
     heads = ("", "effect", "family", "size with 95 % interval", "turned down because",
              "gain, nats", "p", "gain in maneuvers left out", "of them helped")  # fmt: skip

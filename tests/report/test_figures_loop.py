@@ -77,6 +77,9 @@ def test_bars_are_named_and_numbered() -> None:
         text = gains(candidates, "gains")
     assert text and "current" in text and "812" in text and "−0.500" in text
     assert "mathdefault" not in text
+    beyond = [candidates[0].model_copy(update={"held_back_gain": 246000.0})]
+    with style():
+        assert "100000" in (gains(beyond, "gains") or "")  # the axis reaches to the diamond
     assert gains([], "gains") is None
 
 
