@@ -38,10 +38,11 @@ def smooth(
         Derivative of the step from each row to the next; the last row is not used.
     """
     mean, covariance = filtered.copy(), filtered_covariance.copy()
+    gains = np.linalg.solve(
+        predicted_covariance[1:], transition[:-1] @ filtered_covariance[:-1]
+    ).swapaxes(1, 2)
     for k in range(len(filtered) - 2, -1, -1):
-        gain = np.linalg.solve(
-            predicted_covariance[k + 1], transition[k] @ filtered_covariance[k]
-        ).T
+        gain = gains[k]
         mean[k] += gain @ (mean[k + 1] - predicted[k + 1])
         covariance[k] += gain @ (covariance[k + 1] - predicted_covariance[k + 1]) @ gain.T
         covariance[k] = 0.5 * (covariance[k] + covariance[k].T)
