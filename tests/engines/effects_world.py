@@ -1,0 +1,114 @@
+"""A made-up vehicle with effects: records, parameter vectors and exact readings of it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from auvident.engines.carried import predicted_course
+from auvident.engines.prediction import Frame, Free
+from auvident.engines.records import Record, Source
+from auvident.physics.terms import structure_of
+from auvident.schema.artifacts import Sensing
+from auvident.schema.effects import BY_ID, parameter_of
+from tests.physics.plane_equations import stable_values
+
+DT = 0.1
+LEAD = 50  # rows of inputs before the maneuver
+SENSING = Sensing(
+    dvl_x_m=0.4, dvl_y_m=0.05, dvl_z_m=0.1, dvl_mounting_yaw_rad=0.02, noise_std={}
+)  # fmt: skip
+COURSE = np.array([True, True, True, False])  # the heading is taken as logged
+FREELY = np.ones(4, dtype=bool)
+COEFFICIENTS = ("X_uu", "X_vr", "T_nn", "Y_uv", "Y_uud", "N_ur", "N_uud", "N_r|r|", "Y_vdot")
+
+
+@dataclass(frozen=True)
+class World:
+    """A frame with a parameter vector; `shown` has the effects as an engineer reads them."""
+
+    frame: Frame
+    p: np.ndarray
+
+    @classmethod
+    def of(cls, shown: dict[str, float], sensing: Sensing = SENSING) -> "World":
+        effects = tuple(e for e in BY_ID if any(name.startswith(f"{e}.") for name in shown))
+        structure = structure_of("horizontal", effects)
+        values = stable_values("horizontal")
+        values |= {name: parameter_of(name).internal(v) for name, v in shown.items()}
+        p = np.array([values.get(name, 0.0) for name in structure.parameters])
+        return cls(Frame(structure, sensing, DT), p)
+
+    def index(self, name: str) -> int:
+        return self.frame.structure.index(name)
+
+    def without(self) -> "World":
+        """The same vehicle with every effect at zero."""
+        p = self.p.copy()
+        p[[i for i, n in enumerate(self.frame.structure.parameters) if "." in n]] = 0.0
+        return replace(self, p=p)
+
+    def free(self, names) -> Free:
+        """These parameters, with priors of a tenth of a coefficient or those of the table."""
+        positions = np.array([self.index(n) for n in names], dtype=np.int64)
+        column = np.full(len(self.p), -1, dtype=np.int64)
+        column[positions] = np.arange(len(positions))
+        scale = [
+            parameter_of(n).prior * size_unit(n) if "." in n else 0.1 * abs(self.p[self.index(n)])
+            for n in names
+        ]
+        return Free(positions, column, np.array(scale))
+
+    def every_effect(self) -> list[str]:
+        """Names of the parameters of the effects that have a prior."""
+        names = self.frame.structure.parameters
+        return [n for n in names if "." in n and parameter_of(n).prior > 0.0]
+
+
+def size_unit(name: str) -> float:
+    """Unit of a force effect for a vehicle of 1.6 m at 1.4 m/s and 16 rev/s."""
+    return parameter_of(name).size_unit(1025.0, 1.6, 1.4, 16.0)
+
+
+def commands(n: int, seed: int = 0) -> np.ndarray:
+    """Helms of both signs and sizes, each held for some seconds, and two thrust steps."""
+    rng = np.random.default_rng(seed)
+    held = rng.uniform(0.05, 0.3, n // 25 + 1) * (-1.0) ** np.arange(n // 25 + 1)
+    own = np.repeat(held, 25)[:n]
+    rate = np.where((np.arange(n) // (n // 3)) % 2 == 0, 17.0, 13.0)
+    return np.column_stack([own, np.full(n, 0.02), rate])
+
+
+def blank(n: int = 300, seed: int = 0, start=(1.4, 0.02, 0.01, 0.5)) -> Record:
+    """A record with inputs and a start, as read at the sensors, but nothing measured yet."""
+    raw = commands(LEAD + n, seed)
+    time = DT * np.arange(LEAD + n)
+    waves = [np.sin(w * time + w) for w in (0.7, 0.9, 1.1, 1.3)]
+    source = Source(
+        raw=raw, elapsed_s=200.0 + time, speed=1.4 + 0.05 * waves[0], roll=0.1 * waves[1],
+        pitch=0.05 * waves[2], rates=0.05 * np.column_stack([waves[1], waves[3]])[LEAD:],
+        bridged=np.tile(start, (n, 1)), start=np.array(start),
+    )  # fmt: skip
+    given = np.tile(np.array(start), (n, 1))
+    return Record(
+        f"record-{seed}", time[LEAD:], raw[LEAD:].copy(), given, given.copy(), given[0], source
+    )
+
+
+def recorded(world: World, n: int = 300, seed: int = 0, noise=(0.0, 0.0, 0.0, 0.0)) -> Record:
+    """A record as the sensors of a world give it, heading integrated."""
+    bare = blank(n, seed)
+    read = predicted_course(world.frame, world.p, bare, FREELY).readings
+    read = read + np.random.default_rng(100 + seed).normal(size=read.shape) * noise
+    inverse = np.linalg.inv(sensor_of(world))
+    assert bare.source is not None
+    source = replace(bare.source, bridged=read.copy(), start=read[0].copy())
+    return replace(
+        bare, measured=read, given=read @ inverse.T, start=inverse @ read[0], source=source
+    )
+
+
+def sensor_of(world: World) -> np.ndarray:
+    """Reading = matrix @ state, without effects."""
+    from auvident.physics.sensing import sensor_matrix
+
+    return sensor_matrix("horizontal", world.frame.sensing)
