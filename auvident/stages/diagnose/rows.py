@@ -27,6 +27,7 @@ from auvident.stages.diagnose.free_forces import FreeForce
 from auvident.stages.diagnose.leftout import leave_out
 from auvident.stages.diagnose.search import LOOKALIKES, Round, Traced, Tried, open_of
 from auvident.stages.diagnose.sight import detectable, lookalikes, separated_by
+from auvident.stages.diagnose.unknown_forces import unknown_forces
 from auvident.stages.diagnose.waves import Wave
 
 Array = npt.NDArray[Any]
@@ -36,6 +37,7 @@ BEATEN = 1.08  # a free force that gains so many times what the named effect doe
 DVL_NOISES, TURN_NRMSE = 3.0, 0.06  # a residual beyond these means something is left
 INTERVAL = 0.975
 UNITS = ("m/s", "m/s", "rad/s")
+FORCE_COLUMNS = ("force_X_n", "force_Y_n", "force_N_nm")
 
 
 @dataclass(frozen=True)
@@ -380,11 +382,14 @@ def _coefficient_findings(traced: Traced) -> list[Finding]:
 
 
 def residual_table(evidence: Evidence, maneuvers: Maneuvers) -> pd.DataFrame:
-    """Measured and predicted channels of the identifying maneuvers, before and after."""
+    """Channels of the identifying maneuvers, measured and predicted before and after.
+
+    With the unknown forces that the model before would need to follow its readings.
+    """
     traced, case = evidence.traced, evidence.traced.case
     columns = STATE_COLUMNS[case.setup.structure.plane]
     by_id = {m.id: m for m in maneuvers.maneuvers}
-    tables = []
+    forces, tables = unknown_forces(case, traced.baseline), []
     for record, before, after in zip(
         case.records, traced.baseline.residuals, traced.final.residuals, strict=True
     ):
@@ -398,5 +403,6 @@ def residual_table(evidence: Evidence, maneuvers: Maneuvers) -> pd.DataFrame:
             table[f"{column}_before"] = record.measured[:, c] - before.error[:, c]
             table[f"{column}_after"] = record.measured[:, c] - after.error[:, c]
         table["control_rad"] = record.inputs[:, 0]
+        table.update(zip(FORCE_COLUMNS, forces[record.id].T, strict=True))
         tables.append(pd.DataFrame(table))
     return pd.concat(tables, ignore_index=True)
