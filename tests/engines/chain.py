@@ -1,7 +1,7 @@
 """The sample trials from log to model, each stage once per test session."""
 
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -98,10 +98,16 @@ def setup_of(name: str = "harbour_trial", plane: str = "horizontal", **changes):
 
 
 def cut(record: Record, samples: int) -> Record:
-    """The first samples of a record."""
+    """The first samples of a record, with the inputs that lead in."""
+    source = record.source
+    if source is not None:
+        end = len(source.raw) - len(record.time_s) + samples
+        long = {k: getattr(source, k)[:end] for k in ("raw", "elapsed_s", "speed", "roll", "pitch")}
+        short = {k: getattr(source, k)[:samples] for k in ("rates", "bridged")}
+        source = replace(source, **long, **short)
     return Record(
         record.id, record.time_s[:samples], record.inputs[:samples], record.given[:samples],
-        record.measured[:samples].copy(), record.start,
+        record.measured[:samples].copy(), record.start, source,
     )  # fmt: skip
 
 

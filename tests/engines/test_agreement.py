@@ -6,8 +6,13 @@ import numpy as np
 import pytest
 
 from auvident.engines import compiled, reference
+from auvident.engines.carried import Carried
+from auvident.engines.estimator import Setup
+from auvident.engines.prediction import at_effects, linear_about
 from auvident.engines.problem import FilterProblem, FilterResult
+from auvident.engines.records import Record
 from auvident.schema.coefficients import expand
+from auvident.schema.effects import BY_ID, parameter_of
 from tests.engines.chain import cut, problem_of, setup_of
 
 SYSTEMS = {
@@ -16,24 +21,62 @@ SYSTEMS = {
     "coupled": (["all"], (True, True, True, False)),
 }
 VERTICAL = {"vertical": (["all"], (True, True, True, True))}
-CASES = [(s, k) for s in (*SYSTEMS, *VERTICAL) for k in ("ekf", "ukf")]
+# the coupled system of a model that carries effects: on commands, in the equations, on readings
+EFFECTS = {
+    "rudder_offset.offset_deg": 1.0, "rudder_lag.lag_s": 0.3, "rudder_rate_limit.rate_degps": 40.0,
+    "propeller_lag.lag_s": 0.5, "thrust_sag.fraction_per_1000_s": 0.1,
+    "current.north_mps": 0.05, "current.east_mps": -0.1, "dvl_misalignment.yaw_deg": 1.0,
+    "dvl_lever_arm.dx_m": 0.05, "dvl_lever_arm.dy_m": -0.05, "gyro_bias.bias_degps": 0.1,
+    "gyro_scale.fraction": 0.01, "dvl_delay.delay_s": 0.12, "hull_asymmetry.Y_0": 0.3,
+    "hull_asymmetry.N_0": -0.1, "linear_drag.X_u": -0.1,
+}  # fmt: skip
+CASES = [(s, k) for s in (*SYSTEMS, *VERTICAL, "effects") for k in ("ekf", "ukf")]
+
+
+def carried() -> Carried:
+    """`EFFECTS`, to be estimated with their usual priors for a vehicle of 1.6 m."""
+    start = {name: parameter_of(name).internal(value) for name, value in EFFECTS.items()}
+    prior_std = {
+        name: parameter_of(name).prior * parameter_of(name).size_unit(1025.0, 1.6, 1.4, 16.0)
+        for name in EFFECTS
+    }
+    effects = tuple(e for e in BY_ID if any(name.startswith(f"{e}.") for name in EFFECTS))
+    return Carried(effects, start, dict.fromkeys(EFFECTS, 0.0), prior_std)
 
 
 @cache
 def problem(system: str) -> FilterProblem:
     """Two maneuvers of unequal length with readings missing beyond those of the slow DVL."""
     plane = "vertical" if system == "vertical" else "horizontal"
-    setup = setup_of("dive_trial" if plane == "vertical" else "harbour_trial", plane)
+    with_effects = {"carried": carried()} if system == "effects" else {}
+    setup = setup_of("dive_trial" if plane == "vertical" else "harbour_trial", plane,
+                     **with_effects)  # fmt: skip
     kinds = dict(setup.records.values())
     long, short = cut(kinds["zigzag"], 420), cut(kinds["straight"], 260)
     rng = np.random.default_rng(1)
     for record in (long, short):
         record.measured[rng.random(record.measured.shape) < 0.2] = np.nan
     long.measured[100:150] = np.nan  # nothing at all for 5 s
+    if system == "effects":
+        return with_linear(setup, [long, short])
     names, active = (SYSTEMS | VERTICAL)[system]
     following = {setup.structure.parameters[f] for f in setup.followers[:, 0]}
     symbols = [s for s in expand(names, plane) if s not in following]
     return problem_of(setup, [long, short], symbols, active)
+
+
+def with_linear(setup: Setup, records: list[Record]) -> FilterProblem:
+    """As `estimator` makes it: inputs and readings to first order about the start."""
+    symbols = [*expand(["lift", "control", "drag", "thrust"], "horizontal"), *EFFECTS]
+    free = setup.free(np.array([setup.structure.index(s) for s in symbols], dtype=np.int64))
+    acting = [at_effects(setup.frame, setup.start, record) for record in records]
+    linear, sensor = linear_about(
+        setup.frame, setup.start, acting, free, max(len(r.time_s) for r in acting)
+    )
+    return problem_of(
+        setup, acting, symbols, (True, True, True, False), parameters=setup.start, linear=linear,
+        sensor=sensor,
+    )  # fmt: skip
 
 
 @cache
@@ -108,3 +151,16 @@ def test_ekf_and_ukf_differ_where_the_system_is_not_linear() -> None:
     p = problem("coupled")
     away = np.abs((ekf.parameters - ukf.parameters)[p.free] / p.scale)
     assert 1e-4 < away.max() < 1.0
+
+
+@pytest.mark.parametrize("kind", ["ekf", "ukf"])
+def test_the_effects_of_the_problem_move_with_the_data(kind) -> None:
+    """Agreement is worth nothing where inputs and readings do not depend on a parameter."""
+    p, (found, _) = problem("effects"), both("effects", kind)
+    assert p.linear is not None
+    assert len(p.linear.input_columns) == 5
+    assert len(p.linear.reading_columns) == 8
+    names = [p.structure.parameters[i] for i in p.free]
+    shrunk = np.sqrt(np.diag(found.theta_covariance))[[names.index(n) for n in EFFECTS]]
+    assert (shrunk < 0.999).all()
+    assert (shrunk < 0.8).sum() > len(EFFECTS) / 2
