@@ -5,11 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from auvident.engines.carried import predicted_course
+from auvident.engines.estimator import Setup
 from auvident.engines.prediction import Frame, Free
 from auvident.engines.records import Record, Source
 from auvident.physics.terms import structure_of
 from auvident.schema.artifacts import Sensing
 from auvident.schema.effects import BY_ID, parameter_of
+from auvident.schema.plan import Plan
 from tests.physics.plane_equations import stable_values
 
 DT = 0.1
@@ -112,3 +114,26 @@ def sensor_of(world: World) -> np.ndarray:
     from auvident.physics.sensing import sensor_matrix
 
     return sensor_matrix("horizontal", world.frame.sensing)
+
+
+NOISE = np.array([0.005, 0.005, 0.001, 0.001])  # of the sensors
+
+
+def setup_for(world: World, records, names, kind: str = "ekf", engine: str = "compiled") -> Setup:
+    """An identification of some parameters that begins with every effect off.
+
+    Coefficients have a prior of a tenth about their true values, off by half of it to both sides.
+    """
+    free, p = world.free(names), world.p.copy()
+    for k, name in enumerate(names):
+        at = world.index(name)
+        p[at] = 0.0 if "." in name else p[at] + 0.5 * (-1.0) ** k * free.scale[k]
+    std = np.zeros(len(p))
+    std[free.positions] = free.scale
+    stage = {"name": "all", "system": "coupled", "free": ["all"], "maneuvers": ["zigzag"]}
+    return Setup(
+        structure=world.frame.structure, plan=Plan.model_validate({"name": "t", "stage": [stage]}),
+        records={r.id: ("zigzag", r) for r in records}, dt_s=DT, sensing=world.frame.sensing,
+        sensor_std=NOISE, prior=p, prior_std=std, followers=np.zeros((0, 2), dtype=np.int64),
+        filter=kind, engine=engine, start=p,
+    )  # fmt: skip
