@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 
 from auvident.errors import NumericsError
 from auvident.estimation.output_error import MAX_ITERATIONS, correlation_time, fit
@@ -66,6 +67,96 @@ def test_a_curved_valley_is_followed() -> None:
     assert found.iterations < MAX_ITERATIONS
     # 1e-5 of the cost scale 1, curvature along the valley about 0.2
     np.testing.assert_allclose(found.theta, 1.0, atol=0.02)
+
+
+# --- bounds and damping --------------------------------------------------------------------
+
+
+def boxed(seed: int):
+    """A linear problem with bounds, of which some hold; and scipy's solution."""
+    likelihood, mean, information, best, covariance, _ = linear(seed)
+    rng = np.random.default_rng(seed + 50)
+    reach = np.sqrt(np.diag(covariance))
+    low = best - reach * rng.uniform(-2.0, 4.0, 5)
+    high = low + reach * rng.uniform(1.0, 6.0, 5)
+    root = np.linalg.cholesky(np.linalg.inv(covariance)).T
+    exact = lsq_linear(root, root @ best, (low, high), tol=1e-14).x
+    return likelihood, mean, information, exact, (low, high), reach
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("start", ["low", "high", "middle"])
+def test_fit_within_bounds_is_scipys(seed, start) -> None:
+    likelihood, mean, information, exact, (low, high), reach = boxed(seed)
+    first = {"low": low, "high": high, "middle": 0.5 * (low + high)}[start]
+    found = fit(likelihood, first, mean, information, (low, high), tolerance=1e-12)
+    assert ((found.theta >= low) & (found.theta <= high)).all()
+    # costs alike to 1e-12 of some hundred: 1e-5 standard deviations
+    np.testing.assert_allclose(found.theta / reach, exact / reach, atol=1e-4)
+
+
+def test_some_bounds_hold_and_some_do_not() -> None:
+    """Or the test above would show nothing."""
+    held = [np.isclose(x, b).any() for s in range(8) for *_, x, b, _ in [boxed(s)]]
+    assert sum(held) >= 4
+    free = [
+        ((x > low + 1e-9) & (x < high - 1e-9)).any()
+        for s in range(8) for *_, x, (low, high), _ in [boxed(s)]
+    ]  # fmt: skip
+    assert sum(free) >= 4
+
+
+def test_wide_bounds_change_nothing() -> None:
+    likelihood, mean, information, *_ = linear(2)
+    start = np.full(5, 3.0)
+    wide = (np.full(5, -1e9), np.full(5, 1e9))
+    found, plain = (fit(likelihood, start, mean, information, b) for b in (wide, None))
+    np.testing.assert_array_equal(found.theta, plain.theta)
+    assert found.cost == plain.cost
+
+
+@pytest.mark.parametrize("damping", [1e-8, 1e-5, 1e-3, 1.0, 100.0])
+def test_the_damping_of_the_first_step_does_not_change_the_solution(damping) -> None:
+    likelihood, mean, information, best, covariance, _ = linear(3)
+    found = fit(likelihood, np.full(5, 5.0), mean, information, tolerance=1e-12, damping=damping)
+    away = (found.theta - best) / np.sqrt(np.diag(covariance))
+    assert np.abs(away).max() < 1e-4
+
+
+def test_little_damping_needs_fewer_steps_on_a_linear_problem() -> None:
+    likelihood, mean, information, *_ = linear(4)
+    little, much = (
+        fit(likelihood, np.full(5, 5.0), mean, information, tolerance=1e-10, damping=d).iterations
+        for d in (1e-8, 10.0)
+    )
+    assert little <= 2 < much
+
+
+def test_no_more_steps_than_allowed() -> None:
+    calls = []
+    likelihood, mean, information, *_ = linear(5)
+
+    def counted(theta):
+        calls.append(theta)
+        return likelihood(theta)
+
+    found = fit(counted, np.full(5, 5.0), mean, information, iterations=2, tolerance=0.0)
+    assert found.iterations == 2
+    assert len(calls) == 3  # and the one at the start
+
+
+def test_a_parameter_is_let_go_when_the_gradient_turns() -> None:
+    """In a bent valley the minimum is inside, but the way begins along the bound."""
+
+    def likelihood(theta):
+        r = np.array([10 * (theta[1] - theta[0] ** 2), 1 - theta[0]])
+        j = np.array([[-20 * theta[0], 10.0], [-1.0, 0.0]])
+        return 0.5 * float(r @ r), j.T @ r, j.T @ j
+
+    bounds = (np.array([-2.0, 0.5]), np.array([2.0, 3.0]))
+    found = fit(likelihood, np.array([0.2, 0.5]), np.ones(2), 1e-6 * np.eye(2), bounds,
+                tolerance=1e-10)  # fmt: skip
+    np.testing.assert_allclose(found.theta, 1.0, atol=1e-3)
 
 
 def test_steps_to_where_the_prediction_runs_away_are_taken_back() -> None:
