@@ -1,0 +1,156 @@
+"""The table of effects: complete, without doubles, and every row has its equation."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from auvident.physics.actuation import COMMAND
+from auvident.physics.sensing import READING
+from auvident.physics.terms import EFFECT_FORCES, EQUATIONS, POWERS, VARIABLES, structure_of
+from auvident.schema.channels import BY_COLUMN
+from auvident.schema.coefficients import PLANES
+from auvident.schema.effects import (
+    BY_ID,
+    EFFECTS,
+    Effect,
+    EffectParameter,
+    in_plane,
+    names_of,
+    parameter_of,
+)
+
+# as users, pipelines and acceptance checks know them
+IDS = {
+    "environment": "current wave one_off_event",
+    "actuation": "rudder_offset rudder_lag rudder_rate_limit rudder_delay rudder_backlash "
+    "rudder_deadband rudder_asymmetry rudder_stall propeller_lag propeller_race thrust_sag "
+    "thrust_step",
+    "sensing": "dvl_delay gyro_delay dvl_misalignment dvl_scale dvl_lever_arm gyro_bias gyro_scale",
+    "hydrodynamics": "propeller_side_force hull_asymmetry sway_cross_flow yaw_cross_flow "
+    "cubic_damping turning_drag linear_drag roll_coupling",
+}
+FURTHER = {"dvl_height", "weight_excess"}  # allowances that are never named
+NAMES = [name for effect in EFFECTS for name in effect.names()]
+MODELLED = [e for e in EFFECTS if e.enters != "disturbance"]
+
+
+def test_ids_are_those_that_users_know() -> None:
+    by_family = {family: set(ids.split()) for family, ids in IDS.items()}
+    found: dict[str, set[str]] = {family: set() for family in IDS}
+    for effect in EFFECTS:
+        if effect.id not in FURTHER:
+            found[effect.family].add(effect.id)
+    assert found == by_family
+    assert set(BY_ID) == set().union(*by_family.values()) | FURTHER
+
+
+def test_ids_and_names_are_unique() -> None:
+    assert len(BY_ID) == len(EFFECTS)
+    assert len(set(NAMES)) == len(NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_bounds_contain_off_and_the_sizes_that_matter(name) -> None:
+    p = parameter_of(name)
+    assert p.low <= 0.0 <= p.high
+    assert p.low < p.high
+    assert 0.0 <= p.practical < p.high
+    assert 0.0 <= p.silent < p.high
+    assert p.prior >= 0.0
+    assert p.step > 0.0
+    # a slope is taken within the bounds, and what every model is allowed is no news
+    assert p.step * p.prior < p.high
+    assert p.silent <= max(2.0 * p.practical, p.prior)
+    assert p.unit and p.symbol
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.id)
+def test_rows_are_complete(effect: Effect) -> None:
+    assert effect.equation and effect.signature
+    assert effect.parameters and effect.planes
+    assert set(effect.planes) <= set(PLANES)
+    assert all(column in {*BY_COLUMN, "north_m"} for column in effect.needs)
+    scaled = any(any(p.powers) for p in effect.parameters)
+    assert scaled == (effect.enters == "force" or effect.id == "propeller_race")
+
+
+def test_every_row_has_its_equation_and_every_equation_its_row() -> None:
+    by_place = {place: [n for e in EFFECTS if e.enters == place for n in e.names()]
+                for place in ("input", "reading", "force")}  # fmt: skip
+    assert set(by_place["input"]) == {n for n in COMMAND if "." in n}
+    assert set(by_place["reading"]) == set(READING)
+    assert set(by_place["force"]) == {name for name, *_ in EFFECT_FORCES}
+    assert len(set(COMMAND)) == len(COMMAND)
+    assert len(set(READING)) == len(READING)
+
+
+@pytest.mark.parametrize("row", EFFECT_FORCES, ids=lambda row: row[0])
+def test_forces_stand_on_a_known_equation_of_known_factors(row) -> None:
+    _, equation, weight, *factors = row
+    assert equation in EQUATIONS
+    assert abs(weight) == 1
+    for variable, power in factors:
+        assert variable in VARIABLES
+        assert power in POWERS
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_the_parameter_vector_has_them_in_the_order_of_the_table(plane) -> None:
+    effects = in_plane(plane)
+    assert all(plane in e.planes and e.enters != "disturbance" for e in effects)
+    structure = structure_of(plane, tuple(e.id for e in effects))
+    assert structure.parameters[-len(names_of(plane)) :] == names_of(plane)
+
+
+@pytest.mark.parametrize("effect", [e for e in MODELLED if e.enters == "force"], ids=lambda e: e.id)
+def test_the_unit_of_a_force_is_that_of_its_scaling(effect: Effect) -> None:
+    """Sizes scale with density/2, length, speed and rate to powers that make up the unit."""
+    base = {"N": (1, 1, -2), "kg": (1, 0, 0), "m": (0, 1, 0), "s": (0, 0, 1), "-": (0, 0, 0)}
+    for p in effect.parameters:
+        above, _, below = p.unit.partition("/")
+        total = [0, 0, 0]
+        for sign, text in ((1, above), (-1, below)):
+            for word in text.split():
+                unit, _, power = word.partition("^")
+                for i in range(3):
+                    total[i] += sign * int(power or 1) * base[unit][i]
+        density, length, speed, rate = p.powers
+        assert total == [density, -3 * density + length + speed, -speed - rate], p.symbol
+
+
+@pytest.mark.parametrize("name", NAMES)
+@given(shown=st.floats(1e-3, 1e3))
+def test_shown_and_internal_values_are_inverse(name, shown) -> None:
+    p = parameter_of(name)
+    internal = p.internal(shown)
+    if p.form == "plain" or internal > 0.01 * p.practical:
+        assert p.shown(internal)[0] == pytest.approx(shown, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_shown_deviation_is_the_slope_of_the_shown_value(name) -> None:
+    p, std = parameter_of(name), 1e-6
+    at = 0.5 * p.prior or 0.5
+    (value, shown_std), (up, _), (down, _) = (p.shown(x, std) for x in (at, at + std, at - std))
+    assert shown_std == pytest.approx(0.5 * abs(up - down), rel=1e-6)
+    assert math.isfinite(value)
+
+
+def test_a_limit_that_is_never_reached_is_shown_finite() -> None:
+    for name in ("rudder_rate_limit.rate_degps", "rudder_stall.angle_deg"):
+        value, std = parameter_of(name).shown(0.0, 0.1)
+        assert math.isfinite(value) and math.isfinite(std)
+        assert value > parameter_of(name).shown(parameter_of(name).practical)[0]
+
+
+def test_units_are_those_of_an_engineer() -> None:
+    assert parameter_of("rudder_offset.offset_deg").internal(180.0) == pytest.approx(math.pi)
+    # 20 deg/s: a limit is stored as the seconds that one radian takes
+    slow = parameter_of("rudder_rate_limit.rate_degps").internal(20.0)
+    assert slow == pytest.approx(1.0 / math.radians(20.0))
+    stall = parameter_of("rudder_stall.angle_deg").internal(15.0)
+    assert stall == pytest.approx(math.radians(15.0) ** -2)
+    force = EffectParameter("Y", "N", 1.0, 0.1, -1.0, 1.0, powers=(1, 2, 2, -1))
+    assert force.size_unit(1000.0, 2.0, 1.5, 10.0) == pytest.approx(500.0 * 4.0 * 2.25 / 10.0)
