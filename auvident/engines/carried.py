@@ -27,6 +27,7 @@ class Carried:
         Those that are estimated, in the order of the table; the others are given.
     start, prior, prior_std : mapping
         Internal values by name ``effect.parameter``; a standard deviation of zero holds the start.
+        The start may also name coefficients.
     windows : tuple of (maneuver, start, end)
         Readings that are left out [s].
     """
@@ -39,7 +40,7 @@ class Carried:
 
     def ids(self, plane: Plane) -> tuple[str, ...]:
         """All effects with a value, estimated or given, in the order of the table."""
-        named = {name.partition(".")[0] for name, value in self.start.items() if value}
+        named = {n.partition(".")[0] for n, value in self.start.items() if value and "." in n}
         named |= set(self.effects)
         return tuple(e for e in BY_ID if e in named and plane in BY_ID[e].planes)
 

@@ -208,7 +208,9 @@ def ekf_pass(mean, covariance, case, terms, weights, mass, mass_weights):
     n_x, n, n_theta = index.shape[0], mean.shape[0], scale.shape[0]
     moving, places = np.full(N_INPUTS, input_columns.shape[0] > 0), input_columns + 1 + n_x
     u_slopes = np.zeros((N_INPUTS, places.shape[0]))
-    table, both, partials = sort_slopes(active, column, scale, 1 + n_x, moving, terms, weights)
+    table, both, partials = sort_slopes(
+        active, base, column, scale, 1 + n_x, moving, terms, weights
+    )
     sorted_mass, mass_both = sort_masses(active, column, scale, 1 + n_x, mass, mass_weights)
     used, value, coefficient = used_variables(active, terms), np.ones(N_PLACES), both[:, 0].copy()
     p, m, inverse = base.copy(), np.empty((10, 1)), np.empty((9, 1))

@@ -110,7 +110,7 @@ def derivative_and_jacobians(
     """
     used, value, scale = used_variables(active, terms), np.ones(N_PLACES), np.ones(j_p.shape[1])
     lead, columns = 1 + N_STATES, 1 + N_STATES + j_p.shape[1]
-    table, both, partials = sort_slopes(active, column, scale, lead, _still(), terms, weights)
+    table, both, partials = sort_slopes(active, p, column, scale, lead, _still(), terms, weights)
     sorted_mass, mass_both = sort_masses(active, column, scale, lead, mass, mass_weights)
     stage, result = np.zeros((N_STATES, columns)), np.zeros((N_STATES, columns))
     stage[:, 0] = x
@@ -170,7 +170,14 @@ def step_with_sensitivities(
     scale, value = np.ones(s_x.shape[1] - N_STATES), np.ones(N_PLACES)
     lead, columns = 1 + N_STATES, 1 + s_x.shape[1]
     table, both, partials = sort_slopes(
-        active, column, scale, lead, np.full(N_INPUTS, input_columns.shape[0] > 0), terms, weights
+        active,
+        p,
+        column,
+        scale,
+        lead,
+        np.full(N_INPUTS, input_columns.shape[0] > 0),
+        terms,
+        weights,
     )
     sorted_mass, mass_both = sort_masses(active, column, scale, lead, mass, mass_weights)
     work = np.zeros((4, N_STATES, columns))
@@ -278,7 +285,7 @@ def simulate_with_sensitivities(
     """
     n, lead, columns = inputs.shape[0], 1 + N_STATES, z.shape[2]
     moving = np.full(N_INPUTS, input_columns.shape[0] > 0)
-    table, both, partials = sort_slopes(active, column, scale, lead, moving, terms, weights)
+    table, both, partials = sort_slopes(active, p, column, scale, lead, moving, terms, weights)
     sorted_mass, mass_both = sort_masses(active, column, scale, lead, mass, mass_weights)
     used, value, coefficient = used_variables(active, terms), np.ones(N_PLACES), both[:, 0].copy()
     m, inverse = np.empty((10, 1)), np.empty((9, 1))

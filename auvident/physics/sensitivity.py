@@ -34,12 +34,14 @@ N_SLOPES = N_STATES + N_INPUTS  # a force has a slope by each state and by each 
 
 
 @kernel
-def sort_slopes(active, column, scale, lead, moving, terms, weights):
+def sort_slopes(active, p, column, scale, lead, moving, terms, weights):
     """Sort the terms of the active equations with their derivatives.
 
     Parameters
     ----------
     active : (4,) bool array
+    p : (n_parameters,) array
+        Terms of parameters that are zero and not free are left out.
     column : (n_parameters,) int array
         Column of each parameter, or -1 when it is not free.
     scale : (n_free,) array
@@ -60,7 +62,8 @@ def sort_slopes(active, column, scale, lead, moving, terms, weights):
     partials : (d, 6) uint array
         Term, equation, state (from 4 on: input), places of the slope and of the other two factors.
     """
-    chosen, spare = np.flatnonzero(active[terms[:, 0]]), lead + scale.shape[0]
+    at_work = (p[terms[:, 1]] != 0.0) | (column[terms[:, 1]] >= 0)
+    chosen, spare = np.flatnonzero(active[terms[:, 0]] & at_work), lead + scale.shape[0]
     m, d = chosen.shape[0], 0
     table, both = np.full((m, 6), ONE, np.uintp), np.zeros((m, 2))
     partials = np.full((3 * m, 6), ONE, np.uintp)

@@ -159,13 +159,13 @@ EFFECTS: tuple[Effect, ...] = (
     ), "d = d_command + offset", "turns with the rudder amidships, in proportion to u^2", (),
         SERVO),
     Effect("rudder_lag", "actuation", "input", HV, (
-        P("lag_s", "s", 0.4, 0.15, 0.0, 3.0, silent=0.05, step=0.05),
+        P("lag_s", "s", 0.4, 0.15, 0.0, 3.0, silent=0.04, step=0.05),
     ), "d' = (d_command - d) / lag", "residual after every helm, decaying", (), SERVO),
     Effect("rudder_rate_limit", "actuation", "input", HV, (
-        P("rate_degps", "deg/s", 3.0, 1.9, 0.0, 20.0, DEGREES, "inverse", step=0.3, silent=0.4),
+        P("rate_degps", "deg/s", 3.0, 1.9, 0.0, 20.0, DEGREES, "inverse", step=0.3, silent=0.3),
     ), "|d'| <= rate", "residual after every helm, longer after larger ones", (), SERVO),
     Effect("rudder_delay", "actuation", "input", HV, (
-        P("delay_s", "s", 0.3, 0.15, -0.3, 2.0, silent=0.05, step=0.05),
+        P("delay_s", "s", 0.3, 0.15, -0.3, 2.0, silent=0.02, step=0.05),
     ), "d(t) = d_command(t - delay)", "residual after every helm, flat-topped", (), SERVO),
     Effect("rudder_backlash", "actuation", "input", HV, (
         P("half_width_deg", "deg", 0.026, 0.0122, 0.0, 0.2, DEGREES, step=0.7),
@@ -179,14 +179,15 @@ EFFECTS: tuple[Effect, ...] = (
         P("gain", "-", 0.15, 0.05, -0.9, 0.9),
     ), "d = d_command (1 + gain sign(d_command))", "turns differ from side to side", (), SERVO),
     Effect("rudder_stall", "actuation", "input", HV, (
-        P("angle_deg", "deg", 6.0, 3.0, 0.0, 60.0, DEGREES, "inverse_square", step=0.1),
+        P("angle_deg", "deg", 6.0, 3.0, 0.0, 60.0, DEGREES, "inverse_square", step=0.1, silent=1.2),
     ), "effective d = d / sqrt(1 + (d / angle)^2)", "large helms do too little", (),
         "Molland and Turnock (2007), 5.3"),
     Effect("propeller_lag", "actuation", "input", HV, (
         P("lag_s", "s", 0.7, 0.3, 0.0, 6.0, silent=0.15, step=0.05),
     ), "n' = (n_command - n) / lag", "u residual after thrust steps only"),
     Effect("propeller_race", "actuation", "input", HV, (
-        P("c_m2ps2pn", "m^2/s^2/N", 100.0, 50.0, -1000.0, 1000.0, powers=(-1, -2, 0, 0)),
+        P("c_m2ps2pn", "m^2/s^2/N", 100.0, 50.0, -1000.0, 1000.0, powers=(-1, -2, 0, 0),
+          silent=15.0),
     ), "rudder sees u^2 + c T", "rudder power depends on the loading of the propeller", (),
         "Molland and Turnock (2007), 3.6"),
     Effect("thrust_sag", "actuation", "input", HV, (
@@ -222,8 +223,8 @@ EFFECTS: tuple[Effect, ...] = (
         P("N_nn", "N m s^2", 2.5e-4, 4e-5, -0.1, 0.1, powers=(1, 3, 2, -2)),
     ), "Y + Y_nn n|n|, N + N_nn n|n|", "turns with the rudder amidships, in proportion to n^2"),
     Effect("hull_asymmetry", "hydrodynamics", "force", H, (
-        P("Y_0", "kg/m", 1.2e-3, 2e-4, -0.1, 0.1, powers=(1, 2, 0, 0), silent=1.2e-4),
-        P("N_0", "kg", 2.5e-4, 4e-5, -0.1, 0.1, powers=(1, 3, 0, 0), silent=4e-5),
+        P("Y_0", "kg/m", 1.2e-3, 2e-4, -0.1, 0.1, powers=(1, 2, 0, 0), silent=3e-5),
+        P("N_0", "kg", 2.5e-4, 4e-5, -0.1, 0.1, powers=(1, 3, 0, 0), silent=1e-5),
     ), "Y + Y_0 u|u|, N + N_0 u|u|", "turns with the rudder amidships, in proportion to u^2"),
     Effect("sway_cross_flow", "hydrodynamics", "force", H, (
         P("Y_v|r|", "kg", 0.03, 0.01, -1.0, 1.0, powers=(1, 3, 0, 0)),

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import solve_triangular
+from scipy.optimize import lsq_linear
 
 from auvident.engines.prediction import readings_with_slopes, seen_rows
 from auvident.stages.diagnose.case import ACTIVE, Case
@@ -157,20 +159,11 @@ def score(joint: Joint, effects: Sequence[str]) -> Score:
 def _bounded_step(
     theta: Array, gradient: Array, curvature: Array, low: Array, high: Array
 ) -> Array:
-    """Newton step within bounds: parameters that would leave them are held there."""
-    held = np.zeros(len(theta), dtype=bool)
-    step = np.zeros(len(theta))
-    for _ in range(len(theta)):
-        moves = ~held
-        right = gradient[moves] + curvature[np.ix_(moves, held)] @ step[held]
-        step[moves] = -np.linalg.solve(curvature[np.ix_(moves, moves)], right)
-        there = theta + step
-        out = moves & ((there < low) | (there > high))
-        if not out.any():
-            break
-        step[out] = np.clip(there, low, high)[out] - theta[out]
-        held |= out
-    return step
+    """Newton step to the least value within the bounds."""
+    factor = np.linalg.cholesky(curvature)
+    right = -solve_triangular(factor, gradient, lower=True)
+    room = (np.minimum(low - theta, 0.0) - SMALLEST, np.maximum(high - theta, 0.0) + SMALLEST)
+    return np.asarray(lsq_linear(factor.T, right, room, method="bvls").x)
 
 
 def unabsorbed(joint: Joint, positions: Sequence[int]) -> tuple[Array, Array, Array]:

@@ -24,6 +24,7 @@ Array = npt.NDArray[Any]
 
 BLOCK_S = 20.0
 STEPS = 3  # of each fit without a maneuver
+MOST_OF_BLOCK = 30.0  # [nats] a block of time counts for no more
 DRAWS = 400
 LOWER = 0.025
 
@@ -93,7 +94,8 @@ class Helped:
 def helped(before: LeftOut, after: LeftOut, rng: np.random.Generator) -> Helped:
     """Compare two fits on the maneuvers left out, with one noise for both."""
     gains = [0.5 * (a - b) for a, b in zip(before.blocks, after.blocks, strict=True)]
-    gains = [np.nan_to_num(g, nan=0.0, posinf=1e6, neginf=-1e6) for g in gains]
+    # one bad place of one maneuver decides nothing
+    gains = [np.clip(np.nan_to_num(g), -MOST_OF_BLOCK, MOST_OF_BLOCK) for g in gains]
     whole = np.concatenate(gains)
     drawn = rng.choice(whole, size=(DRAWS, len(whole))).sum(axis=1)
     share = float(np.mean([g.sum() > 0.0 for g in gains]))

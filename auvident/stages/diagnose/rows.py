@@ -1,5 +1,6 @@
 """From the evidence of a diagnosis to its verdict and its artifact."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -36,6 +37,8 @@ FREE_GAIN, FREE_FALL = 150.0, 0.08  # a free force that gains and explains so mu
 BEATEN = 1.08  # a free force that gains so many times what the named effect does beats it
 DVL_NOISES, TURN_NRMSE = 3.0, 0.06  # a residual beyond these means something is left
 INTERVAL = 0.975
+TIMED = ("rudder_lag.lag_s", "rudder_delay.delay_s", "gyro_delay.delay_s", "dvl_delay.delay_s")
+TIMED_STD_S = 0.045  # silent lag and delay of a servo together
 UNITS = ("m/s", "m/s", "rad/s")
 FORCE_COLUMNS = ("force_X_n", "force_Y_n", "force_N_nm")
 
@@ -76,7 +79,7 @@ def diagnosis_of(evidence: Evidence, model: IdentifiedModel, maneuvers: Maneuver
     effects = [*_disturbances(evidence), *_accepted(evidence)]
     left = left_channels(case, traced.final)
     nearest = _nearest(evidence)
-    groups = tuple(r.alike for r in traced.rounds if r.alike and r.accepted in traced.final.effects)
+    groups = tuple(r.alike for r in traced.rounds if r.alike and r.accepted in traced.named)
     verdict = _verdict(effects, evidence, left, nearest, groups)
     correlates = [_correlate(f) for f in (evidence.rival, *evidence.free) if f is not None]
     sees = detectable(first.joint, evidence.candidates)
@@ -96,7 +99,7 @@ def diagnosis_of(evidence: Evidence, model: IdentifiedModel, maneuvers: Maneuver
         candidates=tuple(_candidates(traced.rounds, case)), ambiguous=groups,
         unexplained=unexplained, sees=sees,
         lookalikes=lookalikes(first.joint, evidence.candidates), separate_by=by,
-        silent=_silent(case, traced.final), carried=_carried(case, traced.final),
+        silent=_silent(case, traced.final, traced.quiet), carried=_carried(case, traced.final),
         steps=traced.steps,
         residuals=tuple(_residual_rows(evidence)), checks=_checks(evidence),
         missing=evidence.missing, false_alarm_p=first.p,
@@ -176,13 +179,13 @@ def _disturbances(evidence: Evidence) -> list[EffectFound]:
 def _accepted(evidence: Evidence) -> list[EffectFound]:
     traced, case = evidence.traced, evidence.traced.case
     final = traced.final
-    if not final.effects:
+    if not traced.named:
         return []
     stds = spreads(case, final)
     speed = float(np.median(np.concatenate([r.given[:, 0] for r in case.records])))
     rate = float(np.median(np.concatenate([r.inputs[:, 2] for r in case.records])))
     found = []
-    for effect in final.effects:
+    for effect in traced.named:
         values = effect_values(case, effect, final.parameters, stds)
         start = case.records[0].time_s[0] - _elapsed(case)
         time = None
@@ -214,6 +217,9 @@ def spreads(case: Case, fitted: Fitted) -> Array:
             curvature = curvature + parts[2]
     out = np.zeros(len(fitted.parameters))
     out[free] = np.sqrt(np.diag(np.linalg.inv(curvature))) * moving.scale
+    for i, name in enumerate(case.names):
+        if name in TIMED:  # the allowances of every model may lend or take this much
+            out[i] = math.hypot(out[i], TIMED_STD_S)
     scatter = leave_out(case, fitted, fitted.colours).parameters
     count = len(scatter)
     if count > 2:
@@ -236,11 +242,11 @@ def effect_values(case: Case, effect: str, p: Array, stds: Array) -> tuple[Param
     return tuple(found)
 
 
-def _silent(case: Case, fitted: Fitted) -> tuple[EffectFound, ...]:
+def _silent(case: Case, fitted: Fitted, quiet: Sequence[str]) -> tuple[EffectFound, ...]:
     found: dict[str, list[ParameterValue]] = {}
-    for i in np.flatnonzero(case.silent > 0.0):
-        effect = case.names[i].partition(".")[0]
-        if effect in fitted.effects:
+    for i, name in enumerate(case.names):
+        effect = name.partition(".")[0]
+        if effect not in quiet and (effect in fitted.effects or case.silent[i] == 0.0):
             continue
         declared = parameter_of(case.names[i])
         value, std = declared.shown(float(fitted.parameters[i]), float(case.silent[i]))
@@ -256,12 +262,21 @@ def _silent(case: Case, fitted: Fitted) -> tuple[EffectFound, ...]:
 def _carried(case: Case, fitted: Fitted) -> dict[str, dict[str, float]]:
     """Internal values of the effects a refined model takes along, and the priors of those named."""
     found: dict[str, dict[str, float]] = {"start": {}, "prior": {}, "prior_std": {}}
+    known = {
+        name: (float(mean), float(std))
+        for c in case.checks
+        for name, mean, std in zip(c.names, c.mean, np.sqrt(np.diag(c.covariance)), strict=True)
+    }
     for i, name in enumerate(case.names):
+        if i in fitted.free and "." not in name:
+            found["start"][name] = float(fitted.parameters[i])
         effect = name.partition(".")[0]
         if effect in fitted.effects:
             found["start"][name] = float(fitted.parameters[i])
-            found["prior"][name] = float(case.setup.prior[i])
-            found["prior_std"][name] = float(case.setup.prior_std[i])
+            # what the sensors say about each other is known before any dynamics
+            mean, std = known.get(name, (float(case.setup.prior[i]), np.inf))
+            found["prior"][name] = mean
+            found["prior_std"][name] = min(std, float(case.setup.prior_std[i]))
         elif case.silent[i] > 0.0:
             found["start"][name] = float(fitted.parameters[i])
     return found

@@ -31,8 +31,16 @@ LEAST_SHARE = 0.6  # of the maneuvers left out that it has to help
 SIMPLER = 0.04  # an effect with fewer parameters may gain this share less
 ALIKE = 0.12  # effects that gain all but this share of the best are not told apart
 ALIKE_LEAST = 12.0  # [nats] nor those within this
+RMS_ALIKE = 1.15  # ... and leave no residual larger by more
 REMOVAL = 40.0  # [nats] an accepted effect that is worth less is taken out again
 SWAP = 15.0  # [nats] another in its place has to gain so much
+MOST_QUIET = 2  # effects taken along without a claim
+SMALL = "smaller than of practical interest"
+NO_FALL = f"no residual falls by {100 * LEAST_FALL:.0f} %"
+# terms of higher order, of which every hull has a little: claimed only when they come first and
+# gain this much [nats]
+HIGHER_ORDER = ("sway_cross_flow", "yaw_cross_flow", "cubic_damping", "turning_drag")
+CLAIMED_FROM = 300.0
 DRAWS = 199  # of the sign flips
 WORTH, WORTH_A_START = 8.0, 30.0  # [nats] to be refitted, and from a second start as well
 SECOND_STARTS = 2  # so many of the best are fitted from the analytical estimate as well
@@ -66,14 +74,19 @@ class Round:
 
 @dataclass(frozen=True)
 class Traced:
-    """Result of the search."""
+    """Result of the search; `quiet` are effects taken along without a claim."""
 
     case: Case
     baseline: Fitted
     final: Fitted
     rounds: tuple[Round, ...]
     steps: tuple[str, ...] = ()
-    groups: tuple[tuple[str, ...], ...] = ()
+    quiet: tuple[str, ...] = ()
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """Effects that are claimed."""
+        return tuple(e for e in self.final.effects if e not in self.quiet)
 
 
 @dataclass
@@ -84,6 +97,7 @@ class Search:
     candidates: tuple[str, ...]
     rng: np.random.Generator
     steps: list[str] = field(default_factory=list)
+    quiet: list[str] = field(default_factory=list)
 
     def baseline(self) -> Fitted:
         """Best fit without any effect, from the identified model and from the estimate."""
@@ -107,13 +121,32 @@ class Search:
     def trace(self, baseline: Fitted) -> Traced:
         """Search until nothing more is accepted."""
         current, rounds = baseline, []
-        for _ in range(MOST_EFFECTS):
+        while len(current.effects) - len(self.quiet) < MOST_EFFECTS:
             done, current = self.one_round(current)
             rounds.append(done)
             if done.accepted is None:
-                break
-            current = self.reconsider(current)
-        return Traced(self.case, baseline, current, tuple(rounds), tuple(self.steps))
+                weak = self._weak(done)
+                if weak is None:
+                    break
+                current = self._quietly(weak)
+            else:
+                current = self.reconsider(current)
+        return Traced(
+            self.case, baseline, current, tuple(rounds), tuple(self.steps), tuple(self.quiet)
+        )
+
+    def _weak(self, done: Round) -> Tried | None:
+        """An effect that every model is short of a little and that hides others behind it."""
+        first = done.tried[0] if done.tried else None
+        if first is None or first.gain < LEAST_GAIN or len(self.quiet) >= MOST_QUIET:
+            return None
+        hidden = any(t.gain > LEAST_GAIN for t in done.tried[1:])
+        return first if hidden and first.refused in (SMALL, NO_FALL) else None
+
+    def _quietly(self, weak: Tried) -> Fitted:
+        self.quiet.append(weak.id)
+        self.steps.append(f"{weak.id} taken along: {weak.gain:.0f} nats, too small to matter")
+        return weak.fitted
 
     def one_round(self, before: Fitted) -> tuple[Round, Fitted]:
         """Screen, refit and test; the model with the accepted effect, or as it was."""
@@ -123,6 +156,7 @@ class Search:
         scores = {c: self._score(joint, c) for c in open_ids}
         quick = {c: score(fast, (c,)).gain for c in open_ids} if fast else {}
         short = _worth(scores_of(scores))[:SCREENED] + _worth(quick)[:SCREENED_FAST]
+        short += [c for first in short[:2] for c in partners(first) if c in open_ids]
         tried, before = self._tried(before, list(dict.fromkeys(short)), scores)
         flips = flipped_gains(joint, open_ids, self.rng, DRAWS)
         best = max(scores_of(scores).values(), default=0.0)
@@ -135,6 +169,8 @@ class Search:
         if accepted is None:
             return done, before
         self.steps.append(f"{accepted.id} added: {accepted.gain:.0f} nats")
+        if accepted.id in HIGHER_ORDER and (before.effects or accepted.gain < CLAIMED_FROM):
+            self.quiet.append(accepted.id)
         return done, accepted.fitted
 
     def _thrust_step_placed(self, before: Fitted) -> Fitted:
@@ -171,8 +207,9 @@ class Search:
         """Refits of the short list, the best of them to the end and from a second start."""
         found: dict[str, Fitted] = {}
         for c in short:
-            effects = (*before.effects, c)
-            fitted = self.refit(effects, [scores[c][1]], before, 1, 5)
+            effects, usual = (*before.effects, c), self._at_usual_size(before, c)
+            starts = [scores[c][1], *([usual] if usual is not None else [])]
+            fitted = self.refit(effects, starts, before, 1, 5)
             fitted = fitted or self.refit(effects, [before.parameters], before, 1, 5)
             if fitted is not None:
                 found[c] = fitted
@@ -190,6 +227,23 @@ class Search:
         before = self._polished(before, found)
         tried = [Tried(c, f, log_gain(before, f), self._falls(before, f)) for c, f in found.items()]
         return sorted(tried, key=lambda t: -t.gain), before
+
+    def _at_usual_size(self, before: Fitted, candidate: str) -> Array | None:
+        """The model with an effect at its usual size, for those that act in no straight line.
+
+        What the sensors say about each other is the size where they say something.
+        """
+        p, known = before.parameters.copy(), {
+            name: float(mean) for c in self.case.checks
+            for name, mean in zip(c.names, c.mean, strict=True)
+        }  # fmt: skip
+        positions = self.case.positions(candidate)
+        names = [self.case.names[i] for i in positions]
+        if candidate not in CURVED and not any(name in known for name in names):
+            return None
+        for i, name in zip(positions, names, strict=True):
+            p[i] = known.get(name, float(self.case.setup.prior_std[i]))
+        return p
 
     def _analytical(self, fitted: Fitted) -> Array:
         """The analytical estimate with the effects at the sizes found."""
@@ -265,9 +319,9 @@ class Search:
         if t.gain < least:
             return "gains less than half of the best one"
         if size_of(self.case, t.id, t.fitted.parameters) < 1.0:
-            return "smaller than of practical interest"
+            return SMALL
         if max(t.falls.values()) < LEAST_FALL:
-            return f"no residual falls by {100 * LEAST_FALL:.0f} %"
+            return NO_FALL
         if at_bound(self.case, t.id, t.fitted.parameters):
             return "at the bound of what is plausible"
         return ""
@@ -290,7 +344,8 @@ class Search:
         others = [
             t.id for t in judged
             if t.id != accepted.id and t.gain >= least
-            and size_of(self.case, t.id, t.fitted.parameters) >= 0.5
+            and size_of(self.case, t.id, t.fitted.parameters) >= 1.0
+            and np.all(t.fitted.rms <= RMS_ALIKE * accepted.fitted.rms)
         ]  # fmt: skip
         return (accepted.id, *others) if others else ()
 
@@ -298,7 +353,7 @@ class Search:
         """Take out effects that are no longer worth it; swap one for what looks like it."""
         if len(current.effects) < 2:
             return current
-        for effect in current.effects[:-1]:
+        for effect in [e for e in current.effects[:-1] if e not in self.quiet]:
             rest = tuple(e for e in current.effects if e != effect)
             start = current.parameters.copy()
             start[self.case.positions(effect)] = 0.0
@@ -309,7 +364,7 @@ class Search:
         return self._swapped(current)
 
     def _swapped(self, current: Fitted) -> Fitted:
-        for effect in current.effects[:-1]:
+        for effect in [e for e in current.effects[:-1] if e not in self.quiet]:
             for other in partners(effect):
                 if other in current.effects or other not in self.candidates:
                     continue
@@ -329,10 +384,15 @@ def _with_time(case: Case, fitted: Fitted, time: float) -> Fitted:
     return replace(fitted, parameters=p)
 
 
+# effects whose signature changes with their size: fitted from a usual size as well
+CURVED = (
+    "rudder_lag", "rudder_delay", "rudder_rate_limit", "rudder_backlash", "rudder_deadband",
+    "rudder_stall", "propeller_lag", "gyro_delay", "dvl_delay",
+)  # fmt: skip
 # effects that are special cases of each other or look alike in most maneuvers
 LOOKALIKES = (
     ("rudder_offset", "hull_asymmetry", "propeller_side_force"),
-    ("rudder_lag", "rudder_delay", "rudder_rate_limit", "gyro_delay"),
+    ("rudder_lag", "rudder_delay", "rudder_rate_limit", "gyro_delay", "dvl_delay"),
     ("rudder_backlash", "rudder_deadband"),
     ("rudder_stall", "cubic_damping", "propeller_race"),
     ("thrust_sag", "thrust_step"),

@@ -65,7 +65,7 @@ def prepare(
     stds |= {name: std for name, std in carried.prior_std.items() if std > 0.0}
     rigid = rigid_body(vehicle, plane)
     prior = parameter_vector(plane, values, rigid, carried.prior, structure)
-    start = parameter_vector(plane, values, rigid, carried.start, structure)
+    start = parameter_vector(plane, {**values, **carried.start}, rigid, carried.start, structure)
     prior_std = np.array([stds.get(name, 0.0) for name in structure.parameters])
     prior = np.where(prior_std > 0.0, prior, start)
     records = {name: (kind, _masked(r, carried)) for name, (kind, r) in records.items()}
