@@ -92,8 +92,8 @@ def joint_about(
             found.readings - record.measured, slopes, seen, fitted.colours, case.setup.dt_s
         )
         error, own = _without_start(rows, fitted.colours)
-        gradient += own.T @ error
-        curvature += own.T @ own
+        gradient += rows[:, 1 + N_START :].T @ error
+        curvature += rows[:, 1 + N_START :].T @ own
         blocks.append(_in_blocks(error[:, None] * own, len(seen), case.setup.dt_s))
         for c in range(N_CHANNELS):
             part = slopes[seen[:, c], c, N_START:]

@@ -93,7 +93,8 @@ class Helped:
 
 def helped(before: LeftOut, after: LeftOut, rng: np.random.Generator) -> Helped:
     """Compare two fits on the maneuvers left out, with one noise for both."""
-    gains = [0.5 * (a - b) for a, b in zip(before.blocks, after.blocks, strict=True)]
+    with np.errstate(invalid="ignore"):  # where both run away neither helps
+        gains = [0.5 * (a - b) for a, b in zip(before.blocks, after.blocks, strict=True)]
     # one bad place of one maneuver decides nothing
     gains = [np.clip(np.nan_to_num(g), -MOST_OF_BLOCK, MOST_OF_BLOCK) for g in gains]
     whole = np.concatenate(gains)

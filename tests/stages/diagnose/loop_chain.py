@@ -1,0 +1,79 @@
+"""The sample trials from log to diagnosis, each once per test session."""
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+
+from auvident.engines.estimator import Setup
+from auvident.schema.artifacts import IdentifiedModel
+from auvident.schema.diagnosis import Diagnosis
+from auvident.stages.diagnose.case import Case, case_of
+from auvident.stages.diagnose.fits import Fitted, first_colours, fit_with
+from auvident.stages.diagnose.stage import Diagnosed, diagnose
+from auvident.stages.identify import prepare, without_held_out
+from tests.engines.chain import SAMPLES, Chain, chain_of, plan_named
+
+VEHICLES = {"harbour_trial": "remus100.toml", "bay_trial": "tern180.toml"}
+
+
+@dataclass(frozen=True)
+class Loop:
+    """What stands before a diagnosis."""
+
+    chain: Chain
+    setup: Setup
+    model: IdentifiedModel
+
+    def diagnose(self, seed: int = 0) -> Diagnosed:
+        c = self.chain
+        seen = [without_held_out(t, c.maneuvers, "horizontal") for t in c.trials]
+        return diagnose(seen, c.maneuvers, c.vehicle, self.setup, self.model, seed=seed)
+
+
+@cache
+def loop(name: str) -> Loop:
+    chain = chain_of([SAMPLES / name], SAMPLES / VEHICLES[name])
+    setup, _ = prepare(
+        chain.trials, chain.maneuvers, chain.ase, chain.vehicle, chain.noise, plane="horizontal",
+        plan=plan_named("spiral"), filter="ekf", engine="compiled",
+    )  # fmt: skip
+    return Loop(chain, setup, chain.identify().model)
+
+
+@cache
+def diagnosed(name: str) -> Diagnosed:
+    return loop(name).diagnose()
+
+
+def diagnosis(name: str) -> Diagnosis:
+    return diagnosed(name).diagnosis
+
+
+@cache
+def small_case() -> Case:
+    """One straight run, two turns and two zigzags of the harbour, no sensor checks."""
+    made = loop("harbour_trial")
+    whole = case_of(made.setup, made.model, [])
+    wanted = {"straight": 1, "turn": 2, "zigzag": 2}
+    chosen = [
+        r for kind, n in wanted.items()
+        for r in [r for r in whole.records if whole.kinds[r.id] == kind][:n]
+    ]  # fmt: skip
+    return replace(whole, records=tuple(chosen))
+
+
+@cache
+def small_fit() -> Fitted:
+    """`small_case` fitted without effects."""
+    case = small_case()
+    p = case.at_rest(case.identified)
+    found = fit_with(case, (), p, first_colours(case, p))
+    assert found is not None
+    return found
+
+
+def theta_of(case: Case, fitted: Fitted, free: np.ndarray) -> np.ndarray:
+    """Parameters in units of their prior."""
+    scaled: np.ndarray = fitted.parameters[free] / case.setup.prior_std[free]
+    return scaled
