@@ -33,7 +33,7 @@ from auvident.stages.diagnose.waves import Wave
 
 Array = npt.NDArray[Any]
 
-FREE_GAIN, FREE_FALL = 150.0, 0.08  # a free force that gains and explains so much is something
+FREE_GAIN, FREE_FALL = 120.0, 0.2  # a free force that gains and explains so much is something
 BEATEN = 1.08  # a free force that gains so many times what the named effect does beats it
 DVL_NOISES, TURN_NRMSE = 3.0, 0.06  # a residual beyond these means something is left
 INTERVAL = 0.975
@@ -112,13 +112,17 @@ def _verdict(
     effects: Sequence[EffectFound], evidence: Evidence, left: Sequence[str], nearest: str | None,
     groups: Sequence[Sequence[str]],
 ) -> Verdict:  # fmt: skip
-    something = any(f.gain > FREE_GAIN and f.falls.max() > FREE_FALL for f in evidence.free)
-    if nearest or ((left or something) and not effects):
+    if nearest or ((left or _something(evidence)) and not effects):
         return "unexplained"
     if not effects:
         return "none_found"
     across = any(len({BY_ID[e].family for e in g}) > 1 and not _nested(g) for g in groups)
     return "ambiguous" if across else "effect_found"
+
+
+def _something(evidence: Evidence) -> bool:
+    """Whether a free force explains much of what is left."""
+    return any(f.gain > FREE_GAIN and f.falls.max() > FREE_FALL for f in evidence.free)
 
 
 def _nested(group: Sequence[str]) -> bool:
@@ -132,7 +136,9 @@ def _nearest(evidence: Evidence) -> str | None:
     if rival is None or not accepted:
         return None
     named = next(t for t in accepted[-1].tried if t.id == accepted[-1].accepted)
-    return named.id if rival.gain > BEATEN * named.gain and rival.gain > FREE_GAIN else None
+    beaten = rival.gain > BEATEN * named.gain and rival.gain > FREE_GAIN
+    beside = _something(evidence) and max(f.gain for f in evidence.free) > 0.5 * named.gain
+    return named.id if beaten or beside else None
 
 
 def left_channels(case: Case, fitted: Fitted) -> list[str]:
