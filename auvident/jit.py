@@ -22,6 +22,7 @@ from numba.core import config
 PACKAGE = Path(__file__).resolve().parent
 KERNEL_MODULES = (
     "engines/passes.py",
+    "engines/sigma_points.py",
     "estimation/coloured.py",
     "estimation/kalman.py",
     "physics/actuation.py",

@@ -2,14 +2,7 @@
 
 import numpy as np
 
-from auvident.engines.passes import (
-    DIVERGED,
-    NOT_POSITIVE,
-    SINGULAR,
-    Case,
-    ekf_pass,
-    ukf_pass,
-)
+from auvident.engines.passes import Case, ekf_pass, ukf_pass
 from auvident.engines.problem import (
     FilterProblem,
     FilterResult,
@@ -17,6 +10,7 @@ from auvident.engines.problem import (
     no_effects,
     starting_covariance,
 )
+from auvident.engines.sigma_points import DIVERGED, NOT_POSITIVE, SINGULAR
 from auvident.errors import NumericsError
 from auvident.physics.terms import STATES
 

@@ -4,8 +4,8 @@ A stage starts at the best coefficients so far, but its prior stays the one of t
 the same data through several stages and cycles does not count them several times.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 from auvident.engines import compiled, reference
 from auvident.engines.prediction import (
-    Frame,
     Free,
     at_effects,
     linear_about,
@@ -22,16 +21,14 @@ from auvident.engines.prediction import (
     seen_rows,
     simulated,
 )
-from auvident.engines.problem import FilterProblem, FilterResult, Records
+from auvident.engines.problem import FilterProblem, Records
 from auvident.engines.records import Record, stack
+from auvident.engines.setup import Outcome, Setup, active_states, live_followers
 from auvident.errors import NumericsError
 from auvident.estimation.output_error import Likelihood, correlation_time, fit
 from auvident.physics.dynamics import N_STATES
-from auvident.physics.sensing import sensor_matrix
-from auvident.physics.terms import Structure
-from auvident.schema.artifacts import Sensing
 from auvident.schema.coefficients import BY_SYMBOL, expand
-from auvident.schema.plan import ACTIVE, Plan, PlanStage, System
+from auvident.schema.plan import PlanStage
 
 Array = npt.NDArray[Any]
 ENGINES = {"compiled": compiled.run, "filterpy": reference.run}
@@ -49,91 +46,6 @@ SURGE_EFFECTS = (
 FITTED_START_STD = 30.0
 NOISE_ROUNDS = 6  # rounds of fit and effective noise
 NOISE_SETTLED = 0.03  # relative change of the noise below which another round changes nothing
-
-
-@dataclass(frozen=True)
-class Setup:
-    """All that stays the same from stage to stage.
-
-    Attributes
-    ----------
-    structure : Structure
-    plan : Plan
-    records : dict
-        Record and maneuver kind by maneuver id; only those that identify.
-    dt_s : float
-    sensing : Sensing
-    sensor_std : (4,) array
-        Accuracy of each channel; sets the relative weights of the channels.
-    prior, prior_std : (n_parameters,) array
-    followers : (m, 2) int array
-        (position, position it moves with), see `FilterProblem`.
-    filter, engine : str
-    start : (n_parameters,) array
-        Where the first stage starts.
-    """
-
-    structure: Structure
-    plan: Plan
-    records: Mapping[str, tuple[str, Record]]
-    dt_s: float
-    sensing: Sensing
-    sensor_std: Array
-    prior: Array
-    prior_std: Array
-    followers: npt.NDArray[np.int64]
-    filter: str
-    engine: str
-    start: Array
-
-    @property
-    def frame(self) -> Frame:
-        """Structure, sensors and step of the prediction."""
-        return Frame(self.structure, self.sensing, self.dt_s)
-
-    @property
-    def sensor(self) -> Array:
-        """Reading = sensor @ state, without effects."""
-        return sensor_matrix(self.structure.plane, self.sensing)
-
-    def free(self, positions: Array) -> Free:
-        """Parameters that move, with those that follow them."""
-        column = np.full(len(self.prior), -1, dtype=np.int64)
-        column[positions] = np.arange(len(positions))
-        for follower, leader in _live_followers(self, positions):
-            column[follower] = column[leader]
-        return Free(positions, column, self.prior_std[positions])
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What a stage leaves.
-
-    Attributes
-    ----------
-    parameters : (n_parameters,) array
-    free : (n_free,) int array
-    covariance : (n_free, n_free) array
-        Posterior covariance in units of the prior standard deviations.
-    noise : (4,) array
-        Effective standard deviation of each channel (see `effective_noise`).
-    passed : FilterResult or None
-        The record of the filter pass; None for a refinement.
-    """
-
-    parameters: Array
-    free: npt.NDArray[np.int64]
-    covariance: Array
-    noise: Array
-    ids: tuple[str, ...]
-    log_likelihood: float
-    samples: int
-    passed: FilterResult | None = field(default=None, repr=False)
-
-
-def active_states(system: System, plane: str) -> npt.NDArray[np.bool_]:
-    """Which of (u, a, b, angle) a system estimates; the pitch moves with the coupled plane."""
-    return np.array([*ACTIVE[system], system == "coupled" and plane == "vertical"])
 
 
 def free_positions(setup: Setup, stage: PlanStage) -> npt.NDArray[np.int64]:
@@ -265,7 +177,7 @@ def _filter(
         records=stacked,
         parameters=parameters,
         free=free,
-        followers=_live_followers(setup, free),
+        followers=live_followers(setup, free),
         scale=scale,
         theta_covariance=np.diag(factors**2),
         theta_noise=drifts**2 * setup.dt_s,
@@ -368,7 +280,7 @@ def _moved(setup: Setup, parameters: Array, free: Array, theta: Array) -> Array:
     """Parameters moved by theta prior standard deviations; followers move along."""
     p = parameters.copy()
     p[free] += setup.prior_std[free] * theta
-    for follower, leader in _live_followers(setup, free):
+    for follower, leader in live_followers(setup, free):
         p[follower] += p[leader] - parameters[leader]
     return p
 
@@ -416,11 +328,6 @@ def likelihood_of(
         return half, gradient, 0.5 * (curvature + curvature.T)
 
     return likelihood
-
-
-def _live_followers(setup: Setup, free: Array) -> npt.NDArray[np.int64]:
-    """Followers whose leader is free."""
-    return setup.followers[np.isin(setup.followers[:, 1], free)]
 
 
 def _sensed(records: Records) -> npt.NDArray[np.bool_]:

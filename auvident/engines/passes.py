@@ -10,9 +10,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from auvident.engines.sigma_points import (
+    DIVERGED,
+    NOT_POSITIVE,
+    SINGULAR,
+    recombine,
+    spread_inputs,
+    spread_row,
+    stop,
+)
 from auvident.estimation.kalman import (
     predict_with,
-    unscented_weights,
     update_with,
     upper_cholesky,
 )
@@ -20,7 +28,6 @@ from auvident.jit import kernel
 from auvident.physics.batch import (
     N_INPUTS,
     N_POSITIONS,
-    N_POWERS,
     N_STATES,
     N_VELOCITIES,
     P_ROWS,
@@ -40,9 +47,6 @@ from auvident.physics.sensitivity import (
     sort_slopes,
     step_linear,
 )
-
-# what a pass reports when it has to stop: (step, record, channel or state, reason)
-NOT_POSITIVE, DIVERGED, SINGULAR = 1, 2, 3
 
 
 class Case(NamedTuple):
@@ -79,11 +83,6 @@ class Case(NamedTuple):
 
 
 @kernel
-def _stop(fault, t, record, where, reason):
-    fault[0], fault[1], fault[2], fault[3] = t, record, where, reason
-
-
-@kernel
 def _take_readings(
     t, alive, mean, covariance, n_theta, index, given, measured, channels, sensor,
     sensor_variance, offset, reading_slopes, reading_columns, whitened, fault, x, gradient,
@@ -116,7 +115,7 @@ def _take_readings(
                 sensor_variance[c], projected, gain, half,
             )  # fmt: skip
             if spread <= 0.0:
-                _stop(fault, t, j, c, NOT_POSITIVE)
+                stop(fault, t, j, c, NOT_POSITIVE)
                 return log_likelihood, count
             whitened[j, t, c] = innovation / math.sqrt(spread)
             log_likelihood -= 0.5 * (whitened[j, t, c] ** 2 + math.log(2.0 * math.pi * spread))
@@ -179,25 +178,6 @@ def _place_inputs_at(j, t, theta, input_slopes, input_columns, u, u_slopes):
 
 
 @kernel
-def _spread_inputs(j, t, count, u, mean, input_slopes, input_columns, upper, spread, moving, rows):
-    """Inputs that move, at every sigma point, as the rows of their variables."""
-    n_points = input_columns.shape[0]
-    for i in range(N_INPUTS):
-        if not moving[i]:
-            continue
-        at, centre = (N_POSITIONS + i) * N_POWERS, u[i]
-        for k in range(n_points):
-            centre += input_slopes[j, t, i, k] * mean[input_columns[k]]
-        for s in range(count):
-            rows[at, s] = centre
-        for k in range(n_points):
-            slope = spread * input_slopes[j, t, i, k]
-            for c in range(input_columns[k] + 1):
-                rows[at, 1 + 2 * c] += slope * upper[c, input_columns[k]]
-                rows[at, 2 + 2 * c] -= slope * upper[c, input_columns[k]]
-
-
-@kernel
 def ekf_pass(mean, covariance, case, terms, weights, mass, mass_weights):
     """Run the EKF over all records; returns log-likelihood and number of readings."""
     (
@@ -239,7 +219,7 @@ def ekf_pass(mean, covariance, case, terms, weights, mass, mass_weights):
         if not place_parameters(
             p, active, table, both, sorted_mass, mass_both, coefficient, m, inverse
         ) > 0.0:  # fmt: skip
-            _stop(fault, t, 0, 0, SINGULAR)
+            stop(fault, t, 0, 0, SINGULAR)
             break
         for j in range(alive):
             first = n_theta + j * n_x
@@ -258,87 +238,13 @@ def ekf_pass(mean, covariance, case, terms, weights, mass, mass_weights):
             for i in range(n_x):
                 mean[first + i] = z[index[i], 0]
                 if not abs(z[index[i], 0]) < SPEED_LIMIT and fault[3] == 0:
-                    _stop(fault, t, j, index[i], DIVERGED)
+                    stop(fault, t, j, index[i], DIVERGED)
                 for c in range(n_x + n_theta):
                     slopes[j * n_x + i, c] = z[index[i], 1 + c]
         if fault[3] > 0:
             break
         predict_with(covariance, slopes, n_theta, n_x, alive, q_theta, q_x, rows)
     return log_likelihood, count
-
-
-@kernel
-def _spread_row(centre, unit, component, upper, spread, count, row, rows):
-    """One component of the sigma points: the centre, then a pair for each column of the factor."""
-    rows[row, 0] = centre
-    for c in range(component + 1):
-        away = unit * (spread * upper[c, component])
-        rows[row, 1 + 2 * c], rows[row, 2 + 2 * c] = centre + away, centre - away
-    for s in range(2 * component + 3, count):  # the factor is triangular: the others do not move it
-        rows[row, s] = centre
-
-
-@kernel
-def _recombine(
-    t, alive, mean, covariance, n_theta, index, spread, upper, moved, shift, pairs, q_theta, q_x,
-    fault,
-):  # fmt: skip
-    """Mean and covariance of the propagated sigma points.
-
-    All from the differences to the centre, which leave a small shift of the mean instead of
-    large weights of opposite sign.
-    """
-    n_x = index.shape[0]
-    n = n_theta + alive * n_x
-    _, w_centre, w = unscented_weights(n, spread)
-    for k in range(alive * n_x):
-        count = 1 + 2 * (n_theta + (k // n_x + 1) * n_x)
-        centre, even, odd = moved[k, 0], 0.0, 0.0
-        for s in range(count):
-            moved[k, s] -= centre
-        for s in range(1, count, 2):
-            even += moved[k, s]
-            odd += moved[k, s + 1]
-        shift[k] = w * (even + odd)
-        mean[n_theta + k] = centre + shift[k]
-        if not abs(mean[n_theta + k]) < SPEED_LIMIT:
-            _stop(fault, t, k // n_x, index[k % n_x], DIVERGED)
-            return
-        for l in range(n_theta):  # noqa: E741
-            pairs[l] = 0.0
-        for c in range(n_theta):
-            difference = w * spread * (moved[k, 1 + 2 * c] - moved[k, 2 + 2 * c])
-            for l in range(c, n_theta):  # noqa: E741
-                pairs[l] += difference * upper[c, l]
-        for l in range(n_theta):  # noqa: E741
-            covariance[n_theta + k, l] = pairs[l]
-            covariance[l, n_theta + k] = pairs[l]
-    of_shift = w_centre + 2.0 * n * w - 2.0
-    for k in range(alive * n_x):
-        for i in range(k + 1):
-            product = w * _dot(moved, k, i, 1 + 2 * (n_theta + (i // n_x + 1) * n_x))
-            product += of_shift * shift[k] * shift[i]
-            covariance[n_theta + k, n_theta + i] = product
-            covariance[n_theta + i, n_theta + k] = product
-        covariance[n_theta + k, n_theta + k] += q_x[k % n_x]
-    for l in range(n_theta):  # noqa: E741
-        covariance[l, l] += q_theta[l]
-
-
-@kernel
-def _dot(rows, a, b, n):
-    """Scalar product of two rows, n odd, in four partial sums that do not wait for each other."""
-    s0 = rows[a, 0] * rows[b, 0]
-    s1 = s2 = s3 = 0.0
-    last = n - (n - 1) % 4
-    for k in range(1, last, 4):
-        s0 += rows[a, k] * rows[b, k]
-        s1 += rows[a, k + 1] * rows[b, k + 1]
-        s2 += rows[a, k + 2] * rows[b, k + 2]
-        s3 += rows[a, k + 3] * rows[b, k + 3]
-    for k in range(last, n):
-        s0 += rows[a, k] * rows[b, k]
-    return (s0 + s1) + (s2 + s3)
 
 
 @kernel
@@ -387,17 +293,17 @@ def ukf_pass(mean, covariance, case, terms, weights, mass, mass_weights, spread)
             break
         bad = upper_cholesky(covariance, n_theta + alive * n_x, upper)
         if bad >= 0:
-            _stop(fault, t, max(bad - n_theta, 0) // n_x, bad, NOT_POSITIVE)
+            stop(fault, t, max(bad - n_theta, 0) // n_x, bad, NOT_POSITIVE)
             break
         all_points = 1 + 2 * (n_theta + alive * n_x)
         for k in range(moving.shape[0]):
             i, c = moving[k], column[moving[k]]
             centre = base[i] + scale[c] * mean[c]
-            _spread_row(centre, scale[c], c, upper, spread, all_points, P_ROWS + i, rows)
+            spread_row(centre, scale[c], c, upper, spread, all_points, P_ROWS + i, rows)
         if not invert_masses(
             differ, active, mass, mass_weights, moves, scalars, rows, m, inverse
         ) > 0.0:  # fmt: skip
-            _stop(fault, t, 0, 0, SINGULAR)
+            stop(fault, t, 0, 0, SINGULAR)
             break
         for i in range(9):
             for s in range(differ, all_points):
@@ -406,9 +312,9 @@ def ukf_pass(mean, covariance, case, terms, weights, mass, mass_weights, spread)
             at = n_theta + j * n_x
             reached = 1 + 2 * (at + n_x)  # the other points leave this record at its mean
             for i in range(n_x):
-                _spread_row(mean[at + i], 1.0, at + i, upper, spread, reached, index[i], points)
+                spread_row(mean[at + i], 1.0, at + i, upper, spread, reached, index[i], points)
             _place_step(j, t, inputs, given, u, g0, g1)
-            _spread_inputs(
+            spread_inputs(
                 j, t, reached, u, mean, input_slopes, input_columns, upper, spread, moved_inputs,
                 rows,
             )  # fmt: skip
@@ -420,7 +326,7 @@ def ukf_pass(mean, covariance, case, terms, weights, mass, mass_weights, spread)
             for i in range(n_x):
                 for s in range(reached):
                     moved[j * n_x + i, s] = points[index[i], s]
-        _recombine(
+        recombine(
             t, alive, mean, covariance, n_theta, index, spread, upper, moved, projected, gain,
             q_theta, q_x, fault,
         )  # fmt: skip

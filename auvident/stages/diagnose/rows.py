@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ import pandas as pd
 from scipy.stats import t as student
 
 from auvident.engines.records import STATE_COLUMNS
-from auvident.schema.artifacts import Finding, IdentifiedModel, Maneuvers, Verdict
+from auvident.schema.artifacts import Finding, IdentifiedModel, Maneuvers
 from auvident.schema.diagnosis import (
     Candidate,
     Diagnosis,
@@ -21,55 +20,22 @@ from auvident.schema.diagnosis import (
 )
 from auvident.schema.effects import BY_ID, parameter_of
 from auvident.stages.diagnose import words
+from auvident.stages.diagnose.candidates import Round, Traced, Tried, open_of
 from auvident.stages.diagnose.case import CHANNELS, Case
-from auvident.stages.diagnose.events import Event
 from auvident.stages.diagnose.fits import Fitted, check_cost, prior_of, record_parts
 from auvident.stages.diagnose.free_forces import FreeForce
 from auvident.stages.diagnose.leftout import leave_out
-from auvident.stages.diagnose.search import LOOKALIKES, Round, Traced, Tried, open_of
 from auvident.stages.diagnose.sight import detectable, lookalikes, separated_by
 from auvident.stages.diagnose.unknown_forces import unknown_forces
-from auvident.stages.diagnose.waves import Wave
+from auvident.stages.diagnose.verdict import Evidence, left_channels, nearest_of, verdict_of
 
 Array = npt.NDArray[Any]
 
-FREE_GAIN, FREE_FALL = 120.0, 0.2  # a free force that gains and explains so much is something
-BEATEN = 1.08  # a free force that gains so many times what the named effect does beats it
-DVL_NOISES, TURN_NRMSE = 3.0, 0.06  # a residual beyond these means something is left
 INTERVAL = 0.975
 TIMED = ("rudder_lag.lag_s", "rudder_delay.delay_s", "gyro_delay.delay_s", "dvl_delay.delay_s")
 TIMED_STD_S = 0.045  # silent lag and delay of a servo together
 UNITS = ("m/s", "m/s", "rad/s")
 FORCE_COLUMNS = ("force_X_n", "force_Y_n", "force_N_nm")
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """All that a verdict rests on.
-
-    Attributes
-    ----------
-    traced : Traced
-    candidates : tuple of str
-        Effects that could be tested.
-    events : tuple of Event
-    wave : Wave or None
-        The strongest one in the final residual, found or not.
-    free : tuple of FreeForce
-        Forces without physics beside the final model, best first.
-    rival : FreeForce or None
-        The best of them in place of the effect accepted last.
-    missing : tuple of str
-        Columns whose absence hides effects.
-    """
-
-    traced: Traced
-    candidates: tuple[str, ...]
-    events: tuple[Event, ...]
-    wave: Wave | None
-    free: tuple[FreeForce, ...]
-    rival: FreeForce | None
-    missing: tuple[str, ...]
 
 
 def diagnosis_of(evidence: Evidence, model: IdentifiedModel, maneuvers: Maneuvers) -> Diagnosis:
@@ -78,9 +44,9 @@ def diagnosis_of(evidence: Evidence, model: IdentifiedModel, maneuvers: Maneuver
     first = traced.rounds[0]
     effects = [*_disturbances(evidence), *_accepted(evidence)]
     left = left_channels(case, traced.final)
-    nearest = _nearest(evidence)
+    nearest = nearest_of(evidence)
     groups = tuple(r.alike for r in traced.rounds if r.alike and r.accepted in traced.named)
-    verdict = _verdict(effects, evidence, left, nearest, groups)
+    verdict = verdict_of(effects, evidence, left, nearest, groups)
     correlates = [_correlate(f) for f in (evidence.rival, *evidence.free) if f is not None]
     sees = detectable(first.joint, evidence.candidates)
     by = separated_by([e for g in groups for e in g]) if groups else ""
@@ -106,52 +72,6 @@ def diagnosis_of(evidence: Evidence, model: IdentifiedModel, maneuvers: Maneuver
         identify_maneuvers=tuple(r.id for r in case.records),
         findings=tuple(_coefficient_findings(traced)),
     )  # fmt: skip
-
-
-def _verdict(
-    effects: Sequence[EffectFound], evidence: Evidence, left: Sequence[str], nearest: str | None,
-    groups: Sequence[Sequence[str]],
-) -> Verdict:  # fmt: skip
-    if nearest or ((left or _something(evidence)) and not effects):
-        return "unexplained"
-    if not effects:
-        return "none_found"
-    across = any(len({BY_ID[e].family for e in g}) > 1 and not _nested(g) for g in groups)
-    return "ambiguous" if across else "effect_found"
-
-
-def _something(evidence: Evidence) -> bool:
-    """Whether a free force explains much of what is left."""
-    return any(f.gain > FREE_GAIN and f.falls.max() > FREE_FALL for f in evidence.free)
-
-
-def _nested(group: Sequence[str]) -> bool:
-    """Whether the effect named is a special case of all others of its group."""
-    return set(group) <= set(LOOKALIKES[0]) and group[0] == "rudder_offset"
-
-
-def _nearest(evidence: Evidence) -> str | None:
-    """The named effect, if a free force in its place does clearly better."""
-    rival, accepted = evidence.rival, [r for r in evidence.traced.rounds if r.accepted]
-    if rival is None or not accepted:
-        return None
-    named = next(t for t in accepted[-1].tried if t.id == accepted[-1].accepted)
-    beaten = rival.gain > BEATEN * named.gain and rival.gain > FREE_GAIN
-    beside = _something(evidence) and max(f.gain for f in evidence.free) > 0.5 * named.gain
-    return named.id if beaten or beside else None
-
-
-def left_channels(case: Case, fitted: Fitted) -> list[str]:
-    """Channels whose residual is larger than any complete model leaves it."""
-    found = [
-        name
-        for c, name in enumerate(CHANNELS[:2])
-        if fitted.rms[c] > DVL_NOISES * case.setup.sensor_std[c]
-    ]
-    turn = np.concatenate([r.measured[:, 2] for r in case.records])
-    if fitted.rms[2] > TURN_NRMSE * float(np.nanstd(turn)):
-        found.append("r")
-    return found
 
 
 def _disturbances(evidence: Evidence) -> list[EffectFound]:

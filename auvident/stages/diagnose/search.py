@@ -12,7 +12,19 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.schema.effects import BY_ID, parameter_of
+from auvident.stages.diagnose.candidates import (
+    CURVED,
+    Round,
+    Traced,
+    Tried,
+    at_bound,
+    partners,
+    ranked,
+    scores_of,
+    size_of,
+    unhelpful,
+    worth,
+)
 from auvident.stages.diagnose.case import CHANNELS, Case
 from auvident.stages.diagnose.fits import Fitted, check_cost, first_colours, fit_with, log_gain
 from auvident.stages.diagnose.joint import Joint, flipped_gains, joint_about, score
@@ -29,7 +41,6 @@ OF_BEST = 0.5  # a candidate must gain this share of the best one's
 # healthy vehicle lacks by 0.14 at most (50 generated trials, seeds 1000 to 1049).
 LEAST_FALL = 0.2
 CHECK_GAIN = 12.0  # [nats] a sensor check that is reconciled counts as a channel
-LEAST_SHARE = 0.6  # of the maneuvers left out that it has to help
 SIMPLER = 0.04  # an effect with fewer parameters may gain this share less
 ALIKE = 0.12  # effects that gain all but this share of the best are not told apart
 ALIKE_LEAST = 12.0  # [nats] nor those within this
@@ -44,51 +55,9 @@ NO_FALL = f"no residual falls by {100 * LEAST_FALL:.0f} %"
 HIGHER_ORDER = ("sway_cross_flow", "yaw_cross_flow", "cubic_damping", "turning_drag")
 CLAIMED_FROM = 300.0
 DRAWS = 199  # of the sign flips
-WORTH, WORTH_A_START = 8.0, 30.0  # [nats] to be refitted, and from a second start as well
+WORTH_A_START = 30.0  # [nats] to be fitted from a second start as well
 SECOND_STARTS = 2  # so many of the best are fitted from the analytical estimate as well
 THRUST_TIMES_S = 120.0  # steps of thrust are looked for this far apart
-
-
-@dataclass(frozen=True)
-class Tried:
-    """A candidate after its refit, and why it was refused (empty: accepted)."""
-
-    id: str
-    fitted: Fitted
-    gain: float
-    falls: dict[str, float]
-    helped: Helped | None = None
-    refused: str = ""
-
-
-@dataclass(frozen=True)
-class Round:
-    """One search: the model it began with and what was tried, best first."""
-
-    before: Fitted
-    joint: Joint
-    tried: tuple[Tried, ...]
-    screened: dict[str, float]
-    p: float
-    alike: tuple[str, ...] = ()
-    accepted: str | None = None
-
-
-@dataclass(frozen=True)
-class Traced:
-    """Result of the search; `quiet` are effects taken along without a claim."""
-
-    case: Case
-    baseline: Fitted
-    final: Fitted
-    rounds: tuple[Round, ...]
-    steps: tuple[str, ...] = ()
-    quiet: tuple[str, ...] = ()
-
-    @property
-    def named(self) -> tuple[str, ...]:
-        """Effects that are claimed."""
-        return tuple(e for e in self.final.effects if e not in self.quiet)
 
 
 @dataclass
@@ -159,7 +128,7 @@ class Search:
         open_ids = [c for c in self.candidates if c not in before.effects]
         scores = {c: self._score(joint, c) for c in open_ids}
         quick = {c: score(fast, (c,)).gain for c in open_ids} if fast else {}
-        short = _worth(scores_of(scores))[:SCREENED] + _worth(quick)[:SCREENED_FAST]
+        short = worth(scores_of(scores))[:SCREENED] + worth(quick)[:SCREENED_FAST]
         short += [c for first in short[:2] for c in partners(first) if c in open_ids]
         tried, before = self._tried(before, list(dict.fromkeys(short)), scores)
         flips = flipped_gains(joint, open_ids, self.rng, DRAWS)
@@ -290,7 +259,7 @@ class Search:
                 reference = reference or leave_out(self.case, before, t.fitted.colours)
                 own = leave_out(self.case, t.fitted, t.fitted.colours)
                 t = replace(t, helped=self._helped(before, reference, own, t))
-                refused = _unhelpful(t.helped)
+                refused = unhelpful(t.helped)
             elif not refused:
                 refused = "another gains more"
             t = replace(t, refused=refused)
@@ -386,82 +355,3 @@ def _with_time(case: Case, fitted: Fitted, time: float) -> Fitted:
     p = fitted.parameters.copy()
     p[case.position("thrust_step.time_s")] = time
     return replace(fitted, parameters=p)
-
-
-# effects whose signature changes with their size: fitted from a usual size as well
-CURVED = (
-    "rudder_lag", "rudder_delay", "rudder_rate_limit", "rudder_backlash", "rudder_deadband",
-    "rudder_stall", "propeller_lag", "gyro_delay", "dvl_delay",
-)  # fmt: skip
-# effects that are special cases of each other or look alike in most maneuvers
-LOOKALIKES = (
-    ("rudder_offset", "hull_asymmetry", "propeller_side_force"),
-    ("rudder_lag", "rudder_delay", "rudder_rate_limit", "gyro_delay", "dvl_delay"),
-    ("rudder_backlash", "rudder_deadband"),
-    ("rudder_stall", "cubic_damping", "propeller_race"),
-    ("thrust_sag", "thrust_step"),
-    ("linear_drag", "turning_drag"),
-)
-
-
-def partners(effect: str) -> tuple[str, ...]:
-    """Effects that look like one."""
-    return tuple(o for group in LOOKALIKES if effect in group for o in group if o != effect)
-
-
-def ranked(values: dict[str, float]) -> list[str]:
-    """Names, largest value first."""
-    return sorted(values, key=lambda name: (-values[name], name))
-
-
-def _worth(gains: dict[str, float]) -> list[str]:
-    """Candidates with a gain worth a refit, best first."""
-    return [name for name in ranked(gains) if gains[name] > WORTH]
-
-
-def scores_of(scores: dict[str, tuple[float, Array]]) -> dict[str, float]:
-    """Gains alone."""
-    return {c: s[0] for c, s in scores.items()}
-
-
-def size_of(case: Case, effect: str, p: Array) -> float:
-    """Size of an effect beyond what every model is expected to have, in practical sizes."""
-    total = 0.0
-    for i in case.positions(effect):
-        declared = parameter_of(case.names[i])
-        unit = case.setup.prior_std[i] / declared.prior
-        total += ((p[i] - case.setup.prior[i]) / (declared.practical * unit)) ** 2
-    return float(np.sqrt(total))
-
-
-def at_bound(case: Case, effect: str, p: Array) -> bool:
-    """Whether a parameter lies at a physical bound other than off."""
-    for i in case.positions(effect):
-        width = case.high[i] - case.low[i]
-        if p[i] >= case.high[i] - 1e-3 * width or (
-            case.low[i] < 0.0 and p[i] <= case.low[i] + 1e-3 * width
-        ):
-            return True
-    return False
-
-
-def _unhelpful(found: Helped | None) -> str:
-    if found is None:
-        return ""
-    if found.gain <= 0.0:
-        return "makes the maneuvers left out worse"
-    if found.share < LEAST_SHARE:
-        return f"helps only {100 * found.share:.0f} % of the maneuvers left out"
-    if found.low <= 0.0:
-        return "helps the maneuvers left out no more than chance would"
-    return ""
-
-
-def open_of(case: Case, fitted: Fitted) -> list[int]:
-    """Positions of the effects' parameters of a fit."""
-    return [i for effect in fitted.effects for i in case.positions(effect)]
-
-
-def families(effects: Sequence[str]) -> set[str]:
-    """Families of effects."""
-    return {BY_ID[e].family for e in effects}

@@ -14,12 +14,14 @@ from auvident.schema.artifacts import IdentifiedModel, Maneuvers
 from auvident.schema.diagnosis import Diagnosis
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
+from auvident.stages.diagnose.candidates import Traced
 from auvident.stages.diagnose.case import Case, case_of, testable
 from auvident.stages.diagnose.events import Event, find_events
 from auvident.stages.diagnose.free_forces import FreeForce, free_forces
 from auvident.stages.diagnose.kinematics import heading_against_gyro, position_against_dvl
-from auvident.stages.diagnose.rows import Evidence, diagnosis_of, residual_table
-from auvident.stages.diagnose.search import Search, Traced
+from auvident.stages.diagnose.rows import diagnosis_of, residual_table
+from auvident.stages.diagnose.search import Search
+from auvident.stages.diagnose.verdict import Evidence
 from auvident.stages.diagnose.waves import Residual, find_wave
 
 Array = npt.NDArray[Any]

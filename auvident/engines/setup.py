@@ -1,0 +1,108 @@
+"""What stays the same through an identification, and what a stage of it leaves."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from auvident.engines.prediction import Frame, Free
+from auvident.engines.problem import FilterResult
+from auvident.engines.records import Record
+from auvident.physics.sensing import sensor_matrix
+from auvident.physics.terms import Structure
+from auvident.schema.artifacts import Sensing
+from auvident.schema.plan import ACTIVE, Plan, System
+
+Array = npt.NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Setup:
+    """All that stays the same from stage to stage.
+
+    Attributes
+    ----------
+    structure : Structure
+    plan : Plan
+    records : dict
+        Record and maneuver kind by maneuver id; only those that identify.
+    dt_s : float
+    sensing : Sensing
+    sensor_std : (4,) array
+        Accuracy of each channel; sets the relative weights of the channels.
+    prior, prior_std : (n_parameters,) array
+    followers : (m, 2) int array
+        (position, position it moves with), see `FilterProblem`.
+    filter, engine : str
+    start : (n_parameters,) array
+        Where the first stage starts.
+    """
+
+    structure: Structure
+    plan: Plan
+    records: Mapping[str, tuple[str, Record]]
+    dt_s: float
+    sensing: Sensing
+    sensor_std: Array
+    prior: Array
+    prior_std: Array
+    followers: npt.NDArray[np.int64]
+    filter: str
+    engine: str
+    start: Array
+
+    @property
+    def frame(self) -> Frame:
+        """Structure, sensors and step of the prediction."""
+        return Frame(self.structure, self.sensing, self.dt_s)
+
+    @property
+    def sensor(self) -> Array:
+        """Reading = sensor @ state, without effects."""
+        return sensor_matrix(self.structure.plane, self.sensing)
+
+    def free(self, positions: Array) -> Free:
+        """Parameters that move, with those that follow them."""
+        column = np.full(len(self.prior), -1, dtype=np.int64)
+        column[positions] = np.arange(len(positions))
+        for follower, leader in live_followers(self, positions):
+            column[follower] = column[leader]
+        return Free(positions, column, self.prior_std[positions])
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a stage leaves.
+
+    Attributes
+    ----------
+    parameters : (n_parameters,) array
+    free : (n_free,) int array
+    covariance : (n_free, n_free) array
+        Posterior covariance in units of the prior standard deviations.
+    noise : (4,) array
+        Effective standard deviation of each channel (see `effective_noise`).
+    passed : FilterResult or None
+        The record of the filter pass; None for a refinement.
+    """
+
+    parameters: Array
+    free: npt.NDArray[np.int64]
+    covariance: Array
+    noise: Array
+    ids: tuple[str, ...]
+    log_likelihood: float
+    samples: int
+    passed: FilterResult | None = field(default=None, repr=False)
+
+
+def active_states(system: System, plane: str) -> npt.NDArray[np.bool_]:
+    """Which of (u, a, b, angle) a system estimates; the pitch moves with the coupled plane."""
+    return np.array([*ACTIVE[system], system == "coupled" and plane == "vertical"])
+
+
+def live_followers(setup: Setup, free: Array) -> npt.NDArray[np.int64]:
+    """Followers whose leader is free."""
+    return setup.followers[np.isin(setup.followers[:, 1], free)]

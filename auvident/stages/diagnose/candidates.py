@@ -1,0 +1,135 @@
+"""Candidates of a search: what was tried, how large it is, and what looks like it."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from auvident.schema.effects import parameter_of
+from auvident.stages.diagnose.case import Case
+from auvident.stages.diagnose.fits import Fitted
+from auvident.stages.diagnose.joint import Joint
+from auvident.stages.diagnose.leftout import Helped
+
+Array = npt.NDArray[Any]
+
+LEAST_SHARE = 0.6  # of the maneuvers left out that an effect has to help
+WORTH = 8.0  # [nats] to first order, to be refitted
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A candidate after its refit, and why it was refused (empty: accepted)."""
+
+    id: str
+    fitted: Fitted
+    gain: float
+    falls: dict[str, float]
+    helped: Helped | None = None
+    refused: str = ""
+
+
+@dataclass(frozen=True)
+class Round:
+    """One search: the model it began with and what was tried, best first."""
+
+    before: Fitted
+    joint: Joint
+    tried: tuple[Tried, ...]
+    screened: dict[str, float]
+    p: float
+    alike: tuple[str, ...] = ()
+    accepted: str | None = None
+
+
+@dataclass(frozen=True)
+class Traced:
+    """Result of the search; `quiet` are effects taken along without a claim."""
+
+    case: Case
+    baseline: Fitted
+    final: Fitted
+    rounds: tuple[Round, ...]
+    steps: tuple[str, ...] = ()
+    quiet: tuple[str, ...] = ()
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """Effects that are claimed."""
+        return tuple(e for e in self.final.effects if e not in self.quiet)
+
+
+# effects whose signature changes with their size: fitted from a usual size as well
+CURVED = (
+    "rudder_lag", "rudder_delay", "rudder_rate_limit", "rudder_backlash", "rudder_deadband",
+    "rudder_stall", "propeller_lag", "gyro_delay", "dvl_delay",
+)  # fmt: skip
+# effects that are special cases of each other or look alike in most maneuvers
+LOOKALIKES = (
+    ("rudder_offset", "hull_asymmetry", "propeller_side_force"),
+    ("rudder_lag", "rudder_delay", "rudder_rate_limit", "gyro_delay", "dvl_delay"),
+    ("rudder_backlash", "rudder_deadband"),
+    ("rudder_stall", "cubic_damping", "propeller_race"),
+    ("thrust_sag", "thrust_step"),
+    ("linear_drag", "turning_drag"),
+)
+
+
+def partners(effect: str) -> tuple[str, ...]:
+    """Effects that look like one."""
+    return tuple(o for group in LOOKALIKES if effect in group for o in group if o != effect)
+
+
+def ranked(values: dict[str, float]) -> list[str]:
+    """Names, largest value first."""
+    return sorted(values, key=lambda name: (-values[name], name))
+
+
+def worth(gains: dict[str, float]) -> list[str]:
+    """Candidates with a gain worth a refit, best first."""
+    return [name for name in ranked(gains) if gains[name] > WORTH]
+
+
+def scores_of(scores: dict[str, tuple[float, Array]]) -> dict[str, float]:
+    """Gains alone."""
+    return {c: s[0] for c, s in scores.items()}
+
+
+def size_of(case: Case, effect: str, p: Array) -> float:
+    """Size of an effect beyond what every model is expected to have, in practical sizes."""
+    total = 0.0
+    for i in case.positions(effect):
+        declared = parameter_of(case.names[i])
+        unit = case.setup.prior_std[i] / declared.prior
+        total += ((p[i] - case.setup.prior[i]) / (declared.practical * unit)) ** 2
+    return float(np.sqrt(total))
+
+
+def at_bound(case: Case, effect: str, p: Array) -> bool:
+    """Whether a parameter lies at a physical bound other than off."""
+    for i in case.positions(effect):
+        width = case.high[i] - case.low[i]
+        if p[i] >= case.high[i] - 1e-3 * width or (
+            case.low[i] < 0.0 and p[i] <= case.low[i] + 1e-3 * width
+        ):
+            return True
+    return False
+
+
+def unhelpful(found: Helped | None) -> str:
+    """Why an effect does not help the maneuvers left out; empty when it does."""
+    if found is None:
+        return ""
+    if found.gain <= 0.0:
+        return "makes the maneuvers left out worse"
+    if found.share < LEAST_SHARE:
+        return f"helps only {100 * found.share:.0f} % of the maneuvers left out"
+    if found.low <= 0.0:
+        return "helps the maneuvers left out no more than chance would"
+    return ""
+
+
+def open_of(case: Case, fitted: Fitted) -> list[int]:
+    """Positions of the effects' parameters of a fit."""
+    return [i for effect in fitted.effects for i in case.positions(effect)]
