@@ -1,0 +1,243 @@
+"""What a refinement changed: errors in closed form, intervals, and what is handed on."""
+
+from functools import cache
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from auvident.schema.artifacts import IdentifiedModel, Maneuver, Maneuvers
+from auvident.schema.diagnosis import Comparison, Diagnosis, EffectFound, ParameterValue
+from auvident.stages.identify.setup import prepare
+from auvident.stages.refine import carried_of, compare
+from tests.engines.chain import plan_named, sample
+
+DT, N = 0.1, 600
+OFF = {"u_mps": (0.03, 0.01), "v_mps": (-0.02, -0.02), "r_radps": (0.004, 0.006)}
+ROLES = {"straight-1": "identify", "turn-1": "validate", "zigzag-1": "validate"}
+NONE = Diagnosis(plane="horizontal", verdict="none_found", statement="Nothing.")
+
+
+def predicted(when: int, noise: float = 0.0) -> pd.DataFrame:
+    """Readings of three maneuvers and predictions that are off by `OFF`, before or after."""
+    pieces = []
+    for k, name in enumerate(ROLES):
+        time = 100.0 * k + DT * np.arange(N)
+        piece = {"maneuver": name, "kind": name.split("-")[0], "time_s": time}
+        for c, (column, away) in enumerate(OFF.items()):
+            measured = np.sin(0.1 * time + c)
+            wrong = np.random.default_rng(100 * k + 10 * c + when).normal(size=N) * noise
+            piece |= {f"{column}_measured": measured,
+                      f"{column}_simulated": measured + away[when] * (k + 1) + wrong}  # fmt: skip
+        pieces.append(pd.DataFrame(piece))
+    return pd.concat(pieces, ignore_index=True)
+
+
+MANEUVERS = Maneuvers(
+    maneuvers=tuple(
+        Maneuver(id=name, trial="t", kind=name.split("-")[0], t_start_s=100.0 * k,
+                 t_end_s=100.0 * k + DT * N, role=role)
+        for k, (name, role) in enumerate(ROLES.items())
+    )
+)  # fmt: skip
+
+
+@cache
+def model() -> IdentifiedModel:
+    return sample("harbour_trial").identify().model
+
+
+def compared(before: pd.DataFrame, after: pd.DataFrame, seed: int = 0) -> Comparison:
+    return compare(NONE, MANEUVERS, model(), model(), before, after, seed=seed)
+
+
+# --- errors --------------------------------------------------------------------------------
+
+
+def test_errors_are_root_mean_squares_over_all_samples_of_a_role() -> None:
+    found = compared(predicted(0), predicted(1))
+    assert found.held_out.maneuvers == ("turn-1", "zigzag-1")
+    assert found.identify.maneuvers == ("straight-1",)
+    for column, away in OFF.items():
+        channel = column[0]
+        for when, errors in ((0, found.held_out.before), (1, found.held_out.after)):
+            expected = abs(away[when]) * np.sqrt((2**2 + 3**2) / 2)  # two of equal length
+            assert errors[channel].rmse == pytest.approx(expected, rel=1e-12)
+        assert found.identify.before[channel].rmse == pytest.approx(abs(away[0]), rel=1e-12)
+    one = {m.id: m for m in found.maneuvers}
+    assert one["zigzag-1"].after["r"].rmse == pytest.approx(0.018)
+    assert {m.id: m.role for m in found.maneuvers} == ROLES
+    assert {e.unit for e in (found.held_out.before["u"], found.held_out.before["v"])} == {"m/s"}
+
+
+def test_normalised_errors_are_over_the_spread_of_what_was_measured() -> None:
+    found, table = compared(predicted(0), predicted(1)), predicted(0)
+    held = table[table["maneuver"] != "straight-1"]
+    for column in OFF:
+        error = found.held_out.before[column[0]]
+        spread = np.std(held[f"{column}_measured"].to_numpy())
+        assert error.nrmse == pytest.approx(error.rmse / spread, rel=1e-12)
+
+
+def test_rows_without_a_reading_do_not_count() -> None:
+    before, after = predicted(0), predicted(1)
+    gone = before.index % 3 == 0
+    for table in (before, after):
+        table.loc[gone, "u_mps_measured"] = np.nan
+        table.loc[gone, "u_mps_simulated"] = 1e6
+    found, whole = compared(before, after), compared(predicted(0), predicted(1))
+    for when in ("before", "after"):
+        ours, theirs = (getattr(c.held_out, when)["u"].rmse for c in (found, whole))
+        assert ours == pytest.approx(theirs, rel=1e-12)
+    assert found.held_out.difference["u"].high < 0.0
+
+
+def test_a_channel_that_nobody_measured_is_left_out() -> None:
+    before, after = (predicted(k).assign(v_mps_measured=np.nan) for k in (0, 1))
+    found = compared(before, after)
+    assert set(found.held_out.before) == {"u", "r"} == set(found.held_out.difference)
+
+
+# --- intervals -----------------------------------------------------------------------------
+
+
+def test_the_interval_of_equal_predictions_is_zero() -> None:
+    found = compared(predicted(0, 0.01), predicted(0, 0.01))
+    for d in found.held_out.difference.values():
+        assert (d.value, d.low, d.high) == (0.0, 0.0, 0.0)
+
+
+def test_the_interval_holds_the_difference_and_tells_better_from_worse() -> None:
+    found = compared(predicted(0, 0.005), predicted(1, 0.005)).held_out
+    for channel, d in found.difference.items():
+        away = found.after[channel].rmse - found.before[channel].rmse
+        assert d.value == pytest.approx(away, rel=1e-12)
+        assert d.low <= d.value <= d.high
+    assert found.difference["u"].high < 0.0 < found.difference["r"].low
+
+
+def test_the_interval_holds_the_true_difference_as_often_as_it_says() -> None:
+    """No difference but noise: zero is inside in nearly all of 40 repetitions."""
+    inside = 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        tables = [predicted(0), predicted(0)]
+        for table in tables:
+            table["u_mps_simulated"] += 0.05 * rng.normal(size=len(table))
+        d = compared(*tables).held_out.difference["u"]
+        inside += d.low <= 0.0 <= d.high
+    # 95 % of 40 are 38; six blocks of time are few, and the binomial has a deviation of 1.4
+    assert inside >= 30
+
+
+def test_the_same_seed_gives_the_same_interval() -> None:
+    tables = predicted(0, 0.02), predicted(1, 0.02)
+    one, two, other = (compared(*tables, seed=s) for s in (1, 1, 2))
+    assert one == two
+    assert one.held_out.difference != other.held_out.difference
+    assert one.held_out.before == other.held_out.before
+
+
+# --- what is handed on ---------------------------------------------------------------------
+
+OFFSET = EffectFound(
+    id="rudder_offset", family="actuation",
+    parameters=(ParameterValue(symbol="offset_deg", value=1.0, std=0.1, unit="deg", low=0.8,
+                               high=1.2),),
+)  # fmt: skip
+CARRIED = {
+    "start": {"rudder_offset.offset_deg": 0.0175, "rudder_lag.lag_s": 0.03},
+    "prior": {"rudder_offset.offset_deg": 0.0}, "prior_std": {"rudder_offset.offset_deg": 0.035},
+}  # fmt: skip
+EVENT = EffectFound(
+    id="one_off_event", family="environment", parameters=(), maneuver="turn-2", time_s=431.5,
+    duration_s=6.0,
+)  # fmt: skip
+
+
+def diagnosis(*effects: EffectFound) -> Diagnosis:
+    return NONE.model_copy(update={"effects": effects, "carried": CARRIED})
+
+
+def test_nothing_found_is_nothing_carried() -> None:
+    assert carried_of(diagnosis()) is None
+    wave = EVENT.model_copy(update={"id": "wave", "maneuver": None, "time_s": None})
+    assert carried_of(diagnosis(wave)) is None
+
+
+def test_named_effects_are_estimated_and_silent_ones_given() -> None:
+    found = carried_of(diagnosis(OFFSET))
+    assert found is not None
+    assert found.effects == ("rudder_offset",)
+    assert found.ids("horizontal") == ("rudder_offset", "rudder_lag")
+    assert found.start["rudder_lag.lag_s"] == 0.03
+    assert "rudder_lag.lag_s" not in found.prior_std
+
+
+def test_an_event_is_masked_and_not_modelled() -> None:
+    found = carried_of(diagnosis(EVENT))
+    assert found is not None
+    assert found.windows == (("turn-2", 431.5, 437.5),)
+    assert found.ids("horizontal") == ()
+    both = carried_of(diagnosis(EVENT, OFFSET))
+    assert both is not None
+    assert (both.effects, both.windows) == (("rudder_offset",), found.windows)
+
+
+def test_masked_windows_have_no_readings() -> None:
+    chain = sample("harbour_trial")
+    chosen = next(m for m in chain.maneuvers.maneuvers if m.role == "identify")
+    start, end = chosen.t_start_s + 2.0, chosen.t_start_s + 5.0
+    window = EVENT.model_copy(
+        update={"maneuver": chosen.id, "time_s": start, "duration_s": end - start}
+    )
+    setups = [
+        prepare(
+            chain.trials, chain.maneuvers, chain.ase, chain.vehicle, chain.noise,
+            plane="horizontal", plan=plan_named("spiral"), filter="ekf", engine="compiled",
+            carried=carried,
+        )[0]
+        for carried in (None, carried_of(diagnosis(window)))
+    ]  # fmt: skip
+    for name, (_, record) in setups[1].records.items():
+        whole = setups[0].records[name][1]
+        inside = (record.time_s >= start) & (record.time_s <= end) & (name == chosen.id)
+        assert np.isnan(record.measured[inside]).all()
+        np.testing.assert_array_equal(record.measured[~inside], whole.measured[~inside])
+        np.testing.assert_array_equal(record.given, whole.given)
+        assert inside.any() == (name == chosen.id)
+
+
+def refined(value: float, std: float) -> IdentifiedModel:
+    offset = {"symbol": "offset_deg", "value": value, "std": std, "unit": "deg"}
+    row = {"id": "rudder_offset", "family": "actuation", "silent": False, "internal": {},
+           "parameters": [offset]}  # fmt: skip
+    return model().model_copy(update={"effects": (row,)})
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "half"),
+    [
+        (1.0, 0.01, 0.2),  # the diagnosis' own interval is the wider one
+        (1.1, 0.5, 1.96 * 0.5),  # the filter's is
+        (2.0, 0.01, 1.96 * 1.0),  # they differ: as wide as that
+    ],
+)
+def test_the_interval_of_an_effect_is_the_widest(value, std, half) -> None:
+    found = compare(diagnosis(OFFSET), MANEUVERS, model(), refined(value, std), predicted(0),
+                    predicted(1)).effects[0].parameters[0]  # fmt: skip
+    assert found.value == value
+    assert found.high == pytest.approx(value + half)
+    assert found.low == pytest.approx(value - half)
+    assert found.std == pytest.approx(half / 1.96)
+
+
+def test_coefficients_stand_side_by_side() -> None:
+    other = model().model_copy(update={
+        "coefficients": tuple(
+            c.model_copy(update={"value": 2.0 * c.value}) for c in model().coefficients
+        )
+    })  # fmt: skip
+    found = compare(NONE, MANEUVERS, model(), other, predicted(0), predicted(1)).coefficients
+    assert [c.symbol for c in found] == [c.symbol for c in model().coefficients]
+    assert all(c.after == 2.0 * c.before for c in found)
