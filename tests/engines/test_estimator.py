@@ -12,6 +12,7 @@ from auvident.engines.estimator import (
     data_information,
     effective_noise,
     free_positions,
+    likelihood_of,
     predicted,
     run_stage,
     stage_records,
@@ -349,3 +350,58 @@ def test_the_filter_claims_no_more_than_it_knows() -> None:
     found = [squared_distance(seed, "filter") for seed in range(5)]
     assert 0.1 < np.mean(found) < 1.4
     assert max(found) < 3.5
+
+
+# --- likelihood of the fit -----------------------------------------------------------------
+
+
+def residuals_by_hand(setup: Setup, p, record, active, noise) -> np.ndarray:
+    """Predicted minus measured over the noise, one below the other."""
+    away = (predicted(setup, p, record, active) - record.measured) / noise
+    return away[:, active][np.isfinite(record.measured[:, active])]
+
+
+def test_the_likelihood_is_that_of_explicit_residuals_with_the_best_start() -> None:
+    setup = setup_of()
+    active, noise = np.array([True, True, True, False]), 5.0 * setup.sensor_std
+    free = np.array([setup.structure.index(s) for s in ("X_uu", "Y_uv", "N_uud", "Y_rdot")])
+    records = [cut(record, 150) for _, record in list(setup.records.values())[:2]]
+    half, gradient, curvature = 0.0, np.zeros(4), np.zeros((4, 4))
+    for record in records:
+
+        def residuals(theta: np.ndarray, record=record) -> np.ndarray:
+            p = setup.prior.copy()
+            p[free] += setup.prior_std[free] * theta[3:]
+            p[setup.structure.index("N_vdot")] = p[setup.structure.index("Y_rdot")]
+            moved = replace(record, start=record.start + np.append(theta[:3], 0.0))
+            return residuals_by_hand(setup, p, moved, active, noise)
+
+        h, r = 1e-5, residuals(np.zeros(7))
+        j = np.stack([(residuals(h * e) - residuals(-h * e)) / (2 * h) for e in np.eye(7)], axis=1)
+        prior = np.zeros((7, 7))
+        prior[:3, :3] = np.diag((30.0 * noise[:3]) ** -2.0)  # of the start
+        g, k = j.T @ r, j.T @ j + prior
+        share = np.linalg.solve(k[:3, :3], np.column_stack([g[:3], k[:3, 3:]]))
+        half += 0.5 * r @ r - 0.5 * g[:3] @ share[:, 0]
+        gradient += g[3:] - k[3:, :3] @ share[:, 0]
+        curvature += k[3:, 3:] - k[3:, :3] @ share[:, 1:]
+    likelihood = likelihood_of(setup, setup.prior, free, records, active, noise)
+    found = likelihood(np.zeros(4))
+    # central differences: second order in h and rounding over h, 1e-9 of slopes up to 1e3; kinks
+    # of |v| and |r| within h of a few rows
+    assert found[0] == pytest.approx(half, rel=1e-6)
+    np.testing.assert_allclose(found[1], gradient, rtol=1e-4, atol=1e-4 * np.abs(gradient).max())
+    size = np.sqrt(np.diag(curvature))
+    np.testing.assert_allclose(found[2] / np.outer(size, size), curvature / np.outer(size, size),
+                               atol=1e-5)  # fmt: skip
+    np.testing.assert_array_equal(found[2], found[2].T)
+
+
+def test_the_likelihood_is_infinite_where_the_prediction_runs_away() -> None:
+    setup = setup_of()
+    p = setup.prior.copy()
+    p[setup.structure.index("X_uu")] = 60.0
+    active, free = np.array([True, True, True, False]), np.array([setup.structure.index("Y_uv")])
+    record = next(iter(setup.records.values()))[1]
+    likelihood = likelihood_of(setup, p, free, [record], active, setup.sensor_std)
+    assert likelihood(np.zeros(1))[0] == np.inf
