@@ -62,7 +62,7 @@ def test_every_effect_is_tried() -> None:
 def by_geometry(states: np.ndarray, rates: np.ndarray, e: dict[str, float]) -> np.ndarray:
     """Readings of the horizontal plane without delays; ahead + i starboard, north + i east."""
     u, v, r, heading = states.T
-    place = SENSING.dvl_x_m + e["dvl_lever_arm.dx_m"]
+    place = complex(SENSING.dvl_x_m + e["dvl_lever_arm.dx_m"])
     place += 1j * (SENSING.dvl_y_m + e["dvl_lever_arm.dy_m"])
     earth = (u + 1j * v + 1j * r * place) * np.exp(1j * heading)
     earth += e["current.north_mps"] + 1j * e["current.east_mps"]

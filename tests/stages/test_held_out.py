@@ -92,9 +92,9 @@ def test_the_case_of_a_diagnosis_is_the_same(name) -> None:
     for one, other in zip(cases[0].records, cases[1].records, strict=True):
         for a, b in zip(arrays(one), arrays(other), strict=True):
             np.testing.assert_array_equal(a, b)
-    for a, b in zip(cases[0].checks, cases[1].checks, strict=True):
-        np.testing.assert_array_equal(a.mean, b.mean)
-        np.testing.assert_array_equal(a.covariance, b.covariance)
+    for ours, theirs in zip(cases[0].checks, cases[1].checks, strict=True):
+        np.testing.assert_array_equal(ours.mean, theirs.mean)
+        np.testing.assert_array_equal(ours.covariance, theirs.covariance)
     np.testing.assert_array_equal(cases[0].setup.prior_std, cases[1].setup.prior_std)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from auvident.schema.artifacts import IdentifiedModel, Maneuver, Maneuvers
+from auvident.schema.artifacts import IdentifiedModel, Maneuvers
 from auvident.schema.diagnosis import Comparison, Diagnosis, EffectFound, ParameterValue
 from auvident.stages.identify.setup import prepare
 from auvident.stages.refine import carried_of, compare
@@ -33,13 +33,13 @@ def predicted(when: int, noise: float = 0.0) -> pd.DataFrame:
     return pd.concat(pieces, ignore_index=True)
 
 
-MANEUVERS = Maneuvers(
-    maneuvers=tuple(
-        Maneuver(id=name, trial="t", kind=name.split("-")[0], t_start_s=100.0 * k,
-                 t_end_s=100.0 * k + DT * N, role=role)
+MANEUVERS = Maneuvers.model_validate({
+    "maneuvers": [
+        {"id": name, "trial": "t", "kind": name.split("-")[0], "t_start_s": 100.0 * k,
+         "t_end_s": 100.0 * k + DT * N, "role": role}
         for k, (name, role) in enumerate(ROLES.items())
-    )
-)  # fmt: skip
+    ]
+})  # fmt: skip
 
 
 @cache
@@ -124,7 +124,7 @@ def test_the_interval_holds_the_true_difference_as_often_as_it_says() -> None:
         tables = [predicted(0), predicted(0)]
         for table in tables:
             table["u_mps_simulated"] += 0.05 * rng.normal(size=len(table))
-        d = compared(*tables).held_out.difference["u"]
+        d = compared(tables[0], tables[1]).held_out.difference["u"]
         inside += d.low <= 0.0 <= d.high
     # 95 % of 40 are 38; six blocks of time are few, and the binomial has a deviation of 1.4
     assert inside >= 30
