@@ -1,7 +1,7 @@
 """The effects a model carries: from its artifact to the prediction and back."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,8 @@ from auvident.schema.coefficients import Plane
 from auvident.schema.effects import BY_ID, parameter_of
 
 Array = npt.NDArray[Any]
+
+RACE = "propeller_race"
 
 
 @dataclass(frozen=True)
@@ -93,10 +95,25 @@ class Course:
 
 
 def predicted_course(frame: Frame, p: Array, record: Record, active: Array) -> Course:
-    """Free-running prediction of a record from its start and inputs."""
+    """Free-running prediction of a record from its start and inputs, and nothing measured after.
+
+    The propeller race needs the speed: it is that of a first prediction.
+    """
+    if RACE in frame.structure.effects and record.source is not None:
+        first = with_speed(record, np.full(len(record.time_s), record.start[0]))
+        states = simulated(frame, p, at_effects(frame, p, first), active)
+        record = with_speed(record, np.nan_to_num(states[:, 0], nan=record.start[0]))
     acting = at_effects(frame, p, record)
     states = simulated(frame, p, acting, active)
     return Course(readings(frame, p, record, states), states, over_ground(frame, p, states))
+
+
+def with_speed(record: Record, speed: Array) -> Record:
+    """The record with another speed (n,) for what acts on the inputs."""
+    source = record.source
+    assert source is not None
+    lead = np.full(len(source.speed) - len(speed), speed[0])
+    return replace(record, source=replace(source, speed=np.concatenate([lead, speed])))
 
 
 def over_ground(frame: Frame, p: Array, states: Array) -> Array:

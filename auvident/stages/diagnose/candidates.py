@@ -15,6 +15,7 @@ from auvident.stages.diagnose.leftout import Helped
 Array = npt.NDArray[Any]
 
 LEAST_SHARE = 0.6  # of the maneuvers left out that an effect has to help
+SURE_SHARE = 0.7  # ... and from which on one bad place does not count against it
 WORTH = 8.0  # [nats] to first order, to be refitted
 
 
@@ -121,11 +122,9 @@ def unhelpful(found: Helped | None) -> str:
     """Why an effect does not help the maneuvers left out; empty when it does."""
     if found is None:
         return ""
-    if found.gain <= 0.0:
-        return "makes the maneuvers left out worse"
     if found.share < LEAST_SHARE:
         return f"helps only {100 * found.share:.0f} % of the maneuvers left out"
-    if found.low <= 0.0:
+    if found.low <= 0.0 and found.share < SURE_SHARE:
         return "helps the maneuvers left out no more than chance would"
     return ""
 

@@ -6,7 +6,7 @@ which effects these maneuvers can show at all, and which look alike.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -42,6 +42,8 @@ class Joint:
     fitted : Fitted
     free : (n,) int array
         Coefficients, silent allowances and the parameters of all effects.
+    half : float
+        Half the sum of squared whitened errors, starts eliminated.
     gradient : (n,) array
     curvature : (n, n) array
         Summed over the maneuvers, starts eliminated.
@@ -54,6 +56,7 @@ class Joint:
     case: Case
     fitted: Fitted
     free: npt.NDArray[np.int64]
+    half: float
     gradient: Array
     curvature: Array
     block_gradients: Array
@@ -78,7 +81,7 @@ def joint_about(
     """
     extra = [i for effect in effects for i in case.positions(effect)]
     free = np.array(sorted({*fitted.free.tolist(), *extra}), dtype=np.int64)
-    n, moving = len(free), case.setup.free(free)
+    n, moving, half = len(free), case.setup.free(free), 0.0
     gradient, curvature, raw = np.zeros(n), np.zeros((n, n)), np.zeros((N_CHANNELS, n, n))
     blocks, count = [], np.zeros(N_CHANNELS)
     for record in case.records:
@@ -92,6 +95,7 @@ def joint_about(
             found.readings - record.measured, slopes, seen, fitted.colours, case.setup.dt_s
         )
         error, own = _without_start(rows, fitted.colours)
+        half += 0.5 * float(rows[:, 0] @ error)
         gradient += rows[:, 1 + N_START :].T @ error
         curvature += rows[:, 1 + N_START :].T @ own
         blocks.append(_in_blocks(error[:, None] * own, len(seen), case.setup.dt_s))
@@ -100,7 +104,7 @@ def joint_about(
             raw[c] += part.T @ part
             count[c] += len(part)
     raw /= np.maximum(count, 1.0)[:, None, None]
-    return Joint(case, fitted, free, gradient, curvature, np.concatenate(blocks), raw)
+    return Joint(case, fitted, free, half, gradient, curvature, np.concatenate(blocks), raw)
 
 
 def _without_start(rows: Array, colours: Colours) -> tuple[Array, Array]:
@@ -131,10 +135,13 @@ class Score:
         Rise of the log posterior [nats].
     parameters : (n_parameters,) array
         Where the first step leads.
+    cost : float
+        Negative log posterior before the step, up to a constant.
     """
 
     gain: float
     parameters: Array
+    cost: float = 0.0
 
 
 def score(joint: Joint, effects: Sequence[str]) -> Score:
@@ -153,7 +160,23 @@ def score(joint: Joint, effects: Sequence[str]) -> Score:
     gain = -(gradient @ step + 0.5 * step @ curvature @ step)
     p = start.copy()
     p[free] = (theta + step) * case.setup.prior_std[free]
-    return Score(float(gain), p)
+    cost = joint.half + 0.5 * float((theta - mean) @ information @ (theta - mean))
+    return Score(float(gain), p, cost)
+
+
+def score_from(joint: Joint, effect: str, there: Array) -> Score:
+    """As `score`, with the step taken from an effect at another size `there`.
+
+    For effects whose signature changes with their size: what a small one would do says little.
+    """
+    here = score(joint, (effect,))
+    moved = replace(joint.fitted, parameters=there)
+    other = joint_about(joint.case, moved, (effect,))
+    if other is None:
+        return here
+    found = score(other, (effect,))
+    gain = here.cost - found.cost + found.gain
+    return Score(gain, found.parameters, found.cost) if gain > here.gain else here
 
 
 def _bounded_step(

@@ -27,7 +27,14 @@ from auvident.stages.diagnose.candidates import (
 )
 from auvident.stages.diagnose.case import CHANNELS, Case
 from auvident.stages.diagnose.fits import Fitted, check_cost, first_colours, fit_with, log_gain
-from auvident.stages.diagnose.joint import Joint, flipped_gains, joint_about, score
+from auvident.stages.diagnose.joint import (
+    Joint,
+    cosine,
+    flipped_gains,
+    joint_about,
+    score,
+    score_from,
+)
 from auvident.stages.diagnose.leftout import Helped, LeftOut, helped, leave_out
 
 Array = npt.NDArray[Any]
@@ -36,6 +43,7 @@ MOST_EFFECTS = 4
 SCREENED, SCREENED_FAST, REFITTED = 7, 4, 4  # of the short lists, and refitted to the end
 FAST_GAIN = np.array([0.1, 0.1, 0.1, 0.0])  # observer gain of the screen for what is fast
 LEAST_GAIN = 100.0  # [nats]
+HOPELESS = 0.3  # a candidate with less than this share of the best one's gain is not finished
 OF_BEST = 0.5  # a candidate must gain this share of the best one's
 # Of the rms of some channel. Planted effects made it fall by 0.29 and more, what a model of a
 # healthy vehicle lacks by 0.14 at most (50 generated trials, seeds 1000 to 1049).
@@ -45,6 +53,7 @@ SIMPLER = 0.04  # an effect with fewer parameters may gain this share less
 ALIKE = 0.12  # effects that gain all but this share of the best are not told apart
 ALIKE_LEAST = 12.0  # [nats] nor those within this
 RMS_ALIKE = 1.15  # ... and leave no residual larger by more
+CONTAINS = 0.98  # cosine from which on an effect is a special case of another with more parameters
 REMOVAL = 40.0  # [nats] an accepted effect that is worth less is taken out again
 SWAP = 15.0  # [nats] another in its place has to gain so much
 MOST_QUIET = 2  # effects taken along without a claim
@@ -136,7 +145,7 @@ class Search:
         p = float((1 + np.sum(flips >= best)) / (1 + DRAWS))
         judged, accepted = self._judge(before, tried)
         screened = {c: s[0] for c, s in scores.items()}
-        alike = self._alike(accepted, judged) if accepted else ()
+        alike = self._alike(joint, accepted, judged) if accepted else ()
         name = accepted.id if accepted else None
         done = Round(before, joint, tuple(judged), screened, p, alike, name)
         if accepted is None:
@@ -171,35 +180,42 @@ class Search:
         return before, joint, joint_about(self.case, before, self.candidates, FAST_GAIN)
 
     def _score(self, joint: Joint, candidate: str) -> tuple[float, Array]:
-        found = score(joint, (candidate,))
+        usual = self._at_usual_size(joint.fitted, candidate)
+        found = score(joint, (candidate,)) if usual is None else score_from(joint, candidate, usual)
         return found.gain, found.parameters
 
     def _tried(
         self, before: Fitted, short: list[str], scores: dict[str, tuple[float, Array]]
     ) -> tuple[list[Tried], Fitted]:
         """Refits of the short list, the best of them to the end and from a second start."""
-        found: dict[str, Fitted] = {}
-        for c in short:
-            effects, usual = (*before.effects, c), self._at_usual_size(before, c)
-            starts = [scores[c][1], *([usual] if usual is not None else [])]
-            fitted = self.refit(effects, starts, before, 1, 5)
-            fitted = fitted or self.refit(effects, [before.parameters], before, 1, 5)
-            if fitted is not None:
-                found[c] = fitted
-        for number, c in enumerate(ranked({c: f.log_likelihood for c, f in found.items()})):
-            if number >= REFITTED:
+        found = {c: f for c in short if (f := self._first_refit(before, c, scores[c][1]))}
+        # a fit that is not there yet may still become what the first-order step promises
+        promise = {c: max(log_gain(before, f), scores[c][0]) for c, f in found.items()}
+        order = ranked(promise)
+        for number, c in enumerate(order[:REFITTED]):
+            if number and promise[c] < HOPELESS * promise[order[0]]:
                 break
-            again = self.refit(found[c].effects, [found[c].parameters], found[c], 2, 8)
-            options = [found[c], *([again] if again else [])]
-            if number < SECOND_STARTS and log_gain(before, found[c]) > WORTH_A_START:
-                start = self._analytical(found[c])
-                second = fit_with(self.case, found[c].effects, start,
-                                  first_colours(self.case, start), rounds=3, steps=8)  # fmt: skip
-                options += [second] if second else []
-            found[c] = max(options, key=lambda f: f.log_likelihood)
+            second = number < SECOND_STARTS and promise[c] > WORTH_A_START
+            found[c] = self._last_refit(found[c], second)
         before = self._polished(before, found)
         tried = [Tried(c, f, log_gain(before, f), self._falls(before, f)) for c, f in found.items()]
         return sorted(tried, key=lambda t: -t.gain), before
+
+    def _first_refit(self, before: Fitted, candidate: str, scored: Array) -> Fitted | None:
+        """A few steps from where the first-order step leads, and from the usual size."""
+        effects, usual = (*before.effects, candidate), self._at_usual_size(before, candidate)
+        starts = [scored] if usual is None else [scored, usual]
+        found = self.refit(effects, starts, before, 1, 5)
+        return found or self.refit(effects, [before.parameters], before, 1, 5)
+
+    def _last_refit(self, fitted: Fitted, from_estimate: bool) -> Fitted:
+        """To the end, and if asked for from the analytical estimate as well."""
+        options = [fitted, self.refit(fitted.effects, [fitted.parameters], fitted, 2, 8)]
+        if from_estimate:
+            start = self._analytical(fitted)
+            colours = first_colours(self.case, start)
+            options.append(fit_with(self.case, fitted.effects, start, colours, rounds=3, steps=8))
+        return max((f for f in options if f is not None), key=lambda f: f.log_likelihood)
 
     def _at_usual_size(self, before: Fitted, candidate: str) -> Array | None:
         """The model with an effect at its usual size, for those that act in no straight line.
@@ -311,7 +327,7 @@ class Search:
                 return t
         return None
 
-    def _alike(self, accepted: Tried, judged: list[Tried]) -> tuple[str, ...]:
+    def _alike(self, joint: Joint, accepted: Tried, judged: list[Tried]) -> tuple[str, ...]:
         """Candidates that explain the data as well as the accepted one."""
         least = accepted.gain - max(ALIKE * accepted.gain, ALIKE_LEAST)
         others = [
@@ -320,7 +336,17 @@ class Search:
             and size_of(self.case, t.id, t.fitted.parameters) >= 1.0
             and np.all(t.fitted.rms <= RMS_ALIKE * accepted.fitted.rms)
         ]  # fmt: skip
+        others += [c for c in self._containing(joint, accepted.id) if c not in others]
         return (accepted.id, *others) if others else ()
+
+    def _containing(self, joint: Joint, effect: str) -> list[str]:
+        """Effects of which one is a special case, so that they fit whatever it fits."""
+        own = self.case.positions(effect)
+        return [
+            c for c in partners(effect)
+            if c in self.candidates and len(self.case.positions(c)) > len(own)
+            and cosine(joint, own, self.case.positions(c)) > CONTAINS
+        ]  # fmt: skip
 
     def reconsider(self, current: Fitted) -> Fitted:
         """Take out effects that are no longer worth it; swap one for what looks like it."""

@@ -13,6 +13,7 @@ from auvident.stages.diagnose.search import CHECK_GAIN, LEAST_FALL, LEAST_GAIN
 
 MARGIN = 1.3  # stated sizes leave room for the scatter of an estimate
 PLAUSIBLE = 3.0  # an effect that must exceed so many priors to be seen is not visible
+ABSORBED = 0.015  # of the signature left by the coefficients: no size is stated
 SEPARABLE = 0.98  # cosine from which on two effects are not told apart
 # relative rms that adds up to a fall by LEAST_FALL when it is removed
 SHARE_OF_RMS = float(np.sqrt((1.0 - LEAST_FALL) ** -2 - 1.0))
@@ -43,7 +44,9 @@ def _rows(joint: Joint, effect: str) -> list[Detectable]:
         by_fall = np.min(SHARE_OF_RMS * joint.fitted.rms / np.maximum(rms[k], 1e-15))
         size = max(by_gain, float(by_fall)) * MARGIN * declared.prior
         size = max(min(size, _by_checks(joint, i)), declared.practical)
-        visible = size < PLAUSIBLE * declared.prior
+        visible = size < PLAUSIBLE * declared.prior and (
+            kept[k] > ABSORBED or np.isfinite(_by_checks(joint, i))
+        )
         found.append(Detectable(
             id=effect, family=BY_ID[effect].family, symbol=declared.symbol,
             size=declared.shown(min(size, 1e3 * declared.prior) * unit)[0], unit=declared.unit,
