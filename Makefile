@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO_RUN := runs/demo
+DEMO_BAY := runs/demo-bay
 
 .PHONY: install demo test lint check bench bench-effects clean
 .DELETE_ON_ERROR:
@@ -20,6 +21,7 @@ install: $(VENV)/.installed
 
 demo: $(VENV)/.installed
 	$(BIN)/auvident run sample_logs/harbour_trial --vehicle sample_logs/remus100.toml --run $(DEMO_RUN)
+	$(BIN)/auvident run sample_logs/bay_trial --vehicle sample_logs/tern180.toml --run $(DEMO_BAY)
 
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest

@@ -155,13 +155,9 @@ EACH = [
     *ESTIMATED,
     *dict.fromkeys(n.split(".")[0] for n in SHOWN if n.split(".")[0] not in ESTIMATED),
 ]
-RACES = pytest.param(
-    "propeller_race",
-    marks=pytest.mark.xfail(strict=True, reason="the race takes the measured speed"),
-)
 
 
-@pytest.mark.parametrize("effect", [*EACH, "all", RACES])
+@pytest.mark.parametrize("effect", [*EACH, "all", "propeller_race"])
 def test_a_prediction_looks_at_no_reading_after_the_start(effect) -> None:
     """Only logged inputs: garbage in everything that was measured later changes nothing."""
     chain, _, _, model = identified()
