@@ -146,9 +146,9 @@ def spreads(case: Case, fitted: Fitted) -> Array:
     for i, name in enumerate(case.names):
         if name in TIMED:  # the allowances of every model may lend or take this much
             out[i] = math.hypot(out[i], TIMED_STD_S)
-    scatter = leave_out(case, fitted, fitted.colours).parameters
-    count = len(scatter)
+    count = len(case.records)
     if count > 2:
+        scatter = leave_out(case, fitted, fitted.colours).parameters
         jackknife = np.sqrt((count - 1) / count * np.sum((scatter - scatter.mean(0)) ** 2, axis=0))
         out = np.maximum(out, np.where(out > 0.0, jackknife, 0.0))
     return out

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.errors import NumericsError
 from auvident.stages.diagnose.candidates import (
     CURVED,
     Round,
@@ -26,7 +27,14 @@ from auvident.stages.diagnose.candidates import (
     worth,
 )
 from auvident.stages.diagnose.case import CHANNELS, Case
-from auvident.stages.diagnose.fits import Fitted, check_cost, first_colours, fit_with, log_gain
+from auvident.stages.diagnose.fits import (
+    Fitted,
+    check_cost,
+    first_colours,
+    fit_with,
+    log_gain,
+    residual_of,
+)
 from auvident.stages.diagnose.joint import (
     Joint,
     cosine,
@@ -63,6 +71,7 @@ NO_FALL = f"no residual falls by {100 * LEAST_FALL:.0f} %"
 # gain this much [nats]
 HIGHER_ORDER = ("sway_cross_flow", "yaw_cross_flow", "cubic_damping", "turning_drag")
 CLAIMED_FROM = 300.0
+LEAST_RECORDS = 2  # maneuvers without which none can be left out
 DRAWS = 199  # of the sign flips
 WORTH_A_START = 30.0  # [nats] to be fitted from a second start as well
 SECOND_STARTS = 2  # so many of the best are fitted from the analytical estimate as well
@@ -86,7 +95,22 @@ class Search:
             p = case.at_rest(start)
             fitted = fit_with(case, (), p, first_colours(case, p), rounds=3, steps=12)
             found += [fitted] if fitted is not None else []
+        if not found:
+            raise NumericsError(
+                "the prediction runs away in a maneuver that identifies, with the identified "
+                "coefficients and with the estimate", self._where(),
+                "Hold that maneuver out, or look at its log.",
+            )  # fmt: skip
         return max(found, key=lambda f: f.log_likelihood)
+
+    def _where(self) -> str:
+        """Maneuvers in which the identified model runs away."""
+        case, found = self.case, []
+        colours = first_colours(case, case.identified)
+        for record in case.records:
+            if residual_of(case, case.identified, record, colours) is None:
+                found.append(record.id)
+        return ", ".join(found)
 
     def refit(self, effects: Sequence[str], starts: Sequence[Array], like: Fitted,
               rounds: int = 2, steps: int = 8) -> Fitted | None:  # fmt: skip
@@ -133,7 +157,9 @@ class Search:
     def one_round(self, before: Fitted) -> tuple[Round, Fitted]:
         """Screen, refit and test; the model with the accepted effect, or as it was."""
         before = self._thrust_step_placed(before)
-        before, joint, fast = self._joints(before)
+        joint = joint_about(self.case, before, self.candidates)
+        assert joint is not None  # the fit itself ran through
+        fast = joint_about(self.case, before, self.candidates, FAST_GAIN)
         open_ids = [c for c in self.candidates if c not in before.effects]
         scores = {c: self._score(joint, c) for c in open_ids}
         quick = {c: score(fast, (c,)).gain for c in open_ids} if fast else {}
@@ -173,11 +199,6 @@ class Search:
             joint = joint_about(self.case, _with_time(self.case, before, time), ("thrust_step",))
             gains[float(time)] = score(joint, ("thrust_step",)).gain if joint else 0.0
         return max(gains, key=lambda t: gains[t])
-
-    def _joints(self, before: Fitted) -> tuple[Fitted, Joint, Joint | None]:
-        joint = joint_about(self.case, before, self.candidates)
-        assert joint is not None  # the fit itself ran through
-        return before, joint, joint_about(self.case, before, self.candidates, FAST_GAIN)
 
     def _score(self, joint: Joint, candidate: str) -> tuple[float, Array]:
         usual = self._at_usual_size(joint.fitted, candidate)
@@ -271,6 +292,8 @@ class Search:
         least = max([LEAST_GAIN, *(OF_BEST * t.gain for t in tried[:1])])
         for t in tried:
             refused = self._refusal(before, t, least)
+            if not refused and len(self.case.records) < LEAST_RECORDS:
+                refused = "there is no other maneuver to try it on"
             if not refused and accepted is None:
                 reference = reference or leave_out(self.case, before, t.fitted.colours)
                 own = leave_out(self.case, t.fitted, t.fitted.colours)

@@ -17,6 +17,7 @@ from auvident.schema.vehicle import Vehicle
 from auvident.stages.diagnose.candidates import Traced
 from auvident.stages.diagnose.case import Case, case_of, testable
 from auvident.stages.diagnose.events import Event, find_events
+from auvident.stages.diagnose.fits import Fitted
 from auvident.stages.diagnose.free_forces import FreeForce, free_forces
 from auvident.stages.diagnose.kinematics import heading_against_gyro, position_against_dvl
 from auvident.stages.diagnose.rows import diagnosis_of, residual_table
@@ -74,20 +75,31 @@ def diagnose(
             "diagnosis knows the horizontal plane only", f"model of the {model.plane} plane",
             "Identify with --plane horizontal.",
         )  # fmt: skip
-    tell = progress or (lambda text, share: None)
+    try:
+        return _diagnosed(trials, maneuvers, vehicle, setup, model, seed, progress or _silent)
+    except np.linalg.LinAlgError as error:
+        raise NumericsError(
+            f"the fits of the residual are singular ({error})",
+            remedy="Identify with more maneuvers, or give the coefficients priors.",
+        ) from None
+
+
+def _silent(text: str, share: float) -> None:
+    """Nobody listens."""
+
+
+def _diagnosed(
+    trials: Sequence[Trial], maneuvers: Maneuvers, vehicle: Vehicle, setup: Setup,
+    model: IdentifiedModel, seed: int, tell: Progress,
+) -> Diagnosed:  # fmt: skip
     tell("sensors against each other", 0.0)
     checks = [heading_against_gyro(trials), position_against_dvl(trials, vehicle.dvl)]
     case = case_of(setup, model, [c for c in checks if c is not None])
     there, missing = testable(setup, case.records)
     candidates = tuple(e.id for e in there if e.id not in ALLOWANCES)
-    tell("one-off events", 0.1)
     search = Search(case, candidates, np.random.default_rng(seed))
-    baseline = search.baseline()
-    events = find_events(pieces_of(case, baseline.residuals), setup.sensor_std[:3])
-    if events:
-        case = case.masked([(e.maneuver, e.time_s, e.time_s + e.duration_s) for e in events])
-        search.case = case
-        baseline = search.baseline()
+    tell("one-off events", 0.1)
+    baseline, events = _without_events(search)
     tell("candidate effects", 0.2)
     traced = search.trace(baseline)
     tell("free forces", 0.8)
@@ -95,6 +107,19 @@ def diagnose(
     tell("verdict", 1.0)
     diagnosis = diagnosis_of(evidence, model, maneuvers)
     return Diagnosed(diagnosis, residual_table(evidence, maneuvers))
+
+
+def _without_events(search: Search) -> tuple[Fitted, list[Event]]:
+    """The fit without any effect, one-off events masked."""
+    baseline = search.baseline()
+    noise = search.case.setup.sensor_std[:3]
+    events = find_events(pieces_of(search.case, baseline.residuals), noise)
+    if not events:
+        return baseline, []
+    search.case = search.case.masked(
+        [(e.maneuver, e.time_s, e.time_s + e.duration_s) for e in events]
+    )
+    return search.baseline(), events
 
 
 def _evidence(
