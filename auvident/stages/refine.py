@@ -20,6 +20,7 @@ from auvident.schema.diagnosis import (
     ManeuverComparison,
     ParameterValue,
 )
+from auvident.schema.effect_words import plain
 from auvident.schema.effects import BY_ID
 
 Array = npt.NDArray[Any]
@@ -78,7 +79,9 @@ def compare(
     own = [name for name in pairs if roles[name] == "identify"]
     return Comparison(
         verdict=diagnosis.verdict, statement=diagnosis.statement,
-        effects=tuple(_with_final_values(e, after) for e in diagnosis.effects),
+        effects=tuple(
+            _with_final_values(e, after, *_cruise(predicted_after)) for e in diagnosis.effects
+        ),
         ambiguous=diagnosis.ambiguous, held_out=_pooled(held, pairs, rng),
         identify=_pooled(own, pairs, rng),
         maneuvers=tuple(_one(name, roles[name], pairs, rng) for name in pairs),
@@ -88,7 +91,14 @@ def compare(
     )  # fmt: skip
 
 
-def _with_final_values(effect: EffectFound, after: IdentifiedModel) -> EffectFound:
+def _cruise(table: pd.DataFrame) -> tuple[float, float]:
+    """Median speed [m/s] and propeller rate [rev/s] of the maneuvers."""
+    return float(table["u_mps_measured"].median()), float(table["rpm"].median()) / 60.0
+
+
+def _with_final_values(
+    effect: EffectFound, after: IdentifiedModel, speed: float, rate: float
+) -> EffectFound:
     """The effect with the values of the refined model.
 
     Its interval is the wider of the diagnosis' (from the scatter between maneuvers) and the
@@ -108,7 +118,8 @@ def _with_final_values(effect: EffectFound, after: IdentifiedModel) -> EffectFou
             symbol=p.symbol, value=value, std=half / NORMAL_95, unit=p.unit, low=value - half,
             high=value + half,
         ))  # fmt: skip
-    return effect.model_copy(update={"parameters": tuple(values)})
+    said = plain(effect.id, values, speed, rate)
+    return effect.model_copy(update={"parameters": tuple(values), "plain": said})
 
 
 def _channels(rows: pd.DataFrame) -> list[tuple[str, str, str]]:

@@ -18,6 +18,7 @@ from auvident.schema.diagnosis import (
     ParameterValue,
     ResidualRow,
 )
+from auvident.schema.effect_words import plain
 from auvident.schema.effects import BY_ID, parameter_of
 from auvident.stages.diagnose import words
 from auvident.stages.diagnose.candidates import Round, Traced, Tried, open_of
@@ -119,7 +120,7 @@ def _accepted(evidence: Evidence) -> list[EffectFound]:
             time = float(final.parameters[case.position("thrust_step.time_s")] + start)
         found.append(EffectFound(
             id=effect, family=BY_ID[effect].family, parameters=values,
-            plain=words.plain(effect, values, speed, rate), time_s=time,
+            plain=plain(effect, values, speed, rate), time_s=time,
         ))  # fmt: skip
     return found
 
