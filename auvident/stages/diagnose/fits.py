@@ -29,6 +29,7 @@ ROUNDS, STEPS = 2, 8  # rounds of fixed weights, steps in each
 TOLERANCE = 1.0e-4  # relative fall of the cost at which a round ends
 START_STD = 5.0  # a start is known to this many standard deviations of the residual
 DAMPING = 1.0e-5  # coefficients trade against each other along narrow valleys
+LARGEST = 1.0e20  # squared slopes in units of the noise beyond which a motion has run away
 NOTHING = np.zeros(0, dtype=np.int64)
 
 
@@ -90,6 +91,8 @@ def residual_of(case: Case, p: Array, record: Record, colours: Colours) -> Resid
     shown = found.slopes[:, :, :N_START]
     rows = white_rows(-error, shown, seen, colours, case.setup.dt_s)
     held = np.diag([start_spread(colour) ** -2.0 for colour in colours])
+    if not np.isfinite(rows).all() or np.abs(rows).max() > LARGEST**0.5:
+        return None
     start = np.linalg.solve(rows[:, 1:].T @ rows[:, 1:] + held, rows[:, 1:].T @ rows[:, 0])
     error[:, :N_CHANNELS] += shown[:, :N_CHANNELS] @ start
     return Residual(record.id, record.time_s, error, found.states)
@@ -275,6 +278,8 @@ def record_parts(
     whole, k = rows.T @ rows, N_START
     g, h = whole[1:, 0], whole[1:, 1:]
     held = np.diag([start_spread(colour) ** -2.0 for colour in colours])
+    if not np.isfinite(whole).all() or np.abs(whole).max() > LARGEST:
+        return None  # it ran away, but not far enough to be stopped
     start = np.linalg.solve(h[:k, :k] + held, np.column_stack([g[:k], h[:k, k:]]))
     half = 0.5 * float(whole[0, 0]) - 0.5 * float(g[:k] @ start[:, 0])
     return half, g[k:] - h[k:, :k] @ start[:, 0], h[k:, k:] - h[k:, :k] @ start[:, 1:]

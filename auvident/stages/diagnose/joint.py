@@ -17,6 +17,7 @@ from scipy.optimize import lsq_linear
 from auvident.engines.prediction import readings_with_slopes, seen_rows
 from auvident.stages.diagnose.case import ACTIVE, Case
 from auvident.stages.diagnose.fits import (
+    LARGEST,
     N_CHANNELS,
     N_START,
     Colours,
@@ -94,6 +95,8 @@ def joint_about(
         rows = white_rows(
             found.readings - record.measured, slopes, seen, fitted.colours, case.setup.dt_s
         )
+        if not np.isfinite(rows).all() or np.abs(rows).max() > LARGEST**0.5:
+            return None
         error, own = _without_start(rows, fitted.colours)
         half += 0.5 * float(rows[:, 0] @ error)
         gradient += rows[:, 1 + N_START :].T @ error
