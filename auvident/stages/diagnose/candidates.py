@@ -14,6 +14,8 @@ from auvident.stages.diagnose.leftout import Helped
 
 Array = npt.NDArray[Any]
 
+# terms of higher order, of which every hull has a little: claimed only when they come first
+HIGHER_ORDER = ("sway_cross_flow", "yaw_cross_flow", "cubic_damping", "turning_drag")
 LEAST_SHARE = 0.6  # of the maneuvers left out that an effect has to help
 SURE_SHARE = 0.7  # ... and from which on one bad place does not count against it
 WORTH = 8.0  # [nats] to first order, to be refitted

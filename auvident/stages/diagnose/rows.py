@@ -21,7 +21,7 @@ from auvident.schema.diagnosis import (
 from auvident.schema.effect_words import plain
 from auvident.schema.effects import BY_ID, parameter_of
 from auvident.stages.diagnose import words
-from auvident.stages.diagnose.candidates import Round, Traced, Tried, open_of
+from auvident.stages.diagnose.candidates import HIGHER_ORDER, Round, Traced, Tried, open_of
 from auvident.stages.diagnose.case import CHANNELS, Case
 from auvident.stages.diagnose.fits import Fitted, check_cost, prior_of, record_parts
 from auvident.stages.diagnose.free_forces import FreeForce
@@ -66,7 +66,7 @@ def diagnosis_of(evidence: Evidence, model: IdentifiedModel, maneuvers: Maneuver
         candidates=tuple(_candidates(traced.rounds, case)), ambiguous=groups,
         unexplained=unexplained, sees=sees,
         lookalikes=lookalikes(first.joint, evidence.candidates), separate_by=by,
-        silent=_silent(case, traced.final, traced.quiet), carried=_carried(case, traced.final),
+        silent=_silent(case, traced.final, traced.quiet), carried=_carried(case, traced),
         steps=traced.steps,
         residuals=tuple(_residual_rows(evidence)), checks=_checks(evidence),
         missing=evidence.missing, false_alarm_p=first.p,
@@ -186,8 +186,14 @@ def _silent(case: Case, fitted: Fitted, quiet: Sequence[str]) -> tuple[EffectFou
     )
 
 
-def _carried(case: Case, fitted: Fitted) -> dict[str, dict[str, float]]:
-    """Internal values of the effects a refined model takes along, and the priors of those named."""
+def _carried(case: Case, traced: Traced) -> dict[str, dict[str, float]]:
+    """Internal values of the effects a refined model takes along, and the priors of those named.
+
+    What the search took along without a claim stays behind, terms of higher order apart: a little
+    play suits the maneuvers it was fitted to, and puts the rudder off in the next straight run.
+    """
+    fitted = traced.final
+    left = {e for e in traced.quiet if e not in HIGHER_ORDER}
     found: dict[str, dict[str, float]] = {"start": {}, "prior": {}, "prior_std": {}}
     known = {
         name: (float(mean), float(std))
@@ -198,6 +204,8 @@ def _carried(case: Case, fitted: Fitted) -> dict[str, dict[str, float]]:
         if i in fitted.free and "." not in name:
             found["start"][name] = float(fitted.parameters[i])
         effect = name.partition(".")[0]
+        if effect in left:
+            continue
         if effect in fitted.effects:
             found["start"][name] = float(fitted.parameters[i])
             # what the sensors say about each other is known before any dynamics

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from auvident.errors import NumericsError
 from auvident.stages.diagnose.candidates import (
     CURVED,
+    HIGHER_ORDER,
     Round,
     Traced,
     Tried,
@@ -67,9 +68,7 @@ SWAP = 15.0  # [nats] another in its place has to gain so much
 MOST_QUIET = 2  # effects taken along without a claim
 SMALL = "smaller than of practical interest"
 NO_FALL = f"no residual falls by {100 * LEAST_FALL:.0f} %"
-# terms of higher order, of which every hull has a little: claimed only when they come first and
-# gain this much [nats]
-HIGHER_ORDER = ("sway_cross_flow", "yaw_cross_flow", "cubic_damping", "turning_drag")
+# [nats] from which on a term of higher order that comes first is claimed
 CLAIMED_FROM = 300.0
 LEAST_RECORDS = 2  # maneuvers without which none can be left out
 DRAWS = 199  # of the sign flips
