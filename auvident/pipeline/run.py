@@ -88,6 +88,7 @@ def run_all(
     *,
     seed: int | None = None,
     observer: Observer = SILENT,
+    until: str | None = None,
 ) -> RunResult:
     """Run every stage that is not up to date, in the order of the table.
 
@@ -99,6 +100,8 @@ def run_all(
         Options by stage.
     seed, observer
         As for `run_stage`.
+    until : str, optional
+        Last stage.
 
     Returns
     -------
@@ -112,6 +115,8 @@ def run_all(
             stack.enter_context(run.lock())
         wanted = {s.name: _wanted(s, run, options.get(s.name, {}), seed) for s in STAGES}
         for stage in STAGES:
+            if until is not None and STAGES.index(stage) > STAGES.index(BY_NAME[until]):
+                break
             manifest = run.manifest()
             decision = judge(stage, run, manifest, wanted[stage.name])
             result.decisions.append(decision)

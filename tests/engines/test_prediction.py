@@ -155,8 +155,9 @@ def test_the_truth_predicts_its_own_record() -> None:
     world, freely = World.of(at_once), np.ones(4, dtype=bool)
     record = recorded(world)
     found = predicted_course(world.frame, world.p, record, freely).readings
-    # the start goes to readings and back once more: rounding, grown over 30 s
-    np.testing.assert_allclose(found, record.measured, atol=1e-9)
+    # the race acts with the speed of a first prediction, which is off by the race's own doing;
+    # the rest is rounding, grown over 30 s
+    np.testing.assert_allclose(found, record.measured, atol=1e-6)
     blind = predicted_course(world.frame, world.without().p, record, freely).readings
     assert np.abs(blind - record.measured).max() > 0.2
 

@@ -23,7 +23,7 @@ def predicted(when: int, noise: float = 0.0) -> pd.DataFrame:
     pieces = []
     for k, name in enumerate(ROLES):
         time = 100.0 * k + DT * np.arange(N)
-        piece = {"maneuver": name, "kind": name.split("-")[0], "time_s": time}
+        piece = {"maneuver": name, "kind": name.split("-")[0], "time_s": time, "rpm": 900.0}
         for c, (column, away) in enumerate(OFF.items()):
             measured = np.sin(0.1 * time + c)
             wrong = np.random.default_rng(100 * k + 10 * c + when).normal(size=N) * noise

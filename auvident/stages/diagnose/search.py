@@ -25,6 +25,7 @@ from auvident.stages.diagnose.candidates import (
     scores_of,
     size_of,
     unhelpful,
+    with_time,
     worth,
 )
 from auvident.stages.diagnose.case import CHANNELS, Case
@@ -131,7 +132,11 @@ class Search:
                 weak = self._weak(done)
                 if weak is None:
                     break
-                current = self._quietly(weak)
+                self.quiet.append(weak.id)
+                self.steps.append(
+                    f"{weak.id} taken along: {weak.gain:.0f} nats, too small to matter"
+                )
+                current = weak.fitted
             else:
                 current = self.reconsider(current)
         return Traced(
@@ -147,11 +152,6 @@ class Search:
         worse = np.any(first.fitted.rms > RMS_ALIKE * done.before.rms)
         quiet = hidden and not worse and first.refused in (SMALL, NO_FALL)
         return first if quiet else None
-
-    def _quietly(self, weak: Tried) -> Fitted:
-        self.quiet.append(weak.id)
-        self.steps.append(f"{weak.id} taken along: {weak.gain:.0f} nats, too small to matter")
-        return weak.fitted
 
     def one_round(self, before: Fitted) -> tuple[Round, Fitted]:
         """Screen, refit and test; the model with the accepted effect, or as it was."""
@@ -190,12 +190,12 @@ class Search:
         best = self._best_time(before, coarse[1:])
         for reach in (0.75, 0.19):
             best = self._best_time(before, best + reach * THRUST_TIMES_S * np.linspace(-1, 1, 5))
-        return _with_time(self.case, before, best)
+        return with_time(self.case, before, best)
 
     def _best_time(self, before: Fitted, times: Array) -> float:
         gains = {}
         for time in times:
-            joint = joint_about(self.case, _with_time(self.case, before, time), ("thrust_step",))
+            joint = joint_about(self.case, with_time(self.case, before, time), ("thrust_step",))
             gains[float(time)] = score(joint, ("thrust_step",)).gain if joint else 0.0
         return max(gains, key=lambda t: gains[t])
 
@@ -397,9 +397,3 @@ class Search:
                     self.steps.append(f"{effect} swapped for {other}")
                     return swapped
         return current
-
-
-def _with_time(case: Case, fitted: Fitted, time: float) -> Fitted:
-    p = fitted.parameters.copy()
-    p[case.position("thrust_step.time_s")] = time
-    return replace(fitted, parameters=p)
