@@ -48,7 +48,8 @@ def diagnosis_of(evidence: Evidence, model: IdentifiedModel, maneuvers: Maneuver
     nearest = nearest_of(evidence)
     groups = tuple(r.alike for r in traced.rounds if r.alike and r.accepted in traced.named)
     verdict = verdict_of(effects, evidence, left, nearest, groups)
-    correlates = [_correlate(f) for f in (evidence.rival, *evidence.free) if f is not None]
+    forces = [f for f in (evidence.rival, *evidence.free) if f is not None and f.gain > 0.0]
+    correlates = [_correlate(f) for f in forces]
     sees = detectable(first.joint, evidence.candidates)
     by = separated_by([e for g in groups for e in g]) if groups else ""
     named = () if verdict == "unexplained" and nearest else tuple(effects)
