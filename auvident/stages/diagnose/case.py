@@ -29,7 +29,7 @@ FREE_GROUPS = ("drag", "thrust", "turning_drag", "lift", "cross_flow", "control"
 # drag grows a little slower than u^2: about X_uu the same as this share of it in proportion to u.
 FRICTION_SLOPE = 0.17
 FRICTION = "linear_drag.X_u"
-FREE_SIZE = (0.05, 0.05, 0.02)  # prior of a free force [of drag-like forces at cruise] on X, A, B
+FREE_SIZE = (0.005, 0.005, 0.002)  # prior of a free force on X, A, B [density/2 L^2 U^2, N: L^3]
 
 
 @dataclass(frozen=True)
@@ -199,4 +199,4 @@ def free_force_size(name: str, model: IdentifiedModel, unit: tuple[float, float]
     """Prior of a free force or moment per unit of its series [N, N m]."""
     equation = "XAB".index(name[-1])
     area = model.length_m ** (3 if equation == 2 else 2)
-    return FREE_SIZE[equation] * 0.1 * 0.5 * model.density_kgpm3 * area * unit[0] ** 2
+    return FREE_SIZE[equation] * 0.5 * model.density_kgpm3 * area * unit[0] ** 2

@@ -33,6 +33,8 @@ from auvident.stages.diagnose.verdict import Evidence, left_channels, nearest_of
 Array = npt.NDArray[Any]
 
 INTERVAL = 0.975
+# errors on generated trials (`waves`, `events`): 0.006 rad/s and 2.6 deg at most, about a second
+WAVE_STD_RADPS, WAVE_STD_DEG, EVENT_STD_S = 0.02, 5.0, 1.0
 TIMED = ("rudder_lag.lag_s", "rudder_delay.delay_s", "gyro_delay.delay_s", "dvl_delay.delay_s")
 TIMED_STD_S = 0.045  # silent lag and delay of a servo together
 UNITS = ("m/s", "m/s", "rad/s")
@@ -81,8 +83,8 @@ def _disturbances(evidence: Evidence) -> list[EffectFound]:
         EffectFound(
             id="one_off_event", family="environment",
             parameters=(
-                ParameterValue(symbol="time_s", value=e.time_s, std=1.0, unit="s"),
-                ParameterValue(symbol="duration_s", value=e.duration_s, std=1.0, unit="s"),
+                ParameterValue(symbol="time_s", value=e.time_s, std=EVENT_STD_S, unit="s"),
+                ParameterValue(symbol="duration_s", value=e.duration_s, std=EVENT_STD_S, unit="s"),
             ),
             plain=f"a one-off event in {e.maneuver} at {e.time_s:.0f} s (masked)",
             maneuver=e.maneuver, time_s=e.time_s, duration_s=e.duration_s,
@@ -95,9 +97,9 @@ def _disturbances(evidence: Evidence) -> list[EffectFound]:
         found.append(EffectFound(
             id="wave", family="environment",
             parameters=(
-                ParameterValue(symbol="omega_radps", value=wave.frequency_radps, std=0.02,
+                ParameterValue(symbol="omega_radps", value=wave.frequency_radps, std=WAVE_STD_RADPS,
                                unit="rad/s"),
-                ParameterValue(symbol="direction_deg", value=degrees, std=5.0, unit="deg"),
+                ParameterValue(symbol="direction_deg", value=degrees, std=WAVE_STD_DEG, unit="deg"),
             ),
             plain=f"a wave of {wave.frequency_radps:.2f} rad/s towards {degrees:.0f} deg",
         ))  # fmt: skip
