@@ -1,6 +1,6 @@
 """Candidates of a search: what was tried, how large it is, and what looks like it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -134,10 +134,3 @@ def unhelpful(found: Helped | None) -> str:
 def open_of(case: Case, fitted: Fitted) -> list[int]:
     """Positions of the effects' parameters of a fit."""
     return [i for effect in fitted.effects for i in case.positions(effect)]
-
-
-def with_time(case: Case, fitted: Fitted, time: float) -> Fitted:
-    """A fitted model with another time of the thrust step."""
-    p = fitted.parameters.copy()
-    p[case.position("thrust_step.time_s")] = time
-    return replace(fitted, parameters=p)

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.errors import NumericsError
+from auvident.stages.diagnose import thrust_time
 from auvident.stages.diagnose.candidates import (
     CURVED,
     HIGHER_ORDER,
@@ -25,7 +26,6 @@ from auvident.stages.diagnose.candidates import (
     scores_of,
     size_of,
     unhelpful,
-    with_time,
     worth,
 )
 from auvident.stages.diagnose.case import CHANNELS, Case
@@ -75,7 +75,6 @@ LEAST_RECORDS = 2  # maneuvers without which none can be left out
 DRAWS = 199  # of the sign flips
 WORTH_A_START = 30.0  # [nats] to be fitted from a second start as well
 SECOND_STARTS = 2  # so many of the best are fitted from the analytical estimate as well
-THRUST_TIMES_S = 120.0  # steps of thrust are looked for this far apart
 
 
 @dataclass
@@ -155,7 +154,8 @@ class Search:
 
     def one_round(self, before: Fitted) -> tuple[Round, Fitted]:
         """Screen, refit and test; the model with the accepted effect, or as it was."""
-        before = self._thrust_step_placed(before)
+        if thrust_time.STEP in self.candidates:
+            before = thrust_time.with_best_time(self.case, before)
         joint = joint_about(self.case, before, self.candidates)
         assert joint is not None  # the fit itself ran through
         fast = joint_about(self.case, before, self.candidates, FAST_GAIN)
@@ -179,25 +179,6 @@ class Search:
         if accepted.id in HIGHER_ORDER and (before.effects or accepted.gain < CLAIMED_FROM):
             self.quiet.append(accepted.id)
         return done, accepted.fitted
-
-    def _thrust_step_placed(self, before: Fitted) -> Fitted:
-        """The model with the time at which a step of the thrust would explain most."""
-        if "thrust_step" not in self.candidates or "thrust_step" in before.effects:
-            return before
-        sources = [r.source for r in self.case.records if r.source is not None]
-        ends = [s.elapsed_s[-1] for s in sources]
-        coarse = np.arange(min(s.elapsed_s[0] for s in sources), max(ends), THRUST_TIMES_S)
-        best = self._best_time(before, coarse[1:])
-        for reach in (0.75, 0.19):
-            best = self._best_time(before, best + reach * THRUST_TIMES_S * np.linspace(-1, 1, 5))
-        return with_time(self.case, before, best)
-
-    def _best_time(self, before: Fitted, times: Array) -> float:
-        gains = {}
-        for time in times:
-            joint = joint_about(self.case, with_time(self.case, before, time), ("thrust_step",))
-            gains[float(time)] = score(joint, ("thrust_step",)).gain if joint else 0.0
-        return max(gains, key=lambda t: gains[t])
 
     def _score(self, joint: Joint, candidate: str) -> tuple[float, Array]:
         usual = self._at_usual_size(joint.fitted, candidate)
