@@ -27,10 +27,10 @@ COMMAND = (
     "rudder_asymmetry.gain", "rudder_lag.lag_s", "rudder_rate_limit.rate_degps",
     "rudder_offset.offset_deg", "rudder_stall.angle_deg", "propeller_race.c_m2ps2pn",
     "propeller_lag.lag_s", "thrust_sag.fraction_per_1000_s", "thrust_step.fraction",
-    "thrust_step.time_s", "T_nn", "T_nu",
+    "thrust_step.time_s", "thrust_step.over_s", "T_nn", "T_nu",
 )  # fmt: skip
 DELAY, DEADBAND, BACKLASH, ASYMMETRY, LAG, SLOWNESS, OFFSET, STALL, RACE = range(9)
-MOTOR_LAG, SAG, STEP, STEP_TIME, T_NN, T_NU = range(9, 15)
+MOTOR_LAG, SAG, STEP, STEP_TIME, OVER, T_NN, T_NU = range(9, 16)
 # columns of the inputs
 CONTROL, OTHER, REVS, THRUST, ROLL, PITCH, FORCE = range(7)
 
@@ -100,6 +100,18 @@ def lagged(command, lag, dt, out):
 
 
 @kernel
+def share_fallen(elapsed, time, undecided):
+    """Part of a step that has been made, to be expected at a time.
+
+    Where only an interval is known, all times in it are as likely, and the part rises along it.
+    """
+    since = elapsed - time + 0.5 * undecided
+    if since < 0.0:
+        return 0.0
+    return since / undecided if since < undecided else 1.0
+
+
+@kernel
 def actuate(raw, elapsed, speed, dt, e, out):
     """Inputs that act on the vehicle.
 
@@ -113,7 +125,7 @@ def actuate(raw, elapsed, speed, dt, e, out):
     speed : (n,) array
         Measured surge velocity [m/s], for the race.
     dt : float
-    e : (15,) array
+    e : (16,) array
         Internal values in the order of `COMMAND`.
     out : (n, 9) array
         Its first four columns are filled: controls, propeller rate, thrust factor.
@@ -129,8 +141,7 @@ def actuate(raw, elapsed, speed, dt, e, out):
         u, revs = max(abs(speed[k]), LEAST_SPEED_MPS), work[k]
         thrust = e[T_NN] * revs * abs(revs) + e[T_NU] * abs(revs) * speed[k]
         factor = 1.0 - e[SAG] * elapsed[k] / SAG_PERIOD_S
-        if elapsed[k] >= e[STEP_TIME]:
-            factor -= e[STEP]
+        factor -= e[STEP] * share_fallen(elapsed[k], e[STEP_TIME], e[OVER])
         out[k, CONTROL] = turned * (1.0 + e[RACE] * thrust * factor / (u * u))
         out[k, OTHER], out[k, REVS], out[k, THRUST] = raw[k, OTHER], revs, factor
 

@@ -89,7 +89,8 @@ def sizes(parameters: Iterable[ParameterValue]) -> str:
 def place(effect: EffectFound) -> str:
     """Where and when an effect of one time acted; empty for one that acts always."""
     pieces = [effect.maneuver or ""]
-    if effect.time_s is not None:
+    stated = any(p.symbol == "time_s" and p.low is not None for p in effect.parameters)
+    if effect.time_s is not None and not stated:  # the words have the interval
         pieces.append(f"at {effect.time_s:.1f} s")
     if effect.duration_s is not None:
         pieces.append(f"for {effect.duration_s:.1f} s")

@@ -17,7 +17,7 @@ SHORT = {
     "rudder_stall": "a rudder that stalls at about {angle_deg:.0f} deg",
     "propeller_lag": "a propeller that follows with a lag of {lag_s:.2f} s",
     "thrust_sag": "thrust that falls by {fraction_per_1000_s:.2f} in 1000 s",
-    "thrust_step": "thrust that falls by {fraction:.2f} at one time",
+    "thrust_step": "thrust that falls by {fraction:.2f}",
     "dvl_delay": "a DVL that is {delay_s:.2f} s late",
     "gyro_delay": "a gyro that is {delay_s:.2f} s late",
     "dvl_misalignment": "a DVL turned by {yaw_deg:.1f} deg",
@@ -32,6 +32,8 @@ SHORT = {
 def plain(effect: str, parameters: Sequence[ParameterValue], speed: float, rate: float) -> str:
     """An effect in words; forces as they are at cruise (speed [m/s], propeller rate [rev/s])."""
     values = {p.symbol: p.value for p in parameters}
+    if effect == "thrust_step":
+        return SHORT[effect].format(**values) + _when(parameters)
     if effect == "current":
         north, east = values["north_mps"], values["east_mps"]
         towards = math.degrees(math.atan2(east, north)) % 360.0
@@ -46,6 +48,14 @@ def plain(effect: str, parameters: Sequence[ParameterValue], speed: float, rate:
         return f"a side force of the propeller of {y:.2f} N and {n:.2f} N m at {60 * rate:.0f} rpm"
     listed = ", ".join(f"{p.symbol} {p.value:.3g} {p.unit}" for p in parameters)
     return f"{effect.replace('_', ' ')}: {listed}"
+
+
+def _when(parameters: Sequence[ParameterValue]) -> str:
+    """When something happened, as far as it is known."""
+    for p in parameters:
+        if p.symbol == "time_s" and p.low is not None and p.high is not None:
+            return f" between {p.low:.0f} and {p.high:.0f} s"
+    return " at one time"
 
 
 def _fields(text: str) -> list[str]:

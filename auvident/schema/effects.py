@@ -195,7 +195,9 @@ EFFECTS: tuple[Effect, ...] = (
     ), "thrust (1 - fraction t / 1000 s)", "u falls slowly through the trial"),
     Effect("thrust_step", "actuation", "input", HV, (
         P("fraction", "-", 0.15, 0.05, -0.9, 0.9), P("time_s", "s", 0.0, 0.0, 0.0, 1e9),
-    ), "thrust (1 - fraction) from one time on", "u falls at one time and stays down"),
+        P("over_s", "s", 0.0, 0.0, 0.0, 1e9),
+    ), "thrust (1 - fraction) from one time on, spread over what is not known of it",
+        "u falls at one time and stays down"),
     Effect("dvl_delay", "sensing", "reading", HV, (
         P("delay_s", "s", 0.25, 0.1, -1.0, 2.0),
     ), "u, v(t) are those of t - delay", "u and v residuals like their derivatives", (), SENSOR),

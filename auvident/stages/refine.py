@@ -110,6 +110,9 @@ def _with_final_values(
     final = {p["symbol"]: p for p in rows[0]["parameters"]}
     values = []
     for p in effect.parameters:
+        if p.symbol == "time_s":  # known to an interval, and not identified again
+            values.append(p)
+            continue
         value = float(final[p.symbol]["value"])
         std = max(float(final[p.symbol]["std"]), p.std)
         half = max(NORMAL_95 * std, 0.5 * ((p.high or 0.0) - (p.low or 0.0)))

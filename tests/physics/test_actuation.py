@@ -272,6 +272,16 @@ def test_the_thrust_sags_through_the_trial_and_steps_once() -> None:
     np.testing.assert_array_equal(found[:, :3], raw)
 
 
+def test_a_step_of_which_an_interval_is_known_is_the_mean_of_all_steps_in_it() -> None:
+    shown = {"thrust_step__fraction": 0.2, "thrust_step__time_s": 504.95}
+    raw = inputs(np.zeros(100))
+    found = acting(raw, start_s=500.0, thrust_step__over_s=4.0, **shown)[:, THRUST]
+    times = 502.95 + 4.0 * (np.arange(400) + 0.5) / 400
+    steps = [acting(raw, start_s=500.0, **shown | {"thrust_step__time_s": t}) for t in times]
+    np.testing.assert_allclose(found, np.mean(steps, axis=0)[:, THRUST], atol=0.2 / 400)
+    assert found.min() == 0.8 and found.max() == 1.0
+
+
 # --- together ------------------------------------------------------------------------------
 
 ALL = {

@@ -27,6 +27,7 @@ from auvident.stages.diagnose.fits import Fitted, check_cost, prior_of, record_p
 from auvident.stages.diagnose.free_forces import FreeForce
 from auvident.stages.diagnose.leftout import leave_out
 from auvident.stages.diagnose.sight import detectable, lookalikes, separated_by
+from auvident.stages.diagnose.thrust_time import STEP, step_time
 from auvident.stages.diagnose.unknown_forces import unknown_forces
 from auvident.stages.diagnose.verdict import Evidence, left_channels, nearest_of, verdict_of
 
@@ -117,21 +118,13 @@ def _accepted(evidence: Evidence) -> list[EffectFound]:
     found = []
     for effect in traced.named:
         values = effect_values(case, effect, final.parameters, stds)
-        start = case.records[0].time_s[0] - _elapsed(case)
-        time = None
-        if effect == "thrust_step":
-            time = float(final.parameters[case.position("thrust_step.time_s")] + start)
+        when = step_time(case, final.parameters) if effect == STEP else None
+        values = (*values, when) if when else values
         found.append(EffectFound(
             id=effect, family=BY_ID[effect].family, parameters=values,
-            plain=plain(effect, values, speed, rate), time_s=time,
+            plain=plain(effect, values, speed, rate), time_s=when.value if when else None,
         ))  # fmt: skip
     return found
-
-
-def _elapsed(case: Case) -> float:
-    source = case.records[0].source
-    assert source is not None
-    return float(source.elapsed_s[len(source.elapsed_s) - len(case.records[0].time_s)])
 
 
 def spreads(case: Case, fitted: Fitted) -> Array:

@@ -22,6 +22,7 @@ from auvident.stages.diagnose.free_forces import FreeForce, free_forces
 from auvident.stages.diagnose.kinematics import heading_against_gyro, position_against_dvl
 from auvident.stages.diagnose.rows import diagnosis_of, residual_table
 from auvident.stages.diagnose.search import Search
+from auvident.stages.diagnose.thrust_time import narrowed
 from auvident.stages.diagnose.verdict import Evidence
 from auvident.stages.diagnose.waves import Residual, find_wave
 
@@ -101,7 +102,7 @@ def _diagnosed(
     tell("one-off events", 0.1)
     baseline, events = _without_events(search)
     tell("candidate effects", 0.2)
-    traced = search.trace(baseline)
+    traced = narrowed(search.trace(baseline), trials, maneuvers)
     tell("free forces", 0.8)
     evidence = _evidence(traced, search, events, missing)
     tell("verdict", 1.0)
