@@ -78,10 +78,22 @@ LOOKALIKES = (
     ("linear_drag", "turning_drag"),
 )
 
+# a drift angle or a turn in proportion to the speed, the rudder amidships
+STEADY = (*LOOKALIKES[0], "dvl_misalignment")
+
 
 def partners(effect: str) -> tuple[str, ...]:
     """Effects that look like one."""
     return tuple(o for group in LOOKALIKES if effect in group for o in group if o != effect)
+
+
+def steady(effect: str) -> tuple[str, ...]:
+    """Effects that show in a straight run as one does, itself with them; none for the others.
+
+    In the coefficients that were fitted without it each of them has left its mark, so that they
+    are compared from the estimate as well.
+    """
+    return STEADY if effect in STEADY else ()
 
 
 def ranked(values: dict[str, float]) -> list[str]:

@@ -5,7 +5,6 @@ clearly smaller, and helps maneuvers that were left out; likelihood alone accept
 any model is wrong in small ways that a long record shows. Held-out maneuvers take no part.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -25,6 +24,7 @@ from auvident.stages.diagnose.candidates import (
     ranked,
     scores_of,
     size_of,
+    steady,
     unhelpful,
     worth,
 )
@@ -46,6 +46,8 @@ from auvident.stages.diagnose.joint import (
     score_from,
 )
 from auvident.stages.diagnose.leftout import Helped, LeftOut, helped, leave_out
+from auvident.stages.diagnose.reconsider import reconsider
+from auvident.stages.diagnose.refits import best_of, from_estimate, refit
 
 Array = npt.NDArray[Any]
 
@@ -64,8 +66,6 @@ ALIKE = 0.12  # effects that gain all but this share of the best are not told ap
 ALIKE_LEAST = 12.0  # [nats] nor those within this
 RMS_ALIKE = 1.15  # ... and leave no residual larger by more
 CONTAINS = 0.98  # cosine from which on an effect is a special case of another with more parameters
-REMOVAL = 40.0  # [nats] an accepted effect that is worth less is taken out again
-SWAP = 15.0  # [nats] another in its place has to gain so much
 MOST_QUIET = 2  # effects taken along without a claim
 SMALL = "smaller than of practical interest"
 NO_FALL = f"no residual falls by {100 * LEAST_FALL:.0f} %"
@@ -111,16 +111,6 @@ class Search:
                 found.append(record.id)
         return ", ".join(found)
 
-    def refit(self, effects: Sequence[str], starts: Sequence[Array], like: Fitted,
-              rounds: int = 2, steps: int = 8) -> Fitted | None:  # fmt: skip
-        """Best fit with effects from several starts."""
-        fits = [
-            fit_with(self.case, effects, start, like.colours, rounds=rounds, steps=steps)
-            for start in starts
-        ]
-        good = [f for f in fits if f is not None]
-        return max(good, key=lambda f: f.log_likelihood) if good else None
-
     def trace(self, baseline: Fitted) -> Traced:
         """Search until nothing more is accepted."""
         current, rounds = baseline, []
@@ -137,7 +127,8 @@ class Search:
                 )
                 current = weak.fitted
             else:
-                current = self.reconsider(current)
+                current, steps = reconsider(self.case, self.candidates, current, self.quiet)
+                self.steps += steps
         return Traced(
             self.case, baseline, current, tuple(rounds), tuple(self.steps), tuple(self.quiet)
         )
@@ -193,11 +184,12 @@ class Search:
         # a fit that is not there yet may still become what the first-order step promises
         promise = {c: max(log_gain(before, f), scores[c][0]) for c, f in found.items()}
         order = ranked(promise)
-        for number, c in enumerate(order[:REFITTED]):
-            if number and promise[c] < HOPELESS * promise[order[0]]:
-                break
-            second = number < SECOND_STARTS and promise[c] > WORTH_A_START
-            found[c] = self._last_refit(found[c], second)
+        alike = steady(order[0]) if order else ()
+        for number, c in enumerate(order):
+            hopeless = number >= REFITTED or promise[c] < HOPELESS * promise[order[0]]
+            if c in alike or not hopeless:
+                afresh = c in alike or number < SECOND_STARTS
+                found[c] = self._last_refit(found[c], afresh and promise[order[0]] > WORTH_A_START)
         before = self._polished(before, found)
         tried = [Tried(c, f, log_gain(before, f), self._falls(before, f)) for c, f in found.items()]
         return sorted(tried, key=lambda t: -t.gain), before
@@ -206,17 +198,16 @@ class Search:
         """A few steps from where the first-order step leads, and from the usual size."""
         effects, usual = (*before.effects, candidate), self._at_usual_size(before, candidate)
         starts = [scored] if usual is None else [scored, usual]
-        found = self.refit(effects, starts, before, 1, 5)
-        return found or self.refit(effects, [before.parameters], before, 1, 5)
+        found = refit(self.case, effects, starts, before, 1, 5)
+        return found or refit(self.case, effects, [before.parameters], before, 1, 5)
 
-    def _last_refit(self, fitted: Fitted, from_estimate: bool) -> Fitted:
+    def _last_refit(self, fitted: Fitted, afresh: bool) -> Fitted:
         """To the end, and if asked for from the analytical estimate as well."""
-        options = [fitted, self.refit(fitted.effects, [fitted.parameters], fitted, 2, 8)]
-        if from_estimate:
-            start = self._analytical(fitted)
-            colours = first_colours(self.case, start)
-            options.append(fit_with(self.case, fitted.effects, start, colours, rounds=3, steps=8))
-        return max((f for f in options if f is not None), key=lambda f: f.log_likelihood)
+        again = refit(self.case, fitted.effects, [fitted.parameters], fitted)
+        options = [fitted, again]
+        if afresh:
+            options.append(from_estimate(self.case, fitted.effects, fitted.parameters))
+        return best_of(options) or fitted
 
     def _at_usual_size(self, before: Fitted, candidate: str) -> Array | None:
         """The model with an effect at its usual size, for those that act in no straight line.
@@ -234,14 +225,6 @@ class Search:
         for i, name in zip(positions, names, strict=True):
             p[i] = known.get(name, float(self.case.setup.prior_std[i]))
         return p
-
-    def _analytical(self, fitted: Fitted) -> Array:
-        """The analytical estimate with the effects at the sizes found."""
-        start = self.case.at_rest(self.case.setup.prior)
-        for effect in fitted.effects:
-            positions = self.case.positions(effect)
-            start[positions] = fitted.parameters[positions]
-        return start
 
     def _polished(self, before: Fitted, found: dict[str, Fitted]) -> Fitted:
         """The model without the candidate, from where the best candidate lies: was it stuck?"""
@@ -350,31 +333,3 @@ class Search:
             if c in self.candidates and len(self.case.positions(c)) > len(own)
             and cosine(joint, own, self.case.positions(c)) > CONTAINS
         ]  # fmt: skip
-
-    def reconsider(self, current: Fitted) -> Fitted:
-        """Take out effects that are no longer worth it; swap one for what looks like it."""
-        if len(current.effects) < 2:
-            return current
-        for effect in [e for e in current.effects[:-1] if e not in self.quiet]:
-            rest = tuple(e for e in current.effects if e != effect)
-            start = current.parameters.copy()
-            start[self.case.positions(effect)] = 0.0
-            without = self.refit(rest, [start], current)
-            if without is not None and log_gain(without, current) < REMOVAL:
-                self.steps.append(f"{effect} removed: worth {log_gain(without, current):.0f} nats")
-                current = without
-        return self._swapped(current)
-
-    def _swapped(self, current: Fitted) -> Fitted:
-        for effect in [e for e in current.effects[:-1] if e not in self.quiet]:
-            for other in partners(effect):
-                if other in current.effects or other not in self.candidates:
-                    continue
-                effects = tuple(other if e == effect else e for e in current.effects)
-                start = current.parameters.copy()
-                start[self.case.positions(effect)] = 0.0
-                swapped = self.refit(effects, [start], current)
-                if swapped is not None and log_gain(current, swapped) > SWAP:
-                    self.steps.append(f"{effect} swapped for {other}")
-                    return swapped
-        return current
