@@ -1,6 +1,6 @@
 """Figures of the predictions: a maneuver measured, predicted by the model and by the estimate."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -27,10 +27,11 @@ from auvident.schema.artifacts import ChannelMetrics, ManeuverMetrics
 LINES = (
     ("ase", VERMILLION, (0, (4, 2)), 1.0, "{prior} alone"),
     ("measured", INK, "-", 2.0, "measured"),
-    ("simulated", BLUE, "-", 1.2, "model"),
-    ("refined", GREEN, (0, (5, 1)), 1.2, "model with the effects"),
+    ("simulated", BLUE, "-", 1.2, "identified model"),
+    ("refined", GREEN, (0, (5, 1)), 1.2, "final model with the effects"),
 )
 MEASURED_OPACITY = 0.45  # so that the model on top of it is seen
+LEAST_HELM_DEG = 1.0  # span of the axis: a constant helm is no noise
 WITH_TRACK = 0.64  # share of the width left to the channels
 
 
@@ -66,7 +67,8 @@ def prediction(
         axes = figure.add_subplot(grid[i + 1], sharex=first)
         _channel(axes, time, table, column, unit)
         axes.set_ylabel(f"{words}\n{SHOWN_UNITS.get(unit, (unit,))[0]}")
-        _errors(axes, channel, after.channels, before.channels if before else {}, prior)
+        final = _final_error(table, [column])
+        _errors(axes, channel, after.channels, before.channels if before else {}, prior, final)
         if i + 1 < len(rows):
             quiet(axes)
     quiet(first)
@@ -84,7 +86,9 @@ def _inputs(axes: Axes, time: np.ndarray, table: pd.DataFrame, metrics: Maneuver
     axes.plot(*thinned(time, control), color=SOFT, drawstyle="steps-post", lw=1.0)
     surface = "elevator" if "w_mps_measured" in table else "rudder"
     axes.set_ylabel(f"{surface}\ndeg")
-    axes.margins(y=0.15)
+    middle, half = 0.5 * (control.max() + control.min()), 0.5 * (control.max() - control.min())
+    half = max(1.15 * half, 0.5 * LEAST_HELM_DEG)
+    axes.set_ylim(middle - half, middle + half)
     low, high = table["rpm"].min(), table["rpm"].max()
     rate = f"{low:.0f}" if high - low < 1.0 else f"{low:.0f} to {high:.0f}"
     axes.set_title(f"propeller {rate} rpm", loc="right", fontsize=8.5, color=SOFT)
@@ -111,10 +115,15 @@ def _channel(axes: Axes, time: np.ndarray, table: pd.DataFrame, column: str, uni
 
 def _errors(
     axes: Axes, channel: str, after: Mapping[str, ChannelMetrics],
-    before: Mapping[str, ChannelMetrics], prior: str,
+    before: Mapping[str, ChannelMetrics], prior: str, final: float | None = None,
 ) -> None:  # fmt: skip
+    """Errors above a panel; those of the final model first, where it is another one."""
     found = after.get(channel)
     if found is None:
+        return
+    if final is not None:
+        axes.set_title(_three_errors(found, before.get(channel), prior, final), loc="right",
+                       fontsize=8.5, pad=3)  # fmt: skip
         return
     text = f"RMSE {quantity(found.rmse, found.unit)} · NRMSE {number(found.nrmse, 2)}"
     ratio = gain(before.get(channel), found)
@@ -122,6 +131,22 @@ def _errors(
         text += f" ({prior} {quantity(before[channel].rmse, found.unit)}"
         text += f", squared error ÷ {number(ratio, 2)})" if ratio else ")"
     axes.set_title(text, loc="right", fontsize=8.5, pad=3)
+
+
+def _three_errors(
+    found: ChannelMetrics, before: ChannelMetrics | None, prior: str, final: float
+) -> str:
+    text = f"RMSE {quantity(final, found.unit)} (identified {quantity(found.rmse, found.unit)}"
+    return text + (f", {prior} {quantity(before.rmse, found.unit)})" if before else ")")
+
+
+def _final_error(table: pd.DataFrame, columns: Sequence[str]) -> float | None:
+    """Error of the refined model over columns together; None where there is no such model."""
+    if any(f"{c}_refined" not in table for c in columns):
+        return None
+    squares = sum((table[f"{c}_refined"] - table[f"{c}_measured"]).to_numpy(float) ** 2
+                  for c in columns)  # fmt: skip
+    return float(np.sqrt(np.nanmean(squares)))
 
 
 def _track(
@@ -149,7 +174,9 @@ def _track(
     found = after.channels.get("track")
     if found is not None:
         ratio = gain(before.channels.get("track") if before else None, found)
-        text = f"track: RMSE {quantity(found.rmse, found.unit)}"
+        final = _final_error(table, ["north_m", "east_m"])
+        text = f"track: RMSE {quantity(found.rmse if final is None else final, found.unit)}"
+        text += "" if final is None else f", identified {quantity(found.rmse, found.unit)}"
         text += (
             f", {prior} {quantity(before.channels['track'].rmse, 'm')}" if ratio and before else ""
         )

@@ -43,6 +43,7 @@ def render(report: ReportData) -> str:
         data=report,
         subtitle=_subtitle(report),
         verdict=words.verdict(report),
+        refined=report.is_refined,
         cards=words.cards(report),
         prior=report.prior_name,
         prior_words=words.PRIOR_WORDS[report.prior_name],

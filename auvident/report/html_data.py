@@ -12,8 +12,9 @@ from auvident.schema.artifacts import (
     ManeuverMetrics,
     Maneuvers,
     Metrics,
+    Role,
 )
-from auvident.schema.diagnosis import Comparison, Diagnosis
+from auvident.schema.diagnosis import ChannelError, Comparison, Diagnosis
 from auvident.schema.logs import Quality
 from auvident.schema.manifest import Manifest
 from auvident.schema.trial import Trial
@@ -96,6 +97,53 @@ class ReportData:
         ase = self.metrics.ase if self.metrics else None
         return next((m for m in ase.maneuvers if m.id == maneuver), None) if ase else None
 
+    @property
+    def is_refined(self) -> bool:
+        """Whether `refine` made another model, which is then the final one."""
+        rows = self.comparison.coefficients if self.comparison else ()
+        return any(c.after != c.before for c in rows)
+
+    @property
+    def role(self) -> Role:
+        """Maneuvers that the errors at the top are of: held out, where there are such."""
+        held = self.metrics is None or "validate" in self.metrics.summary
+        return "validate" if held else "identify"
+
+    def identified_errors(self) -> dict[str, ChannelError]:
+        """Pooled errors of the identified model."""
+        pooled = self.metrics.summary.get(self.role, {}) if self.metrics else {}
+        return {
+            name: ChannelError(rmse=m.rmse, nrmse=m.nrmse, unit=m.unit)
+            for name, m in pooled.items()
+        }
+
+    def final_errors(self) -> dict[str, ChannelError]:
+        """Pooled errors of the final model: the refined one, where there is one.
+
+        Over the same standard deviations as those of the identified one.
+        """
+        errors = self.identified_errors()
+        if not self.is_refined or self.comparison is None:
+            return errors
+        held = self.role == "validate"
+        pooled = (self.comparison.held_out if held else self.comparison.identify).after
+        rmse = {name: e.rmse for name, e in pooled.items()}
+        if self.refined is not None and self.metrics and "track" in errors:
+            same = [m.id for m in self.metrics.maneuvers if m.role == self.role]
+            rmse["track"] = _track_error(self.refined, same)
+        return {
+            name: e.model_copy(update={"rmse": rmse[name], "nrmse": e.nrmse * rmse[name] / e.rmse})
+            for name, e in errors.items() if name in rmse and e.rmse > 0.0
+        }  # fmt: skip
+
+    def final_channels(
+        self, maneuver: ManeuverMetrics
+    ) -> Mapping[str, ChannelMetrics | ChannelError]:
+        """Errors of one maneuver with the final model."""
+        rows = self.comparison.maneuvers if self.comparison and self.is_refined else ()
+        found = next((m.after for m in rows if m.id == maneuver.id), None)
+        return maneuver.channels if found is None else found
+
     def pooled_before(self, role: str) -> Mapping[str, ChannelMetrics]:
         """Pooled errors of the prior; empty when it did not predict the same maneuvers."""
         metrics = self.metrics
@@ -105,6 +153,15 @@ class ReportData:
             {m.id for m in x.maneuvers if m.role == role} for x in (metrics, metrics.ase)
         )
         return metrics.ase.summary.get(role, {}) if after == before else {}
+
+
+def _track_error(table: "pd.DataFrame", maneuvers: Sequence[str]) -> float:
+    """Root mean square distance between the measured and the predicted track [m]."""
+    rows = table[table["maneuver"].isin(maneuvers)]
+    north, east = (
+        rows[f"{axis}_m_simulated"] - rows[f"{axis}_m_measured"] for axis in ("north", "east")
+    )
+    return math.sqrt(float((north**2 + east**2).mean()))
 
 
 def shown(value: float, unit: str) -> tuple[float, str]:
@@ -147,7 +204,9 @@ def percent(share: float) -> str:
     return f"{100.0 * share:.0f}\u00a0%" if share >= 0.1 else f"{number(100.0 * share, 2)}\u00a0%"
 
 
-def gain(before: ChannelMetrics | None, after: ChannelMetrics) -> float | None:
+def gain(
+    before: ChannelMetrics | ChannelError | None, after: ChannelMetrics | ChannelError
+) -> float | None:
     """Ratio of the squared errors: how many times better than before; None when unknown."""
     if before is None or after.rmse <= 0.0:
         return None

@@ -47,6 +47,7 @@ class Lacks:
     held_out: Table | None
     maneuvers: Table | None
     moved: Table | None
+    coefficients: Table | None
     candidates: Table
     others: Table
     sees: Table
@@ -77,7 +78,8 @@ def lacks(report: ReportData) -> Lacks | None:
         summary=summary(comparison) if comparison else "",
         held_out=held_out_table(comparison.held_out) if comparison else None,
         maneuvers=maneuver_table(comparison.maneuvers) if comparison else None,
-        moved=moved_table(comparison.coefficients) if comparison else None,
+        moved=moved_table(words.moved(comparison.coefficients)) if comparison else None,
+        coefficients=moved_table(comparison.coefficients) if comparison else None,
         candidates=candidate_table(words.ranked(found.candidates)[:MOST_CANDIDATES]),
         others=candidate_table(words.ranked(found.candidates)[MOST_CANDIDATES:]),
         sees=sees_table(diagnosis),
@@ -213,13 +215,13 @@ def _change(m: ManeuverComparison, channel: str) -> str:
 
 
 def moved_table(coefficients: Sequence[CoefficientComparison]) -> Table:
-    """Coefficients that changed by more than `words.MOVED` standard deviations."""
+    """Coefficients against their prior, before and after, and how far each moved."""
     rows = [
         [c.symbol, unit_text(c.unit), f"{number(c.prior)} ± {number(c.prior_std, 2)}",
          f"{number(c.before)} ± {number(c.before_std, 2)}",
          f"{number(c.after)} ± {number(c.after_std, 2)}",
          f"{words.moves(c):+.1f}".replace("-", "−")]
-        for c in words.moved(coefficients)
+        for c in coefficients
     ]  # fmt: skip
     return Table(("", "unit", "prior", "before", "after", "moved, std"), rows, left=2)
 

@@ -13,6 +13,7 @@ from auvident.report.html_data import (
     quantity,
 )
 from auvident.schema.artifacts import ChannelMetrics, Combination, Finding, ManeuverMetrics
+from auvident.schema.diagnosis import ChannelError
 
 # Pooled NRMSE of the worst of the velocities and rates -> word, CSS class.
 GRADES = (
@@ -55,8 +56,8 @@ def verdict(data: ReportData) -> tuple[str, str]:
         return "No model has been identified and validated yet; what follows is the input.", "none"
     if not metrics.summary:
         return "The model's predictions leave every bound: it predicts nothing.", "poor"
-    role = "validate" if "validate" in metrics.summary else "identify"
-    pooled = {k: m for k, m in metrics.summary[role].items() if k in DYNAMIC}
+    role = data.role
+    pooled = {k: m for k, m in data.final_errors().items() if k in DYNAMIC}
     if not pooled:
         return "No channel was measured to compare the predictions with.", "none"
     word, grade = _grade(max(m.nrmse for m in pooled.values()))
@@ -66,13 +67,20 @@ def verdict(data: ReportData) -> tuple[str, str]:
     errors = ", ".join(f"{k} {quantity(m.rmse, m.unit, 2)} ({percent(m.nrmse)})"
                        for k, m in pooled.items())  # fmt: skip
     text = (
-        f"The model predicts {count} {which} {word}: RMSE {errors} of the measured standard "
-        "deviation)"
+        f"{_which_model(data)} predicts {count} {which} {word}: RMSE {errors} of the measured "
+        "standard deviation)"
     ).replace("%) of", "% of")
     text += _gain_words(data, role, pooled)
     if role == "identify":
         return text + " No maneuver was held out, so this says little about others.", "poor"
     return text, grade
+
+
+def _which_model(data: ReportData) -> str:
+    if data.comparison is None or not data.is_refined:
+        return "The model"
+    added = " and ".join(e.plain or e.id for e in data.comparison.effects)
+    return f"The final model, refined with {added}," if added else "The final, refined model"
 
 
 def _plural(which: str, count: int) -> str:
@@ -86,7 +94,7 @@ def _grade(worst: float) -> tuple[str, str]:
     return WORSE_THAN_CONSTANT
 
 
-def _gain_words(data: ReportData, role: str, pooled: dict[str, ChannelMetrics]) -> str:
+def _gain_words(data: ReportData, role: str, pooled: dict[str, ChannelError]) -> str:
     before = data.pooled_before(role)
     ratios = {k: g for k, m in pooled.items() if (g := gain(before.get(k), m)) is not None}
     if not ratios:
@@ -100,21 +108,29 @@ def cards(data: ReportData) -> list[dict[str, Any]]:
     """Pooled error of each channel with that of the estimate from geometry and the gain."""
     if data.metrics is None:
         return []
-    role = "validate" if "validate" in data.metrics.summary else "identify"
-    before = data.pooled_before(role)
+    prior, identified = data.pooled_before(data.role), data.identified_errors()
     found = []
-    for name, m in data.metrics.summary.get(role, {}).items():
-        b, ratio = before.get(name), gain(before.get(name), m)
-        grade = _grade(m.nrmse)[1]
+    for name, m in data.final_errors().items():
+        b, ratio, by_effects = prior.get(name), gain(prior.get(name), m), None
+        if data.is_refined:
+            by_effects = gain(identified[name], m)
         found.append({
             "name": name, "rmse": quantity(m.rmse, m.unit), "nrmse": percent(m.nrmse),
-            "r2": number(m.r2), "theil": number(m.theil, 2), "grade": grade,
-            "before": quantity(b.rmse, b.unit) if b else "–",
-            "before_nrmse": percent(b.nrmse) if b else "–",
-            "gain": number(ratio, 2) if ratio else "–",
+            "r2": number(1.0 - m.nrmse**2), "grade": _grade(m.nrmse)[1],
+            "identified": _error(identified[name]), "by_effects": _factor(by_effects),
+            "worse_by_effects": by_effects is not None and by_effects < NOT_BETTER,
+            "before": _error(b), "gain": _factor(ratio),
             "worse": ratio is not None and ratio <= NOT_BETTER,
         })  # fmt: skip
     return found
+
+
+def _error(e: ChannelMetrics | ChannelError | None) -> str:
+    return f"{quantity(e.rmse, e.unit)}, {percent(e.nrmse)}" if e else "–"
+
+
+def _factor(ratio: float | None) -> str:
+    return "–" if ratio is None else number(ratio, 2)
 
 
 def warnings(data: ReportData) -> list[Warning_]:
@@ -170,7 +186,7 @@ def _own_findings(data: ReportData) -> list[Finding]:
     if data.metrics is None or data.model is None:
         return []
     found = []
-    pooled = data.metrics.summary.get("validate", {})
+    pooled = data.final_errors() if data.role == "validate" else {}
     before = data.pooled_before("validate")
     for name, m in pooled.items():
         if m.nrmse >= 1.0:
@@ -185,6 +201,7 @@ def _own_findings(data: ReportData) -> list[Finding]:
                 message=f"{name} of the held-out maneuvers is predicted no better than by "
                 f"{PRIOR_WORDS[data.prior_name]}",
             ))  # fmt: skip
+    found += _worse_refined(data)
     escaped = data.metrics.ase.findings if data.metrics.ase else ()
     if escaped:
         found.append(Finding(
@@ -210,11 +227,31 @@ def _own_findings(data: ReportData) -> list[Finding]:
     return found
 
 
+def _worse_refined(data: ReportData) -> list[Finding]:
+    """Channels of the held-out maneuvers that the refinement predicts worse, not by chance."""
+    if data.comparison is None or not data.is_refined:
+        return []
+    held = data.comparison.held_out
+    worse = [
+        f"{name} ({quantity(held.before[name].rmse, d.unit, 2)} → "
+        f"{quantity(held.after[name].rmse, d.unit, 2)})"
+        for name, d in held.after.items()
+        if name in held.difference and held.difference[name].low > 0.0
+    ]
+    if not worse:
+        return []
+    return [Finding(
+        code="worse-refined", where=", ".join(worse),
+        message="the refined model predicts some channels of the held-out maneuvers worse than "
+        "the identified one",
+    )]  # fmt: skip
+
+
 def _worse_channels(data: ReportData, m: ManeuverMetrics) -> str:
-    """Maneuver and channels that the data made worse; empty when there are none."""
+    """Maneuver and channels that the final model predicts worse; empty when there are none."""
     before = data.before(m.id)
     names = [
-        k for k, c in m.channels.items()
+        k for k, c in data.final_channels(m).items()
         if before and (g := gain(before.channels.get(k), c)) is not None and g < NOT_BETTER
     ]  # fmt: skip
     return f"{m.id} ({', '.join(names)})" if names else ""

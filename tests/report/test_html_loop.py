@@ -12,10 +12,11 @@ import pytest
 from auvident.pipeline.given import Given
 from auvident.pipeline.reporting import report_data
 from auvident.report.html import render
-from auvident.report.html_data import ReportData
+from auvident.report.html_data import ReportData, number, quantity
 from auvident.report.html_loop import lacks, with_refined
+from auvident.report.html_words import cards, verdict, warnings
 from auvident.schema.artifacts import Finding
-from auvident.schema.diagnosis import Comparison, Diagnosis
+from auvident.schema.diagnosis import Comparison, Diagnosis, Difference
 from auvident.storage.run_directory import RunDirectory
 from tests import loop_world
 from tests.report.test_html import Page
@@ -67,6 +68,52 @@ def test_verdict_and_held_out_errors_stand_at_the_top_of_the_page(text: str) -> 
     assert "u 0.046 m/s → 0.0061 m/s" in top and "r 0.36 deg/s → 0.34 deg/s" in top
 
 
+def test_the_cards_show_the_final_model_with_the_identified_one_beside_it(
+    data: ReportData, text: str
+) -> None:
+    assert data.metrics
+    identified, u = data.metrics.summary["validate"]["u"], cards(data)[0]
+    assert (u["name"], u["rmse"]) == ("u", "0.00610\u00a0m/s")
+    assert u["identified"].startswith(quantity(identified.rmse, "m/s"))
+    ratio = loop_world.AFTER["u"] / identified.rmse
+    assert data.final_errors()["u"].nrmse == pytest.approx(identified.nrmse * ratio)
+    assert u["by_effects"] == number(ratio**-2, 2)
+    whole = Page(text).text
+    assert "The final model, refined with a current of 0.15 m/s" in whole
+    assert "Large: the final model" in whole
+
+
+def test_the_track_of_the_final_model_is_that_of_its_predictions(data: ReportData) -> None:
+    assert data.refined is not None or data.simulation is not None
+    table = data.simulation.copy()  # type: ignore[union-attr]
+    for axis, off in (("north", 3.0), ("east", 4.0)):
+        table[f"{axis}_m_simulated"] = table[f"{axis}_m_measured"] + off
+    found = replace(data, refined=table).final_errors()["track"]
+    assert found.rmse == pytest.approx(5.0)
+
+
+def test_a_run_that_added_nothing_has_one_model(data: ReportData) -> None:
+    assert data.comparison
+    same = tuple(c.model_copy(update={"after": c.before}) for c in data.comparison.coefficients)
+    alone = replace(
+        data, comparison=data.comparison.model_copy(update={"coefficients": same, "effects": ()})
+    )
+    assert alone.final_errors() == alone.identified_errors()
+    assert verdict(alone)[0].startswith("The model predicts")
+
+
+def test_channels_that_the_effects_made_worse_are_told(data: ReportData) -> None:
+    assert data.comparison
+    held = data.comparison.held_out
+    worse = {**held.difference, "r": Difference(value=0.002, low=0.001, high=0.003)}
+    changed = data.comparison.model_copy(
+        update={"held_out": held.model_copy(update={"difference": worse})}
+    )
+    told = {w.finding.code: w for w in warnings(replace(data, comparison=changed))}
+    assert told["worse-refined"].finding.where.startswith("r (")
+    assert "worse-refined" not in {w.finding.code for w in warnings(data)}
+
+
 def test_the_section_has_everything_of_the_diagnosis(data: ReportData, section: str) -> None:
     assert data.diagnosis
     wanted = [c.id for c in data.diagnosis.candidates]
@@ -103,7 +150,7 @@ def test_a_difference_that_may_be_none_has_no_star(data: ReportData) -> None:
 
 
 def test_coefficients_that_moved_and_allowances_are_in_it(section: str) -> None:
-    moved = section[section.index("Moved by more than two") : section.index("Allowances")]
+    moved = section[section.index("Moved by more than two") : section.index("All coefficients")]
     assert "N_ur" in moved and "+4.0" in moved and "Y_ur" not in moved
     assert "lag_s" in section[section.index("Allowances") :]
 
