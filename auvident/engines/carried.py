@@ -32,6 +32,8 @@ class Carried:
         The start may also name coefficients.
     windows : tuple of (maneuver, start, end)
         Readings that are left out [s].
+    usual : mapping
+        What every model is expected to have of an effect; its size is told beyond that.
     """
 
     effects: tuple[str, ...] = ()
@@ -39,6 +41,7 @@ class Carried:
     prior: Mapping[str, float] = field(default_factory=dict)
     prior_std: Mapping[str, float] = field(default_factory=dict)
     windows: tuple[tuple[str, float, float], ...] = ()
+    usual: Mapping[str, float] = field(default_factory=dict)
 
     def ids(self, plane: Plane) -> tuple[str, ...]:
         """All effects with a value, estimated or given, in the order of the table."""
@@ -129,7 +132,7 @@ def over_ground(frame: Frame, p: Array, states: Array) -> Array:
 
 
 def effect_rows(
-    structure: Structure, p: Array, stds: Mapping[str, float], prior: Mapping[str, float],
+    structure: Structure, p: Array, stds: Mapping[str, float], usual: Mapping[str, float],
     named: Sequence[str],
 ) -> tuple[dict[str, Any], ...]:  # fmt: skip
     """The effects of a model as they stand in its artifact; ``silent`` are those not named."""
@@ -139,7 +142,7 @@ def effect_rows(
         values = []
         for name, value in internal.items():
             declared = parameter_of(name)
-            shown, std = declared.shown(value - prior.get(name, 0.0), stds.get(name, 0.0))
+            shown, std = declared.shown(value - usual.get(name, 0.0), stds.get(name, 0.0))
             values.append({
                 "symbol": declared.symbol, "value": shown, "std": std, "unit": declared.unit,
             })  # fmt: skip

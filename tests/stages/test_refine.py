@@ -6,6 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from auvident.engines.carried import effect_rows
+from auvident.physics.terms import structure_of
 from auvident.schema.artifacts import IdentifiedModel, Maneuvers
 from auvident.schema.diagnosis import Comparison, Diagnosis, EffectFound, ParameterValue
 from auvident.stages.identify.setup import prepare
@@ -172,6 +174,34 @@ def test_named_effects_are_estimated_and_silent_ones_given() -> None:
     assert found.ids("horizontal") == ("rudder_offset", "rudder_lag")
     assert found.start["rudder_lag.lag_s"] == 0.03
     assert "rudder_lag.lag_s" not in found.prior_std
+
+
+def test_the_delay_of_a_sensor_is_held_as_the_diagnosis_found_it() -> None:
+    late = EffectFound(id="gyro_delay", family="sensing", parameters=())
+    found = diagnosis(late).model_copy(update={"carried": {
+        "start": {"gyro_delay.delay_s": 0.3, "rudder_lag.lag_s": 0.03},
+        "prior": {"gyro_delay.delay_s": 0.1}, "prior_std": {"gyro_delay.delay_s": 0.05},
+    }})  # fmt: skip
+    carried = carried_of(found)
+    assert carried is not None and carried.effects == ("gyro_delay",)
+    chain = sample("harbour_trial")
+    setup, _ = prepare(
+        chain.trials, chain.maneuvers, chain.ase, chain.vehicle, chain.noise, plane="horizontal",
+        plan=plan_named("spiral"), filter="ekf", engine="compiled", carried=carried,
+    )  # fmt: skip
+    i = setup.structure.index("gyro_delay.delay_s")
+    assert (setup.prior[i], setup.prior_std[i]) == (0.3, 0.0)
+
+
+def test_an_effect_is_told_beyond_what_is_usual_and_not_beyond_its_prior() -> None:
+    names = ("gyro_delay", "linear_drag")
+    structure = structure_of("horizontal", names)
+    p = np.zeros(len(structure.parameters))
+    p[structure.index("gyro_delay.delay_s")], p[structure.index("linear_drag.X_u")] = 0.3, -1.0
+    delay, drag = effect_rows(structure, p, {}, {"linear_drag.X_u": -0.4}, names)
+    assert delay["parameters"][0]["value"] == pytest.approx(0.3)
+    assert drag["parameters"][0]["value"] == pytest.approx(-0.6)
+    assert drag["internal"] == {"linear_drag.X_u": -1.0}
 
 
 def test_an_event_is_masked_and_not_modelled() -> None:

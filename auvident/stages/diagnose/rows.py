@@ -190,7 +190,7 @@ def _carried(case: Case, traced: Traced) -> dict[str, dict[str, float]]:
     """
     fitted = traced.final
     left = {e for e in traced.quiet if e not in HIGHER_ORDER}
-    found: dict[str, dict[str, float]] = {"start": {}, "prior": {}, "prior_std": {}}
+    found: dict[str, dict[str, float]] = {"start": {}, "prior": {}, "prior_std": {}, "usual": {}}
     known = {
         name: (float(mean), float(std))
         for c in case.checks
@@ -208,6 +208,7 @@ def _carried(case: Case, traced: Traced) -> dict[str, dict[str, float]]:
             mean, std = known.get(name, (float(case.setup.prior[i]), np.inf))
             found["prior"][name] = mean
             found["prior_std"][name] = min(std, float(case.setup.prior_std[i]))
+            found["usual"][name] = float(case.setup.prior[i])
         elif case.silent[i] > 0.0:
             found["start"][name] = float(fitted.parameters[i])
     return found

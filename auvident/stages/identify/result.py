@@ -122,7 +122,7 @@ def _effects(
         setup.structure.parameters[position]: float(std)
         for position, std in zip(final.free, spread, strict=True)
     }
-    return effect_rows(setup.structure, final.parameters, stds, carried.prior, carried.effects)
+    return effect_rows(setup.structure, final.parameters, stds, carried.usual, carried.effects)
 
 
 def _combination(direction: Direction, symbols: Sequence[str]) -> Combination:
