@@ -9,7 +9,10 @@ import pytest
 
 from auvident.engines.prediction import readings_with_slopes
 from auvident.engines.records import Record
+from auvident.report.loop_words import place
 from auvident.schema.artifacts import Maneuver
+from auvident.schema.diagnosis import EffectFound, ParameterValue
+from auvident.schema.effect_words import plain
 from auvident.stages.diagnose.case import ACTIVE, Case, case_of
 from auvident.stages.diagnose.fits import NOTHING, Fitted, first_colours, fit_with
 from auvident.stages.diagnose.thrust_time import (
@@ -135,3 +138,16 @@ def test_the_time_is_told_as_the_log_counts_it() -> None:
     assert (told.value, told.low, told.high) == pytest.approx(
         (500.0 + origin, 480.0 + origin, 520.0 + origin), abs=1e-6
     )
+
+
+def test_the_interval_is_told_in_words() -> None:
+    p = fitted().parameters.copy()
+    p[case().position(TIME)], p[case().position(OVER)] = 500.0, 40.0
+    told = step_time(case(), p)
+    size = ParameterValue(symbol="fraction", value=0.15, std=0.01, unit="-")
+    said = plain(STEP, (size, told), 1.5, 12.0)
+    assert said == f"thrust that falls by 0.15 between {told.low:.0f} and {told.high:.0f} s"
+    effect = EffectFound(
+        id=STEP, family="actuation", parameters=(size, told), plain=said, time_s=told.value
+    )
+    assert place(effect) == ""  # not the middle of the interval as well
