@@ -1,4 +1,4 @@
-"""``python -m tests.bench [speed|identify|recovery|plans] ... [--seeds N] [--json]``.
+"""``python -m tests.bench [speed|identify|recovery|plans|length] ... [--seeds N] [--json]``.
 
 The study of the residual loop has options of its own: ``python -m tests.bench effects --help``.
 """
@@ -12,7 +12,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-PARTS = ("speed", "identify", "recovery", "plans")
+PARTS = ("speed", "identify", "recovery", "plans", "length")
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -44,12 +44,14 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _run(part: str, repeats: int, seeds: int) -> Any:
     from tests.bench import recovery, speed
+    from tests.bench.length import length
 
     work: dict[str, Callable[[], Any]] = {
         "speed": lambda: {"one pass": speed.passes(repeats)},
         "identify": lambda: {"identification": speed.whole(repeats), "memory": speed.memory()},
         "recovery": lambda: recovery.recovery(seeds),
         "plans": lambda: {"held-out errors": speed.plans()},
+        "length": lambda: {"diagnosis and refinement by length of the log": length(min(repeats, 3))},
     }
     return work[part]()
 

@@ -1,0 +1,71 @@
+"""How the time and memory of `diagnose` and `refine` grow with the length of a trial."""
+
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from tests.engines.chain import SAMPLES
+
+VEHICLE, SEED = "remus100", 1001  # a seed of development
+KINDS = {"straights": 2, "turns": 4, "zigzags_10": 3, "zigzags_20": 3}  # twelve maneuvers
+TIMES = (1, 2, 4)
+# In a process of its own, as the peak of memory is that of a process. Seconds of the processor:
+# those of a clock depend on what else the machine does.
+STAGES = """
+import json, resource, sys, time
+from pathlib import Path
+from auvident.pipeline import run_stage
+from auvident.pipeline.observer import Observer
+log, run, vehicle = (Path(a) for a in sys.argv[1:4])
+first = {"logs": (log,), "vehicle": vehicle}
+spent = {}
+for stage in ("ingest", "segment", "ase", "identify", "diagnose", "refine"):
+    start = time.process_time()
+    run_stage(stage, run, first if stage == "ingest" else None, observer=Observer())
+    spent[stage] = time.process_time() - start
+spent["peak_mb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+print(json.dumps(spent))
+"""
+
+
+def length(repeats: int = 3, times: Sequence[int] = TIMES) -> list[dict[str, Any]]:
+    """Medians for logs of about 12, 24 and 48 maneuvers."""
+    with tempfile.TemporaryDirectory(prefix="auvident-length-") as name:
+        return [_one(Path(name), n, repeats) for n in times]
+
+
+def _one(folder: Path, times: int, repeats: int) -> dict[str, Any]:
+    log = folder / f"log{times}"
+    truth = _sail(log, times)
+    runs = [_run(log, folder / f"run{times}-{k}") for k in range(repeats)]
+    maneuvers = json.loads((folder / f"run{times}-0/segment/maneuvers.json").read_text())
+    return {
+        "maneuvers": len(maneuvers), "log_s": truth["duration_s"],
+        **{f"{stage}_s": median(r[stage] for r in runs) for stage in ("diagnose", "refine")},
+        "peak_mb": median(r["peak_mb"] for r in runs),
+    }  # fmt: skip
+
+
+def _sail(log: Path, times: int) -> dict[str, Any]:
+    if str(SAMPLES) not in sys.path:
+        sys.path.insert(0, str(SAMPLES))
+    from seatrial.trial import generate
+
+    programme = {kind: times * number for kind, number in KINDS.items()}
+    recipe = {"name": log.name, "vehicle": VEHICLE, "seed": SEED, "schedule": programme}
+    found: dict[str, Any] = generate(recipe, log)
+    return found
+
+
+def _run(log: Path, run: Path) -> dict[str, float]:
+    arguments = [sys.executable, "-c", STAGES, log, run, SAMPLES / f"{VEHICLE}.toml"]
+    done = subprocess.run(
+        [str(a) for a in arguments], check=True, capture_output=True, text=True
+    )  # fmt: skip
+    found: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
+    return found
