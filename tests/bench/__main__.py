@@ -51,7 +51,7 @@ def _run(part: str, repeats: int, seeds: int) -> Any:
         "identify": lambda: {"identification": speed.whole(repeats), "memory": speed.memory()},
         "recovery": lambda: recovery.recovery(seeds),
         "plans": lambda: {"held-out errors": speed.plans()},
-        "length": lambda: {"diagnosis and refinement by length of the log": length(min(repeats, 3))},
+        "length": lambda: {"diagnosis by length of the log": length(min(repeats, 3))},
     }
     return work[part]()
 
