@@ -13,7 +13,8 @@ from tests.bench.world import equations, make_world
 
 def test_a_pass_is_compared_with_filterpy() -> None:
     rows = speed.passes(repeats=1, rows=60)
-    assert [row["filter"] for row in rows] == ["ekf", "ukf", "ekf", "ukf"]
+    assert [row["filter"] for row in rows] == ["ekf", "ukf"] * len(speed.PASSES)
+    assert [row["states"] for row in rows[::2]] == [int(name.split()[0]) for name in speed.PASSES]
     assert all(row["ratio"] > 5.0 for row in rows)
 
 

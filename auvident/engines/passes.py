@@ -20,9 +20,12 @@ from auvident.engines.sigma_points import (
     stop,
 )
 from auvident.estimation.kalman import (
+    LANES,
+    borrowing,
     predict_with,
     update_with,
     upper_cholesky,
+    whole_vectors,
 )
 from auvident.jit import kernel
 from auvident.physics.batch import (
@@ -40,12 +43,14 @@ from auvident.physics.batch import (
 )
 from auvident.physics.dynamics import SPEED_LIMIT
 from auvident.physics.sensitivity import (
+    LEAD,
     N_PLACES,
+    N_POINTS,
     N_SLOPES,
+    linear_step,
     place_parameters,
     sort_masses,
     sort_slopes,
-    step_linear,
 )
 
 
@@ -82,7 +87,7 @@ class Case(NamedTuple):
     fault: np.ndarray
 
 
-@kernel
+@borrowing
 def _take_readings(
     t, alive, mean, covariance, n_theta, index, given, measured, channels, sensor,
     sensor_variance, offset, reading_slopes, reading_columns, whitened, fault, x, gradient,
@@ -90,7 +95,7 @@ def _take_readings(
 ):  # fmt: skip
     """Update with every reading at step t; returns log-likelihood and count."""
     n_x, n = index.shape[0], n_theta + alive * index.shape[0]
-    log_likelihood, count = 0.0, 0
+    wide, log_likelihood, count = whole_vectors(n, covariance), 0.0, 0
     for j in range(alive):
         first = n_theta + j * n_x
         for c in range(N_STATES):
@@ -111,7 +116,7 @@ def _take_readings(
                 by_theta[i] = reading_slopes[j, t, c, i]
                 innovation -= by_theta[i] * mean[reading_columns[i]]
             spread = update_with(
-                mean, covariance, n, first, gradient, reading_columns, by_theta, innovation,
+                mean, covariance, n, wide, first, gradient, reading_columns, by_theta, innovation,
                 sensor_variance[c], projected, gain, half,
             )  # fmt: skip
             if spread <= 0.0:
@@ -123,7 +128,7 @@ def _take_readings(
     return log_likelihood, count
 
 
-@kernel
+@borrowing
 def _store(t, alive, mean, covariance, n_theta, index, given, states, history, history_std):
     for l in range(n_theta):  # noqa: E741
         history[t, l] = mean[l]
@@ -135,7 +140,7 @@ def _store(t, alive, mean, covariance, n_theta, index, given, states, history, h
             states[j, t, index[i]] = mean[n_theta + j * index.shape[0] + i]
 
 
-@kernel
+@borrowing
 def records_alive(lengths, t):
     """How many records reach step t; they are sorted, longest first."""
     alive = 0
@@ -144,7 +149,7 @@ def records_alive(lengths, t):
     return alive
 
 
-@kernel
+@borrowing
 def _parameters_at(base, column, scale, theta, p):
     """Parameter vector at the deviations theta."""
     for i in range(base.shape[0]):
@@ -159,7 +164,7 @@ def _small(n_x):
     return np.empty(N_STATES), np.empty(n_x), np.empty(N_STATES), np.empty(N_STATES)
 
 
-@kernel
+@borrowing
 def _place_step(j, t, inputs, given, u, g0, g1):
     """Copy the inputs and given states of a step (a view of them would cost more)."""
     for i in range(u.shape[0]):
@@ -168,7 +173,7 @@ def _place_step(j, t, inputs, given, u, g0, g1):
         g0[i], g1[i] = given[j, t, i], given[j, t + 1, i]
 
 
-@kernel
+@borrowing
 def _place_inputs_at(j, t, theta, input_slopes, input_columns, u, u_slopes):
     """Inputs and their slopes at the deviations theta."""
     for k in range(input_columns.shape[0]):
@@ -178,29 +183,33 @@ def _place_inputs_at(j, t, theta, input_slopes, input_columns, u, u_slopes):
 
 
 @kernel
-def ekf_pass(mean, covariance, case, terms, weights, mass, mass_weights):
-    """Run the EKF over all records; returns log-likelihood and number of readings."""
+def ekf_pass(mean, final, case, terms, weights, mass, mass_weights):
+    """Run the EKF over all records; returns log-likelihood and number of readings.
+
+    The covariance `final` is worked on in an array whose rows are whole vector registers.
+    """
     (
         index, lengths, inputs, given, measured, dt, base, column, scale, active, channels, sensor,
         sensor_variance, input_slopes, input_columns, offset, reading_slopes, reading_columns,
         q_theta, q_x, whitened, states, history, history_std, fault,
     ) = case  # fmt: skip
     n_x, n, n_theta = index.shape[0], mean.shape[0], scale.shape[0]
-    moving, places = np.full(N_INPUTS, input_columns.shape[0] > 0), input_columns + 1 + n_x
+    moving, places = np.full(N_INPUTS, input_columns.shape[0] > 0), input_columns + LEAD
     u_slopes = np.zeros((N_INPUTS, places.shape[0]))
-    table, both, partials = sort_slopes(
-        active, base, column, scale, 1 + n_x, moving, terms, weights
-    )
-    sorted_mass, mass_both = sort_masses(active, column, scale, 1 + n_x, mass, mass_weights)
+    table, both, partials = sort_slopes(active, base, column, scale, LEAD, moving, terms, weights)
+    sorted_mass, mass_both = sort_masses(active, column, scale, LEAD, mass, mass_weights)
     used, value, coefficient = used_variables(active, terms), np.ones(N_PLACES), both[:, 0].copy()
     p, m, inverse = base.copy(), np.empty((10, 1)), np.empty((9, 1))
-    shape = (N_STATES, 1 + n_x + n_theta)
-    f, f_x = np.zeros((N_VELOCITIES, 1 + shape[1])), np.zeros((N_VELOCITIES, N_SLOPES))
-    z, stage, rate, total = np.zeros(shape), np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    slopes, rows = np.empty((n - n_theta, n_x + n_theta)), np.empty((n - n_theta, n))
+    f, f_x = np.zeros((N_VELOCITIES, 1)), np.zeros((N_VELOCITIES, N_SLOPES))
+    now, stage = np.zeros((N_STATES, 1)), np.zeros((N_STATES, 1))
+    rate, reached = np.zeros((N_STATES, N_POINTS)), np.zeros((N_STATES, LEAD + n_theta))
+    width = n + (-n) % LANES
+    slopes, rows = np.empty((n - n_theta, n_x + n_theta)), np.empty((n - n_theta, width))
+    covariance = np.zeros((n, width))
+    covariance[:, :n] = final
     x, gradient, g0, g1 = _small(n_x)
     u, by_theta = np.empty(inputs.shape[2]), np.empty(reading_columns.shape[0])
-    projected, gain, half = np.empty(n), np.empty(n), np.empty(n)
+    projected, gain, half = np.empty(width), np.empty(width), np.empty(width)
     log_likelihood, count = 0.0, 0
     for t in range(lengths[0]):
         alive = records_alive(lengths, t)
@@ -223,27 +232,27 @@ def ekf_pass(mean, covariance, case, terms, weights, mass, mass_weights):
             break
         for j in range(alive):
             first = n_theta + j * n_x
-            for i in range(N_STATES):
-                for c in range(1, shape[1]):
-                    z[i, c] = 0.0
-                z[i, 0] = given[j, t, i]
             for i in range(n_x):
-                z[index[i], 0], z[index[i], 1 + i] = mean[first + i], 1.0
+                now[index[i], 0] = mean[first + i]
             _place_step(j, t, inputs, given, u, g0, g1)
             _place_inputs_at(j, t, mean, input_slopes, input_columns, u, u_slopes)
-            step_linear(
-                z, u, g0, g1, dt, active, used, table, both, partials, sorted_mass, mass_both,
-                coefficient, inverse, u_slopes, places, value, f, f_x, stage, rate, total,
+            linear_step(
+                now, u, g0, g1, dt, active, used, table, both, partials, sorted_mass, mass_both,
+                coefficient, inverse, u_slopes, places, value, f, f_x, stage, rate, reached,
             )  # fmt: skip
             for i in range(n_x):
-                mean[first + i] = z[index[i], 0]
-                if not abs(z[index[i], 0]) < SPEED_LIMIT and fault[3] == 0:
+                mean[first + i] = reached[index[i], 0]
+                if not abs(mean[first + i]) < SPEED_LIMIT and fault[3] == 0:
                     stop(fault, t, j, index[i], DIVERGED)
-                for c in range(n_x + n_theta):
-                    slopes[j * n_x + i, c] = z[index[i], 1 + c]
+                for c in range(n_x):
+                    slopes[j * n_x + i, c] = reached[index[i], 1 + index[c]]
+                for c in range(n_theta):
+                    slopes[j * n_x + i, n_x + c] = reached[index[i], LEAD + c]
         if fault[3] > 0:
             break
-        predict_with(covariance, slopes, n_theta, n_x, alive, q_theta, q_x, rows)
+        wide = whole_vectors(n_theta + alive * n_x, covariance)
+        predict_with(covariance, slopes, n_theta, n_x, alive, wide, q_theta, q_x, rows)
+    final[:, :] = covariance[:, :n]
     return log_likelihood, count
 
 

@@ -1,6 +1,6 @@
 """Sigma points of the UKF: spread from the factor of the covariance, and put together again."""
 
-from auvident.estimation.kalman import unscented_weights
+from auvident.estimation.kalman import borrowing, unscented_weights
 from auvident.jit import kernel
 from auvident.physics.batch import N_INPUTS, N_POSITIONS, N_POWERS
 from auvident.physics.dynamics import SPEED_LIMIT
@@ -15,7 +15,7 @@ def stop(fault, t, record, where, reason):
     fault[0], fault[1], fault[2], fault[3] = t, record, where, reason
 
 
-@kernel
+@borrowing
 def spread_row(centre, unit, component, upper, spread, count, row, rows):
     """One component of the sigma points: the centre, then a pair for each column of the factor."""
     rows[row, 0] = centre
@@ -26,7 +26,7 @@ def spread_row(centre, unit, component, upper, spread, count, row, rows):
         rows[row, s] = centre
 
 
-@kernel
+@borrowing
 def recombine(
     t, alive, mean, covariance, n_theta, index, spread, upper, moved, shift, pairs, q_theta, q_x,
     fault,
@@ -73,7 +73,7 @@ def recombine(
         covariance[l, l] += q_theta[l]
 
 
-@kernel
+@borrowing
 def _dot(rows, a, b, n):
     """Scalar product of two rows, n odd, in four partial sums that do not wait for each other."""
     s0 = rows[a, 0] * rows[b, 0]
@@ -89,7 +89,7 @@ def _dot(rows, a, b, n):
     return (s0 + s1) + (s2 + s3)
 
 
-@kernel
+@borrowing
 def spread_inputs(j, t, count, u, mean, input_slopes, input_columns, upper, spread, moving, rows):
     """Inputs that move, at every sigma point, as the rows of their variables."""
     n_points = input_columns.shape[0]

@@ -9,10 +9,36 @@ anew would cost more than the arithmetic. Innermost loops run along rows.
 """
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from auvident.jit import kernel
+
+LANES = 4  # numbers in a vector register
+
+
+def borrowing(function: Callable[..., Any]) -> Any:
+    """Compile a kernel that only works in arrays of its caller; it can make none itself.
+
+    numba counts the references to every array on the way into a function and out of it, and hands
+    each over as seven numbers. In the innermost kernels, which take a dozen arrays, that costs
+    more than the arithmetic: they do not count, and are put in place of their calls.
+    """
+    compiled: Any = kernel(function)
+    compiled.targetoptions.update(_nrt=False, forceinline=True)
+    return compiled
+
+
+@borrowing
+def whole_vectors(n, covariance):
+    """Length n rounded up to whole vector registers, where the rows of the covariance are longer.
+
+    A loop over a row that ends inside a register goes through the rest number by number; it is
+    faster to take along what stands there, which nothing else looks at.
+    """
+    return min(n + (-n) % LANES, covariance.shape[1])
 
 
 @kernel
@@ -36,58 +62,68 @@ def predict_covariance(covariance, transition, sensitivity, n_theta, n_x, n_bloc
         for i in range(n_x):
             gradient[j * n_x + i, :n_x] = transition[j, i]
             gradient[j * n_x + i, n_x:] = sensitivity[j, i]
-    rows = np.empty((n_blocks * n_x, n_theta + n_blocks * n_x))
-    predict_with(covariance, gradient, n_theta, n_x, n_blocks, q_theta, q_x, rows)
+    n = n_theta + n_blocks * n_x
+    rows = np.empty((n_blocks * n_x, n))
+    predict_with(covariance, gradient, n_theta, n_x, n_blocks, n, q_theta, q_x, rows)
 
 
-@kernel
-def predict_with(covariance, gradient, n_theta, n_x, n_blocks, q_theta, q_x, rows):
+@borrowing
+def predict_with(covariance, gradient, n_theta, n_x, n_blocks, wide, q_theta, q_x, rows):
     """As `predict_covariance`.
 
     Parameters
     ----------
     gradient : (>= n_blocks * n_x, n_x + n_theta) array
         Transition and sensitivity of each state of each block, side by side.
-    rows : (>= n_blocks * n_x, >= n) array
+    wide : int
+        Columns of the work array to fill, n or `whole_vectors`.
+    rows : (>= n_blocks * n_x, >= wide) array
         Work array: [sensitivity transition] P.
     """
-    n = n_theta + n_blocks * n_x
-    for k in range(n_blocks * n_x):
-        for c in range(n):
-            rows[k, c] = 0.0
-        block = n_theta + k // n_x * n_x
-        for l in range(n_x):  # noqa: E741
-            slope = gradient[k, l]
-            for c in range(n):
-                rows[k, c] += slope * covariance[block + l, c]
-        for l in range(0, n_theta - 3, 4):  # noqa: E741 (four at once: a quarter of the stores)
-            s0, s1 = gradient[k, n_x + l], gradient[k, n_x + l + 1]
-            s2, s3 = gradient[k, n_x + l + 2], gradient[k, n_x + l + 3]
-            for c in range(n):
-                rows[k, c] += (
-                    s0 * covariance[l, c] + s1 * covariance[l + 1, c]
-                    + s2 * covariance[l + 2, c] + s3 * covariance[l + 3, c]
-                )  # fmt: skip
-        for l in range(n_theta - n_theta % 4, n_theta):  # noqa: E741
-            slope = gradient[k, n_x + l]
-            for c in range(n):
-                rows[k, c] += slope * covariance[l, c]
-    for k in range(n_blocks * n_x):
-        for c in range(n_theta):
-            covariance[n_theta + k, c] = rows[k, c]
-            covariance[c, n_theta + k] = rows[k, c]
-        for i in range((k // n_x + 1) * n_x):
-            total, block = 0.0, n_theta + i // n_x * n_x
-            for l in range(n_x):  # noqa: E741
-                total += rows[k, block + l] * gradient[i, l]
-            for l in range(n_theta):  # noqa: E741
-                total += rows[k, l] * gradient[i, n_x + l]
-            covariance[n_theta + k, n_theta + i] = total
-            covariance[n_theta + i, n_theta + k] = total
+    for j in range(n_blocks):
+        for k in range(j * n_x, (j + 1) * n_x):
+            _project(k, n_theta + j * n_x, gradient, covariance, n_theta, n_x, wide, rows)
+    for j in range(n_blocks):
+        for k in range(j * n_x, (j + 1) * n_x):
+            for c in range(n_theta):
+                covariance[n_theta + k, c] = rows[k, c]
+                covariance[c, n_theta + k] = rows[k, c]
+            for m in range(j + 1):
+                block = n_theta + m * n_x
+                for i in range(n_x):
+                    total = 0.0
+                    for l in range(n_x):  # noqa: E741
+                        total += rows[k, block + l] * gradient[m * n_x + i, l]
+                    for l in range(n_theta):  # noqa: E741
+                        total += rows[k, l] * gradient[m * n_x + i, n_x + l]
+                    covariance[n_theta + k, block + i] = total
+                    covariance[block + i, n_theta + k] = total
+            covariance[n_theta + k, n_theta + k] += q_x[k - j * n_x]
     for l in range(n_theta):  # noqa: E741
         covariance[l, l] += q_theta[l]
-    for k in range(n_blocks * n_x):
-        covariance[n_theta + k, n_theta + k] += q_x[k % n_x]
+
+
+@borrowing
+def _project(k, block, gradient, covariance, n_theta, n_x, wide, rows):
+    """Row k of [sensitivity transition] P."""
+    for c in range(wide):
+        rows[k, c] = gradient[k, 0] * covariance[block, c]
+    for l in range(1, n_x):  # noqa: E741
+        slope = gradient[k, l]
+        for c in range(wide):
+            rows[k, c] += slope * covariance[block + l, c]
+    for l in range(0, n_theta - 3, 4):  # noqa: E741 (four at once: a quarter of the stores)
+        s0, s1 = gradient[k, n_x + l], gradient[k, n_x + l + 1]
+        s2, s3 = gradient[k, n_x + l + 2], gradient[k, n_x + l + 3]
+        for c in range(wide):
+            rows[k, c] += (
+                s0 * covariance[l, c] + s1 * covariance[l + 1, c]
+                + s2 * covariance[l + 2, c] + s3 * covariance[l + 3, c]
+            )  # fmt: skip
+    for l in range(n_theta - n_theta % 4, n_theta):  # noqa: E741
+        slope = gradient[k, n_x + l]
+        for c in range(wide):
+            rows[k, c] += slope * covariance[l, c]
 
 
 @kernel
@@ -118,7 +154,7 @@ def update_scalar(mean, covariance, n, first, gradient, innovation, variance):
     """
     projected, gain, half = np.empty(n), np.empty(n), np.empty(n)
     spread = update_with(
-        mean, covariance, n, first, gradient, np.zeros(0, np.int64), np.zeros(0), innovation,
+        mean, covariance, n, n, first, gradient, np.zeros(0, np.int64), np.zeros(0), innovation,
         variance, projected, gain, half,
     )  # fmt: skip
     for i in range(n):
@@ -129,26 +165,28 @@ def update_scalar(mean, covariance, n, first, gradient, innovation, variance):
     return spread
 
 
-@kernel
+@borrowing
 def update_with(
-    mean, covariance, n, first, gradient, places, slopes, innovation, variance, projected, gain,
-    half,
+    mean, covariance, n, wide, first, gradient, places, slopes, innovation, variance, projected,
+    gain, half,
 ):  # fmt: skip
-    """As `update_scalar`, with work arrays (>= n,): P h, the gain, half the change over it.
+    """As `update_scalar`, with work arrays (>= wide,): P h, the gain, half the change over it.
+
+    Of the first n rows of the covariance `wide` columns change: n or `whole_vectors`.
 
     The measurement may also depend on the states `places` (k,) with `slopes` (k,).
 
     A symmetric covariance stays symmetric to the last bit: it changes by gain half' + half gain'.
     """
-    for i in range(n):
+    for i in range(wide):
         projected[i] = 0.0
     for l in range(gradient.shape[0]):  # noqa: E741
         slope = gradient[l]
-        for i in range(n):
+        for i in range(wide):
             projected[i] += slope * covariance[first + l, i]
     for l in range(places.shape[0]):  # noqa: E741
         slope, place = slopes[l], places[l]
-        for i in range(n):
+        for i in range(wide):
             projected[i] += slope * covariance[place, i]
     seen = 0.0  # h' P h
     for l in range(gradient.shape[0]):  # noqa: E741
@@ -158,16 +196,17 @@ def update_with(
     spread = seen + variance
     if not (spread > 0.0 and math.isfinite(spread)):
         return -1.0
-    for i in range(n):
+    for i in range(wide):
         gain[i] = projected[i] / spread
-        mean[i] += gain[i] * innovation
         # Joseph: (I - K h') P (I - K h')' + K R K' = P + K half' + half K', where in
         # half = (K R - (I - K h') P h - P h) / 2 the first two are equal but for rounding
         rest = variance * gain[i] - (projected[i] - gain[i] * seen)
         half[i] = 0.5 * (rest - projected[i])
     for i in range(n):
+        mean[i] += gain[i] * innovation
+    for i in range(n):
         k_i, half_i = gain[i], half[i]
-        for j in range(n):
+        for j in range(wide):
             covariance[i, j] += k_i * half[j] + half_i * gain[j]
     return spread
 
@@ -189,7 +228,7 @@ def cholesky(matrix, n, factor):
     return bad
 
 
-@kernel
+@borrowing
 def upper_cholesky(matrix, n, factor):
     """As `cholesky`, transposed; what is left of the diagonal is not touched."""
     for i in range(n):
@@ -207,7 +246,7 @@ def upper_cholesky(matrix, n, factor):
     return -1
 
 
-@kernel
+@borrowing
 def unscented_weights(n, spread):
     """Weights of the scaled unscented transform with sigma points at `spread` std.
 

@@ -21,9 +21,15 @@ from auvident.schema.plan import PlanStage
 from auvident.stages.identify import prepare
 from tests.engines.chain import SAMPLES, Chain, chain_of, plan_named, sample
 
-PASSES = {
-    "16 states (yaw-sway)": ("lateral", ("inertia", "lift", "cross_flow", "control")),
-    "22 states (coupled)": ("coupled", ("all",)),
+LATERAL = ("inertia", "lift", "cross_flow", "control")
+PASSES = {  # of one maneuver: system, free coefficients
+    "15 states (yaw-sway)": ("lateral", LATERAL),
+    "16 states (coupled, lateral coefficients)": ("coupled", LATERAL),
+    "22 states (coupled, with thrust and drag in turns)": (
+        "coupled",
+        (*LATERAL, "thrust", "turning_drag"),
+    ),
+    "24 states (coupled, every coefficient)": ("coupled", ("all",)),
 }
 OBSERVER_S = 30.0
 LONG_S = 1800.0
