@@ -154,7 +154,9 @@ class Search:
         scores = {c: self._score(joint, c) for c in open_ids}
         quick = {c: score(fast, (c,)).gain for c in open_ids} if fast else {}
         short = worth(scores_of(scores))[:SCREENED] + worth(quick)[:SCREENED_FAST]
-        short += [c for first in short[:2] for c in partners(first) if c in open_ids]
+        like = [c for first in short[:2] for c in partners(first)]
+        like += [c for any_ in short for c in steady(any_)]
+        short += [c for c in like if c in open_ids]
         tried, before = self._tried(before, list(dict.fromkeys(short)), scores)
         flips = flipped_gains(joint, open_ids, self.rng, DRAWS)
         best = max(scores_of(scores).values(), default=0.0)
@@ -184,7 +186,7 @@ class Search:
         # a fit that is not there yet may still become what the first-order step promises
         promise = {c: max(log_gain(before, f), scores[c][0]) for c, f in found.items()}
         order = ranked(promise)
-        alike = steady(order[0]) if order else ()
+        alike = [c for leading in order[:SECOND_STARTS] for c in steady(leading)]
         for number, c in enumerate(order):
             hopeless = number >= REFITTED or promise[c] < HOPELESS * promise[order[0]]
             if c in alike or not hopeless:
