@@ -186,7 +186,7 @@ class Search:
         # a fit that is not there yet may still become what the first-order step promises
         promise = {c: max(log_gain(before, f), scores[c][0]) for c, f in found.items()}
         order = ranked(promise)
-        alike = [c for leading in order[:SECOND_STARTS] for c in steady(leading)]
+        alike = [c for leading in order[:REFITTED] for c in steady(leading)]
         for number, c in enumerate(order):
             hopeless = number >= REFITTED or promise[c] < HOPELESS * promise[order[0]]
             if c in alike or not hopeless:
