@@ -46,12 +46,22 @@ class Carried:
     def ids(self, plane: Plane) -> tuple[str, ...]:
         """All effects with a value, estimated or given, in the order of the table."""
         named = {n.partition(".")[0] for n, value in self.start.items() if value and "." in n}
+        named |= {n.partition(".")[0] for n, std in self.prior_std.items() if std > 0.0}
         named |= set(self.effects)
         return tuple(e for e in BY_ID if e in named and plane in BY_ID[e].planes)
 
     def structure(self, plane: Plane) -> Structure:
         """The equations with these effects."""
         return structure_of(plane, self.ids(plane))
+
+
+def allowed(effects: Sequence[str], plane: Plane) -> Carried:
+    """Effects as small as every vehicle has them, estimated along without a claim."""
+    rows = {
+        n: parameter_of(n) for e in effects if plane in BY_ID[e].planes for n in BY_ID[e].names()
+    }
+    usual = {name: declared.silent for name, declared in rows.items()}
+    return Carried(start=usual, prior=dict.fromkeys(rows, 0.0), prior_std=usual)
 
 
 def internal_values(effects: Sequence[Mapping[str, Any]]) -> dict[str, float]:

@@ -19,6 +19,7 @@ from auvident.schema.artifacts import (
     Metrics,
     TrialPlan,
 )
+from auvident.schema.effect_words import allowances
 from auvident.schema.logs import Quality, SensorQuality, TrialQuality
 
 if TYPE_CHECKING:
@@ -199,6 +200,7 @@ def model_table(model: IdentifiedModel) -> Table:
             number(c.prior_std, 2), number(1e3 * c.prime), f"{100.0 * c.data_share:.0f} %",
             c.origin,
         )  # fmt: skip
+    table.caption, table.caption_justify = allowances(model.effects) or None, "left"
     return table
 
 

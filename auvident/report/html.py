@@ -11,6 +11,7 @@ from auvident.report import html_words as words
 from auvident.report.html_data import ReportData, number, quantity
 from auvident.report.html_loop import figures as loop_figures
 from auvident.report.html_loop import lacks, with_refined
+from auvident.schema.effect_words import allowances
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -189,6 +190,7 @@ def _tables(report: ReportData) -> dict[str, Any]:
         ],
         "errors": tables.error_table(report) if report.metrics else None,
         "coefficients": tables.coefficient_rows(model) if model else [],
+        "allowances": allowances(model.effects) if model else "",
         "combinations": [words.combination(c) for c in model.unidentifiable] if model else [],
         "pairs": words.pairs(model.correlations) if model else [],
         "sensors": tables.sensor_table(quality) if quality else None,

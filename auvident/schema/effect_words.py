@@ -1,7 +1,8 @@
 """Effects in words, in plain units."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from auvident.schema.diagnosis import ParameterValue
 
@@ -60,3 +61,10 @@ def _when(parameters: Sequence[ParameterValue]) -> str:
 
 def _fields(text: str) -> list[str]:
     return [part.split(":")[0].split("}")[0] for part in text.split("{")[1:]]
+
+
+def allowances(effects: Sequence[Mapping[str, Any]]) -> str:
+    """What a model allows its vehicle without a claim, from the rows of its artifact."""
+    rows = [(e["id"], p) for e in effects if e.get("silent") for p in e["parameters"]]
+    listed = [f"{i} {p['value']:.3g} ± {p['std']:.2g} {p['unit']}" for i, p in rows]
+    return f"Taken along, as every vehicle has it: {', '.join(listed)}" if listed else ""

@@ -271,6 +271,15 @@ def in_plane(plane: Plane) -> tuple[Effect, ...]:
     return tuple(e for e in EFFECTS if plane in e.planes and e.enters != "disturbance")
 
 
+def allowable() -> tuple[str, ...]:
+    """Effects of servo and propeller that a plan may allow every vehicle a little of."""
+    return tuple(
+        e.id
+        for e in EFFECTS
+        if e.enters == "input" and all(p.silent > 0.0 and not any(p.powers) for p in e.parameters)
+    )
+
+
 def names_of(plane: Plane) -> tuple[str, ...]:
     """Names of the parameters of `in_plane`, ``effect.parameter``."""
     return tuple(name for effect in in_plane(plane) for name in effect.names())

@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 from auvident.schema.artifacts import ManeuverKind
 from auvident.schema.base import Declared
 from auvident.schema.coefficients import unknown_names
+from auvident.schema.effects import allowable
 
 System = Literal["surge", "lateral", "coupled"]
 # states of (u, a, b, angle) that a system estimates and measures; the others are given
@@ -63,7 +64,9 @@ class Plan(Declared):
     the last round. ``start`` gives the factors on the prior values at which the estimation
     starts; with several, all stages run from each and the results are averaged (Abkowitz's over-
     and under-estimation). ``observer_time_s`` sets the process noise relative to the measurement
-    noise: the filter trusts the model over about this time.
+    noise: the filter trusts the model over about this time. ``allowances`` are effects that are
+    estimated along as small as every vehicle has them (no servo is infinitely fast), within the
+    table's own bounds for that; without any, the equations are those of the method alone.
     """
 
     name: str
@@ -71,6 +74,7 @@ class Plan(Declared):
     cycles: Annotated[int, Field(ge=1, le=50)] = 1
     start: tuple[Annotated[float, Field(gt=0)], ...] = Field((1.0,), min_length=1)
     observer_time_s: Annotated[float, Field(gt=0)] = 30.0
+    allowances: tuple[str, ...] = ()
     stage: tuple[PlanStage, ...] = Field(min_length=1)
     tuning: dict[str, Tuning] = {}
 
@@ -79,6 +83,17 @@ class Plan(Declared):
         unknown = unknown_names(self.tuning)
         if unknown:
             raise ValueError(f"[tuning] {unknown[0]!r} is no coefficient or group")
+        return self
+
+    @model_validator(mode="after")
+    def _allowances_are_known(self) -> Self:
+        known = allowable()
+        for name in self.allowances:
+            if name not in known:
+                raise ValueError(
+                    f"{name!r} is no effect that every vehicle has a little of; "
+                    f"those are {', '.join(known)}"
+                )
         return self
 
     def rounds(self) -> list[tuple[int, PlanStage]]:

@@ -3,7 +3,9 @@
 import json
 from collections.abc import Callable
 
+from auvident.engines.carried import internal_values
 from auvident.errors import UsageError
+from auvident.physics.actuation import SUBSTEPS
 from auvident.physics.terms import (
     CONSTANTS,
     EQUATIONS,
@@ -22,13 +24,14 @@ POWER_TEXT = {
 }  # fmt: skip
 CONSTANT_NAMES = {
     "m": "mass", "m x_G": "mass_x_g", "m z_G": "mass_z_g", "I": "inertia",
-    "W-B": "weight_less_buoyancy", "z_G W": "z_g_weight", "x_G W": "x_g_weight",
+    "W-B": "weight_less_buoyancy", "z_G W": "z_g_weight", "trim": "trim_moment",
 }  # fmt: skip
 INPUTS = {
     "horizontal": ("rudder_rad", "elevator_rad", "rate_rps"),
     "vertical": ("elevator_rad", "rudder_rad", "rate_rps"),
 }
 ANGLE = {"horizontal": "heading", "vertical": "pitch"}
+SLEW = "rudder_rate_limit"  # the one effect that the equation forms have room for
 
 
 def identifier(symbol: str) -> str:
@@ -53,8 +56,9 @@ def export(model: IdentifiedModel, form: str) -> str:
     """
     if form not in FORMS:
         raise UsageError(f"there is no format {form!r}", "--format", f"One of {', '.join(FORMS)}.")
-    if model.effects and form in EQUATION_FORMS:
-        names = ", ".join(str(effect.get("id", "")) for effect in model.effects)
+    without = [str(e.get("id", "")) for e in model.effects if e.get("id") != SLEW]
+    if without and form in EQUATION_FORMS:
+        names = ", ".join(without)
         raise UsageError(
             f"the equations of the effects {names} have no {form} form", "--format",
             "Export the model of the identification (identify/model.json), or use json.",
@@ -147,11 +151,14 @@ PYTHON = '''"""{title}
 
 Self-contained: needs only Python. Units SI, angles in radians; x forward, y starboard, z down.
 A positive rudder has its trailing edge to port (the bow turns to port), a positive elevator its
-trailing edge down. States: {states}. Inputs: {inputs} (propeller rate in rev/s).
+trailing edge down. `simulate` takes the first input as ordered, `derivative` and `step` the angle
+of the fin itself; the propeller rate is in rev/s.
+States: {states}. Inputs: {inputs}.
 """
 
-from math import cos, sin
+from math import cos, inf, sin
 
+SLEW_RADPS = {slew}  # fastest motion of the fin
 {parameters}
 
 MASS = (
@@ -186,18 +193,30 @@ def step(state, inputs, dt_s):
     return [x + dt_s / 6.0 * slope for x, slope in zip(state, slopes)]
 
 
-def simulate(state, inputs, dt_s):
-    """States at the start of every step: one row of inputs a step."""
-    states = [list(state)]
-    for row in inputs[:-1]:
-        states.append(step(states[-1], row, dt_s))
+def servo(fin, ordered, dt_s):
+    """Mean angle of the fin over a step, from its angle at the start, and its angle at the end."""
+    most, total = SLEW_RADPS * dt_s / {substeps}, 0.0
+    for _ in range({substeps}):
+        before = fin
+        fin += min(max(ordered - fin, -most), most)
+        total += 0.5 * (before + fin)
+    return total / {substeps}, fin
+
+
+def simulate(state, inputs, dt_s, fin=None):
+    """States at the start of every step: one row of inputs a step; fin: its angle at the start."""
+    states, fin = [list(state)], inputs[0][0] if fin is None else fin
+    for ordered, *others in inputs[:-1]:
+        angle, fin = servo(fin, ordered, dt_s)
+        states.append(step(states[-1], [angle, *others], dt_s))
     return states
 '''
 
 MATLAB = """function dx = auvident_model(x, inputs)
 % {title}
 % Units SI, angles in radians; x forward, y starboard, z down. A positive rudder has its trailing
-% edge to port (the bow turns to port), a positive elevator its trailing edge down.
+% edge to port (the bow turns to port), a positive elevator its trailing edge down; fin angles are
+% those of the fin itself, which moves at {slew} rad/s at most.
 % x = [{states}], inputs = [{inputs}] (propeller rate in rev/s); dx is a column.
 % Example: [t, x] = ode45(@(t, x) auvident_model(x, [0.1 0 14]), [0 60], [1.4 0 0 0]);
 {parameters}
@@ -221,7 +240,16 @@ def _python(model: IdentifiedModel) -> str:
         mass="\n".join(f"    ({', '.join(row)})," for row in mass_expressions(structure)),
         forces="\n".join(f"{indent}{force}," for force in force_expressions(structure)),
         rate=names["b"],
+        slew=_slew(model),
+        substeps=SUBSTEPS,
     )
+
+
+def _slew(model: IdentifiedModel) -> str:
+    """Fastest motion of the fin [rad/s] as a number of a program."""
+    values = internal_values([e for e in model.effects if e.get("id") == SLEW])
+    slowness = sum(values.values())
+    return repr(1.0 / slowness) if slowness > 0.0 else "inf"
 
 
 def _matlab(model: IdentifiedModel) -> str:
@@ -239,6 +267,7 @@ def _matlab(model: IdentifiedModel) -> str:
         forces="; ...\n    ".join(force_expressions(structure)),
         mass="; ...\n    ".join(", ".join(row) for row in mass_expressions(structure)),
         rate=names["b"],
+        slew=_slew(model),
     )
 
 

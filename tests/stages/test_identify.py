@@ -236,13 +236,22 @@ def test_the_coupling_masses_are_one(trial, filter) -> None:
 def test_the_covariance_is_that_of_the_coefficients(trial, filter) -> None:
     model = identified(*trial, filter).model
     matrix, symbols = np.array(model.covariance["matrix"]), model.covariance["symbols"]
-    by_symbol = {c.symbol: c for c in model.coefficients}
-    std = np.array([by_symbol[s].std for s in symbols])
-    np.testing.assert_allclose(np.sqrt(np.diag(matrix)), std, rtol=1e-9)
+    std = np.sqrt(np.diag(matrix))
+    free = {c.symbol: c.std for c in model.coefficients if c.origin == "identified"}
+    allowed = [f"{name}.rate_degps" for name in plan_named("spiral").allowances]
+    assert symbols == [*free, *allowed]
+    np.testing.assert_allclose(std[: len(free)], list(free.values()), rtol=1e-9)
     np.testing.assert_allclose(matrix, matrix.T, rtol=1e-9)
     assert (np.linalg.eigvalsh(matrix / np.outer(std, std)) > 0).all()
-    free = [c.symbol for c in model.coefficients if c.origin == "identified"]
-    assert symbols == free
+
+
+@pytest.mark.parametrize(("trial", "filter"), models())
+def test_the_servo_is_allowed_its_own_speed(trial, filter) -> None:
+    """The generator's servos turn at 120 deg/s; the vehicle file does not say so."""
+    (effect,) = identified(*trial, filter).model.effects
+    (rate,) = effect["parameters"]
+    assert (effect["id"], effect["silent"]) == ("rudder_rate_limit", True)
+    assert abs(rate["value"] - 120.0) < min(2.0 * rate["std"], 15.0)
 
 
 @pytest.mark.parametrize(("trial", "filter"), models())
@@ -250,7 +259,8 @@ def test_stages_and_history_follow_the_plan(trial, filter) -> None:
     found, rounds = identified(*trial, filter), plan_named("spiral").rounds()
     assert [(s.cycle, s.stage) for s in found.model.stages] == [(c, s.name) for c, s in rounds]
     for record, (_, stage) in zip(found.model.stages, rounds, strict=True):
-        assert set(record.free) <= set(expand(stage.free, trial[1]))
+        allowed = {"rudder_rate_limit.rate_degps"} if stage.system != "surge" else set()
+        assert set(record.free) <= set(expand(stage.free, trial[1])) | allowed
         assert record.samples > 0 and np.isfinite(record.log_likelihood)
         kinds = {name.rsplit("-", 2)[1] for name in record.maneuvers}
         assert kinds <= set(stage.maneuvers)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from auvident.engines.carried import Carried
+from auvident.engines.carried import Carried, allowed
 from auvident.engines.estimator import (
     Outcome,
     Setup,
@@ -78,7 +78,7 @@ def identify(
     engine : str
         ``compiled`` or ``filterpy``.
     carried : Carried, optional
-        Effects that are estimated along, or given.
+        Effects that are estimated along, or given; without it the allowances of the plan.
     progress : callable, optional
         Called with a text and the fraction done.
 
@@ -87,6 +87,7 @@ def identify(
     NumericsError
         Nothing to identify from, or a filter failed (with maneuver and time).
     """
+    carried = carried or allowed(plan.allowances, plane)
     setup, sensing = prepare(
         trials, maneuvers, ase, vehicle, noise, plane=plane, plan=plan, filter=filter,
         engine=engine, carried=carried,
