@@ -29,6 +29,7 @@ KERNEL_MODULES = (
     "physics/batch.py",
     "physics/dynamics.py",
     "physics/sensitivity.py",
+    "physics/term_tables.py",
 )
 FOLDER = "auvident-kernels-"
 
@@ -79,19 +80,32 @@ def compiled_already(kind: str = "ekf") -> bool:
     return folder is not None and any(folder.glob(f"*/passes.{kind}_pass-*.nbc"))
 
 
-def _compiled_in(folder: Path, function: Callable[..., Any]) -> Callable[..., Any]:
+def _compiled_in(folder: Path, function: Callable[..., Any], **options: Any) -> Any:
     """Compile with the cache in a folder; numba's setting is put back for everyone else."""
     before = config.CACHE_DIR  # type: ignore[attr-defined]
     config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
     try:
-        return njit(cache=True, error_model="numpy")(function)
+        return njit(cache=True, error_model="numpy", **options)(function)
     finally:
         config.CACHE_DIR = before  # type: ignore[attr-defined]
 
 
-def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+def kernel(function: Callable[..., Any], **options: Any) -> Any:
     """Compile a function when it is first called; division by zero gives infinity, as in numpy."""
     try:
-        return _compiled_in(_permanent() or _temporary(), function)
+        return _compiled_in(_permanent() or _temporary(), function, **options)
     except RuntimeError:  # numba: "no locator available": a folder inside belongs to someone else
-        return _compiled_in(_temporary(), function)
+        return _compiled_in(_temporary(), function, **options)
+
+
+def borrowing(function: Callable[..., Any]) -> Any:
+    """Compile a kernel that only works in arrays of its caller, in place of its calls.
+
+    numba counts the references to every array on the way into a function and out of it, and hands
+    each over as seven numbers. In the innermost kernels, which take a dozen arrays, that costs
+    more than the arithmetic: they do not count, and are put in place of their calls.
+
+    It may be used where every array is the caller's: views of them and numbers may be made, but
+    no array, and none may be returned or kept, not even a view: nothing would hold its memory.
+    """
+    return kernel(function, _nrt=False, forceinline=True)

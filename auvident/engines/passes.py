@@ -21,36 +21,34 @@ from auvident.engines.sigma_points import (
 )
 from auvident.estimation.kalman import (
     LANES,
-    borrowing,
     predict_with,
     update_with,
     upper_cholesky,
     whole_vectors,
 )
-from auvident.jit import kernel
-from auvident.physics.batch import (
+from auvident.jit import borrowing, kernel
+from auvident.physics.batch import invert_masses, step_points
+from auvident.physics.dynamics import SPEED_LIMIT
+from auvident.physics.sensitivity import (
+    N_PLACES,
+    N_POINTS,
+    N_SLOPES,
+    linear_step,
+    place_parameters,
+)
+from auvident.physics.term_tables import (
+    LEAD,
     N_INPUTS,
     N_POSITIONS,
     N_STATES,
     N_VELOCITIES,
     P_ROWS,
     P_SCALARS,
-    invert_masses,
     needed_powers,
-    sort_terms,
-    step_points,
-    used_variables,
-)
-from auvident.physics.dynamics import SPEED_LIMIT
-from auvident.physics.sensitivity import (
-    LEAD,
-    N_PLACES,
-    N_POINTS,
-    N_SLOPES,
-    linear_step,
-    place_parameters,
     sort_masses,
     sort_slopes,
+    sort_terms,
+    used_variables,
 )
 
 
@@ -130,6 +128,7 @@ def _take_readings(
 
 @borrowing
 def _store(t, alive, mean, covariance, n_theta, index, given, states, history, history_std):
+    """Keep the means of all states and parameters at step t; of parameters also the std."""
     for l in range(n_theta):  # noqa: E741
         history[t, l] = mean[l]
         history_std[t, l] = math.sqrt(max(covariance[l, l], 0.0))
@@ -186,7 +185,13 @@ def _place_inputs_at(j, t, theta, input_slopes, input_columns, u, u_slopes):
 def ekf_pass(mean, final, case, terms, weights, mass, mass_weights):
     """Run the EKF over all records; returns log-likelihood and number of readings.
 
-    The covariance `final` is worked on in an array whose rows are whole vector registers.
+    Parameters
+    ----------
+    mean, final : (n,) and (n, n) arrays
+        Mean and covariance of the whole state, before and after. The covariance is worked on in
+        an array whose rows are whole vector registers.
+    case : Case
+    terms, weights, mass, mass_weights : arrays of `terms.Structure`
     """
     (
         index, lengths, inputs, given, measured, dt, base, column, scale, active, channels, sensor,
@@ -196,17 +201,22 @@ def ekf_pass(mean, final, case, terms, weights, mass, mass_weights):
     n_x, n, n_theta = index.shape[0], mean.shape[0], scale.shape[0]
     moving, places = np.full(N_INPUTS, input_columns.shape[0] > 0), input_columns + LEAD
     u_slopes = np.zeros((N_INPUTS, places.shape[0]))
-    table, both, partials = sort_slopes(active, base, column, scale, LEAD, moving, terms, weights)
-    sorted_mass, mass_both = sort_masses(active, column, scale, LEAD, mass, mass_weights)
-    used, value, coefficient = used_variables(active, terms), np.ones(N_PLACES), both[:, 0].copy()
-    p, m, inverse = base.copy(), np.empty((10, 1)), np.empty((9, 1))
-    f, f_x = np.zeros((N_VELOCITIES, 1)), np.zeros((N_VELOCITIES, N_SLOPES))
+    table, sorted_weights, partials = sort_slopes(
+        active, base, column, scale, moving, terms, weights
+    )
+    sorted_mass, sorted_mass_weights = sort_masses(active, column, scale, mass, mass_weights)
+    used, coefficient = used_variables(active, terms), np.empty(table.shape[0])
+    p, m, inverse = np.empty(base.shape[0]), np.empty((10, 1)), np.empty((9, 1))
+    value, f = np.ones(N_PLACES), np.zeros((N_VELOCITIES, 1))
+    f_x = np.zeros((N_VELOCITIES, N_SLOPES))
     now, stage = np.zeros((N_STATES, 1)), np.zeros((N_STATES, 1))
     rate, reached = np.zeros((N_STATES, N_POINTS)), np.zeros((N_STATES, LEAD + n_theta))
     width = n + (-n) % LANES
     slopes, rows = np.empty((n - n_theta, n_x + n_theta)), np.empty((n - n_theta, width))
     covariance = np.zeros((n, width))
-    covariance[:, :n] = final
+    for i in range(n):
+        for c in range(n):
+            covariance[i, c] = final[i, c]
     x, gradient, g0, g1 = _small(n_x)
     u, by_theta = np.empty(inputs.shape[2]), np.empty(reading_columns.shape[0])
     projected, gain, half = np.empty(width), np.empty(width), np.empty(width)
@@ -226,7 +236,8 @@ def ekf_pass(mean, final, case, terms, weights, mass, mass_weights):
             break
         _parameters_at(base, column, scale, mean, p)
         if not place_parameters(
-            p, active, table, both, sorted_mass, mass_both, coefficient, m, inverse
+            p, active, table, sorted_weights, sorted_mass, sorted_mass_weights, coefficient, m,
+            inverse,
         ) > 0.0:  # fmt: skip
             stop(fault, t, 0, 0, SINGULAR)
             break
@@ -237,8 +248,9 @@ def ekf_pass(mean, final, case, terms, weights, mass, mass_weights):
             _place_step(j, t, inputs, given, u, g0, g1)
             _place_inputs_at(j, t, mean, input_slopes, input_columns, u, u_slopes)
             linear_step(
-                now, u, g0, g1, dt, active, used, table, both, partials, sorted_mass, mass_both,
-                coefficient, inverse, u_slopes, places, value, f, f_x, stage, rate, reached,
+                now, u, g0, g1, dt, active, used, table, sorted_weights, partials, sorted_mass,
+                sorted_mass_weights, coefficient, inverse, u_slopes, places, value, f, f_x, stage,
+                rate, reached,
             )  # fmt: skip
             for i in range(n_x):
                 mean[first + i] = reached[index[i], 0]
@@ -252,7 +264,9 @@ def ekf_pass(mean, final, case, terms, weights, mass, mass_weights):
             break
         wide = whole_vectors(n_theta + alive * n_x, covariance)
         predict_with(covariance, slopes, n_theta, n_x, alive, wide, q_theta, q_x, rows)
-    final[:, :] = covariance[:, :n]
+    for i in range(n):
+        for c in range(n):
+            final[i, c] = covariance[i, c]
     return log_likelihood, count
 
 
@@ -260,8 +274,9 @@ def ekf_pass(mean, final, case, terms, weights, mass, mass_weights):
 def ukf_pass(mean, covariance, case, terms, weights, mass, mass_weights, spread):
     """Run the UKF over all records; returns log-likelihood and number of readings.
 
-    Sigma points: the centre, then a pair for each column of the factor of the covariance. The
-    parameter block does not move in the prediction and is left as it is.
+    Sigma points: the centre, then a pair for each column of the factor of the covariance,
+    `spread` standard deviations away. The parameter block does not move in the prediction and is
+    left as it is. Arguments as those of `ekf_pass`.
     """
     (
         index, lengths, inputs, given, measured, dt, base, column, scale, active, channels, sensor,
@@ -278,7 +293,8 @@ def ukf_pass(mean, covariance, case, terms, weights, mass, mass_weights, spread)
     table, sorted_weights = sort_terms(active, moves, moved_inputs, terms, weights)
     powers = needed_powers(active, moved_inputs, terms)
     scalars, rows = np.ones(P_SCALARS + base.shape[0]), np.zeros((P_ROWS + base.shape[0], size))
-    scalars[P_SCALARS:] = base
+    for i in range(base.shape[0]):
+        scalars[P_SCALARS + i] = base[i]
     m, inverse, force = np.empty((10, size)), np.empty((9, size)), np.empty((N_VELOCITIES, size))
     points, stage = np.empty((N_STATES, size)), np.empty((N_STATES, size))
     rate, total, fixed = np.empty((N_STATES, size)), np.empty((N_STATES, size)), np.empty(N_STATES)

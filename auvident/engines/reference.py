@@ -25,8 +25,8 @@ from auvident.engines.problem import (
     starting_covariance,
 )
 from auvident.errors import NumericsError
-from auvident.physics.batch import N_INPUTS
 from auvident.physics.dynamics import N_STATES, inverse_mass, step, step_with_sensitivities
+from auvident.physics.term_tables import N_INPUTS
 
 Array = npt.NDArray[Any]
 

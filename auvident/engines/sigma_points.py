@@ -1,9 +1,9 @@
 """Sigma points of the UKF: spread from the factor of the covariance, and put together again."""
 
-from auvident.estimation.kalman import borrowing, unscented_weights
-from auvident.jit import kernel
-from auvident.physics.batch import N_INPUTS, N_POSITIONS, N_POWERS
+from auvident.estimation.kalman import unscented_weights
+from auvident.jit import borrowing, kernel
 from auvident.physics.dynamics import SPEED_LIMIT
+from auvident.physics.term_tables import N_INPUTS, N_POSITIONS, N_POWERS
 
 # what a pass reports when it has to stop: (step, record, channel or state, reason)
 NOT_POSITIVE, DIVERGED, SINGULAR = 1, 2, 3
@@ -17,7 +17,11 @@ def stop(fault, t, record, where, reason):
 
 @borrowing
 def spread_row(centre, unit, component, upper, spread, count, row, rows):
-    """One component of the sigma points: the centre, then a pair for each column of the factor."""
+    """One component of the sigma points: the centre, then a pair for each column of the factor.
+
+    Filled are `count` places of rows[row], in `unit` of the component. `upper` is the transposed
+    factor of the covariance; its column c is spread by `spread` standard deviations.
+    """
     rows[row, 0] = centre
     for c in range(component + 1):
         away = unit * (spread * upper[c, component])
@@ -31,10 +35,18 @@ def recombine(
     t, alive, mean, covariance, n_theta, index, spread, upper, moved, shift, pairs, q_theta, q_x,
     fault,
 ):  # fmt: skip
-    """Mean and covariance of the propagated sigma points.
+    """Mean and covariance of the propagated sigma points, in place.
 
-    All from the differences to the centre, which leave a small shift of the mean instead of
-    large weights of opposite sign.
+    All from the differences d to the centre, which leave a small shift s of the mean instead of
+    large weights of opposite sign::
+
+        s = w sum d,    P = w sum d d' + (w_centre + 2 n w - 2) s s'
+
+    Parameters
+    ----------
+    moved : (alive * n_x, 1 + 2 n) array
+        States of every point after the step; differences to the centre when this returns.
+    shift, pairs : work arrays (>= n,)
     """
     n_x = index.shape[0]
     n = n_theta + alive * n_x
@@ -91,17 +103,17 @@ def _dot(rows, a, b, n):
 
 @borrowing
 def spread_inputs(j, t, count, u, mean, input_slopes, input_columns, upper, spread, moving, rows):
-    """Inputs that move, at every sigma point, as the rows of their variables."""
-    n_points = input_columns.shape[0]
+    """Inputs that move, at the first `count` sigma points, as the rows of their variables."""
+    n_columns = input_columns.shape[0]
     for i in range(N_INPUTS):
         if not moving[i]:
             continue
         at, centre = (N_POSITIONS + i) * N_POWERS, u[i]
-        for k in range(n_points):
+        for k in range(n_columns):
             centre += input_slopes[j, t, i, k] * mean[input_columns[k]]
         for s in range(count):
             rows[at, s] = centre
-        for k in range(n_points):
+        for k in range(n_columns):
             slope = spread * input_slopes[j, t, i, k]
             for c in range(input_columns[k] + 1):
                 rows[at, 1 + 2 * c] += slope * upper[c, input_columns[k]]

@@ -10,13 +10,13 @@ from auvident.engines.estimator import LONGEST_CORRELATION_S, START_STD
 from auvident.engines.records import Record
 from auvident.estimation.output_error import correlation_time
 from auvident.estimation.smoother import smooth
-from auvident.physics.batch import N_INPUTS
 from auvident.physics.dynamics import (
     N_STATES,
     inverse_mass,
     simulate_states,
     step_with_sensitivities,
 )
+from auvident.physics.term_tables import N_INPUTS
 from auvident.physics.terms import Structure
 
 Array = npt.NDArray[Any]

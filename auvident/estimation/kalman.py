@@ -9,26 +9,12 @@ anew would cost more than the arithmetic. Innermost loops run along rows.
 """
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
-from auvident.jit import kernel
+from auvident.jit import borrowing, kernel
 
 LANES = 4  # numbers in a vector register
-
-
-def borrowing(function: Callable[..., Any]) -> Any:
-    """Compile a kernel that only works in arrays of its caller; it can make none itself.
-
-    numba counts the references to every array on the way into a function and out of it, and hands
-    each over as seven numbers. In the innermost kernels, which take a dozen arrays, that costs
-    more than the arithmetic: they do not count, and are put in place of their calls.
-    """
-    compiled: Any = kernel(function)
-    compiled.targetoptions.update(_nrt=False, forceinline=True)
-    return compiled
 
 
 @borrowing
@@ -60,8 +46,10 @@ def predict_covariance(covariance, transition, sensitivity, n_theta, n_x, n_bloc
     gradient = np.empty((n_blocks * n_x, n_x + n_theta))
     for j in range(n_blocks):
         for i in range(n_x):
-            gradient[j * n_x + i, :n_x] = transition[j, i]
-            gradient[j * n_x + i, n_x:] = sensitivity[j, i]
+            for c in range(n_x):
+                gradient[j * n_x + i, c] = transition[j, i, c]
+            for c in range(n_theta):
+                gradient[j * n_x + i, n_x + c] = sensitivity[j, i, c]
     n = n_theta + n_blocks * n_x
     rows = np.empty((n_blocks * n_x, n))
     predict_with(covariance, gradient, n_theta, n_x, n_blocks, n, q_theta, q_x, rows)

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.jit import kernel
-from auvident.physics.batch import N_INPUTS
+from auvident.physics.term_tables import N_INPUTS
 
 Array = npt.NDArray[Any]
 
@@ -90,7 +90,8 @@ def servo_angle(command, lag, slowness, deadband, half_width, asymmetry, dt, out
 def lagged(command, lag, dt, out):
     """Step means of a first-order response to step means of its command."""
     if lag <= 0.0:
-        out[:] = command
+        for k in range(command.shape[0]):
+            out[k] = command[k]
         return
     keep = math.exp(-dt / lag)
     now = command[0]

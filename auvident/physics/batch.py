@@ -1,13 +1,14 @@
 """The right-hand side at many points side by side: the sigma points of a filter, or just one.
 
-The term table is sorted once per system into what all points share (inputs, given states, fixed
-parameters: a scalar in front of the term) and what differs from point to point (active states,
-moving parameters: rows over the points). The loops over points are the innermost, so that the
-table is read once for all of them and the compiler can use vector instructions.
+The terms are sorted (`term_tables.sort_terms`) into what all points share (inputs, given states,
+fixed parameters: a scalar in front of the term) and what differs from point to point (active
+states, moving parameters: rows over the points). The loops over points are the innermost, so that
+the table is read once for all of them and the compiler can use vector instructions.
 
 The kernels take their arrays one by one and index them in place: a view or a field of a tuple
-made inside a loop costs more (its references are counted) than the arithmetic here. Tables that
-only hold indices are unsigned, which spares the test for negative ones.
+made inside a loop costs more (its references are counted) than the arithmetic here. They copy
+number by number: to assign an array to a slice of another, numba would compile the text of the
+error of unequal shapes as well, which takes seconds.
 """
 
 import math
@@ -15,92 +16,15 @@ import math
 import numpy as np
 
 from auvident.jit import kernel
-
-N_STATES = 4
-N_VELOCITIES = 3
-N_VARIABLES = 14
-N_INPUTS = 9  # the last variables: control surfaces, propeller rate and what effects need
-N_POWERS = 5
-N_POSITIONS = 5  # variables that depend on the state: u, a, b, sine and cosine of the angle
-ONE = N_VARIABLES * N_POWERS  # place of the factor 1, after the powers of all variables
-P_SCALARS = ONE + 1  # place of the first parameter among the scalars ...
-P_ROWS = ONE  # ... and among the rows
-
-
-@kernel
-def varies(variable, active, moving):
-    """Whether a variable of a term differs from point to point (moving: inputs (9,) that do)."""
-    if variable < N_POSITIONS:
-        return active[min(variable, N_STATES - 1)]
-    return moving[variable - N_POSITIONS]
-
-
-@kernel
-def used_variables(active, terms):
-    """Variables (14,) that stand in the terms of the active equations."""
-    used = np.zeros(N_VARIABLES, np.bool_)
-    for k in range(terms.shape[0]):
-        for c in range(2, terms.shape[1], 2):
-            if active[terms[k, 0]] and terms[k, c + 1] >= 0:
-                used[terms[k, c]] = True
-    return used
-
-
-@kernel
-def sort_terms(active, moves, moving, terms, weights):
-    """Sort the terms of the active equations for many points.
-
-    Parameters
-    ----------
-    active : (4,) bool array
-    moves : (n_parameters,) bool array
-        Whether a parameter differs from point to point.
-    moving : (9,) bool array
-        Whether an input does.
-    terms, weights : arrays of `terms.Structure`
-
-    Returns
-    -------
-    sorted_terms : (m, 10) uint array
-        Equation, number of factors that are rows, places of the four shared factors among the
-        scalars, places of the others among the rows.
-    weights : (m,) array
-    """
-    chosen = np.flatnonzero(active[terms[:, 0]])
-    table = np.zeros((chosen.shape[0], 10), np.uintp)
-    for k in range(chosen.shape[0]):
-        term, n = terms[chosen[k]], 0
-        table[k, 0], table[k, 2:6] = term[0], ONE
-        table[k, 5] = P_SCALARS + term[1]
-        if moves[term[1]]:
-            table[k, 5], table[k, 6], n = ONE, P_ROWS + term[1], 1
-        for c in range(3):
-            variable, power = term[2 + 2 * c], term[3 + 2 * c]
-            if power >= 0 and varies(variable, active, moving):
-                table[k, 6 + n] = variable * N_POWERS + power
-                n += 1
-            elif power >= 0:
-                table[k, 2 + c] = variable * N_POWERS + power
-        table[k, 1] = n
-    return table, weights[chosen]
-
-
-@kernel
-def needed_powers(active, moving, terms):
-    """Variable and power (k, 2) of every power in a term that differs from point to point."""
-    needed = np.zeros((N_VARIABLES, N_POWERS), np.bool_)
-    for k in range(terms.shape[0]):
-        for c in range(2, terms.shape[1], 2):
-            variable, power = terms[k, c], terms[k, c + 1]
-            if active[terms[k, 0]] and power >= 0 and varies(variable, active, moving):
-                needed[variable, 0] = needed[variable, power] = True
-    powers, k = np.zeros((N_VARIABLES * N_POWERS, 2), np.int64), 0
-    for variable in range(N_VARIABLES):
-        for power in range(N_POWERS):
-            if needed[variable, power]:
-                powers[k, 0], powers[k, 1] = variable, power
-                k += 1
-    return powers[:k].copy()
+from auvident.physics.term_tables import (
+    N_INPUTS,
+    N_POSITIONS,
+    N_POWERS,
+    N_STATES,
+    N_VELOCITIES,
+    P_ROWS,
+    P_SCALARS,
+)
 
 
 @kernel

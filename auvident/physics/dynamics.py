@@ -1,38 +1,35 @@
-"""The one right-hand side, its exact Jacobians and one step of it, compiled.
+"""The one right-hand side, one step of it and the exact derivative of the step, compiled.
 
 Simulation, EKF, UKF and residuals all evaluate the arrays of `terms.Structure`, so that compiled
-code is cached once for every model: `batch` the rates, at one point or many, and
-`sensitivity` the rates with their derivatives. Here are both for one state at a time.
+code is cached once for every model: `batch` the rates, at one point or many, and `sensitivity` a
+step with its derivative. Here are both for one state at a time.
 States are (u, a, b, angle); a state that is not active is held at the value given, which is how
 the surge system takes v and r from the measurements and the yaw-sway system takes u.
 """
 
 import numpy as np
 
-from auvident.jit import kernel
-from auvident.physics.batch import (
+from auvident.jit import borrowing, kernel
+from auvident.physics.batch import invert_masses, invert_rows, place_inputs, rates, step_points
+from auvident.physics.sensitivity import (
+    N_PLACES,
+    N_POINTS,
+    N_SLOPES,
+    place_parameters,
+    step_linear,
+)
+from auvident.physics.term_tables import (
+    LEAD,
     N_INPUTS,
     N_STATES,
     N_VELOCITIES,
     P_ROWS,
     P_SCALARS,
-    invert_masses,
-    invert_rows,
     needed_powers,
-    place_inputs,
-    rates,
-    sort_terms,
-    step_points,
-    used_variables,
-)
-from auvident.physics.sensitivity import (
-    N_PLACES,
-    N_SLOPES,
-    linearise,
-    place_parameters,
     sort_masses,
     sort_slopes,
-    step_linear,
+    sort_terms,
+    used_variables,
 )
 
 SPEED_LIMIT = 1.0e3  # [m/s, rad/s] a velocity beyond this ran away, whatever the vehicle
@@ -65,7 +62,8 @@ def _still():
 def _scalars(p):
     """What all points share: powers (placed later), the factor 1, the parameters."""
     scalars = np.ones(P_SCALARS + p.shape[0])
-    scalars[P_SCALARS:] = p
+    for i in range(p.shape[0]):
+        scalars[P_SCALARS + i] = p[i]
     return scalars
 
 
@@ -100,33 +98,6 @@ def derivative(x, inputs, p, inverse, active, terms, weights, rate):
 
 
 @kernel
-def derivative_and_jacobians(
-    x, inputs, p, inverse, active, terms, weights, mass, mass_weights, column, rate, j_x, j_p
-):
-    """As `derivative`, with d rate/d x in `j_x` (4, 4) and d rate/d p in `j_p` (4, n_free).
-
-    ``column[i]`` is the column of parameter i in `j_p`, or -1 when it is not free. Derivatives
-    with respect to inactive states are left out (they are given, not estimated).
-    """
-    used, value, scale = used_variables(active, terms), np.ones(N_PLACES), np.ones(j_p.shape[1])
-    lead, columns = 1 + N_STATES, 1 + N_STATES + j_p.shape[1]
-    table, both, partials = sort_slopes(active, p, column, scale, lead, _still(), terms, weights)
-    sorted_mass, mass_both = sort_masses(active, column, scale, lead, mass, mass_weights)
-    stage, result = np.zeros((N_STATES, columns)), np.zeros((N_STATES, columns))
-    stage[:, 0] = x
-    for i in range(N_STATES):
-        stage[i, 1 + i] = 1.0 if active[i] else 0.0
-    place_inputs(inputs, used, value)
-    linearise(
-        stage, active, used, table, both, partials, sorted_mass, mass_both,
-        _coefficients(p, table, both), inverse.reshape((9, 1)), np.zeros((N_INPUTS, 0)),
-        np.zeros(0, np.int64), value, np.zeros((N_VELOCITIES, columns + 1)),
-        np.zeros((N_VELOCITIES, N_SLOPES)), result,
-    )  # fmt: skip
-    rate[:], j_x[:, :], j_p[:, :] = result[:, 0], result[:, 1:lead], result[:, lead:]
-
-
-@kernel
 def _coefficients(p, table, weights):
     """Weight times parameter of every term."""
     coefficient = np.empty(weights.shape[0])
@@ -142,7 +113,8 @@ def step(x, inputs, given0, given1, dt, p, inverse, active, terms, weights, out)
         active, np.zeros(p.shape[0], np.bool_), _still(), terms, weights
     )
     work = np.empty((3, N_STATES, 1))
-    out[:] = x
+    for i in range(N_STATES):
+        out[i] = x[i]
     step_points(
         1, inputs, given0, given1, dt, active, used_variables(active, terms), table,
         sorted_weights, needed_powers(active, _still(), terms), inverse.reshape((9, 1)),
@@ -167,35 +139,29 @@ def step_with_sensitivities(
     `s_x` (4, 4 + n_free) comes in as d x/d(x_start, p_free) and leaves as the same after the
     step; with ``[I, 0]`` it returns the transition matrix and the parameter sensitivity.
     """
-    scale, value = np.ones(s_x.shape[1] - N_STATES), np.ones(N_PLACES)
-    lead, columns = 1 + N_STATES, 1 + s_x.shape[1]
-    table, both, partials = sort_slopes(
-        active,
-        p,
-        column,
-        scale,
-        lead,
-        np.full(N_INPUTS, input_columns.shape[0] > 0),
-        terms,
-        weights,
-    )
-    sorted_mass, mass_both = sort_masses(active, column, scale, lead, mass, mass_weights)
-    work = np.zeros((4, N_STATES, columns))
+    scale, columns = np.ones(s_x.shape[1] - N_STATES), 1 + s_x.shape[1]
+    moving = np.full(N_INPUTS, input_columns.shape[0] > 0)
+    table, sorted_weights, partials = sort_slopes(active, p, column, scale, moving, terms, weights)
+    sorted_mass, sorted_mass_weights = sort_masses(active, column, scale, mass, mass_weights)
+    work, rate = np.zeros((3, N_STATES, columns)), np.zeros((N_STATES, N_POINTS))
     z = work[0]
     for i in range(N_STATES):
         z[i, 0] = x[i]
         if active[i]:
-            z[i, 1:] = s_x[i]
+            for c in range(s_x.shape[1]):
+                z[i, 1 + c] = s_x[i, c]
     step_linear(
-        z, inputs, given0, given1, dt, active, used_variables(active, terms), table, both,
-        partials, sorted_mass, mass_both, _coefficients(p, table, both), inverse.reshape((9, 1)),
-        input_slopes, input_columns + lead, value, np.zeros((N_VELOCITIES, columns + 1)),
-        np.zeros((N_VELOCITIES, N_SLOPES)), work[1], work[2], work[3],
+        z, inputs, given0, given1, dt, active, used_variables(active, terms), table,
+        sorted_weights, partials, sorted_mass, sorted_mass_weights,
+        _coefficients(p, table, sorted_weights), inverse.reshape((9, 1)), input_slopes,
+        input_columns + LEAD, np.ones(N_PLACES), np.zeros((N_VELOCITIES, 1)),
+        np.zeros((N_VELOCITIES, N_SLOPES)), work[1], rate, work[2],
     )  # fmt: skip
     for i in range(N_STATES):
         out[i] = z[i, 0]
         if active[i]:
-            s_x[i] = z[i, 1:]
+            for c in range(s_x.shape[1]):
+                s_x[i, c] = z[i, 1 + c]
 
 
 @kernel
@@ -219,16 +185,14 @@ def simulate_states(x0, inputs, given, dt, p, active, terms, weights, mass, mass
     states, work = np.full((n, N_STATES), np.nan), np.empty((4, N_STATES, 1))
     x, stage, rate, total = work[0], work[1], work[2], work[3]
     table, sorted_weights = sort_terms(active, moves, _still(), terms, weights)
-    used, powers, scalars = (
-        used_variables(active, terms),
-        needed_powers(active, _still(), terms),
-        _scalars(p),
-    )
+    used, scalars = used_variables(active, terms), _scalars(p)
+    powers = needed_powers(active, _still(), terms)
     rows, force, fixed = np.empty((P_ROWS, 1)), np.empty((N_VELOCITIES, 1)), np.empty(N_STATES)
     m, inverse = np.empty((10, 1)), np.empty((9, 1))
     if not invert_masses(1, active, mass, mass_weights, moves, scalars, rows, m, inverse) > 0.0:
         return states
-    states[0], x[:, 0] = x0, x0
+    for i in range(N_STATES):
+        states[0, i], x[i, 0] = x0[i], x0[i]
     for k in range(n - 1):
         step_points(
             1, inputs[k], given[k], given[k + 1], dt, active, used, table, sorted_weights, powers,
@@ -239,7 +203,8 @@ def simulate_states(x0, inputs, given, dt, p, active, terms, weights, mass, mass
                 x[i, 0] = given[k + 1, i]
         if _ran_away(x):
             break
-        states[k + 1] = x[:, 0]
+        for i in range(N_STATES):
+            states[k + 1, i] = x[i, 0]
     return states
 
 
@@ -283,30 +248,31 @@ def simulate_with_sensitivities(
     bool
         False when the simulation ran away or the mass matrix is not positive definite.
     """
-    n, lead, columns = inputs.shape[0], 1 + N_STATES, z.shape[2]
+    n, columns = inputs.shape[0], z.shape[2]
     moving = np.full(N_INPUTS, input_columns.shape[0] > 0)
-    table, both, partials = sort_slopes(active, p, column, scale, lead, moving, terms, weights)
-    sorted_mass, mass_both = sort_masses(active, column, scale, lead, mass, mass_weights)
-    used, value, coefficient = used_variables(active, terms), np.ones(N_PLACES), both[:, 0].copy()
+    table, sorted_weights, partials = sort_slopes(active, p, column, scale, moving, terms, weights)
+    sorted_mass, sorted_mass_weights = sort_masses(active, column, scale, mass, mass_weights)
+    used, coefficient = used_variables(active, terms), np.empty(table.shape[0])
     m, inverse = np.empty((10, 1)), np.empty((9, 1))
     if not place_parameters(
-        p, active, table, both, sorted_mass, mass_both, coefficient, m, inverse
+        p, active, table, sorted_weights, sorted_mass, sorted_mass_weights, coefficient, m, inverse
     ) > 0.0:  # fmt: skip
         return False
-    f, f_x = np.zeros((N_VELOCITIES, 1 + columns)), np.zeros((N_VELOCITIES, N_SLOPES))
-    work = np.zeros((4, N_STATES, columns))
-    now, stage, rate, total = work[0], work[1], work[2], work[3]
-    places = input_columns + lead
+    value, f = np.ones(N_PLACES), np.zeros((N_VELOCITIES, 1))
+    f_x = np.zeros((N_VELOCITIES, N_SLOPES))
+    work, rate = np.zeros((3, N_STATES, columns)), np.zeros((N_STATES, N_POINTS))
+    now, stage, total = work[0], work[1], work[2]
+    places = input_columns + LEAD
     for i in range(N_STATES):
         now[i, 0] = x0[i]
         if active[i]:
             now[i, 1 + i] = 1.0
-    z[0] = now
+    _keep(now, 0, z)
     for k in range(n - 1):
         step_linear(
-            now, inputs[k], given[k], given[k + 1], dt, active, used, table, both, partials,
-            sorted_mass, mass_both, coefficient, inverse, input_slopes[k], places, value, f, f_x,
-            stage, rate, total,
+            now, inputs[k], given[k], given[k + 1], dt, active, used, table, sorted_weights,
+            partials, sorted_mass, sorted_mass_weights, coefficient, inverse, input_slopes[k],
+            places, value, f, f_x, stage, rate, total,
         )  # fmt: skip
         if _ran_away(now):
             return False
@@ -315,5 +281,13 @@ def simulate_with_sensitivities(
                 now[i, 0] += gain[i] * (given[k + 1, i] - now[i, 0])
                 for c in range(1, columns):
                     now[i, c] *= 1.0 - gain[i]
-        z[k + 1] = now
+        _keep(now, k + 1, z)
     return True
+
+
+@borrowing
+def _keep(now, k, z):
+    """Copy the state and its derivatives to row k of z."""
+    for i in range(now.shape[0]):
+        for c in range(now.shape[1]):
+            z[k, i, c] = now[i, c]

@@ -1,153 +1,65 @@
-"""The right-hand side of one state with its derivatives, and the derivative of a whole step.
+"""One step of one state with its derivative.
 
 Everything is linear in the parameters and a product of powers in the states, hence every
-derivative is exact and comes from the same term table as the rates (`batch`, where the habits of
-these kernels are explained).
+derivative is exact and comes from the same terms as the rates (`batch`, where the habits of these
+kernels are explained), sorted by `term_tables.sort_slopes`.
 
-A step of RK4 is x + dt/6 (k_0 + 2 k_1 + 2 k_2 + k_3), each rate k_s taken at a point that k_(s-1)
-led to. First the four points are passed in order; powers, slopes and rates of each are kept. Then
-every state goes back through them (`_weigh`) and finds the weight of each force at each point in
-its own end value. A parameter changes a force at a point by its term's product, so the derivative
-by it is a sum over the four points (`_add_parameters`): no column is carried from one to the next.
+With k = M^-1 F(x, p) the rate of a state (and d angle/dt = b), a step of RK4 is::
+
+    x_0 = x,    x_1 = x + dt/2 k_0,    x_2 = x + dt/2 k_1,    x_3 = x + dt k_2
+    x(end) = x + dt/6 (k_0 + 2 k_1 + 2 k_2 + k_3)
+
+First the four points x_0 .. x_3 are passed in order; powers, slopes dF/dx and rates of each are
+kept. Then the chain rule goes through them backwards, once for each state at the end, and leaves
+the weight of every force at every point in that state (`_weigh_forces`). With these the derivative
+by a parameter is a sum over the four points (`_add_parameters`)::
+
+    dx_i(end)/dp = sum over s of  dx_i(end)/dF_s (dF_s/dp - dM/dp k_s)
+
+Forwards, every column of dx/dp would have to be carried from point to point.
 """
 
 import math
-from collections.abc import Callable
-from typing import Any
 
-import numpy as np
-
-from auvident.jit import kernel
-from auvident.physics.batch import (
+from auvident.jit import borrowing
+from auvident.physics.batch import invert_rows, place_powers
+from auvident.physics.term_tables import (
+    LEAD,
     N_INPUTS,
+    N_PARTIALS,
     N_POSITIONS,
     N_POWERS,
     N_STATES,
     N_VARIABLES,
     N_VELOCITIES,
-    ONE,
-    invert_rows,
-    place_powers,
-    varies,
+    SLOPES,
 )
 
 N_POINTS = 4  # of RK4
-SLOPES = ONE + 1  # place of the first derivative of a power, after the powers and the 1
-POINT_PLACES = SLOPES + N_VARIABLES * N_POWERS
+SHARE = (1.0, 2.0, 2.0, 1.0)  # of the rate of each point in the step, in sixths of it
+ADVANCE = (0.5, 0.5, 1.0, 0.0)  # with the rate of each point to the point after it, in steps
+POINT_PLACES = SLOPES + N_VARIABLES * N_POWERS  # values of a point: powers, 1, their derivatives
 N_PLACES = N_POINTS * POINT_PLACES
-# at each point a force has a slope by each state and each input, and a weight in each state
-WEIGHTS = N_STATES + N_INPUTS
+WEIGHTS = N_PARTIALS  # of a force at a point: after its slopes its weight in each state at the end
 POINT_SLOPES = WEIGHTS + N_STATES
 N_SLOPES = N_POINTS * POINT_SLOPES
-LEAD = 1 + N_STATES  # the derivative of a step: state reached, by the four before, by parameters
-
-
-def borrowing(function: Callable[..., Any]) -> Any:
-    """Kernel that only works in arrays of its caller: not counted, see `estimation.kalman`."""
-    compiled: Any = kernel(function)
-    compiled.targetoptions.update(_nrt=False, forceinline=True)
-    return compiled
-
-
-@kernel
-def _in_order(rows, key):
-    """Row numbers sorted by their key, in place; equal ones keep their order."""
-    for k in range(1, rows.shape[0]):
-        row, at = rows[k], k
-        while at > 0 and key[rows[at - 1]] > key[row]:
-            rows[at] = rows[at - 1]
-            at -= 1
-        rows[at] = row
-    return rows
-
-
-@kernel
-def sort_slopes(active, p, column, scale, lead, moving, terms, weights):
-    """Sort the terms of the active equations with their derivatives.
-
-    Parameters
-    ----------
-    active : (4,) bool array
-    p : (n_parameters,) array
-        Terms of parameters that are zero and not free are left out.
-    column, scale : (n_parameters,) int array, (n_free,) array
-        Column of each parameter, or -1 when it is not free; unit of each column.
-    lead : int
-        Columns before those of the parameters (`LEAD`).
-    moving : (9,) bool array
-        Inputs that depend on free parameters.
-    terms, weights : arrays of `terms.Structure`
-
-    Returns
-    -------
-    sorted_terms : (m, 7) uint array
-        Equation, parameter, column (one too many when the parameter is not free), places of
-        the three factors, whether the equation is that of the row before.
-    weights : (m, 2) array
-        Weight, weight in units of the column (zero when it is not free).
-    partials : (d, 7) uint array
-        Term, equation, state (from 4 on: input), places of the slope and of the other two
-        factors, whether equation and state are those of the row before.
-    """
-    at_work = (p[terms[:, 1]] != 0.0) | (column[terms[:, 1]] >= 0)
-    chosen = _in_order(np.flatnonzero(active[terms[:, 0]] & at_work), terms[:, 0])
-    spare, m, d = lead + scale.shape[0], chosen.shape[0], 0
-    table, both = np.full((m, 7), ONE, np.uintp), np.zeros((m, 2))
-    partials, place = np.full((3 * m, 7), ONE, np.uintp), np.zeros(3 * m, np.int64)
-    for k in range(m):
-        term, c = terms[chosen[k]], column[terms[chosen[k], 1]]
-        both[k, 0] = weights[chosen[k]]
-        table[k, 0], table[k, 1], table[k, 2] = term[0], term[1], spare
-        table[k, 6] = k > 0 and terms[chosen[k - 1], 0] == term[0]
-        if c >= 0:
-            table[k, 2], both[k, 1] = lead + c, weights[chosen[k]] * scale[c]
-        for f in range(3):
-            if term[3 + 2 * f] >= 0:
-                table[k, 3 + f] = term[2 + 2 * f] * N_POWERS + term[3 + 2 * f]
-        for f in range(3):
-            variable, power = term[2 + 2 * f], term[3 + 2 * f]
-            if power >= 0 and varies(variable, active, moving):
-                partials[d, 0], partials[d, 1] = k, term[0]
-                partials[d, 2] = min(variable, N_STATES - 1)
-                if variable >= N_POSITIONS:
-                    partials[d, 2] = N_STATES + variable - N_POSITIONS
-                partials[d, 3] = SLOPES + variable * N_POWERS + power
-                partials[d, 4] = table[k, 3 + (f + 1) % 3]
-                partials[d, 5] = table[k, 3 + (f + 2) % 3]
-                place[d] = N_SLOPES * term[0] + partials[d, 2]
-                d += 1
-    order = _in_order(np.arange(d), place)
-    partials = partials[order]
-    for k in range(d):
-        partials[k, 6] = k > 0 and place[order[k - 1]] == place[order[k]]
-    return table, both, partials
-
-
-@kernel
-def sort_masses(active, column, scale, lead, mass, mass_weights):
-    """Entries of the mass matrix among active states with their derivatives.
-
-    Returns
-    -------
-    sorted_mass : (q, 5) uint array
-        Row, column and place (row by row) in the matrix, parameter, column of its sensitivity.
-    weights : (q, 2) array, as in `sort_slopes`
-    """
-    chosen = np.flatnonzero(active[mass[:, 0]] & active[mass[:, 1]])
-    table, both = np.zeros((chosen.shape[0], 5), np.uintp), np.zeros((chosen.shape[0], 2))
-    for k in range(chosen.shape[0]):
-        i, j, parameter = mass[chosen[k]]
-        table[k, 0], table[k, 1], table[k, 2], table[k, 3] = i, j, 3 * i + j, parameter
-        table[k, 4], both[k, 0] = lead + scale.shape[0], mass_weights[chosen[k]]
-        if column[parameter] >= 0:
-            table[k, 4] = lead + column[parameter]
-            both[k, 1] = both[k, 0] * scale[column[parameter]]
-    return table, both
 
 
 @borrowing
 def place_parameters(p, active, table, weights, mass, mass_weights, coefficient, m, inverse):
-    """Coefficient of every term and the inverse mass matrix; returns the determinant."""
+    """Coefficient of every term and the inverse mass matrix.
+
+    Parameters
+    ----------
+    p : (n_parameters,) array
+    active : (4,) bool array
+    table, weights : arrays from `sort_slopes`
+    mass, mass_weights : arrays from `sort_masses`
+    coefficient : (m,) array, filled
+        Weight times parameter of every term.
+    m, inverse : (10, >= 1) and (9, >= 1) arrays, filled
+        As in `batch.invert_rows`, of which this returns the determinant.
+    """
     for k in range(weights.shape[0]):
         coefficient[k] = weights[k, 0] * p[table[k, 1]]
     for i in range(9):
@@ -159,7 +71,7 @@ def place_parameters(p, active, table, weights, mass, mass_weights, coefficient,
 
 @borrowing
 def _place_slopes(variable, y, inner, value):
-    """Derivative of every power of the value y of a variable, times that of the variable."""
+    """Derivative of every power (`place_powers`) of y, times `inner`, the derivative of y."""
     at, absolute = SLOPES + variable * N_POWERS, abs(y)
     value[at] = inner
     value[at + 1] = inner if y > 0.0 else (-inner if y < 0.0 else 0.0)
@@ -210,10 +122,10 @@ def _add_forces(table, partials, coefficient, value, f, slopes):
 
 
 @borrowing
-def _pass_point(
+def _evaluate_point(
     point, active, used, table, partials, coefficient, inverse, value, stage, f, f_x, rate
 ):  # fmt: skip
-    """Rates of the state stage[:, 0], and the slopes of its forces."""
+    """Rates of the state stage[:, 0] in rate[:, point], and the slopes of its forces."""
     here, slopes = value[point * POINT_PLACES :], f_x[:, point * POINT_SLOPES :]
     _place_states(stage, active, used, here)
     _add_forces(table, partials, coefficient, here, f, slopes)
@@ -225,16 +137,22 @@ def _pass_point(
 
 
 @borrowing
-def _weigh(i, active, dt, inverse, f_x, total):
-    """Weight of every force in state i at the end of a step, and d x_i(end)/d x(start).
+def _weigh_forces(i, active, dt, inverse, f_x, total):
+    """Weight of every force in state i at the end of a step, and d x_i(end)/d x.
 
-    From the last point to the first: w is d x_i(end)/d rate at the point, (x, y, n) = w M^-1 the
-    weights of its forces, by = (x, y, n) df/d state what comes by its state. d angle/dt = b.
+    The chain rule from the last point s = 3 to the first, all of them rows::
+
+        w_s = dx_i(end)/dk_s = dt SHARE_s/6 e_i + dt ADVANCE_s by_(s+1),    by_4 = 0
+        (x, y, n)_s = dx_i(end)/dF_s = w_s M^-1
+        by_s = dx_i(end)/dx_s = (x, y, n)_s dF/dx(x_s),  by b also w_s of the angle
+        dx_i(end)/dx = e_i + by_0 + by_1 + by_2 + by_3
+
+    The weights x, y, n go behind the slopes of their point in f_x; the derivative is added to
+    total[i, 1:5], where e_i stands.
     """
     by_u = by_a = by_b = by_angle = 0.0
     for point in range(N_POINTS - 1, -1, -1):
-        share = (1.0, 2.0, 2.0, 1.0)[point] * (dt / 6.0)  # of its rate in the step
-        advance = (0.5, 0.5, 1.0, 0.0)[point] * dt  # of its rate in the point after it
+        share, advance = SHARE[point] * (dt / 6.0), ADVANCE[point] * dt
         w_u = advance * by_u + (share if i == 0 else 0.0)
         w_a = advance * by_a + (share if i == 1 else 0.0)
         w_b = advance * by_b + (share if i == 2 else 0.0)
@@ -256,7 +174,7 @@ def _weigh(i, active, dt, inverse, f_x, total):
 
 @borrowing
 def _add_column(e, column, active, g0, g1, g2, g3, f_x, total):
-    """Add what comes of a slope g of force e at the four points to one column."""
+    """Add to one column what comes of slopes g0 .. g3 of force e at the four points."""
     for i in range(N_STATES):
         if active[i]:
             at = WEIGHTS + i
@@ -268,7 +186,10 @@ def _add_column(e, column, active, g0, g1, g2, g3, f_x, total):
 
 @borrowing
 def _add_parameters(active, table, weights, mass, mass_weights, value, rate, f_x, total):
-    """Derivatives by the parameters of the terms, and of the mass matrix: -d(M rate)/dp."""
+    """Derivatives by the parameters of the terms, and of the mass matrix.
+
+    A free mass acts like the force -dM/dp k: from M k = F follows M dk/dp = dF/dp - dM/dp k.
+    """
     v0, v1 = value[:POINT_PLACES], value[POINT_PLACES:]
     v2, v3 = value[2 * POINT_PLACES :], value[3 * POINT_PLACES :]
     for k in range(weights.shape[0]):
@@ -298,29 +219,6 @@ def _add_inputs(active, used, input_slopes, input_columns, f_x, total):
 
 
 @borrowing
-def linearise(
-    stage, active, used, table, weights, partials, mass, mass_weights, coefficient, inverse,
-    input_slopes, input_columns, value, f, f_x, rate,
-):  # fmt: skip
-    """Rates of the state stage[:, 0] in rate[:, 0], and their derivatives.
-
-    rate (4, 5 + n_free) has the columns of `total` in `linear_step` and comes in as zeros, as do
-    f and f_x; the powers of the inputs stand in `value` already. The forces act at one point.
-    """
-    _pass_point(0, active, used, table, partials, coefficient, inverse, value, stage, f, f_x, rate)
-    for i in range(N_STATES):
-        if active[i] and i < N_VELOCITIES:
-            for e in range(N_VELOCITIES):
-                f_x[e, WEIGHTS + i] = inverse[3 * i + e, 0]
-                for l in range(N_STATES):  # noqa: E741
-                    rate[i, 1 + l] += inverse[3 * i + e, 0] * f_x[e, l]
-        elif active[i] and active[2]:
-            rate[i, 3] = 1.0
-    _add_parameters(active, table, weights, mass, mass_weights, value, rate, f_x, rate)
-    _add_inputs(active, used, input_slopes, input_columns, f_x, rate)
-
-
-@borrowing
 def linear_step(
     x, inputs, given0, given1, dt, active, used, table, weights, partials, mass, mass_weights,
     coefficient, inverse, input_slopes, input_columns, value, f, f_x, stage, rate, total,
@@ -333,7 +231,8 @@ def linear_step(
     input_slopes : (9, k) array
         Derivatives of the inputs by the parameters in the columns `input_columns` (k,).
     value, f, f_x, stage, rate : work arrays
-        (N_PLACES,) of ones; (3, >= 1), (3, N_SLOPES), (4, >= 1) and (4, >= 4), made zero once.
+        (N_PLACES,) of ones; (3, 1), (3, N_SLOPES), (4, >= 1) and (4, 4), made zero once: places
+        of what is not active or not used are never written.
     total : (4, 5 + n_free) array, filled
         Rows of active states: state reached, its derivatives by x and by the free parameters.
         Of inactive states only the value is set, to the one at the end of the step.
@@ -342,10 +241,10 @@ def linear_step(
     for i in range(N_STATES):
         stage[i, 0] = x[i, 0] if active[i] else given0[i]
     for point in range(N_POINTS):
-        _pass_point(
+        _evaluate_point(
             point, active, used, table, partials, coefficient, inverse, value, stage, f, f_x, rate
         )
-        fraction, advance = (0.5, 0.5, 1.0, 0.0)[point], (0.5, 0.5, 1.0, 0.0)[point] * dt
+        fraction, advance = ADVANCE[point], ADVANCE[point] * dt
         for i in range(N_STATES):
             if active[i]:
                 stage[i, 0] = x[i, 0] + advance * rate[i, point]
@@ -359,14 +258,14 @@ def linear_step(
             for c in range(1, total.shape[1]):
                 total[i, c] = 0.0
             total[i, 1 + i] = 1.0
-            _weigh(i, active, dt, inverse, f_x, total)
+            _weigh_forces(i, active, dt, inverse, f_x, total)
     _add_parameters(active, table, weights, mass, mass_weights, value, rate, f_x, total)
     _add_inputs(active, used, input_slopes, input_columns, f_x, total)
 
 
 @borrowing
 def _chain(active, total, z, moved):
-    """Derivatives z after a step from those of the step and those before it."""
+    """Derivatives z after a step: dx(end)/dx z, and dx(end)/dp on top of the last columns."""
     for i in range(N_STATES):
         if active[i]:
             u, a, b, angle = total[i, 1], total[i, 2], total[i, 3], total[i, 4]
@@ -385,10 +284,11 @@ def step_linear(
     z, inputs, given0, given1, dt, active, used, table, weights, partials, mass, mass_weights,
     coefficient, inverse, input_slopes, input_columns, value, f, f_x, stage, rate, total,
 ):  # fmt: skip
-    """One RK4 step of a state and its sensitivities z (4, 1 + C), C >= 4, in place.
+    """One RK4 step of a state and its sensitivities z (4, 5 + n_free), in place.
 
-    The last n_free columns are those by the free parameters. Work arrays as in `linear_step`,
-    `stage` and `total` of the shape of z. Sensitivities of inactive states are zero throughout.
+    z is the state, its derivatives by any four numbers (the start, say) and by the free parameters.
+    Work arrays as in `linear_step`, `stage` of the shape of z. Sensitivities of inactive states
+    are zero throughout.
     """
     linear_step(
         z, inputs, given0, given1, dt, active, used, table, weights, partials, mass, mass_weights,

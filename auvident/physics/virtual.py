@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.physics.batch import N_INPUTS
 from auvident.physics.dynamics import N_STATES, N_VELOCITIES, inverse_mass, step
+from auvident.physics.term_tables import N_INPUTS
 from auvident.physics.terms import Structure
 
 Array = npt.NDArray[Any]

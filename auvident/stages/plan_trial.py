@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from auvident.engines.records import STATE_COLUMNS, sensor_matrix
 from auvident.errors import NumericsError, StageError
-from auvident.physics.batch import N_INPUTS
 from auvident.physics.dynamics import N_STATES, simulate_with_sensitivities
+from auvident.physics.term_tables import N_INPUTS
 from auvident.physics.terms import Structure, parameter_vector, structure_of, symbol_in
 from auvident.physics.virtual import (
     ACTIVE,

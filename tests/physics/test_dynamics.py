@@ -11,7 +11,6 @@ from scipy.integrate import solve_ivp
 from auvident.physics.dynamics import (
     SPEED_LIMIT,
     derivative,
-    derivative_and_jacobians,
     inverse_mass,
     simulate_states,
     simulate_with_sensitivities,
@@ -87,67 +86,6 @@ def test_derivative_is_the_written_equation(plane, system, seed) -> None:
     np.testing.assert_allclose(
         found, rate(plane, x, inputs, values, active), rtol=1e-11, atol=1e-12
     )
-
-
-@pytest.mark.parametrize(("plane", "system"), EVERY_SYSTEM)
-@pytest.mark.parametrize("seed", range(3))
-def test_jacobians_are_those_of_the_written_equation(plane, system, seed) -> None:
-    values, x, inputs = case(plane, seed)
-    structure, active = structure_of(plane), SYSTEMS[system]
-    p = vector(plane, values)
-    names = structure.parameters
-    found, j_x, j_p = np.empty(4), np.empty((4, 4)), np.empty((4, len(p)))
-    derivative_and_jacobians(
-        x, inputs, p, inverse_of(plane, p, active), active, structure.terms, structure.weights,
-        structure.mass, structure.mass_weights, np.arange(len(p)), found, j_x, j_p,
-    )  # fmt: skip
-    np.testing.assert_allclose(found, rate(plane, x, inputs, values, active), atol=1e-10)
-    of_state = complex_step(lambda z: rate(plane, z, inputs, values, active), x)
-    of_state[:, ~active] = 0.0  # given states are not estimated
-    np.testing.assert_allclose(j_x, of_state, rtol=1e-10, atol=1e-11)
-    # added masses, mass, moments of mass and inertia are among the parameters
-    of_parameters = complex_step(
-        lambda q: rate(plane, x, inputs, dict(zip(names, q, strict=True)), active), p
-    )
-    np.testing.assert_allclose(j_p, of_parameters, rtol=1e-10, atol=1e-11)
-
-
-@pytest.mark.parametrize("plane", PLANES)
-def test_parameters_that_are_not_free_get_no_column(plane) -> None:
-    values, x, inputs = case(plane, 3)
-    structure, active, p = structure_of(plane), SYSTEMS["all"], vector(plane, values)
-    inverse = inverse_of(plane, p, active)
-    arrays = (structure.terms, structure.weights, structure.mass, structure.mass_weights)
-    out, j_x = np.empty(4), np.empty((4, 4))
-    every, some = np.empty((4, len(p))), np.empty((4, 2))
-    derivative_and_jacobians(
-        x, inputs, p, inverse, active, *arrays, np.arange(len(p)), out, j_x, every
-    )
-    chosen = [structure.index("X_udot"), structure.index("T_nu")]
-    column = np.full(len(p), -1)
-    column[chosen] = [1, 0]  # also in another order
-    derivative_and_jacobians(x, inputs, p, inverse, active, *arrays, column, out, j_x, some)
-    np.testing.assert_array_equal(some[:, [1, 0]], every[:, chosen])
-
-
-def test_two_parameters_may_share_a_column() -> None:
-    """N_vdot moves with Y_rdot: the derivative of both together."""
-    values, x, inputs = case("horizontal", 4)
-    structure, active, p = structure_of("horizontal"), SYSTEMS["all"], vector("horizontal", values)
-    column = np.full(len(p), -1)
-    column[[structure.index("Y_rdot"), structure.index("N_vdot")]] = 0
-    out, j_x, j_p = np.empty(4), np.empty((4, 4)), np.empty((4, 1))
-    derivative_and_jacobians(
-        x, inputs, p, inverse_of("horizontal", p, active), active, structure.terms,
-        structure.weights, structure.mass, structure.mass_weights, column, out, j_x, j_p,
-    )  # fmt: skip
-
-    def moved(shift: np.ndarray) -> np.ndarray:
-        c = values | {k: values[k] + shift[0] for k in ("Y_rdot", "N_vdot")}
-        return rate("horizontal", x, inputs, c, active)
-
-    expected = complex_step(moved, np.zeros(1))
-    np.testing.assert_allclose(j_p, expected, rtol=1e-10, atol=1e-12)
 
 
 # --- mass matrix ---------------------------------------------------------------------------
@@ -317,6 +255,86 @@ def sensitivities(plane, values, x0, inputs, dt, free, system, course):
         states.append(x)
         slopes.append(s_x.copy())
     return np.array(states), np.array(slopes)
+
+
+def slopes_of_a_step(plane, system, values, x, inputs, given_end, dt, column, n_free):
+    """State after one step, its derivatives by the start (4, 4) and by the columns (4, n_free)."""
+    structure, active, p = structure_of(plane), SYSTEMS[system], vector(plane, values)
+    s_x, out = np.eye(4, 4 + n_free), np.empty(4)
+    step_with_sensitivities(
+        x, inputs, x, given_end, dt, p, inverse_of(plane, p, active), active, *structure.arrays,
+        column, *NO_SLOPES, s_x, out,
+    )  # fmt: skip
+    return out, s_x[:, :4], s_x[:, 4:]
+
+
+def written_step(plane, system, values, x, inputs, given_end, dt, x0=None):
+    """RK4 with the written equations; states that are not active are linear from x0 on."""
+    active, x0 = SYSTEMS[system], x if x0 is None else x0
+
+    def at(fraction, y):
+        return np.where(active, y, x0 + fraction * (given_end - x0))
+
+    def slope(y):
+        return rate(plane, y, inputs, values, active)
+
+    k0 = slope(at(0.0, x))
+    k1 = slope(at(0.5, x + dt / 2 * k0))
+    k2 = slope(at(0.5, x + dt / 2 * k1))
+    k3 = slope(at(1.0, x + dt * k2))
+    return at(1.0, x + dt / 6 * (k0 + 2 * k1 + 2 * k2 + k3))
+
+
+@pytest.mark.parametrize(("plane", "system"), EVERY_SYSTEM)
+@pytest.mark.parametrize("seed", range(3))
+def test_slopes_of_a_step_are_those_of_the_written_equation(plane, system, seed) -> None:
+    values, x, inputs = case(plane, seed)
+    p, names, active = vector(plane, values), structure_of(plane).parameters, SYSTEMS[system]
+    arguments = inputs, np.add(x, [0.1, -0.1, 0.1, 0.2]), 0.05
+    out, by_x, by_p = slopes_of_a_step(
+        plane, system, values, x, *arguments, np.arange(len(p)), len(p)
+    )
+    # two or three dozen products one after the other: rounding times some hundred
+    exact = {"rtol": 1e-10, "atol": 1e-11}
+    np.testing.assert_allclose(out, written_step(plane, system, values, x, *arguments), **exact)
+    of_state = complex_step(lambda z: written_step(plane, system, values, z, *arguments, x0=x), x)
+    of_state[:, ~active] = 0.0  # given states are not estimated
+    np.testing.assert_allclose(by_x[active], of_state[active], **exact)
+    # added masses, mass, moments of mass and inertia are among the parameters
+    of_parameters = complex_step(
+        lambda q: written_step(
+            plane, system, dict(zip(names, q, strict=True)), x, *arguments
+        ), p,
+    )  # fmt: skip
+    np.testing.assert_allclose(by_p[active], of_parameters[active], **exact)
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_parameters_that_are_not_free_get_no_column(plane) -> None:
+    values, x, inputs = case(plane, 3)
+    structure, n = structure_of(plane), len(structure_of(plane).parameters)
+    arguments = plane, "all", values, x, inputs, x, 0.05
+    every = slopes_of_a_step(*arguments, np.arange(n), n)[2]
+    chosen = [structure.index("X_udot"), structure.index("T_nu")]
+    column = np.full(n, -1)
+    column[chosen] = [1, 0]  # also in another order
+    some = slopes_of_a_step(*arguments, column, 2)[2]
+    np.testing.assert_array_equal(some[:, [1, 0]], every[:, chosen])
+
+
+def test_two_parameters_may_share_a_column() -> None:
+    """N_vdot moves with Y_rdot: the derivative of both together."""
+    values, x, inputs = case("horizontal", 4)
+    structure = structure_of("horizontal")
+    column = np.full(len(structure.parameters), -1)
+    column[[structure.index("Y_rdot"), structure.index("N_vdot")]] = 0
+    found = slopes_of_a_step("horizontal", "all", values, x, inputs, x, 0.05, column, 1)[2]
+
+    def moved(shift: np.ndarray) -> np.ndarray:
+        c = values | {k: values[k] + shift[0] for k in ("Y_rdot", "N_vdot")}
+        return written_step("horizontal", "all", c, x, inputs, x, 0.05)
+
+    np.testing.assert_allclose(found, complex_step(moved, np.zeros(1)), rtol=1e-10, atol=1e-12)
 
 
 @pytest.mark.parametrize(("plane", "system"), EVERY_SYSTEM)

@@ -21,7 +21,6 @@ from auvident.estimation.kalman import update_scalar
 from auvident.estimation.output_error import correlation_time
 from auvident.estimation.smoother import smooth
 from auvident.physics.actuation import FORCE
-from auvident.physics.batch import N_INPUTS
 from auvident.physics.dynamics import (
     N_STATES,
     SPEED_LIMIT,
@@ -29,6 +28,7 @@ from auvident.physics.dynamics import (
     step_with_sensitivities,
 )
 from auvident.physics.sensing import sensor_matrix
+from auvident.physics.term_tables import N_INPUTS
 from auvident.physics.terms import FREE_FORCES
 from auvident.stages.diagnose.case import ACTIVE, Case
 from auvident.stages.diagnose.fits import N_CHANNELS, Fitted, start_spread
