@@ -81,13 +81,15 @@ def judge(
 def combinations(model, truth: dict[str, float]):
     """Errors along what the data told best, over the posterior's claim about it.
 
-    Eigenvectors of the posterior in units of the prior, with a share of the data above `SEEN`.
+    Eigenvectors of the posterior in units of the prior, with a share of the data above `SEEN`;
+    what the plan allows beside coefficients is left free.
     """
     rows = {c.symbol: c for c in model.coefficients}
-    symbols = model.covariance["symbols"]
+    kept = [i for i, s in enumerate(model.covariance["symbols"]) if s in rows]
+    symbols = [model.covariance["symbols"][i] for i in kept]
     prior = np.array([rows[s].prior_std for s in symbols])
     error = np.array([rows[s].value - truth[s] for s in symbols]) / prior
-    claimed = np.array(model.covariance["matrix"]) / np.outer(prior, prior)
+    claimed = np.array(model.covariance["matrix"])[np.ix_(kept, kept)] / np.outer(prior, prior)
     shrink = np.array([(rows[s].std_filter or rows[s].std) / rows[s].std for s in symbols])
     for widened, matrix in ((True, claimed), (False, claimed * np.outer(shrink, shrink))):
         values, vectors = np.linalg.eigh(matrix)

@@ -4,7 +4,7 @@ A search that adds one effect at a time may take for one what are two. A drift a
 both in proportion to the speed, are what an asymmetric hull does, and a rudder offset together
 with a misaligned DVL does the same: neither of these two gains as much alone. Turns, and a
 position log, tell them apart. On development seeds (1004 to 1943) the right one of the two
-explanations was the better by 22 to 440 nats in 21 of 22 trials with asymmetries and such pairs;
+explanations was the better by 22 to 680 nats in 21 of 22 trials with asymmetries and such pairs;
 in the other the pair had no misalignment of practical size.
 """
 

@@ -25,7 +25,7 @@ from auvident.stages.diagnose.candidates import HIGHER_ORDER, Round, Traced, Tri
 from auvident.stages.diagnose.case import CHANNELS, Case
 from auvident.stages.diagnose.fits import Fitted, check_cost, prior_of, record_parts
 from auvident.stages.diagnose.free_forces import FreeForce
-from auvident.stages.diagnose.leftout import leave_out
+from auvident.stages.diagnose.leftout import MOST_FITS, leave_out
 from auvident.stages.diagnose.sight import detectable, lookalikes, separated_by
 from auvident.stages.diagnose.thrust_time import STEP, step_time
 from auvident.stages.diagnose.unknown_forces import unknown_forces
@@ -143,9 +143,9 @@ def spreads(case: Case, fitted: Fitted) -> Array:
     for i, name in enumerate(case.names):
         if name in TIMED:  # the allowances of every model may lend or take this much
             out[i] = math.hypot(out[i], TIMED_STD_S)
-    count = len(case.records)
-    if count > 2:
+    if len(case.records) > 2:
         scatter = leave_out(case, fitted, fitted.colours).parameters
+        count = len(scatter)
         jackknife = np.sqrt((count - 1) / count * np.sum((scatter - scatter.mean(0)) ** 2, axis=0))
         out = np.maximum(out, np.where(out > 0.0, jackknife, 0.0))
     return out
@@ -153,7 +153,7 @@ def spreads(case: Case, fitted: Fitted) -> Array:
 
 def effect_values(case: Case, effect: str, p: Array, stds: Array) -> tuple[ParameterValue, ...]:
     """Parameters of an effect in the units of the artifacts, with 95 % intervals."""
-    found, freedom = [], max(len(case.records) - 1, 1)
+    found, freedom = [], max(min(len(case.records), MOST_FITS) - 1, 1)
     reach = float(student.ppf(INTERVAL, freedom))
     for i in case.positions(effect):
         declared = parameter_of(case.names[i])

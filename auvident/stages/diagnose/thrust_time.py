@@ -27,7 +27,8 @@ Array = npt.NDArray[Any]
 
 STEP = "thrust_step"
 TIME, OVER = f"{STEP}.time_s", f"{STEP}.over_s"
-APART_S = 120.0  # steps of thrust are looked for this far apart
+APART_S = 120.0  # steps of thrust are looked for this far apart,
+MOST_TIMES = 20  # ... in a long trial further, so that time grows with its length
 REACHES = (0.75, 0.19)  # ... and then about the best one [of that]
 FINE_S = 2.0  # ... and at last this far apart, between the maneuvers before and after
 # [nats] times worse by less than this stay possible: a 95 % interval of one parameter needs 1.92;
@@ -44,9 +45,10 @@ def with_best_time(case: Case, fitted: Fitted) -> Fitted:
     if STEP in fitted.effects:
         return fitted
     starts, ends = zip(*(_span(r) for r in case.records), strict=True)
-    best = _best(case, fitted, np.arange(min(starts), max(ends), APART_S)[1:])
+    apart = max(APART_S, (max(ends) - min(starts)) / MOST_TIMES)
+    best = _best(case, fitted, np.arange(min(starts), max(ends), apart)[1:])
     for reach in REACHES:
-        best = _best(case, fitted, best + reach * APART_S * np.linspace(-1, 1, 5))
+        best = _best(case, fitted, best + reach * apart * np.linspace(-1, 1, 5))
     return replace(fitted, parameters=_at(case, fitted.parameters, best))
 
 
