@@ -76,8 +76,9 @@ def chain_of(paths, vehicle_file: Path, hold_out=()) -> Chain:
 
 @cache
 def sample(name: str) -> Chain:
-    """A sample trial of the vehicle remus100."""
-    return chain_of([SAMPLES / name], SAMPLES / "remus100.toml")
+    """A sample trial with the vehicle file that goes with it."""
+    vehicle = "tern180" if name in ("bay_trial", "sound_trial") else "remus100"
+    return chain_of([SAMPLES / name], SAMPLES / f"{vehicle}.toml")
 
 
 @cache

@@ -12,7 +12,7 @@ from seatrial.sensors import measure_all
 from seatrial.trial import generate, sail, stream
 from seatrial.vehicles import load_vehicle
 
-HORIZONTAL = ["bay_trial", "harbour_trial"]
+HORIZONTAL = ["bay_trial", "harbour_trial", "sound_trial"]
 TRIALS = [*HORIZONTAL, "dive_trial"]
 
 

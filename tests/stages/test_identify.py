@@ -17,12 +17,17 @@ from auvident.stages.identify.setup import prepare, sensing_of
 from tests.engines.chain import identified, plan_named, sample, validated
 
 HARBOUR, DIVE = ("harbour_trial", "horizontal"), ("dive_trial", "vertical")
+SOUND = ("sound_trial", "horizontal")  # the second vehicle
 TRIALS = [HARBOUR, DIVE]
+PREDICTED = [*TRIALS, SOUND]
 FILTERS = ("ekf", "ukf")
 # Bars on the held-out maneuvers, all samples together. The generator has dynamics the model
 # lacks (roll, current, actuators), so a perfect score is not to be had; measured with both
-# filters: u 0.036, v 0.074, r 0.039 and w 0.20, q 0.06.
-BARS = {HARBOUR: {"u": 0.04, "v": 0.15, "r": 0.04}, DIVE: {"w": 0.25, "q": 0.12}}
+# filters: u 0.037, v 0.075, r 0.037; u 0.035, v 0.061, r 0.026; w 0.19, q 0.054.
+BARS = {
+    HARBOUR: {"u": 0.04, "v": 0.15, "r": 0.04}, SOUND: {"u": 0.04, "v": 0.15, "r": 0.04},
+    DIVE: {"w": 0.25, "q": 0.12},
+}  # fmt: skip
 
 
 def held_out(validation) -> dict[str, float]:
@@ -38,7 +43,7 @@ def meets_bars(trial, found: dict[str, float]) -> None:
 
 
 @pytest.mark.parametrize("filter", FILTERS)
-@pytest.mark.parametrize("trial", TRIALS, ids=lambda t: t[0])
+@pytest.mark.parametrize("trial", PREDICTED, ids=lambda t: t[0])
 def test_held_out_maneuvers_are_predicted(trial, filter) -> None:
     meets_bars(trial, held_out(validated(*trial, filter)))
 

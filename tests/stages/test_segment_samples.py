@@ -37,7 +37,7 @@ def wholes(maneuvers, kind: str) -> int:
     return len({m.features.get("whole", m.id) for m in maneuvers if m.kind == kind})
 
 
-@pytest.mark.parametrize("name", ["harbour_trial", "bay_trial"])
+@pytest.mark.parametrize("name", ["harbour_trial", "bay_trial", "sound_trial"])
 def test_sample_trials(name):
     truth = json.loads((TRUTH / f"{name}.json").read_text())
     result = segment([ingested(SAMPLES / name, truth["vehicle"])])

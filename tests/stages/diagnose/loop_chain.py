@@ -12,9 +12,8 @@ from auvident.stages.diagnose.case import Case, case_of
 from auvident.stages.diagnose.fits import Fitted, first_colours, fit_with
 from auvident.stages.diagnose.stage import Diagnosed, diagnose
 from auvident.stages.identify import prepare, without_held_out
-from tests.engines.chain import SAMPLES, Chain, chain_of, plan_named
+from tests.engines.chain import Chain, plan_named, sample
 
-VEHICLES = {"harbour_trial": "remus100.toml", "bay_trial": "tern180.toml"}
 
 
 @dataclass(frozen=True)
@@ -33,7 +32,7 @@ class Loop:
 
 @cache
 def loop(name: str) -> Loop:
-    chain = chain_of([SAMPLES / name], SAMPLES / VEHICLES[name])
+    chain = sample(name)
     setup, _ = prepare(
         chain.trials, chain.maneuvers, chain.ase, chain.vehicle, chain.noise, plane="horizontal",
         plan=plan_named("spiral"), filter="ekf", engine="compiled",

@@ -37,6 +37,11 @@ def test_the_current_in_the_bay_is_found(bay) -> None:
     assert "current" in bay.statement
 
 
+def test_nothing_is_found_with_the_second_vehicle_either() -> None:
+    found = diagnosis("sound_trial")
+    assert (found.verdict, found.effects) == ("none_found", ())
+
+
 def test_nothing_is_found_in_the_harbour(harbour) -> None:
     assert harbour.verdict == "none_found"
     assert not harbour.effects
