@@ -4,14 +4,14 @@ A stage starts at the best coefficients so far, but its prior stays the one of t
 the same data through several stages and cycles does not count them several times.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from auvident.engines import compiled, reference
+from auvident.engines import compiled
 from auvident.engines.prediction import (
     Free,
     at_effects,
@@ -21,7 +21,7 @@ from auvident.engines.prediction import (
     seen_rows,
     simulated,
 )
-from auvident.engines.problem import FilterProblem, Records
+from auvident.engines.problem import FilterProblem, FilterResult, Records
 from auvident.engines.records import Record, stack
 from auvident.engines.setup import Outcome, Setup, active_states, live_followers
 from auvident.errors import NumericsError
@@ -31,7 +31,6 @@ from auvident.schema.coefficients import BY_SYMBOL, expand
 from auvident.schema.plan import PlanStage
 
 Array = npt.NDArray[Any]
-ENGINES = {"compiled": compiled.run, "filterpy": reference.run}
 
 LONGEST_CORRELATION_S = 60.0  # lags beyond this are not looked at: longer than any transient
 ESCAPED = 10.0  # [std of the channel] a prediction that ran away counts as this wrong
@@ -190,7 +189,7 @@ def _filter(
         start_std=START_STD * noise,
         linear=linear if setup.structure.effects else None,
     )
-    passed = ENGINES[setup.engine](problem, setup.filter)
+    passed = _engine(setup.engine)(problem, setup.filter)
     away = (setup.prior[free] - parameters[free]) / scale
     theta = (passed.parameters[free] - parameters[free]) / scale
     # the pass took its start for the mean of the prior; put the mean back where it belongs
@@ -201,6 +200,15 @@ def _filter(
         problem.parameters_at(theta), free, passed.theta_covariance, noise, stacked.ids,
         passed.log_likelihood, passed.samples, passed,
     )  # fmt: skip
+
+
+def _engine(name: str) -> Callable[[FilterProblem, str], FilterResult]:
+    """The run of a filter by its engine; filterpy takes a second to import."""
+    if name == "compiled":
+        return compiled.run
+    from auvident.engines import reference
+
+    return reference.run
 
 
 def _refine(

@@ -39,7 +39,10 @@ HELD = ("gyro_delay.delay_s", "dvl_delay.delay_s")
 
 
 def carried_of(diagnosis: Diagnosis) -> Carried | None:
-    """The effects that an identification has to carry; None when nothing was found."""
+    """The effects that an identification has to carry; None when nothing was found.
+
+    With an event and no effect these are the windows to leave out, and the allowances.
+    """
     modelled = [e.id for e in diagnosis.effects if BY_ID[e.id].enters != "disturbance"]
     windows = tuple(
         (e.maneuver, e.time_s, e.time_s + (e.duration_s or 0.0))
@@ -48,8 +51,6 @@ def carried_of(diagnosis: Diagnosis) -> Carried | None:
     )
     if not modelled and not windows:
         return None
-    if not modelled:
-        return Carried(windows=windows)
     carried = diagnosis.carried
     stds = {n: 0.0 if n in HELD else std for n, std in carried["prior_std"].items()}
     return Carried(

@@ -15,7 +15,6 @@ from auvident.stages.identify import prepare, without_held_out
 from tests.engines.chain import Chain, plan_named, sample
 
 
-
 @dataclass(frozen=True)
 class Loop:
     """What stands before a diagnosis."""
