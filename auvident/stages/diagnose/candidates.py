@@ -136,7 +136,7 @@ def unhelpful(found: Helped | None) -> str:
     """Why an effect does not help the maneuvers left out; empty when it does."""
     if found is None:
         return ""
-    if found.share < LEAST_SHARE:
+    if max(found.share, found.deciding) < LEAST_SHARE:
         return f"helps only {100 * found.share:.0f} % of the maneuvers left out"
     if found.low <= 0.0 and found.share < SURE_SHARE:
         return "helps the maneuvers left out no more than chance would"

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from auvident.stages.diagnose.candidates import unhelpful
 from auvident.stages.diagnose.case import Case
 from auvident.stages.diagnose.leftout import BLOCK_S, LeftOut, helped, leave_out
 from tests.stages.diagnose.loop_chain import small_case, small_fit
@@ -82,6 +83,23 @@ def test_the_bound_needs_most_blocks_to_gain() -> None:
     for gains, sign in ((spread, -1.0), (even, 1.0)):
         before, after = made(list(2.0 * gains + 50.0)), made([50.0] * 60)
         assert np.sign(helped(before, after, np.random.default_rng(2)).low) == sign
+
+
+def test_maneuvers_that_hardly_change_do_not_decide() -> None:
+    large = [90.0] * 4
+    before = made(large, large, [50.0], [50.0], [50.0])
+    found = helped(
+        before, made([40.0] * 4, [30.0] * 4, [52.0], [54.0], [51.0]), np.random.default_rng(0)
+    )
+    assert (found.share, found.deciding) == (0.4, 1.0)
+    assert unhelpful(found) == ""
+    worse = helped(
+        before, made([40.0] * 4, [30.0] * 4, [90.0], [90.0], [51.0]), np.random.default_rng(0)
+    )
+    assert (worse.share, worse.deciding) == (0.4, 0.5)
+    assert "40 %" in unhelpful(worse)
+    same = helped(before, before, np.random.default_rng(0))
+    assert (same.share, same.deciding) == (0.0, 0.0) and unhelpful(same)
 
 
 def test_a_prediction_that_runs_away_is_bad_but_finite() -> None:
