@@ -6,6 +6,8 @@ from typing import Any
 
 from auvident.schema.diagnosis import ParameterValue
 
+NOTHING = 1e-2  # an allowance below this (internal units) has not been taken up
+
 SHORT = {
     "current": "a current of {north_mps:.2f} m/s north, {east_mps:.2f} m/s east",
     "rudder_offset": "a rudder offset of {offset_deg:.1f} deg",
@@ -65,6 +67,9 @@ def _fields(text: str) -> list[str]:
 
 def allowances(effects: Sequence[Mapping[str, Any]]) -> str:
     """What a model allows its vehicle without a claim, from the rows of its artifact."""
-    rows = [(e["id"], p) for e in effects if e.get("silent") for p in e["parameters"]]
-    listed = [f"{i} {p['value']:.3g} ± {p['std']:.2g} {p['unit']}" for i, p in rows]
+    listed = [
+        f"{e['id']} {p['value']:.3g} ± {p['std']:.2g} {p['unit']}"
+        if abs(e["internal"][f"{e['id']}.{p['symbol']}"]) > NOTHING else f"{e['id']} none"
+        for e in effects if e.get("silent") for p in e["parameters"]
+    ]  # fmt: skip
     return f"Taken along, as every vehicle has it: {', '.join(listed)}" if listed else ""
