@@ -24,8 +24,9 @@ def given(completed: Path) -> Given:
 
 
 def with_effects(model: IdentifiedModel, **effects: dict[str, float]) -> IdentifiedModel:
-    """A model with effects of these sizes, as an engineer reads them."""
-    return model.model_copy(update={"effects": loop_world.model_effects(effects)})
+    """A model with effects of these sizes, as an engineer reads them, beside its allowances."""
+    added = loop_world.model_effects(effects)
+    return model.model_copy(update={"effects": (*model.effects, *added)})
 
 
 def run(model: IdentifiedModel, trial: Trial, **options: Any) -> pd.DataFrame:

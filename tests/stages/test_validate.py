@@ -110,8 +110,9 @@ def with_sensing(model: IdentifiedModel, **place) -> IdentifiedModel:
 
 
 def base(plane: str = "horizontal") -> IdentifiedModel:
+    """A model with the equations of the method alone, which `sailed` integrates."""
     name = "harbour_trial" if plane == "horizontal" else "dive_trial"
-    return with_sensing(identified(name, plane).model)
+    return with_sensing(identified(name, plane).model.model_copy(update={"effects": ()}))
 
 
 def sailed(model: IdentifiedModel) -> Trial:
@@ -119,7 +120,7 @@ def sailed(model: IdentifiedModel) -> Trial:
     n, rest = 3000, 1200
     time = np.arange(n) * 0.1
     inputs = np.zeros((n, 3))
-    inputs[rest : rest + 600, 0] = 0.15 * np.where((time[:600] // 8) % 2 == 0, 1, -1)
+    inputs[rest : rest + 480, 0] = 0.15 * np.where((time[:480] // 8) % 2 == 0, 1, -1)
     inputs[rest + 800 :, 0] = 0.2
     inputs[:, 2] = 15.0
     p = parameter_vector(model.plane, model.values(), model.rigid_body)
