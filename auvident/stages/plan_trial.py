@@ -1,7 +1,7 @@
 """Which maneuver would add most to what a trial has already told."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -75,12 +75,15 @@ def plan_trial(
     if not model.covariance:
         raise StageError("the model has no covariance", "identify", "Run `auvident identify`.")
     structure = structure_of(model.plane)
-    symbols = list(model.covariance["symbols"])
-    posterior = np.array(model.covariance["matrix"])
+    named = list(model.covariance["symbols"])
+    kept = [i for i, name in enumerate(named) if name in structure.parameters]  # no allowances
+    symbols = [named[i] for i in kept]
+    posterior = np.array(model.covariance["matrix"])[np.ix_(kept, kept)]
+    stds = dict(zip(symbols, np.sqrt(np.diag(posterior)), strict=True))
     dt_s = 1.0 / trials[0].rate_hz  # the noise found in the trial is that of a sample at its rate
     found = []
     for candidate in candidates(model.plane, *rpm_levels(trials, maneuvers)):
-        information = expected_information(model, structure, symbols, candidate, dt_s)
+        information = expected_information(model, structure, stds, candidate, dt_s)
         if information is not None:
             found.append(_judge(candidate, symbols, posterior, information))
     if not found:
@@ -140,36 +143,36 @@ def rpm_levels(
 def expected_information(
     model: IdentifiedModel,
     structure: Structure,
-    symbols: Sequence[str],
+    stds: Mapping[str, float],
     candidate: Candidate,
     dt_s: float,
 ) -> Array | None:
     """Fisher information (n, n) of a candidate, in units of the posterior standard deviations.
 
-    None when the model cannot be run through it.
+    `stds` has these by symbol. None when the model cannot be run through it.
     """
     p = parameter_vector(model.plane, model.values(), model.rigid_body)
     n_rps = candidate.rpm / 60.0
     start = steady_approach(structure, p, n_rps)
     run = run_virtual(structure, p, start, n_rps, candidate.duration_s, candidate.helm, dt_s=dt_s)
     column = np.full(len(p), -1, dtype=np.int64)
-    for i, symbol in enumerate(symbols):
+    for i, symbol in enumerate(stds):
         column[structure.index(symbol)] = i
     follower, leader = (symbol_in(model.plane, name) for name in ("B_adot", "A_bdot"))
     column[structure.index(follower)] = column[structure.index(leader)]
-    spread = np.sqrt(np.diag(np.array(model.covariance["matrix"])))
+    spread = np.array(list(stds.values()))
     sensor = sensor_matrix(model.plane, model.sensing)
     noise = model.stages[-1].noise_std
     sigma = np.array([noise[c] for c in STATE_COLUMNS[model.plane]])
     n = len(run.states)
-    slopes = np.zeros((n, N_STATES, 1 + N_STATES + len(symbols)))
+    slopes = np.zeros((n, N_STATES, 1 + N_STATES + len(stds)))
     if not simulate_with_sensitivities(
         run.states[0], run.inputs, np.zeros((n, N_INPUTS, 0)), np.zeros(0, dtype=np.int64),
         run.states, np.zeros(N_STATES), dt_s, p, ACTIVE, *structure.arrays, column, spread, slopes,
     ):  # fmt: skip
         return None
     shown = np.matmul(sensor, slopes[:, :, 1 + N_STATES :]) / sigma[:, None]
-    flat = shown[:, VELOCITIES].reshape(-1, len(symbols))
+    flat = shown[:, VELOCITIES].reshape(-1, len(stds))
     information: Array = flat.T @ flat
     return information
 
