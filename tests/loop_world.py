@@ -30,7 +30,7 @@ from auvident.schema.trial import Trial
 
 CHANNELS = (("u", "u_mps", "m/s"), ("v", "v_mps", "m/s"), ("r", "r_radps", "rad/s"))
 BEFORE = {"u": 0.046, "v": 0.041, "r": 0.0062}
-AFTER = {"u": 0.0061, "v": 0.0055, "r": 0.0055}
+AFTER = {"u": 0.0061, "v": 0.0055, "r": 0.0060}
 NORTH = ParameterValue(
     symbol="north_mps", value=-0.121, std=0.004, unit="m/s", low=-0.129, high=-0.113
 )

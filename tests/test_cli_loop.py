@@ -63,13 +63,13 @@ def test_the_gate_of_a_run_is_that_of_the_model_it_leaves(
     run: Path, auvident: Callable[..., Called]
 ) -> None:
     metrics = json.loads((run / "validate/metrics.json").read_text())["summary"]["validate"]
-    assert metrics["r"]["rmse"] > 1.01 * loop_world.AFTER["r"]  # the gates of both would differ
+    assert metrics["u"]["rmse"] > 1.01 * loop_world.AFTER["u"]  # the gates of both would differ
 
     def code(limit: str) -> int:
         return auvident("run", "--run", run, "--fail-above", limit).code
 
-    assert code(f"r={1.01 * loop_world.AFTER['r']}") == 0
-    assert code(f"r={0.99 * loop_world.AFTER['r']}") == 1
+    assert code(f"u={1.01 * loop_world.AFTER['u']}") == 0
+    assert code(f"u={0.99 * loop_world.AFTER['u']}") == 1
     assert (code("track=1000"), code("track=0.001")) == (0, 1)  # only the validation has it
 
 
