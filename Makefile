@@ -40,7 +40,7 @@ bench: $(VENV)/.installed-dev
 EFFECTS_RUN := runs/bench-effects
 bench-effects: $(VENV)/.installed-dev
 	mkdir -p $(EFFECTS_RUN)
-	$(BIN)/python -m tests.bench effects --seed-base 5000 \
+	$(BIN)/python -m tests.bench effects --seed-base 7000 \
 		--resume $(EFFECTS_RUN)/outcomes.jsonl --json $(EFFECTS_RUN)/found.json
 
 clean:

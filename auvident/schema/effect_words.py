@@ -5,8 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from auvident.schema.diagnosis import ParameterValue
-
-NOTHING = 1e-2  # an allowance below this (internal units) has not been taken up
+from auvident.schema.effects import parameter_of
 
 SHORT = {
     "current": "a current of {north_mps:.2f} m/s north, {east_mps:.2f} m/s east",
@@ -67,9 +66,11 @@ def _fields(text: str) -> list[str]:
 
 def allowances(effects: Sequence[Mapping[str, Any]]) -> str:
     """What a model allows its vehicle without a claim, from the rows of its artifact."""
+    rows = [(e, p, f"{e['id']}.{p['symbol']}") for e in effects if e.get("silent")
+            for p in e["parameters"]]  # fmt: skip
     listed = [
-        f"{e['id']} {p['value']:.3g} ± {p['std']:.2g} {p['unit']}"
-        if abs(e["internal"][f"{e['id']}.{p['symbol']}"]) > NOTHING else f"{e['id']} none"
-        for e in effects if e.get("silent") for p in e["parameters"]
+        f"{e['id']} none" if parameter_of(name).is_nothing(e["internal"][name])
+        else f"{e['id']} {p['value']:.3g} ± {p['std']:.2g} {p['unit']}"
+        for e, p, name in rows
     ]  # fmt: skip
     return f"Taken along, as every vehicle has it: {', '.join(listed)}" if listed else ""

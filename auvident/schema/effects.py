@@ -23,6 +23,7 @@ Enters = Literal["input", "force", "reading", "disturbance"]
 Form = Literal["plain", "inverse", "inverse_square"]
 
 DEGREES = 180.0 / math.pi
+NOTHING = 0.01  # of the practical size: a value below it is as good as no effect
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,10 @@ class EffectParameter:
         quantities = (0.5 * density_kgpm3, length_m, speed_mps, rate_rps)
         return math.prod(q**power for q, power in zip(quantities, self.powers, strict=True))
 
+    def is_nothing(self, internal: float) -> bool:
+        """Whether a value is too small to be told from no effect at all."""
+        return abs(internal) <= NOTHING * self.practical
+
     def internal(self, shown: float) -> float:
         """Internal value of a value as shown."""
         if self.form == "plain":
@@ -85,12 +90,12 @@ class EffectParameter:
         """Value and standard deviation as shown, from the internal ones.
 
         A limit that is not reached (internal value zero) is shown as the largest finite number
-        of its form: the one at a hundredth of the practical size.
+        of its form: the one at `NOTHING` of the practical size.
         """
         if self.form == "plain":
             return internal * self.factor, std * self.factor
         power = 1.0 if self.form == "inverse" else 0.5
-        least = max(internal, 0.01 * self.practical)
+        least = max(internal, NOTHING * self.practical)
         value = self.factor * least**-power
         return value, power * value / least * std
 

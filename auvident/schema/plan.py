@@ -65,8 +65,8 @@ class Plan(Declared):
     starts; with several, all stages run from each and the results are averaged (Abkowitz's over-
     and under-estimation). ``observer_time_s`` sets the process noise relative to the measurement
     noise: the filter trusts the model over about this time. ``allowances`` are effects that are
-    estimated along as small as every vehicle has them (no servo is infinitely fast), within the
-    table's own bounds for that; without any, the equations are those of the method alone.
+    estimated along with the small standard deviation that the table has for every vehicle (no
+    servo is infinitely fast); without any, the equations are those of the method alone.
     """
 
     name: str

@@ -61,7 +61,7 @@ def export(model: IdentifiedModel, form: str) -> str:
         names = ", ".join(without)
         raise UsageError(
             f"the equations of the effects {names} have no {form} form", "--format",
-            "Export the model of the identification (identify/model.json), or use json.",
+            "Use json, or a model without them: identify/model.json, a plan without allowances.",
         )  # fmt: skip
     return FORMS[form](model)
 

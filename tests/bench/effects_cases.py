@@ -22,7 +22,7 @@ from seatrial.effects import EFFECTS
 
 VEHICLES = ("remus100", "tern180")
 SPREAD = 0.1  # of the plant's parameters, so that no two plants are alike
-DEVELOPMENT, REPORTED = 1000, 5000  # seed bases
+DEVELOPMENT, REPORTED = 1000, 7000  # seed bases
 SEEDS = REPORTED - DEVELOPMENT  # a list is no longer, so that the two never meet
 BLOCKS = 4  # of the default list
 NONE_A_BLOCK, PAIRS_A_BLOCK, OUTSIDE_A_BLOCK = 10, 7, 4
