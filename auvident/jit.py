@@ -85,13 +85,16 @@ def _compiled_in(folder: Path, function: Callable[..., Any], **options: Any) -> 
     before = config.CACHE_DIR  # type: ignore[attr-defined]
     config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
     try:
-        return njit(cache=True, error_model="numpy", **options)(function)
+        return njit(cache=True, error_model="numpy", nogil=True, **options)(function)
     finally:
         config.CACHE_DIR = before  # type: ignore[attr-defined]
 
 
 def kernel(function: Callable[..., Any], **options: Any) -> Any:
-    """Compile a function when it is first called; division by zero gives infinity, as in numpy."""
+    """Compile a function when it is first called; division by zero gives infinity, as in numpy.
+
+    It runs without the interpreter's lock, so that others run beside it (see `parallel`).
+    """
     try:
         return _compiled_in(_permanent() or _temporary(), function, **options)
     except RuntimeError:  # numba: "no locator available": a folder inside belongs to someone else

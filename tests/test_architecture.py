@@ -18,7 +18,7 @@ ALLOWED = {
     "pipeline": {"schema", "physics", "stages", "storage", "report"},
     "cli": {"schema", "physics", "stages", "storage", "report", "pipeline"},
 }
-FREE = {"errors", "jit", "__main__", "__init__"}
+FREE = {"errors", "jit", "parallel", "__main__", "__init__"}
 MODULES = sorted(p for p in PACKAGE.rglob("*.py") if "__pycache__" not in p.parts)
 
 

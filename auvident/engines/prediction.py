@@ -16,7 +16,7 @@ import numpy.typing as npt
 from auvident.engines.problem import Linear
 from auvident.engines.records import Record, Source
 from auvident.physics import sensing as sense
-from auvident.physics.actuation import COMMAND, FORCE, acting_inputs, command_values
+from auvident.physics.actuation import COMMAND, FORCE, acting_inputs, actuate_steps, command_values
 from auvident.physics.dynamics import N_STATES, simulate_states, simulate_with_sensitivities
 from auvident.physics.terms import Structure
 from auvident.schema.artifacts import Sensing
@@ -104,11 +104,16 @@ def _inputs(frame: Frame, e: Array, record: Record) -> Array:
     return np.ascontiguousarray(inputs)
 
 
-def input_slopes(frame: Frame, p: Array, record: Record, free: Free) -> tuple[Array, Array]:
+def input_slopes(frame: Frame, p: Array, acting: Record, free: Free) -> tuple[Array, Array]:
     """Slopes (n, 9, k) of the inputs by the free parameters in columns (k,), per unit of scale.
 
     By differences: play, dead band and limits have no slope where they are off, and take a step
     of the size to be expected there.
+
+    Parameters
+    ----------
+    acting : Record
+        As `at_effects` returns it.
     """
     names, e = frame.structure.parameters, command_values(frame.structure.parameters, p)
     found = [
@@ -116,17 +121,22 @@ def input_slopes(frame: Frame, p: Array, record: Record, free: Free) -> tuple[Ar
         for column, i in enumerate(free.positions)
         if "." in names[i] and names[i] in COMMAND
     ]
-    slopes = np.zeros((len(record.time_s), 9, len(found)))
-    if not found or record.source is None:
-        return np.zeros((len(record.time_s), 9, 0)), np.zeros(0, dtype=np.int64)
-    base = _inputs(frame, e, record)
-    for k, (column, place) in enumerate(found):
-        declared, moved = parameter_of(COMMAND[place]), e.copy()
-        at_work = abs(e[place]) > SMALL * declared.step * free.scale[column]
-        step = min(declared.step, SMALL_STEP) if at_work else declared.step
-        moved[place] += step * free.scale[column]
-        slopes[:, :, k] = (_inputs(frame, moved, record) - base) / step
-    return slopes, np.array([column for column, _ in found], dtype=np.int64)
+    source = acting.source
+    if not found or source is None:
+        return np.zeros((len(acting.time_s), 9, 0)), np.zeros(0, dtype=np.int64)
+    columns, places = np.array(found, dtype=np.int64).T
+    steps = np.zeros((len(found), 2))
+    for k, place in enumerate(places):
+        declared, scale = parameter_of(COMMAND[place]).step, free.scale[columns[k]]
+        at_work = abs(e[place]) > SMALL * declared * scale
+        step = min(declared, SMALL_STEP) if at_work else declared
+        steps[k] = step * scale, step
+    slopes = np.zeros((len(acting.time_s), 9, len(found)))
+    actuate_steps(
+        source.raw, source.elapsed_s, source.speed, frame.dt_s, e, places.copy(), steps,
+        acting.inputs, slopes,
+    )  # fmt: skip
+    return slopes, columns.copy()
 
 
 def simulated(frame: Frame, p: Array, record: Record, active: Array) -> Array:
@@ -167,7 +177,7 @@ def readings_with_slopes(
         Observer gain, see `physics.dynamics.simulate_with_sensitivities`.
     """
     acting = at_effects(frame, p, record)
-    slopes, columns = input_slopes(frame, p, record, free)
+    slopes, columns = input_slopes(frame, p, acting, free)
     z = np.zeros((len(record.time_s), N_STATES, 1 + N_STATES + len(free.positions)))
     if not simulate_with_sensitivities(
         acting.start, acting.inputs, slopes, columns, acting.given,

@@ -80,6 +80,34 @@ def whiten(values, seen, keep, white, slow):
 
 
 @kernel
+def whiten_channels(error, slopes, columns, seen, keep, white, slow, out):
+    """Innovations of the channels of a record and of their slopes, one channel below the other.
+
+    Parameters
+    ----------
+    error : (n, >= c) array
+    slopes : (n, >= c, >= k) array
+    columns : (k,) int array
+        Of the slopes.
+    seen : (n, >= c) bool array
+        Rows not seen become zero.
+    keep, white, slow : (c,) array
+        Of each channel, see `whiten`.
+    out : (c n, 1 + k) array, filled
+        Error, then slopes.
+    """
+    n = error.shape[0]
+    for i in range(keep.shape[0]):
+        own = out[i * n : (i + 1) * n]
+        for t in range(n):
+            if seen[t, i]:
+                own[t, 0] = error[t, i]
+                for k in range(columns.shape[0]):
+                    own[t, 1 + k] = slopes[t, i, columns[k]]
+        whiten(own, seen[:, i], keep[i], white[i], slow[i])
+
+
+@kernel
 def _distance(values, seen, keep, ratio):
     """Sum of squared innovations and of log variances for a unit white noise."""
     state, variance, square, total = 0.0, ratio * ratio, 0.0, 0.0

@@ -31,6 +31,7 @@ COMMAND = (
 )  # fmt: skip
 DELAY, DEADBAND, BACKLASH, ASYMMETRY, LAG, SLOWNESS, OFFSET, STALL, RACE = range(9)
 MOTOR_LAG, SAG, STEP, STEP_TIME, OVER, T_NN, T_NU = range(9, 16)
+SERVO = (DELAY, DEADBAND, BACKLASH, ASYMMETRY, LAG, SLOWNESS)
 # columns of the inputs
 CONTROL, OTHER, REVS, THRUST, ROLL, PITCH, FORCE = range(7)
 
@@ -131,20 +132,75 @@ def actuate(raw, elapsed, speed, dt, e, out):
     out : (n, 9) array
         Its first four columns are filled: controls, propeller rate, thrust factor.
     """
-    n = raw.shape[0]
-    work, angle = np.empty(n), np.empty(n)
+    angle, rate = np.empty(raw.shape[0]), np.empty(raw.shape[0])
+    _turn_fin(raw, dt, e, angle)
+    _turn_propeller(raw, dt, e, rate)
+    _act(raw, elapsed, speed, e, angle, rate, out)
+
+
+@kernel
+def _turn_fin(raw, dt, e, angle):
+    """Angle (n,) of the servo."""
+    work = np.empty(raw.shape[0])
     delayed(raw[:, CONTROL].copy(), e[DELAY] / dt, work)
     servo_angle(work, e[LAG], e[SLOWNESS], e[DEADBAND], e[BACKLASH], e[ASYMMETRY], dt, angle)
-    lagged(raw[:, REVS].copy(), e[MOTOR_LAG], dt, work)
-    for k in range(n):
+
+
+@kernel
+def _turn_propeller(raw, dt, e, rate):
+    """Rate (n,) of the propeller."""
+    lagged(raw[:, REVS].copy(), e[MOTOR_LAG], dt, rate)
+
+
+@kernel
+def _act(raw, elapsed, speed, e, angle, rate, out):
+    """What servo and propeller do to the vehicle; see `actuate`."""
+    for k in range(raw.shape[0]):
         turned = angle[k] + e[OFFSET]
         turned /= math.sqrt(1.0 + max(e[STALL], 0.0) * turned * turned)
-        u, revs = max(abs(speed[k]), LEAST_SPEED_MPS), work[k]
+        u, revs = max(abs(speed[k]), LEAST_SPEED_MPS), rate[k]
         thrust = e[T_NN] * revs * abs(revs) + e[T_NU] * abs(revs) * speed[k]
         factor = 1.0 - e[SAG] * elapsed[k] / SAG_PERIOD_S
         factor -= e[STEP] * share_fallen(elapsed[k], e[STEP_TIME], e[OVER])
         out[k, CONTROL] = turned * (1.0 + e[RACE] * thrust * factor / (u * u))
         out[k, OTHER], out[k, REVS], out[k, THRUST] = raw[k, OTHER], revs, factor
+
+
+@kernel
+def actuate_steps(raw, elapsed, speed, dt, e, places, steps, base, slopes):
+    """Slopes of the inputs by differences, one effect moved at a time.
+
+    Parameters
+    ----------
+    raw, elapsed, speed, dt, e :
+        See `actuate`.
+    places : (k,) int array
+        Of the values to move.
+    steps : (k, 2) array
+        How far each is moved, and what the difference is divided by.
+    base : (n, 9) array
+        Inputs at e, of the maneuver alone: the last n rows.
+    slopes : (n, 9, k) array
+        Its first four columns are filled.
+    """
+    n, rows = base.shape[0], raw.shape[0]
+    lead, out = rows - n, np.empty((rows, THRUST + 1))
+    angle, turned, rate, lagging = np.empty(rows), np.empty(rows), np.empty(rows), np.empty(rows)
+    _turn_fin(raw, dt, e, angle)
+    _turn_propeller(raw, dt, e, rate)
+    for k in range(places.shape[0]):
+        moved = e.copy()
+        moved[places[k]] += steps[k, 0]
+        at_fin, at_propeller = places[k] in SERVO, places[k] == MOTOR_LAG
+        if at_fin:
+            _turn_fin(raw, dt, moved, turned)
+        if at_propeller:
+            _turn_propeller(raw, dt, moved, lagging)
+        _act(raw, elapsed, speed, moved, turned if at_fin else angle,
+             lagging if at_propeller else rate, out)  # fmt: skip
+        for t in range(n):
+            for i in range(THRUST + 1):
+                slopes[t, i, k] = (out[lead + t, i] - base[t, i]) / steps[k, 1]
 
 
 def command_values(parameters: tuple[str, ...], p: Array) -> Array:

@@ -218,6 +218,21 @@ def _ran_away(x):
 
 
 @kernel
+def _moving(input_slopes):
+    """Inputs (9,) that have a slope anywhere."""
+    moving = np.zeros(N_INPUTS, np.bool_)
+    for i in range(N_INPUTS):
+        for k in range(input_slopes.shape[0]):
+            for c in range(input_slopes.shape[2]):
+                if input_slopes[k, i, c] != 0.0:
+                    moving[i] = True
+                    break
+            if moving[i]:
+                break
+    return moving
+
+
+@kernel
 def simulate_with_sensitivities(
     x0, inputs, input_slopes, input_columns, given, gain, dt, p, active, terms, weights, mass,
     mass_weights, column, scale, z,
@@ -249,7 +264,7 @@ def simulate_with_sensitivities(
         False when the simulation ran away or the mass matrix is not positive definite.
     """
     n, columns = inputs.shape[0], z.shape[2]
-    moving = np.full(N_INPUTS, input_columns.shape[0] > 0)
+    moving = _moving(input_slopes)
     table, sorted_weights, partials = sort_slopes(active, p, column, scale, moving, terms, weights)
     sorted_mass, sorted_mass_weights = sort_masses(active, column, scale, mass, mass_weights)
     used, coefficient = used_variables(active, terms), np.empty(table.shape[0])

@@ -209,13 +209,24 @@ def _add_parameters(active, table, weights, mass, mass_weights, value, rate, f_x
 def _add_inputs(active, used, input_slopes, input_columns, f_x, total):
     """Derivatives by the parameters that inputs depend on; inputs hold over the step."""
     for l in range(N_INPUTS):  # noqa: E741
-        for e in range(N_VELOCITIES):
-            if used[N_POSITIONS + l] and active[e]:
-                by, step = f_x[e, N_STATES + l :], POINT_SLOPES
-                for k in range(input_columns.shape[0]):
-                    c, s = input_columns[k], input_slopes[l, k]
-                    g0, g1, g2, g3 = s * by[0], s * by[step], s * by[2 * step], s * by[3 * step]
-                    _add_column(e, c, active, g0, g1, g2, g3, f_x, total)
+        if used[N_POSITIONS + l]:
+            for i in range(N_STATES):
+                if active[i]:
+                    by = _by_input(l, i, active, f_x)
+                    for k in range(input_columns.shape[0]):
+                        total[i, input_columns[k]] += by * input_slopes[l, k]
+
+
+@borrowing
+def _by_input(l, i, active, f_x):  # noqa: E741
+    """Derivative of state i at the end of a step by input l."""
+    by = 0.0
+    for e in range(N_VELOCITIES):
+        if active[e]:
+            for point in range(N_POINTS):
+                at = point * POINT_SLOPES
+                by += f_x[e, at + WEIGHTS + i] * f_x[e, at + N_STATES + l]
+    return by
 
 
 @borrowing

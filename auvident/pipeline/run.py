@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from auvident import __version__
 from auvident.errors import AuvidentError, NumericsError, StageError
+from auvident.parallel import one_blas_thread
 from auvident.pipeline.freshness import Decision, Wanted, first_broken, judge, judge_all
 from auvident.pipeline.given import Given, matching
 from auvident.pipeline.observer import Observer
@@ -247,7 +248,8 @@ def _with_seed(stage: Stage, wanted: Wanted, former: StageEntry | None) -> Wante
 def _call(stage: Stage, given: Given, wanted: Wanted) -> tuple[Outputs, dict[str, bytes]]:
     """The artifacts of a stage, and the content of their files; a failure is noted."""
     try:
-        outputs = stage.function(given)
+        with one_blas_thread():
+            outputs = stage.function(given)
         return outputs, {name: _bytes(name, artifact) for name, artifact in outputs.items()}
     except NumericsError as error:
         _record_failure(stage, given.run, given.manifest, wanted, error)

@@ -136,9 +136,10 @@ def test_effects_that_are_off_take_the_step_to_be_expected() -> None:
              "rudder_rate_limit.rate_degps", "rudder_lag.lag_s"]  # fmt: skip
     without = WORLD.without()
     free = without.free(names)
-    slopes, columns = input_slopes(without.frame, without.p, TRUTH, free)
+    acting = at_effects(without.frame, without.p, TRUTH)
+    slopes, columns = input_slopes(without.frame, without.p, acting, free)
     assert columns.tolist() == [0, 1, 2, 3]
-    base = at_effects(without.frame, without.p, TRUTH).inputs
+    base = acting.inputs
     for k, name in enumerate(names):
         step, p = parameter_of(name).step, without.p.copy()
         p[without.index(name)] += step * free.scale[k]

@@ -16,8 +16,10 @@ import numpy.typing as npt
 from auvident.engines.prediction import readings_with_slopes, seen_rows
 from auvident.engines.records import Record
 from auvident.errors import NumericsError
-from auvident.estimation.coloured import Colour, colour_of, whiten
+from auvident.estimation.coloured import Colour, colour_of, whiten, whiten_channels
 from auvident.estimation.output_error import fit
+from auvident.parallel import each
+from auvident.physics.dynamics import N_STATES
 from auvident.stages.diagnose.case import ACTIVE, SILENT_REACH, Case
 
 Array = npt.NDArray[Any]
@@ -31,6 +33,7 @@ START_STD = 5.0  # a start is known to this many standard deviations of the resi
 DAMPING = 1.0e-5  # coefficients trade against each other along narrow valleys
 LARGEST = 1.0e20  # squared slopes in units of the noise beyond which a motion has run away
 NOTHING = np.zeros(0, dtype=np.int64)
+START = np.arange(N_START)
 
 
 @dataclass(frozen=True)
@@ -89,7 +92,7 @@ def residual_of(case: Case, p: Array, record: Record, colours: Colours) -> Resid
     seen = seen_rows(case.setup.frame, p, record, ACTIVE)
     error = np.where(seen, record.measured - found.readings, np.nan)
     shown = found.slopes[:, :, :N_START]
-    rows = white_rows(-error, shown, seen, colours, case.setup.dt_s)
+    rows = white_rows(-error, shown, START, seen, colours, case.setup.dt_s)
     held = np.diag([start_spread(colour) ** -2.0 for colour in colours])
     if not np.isfinite(rows).all() or np.abs(rows).max() > LARGEST**0.5:
         return None
@@ -103,14 +106,20 @@ def start_spread(colour: Colour) -> float:
     return START_STD * math.hypot(colour.white, colour.slow)
 
 
-def white_rows(error: Array, slopes: Array, seen: Array, colours: Colours, dt_s: float) -> Array:
-    """Whitened errors (column 0) and slopes of all channels, one below the other."""
-    blocks = []
-    for c, colour in enumerate(colours):
-        block = np.column_stack([np.nan_to_num(error[:, c]), slopes[:, c]])
-        whiten(block, seen[:, c], math.exp(-dt_s / colour.time_s), colour.white, colour.slow)
-        blocks.append(block)
-    return np.concatenate(blocks)
+def white_rows(
+    error: Array, slopes: Array, columns: Array, seen: Array, colours: Colours, dt_s: float
+) -> Array:
+    """Whitened errors (column 0) and columns of the slopes of all channels, one below the other."""
+    keep = np.array([math.exp(-dt_s / colour.time_s) for colour in colours])
+    white, slow = (np.array([getattr(c, part) for c in colours]) for part in ("white", "slow"))
+    out = np.empty((len(colours) * len(error), 1 + len(columns)))
+    whiten_channels(error, slopes, columns, seen, keep, white, slow, out)
+    return out
+
+
+def kept_columns(n_free: int) -> npt.NDArray[np.int64]:
+    """Columns of the slopes by the start that is fitted, and by the free parameters."""
+    return np.concatenate([START, N_STATES + np.arange(n_free)])
 
 
 def white_error(error: Array, colours: Colours, dt_s: float) -> Array:
@@ -126,7 +135,7 @@ def white_error(error: Array, colours: Colours, dt_s: float) -> Array:
 
 def residuals_of(case: Case, p: Array, colours: Colours) -> tuple[Residual, ...] | None:
     """Residuals of all records; None where one runs away."""
-    found = [residual_of(case, p, record, colours) for record in case.records]
+    found = each(lambda record: residual_of(case, p, record, colours), case.records)
     return None if any(r is None for r in found) else tuple(found)  # type: ignore[arg-type]
 
 
@@ -251,8 +260,7 @@ def _likelihood(case: Case, p: Array, free: Array, colours: Colours, gain: Array
         q = p.copy()
         q[free] = theta * moving.scale
         half, gradient, curvature = 0.0, np.zeros(len(free)), np.zeros((len(free), len(free)))
-        for record in case.records:
-            parts = record_parts(case, q, record, colours, moving, gain)
+        for parts in each(lambda r: record_parts(case, q, r, colours, moving, gain), case.records):
             if parts is None:
                 return np.inf, gradient, curvature
             half += parts[0]
@@ -271,10 +279,10 @@ def record_parts(
     if found is None:
         return None
     seen = seen_rows(case.setup.frame, p, record, ACTIVE)
-    kept = np.concatenate([np.arange(N_START), 4 + np.arange(len(moving.positions))])
     rows = white_rows(
-        found.readings - record.measured, found.slopes[:, :, kept], seen, colours, case.setup.dt_s
-    )
+        found.readings - record.measured, found.slopes, kept_columns(len(moving.positions)), seen,
+        colours, case.setup.dt_s,
+    )  # fmt: skip
     whole, k = rows.T @ rows, N_START
     g, h = whole[1:, 0], whole[1:, 1:]
     held = np.diag([start_spread(colour) ** -2.0 for colour in colours])

@@ -14,7 +14,10 @@ import numpy.typing as npt
 from scipy.linalg import solve_triangular
 from scipy.optimize import lsq_linear
 
-from auvident.engines.prediction import readings_with_slopes, seen_rows
+from auvident.engines.prediction import Free, readings_with_slopes, seen_rows
+from auvident.engines.records import Record
+from auvident.parallel import each
+from auvident.physics.dynamics import N_STATES
 from auvident.stages.diagnose.case import ACTIVE, Case
 from auvident.stages.diagnose.fits import (
     LARGEST,
@@ -22,6 +25,7 @@ from auvident.stages.diagnose.fits import (
     N_START,
     Colours,
     Fitted,
+    kept_columns,
     prior_of,
     start_spread,
     white_rows,
@@ -82,32 +86,41 @@ def joint_about(
     """
     extra = [i for effect in effects for i in case.positions(effect)]
     free = np.array(sorted({*fitted.free.tolist(), *extra}), dtype=np.int64)
-    n, moving, half = len(free), case.setup.free(free), 0.0
-    gradient, curvature, raw = np.zeros(n), np.zeros((n, n)), np.zeros((N_CHANNELS, n, n))
-    blocks, count = [], np.zeros(N_CHANNELS)
-    for record in case.records:
-        found = readings_with_slopes(case.setup.frame, fitted.parameters, record, ACTIVE, moving,
-                                     gain)  # fmt: skip
-        if found is None:
-            return None
-        seen = seen_rows(case.setup.frame, fitted.parameters, record, ACTIVE)
-        slopes = found.slopes[:, :, np.r_[0:N_START, 4 : 4 + n]]
-        rows = white_rows(
-            found.readings - record.measured, slopes, seen, fitted.colours, case.setup.dt_s
-        )
-        if not np.isfinite(rows).all() or np.abs(rows).max() > LARGEST**0.5:
-            return None
-        error, own = _without_start(rows, fitted.colours)
-        half += 0.5 * float(rows[:, 0] @ error)
-        gradient += rows[:, 1 + N_START :].T @ error
-        curvature += rows[:, 1 + N_START :].T @ own
-        blocks.append(_in_blocks(error[:, None] * own, len(seen), case.setup.dt_s))
-        for c in range(N_CHANNELS):
-            part = slopes[seen[:, c], c, N_START:]
-            raw[c] += part.T @ part
-            count[c] += len(part)
-    raw /= np.maximum(count, 1.0)[:, None, None]
-    return Joint(case, fitted, free, half, gradient, curvature, np.concatenate(blocks), raw)
+    moving = case.setup.free(free)
+    parts = each(lambda r: _slopes_of(case, fitted, r, moving, gain), case.records)
+    if any(part is None for part in parts):
+        return None
+    half, gradient, curvature, blocks, raw, count = zip(*parts, strict=True)  # type: ignore[arg-type]
+    mean = sum(raw) / np.maximum(sum(count), 1.0)[:, None, None]
+    return Joint(case, fitted, free, sum(half), sum(gradient), sum(curvature),
+                 np.concatenate(blocks), mean)  # fmt: skip
+
+
+def _slopes_of(
+    case: Case, fitted: Fitted, record: Record, moving: Free, gain: Array | None
+) -> tuple[float, Array, Array, Array, Array, Array] | None:
+    """Share of a record in what `Joint` holds, with the count of its readings (3,)."""
+    found = readings_with_slopes(case.setup.frame, fitted.parameters, record, ACTIVE, moving, gain)
+    if found is None:
+        return None
+    seen = seen_rows(case.setup.frame, fitted.parameters, record, ACTIVE)
+    kept = kept_columns(len(moving.positions))
+    rows = white_rows(
+        found.readings - record.measured, found.slopes, kept, seen, fitted.colours, case.setup.dt_s
+    )
+    if not np.isfinite(rows).all() or np.abs(rows).max() > LARGEST**0.5:
+        return None
+    error, own = _without_start(rows, fitted.colours)
+    blocks = _in_blocks(error[:, None] * own, len(seen), case.setup.dt_s)
+    own_slopes = [found.slopes[seen[:, c], c, N_STATES:] for c in range(N_CHANNELS)]
+    return (
+        0.5 * float(rows[:, 0] @ error),
+        rows[:, 1 + N_START :].T @ error,
+        rows[:, 1 + N_START :].T @ own,
+        blocks,
+        np.array([part.T @ part for part in own_slopes]),
+        np.array([float(len(part)) for part in own_slopes]),
+    )
 
 
 def _without_start(rows: Array, colours: Colours) -> tuple[Array, Array]:
@@ -122,9 +135,8 @@ def _without_start(rows: Array, colours: Colours) -> tuple[Array, Array]:
 def _in_blocks(products: Array, n: int, dt_s: float) -> Array:
     """Sums (b, k) of rows, which stand channel below channel, over blocks of time."""
     number = (np.arange(n) * dt_s // BLOCK_S).astype(np.int64)
-    number = np.tile(number, N_CHANNELS)
-    sums = np.zeros((int(number.max()) + 1, products.shape[1]))
-    np.add.at(sums, number, products)
+    first = np.flatnonzero(np.diff(number, prepend=-1))
+    sums: Array = np.add.reduceat(products.reshape(N_CHANNELS, n, -1).sum(axis=0), first)
     return sums
 
 

@@ -1,0 +1,55 @@
+"""Independent pieces of work side by side; what comes out does not depend on how many at a time.
+
+The kernels run without the interpreter's lock, so threads are enough. Every piece is a function
+of its argument alone and results come back in order: one thread or several, the same bytes. The
+threads of the linear algebra library keep no such promise, and on our small matrices they cost
+more than they gain: one is enough (a diagnosis on two processors took half as long again with two).
+"""
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import cache
+from typing import TypeVar
+
+Item, Result = TypeVar("Item"), TypeVar("Result")
+
+MOST_THREADS = 4  # what is not compiled waits for the interpreter's lock, and more do not help
+VARIABLE = "AUVIDENT_THREADS"
+
+
+@cache
+def threads() -> int:
+    """Number of threads: as the environment says, else that of the processors we may use."""
+    asked = os.environ.get(VARIABLE, "")
+    if asked.isdigit() and int(asked) > 0:
+        return int(asked)
+    if hasattr(os, "sched_getaffinity"):
+        return min(len(os.sched_getaffinity(0)), MOST_THREADS)
+    return min(os.cpu_count() or 1, MOST_THREADS)
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads(), thread_name_prefix="auvident")
+
+
+def each(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+    """Results of a function for some items, in their order.
+
+    The function must not call `each` again: all threads might wait for each other.
+    """
+    if threads() == 1:
+        return [function(item) for item in items]
+    return list(_pool().map(function, items))
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Linear algebra of numpy and of scipy on one thread."""
+    import scipy.linalg  # noqa: F401 (what is not loaded yet cannot be limited)
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1, user_api="blas"):
+        yield
