@@ -13,7 +13,8 @@ from contextlib import contextmanager
 from functools import cache
 from typing import TypeVar
 
-Item, Result = TypeVar("Item"), TypeVar("Result")
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 MOST_THREADS = 4  # what is not compiled waits for the interpreter's lock, and more do not help
 VARIABLE = "AUVIDENT_THREADS"

@@ -85,10 +85,16 @@ def offsets(plane: Plane, sensing: Sensing, e: Array, angle: Array, rates: Array
     out[:, 2] = e[BIAS]
     if plane == "vertical":
         return out
-    c, s = np.cos(angle), np.sin(angle)
-    ahead = e[NORTH] * c + e[EAST] * s + rates[:, PITCH_RATE] * e[DZ]
-    aside = e[EAST] * c - e[NORTH] * s - rates[:, ROLL_RATE] * e[DZ]
-    out[:, :2] = (1.0 + e[SCALE]) * np.column_stack([ahead, aside]) @ _turn(sensing, e).T
+    if e[DZ] == 0.0 and e[NORTH] == 0.0 and e[EAST] == 0.0:
+        return out
+    ahead, aside = rates[:, PITCH_RATE] * e[DZ], -rates[:, ROLL_RATE] * e[DZ]
+    if e[NORTH] != 0.0 or e[EAST] != 0.0:
+        c, s = np.cos(angle), np.sin(angle)
+        ahead = ahead + e[NORTH] * c + e[EAST] * s
+        aside = aside + e[EAST] * c - e[NORTH] * s
+    turn = (1.0 + e[SCALE]) * _turn(sensing, e)
+    out[:, 0] = turn[0, 0] * ahead + turn[0, 1] * aside
+    out[:, 1] = turn[1, 0] * ahead + turn[1, 1] * aside
     return out
 
 

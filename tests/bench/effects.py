@@ -32,7 +32,7 @@ from tests.bench.effects_score import score
 from tests.bench.effects_summary import as_json, is_good, tables
 from tests.engines.chain import SAMPLES
 
-ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+ONE_THREAD = ("AUVIDENT_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 LABELS = frozenset((*SINGLES, *OUTSIDE, *("+".join(p) for p in PAIRS), "none", *KINDS))
 
 Outcome = dict[str, Any]

@@ -1,4 +1,8 @@
-"""How the time and memory of `diagnose` and `refine` grow with the length of a trial."""
+"""How the time and memory of `diagnose` and `refine` grow with the length of a trial.
+
+A longer trial shows more, so that the search may take another round: the time of `diagnose` is
+given by round and second of what identifies as well.
+"""
 
 import json
 import subprocess
@@ -43,10 +47,16 @@ def _one(folder: Path, times: int, repeats: int) -> dict[str, Any]:
     logs = [folder / f"log{times}-{k}" for k in range(times)]
     seconds = sum(_sail(log, SEED + k) for k, log in enumerate(logs))
     runs = [_run(logs, folder / f"run{times}-{k}") for k in range(repeats)]
-    maneuvers = json.loads((folder / f"run{times}-0/segment/maneuvers.json").read_text())
+    first = folder / f"run{times}-0"
+    maneuvers = json.loads((first / "segment/maneuvers.json").read_text())
+    used = [m["t_end_s"] - m["t_start_s"] for m in maneuvers if m["role"] == "identify"]
+    rounds = 1 + len(json.loads((first / "diagnose/diagnosis.json").read_text())["steps"])
+    spent = {stage: median(r[stage] for r in runs) for stage in ("diagnose", "refine")}
     return {
-        "maneuvers": len(maneuvers), "log_s": seconds,
-        **{f"{stage}_s": median(r[stage] for r in runs) for stage in ("diagnose", "refine")},
+        "maneuvers": len(maneuvers), "log_s": seconds, "identifying_s": sum(used),
+        "rounds": rounds,
+        **{f"{stage}_s": value for stage, value in spent.items()},
+        "diagnose_ms_by_round_and_s": 1000.0 * spent["diagnose"] / (rounds * sum(used)),
         "peak_mb": median(r["peak_mb"] for r in runs),
     }  # fmt: skip
 

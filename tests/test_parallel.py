@@ -1,0 +1,94 @@
+"""Work side by side: in order, the same bytes, and linear algebra on one thread."""
+
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_info
+
+from auvident import parallel
+from auvident.pipeline.run import _call
+from auvident.pipeline.table import BY_NAME
+from auvident.stages.diagnose.fits import fit_with
+from auvident.stages.diagnose.joint import joint_about
+from tests.stages.diagnose.loop_chain import small_case, small_fit
+
+
+@pytest.fixture
+def with_threads(monkeypatch: pytest.MonkeyPatch):
+    """Sets the number of threads."""
+
+    def set_to(number: int) -> None:
+        pool = ThreadPoolExecutor(number)
+        monkeypatch.setattr(parallel, "threads", lambda: number)
+        monkeypatch.setattr(parallel, "_pool", lambda: pool)
+
+    return set_to
+
+
+@pytest.mark.parametrize("number", [1, 3])
+def test_results_come_in_the_order_of_the_items(number, with_threads) -> None:
+    with_threads(number)
+
+    def late(k: int) -> int:
+        time.sleep(0.01 * (3 - k))
+        return k
+
+    assert parallel.each(late, range(4)) == [0, 1, 2, 3]
+    assert parallel.each(late, []) == []
+
+
+def test_several_work_at_the_same_time(with_threads) -> None:
+    with_threads(2)
+    both = threading.Barrier(2, timeout=10.0)  # breaks where one waits for the other
+    assert sorted(parallel.each(lambda _: both.wait(), range(2))) == [0, 1]
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_an_error_of_one_is_an_error(number, with_threads) -> None:
+    with_threads(number)
+    with pytest.raises(ZeroDivisionError):
+        parallel.each(lambda k: 1 / k, (1, 0))
+
+
+@pytest.mark.parametrize(("asked", "expected"), [("1", 1), ("3", 3), ("0", None), ("two", None)])
+def test_the_environment_says_how_many(asked, expected, monkeypatch) -> None:
+    monkeypatch.setenv(parallel.VARIABLE, asked)
+    parallel.threads.cache_clear()
+    try:
+        found = parallel.threads()
+    finally:
+        parallel.threads.cache_clear()
+    assert found == expected if expected else 1 <= found <= parallel.MOST_THREADS
+
+
+def test_fits_and_scores_are_the_same_bytes_with_one_thread_or_several(with_threads) -> None:
+    case, start = small_case(), small_fit()
+    found = []
+    for number in (1, 2, 4):
+        with_threads(number)
+        fitted = fit_with(case, ("rudder_lag",), start.parameters, start.colours, rounds=1, steps=2)
+        joint = joint_about(case, start, ("current", "gyro_bias"))
+        assert fitted is not None and joint is not None
+        found.append((fitted.parameters, joint.gradient, joint.curvature, joint.raw))
+    for other in found[1:]:
+        for a, b in zip(found[0], other, strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_a_stage_runs_with_one_thread_for_linear_algebra() -> None:
+    seen = []
+
+    class Stopped(Exception):
+        pass
+
+    def look(given) -> None:
+        seen.extend(i["num_threads"] for i in threadpool_info() if i["user_api"] == "blas")
+        raise Stopped
+
+    with pytest.raises(Stopped):
+        _call(replace(BY_NAME["ase"], function=look), None, None)  # type: ignore[arg-type]
+    assert seen and set(seen) == {1}
