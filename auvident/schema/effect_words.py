@@ -64,13 +64,21 @@ def _fields(text: str) -> list[str]:
     return [part.split(":")[0].split("}")[0] for part in text.split("{")[1:]]
 
 
+def with_std(value: float, std: float) -> str:
+    """A value and its standard deviation, of which two digits are shown."""
+    if not 0.0 < std < math.inf:
+        return f"{value:.3g}"
+    decimals = max(1 - math.floor(math.log10(std)), 0)
+    return f"{value:.{decimals}f} ± {std:.{decimals}f}"
+
+
 def allowances(effects: Sequence[Mapping[str, Any]]) -> str:
     """What a model allows its vehicle without a claim, from the rows of its artifact."""
     rows = [(e, p, f"{e['id']}.{p['symbol']}") for e in effects if e.get("silent")
             for p in e["parameters"]]  # fmt: skip
     listed = [
         f"{e['id']} none" if parameter_of(name).is_nothing(e["internal"][name])
-        else f"{e['id']} {p['value']:.3g} ± {p['std']:.2g} {p['unit']}"
+        else f"{e['id']} {with_std(p['value'], p['std'])} {p['unit']}"
         for e, p, name in rows
     ]  # fmt: skip
     return f"Taken along, as every vehicle has it: {', '.join(listed)}" if listed else ""

@@ -11,7 +11,7 @@ from auvident.physics.sensing import READING
 from auvident.physics.terms import EFFECT_FORCES, EQUATIONS, POWERS, VARIABLES, structure_of
 from auvident.schema.channels import BY_COLUMN
 from auvident.schema.coefficients import PLANES
-from auvident.schema.effect_words import allowances
+from auvident.schema.effect_words import allowances, with_std
 from auvident.schema.effects import (
     BY_ID,
     EFFECTS,
@@ -165,3 +165,14 @@ def test_an_allowance_that_took_up_nothing_is_told_as_none(slowness: float, word
     row = {"id": name, "parameters": [parameter], "internal": {f"{name}.rate_degps": slowness}}
     assert allowances([{**row, "silent": True}]).endswith(f"{name} {words}")
     assert allowances([{**row, "silent": False}]) == ""
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "text"),
+    [
+        (138.2, 101.3, "138 ± 101"), (0.04225, 0.03183, "0.042 ± 0.032"), (-1.5, 0.4, "-1.50 ± 0.40"),
+        (0.0289013, 0.00067562, "0.02890 ± 0.00068"), (2.5, float("inf"), "2.5"), (2.5, 0.0, "2.5"),
+    ],
+)  # fmt: skip
+def test_a_standard_deviation_is_shown_with_two_digits(value, std, text) -> None:
+    assert with_std(value, std) == text
