@@ -11,7 +11,13 @@ from auvident.schema.effects import BY_ID, EFFECTS, names_of
 from tests import loop_world
 from tests.bench import __main__ as bench
 from tests.bench import effects
-from tests.bench.effects_bars import affected_ratio, bars, clean_errors, worst_rise
+from tests.bench.effects_bars import (
+    affected_ratio,
+    bars,
+    clean_errors,
+    rises_surely,
+    worst_rise,
+)
 from tests.bench.effects_cases import (
     DEVELOPMENT,
     OUTSIDE,
@@ -269,6 +275,15 @@ def test_the_most_affected_channel_is_the_one_worst_against_clean_trials() -> No
     assert worst_rise(found) == pytest.approx(0.006 / 0.0062 - 1.0)
     assert worst_rise(found, ("heading",)) is None
     assert clean_errors(some_scores())["remus100", "r"] == loop_world.BEFORE["r"]
+
+
+def test_a_rise_that_chance_explains_is_told_from_one_that_it_does_not() -> None:
+    outcome = outcome_with()
+    held_out = outcome["comparison"]["held_out"]
+    held_out["after"]["r"]["rmse"] = 1.1 * held_out["before"]["r"]["rmse"]
+    assert worst_rise(score(outcome)) == pytest.approx(0.1) and not rises_surely(score(outcome))
+    held_out["difference"]["r"] = {"value": 0.0006, "low": 0.0001, "high": 0.001}
+    assert score(outcome).surely_up == ("r",) and rises_surely(score(outcome))
 
 
 def test_failed_trials_are_listed_with_the_reason() -> None:

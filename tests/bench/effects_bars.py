@@ -68,6 +68,12 @@ def stated(score: Score) -> bool:
     return score.verdict != "none_found"
 
 
+def rises_surely(score: Score) -> bool:
+    """Whether u, v or r rises by more than 2 %, and more than chance would."""
+    own = {c: score.held_out[c] for c in CHANNELS if c in score.surely_up and c in score.held_out}
+    return any(after > 1.02 * before for before, after in own.values())
+
+
 def prediction_bars(scores: Scores) -> Table:
     """Held-out errors: the four effects that show most, and rises anywhere."""
     clean, four = clean_errors(scores), [s for s in scores if s.label in AFFECTED]
@@ -80,6 +86,8 @@ def prediction_bars(scores: Scores) -> Table:
         _number("held-out worst rise of u, v or r, four effects", 0.02, rises, max),
         _at_most("u, v or r rises more than 2 %", None, [r > 0.02 for r in every]),
         _at_most("heading rises more than 2 %", None, [r > 0.02 for r in heading]),
+        _at_most("u, v or r rises more than 2 %, interval above zero", None,
+                 [rises_surely(s) for s in scores if s.held_out]),
     ]  # fmt: skip
 
 

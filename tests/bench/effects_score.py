@@ -57,6 +57,7 @@ class Score:
     sizes: tuple[Size, ...] = ()
     off_s: float | None = None
     held_out: dict[str, tuple[float, float]] = field(default_factory=dict)
+    surely_up: tuple[str, ...] = ()
     seconds: dict[str, float] = field(default_factory=dict)
     peak_mb: float = 0.0
     why: str = ""
@@ -86,7 +87,7 @@ def score(outcome: Row) -> Score:
         by_finding=by_finding,
         extra=tuple(n for n in named if not any(_in_group(n, [i], groups) for i in ids)),
         sizes=tuple(sizes(planted, effects)), off_s=time_off(planted, effects),
-        held_out=errors(comparison),
+        held_out=errors(comparison), surely_up=surely_up(comparison),
         seconds=dict(outcome.get("seconds", {})), peak_mb=outcome.get("peak_mb", 0.0),
         why=reason(ids, outcome.get("error"), diagnosis),
     )  # fmt: skip
@@ -179,6 +180,12 @@ def errors(comparison: Row) -> dict[str, tuple[float, float]]:
     held_out = comparison.get("held_out", {})
     before, after = held_out.get("before", {}), held_out.get("after", {})
     return {c: (before[c]["rmse"], after[c]["rmse"]) for c in before if c in after}
+
+
+def surely_up(comparison: Row) -> tuple[str, ...]:
+    """Channels whose held-out error rose, by the interval that the program gives itself."""
+    difference = comparison.get("held_out", {}).get("difference", {})
+    return tuple(channel for channel, d in difference.items() if d["low"] > 0.0)
 
 
 def reason(planted: list[str], error: str | None, diagnosis: Row) -> str:
