@@ -1,6 +1,6 @@
 """The effects a model carries: from its artifact to the prediction and back."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -49,6 +49,18 @@ class Carried:
         named |= {n.partition(".")[0] for n, std in self.prior_std.items() if std > 0.0}
         named |= set(self.effects)
         return tuple(e for e in BY_ID if e in named and plane in BY_ID[e].planes)
+
+    def only(self, effects: Collection[str]) -> "Carried":
+        """Without the values of other effects than these."""
+
+        def kept(values: Mapping[str, float]) -> dict[str, float]:
+            own = {n: v for n, v in values.items() if "." in n and n.partition(".")[0] in effects}
+            return own | {n: v for n, v in values.items() if "." not in n}
+
+        return replace(
+            self, start=kept(self.start), prior=kept(self.prior), prior_std=kept(self.prior_std),
+            usual=kept(self.usual),
+        )  # fmt: skip
 
     def structure(self, plane: Plane) -> Structure:
         """The equations with these effects."""

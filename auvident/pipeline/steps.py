@@ -3,7 +3,7 @@
 Imports stand inside, so that a command loads only what it uses.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,9 +13,12 @@ from auvident.pipeline.observer import Observer
 from auvident.storage.run_directory import PACKAGE_ROOT
 
 if TYPE_CHECKING:
+    from auvident.schema.artifacts import Finding, Metrics
     from auvident.schema.logs import ColumnMap, RawTrial
     from auvident.schema.plan import Plan
     from auvident.schema.trial import Trial
+    from auvident.stages.identify import Identification
+    from auvident.stages.validate import Validation
 
 COMPILING = "The numerical kernels are compiled, once on this machine: up to half a minute."
 COMPILING_EACH_TIME = (
@@ -282,28 +285,46 @@ def diagnose(given: Given) -> dict[str, Any]:
     }
 
 
+def identify_again(
+    given: Given, filter: str, before: "Validation"
+) -> "tuple[Identification, Validation]":
+    """Identify with what was found, and predict."""
+    from auvident.stages.identify import identify as estimate_jointly
+    from auvident.stages.refine import attempts, carried_of, first_without_rise
+    from auvident.stages.validate import validate as predict_again
+
+    def tried() -> "Iterator[tuple[tuple[Identification, Validation], Metrics]]":
+        for carried in attempts(carried_of(given.diagnosis), given.model):
+            result = estimate_jointly(
+                given.trials, given.maneuvers, given.ase, given.vehicle, given.noise(),
+                plane=given.model.plane, plan=identifying_plan(given), filter=filter,
+                engine=given.model.engine, carried=carried, progress=given.observer.progress,
+            )  # fmt: skip
+            now = predict_again(given.trials, given.maneuvers, result.model)
+            yield (result, now), now.metrics
+
+    return first_without_rise(before.metrics, tried())
+
+
 def refine(given: Given) -> dict[str, Any]:
     """Add the traced effects, identify again, compare the errors of what was held out."""
     filter = given.options["filter"] or given.model.filter
     announce_compilation(given.observer, filter)
-    from auvident.stages.identify import identify as estimate_jointly
-    from auvident.stages.refine import carried_of, compare
+    from auvident.stages.refine import carried_of, compare, findings_of, worst_rise
     from auvident.stages.validate import validate as predict_again
 
     carried = carried_of(given.diagnosis)
-    after, history = given.model, given.table("identify/history.parquet")
-    if carried is not None or filter != given.model.filter:
-        result = estimate_jointly(
-            given.trials, given.maneuvers, given.ase, given.vehicle, given.noise(),
-            plane=given.model.plane, plan=identifying_plan(given), filter=filter,
-            engine=given.model.engine, carried=carried, progress=given.observer.progress,
-        )  # fmt: skip
-        after, history = result.model, result.history
     before = predict_again(given.trials, given.maneuvers, given.model)
-    now = predict_again(given.trials, given.maneuvers, after)
+    after, history, now = given.model, given.table("identify/history.parquet"), before
+    findings: tuple[Finding, ...] = ()
+    if carried is not None or filter != given.model.filter:
+        result, now = identify_again(given, filter, before)
+        after, history = result.model, result.history
+    if carried is not None:
+        findings = findings_of(worst_rise(before.metrics, now.metrics), carried)
     comparison = compare(
         given.diagnosis, given.maneuvers, given.model, after, before.simulation, now.simulation,
-        seed=given.seed or 0,
+        findings=findings, seed=given.seed or 0,
     )  # fmt: skip
     return {
         "refine/model.json": after,

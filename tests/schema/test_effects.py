@@ -170,8 +170,9 @@ def test_an_allowance_that_took_up_nothing_is_told_as_none(slowness: float, word
 @pytest.mark.parametrize(
     ("value", "std", "text"),
     [
-        (138.2, 101.3, "138 ± 101"), (0.04225, 0.03183, "0.042 ± 0.032"), (-1.5, 0.4, "-1.50 ± 0.40"),
-        (0.0289013, 0.00067562, "0.02890 ± 0.00068"), (2.5, float("inf"), "2.5"), (2.5, 0.0, "2.5"),
+        (138.2, 101.3, "138 ± 101"), (0.04225, 0.03183, "0.042 ± 0.032"),
+        (-1.5, 0.4, "-1.50 ± 0.40"), (0.0289013, 0.00067562, "0.02890 ± 0.00068"),
+        (2.5, float("inf"), "2.5"), (2.5, 0.0, "2.5"),
     ],
 )  # fmt: skip
 def test_a_standard_deviation_is_shown_with_two_digits(value, std, text) -> None:

@@ -6,12 +6,25 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from auvident.engines.carried import effect_rows
+from auvident.engines.carried import Carried, effect_rows
 from auvident.physics.terms import structure_of
-from auvident.schema.artifacts import IdentifiedModel, Maneuvers
+from auvident.schema.artifacts import (
+    ChannelMetrics,
+    Finding,
+    IdentifiedModel,
+    Maneuvers,
+    Metrics,
+)
 from auvident.schema.diagnosis import Comparison, Diagnosis, EffectFound, ParameterValue
 from auvident.stages.identify.setup import prepare
-from auvident.stages.refine import carried_of, compare
+from auvident.stages.refine import (
+    attempts,
+    carried_of,
+    compare,
+    findings_of,
+    first_without_rise,
+    worst_rise,
+)
 from tests.engines.chain import plan_named, sample
 
 DT, N = 0.1, 600
@@ -271,3 +284,66 @@ def test_coefficients_stand_side_by_side() -> None:
     found = compare(NONE, MANEUVERS, model(), other, predicted(0), predicted(1)).coefficients
     assert [c.symbol for c in found] == [c.symbol for c in model().coefficients]
     assert all(c.after == 2.0 * c.before for c in found)
+
+
+# --- errors that rise ----------------------------------------------------------------------
+
+
+def errors(u: float, v: float = 1.0, r: float = 1.0, away: int = 0) -> Metrics:
+    """Metrics with these errors in the maneuvers that identify."""
+    channels = {
+        name: ChannelMetrics(rmse=rmse, nrmse=rmse, r2=0.0, theil=0.0, unit="-", samples=9)
+        for name, rmse in (("u", u), ("v", v), ("r", r), ("heading", 9.0))
+    }
+    ran = tuple(Finding(code="ran-away", message=f"maneuver {k}") for k in range(away))
+    return Metrics(maneuvers=(), summary={"identify": channels}, findings=ran)
+
+
+def carried_effects(*effects: str) -> Carried:
+    names = ("current.north_mps", "rudder_lag.lag_s", "rudder_rate_limit.rate_degps")
+    return Carried(
+        effects=effects, start=dict.fromkeys(names, 0.1) | {"Y_uv": -20.0},
+        prior=dict.fromkeys(names, 0.0), prior_std=dict.fromkeys(names, 1.0), usual={},
+    )  # fmt: skip
+
+
+def test_the_first_model_with_which_nothing_rises_is_taken() -> None:
+    tried = []
+
+    def attempts_with(*after: Metrics):
+        for k, metrics in enumerate(after):
+            tried.append(k)
+            yield k, metrics
+
+    before = errors(1.0)
+    assert first_without_rise(before, attempts_with(errors(0.5, r=1.01), errors(0.1))) == 0
+    assert tried == [0]  # the second one was not even made
+    assert first_without_rise(before, attempts_with(errors(0.5, r=1.4), errors(0.9))) == 1
+    assert first_without_rise(before, attempts_with(errors(1.0, r=1.1), errors(1.2))) == 0
+    assert first_without_rise(before, attempts_with(errors(0.1, away=1), errors(1.3))) == 1
+    with pytest.raises(ValueError, match="nothing"):
+        first_without_rise(before, attempts_with())
+
+
+def test_the_worst_rise_is_that_of_a_channel_with_its_name() -> None:
+    assert worst_rise(errors(1.0), errors(0.5, v=0.9, r=1.4)) == (pytest.approx(0.4), "r")
+    assert worst_rise(errors(1.0), errors(0.5, 0.5, 0.5))[0] == pytest.approx(-0.5)
+
+
+def test_the_second_attempt_has_the_allowances_of_the_model_before() -> None:
+    before = model()
+    assert [e["id"] for e in before.effects] == ["rudder_rate_limit"]
+    whole, lean = attempts(carried_effects("current"), before)
+    assert "rudder_lag.lag_s" in whole.start and "rudder_lag.lag_s" not in lean.start
+    for values in (lean.prior, lean.prior_std):
+        assert set(values) == {"current.north_mps", "rudder_rate_limit.rate_degps"}
+    assert lean.start["Y_uv"] == -20.0
+    assert attempts(lean, before) == (lean,)
+    assert attempts(None, before) == (None,)
+
+
+def test_a_rise_that_remains_is_a_finding() -> None:
+    (finding,) = findings_of((0.41, "r"), carried_effects("current"))
+    assert finding.code == "error-rises" and "41 %" in finding.message and finding.where == "r"
+    assert findings_of((0.02, "r"), carried_effects("current")) == ()
+    assert findings_of((0.41, "r"), carried_effects()) == ()  # an event was masked
