@@ -46,7 +46,7 @@ def _writable(folder: Path) -> bool:
 def _candidates() -> list[Path]:
     """Folders the cache may lie in: the one the user names, else the package's, the user's."""
     sources = hashlib.sha256()
-    for module in KERNEL_MODULES:
+    for module in ("jit.py", *KERNEL_MODULES):  # how they are compiled counts as well
         sources.update((PACKAGE / module).read_bytes())
     name = FOLDER + sources.hexdigest()[:16]
     named = os.environ.get("NUMBA_CACHE_DIR")

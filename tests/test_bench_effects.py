@@ -230,6 +230,14 @@ def test_the_table_of_effects_has_the_error_of_the_size() -> None:
     assert row["error"] == pytest.approx((0.001 / 0.12 + 0.17) / 2) and row["in_95"] == "1/2"
 
 
+def test_an_event_between_the_maneuvers_that_identify_cannot_be_seen() -> None:
+    event = {**CURRENT, "id": "one_off_event", "parameters": {}, "time_s": (50.0, 53.0)}
+    outcome = outcome_with([event])
+    for spans, visible in (([[40.0, 51.0]], True), ([[10.0, 49.0], [54.0, 60.0]], False)):
+        assert score({**outcome, "identifying_s": spans}).visible is visible
+    assert score(outcome).visible  # of a study that did not keep the maneuvers
+
+
 def test_both_of_a_pair_are_asked_for() -> None:
     assert not score(outcome_with([CURRENT, LAG], kind="pair")).right_family
     lag = loop_world.EffectFound(id="rudder_delay", family="actuation", parameters=())

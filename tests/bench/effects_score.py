@@ -1,6 +1,6 @@
 """Was the planted effect found? Pure functions from one outcome to one score."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,9 +10,11 @@ from tests.bench.effects_truth import FINDING_OF
 NORMAL_95 = 1.96
 CONFIDENT = ("effect_found", "ambiguous")
 # Seen by a search of the residual and not by a slope: `sees` may have no size for them.
-SEARCHED = ("wave", "one_off_event")
+EVENT = "one_off_event"
+SEARCHED = ("wave", EVENT)
 
 Row = Mapping[str, Any]
+Spans = Sequence[Sequence[float]] | None  # start and end of maneuvers [s]
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,7 @@ def score(outcome: Row) -> Score:
         key=outcome["case"]["key"], kind=outcome["case"]["kind"],
         label="+".join(ids) or "none", vehicle=outcome["case"]["vehicle"],
         verdict=final.get("verdict", "failed"), named=named,
-        visible=_all_visible(planted, diagnosis) if ids else None,
+        visible=_all_visible(planted, diagnosis, outcome.get("identifying_s")) if ids else None,
         declared=final.get("verdict") in CONFIDENT and bool(named),
         right_id=bool(ids) and set(ids) <= set(named),
         right_or_group=bool(ids) and all(_in_group(i, named, groups) for i in ids),
@@ -111,8 +113,18 @@ def _finding_says(name: str, *artifacts: Row) -> bool:
     return name in FINDING_OF and any(FINDING_OF[name] in code for code in codes)
 
 
-def _all_visible(planted: Iterable[Row], diagnosis: Row) -> bool:
-    return not diagnosis or all(is_visible(p, diagnosis.get("sees", [])) for p in planted)
+def _all_visible(planted: Iterable[Row], diagnosis: Row, spans: Spans) -> bool:
+    return not diagnosis or all(
+        is_visible(p, diagnosis.get("sees", [])) and happened_in(p, spans) for p in planted
+    )
+
+
+def happened_in(planted: Row, spans: Spans) -> bool:
+    """Whether an event fell into a maneuver that identifies; other effects always act."""
+    if planted["id"] != EVENT or not spans:
+        return True
+    first, last = min(planted["time_s"]), max(planted["time_s"])
+    return any(first < end and last > start for start, end in spans)
 
 
 def is_visible(planted: Row, sees: Iterable[Row]) -> bool:

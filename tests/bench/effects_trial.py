@@ -64,8 +64,18 @@ def outcome(case: Case, run: Callable[..., Any] = run_stage) -> Outcome:
         except Exception:
             found["error"] = traceback.format_exc()
         found |= {Path(path).stem: artifact(directory, path) for path in LEFT_OUT}
+        found["identifying_s"] = identifying(directory)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return {**found, "seconds": clock.seconds, "peak_mb": round(peak, 1)}
+
+
+def identifying(directory: Path) -> list[tuple[float, float]] | None:
+    """Start and end of every maneuver that identifies; None where there was no segmentation."""
+    path = directory / "segment/maneuvers.json"
+    if not path.is_file():
+        return None
+    maneuvers = json.loads(path.read_text(encoding="utf-8"))
+    return [(m["t_start_s"], m["t_end_s"]) for m in maneuvers if m["role"] == "identify"]
 
 
 def artifact(directory: Path, name: str) -> Outcome | None:
