@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from auvident.stages.identify import Identification
     from auvident.stages.validate import Validation
 
-COMPILING = "The numerical kernels are compiled, once on this machine: up to half a minute."
+COMPILING = "The numerical kernels are compiled, once on this machine: about half a minute."
 COMPILING_EACH_TIME = (
-    "The numerical kernels are compiled in every run, up to half a minute: no folder for them can "
+    "The numerical kernels are compiled in every run, about half a minute: no folder for them can "
     "be written. NUMBA_CACHE_DIR names one."
 )
 PLANS = PACKAGE_ROOT / "plans"
