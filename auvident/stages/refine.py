@@ -78,10 +78,12 @@ def attempts(carried: Carried | None, before: IdentifiedModel) -> tuple[Carried 
 def worst_rise(before: Metrics, after: Metrics) -> tuple[float, str]:
     """Largest relative rise of an error in the maneuvers that identify, and its channel.
 
-    Infinite where the model after runs away more often than the one before.
+    Infinite where the model after runs away more often than the one before. Held-out maneuvers
+    have no part in it.
     """
     old, new = before.summary.get("identify", {}), after.summary.get("identify", {})
-    away = len(after.findings) > len(before.findings)
+    stayed = [sum(m.role == "identify" for m in metrics.maneuvers) for metrics in (before, after)]
+    away = stayed[1] < stayed[0]
     rises = [
         (math.inf if away or c not in new else new[c].rmse / old[c].rmse - 1.0, c)
         for c in GUARDED if c in old

@@ -12,6 +12,7 @@ from auvident.schema.artifacts import (
     ChannelMetrics,
     Finding,
     IdentifiedModel,
+    ManeuverMetrics,
     Maneuvers,
     Metrics,
 )
@@ -289,14 +290,21 @@ def test_coefficients_stand_side_by_side() -> None:
 # --- errors that rise ----------------------------------------------------------------------
 
 
-def errors(u: float, v: float = 1.0, r: float = 1.0, away: int = 0) -> Metrics:
-    """Metrics with these errors in the maneuvers that identify."""
+def errors(u: float, v: float = 1.0, r: float = 1.0, away: str = "") -> Metrics:
+    """Metrics with these errors in the maneuvers that identify; one may have run away."""
     channels = {
         name: ChannelMetrics(rmse=rmse, nrmse=rmse, r2=0.0, theil=0.0, unit="-", samples=9)
         for name, rmse in (("u", u), ("v", v), ("r", r), ("heading", 9.0))
     }
-    ran = tuple(Finding(code="ran-away", message=f"maneuver {k}") for k in range(away))
-    return Metrics(maneuvers=(), summary={"identify": channels}, findings=ran)
+    stayed = tuple(
+        ManeuverMetrics.model_validate({
+            "id": name, "trial": "t", "kind": name.split("-")[0], "role": role,
+            "duration_s": DT * N, "channels": channels,
+        })
+        for name, role in ROLES.items() if name != away
+    )  # fmt: skip
+    ran = (Finding(code="ran-away", message="", where=away),) if away else ()
+    return Metrics(maneuvers=stayed, summary={"identify": channels}, findings=ran)
 
 
 def carried_effects(*effects: str) -> Carried:
@@ -320,7 +328,9 @@ def test_the_first_model_with_which_nothing_rises_is_taken() -> None:
     assert tried == [0]  # the second one was not even made
     assert first_without_rise(before, attempts_with(errors(0.5, r=1.4), errors(0.9))) == 1
     assert first_without_rise(before, attempts_with(errors(1.0, r=1.1), errors(1.2))) == 0
-    assert first_without_rise(before, attempts_with(errors(0.1, away=1), errors(1.3))) == 1
+    assert (
+        first_without_rise(before, attempts_with(errors(0.1, away="straight-1"), errors(1.3))) == 1
+    )
     with pytest.raises(ValueError, match="nothing"):
         first_without_rise(before, attempts_with())
 
@@ -328,6 +338,12 @@ def test_the_first_model_with_which_nothing_rises_is_taken() -> None:
 def test_the_worst_rise_is_that_of_a_channel_with_its_name() -> None:
     assert worst_rise(errors(1.0), errors(0.5, v=0.9, r=1.4)) == (pytest.approx(0.4), "r")
     assert worst_rise(errors(1.0), errors(0.5, 0.5, 0.5))[0] == pytest.approx(-0.5)
+    assert worst_rise(errors(1.0), errors(0.5, away="straight-1"))[0] == float("inf")
+
+
+def test_a_held_out_maneuver_that_runs_away_chooses_nothing() -> None:
+    with_it, without = errors(0.5, away="turn-1"), errors(0.5)
+    assert worst_rise(errors(1.0), with_it) == worst_rise(errors(1.0), without)
 
 
 def test_the_second_attempt_has_the_allowances_of_the_model_before() -> None:
