@@ -36,7 +36,7 @@ NAMES = {
 }  # fmt: skip
 NORMAL_95 = 1.96
 GUARDED = ("u", "v", "r")  # channels whose error in the maneuvers that identify is not to rise ...
-RISE = 0.02  # ... by more than this share
+RISE = 0.02  # ... by more than this share: what the study of the loop counts as a rise
 # A filter lets its state follow late readings and sees only a part of the delay (0.23 and 0.30 s
 # of 0.34 and 0.48 s); the fit of the free-running prediction has no such way out.
 HELD = ("gyro_delay.delay_s", "dvl_delay.delay_s")

@@ -37,6 +37,7 @@ Array = npt.NDArray[Any]
 
 N_FORCES = 3
 N_ALL = N_CHANNELS + N_FORCES  # u, a, b, then the forces on them
+AT_START, UNCHANGED = np.eye(N_STATES, N_STATES + N_FORCES), np.eye(N_ALL)  # before a step
 KEPT = [0, 1, 2, *range(N_STATES, N_STATES + N_FORCES)]  # columns of a step's slopes: no angle
 LEAST_SLOW = 0.1  # [of the sensor noise] a residual that is all noise still allows so much motion
 LEAST_TIME_S = 1.0  # forces that change faster are taken for noise
@@ -91,17 +92,16 @@ class Stepper:
         given : (2, 4) array
             States at both ends of the step; only their angle counts.
         """
-        full, out = given[0].copy(), np.empty(N_STATES)
-        slopes = np.eye(N_STATES, N_STATES + N_FORCES)
+        full, out, slopes = given[0].copy(), np.empty(N_STATES), AT_START.copy()
         full[:N_CHANNELS], acting = x[:N_CHANNELS], inputs.copy()
         acting[FORCE:] = x[N_CHANNELS:]
         step_with_sensitivities(
             full, acting, given[0], given[1], self.case.setup.dt_s, self.parameters, self.inverse,
             ACTIVE, *self.case.setup.structure.arrays, self.column, SLOPES, PLACES, slopes, out,
         )  # fmt: skip
-        derivative = np.eye(N_ALL)
-        derivative[:N_CHANNELS] = slopes[:N_CHANNELS, KEPT]
-        return np.concatenate([out[:N_CHANNELS], x[N_CHANNELS:]]), derivative
+        derivative, after = UNCHANGED.copy(), x.copy()
+        derivative[:N_CHANNELS], after[:N_CHANNELS] = slopes[:N_CHANNELS, KEPT], out[:N_CHANNELS]
+        return after, derivative
 
 
 def stepper_of(case: Case, p: Array) -> Stepper:

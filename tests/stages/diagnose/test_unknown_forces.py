@@ -151,9 +151,9 @@ def test_a_motion_that_runs_away_has_no_forces(monkeypatch: pytest.MonkeyPatch) 
     assert np.isnan(forces.std).all()
 
 
-def test_25_minutes_take_seconds() -> None:
+def test_25_minutes_take_less_than_a_second() -> None:
     case, fitted, _ = made(5, 1.0, n=700, count=1)
     unknown_forces(case, fitted)  # compiled, if it was not
     start = time.process_time()
     rows = len(unknown_forces(case, fitted)["m0"])
-    assert (time.process_time() - start) * 15_000 / rows < 5.0  # at 10 Hz; generous
+    assert (time.process_time() - start) * 15_000 / rows < 1.0  # at 10 Hz
