@@ -6,7 +6,6 @@ and time the forces show what the model lacks (Kristensen, Madsen and Jorgensen 
 for the eye, no verdict rests on them.
 """
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,37 +13,23 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.engines.estimator import LONGEST_CORRELATION_S
+from auvident.engines.forced_pass import N_ALL, N_FORCES, forced_pass, forced_step
 from auvident.engines.prediction import at_effects, readings, seen_rows
 from auvident.engines.records import Record
 from auvident.errors import NumericsError
-from auvident.estimation.kalman import update_scalar
 from auvident.estimation.output_error import correlation_time
 from auvident.estimation.smoother import smooth
-from auvident.physics.actuation import FORCE
-from auvident.physics.dynamics import (
-    N_STATES,
-    SPEED_LIMIT,
-    inverse_mass,
-    step_with_sensitivities,
-)
+from auvident.physics.dynamics import SPEED_LIMIT, inverse_mass
 from auvident.physics.sensing import sensor_matrix
-from auvident.physics.term_tables import N_INPUTS
 from auvident.physics.terms import FREE_FORCES
 from auvident.stages.diagnose.case import ACTIVE, Case
 from auvident.stages.diagnose.fits import N_CHANNELS, Fitted, start_spread
 
 Array = npt.NDArray[Any]
 
-N_FORCES = 3
-N_ALL = N_CHANNELS + N_FORCES  # u, a, b, then the forces on them
-AT_START, UNCHANGED = np.eye(N_STATES, N_STATES + N_FORCES), np.eye(N_ALL)  # before a step
-KEPT = [0, 1, 2, *range(N_STATES, N_STATES + N_FORCES)]  # columns of a step's slopes: no angle
 LEAST_SLOW = 0.1  # [of the sensor noise] a residual that is all noise still allows so much motion
 LEAST_TIME_S = 1.0  # forces that change faster are taken for noise
 START_FORCE = 3.0  # a force starts within this many of its usual sizes
-PLACES = np.arange(N_FORCES)
-SLOPES = np.zeros((N_INPUTS, N_FORCES))  # of the inputs by the forces
-SLOPES[FORCE:] = np.eye(N_FORCES)
 
 
 @dataclass(frozen=True)
@@ -73,35 +58,17 @@ class Stepper:
         Those of the model, and a factor of one on the forces.
     inverse : (3, 3) array
         Inverse mass matrix.
-    column : (n_parameters,) int array
-        -1: no parameter is free.
     """
 
     case: Case
     parameters: Array
     inverse: Array
-    column: npt.NDArray[np.int64]
 
-    def __call__(self, x: Array, inputs: Array, given: Array) -> tuple[Array, Array]:
-        """State (6,) after a step, and the derivative (6, 6) of the step.
-
-        Parameters
-        ----------
-        x : (6,) array
-        inputs : (9,) array
-        given : (2, 4) array
-            States at both ends of the step; only their angle counts.
-        """
-        full, out, slopes = given[0].copy(), np.empty(N_STATES), AT_START.copy()
-        full[:N_CHANNELS], acting = x[:N_CHANNELS], inputs.copy()
-        acting[FORCE:] = x[N_CHANNELS:]
-        step_with_sensitivities(
-            full, acting, given[0], given[1], self.case.setup.dt_s, self.parameters, self.inverse,
-            ACTIVE, *self.case.setup.structure.arrays, self.column, SLOPES, PLACES, slopes, out,
-        )  # fmt: skip
-        derivative, after = UNCHANGED.copy(), x.copy()
-        derivative[:N_CHANNELS], after[:N_CHANNELS] = slopes[:N_CHANNELS, KEPT], out[:N_CHANNELS]
-        return after, derivative
+    @property
+    def model(self) -> tuple[Any, ...]:
+        """The last arguments of the kernels, from the step on."""
+        setup = self.case.setup
+        return setup.dt_s, self.parameters, self.inverse, ACTIVE, *setup.structure.arrays
 
 
 def stepper_of(case: Case, p: Array) -> Stepper:
@@ -113,7 +80,7 @@ def stepper_of(case: Case, p: Array) -> Stepper:
             "mass matrix is not positive definite", "unknown forces of the diagnosis",
             "Check mass, inertia and added masses in the vehicle file.",
         )  # fmt: skip
-    return Stepper(case, q, inverse, np.full(len(q), -1))
+    return Stepper(case, q, inverse)
 
 
 @dataclass(frozen=True)
@@ -176,7 +143,8 @@ def damping_of(step: Stepper, fitted: Fitted) -> Array:
     states = np.median(np.concatenate([r.states for r in fitted.residuals]), axis=0)
     acting = [at_effects(case.setup.frame, fitted.parameters, r).inputs for r in case.records]
     x = np.concatenate([states[:N_CHANNELS], np.zeros(N_FORCES)])
-    slopes = step(x, np.median(np.concatenate(acting), axis=0), np.array([states, states]))[1]
+    usual = np.median(np.concatenate(acting), axis=0)
+    slopes = forced_step(x, usual, np.array([states, states]), *step.model, np.empty(N_ALL))
     rate: Array = (1.0 - slopes.diagonal()[:N_CHANNELS]) / case.setup.dt_s
     return rate
 
@@ -208,45 +176,15 @@ def _smoothed(step: Stepper, fitted: Fitted, record: Record, states: Array, walk
     sensor = np.ascontiguousarray(sensor[:N_CHANNELS, :N_CHANNELS])
     start = [start_spread(colour) for colour in fitted.colours]
     spread = np.diag(np.append(start, START_FORCE * walk.size) ** 2)
-    inputs = at_effects(frame, p, record).inputs
-    passed = _filtered(step, inputs, states, read, sensor, spread, walk)
-    if passed is None:
+    growth = np.append(np.zeros(N_CHANNELS), walk.intensity**2 * step.case.setup.dt_s)
+    *passed, followed = forced_pass(
+        np.append(states[0, :N_CHANNELS], np.zeros(N_FORCES)), spread,
+        at_effects(frame, p, record).inputs, states, read, sensor, walk.noise**2, growth,
+        SPEED_LIMIT, *step.model,
+    )  # fmt: skip
+    if not followed:
         nothing = np.full((len(read), N_FORCES), np.nan)
         return Forces(nothing, nothing)
     found = smooth(*passed)
     variance = np.einsum("kii->ki", found.covariance)[:, N_CHANNELS:]
     return Forces(found.mean[:, N_CHANNELS:], np.sqrt(variance))
-
-
-def _filtered(
-    step: Stepper, inputs: Array, states: Array, read: Array, sensor: Array, spread: Array,
-    walk: Walk,
-) -> tuple[Array, Array, Array, Array, Array] | None:  # fmt: skip
-    """What `smooth` takes; None where the motion runs away."""
-    n, x, covariance = len(read), np.append(states[0, :N_CHANNELS], np.zeros(N_FORCES)), spread
-    after, before = np.empty((2, n, N_ALL))
-    spread_after, spread_before, transition = np.empty((3, n, N_ALL, N_ALL))
-    grown = np.diag(np.append(np.zeros(N_CHANNELS), walk.intensity**2 * step.case.setup.dt_s))
-    for k in range(n):
-        before[k], spread_before[k] = x, covariance
-        x, covariance = _updated(x, covariance, read[k], sensor, walk.noise**2)
-        after[k], spread_after[k] = x, covariance
-        if k == n - 1:
-            break
-        x, transition[k] = step(x, inputs[k], states[k : k + 2])
-        if not np.abs(x[:N_CHANNELS]).max() < SPEED_LIMIT:
-            return None
-        covariance = transition[k] @ covariance @ transition[k].T + grown
-    return after, spread_after, before, spread_before, transition
-
-
-def _updated(
-    x: Array, covariance: Array, read: Array, sensor: Array, variance: Array
-) -> tuple[Array, Array]:
-    """Mean and covariance with the readings of a row."""
-    x, covariance = x.copy(), covariance.copy()
-    for c in range(N_CHANNELS):
-        if math.isfinite(read[c]):
-            innovation = read[c] - sensor[c] @ x[:N_CHANNELS]
-            update_scalar(x, covariance, N_ALL, 0, sensor[c], innovation, variance[c])
-    return x, covariance
