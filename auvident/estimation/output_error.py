@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import solve_triangular
+from scipy.optimize import lsq_linear
 
 from auvident.errors import NumericsError
 
@@ -13,8 +15,11 @@ Array = npt.NDArray[Any]
 
 MAX_ITERATIONS = 40
 COST_TOLERANCE = 1.0e-5  # relative fall of the cost below which the fit has converged
-DAMPING_START, DAMPING_UP, DAMPING_DOWN = 1.0e-3, 8.0, 4.0  # Levenberg-Marquardt, in prior units
-DAMPING_CEILING = 1.0e8
+RIDGE = 1.0e-5  # relative; where the curvature is nearly singular
+FIRST_REACH, LEAST_REACH = 2.0, 1.0e-6  # [prior standard deviations] of a step
+WORTH_A_TRIAL = 0.5  # [of the tolerance] a step that promises less is not tried
+BROKEN, KEPT = 0.25, 0.75  # shares of the promised fall below and above which the reach changes
+SMALLEST = 1.0e-12  # room that a bound leaves, so that a parameter may lie at it
 
 
 @dataclass(frozen=True)
@@ -48,12 +53,13 @@ Likelihood = Callable[[Array], tuple[float, Array, Array]]
 def fit(
     likelihood: Likelihood, start: Array, prior_mean: Array, prior_information: Array,
     bounds: tuple[Array, Array] | None = None, iterations: int = MAX_ITERATIONS,
-    tolerance: float = COST_TOLERANCE, damping: float = DAMPING_START,
+    tolerance: float = COST_TOLERANCE,
 ) -> Fit:  # fmt: skip
     """Minimise whitened residuals and distance from the prior together.
 
-    Levenberg-Marquardt on the normal equations: the curvature is accumulated while simulating,
-    so that memory does not grow with the length of the data.
+    Gauss-Newton on the normal equations in a trust region, which is a box as the bounds are
+    (Conn, Gould and Toint 2000): the curvature is accumulated while simulating, so that memory
+    does not grow with the length of the data.
 
     Parameters
     ----------
@@ -64,15 +70,11 @@ def fit(
     prior_information : (n, n) array
         Inverse prior covariance of theta.
     bounds : pair of (n,) arrays, optional
-        Least and largest values; a parameter at its bound that the gradient pushes outwards is
-        held.
+        Least and largest values; no step leaves them.
     iterations : int
         At most so many steps are tried.
     tolerance : float
         Relative fall of the cost below which the fit has converged.
-    damping : float
-        Of the first step. Little of it goes through narrow valleys faster, much of it is safer
-        far from the solution.
 
     Raises
     ------
@@ -86,42 +88,81 @@ def fit(
             "the prediction runs away with the coefficients the fit starts from",
             remedy="Run the filter stages first, or check the priors and the mass properties.",
         )
-    iteration = 0
     low, high = bounds or (np.full(len(theta), -np.inf), np.full(len(theta), np.inf))
-    while iteration < iterations and damping < DAMPING_CEILING:
+    iteration, reach = 0, FIRST_REACH
+    while iteration < iterations and reach > LEAST_REACH:
+        ridge = RIDGE * np.diag(np.maximum(np.diag(curvature), np.diag(prior_information)))
+        room = np.maximum(low - theta, -reach), np.minimum(high - theta, reach)
+        trial = np.clip(theta + bounded_step(curvature + ridge, gradient, *room), low, high)
+        step = trial - theta
+        promised = -float(gradient @ step + 0.5 * step @ curvature @ step)
+        if promised < WORTH_A_TRIAL * tolerance * max(cost, 1.0):
+            break
         iteration += 1
-        scale = np.diag(np.maximum(np.diag(curvature), np.diag(prior_information)))
-        held = ((theta <= low) & (gradient > 0.0)) | ((theta >= high) & (gradient < 0.0))
-        step = _step(curvature + damping * scale, gradient, ~held)
-        trial = np.clip(theta - step, low, high)
         attempt = _posterior(likelihood, trial, prior_mean, prior_information)
-        if not attempt[0] < cost:
-            damping *= DAMPING_UP
+        fall = cost - attempt[0]
+        reach = _next_reach(reach, float(np.abs(step).max()), fall / promised)
+        if not fall > 0.0:
             continue
-        fall = (cost - attempt[0]) / max(cost, 1.0)
+        settled = fall < tolerance * max(cost, 1.0)
         theta, (cost, gradient, curvature) = trial, attempt
-        damping /= DAMPING_DOWN
-        if fall < tolerance:
+        if settled:
             break
     covariance = _solved(curvature, np.eye(len(theta)))
     return Fit(theta, curvature - prior_information, covariance, cost, iteration)
 
 
-def _step(curvature: Array, gradient: Array, moves: Array) -> Array:
-    """Newton step of the parameters that move; zero for the others."""
-    step = np.zeros(len(gradient))
-    step[moves] = _solved(curvature[np.ix_(moves, moves)], gradient[moves])
-    return step
+def _next_reach(reach: float, size: float, kept: float) -> float:
+    """Longest step to try after one of a size that kept a share of the fall it promised."""
+    if not np.isfinite(kept):  # it ran away
+        return 0.125 * size
+    if kept < BROKEN:
+        return 0.25 * size
+    return max(reach, 2.0 * size) if kept > KEPT else reach
+
+
+def bounded_step(curvature: Array, gradient: Array, low: Array, high: Array) -> Array:
+    """Step (n,) to the least value of a quadratic function within bounds.
+
+    A Newton step that is cut off at a bound may lead uphill, as the other parameters still move
+    by what goes with the whole of it; here they take what suits them best.
+
+    Parameters
+    ----------
+    curvature : (n, n) array
+    gradient : (n,) array
+    low, high : (n,) array
+        Bounds of the step; zero lies between them.
+
+    Raises
+    ------
+    NumericsError
+        The curvature is not positive definite.
+    """
+    step = -_solved(curvature, gradient)
+    if np.all((step >= low) & (step <= high)):
+        return step
+    try:
+        factor = np.linalg.cholesky(curvature)
+    except np.linalg.LinAlgError:
+        raise _singular() from None
+    room = np.minimum(low, 0.0) - SMALLEST, np.maximum(high, 0.0) + SMALLEST
+    right = -solve_triangular(factor, gradient, lower=True)
+    return np.asarray(lsq_linear(factor.T, right, room, method="bvls").x)
 
 
 def _solved(curvature: Array, right: Array) -> Array:
     try:
         return np.linalg.solve(curvature, right)
     except np.linalg.LinAlgError:
-        raise NumericsError(
-            "the curvature of the fit is singular",
-            remedy="Free fewer coefficients, or give them priors.",
-        ) from None
+        raise _singular() from None
+
+
+def _singular() -> NumericsError:
+    return NumericsError(
+        "the curvature of the fit is singular",
+        remedy="Free fewer coefficients, or give them priors.",
+    )
 
 
 def _posterior(

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from auvident.errors import NumericsError
-from auvident.estimation.output_error import MAX_ITERATIONS, correlation_time, fit
+from auvident.estimation.output_error import MAX_ITERATIONS, bounded_step, correlation_time, fit
 
 
 def linear(seed: int, rows: int = 200, n: int = 5):
@@ -28,8 +28,7 @@ def linear(seed: int, rows: int = 200, n: int = 5):
 def test_fit_of_a_linear_problem_is_the_closed_form(seed) -> None:
     likelihood, mean, information, best, covariance, design = linear(seed)
     start = np.random.default_rng(seed + 100).normal(size=5) * 10
-    found = fit(likelihood, start, mean, information)
-    # a linear problem: each step leaves the damping (1e-3, then a quarter) of what was missing
+    found = fit(likelihood, start, mean, information, tolerance=1e-12)
     away = (found.theta - best) / np.sqrt(np.diag(covariance))
     assert np.abs(away).max() < 1e-4
     np.testing.assert_allclose(found.covariance, covariance, rtol=1e-9, atol=1e-12)
@@ -69,7 +68,7 @@ def test_a_curved_valley_is_followed() -> None:
     np.testing.assert_allclose(found.theta, 1.0, atol=0.02)
 
 
-# --- bounds and damping --------------------------------------------------------------------
+# --- bounds and reach ----------------------------------------------------------------------
 
 
 def boxed(seed: int):
@@ -115,21 +114,47 @@ def test_wide_bounds_change_nothing() -> None:
     assert found.cost == plain.cost
 
 
-@pytest.mark.parametrize("damping", [1e-8, 1e-5, 1e-3, 1.0, 100.0])
-def test_the_damping_of_the_first_step_does_not_change_the_solution(damping) -> None:
-    likelihood, mean, information, best, covariance, _ = linear(3)
-    found = fit(likelihood, np.full(5, 5.0), mean, information, tolerance=1e-12, damping=damping)
-    away = (found.theta - best) / np.sqrt(np.diag(covariance))
-    assert np.abs(away).max() < 1e-4
-
-
-def test_little_damping_needs_fewer_steps_on_a_linear_problem() -> None:
-    likelihood, mean, information, *_ = linear(4)
-    little, much = (
-        fit(likelihood, np.full(5, 5.0), mean, information, tolerance=1e-10, damping=d).iterations
-        for d in (1e-8, 10.0)
+def test_a_start_within_reach_takes_one_step_on_a_linear_problem() -> None:
+    likelihood, mean, information, best, *_ = linear(4)
+    near, far = (
+        fit(likelihood, best + away, mean, information, tolerance=1e-10) for away in (0.5, 50.0)
     )
-    assert little <= 2 < much
+    assert near.iterations <= 2 < far.iterations
+    np.testing.assert_allclose(far.theta, best, atol=1e-6)
+
+
+def test_a_bound_does_not_make_a_step_lead_uphill() -> None:
+    """Two parameters that trade against each other, and a bound on one of them.
+
+    A step along the valley that is cut off at the bound would leave the other far up its side.
+    """
+    design = np.array([[1.0, 1.0], [0.0, 0.01]])
+    data = np.array([1.0, 1.0])
+
+    def likelihood(theta):
+        r = 100.0 * (design @ theta - data)
+        return 0.5 * float(r @ r), 100.0 * design.T @ r, 1e4 * design.T @ design
+
+    bounds = (np.full(2, -200.0), np.array([200.0, 0.2]))
+    found = fit(likelihood, np.array([1.0, 0.0]), np.zeros(2), 1e-9 * np.eye(2), bounds,
+                tolerance=1e-10)  # fmt: skip
+    np.testing.assert_allclose(found.theta, [0.8, 0.2], atol=1e-4)
+    assert found.iterations <= 2
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_bounded_step_meets_the_conditions_of_a_least_value(seed) -> None:
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(6, 6))
+    curvature, gradient = root @ root.T + 0.01 * np.eye(6), 3.0 * rng.normal(size=6)
+    low, high = -rng.uniform(0.0, 1.0, 6), rng.uniform(0.0, 1.0, 6)
+    step = bounded_step(curvature, gradient, low, high)
+    at_low, at_high = step < low + 1e-9, step > high - 1e-9
+    assert (at_low | at_high).any()
+    assert ((step > low - 1e-9) & (step < high + 1e-9)).all()
+    slope = gradient + curvature @ step
+    assert np.abs(slope[~at_low & ~at_high]).max(initial=0.0) < 1e-8
+    assert (slope[at_low] > -1e-8).all() and (slope[at_high] < 1e-8).all()
 
 
 def test_no_more_steps_than_allowed() -> None:

@@ -30,7 +30,6 @@ N_START = 3  # active states whose start is fitted along
 ROUNDS, STEPS = 2, 8  # rounds of fixed weights, steps in each
 TOLERANCE = 1.0e-4  # relative fall of the cost at which a round ends
 START_STD = 5.0  # a start is known to this many standard deviations of the residual
-DAMPING = 1.0e-5  # coefficients trade against each other along narrow valleys
 LARGEST = 1.0e20  # squared slopes in units of the noise beyond which a motion has run away
 NOTHING = np.zeros(0, dtype=np.int64)
 START = np.arange(N_START)
@@ -237,7 +236,7 @@ def fit_with(
         try:
             result = fit(
                 _likelihood(case, p, free, colours, gain), theta, mean, information, (low, high),
-                steps, TOLERANCE, DAMPING,
+                steps, TOLERANCE,
             )  # fmt: skip
         except NumericsError:
             break

@@ -11,11 +11,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import solve_triangular
-from scipy.optimize import lsq_linear
 
 from auvident.engines.prediction import Free, readings_with_slopes, seen_rows
 from auvident.engines.records import Record
+from auvident.estimation.output_error import bounded_step
 from auvident.parallel import each
 from auvident.physics.dynamics import N_STATES
 from auvident.stages.diagnose.case import ACTIVE, Case
@@ -171,7 +170,7 @@ def score(joint: Joint, effects: Sequence[str]) -> Score:
     theta = start[free] / case.setup.prior_std[free]
     gradient = joint.gradient[at] + information @ (theta - mean)
     curvature = joint.curvature[np.ix_(at, at)] + information
-    step = _bounded_step(theta, gradient, curvature, low, high)
+    step = bounded_step(curvature, gradient, low - theta, high - theta)
     gain = -(gradient @ step + 0.5 * step @ curvature @ step)
     p = start.copy()
     p[free] = (theta + step) * case.setup.prior_std[free]
@@ -192,16 +191,6 @@ def score_from(joint: Joint, effect: str, there: Array) -> Score:
     found = score(other, (effect,))
     gain = here.cost - found.cost + found.gain
     return Score(gain, found.parameters, found.cost) if gain > here.gain else here
-
-
-def _bounded_step(
-    theta: Array, gradient: Array, curvature: Array, low: Array, high: Array
-) -> Array:
-    """Newton step to the least value within the bounds."""
-    factor = np.linalg.cholesky(curvature)
-    right = -solve_triangular(factor, gradient, lower=True)
-    room = (np.minimum(low - theta, 0.0) - SMALLEST, np.maximum(high - theta, 0.0) + SMALLEST)
-    return np.asarray(lsq_linear(factor.T, right, room, method="bvls").x)
 
 
 def unabsorbed(joint: Joint, positions: Sequence[int]) -> tuple[Array, Array, Array]:
