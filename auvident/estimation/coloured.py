@@ -108,20 +108,36 @@ def whiten_channels(error, slopes, columns, seen, keep, white, slow, out):
 
 
 @kernel
-def _distance(values, seen, keep, ratio):
-    """Sum of squared innovations and of log variances for a unit white noise."""
-    state, variance, square, total = 0.0, ratio * ratio, 0.0, 0.0
-    for k in range(values.shape[0]):
-        if seen[k]:
-            spread = variance + 1.0
-            gain, innovation = variance / spread, values[k] - state
-            square += innovation * innovation / spread
-            total += math.log(spread)
-            state += gain * innovation
-            variance *= 1.0 - gain
-        state *= keep
-        variance = keep * keep * variance + (1.0 - keep * keep) * ratio * ratio
-    return square, total
+def _distances(values, seen, keeps, ratios, square, total):
+    """Add the squared innovations and log variances of a record for a unit white noise.
+
+    Parameters
+    ----------
+    values : (n,) array
+    seen : (n,) bool array
+    keeps : (k,) array
+        exp(-step / correlation time).
+    ratios : (m,) array
+        Disturbance over sensor noise.
+    square, total : (k, m) array, added to
+    """
+    for i in range(keeps.shape[0]):
+        keep = keeps[i]
+        for j in range(ratios.shape[0]):
+            slow = ratios[j] * ratios[j]
+            state, variance, squares, logs = 0.0, slow, 0.0, 0.0
+            for k in range(values.shape[0]):
+                if seen[k]:
+                    spread = variance + 1.0
+                    gain, innovation = variance / spread, values[k] - state
+                    squares += innovation * innovation / spread
+                    logs += math.log(spread)
+                    state += gain * innovation
+                    variance *= 1.0 - gain
+                state *= keep
+                variance = keep * keep * variance + (1.0 - keep * keep) * slow
+            square[i, j] += squares
+            total[i, j] += logs
 
 
 def colour_of(pieces: Sequence[Array], dt_s: float) -> tuple[Colour, float]:
@@ -142,15 +158,12 @@ def colour_of(pieces: Sequence[Array], dt_s: float) -> tuple[Colour, float]:
     count = sum(int(s.sum()) for s in seen)
     if count == 0:
         return Colour(1.0, 0.0, 1.0), 0.0
-    best = (-math.inf, Colour(1.0, 0.0, 1.0))
-    for time in TIMES_S:
-        keep = math.exp(-dt_s / time)
-        for ratio in RATIOS:
-            parts = [_distance(v, s, keep, ratio) for v, s in zip(filled, seen, strict=True)]
-            variance = sum(part[0] for part in parts) / count
-            logs = sum(part[1] for part in parts)
-            value = -0.5 * (count * (math.log(2.0 * math.pi * max(variance, 1e-300)) + 1.0) + logs)
-            if value > best[0]:
-                white = math.sqrt(variance)
-                best = (value, Colour(white, ratio * white, time))
-    return best[1], best[0]
+    keeps, shape = np.exp(-dt_s / np.array(TIMES_S)), (len(TIMES_S), len(RATIOS))
+    square, logs = np.zeros(shape), np.zeros(shape)
+    for v, s in zip(filled, seen, strict=True):
+        _distances(v, s, keeps, np.array(RATIOS), square, logs)
+    variance = np.maximum(square / count, 1e-300)
+    value = -0.5 * (count * (np.log(2.0 * math.pi * variance) + 1.0) + logs)
+    i, j = np.unravel_index(np.argmax(value), shape)
+    white = math.sqrt(variance[i, j])
+    return Colour(white, RATIOS[j] * white, TIMES_S[i]), float(value[i, j])

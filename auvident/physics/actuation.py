@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from auvident.jit import kernel
 from auvident.physics.term_tables import N_INPUTS
+from auvident.physics.vector import values_of
 
 Array = npt.NDArray[Any]
 
@@ -205,8 +206,7 @@ def actuate_steps(raw, elapsed, speed, dt, e, places, steps, base, slopes):
 
 def command_values(parameters: tuple[str, ...], p: Array) -> Array:
     """Values in the order of `COMMAND` from a parameter vector; absent ones are zero."""
-    place = {name: i for i, name in enumerate(parameters)}
-    return np.array([p[place[name]] if name in place else 0.0 for name in COMMAND])
+    return values_of(COMMAND, parameters, p)
 
 
 def acting_inputs(raw: Array, elapsed: Array, speed: Array, roll: Array, pitch: Array, dt: float,

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.physics.vector import values_of
 from auvident.schema.artifacts import Sensing
 from auvident.schema.coefficients import Plane
 
@@ -30,8 +31,7 @@ ROLL_RATE, PITCH_RATE = range(2)
 
 def reading_values(parameters: tuple[str, ...], p: Array) -> Array:
     """Values in the order of `READING` from a parameter vector; absent ones are zero."""
-    place = {name: i for i, name in enumerate(parameters)}
-    return np.array([p[place[name]] if name in place else 0.0 for name in READING])
+    return values_of(READING, parameters, p)
 
 
 def sensor_matrix(plane: Plane, sensing: Sensing, e: Array | None = None) -> Array:

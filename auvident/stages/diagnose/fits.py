@@ -140,14 +140,10 @@ def residuals_of(case: Case, p: Array, colours: Colours) -> tuple[Residual, ...]
 
 def colours_of(case: Case, residuals: Sequence[Residual]) -> tuple[Colours, float, Array]:
     """Noise of each channel, the log-likelihood with it, and the rms of the residuals (3,)."""
-    colours, total, rms = [], 0.0, np.zeros(N_CHANNELS)
-    for c in range(N_CHANNELS):
-        pieces = [r.error[:, c] for r in residuals]
-        colour, log_likelihood = colour_of(pieces, case.setup.dt_s)
-        colours.append(colour)
-        total += log_likelihood
-        rms[c] = np.sqrt(np.nanmean(np.concatenate(pieces) ** 2))
-    return tuple(colours), total, rms
+    pieces = [[r.error[:, c] for r in residuals] for c in range(N_CHANNELS)]
+    found = each(lambda own: colour_of(own, case.setup.dt_s), pieces)
+    rms = np.array([np.sqrt(np.nanmean(np.concatenate(own) ** 2)) for own in pieces])
+    return tuple(colour for colour, _ in found), sum(value for _, value in found), rms
 
 
 def first_colours(case: Case, p: Array) -> Colours:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from auvident.engines.records import STATE_COLUMNS
 from auvident.schema.artifacts import Finding, IdentifiedModel, Maneuvers
@@ -154,7 +154,7 @@ def spreads(case: Case, fitted: Fitted) -> Array:
 def effect_values(case: Case, effect: str, p: Array, stds: Array) -> tuple[ParameterValue, ...]:
     """Parameters of an effect in the units of the artifacts, with 95 % intervals."""
     found, freedom = [], max(min(len(case.records), MOST_FITS) - 1, 1)
-    reach = float(student.ppf(INTERVAL, freedom))
+    reach = float(stdtrit(freedom, INTERVAL))
     for i in case.positions(effect):
         declared = parameter_of(case.names[i])
         value, std = declared.shown(float(p[i] - case.setup.prior[i]), float(stds[i]))
