@@ -162,8 +162,8 @@ def colour_of(pieces: Sequence[Array], dt_s: float) -> tuple[Colour, float]:
     square, logs = np.zeros(shape), np.zeros(shape)
     for v, s in zip(filled, seen, strict=True):
         _distances(v, s, keeps, np.array(RATIOS), square, logs)
-    variance = np.maximum(square / count, 1e-300)
-    value = -0.5 * (count * (np.log(2.0 * math.pi * variance) + 1.0) + logs)
+    variance = square / count
+    value = -0.5 * (count * (np.log(2.0 * math.pi * np.maximum(variance, 1e-300)) + 1.0) + logs)
     i, j = np.unravel_index(np.argmax(value), shape)
     white = math.sqrt(variance[i, j])
     return Colour(white, RATIOS[j] * white, TIMES_S[i]), float(value[i, j])

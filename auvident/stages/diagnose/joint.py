@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.engines.prediction import Free, readings_with_slopes, seen_rows
+from auvident.engines.prediction import Free, Slopes, readings_with_slopes, seen_rows
 from auvident.engines.records import Record
 from auvident.estimation.output_error import bounded_step
 from auvident.parallel import each
@@ -99,16 +99,10 @@ def _slopes_of(
     case: Case, fitted: Fitted, record: Record, moving: Free, gain: Array | None
 ) -> tuple[float, Array, Array, Array, Array, Array] | None:
     """Share of a record in what `Joint` holds, with the count of its readings (3,)."""
-    found = readings_with_slopes(case.setup.frame, fitted.parameters, record, ACTIVE, moving, gain)
-    if found is None:
+    whitened = _white_slopes(case, fitted, fitted.parameters, record, moving, gain)
+    if whitened is None:
         return None
-    seen = seen_rows(case.setup.frame, fitted.parameters, record, ACTIVE)
-    kept = kept_columns(len(moving.positions))
-    rows = white_rows(
-        found.readings - record.measured, found.slopes, kept, seen, fitted.colours, case.setup.dt_s
-    )
-    if not np.isfinite(rows).all() or np.abs(rows).max() > LARGEST**0.5:
-        return None
+    found, seen, rows = whitened
     error, own = _without_start(rows, fitted.colours)
     blocks = _in_blocks(error[:, None] * own, len(seen), case.setup.dt_s)
     own_slopes = [found.slopes[seen[:, c], c, N_STATES:] for c in range(N_CHANNELS)]
@@ -120,6 +114,76 @@ def _slopes_of(
         np.array([part.T @ part for part in own_slopes]),
         np.array([float(len(part)) for part in own_slopes]),
     )
+
+
+def _white_slopes(
+    case: Case, fitted: Fitted, p: Array, record: Record, moving: Free, gain: Array | None = None
+) -> tuple[Slopes, Array, Array] | None:
+    """Readings with slopes at p, rows that are seen, and both whitened by a fit's noise."""
+    found = readings_with_slopes(case.setup.frame, p, record, ACTIVE, moving, gain)
+    if found is None:
+        return None
+    seen = seen_rows(case.setup.frame, p, record, ACTIVE)
+    kept = kept_columns(len(moving.positions))
+    rows = white_rows(
+        found.readings - record.measured, found.slopes, kept, seen, fitted.colours, case.setup.dt_s
+    )
+    if not np.isfinite(rows).all() or np.abs(rows).max() > LARGEST**0.5:
+        return None
+    return found, seen, rows
+
+
+def gains_of_absent(
+    case: Case, fitted: Fitted, effect: str, vectors: Sequence[Array]
+) -> list[float]:
+    """Gain of adding an effect, see `score`, for several of its forms.
+
+    While the effect is absent its form changes neither the motion nor any slope but its own.
+
+    Parameters
+    ----------
+    effect : str
+        Not among those of the model; zero in its parameters.
+    vectors : sequence of (n_parameters,) array
+        The model's parameters, apart from those that give the effect its form.
+
+    Returns
+    -------
+    list of float
+        Zero where the simulation runs away.
+    """
+    about = joint_about(case, fitted, (effect,))
+    if about is None:
+        return [0.0] * len(vectors)
+    own = about.columns(case.positions(effect))
+    both = case.setup.free(about.free), case.setup.free(np.array(case.positions(effect)))
+    parts = each(lambda r: _forms_of(case, fitted, r, both, vectors), case.records)
+    found = []
+    for shares in zip(*parts, strict=True):
+        gradient, curvature = about.gradient.copy(), about.curvature.copy()
+        gradient[own] = sum(share[0] for share in shares)
+        by_all = sum(share[1] for share in shares)
+        curvature[own], curvature[:, own] = by_all, by_all.T
+        curvature[np.ix_(own, own)] = sum(share[2] for share in shares)
+        found.append(score(replace(about, gradient=gradient, curvature=curvature), (effect,)).gain)
+    return found
+
+
+def _forms_of(
+    case: Case, fitted: Fitted, record: Record, free: tuple[Free, Free], vectors: Sequence[Array]
+) -> list[tuple[Array, Array, Array]]:
+    """For each form of an effect its gradient (k,), and its curvature (k, n) with all and own."""
+    every, own = free
+    whole = _white_slopes(case, fitted, fitted.parameters, record, every)
+    assert whole is not None  # the joint one ran through
+    error, base = _without_start(whole[2], fitted.colours)
+    found = []
+    for p in vectors:
+        form = _white_slopes(case, fitted, p, record, own)
+        assert form is not None  # the same motion
+        slopes, left = form[2][:, 1 + N_START :], _without_start(form[2], fitted.colours)[1]
+        found.append((slopes.T @ error, slopes.T @ base, slopes.T @ left))
+    return found
 
 
 def _without_start(rows: Array, colours: Colours) -> tuple[Array, Array]:

@@ -21,7 +21,7 @@ from auvident.schema.trial import Trial
 from auvident.stages.diagnose.candidates import Traced
 from auvident.stages.diagnose.case import Case
 from auvident.stages.diagnose.fits import NOTHING, Fitted, fit_with, record_parts
-from auvident.stages.diagnose.joint import joint_about, score
+from auvident.stages.diagnose.joint import gains_of_absent
 
 Array = npt.NDArray[Any]
 
@@ -53,12 +53,8 @@ def with_best_time(case: Case, fitted: Fitted) -> Fitted:
 
 
 def _best(case: Case, fitted: Fitted, times: Sequence[float] | Array) -> float:
-    gains = {}
-    for time in times:
-        there = replace(fitted, parameters=_at(case, fitted.parameters, time))
-        joint = joint_about(case, there, (STEP,))
-        gains[float(time)] = score(joint, (STEP,)).gain if joint else 0.0
-    return max(gains, key=lambda t: gains[t])
+    forms = [_at(case, fitted.parameters, float(time)) for time in times]
+    return float(times[int(np.argmax(gains_of_absent(case, fitted, STEP, forms)))])
 
 
 def _at(case: Case, p: Array, time: float, undecided: float = 0.0) -> Array:

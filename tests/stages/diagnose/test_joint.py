@@ -20,6 +20,7 @@ from auvident.stages.diagnose.joint import (
     Joint,
     cosine,
     flipped_gains,
+    gains_of_absent,
     joint_about,
     score,
     unabsorbed,
@@ -180,3 +181,21 @@ def test_more_candidates_find_more_by_chance() -> None:
     )
     assert (many >= few).all()
     assert many.mean() > few.mean()
+
+
+# --- forms of an absent effect -------------------------------------------------------------
+
+
+def test_forms_of_an_absent_effect_gain_what_a_whole_screen_says() -> None:
+    case, fitted, form = small_case(), small_fit(), "thrust_step.time_s"
+    vectors = []
+    for time in (60.0, 200.0, 410.0):
+        p = fitted.parameters.copy()
+        p[case.position(form)] = time
+        vectors.append(p)
+    found = gains_of_absent(case, fitted, "thrust_step", vectors)
+    for p, gain in zip(vectors, found, strict=True):
+        whole = joint_about(case, replace(fitted, parameters=p), ("thrust_step",))
+        assert whole is not None
+        assert gain == pytest.approx(score(whole, ("thrust_step",)).gain, rel=1e-6)
+    assert np.ptp(found) > 0.1
