@@ -38,14 +38,31 @@ def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads(), thread_name_prefix="auvident")
 
 
-def each(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+def each(
+    function: Callable[[Item], Result],
+    items: Iterable[Item],
+    effort: Callable[[Item], float] | None = None,
+) -> list[Result]:
     """Results of a function for some items, in their order.
 
     The function must not call `each` again: all threads might wait for each other.
+
+    Parameters
+    ----------
+    function : callable
+    items : iterable
+    effort : callable, optional
+        How long an item takes, in any unit: the longest begin first, so that no thread is left
+        alone with one at the end.
     """
+    every = list(items)
     if threads() == 1:
-        return [function(item) for item in items]
-    return list(_pool().map(function, items))
+        return [function(item) for item in every]
+    order = list(range(len(every)))
+    if effort is not None:
+        order.sort(key=lambda i: -effort(every[i]))
+    pending = {i: _pool().submit(function, every[i]) for i in order}
+    return [pending[i].result() for i in range(len(every))]
 
 
 @contextmanager

@@ -38,6 +38,19 @@ def test_results_come_in_the_order_of_the_items(number, with_threads) -> None:
         return k
 
     assert parallel.each(late, range(4)) == [0, 1, 2, 3]
+
+
+def test_the_longest_begin_first_and_the_order_stays(with_threads) -> None:
+    with_threads(2)
+    begun = []
+
+    def note(k: int) -> int:
+        begun.append(k)
+        time.sleep(0.01)
+        return -k
+
+    assert parallel.each(note, [3, 1, 4, 2], lambda k: k) == [-3, -1, -4, -2]
+    assert set(begun[:2]) == {4, 3} and set(begun[2:]) == {2, 1}
     assert parallel.each(late, []) == []
 
 

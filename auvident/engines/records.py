@@ -88,6 +88,10 @@ class Record:
     start: Array
     source: Source | None = None
 
+    def __len__(self) -> int:
+        """Number of rows."""
+        return len(self.time_s)
+
 
 def record_of(maneuver: Maneuver, trial: Trial, plane: Plane, sensor: Array) -> Record:
     """Cut one maneuver out of its trial.

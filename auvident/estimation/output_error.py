@@ -19,6 +19,7 @@ RIDGE = 1.0e-5  # relative; where the curvature is nearly singular
 FIRST_REACH, LEAST_REACH = 2.0, 1.0e-6  # [prior standard deviations] of a step
 WORTH_A_TRIAL = 0.5  # [of the tolerance] a step that promises less is not tried
 BROKEN, KEPT = 0.25, 0.75  # shares of the promised fall below and above which the reach changes
+MOST_SETS = 30  # guesses at what is held at a bound; a few do
 SMALLEST = 1.0e-12  # room that a bound leaves, so that a parameter may lie at it
 
 
@@ -125,7 +126,9 @@ def bounded_step(curvature: Array, gradient: Array, low: Array, high: Array) -> 
     """Step (n,) to the least value of a quadratic function within bounds.
 
     A Newton step that is cut off at a bound may lead uphill, as the other parameters still move
-    by what goes with the whole of it; here they take what suits them best.
+    by what goes with the whole of it; here they take what suits them best. What is held at a bound
+    is guessed and put right where it leaves the bounds or pulls inwards (primal-dual active sets,
+    Hintermueller, Ito and Kunisch 2002).
 
     Parameters
     ----------
@@ -139,9 +142,23 @@ def bounded_step(curvature: Array, gradient: Array, low: Array, high: Array) -> 
     NumericsError
         The curvature is not positive definite.
     """
-    step = -_solved(curvature, gradient)
-    if np.all((step >= low) & (step <= high)):
-        return step
+    held = np.zeros(len(gradient), dtype=np.int64)  # -1 at the low bound, 1 at the high one
+    for _ in range(MOST_SETS):
+        step = np.where(held < 0, low, np.where(held > 0, high, 0.0))
+        free = held == 0
+        pull = gradient[free] + curvature[np.ix_(free, ~free)] @ step[~free]
+        step[free] = -_solved(curvature[np.ix_(free, free)], pull)
+        beyond = (step > high).astype(np.int64) - (step < low)
+        slope = gradient + curvature @ step
+        wrong = (held != 0) & (held * slope > 0.0)
+        if not beyond.any() and not wrong.any():
+            return step
+        held = np.where(wrong, 0, held) + beyond
+    return _bounded_by_descent(curvature, gradient, low, high)
+
+
+def _bounded_by_descent(curvature: Array, gradient: Array, low: Array, high: Array) -> Array:
+    """`bounded_step` where guesses at what is held go round in circles."""
     try:
         factor = np.linalg.cholesky(curvature)
     except np.linalg.LinAlgError:

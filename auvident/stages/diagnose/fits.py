@@ -134,7 +134,7 @@ def white_error(error: Array, colours: Colours, dt_s: float) -> Array:
 
 def residuals_of(case: Case, p: Array, colours: Colours) -> tuple[Residual, ...] | None:
     """Residuals of all records; None where one runs away."""
-    found = each(lambda record: residual_of(case, p, record, colours), case.records)
+    found = each(lambda record: residual_of(case, p, record, colours), case.records, len)
     return None if any(r is None for r in found) else tuple(found)  # type: ignore[arg-type]
 
 
@@ -255,7 +255,9 @@ def _likelihood(case: Case, p: Array, free: Array, colours: Colours, gain: Array
         q = p.copy()
         q[free] = theta * moving.scale
         half, gradient, curvature = 0.0, np.zeros(len(free)), np.zeros((len(free), len(free)))
-        for parts in each(lambda r: record_parts(case, q, r, colours, moving, gain), case.records):
+        for parts in each(
+            lambda r: record_parts(case, q, r, colours, moving, gain), case.records, len
+        ):
             if parts is None:
                 return np.inf, gradient, curvature
             half += parts[0]

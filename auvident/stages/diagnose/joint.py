@@ -86,7 +86,7 @@ def joint_about(
     extra = [i for effect in effects for i in case.positions(effect)]
     free = np.array(sorted({*fitted.free.tolist(), *extra}), dtype=np.int64)
     moving = case.setup.free(free)
-    parts = each(lambda r: _slopes_of(case, fitted, r, moving, gain), case.records)
+    parts = each(lambda r: _slopes_of(case, fitted, r, moving, gain), case.records, len)
     if any(part is None for part in parts):
         return None
     half, gradient, curvature, blocks, raw, count = zip(*parts, strict=True)  # type: ignore[arg-type]
@@ -157,7 +157,7 @@ def gains_of_absent(
         return [0.0] * len(vectors)
     own = about.columns(case.positions(effect))
     both = case.setup.free(about.free), case.setup.free(np.array(case.positions(effect)))
-    parts = each(lambda r: _forms_of(case, fitted, r, both, vectors), case.records)
+    parts = each(lambda r: _forms_of(case, fitted, r, both, vectors), case.records, len)
     found = []
     for shares in zip(*parts, strict=True):
         gradient, curvature = about.gradient.copy(), about.curvature.copy()
