@@ -38,6 +38,7 @@ def test_results_come_in_the_order_of_the_items(number, with_threads) -> None:
         return k
 
     assert parallel.each(late, range(4)) == [0, 1, 2, 3]
+    assert parallel.each(late, []) == []
 
 
 def test_the_longest_begin_first_and_the_order_stays(with_threads) -> None:
@@ -51,7 +52,6 @@ def test_the_longest_begin_first_and_the_order_stays(with_threads) -> None:
 
     assert parallel.each(note, [3, 1, 4, 2], lambda k: k) == [-3, -1, -4, -2]
     assert set(begun[:2]) == {4, 3} and set(begun[2:]) == {2, 1}
-    assert parallel.each(late, []) == []
 
 
 def test_several_work_at_the_same_time(with_threads) -> None:
