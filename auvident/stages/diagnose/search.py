@@ -73,7 +73,7 @@ NO_FALL = f"no residual falls by {100 * LEAST_FALL:.0f} %"
 CLAIMED_FROM = 300.0
 LEAST_RECORDS = 2  # maneuvers without which none can be left out
 DRAWS = 199  # of the sign flips
-STUCK = 20.0  # [nats] by which a model has to be the better one, for candidates to be fitted again
+STUCK = 20.0  # [nats] by which a model has to be the better one, for others to be fitted again
 WORTH_A_START = 30.0  # [nats] to be fitted from a second start as well
 SECOND_STARTS = 2  # so many of the best are fitted from the analytical estimate as well
 
@@ -231,7 +231,7 @@ class Search:
 
     def _polished(self, before: Fitted, found: dict[str, Fitted]) -> Fitted:
         """The model without the candidate, from where the best candidate lies: was it stuck?"""
-        best = ranked({c: f.log_likelihood for c, f in found.items()})[:1]
+        best = ranked(_likelihoods(found))[:1]
         for c in best:
             start = found[c].parameters.copy()
             own = self.case.positions(c)
@@ -244,20 +244,25 @@ class Search:
     def _unstuck(
         self, before: Fitted, found: dict[str, Fitted]
     ) -> tuple[Fitted, dict[str, Fitted]]:
-        """The model polished, and the leading candidates fitted beside the better one.
+        """The model polished, and the best candidate's rivals fitted from where it lies.
 
         A candidate that has left a valley that the model was stuck in leads all others by it: at
         the trial of seed 1601 by 615 nats, three times what the planted effect gained there.
         """
-        polished = self._polished(before, found)
-        if log_gain(before, polished) < STUCK:
+        polished, order = self._polished(before, found), ranked(_likelihoods(found))
+        if not order:
             return polished, found
-        better = dict(found)
-        for c in ranked({c: f.log_likelihood for c, f in found.items()})[:REFITTED]:
-            start, own = polished.parameters.copy(), self.case.positions(c)
-            start[own] = found[c].parameters[own]
-            again = refit(self.case, found[c].effects, [start], polished)
-            better[c] = best_of([found[c], again]) or found[c]
+        first, better = found[order[0]], dict(found)
+        stuck = log_gain(before, polished) > STUCK
+        for c in order[1:REFITTED]:
+            rival = log_gain(polished, found[c]) > OF_BEST * log_gain(polished, first)
+            if stuck or rival:
+                start = first.parameters.copy()
+                for own, kept in ((order[0], before), (c, found[c])):
+                    at = self.case.positions(own)
+                    start[at] = kept.parameters[at]
+                again = refit(self.case, found[c].effects, [start], first)
+                better[c] = best_of([found[c], again]) or found[c]
         return polished, better
 
     def _falls(self, before: Fitted, after: Fitted) -> dict[str, float]:
@@ -355,3 +360,7 @@ class Search:
             if c in self.candidates and len(self.case.positions(c)) > len(own)
             and cosine(joint, own, self.case.positions(c)) > CONTAINS
         ]  # fmt: skip
+
+
+def _likelihoods(found: dict[str, Fitted]) -> dict[str, float]:
+    return {c: f.log_likelihood for c, f in found.items()}
