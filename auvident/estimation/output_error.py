@@ -14,7 +14,7 @@ from auvident.errors import NumericsError
 Array = npt.NDArray[Any]
 
 MAX_ITERATIONS = 40
-COST_TOLERANCE = 1.0e-5  # relative fall of the cost below which the fit has converged
+COST_TOLERANCE = 1.0e-7  # relative fall of the cost below which the fit has converged
 RIDGE = 1.0e-5  # relative; where the curvature is nearly singular
 FIRST_REACH, LEAST_REACH = 2.0, 1.0e-6  # [prior standard deviations] of a step
 WORTH_A_TRIAL = 0.5  # [of the tolerance] a step that promises less is not tried
