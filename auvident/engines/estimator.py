@@ -141,7 +141,7 @@ def run_stage(setup: Setup, parameters: Array, stage: PlanStage) -> Outcome:
         raise NumericsError("nothing is free", f"stage {stage.name!r}", "Check the priors.")
     active = active_states(stage.system, setup.structure.plane)
     noise = effective_noise(setup, parameters, records, active)
-    run = _refine if stage.method == "output_error" else _filter
+    run = _refine if stage.method == "output_error" else filter_pass
     return run(setup, parameters, free, records, active, noise)
 
 
@@ -158,10 +158,23 @@ def tuning_of(setup: Setup, free: Array) -> tuple[Array, Array]:
     return factors, drifts
 
 
-def _filter(
+def filter_pass(
     setup: Setup, parameters: Array, free: Array, records: list[Record], active: Array,
     noise: Array,
 ) -> Outcome:  # fmt: skip
+    """One pass of the filter over all records, and the mean of the prior put where it belongs.
+
+    Parameters
+    ----------
+    setup : Setup
+    parameters : (n_parameters,) array
+        Where the pass starts.
+    free : (n_free,) int array
+    records : list of Record
+    active : (4,) bool array
+    noise : (4,) array
+        Effective standard deviation of each channel.
+    """
     acting = [at_effects(setup.frame, parameters, record) for record in records]
     stacked, starts = stack(acting, setup.dt_s)
     by_id = {record.id: record for record in acting}

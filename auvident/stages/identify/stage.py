@@ -14,6 +14,7 @@ from auvident.engines.estimator import (
     run_stage,
     stage_records,
 )
+from auvident.engines.first_use import compile_side_by_side
 from auvident.engines.jackknife import influences, jackknife_covariance
 from auvident.estimation.identifiability import (
     unseen_directions,
@@ -92,6 +93,7 @@ def identify(
         trials, maneuvers, ase, vehicle, noise, plane=plane, plan=plan, filter=filter,
         engine=engine, carried=carried,
     )  # fmt: skip
+    compile_side_by_side(setup)
     runs = [_run(setup, factor, progress) for factor in plan.start]
     done, skipped = runs[-1]
     findings = [*skipped, *_disagreement([run[0][-1].outcome for run in runs], setup)]

@@ -1,0 +1,104 @@
+"""The first use on a machine: two helper processes compile the kernels side by side.
+
+Half of the time goes into the pass of the filter, half into simulations. Each helper runs one of
+the two on the shortest maneuvers of the problem at hand; afterwards this process finds both in the
+cache, and its own memory has not grown by what compiling takes.
+"""
+
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from typing import get_args
+
+import numpy as np
+
+from auvident.engines.estimator import (
+    effective_noise,
+    filter_pass,
+    free_positions,
+    likelihood_of,
+    stage_records,
+)
+from auvident.engines.setup import Setup, active_states
+from auvident.jit import cache_is_writable, compiled_already
+from auvident.schema.artifacts import ManeuverKind
+from auvident.schema.plan import PlanStage
+
+EVERYTHING = PlanStage(
+    name="first use", system="coupled", free=("all",), maneuvers=get_args(ManeuverKind)
+)
+FEW = 2  # maneuvers are enough to compile with
+
+
+def compile_side_by_side(setup: Setup) -> None:
+    """Compile what an identification needs, if no one has yet.
+
+    Whatever becomes of a helper, nothing is lost but time: what it does not leave in the cache
+    is compiled when it is called.
+
+    Parameters
+    ----------
+    setup : Setup
+        Of the identification.
+    """
+    if setup.engine != "compiled" or not cache_is_writable() or compiled_already(setup.filter):
+        return
+    problem = pickle.dumps(_shortest(setup))
+    helpers = [_helper(part) for part in PARTS]
+    try:
+        for helper in helpers:
+            _tell(helper, problem)
+        for helper in helpers:
+            helper.wait()
+    except BaseException:
+        for helper in helpers:
+            helper.kill()
+        raise
+
+
+def _helper(part: str) -> subprocess.Popen[bytes]:
+    """A process that runs one part of the problem it is told."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "auvident.engines.first_use", part], stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+
+
+def _tell(helper: subprocess.Popen[bytes], problem: bytes) -> None:
+    assert helper.stdin is not None  # it was asked for
+    with suppress(BrokenPipeError):  # it did not get as far as to read
+        helper.stdin.write(problem)
+        helper.stdin.close()
+
+
+def _shortest(setup: Setup) -> Setup:
+    """The problem with its shortest maneuvers alone."""
+    short = sorted(setup.records.items(), key=lambda item: (len(item[1][1]), item[0]))
+    return replace(setup, records=dict(short[:FEW]))
+
+
+def simulate(setup: Setup) -> None:
+    """Run what the filter does not: simulations, with slopes and without."""
+    records, active = stage_records(setup, EVERYTHING), _active(setup)
+    noise = effective_noise(setup, setup.start, records, active)
+    free = free_positions(setup, EVERYTHING)
+    likelihood_of(setup, setup.start, free, records, active, noise)(np.zeros(len(free)))
+
+
+def run_filter(setup: Setup) -> None:
+    """Run the pass of the filter."""
+    records, free = stage_records(setup, EVERYTHING), free_positions(setup, EVERYTHING)
+    filter_pass(setup, setup.start, free, records, _active(setup), setup.sensor_std)
+
+
+def _active(setup: Setup) -> np.ndarray:
+    return active_states(EVERYTHING.system, setup.structure.plane)
+
+
+PARTS: dict[str, Callable[[Setup], None]] = {"filter": run_filter, "simulation": simulate}
+
+if __name__ == "__main__":
+    PARTS[sys.argv[1]](pickle.load(sys.stdin.buffer))
