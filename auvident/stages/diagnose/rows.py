@@ -321,7 +321,8 @@ def _coefficient_findings(traced: Traced) -> list[Finding]:
         for symbol in symbols:
             i = case.position(symbol)
             away = (p[i] - case.setup.prior[i]) / case.setup.prior_std[i]
-            ratios.append(p[i] / case.setup.prior[i] if abs(away) > least else 0.0)
+            told = abs(away) > least and case.setup.prior[i] != 0.0  # of nothing no multiple
+            ratios.append(p[i] / case.setup.prior[i] if told else 0.0)
         if min(ratios) > TWICE:
             pairs = zip(symbols, ratios, strict=True)
             listed = ", ".join(f"{symbol} {ratio:.1f} times" for symbol, ratio in pairs)

@@ -1,6 +1,7 @@
 """The whole diagnosis on the sample trials: one lacks a current, one lacks nothing."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,9 +9,11 @@ import pytest
 from auvident.errors import NumericsError
 from auvident.schema.diagnosis import Diagnosis
 from auvident.schema.effects import BY_ID, parameter_of
+from auvident.stages.diagnose.candidates import Traced
+from auvident.stages.diagnose.rows import _coefficient_findings
 from auvident.stages.diagnose.stage import ALLOWANCES
 from auvident.storage.artifacts import json_bytes
-from tests.stages.diagnose.loop_chain import diagnosed, diagnosis, loop
+from tests.stages.diagnose.loop_chain import diagnosed, diagnosis, loop, small_case, small_fit
 
 SAMPLES = ("bay_trial", "harbour_trial")
 
@@ -127,3 +130,16 @@ def test_the_vertical_plane_is_refused() -> None:
     upright = made.model.model_copy(update={"plane": "vertical"})
     with pytest.raises(NumericsError, match="horizontal"):
         type(made)(made.chain, made.setup, upright).diagnose()
+
+
+@pytest.mark.parametrize(("estimate", "codes"), [(0.5, ["cross-flow"]), (0.0, [])])
+def test_cross_flow_is_a_multiple_of_its_estimate_where_there_is_one(estimate, codes) -> None:
+    case, fitted = small_case(), small_fit()
+    prior, p = case.setup.prior.copy(), fitted.parameters.copy()
+    for symbol in ("Y_v|v|", "N_r|r|"):
+        i = case.position(symbol)
+        p[i] = prior[i] - 4.0 * case.setup.prior_std[i]
+        prior[i] = estimate * p[i]
+    own = replace(case, setup=replace(case.setup, prior=prior))
+    traced = Traced(own, fitted, replace(fitted, parameters=p), (), (), ())
+    assert [f.code for f in _coefficient_findings(traced)] == codes
