@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.engines.prediction import readings_with_slopes, seen_rows
+from auvident.engines.prediction import Free, Slopes, readings_with_slopes, seen_rows
 from auvident.engines.records import Record
 from auvident.errors import NumericsError
 from auvident.estimation.coloured import Colour, colour_of, whiten, whiten_channels
@@ -116,9 +116,20 @@ def white_rows(
     return out
 
 
-def kept_columns(n_free: int) -> npt.NDArray[np.int64]:
-    """Columns of the slopes by the start that is fitted, and by the free parameters."""
-    return np.concatenate([START, N_STATES + np.arange(n_free)])
+def white_slopes(
+    case: Case, p: Array, record: Record, colours: Colours, moving: Free, gain: Array | None = None
+) -> tuple[Slopes, Array, Array] | None:
+    """Readings with slopes at p, which of them are seen, and both whitened; None: it runs away.
+
+    Columns of the whitened: predicted minus measured, slopes by the start, by what moves.
+    """
+    found = readings_with_slopes(case.setup.frame, p, record, ACTIVE, moving, gain)
+    if found is None:
+        return None
+    seen = seen_rows(case.setup.frame, p, record, ACTIVE)
+    kept = np.concatenate([START, N_STATES + np.arange(len(moving.positions))])
+    error = found.readings - record.measured
+    return found, seen, white_rows(error, found.slopes, kept, seen, colours, case.setup.dt_s)
 
 
 def white_error(error: Array, colours: Colours, dt_s: float) -> Array:
@@ -272,14 +283,10 @@ def record_parts(
     case: Case, p: Array, record: Record, colours: Colours, moving: Any, gain: Array | None = None
 ) -> tuple[float, Array, Array] | None:
     """Half the squared error of a record, gradient and curvature, its start eliminated."""
-    found = readings_with_slopes(case.setup.frame, p, record, ACTIVE, moving, gain)
+    found = white_slopes(case, p, record, colours, moving, gain)
     if found is None:
         return None
-    seen = seen_rows(case.setup.frame, p, record, ACTIVE)
-    rows = white_rows(
-        found.readings - record.measured, found.slopes, kept_columns(len(moving.positions)), seen,
-        colours, case.setup.dt_s,
-    )  # fmt: skip
+    _, _, rows = found
     whole, k = rows.T @ rows, N_START
     g, h = whole[1:, 0], whole[1:, 1:]
     held = np.diag([start_spread(colour) ** -2.0 for colour in colours])

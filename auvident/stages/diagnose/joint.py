@@ -12,22 +12,21 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.engines.prediction import Free, Slopes, readings_with_slopes, seen_rows
+from auvident.engines.prediction import Free, Slopes
 from auvident.engines.records import Record
 from auvident.estimation.output_error import bounded_step
 from auvident.parallel import each
 from auvident.physics.dynamics import N_STATES
-from auvident.stages.diagnose.case import ACTIVE, Case
+from auvident.stages.diagnose.case import Case
 from auvident.stages.diagnose.fits import (
     LARGEST,
     N_CHANNELS,
     N_START,
     Colours,
     Fitted,
-    kept_columns,
     prior_of,
     start_spread,
-    white_rows,
+    white_slopes,
 )
 
 Array = npt.NDArray[Any]
@@ -119,18 +118,11 @@ def _slopes_of(
 def _white_slopes(
     case: Case, fitted: Fitted, p: Array, record: Record, moving: Free, gain: Array | None = None
 ) -> tuple[Slopes, Array, Array] | None:
-    """Readings with slopes at p, rows that are seen, and both whitened by a fit's noise."""
-    found = readings_with_slopes(case.setup.frame, p, record, ACTIVE, moving, gain)
-    if found is None:
+    """`white_slopes` with the noise of a fit; None as well where the motion is nearly lost."""
+    found = white_slopes(case, p, record, fitted.colours, moving, gain)
+    if found is None or not np.abs(found[2]).max() <= LARGEST**0.5:  # nor a NaN
         return None
-    seen = seen_rows(case.setup.frame, p, record, ACTIVE)
-    kept = kept_columns(len(moving.positions))
-    rows = white_rows(
-        found.readings - record.measured, found.slopes, kept, seen, fitted.colours, case.setup.dt_s
-    )
-    if not np.isfinite(rows).all() or np.abs(rows).max() > LARGEST**0.5:
-        return None
-    return found, seen, rows
+    return found
 
 
 def gains_of_absent(
