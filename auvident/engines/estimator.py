@@ -4,7 +4,7 @@ A stage starts at the best coefficients so far, but its prior stays the one of t
 the same data through several stages and cycles does not count them several times.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -12,37 +12,32 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.engines import compiled
-from auvident.engines.prediction import (
-    Free,
-    at_effects,
-    linear_about,
-    readings,
-    readings_with_slopes,
-    seen_rows,
-    simulated,
+from auvident.engines.free_run import (
+    Colours,
+    coloured_noise,
+    effective_noise,
+    likelihood_of,
+    moved,
+    white,
 )
+from auvident.engines.prediction import at_effects, linear_about
 from auvident.engines.problem import FilterProblem, FilterResult, Records
 from auvident.engines.records import Record, stack
 from auvident.engines.setup import Outcome, Setup, active_states, live_followers
 from auvident.errors import NumericsError
-from auvident.estimation.output_error import Likelihood, correlation_time, fit
+from auvident.estimation.output_error import Likelihood, fit
+from auvident.estimation.posterior_mean import move_to_mean
 from auvident.physics.dynamics import N_STATES
 from auvident.schema.coefficients import BY_SYMBOL, expand
 from auvident.schema.plan import PlanStage
 
 Array = npt.NDArray[Any]
 
-LONGEST_CORRELATION_S = 60.0  # lags beyond this are not looked at: longer than any transient
-ESCAPED = 10.0  # [std of the channel] a prediction that ran away counts as this wrong
 START_STD = 3.0  # starting state is known to this many (effective) sensor standard deviations
-NOTHING = np.zeros(0, dtype=np.int64)
 # effects that the surge equation alone can show
 SURGE_EFFECTS = (
     "propeller_lag", "thrust_sag", "thrust_step", "turning_drag", "linear_drag", "weight_excess",
 )  # fmt: skip
-# In a fit the start is estimated along; the line through the readings that it begins from bends
-# where the rudder is laid at once, hence so wide.
-FITTED_START_STD = 30.0
 NOISE_ROUNDS = 6  # rounds of fit and effective noise
 NOISE_SETTLED = 0.03  # relative change of the noise below which another round changes nothing
 
@@ -74,52 +69,6 @@ def effect_positions(setup: Setup, active: Array) -> list[int]:
 def stage_records(setup: Setup, stage: PlanStage) -> list[Record]:
     """Records of the maneuver kinds a stage uses."""
     return [record for kind, record in setup.records.values() if kind in stage.maneuvers]
-
-
-def predicted(setup: Setup, parameters: Array, record: Record, active: Array) -> Array:
-    """Readings (n, 4) predicted by free-running simulation of the active states."""
-    acting = at_effects(setup.frame, parameters, record)
-    states = simulated(setup.frame, parameters, acting, active)
-    return readings(setup.frame, parameters, record, states)
-
-
-def effective_noise(
-    setup: Setup, parameters: Array, records: Sequence[Record], active: Array
-) -> Array:
-    """Standard deviation at which residuals of the current model count as independent.
-
-    What a sensor's accuracy does not explain is the model's fault or the sea's: the rms of the
-    residual takes the place of the sensor noise where it is larger. And a residual correlated
-    over n samples says as little as one of n: times the square root of its correlation time.
-    So a channel stirred by turbulence does not bend the coefficients to explain what is random,
-    nor drown the prior, nor is it claimed as certainty afterwards.
-
-    Returns
-    -------
-    (4,) array
-        Effective standard deviation of each channel; the sensor's own where it is inactive.
-    """
-    longest = round(LONGEST_CORRELATION_S / setup.dt_s)
-    power, times, count = np.zeros(N_STATES), np.zeros(N_STATES), np.zeros(N_STATES)
-    for record in records:
-        residual = record.measured - predicted(setup, parameters, record, active)
-        for c in np.flatnonzero(active):
-            seen = np.isfinite(record.measured[:, c])
-            values = residual[seen, c]
-            values = np.where(np.isfinite(values), values, _spread(record, int(c)))
-            power[c] += float(values @ values)
-            count[c] += values.size
-            times[c] += values.size * correlation_time(values, longest)
-    noise = setup.sensor_std.copy()
-    used = count > 0
-    rms = np.sqrt(power[used] / count[used])
-    noise[used] = np.maximum(rms, noise[used]) * np.sqrt(times[used] / count[used])
-    return noise
-
-
-def _spread(record: Record, channel: int) -> float:
-    """What a prediction that ran away counts as: far outside what was measured."""
-    return ESCAPED * float(np.nanstd(record.measured[:, channel]))
 
 
 def run_stage(setup: Setup, parameters: Array, stage: PlanStage) -> Outcome:
@@ -210,8 +159,8 @@ def filter_pass(
     drifted = drifts**2 * setup.dt_s * len(passed.history)
     theta = theta + passed.theta_covariance @ (away / (factors**2 + drifted))
     return Outcome(
-        problem.parameters_at(theta), free, passed.theta_covariance, noise, stacked.ids,
-        passed.log_likelihood, passed.samples, passed,
+        problem.parameters_at(theta), free, passed.theta_covariance, noise, white(noise),
+        stacked.ids, passed.log_likelihood, passed.samples, passed,
     )  # fmt: skip
 
 
@@ -228,127 +177,65 @@ def _refine(
     setup: Setup, parameters: Array, free: Array, records: list[Record], active: Array,
     noise: Array,
 ) -> Outcome:  # fmt: skip
-    """Fit, with the effective noise brought up to date until it no longer changes."""
+    """Fit, with sensor noise and disturbance brought up to date until they no longer change."""
     factors, _ = tuning_of(setup, free)
     scale = setup.prior_std[free]
+    colours = coloured_noise(setup, parameters, records, active, white(noise))
     for _ in range(NOISE_ROUNDS):
         away = (setup.prior[free] - parameters[free]) / scale
         result = fit(
-            likelihood_of(setup, parameters, free, records, active, noise),
+            likelihood_of(setup, parameters, free, records, active, colours),
             np.zeros(len(free)), away, np.diag(1.0 / factors**2),
         )  # fmt: skip
-        parameters = _moved(setup, parameters, free, result.theta)
-        records = [_with_fitted_start(setup, parameters, r, active, noise) for r in records]
-        used, noise = noise, effective_noise(setup, parameters, records, active)
-        if np.abs(noise / used - 1.0).max() < NOISE_SETTLED:
+        parameters = moved(setup, parameters, free, result.theta)
+        used, colours = colours, coloured_noise(setup, parameters, records, active, colours)
+        if _settled(used, colours):
             break
     samples = sum(int(np.isfinite(r.measured[:, active]).sum()) for r in records)
     return Outcome(
-        parameters, free, result.covariance, noise, tuple(r.id for r in records),
-        -result.cost, samples,
+        parameters, free, result.covariance, effective_noise(setup, parameters, records, active),
+        colours, tuple(r.id for r in records), -result.cost, samples,
     )  # fmt: skip
 
 
-def _with_fitted_start(
-    setup: Setup, parameters: Array, record: Record, active: Array, noise: Array
-) -> Record:
-    """The record with the start state that suits it best, so that its residual is one."""
-    found = whitened(setup, parameters, record, active, noise, setup.free(NOTHING))
-    if found is None:
-        return record
-    residual, slopes = found
-    move = np.linalg.solve(
-        slopes.T @ slopes + _start_information(active, noise), slopes.T @ residual
-    )
-    return moved_start(record, active, -move)
-
-
-def moved_start(record: Record, active: Array, move: Array) -> Record:
-    """The record with the active states of its start moved."""
-    start = record.start.copy()
-    start[active] += move
-    return replace(record, start=start)
-
-
-def _start_information(active: Array, noise: Array) -> Array:
-    """What is known of the start before the fit, as an inverse covariance."""
-    return np.diag((FITTED_START_STD * noise[active]) ** -2.0)
-
-
-def whitened(
-    setup: Setup, p: Array, record: Record, active: Array, noise: Array, free: Free,
-    gain: Array | None = None,
-) -> tuple[Array, Array] | None:  # fmt: skip
-    """Output errors of a record over their noise, and their slopes.
-
-    Returns
-    -------
-    tuple of (m,) and (m, n_active + n_free) array, or None
-        Predicted minus measured, by the active states at the start and the free parameters; None
-        where the simulation ran away.
-    """
-    found = readings_with_slopes(setup.frame, p, record, active, free, gain)
-    if found is None:
-        return None
-    seen = seen_rows(setup.frame, p, record, active)
-    kept = np.concatenate([np.flatnonzero(active), N_STATES + np.arange(len(free.positions))])
-    weight = np.broadcast_to(1.0 / noise, seen.shape)[seen]
-    error = (found.readings - record.measured)[seen] * weight
-    return error, found.slopes[seen][:, kept] * weight[:, None]
-
-
-def _moved(setup: Setup, parameters: Array, free: Array, theta: Array) -> Array:
-    """Parameters moved by theta prior standard deviations; followers move along."""
-    p = parameters.copy()
-    p[free] += setup.prior_std[free] * theta
-    for follower, leader in live_followers(setup, free):
-        p[follower] += p[leader] - parameters[leader]
-    return p
+def _settled(before: Colours, after: Colours) -> bool:
+    """Whether the noise of every channel changed so little that another round changes nothing."""
+    if any(a.time_s != b.time_s for a, b in zip(before, after, strict=True)):
+        return False
+    old, new = (np.array([(c.white, c.slow) for c in colours]) for colours in (before, after))
+    return bool(np.allclose(new, old, rtol=NOISE_SETTLED, atol=0.0))
 
 
 def data_information(setup: Setup, outcome: Outcome, stage: PlanStage) -> Array:
     """Fisher information of the stage's maneuvers about its free coefficients.
 
-    From the exact sensitivities of the free-running prediction, with the effective noise.
+    From the exact sensitivities of the free-running prediction, with the noise of the outcome.
 
     Returns
     -------
     (n_free, n_free) array
         In units of the prior standard deviations.
     """
-    likelihood = likelihood_of(
-        setup, outcome.parameters, outcome.free, stage_records(setup, stage),
-        active_states(stage.system, setup.structure.plane), outcome.noise,
+    return _likelihood_about(setup, outcome, stage)(np.zeros(len(outcome.free)))[2]
+
+
+def at_mean(setup: Setup, outcome: Outcome, stage: PlanStage) -> Outcome:
+    """The outcome with its coefficients moved from the most probable ones to their mean."""
+    factors, _ = tuning_of(setup, outcome.free)
+    names = [setup.structure.parameters[position] for position in outcome.free]
+    move = move_to_mean(
+        _likelihood_about(setup, outcome, stage), np.diag(1.0 / factors**2),
+        [column for column, name in enumerate(names) if name in BY_SYMBOL],
     )  # fmt: skip
-    return likelihood(np.zeros(len(outcome.free)))[2]
+    return replace(outcome, parameters=moved(setup, outcome.parameters, outcome.free, move))
 
 
-def likelihood_of(
-    setup: Setup, parameters: Array, free: Array, records: list[Record], active: Array,
-    noise: Array,
-) -> Likelihood:  # fmt: skip
-    """Likelihood of the deviations from `parameters` for `estimation.output_error.fit`."""
-    moving, k = setup.free(free), int(np.sum(active))
-    held = _start_information(active, noise)
-
-    def likelihood(theta: Array) -> tuple[float, Array, Array]:
-        p = _moved(setup, parameters, free, theta)
-        gradient, curvature = np.zeros(len(free)), np.zeros((len(free), len(free)))
-        half = 0.0
-        for record in records:
-            found = whitened(setup, p, record, active, noise, moving)
-            if found is None:
-                return np.inf, gradient, curvature
-            error, slopes = found
-            g, h = slopes.T @ error, slopes.T @ slopes
-            # the start is no coefficient: its best value is taken, its uncertainty counted
-            start = np.linalg.solve(h[:k, :k] + held, np.column_stack([g[:k], h[:k, k:]]))
-            half += 0.5 * float(error @ error) - 0.5 * float(g[:k] @ start[:, 0])
-            gradient += g[k:] - h[k:, :k] @ start[:, 0]
-            curvature += h[k:, k:] - h[k:, :k] @ start[:, 1:]
-        return half, gradient, 0.5 * (curvature + curvature.T)
-
-    return likelihood
+def _likelihood_about(setup: Setup, outcome: Outcome, stage: PlanStage) -> Likelihood:
+    """Likelihood of deviations from an outcome, of all the maneuvers of its stage."""
+    return likelihood_of(
+        setup, outcome.parameters, outcome.free, stage_records(setup, stage),
+        active_states(stage.system, setup.structure.plane), outcome.colours,
+    )  # fmt: skip
 
 
 def _sensed(records: Records) -> npt.NDArray[np.bool_]:

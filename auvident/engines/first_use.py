@@ -15,13 +15,8 @@ from typing import get_args
 
 import numpy as np
 
-from auvident.engines.estimator import (
-    effective_noise,
-    filter_pass,
-    free_positions,
-    likelihood_of,
-    stage_records,
-)
+from auvident.engines.estimator import filter_pass, free_positions, stage_records
+from auvident.engines.free_run import effective_noise, likelihood_of, white
 from auvident.engines.setup import Setup, active_states
 from auvident.jit import cache_is_writable, compiled_already
 from auvident.schema.artifacts import ManeuverKind
@@ -85,7 +80,7 @@ def simulate(setup: Setup) -> None:
     records, active = stage_records(setup, EVERYTHING), _active(setup)
     noise = effective_noise(setup, setup.start, records, active)
     free = free_positions(setup, EVERYTHING)
-    likelihood_of(setup, setup.start, free, records, active, noise)(np.zeros(len(free)))
+    likelihood_of(setup, setup.start, free, records, active, white(noise))(np.zeros(len(free)))
 
 
 def run_filter(setup: Setup) -> None:

@@ -9,10 +9,10 @@ from auvident.engines.estimator import (
     Outcome,
     Setup,
     active_states,
-    likelihood_of,
     stage_records,
     tuning_of,
 )
+from auvident.engines.free_run import likelihood_of
 from auvident.schema.plan import PlanStage
 
 Array = npt.NDArray[Any]
@@ -36,7 +36,7 @@ def influences(setup: Setup, outcome: Outcome, stage: PlanStage) -> dict[str, Ar
     at_rest = np.zeros(len(outcome.free))
     parts = {
         record.id: likelihood_of(
-            setup, outcome.parameters, outcome.free, [record], active, outcome.noise
+            setup, outcome.parameters, outcome.free, [record], active, outcome.colours
         )(at_rest)
         for record in records
     }

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from auvident.engines.prediction import Frame, Free
 from auvident.engines.problem import FilterResult
 from auvident.engines.records import Record
+from auvident.estimation.coloured import Colour
 from auvident.physics.sensing import sensor_matrix
 from auvident.physics.terms import Structure
 from auvident.schema.artifacts import Sensing
@@ -83,7 +84,9 @@ class Outcome:
     covariance : (n_free, n_free) array
         Posterior covariance in units of the prior standard deviations.
     noise : (4,) array
-        Effective standard deviation of each channel (see `effective_noise`).
+        Effective standard deviation of each channel (see `free_run.effective_noise`).
+    colours : tuple of Colour
+        Noise of each channel in the likelihood of this result.
     passed : FilterResult or None
         The record of the filter pass; None for a refinement.
     """
@@ -92,6 +95,7 @@ class Outcome:
     free: npt.NDArray[np.int64]
     covariance: Array
     noise: Array
+    colours: tuple[Colour, ...]
     ids: tuple[str, ...]
     log_likelihood: float
     samples: int

@@ -18,7 +18,8 @@ from auvident.jit import kernel
 
 Array = npt.NDArray[Any]
 
-TIMES_S = (0.3, 0.6, 1.0, 2.0, 4.0)  # correlation times that are tried; slower is the model's fault
+# correlation times that are tried; slower is the model's fault
+TIMES_S = (0.3, 0.6, 1.0, 2.0, 4.0)
 RATIOS = (0.3, 0.6, 1.0, 1.7, 3.0, 5.0, 9.0, 16.0)  # disturbance over sensor noise
 
 
@@ -80,31 +81,32 @@ def whiten(values, seen, keep, white, slow):
 
 
 @kernel
-def whiten_channels(error, slopes, columns, seen, keep, white, slow, out):
-    """Innovations of the channels of a record and of their slopes, one channel below the other.
+def whiten_channels(error, slopes, columns, seen, channels, keep, white, slow, out):
+    """Innovations of channels of a record and of their slopes, one channel below the other.
 
     Parameters
     ----------
-    error : (n, >= c) array
-    slopes : (n, >= c, >= k) array
+    error : (n, 4) array
+    slopes : (n, 4, >= k) array
     columns : (k,) int array
         Of the slopes.
-    seen : (n, >= c) bool array
+    seen : (n, 4) bool array
         Rows not seen become zero.
+    channels : (c,) int array
     keep, white, slow : (c,) array
-        Of each channel, see `whiten`.
+        Of each of these channels, see `whiten`.
     out : (c n, 1 + k) array, filled
         Error, then slopes.
     """
     n = error.shape[0]
-    for i in range(keep.shape[0]):
-        own = out[i * n : (i + 1) * n]
+    for i in range(channels.shape[0]):
+        own, c = out[i * n : (i + 1) * n], channels[i]
         for t in range(n):
-            if seen[t, i]:
-                own[t, 0] = error[t, i]
+            if seen[t, c]:
+                own[t, 0] = error[t, c]
                 for k in range(columns.shape[0]):
-                    own[t, 1 + k] = slopes[t, i, columns[k]]
-        whiten(own, seen[:, i], keep[i], white[i], slow[i])
+                    own[t, 1 + k] = slopes[t, c, columns[k]]
+        whiten(own, seen[:, c], keep[i], white[i], slow[i])
 
 
 @kernel
@@ -164,6 +166,6 @@ def colour_of(pieces: Sequence[Array], dt_s: float) -> tuple[Colour, float]:
         _distances(v, s, keeps, np.array(RATIOS), square, logs)
     variance = square / count
     value = -0.5 * (count * (np.log(2.0 * math.pi * np.maximum(variance, 1e-300)) + 1.0) + logs)
-    i, j = np.unravel_index(np.argmax(value), shape)
+    i, j = (int(k) for k in np.unravel_index(np.argmax(value), shape))
     white = math.sqrt(variance[i, j])
     return Colour(white, RATIOS[j] * white, TIMES_S[i]), float(value[i, j])

@@ -169,8 +169,20 @@ class NisTest(Artifact):
     high: float
 
 
+class FittedNoise(Artifact):
+    """Noise of a channel in a fit: of the sensor, and a disturbance with its correlation time."""
+
+    white_std: float
+    slow_std: float
+    slow_time_s: float
+
+
 class StageRecord(Artifact):
-    """One pass of the plan: what was free, what it used and how well it explained the data."""
+    """One pass of the plan: what was free, what it used and how well it explained the data.
+
+    `noise_std` is what an independent reading counts with; `fitted_noise` is that of an output-
+    error stage, from the likelihood of its residuals.
+    """
 
     stage: str
     cycle: int
@@ -182,6 +194,7 @@ class StageRecord(Artifact):
     noise_std: dict[str, float] = {}
     nis_mean: dict[str, float] = {}
     nis: dict[str, NisTest] = {}
+    fitted_noise: dict[str, FittedNoise] = {}
 
 
 class IdentifiedModel(Artifact):

@@ -10,13 +10,11 @@ from auvident.engines.estimator import (
     Setup,
     active_states,
     data_information,
-    effective_noise,
     free_positions,
-    likelihood_of,
-    predicted,
     run_stage,
     stage_records,
 )
+from auvident.engines.free_run import effective_noise, likelihood_of, predicted, white
 from auvident.errors import NumericsError
 from auvident.estimation.output_error import correlation_time
 from auvident.schema.plan import PlanStage, Tuning
@@ -54,6 +52,9 @@ def elsewhere(setup: Setup) -> np.ndarray:
 def steady_noise(monkeypatch):
     """Noise that does not depend on the residuals, and so not on the start."""
     monkeypatch.setattr(estimator, "effective_noise", lambda setup, *_: 20.0 * setup.sensor_std)
+    monkeypatch.setattr(
+        estimator, "coloured_noise", lambda setup, *_: white(20.0 * setup.sensor_std)
+    )
 
 
 # --- anchoring -----------------------------------------------------------------------------
@@ -385,7 +386,7 @@ def test_the_likelihood_is_that_of_explicit_residuals_with_the_best_start() -> N
         half += 0.5 * r @ r - 0.5 * g[:3] @ share[:, 0]
         gradient += g[3:] - k[3:, :3] @ share[:, 0]
         curvature += k[3:, 3:] - k[3:, :3] @ share[:, 1:]
-    likelihood = likelihood_of(setup, setup.prior, free, records, active, noise)
+    likelihood = likelihood_of(setup, setup.prior, free, records, active, white(noise))
     found = likelihood(np.zeros(4))
     # central differences: second order in h and rounding over h, 1e-9 of slopes up to 1e3; kinks
     # of |v| and |r| within h of a few rows
@@ -403,5 +404,5 @@ def test_the_likelihood_is_infinite_where_the_prediction_runs_away() -> None:
     p[setup.structure.index("X_uu")] = 60.0
     active, free = np.array([True, True, True, False]), np.array([setup.structure.index("Y_uv")])
     record = next(iter(setup.records.values()))[1]
-    likelihood = likelihood_of(setup, p, free, [record], active, setup.sensor_std)
+    likelihood = likelihood_of(setup, p, free, [record], active, white(setup.sensor_std))
     assert likelihood(np.zeros(1))[0] == np.inf

@@ -7,6 +7,7 @@ import pytest
 
 from auvident.engines import estimator
 from auvident.engines.estimator import Setup, run_stage
+from auvident.engines.free_run import white
 from auvident.engines.jackknife import influences, jackknife_covariance
 from auvident.schema.plan import Tuning
 from tests.engines.test_estimator import linear_setup, stage
@@ -17,6 +18,9 @@ EVERY = {"maneuvers": ("straight", "turn", "zigzag"), "method": "output_error"}
 @pytest.fixture(autouse=True)
 def steady_noise(monkeypatch):
     monkeypatch.setattr(estimator, "effective_noise", lambda setup, *_: 20.0 * setup.sensor_std)
+    monkeypatch.setattr(
+        estimator, "coloured_noise", lambda setup, *_: white(20.0 * setup.sensor_std)
+    )
 
 
 def left_out(setup: Setup, name: str) -> Setup:

@@ -13,25 +13,23 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.engines.prediction import Free, Slopes, readings_with_slopes, seen_rows
+from auvident.engines import free_run
+from auvident.engines.free_run import NOTHING, Colours
+from auvident.engines.prediction import Free, Slopes
 from auvident.engines.records import Record
 from auvident.errors import NumericsError
-from auvident.estimation.coloured import Colour, colour_of, whiten, whiten_channels
+from auvident.estimation.coloured import Colour, colour_of, whiten
 from auvident.estimation.output_error import fit
 from auvident.parallel import each
-from auvident.physics.dynamics import N_STATES
 from auvident.stages.diagnose.case import ACTIVE, SILENT_REACH, Case
 
 Array = npt.NDArray[Any]
-Colours = tuple[Colour, ...]
 
 N_CHANNELS = 3
 N_START = 3  # active states whose start is fitted along
 ROUNDS, STEPS = 2, 8  # rounds of fixed weights, steps in each
 TOLERANCE = 1.0e-4  # relative fall of the cost at which a round ends
 START_STD = 5.0  # a start is known to this many standard deviations of the residual
-LARGEST = 1.0e20  # squared slopes in units of the noise beyond which a motion has run away
-NOTHING = np.zeros(0, dtype=np.int64)
 START = np.arange(N_START)
 
 
@@ -84,20 +82,11 @@ class Fitted:
 
 def residual_of(case: Case, p: Array, record: Record, colours: Colours) -> Residual | None:
     """What the prediction leaves of a record, its start fitted; None where it runs away."""
-    moving = case.setup.free(NOTHING)
-    found = readings_with_slopes(case.setup.frame, p, record, ACTIVE, moving)
-    if found is None:
-        return None
-    seen = seen_rows(case.setup.frame, p, record, ACTIVE)
-    error = np.where(seen, record.measured - found.readings, np.nan)
-    shown = found.slopes[:, :, :N_START]
-    rows = white_rows(-error, shown, START, seen, colours, case.setup.dt_s)
-    held = np.diag([start_spread(colour) ** -2.0 for colour in colours])
-    if not np.isfinite(rows).all() or np.abs(rows).max() > LARGEST**0.5:
-        return None
-    start = np.linalg.solve(rows[:, 1:].T @ rows[:, 1:] + held, rows[:, 1:].T @ rows[:, 0])
-    error[:, :N_CHANNELS] += shown[:, :N_CHANNELS] @ start
-    return Residual(record.id, record.time_s, error, found.states)
+    held = free_run.start_information(ACTIVE, colours, START_STD)
+    found = free_run.left_over(
+        case.setup.frame, p, record, ACTIVE, colours, case.setup.free(NOTHING), held
+    )
+    return None if found is None else Residual(record.id, record.time_s, *found)
 
 
 def start_spread(colour: Colour) -> float:
@@ -105,31 +94,11 @@ def start_spread(colour: Colour) -> float:
     return START_STD * math.hypot(colour.white, colour.slow)
 
 
-def white_rows(
-    error: Array, slopes: Array, columns: Array, seen: Array, colours: Colours, dt_s: float
-) -> Array:
-    """Whitened errors (column 0) and columns of the slopes of all channels, one below the other."""
-    keep = np.array([math.exp(-dt_s / colour.time_s) for colour in colours])
-    white, slow = (np.array([getattr(c, part) for c in colours]) for part in ("white", "slow"))
-    out = np.empty((len(colours) * len(error), 1 + len(columns)))
-    whiten_channels(error, slopes, columns, seen, keep, white, slow, out)
-    return out
-
-
 def white_slopes(
     case: Case, p: Array, record: Record, colours: Colours, moving: Free, gain: Array | None = None
 ) -> tuple[Slopes, Array, Array] | None:
-    """Readings with slopes at p, which of them are seen, and both whitened; None: it runs away.
-
-    Columns of the whitened: predicted minus measured, slopes by the start, by what moves.
-    """
-    found = readings_with_slopes(case.setup.frame, p, record, ACTIVE, moving, gain)
-    if found is None:
-        return None
-    seen = seen_rows(case.setup.frame, p, record, ACTIVE)
-    kept = np.concatenate([START, N_STATES + np.arange(len(moving.positions))])
-    error = found.readings - record.measured
-    return found, seen, white_rows(error, found.slopes, kept, seen, colours, case.setup.dt_s)
+    """`free_run.white_slopes` of a record of the case."""
+    return free_run.white_slopes(case.setup.frame, p, record, ACTIVE, colours, moving, gain)
 
 
 def white_error(error: Array, colours: Colours, dt_s: float) -> Array:
@@ -265,16 +234,8 @@ def _likelihood(case: Case, p: Array, free: Array, colours: Colours, gain: Array
     def likelihood(theta: Array) -> tuple[float, Array, Array]:
         q = p.copy()
         q[free] = theta * moving.scale
-        half, gradient, curvature = 0.0, np.zeros(len(free)), np.zeros((len(free), len(free)))
-        for parts in each(
-            lambda r: record_parts(case, q, r, colours, moving, gain), case.records, len
-        ):
-            if parts is None:
-                return np.inf, gradient, curvature
-            half += parts[0]
-            gradient += parts[1]
-            curvature += parts[2]
-        return half, gradient, 0.5 * (curvature + curvature.T)
+        parts = each(lambda r: record_parts(case, q, r, colours, moving, gain), case.records, len)
+        return free_run.summed(parts, len(free))
 
     return likelihood
 
@@ -283,18 +244,8 @@ def record_parts(
     case: Case, p: Array, record: Record, colours: Colours, moving: Any, gain: Array | None = None
 ) -> tuple[float, Array, Array] | None:
     """Half the squared error of a record, gradient and curvature, its start eliminated."""
-    found = white_slopes(case, p, record, colours, moving, gain)
-    if found is None:
-        return None
-    _, _, rows = found
-    whole, k = rows.T @ rows, N_START
-    g, h = whole[1:, 0], whole[1:, 1:]
-    held = np.diag([start_spread(colour) ** -2.0 for colour in colours])
-    if not np.isfinite(whole).all() or np.abs(whole).max() > LARGEST:
-        return None  # it ran away, but not far enough to be stopped
-    start = np.linalg.solve(h[:k, :k] + held, np.column_stack([g[:k], h[:k, k:]]))
-    half = 0.5 * float(whole[0, 0]) - 0.5 * float(g[:k] @ start[:, 0])
-    return half, g[k:] - h[k:, :k] @ start[:, 0], h[k:, k:] - h[k:, :k] @ start[:, 1:]
+    held = free_run.start_information(ACTIVE, colours, START_STD)
+    return free_run.record_parts(case.setup.frame, p, record, ACTIVE, colours, moving, held, gain)
 
 
 def log_gain(before: Fitted, after: Fitted) -> float:

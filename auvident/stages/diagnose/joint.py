@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.engines.free_run import LARGEST
 from auvident.engines.prediction import Free, Slopes
 from auvident.engines.records import Record
 from auvident.estimation.output_error import bounded_step
@@ -19,7 +20,6 @@ from auvident.parallel import each
 from auvident.physics.dynamics import N_STATES
 from auvident.stages.diagnose.case import Case
 from auvident.stages.diagnose.fits import (
-    LARGEST,
     N_CHANNELS,
     N_START,
     Colours,

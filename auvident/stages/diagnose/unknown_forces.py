@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.engines.estimator import LONGEST_CORRELATION_S
 from auvident.engines.forced_pass import N_ALL, N_FORCES, forced_pass, forced_step
+from auvident.engines.free_run import LONGEST_CORRELATION_S
 from auvident.engines.prediction import at_effects, readings, seen_rows
 from auvident.engines.records import Record
 from auvident.errors import NumericsError

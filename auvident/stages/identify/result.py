@@ -9,13 +9,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from auvident.engines.carried import Carried, effect_rows
-from auvident.engines.estimator import (
-    LONGEST_CORRELATION_S,
-    NOTHING,
-    Outcome,
-    Setup,
-    active_states,
-)
+from auvident.engines.estimator import Outcome, Setup, active_states
+from auvident.engines.free_run import LONGEST_CORRELATION_S, NOTHING
 from auvident.engines.prediction import at_effects, linear_about
 from auvident.engines.records import STATE_COLUMNS
 from auvident.engines.states import smoothed_states
@@ -30,6 +25,7 @@ from auvident.schema.artifacts import (
     AseResult,
     Combination,
     Finding,
+    FittedNoise,
     IdentifiedModel,
     ModelCoefficient,
     NisTest,
@@ -230,6 +226,14 @@ def _stage_record(setup: Setup, step: Step) -> StageRecord:
             test = consistency(passed.whitened[:, :, c], longest)
             if test is not None:
                 nis[column] = NisTest(**asdict(test))
+    active = active_states(step.stage.system, structure.plane)
+    fitted = {
+        column: FittedNoise(white_std=c.white, slow_std=c.slow, slow_time_s=c.time_s)
+        for column, c, own in zip(
+            STATE_COLUMNS[structure.plane], outcome.colours, active, strict=True
+        )
+        if own and passed is None
+    }
     return StageRecord(
         stage=step.stage.name,
         cycle=step.cycle,
@@ -244,6 +248,7 @@ def _stage_record(setup: Setup, step: Step) -> StageRecord:
         },
         nis_mean={column: test.mean for column, test in nis.items()},
         nis=nis,
+        fitted_noise=fitted,
     )
 
 

@@ -10,6 +10,7 @@ from auvident.engines.carried import Carried, allowed
 from auvident.engines.estimator import (
     Outcome,
     Setup,
+    at_mean,
     data_information,
     run_stage,
     stage_records,
@@ -96,8 +97,9 @@ def identify(
     compile_side_by_side(setup)
     runs = [_run(setup, factor, progress) for factor in plan.start]
     done, skipped = runs[-1]
-    findings = [*skipped, *_disagreement([run[0][-1].outcome for run in runs], setup)]
-    final = _average(setup, [run[0][-1].outcome for run in runs])
+    means = [at_mean(setup, steps[-1].outcome, steps[-1].stage) for steps, _ in runs]
+    findings = [*skipped, *_disagreement(means, setup)]
+    final = _average(setup, means)
     unseen = unseen_directions(
         data_information(setup, final, done[-1].stage), _equations(setup, final)
     )

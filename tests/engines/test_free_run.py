@@ -1,0 +1,122 @@
+"""The likelihood of the free-running prediction with coloured noise, against the dense Gaussian."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvident.engines.estimator import active_states, run_stage
+from auvident.engines.free_run import (
+    coloured_noise,
+    predicted,
+    record_parts,
+    start_information,
+    white,
+)
+from auvident.engines.setup import Setup
+from auvident.errors import NumericsError
+from auvident.estimation.coloured import TIMES_S, Colour
+from tests.engines.chain import cut, plan_named, setup_of
+from tests.estimation.test_coloured import dense, series
+
+LATERAL = active_states("lateral", "horizontal")
+COUPLED = active_states("coupled", "horizontal")
+FIXED_START = 1.0e-9  # [std of the noise] a start this certain does not move
+
+
+def noisy(setup: Setup, colours) -> Setup:
+    """Every reading is the prediction of the prior plus noise of the colours of u, v and r."""
+    records = {}
+    for number, (key, (kind, record)) in enumerate(setup.records.items()):
+        read = predicted(setup, setup.prior, record, COUPLED)
+        for c, colour in enumerate(colours):
+            read[:, c] += series(len(read), colour, 10 * number + c)
+        read[np.isnan(record.measured)] = np.nan
+        records[key] = (kind, replace(record, measured=read))
+    return replace(setup, records=records)
+
+
+@pytest.mark.parametrize("active", [LATERAL, COUPLED], ids=["lateral", "coupled"])
+def test_errors_count_as_the_dense_gaussian_says(active) -> None:
+    setup = setup_of()
+    assert setup.dt_s == pytest.approx(0.1)  # that of `dense`
+    record = cut(next(iter(setup.records.values()))[1], 120)
+    colours = (Colour(0.01, 0.03, 1.0), Colour(0.02, 0.05, 2.0), Colour(0.003, 0.004, 0.6),
+               Colour(1.0, 0.0, 1.0))  # fmt: skip
+    error = predicted(setup, setup.prior, record, active) - record.measured
+    expected = 0.0
+    for c in np.flatnonzero(active):
+        seen = np.isfinite(record.measured[:, c])
+        covariance = dense(120, colours[c])[np.ix_(seen, seen)]
+        expected += 0.5 * float(error[seen, c] @ np.linalg.solve(covariance, error[seen, c]))
+    found = record_parts(
+        setup.frame, setup.prior, record, active, colours, setup.free(np.zeros(0, dtype=np.int64)),
+        start_information(active, colours, FIXED_START),
+    )  # fmt: skip
+    assert found is not None
+    # the start moves by 1e-9 of a standard deviation of the noise
+    assert found[0] == pytest.approx(expected, rel=1e-6)
+
+
+def test_with_a_known_start_the_gradient_is_the_slope_of_the_cost() -> None:
+    setup = setup_of()
+    record = cut(next(iter(setup.records.values()))[1], 150)
+    colours = tuple(Colour(s, 3.0 * s, 1.0) for s in setup.sensor_std)
+    free = np.array([setup.structure.index(s) for s in ("X_uu", "Y_uv", "N_uud")])
+    moving, held = setup.free(free), start_information(COUPLED, colours, FIXED_START)
+
+    def parts(theta):
+        p = setup.prior.copy()
+        p[free] += moving.scale * theta
+        return record_parts(setup.frame, p, record, COUPLED, colours, moving, held)
+
+    step = 1e-4
+    found = [(parts(step * e)[0] - parts(-step * e)[0]) / (2 * step) for e in np.eye(3)]
+    # second order in the step, rounding of costs of some 1e4 over it, kinks of |v| and |r|
+    np.testing.assert_allclose(found, parts(np.zeros(3))[1], rtol=1e-4)
+
+
+def test_the_noise_of_a_residual_is_found() -> None:
+    sensor = setup_of().sensor_std
+    truth = tuple(Colour(2.0 * sensor[c], 8.0 * sensor[c], time)
+                  for c, time in enumerate((0.6, 2.0, 1.0)))  # fmt: skip
+    setup = noisy(setup_of(), truth)
+    records = [record for _, record in setup.records.values()]
+    found = coloured_noise(setup, setup.prior, records, COUPLED, white(setup.sensor_std))
+    for here, there in zip(found[:3], truth, strict=True):
+        place = TIMES_S.index(there.time_s)
+        assert here.time_s in TIMES_S[place - 1 : place + 2]
+        # on the grid of times and ratios; see test_coloured
+        rates = [c.slow / np.sqrt(c.time_s) for c in (here, there)]
+        assert rates[0] == pytest.approx(rates[1], rel=0.3)
+    assert found[3] == Colour(float(sensor[3]), 0.0, 1.0)  # the heading has no part in it
+
+
+def test_no_channel_is_better_than_its_sensor() -> None:
+    exact = noisy(setup_of(), tuple(Colour(1e-9, 0.0, 1.0) for _ in range(3)))
+    records = [record for _, record in exact.records.values()]
+    found = coloured_noise(exact, exact.prior, records, COUPLED, white(exact.sensor_std))
+    assert [c.white for c in found] == exact.sensor_std.tolist()
+
+
+def test_a_prediction_that_ran_away_has_no_noise() -> None:
+    setup = setup_of()
+    p = setup.prior.copy()
+    p[setup.structure.index("X_uu")] = 60.0
+    records = [record for _, record in setup.records.values()]
+    with pytest.raises(NumericsError, match="runs away"):
+        coloured_noise(setup, p, records, COUPLED, white(setup.sensor_std))
+
+
+def test_a_refinement_weighs_by_the_noise_that_it_leaves() -> None:
+    """Coefficients from readings with coloured noise, within what the fit claims of them."""
+    sensor = setup_of().sensor_std
+    truth = tuple(Colour(sensor[c], 5.0 * sensor[c], 2.0) for c in range(3))
+    setup = noisy(setup_of(), truth)
+    stage = plan_named("refined").stage[-1]
+    outcome = run_stage(setup, setup.prior, stage)
+    assert all(c.slow > 2.0 * c.white for c in outcome.colours[:3])
+    away = (outcome.parameters - setup.prior)[outcome.free] / setup.prior_std[outcome.free]
+    distance = float(away @ np.linalg.solve(outcome.covariance, away)) / len(away)
+    # chi-square with some 15 seen coefficients over 22; the prior is the truth in the others
+    assert 0.1 < distance < 2.0
