@@ -122,8 +122,8 @@ def test_beside_a_place_where_the_prediction_runs_away_nothing_moves() -> None:
 
 
 def test_no_move_is_longer_than_the_expansion_can_tell() -> None:
-    def steep(theta):  # an information that doubles with every hundredth of a step
-        return 0.0, np.zeros(1), np.array([[0.01 * 2.0 ** float(100.0 * theta[0])]])
+    def steep(theta):  # an information that doubles with every thousandth of a deviation
+        return 0.0, np.zeros(1), np.array([[0.01 * 2.0 ** float(1000.0 * theta[0])]])
 
     move = move_to_mean(steep, np.eye(1), [0])
     assert abs(move[0]) == pytest.approx(FARTHEST, rel=0.01)
