@@ -25,6 +25,7 @@ from auvident.engines.problem import FilterProblem, FilterResult, Records
 from auvident.engines.records import Record, stack
 from auvident.engines.setup import Outcome, Setup, active_states, live_followers
 from auvident.errors import NumericsError
+from auvident.estimation.innovations import most_likely
 from auvident.estimation.output_error import Likelihood, fit
 from auvident.estimation.posterior_mean import move_to_mean
 from auvident.physics.dynamics import N_STATES
@@ -38,6 +39,9 @@ START_STD = 3.0  # starting state is known to this many (effective) sensor stand
 SURGE_EFFECTS = (
     "propeller_lag", "thrust_sag", "thrust_step", "turning_drag", "linear_drag", "weight_excess",
 )  # fmt: skip
+# Tried for the most likely. A filter that follows its readings within less than a second lets
+# the first maneuvers carry the coefficients away.
+OBSERVER_TIMES_S = (1.0, 3.0, 10.0, 30.0, 100.0)
 NOISE_ROUNDS = 6  # rounds of fit and effective noise
 NOISE_SETTLED = 0.03  # relative change of the noise below which another round changes nothing
 
@@ -90,7 +94,7 @@ def run_stage(setup: Setup, parameters: Array, stage: PlanStage) -> Outcome:
         raise NumericsError("nothing is free", f"stage {stage.name!r}", "Check the priors.")
     active = active_states(stage.system, setup.structure.plane)
     noise = effective_noise(setup, parameters, records, active)
-    run = _refine if stage.method == "output_error" else filter_pass
+    run = _refine if stage.method == "output_error" else _filter
     return run(setup, parameters, free, records, active, noise)
 
 
@@ -107,9 +111,26 @@ def tuning_of(setup: Setup, free: Array) -> tuple[Array, Array]:
     return factors, drifts
 
 
-def filter_pass(
+def _filter(
     setup: Setup, parameters: Array, free: Array, records: list[Record], active: Array,
     noise: Array,
+) -> Outcome:  # fmt: skip
+    """One pass with the plan's process noise, or with what makes the innovations most likely."""
+    time_s = setup.plan.observer_time_s
+    tried = OBSERVER_TIMES_S if time_s == "likely" else (time_s,)
+    passes = [filter_pass(setup, parameters, free, records, active, noise, t) for t in tried]
+    return max(passes, key=_likelihood_with_best_noise) if len(passes) > 1 else passes[0]
+
+
+def _likelihood_with_best_noise(outcome: Outcome) -> float:
+    """Of the innovations, with noise as large as they are: what is compared is its colour."""
+    assert outcome.passed is not None
+    return most_likely(outcome.passed.whitened, outcome.passed.log_likelihood)
+
+
+def filter_pass(
+    setup: Setup, parameters: Array, free: Array, records: list[Record], active: Array,
+    noise: Array, observer_time_s: float,
 ) -> Outcome:  # fmt: skip
     """One pass of the filter over all records, and the mean of the prior put where it belongs.
 
@@ -123,6 +144,8 @@ def filter_pass(
     active : (4,) bool array
     noise : (4,) array
         Effective standard deviation of each channel.
+    observer_time_s : float
+        Noise over this time is the process noise, per square root of a second.
     """
     acting = [at_effects(setup.frame, parameters, record) for record in records]
     stacked, starts = stack(acting, setup.dt_s)
@@ -145,7 +168,7 @@ def filter_pass(
         active=active,
         channels=active & _sensed(stacked),
         sensor=sensor,
-        process_std=noise * np.sqrt(setup.dt_s) / setup.plan.observer_time_s,
+        process_std=noise * np.sqrt(setup.dt_s) / observer_time_s,
         sensor_std=noise,
         start=starts,
         start_std=START_STD * noise,
@@ -160,7 +183,7 @@ def filter_pass(
     theta = theta + passed.theta_covariance @ (away / (factors**2 + drifted))
     return Outcome(
         problem.parameters_at(theta), free, passed.theta_covariance, noise, white(noise),
-        stacked.ids, passed.log_likelihood, passed.samples, passed,
+        stacked.ids, passed.log_likelihood, passed.samples, passed, observer_time_s,
     )  # fmt: skip
 
 

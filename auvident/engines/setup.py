@@ -89,6 +89,8 @@ class Outcome:
         Noise of each channel in the likelihood of this result.
     passed : FilterResult or None
         The record of the filter pass; None for a refinement.
+    observer_time_s : float or None
+        Of the filter pass: the time over which it trusted the model.
     """
 
     parameters: Array
@@ -100,6 +102,7 @@ class Outcome:
     log_likelihood: float
     samples: int
     passed: FilterResult | None = field(default=None, repr=False)
+    observer_time_s: float | None = None
 
 
 def active_states(system: System, plane: str) -> npt.NDArray[np.bool_]:

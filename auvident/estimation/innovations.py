@@ -63,6 +63,28 @@ def consistency(whitened: Array, longest: int) -> Consistency | None:
     return Consistency(mean, correlation, mean * correlation, low, high)
 
 
+def most_likely(whitened: Array, log_likelihood: float) -> float:
+    """Log-likelihood of a pass with the noise of each channel as large as its innovations are.
+
+    All variances of a channel, its readings' and its state's, are taken times the mean square of
+    its whitened innovations, where the Gaussian likelihood is highest.
+
+    Parameters
+    ----------
+    whitened : (k, n, c) array
+        Innovations over their standard deviation; NaN where nothing was measured.
+    log_likelihood : float
+        Of the pass as it was.
+    """
+    for c in range(whitened.shape[2]):
+        own = whitened[:, :, c][np.isfinite(whitened[:, :, c])]
+        square = float(own @ own)
+        if square > 0.0:
+            factor = square / own.size
+            log_likelihood += 0.5 * (square - own.size - own.size * float(np.log(factor)))
+    return log_likelihood
+
+
 def chi_square_band(freedom: float) -> tuple[float, float]:
     """95 % band of a mean of squares with `freedom` degrees of freedom (Wilson-Hilferty)."""
     centre, spread = 1.0 - 2.0 / (9.0 * freedom), np.sqrt(2.0 / (9.0 * freedom))

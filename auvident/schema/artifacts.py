@@ -180,8 +180,9 @@ class FittedNoise(Artifact):
 class StageRecord(Artifact):
     """One pass of the plan: what was free, what it used and how well it explained the data.
 
-    `noise_std` is what an independent reading counts with; `fitted_noise` is that of an output-
-    error stage, from the likelihood of its residuals.
+    `noise_std` is what an independent reading counts with; in a filter that over
+    `observer_time_s` is the process noise, per square root of a second. `fitted_noise` is the
+    noise of an output-error stage.
     """
 
     stage: str
@@ -194,6 +195,7 @@ class StageRecord(Artifact):
     noise_std: dict[str, float] = {}
     nis_mean: dict[str, float] = {}
     nis: dict[str, NisTest] = {}
+    observer_time_s: float | None = None
     fitted_noise: dict[str, FittedNoise] = {}
 
 

@@ -227,6 +227,10 @@ def _stage_record(setup: Setup, step: Step) -> StageRecord:
             if test is not None:
                 nis[column] = NisTest(**asdict(test))
     active = active_states(step.stage.system, structure.plane)
+
+    def named(values: Array) -> dict[str, float]:
+        return dict(zip(STATE_COLUMNS[structure.plane], values.tolist(), strict=True))
+
     fitted = {
         column: FittedNoise(white_std=c.white, slow_std=c.slow, slow_time_s=c.time_s)
         for column, c, own in zip(
@@ -242,12 +246,10 @@ def _stage_record(setup: Setup, step: Step) -> StageRecord:
         maneuvers=outcome.ids,
         samples=outcome.samples,
         log_likelihood=outcome.log_likelihood,
-        noise_std={
-            column: float(outcome.noise[c])
-            for c, column in enumerate(STATE_COLUMNS[structure.plane])
-        },
+        noise_std=named(outcome.noise),
         nis_mean={column: test.mean for column, test in nis.items()},
         nis=nis,
+        observer_time_s=outcome.observer_time_s,
         fitted_noise=fitted,
     )
 
