@@ -24,7 +24,8 @@ class PlanStage(Declared):
     ``method`` is ``filter`` (the EKF or UKF) or ``output_error`` (maximum a posteriori fit of
     the free-running simulation); ``system`` says which states are estimated together: surge
     alone with the measured lateral states as inputs, lateral (yaw-sway or heave-pitch) alone
-    with the measured u as input, or all coupled.
+    with the measured u as input, or all coupled. ``passes`` runs it so many times in a row, each
+    with the noise that the last one's result leaves.
     """
 
     name: str
@@ -33,6 +34,7 @@ class PlanStage(Declared):
     maneuvers: tuple[ManeuverKind, ...] = ("straight", "turn", "zigzag")
     free: tuple[str, ...]
     once: bool = False
+    passes: Annotated[int, Field(ge=1, le=10)] = 1
 
     @model_validator(mode="after")
     def _names_are_known(self) -> Self:
@@ -105,4 +107,5 @@ class Plan(Declared):
             for cycle in range(1, self.cycles + 1)
             for stage in self.stage
             if cycle == self.cycles or not stage.once
+            for _ in range(stage.passes)
         ]

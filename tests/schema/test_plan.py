@@ -106,3 +106,10 @@ def test_groups_symbols_and_all_are_accepted() -> None:
 def test_a_plan_does_not_change() -> None:
     with pytest.raises(ValidationError, match="frozen"):
         plan().cycles = 2
+
+
+def test_a_stage_of_several_passes_runs_them_in_a_row() -> None:
+    first = {"name": "a", "system": "surge", "free": ["drag"], "passes": 2}
+    last = {"name": "b", "system": "coupled", "free": ["all"], "once": True, "passes": 3}
+    order = [(c, stage.name) for c, stage in plan(cycles=2, stage=[first, last]).rounds()]
+    assert order == [(1, "a")] * 2 + [(2, "a")] * 2 + [(2, "b")] * 3
