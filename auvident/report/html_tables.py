@@ -7,7 +7,7 @@ from pathlib import PurePath
 from typing import Any
 
 from auvident.report.html_data import ReportData, number, percent, quantity, shown, unit_text
-from auvident.schema.artifacts import IdentifiedModel, Maneuver, ManeuverMetrics
+from auvident.schema.artifacts import IdentifiedModel, Maneuver, ManeuverMetrics, StageRecord
 from auvident.schema.coefficients import BY_SYMBOL
 from auvident.schema.logs import Quality
 from auvident.schema.manifest import Manifest, StageEntry
@@ -215,20 +215,29 @@ def _what(m: Maneuver) -> str:
 
 def pass_table(model: IdentifiedModel) -> Table:
     """The passes of the plan as they were done."""
-    columns = list(dict.fromkeys(c for s in model.stages for c in s.nis_mean))
+    columns = list(dict.fromkeys(c for s in model.stages for c in (*s.nis_mean, *s.fitted_noise)))
     heads = [
         "cycle", "stage", "system", "free", "maneuvers", "samples", "log likelihood",
         *(f"noise {c}" for c in columns), *(f"NIS {c}" for c in columns),
     ]  # fmt: skip
     rows = []
     for s in model.stages:
-        noise = [number(s.noise_std.get(c), 2) if c in s.nis_mean else "" for c in columns]
+        noise = [_noise(s, c) for c in columns]
         nis = [number(s.nis_mean[c], 2) if c in s.nis_mean else "" for c in columns]
         rows.append([
             str(s.cycle), s.stage, s.system, str(len(s.free)), str(len(s.maneuvers)),
             str(s.samples), number(s.log_likelihood, 5), *noise, *nis,
         ])  # fmt: skip
     return Table(heads, rows, left=3)
+
+
+def _noise(record: StageRecord, column: str) -> str:
+    """Noise of a channel in a pass; of a fit that of the sensor and that of the disturbance."""
+    fitted = record.fitted_noise.get(column)
+    if fitted is not None:
+        slow = f"{number(fitted.slow_std, 2)} over {number(fitted.slow_time_s, 2)} s"
+        return f"{number(fitted.white_std, 2)}, {slow}"
+    return number(record.noise_std.get(column), 2) if column in record.nis_mean else ""
 
 
 def manifest_table(manifest: Manifest) -> Table:

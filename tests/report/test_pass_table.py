@@ -1,0 +1,22 @@
+"""The table of passes: noise of a filter, noise of a fit."""
+
+from auvident.report.html_tables import pass_table
+from auvident.schema.artifacts import FittedNoise
+from tests.engines.chain import identified
+
+
+def test_a_fit_shows_sensor_noise_and_disturbance_and_a_filter_what_it_used() -> None:
+    model = identified("harbour_trial").model
+    last = model.stages[-1]
+    fit = last.model_copy(update={
+        "stage": "fit", "nis": {}, "nis_mean": {}, "observer_time_s": None,
+        "fitted_noise": {"u_mps": FittedNoise(white_std=0.005, slow_std=0.012, slow_time_s=2.0)},
+    })  # fmt: skip
+    table = pass_table(model.model_copy(update={"stages": (last, fit)}))
+    place = table.heads.index("noise u_mps")
+    filtered, fitted = table.rows
+    assert fitted[place] == "0.0050, 0.012 over 2.0 s"
+    assert float(filtered[place]) > 0.0
+    assert fitted[table.heads.index("noise v_mps")] == ""
+    assert fitted[table.heads.index("NIS u_mps")] == ""
+    assert float(filtered[table.heads.index("NIS u_mps")]) > 0.0
