@@ -30,7 +30,6 @@ N_START = 3  # active states whose start is fitted along
 ROUNDS, STEPS = 2, 8  # rounds of fixed weights, steps in each
 TOLERANCE = 1.0e-4  # relative fall of the cost at which a round ends
 START_STD = 5.0  # a start is known to this many standard deviations of the residual
-START = np.arange(N_START)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.engines.free_run import NOTHING
 from auvident.engines.records import Record, record_of, sensor_matrix
 from auvident.schema.artifacts import Maneuver, Maneuvers
 from auvident.schema.channels import RECORD_COLUMN, TIME_COLUMN
@@ -20,7 +21,7 @@ from auvident.schema.diagnosis import ParameterValue
 from auvident.schema.trial import Trial
 from auvident.stages.diagnose.candidates import Traced
 from auvident.stages.diagnose.case import Case
-from auvident.stages.diagnose.fits import NOTHING, Fitted, fit_with, record_parts
+from auvident.stages.diagnose.fits import Fitted, fit_with, record_parts
 from auvident.stages.diagnose.joint import gains_of_absent
 
 Array = npt.NDArray[Any]
