@@ -7,8 +7,9 @@ import pytest
 from scipy.stats import norm
 
 from tests.bench import __main__ as bench
-from tests.bench import recovery, speed
+from tests.bench import left_out, recovery, speed
 from tests.bench.world import equations, make_world
+from tests.engines.chain import chain_of
 
 
 def test_a_pass_is_compared_with_filterpy() -> None:
@@ -46,3 +47,19 @@ def test_parts_can_be_chosen(monkeypatch, capsys) -> None:
     assert "plans" in capsys.readouterr().out
     with pytest.raises(SystemExit):
         bench.main(["nothing"])
+
+
+def test_without_the_logs_there_is_nothing_to_leave_out(tmp_path, monkeypatch, capsys) -> None:
+    assert left_out.left_out(tmp_path / "nowhere") == []
+    monkeypatch.setattr(left_out, "left_out", list)
+    bench.main(["left-out"])
+    assert "not at hand" in capsys.readouterr().out
+
+
+@pytest.mark.skipif(not left_out.KVLCC2.is_dir(), reason="the KVLCC2 data are not at hand")
+def test_a_log_is_predicted_by_a_model_that_never_saw_it(monkeypatch) -> None:
+    """Of three of the zigzags, each from the other two: better than no model, worse than seen."""
+    monkeypatch.setattr(left_out, "chain_of", lambda paths, file: chain_of(paths[3:12:4], file))
+    (row,) = left_out.left_out(plans=("together",))
+    assert row["plan"] == "together" and row["filter"] == "ekf"
+    assert 0.02 < row["r"] < 1.0

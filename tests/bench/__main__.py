@@ -1,4 +1,4 @@
-"""``python -m tests.bench [speed|identify|recovery|plans|length] ... [--seeds N] [--json]``.
+"""``python -m tests.bench [PART ...] [--seeds N] [--json]``; parts as `PARTS` has them.
 
 The study of the residual loop has options of its own: ``python -m tests.bench effects --help``.
 """
@@ -12,7 +12,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-PARTS = ("speed", "identify", "recovery", "plans", "length")
+PARTS = ("speed", "identify", "recovery", "plans", "length", "left-out")
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -44,6 +44,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _run(part: str, repeats: int, seeds: int) -> Any:
     from tests.bench import recovery, speed
+    from tests.bench.left_out import left_out
     from tests.bench.length import length
 
     work: dict[str, Callable[[], Any]] = {
@@ -51,6 +52,7 @@ def _run(part: str, repeats: int, seeds: int) -> Any:
         "identify": lambda: {"identification": speed.whole(repeats), "memory": speed.memory()},
         "recovery": lambda: recovery.recovery(seeds),
         "plans": lambda: {"held-out errors": speed.plans()},
+        "left-out": lambda: {"each zigzag of the KVLCC2 from the others": left_out()},
         "length": lambda: {"diagnosis by length of the log": length(min(repeats, 3))},
     }
     return work[part]()
@@ -69,6 +71,9 @@ def _show(part: str, result: dict[str, Any]) -> None:
 
 
 def _print(title: str, rows: list[dict[str, Any]]) -> None:
+    if not rows:
+        print(f"{title}: the logs are not at hand")
+        return
     table = Table(title=title, title_justify="left")
     for place, column in enumerate(rows[0]):
         table.add_column(column.replace("_", " "), no_wrap=place == 0)
