@@ -9,6 +9,7 @@ import sys
 import click
 
 from auvident import __version__
+from auvident.cli import interrupt
 from auvident.cli.common import OPTIONS_OF_PROCESS, Group
 from auvident.errors import AuvidentError
 
@@ -49,6 +50,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _run(arguments: list[str] | None) -> int:
     try:
+        interrupt.listen()
         _quiet_libraries()
         _one_thread()
         result = cli.main(args=arguments, prog_name="auvident", standalone_mode=False)

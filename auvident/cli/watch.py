@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from auvident.cli.common import Output
+from auvident.cli.interrupt import raise_again
 from auvident.pipeline.observer import Observer
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ class Watch(Observer):
 
     def decided(self, stage: str, sentence: str) -> None:
         """One line a stage."""
+        raise_again()
         self._line(sentence)
 
     def note(self, text: str) -> None:
@@ -45,6 +47,7 @@ class Watch(Observer):
 
     def progress(self, text: str, fraction: float | None = None) -> None:
         """A bar, on a terminal only."""
+        raise_again()
         if self.output.quiet or not sys.stderr.isatty():
             return
         if self._bar is None:
@@ -56,6 +59,7 @@ class Watch(Observer):
 
     def finished(self, stage: str, outputs: Mapping[str, Any], seconds: float) -> None:
         """The tables of the stage."""
+        raise_again()
         self._stop()
         if self.output.quiet:
             return
