@@ -62,6 +62,7 @@ def _run(arguments: list[str] | None) -> int:
         click.echo(f"Error: {error}", err=True)
         return error.exit_code
     except (KeyboardInterrupt, click.Abort):
+        interrupt.heeded()
         click.echo(
             "Interrupted; the run directory is as the last finished stage left it.", err=True
         )

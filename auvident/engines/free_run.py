@@ -238,8 +238,12 @@ def record_parts(
 
 def start_information(active: Array, colours: Colours, stds: float = FITTED_START_STD) -> Array:
     """What is known of the active states of a start: so many standard deviations of the noise."""
-    own = [colours[c] for c in np.flatnonzero(active)]
-    return np.diag([(stds * math.hypot(c.white, c.slow)) ** -2.0 for c in own])
+    return np.diag([start_std(colours[c], stds) ** -2.0 for c in np.flatnonzero(active)])
+
+
+def start_std(colour: Colour, stds: float) -> float:
+    """How far the start of a record may be from the line through its readings."""
+    return stds * math.hypot(colour.white, colour.slow)
 
 
 def likelihood_of(

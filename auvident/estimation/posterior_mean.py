@@ -18,8 +18,11 @@ from auvident.estimation.output_error import Likelihood
 Array = npt.NDArray[Any]
 
 UNHELD = 0.2  # [prior variances] directions that keep more are looked at; others hardly move
-STEP = 0.05  # [prior standard deviations] of the differences
-FARTHEST = 2.0  # [posterior standard deviations] the expansion tells no larger move
+# [prior standard deviations] of the differences: far above rounding, and twenty of them to the
+# standard deviation over which the information changes
+STEP = 0.05
+# [posterior standard deviations] the expansion tells no larger move; those seen are up to one
+FARTHEST = 2.0
 
 
 def move_to_mean(likelihood: Likelihood, prior_information: Array, columns: Sequence[int]) -> Array:

@@ -67,7 +67,7 @@ class Plan(Declared):
     starts; with several, all stages run from each and the results are averaged (Abkowitz's over-
     and under-estimation). ``observer_time_s`` sets the process noise relative to the measurement
     noise: the filter trusts the model over about this time; with ``"likely"`` each pass takes the
-    time, and noise as large, that make its innovations most likely. ``allowances`` are effects
+    time, of a few, that makes its innovations most likely. ``allowances`` are effects
     that are estimated along with the small standard deviation that the table has for every
     vehicle (no servo is infinitely fast); without any, the equations are those of the method
     alone.

@@ -88,11 +88,6 @@ def residual_of(case: Case, p: Array, record: Record, colours: Colours) -> Resid
     return None if found is None else Residual(record.id, record.time_s, *found)
 
 
-def start_spread(colour: Colour) -> float:
-    """How far the start of a record may be from the line through its readings."""
-    return START_STD * math.hypot(colour.white, colour.slow)
-
-
 def white_slopes(
     case: Case, p: Array, record: Record, colours: Colours, moving: Free, gain: Array | None = None
 ) -> tuple[Slopes, Array, Array] | None:

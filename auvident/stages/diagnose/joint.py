@@ -12,20 +12,20 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.engines.free_run import LARGEST
+from auvident.engines.free_run import LARGEST, start_information
 from auvident.engines.prediction import Free, Slopes
 from auvident.engines.records import Record
 from auvident.estimation.output_error import bounded_step
 from auvident.parallel import each
 from auvident.physics.dynamics import N_STATES
-from auvident.stages.diagnose.case import Case
+from auvident.stages.diagnose.case import ACTIVE, Case
 from auvident.stages.diagnose.fits import (
     N_CHANNELS,
     N_START,
+    START_STD,
     Colours,
     Fitted,
     prior_of,
-    start_spread,
     white_slopes,
 )
 
@@ -181,7 +181,7 @@ def _forms_of(
 def _without_start(rows: Array, colours: Colours) -> tuple[Array, Array]:
     """Errors and slopes with what the start state can take up removed."""
     start = rows[:, 1 : 1 + N_START]
-    held = np.diag([start_spread(colour) ** -2.0 for colour in colours])
+    held = start_information(ACTIVE, colours, START_STD)
     share = np.linalg.solve(start.T @ start + held, start.T @ rows)
     left = rows - start @ share
     return left[:, 0], left[:, 1 + N_START :]

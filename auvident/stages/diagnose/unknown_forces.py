@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.engines.forced_pass import N_ALL, N_FORCES, forced_pass, forced_step
-from auvident.engines.free_run import LONGEST_CORRELATION_S
+from auvident.engines.free_run import LONGEST_CORRELATION_S, start_std
 from auvident.engines.prediction import at_effects, readings, seen_rows
 from auvident.engines.records import Record
 from auvident.errors import NumericsError
@@ -23,7 +23,7 @@ from auvident.physics.dynamics import SPEED_LIMIT, inverse_mass
 from auvident.physics.sensing import sensor_matrix
 from auvident.physics.terms import FREE_FORCES
 from auvident.stages.diagnose.case import ACTIVE, Case
-from auvident.stages.diagnose.fits import N_CHANNELS, Fitted, start_spread
+from auvident.stages.diagnose.fits import N_CHANNELS, START_STD, Fitted
 
 Array = npt.NDArray[Any]
 
@@ -174,7 +174,7 @@ def _smoothed(step: Stepper, fitted: Fitted, record: Record, states: Array, walk
     offset = readings(frame, p, record, states) - states @ sensor.T
     read = np.where(seen_rows(frame, p, record, ACTIVE), record.measured - offset, np.nan)
     sensor = np.ascontiguousarray(sensor[:N_CHANNELS, :N_CHANNELS])
-    start = [start_spread(colour) for colour in fitted.colours]
+    start = [start_std(colour, START_STD) for colour in fitted.colours]
     spread = np.diag(np.append(start, START_FORCE * walk.size) ** 2)
     growth = np.append(np.zeros(N_CHANNELS), walk.intensity**2 * step.case.setup.dt_s)
     *passed, followed = forced_pass(
