@@ -354,6 +354,27 @@ def test_ctrl_c_that_a_library_swallowed_is_raised_at_the_next_word(monkeypatch)
         signal.signal(signal.SIGINT, before)
 
 
+def test_an_interrupt_that_a_library_makes_its_own_error_of_is_no_bug(monkeypatch, capsys) -> None:
+    from auvident import cli as program
+
+    before = signal.getsignal(signal.SIGINT)
+
+    def library(**_):
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        raise ValueError("no schema")
+
+    monkeypatch.setattr(program.cli, "main", library)
+    try:
+        with pytest.raises(SystemExit) as caught:
+            program.main([])
+    finally:
+        interrupt.listen()
+        signal.signal(signal.SIGINT, before)
+    assert caught.value.code == 130
+    assert capsys.readouterr().err.startswith("Interrupted")
+
+
 def test_an_interrupt_within_an_exec_leaves_the_exit_code_as_it_is(tmp_path: Path) -> None:
     """Run as a module, as `python -m auvident` is: there CPython ends by the signal otherwise."""
     lines = [

@@ -62,16 +62,18 @@ def _run(arguments: list[str] | None) -> int:
         click.echo(f"Error: {error}", err=True)
         return error.exit_code
     except (KeyboardInterrupt, click.Abort):
-        interrupt.heeded()
-        click.echo(
-            "Interrupted; the run directory is as the last finished stage left it.", err=True
-        )
-        return INTERRUPTED_EXIT_CODE
+        return _interrupted()
     except BrokenPipeError:  # the reader of a pipe has left
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as error:
-        return _report_bug(error)
+        return _interrupted() if interrupt.was_asked() else _report_bug(error)
+
+
+def _interrupted() -> int:
+    interrupt.heeded()
+    click.echo("Interrupted; the run directory is as the last finished stage left it.", err=True)
+    return INTERRUPTED_EXIT_CODE
 
 
 def _quiet_libraries() -> None:

@@ -26,6 +26,11 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
+def was_asked() -> bool:
+    """Whether there was an interrupt, whatever a library made of it."""
+    return _asked.is_set()
+
+
 def raise_again() -> None:
     """Raise an interrupt that was asked for and is still not heeded.
 
@@ -33,7 +38,7 @@ def raise_again() -> None:
     ------
     KeyboardInterrupt
     """
-    if _asked.is_set():
+    if was_asked():
         raise KeyboardInterrupt
 
 
