@@ -21,7 +21,7 @@ from numba.core import config
 
 PACKAGE = Path(__file__).resolve().parent
 KERNEL_MODULES = (
-    "engines/forced_pass.py",
+    "engines/motion_pass.py",
     "engines/passes.py",
     "engines/sigma_points.py",
     "estimation/coloured.py",

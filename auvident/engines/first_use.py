@@ -1,8 +1,8 @@
 """The first use on a machine: two helper processes compile the kernels side by side.
 
-Half of the time goes into the pass of the filter, half into simulations. Each helper runs one of
-the two on the shortest maneuvers of the problem at hand; afterwards this process finds both in the
-cache, and its own memory has not grown by what compiling takes.
+Half of the time goes into the pass of the filter, half into simulations and the smoothing of
+states. Each helper runs one of the two on the shortest maneuvers of the problem at hand; afterwards
+this process finds both in the cache, and its own memory has not grown by what compiling takes.
 """
 
 import pickle
@@ -18,7 +18,9 @@ import numpy as np
 from auvident.engines.estimator import filter_pass, free_positions, stage_records
 from auvident.engines.free_run import effective_noise, likelihood_of, white
 from auvident.engines.setup import Setup, active_states
+from auvident.engines.states import smoothed_states
 from auvident.jit import cache_is_writable, compiled_already
+from auvident.physics.terms import structure_of
 from auvident.schema.artifacts import ManeuverKind
 from auvident.schema.plan import PlanStage
 
@@ -77,17 +79,31 @@ def _shortest(setup: Setup) -> Setup:
 
 
 def simulate(setup: Setup) -> None:
-    """Run what the filter does not: simulations, with slopes and without."""
+    """Run what the filter does not: simulations with slopes, and the smoothing of states."""
     records, active = stage_records(setup, EVERYTHING), _active(setup)
     noise = effective_noise(setup, setup.start, records, active)
     free = free_positions(setup, EVERYTHING)
     likelihood_of(setup, setup.start, free, records, active, white(noise))(np.zeros(len(free)))
+    smoothed_states(
+        setup.structure, setup.start, records[0], active, setup.sensor, setup.sensor_std, setup.dt_s
+    )
 
 
 def run_filter(setup: Setup) -> None:
-    """Run the pass of the filter."""
-    records, free = stage_records(setup, EVERYTHING), free_positions(setup, EVERYTHING)
-    filter_pass(setup, setup.start, free, records, _active(setup), setup.sensor_std, ANY_TIME_S)
+    """Run the pass of the filter; the other part compiles what effects need."""
+    bare = _without_effects(setup)
+    records, free = stage_records(bare, EVERYTHING), free_positions(bare, EVERYTHING)
+    filter_pass(bare, bare.start, free, records, _active(bare), bare.sensor_std, ANY_TIME_S)
+
+
+def _without_effects(setup: Setup) -> Setup:
+    """The problem without what the model carries beside its coefficients."""
+    structure = structure_of(setup.structure.plane)
+    n = len(structure.parameters)
+    return replace(
+        setup, structure=structure, prior=setup.prior[:n], prior_std=setup.prior_std[:n],
+        start=setup.start[:n],
+    )  # fmt: skip
 
 
 def _active(setup: Setup) -> np.ndarray:

@@ -8,16 +8,11 @@ import numpy.typing as npt
 
 from auvident.engines.estimator import START_STD
 from auvident.engines.free_run import LONGEST_CORRELATION_S
+from auvident.engines.motion_pass import motion_pass
 from auvident.engines.records import Record
 from auvident.estimation.output_error import correlation_time
 from auvident.estimation.smoother import smooth
-from auvident.physics.dynamics import (
-    N_STATES,
-    inverse_mass,
-    simulate_states,
-    step_with_sensitivities,
-)
-from auvident.physics.term_tables import N_INPUTS
+from auvident.physics.dynamics import N_STATES, simulate_states
 from auvident.physics.terms import Structure
 
 Array = npt.NDArray[Any]
@@ -27,7 +22,10 @@ LEAST_FORCING = 0.05  # process noise of a channel the model explains, in sensor
 
 @dataclass(frozen=True)
 class States:
-    """Smoothed states (n, 4) and their standard deviations; inactive ones are as given."""
+    """Smoothed states (n, 4) and their standard deviations; inactive ones are as given.
+
+    Active ones are NaN where the model runs away from the readings.
+    """
 
     mean: Array
     std: Array
@@ -53,54 +51,18 @@ def smoothed_states(
     """
     forcing = forcing_std(structure, p, record, active, sensor, sensor_std, dt_s)
     index = np.flatnonzero(active)
-    inverse = np.empty((3, 3))
-    inverse_mass(p, structure.mass, structure.mass_weights, active, inverse)
-    x, covariance = record.start[index].copy(), np.diag((START_STD * sensor_std[index]) ** 2)
-    n, m = len(record.time_s), len(index)
-    after, before = (np.zeros((n, m)), np.zeros((n, m, m))), (np.zeros((n, m)), np.zeros((n, m, m)))
-    transition = np.zeros((n, m, m))
-    no_slopes, no_columns = np.zeros((N_INPUTS, 0)), np.zeros(0, dtype=np.int64)
-    column = np.full(len(p), -1, dtype=np.int64)
-    for k in range(n):
-        before[0][k], before[1][k] = x, covariance
-        x, covariance = _update(x, covariance, record, k, index, sensor, sensor_std)
-        after[0][k], after[1][k] = x, covariance
-        if k == n - 1:
-            break
-        full, out = record.given[k].copy(), np.empty(N_STATES)
-        full[index] = x
-        s_x = np.eye(N_STATES)
-        step_with_sensitivities(
-            full, record.inputs[k], record.given[k], record.given[k + 1], dt_s, p, inverse,
-            active, *structure.arrays, column, no_slopes, no_columns, s_x, out,
-        )  # fmt: skip
-        transition[k] = s_x[np.ix_(index, index)]
-        x = out[index]
-        covariance = transition[k] @ covariance @ transition[k].T
-        covariance += np.diag(forcing[index] ** 2 * dt_s)
-    found = smooth(after[0], after[1], before[0], before[1], transition)
-    mean, std = record.given.copy(), np.zeros((n, N_STATES))
-    mean[:, index] = found.mean
-    std[:, index] = np.sqrt(np.einsum("kii->ki", found.covariance))
+    passed = motion_pass(
+        record.start[index], np.diag((START_STD * sensor_std[index]) ** 2), record.inputs,
+        record.given, np.where(active, record.measured, np.nan), sensor, sensor_std**2,
+        forcing[index] ** 2 * dt_s, dt_s, p, active, *structure.arrays,
+    )  # fmt: skip
+    mean, std = record.given.copy(), np.zeros((len(record.time_s), N_STATES))
+    mean[:, index], std[:, index] = np.nan, np.nan
+    if passed is not None:
+        found = smooth(*passed)
+        mean[:, index] = found.mean
+        std[:, index] = np.sqrt(np.einsum("kii->ki", found.covariance))
     return States(mean, std)
-
-
-def _update(
-    x: Array, covariance: Array, record: Record, k: int, index: Array, sensor: Array,
-    sensor_std: Array,
-) -> tuple[Array, Array]:  # fmt: skip
-    """Kalman update (Joseph form) with the readings there are at row k."""
-    seen = index[np.isfinite(record.measured[k, index])]
-    if not seen.size:
-        return x, covariance
-    full = record.given[k].copy()
-    full[index] = x
-    h = sensor[seen][:, index]
-    noise = np.diag(sensor_std[seen] ** 2)
-    gain = np.linalg.solve(h @ covariance @ h.T + noise, h @ covariance).T
-    left = np.eye(len(index)) - gain @ h
-    x = x + gain @ (record.measured[k, seen] - sensor[seen] @ full)
-    return x, left @ covariance @ left.T + gain @ noise @ gain.T
 
 
 def forcing_std(

@@ -7,10 +7,13 @@ States are (u, a, b, angle); a state that is not active is held at the value giv
 the surge system takes v and r from the measurements and the yaw-sway system takes u.
 """
 
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 
 from auvident.jit import borrowing, kernel
-from auvident.physics.batch import invert_masses, invert_rows, place_inputs, rates, step_points
+from auvident.physics.batch import invert_rows, place_inputs, rates, step_points
 from auvident.physics.sensitivity import (
     N_PLACES,
     N_POINTS,
@@ -31,6 +34,8 @@ from auvident.physics.term_tables import (
     sort_terms,
     used_variables,
 )
+
+Array = npt.NDArray[Any]
 
 SPEED_LIMIT = 1.0e3  # [m/s, rad/s] a velocity beyond this ran away, whatever the vehicle
 
@@ -165,50 +170,6 @@ def step_with_sensitivities(
 
 
 @kernel
-def simulate_states(x0, inputs, given, dt, p, active, terms, weights, mass, mass_weights):
-    """States over a whole record from its initial state and inputs alone.
-
-    Parameters
-    ----------
-    x0 : (4,) array
-    inputs : (n, 3) array
-    given : (n, 4) array
-        Values of the inactive states (ignored for active ones).
-
-    Returns
-    -------
-    (n, 4) array
-        NaN from the row on at which the simulation ran away; all NaN when the mass matrix is
-        not positive definite.
-    """
-    n, moves = inputs.shape[0], np.zeros(p.shape[0], np.bool_)
-    states, work = np.full((n, N_STATES), np.nan), np.empty((4, N_STATES, 1))
-    x, stage, rate, total = work[0], work[1], work[2], work[3]
-    table, sorted_weights = sort_terms(active, moves, _still(), terms, weights)
-    used, scalars = used_variables(active, terms), _scalars(p)
-    powers = needed_powers(active, _still(), terms)
-    rows, force, fixed = np.empty((P_ROWS, 1)), np.empty((N_VELOCITIES, 1)), np.empty(N_STATES)
-    m, inverse = np.empty((10, 1)), np.empty((9, 1))
-    if not invert_masses(1, active, mass, mass_weights, moves, scalars, rows, m, inverse) > 0.0:
-        return states
-    for i in range(N_STATES):
-        states[0, i], x[i, 0] = x0[i], x0[i]
-    for k in range(n - 1):
-        step_points(
-            1, inputs[k], given[k], given[k + 1], dt, active, used, table, sorted_weights, powers,
-            inverse, fixed, scalars, rows, force, x, stage, rate, total,
-        )  # fmt: skip
-        for i in range(N_STATES):
-            if not active[i]:
-                x[i, 0] = given[k + 1, i]
-        if _ran_away(x):
-            break
-        for i in range(N_STATES):
-            states[k + 1, i] = x[i, 0]
-    return states
-
-
-@kernel
 def _ran_away(x):
     """Whether a velocity of x (4, >= 1) is not finite or beyond any vehicle's."""
     for i in range(N_VELOCITIES):  # noqa: SIM110 (compiled: no generator)
@@ -256,7 +217,8 @@ def simulate_with_sensitivities(
     scale : (n_free,) array
         Unit of each free parameter.
     z : (n, 4, 1 + 4 + n_free) array, filled
-        State, its derivatives by the start state, by the free parameters; zeros before.
+        State, its derivatives by the start state, by the free parameters; not touched from the
+        row on at which the simulation ran away.
 
     Returns
     -------
@@ -306,3 +268,32 @@ def _keep(now, k, z):
     for i in range(now.shape[0]):
         for c in range(now.shape[1]):
             z[k, i, c] = now[i, c]
+
+
+def simulate_states(
+    x0: Array, inputs: Array, given: Array, dt: float, p: Array, active: Array, terms: Array,
+    weights: Array, mass: Array, mass_weights: Array,
+) -> Array:  # fmt: skip
+    """States over a whole record from its initial state and inputs alone.
+
+    Parameters
+    ----------
+    x0 : (4,) array
+    inputs : (n, 9) or (n, 3) array
+    given : (n, 4) array
+        Values of the inactive states (ignored for active ones).
+
+    Returns
+    -------
+    (n, 4) array
+        NaN from the row on at which the simulation ran away; all NaN when the mass matrix is
+        not positive definite.
+    """
+    z = np.full((len(inputs), N_STATES, LEAD), np.nan)
+    simulate_with_sensitivities(
+        x0, inputs, np.zeros((len(inputs), N_INPUTS, 0)), np.zeros(0, dtype=np.int64), given,
+        np.zeros(N_STATES), dt, p, active, terms, weights, mass, mass_weights,
+        np.full(len(p), -1), np.zeros(0), z,
+    )  # fmt: skip
+    states: Array = z[:, :, 0].copy()
+    return states

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import savgol_filter
 
 from auvident.engines.carried import predicted_course
 from auvident.engines.prediction import (
@@ -12,6 +13,7 @@ from auvident.engines.prediction import (
     at_effects,
     input_slopes,
     linear_about,
+    local_parabolas,
     readings,
     readings_with_slopes,
     seen_rows,
@@ -254,3 +256,10 @@ def test_readings_from_before_the_record_are_not_compared() -> None:
     np.testing.assert_array_equal(found[:, 1], rows >= 3)  # 0.24 s: nothing before row 2.4
     np.testing.assert_array_equal(found[:, 2], rows <= rows[-1] - 2)  # 0.13 s early
     assert not found[:, 3].any()
+
+
+@pytest.mark.parametrize(("rows", "window"), [(15, 15), (16, 15), (400, 5), (400, 31)])
+def test_local_parabolas_are_those_of_savitzky_and_golay(rows, window) -> None:
+    values = np.random.default_rng(rows).normal(size=(rows, 4))
+    expected = savgol_filter(values, window, 2, axis=0)
+    np.testing.assert_allclose(local_parabolas(values, window), expected, atol=1e-12)

@@ -50,3 +50,32 @@ def test_the_error_of_smoothed_states_is_of_the_stated_size() -> None:
         found = smoothed_states(structure, p, record, ACTIVE, np.eye(4), NOISE, 0.1)
         ratios.append(np.mean(((found.mean - truth)[:, :3] / found.std[:, :3]) ** 2))
     assert 0.2 < np.mean(ratios) < 2.0  # the forcing is bounded from below: cautious
+
+
+def test_the_pitch_is_smoothed_with_the_vertical_motion() -> None:
+    body = RigidBody(
+        mass_kg=30.0, x_g_m=0.0, z_g_m=0.02, inertia_kgm2=3.5, weight_n=294.0, buoyancy_n=294.0
+    )
+    values = {"Z_wdot": -35.0, "M_qdot": -5.0, "Z_uw": -50.0, "M_uq": -10.0, "M_uud": -6.0}
+    values |= {"X_udot": -1.0, "X_uu": -3.0, "T_nn": 0.1, "T_nu": -0.8}
+    structure, p = structure_of("vertical"), parameter_vector("vertical", values, body)
+    active, n, rng = np.ones(4, dtype=bool), 400, np.random.default_rng(3)
+    inputs = np.zeros((n, 3))
+    inputs[:, 0], inputs[:, 2] = 0.1 * np.sign(np.sin(np.arange(n) / 30.0)), 15.0
+    start, given = np.array([1.4, 0.0, 0.0, 0.05]), np.zeros((n, 4))
+    truth = simulate_states(start, inputs, given, 0.1, p, active, *structure.arrays)
+    assert np.ptp(truth[:, 3]) > 0.2
+    measured = truth + rng.normal(size=(n, 4)) * NOISE
+    record = Record("m", np.arange(n) * 0.1, inputs, given, measured, start)
+    found = smoothed_states(structure, p, record, active, np.eye(4), NOISE, 0.1)
+    error = np.sqrt(np.mean((found.mean - truth) ** 2, axis=0))
+    assert (error < 0.5 * NOISE).all()
+    assert (found.std > 0.0).all()
+
+
+def test_states_are_unknown_where_the_model_runs_away() -> None:
+    structure, p, record, _ = made(1)
+    wild = p.copy()
+    wild[structure.index("N_r|r|")] = 1e6  # turning faster makes it turn faster
+    found = smoothed_states(structure, wild, record, ACTIVE, np.eye(4), NOISE, 0.1)
+    assert np.isnan(found.mean[:, :3]).all() and np.isnan(found.std[:, :3]).all()

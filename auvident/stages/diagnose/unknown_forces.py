@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.engines.forced_pass import N_ALL, N_FORCES, forced_pass, forced_step
 from auvident.engines.free_run import LONGEST_CORRELATION_S, start_std
+from auvident.engines.motion_pass import motion_pass
 from auvident.engines.prediction import at_effects, readings, seen_rows
 from auvident.engines.records import Record
 from auvident.errors import NumericsError
 from auvident.estimation.output_error import correlation_time
 from auvident.estimation.smoother import smooth
-from auvident.physics.dynamics import SPEED_LIMIT, inverse_mass
+from auvident.physics.dynamics import inverse_mass
 from auvident.physics.sensing import sensor_matrix
 from auvident.physics.terms import FREE_FORCES
 from auvident.stages.diagnose.case import ACTIVE, Case
@@ -29,6 +29,7 @@ Array = npt.NDArray[Any]
 
 LEAST_SLOW = 0.1  # [of the sensor noise] a residual that is all noise still allows so much motion
 LEAST_TIME_S = 1.0  # forces that change faster are taken for noise
+N_FORCES = len(FREE_FORCES)
 START_FORCE = 3.0  # a force starts within this many of its usual sizes
 
 
@@ -66,9 +67,9 @@ class Stepper:
 
     @property
     def model(self) -> tuple[Any, ...]:
-        """The last arguments of the kernels, from the step on."""
+        """The last arguments of a pass, from the step on."""
         setup = self.case.setup
-        return setup.dt_s, self.parameters, self.inverse, ACTIVE, *setup.structure.arrays
+        return setup.dt_s, self.parameters, ACTIVE, *setup.structure.arrays
 
 
 def stepper_of(case: Case, p: Array) -> Stepper:
@@ -144,7 +145,14 @@ def damping_of(step: Stepper, fitted: Fitted) -> Array:
     acting = [at_effects(case.setup.frame, fitted.parameters, r).inputs for r in case.records]
     x = np.concatenate([states[:N_CHANNELS], np.zeros(N_FORCES)])
     usual = np.median(np.concatenate(acting), axis=0)
-    slopes = forced_step(x, usual, np.array([states, states]), *step.model, np.empty(N_ALL))
+    held = np.array([states, states])
+    passed = motion_pass(
+        x, np.eye(len(x)), np.array([usual, usual]), held, np.full(held.shape, np.nan), np.eye(4),
+        np.ones(4), np.zeros(len(x)), *step.model,
+    )  # fmt: skip
+    if passed is None:
+        return np.zeros(N_CHANNELS)
+    slopes = passed[-1][0]
     rate: Array = (1.0 - slopes.diagonal()[:N_CHANNELS]) / case.setup.dt_s
     return rate
 
@@ -173,16 +181,15 @@ def _smoothed(step: Stepper, fitted: Fitted, record: Record, states: Array, walk
     sensor = sensor_matrix(frame.structure.plane, frame.sensing, frame.reading_effects(p))
     offset = readings(frame, p, record, states) - states @ sensor.T
     read = np.where(seen_rows(frame, p, record, ACTIVE), record.measured - offset, np.nan)
-    sensor = np.ascontiguousarray(sensor[:N_CHANNELS, :N_CHANNELS])
     start = [start_std(colour, START_STD) for colour in fitted.colours]
     spread = np.diag(np.append(start, START_FORCE * walk.size) ** 2)
     growth = np.append(np.zeros(N_CHANNELS), walk.intensity**2 * step.case.setup.dt_s)
-    *passed, followed = forced_pass(
+    passed = motion_pass(
         np.append(states[0, :N_CHANNELS], np.zeros(N_FORCES)), spread,
-        at_effects(frame, p, record).inputs, states, read, sensor, walk.noise**2, growth,
-        SPEED_LIMIT, *step.model,
+        at_effects(frame, p, record).inputs, states, read, sensor,
+        np.append(walk.noise, np.nan) ** 2, growth, *step.model,
     )  # fmt: skip
-    if not followed:
+    if passed is None:
         nothing = np.full((len(read), N_FORCES), np.nan)
         return Forces(nothing, nothing)
     found = smooth(*passed)
