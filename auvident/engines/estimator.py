@@ -181,6 +181,8 @@ def filter_pass(
     # (exact for a linear problem without drift, which makes the filter forget the prior)
     drifted = drifts**2 * setup.dt_s * len(passed.history)
     theta = theta + passed.theta_covariance @ (away / (factors**2 + drifted))
+    low, high = setup.bounds(free)
+    theta = np.clip(theta, (low - parameters[free]) / scale, (high - parameters[free]) / scale)
     return Outcome(
         problem.parameters_at(theta), free, passed.theta_covariance, noise, white(noise),
         stacked.ids, passed.log_likelihood, passed.samples, passed, observer_time_s,
@@ -202,13 +204,14 @@ def _refine(
 ) -> Outcome:  # fmt: skip
     """Fit, with sensor noise and disturbance brought up to date until they no longer change."""
     factors, _ = tuning_of(setup, free)
-    scale = setup.prior_std[free]
+    scale, (low, high) = setup.prior_std[free], setup.bounds(free)
     colours = coloured_noise(setup, parameters, records, active, white(noise))
     for _ in range(NOISE_ROUNDS):
         away = (setup.prior[free] - parameters[free]) / scale
         result = fit(
             likelihood_of(setup, parameters, free, records, active, colours),
             np.zeros(len(free)), away, np.diag(1.0 / factors**2),
+            ((low - parameters[free]) / scale, (high - parameters[free]) / scale),
         )  # fmt: skip
         parameters = moved(setup, parameters, free, result.theta)
         used, colours = colours, coloured_noise(setup, parameters, records, active, colours)

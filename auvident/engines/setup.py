@@ -14,6 +14,7 @@ from auvident.estimation.coloured import Colour
 from auvident.physics.sensing import sensor_matrix
 from auvident.physics.terms import Structure
 from auvident.schema.artifacts import Sensing
+from auvident.schema.effects import parameter_of
 from auvident.schema.plan import ACTIVE, Plan, System
 
 Array = npt.NDArray[Any]
@@ -71,6 +72,15 @@ class Setup:
         for follower, leader in live_followers(self, positions):
             column[follower] = column[leader]
         return Free(positions, column, self.prior_std[positions])
+
+    def bounds(self, positions: Array) -> tuple[Array, Array]:
+        """Least and largest values of parameters; those of forces, which are wide, are left out."""
+        low, high = np.full(len(positions), -np.inf), np.full(len(positions), np.inf)
+        for column, i in enumerate(positions):
+            name = self.structure.parameters[i]
+            if "." in name and not any(parameter_of(name).powers):
+                low[column], high[column] = parameter_of(name).low, parameter_of(name).high
+        return low, high
 
 
 @dataclass(frozen=True)

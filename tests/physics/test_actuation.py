@@ -134,9 +134,7 @@ def lagged(command: np.ndarray, lag: float, dt: float) -> np.ndarray:
 def test_a_lag_of_the_rudder_is_the_exact_solution(lag) -> None:
     command = helms(4)
     found = rudder(command, rudder_lag__lag_s=lag)
-    # the mean over a substep h is taken as that of a chord: (h / lag)^2 / 12 of a change of 0.8
-    chord = (DT / SUBSTEPS / lag) ** 2 / 12.0
-    np.testing.assert_allclose(found, lagged(command, lag, DT), atol=chord * 0.8)
+    np.testing.assert_allclose(found, lagged(command, lag, DT), atol=1e-12)
     assert np.abs(found - command).max() > 0.1
 
 
@@ -167,6 +165,34 @@ def test_no_rudder_is_faster_than_its_limit_or_overshoots(seed, limit, lag) -> N
     found = rudder(command, rudder_rate_limit__rate_degps=limit, rudder_lag__lag_s=lag)
     assert np.abs(np.diff(found)).max() <= np.radians(limit) * DT * (1 + 1e-12)
     assert np.abs(found).max() <= np.abs(command).max() + 1e-12
+
+
+@settings(max_examples=20, deadline=None)
+@given(seeds, st.floats(3.0, 400.0))
+def test_a_slew_limit_gives_the_means_of_the_ramp(seed, limit) -> None:
+    """Against the ramp followed in steps of a thousandth, also where a helm ends within a step."""
+    command, fine, angle = helms(seed), 1000, 0.0
+    found, most = rudder(command, rudder_rate_limit__rate_degps=limit), np.radians(limit) * DT
+    expected, angle = np.empty(len(command)), command[0]
+    for k, target in enumerate(command):
+        away = target - angle
+        way = np.sign(away) * np.minimum(most * (np.arange(fine) + 0.5) / fine, abs(away))
+        expected[k] = angle + way.mean()
+        angle += np.sign(away) * min(most, abs(away))
+    np.testing.assert_allclose(found, expected, atol=2.0 * most / fine**2 + 1e-6)
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        {"rudder_rate_limit__rate_degps": 1e8}, {"rudder_lag__lag_s": 1e-7},
+        {"rudder_rate_limit__rate_degps": 1e8, "rudder_lag__lag_s": 1e-7},
+    ],
+)  # fmt: skip
+def test_what_is_almost_off_is_almost_nothing(effects) -> None:
+    """A fit that comes from the one has to find the other."""
+    command = helms(6)
+    np.testing.assert_allclose(rudder(command, **effects), command, atol=1e-5)
 
 
 def test_a_limit_that_is_never_reached_changes_nothing() -> None:
