@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from auvident.engines import compiled
 from auvident.engines.free_run import (
+    NOTHING,
     Colours,
     coloured_noise,
     effective_noise,
@@ -205,6 +206,7 @@ def _refine(
     """Fit, with sensor noise and disturbance brought up to date until they no longer change."""
     factors, _ = tuning_of(setup, free)
     scale, (low, high) = setup.prior_std[free], setup.bounds(free)
+    parameters = _calm(setup, parameters, records, active, noise)
     colours = coloured_noise(setup, parameters, records, active, white(noise))
     for _ in range(NOISE_ROUNDS):
         away = (setup.prior[free] - parameters[free]) / scale
@@ -222,6 +224,20 @@ def _refine(
         parameters, free, result.covariance, effective_noise(setup, parameters, records, active),
         colours, tuple(r.id for r in records), -result.cost, samples,
     )  # fmt: skip
+
+
+def _calm(
+    setup: Setup, parameters: Array, records: list[Record], active: Array, noise: Array
+) -> Array:
+    """Where a fit can start: a filter may leave coefficients with which the motion runs away.
+
+    The readings held its states; the prior is a vehicle's.
+    """
+    for start in (parameters, setup.start):
+        at_start = likelihood_of(setup, start, NOTHING, records, active, white(noise))
+        if np.isfinite(at_start(np.zeros(0))[0]):
+            return start
+    return parameters
 
 
 def _settled(before: Colours, after: Colours) -> bool:

@@ -1,5 +1,7 @@
 """How much each maneuver moves the result: leave-one-maneuver-out without running it again."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,34 @@ from auvident.schema.plan import PlanStage
 Array = npt.NDArray[Any]
 
 LEAST_MANEUVERS = 3  # fewer say nothing about the scatter between maneuvers
+NORMAL_95_ONE_SIDED = 1.645
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Scatter between maneuvers of the coefficients of an outcome.
+
+    Attributes
+    ----------
+    std : (n,) array
+        Jackknife standard deviations, in units of the prior's.
+    beyond_chance : (n,) bool array
+        Where maneuvers of one vehicle would scatter as much in less than one trial of twenty.
+    """
+
+    std: Array
+    beyond_chance: npt.NDArray[np.bool_]
+
+
+def scatter_of(setup: Setup, outcome: Outcome, stage: PlanStage) -> Scatter | None:
+    """Scatter between the maneuvers of a stage; None with fewer than `LEAST_MANEUVERS`."""
+    gradients, curvatures, prior = _parts(setup, outcome, stage)
+    covariance = jackknife_covariance(_moves(gradients, curvatures, prior))
+    if covariance is None:
+        return None
+    expected, freedom = expected_variance(list(curvatures.values()), prior)
+    variance = np.diag(covariance)
+    return Scatter(np.sqrt(variance), variance > expected * largest_by_chance(freedom))
 
 
 def influences(setup: Setup, outcome: Outcome, stage: PlanStage) -> dict[str, Array]:
@@ -31,21 +61,34 @@ def influences(setup: Setup, outcome: Outcome, stage: PlanStage) -> dict[str, Ar
     dict of str to (n_free,) array
         By maneuver id, in units of the prior standard deviations.
     """
-    active = active_states(stage.system, setup.structure.plane)
-    records = stage_records(setup, stage)
-    at_rest = np.zeros(len(outcome.free))
+    return _moves(*_parts(setup, outcome, stage))
+
+
+def _parts(
+    setup: Setup, outcome: Outcome, stage: PlanStage
+) -> tuple[dict[str, Array], dict[str, Array], Array]:
+    """Gradient and curvature of each maneuver at the outcome, and the prior's information."""
+    active, at_rest = (
+        active_states(stage.system, setup.structure.plane),
+        np.zeros(len(outcome.free)),
+    )
     parts = {
         record.id: likelihood_of(
             setup, outcome.parameters, outcome.free, [record], active, outcome.colours
         )(at_rest)
-        for record in records
+        for record in stage_records(setup, stage)
     }
     factors, _ = tuning_of(setup, outcome.free)
-    whole = np.diag(1.0 / factors**2) + sum(curvature for _, _, curvature in parts.values())
-    return {
-        name: np.linalg.solve(whole - curvature, gradient)
-        for name, (_, gradient, curvature) in parts.items()
-    }
+    gradients = {name: gradient for name, (_, gradient, _) in parts.items()}
+    curvatures = {name: curvature for name, (_, _, curvature) in parts.items()}
+    return gradients, curvatures, np.diag(1.0 / factors**2)
+
+
+def _moves(
+    gradients: Mapping[str, Array], curvatures: Mapping[str, Array], prior: Array
+) -> dict[str, Array]:
+    whole = prior + sum(curvatures.values())
+    return {n: np.linalg.solve(whole - curvatures[n], g) for n, g in gradients.items()}
 
 
 def jackknife_covariance(moves: dict[str, Array]) -> Array | None:
@@ -63,3 +106,29 @@ def jackknife_covariance(moves: dict[str, Array]) -> Array | None:
     table = np.array(list(moves.values()))
     table = table - table.mean(axis=0)
     return (len(table) - 1) / len(table) * table.T @ table
+
+
+def expected_variance(curvatures: Sequence[Array], prior: Array) -> tuple[Array, Array]:
+    """Mean of the jackknife variances (n,) with nothing but noise, and their degrees of freedom.
+
+    The gradient g_f at the optimum has the covariance H_f - H_f H^-1 H_f, hence the move without
+    maneuver f the covariance (H - H_f)^-1 - H^-1; all gradients together are nothing but the pull
+    of the prior, so that centring takes little. A sum of squares of unequal variances v has
+    (sum v)^2 / sum v^2 degrees of freedom (Satterthwaite 1946).
+    """
+    whole, count = prior + sum(curvatures), len(curvatures)
+    variances = np.array([np.diag(np.linalg.inv(whole - h)) for h in curvatures])
+    variances -= np.diag(np.linalg.inv(whole))
+    total = np.maximum(variances, 0.0).sum(axis=0)
+    freedom = total**2 / np.maximum((variances**2).sum(axis=0), np.finfo(float).tiny)
+    return (count - 1) / count * total, np.maximum(freedom, 1.0)
+
+
+def largest_by_chance(freedom: Array) -> Array:
+    """A chi-square over its degrees of freedom exceeds this in one of twenty cases.
+
+    Cube of a normal variable (Wilson and Hilferty 1931), good to some percent at one degree.
+    """
+    spread = 2.0 / (9.0 * freedom)
+    found: Array = (1.0 - spread + NORMAL_95_ONE_SIDED * np.sqrt(spread)) ** 3
+    return found

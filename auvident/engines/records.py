@@ -39,6 +39,9 @@ CONTROL_COLUMNS: dict[Plane, tuple[str, str]] = {
 LEAD_IN_S = 20.0  # inputs before a maneuver, for what remembers them: lags, delays and play
 AUXILIARY = ("p_radps", "q_radps", "roll_rad", "pitch_rad")
 START_BEFORE_S, START_AFTER_S = 1.0, 0.5  # window of the line that gives the state at the start
+LINE_READINGS = 3  # through fewer no line is drawn
+# control angles [rad] and propeller rate [1/s] within these, and this share, are the same input
+SAME_INPUT, SAME_SHARE = np.array([0.017, 0.017, 0.1]), np.array([0.0, 0.0, 0.03])
 
 
 @dataclass(frozen=True)
@@ -147,23 +150,40 @@ def _columns(trial: Trial, names: Sequence[str], first: int, last: int) -> Array
 
 
 def _reading_at(trial: Trial, plane: Plane, row: int) -> Array:
-    """Readings (4,) at a row, from a line through the readings around it in the same record."""
-    table = trial.table
-    before, after = (round(s * trial.rate_hz) for s in (START_BEFORE_S, START_AFTER_S))
-    rows = np.arange(max(row - before, 0), min(row + after + 1, len(table)))
-    piece = table[RECORD_COLUMN].to_numpy()
-    rows = rows[piece[rows] == piece[row]]
-    reading = np.zeros(N_STATES)
+    """Readings (4,) at a row, from a line through the readings around it in the same record.
+
+    A line bends where a helm is laid or the propeller takes another rate, and there maneuvers
+    begin: only readings under the inputs before the row count.
+    """
+    table, reading = trial.table, np.zeros(N_STATES)
+    near, same = _rows_near(trial, plane, row)
     for i, column in enumerate(STATE_COLUMNS[plane]):
         if column not in table:
             continue
-        values = table[column].to_numpy()[rows]
+        values = table[column].to_numpy()[near]
         good = np.isfinite(values)
-        if good.sum() >= 3:
-            reading[i] = np.polynomial.polynomial.polyfit(rows[good] - row, values[good], 1)[0]
-        elif good.any():
-            reading[i] = values[good][0]
+        good = good & same if (good & same).any() else good
+        if good.any():
+            degree = 1 if good.sum() >= LINE_READINGS else 0
+            reading[i] = np.polynomial.polynomial.polyfit(near[good] - row, values[good], degree)[0]
     return reading
+
+
+def _rows_near(
+    trial: Trial, plane: Plane, row: int
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+    """Rows of the same record around a row; which of them the inputs before it led to."""
+    before, after = (round(s * trial.rate_hz) for s in (START_BEFORE_S, START_AFTER_S))
+    near = np.arange(max(row - before, 0), min(row + after + 1, len(trial.table)))
+    piece = trial.table[RECORD_COLUMN].to_numpy()
+    near = near[piece[near] == piece[row]]
+    inputs = _raw_inputs(trial, plane, int(near[0]), int(near[-1]) + 1)
+    usual = inputs[max(row - 1 - near[0], 0)]
+    apart = np.abs(inputs - usual) > SAME_INPUT + SAME_SHARE * np.abs(usual)
+    other = near[apart.any(axis=1)]  # they act on the states of the rows after them
+    first = other[other < row].max(initial=near[0] - 1) + 1
+    last = other[other >= row].min(initial=near[-1])
+    return near, (near >= first) & (near <= last)
 
 
 def stack(maneuvers: Sequence[Record], dt_s: float) -> tuple[Records, Array]:

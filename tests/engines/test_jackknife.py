@@ -4,11 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from auvident.engines import estimator
 from auvident.engines.estimator import Setup, run_stage
 from auvident.engines.free_run import white
-from auvident.engines.jackknife import influences, jackknife_covariance
+from auvident.engines.jackknife import (
+    expected_variance,
+    influences,
+    jackknife_covariance,
+    largest_by_chance,
+)
 from auvident.schema.plan import Tuning
 from tests.engines.test_estimator import linear_setup, stage
 
@@ -65,3 +71,48 @@ def test_jackknife_of_a_mean_is_its_standard_error() -> None:
 
 def test_two_maneuvers_say_nothing_about_scatter() -> None:
     assert jackknife_covariance({"a": np.ones(2), "b": np.zeros(2)}) is None
+
+
+def drawn(
+    rng: np.random.Generator, apart: float = 0.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Jackknife variances of a linear problem of eight unequal maneuvers, expected, freedom.
+
+    The coefficients are drawn from the prior; those of each maneuver lie `apart` from them.
+    """
+    n, prior = 3, np.diag([1.0, 4.0, 1.0])
+    slopes = [rng.normal(size=(20, n)) * rng.uniform(0.1, 2.0, size=n) for _ in range(8)]
+    truth = rng.normal(size=n) / np.sqrt(np.diag(prior))
+    own = [truth + apart * rng.normal(size=n) for _ in slopes]
+    reads = [j @ t + rng.normal(size=20) for j, t in zip(slopes, own, strict=True)]
+    whole = prior + sum(j.T @ j for j in slopes)
+    best = np.linalg.solve(whole, sum(j.T @ y for j, y in zip(slopes, reads, strict=True)))
+    moves = {
+        str(i): np.linalg.solve(whole - j.T @ j, j.T @ (j @ best - y))
+        for i, (j, y) in enumerate(zip(slopes, reads, strict=True))
+    }
+    expected, freedom = expected_variance([j.T @ j for j in slopes], prior)
+    return np.diag(jackknife_covariance(moves)), expected, freedom
+
+
+def test_the_scatter_of_noise_alone_has_the_expected_mean_and_is_rarely_beyond_chance() -> None:
+    rng = np.random.default_rng(11)
+    found = [drawn(rng) for _ in range(1500)]
+    ratio = np.array([variance / expected for variance, expected, _ in found])
+    beyond = np.array([v > e * largest_by_chance(f) for v, e, f in found])
+    assert ratio.mean() == pytest.approx(1.0, abs=0.07)
+    assert 0.02 < beyond.mean() < 0.08
+
+
+def test_maneuvers_of_different_vehicles_scatter_beyond_chance() -> None:
+    rng = np.random.default_rng(12)
+    found = [drawn(rng, apart=1.0) for _ in range(200)]
+    beyond = np.array([v > e * largest_by_chance(f) for v, e, f in found])
+    assert beyond.mean() > 0.8
+
+
+def test_the_limit_of_chance_is_that_of_chi_square() -> None:
+    freedom = np.array([1.0, 2.0, 4.0, 10.0, 40.0])
+    np.testing.assert_allclose(
+        largest_by_chance(freedom), chi2.ppf(0.95, freedom) / freedom, rtol=0.03
+    )

@@ -11,6 +11,7 @@ import pandas as pd
 from auvident.engines.carried import Carried, effect_rows
 from auvident.engines.estimator import Outcome, Setup, active_states
 from auvident.engines.free_run import LONGEST_CORRELATION_S, NOTHING
+from auvident.engines.jackknife import Scatter
 from auvident.engines.prediction import at_effects, linear_about
 from auvident.engines.records import STATE_COLUMNS
 from auvident.engines.states import smoothed_states
@@ -43,8 +44,7 @@ Array = npt.NDArray[Any]
 HISTORY_PERIOD_S = 0.5  # the history of the coefficients is stored this often
 NOT_MOVED = 0.05  # data share below which a coefficient stayed where the prior put it
 CORRELATED = 0.95
-# scatter between maneuvers over the filter's own standard deviation: with some ten maneuvers
-# the scatter itself is known to a quarter, so twice is no chance
+# scatter between maneuvers, where it is beyond chance, over the filter's own standard deviation
 DISAGREE = 2.0
 NIS_FACTOR = 2.0  # squared innovations within this factor of the claim are no finding
 
@@ -61,13 +61,12 @@ class Step:
 
 def model_of(
     setup: Setup, sensing: Sensing, ase: AseResult, vehicle: Vehicle,
-    done: Sequence[Step], unseen: Sequence[Direction], scatter: Array | None,
+    done: Sequence[Step], unseen: Sequence[Direction], scatter: Scatter | None,
     findings: Sequence[Finding], carried: Carried | None = None,
 ) -> IdentifiedModel:  # fmt: skip
     """Assemble the artifact from the last stage that estimated each coefficient.
 
-    `scatter` (n_free,) is the jackknife standard deviation of the last stage's coefficients in
-    units of the prior's; None when there are too few maneuvers.
+    `scatter` is that of the last stage's coefficients; None when there are too few maneuvers.
     """
     final = done[-1].outcome
     widen = widening(final.covariance, scatter)
@@ -146,17 +145,18 @@ def _combination(direction: Direction, symbols: Sequence[str]) -> Combination:
     )
 
 
-def widening(covariance: Array, scatter: Array | None) -> Array:
-    """Factor (n,) on each standard deviation: up to the jackknife's, at most to the prior's."""
+def widening(covariance: Array, scatter: Scatter | None) -> Array:
+    """Factor (n,) on each standard deviation: up to a scatter beyond chance, within the prior's."""
     spread = np.sqrt(np.diag(covariance))
     if scatter is None:
         return np.ones(len(spread))
-    return np.maximum(np.minimum(np.maximum(spread, scatter), 1.0) / spread, 1.0)
+    wide = np.where(scatter.beyond_chance, scatter.std, 0.0)
+    return np.maximum(np.minimum(np.maximum(spread, wide), 1.0) / spread, 1.0)
 
 
 def _widened(
     row: ModelCoefficient, final: Outcome, structure: Structure, followers: Array,
-    scatter: Array | None, widen: Array,
+    scatter: Scatter | None, widen: Array,
 ) -> ModelCoefficient:  # fmt: skip
     """A coefficient with its standard deviation widened to the scatter between maneuvers."""
     position = structure.index(row.symbol)
@@ -170,7 +170,7 @@ def _widened(
         update={
             "std": row.std * float(widen[column]),
             "std_filter": row.std,
-            "std_jackknife": float(scatter[column]) * unit,
+            "std_jackknife": float(scatter.std[column]) * unit,
         }
     )
 
@@ -267,7 +267,7 @@ def _findings(
             ))  # fmt: skip
         if row.std_jackknife and row.std_filter and row.origin == "identified":
             ratio = row.std_jackknife / row.std_filter
-            if ratio > DISAGREE and row.data_share > NOT_MOVED:
+            if row.std > row.std_filter and ratio > DISAGREE and row.data_share > NOT_MOVED:
                 found.append(Finding(
                     code="maneuvers-disagree", where=row.symbol, value=ratio, threshold=DISAGREE,
                     message="the maneuvers disagree about it; its standard deviation was widened "

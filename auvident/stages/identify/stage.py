@@ -16,7 +16,8 @@ from auvident.engines.estimator import (
     stage_records,
 )
 from auvident.engines.first_use import compile_side_by_side
-from auvident.engines.jackknife import influences, jackknife_covariance
+from auvident.engines.jackknife import scatter_of
+from auvident.errors import NumericsError
 from auvident.estimation.identifiability import (
     unseen_directions,
 )
@@ -104,8 +105,7 @@ def identify(
         data_information(setup, final, done[-1].stage), _equations(setup, final)
     )
     done = [*done[:-1], replace(done[-1], outcome=final)]
-    covariance = jackknife_covariance(influences(setup, final, done[-1].stage))
-    scatter = None if covariance is None else np.sqrt(np.diag(covariance))
+    scatter = scatter_of(setup, final, done[-1].stage)
     model = model_of(setup, sensing, ase, vehicle, done, unseen, scatter, findings, carried)
     history = history_of(setup, [step for run in runs for step in run[0]])
     return Identification(model, history, states_of(setup, final.parameters))
@@ -135,7 +135,13 @@ def _run(
             if cycle == 1:
                 skipped.append(_skipped(stage))
             continue
-        outcome = run_stage(setup, parameters, stage)
+        try:
+            outcome = run_stage(setup, parameters, stage)
+        except NumericsError as error:
+            if stage.method == "filter" or not done:
+                raise
+            skipped.append(_not_refined(stage, error))
+            continue
         parameters = outcome.parameters
         done.append(Step(cycle, factor, stage, outcome))
     return done, skipped
@@ -169,6 +175,16 @@ def _disagreement(outcomes: Sequence[Outcome], setup: Setup) -> list[Finding]:
             remedy="More cycles, or another maneuver that shows it.",
         ))  # fmt: skip
     return found
+
+
+def _not_refined(stage: PlanStage, error: NumericsError) -> Finding:
+    return Finding(
+        code="not-refined",
+        message=f"{error.problem}; the result of the filter stands",
+        where=f"stage {stage.name!r}",
+        remedy="Its prediction may run away as well: see what `auvident validate` says, and hold "
+        "out the maneuvers in which it does.",
+    )
 
 
 def _skipped(stage: PlanStage) -> Finding:
