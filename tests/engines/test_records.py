@@ -140,7 +140,7 @@ def test_a_channel_the_log_lacks_is_zero_and_not_measured(missing) -> None:
 
 def test_start_is_a_line_through_noisy_readings() -> None:
     rng = np.random.default_rng(0)
-    t = trial()
+    t = trial(rudder_rad=0.1, elevator_rad=0.0, rpm=600.0)
     exact = t.table["r_radps"].to_numpy()[50]
     errors = []
     for _ in range(200):
@@ -153,6 +153,34 @@ def test_start_is_a_line_through_noisy_readings() -> None:
     assert abs(np.mean(errors)) < 4 * closed / math.sqrt(200)
     # chi-square with 200 degrees of freedom: within 25 % at five standard deviations
     assert np.std(errors) == pytest.approx(closed, rel=0.25)
+
+
+@pytest.mark.parametrize(
+    ("column", "steady", "other"), [("rudder_rad", 0.0, 0.3), ("rpm", 600.0, 660.0)]
+)
+def test_a_helm_or_a_thrust_step_at_the_start_bends_no_line(column, steady, other) -> None:
+    """The rate of turn is still 0.02 at the row from which on the input acts, then it runs away."""
+    rows = np.arange(200)
+    inputs = {"rudder_rad": 0.0, "elevator_rad": 0.0, "rpm": 600.0}
+    inputs[column] = np.where(rows < 50, steady, other)
+    t = trial(**inputs, r_radps=0.02 + 0.1 * np.maximum(rows - 50, 0))
+    record = record_of(maneuver(55.0, 60.0), t, "horizontal", np.eye(4))
+    assert record.start[2] == pytest.approx(0.02, abs=1e-12)
+
+
+def test_a_helm_shortly_before_the_start_bends_no_line_either() -> None:
+    rows = np.arange(200)
+    rate = 0.02 + 0.1 * np.maximum(rows - 46, 0)  # the helm of row 46 acts on row 47
+    t = trial(rudder_rad=np.where(rows < 46, 0.0, 0.3), elevator_rad=0.0, rpm=600.0, r_radps=rate)
+    record = record_of(maneuver(55.0, 60.0), t, "horizontal", np.eye(4))
+    assert record.start[2] == pytest.approx(0.42, abs=1e-12)
+
+
+def test_a_rudder_that_moves_all_the_time_leaves_the_reading_at_the_start() -> None:
+    rows = np.arange(200)
+    t = trial(rudder_rad=0.03 * rows, elevator_rad=0.0, rpm=600.0, r_radps=0.1 * rows)
+    record = record_of(maneuver(55.0, 60.0), t, "horizontal", np.eye(4))
+    assert record.start[2] == pytest.approx(5.0, abs=0.06)
 
 
 def test_start_uses_only_the_same_uninterrupted_piece() -> None:
