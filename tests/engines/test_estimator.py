@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from auvident.engines import estimator
+from auvident.engines.carried import allowed
 from auvident.engines.estimator import (
     Setup,
     active_states,
@@ -406,3 +407,36 @@ def test_the_likelihood_is_infinite_where_the_prediction_runs_away() -> None:
     record = next(iter(setup.records.values()))[1]
     likelihood = likelihood_of(setup, p, free, [record], active, white(setup.sensor_std))
     assert likelihood(np.zeros(1))[0] == np.inf
+
+
+# --- refinement: where it starts, how far it goes ---------------------------------------------
+
+
+def test_a_refinement_from_where_the_motion_runs_away_starts_from_the_prior(steady_noise) -> None:
+    setup = linear_setup()
+    setup, wild = replace(setup, start=setup.prior), setup.prior.copy()
+    wild[setup.structure.index("X_rr")] = 1e9
+    here = run_stage(setup, setup.prior, stage(method="output_error"))
+    there = run_stage(setup, wild, stage(method="output_error"))
+    np.testing.assert_allclose(there.parameters, here.parameters, rtol=1e-9)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_an_allowance_stays_within_its_bounds(method) -> None:
+    """No servo turns before it is told to: the sample's readings shifted so that it would."""
+    plan = plan_named("spiral")
+    setup = setup_of(plan=plan, carried=allowed(("rudder_lag",), "horizontal"))
+    early = {
+        name: (kind, replace(record, source=replace(record.source, raw=late(record.source.raw))))
+        for name, (kind, record) in setup.records.items()
+    }
+    lateral = ("inertia", "lift", "cross_flow", "control")
+    how = stage(method=method, system="lateral", free=lateral, maneuvers=("zigzag",))
+    found = run_stage(replace(setup, records=early), setup.start, how)
+    lag = found.parameters[setup.structure.index("rudder_lag.lag_s")]
+    assert lag == pytest.approx(0.0, abs=1e-12)
+
+
+def late(raw: np.ndarray) -> np.ndarray:
+    """Inputs half a second later than they were."""
+    return np.concatenate([np.repeat(raw[:1], 5, axis=0), raw[:-5]])

@@ -13,6 +13,7 @@ from auvident.schema.channels import BY_COLUMN
 from auvident.schema.coefficients import BY_SYMBOL, expand, prime_unit, symbols_of
 from auvident.schema.plan import Plan
 from auvident.schema.trial import Trial
+from auvident.stages.identify import stage as stage_module
 from auvident.stages.identify.setup import prepare, sensing_of
 from tests.engines.chain import identified, plan_named, sample, validated
 
@@ -357,6 +358,26 @@ def test_several_starts_are_averaged_and_their_scatter_is_uncertainty() -> None:
         assert both[symbol].value == pytest.approx(mean, rel=1e-9)
         expected = np.hypot(high[symbol].std_filter, scatter)
         assert both[symbol].std_filter == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_refinement_that_fails_leaves_the_result_of_the_filter(monkeypatch) -> None:
+    run, c = stage_module.run_stage, sample("harbour_trial")
+    refined = plan_named("refined").stage[-1]
+    plan = short_plan().model_copy(update={"stage": (*short_plan().stage, refined)})
+
+    def failing(setup, parameters, how):
+        if how.method == "output_error":
+            raise NumericsError("the prediction runs away")
+        return run(setup, parameters, how)
+
+    expected = c.identify(plan=short_plan()).model
+    monkeypatch.setattr(stage_module, "run_stage", failing)
+    found = c.identify(plan=plan).model
+    assert found.coefficients == expected.coefficients
+    (told,) = [f for f in found.findings if f.code == "not-refined"]
+    assert "the prediction runs away" in told.message and "refinement" in told.where
+    with pytest.raises(NumericsError):  # with nothing before it there is nothing to keep
+        c.identify(plan=short_plan().model_copy(update={"stage": (refined,)}))
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
