@@ -40,7 +40,7 @@ def test_the_manifest_has_the_hash_of_every_artifact(demo: Path) -> None:
             assert hashlib.sha256((demo / path).read_bytes()).hexdigest() == digest
     files = {Path(name).name for name in manifest["stages"]["ingest"]["inputs"]}
     assert files >= {"remus100.toml", "dvl.csv", "rudder.csv"}
-    assert list(manifest["stages"]["identify"]["program_files"]) == ["plans/spiral.toml"]
+    assert list(manifest["stages"]["identify"]["program_files"]) == ["plans/refined.toml"]
 
 
 def test_every_file_of_the_run_is_in_the_manifest(demo: Path) -> None:
@@ -240,7 +240,7 @@ def test_a_plan_of_the_user_is_an_input(demo: Path, auvident: Callable[..., Call
     text = (Path(package.__file__).parent / "plans" / "together.toml").read_text()
     plan.write_text(text)
     said = decisions(auvident("run", "--run", demo, "--plan", plan))
-    assert said["identify"].endswith("option plan changed from spiral to ../../mine.toml")
+    assert said["identify"].endswith("option plan changed from refined to ../../mine.toml")
     plan.write_text(text + "# a remark\n")
     assert {d.stage: d.reason for d in status(demo)[0]}["identify"] == "mine.toml changed"
     with contextlib.chdir(demo):  # the plan is found from anywhere

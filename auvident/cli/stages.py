@@ -51,7 +51,7 @@ IDENTIFY_OPTIONS = options(
     click.option(
         "--plane", type=click.Choice(["horizontal", "vertical"]), help="[default: horizontal]"
     ),
-    click.option("--plan", metavar="NAME|FILE", help="Order of the stages.  [default: spiral]"),
+    click.option("--plan", metavar="NAME|FILE", help="Order of the stages.  [default: refined]"),
 )
 
 

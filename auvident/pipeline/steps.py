@@ -26,6 +26,7 @@ COMPILING_EACH_TIME = (
     "be written. NUMBA_CACHE_DIR names one."
 )
 PLANS = PACKAGE_ROOT / "plans"
+DEFAULT_PLAN = "refined"
 LEAST_UNDER_WAY_MPS = 0.3  # slower samples do not belong to a run at speed
 
 
@@ -258,7 +259,7 @@ def validate(given: Given) -> dict[str, Any]:
 def identifying_plan(given: Given) -> "Plan":
     """The plan that the model was identified with; a changed one has made it stale already."""
     entry = given.manifest.stages["identify"] if given.manifest else None
-    name = entry.options["plan"] if entry else "spiral"
+    name = entry.options["plan"] if entry else DEFAULT_PLAN
     file = given.run.located(name)
     return read_plan(file if file.exists() or file.suffix == ".toml" else name)
 

@@ -112,7 +112,7 @@ STAGES: tuple[Stage, ...] = (
             "plane": "horizontal",
             "filter": "ekf",
             "engine": "compiled",
-            "plan": "spiral",
+            "plan": steps.DEFAULT_PLAN,
         },
         sources=steps.plan_source,
         paths=("plan",),

@@ -123,9 +123,9 @@ def squared_falls(table: pd.DataFrame) -> pd.DataFrame:
 
 def most_affected(falls: pd.DataFrame, table: pd.DataFrame) -> tuple[list[str], list[str]]:
     """Channels and maneuvers to draw: one held out and one that identified first."""
-    mean = falls.mean().sort_values(ascending=False)
+    mean = falls.mean().abs().sort_values(ascending=False)  # where it got worse is told as well
     channels = [c for c in mean.index if mean[c] >= WORTH_DRAWING * mean.iloc[0]][:MOST_CHANNELS]
-    best = falls[channels].sum(axis=1).sort_values(ascending=False)
+    best = falls[channels].sum(axis=1).abs().sort_values(ascending=False)
     roles = dict(zip(table["maneuver"], table["role"], strict=True))
     firsts = [next((m for m in best.index if roles[m] == r), None) for r in ROLES]
     order = dict.fromkeys([*(m for m in firsts if m is not None), *best.index])

@@ -110,3 +110,12 @@ def test_forces_are_drawn_against_what_is_there(table: pd.DataFrame) -> None:
         text = unknown_force(forces, "forces")
     assert text and "X, N" in text and "heading, deg" in text and "yaw rate r, deg/s" in text
     assert "N, N m" not in text  # never estimated
+
+
+def test_what_only_got_worse_is_drawn_as_well(table: pd.DataFrame) -> None:
+    for column in ("u_mps", "v_mps", "r_radps"):
+        before, after = f"{column}_before", f"{column}_after"
+        table[before], table[after] = table[after], table[before]
+    channels, maneuvers = most_affected(squared_falls(table), table)
+    assert (channels[0], maneuvers) == ("v_mps", ["turn-3", "turn-2"])
+    assert before_after(table, "worse") is not None

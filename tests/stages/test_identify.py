@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from auvident.errors import NumericsError
+from auvident.pipeline.steps import DEFAULT_PLAN
 from auvident.schema.artifacts import AseResult, IdentifiedModel
 from auvident.schema.channels import BY_COLUMN
 from auvident.schema.coefficients import BY_SYMBOL, expand, prime_unit, symbols_of
@@ -47,6 +48,14 @@ def meets_bars(trial, found: dict[str, float]) -> None:
 @pytest.mark.parametrize("trial", PREDICTED, ids=lambda t: t[0])
 def test_held_out_maneuvers_are_predicted(trial, filter) -> None:
     meets_bars(trial, held_out(validated(*trial, filter)))
+
+
+@pytest.mark.parametrize("filter", FILTERS)
+@pytest.mark.parametrize("trial", PREDICTED, ids=lambda t: t[0])
+def test_with_the_default_plan_as_well(trial, filter) -> None:
+    c = sample(trial[0])
+    model = c.identify(trial[1], filter, plan=plan_named(DEFAULT_PLAN)).model
+    meets_bars(trial, held_out(c.validate(model)))
 
 
 @pytest.mark.parametrize("filter", FILTERS)
