@@ -95,8 +95,9 @@ def run_stage(setup: Setup, parameters: Array, stage: PlanStage) -> Outcome:
         raise NumericsError("nothing is free", f"stage {stage.name!r}", "Check the priors.")
     active = active_states(stage.system, setup.structure.plane)
     noise = effective_noise(setup, parameters, records, active)
-    run = _refine if stage.method == "output_error" else _filter
-    return run(setup, parameters, free, records, active, noise)
+    if stage.method == "output_error":
+        return _refine(setup, parameters, free, records, active, noise, stage.noise == "coloured")
+    return _filter(setup, parameters, free, records, active, noise)
 
 
 def tuning_of(setup: Setup, free: Array) -> tuple[Array, Array]:
@@ -201,13 +202,19 @@ def _engine(name: str) -> Callable[[FilterProblem, str], FilterResult]:
 
 def _refine(
     setup: Setup, parameters: Array, free: Array, records: list[Record], active: Array,
-    noise: Array,
+    noise: Array, coloured: bool,
 ) -> Outcome:  # fmt: skip
-    """Fit, with sensor noise and disturbance brought up to date until they no longer change."""
+    """Fit, with the noise brought up to date until it no longer changes."""
+
+    def noise_at(p: Array, before: Colours) -> Colours:
+        if coloured:
+            return coloured_noise(setup, p, records, active, before)
+        return white(effective_noise(setup, p, records, active))
+
     factors, _ = tuning_of(setup, free)
     scale, (low, high) = setup.prior_std[free], setup.bounds(free)
     parameters = _calm(setup, parameters, records, active, noise)
-    colours = coloured_noise(setup, parameters, records, active, white(noise))
+    colours = noise_at(parameters, white(noise))
     for _ in range(NOISE_ROUNDS):
         away = (setup.prior[free] - parameters[free]) / scale
         result = fit(
@@ -216,7 +223,7 @@ def _refine(
             ((low - parameters[free]) / scale, (high - parameters[free]) / scale),
         )  # fmt: skip
         parameters = moved(setup, parameters, free, result.theta)
-        used, colours = colours, coloured_noise(setup, parameters, records, active, colours)
+        used, colours = colours, noise_at(parameters, colours)
         if _settled(used, colours):
             break
     samples = sum(int(np.isfinite(r.measured[:, active]).sum()) for r in records)

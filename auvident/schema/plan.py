@@ -25,12 +25,15 @@ class PlanStage(Declared):
     the free-running simulation); ``system`` says which states are estimated together: surge
     alone with the measured lateral states as inputs, lateral (yaw-sway or heave-pitch) alone
     with the measured u as input, or all coupled. ``passes`` runs it so many times in a row, each
-    with the noise that the last one's result leaves.
+    with the noise that the last one's result leaves. ``noise`` says what ``output_error`` takes a
+    residual for: ``effective``, as the filter does, counts n samples that go together as one;
+    ``coloured`` is sensor noise and a disturbance of seconds, as they are most likely.
     """
 
     name: str
     system: System
     method: Literal["filter", "output_error"] = "filter"
+    noise: Literal["effective", "coloured"] = "effective"
     maneuvers: tuple[ManeuverKind, ...] = ("straight", "turn", "zigzag")
     free: tuple[str, ...]
     once: bool = False

@@ -14,7 +14,7 @@ COLUMNS = {"u": "u_mps", "v": "v_mps", "r": "r_radps"}
 
 
 def left_out(
-    logs: Path = KVLCC2, plans=("spiral", "refined", "likely"), kind: str = "ekf"
+    logs: Path = KVLCC2, plans=("spiral", "refined", "coloured", "likely"), kind: str = "ekf"
 ) -> list[dict[str, Any]]:
     """Pooled error over standard deviation of u, v and r, by plan; empty without the logs.
 

@@ -34,7 +34,7 @@ class Score:
         getattr(self, kind).setdefault(name, []).append(float(value))
 
 
-def recovery(seeds: int, plans=("spiral", "refined"), filters=("ekf", "ukf")) -> dict[str, Any]:
+def recovery(seeds: int, plans=("refined", "coloured"), filters=("ekf", "ukf")) -> dict[str, Any]:
     """The study: coverage by plan and filter, with the table of every coefficient."""
     vehicle, ase = vehicle_and_prior()
     scores = {(plan, kind): Score() for plan in plans for kind in filters}

@@ -109,7 +109,7 @@ def long_trial(share: float = 1.0) -> Chain:
     return chain_of([folder], SAMPLES / "remus100.toml")
 
 
-def whole(repeats: int = 3, shares=(0.5, 1.0), plan: str = "spiral") -> list[dict[str, Any]]:
+def whole(repeats: int = 3, shares=(0.5, 1.0), plan: str = "refined") -> list[dict[str, Any]]:
     """Whole identifications of the long trial and of one half as long."""
     found = []
     for share in shares:
