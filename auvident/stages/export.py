@@ -5,7 +5,6 @@ from collections.abc import Callable
 
 from auvident.engines.carried import internal_values
 from auvident.errors import UsageError
-from auvident.physics.actuation import SUBSTEPS
 from auvident.physics.terms import (
     CONSTANTS,
     EQUATIONS,
@@ -195,12 +194,11 @@ def step(state, inputs, dt_s):
 
 def servo(fin, ordered, dt_s):
     """Mean angle of the fin over a step, from its angle at the start, and its angle at the end."""
-    most, total = SLEW_RADPS * dt_s / {substeps}, 0.0
-    for _ in range({substeps}):
-        before = fin
-        fin += min(max(ordered - fin, -most), most)
-        total += 0.5 * (before + fin)
-    return total / {substeps}, fin
+    most, distance = SLEW_RADPS * dt_s, ordered - fin
+    if abs(distance) <= most:
+        return ordered - 0.5 * distance * abs(distance) / most, ordered
+    turned = most if distance > 0.0 else -most
+    return fin + 0.5 * turned, fin + turned
 
 
 def simulate(state, inputs, dt_s, fin=None):
@@ -241,7 +239,6 @@ def _python(model: IdentifiedModel) -> str:
         forces="\n".join(f"{indent}{force}," for force in force_expressions(structure)),
         rate=names["b"],
         slew=_slew(model),
-        substeps=SUBSTEPS,
     )
 
 
