@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from auvident.schema.artifacts import IdentifiedModel
+from auvident.stages.identify import identify
 from tests.bench import __main__ as bench
 from tests.bench import left_out, recovery, speed
 from tests.bench.world import equations, make_world
-from tests.engines.chain import chain_of
+from tests.engines.chain import chain_of, plan_named
 
 
 def test_a_pass_is_compared_with_filterpy() -> None:
@@ -63,3 +65,19 @@ def test_a_log_is_predicted_by_a_model_that_never_saw_it(monkeypatch) -> None:
     (row,) = left_out.left_out(plans=("together",))
     assert row["plan"] == "together" and row["filter"] == "ekf"
     assert 0.02 < row["r"] < 1.0
+
+
+def test_a_filter_that_claims_more_than_its_readings_tell_is_found_out() -> None:
+    """Nothing but sensor noise: linearising on the way makes information of nothing."""
+    vehicle, ase = recovery.vehicle_and_prior()
+    world = make_world(ase, vehicle, 1000)
+
+    def model_with(plan: str) -> IdentifiedModel:
+        return identify(
+            [world.trial], world.maneuvers, ase, vehicle, recovery.NOISE, plan=plan_named(plan)
+        ).model
+
+    told = [f for f in model_with("spiral").findings if f.code == "filter-overclaims"]
+    assert told and told[0].value > told[0].threshold
+    assert told[0].where in {c.symbol for c in ase.coefficients}
+    assert not [f for f in model_with("refined").findings if f.code == "filter-overclaims"]

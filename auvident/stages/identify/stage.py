@@ -2,8 +2,10 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from auvident.engines.carried import Carried, allowed
@@ -14,6 +16,7 @@ from auvident.engines.estimator import (
     data_information,
     run_stage,
     stage_records,
+    tuning_of,
 )
 from auvident.engines.first_use import compile_side_by_side
 from auvident.engines.jackknife import scatter_of
@@ -34,8 +37,10 @@ from auvident.schema.vehicle import Vehicle
 from auvident.stages.identify.result import Step, history_of, model_of, states_of
 from auvident.stages.identify.setup import prepare
 
+Array = npt.NDArray[Any]
 Progress = Callable[[str, float], None]
 
+OVERCLAIMED = 2.0  # variance that the readings allow over the one that is claimed
 STARTS_APART = 1.0  # [std] results of several starts further apart than this are named
 
 
@@ -101,14 +106,42 @@ def identify(
     means = [at_mean(setup, steps[-1].outcome, steps[-1].stage) for steps, _ in runs]
     findings = [*skipped, *_disagreement(means, setup)]
     final = _average(setup, means)
-    unseen = unseen_directions(
-        data_information(setup, final, done[-1].stage), _equations(setup, final)
-    )
+    information = data_information(setup, final, done[-1].stage)
+    unseen = unseen_directions(information, _equations(setup, final))
+    final, told = _as_the_readings_tell(setup, final, information)
+    findings += told
     done = [*done[:-1], replace(done[-1], outcome=final)]
     scatter = scatter_of(setup, final, done[-1].stage)
     model = model_of(setup, sensing, ase, vehicle, done, unseen, scatter, findings, carried)
     history = history_of(setup, [step for run in runs for step in run[0]])
     return Identification(model, history, states_of(setup, final.parameters))
+
+
+def _as_the_readings_tell(
+    setup: Setup, outcome: Outcome, information: Array
+) -> tuple[Outcome, list[Finding]]:
+    """The outcome with a covariance that its readings allow, and what was wrong with it.
+
+    An extended Kalman filter linearises about estimates that move, and so gains information
+    where there is none (Huang, Mourikis and Roumeliotis 2010), the more the cleaner the readings.
+    The fixed linearisation of the prediction at the result, with the same noise, does not.
+    """
+    factors, _ = tuning_of(setup, outcome.free)
+    exact = np.linalg.inv(information + np.diag(1.0 / factors**2))
+    ratio = np.diag(exact) / np.diag(outcome.covariance)
+    if ratio.max() < OVERCLAIMED:
+        return outcome, []
+    finding = Finding(
+        code="filter-overclaims",
+        value=float(ratio.max()),
+        threshold=OVERCLAIMED,
+        where=setup.structure.parameters[outcome.free[int(ratio.argmax())]],
+        message="the filter claims to know more than its readings tell (variance these allow over "
+        "the one claimed); standard deviations are those of the readings, values may be off by "
+        "more",
+        remedy="Identify with the plan `refined`, which goes on where the filter ends.",
+    )
+    return replace(outcome, covariance=exact), [finding]
 
 
 def _equations(setup: Setup, outcome: Outcome) -> list[list[int]]:
