@@ -113,7 +113,7 @@ def test_a_refinement_weighs_by_the_noise_that_it_leaves() -> None:
     sensor = setup_of().sensor_std
     truth = tuple(Colour(sensor[c], 5.0 * sensor[c], 2.0) for c in range(3))
     setup = noisy(setup_of(), truth)
-    stage = plan_named("refined").stage[-1]
+    stage = plan_named("coloured").stage[-1]
     outcome = run_stage(setup, setup.prior, stage)
     assert all(c.slow > 2.0 * c.white for c in outcome.colours[:3])
     away = (outcome.parameters - setup.prior)[outcome.free] / setup.prior_std[outcome.free]
