@@ -10,12 +10,14 @@ from auvident.engines import estimator
 from auvident.engines.estimator import Setup, run_stage
 from auvident.engines.free_run import white
 from auvident.engines.jackknife import (
+    Scatter,
     expected_variance,
     influences,
     jackknife_covariance,
     largest_by_chance,
 )
 from auvident.schema.plan import Tuning
+from auvident.stages.identify.result import widening
 from tests.engines.test_estimator import linear_setup, stage
 
 EVERY = {"maneuvers": ("straight", "turn", "zigzag"), "method": "output_error"}
@@ -116,3 +118,10 @@ def test_the_limit_of_chance_is_that_of_chi_square() -> None:
     np.testing.assert_allclose(
         largest_by_chance(freedom), chi2.ppf(0.95, freedom) / freedom, rtol=0.03
     )
+
+
+def test_only_a_scatter_beyond_chance_widens_and_never_beyond_the_prior() -> None:
+    covariance = np.diag([0.04, 0.04, 0.04, 0.04])
+    scatter = Scatter(np.array([0.6, 0.6, 5.0, 0.1]), np.array([True, False, True, True]))
+    np.testing.assert_allclose(widening(covariance, scatter), [3.0, 1.0, 5.0, 1.0], rtol=1e-12)
+    np.testing.assert_array_equal(widening(covariance, None), np.ones(4))

@@ -150,7 +150,7 @@ def damping_of(step: Stepper, fitted: Fitted) -> Array:
         x, np.eye(len(x)), np.array([usual, usual]), held, np.full(held.shape, np.nan), np.eye(4),
         np.ones(4), np.zeros(len(x)), *step.model,
     )  # fmt: skip
-    if passed is None:
+    if passed is None:  # lost within a step: it forgets nothing, and no force will be found
         return np.zeros(N_CHANNELS)
     slopes = passed[-1][0]
     rate: Array = (1.0 - slopes.diagonal()[:N_CHANNELS]) / case.setup.dt_s
