@@ -3,6 +3,12 @@
 The state is [theta, x_1, ..., x_k]; a record that ends drops out of it. At each time step the
 readings are taken one scalar at a time (their noises are independent), so a missing sample of
 one channel costs nothing; then every block is predicted one step.
+
+In the parameters a pass is linear about where it starts: both filters carry the states as they
+stand, but take the influence of theta from theta = 0. Linearised about an estimate that moves, a
+filter gains information in directions that no reading shows, such as the common scale of an
+equation, and in the end believes what it cannot know (Huang, Mourikis and Roumeliotis 2010, first-
+estimates Jacobians). The next pass starts where this one ended.
 """
 
 import math
@@ -14,6 +20,7 @@ from auvident.engines.sigma_points import (
     DIVERGED,
     NOT_POSITIVE,
     SINGULAR,
+    lean_to_mean,
     recombine,
     spread_inputs,
     spread_row,
@@ -148,15 +155,6 @@ def records_alive(lengths, t):
     return alive
 
 
-@borrowing
-def _parameters_at(base, column, scale, theta, p):
-    """Parameter vector at the deviations theta."""
-    for i in range(base.shape[0]):
-        p[i] = base[i]
-        if column[i] >= 0:
-            p[i] += scale[column[i]] * theta[column[i]]
-
-
 @kernel
 def _small(n_x):
     """Work arrays: a state, a gradient, given states at both ends of a step."""
@@ -173,12 +171,11 @@ def _place_step(j, t, inputs, given, u, g0, g1):
 
 
 @borrowing
-def _place_inputs_at(j, t, theta, input_slopes, input_columns, u, u_slopes):
-    """Inputs and their slopes at the deviations theta."""
-    for k in range(input_columns.shape[0]):
-        for i in range(N_INPUTS):
+def _place_input_slopes(j, t, input_slopes, u_slopes):
+    """Slopes of the inputs of a step (a view of them would cost more)."""
+    for i in range(u_slopes.shape[0]):
+        for k in range(u_slopes.shape[1]):
             u_slopes[i, k] = input_slopes[j, t, i, k]
-            u[i] += u_slopes[i, k] * theta[input_columns[k]]
 
 
 @kernel
@@ -206,7 +203,7 @@ def ekf_pass(mean, final, case, terms, weights, mass, mass_weights):
     )
     sorted_mass, sorted_mass_weights = sort_masses(active, column, scale, mass, mass_weights)
     used, coefficient = used_variables(active, terms), np.empty(table.shape[0])
-    p, m, inverse = np.empty(base.shape[0]), np.empty((10, 1)), np.empty((9, 1))
+    m, inverse = np.empty((10, 1)), np.empty((9, 1))
     value, f = np.ones(N_PLACES), np.zeros((N_VELOCITIES, 1))
     f_x = np.zeros((N_VELOCITIES, N_SLOPES))
     now, stage = np.zeros((N_STATES, 1)), np.zeros((N_STATES, 1))
@@ -221,6 +218,12 @@ def ekf_pass(mean, final, case, terms, weights, mass, mass_weights):
     u, by_theta = np.empty(inputs.shape[2]), np.empty(reading_columns.shape[0])
     projected, gain, half = np.empty(width), np.empty(width), np.empty(width)
     log_likelihood, count = 0.0, 0
+    if not place_parameters(
+        base, active, table, sorted_weights, sorted_mass, sorted_mass_weights, coefficient, m,
+        inverse,
+    ) > 0.0:  # fmt: skip
+        stop(fault, 0, 0, 0, SINGULAR)
+        return log_likelihood, count
     for t in range(lengths[0]):
         alive = records_alive(lengths, t)
         gained, taken = _take_readings(
@@ -234,19 +237,12 @@ def ekf_pass(mean, final, case, terms, weights, mass, mass_weights):
         alive = records_alive(lengths, t + 1)
         if fault[3] > 0 or alive == 0:
             break
-        _parameters_at(base, column, scale, mean, p)
-        if not place_parameters(
-            p, active, table, sorted_weights, sorted_mass, sorted_mass_weights, coefficient, m,
-            inverse,
-        ) > 0.0:  # fmt: skip
-            stop(fault, t, 0, 0, SINGULAR)
-            break
         for j in range(alive):
             first = n_theta + j * n_x
             for i in range(n_x):
                 now[index[i], 0] = mean[first + i]
             _place_step(j, t, inputs, given, u, g0, g1)
-            _place_inputs_at(j, t, mean, input_slopes, input_columns, u, u_slopes)
+            _place_input_slopes(j, t, input_slopes, u_slopes)
             linear_step(
                 now, u, g0, g1, dt, active, used, table, sorted_weights, partials, sorted_mass,
                 sorted_mass_weights, coefficient, inverse, u_slopes, places, value, f, f_x, stage,
@@ -254,12 +250,13 @@ def ekf_pass(mean, final, case, terms, weights, mass, mass_weights):
             )  # fmt: skip
             for i in range(n_x):
                 mean[first + i] = reached[index[i], 0]
-                if not abs(mean[first + i]) < SPEED_LIMIT and fault[3] == 0:
-                    stop(fault, t, j, index[i], DIVERGED)
                 for c in range(n_x):
                     slopes[j * n_x + i, c] = reached[index[i], 1 + index[c]]
                 for c in range(n_theta):
                     slopes[j * n_x + i, n_x + c] = reached[index[i], LEAD + c]
+                    mean[first + i] += reached[index[i], LEAD + c] * mean[c]
+                if not abs(mean[first + i]) < SPEED_LIMIT and fault[3] == 0:
+                    stop(fault, t, j, index[i], DIVERGED)
         if fault[3] > 0:
             break
         wide = whole_vectors(n_theta + alive * n_x, covariance)
@@ -274,9 +271,9 @@ def ekf_pass(mean, final, case, terms, weights, mass, mass_weights):
 def ukf_pass(mean, covariance, case, terms, weights, mass, mass_weights, spread):
     """Run the UKF over all records; returns log-likelihood and number of readings.
 
-    Sigma points: the centre, then a pair for each column of the factor of the covariance,
-    `spread` standard deviations away. The parameter block does not move in the prediction and is
-    left as it is. Arguments as those of `ekf_pass`.
+    Sigma points: the centre, which is the mean of the states at theta = 0, then a pair for each
+    column of the factor of the covariance, `spread` standard deviations away. The parameter block
+    does not move in the prediction and is left as it is. Arguments as those of `ekf_pass`.
     """
     (
         index, lengths, inputs, given, measured, dt, base, column, scale, active, channels, sensor,
@@ -320,11 +317,11 @@ def ukf_pass(mean, covariance, case, terms, weights, mass, mass_weights, spread)
         if bad >= 0:
             stop(fault, t, max(bad - n_theta, 0) // n_x, bad, NOT_POSITIVE)
             break
+        lean_to_mean(mean, n_theta, n_theta + alive * n_x, upper, half)
         all_points = 1 + 2 * (n_theta + alive * n_x)
         for k in range(moving.shape[0]):
             i, c = moving[k], column[moving[k]]
-            centre = base[i] + scale[c] * mean[c]
-            spread_row(centre, scale[c], c, upper, spread, all_points, P_ROWS + i, rows)
+            spread_row(base[i], scale[c], c, upper, spread, all_points, P_ROWS + i, rows)
         if not invert_masses(
             differ, active, mass, mass_weights, moves, scalars, rows, m, inverse
         ) > 0.0:  # fmt: skip
@@ -340,8 +337,7 @@ def ukf_pass(mean, covariance, case, terms, weights, mass, mass_weights, spread)
                 spread_row(mean[at + i], 1.0, at + i, upper, spread, reached, index[i], points)
             _place_step(j, t, inputs, given, u, g0, g1)
             spread_inputs(
-                j, t, reached, u, mean, input_slopes, input_columns, upper, spread, moved_inputs,
-                rows,
+                j, t, reached, u, input_slopes, input_columns, upper, spread, moved_inputs, rows,
             )  # fmt: skip
             step_points(
                 reached, u, g0, g1, dt, active, used, table,
@@ -352,7 +348,7 @@ def ukf_pass(mean, covariance, case, terms, weights, mass, mass_weights, spread)
                 for s in range(reached):
                     moved[j * n_x + i, s] = points[index[i], s]
         recombine(
-            t, alive, mean, covariance, n_theta, index, spread, upper, moved, projected, gain,
+            t, alive, mean, covariance, n_theta, index, spread, upper, half, moved, projected, gain,
             q_theta, q_x, fault,
         )  # fmt: skip
         if fault[3] > 0:

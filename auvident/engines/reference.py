@@ -55,6 +55,12 @@ class _Model:
         x[self.index] = chi[self.block(j)]
         return x
 
+    def theta_of(self, chi: Array) -> Array:
+        """The state without its motions: a pass is linear about theta = 0 (see `passes`)."""
+        theta = chi.copy()
+        theta[self.n_theta :] = 0.0
+        return theta
+
     def inputs(self, chi: Array, j: int, t: int) -> Array:
         """Inputs of a record at the parameters of a state."""
         inputs: Array = self.problem.records.inputs[j, t]
@@ -234,7 +240,9 @@ def _predict_ekf(
 ) -> tuple[Array, Array]:
     ekf = _Ekf(dim_x=len(chi), dim_z=1)
     ekf.x, ekf.P, ekf.Q = chi, covariance, model.noise((len(chi) - model.n_theta) // model.n_x)
-    ekf.moved, ekf.F = model.transition(chi, t)
+    theta = model.theta_of(chi)
+    moved, ekf.F = model.transition(chi - theta, t)
+    ekf.moved = moved + ekf.F @ theta
     ekf.predict()
     return ekf.x, ekf.P
 
@@ -242,16 +250,21 @@ def _predict_ekf(
 def _predict_ukf(
     model: _Model, chi: Array, covariance: Array, t: int, spread: float
 ) -> tuple[Array, Array]:
-    n = len(chi)
+    n, dt = len(chi), model.problem.records.dt_s
     points = MerweScaledSigmaPoints(n, alpha=spread / math.sqrt(n), beta=BETA, kappa=0.0)
     ukf = UnscentedKalmanFilter(
-        dim_x=n, dim_z=1, dt=model.problem.records.dt_s, hx=lambda x: x[:1],
+        dim_x=n, dim_z=1, dt=dt, hx=lambda x: x[:1],
         fx=lambda x, dt: model.advance(x, t), points=points,
     )  # fmt: skip
-    ukf.x, ukf.P = chi, covariance
+    theta = model.theta_of(chi)
+    ukf.x, ukf.P = chi - theta, covariance
     ukf.Q = model.noise((n - model.n_theta) // model.n_x)
+    before = points.sigma_points(ukf.x, ukf.P)
+    ukf.compute_process_sigmas(dt)
+    pairs = points.Wm[1:, None] * (before[1:] - ukf.x)
+    onward = ukf.sigmas_f[1:].T @ pairs @ np.linalg.solve(covariance, theta)
     ukf.predict()
-    return ukf.x, ukf.P
+    return ukf.x + onward, ukf.P
 
 
 def _refuse_divergence(problem: FilterProblem, chi: Array, covariance: Array, t: int) -> None:

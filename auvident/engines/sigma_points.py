@@ -31,9 +31,24 @@ def spread_row(centre, unit, component, upper, spread, count, row, rows):
 
 
 @borrowing
+def lean_to_mean(mean, n_theta, n, upper, lean):
+    """Columns of the factor that lead from the centre of the points to the mean: L lean = (theta, 0).
+
+    Parameters
+    ----------
+    lean : (>= n,) array, filled
+    """
+    for i in range(n):
+        left = mean[i] if i < n_theta else 0.0
+        for c in range(i):
+            left -= upper[c, i] * lean[c]
+        lean[i] = left / upper[i, i]
+
+
+@borrowing
 def recombine(
-    t, alive, mean, covariance, n_theta, index, spread, upper, moved, shift, pairs, q_theta, q_x,
-    fault,
+    t, alive, mean, covariance, n_theta, index, spread, upper, lean, moved, shift, pairs, q_theta,
+    q_x, fault,
 ):  # fmt: skip
     """Mean and covariance of the propagated sigma points, in place.
 
@@ -42,8 +57,13 @@ def recombine(
 
         s = w sum d,    P = w sum d d' + (w_centre + 2 n w - 2) s s'
 
+    The points lie about theta = 0; from there to the mean it is as far as the differences of a
+    pair tell (statistical linearisation).
+
     Parameters
     ----------
+    lean : (>= n,) array
+        From `lean_to_mean`.
     moved : (alive * n_x, 1 + 2 n) array
         States of every point after the step; differences to the centre when this returns.
     shift, pairs : work arrays (>= n,)
@@ -53,14 +73,15 @@ def recombine(
     _, w_centre, w = unscented_weights(n, spread)
     for k in range(alive * n_x):
         count = 1 + 2 * (n_theta + (k // n_x + 1) * n_x)
-        centre, even, odd = moved[k, 0], 0.0, 0.0
+        centre, even, odd, onward = moved[k, 0], 0.0, 0.0, 0.0
         for s in range(count):
             moved[k, s] -= centre
         for s in range(1, count, 2):
             even += moved[k, s]
             odd += moved[k, s + 1]
+            onward += (moved[k, s] - moved[k, s + 1]) * lean[s // 2]
         shift[k] = w * (even + odd)
-        mean[n_theta + k] = centre + shift[k]
+        mean[n_theta + k] = centre + shift[k] + onward / (2.0 * spread)
         if not abs(mean[n_theta + k]) < SPEED_LIMIT:
             stop(fault, t, k // n_x, index[k % n_x], DIVERGED)
             return
@@ -102,17 +123,15 @@ def _dot(rows, a, b, n):
 
 
 @borrowing
-def spread_inputs(j, t, count, u, mean, input_slopes, input_columns, upper, spread, moving, rows):
+def spread_inputs(j, t, count, u, input_slopes, input_columns, upper, spread, moving, rows):
     """Inputs that move, at the first `count` sigma points, as the rows of their variables."""
     n_columns = input_columns.shape[0]
     for i in range(N_INPUTS):
         if not moving[i]:
             continue
-        at, centre = (N_POSITIONS + i) * N_POWERS, u[i]
-        for k in range(n_columns):
-            centre += input_slopes[j, t, i, k] * mean[input_columns[k]]
+        at = (N_POSITIONS + i) * N_POWERS
         for s in range(count):
-            rows[at, s] = centre
+            rows[at, s] = u[i]
         for k in range(n_columns):
             slope = spread * input_slopes[j, t, i, k]
             for c in range(input_columns[k] + 1):

@@ -327,11 +327,11 @@ def drawn(setup: Setup, seed: int) -> tuple[np.ndarray, Setup]:
             return p, replace(setup, records=records)
 
 
-def squared_distance(seed: int, method: str) -> float:
-    """Squared error over claimed covariance, per coefficient."""
+def squared_distance(seed: int, method: str, passes: int) -> float:
+    """Squared error over claimed covariance, per coefficient, after passes and a last stage."""
     truth, setup = drawn(setup_of(), seed)
     p = setup.prior
-    for how in ("filter", "filter", method):
+    for how in ("filter",) * passes + (method,):
         outcome = run_stage(setup, p, stage(**EVERYTHING, method=how))
         p = outcome.parameters
     error = (p - truth)[outcome.free] / setup.prior_std[outcome.free]
@@ -340,7 +340,7 @@ def squared_distance(seed: int, method: str) -> float:
 
 def test_known_coefficients_are_recovered_within_their_stated_uncertainty() -> None:
     """The fit of the prediction, on data with the noise it supposes."""
-    found = [squared_distance(seed, "output_error") for seed in range(5)]
+    found = [squared_distance(seed, "output_error", 2) for seed in range(5)]
     # chi-square with 5 x 21 degrees of freedom over 105: 1 +- 0.14; four deviations either way,
     # and some more above for the linearisation of the covariance
     assert 0.5 < np.mean(found) < 1.8
@@ -348,10 +348,24 @@ def test_known_coefficients_are_recovered_within_their_stated_uncertainty() -> N
 
 
 def test_the_filter_claims_no_more_than_it_knows() -> None:
-    """Its noise covers what its linearisation left unexplained: it may claim too little."""
-    found = [squared_distance(seed, "filter") for seed in range(5)]
+    """Where its passes, each linear in the coefficients about where it starts, no longer move."""
+    found = [squared_distance(seed, "filter", 6) for seed in range(5)]
     assert 0.1 < np.mean(found) < 1.4
     assert max(found) < 3.5
+
+
+@pytest.mark.parametrize("filter", ["ekf", "ukf"])
+def test_a_filter_learns_nothing_where_its_readings_show_nothing(filter) -> None:
+    """Directions such as the scale of an equation keep the prior, wherever the pass arrives."""
+    _, setup = drawn(replace(setup_of(), filter=filter), 0)
+    everything = stage(**EVERYTHING)
+    begun = run_stage(setup, setup.prior, everything)
+    ended = run_stage(setup, begun.parameters, everything)
+    seen, directions = np.linalg.eigh(data_information(setup, begun, everything))
+    unseen = directions[:, seen < 1e-9]  # others are seen with 1e-6 and more
+    assert unseen.shape[1] == 4
+    # exact for derivatives; differences between sigma points bend by the square of their distance
+    assert np.diag(unseen.T @ ended.covariance @ unseen).min() > 0.9995
 
 
 # --- likelihood of the fit -----------------------------------------------------------------
