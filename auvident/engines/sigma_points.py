@@ -32,7 +32,9 @@ def spread_row(centre, unit, component, upper, spread, count, row, rows):
 
 @borrowing
 def lean_to_mean(mean, n_theta, n, upper, lean):
-    """Columns of the factor that lead from the centre of the points to the mean: L lean = (theta, 0).
+    """How many of each column of the factor lead from the centre of the points to the mean.
+
+    Solves L lean = (theta, 0), L being the transpose of `upper`.
 
     Parameters
     ----------

@@ -122,9 +122,9 @@ def _as_the_readings_tell(
 ) -> tuple[Outcome, list[Finding]]:
     """The outcome with a covariance that its readings allow, and what was wrong with it.
 
-    An extended Kalman filter linearises about estimates that move, and so gains information
-    where there is none (Huang, Mourikis and Roumeliotis 2010), the more the cleaner the readings.
-    The fixed linearisation of the prediction at the result, with the same noise, does not.
+    The states of a filter follow the readings. Where what the model lacks pulls these away from the
+    prediction, the filter is linear about motions that the model does not make, and may claim
+    more than the prediction with the same noise tells.
     """
     factors, _ = tuning_of(setup, outcome.free)
     exact = np.linalg.inv(information + np.diag(1.0 / factors**2))
