@@ -11,7 +11,9 @@ import hashlib
 import os
 import shutil
 import tempfile
+import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -33,6 +35,7 @@ KERNEL_MODULES = (
     "physics/term_tables.py",
 )
 FOLDER = "auvident-kernels-"
+UNUSED_S = 30 * 86400.0  # a folder that no process used for a month belongs to a version long gone
 
 
 def _writable(folder: Path) -> bool:
@@ -59,8 +62,23 @@ def _candidates() -> list[Path]:
 
 @cache
 def _permanent() -> Path | None:
-    """The first folder that can be written."""
-    return next((folder for folder in _candidates() if _writable(folder)), None)
+    """The first folder that can be written; its date says when it was used last."""
+    folder = next((folder for folder in _candidates() if _writable(folder)), None)
+    if folder is not None:
+        with suppress(OSError):  # another user's, whose date is not ours to change
+            os.utime(folder)
+    return folder
+
+
+def remove_unused() -> None:
+    """Remove what other versions left beside our own folder and nobody uses any more."""
+    folder = _permanent()
+    if folder is None:
+        return
+    for other in folder.parent.glob(f"{FOLDER}*"):
+        with suppress(OSError):  # someone else was faster
+            if other != folder and time.time() - other.stat().st_mtime > UNUSED_S:
+                shutil.rmtree(other, ignore_errors=True)
 
 
 @cache

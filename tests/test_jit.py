@@ -7,10 +7,12 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
+from auvident import jit
 from auvident.jit import KERNEL_MODULES, PACKAGE, compiled_already
 
 PR_CAPBSET_DROP, CAP_DAC_OVERRIDE = 24, 1  # Linux
@@ -107,6 +109,31 @@ def test_changed_sources_are_compiled_anew(installed: Path, tmp_path: Path) -> N
         source.write("# changed\n")
     second = run_in(installed, tmp_path, NUMBA_CACHE_DIR=str(named))
     assert first[4] != second[4] and second[3] == 0
+
+
+def test_what_nobody_used_for_a_month_is_removed(tmp_path: Path, monkeypatch) -> None:
+    own, recent, old = (tmp_path / f"{jit.FOLDER}{name}" for name in ("own", "recent", "old"))
+    other = tmp_path / "something-else"
+    for folder in (own, recent, old, other):
+        folder.mkdir()
+        (folder / "kernel.nbc").touch()
+    for folder in (own, old, other):
+        os.utime(folder, (0.0, time.time() - 1.01 * jit.UNUSED_S))
+    os.utime(recent, (0.0, time.time() - 0.99 * jit.UNUSED_S))
+    monkeypatch.setattr(jit, "_permanent", lambda: own)
+    jit.remove_unused()
+    assert sorted(tmp_path.iterdir()) == sorted([own, recent, other])
+    monkeypatch.setattr(jit, "_permanent", lambda: None)
+    jit.remove_unused()
+
+
+def test_a_folder_in_use_is_dated(installed: Path, tmp_path: Path) -> None:
+    named = tmp_path / "named"
+    named.mkdir()
+    place = Path(run_in(installed, tmp_path, NUMBA_CACHE_DIR=str(named))[4])
+    os.utime(place, (0.0, 0.0))
+    run_in(installed, tmp_path, NUMBA_CACHE_DIR=str(named))
+    assert time.time() - place.stat().st_mtime < 600.0
 
 
 def test_compiled_already_looks_for_the_passes(installed: Path, tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from auvident.engines.estimator import filter_pass, free_positions, stage_record
 from auvident.engines.free_run import effective_noise, likelihood_of, white
 from auvident.engines.setup import Setup, active_states
 from auvident.engines.states import smoothed_states
-from auvident.jit import cache_is_writable, compiled_already
+from auvident.jit import cache_is_writable, compiled_already, remove_unused
 from auvident.physics.terms import structure_of
 from auvident.schema.artifacts import ManeuverKind
 from auvident.schema.plan import PlanStage
@@ -44,6 +44,7 @@ def compile_side_by_side(setup: Setup) -> None:
     """
     if setup.engine != "compiled" or not cache_is_writable() or compiled_already(setup.filter):
         return
+    remove_unused()
     problem = pickle.dumps(_shortest(setup))
     helpers = [_helper(part) for part in PARTS]
     try:
