@@ -40,7 +40,9 @@ def test_the_manifest_has_the_hash_of_every_artifact(demo: Path) -> None:
             assert hashlib.sha256((demo / path).read_bytes()).hexdigest() == digest
     files = {Path(name).name for name in manifest["stages"]["ingest"]["inputs"]}
     assert files >= {"remus100.toml", "dvl.csv", "rudder.csv"}
-    assert list(manifest["stages"]["identify"]["program_files"]) == ["plans/refined.toml"]
+    assert list(manifest["stages"]["identify"]["program_files"]) == [
+        "plans/refined.toml", "plans/spiral.toml",
+    ]  # fmt: skip
 
 
 def test_every_file_of_the_run_is_in_the_manifest(demo: Path) -> None:

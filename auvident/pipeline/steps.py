@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from auvident.errors import AuvidentError, InputError
 from auvident.pipeline.given import Given
 from auvident.pipeline.observer import Observer
-from auvident.storage.run_directory import PACKAGE_ROOT
 
 if TYPE_CHECKING:
     from auvident.schema.artifacts import Finding, Metrics
@@ -25,7 +24,6 @@ COMPILING_EACH_TIME = (
     "The numerical kernels are compiled in every run, about half a minute: no folder for them can "
     "be written. NUMBA_CACHE_DIR names one."
 )
-PLANS = PACKAGE_ROOT / "plans"
 DEFAULT_PLAN = "refined"
 LEAST_UNDER_WAY_MPS = 0.3  # slower samples do not belong to a run at speed
 
@@ -182,32 +180,12 @@ def cruising_speed(trials: "list[Trial]") -> float | None:
 # --- identify -----------------------------------------------------------------------------
 
 
-def plan_path(name: str | Path) -> Path:
-    """File of a plan, which is named by its path or, if it comes with the program, by name."""
-    built_in = PLANS / f"{name}.toml"
-    if built_in.is_file() and not Path(name).is_file():
-        return built_in
-    if not Path(name).is_file() and Path(name).suffix != ".toml":
-        known = ", ".join(sorted(p.stem for p in PLANS.glob("*.toml")))
-        raise InputError(
-            "there is no such plan", str(name), f"Give a TOML file or one of the built-in: {known}."
-        )
-    return Path(name)
-
-
-def read_plan(name: str | Path) -> "Plan":
-    """A plan by its name or file."""
-    from auvident.schema.plan import Plan
-    from auvident.storage.declared import parse, read_toml
-
-    path = plan_path(name)
-    return parse(Plan, read_toml(path), path, "See `auvident schema plan`.")
-
-
 def plan_source(options: Mapping[str, Any]) -> list[Path]:
-    """The plan file; read at once, so that a fault stops the run before anything is done."""
+    """Files of the plan; read at once, so that a fault stops the run before anything is done."""
+    from auvident.storage.plan_file import plan_files, read_plan
+
     read_plan(options["plan"])
-    return [plan_path(options["plan"])]
+    return plan_files(options["plan"])
 
 
 def announce_compilation(observer: Observer, filter: str = "ekf") -> None:
@@ -223,6 +201,7 @@ def announce_compilation(observer: Observer, filter: str = "ekf") -> None:
 def identify(given: Given) -> dict[str, Any]:
     """Estimate the coefficients from the maneuvers that identify."""
     from auvident.stages.identify import identify as estimate_jointly
+    from auvident.storage.plan_file import read_plan
 
     plan = read_plan(given.options["plan"])
     announce_compilation(given.observer, given.options["filter"])
@@ -258,6 +237,8 @@ def validate(given: Given) -> dict[str, Any]:
 
 def identifying_plan(given: Given) -> "Plan":
     """The plan that the model was identified with; a changed one has made it stale already."""
+    from auvident.storage.plan_file import read_plan
+
     entry = given.manifest.stages["identify"] if given.manifest else None
     name = entry.options["plan"] if entry else DEFAULT_PLAN
     file = given.run.located(name)

@@ -66,18 +66,20 @@ class Plan(Declared):
     """The whole plan file.
 
     Stages run in order, `cycles` times round (the spiral); those marked ``once`` run only in
-    the last round. ``start`` gives the factors on the prior values at which the estimation
-    starts; with several, all stages run from each and the results are averaged (Abkowitz's over-
-    and under-estimation). ``observer_time_s`` sets the process noise relative to the measurement
-    noise: the filter trusts the model over about this time; with ``"likely"`` each pass takes the
-    time, of a few, that makes its innovations most likely. ``allowances`` are effects
-    that are estimated along with the small standard deviation that the table has for every
-    vehicle (no servo is infinitely fast); without any, the equations are those of the method
-    alone.
+    the last round. ``continues`` names a built-in plan whose stages go before those of this file
+    and whose other keys hold where this file has none. ``start`` gives the factors on the prior
+    values at which the estimation starts; with several, all stages run from each and the results
+    are averaged (Abkowitz's over- and under-estimation). ``observer_time_s`` sets the process noise
+    relative to the measurement noise: the filter trusts the model over about this time; with
+    ``"likely"`` each pass takes the time, of a few, that makes its innovations most likely.
+    ``allowances`` are effects that are estimated along with the small standard deviation that the
+    table has for every vehicle (no servo is infinitely fast); without any, the equations are those
+    of the method alone.
     """
 
     name: str
     description: str = ""
+    continues: str | None = None
     cycles: Annotated[int, Field(ge=1, le=50)] = 1
     start: tuple[Annotated[float, Field(gt=0)], ...] = Field((1.0,), min_length=1)
     observer_time_s: Annotated[float, Field(gt=0)] | Literal["likely"] = 30.0

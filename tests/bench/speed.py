@@ -19,6 +19,7 @@ from auvident.engines.problem import FilterProblem
 from auvident.engines.records import Record, stack
 from auvident.schema.plan import PlanStage
 from auvident.stages.identify import prepare
+from auvident.storage.plan_file import PLANS
 from tests.engines.chain import SAMPLES, Chain, chain_of, plan_named, sample
 
 LATERAL = ("inertia", "lift", "cross_flow", "control")
@@ -153,8 +154,6 @@ def memory() -> list[dict[str, Any]]:
 
 def plans(trial: str = "harbour_trial", repeats: int = 1) -> list[dict[str, Any]]:
     """Held-out errors and time of every built-in plan with both filters."""
-    from tests.engines.chain import PLANS
-
     chain, found = sample(trial), []
     for path in sorted(PLANS.glob("*.toml")):
         for kind in ("ekf", "ukf"):

@@ -1,13 +1,11 @@
 """The sample trials from log to model, each stage once per test session."""
 
-import tomllib
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-import auvident
 from auvident.engines.problem import FilterProblem
 from auvident.engines.records import Record, stack
 from auvident.pipeline.planes import segment_both
@@ -21,10 +19,10 @@ from auvident.stages.identify import Identification, identify, prepare
 from auvident.stages.ingest import ingest
 from auvident.stages.validate import Validation, validate
 from auvident.storage.logs import read_trials
+from auvident.storage.plan_file import read_plan
 from auvident.storage.vehicle_file import load_vehicle
 
 SAMPLES = Path(__file__).resolve().parents[2] / "sample_logs"
-PLANS = Path(auvident.__file__).parent / "plans"
 
 
 @dataclass(frozen=True)
@@ -52,7 +50,7 @@ class Chain:
 
 @cache
 def plan_named(name: str) -> Plan:
-    return Plan.model_validate(tomllib.loads((PLANS / f"{name}.toml").read_text()))
+    return read_plan(name)
 
 
 def chain_of(paths, vehicle_file: Path, hold_out=()) -> Chain:

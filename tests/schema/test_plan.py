@@ -1,6 +1,5 @@
 """Plan files: the built-in ones, and what a plan may not say."""
 
-import tomllib
 from pathlib import Path
 
 import pytest
@@ -9,6 +8,7 @@ from pydantic import ValidationError
 import auvident
 from auvident.schema.coefficients import PLANES, expand, symbols_of
 from auvident.schema.plan import ACTIVE, Plan, PlanStage, Tuning
+from auvident.storage.plan_file import read_plan
 
 PLANS = sorted((Path(auvident.__file__).parent / "plans").glob("*.toml"))
 STAGE = {"name": "one", "system": "coupled", "free": ["all"]}
@@ -19,7 +19,7 @@ def plan(**changes) -> Plan:
 
 
 def built_in(path: Path) -> Plan:
-    return Plan.model_validate(tomllib.loads(path.read_text()))
+    return read_plan(path)
 
 
 def test_there_are_built_in_plans() -> None:
