@@ -17,7 +17,6 @@ from auvident.schema.vehicle import Vehicle
 RATE_HZ, DVL_EVERY = 10.0, 2  # rows per second; the DVL samples every second row
 DVL_STD_MPS, GYRO_STD_RADPS = 0.005, 0.0009
 CRUISE_MPS, APPROACH_S, SETTLE_S = 1.5, 5.0, 60.0
-CLIP = 2.0  # [prior std] truths are drawn within this
 HARDEST_DEG, LEAST_MPS, MOST_RADPS = 20.0, 0.3, 1.2
 DEGREE = np.pi / 180.0
 SENSORS = ("dvl", "gyro", "rudder", "rpm")
@@ -41,14 +40,14 @@ class World:
 
 
 def draw_truth(ase: AseResult, vehicle: Vehicle, rng: np.random.Generator) -> dict[str, float]:
-    """Coefficients from the prior, within two standard deviations; stable vehicles only.
+    """Coefficients from the prior; stable vehicles only.
 
-    As little as possible is refused: a truth selected more narrowly than the prior says would
-    show as a bias of what the data leave to the prior.
+    As little as possible is refused, and nothing cut off: truths in a narrower range than the prior
+    says would make what the data leave to the prior look too uncertain.
     """
     rows = [c for c in ase.coefficients if c.plane in ("horizontal", "both")]
     while True:
-        draws = np.clip(rng.normal(size=len(rows)), -CLIP, CLIP)
+        draws = rng.normal(size=len(rows))
         c = {row.symbol: row.value + row.std * float(d) for row, d in zip(rows, draws, strict=True)}
         c["N_vdot"] = c["Y_rdot"]
         if _is_stable(c, vehicle) and _turns_calmly(c, vehicle):
