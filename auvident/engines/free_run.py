@@ -74,7 +74,9 @@ def effective_noise(
         for c in np.flatnonzero(active):
             seen = np.isfinite(record.measured[:, c])
             values = residual[seen, c]
-            values = np.where(np.isfinite(values), values, _spread(record, int(c)))
+            ran_away = ~np.isfinite(values)
+            if ran_away.any():
+                values[ran_away] = _spread(record, int(c))
             power[c] += float(values @ values)
             count[c] += values.size
             times[c] += values.size * correlation_time(values, longest)
