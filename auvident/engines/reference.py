@@ -166,6 +166,17 @@ class _Ekf(ExtendedKalmanFilter):
         self.x = self.moved
 
 
+class _Ukf(UnscentedKalmanFilter):
+    """filterpy's UKF, which forgets its propagated sigma points when it draws them again."""
+
+    moved: Array
+
+    def compute_process_sigmas(self, dt: float, fx: object = None, **arguments: object) -> None:
+        """Keep them."""
+        super().compute_process_sigmas(dt, fx, **arguments)
+        self.moved = self.sigmas_f.copy()
+
+
 def run(problem: FilterProblem, kind: str, spread: float = 1.0) -> FilterResult:
     """One pass of filterpy's EKF or UKF; parameters and errors as `compiled.run`."""
     model = _Model(problem)
@@ -250,20 +261,18 @@ def _predict_ekf(
 def _predict_ukf(
     model: _Model, chi: Array, covariance: Array, t: int, spread: float
 ) -> tuple[Array, Array]:
-    n, dt = len(chi), model.problem.records.dt_s
+    n = len(chi)
     points = MerweScaledSigmaPoints(n, alpha=spread / math.sqrt(n), beta=BETA, kappa=0.0)
-    ukf = UnscentedKalmanFilter(
-        dim_x=n, dim_z=1, dt=dt, hx=lambda x: x[:1],
+    ukf = _Ukf(
+        dim_x=n, dim_z=1, dt=model.problem.records.dt_s, hx=lambda x: x[:1],
         fx=lambda x, dt: model.advance(x, t), points=points,
     )  # fmt: skip
     theta = model.theta_of(chi)
     ukf.x, ukf.P = chi - theta, covariance
     ukf.Q = model.noise((n - model.n_theta) // model.n_x)
-    before = points.sigma_points(ukf.x, ukf.P)
-    ukf.compute_process_sigmas(dt)
-    pairs = points.Wm[1:, None] * (before[1:] - ukf.x)
-    onward = ukf.sigmas_f[1:].T @ pairs @ np.linalg.solve(covariance, theta)
+    pairs = points.Wm[1:, None] * (points.sigma_points(ukf.x, ukf.P)[1:] - ukf.x)
     ukf.predict()
+    onward = ukf.moved[1:].T @ pairs @ np.linalg.solve(covariance, theta)
     return ukf.x + onward, ukf.P
 
 
