@@ -36,6 +36,7 @@ from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.identify.result import Step, history_of, model_of, states_of
 from auvident.stages.identify.setup import prepare
+from auvident.stages.identify.step_length import step_findings
 
 Array = npt.NDArray[Any]
 Progress = Callable[[str, float], None]
@@ -109,7 +110,7 @@ def identify(
     information = data_information(setup, final, done[-1].stage)
     unseen = unseen_directions(information, _equations(setup, final))
     final, told = _as_the_readings_tell(setup, final, information)
-    findings += told
+    findings += [*told, *step_findings(setup, final.parameters)]
     done = [*done[:-1], replace(done[-1], outcome=final)]
     scatter = scatter_of(setup, final, done[-1].stage)
     model = model_of(setup, sensing, ase, vehicle, done, unseen, scatter, findings, carried)
