@@ -389,6 +389,30 @@ def test_a_refinement_that_fails_leaves_the_result_of_the_filter(monkeypatch) ->
         c.identify(plan=short_plan().model_copy(update={"stage": (refined,)}))
 
 
+def test_the_ekf_takes_the_place_of_a_ukf_that_fails(monkeypatch) -> None:
+    c, run = sample("harbour_trial"), stage_module.run_stage
+
+    def without_points(setup, parameters, how):
+        if setup.filter == "ukf":
+            raise NumericsError("the state diverged", "maneuver turn-2")
+        return run(setup, parameters, how)
+
+    def never(setup, parameters, how):
+        raise NumericsError("the state diverged", "maneuver turn-2")
+
+    expected = c.identify(filter="ekf", plan=short_plan()).model
+    monkeypatch.setattr(stage_module, "run_stage", without_points)
+    found = c.identify(filter="ukf", plan=short_plan()).model
+    assert found.coefficients == expected.coefficients
+    told = [f for f in found.findings if f.code == "ekf-instead"]
+    assert len(told) == len(short_plan().rounds())
+    assert "the state diverged (maneuver turn-2)" in told[0].message
+    monkeypatch.setattr(stage_module, "run_stage", never)
+    for kind in ("ekf", "ukf"):
+        with pytest.raises(NumericsError, match="the state diverged"):
+            c.identify(filter=kind, plan=short_plan())
+
+
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_filterpys_engine_identifies_the_same_model() -> None:
     c = sample("harbour_trial")

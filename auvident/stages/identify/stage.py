@@ -170,15 +170,31 @@ def _run(
                 skipped.append(_skipped(stage))
             continue
         try:
-            outcome = run_stage(setup, parameters, stage)
+            outcome, told = _outcome(setup, parameters, stage)
         except NumericsError as error:
             if stage.method == "filter" or not done:
                 raise
             skipped.append(_not_refined(stage, error))
             continue
         parameters = outcome.parameters
+        skipped += told
         done.append(Step(cycle, factor, stage, outcome))
     return done, skipped
+
+
+def _outcome(setup: Setup, parameters: Array, stage: PlanStage) -> tuple[Outcome, list[Finding]]:
+    """What a stage found; with the EKF where the UKF fails.
+
+    Early in a plan the model may run away with the coefficients at hand. Sigma points that lie
+    where it does reach no value; a derivative at the states that were measured exists.
+    """
+    try:
+        return run_stage(setup, parameters, stage), []
+    except NumericsError as error:
+        if setup.filter == "ekf" or stage.method != "filter":
+            raise
+        outcome = run_stage(replace(setup, filter="ekf"), parameters, stage)
+        return outcome, [_ekf_instead(stage, error)]
 
 
 def _average(setup: Setup, outcomes: Sequence[Outcome]) -> Outcome:
@@ -218,6 +234,15 @@ def _not_refined(stage: PlanStage, error: NumericsError) -> Finding:
         where=f"stage {stage.name!r}",
         remedy="Its prediction may run away as well: see what `auvident validate` says, and hold "
         "out the maneuvers in which it does.",
+    )
+
+
+def _ekf_instead(stage: PlanStage, error: NumericsError) -> Finding:
+    return Finding(
+        code="ekf-instead",
+        message=f"{error.problem} ({error.where}); the EKF ran this stage in place of the UKF",
+        where=f"stage {stage.name!r}",
+        remedy="See whether `--filter ekf` ends at the same coefficients.",
     )
 
 
