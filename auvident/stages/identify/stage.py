@@ -103,9 +103,10 @@ def identify(
     )  # fmt: skip
     compile_side_by_side(setup)
     runs = [_run(setup, factor, progress) for factor in plan.start]
-    done, skipped = runs[-1]
+    done, _ = runs[-1]
     means = [at_mean(setup, steps[-1].outcome, steps[-1].stage) for steps, _ in runs]
-    findings = [*skipped, *_disagreement(means, setup)]
+    findings = list(dict.fromkeys(finding for _, told in runs for finding in told))
+    findings += _disagreement(means, setup)
     final = _average(setup, means)
     information = data_information(setup, final, done[-1].stage)
     unseen = unseen_directions(information, _equations(setup, final))
@@ -161,25 +162,25 @@ def _run(
     parameters[setup.prior_std > 0.0] *= factor
     rounds = setup.plan.rounds()
     done: list[Step] = []
-    skipped = []
+    findings: list[Finding] = []
     for number, (cycle, stage) in enumerate(rounds):
         if progress:
             progress(f"cycle {cycle}: {stage.name}", number / len(rounds))
         if not stage_records(setup, stage) and number + 1 < len(rounds):
             if cycle == 1:
-                skipped.append(_skipped(stage))
+                findings.append(_skipped(stage))
             continue
         try:
             outcome, told = _outcome(setup, parameters, stage)
         except NumericsError as error:
             if stage.method == "filter" or not done:
                 raise
-            skipped.append(_not_refined(stage, error))
+            findings.append(_not_refined(stage, error))
             continue
         parameters = outcome.parameters
-        skipped += told
+        findings += told
         done.append(Step(cycle, factor, stage, outcome))
-    return done, skipped
+    return done, findings
 
 
 def _outcome(setup: Setup, parameters: Array, stage: PlanStage) -> tuple[Outcome, list[Finding]]:
