@@ -18,9 +18,9 @@ from auvident.estimation.output_error import Likelihood
 Array = npt.NDArray[Any]
 
 UNHELD = 0.2  # [prior variances] directions that keep more are looked at; others hardly move
-# [prior standard deviations] of the differences: far above rounding, and twenty of them to the
-# standard deviation over which the information changes
-STEP = 0.05
+# [prior standard deviations] of the differences, which are taken to one side: far above rounding,
+# and fifty of them to the standard deviation over which the information changes
+STEP = 0.02
 # [posterior standard deviations] the expansion tells no larger move; those seen are up to one
 FARTHEST = 2.0
 
@@ -60,20 +60,21 @@ def move_to_mean(likelihood: Likelihood, prior_information: Array, columns: Sequ
     unheld = variances > UNHELD
     move = np.zeros(n)
     if unheld.any():
-        slope = _slope_within(log_det, vectors[:, unheld])
+        slope = _slope_within(log_det, float(np.linalg.slogdet(held)[1]), vectors[:, unheld])
         move[place] = vectors[:, unheld] @ _limited(-0.5 * slope, variances[unheld])
     return move
 
 
-def _slope_within(function: Callable[[Array], float], space: Array) -> Array:
+def _slope_within(function: Callable[[Array], float], here: float, space: Array) -> Array:
     """Slopes (k,) of a function of (n,) along the columns of an orthonormal (n, k) array.
+
+    `here` is its value at zero.
 
     Differences are taken along a basis of the space that is no chance: many variances are equal,
     and their vectors any rotation of each other. Zero where the function has no value.
     """
     basis = qr(space @ space.T, pivoting=True)[0][:, : space.shape[1]]
-    ends = np.array([[function(side * STEP * b) for side in (1.0, -1.0)] for b in basis.T])
-    slopes = np.nan_to_num((ends[:, 0] - ends[:, 1]) / (2.0 * STEP))
+    slopes = np.nan_to_num(np.array([function(STEP * b) - here for b in basis.T]) / STEP)
     along: Array = space.T @ (basis @ slopes)
     return along
 
