@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import click
@@ -333,31 +333,35 @@ def test_the_module_is_the_program_and_ctrl_c_leaves_a_message(demo: Path) -> No
     assert "Traceback" not in err
 
 
-def test_ctrl_c_that_a_library_swallowed_is_raised_at_the_next_word(monkeypatch) -> None:
+@pytest.fixture
+def heard() -> Iterator[None]:
+    """Ctrl-C is heard, also where whoever runs the tests in the background had it ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    interrupt.listen()
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("heard")
+def test_ctrl_c_that_a_library_swallowed_is_raised_at_the_next_word() -> None:
     from auvident.cli.common import Output
     from auvident.cli.watch import Watch
 
-    before = signal.getsignal(signal.SIGINT)
     watch = Watch(Output(quiet=True))
-    try:
-        interrupt.listen()
-        watch.decided("ingest", "runs")  # nobody asked for anything
-        with contextlib.suppress(KeyboardInterrupt):  # as a library's bare `except` does
-            signal.raise_signal(signal.SIGINT)
-        for word in (lambda: watch.decided("segment", "runs"), lambda: watch.progress("half")):
-            with pytest.raises(KeyboardInterrupt):
-                word()
-        interrupt.listen()
-        watch.decided("ingest", "runs")  # another command, in the same process
-    finally:
-        interrupt.listen()
-        signal.signal(signal.SIGINT, before)
+    interrupt.listen()
+    watch.decided("ingest", "runs")  # nobody asked for anything
+    with contextlib.suppress(KeyboardInterrupt):  # as a library's bare `except` does
+        signal.raise_signal(signal.SIGINT)
+    for word in (lambda: watch.decided("segment", "runs"), lambda: watch.progress("half")):
+        with pytest.raises(KeyboardInterrupt):
+            word()
+    interrupt.listen()
+    watch.decided("ingest", "runs")  # another command, in the same process
 
 
+@pytest.mark.usefixtures("heard")
 def test_an_interrupt_that_a_library_makes_its_own_error_of_is_no_bug(monkeypatch, capsys) -> None:
     from auvident import cli as program
-
-    before = signal.getsignal(signal.SIGINT)
 
     def library(**_):
         with contextlib.suppress(KeyboardInterrupt):
@@ -365,12 +369,8 @@ def test_an_interrupt_that_a_library_makes_its_own_error_of_is_no_bug(monkeypatc
         raise ValueError("no schema")
 
     monkeypatch.setattr(program.cli, "main", library)
-    try:
-        with pytest.raises(SystemExit) as caught:
-            program.main([])
-    finally:
-        interrupt.listen()
-        signal.signal(signal.SIGINT, before)
+    with pytest.raises(SystemExit) as caught:
+        program.main([])
     assert caught.value.code == 130
     assert capsys.readouterr().err.startswith("Interrupted")
 
