@@ -57,4 +57,4 @@ def test_a_motion_that_runs_away_is_no_fault_of_the_step() -> None:
     setup = setup_of()
     p = setup.start.copy()
     p[setup.structure.index("X_uu")] = 60.0
-    assert np.isfinite([f.value for f in step_findings(setup, p)]).all()
+    assert step_findings(setup, p) == []

@@ -49,7 +49,10 @@ def step_findings(setup: Setup, parameters: Array) -> list[Finding]:
 
 
 def _change(setup: Setup, p: Array, record: Record, active: Array) -> Array:
-    """Root mean square (4,) of what half the step changes in the states of a record."""
+    """Root mean square (4,) of what half the step changes in the states of a record.
+
+    Nothing where the prediction runs away: that is told by others, and no step would help.
+    """
     acting = at_effects(setup.frame, p, record)
     whole = simulated(setup.frame, p, acting, active)
     between = 0.5 * (acting.given[:-1] + acting.given[1:])
@@ -58,8 +61,7 @@ def _change(setup: Setup, p: Array, record: Record, active: Array) -> Array:
         acting.start, np.repeat(acting.inputs, 2, axis=0)[:-1], given, 0.5 * setup.dt_s, p, active,
         *setup.structure.arrays,
     )[::2]  # fmt: skip
-    both = np.isfinite(whole).all(axis=1) & np.isfinite(halves).all(axis=1)
-    change = np.zeros(whole.shape[1])
-    if both.any():
-        change = np.sqrt(np.mean((halves - whole)[both] ** 2, axis=0))
+    if not (np.isfinite(whole[:, active]).all() and np.isfinite(halves[:, active]).all()):
+        return np.zeros(whole.shape[1])
+    change: Array = np.sqrt(np.mean((halves - whole) ** 2, axis=0))
     return change
