@@ -210,11 +210,21 @@ def white_slopes(
     return found, seen, rows
 
 
+def lost_readings(record: Record, seen: Array, channels: Array) -> int:
+    """Readings that a prediction cannot be compared with, as a late sensor's first ones.
+
+    A fit must not gain by losing them: each counts as what a reading is expected to cost.
+    """
+    return int((np.isfinite(record.measured[:, channels]) & ~seen[:, channels]).sum())
+
+
 def record_parts(
     frame: Frame, p: Array, record: Record, active: Array, colours: Colours, moving: Free,
     held: Array, gain: Array | None = None,
 ) -> tuple[float, Array, Array] | None:  # fmt: skip
     """Half the squared error of a record, gradient and curvature, its start eliminated.
+
+    Readings that are lost (`lost_readings`) count with their expected half each.
 
     Parameters
     ----------
@@ -234,7 +244,8 @@ def record_parts(
         return None  # it ran away, but not far enough to be stopped
     g, h = whole[1:, 0], whole[1:, 1:]
     start = np.linalg.solve(h[:k, :k] + held, np.column_stack([g[:k], h[:k, k:]]))
-    half = 0.5 * float(whole[0, 0]) - 0.5 * float(g[:k] @ start[:, 0])
+    lost = lost_readings(record, found[1], np.flatnonzero(active))
+    half = 0.5 * (float(whole[0, 0]) - float(g[:k] @ start[:, 0]) + lost)
     return half, g[k:] - h[k:, :k] @ start[:, 0], h[k:, k:] - h[k:, :k] @ start[:, 1:]
 
 

@@ -23,7 +23,11 @@ WORTH = 8.0  # [nats] to first order, to be refitted
 
 @dataclass(frozen=True)
 class Tried:
-    """A candidate after its refit, and why it was refused (empty: accepted)."""
+    """A candidate after its refit, and why it was refused (empty: accepted).
+
+    ``settled`` is false for a fit that was given up as hopeless before it had converged;
+    ``promise`` is then the most that its first steps let one hope for [nats].
+    """
 
     id: str
     fitted: Fitted
@@ -31,17 +35,23 @@ class Tried:
     falls: dict[str, float]
     helped: Helped | None = None
     refused: str = ""
+    settled: bool = True
+    promise: float = 0.0
 
 
 @dataclass(frozen=True)
 class Round:
-    """One search: the model it began with and what was tried, best first."""
+    """One search: the model it began with and what was tried, best first.
+
+    ``screened`` are first-order gains by candidate [nats], ``chances`` how often a search finds as
+    much by chance.
+    """
 
     before: Fitted
     joint: Joint
     tried: tuple[Tried, ...]
     screened: dict[str, float]
-    p: float
+    chances: dict[str, float]
     alike: tuple[str, ...] = ()
     accepted: str | None = None
 

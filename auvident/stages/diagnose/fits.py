@@ -113,11 +113,20 @@ def residuals_of(case: Case, p: Array, colours: Colours) -> tuple[Residual, ...]
 
 
 def colours_of(case: Case, residuals: Sequence[Residual]) -> tuple[Colours, float, Array]:
-    """Noise of each channel, the log-likelihood with it, and the rms of the residuals (3,)."""
+    """Noise of each channel, the log-likelihood with it, and the rms of the residuals (3,).
+
+    A reading that a late sensor shows from before its record counts as the others of its channel
+    do, so that models with other delays are compared by the same number of readings.
+    """
     pieces = [[r.error[:, c] for r in residuals] for c in range(N_CHANNELS)]
     found = each(lambda own: colour_of(own, case.setup.dt_s), pieces)
+    total = 0.0
+    for c, (_, value) in enumerate(found):
+        there = sum(int(np.isfinite(record.measured[:, c]).sum()) for record in case.records)
+        seen = sum(int(np.isfinite(piece).sum()) for piece in pieces[c])
+        total += value * there / max(seen, 1)
     rms = np.array([np.sqrt(np.nanmean(np.concatenate(own) ** 2)) for own in pieces])
-    return tuple(colour for colour, _ in found), sum(value for _, value in found), rms
+    return tuple(colour for colour, _ in found), total, rms
 
 
 def first_colours(case: Case, p: Array) -> Colours:

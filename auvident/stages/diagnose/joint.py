@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.engines.free_run import LARGEST, start_information
+from auvident.engines.free_run import LARGEST, lost_readings, start_information
 from auvident.engines.prediction import Free, Slopes
 from auvident.engines.records import Record
 from auvident.estimation.output_error import bounded_step
@@ -105,8 +105,9 @@ def _slopes_of(
     error, own = _without_start(rows, fitted.colours)
     blocks = _in_blocks(error[:, None] * own, len(seen), case.setup.dt_s)
     own_slopes = [found.slopes[seen[:, c], c, N_STATES:] for c in range(N_CHANNELS)]
+    lost = lost_readings(record, seen, np.arange(N_CHANNELS))
     return (
-        0.5 * float(rows[:, 0] @ error),
+        0.5 * (float(rows[:, 0] @ error) + lost),
         rows[:, 1 + N_START :].T @ error,
         rows[:, 1 + N_START :].T @ own,
         blocks,
@@ -300,23 +301,47 @@ def _canonical(aa: Array, bb: Array, ab: Array) -> float:
     return float(np.clip(np.linalg.svd(root(aa) @ ab @ root(bb), compute_uv=False)[0], 0.0, 1.0))
 
 
-def flipped_gains(
+def chances(
     joint: Joint, candidates: Sequence[str], rng: np.random.Generator, draws: int
-) -> Array:
-    """Largest gain (draws,) over the candidates when the signs of residual blocks are drawn.
+) -> dict[str, float]:
+    """How often a search finds as much by chance as each candidate gains to first order.
 
     A wild block bootstrap with the maximum over all candidates (Cameron, Gelbach and Miller
-    2008; Westfall and Young 1993): what a search among so many finds in residuals that have the
-    same size and colour and no cause.
+    2008; Westfall and Young 1993): the signs of the residual's blocks are drawn, which leaves
+    their size and colour and takes their cause away. Observed and drawn gains are the same
+    statistic, `linear_gains`.
+
+    Returns
+    -------
+    dict of str to float
+        Probability by candidate, 1 / (1 + draws) at least.
     """
     signs = rng.choice([-1.0, 1.0], size=(draws, len(joint.block_gradients)))
+    own = linear_gains(joint, candidates, np.ones((1, len(joint.block_gradients))))[0]
+    most = linear_gains(joint, candidates, signs).max(axis=1, initial=0.0)
+    return {
+        c: float((1 + np.sum(most >= gain)) / (1 + draws))
+        for c, gain in zip(candidates, own, strict=True)
+    }
+
+
+def linear_gains(joint: Joint, candidates: Sequence[str], signs: Array) -> Array:
+    """Gain (d, k) of each candidate to first order, with blocks of the residual of given signs.
+
+    The coefficients adjust; no bound is heeded and no start but the fitted model is tried.
+
+    Parameters
+    ----------
+    signs : (d, b) array
+        Of the blocks of `Joint.block_gradients`; ones are the residual as it is.
+    """
     gradients = signs @ joint.block_gradients
     base = joint.columns(joint.fitted.free)
     _, information, _, _ = prior_of(joint.case, joint.fitted.free, _open(joint))
     h = joint.curvature
-    best = np.zeros(draws)
     inner = np.linalg.inv(h[np.ix_(base, base)] + information)
-    for effect in candidates:
+    found = np.zeros((len(gradients), len(candidates)))
+    for k, effect in enumerate(candidates):
         own = joint.columns([i for i in joint.case.positions(effect) if i not in joint.fitted.free])
         if not own.size:
             own = joint.columns(joint.case.positions(effect))
@@ -328,6 +353,5 @@ def flipped_gains(
         )  # fmt: skip
         left = h[np.ix_(own, own)] - h[np.ix_(own, rest)] @ share + np.eye(len(own))
         score_ = gradients[:, own] - gradients[:, rest] @ share
-        gains = 0.5 * np.einsum("dk,dk->d", score_, np.linalg.solve(left, score_.T).T)
-        best = np.maximum(best, gains)
-    return best
+        found[:, k] = 0.5 * np.einsum("dk,dk->d", score_, np.linalg.solve(left, score_.T).T)
+    return found

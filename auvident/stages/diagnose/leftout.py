@@ -72,8 +72,10 @@ def _blocks(case: Case, p: Array, record: Record, colours: Colours) -> Array:
     if found is None:
         return np.full(int(number[-1]) + 1, np.inf)
     white = white_error(found.error, colours, case.setup.dt_s)
+    lost = np.isfinite(record.measured) & ~np.isfinite(found.error)  # to no model's gain
+    squares = np.sum(white[:, :N_CHANNELS] ** 2, axis=1) + lost[:, :N_CHANNELS].sum(axis=1)
     sums = np.zeros(int(number[-1]) + 1)
-    np.add.at(sums, number, np.sum(white[:, :N_CHANNELS] ** 2, axis=1))
+    np.add.at(sums, number, squares)
     return sums
 
 

@@ -6,17 +6,26 @@ trial of seed 1143 a hull asymmetry gains 1,120 nats from there and 2,200 from t
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from auvident.stages.diagnose.case import Case
-from auvident.stages.diagnose.fits import Fitted, first_colours, fit_with
+from auvident.stages.diagnose.fits import (
+    Fitted,
+    first_colours,
+    fit_with,
+    free_positions,
+    log_gain,
+)
 
 Array = npt.NDArray[Any]
 
 FRESH_ROUNDS, FRESH_STEPS = 3, 8  # from the estimate it is a longer way
+SETTLED = 1.0  # [nats] a refit that gains less has converged: a hundredth of what is worth a name
+MOST_REFITS = 4
 
 
 def refit(
@@ -28,6 +37,39 @@ def refit(
         fit_with(case, effects, start, like.colours, rounds=rounds, steps=steps) for start in starts
     ]
     return best_of(fits)
+
+
+def holding(case: Case, before: Fitted, effects: Sequence[str]) -> Fitted:
+    """A model as a fit with more effects, none of which does anything."""
+    return replace(before, effects=tuple(effects), free=free_positions(case, effects))
+
+
+def nested(case: Case, before: Fitted, fitted: Fitted) -> Fitted:
+    """A fit that contains a model never ends below it.
+
+    One that does has lost its way: it begins again at the model, with its own effect off and at
+    the size it had come to, and at the worst it stays there.
+    """
+    if log_gain(before, fitted) > 0.0:
+        return fitted
+    sized, own = before.parameters.copy(), case.positions(fitted.effects[-1])
+    sized[own] = fitted.parameters[own]
+    again = refit(case, fitted.effects, [before.parameters, sized], before, 1, 5)
+    best = best_of([holding(case, before, fitted.effects), again])
+    assert best is not None
+    return best
+
+
+def settled(case: Case, fitted: Fitted) -> Fitted:
+    """A fit carried on until it gains no more."""
+    for _ in range(MOST_REFITS):
+        again = refit(case, fitted.effects, [fitted.parameters], fitted)
+        if again is None or log_gain(fitted, again) <= 0.0:
+            return fitted
+        fitted, gained = again, log_gain(fitted, again)
+        if gained < SETTLED:
+            break
+    return fitted
 
 
 def best_of(fits: Sequence[Fitted | None]) -> Fitted | None:

@@ -39,15 +39,22 @@ from auvident.stages.diagnose.fits import (
 )
 from auvident.stages.diagnose.joint import (
     Joint,
+    chances,
     cosine,
-    flipped_gains,
     joint_about,
     score,
     score_from,
 )
 from auvident.stages.diagnose.leftout import Helped, LeftOut, helped, leave_out
 from auvident.stages.diagnose.reconsider import reconsider
-from auvident.stages.diagnose.refits import best_of, from_estimate, refit
+from auvident.stages.diagnose.refits import (
+    best_of,
+    from_estimate,
+    holding,
+    nested,
+    refit,
+    settled,
+)
 
 Array = npt.NDArray[Any]
 
@@ -161,14 +168,12 @@ class Search:
         like += [c for any_ in short for c in steady(any_)]
         short += [c for c in like if c in open_ids]
         tried, before = self._tried(before, list(dict.fromkeys(short)), scores)
-        flips = flipped_gains(joint, open_ids, self.rng, DRAWS)
-        best = max(scores_of(scores).values(), default=0.0)
-        p = float((1 + np.sum(flips >= best)) / (1 + DRAWS))
+        by_chance = chances(joint, open_ids, self.rng, DRAWS)
         judged, accepted = self._judge(before, tried)
         screened = {c: s[0] for c, s in scores.items()}
         alike = self._alike(joint, accepted, judged) if accepted else ()
         name = accepted.id if accepted else None
-        done = Round(before, joint, tuple(judged), screened, p, alike, name)
+        done = Round(before, joint, tuple(judged), screened, by_chance, alike, name)
         if accepted is None:
             return done, before
         self.steps.append(f"{accepted.id} added: {accepted.gain:.0f} nats")
@@ -185,31 +190,38 @@ class Search:
         self, before: Fitted, short: list[str], scores: dict[str, tuple[float, Array]]
     ) -> tuple[list[Tried], Fitted]:
         """Refits of the short list, the best of them to the end and from a second start."""
-        found = {c: f for c in short if (f := self._first_refit(before, c, scores[c][1]))}
+        found = {c: self._first_refit(before, c, scores[c][1]) for c in short}
         # a fit that is not there yet may still become what the first-order step promises
         promise = {c: max(log_gain(before, f), scores[c][0]) for c, f in found.items()}
         order = ranked(promise)
         alike = [c for leading in order[:REFITTED] for c in steady(leading)]
+        finished: set[str] = set()
         for number, c in enumerate(order):
             hopeless = number >= REFITTED or promise[c] < HOPELESS * promise[order[0]]
-            if c in alike or not hopeless:
+            rival = log_gain(before, found[c]) > OF_BEST * _best_gain(before, found, finished)
+            if c in alike or not hopeless or rival:
                 afresh = c in alike or number < SECOND_STARTS
                 found[c] = self._last_refit(found[c], afresh and promise[order[0]] > WORTH_A_START)
+                finished.add(c)
         before, found = self._unstuck(before, found)
-        tried = [Tried(c, f, log_gain(before, f), self._falls(before, f)) for c, f in found.items()]
+        found = {c: nested(self.case, before, f) for c, f in found.items()}
+        tried = [
+            Tried(c, f, log_gain(before, f), self._falls(before, f), settled=c in finished,
+                  promise=promise[c])
+            for c, f in found.items()
+        ]  # fmt: skip
         return sorted(tried, key=lambda t: -t.gain), before
 
-    def _first_refit(self, before: Fitted, candidate: str, scored: Array) -> Fitted | None:
+    def _first_refit(self, before: Fitted, candidate: str, scored: Array) -> Fitted:
         """A few steps from where the first-order step leads, and from the usual size."""
         effects, usual = (*before.effects, candidate), self._at_usual_size(before, candidate)
         starts = [scored] if usual is None else [scored, usual]
         found = refit(self.case, effects, starts, before, 1, 5)
-        return found or refit(self.case, effects, [before.parameters], before, 1, 5)
+        return nested(self.case, before, found or holding(self.case, before, effects))
 
     def _last_refit(self, fitted: Fitted, afresh: bool) -> Fitted:
         """To the end, and if asked for from the analytical estimate as well."""
-        again = refit(self.case, fitted.effects, [fitted.parameters], fitted)
-        options = [fitted, again]
+        options: list[Fitted | None] = [settled(self.case, fitted)]
         if afresh:
             options.append(from_estimate(self.case, fitted.effects, fitted.parameters))
         return best_of(options) or fitted
@@ -318,6 +330,8 @@ class Search:
         return found
 
     def _refusal(self, before: Fitted, t: Tried, least: float) -> str:
+        if not t.settled:
+            return f"promises {t.promise:.0f} nats, too few beside the best to be fitted to the end"
         if t.gain < LEAST_GAIN:
             return f"gains {t.gain:.0f} nats, less than {LEAST_GAIN:.0f}"
         if t.gain < least:
@@ -362,6 +376,11 @@ class Search:
             if c in self.candidates and len(self.case.positions(c)) > len(own)
             and cosine(joint, own, self.case.positions(c)) > CONTAINS
         ]  # fmt: skip
+
+
+def _best_gain(before: Fitted, found: dict[str, Fitted], among: set[str]) -> float:
+    """Largest gain of some candidates [nats]; what is worth no refit where there is none."""
+    return max([LEAST_GAIN, *(log_gain(before, found[c]) for c in among)])
 
 
 def _likelihoods(found: dict[str, Fitted]) -> dict[str, float]:

@@ -9,6 +9,7 @@ from auvident.schema.effects import in_plane, parameter_of
 from auvident.stages.diagnose import case as cases
 from auvident.stages.diagnose.case import ACTIVE, SILENT_REACH
 from auvident.stages.diagnose.fits import (
+    Fitted,
     check_cost,
     colours_of,
     fit_with,
@@ -22,6 +23,7 @@ from auvident.stages.diagnose.fits import (
     white_error,
 )
 from auvident.stages.diagnose.kinematics import SensorCheck
+from auvident.stages.diagnose.refits import SETTLED, nested, refit, settled
 from auvident.stages.diagnose.search import at_bound, size_of
 from tests.stages.diagnose.loop_chain import loop, small_case, small_fit, theta_of
 
@@ -209,3 +211,77 @@ def test_only_bounds_other_than_off_are_implausible() -> None:
         p = case.identified.copy()
         p[at] = value
         assert at_bound(case, "current", p)
+
+
+# --- sensors that are late -----------------------------------------------------------------
+
+
+# [nats] a reading's density is 4 (m/s) or 6 (rad/s) nats, which is what losing one used to cost
+LIKE_OTHERS = 2.5
+
+
+@pytest.mark.parametrize("name", ["dvl_delay.delay_s", "gyro_delay.delay_s"])
+@pytest.mark.parametrize("late", [-0.3, -1e-6, 1e-6, 0.3])
+def test_a_late_sensor_gains_nothing_by_the_readings_it_loses(name, late) -> None:
+    """A reading from before its record is lost; it must count neither for nor against a delay."""
+    case, fitted = small_case(), small_fit()
+    p = fitted.parameters.copy()
+    p[case.position(name)] = late
+    found = residuals_of(case, p, fitted.colours)
+    assert found is not None
+    seen = [np.isfinite(r.error[:, :3]).sum() for r in found]
+    whole = [np.isfinite(r.measured[:, :3]).sum() for r in case.records]
+    assert sum(seen) < sum(whole)
+    _, value, _ = colours_of(case, found)
+    half = cost_of(case, p, fitted.colours)
+    if abs(late) < 1e-3:  # as without any delay, but for first readings, which fit a little worse
+        lost = sum(whole) - sum(seen)
+        assert abs(value - fitted.log_likelihood) < LIKE_OTHERS * lost
+        assert abs(half - cost_of(case, fitted.parameters, fitted.colours)) < LIKE_OTHERS * lost
+    else:  # the readings of a healthy sensor say that it is not late
+        assert value < fitted.log_likelihood - 20.0
+        assert half > cost_of(case, fitted.parameters, fitted.colours) + 20.0
+
+
+def cost_of(case, p, colours) -> float:
+    """Half the squared errors of all records."""
+    moving = case.setup.free(np.zeros(0, dtype=np.int64))
+    return sum(record_parts(case, p, r, colours, moving)[0] for r in case.records)  # type: ignore
+
+
+# --- a fit that contains another -----------------------------------------------------------
+
+
+def lost(effect: str, size: float, likelihood: float) -> Fitted:
+    """A fit with an effect that ended somewhere."""
+    case, before = small_case(), small_fit()
+    p = before.parameters.copy()
+    p[case.positions(effect)] = size
+    return replace(before, effects=(effect,), parameters=p, log_likelihood=likelihood,
+                   free=free_positions(case, (effect,)))  # fmt: skip
+
+
+@pytest.mark.parametrize("effect", ["rudder_lag", "dvl_lever_arm", "gyro_delay"])
+def test_a_fit_never_ends_below_the_model_that_it_contains(effect) -> None:
+    case, before = small_case(), small_fit()
+    found = nested(case, before, lost(effect, 0.4, before.log_likelihood - 109.0))
+    assert found.effects == (effect,)
+    assert log_gain(before, found) >= 0.0
+    assert set(case.positions(effect)) <= set(found.free)
+
+
+def test_a_fit_that_is_better_than_its_base_stays_as_it_is() -> None:
+    better = lost("rudder_lag", 0.1, small_fit().log_likelihood + 3.0)
+    assert nested(small_case(), small_fit(), better) is better
+
+
+def test_a_fit_is_carried_on_until_it_gains_no_more() -> None:
+    """Two rounds of eight steps from far away are not the end of the way."""
+    case, before = small_case(), small_fit()
+    start = case.at_rest(case.setup.prior)
+    begun = fit_with(case, ("gyro_bias",), start, before.colours, rounds=1, steps=1)
+    assert begun is not None
+    found = settled(case, begun)
+    again = refit(case, found.effects, [found.parameters], found)
+    assert again is not None and log_gain(found, again) < SETTLED
+    assert log_gain(before, found) > -SETTLED
