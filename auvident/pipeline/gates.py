@@ -4,12 +4,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
 from auvident.errors import GateError, UsageError
-from auvident.schema.artifacts import Finding, Metrics
+from auvident.schema.artifacts import RAN_AWAY, Finding, Metrics
 
 if TYPE_CHECKING:
     from auvident.schema.diagnosis import Comparison
-
-RAN_AWAY = "prediction-ran-away"
 
 
 class Error(Protocol):

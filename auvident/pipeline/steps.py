@@ -3,7 +3,7 @@
 Imports stand inside, so that a command loads only what it uses.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,12 +12,14 @@ from auvident.pipeline.given import Given
 from auvident.pipeline.observer import Observer
 
 if TYPE_CHECKING:
-    from auvident.schema.artifacts import Finding, Metrics
+    from auvident.schema.diagnosis import Attempt
     from auvident.schema.logs import ColumnMap, RawTrial
     from auvident.schema.plan import Plan
     from auvident.schema.trial import Trial
     from auvident.stages.identify import Identification
     from auvident.stages.validate import Validation
+
+    _Again = tuple[Identification, Validation]
 
 COMPILING = "The numerical kernels are compiled, once on this machine: about half a minute."
 COMPILING_EACH_TIME = (
@@ -267,53 +269,49 @@ def diagnose(given: Given) -> dict[str, Any]:
     }
 
 
-def identify_again(
-    given: Given, filter: str, before: "Validation"
-) -> "tuple[Identification, Validation]":
-    """Identify with what was found, and predict."""
-    from auvident.stages.identify import identify as estimate_jointly
-    from auvident.stages.refine import attempts, carried_of, first_without_rise
-    from auvident.stages.validate import validate as predict_again
-
-    def tried() -> "Iterator[tuple[tuple[Identification, Validation], Metrics]]":
-        for carried in attempts(carried_of(given.diagnosis), given.model):
-            result = estimate_jointly(
-                given.trials, given.maneuvers, given.ase, given.vehicle, given.noise(),
-                plane=given.model.plane, plan=identifying_plan(given), filter=filter,
-                engine=given.model.engine, carried=carried, progress=given.observer.progress,
-            )  # fmt: skip
-            now = predict_again(given.trials, given.maneuvers, result.model)
-            yield (result, now), now.metrics
-
-    return first_without_rise(before.metrics, tried())
-
-
 def refine(given: Given) -> dict[str, Any]:
     """Add the traced effects, identify again, compare the errors of what was held out."""
     filter = given.options["filter"] or given.model.filter
     announce_compilation(given.observer, filter)
-    from auvident.stages.refine import carried_of, compare, findings_of, worst_rise
+    from auvident.stages.refine import carried_of, choose, compare
     from auvident.stages.validate import validate as predict_again
 
-    carried = carried_of(given.diagnosis)
     before = predict_again(given.trials, given.maneuvers, given.model)
-    after, history, now = given.model, given.table("identify/history.parquet"), before
-    findings: tuple[Finding, ...] = ()
-    if carried is not None or filter != given.model.filter:
-        result, now = identify_again(given, filter, before)
-        after, history = result.model, result.history
+    carried = carried_of(given.diagnosis)
+    after: _Again | None = None
+    tried: tuple[Attempt, ...] = ()
     if carried is not None:
-        findings = findings_of(worst_rise(before.metrics, now.metrics), carried)
+        after, tried = choose(
+            carried, given.model, before, lambda c: _identified_again(given, filter, c)
+        )
+    elif filter != given.model.filter:
+        after = _identified_again(given, filter, None)
+    model, history, now = given.model, given.table("identify/history.parquet"), before
+    if after is not None:
+        model, history, now = after[0].model, after[0].history, after[1]
     comparison = compare(
-        given.diagnosis, given.maneuvers, given.model, after, before.simulation, now.simulation,
-        findings=findings, seed=given.seed or 0,
+        given.diagnosis, given.maneuvers, given.model, model, before.simulation, now.simulation,
+        attempts=tried, seed=given.seed or 0,
     )  # fmt: skip
     return {
-        "refine/model.json": after,
+        "refine/model.json": model,
         "refine/comparison.json": comparison,
         "refine/history.parquet": history,
         "refine/simulation.parquet": now.simulation,
     }
+
+
+def _identified_again(given: Given, filter: str, carried: Any) -> "_Again":
+    """Identify with what was found, and predict."""
+    from auvident.stages.identify import identify as estimate_jointly
+    from auvident.stages.validate import validate as predict_again
+
+    result = estimate_jointly(
+        given.trials, given.maneuvers, given.ase, given.vehicle, given.noise(),
+        plane=given.model.plane, plan=identifying_plan(given), filter=filter,
+        engine=given.model.engine, carried=carried, progress=given.observer.progress,
+    )  # fmt: skip
+    return result, predict_again(given.trials, given.maneuvers, result.model)
 
 
 # --- report -------------------------------------------------------------------------------

@@ -9,11 +9,18 @@ from rich.text import Text
 
 from auvident.report import loop_words as words
 from auvident.report.console_style import findings_lines, house_table, number
-from auvident.schema.diagnosis import Candidate, Comparison, Diagnosis, Difference, HeldOut
+from auvident.schema.diagnosis import (
+    Candidate,
+    Comparison,
+    Diagnosis,
+    Difference,
+    EffectFound,
+    HeldOut,
+)
 
 VERDICT_STYLES = {
     "none_found": "bold green", "effect_found": "bold cyan", "ambiguous": "bold yellow",
-    "unexplained": "bold yellow",
+    "partly_explained": "bold cyan", "unexplained": "bold yellow",
 }  # fmt: skip
 MOST_CANDIDATES = 8  # rows of the ranking; the artifact has all of them
 MOST_LOOKALIKES = 6
@@ -55,10 +62,10 @@ def refine_brief(outputs: Mapping[str, Any]) -> list[RenderableType]:
 def discovery(found: Comparison) -> list[RenderableType]:
     """What the model lacked, in plain words, and what adding it changed."""
     pieces: list[RenderableType] = [statement(found)]
-    if found.effects:
-        pieces.append(effects_table(found))
+    if found.added:
+        pieces.append(effects_table((*found.effects, *found.not_confirmed)))
     pieces += [*_ambiguous_lines(found), *_unexplained_lines(found)]
-    if found.effects and found.held_out.before:
+    if found.added and found.held_out.before:
         pieces.append(held_out_table(found.held_out))
     return pieces
 
@@ -107,7 +114,7 @@ def ranking_table(candidates: Sequence[Candidate]) -> Table:
     for c in rows[:MOST_CANDIDATES]:
         table.add_row(
             c.id, number(c.gain, 3), number(c.p, 2), number(c.held_back_gain, 3),
-            words.sizes(c.parameters), c.rejected or "-", style="" if c.rejected else "cyan",
+            words.sizes(c.id, c.parameters), c.rejected or "-", style="" if c.rejected else "cyan",
         )  # fmt: skip
     if len(rows) > MOST_CANDIDATES:
         table.caption = f"and {len(rows) - MOST_CANDIDATES} more: diagnose/diagnosis.json"
@@ -119,7 +126,7 @@ def verdict_lines(found: Diagnosis) -> list[RenderableType]:
     """The verdict, its effects, and what cannot be told apart or explained."""
     pieces: list[RenderableType] = [statement(found)]
     if found.effects:
-        pieces.append(effects_table(found))
+        pieces.append(effects_table(found.effects))
     pieces += _ambiguous_lines(found)
     if found.separate_by:
         pieces.append(Text(f"To tell them apart: {found.separate_by}", style="yellow"))
@@ -138,15 +145,16 @@ def _unexplained_lines(found: Diagnosis | Comparison) -> list[RenderableType]:
     return [Text(f"Left unexplained: {line}", style="yellow") for line in lines]
 
 
-def effects_table(found: Diagnosis | Comparison) -> Table:
+def effects_table(effects: Sequence[EffectFound]) -> Table:
     """Effects in plain words, each parameter with its 95 % interval."""
     table = house_table("", ("effect", "", "parameter"), ("value",))
     table.add_column("unit")
     table.add_column("95 % interval", justify="right")
-    for effect in found.effects:
+    for effect in effects:
         first, plain = effect.id, " ".join(x for x in (effect.plain, words.place(effect)) if x)
         for p in effect.parameters:
-            table.add_row(first, plain, p.symbol, number(p.value), p.unit, words.interval_text(p))
+            bounds = words.interval_of(effect.id, p)
+            table.add_row(first, plain, p.symbol, number(p.value), p.unit, bounds)
             first = plain = ""
         if not effect.parameters:
             table.add_row(first, plain)

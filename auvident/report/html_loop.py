@@ -27,7 +27,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 MOST_CANDIDATES = 8  # the others can be unfolded
-GRADES = {"none_found": "good", "effect_found": "fair", "ambiguous": "fair", "unexplained": "poor"}
+GRADES = {
+    "none_found": "good", "effect_found": "fair", "ambiguous": "fair", "partly_explained": "poor",
+    "unexplained": "poor",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,7 @@ class Lacks:
     statement: str
     false_alarm_p: str
     effects: Table
+    attempts: Table | None
     silent: Table
     ambiguous: tuple[str, ...]
     separate_by: str
@@ -70,7 +74,8 @@ def lacks(report: ReportData) -> Lacks | None:
         grade=GRADES[found.verdict],
         statement=found.statement,
         false_alarm_p="" if found.false_alarm_p is None else number(found.false_alarm_p, 2),
-        effects=effect_table(found.effects),
+        effects=effect_table((*found.effects, *(comparison.not_confirmed if comparison else ()))),
+        attempts=attempt_table(comparison) if comparison else None,
         silent=effect_table(diagnosis.silent),
         ambiguous=tuple(", ".join(group) for group in found.ambiguous),
         separate_by=diagnosis.separate_by,
@@ -98,7 +103,7 @@ def summary(comparison: Comparison) -> str:
         f"{name} {quantity(before.rmse, before.unit, 2)} → {quantity(after.rmse, after.unit, 2)}"
         for name, before in held.before.items() if (after := held.after.get(name))
     ]  # fmt: skip
-    if not comparison.effects or not errors:
+    if not comparison.added or not errors:
         return ""
     return f"Held-out RMSE without and with what was added: {', '.join(errors)}."
 
@@ -115,7 +120,7 @@ def figures(report: ReportData) -> dict[str, list[str | None]]:
 
     found = report.comparison or report.diagnosis
     table = report.residuals
-    changed = report.comparison is not None and bool(report.comparison.effects)
+    changed = report.comparison is not None and report.comparison.added
     return {
         "gains": [gains(found.candidates, "gains")] if found else [],
         "before_after": [before_after(table, "beforeafter")] if table is not None else [],
@@ -130,7 +135,7 @@ def with_refined(rows: "pd.DataFrame", report: ReportData, maneuver: str) -> "pd
 
     As they are where nothing was added, or the refinement does not have the same rows.
     """
-    if report.refined is None or report.comparison is None or not report.comparison.effects:
+    if report.refined is None or report.comparison is None or not report.comparison.added:
         return rows
     refined = report.refined[report.refined["maneuver"] == maneuver]
     if not np.array_equal(refined["time_s"], rows["time_s"]):
@@ -149,7 +154,7 @@ def effect_table(effects: Sequence[EffectFound]) -> Table:
     for effect in effects:
         first = [effect.id, " ".join(x for x in (effect.plain, words.place(effect)) if x)]
         for p in effect.parameters:
-            rows.append([*first, p.symbol, *_value(p)])
+            rows.append([*first, p.symbol, *_value(effect.id, p)])
             first = ["", ""]
         if not effect.parameters:
             rows.append([*first, "", "", "", ""])
@@ -157,8 +162,19 @@ def effect_table(effects: Sequence[EffectFound]) -> Table:
     return Table(heads, rows, left=4)
 
 
-def _value(p: ParameterValue) -> tuple[str, str, str]:
-    return unit_text(p.unit), number(p.value), _signs(words.interval_text(p))
+def _value(effect: str, p: ParameterValue) -> tuple[str, str, str]:
+    return unit_text(p.unit), number(p.value), _signs(words.interval_of(effect, p))
+
+
+def attempt_table(comparison: Comparison) -> Table:
+    """What was tried in place of the model before, and its errors over those of that."""
+    rows = words.attempt_rows(comparison)
+    channels = list(dict.fromkeys(c for _, _, ratios in rows for c in ratios))
+    cells = [
+        [effects, became, *(number(ratios.get(c), 3) or "–" for c in channels)]
+        for effects, became, ratios in rows
+    ]
+    return Table(("with", "", *(f"{c}, after ÷ before" for c in channels)), cells, left=2)
 
 
 def held_out_table(held_out: HeldOut) -> Table:
@@ -229,8 +245,9 @@ def moved_table(coefficients: Sequence[CoefficientComparison]) -> Table:
 def candidate_table(candidates: Sequence[Candidate]) -> Table:
     """Candidates in their order; accepted ones are marked."""
     rows = [
-        ["accepted" if not c.rejected else "", c.id, c.family, _signs(words.sizes(c.parameters)),
-         c.rejected, number(c.gain), number(c.p, 2), number(c.held_back_gain),
+        ["accepted" if not c.rejected else "", c.id, c.family,
+         _signs(words.sizes(c.id, c.parameters)), c.rejected, number(c.gain), number(c.p, 2),
+         number(c.held_back_gain),
          "–" if c.improved is None else f"{100.0 * c.improved:.0f} %"]
         for c in candidates
     ]  # fmt: skip

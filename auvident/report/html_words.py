@@ -79,7 +79,9 @@ def verdict(data: ReportData) -> tuple[str, str]:
 def _which_model(data: ReportData) -> str:
     if data.comparison is None or not data.is_refined:
         return "The model"
-    added = " and ".join(e.plain or e.id for e in data.comparison.effects)
+    added = " and ".join(
+        e.plain or e.id for e in (*data.comparison.effects, *data.comparison.not_confirmed)
+    )
     return f"The final model, refined with {added}," if added else "The final, refined model"
 
 

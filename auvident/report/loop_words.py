@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from auvident.schema.diagnosis import (
     Candidate,
     CoefficientComparison,
+    Comparison,
     Detectable,
     EffectFound,
     ParameterValue,
     ResidualRow,
 )
+from auvident.schema.effect_words import holds_nothing
 from auvident.schema.effects import BY_ID, EFFECTS
 
 NORMAL_95 = 1.96  # standard deviations on each side of a 95 % interval
@@ -22,6 +24,7 @@ VERDICTS = {
     "none_found": "nothing found",
     "effect_found": "effect found",
     "ambiguous": "effects that cannot be told apart",
+    "partly_explained": "effects found, and something that remains",
     "unexplained": "something no listed effect explains",
 }
 
@@ -75,15 +78,21 @@ def interval_text(p: ParameterValue) -> str:
     return " to ".join(number(bound) for bound in interval(p))
 
 
-def size(p: ParameterValue) -> str:
+def interval_of(effect: str, p: ParameterValue) -> str:
+    """The interval of a parameter of an effect; says so where it holds no effect at all."""
+    text = interval_text(p)
+    return f"{text}, not confirmed" if text and holds_nothing(effect, p) else text
+
+
+def size(effect: str, p: ParameterValue) -> str:
     """A parameter with its interval, if it has one: ``lag_s 0.38 s (0.33 to 0.43)``."""
-    bounds = f" ({interval_text(p)})" if interval_text(p) else ""
+    bounds = f" ({interval_of(effect, p)})" if interval_text(p) else ""
     return f"{p.symbol} {with_unit(p.value, p.unit)}{bounds}"
 
 
-def sizes(parameters: Iterable[ParameterValue]) -> str:
+def sizes(effect: str, parameters: Iterable[ParameterValue]) -> str:
     """Parameters of an effect with their intervals."""
-    return ", ".join(size(p) for p in parameters)
+    return ", ".join(size(effect, p) for p in parameters)
 
 
 def place(effect: EffectFound) -> str:
@@ -180,6 +189,15 @@ def correlates(unexplained: Mapping[str, object]) -> list[str]:
     rows = unexplained.get("correlates") or ()
     assert isinstance(rows, list | tuple)
     return [_correlate(row) for row in rows]
+
+
+def attempt_rows(comparison: Comparison) -> list[tuple[str, str, dict[str, float]]]:
+    """What was tried beside the model before: effects, what became of it, ratios of errors."""
+    rows = []
+    for attempt in comparison.attempts[1:]:
+        became = "taken" if attempt.taken else "leaves every bound" if attempt.ran_away else ""
+        rows.append((" + ".join(attempt.effects), became, attempt.ratios))
+    return rows
 
 
 def unexplained_lines(unexplained: Mapping[str, object]) -> tuple[str, ...]:

@@ -14,7 +14,8 @@ from auvident.schema.coefficients import Plane
 ManeuverKind = Literal["straight", "turn", "zigzag"]
 Role = Literal["identify", "validate"]
 Origin = Literal["identified", "ase", "given", "kinematic"]
-Verdict = Literal["none_found", "effect_found", "ambiguous", "unexplained"]
+Verdict = Literal["none_found", "effect_found", "ambiguous", "partly_explained", "unexplained"]
+RAN_AWAY = "prediction-ran-away"  # code of a finding: a gate cannot be met with one
 
 
 class Finding(Artifact):

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from pydantic import Field
+from pydantic import Field, computed_field
 
 from auvident.schema.artifacts import Finding, Verdict
 from auvident.schema.base import Artifact
@@ -17,6 +17,12 @@ class ParameterValue(Artifact):
     unit: str
     low: float | None = None
     high: float | None = None
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """``(low, high)``; None where it was not worked out."""
+        return None if self.low is None or self.high is None else (self.low, self.high)
 
 
 class EffectFound(Artifact):
@@ -39,9 +45,11 @@ class Candidate(Artifact):
     """One effect that was tried.
 
     ``gain`` is the rise of the log-likelihood by adding it, in nats, corrected for the colour of
-    the residual; ``p`` the share of sign-flipped residuals in which some candidate gained as
-    much. ``held_back_gain`` is that of identifying maneuvers left out in turn, ``improved`` the
-    share of them that it helps, ``rms_fall`` the relative fall of the residual by channel.
+    the residual; never below zero, as the fit with it holds the one without. ``p`` is the share
+    of sign-flipped residuals in which some candidate's first-order gain is as large as this
+    one's first-order gain. ``held_back_gain`` is that of identifying maneuvers left out in turn,
+    ``improved`` the share of them that it helps, ``rms_fall`` the relative fall of the residual
+    by channel. ``refitted`` is false where ``gain`` is only what the first steps promise.
     ``rejected`` says which test it failed; empty for an accepted one.
     """
 
@@ -102,7 +110,9 @@ class Diagnosis(Artifact):
     tells in order what was added, tested and removed. ``carried`` has the internal values
     (``start``) of all effects that a refined model takes along, and ``prior`` and ``prior_std`` of
     those estimated again. ``unexplained`` has ``correlates`` (axis,
-    regressor, gain), ``nearest`` and ``channels`` where something is left.
+    regressor, gain), ``nearest`` and ``channels`` where something is left; ``remaining`` has its
+    ``channels`` and ``correlates`` where effects stand beside it. ``false_alarm_p`` is the ``p``
+    of the effect that was accepted first, None where none was.
     """
 
     schema_: str = Field(default="auvident/diagnosis/1", alias="schema")
@@ -113,6 +123,7 @@ class Diagnosis(Artifact):
     candidates: tuple[Candidate, ...] = ()
     ambiguous: tuple[tuple[str, ...], ...] = ()
     unexplained: dict[str, Any] = {}
+    remaining: dict[str, Any] = {}
     sees: tuple[Detectable, ...] = ()
     lookalikes: tuple[Lookalikes, ...] = ()
     separate_by: str = ""
@@ -176,14 +187,35 @@ class CoefficientComparison(Artifact):
     after_std: float
 
 
+class Attempt(Artifact):
+    """A model that a refinement could have taken; the first one is the model before.
+
+    ``effects`` are those it carries; ``ratios`` its errors in the maneuvers that identify over
+    those of the model before, by channel, what is masked apart. ``ran_away`` says that it leaves
+    every bound in one of them.
+    """
+
+    effects: tuple[str, ...]
+    ratios: dict[str, float] = {}
+    ran_away: bool = False
+    taken: bool = False
+
+
 class Comparison(Artifact):
-    """``refine/comparison.json``."""
+    """``refine/comparison.json``.
+
+    ``effects`` are those that the refined model confirms, with the sizes it ends at;
+    ``not_confirmed`` those that it predicts with although their intervals hold zero.
+    ``attempts`` are empty where there was nothing to add.
+    """
 
     schema_: str = Field(default="auvident/comparison/1", alias="schema")
     verdict: Verdict
     statement: str
     effects: tuple[EffectFound, ...] = ()
+    not_confirmed: tuple[EffectFound, ...] = ()
     ambiguous: tuple[tuple[str, ...], ...] = ()
+    attempts: tuple[Attempt, ...] = ()
     held_out: HeldOut
     identify: HeldOut
     maneuvers: tuple[ManeuverComparison, ...] = ()
@@ -191,4 +223,10 @@ class Comparison(Artifact):
     false_alarm_p: float | None = None
     candidates: tuple[Candidate, ...] = ()
     unexplained: dict[str, Any] = {}
+    remaining: dict[str, Any] = {}
     findings: tuple[Finding, ...] = ()
+
+    @property
+    def added(self) -> bool:
+        """Whether anything is said to be in the model that was not in the one before."""
+        return bool(self.effects or self.not_confirmed)

@@ -4,8 +4,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from auvident.schema.diagnosis import ParameterValue
-from auvident.schema.effects import parameter_of
+from auvident.schema.diagnosis import EffectFound, ParameterValue
+from auvident.schema.effects import BY_ID, parameter_of
 
 SHORT = {
     "current": "a current of {north_mps:.2f} m/s north, {east_mps:.2f} m/s east",
@@ -50,6 +50,23 @@ def plain(effect: str, parameters: Sequence[ParameterValue], speed: float, rate:
         return f"a side force of the propeller of {y:.2f} N and {n:.2f} N m at {60 * rate:.0f} rpm"
     listed = ", ".join(f"{p.symbol} {p.value:.3g} {p.unit}" for p in parameters)
     return f"{effect.replace('_', ' ')}: {listed}"
+
+
+def holds_nothing(effect: str, p: ParameterValue) -> bool:
+    """Whether the 95 % interval of a parameter cannot be told from no effect at all."""
+    if p.interval is None or f"{effect}.{p.symbol}" not in BY_ID[effect].names():
+        return False
+    return parameter_of(f"{effect}.{p.symbol}").holds_nothing(p.value, *p.interval)
+
+
+def is_confirmed(effect: EffectFound) -> bool:
+    """Whether some size of an effect is told from nothing; one without sizes always is."""
+    sizes = [
+        p for p in effect.parameters
+        if f"{effect.id}.{p.symbol}" in BY_ID[effect.id].names()
+        and parameter_of(f"{effect.id}.{p.symbol}").practical > 0.0
+    ]  # fmt: skip
+    return not sizes or not all(holds_nothing(effect.id, p) for p in sizes)
 
 
 def _when(parameters: Sequence[ParameterValue]) -> str:

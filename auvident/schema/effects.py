@@ -79,6 +79,19 @@ class EffectParameter:
         """Whether a value is too small to be told from no effect at all."""
         return abs(internal) <= NOTHING * self.practical
 
+    def holds_nothing(self, value: float, low: float, high: float) -> bool:
+        """Whether an interval as shown cannot be told from no effect at all.
+
+        No effect is an internal value of zero. Of a limit the interval is that of its inverse to
+        first order; what has no practical size (a time, a direction) is no size to be told.
+        """
+        if self.practical <= 0.0:
+            return False
+        if self.form == "plain":
+            return low <= 0.0 <= high
+        power = 1.0 if self.form == "inverse" else 0.5
+        return 0.5 * (high - low) >= power * value
+
     def internal(self, shown: float) -> float:
         """Internal value of a value as shown."""
         if self.form == "plain":

@@ -14,6 +14,7 @@ from auvident.physics.figures import dead_reckoning, turn_figures, zigzag_figure
 from auvident.physics.terms import Structure
 from auvident.physics.virtual import run_virtual, zigzag_helm
 from auvident.schema.artifacts import (
+    RAN_AWAY,
     ChannelMetrics,
     Finding,
     IdentifiedModel,
@@ -141,7 +142,7 @@ def _escaped(prediction: Prediction) -> Finding:
     row = int(np.flatnonzero(~np.isfinite(prediction.predicted).all(axis=1))[0])
     seconds = prediction.record.time_s[row] - prediction.record.time_s[0]
     return Finding(
-        code="prediction-ran-away",
+        code=RAN_AWAY,
         message=f"the prediction leaves every bound {seconds:.1f} s after the start",
         where=prediction.maneuver.id,
         remedy="The model is unstable in this maneuver; it counts in no error of the summary.",

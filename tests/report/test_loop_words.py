@@ -16,11 +16,11 @@ def test_an_interval_is_as_stated_else_from_the_standard_deviation() -> None:
 
 
 def test_a_size_has_unit_and_interval() -> None:
-    assert words.size(loop_world.NORTH) == "north_mps -0.121 m/s (-0.129 to -0.113)"
+    assert words.size("current", loop_world.NORTH) == "north_mps -0.121 m/s (-0.129 to -0.113)"
     bare = ParameterValue(symbol="gain", value=0.2, std=0.01, unit="-")
-    assert words.size(bare) == "gain 0.2 (0.18 to 0.22)"
+    assert words.size("rudder_asymmetry", bare) == "gain 0.2 (0.18 to 0.22)"
     screened = bare.model_copy(update={"std": 0.0})  # a size without an interval
-    assert words.size(screened) == "gain 0.2"
+    assert words.size("rudder_asymmetry", screened) == "gain 0.2"
 
 
 def test_the_place_of_an_effect_of_one_time() -> None:

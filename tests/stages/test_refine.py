@@ -1,30 +1,34 @@
 """What a refinement changed: errors in closed form, intervals, and what is handed on."""
 
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from auvident.engines.carried import Carried, effect_rows
+from auvident.errors import GateError
 from auvident.physics.terms import structure_of
-from auvident.schema.artifacts import (
-    ChannelMetrics,
-    Finding,
-    IdentifiedModel,
-    ManeuverMetrics,
-    Maneuvers,
-    Metrics,
+from auvident.pipeline.gates import check_refined
+from auvident.schema.artifacts import IdentifiedModel, Maneuvers
+from auvident.schema.diagnosis import (
+    Attempt,
+    Candidate,
+    Comparison,
+    Diagnosis,
+    EffectFound,
+    ParameterValue,
 )
-from auvident.schema.diagnosis import Comparison, Diagnosis, EffectFound, ParameterValue
 from auvident.stages.identify.setup import prepare
-from auvident.stages.refine import (
+from auvident.stages.refine import carried_of, choose, compare
+from auvident.stages.refine.attempts import (
+    MOST_RISE,
+    Tried,
     attempts,
-    carried_of,
-    compare,
+    best_of,
     findings_of,
-    first_without_rise,
-    worst_rise,
+    tried_with,
 )
 from tests.engines.chain import plan_named, sample
 
@@ -39,7 +43,8 @@ def predicted(when: int, noise: float = 0.0) -> pd.DataFrame:
     pieces = []
     for k, name in enumerate(ROLES):
         time = 100.0 * k + DT * np.arange(N)
-        piece = {"maneuver": name, "kind": name.split("-")[0], "time_s": time, "rpm": 900.0}
+        piece = {"maneuver": name, "kind": name.split("-")[0], "role": ROLES[name],
+                 "time_s": time, "rpm": 900.0}  # fmt: skip
         for c, (column, away) in enumerate(OFF.items()):
             measured = np.sin(0.1 * time + c)
             wrong = np.random.default_rng(100 * k + 10 * c + when).normal(size=N) * noise
@@ -287,24 +292,7 @@ def test_coefficients_stand_side_by_side() -> None:
     assert all(c.after == 2.0 * c.before for c in found)
 
 
-# --- errors that rise ----------------------------------------------------------------------
-
-
-def errors(u: float, v: float = 1.0, r: float = 1.0, away: str = "") -> Metrics:
-    """Metrics with these errors in the maneuvers that identify; one may have run away."""
-    channels = {
-        name: ChannelMetrics(rmse=rmse, nrmse=rmse, r2=0.0, theil=0.0, unit="-", samples=9)
-        for name, rmse in (("u", u), ("v", v), ("r", r), ("heading", 9.0))
-    }
-    stayed = tuple(
-        ManeuverMetrics.model_validate({
-            "id": name, "trial": "t", "kind": name.split("-")[0], "role": role,
-            "duration_s": DT * N, "channels": channels,
-        })
-        for name, role in ROLES.items() if name != away
-    )  # fmt: skip
-    ran = (Finding(code="ran-away", message="", where=away),) if away else ()
-    return Metrics(maneuvers=stayed, summary={"identify": channels}, findings=ran)
+# --- which model is taken ------------------------------------------------------------------
 
 
 def carried_effects(*effects: str) -> Carried:
@@ -315,35 +303,68 @@ def carried_effects(*effects: str) -> Carried:
     )  # fmt: skip
 
 
-def test_the_first_model_with_which_nothing_rises_is_taken() -> None:
-    tried = []
-
-    def attempts_with(*after: Metrics):
-        for k, metrics in enumerate(after):
-            tried.append(k)
-            yield k, metrics
-
-    before = errors(1.0)
-    assert first_without_rise(before, attempts_with(errors(0.5, r=1.01), errors(0.1))) == 0
-    assert tried == [0]  # the second one was not even made
-    assert first_without_rise(before, attempts_with(errors(0.5, r=1.4), errors(0.9))) == 1
-    assert first_without_rise(before, attempts_with(errors(1.0, r=1.1), errors(1.2))) == 0
-    assert (
-        first_without_rise(before, attempts_with(errors(0.1, away="straight-1"), errors(1.3))) == 1
-    )
-    with pytest.raises(ValueError, match="nothing"):
-        first_without_rise(before, attempts_with())
+def made(u: float, v: float = 1.0, r: float = 1.0, effects: tuple = ("current",)) -> Tried:
+    return Tried(effects, {"u": u, "v": v, "r": r})
 
 
-def test_the_worst_rise_is_that_of_a_channel_with_its_name() -> None:
-    assert worst_rise(errors(1.0), errors(0.5, v=0.9, r=1.4)) == (pytest.approx(0.4), "r")
-    assert worst_rise(errors(1.0), errors(0.5, 0.5, 0.5))[0] == pytest.approx(-0.5)
-    assert worst_rise(errors(1.0), errors(0.5, away="straight-1"))[0] == float("inf")
+def test_a_model_with_which_nothing_rises_is_taken() -> None:
+    assert best_of([made(0.5, r=1.4), made(0.9)]) == 1
 
 
-def test_a_held_out_maneuver_that_runs_away_chooses_nothing() -> None:
-    with_it, without = errors(0.5, away="turn-1"), errors(0.5)
-    assert worst_rise(errors(1.0), with_it) == worst_rise(errors(1.0), without)
+def test_the_model_before_is_kept_where_what_was_found_predicts_worse() -> None:
+    """Damping of another form, taken for a propeller race: r rose by 129 %."""
+    assert best_of([made(1.1, 1.3, 2.29), made(1.0, 1.0, 1.6)]) is None
+    assert best_of([made(0.1, r=1.0 + 2.0 * MOST_RISE)]) is None
+    assert best_of([made(float("inf"))]) is None
+    assert best_of([made(0.99, 1.04, 1.05)]) is None  # it pays more than it gains
+
+
+def test_a_small_rise_is_paid_for_by_what_the_others_gain() -> None:
+    assert best_of([made(0.2, r=1.05), made(0.3, r=1.08)]) == 0
+
+
+def test_leaving_an_event_out_claims_nothing_and_is_always_done() -> None:
+    assert best_of([made(1.05, effects=())]) == 0
+
+
+@pytest.mark.parametrize(("r", "flags"), [(0.004, [False, True]), (0.012, [True, False, False])])
+def test_attempts_are_made_until_one_is_good_and_the_model_before_is_one(r, flags) -> None:
+    before, after = (SimpleNamespace(simulation=predicted(0)) for _ in range(2))
+    own = after.simulation
+    own["r_radps_simulated"] = own["r_radps_measured"] + r
+    asked = []
+
+    def again(carried: Carried):
+        asked.append(carried)
+        return "model", after
+
+    found, rows = choose(carried_effects("current"), model(), before, again)
+    assert [row.taken for row in rows] == flags
+    assert len(asked) == len(flags) - 1
+    assert (found is None) == flags[0]
+    assert rows[1].ratios["r"] == pytest.approx(r / OFF["r_radps"][0])
+
+
+def test_errors_of_an_attempt_are_those_of_the_maneuvers_that_identify() -> None:
+    before, after = predicted(0), predicted(1)
+    found = tried_with(carried_effects("current"), before, after)
+    expected = {c[0]: abs(away[1] / away[0]) for c, away in OFF.items()}
+    assert found.ratios == pytest.approx(expected)
+    assert found.rise == (pytest.approx(0.5), "r")
+    after.loc[after["maneuver"] == "turn-1", "r_radps_simulated"] = np.nan  # held out
+    assert tried_with(carried_effects("current"), before, after) == found
+    after.loc[after["maneuver"] == "straight-1", "r_radps_simulated"] = np.nan
+    away = tried_with(carried_effects("current"), before, after)
+    assert away.ratios["r"] == float("inf") and not away.is_better
+
+
+def test_what_is_masked_chooses_nothing() -> None:
+    before, after = predicted(0), predicted(0)
+    inside = (after["maneuver"] == "straight-1") & after["time_s"].between(2.0, 4.0)
+    after.loc[inside, "u_mps_simulated"] += 5.0
+    masking = Carried(effects=("current",), windows=(("straight-1", 2.0, 4.0),))
+    assert tried_with(masking, before, after).ratios["u"] == pytest.approx(1.0)
+    assert tried_with(carried_effects("current"), before, after).ratios["u"] > 2.0
 
 
 def test_the_second_attempt_has_the_allowances_of_the_model_before() -> None:
@@ -355,11 +376,89 @@ def test_the_second_attempt_has_the_allowances_of_the_model_before() -> None:
         assert set(values) == {"current.north_mps", "rudder_rate_limit.rate_degps"}
     assert lean.start["Y_uv"] == -20.0
     assert attempts(lean, before) == (lean,)
-    assert attempts(None, before) == (None,)
 
 
 def test_a_rise_that_remains_is_a_finding() -> None:
-    (finding,) = findings_of((0.41, "r"), carried_effects("current"))
-    assert finding.code == "error-rises" and "41 %" in finding.message and finding.where == "r"
-    assert findings_of((0.02, "r"), carried_effects("current")) == ()
-    assert findings_of((0.41, "r"), carried_effects()) == ()  # an event was masked
+    def rows(r: float, *effects: str) -> tuple[Attempt, ...]:
+        return Attempt(effects=()), Attempt(effects=effects, ratios={"u": 0.5, "r": r}, taken=True)
+
+    (finding,) = findings_of(rows(1.08, "current"))
+    assert finding.code == "error-rises" and "8 %" in finding.message and finding.where == "r"
+    assert findings_of(rows(1.019, "current")) == ()
+    assert findings_of(rows(1.08)) == ()  # an event was masked
+    assert findings_of((Attempt(effects=(), taken=True), *rows(1.4, "current")[:1])) == ()
+
+
+# --- what is claimed -----------------------------------------------------------------------
+
+KEPT = (Attempt(effects=(), taken=True), Attempt(effects=("rudder_offset",), ratios={"r": 2.29}))
+TAKEN = (Attempt(effects=()), Attempt(effects=("rudder_offset",), ratios={"r": 0.4}, taken=True))
+
+
+def claimed(value: float, std: float, tried: tuple = TAKEN, **update) -> Comparison:
+    """What is claimed of an offset that a diagnosis found as 1.0 degree (0.8 to 1.2)."""
+    found = diagnosis(OFFSET).model_copy(update={
+        "verdict": "effect_found", "statement": "The model lacks a rudder offset of 1.0 deg.",
+        "candidates": (
+            Candidate(id="rudder_offset", family="actuation", gain=800.0, parameters=(
+                ParameterValue(symbol="offset_deg", value=1.0, std=0.0, unit="deg"),
+            )),
+            Candidate(id="gyro_bias", family="sensing", gain=1.0, rejected="gains 1 nat"),
+        ), **update,
+    })  # fmt: skip
+    return compare(found, MANEUVERS, model(), refined(value, std), predicted(0), predicted(1),
+                   attempts=tried)  # fmt: skip
+
+
+def test_the_sentence_and_the_table_have_the_size_that_the_refinement_ends_at() -> None:
+    found = claimed(1.3, 0.05)
+    assert found.verdict == "effect_found"
+    assert found.statement == "The model lacks a rudder offset of 1.3 deg."
+    (effect,), (candidate, other) = found.effects, found.candidates
+    assert candidate.parameters == effect.parameters
+    assert effect.parameters[0].interval == (effect.parameters[0].low, effect.parameters[0].high)
+    assert not candidate.rejected and other.rejected
+    assert not found.not_confirmed
+
+
+def test_a_size_whose_interval_holds_zero_is_not_confirmed_anywhere() -> None:
+    found = claimed(0.9, 0.6)
+    assert (found.verdict, found.effects) == ("unexplained", ())
+    assert [e.id for e in found.not_confirmed] == ["rudder_offset"] and found.added
+    assert found.unexplained["nearest"] == "rudder_offset"
+    assert "Not confirmed" in found.statement and "lacks" not in found.statement
+    assert found.candidates[0].rejected.startswith("not confirmed")
+    both = claimed(0.9, 0.6, effects=(OFFSET, EVENT))
+    assert both.verdict == "effect_found" and [e.id for e in both.effects] == ["one_off_event"]
+
+
+def test_where_the_model_before_is_kept_nothing_is_claimed() -> None:
+    found = claimed(1.3, 0.05, KEPT)
+    assert (found.verdict, found.effects, found.not_confirmed) == ("unexplained", (), ())
+    assert found.statement.startswith("Nothing could be added")
+    assert "r +129 %" in found.statement and not found.added
+
+
+def test_effects_that_stand_beside_a_remainder_are_partly_an_explanation() -> None:
+    left = {"channels": ["v"], "nearest": None, "correlates": [
+        {"axis": "Y", "regressor": "rudder a while ago", "gain": 300.0},
+    ]}  # fmt: skip
+    found = claimed(1.3, 0.05, verdict="partly_explained", unexplained=left)
+    assert found.verdict == "partly_explained" and len(found.effects) == 1
+    assert found.remaining == {"channels": ["v"], "correlates": left["correlates"]}
+    assert "Something remains (in v); it goes with rudder a while ago on Y." in found.statement
+    assert claimed(1.3, 0.05).remaining == {}
+
+
+# --- the gate ------------------------------------------------------------------------------
+
+
+def test_a_refined_prediction_that_is_lost_in_one_maneuver_meets_no_gate() -> None:
+    after = predicted(1)
+    lost = after.index[after["maneuver"] == "turn-1"][50:]
+    after.loc[lost, [c for c in after if c.endswith("_simulated")]] = np.nan
+    found = compared(predicted(0), after)
+    assert [(f.code, f.where) for f in found.findings] == [("prediction-ran-away", "turn-1")]
+    with pytest.raises(GateError, match="runs away"):
+        check_refined(found, {"u": 1e6})
+    check_refined(compared(predicted(0), predicted(1)), {"u": 1e6})

@@ -20,7 +20,7 @@ from auvident.schema.diagnosis import (
 )
 from auvident.schema.effect_words import plain
 from auvident.schema.effects import BY_ID, parameter_of
-from auvident.stages.diagnose import words
+from auvident.schema.loop_statements import remaining_of, statement
 from auvident.stages.diagnose.candidates import HIGHER_ORDER, Round, Traced, Tried, open_of
 from auvident.stages.diagnose.case import CHANNELS, Case
 from auvident.stages.diagnose.fits import Fitted, check_cost, prior_of, record_parts
@@ -55,28 +55,29 @@ def diagnosis_of(evidence: Evidence, model: IdentifiedModel, maneuvers: Maneuver
     correlates = [_correlate(f) for f in forces]
     sees = detectable(first.joint, evidence.candidates)
     by = separated_by([e for g in groups for e in g]) if groups else ""
-    named = () if verdict == "unexplained" and nearest else tuple(effects)
     unexplained: dict[str, Any] = {}
-    if verdict == "unexplained" or left:
+    if verdict in ("unexplained", "partly_explained"):
         unexplained = {"correlates": correlates, "nearest": nearest, "channels": left}
-    statement = {
-        "none_found": lambda: words.nothing_found(sees),
-        "effect_found": lambda: words.found(named),
-        "ambiguous": lambda: words.ambiguous(named, groups, by),
-        "unexplained": lambda: words.unexplained(correlates, nearest, left),
-    }[verdict]()
     return Diagnosis(
-        plane=model.plane, verdict=verdict, statement=statement, effects=named,
+        plane=model.plane, verdict=verdict,
+        statement=statement(verdict, effects, groups, by, sees, unexplained),
+        effects=tuple(effects),
         candidates=tuple(_candidates(traced.rounds, case)), ambiguous=groups,
-        unexplained=unexplained, sees=sees,
+        unexplained=unexplained, remaining=remaining_of(verdict, unexplained), sees=sees,
         lookalikes=lookalikes(first.joint, evidence.candidates), separate_by=by,
         silent=_silent(case, traced.final, traced.quiet), carried=_carried(case, traced),
         steps=traced.steps,
         residuals=tuple(_residual_rows(evidence)), checks=_checks(evidence),
-        missing=evidence.missing, false_alarm_p=first.p,
+        missing=evidence.missing, false_alarm_p=_false_alarm_p(traced),
         identify_maneuvers=tuple(r.id for r in case.records),
         findings=tuple(_coefficient_findings(traced)),
     )  # fmt: skip
+
+
+def _false_alarm_p(traced: Traced) -> float | None:
+    """How often a search finds as much by chance as the first effect named; None without one."""
+    named = [r for r in traced.rounds if r.accepted in traced.named]
+    return named[0].chances.get(str(named[0].accepted)) if named else None
 
 
 def _disturbances(evidence: Evidence) -> list[EffectFound]:
@@ -226,11 +227,12 @@ def _candidates(rounds: Sequence[Round], case: Case) -> list[Candidate]:
         for name, gain in done.screened.items():
             if name not in rows:
                 rows[name] = Candidate(
-                    id=name, family=BY_ID[name].family, gain=gain, rejected="not in the short list"
-                )
+                    id=name, family=BY_ID[name].family, gain=gain, p=done.chances.get(name),
+                    rejected="not in the short list",
+                )  # fmt: skip
         for tried in done.tried:
             if name_open(rows, tried):
-                rows[tried.id] = _candidate(case, tried, done.p)
+                rows[tried.id] = _candidate(case, tried, done.chances.get(tried.id))
     return sorted(rows.values(), key=lambda c: -c.gain)
 
 
@@ -240,7 +242,7 @@ def name_open(rows: dict[str, Candidate], tried: Tried) -> bool:
     return known is None or not known.refitted or not tried.refused
 
 
-def _candidate(case: Case, tried: Tried, p: float) -> Candidate:
+def _candidate(case: Case, tried: Tried, p: float | None) -> Candidate:
     nothing = np.zeros(len(tried.fitted.parameters))
     values = effect_values(case, tried.id, tried.fitted.parameters, nothing)
     return Candidate(
@@ -248,7 +250,7 @@ def _candidate(case: Case, tried: Tried, p: float) -> Candidate:
         parameters=tuple(v.model_copy(update={"low": None, "high": None}) for v in values),
         held_back_gain=tried.helped.gain if tried.helped else None,
         improved=tried.helped.share if tried.helped else None,
-        rms_fall=tried.falls, refitted=True, rejected=tried.refused,
+        rms_fall=tried.falls, refitted=tried.settled, rejected=tried.refused,
     )  # fmt: skip
 
 

@@ -53,11 +53,15 @@ def verdict_of(
     effects: Sequence[EffectFound], evidence: Evidence, left: Sequence[str], nearest: str | None,
     groups: Sequence[Sequence[str]],
 ) -> Verdict:  # fmt: skip
-    """What the evidence supports; see `Diagnosis`."""
-    if nearest or ((left or something(evidence)) and not effects):
-        return "unexplained"
+    """What the evidence supports; see `Diagnosis`.
+
+    What was accepted stands: a remainder makes a verdict partial and takes nothing back.
+    """
     if not effects:
-        return "none_found"
+        return "unexplained" if left or nearest or something(evidence) else "none_found"
+    unmodelled = any(e.id == "wave" for e in effects)  # a wave itself is what is left
+    if nearest or (left and not unmodelled):
+        return "partly_explained"
     across = any(len({BY_ID[e].family for e in g}) > 1 and not nested(g) for g in groups)
     return "ambiguous" if across else "effect_found"
 

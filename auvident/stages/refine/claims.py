@@ -1,0 +1,112 @@
+"""What a refined model confirms of a diagnosis, in its own sizes."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import pandas as pd
+
+from auvident.schema.artifacts import IdentifiedModel, Verdict
+from auvident.schema.diagnosis import Attempt, Candidate, Diagnosis, EffectFound, ParameterValue
+from auvident.schema.effect_words import is_confirmed, plain
+from auvident.schema.effects import BY_ID
+from auvident.schema.loop_statements import (
+    found,
+    not_added,
+    not_confirmed,
+    remaining_of,
+    statement,
+)
+
+NORMAL_95 = 1.96
+
+
+def claims_of(
+    diagnosis: Diagnosis, after: IdentifiedModel, attempts: Sequence[Attempt], speed: float,
+    rate: float,
+) -> dict[str, Any]:  # fmt: skip
+    """Verdict, statement and effects as the refined model has them, all in its sizes.
+
+    An effect stands when some size of it is told from nothing, in the model that was taken.
+    """
+    kept = any(a.taken for a in attempts[:1])  # the model before is the best
+    final = [_with_final_values(e, after, speed, rate) for e in diagnosis.effects]
+    in_model = [e for e in final if BY_ID[e.id].enters != "disturbance"]
+    doubted = [e for e in in_model if kept or not is_confirmed(e)]
+    effects = tuple(e for e in final if e not in doubted)
+    named = {e.id for e in effects}
+    groups = tuple(g for g in diagnosis.ambiguous if named & set(g))
+    unexplained = dict(diagnosis.unexplained)
+    if doubted:
+        unexplained["nearest"] = ", ".join(e.id for e in doubted)
+    verdict = _verdict(diagnosis.verdict, effects, groups, bool(doubted))
+    said = statement(
+        verdict, effects, groups, diagnosis.separate_by, diagnosis.sees, unexplained
+    )  # fmt: skip
+    if kept and doubted:
+        last = attempts[-1]
+        said = not_added(last.effects, last.ratios, last.ran_away)
+        if effects:
+            said = f"{found(effects)} {said}"
+    elif doubted:
+        said = f"{said} {not_confirmed(doubted)}"
+    return {
+        "verdict": verdict, "statement": said, "effects": effects, "ambiguous": groups,
+        "not_confirmed": () if kept else tuple(doubted),
+        "candidates": tuple(_final_candidate(c, final) for c in diagnosis.candidates),
+        "unexplained": unexplained, "remaining": remaining_of(verdict, unexplained),
+    }  # fmt: skip
+
+
+def _verdict(
+    verdict: Verdict, effects: Sequence[EffectFound], groups: Sequence[Sequence[str]],
+    doubted: bool,
+) -> Verdict:  # fmt: skip
+    """The verdict of the diagnosis with the effects that are left of it."""
+    if not effects:
+        return "unexplained" if doubted else verdict
+    if verdict == "ambiguous" and not groups:
+        return "effect_found"
+    return verdict
+
+
+def _final_candidate(candidate: Candidate, effects: Sequence[EffectFound]) -> Candidate:
+    """A candidate with the size that the refined model ends at, where it has one."""
+    final = next((e for e in effects if e.id == candidate.id), None)
+    if final is None or candidate.rejected:
+        return candidate
+    note = "" if is_confirmed(final) else "not confirmed: the interval of its size holds zero"
+    return candidate.model_copy(update={"parameters": final.parameters, "rejected": note})
+
+
+def _with_final_values(
+    effect: EffectFound, after: IdentifiedModel, speed: float, rate: float
+) -> EffectFound:
+    """The effect with the values of the refined model.
+
+    Its interval is the wider of the diagnosis' (from the scatter between maneuvers) and the
+    filter's own.
+    """
+    rows = [row for row in after.effects if row["id"] == effect.id]
+    if not rows:
+        return effect
+    final = {p["symbol"]: p for p in rows[0]["parameters"]}
+    values = []
+    for p in effect.parameters:
+        if p.symbol == "time_s":  # known to an interval, and not identified again
+            values.append(p)
+            continue
+        value = float(final[p.symbol]["value"])
+        std = max(float(final[p.symbol]["std"]), p.std)
+        half = max(NORMAL_95 * std, 0.5 * ((p.high or 0.0) - (p.low or 0.0)))
+        half = max(half, NORMAL_95 * abs(value - p.value))  # two methods that differ: say so
+        values.append(ParameterValue(
+            symbol=p.symbol, value=value, std=half / NORMAL_95, unit=p.unit, low=value - half,
+            high=value + half,
+        ))  # fmt: skip
+    said = plain(effect.id, values, speed, rate)
+    return effect.model_copy(update={"parameters": tuple(values), "plain": said})
+
+
+def cruise_of(table: pd.DataFrame) -> tuple[float, float]:
+    """Median speed [m/s] and propeller rate [rev/s] of the maneuvers."""
+    return float(table["u_mps_measured"].median()), float(table["rpm"].median()) / 60.0

@@ -1,0 +1,166 @@
+"""Refinement: the traced effects join the model, and what that changes on held-out maneuvers."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from auvident.schema.artifacts import RAN_AWAY, Finding, IdentifiedModel, Maneuvers
+from auvident.schema.diagnosis import (
+    Attempt,
+    ChannelError,
+    CoefficientComparison,
+    Comparison,
+    Diagnosis,
+    Difference,
+    HeldOut,
+    ManeuverComparison,
+)
+from auvident.stages.refine.attempts import findings_of
+from auvident.stages.refine.claims import claims_of, cruise_of
+from auvident.stages.refine.errors import channels_of, rms_of
+
+Array = npt.NDArray[Any]
+BLOCK_S = 20.0  # errors further apart than this count as independent
+DRAWS = 1000
+INTERVAL = (2.5, 97.5)
+
+
+def escapes(table: pd.DataFrame) -> tuple[Finding, ...]:
+    """Maneuvers in which a refined prediction leaves every bound; a gate is not met with one."""
+    found = []
+    for name, rows in table.groupby("maneuver", sort=False):
+        if any(math.isinf(rms_of(rows, column)) for column, _, _ in channels_of(rows)):
+            found.append(Finding(
+                code=RAN_AWAY, where=str(name),
+                message="the refined prediction leaves every bound",
+                remedy="The model is unstable in this maneuver; its errors count to there.",
+            ))  # fmt: skip
+    return tuple(found)
+
+
+def compare(
+    diagnosis: Diagnosis, maneuvers: Maneuvers, before: IdentifiedModel, after: IdentifiedModel,
+    predicted_before: pd.DataFrame, predicted_after: pd.DataFrame, *,
+    attempts: Sequence[Attempt] = (), seed: int = 0,
+) -> Comparison:  # fmt: skip
+    """Errors, coefficients and effects before and after.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    maneuvers : Maneuvers
+    before, after : IdentifiedModel
+    predicted_before, predicted_after : pandas.DataFrame
+        As `validate` writes them: measured and simulated channels, by maneuver.
+    attempts : sequence of Attempt
+        What was tried; where the model before is the one taken, nothing is claimed.
+    seed : int
+        Of the bootstrap.
+    """
+    rng = np.random.default_rng(seed)
+    pairs = {
+        str(name): (rows, predicted_after.loc[rows.index])
+        for name, rows in predicted_before.groupby("maneuver", sort=False)
+    }
+    roles = {m.id: m.role for m in maneuvers.maneuvers}
+    held = [name for name in pairs if roles[name] == "validate"]
+    own = [name for name in pairs if roles[name] == "identify"]
+    claims = claims_of(diagnosis, after, attempts, *cruise_of(predicted_after))
+    findings = (*diagnosis.findings, *findings_of(attempts), *escapes(predicted_after))
+    return Comparison(
+        **claims, attempts=tuple(attempts), held_out=_pooled(held, pairs, rng),
+        identify=_pooled(own, pairs, rng),
+        maneuvers=tuple(_one(name, roles[name], pairs, rng) for name in pairs),
+        coefficients=_coefficients(before, after), false_alarm_p=diagnosis.false_alarm_p,
+        findings=findings,
+    )  # fmt: skip
+
+
+def _errors(name: str, pairs: dict[str, Any], column: str) -> tuple[Array, Array, Array]:
+    """Errors before and after, and readings, of one channel of one maneuver."""
+    before, after = pairs[name]
+    measured = before[f"{column}_measured"].to_numpy()
+    return (
+        before[f"{column}_simulated"].to_numpy() - measured,
+        after[f"{column}_simulated"].to_numpy() - measured,
+        measured,
+    )
+
+
+def _pooled(names: Sequence[str], pairs: dict[str, Any], rng: np.random.Generator) -> HeldOut:
+    """Errors over several maneuvers together."""
+    before, after, difference = {}, {}, {}
+    for column, channel, unit in channels_of(next(iter(pairs.values()))[0]):
+        parts = [_errors(name, pairs, column) for name in names]
+        parts = [p for p in parts if np.isfinite(p[2]).any()]
+        if not parts:
+            continue
+        spread = _spread(np.concatenate([p[2] for p in parts]))
+        before[channel] = _error(np.concatenate([p[0] for p in parts]), spread, unit)
+        after[channel] = _error(np.concatenate([p[1] for p in parts]), spread, unit)
+        step = float(np.median(np.diff(pairs[names[0]][0]["time_s"].to_numpy())))
+        difference[channel] = _difference(parts, step, rng)
+    return HeldOut(maneuvers=tuple(names), before=before, after=after, difference=difference)
+
+
+def _one(
+    name: str, role: str, pairs: dict[str, Any], rng: np.random.Generator
+) -> ManeuverComparison:
+    pooled = _pooled([name], pairs, rng)
+    kind = str(pairs[name][0]["kind"].iloc[0])
+    return ManeuverComparison(
+        id=name, kind=kind, role=role, before=pooled.before, after=pooled.after,
+        difference=pooled.difference,
+    )  # fmt: skip
+
+
+def _spread(values: Array) -> float:
+    return max(float(np.nanstd(values)), 1e-9)
+
+
+def _error(errors: Array, spread: float, unit: str) -> ChannelError:
+    good = errors[np.isfinite(errors)]
+    rmse = float(np.sqrt(np.mean(good**2))) if good.size else 0.0
+    return ChannelError(rmse=rmse, nrmse=rmse / spread, unit=unit)
+
+
+def _difference(
+    parts: Sequence[tuple[Array, Array, Array]], step_s: float, rng: np.random.Generator
+) -> Difference:
+    """RMSE after minus before, with an interval from a bootstrap over blocks of time."""
+    rows = [row for part in parts for row in _block_sums(part, step_s)]
+    sums = np.array(rows)  # count, squares before, squares after
+    drawn = sums[rng.integers(0, len(sums), size=(DRAWS, len(sums)))].sum(axis=1)
+    spread = np.sqrt(drawn[:, 2] / drawn[:, 0]) - np.sqrt(drawn[:, 1] / drawn[:, 0])
+    count, a, b = sums.sum(axis=0)
+    low, high = np.percentile(spread, INTERVAL)
+    value = float(np.sqrt(b / count) - np.sqrt(a / count))
+    return Difference(value=value, low=float(low), high=float(high))
+
+
+def _block_sums(part: tuple[Array, Array, Array], step_s: float) -> list[tuple]:
+    before, after, measured = part
+    seen = np.isfinite(before) & np.isfinite(after) & np.isfinite(measured)
+    number = (np.arange(len(seen)) * step_s // BLOCK_S).astype(int)
+    return [
+        (int(rows.sum()), float(np.sum(before[rows] ** 2)), float(np.sum(after[rows] ** 2)))
+        for k in range(int(number[-1]) + 1)
+        if (rows := seen & (number == k)).any()
+    ]
+
+
+def _coefficients(
+    before: IdentifiedModel, after: IdentifiedModel
+) -> tuple[CoefficientComparison, ...]:
+    final = {c.symbol: c for c in after.coefficients}
+    return tuple(
+        CoefficientComparison(
+            symbol=c.symbol, unit=c.unit, prior=c.prior, prior_std=c.prior_std, before=c.value,
+            before_std=c.std, after=final[c.symbol].value, after_std=final[c.symbol].std,
+        )
+        for c in before.coefficients
+    )  # fmt: skip
