@@ -57,3 +57,9 @@ class NumericsError(AuvidentError):
     """The numbers failed: divergence, loss of positive definiteness, no excitation."""
 
     exit_code = 5
+
+
+class InUseError(AuvidentError):
+    """The run directory is in use by another process."""
+
+    exit_code = 6

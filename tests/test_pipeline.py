@@ -219,9 +219,30 @@ def test_a_run_directory_in_use_is_refused(demo: Path, auvident: Callable[..., C
 
     with RunDirectory(demo).lock():
         called = auvident("segment", demo)
-    assert called.code == 2
+    assert called.code == 6
     assert "another auvident process" in called.err
     assert auvident("status", demo).code == 0
+
+
+@pytest.mark.parametrize("option", ["--json", "--fail-above=u=9"])
+def test_what_a_run_says_is_what_it_left_whoever_comes_next(
+    demo: Path, auvident: Callable[..., Called], monkeypatch: pytest.MonkeyPatch, option: str
+) -> None:
+    """Everything is read before another process can have the directory."""
+    import auvident.pipeline as pipeline
+
+    run_all = pipeline.run_all
+
+    def run_and_lose(path: Path, *arguments: object, **options: object) -> object:
+        result = run_all(path, *arguments, **options)  # type: ignore[arg-type]
+        shutil.rmtree(path)
+        return result
+
+    before = auvident("run", "--run", demo, option)
+    monkeypatch.setattr(pipeline, "run_all", run_and_lose)
+    after = auvident("run", "--run", demo, option)
+    assert after.code == 0
+    assert after == before
 
 
 def test_a_run_directory_that_cannot_be_written_is_named(

@@ -91,3 +91,12 @@ def test_a_table_of_the_program_is_whole(command: str) -> None:
 def test_commands_are_no_shell_riddles() -> None:
     for example in examples(README):
         assert shlex.split(example.command)
+
+
+def test_every_exit_code_is_explained() -> None:
+    from auvident.cli import cli
+    from auvident.errors import AuvidentError
+
+    for code in {kind.exit_code for kind in AuvidentError.__subclasses__()}:
+        assert re.search(rf"^\| {code} \| \w", README, re.MULTILINE), code
+        assert re.search(rf"\b{code} \w", cli.help or ""), code

@@ -39,7 +39,8 @@ def cli() -> None:
 
     `auvident run` does everything; the other commands do one step each on the run directory
     that it leaves. Exit codes: 0 done, 1 a gate was not met, 2 wrong usage, 3 unusable input,
-    4 an earlier stage is missing or stale, 5 the numbers failed.
+    4 an earlier stage is missing or stale, 5 the numbers failed, 6 the run directory is in use by
+    another process.
     """
 
 

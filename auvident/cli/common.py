@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from auvident.cli.watch import Watch
-    from auvident.pipeline.given import Given
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -146,14 +145,6 @@ def run_one(output: Output, name: str, path: Path, seed: int | None = None, **op
     main = BY_NAME[name].main
     output.artifact(outputs[main], main)
     return outputs
-
-
-def given_by(run: Path) -> "Given":
-    """Loader of the artifacts of a run directory."""
-    from auvident.pipeline.given import Given
-    from auvident.storage.run_directory import RunDirectory
-
-    return Given(RunDirectory(run))
 
 
 FAIL_ABOVE = click.option(

@@ -64,6 +64,7 @@ def simulate(
     The table goes to --output, else to RUN/simulate, else (MODEL alone) to standard output.
     """
     from auvident.pipeline.predict import predict
+    from auvident.storage.run_directory import RunDirectory
 
     window = (-math.inf if from_s is None else from_s, math.inf if to_s is None else to_s)
     with output.watch() as watch:
@@ -73,7 +74,9 @@ def simulate(
             options={"window_s": window, "speed_mps": speed_mps, "samples": samples},
         )  # fmt: skip
         if file is None and target.is_dir():
-            file = target / "simulate" / f"{made.trial}.parquet"
+            name = f"simulate/{made.trial}.parquet"
+            RunDirectory(target).refuse_link(name)
+            file = target / name
         if file is not None:
             write_table(made.table, file)
             watch.note(f"{len(made.table)} rows from {made.model_file} in {file}")

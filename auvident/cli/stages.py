@@ -13,7 +13,6 @@ from auvident.cli.common import (
     Output,
     command,
     given,
-    given_by,
     options,
     parse_limits,
     run_one,
@@ -156,6 +155,9 @@ def run(
     from auvident.pipeline import run_all
     from auvident.pipeline.gates import check_gates, check_refined
     from auvident.report.console_loop import discovery
+    from auvident.schema.artifacts import Metrics
+    from auvident.schema.diagnosis import Comparison
+    from auvident.storage.artifacts import as_model
 
     limits = parse_limits(fail_above)
     chosen: dict[str, dict[str, Any]] = {
@@ -170,9 +172,13 @@ def run(
     _need(chosen["ingest"].get("logs", ()), chosen["ingest"].get("vehicle"))
     with output.watch(brief=True) as watch:
         result = run_all(run, chosen, seed=seed, observer=watch)
-        left, refined = given_by(run), "refine" not in result.left_out
-        for piece in discovery(left.comparison) if refined else []:
-            watch.show(piece)
+        metrics = as_model(result.mains["validate"], Metrics, run / "validate/metrics.json")
+        refined = "refine" not in result.left_out
+        if refined:
+            place = run / "refine/comparison.json"
+            comparison = as_model(result.mains["refine"], Comparison, place)
+            for piece in discovery(comparison):
+                watch.show(piece)
     if output.json:
         output.artifact(summary(run, result), "run")
     elif not output.quiet:
@@ -180,21 +186,20 @@ def run(
     if result.failure is not None:
         raise result.failure
     if refined:
-        check_refined(left.comparison, limits, left.metrics)
+        check_refined(comparison, limits, metrics)
     else:
-        check_gates(left.metrics, limits)
+        check_gates(metrics, limits)
     return exit_code(result.outputs)
 
 
 def summary(run: Path, result: Any) -> dict[str, Any]:
     """What ``auvident run --json`` prints: the decisions and the main artifacts."""
     from auvident.pipeline.table import STAGES
-    from auvident.storage.artifacts import read_json
 
     decisions = [{"stage": d.stage, "state": d.state, "reason": d.reason} for d in result.decisions]
     mains = {s.name: s.main for s in STAGES}
-    files = {n: str(run / p) for n, p in mains.items() if (run / p).exists()}
-    artifacts = {n: read_json(Path(p)) for n, p in files.items() if p.endswith(".json")}
+    files = {n: str(run / p) for n, p in mains.items() if n in result.mains}
+    artifacts = {n: tree for n, tree in result.mains.items() if tree is not None}
     found = {"decisions": decisions, "files": files, **artifacts}
     return {"schema": "auvident/summary/1", "run": str(run), **found}
 

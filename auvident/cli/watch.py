@@ -75,10 +75,9 @@ class Watch(Observer):
         if self.output.quiet:
             return
         self._stop()
-        from rich.console import Console
+        from auvident.report.console_style import console_for
 
-        terminal = sys.stderr.isatty()
-        Console(stderr=True, highlight=False, width=None if terminal else PLAIN_WIDTH).print(piece)
+        console_for(sys.stderr, None if sys.stderr.isatty() else PLAIN_WIDTH).print(piece)
 
     def _line(self, text: str) -> None:
         self._stop()
@@ -98,10 +97,12 @@ class Watch(Observer):
 
 
 def _start_bar() -> "tuple[Progress, TaskID]":
-    from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    bar = Progress(*columns, console=Console(stderr=True), transient=True)
+    from auvident.report.console_style import console_for
+
+    text = TextColumn("{task.description}", markup=False)
+    columns = (text, BarColumn(), TimeElapsedColumn())
+    bar = Progress(*columns, console=console_for(sys.stderr), transient=True)
     bar.start()
     return bar, bar.add_task("", total=None)

@@ -118,6 +118,8 @@ def _inputs(stage: Stage, entry: StageEntry, run: RunDirectory, manifest: Manife
 def _outputs(entry: StageEntry, run: RunDirectory) -> str:
     for name, old in entry.outputs.items():
         now = run.sha256(name)
+        if run.link_on_the_way(name):
+            return f"{name} stands behind a symbolic link"
         if now != old:
             return f"{name} {'is missing' if now is None else 'is not as it was written'}"
     return ""

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,8 +15,8 @@ from auvident.pipeline.given import Given, matching
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.table import BY_NAME, STAGES, Outputs, Stage
 from auvident.schema.manifest import Attempt, Manifest, StageEntry
-from auvident.storage.artifacts import json_bytes, parquet_bytes, sha256_of
-from auvident.storage.run_directory import PACKAGE, RunDirectory
+from auvident.storage.artifacts import json_bytes, parquet_bytes, read_json, sha256_of
+from auvident.storage.run_directory import MANIFEST, PACKAGE, RunDirectory
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,12 +30,15 @@ SILENT = Observer()
 class RunResult:
     """What `run_all` did: a decision a stage, and the outputs of those that ran.
 
+    ``mains`` is the content of the main artifact of each stage that has one, as it was when the
+    run ended (None where it is no JSON): another process may have changed the files since.
     ``left_out`` are stages that do not know the plane, or rest on one whose numbers failed;
     ``failure`` is that of a stage which the report can do without.
     """
 
     decisions: list[Decision] = field(default_factory=list)
     outputs: dict[str, Any] = field(default_factory=dict)
+    mains: dict[str, Any] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
     failure: NumericsError | None = None
 
@@ -74,13 +76,14 @@ def run_stage(
         An earlier stage is missing or stale; names the command to run.
     """
     stage, run = BY_NAME[name], RunDirectory(path)
-    with ExitStack() as stack:
-        if run.path.is_dir():
-            stack.enter_context(run.lock())
-        manifest = run.manifest() if stage.after == () else run.existing()
+    if stage.after:
+        run.existing()  # where there is no run, no directory is made for the lock
+    with run.lock():
+        manifest = run.existing() if stage.after else run.manifest()
         _refuse_broken(stage, run, manifest)
+        _refuse_foreign(run, manifest, [stage])
         wanted = _wanted(stage, run, options or {}, seed)
-        return _execute(stage, run, manifest, wanted, options or {}, observer, stack)
+        return _execute(stage, run, manifest, wanted, options or {}, observer)
 
 
 def run_all(
@@ -96,7 +99,7 @@ def run_all(
     Parameters
     ----------
     path : Path
-        Run directory; it is created once the logs have proved usable.
+        Run directory; a new one stays only once the logs have proved usable.
     options : mapping of str to mapping
         Options by stage.
     seed, observer
@@ -111,17 +114,16 @@ def run_all(
         where it was run: then it is returned.
     """
     run, result = RunDirectory(path), RunResult()
-    with ExitStack() as stack:
-        if run.path.is_dir():
-            stack.enter_context(run.lock())
+    with run.lock():
         wanted = {s.name: _wanted(s, run, options.get(s.name, {}), seed) for s in STAGES}
-        for stage in STAGES:
-            if until is not None and STAGES.index(stage) > STAGES.index(BY_NAME[until]):
-                break
+        plane = str(wanted["identify"].options["plane"])
+        stages = STAGES[: STAGES.index(BY_NAME[until]) + 1] if until is not None else STAGES
+        _refuse_foreign(run, run.manifest(), [s for s in stages if plane in s.planes])
+        for stage in stages:
             manifest = run.manifest()
             decision = judge(stage, run, manifest, wanted[stage.name])
             result.decisions.append(decision)
-            reason = _left_out(stage, str(wanted["identify"].options["plane"]), result.failure)
+            reason = _left_out(stage, plane, result.failure)
             if reason:
                 observer.decided(stage.name, f"{stage.name}: left out, {reason}")
                 result.left_out.append(stage.name)
@@ -132,14 +134,28 @@ def run_all(
             try:
                 result.outputs |= _execute(
                     stage, run, manifest, wanted[stage.name], options.get(stage.name, {}),
-                    observer, stack,
+                    observer,
                 )  # fmt: skip
             except NumericsError as error:
                 if stage.name not in OPTIONAL:
                     raise
                 result.failure = error
                 result.left_out.append(stage.name)
+        result.mains = _mains(run)
     return result
+
+
+def _mains(run: RunDirectory) -> dict[str, Any]:
+    """Main artifacts by stage."""
+    there = [s for s in STAGES if (run / s.main).exists()]
+    return {s.name: read_json(run / s.main) if ".json" in s.main else None for s in there}
+
+
+def _refuse_foreign(run: RunDirectory, manifest: Manifest | None, stages: Sequence[Stage]) -> None:
+    """Before any work: no output of the stages may stand where something foreign does."""
+    run.refuse_link(MANIFEST)
+    for stage in stages:
+        run.refuse_foreign(stage.name, stage.writes, manifest.own(stage.name) if manifest else ())
 
 
 def _left_out(stage: Stage, plane: str, failure: NumericsError | None) -> str:
@@ -214,19 +230,17 @@ def _execute(
     wanted: Wanted,
     options: Mapping[str, Any],
     observer: Observer,
-    stack: ExitStack,
 ) -> Outputs:
-    """Call a stage and write what it returns: first the outputs, then the manifest."""
+    """Call a stage and write what it returns: what is to come, the outputs, then the entry."""
     started, clock = _now(), time.perf_counter()
     former = manifest.stages.get(stage.name) if manifest else None
     wanted = _with_seed(stage, wanted, former)
     inputs = {name: run.sha256(name) or "" for name in matching(manifest, stage.reads)}
     given = Given(run, manifest, {**stage.options, **options}, wanted.seed or 0, observer)
     outputs, content = _call(stage, given, wanted)
-    if manifest is None and not run.path.is_dir():
-        stack.enter_context(run.lock())
     manifest = manifest or Manifest(program_version=__version__, created_at=started)
-    run.commit(content, frozenset(former.outputs if former else ()))
+    manifest = _announce(run, manifest, stage.name, content)
+    run.commit(content, manifest.own(stage.name))
     entry = _entry(wanted, inputs, started).model_copy(
         update={
             "outputs": {name: run.sha256(name) or "" for name in content},
@@ -236,6 +250,26 @@ def _execute(
     run.save(_with(manifest, stage.name, entry))
     observer.finished(stage.name, outputs, time.perf_counter() - clock)
     return outputs
+
+
+def _announce(
+    run: RunDirectory, manifest: Manifest, stage: str, outputs: Mapping[str, bytes]
+) -> Manifest:
+    """The manifest, saved, with outputs that are new to it: those of a killed run are then known.
+
+    Raises
+    ------
+    UsageError
+        Something that the stage has not written is in the way of one.
+    """
+    own = manifest.own(stage)
+    run.refuse_foreign(stage, outputs, own)
+    if outputs.keys() <= own:
+        return manifest
+    writing = {**manifest.writing, stage: tuple(sorted(own | outputs.keys()))}
+    manifest = manifest.model_copy(update={"writing": writing})
+    run.save(manifest)
+    return manifest
 
 
 def _with_seed(stage: Stage, wanted: Wanted, former: StageEntry | None) -> Wanted:
@@ -277,9 +311,9 @@ def _with(manifest: Manifest, name: str, entry: StageEntry) -> Manifest:
     stages = {**manifest.stages, name: entry}
     ordered = {s.name: stages.pop(s.name) for s in STAGES if s.name in stages} | stages
     failed = {key: attempt for key, attempt in manifest.failed.items() if key != name}
-    return manifest.model_copy(
-        update={"stages": ordered, "failed": failed, "program_version": __version__}
-    )
+    writing = {key: names for key, names in manifest.writing.items() if key != name}
+    done = {"stages": ordered, "failed": failed, "writing": writing}
+    return manifest.model_copy(update={**done, "program_version": __version__})
 
 
 def _record_failure(

@@ -38,6 +38,8 @@ class Stage:
         Planes of motion that it knows; a run of another plane goes on without it.
     reads : tuple of str
         Artifacts it reads, as patterns.
+    writes : tuple of str
+        Artifacts it writes under fixed names; those of ingest named for a trial come besides.
     main : str
         The artifact that ``--json`` prints.
     function : callable
@@ -56,6 +58,7 @@ class Stage:
     job: str
     after: tuple[str, ...]
     reads: tuple[str, ...]
+    writes: tuple[str, ...]
     main: str
     function: Callable[[Given], Outputs]
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -72,6 +75,7 @@ STAGES: tuple[Stage, ...] = (
         "logs on one clock, cleaned, with a quality report",
         after=(),
         reads=(),
+        writes=("ingest/vehicle.json", "ingest/quality.json"),
         main="ingest/quality.json",
         function=steps.ingest,
         options={
@@ -89,6 +93,7 @@ STAGES: tuple[Stage, ...] = (
         "maneuvers and their roles",
         after=("ingest",),
         reads=("ingest/*.parquet",),
+        writes=("segment/maneuvers.json", "segment/rejected.json"),
         main="segment/maneuvers.json",
         function=steps.segment,
         options={"hold_out": ()},
@@ -98,6 +103,7 @@ STAGES: tuple[Stage, ...] = (
         "coefficients from geometry",
         after=("ingest",),
         reads=("ingest/vehicle.json", "ingest/*.parquet"),
+        writes=("ase/coefficients.json",),
         main="ase/coefficients.json",
         function=steps.ase,
     ),
@@ -106,6 +112,7 @@ STAGES: tuple[Stage, ...] = (
         "coefficients from the maneuvers",
         after=("segment", "ase"),
         reads=("ingest/*", "segment/maneuvers.json", "ase/coefficients.json"),
+        writes=("identify/model.json", "identify/history.parquet", "identify/states.parquet"),
         main="identify/model.json",
         function=steps.identify,
         options={
@@ -122,6 +129,7 @@ STAGES: tuple[Stage, ...] = (
         "prediction of the held-out maneuvers",
         after=("identify",),
         reads=("ingest/*", "segment/maneuvers.json", "identify/model.json"),
+        writes=("validate/metrics.json", "validate/simulation.parquet"),
         main="validate/metrics.json",
         function=steps.validate,
     ),
@@ -135,6 +143,7 @@ STAGES: tuple[Stage, ...] = (
             "ase/coefficients.json",
             "identify/model.json",
         ),
+        writes=("diagnose/diagnosis.json", "diagnose/residuals.parquet"),
         main="diagnose/diagnosis.json",
         function=steps.diagnose,
         draws=True,
@@ -150,6 +159,12 @@ STAGES: tuple[Stage, ...] = (
             "ase/coefficients.json",
             "identify/model.json",
             "diagnose/diagnosis.json",
+        ),
+        writes=(
+            "refine/model.json",
+            "refine/comparison.json",
+            "refine/history.parquet",
+            "refine/simulation.parquet",
         ),
         main="refine/comparison.json",
         function=steps.refine,
@@ -170,6 +185,7 @@ STAGES: tuple[Stage, ...] = (
             "diagnose/*",
             "refine/*",
         ),
+        writes=("report/report.html",),
         main="report/report.html",
         function=steps.report,
         also=("diagnose", "refine"),

@@ -1,9 +1,10 @@
 """House style of the console: tables, numbers, lines of findings."""
 
 from collections.abc import Sequence
+from typing import IO
 
 from rich import box
-from rich.console import RenderableType
+from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
 
@@ -12,6 +13,18 @@ from auvident.schema.artifacts import Finding
 
 MOST_PLACES = 6  # places named of a finding that several share
 MOST_FINDINGS = 12  # lines of findings a stage; the artifact has all of them
+
+
+def console_for(stream: IO[str], width: int | None = None) -> Console:
+    """A console that shows text as it is: names of the user are no markup and no emoji.
+
+    Parameters
+    ----------
+    stream : text stream
+    width : int, optional
+        Columns; by default those of the terminal.
+    """
+    return Console(file=stream, width=width, markup=False, emoji=False, highlight=False)
 
 
 def house_table(title: str, left: Sequence[str], right: Sequence[str] = ()) -> Table:

@@ -51,7 +51,13 @@ class StageEntry(Artifact):
 
 
 class Manifest(Artifact):
-    """``run.json``."""
+    """``run.json``.
+
+    Attributes
+    ----------
+    writing : dict of str to tuple of str
+        Outputs that a stage was about to write and may have left without its entry, by stage.
+    """
 
     schema_: str = Field(default="auvident/run/1", alias="schema")
     program: str = "auvident"
@@ -59,3 +65,23 @@ class Manifest(Artifact):
     created_at: str
     stages: dict[str, StageEntry] = {}
     failed: dict[str, Attempt] = {}
+    writing: dict[str, tuple[str, ...]] = {}
+
+    def own(self, stage: str) -> frozenset[str]:
+        """Files that a stage has written, or may have when it was killed."""
+        entry = self.stages.get(stage)
+        return frozenset(entry.outputs if entry else ()) | frozenset(self.writing.get(stage, ()))
+
+    def strays(self) -> list[tuple[str, str]]:
+        """Stages with files that cannot be theirs: a manifest is data, which anyone may edit."""
+        stages = dict.fromkeys((*self.stages, *self.writing))
+        claimed = [(stage, name) for stage in stages for name in sorted(self.own(stage))]
+        return [(stage, name) for stage, name in claimed if not can_be_output(stage, name)]
+
+
+def can_be_output(stage: str, name: str) -> bool:
+    """Whether a path can be that of an output: a file right in the folder of its stage."""
+    folder, _, file = name.partition("/")
+    if folder != stage or not stage.replace("-", "_").isidentifier():
+        return False
+    return file not in ("", ".", "..") and not set(file) & set("/\\\0")

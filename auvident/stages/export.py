@@ -1,6 +1,7 @@
 """An identified model as text for other programs: data, or equations that stand alone."""
 
 import json
+import re
 from collections.abc import Callable
 
 from auvident.engines.carried import internal_values
@@ -16,6 +17,7 @@ from auvident.physics.terms import (
     structure_of,
 )
 from auvident.schema.artifacts import IdentifiedModel
+from auvident.schema.quoting import comment, csv_cell, quoted
 
 # Valid in Python and in MATLAB alike.
 POWER_TEXT = {
@@ -30,6 +32,10 @@ INPUTS = {
     "vertical": ("elevator_rad", "rudder_rad", "rate_rps"),
 }
 ANGLE = {"horizontal": "heading", "vertical": "pitch"}
+BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")  # of TOML; others stand in quotes
+CSV_COLUMNS = (
+    "symbol", "value", "std", "unit", "prime", "prior", "prior_std", "origin", "data_share",
+)  # fmt: skip
 SLEW = "rudder_rate_limit"  # the one effect that the equation forms have room for
 
 
@@ -71,27 +77,26 @@ def _json(model: IdentifiedModel) -> str:
 
 def _toml(model: IdentifiedModel) -> str:
     """A table that can stand in a vehicle file: the next identification starts from it."""
-    lines = [f"# {_title(model)}", "# Dimensional SI values; valid in a vehicle file.", ""]
+    lines = [f"# {_title(model, quoted)}", "# Dimensional SI values; valid in a vehicle file.", ""]
     if model.effects:
-        names = ", ".join(str(effect.get("id", "")) for effect in model.effects)
+        names = comment(", ".join(str(effect.get("id", "")) for effect in model.effects))
         lines += [f"# Identified together with the effects {names}, which have no place here.", ""]
     lines.append("[coefficients]")
     for c in model.coefficients:
-        key = f'"{c.symbol}"' if "|" in c.symbol else c.symbol
-        lines.append(f"{key} = {{ value = {c.value!r}, std = {c.std!r} }}  # {c.unit}")
+        key = c.symbol if BARE_KEY.fullmatch(c.symbol) else f'"{quoted(c.symbol)}"'
+        lines.append(f"{key} = {{ value = {c.value!r}, std = {c.std!r} }}  # {comment(c.unit)}")
     return "\n".join(lines) + "\n"
 
 
 def _csv(model: IdentifiedModel) -> str:
-    lines = ["symbol,value,std,unit,prime,prior,prior_std,origin,data_share"]
+    lines = [",".join(CSV_COLUMNS)]
     for c in model.coefficients:
-        numbers = f"{c.prime!r},{c.prior!r},{c.prior_std!r},{c.origin},{c.data_share!r}"
-        lines.append(f"{c.symbol},{c.value!r},{c.std!r},{c.unit},{numbers}")
+        lines.append(",".join(csv_cell(getattr(c, name)) for name in CSV_COLUMNS))
     return "\n".join(lines) + "\n"
 
 
-def _title(model: IdentifiedModel) -> str:
-    return f"{model.vehicle}: model of the {model.plane} plane, identified by auvident."
+def _title(model: IdentifiedModel, escaped: Callable[[str], str]) -> str:
+    return f"{escaped(model.vehicle)}: model of the {model.plane} plane, identified by auvident."
 
 
 def _parameters(model: IdentifiedModel) -> dict[str, float]:
@@ -231,7 +236,7 @@ def _python(model: IdentifiedModel) -> str:
     names = PLANE_NAMES[model.plane]
     indent = " " * 8
     return PYTHON.format(
-        title=_title(model),
+        title=_title(model, quoted),
         states=f"u, {names['a']}, {names['b']}, {ANGLE[model.plane]}",
         inputs=", ".join(INPUTS[model.plane]),
         parameters="\n".join(f"{k} = {v!r}" for k, v in _parameters(model).items()),
@@ -256,7 +261,7 @@ def _matlab(model: IdentifiedModel) -> str:
     unpack = [f"{name} = x({i});" for i, name in enumerate(states, start=1)]
     unpack += [f"{name} = inputs({i});" for i, name in enumerate(INPUTS[model.plane], start=1)]
     return MATLAB.format(
-        title=_title(model),
+        title=_title(model, comment),
         states=" ".join(states),
         inputs=" ".join(INPUTS[model.plane]),
         parameters="\n".join(f"{k} = {v!r};" for k, v in _parameters(model).items()),

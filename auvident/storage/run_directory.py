@@ -1,13 +1,12 @@
 """The run directory: artifacts by stage, the manifest, and a lock while a stage writes."""
 
-import errno
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 from auvident.errors import InputError, StageError, UsageError
-from auvident.schema.manifest import Manifest
+from auvident.schema.manifest import Manifest, can_be_output
 from auvident.storage.artifacts import (
     TEMPORARY_SUFFIX,
     json_bytes,
@@ -15,15 +14,13 @@ from auvident.storage.artifacts import (
     sha256_of,
     write_bytes,
 )
-
-try:
-    import fcntl
-except ImportError:  # not on Windows: no lock there
-    fcntl = None  # type: ignore[assignment]
+from auvident.storage.lock import locked
 
 MANIFEST = "run.json"
 PACKAGE = "package:"  # path of a file that comes with the program
 PACKAGE_ROOT = Path(__file__).resolve().parents[1]
+EXPECTED = {"schema_": "auvident/run/1", "program": "auvident"}
+NOT_OURS = "It was not written by this program; use another run directory."
 
 
 class RunDirectory:
@@ -32,7 +29,7 @@ class RunDirectory:
     Parameters
     ----------
     path : Path
-        It need not exist; nothing is created before the first `commit`.
+        It need not exist; the `lock` makes it.
     """
 
     def __init__(self, path: Path) -> None:
@@ -49,59 +46,101 @@ class RunDirectory:
         Raises
         ------
         StageError
-            It is damaged, or of a later version of the program.
+            It is damaged, or of a later version of the program, or claims files that no stage
+            can have written.
         """
         place = self.path / MANIFEST
         if not place.exists():
             return None
-        remedy = "It was not written by this program; use another run directory."
-        return read_model(place, Manifest, remedy)
+        manifest = read_model(place, Manifest, NOT_OURS)
+        for key, wanted in EXPECTED.items():
+            if (found := getattr(manifest, key)) != wanted:
+                name = key.rstrip("_")
+                raise StageError(f"{name} is {found!r}, not {wanted!r}", str(place), NOT_OURS)
+        for stage, name in manifest.strays():
+            raise StageError(
+                f"stage {stage} cannot have written {name!r}", str(place),
+                "The manifest was changed; correct it, or use another run directory.",
+            )  # fmt: skip
+        return manifest
 
     @contextmanager
     def lock(self) -> Iterator[None]:
-        """Keep other processes from writing; the system releases it when the process dies.
+        """Keep other processes out, from before anything is read; see `locked`.
 
         Raises
         ------
-        UsageError
+        InUseError
             Another process has it.
         """
-        self._create()
-        descriptor = os.open(self.path, os.O_RDONLY) if fcntl else None
-        try:
-            if descriptor is not None:
-                self._take(descriptor)
+        with locked(self.path):
             self._remove_partial_files()
             yield
-        finally:
-            if descriptor is not None:
-                os.close(descriptor)
-
-    def _create(self) -> None:
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(
-                f"cannot be created: {error.strerror}", str(self.path), "Name another folder."
-            ) from None
-
-    def _take(self, descriptor: int) -> None:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            if error.errno in (errno.EWOULDBLOCK, errno.EACCES):
-                raise UsageError(
-                    "another auvident process is working in this run directory",
-                    str(self.path),
-                    "Wait for it to end, or use another run directory.",
-                ) from None
-            # a file system without locks: nothing to be done about it
 
     def _remove_partial_files(self) -> None:
         """Leftovers of a killed process; only with the lock, else they may be alive."""
         for pattern in (f".*{TEMPORARY_SUFFIX}", f"*/.*{TEMPORARY_SUFFIX}"):
             for leftover in self.path.glob(pattern):
-                leftover.unlink(missing_ok=True)
+                name = leftover.relative_to(self.path).as_posix()
+                if leftover.is_file() and self.link_on_the_way(name) is None:
+                    leftover.unlink(missing_ok=True)
+
+    def link_on_the_way(self, relative: str) -> Path | None:
+        """The first symbolic link from the run directory to a file in it; None without one.
+
+        The run directory itself may be one: that is the place which the user named.
+        """
+        place = self.path
+        for part in Path(relative).parts:
+            place = place / part
+            if place.is_symlink():
+                return place
+        return None
+
+    def refuse_link(self, relative: str) -> None:
+        """Refuse to write or delete through a symbolic link.
+
+        Raises
+        ------
+        UsageError
+        """
+        link = self.link_on_the_way(relative)
+        if link is not None:
+            raise UsageError(
+                "is a symbolic link, and nothing is written or deleted through one", str(link),
+                "Remove the link, or use another run directory.",
+            )  # fmt: skip
+
+    def refuse_foreign(self, stage: str, names: Collection[str], own: Collection[str]) -> None:
+        """Refuse outputs of a stage where something stands that the program has not written.
+
+        Parameters
+        ----------
+        stage : str
+        names : collection of str
+            The outputs.
+        own : collection of str
+            Files that the stage has written before.
+
+        Raises
+        ------
+        InputError
+            A name is none that an artifact can have.
+        UsageError
+            A file is in the way, or a link.
+        """
+        self.refuse_link(stage)
+        if (self.path / stage).exists() and not (self.path / stage).is_dir():
+            raise _in_the_way(self.path / stage)
+        for name in names:
+            if not can_be_output(stage, name):
+                raise InputError(
+                    f"{name!r} cannot be the name of an artifact", str(self.path / name),
+                    "Rename the log file or folder that it is called for.",
+                )  # fmt: skip
+            self.refuse_link(name)
+            if name not in own and (self.path / name).exists():
+                raise _in_the_way(self.path / name)
 
     def commit(self, outputs: Mapping[str, bytes], obsolete: frozenset[str] = frozenset()) -> None:
         """Write the outputs of a stage and remove those that it no longer has.
@@ -109,6 +148,8 @@ class RunDirectory:
         The manifest follows by `save`: a process killed in between leaves outputs that do not
         fit the manifest, so the stage counts as stale and runs again.
         """
+        for relative in outputs.keys() | obsolete:
+            self.refuse_link(relative)
         try:
             for relative, content in outputs.items():
                 write_bytes(self.path / relative, content)
@@ -119,6 +160,7 @@ class RunDirectory:
 
     def save(self, manifest: Manifest) -> None:
         """Replace the manifest."""
+        self.refuse_link(MANIFEST)
         try:
             write_bytes(self.path / MANIFEST, json_bytes(manifest, MANIFEST))
         except OSError as error:
@@ -131,8 +173,8 @@ class RunDirectory:
         )
 
     def sha256(self, relative: str) -> str | None:
-        """Hash of an artifact; None when it is missing."""
-        return sha256_of(self.path / relative)
+        """Hash of an artifact; None when it is missing, or stands behind a link elsewhere."""
+        return None if self.link_on_the_way(relative) else sha256_of(self.path / relative)
 
     def remembered(self, path: Path) -> str:
         """A path outside of the run directory as the manifest keeps it.
@@ -175,3 +217,10 @@ class RunDirectory:
                 f"Run `auvident ingest LOG... --vehicle V.toml --run {self.path}` first.",
             )
         return manifest
+
+
+def _in_the_way(place: Path) -> UsageError:
+    return UsageError(
+        "was not written by auvident and would be overwritten", str(place),
+        "Move it away, or use another run directory.",
+    )  # fmt: skip

@@ -2,19 +2,25 @@
 
 import io
 import json
+import re
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console, RenderableType
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rich.console import RenderableType
 
 from auvident.pipeline.given import Given
+from auvident.report import console_style
 from auvident.report.console import findings_lines, number, stage_report
+from auvident.report.console_style import console_for, house_table
 from auvident.schema.artifacts import Finding
 from auvident.storage.run_directory import RunDirectory
 
 
 def text_of(pieces: list[RenderableType]) -> str:
-    console = Console(file=io.StringIO(), width=140)
+    console = console_for(io.StringIO(), width=140)
     for piece in pieces:
         console.print(piece)
     return console.file.getvalue()  # type: ignore[attr-defined]
@@ -66,3 +72,81 @@ def test_the_same_finding_of_several_places_is_said_once() -> None:
     assert "wrong sign" in text
     many = [Finding(code=f"c{i}", message=f"m{i}") for i in range(20)]
     assert "and 8 more findings" in text_of(findings_lines(many))
+
+
+NASTY = (
+    "[/dev]",
+    "[bold]x",
+    "[red]x[/red]",
+    ":warning:",
+    "[link=a]b",
+    "\\[x]",
+    "[/]",
+    "[[]]",
+    "a]",
+)
+BRACKETS = st.text(alphabet="[]/\\:@=#ab1", min_size=1, max_size=12)
+
+
+def assert_verbatim(name: str, pieces: list[RenderableType], times: int = 1) -> None:
+    console = console_for(io.StringIO(), width=1000)
+    for piece in pieces:
+        console.print(piece)
+    text = console.file.getvalue()  # type: ignore[attr-defined]
+    assert text.count(f" {name} ") + text.count(f"{name}:") >= times, text
+
+
+@settings(max_examples=60, deadline=None)
+@given(BRACKETS)
+def test_names_of_the_user_stand_in_the_tables_as_they_are(name: str) -> None:
+    """As title, head of a column, cell, caption and finding."""
+    wide = "-" * 80  # so that no text is broken
+    table = house_table(f"Run directory {name} .", (f"x {name} ", wide), (f"y {name} ",))
+    table.add_row(f"x {name} ", wide, f" {name} .")
+    table.caption = f"and {name} more"
+    finding = Finding(code="a", message=f"{name} .", where=name)
+    assert_verbatim(name, [table], times=6)
+    assert_verbatim(name, [*findings_lines([finding])], times=2)
+
+
+@pytest.mark.parametrize("name", NASTY)
+def test_every_stage_shows_the_names_as_they_are(demo: Path, name: str) -> None:
+    outputs = outputs_of(demo)
+    quality, model = outputs["ingest/quality.json"], outputs["identify/model.json"]
+    trial = quality.trials[0].model_copy(update={"trial": name})
+    odd = {
+        "ingest/quality.json": quality.model_copy(update={"trials": (trial,)}),
+        "segment/maneuvers.json": [outputs["segment/maneuvers.json"][0].model_copy(
+            update={"id": name, "trial": name})],
+        "segment/rejected.json": {"rejected": (), "findings": ()},
+        "ase/coefficients.json": outputs["ase/coefficients.json"].model_copy(
+            update={"vehicle": name}),
+        "identify/model.json": model.model_copy(update={"vehicle": name, "coefficients": (
+            model.coefficients[0].model_copy(update={"unit": name}), *model.coefficients[1:])}),
+    }  # fmt: skip
+    for stage in ("ingest", "segment", "ase", "identify"):
+        console = console_for(io.StringIO(), width=1000)
+        for piece in stage_report(stage, odd):
+            console.print(piece)
+        assert name in console.file.getvalue()  # type: ignore[attr-defined]
+
+
+def test_the_style_has_the_only_console() -> None:
+    """So that none reads names as markup."""
+    package = Path(console_style.__file__).parents[1]
+    makers = [p.name for p in package.rglob("*.py") if re.search(r"\bConsole\(", p.read_text())]
+    assert makers == ["console_style.py"]
+
+
+@pytest.mark.parametrize("name", NASTY)
+def test_the_bar_shows_the_text_as_it_is(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    from auvident.cli import watch
+
+    stream = io.StringIO()
+    monkeypatch.setattr(watch.sys, "stderr", stream)
+    bar, task = watch._start_bar()
+    bar.update(task, description=f"reading {name} .")
+    console = console_for(io.StringIO(), width=200)
+    console.print(bar.get_renderable())
+    bar.stop()
+    assert f"reading {name} ." in console.file.getvalue()  # type: ignore[attr-defined]

@@ -1,0 +1,32 @@
+"""Text from outside (names, symbols, units) as it may stand in other languages.
+
+Whatever the text holds, it ends no string, no comment and no line. Of the console the style has
+the one place (`auvident.report.console_style.console_for`), of HTML the template engine.
+"""
+
+
+def quoted(text: str) -> str:
+    r"""What stands between double quotes, the same in Python and in TOML.
+
+    Quotes and backslashes come with a backslash; what does not print, ends of lines among it,
+    as ``\uXXXX`` or ``\UXXXXXXXX``. It is one line, and has no quotes to end a docstring.
+    """
+    return "".join(f"\\{c}" if c in '"\\' else c if c.isprintable() else _code(c) for c in text)
+
+
+def comment(text: str) -> str:
+    """What stands in a comment that ends with its line: Python, TOML, MATLAB."""
+    return "".join(c if c.isprintable() else _code(c) for c in text)
+
+
+def _code(character: str) -> str:
+    number = ord(character)
+    return f"\\u{number:04x}" if number <= 0xFFFF else f"\\U{number:08x}"
+
+
+def csv_cell(value: str | float) -> str:
+    """A cell of a CSV file; commas, quotes and ends of lines stand in quotes."""
+    text = value if isinstance(value, str) else repr(value)
+    if not set(text) & set(',"\r\n'):
+        return text
+    return '"' + text.replace('"', '""') + '"'
