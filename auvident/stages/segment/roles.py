@@ -5,6 +5,7 @@ where there are two, and one of several straight runs, so that speed is predicte
 steps too (the turns and zigzags that identify are run at several speeds). It takes maneuvers from
 the middle of the range, so that the validation interpolates: the rest keeps the largest and the
 smallest fin angle, both sides and both ends of the speed range as long as others can be spared.
+What overlaps with the maneuvers held out, in either plane, is settled in `split`.
 """
 
 from collections.abc import Collection, Sequence
