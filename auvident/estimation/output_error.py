@@ -211,8 +211,10 @@ def correlation_time(residual: Array, longest: int) -> float:
     Returns
     -------
     float
-        At least 1 (white).
+        At least 1 (white); 1 where nothing was measured.
     """
+    if not np.isfinite(residual).any():
+        return 1.0
     x = np.where(np.isfinite(residual), residual, 0.0)
     size = 1 << (2 * len(x) - 1).bit_length()
     spectrum = np.fft.rfft(x, size)

@@ -41,8 +41,13 @@ class Maneuver(Artifact):
     features: dict[str, Any] = {}
 
     def shows(self, plane: Plane) -> bool:
-        """Whether it identifies and validates in a plane: a thrust-step run does in both."""
+        """Whether it identifies and validates in a plane.
+
+        A thrust-step run does in both, unless ``planes`` among its features says in which.
+        """
         own = self.features.get("plane", "horizontal")
+        if "planes" in self.features:
+            return plane in self.features["planes"]
         return own == plane or (self.kind == "straight" and own == "horizontal")
 
 

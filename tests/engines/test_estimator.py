@@ -205,6 +205,23 @@ def test_missing_readings_do_not_make_a_residual_white() -> None:
     np.testing.assert_allclose(noise[:3], expected, rtol=1e-6)
 
 
+def test_a_record_without_a_reading_of_a_channel_says_nothing_about_it() -> None:
+    setup = setup_of()
+    turn = [kind for kind, _ in setup.records.values()].index("turn")
+
+    def without_sway(number, n):
+        x = np.full((n, 4), 1.0)
+        x[:, 1] = np.nan if number == turn else 1.0
+        return x
+
+    whole = with_residual(setup, lambda number, n: np.ones((n, 4)))
+    missing = noise_of(with_residual(setup, without_sway))
+    others = dict(list(whole.records.items())[1:])  # it holds the turns alone
+    assert len(others) == len(whole.records) - 1
+    assert missing[0] == noise_of(whole)[0]
+    assert missing[1] == noise_of(replace(whole, records=others))[1]
+
+
 # --- what is free --------------------------------------------------------------------------
 
 

@@ -263,6 +263,11 @@ def test_nothing_to_correlate_counts_as_white(residual) -> None:
     assert correlation_time(residual, 5) == 1.0
 
 
+@pytest.mark.parametrize("residual", [np.zeros(0), np.full(7, np.nan)])
+def test_correlation_time_of_nothing_is_that_of_white_noise(residual) -> None:
+    assert correlation_time(residual, 5) == 1.0
+
+
 def test_correlation_time_does_not_depend_on_the_unit() -> None:
     x = autoregressive(0.7, 3000, np.random.default_rng(0))
     assert correlation_time(1e-9 * x, 300) == pytest.approx(correlation_time(x, 300), rel=1e-9)

@@ -1,6 +1,7 @@
 """Identification: the stages of a plan, from the ASE to the identified model."""
 
-from auvident.stages.identify.setup import prepare, without_held_out
+from auvident.stages.identify.held_out import without_held_out
+from auvident.stages.identify.setup import prepare
 from auvident.stages.identify.stage import Identification, identify
 
 __all__ = ["Identification", "identify", "prepare", "without_held_out"]

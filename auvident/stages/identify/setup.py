@@ -21,11 +21,12 @@ from auvident.schema.artifacts import (
     RigidBody,
     Sensing,
 )
-from auvident.schema.channels import BY_COLUMN, TIME_COLUMN
+from auvident.schema.channels import BY_COLUMN
 from auvident.schema.coefficients import Plane, symbols_of
 from auvident.schema.plan import Plan
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
+from auvident.stages.identify.held_out import identifying, without_held_out
 
 Array = npt.NDArray[Any]
 
@@ -54,12 +55,9 @@ def prepare(
     sensing = sensing_of(vehicle, noise, plane)
     sensor = sensor_matrix(plane, sensing)
     by_name = {trial.name: without_held_out(trial, maneuvers, plane) for trial in trials}
-    chosen = [m for m in maneuvers.maneuvers if m.role == "identify" and m.shows(plane)]
+    chosen = identifying(trials, maneuvers, plane)
     if not chosen:
-        raise NumericsError(
-            f"no maneuver of the {plane} plane identifies",
-            remedy="Hold out fewer maneuvers, or add a trial with maneuvers of this plane.",
-        )
+        raise _nothing_identifies(maneuvers, plane)
     records = {m.id: (m.kind, record_of(m, by_name[m.trial], plane, sensor)) for m in chosen}
     values, stds = priors(ase, plane)
     stds |= {name: std for name, std in carried.prior_std.items() if std > 0.0}
@@ -92,21 +90,18 @@ def _masked(record: Record, carried: Carried) -> Record:
     return replace(record, measured=measured)
 
 
-def without_held_out(trial: Trial, maneuvers: Maneuvers, plane: Plane) -> Trial:
-    """The trial with the rows of the plane's held-out maneuvers blanked: they choose nothing."""
-    held = [
-        m
-        for m in maneuvers.maneuvers
-        if m.role == "validate" and m.trial == trial.name and m.shows(plane)
-    ]
-    if not held:
-        return trial
-    table = trial.table.copy()
-    measured = [c for c in BY_COLUMN if c in table and BY_COLUMN[c].kind == "measured"]
-    for m in held:
-        rows = (table[TIME_COLUMN] >= m.t_start_s) & (table[TIME_COLUMN] < m.t_end_s)
-        table.loc[rows, measured] = np.nan
-    return replace(trial, table=table)
+def _nothing_identifies(maneuvers: Maneuvers, plane: Plane) -> NumericsError:
+    within = [m.id for m in maneuvers.maneuvers if m.role == "identify" and m.shows(plane)]
+    if within:
+        return NumericsError(
+            f"every maneuver of the {plane} plane that identifies lies within held-out ones",
+            where=", ".join(within),
+            remedy="Hold out other maneuvers with `auvident segment --hold-out`.",
+        )
+    return NumericsError(
+        f"no maneuver of the {plane} plane identifies",
+        remedy="Hold out fewer maneuvers, or add a trial with maneuvers of this plane.",
+    )
 
 
 def priors(ase: AseResult, plane: Plane) -> tuple[dict[str, float], dict[str, float]]:

@@ -34,6 +34,7 @@ from auvident.schema.coefficients import BY_SYMBOL, Plane
 from auvident.schema.plan import Plan, PlanStage
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
+from auvident.stages.identify.held_out import overlap_findings
 from auvident.stages.identify.result import Step, history_of, model_of, states_of
 from auvident.stages.identify.setup import prepare
 from auvident.stages.identify.step_length import step_findings
@@ -105,7 +106,8 @@ def identify(
     runs = [_run(setup, factor, progress) for factor in plan.start]
     done, _ = runs[-1]
     means = [at_mean(setup, steps[-1].outcome, steps[-1].stage) for steps, _ in runs]
-    findings = list(dict.fromkeys(finding for _, told in runs for finding in told))
+    findings = overlap_findings(trials, maneuvers, plane)
+    findings += dict.fromkeys(finding for _, told in runs for finding in told)
     findings += _disagreement(means, setup)
     final = _average(setup, means)
     information = data_information(setup, final, done[-1].stage)

@@ -33,7 +33,9 @@ class Piece:
 
     `v`, `fin`, `rate` and `angle` are sway, rudder, yaw rate and heading, or heave, elevator,
     pitch rate and pitch; `fin` and `rpm` are free of spikes, `fin_logged` and `rpm_logged` are
-    as they came; `speed` and `rate_mean` are running means.
+    as they came; `speed` and `rate_mean` are running means. `depth` is NaN in gaps too long to
+    bridge, None where the trial has none; `descent` is the rate of sinking by surge, heave and
+    pitch, None where they are not logged.
     """
 
     trial: str
@@ -52,6 +54,7 @@ class Piece:
     rate: Array
     angle: Array
     depth: Array | None
+    descent: Array | None
     speed: Array
     rate_mean: Array
 
@@ -120,6 +123,8 @@ def pieces_of(trial: Trial, plane: str = "horizontal") -> list[Piece]:
     label = np.where(usable, record, -1).astype(np.int64)
     for column in needed:
         _bridge(columns[column], held=column in _INPUTS)
+    if "depth_m" in columns:
+        _bridge_short(columns["depth_m"], round(BRIDGED_S * trial.rate_hz))
     ranges = [
         (a, b)
         for a, b in _without_long_gaps(usable, round(BRIDGED_S * trial.rate_hz))
@@ -147,6 +152,19 @@ def _bridge(values: Array, held: bool) -> None:
         values[missing] = values[good[before]]
     else:
         values[missing] = np.interp(missing, good, values[good])
+
+
+def _bridge_short(values: Array, longest: int) -> None:
+    """Fill gaps of at most `longest` rows between two readings of a motion in place."""
+    for start, stop in true_ranges(~np.isfinite(values)):
+        if start > 0 and stop < values.size and stop - start <= longest:
+            _bridge(values[start - 1 : stop + 1], held=False)
+
+
+def true_ranges(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Half-open ranges in which a mask holds."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _without_long_gaps(usable: NDArray[np.bool_], longest: int) -> list[tuple[int, int]]:
@@ -177,7 +195,8 @@ def _piece(
     angle = columns.get("heading_rad" if horizontal else "pitch_rad", np.array([]))[rows]
     if angle.size != t.size or not np.isfinite(angle).all():
         angle = heading_from_rate(t, rate)
-    depth = columns.get("depth_m", np.array([]))[rows]
+    deep = columns.get("depth_m", np.array([]))
+    depth = deep[rows] if np.isfinite(deep).any() else None
     narrow = odd_samples(MEDIAN_WINDOW_S, trial.rate_hz)
     wide = odd_samples(MEAN_WINDOW_S, trial.rate_hz)
     u, rpm = columns["u_mps"][rows], columns["rpm"][rows]
@@ -198,7 +217,16 @@ def _piece(
         fin_logged=fin,
         rate=rate,
         angle=angle,
-        depth=depth if depth.size == t.size and np.isfinite(depth).all() else None,
+        depth=depth,
+        descent=_descent(columns, rows),
         speed=running_mean(u, wide),
         rate_mean=running_mean(rate, wide),
     )
+
+
+def _descent(columns: dict[str, Array], rows: slice) -> Array | None:
+    """Rate of sinking by the motion over the ground (positive down), if it is logged [m/s]."""
+    if "pitch_rad" not in columns or "w_mps" not in columns:
+        return None
+    u, w, pitch = (columns[c][rows] for c in ("u_mps", "w_mps", "pitch_rad"))
+    return np.asarray(w * np.cos(pitch) - u * np.sin(pitch))

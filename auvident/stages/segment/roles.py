@@ -5,28 +5,34 @@ where there are two, and one of several straight runs, so that speed is predicte
 steps too (the turns and zigzags that identify are run at several speeds). It takes maneuvers from
 the middle of the range, so that the validation interpolates: the rest keeps the largest and the
 smallest fin angle, both sides and both ends of the speed range as long as others can be spared.
+What overlaps with the maneuvers held out, in either plane, is settled in `split`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 from auvident.errors import InputError, UsageError
 from auvident.schema.artifacts import Finding, Maneuver
+from auvident.schema.coefficients import PLANES
 
 HELD_OUT_SHARE = 0.25
 LEAST_OF_KIND = {"zigzag": 2, "turn": 2, "straight": 2}  # fewer: all are needed to identify
 SAME_ANGLE_DEG = 1.0  # fin angles within this are one amplitude
 
 
-def choose(maneuvers: Sequence[Maneuver]) -> set[str]:
-    """IDs of the maneuvers held out by the automatic choice; it does not depend on the order."""
+def choose(maneuvers: Sequence[Maneuver], barred: Collection[str] = ()) -> set[str]:
+    """IDs of the maneuvers held out by the automatic choice; it does not depend on the order.
+
+    Those whose ID is `barred` identify.
+    """
     held: set[str] = set()
     for kind, least in LEAST_OF_KIND.items():
-        for plane in ("horizontal", "vertical"):
+        for plane in PLANES:
             same = [m for m in maneuvers if m.kind == kind and _plane(m) == plane]
+            same = [m for m in same if m.shows(plane)]
             if len(same) >= least:
                 number = 1 if kind == "straight" else max(1, round(HELD_OUT_SHARE * len(same)))
-                held |= _of_one_kind(same, number)
+                held |= _of_one_kind(same, number, {m.id for m in _spare(same)} - set(barred))
     return held
 
 
@@ -34,14 +40,27 @@ def _plane(m: Maneuver) -> str:
     return str(m.features.get("plane", "horizontal"))
 
 
-def _of_one_kind(maneuvers: Sequence[Maneuver], number: int) -> set[str]:
+def _spare(same: Sequence[Maneuver]) -> Sequence[Maneuver]:
+    """Those of one kind that may be held out.
+
+    Of straight runs that serve both planes one, where another is left to each; else they are
+    needed to identify.
+    """
+    both = [m for m in same if all(m.shows(plane) for plane in PLANES)]
+    if len(both) > 1:
+        return both
+    return [m for m in same if m not in both]
+
+
+def _of_one_kind(maneuvers: Sequence[Maneuver], number: int, spare: Collection[str]) -> set[str]:
     """The most central ones that can be spared, one after the other."""
     remaining = sorted(maneuvers, key=lambda m: (_amplitude(m), _speed(m), m.id))
     held: list[Maneuver] = []
     while len(held) < number and len(remaining) > 1:
-        best = min(
-            remaining, key=lambda m: (_losses(m, remaining, held), _off_centre(m, remaining))
-        )
+        free = [m for m in remaining if m.id in spare]
+        if not free:
+            break
+        best = min(free, key=lambda m: (_losses(m, remaining, held), _off_centre(m, remaining)))
         remaining.remove(best)
         held.append(best)
     return {m.id for m in held}

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 from auvident.errors import InputError
 from auvident.schema.artifacts import Finding, Maneuver, Maneuvers, Rejected
@@ -12,6 +13,7 @@ from auvident.stages.segment.features import features_of, reference_rms
 from auvident.stages.segment.gaps import parts_of, settle_cuts
 from auvident.stages.segment.pieces import Found, Piece, pieces_of
 from auvident.stages.segment.scales import Scales, held_fins, scales_of
+from auvident.stages.segment.split import split
 from auvident.stages.segment.straights import find_straights
 from auvident.stages.segment.turns import find_turns
 from auvident.stages.segment.zigzags import find_zigzags
@@ -20,6 +22,16 @@ CLOSEST = 8  # rejected candidates named when nothing was found
 
 Search = Callable[[Piece, Scales], tuple[list[Found], list[Rejected]]]
 Searched = tuple[list[Found], list[Rejected], list[Finding]]
+Whole = tuple[Maneuver, Found]  # a maneuver with its ID and figures, before it is cut into parts
+
+
+@dataclass(frozen=True)
+class Gathered:
+    """What a search found in all trials."""
+
+    wholes: list[Whole] = field(default_factory=list)
+    rejected: list[Rejected] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
 
 
 def segment(trials: Sequence[Trial], *, hold_out: Sequence[str] = ()) -> Maneuvers:
@@ -83,24 +95,32 @@ def assemble(
     hold_out: Sequence[str],
 ) -> Maneuvers:
     """Search every trial and give roles to what is found; arguments as for `segment`."""
-    wholes: list[tuple[Maneuver, Found]] = []
-    rejected: list[Rejected] = []
-    findings: list[Finding] = []
+    gathered = gather(trials, search)
+    if not gathered.wholes:
+        raise nothing_found(trials, plane, gathered.rejected)
+    return finished(gathered, trials, hold_out)
+
+
+def gather(trials: Sequence[Trial], search: Callable[[Trial], Searched]) -> Gathered:
+    """Search every trial and name what is found."""
+    gathered = Gathered()
     for trial in trials:
         found, refused, said = search(trial)
-        wholes += zip(_named(trial.name, found), found, strict=True)
-        rejected += refused
-        findings += said
-    if not wholes:
-        raise _nothing_found(trials, plane, rejected)
-    maneuvers = [m for m, _ in wholes]
+        gathered.wholes.extend(zip(_named(trial.name, found), found, strict=True))
+        gathered.rejected.extend(refused)
+        gathered.findings.extend(said)
+    return gathered
+
+
+def finished(gathered: Gathered, trials: Sequence[Trial], hold_out: Sequence[str]) -> Maneuvers:
+    """Roles and parts of what was gathered."""
     names = [trial.name for trial in trials]
-    held = roles.requested(maneuvers, names, hold_out) if hold_out else roles.choose(maneuvers)
-    final = roles.with_roles(maneuvers, held)
-    findings += roles.role_findings(final)
-    parts = [p for m, (_, f) in zip(final, wholes, strict=True) for p in _parts(m, f)]
-    return Maneuvers.model_validate(
-        {"maneuvers": tuple(parts), "rejected": tuple(rejected), "findings": tuple(findings)}
+    final, said = split([m for m, _ in gathered.wholes], names, hold_out)
+    parts = [p for m, (_, f) in zip(final, gathered.wholes, strict=True) for p in _parts(m, f)]
+    return Maneuvers(
+        maneuvers=tuple(parts),
+        rejected=tuple(gathered.rejected),
+        findings=(*gathered.findings, *said),
     )
 
 
@@ -152,10 +172,9 @@ def _named(trial: str, found: Sequence[Found]) -> list[Maneuver]:
     named = []
     for f in found:
         count[f.kind] += 1
-        prefix = "" if f.plane == "horizontal" else f"{f.plane}-"
         named.append(
             Maneuver(
-                id=f"{trial}-{prefix}{f.kind}-{count[f.kind]}",
+                id=maneuver_id(trial, f.plane, f.kind, count[f.kind]),
                 trial=trial,
                 kind=f.kind,
                 t_start_s=round(f.piece.time(f.start), 3),
@@ -165,6 +184,11 @@ def _named(trial: str, found: Sequence[Found]) -> list[Maneuver]:
             )
         )
     return named
+
+
+def maneuver_id(trial: str, plane: str, kind: str, number: int) -> str:
+    """ID of a maneuver; those of the vertical plane say so."""
+    return f"{trial}-{'' if plane == 'horizontal' else f'{plane}-'}{kind}-{number}"
 
 
 def _no_record(trial: Trial, plane: str) -> Finding:
@@ -198,7 +222,7 @@ def _wrong_sign(trial: Trial, plane: str) -> Finding:
     )
 
 
-def _nothing_found(trials: Sequence[Trial], plane: str, rejected: Sequence[Rejected]) -> InputError:
+def nothing_found(trials: Sequence[Trial], plane: str, rejected: Sequence[Rejected]) -> InputError:
     """What came closest, and why each failed."""
     longest = sorted(rejected, key=lambda r: r.t_start_s - r.t_end_s)[:CLOSEST]
     lines = [

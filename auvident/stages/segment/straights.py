@@ -17,8 +17,9 @@ from auvident.physics.figures_plateaus import (
 )
 from auvident.physics.figures_straight import RPM_STEP_SHARE, SHORTEST_LEVEL_S, rpm_levels
 from auvident.schema.artifacts import Rejected
+from auvident.stages.segment.depth import sink_rate
 from auvident.stages.segment.helm import Level, split_by_other_helm, without_other_helm
-from auvident.stages.segment.pieces import MEAN_WINDOW_S, Found, Piece
+from auvident.stages.segment.pieces import MEAN_WINDOW_S, Found, Piece, true_ranges
 from auvident.stages.segment.scales import LEAST_FIN_RAD, Scales
 
 FALLBACK_YAW_RATE_RADPS = np.radians(1.0)  # limit of straight where nothing was ever steered
@@ -30,7 +31,6 @@ DRIFT_EQUIVALENT_RAD = np.radians(9.0)  # asymmetry and sea turn no faster than 
 REST_S = 10.0  # a rudder still for this long has been left alone
 AFLOAT_SPEED_SHARE = 0.2  # of cruise: below, the vehicle does not run
 DIVE_SLOPE = 0.1  # vertical over forward speed (6 degrees): diving or surfacing, not a level run
-DIVE_WINDOW_S = 4.0
 BRIDGE_S = 3.0  # a gust or a wave may disturb the run for this long ...
 BRIDGE_RAD = np.radians(5.0)  # ... and by this heading
 EDGE_RPM_SHARE = 0.5  # of cruise: a first or last level below has a quarter of the thrust, idles
@@ -111,12 +111,8 @@ def steady_mask(piece: Piece, scales: Scales) -> np.ndarray:
     sea = float(np.median(rate[small & afloat])) if (small & afloat).any() else 0.0
     limit = np.clip(SEA_BAND * MEDIAN_OF_ABS_TO_STD * sea, least, most)
     steady = small & afloat & ((rate <= limit) | (_at_rest(piece, scales) & (rate <= most)))
-    if piece.depth is not None:
-        sink = running_mean(
-            np.gradient(piece.depth, piece.t), odd_samples(DIVE_WINDOW_S, piece.rate_hz)
-        )
-        steady &= np.abs(sink) <= DIVE_SLOPE * np.maximum(piece.speed, scales.speed_mps)
-    return np.asarray(steady)
+    dives = np.abs(sink_rate(piece)) > DIVE_SLOPE * np.maximum(piece.speed, scales.speed_mps)
+    return np.asarray(steady & ~dives)  # a rate that nothing tells is no dive
 
 
 def _rate_limits(scales: Scales) -> tuple[float, float]:
@@ -134,12 +130,6 @@ def _at_rest(piece: Piece, scales: Scales) -> np.ndarray:
         if abs(p.level) < LEAST_FIN_RAD and p.samples >= piece.samples(REST_S):
             rest[p.start : p.stop] = True
     return rest
-
-
-def true_ranges(mask: np.ndarray) -> list[tuple[int, int]]:
-    """Half-open ranges in which a mask holds."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _bridged(piece: Piece, end: int, start: int, taken: Sequence[Found]) -> bool:

@@ -138,10 +138,11 @@ def _was_ordered(piece: Piece, scales: Scales, p: Plateau, start: int) -> bool:
 
 
 def thrust_steps(piece: Piece, scales: Scales, start: int, stop: int) -> list[int]:
-    """Samples in a range at which the propeller rate begins to change."""
+    """Samples in a range, within the piece, at which the propeller rate begins to change."""
     second = max(1, piece.samples(1.0))
     first = max(start, second)
-    change = np.abs(piece.rpm[first:stop] - piece.rpm[first - second : max(stop - second, 0)])
+    last = max(first, min(stop, piece.size))
+    change = np.abs(piece.rpm[first:last] - piece.rpm[first - second : last - second])
     moving = change > max(RPM_LEVEL_SHARE * scales.rpm, 4 * scales.rpm_noise)
     begins = np.flatnonzero(np.diff(np.concatenate(([0], moving.astype(np.int8)))) == 1)
     return [first + int(i) for i in begins]

@@ -4,15 +4,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from auvident.physics.figures_plateaus import odd_samples, running_mean
 from auvident.physics.figures_straight import rpm_levels
 from auvident.schema.artifacts import Maneuvers, Rejected
 from auvident.schema.trial import Trial
+from auvident.stages.segment.depth import DIVE_WINDOW_S, sink_by_depth
 from auvident.stages.segment.elevators import find_elevator_zigzags, on_clock_of
-from auvident.stages.segment.pieces import Found, Piece
+from auvident.stages.segment.pieces import Found, Piece, true_ranges
 from auvident.stages.segment.scales import Scales
 from auvident.stages.segment.stage import Searched, assemble, search_trial
-from auvident.stages.segment.straights import DIVE_WINDOW_S, find_straights, true_ranges
+from auvident.stages.segment.straights import find_straights
 
 STEP_SLOPE = 0.03  # vertical over forward speed (2 degrees): a change of depth was ordered
 SETTLE_S = 10.0  # the depth swings in after a step; orders closer than twice this are one run
@@ -96,7 +96,8 @@ def find_depth_steps(
     rejected: list[Rejected] = []
     if piece.depth is None:
         return found, rejected
-    usual = float(np.median(piece.depth[piece.speed > 0.5 * scales.speed_mps]))
+    under_way = piece.depth[(piece.speed > 0.5 * scales.speed_mps) & np.isfinite(piece.depth)]
+    usual = float(np.median(under_way)) if under_way.size else 0.0
     steps: list[tuple[int, int]] = []
     for start, stop in depth_changes(piece, scales, taken):
         depth = piece.depth[start:stop]
@@ -111,7 +112,7 @@ def find_depth_steps(
             steps.append((start, stop))
     for start, stop in _joined(piece, scales, steps, taken):
         depth = piece.depth[start:stop]
-        ends = [round(float(x), 3) for x in (depth.min(), depth.max())]
+        ends = [round(float(x), 3) for x in (np.nanmin(depth), np.nanmax(depth))]
         notes = {"maneuver": "depth_step", "depth_range_m": ends}
         found.append(Found("straight", piece, start, stop, plane="vertical", notes=notes))
     return found, rejected
@@ -119,9 +120,7 @@ def find_depth_steps(
 
 def depth_changes(piece: Piece, scales: Scales, taken: Sequence[Found]) -> list[tuple[int, int]]:
     """Half-open ranges in which the depth changes outside the zigzags."""
-    depth = np.asarray(piece.depth)
-    sink = running_mean(np.gradient(depth, piece.t), odd_samples(DIVE_WINDOW_S, piece.rate_hz))
-    changes = np.abs(sink) > STEP_SLOPE * scales.speed_mps
+    changes = np.abs(sink_by_depth(piece)) > STEP_SLOPE * scales.speed_mps
     for other in taken:  # a zigzag swings the depth, and leaves one to recover from
         changes[other.start : other.stop + 2 * piece.samples(SETTLE_S)] = False
     return true_ranges(changes)

@@ -1,0 +1,152 @@
+"""Both planes in one list: each stretch once, numbered in time order, of one role."""
+
+from functools import cache
+from itertools import combinations
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+from segment_world import Sail, Ship, random_trial
+from test_segment_samples import SAMPLES, ingested
+
+from auvident.pipeline.planes import segment_both
+from auvident.schema.artifacts import Maneuver, Maneuvers
+from auvident.schema.coefficients import PLANES
+from auvident.schema.trial import Trial
+from auvident.stages.segment import segment, segment_vertical
+
+SAME_S = 5.0  # runs that begin and end within this are one stretch
+MOST = 0.5
+# generated vertical trials in which the straight runs of the two searches differ
+VEHICLES = {303: "remus100", 307: "remus100", 309: "remus100", 313: "remus100", 316: "tern180"}
+SEEDS = list(VEHICLES)
+
+
+@cache
+def dived(seed: int) -> Trial:
+    """A generated trial of the vertical plane."""
+    recipe = {"name": f"v{seed}", "vehicle": VEHICLES[seed], "seed": seed, "spread": 0.2}
+    few = {} if seed % 3 else {"straights": 3, "depth_steps": 5, "vertical_zigzags": 4}
+    with pytest.MonkeyPatch.context() as patch, TemporaryDirectory() as folder:
+        patch.syspath_prepend(str(SAMPLES))
+        from seatrial.trial import generate
+
+        log = Path(folder) / recipe["name"]
+        generate({**recipe, "plane": "vertical", "schedule": few}, log)
+        return ingested(log, VEHICLES[seed])
+
+
+@cache
+def found(seed: int) -> Maneuvers:
+    return segment_both([dived(seed)], ())
+
+
+def runs(found: Maneuvers) -> list[Maneuver]:
+    """Straight runs with thrust steps."""
+    own = [m for m in found.maneuvers if m.kind == "straight"]
+    return [m for m in own if m.features["plane"] == "horizontal"]
+
+
+def same(a: Maneuver, b: Maneuver) -> bool:
+    ends = ((a.t_start_s, b.t_start_s), (a.t_end_s, b.t_end_s))
+    return a.trial == b.trial and all(abs(x - y) <= SAME_S for x, y in ends)
+
+
+def common(a: Maneuver, b: Maneuver) -> float:
+    return max(0.0, min(a.t_end_s, b.t_end_s) - max(a.t_start_s, b.t_start_s))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_stretch_that_both_searches_find_stands_once(seed) -> None:
+    for a, b in combinations(runs(found(seed)), 2):
+        assert not same(a, b), (a.id, b.id)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_every_stretch_that_a_search_finds_stands(seed) -> None:
+    for search in (segment, segment_vertical):
+        for m in search([dived(seed)]).maneuvers:
+            twins = [x for x in found(seed).maneuvers if x.kind == m.kind and same(x, m)]
+            assert [x.features["plane"] for x in twins] == [m.features["plane"]], m.id
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_ids_are_numbered_in_time_order_over_both_planes(seed) -> None:
+    for kind in ("straight", "turn", "zigzag"):
+        own = [m for m in found(seed).maneuvers if m.kind == kind]
+        prefix = {"horizontal": "", "vertical": "vertical-"}
+        assert [m.id for m in own] == [
+            f"v{seed}-{prefix[m.features['plane']]}{kind}-{i + 1}" for i, m in enumerate(own)
+        ]
+        assert [m.t_start_s for m in own] == sorted(m.t_start_s for m in own)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("plane", PLANES)
+def test_no_plane_counts_a_reading_twice(seed, plane) -> None:
+    own = [m for m in found(seed).maneuvers if m.shows(plane)]
+    for a, b in combinations(own, 2):
+        assert common(a, b) <= SAME_S, (a.id, b.id)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_stretch_has_one_role(seed) -> None:
+    """Also in two planes: what lies within a held-out maneuver is held out."""
+    for a in found(seed).maneuvers:
+        for b in found(seed).maneuvers:
+            if b.role == "validate" and common(a, b) > MOST * (a.t_end_s - a.t_start_s):
+                assert a.role == "validate", (a.id, b.id)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("plane", PLANES)
+def test_both_planes_stay_identifiable(seed, plane) -> None:
+    own = [m for m in found(seed).maneuvers if m.shows(plane)]
+    kinds = {(m.kind, m.features["plane"]) for m in own}
+    assert {(m.kind, m.features["plane"]) for m in own if m.role == "identify"} == kinds
+
+
+def test_what_goes_along_is_said() -> None:
+    said = {f.where: f for f in found(316).findings if f.code == "held_out_along"}
+    assert set(said) == {"v316-vertical-straight-8", "v316-straight-9"}
+    assert all("v316-straight-7" in f.message and f.value > MOST for f in said.values())
+    held = {m.id for m in found(316).maneuvers if m.role == "validate"}
+    assert {"v316-straight-7", *said} <= held
+
+
+def test_what_the_user_holds_out_takes_along_what_lies_within_it() -> None:
+    result = segment_both([dived(316)], ("v316-straight-7",))
+    held = {m.id for m in result.maneuvers if m.role == "validate"}
+    assert held == {"v316-straight-7", "v316-vertical-straight-8", "v316-straight-9"}
+
+
+def test_the_ids_of_the_sample_trial_are_what_they_were() -> None:
+    names = [f"vertical-zigzag-{i}" for i in range(1, 6)]
+    names += ["straight-1", "straight-2", "vertical-straight-3", "vertical-straight-4"]
+    names += ["vertical-zigzag-6", *(f"vertical-straight-{i}" for i in range(5, 9))]
+    result = segment_both([ingested(SAMPLES / "dive_trial", "remus100")], ())
+    assert [m.id for m in result.maneuvers] == [f"dive_trial-{name}" for name in names]
+    assert all("planes" not in m.features for m in result.maneuvers)
+
+
+def test_a_trial_without_vertical_maneuvers_is_that_of_the_horizontal_search() -> None:
+    trial, _ = random_trial(Ship(), 5)
+    assert segment_both([trial], ()) == segment([trial])
+
+
+def test_the_parts_of_a_torn_maneuver_have_one_role_whichever_is_named() -> None:
+    s = Sail(Ship(), np.random.default_rng(0))
+    s.u = s.ship.cruise_mps
+    s.steer(30, 900, 0, 0.9, 0.14)
+    s.turn(0.2, 900, 500)
+    s.steer(30, 900, s.psi, 0.9, 0.14)
+    s.turn(-0.2, 900, 500)
+    trial = s.trial()
+    torn = trial.table["time_s"].between(s.truth[0][1] + 20, s.truth[0][1] + 22)
+    trial.table.loc[torn, "u_mps"] = np.nan
+    trial.table.loc[torn, "record"] = -1
+    trial.table.loc[trial.table.index > torn[torn].index[-1], "record"] = 1
+    result = segment_both([trial], ("trial-turn-1a",))
+    held = [m.id for m in result.maneuvers if m.role == "validate"]
+    assert held == ["trial-turn-1a", "trial-turn-1b"]
