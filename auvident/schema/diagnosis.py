@@ -45,9 +45,10 @@ class Candidate(Artifact):
     """One effect that was tried.
 
     ``gain`` is the rise of the log-likelihood by adding it, in nats, corrected for the colour of
-    the residual; never below zero, as the fit with it holds the one without. ``p`` is the share
-    of sign-flipped residuals in which some candidate's first-order gain is as large as this
-    one's first-order gain. ``held_back_gain`` is that of identifying maneuvers left out in turn,
+    the residual; never below zero, as the fit with it holds the one without. ``held_back_gain``
+    is that of identifying maneuvers left out in turn, ``p`` how often the best of all candidates
+    would gain as much there by chance (signs of the gains drawn, times the candidates), both
+    only of candidates that came so far,
     ``improved`` the share of them that it helps, ``rms_fall`` the relative fall of the residual
     by channel. ``refitted`` is false where ``gain`` is only what the first steps promise.
     ``rejected`` says which test it failed; empty for an accepted one.

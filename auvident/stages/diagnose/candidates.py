@@ -43,15 +43,13 @@ class Tried:
 class Round:
     """One search: the model it began with and what was tried, best first.
 
-    ``screened`` are first-order gains by candidate [nats], ``chances`` how often a search finds as
-    much by chance.
+    ``screened`` are first-order gains by candidate [nats].
     """
 
     before: Fitted
     joint: Joint
     tried: tuple[Tried, ...]
     screened: dict[str, float]
-    chances: dict[str, float]
     alike: tuple[str, ...] = ()
     accepted: str | None = None
 

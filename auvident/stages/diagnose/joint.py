@@ -31,7 +31,6 @@ from auvident.stages.diagnose.fits import (
 
 Array = npt.NDArray[Any]
 
-BLOCK_S = 20.0  # residuals further apart than this count as independent
 SMALLEST = 1.0e-12
 
 
@@ -50,8 +49,6 @@ class Joint:
     gradient : (n,) array
     curvature : (n, n) array
         Summed over the maneuvers, starts eliminated.
-    block_gradients : (b, n) array
-        The same gradient in blocks of `BLOCK_S`.
     raw : (3, n, n) array
         Mean products of the unwhitened slopes of each channel.
     """
@@ -62,7 +59,6 @@ class Joint:
     half: float
     gradient: Array
     curvature: Array
-    block_gradients: Array
     raw: Array
 
     def columns(self, positions: Sequence[int] | Array) -> Array:
@@ -88,29 +84,26 @@ def joint_about(
     parts = each(lambda r: _slopes_of(case, fitted, r, moving, gain), case.records, len)
     if any(part is None for part in parts):
         return None
-    half, gradient, curvature, blocks, raw, count = zip(*parts, strict=True)  # type: ignore[arg-type]
+    half, gradient, curvature, raw, count = zip(*parts, strict=True)  # type: ignore[arg-type]
     mean = sum(raw) / np.maximum(sum(count), 1.0)[:, None, None]
-    return Joint(case, fitted, free, sum(half), sum(gradient), sum(curvature),
-                 np.concatenate(blocks), mean)  # fmt: skip
+    return Joint(case, fitted, free, sum(half), sum(gradient), sum(curvature), mean)
 
 
 def _slopes_of(
     case: Case, fitted: Fitted, record: Record, moving: Free, gain: Array | None
-) -> tuple[float, Array, Array, Array, Array, Array] | None:
+) -> tuple[float, Array, Array, Array, Array] | None:
     """Share of a record in what `Joint` holds, with the count of its readings (3,)."""
     whitened = _white_slopes(case, fitted, fitted.parameters, record, moving, gain)
     if whitened is None:
         return None
     found, seen, rows = whitened
     error, own = _without_start(rows, fitted.colours)
-    blocks = _in_blocks(error[:, None] * own, len(seen), case.setup.dt_s)
     own_slopes = [found.slopes[seen[:, c], c, N_STATES:] for c in range(N_CHANNELS)]
     lost = lost_readings(record, seen, np.arange(N_CHANNELS))
     return (
         0.5 * (float(rows[:, 0] @ error) + lost),
         rows[:, 1 + N_START :].T @ error,
         rows[:, 1 + N_START :].T @ own,
-        blocks,
         np.array([part.T @ part for part in own_slopes]),
         np.array([float(len(part)) for part in own_slopes]),
     )
@@ -186,14 +179,6 @@ def _without_start(rows: Array, colours: Colours) -> tuple[Array, Array]:
     share = np.linalg.solve(start.T @ start + held, start.T @ rows)
     left = rows - start @ share
     return left[:, 0], left[:, 1 + N_START :]
-
-
-def _in_blocks(products: Array, n: int, dt_s: float) -> Array:
-    """Sums (b, k) of rows, which stand channel below channel, over blocks of time."""
-    number = (np.arange(n) * dt_s // BLOCK_S).astype(np.int64)
-    first = np.flatnonzero(np.diff(number, prepend=-1))
-    sums: Array = np.add.reduceat(products.reshape(N_CHANNELS, n, -1).sum(axis=0), first)
-    return sums
 
 
 @dataclass(frozen=True)
@@ -299,59 +284,3 @@ def _canonical(aa: Array, bb: Array, ab: Array) -> float:
         return np.asarray(vectors / np.sqrt(values) @ vectors.T)
 
     return float(np.clip(np.linalg.svd(root(aa) @ ab @ root(bb), compute_uv=False)[0], 0.0, 1.0))
-
-
-def chances(
-    joint: Joint, candidates: Sequence[str], rng: np.random.Generator, draws: int
-) -> dict[str, float]:
-    """How often a search finds as much by chance as each candidate gains to first order.
-
-    A wild block bootstrap with the maximum over all candidates (Cameron, Gelbach and Miller
-    2008; Westfall and Young 1993): the signs of the residual's blocks are drawn, which leaves
-    their size and colour and takes their cause away. Observed and drawn gains are the same
-    statistic, `linear_gains`.
-
-    Returns
-    -------
-    dict of str to float
-        Probability by candidate, 1 / (1 + draws) at least.
-    """
-    signs = rng.choice([-1.0, 1.0], size=(draws, len(joint.block_gradients)))
-    own = linear_gains(joint, candidates, np.ones((1, len(joint.block_gradients))))[0]
-    most = linear_gains(joint, candidates, signs).max(axis=1, initial=0.0)
-    return {
-        c: float((1 + np.sum(most >= gain)) / (1 + draws))
-        for c, gain in zip(candidates, own, strict=True)
-    }
-
-
-def linear_gains(joint: Joint, candidates: Sequence[str], signs: Array) -> Array:
-    """Gain (d, k) of each candidate to first order, with blocks of the residual of given signs.
-
-    The coefficients adjust; no bound is heeded and no start but the fitted model is tried.
-
-    Parameters
-    ----------
-    signs : (d, b) array
-        Of the blocks of `Joint.block_gradients`; ones are the residual as it is.
-    """
-    gradients = signs @ joint.block_gradients
-    base = joint.columns(joint.fitted.free)
-    _, information, _, _ = prior_of(joint.case, joint.fitted.free, _open(joint))
-    h = joint.curvature
-    inner = np.linalg.inv(h[np.ix_(base, base)] + information)
-    found = np.zeros((len(gradients), len(candidates)))
-    for k, effect in enumerate(candidates):
-        own = joint.columns([i for i in joint.case.positions(effect) if i not in joint.fitted.free])
-        if not own.size:
-            own = joint.columns(joint.case.positions(effect))
-        rest = np.setdiff1d(base, own)
-        share = (
-            inner @ h[np.ix_(base, own)] if rest.size == base.size
-            else np.linalg.solve(h[np.ix_(rest, rest)] + np.eye(len(rest)) * 1e-9,
-                                 h[np.ix_(rest, own)])
-        )  # fmt: skip
-        left = h[np.ix_(own, own)] - h[np.ix_(own, rest)] @ share + np.eye(len(own))
-        score_ = gradients[:, own] - gradients[:, rest] @ share
-        found[:, k] = 0.5 * np.einsum("dk,dk->d", score_, np.linalg.solve(left, score_.T).T)
-    return found

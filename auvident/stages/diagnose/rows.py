@@ -76,8 +76,11 @@ def diagnosis_of(evidence: Evidence, model: IdentifiedModel, maneuvers: Maneuver
 
 def _false_alarm_p(traced: Traced) -> float | None:
     """How often a search finds as much by chance as the first effect named; None without one."""
-    named = [r for r in traced.rounds if r.accepted in traced.named]
-    return named[0].chances.get(str(named[0].accepted)) if named else None
+    first = next((r for r in traced.rounds if r.accepted in traced.named), None)
+    if first is None:
+        return None
+    named = next(t for t in first.tried if t.id == first.accepted)
+    return named.helped.p if named.helped else None
 
 
 def _disturbances(evidence: Evidence) -> list[EffectFound]:
@@ -227,12 +230,11 @@ def _candidates(rounds: Sequence[Round], case: Case) -> list[Candidate]:
         for name, gain in done.screened.items():
             if name not in rows:
                 rows[name] = Candidate(
-                    id=name, family=BY_ID[name].family, gain=gain, p=done.chances.get(name),
-                    rejected="not in the short list",
-                )  # fmt: skip
+                    id=name, family=BY_ID[name].family, gain=gain, rejected="not in the short list"
+                )
         for tried in done.tried:
             if name_open(rows, tried):
-                rows[tried.id] = _candidate(case, tried, done.chances.get(tried.id))
+                rows[tried.id] = _candidate(case, tried)
     return sorted(rows.values(), key=lambda c: -c.gain)
 
 
@@ -242,11 +244,12 @@ def name_open(rows: dict[str, Candidate], tried: Tried) -> bool:
     return known is None or not known.refitted or not tried.refused
 
 
-def _candidate(case: Case, tried: Tried, p: float | None) -> Candidate:
+def _candidate(case: Case, tried: Tried) -> Candidate:
     nothing = np.zeros(len(tried.fitted.parameters))
     values = effect_values(case, tried.id, tried.fitted.parameters, nothing)
     return Candidate(
-        id=tried.id, family=BY_ID[tried.id].family, gain=tried.gain, p=p,
+        id=tried.id, family=BY_ID[tried.id].family, gain=tried.gain,
+        p=tried.helped.p if tried.helped else None,
         parameters=tuple(v.model_copy(update={"low": None, "high": None}) for v in values),
         held_back_gain=tried.helped.gain if tried.helped else None,
         improved=tried.helped.share if tried.helped else None,

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import chdtrc
 
 from auvident.errors import NumericsError
 from auvident.stages.diagnose import thrust_time
@@ -39,7 +40,6 @@ from auvident.stages.diagnose.fits import (
 )
 from auvident.stages.diagnose.joint import (
     Joint,
-    chances,
     cosine,
     joint_about,
     score,
@@ -79,7 +79,6 @@ NO_FALL = f"no residual falls by {100 * LEAST_FALL:.0f} %"
 # [nats] from which on a term of higher order that comes first is claimed
 CLAIMED_FROM = 300.0
 LEAST_RECORDS = 2  # maneuvers without which none can be left out
-DRAWS = 199  # of the sign flips
 # [nats] by which a model has to be the better one, for others to be fitted again: where it was not
 # stuck it came out better by 0 to 10 (seed 1601), where it was by 615
 STUCK = 20.0
@@ -168,12 +167,11 @@ class Search:
         like += [c for any_ in short for c in steady(any_)]
         short += [c for c in like if c in open_ids]
         tried, before = self._tried(before, list(dict.fromkeys(short)), scores)
-        by_chance = chances(joint, open_ids, self.rng, DRAWS)
         judged, accepted = self._judge(before, tried)
         screened = {c: s[0] for c, s in scores.items()}
         alike = self._alike(joint, accepted, judged) if accepted else ()
         name = accepted.id if accepted else None
-        done = Round(before, joint, tuple(judged), screened, by_chance, alike, name)
+        done = Round(before, joint, tuple(judged), screened, alike, name)
         if accepted is None:
             return done, before
         self.steps.append(f"{accepted.id} added: {accepted.gain:.0f} nats")
@@ -321,13 +319,18 @@ class Search:
         return judged, accepted
 
     def _helped(self, before: Fitted, reference: LeftOut, own: LeftOut, t: Tried) -> Helped:
+        """What an effect brings to maneuvers left out; p is that of one among all candidates."""
         found = helped(reference, own, self.rng)
         checked = check_cost(self.case, before.parameters) - check_cost(
             self.case, t.fitted.parameters
         )
         if checked > CHECK_GAIN:  # what the sensors say needs no maneuver
-            return Helped(found.gain + checked, max(found.share, 1.0), found.low + checked)
-        return found
+            by_sensors = float(chdtrc(len(self.case.positions(t.id)), 2.0 * checked))
+            found = Helped(
+                found.gain + checked, max(found.share, 1.0), found.low + checked,
+                p=2.0 * min(by_sensors, found.p),
+            )  # fmt: skip
+        return replace(found, p=min(1.0, len(self.candidates) * found.p))
 
     def _refusal(self, before: Fitted, t: Tried, least: float) -> str:
         if not t.settled:

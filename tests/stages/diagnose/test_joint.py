@@ -1,4 +1,4 @@
-"""The screen of all effects against explicit Newton steps, and its sign flips."""
+"""The screen of all effects against explicit Newton steps."""
 
 from dataclasses import replace
 from functools import cache
@@ -18,11 +18,9 @@ from auvident.stages.diagnose.fits import (
 )
 from auvident.stages.diagnose.joint import (
     Joint,
-    chances,
     cosine,
     gains_of_absent,
     joint_about,
-    linear_gains,
     score,
     unabsorbed,
 )
@@ -155,47 +153,6 @@ def test_what_coefficients_take_up_is_not_kept() -> None:
     assert bias[0] > 0.3
     assert ((bias >= 0.0) & (bias <= 1.0)).all()
     assert rms.shape == (1, 3)
-
-
-# --- sign flips ----------------------------------------------------------------------------
-
-
-def test_blocks_add_up_to_the_gradient() -> None:
-    total = joint().block_gradients.sum(axis=0)
-    size = np.sqrt(np.diag(joint().curvature))
-    # blocks are of what is left by the start: its prior, five deviations wide, makes 1/25 of it
-    np.testing.assert_allclose(total / size, joint().gradient / size, atol=0.2)
-    assert np.abs(joint().block_gradients / size).max() > 2.0
-
-
-def test_chances_repeat_with_the_seed_and_are_of_each_candidate() -> None:
-    signs = np.random.default_rng(5).choice([-1.0, 1.0], size=len(joint().block_gradients))
-    own = replace(joint(), block_gradients=signs[:, None] * joint().block_gradients)
-    found = [chances(own, TRIED, np.random.default_rng(s), 50) for s in (3, 3, 4)]
-    assert found[0] == found[1] != found[2]
-    assert list(found[0]) == list(TRIED)
-    assert all(1 / 51 <= p <= 1.0 for p in found[0].values())
-    gains = dict(zip(TRIED, linear_gains(own, TRIED, np.ones((1, len(signs))))[0], strict=True))
-    order = sorted(TRIED, key=lambda c: -gains[c])
-    assert [found[0][c] for c in order] == sorted(found[0].values())  # more gain, less chance
-
-
-def test_more_candidates_find_more_by_chance() -> None:
-    few, many = (chances(joint(), c, np.random.default_rng(0), 100) for c in (TRIED[:2], TRIED))
-    assert all(many[c] >= few[c] for c in few)
-    assert sum(many[c] for c in few) > sum(few.values())
-
-
-def test_a_residual_with_signs_by_chance_is_found_out_by_chance() -> None:
-    """Observed and drawn gains are one statistic: p is uniform where the signs mean nothing."""
-    rng, best = np.random.default_rng(11), []
-    for _ in range(100):
-        signs = rng.choice([-1.0, 1.0], size=len(joint().block_gradients))
-        own = replace(joint(), block_gradients=signs[:, None] * joint().block_gradients)
-        best.append(min(chances(own, TRIED, rng, 99).values()))
-    # the least p is that of the largest gain; Kolmogorov-Smirnov with 100 draws: 0.163 at 1 %
-    distance = np.abs(np.sort(best) - (np.arange(100) + 0.5) / 100).max()
-    assert distance < 0.163
 
 
 # --- forms of an absent effect -------------------------------------------------------------

@@ -8,7 +8,7 @@ import pytest
 
 from auvident.stages.diagnose.candidates import unhelpful
 from auvident.stages.diagnose.case import Case
-from auvident.stages.diagnose.leftout import BLOCK_S, LeftOut, helped, leave_out
+from auvident.stages.diagnose.leftout import BLOCK_S, LeftOut, chance_of, helped, leave_out
 from tests.stages.diagnose.loop_chain import small_case, small_fit
 
 POISONED = 2
@@ -114,3 +114,21 @@ def test_the_bootstrap_repeats_with_the_seed() -> None:
     before, after = made([40.0, 20.0, 9.0]), made([30.0, 22.0, 7.0])
     one, two = (helped(before, after, np.random.default_rng(5)) for _ in range(2))
     assert one == two
+
+
+# --- by chance -----------------------------------------------------------------------------
+
+
+def test_an_effect_that_means_nothing_is_found_out_by_chance() -> None:
+    """What is observed and what is drawn are one statistic: p is uniform where signs are chance."""
+    rng = np.random.default_rng(11)
+    found = [chance_of(rng.standard_t(3, size=60), rng, 199) for _ in range(200)]
+    # Kolmogorov-Smirnov with 200 draws: 0.115 at 1 %; p comes in steps of 1/200
+    assert np.abs(np.sort(found) - (np.arange(200) + 0.5) / 200).max() < 0.115
+
+
+def test_an_effect_that_always_helps_has_the_least_p() -> None:
+    rng = np.random.default_rng(0)
+    assert chance_of(rng.uniform(1.0, 30.0, size=60), rng, 999) == pytest.approx(1e-3)
+    assert chance_of(-rng.uniform(1.0, 30.0, size=60), rng, 999) == 1.0
+    assert chance_of(np.ones(3), rng, 9999) == pytest.approx(0.125, abs=0.02)  # too few blocks

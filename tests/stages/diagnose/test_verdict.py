@@ -11,6 +11,7 @@ from auvident.stages.diagnose.candidates import Round, Traced, Tried
 from auvident.stages.diagnose.fits import fit_with, log_gain
 from auvident.stages.diagnose.free_forces import FreeForce
 from auvident.stages.diagnose.joint import joint_about
+from auvident.stages.diagnose.leftout import Helped
 from auvident.stages.diagnose.rows import diagnosis_of
 from auvident.stages.diagnose.verdict import Evidence
 from auvident.stages.diagnose.waves import Wave
@@ -28,9 +29,10 @@ def evidence() -> Evidence:
     joint = joint_about(case, before, SEEN)
     assert found is not None and joint is not None
     found = replace(found, log_likelihood=before.log_likelihood + 1000.0)
-    tried = Tried("gyro_bias", found, log_gain(before, found), {"u": 0.0, "v": 0.0, "r": 0.5})
-    done = Round(before, joint, (tried,), {"gyro_bias": 1000.0}, {"gyro_bias": 0.02},
-                 accepted="gyro_bias")  # fmt: skip
+    falls = {"u": 0.0, "v": 0.0, "r": 0.5}
+    helped = Helped(900.0, 1.0, 800.0, p=0.02)
+    tried = Tried("gyro_bias", found, log_gain(before, found), falls, helped)
+    done = Round(before, joint, (tried,), {"gyro_bias": 1000.0}, accepted="gyro_bias")
     traced = Traced(case, before, found, (done,))
     return Evidence(traced, SEEN, (), None, (), None, ())
 
