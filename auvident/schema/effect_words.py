@@ -17,6 +17,7 @@ SHORT = {
     "rudder_deadband": "a rudder that ignores commands below {deadband_deg:.1f} deg",
     "rudder_asymmetry": "a rudder stronger to one side by {gain:.2f}",
     "rudder_stall": "a rudder that stalls at about {angle_deg:.0f} deg",
+    "propeller_race": "the race of the propeller on the rudder, {c_m2ps2pn:.4f} m^2/s^2 per N",
     "propeller_lag": "a propeller that follows with a lag of {lag_s:.2f} s",
     "thrust_sag": "thrust that falls by {fraction_per_1000_s:.2f} in 1000 s",
     "thrust_step": "thrust that falls by {fraction:.2f}",

@@ -430,6 +430,7 @@ def test_a_size_whose_interval_holds_zero_is_not_confirmed_anywhere() -> None:
     assert found.candidates[0].rejected.startswith("not confirmed")
     both = claimed(0.9, 0.6, effects=(OFFSET, EVENT))
     assert both.verdict == "effect_found" and [e.id for e in both.effects] == ["one_off_event"]
+    assert not both.unexplained
 
 
 def test_where_the_model_before_is_kept_nothing_is_claimed() -> None:

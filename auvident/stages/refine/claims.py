@@ -36,7 +36,7 @@ def claims_of(
     named = {e.id for e in effects}
     groups = tuple(g for g in diagnosis.ambiguous if named & set(g))
     unexplained = dict(diagnosis.unexplained)
-    if doubted:
+    if doubted and not effects:
         unexplained["nearest"] = ", ".join(e.id for e in doubted)
     verdict = _verdict(diagnosis.verdict, effects, groups, bool(doubted))
     said = statement(
