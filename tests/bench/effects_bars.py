@@ -56,11 +56,11 @@ def bars(scores: Scores) -> Table:
         _at_least("right id or in a stated group", 0.88, [s.right_or_group for s in seen]),
         _at_most("wrong name, nothing of the family", 0.03, [s.wrong_name for s in single]),
         _at_most("nothing planted: anything stated", 0.05, [stated(s) for s in none]),
-        _at_most("outside of the library: confident name", 0.20, [s.declared for s in outside]),
+        _at_most("outside of the library: confident name", 0.20, [s.confident for s in outside]),
         _at_least("size within its 95 % interval", 0.85, sizes),
         _at_least("pairs: both families", 0.80, [s.right_family for s in pair]),
         *prediction_bars(scores),
-        *for_information(single, none, pair),
+        *for_information(single, none, outside, pair),
     ]  # fmt: skip
 
 
@@ -92,7 +92,7 @@ def prediction_bars(scores: Scores) -> Table:
     ]  # fmt: skip
 
 
-def for_information(single: Scores, none: Scores, pair: Scores) -> Table:
+def for_information(single: Scores, none: Scores, outside: Scores, pair: Scores) -> Table:
     """Figures without a bar."""
     hidden = [s for s in single if not s.visible]
     finding = [s for s in single if s.label in FINDING_OF]
@@ -100,6 +100,10 @@ def for_information(single: Scores, none: Scores, pair: Scores) -> Table:
         _at_least("visible share of planted effects", None, [bool(s.visible) for s in single]),
         _at_most("visible, verdict unexplained", None,
                  [s.verdict == "unexplained" for s in single if s.visible]),
+        _at_most("visible, partly explained", None,
+                 [s.verdict == "partly_explained" for s in single if s.visible]),
+        _at_most("outside of the library: partly explained", None,
+                 [s.verdict == "partly_explained" for s in outside]),
         _at_most("named besides a right name", None,
                  [bool(s.extra) for s in single if s.right_family]),
         _at_most("not visible, wrong name", None, [s.wrong_name for s in hidden]),

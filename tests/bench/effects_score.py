@@ -8,7 +8,7 @@ from auvident.schema.effects import BY_ID, parameter_of
 from tests.bench.effects_truth import FINDING_OF
 
 NORMAL_95 = 1.96
-CONFIDENT = ("effect_found", "ambiguous")
+CONFIDENT = ("effect_found", "ambiguous")  # with nothing said to remain
 # Seen by a search of the residual and not by a slope: `sees` may have no size for them.
 EVENT = "one_off_event"
 SEARCHED = ("wave", EVENT)
@@ -33,7 +33,8 @@ class Size:
 class Score:
     """What one trial says about the residual loop.
 
-    ``declared``: an effect is stated, by name or as one of a group. ``right_id``: every planted
+    ``declared``: an effect is stated, by name or as one of a group; ``confident``: and nothing is
+    said to remain. ``right_id``: every planted
     effect is named; ``right_or_group``: or stands in a group with a named one; ``right_family``:
     or its family is named. ``wrong_name``: something is named and nothing of a planted family;
     ``extra`` are the names that are neither planted nor in a group with a planted one.
@@ -50,6 +51,7 @@ class Score:
     named: tuple[str, ...]
     visible: bool | None
     declared: bool
+    confident: bool
     right_id: bool
     right_or_group: bool
     right_family: bool
@@ -81,7 +83,8 @@ def score(outcome: Row) -> Score:
         label="+".join(ids) or "none", vehicle=outcome["case"]["vehicle"],
         verdict=final.get("verdict", "failed"), named=named,
         visible=_all_visible(planted, diagnosis, outcome.get("identifying_s")) if ids else None,
-        declared=final.get("verdict") in CONFIDENT and bool(named),
+        declared=final.get("verdict") in (*CONFIDENT, "partly_explained") and bool(named),
+        confident=final.get("verdict") in CONFIDENT and bool(named),
         right_id=bool(ids) and set(ids) <= set(named),
         right_or_group=bool(ids) and all(_in_group(i, named, groups) for i in ids),
         right_family=family,

@@ -125,7 +125,7 @@ def is_good(score: Score) -> bool:
     if score.kind == "none":
         return not stated(score)
     if score.kind == "outside":
-        return not score.declared and score.verdict != "failed"
+        return not score.confident and score.verdict != "failed"
     missed = bool(score.visible) and not (score.right_or_group or score.by_finding)
     outside = any(size.inside is False for size in score.sizes)
     elsewhere = score.off_s is not None and score.off_s > NEAR_S
