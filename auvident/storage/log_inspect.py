@@ -6,11 +6,12 @@ import numpy as np
 
 from auvident.errors import InputError
 from auvident.schema.base import Artifact
-from auvident.storage.log_columns import guess_time, quantity_of
+from auvident.schema.logs import SensorMap
+from auvident.storage.log_columns import guess_time, quantity_of, time_unit
 from auvident.storage.log_file import LogFile, looks_like_log, open_log, read_log
 from auvident.storage.log_find import LAYOUT_REMEDY, MAX_DEPTH
 from auvident.storage.log_propose import propose_map
-from auvident.storage.log_time import to_seconds
+from auvident.storage.log_time import as_floats, to_seconds
 
 GAP_PERIODS = 5.0  # an interval of so many periods is shown as a gap
 
@@ -106,12 +107,14 @@ def _files(path: Path) -> list[Path]:
 
 
 def _inspect_file(log: LogFile) -> tuple[dict[str, np.ndarray], FileReport]:
-    numbers, rows, notes = _read_all(log)
+    values, rows, notes = _read_all(log)
+    numbers = {name: as_floats(column) for name, column in values.items()}
     time_name = guess_time(log)
     clock: dict[str, float | int | None] = {}
-    if time_name is not None and time_name in numbers:
+    if time_name is not None and time_name in values:
+        unit = time_unit(time_name, SensorMap())
         try:
-            time = to_seconds(numbers[time_name], None, str(log.path), np.arange(1, rows + 1))
+            time = to_seconds(values[time_name], unit, str(log.path), np.arange(1, rows + 1))
             clock = _clock(time)
         except InputError as error:
             notes.append(error.problem)
