@@ -25,6 +25,7 @@ COMPILING_EACH_TIME = (
     "be written. NUMBA_CACHE_DIR names one."
 )
 DEFAULT_PLAN = "refined"
+NAMED_FEW = 5  # paths in one finding
 LEAST_UNDER_WAY_MPS = 0.3  # slower samples do not belong to a run at speed
 
 
@@ -59,7 +60,7 @@ def ingest(given: Given) -> dict[str, Any]:
             "vehicle": vehicle.body.name,
             "rate_hz": given.options["rate_hz"],
             "trials": tuple(reports),
-            "findings": _refused_findings(refused),
+            "findings": (*_refused_findings(refused), *_left_out_findings(given.options)),
         }
     )
     return outputs
@@ -110,6 +111,26 @@ def _refused_findings(refused: list[AuvidentError]) -> tuple:
     return tuple(
         Finding(code="log_refused", message=e.problem, where=e.where, remedy=e.remedy)
         for e in refused
+    )
+
+
+def _left_out_findings(options: Mapping[str, Any]) -> "tuple[Finding, ...]":
+    """Outputs of this program among the logs, which are none."""
+    from auvident.schema.artifacts import Finding
+    from auvident.storage.log_own import left_out
+
+    found = left_out([Path(p) for p in options["logs"]])
+    if not found:
+        return ()
+    names = ", ".join(str(p) for p in found[:NAMED_FEW])
+    names += ", ..." if len(found) > NAMED_FEW else ""
+    return (
+        Finding(
+            code="own_outputs_left_out",
+            message=f"{len(found)} outputs of auvident among the logs were not read",
+            where=names,
+            value=float(len(found)),
+        ),
     )
 
 

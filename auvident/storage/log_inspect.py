@@ -8,8 +8,9 @@ from auvident.errors import InputError
 from auvident.schema.base import Artifact
 from auvident.schema.logs import SensorMap
 from auvident.storage.log_columns import guess_time, quantity_of, time_unit
-from auvident.storage.log_file import LogFile, looks_like_log, open_log, read_log
-from auvident.storage.log_find import LAYOUT_REMEDY, MAX_DEPTH
+from auvident.storage.log_file import LogFile, open_log, read_log
+from auvident.storage.log_find import LAYOUT_REMEDY
+from auvident.storage.log_own import MAX_DEPTH, folders_in, logs_in
 from auvident.storage.log_propose import propose_map
 from auvident.storage.log_time import as_floats, to_seconds
 
@@ -99,8 +100,8 @@ def _files(path: Path) -> list[Path]:
     found: list[Path] = []
     level = [path]
     for _ in range(MAX_DEPTH):
-        found += [p for folder in level for p in sorted(folder.iterdir()) if looks_like_log(p)]
-        level = [p for folder in level for p in sorted(folder.iterdir()) if p.is_dir()]
+        found += [p for folder in level for p in logs_in(folder)]
+        level = [p for folder in level for p in folders_in(folder)]
     if not found:
         raise InputError("holds no CSV or Parquet file", str(path), LAYOUT_REMEDY)
     return found
