@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from auvident.schema.plan import Plan
     from auvident.schema.trial import Trial
     from auvident.stages.identify import Identification
+    from auvident.stages.ingest import Fingerprint
     from auvident.stages.validate import Validation
 
 COMPILING = "The numerical kernels are compiled, once on this machine: about half a minute."
@@ -35,6 +36,7 @@ LEAST_UNDER_WAY_MPS = 0.3  # slower samples do not belong to a run at speed
 def ingest(given: Given) -> dict[str, Any]:
     """Read the logs and the vehicle file, bring every trial to one clock."""
     from auvident.schema.logs import Quality
+    from auvident.stages.ingest import Fingerprint, fingerprint, refuse_copy
     from auvident.stages.ingest import ingest as bring_to_one_clock
     from auvident.storage.vehicle_file import load_vehicle
 
@@ -42,8 +44,12 @@ def ingest(given: Given) -> dict[str, Any]:
     refused: list[AuvidentError] = []
     outputs: dict[str, Any] = {}
     reports = []
+    known: list[Fingerprint] = []
     for raw in _raw_trials(given, refused):
         try:
+            own = fingerprint(raw)
+            refuse_copy(own, known)
+            _refuse_namesake(raw.name, known)
             trial, quality = bring_to_one_clock(
                 raw, vehicle, rate_hz=given.options["rate_hz"], max_gap_s=given.options["max_gap_s"]
             )
@@ -52,6 +58,7 @@ def ingest(given: Given) -> dict[str, Any]:
             continue
         outputs[f"ingest/{trial.name}.parquet"] = trial.table
         reports.append(quality)
+        known.append(own)
     if not reports:
         raise refused[0]
     outputs["ingest/vehicle.json"] = vehicle
@@ -96,6 +103,16 @@ def _groups(options: Mapping[str, Any]) -> list[list[Path]]:
     files = [p for p in paths if p.is_file()]
     alone = [[p] for p in paths if not p.is_file()]
     return [*alone, files] if files else alone
+
+
+def _refuse_namesake(name: str, known: "list[Fingerprint]") -> None:
+    """Refuse a second trial of one name; logs that are searched one by one may have such."""
+    if any(name == other.name for other in known):
+        raise InputError(
+            f"two trials have the name {name!r}",
+            f"trial {name}",
+            "Rename one file or folder: trials are known by their stem.",
+        )
 
 
 def _refuse(given: Given, error: AuvidentError, refused: list[AuvidentError]) -> None:
