@@ -184,7 +184,7 @@ def test_maneuvers_are_a_plain_list(demo: Path) -> None:
 
 def test_two_trials_stand_side_by_side(tmp_path: Path, auvident: Callable[..., Called]) -> None:
     second = tmp_path / "second_trial"
-    shutil.copytree(SAMPLES / "harbour_trial", second)
+    shutil.copytree(SAMPLES / "dive_trial", second)
     logs = (SAMPLES / "harbour_trial", second)
     vehicle, run = SAMPLES / "remus100.toml", tmp_path / "run"
     assert auvident("ingest", *logs, "--vehicle", vehicle, "--run", run, "--quiet").code == 0

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from auvident.schema.plan import Plan
     from auvident.schema.trial import Trial
     from auvident.stages.identify import Identification
+    from auvident.stages.ingest import Fingerprint
     from auvident.stages.validate import Validation
 
     _Again = tuple[Identification, Validation]
@@ -27,6 +28,7 @@ COMPILING_EACH_TIME = (
     "be written. NUMBA_CACHE_DIR names one."
 )
 DEFAULT_PLAN = "refined"
+NAMED_FEW = 5  # paths in one finding
 LEAST_UNDER_WAY_MPS = 0.3  # slower samples do not belong to a run at speed
 
 
@@ -36,6 +38,7 @@ LEAST_UNDER_WAY_MPS = 0.3  # slower samples do not belong to a run at speed
 def ingest(given: Given) -> dict[str, Any]:
     """Read the logs and the vehicle file, bring every trial to one clock."""
     from auvident.schema.logs import Quality
+    from auvident.stages.ingest import Fingerprint, fingerprint, refuse_copy
     from auvident.stages.ingest import ingest as bring_to_one_clock
     from auvident.storage.vehicle_file import load_vehicle
 
@@ -43,8 +46,12 @@ def ingest(given: Given) -> dict[str, Any]:
     refused: list[AuvidentError] = []
     outputs: dict[str, Any] = {}
     reports = []
+    known: list[Fingerprint] = []
     for raw in _raw_trials(given, refused):
         try:
+            own = fingerprint(raw)
+            refuse_copy(own, known)
+            _refuse_namesake(raw.name, known)
             trial, quality = bring_to_one_clock(
                 raw, vehicle, rate_hz=given.options["rate_hz"], max_gap_s=given.options["max_gap_s"]
             )
@@ -53,6 +60,7 @@ def ingest(given: Given) -> dict[str, Any]:
             continue
         outputs[f"ingest/{trial.name}.parquet"] = trial.table
         reports.append(quality)
+        known.append(own)
     if not reports:
         raise refused[0]
     outputs["ingest/vehicle.json"] = vehicle
@@ -61,7 +69,7 @@ def ingest(given: Given) -> dict[str, Any]:
             "vehicle": vehicle.body.name,
             "rate_hz": given.options["rate_hz"],
             "trials": tuple(reports),
-            "findings": _refused_findings(refused),
+            "findings": (*_refused_findings(refused), *_left_out_findings(given.options)),
         }
     )
     return outputs
@@ -99,6 +107,16 @@ def _groups(options: Mapping[str, Any]) -> list[list[Path]]:
     return [*alone, files] if files else alone
 
 
+def _refuse_namesake(name: str, known: "list[Fingerprint]") -> None:
+    """Refuse a second trial of one name; logs that are searched one by one may have such."""
+    if any(name == other.name for other in known):
+        raise InputError(
+            f"two trials have the name {name!r}",
+            f"trial {name}",
+            "Rename one file or folder: trials are known by their stem.",
+        )
+
+
 def _refuse(given: Given, error: AuvidentError, refused: list[AuvidentError]) -> None:
     if not given.options.get("keep_going"):
         raise error
@@ -112,6 +130,26 @@ def _refused_findings(refused: list[AuvidentError]) -> tuple:
     return tuple(
         Finding(code="log_refused", message=e.problem, where=e.where, remedy=e.remedy)
         for e in refused
+    )
+
+
+def _left_out_findings(options: Mapping[str, Any]) -> "tuple[Finding, ...]":
+    """Outputs of this program among the logs, which are none."""
+    from auvident.schema.artifacts import Finding
+    from auvident.storage.log_own import left_out
+
+    found = left_out([Path(p) for p in options["logs"]])
+    if not found:
+        return ()
+    names = ", ".join(str(p) for p in found[:NAMED_FEW])
+    names += ", ..." if len(found) > NAMED_FEW else ""
+    return (
+        Finding(
+            code="own_outputs_left_out",
+            message=f"{len(found)} outputs of auvident among the logs were not read",
+            where=names,
+            value=float(len(found)),
+        ),
     )
 
 

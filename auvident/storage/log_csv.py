@@ -23,6 +23,7 @@ from auvident.storage.log_layout import (
     is_value,
     split,
 )
+from auvident.storage.log_quotes import FEW, MOST_SHARE, blank_stray_quotes
 from auvident.storage.log_text import read_text
 
 MAX_RAGGED_SHARE = 0.01  # rows with too few or too many fields: above it the file is no table
@@ -72,11 +73,13 @@ def read_csv(path: Path, layout: Layout, wanted: Mapping[str, Kind | None]) -> L
         not have the fields that the header names.
     """
     body = _body(path, layout)
+    if layout.delimiter == WHITESPACE:
+        body = re.sub(rb"[ \t]+", b" ", re.sub(rb"^[ \t]+|[ \t]+$", b"", body, flags=re.M))
+    body, stray = blank_stray_quotes(body, layout.delimiter, COMMENT_MARKS)
+    _refuse_many_strays(path, body, layout, stray)
     body, cut_off = _without_cut_tail(body, layout)
     if not body.strip():
         raise InputError("has column names but no data", str(path))
-    if layout.delimiter == WHITESPACE:
-        body = re.sub(rb"[ \t]+", b" ", re.sub(rb"^[ \t]+|[ \t]+$", b"", body, flags=re.M))
     kinds = {name: kind or _peek(body, layout, name) for name, kind in wanted.items()}
     bad: list[str] = []
     comma = _has_decimal_comma(body, layout)
@@ -88,6 +91,9 @@ def read_csv(path: Path, layout: Layout, wanted: Mapping[str, Kind | None]) -> L
     except pa.ArrowInvalid:
         columns, kept, lines = _parse_carefully(path, body, layout, kinds, bad)
     dropped, dropped_rows = _count_dropped(path, body, layout, bad, kept, lines, cut_off)
+    if stray:
+        dropped["stray_quote"] = len(stray)
+        dropped_rows["stray_quote"] = tuple(layout.data_line + 1 + k for k in stray[:FIRST_FEW])
     read = int(kept.sum()) + sum(dropped.values())
     if not kept.any():
         raise InputError("has column names but no data", str(path))
@@ -111,6 +117,15 @@ def _body(path: Path, layout: Layout) -> bytes:
     except UnicodeDecodeError:  # the parser stops at bytes that are no text
         body = body.decode(errors="replace").encode()
     return body
+
+
+def _refuse_many_strays(path: Path, body: bytes, layout: Layout, stray: Sequence[int]) -> None:
+    if len(stray) > max(FEW, MOST_SHARE * body.count(b"\n")):
+        raise InputError(
+            f"{len(stray)} rows have a quote that does not close on its line",
+            f"{path}, row {layout.data_line + 1 + stray[0]}",
+            "Remove the quotes, or write both of a pair on one line.",
+        )
 
 
 def _without_cut_tail(body: bytes, layout: Layout) -> tuple[bytes, int]:

@@ -13,6 +13,7 @@ from auvident.errors import InputError
 from auvident.storage.log_csv import Kind, LogTable, read_csv
 from auvident.storage.log_layout import MISSING, TIME_NAMES, Layout, find_layout
 from auvident.storage.log_text import HEAD_BYTES, read_text
+from auvident.storage.log_time import MISSING_COUNT
 
 TEXT_SUFFIXES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
 PARQUET_SUFFIXES = (".parquet", ".pq")
@@ -143,23 +144,40 @@ def _parquet_column(
 ) -> np.ndarray:
     kind_of = column.type
     if pa.types.is_timestamp(kind_of):
-        return _epoch_seconds(column)
+        return _instants(column)
+    if pa.types.is_integer(kind_of) and kind is None:
+        return _counts(column)
     if pa.types.is_boolean(kind_of) or pa.types.is_integer(kind_of) or pa.types.is_null(kind_of):
-        return column.cast(pa.float64()).to_numpy().astype(float)
+        return _floats(column)
     if pa.types.is_floating(kind_of) or pa.types.is_decimal(kind_of):
-        return column.cast(pa.float64()).to_numpy().astype(float)
+        return _floats(column)
     if pa.types.is_dictionary(kind_of):
         column, kind_of = column.cast(kind_of.value_type), kind_of.value_type
     if pa.types.is_string(kind_of) or pa.types.is_large_string(kind_of):
         texts = column.to_pandas().astype(object).fillna("")
         return _numbers(texts, name, path) if kind == "number" else texts.to_numpy(object)
-    raise InputError(f"column {name} holds {kind_of}, not numbers", str(path))
+    raise InputError(
+        f"column {name} holds {kind_of}, not numbers", str(path), "Store it as numbers."
+    )
 
 
-def _epoch_seconds(column: pa.ChunkedArray) -> np.ndarray:
-    """Seconds since 1970 of a column of instants; without a zone they are UTC."""
-    instants = pd.to_datetime(column.to_pandas(), utc=True)
-    return ((instants - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(1, "s")).to_numpy(dtype=float)
+def _floats(column: pa.ChunkedArray) -> np.ndarray:
+    """Numbers, the nearest a float can hold; NaN where null."""
+    return column.cast(pa.float64(), safe=False).to_numpy().astype(float)
+
+
+def _counts(column: pa.ChunkedArray) -> np.ndarray:
+    """Integers as they are, for they may be stamps of nanoseconds that no float can hold."""
+    try:
+        whole = column.cast(pa.int64())
+    except pa.ArrowInvalid:  # unsigned, and beyond any time
+        return _floats(column)
+    return whole.fill_null(int(MISSING_COUNT)).to_numpy()
+
+
+def _instants(column: pa.ChunkedArray) -> np.ndarray:
+    """Instants as ``datetime64`` in UTC; those without a zone are taken for UTC."""
+    return column.cast(pa.timestamp(column.type.unit)).to_numpy()
 
 
 def _numbers(texts: pd.Series, name: str, path: Path) -> np.ndarray:

@@ -12,8 +12,16 @@ from auvident.schema.channels import SENSORS
 from auvident.schema.logs import ColumnMap
 from auvident.storage.log_columns import resolve, time_column
 from auvident.storage.log_file import LOG_SUFFIXES, LogFile, looks_like_log, open_log, stem
+from auvident.storage.log_own import (
+    MAX_DEPTH,
+    REMEDY,
+    folders_in,
+    logs_in,
+    not_own,
+    own_output,
+    refuse_own,
+)
 
-MAX_DEPTH = 4  # folders below the one given; a deeper tree is not a log folder but a disk
 LAYOUT_REMEDY = (
     "A log is a folder with one file per sensor (dvl.csv, gyro.csv, rudder.csv, rpm.csv), "
     "or one file with all columns; other names need a map (--map), "
@@ -64,6 +72,7 @@ def find_trials(paths: Sequence[Path], column_map: ColumnMap | None = None) -> l
     for path in dict.fromkeys(Path(p) for p in paths):
         if not path.exists():
             raise _no_such(path)
+        refuse_own(path)
         if path.is_dir():
             found += _folder_or_refuse(path, column_map)
         elif _is_sensor_file(path, column_map):
@@ -115,7 +124,11 @@ def _folder_or_refuse(path: Path, column_map: ColumnMap) -> list[TrialSource]:
     inside = sorted(p.name + ("/" if p.is_dir() else "") for p in path.iterdir())
     wanted = sorted(set(_patterns(column_map).values()))
     problem = "holds no log"
-    if any(looks_like_log(p) for p in path.iterdir()):
+    logs = [p for p in path.iterdir() if looks_like_log(p)]
+    if logs and all(own_output(p) for p in logs):
+        names = ", ".join(sorted(p.name for p in logs)[:12])
+        raise InputError(f"holds only what auvident wrote ({names})", str(path), REMEDY)
+    if logs:
         problem = "holds no file that is named for a sensor or has a time column"
     if wanted:
         problem = f"holds no file that matches {', '.join(wanted)} and has the mapped columns"
@@ -125,7 +138,7 @@ def _folder_or_refuse(path: Path, column_map: ColumnMap) -> list[TrialSource]:
 
 def _folder(path: Path, column_map: ColumnMap, depth: int) -> list[TrialSource]:
     """Trials in a folder; when it is itself none, also those in the folders below."""
-    logs = tuple(sorted(p for p in path.iterdir() if looks_like_log(p)))
+    logs = logs_in(path)
     name = path.resolve().name
     if _patterns(column_map):
         matched = _by_patterns(path, logs, column_map)
@@ -140,7 +153,7 @@ def _folder(path: Path, column_map: ColumnMap, depth: int) -> list[TrialSource]:
         return [TrialSource(name, path, tuple(wide))]
     found = [TrialSource(stem(log), log, (log,)) for log in wide]
     if depth < MAX_DEPTH:
-        for below in sorted(p for p in path.iterdir() if p.is_dir() and p.name[:1] not in "._"):
+        for below in folders_in(path):
             found += _folder(below, column_map, depth + 1)
     return found
 
@@ -231,7 +244,7 @@ def _matching(path: Path, sensor: str, pattern: str, column_map: ColumnMap) -> l
             str(path),
             'Give a name relative to the log folder, e.g. "*.csv".',
         ) from error
-    found = [p for p in found if not p.name.startswith(".")]
+    found = not_own(path, [p for p in found if not p.name.startswith(".")])
     if len(found) <= 1:
         return found
     logs = [p for p in found if p.name.lower().endswith(LOG_SUFFIXES)] or found
@@ -268,8 +281,7 @@ def _distinct(found: list[TrialSource]) -> list[TrialSource]:
 
 def _is_alone(source: TrialSource) -> bool:
     folder = source.files[0].parent
-    logs = [p for p in folder.iterdir() if looks_like_log(p)]
-    return len(source.files) == 1 and len(logs) == 1
+    return len(source.files) == 1 and len(logs_in(folder)) == 1
 
 
 def _folder_name(source: TrialSource) -> str:

@@ -6,11 +6,13 @@ import numpy as np
 
 from auvident.errors import InputError
 from auvident.schema.base import Artifact
-from auvident.storage.log_columns import guess_time, quantity_of
-from auvident.storage.log_file import LogFile, looks_like_log, open_log, read_log
-from auvident.storage.log_find import LAYOUT_REMEDY, MAX_DEPTH
+from auvident.schema.logs import SensorMap
+from auvident.storage.log_columns import guess_time, quantity_of, time_unit
+from auvident.storage.log_file import LogFile, open_log, read_log
+from auvident.storage.log_find import LAYOUT_REMEDY
+from auvident.storage.log_own import MAX_DEPTH, folders_in, logs_in
 from auvident.storage.log_propose import propose_map
-from auvident.storage.log_time import to_seconds
+from auvident.storage.log_time import as_floats, to_seconds
 
 GAP_PERIODS = 5.0  # an interval of so many periods is shown as a gap
 
@@ -98,20 +100,22 @@ def _files(path: Path) -> list[Path]:
     found: list[Path] = []
     level = [path]
     for _ in range(MAX_DEPTH):
-        found += [p for folder in level for p in sorted(folder.iterdir()) if looks_like_log(p)]
-        level = [p for folder in level for p in sorted(folder.iterdir()) if p.is_dir()]
+        found += [p for folder in level for p in logs_in(folder)]
+        level = [p for folder in level for p in folders_in(folder)]
     if not found:
         raise InputError("holds no CSV or Parquet file", str(path), LAYOUT_REMEDY)
     return found
 
 
 def _inspect_file(log: LogFile) -> tuple[dict[str, np.ndarray], FileReport]:
-    numbers, rows, notes = _read_all(log)
+    values, rows, notes = _read_all(log)
+    numbers = {name: as_floats(column) for name, column in values.items()}
     time_name = guess_time(log)
     clock: dict[str, float | int | None] = {}
-    if time_name is not None and time_name in numbers:
+    if time_name is not None and time_name in values:
+        unit = time_unit(time_name, SensorMap())
         try:
-            time = to_seconds(numbers[time_name], None, str(log.path), np.arange(1, rows + 1))
+            time = to_seconds(values[time_name], unit, str(log.path), np.arange(1, rows + 1))
             clock = _clock(time)
         except InputError as error:
             notes.append(error.problem)

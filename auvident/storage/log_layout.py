@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from auvident.errors import InputError
 from auvident.schema.logs import TIME_UNITS, unit_name
+from auvident.storage.log_quotes import closes
 
 HEADER_LINES = 400  # a longer preamble is no log of ours
 COMMENT_MARKS = ("#", "//", "%")
@@ -43,6 +44,8 @@ def split(line: str, delimiter: str) -> list[str]:
     """Fields of one line, quotes and blanks removed."""
     if delimiter == WHITESPACE:
         return line.split()
+    if not closes(line, delimiter):  # a stray quote, which would hide the delimiters behind it
+        line = line.replace('"', "")
     fields = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
     return [field.strip() for field in fields]
 
@@ -165,6 +168,7 @@ def _header_by_structure(lines: Sequence[str]) -> tuple[int, str] | None:
 
 
 def _plain(name: str) -> tuple[str, str]:
+    name = name.replace('"', "")
     found = BRACKETS.match(name)
     return (found["name"], found["unit"]) if found else (name, "")
 

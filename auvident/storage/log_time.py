@@ -1,5 +1,7 @@
 """Time columns: seconds, epoch counts and ISO 8601 instants become seconds."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pandas as pd
 
@@ -10,15 +12,37 @@ from auvident.schema.logs import TIME_UNITS
 # before the year 5138 in the next smaller unit does not reach 1e11 of it.
 EPOCH_MAGNITUDES = (("ns", 1e17), ("us", 1e14), ("ms", 1e11))
 ABSOLUTE_S = 1e8  # a time beyond it (3 years in seconds) counts from 1970, not from switch-on
+LEAST_EPOCH_S = 1e9  # 2001: whole numbers before it are counts of something else than seconds
+MOST_STEP_S = 60.0  # between rows; beyond it the unit of whole numbers is a finer one
+MISSING_COUNT = np.iinfo(np.int64).min  # an empty cell among integers; numpy's NaT is the same
+
+
+@dataclass(frozen=True)
+class Stamps:
+    """Times of a column: seconds after the whole second `origin_s`, shape (n,), NaN if missing.
+
+    A float of the seconds since 1970 resolves a quarter of a microsecond; what is left after a
+    whole second keeps its nanoseconds.
+    """
+
+    time_s: np.ndarray
+    origin_s: int
 
 
 def to_seconds(values: np.ndarray, unit: str | None, where: str, rows: np.ndarray) -> np.ndarray:
-    """Seconds of a time column.
+    """Seconds of a time column, shape (n,); see `read_stamps`."""
+    stamps = read_stamps(values, unit, where, rows)
+    return stamps.time_s + stamps.origin_s
+
+
+def read_stamps(values: np.ndarray, unit: str | None, where: str, rows: np.ndarray) -> Stamps:
+    """Times of a column.
 
     Parameters
     ----------
     values : numpy.ndarray
-        Numbers, or texts in ISO 8601, shape (n,).
+        Numbers, integers (`MISSING_COUNT` where empty), instants (``datetime64``) or texts in
+        ISO 8601, shape (n,).
     unit : str or None
         ``s``, ``ms``, ``us``, ``ns``, ``iso``, or None: seconds unless the magnitude is that of
         an epoch in a finer unit.
@@ -29,19 +53,68 @@ def to_seconds(values: np.ndarray, unit: str | None, where: str, rows: np.ndarra
 
     Returns
     -------
-    numpy.ndarray
-        Seconds, shape (n,); since 1970 for instants; NaN where missing.
+    Stamps
+        Since 1970 for instants.
 
     Raises
     ------
     InputError
-        When a text is no instant.
+        When a text is no instant, or integers are neither of a named unit nor an epoch.
     """
     if values.dtype == object:
-        return _from_text(values, where, rows)
+        values = _from_text(values, where, rows)
+    if values.dtype.kind == "M":
+        return _from_instants(values)
+    if values.dtype.kind == "i":
+        return _from_counts(values, _per_second(values, unit, where))
     numbers = np.where(np.isfinite(values), values, np.nan)
     factor = TIME_UNITS[unit] if unit in TIME_UNITS else _epoch_factor(numbers)
-    return numbers * factor
+    return Stamps(numbers * factor, 0)
+
+
+def as_floats(values: np.ndarray) -> np.ndarray:
+    """Integers and instants of a column as floats, NaN where missing; others as they are."""
+    if values.dtype.kind == "M":
+        stamps = _from_instants(values)
+        return stamps.time_s + stamps.origin_s
+    if values.dtype.kind == "i":
+        return np.where(values == MISSING_COUNT, np.nan, values.astype(float))
+    return values
+
+
+def _from_counts(counts: np.ndarray, per_second: int) -> Stamps:
+    """Integers as seconds, the whole ones of the earliest taken off before the division."""
+    known = counts != MISSING_COUNT
+    if not known.any():
+        return Stamps(np.full(counts.size, np.nan), 0)
+    origin = int(counts[known].min()) // per_second
+    rest = np.where(known, counts, origin * per_second) - origin * per_second
+    return Stamps(np.where(known, rest / per_second, np.nan), origin)
+
+
+def _from_instants(instants: np.ndarray) -> Stamps:
+    unit = np.datetime_data(instants.dtype)[0]
+    if unit not in TIME_UNITS:  # whole days
+        instants, unit = instants.astype("datetime64[s]"), "s"
+    return _from_counts(instants.view(np.int64), round(1.0 / TIME_UNITS[unit]))
+
+
+def _per_second(counts: np.ndarray, unit: str | None, where: str) -> int:
+    """How many of these counts make a second: as named, or by the magnitude of an epoch."""
+    if unit in TIME_UNITS:
+        return round(1.0 / TIME_UNITS[unit])
+    numbers = as_floats(counts)
+    factor = _epoch_factor(numbers)
+    known = numbers[np.isfinite(numbers)] * factor
+    if known.size and (np.median(known) < LEAST_EPOCH_S or _usual_step(known) > MOST_STEP_S):
+        known = known / factor
+        raise InputError(
+            f"counts from {known.min():.0f} to {known.max():.0f} are no seconds, and no epoch in "
+            "s, ms, us or ns",
+            where,
+            'Name the column by its unit (time_us), or say time_unit = "us" in a map (--map).',
+        )
+    return round(1.0 / factor)
 
 
 def _epoch_factor(numbers: np.ndarray) -> float:
@@ -50,6 +123,10 @@ def _epoch_factor(numbers: np.ndarray) -> float:
         if magnitude >= least:
             return TIME_UNITS[unit]
     return 1.0
+
+
+def _usual_step(seconds: np.ndarray) -> float:
+    return float(np.median(np.abs(np.diff(seconds)))) if seconds.size > 1 else 0.0
 
 
 def _from_text(values: np.ndarray, where: str, rows: np.ndarray) -> np.ndarray:
@@ -64,5 +141,4 @@ def _from_text(values: np.ndarray, where: str, rows: np.ndarray) -> np.ndarray:
             f"{where}, row {rows[wrong[0]]}",
             "Write seconds in a column time_s, or ISO 8601 or epoch counts in timestamp.",
         )
-    seconds = (instants - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(1, "s")
-    return seconds.to_numpy(dtype=float)
+    return instants.dt.tz_convert(None).to_numpy()

@@ -15,7 +15,7 @@ import numpy as np
 from auvident.errors import InputError
 from auvident.schema.artifacts import Finding
 from auvident.schema.channels import BY_COLUMN, CHANNELS, SENSORS
-from auvident.schema.logs import ColumnMap, InputMap, RawSensor, RawTrial
+from auvident.schema.logs import ColumnMap, InputMap, RawSensor, RawTrial, SensorMap
 from auvident.storage.declared import parse, read_toml
 from auvident.storage.log_columns import (
     Column,
@@ -27,7 +27,7 @@ from auvident.storage.log_columns import (
 from auvident.storage.log_csv import FIRST_FEW, Kind, LogTable
 from auvident.storage.log_file import LogFile, open_log, read_log, stem
 from auvident.storage.log_find import TrialSource, find_trials, has_sensor
-from auvident.storage.log_time import ABSOLUTE_S, to_seconds
+from auvident.storage.log_time import ABSOLUTE_S, Stamps, as_floats, read_stamps
 
 NEEDED: tuple[str, ...] = tuple(c.column for c in CHANNELS if c.needed)
 FALSE_WORDS = frozenset(("0", "0.0", "false", "f", "no", "n", "invalid", "bad", "nok"))
@@ -89,8 +89,8 @@ def read_trial(
             homes[sensor] = log
     _refuse_missing(source, logs, columns, homes, needed)
     homes = {sensor: log for sensor, log in homes.items() if columns[sensor]}
-    sensors = _read_sensors(homes, columns, column_map)
-    return _from_common_origin(source.name, sensors, _unused(source, logs, homes))
+    sensors, origins = _read_sensors(homes, columns, column_map)
+    return _from_common_origin(source.name, sensors, origins, _unused(source, logs, homes))
 
 
 def _home(
@@ -134,9 +134,13 @@ def _refuse_missing(
 
 def _read_sensors(
     homes: dict[str, LogFile], columns: dict[str, dict[str, Column]], column_map: ColumnMap
-) -> dict[str, RawSensor]:
-    """Read each file once and hand its columns to its sensors."""
+) -> tuple[dict[str, RawSensor], dict[str, int]]:
+    """Read each file once and hand its columns to its sensors.
+
+    Returns the sensors, and for each the whole second from which its times count.
+    """
     found: dict[str, RawSensor] = {}
+    origins: dict[str, int] = {}
     for path in dict.fromkeys(log.path for log in homes.values()):
         here = [sensor for sensor, log in homes.items() if log.path == path]
         log = homes[here[0]]
@@ -151,8 +155,16 @@ def _read_sensors(
         table = read_log(log, wanted)
         for sensor in here:
             flag = _valid_column(log, sensor, here, column_map.of(sensor).valid)
-            found[sensor] = _sensor(log, table, sensor, columns[sensor], column_map, flag)
-    return {sensor: found[sensor] for sensor in SENSORS if sensor in found}
+            name = time_column(log, column_map.of(sensor))
+            stamps = _stamps(log, table, name, column_map.of(sensor))
+            found[sensor] = _sensor(log, table, sensor, columns[sensor], column_map, flag, stamps)
+            origins[sensor] = stamps.origin_s
+    return {sensor: found[sensor] for sensor in SENSORS if sensor in found}, origins
+
+
+def _stamps(log: LogFile, table: LogTable, name: str, mapping: SensorMap) -> Stamps:
+    where = f"{log.path}, column {name}"
+    return read_stamps(table.columns[name], time_unit(name, mapping), where, table.rows)
 
 
 def _valid_column(log: LogFile, sensor: str, here: Sequence[str], mapped: str | None) -> str | None:
@@ -184,12 +196,9 @@ def _sensor(
     columns: dict[str, Column],
     column_map: ColumnMap,
     flag: str | None,
+    stamps: Stamps,
 ) -> RawSensor:
-    mapping = column_map.of(sensor)
-    name = time_column(log, mapping)
-    time_s = to_seconds(
-        table.columns[name], time_unit(name, mapping), f"{log.path}, column {name}", table.rows
-    )
+    mapping, time_s = column_map.of(sensor), stamps.time_s
     valid = np.isfinite(time_s)
     dropped, dropped_rows = dict(table.dropped), dict(table.dropped_rows)
     _note(dropped, dropped_rows, "no_time", table.rows[~valid])
@@ -209,7 +218,7 @@ def _sensor(
         dropped=dropped,
         dropped_rows=dropped_rows,
         on_change=mapping.on_change if isinstance(mapping, InputMap) else None,
-        time_column=name,
+        time_column=time_column(log, mapping),
     )
 
 
@@ -231,7 +240,7 @@ def _note(
 def _is_false(flags: np.ndarray) -> np.ndarray:
     """Samples that their flag calls invalid; an empty flag says nothing."""
     if flags.dtype != object:
-        return flags == 0
+        return as_floats(flags) == 0
     return np.array([str(flag).strip().lower() in FALSE_WORDS for flag in flags], dtype=bool)
 
 
@@ -255,32 +264,39 @@ def _is_instant(sensor: RawSensor) -> bool:
     return not sensor.time_column.lower().endswith("_s")
 
 
-def _refuse_two_clocks(name: str, sensors: dict[str, RawSensor]) -> None:
+def _refuse_two_clocks(name: str, sensors: dict[str, RawSensor], starts: dict[str, float]) -> None:
     """Refuse instants beside seconds since switch-on: any overlap would be an accident."""
-    clocks = {s.time_s.min() > ABSOLUTE_S: s for s in sensors.values() if s.time_s.size}
+    clocks = {start > ABSOLUTE_S: key for key, start in starts.items()}
     if len(clocks) == 2:
-        since, instant = clocks[False], clocks[True]
+        since, instant = sensors[clocks[False]], sensors[clocks[True]]
         raise InputError(
             f"the sensors count different clocks: {since.time_column} of {since.file} starts at "
-            f"{since.time_s.min():.3f} s, {instant.time_column} of {instant.file} is absolute",
+            f"{starts[clocks[False]]:.3f} s, {instant.time_column} of {instant.file} is absolute",
             f"trial {name}",
             "Give all of them the same clock.",
         )
 
 
 def _from_common_origin(
-    name: str, sensors: dict[str, RawSensor], findings: tuple[Finding, ...]
+    name: str,
+    sensors: dict[str, RawSensor],
+    origins: dict[str, int],
+    findings: tuple[Finding, ...],
 ) -> RawTrial:
     """Count absolute instants from the whole second at which the trial starts.
 
     ``time_s`` is left as the user counts it, even from 1970.
     """
-    starts = [float(s.time_s.min()) for s in sensors.values() if s.time_s.size]
-    absolute = [start for start in starts if start > ABSOLUTE_S]
+    starts = {k: origins[k] + float(s.time_s.min()) for k, s in sensors.items() if s.time_s.size}
+    absolute = [start for start in starts.values() if start > ABSOLUTE_S]
     if not absolute or not any(_is_instant(s) for s in sensors.values()):
-        return RawTrial(name, sensors, findings)
-    _refuse_two_clocks(name, sensors)
-    origin = float(np.floor(min(absolute)))
-    moved = {key: replace(s, time_s=s.time_s - origin) for key, s in sensors.items()}
+        return RawTrial(name, _from(0, sensors, origins), findings)
+    _refuse_two_clocks(name, sensors, starts)
+    origin = int(np.floor(min(absolute)))
     stamp = datetime.fromtimestamp(origin, UTC).isoformat().replace("+00:00", "Z")
-    return RawTrial(name, moved, findings, stamp)
+    return RawTrial(name, _from(origin, sensors, origins), findings, stamp)
+
+
+def _from(origin: int, sensors: dict[str, RawSensor], origins: dict[str, int]) -> dict:
+    """Sensors with their times counted from `origin` instead of each from its own."""
+    return {k: replace(s, time_s=s.time_s + (origins[k] - origin)) for k, s in sensors.items()}

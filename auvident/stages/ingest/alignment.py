@@ -8,13 +8,16 @@ from auvident.schema.artifacts import Finding
 from auvident.schema.logs import Alignment, RawTrial
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
+from auvident.stages.ingest.held import held_rudder
 from auvident.stages.ingest.response import Relation, Signals, fit_relation, shifted, smooth_records
 from auvident.stages.ingest.signs import (
     SURE_STDS,
     evidence,
     gain_findings,
+    judge_rudder,
+    refuse_elevator_sign,
     refuse_heading,
-    refuse_sign,
+    refuse_rudder_sign,
     sign_findings,
 )
 
@@ -68,15 +71,22 @@ def check_alignment(raw: RawTrial, trial: Trial, vehicle: Vehicle) -> Aligned:
     pitching = _elevator_to_gyro(trial)
     heading = _gyro_to_heading(trial)
     refuse_heading(raw, heading)
-    refuse_sign(raw, vehicle, "rudder", sign)
-    refuse_sign(raw, vehicle, "elevator", pitching)
-    rudder = _told(_rudder_to_gyro(records, grip, EITHER_WAY_S), passage)
+    held = held_rudder(trial, vehicle.hull.length_m, grip)
+    either_way = _rudder_to_gyro(records, grip, EITHER_WAY_S)
+    judged = judge_rudder(vehicle, sign, either_way, held)
+    refuse_rudder_sign(raw, vehicle, judged)
+    refuse_elevator_sign(raw, vehicle, pitching)
+    rudder = _told(either_way, passage)
     dvl = _told(_gyro_to_dvl(records, grip, vehicle, rudder.lag_s if rudder else 0.0), passage)
     pairs = (("rudder", "gyro", rudder), ("gyro", "dvl", dvl))
     lags = [_alignment(*pair) for pair in (*pairs, ("gyro", "attitude", _told(heading, 0.0)))]
     told = tuple(lag for lag in lags if lag is not None)
-    findings = [*_lag_findings(raw, told), *sign_findings(raw, sign), *gain_findings(raw, heading)]
-    return Aligned(told, evidence(sign, pitching, heading), tuple(findings))
+    findings = [
+        *_lag_findings(raw, told),
+        *sign_findings(raw, sign, judged),
+        *gain_findings(raw, heading),
+    ]
+    return Aligned(told, evidence(sign, held, pitching, heading), tuple(findings))
 
 
 def _told(found: Relation | None, passage_s: float) -> Relation | None:

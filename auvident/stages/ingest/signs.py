@@ -1,11 +1,14 @@
 """Signs and units of rudder, elevator and heading against the gyro: refused or noted."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from auvident.errors import InputError
 from auvident.schema.artifacts import Finding
 from auvident.schema.logs import DEG, RawTrial
 from auvident.schema.vehicle import Vehicle
+from auvident.stages.ingest.held import Held, Votes
 from auvident.stages.ingest.response import Relation
 
 SURE_STDS = 3.0  # standard deviations beyond which a figure is not chance
@@ -15,15 +18,24 @@ SIGN_EXPLAINED = 0.4  # and a relation that explains a fair part of it; true one
 # Angular acceleration over u^2 / L^2 and angle: 0.5 to 1.3 for torpedo and tanker alike; what is
 # far below it is no fin's doing.
 SIGN_RESPONSE = 0.1
+AHEAD_S = 0.3  # an acceleration that is so far ahead of the rudder is not due to it, when so much
+AHEAD_EXPLAINED = 0.05  # more of it is explained that way
 GAIN_LIMIT = 0.1  # gyro against heading: no gyro has a scale error of 10 %
 UNIT_LIMIT = 0.25  # relative distance from a ratio of units that counts as that ratio
 
 
 def evidence(
-    sign: Relation | None, pitching: Relation | None, heading: Relation | None
+    sign: Relation | None, held: Held, pitching: Relation | None, heading: Relation | None
 ) -> dict[str, dict[str, float]]:
     """Responses to the internal rudder and elevator (negative as they should be), heading gain."""
     checks = {}
+    for name, votes in (("rudder_held_turns", held.turns), ("rudder_held_steps", held.steps)):
+        if votes.rows:
+            checks[name] = {
+                "rows": float(votes.rows),
+                "holds": float(votes.holds),
+                "contrary_share": votes.share,
+            }
     for name, found in (("rudder_sign", sign), ("elevator_sign", pitching)):
         if found is not None:
             checks[name] = {
@@ -38,13 +50,88 @@ def evidence(
     return checks
 
 
-def refuse_sign(raw: RawTrial, vehicle: Vehicle, fin: str, found: Relation | None) -> None:
-    """Refuse a log whose rudder or elevator works the other way than the vehicle file says."""
-    if found is None or found.explained < SIGN_EXPLAINED or found.alone[0] < SIGN_SHARE:
-        return
+@dataclass(frozen=True)
+class RudderSign:
+    """Sign of the rudder: -1 as the vehicle file says, 1 the opposite, 0 not shown; and by what."""
+
+    sign: int
+    shown: str = ""
+
+
+def judge_rudder(
+    vehicle: Vehicle, found: Relation | None, either_way: Relation | None, held: Held
+) -> RudderSign:
+    """Sign of the rudder from what shows it best.
+
+    Steady turns with the rudder held decide: they need neither a model nor a common clock. Without
+    them the steps of the rudder do, then the yaw acceleration; both can be upside down when the
+    rudder is stamped seconds late, which an acceleration shows that is ahead of the rudder, and
+    few turns that contradict.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        With the sign that it should be.
+    found, either_way : Relation or None
+        Yaw acceleration from the rudder before it, and from one that may also come after it.
+    held : Held
+        What follows where the rudder is held.
+    """
+    opposite = found is not None and _is_opposite(found, vehicle)
+    words = f"; {_response_words(found)}" if found is not None and opposite else ""
+    if held.turns.sign:
+        return RudderSign(held.turns.sign, _held_words(held.turns) + words)
+    sign = RudderSign(held.steps.sign, _held_words(held.steps) + words)
+    if not sign.sign and found is not None:
+        agrees = _in_stds(found) < -SURE_STDS
+        sign = RudderSign(1 if opposite else -int(agrees), _response_words(found))
+    few_turns = held.turns.holds > 1 and (held.turns.share - 0.5) * sign.sign < 0
+    return RudderSign(0) if few_turns or _is_ahead(sign.sign, found, either_way) else sign
+
+
+def _is_ahead(sign: int, found: Relation | None, either_way: Relation | None) -> bool:
+    """Whether the acceleration fits a rudder that comes after it better, and with another sign."""
+    if found is None or either_way is None or either_way.lag_s > -AHEAD_S:
+        return False
+    better = either_way.explained > found.explained + AHEAD_EXPLAINED
+    return better and float(either_way.theta[0]) * sign < 0
+
+
+def refuse_rudder_sign(raw: RawTrial, vehicle: Vehicle, rudder: RudderSign) -> None:
+    """Refuse a log whose rudder works the other way than the vehicle file says."""
+    if rudder.sign > 0:
+        raise _contradiction(raw, vehicle, "rudder", rudder.shown)
+
+
+def refuse_elevator_sign(raw: RawTrial, vehicle: Vehicle, found: Relation | None) -> None:
+    """Refuse a log whose elevator works the other way than the vehicle file says."""
+    if found is not None and _is_opposite(found, vehicle):
+        raise _contradiction(raw, vehicle, "elevator", _response_words(found))
+
+
+def _is_opposite(found: Relation, vehicle: Vehicle) -> bool:
+    """Whether the response to the internal angle is surely the opposite of what it should be."""
+    if found.explained < SIGN_EXPLAINED or found.alone[0] < SIGN_SHARE:
+        return False
     response = float(found.theta[0]) * vehicle.hull.length_m**2
-    if _in_stds(found) <= SIGN_STDS or response < SIGN_RESPONSE:
-        return
+    return _in_stds(found) > SIGN_STDS and response >= SIGN_RESPONSE
+
+
+def _response_words(found: Relation) -> str:
+    return (
+        f"its share of the acceleration is {100 * found.alone[0]:.0f} %, "
+        f"{_in_stds(found):.0f} standard deviations from zero"
+    )
+
+
+def _held_words(held: Votes) -> str:
+    return (
+        f"{100 * held.share:.0f} % of {held.rows} rows in which the rudder is held, "
+        f"{held.holds} times"
+    )
+
+
+def _contradiction(raw: RawTrial, vehicle: Vehicle, fin: str, shown: str) -> InputError:
     key, ways, rate = {
         "rudder": ("rudder_positive_turns", ("port", "starboard"), "r"),
         "elevator": ("elevator_positive_pitches", ("down", "up"), "q"),
@@ -53,10 +140,9 @@ def refuse_sign(raw: RawTrial, vehicle: Vehicle, fin: str, found: Relation | Non
     other = ways[1] if said == ways[0] else ways[0]
     sensor = raw.sensors[fin]
     column = sensor.columns[f"{fin}_rad"]
-    raise InputError(
+    return InputError(
         f"the log's {fin} sign contradicts [signs] {key} = {said!r}: a positive {column} turns "
-        f"the bow {other} (its share of the acceleration is {100 * found.alone[0]:.0f} %, "
-        f"{_in_stds(found):.0f} standard deviations from zero)",
+        f"the bow {other} ({shown})",
         f"{sensor.file}, column {column}",
         f"Say {key} = {other!r} in the vehicle file, or sign = -1 for the column in a map "
         f"(--map); if it is the gyro that counts the other way, give {rate} the sign -1.",
@@ -110,9 +196,9 @@ def gain_findings(raw: RawTrial, found: Relation | None) -> list[Finding]:
     ]
 
 
-def sign_findings(raw: RawTrial, found: Relation | None) -> list[Finding]:
+def sign_findings(raw: RawTrial, found: Relation | None, rudder: RudderSign) -> list[Finding]:
     """Note a trial that does not show the sign of its rudder."""
-    if found is not None and _in_stds(found) < -SURE_STDS:
+    if rudder.sign < 0:
         return []
     return [
         Finding(

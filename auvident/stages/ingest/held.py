@@ -1,0 +1,163 @@
+"""Sign of the rudder from where it is held: the vehicle must turn the way it was put.
+
+The yaw acceleration shows the rudder only while a turn begins or ends; in steady circles, with a
+noisy gyro or a slow vehicle it shows little. A rudder that is held answers to nothing, so that the
+turn that follows is its own: after a step the curvature of the path changes to one side, and once
+it has settled the path bends to that side. A helm that works with the motion is never held.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from auvident.schema.channels import RECORD_COLUMN
+from auvident.schema.logs import DEG
+from auvident.schema.trial import Trial
+
+HELD_BAND_RAD = 1.0 * DEG  # within which a rudder is held
+HELD_S = 1.0  # shorter is no hold
+LEAST_RAD = 5.0 * DEG  # beyond an offset of the rudder and the loop of an unstable hull
+LEAST_STEP_S, STEP_LENGTHS = 2.0, 1.5  # a step shows after so long, or so many lengths of way,
+LAST_LENGTHS = 5.0  # and best after so many
+LEAST_SETTLED_S, SETTLED_LENGTHS = 3.0, 4.0  # by then a path bends as the rudder says
+SLEW_S = 3.0  # between two holds of one step
+CLOCK_S = 4.0  # at the end of a hold: so late may the rudder be stamped
+MEAN_S, RUDDER_MEAN_S = 1.0, 0.5  # over which curvature and rudder are averaged
+SURE_SHARE = 0.9  # of the rows that must say the same,
+LEAST_SECONDS, LEAST_HOLDS = 20.0, 2  # in so much time and so often: one turn may be a drift
+# Curvature times length over rudder angle: 0.5 to 3 for torpedo and tanker; what is far below it
+# is no fin's doing.
+RESPONSE = 0.1
+
+
+@dataclass(frozen=True)
+class Votes:
+    """Rows that show the sign of the rudder: how many, how many contradict, of how many holds."""
+
+    rows: int = 0
+    contrary: int = 0
+    holds: int = 0
+    seconds: float = 0.0
+
+    @property
+    def share(self) -> float:
+        """Share of the rows that contradict; 0.5 when there are none."""
+        return self.contrary / self.rows if self.rows else 0.5
+
+    @property
+    def sign(self) -> int:
+        """-1 when the rudder works as it should, 1 the other way, 0 when that is not sure."""
+        if self.seconds < LEAST_SECONDS or self.holds < LEAST_HOLDS:
+            return 0
+        if self.share >= SURE_SHARE:
+            return 1
+        return -1 if self.share <= 1.0 - SURE_SHARE else 0
+
+
+@dataclass(frozen=True)
+class Held:
+    """What follows a held rudder: steady `turns`, and the change after `steps` from hold to hold.
+
+    A clock of the rudder that is late or early by seconds spoils steps, but no steady turn.
+    """
+
+    turns: Votes
+    steps: Votes
+
+
+def held_rudder(trial: Trial, length_m: float, grip_mps: float) -> Held:
+    """Compare every held rudder with the turn that follows.
+
+    Parameters
+    ----------
+    trial : Trial
+        With the internal sign of the rudder: positive turns to port, to negative yaw rates.
+    length_m : float
+        Of the hull.
+    grip_mps : float
+        Speed above which the rudder governs the motion.
+    """
+    turns: list[np.ndarray] = []
+    steps: list[np.ndarray] = []
+    for time, speed, rate, rudder in _pieces(trial, grip_mps):
+        curvature = _mean(rate * length_m / speed, round(MEAN_S * trial.rate_hz))
+        passage = length_m / float(np.median(speed))
+        held = _mean(rudder, round(RUDDER_MEAN_S * trial.rate_hz))
+        holds = list(_holds(time, held))
+        angles = [float(np.mean(held[hold])) for hold in holds]
+        for hold, angle in zip(holds, angles, strict=True):
+            turns += _turn(time, curvature, hold, angle, passage)
+        for k in range(1, len(holds)):
+            if time[holds[k].start] - time[holds[k - 1].stop - 1] <= SLEW_S:
+                step = angles[k] - angles[k - 1]
+                steps += _step(time, curvature, holds[k - 1], holds[k], step, passage)
+    return Held(_votes(turns, trial.rate_hz), _votes(steps, trial.rate_hz))
+
+
+def _votes(agreeing: list[np.ndarray], rate_hz: float) -> Votes:
+    rows = sum(agrees.size for agrees in agreeing)
+    contrary = sum(int(np.count_nonzero(~agrees)) for agrees in agreeing)
+    return Votes(rows, contrary, len(agreeing), rows / rate_hz)
+
+
+def _pieces(trial: Trial, grip_mps: float) -> Iterator[tuple[np.ndarray, ...]]:
+    """Time, speed, yaw rate and rudder of each uninterrupted piece under way."""
+    table = trial.table
+    columns = ("time_s", "u_mps", "r_radps", "rudder_rad")
+    values = table[list(columns)].to_numpy(float)
+    good = np.isfinite(values).all(axis=1) & (values[:, 1] > grip_mps)
+    record = np.where(good, table[RECORD_COLUMN].to_numpy(), -1)
+    edges = np.flatnonzero(np.diff(record)) + 1
+    for rows in np.split(np.arange(record.size), edges):
+        if record[rows[0]] >= 0 and rows.size > 2 * trial.rate_hz * HELD_S:
+            yield tuple(values[rows].T)
+
+
+def _mean(values: np.ndarray, width: int) -> np.ndarray:
+    """Moving average, the ends over what there is."""
+    ones = np.ones(max(width, 1))
+    return np.convolve(values, ones, "same") / np.convolve(np.ones(values.size), ones, "same")
+
+
+def _holds(time: np.ndarray, rudder: np.ndarray) -> Iterator[slice]:
+    """Stretches in which the rudder stays within a narrow band, from left to right."""
+    start, low, high = 0, rudder[0], rudder[0]
+    for k, angle in enumerate(rudder.tolist()):
+        low, high = min(low, angle), max(high, angle)
+        if high - low > HELD_BAND_RAD:
+            if time[k - 1] - time[start] >= HELD_S:
+                yield slice(start, k)
+            start, low, high = k, angle, angle
+    if time[-1] - time[start] >= HELD_S:
+        yield slice(start, time.size)
+
+
+def _turn(
+    time: np.ndarray, curvature: np.ndarray, hold: slice, angle: float, passage_s: float
+) -> list[np.ndarray]:
+    """Whether the path bends as the rudder says once it has settled, by row with a clear bend."""
+    first = time[hold.start] + max(LEAST_SETTLED_S, SETTLED_LENGTHS * passage_s)
+    settled = (time[hold] >= first) & (time[hold] <= time[hold.stop - 1] - CLOCK_S)
+    bend = curvature[hold][settled]
+    clear = np.abs(bend) >= RESPONSE * abs(angle)
+    return [bend[clear] * angle < 0] if abs(angle) >= LEAST_RAD and clear.any() else []
+
+
+def _step(
+    time: np.ndarray,
+    curvature: np.ndarray,
+    before: slice,
+    hold: slice,
+    step: float,
+    passage_s: float,
+) -> list[np.ndarray]:
+    """Whether the curvature changes as the step of the rudder says, once for each row."""
+    start = time[hold.start]
+    last = start + max(LEAST_STEP_S, LAST_LENGTHS * passage_s)
+    after = hold.start + int(np.searchsorted(time[hold], last, "right")) - 1
+    if time[after] - start < max(LEAST_STEP_S, STEP_LENGTHS * passage_s):
+        return []
+    change = curvature[after] - curvature[before.stop - 1]
+    clear = abs(step) >= LEAST_RAD and abs(change) >= RESPONSE * abs(step)
+    return [np.full(after - hold.start, change * step < 0)] if clear else []

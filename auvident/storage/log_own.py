@@ -1,0 +1,111 @@
+"""Outputs of this program among the logs: run directories, simulations, tables of coefficients."""
+
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import pyarrow as pa
+from pyarrow import parquet
+
+from auvident.errors import InputError
+from auvident.schema.channels import BY_COLUMN
+from auvident.schema.coefficients import BY_SYMBOL
+from auvident.storage.log_file import PARQUET_SUFFIXES, looks_like_log, open_log
+from auvident.storage.run_directory import MANIFEST
+
+MAX_DEPTH = 4  # folders below the one given; a deeper tree is not a log folder but a disk
+LEAST_BANDS = 2  # channels with a lower and an upper bound: no sensor logs these
+LEAST_SYMBOLS = 2  # columns named for coefficients
+TABLE_OF_COEFFICIENTS = ("symbol", "value", "std", "prime")
+REMEDY = "Give the logs that it was made from."
+
+
+def is_run_directory(folder: Path) -> bool:
+    """Whether a folder holds the manifest of a run."""
+    try:
+        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(manifest, dict) and str(manifest.get("schema")).startswith("auvident/")
+
+
+def own_output(path: Path) -> str:
+    """What a file is that this program wrote, in words; "" for any other."""
+    program = _program(path)
+    if program:
+        return f"a table that {program} wrote"
+    try:
+        names = open_log(path).names
+    except InputError:
+        return ""
+    if sum(f"{c}_low" in names and f"{c}_high" in names for c in BY_COLUMN) >= LEAST_BANDS:
+        return "a simulation that auvident wrote"
+    symbols = sum(name in BY_SYMBOL for name in names)
+    if set(TABLE_OF_COEFFICIENTS) <= set(names) or symbols >= LEAST_SYMBOLS:
+        return "a table of coefficients that auvident wrote"
+    return ""
+
+
+def _program(path: Path) -> str:
+    """The program that wrote a Parquet file, when it is this one."""
+    if not path.name.lower().endswith(PARQUET_SUFFIXES):
+        return ""
+    try:
+        about = parquet.read_schema(path).metadata or {}
+    except (pa.ArrowException, OSError):
+        return ""
+    program = about.get(b"program", b"").decode(errors="replace")
+    return program if program.startswith("auvident") else ""
+
+
+def logs_in(folder: Path) -> tuple[Path, ...]:
+    """Files of a folder that are taken for logs, in order."""
+    files = sorted(p for p in folder.iterdir() if looks_like_log(p))
+    return tuple(p for p in files if not own_output(p))
+
+
+def folders_in(folder: Path) -> list[Path]:
+    """Folders in which logs are searched, in order."""
+    below = sorted(p for p in folder.iterdir() if p.is_dir() and p.name[:1] not in "._")
+    return [p for p in below if not is_run_directory(p)]
+
+
+def not_own(root: Path, files: Iterable[Path]) -> list[Path]:
+    """Files below a folder that stand in no run directory and are no output themselves."""
+    return [p for p in files if not _in_run_directory(root, p) and not own_output(p)]
+
+
+def _in_run_directory(root: Path, file: Path) -> bool:
+    between = [p for p in file.parents if p != root and p.is_relative_to(root)]
+    return any(is_run_directory(p) for p in between)
+
+
+def refuse_own(path: Path) -> None:
+    """Refuse what the user named as a log and what is an output.
+
+    Raises
+    ------
+    InputError
+        It is a run directory, or a file that this program wrote.
+    """
+    if path.is_dir() and is_run_directory(path):
+        raise InputError(
+            "is a run directory of auvident, not a log",
+            str(path),
+            f"{REMEDY} `auvident run --run {path}` alone takes them again.",
+        )
+    what = own_output(path) if path.is_file() else ""
+    if what:
+        raise InputError(f"is {what}, not a log", str(path), REMEDY)
+
+
+def left_out(paths: Sequence[Path]) -> tuple[Path, ...]:
+    """Outputs of this program that a search for logs passes over: run directories and files."""
+    found: list[Path] = []
+    level = [Path(p) for p in paths if Path(p).is_dir()]
+    for _ in range(MAX_DEPTH + 1):
+        inside = [p for folder in level for p in sorted(folder.iterdir())]
+        found += [p for p in inside if p.is_dir() and is_run_directory(p)]
+        found += [p for p in inside if looks_like_log(p) and own_output(p)]
+        level = [p for folder in level for p in folders_in(folder)]
+    return tuple(dict.fromkeys(found))

@@ -1,0 +1,188 @@
+"""One trial given twice, in whatever form, is noticed; two trials never pass for one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from ingest_world import calm, maneuvers, sensor
+
+from auvident.errors import InputError
+from auvident.schema.logs import DEG, RawTrial
+from auvident.stages.ingest.copies import fingerprint, refuse_copy
+
+CHANNELS = {"dvl": ("u_mps", "v_mps"), "gyro": ("r_radps",)}
+
+
+@pytest.fixture(scope="module")
+def raw() -> RawTrial:
+    return maneuvers(seed=1, duration_s=300.0)
+
+
+def renamed(trial: RawTrial, name: str = "other") -> RawTrial:
+    return replace(trial, name=name)
+
+
+def each(trial: RawTrial, change) -> RawTrial:
+    """Every sensor changed by a function of it."""
+    return renamed(replace(trial, sensors={k: change(s) for k, s in trial.sensors.items()}))
+
+
+def rows(s, keep):
+    values = {c: x[keep] for c, x in s.values.items()}
+    return replace(s, time_s=s.time_s[keep], values=values, rows=s.rows[keep])
+
+
+def later(s, by_s):
+    return replace(s, time_s=s.time_s + by_s)
+
+
+def on_ticks(trial: RawTrial, ticks, how) -> RawTrial:
+    """All channels on one clock, as a wide file has them."""
+    sensors = {}
+    for name, s in trial.sensors.items():
+        values = {c: how(ticks, s.time_s, x) for c, x in s.values.items()}
+        sensors[name] = sensor(name, ticks, **values)
+    return RawTrial("wide", sensors)
+
+
+def held(ticks, time, x):
+    return x[np.clip(np.searchsorted(time, ticks, side="right") - 1, 0, None)]
+
+
+def sparse(ticks, time, x):
+    """The value in the first row at or after its time, empty cells between."""
+    found = np.full(ticks.size, np.nan)
+    place = np.searchsorted(ticks, time)
+    found[place[place < ticks.size]] = x[place < ticks.size]
+    return found
+
+
+def rounded(trial: RawTrial, digits: int, per_unit: float = 1.0) -> RawTrial:
+    return each(trial, lambda s: replace(s, values={
+        c: np.round(x * per_unit, digits) / per_unit for c, x in s.values.items()
+    }))  # fmt: skip
+
+
+FORMS = {
+    "another name": renamed,
+    "a shifted clock": lambda t: each(t, lambda s: later(s, 1234.567)),
+    "a clock of 1970": lambda t: each(t, lambda s: later(s, 1.7e9)),
+    "the first half": lambda t: each(t, lambda s: rows(s, s.time_s < 150.0)),
+    "a minute of it, later": lambda t: each(
+        t, lambda s: later(rows(s, (s.time_s > 100) & (s.time_s < 160)), -100.0)
+    ),
+    "held on a fast clock": lambda t: on_ticks(t, np.arange(0.5, 299, 0.02), held),
+    "held on a clock of 10 Hz": lambda t: on_ticks(t, np.arange(0.5, 299, 0.1), held),
+    "with empty cells": lambda t: on_ticks(t, np.arange(0.5, 299, 0.01), sparse),
+    "interpolated at 10 Hz": lambda t: on_ticks(t, np.arange(0.5, 299, 0.1), np.interp),
+    "with four digits": lambda t: rounded(t, 4),
+    "with four digits, later": lambda t: each(rounded(t, 4), lambda s: later(s, 77.0)),
+    "in degrees with three digits": lambda t: rounded(t, 3, 1.0 / DEG),
+    "in single precision": lambda t: each(
+        t,
+        lambda s: replace(
+            s, values={c: x.astype(np.float32).astype(float) for c, x in s.values.items()}
+        ),
+    ),
+    "with a tenth of its rows lost": lambda t: each(
+        t, lambda s: rows(s, np.arange(s.time_s.size) % 100 > 9)
+    ),
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_copy_is_refused_in_every_form(raw, form, turned):
+    pair = [raw, FORMS[form](raw)]
+    first, second = pair[::-1] if turned else pair
+    with pytest.raises(InputError) as caught:
+        refuse_copy(fingerprint(second), [fingerprint(first)])
+    error = caught.value
+    assert error.exit_code == 3
+    assert error.remedy
+    for word in (first.name, second.name):
+        assert word in f"{error.where} {error.problem}"
+
+
+def test_a_smooth_copy_is_refused(raw):
+    """Simulated logs have no noise."""
+    smooth = maneuvers(noise=0.0, duration_s=200.0)
+    for other in (renamed(smooth), FORMS["a shifted clock"](smooth)):
+        with pytest.raises(InputError):
+            refuse_copy(fingerprint(other), [fingerprint(smooth)])
+
+
+def coarse(trial: RawTrial) -> RawTrial:
+    """Readings with few digits: 0.1 deg/s and 1 cm/s."""
+    steps = {"r_radps": 0.1 * DEG, "u_mps": 0.01, "v_mps": 0.01}
+    return replace(trial, sensors={
+        k: replace(s, values={
+            c: np.round(x / steps[c]) * steps[c] if c in steps else x for c, x in s.values.items()
+        }) for k, s in trial.sensors.items()
+    })  # fmt: skip
+
+
+@pytest.mark.parametrize("noise", [1.0, 0.1, 0.02])
+@pytest.mark.parametrize("form", [lambda t: t, coarse, lambda t: rounded(t, 3)])
+def test_the_same_maneuvers_sailed_again_are_another_trial(noise, form):
+    """Same motion to the last digit, only the noise of the sensors and their ticks differ."""
+    first = fingerprint(form(maneuvers(seed=1, duration_s=300.0, noise=noise)))
+    for seed in (2, 3, 4):
+        second = form(maneuvers(seed=seed, duration_s=300.0, noise=noise))
+        refuse_copy(fingerprint(renamed(second)), [first])
+
+
+@pytest.mark.parametrize(("noise", "form"), [(1.0, lambda t: t), (0.1, lambda t: t), (1.0, coarse)])
+def test_the_same_maneuvers_on_the_same_ticks_are_another_trial(noise, form):
+    def noisy(seed: int) -> RawTrial:
+        rng = np.random.default_rng(seed)
+        smooth = maneuvers(noise=0.0, duration_s=300.0)
+        stds = {"u_mps": 0.005, "v_mps": 0.005, "r_radps": 0.002}
+        return form(each(smooth, lambda s: replace(s, values={
+            c: x + noise * stds.get(c, 0.0) * rng.standard_normal(x.size)
+            for c, x in s.values.items()
+        })))  # fmt: skip
+
+    first = fingerprint(noisy(1))
+    for seed in (2, 3, 4):
+        refuse_copy(fingerprint(noisy(seed)), [first])
+
+
+def test_straight_runs_at_one_speed_are_other_trials():
+    def straight(seed: int, step: float) -> RawTrial:
+        rng = np.random.default_rng(seed)
+        t = np.arange(2000) / 10.0
+        u, v, r = (step * np.round(x / step) for x in (
+            1.5 + 0.004 * rng.standard_normal(t.size), 0.004 * rng.standard_normal(t.size),
+            0.002 * rng.standard_normal(t.size),
+        ))  # fmt: skip
+        return calm(
+            duration_s=200.0, dvl=sensor("dvl", t, u_mps=u, v_mps=v),
+            gyro=sensor("gyro", t, r_radps=r),
+        )  # fmt: skip
+
+    for step in (1e-9, 1e-3, 5e-3, 2e-2):
+        first = fingerprint(straight(1, step))
+        for seed in range(2, 8):
+            refuse_copy(fingerprint(straight(seed, step)), [first])
+
+
+def test_a_few_seconds_in_common_are_no_copy(raw):
+    """Recorders that roll over keep the last seconds in both files."""
+    first = each(raw, lambda s: rows(s, s.time_s < 155.0))
+    second = each(raw, lambda s: rows(s, s.time_s > 150.0))
+    refuse_copy(fingerprint(renamed(second)), [fingerprint(first)])
+
+
+def test_half_a_minute_in_common_is_a_copy(raw):
+    first = each(raw, lambda s: rows(s, s.time_s < 190.0))
+    second = each(raw, lambda s: rows(s, s.time_s > 150.0))
+    with pytest.raises(InputError, match=r"(39|40) s of"):
+        refuse_copy(fingerprint(renamed(second)), [fingerprint(first)])
+
+
+def test_readings_that_never_change_say_nothing():
+    t, none = np.arange(200) / 10, np.zeros(200)
+    gyro, dvl = sensor("gyro", t, r_radps=none), sensor("dvl", t, u_mps=none + 1.5, v_mps=none)
+    still = calm(gyro=gyro, dvl=dvl)
+    refuse_copy(fingerprint(renamed(still)), [fingerprint(still)])
