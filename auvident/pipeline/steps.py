@@ -12,6 +12,7 @@ from auvident.pipeline.given import Given
 from auvident.pipeline.observer import Observer
 
 if TYPE_CHECKING:
+    from auvident.schema.artifacts import Finding
     from auvident.schema.diagnosis import Attempt
     from auvident.schema.logs import ColumnMap, RawTrial
     from auvident.schema.plan import Plan

@@ -36,7 +36,7 @@ SERIOUS = {
     "channel_unusable",
 }  # fmt: skip
 NOTES = {"channels_absent", "file_not_used", "assumed_section", "assumed_propulsion_factor",
-         "input_logged_on_change", "coarse_time", "jitter"}  # fmt: skip
+         "input_logged_on_change", "coarse_time", "jitter", "own_outputs_left_out"}  # fmt: skip
 RANKS = ("serious", "caution", "note")
 
 
