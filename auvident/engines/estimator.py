@@ -31,15 +31,12 @@ from auvident.estimation.output_error import Likelihood, fit
 from auvident.estimation.posterior_mean import move_to_mean
 from auvident.physics.dynamics import N_STATES
 from auvident.schema.coefficients import BY_SYMBOL, expand
+from auvident.schema.effects import BY_ID
 from auvident.schema.plan import PlanStage
 
 Array = npt.NDArray[Any]
 
 START_STD = 3.0  # starting state is known to this many (effective) sensor standard deviations
-# effects that the surge equation alone can show
-SURGE_EFFECTS = (
-    "propeller_lag", "thrust_sag", "thrust_step", "turning_drag", "linear_drag", "weight_excess",
-)  # fmt: skip
 # Tried for the most likely. A filter that follows its readings within less than a second lets
 # the first maneuvers carry the coefficients away.
 OBSERVER_TIMES_S = (1.0, 3.0, 10.0, 30.0, 100.0)
@@ -67,7 +64,7 @@ def effect_positions(setup: Setup, active: Array) -> list[int]:
     return [
         i
         for i, name in enumerate(setup.structure.parameters)
-        if "." in name and (lateral or name.split(".")[0] in SURGE_EFFECTS)
+        if "." in name and (lateral or BY_ID[name.split(".")[0]].surge_alone)
     ]
 
 

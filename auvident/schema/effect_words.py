@@ -7,42 +7,19 @@ from typing import Any
 from auvident.schema.diagnosis import EffectFound, ParameterValue
 from auvident.schema.effects import BY_ID, parameter_of
 
-SHORT = {
-    "current": "a current of {north_mps:.2f} m/s north, {east_mps:.2f} m/s east",
-    "rudder_offset": "a rudder offset of {offset_deg:.1f} deg",
-    "rudder_lag": "a rudder servo with a lag of {lag_s:.2f} s",
-    "rudder_rate_limit": "a rudder that moves at {rate_degps:.0f} deg/s at most",
-    "rudder_delay": "a rudder that answers {delay_s:.2f} s late",
-    "rudder_backlash": "play of {half_width_deg:.1f} deg to each side in the rudder",
-    "rudder_deadband": "a rudder that ignores commands below {deadband_deg:.1f} deg",
-    "rudder_asymmetry": "a rudder stronger to one side by {gain:.2f}",
-    "rudder_stall": "a rudder that stalls at about {angle_deg:.0f} deg",
-    "propeller_race": "the race of the propeller on the rudder, {c_m2ps2pn:.4f} m^2/s^2 per N",
-    "propeller_lag": "a propeller that follows with a lag of {lag_s:.2f} s",
-    "thrust_sag": "thrust that falls by {fraction_per_1000_s:.2f} in 1000 s",
-    "thrust_step": "thrust that falls by {fraction:.2f}",
-    "dvl_delay": "a DVL that is {delay_s:.2f} s late",
-    "gyro_delay": "a gyro that is {delay_s:.2f} s late",
-    "dvl_misalignment": "a DVL turned by {yaw_deg:.1f} deg",
-    "dvl_scale": "a DVL that reads {fraction:+.3f} of its value too much",
-    "dvl_lever_arm": "a DVL {dx_m:.2f} m ahead, {dy_m:.2f} m to starboard of its stated place",
-    "gyro_bias": "a gyro bias of {bias_degps:.2f} deg/s",
-    "gyro_scale": "a gyro that reads {fraction:+.3f} of its value too much",
-    "linear_drag": "drag of {X_u:.2f} kg/s in proportion to the speed",
-}
-
 
 def plain(effect: str, parameters: Sequence[ParameterValue], speed: float, rate: float) -> str:
     """An effect in words; forces as they are at cruise (speed [m/s], propeller rate [rev/s])."""
     values = {p.symbol: p.value for p in parameters}
+    words = BY_ID[effect].words
     if effect == "thrust_step":
-        return SHORT[effect].format(**values) + _when(parameters)
+        return words.format(**values) + _when(parameters)
     if effect == "current":
         north, east = values["north_mps"], values["east_mps"]
         towards = math.degrees(math.atan2(east, north)) % 360.0
         return f"a current of {math.hypot(north, east):.2f} m/s towards {towards:.0f} deg"
-    if effect in SHORT and all(p in values for p in _fields(SHORT[effect])):
-        return SHORT[effect].format(**values)
+    if words and all(p in values for p in _fields(words)):
+        return words.format(**values)
     if effect == "hull_asymmetry":
         y, n = values["Y_0"] * speed**2, values["N_0"] * speed**2
         return f"a hull asymmetry of {y:.2f} N and {n:.2f} N m at {speed:.1f} m/s"

@@ -133,6 +133,24 @@ class Effect:
     needs : tuple of str
         Columns of the trial without which it cannot be seen or told apart.
     source : str
+    words : str
+        What a model with it has, for people; fields are its parameters as shown.
+    alike : str
+        Its group of `auvident.schema.likeness`, if it has one.
+    parts : tuple of str
+        Effects that together do what it does alone.
+    surge_alone : bool
+        The surge equation alone can show it.
+    curved : bool
+        Its signature changes with its size: a fit needs a start of usual size.
+    higher_order : bool
+        A term of higher order, of which every hull has a little.
+    steady : bool
+        It shows in a straight run as a drift angle or a turn in proportion to the speed.
+    nuisance : bool
+        Only ever taken along: no engineer asks for it.
+    late : bool
+        A sensor shows what was a while ago.
     """
 
     id: str
@@ -144,6 +162,15 @@ class Effect:
     signature: str
     needs: tuple[str, ...] = ()
     source: str = ""
+    words: str = ""
+    alike: str = ""
+    parts: tuple[str, ...] = ()
+    surge_alone: bool = False
+    curved: bool = False
+    higher_order: bool = False
+    steady: bool = False
+    nuisance: bool = False
+    late: bool = False
 
     def names(self) -> tuple[str, ...]:
         """Names of its parameters in the parameter vector."""
@@ -175,109 +202,144 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("rudder_offset", "actuation", "input", HV, (
         P("offset_deg", "deg", 0.035, 0.0087, -0.35, 0.35, DEGREES),
     ), "d = d_command + offset", "turns with the rudder amidships, in proportion to u^2", (),
-        SERVO),
+        SERVO,
+        words="a rudder offset of {offset_deg:.1f} deg", alike="turns amidships", steady=True),
     Effect("rudder_lag", "actuation", "input", HV, (
         P("lag_s", "s", 0.4, 0.15, 0.0, 3.0, silent=0.04, step=0.05),
-    ), "d' = (d_command - d) / lag", "residual after every helm, decaying", (), SERVO),
+    ), "d' = (d_command - d) / lag", "residual after every helm, decaying", (), SERVO,
+        words="a rudder servo with a lag of {lag_s:.2f} s", alike="late", curved=True),
     Effect("rudder_rate_limit", "actuation", "input", HV, (
         P("rate_degps", "deg/s", 3.0, 1.9, 0.0, 20.0, DEGREES, "inverse", step=0.3, silent=0.3),
-    ), "|d'| <= rate", "residual after every helm, longer after larger ones", (), SERVO),
+    ), "|d'| <= rate", "residual after every helm, longer after larger ones", (), SERVO,
+        words="a rudder that moves at {rate_degps:.0f} deg/s at most", alike="late", curved=True),
     Effect("rudder_delay", "actuation", "input", HV, (
         P("delay_s", "s", 0.3, 0.15, -0.3, 2.0, silent=0.02, step=0.05),
-    ), "d(t) = d_command(t - delay)", "residual after every helm, flat-topped", (), SERVO),
+    ), "d(t) = d_command(t - delay)", "residual after every helm, flat-topped", (), SERVO,
+        words="a rudder that answers {delay_s:.2f} s late", alike="late", curved=True),
     Effect("rudder_backlash", "actuation", "input", HV, (
         P("half_width_deg", "deg", 0.026, 0.0122, 0.0, 0.2, DEGREES, step=0.7),
     ), "d follows d_command at a distance of the half width", "circles differ after reversals",
-        (), SERVO),
+        (), SERVO,
+        words="play of {half_width_deg:.1f} deg to each side in the rudder", alike="small helms",
+        curved=True),
     Effect("rudder_deadband", "actuation", "input", HV, (
         P("deadband_deg", "deg", 0.026, 0.0122, 0.0, 0.2, DEGREES, step=0.7),
     ), "d = sign(d_command) max(|d_command| - deadband, 0)", "small helms do too little", (),
-        SERVO),
+        SERVO,
+        words="a rudder that ignores commands below {deadband_deg:.1f} deg", alike="small helms",
+        curved=True),
     Effect("rudder_asymmetry", "actuation", "input", HV, (
         P("gain", "-", 0.15, 0.05, -0.9, 0.9),
-    ), "d = d_command (1 + gain sign(d_command))", "turns differ from side to side", (), SERVO),
+    ), "d = d_command (1 + gain sign(d_command))", "turns differ from side to side", (), SERVO,
+        words="a rudder stronger to one side by {gain:.2f}"),
     Effect("rudder_stall", "actuation", "input", HV, (
         P("angle_deg", "deg", 6.0, 3.0, 0.0, 60.0, DEGREES, "inverse_square", step=0.1, silent=1.2),
     ), "effective d = d / sqrt(1 + (d / angle)^2)", "large helms do too little", (),
-        "Molland and Turnock (2007), 5.3"),
+        "Molland and Turnock (2007), 5.3",
+        words="a rudder that stalls at about {angle_deg:.0f} deg", alike="large helms",
+        curved=True),
     Effect("propeller_lag", "actuation", "input", HV, (
         P("lag_s", "s", 0.7, 0.3, 0.0, 6.0, silent=0.15, step=0.05),
-    ), "n' = (n_command - n) / lag", "u residual after thrust steps only"),
+    ), "n' = (n_command - n) / lag", "u residual after thrust steps only",
+        words="a propeller that follows with a lag of {lag_s:.2f} s", surge_alone=True,
+        curved=True),
     Effect("propeller_race", "actuation", "input", HV, (
         P("c_m2ps2pn", "m^2/s^2/N", 100.0, 50.0, -1000.0, 1000.0, powers=(-1, -2, 0, 0),
           silent=15.0),
     ), "rudder sees u^2 + c T", "rudder power depends on the loading of the propeller", (),
-        "Molland and Turnock (2007), 3.6"),
+        "Molland and Turnock (2007), 3.6",
+        words="the race of the propeller on the rudder, {c_m2ps2pn:.4f} m^2/s^2 per N",
+        alike="large helms"),
     Effect("thrust_sag", "actuation", "input", HV, (
         P("fraction_per_1000_s", "-", 0.15, 0.05, -0.9, 0.9),
-    ), "thrust (1 - fraction t / 1000 s)", "u falls slowly through the trial"),
+    ), "thrust (1 - fraction t / 1000 s)", "u falls slowly through the trial",
+        words="thrust that falls by {fraction_per_1000_s:.2f} in 1000 s", alike="falling thrust",
+        surge_alone=True),
     Effect("thrust_step", "actuation", "input", HV, (
         P("fraction", "-", 0.15, 0.05, -0.9, 0.9), P("time_s", "s", 0.0, 0.0, 0.0, 1e9),
         P("over_s", "s", 0.0, 0.0, 0.0, 1e9),
     ), "thrust (1 - fraction) from one time on, spread over what is not known of it",
-        "u falls at one time and stays down"),
+        "u falls at one time and stays down",
+        words="thrust that falls by {fraction:.2f}", alike="falling thrust", surge_alone=True),
     Effect("dvl_delay", "sensing", "reading", HV, (
         P("delay_s", "s", 0.25, 0.1, -1.0, 2.0),
-    ), "u, v(t) are those of t - delay", "u and v residuals like their derivatives", (), SENSOR),
+    ), "u, v(t) are those of t - delay", "u and v residuals like their derivatives", (), SENSOR,
+        words="a DVL that is {delay_s:.2f} s late", alike="late", curved=True, late=True),
     Effect("gyro_delay", "sensing", "reading", HV, (
         P("delay_s", "s", 0.25, 0.1, -1.0, 2.0),
-    ), "r(t) is that of t - delay", "r residual like its derivative", (), SENSOR),
+    ), "r(t) is that of t - delay", "r residual like its derivative", (), SENSOR,
+        words="a gyro that is {delay_s:.2f} s late", alike="late", curved=True, late=True),
     Effect("dvl_misalignment", "sensing", "reading", H, (
         P("yaw_deg", "deg", 0.035, 0.0087, -0.5, 0.5, DEGREES),
-    ), "(u, v) turned by yaw", "v in proportion to u while r = 0", (), SENSOR),
+    ), "(u, v) turned by yaw", "v in proportion to u while r = 0", (), SENSOR,
+        words="a DVL turned by {yaw_deg:.1f} deg", steady=True),
     Effect("dvl_scale", "sensing", "reading", HV, (
         P("fraction", "-", 0.03, 0.015, -0.5, 0.5),
-    ), "(u, v) (1 + fraction)", "only a position log shows it", ("north_m",), SENSOR),
+    ), "(u, v) (1 + fraction)", "only a position log shows it", ("north_m",), SENSOR,
+        words="a DVL that reads {fraction:+.3f} of its value too much"),
     Effect("dvl_lever_arm", "sensing", "reading", H, (
         P("dx_m", "m", 0.2, 0.05, -1.0, 1.0), P("dy_m", "m", 0.1, 0.03, -1.0, 1.0),
-    ), "v + r dx, u - r dy", "u differs in port and starboard turns (dy)", (), SENSOR),
+    ), "v + r dx, u - r dy", "u differs in port and starboard turns (dy)", (), SENSOR,
+        words="a DVL {dx_m:.2f} m ahead, {dy_m:.2f} m to starboard of its stated place"),
     Effect("gyro_bias", "sensing", "reading", HV, (
         P("bias_degps", "deg/s", 0.005, 0.00175, -0.2, 0.2, DEGREES),
-    ), "r + bias", "heading disagrees with the integral of r", (), SENSOR),
+    ), "r + bias", "heading disagrees with the integral of r", (), SENSOR,
+        words="a gyro bias of {bias_degps:.2f} deg/s"),
     Effect("gyro_scale", "sensing", "reading", HV, (
         P("fraction", "-", 0.03, 0.015, -0.5, 0.5),
     ), "r (1 + fraction)", "heading disagrees with the integral of r in turns", ("heading_rad",),
-        SENSOR),
+        SENSOR,
+        words="a gyro that reads {fraction:+.3f} of its value too much"),
     Effect("propeller_side_force", "hydrodynamics", "force", H, (
         P("Y_nn", "N s^2", 1.2e-3, 2e-4, -0.1, 0.1, powers=(1, 2, 2, -2)),
         P("N_nn", "N m s^2", 2.5e-4, 4e-5, -0.1, 0.1, powers=(1, 3, 2, -2)),
-    ), "Y + Y_nn n|n|, N + N_nn n|n|", "turns with the rudder amidships, in proportion to n^2"),
+    ), "Y + Y_nn n|n|, N + N_nn n|n|", "turns with the rudder amidships, in proportion to n^2",
+        alike="turns amidships", parts=("rudder_offset", "dvl_misalignment"), steady=True),
     Effect("hull_asymmetry", "hydrodynamics", "force", H, (
         P("Y_0", "kg/m", 1.2e-3, 2e-4, -0.1, 0.1, powers=(1, 2, 0, 0), silent=3e-5),
         P("N_0", "kg", 2.5e-4, 4e-5, -0.1, 0.1, powers=(1, 3, 0, 0), silent=1e-5),
-    ), "Y + Y_0 u|u|, N + N_0 u|u|", "turns with the rudder amidships, in proportion to u^2"),
+    ), "Y + Y_0 u|u|, N + N_0 u|u|", "turns with the rudder amidships, in proportion to u^2",
+        alike="turns amidships", parts=("rudder_offset", "dvl_misalignment"), steady=True),
     Effect("sway_cross_flow", "hydrodynamics", "force", H, (
         P("Y_v|r|", "kg", 0.03, 0.01, -1.0, 1.0, powers=(1, 3, 0, 0)),
         P("Y_r|v|", "kg", 0.03, 0.01, -1.0, 1.0, powers=(1, 3, 0, 0)),
     ), "Y + Y_v|r| v|r| + Y_r|v| r|v|", "drift angle depends on the rate of turn", (),
-        "Norrbin (1971); Clarke (2003)"),
+        "Norrbin (1971); Clarke (2003)",
+        higher_order=True),
     Effect("yaw_cross_flow", "hydrodynamics", "force", H, (
         P("N_v|r|", "kg m", 0.008, 0.003, -1.0, 1.0, powers=(1, 4, 0, 0)),
         P("N_r|v|", "kg m", 0.008, 0.003, -1.0, 1.0, powers=(1, 4, 0, 0)),
     ), "N + N_v|r| v|r| + N_r|v| r|v|", "overshoot depends on the rate of turn", (),
-        "Norrbin (1971); Clarke (2003)"),
+        "Norrbin (1971); Clarke (2003)",
+        higher_order=True),
     Effect("cubic_damping", "hydrodynamics", "force", H, (
         P("N_vvr", "kg s", 0.05, 0.02, -5.0, 5.0, powers=(1, 4, -1, 0)),
         P("N_rrr", "kg m^2 s", 0.01, 0.004, -1.0, 1.0, powers=(1, 6, -1, 0)),
     ), "N + N_vvr v v r + N_rrr r^3", "yaw damping grows faster than the square", (),
-        "Abkowitz (1964)"),
+        "Abkowitz (1964)",
+        alike="large helms", higher_order=True),
     Effect("turning_drag", "hydrodynamics", "force", H, (
         P("X_vvu", "kg s/m^2", 0.05, 0.02, -5.0, 5.0, powers=(1, 2, -1, 0)),
         P("X_rru", "kg s", 0.01, 0.004, -5.0, 5.0, powers=(1, 4, -1, 0)),
-    ), "X + X_vvu v v u + X_rru r r u", "u lower in turns than X_vv, X_vr and X_rr make it"),
+    ), "X + X_vvu v v u + X_rru r r u", "u lower in turns than X_vv, X_vr and X_rr make it",
+        alike="drag", surge_alone=True, higher_order=True),
     Effect("linear_drag", "hydrodynamics", "force", H, (
         P("X_u", "kg/s", 1.0e-3, 4e-4, -0.1, 0.1, powers=(1, 2, 1, 0), silent=1.5e-4),
-    ), "X + X_u u", "u over n changes with speed"),
+    ), "X + X_u u", "u over n changes with speed",
+        words="drag of {X_u:.2f} kg/s in proportion to the speed", alike="drag",
+        surge_alone=True),
     Effect("roll_coupling", "hydrodynamics", "force", H, (
         P("Y_uuphi", "kg/m", 0.015, 0.004, -1.0, 1.0, powers=(1, 2, 0, 0)),
         P("N_uuphi", "kg", 0.004, 0.001, -1.0, 1.0, powers=(1, 3, 0, 0)),
     ), "Y + Y_uuphi u u roll, N + N_uuphi u u roll", "residual follows the roll", ("roll_rad",)),
     Effect("dvl_height", "sensing", "reading", H, (
         P("dz_m", "m", 0.15, 0.1, -1.0, 1.0, silent=0.15),
-    ), "v - p dz, u + q dz", "v residual follows the roll rate", ("p_radps",), SENSOR),
+    ), "v - p dz, u + q dz", "v residual follows the roll rate", ("p_radps",), SENSOR,
+        nuisance=True),
     Effect("weight_excess", "hydrodynamics", "force", H, (
         P("W-B_n", "N", 1.0e-3, 5e-4, -0.1, 0.1, powers=(1, 2, 2, 0), silent=1e-3),
-    ), "X - (W-B) pitch", "u residual follows the pitch", ("pitch_rad",), "Fossen (2021), 4.1"),
+    ), "X - (W-B) pitch", "u residual follows the pitch", ("pitch_rad",), "Fossen (2021), 4.1",
+        surge_alone=True, nuisance=True),
 )
 # fmt: on
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.schema.effects import parameter_of
+from auvident.schema.effects import BY_ID, EFFECTS, parameter_of
 from auvident.stages.diagnose.case import Case
 from auvident.stages.diagnose.fits import Fitted
 from auvident.stages.diagnose.joint import Joint
@@ -14,8 +14,6 @@ from auvident.stages.diagnose.leftout import Helped
 
 Array = npt.NDArray[Any]
 
-# terms of higher order, of which every hull has a little: claimed only when they come first
-HIGHER_ORDER = ("sway_cross_flow", "yaw_cross_flow", "cubic_damping", "turning_drag")
 LEAST_SHARE = 0.6  # of the maneuvers left out that an effect has to help
 SURE_SHARE = 0.7  # ... and from which on one bad place does not count against it
 WORTH = 8.0  # [nats] to first order, to be refitted
@@ -71,37 +69,13 @@ class Traced:
         return tuple(e for e in self.final.effects if e not in self.quiet)
 
 
-# effects whose signature changes with their size: fitted from a usual size as well
-CURVED = (
-    "rudder_lag", "rudder_delay", "rudder_rate_limit", "rudder_backlash", "rudder_deadband",
-    "rudder_stall", "propeller_lag", "gyro_delay", "dvl_delay",
-)  # fmt: skip
-# effects that are special cases of each other or look alike in most maneuvers
-LOOKALIKES = (
-    ("rudder_offset", "hull_asymmetry", "propeller_side_force"),
-    ("rudder_lag", "rudder_delay", "rudder_rate_limit", "gyro_delay", "dvl_delay"),
-    ("rudder_backlash", "rudder_deadband"),
-    ("rudder_stall", "cubic_damping", "propeller_race"),
-    ("thrust_sag", "thrust_step"),
-    ("linear_drag", "turning_drag"),
-)
-
-# a drift angle or a turn in proportion to the speed, the rudder amidships
-STEADY = (*LOOKALIKES[0], "dvl_misalignment")
-
-
-def partners(effect: str) -> tuple[str, ...]:
-    """Effects that look like one."""
-    return tuple(o for group in LOOKALIKES if effect in group for o in group if o != effect)
-
-
 def steady(effect: str) -> tuple[str, ...]:
     """Effects that show in a straight run as one does, itself with them; none for the others.
 
     In the coefficients that were fitted without it each of them has left its mark, so that they
     are compared from the estimate as well.
     """
-    return STEADY if effect in STEADY else ()
+    return tuple(e.id for e in EFFECTS if e.steady) if BY_ID[effect].steady else ()
 
 
 def ranked(values: dict[str, float]) -> list[str]:

@@ -11,7 +11,9 @@ in the other the pair had no misalignment of practical size.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from auvident.stages.diagnose.candidates import at_bound, partners, size_of
+from auvident.schema.effects import EFFECTS
+from auvident.schema.likeness import partners
+from auvident.stages.diagnose.candidates import at_bound, size_of
 from auvident.stages.diagnose.case import Case
 from auvident.stages.diagnose.fits import Fitted, log_gain
 from auvident.stages.diagnose.refits import apart, from_both, prior_cost, without
@@ -20,10 +22,6 @@ REMOVAL = 40.0  # [nats] an accepted effect that is worth less is taken out agai
 SWAP = 15.0  # [nats] others in its place have to gain so much
 FEWER = 4.0  # ... and may lose so much when they have fewer parameters
 MOST_EXCHANGES = 2
-
-# what two effects do together, and one alone as well
-STEADY_PAIR = ("rudder_offset", "dvl_misalignment")
-COMPOSED = {"hull_asymmetry": STEADY_PAIR, "propeller_side_force": STEADY_PAIR}
 
 
 @dataclass(frozen=True)
@@ -81,7 +79,7 @@ def exchanges(
         for other in partners(effect):
             if other not in current.effects and other in candidates:
                 yield Exchange((effect,), (other,))
-    for whole, parts in COMPOSED.items():
+    for whole, parts in ((e.id, e.parts) for e in EFFECTS if e.parts):
         absent = tuple(e for e in parts if e not in current.effects)
         if whole in there and absent and set(parts) <= set(candidates):
             yield Exchange((whole,), absent)

@@ -19,14 +19,15 @@ from auvident.schema.diagnosis import (
     ResidualRow,
 )
 from auvident.schema.effect_words import plain
-from auvident.schema.effects import BY_ID, parameter_of
+from auvident.schema.effects import BY_ID, EFFECTS, parameter_of
+from auvident.schema.likeness import separated_by
 from auvident.schema.loop_statements import remaining_of, statement
-from auvident.stages.diagnose.candidates import HIGHER_ORDER, Round, Traced, Tried, open_of
+from auvident.stages.diagnose.candidates import Round, Traced, Tried, open_of
 from auvident.stages.diagnose.case import CHANNELS, Case
 from auvident.stages.diagnose.fits import Fitted, check_cost, prior_of, record_parts
 from auvident.stages.diagnose.free_forces import FreeForce
 from auvident.stages.diagnose.leftout import MOST_FITS, leave_out
-from auvident.stages.diagnose.sight import detectable, lookalikes, separated_by
+from auvident.stages.diagnose.sight import detectable, lookalikes
 from auvident.stages.diagnose.thrust_time import STEP, step_time
 from auvident.stages.diagnose.unknown_forces import unknown_forces
 from auvident.stages.diagnose.verdict import Evidence, left_channels, nearest_of, verdict_of
@@ -36,7 +37,9 @@ Array = npt.NDArray[Any]
 INTERVAL = 0.975
 # errors on generated trials (`waves`, `events`): 0.006 rad/s and 2.6 deg at most, about a second
 WAVE_STD_RADPS, WAVE_STD_DEG, EVENT_STD_S = 0.02, 5.0, 1.0
-TIMED = ("rudder_lag.lag_s", "rudder_delay.delay_s", "gyro_delay.delay_s", "dvl_delay.delay_s")
+TIMED = tuple(
+    n for e in EFFECTS if e.alike == "late" for n in e.names() if parameter_of(n).unit == "s"
+)
 TIMED_STD_S = 0.045  # silent lag and delay of a servo together
 UNITS = ("m/s", "m/s", "rad/s")
 FORCE_COLUMNS = ("force_X_n", "force_Y_n", "force_N_nm")
@@ -196,7 +199,7 @@ def _carried(case: Case, traced: Traced) -> dict[str, dict[str, float]]:
     play suits the maneuvers it was fitted to, and puts the rudder off in the next straight run.
     """
     fitted = traced.final
-    left = {e for e in traced.quiet if e not in HIGHER_ORDER}
+    left = {e for e in traced.quiet if not BY_ID[e].higher_order}
     found: dict[str, dict[str, float]] = {"start": {}, "prior": {}, "prior_std": {}, "usual": {}}
     known = {
         name: (float(mean), float(std))

@@ -13,15 +13,14 @@ import numpy.typing as npt
 from scipy.special import chdtrc
 
 from auvident.errors import NumericsError
+from auvident.schema.effects import BY_ID
+from auvident.schema.likeness import partners
 from auvident.stages.diagnose import thrust_time
 from auvident.stages.diagnose.candidates import (
-    CURVED,
-    HIGHER_ORDER,
     Round,
     Traced,
     Tried,
     at_bound,
-    partners,
     ranked,
     scores_of,
     size_of,
@@ -175,7 +174,7 @@ class Search:
         if accepted is None:
             return done, before
         self.steps.append(f"{accepted.id} added: {accepted.gain:.0f} nats")
-        if accepted.id in HIGHER_ORDER and (before.effects or accepted.gain < CLAIMED_FROM):
+        if BY_ID[accepted.id].higher_order and (before.effects or accepted.gain < CLAIMED_FROM):
             self.quiet.append(accepted.id)
         return done, accepted.fitted
 
@@ -235,7 +234,7 @@ class Search:
         }  # fmt: skip
         positions = self.case.positions(candidate)
         names = [self.case.names[i] for i in positions]
-        if candidate not in CURVED and not any(name in known for name in names):
+        if not BY_ID[candidate].curved and not any(name in known for name in names):
             return None
         for i, name in zip(positions, names, strict=True):
             p[i] = known.get(name, float(self.case.setup.prior_std[i]))

@@ -6,7 +6,7 @@ import numpy as np
 
 from auvident.schema.diagnosis import Detectable, Lookalikes
 from auvident.schema.effects import BY_ID, parameter_of
-from auvident.stages.diagnose.candidates import LOOKALIKES
+from auvident.schema.likeness import LIKENESSES
 from auvident.stages.diagnose.fits import check_cost
 from auvident.stages.diagnose.joint import Joint, cosine, unabsorbed
 from auvident.stages.diagnose.search import CHECK_GAIN, LEAST_FALL, LEAST_GAIN
@@ -17,15 +17,6 @@ ABSORBED = 0.015  # of the signature left by the coefficients: no size is stated
 SEPARABLE = 0.98  # cosine from which on two effects are not told apart
 # relative rms that adds up to a fall by LEAST_FALL when it is removed
 SHARE_OF_RMS = float(np.sqrt((1.0 - LEAST_FALL) ** -2 - 1.0))
-
-SEPARATE_BY = {
-    frozenset(LOOKALIKES[0]): "coast-downs and thrust steps with the rudder amidships",
-    frozenset(LOOKALIKES[1]): "zigzags of two sizes (10/10 and 20/20), logged at 10 Hz or faster",
-    frozenset(LOOKALIKES[2]): "zigzags of 5 degrees and less, and circles entered from both sides",
-    frozenset(LOOKALIKES[3]): "circles of 25 degrees and more, and circles with a thrust step",
-    frozenset(LOOKALIKES[4]): "straight runs at the same rpm all through the trial",
-    frozenset(LOOKALIKES[5]): "straight runs at low and at full speed",
-}
 
 
 def detectable(joint: Joint, candidates: Sequence[str]) -> tuple[Detectable, ...]:
@@ -81,21 +72,11 @@ def _why(kept: float, joint: Joint, effect: str) -> str:
 def lookalikes(joint: Joint, candidates: Sequence[str]) -> tuple[Lookalikes, ...]:
     """Pairs of effects of one group that these maneuvers cannot tell apart."""
     found = []
-    for group in LOOKALIKES:
-        there = [e for e in group if e in candidates]
+    for group, separate_by in LIKENESSES.items():
+        there = [e for e in candidates if BY_ID[e].alike == group]
         for k, a in enumerate(there):
             for b in there[k + 1 :]:
                 value = cosine(joint, joint.case.positions(a), joint.case.positions(b))
                 if value > SEPARABLE:
-                    found.append(Lookalikes(
-                        ids=(a, b), cosine=value, separate_by=SEPARATE_BY[frozenset(group)]
-                    ))  # fmt: skip
+                    found.append(Lookalikes(ids=(a, b), cosine=value, separate_by=separate_by))
     return tuple(found)
-
-
-def separated_by(ids: Sequence[str]) -> str:
-    """The maneuver that would separate effects."""
-    for group, text in SEPARATE_BY.items():
-        if len(group & set(ids)) >= 2:
-            return text
-    return "straight runs on opposite headings, circles to both sides and zigzags of two sizes"

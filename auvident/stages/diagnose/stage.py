@@ -29,8 +29,6 @@ from auvident.stages.diagnose.waves import Residual, find_wave
 Array = npt.NDArray[Any]
 Progress = Callable[[str, float], None]
 
-ALLOWANCES = ("dvl_height", "weight_excess")  # only ever silent: no engineer asks for them
-
 
 @dataclass(frozen=True)
 class Diagnosed:
@@ -97,7 +95,7 @@ def _diagnosed(
     checks = [heading_against_gyro(trials), position_against_dvl(trials, vehicle.dvl)]
     case = case_of(setup, model, [c for c in checks if c is not None])
     there, missing = testable(setup, case.records)
-    candidates = tuple(e.id for e in there if e.id not in ALLOWANCES)
+    candidates = tuple(e.id for e in there if not e.nuisance)
     search = Search(case, candidates, np.random.default_rng(seed))
     tell("one-off events", 0.1)
     baseline, events = _without_events(search)

@@ -8,7 +8,7 @@ import numpy as np
 from auvident.schema.artifacts import Verdict
 from auvident.schema.diagnosis import EffectFound
 from auvident.schema.effects import BY_ID
-from auvident.stages.diagnose.candidates import LOOKALIKES, Traced
+from auvident.stages.diagnose.candidates import Traced
 from auvident.stages.diagnose.case import CHANNELS, Case
 from auvident.stages.diagnose.events import Event
 from auvident.stages.diagnose.fits import Fitted
@@ -73,7 +73,8 @@ def something(evidence: Evidence) -> bool:
 
 def nested(group: Sequence[str]) -> bool:
     """Whether the effect named is a special case of all others of its group."""
-    return set(group) <= set(LOOKALIKES[0]) and group[0] == "rudder_offset"
+    named, *others = group
+    return all(named in BY_ID[other].parts for other in others)
 
 
 def nearest_of(evidence: Evidence) -> str | None:

@@ -10,7 +10,7 @@ import pandas as pd
 from auvident.engines.carried import Carried
 from auvident.schema.artifacts import Finding, IdentifiedModel
 from auvident.schema.diagnosis import Attempt, Diagnosis
-from auvident.schema.effects import BY_ID
+from auvident.schema.effects import BY_ID, EFFECTS
 from auvident.stages.refine.errors import channels_of, rms_of
 
 Model = TypeVar("Model")
@@ -22,7 +22,7 @@ MOST_RISE = 0.10
 FLAT = 1.0e-9  # least error, or ratio of errors, that counts
 # A filter lets its state follow late readings and sees only a part of the delay (0.23 and 0.30 s
 # of 0.34 and 0.48 s); the fit of the free-running prediction has no such way out.
-HELD = ("gyro_delay.delay_s", "dvl_delay.delay_s")
+HELD = tuple(name for e in EFFECTS if e.late for name in e.names())
 
 
 def carried_of(diagnosis: Diagnosis) -> Carried | None:

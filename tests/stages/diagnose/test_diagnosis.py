@@ -11,7 +11,6 @@ from auvident.schema.diagnosis import Diagnosis
 from auvident.schema.effects import BY_ID, parameter_of
 from auvident.stages.diagnose.candidates import Traced
 from auvident.stages.diagnose.rows import _coefficient_findings
-from auvident.stages.diagnose.stage import ALLOWANCES
 from auvident.storage.artifacts import json_bytes
 from tests.stages.diagnose.loop_chain import diagnosed, diagnosis, loop, small_case, small_fit
 
@@ -77,7 +76,7 @@ def test_every_candidate_and_every_size_is_of_the_table(name) -> None:
     assert {e.id for e in found.effects if BY_ID[e.id].enters != "disturbance"} <= set(ids)
     for c in found.candidates:
         assert BY_ID[c.id].enters != "disturbance"
-        assert c.id not in ALLOWANCES
+        assert not BY_ID[c.id].nuisance
         assert c.family == BY_ID[c.id].family
         assert math.isfinite(c.gain)
     for row in found.sees:
