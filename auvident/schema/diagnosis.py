@@ -41,6 +41,14 @@ class EffectFound(Artifact):
     duration_s: float | None = None
 
 
+class Refused(Artifact):
+    """The rule by which a candidate was refused, its evidence and what it asks for."""
+
+    code: str
+    evidence: float | None = None
+    threshold: float | None = None
+
+
 class Candidate(Artifact):
     """One effect that was tried.
 
@@ -51,7 +59,8 @@ class Candidate(Artifact):
     only of candidates that came so far,
     ``improved`` the share of them that it helps, ``rms_fall`` the relative fall of the residual
     by channel. ``refitted`` is false where ``gain`` is only what the first steps promise.
-    ``rejected`` says which test it failed; empty for an accepted one.
+    ``rejected`` says in words which test it failed, empty for an accepted one, and ``refusal`` by
+    which rule.
     """
 
     id: str
@@ -64,6 +73,7 @@ class Candidate(Artifact):
     rms_fall: dict[str, float] = {}
     refitted: bool = False
     rejected: str = ""
+    refusal: Refused | None = None
 
 
 class Detectable(Artifact):

@@ -10,31 +10,30 @@ from auvident.schema.effects import BY_ID, EFFECTS, parameter_of
 from auvident.stages.diagnose.case import Case
 from auvident.stages.diagnose.fits import Fitted
 from auvident.stages.diagnose.joint import Joint
-from auvident.stages.diagnose.leftout import Helped
+from auvident.stages.diagnose.rules import Account, Refusal
 
 Array = npt.NDArray[Any]
 
-LEAST_SHARE = 0.6  # of the maneuvers left out that an effect has to help
-SURE_SHARE = 0.7  # ... and from which on one bad place does not count against it
 WORTH = 8.0  # [nats] to first order, to be refitted
 
 
 @dataclass(frozen=True)
 class Tried:
-    """A candidate after its refit, and why it was refused (empty: accepted).
+    """A candidate after its refit, and why it was refused (None: accepted)."""
 
-    ``settled`` is false for a fit that was given up as hopeless before it had converged;
-    ``promise`` is then the most that its first steps let one hope for [nats].
-    """
-
-    id: str
     fitted: Fitted
-    gain: float
-    falls: dict[str, float]
-    helped: Helped | None = None
-    refused: str = ""
-    settled: bool = True
-    promise: float = 0.0
+    account: Account
+    refusal: Refusal | None = None
+
+    @property
+    def id(self) -> str:
+        """The effect."""
+        return self.account.id
+
+    @property
+    def gain(self) -> float:
+        """Rise of the log-likelihood [nats]."""
+        return self.account.gain
 
 
 @dataclass(frozen=True)
@@ -112,17 +111,6 @@ def at_bound(case: Case, effect: str, p: Array) -> bool:
         ):
             return True
     return False
-
-
-def unhelpful(found: Helped | None) -> str:
-    """Why an effect does not help the maneuvers left out; empty when it does."""
-    if found is None:
-        return ""
-    if max(found.share, found.deciding) < LEAST_SHARE:
-        return f"helps only {100 * found.share:.0f} % of the maneuvers left out"
-    if found.low <= 0.0 and found.share < SURE_SHARE:
-        return "helps the maneuvers left out no more than chance would"
-    return ""
 
 
 def open_of(case: Case, fitted: Fitted) -> list[int]:

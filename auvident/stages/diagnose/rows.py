@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from auvident.schema.diagnosis import (
     Diagnosis,
     EffectFound,
     ParameterValue,
+    Refused,
     ResidualRow,
 )
 from auvident.schema.effect_words import plain
@@ -83,7 +85,7 @@ def _false_alarm_p(traced: Traced) -> float | None:
     if first is None:
         return None
     named = next(t for t in first.tried if t.id == first.accepted)
-    return named.helped.p if named.helped else None
+    return named.account.helped.p if named.account.helped else None
 
 
 def _disturbances(evidence: Evidence) -> list[EffectFound]:
@@ -244,19 +246,21 @@ def _candidates(rounds: Sequence[Round], case: Case) -> list[Candidate]:
 def name_open(rows: dict[str, Candidate], tried: Tried) -> bool:
     """Whether a later round has better to say about a candidate."""
     known = rows.get(tried.id)
-    return known is None or not known.refitted or not tried.refused
+    return known is None or not known.refitted or tried.refusal is None
 
 
 def _candidate(case: Case, tried: Tried) -> Candidate:
     nothing = np.zeros(len(tried.fitted.parameters))
     values = effect_values(case, tried.id, tried.fitted.parameters, nothing)
+    helped, refusal = tried.account.helped, tried.refusal
     return Candidate(
         id=tried.id, family=BY_ID[tried.id].family, gain=tried.gain,
-        p=tried.helped.p if tried.helped else None,
+        p=helped.p if helped else None,
         parameters=tuple(v.model_copy(update={"low": None, "high": None}) for v in values),
-        held_back_gain=tried.helped.gain if tried.helped else None,
-        improved=tried.helped.share if tried.helped else None,
-        rms_fall=tried.falls, refitted=tried.settled, rejected=tried.refused,
+        held_back_gain=helped.gain if helped else None, improved=helped.share if helped else None,
+        rms_fall=dict(tried.account.falls), refitted=tried.account.settled,
+        rejected=refusal.text if refusal else "",
+        refusal=Refused(**asdict(refusal)) if refusal else None,
     )  # fmt: skip
 
 

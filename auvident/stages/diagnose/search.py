@@ -1,8 +1,7 @@
 """Which effects the model lacks: screen, refit, test, repeat; then remove and swap.
 
-A named effect is accepted when it is large enough to matter, makes the residual of some channel
-clearly smaller, and helps maneuvers that were left out; likelihood alone accepts nothing, since
-any model is wrong in small ways that a long record shows. Held-out maneuvers take no part.
+What is accepted, and what is taken along or cannot be told apart, is decided by `rules`. Held-out
+maneuvers take no part.
 """
 
 from dataclasses import dataclass, field, replace
@@ -25,7 +24,6 @@ from auvident.stages.diagnose.candidates import (
     scores_of,
     size_of,
     steady,
-    unhelpful,
     worth,
 )
 from auvident.stages.diagnose.case import CHANNELS, Case
@@ -54,30 +52,25 @@ from auvident.stages.diagnose.refits import (
     refit,
     settled,
 )
+from auvident.stages.diagnose.rules import (
+    LEAST_GAIN,
+    OF_BEST,
+    Account,
+    judge,
+    nuisance_of,
+    told_apart_from,
+)
 
 Array = npt.NDArray[Any]
 
 MOST_EFFECTS = 4
 SCREENED, SCREENED_FAST, REFITTED = 7, 4, 4  # of the short lists, and refitted to the end
 FAST_GAIN = np.array([0.1, 0.1, 0.1, 0.0])  # observer gain of the screen for what is fast
-LEAST_GAIN = 100.0  # [nats]
 HOPELESS = 0.3  # a candidate with less than this share of the best one's gain is not finished
-OF_BEST = 0.5  # a candidate must gain this share of the best one's
-# Of the rms of some channel. Planted effects made it fall by 0.29 and more, what a model of a
-# healthy vehicle lacks by 0.14 at most (50 generated trials, seeds 1000 to 1049).
-LEAST_FALL = 0.2
 CHECK_GAIN = 12.0  # [nats] a sensor check that is reconciled counts as a channel
-SIMPLER = 0.04  # an effect with fewer parameters may gain this share less
-ALIKE = 0.12  # effects that gain all but this share of the best are not told apart
-ALIKE_LEAST = 12.0  # [nats] nor those within this
-RMS_ALIKE = 1.15  # ... and leave no residual larger by more
 CONTAINS = 0.98  # cosine from which on an effect is a special case of another with more parameters
-MOST_QUIET = 2  # effects taken along without a claim
-SMALL = "smaller than of practical interest"
-NO_FALL = f"no residual falls by {100 * LEAST_FALL:.0f} %"
 # [nats] from which on a term of higher order that comes first is claimed
 CLAIMED_FROM = 300.0
-LEAST_RECORDS = 2  # maneuvers without which none can be left out
 # [nats] by which a model has to be the better one, for others to be fitted again: where it was not
 # stuck it came out better by 0 to 10 (seed 1601), where it was by 615
 STUCK = 20.0
@@ -142,14 +135,10 @@ class Search:
         )
 
     def _weak(self, done: Round) -> Tried | None:
-        """An effect that every model is short of a little and that hides others behind it."""
-        first = done.tried[0] if done.tried else None
-        if first is None or first.gain < LEAST_GAIN or len(self.quiet) >= MOST_QUIET:
-            return None
-        hidden = any(t.gain > LEAST_GAIN for t in done.tried[1:])
-        worse = np.any(first.fitted.rms > RMS_ALIKE * done.before.rms)
-        quiet = hidden and not worse and first.refused in (SMALL, NO_FALL)
-        return first if quiet else None
+        """An effect that every vehicle has a little of and that stands before others."""
+        judged = [(t.account, t.refusal) for t in done.tried]
+        name = nuisance_of(judged, done.before.rms.tolist(), len(self.quiet))
+        return next((t for t in done.tried if t.id == name), None)
 
     def one_round(self, before: Fitted) -> tuple[Round, Fitted]:
         """Screen, refit and test; the model with the accepted effect, or as it was."""
@@ -202,9 +191,14 @@ class Search:
                 finished.add(c)
         before, found = self._unstuck(before, found)
         found = {c: nested(self.case, before, f) for c, f in found.items()}
+        gains = {c: log_gain(before, f) for c, f in found.items()}
         tried = [
-            Tried(c, f, log_gain(before, f), self._falls(before, f), settled=c in finished,
-                  promise=promise[c])
+            Tried(f, Account(
+                c, gains[c], max(gains.values()), len(self.case.positions(c)),
+                size_of(self.case, c, f.parameters), self._falls(before, f), tuple(f.rms.tolist()),
+                at_bound(self.case, c, f.parameters), c in finished, promise[c],
+                len(self.case.records),
+            ))
             for c, f in found.items()
         ]  # fmt: skip
         return sorted(tried, key=lambda t: -t.gain), before
@@ -287,86 +281,38 @@ class Search:
         return found
 
     def _judge(self, before: Fitted, tried: list[Tried]) -> tuple[list[Tried], Tried | None]:
-        """Test the candidates in the order of their gain; the first that passes is accepted."""
-        judged: list[Tried] = []
-        accepted, reference = None, None
-        least = max([LEAST_GAIN, *(OF_BEST * t.gain for t in tried[:1])])
-        for t in tried:
-            refused = self._refusal(before, t, least)
-            if not refused and len(self.case.records) < LEAST_RECORDS:
-                refused = "there is no other maneuver to try it on"
-            if not refused and accepted is None:
-                reference = reference or leave_out(self.case, before, t.fitted.colours)
-                own = leave_out(self.case, t.fitted, t.fitted.colours)
-                t = replace(t, helped=self._helped(before, reference, own, t))
-                refused = unhelpful(t.helped)
-            elif not refused:
-                refused = "another gains more"
-            t = replace(t, refused=refused)
-            if not refused:
-                accepted = t
-            judged.append(t)
-        simpler = self._simpler(judged, accepted)
-        if simpler is not None and accepted is not None and simpler.id != accepted.id:
-            judged = [
-                replace(t, refused="") if t.id == simpler.id
-                else replace(t, refused=f"{simpler.id} does as well with less")
-                if t.id == accepted.id else t
-                for t in judged
-            ]  # fmt: skip
-            accepted = simpler
-        return judged, accepted
+        """What the rules say of the candidates, and the one that is accepted."""
+        fits, kept = {t.id: t.fitted for t in tried}, {}
 
-    def _helped(self, before: Fitted, reference: LeftOut, own: LeftOut, t: Tried) -> Helped:
+        def left_out(account: Account) -> Helped:
+            fitted = fits[account.id]
+            if "reference" not in kept:
+                kept["reference"] = leave_out(self.case, before, fitted.colours)
+            own = leave_out(self.case, fitted, fitted.colours)
+            return self._helped(before, kept["reference"], own, fitted)
+
+        judged = [
+            Tried(fits[account.id], account, refusal)
+            for account, refusal in judge([t.account for t in tried], left_out)
+        ]
+        return judged, next((t for t in judged if t.refusal is None), None)
+
+    def _helped(self, before: Fitted, reference: LeftOut, own: LeftOut, fitted: Fitted) -> Helped:
         """What an effect brings to maneuvers left out; p is that of one among all candidates."""
         found = helped(reference, own, self.rng)
-        checked = check_cost(self.case, before.parameters) - check_cost(
-            self.case, t.fitted.parameters
-        )
+        case, effect = self.case, fitted.effects[-1]
+        checked = check_cost(case, before.parameters) - check_cost(case, fitted.parameters)
         if checked > CHECK_GAIN:  # what the sensors say needs no maneuver
-            by_sensors = float(chdtrc(len(self.case.positions(t.id)), 2.0 * checked))
+            by_sensors = float(chdtrc(len(case.positions(effect)), 2.0 * checked))
             found = Helped(
                 found.gain + checked, max(found.share, 1.0), found.low + checked,
                 p=2.0 * min(by_sensors, found.p),
             )  # fmt: skip
         return replace(found, p=min(1.0, len(self.candidates) * found.p))
 
-    def _refusal(self, before: Fitted, t: Tried, least: float) -> str:
-        if not t.settled:
-            return f"promises {t.promise:.0f} nats, too few beside the best to be fitted to the end"
-        if t.gain < LEAST_GAIN:
-            return f"gains {t.gain:.0f} nats, less than {LEAST_GAIN:.0f}"
-        if t.gain < least:
-            return "gains less than half of the best one"
-        if size_of(self.case, t.id, t.fitted.parameters) < 1.0:
-            return SMALL
-        if max(t.falls.values()) < LEAST_FALL:
-            return NO_FALL
-        if at_bound(self.case, t.id, t.fitted.parameters):
-            return "at the bound of what is plausible"
-        return ""
-
-    def _simpler(self, judged: list[Tried], accepted: Tried | None) -> Tried | None:
-        """A candidate with fewer parameters that gains nearly as much."""
-        if accepted is None:
-            return None
-        own = len(self.case.positions(accepted.id))
-        least = accepted.gain - max(SIMPLER * accepted.gain, 4.0)
-        for t in judged:
-            fewer = len(self.case.positions(t.id)) < own
-            if fewer and t.gain >= least and not self._refusal(t.fitted, t, 0.0):
-                return t
-        return None
-
     def _alike(self, joint: Joint, accepted: Tried, judged: list[Tried]) -> tuple[str, ...]:
-        """Candidates that explain the data as well as the accepted one."""
-        least = accepted.gain - max(ALIKE * accepted.gain, ALIKE_LEAST)
-        others = [
-            t.id for t in judged
-            if t.id != accepted.id and t.gain >= least
-            and size_of(self.case, t.id, t.fitted.parameters) >= 1.0
-            and np.all(t.fitted.rms <= RMS_ALIKE * accepted.fitted.rms)
-        ]  # fmt: skip
+        """The accepted effect with those that explain the data as well; empty without any."""
+        others = list(told_apart_from(accepted.account, [t.account for t in judged]))
         others += [c for c in self._containing(joint, accepted.id) if c not in others]
         return (accepted.id, *others) if others else ()
 

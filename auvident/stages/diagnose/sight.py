@@ -9,7 +9,8 @@ from auvident.schema.effects import BY_ID, parameter_of
 from auvident.schema.likeness import LIKENESSES
 from auvident.stages.diagnose.fits import check_cost
 from auvident.stages.diagnose.joint import Joint, cosine, unabsorbed
-from auvident.stages.diagnose.search import CHECK_GAIN, LEAST_FALL, LEAST_GAIN
+from auvident.stages.diagnose.rules import LEAST_FALL, LEAST_GAIN
+from auvident.stages.diagnose.search import CHECK_GAIN
 
 MARGIN = 1.3  # stated sizes leave room for the scatter of an estimate
 PLAUSIBLE = 3.0  # an effect that must exceed so many priors to be seen is not visible

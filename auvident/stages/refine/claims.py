@@ -6,7 +6,14 @@ from typing import Any
 import pandas as pd
 
 from auvident.schema.artifacts import IdentifiedModel, Verdict
-from auvident.schema.diagnosis import Attempt, Candidate, Diagnosis, EffectFound, ParameterValue
+from auvident.schema.diagnosis import (
+    Attempt,
+    Candidate,
+    Diagnosis,
+    EffectFound,
+    ParameterValue,
+    Refused,
+)
 from auvident.schema.effect_words import is_confirmed, plain
 from auvident.schema.effects import BY_ID
 from auvident.schema.loop_statements import (
@@ -74,8 +81,11 @@ def _final_candidate(candidate: Candidate, effects: Sequence[EffectFound]) -> Ca
     final = next((e for e in effects if e.id == candidate.id), None)
     if final is None or candidate.rejected:
         return candidate
-    note = "" if is_confirmed(final) else "not confirmed: the interval of its size holds zero"
-    return candidate.model_copy(update={"parameters": final.parameters, "rejected": note})
+    update: dict[str, Any] = {"parameters": final.parameters}
+    if not is_confirmed(final):
+        update["rejected"] = "not confirmed: the interval of its size holds zero"
+        update["refusal"] = Refused(code="not-confirmed")
+    return candidate.model_copy(update=update)
 
 
 def _with_final_values(

@@ -6,12 +6,26 @@ from functools import cache
 import numpy as np
 import pytest
 
-from auvident.stages.diagnose.candidates import unhelpful
 from auvident.stages.diagnose.case import Case
-from auvident.stages.diagnose.leftout import BLOCK_S, LeftOut, chance_of, helped, leave_out
+from auvident.stages.diagnose.leftout import (
+    BLOCK_S,
+    Helped,
+    LeftOut,
+    chance_of,
+    helped,
+    leave_out,
+)
+from auvident.stages.diagnose.rules import RULES_LEFT_OUT, Account, refusal_of
 from tests.stages.diagnose.loop_chain import small_case, small_fit
 
 POISONED = 2
+
+
+def unhelpful(found: Helped) -> str:
+    """Why the rules refuse what helps like this; empty where they do not."""
+    account = Account("current", 1.0, 1.0, 1, 1.0, {}, (), False, True, 1.0, 5, found)
+    refusal = refusal_of(account, RULES_LEFT_OUT)
+    return refusal.text if refusal else ""
 
 
 @cache

@@ -13,6 +13,7 @@ from auvident.stages.diagnose.free_forces import FreeForce
 from auvident.stages.diagnose.joint import joint_about
 from auvident.stages.diagnose.leftout import Helped
 from auvident.stages.diagnose.rows import diagnosis_of
+from auvident.stages.diagnose.rules import Account
 from auvident.stages.diagnose.verdict import Evidence
 from auvident.stages.diagnose.waves import Wave
 from tests.stages.diagnose.loop_chain import loop, small_case, small_fit
@@ -31,7 +32,10 @@ def evidence() -> Evidence:
     found = replace(found, log_likelihood=before.log_likelihood + 1000.0)
     falls = {"u": 0.0, "v": 0.0, "r": 0.5}
     helped = Helped(900.0, 1.0, 800.0, p=0.02)
-    tried = Tried("gyro_bias", found, log_gain(before, found), falls, helped)
+    gain = log_gain(before, found)
+    account = Account("gyro_bias", gain, gain, 1, 3.0, falls, tuple(found.rms), False, True, gain,
+                      len(case.records), helped)  # fmt: skip
+    tried = Tried(found, account)
     done = Round(before, joint, (tried,), {"gyro_bias": 1000.0}, accepted="gyro_bias")
     traced = Traced(case, before, found, (done,))
     return Evidence(traced, SEEN, (), None, (), None, ())
