@@ -2,10 +2,10 @@
 
 import re
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
+from auvident.schema.artifacts import ManeuverMetrics
 from tests import loop_world
 from tests.bench import __main__ as bench
 from tests.bench import effects, samples, written
@@ -134,6 +134,10 @@ def test_without_the_tanker_nothing_is_measured(tmp_path: Path) -> None:
 
 
 def test_overshoots_of_a_zigzag_without_a_virtual_one() -> None:
-    told = SimpleNamespace(measured={"overshoot_1_deg": 3.2}, virtual=None)
-    row = samples._overshoots(SimpleNamespace(trial="z", zigzag=told))
-    assert row["overshoot_1_deg measured"] == 3.2 and row["overshoot_2_deg virtual"] == "-"
+    maneuver = ManeuverMetrics(
+        id="z-zigzag-1", trial="z", kind="zigzag", role="validate", duration_s=60.0, channels={},
+        zigzag={"measured": {"overshoot_1_deg": 3.2}, "simulated": {"overshoot_1_deg": 3.0}},
+    )  # fmt: skip
+    row = samples._overshoots(maneuver)
+    assert row["zigzag"] == "z" and row["overshoot_1_deg measured"] == 3.2
+    assert row["overshoot_2_deg measured"] == row["overshoot_1_deg virtual"] == "-"

@@ -7,6 +7,7 @@ from typing import Any
 
 from auvident.pipeline import STAGES, run_stage
 from auvident.pipeline.observer import Observer
+from auvident.schema.artifacts import ManeuverMetrics, Metrics
 from tests.bench.left_out import KVLCC2
 from tests.engines.chain import SAMPLES, Chain, chain_of, plan_named, sample
 
@@ -25,13 +26,22 @@ def held_out() -> Rows:
     found = []
     for name, plane in CLEAN.items():
         ways = {f"identified ({kind})": ("refined", kind) for kind in ("ekf", "ukf")}
-        found += [{"trial": name, **row} for row in _errors(sample(name), plane, ways)]
+        metrics = _metrics(sample(name), plane, ways)
+        found += [{"trial": name, **row} for row in _errors(metrics)]
     return found
 
 
-def _errors(chain: Chain, plane: str, ways: dict[str, tuple[str, str]]) -> Rows:
-    """Errors by channel: of what the identification starts from, and by plan and filter."""
-    metrics = {name: _validated(chain, plane, *way).metrics for name, way in ways.items()}
+def _metrics(chain: Chain, plane: str, ways: dict[str, tuple[str, str]]) -> dict[str, Metrics]:
+    """Errors of the models that some plans and filters end at, by the name of the way."""
+    found = {}
+    for name, (plan, kind) in ways.items():
+        model = chain.identify(plane, kind, plan=plan_named(plan)).model
+        found[name] = chain.validate(model).metrics
+    return found
+
+
+def _errors(metrics: dict[str, Metrics]) -> Rows:
+    """Errors by channel: of what the identification starts from, and of each way."""
     prior = next(iter(metrics.values())).ase.summary["validate"]
     return [
         {
@@ -42,29 +52,24 @@ def _errors(chain: Chain, plane: str, ways: dict[str, tuple[str, str]]) -> Rows:
     ]  # fmt: skip
 
 
-def _validated(chain: Chain, plane: str, plan: str, kind: str) -> Any:
-    return chain.validate(chain.identify(plane, kind, plan=plan_named(plan)).model)
-
-
 def tanker(logs: Path = KVLCC2) -> dict[str, Rows]:
     """Four zigzags of the KVLCC2 from the other nine; nothing without the logs."""
     if not logs.is_dir():
         return {"four zigzags from the other nine": []}
     chain = chain_of(sorted(logs.glob("*.csv")), logs / "vehicle.toml", FOUR)
     ways = {"refined (ekf)": ("refined", "ekf"), "spiral (ekf)": ("spiral", "ekf")}
-    metrics = _validated(chain, "horizontal", "refined", "ekf").metrics
+    metrics = _metrics(chain, "horizontal", ways)
+    held_out = [m for m in metrics["refined (ekf)"].maneuvers if m.role == "validate"]
     return {
-        "four zigzags from the other nine": _errors(chain, "horizontal", ways),
-        "the same four as virtual tests": [
-            _overshoots(m) for m in metrics.maneuvers if m.role == "validate"
-        ],
+        "four zigzags from the other nine": _errors(metrics),
+        "the same four as virtual tests": [_overshoots(m) for m in held_out],
     }
 
 
-def _overshoots(maneuver: Any) -> dict[str, Any]:
+def _overshoots(maneuver: ManeuverMetrics) -> dict[str, Any]:
     """Overshoot angles as measured, and where the model's own heading reverses the rudder."""
-    told = maneuver.zigzag
-    ways = {"measured": told.measured, "virtual": told.virtual or {}}
+    told = maneuver.zigzag or {}
+    ways = {way: told.get(way, {}) for way in ("measured", "virtual")}
     return {
         "zigzag": maneuver.trial,
         **{f"{key} {way}": v.get(key, "-") for key in OVERSHOOTS for way, v in ways.items()},
