@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 DEMO_RUN := runs/demo
 DEMO_BAY := runs/demo-bay
 
-.PHONY: install demo test lint check bench bench-effects clean
+.PHONY: install demo test lint check bench bench-effects docs clean
 .DELETE_ON_ERROR:
 
 $(VENV)/.installed: pyproject.toml
@@ -33,15 +33,20 @@ lint: $(VENV)/.installed-dev
 
 check: lint test
 
+# Figures go into docs/benchmarks.md, each part into its own section.
 bench: $(VENV)/.installed-dev
-	$(BIN)/python -m tests.bench
+	$(BIN)/python -m tests.bench --write
 
 # Seeds of their own, not those of development; a run that was interrupted goes on where it was.
 EFFECTS_RUN := runs/bench-effects
 bench-effects: $(VENV)/.installed-dev
 	mkdir -p $(EFFECTS_RUN)
 	$(BIN)/python -m tests.bench effects --seed-base 7000 \
-		--resume $(EFFECTS_RUN)/outcomes.jsonl --json $(EFFECTS_RUN)/found.json
+		--resume $(EFFECTS_RUN)/outcomes.jsonl --json $(EFFECTS_RUN)/found.json --write
+
+# The table of effects, and the figures of a finished `make demo`.
+docs: $(VENV)/.installed-dev
+	$(BIN)/python -m tests.bench.pages $(wildcard $(DEMO_BAY))
 
 clean:
 	rm -rf $(VENV) runs build *.egg-info .pytest_cache .mypy_cache .ruff_cache

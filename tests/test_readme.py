@@ -1,22 +1,35 @@
-"""The commands of README.md work, in its order, in a folder that has only the sample logs.
+"""The commands of README.md and of docs/ work, in their order.
 
-A block that begins with ```console is run: lines that begin with ``$ `` are commands, what
-follows a command is what it prints, of which every line must occur in its output ("..." stands
-for anything). Commands of ``make`` are left to the checks that make the environment.
+Those of the README run in a folder that has only the sample logs, those of each page of docs/ in
+one that has the README's finished run besides. A block that begins with ```console is run: lines
+that begin with ``$ `` are commands, what follows a command is what it prints, of which every line
+must occur in its output ("..." stands for anything). Commands of ``make`` are left to the checks
+that make the environment.
 """
 
 import re
 import shlex
 import shutil
 import subprocess
+import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 import pytest
 
+from auvident.cli import COMMANDS
+from auvident.schema.logs import ColumnMap
+from auvident.schema.plan import Plan
+from auvident.schema.vehicle import Vehicle
+from auvident.storage.declared import parse
 from tests.command_line import ENVIRONMENT, ROOT
 
 README = (ROOT / "README.md").read_text()
+PAGES = {p.name: p.read_text() for p in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))}
+EVERYTHING = "\n".join(PAGES.values())
+COMMANDS_OF_PROGRAM = {name for names in COMMANDS.values() for name in names}
 SHOWN_EXIT_CODE = re.compile(r"^\$ echo \$\?$")
 SKIPPED = ("make ", "git ", "cd ")
 
@@ -51,18 +64,33 @@ def test_the_parser_of_examples() -> None:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of what a user has, without the environment."""
-    copy = tmp_path_factory.mktemp("readme")
-    shutil.copytree(ROOT / "sample_logs", copy / "sample_logs")
-    return copy
+def folder_of(
+    tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest
+) -> Callable[[str], Path]:
+    """A folder for each page, as its reader has it; without the environment."""
+
+    @cache
+    def made(page: str) -> Path:
+        copy = tmp_path_factory.mktemp("page")
+        shutil.copytree(ROOT / "sample_logs", copy / "sample_logs")
+        if page != "README.md":
+            shutil.copytree(request.getfixturevalue("completed") / "runs", copy / "runs")
+        return copy
+
+    return made
 
 
-@pytest.mark.parametrize("example", examples(README), ids=lambda e: e.command[:60])
-def test_a_command_of_the_readme(folder: Path, example: Example) -> None:
+EXAMPLES = [(page, e) for page, text in PAGES.items() for e in examples(text)]
+
+
+@pytest.mark.parametrize(
+    ("page", "example"), EXAMPLES, ids=[f"{p}: {e.command[:60]}" for p, e in EXAMPLES]
+)
+def test_a_command_of_a_page(folder_of: Callable[[str], Path], page: str, example: Example) -> None:
     done = subprocess.run(
-        example.command, shell=True, cwd=folder, env=ENVIRONMENT, capture_output=True, text=True
-    )
+        example.command, shell=True, cwd=folder_of(page), env=ENVIRONMENT, capture_output=True,
+        text=True,
+    )  # fmt: skip
     assert done.returncode == example.code, done.stderr
     output = done.stdout + done.stderr
     for line in example.printed:
@@ -70,11 +98,16 @@ def test_a_command_of_the_readme(folder: Path, example: Example) -> None:
         assert re.search(".*".join(pieces), output), f"{line!r} not in:\n{output}"
 
 
-@pytest.mark.parametrize("command", sorted(set(re.findall(r"`auvident ([a-z-]+)", README))))
+@pytest.mark.parametrize(
+    "command", sorted(set(re.findall(r"`auvident ([a-z][a-z-]+)", EVERYTHING)))
+)
 def test_commands_that_the_text_names_exist(command: str) -> None:
-    from auvident.cli import COMMANDS
+    assert command in COMMANDS_OF_PROGRAM
 
-    assert command in {name for names in COMMANDS.values() for name in names}
+
+@pytest.mark.parametrize("command", sorted(COMMANDS_OF_PROGRAM))
+def test_every_command_is_told(command: str) -> None:
+    assert re.search(rf"auvident {command}\b|`{command}`", EVERYTHING)
 
 
 @pytest.mark.parametrize(
@@ -84,12 +117,21 @@ def test_a_table_of_the_program_is_whole(command: str) -> None:
     """Not only is every line of it what the program prints: none is missing."""
     from tests.command_line import call
 
-    shown = next(e for e in examples(README) if e.command == command)
+    shown = next(e for _, e in EXAMPLES if e.command == command)
     assert shown.printed == call(*command.split()[1:]).out.splitlines()
 
 
+@pytest.mark.parametrize(
+    ("page", "declared"), [("README.md", Vehicle), ("plans.md", Plan), ("logs.md", ColumnMap)]
+)
+def test_a_file_that_a_page_shows_can_be_read(page: str, declared: type) -> None:
+    """The least vehicle file, a map, a plan (without the stages that it continues)."""
+    (text,) = re.findall(r"^```toml\n(.*?)^```", PAGES[page], re.MULTILINE | re.DOTALL)
+    parse(declared, tomllib.loads(text), Path(page), "")
+
+
 def test_commands_are_no_shell_riddles() -> None:
-    for example in examples(README):
+    for _, example in EXAMPLES:
         assert shlex.split(example.command)
 
 
@@ -98,5 +140,6 @@ def test_every_exit_code_is_explained() -> None:
     from auvident.errors import AuvidentError
 
     for code in {kind.exit_code for kind in AuvidentError.__subclasses__()}:
-        assert re.search(rf"^\| {code} \| \w", README, re.MULTILINE), code
+        for page in ("README.md", "run-directory.md"):
+            assert re.search(rf"^\| {code} \| \w", PAGES[page], re.MULTILINE), code
         assert re.search(rf"\b{code} \w", cli.help or ""), code

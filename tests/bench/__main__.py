@@ -1,6 +1,7 @@
-"""``python -m tests.bench [PART ...] [--seeds N] [--json]``; parts as `PARTS` has them.
+"""``python -m tests.bench [PART ...] [--seeds N] [--json] [--write]``; parts as `PARTS` has them.
 
-The study of the residual loop has options of its own: ``python -m tests.bench effects --help``.
+With ``--write`` each part replaces its own section of docs/benchmarks.md. The study of the
+residual loop has options of its own: ``python -m tests.bench effects --help``.
 """
 
 import argparse
@@ -12,7 +13,24 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-PARTS = ("speed", "identify", "recovery", "plans", "length", "left-out")
+PARTS = (
+    "samples",
+    "loop",
+    "tanker",
+    "left-out",
+    "recovery",
+    "plans",
+    "speed",
+    "identify",
+    "length",
+)
+# What is said of the measurement, behind the version of the program.
+HOW = {
+    "recovery": "; {seeds} trials, seeds 0 to {last}",
+    "speed": "; medians of {repeats} repetitions",
+    "identify": "; medians of {repeats} repetitions",
+    "length": "; medians of {few} repetitions",
+}
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -28,6 +46,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--seeds", type=int, default=200, help="trials of the recovery study")
     parser.add_argument("--repeats", type=int, default=5, help="repetitions behind each median")
     parser.add_argument("--json", action="store_true", help="results as JSON on standard output")
+    parser.add_argument("--write", action="store_true", help="replace sections of the page")
     options = parser.parse_args(arguments)
     unknown = set(options.parts) - set(PARTS)
     if unknown:
@@ -38,16 +57,21 @@ def main(arguments: list[str] | None = None) -> None:
         results[part] = _run(part, options.repeats, options.seeds)
         if not options.json:
             _show(part, results[part])
+        if options.write:
+            _write(part, results[part], options)
     if options.json:
         print(json.dumps(results, indent=2))
 
 
 def _run(part: str, repeats: int, seeds: int) -> Any:
-    from tests.bench import recovery, speed
+    from tests.bench import recovery, samples, speed
     from tests.bench.left_out import left_out
     from tests.bench.length import length
 
     work: dict[str, Callable[[], Any]] = {
+        "samples": lambda: {"held-out errors": samples.held_out()},
+        "loop": lambda: {"held-out errors before and after": samples.loop()},
+        "tanker": lambda: samples.tanker(),
         "speed": lambda: {"one pass": speed.passes(repeats)},
         "identify": lambda: {"identification": speed.whole(repeats), "memory": speed.memory()},
         "recovery": lambda: recovery.recovery(seeds),
@@ -68,6 +92,23 @@ def _show(part: str, result: dict[str, Any]) -> None:
         for claim in ("claimed", "filter_own"):
             rows = [{"name": name, **row} for name, row in scores[claim].items()]
             _print(f"{case}: error over std ({claim}), {scores['failed']} failed", rows)
+
+
+def _write(part: str, result: dict[str, Any], options: argparse.Namespace) -> None:
+    """The section of one part, unless it had nothing to measure."""
+    from tests.bench import recovery, written
+    from tests.bench.effects import program
+
+    if part == "recovery":
+        result = {"errors over claimed standard deviations": recovery.in_short(result)}
+    if not all(result.values()):
+        print(f"{part}: nothing was measured, its section stays as it is", file=sys.stderr)
+        return
+    how = HOW.get(part, "").format(
+        seeds=options.seeds, last=options.seeds - 1, repeats=options.repeats,
+        few=min(options.repeats, 3),
+    )  # fmt: skip
+    written.write(part, f"Program `{program()}`{how}.", result)
 
 
 def _print(title: str, rows: list[dict[str, Any]]) -> None:

@@ -30,10 +30,13 @@ from tests.bench.effects_cases import (
 from tests.bench.effects_cases import cases as listed
 from tests.bench.effects_score import score
 from tests.bench.effects_summary import as_json, is_good, tables
+from tests.bench.written import write
 from tests.engines.chain import SAMPLES
 
 ONE_THREAD = ("AUVIDENT_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 LABELS = frozenset((*SINGLES, *OUTSIDE, *("+".join(p) for p in PAIRS), "none", *KINDS))
+WRITTEN = "effects"  # section of the page, and its tables in order
+SECTION = ("bars", "by planted effect", "planted against named", "costs")
 
 Outcome = dict[str, Any]
 Show = Callable[[str, list[dict[str, Any]]], None]
@@ -52,6 +55,18 @@ def main(arguments: list[str], show: Show) -> None:
         options.json.write_text(as_json(scores), encoding="utf-8")
     for title, rows in tables(scores).items() if scores else ():
         show(title, rows)
+    if options.write and scores:
+        write(WRITTEN, measured(wanted, kept), {t: tables(scores)[t] for t in SECTION})
+
+
+def measured(wanted: list[Case], kept: dict[str, Outcome]) -> str:
+    """What the section says of the study: program, number of trials, seeds."""
+    found = [kept[case.key] for case in wanted if case.key in kept]
+    versions = sorted({outcome.get("program", "unknown") for outcome in found})
+    seeds = [case.seed for case in wanted]
+    number = f"{len(found)} of {len(wanted)}" if len(found) < len(wanted) else str(len(found))
+    listed = ", ".join(f"`{version}`" for version in versions)
+    return f"Program {listed}; {number} trials, seeds {min(seeds)} to {max(seeds)}."
 
 
 def sail(wanted: list[Case], workers: int, resume: Path | None) -> dict[str, Outcome]:
@@ -82,6 +97,7 @@ def _options(arguments: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.bench effects", description=__doc__)
     for name, (kind, default, words) in OPTIONS.items():
         parser.add_argument(name, type=kind, default=default, help=words)
+    parser.add_argument("--write", action="store_true", help="replace the section of the page")
     return parser.parse_args(arguments)
 
 

@@ -20,6 +20,7 @@ SEEN = 0.8  # data share above which a coefficient or a combination is judged
 NORMAL_95 = 1.96
 NOISE = {"u_mps": DVL_STD_MPS, "v_mps": DVL_STD_MPS, "r_radps": GYRO_STD_RADPS}
 TARGET = (0.90, 0.98)
+SUMS = ("combinations", "all coefficients")  # rows of a summary that are no coefficient
 
 
 @dataclass
@@ -114,3 +115,25 @@ def _row(values: list[float]) -> dict[str, Any]:
         "low": float(low), "high": float(high),
         "coverage": float(np.mean(np.abs(z) < NORMAL_95)) if len(z) else 0.0,
     }  # fmt: skip
+
+
+def in_short(found: dict[str, Any]) -> list[dict[str, Any]]:
+    """One row for every plan and filter, from the result of `recovery`."""
+    return [_in_short(case, scores["failed"], scores["claimed"]) for case, scores in found.items()]
+
+
+def _in_short(case: str, failed: int, claimed: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    single = [r["coverage"] for name, r in claimed.items() if name not in SUMS]
+    every, along = (claimed.get(name, {}) for name in reversed(SUMS))
+    return {
+        "plan and filter": case, "failed": failed,
+        "mean square, coefficients": every.get("mean_square", "-"),
+        "95 % covers": _percent(every.get("coverage")),
+        "of single ones": f"{100 * min(single):.1f} to {_percent(max(single))}" if single else "-",
+        "mean square, combinations": along.get("mean_square", "-"),
+        "95 % covers (combinations)": _percent(along.get("coverage")),
+    }  # fmt: skip
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100.0 * share:.1f} %"

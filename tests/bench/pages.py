@@ -1,0 +1,152 @@
+"""Pages and pictures of docs/ that the program makes: ``python -m tests.bench.pages [RUN]``.
+
+Without RUN only docs/effects.md is written; with the run directory of ``make demo`` on
+``bay_trial`` the picture of the README, too.
+"""
+
+import io
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from auvident.report.figures import BLUE, INK, VERMILLION, new_figure, style
+from tests.bench.written import table
+from tests.command_line import call
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+HEAD = """# Effects
+
+<!-- written by `make docs` from the program's own table; not to be edited -->
+
+What `diagnose` tries, as the program prints it; `auvident effects --json` has the bounds besides.
+[Reading the results](run-directory.md) says what becomes of them.
+
+```console
+$ auvident effects
+"""
+NEXT = """```
+
+## Equations
+
+An effect that enters at the input changes what becomes of a command, a force stands in the
+equations of motion, a reading is what the sensor makes of the motion; a disturbance is named but
+stands in no model (of an event the rows are masked). "Allowed" is how much of it every model is
+given without a word (one standard deviation), as no servo is without lag and no hull without
+asymmetry.
+
+"""
+ENDS = {"input": "input", "force": "force", "reading": "reading", "disturbance": "no model"}
+
+
+def main(arguments: list[str]) -> None:
+    """Write the page of effects, and the picture where a run directory is given."""
+    (DOCS / "effects.md").write_text(effects_page(), encoding="utf-8")
+    for run in arguments:
+        (DOCS / "img").mkdir(exist_ok=True)
+        (DOCS / "img" / "held_out.svg").write_text(picture(Path(run)), encoding="utf-8")
+
+
+# --- effects ------------------------------------------------------------------------------
+
+
+def effects_page() -> str:
+    """The page of effects as it should be."""
+    found = json.loads(call("effects", "--json").out)["effects"]
+    rows = [_effect(effect) for effect in found]
+    return HEAD + call("effects").out + NEXT + table(rows) + "\n"
+
+
+def _effect(effect: dict[str, Any]) -> dict[str, str]:
+    allowed = [_allowed(p) for p in effect["parameters"] if p["silent"] > 0.0]
+    return {
+        "effect": f"`{effect['id']}`", "enters": ENDS[effect["enters"]],
+        "planes": ", ".join(effect["planes"]), "equation": effect["equation"],
+        "needs": ", ".join(f"`{column}`" for column in effect["needs"]),
+        "allowed": ", ".join(allowed), "source": effect["source"],
+    }  # fmt: skip
+
+
+def _allowed(parameter: dict[str, Any]) -> str:
+    """The silent allowance as an engineer reads it; of forces and limits only that there is one."""
+    if parameter["form"] != "plain" or any(parameter["powers"]):
+        return f"{parameter['symbol']}: a little"
+    return f"{parameter['silent'] * parameter['factor']:.2g} {parameter['unit']}"
+
+
+# --- picture ------------------------------------------------------------------------------
+
+CHANNELS = {
+    "u": ("u_mps", "surge, m/s"),
+    "v": ("v_mps", "sway, m/s"),
+    "r": ("r_radps", "yaw, rad/s"),
+}
+LINES = (
+    ("measured", INK, "-", 2.4, 0.4, "measured"),
+    ("before", VERMILLION, (0, (4, 2)), 1.2, 1.0, "predicted by the identified model"),
+    ("after", BLUE, "-", 1.2, 1.0, "with the effect it lacked"),
+)
+SIZE_IN = (9.6, 5.0)
+PAPER = "#ffffff"  # a page may be dark
+
+
+def picture(run: Path) -> str:
+    """Held-out maneuvers of a run, measured and predicted before and after `refine`, as SVG."""
+    from matplotlib import rc_context
+
+    told = json.loads((run / "refine/comparison.json").read_text(encoding="utf-8"))["held_out"]
+    rows = _series(run)
+    with style(), rc_context({"svg.hashsalt": "held_out"}):
+        figure = new_figure(SIZE_IN[1], SIZE_IN[0])
+        panels = figure.subplots(len(CHANNELS), len(told["maneuvers"]), sharex="col", sharey="row",
+                                 squeeze=False)  # fmt: skip
+        for j, maneuver in enumerate(told["maneuvers"]):
+            _column(panels[:, j], rows[rows["maneuver"] == maneuver], maneuver)
+        for axes, (channel, (_, words)) in zip(panels[:, 0], CHANNELS.items(), strict=True):
+            before, after = (told[when][channel]["nrmse"] for when in ("before", "after"))
+            axes.set_ylabel(f"{words}\nNRMSE {before:.2f}, {after:.2f}")
+        figure.legend(
+            loc="upper center", ncols=len(LINES), handles=panels[0, 0].lines[: len(LINES)]
+        )
+        figure.tight_layout(rect=(0.0, 0.0, 1.0, 0.94))
+        return _svg(figure)
+
+
+def _series(run: Path) -> pd.DataFrame:
+    """Measured, before and after, row by row."""
+    before, after = (
+        pd.read_parquet(run / s / "simulation.parquet") for s in ("validate", "refine")
+    )
+    columns = [column for column, _ in CHANNELS.values()]
+    return before[["maneuver", "time_s"]].assign(
+        **{f"{c}_measured": before[f"{c}_measured"] for c in columns},
+        **{f"{c}_before": before[f"{c}_simulated"] for c in columns},
+        **{f"{c}_after": after[f"{c}_simulated"] for c in columns},
+    )
+
+
+def _column(panels: Any, rows: pd.DataFrame, maneuver: str) -> None:
+    time = rows["time_s"] - rows["time_s"].iloc[0]
+    for axes, (column, _) in zip(panels, CHANNELS.values(), strict=True):
+        for ending, colour, dashes, width, opacity, words in LINES:
+            seen = rows[f"{column}_{ending}"].notna()  # a slow sensor leaves holes
+            axes.plot(
+                time[seen], rows.loc[seen, f"{column}_{ending}"], color=colour, ls=dashes,
+                lw=width, alpha=opacity, label=words,
+            )  # fmt: skip
+        axes.set_xlim(0.0, time.max())
+    panels[0].set_title(f"{maneuver} (held out)")
+    panels[-1].set_xlabel("time, s")
+
+
+def _svg(figure: Figure) -> str:
+    stream = io.StringIO()
+    figure.savefig(stream, format="svg", metadata={"Date": None}, facecolor=PAPER)
+    return stream.getvalue()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

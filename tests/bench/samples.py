@@ -1,0 +1,105 @@
+"""Held-out errors of the sample trials and of the tanker: estimate, filters, and the loop."""
+
+import json
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from auvident.pipeline import STAGES, run_stage
+from auvident.pipeline.observer import Observer
+from auvident.schema.artifacts import ManeuverMetrics, Metrics
+from tests.bench.left_out import KVLCC2
+from tests.engines.chain import SAMPLES, Chain, chain_of, plan_named, sample
+
+CLEAN = {"harbour_trial": "horizontal", "sound_trial": "horizontal", "dive_trial": "vertical"}
+CHANNELS = ("u", "v", "w", "r", "q")
+LOOP = {"bay_trial": "tern180", "harbour_trial": "remus100", "sound_trial": "tern180"}
+LOOP_CHANNELS = ("u", "v", "r", "heading")
+FOUR = ("hsva_Z_10_05", "hsva_Z_15_01", "hsva_Z_20_10_P", "hsva_Z_35_05")
+OVERSHOOTS = ("overshoot_1_deg", "overshoot_2_deg")
+
+Rows = list[dict[str, Any]]
+
+
+def held_out() -> Rows:
+    """Pooled RMSE over standard deviation of the clean samples, by channel."""
+    found = []
+    for name, plane in CLEAN.items():
+        ways = {f"identified ({kind})": ("refined", kind) for kind in ("ekf", "ukf")}
+        metrics = _metrics(sample(name), plane, ways)
+        found += [{"trial": name, **row} for row in _errors(metrics)]
+    return found
+
+
+def _metrics(chain: Chain, plane: str, ways: dict[str, tuple[str, str]]) -> dict[str, Metrics]:
+    """Errors of the models that some plans and filters end at, by the name of the way."""
+    found = {}
+    for name, (plan, kind) in ways.items():
+        model = chain.identify(plane, kind, plan=plan_named(plan)).model
+        found[name] = chain.validate(model).metrics
+    return found
+
+
+def _errors(metrics: dict[str, Metrics]) -> Rows:
+    """Errors by channel: of what the identification starts from, and of each way."""
+    prior = next(iter(metrics.values())).ase.summary["validate"]
+    return [
+        {
+            "channel": channel, "starting values": prior[channel].nrmse,
+            **{name: m.summary["validate"][channel].nrmse for name, m in metrics.items()},
+        }
+        for channel in CHANNELS if channel in prior
+    ]  # fmt: skip
+
+
+def tanker(logs: Path = KVLCC2) -> dict[str, Rows]:
+    """Four zigzags of the KVLCC2 from the other nine; nothing without the logs."""
+    if not logs.is_dir():
+        return {"four zigzags from the other nine": []}
+    chain = chain_of(sorted(logs.glob("*.csv")), logs / "vehicle.toml", FOUR)
+    ways = {"refined (ekf)": ("refined", "ekf"), "spiral (ekf)": ("spiral", "ekf")}
+    metrics = _metrics(chain, "horizontal", ways)
+    held_out = [m for m in metrics["refined (ekf)"].maneuvers if m.role == "validate"]
+    return {
+        "four zigzags from the other nine": _errors(metrics),
+        "the same four as virtual tests": [_overshoots(m) for m in held_out],
+    }
+
+
+def _overshoots(maneuver: ManeuverMetrics) -> dict[str, Any]:
+    """Overshoot angles as measured, and where the model's own heading reverses the rudder."""
+    told = maneuver.zigzag or {}
+    ways = {way: told.get(way, {}) for way in ("measured", "virtual")}
+    return {
+        "zigzag": maneuver.trial,
+        **{f"{key} {way}": v.get(key, "-") for key in OVERSHOOTS for way, v in ways.items()},
+    }
+
+
+def loop() -> Rows:
+    """Verdict of each trial, and its held-out errors before and after `refine`."""
+    found = [_closed(SAMPLES / n, SAMPLES / f"{v}.toml") for n, v in LOOP.items()]
+    if KVLCC2.is_dir():
+        found.append(_closed(KVLCC2, KVLCC2 / "vehicle.toml", FOUR))
+    return found
+
+
+def _closed(logs: Path, vehicle: Path, hold_out: tuple[str, ...] = ()) -> dict[str, Any]:
+    """One run to its end."""
+    options = {"ingest": {"logs": (logs,), "vehicle": vehicle}, "segment": {"hold_out": hold_out}}
+    with tempfile.TemporaryDirectory(prefix="auvident-loop-") as name:
+        for stage in (s.name for s in STAGES if s.name != "report"):
+            run_stage(stage, Path(name), options.get(stage), observer=Observer())
+        found = json.loads((Path(name) / "refine/comparison.json").read_text(encoding="utf-8"))
+    before, after = found["held_out"]["before"], found["held_out"]["after"]
+    return {
+        "trial": logs.name, "verdict": found["verdict"],
+        "used": " + ".join(e["id"] for e in (*found["effects"], *found["not_confirmed"])) or "-",
+        **{c: _both(before, after, c) for c in LOOP_CHANNELS},
+    }  # fmt: skip
+
+
+def _both(before: dict[str, Any], after: dict[str, Any], channel: str) -> str:
+    if channel not in before or channel not in after:
+        return "-"
+    return f"{before[channel]['nrmse']:.3f}, {after[channel]['nrmse']:.3f}"

@@ -1,0 +1,118 @@
+"""What the documentation owes to the program: pages it writes, references, versions, links."""
+
+import json
+import re
+import tomllib
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import auvident
+from auvident.schema.effects import EFFECTS
+from tests.bench import pages
+from tests.command_line import ROOT, call
+
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
+MOST_LINES, MOST_BYTES = 200, 150_000  # of the README; of a picture
+
+
+def test_the_readme_can_be_finished() -> None:
+    assert len((ROOT / "README.md").read_text().splitlines()) <= MOST_LINES
+
+
+def test_the_page_of_effects_is_what_the_program_prints() -> None:
+    text = (DOCS / "effects.md").read_text(encoding="utf-8")
+    assert text == pages.effects_page(), "run `make docs`"
+    assert call("effects").out in text
+    assert all(f"| `{effect.id}` |" in text for effect in EFFECTS)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    """Files beside the page, and headings in them as GitHub names them."""
+    text = page.read_text(encoding="utf-8")
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        if re.match(r"[a-z]+:", target):
+            continue
+        name, _, heading = unquote(target).partition("#")
+        file = page.parent / name if name else page
+        assert file.exists(), target
+        assert not heading or heading in headings(file), target
+
+
+def headings(page: Path) -> set[str]:
+    """Anchors of a page."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
+    found = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", h.lower()).replace(" ", "-") for h in found}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_paths_of_the_project_that_a_page_names_exist(page: Path) -> None:
+    named = set(re.findall(r"`((?:auvident|tests|sample_logs|docs)/[\w./*-]+)`", page.read_text()))
+    missing = [
+        p for p in named if not (any(ROOT.glob(p.rstrip("/"))) if "*" in p else (ROOT / p).exists())
+    ]
+    assert not missing
+
+
+def test_every_page_is_within_reach_of_the_readme() -> None:
+    text = (ROOT / "README.md").read_text()
+    assert {p.name for p in PAGES[1:]} <= set(re.findall(r"\(docs/([\w-]+\.md)[#)]", text))
+
+
+def test_the_citation_has_the_version_of_the_package() -> None:
+    text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    (version,) = re.findall(r"^version: (\S+)$", text, re.MULTILINE)
+    assert version.strip('"') == project["version"] == auvident.__version__
+    assert re.search(rf"^license: {project['license']}$", text, re.MULTILINE)
+
+
+# --- the picture --------------------------------------------------------------------------
+
+
+def run_directory(folder: Path) -> Path:
+    """The files of a run that the picture needs; the prediction before is off by 0.1."""
+    time = np.arange(0.0, 30.0, 0.1)
+    measured = {"u_mps": 1.5 + 0.1 * np.sin(time), "v_mps": 0.1 * np.cos(time),
+                "r_radps": 0.1 * np.sin(0.3 * time)}  # fmt: skip
+    for stage, off in (("validate", 0.1), ("refine", 0.0)):
+        (folder / stage).mkdir(parents=True)
+        rows = {"maneuver": "turn-1", "role": "validate", "time_s": 100.0 + time}
+        for column, values in measured.items():
+            rows |= {f"{column}_measured": values, f"{column}_simulated": values + off}
+        pd.DataFrame(rows).to_parquet(folder / stage / "simulation.parquet")
+    errors = {c: {"rmse": 0.1, "nrmse": 0.9, "unit": "m/s"} for c in ("u", "v", "r")}
+    held_out = {"maneuvers": ["turn-1"], "before": errors, "after": errors}
+    (folder / "refine/comparison.json").write_text(json.dumps({"held_out": held_out}))
+    return folder
+
+
+def test_the_picture_is_made_from_a_run_and_comes_out_the_same(tmp_path: Path) -> None:
+    run = run_directory(tmp_path / "run")
+    first = pages.picture(run)
+    assert first == pages.picture(run)
+    assert first.startswith("<?xml") and "turn-1" in first and "NRMSE 0.90" in first
+    assert all(words in first for words in ("measured", "identified", "with the effect"))
+
+
+def test_pages_are_written_where_they_belong(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(pages, "DOCS", tmp_path)
+    pages.main([])
+    assert [p.name for p in tmp_path.iterdir()] == ["effects.md"]
+    pages.main([str(run_directory(tmp_path / "run"))])
+    assert (tmp_path / "img" / "held_out.svg").is_file()
+
+
+@pytest.mark.parametrize("file", sorted((DOCS / "img").glob("*")), ids=lambda p: p.name)
+def test_pictures_are_small(file: Path) -> None:
+    assert file.stat().st_size < MOST_BYTES
+
+
+def test_there_is_a_picture() -> None:
+    assert "](docs/img/held_out.svg)" in (ROOT / "README.md").read_text()
