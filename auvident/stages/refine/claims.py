@@ -3,7 +3,10 @@
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 import pandas as pd
+from scipy.special import fdtri
 
 from auvident.schema.artifacts import IdentifiedModel, Verdict
 from auvident.schema.diagnosis import (
@@ -15,7 +18,7 @@ from auvident.schema.diagnosis import (
     Refused,
 )
 from auvident.schema.effect_words import is_confirmed, plain
-from auvident.schema.effects import BY_ID
+from auvident.schema.effects import BY_ID, parameter_of
 from auvident.schema.loop_statements import (
     found,
     not_added,
@@ -23,6 +26,8 @@ from auvident.schema.loop_statements import (
     remaining_of,
     statement,
 )
+
+Array = npt.NDArray[Any]
 
 NORMAL_95 = 1.96
 
@@ -38,7 +43,8 @@ def claims_of(
     kept = any(a.taken for a in attempts[:1])  # the model before is the best
     final = [_with_final_values(e, after, speed, rate) for e in diagnosis.effects]
     in_model = [e for e in final if BY_ID[e.id].enters != "disturbance"]
-    doubted = [e for e in in_model if kept or not is_confirmed(e)]
+    sure = {e.id for e in in_model if is_confirmed(e) or told_together(e, diagnosis, after)}
+    doubted = [e for e in in_model if kept or e.id not in sure]
     effects = tuple(e for e in final if e not in doubted)
     named = {e.id for e in effects}
     groups = tuple(g for g in diagnosis.ambiguous if named & set(g))
@@ -59,7 +65,9 @@ def claims_of(
     return {
         "verdict": verdict, "statement": said, "effects": effects, "ambiguous": groups,
         "not_confirmed": () if kept else tuple(doubted),
-        "candidates": tuple(_final_candidate(c, final) for c in diagnosis.candidates),
+        "candidates": tuple(
+            _final_candidate(c, final, c.id in sure) for c in diagnosis.candidates
+        ),
         "unexplained": unexplained, "remaining": remaining_of(verdict, unexplained),
     }  # fmt: skip
 
@@ -76,13 +84,49 @@ def _verdict(
     return verdict
 
 
-def _final_candidate(candidate: Candidate, effects: Sequence[EffectFound]) -> Candidate:
+def told_together(effect: EffectFound, diagnosis: Diagnosis, after: IdentifiedModel) -> bool:
+    """Whether the parameters of an effect, taken together, are told from nothing at 95 %.
+
+    A side force and a moment may each be in doubt where their sum in a turn is not. The
+    covariance is that of the diagnosis and of the refined model together with the difference
+    between the two; Hotelling's T squared.
+    """
+    first = next(e for e in diagnosis.effects if e.id == effect.id)
+    count, freedom = len(first.covariance), first.freedom
+    if count < 2 or freedom < count:
+        return False
+    symbols = [p.symbol for p in first.parameters][:count]
+    final = {p.symbol: p.value for p in effect.parameters}
+    value = np.array([final[symbol] for symbol in symbols])
+    away = value - np.array([p.value for p in first.parameters][:count])
+    covariance = np.array(first.covariance) + _refined(effect.id, symbols, after)
+    distance = float(value @ np.linalg.solve(covariance + np.outer(away, away), value))
+    rest = freedom - count + 1
+    return distance > count * freedom / rest * float(fdtri(count, rest, 0.95))
+
+
+def _refined(effect: str, symbols: Sequence[str], after: IdentifiedModel) -> Array:
+    """Covariance of the parameters of an effect in a model; zero for those that it holds."""
+    names = after.covariance.get("symbols", [])
+    matrix = np.array(after.covariance.get("matrix", []))
+    found = np.zeros((len(symbols), len(symbols)))
+    at = {
+        k: names.index(f"{effect}.{s}") for k, s in enumerate(symbols) if f"{effect}.{s}" in names
+    }
+    factors = [parameter_of(f"{effect}.{symbol}").factor for symbol in symbols]
+    for k, i in at.items():
+        for m, j in at.items():
+            found[k, m] = matrix[i, j] * factors[k] * factors[m]
+    return found
+
+
+def _final_candidate(candidate: Candidate, effects: Sequence[EffectFound], sure: bool) -> Candidate:
     """A candidate with the size that the refined model ends at, where it has one."""
     final = next((e for e in effects if e.id == candidate.id), None)
     if final is None or candidate.rejected:
         return candidate
     update: dict[str, Any] = {"parameters": final.parameters}
-    if not is_confirmed(final):
+    if not sure:
         update["rejected"] = "not confirmed: the interval of its size holds zero"
         update["refusal"] = Refused(code="not-confirmed")
     return candidate.model_copy(update=update)
