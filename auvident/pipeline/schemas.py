@@ -2,9 +2,11 @@
 
 from typing import Any
 
-from pydantic import BaseModel, TypeAdapter
+from pydantic import TypeAdapter
+from pydantic.json_schema import JsonSchemaMode
 
 from auvident.schema.artifacts import AseResult, IdentifiedModel, Maneuver, Metrics, TrialPlan
+from auvident.schema.base import Declared
 from auvident.schema.diagnosis import Comparison, Diagnosis
 from auvident.schema.logs import ColumnMap, Quality
 from auvident.schema.manifest import Manifest
@@ -31,8 +33,8 @@ ALIASES = {"coefficients": "ase", "manifest": "run"}
 
 
 def json_schema(name: str) -> dict[str, Any]:
-    """JSON schema by a name of `SCHEMAS`."""
+    """JSON schema by a name of `SCHEMAS`; of an artifact as it is written, of a file as read."""
     model = SCHEMAS[name][1]
-    if isinstance(model, type) and issubclass(model, BaseModel):
-        return model.model_json_schema(by_alias=True)
-    return TypeAdapter(model).json_schema(by_alias=True)
+    written = not (isinstance(model, type) and issubclass(model, Declared))
+    mode: JsonSchemaMode = "serialization" if written else "validation"
+    return TypeAdapter(model).json_schema(by_alias=True, mode=mode)
