@@ -9,7 +9,10 @@ from tests import loop_world
 
 @pytest.mark.parametrize(
     ("name", "artifact"),
-    [("diagnosis", loop_world.diagnosis()), ("comparison", loop_world.comparison())],
+    [
+        ("diagnosis", loop_world.diagnosis()),
+        ("comparison", loop_world.comparison(loop_world.diagnosis())),
+    ],
 )
 def test_every_key_of_the_artifact_is_in_its_schema(
     name: str, artifact: Diagnosis | Comparison
