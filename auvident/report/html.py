@@ -11,6 +11,7 @@ from auvident.report import html_words as words
 from auvident.report.html_data import ReportData, number, quantity
 from auvident.report.html_loop import figures as loop_figures
 from auvident.report.html_loop import lacks, with_refined
+from auvident.schema.artifacts import PRIOR_WORDS
 from auvident.schema.effect_words import allowances
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ def render(report: ReportData) -> str:
         refined=report.is_refined,
         cards=words.cards(report),
         prior=report.prior_name,
-        prior_words=words.PRIOR_WORDS[report.prior_name],
+        prior_words=PRIOR_WORDS[report.prior_name],
         held=bool(report.held_out()),
         warnings=words.warnings(report),
         figures=_figures(report),
