@@ -10,7 +10,8 @@ from rich.text import Text
 
 from auvident.report import console_loop
 from auvident.report.ase_tables import ase_report
-from auvident.report.console_style import findings_lines, house_table, number
+from auvident.report.console_style import findings_lines, house_table
+from auvident.report.numbers import TERMINAL
 from auvident.schema.artifacts import (
     ChannelMetrics,
     Combination,
@@ -25,6 +26,7 @@ from auvident.schema.logs import Quality, SensorQuality, TrialQuality
 if TYPE_CHECKING:
     import pandas as pd
 
+number = TERMINAL.number
 STATE_STYLES = {"done": "green", "stale": "yellow", "missing": "red"}
 ROLES = {
     "identify": "Prediction of the maneuvers that identified",
@@ -58,7 +60,7 @@ def frame_table(title: str, frame: "pd.DataFrame") -> Table:
     """A small table of numbers."""
     table = house_table(title, (), [str(c) for c in frame.columns])
     for row in frame.itertuples(index=False):
-        table.add_row(*(number(v) if isinstance(v, float) else str(v) for v in row))
+        table.add_row(*(number(v, 4) if isinstance(v, float) else str(v) for v in row))
     return table
 
 
@@ -196,8 +198,8 @@ def model_table(model: IdentifiedModel) -> Table:
     table.add_column("origin")
     for c in model.coefficients:
         table.add_row(
-            c.symbol, c.unit, number(c.value), number(c.std, 2), number(c.prior),
-            number(c.prior_std, 2), number(1e3 * c.prime), f"{100.0 * c.data_share:.0f} %",
+            c.symbol, c.unit, number(c.value, 4), number(c.std, 2), number(c.prior, 4),
+            number(c.prior_std, 2), number(1e3 * c.prime, 4), f"{100.0 * c.data_share:.0f} %",
             c.origin,
         )  # fmt: skip
     table.caption, table.caption_justify = allowances(model.effects) or None, "left"
@@ -241,7 +243,7 @@ def comparison_tables(comparison: Mapping[str, Any]) -> list[RenderableType]:
 def _with_std(row: Mapping[str, Any]) -> list[str]:
     """Value and standard deviation of every run; empty where it has none."""
     return [
-        "" if value is None else f"{number(value)} ± {number(std, 2)}"
+        "" if value is None else f"{number(value, 4)} ± {number(std, 2)}"
         for value, std in zip(row["value"], row["std"], strict=True)
     ]
 
@@ -259,7 +261,7 @@ def log_tables(report: Any) -> list[RenderableType]:
         table.add_column("note")
         for c in file.columns:
             table.add_row(
-                c.name, c.quantity or "", c.unit, number(c.minimum), number(c.maximum),
+                c.name, c.quantity or "", c.unit, number(c.minimum, 4), number(c.maximum, 4),
                 str(c.empty), c.note,
             )  # fmt: skip
         notes = [Text(note, style="yellow") for note in file.notes]

@@ -8,7 +8,8 @@ from rich.table import Table
 from rich.text import Text
 
 from auvident.report import loop_words as words
-from auvident.report.console_style import findings_lines, house_table, number
+from auvident.report.console_style import findings_lines, house_table
+from auvident.report.numbers import TERMINAL
 from auvident.schema.diagnosis import (
     Candidate,
     Comparison,
@@ -18,6 +19,7 @@ from auvident.schema.diagnosis import (
     HeldOut,
 )
 
+number = TERMINAL.number
 VERDICT_STYLES = {
     "none_found": "bold green", "effect_found": "bold cyan", "ambiguous": "bold yellow",
     "partly_explained": "bold cyan", "unexplained": "bold yellow",
@@ -154,7 +156,7 @@ def effects_table(effects: Sequence[EffectFound]) -> Table:
         first, plain = effect.id, " ".join(x for x in (effect.plain, words.place(effect)) if x)
         for p in effect.parameters:
             bounds = words.interval_of(effect.id, p)
-            table.add_row(first, plain, p.symbol, number(p.value), p.unit, bounds)
+            table.add_row(first, plain, p.symbol, number(p.value, 4), p.unit, bounds)
             first = plain = ""
         if not effect.parameters:
             table.add_row(first, plain)
@@ -190,8 +192,8 @@ def moved_table(found: Comparison) -> Table:
     table = house_table(title, ("", "unit"), ("before", "after", "moved, std", "ASE"))
     for c in words.moved(found.coefficients):
         table.add_row(
-            c.symbol, c.unit, f"{number(c.before)} ± {number(c.before_std, 2)}",
-            f"{number(c.after)} ± {number(c.after_std, 2)}", f"{words.moves(c):+.1f}",
-            f"{number(c.prior)} ± {number(c.prior_std, 2)}",
+            c.symbol, c.unit, f"{number(c.before, 4)} ± {number(c.before_std, 2)}",
+            f"{number(c.after, 4)} ± {number(c.after_std, 2)}", f"{words.moves(c):+.1f}",
+            f"{number(c.prior, 4)} ± {number(c.prior_std, 2)}",
         )  # fmt: skip
     return table

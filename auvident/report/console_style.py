@@ -1,4 +1,4 @@
-"""House style of the console: tables, numbers, lines of findings."""
+"""House style of the console: tables and lines of findings."""
 
 from collections.abc import Sequence
 from typing import IO
@@ -8,7 +8,6 @@ from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from auvident.report.ase_tables import finding_line
 from auvident.schema.artifacts import Finding
 
 MOST_PLACES = 6  # places named of a finding that several share
@@ -27,7 +26,7 @@ def console_for(stream: IO[str], width: int | None = None) -> Console:
     return Console(file=stream, width=width, markup=False, emoji=False, highlight=False)
 
 
-def house_table(title: str, left: Sequence[str], right: Sequence[str] = ()) -> Table:
+def house_table(title: str, left: Sequence[str] = (), right: Sequence[str] = ()) -> Table:
     """The house style: no vertical rules, title on the left, numbers on the right."""
     table = Table(title=title or None, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for name in left:
@@ -35,11 +34,6 @@ def house_table(title: str, left: Sequence[str], right: Sequence[str] = ()) -> T
     for name in right:
         table.add_column(name, justify="right")
     return table
-
-
-def number(value: float | None, digits: int = 4) -> str:
-    """A number with some significant digits; empty when there is none."""
-    return "" if value is None else f"{value:.{digits}g}"
 
 
 def findings_lines(findings: Sequence[Finding]) -> list[RenderableType]:
@@ -60,3 +54,14 @@ def findings_lines(findings: Sequence[Finding]) -> list[RenderableType]:
     if len(groups) > MOST_FINDINGS:
         lines.append(Text(f"... and {len(groups) - MOST_FINDINGS} more findings", style="dim"))
     return lines
+
+
+def finding_line(finding: Finding) -> Text:
+    """One finding with its place and remedy."""
+    text = Text(f"{finding.where}: " if finding.where else "", style="yellow")
+    text.append(finding.message, style="default")
+    if finding.value is not None and finding.threshold is not None:
+        text.append(f" ({finding.value:.3g}, limit {finding.threshold:.3g})")
+    if finding.remedy:
+        text.append(f" {finding.remedy}", style="dim")
+    return text

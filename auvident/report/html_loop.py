@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from auvident.report import loop_words as words
-from auvident.report.html_data import ReportData, number, quantity, shown, unit_text
+from auvident.report.html_data import ReportData, number, quantity
 from auvident.report.html_tables import Table
+from auvident.report.numbers import PAGE, unit_text
 from auvident.schema.diagnosis import (
     Candidate,
     ChannelError,
@@ -203,7 +204,7 @@ def _ratio(before: ChannelError, after: ChannelError | None) -> str:
 def _difference(difference: Difference | None, unit: str) -> tuple[str, str]:
     if difference is None:
         return "–", "–"
-    low, high = (number(shown(x, unit)[0], 2) for x in (difference.low, difference.high))
+    low, high = (number(PAGE.shown(x, unit), 2) for x in (difference.low, difference.high))
     return quantity(difference.value, unit, 2), f"{low} to {high}"
 
 
@@ -215,7 +216,7 @@ def maneuver_table(maneuvers: Sequence[ManeuverComparison]) -> Table:
         [m.id, m.kind, m.role, *(_change(m, name) for name in names)]
         for m in sorted(maneuvers, key=lambda m: m.role != "validate")
     ]
-    heads = ("maneuver", "kind", "role", *(f"{n}, {shown(0.0, units[n])[1]}" for n in names))
+    heads = ("maneuver", "kind", "role", *(f"{n}, {PAGE.unit(units[n])}" for n in names))
     return Table(heads, rows, left=3, mark="validate")
 
 
@@ -226,7 +227,7 @@ def _change(m: ManeuverComparison, channel: str) -> str:
         return "–"
     difference = m.difference.get(channel)
     sure = difference is not None and difference.low * difference.high > 0.0
-    values = (number(shown(e.rmse, e.unit)[0]) for e in (before, after))
+    values = (number(PAGE.shown(e.rmse, e.unit)) for e in (before, after))
     return " → ".join(values) + (" *" if sure else "")
 
 

@@ -6,7 +6,8 @@ from datetime import datetime
 from pathlib import PurePath
 from typing import Any
 
-from auvident.report.html_data import ReportData, number, percent, quantity, shown, unit_text
+from auvident.report.html_data import ReportData, number, percent, quantity
+from auvident.report.numbers import PAGE, unit_text
 from auvident.schema.artifacts import IdentifiedModel, Maneuver, ManeuverMetrics, StageRecord
 from auvident.schema.coefficients import BY_SYMBOL
 from auvident.schema.logs import Quality
@@ -99,7 +100,7 @@ def error_table(data: ReportData) -> Table:
     metrics = data.metrics.maneuvers if data.metrics else ()
     names = list(dict.fromkeys(name for m in metrics for name in m.channels))
     units = {name: c.unit for m in metrics for name, c in m.channels.items()}
-    heads = ["maneuver", "kind", "role", "s", *(f"{n}, {shown(0.0, units[n])[1]}" for n in names)]
+    heads = ["maneuver", "kind", "role", "s", *(f"{n}, {PAGE.unit(units[n])}" for n in names)]
     rows = []
     for m in sorted(metrics, key=lambda m: m.role != "validate"):
         before = data.before(m.id)
@@ -107,8 +108,8 @@ def error_table(data: ReportData) -> Table:
         for n in names:
             c = m.channels.get(n)
             b = before.channels.get(n) if before else None
-            text = number(shown(c.rmse, c.unit)[0]) if c else "–"
-            cells.append(f"{text} ({number(shown(b.rmse, b.unit)[0], 2)})" if c and b else text)
+            text = number(PAGE.shown(c.rmse, c.unit)) if c else "–"
+            cells.append(f"{text} ({number(PAGE.shown(b.rmse, b.unit), 2)})" if c and b else text)
         rows.append([m.id, m.kind, m.role, f"{m.duration_s:.0f}", *cells])
     return Table(heads, rows, left=3, mark="validate")
 
