@@ -8,6 +8,8 @@ from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from auvident.report import tables
+from auvident.report.numbers import TERMINAL
 from auvident.schema.artifacts import Finding
 
 MOST_PLACES = 6  # places named of a finding that several share
@@ -34,6 +36,18 @@ def house_table(title: str, left: Sequence[str] = (), right: Sequence[str] = ())
     for name in right:
         table.add_column(name, justify="right")
     return table
+
+
+def rich_table(table: tables.Table) -> Table:
+    """A table of the report in the house style."""
+    text = tables.written(table, TERMINAL)
+    shown = house_table(text.title)
+    for head, numeric in zip(text.heads, text.numeric, strict=True):
+        shown.add_column(head, justify="right" if numeric else "left")
+    for row, marked in zip(text.rows, text.marked, strict=True):
+        shown.add_row(*row, style="cyan" if marked else "")
+    shown.caption, shown.caption_justify = text.caption or None, "left"
+    return shown
 
 
 def findings_lines(findings: Sequence[Finding]) -> list[RenderableType]:

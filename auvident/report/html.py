@@ -11,6 +11,8 @@ from auvident.report import html_words as words
 from auvident.report.html_data import ReportData, number, quantity
 from auvident.report.html_loop import figures as loop_figures
 from auvident.report.html_loop import lacks, with_refined
+from auvident.report.numbers import PAGE
+from auvident.report.tables import written
 from auvident.schema.artifacts import PRIOR_WORDS
 from auvident.schema.effect_words import allowances
 
@@ -67,6 +69,7 @@ def _template() -> "Template":
         loader=FileSystemLoader(FOLDER), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
+    environment.filters["written"] = lambda table: written(table, PAGE)
     return environment.get_template("template.html")
 
 

@@ -1,13 +1,13 @@
 """Rows of the tables of the HTML report, as text ready to show."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import PurePath
 from typing import Any
 
 from auvident.report.html_data import ReportData, number, percent, quantity
 from auvident.report.numbers import PAGE, unit_text
+from auvident.report.tables import Table, columns
 from auvident.schema.artifacts import IdentifiedModel, Maneuver, ManeuverMetrics, StageRecord
 from auvident.schema.coefficients import BY_SYMBOL
 from auvident.schema.logs import Quality
@@ -47,16 +47,6 @@ ZIGZAG_FIGURES = {
 }
 
 
-@dataclass(frozen=True)
-class Table:
-    """Heads and rows; the first `left` columns are text, the others numbers."""
-
-    heads: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    left: int = 1
-    mark: str = ""  # rows with this cell stand out
-
-
 def figure_tables(metrics: Sequence[ManeuverMetrics], kind: str) -> Iterator[Table]:
     """Figures of turns or zigzags, measured and simulated, maneuvers side by side."""
     words = TURN_FIGURES if kind == "turn" else ZIGZAG_FIGURES
@@ -68,7 +58,7 @@ def figure_tables(metrics: Sequence[ManeuverMetrics], kind: str) -> Iterator[Tab
             cells = [_measured_simulated(figures, name) for _, figures in piece]
             if any(cells):
                 rows.append([label, unit, *(c or "–" for c in cells)])
-        yield Table(("measured → model", "", *(i for i, _ in piece)), rows, left=2)
+        yield Table(columns(("measured → model", ""), [i for i, _ in piece]), rows)
 
 
 def _condensed(figures: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
@@ -111,7 +101,7 @@ def error_table(data: ReportData) -> Table:
             text = number(PAGE.shown(c.rmse, c.unit)) if c else "–"
             cells.append(f"{text} ({number(PAGE.shown(b.rmse, b.unit), 2)})" if c and b else text)
         rows.append([m.id, m.kind, m.role, f"{m.duration_s:.0f}", *cells])
-    return Table(heads, rows, left=3, mark="validate")
+    return Table(columns(heads[:3], heads[3:]), rows, mark="validate")
 
 
 def coefficient_rows(model: IdentifiedModel) -> list[dict[str, Any]]:
@@ -156,7 +146,7 @@ def sensor_table(quality: Quality) -> Table:
                 str(max((c.gaps for c in s.channels), default=0)),
                 number(max((c.longest_gap_s for c in s.channels), default=0.0), 2),
             ])  # fmt: skip
-    return Table(heads, rows, left=4)
+    return Table(columns(heads[:4], heads[4:]), rows)
 
 
 def lag_table(quality: Quality) -> Table:
@@ -166,7 +156,7 @@ def lag_table(quality: Quality) -> Table:
          f"{1000.0 * a.std_s:.1f}", percent(a.explained)]
         for t in quality.trials for a in t.alignment
     ]  # fmt: skip
-    return Table(("trial", "clocks", "lag, ms", "std, ms", "explained"), rows, left=2)
+    return Table(columns(("trial", "clocks"), ("lag, ms", "std, ms", "explained")), rows)
 
 
 def maneuver_table(maneuvers: Sequence[Maneuver]) -> Table:
@@ -190,7 +180,7 @@ def maneuver_table(maneuvers: Sequence[Maneuver]) -> Table:
             f"{m.t_end_s - m.t_start_s:.0f}", number(excitation.get("u_std_mps"), 2),
             number(excitation.get("r_std_degps", excitation.get("q_std_degps")), 2),
         ])  # fmt: skip
-    return Table(heads, rows, left=4, mark="validate")
+    return Table(columns(heads[:4], heads[4:]), rows, mark="validate")
 
 
 def _what(m: Maneuver) -> str:
@@ -216,20 +206,20 @@ def _what(m: Maneuver) -> str:
 
 def pass_table(model: IdentifiedModel) -> Table:
     """The passes of the plan as they were done."""
-    columns = list(dict.fromkeys(c for s in model.stages for c in (*s.nis_mean, *s.fitted_noise)))
+    channels = list(dict.fromkeys(c for s in model.stages for c in (*s.nis_mean, *s.fitted_noise)))
     heads = [
         "cycle", "stage", "system", "free", "maneuvers", "samples", "log likelihood",
-        *(f"noise {c}" for c in columns), *(f"NIS {c}" for c in columns),
+        *(f"noise {c}" for c in channels), *(f"NIS {c}" for c in channels),
     ]  # fmt: skip
     rows = []
     for s in model.stages:
-        noise = [_noise(s, c) for c in columns]
-        nis = [number(s.nis_mean[c], 2) if c in s.nis_mean else "" for c in columns]
+        noise = [_noise(s, c) for c in channels]
+        nis = [number(s.nis_mean[c], 2) if c in s.nis_mean else "" for c in channels]
         rows.append([
             str(s.cycle), s.stage, s.system, str(len(s.free)), str(len(s.maneuvers)),
             str(s.samples), number(s.log_likelihood, 5), *noise, *nis,
         ])  # fmt: skip
-    return Table(heads, rows, left=3)
+    return Table(columns(heads[:3], heads[3:]), rows)
 
 
 def _noise(record: StageRecord, column: str) -> str:
@@ -253,7 +243,7 @@ def manifest_table(manifest: Manifest) -> Table:
             _seconds(entry), "–" if entry.seed is None else str(entry.seed), entry.program_version,
         ])  # fmt: skip
     heads = ("stage", "outcome", "options", "started, UTC", "s", "seed", "version")
-    return Table(heads, rows, left=3)
+    return Table(columns(heads[:3], heads[3:]), rows)
 
 
 def _option(value: Any) -> str:
@@ -279,4 +269,4 @@ def hash_table(manifest: Manifest) -> Table:
         found |= {name: sha for name, sha in entry.inputs.items() if name not in made}
         found |= entry.program_files
     rows = [["/".join(PurePath(n).parts[-2:]), s[:HASH_DIGITS]] for n, s in found.items()]
-    return Table(("file", "sha256 begins"), rows, left=2)
+    return Table(columns(("file", "sha256 begins")), rows)

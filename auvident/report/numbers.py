@@ -60,10 +60,12 @@ class Style:
         return None if value is None else value * factor
 
     def unit(self, unit: str) -> str:
-        """The unit that is shown."""
-        if not self.degrees:
-            return unit
-        return unit_text(SHOWN_UNITS.get(unit, (unit, 1.0))[0])
+        """The unit that values are shown in."""
+        return self.written_unit(SHOWN_UNITS.get(unit, (unit, 1.0))[0] if self.degrees else unit)
+
+    def written_unit(self, unit: str) -> str:
+        """A unit as it is, with the signs of the style."""
+        return unit_text(unit) if self.degrees else unit
 
     def quantity(self, value: float, unit: str, digits: int = 3) -> str:
         """A number with its unit, if it has one."""

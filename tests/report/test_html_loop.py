@@ -166,14 +166,16 @@ def test_every_maneuver_stands_before_and_after_held_out_ones_first(
 
 
 def test_a_difference_that_may_be_none_has_no_star(data: ReportData) -> None:
-    from auvident.report.html_loop import maneuver_table
+    from auvident.report.numbers import PAGE
+    from auvident.report.tables import written
+    from auvident.report.tables_loop import maneuvers
     from auvident.schema.diagnosis import Difference
 
     assert data.comparison
     unsure = data.comparison.maneuvers[0].model_copy(
         update={"difference": {"u": Difference(value=-0.04, low=-0.09, high=0.01)}}
     )
-    assert maneuver_table([unsure]).rows[0][3] == "0.0460 → 0.00610"
+    assert written(maneuvers([unsure]), PAGE).rows[0][3] == "0.0460 → 0.00610"
 
 
 def test_coefficients_that_moved_and_allowances_are_in_it(section: str) -> None:

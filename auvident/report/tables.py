@@ -1,0 +1,203 @@
+"""Tables as such: heads with units and typed cells; the terminal and the page render them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from auvident.report.numbers import PAGE, Style
+
+
+class Value(Protocol):
+    """A cell that is more than a text."""
+
+    def text(self, style: Style) -> str:
+        """The cell as it is written in a style."""
+
+
+Cell = str | Value
+Rows = Sequence[Sequence[Cell]]
+
+
+@dataclass(frozen=True)
+class Number:
+    """A value with significant digits; its unit stands elsewhere in the table."""
+
+    value: float | None
+    digits: int = 3
+    unit: str = ""
+    before: str = ""
+
+    def text(self, style: Style) -> str:
+        """The number, in the unit that is shown, and what stands before it."""
+        return self.before + style.number(style.shown(self.value, self.unit), self.digits)
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """A value in a fixed form (``.1f``, ``+.1f``), with what stands behind it."""
+
+    value: float | None
+    form: str
+    behind: str = ""
+
+    def text(self, style: Style) -> str:
+        """The number and what stands behind it."""
+        if self.value is None:
+            return style.missing
+        return f"{self.value:{self.form}}{self.behind}".replace("-", style.minus)
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A value with its unit beside it."""
+
+    value: float | None
+    unit: str
+    digits: int = 3
+
+    def text(self, style: Style) -> str:
+        """The number with its unit."""
+        if self.value is None:
+            return style.missing
+        return style.quantity(self.value, self.unit, self.digits)
+
+
+@dataclass(frozen=True)
+class WithStd:
+    """A value with its standard deviation."""
+
+    value: float | None
+    std: float | None
+
+    def text(self, style: Style) -> str:
+        """``value ± std``; nothing at all where there is no value."""
+        if self.value is None:
+            return ""
+        return f"{style.number(self.value, 4)} ± {style.number(self.std, 2)}"
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Lower and upper bound."""
+
+    low: float
+    high: float
+    unit: str = ""
+    digits: int = 2
+
+    def text(self, style: Style) -> str:
+        """``low to high``."""
+        bounds = (Number(x, self.digits, self.unit) for x in (self.low, self.high))
+        return " to ".join(bound.text(style) for bound in bounds)
+
+
+@dataclass(frozen=True)
+class Change:
+    """A value before and after; a star where the difference is no chance."""
+
+    before: float
+    after: float
+    unit: str = ""
+    sure: bool = False
+
+    def text(self, style: Style) -> str:
+        """``before → after``."""
+        pair = (Number(x, unit=self.unit).text(style) for x in (self.before, self.after))
+        return " → ".join(pair) + (" *" if self.sure else "")
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A value with that of another model in brackets."""
+
+    value: float
+    other: float | None
+    unit: str = ""
+
+    def text(self, style: Style) -> str:
+        """``value (other)``."""
+        text = Number(self.value, unit=self.unit).text(style)
+        beside = Number(self.other, 2, self.unit).text(style)
+        return text if self.other is None else f"{text} ({beside})"
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit of a row whose numbers stand without: theirs, or that they are converted to."""
+
+    unit: str
+    converted: bool = False
+
+    def text(self, style: Style) -> str:
+        """The unit that is shown."""
+        return style.unit(self.unit) if self.converted else style.written_unit(self.unit)
+
+
+@dataclass(frozen=True)
+class Words:
+    """A text with numbers in it."""
+
+    words: str
+
+    def text(self, style: Style) -> str:
+        """The text with the signs of the style."""
+        return style.signs(self.words)
+
+
+@dataclass(frozen=True)
+class Column:
+    """Head of a column; `on_page` where the terminal has no room for it."""
+
+    head: str = ""
+    unit: str = ""
+    numeric: bool = False
+    on_page: bool = False
+
+    def text(self, style: Style) -> str:
+        """The head with its unit."""
+        return f"{self.head}, {style.unit(self.unit)}" if self.unit else self.head
+
+
+def columns(words: Sequence[str] = (), numbers: Sequence[str] = ()) -> tuple[Column, ...]:
+    """Columns of text, then columns of numbers."""
+    return (*(Column(w) for w in words), *(Column(n, numeric=True) for n in numbers))
+
+
+@dataclass(frozen=True)
+class Table:
+    """Title, columns and rows; rows with the cell `mark` stand out."""
+
+    columns: Sequence[Column]
+    rows: Rows
+    title: str = ""
+    caption: str = ""
+    mark: str = ""
+
+
+@dataclass(frozen=True)
+class Written:
+    """A table in a style: nothing but text."""
+
+    title: str
+    caption: str
+    heads: tuple[str, ...]
+    numeric: tuple[bool, ...]
+    rows: tuple[tuple[str, ...], ...]
+    marked: tuple[bool, ...]
+
+
+def written(table: Table, style: Style) -> Written:
+    """Heads and cells as texts, of the columns that the style has room for."""
+    kept = [i for i, c in enumerate(table.columns) if style is PAGE or not c.on_page]
+    return Written(
+        table.title,
+        table.caption,
+        tuple(table.columns[i].text(style) for i in kept),
+        tuple(table.columns[i].numeric for i in kept),
+        tuple(tuple(_text(row[i], style) for i in kept) for row in table.rows),
+        tuple(bool(table.mark) and table.mark in row for row in table.rows),
+    )
+
+
+def _text(cell: Cell, style: Style) -> str:
+    return cell if isinstance(cell, str) else cell.text(style)
