@@ -9,11 +9,11 @@ from rich.table import Table
 from rich.text import Text
 
 from auvident.report import console_loop
+from auvident.report import tables_run as tables
 from auvident.report.ase_tables import ase_report
-from auvident.report.console_style import findings_lines, house_table
+from auvident.report.console_style import findings_lines, house_table, rich_table
 from auvident.report.numbers import TERMINAL
 from auvident.schema.artifacts import (
-    ChannelMetrics,
     Combination,
     IdentifiedModel,
     Maneuver,
@@ -21,7 +21,7 @@ from auvident.schema.artifacts import (
     TrialPlan,
 )
 from auvident.schema.effect_words import allowances
-from auvident.schema.logs import Quality, SensorQuality, TrialQuality
+from auvident.schema.logs import Quality, TrialQuality
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -68,62 +68,25 @@ def _ingest(outputs: Mapping[str, Any]) -> list[RenderableType]:
     quality: Quality = outputs["ingest/quality.json"]
     pieces: list[RenderableType] = []
     if len(quality.trials) > MOST_SENSOR_TABLES:
-        pieces.append(_trials_table(quality.trials))
+        pieces.append(rich_table(tables.trials(quality.trials)))
     else:
-        pieces += [_sensors_table(trial) for trial in quality.trials]
+        pieces += [_sensors(trial) for trial in quality.trials]
     findings = [f for trial in quality.trials for f in trial.findings]
     return [*pieces, *findings_lines([*findings, *quality.findings])]
 
 
-def _trials_table(trials: Sequence[TrialQuality]) -> Table:
-    """One row a trial."""
-    table = house_table("Trials", ("trial",), ("rows", "rate, Hz", "length, s", "records"))
-    table.add_column("dropped")
-    for t in trials:
-        dropped = _dropped(t.sensors)
-        table.add_row(
-            t.trial, str(t.samples), f"{t.rate_hz:g}", f"{t.t_end_s - t.t_start_s:.1f}",
-            str(len(t.records)), dropped,
-        )  # fmt: skip
-    return table
-
-
-def _sensors_table(trial: TrialQuality) -> Table:
-    """One row a sensor."""
+def _sensors(trial: TrialQuality) -> Table:
     title = (
         f"{trial.trial}: {trial.samples} rows at {trial.rate_hz:g} Hz, uninterrupted records: "
         f"{len(trial.records)}"
     )
-    table = house_table(title, ("sensor",), ("rows", "used", "rate, Hz", "gaps"))
-    table.add_column("dropped")
-    for s in trial.sensors:
-        gaps = max((c.gaps for c in s.channels), default=0)
-        table.add_row(
-            s.sensor, str(s.rows_read), str(s.rows_used), number(s.rate_hz, 3), str(gaps),
-            _dropped((s,)),
-        )  # fmt: skip
-    return table
-
-
-def _dropped(sensors: Sequence[SensorQuality]) -> str:
-    """How many samples were left out, by reason."""
-    count: dict[str, int] = {}
-    for where in (d for s in sensors for d in (s.dropped, *(c.dropped for c in s.channels))):
-        for reason, dropped in where.items():
-            count[reason] = count.get(reason, 0) + dropped.count
-    return ", ".join(f"{n} {reason}" for reason, n in count.items())
+    return rich_table(tables.sensors((trial,), title))
 
 
 def _segment(outputs: Mapping[str, Any]) -> list[RenderableType]:
     maneuvers: Sequence[Maneuver] = outputs["segment/maneuvers.json"]
     beside = outputs["segment/rejected.json"]
-    table = house_table("Maneuvers", ("id", "kind", "role"), ("from, s", "to, s", "length, s"))
-    for m in maneuvers:
-        style = "cyan" if m.role == "validate" else ""
-        table.add_row(
-            m.id, m.kind, m.role, f"{m.t_start_s:.1f}", f"{m.t_end_s:.1f}",
-            f"{m.t_end_s - m.t_start_s:.1f}", style=style,
-        )  # fmt: skip
+    table = rich_table(tables.maneuvers(maneuvers, "Maneuvers"))
     note = f"{len(beside['rejected'])} candidates rejected: segment/rejected.json says why"
     return [table, Text(note, style="dim"), *findings_lines(beside["findings"])]
 
@@ -143,23 +106,9 @@ def _validate(outputs: Mapping[str, Any]) -> list[RenderableType]:
     for role, title in ROLES.items():
         if role in metrics.summary:
             before = metrics.ase.summary.get(role, {}) if metrics.ase else {}
-            pieces.append(error_table(title, metrics.summary[role], before))
+            errors = tables.errors_by_channel(title, metrics.summary[role], before)
+            pieces.append(rich_table(errors))
     return [*pieces, *findings_lines(metrics.findings)]
-
-
-def error_table(
-    title: str, after: Mapping[str, ChannelMetrics], before: Mapping[str, ChannelMetrics]
-) -> Table:
-    """Errors of the prediction by channel: estimate from geometry, identified model."""
-    columns = ("RMSE, ASE", "RMSE, identified", "NRMSE, ASE", "NRMSE, identified", "R²")
-    table = house_table(title, ("channel", "unit"), columns)
-    for channel, a in after.items():
-        b = before.get(channel)
-        table.add_row(
-            channel, a.unit, number(b.rmse if b else None, 3), number(a.rmse, 3),
-            number(b.nrmse if b else None, 3), number(a.nrmse, 3), f"{a.r2:.3f}",
-        )  # fmt: skip
-    return table
 
 
 def sight_table(model: IdentifiedModel) -> Table:

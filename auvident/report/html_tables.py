@@ -5,10 +5,10 @@ from datetime import datetime
 from pathlib import PurePath
 from typing import Any
 
-from auvident.report.html_data import ReportData, number, percent, quantity
-from auvident.report.numbers import PAGE, unit_text
+from auvident.report.html_data import number, percent
+from auvident.report.numbers import unit_text
 from auvident.report.tables import Table, columns
-from auvident.schema.artifacts import IdentifiedModel, Maneuver, ManeuverMetrics, StageRecord
+from auvident.schema.artifacts import IdentifiedModel, ManeuverMetrics, StageRecord
 from auvident.schema.coefficients import BY_SYMBOL
 from auvident.schema.logs import Quality
 from auvident.schema.manifest import Manifest, StageEntry
@@ -85,25 +85,6 @@ def _measured_simulated(figures: Mapping[str, Mapping[str, float]], name: str) -
     return text
 
 
-def error_table(data: ReportData) -> Table:
-    """RMSE of every maneuver and channel, the estimate's in brackets."""
-    metrics = data.metrics.maneuvers if data.metrics else ()
-    names = list(dict.fromkeys(name for m in metrics for name in m.channels))
-    units = {name: c.unit for m in metrics for name, c in m.channels.items()}
-    heads = ["maneuver", "kind", "role", "s", *(f"{n}, {PAGE.unit(units[n])}" for n in names)]
-    rows = []
-    for m in sorted(metrics, key=lambda m: m.role != "validate"):
-        before = data.before(m.id)
-        cells = []
-        for n in names:
-            c = m.channels.get(n)
-            b = before.channels.get(n) if before else None
-            text = number(PAGE.shown(c.rmse, c.unit)) if c else "–"
-            cells.append(f"{text} ({number(PAGE.shown(b.rmse, b.unit), 2)})" if c and b else text)
-        rows.append([m.id, m.kind, m.role, f"{m.duration_s:.0f}", *cells])
-    return Table(columns(heads[:3], heads[3:]), rows, mark="validate")
-
-
 def coefficient_rows(model: IdentifiedModel) -> list[dict[str, Any]]:
     """Coefficients with everything about them."""
     rows = []
@@ -120,35 +101,6 @@ def coefficient_rows(model: IdentifiedModel) -> list[dict[str, Any]]:
     return rows
 
 
-def sensor_table(quality: Quality) -> Table:
-    """What became of every sensor's rows."""
-    heads = (
-        "trial", "sensor", "left out", "noise", "rows", "used", "Hz", "jitter, ms", "gaps",
-        "longest interval, s",
-    )  # fmt: skip
-    rows = []
-    for trial in quality.trials:
-        for s in trial.sensors:
-            dropped: dict[str, int] = {}
-            for where in (s.dropped, *(c.dropped for c in s.channels)):
-                for reason, d in where.items():
-                    dropped[reason] = dropped.get(reason, 0) + d.count
-            noise = [
-                f"{c.log_column} {quantity(c.noise_std, c.unit, 2)}"
-                for c in s.channels if c.noise_std
-            ]  # fmt: skip
-            rows.append([
-                trial.trial, s.sensor,
-                ", ".join(f"{n} {reason.replace('_', ' ')}" for reason, n in dropped.items()),
-                ", ".join(noise),
-                str(s.rows_read), str(s.rows_used), number(s.rate_hz),
-                f"{1000.0 * s.jitter_s:.1f}" if s.jitter_s is not None else "–",
-                str(max((c.gaps for c in s.channels), default=0)),
-                number(max((c.longest_gap_s for c in s.channels), default=0.0), 2),
-            ])  # fmt: skip
-    return Table(columns(heads[:4], heads[4:]), rows)
-
-
 def lag_table(quality: Quality) -> Table:
     """Delays between the sensors' clocks."""
     rows = [
@@ -157,51 +109,6 @@ def lag_table(quality: Quality) -> Table:
         for t in quality.trials for a in t.alignment
     ]  # fmt: skip
     return Table(columns(("trial", "clocks"), ("lag, ms", "std, ms", "explained")), rows)
-
-
-def maneuver_table(maneuvers: Sequence[Maneuver]) -> Table:
-    """Maneuvers with what characterises them."""
-    heads = (
-        "maneuver",
-        "kind",
-        "role",
-        "what",
-        "from, s",
-        "to, s",
-        "s",
-        "std u, m/s",
-        "std r or q, deg/s",
-    )
-    rows = []
-    for m in maneuvers:
-        excitation = m.features.get("excitation") or {}
-        rows.append([
-            m.id, m.kind, m.role, _what(m), f"{m.t_start_s:.1f}", f"{m.t_end_s:.1f}",
-            f"{m.t_end_s - m.t_start_s:.0f}", number(excitation.get("u_std_mps"), 2),
-            number(excitation.get("r_std_degps", excitation.get("q_std_degps")), 2),
-        ])  # fmt: skip
-    return Table(columns(heads[:4], heads[4:]), rows, mark="validate")
-
-
-def _what(m: Maneuver) -> str:
-    """A maneuver in a few words, from those of its features that it has."""
-    f = m.features
-    control = f.get("rudder_deg", f.get("elevator_deg"))
-    pieces = [
-        f"{number(f.get('approach_speed_mps'))} m/s" if f.get("approach_speed_mps") else "",
-        f"{number(control)}° {'elevator' if 'elevator_deg' in f else 'rudder'}" if control else "",
-        f"to {f['side']}" if f.get("side") else "",
-        f"diameter {number(f['steady_diameter_m'])} m" if f.get("steady_diameter_m") else "",
-        f"{f['executes']} executes" if f.get("executes") else "",
-        f"1st overshoot {number(f['overshoot_1_deg'])}°" if f.get("overshoot_1_deg") else "",
-        f"period {number(f['period_s'])} s" if f.get("period_s") else "",
-    ]
-    if f.get("rpm_levels"):
-        levels = ", ".join(f"{x:.0f}" for x in f["rpm_levels"])
-        pieces.append(f"{levels} rpm")
-    if f.get("steady_speed_mps") and isinstance(f["steady_speed_mps"], list):
-        pieces.append(", ".join(number(x) for x in f["steady_speed_mps"]) + " m/s")
-    return ", ".join(p for p in pieces if p)
 
 
 def pass_table(model: IdentifiedModel) -> Table:

@@ -26,10 +26,12 @@ class Number:
     digits: int = 3
     unit: str = ""
     before: str = ""
+    behind: str = ""
 
     def text(self, style: Style) -> str:
-        """The number, in the unit that is shown, and what stands before it."""
-        return self.before + style.number(style.shown(self.value, self.unit), self.digits)
+        """The number, in the unit that is shown, and what stands beside it."""
+        text = style.number(style.shown(self.value, self.unit), self.digits)
+        return f"{self.before}{text}{self.behind}"
 
 
 @dataclass(frozen=True)
@@ -142,6 +144,19 @@ class Words:
     def text(self, style: Style) -> str:
         """The text with the signs of the style."""
         return style.signs(self.words)
+
+
+@dataclass(frozen=True)
+class Joined:
+    """Several values in one cell."""
+
+    cells: Sequence[Cell]
+    between: str = ", "
+
+    def text(self, style: Style) -> str:
+        """Their texts, those that are not empty."""
+        texts = (_text(cell, style) for cell in self.cells)
+        return self.between.join(text for text in texts if text)
 
 
 @dataclass(frozen=True)
