@@ -14,7 +14,6 @@ from auvident.report.ase_tables import ase_report
 from auvident.report.console_style import findings_lines, house_table, rich_table
 from auvident.report.numbers import TERMINAL
 from auvident.schema.artifacts import (
-    Combination,
     IdentifiedModel,
     Maneuver,
     Metrics,
@@ -125,18 +124,10 @@ def sight_table(model: IdentifiedModel) -> Table:
         table.add_row(name, ", ".join(seen) or "-")
     for combination in model.unidentifiable:
         name = "no data can see" if combination.structural else "not shown here"
-        table.add_row(name, combination_text(combination))
+        table.add_row(name, tables.combination(combination, TERMINAL, MOST_SHARES))
     table.caption = "auvident plan-trial RUN ranks the maneuvers that would show more"
     table.caption_justify = "left"
     return table
-
-
-def combination_text(combination: Combination) -> str:
-    """A combination of coefficients, largest share first, in prior standard deviations."""
-    shares = zip(combination.symbols, combination.weights, strict=True)
-    text = " ".join(f"{weight:+.2g} {symbol}" for symbol, weight in list(shares)[:MOST_SHARES])
-    more = " ..." if len(combination.symbols) > MOST_SHARES else ""
-    return f"{text.removeprefix('+')}{more}"
 
 
 def model_table(model: IdentifiedModel) -> Table:
@@ -167,34 +158,10 @@ def status_table(run: Path, rows: Sequence[Mapping[str, Any]]) -> Table:
 
 def comparison_tables(comparison: Mapping[str, Any]) -> list[RenderableType]:
     """Several runs side by side."""
-    runs = [str(run["run"]) for run in comparison["runs"]]
-    table = house_table("Coefficients (value ± std)", ("", "unit"), (*runs, "apart, std"))
-    for row in comparison["coefficients"]:
-        table.add_row(row["symbol"], row["unit"], *_with_std(row), number(row["apart"], 2))
-    effects = house_table("Effects that were added (value ± std)", ("", "unit"), runs)
-    for row in comparison["effects"]:
-        effects.add_row(row["symbol"], row["unit"], *_with_std(row))
-    errors = house_table("Held-out error, RMSE (NRMSE)", ("", "unit"), runs)
-    for row in comparison["held_out"]:
-        cells = [
-            "" if rmse is None else f"{number(rmse, 3)} ({number(nrmse, 3)})"
-            for rmse, nrmse in zip(row["rmse"], row["nrmse"], strict=True)
-        ]
-        errors.add_row(row["channel"], row["unit"], *cells)
+    pieces: list[RenderableType] = [rich_table(t) for t in tables.runs_side_by_side(comparison)]
     sets = {tuple(run["held_out"]) for run in comparison["runs"]}
     note = "The runs hold out different maneuvers: their errors are not of the same thing."
-    pieces: list[RenderableType] = [table, effects] if comparison["effects"] else [table]
-    if comparison["held_out"]:
-        pieces.append(errors)
     return [*pieces, Text(note, style="yellow")] if len(sets) > 1 else pieces
-
-
-def _with_std(row: Mapping[str, Any]) -> list[str]:
-    """Value and standard deviation of every run; empty where it has none."""
-    return [
-        "" if value is None else f"{number(value, 4)} ± {number(std, 2)}"
-        for value, std in zip(row["value"], row["std"], strict=True)
-    ]
 
 
 def log_tables(report: Any) -> list[RenderableType]:

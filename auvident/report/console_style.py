@@ -77,5 +77,6 @@ def finding_line(finding: Finding) -> Text:
     if finding.value is not None and finding.threshold is not None:
         text.append(f" ({finding.value:.3g}, limit {finding.threshold:.3g})")
     if finding.remedy:
-        text.append(f" {finding.remedy}", style="dim")
+        stop = "" if text.plain.endswith(".") else "."
+        text.append(f"{stop} {finding.remedy}", style="dim")
     return text

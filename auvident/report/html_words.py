@@ -12,6 +12,8 @@ from auvident.report.html_data import (
     percent,
     quantity,
 )
+from auvident.report.numbers import PAGE
+from auvident.report.tables_run import combination as combination_text
 from auvident.schema.artifacts import (
     ON_ERRORS,
     PRIOR_WORDS,
@@ -194,14 +196,10 @@ def _rank(code: str) -> str:
 
 def combination(c: Combination) -> tuple[str, str]:
     """A direction that the data cannot see: its coefficients, and what that means."""
-    moves = [
-        f"{number(w, 2)} {symbol}" if w != 1.0 else symbol
-        for symbol, w in zip(c.symbols, c.weights, strict=True)
-    ]
-    text = " + ".join(moves).replace("+ −", "− ")
+    text = combination_text(c, PAGE)
     meaning = c.meaning or (
         "moved together by so many prior standard deviations they can stand in for each other"
-        if len(moves) > 1 else "rests on its prior"
+        if len(c.symbols) > 1 else "rests on its prior"
     )  # fmt: skip
     if c.information < NO_INFORMATION:
         return text, meaning

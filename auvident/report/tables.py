@@ -65,65 +65,6 @@ class Quantity:
 
 
 @dataclass(frozen=True)
-class WithStd:
-    """A value with its standard deviation."""
-
-    value: float | None
-    std: float | None
-
-    def text(self, style: Style) -> str:
-        """``value ± std``; nothing at all where there is no value."""
-        if self.value is None:
-            return ""
-        return f"{style.number(self.value, 4)} ± {style.number(self.std, 2)}"
-
-
-@dataclass(frozen=True)
-class Interval:
-    """Lower and upper bound."""
-
-    low: float
-    high: float
-    unit: str = ""
-    digits: int = 2
-
-    def text(self, style: Style) -> str:
-        """``low to high``."""
-        bounds = (Number(x, self.digits, self.unit) for x in (self.low, self.high))
-        return " to ".join(bound.text(style) for bound in bounds)
-
-
-@dataclass(frozen=True)
-class Change:
-    """A value before and after; a star where the difference is no chance."""
-
-    before: float
-    after: float
-    unit: str = ""
-    sure: bool = False
-
-    def text(self, style: Style) -> str:
-        """``before → after``."""
-        pair = (Number(x, unit=self.unit).text(style) for x in (self.before, self.after))
-        return " → ".join(pair) + (" *" if self.sure else "")
-
-
-@dataclass(frozen=True)
-class Beside:
-    """A value with that of another model in brackets."""
-
-    value: float
-    other: float | None
-    unit: str = ""
-
-    def text(self, style: Style) -> str:
-        """``value (other)``."""
-        text = Number(self.value, unit=self.unit).text(style)
-        beside = Number(self.other, 2, self.unit).text(style)
-        return text if self.other is None else f"{text} ({beside})"
-
-
-@dataclass(frozen=True)
 class Unit:
     """A unit of a row whose numbers stand without: theirs, or that they are converted to."""
 
@@ -157,6 +98,27 @@ class Joined:
         """Their texts, those that are not empty."""
         texts = (_text(cell, style) for cell in self.cells)
         return self.between.join(text for text in texts if text)
+
+
+def with_std(value: float, std: float | None) -> Joined:
+    """``value ± std``."""
+    return Joined((Number(value, 4), Number(std, 2)), " ± ")
+
+
+def interval(low: float, high: float, unit: str = "") -> Joined:
+    """``low to high``."""
+    return Joined((Number(low, 2, unit), Number(high, 2, unit)), " to ")
+
+
+def change(before: float, after: float, unit: str, sure: bool) -> Joined:
+    """``before → after``; a star where the difference is no chance."""
+    return Joined((Number(before, 3, unit), Number(after, 3, unit, behind=" *" * sure)), " → ")
+
+
+def beside(value: float, other: float | None, unit: str = "", digits: int = 3) -> Cell:
+    """``value (other)``, the other of another model."""
+    own = Number(value, 3, unit)
+    return own if other is None else Joined((own, Number(other, digits, unit, "(", ")")), " ")
 
 
 @dataclass(frozen=True)

@@ -5,17 +5,17 @@ from collections.abc import Sequence
 from auvident.report import loop_words as words
 from auvident.report.tables import (
     Cell,
-    Change,
     Column,
     Fixed,
-    Interval,
     Number,
     Rows,
     Table,
     Unit,
-    WithStd,
     Words,
+    change,
     columns,
+    interval,
+    with_std,
 )
 from auvident.schema.diagnosis import (
     Candidate,
@@ -67,7 +67,7 @@ def held_out(found: HeldOut) -> Table:
 def _difference(found: Difference | None, unit: str) -> tuple[Cell, Cell]:
     if found is None:
         return Number(None), Number(None)
-    return Number(found.value, 2, unit), Interval(found.low, found.high, unit)
+    return Number(found.value, 2, unit), interval(found.low, found.high, unit)
 
 
 def maneuvers(found: Sequence[ManeuverComparison]) -> Table:
@@ -88,14 +88,14 @@ def _change(m: ManeuverComparison, channel: str) -> Cell:
         return Number(None)
     difference = m.difference.get(channel)
     sure = difference is not None and difference.low * difference.high > 0.0
-    return Change(before.rmse, after.rmse, before.unit, sure)
+    return change(before.rmse, after.rmse, before.unit, sure)
 
 
 def coefficients(found: Sequence[CoefficientComparison], title: str = "") -> Table:
     """Coefficients against their prior, before and after, and how far each moved."""
     rows: Rows = [
-        [c.symbol, Unit(c.unit), WithStd(c.prior, c.prior_std), WithStd(c.before, c.before_std),
-         WithStd(c.after, c.after_std), Fixed(words.moves(c), "+.1f")]
+        [c.symbol, Unit(c.unit), with_std(c.prior, c.prior_std), with_std(c.before, c.before_std),
+         with_std(c.after, c.after_std), Fixed(words.moves(c), "+.1f")]
         for c in found
     ]  # fmt: skip
     heads = columns(("", "unit"), ("prior", "before", "after", "moved, std"))

@@ -1,9 +1,10 @@
 """Tables of the logs, the maneuvers and the predictions; for the terminal and for the page."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
+from auvident.report.numbers import Style
 from auvident.report.tables import (
-    Beside,
     Cell,
     Column,
     Fixed,
@@ -13,9 +14,11 @@ from auvident.report.tables import (
     Rows,
     Table,
     Unit,
+    beside,
     columns,
+    with_std,
 )
-from auvident.schema.artifacts import ChannelMetrics, Maneuver, Metrics
+from auvident.schema.artifacts import ChannelMetrics, Combination, Maneuver, Metrics
 from auvident.schema.logs import SensorQuality, TrialQuality
 
 
@@ -139,4 +142,42 @@ def errors_by_maneuver(metrics: Metrics) -> Table:
 def _beside(after: ChannelMetrics | None, before: ChannelMetrics | None) -> Cell:
     if after is None:
         return Number(None)
-    return Beside(after.rmse, before.rmse if before else None, after.unit)
+    return beside(after.rmse, before.rmse if before else None, after.unit, 2)
+
+
+def combination(found: Combination, style: Style, most: int | None = None) -> str:
+    """A sum of coefficients, largest share first, in prior standard deviations."""
+    shares = list(zip(found.symbols, found.weights, strict=True))
+    moves = [s if w == 1.0 else f"{style.number(w, 2)} {s}" for s, w in shares[:most]]
+    more = " ..." if len(shares) > len(moves) else ""
+    return " + ".join(moves).replace(f"+ {style.minus}", f"{style.minus} ") + more
+
+
+def runs_side_by_side(compared: Mapping[str, Any]) -> list[Table]:
+    """Coefficients, effects and held-out errors of several runs; those that there are."""
+    names = [str(run["run"]) for run in compared["runs"]]
+    values: Rows = [
+        [r["symbol"], r["unit"], *_values(r), Number(r["apart"], 2)]
+        for r in compared["coefficients"]
+    ]
+    effects: Rows = [[r["symbol"], r["unit"], *_values(r)] for r in compared["effects"]]
+    errors: Rows = [[r["channel"], r["unit"], *_errors(r)] for r in compared["held_out"]]
+    heads = columns(("", "unit"), names)
+    first = Table((*heads, *columns(numbers=("apart, std",))), values, "Coefficients (value ± std)")
+    others = (
+        Table(heads, effects, "Effects that were added (value ± std)"),
+        Table(heads, errors, "Held-out error, RMSE (NRMSE)"),
+    )
+    return [first, *(table for table in others if table.rows)]
+
+
+def _values(row: Mapping[str, Any]) -> list[Cell]:
+    """Value and standard deviation of every run; empty where it has none."""
+    pairs = zip(row["value"], row["std"], strict=True)
+    return ["" if value is None else with_std(value, std) for value, std in pairs]
+
+
+def _errors(row: Mapping[str, Any]) -> list[Cell]:
+    """Error and normalised error of every run; empty where it has none."""
+    pairs = zip(row["rmse"], row["nrmse"], strict=True)
+    return ["" if rmse is None else beside(rmse, nrmse) for rmse, nrmse in pairs]
