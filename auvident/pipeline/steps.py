@@ -266,7 +266,7 @@ def validate(given: Given) -> dict[str, Any]:
     announce_compilation(given.observer)
     from auvident.stages.validate import validate as predict_again
 
-    result = predict_again(given.trials, given.maneuvers, given.model)
+    result = predict_again(given.trials, given.maneuvers, given.model, estimated=given.ase.applies)
     return {
         "validate/metrics.json": result.metrics,
         "validate/simulation.parquet": result.simulation,
@@ -330,7 +330,7 @@ def refine(given: Given) -> dict[str, Any]:
         model, history, now = after[0].model, after[0].history, after[1]
     comparison = compare(
         given.diagnosis, given.maneuvers, given.model, model, before.simulation, now.simulation,
-        attempts=tried, seed=given.seed or 0,
+        attempts=tried, seed=given.seed or 0, predicted=now.metrics.findings,
     )  # fmt: skip
     return {
         "refine/model.json": model,
@@ -350,7 +350,9 @@ def _identified_again(given: Given, filter: str, carried: Any) -> "_Again":
         plane=given.model.plane, plan=identifying_plan(given), filter=filter,
         engine=given.model.engine, carried=carried, progress=given.observer.progress,
     )  # fmt: skip
-    return result, predict_again(given.trials, given.maneuvers, result.model)
+    return result, predict_again(
+        given.trials, given.maneuvers, result.model, estimated=given.ase.applies
+    )
 
 
 # --- report -------------------------------------------------------------------------------

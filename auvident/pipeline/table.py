@@ -128,7 +128,12 @@ STAGES: tuple[Stage, ...] = (
         "validate",
         "prediction of the held-out maneuvers",
         after=("identify",),
-        reads=("ingest/*", "segment/maneuvers.json", "identify/model.json"),
+        reads=(
+            "ingest/*",
+            "segment/maneuvers.json",
+            "ase/coefficients.json",
+            "identify/model.json",
+        ),
         writes=("validate/metrics.json", "validate/simulation.parquet"),
         main="validate/metrics.json",
         function=steps.validate,

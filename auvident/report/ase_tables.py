@@ -3,14 +3,16 @@
 from collections.abc import Sequence
 from typing import Any
 
-from rich import box
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from auvident.schema.artifacts import AseCoefficient, AseResult, Finding
+from auvident.report.console_style import finding_line, house_table
+from auvident.report.numbers import TERMINAL
+from auvident.schema.artifacts import AseCoefficient, AseResult
 from auvident.schema.coefficients import BY_SYMBOL
 
+number = TERMINAL.number
 PARTS = ("hull", "sail", "rudder", "elevator", "propeller")
 PLANES = (("both", "both planes"), ("horizontal", "horizontal"), ("vertical", "vertical"))
 SIZES = (
@@ -64,7 +66,7 @@ def ase_report(result: AseResult) -> RenderableType:
 
 def coefficient_table(result: AseResult) -> Table:
     """Value, deviation, prime value and contribution of each part, by plane."""
-    table = _table(f"{result.vehicle}: coefficients at {result.speed_mps:g} m/s")
+    table = house_table(f"{result.vehicle}: coefficients at {result.speed_mps:g} m/s")
     table.add_column("", style="bold")
     for name in ("value", "± 1σ", "unit", "prime ·10³", *PARTS, "rigid body"):
         table.add_column(name, justify="left" if name == "unit" else "right")
@@ -80,27 +82,27 @@ def coefficient_table(result: AseResult) -> Table:
 def _coefficient_cells(row: AseCoefficient) -> list[str]:
     """Cells of one coefficient; a given one is marked."""
     mark = " (given)" if row.origin == "given" else ""
-    cells = [row.symbol + mark, _number(row.value), _number(row.std), row.unit]
-    cells.append(_number(1e3 * row.prime))
-    cells += [_number(row.parts[p]) if p in row.parts else "" for p in PARTS]
-    return [*cells, _number(row.rigid_body) if row.rigid_body else ""]
+    cells = [row.symbol + mark, number(row.value, 4), number(row.std, 4), row.unit]
+    cells.append(number(1e3 * row.prime, 4))
+    cells += [number(row.parts[p], 4) if p in row.parts else "" for p in PARTS]
+    return [*cells, number(row.rigid_body, 4) if row.rigid_body else ""]
 
 
 def geometry_table(result: AseResult) -> Table:
     """Sizes, centroids and numbers that the formulas use."""
-    table = _table("Geometry")
+    table = house_table("Geometry")
     table.add_column("")
     table.add_column("value", justify="right")
     table.add_column("unit")
     for key, name, unit in SIZES:
         if key in result.geometry:
-            table.add_row(name, _number(result.geometry[key]), unit)
+            table.add_row(name, number(result.geometry[key], 4), unit)
     return table
 
 
 def facts_table(results: Sequence[AseResult]) -> Table:
     """Stability, turning and speed, one column a vehicle."""
-    table = _table("What follows")
+    table = house_table("What follows")
     table.add_column("")
     for result in results:
         table.add_column(result.vehicle, justify="right")
@@ -125,7 +127,7 @@ def side_by_side(results: Sequence[AseResult]) -> RenderableType:
     -------
     rich renderable
     """
-    table = _table("Coefficients side by side (change against the first)")
+    table = house_table("Coefficients side by side (change against the first)")
     table.add_column("", style="bold")
     table.add_column("unit")
     for result in results:
@@ -137,24 +139,13 @@ def side_by_side(results: Sequence[AseResult]) -> RenderableType:
     return Group(table, facts_table(results))
 
 
-def finding_line(finding: Finding) -> Text:
-    """One finding with its place and remedy."""
-    text = Text(f"{finding.where}: " if finding.where else "", style="yellow")
-    text.append(finding.message, style="default")
-    if finding.value is not None and finding.threshold is not None:
-        text.append(f" ({finding.value:.3g}, limit {finding.threshold:.3g})")
-    if finding.remedy:
-        text.append(f" {finding.remedy}", style="dim")
-    return text
-
-
 def _with_change(row: AseCoefficient | None, first: AseCoefficient | None) -> str:
     """Value, and the change in percent where there is one."""
     if row is None:
         return ""
     if first is None or first is row or first.value == 0.0 or row.value == first.value:
-        return _number(row.value)
-    return f"{_number(row.value)} ({100.0 * (row.value / first.value - 1.0):+.1f} %)"
+        return number(row.value, 4)
+    return f"{number(row.value, 4)} ({100.0 * (row.value / first.value - 1.0):+.1f} %)"
 
 
 def _turn_angles(results: Sequence[AseResult]) -> list[float]:
@@ -171,7 +162,7 @@ def _turn(result: AseResult, angle_deg: float) -> dict[str, float]:
 
 def _row_table(title: str, rows: Sequence[dict[str, float]]) -> Table:
     """A table of dictionaries with equal keys."""
-    table = _table(title)
+    table = house_table(title)
     keys = list(dict.fromkeys(key for row in rows for key in row))
     for key in keys:
         table.add_column(key, justify="right")
@@ -180,20 +171,10 @@ def _row_table(title: str, rows: Sequence[dict[str, float]]) -> Table:
     return table
 
 
-def _table(title: str) -> Table:
-    """The house style: no vertical rules, title on the left."""
-    return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-
-
 def _cell(value: Any) -> str:
     """A fact as text; empty when it does not exist."""
     if value is None:
         return ""
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return _number(float(value))
-
-
-def _number(value: float) -> str:
-    """Four significant digits."""
-    return f"{value:.4g}"
+    return number(float(value), 4)

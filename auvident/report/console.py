@@ -9,22 +9,23 @@ from rich.table import Table
 from rich.text import Text
 
 from auvident.report import console_loop
+from auvident.report import tables_run as tables
 from auvident.report.ase_tables import ase_report
-from auvident.report.console_style import findings_lines, house_table, number
+from auvident.report.console_style import findings_lines, house_table, rich_table
+from auvident.report.numbers import TERMINAL
 from auvident.schema.artifacts import (
-    ChannelMetrics,
-    Combination,
     IdentifiedModel,
     Maneuver,
     Metrics,
     TrialPlan,
 )
 from auvident.schema.effect_words import allowances
-from auvident.schema.logs import Quality, SensorQuality, TrialQuality
+from auvident.schema.logs import Quality, TrialQuality
 
 if TYPE_CHECKING:
     import pandas as pd
 
+number = TERMINAL.number
 STATE_STYLES = {"done": "green", "stale": "yellow", "missing": "red"}
 ROLES = {
     "identify": "Prediction of the maneuvers that identified",
@@ -58,7 +59,7 @@ def frame_table(title: str, frame: "pd.DataFrame") -> Table:
     """A small table of numbers."""
     table = house_table(title, (), [str(c) for c in frame.columns])
     for row in frame.itertuples(index=False):
-        table.add_row(*(number(v) if isinstance(v, float) else str(v) for v in row))
+        table.add_row(*(number(v, 4) if isinstance(v, float) else str(v) for v in row))
     return table
 
 
@@ -66,62 +67,25 @@ def _ingest(outputs: Mapping[str, Any]) -> list[RenderableType]:
     quality: Quality = outputs["ingest/quality.json"]
     pieces: list[RenderableType] = []
     if len(quality.trials) > MOST_SENSOR_TABLES:
-        pieces.append(_trials_table(quality.trials))
+        pieces.append(rich_table(tables.trials(quality.trials)))
     else:
-        pieces += [_sensors_table(trial) for trial in quality.trials]
+        pieces += [_sensors(trial) for trial in quality.trials]
     findings = [f for trial in quality.trials for f in trial.findings]
     return [*pieces, *findings_lines([*findings, *quality.findings])]
 
 
-def _trials_table(trials: Sequence[TrialQuality]) -> Table:
-    """One row a trial."""
-    table = house_table("Trials", ("trial",), ("rows", "rate, Hz", "length, s", "records"))
-    table.add_column("dropped")
-    for t in trials:
-        dropped = _dropped(t.sensors)
-        table.add_row(
-            t.trial, str(t.samples), f"{t.rate_hz:g}", f"{t.t_end_s - t.t_start_s:.1f}",
-            str(len(t.records)), dropped,
-        )  # fmt: skip
-    return table
-
-
-def _sensors_table(trial: TrialQuality) -> Table:
-    """One row a sensor."""
+def _sensors(trial: TrialQuality) -> Table:
     title = (
         f"{trial.trial}: {trial.samples} rows at {trial.rate_hz:g} Hz, uninterrupted records: "
         f"{len(trial.records)}"
     )
-    table = house_table(title, ("sensor",), ("rows", "used", "rate, Hz", "gaps"))
-    table.add_column("dropped")
-    for s in trial.sensors:
-        gaps = max((c.gaps for c in s.channels), default=0)
-        table.add_row(
-            s.sensor, str(s.rows_read), str(s.rows_used), number(s.rate_hz, 3), str(gaps),
-            _dropped((s,)),
-        )  # fmt: skip
-    return table
-
-
-def _dropped(sensors: Sequence[SensorQuality]) -> str:
-    """How many samples were left out, by reason."""
-    count: dict[str, int] = {}
-    for where in (d for s in sensors for d in (s.dropped, *(c.dropped for c in s.channels))):
-        for reason, dropped in where.items():
-            count[reason] = count.get(reason, 0) + dropped.count
-    return ", ".join(f"{n} {reason}" for reason, n in count.items())
+    return rich_table(tables.sensors((trial,), title))
 
 
 def _segment(outputs: Mapping[str, Any]) -> list[RenderableType]:
     maneuvers: Sequence[Maneuver] = outputs["segment/maneuvers.json"]
     beside = outputs["segment/rejected.json"]
-    table = house_table("Maneuvers", ("id", "kind", "role"), ("from, s", "to, s", "length, s"))
-    for m in maneuvers:
-        style = "cyan" if m.role == "validate" else ""
-        table.add_row(
-            m.id, m.kind, m.role, f"{m.t_start_s:.1f}", f"{m.t_end_s:.1f}",
-            f"{m.t_end_s - m.t_start_s:.1f}", style=style,
-        )  # fmt: skip
+    table = rich_table(tables.maneuvers(maneuvers, "Maneuvers"))
     note = f"{len(beside['rejected'])} candidates rejected: segment/rejected.json says why"
     return [table, Text(note, style="dim"), *findings_lines(beside["findings"])]
 
@@ -141,23 +105,9 @@ def _validate(outputs: Mapping[str, Any]) -> list[RenderableType]:
     for role, title in ROLES.items():
         if role in metrics.summary:
             before = metrics.ase.summary.get(role, {}) if metrics.ase else {}
-            pieces.append(error_table(title, metrics.summary[role], before))
+            errors = tables.errors_by_channel(title, metrics.summary[role], before)
+            pieces.append(rich_table(errors))
     return [*pieces, *findings_lines(metrics.findings)]
-
-
-def error_table(
-    title: str, after: Mapping[str, ChannelMetrics], before: Mapping[str, ChannelMetrics]
-) -> Table:
-    """Errors of the prediction by channel: estimate from geometry, identified model."""
-    columns = ("RMSE, ASE", "RMSE, identified", "NRMSE, ASE", "NRMSE, identified", "R²")
-    table = house_table(title, ("channel", "unit"), columns)
-    for channel, a in after.items():
-        b = before.get(channel)
-        table.add_row(
-            channel, a.unit, number(b.rmse if b else None, 3), number(a.rmse, 3),
-            number(b.nrmse if b else None, 3), number(a.nrmse, 3), f"{a.r2:.3f}",
-        )  # fmt: skip
-    return table
 
 
 def sight_table(model: IdentifiedModel) -> Table:
@@ -174,18 +124,10 @@ def sight_table(model: IdentifiedModel) -> Table:
         table.add_row(name, ", ".join(seen) or "-")
     for combination in model.unidentifiable:
         name = "no data can see" if combination.structural else "not shown here"
-        table.add_row(name, combination_text(combination))
+        table.add_row(name, tables.combination(combination, TERMINAL, MOST_SHARES))
     table.caption = "auvident plan-trial RUN ranks the maneuvers that would show more"
     table.caption_justify = "left"
     return table
-
-
-def combination_text(combination: Combination) -> str:
-    """A combination of coefficients, largest share first, in prior standard deviations."""
-    shares = zip(combination.symbols, combination.weights, strict=True)
-    text = " ".join(f"{weight:+.2g} {symbol}" for symbol, weight in list(shares)[:MOST_SHARES])
-    more = " ..." if len(combination.symbols) > MOST_SHARES else ""
-    return f"{text.removeprefix('+')}{more}"
 
 
 def model_table(model: IdentifiedModel) -> Table:
@@ -196,8 +138,8 @@ def model_table(model: IdentifiedModel) -> Table:
     table.add_column("origin")
     for c in model.coefficients:
         table.add_row(
-            c.symbol, c.unit, number(c.value), number(c.std, 2), number(c.prior),
-            number(c.prior_std, 2), number(1e3 * c.prime), f"{100.0 * c.data_share:.0f} %",
+            c.symbol, c.unit, number(c.value, 4), number(c.std, 2), number(c.prior, 4),
+            number(c.prior_std, 2), number(1e3 * c.prime, 4), f"{100.0 * c.data_share:.0f} %",
             c.origin,
         )  # fmt: skip
     table.caption, table.caption_justify = allowances(model.effects) or None, "left"
@@ -216,34 +158,10 @@ def status_table(run: Path, rows: Sequence[Mapping[str, Any]]) -> Table:
 
 def comparison_tables(comparison: Mapping[str, Any]) -> list[RenderableType]:
     """Several runs side by side."""
-    runs = [str(run["run"]) for run in comparison["runs"]]
-    table = house_table("Coefficients (value ± std)", ("", "unit"), (*runs, "apart, std"))
-    for row in comparison["coefficients"]:
-        table.add_row(row["symbol"], row["unit"], *_with_std(row), number(row["apart"], 2))
-    effects = house_table("Effects that were added (value ± std)", ("", "unit"), runs)
-    for row in comparison["effects"]:
-        effects.add_row(row["symbol"], row["unit"], *_with_std(row))
-    errors = house_table("Held-out error, RMSE (NRMSE)", ("", "unit"), runs)
-    for row in comparison["held_out"]:
-        cells = [
-            "" if rmse is None else f"{number(rmse, 3)} ({number(nrmse, 3)})"
-            for rmse, nrmse in zip(row["rmse"], row["nrmse"], strict=True)
-        ]
-        errors.add_row(row["channel"], row["unit"], *cells)
+    pieces: list[RenderableType] = [rich_table(t) for t in tables.runs_side_by_side(comparison)]
     sets = {tuple(run["held_out"]) for run in comparison["runs"]}
     note = "The runs hold out different maneuvers: their errors are not of the same thing."
-    pieces: list[RenderableType] = [table, effects] if comparison["effects"] else [table]
-    if comparison["held_out"]:
-        pieces.append(errors)
     return [*pieces, Text(note, style="yellow")] if len(sets) > 1 else pieces
-
-
-def _with_std(row: Mapping[str, Any]) -> list[str]:
-    """Value and standard deviation of every run; empty where it has none."""
-    return [
-        "" if value is None else f"{number(value)} ± {number(std, 2)}"
-        for value, std in zip(row["value"], row["std"], strict=True)
-    ]
 
 
 def log_tables(report: Any) -> list[RenderableType]:
@@ -259,7 +177,7 @@ def log_tables(report: Any) -> list[RenderableType]:
         table.add_column("note")
         for c in file.columns:
             table.add_row(
-                c.name, c.quantity or "", c.unit, number(c.minimum), number(c.maximum),
+                c.name, c.quantity or "", c.unit, number(c.minimum, 4), number(c.maximum, 4),
                 str(c.empty), c.note,
             )  # fmt: skip
         notes = [Text(note, style="yellow") for note in file.notes]

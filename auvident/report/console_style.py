@@ -1,4 +1,4 @@
-"""House style of the console: tables, numbers, lines of findings."""
+"""House style of the console: tables and lines of findings."""
 
 from collections.abc import Sequence
 from typing import IO
@@ -8,7 +8,8 @@ from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from auvident.report.ase_tables import finding_line
+from auvident.report import tables
+from auvident.report.numbers import TERMINAL
 from auvident.schema.artifacts import Finding
 
 MOST_PLACES = 6  # places named of a finding that several share
@@ -27,7 +28,7 @@ def console_for(stream: IO[str], width: int | None = None) -> Console:
     return Console(file=stream, width=width, markup=False, emoji=False, highlight=False)
 
 
-def house_table(title: str, left: Sequence[str], right: Sequence[str] = ()) -> Table:
+def house_table(title: str, left: Sequence[str] = (), right: Sequence[str] = ()) -> Table:
     """The house style: no vertical rules, title on the left, numbers on the right."""
     table = Table(title=title or None, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for name in left:
@@ -37,9 +38,16 @@ def house_table(title: str, left: Sequence[str], right: Sequence[str] = ()) -> T
     return table
 
 
-def number(value: float | None, digits: int = 4) -> str:
-    """A number with some significant digits; empty when there is none."""
-    return "" if value is None else f"{value:.{digits}g}"
+def rich_table(table: tables.Table) -> Table:
+    """A table of the report in the house style."""
+    text = tables.written(table, TERMINAL)
+    shown = house_table(text.title)
+    for head, numeric in zip(text.heads, text.numeric, strict=True):
+        shown.add_column(head, justify="right" if numeric else "left")
+    for row, marked in zip(text.rows, text.marked, strict=True):
+        shown.add_row(*row, style="cyan" if marked else "")
+    shown.caption, shown.caption_justify = text.caption or None, "left"
+    return shown
 
 
 def findings_lines(findings: Sequence[Finding]) -> list[RenderableType]:
@@ -60,3 +68,15 @@ def findings_lines(findings: Sequence[Finding]) -> list[RenderableType]:
     if len(groups) > MOST_FINDINGS:
         lines.append(Text(f"... and {len(groups) - MOST_FINDINGS} more findings", style="dim"))
     return lines
+
+
+def finding_line(finding: Finding) -> Text:
+    """One finding with its place and remedy."""
+    text = Text(f"{finding.where}: " if finding.where else "", style="yellow")
+    text.append(finding.message, style="default")
+    if finding.value is not None and finding.threshold is not None:
+        text.append(f" ({finding.value:.3g}, limit {finding.threshold:.3g})")
+    if finding.remedy:
+        stop = "" if text.plain.endswith(".") else "."
+        text.append(f"{stop} {finding.remedy}", style="dim")
+    return text

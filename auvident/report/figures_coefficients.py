@@ -18,7 +18,7 @@ from auvident.report.figures import (
     new_figure,
     svg,
 )
-from auvident.report.html_data import unit_text
+from auvident.report.numbers import unit_text
 from auvident.schema.artifacts import ModelCoefficient
 
 ORIGIN_COLOURS = {"identified": BLUE, "kinematic": GREEN, "ase": SOFT, "given": SOFT}

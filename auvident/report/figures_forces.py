@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from auvident.report.figures import BLUE, SOFT, new_figure, quiet, svg
-from auvident.report.html_data import SHOWN_UNITS
+from auvident.report.numbers import SHOWN_UNITS
 
 Array = npt.NDArray[np.float64]
 

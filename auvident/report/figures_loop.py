@@ -24,8 +24,9 @@ from auvident.report.figures import (
     thinned,
 )
 from auvident.report.figures_coefficients import FOREST_REACH
-from auvident.report.html_data import CHANNELS, SHOWN_UNITS, number
+from auvident.report.html_data import CHANNELS, number
 from auvident.report.loop_words import ranked
+from auvident.report.numbers import SHOWN_UNITS
 from auvident.schema.diagnosis import Candidate, CoefficientComparison
 
 MOST_BARS = 15

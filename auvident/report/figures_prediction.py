@@ -20,7 +20,8 @@ from auvident.report.figures import (
     svg,
     thinned,
 )
-from auvident.report.html_data import CHANNELS, SHOWN_UNITS, gain, number, quantity
+from auvident.report.html_data import CHANNELS, gain, number, quantity
+from auvident.report.numbers import SHOWN_UNITS
 from auvident.schema.artifacts import ChannelMetrics, ManeuverMetrics
 
 # column ending, colour, line style, line width, words; drawn in this order

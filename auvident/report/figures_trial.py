@@ -20,7 +20,7 @@ from auvident.report.figures import (
     thinned,
 )
 from auvident.report.figures_joined import joined
-from auvident.report.html_data import SHOWN_UNITS, unit_text
+from auvident.report.numbers import SHOWN_UNITS, unit_text
 from auvident.schema.artifacts import Maneuver
 from auvident.schema.channels import BY_COLUMN, RECORD_COLUMN, TIME_COLUMN
 from auvident.schema.trial import Trial

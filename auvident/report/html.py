@@ -8,9 +8,13 @@ from typing import TYPE_CHECKING, Any
 from auvident import __version__
 from auvident.report import html_tables as tables
 from auvident.report import html_words as words
+from auvident.report import tables_run
 from auvident.report.html_data import ReportData, number, quantity
 from auvident.report.html_loop import figures as loop_figures
 from auvident.report.html_loop import lacks, with_refined
+from auvident.report.numbers import PAGE
+from auvident.report.tables import written
+from auvident.schema.artifacts import PRIOR_WORDS
 from auvident.schema.effect_words import allowances
 
 if TYPE_CHECKING:
@@ -47,7 +51,7 @@ def render(report: ReportData) -> str:
         refined=report.is_refined,
         cards=words.cards(report),
         prior=report.prior_name,
-        prior_words=words.PRIOR_WORDS[report.prior_name],
+        prior_words=PRIOR_WORDS[report.prior_name],
         held=bool(report.held_out()),
         warnings=words.warnings(report),
         figures=_figures(report),
@@ -66,6 +70,7 @@ def _template() -> "Template":
         loader=FileSystemLoader(FOLDER), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
+    environment.filters["written"] = lambda table: written(table, PAGE)
     return environment.get_template("template.html")
 
 
@@ -188,14 +193,14 @@ def _tables(report: ReportData) -> dict[str, Any]:
         "figure_tables": [
             t for kind in ("turn", "zigzag") for t in tables.figure_tables(held, kind)
         ],
-        "errors": tables.error_table(report) if report.metrics else None,
+        "errors": tables_run.errors_by_maneuver(report.metrics) if report.metrics else None,
         "coefficients": tables.coefficient_rows(model) if model else [],
         "allowances": allowances(model.effects) if model else "",
         "combinations": [words.combination(c) for c in model.unidentifiable] if model else [],
         "pairs": words.pairs(model.correlations) if model else [],
-        "sensors": tables.sensor_table(quality) if quality else None,
+        "sensors": tables_run.sensors(quality.trials) if quality else None,
         "lags": tables.lag_table(quality) if quality else None,
-        "maneuver_rows": tables.maneuver_table(maneuvers.maneuvers) if maneuvers else None,
+        "maneuver_rows": tables_run.maneuvers(maneuvers.maneuvers) if maneuvers else None,
         "passes": tables.pass_table(model) if model else None,
         "stages": tables.manifest_table(manifest) if manifest else None,
         "hashes": tables.hash_table(manifest) if manifest else None,

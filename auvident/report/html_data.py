@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from auvident.report.numbers import PAGE
 from auvident.schema.artifacts import (
     AseResult,
     ChannelMetrics,
@@ -23,11 +24,6 @@ from auvident.schema.vehicle import Vehicle
 if TYPE_CHECKING:
     import pandas as pd
 
-# SI unit -> unit that people read on an axis, factor to it.
-SHOWN_UNITS: dict[str, tuple[str, float]] = {
-    "rad": ("deg", 180.0 / math.pi),
-    "rad/s": ("deg/s", 180.0 / math.pi),
-}
 # Channels of a prediction in the order of the report: name in the metrics, stem of the columns
 # of the simulation table, unit of the column, words.
 CHANNELS: tuple[tuple[str, str, str, str], ...] = (
@@ -39,6 +35,7 @@ CHANNELS: tuple[tuple[str, str, str, str], ...] = (
     ("heading", "heading_rad", "rad", "heading"),
     ("pitch", "pitch_rad", "rad", "pitch"),
 )
+number, quantity = PAGE.number, PAGE.quantity
 DYNAMIC = ("u", "v", "w", "r", "q")  # what the equations predict; heading and track are sums of it
 
 
@@ -162,41 +159,6 @@ def _track_error(table: "pd.DataFrame", maneuvers: Sequence[str]) -> float:
         rows[f"{axis}_m_simulated"] - rows[f"{axis}_m_measured"] for axis in ("north", "east")
     )
     return math.sqrt(float((north**2 + east**2).mean()))
-
-
-def shown(value: float, unit: str) -> tuple[float, str]:
-    """A value in the unit that people read: angles in degrees."""
-    name, factor = SHOWN_UNITS.get(unit, (unit, 1.0))
-    return value * factor, name
-
-
-def number(value: float | None, digits: int = 3) -> str:
-    """A number with significant digits and a real minus sign; a dash when there is none.
-
-    Powers of ten only where plain digits would need more than six of them.
-    """
-    if value is None or not math.isfinite(value):
-        return "–"
-    if value == 0.0:
-        return "0"
-    value = float(f"{value:.{digits - 1}e}")  # 9.9996 has its digits as 10.0
-    decimals = digits - 1 - math.floor(math.log10(abs(value)))
-    if -3 <= decimals <= 6:
-        text = f"{value:.{max(decimals, 0)}f}"
-    else:
-        text = f"{value:.{digits - 1}e}"
-    return text.replace("-", "−")
-
-
-def quantity(value: float, unit: str, digits: int = 3) -> str:
-    """A number with its unit, angles in degrees."""
-    value, unit = shown(value, unit)
-    return f"{number(value, digits)}\u00a0{unit}" if unit else number(value, digits)
-
-
-def unit_text(unit: str) -> str:
-    """A unit as people write it."""
-    return unit.replace("^2", "²").replace("1/min", "rpm")
 
 
 def percent(share: float) -> str:

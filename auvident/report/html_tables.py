@@ -1,13 +1,14 @@
 """Rows of the tables of the HTML report, as text ready to show."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import PurePath
 from typing import Any
 
-from auvident.report.html_data import ReportData, number, percent, quantity, shown, unit_text
-from auvident.schema.artifacts import IdentifiedModel, Maneuver, ManeuverMetrics, StageRecord
+from auvident.report.html_data import number, percent
+from auvident.report.numbers import unit_text
+from auvident.report.tables import Table, columns
+from auvident.schema.artifacts import IdentifiedModel, ManeuverMetrics, StageRecord
 from auvident.schema.coefficients import BY_SYMBOL
 from auvident.schema.logs import Quality
 from auvident.schema.manifest import Manifest, StageEntry
@@ -46,16 +47,6 @@ ZIGZAG_FIGURES = {
 }
 
 
-@dataclass(frozen=True)
-class Table:
-    """Heads and rows; the first `left` columns are text, the others numbers."""
-
-    heads: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    left: int = 1
-    mark: str = ""  # rows with this cell stand out
-
-
 def figure_tables(metrics: Sequence[ManeuverMetrics], kind: str) -> Iterator[Table]:
     """Figures of turns or zigzags, measured and simulated, maneuvers side by side."""
     words = TURN_FIGURES if kind == "turn" else ZIGZAG_FIGURES
@@ -67,7 +58,7 @@ def figure_tables(metrics: Sequence[ManeuverMetrics], kind: str) -> Iterator[Tab
             cells = [_measured_simulated(figures, name) for _, figures in piece]
             if any(cells):
                 rows.append([label, unit, *(c or "–" for c in cells)])
-        yield Table(("measured → model", "", *(i for i, _ in piece)), rows, left=2)
+        yield Table(columns(("measured → model", ""), [i for i, _ in piece]), rows)
 
 
 def _condensed(figures: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
@@ -94,25 +85,6 @@ def _measured_simulated(figures: Mapping[str, Mapping[str, float]], name: str) -
     return text
 
 
-def error_table(data: ReportData) -> Table:
-    """RMSE of every maneuver and channel, the estimate's in brackets."""
-    metrics = data.metrics.maneuvers if data.metrics else ()
-    names = list(dict.fromkeys(name for m in metrics for name in m.channels))
-    units = {name: c.unit for m in metrics for name, c in m.channels.items()}
-    heads = ["maneuver", "kind", "role", "s", *(f"{n}, {shown(0.0, units[n])[1]}" for n in names)]
-    rows = []
-    for m in sorted(metrics, key=lambda m: m.role != "validate"):
-        before = data.before(m.id)
-        cells = []
-        for n in names:
-            c = m.channels.get(n)
-            b = before.channels.get(n) if before else None
-            text = number(shown(c.rmse, c.unit)[0]) if c else "–"
-            cells.append(f"{text} ({number(shown(b.rmse, b.unit)[0], 2)})" if c and b else text)
-        rows.append([m.id, m.kind, m.role, f"{m.duration_s:.0f}", *cells])
-    return Table(heads, rows, left=3, mark="validate")
-
-
 def coefficient_rows(model: IdentifiedModel) -> list[dict[str, Any]]:
     """Coefficients with everything about them."""
     rows = []
@@ -129,35 +101,6 @@ def coefficient_rows(model: IdentifiedModel) -> list[dict[str, Any]]:
     return rows
 
 
-def sensor_table(quality: Quality) -> Table:
-    """What became of every sensor's rows."""
-    heads = (
-        "trial", "sensor", "left out", "noise", "rows", "used", "Hz", "jitter, ms", "gaps",
-        "longest interval, s",
-    )  # fmt: skip
-    rows = []
-    for trial in quality.trials:
-        for s in trial.sensors:
-            dropped: dict[str, int] = {}
-            for where in (s.dropped, *(c.dropped for c in s.channels)):
-                for reason, d in where.items():
-                    dropped[reason] = dropped.get(reason, 0) + d.count
-            noise = [
-                f"{c.log_column} {quantity(c.noise_std, c.unit, 2)}"
-                for c in s.channels if c.noise_std
-            ]  # fmt: skip
-            rows.append([
-                trial.trial, s.sensor,
-                ", ".join(f"{n} {reason.replace('_', ' ')}" for reason, n in dropped.items()),
-                ", ".join(noise),
-                str(s.rows_read), str(s.rows_used), number(s.rate_hz),
-                f"{1000.0 * s.jitter_s:.1f}" if s.jitter_s is not None else "–",
-                str(max((c.gaps for c in s.channels), default=0)),
-                number(max((c.longest_gap_s for c in s.channels), default=0.0), 2),
-            ])  # fmt: skip
-    return Table(heads, rows, left=4)
-
-
 def lag_table(quality: Quality) -> Table:
     """Delays between the sensors' clocks."""
     rows = [
@@ -165,70 +108,25 @@ def lag_table(quality: Quality) -> Table:
          f"{1000.0 * a.std_s:.1f}", percent(a.explained)]
         for t in quality.trials for a in t.alignment
     ]  # fmt: skip
-    return Table(("trial", "clocks", "lag, ms", "std, ms", "explained"), rows, left=2)
-
-
-def maneuver_table(maneuvers: Sequence[Maneuver]) -> Table:
-    """Maneuvers with what characterises them."""
-    heads = (
-        "maneuver",
-        "kind",
-        "role",
-        "what",
-        "from, s",
-        "to, s",
-        "s",
-        "std u, m/s",
-        "std r or q, deg/s",
-    )
-    rows = []
-    for m in maneuvers:
-        excitation = m.features.get("excitation") or {}
-        rows.append([
-            m.id, m.kind, m.role, _what(m), f"{m.t_start_s:.1f}", f"{m.t_end_s:.1f}",
-            f"{m.t_end_s - m.t_start_s:.0f}", number(excitation.get("u_std_mps"), 2),
-            number(excitation.get("r_std_degps", excitation.get("q_std_degps")), 2),
-        ])  # fmt: skip
-    return Table(heads, rows, left=4, mark="validate")
-
-
-def _what(m: Maneuver) -> str:
-    """A maneuver in a few words, from those of its features that it has."""
-    f = m.features
-    control = f.get("rudder_deg", f.get("elevator_deg"))
-    pieces = [
-        f"{number(f.get('approach_speed_mps'))} m/s" if f.get("approach_speed_mps") else "",
-        f"{number(control)}° {'elevator' if 'elevator_deg' in f else 'rudder'}" if control else "",
-        f"to {f['side']}" if f.get("side") else "",
-        f"diameter {number(f['steady_diameter_m'])} m" if f.get("steady_diameter_m") else "",
-        f"{f['executes']} executes" if f.get("executes") else "",
-        f"1st overshoot {number(f['overshoot_1_deg'])}°" if f.get("overshoot_1_deg") else "",
-        f"period {number(f['period_s'])} s" if f.get("period_s") else "",
-    ]
-    if f.get("rpm_levels"):
-        levels = ", ".join(f"{x:.0f}" for x in f["rpm_levels"])
-        pieces.append(f"{levels} rpm")
-    if f.get("steady_speed_mps") and isinstance(f["steady_speed_mps"], list):
-        pieces.append(", ".join(number(x) for x in f["steady_speed_mps"]) + " m/s")
-    return ", ".join(p for p in pieces if p)
+    return Table(columns(("trial", "clocks"), ("lag, ms", "std, ms", "explained")), rows)
 
 
 def pass_table(model: IdentifiedModel) -> Table:
     """The passes of the plan as they were done."""
-    columns = list(dict.fromkeys(c for s in model.stages for c in (*s.nis_mean, *s.fitted_noise)))
+    channels = list(dict.fromkeys(c for s in model.stages for c in (*s.nis_mean, *s.fitted_noise)))
     heads = [
         "cycle", "stage", "system", "free", "maneuvers", "samples", "log likelihood",
-        *(f"noise {c}" for c in columns), *(f"NIS {c}" for c in columns),
+        *(f"noise {c}" for c in channels), *(f"NIS {c}" for c in channels),
     ]  # fmt: skip
     rows = []
     for s in model.stages:
-        noise = [_noise(s, c) for c in columns]
-        nis = [number(s.nis_mean[c], 2) if c in s.nis_mean else "" for c in columns]
+        noise = [_noise(s, c) for c in channels]
+        nis = [number(s.nis_mean[c], 2) if c in s.nis_mean else "" for c in channels]
         rows.append([
             str(s.cycle), s.stage, s.system, str(len(s.free)), str(len(s.maneuvers)),
             str(s.samples), number(s.log_likelihood, 5), *noise, *nis,
         ])  # fmt: skip
-    return Table(heads, rows, left=3)
+    return Table(columns(heads[:3], heads[3:]), rows)
 
 
 def _noise(record: StageRecord, column: str) -> str:
@@ -252,7 +150,7 @@ def manifest_table(manifest: Manifest) -> Table:
             _seconds(entry), "–" if entry.seed is None else str(entry.seed), entry.program_version,
         ])  # fmt: skip
     heads = ("stage", "outcome", "options", "started, UTC", "s", "seed", "version")
-    return Table(heads, rows, left=3)
+    return Table(columns(heads[:3], heads[3:]), rows)
 
 
 def _option(value: Any) -> str:
@@ -278,4 +176,4 @@ def hash_table(manifest: Manifest) -> Table:
         found |= {name: sha for name, sha in entry.inputs.items() if name not in made}
         found |= entry.program_files
     rows = [["/".join(PurePath(n).parts[-2:]), s[:HASH_DIGITS]] for n, s in found.items()]
-    return Table(("file", "sha256 begins"), rows, left=2)
+    return Table(columns(("file", "sha256 begins")), rows)

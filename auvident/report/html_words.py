@@ -12,7 +12,15 @@ from auvident.report.html_data import (
     percent,
     quantity,
 )
-from auvident.schema.artifacts import ChannelMetrics, Combination, Finding, ManeuverMetrics
+from auvident.report.numbers import PAGE
+from auvident.report.tables_run import combination as combination_text
+from auvident.schema.artifacts import (
+    ON_ERRORS,
+    PRIOR_WORDS,
+    ChannelMetrics,
+    Combination,
+    Finding,
+)
 from auvident.schema.diagnosis import ChannelError
 
 # Pooled NRMSE of the worst of the velocities and rates -> word, CSS class.
@@ -23,13 +31,8 @@ GRADES = (
 )
 WORSE_THAN_CONSTANT = ("worse than its own mean would", "poor")
 NOT_BETTER = 1.0  # ratio of squared errors below which the data did not help
-MANY_ON_PRIOR = 0.5  # data share below which a coefficient is more prior than data
 STRONG_CORRELATION = 0.8
 NO_INFORMATION = 1.0e-6  # beside the prior's: zero but for rounding
-PRIOR_WORDS = {
-    "ASE": "the estimate from geometry (ASE)",
-    "prior": "the given coefficients (prior)",
-}
 SERIOUS = {
     "prediction-ran-away", "nothing_held_out", "wrong-sign", "not-predicted", "no-better",
     "log_refused", "rudder_sign_unverified", "never_under_way", "no_record", "rudder_never_moves",
@@ -136,10 +139,15 @@ def _factor(ratio: float | None) -> str:
 
 
 def warnings(data: ReportData) -> list[Warning_]:
-    """Every finding of every stage, with those only the report can see, the gravest first."""
-    found = [("validate", f) for f in _own_findings(data)]
+    """Every finding of every stage, the gravest first."""
+    found: list[tuple[str, Finding]] = []
     if data.metrics:
-        found += [("validate", f) for f in data.metrics.findings]
+        # what `refine` says of the errors of the final model takes the place of this
+        found += [
+            ("validate", f)
+            for f in data.metrics.findings
+            if not (data.is_refined and f.code in ON_ERRORS)
+        ]
     if data.model:
         found += [("identify", f) for f in data.model.findings]
     for stage, artifact in (("diagnose", data.diagnosis), ("refine", data.comparison)):
@@ -168,107 +176,30 @@ def _at(trial: str, where: str) -> str:
 
 
 def _merged(found: Sequence[tuple[str, Finding]]) -> list[tuple[str, Finding]]:
-    """The same message at several places said once."""
-    groups: dict[tuple[str, str, str], list[Finding]] = {}
+    """The same message at several places, or handed on by another stage, said once."""
+    groups: dict[tuple[str, str], list[tuple[str, Finding]]] = {}
     for stage, f in found:
-        groups.setdefault((stage, f.code, f.message), []).append(f)
-    merged = []
-    for (stage, _, _), same in groups.items():
-        where = "; ".join(dict.fromkeys(f.where for f in same if f.where))
-        merged.append((stage, same[0].model_copy(update={"where": where})))
-    return merged
+        groups.setdefault((f.code, f.message), []).append((stage, f))
+    return [(same[0][0], _as_one([f for _, f in same])) for same in groups.values()]
+
+
+def _as_one(same: Sequence[Finding]) -> Finding:
+    """One finding with all places; without a value where they differ in it."""
+    where = "; ".join(dict.fromkeys(f.where for f in same if f.where))
+    value = same[0].value if len({f.value for f in same}) == 1 else None
+    return same[0].model_copy(update={"where": where, "value": value})
 
 
 def _rank(code: str) -> str:
     return "serious" if code in SERIOUS else "note" if code in NOTES else "caution"
 
 
-def _own_findings(data: ReportData) -> list[Finding]:
-    """What follows from the numbers of several artifacts together."""
-    if data.metrics is None or data.model is None:
-        return []
-    found = []
-    pooled = data.final_errors() if data.role == "validate" else {}
-    before = data.pooled_before("validate")
-    for name, m in pooled.items():
-        if m.nrmse >= 1.0:
-            found.append(Finding(
-                code="not-predicted", where=name, value=m.nrmse, threshold=1.0,
-                message=f"the error of {name} is as large as its variation: not predicted",
-            ))  # fmt: skip
-        ratio = gain(before.get(name), m)
-        if ratio is not None and ratio <= NOT_BETTER:
-            found.append(Finding(
-                code="no-better", where=name, value=ratio, threshold=NOT_BETTER,
-                message=f"{name} of the held-out maneuvers is predicted no better than by "
-                f"{PRIOR_WORDS[data.prior_name]}",
-            ))  # fmt: skip
-    found += _worse_refined(data)
-    escaped = data.metrics.ase.findings if data.metrics.ase else ()
-    if escaped:
-        found.append(Finding(
-            code="prior-ran-away", where=", ".join(f.where for f in escaped),
-            message=f"predictions by {PRIOR_WORDS[data.prior_name]} leave every bound, so their "
-            "pooled errors are not compared",
-        ))  # fmt: skip
-    worse = [text for m in data.held_out() if (text := _worse_channels(data, m))]
-    if worse:
-        found.append(Finding(
-            code="worse-than-prior", where="; ".join(worse),
-            message="some channels of single held-out maneuvers are predicted worse than by "
-            f"{PRIOR_WORDS[data.prior_name]}",
-        ))  # fmt: skip
-    on_prior = [c.symbol for c in data.model.coefficients if c.data_share < MANY_ON_PRIOR]
-    if on_prior:
-        found.append(Finding(
-            code="rests-on-prior", where=", ".join(on_prior),
-            message=f"{len(on_prior)} of {len(data.model.coefficients)} coefficients rest more on "
-            "the prior than on these data; the prediction is good where the maneuvers were, the "
-            "single coefficient need not be",
-        ))  # fmt: skip
-    return found
-
-
-def _worse_refined(data: ReportData) -> list[Finding]:
-    """Channels of the held-out maneuvers that the refinement predicts worse, not by chance."""
-    if data.comparison is None or not data.is_refined:
-        return []
-    held = data.comparison.held_out
-    worse = [
-        f"{name} ({quantity(held.before[name].rmse, d.unit, 2)} → "
-        f"{quantity(held.after[name].rmse, d.unit, 2)})"
-        for name, d in held.after.items()
-        if name in held.difference and held.difference[name].low > 0.0
-    ]
-    if not worse:
-        return []
-    return [Finding(
-        code="worse-refined", where=", ".join(worse),
-        message="the refined model predicts some channels of the held-out maneuvers worse than "
-        "the identified one",
-    )]  # fmt: skip
-
-
-def _worse_channels(data: ReportData, m: ManeuverMetrics) -> str:
-    """Maneuver and channels that the final model predicts worse; empty when there are none."""
-    before = data.before(m.id)
-    names = [
-        k for k, c in data.final_channels(m).items()
-        if before and (g := gain(before.channels.get(k), c)) is not None and g < NOT_BETTER
-    ]  # fmt: skip
-    return f"{m.id} ({', '.join(names)})" if names else ""
-
-
 def combination(c: Combination) -> tuple[str, str]:
     """A direction that the data cannot see: its coefficients, and what that means."""
-    moves = [
-        f"{number(w, 2)} {symbol}" if w != 1.0 else symbol
-        for symbol, w in zip(c.symbols, c.weights, strict=True)
-    ]
-    text = " + ".join(moves).replace("+ −", "− ")
+    text = combination_text(c, PAGE)
     meaning = c.meaning or (
         "moved together by so many prior standard deviations they can stand in for each other"
-        if len(moves) > 1 else "rests on its prior"
+        if len(c.symbols) > 1 else "rests on its prior"
     )  # fmt: skip
     if c.information < NO_INFORMATION:
         return text, meaning

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from auvident.report.numbers import TERMINAL
 from auvident.schema.diagnosis import (
     Candidate,
     CoefficientComparison,
@@ -17,7 +18,7 @@ from auvident.schema.effect_words import holds_nothing
 from auvident.schema.effects import BY_ID, EFFECTS
 
 NORMAL_95 = 1.96  # standard deviations on each side of a 95 % interval
-LEAST_PLAIN, MOST_PLAIN, DECIMALS = 1.0e-5, 1.0e6, 7
+number, with_unit = TERMINAL.number, TERMINAL.quantity
 MOVED = 2.0  # standard deviations before, from which on a coefficient is said to have moved
 FAMILIES = tuple(dict.fromkeys(effect.family for effect in EFFECTS))
 VERDICTS = {
@@ -44,24 +45,6 @@ class PooledResidual:
     def ratio(self) -> float | None:
         """Residual over noise; None where the noise is not known."""
         return self.rms / self.noise_std if self.noise_std > 0.0 else None
-
-
-def number(value: float | None, digits: int = 3) -> str:
-    """A number with some significant digits, empty when there is none.
-
-    Powers of ten only where plain digits would be many.
-    """
-    text = "" if value is None else f"{value:.{digits}g}"
-    if "e" not in text or value is None or not LEAST_PLAIN <= abs(value) < MOST_PLAIN:
-        return text
-    return f"{float(text):.{DECIMALS}f}".rstrip("0").rstrip(".")
-
-
-def with_unit(value: float, unit: str, digits: int = 3) -> str:
-    """A number with its unit, if it has one."""
-    return (
-        f"{number(value, digits)} {unit}" if unit not in ("", "-", "1") else number(value, digits)
-    )
 
 
 def interval(p: ParameterValue) -> tuple[float, float]:

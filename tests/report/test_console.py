@@ -13,8 +13,9 @@ from rich.console import RenderableType
 
 from auvident.pipeline.given import Given
 from auvident.report import console_style
-from auvident.report.console import findings_lines, number, stage_report
+from auvident.report.console import findings_lines, stage_report
 from auvident.report.console_style import console_for, house_table
+from auvident.report.numbers import TERMINAL
 from auvident.schema.artifacts import Finding
 from auvident.storage.run_directory import RunDirectory
 
@@ -44,11 +45,11 @@ def test_the_tables_show_what_the_artifacts_say(demo: Path) -> None:
     text = text_of(stage_report("segment", outputs))
     assert all(m["id"] in text for m in maneuvers)
     text = text_of(stage_report("identify", outputs))
-    assert all(c.symbol in text and number(c.value) in text
+    assert all(c.symbol in text and TERMINAL.number(c.value, 4) in text
                for c in outputs["identify/model.json"].coefficients)  # fmt: skip
     text = text_of(stage_report("validate", outputs))
     held_out = outputs["validate/metrics.json"].summary["validate"]
-    assert all(number(channel.rmse, 3) in text for channel in held_out.values())
+    assert all(TERMINAL.number(channel.rmse, 3) in text for channel in held_out.values())
     assert "gyro" in text_of(stage_report("ingest", outputs))
     assert "N_uud" in text_of(stage_report("ase", outputs))
     assert "N_uud" not in text_of(stage_report("ase", outputs, brief=True))

@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import pytest
@@ -14,6 +15,7 @@ from auvident.report.html import render
 from auvident.report.html_data import ReportData, number, quantity
 from auvident.report.html_words import combination, verdict, warnings
 from auvident.schema.artifacts import Combination, Finding, Maneuvers
+from auvident.stages.validate.findings import findings_of
 from auvident.storage.run_directory import RunDirectory
 
 MOST_BYTES = 4e6
@@ -227,14 +229,19 @@ def test_names_are_escaped(data: ReportData) -> None:
         ElementTree.fromstring(figure)
 
 
-def test_verdict_follows_the_worst_velocity(data: ReportData) -> None:
-    assert data.metrics
+def judged(data: ReportData, **update: Any) -> ReportData:
+    """The same with other metrics, and with what validation says of those."""
+    assert data.metrics and data.model
+    metrics = data.metrics.model_copy(update=update)
+    found = tuple(findings_of(metrics, data.model))
+    return replace(data, metrics=metrics.model_copy(update={"findings": found}))
 
+
+def test_verdict_follows_the_worst_velocity(data: ReportData) -> None:
     def with_nrmse(value: float) -> ReportData:
         pooled = dict(data.metrics.summary["validate"])  # type: ignore[union-attr]
         pooled["v"] = pooled["v"].model_copy(update={"nrmse": value})
-        summary = {"validate": pooled}
-        return replace(data, metrics=data.metrics.model_copy(update={"summary": summary}))  # type: ignore[union-attr]
+        return judged(data, summary={"validate": pooled})
 
     assert [verdict(with_nrmse(x))[1] for x in (0.09, 0.11, 0.31)] == ["good", "fair", "poor"]
     assert "worse than its own mean" in verdict(with_nrmse(1.2))[0]
@@ -245,8 +252,9 @@ def test_verdict_follows_the_worst_velocity(data: ReportData) -> None:
 
 def test_data_that_did_not_help_are_called_so(data: ReportData) -> None:
     assert data.metrics and data.metrics.ase
-    swapped = data.metrics.ase.model_copy(update={"ase": data.metrics})
-    found = {w.finding.where: w for w in warnings(replace(data, metrics=swapped))}
+    ase = data.metrics.ase
+    swapped = judged(data, summary=ase.summary, maneuvers=ase.maneuvers, ase=data.metrics)
+    found = {w.finding.where: w for w in warnings(swapped)}
     assert found["u"].finding.code == "no-better"
     assert found["u"].rank == "serious"
     assert "no-better" not in {w.finding.code for w in warnings(data)}
@@ -261,12 +269,32 @@ def test_a_prior_that_ran_away_is_not_compared(data: ReportData) -> None:
             "findings": (Finding(code="prediction-ran-away", message="away", where=gone),),
         }
     )
-    changed = replace(data, metrics=data.metrics.model_copy(update={"ase": ase}))
+    changed = judged(data, ase=ase)
     assert "factors" in verdict(data)[0] and "factors" not in verdict(changed)[0]
     assert gone in next(
         w.finding.where for w in warnings(changed) if w.finding.code == "prior-ran-away"
     )
     assert gone in Page(render(changed)).text
+
+
+def test_what_validation_says_of_its_run_stands_in_the_report_once(
+    data: ReportData, page: Page
+) -> None:
+    assert data.metrics
+    assert "rests-on-prior" in {f.code for f in data.metrics.findings}
+    for message in {f.message for f in data.metrics.findings}:
+        assert page.text.count(message) == 1
+
+
+def test_a_finding_of_several_places_has_no_value_of_one(data: ReportData) -> None:
+    two = [
+        Finding(code="worse-than-prior", message="worse", where=w, value=v, threshold=1.0)
+        for w, v in (("turn-1 (u)", 0.5), ("turn-2 (v)", 0.9))
+    ]
+    assert data.metrics
+    told = warnings(replace(data, metrics=data.metrics.model_copy(update={"findings": two})))
+    (one,) = [w.finding for w in told if w.finding.message == "worse"]
+    assert (one.where, one.value) == ("turn-1 (u); turn-2 (v)", None)
 
 
 def test_gravest_findings_come_first(data: ReportData) -> None:

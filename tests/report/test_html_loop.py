@@ -17,6 +17,7 @@ from auvident.report.html_loop import lacks, with_refined
 from auvident.report.html_words import cards, verdict, warnings
 from auvident.schema.artifacts import Finding
 from auvident.schema.diagnosis import Comparison, Diagnosis, Difference
+from auvident.stages.refine.compare import worse_channels
 from auvident.storage.run_directory import RunDirectory
 from tests import loop_world
 from tests.report.test_html import Page
@@ -102,16 +103,42 @@ def test_a_run_that_added_nothing_has_one_model(data: ReportData) -> None:
     assert verdict(alone)[0].startswith("The model predicts")
 
 
+def with_findings(data: ReportData, name: str, *findings: Finding) -> ReportData:
+    """The same with other findings of an artifact."""
+    artifact = getattr(data, name).model_copy(update={"findings": findings})
+    return replace(data, **{name: artifact})
+
+
 def test_channels_that_the_effects_made_worse_are_told(data: ReportData) -> None:
     assert data.comparison
     held = data.comparison.held_out
     worse = {**held.difference, "r": Difference(value=0.002, low=0.001, high=0.003)}
-    changed = data.comparison.model_copy(
-        update={"held_out": held.model_copy(update={"difference": worse})}
-    )
-    told = {w.finding.code: w for w in warnings(replace(data, comparison=changed))}
+    found = worse_channels(held.model_copy(update={"difference": worse}))
+    told = {w.finding.code: w for w in warnings(with_findings(data, "comparison", *found))}
     assert told["worse-refined"].finding.where.startswith("r (")
     assert "worse-refined" not in {w.finding.code for w in warnings(data)}
+
+
+def test_of_the_errors_those_of_the_final_model_are_told(data: ReportData) -> None:
+    before, after, other = (
+        Finding(code="no-better", where=c, message=f"{c} is predicted no better") for c in "urv"
+    )
+    other = other.model_copy(update={"code": "rests-on-prior"})
+    both = with_findings(with_findings(data, "metrics", before, other), "comparison", after)
+    told = [(w.stage, w.finding.where) for w in warnings(both) if w.finding in (before, after)]
+    assert told == [("refine", "r")]
+    assert other in [w.finding for w in warnings(both)]
+    alone = replace(both, comparison=None)
+    told = [(w.stage, w.finding.where) for w in warnings(alone) if w.finding in (before, after)]
+    assert told == [("validate", "u")]
+
+
+def test_no_finding_is_told_twice(small: ReportData) -> None:
+    """A refinement hands on what the diagnosis said."""
+    finding = Finding(code="few-maneuvers", message="only two maneuvers identify", where="t")
+    both = with_findings(with_diagnosis(small, findings=(finding,)), "comparison", finding)
+    assert [w.stage for w in warnings(both) if w.finding == finding] == ["diagnose"]
+    assert Page(render(both)).text.count("only two maneuvers identify") == 1
 
 
 def test_the_section_has_everything_of_the_diagnosis(data: ReportData, section: str) -> None:
@@ -139,14 +166,16 @@ def test_every_maneuver_stands_before_and_after_held_out_ones_first(
 
 
 def test_a_difference_that_may_be_none_has_no_star(data: ReportData) -> None:
-    from auvident.report.html_loop import maneuver_table
+    from auvident.report.numbers import PAGE
+    from auvident.report.tables import written
+    from auvident.report.tables_loop import maneuvers
     from auvident.schema.diagnosis import Difference
 
     assert data.comparison
     unsure = data.comparison.maneuvers[0].model_copy(
         update={"difference": {"u": Difference(value=-0.04, low=-0.09, high=0.01)}}
     )
-    assert maneuver_table([unsure]).rows[0][3] == "0.0460 → 0.00610"
+    assert written(maneuvers([unsure]), PAGE).rows[0][3] == "0.0460 → 0.00610"
 
 
 def test_coefficients_that_moved_and_allowances_are_in_it(section: str) -> None:

@@ -11,7 +11,7 @@ from auvident.engines.carried import Carried, effect_rows
 from auvident.errors import GateError
 from auvident.physics.terms import structure_of
 from auvident.pipeline.gates import check_refined
-from auvident.schema.artifacts import IdentifiedModel, Maneuvers
+from auvident.schema.artifacts import Finding, IdentifiedModel, Maneuvers
 from auvident.schema.diagnosis import (
     Attempt,
     Candidate,
@@ -493,3 +493,45 @@ def test_a_refined_prediction_that_is_lost_in_one_maneuver_meets_no_gate() -> No
     with pytest.raises(GateError, match="runs away"):
         check_refined(found, {"u": 1e6})
     check_refined(compared(predicted(0), predicted(1)), {"u": 1e6})
+
+
+# --- what is said against the refined model ------------------------------------------------
+
+
+def doubled() -> IdentifiedModel:
+    rows = (c.model_copy(update={"value": 2.0 * c.value}) for c in model().coefficients)
+    return model().model_copy(update={"coefficients": tuple(rows)})
+
+
+ON_THE_REFINED = (
+    Finding(code="no-better", where="r", message="r is predicted no better"),
+    Finding(code="prediction-ran-away", where="turn-1", message="it leaves every bound"),
+    Finding(code="rests-on-prior", where="N_ur", message="1 of 20 coefficients"),
+)
+
+
+def test_a_channel_that_the_refined_model_predicts_worse_is_a_finding() -> None:
+    tables = predicted(0, 0.0005), predicted(1, 0.0005)  # u better, v alike, r worse
+    found = compare(NONE, MANEUVERS, model(), doubled(), *tables)
+    (worse,) = [f for f in found.findings if f.code == "worse-refined"]
+    before, after = (x["r"].rmse for x in (found.held_out.before, found.held_out.after))
+    assert worse.where == f"r ({np.degrees(before):.2g} deg/s → {np.degrees(after):.2g} deg/s)"
+    assert worse.value == pytest.approx(after / before)
+    assert worse.threshold == 1.0 and worse.remedy
+    assert worse.message == (
+        "the refined model predicts some channels of the held-out maneuvers worse than the "
+        "identified one"
+    )
+    assert found.held_out.difference["r"].low > 0.0
+
+
+def test_a_refinement_that_changed_nothing_is_not_called_worse() -> None:
+    found = compare(NONE, MANEUVERS, model(), model(), predicted(0), predicted(1),
+                    predicted=ON_THE_REFINED)  # fmt: skip
+    assert found.findings == ()
+
+
+def test_findings_on_the_errors_of_the_refined_model_are_handed_on() -> None:
+    found = compare(NONE, MANEUVERS, model(), doubled(), predicted(0), predicted(0),
+                    predicted=ON_THE_REFINED)  # fmt: skip
+    assert found.findings == ON_THE_REFINED[:1]  # the others are not of its errors, or said

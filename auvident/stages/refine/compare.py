@@ -8,7 +8,13 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from auvident.schema.artifacts import RAN_AWAY, Finding, IdentifiedModel, Maneuvers
+from auvident.schema.artifacts import (
+    ON_ERRORS,
+    RAN_AWAY,
+    Finding,
+    IdentifiedModel,
+    Maneuvers,
+)
 from auvident.schema.diagnosis import (
     Attempt,
     ChannelError,
@@ -42,10 +48,33 @@ def escapes(table: pd.DataFrame) -> tuple[Finding, ...]:
     return tuple(found)
 
 
+def worse_channels(held_out: HeldOut) -> tuple[Finding, ...]:
+    """Channels of the held-out maneuvers that are predicted worse than before, not by chance."""
+    return tuple(
+        Finding(
+            code="worse-refined", where=f"{name} ({_shown(before)} → {_shown(after)})",
+            value=after.rmse / before.rmse, threshold=1.0,
+            message="the refined model predicts some channels of the held-out maneuvers worse "
+            "than the identified one",
+            remedy="The identified model stays in identify/model.json.",
+        )
+        for name, before in held_out.before.items()
+        if before.rmse > 0.0 and held_out.difference[name].low > 0.0
+        for after in [held_out.after[name]]
+    )  # fmt: skip
+
+
+def _shown(error: ChannelError) -> str:
+    """An error with its unit, angles in degrees."""
+    if error.unit.startswith("rad"):
+        return f"{math.degrees(error.rmse):.2g} {error.unit.replace('rad', 'deg')}"
+    return f"{error.rmse:.2g} {error.unit}"
+
+
 def compare(
     diagnosis: Diagnosis, maneuvers: Maneuvers, before: IdentifiedModel, after: IdentifiedModel,
     predicted_before: pd.DataFrame, predicted_after: pd.DataFrame, *,
-    attempts: Sequence[Attempt] = (), seed: int = 0,
+    attempts: Sequence[Attempt] = (), seed: int = 0, predicted: Sequence[Finding] = (),
 ) -> Comparison:  # fmt: skip
     """Errors, coefficients and effects before and after.
 
@@ -60,6 +89,8 @@ def compare(
         What was tried; where the model before is the one taken, nothing is claimed.
     seed : int
         Of the bootstrap.
+    predicted : sequence of Finding
+        Of `validate` on the model after; those on its errors are handed on.
     """
     rng = np.random.default_rng(seed)
     pairs = {
@@ -70,13 +101,16 @@ def compare(
     held = [name for name in pairs if roles[name] == "validate"]
     own = [name for name in pairs if roles[name] == "identify"]
     claims = claims_of(diagnosis, after, attempts, *cruise_of(predicted_after))
-    findings = (*diagnosis.findings, *findings_of(attempts), *escapes(predicted_after))
+    held_out = _pooled(held, pairs, rng)
+    findings = [*diagnosis.findings, *findings_of(attempts), *escapes(predicted_after)]
+    if before.values() != after.values():
+        findings += [*(f for f in predicted if f.code in ON_ERRORS), *worse_channels(held_out)]
     return Comparison(
-        **claims, attempts=tuple(attempts), held_out=_pooled(held, pairs, rng),
+        **claims, attempts=tuple(attempts), held_out=held_out,
         identify=_pooled(own, pairs, rng),
         maneuvers=tuple(_one(name, roles[name], pairs, rng) for name in pairs),
         coefficients=_coefficients(before, after), false_alarm_p=diagnosis.false_alarm_p,
-        findings=findings,
+        findings=tuple(findings),
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Validation: re-simulation of whole maneuvers from their initial state and inputs alone."""
+"""Prediction of every maneuver by the model and by its prior, and the errors of both."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -25,6 +25,7 @@ from auvident.schema.artifacts import (
 )
 from auvident.schema.coefficients import Plane
 from auvident.schema.trial import Trial
+from auvident.stages.validate.findings import findings_of
 
 Array = npt.NDArray[np.float64]
 
@@ -71,7 +72,10 @@ class Prediction:
         return not bool(np.isfinite(self.predicted).all())
 
 
-def validate(trials: Sequence[Trial], maneuvers: Maneuvers, model: IdentifiedModel) -> Validation:
+def validate(
+    trials: Sequence[Trial], maneuvers: Maneuvers, model: IdentifiedModel, *,
+    estimated: bool = True,
+) -> Validation:  # fmt: skip
     """Predict every maneuver of the model's plane and compare with what was measured.
 
     A prediction starts from the measured initial state and is given only the logged inputs
@@ -83,6 +87,8 @@ def validate(trials: Sequence[Trial], maneuvers: Maneuvers, model: IdentifiedMod
     trials : sequence of Trial
     maneuvers : Maneuvers
     model : IdentifiedModel
+    estimated : bool
+        Whether the prior is the estimate from geometry; else the findings call it given.
 
     Returns
     -------
@@ -97,6 +103,8 @@ def validate(trials: Sequence[Trial], maneuvers: Maneuvers, model: IdentifiedMod
     before = predict_all(trials, maneuvers, bare, estimate)
     metrics = _metrics(after, structure, identified)
     metrics = metrics.model_copy(update={"ase": _metrics(before, plain, estimate)})
+    findings = (*metrics.findings, *findings_of(metrics, model, estimated))
+    metrics = metrics.model_copy(update={"findings": findings})
     tables = [_table(a, b, model.plane) for a, b in zip(after, before, strict=True)]
     return Validation(metrics, pd.concat(tables, ignore_index=True))
 

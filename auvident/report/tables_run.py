@@ -1,0 +1,183 @@
+"""Tables of the logs, the maneuvers and the predictions; for the terminal and for the page."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from auvident.report.numbers import Style
+from auvident.report.tables import (
+    Cell,
+    Column,
+    Fixed,
+    Joined,
+    Number,
+    Quantity,
+    Rows,
+    Table,
+    Unit,
+    beside,
+    columns,
+    with_std,
+)
+from auvident.schema.artifacts import ChannelMetrics, Combination, Maneuver, Metrics
+from auvident.schema.logs import SensorQuality, TrialQuality
+
+
+def trials(found: Sequence[TrialQuality]) -> Table:
+    """One row a trial."""
+    rows = [
+        [t.trial, left_out(t.sensors), str(t.samples), f"{t.rate_hz:g}",
+         f"{t.t_end_s - t.t_start_s:.1f}", str(len(t.records))]
+        for t in found
+    ]  # fmt: skip
+    heads = columns(("trial", "left out"), ("rows", "Hz", "length, s", "records"))
+    return Table(heads, rows, "Trials")
+
+
+def sensors(found: Sequence[TrialQuality], title: str = "") -> Table:
+    """What became of every sensor's rows."""
+    rows = [[t.trial, *_sensor(s)] for t in found for s in t.sensors]
+    heads = (
+        Column("trial", on_page=True), *columns(("sensor", "left out")),
+        Column("noise", on_page=True), *columns(numbers=("rows", "used", "Hz")),
+        Column("jitter, ms", numeric=True, on_page=True), Column("gaps", numeric=True),
+        Column("longest interval, s", numeric=True, on_page=True),
+    )  # fmt: skip
+    return Table(heads, rows, title)
+
+
+def _sensor(s: SensorQuality) -> list[Cell]:
+    noise = [
+        Joined((c.log_column, Quantity(c.noise_std, c.unit, 2)), " ")
+        for c in s.channels if c.noise_std
+    ]  # fmt: skip
+    longest = max((c.longest_gap_s for c in s.channels), default=0.0)
+    return [
+        s.sensor, left_out((s,)), Joined(noise), str(s.rows_read), str(s.rows_used),
+        Number(s.rate_hz), Fixed(None if s.jitter_s is None else 1000.0 * s.jitter_s, ".1f"),
+        str(max((c.gaps for c in s.channels), default=0)), Number(longest, 2),
+    ]  # fmt: skip
+
+
+def left_out(found: Sequence[SensorQuality]) -> str:
+    """How many samples were left out, by reason."""
+    count: dict[str, int] = {}
+    for where in (d for s in found for d in (s.dropped, *(c.dropped for c in s.channels))):
+        for reason, dropped in where.items():
+            count[reason] = count.get(reason, 0) + dropped.count
+    return ", ".join(f"{n} {reason.replace('_', ' ')}" for reason, n in count.items())
+
+
+def maneuvers(found: Sequence[Maneuver], title: str = "") -> Table:
+    """Maneuvers with what characterises them."""
+    heads = (
+        *columns(("maneuver", "kind", "role")), Column("what", on_page=True),
+        *columns(numbers=("from, s", "to, s", "length, s")),
+        Column("std u, m/s", numeric=True, on_page=True),
+        Column("std r or q, deg/s", numeric=True, on_page=True),
+    )  # fmt: skip
+    return Table(heads, [_maneuver(m) for m in found], title, mark="validate")
+
+
+def _maneuver(m: Maneuver) -> list[Cell]:
+    excitation = m.features.get("excitation") or {}
+    rate = excitation.get("r_std_degps", excitation.get("q_std_degps"))
+    return [
+        m.id, m.kind, m.role, _what(m), f"{m.t_start_s:.1f}", f"{m.t_end_s:.1f}",
+        f"{m.t_end_s - m.t_start_s:.1f}", Number(excitation.get("u_std_mps"), 2), Number(rate, 2),
+    ]  # fmt: skip
+
+
+def _what(m: Maneuver) -> Joined:
+    """A maneuver in a few words, from those of its features that it has."""
+    f = m.features
+    fin = "elevator" if "elevator_deg" in f else "rudder"
+    speeds = f.get("steady_speed_mps")
+    pieces: list[Cell] = [
+        _feature(f.get("approach_speed_mps"), "", " m/s"),
+        _feature(f.get("rudder_deg", f.get("elevator_deg")), "", f"° {fin}"),
+        f"to {f['side']}" if f.get("side") else "",
+        _feature(f.get("steady_diameter_m"), "diameter ", " m"),
+        f"{f['executes']} executes" if f.get("executes") else "",
+        _feature(f.get("overshoot_1_deg"), "1st overshoot ", "°"),
+        _feature(f.get("period_s"), "period ", " s"),
+        ", ".join(f"{x:.0f}" for x in f["rpm_levels"]) + " rpm" if f.get("rpm_levels") else "",
+    ]
+    if speeds and isinstance(speeds, list):
+        pieces.append(Joined((Joined([Number(x) for x in speeds]), "m/s"), " "))
+    return Joined(pieces)
+
+
+def _feature(value: float | None, before: str, behind: str) -> Cell:
+    return Number(value, before=before, behind=behind) if value else ""
+
+
+def errors_by_channel(
+    title: str, after: Mapping[str, ChannelMetrics], before: Mapping[str, ChannelMetrics]
+) -> Table:
+    """Errors of the prediction by channel: estimate from geometry, identified model."""
+    rows: Rows = [
+        [name, Unit(a.unit, True), Number(b.rmse if b else None, 3, a.unit),
+         Number(a.rmse, 3, a.unit), Number(b.nrmse if b else None), Number(a.nrmse),
+         Fixed(a.r2, ".3f")]
+        for name, a in after.items()
+        for b in [before.get(name)]
+    ]  # fmt: skip
+    heads = ("RMSE, ASE", "RMSE, identified", "NRMSE, ASE", "NRMSE, identified", "R²")
+    return Table(columns(("channel", "unit"), heads), rows, title)
+
+
+def errors_by_maneuver(metrics: Metrics) -> Table:
+    """RMSE of every maneuver and channel, the estimate's in brackets."""
+    before = {m.id: m.channels for m in metrics.ase.maneuvers} if metrics.ase else {}
+    units = {name: c.unit for m in metrics.maneuvers for name, c in m.channels.items()}
+    rows: list[list[Cell]] = []
+    for m in sorted(metrics.maneuvers, key=lambda m: m.role != "validate"):
+        errors = (_beside(m.channels.get(n), before.get(m.id, {}).get(n)) for n in units)
+        rows.append([m.id, m.kind, m.role, f"{m.duration_s:.0f}", *errors])
+    heads = (*columns(("maneuver", "kind", "role"), ("s",)),
+             *(Column(name, unit, numeric=True) for name, unit in units.items()))  # fmt: skip
+    return Table(heads, rows, mark="validate")
+
+
+def _beside(after: ChannelMetrics | None, before: ChannelMetrics | None) -> Cell:
+    if after is None:
+        return Number(None)
+    return beside(after.rmse, before.rmse if before else None, after.unit, 2)
+
+
+def combination(found: Combination, style: Style, most: int | None = None) -> str:
+    """A sum of coefficients, largest share first, in prior standard deviations."""
+    shares = list(zip(found.symbols, found.weights, strict=True))
+    moves = [s if w == 1.0 else f"{style.number(w, 2)} {s}" for s, w in shares[:most]]
+    more = " ..." if len(shares) > len(moves) else ""
+    return " + ".join(moves).replace(f"+ {style.minus}", f"{style.minus} ") + more
+
+
+def runs_side_by_side(compared: Mapping[str, Any]) -> list[Table]:
+    """Coefficients, effects and held-out errors of several runs; those that there are."""
+    names = [str(run["run"]) for run in compared["runs"]]
+    values: Rows = [
+        [r["symbol"], r["unit"], *_values(r), Number(r["apart"], 2)]
+        for r in compared["coefficients"]
+    ]
+    effects: Rows = [[r["symbol"], r["unit"], *_values(r)] for r in compared["effects"]]
+    errors: Rows = [[r["channel"], r["unit"], *_errors(r)] for r in compared["held_out"]]
+    heads = columns(("", "unit"), names)
+    first = Table((*heads, *columns(numbers=("apart, std",))), values, "Coefficients (value ± std)")
+    others = (
+        Table(heads, effects, "Effects that were added (value ± std)"),
+        Table(heads, errors, "Held-out error, RMSE (NRMSE)"),
+    )
+    return [first, *(table for table in others if table.rows)]
+
+
+def _values(row: Mapping[str, Any]) -> list[Cell]:
+    """Value and standard deviation of every run; empty where it has none."""
+    pairs = zip(row["value"], row["std"], strict=True)
+    return ["" if value is None else with_std(value, std) for value, std in pairs]
+
+
+def _errors(row: Mapping[str, Any]) -> list[Cell]:
+    """Error and normalised error of every run; empty where it has none."""
+    pairs = zip(row["rmse"], row["nrmse"], strict=True)
+    return ["" if rmse is None else beside(rmse, nrmse) for rmse, nrmse in pairs]

@@ -1,0 +1,121 @@
+"""What the errors of a model, beside those of its prior, say against it."""
+
+from collections.abc import Iterator, Mapping
+
+from auvident.schema.artifacts import (
+    PRIOR_WORDS,
+    RAN_AWAY,
+    ChannelMetrics,
+    Finding,
+    IdentifiedModel,
+    Metrics,
+)
+
+AS_ITS_VARIATION = 1.0  # NRMSE from which on the mean of a channel would predict it as well
+NOT_BETTER = 1.0  # ratio of squared errors below which the data did not help
+MANY_ON_PRIOR = 0.5  # data share below which a coefficient is more prior than data
+
+Channels = Mapping[str, ChannelMetrics]
+
+
+def findings_of(metrics: Metrics, model: IdentifiedModel, estimated: bool = True) -> list[Finding]:
+    """Findings on a model, the gravest first.
+
+    Parameters
+    ----------
+    metrics : Metrics
+        Of the model, with those of its prior as ``ase``.
+    model : IdentifiedModel
+    estimated : bool
+        Whether the prior is the estimate from geometry; else it is given coefficients.
+
+    Returns
+    -------
+    list of Finding
+    """
+    prior = PRIOR_WORDS["ASE" if estimated else "prior"]
+    after = metrics.summary.get("validate", {})
+    return [
+        *_not_predicted(after), *_no_better(after, _pooled_by_prior(metrics), prior),
+        *_prior_ran_away(metrics, prior), *_worse_than_prior(metrics, prior),
+        *_resting_on_prior(model),
+    ]  # fmt: skip
+
+
+def _not_predicted(after: Channels) -> Iterator[Finding]:
+    for name, m in after.items():
+        if m.nrmse >= AS_ITS_VARIATION:
+            yield Finding(
+                code="not-predicted", where=name, value=m.nrmse, threshold=AS_ITS_VARIATION,
+                message=f"the error of {name} is as large as its variation: not predicted",
+                remedy=f"Do not use the model for {name}.",
+            )  # fmt: skip
+
+
+def _no_better(after: Channels, before: Channels, prior: str) -> Iterator[Finding]:
+    for name, m in after.items():
+        ratio = _gain(before.get(name), m)
+        if ratio is not None and ratio <= NOT_BETTER:
+            yield Finding(
+                code="no-better", where=name, value=ratio, threshold=NOT_BETTER,
+                message=f"{name} of the held-out maneuvers is predicted no better than by {prior}",
+                remedy=f"The maneuvers that identify teach nothing about {name} that holds here.",
+            )  # fmt: skip
+
+
+def _prior_ran_away(metrics: Metrics, prior: str) -> Iterator[Finding]:
+    for f in metrics.ase.findings if metrics.ase else ():
+        if f.code == RAN_AWAY:
+            yield Finding(
+                code="prior-ran-away", where=f.where,
+                message=f"predictions by {prior} leave every bound, so their pooled errors are "
+                "not compared",
+                remedy="What identification gained is not known.",
+            )  # fmt: skip
+
+
+def _worse_than_prior(metrics: Metrics, prior: str) -> Iterator[Finding]:
+    """Held-out maneuvers one by one: pooled, a good one can hide a bad one."""
+    before = {m.id: m.channels for m in metrics.ase.maneuvers} if metrics.ase else {}
+    for m in (m for m in metrics.maneuvers if m.role == "validate"):
+        gains = {k: _gain(before.get(m.id, {}).get(k), c) for k, c in m.channels.items()}
+        worse = {k: g for k, g in gains.items() if g is not None and g < NOT_BETTER}
+        if worse:
+            yield Finding(
+                code="worse-than-prior", where=f"{m.id} ({', '.join(worse)})",
+                value=min(worse.values()), threshold=NOT_BETTER,
+                message="some channels of single held-out maneuvers are predicted worse than by "
+                f"{prior}",
+                remedy="Look at their measured and predicted channels.",
+            )  # fmt: skip
+
+
+def _resting_on_prior(model: IdentifiedModel) -> Iterator[Finding]:
+    shares = {c.symbol: c.data_share for c in model.coefficients}
+    on_prior = {symbol: share for symbol, share in shares.items() if share < MANY_ON_PRIOR}
+    if on_prior:
+        yield Finding(
+            code="rests-on-prior", where=", ".join(on_prior), value=min(on_prior.values()),
+            threshold=MANY_ON_PRIOR,
+            message=f"{len(on_prior)} of {len(shares)} coefficients rest more on the prior than "
+            "on these data; the prediction is good where the maneuvers were, the single "
+            "coefficient need not be",
+            remedy="`auvident plan-trial RUN` ranks the maneuvers that would show more.",
+        )  # fmt: skip
+
+
+def _pooled_by_prior(metrics: Metrics) -> Channels:
+    """Pooled errors of the prior; empty where it did not predict the same held-out maneuvers."""
+    if metrics.ase is None:
+        return {}
+    after, before = (
+        {m.id for m in x.maneuvers if m.role == "validate"} for x in (metrics, metrics.ase)
+    )
+    return metrics.ase.summary.get("validate", {}) if after == before else {}
+
+
+def _gain(before: ChannelMetrics | None, after: ChannelMetrics) -> float | None:
+    """Squared error before over that after; None when unknown."""
+    if before is None or after.rmse <= 0.0:
+        return None
+    return (before.rmse / after.rmse) ** 2
