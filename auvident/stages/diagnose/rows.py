@@ -1,6 +1,5 @@
 """From the evidence of a diagnosis to its verdict and its artifact."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
@@ -8,7 +7,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy.special import stdtrit
 
 from auvident.engines.records import STATE_COLUMNS
 from auvident.schema.artifacts import Finding, IdentifiedModel, Maneuvers
@@ -21,28 +19,28 @@ from auvident.schema.diagnosis import (
     ResidualRow,
 )
 from auvident.schema.effect_words import plain
-from auvident.schema.effects import BY_ID, EFFECTS, parameter_of
+from auvident.schema.effects import BY_ID, parameter_of
 from auvident.schema.likeness import separated_by
 from auvident.schema.loop_statements import remaining_of, statement
-from auvident.stages.diagnose.candidates import Round, Traced, Tried, open_of
+from auvident.stages.diagnose.candidates import Round, Traced, Tried
 from auvident.stages.diagnose.case import CHANNELS, Case
-from auvident.stages.diagnose.fits import Fitted, check_cost, prior_of, record_parts
+from auvident.stages.diagnose.fits import Fitted, check_cost
 from auvident.stages.diagnose.free_forces import FreeForce
-from auvident.stages.diagnose.leftout import MOST_FITS, leave_out
 from auvident.stages.diagnose.sight import detectable, lookalikes
 from auvident.stages.diagnose.thrust_time import STEP, step_time
+from auvident.stages.diagnose.uncertainty import (
+    covariance_of,
+    effect_values,
+    spreads,
+    together,
+)
 from auvident.stages.diagnose.unknown_forces import unknown_forces
 from auvident.stages.diagnose.verdict import Evidence, left_channels, nearest_of, verdict_of
 
 Array = npt.NDArray[Any]
 
-INTERVAL = 0.975
 # errors on generated trials (`waves`, `events`): 0.006 rad/s and 2.6 deg at most, about a second
 WAVE_STD_RADPS, WAVE_STD_DEG, EVENT_STD_S = 0.02, 5.0, 1.0
-TIMED = tuple(
-    n for e in EFFECTS if e.alike == "late" for n in e.names() if parameter_of(n).unit == "s"
-)
-TIMED_STD_S = 0.045  # silent lag and delay of a servo together
 UNITS = ("m/s", "m/s", "rad/s")
 FORCE_COLUMNS = ("force_X_n", "force_Y_n", "force_N_nm")
 
@@ -133,73 +131,9 @@ def _accepted(evidence: Evidence) -> list[EffectFound]:
         found.append(EffectFound(
             id=effect, family=BY_ID[effect].family, parameters=values,
             plain=plain(effect, values, speed, rate), time_s=when.value if when else None,
-            **_together(case, effect, covariance[0] + covariance[1]),
+            **together(case, effect, covariance[0] + covariance[1]),
         ))  # fmt: skip
     return found
-
-
-def _together(case: Case, effect: str, covariance: Array) -> dict[str, Any]:
-    """Covariance of the parameters of an effect that has several, and its degrees of freedom."""
-    own = case.positions(effect)
-    declared = [parameter_of(case.names[i]) for i in own]
-    if len(own) < 2 or any(p.form != "plain" for p in declared):
-        return {}
-    factors = np.array([p.factor for p in declared])
-    matrix = covariance[np.ix_(own, own)] * np.outer(factors, factors)
-    return {"covariance": tuple(map(tuple, matrix.tolist())), "freedom": freedom_of(case)}
-
-
-def freedom_of(case: Case) -> int:
-    """Degrees of freedom of a scatter between maneuvers left out."""
-    return max(min(len(case.records), MOST_FITS) - 1, 1)
-
-
-def covariance_of(case: Case, fitted: Fitted) -> tuple[Array, Array]:
-    """Covariances (n_parameters, n_parameters) of the free parameters of a fit.
-
-    What the curvature says, and the scatter when maneuvers are left out (jackknife).
-    """
-    free, moving = fitted.free, case.setup.free(fitted.free)
-    _, curvature, _, _ = prior_of(case, free, open_of(case, fitted))
-    for record in case.records:
-        parts = record_parts(case, fitted.parameters, record, fitted.colours, moving)
-        if parts is not None:
-            curvature = curvature + parts[2]
-    n = len(fitted.parameters)
-    by_curvature, scatter = np.zeros((n, n)), np.zeros((n, n))
-    scale = np.outer(moving.scale, moving.scale)
-    by_curvature[np.ix_(free, free)] = np.linalg.inv(curvature) * scale
-    if len(case.records) > 2:
-        without = leave_out(case, fitted, fitted.colours).parameters
-        away = without - without.mean(0)
-        scatter = (len(away) - 1) / len(away) * away.T @ away
-    return by_curvature, scatter
-
-
-def spreads(case: Case, fitted: Fitted, covariance: tuple[Array, Array]) -> Array:
-    """Standard deviation (n_parameters,) of the free parameters of a fit.
-
-    The larger of what the curvature says and of the scatter when maneuvers are left out.
-    """
-    out, scatter = (np.sqrt(np.diag(matrix)) for matrix in covariance)
-    for i, name in enumerate(case.names):
-        if name in TIMED and i in fitted.free:  # every model's allowances may lend or take this
-            out[i] = math.hypot(out[i], TIMED_STD_S)
-    return np.maximum(out, np.where(out > 0.0, scatter, 0.0))
-
-
-def effect_values(case: Case, effect: str, p: Array, stds: Array) -> tuple[ParameterValue, ...]:
-    """Parameters of an effect in the units of the artifacts, with 95 % intervals."""
-    found = []
-    reach = float(stdtrit(freedom_of(case), INTERVAL))
-    for i in case.positions(effect):
-        declared = parameter_of(case.names[i])
-        value, std = declared.shown(float(p[i] - case.setup.prior[i]), float(stds[i]))
-        found.append(ParameterValue(
-            symbol=declared.symbol, value=value, std=std, unit=declared.unit,
-            low=value - reach * std, high=value + reach * std,
-        ))  # fmt: skip
-    return tuple(found)
 
 
 def _silent(case: Case, fitted: Fitted, quiet: Sequence[str]) -> tuple[EffectFound, ...]:
