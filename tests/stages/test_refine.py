@@ -468,6 +468,10 @@ def test_where_the_model_before_is_kept_nothing_is_claimed() -> None:
     assert (found.verdict, found.effects, found.not_confirmed) == ("unexplained", (), ())
     assert found.statement.startswith("Nothing could be added")
     assert "r +129 %" in found.statement and not found.added
+    assert found.candidates[0].rejected.startswith("a model with it predicts")
+    assert found.candidates[0].refusal and found.candidates[0].refusal.code == "not-added"
+    # the model before may allow its vehicle a little of it: that is no size of what was found
+    assert [p.value for p in found.candidates[0].parameters] == [1.0]
 
 
 def test_effects_that_stand_beside_a_remainder_are_partly_an_explanation() -> None:

@@ -1,6 +1,7 @@
 """What a refined model confirms of a diagnosis, in its own sizes."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,18 @@ Array = npt.NDArray[Any]
 NORMAL_95 = 1.96
 
 
+@dataclass(frozen=True)
+class Refusal:
+    """Why an accepted effect is not claimed after all."""
+
+    code: str
+    text: str
+
+
+NOT_ADDED = Refusal("not-added", "a model with it predicts the maneuvers that identify no better")
+NOT_CONFIRMED = Refusal("not-confirmed", "not confirmed: the interval of its size holds zero")
+
+
 def claims_of(
     diagnosis: Diagnosis, after: IdentifiedModel, attempts: Sequence[Attempt], speed: float,
     rate: float,
@@ -41,10 +54,10 @@ def claims_of(
     An effect stands when some size of it is told from nothing, in the model that was taken.
     """
     kept = any(a.taken for a in attempts[:1])  # the model before is the best
-    final = [_with_final_values(e, after, speed, rate) for e in diagnosis.effects]
+    final = [e if kept else _with_final_values(e, after, speed, rate) for e in diagnosis.effects]
     in_model = [e for e in final if BY_ID[e.id].enters != "disturbance"]
-    sure = {e.id for e in in_model if is_confirmed(e) or told_together(e, diagnosis, after)}
-    doubted = [e for e in in_model if kept or e.id not in sure]
+    doubts = {e.id: _doubt(e, diagnosis, after, kept) for e in in_model}
+    doubted = [e for e in in_model if doubts[e.id]]
     effects = tuple(e for e in final if e not in doubted)
     named = {e.id for e in effects}
     groups = tuple(g for g in diagnosis.ambiguous if named & set(g))
@@ -52,9 +65,7 @@ def claims_of(
     if doubted and not effects:
         unexplained["nearest"] = ", ".join(e.id for e in doubted)
     verdict = _verdict(diagnosis.verdict, effects, groups, bool(doubted))
-    said = statement(
-        verdict, effects, groups, diagnosis.separate_by, diagnosis.sees, unexplained
-    )  # fmt: skip
+    said = statement(verdict, effects, groups, diagnosis.separate_by, diagnosis.sees, unexplained)
     if kept and doubted:
         last = attempts[-1]
         said = not_added(last.effects, last.ratios, last.ran_away)
@@ -66,7 +77,7 @@ def claims_of(
         "verdict": verdict, "statement": said, "effects": effects, "ambiguous": groups,
         "not_confirmed": () if kept else tuple(doubted),
         "candidates": tuple(
-            _final_candidate(c, final, c.id in sure) for c in diagnosis.candidates
+            _final_candidate(c, final, doubts.get(c.id)) for c in diagnosis.candidates
         ),
         "unexplained": unexplained, "remaining": remaining_of(verdict, unexplained),
     }  # fmt: skip
@@ -82,6 +93,16 @@ def _verdict(
     if verdict == "ambiguous" and not groups:
         return "effect_found"
     return verdict
+
+
+def _doubt(
+    effect: EffectFound, diagnosis: Diagnosis, after: IdentifiedModel, kept: bool
+) -> Refusal | None:
+    """Why an effect is not claimed; None where it is."""
+    if kept:
+        return NOT_ADDED
+    sure = is_confirmed(effect) or told_together(effect, diagnosis, after)
+    return None if sure else NOT_CONFIRMED
 
 
 def told_together(effect: EffectFound, diagnosis: Diagnosis, after: IdentifiedModel) -> bool:
@@ -120,15 +141,16 @@ def _refined(effect: str, symbols: Sequence[str], after: IdentifiedModel) -> Arr
     return found
 
 
-def _final_candidate(candidate: Candidate, effects: Sequence[EffectFound], sure: bool) -> Candidate:
+def _final_candidate(
+    candidate: Candidate, effects: Sequence[EffectFound], doubt: Refusal | None
+) -> Candidate:
     """A candidate with the size that the refined model ends at, where it has one."""
     final = next((e for e in effects if e.id == candidate.id), None)
     if final is None or candidate.rejected:
         return candidate
     update: dict[str, Any] = {"parameters": final.parameters}
-    if not sure:
-        update["rejected"] = "not confirmed: the interval of its size holds zero"
-        update["refusal"] = Refused(code="not-confirmed")
+    if doubt is not None:
+        update |= {"rejected": doubt.text, "refusal": Refused(code=doubt.code)}
     return candidate.model_copy(update=update)
 
 
