@@ -30,8 +30,6 @@ class EffectFound(Artifact):
 
     ``plain`` says it in words (a current in m/s and degrees, a side force in N at cruise).
     ``maneuver``, ``time_s`` and ``duration_s`` belong to a `one_off_event` or a `thrust_step`.
-    ``covariance`` of the parameters, in their units, stands where there are several: what each
-    says alone is less than what they say together. It has ``freedom`` degrees of freedom.
     """
 
     id: str
@@ -41,8 +39,6 @@ class EffectFound(Artifact):
     maneuver: str | None = None
     time_s: float | None = None
     duration_s: float | None = None
-    covariance: tuple[tuple[float, ...], ...] = ()
-    freedom: int = 0
 
 
 class Refused(Artifact):

@@ -433,36 +433,6 @@ def test_a_size_whose_interval_holds_zero_is_not_confirmed_anywhere() -> None:
     assert not both.unexplained
 
 
-@pytest.mark.parametrize(
-    ("correlation", "verdict"),
-    [
-        (-0.99, "effect_found"),  # 1 and 1 with deviations of 1, of their sum 0.14
-        (0.0, "unexplained"),
-        (0.99, "unexplained"),
-    ],
-)
-def test_what_is_in_doubt_alone_may_be_sure_together(correlation, verdict) -> None:
-    sides = tuple(
-        ParameterValue(symbol=s, value=1.0, std=1.0, unit="kg", low=-1.2, high=3.2)
-        for s in ("Y_0", "N_0")
-    )
-    asymmetry = EffectFound(
-        id="hull_asymmetry", family="hydrodynamics", parameters=sides, freedom=7,
-        covariance=((1.0, correlation), (correlation, 1.0)),
-    )  # fmt: skip
-    rows = [{"symbol": p.symbol, "value": 1.0, "std": 0.1, "unit": "kg"} for p in sides]
-    after = model().model_copy(update={"effects": (
-        {"id": "hull_asymmetry", "family": "hydrodynamics", "silent": False, "internal": {},
-         "parameters": rows},
-    )})  # fmt: skip
-    found = compare(
-        diagnosis(asymmetry).model_copy(update={"verdict": "effect_found"}), MANEUVERS, model(),
-        after, predicted(0), predicted(1), attempts=TAKEN,
-    )  # fmt: skip
-    assert found.verdict == verdict
-    assert len(found.effects) + len(found.not_confirmed) == 1
-
-
 def test_where_the_model_before_is_kept_nothing_is_claimed() -> None:
     found = claimed(1.3, 0.05, KEPT)
     assert (found.verdict, found.effects, found.not_confirmed) == ("unexplained", (), ())

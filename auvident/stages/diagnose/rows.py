@@ -28,12 +28,7 @@ from auvident.stages.diagnose.fits import Fitted, check_cost
 from auvident.stages.diagnose.free_forces import FreeForce
 from auvident.stages.diagnose.sight import detectable, lookalikes
 from auvident.stages.diagnose.thrust_time import STEP, step_time
-from auvident.stages.diagnose.uncertainty import (
-    covariance_of,
-    effect_values,
-    spreads,
-    together,
-)
+from auvident.stages.diagnose.uncertainty import effect_values, spreads
 from auvident.stages.diagnose.unknown_forces import unknown_forces
 from auvident.stages.diagnose.verdict import Evidence, left_channels, nearest_of, verdict_of
 
@@ -119,8 +114,7 @@ def _accepted(evidence: Evidence) -> list[EffectFound]:
     final = traced.final
     if not traced.named:
         return []
-    covariance = covariance_of(case, final)
-    stds = spreads(case, final, covariance)
+    stds = spreads(case, final)
     speed = float(np.median(np.concatenate([r.given[:, 0] for r in case.records])))
     rate = float(np.median(np.concatenate([r.inputs[:, 2] for r in case.records])))
     found = []
@@ -131,7 +125,6 @@ def _accepted(evidence: Evidence) -> list[EffectFound]:
         found.append(EffectFound(
             id=effect, family=BY_ID[effect].family, parameters=values,
             plain=plain(effect, values, speed, rate), time_s=when.value if when else None,
-            **together(case, effect, covariance[0] + covariance[1]),
         ))  # fmt: skip
     return found
 

@@ -4,10 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 import pandas as pd
-from scipy.special import fdtri
 
 from auvident.schema.artifacts import IdentifiedModel, Verdict
 from auvident.schema.diagnosis import (
@@ -19,7 +16,7 @@ from auvident.schema.diagnosis import (
     Refused,
 )
 from auvident.schema.effect_words import is_confirmed, plain
-from auvident.schema.effects import BY_ID, parameter_of
+from auvident.schema.effects import BY_ID
 from auvident.schema.loop_statements import (
     found,
     not_added,
@@ -27,8 +24,6 @@ from auvident.schema.loop_statements import (
     remaining_of,
     statement,
 )
-
-Array = npt.NDArray[Any]
 
 NORMAL_95 = 1.96
 
@@ -56,7 +51,7 @@ def claims_of(
     kept = any(a.taken for a in attempts[:1])  # the model before is the best
     final = [e if kept else _with_final_values(e, after, speed, rate) for e in diagnosis.effects]
     in_model = [e for e in final if BY_ID[e.id].enters != "disturbance"]
-    doubts = {e.id: _doubt(e, diagnosis, after, kept) for e in in_model}
+    doubts = {e.id: _doubt(e, kept) for e in in_model}
     doubted = [e for e in in_model if doubts[e.id]]
     effects = tuple(e for e in final if e not in doubted)
     named = {e.id for e in effects}
@@ -95,50 +90,11 @@ def _verdict(
     return verdict
 
 
-def _doubt(
-    effect: EffectFound, diagnosis: Diagnosis, after: IdentifiedModel, kept: bool
-) -> Refusal | None:
+def _doubt(effect: EffectFound, kept: bool) -> Refusal | None:
     """Why an effect is not claimed; None where it is."""
     if kept:
         return NOT_ADDED
-    sure = is_confirmed(effect) or told_together(effect, diagnosis, after)
-    return None if sure else NOT_CONFIRMED
-
-
-def told_together(effect: EffectFound, diagnosis: Diagnosis, after: IdentifiedModel) -> bool:
-    """Whether the parameters of an effect, taken together, are told from nothing at 95 %.
-
-    A side force and a moment may each be in doubt where their sum in a turn is not. The
-    covariance is that of the diagnosis and of the refined model together with the difference
-    between the two; Hotelling's T squared.
-    """
-    first = next(e for e in diagnosis.effects if e.id == effect.id)
-    count, freedom = len(first.covariance), first.freedom
-    if count < 2 or freedom < count:
-        return False
-    symbols = [p.symbol for p in first.parameters][:count]
-    final = {p.symbol: p.value for p in effect.parameters}
-    value = np.array([final[symbol] for symbol in symbols])
-    away = value - np.array([p.value for p in first.parameters][:count])
-    covariance = np.array(first.covariance) + _refined(effect.id, symbols, after)
-    distance = float(value @ np.linalg.solve(covariance + np.outer(away, away), value))
-    rest = freedom - count + 1
-    return distance > count * freedom / rest * float(fdtri(count, rest, 0.95))
-
-
-def _refined(effect: str, symbols: Sequence[str], after: IdentifiedModel) -> Array:
-    """Covariance of the parameters of an effect in a model; zero for those that it holds."""
-    names = after.covariance.get("symbols", [])
-    matrix = np.array(after.covariance.get("matrix", []))
-    found = np.zeros((len(symbols), len(symbols)))
-    at = {
-        k: names.index(f"{effect}.{s}") for k, s in enumerate(symbols) if f"{effect}.{s}" in names
-    }
-    factors = [parameter_of(f"{effect}.{symbol}").factor for symbol in symbols]
-    for k, i in at.items():
-        for m, j in at.items():
-            found[k, m] = matrix[i, j] * factors[k] * factors[m]
-    return found
+    return None if is_confirmed(effect) else NOT_CONFIRMED
 
 
 def _final_candidate(
