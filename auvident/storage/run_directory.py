@@ -1,6 +1,7 @@
 """The run directory: artifacts by stage, the manifest, and a lock while a stage writes."""
 
 import os
+import stat
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,6 +24,14 @@ EXPECTED = {"schema_": "auvident/run/1", "program": "auvident"}
 NOT_OURS = "It was not written by this program; use another run directory."
 
 
+def _is_no_folder(path: Path) -> bool:
+    """Whether something else is there; asked once, as another process may make or remove it."""
+    try:
+        return not stat.S_ISDIR(path.stat().st_mode)
+    except OSError:  # nothing there; what cannot be looked at is refused when it is locked
+        return False
+
+
 class RunDirectory:
     """A run directory on disk.
 
@@ -34,7 +43,7 @@ class RunDirectory:
 
     def __init__(self, path: Path) -> None:
         self.path = Path(path)
-        if self.path.exists() and not self.path.is_dir():
+        if _is_no_folder(self.path):
             raise UsageError("is a file, not a run directory", str(path), "Name another folder.")
 
     def __truediv__(self, relative: str) -> Path:

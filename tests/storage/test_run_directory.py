@@ -218,3 +218,20 @@ def test_units_stand_in_the_parquet_metadata(tmp_path: Path) -> None:
     assert units == ["s", "rad/s", "kg/m", "kg/m", "bool"]
     assert json.loads(schema.metadata[b"units"])["r_radps"] == "rad/s"
     pd.testing.assert_frame_equal(read_table(path), table)
+
+
+def test_whether_a_folder_is_one_is_asked_once(tmp_path: Path, monkeypatch) -> None:
+    """Another process may make or remove it in between: that made it a file for a moment."""
+    place, real, asked = tmp_path / "run", Path.stat, []
+
+    def removed_after(self, **how):
+        found = real(self, **how)
+        if self == place:
+            asked.append(self)
+            self.rmdir()
+        return found
+
+    place.mkdir()
+    monkeypatch.setattr(Path, "stat", removed_after)
+    RunDirectory(place)
+    assert len(asked) == 1
