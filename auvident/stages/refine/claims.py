@@ -1,7 +1,6 @@
 """What a refined model confirms of a diagnosis, in its own sizes."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
@@ -28,16 +27,12 @@ from auvident.schema.loop_statements import (
 NORMAL_95 = 1.96
 
 
-@dataclass(frozen=True)
-class Refusal:
-    """Why an accepted effect is not claimed after all."""
-
-    code: str
-    text: str
-
-
-NOT_ADDED = Refusal("not-added", "a model with it predicts the maneuvers that identify no better")
-NOT_CONFIRMED = Refusal("not-confirmed", "not confirmed: the interval of its size holds zero")
+# why an effect that a diagnosis accepted is not claimed after all
+NOT_ADDED, NOT_CONFIRMED = "not-added", "not-confirmed"
+DOUBTS = {
+    NOT_ADDED: "a model with it predicts the maneuvers that identify no better",
+    NOT_CONFIRMED: "not confirmed: the interval of its size holds zero",
+}
 
 
 def claims_of(
@@ -72,7 +67,7 @@ def claims_of(
         "verdict": verdict, "statement": said, "effects": effects, "ambiguous": groups,
         "not_confirmed": () if kept else tuple(doubted),
         "candidates": tuple(
-            _final_candidate(c, final, doubts.get(c.id)) for c in diagnosis.candidates
+            _final_candidate(c, final, doubts.get(c.id, "")) for c in diagnosis.candidates
         ),
         "unexplained": unexplained, "remaining": remaining_of(verdict, unexplained),
     }  # fmt: skip
@@ -90,23 +85,21 @@ def _verdict(
     return verdict
 
 
-def _doubt(effect: EffectFound, kept: bool) -> Refusal | None:
-    """Why an effect is not claimed; None where it is."""
+def _doubt(effect: EffectFound, kept: bool) -> str:
+    """Why an effect is not claimed, by a code of `DOUBTS`; empty where it is."""
     if kept:
         return NOT_ADDED
-    return None if is_confirmed(effect) else NOT_CONFIRMED
+    return "" if is_confirmed(effect) else NOT_CONFIRMED
 
 
-def _final_candidate(
-    candidate: Candidate, effects: Sequence[EffectFound], doubt: Refusal | None
-) -> Candidate:
+def _final_candidate(candidate: Candidate, effects: Sequence[EffectFound], doubt: str) -> Candidate:
     """A candidate with the size that the refined model ends at, where it has one."""
     final = next((e for e in effects if e.id == candidate.id), None)
     if final is None or candidate.rejected:
         return candidate
     update: dict[str, Any] = {"parameters": final.parameters}
-    if doubt is not None:
-        update |= {"rejected": doubt.text, "refusal": Refused(code=doubt.code)}
+    if doubt:
+        update |= {"rejected": DOUBTS[doubt], "refusal": Refused(code=doubt)}
     return candidate.model_copy(update=update)
 
 
