@@ -25,7 +25,7 @@ Array = npt.NDArray[Any]
 
 FRESH_ROUNDS, FRESH_STEPS = 3, 8  # from the estimate it is a longer way
 SETTLED = 1.0  # [nats] a refit that gains less has converged: a hundredth of what is worth a name
-MOST_REFITS = 4
+MOST_REFITS = 4  # of two rounds each; a fit from the estimate has three
 
 
 def refit(

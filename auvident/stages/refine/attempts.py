@@ -17,7 +17,8 @@ Model = TypeVar("Model")
 
 GUARDED = ("u", "v", "r")  # channels whose error in the maneuvers that identify is not to rise ...
 RISE = 0.02  # ... by more than this share: what the study of the loop counts as a rise
-# ... and never by more than this, whatever the other channels gain
+# ... and never by more than this, whatever the other channels gain: a tenth is more than any right
+# effect costs a channel (none of 51 trials from seed 1000 on rose at all)
 MOST_RISE = 0.10
 FLAT = 1.0e-9  # least error, or ratio of errors, that counts
 # A filter lets its state follow late readings and sees only a part of the delay (0.23 and 0.30 s
