@@ -116,3 +116,16 @@ def test_pictures_are_small(file: Path) -> None:
 
 def test_there_is_a_picture() -> None:
     assert "](docs/img/held_out.svg)" in (ROOT / "README.md").read_text()
+
+
+def test_tables_and_columns_that_contributors_are_sent_to_exist() -> None:
+    """Names of tables in capitals, and the columns of an effect."""
+    text = (DOCS / "contributing.md").read_text(encoding="utf-8")
+    source = [p.read_text(encoding="utf-8") for f in ("auvident", "tests", "sample_logs")
+              for p in (ROOT / f).rglob("*.py")]  # fmt: skip
+    named = set(re.findall(r"`([A-Z][A-Z_]{3,})`", text))
+    assert {"EFFECTS", "EFFECT_FORCES"} <= named
+    for name in named:
+        assert any(re.search(rf"^{name}\b.*=", code, re.M) for code in source), name
+    for column in ("words", "alike", "curved", "surge_alone", "higher_order", "steady", "late"):
+        assert f"`{column}`" in text and hasattr(EFFECTS[0], column)

@@ -469,6 +469,21 @@ def test_a_refined_prediction_that_is_lost_in_one_maneuver_meets_no_gate() -> No
     check_refined(compared(predicted(0), predicted(1)), {"u": 1e6})
 
 
+def test_a_refined_prediction_of_which_nothing_is_left_has_no_error() -> None:
+    """Least of all an error of zero."""
+    after = predicted(1)
+    simulated = [c for c in after if c.endswith("_simulated")]
+    after.loc[after["maneuver"] != "straight-1", simulated] = np.nan  # all that is held out
+    found = compared(predicted(0), after)
+    assert set(found.held_out.before) == {"u", "v", "r"}
+    assert found.held_out.after == {} == found.held_out.difference
+    assert {f.where for f in found.findings if f.code == "prediction-ran-away"} == {
+        "turn-1", "zigzag-1",
+    }  # fmt: skip
+    with pytest.raises(GateError, match="runs away"):
+        check_refined(found, {"r": 1e6})
+
+
 # --- what is said against the refined model ------------------------------------------------
 
 

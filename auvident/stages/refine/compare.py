@@ -59,7 +59,8 @@ def worse_channels(held_out: HeldOut) -> tuple[Finding, ...]:
             remedy="The identified model stays in identify/model.json.",
         )
         for name, before in held_out.before.items()
-        if before.rmse > 0.0 and held_out.difference[name].low > 0.0
+        if name in held_out.difference and before.rmse > 0.0
+        and held_out.difference[name].low > 0.0
         for after in [held_out.after[name]]
     )  # fmt: skip
 
@@ -126,18 +127,25 @@ def _errors(name: str, pairs: dict[str, Any], column: str) -> tuple[Array, Array
 
 
 def _pooled(names: Sequence[str], pairs: dict[str, Any], rng: np.random.Generator) -> HeldOut:
-    """Errors over several maneuvers together."""
-    before, after, difference = {}, {}, {}
+    """Errors over several maneuvers together, to where a prediction leaves every bound.
+
+    A prediction of which nothing is left has no error: its channels are missing.
+    """
+    before: dict[str, ChannelError] = {}
+    after: dict[str, ChannelError] = {}
+    difference: dict[str, Difference] = {}
     for column, channel, unit in channels_of(next(iter(pairs.values()))[0]):
         parts = [_errors(name, pairs, column) for name in names]
         parts = [p for p in parts if np.isfinite(p[2]).any()]
         if not parts:
             continue
         spread = _spread(np.concatenate([p[2] for p in parts]))
-        before[channel] = _error(np.concatenate([p[0] for p in parts]), spread, unit)
-        after[channel] = _error(np.concatenate([p[1] for p in parts]), spread, unit)
+        for k, errors in enumerate((before, after)):
+            found = _error(np.concatenate([p[k] for p in parts]), spread, unit)
+            errors |= {channel: found} if found else {}
         step = float(np.median(np.diff(pairs[names[0]][0]["time_s"].to_numpy())))
-        difference[channel] = _difference(parts, step, rng)
+        changed = _difference(parts, step, rng)
+        difference |= {channel: changed} if changed else {}
     return HeldOut(maneuvers=tuple(names), before=before, after=after, difference=difference)
 
 
@@ -156,17 +164,21 @@ def _spread(values: Array) -> float:
     return max(float(np.nanstd(values)), 1e-9)
 
 
-def _error(errors: Array, spread: float, unit: str) -> ChannelError:
+def _error(errors: Array, spread: float, unit: str) -> ChannelError | None:
     good = errors[np.isfinite(errors)]
-    rmse = float(np.sqrt(np.mean(good**2))) if good.size else 0.0
+    if not good.size:
+        return None
+    rmse = float(np.sqrt(np.mean(good**2)))
     return ChannelError(rmse=rmse, nrmse=rmse / spread, unit=unit)
 
 
 def _difference(
     parts: Sequence[tuple[Array, Array, Array]], step_s: float, rng: np.random.Generator
-) -> Difference:
+) -> Difference | None:
     """RMSE after minus before, with an interval from a bootstrap over blocks of time."""
     rows = [row for part in parts for row in _block_sums(part, step_s)]
+    if not rows:
+        return None
     sums = np.array(rows)  # count, squares before, squares after
     drawn = sums[rng.integers(0, len(sums), size=(DRAWS, len(sums)))].sum(axis=1)
     spread = np.sqrt(drawn[:, 2] / drawn[:, 0]) - np.sqrt(drawn[:, 1] / drawn[:, 0])
