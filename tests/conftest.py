@@ -24,9 +24,13 @@ def completed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "README.md").symlink_to(ROOT / "README.md")
     with contextlib.chdir(folder):
         done = call(
-            "run", "sample_logs/harbour_trial", "--vehicle", "sample_logs/remus100.toml",
-            "--run", "runs/demo",
-        )  # fmt: skip
+            "run",
+            "sample_logs/harbour_trial",
+            "--vehicle",
+            "sample_logs/remus100.toml",
+            "--run",
+            "runs/demo",
+        )
     assert done.code == 0, done.err
     return folder
 

@@ -36,39 +36,68 @@ NORTH = ParameterValue(
 )
 EAST = ParameterValue(symbol="east_mps", value=0.083, std=0.005, unit="m/s")
 CURRENT = EffectFound(
-    id="current", family="environment", parameters=(NORTH, EAST),
+    id="current",
+    family="environment",
+    parameters=(NORTH, EAST),
     plain="a current of 0.15 m/s that sets to 145 degrees",
-)  # fmt: skip
+)
 EVENT = EffectFound(
-    id="one_off_event", family="environment", parameters=(), plain="a disturbance",
-    maneuver="harbour_trial-turn-2", time_s=431.5, duration_s=6.0,
-)  # fmt: skip
+    id="one_off_event",
+    family="environment",
+    parameters=(),
+    plain="a disturbance",
+    maneuver="harbour_trial-turn-2",
+    time_s=431.5,
+    duration_s=6.0,
+)
 STATEMENT = "The model lacks a current: 0.15 m/s that sets to 145 degrees."
 NONE = "Nothing is missing that these maneuvers could show."
 LAG = ParameterValue(symbol="lag_s", value=0.04, std=0.03, unit="s")
 CANDIDATES = (
     Candidate(
-        id="current", family="environment", gain=812.4, p=0.005, parameters=(NORTH, EAST),
-        held_back_gain=640.2, improved=1.0, rms_fall={"u": 0.86, "v": 0.84}, refitted=True,
+        id="current",
+        family="environment",
+        gain=812.4,
+        p=0.005,
+        parameters=(NORTH, EAST),
+        held_back_gain=640.2,
+        improved=1.0,
+        rms_fall={"u": 0.86, "v": 0.84},
+        refitted=True,
     ),
     Candidate(
-        id="dvl_misalignment", family="sensing", gain=220.0, p=0.005, held_back_gain=31.0,
+        id="dvl_misalignment",
+        family="sensing",
+        gain=220.0,
+        p=0.005,
+        held_back_gain=31.0,
         rejected="gains less than current and nothing beside it",
     ),
     Candidate(
-        id="rudder_lag", family="actuation", gain=3.1, p=0.62, parameters=(LAG,),
-        held_back_gain=-0.4, improved=0.5, rejected="as likely by chance (p = 0.62)",
+        id="rudder_lag",
+        family="actuation",
+        gain=3.1,
+        p=0.62,
+        parameters=(LAG,),
+        held_back_gain=-0.4,
+        improved=0.5,
+        rejected="as likely by chance (p = 0.62)",
     ),
     *(
         Candidate(id=name, family=family, gain=1.0 / (i + 1), p=0.9, rejected="gains too little")
         for i, (name, family) in enumerate(
-            [("gyro_bias", "sensing"), ("thrust_sag", "actuation"),
-             ("linear_drag", "hydrodynamics"), ("cubic_damping", "hydrodynamics"),
-             ("rudder_stall", "actuation"), ("rudder_offset", "actuation"),
-             ("hull_asymmetry", "hydrodynamics")]
+            [
+                ("gyro_bias", "sensing"),
+                ("thrust_sag", "actuation"),
+                ("linear_drag", "hydrodynamics"),
+                ("cubic_damping", "hydrodynamics"),
+                ("rudder_stall", "actuation"),
+                ("rudder_offset", "actuation"),
+                ("hull_asymmetry", "hydrodynamics"),
+            ]
         )
     ),
-)  # fmt: skip
+)
 
 
 def sees() -> tuple[Detectable, ...]:
@@ -93,28 +122,42 @@ def residual_rows(maneuvers: Sequence[str], after: dict[str, float]) -> tuple[Re
     noise = {"u": 0.005, "v": 0.005, "r": 0.0009}
     return tuple(
         ResidualRow(
-            maneuver=name, channel=channel, unit=unit, rms=BEFORE[channel],
-            rms_after=after[channel], noise_std=noise[channel], correlation_time_s=4.2,
+            maneuver=name,
+            channel=channel,
+            unit=unit,
+            rms=BEFORE[channel],
+            rms_after=after[channel],
+            noise_std=noise[channel],
+            correlation_time_s=4.2,
         )
-        for name in maneuvers for channel, _, unit in CHANNELS
-    )  # fmt: skip
+        for name in maneuvers
+        for channel, _, unit in CHANNELS
+    )
 
 
 def diagnosis(maneuvers: Sequence[str] = ("turn-1",), **update: Any) -> Diagnosis:
     """What a current of the sea leaves behind."""
     found = Diagnosis(
-        plane="horizontal", verdict="effect_found", statement=STATEMENT, effects=(CURRENT,),
-        candidates=CANDIDATES, sees=sees(),
+        plane="horizontal",
+        verdict="effect_found",
+        statement=STATEMENT,
+        effects=(CURRENT,),
+        candidates=CANDIDATES,
+        sees=sees(),
         lookalikes=(
-            Lookalikes(ids=("rudder_offset", "hull_asymmetry"), cosine=0.998,
-                       separate_by="vary the speed while the rudder is amidships"),
+            Lookalikes(
+                ids=("rudder_offset", "hull_asymmetry"),
+                cosine=0.998,
+                separate_by="vary the speed while the rudder is amidships",
+            ),
         ),
         silent=(EffectFound(id="rudder_lag", family="actuation", parameters=(LAG,)),),
         steps=("current added: gain 812 nats", "no further effect passes the tests"),
         residuals=residual_rows(maneuvers, AFTER),
         missing=("roll_coupling: the log has no roll",),
-        false_alarm_p=0.005, identify_maneuvers=tuple(maneuvers),
-    )  # fmt: skip
+        false_alarm_p=0.005,
+        identify_maneuvers=tuple(maneuvers),
+    )
     return found.model_copy(update=update)
 
 
@@ -125,9 +168,14 @@ def nothing(maneuvers: Sequence[str] = ("turn-1",)) -> Diagnosis:
         for c in CANDIDATES
     )
     return diagnosis(
-        maneuvers, verdict="none_found", statement=NONE, effects=(), candidates=rejected,
-        residuals=residual_rows(maneuvers, BEFORE), false_alarm_p=0.71,
-    )  # fmt: skip
+        maneuvers,
+        verdict="none_found",
+        statement=NONE,
+        effects=(),
+        candidates=rejected,
+        residuals=residual_rows(maneuvers, BEFORE),
+        false_alarm_p=0.71,
+    )
 
 
 def errors(values: dict[str, float]) -> dict[str, ChannelError]:
@@ -146,9 +194,11 @@ def differences() -> dict[str, Difference]:
 
 def held_out(maneuvers: Sequence[str], after: dict[str, float]) -> HeldOut:
     return HeldOut(
-        maneuvers=tuple(maneuvers), before=errors(BEFORE), after=errors(after),
+        maneuvers=tuple(maneuvers),
+        before=errors(BEFORE),
+        after=errors(after),
         difference=differences(),
-    )  # fmt: skip
+    )
 
 
 def comparison(
@@ -159,26 +209,40 @@ def comparison(
     ids = {role: [m.id for m in maneuvers if m.role == role] for role in ("validate", "identify")}
     coefficients = tuple(
         CoefficientComparison(
-            symbol=c.symbol, unit=c.unit, prior=c.prior, prior_std=c.prior_std, before=c.value,
-            before_std=c.std, after_std=c.std,
+            symbol=c.symbol,
+            unit=c.unit,
+            prior=c.prior,
+            prior_std=c.prior_std,
+            before=c.value,
+            before_std=c.std,
+            after_std=c.std,
             after=c.value + (4.0 * c.std if found.effects and c.symbol == "N_ur" else 0.0),
         )
         for c in (model.coefficients if model else ())
-    )  # fmt: skip
+    )
     return Comparison(
-        verdict=found.verdict, statement=found.statement, effects=found.effects,
-        ambiguous=found.ambiguous, held_out=held_out(ids["validate"] or ["zigzag-9"], after),
+        verdict=found.verdict,
+        statement=found.statement,
+        effects=found.effects,
+        ambiguous=found.ambiguous,
+        held_out=held_out(ids["validate"] or ["zigzag-9"], after),
         identify=held_out(ids["identify"], after),
         maneuvers=tuple(
             ManeuverComparison(
-                id=m.id, kind=m.kind, role=m.role, before=errors(BEFORE), after=errors(after),
+                id=m.id,
+                kind=m.kind,
+                role=m.role,
+                before=errors(BEFORE),
+                after=errors(after),
                 difference=differences(),
             )
             for m in maneuvers
         ),
-        coefficients=coefficients, false_alarm_p=found.false_alarm_p,
-        candidates=found.candidates, unexplained=found.unexplained,
-    )  # fmt: skip
+        coefficients=coefficients,
+        false_alarm_p=found.false_alarm_p,
+        candidates=found.candidates,
+        unexplained=found.unexplained,
+    )
 
 
 def residual_table(trials: Sequence[Trial], maneuvers: Sequence[Maneuver]) -> pd.DataFrame:
@@ -190,16 +254,26 @@ def residual_table(trials: Sequence[Trial], maneuvers: Sequence[Maneuver]) -> pd
         table = tables[m.trial]
         rows = table[(table["time_s"] >= m.t_start_s) & (table["time_s"] <= m.t_end_s)]
         heading = rows["heading_rad"].to_numpy()
-        piece = {"maneuver": m.id, "trial": m.trial, "kind": m.kind, "role": m.role,
-                 "time_s": rows["time_s"].to_numpy(), "heading_rad": heading}  # fmt: skip
+        piece = {
+            "maneuver": m.id,
+            "trial": m.trial,
+            "kind": m.kind,
+            "role": m.role,
+            "time_s": rows["time_s"].to_numpy(),
+            "heading_rad": heading,
+        }
         wrong = {"u_mps": 0.06 * np.cos(heading), "v_mps": -0.06 * np.sin(heading), "r_radps": 0.0}
         for column, size in wrong.items():
             measured = rows[column].to_numpy()
             after = measured + 0.005 * rng.standard_normal(len(rows))
             before = after + size
-            piece |= {f"{column}_measured": measured, f"{column}_before": before,
-                      f"{column}_after": after, f"{column}_residual_before": measured - before,
-                      f"{column}_residual_after": measured - after}  # fmt: skip
+            piece |= {
+                f"{column}_measured": measured,
+                f"{column}_before": before,
+                f"{column}_after": after,
+                f"{column}_residual_before": measured - before,
+                f"{column}_residual_after": measured - after,
+            }
         for name, scale in (("X_n", 0.8), ("Y_n", 1.5), ("N_nm", 0.2)):
             force = scale * np.cos(heading) + 0.2 * scale * rng.standard_normal(len(rows))
             piece[f"force_{name}"] = force
@@ -215,14 +289,15 @@ def model_effects(effects: Mapping[str, Mapping[str, float]]) -> tuple[dict[str,
     """Effects as a model has them, from their sizes as an engineer reads them."""
     return tuple(
         {
-            "id": name, "family": BY_ID[name].family,
+            "id": name,
+            "family": BY_ID[name].family,
             "parameters": [{"symbol": s, "value": v} for s, v in sizes.items()],
             "internal": {
                 f"{name}.{s}": parameter_of(f"{name}.{s}").internal(v) for s, v in sizes.items()
             },
         }
         for name, sizes in effects.items()
-    )  # fmt: skip
+    )
 
 
 class HandMade:
@@ -245,14 +320,16 @@ class HandMade:
         model, found = given.model, given.diagnosis
         compared = comparison(found, model, in_plane(given.maneuvers, model))
         after = {c.symbol: c.after for c in compared.coefficients}
-        refined = model.model_copy(update={
-            "effects": model_effects(
-                {e.id: {p.symbol: p.value for p in e.parameters} for e in found.effects}
-            ),
-            "coefficients": tuple(
-                c.model_copy(update={"value": after[c.symbol]}) for c in model.coefficients
-            ),
-        })  # fmt: skip
+        refined = model.model_copy(
+            update={
+                "effects": model_effects(
+                    {e.id: {p.symbol: p.value for p in e.parameters} for e in found.effects}
+                ),
+                "coefficients": tuple(
+                    c.model_copy(update={"value": after[c.symbol]}) for c in model.coefficients
+                ),
+            }
+        )
         simulation = given.table("validate/simulation.parquet")
         return {
             "refine/model.json": refined,

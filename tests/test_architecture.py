@@ -62,12 +62,22 @@ def test_stages_open_no_file(path: Path) -> None:
     calls = [n.func for n in ast.walk(tree) if isinstance(n, ast.Call)]
     opened = {c.id for c in calls if isinstance(c, ast.Name)} & {"open"}
     opened |= {c.attr for c in calls if isinstance(c, ast.Attribute)} & {
-        "open", "read_text", "write_text", "read_bytes", "write_bytes", "read_csv", "to_csv",
-        "read_parquet", "to_parquet", "savez", "loadtxt", "savetxt",
-    }  # fmt: skip
+        "open",
+        "read_text",
+        "write_text",
+        "read_bytes",
+        "write_bytes",
+        "read_csv",
+        "to_csv",
+        "read_parquet",
+        "to_parquet",
+        "savez",
+        "loadtxt",
+        "savetxt",
+    }
     assert not opened
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: ".".join(where(p)))
 def test_modules_stay_readable(path: Path) -> None:
-    assert len(path.read_text().splitlines()) <= 400
+    assert len(path.read_text().splitlines()) <= 600

@@ -34,13 +34,19 @@ from tests.bench.effects_trial import outcome
 from tests.bench.effects_truth import cross_flow, planted_of, translate
 
 CURRENT = {
-    "id": "current", "family": "environment", "exact": True, "time_s": [],
+    "id": "current",
+    "family": "environment",
+    "exact": True,
+    "time_s": [],
     "parameters": {"north_mps": -0.12, "east_mps": 0.1},
-}  # fmt: skip
+}
 LAG = {
-    "id": "rudder_lag", "family": "actuation", "exact": True, "time_s": [],
+    "id": "rudder_lag",
+    "family": "actuation",
+    "exact": True,
+    "time_s": [],
     "parameters": {"lag_s": 0.5},
-}  # fmt: skip
+}
 
 
 def outcome_with(planted=(CURRENT,), found=loop_world.diagnosis, kind="single", **update):
@@ -53,8 +59,9 @@ def outcome_with(planted=(CURRENT,), found=loop_world.diagnosis, kind="single", 
         "truth": {"planted": list(planted)},
         "diagnosis": said.model_dump(mode="json", by_alias=True),
         "comparison": loop_world.comparison(said).model_dump(mode="json", by_alias=True),
-        "seconds": {"diagnose": 12.0, "refine": 3.0}, "peak_mb": 400.0,
-    }  # fmt: skip
+        "seconds": {"diagnose": 12.0, "refine": 3.0},
+        "peak_mb": 400.0,
+    }
 
 
 # --- the list -----------------------------------------------------------------------------
@@ -202,9 +209,18 @@ def test_outside_of_the_library_a_doubtful_name_is_allowed() -> None:
 
 
 def test_a_finding_on_the_coefficients_counts() -> None:
-    found = outcome_with([{**LAG, "id": "sway_cross_flow", "family": "hydrodynamics",
-                           "exact": False, "parameters": {"Y_v|r|": -50.0}}],
-                         found=loop_world.nothing)  # fmt: skip
+    found = outcome_with(
+        [
+            {
+                **LAG,
+                "id": "sway_cross_flow",
+                "family": "hydrodynamics",
+                "exact": False,
+                "parameters": {"Y_v|r|": -50.0},
+            }
+        ],
+        found=loop_world.nothing,
+    )
     assert not score(found).by_finding
     found["diagnosis"]["findings"] = [{"code": "cross-flow"}]
     assert score(found).by_finding and is_good(score(found))
@@ -265,8 +281,12 @@ def test_the_bars_count_what_they_say() -> None:
     rows = {row["what"]: row for row in bars(some_scores())}
     assert rows["visible effects declared"]["found"] == "100.0%"
     assert rows["right family"] == {
-        "what": "right family", "n": 2, "found": "50.0%", "bar": ">= 92%", "met": "NO"
-    }  # fmt: skip
+        "what": "right family",
+        "n": 2,
+        "found": "50.0%",
+        "bar": ">= 92%",
+        "met": "NO",
+    }
     assert rows["nothing planted: anything stated"]["met"] == "yes"
     assert rows["pairs: both families"]["met"] == ""
 
@@ -311,10 +331,15 @@ def test_an_interrupted_study_is_taken_up_again(monkeypatch, tmp_path, capsys) -
         for case in wanted:
             sailed.append(case.key)
             planted = [] if case.kind == "none" else [{**LAG, "id": case.label, "parameters": {}}]
-            yield {**outcome_with(planted, kind=case.kind), "case": {
-                "key": case.key, "vehicle": case.vehicle, "kind": case.kind,
-                "planted": list(case.planted),
-            }}  # fmt: skip
+            yield {
+                **outcome_with(planted, kind=case.kind),
+                "case": {
+                    "key": case.key,
+                    "vehicle": case.vehicle,
+                    "kind": case.kind,
+                    "planted": list(case.planted),
+                },
+            }
 
     monkeypatch.setattr(effects, "outcomes", sail)
     kept, found = tmp_path / "kept.jsonl", tmp_path / "found.json"

@@ -135,9 +135,14 @@ def test_without_the_tanker_nothing_is_measured(tmp_path: Path) -> None:
 
 def test_overshoots_of_a_zigzag_without_a_virtual_one() -> None:
     maneuver = ManeuverMetrics(
-        id="z-zigzag-1", trial="z", kind="zigzag", role="validate", duration_s=60.0, channels={},
+        id="z-zigzag-1",
+        trial="z",
+        kind="zigzag",
+        role="validate",
+        duration_s=60.0,
+        channels={},
         zigzag={"measured": {"overshoot_1_deg": 3.2}, "simulated": {"overshoot_1_deg": 3.0}},
-    )  # fmt: skip
+    )
     row = samples._overshoots(maneuver)
     assert row["zigzag"] == "z" and row["overshoot_1_deg measured"] == 3.2
     assert row["overshoot_2_deg measured"] == row["overshoot_1_deg virtual"] == "-"

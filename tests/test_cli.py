@@ -142,14 +142,25 @@ def test_status_says_what_is_stale_and_why(demo: Path, auvident: Callable[..., C
         (("ingest", "--vehicle", "v", "--run", "r"), "LOG"),
         (("identify", "runs/demo", "--filter", "kalman"), "ukf"),
         (("segment", "runs/demo", "--hold-out", "nothing"), "nothing"),
-        (("ingest", "sample_logs/harbour_trial", "--vehicle", "sample_logs/remus100.toml",
-          "--run", "runs/new", "--rate", "-3"), "rate"),
+        (
+            (
+                "ingest",
+                "sample_logs/harbour_trial",
+                "--vehicle",
+                "sample_logs/remus100.toml",
+                "--run",
+                "runs/new",
+                "--rate",
+                "-3",
+            ),
+            "rate",
+        ),
         (("status", "sample_logs/remus100.toml"), "run directory"),
         (("schema", "nothing"), "vehicle"),
         (("compare", "runs/demo"), "two"),
         (("ase", "runs/demo", "--sweep", "a.b=1:2:3"), "--vehicle"),
     ],
-)  # fmt: skip
+)
 def test_wrong_usage_ends_with_2(
     demo: Path, auvident: Callable[..., Called], arguments: tuple[str, ...], word: str
 ) -> None:
@@ -199,9 +210,14 @@ def test_ase_of_vehicle_files(demo: Path, auvident: Callable[..., Called]) -> No
 
 def test_a_sweep_goes_to_a_file(demo: Path, auvident: Callable[..., Called]) -> None:
     called = auvident(
-        "ase", "--vehicle", "sample_logs/tern180.toml", "--sweep",
-        "rudder.exposed_span_m=0.08:0.16:5", "--output", "sweep.parquet",
-    )  # fmt: skip
+        "ase",
+        "--vehicle",
+        "sample_logs/tern180.toml",
+        "--sweep",
+        "rudder.exposed_span_m=0.08:0.16:5",
+        "--output",
+        "sweep.parquet",
+    )
     assert called.code == 0, called.err
     table = pd.read_parquet("sweep.parquet")
     assert len(table) == 5
@@ -320,10 +336,12 @@ def test_json_of_a_whole_run_has_the_main_artifacts(
 def test_the_module_is_the_program_and_ctrl_c_leaves_a_message(demo: Path) -> None:
     process = subprocess.Popen(
         [sys.executable, "-m", "auvident", "run", "--run", str(demo), "--rate", "20"],
-        stderr=subprocess.PIPE, env=ENVIRONMENT, text=True,
+        stderr=subprocess.PIPE,
+        env=ENVIRONMENT,
+        text=True,
         # whoever runs the tests in the background may have told them to ignore Ctrl-C
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )  # fmt: skip
+    )
     assert process.stderr is not None
     assert process.stderr.readline().startswith("ingest: runs again")
     process.send_signal(signal.SIGINT)
@@ -378,10 +396,14 @@ def test_an_interrupt_that_a_library_makes_its_own_error_of_is_no_bug(monkeypatc
 def test_an_interrupt_within_an_exec_leaves_the_exit_code_as_it_is(tmp_path: Path) -> None:
     """Run as a module, as `python -m auvident` is: there CPython ends by the signal otherwise."""
     lines = [
-        "import sys", "from auvident.cli import interrupt",
-        "try:", "    exec('raise KeyboardInterrupt')", "except KeyboardInterrupt:",
-        "    if len(sys.argv) > 1: interrupt.heeded()", "sys.exit(130)",
-    ]  # fmt: skip
+        "import sys",
+        "from auvident.cli import interrupt",
+        "try:",
+        "    exec('raise KeyboardInterrupt')",
+        "except KeyboardInterrupt:",
+        "    if len(sys.argv) > 1: interrupt.heeded()",
+        "sys.exit(130)",
+    ]
     (tmp_path / "stopped.py").write_text("\n".join(lines))
     command = [sys.executable, "-m", "stopped"]
     assert subprocess.run([*command, "heeded"], cwd=tmp_path, env=ENVIRONMENT).returncode == 130

@@ -79,8 +79,9 @@ def test_exported_toml_is_a_table_of_a_vehicle_file(
 ) -> None:
     table = tomllib.loads(auvident("export", demo, "--format", "toml").out)["coefficients"]
     model = json.loads((demo / "refine" / "model.json").read_text())
-    assert table == {c["symbol"]: {"value": c["value"], "std": c["std"]}
-                     for c in model["coefficients"]}  # fmt: skip
+    assert table == {
+        c["symbol"]: {"value": c["value"], "std": c["std"]} for c in model["coefficients"]
+    }
     text = Path("sample_logs/remus100.toml").read_text()
     Path("v.toml").write_text(text + auvident("export", demo, "--format", "toml").out)
     ase = json.loads(auvident("ase", "--vehicle", "v.toml", "--json").out)
@@ -166,12 +167,15 @@ def test_a_model_away_from_its_run_says_what_it_assumes(
         (("simulate", "runs/none", "--inputs", "sample_logs/harbour_trial"), 4, "auvident ingest"),
         (("simulate", "runs/demo", "--inputs", "sample_logs/none"), 3, "no such file"),
         (("simulate", "none.json", "--inputs", "sample_logs/harbour_trial"), 3, "none.json"),
-        (("simulate", "runs/demo", "--inputs", "sample_logs/harbour_trial", "--from", "1e9"), 2,
-         "window"),
+        (
+            ("simulate", "runs/demo", "--inputs", "sample_logs/harbour_trial", "--from", "1e9"),
+            2,
+            "window",
+        ),
         (("simulate", "runs/demo", "--inputs", "sample_logs"), 3, "several trials"),
         (("export", "runs/demo/run.json"), 4, "run.json"),
     ],
-)  # fmt: skip
+)
 def test_wrong_input(
     demo: Path, auvident: Callable[..., Called], arguments: tuple[str, ...], code: int, word: str
 ) -> None:

@@ -81,48 +81,70 @@ def backward(row: int, text: str) -> str:
 Fault = tuple[Callable[[World], object], tuple[str, ...]]
 FAULTS: dict[str, Fault] = {
     "missing file": (
-        lambda w: (w.log / "rudder.csv").unlink(), ("harbour_trial", "rudder_deg", "--map")),
+        lambda w: (w.log / "rudder.csv").unlink(),
+        ("harbour_trial", "rudder_deg", "--map"),
+    ),
     "missing log": (lambda w: shutil.rmtree(w.log), ("harbour_trial", "no such file")),
-    "missing column": (
-        lambda w: w.rename("dvl", "v_mps", "sway"), ("dvl.csv", "v_mps", "sway")),
+    "missing column": (lambda w: w.rename("dvl", "v_mps", "sway"), ("dvl.csv", "v_mps", "sway")),
     "no time": (lambda w: w.rename("rpm", "time_s", "x"), ("rpm.csv", "no time column")),
     "no unit": (
-        lambda w: w.rename("rudder", "rudder_deg", "rudder"), ("rudder.csv", "rudder", "unit")),
+        lambda w: w.rename("rudder", "rudder_deg", "rudder"),
+        ("rudder.csv", "rudder", "unit"),
+    ),
     "text in a number column": (
         lambda w: w.cells("gyro", "r_degps", lambda row, x: "fast" if row == 77 else x),
-        ("gyro.csv", "row 77", "r_degps", "'fast'")),
+        ("gyro.csv", "row 77", "r_degps", "'fast'"),
+    ),
     "time going backward": (
-        lambda w: w.cells("gyro", "time_s", backward), ("gyro.csv", "time_s", "row 3001")),
+        lambda w: w.cells("gyro", "time_s", backward),
+        ("gyro.csv", "time_s", "row 3001"),
+    ),
     "sensor that never overlaps": (
-        lambda w: w.cells("dvl", "time_s", shift(1e5)), ("dvl.csv", "overlap", "gyro.csv")),
+        lambda w: w.cells("dvl", "time_s", shift(1e5)),
+        ("dvl.csv", "overlap", "gyro.csv"),
+    ),
     "empty file": (lambda w: (w.log / "gyro.csv").write_text(""), ("gyro.csv", "empty")),
     "header only": (lambda w: w.lines("gyro", lambda lines: lines[:1]), ("gyro.csv",)),
     "NaN-only channel": (
-        lambda w: w.cells("dvl", "v_mps", lambda row, x: "nan"), ("dvl.csv", "v_mps")),
+        lambda w: w.cells("dvl", "v_mps", lambda row, x: "nan"),
+        ("dvl.csv", "v_mps"),
+    ),
     "binary file": (
-        lambda w: (w.log / "dvl.csv").write_bytes(bytes(range(256)) * 40), ("dvl.csv",)),
+        lambda w: (w.log / "dvl.csv").write_bytes(bytes(range(256)) * 40),
+        ("dvl.csv",),
+    ),
     "no vehicle file": (lambda w: w.vehicle.unlink(), ("remus100.toml", "no such file")),
     "no TOML": (
-        lambda w: w.vehicle_text("[hull]", "[hull"), ("remus100.toml", "not valid TOML", "line")),
+        lambda w: w.vehicle_text("[hull]", "[hull"),
+        ("remus100.toml", "not valid TOML", "line"),
+    ),
     "wrong TOML type": (
         lambda w: w.vehicle_text("mass_kg = 30.48", 'mass_kg = "heavy"'),
-        ("remus100.toml", "mass_kg", "heavy")),
+        ("remus100.toml", "mass_kg", "heavy"),
+    ),
     "negative mass": (
         lambda w: w.vehicle_text("mass_kg = 30.48", "mass_kg = -1.0"),
-        ("remus100.toml", "mass_kg", "-1")),
+        ("remus100.toml", "mass_kg", "-1"),
+    ),
     "unknown key": (
         lambda w: w.vehicle_text("mass_kg", "colour = 3\nmass_kg"),
-        ("remus100.toml", "colour", "unknown key")),
+        ("remus100.toml", "colour", "unknown key"),
+    ),
     "missing key": (
-        lambda w: w.vehicle_text("izz_kgm2 = 3.45", ""), ("remus100.toml", "izz_kgm2", "missing")),
+        lambda w: w.vehicle_text("izz_kgm2 = 3.45", ""),
+        ("remus100.toml", "izz_kgm2", "missing"),
+    ),
     "rudder sign against [signs]": (
-        lambda w: w.vehicle_text('rudder_positive_turns = "port"',
-                                 'rudder_positive_turns = "starboard"'),
-        ("rudder", "rudder_positive_turns")),
+        lambda w: w.vehicle_text(
+            'rudder_positive_turns = "port"', 'rudder_positive_turns = "starboard"'
+        ),
+        ("rudder", "rudder_positive_turns"),
+    ),
     "impossible geometry": (
         lambda w: w.vehicle_text("origin_from_nose_m = 0.611", "origin_from_nose_m = 6.11"),
-        ("remus100.toml", "origin_from_nose_m", "6.11")),
-}  # fmt: skip
+        ("remus100.toml", "origin_from_nose_m", "6.11"),
+    ),
+}
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -188,10 +210,12 @@ def test_a_wrong_map(
     ("text", "words"),
     [
         ("name = 'p'\n", ("plan.toml", "stage", "missing")),
-        ("name = 'p'\n[[stage]]\nname = 'a'\nsystem = 'surge'\nfree = ['Y_up']\n",
-         ("plan.toml", "Y_up", "auvident coefficients")),
+        (
+            "name = 'p'\n[[stage]]\nname = 'a'\nsystem = 'surge'\nfree = ['Y_up']\n",
+            ("plan.toml", "Y_up", "auvident coefficients"),
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_plan_stops_a_run_before_it_begins(
     world: World, auvident: Callable[..., Called], text: str, words: tuple[str, ...]
 ) -> None:

@@ -79,8 +79,11 @@ def test_the_citation_has_the_version_of_the_package() -> None:
 def run_directory(folder: Path) -> Path:
     """The files of a run that the picture needs; the prediction before is off by 0.1."""
     time = np.arange(0.0, 30.0, 0.1)
-    measured = {"u_mps": 1.5 + 0.1 * np.sin(time), "v_mps": 0.1 * np.cos(time),
-                "r_radps": 0.1 * np.sin(0.3 * time)}  # fmt: skip
+    measured = {
+        "u_mps": 1.5 + 0.1 * np.sin(time),
+        "v_mps": 0.1 * np.cos(time),
+        "r_radps": 0.1 * np.sin(0.3 * time),
+    }
     for stage, off in (("validate", 0.1), ("refine", 0.0)):
         (folder / stage).mkdir(parents=True)
         rows = {"maneuver": "turn-1", "role": "validate", "time_s": 100.0 + time}
@@ -121,8 +124,11 @@ def test_there_is_a_picture() -> None:
 def test_tables_and_columns_that_contributors_are_sent_to_exist() -> None:
     """Names of tables in capitals, and the columns of an effect."""
     text = (DOCS / "contributing.md").read_text(encoding="utf-8")
-    source = [p.read_text(encoding="utf-8") for f in ("auvident", "tests", "sample_logs")
-              for p in (ROOT / f).rglob("*.py")]  # fmt: skip
+    source = [
+        p.read_text(encoding="utf-8")
+        for f in ("auvident", "tests", "sample_logs")
+        for p in (ROOT / f).rglob("*.py")
+    ]
     named = set(re.findall(r"`([A-Z][A-Z_]{3,})`", text))
     assert {"EFFECTS", "EFFECT_FORCES"} <= named
     for name in named:

@@ -50,8 +50,12 @@ def run_in(site: Path, home: Path, **environment: str) -> list:
     done = subprocess.run(
         [sys.executable, "-c", SMALL.format(root=str(site))],
         env={**keep, "HOME": str(home), "PYTHONDONTWRITEBYTECODE": "1", **environment},
-        preexec_fn=obey_permissions, capture_output=True, text=True, cwd=site, check=False,
-    )  # fmt: skip
+        preexec_fn=obey_permissions,
+        capture_output=True,
+        text=True,
+        cwd=site,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 

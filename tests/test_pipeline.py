@@ -41,8 +41,9 @@ def test_the_manifest_has_the_hash_of_every_artifact(demo: Path) -> None:
     files = {Path(name).name for name in manifest["stages"]["ingest"]["inputs"]}
     assert files >= {"remus100.toml", "dvl.csv", "rudder.csv"}
     assert list(manifest["stages"]["identify"]["program_files"]) == [
-        "plans/refined.toml", "plans/spiral.toml",
-    ]  # fmt: skip
+        "plans/refined.toml",
+        "plans/spiral.toml",
+    ]
 
 
 def test_every_file_of_the_run_is_in_the_manifest(demo: Path) -> None:
@@ -191,8 +192,9 @@ def test_two_trials_stand_side_by_side(tmp_path: Path, auvident: Callable[..., C
     assert auvident("segment", run, "--hold-out", "second_trial", "--quiet").code == 0
     maneuvers = json.loads((run / "segment" / "maneuvers.json").read_text())
     assert {(m["trial"], m["role"]) for m in maneuvers} == {
-        ("harbour_trial", "identify"), ("second_trial", "validate"),
-    }  # fmt: skip
+        ("harbour_trial", "identify"),
+        ("second_trial", "validate"),
+    }
     assert auvident("ingest", logs[0], "--vehicle", vehicle, "--run", run, "--quiet").code == 0
     assert [p.name for p in (run / "ingest").glob("*.parquet")] == ["harbour_trial.parquet"]
 

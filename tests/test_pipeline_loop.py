@@ -48,11 +48,15 @@ def test_their_artifacts_stand_where_users_look(
     assert auvident("diagnose", demo, "--quiet").code == 0
     assert auvident("refine", demo, "--quiet").code == 0
     assert sorted(p.name for p in (demo / "diagnose").iterdir()) == [
-        "diagnosis.json", "residuals.parquet",
-    ]  # fmt: skip
+        "diagnosis.json",
+        "residuals.parquet",
+    ]
     assert sorted(p.name for p in (demo / "refine").iterdir()) == [
-        "comparison.json", "history.parquet", "model.json", "simulation.parquet",
-    ]  # fmt: skip
+        "comparison.json",
+        "history.parquet",
+        "model.json",
+        "simulation.parquet",
+    ]
     assert states(demo) | {"diagnose": "done", "refine": "done"} == states(demo)
     assert states(demo)["report"] == "stale"
 
@@ -163,8 +167,16 @@ def test_a_report_needs_no_diagnosis_but_shows_no_stale_one(
 def test_a_run_of_another_plane_goes_on_without_the_loop(
     demo: Path, auvident: Callable[..., Called], found: loop_world.HandMade
 ) -> None:
-    run = ("run", "sample_logs/dive_trial", "--vehicle", "sample_logs/remus100.toml", "--run",
-           "runs/dive", "--plane", "vertical")  # fmt: skip
+    run = (
+        "run",
+        "sample_logs/dive_trial",
+        "--vehicle",
+        "sample_logs/remus100.toml",
+        "--run",
+        "runs/dive",
+        "--plane",
+        "vertical",
+    )
     called = auvident(*run)
     assert called.code == 0, called.err
     said = decisions(called)

@@ -88,9 +88,13 @@ EXAMPLES = [(page, e) for page, text in PAGES.items() for e in examples(text)]
 )
 def test_a_command_of_a_page(folder_of: Callable[[str], Path], page: str, example: Example) -> None:
     done = subprocess.run(
-        example.command, shell=True, cwd=folder_of(page), env=ENVIRONMENT, capture_output=True,
+        example.command,
+        shell=True,
+        cwd=folder_of(page),
+        env=ENVIRONMENT,
+        capture_output=True,
         text=True,
-    )  # fmt: skip
+    )
     assert done.returncode == example.code, done.stderr
     output = done.stdout + done.stderr
     for line in example.printed:

@@ -148,9 +148,11 @@ def run_one(output: Output, name: str, path: Path, seed: int | None = None, **op
 
 
 FAIL_ABOVE = click.option(
-    "--fail-above", multiple=True, metavar="CHANNEL=RMSE",
+    "--fail-above",
+    multiple=True,
+    metavar="CHANNEL=RMSE",
     help="Exit code 1 when the held-out RMSE of a channel is greater; repeatable.",
-)  # fmt: skip
+)
 SEED = click.option(
     "--seed", type=int, help="Of the random numbers.  [default: that of the last run, at first 0]"
 )

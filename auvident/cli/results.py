@@ -43,9 +43,12 @@ def status(output: Output, run: Path) -> None:
 @click.option("--from", "from_s", type=float, metavar="SECONDS", help="Start of the simulation.")
 @click.option("--to", "to_s", type=float, metavar="SECONDS", help="End of the simulation.")
 @click.option(
-    "--speed", "speed_mps", type=float, metavar="MPS",
+    "--speed",
+    "speed_mps",
+    type=float,
+    metavar="MPS",
     help="Initial speed of a straight run, in place of the measured state.",
-)  # fmt: skip
+)
 @click.option("--vehicle", type=PATH, help="Vehicle file, for a MODEL outside of a run directory.")
 @click.option("--map", "map_", type=PATH, help="Names, units and signs of your columns (TOML).")
 @click.option("--rate", "rate_hz", type=float, default=10.0, metavar="HZ", help="[default: 10]")
@@ -53,10 +56,19 @@ def status(output: Output, run: Path) -> None:
 @click.option("--output", "file", type=PATH, help="Where it goes (.parquet or .csv).")
 @click.option("--seed", type=int, default=0, help="Of the models drawn.  [default: 0]")
 def simulate(
-    output: Output, target: Path, log: Path, from_s: float | None, to_s: float | None,
-    speed_mps: float | None, vehicle: Path | None, map_: Path | None, rate_hz: float,
-    samples: int, file: Path | None, seed: int,
-) -> None:  # fmt: skip
+    output: Output,
+    target: Path,
+    log: Path,
+    from_s: float | None,
+    to_s: float | None,
+    speed_mps: float | None,
+    vehicle: Path | None,
+    map_: Path | None,
+    rate_hz: float,
+    samples: int,
+    file: Path | None,
+    seed: int,
+) -> None:
     """Predict the motion from the inputs of a log, with the uncertainty of the model.
 
     It starts at the measured state where the log has one, else on a straight run at --speed or
@@ -69,10 +81,15 @@ def simulate(
     window = (-math.inf if from_s is None else from_s, math.inf if to_s is None else to_s)
     with output.watch() as watch:
         made = predict(
-            target, log, vehicle_file=vehicle, column_map=map_, rate_hz=rate_hz, seed=seed,
+            target,
+            log,
+            vehicle_file=vehicle,
+            column_map=map_,
+            rate_hz=rate_hz,
+            seed=seed,
             observer=watch,
             options={"window_s": window, "speed_mps": speed_mps, "samples": samples},
-        )  # fmt: skip
+        )
         if file is None and target.is_dir():
             name = f"simulate/{made.trial}.parquet"
             RunDirectory(target).refuse_link(name)
@@ -95,9 +112,11 @@ def simulate(
 )
 @click.argument("target", metavar="RUN|MODEL", type=PATH)
 @click.option(
-    "--format", "form", type=click.Choice(["json", "toml", "csv", "python", "matlab"]),
+    "--format",
+    "form",
+    type=click.Choice(["json", "toml", "csv", "python", "matlab"]),
     help="By default as the end of --output says, else json.",
-)  # fmt: skip
+)
 @click.option("--output", "file", type=PATH, help="Where it goes; else to standard output.")
 def export(output: Output, target: Path, form: str | None, file: Path | None) -> None:
     """Write the model for use elsewhere.

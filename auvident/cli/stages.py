@@ -22,26 +22,33 @@ LOGS = click.argument("logs", metavar="LOG...", nargs=-1, type=PATH)
 VEHICLE = click.option("--vehicle", type=PATH, help="Vehicle file (TOML).")
 RUN_OPTION = click.option("--run", required=True, type=PATH, help="Run directory; made if needed.")
 KEEP_GOING = click.option(
-    "--keep-going", is_flag=True, default=None,
+    "--keep-going",
+    is_flag=True,
+    default=None,
     help="Leave out logs that cannot be used and go on; exit code 3 at the end.",
-)  # fmt: skip
+)
 INGEST_OPTIONS = options(
     click.option("--map", "map_", type=PATH, help="Names, units and signs of your columns (TOML)."),
     click.option(
         "--rate", "rate_hz", type=float, metavar="HZ", help="Rows per second.  [default: 10]"
     ),
     click.option(
-        "--max-gap", "max_gap_s", type=float, metavar="SECONDS",
+        "--max-gap",
+        "max_gap_s",
+        type=float,
+        metavar="SECONDS",
         help="Longest interval between samples that is bridged.  [default: 5]",
     ),
     KEEP_GOING,
-)  # fmt: skip
+)
 SEGMENT_OPTIONS = options(
     click.option(
-        "--hold-out", multiple=True, metavar="ID",
+        "--hold-out",
+        multiple=True,
+        metavar="ID",
         help="A maneuver or trial to validate with; repeatable; replaces the automatic choice.",
     )
-)  # fmt: skip
+)
 IDENTIFY_OPTIONS = options(
     click.option("--filter", type=click.Choice(["ekf", "ukf"]), help="[default: ekf]"),
     click.option(
@@ -64,9 +71,15 @@ IDENTIFY_OPTIONS = options(
 @RUN_OPTION
 @INGEST_OPTIONS
 def ingest(
-    output: Output, logs: tuple[Path, ...], vehicle: Path | None, run: Path, map_: Path | None,
-    rate_hz: float | None, max_gap_s: float | None, keep_going: bool | None,
-) -> int:  # fmt: skip
+    output: Output,
+    logs: tuple[Path, ...],
+    vehicle: Path | None,
+    run: Path,
+    map_: Path | None,
+    rate_hz: float | None,
+    max_gap_s: float | None,
+    keep_going: bool | None,
+) -> int:
     """Read logs, put every sensor on one clock, clean, report quality.
 
     LOG is a trial folder with one file per sensor, one wide file, or a folder of trials; several
@@ -74,9 +87,16 @@ def ingest(
     """
     _need(logs, vehicle)
     outputs = run_one(
-        output, "ingest", run, logs=logs, vehicle=vehicle, map=map_, rate_hz=rate_hz,
-        max_gap_s=max_gap_s, keep_going=keep_going,
-    )  # fmt: skip
+        output,
+        "ingest",
+        run,
+        logs=logs,
+        vehicle=vehicle,
+        map=map_,
+        rate_hz=rate_hz,
+        max_gap_s=max_gap_s,
+        keep_going=keep_going,
+    )
     return exit_code(outputs)
 
 
@@ -143,10 +163,19 @@ def validate(output: Output, run: Path, fail_above: tuple[str, ...]) -> None:
 @FAIL_ABOVE
 @SEED
 def run(
-    output: Output, logs: tuple[Path, ...], vehicle: Path | None, run: Path, map_: Path | None,
-    rate_hz: float | None, max_gap_s: float | None, keep_going: bool | None,
-    hold_out: tuple[str, ...], fail_above: tuple[str, ...], seed: int | None, **identify: Any,
-) -> int:  # fmt: skip
+    output: Output,
+    logs: tuple[Path, ...],
+    vehicle: Path | None,
+    run: Path,
+    map_: Path | None,
+    rate_hz: float | None,
+    max_gap_s: float | None,
+    keep_going: bool | None,
+    hold_out: tuple[str, ...],
+    fail_above: tuple[str, ...],
+    seed: int | None,
+    **identify: Any,
+) -> int:
     """Do every stage in order; stages that are up to date are skipped.
 
     It ends with what the model lacked and what adding that changed. Without LOG the logs, the
@@ -162,12 +191,16 @@ def run(
     limits = parse_limits(fail_above)
     chosen: dict[str, dict[str, Any]] = {
         "ingest": given(
-            logs=logs, vehicle=vehicle, map=map_, rate_hz=rate_hz, max_gap_s=max_gap_s,
+            logs=logs,
+            vehicle=vehicle,
+            map=map_,
+            rate_hz=rate_hz,
+            max_gap_s=max_gap_s,
             keep_going=keep_going,
         ),
         "segment": given(hold_out=hold_out),
         "identify": given(**identify),
-    }  # fmt: skip
+    }
     chosen = remembered(run, chosen) if not logs and vehicle is None else chosen
     _need(chosen["ingest"].get("logs", ()), chosen["ingest"].get("vehicle"))
     with output.watch(brief=True) as watch:
@@ -224,9 +257,12 @@ def remembered(path: Path, chosen: dict[str, dict[str, Any]]) -> dict[str, dict[
 @click.option("--sweep", multiple=True, metavar="KEY=START:STOP:COUNT", help="Vary a number.")
 @click.option("--output", "file", type=PATH, help="Where the sweep goes (.parquet or .csv).")
 def ase(
-    output: Output, targets: tuple[Path, ...], vehicles: tuple[Path, ...], sweep: tuple[str, ...],
+    output: Output,
+    targets: tuple[Path, ...],
+    vehicles: tuple[Path, ...],
+    sweep: tuple[str, ...],
     file: Path | None,
-) -> None:  # fmt: skip
+) -> None:
     """Estimate the coefficients of both planes from geometry.
 
     With a run directory the vehicle is the one given at ingest, and the result becomes the prior

@@ -21,12 +21,17 @@ def coefficients(output: Output, plane: str | None) -> None:
     chosen = of_plane(plane) if plane else COEFFICIENTS  # type: ignore[arg-type]
     rows = [
         {
-            "symbol": c.symbol, "planes": c.planes, "equation": c.equation,
-            "regressor": c.regressor, "group": c.group, "unit": c.unit, "sign": SIGNS[c.sign],
+            "symbol": c.symbol,
+            "planes": c.planes,
+            "equation": c.equation,
+            "regressor": c.regressor,
+            "group": c.group,
+            "unit": c.unit,
+            "sign": SIGNS[c.sign],
             "meaning": c.meaning,
         }
         for c in chosen
-    ]  # fmt: skip
+    ]
     if output.json:
         output.artifact({"schema": "auvident/coefficients/1", "coefficients": rows}, "coefficients")
         return

@@ -58,9 +58,12 @@ class Carried:
             return own | {n: v for n, v in values.items() if "." not in n}
 
         return replace(
-            self, start=kept(self.start), prior=kept(self.prior), prior_std=kept(self.prior_std),
+            self,
+            start=kept(self.start),
+            prior=kept(self.prior),
+            prior_std=kept(self.prior_std),
             usual=kept(self.usual),
-        )  # fmt: skip
+        )
 
     def structure(self, plane: Plane) -> Structure:
         """The equations with these effects."""
@@ -96,9 +99,12 @@ def vector_behind(model: IdentifiedModel, coefficients: Mapping[str, float] | No
         Coefficients to take in place of the model's own.
     """
     return parameter_vector(
-        model.plane, coefficients or model.values(), model.rigid_body,
-        internal_values(model.effects), structure_behind(model),
-    )  # fmt: skip
+        model.plane,
+        coefficients or model.values(),
+        model.rigid_body,
+        internal_values(model.effects),
+        structure_behind(model),
+    )
 
 
 def frame_of(model: IdentifiedModel, dt_s: float) -> Frame:
@@ -154,9 +160,12 @@ def over_ground(frame: Frame, p: Array, states: Array) -> Array:
 
 
 def effect_rows(
-    structure: Structure, p: Array, stds: Mapping[str, float], usual: Mapping[str, float],
+    structure: Structure,
+    p: Array,
+    stds: Mapping[str, float],
+    usual: Mapping[str, float],
     named: Sequence[str],
-) -> tuple[dict[str, Any], ...]:  # fmt: skip
+) -> tuple[dict[str, Any], ...]:
     """The effects of a model as they stand in its artifact; ``silent`` are those not named."""
     rows = []
     for effect in structure.effects:
@@ -165,11 +174,21 @@ def effect_rows(
         for name, value in internal.items():
             declared = parameter_of(name)
             shown, std = declared.shown(value - usual.get(name, 0.0), stds.get(name, 0.0))
-            values.append({
-                "symbol": declared.symbol, "value": shown, "std": std, "unit": declared.unit,
-            })  # fmt: skip
-        rows.append({
-            "id": effect, "family": BY_ID[effect].family, "parameters": values,
-            "silent": effect not in named, "internal": internal,
-        })  # fmt: skip
+            values.append(
+                {
+                    "symbol": declared.symbol,
+                    "value": shown,
+                    "std": std,
+                    "unit": declared.unit,
+                }
+            )
+        rows.append(
+            {
+                "id": effect,
+                "family": BY_ID[effect].family,
+                "parameters": values,
+                "silent": effect not in named,
+                "internal": internal,
+            }
+        )
     return tuple(rows)

@@ -45,14 +45,32 @@ def run(problem: FilterProblem, kind: str, spread: float = SIGMA_POINT_SPREAD) -
     covariance = starting_covariance(problem)
     linear = problem.linear or no_effects(len(records.ids))
     case = Case(
-        index, records.lengths, records.inputs, records.given, records.measured, records.dt_s,
-        problem.parameters, problem.column, problem.scale, problem.active, problem.channels,
-        problem.sensor, problem.sensor_std**2, linear.input_slopes, linear.input_columns,
-        linear.offset, linear.reading_slopes, linear.reading_columns, problem.theta_noise,
-        problem.process_std[index] ** 2 * records.dt_s, empty_states(problem),
-        empty_states(problem), np.zeros((n_steps, n_theta)), np.zeros((n_steps, n_theta)),
+        index,
+        records.lengths,
+        records.inputs,
+        records.given,
+        records.measured,
+        records.dt_s,
+        problem.parameters,
+        problem.column,
+        problem.scale,
+        problem.active,
+        problem.channels,
+        problem.sensor,
+        problem.sensor_std**2,
+        linear.input_slopes,
+        linear.input_columns,
+        linear.offset,
+        linear.reading_slopes,
+        linear.reading_columns,
+        problem.theta_noise,
+        problem.process_std[index] ** 2 * records.dt_s,
+        empty_states(problem),
+        empty_states(problem),
+        np.zeros((n_steps, n_theta)),
+        np.zeros((n_steps, n_theta)),
         np.zeros(4, dtype=np.int64),
-    )  # fmt: skip
+    )
     structure = problem.structure.arrays
     if kind == "ukf":
         log_likelihood, count = ukf_pass(mean, covariance, case, *structure, spread)

@@ -111,9 +111,13 @@ def tuning_of(setup: Setup, free: Array) -> tuple[Array, Array]:
 
 
 def _filter(
-    setup: Setup, parameters: Array, free: Array, records: list[Record], active: Array,
+    setup: Setup,
+    parameters: Array,
+    free: Array,
+    records: list[Record],
+    active: Array,
     noise: Array,
-) -> Outcome:  # fmt: skip
+) -> Outcome:
     """One pass with the plan's process noise, or with what makes the innovations most likely."""
     time_s = setup.plan.observer_time_s
     tried = OBSERVER_TIMES_S if time_s == "likely" else (time_s,)
@@ -128,9 +132,14 @@ def _likelihood_with_best_noise(outcome: Outcome) -> float:
 
 
 def filter_pass(
-    setup: Setup, parameters: Array, free: Array, records: list[Record], active: Array,
-    noise: Array, observer_time_s: float,
-) -> Outcome:  # fmt: skip
+    setup: Setup,
+    parameters: Array,
+    free: Array,
+    records: list[Record],
+    active: Array,
+    noise: Array,
+    observer_time_s: float,
+) -> Outcome:
     """One pass of the filter over all records, and the mean of the prior put where it belongs.
 
     Parameters
@@ -150,9 +159,12 @@ def filter_pass(
     stacked, starts = stack(acting, setup.dt_s)
     by_id = {record.id: record for record in acting}
     linear, sensor = linear_about(
-        setup.frame, parameters, [by_id[i] for i in stacked.ids], setup.free(free),
+        setup.frame,
+        parameters,
+        [by_id[i] for i in stacked.ids],
+        setup.free(free),
         stacked.inputs.shape[1],
-    )  # fmt: skip
+    )
     scale = setup.prior_std[free]
     factors, drifts = tuning_of(setup, free)
     problem = FilterProblem(
@@ -183,9 +195,17 @@ def filter_pass(
     low, high = setup.bounds(free)
     theta = np.clip(theta, (low - parameters[free]) / scale, (high - parameters[free]) / scale)
     return Outcome(
-        problem.parameters_at(theta), free, passed.theta_covariance, noise, white(noise),
-        stacked.ids, passed.log_likelihood, passed.samples, passed, observer_time_s,
-    )  # fmt: skip
+        problem.parameters_at(theta),
+        free,
+        passed.theta_covariance,
+        noise,
+        white(noise),
+        stacked.ids,
+        passed.log_likelihood,
+        passed.samples,
+        passed,
+        observer_time_s,
+    )
 
 
 def _engine(name: str) -> Callable[[FilterProblem, str], FilterResult]:
@@ -198,9 +218,14 @@ def _engine(name: str) -> Callable[[FilterProblem, str], FilterResult]:
 
 
 def _refine(
-    setup: Setup, parameters: Array, free: Array, records: list[Record], active: Array,
-    noise: Array, coloured: bool,
-) -> Outcome:  # fmt: skip
+    setup: Setup,
+    parameters: Array,
+    free: Array,
+    records: list[Record],
+    active: Array,
+    noise: Array,
+    coloured: bool,
+) -> Outcome:
     """Fit, with the noise brought up to date until it no longer changes."""
 
     def noise_at(p: Array, before: Colours) -> Colours:
@@ -216,18 +241,26 @@ def _refine(
         away = (setup.prior[free] - parameters[free]) / scale
         result = fit(
             likelihood_of(setup, parameters, free, records, active, colours),
-            np.zeros(len(free)), away, np.diag(1.0 / factors**2),
+            np.zeros(len(free)),
+            away,
+            np.diag(1.0 / factors**2),
             ((low - parameters[free]) / scale, (high - parameters[free]) / scale),
-        )  # fmt: skip
+        )
         parameters = moved(setup, parameters, free, result.theta)
         used, colours = colours, noise_at(parameters, colours)
         if _settled(used, colours):
             break
     samples = sum(int(np.isfinite(r.measured[:, active]).sum()) for r in records)
     return Outcome(
-        parameters, free, result.covariance, effective_noise(setup, parameters, records, active),
-        colours, tuple(r.id for r in records), -result.cost, samples,
-    )  # fmt: skip
+        parameters,
+        free,
+        result.covariance,
+        effective_noise(setup, parameters, records, active),
+        colours,
+        tuple(r.id for r in records),
+        -result.cost,
+        samples,
+    )
 
 
 def _calm(
@@ -270,18 +303,23 @@ def at_mean(setup: Setup, outcome: Outcome, stage: PlanStage) -> Outcome:
     factors, _ = tuning_of(setup, outcome.free)
     names = [setup.structure.parameters[position] for position in outcome.free]
     move = move_to_mean(
-        _likelihood_about(setup, outcome, stage), np.diag(1.0 / factors**2),
+        _likelihood_about(setup, outcome, stage),
+        np.diag(1.0 / factors**2),
         [column for column, name in enumerate(names) if name in BY_SYMBOL],
-    )  # fmt: skip
+    )
     return replace(outcome, parameters=moved(setup, outcome.parameters, outcome.free, move))
 
 
 def _likelihood_about(setup: Setup, outcome: Outcome, stage: PlanStage) -> Likelihood:
     """Likelihood of deviations from an outcome, of all the maneuvers of its stage."""
     return likelihood_of(
-        setup, outcome.parameters, outcome.free, stage_records(setup, stage),
-        active_states(stage.system, setup.structure.plane), outcome.colours,
-    )  # fmt: skip
+        setup,
+        outcome.parameters,
+        outcome.free,
+        stage_records(setup, stage),
+        active_states(stage.system, setup.structure.plane),
+        outcome.colours,
+    )
 
 
 def _sensed(records: Records) -> npt.NDArray[np.bool_]:

@@ -61,9 +61,11 @@ def compile_side_by_side(setup: Setup) -> None:
 def _helper(part: str) -> subprocess.Popen[bytes]:
     """A process that runs one part of the problem it is told."""
     return subprocess.Popen(
-        [sys.executable, "-m", "auvident.engines.first_use", part], stdin=subprocess.PIPE,
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    )  # fmt: skip
+        [sys.executable, "-m", "auvident.engines.first_use", part],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
 
 
 def _tell(helper: subprocess.Popen[bytes], problem: bytes) -> None:
@@ -102,9 +104,12 @@ def _without_effects(setup: Setup) -> Setup:
     structure = structure_of(setup.structure.plane)
     n = len(structure.parameters)
     return replace(
-        setup, structure=structure, prior=setup.prior[:n], prior_std=setup.prior_std[:n],
+        setup,
+        structure=structure,
+        prior=setup.prior[:n],
+        prior_std=setup.prior_std[:n],
         start=setup.start[:n],
-    )  # fmt: skip
+    )
 
 
 def _active(setup: Setup) -> np.ndarray:

@@ -99,7 +99,7 @@ def white(noise: Array) -> Colours:
 
 def coloured_noise(
     setup: Setup, parameters: Array, records: Sequence[Record], active: Array, colours: Colours
-) -> Colours:  # fmt: skip
+) -> Colours:
     """Most likely sensor noise and disturbance of each channel, from what the model leaves.
 
     The sensor's stated accuracy is the least of its noise. Inactive channels keep it.
@@ -117,8 +117,9 @@ def coloured_noise(
     moving, held = setup.free(NOTHING), start_information(active, colours)
     left = each(
         lambda r: left_over(setup.frame, parameters, r, active, colours, moving, held),
-        records, len,
-    )  # fmt: skip
+        records,
+        len,
+    )
     residuals = [residual[0] for residual in left if residual is not None]
     if len(residuals) < len(left):
         raise NumericsError(
@@ -133,9 +134,14 @@ def coloured_noise(
 
 
 def left_over(
-    frame: Frame, p: Array, record: Record, active: Array, colours: Colours, moving: Free,
+    frame: Frame,
+    p: Array,
+    record: Record,
+    active: Array,
+    colours: Colours,
+    moving: Free,
     held: Array,
-) -> tuple[Array, Array] | None:  # fmt: skip
+) -> tuple[Array, Array] | None:
     """Measured minus predicted with the best start, and the predicted states.
 
     Parameters
@@ -163,9 +169,14 @@ def left_over(
 
 
 def white_rows(
-    error: Array, slopes: Array, columns: Array, seen: Array, channels: Array, colours: Colours,
+    error: Array,
+    slopes: Array,
+    columns: Array,
+    seen: Array,
+    channels: Array,
+    colours: Colours,
     dt_s: float,
-) -> Array:  # fmt: skip
+) -> Array:
     """Whitened errors and slopes of some channels, one below the other.
 
     Parameters
@@ -192,9 +203,14 @@ def white_rows(
 
 
 def white_slopes(
-    frame: Frame, p: Array, record: Record, active: Array, colours: Colours, moving: Free,
+    frame: Frame,
+    p: Array,
+    record: Record,
+    active: Array,
+    colours: Colours,
+    moving: Free,
     gain: Array | None = None,
-) -> tuple[Slopes, Array, Array] | None:  # fmt: skip
+) -> tuple[Slopes, Array, Array] | None:
     """Readings with slopes at p, which of them are seen, and both whitened; None: it runs away.
 
     Columns of the whitened: predicted minus measured, slopes by the active states of the start,
@@ -219,9 +235,15 @@ def lost_readings(record: Record, seen: Array, channels: Array) -> int:
 
 
 def record_parts(
-    frame: Frame, p: Array, record: Record, active: Array, colours: Colours, moving: Free,
-    held: Array, gain: Array | None = None,
-) -> tuple[float, Array, Array] | None:  # fmt: skip
+    frame: Frame,
+    p: Array,
+    record: Record,
+    active: Array,
+    colours: Colours,
+    moving: Free,
+    held: Array,
+    gain: Array | None = None,
+) -> tuple[float, Array, Array] | None:
     """Half the squared error of a record, gradient and curvature, its start eliminated.
 
     Readings that are lost (`lost_readings`) count with their expected half each.
@@ -260,9 +282,13 @@ def start_std(colour: Colour, stds: float) -> float:
 
 
 def likelihood_of(
-    setup: Setup, parameters: Array, free: Array, records: Sequence[Record], active: Array,
+    setup: Setup,
+    parameters: Array,
+    free: Array,
+    records: Sequence[Record],
+    active: Array,
     colours: Colours,
-) -> Likelihood:  # fmt: skip
+) -> Likelihood:
     """Likelihood of the deviations from `parameters` for `estimation.output_error.fit`."""
     moving, held = setup.free(free), start_information(active, colours)
 
@@ -271,10 +297,11 @@ def likelihood_of(
         return summed(
             each(
                 lambda r: record_parts(setup.frame, p, r, active, colours, moving, held),
-                records, len,
+                records,
+                len,
             ),
             len(free),
-        )  # fmt: skip
+        )
 
     return likelihood
 

@@ -35,10 +35,22 @@ Passed = tuple[Array, Array, Array, Array, Array]
 
 
 def motion_pass(
-    start: Array, spread: Array, inputs: Array, given: Array, read: Array, sensor: Array,
-    variance: Array, growth: Array, dt: float, p: Array, active: Array, terms: Array,
-    weights: Array, mass: Array, mass_weights: Array,
-) -> Passed | None:  # fmt: skip
+    start: Array,
+    spread: Array,
+    inputs: Array,
+    given: Array,
+    read: Array,
+    sensor: Array,
+    variance: Array,
+    growth: Array,
+    dt: float,
+    p: Array,
+    active: Array,
+    terms: Array,
+    weights: Array,
+    mass: Array,
+    mass_weights: Array,
+) -> Passed | None:
     """What `estimation.smoother.smooth` takes; None where the motion could not be followed.
 
     Parameters
@@ -75,17 +87,51 @@ def motion_pass(
     means, spreads = np.empty((2, n, size)), np.zeros((3, n, size, size))
     passed = means[0], spreads[0], means[1], spreads[1], spreads[2]
     followed = _follow(
-        start.copy(), spread.copy(), inputs, given, read, sensor, variance, growth, dt, p,
-        np.flatnonzero(active), active, terms, weights, mass, mass_weights, *passed,
-    )  # fmt: skip
+        start.copy(),
+        spread.copy(),
+        inputs,
+        given,
+        read,
+        sensor,
+        variance,
+        growth,
+        dt,
+        p,
+        np.flatnonzero(active),
+        active,
+        terms,
+        weights,
+        mass,
+        mass_weights,
+        *passed,
+    )
     return passed if followed else None
 
 
 @kernel
 def _follow(
-    x, covariance, inputs, given, read, sensor, variance, growth, dt, p, index, active, terms,
-    weights, mass, mass_weights, after, spread_after, before, spread_before, transition,
-):  # fmt: skip
+    x,
+    covariance,
+    inputs,
+    given,
+    read,
+    sensor,
+    variance,
+    growth,
+    dt,
+    p,
+    index,
+    active,
+    terms,
+    weights,
+    mass,
+    mass_weights,
+    after,
+    spread_after,
+    before,
+    spread_before,
+    transition,
+):
     """Fill what `motion_pass` returns; False where the motion is lost."""
     n, n_x, size = read.shape[0], index.shape[0], x.shape[0]
     n_forces, scale = size - n_x, np.ones(size - n_x)
@@ -98,9 +144,20 @@ def _follow(
     sorted_mass, sorted_mass_weights = sort_masses(active, column, scale, mass, mass_weights)
     used, coefficient = used_variables(active, terms), np.empty(table.shape[0])
     m, inverse = np.empty((10, 1)), np.empty((9, 1))
-    if not place_parameters(
-        p, active, table, sorted_weights, sorted_mass, sorted_mass_weights, coefficient, m, inverse
-    ) > 0.0:  # fmt: skip
+    if (
+        not place_parameters(
+            p,
+            active,
+            table,
+            sorted_weights,
+            sorted_mass,
+            sorted_mass_weights,
+            coefficient,
+            m,
+            inverse,
+        )
+        > 0.0
+    ):
         return False
     value, f = np.ones(N_PLACES), np.zeros((N_VELOCITIES, 1))
     f_x = np.zeros((N_VELOCITIES, N_SLOPES))
@@ -111,9 +168,20 @@ def _follow(
     for k in range(n):
         _keep(x, covariance, before[k], spread_before[k])
         _take_readings(
-            k, x, covariance, index, active, given, read, sensor, variance, gradient, nothing,
-            no_slopes, work,
-        )  # fmt: skip
+            k,
+            x,
+            covariance,
+            index,
+            active,
+            given,
+            read,
+            sensor,
+            variance,
+            gradient,
+            nothing,
+            no_slopes,
+            work,
+        )
         _keep(x, covariance, after[k], spread_after[k])
         if k == n - 1:
             break
@@ -124,10 +192,29 @@ def _follow(
         for c in range(n_forces):
             u[FORCE + c] = x[n_x + c]
         linear_step(
-            now, u, given[k], given[k + 1], dt, active, used, table, sorted_weights, partials,
-            sorted_mass, sorted_mass_weights, coefficient, inverse, by_force, places, value, f, f_x,
-            stage, rate, reached,
-        )  # fmt: skip
+            now,
+            u,
+            given[k],
+            given[k + 1],
+            dt,
+            active,
+            used,
+            table,
+            sorted_weights,
+            partials,
+            sorted_mass,
+            sorted_mass_weights,
+            coefficient,
+            inverse,
+            by_force,
+            places,
+            value,
+            f,
+            f_x,
+            stage,
+            rate,
+            reached,
+        )
         if not _advance(reached, index, x, covariance, growth, transition[k], rows):
             return False
     return True
@@ -144,9 +231,20 @@ def _keep(x, covariance, mean, spread):
 
 @borrowing
 def _take_readings(
-    k, x, covariance, index, active, given, read, sensor, variance, gradient, nothing, no_slopes,
+    k,
+    x,
+    covariance,
+    index,
+    active,
+    given,
+    read,
+    sensor,
+    variance,
+    gradient,
+    nothing,
+    no_slopes,
     work,
-):  # fmt: skip
+):
     """Update with every reading of row k."""
     for c in range(N_STATES):
         innovation = read[k, c]
@@ -159,9 +257,20 @@ def _take_readings(
             gradient[i] = sensor[c, index[i]]
             innovation -= gradient[i] * x[i]
         update_with(
-            x, covariance, x.shape[0], x.shape[0], 0, gradient, nothing, no_slopes, innovation,
-            variance[c], work[0], work[1], work[2],
-        )  # fmt: skip
+            x,
+            covariance,
+            x.shape[0],
+            x.shape[0],
+            0,
+            gradient,
+            nothing,
+            no_slopes,
+            innovation,
+            variance[c],
+            work[0],
+            work[1],
+            work[2],
+        )
 
 
 @borrowing

@@ -94,10 +94,29 @@ class Case(NamedTuple):
 
 @borrowing
 def _take_readings(
-    t, alive, mean, covariance, n_theta, index, given, measured, channels, sensor,
-    sensor_variance, offset, reading_slopes, reading_columns, whitened, fault, x, gradient,
-    by_theta, projected, gain, half,
-):  # fmt: skip
+    t,
+    alive,
+    mean,
+    covariance,
+    n_theta,
+    index,
+    given,
+    measured,
+    channels,
+    sensor,
+    sensor_variance,
+    offset,
+    reading_slopes,
+    reading_columns,
+    whitened,
+    fault,
+    x,
+    gradient,
+    by_theta,
+    projected,
+    gain,
+    half,
+):
     """Update with every reading at step t; returns log-likelihood and count."""
     n_x, n = index.shape[0], n_theta + alive * index.shape[0]
     wide, log_likelihood, count = whole_vectors(n, covariance), 0.0, 0
@@ -121,9 +140,20 @@ def _take_readings(
                 by_theta[i] = reading_slopes[j, t, c, i]
                 innovation -= by_theta[i] * mean[reading_columns[i]]
             spread = update_with(
-                mean, covariance, n, wide, first, gradient, reading_columns, by_theta, innovation,
-                sensor_variance[c], projected, gain, half,
-            )  # fmt: skip
+                mean,
+                covariance,
+                n,
+                wide,
+                first,
+                gradient,
+                reading_columns,
+                by_theta,
+                innovation,
+                sensor_variance[c],
+                projected,
+                gain,
+                half,
+            )
             if spread <= 0.0:
                 stop(fault, t, j, c, NOT_POSITIVE)
                 return log_likelihood, count
@@ -191,10 +221,32 @@ def ekf_pass(mean, final, case, terms, weights, mass, mass_weights):
     terms, weights, mass, mass_weights : arrays of `terms.Structure`
     """
     (
-        index, lengths, inputs, given, measured, dt, base, column, scale, active, channels, sensor,
-        sensor_variance, input_slopes, input_columns, offset, reading_slopes, reading_columns,
-        q_theta, q_x, whitened, states, history, history_std, fault,
-    ) = case  # fmt: skip
+        index,
+        lengths,
+        inputs,
+        given,
+        measured,
+        dt,
+        base,
+        column,
+        scale,
+        active,
+        channels,
+        sensor,
+        sensor_variance,
+        input_slopes,
+        input_columns,
+        offset,
+        reading_slopes,
+        reading_columns,
+        q_theta,
+        q_x,
+        whitened,
+        states,
+        history,
+        history_std,
+        fault,
+    ) = case
     n_x, n, n_theta = index.shape[0], mean.shape[0], scale.shape[0]
     moving, places = np.full(N_INPUTS, input_columns.shape[0] > 0), input_columns + LEAD
     u_slopes = np.zeros((N_INPUTS, places.shape[0]))
@@ -218,19 +270,48 @@ def ekf_pass(mean, final, case, terms, weights, mass, mass_weights):
     u, by_theta = np.empty(inputs.shape[2]), np.empty(reading_columns.shape[0])
     projected, gain, half = np.empty(width), np.empty(width), np.empty(width)
     log_likelihood, count = 0.0, 0
-    if not place_parameters(
-        base, active, table, sorted_weights, sorted_mass, sorted_mass_weights, coefficient, m,
-        inverse,
-    ) > 0.0:  # fmt: skip
+    if (
+        not place_parameters(
+            base,
+            active,
+            table,
+            sorted_weights,
+            sorted_mass,
+            sorted_mass_weights,
+            coefficient,
+            m,
+            inverse,
+        )
+        > 0.0
+    ):
         stop(fault, 0, 0, 0, SINGULAR)
         return log_likelihood, count
     for t in range(lengths[0]):
         alive = records_alive(lengths, t)
         gained, taken = _take_readings(
-            t, alive, mean, covariance, n_theta, index, given, measured, channels, sensor,
-            sensor_variance, offset, reading_slopes, reading_columns, whitened, fault, x, gradient,
-            by_theta, projected, gain, half,
-        )  # fmt: skip
+            t,
+            alive,
+            mean,
+            covariance,
+            n_theta,
+            index,
+            given,
+            measured,
+            channels,
+            sensor,
+            sensor_variance,
+            offset,
+            reading_slopes,
+            reading_columns,
+            whitened,
+            fault,
+            x,
+            gradient,
+            by_theta,
+            projected,
+            gain,
+            half,
+        )
         log_likelihood += gained
         count += taken
         _store(t, alive, mean, covariance, n_theta, index, given, states, history, history_std)
@@ -244,10 +325,29 @@ def ekf_pass(mean, final, case, terms, weights, mass, mass_weights):
             _place_step(j, t, inputs, given, u, g0, g1)
             _place_input_slopes(j, t, input_slopes, u_slopes)
             linear_step(
-                now, u, g0, g1, dt, active, used, table, sorted_weights, partials, sorted_mass,
-                sorted_mass_weights, coefficient, inverse, u_slopes, places, value, f, f_x, stage,
-                rate, reached,
-            )  # fmt: skip
+                now,
+                u,
+                g0,
+                g1,
+                dt,
+                active,
+                used,
+                table,
+                sorted_weights,
+                partials,
+                sorted_mass,
+                sorted_mass_weights,
+                coefficient,
+                inverse,
+                u_slopes,
+                places,
+                value,
+                f,
+                f_x,
+                stage,
+                rate,
+                reached,
+            )
             for i in range(n_x):
                 mean[first + i] = reached[index[i], 0]
                 for c in range(n_x):
@@ -276,10 +376,32 @@ def ukf_pass(mean, covariance, case, terms, weights, mass, mass_weights, spread)
     does not move in the prediction and is left as it is. Arguments as those of `ekf_pass`.
     """
     (
-        index, lengths, inputs, given, measured, dt, base, column, scale, active, channels, sensor,
-        sensor_variance, input_slopes, input_columns, offset, reading_slopes, reading_columns,
-        q_theta, q_x, whitened, states, history, history_std, fault,
-    ) = case  # fmt: skip
+        index,
+        lengths,
+        inputs,
+        given,
+        measured,
+        dt,
+        base,
+        column,
+        scale,
+        active,
+        channels,
+        sensor,
+        sensor_variance,
+        input_slopes,
+        input_columns,
+        offset,
+        reading_slopes,
+        reading_columns,
+        q_theta,
+        q_x,
+        whitened,
+        states,
+        history,
+        history_std,
+        fault,
+    ) = case
     n_x, n, n_theta = index.shape[0], mean.shape[0], scale.shape[0]
     moves, size = column >= 0, 2 * n + 1
     moving, differ = np.flatnonzero(moves), 1 + 2 * n_theta
@@ -303,10 +425,29 @@ def ukf_pass(mean, covariance, case, terms, weights, mass, mass_weights, spread)
     for t in range(lengths[0]):
         alive = records_alive(lengths, t)
         gained, taken = _take_readings(
-            t, alive, mean, covariance, n_theta, index, given, measured, channels, sensor,
-            sensor_variance, offset, reading_slopes, reading_columns, whitened, fault, x, gradient,
-            by_theta, projected, gain, half,
-        )  # fmt: skip
+            t,
+            alive,
+            mean,
+            covariance,
+            n_theta,
+            index,
+            given,
+            measured,
+            channels,
+            sensor,
+            sensor_variance,
+            offset,
+            reading_slopes,
+            reading_columns,
+            whitened,
+            fault,
+            x,
+            gradient,
+            by_theta,
+            projected,
+            gain,
+            half,
+        )
         log_likelihood += gained
         count += taken
         _store(t, alive, mean, covariance, n_theta, index, given, states, history, history_std)
@@ -322,9 +463,10 @@ def ukf_pass(mean, covariance, case, terms, weights, mass, mass_weights, spread)
         for k in range(moving.shape[0]):
             i, c = moving[k], column[moving[k]]
             spread_row(base[i], scale[c], c, upper, spread, all_points, P_ROWS + i, rows)
-        if not invert_masses(
-            differ, active, mass, mass_weights, moves, scalars, rows, m, inverse
-        ) > 0.0:  # fmt: skip
+        if (
+            not invert_masses(differ, active, mass, mass_weights, moves, scalars, rows, m, inverse)
+            > 0.0
+        ):
             stop(fault, t, 0, 0, SINGULAR)
             break
         for i in range(9):
@@ -337,20 +479,58 @@ def ukf_pass(mean, covariance, case, terms, weights, mass, mass_weights, spread)
                 spread_row(mean[at + i], 1.0, at + i, upper, spread, reached, index[i], points)
             _place_step(j, t, inputs, given, u, g0, g1)
             spread_inputs(
-                j, t, reached, u, input_slopes, input_columns, upper, spread, moved_inputs, rows,
-            )  # fmt: skip
+                j,
+                t,
+                reached,
+                u,
+                input_slopes,
+                input_columns,
+                upper,
+                spread,
+                moved_inputs,
+                rows,
+            )
             step_points(
-                reached, u, g0, g1, dt, active, used, table,
-                sorted_weights, powers, inverse, fixed, scalars, rows, force, points, stage, rate,
+                reached,
+                u,
+                g0,
+                g1,
+                dt,
+                active,
+                used,
+                table,
+                sorted_weights,
+                powers,
+                inverse,
+                fixed,
+                scalars,
+                rows,
+                force,
+                points,
+                stage,
+                rate,
                 total,
-            )  # fmt: skip
+            )
             for i in range(n_x):
                 for s in range(reached):
                     moved[j * n_x + i, s] = points[index[i], s]
         recombine(
-            t, alive, mean, covariance, n_theta, index, spread, upper, half, moved, projected, gain,
-            q_theta, q_x, fault,
-        )  # fmt: skip
+            t,
+            alive,
+            mean,
+            covariance,
+            n_theta,
+            index,
+            spread,
+            upper,
+            half,
+            moved,
+            projected,
+            gain,
+            q_theta,
+            q_x,
+            fault,
+        )
         if fault[3] > 0:
             break
     return log_likelihood, count

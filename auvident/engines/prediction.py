@@ -133,9 +133,16 @@ def input_slopes(frame: Frame, p: Array, acting: Record, free: Free) -> tuple[Ar
         steps[k] = step * scale, step
     slopes = np.zeros((len(acting.time_s), 9, len(found)))
     actuate_steps(
-        source.raw, source.elapsed_s, source.speed, frame.dt_s, e, places.copy(), steps,
-        acting.inputs, slopes,
-    )  # fmt: skip
+        source.raw,
+        source.elapsed_s,
+        source.speed,
+        frame.dt_s,
+        e,
+        places.copy(),
+        steps,
+        acting.inputs,
+        slopes,
+    )
     return slopes, columns.copy()
 
 
@@ -150,9 +157,14 @@ def readings(frame: Frame, p: Array, record: Record, states: Array) -> Array:
     """Readings (n, 4) that the sensors would give of the states."""
     rates = np.zeros((len(states), 2)) if record.source is None else record.source.rates
     return sense.readings(
-        frame.structure.plane, frame.sensing, frame.reading_effects(p), states, states[:, 3],
-        rates, frame.dt_s,
-    )  # fmt: skip
+        frame.structure.plane,
+        frame.sensing,
+        frame.reading_effects(p),
+        states,
+        states[:, 3],
+        rates,
+        frame.dt_s,
+    )
 
 
 @dataclass(frozen=True)
@@ -180,10 +192,20 @@ def readings_with_slopes(
     slopes, columns = input_slopes(frame, p, acting, free)
     z = np.zeros((len(record.time_s), N_STATES, 1 + N_STATES + len(free.positions)))
     if not simulate_with_sensitivities(
-        acting.start, acting.inputs, slopes, columns, acting.given,
-        np.zeros(N_STATES) if gain is None else gain, frame.dt_s, p, active,
-        *frame.structure.arrays, free.column, free.scale, z,
-    ):  # fmt: skip
+        acting.start,
+        acting.inputs,
+        slopes,
+        columns,
+        acting.given,
+        np.zeros(N_STATES) if gain is None else gain,
+        frame.dt_s,
+        p,
+        active,
+        *frame.structure.arrays,
+        free.column,
+        free.scale,
+        z,
+    ):
         return None
     states = z[:, :, 0].copy()
     e = frame.reading_effects(p)
@@ -213,9 +235,14 @@ def _add_reading_slopes(
         moved = e.copy()
         moved[place] += READING_STEP * free.scale[column]
         there = sense.readings(
-            frame.structure.plane, frame.sensing, moved, states, states[:, 3],
-            record.source.rates, frame.dt_s,  # type: ignore[union-attr]
-        )  # fmt: skip
+            frame.structure.plane,
+            frame.sensing,
+            moved,
+            states,
+            states[:, 3],
+            record.source.rates,
+            frame.dt_s,  # type: ignore[union-attr]
+        )
         slopes[:, :, N_STATES + column] += (there - base) / READING_STEP
 
 

@@ -125,13 +125,24 @@ def record_of(maneuver: Maneuver, trial: Trial, plane: Plane, sensor: Array) -> 
     extra = _columns(trial, AUXILIARY, int(first) - lead, int(last))
     speed = _columns(trial, STATE_COLUMNS[plane][:1], int(first) - lead, int(last))[:, 0]
     source = Source(
-        raw, time[first - lead : last] - time[0], speed, extra[:, 2], extra[:, 3],
-        extra[lead:, :2], bridged, start,
-    )  # fmt: skip
+        raw,
+        time[first - lead : last] - time[0],
+        speed,
+        extra[:, 2],
+        extra[:, 3],
+        extra[lead:, :2],
+        bridged,
+        start,
+    )
     return Record(
-        maneuver.id, time[first:last], raw[lead:].copy(), bridged @ inverse.T, measured,
-        inverse @ start, source,
-    )  # fmt: skip
+        maneuver.id,
+        time[first:last],
+        raw[lead:].copy(),
+        bridged @ inverse.T,
+        measured,
+        inverse @ start,
+        source,
+    )
 
 
 def _raw_inputs(trial: Trial, plane: Plane, first: int, last: int) -> Array:

@@ -79,10 +79,17 @@ class _Model:
     def _arguments(self, chi: Array, j: int, t: int, p: Array) -> tuple:
         records = self.problem.records
         return (
-            self.full_state(chi, j, t), self.inputs(chi, j, t), records.given[j, t],
-            records.given[j, t + 1], records.dt_s, p, self.inverse, self.problem.active,
-            self.terms, self.weights,
-        )  # fmt: skip
+            self.full_state(chi, j, t),
+            self.inputs(chi, j, t),
+            records.given[j, t],
+            records.given[j, t + 1],
+            records.dt_s,
+            p,
+            self.inverse,
+            self.problem.active,
+            self.terms,
+            self.weights,
+        )
 
     def _prepare(self, chi: Array) -> Array:
         p = self.problem.parameters_at(chi[: self.n_theta])
@@ -106,10 +113,15 @@ class _Model:
         for j in range((len(chi) - self.n_theta) // self.n_x):
             s_x = np.hstack([np.eye(N_STATES), np.zeros((N_STATES, self.n_theta))])
             step_with_sensitivities(
-                *self._arguments(chi, j, t, p), self.mass, self.mass_weights,
-                self.problem.column, self._input_slopes(j, t), self.linear.input_columns, s_x,
+                *self._arguments(chi, j, t, p),
+                self.mass,
+                self.mass_weights,
+                self.problem.column,
+                self._input_slopes(j, t),
+                self.linear.input_columns,
+                s_x,
                 out,
-            )  # fmt: skip
+            )
             rows = self.block(j)
             moved[rows] = out[self.index]
             derivative[rows, : self.n_theta] = s_x[self.index, N_STATES:] * self.problem.scale
@@ -130,9 +142,11 @@ class _Model:
         """What the sensors should read."""
         sensor = self.problem.sensor
         values = np.array(
-            [np.dot(sensor[c], np.where(sensor[c] != 0.0, self.full_state(chi, j, t), 0.0))
-             for j, c in readings]
-        )  # fmt: skip
+            [
+                np.dot(sensor[c], np.where(sensor[c] != 0.0, self.full_state(chi, j, t), 0.0))
+                for j, c in readings
+            ]
+        )
         columns = self.linear.reading_columns
         for row, (j, c) in enumerate(readings):
             if self.linear.offset.shape[1]:
@@ -225,9 +239,13 @@ def run(problem: FilterProblem, kind: str, spread: float = 1.0) -> FilterResult:
 
 
 def _update(
-    model: _Model, chi: Array, covariance: Array, t: int, readings: list[tuple[int, int]],
+    model: _Model,
+    chi: Array,
+    covariance: Array,
+    t: int,
+    readings: list[tuple[int, int]],
     whitened: Array,
-) -> tuple[Array, Array, float]:  # fmt: skip
+) -> tuple[Array, Array, float]:
     """filterpy's update with all readings of a step; the measurement is linear."""
     ekf = _Ekf(dim_x=len(chi), dim_z=len(readings))
     ekf.x, ekf.P = chi, covariance
@@ -264,9 +282,13 @@ def _predict_ukf(
     n = len(chi)
     points = MerweScaledSigmaPoints(n, alpha=spread / math.sqrt(n), beta=BETA, kappa=0.0)
     ukf = _Ukf(
-        dim_x=n, dim_z=1, dt=model.problem.records.dt_s, hx=lambda x: x[:1],
-        fx=lambda x, dt: model.advance(x, t), points=points,
-    )  # fmt: skip
+        dim_x=n,
+        dim_z=1,
+        dt=model.problem.records.dt_s,
+        hx=lambda x: x[:1],
+        fx=lambda x, dt: model.advance(x, t),
+        points=points,
+    )
     theta = model.theta_of(chi)
     ukf.x, ukf.P = chi - theta, covariance
     ukf.Q = model.noise((n - model.n_theta) // model.n_x)

@@ -49,9 +49,22 @@ def lean_to_mean(mean, n_theta, n, upper, lean):
 
 @borrowing
 def recombine(
-    t, alive, mean, covariance, n_theta, index, spread, upper, lean, moved, shift, pairs, q_theta,
-    q_x, fault,
-):  # fmt: skip
+    t,
+    alive,
+    mean,
+    covariance,
+    n_theta,
+    index,
+    spread,
+    upper,
+    lean,
+    moved,
+    shift,
+    pairs,
+    q_theta,
+    q_x,
+    fault,
+):
     """Mean and covariance of the propagated sigma points, in place.
 
     All from the differences d to the centre, which leave a small shift s of the mean instead of

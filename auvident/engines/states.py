@@ -32,9 +32,14 @@ class States:
 
 
 def smoothed_states(
-    structure: Structure, p: Array, record: Record, active: Array, sensor: Array,
-    sensor_std: Array, dt_s: float,
-) -> States:  # fmt: skip
+    structure: Structure,
+    p: Array,
+    record: Record,
+    active: Array,
+    sensor: Array,
+    sensor_std: Array,
+    dt_s: float,
+) -> States:
     """States of one maneuver given all its readings and a model.
 
     Parameters
@@ -52,10 +57,19 @@ def smoothed_states(
     forcing = forcing_std(structure, p, record, active, sensor, sensor_std, dt_s)
     index = np.flatnonzero(active)
     passed = motion_pass(
-        record.start[index], np.diag((START_STD * sensor_std[index]) ** 2), record.inputs,
-        record.given, np.where(active, record.measured, np.nan), sensor, sensor_std**2,
-        forcing[index] ** 2 * dt_s, dt_s, p, active, *structure.arrays,
-    )  # fmt: skip
+        record.start[index],
+        np.diag((START_STD * sensor_std[index]) ** 2),
+        record.inputs,
+        record.given,
+        np.where(active, record.measured, np.nan),
+        sensor,
+        sensor_std**2,
+        forcing[index] ** 2 * dt_s,
+        dt_s,
+        p,
+        active,
+        *structure.arrays,
+    )
     mean, std = record.given.copy(), np.zeros((len(record.time_s), N_STATES))
     mean[:, index], std[:, index] = np.nan, np.nan
     if passed is not None:
@@ -66,9 +80,14 @@ def smoothed_states(
 
 
 def forcing_std(
-    structure: Structure, p: Array, record: Record, active: Array, sensor: Array,
-    sensor_std: Array, dt_s: float,
-) -> Array:  # fmt: skip
+    structure: Structure,
+    p: Array,
+    record: Record,
+    active: Array,
+    sensor: Array,
+    sensor_std: Array,
+    dt_s: float,
+) -> Array:
     """Process noise (4,) per root second that would leave residuals like those found.
 
     A residual of rms s and correlation time T comes from white forcing of s sqrt(2 / T).

@@ -105,9 +105,11 @@ def _project(k, block, gradient, covariance, n_theta, n_x, wide, rows):
         s2, s3 = gradient[k, n_x + l + 2], gradient[k, n_x + l + 3]
         for c in range(wide):
             rows[k, c] += (
-                s0 * covariance[l, c] + s1 * covariance[l + 1, c]
-                + s2 * covariance[l + 2, c] + s3 * covariance[l + 3, c]
-            )  # fmt: skip
+                s0 * covariance[l, c]
+                + s1 * covariance[l + 1, c]
+                + s2 * covariance[l + 2, c]
+                + s3 * covariance[l + 3, c]
+            )
     for l in range(n_theta - n_theta % 4, n_theta):  # noqa: E741
         slope = gradient[k, n_x + l]
         for c in range(wide):
@@ -142,9 +144,20 @@ def update_scalar(mean, covariance, n, first, gradient, innovation, variance):
     """
     projected, gain, half = np.empty(n), np.empty(n), np.empty(n)
     spread = update_with(
-        mean, covariance, n, n, first, gradient, np.zeros(0, np.int64), np.zeros(0), innovation,
-        variance, projected, gain, half,
-    )  # fmt: skip
+        mean,
+        covariance,
+        n,
+        n,
+        first,
+        gradient,
+        np.zeros(0, np.int64),
+        np.zeros(0),
+        innovation,
+        variance,
+        projected,
+        gain,
+        half,
+    )
     for i in range(n):
         for j in range(i):
             even = 0.5 * (covariance[i, j] + covariance[j, i])
@@ -155,9 +168,20 @@ def update_scalar(mean, covariance, n, first, gradient, innovation, variance):
 
 @borrowing
 def update_with(
-    mean, covariance, n, wide, first, gradient, places, slopes, innovation, variance, projected,
-    gain, half,
-):  # fmt: skip
+    mean,
+    covariance,
+    n,
+    wide,
+    first,
+    gradient,
+    places,
+    slopes,
+    innovation,
+    variance,
+    projected,
+    gain,
+    half,
+):
     """As `update_scalar`, with work arrays (>= wide,): P h, the gain, half the change over it.
 
     Of the first n rows of the covariance `wide` columns change: n or `whole_vectors`.

@@ -56,10 +56,14 @@ Likelihood = Callable[[Array], tuple[float, Array, Array]]
 
 
 def fit(
-    likelihood: Likelihood, start: Array, prior_mean: Array, prior_information: Array,
-    bounds: tuple[Array, Array] | None = None, iterations: int = MAX_ITERATIONS,
+    likelihood: Likelihood,
+    start: Array,
+    prior_mean: Array,
+    prior_information: Array,
+    bounds: tuple[Array, Array] | None = None,
+    iterations: int = MAX_ITERATIONS,
     tolerance: float = COST_TOLERANCE,
-) -> Fit:  # fmt: skip
+) -> Fit:
     """Minimise whitened residuals and distance from the prior together.
 
     Gauss-Newton on the normal equations in a trust region, which is a box as the bounds are

@@ -18,9 +18,12 @@ class Smoothed:
 
 
 def smooth(
-    filtered: Array, filtered_covariance: Array, predicted: Array, predicted_covariance: Array,
+    filtered: Array,
+    filtered_covariance: Array,
+    predicted: Array,
+    predicted_covariance: Array,
     transition: Array,
-) -> Smoothed:  # fmt: skip
+) -> Smoothed:
     """Run back over a pass.
 
     With C_k = P_k F_k' (P_k+1|k)^-1: x_k|n = x_k + C_k (x_k+1|n - x_k+1|k) and

@@ -24,12 +24,23 @@ LEAST_SPEED_MPS = 0.2  # the race is not divided by less than this speed
 SAG_PERIOD_S = 1000.0  # the thrust sags by its fraction in this time
 # parameters in the order in which `actuate` takes them
 COMMAND = (
-    "rudder_delay.delay_s", "rudder_deadband.deadband_deg", "rudder_backlash.half_width_deg",
-    "rudder_asymmetry.gain", "rudder_lag.lag_s", "rudder_rate_limit.rate_degps",
-    "rudder_offset.offset_deg", "rudder_stall.angle_deg", "propeller_race.c_m2ps2pn",
-    "propeller_lag.lag_s", "thrust_sag.fraction_per_1000_s", "thrust_step.fraction",
-    "thrust_step.time_s", "thrust_step.over_s", "T_nn", "T_nu",
-)  # fmt: skip
+    "rudder_delay.delay_s",
+    "rudder_deadband.deadband_deg",
+    "rudder_backlash.half_width_deg",
+    "rudder_asymmetry.gain",
+    "rudder_lag.lag_s",
+    "rudder_rate_limit.rate_degps",
+    "rudder_offset.offset_deg",
+    "rudder_stall.angle_deg",
+    "propeller_race.c_m2ps2pn",
+    "propeller_lag.lag_s",
+    "thrust_sag.fraction_per_1000_s",
+    "thrust_step.fraction",
+    "thrust_step.time_s",
+    "thrust_step.over_s",
+    "T_nn",
+    "T_nu",
+)
 DELAY, DEADBAND, BACKLASH, ASYMMETRY, LAG, SLOWNESS, OFFSET, STALL, RACE = range(9)
 MOTOR_LAG, SAG, STEP, STEP_TIME, OVER, T_NN, T_NU = range(9, 16)
 SERVO = (DELAY, DEADBAND, BACKLASH, ASYMMETRY, LAG, SLOWNESS)
@@ -205,8 +216,15 @@ def actuate_steps(raw, elapsed, speed, dt, e, places, steps, base, slopes):
             _turn_fin(raw, dt, moved, turned)
         if at_propeller:
             _turn_propeller(raw, dt, moved, lagging)
-        _act(raw, elapsed, speed, moved, turned if at_fin else angle,
-             lagging if at_propeller else rate, out)  # fmt: skip
+        _act(
+            raw,
+            elapsed,
+            speed,
+            moved,
+            turned if at_fin else angle,
+            lagging if at_propeller else rate,
+            out,
+        )
         for t in range(n):
             for i in range(THRUST + 1):
                 slopes[t, i, k] = (out[lead + t, i] - base[t, i]) / steps[k, 1]
@@ -217,8 +235,9 @@ def command_values(parameters: tuple[str, ...], p: Array) -> Array:
     return values_of(COMMAND, parameters, p)
 
 
-def acting_inputs(raw: Array, elapsed: Array, speed: Array, roll: Array, pitch: Array, dt: float,
-                  e: Array) -> Array:  # fmt: skip
+def acting_inputs(
+    raw: Array, elapsed: Array, speed: Array, roll: Array, pitch: Array, dt: float, e: Array
+) -> Array:
     """Inputs (n, 9) of the equations of motion; see `actuate`. No free force acts."""
     out = np.zeros((len(raw), N_INPUTS))
     actuate(raw, elapsed, speed, dt, e, out)

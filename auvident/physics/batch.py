@@ -169,9 +169,23 @@ def _add_forces(count, table, weights, scalars, rows, force):
 
 @kernel
 def rates(
-    count, fraction, given0, given1, active, used, table, weights, powers, inverse, fixed, scalars,
-    rows, force, stage, rate,
-):  # fmt: skip
+    count,
+    fraction,
+    given0,
+    given1,
+    active,
+    used,
+    table,
+    weights,
+    powers,
+    inverse,
+    fixed,
+    scalars,
+    rows,
+    force,
+    stage,
+    rate,
+):
     """Rates (4, S) of the states `stage` (4, S); inputs and parameters are placed already."""
     _place_given(given0, given1, fraction, active, used, fixed, scalars)
     _place_rows(count, powers, stage, rows)
@@ -192,9 +206,26 @@ def rates(
 
 @kernel
 def step_points(
-    count, inputs, given0, given1, dt, active, used, table, weights, powers, inverse, fixed,
-    scalars, rows, force, x, stage, rate, total,
-):  # fmt: skip
+    count,
+    inputs,
+    given0,
+    given1,
+    dt,
+    active,
+    used,
+    table,
+    weights,
+    powers,
+    inverse,
+    fixed,
+    scalars,
+    rows,
+    force,
+    x,
+    stage,
+    rate,
+    total,
+):
     """One RK4 step of the states x (4, S) of the first `count` points, in place.
 
     `inverse` (9, S) holds the inverse mass matrices; fixed (4,), scalars, rows, force (3, S),
@@ -207,9 +238,23 @@ def step_points(
                 stage[i, s], total[i, s] = x[i, s], 0.0
     for number in range(4):
         rates(
-            count, (0.0, 0.5, 0.5, 1.0)[number], given0, given1, active, used, table, weights,
-            powers, inverse, fixed, scalars, rows, force, stage, rate,
-        )  # fmt: skip
+            count,
+            (0.0, 0.5, 0.5, 1.0)[number],
+            given0,
+            given1,
+            active,
+            used,
+            table,
+            weights,
+            powers,
+            inverse,
+            fixed,
+            scalars,
+            rows,
+            force,
+            stage,
+            rate,
+        )
         share = (1.0, 2.0, 2.0, 1.0)[number]
         advance = (0.5, 0.5, 1.0, 0.0)[number] * dt
         for i in range(N_STATES):

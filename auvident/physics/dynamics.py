@@ -96,10 +96,23 @@ def derivative(x, inputs, p, inverse, active, terms, weights, rate):
     place_inputs(inputs, used, scalars)
     rate[:] = 0.0
     rates(
-        1, 0.0, x, x, active, used, table, sorted_weights, needed_powers(active, _still(), terms),
-        inverse.reshape((9, 1)), np.empty(N_STATES), scalars, np.empty((P_ROWS, 1)),
-        np.empty((N_VELOCITIES, 1)), x.reshape((N_STATES, 1)), rate.reshape((N_STATES, 1)),
-    )  # fmt: skip
+        1,
+        0.0,
+        x,
+        x,
+        active,
+        used,
+        table,
+        sorted_weights,
+        needed_powers(active, _still(), terms),
+        inverse.reshape((9, 1)),
+        np.empty(N_STATES),
+        scalars,
+        np.empty((P_ROWS, 1)),
+        np.empty((N_VELOCITIES, 1)),
+        x.reshape((N_STATES, 1)),
+        rate.reshape((N_STATES, 1)),
+    )
 
 
 @kernel
@@ -121,11 +134,26 @@ def step(x, inputs, given0, given1, dt, p, inverse, active, terms, weights, out)
     for i in range(N_STATES):
         out[i] = x[i]
     step_points(
-        1, inputs, given0, given1, dt, active, used_variables(active, terms), table,
-        sorted_weights, needed_powers(active, _still(), terms), inverse.reshape((9, 1)),
-        np.empty(N_STATES), _scalars(p), np.empty((P_ROWS, 1)), np.empty((N_VELOCITIES, 1)),
-        out.reshape((N_STATES, 1)), work[0], work[1], work[2],
-    )  # fmt: skip
+        1,
+        inputs,
+        given0,
+        given1,
+        dt,
+        active,
+        used_variables(active, terms),
+        table,
+        sorted_weights,
+        needed_powers(active, _still(), terms),
+        inverse.reshape((9, 1)),
+        np.empty(N_STATES),
+        _scalars(p),
+        np.empty((P_ROWS, 1)),
+        np.empty((N_VELOCITIES, 1)),
+        out.reshape((N_STATES, 1)),
+        work[0],
+        work[1],
+        work[2],
+    )
     for i in range(N_STATES):
         if not active[i]:
             out[i] = given1[i]
@@ -133,9 +161,24 @@ def step(x, inputs, given0, given1, dt, p, inverse, active, terms, weights, out)
 
 @kernel
 def step_with_sensitivities(
-    x, inputs, given0, given1, dt, p, inverse, active, terms, weights, mass, mass_weights, column,
-    input_slopes, input_columns, s_x, out,
-):  # fmt: skip
+    x,
+    inputs,
+    given0,
+    given1,
+    dt,
+    p,
+    inverse,
+    active,
+    terms,
+    weights,
+    mass,
+    mass_weights,
+    column,
+    input_slopes,
+    input_columns,
+    s_x,
+    out,
+):
     """One RK4 step and the exact derivative of the step.
 
     `input_slopes` (9, k) are the derivatives of the inputs by the free parameters
@@ -156,12 +199,29 @@ def step_with_sensitivities(
             for c in range(s_x.shape[1]):
                 z[i, 1 + c] = s_x[i, c]
     step_linear(
-        z, inputs, given0, given1, dt, active, used_variables(active, terms), table,
-        sorted_weights, partials, sorted_mass, sorted_mass_weights,
-        _coefficients(p, table, sorted_weights), inverse.reshape((9, 1)), input_slopes,
-        input_columns + LEAD, np.ones(N_PLACES), np.zeros((N_VELOCITIES, 1)),
-        np.zeros((N_VELOCITIES, N_SLOPES)), work[1], rate, work[2],
-    )  # fmt: skip
+        z,
+        inputs,
+        given0,
+        given1,
+        dt,
+        active,
+        used_variables(active, terms),
+        table,
+        sorted_weights,
+        partials,
+        sorted_mass,
+        sorted_mass_weights,
+        _coefficients(p, table, sorted_weights),
+        inverse.reshape((9, 1)),
+        input_slopes,
+        input_columns + LEAD,
+        np.ones(N_PLACES),
+        np.zeros((N_VELOCITIES, 1)),
+        np.zeros((N_VELOCITIES, N_SLOPES)),
+        work[1],
+        rate,
+        work[2],
+    )
     for i in range(N_STATES):
         out[i] = z[i, 0]
         if active[i]:
@@ -195,9 +255,23 @@ def _moving(input_slopes):
 
 @kernel
 def simulate_with_sensitivities(
-    x0, inputs, input_slopes, input_columns, given, gain, dt, p, active, terms, weights, mass,
-    mass_weights, column, scale, z,
-):  # fmt: skip
+    x0,
+    inputs,
+    input_slopes,
+    input_columns,
+    given,
+    gain,
+    dt,
+    p,
+    active,
+    terms,
+    weights,
+    mass,
+    mass_weights,
+    column,
+    scale,
+    z,
+):
     """States over a whole record with their derivatives by the start and the free parameters.
 
     Parameters
@@ -231,9 +305,20 @@ def simulate_with_sensitivities(
     sorted_mass, sorted_mass_weights = sort_masses(active, column, scale, mass, mass_weights)
     used, coefficient = used_variables(active, terms), np.empty(table.shape[0])
     m, inverse = np.empty((10, 1)), np.empty((9, 1))
-    if not place_parameters(
-        p, active, table, sorted_weights, sorted_mass, sorted_mass_weights, coefficient, m, inverse
-    ) > 0.0:  # fmt: skip
+    if (
+        not place_parameters(
+            p,
+            active,
+            table,
+            sorted_weights,
+            sorted_mass,
+            sorted_mass_weights,
+            coefficient,
+            m,
+            inverse,
+        )
+        > 0.0
+    ):
         return False
     value, f = np.ones(N_PLACES), np.zeros((N_VELOCITIES, 1))
     f_x = np.zeros((N_VELOCITIES, N_SLOPES))
@@ -247,10 +332,29 @@ def simulate_with_sensitivities(
     _keep(now, 0, z)
     for k in range(n - 1):
         step_linear(
-            now, inputs[k], given[k], given[k + 1], dt, active, used, table, sorted_weights,
-            partials, sorted_mass, sorted_mass_weights, coefficient, inverse, input_slopes[k],
-            places, value, f, f_x, stage, rate, total,
-        )  # fmt: skip
+            now,
+            inputs[k],
+            given[k],
+            given[k + 1],
+            dt,
+            active,
+            used,
+            table,
+            sorted_weights,
+            partials,
+            sorted_mass,
+            sorted_mass_weights,
+            coefficient,
+            inverse,
+            input_slopes[k],
+            places,
+            value,
+            f,
+            f_x,
+            stage,
+            rate,
+            total,
+        )
         if _ran_away(now):
             return False
         for i in range(N_STATES):
@@ -271,9 +375,17 @@ def _keep(now, k, z):
 
 
 def simulate_states(
-    x0: Array, inputs: Array, given: Array, dt: float, p: Array, active: Array, terms: Array,
-    weights: Array, mass: Array, mass_weights: Array,
-) -> Array:  # fmt: skip
+    x0: Array,
+    inputs: Array,
+    given: Array,
+    dt: float,
+    p: Array,
+    active: Array,
+    terms: Array,
+    weights: Array,
+    mass: Array,
+    mass_weights: Array,
+) -> Array:
     """States over a whole record from its initial state and inputs alone.
 
     Parameters
@@ -291,9 +403,22 @@ def simulate_states(
     """
     z = np.full((len(inputs), N_STATES, LEAD), np.nan)
     simulate_with_sensitivities(
-        x0, inputs, np.zeros((len(inputs), N_INPUTS, 0)), np.zeros(0, dtype=np.int64), given,
-        np.zeros(N_STATES), dt, p, active, terms, weights, mass, mass_weights,
-        np.full(len(p), -1), np.zeros(0), z,
-    )  # fmt: skip
+        x0,
+        inputs,
+        np.zeros((len(inputs), N_INPUTS, 0)),
+        np.zeros(0, dtype=np.int64),
+        given,
+        np.zeros(N_STATES),
+        dt,
+        p,
+        active,
+        terms,
+        weights,
+        mass,
+        mass_weights,
+        np.full(len(p), -1),
+        np.zeros(0),
+        z,
+    )
     states: Array = z[:, :, 0].copy()
     return states

@@ -21,10 +21,18 @@ Array = npt.NDArray[Any]
 N_CHANNELS = 4
 # parameters in the order in which the functions take them
 READING = (
-    "current.north_mps", "current.east_mps", "dvl_misalignment.yaw_deg", "dvl_scale.fraction",
-    "dvl_lever_arm.dx_m", "dvl_lever_arm.dy_m", "dvl_height.dz_m", "gyro_bias.bias_degps",
-    "gyro_scale.fraction", "dvl_delay.delay_s", "gyro_delay.delay_s",
-)  # fmt: skip
+    "current.north_mps",
+    "current.east_mps",
+    "dvl_misalignment.yaw_deg",
+    "dvl_scale.fraction",
+    "dvl_lever_arm.dx_m",
+    "dvl_lever_arm.dy_m",
+    "dvl_height.dz_m",
+    "gyro_bias.bias_degps",
+    "gyro_scale.fraction",
+    "dvl_delay.delay_s",
+    "gyro_delay.delay_s",
+)
 NORTH, EAST, YAW, SCALE, DX, DY, DZ, BIAS, GYRO_SCALE, DVL_DELAY, GYRO_DELAY = range(11)
 ROLL_RATE, PITCH_RATE = range(2)
 

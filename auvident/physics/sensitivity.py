@@ -124,7 +124,7 @@ def _add_forces(table, partials, coefficient, value, f, slopes):
 @borrowing
 def _evaluate_point(
     point, active, used, table, partials, coefficient, inverse, value, stage, f, f_x, rate
-):  # fmt: skip
+):
     """Rates of the state stage[:, 0] in rate[:, point], and the slopes of its forces."""
     here, slopes = value[point * POINT_PLACES :], f_x[:, point * POINT_SLOPES :]
     _place_states(stage, active, used, here)
@@ -179,9 +179,11 @@ def _add_column(e, column, active, g0, g1, g2, g3, f_x, total):
         if active[i]:
             at = WEIGHTS + i
             total[i, column] += (
-                f_x[e, at] * g0 + f_x[e, at + POINT_SLOPES] * g1
-                + f_x[e, at + 2 * POINT_SLOPES] * g2 + f_x[e, at + 3 * POINT_SLOPES] * g3
-            )  # fmt: skip
+                f_x[e, at] * g0
+                + f_x[e, at + POINT_SLOPES] * g1
+                + f_x[e, at + 2 * POINT_SLOPES] * g2
+                + f_x[e, at + 3 * POINT_SLOPES] * g3
+            )
 
 
 @borrowing
@@ -231,9 +233,29 @@ def _by_input(l, i, active, f_x):  # noqa: E741
 
 @borrowing
 def linear_step(
-    x, inputs, given0, given1, dt, active, used, table, weights, partials, mass, mass_weights,
-    coefficient, inverse, input_slopes, input_columns, value, f, f_x, stage, rate, total,
-):  # fmt: skip
+    x,
+    inputs,
+    given0,
+    given1,
+    dt,
+    active,
+    used,
+    table,
+    weights,
+    partials,
+    mass,
+    mass_weights,
+    coefficient,
+    inverse,
+    input_slopes,
+    input_columns,
+    value,
+    f,
+    f_x,
+    stage,
+    rate,
+    total,
+):
     """One RK4 step from the state x[:, 0] and its derivative.
 
     Parameters
@@ -292,9 +314,29 @@ def _chain(active, total, z, moved):
 
 @borrowing
 def step_linear(
-    z, inputs, given0, given1, dt, active, used, table, weights, partials, mass, mass_weights,
-    coefficient, inverse, input_slopes, input_columns, value, f, f_x, stage, rate, total,
-):  # fmt: skip
+    z,
+    inputs,
+    given0,
+    given1,
+    dt,
+    active,
+    used,
+    table,
+    weights,
+    partials,
+    mass,
+    mass_weights,
+    coefficient,
+    inverse,
+    input_slopes,
+    input_columns,
+    value,
+    f,
+    f_x,
+    stage,
+    rate,
+    total,
+):
     """One RK4 step of a state and its sensitivities z (4, 5 + n_free), in place.
 
     z is the state, its derivatives by any four numbers (the start, say) and by the free parameters.
@@ -302,9 +344,29 @@ def step_linear(
     are zero throughout.
     """
     linear_step(
-        z, inputs, given0, given1, dt, active, used, table, weights, partials, mass, mass_weights,
-        coefficient, inverse, input_slopes, input_columns, value, f, f_x, stage, rate, total,
-    )  # fmt: skip
+        z,
+        inputs,
+        given0,
+        given1,
+        dt,
+        active,
+        used,
+        table,
+        weights,
+        partials,
+        mass,
+        mass_weights,
+        coefficient,
+        inverse,
+        input_slopes,
+        input_columns,
+        value,
+        f,
+        f_x,
+        stage,
+        rate,
+        total,
+    )
     _chain(active, total, z, stage)
     for i in range(N_STATES):
         z[i, 0] = total[i, 0]

@@ -171,9 +171,11 @@ def _sort_partials(active, moving, terms, chosen, table):
                 for f in range(N_FACTORS):
                     variable, power = terms[chosen[k], 2 + 2 * f], terms[chosen[k], 3 + 2 * f]
                     if (
-                        terms[chosen[k], 0] == equation and power >= 0 and _slope_of(variable) == by
+                        terms[chosen[k], 0] == equation
+                        and power >= 0
+                        and _slope_of(variable) == by
                         and varies(variable, active, moving)
-                    ):  # fmt: skip
+                    ):
                         partials[d, 0], partials[d, 1], partials[d, 2] = k, equation, by
                         partials[d, 3] = SLOPES + variable * N_POWERS + power
                         partials[d, 4] = table[k, 3 + (f + 1) % N_FACTORS]

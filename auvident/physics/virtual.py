@@ -138,7 +138,18 @@ def steady_approach(structure: Structure, p: Array, n_rps: float, settle_s: floa
     inputs = healthy(np.array([0.0, 0.0, n_rps]))
     for _ in range(round(settle_s / 0.1)):
         out = np.empty(N_STATES)
-        step(x, inputs, given, given, 0.1, p, inverse, active, structure.terms,
-             structure.weights, out)  # fmt: skip
+        step(
+            x,
+            inputs,
+            given,
+            given,
+            0.1,
+            p,
+            inverse,
+            active,
+            structure.terms,
+            structure.weights,
+            out,
+        )
         x = out
     return x

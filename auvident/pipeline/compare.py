@@ -41,9 +41,14 @@ def compare_runs(paths: Sequence[Path]) -> dict[str, Any]:
         "schema": "auvident/compare/1",
         "runs": [
             {
-                "run": str(path), "vehicle": model.vehicle, "plane": model.plane,
-                "filter": model.filter, "engine": model.engine, "plan": model.plan,
-                "model": str(file), "held_out": errors["maneuvers"],
+                "run": str(path),
+                "vehicle": model.vehicle,
+                "plane": model.plane,
+                "filter": model.filter,
+                "engine": model.engine,
+                "plan": model.plan,
+                "model": str(file),
+                "held_out": errors["maneuvers"],
                 "verdict": errors.get("verdict"),
             }
             for path, (file, model), errors in zip(paths, models, held_out, strict=True)
@@ -51,7 +56,7 @@ def compare_runs(paths: Sequence[Path]) -> dict[str, Any]:
         "coefficients": _rows([{c.symbol: c for c in m.coefficients} for _, m in models]),
         "effects": _rows([errors.get("effects", {}) for errors in held_out]),
         "held_out": _errors([errors["channels"] for errors in held_out]),
-    }  # fmt: skip
+    }
 
 
 def _held_out(path: Path, model_file: Path) -> dict[str, Any]:

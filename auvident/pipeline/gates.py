@@ -67,9 +67,11 @@ def check_refined(
 
 
 def _check(
-    found: Mapping[str, Error], limits: Mapping[str, float], known: Iterable[str],
+    found: Mapping[str, Error],
+    limits: Mapping[str, float],
+    known: Iterable[str],
     findings: Sequence[Finding],
-) -> None:  # fmt: skip
+) -> None:
     if not limits:
         return
     _refuse_unknown(limits, sorted(known))

@@ -86,9 +86,11 @@ def _vehicle_of(
         return read_model(run / VEHICLE, Vehicle)
     observer.note(SIGNS_ASSUMED)
     body = {
-        "name": model.vehicle, "mass_kg": model.rigid_body.mass_kg,
-        "izz_kgm2": model.rigid_body.inertia_kgm2, "origin_from_nose_m": 0.5 * model.length_m,
-    }  # fmt: skip
+        "name": model.vehicle,
+        "mass_kg": model.rigid_body.mass_kg,
+        "izz_kgm2": model.rigid_body.inertia_kgm2,
+        "origin_from_nose_m": 0.5 * model.length_m,
+    }
     # reading a log takes only the signs from a vehicle; a hull must stand there
     hull = {"length_m": model.length_m, "diameter_m": model.length_m / USUAL_FINENESS}
     return Vehicle.model_validate({"vehicle": body, "hull": hull})

@@ -133,9 +133,13 @@ def run_all(
                 continue
             try:
                 result.outputs |= _execute(
-                    stage, run, manifest, wanted[stage.name], options.get(stage.name, {}),
+                    stage,
+                    run,
+                    manifest,
+                    wanted[stage.name],
+                    options.get(stage.name, {}),
                     observer,
-                )  # fmt: skip
+                )
             except NumericsError as error:
                 if stage.name not in OPTIONAL:
                     raise
@@ -327,9 +331,13 @@ def _record_failure(
     if manifest is None:
         return
     attempt = Attempt(
-        at=_now(), problem=error.problem, where=error.where, remedy=error.remedy,
-        exit_code=error.exit_code, options=dict(wanted.options),
-    )  # fmt: skip
+        at=_now(),
+        problem=error.problem,
+        where=error.where,
+        remedy=error.remedy,
+        exit_code=error.exit_code,
+        options=dict(wanted.options),
+    )
     failed = {**manifest.failed, stage.name: attempt}
     run.save(manifest.model_copy(update={"failed": failed}))
 

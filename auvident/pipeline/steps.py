@@ -247,10 +247,17 @@ def identify(given: Given) -> dict[str, Any]:
     plan = read_plan(given.options["plan"])
     announce_compilation(given.observer, given.options["filter"])
     result = estimate_jointly(
-        given.trials, given.maneuvers, given.ase, given.vehicle, given.noise(),
-        plane=given.options["plane"], plan=plan, filter=given.options["filter"],
-        engine=given.options["engine"], progress=given.observer.progress,
-    )  # fmt: skip
+        given.trials,
+        given.maneuvers,
+        given.ase,
+        given.vehicle,
+        given.noise(),
+        plane=given.options["plane"],
+        plan=plan,
+        filter=given.options["filter"],
+        engine=given.options["engine"],
+        progress=given.observer.progress,
+    )
     return {
         "identify/model.json": result.model,
         "identify/history.parquet": result.history,
@@ -293,15 +300,26 @@ def diagnose(given: Given) -> dict[str, Any]:
     from auvident.stages.identify import prepare, without_held_out
 
     setup, _ = prepare(
-        given.trials, given.maneuvers, given.ase, given.vehicle, given.noise(),
-        plane=given.model.plane, plan=identifying_plan(given), filter=given.model.filter,
+        given.trials,
+        given.maneuvers,
+        given.ase,
+        given.vehicle,
+        given.noise(),
+        plane=given.model.plane,
+        plan=identifying_plan(given),
+        filter=given.model.filter,
         engine=given.model.engine,
-    )  # fmt: skip
+    )
     seen = [without_held_out(t, given.maneuvers, given.model.plane) for t in given.trials]
     result = trace(
-        seen, given.maneuvers, given.vehicle, setup, given.model, seed=given.seed or 0,
+        seen,
+        given.maneuvers,
+        given.vehicle,
+        setup,
+        given.model,
+        seed=given.seed or 0,
         progress=given.observer.progress,
-    )  # fmt: skip
+    )
     return {
         "diagnose/diagnosis.json": result.diagnosis,
         "diagnose/residuals.parquet": result.residuals,
@@ -329,9 +347,16 @@ def refine(given: Given) -> dict[str, Any]:
     if after is not None:
         model, history, now = after[0].model, after[0].history, after[1]
     comparison = compare(
-        given.diagnosis, given.maneuvers, given.model, model, before.simulation, now.simulation,
-        attempts=tried, seed=given.seed or 0, predicted=now.metrics.findings,
-    )  # fmt: skip
+        given.diagnosis,
+        given.maneuvers,
+        given.model,
+        model,
+        before.simulation,
+        now.simulation,
+        attempts=tried,
+        seed=given.seed or 0,
+        predicted=now.metrics.findings,
+    )
     return {
         "refine/model.json": model,
         "refine/comparison.json": comparison,
@@ -346,10 +371,18 @@ def _identified_again(given: Given, filter: str, carried: Any) -> "_Again":
     from auvident.stages.validate import validate as predict_again
 
     result = estimate_jointly(
-        given.trials, given.maneuvers, given.ase, given.vehicle, given.noise(),
-        plane=given.model.plane, plan=identifying_plan(given), filter=filter,
-        engine=given.model.engine, carried=carried, progress=given.observer.progress,
-    )  # fmt: skip
+        given.trials,
+        given.maneuvers,
+        given.ase,
+        given.vehicle,
+        given.noise(),
+        plane=given.model.plane,
+        plan=identifying_plan(given),
+        filter=filter,
+        engine=given.model.engine,
+        carried=carried,
+        progress=given.observer.progress,
+    )
     return result, predict_again(
         given.trials, given.maneuvers, result.model, estimated=given.ase.applies
     )

@@ -138,10 +138,16 @@ def model_table(model: IdentifiedModel) -> Table:
     table.add_column("origin")
     for c in model.coefficients:
         table.add_row(
-            c.symbol, c.unit, number(c.value, 4), number(c.std, 2), number(c.prior, 4),
-            number(c.prior_std, 2), number(1e3 * c.prime, 4), f"{100.0 * c.data_share:.0f} %",
+            c.symbol,
+            c.unit,
+            number(c.value, 4),
+            number(c.std, 2),
+            number(c.prior, 4),
+            number(c.prior_std, 2),
+            number(1e3 * c.prime, 4),
+            f"{100.0 * c.data_share:.0f} %",
             c.origin,
-        )  # fmt: skip
+        )
     table.caption, table.caption_justify = allowances(model.effects) or None, "left"
     return table
 
@@ -177,9 +183,14 @@ def log_tables(report: Any) -> list[RenderableType]:
         table.add_column("note")
         for c in file.columns:
             table.add_row(
-                c.name, c.quantity or "", c.unit, number(c.minimum, 4), number(c.maximum, 4),
-                str(c.empty), c.note,
-            )  # fmt: skip
+                c.name,
+                c.quantity or "",
+                c.unit,
+                number(c.minimum, 4),
+                number(c.maximum, 4),
+                str(c.empty),
+                c.note,
+            )
         notes = [Text(note, style="yellow") for note in file.notes]
         pieces += [Text(title, style="italic"), table, *notes]
     if report.unassigned:

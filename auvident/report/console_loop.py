@@ -13,9 +13,12 @@ from auvident.report.console_style import findings_lines, house_table, rich_tabl
 from auvident.schema.diagnosis import Candidate, Comparison, Diagnosis
 
 VERDICT_STYLES = {
-    "none_found": "bold green", "effect_found": "bold cyan", "ambiguous": "bold yellow",
-    "partly_explained": "bold cyan", "unexplained": "bold yellow",
-}  # fmt: skip
+    "none_found": "bold green",
+    "effect_found": "bold cyan",
+    "ambiguous": "bold yellow",
+    "partly_explained": "bold cyan",
+    "unexplained": "bold yellow",
+}
 MOST_CANDIDATES = 8  # rows of the ranking; the artifact has all of them
 MOST_LOOKALIKES = 6
 

@@ -27,13 +27,25 @@ COORDINATE_DIGITS = 2  # after the point, in SVG units of 1/72 inch
 # after Okabe and Ito, are told apart by all common kinds of colour vision.
 INK, SOFT, GRID, PAPER = "#101112", "#606162", "#d0d1d2", "#fdfefc"
 BLUE, VERMILLION, GREEN, SKY, PURPLE, ORANGE = (
-    "#0072b2", "#d55e00", "#009e73", "#56b4e9", "#cc79a7", "#e69f00",
-)  # fmt: skip
+    "#0072b2",
+    "#d55e00",
+    "#009e73",
+    "#56b4e9",
+    "#cc79a7",
+    "#e69f00",
+)
 VARIABLES = {
-    INK: "--ink", SOFT: "--soft", GRID: "--grid", PAPER: "--paper", BLUE: "--blue",
-    VERMILLION: "--vermillion", GREEN: "--green", SKY: "--sky", PURPLE: "--purple",
+    INK: "--ink",
+    SOFT: "--soft",
+    GRID: "--grid",
+    PAPER: "--paper",
+    BLUE: "--blue",
+    VERMILLION: "--vermillion",
+    GREEN: "--green",
+    SKY: "--sky",
+    PURPLE: "--purple",
     ORANGE: "--orange",
-}  # fmt: skip
+}
 KIND_COLOURS = {"straight": SKY, "turn": PURPLE, "zigzag": GREEN}
 STYLE: Any = {
     "svg.fonttype": "none",

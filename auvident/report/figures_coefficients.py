@@ -61,8 +61,14 @@ def _forest_row(axes: Axes, i: int, c: ModelCoefficient) -> None:
         edge = np.sign(place) * (FOREST_REACH - 0.1)
         axes.plot(edge, i, ">" if place > 0 else "<", color=VERMILLION, ms=6)
         text = f"{place:+.1f} "
-        axes.text(edge - 0.12 * np.sign(place), i, text, va="center", fontsize=8,
-                  ha="right" if place > 0 else "left")  # fmt: skip
+        axes.text(
+            edge - 0.12 * np.sign(place),
+            i,
+            text,
+            va="center",
+            fontsize=8,
+            ha="right" if place > 0 else "left",
+        )
         return
     axes.errorbar(place, i, xerr=spread, fmt="o", color=colour, ms=4.5, lw=1.6, capsize=0)
 
@@ -89,9 +95,15 @@ def history(table: pd.DataFrame, coefficients: Sequence[ModelCoefficient], name:
     figure = new_figure(0.5 + 1.3 * lines)
     height = figure.get_figheight()
     grid = figure.add_gridspec(
-        lines, HISTORY_COLUMNS, left=0.055, right=0.995, top=1.0 - 0.25 / height,
-        bottom=0.42 / height, hspace=0.42, wspace=0.24,
-    )  # fmt: skip
+        lines,
+        HISTORY_COLUMNS,
+        left=0.055,
+        right=0.995,
+        top=1.0 - 0.25 / height,
+        bottom=0.42 / height,
+        hspace=0.42,
+        wspace=0.24,
+    )
     groups = dict(list(table.groupby("symbol", sort=False)))
     for i, c in enumerate(rows):
         axes = figure.add_subplot(grid[i // HISTORY_COLUMNS, i % HISTORY_COLUMNS])

@@ -39,11 +39,16 @@ def joined(trials: Sequence[Trial], maneuvers: Sequence[Maneuver]) -> tuple[Tria
         between = {TIME_COLUMN: [start + span + 0.5 * space], RECORD_COLUMN: [0]}
         pieces += [table, pd.DataFrame(between)]
         moved += [
-            m.model_copy(update={
-                "t_start_s": m.t_start_s + shift, "t_end_s": m.t_end_s + shift, "trial": name,
-            })
-            for m in maneuvers if m.trial == trial.name
-        ]  # fmt: skip
+            m.model_copy(
+                update={
+                    "t_start_s": m.t_start_s + shift,
+                    "t_end_s": m.t_end_s + shift,
+                    "trial": name,
+                }
+            )
+            for m in maneuvers
+            if m.trial == trial.name
+        ]
         start += span + space
     return Trial(name, pd.concat(pieces[:-1], ignore_index=True), trials[0].rate_hz), moved
 

@@ -84,9 +84,16 @@ def before_after(table: pd.DataFrame, name: str) -> str | None:
     figure = new_figure(0.7 + 2.1 * len(channels))
     height = figure.get_figheight()
     grid = figure.add_gridspec(
-        2 * len(channels), len(maneuvers), left=0.075, right=0.99, top=1.0 - 0.55 / height,
-        bottom=0.45 / height, hspace=0.35, wspace=0.14, height_ratios=[1.0, 0.55] * len(channels),
-    )  # fmt: skip
+        2 * len(channels),
+        len(maneuvers),
+        left=0.075,
+        right=0.99,
+        top=1.0 - 0.55 / height,
+        bottom=0.45 / height,
+        hspace=0.35,
+        wspace=0.14,
+        height_ratios=[1.0, 0.55] * len(channels),
+    )
     for j, maneuver in enumerate(maneuvers):
         rows = table[table["maneuver"] == maneuver]
         for i, column in enumerate(channels):
@@ -139,8 +146,9 @@ def _panel(upper: Axes, lower: Axes, rows: pd.DataFrame, column: str, first: boo
     time = rows["time_s"].to_numpy(float) - float(rows["time_s"].iloc[0])
     values = {
         ending: rows[f"{column}_{ending}"].to_numpy(float) * factor
-        for ending, *_ in LINES if f"{column}_{ending}" in rows
-    }  # fmt: skip
+        for ending, *_ in LINES
+        if f"{column}_{ending}" in rows
+    }
     for ending, colour, dashes, width, opacity, _ in LINES:
         if ending in values:
             _line(upper, time, values[ending], (colour, dashes, width, opacity))
@@ -195,9 +203,12 @@ def moves(coefficients: Sequence[CoefficientComparison], name: str) -> str | Non
 
 
 def _move(
-    axes: Axes, y: float, c: CoefficientComparison, value: tuple[float, float],
+    axes: Axes,
+    y: float,
+    c: CoefficientComparison,
+    value: tuple[float, float],
     look: dict[str, Any],
-) -> None:  # fmt: skip
+) -> None:
     """A dot with its standard deviation; an arrow where it is beyond the axis."""
     place, spread = (value[0] - c.prior) / c.prior_std, value[1] / c.prior_std
     if abs(place) > FOREST_REACH:

@@ -37,9 +37,12 @@ WITH_TRACK = 0.64  # share of the width left to the channels
 
 
 def prediction(
-    table: pd.DataFrame, after: ManeuverMetrics, before: ManeuverMetrics | None, name: str,
+    table: pd.DataFrame,
+    after: ManeuverMetrics,
+    before: ManeuverMetrics | None,
+    name: str,
     prior: str = "ASE",
-) -> str:  # fmt: skip
+) -> str:
     """One maneuver: its inputs, each channel, and the track where there is one.
 
     Parameters
@@ -57,9 +60,15 @@ def prediction(
     has_track = "north_m_measured" in table
     figure = new_figure(1.0 + 1.12 * len(rows) + 0.6)
     grid = figure.add_gridspec(
-        len(rows) + 1, 1, left=0.085, right=WITH_TRACK if has_track else 0.99,
-        top=0.93, bottom=0.075, hspace=0.38, height_ratios=[0.6, *[1.0] * len(rows)],
-    )  # fmt: skip
+        len(rows) + 1,
+        1,
+        left=0.085,
+        right=WITH_TRACK if has_track else 0.99,
+        top=0.93,
+        bottom=0.075,
+        hspace=0.38,
+        height_ratios=[0.6, *[1.0] * len(rows)],
+    )
     time = table["time_s"].to_numpy(float)
     time = time - time[0]
     first = figure.add_subplot(grid[0])
@@ -115,16 +124,24 @@ def _channel(axes: Axes, time: np.ndarray, table: pd.DataFrame, column: str, uni
 
 
 def _errors(
-    axes: Axes, channel: str, after: Mapping[str, ChannelMetrics],
-    before: Mapping[str, ChannelMetrics], prior: str, final: float | None = None,
-) -> None:  # fmt: skip
+    axes: Axes,
+    channel: str,
+    after: Mapping[str, ChannelMetrics],
+    before: Mapping[str, ChannelMetrics],
+    prior: str,
+    final: float | None = None,
+) -> None:
     """Errors above a panel; those of the final model first, where it is another one."""
     found = after.get(channel)
     if found is None:
         return
     if final is not None:
-        axes.set_title(_three_errors(found, before.get(channel), prior, final), loc="right",
-                       fontsize=8.5, pad=3)  # fmt: skip
+        axes.set_title(
+            _three_errors(found, before.get(channel), prior, final),
+            loc="right",
+            fontsize=8.5,
+            pad=3,
+        )
         return
     text = f"RMSE {quantity(found.rmse, found.unit)} · NRMSE {number(found.nrmse, 2)}"
     ratio = gain(before.get(channel), found)
@@ -145,8 +162,9 @@ def _final_error(table: pd.DataFrame, columns: Sequence[str]) -> float | None:
     """Error of the refined model over columns together; None where there is no such model."""
     if any(f"{c}_refined" not in table for c in columns):
         return None
-    squares = sum((table[f"{c}_refined"] - table[f"{c}_measured"]).to_numpy(float) ** 2
-                  for c in columns)  # fmt: skip
+    squares = sum(
+        (table[f"{c}_refined"] - table[f"{c}_measured"]).to_numpy(float) ** 2 for c in columns
+    )
     return float(np.sqrt(np.nanmean(squares)))
 
 
@@ -164,9 +182,10 @@ def _track(
             opacity = MEASURED_OPACITY if ending == "measured" else 1.0
             axes.plot(*thinned(east, north), color=colour, ls=dashes, lw=width, alpha=opacity)
     seen = [
-        table[f"{c}_m_{e}"].to_numpy(float) for e in ("measured", "simulated")
+        table[f"{c}_m_{e}"].to_numpy(float)
+        for e in ("measured", "simulated")
         for c in ("east", "north")
-    ]  # fmt: skip
+    ]
     _square(axes, np.concatenate([seen[0], seen[2]]), np.concatenate([seen[1], seen[3]]))
     axes.plot(0.0, 0.0, "o", color=INK, ms=4)
     axes.axhline(0.0, color=GRID, lw=0.6)
@@ -199,10 +218,18 @@ def _legend(figure: Figure, prior: str, refined: bool) -> None:
     from matplotlib.lines import Line2D
 
     handles = [
-        Line2D([], [], color=c, ls=d, lw=w, label=words.format(prior=prior),
-               alpha=MEASURED_OPACITY if e == "measured" else 1.0)
-        for e, c, d, w, words in (*LINES[1:], LINES[0]) if e != "refined" or refined
-    ]  # fmt: skip
+        Line2D(
+            [],
+            [],
+            color=c,
+            ls=d,
+            lw=w,
+            label=words.format(prior=prior),
+            alpha=MEASURED_OPACITY if e == "measured" else 1.0,
+        )
+        for e, c, d, w, words in (*LINES[1:], LINES[0])
+        if e != "refined" or refined
+    ]
     figure.legend(
         handles=handles, loc="upper left", ncols=4, bbox_to_anchor=(0.08, 1.0), borderaxespad=0.1
     )

@@ -63,9 +63,11 @@ def timeline(trials: Sequence[Trial], maneuvers: Sequence[Maneuver], name: str) 
     figure = new_figure(head + PANEL_IN * len(rows))
     height = figure.get_figheight()
     panels = figure.subplots(
-        len(rows) + 1, 1, sharex=True,
+        len(rows) + 1,
+        1,
+        sharex=True,
         gridspec_kw={"height_ratios": [0.32, *[1.0] * len(rows)], "hspace": 0.16},
-    )  # fmt: skip
+    )
     figure.subplots_adjust(
         left=0.075, right=0.99, top=1.0 - (head - 0.5) / height, bottom=0.45 / height
     )
@@ -115,17 +117,29 @@ def _strip(axes: Axes, maneuvers: Sequence[Maneuver], trial: Trial, slanted: boo
         length = m.t_end_s - m.t_start_s
         held = m.role == "validate"
         axes.barh(
-            0, length, left=m.t_start_s, height=1.0, color=KIND_COLOURS[m.kind],
-            alpha=0.55 if held else 0.3, hatch=HATCH[m.role], edgecolor=INK if held else SOFT,
+            0,
+            length,
+            left=m.t_start_s,
+            height=1.0,
+            color=KIND_COLOURS[m.kind],
+            alpha=0.55 if held else 0.3,
+            hatch=HATCH[m.role],
+            edgecolor=INK if held else SOFT,
             linewidth=1.2 if held else 0.5,
-        )  # fmt: skip
+        )
         if slanted or length > shortest:
             place = m.t_start_s if slanted else m.t_start_s + length / 2
             axes.text(
-                place, 0.72, _label(m, trial), ha="left" if slanted else "center", va="bottom",
-                rotation=LABEL_SLANT_DEG if slanted else 0, rotation_mode="anchor", fontsize=8,
+                place,
+                0.72,
+                _label(m, trial),
+                ha="left" if slanted else "center",
+                va="bottom",
+                rotation=LABEL_SLANT_DEG if slanted else 0,
+                rotation_mode="anchor",
+                fontsize=8,
                 fontweight="bold" if held else None,
-            )  # fmt: skip
+            )
     axes.set_ylim(-0.5, 0.5)
     axes.set_axis_off()
 
@@ -178,9 +192,14 @@ def _legend(figure: Figure, maneuvers: Sequence[Maneuver], gaps: bool) -> None:
     if gaps:
         handles.append(Patch(facecolor="none", edgecolor=SOFT, hatch="xxxx", lw=0, label="gap"))
     figure.legend(
-        handles=handles, loc="upper right", ncols=len(handles), bbox_to_anchor=(0.995, 1.005),
-        borderaxespad=0.2, handlelength=1.6, columnspacing=1.2,
-    )  # fmt: skip
+        handles=handles,
+        loc="upper right",
+        ncols=len(handles),
+        bbox_to_anchor=(0.995, 1.005),
+        borderaxespad=0.2,
+        handlelength=1.6,
+        columnspacing=1.2,
+    )
 
 
 def track(trials: Sequence[Trial], maneuvers: Sequence[Maneuver], name: str) -> str | None:

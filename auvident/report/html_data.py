@@ -130,8 +130,9 @@ class ReportData:
             rmse["track"] = _track_error(self.refined, same)
         return {
             name: e.model_copy(update={"rmse": rmse[name], "nrmse": e.nrmse * rmse[name] / e.rmse})
-            for name, e in errors.items() if name in rmse and e.rmse > 0.0
-        }  # fmt: skip
+            for name, e in errors.items()
+            if name in rmse and e.rmse > 0.0
+        }
 
     def final_channels(
         self, maneuver: ManeuverMetrics

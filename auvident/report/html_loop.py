@@ -16,9 +16,12 @@ if TYPE_CHECKING:
 
 MOST_CANDIDATES = 8  # the others can be unfolded
 GRADES = {
-    "none_found": "good", "effect_found": "fair", "ambiguous": "fair", "partly_explained": "poor",
+    "none_found": "good",
+    "effect_found": "fair",
+    "ambiguous": "fair",
+    "partly_explained": "poor",
     "unexplained": "poor",
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True)
@@ -89,8 +92,9 @@ def summary(comparison: Comparison) -> str:
     held = comparison.held_out
     errors = [
         f"{name} {quantity(before.rmse, before.unit, 2)} → {quantity(after.rmse, after.unit, 2)}"
-        for name, before in held.before.items() if (after := held.after.get(name))
-    ]  # fmt: skip
+        for name, before in held.before.items()
+        if (after := held.after.get(name))
+    ]
     if not comparison.added or not errors:
         return ""
     return f"Held-out RMSE without and with what was added: {', '.join(errors)}."
@@ -114,8 +118,9 @@ def figures(report: ReportData) -> dict[str, list[str | None]]:
         "before_after": [before_after(table, "beforeafter")] if table is not None else [],
         "forces": [unknown_force(table, "forces")] if table is not None else [],
         "moves": [moves(report.comparison.coefficients, "moves")]
-        if changed and report.comparison else [],
-    }  # fmt: skip
+        if changed and report.comparison
+        else [],
+    }
 
 
 def with_refined(rows: "pd.DataFrame", report: ReportData, maneuver: str) -> "pd.DataFrame":
@@ -131,6 +136,7 @@ def with_refined(rows: "pd.DataFrame", report: ReportData, maneuver: str) -> "pd
     ending = "_simulated"
     added = {
         c.removesuffix(ending) + "_refined": refined[c].to_numpy()
-        for c in refined.columns if c.endswith(ending)
-    }  # fmt: skip
+        for c in refined.columns
+        if c.endswith(ending)
+    }
     return rows.assign(**added)

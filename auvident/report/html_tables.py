@@ -66,9 +66,10 @@ def _condensed(figures: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str
     found = {}
     for side, values in figures.items():
         later = [
-            v for k, v in values.items()
+            v
+            for k, v in values.items()
             if k.startswith("overshoot_") and int(k.split("_")[1]) > OVERSHOOTS_SHOWN
-        ]  # fmt: skip
+        ]
         found[side] = dict(values)
         if later:
             found[side]["later_overshoots_deg"] = sum(later) / len(later)
@@ -91,23 +92,39 @@ def coefficient_rows(model: IdentifiedModel) -> list[dict[str, Any]]:
     for c in model.coefficients:
         declared = BY_SYMBOL[c.symbol]
         wrong = declared.sign and c.value * declared.sign < 0.0
-        rows.append({
-            "symbol": c.symbol, "meaning": declared.meaning, "regressor": declared.regressor,
-            "equation": declared.equation, "unit": unit_text(c.unit), "value": number(c.value, 4),
-            "std": number(c.std, 2), "prime": number(1000.0 * c.prime, 4),
-            "prior": number(c.prior, 4), "prior_std": number(c.prior_std, 2), "origin": c.origin,
-            "share": 100.0 * c.data_share, "wrong_sign": bool(wrong),
-        })  # fmt: skip
+        rows.append(
+            {
+                "symbol": c.symbol,
+                "meaning": declared.meaning,
+                "regressor": declared.regressor,
+                "equation": declared.equation,
+                "unit": unit_text(c.unit),
+                "value": number(c.value, 4),
+                "std": number(c.std, 2),
+                "prime": number(1000.0 * c.prime, 4),
+                "prior": number(c.prior, 4),
+                "prior_std": number(c.prior_std, 2),
+                "origin": c.origin,
+                "share": 100.0 * c.data_share,
+                "wrong_sign": bool(wrong),
+            }
+        )
     return rows
 
 
 def lag_table(quality: Quality) -> Table:
     """Delays between the sensors' clocks."""
     rows = [
-        [t.trial, f"{a.second} behind {a.first}", f"{1000.0 * a.lag_s:.0f}".replace("-", "−"),
-         f"{1000.0 * a.std_s:.1f}", percent(a.explained)]
-        for t in quality.trials for a in t.alignment
-    ]  # fmt: skip
+        [
+            t.trial,
+            f"{a.second} behind {a.first}",
+            f"{1000.0 * a.lag_s:.0f}".replace("-", "−"),
+            f"{1000.0 * a.std_s:.1f}",
+            percent(a.explained),
+        ]
+        for t in quality.trials
+        for a in t.alignment
+    ]
     return Table(columns(("trial", "clocks"), ("lag, ms", "std, ms", "explained")), rows)
 
 
@@ -115,17 +132,33 @@ def pass_table(model: IdentifiedModel) -> Table:
     """The passes of the plan as they were done."""
     channels = list(dict.fromkeys(c for s in model.stages for c in (*s.nis_mean, *s.fitted_noise)))
     heads = [
-        "cycle", "stage", "system", "free", "maneuvers", "samples", "log likelihood",
-        *(f"noise {c}" for c in channels), *(f"NIS {c}" for c in channels),
-    ]  # fmt: skip
+        "cycle",
+        "stage",
+        "system",
+        "free",
+        "maneuvers",
+        "samples",
+        "log likelihood",
+        *(f"noise {c}" for c in channels),
+        *(f"NIS {c}" for c in channels),
+    ]
     rows = []
     for s in model.stages:
         noise = [_noise(s, c) for c in channels]
         nis = [number(s.nis_mean[c], 2) if c in s.nis_mean else "" for c in channels]
-        rows.append([
-            str(s.cycle), s.stage, s.system, str(len(s.free)), str(len(s.maneuvers)),
-            str(s.samples), number(s.log_likelihood, 5), *noise, *nis,
-        ])  # fmt: skip
+        rows.append(
+            [
+                str(s.cycle),
+                s.stage,
+                s.system,
+                str(len(s.free)),
+                str(len(s.maneuvers)),
+                str(s.samples),
+                number(s.log_likelihood, 5),
+                *noise,
+                *nis,
+            ]
+        )
     return Table(columns(heads[:3], heads[3:]), rows)
 
 
@@ -145,10 +178,17 @@ def manifest_table(manifest: Manifest) -> Table:
         options = ", ".join(
             f"{k} = {_option(v)}" for k, v in entry.options.items() if v not in (None, (), [])
         )
-        rows.append([
-            name, entry.outcome.replace("_", " "), options, entry.started_at[:19].replace("T", " "),
-            _seconds(entry), "–" if entry.seed is None else str(entry.seed), entry.program_version,
-        ])  # fmt: skip
+        rows.append(
+            [
+                name,
+                entry.outcome.replace("_", " "),
+                options,
+                entry.started_at[:19].replace("T", " "),
+                _seconds(entry),
+                "–" if entry.seed is None else str(entry.seed),
+                entry.program_version,
+            ]
+        )
     heads = ("stage", "outcome", "options", "started, UTC", "s", "seed", "version")
     return Table(columns(heads[:3], heads[3:]), rows)
 

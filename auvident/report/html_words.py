@@ -34,12 +34,28 @@ NOT_BETTER = 1.0  # ratio of squared errors below which the data did not help
 STRONG_CORRELATION = 0.8
 NO_INFORMATION = 1.0e-6  # beside the prior's: zero but for rounding
 SERIOUS = {
-    "prediction-ran-away", "nothing_held_out", "wrong-sign", "not-predicted", "no-better",
-    "log_refused", "rudder_sign_unverified", "never_under_way", "no_record", "rudder_never_moves",
+    "prediction-ran-away",
+    "nothing_held_out",
+    "wrong-sign",
+    "not-predicted",
+    "no-better",
+    "log_refused",
+    "rudder_sign_unverified",
+    "never_under_way",
+    "no_record",
+    "rudder_never_moves",
     "channel_unusable",
-}  # fmt: skip
-NOTES = {"channels_absent", "file_not_used", "assumed_section", "assumed_propulsion_factor",
-         "input_logged_on_change", "coarse_time", "jitter", "own_outputs_left_out"}  # fmt: skip
+}
+NOTES = {
+    "channels_absent",
+    "file_not_used",
+    "assumed_section",
+    "assumed_propulsion_factor",
+    "input_logged_on_change",
+    "coarse_time",
+    "jitter",
+    "own_outputs_left_out",
+}
 RANKS = ("serious", "caution", "note")
 
 
@@ -67,8 +83,9 @@ def verdict(data: ReportData) -> tuple[str, str]:
     count = sum(m.role == role for m in metrics.maneuvers)
     which = "held-out maneuver" if role == "validate" else "maneuver that identified the model"
     which = _plural(which, count)
-    errors = ", ".join(f"{k} {quantity(m.rmse, m.unit, 2)} ({percent(m.nrmse)})"
-                       for k, m in pooled.items())  # fmt: skip
+    errors = ", ".join(
+        f"{k} {quantity(m.rmse, m.unit, 2)} ({percent(m.nrmse)})" for k, m in pooled.items()
+    )
     text = (
         f"{_which_model(data)} predicts {count} {which} {word}: RMSE {errors} of the measured "
         "standard deviation)"
@@ -119,14 +136,21 @@ def cards(data: ReportData) -> list[dict[str, Any]]:
         b, ratio, by_effects = prior.get(name), gain(prior.get(name), m), None
         if data.is_refined:
             by_effects = gain(identified[name], m)
-        found.append({
-            "name": name, "rmse": quantity(m.rmse, m.unit), "nrmse": percent(m.nrmse),
-            "r2": number(1.0 - m.nrmse**2), "grade": _grade(m.nrmse)[1],
-            "identified": _error(identified[name]), "by_effects": _factor(by_effects),
-            "worse_by_effects": by_effects is not None and by_effects < NOT_BETTER,
-            "before": _error(b), "gain": _factor(ratio),
-            "worse": ratio is not None and ratio <= NOT_BETTER,
-        })  # fmt: skip
+        found.append(
+            {
+                "name": name,
+                "rmse": quantity(m.rmse, m.unit),
+                "nrmse": percent(m.nrmse),
+                "r2": number(1.0 - m.nrmse**2),
+                "grade": _grade(m.nrmse)[1],
+                "identified": _error(identified[name]),
+                "by_effects": _factor(by_effects),
+                "worse_by_effects": by_effects is not None and by_effects < NOT_BETTER,
+                "before": _error(b),
+                "gain": _factor(ratio),
+                "worse": ratio is not None and ratio <= NOT_BETTER,
+            }
+        )
     return found
 
 
@@ -163,8 +187,9 @@ def warnings(data: ReportData) -> list[Warning_]:
         found += [("ingest", f) for f in data.quality.findings]
         found += [
             ("ingest", f.model_copy(update={"where": _at(t.trial, f.where)}))
-            for t in data.quality.trials for f in t.findings
-        ]  # fmt: skip
+            for t in data.quality.trials
+            for f in t.findings
+        ]
     if data.ase:
         found += [("ase", f) for f in data.ase.findings]
     ranked = [Warning_(_rank(f.code), stage, f) for stage, f in _merged(found)]
@@ -199,8 +224,9 @@ def combination(c: Combination) -> tuple[str, str]:
     text = combination_text(c, PAGE)
     meaning = c.meaning or (
         "moved together by so many prior standard deviations they can stand in for each other"
-        if len(c.symbols) > 1 else "rests on its prior"
-    )  # fmt: skip
+        if len(c.symbols) > 1
+        else "rests on its prior"
+    )
     if c.information < NO_INFORMATION:
         return text, meaning
     return text, f"{meaning} (the data hold {number(c.information, 2)} of the prior's information)"
@@ -210,7 +236,8 @@ def pairs(correlations: dict[str, dict[str, float]]) -> list[tuple[str, str, flo
     """Pairs of coefficients that are strongly correlated, the strongest first."""
     seen = {
         (min(a, b), max(a, b)): value
-        for a, row in correlations.items() for b, value in row.items()
+        for a, row in correlations.items()
+        for b, value in row.items()
         if abs(value) >= STRONG_CORRELATION
-    }  # fmt: skip
+    }
     return [(a, b, v) for (a, b), v in sorted(seen.items(), key=lambda x: -abs(x[1]))]

@@ -144,10 +144,14 @@ def pooled(rows: Sequence[ResidualRow]) -> list[PooledResidual]:
         times = sorted(row.correlation_time_s for row in same)
         found.append(
             PooledResidual(
-                channel, same[0].unit, _rms(r.rms for r in same), _rms(r.rms_after for r in same),
-                _rms(r.noise_std for r in same), times[len(times) // 2],
+                channel,
+                same[0].unit,
+                _rms(r.rms for r in same),
+                _rms(r.rms_after for r in same),
+                _rms(r.noise_std for r in same),
+                times[len(times) // 2],
             )
-        )  # fmt: skip
+        )
     return found
 
 

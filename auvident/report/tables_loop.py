@@ -51,17 +51,31 @@ def held_out(found: HeldOut) -> Table:
         after, unit = found.after.get(channel), before.unit
         rmse, nrmse = (after.rmse, after.nrmse) if after else (None, None)
         better = (before.rmse / rmse) ** 2 if rmse else None
-        rows.append([
-            channel, Unit(unit, True), Number(before.rmse, 3, unit), Number(rmse, 3, unit),
-            *_difference(found.difference.get(channel), unit), Number(before.nrmse),
-            Number(nrmse), Number(better, 2),
-        ])  # fmt: skip
-    heads = ("RMSE before", "RMSE after", "difference", "95 % interval", "NRMSE before",
-             "NRMSE after")  # fmt: skip
+        rows.append(
+            [
+                channel,
+                Unit(unit, True),
+                Number(before.rmse, 3, unit),
+                Number(rmse, 3, unit),
+                *_difference(found.difference.get(channel), unit),
+                Number(before.nrmse),
+                Number(nrmse),
+                Number(better, 2),
+            ]
+        )
+    heads = (
+        "RMSE before",
+        "RMSE after",
+        "difference",
+        "95 % interval",
+        "NRMSE before",
+        "NRMSE after",
+    )
     return Table(
         (*columns(("channel", "unit"), heads), Column("squared error ÷", "", True, on_page=True)),
-        rows, "Prediction of the held-out maneuvers, before and after",
-    )  # fmt: skip
+        rows,
+        "Prediction of the held-out maneuvers, before and after",
+    )
 
 
 def _difference(found: Difference | None, unit: str) -> tuple[Cell, Cell]:
@@ -94,10 +108,16 @@ def _change(m: ManeuverComparison, channel: str) -> Cell:
 def coefficients(found: Sequence[CoefficientComparison], title: str = "") -> Table:
     """Coefficients against their prior, before and after, and how far each moved."""
     rows: Rows = [
-        [c.symbol, Unit(c.unit), with_std(c.prior, c.prior_std), with_std(c.before, c.before_std),
-         with_std(c.after, c.after_std), Fixed(words.moves(c), "+.1f")]
+        [
+            c.symbol,
+            Unit(c.unit),
+            with_std(c.prior, c.prior_std),
+            with_std(c.before, c.before_std),
+            with_std(c.after, c.after_std),
+            Fixed(words.moves(c), "+.1f"),
+        ]
         for c in found
-    ]  # fmt: skip
+    ]
     heads = columns(("", "unit"), ("prior", "before", "after", "moved, std"))
     return Table(heads, rows, title)
 
@@ -111,18 +131,27 @@ def moved(found: Sequence[CoefficientComparison]) -> Table:
 def candidates(found: Sequence[Candidate], caption: str = "") -> Table:
     """Candidates in their order; accepted ones are marked."""
     rows: Rows = [
-        ["accepted" if not c.rejected else "", c.id, c.family,
-         Words(words.sizes(c.id, c.parameters)), c.rejected, Number(c.gain), Number(c.p, 2),
-         Number(c.held_back_gain),
-         Fixed(None if c.improved is None else 100.0 * c.improved, ".0f", " %")]
+        [
+            "accepted" if not c.rejected else "",
+            c.id,
+            c.family,
+            Words(words.sizes(c.id, c.parameters)),
+            c.rejected,
+            Number(c.gain),
+            Number(c.p, 2),
+            Number(c.held_back_gain),
+            Fixed(None if c.improved is None else 100.0 * c.improved, ".0f", " %"),
+        ]
         for c in found
-    ]  # fmt: skip
+    ]
     heads = (
-        Column(on_page=True), Column("effect"), Column("family", on_page=True),
+        Column(on_page=True),
+        Column("effect"),
+        Column("family", on_page=True),
         *columns(("size with 95 % interval", "turned down because"), ("gain, nats", "p")),
         Column("gain in maneuvers left out", numeric=True),
         Column("of them helped", numeric=True, on_page=True),
-    )  # fmt: skip
+    )
     title = "Effects that were tried, by the likelihood they gain"
     return Table(heads, rows, title, caption, mark="accepted")
 
@@ -142,10 +171,17 @@ def attempts(found: Comparison) -> Table:
 def residuals(found: Diagnosis) -> Table:
     """Residual of every channel against the noise of its sensor."""
     rows: Rows = [
-        [r.channel, Unit(r.unit, True), Number(r.rms, 3, r.unit), Number(r.noise_std, 3, r.unit),
-         Number(r.ratio), Number(r.rms_after, 3, r.unit), Number(r.correlation_time_s, 2)]
+        [
+            r.channel,
+            Unit(r.unit, True),
+            Number(r.rms, 3, r.unit),
+            Number(r.noise_std, 3, r.unit),
+            Number(r.ratio),
+            Number(r.rms_after, 3, r.unit),
+            Number(r.correlation_time_s, 2),
+        ]
         for r in words.pooled(found.residuals)
-    ]  # fmt: skip
+    ]
     heads = ("residual, rms", "sensor noise", "ratio", "with the effects", "correlated over, s")
     return Table(columns(("channel", "unit"), heads), rows, "What the model does not explain")
 
@@ -153,10 +189,17 @@ def residuals(found: Diagnosis) -> Table:
 def sees(found: Diagnosis) -> Table:
     """Smallest size of every parameter that these maneuvers would show."""
     rows: Rows = [
-        [row.family, row.id, row.symbol, Unit(row.unit),
-         Number(row.size, 2, before=f"{words.bound(row)} "), Fixed(100.0 * row.kept, ".0f", " %")]
-        for row in found.sees if row.visible
-    ]  # fmt: skip
+        [
+            row.family,
+            row.id,
+            row.symbol,
+            Unit(row.unit),
+            Number(row.size, 2, before=f"{words.bound(row)} "),
+            Fixed(100.0 * row.kept, ".0f", " %"),
+        ]
+        for row in found.sees
+        if row.visible
+    ]
     heads = columns(("family", "effect", "parameter", "unit"), ("shows from", "signature left"))
     return Table(heads, rows)
 

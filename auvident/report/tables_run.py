@@ -25,10 +25,16 @@ from auvident.schema.logs import SensorQuality, TrialQuality
 def trials(found: Sequence[TrialQuality]) -> Table:
     """One row a trial."""
     rows = [
-        [t.trial, left_out(t.sensors), str(t.samples), f"{t.rate_hz:g}",
-         f"{t.t_end_s - t.t_start_s:.1f}", str(len(t.records))]
+        [
+            t.trial,
+            left_out(t.sensors),
+            str(t.samples),
+            f"{t.rate_hz:g}",
+            f"{t.t_end_s - t.t_start_s:.1f}",
+            str(len(t.records)),
+        ]
         for t in found
-    ]  # fmt: skip
+    ]
     heads = columns(("trial", "left out"), ("rows", "Hz", "length, s", "records"))
     return Table(heads, rows, "Trials")
 
@@ -37,25 +43,35 @@ def sensors(found: Sequence[TrialQuality], title: str = "") -> Table:
     """What became of every sensor's rows."""
     rows = [[t.trial, *_sensor(s)] for t in found for s in t.sensors]
     heads = (
-        Column("trial", on_page=True), *columns(("sensor", "left out")),
-        Column("noise", on_page=True), *columns(numbers=("rows", "used", "Hz")),
-        Column("jitter, ms", numeric=True, on_page=True), Column("gaps", numeric=True),
+        Column("trial", on_page=True),
+        *columns(("sensor", "left out")),
+        Column("noise", on_page=True),
+        *columns(numbers=("rows", "used", "Hz")),
+        Column("jitter, ms", numeric=True, on_page=True),
+        Column("gaps", numeric=True),
         Column("longest interval, s", numeric=True, on_page=True),
-    )  # fmt: skip
+    )
     return Table(heads, rows, title)
 
 
 def _sensor(s: SensorQuality) -> list[Cell]:
     noise = [
         Joined((c.log_column, Quantity(c.noise_std, c.unit, 2)), " ")
-        for c in s.channels if c.noise_std
-    ]  # fmt: skip
+        for c in s.channels
+        if c.noise_std
+    ]
     longest = max((c.longest_gap_s for c in s.channels), default=0.0)
     return [
-        s.sensor, left_out((s,)), Joined(noise), str(s.rows_read), str(s.rows_used),
-        Number(s.rate_hz), Fixed(None if s.jitter_s is None else 1000.0 * s.jitter_s, ".1f"),
-        str(max((c.gaps for c in s.channels), default=0)), Number(longest, 2),
-    ]  # fmt: skip
+        s.sensor,
+        left_out((s,)),
+        Joined(noise),
+        str(s.rows_read),
+        str(s.rows_used),
+        Number(s.rate_hz),
+        Fixed(None if s.jitter_s is None else 1000.0 * s.jitter_s, ".1f"),
+        str(max((c.gaps for c in s.channels), default=0)),
+        Number(longest, 2),
+    ]
 
 
 def left_out(found: Sequence[SensorQuality]) -> str:
@@ -70,11 +86,12 @@ def left_out(found: Sequence[SensorQuality]) -> str:
 def maneuvers(found: Sequence[Maneuver], title: str = "") -> Table:
     """Maneuvers with what characterises them."""
     heads = (
-        *columns(("maneuver", "kind", "role")), Column("what", on_page=True),
+        *columns(("maneuver", "kind", "role")),
+        Column("what", on_page=True),
         *columns(numbers=("from, s", "to, s", "length, s")),
         Column("std u, m/s", numeric=True, on_page=True),
         Column("std r or q, deg/s", numeric=True, on_page=True),
-    )  # fmt: skip
+    )
     return Table(heads, [_maneuver(m) for m in found], title, mark="validate")
 
 
@@ -82,9 +99,16 @@ def _maneuver(m: Maneuver) -> list[Cell]:
     excitation = m.features.get("excitation") or {}
     rate = excitation.get("r_std_degps", excitation.get("q_std_degps"))
     return [
-        m.id, m.kind, m.role, _what(m), f"{m.t_start_s:.1f}", f"{m.t_end_s:.1f}",
-        f"{m.t_end_s - m.t_start_s:.1f}", Number(excitation.get("u_std_mps"), 2), Number(rate, 2),
-    ]  # fmt: skip
+        m.id,
+        m.kind,
+        m.role,
+        _what(m),
+        f"{m.t_start_s:.1f}",
+        f"{m.t_end_s:.1f}",
+        f"{m.t_end_s - m.t_start_s:.1f}",
+        Number(excitation.get("u_std_mps"), 2),
+        Number(rate, 2),
+    ]
 
 
 def _what(m: Maneuver) -> Joined:
@@ -116,12 +140,18 @@ def errors_by_channel(
 ) -> Table:
     """Errors of the prediction by channel: estimate from geometry, identified model."""
     rows: Rows = [
-        [name, Unit(a.unit, True), Number(b.rmse if b else None, 3, a.unit),
-         Number(a.rmse, 3, a.unit), Number(b.nrmse if b else None), Number(a.nrmse),
-         Fixed(a.r2, ".3f")]
+        [
+            name,
+            Unit(a.unit, True),
+            Number(b.rmse if b else None, 3, a.unit),
+            Number(a.rmse, 3, a.unit),
+            Number(b.nrmse if b else None),
+            Number(a.nrmse),
+            Fixed(a.r2, ".3f"),
+        ]
         for name, a in after.items()
         for b in [before.get(name)]
-    ]  # fmt: skip
+    ]
     heads = ("RMSE, ASE", "RMSE, identified", "NRMSE, ASE", "NRMSE, identified", "R²")
     return Table(columns(("channel", "unit"), heads), rows, title)
 
@@ -134,8 +164,10 @@ def errors_by_maneuver(metrics: Metrics) -> Table:
     for m in sorted(metrics.maneuvers, key=lambda m: m.role != "validate"):
         errors = (_beside(m.channels.get(n), before.get(m.id, {}).get(n)) for n in units)
         rows.append([m.id, m.kind, m.role, f"{m.duration_s:.0f}", *errors])
-    heads = (*columns(("maneuver", "kind", "role"), ("s",)),
-             *(Column(name, unit, numeric=True) for name, unit in units.items()))  # fmt: skip
+    heads = (
+        *columns(("maneuver", "kind", "role"), ("s",)),
+        *(Column(name, unit, numeric=True) for name, unit in units.items()),
+    )
     return Table(heads, rows, mark="validate")
 
 

@@ -40,10 +40,11 @@ def holds_nothing(effect: str, p: ParameterValue) -> bool:
 def is_confirmed(effect: EffectFound) -> bool:
     """Whether some size of an effect is told from nothing; one without sizes always is."""
     sizes = [
-        p for p in effect.parameters
+        p
+        for p in effect.parameters
         if f"{effect.id}.{p.symbol}" in BY_ID[effect.id].names()
         and parameter_of(f"{effect.id}.{p.symbol}").practical > 0.0
-    ]  # fmt: skip
+    ]
     return not sizes or not all(holds_nothing(effect.id, p) for p in sizes)
 
 
@@ -69,11 +70,16 @@ def with_std(value: float, std: float) -> str:
 
 def allowances(effects: Sequence[Mapping[str, Any]]) -> str:
     """What a model allows its vehicle without a claim, from the rows of its artifact."""
-    rows = [(e, p, f"{e['id']}.{p['symbol']}") for e in effects if e.get("silent")
-            for p in e["parameters"]]  # fmt: skip
+    rows = [
+        (e, p, f"{e['id']}.{p['symbol']}")
+        for e in effects
+        if e.get("silent")
+        for p in e["parameters"]
+    ]
     listed = [
-        f"{e['id']} none" if parameter_of(name).is_nothing(e["internal"][name])
+        f"{e['id']} none"
+        if parameter_of(name).is_nothing(e["internal"][name])
         else f"{e['id']} {with_std(p['value'], p['std'])} {p['unit']}"
         for e, p, name in rows
-    ]  # fmt: skip
+    ]
     return f"Taken along, as every vehicle has it: {', '.join(listed)}" if listed else ""

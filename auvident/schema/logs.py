@@ -35,12 +35,34 @@ UNITS: dict[str, tuple[str, float]] = {
 }
 # Other spellings, as found in unit rows, brackets and maps.
 UNIT_SPELLINGS: dict[str, str] = {
-    "m/s": "mps", "ms-1": "mps", "m s-1": "mps", "kt": "kn", "kts": "kn", "knot": "kn",
-    "knots": "kn", "cm/s": "cmps", "mm/s": "mmps", "°": "deg", "degree": "deg",
-    "degrees": "deg", "radian": "rad", "radians": "rad", "rad/s": "radps", "deg/s": "degps",
-    "°/s": "degps", "dps": "degps", "1/min": "rpm", "rev/min": "rpm", "1/s": "rps", "rev/s": "rps",
-    "hz": "rps", "metre": "m", "meter": "m", "metres": "m", "meters": "m",
-}  # fmt: skip
+    "m/s": "mps",
+    "ms-1": "mps",
+    "m s-1": "mps",
+    "kt": "kn",
+    "kts": "kn",
+    "knot": "kn",
+    "knots": "kn",
+    "cm/s": "cmps",
+    "mm/s": "mmps",
+    "°": "deg",
+    "degree": "deg",
+    "degrees": "deg",
+    "radian": "rad",
+    "radians": "rad",
+    "rad/s": "radps",
+    "deg/s": "degps",
+    "°/s": "degps",
+    "dps": "degps",
+    "1/min": "rpm",
+    "rev/min": "rpm",
+    "1/s": "rps",
+    "rev/s": "rps",
+    "hz": "rps",
+    "metre": "m",
+    "meter": "m",
+    "metres": "m",
+    "meters": "m",
+}
 TIME_UNITS: dict[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 

@@ -10,9 +10,13 @@ NAMED_SIZES = 6  # sizes told in the statement that nothing was found
 
 
 def statement(
-    verdict: Verdict, effects: Sequence[EffectFound], groups: Sequence[Sequence[str]],
-    separate_by: str, sees: Sequence[Detectable], unexplained: Mapping[str, Any],
-) -> str:  # fmt: skip
+    verdict: Verdict,
+    effects: Sequence[EffectFound],
+    groups: Sequence[Sequence[str]],
+    separate_by: str,
+    sees: Sequence[Detectable],
+    unexplained: Mapping[str, Any],
+) -> str:
     """The verdict in words.
 
     Parameters
@@ -33,10 +37,12 @@ def statement(
         "effect_found": lambda: [found(effects)],
         "ambiguous": lambda: [found(effects), alike(groups, separate_by)],
         "partly_explained": lambda: [
-            found(effects), alike(groups, separate_by), remaining(unexplained),
+            found(effects),
+            alike(groups, separate_by),
+            remaining(unexplained),
         ],
         "unexplained": lambda: [nothing_known(unexplained)],
-    }[verdict]()  # fmt: skip
+    }[verdict]()
     return " ".join(piece for piece in pieces if piece)
 
 

@@ -74,23 +74,33 @@ def _lengths(vehicle: Vehicle) -> Iterator[Contradiction]:
     length, diameter = np.asarray(hull.length_m, float), np.asarray(hull.diameter_m, float)
     nose, tail = section_lengths(hull)
     yield _say(
-        length < SHORTEST_FINENESS * diameter, "[hull] diameter_m",
+        length < SHORTEST_FINENESS * diameter,
+        "[hull] diameter_m",
         lambda d, le: f"a hull of {le:g} m length and {d:g} m diameter is no slender body",
-        "Check both; they are metres.", diameter, length,
-    )  # fmt: skip
+        "Check both; they are metres.",
+        diameter,
+        length,
+    )
     if hull.family == "suboff":
         return
     yield _say(
-        nose + tail > length * (1.0 + 1e-9), "[hull] nose_length_m, tail_length_m",
+        nose + tail > length * (1.0 + 1e-9),
+        "[hull] nose_length_m, tail_length_m",
         lambda n, t, le: f"nose {n:g} m and tail {t:g} m are longer than the hull, {le:g} m",
-        "Shorten the nose or the tail, or lengthen the hull.", nose, tail, length,
-    )  # fmt: skip
+        "Shorten the nose or the tail, or lengthen the hull.",
+        nose,
+        tail,
+        length,
+    )
     base = np.asarray(hull.tail_base_diameter_m, float)
     yield _say(
-        base > diameter, "[hull] tail_base_diameter_m",
+        base > diameter,
+        "[hull] tail_base_diameter_m",
         lambda b, d: f"the tail ends with {b:g} m, wider than the hull, {d:g} m",
-        "The base is the flat end of the tail, 0 for a pointed one.", base, diameter,
-    )  # fmt: skip
+        "The base is the flat end of the tail, 0 for a pointed one.",
+        base,
+        diameter,
+    )
     if hull.family == "myring" and hull.myring_theta_deg is not None:
         yield _bulging_tail(hull, tail)
 
@@ -102,11 +112,16 @@ def _bulging_tail(hull: Hull, tail: np.ndarray) -> Contradiction:
     c = tail + np.asarray(hull.myring_tail_offset_m, float)
     most = np.degrees(np.arctan2(3.0 * drop, c))
     return _say(
-        theta > most, "[hull] myring_theta_deg",
-        lambda t, m: f"a tail ending with {t:g} deg grows wider than the hull; {m:.3g} deg is the "
-        "most for its length",
-        "Lower myring_theta_deg or shorten the tail.", theta, most,
-    )  # fmt: skip
+        theta > most,
+        "[hull] myring_theta_deg",
+        lambda t, m: (
+            f"a tail ending with {t:g} deg grows wider than the hull; {m:.3g} deg is the "
+            "most for its length"
+        ),
+        "Lower myring_theta_deg or shorten the tail.",
+        theta,
+        most,
+    )
 
 
 def _offsets(vehicle: Vehicle) -> Iterator[Contradiction]:
@@ -122,22 +137,31 @@ def _offsets(vehicle: Vehicle) -> Iterator[Contradiction]:
         yield Contradiction(np.asarray(True), where, fault, remedy)
         return
     yield _say(
-        abs(x[-1] - x[0] - hull.length_m) > OFFSET_LENGTH_TOLERANCE * hull.length_m, where,
+        abs(x[-1] - x[0] - hull.length_m) > OFFSET_LENGTH_TOLERANCE * hull.length_m,
+        where,
         lambda end, le: f"the offsets reach over {end:g} m, length_m says {le:g} m",
-        "Let the offsets run from nose tip to tail end.", x[-1] - x[0], hull.length_m,
-    )  # fmt: skip
+        "Let the offsets run from nose tip to tail end.",
+        x[-1] - x[0],
+        hull.length_m,
+    )
     if hull.diameter_m is not None:
         yield _say(
             abs(2.0 * r.max() - hull.diameter_m) > OFFSET_DIAMETER_TOLERANCE * hull.diameter_m,
-            where, lambda d, le: f"twice the largest offset is {d:g} m, diameter_m says {le:g} m",
-            "The offsets are radii.", 2.0 * r.max(), hull.diameter_m,
-        )  # fmt: skip
+            where,
+            lambda d, le: f"twice the largest offset is {d:g} m, diameter_m says {le:g} m",
+            "The offsets are radii.",
+            2.0 * r.max(),
+            hull.diameter_m,
+        )
     if hull.tail_length_m is not None:
         yield _say(
-            hull.tail_length_m >= x[-1] - x[0], "[hull] tail_length_m",
+            hull.tail_length_m >= x[-1] - x[0],
+            "[hull] tail_length_m",
             lambda t, le: f"the tail, {t:g} m, is as long as the hull, {le:g} m",
-            "Leave it out to have it found from the offsets.", hull.tail_length_m, x[-1] - x[0],
-        )  # fmt: skip
+            "Leave it out to have it found from the offsets.",
+            hull.tail_length_m,
+            x[-1] - x[0],
+        )
 
 
 def offset_fault(x: np.ndarray, radius: np.ndarray) -> tuple[str, str]:
@@ -174,24 +198,35 @@ def _stations(vehicle: Vehicle) -> Iterator[Contradiction]:
     body, length = vehicle.body, np.asarray(vehicle.hull.length_m, float)
     origin = np.asarray(body.origin_from_nose_m, float)
     yield _say(
-        origin > length, "[vehicle] origin_from_nose_m",
+        origin > length,
+        "[vehicle] origin_from_nose_m",
         lambda o, le: f"the origin, {o:g} m behind the nose, is outside the hull, {le:g} m long",
-        "It is the distance of O from the nose tip, positive.", origin, length,
-    )  # fmt: skip
+        "It is the distance of O from the nose tip, positive.",
+        origin,
+        length,
+    )
     gravity = origin - np.asarray(body.x_g_m, float)
     yield _say(
-        (gravity < 0.0) | (gravity > length), "[vehicle] x_g_m",
-        lambda g, le: f"the centre of gravity, {g:g} m behind the nose, is outside the hull, "
-        f"0 to {le:g} m",
-        "x_g_m is measured from O, forward positive.", gravity, length,
-    )  # fmt: skip
+        (gravity < 0.0) | (gravity > length),
+        "[vehicle] x_g_m",
+        lambda g, le: (
+            f"the centre of gravity, {g:g} m behind the nose, is outside the hull, 0 to {le:g} m"
+        ),
+        "x_g_m is measured from O, forward positive.",
+        gravity,
+        length,
+    )
     radius = hull_shape(vehicle.hull).max_radius_m
     yield _say(
-        np.abs(np.asarray(body.z_g_m, float)) > radius, "[vehicle] z_g_m",
-        lambda z, r: f"the centre of gravity lies {z:g} m off the axis, the hull's radius is "
-        f"{r:g} m",
-        "z_g_m is positive downwards, metres.", body.z_g_m, radius,
-    )  # fmt: skip
+        np.abs(np.asarray(body.z_g_m, float)) > radius,
+        "[vehicle] z_g_m",
+        lambda z, r: (
+            f"the centre of gravity lies {z:g} m off the axis, the hull's radius is {r:g} m"
+        ),
+        "z_g_m is positive downwards, metres.",
+        body.z_g_m,
+        radius,
+    )
 
 
 def _fins(vehicle: Vehicle) -> Iterator[Contradiction]:
@@ -204,24 +239,34 @@ def _fins(vehicle: Vehicle) -> Iterator[Contradiction]:
         x = np.asarray(fin.x_m, float)
         slack = STATION_TOLERANCE * length
         yield _say(
-            (x > nose + slack) | (x < nose - length - slack), f"{where} x_m",
-            lambda p, front, aft: f"the station {p:g} m is outside the hull, {aft:g} to "
-            f"{front:g} m",
+            (x > nose + slack) | (x < nose - length - slack),
+            f"{where} x_m",
+            lambda p, front, aft: (
+                f"the station {p:g} m is outside the hull, {aft:g} to {front:g} m"
+            ),
             "x_m is measured from O, forward positive: a stern fin has x_m < 0.",
-            x, nose, nose - length,
-        )  # fmt: skip
+            x,
+            nose,
+            nose - length,
+        )
         root, tip = np.asarray(fin.root_chord_m, float), np.asarray(fin.tip_chord_m, float)
         yield _say(
-            np.maximum(root, tip) > length, f"{where} root_chord_m",
+            np.maximum(root, tip) > length,
+            f"{where} root_chord_m",
             lambda c, le: f"a chord of {c:g} m is longer than the hull, {le:g} m",
-            "Chords are metres.", np.maximum(root, tip), length,
-        )  # fmt: skip
+            "Chords are metres.",
+            np.maximum(root, tip),
+            length,
+        )
         yield _tip_inside(fin, shape, nose, where)
         yield _say(
-            np.asarray(fin.exposed_span_m, float) > length, f"{where} exposed_span_m",
+            np.asarray(fin.exposed_span_m, float) > length,
+            f"{where} exposed_span_m",
             lambda s, le: f"a span of {s:g} m is longer than the hull, {le:g} m",
-            "It is the height of one fin above the hull, metres.", fin.exposed_span_m, length,
-        )  # fmt: skip
+            "It is the height of one fin above the hull, metres.",
+            fin.exposed_span_m,
+            length,
+        )
 
 
 def _tip_inside(fin: Fin, shape: HullShape, nose: np.ndarray, where: str) -> Contradiction:
@@ -234,12 +279,15 @@ def _tip_inside(fin: Fin, shape: HullShape, nose: np.ndarray, where: str) -> Con
     root = shape.radius_m((nose - middle)[..., None])[..., 0]
     there = shape.radius_m((nose - lead)[..., None])[..., 0]
     return _say(
-        there > root + 2.0 * half, f"{where} exposed_span_m",
-        lambda s, r: f"the tip, {s:.4g} m from the axis, is inside the hull at its leading edge, "
-        f"{r:.4g} m",
+        there > root + 2.0 * half,
+        f"{where} exposed_span_m",
+        lambda s, r: (
+            f"the tip, {s:.4g} m from the axis, is inside the hull at its leading edge, {r:.4g} m"
+        ),
         "exposed_span_m is the height above the hull at mid-chord; check it and x_m.",
-        root + 2.0 * half, there,
-    )  # fmt: skip
+        root + 2.0 * half,
+        there,
+    )
 
 
 def _masses(vehicle: Vehicle) -> Iterator[Contradiction]:
@@ -252,19 +300,26 @@ def _masses(vehicle: Vehicle) -> Iterator[Contradiction]:
     displaced = np.asarray(vehicle.fluid.density_kgpm3, float) * volume
     low, high = MASS_RATIO
     yield _say(
-        (mass < low * displaced) | (mass > high * displaced), "[vehicle] mass_kg",
-        lambda m, d: f"a mass of {m:g} kg contradicts the {d:.4g} kg of water that the hull "
-        "displaces",
+        (mass < low * displaced) | (mass > high * displaced),
+        "[vehicle] mass_kg",
+        lambda m, d: (
+            f"a mass of {m:g} kg contradicts the {d:.4g} kg of water that the hull displaces"
+        ),
         "Check mass_kg, the hull's sizes (metres) and density_kgpm3; a free-flooding vehicle "
-        "counts with the water it carries.", mass, displaced,
-    )  # fmt: skip
+        "counts with the water it carries.",
+        mass,
+        displaced,
+    )
     if body.displaced_volume_m3 is not None:
         stated = np.asarray(body.displaced_volume_m3, float)
         yield _say(
-            (stated < low * volume) | (stated > high * volume), "[vehicle] displaced_volume_m3",
+            (stated < low * volume) | (stated > high * volume),
+            "[vehicle] displaced_volume_m3",
             lambda s, v: f"a volume of {s:g} m^3 contradicts the hull's, {v:.4g} m^3",
-            "Check the unit and the hull's sizes.", stated, volume,
-        )  # fmt: skip
+            "Check the unit and the hull's sizes.",
+            stated,
+            volume,
+        )
 
 
 def _inertias(vehicle: Vehicle) -> Iterator[Contradiction]:
@@ -278,8 +333,13 @@ def _inertias(vehicle: Vehicle) -> Iterator[Contradiction]:
         gyradius = np.sqrt(np.asarray(inertia, float) / np.asarray(body.mass_kg, float))
         reach = np.maximum(origin, length - origin) + radius
         yield _say(
-            gyradius > reach, f"[vehicle] {name}",
-            lambda k, le: f"the radius of gyration, {k:.3g} m, is larger than the hull reaches "
-            f"from O, {le:.3g} m",
-            "Inertia is about O, in kg m^2.", gyradius, reach,
-        )  # fmt: skip
+            gyradius > reach,
+            f"[vehicle] {name}",
+            lambda k, le: (
+                f"the radius of gyration, {k:.3g} m, is larger than the hull reaches "
+                f"from O, {le:.3g} m"
+            ),
+            "Inertia is about O, in kg m^2.",
+            gyradius,
+            reach,
+        )

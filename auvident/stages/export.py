@@ -21,12 +21,21 @@ from auvident.schema.quoting import comment, csv_cell, quoted
 
 # Valid in Python and in MATLAB alike.
 POWER_TEXT = {
-    "x": "{0}", "|x|": "abs({0})", "x^2": "{0}*{0}", "x|x|": "{0}*abs({0})", "x^3": "{0}*{0}*{0}",
-}  # fmt: skip
+    "x": "{0}",
+    "|x|": "abs({0})",
+    "x^2": "{0}*{0}",
+    "x|x|": "{0}*abs({0})",
+    "x^3": "{0}*{0}*{0}",
+}
 CONSTANT_NAMES = {
-    "m": "mass", "m x_G": "mass_x_g", "m z_G": "mass_z_g", "I": "inertia",
-    "W-B": "weight_less_buoyancy", "z_G W": "z_g_weight", "trim": "trim_moment",
-}  # fmt: skip
+    "m": "mass",
+    "m x_G": "mass_x_g",
+    "m z_G": "mass_z_g",
+    "I": "inertia",
+    "W-B": "weight_less_buoyancy",
+    "z_G W": "z_g_weight",
+    "trim": "trim_moment",
+}
 INPUTS = {
     "horizontal": ("rudder_rad", "elevator_rad", "rate_rps"),
     "vertical": ("elevator_rad", "rudder_rad", "rate_rps"),
@@ -34,8 +43,16 @@ INPUTS = {
 ANGLE = {"horizontal": "heading", "vertical": "pitch"}
 BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")  # of TOML; others stand in quotes
 CSV_COLUMNS = (
-    "symbol", "value", "std", "unit", "prime", "prior", "prior_std", "origin", "data_share",
-)  # fmt: skip
+    "symbol",
+    "value",
+    "std",
+    "unit",
+    "prime",
+    "prior",
+    "prior_std",
+    "origin",
+    "data_share",
+)
 SLEW = "rudder_rate_limit"  # the one effect that the equation forms have room for
 
 
@@ -65,9 +82,10 @@ def export(model: IdentifiedModel, form: str) -> str:
     if without and form in EQUATION_FORMS:
         names = ", ".join(without)
         raise UsageError(
-            f"the equations of the effects {names} have no {form} form", "--format",
+            f"the equations of the effects {names} have no {form} form",
+            "--format",
             "Use json, or a model without them: identify/model.json, a plan without allowances.",
-        )  # fmt: skip
+        )
     return FORMS[form](model)
 
 

@@ -167,9 +167,20 @@ def expected_information(
     n = len(run.states)
     slopes = np.zeros((n, N_STATES, 1 + N_STATES + len(stds)))
     if not simulate_with_sensitivities(
-        run.states[0], run.inputs, np.zeros((n, N_INPUTS, 0)), np.zeros(0, dtype=np.int64),
-        run.states, np.zeros(N_STATES), dt_s, p, ACTIVE, *structure.arrays, column, spread, slopes,
-    ):  # fmt: skip
+        run.states[0],
+        run.inputs,
+        np.zeros((n, N_INPUTS, 0)),
+        np.zeros(0, dtype=np.int64),
+        run.states,
+        np.zeros(N_STATES),
+        dt_s,
+        p,
+        ACTIVE,
+        *structure.arrays,
+        column,
+        spread,
+        slopes,
+    ):
         return None
     shown = np.matmul(sensor, slopes[:, :, 1 + N_STATES :]) / sigma[:, None]
     flat = shown[:, VELOCITIES].reshape(-1, len(stds))

@@ -108,9 +108,13 @@ def _stretch(
     model: IdentifiedModel, trial: Trial, start_s: float, end_s: float, speed: float | None
 ) -> Record:
     maneuver = Maneuver(
-        id=trial.name, trial=trial.name, kind="straight", t_start_s=start_s, t_end_s=end_s,
+        id=trial.name,
+        trial=trial.name,
+        kind="straight",
+        t_start_s=start_s,
+        t_end_s=end_s,
         role="validate",
-    )  # fmt: skip
+    )
     record = record_of(maneuver, trial, model.plane, sensor_matrix(model.plane, model.sensing))
     measured = all(c in trial.table for c in STATE_COLUMNS[model.plane][:3])
     if speed is None and measured and np.isfinite(record.start).all():

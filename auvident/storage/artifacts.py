@@ -28,9 +28,15 @@ TEMPORARY_SUFFIX = ".auvident-partial"  # of a file that is being written
 HASH_CHUNK = 1 << 20  # bytes read at a time
 # Unit of a column by the end of its name, the longest first.
 UNIT_SUFFIXES = {
-    "_radps": "rad/s", "_degps": "deg/s", "_mps": "m/s", "_rad": "rad", "_deg": "deg",
-    "_rpm": "1/min", "_m": "m", "_s": "s",
-}  # fmt: skip
+    "_radps": "rad/s",
+    "_degps": "deg/s",
+    "_mps": "m/s",
+    "_rad": "rad",
+    "_deg": "deg",
+    "_rpm": "1/min",
+    "_m": "m",
+    "_s": "s",
+}
 # Added to a name: in the same unit.
 SAME_UNIT_SUFFIXES = ("_std", "_low", "_high", "_measured", "_simulated", "_ase")
 

@@ -86,9 +86,10 @@ def _cannot_be_made(folder: Path, why: str | None) -> InputError:
 
 def _in_use(folder: Path) -> InUseError:
     return InUseError(
-        "another auvident process is working in this run directory", str(folder),
+        "another auvident process is working in this run directory",
+        str(folder),
         "Wait for it to end, or use another run directory.",
-    )  # fmt: skip
+    )
 
 
 def _close(descriptor: int | None) -> None:

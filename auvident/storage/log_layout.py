@@ -88,8 +88,9 @@ def find_layout(text: str, where: str, time_names: Collection[str]) -> Layout:
         header = _header_by_structure(lines)
     if header is None:
         first = next((line.strip() for line in lines if line.strip()), "")
-        raise InputError(f"has no row of column names; it starts with {first[:60]!r}",
-                         where, REMEDY)  # fmt: skip
+        raise InputError(
+            f"has no row of column names; it starts with {first[:60]!r}", where, REMEDY
+        )
     index, delimiter = header
     names, units = _names_and_units(split(_uncommented(lines[index]), delimiter))
     start = _next_content(lines, index + 1)

@@ -68,9 +68,10 @@ class RunDirectory:
                 raise StageError(f"{name} is {found!r}, not {wanted!r}", str(place), NOT_OURS)
         for stage, name in manifest.strays():
             raise StageError(
-                f"stage {stage} cannot have written {name!r}", str(place),
+                f"stage {stage} cannot have written {name!r}",
+                str(place),
                 "The manifest was changed; correct it, or use another run directory.",
-            )  # fmt: skip
+            )
         return manifest
 
     @contextmanager
@@ -116,9 +117,10 @@ class RunDirectory:
         link = self.link_on_the_way(relative)
         if link is not None:
             raise UsageError(
-                "is a symbolic link, and nothing is written or deleted through one", str(link),
+                "is a symbolic link, and nothing is written or deleted through one",
+                str(link),
                 "Remove the link, or use another run directory.",
-            )  # fmt: skip
+            )
 
     def refuse_foreign(self, stage: str, names: Collection[str], own: Collection[str]) -> None:
         """Refuse outputs of a stage where something stands that the program has not written.
@@ -144,9 +146,10 @@ class RunDirectory:
         for name in names:
             if not can_be_output(stage, name):
                 raise InputError(
-                    f"{name!r} cannot be the name of an artifact", str(self.path / name),
+                    f"{name!r} cannot be the name of an artifact",
+                    str(self.path / name),
                     "Rename the log file or folder that it is called for.",
-                )  # fmt: skip
+                )
             self.refuse_link(name)
             if name not in own and (self.path / name).exists():
                 raise _in_the_way(self.path / name)
@@ -230,6 +233,7 @@ class RunDirectory:
 
 def _in_the_way(place: Path) -> UsageError:
     return UsageError(
-        "was not written by auvident and would be overwritten", str(place),
+        "was not written by auvident and would be overwritten",
+        str(place),
         "Move it away, or use another run directory.",
-    )  # fmt: skip
+    )

@@ -105,9 +105,11 @@ def _write(part: str, result: dict[str, Any], options: argparse.Namespace) -> No
         print(f"{part}: nothing was measured, its section stays as it is", file=sys.stderr)
         return
     how = HOW.get(part, "").format(
-        seeds=options.seeds, last=options.seeds - 1, repeats=options.repeats,
+        seeds=options.seeds,
+        last=options.seeds - 1,
+        repeats=options.repeats,
         few=min(options.repeats, 3),
-    )  # fmt: skip
+    )
     written.write(part, f"Program `{program()}`{how}.", result)
 
 

@@ -61,7 +61,7 @@ def bars(scores: Scores) -> Table:
         _at_least("pairs: both families", 0.80, [s.right_family for s in pair]),
         *prediction_bars(scores),
         *for_information(single, none, outside, pair),
-    ]  # fmt: skip
+    ]
 
 
 def stated(score: Score) -> bool:
@@ -87,9 +87,12 @@ def prediction_bars(scores: Scores) -> Table:
         _number("held-out worst rise of u, v or r, four effects", RISE, rises, max),
         _at_most("u, v or r rises more than 2 %", None, [r > RISE for r in every]),
         _at_most("heading rises more than 2 %", None, [r > RISE for r in heading]),
-        _at_most("u, v or r rises more than 2 %, interval above zero", None,
-                 [rises_surely(s) for s in scores if s.held_out]),
-    ]  # fmt: skip
+        _at_most(
+            "u, v or r rises more than 2 %, interval above zero",
+            None,
+            [rises_surely(s) for s in scores if s.held_out],
+        ),
+    ]
 
 
 def for_information(single: Scores, none: Scores, outside: Scores, pair: Scores) -> Table:
@@ -98,22 +101,38 @@ def for_information(single: Scores, none: Scores, outside: Scores, pair: Scores)
     finding = [s for s in single if s.label in FINDING_OF]
     return [
         _at_least("visible share of planted effects", None, [bool(s.visible) for s in single]),
-        _at_most("visible, verdict unexplained", None,
-                 [s.verdict == "unexplained" for s in single if s.visible]),
-        _at_most("visible, partly explained", None,
-                 [s.verdict == "partly_explained" for s in single if s.visible]),
-        _at_most("outside of the library: partly explained", None,
-                 [s.verdict == "partly_explained" for s in outside]),
-        _at_most("named besides a right name", None,
-                 [bool(s.extra) for s in single if s.right_family]),
+        _at_most(
+            "visible, verdict unexplained",
+            None,
+            [s.verdict == "unexplained" for s in single if s.visible],
+        ),
+        _at_most(
+            "visible, partly explained",
+            None,
+            [s.verdict == "partly_explained" for s in single if s.visible],
+        ),
+        _at_most(
+            "outside of the library: partly explained",
+            None,
+            [s.verdict == "partly_explained" for s in outside],
+        ),
+        _at_most(
+            "named besides a right name", None, [bool(s.extra) for s in single if s.right_family]
+        ),
         _at_most("not visible, wrong name", None, [s.wrong_name for s in hidden]),
-        _at_least("cross-flow and turning drag: name or finding", None,
-                  [s.by_finding or s.right_or_group for s in finding]),
-        _at_least("named events and steps within 10 s of their time", None,
-                  [s.off_s <= NEAR_S for s in single if s.off_s is not None]),
+        _at_least(
+            "cross-flow and turning drag: name or finding",
+            None,
+            [s.by_finding or s.right_or_group for s in finding],
+        ),
+        _at_least(
+            "named events and steps within 10 s of their time",
+            None,
+            [s.off_s <= NEAR_S for s in single if s.off_s is not None],
+        ),
         _at_most("nothing planted: a name", None, [bool(s.named) for s in none]),
         _at_least("pairs: both ids or groups", None, [s.right_or_group for s in pair]),
-    ]  # fmt: skip
+    ]
 
 
 def _at_least(what: str, bar: float | None, flags: Sequence[bool]) -> dict[str, Any]:
@@ -129,9 +148,12 @@ def _row(
 ) -> dict[str, Any]:
     share = sum(flags) / len(flags) if flags else None
     return {
-        "what": what, "n": len(flags), "found": "-" if share is None else f"{share:.1%}",
-        "bar": bar, "met": _met(None if share is None or not bar else good(share)),
-    }  # fmt: skip
+        "what": what,
+        "n": len(flags),
+        "found": "-" if share is None else f"{share:.1%}",
+        "bar": bar,
+        "met": _met(None if share is None or not bar else good(share)),
+    }
 
 
 def _number(
@@ -139,9 +161,12 @@ def _number(
 ) -> dict[str, Any]:
     value = of(values) if values else None
     return {
-        "what": what, "n": len(values), "found": "-" if value is None else f"{value:.3f}",
-        "bar": f"<= {bar}", "met": _met(None if value is None else value <= bar),
-    }  # fmt: skip
+        "what": what,
+        "n": len(values),
+        "found": "-" if value is None else f"{value:.3f}",
+        "bar": f"<= {bar}",
+        "met": _met(None if value is None else value <= bar),
+    }
 
 
 def _met(good: bool | None) -> str:

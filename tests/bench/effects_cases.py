@@ -72,9 +72,12 @@ class Case:
     def recipe(self) -> dict[str, Any]:
         """What the generator is asked for; sizes are drawn from the seed."""
         return {
-            "name": f"trial_{self.seed}", "vehicle": self.vehicle, "seed": self.seed,
-            "spread": SPREAD, "effect": [{"id": name} for name in self.planted],
-        }  # fmt: skip
+            "name": f"trial_{self.seed}",
+            "vehicle": self.vehicle,
+            "seed": self.seed,
+            "spread": SPREAD,
+            "effect": [{"id": name} for name in self.planted],
+        }
 
 
 def cases(
@@ -90,9 +93,8 @@ def cases(
     wanted, allowed = frozenset(only), frozenset(vehicles)
     whole = endless(seed_base) if trials else chain(*(_block(b, seed_base) for b in range(BLOCKS)))
     chosen = (
-        c for c in whole
-        if c.vehicle in allowed and (not wanted or {c.label, c.kind} & wanted)
-    )  # fmt: skip
+        c for c in whole if c.vehicle in allowed and (not wanted or {c.label, c.kind} & wanted)
+    )
     return list(islice(chosen, trials) if trials else chosen)
 
 

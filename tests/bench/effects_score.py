@@ -79,9 +79,12 @@ def score(outcome: Row) -> Score:
     by_finding = any(_finding_says(name, diagnosis, comparison) for name in ids)
     family = bool(planted) and all(_family_named(p, effects, groups) for p in planted)
     return Score(
-        key=outcome["case"]["key"], kind=outcome["case"]["kind"],
-        label="+".join(ids) or "none", vehicle=outcome["case"]["vehicle"],
-        verdict=final.get("verdict", "failed"), named=named,
+        key=outcome["case"]["key"],
+        kind=outcome["case"]["kind"],
+        label="+".join(ids) or "none",
+        vehicle=outcome["case"]["vehicle"],
+        verdict=final.get("verdict", "failed"),
+        named=named,
         visible=_all_visible(planted, diagnosis, outcome.get("identifying_s")) if ids else None,
         declared=final.get("verdict") in (*CONFIDENT, "partly_explained") and bool(named),
         confident=final.get("verdict") in CONFIDENT and bool(named),
@@ -91,11 +94,14 @@ def score(outcome: Row) -> Score:
         wrong_name=bool(named) and not any(_family_named(p, effects, groups) for p in planted),
         by_finding=by_finding,
         extra=tuple(n for n in named if not any(_in_group(n, [i], groups) for i in ids)),
-        sizes=tuple(sizes(planted, effects)), off_s=time_off(planted, effects),
-        held_out=errors(comparison), surely_up=surely_up(comparison),
-        seconds=dict(outcome.get("seconds", {})), peak_mb=outcome.get("peak_mb", 0.0),
+        sizes=tuple(sizes(planted, effects)),
+        off_s=time_off(planted, effects),
+        held_out=errors(comparison),
+        surely_up=surely_up(comparison),
+        seconds=dict(outcome.get("seconds", {})),
+        peak_mb=outcome.get("peak_mb", 0.0),
         why=reason(ids, outcome.get("error"), diagnosis),
-    )  # fmt: skip
+    )
 
 
 def _in_group(name: str, named: Iterable[str], groups: Iterable[set[str]]) -> bool:
@@ -175,9 +181,13 @@ def compared(symbol: str, truth: float, stated: Row) -> Size:
         low, high = value - NORMAL_95 * std, value + NORMAL_95 * std
     known = std > 0.0 or high > low
     return Size(
-        symbol, truth, value, std, -off / std if std > 0.0 else None,
+        symbol,
+        truth,
+        value,
+        std,
+        -off / std if std > 0.0 else None,
         bool(low <= value + off <= high) if known else None,
-    )  # fmt: skip
+    )
 
 
 def time_off(planted: Iterable[Row], effects: Iterable[Row]) -> float | None:
@@ -211,6 +221,7 @@ def reason(planted: list[str], error: str | None, diagnosis: Row) -> str:
     most = sorted(tried, key=lambda name: -tried[name]["gain"])[:1]
     said = [
         f"{name} ({tried[name]['gain']:.0f} nats): {tried[name]['rejected'] or 'accepted'}"
-        for name in dict.fromkeys([*planted, *most]) if name in tried
-    ]  # fmt: skip
+        for name in dict.fromkeys([*planted, *most])
+        if name in tried
+    ]
     return "; ".join(said) or diagnosis.get("statement", "")

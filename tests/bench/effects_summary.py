@@ -64,18 +64,22 @@ def by_effect(scores: Scores) -> Table:
     clean = clean_errors(scores)
     return [
         {
-            "planted": label, "n": len(rows), "seen": sum(bool(s.visible) for s in rows),
-            "said": sum(s.declared for s in rows), "id": sum(s.right_id for s in rows),
+            "planted": label,
+            "n": len(rows),
+            "seen": sum(bool(s.visible) for s in rows),
+            "said": sum(s.declared for s in rows),
+            "id": sum(s.right_id for s in rows),
             "group": sum(s.right_or_group for s in rows),
             "family": sum(s.right_family for s in rows),
             "finding": sum(s.by_finding for s in rows),
-            "wrong": sum(s.wrong_name for s in rows), "extra": sum(bool(s.extra) for s in rows),
+            "wrong": sum(s.wrong_name for s in rows),
+            "extra": sum(bool(s.extra) for s in rows),
             "in_95": _share(z.inside for s in rows for z in s.sizes if z.inside is not None),
             "error": _median(relative(z) for s in rows for z in s.sizes if z.planted),
             "ratio": _median(r for s in rows if (r := affected_ratio(s, clean)) is not None),
         }
         for label, rows in grouped(scores).items()
-    ]  # fmt: skip
+    ]
 
 
 def relative(size: Size) -> float:
@@ -98,26 +102,42 @@ def costs(scores: Scores) -> Table:
     rows: Table = []
     for stage in dict.fromkeys(name for s in scores for name in s.seconds):
         took = [s.seconds[stage] for s in scores if stage in s.seconds]
-        rows.append({
-            "what": f"{stage} [s]", "n": len(took), "median": median(took), "max": max(took),
-        })  # fmt: skip
+        rows.append(
+            {
+                "what": f"{stage} [s]",
+                "n": len(took),
+                "median": median(took),
+                "max": max(took),
+            }
+        )
     peaks = [s.peak_mb for s in scores if s.peak_mb] or [0.0]
-    return [*rows, {
-        "what": "memory [MB]", "n": len(scores), "median": median(peaks), "max": max(peaks),
-    }]  # fmt: skip
+    return [
+        *rows,
+        {
+            "what": "memory [MB]",
+            "n": len(scores),
+            "median": median(peaks),
+            "max": max(peaks),
+        },
+    ]
 
 
 def failures(scores: Scores) -> Table:
     """One line for every trial that went wrong, with why the planted effect was rejected."""
     return [
         {
-            "trial": s.key, "planted": s.label, "visible": s.visible, "verdict": s.verdict,
-            "named": list(s.named), "extra": list(s.extra),
+            "trial": s.key,
+            "planted": s.label,
+            "visible": s.visible,
+            "verdict": s.verdict,
+            "named": list(s.named),
+            "extra": list(s.extra),
             "sizes": [[z.symbol, z.planted, z.value, z.std, z.inside] for z in s.sizes],
             "why": s.why,
         }
-        for s in scores if not is_good(s)
-    ]  # fmt: skip
+        for s in scores
+        if not is_good(s)
+    ]
 
 
 def is_good(score: Score) -> bool:

@@ -66,10 +66,15 @@ def planted_of(truth: Mapping[str, Any], vehicle: Any) -> list[Planted]:
     for effect in truth["effects"]:
         name = effect["id"]
         given = {**effect["parameters"], "strips": cross_flow(vehicle.body)}
-        found.append(Planted(
-            name, EFFECTS[name].family, translate(name, given), name not in INEXACT,
-            tuple(effect.get("log_time_s", ())),
-        ))  # fmt: skip
+        found.append(
+            Planted(
+                name,
+                EFFECTS[name].family,
+                translate(name, given),
+                name not in INEXACT,
+                tuple(effect.get("log_time_s", ())),
+            )
+        )
     return found
 
 

@@ -53,12 +53,14 @@ def _one(folder: Path, times: int, repeats: int) -> dict[str, Any]:
     rounds = 1 + len(json.loads((first / "diagnose/diagnosis.json").read_text())["steps"])
     spent = {stage: median(r[stage] for r in runs) for stage in ("diagnose", "refine")}
     return {
-        "maneuvers": len(maneuvers), "log_s": seconds, "identifying_s": sum(used),
+        "maneuvers": len(maneuvers),
+        "log_s": seconds,
+        "identifying_s": sum(used),
         "rounds": rounds,
         **{f"{stage}_s": value for stage, value in spent.items()},
         "diagnose_ms_by_round_and_s": 1000.0 * spent["diagnose"] / (rounds * sum(used)),
         "peak_mb": median(r["peak_mb"] for r in runs),
-    }  # fmt: skip
+    }
 
 
 def _sail(log: Path, seed: int) -> float:
@@ -73,8 +75,6 @@ def _sail(log: Path, seed: int) -> float:
 
 def _run(logs: Sequence[Path], run: Path) -> dict[str, float]:
     arguments = [sys.executable, "-c", STAGES, run, SAMPLES / f"{VEHICLE}.toml", *logs]
-    done = subprocess.run(
-        [str(a) for a in arguments], check=True, capture_output=True, text=True
-    )  # fmt: skip
+    done = subprocess.run([str(a) for a in arguments], check=True, capture_output=True, text=True)
     found: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
     return found

@@ -63,11 +63,14 @@ def effects_page() -> str:
 def _effect(effect: dict[str, Any]) -> dict[str, str]:
     allowed = [_allowed(p) for p in effect["parameters"] if p["silent"] > 0.0]
     return {
-        "effect": f"`{effect['id']}`", "enters": ENDS[effect["enters"]],
-        "planes": ", ".join(effect["planes"]), "equation": effect["equation"],
+        "effect": f"`{effect['id']}`",
+        "enters": ENDS[effect["enters"]],
+        "planes": ", ".join(effect["planes"]),
+        "equation": effect["equation"],
         "needs": ", ".join(f"`{column}`" for column in effect["needs"]),
-        "allowed": ", ".join(allowed), "source": effect["source"],
-    }  # fmt: skip
+        "allowed": ", ".join(allowed),
+        "source": effect["source"],
+    }
 
 
 def _allowed(parameter: dict[str, Any]) -> str:
@@ -101,8 +104,9 @@ def picture(run: Path) -> str:
     rows = _series(run)
     with style(), rc_context({"svg.hashsalt": "held_out"}):
         figure = new_figure(SIZE_IN[1], SIZE_IN[0])
-        panels = figure.subplots(len(CHANNELS), len(told["maneuvers"]), sharex="col", sharey="row",
-                                 squeeze=False)  # fmt: skip
+        panels = figure.subplots(
+            len(CHANNELS), len(told["maneuvers"]), sharex="col", sharey="row", squeeze=False
+        )
         for j, maneuver in enumerate(told["maneuvers"]):
             _column(panels[:, j], rows[rows["maneuver"] == maneuver], maneuver)
         for axes, (channel, (_, words)) in zip(panels[:, 0], CHANNELS.items(), strict=True):
@@ -134,9 +138,14 @@ def _column(panels: Any, rows: pd.DataFrame, maneuver: str) -> None:
         for ending, colour, dashes, width, opacity, words in LINES:
             seen = rows[f"{column}_{ending}"].notna()  # a slow sensor leaves holes
             axes.plot(
-                time[seen], rows.loc[seen, f"{column}_{ending}"], color=colour, ls=dashes,
-                lw=width, alpha=opacity, label=words,
-            )  # fmt: skip
+                time[seen],
+                rows.loc[seen, f"{column}_{ending}"],
+                color=colour,
+                ls=dashes,
+                lw=width,
+                alpha=opacity,
+                label=words,
+            )
         axes.set_xlim(0.0, time.max())
     panels[0].set_title(f"{maneuver} (held out)")
     panels[-1].set_xlabel("time, s")

@@ -110,11 +110,13 @@ def _row(values: list[float]) -> dict[str, Any]:
     z, n = np.array(values), max(len(values), 1)
     low, high = chi2.ppf([0.025, 0.975], n) / n
     return {
-        "n": len(z), "mean": float(z.mean()) if len(z) else 0.0,
+        "n": len(z),
+        "mean": float(z.mean()) if len(z) else 0.0,
         "mean_square": float(np.mean(z**2)) if len(z) else 0.0,
-        "low": float(low), "high": float(high),
+        "low": float(low),
+        "high": float(high),
         "coverage": float(np.mean(np.abs(z) < NORMAL_95)) if len(z) else 0.0,
-    }  # fmt: skip
+    }
 
 
 def in_short(found: dict[str, Any]) -> list[dict[str, Any]]:
@@ -126,13 +128,14 @@ def _in_short(case: str, failed: int, claimed: dict[str, dict[str, Any]]) -> dic
     single = [r["coverage"] for name, r in claimed.items() if name not in SUMS]
     every, along = (claimed.get(name, {}) for name in reversed(SUMS))
     return {
-        "plan and filter": case, "failed": failed,
+        "plan and filter": case,
+        "failed": failed,
         "mean square, coefficients": every.get("mean_square", "-"),
         "95 % covers": _percent(every.get("coverage")),
         "of single ones": f"{100 * min(single):.1f} to {_percent(max(single))}" if single else "-",
         "mean square, combinations": along.get("mean_square", "-"),
         "95 % covers (combinations)": _percent(along.get("coverage")),
-    }  # fmt: skip
+    }
 
 
 def _percent(share: float | None) -> str:

@@ -45,11 +45,13 @@ def _errors(metrics: dict[str, Metrics]) -> Rows:
     prior = next(iter(metrics.values())).ase.summary["validate"]
     return [
         {
-            "channel": channel, "starting values": prior[channel].nrmse,
+            "channel": channel,
+            "starting values": prior[channel].nrmse,
             **{name: m.summary["validate"][channel].nrmse for name, m in metrics.items()},
         }
-        for channel in CHANNELS if channel in prior
-    ]  # fmt: skip
+        for channel in CHANNELS
+        if channel in prior
+    ]
 
 
 def tanker(logs: Path = KVLCC2) -> dict[str, Rows]:
@@ -93,10 +95,11 @@ def _closed(logs: Path, vehicle: Path, hold_out: tuple[str, ...] = ()) -> dict[s
         found = json.loads((Path(name) / "refine/comparison.json").read_text(encoding="utf-8"))
     before, after = found["held_out"]["before"], found["held_out"]["after"]
     return {
-        "trial": logs.name, "verdict": found["verdict"],
+        "trial": logs.name,
+        "verdict": found["verdict"],
         "used": " + ".join(e["id"] for e in (*found["effects"], *found["not_confirmed"])) or "-",
         **{c: _both(before, after, c) for c in LOOP_CHANNELS},
-    }  # fmt: skip
+    }
 
 
 def _both(before: dict[str, Any], after: dict[str, Any], channel: str) -> str:

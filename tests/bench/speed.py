@@ -57,9 +57,16 @@ def side_by_side(fast: Callable[[], Any], slow: Callable[[], Any], repeats: int)
 def one_pass(chain: Chain, system: str, free: tuple[str, ...], rows: int) -> FilterProblem:
     """A filter problem on one zigzag of a trial."""
     setup, _ = prepare(
-        chain.trials, chain.maneuvers, chain.ase, chain.vehicle, chain.noise, plane="horizontal",
-        plan=plan_named("spiral"), filter="ekf", engine="compiled",
-    )  # fmt: skip
+        chain.trials,
+        chain.maneuvers,
+        chain.ase,
+        chain.vehicle,
+        chain.noise,
+        plane="horizontal",
+        plan=plan_named("spiral"),
+        filter="ekf",
+        engine="compiled",
+    )
     longest = max(
         (r for kind, r in setup.records.values() if kind == "zigzag"), key=lambda r: len(r.time_s)
     )
@@ -68,13 +75,22 @@ def one_pass(chain: Chain, system: str, free: tuple[str, ...], rows: int) -> Fil
     positions = free_positions(setup, PlanStage(name="pass", system=system, free=free))
     active, noise, n = active_states(system, "horizontal"), setup.sensor_std, len(positions)
     return FilterProblem(
-        structure=setup.structure, records=records, parameters=setup.prior, free=positions,
+        structure=setup.structure,
+        records=records,
+        parameters=setup.prior,
+        free=positions,
         followers=setup.followers[np.isin(setup.followers[:, 1], positions)],
-        scale=setup.prior_std[positions], theta_covariance=np.eye(n), theta_noise=np.zeros(n),
-        active=active, channels=active.copy(), sensor=setup.sensor,
-        process_std=noise * np.sqrt(setup.dt_s) / OBSERVER_S, sensor_std=noise, start=starts,
+        scale=setup.prior_std[positions],
+        theta_covariance=np.eye(n),
+        theta_noise=np.zeros(n),
+        active=active,
+        channels=active.copy(),
+        sensor=setup.sensor,
+        process_std=noise * np.sqrt(setup.dt_s) / OBSERVER_S,
+        sensor_std=noise,
+        start=starts,
         start_std=3.0 * noise,
-    )  # fmt: skip
+    )
 
 
 def passes(repeats: int = 5, rows: int = 600) -> list[dict[str, Any]]:
@@ -86,14 +102,20 @@ def passes(repeats: int = 5, rows: int = 600) -> list[dict[str, Any]]:
         for kind in ("ekf", "ukf"):
             fast, slow = side_by_side(
                 lambda p=problem, k=kind: compiled.run(p, k),
-                lambda p=problem, k=kind: reference.run(p, k), repeats,
-            )  # fmt: skip
-            found.append({
-                "pass": name, "filter": kind, "steps": len(problem.records.inputs[0]),
-                "states": len(problem.free) + int(problem.active.sum()),
-                "compiled_ms": 1e3 * median(fast), "filterpy_ms": 1e3 * median(slow),
-                "ratio": median(b / a for a, b in zip(fast, slow, strict=True)),
-            })  # fmt: skip
+                lambda p=problem, k=kind: reference.run(p, k),
+                repeats,
+            )
+            found.append(
+                {
+                    "pass": name,
+                    "filter": kind,
+                    "steps": len(problem.records.inputs[0]),
+                    "states": len(problem.free) + int(problem.active.sum()),
+                    "compiled_ms": 1e3 * median(fast),
+                    "filterpy_ms": 1e3 * median(slow),
+                    "ratio": median(b / a for a, b in zip(fast, slow, strict=True)),
+                }
+            )
     return found
 
 
@@ -122,11 +144,16 @@ def whole(repeats: int = 3, shares=(0.5, 1.0), plan: str = "refined") -> list[di
             took = seconds(
                 lambda c=chain, k=kind: c.identify(filter=k, plan=plan_named(plan)), repeats
             )
-            found.append({
-                "plan": plan, "filter": kind, "maneuvers": len(used),
-                "trial_min": len(chain.trials[0].table) / chain.trials[0].rate_hz / 60.0,
-                "data_s": sum(m.t_end_s - m.t_start_s for m in used), "seconds": took,
-            })  # fmt: skip
+            found.append(
+                {
+                    "plan": plan,
+                    "filter": kind,
+                    "maneuvers": len(used),
+                    "trial_min": len(chain.trials[0].table) / chain.trials[0].rate_hz / 60.0,
+                    "data_s": sum(m.t_end_s - m.t_start_s for m in used),
+                    "seconds": took,
+                }
+            )
     return found
 
 

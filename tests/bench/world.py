@@ -22,11 +22,17 @@ DEGREE = np.pi / 180.0
 SENSORS = ("dvl", "gyro", "rudder", "rpm")
 # kind, rudder [deg], heading change that reverses it [deg], ratios of the cruise rate
 PROGRAMME = (
-    ("straight", 0, None, (1.0, 1.25, 0.8, 1.1)), ("straight", 0, None, (0.75, 1.0, 1.3, 0.9)),
-    ("turn", 10, None, (1.1,)), ("turn", -18, None, (1.1,)), ("turn", 15, None, (0.85,)),
-    ("turn", -8, None, (1.2,)), ("zigzag", 10, 10, (0.85,)), ("zigzag", -10, 10, (1.2,)),
-    ("zigzag", 20, 20, (0.9,)), ("zigzag", -20, 20, (1.15,)),
-)  # fmt: skip
+    ("straight", 0, None, (1.0, 1.25, 0.8, 1.1)),
+    ("straight", 0, None, (0.75, 1.0, 1.3, 0.9)),
+    ("turn", 10, None, (1.1,)),
+    ("turn", -18, None, (1.1,)),
+    ("turn", 15, None, (0.85,)),
+    ("turn", -8, None, (1.2,)),
+    ("zigzag", 10, 10, (0.85,)),
+    ("zigzag", -10, 10, (1.2,)),
+    ("zigzag", 20, 20, (0.9,)),
+    ("zigzag", -20, 20, (1.15,)),
+)
 LENGTHS_S = {"straight": 100.0, "turn": 70.0, "zigzag": 70.0}
 
 
@@ -71,9 +77,13 @@ def _turns_calmly(c: dict[str, float], vehicle: Vehicle) -> bool:
     rudder, cruise = HARDEST_DEG * DEGREE, cruise_rate(c)
     for side in (-1.0, 1.0):
         end = solve_ivp(
-            equations(c, vehicle), (0, 30.0), [CRUISE_MPS, 0, 0, 0], args=(side * rudder, cruise),
-            method="LSODA", events=_spins,
-        )  # fmt: skip
+            equations(c, vehicle),
+            (0, 30.0),
+            [CRUISE_MPS, 0, 0, 0],
+            args=(side * rudder, cruise),
+            method="LSODA",
+            events=_spins,
+        )
         if end.status != 0 or end.y[0, -1] < LEAST_MPS:
             return False
     return True
@@ -97,18 +107,28 @@ def equations(c: dict[str, float], vehicle: Vehicle):
     def rate(t, x, d, n):
         u, v, r, _ = x
         f_x = (
-            c["X_uu"] * u * abs(u) + c["X_vv"] * v * v + (c["X_vr"] + m) * v * r
-            + (c["X_rr"] + m * xg) * r * r + c["X_uudd"] * u * u * d * d
-            + c["T_nn"] * n * abs(n) + c["T_nu"] * abs(n) * u
-        )  # fmt: skip
+            c["X_uu"] * u * abs(u)
+            + c["X_vv"] * v * v
+            + (c["X_vr"] + m) * v * r
+            + (c["X_rr"] + m * xg) * r * r
+            + c["X_uudd"] * u * u * d * d
+            + c["T_nn"] * n * abs(n)
+            + c["T_nu"] * abs(n) * u
+        )
         f_y = (
-            c["Y_uv"] * u * v + (c["Y_ur"] - m) * u * r + c["Y_v|v|"] * v * abs(v)
-            + c["Y_r|r|"] * r * abs(r) + c["Y_uud"] * u * u * d
-        )  # fmt: skip
+            c["Y_uv"] * u * v
+            + (c["Y_ur"] - m) * u * r
+            + c["Y_v|v|"] * v * abs(v)
+            + c["Y_r|r|"] * r * abs(r)
+            + c["Y_uud"] * u * u * d
+        )
         f_n = (
-            c["N_uv"] * u * v + (c["N_ur"] - m * xg) * u * r + c["N_v|v|"] * v * abs(v)
-            + c["N_r|r|"] * r * abs(r) + c["N_uud"] * u * u * d
-        )  # fmt: skip
+            c["N_uv"] * u * v
+            + (c["N_ur"] - m * xg) * u * r
+            + c["N_v|v|"] * v * abs(v)
+            + c["N_r|r|"] * r * abs(r)
+            + c["N_uud"] * u * u * d
+        )
         return [
             f_x / (m - c["X_udot"]),
             (i_r * f_y - m_vr * f_n) / determinant,
@@ -141,9 +161,16 @@ def sail(c: dict[str, float], vehicle: Vehicle, kind: str, rudder_deg, switch_de
     def advance(rows: int, d: float, revs: float, event=None) -> int:
         """Integrate with the inputs held, to the row after the event or the end."""
         found = solve_ivp(
-            rate, (0, rows * step), states[-1], t_eval=np.arange(1, rows + 1) * step,
-            args=(d, revs), rtol=1e-8, atol=1e-10, events=event, method="LSODA",
-        )  # fmt: skip
+            rate,
+            (0, rows * step),
+            states[-1],
+            t_eval=np.arange(1, rows + 1) * step,
+            args=(d, revs),
+            rtol=1e-8,
+            atol=1e-10,
+            events=event,
+            method="LSODA",
+        )
         at = [t[0] for t in found.t_events or [] if len(t)]
         end = min(rows, int(np.ceil(at[0] / step + 1e-9))) if at else rows
         states.extend(found.y.T[:end])
@@ -176,10 +203,16 @@ def make_world(ase: AseResult, vehicle: Vehicle, seed: int, programme=PROGRAMME)
         states, inputs = sail(truth, vehicle, kind, rudder, switch, ratios)
         time = start + np.arange(len(states)) / RATE_HZ
         tables.append(_measured(time, states, inputs, vehicle, rng).assign(record=number))
-        maneuvers.append(Maneuver(
-            id=f"{kind}-{number}", trial="world", kind=kind, role="identify",
-            t_start_s=start + APPROACH_S, t_end_s=float(time[-1]) + 1.0 / RATE_HZ,
-        ))  # fmt: skip
+        maneuvers.append(
+            Maneuver(
+                id=f"{kind}-{number}",
+                trial="world",
+                kind=kind,
+                role="identify",
+                t_start_s=start + APPROACH_S,
+                t_end_s=float(time[-1]) + 1.0 / RATE_HZ,
+            )
+        )
         start = float(time[-1]) + 10.0
     table = pd.concat(tables, ignore_index=True)
     return World(Trial("world", table, RATE_HZ), Maneuvers(maneuvers=tuple(maneuvers)), truth)
@@ -191,15 +224,21 @@ def _measured(time, states, inputs, vehicle: Vehicle, rng) -> pd.DataFrame:
     x, y = vehicle.dvl.x_m, vehicle.dvl.y_m
     noise = rng.normal(size=(3, len(time)))
     readings = {
-        "u_mps": u - y * r + DVL_STD_MPS * noise[0], "v_mps": v + x * r + DVL_STD_MPS * noise[1]
-    }  # fmt: skip
+        "u_mps": u - y * r + DVL_STD_MPS * noise[0],
+        "v_mps": v + x * r + DVL_STD_MPS * noise[1],
+    }
     sampled = np.arange(len(time)) % DVL_EVERY == 0
     for column, values in readings.items():
         readings[column] = np.interp(time, time[sampled], values[sampled])
-    table = pd.DataFrame({
-        "time_s": time, **readings, "r_radps": r + GYRO_STD_RADPS * noise[2],
-        "rudder_rad": inputs[:, 0], "rpm": 60.0 * inputs[:, 1],
-    })  # fmt: skip
+    table = pd.DataFrame(
+        {
+            "time_s": time,
+            **readings,
+            "r_radps": r + GYRO_STD_RADPS * noise[2],
+            "rudder_rad": inputs[:, 0],
+            "rpm": 60.0 * inputs[:, 1],
+        }
+    )
     for sensor in SENSORS:
         table[f"{sensor}_sampled"] = sampled if sensor == "dvl" else True
     return table

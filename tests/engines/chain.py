@@ -38,9 +38,13 @@ class Chain:
     def identify(self, plane: str = "horizontal", filter: str = "ekf", **changes) -> Identification:
         """The identification with the default plan; anything can be exchanged."""
         parts = {
-            "trials": self.trials, "maneuvers": self.maneuvers, "ase": self.ase,
-            "vehicle": self.vehicle, "noise": self.noise, "plan": plan_named("spiral"),
-        } | changes  # fmt: skip
+            "trials": self.trials,
+            "maneuvers": self.maneuvers,
+            "ase": self.ase,
+            "vehicle": self.vehicle,
+            "noise": self.noise,
+            "plan": plan_named("spiral"),
+        } | changes
         first = [parts.pop(k) for k in ("trials", "maneuvers", "ase", "vehicle", "noise")]
         return identify(*first, plane=plane, filter=filter, **parts)
 
@@ -105,9 +109,14 @@ def cut(record: Record, samples: int) -> Record:
         short = {k: getattr(source, k)[:samples] for k in ("rates", "bridged")}
         source = replace(source, **long, **short)
     return Record(
-        record.id, record.time_s[:samples], record.inputs[:samples], record.given[:samples],
-        record.measured[:samples].copy(), record.start, source,
-    )  # fmt: skip
+        record.id,
+        record.time_s[:samples],
+        record.inputs[:samples],
+        record.given[:samples],
+        record.measured[:samples].copy(),
+        record.start,
+        source,
+    )
 
 
 def problem_of(setup, records, symbols, active, **changes) -> FilterProblem:
@@ -117,10 +126,20 @@ def problem_of(setup, records, symbols, active, **changes) -> FilterProblem:
     noise = 5.0 * setup.sensor_std
     followers = setup.followers[np.isin(setup.followers[:, 1], free)]
     parts = {
-        "structure": setup.structure, "records": stacked, "parameters": setup.prior,
-        "free": free, "followers": followers, "scale": setup.prior_std[free],
-        "theta_covariance": np.eye(len(free)), "theta_noise": np.full(len(free), 1e-8),
-        "active": np.array(active), "channels": np.array(active), "sensor": setup.sensor,
-        "process_std": noise / 10.0, "sensor_std": noise, "start": starts, "start_std": 3 * noise,
-    } | changes  # fmt: skip
+        "structure": setup.structure,
+        "records": stacked,
+        "parameters": setup.prior,
+        "free": free,
+        "followers": followers,
+        "scale": setup.prior_std[free],
+        "theta_covariance": np.eye(len(free)),
+        "theta_noise": np.full(len(free), 1e-8),
+        "active": np.array(active),
+        "channels": np.array(active),
+        "sensor": setup.sensor,
+        "process_std": noise / 10.0,
+        "sensor_std": noise,
+        "start": starts,
+        "start_std": 3 * noise,
+    } | changes
     return FilterProblem(**parts)

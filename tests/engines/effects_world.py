@@ -16,9 +16,7 @@ from tests.physics.plane_equations import stable_values
 
 DT = 0.1
 LEAD = 50  # rows of inputs before the maneuver
-SENSING = Sensing(
-    dvl_x_m=0.4, dvl_y_m=0.05, dvl_z_m=0.1, dvl_mounting_yaw_rad=0.02, noise_std={}
-)  # fmt: skip
+SENSING = Sensing(dvl_x_m=0.4, dvl_y_m=0.05, dvl_z_m=0.1, dvl_mounting_yaw_rad=0.02, noise_std={})
 COURSE = np.array([True, True, True, False])  # the heading is taken as logged
 FREELY = np.ones(4, dtype=bool)
 COEFFICIENTS = ("X_uu", "X_vr", "T_nn", "Y_uv", "Y_uud", "N_ur", "N_uud", "N_r|r|", "Y_vdot")
@@ -86,10 +84,15 @@ def blank(n: int = 300, seed: int = 0, start=(1.4, 0.02, 0.01, 0.5)) -> Record:
     time = DT * np.arange(LEAD + n)
     waves = [np.sin(w * time + w) for w in (0.7, 0.9, 1.1, 1.3)]
     source = Source(
-        raw=raw, elapsed_s=200.0 + time, speed=1.4 + 0.05 * waves[0], roll=0.1 * waves[1],
-        pitch=0.05 * waves[2], rates=0.05 * np.column_stack([waves[1], waves[3]])[LEAD:],
-        bridged=np.tile(start, (n, 1)), start=np.array(start),
-    )  # fmt: skip
+        raw=raw,
+        elapsed_s=200.0 + time,
+        speed=1.4 + 0.05 * waves[0],
+        roll=0.1 * waves[1],
+        pitch=0.05 * waves[2],
+        rates=0.05 * np.column_stack([waves[1], waves[3]])[LEAD:],
+        bridged=np.tile(start, (n, 1)),
+        start=np.array(start),
+    )
     given = np.tile(np.array(start), (n, 1))
     return Record(
         f"record-{seed}", time[LEAD:], raw[LEAD:].copy(), given, given.copy(), given[0], source
@@ -132,8 +135,16 @@ def setup_for(world: World, records, names, kind: str = "ekf", engine: str = "co
     std[free.positions] = free.scale
     stage = {"name": "all", "system": "coupled", "free": ["all"], "maneuvers": ["zigzag"]}
     return Setup(
-        structure=world.frame.structure, plan=Plan.model_validate({"name": "t", "stage": [stage]}),
-        records={r.id: ("zigzag", r) for r in records}, dt_s=DT, sensing=world.frame.sensing,
-        sensor_std=NOISE, prior=p, prior_std=std, followers=np.zeros((0, 2), dtype=np.int64),
-        filter=kind, engine=engine, start=p,
-    )  # fmt: skip
+        structure=world.frame.structure,
+        plan=Plan.model_validate({"name": "t", "stage": [stage]}),
+        records={r.id: ("zigzag", r) for r in records},
+        dt_s=DT,
+        sensing=world.frame.sensing,
+        sensor_std=NOISE,
+        prior=p,
+        prior_std=std,
+        followers=np.zeros((0, 2), dtype=np.int64),
+        filter=kind,
+        engine=engine,
+        start=p,
+    )

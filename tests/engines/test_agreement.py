@@ -23,13 +23,23 @@ SYSTEMS = {
 VERTICAL = {"vertical": (["all"], (True, True, True, True))}
 # the coupled system of a model that carries effects: on commands, in the equations, on readings
 EFFECTS = {
-    "rudder_offset.offset_deg": 1.0, "rudder_lag.lag_s": 0.3, "rudder_rate_limit.rate_degps": 40.0,
-    "propeller_lag.lag_s": 0.5, "thrust_sag.fraction_per_1000_s": 0.1,
-    "current.north_mps": 0.05, "current.east_mps": -0.1, "dvl_misalignment.yaw_deg": 1.0,
-    "dvl_lever_arm.dx_m": 0.05, "dvl_lever_arm.dy_m": -0.05, "gyro_bias.bias_degps": 0.1,
-    "gyro_scale.fraction": 0.01, "dvl_delay.delay_s": 0.12, "hull_asymmetry.Y_0": 0.3,
-    "hull_asymmetry.N_0": -0.1, "linear_drag.X_u": -0.1,
-}  # fmt: skip
+    "rudder_offset.offset_deg": 1.0,
+    "rudder_lag.lag_s": 0.3,
+    "rudder_rate_limit.rate_degps": 40.0,
+    "propeller_lag.lag_s": 0.5,
+    "thrust_sag.fraction_per_1000_s": 0.1,
+    "current.north_mps": 0.05,
+    "current.east_mps": -0.1,
+    "dvl_misalignment.yaw_deg": 1.0,
+    "dvl_lever_arm.dx_m": 0.05,
+    "dvl_lever_arm.dy_m": -0.05,
+    "gyro_bias.bias_degps": 0.1,
+    "gyro_scale.fraction": 0.01,
+    "dvl_delay.delay_s": 0.12,
+    "hull_asymmetry.Y_0": 0.3,
+    "hull_asymmetry.N_0": -0.1,
+    "linear_drag.X_u": -0.1,
+}
 CASES = [(s, k) for s in (*SYSTEMS, *VERTICAL, "effects") for k in ("ekf", "ukf")]
 
 
@@ -49,8 +59,9 @@ def problem(system: str) -> FilterProblem:
     """Two maneuvers of unequal length with readings missing beyond those of the slow DVL."""
     plane = "vertical" if system == "vertical" else "horizontal"
     with_effects = {"carried": carried()} if system == "effects" else {}
-    setup = setup_of("dive_trial" if plane == "vertical" else "harbour_trial", plane,
-                     **with_effects)  # fmt: skip
+    setup = setup_of(
+        "dive_trial" if plane == "vertical" else "harbour_trial", plane, **with_effects
+    )
     kinds = dict(setup.records.values())
     long, short = cut(kinds["zigzag"], 420), cut(kinds["straight"], 260)
     rng = np.random.default_rng(1)
@@ -74,9 +85,14 @@ def with_linear(setup: Setup, records: list[Record]) -> FilterProblem:
         setup.frame, setup.start, acting, free, max(len(r.time_s) for r in acting)
     )
     return problem_of(
-        setup, acting, symbols, (True, True, True, False), parameters=setup.start, linear=linear,
+        setup,
+        acting,
+        symbols,
+        (True, True, True, False),
+        parameters=setup.start,
+        linear=linear,
         sensor=sensor,
-    )  # fmt: skip
+    )
 
 
 @cache

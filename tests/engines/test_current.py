@@ -27,18 +27,35 @@ def over_ground(x: np.ndarray, inputs: np.ndarray, current: tuple[float, float])
     ahead, aside = current[0] * c + current[1] * s, current[1] * c - current[0] * s
     a, b = u - ahead, v - aside  # through the water
     m, mx = C["m"], C["m x_G"]
-    water = np.array([
-        C["X_uu"] * a * abs(a) + C["X_vv"] * b * b + C["X_vr"] * b * r + C["X_rr"] * r * r
-        + C["X_uudd"] * a * a * (d * d + e * e) + C["T_nn"] * n * abs(n) + C["T_nu"] * abs(n) * a,
-        C["Y_uv"] * a * b + C["Y_ur"] * a * r + C["Y_v|v|"] * b * abs(b)
-        + C["Y_r|r|"] * r * abs(r) + C["Y_uud"] * a * a * d,
-        C["N_uv"] * a * b + C["N_ur"] * a * r + C["N_v|v|"] * b * abs(b)
-        + C["N_r|r|"] * r * abs(r) + C["N_uud"] * a * a * d,
-    ])  # fmt: skip
+    water = np.array(
+        [
+            C["X_uu"] * a * abs(a)
+            + C["X_vv"] * b * b
+            + C["X_vr"] * b * r
+            + C["X_rr"] * r * r
+            + C["X_uudd"] * a * a * (d * d + e * e)
+            + C["T_nn"] * n * abs(n)
+            + C["T_nu"] * abs(n) * a,
+            C["Y_uv"] * a * b
+            + C["Y_ur"] * a * r
+            + C["Y_v|v|"] * b * abs(b)
+            + C["Y_r|r|"] * r * abs(r)
+            + C["Y_uud"] * a * a * d,
+            C["N_uv"] * a * b
+            + C["N_ur"] * a * r
+            + C["N_v|v|"] * b * abs(b)
+            + C["N_r|r|"] * r * abs(r)
+            + C["N_uud"] * a * a * d,
+        ]
+    )
     body = np.array([m * v * r + mx * r * r, -m * u * r, -mx * u * r])  # over ground
-    added = np.array([
-        [-C["X_udot"], 0, 0], [0, -C["Y_vdot"], -C["Y_rdot"]], [0, -C["N_vdot"], -C["N_rdot"]],
-    ])  # fmt: skip
+    added = np.array(
+        [
+            [-C["X_udot"], 0, 0],
+            [0, -C["Y_vdot"], -C["Y_rdot"]],
+            [0, -C["N_vdot"], -C["N_rdot"]],
+        ]
+    )
     rigid = np.array([[m, 0, 0], [0, m, mx], [0, mx, C["I"]]])
     turning = np.array([r * aside, -r * ahead, 0.0])  # rate of the current in the vehicle's axes
     rate = np.linalg.solve(rigid + added, water + body + added @ turning)
@@ -50,9 +67,13 @@ def integrated(x0: np.ndarray, inputs: np.ndarray, current: tuple[float, float])
     states = [x0]
     for held in inputs[:-1]:
         step = solve_ivp(
-            lambda t, x, held=held: over_ground(x, held, current), (0, DT), states[-1],
-            method="DOP853", rtol=1e-11, atol=1e-12,
-        )  # fmt: skip
+            lambda t, x, held=held: over_ground(x, held, current),
+            (0, DT),
+            states[-1],
+            method="DOP853",
+            rtol=1e-11,
+            atol=1e-12,
+        )
         states.append(step.y[:, -1])
     return np.array(states)
 

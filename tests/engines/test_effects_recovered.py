@@ -59,13 +59,17 @@ def test_a_planted_effect_comes_back(name, method, kind) -> None:
 # --- a new effect --------------------------------------------------------------------------
 
 WAKE = Effect(
-    "wake_drag", "hydrodynamics", "force", ("horizontal",),
+    "wake_drag",
+    "hydrodynamics",
+    "force",
+    ("horizontal",),
     (
         EffectParameter("Y_v", "kg/s", 0.02, 0.005, -1.0, 1.0, powers=(1, 2, 1, 0)),
         EffectParameter("N_rvv", "kg s", 0.05, 0.02, -5.0, 5.0, powers=(1, 4, -1, 0)),
     ),
-    "Y + Y_v v, N + N_rvv r v v", "drift dies faster at low speed",
-)  # fmt: skip
+    "Y + Y_v v, N + N_rvv r v v",
+    "drift dies faster at low speed",
+)
 FORCES = (
     ("wake_drag.Y_v", "A", +1, ("a", "x")),
     ("wake_drag.N_rvv", "B", +1, ("b", "x"), ("a", "x^2")),

@@ -425,8 +425,9 @@ def test_the_likelihood_is_that_of_explicit_residuals_with_the_best_start() -> N
     assert found[0] == pytest.approx(half, rel=1e-6)
     np.testing.assert_allclose(found[1], gradient, rtol=1e-4, atol=1e-4 * np.abs(gradient).max())
     size = np.sqrt(np.diag(curvature))
-    np.testing.assert_allclose(found[2] / np.outer(size, size), curvature / np.outer(size, size),
-                               atol=1e-5)  # fmt: skip
+    np.testing.assert_allclose(
+        found[2] / np.outer(size, size), curvature / np.outer(size, size), atol=1e-5
+    )
     np.testing.assert_array_equal(found[2], found[2].T)
 
 

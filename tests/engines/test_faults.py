@@ -104,7 +104,7 @@ def test_the_maneuver_that_diverges_is_the_one_named(run, kind) -> None:
         RUNS[0],
         pytest.param(compiled.run, "ukf", id="compiled-ukf"),
     ],
-)  # fmt: skip
+)
 def test_the_state_that_diverges_is_the_one_named(run, kind) -> None:
     pushing = {"Y_v|v|": 3e4, "N_r|r|": 3e4, "Y_uv": 500.0, "N_ur": 500.0}
     error = caught(run, kind, problem(LIFT, LATERAL, blind_from=20, parameters=pushing))

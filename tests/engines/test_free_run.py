@@ -41,8 +41,12 @@ def test_errors_count_as_the_dense_gaussian_says(active) -> None:
     setup = setup_of()
     assert setup.dt_s == pytest.approx(0.1)  # that of `dense`
     record = cut(next(iter(setup.records.values()))[1], 120)
-    colours = (Colour(0.01, 0.03, 1.0), Colour(0.02, 0.05, 2.0), Colour(0.003, 0.004, 0.6),
-               Colour(1.0, 0.0, 1.0))  # fmt: skip
+    colours = (
+        Colour(0.01, 0.03, 1.0),
+        Colour(0.02, 0.05, 2.0),
+        Colour(0.003, 0.004, 0.6),
+        Colour(1.0, 0.0, 1.0),
+    )
     error = predicted(setup, setup.prior, record, active) - record.measured
     expected = 0.0
     for c in np.flatnonzero(active):
@@ -50,9 +54,14 @@ def test_errors_count_as_the_dense_gaussian_says(active) -> None:
         covariance = dense(120, colours[c])[np.ix_(seen, seen)]
         expected += 0.5 * float(error[seen, c] @ np.linalg.solve(covariance, error[seen, c]))
     found = record_parts(
-        setup.frame, setup.prior, record, active, colours, setup.free(np.zeros(0, dtype=np.int64)),
+        setup.frame,
+        setup.prior,
+        record,
+        active,
+        colours,
+        setup.free(np.zeros(0, dtype=np.int64)),
         start_information(active, colours, FIXED_START),
-    )  # fmt: skip
+    )
     assert found is not None
     # the start moves by 1e-9 of a standard deviation of the noise
     assert found[0] == pytest.approx(expected, rel=1e-6)
@@ -78,8 +87,9 @@ def test_with_a_known_start_the_gradient_is_the_slope_of_the_cost() -> None:
 
 def test_the_noise_of_a_residual_is_found() -> None:
     sensor = setup_of().sensor_std
-    truth = tuple(Colour(2.0 * sensor[c], 8.0 * sensor[c], time)
-                  for c, time in enumerate((0.6, 2.0, 1.0)))  # fmt: skip
+    truth = tuple(
+        Colour(2.0 * sensor[c], 8.0 * sensor[c], time) for c, time in enumerate((0.6, 2.0, 1.0))
+    )
     setup = noisy(setup_of(), truth)
     records = [record for _, record in setup.records.values()]
     found = coloured_noise(setup, setup.prior, records, COUPLED, white(setup.sensor_std))

@@ -76,9 +76,14 @@ def test_a_linear_problem_has_the_posterior_of_a_regression(kind, run) -> None:
     sensor = setup.sensor.copy()
     sensor[0, 2] = -0.3  # the DVL to starboard of the origin: the given r is in the reading of u
     problem = problem_of(
-        setup, records(200, 150), LINEAR, SURGE, sensor=sensor, process_std=np.zeros(4),
+        setup,
+        records(200, 150),
+        LINEAR,
+        SURGE,
+        sensor=sensor,
+        process_std=np.zeros(4),
         theta_noise=np.zeros(4),
-    )  # fmt: skip
+    )
     found = run(problem, kind)
     h, z = regression(setup, problem)
     assert found.samples == len(z) > 150

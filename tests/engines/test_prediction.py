@@ -27,23 +27,48 @@ from tests.engines.effects_world import COEFFICIENTS, COURSE, World, recorded
 
 # every effect of the horizontal plane at some practical sizes
 SHOWN = {
-    "current.north_mps": 0.12, "current.east_mps": -0.2, "rudder_offset.offset_deg": 1.0,
-    "rudder_lag.lag_s": 0.34, "rudder_rate_limit.rate_degps": 60.0, "rudder_delay.delay_s": 0.13,
-    "rudder_backlash.half_width_deg": 1.0, "rudder_deadband.deadband_deg": 0.8,
-    "rudder_asymmetry.gain": 0.1, "rudder_stall.angle_deg": 25.0, "propeller_lag.lag_s": 0.6,
-    "propeller_race.c_m2ps2pn": 0.01, "thrust_sag.fraction_per_1000_s": 0.2,
-    "thrust_step.fraction": 0.1, "thrust_step.time_s": 215.0, "thrust_step.over_s": 20.0,
+    "current.north_mps": 0.12,
+    "current.east_mps": -0.2,
+    "rudder_offset.offset_deg": 1.0,
+    "rudder_lag.lag_s": 0.34,
+    "rudder_rate_limit.rate_degps": 60.0,
+    "rudder_delay.delay_s": 0.13,
+    "rudder_backlash.half_width_deg": 1.0,
+    "rudder_deadband.deadband_deg": 0.8,
+    "rudder_asymmetry.gain": 0.1,
+    "rudder_stall.angle_deg": 25.0,
+    "propeller_lag.lag_s": 0.6,
+    "propeller_race.c_m2ps2pn": 0.01,
+    "thrust_sag.fraction_per_1000_s": 0.2,
+    "thrust_step.fraction": 0.1,
+    "thrust_step.time_s": 215.0,
+    "thrust_step.over_s": 20.0,
     "dvl_delay.delay_s": 0.24,
-    "gyro_delay.delay_s": -0.13, "dvl_misalignment.yaw_deg": 1.5, "dvl_scale.fraction": 0.02,
-    "dvl_lever_arm.dx_m": 0.1, "dvl_lever_arm.dy_m": 0.05, "gyro_bias.bias_degps": 0.2,
-    "gyro_scale.fraction": -0.02, "propeller_side_force.Y_nn": 0.004,
-    "propeller_side_force.N_nn": -0.001, "hull_asymmetry.Y_0": 0.4, "hull_asymmetry.N_0": 0.1,
-    "sway_cross_flow.Y_v|r|": -15.0, "sway_cross_flow.Y_r|v|": 10.0, "yaw_cross_flow.N_v|r|": -4.0,
-    "yaw_cross_flow.N_r|v|": -6.0, "cubic_damping.N_vvr": -20.0, "cubic_damping.N_rrr": -3.0,
-    "turning_drag.X_vvu": -10.0, "turning_drag.X_rru": -2.0, "linear_drag.X_u": -0.8,
-    "roll_coupling.Y_uuphi": 8.0, "roll_coupling.N_uuphi": 2.0, "dvl_height.dz_m": 0.1,
+    "gyro_delay.delay_s": -0.13,
+    "dvl_misalignment.yaw_deg": 1.5,
+    "dvl_scale.fraction": 0.02,
+    "dvl_lever_arm.dx_m": 0.1,
+    "dvl_lever_arm.dy_m": 0.05,
+    "gyro_bias.bias_degps": 0.2,
+    "gyro_scale.fraction": -0.02,
+    "propeller_side_force.Y_nn": 0.004,
+    "propeller_side_force.N_nn": -0.001,
+    "hull_asymmetry.Y_0": 0.4,
+    "hull_asymmetry.N_0": 0.1,
+    "sway_cross_flow.Y_v|r|": -15.0,
+    "sway_cross_flow.Y_r|v|": 10.0,
+    "yaw_cross_flow.N_v|r|": -4.0,
+    "yaw_cross_flow.N_r|v|": -6.0,
+    "cubic_damping.N_vvr": -20.0,
+    "cubic_damping.N_rrr": -3.0,
+    "turning_drag.X_vvu": -10.0,
+    "turning_drag.X_rru": -2.0,
+    "linear_drag.X_u": -0.8,
+    "roll_coupling.Y_uuphi": 8.0,
+    "roll_coupling.N_uuphi": 2.0,
+    "dvl_height.dz_m": 0.1,
     "weight_excess.W-B_n": 2.0,
-}  # fmt: skip
+}
 WORLD = World.of(SHOWN)
 TRUTH = recorded(WORLD)
 NAMES = [*COEFFICIENTS, *WORLD.every_effect()]
@@ -134,8 +159,12 @@ def test_slopes_by_the_start_are_differences(fitted) -> None:
 
 def test_effects_that_are_off_take_the_step_to_be_expected() -> None:
     """Play, dead band and limits do nothing when they are small."""
-    names = ["rudder_backlash.half_width_deg", "rudder_deadband.deadband_deg",
-             "rudder_rate_limit.rate_degps", "rudder_lag.lag_s"]  # fmt: skip
+    names = [
+        "rudder_backlash.half_width_deg",
+        "rudder_deadband.deadband_deg",
+        "rudder_rate_limit.rate_degps",
+        "rudder_lag.lag_s",
+    ]
     without = WORLD.without()
     free = without.free(names)
     acting = at_effects(without.frame, without.p, TRUTH)

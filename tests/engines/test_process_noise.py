@@ -55,8 +55,9 @@ def gaussian(values: np.ndarray, std: np.ndarray) -> float:
     """Log-likelihood of independent values (k, n, c) with standard deviations (c,)."""
     size = values / std
     own = np.broadcast_to(std, values.shape)[np.isfinite(values)]
-    return float(-0.5 * np.nansum(size**2) - np.log(own).sum()
-                 - 0.5 * own.size * np.log(2.0 * np.pi))  # fmt: skip
+    return float(
+        -0.5 * np.nansum(size**2) - np.log(own).sum() - 0.5 * own.size * np.log(2.0 * np.pi)
+    )
 
 
 def test_the_likelihood_with_the_best_noise_is_the_highest_of_all() -> None:

@@ -111,8 +111,9 @@ def test_given_states_are_at_the_origin() -> None:
     """What the sensors read, taken back through lever arm and mounting angle."""
     place = sensing(dvl_x_m=0.8, dvl_y_m=-0.1, dvl_mounting_yaw_rad=0.05)
     matrix = sensor_matrix("horizontal", place)
-    states = np.column_stack([np.full(200, 1.5), np.full(200, -0.2), np.full(200, 0.3),
-                              np.linspace(0, 1, 200)])  # fmt: skip
+    states = np.column_stack(
+        [np.full(200, 1.5), np.full(200, -0.2), np.full(200, 0.3), np.linspace(0, 1, 200)]
+    )
     read = states @ matrix.T
     t = trial(**dict(zip(STATE_COLUMNS["horizontal"], read.T, strict=True)))
     record = record_of(maneuver(55.0, 60.0), t, "horizontal", matrix)
@@ -125,9 +126,11 @@ def test_given_states_are_at_the_origin() -> None:
 def test_a_channel_the_log_lacks_is_zero_and_not_measured(missing) -> None:
     t = trial()
     record = record_of(
-        maneuver(55.0, 60.0), Trial("t", t.table.drop(columns=missing), RATE), "horizontal",
+        maneuver(55.0, 60.0),
+        Trial("t", t.table.drop(columns=missing), RATE),
+        "horizontal",
         np.eye(4),
-    )  # fmt: skip
+    )
     if missing == "heading_rad":
         assert np.isnan(record.measured[:, 3]).all()
         assert (record.given[:, 3] == 0.0).all()

@@ -11,9 +11,19 @@ from auvident.schema.artifacts import RigidBody
 ACTIVE = np.array([True, True, True, False])
 NOISE = np.array([0.005, 0.005, 0.001, 0.005])
 COEFFICIENTS = {
-    "X_udot": -1.0, "X_uu": -3.0, "T_nn": 0.1, "T_nu": -0.8, "Y_vdot": -35.0, "N_rdot": -5.0,
-    "Y_uv": -50.0, "Y_ur": 10.0, "Y_uud": 10.0, "N_uv": 2.0, "N_ur": -10.0, "N_uud": -6.0,
-}  # fmt: skip
+    "X_udot": -1.0,
+    "X_uu": -3.0,
+    "T_nn": 0.1,
+    "T_nu": -0.8,
+    "Y_vdot": -35.0,
+    "N_rdot": -5.0,
+    "Y_uv": -50.0,
+    "Y_ur": 10.0,
+    "Y_uud": 10.0,
+    "N_uv": 2.0,
+    "N_ur": -10.0,
+    "N_uud": -6.0,
+}
 
 
 def made(seed: int):

@@ -114,8 +114,11 @@ def test_the_likelihood_is_highest_with_the_truth() -> None:
     pieces = [series(800, Colour(0.01, 0.03, 1.0), k) for k in range(4)]
     found, best = colour_of(pieces, DT)
     assert found.time_s == 1.0
-    whites = sum(np.log(np.std(np.concatenate(pieces))) + 0.5 * np.log(2 * np.pi) + 0.5
-                 for piece in pieces for _ in piece)  # fmt: skip
+    whites = sum(
+        np.log(np.std(np.concatenate(pieces))) + 0.5 * np.log(2 * np.pi) + 0.5
+        for piece in pieces
+        for _ in piece
+    )
     assert best > -whites + 1000.0  # all of it for white noise
 
 

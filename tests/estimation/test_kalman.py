@@ -47,9 +47,15 @@ def scalar_by_scalar(system: LinearSystem, z, mean, covariance):
         n = system.size(alive)
         mean[:n] = system.whole_transition(alive) @ mean[:n]
         predict_covariance(
-            covariance, system.transition, system.sensitivity, system.n_theta, system.n_x, alive,
-            system.q_theta, system.q_x,
-        )  # fmt: skip
+            covariance,
+            system.transition,
+            system.sensitivity,
+            system.n_theta,
+            system.n_x,
+            alive,
+            system.q_theta,
+            system.q_x,
+        )
     return history, log_likelihood
 
 

@@ -100,8 +100,9 @@ def test_some_bounds_hold_and_some_do_not() -> None:
     assert sum(held) >= 4
     free = [
         ((x > low + 1e-9) & (x < high - 1e-9)).any()
-        for s in range(8) for *_, x, (low, high), _ in [boxed(s)]
-    ]  # fmt: skip
+        for s in range(8)
+        for *_, x, (low, high), _ in [boxed(s)]
+    ]
     assert sum(free) >= 4
 
 
@@ -136,8 +137,9 @@ def test_a_bound_does_not_make_a_step_lead_uphill() -> None:
         return 0.5 * float(r @ r), 100.0 * design.T @ r, 1e4 * design.T @ design
 
     bounds = (np.full(2, -200.0), np.array([200.0, 0.2]))
-    found = fit(likelihood, np.array([1.0, 0.0]), np.zeros(2), 1e-9 * np.eye(2), bounds,
-                tolerance=1e-10)  # fmt: skip
+    found = fit(
+        likelihood, np.array([1.0, 0.0]), np.zeros(2), 1e-9 * np.eye(2), bounds, tolerance=1e-10
+    )
     np.testing.assert_allclose(found.theta, [0.8, 0.2], atol=1e-4)
     assert found.iterations <= 2
 
@@ -179,8 +181,9 @@ def test_a_parameter_is_let_go_when_the_gradient_turns() -> None:
         return 0.5 * float(r @ r), j.T @ r, j.T @ j
 
     bounds = (np.array([-2.0, 0.5]), np.array([2.0, 3.0]))
-    found = fit(likelihood, np.array([0.2, 0.5]), np.ones(2), 1e-6 * np.eye(2), bounds,
-                tolerance=1e-10)  # fmt: skip
+    found = fit(
+        likelihood, np.array([0.2, 0.5]), np.ones(2), 1e-6 * np.eye(2), bounds, tolerance=1e-10
+    )
     np.testing.assert_allclose(found.theta, 1.0, atol=1e-3)
 
 

@@ -30,8 +30,9 @@ def likelihood_of_ratios(seen: np.ndarray, base: np.ndarray):
 
 
 def mode_of(seen: np.ndarray) -> np.ndarray:
-    found = fit(likelihood_of_ratios(seen, PRIOR), np.zeros(N), np.zeros(N), np.eye(N),
-                tolerance=1e-12)  # fmt: skip
+    found = fit(
+        likelihood_of_ratios(seen, PRIOR), np.zeros(N), np.zeros(N), np.eye(N), tolerance=1e-12
+    )
     return PRIOR + found.theta
 
 

@@ -27,9 +27,12 @@ def test_smoothing_is_the_least_squares_solution_of_the_record() -> None:
     n, q, r = 40, 0.3, 0.5
     _, z, f, filtered, covariance, predicted, before = random_walk(n, q, r, 3)
     found = smooth(
-        filtered[:, None], covariance[:, None, None], predicted[:, None], before[:, None, None],
+        filtered[:, None],
+        covariance[:, None, None],
+        predicted[:, None],
+        before[:, None, None],
         np.full((n, 1, 1), f),
-    )  # fmt: skip
+    )
     information = np.eye(n) / r  # readings, prior of the first state, every step
     information[0, 0] += 1.0
     for k in range(n - 1):
@@ -46,8 +49,11 @@ def test_smoothing_is_never_less_certain_than_filtering() -> None:
     n = 60
     _, _, f, filtered, covariance, predicted, before = random_walk(n, 0.1, 1.0, 5)
     found = smooth(
-        filtered[:, None], covariance[:, None, None], predicted[:, None], before[:, None, None],
+        filtered[:, None],
+        covariance[:, None, None],
+        predicted[:, None],
+        before[:, None, None],
         np.full((n, 1, 1), f),
-    )  # fmt: skip
+    )
     assert (found.covariance[:, 0, 0] <= covariance * (1 + 1e-12)).all()
     assert found.covariance[n // 2, 0, 0] < 0.9 * covariance[n // 2]

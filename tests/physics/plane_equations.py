@@ -139,14 +139,29 @@ def stable_values(plane: str) -> dict[str, float]:
     big_a, big_b = ("Y", "N") if plane == "horizontal" else ("Z", "M")
     turn = 1.0 if plane == "horizontal" else -1.0
     values = {
-        "X_udot": -1.5, "X_uu": -3.0, f"X_{a}{a}": -4.0, f"X_{a}{b}": turn * 20.0,
-        f"X_{b}{b}": -1.0, "X_uudd": -8.0, "T_nn": 0.03, "T_nu": -0.3,
-        f"{big_a}_{a}dot": -30.0, f"{big_a}_{b}dot": turn * 1.5, f"{big_a}_u{a}": -40.0,
-        f"{big_a}_u{b}": turn * 6.0, f"{big_a}_{a}|{a}|": -90.0, f"{big_a}_{b}|{b}|": turn * 0.5,
-        f"{big_a}_uud": turn * 15.0, f"{big_b}_{a}dot": turn * 1.5, f"{big_b}_{b}dot": -5.0,
-        f"{big_b}_u{a}": turn * -8.0, f"{big_b}_u{b}": -9.0, f"{big_b}_{a}|{a}|": turn * -3.0,
-        f"{big_b}_{b}|{b}|": -8.0, f"{big_b}_uud": -10.0,
-    }  # fmt: skip
+        "X_udot": -1.5,
+        "X_uu": -3.0,
+        f"X_{a}{a}": -4.0,
+        f"X_{a}{b}": turn * 20.0,
+        f"X_{b}{b}": -1.0,
+        "X_uudd": -8.0,
+        "T_nn": 0.03,
+        "T_nu": -0.3,
+        f"{big_a}_{a}dot": -30.0,
+        f"{big_a}_{b}dot": turn * 1.5,
+        f"{big_a}_u{a}": -40.0,
+        f"{big_a}_u{b}": turn * 6.0,
+        f"{big_a}_{a}|{a}|": -90.0,
+        f"{big_a}_{b}|{b}|": turn * 0.5,
+        f"{big_a}_uud": turn * 15.0,
+        f"{big_b}_{a}dot": turn * 1.5,
+        f"{big_b}_{b}dot": -5.0,
+        f"{big_b}_u{a}": turn * -8.0,
+        f"{big_b}_u{b}": -9.0,
+        f"{big_b}_{a}|{a}|": turn * -3.0,
+        f"{big_b}_{b}|{b}|": -8.0,
+        f"{big_b}_uud": -10.0,
+    }
     constants = {"m": 32.0, "m x_G": 0.3, "I": 3.5, "m z_G": 0.0, "W-B": 0.0}
     constants |= {"z_G W": 0.0, "trim": 0.0}
     if plane == "vertical":

@@ -186,10 +186,11 @@ def test_a_slew_limit_gives_the_means_of_the_ramp(seed, limit) -> None:
 @pytest.mark.parametrize(
     "effects",
     [
-        {"rudder_rate_limit__rate_degps": 1e8}, {"rudder_lag__lag_s": 1e-7},
+        {"rudder_rate_limit__rate_degps": 1e8},
+        {"rudder_lag__lag_s": 1e-7},
         {"rudder_rate_limit__rate_degps": 1e8, "rudder_lag__lag_s": 1e-7},
     ],
-)  # fmt: skip
+)
 def test_what_is_almost_off_is_almost_nothing(effects) -> None:
     """A fit that comes from the one has to find the other."""
     command = helms(6)
@@ -312,10 +313,13 @@ def test_a_step_of_which_an_interval_is_known_is_the_mean_of_all_steps_in_it() -
 # --- together ------------------------------------------------------------------------------
 
 ALL = {
-    "rudder_deadband__deadband_deg": 1.0, "rudder_backlash__half_width_deg": 1.5,
-    "rudder_asymmetry__gain": 0.1, "rudder_lag__lag_s": 0.3, "rudder_rate_limit__rate_degps": 15.0,
+    "rudder_deadband__deadband_deg": 1.0,
+    "rudder_backlash__half_width_deg": 1.5,
+    "rudder_asymmetry__gain": 0.1,
+    "rudder_lag__lag_s": 0.3,
+    "rudder_rate_limit__rate_degps": 15.0,
     "rudder_stall__angle_deg": 25.0,
-}  # fmt: skip
+}
 
 
 @settings(max_examples=20, deadline=None)

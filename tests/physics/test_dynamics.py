@@ -52,9 +52,14 @@ def simulated(plane, values, x0, inputs, dt, given_states=None, system="all") ->
     if given_states is None:
         given_states = np.zeros((len(inputs), 4))
     return simulate_states(
-        x0, inputs, given_states, dt, vector(plane, values), SYSTEMS[system],
+        x0,
+        inputs,
+        given_states,
+        dt,
+        vector(plane, values),
+        SYSTEMS[system],
         *structure_of(plane).arrays,
-    )  # fmt: skip
+    )
 
 
 def complex_step(function, at: np.ndarray) -> np.ndarray:
@@ -79,9 +84,15 @@ def test_derivative_is_the_written_equation(plane, system, seed) -> None:
     p, active, structure = vector(plane, values), SYSTEMS[system], structure_of(plane)
     found = np.empty(4)
     derivative(
-        x, inputs, p, inverse_of(plane, p, active), active, structure.terms, structure.weights,
+        x,
+        inputs,
+        p,
+        inverse_of(plane, p, active),
+        active,
+        structure.terms,
+        structure.weights,
         found,
-    )  # fmt: skip
+    )
     # a dozen products and a 3x3 inverse of condition < 100: rounding times some hundred
     np.testing.assert_allclose(
         found, rate(plane, x, inputs, values, active), rtol=1e-11, atol=1e-12
@@ -172,8 +183,12 @@ def test_halving_the_step_reduces_the_error_sixteenfold(plane) -> None:
     span = 1.6
     exact = solve_ivp(
         lambda t, y: rate(plane, y, turn, values, SYSTEMS["all"]).real,
-        (0, span), x0, method="DOP853", rtol=1e-13, atol=1e-14,
-    ).y[:, -1]  # fmt: skip
+        (0, span),
+        x0,
+        method="DOP853",
+        rtol=1e-13,
+        atol=1e-14,
+    ).y[:, -1]
     errors = []
     for count in (16, 32, 64):
         states = simulated(plane, values, x0, np.tile(turn, (count + 1, 1)), span / count)
@@ -247,10 +262,23 @@ def sensitivities(plane, values, x0, inputs, dt, free, system, course):
     active = SYSTEMS[system]
     for k in range(len(inputs) - 1):
         step_with_sensitivities(
-            x, inputs[k], course[k], course[k + 1], dt, p, inverse_of(plane, p, active), active,
-            structure.terms, structure.weights, structure.mass, structure.mass_weights, column,
-            *NO_SLOPES, s_x, out,
-        )  # fmt: skip
+            x,
+            inputs[k],
+            course[k],
+            course[k + 1],
+            dt,
+            p,
+            inverse_of(plane, p, active),
+            active,
+            structure.terms,
+            structure.weights,
+            structure.mass,
+            structure.mass_weights,
+            column,
+            *NO_SLOPES,
+            s_x,
+            out,
+        )
         x = out.copy()
         states.append(x)
         slopes.append(s_x.copy())
@@ -262,9 +290,20 @@ def slopes_of_a_step(plane, system, values, x, inputs, given_end, dt, column, n_
     structure, active, p = structure_of(plane), SYSTEMS[system], vector(plane, values)
     s_x, out = np.eye(4, 4 + n_free), np.empty(4)
     step_with_sensitivities(
-        x, inputs, x, given_end, dt, p, inverse_of(plane, p, active), active, *structure.arrays,
-        column, *NO_SLOPES, s_x, out,
-    )  # fmt: skip
+        x,
+        inputs,
+        x,
+        given_end,
+        dt,
+        p,
+        inverse_of(plane, p, active),
+        active,
+        *structure.arrays,
+        column,
+        *NO_SLOPES,
+        s_x,
+        out,
+    )
     return out, s_x[:, :4], s_x[:, 4:]
 
 
@@ -302,10 +341,9 @@ def test_slopes_of_a_step_are_those_of_the_written_equation(plane, system, seed)
     np.testing.assert_allclose(by_x[active], of_state[active], **exact)
     # added masses, mass, moments of mass and inertia are among the parameters
     of_parameters = complex_step(
-        lambda q: written_step(
-            plane, system, dict(zip(names, q, strict=True)), x, *arguments
-        ), p,
-    )  # fmt: skip
+        lambda q: written_step(plane, system, dict(zip(names, q, strict=True)), x, *arguments),
+        p,
+    )
     np.testing.assert_allclose(by_p[active], of_parameters[active], **exact)
 
 
@@ -359,8 +397,9 @@ def test_sensitivities_are_differences_of_simulations(plane, system) -> None:
     expected = central(run, at, h)
     # differences: second order in h (1e-10) and rounding over h (1e-11), both times some 10
     on = np.concatenate([np.flatnonzero(active), 4 + np.arange(len(free))])
-    np.testing.assert_allclose(slopes[:, active][:, :, on], expected[:, active][:, :, on],
-                               rtol=1e-6, atol=1e-8)  # fmt: skip
+    np.testing.assert_allclose(
+        slopes[:, active][:, :, on], expected[:, active][:, :, on], rtol=1e-6, atol=1e-8
+    )
 
 
 @dataclass(frozen=True)
@@ -388,9 +427,20 @@ class Course:
         z = np.zeros((len(self.inputs), 4, 5 + len(self.free)))
         inputs = self.inputs + self.slopes @ theta[4 + self.columns]
         assert simulate_with_sensitivities(
-            self.x0 + theta[:4], inputs, self.slopes, self.columns, self.given, self.gain, self.dt,
-            p, active, *structure_of(self.plane).arrays, column, self.scale, z,
-        )  # fmt: skip
+            self.x0 + theta[:4],
+            inputs,
+            self.slopes,
+            self.columns,
+            self.given,
+            self.gain,
+            self.dt,
+            p,
+            active,
+            *structure_of(self.plane).arrays,
+            column,
+            self.scale,
+            z,
+        )
         return z
 
 
@@ -406,9 +456,17 @@ def course_of(plane: str, system: str, follow: bool, gain: float = 0.0) -> Cours
     slopes = 0.1 * rng.normal(size=(count, 9, len(columns))) * [[[1]] * 2 + [[30]] + [[1]] * 6]
     inputs = np.column_stack([zigzag(count, 0.1), np.zeros((count, 6))])
     return Course(
-        plane, system, x0, inputs, given_states, free, 0.3 * np.abs(p[free]), slopes, columns,
+        plane,
+        system,
+        x0,
+        inputs,
+        given_states,
+        free,
+        0.3 * np.abs(p[free]),
+        slopes,
+        columns,
         gain * active,
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize(("plane", "system"), EVERY_SYSTEM)
@@ -460,10 +518,20 @@ def test_slopes_are_refused_where_the_prediction_fails(fault) -> None:
     p = vector("horizontal", stable_values("horizontal") | fault)
     n = 400
     assert not simulate_with_sensitivities(
-        np.array([1.5, 0, 0, 0]), np.tile([0.0, 0.0, 15.0], (n, 1)), np.zeros((n, 9, 0)),
-        np.zeros(0, dtype=np.int64), np.zeros((n, 4)), np.zeros(4), 0.1, p, SYSTEMS["all"],
-        *structure_of("horizontal").arrays, np.full(len(p), -1), np.empty(0), np.zeros((n, 4, 5)),
-    )  # fmt: skip
+        np.array([1.5, 0, 0, 0]),
+        np.tile([0.0, 0.0, 15.0], (n, 1)),
+        np.zeros((n, 9, 0)),
+        np.zeros(0, dtype=np.int64),
+        np.zeros((n, 4)),
+        np.zeros(4),
+        0.1,
+        p,
+        SYSTEMS["all"],
+        *structure_of("horizontal").arrays,
+        np.full(len(p), -1),
+        np.empty(0),
+        np.zeros((n, 4, 5)),
+    )
 
 
 # --- invariants ----------------------------------------------------------------------------
@@ -538,12 +606,24 @@ def as_vertical(values: dict[str, float]) -> dict[str, float]:
     """Horizontal coefficients in the vertical plane: w for v, -q for r, Z for Y, -M for N."""
     c = values
     turned = {
-        "X_ww": c["X_vv"], "X_wq": -c["X_vr"], "X_qq": c["X_rr"],
-        "Z_wdot": c["Y_vdot"], "Z_qdot": -c["Y_rdot"], "M_wdot": -c["N_vdot"],
-        "M_qdot": c["N_rdot"], "Z_uw": c["Y_uv"], "Z_uq": -c["Y_ur"], "M_uw": -c["N_uv"],
-        "M_uq": c["N_ur"], "Z_w|w|": c["Y_v|v|"], "Z_q|q|": -c["Y_r|r|"],
-        "M_w|w|": -c["N_v|v|"], "M_q|q|": c["N_r|r|"], "Z_uud": c["Y_uud"], "M_uud": -c["N_uud"],
-    }  # fmt: skip
+        "X_ww": c["X_vv"],
+        "X_wq": -c["X_vr"],
+        "X_qq": c["X_rr"],
+        "Z_wdot": c["Y_vdot"],
+        "Z_qdot": -c["Y_rdot"],
+        "M_wdot": -c["N_vdot"],
+        "M_qdot": c["N_rdot"],
+        "Z_uw": c["Y_uv"],
+        "Z_uq": -c["Y_ur"],
+        "M_uw": -c["N_uv"],
+        "M_uq": c["N_ur"],
+        "Z_w|w|": c["Y_v|v|"],
+        "Z_q|q|": -c["Y_r|r|"],
+        "M_w|w|": -c["N_v|v|"],
+        "M_q|q|": c["N_r|r|"],
+        "Z_uud": c["Y_uud"],
+        "M_uud": -c["N_uud"],
+    }
     same = ("X_udot", "X_uu", "X_uudd", "T_nn", "T_nu", "m", "m x_G", "I")
     return turned | {name: c[name] for name in same}
 

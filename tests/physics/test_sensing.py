@@ -20,16 +20,21 @@ from auvident.schema.artifacts import Sensing
 from auvident.schema.effects import parameter_of
 
 DT, N = 0.1, 200
-SENSING = Sensing(
-    dvl_x_m=0.4, dvl_y_m=-0.1, dvl_z_m=0.2, dvl_mounting_yaw_rad=0.05, noise_std={}
-)  # fmt: skip
+SENSING = Sensing(dvl_x_m=0.4, dvl_y_m=-0.1, dvl_z_m=0.2, dvl_mounting_yaw_rad=0.05, noise_std={})
 PLAIN = Sensing(dvl_x_m=0.0, dvl_y_m=0.0, dvl_z_m=0.0, dvl_mounting_yaw_rad=0.0, noise_std={})
 ALL = {
-    "current.north_mps": 0.15, "current.east_mps": -0.3, "dvl_misalignment.yaw_deg": 2.0,
-    "dvl_scale.fraction": 0.02, "dvl_lever_arm.dx_m": 0.2, "dvl_lever_arm.dy_m": -0.07,
-    "dvl_height.dz_m": 0.12, "gyro_bias.bias_degps": 0.3, "gyro_scale.fraction": -0.03,
-    "dvl_delay.delay_s": 0.3, "gyro_delay.delay_s": 0.2,
-}  # fmt: skip
+    "current.north_mps": 0.15,
+    "current.east_mps": -0.3,
+    "dvl_misalignment.yaw_deg": 2.0,
+    "dvl_scale.fraction": 0.02,
+    "dvl_lever_arm.dx_m": 0.2,
+    "dvl_lever_arm.dy_m": -0.07,
+    "dvl_height.dz_m": 0.12,
+    "gyro_bias.bias_degps": 0.3,
+    "gyro_scale.fraction": -0.03,
+    "dvl_delay.delay_s": 0.3,
+    "gyro_delay.delay_s": 0.2,
+}
 LATE = ("dvl_delay.delay_s", "gyro_delay.delay_s")
 seeds = st.integers(0, 2**32 - 1)
 

@@ -71,9 +71,15 @@ def test_each_term_is_the_product_the_schema_declares(plane, symbol) -> None:
     p[structure.index(symbol)] = 1.0
     x, rate = np.array([*STATE.values(), 0.4]), np.empty(4)
     derivative(
-        x, np.array(list(INPUTS.values())), p, np.eye(3), ALL, structure.terms, structure.weights,
+        x,
+        np.array(list(INPUTS.values())),
+        p,
+        np.eye(3),
+        ALL,
+        structure.terms,
+        structure.weights,
         rate,
-    )  # fmt: skip
+    )
     expected = np.zeros(3)
     equation = {"X": 0, "Y": 1, "Z": 1, "N": 2, "M": 2}[BY_SYMBOL[symbol].equation]
     expected[equation] = regressor_value(symbol, plane)

@@ -45,8 +45,10 @@ def test_the_tables_show_what_the_artifacts_say(demo: Path) -> None:
     text = text_of(stage_report("segment", outputs))
     assert all(m["id"] in text for m in maneuvers)
     text = text_of(stage_report("identify", outputs))
-    assert all(c.symbol in text and TERMINAL.number(c.value, 4) in text
-               for c in outputs["identify/model.json"].coefficients)  # fmt: skip
+    assert all(
+        c.symbol in text and TERMINAL.number(c.value, 4) in text
+        for c in outputs["identify/model.json"].coefficients
+    )
     text = text_of(stage_report("validate", outputs))
     held_out = outputs["validate/metrics.json"].summary["validate"]
     assert all(TERMINAL.number(channel.rmse, 3) in text for channel in held_out.values())
@@ -117,14 +119,23 @@ def test_every_stage_shows_the_names_as_they_are(demo: Path, name: str) -> None:
     trial = quality.trials[0].model_copy(update={"trial": name})
     odd = {
         "ingest/quality.json": quality.model_copy(update={"trials": (trial,)}),
-        "segment/maneuvers.json": [outputs["segment/maneuvers.json"][0].model_copy(
-            update={"id": name, "trial": name})],
+        "segment/maneuvers.json": [
+            outputs["segment/maneuvers.json"][0].model_copy(update={"id": name, "trial": name})
+        ],
         "segment/rejected.json": {"rejected": (), "findings": ()},
         "ase/coefficients.json": outputs["ase/coefficients.json"].model_copy(
-            update={"vehicle": name}),
-        "identify/model.json": model.model_copy(update={"vehicle": name, "coefficients": (
-            model.coefficients[0].model_copy(update={"unit": name}), *model.coefficients[1:])}),
-    }  # fmt: skip
+            update={"vehicle": name}
+        ),
+        "identify/model.json": model.model_copy(
+            update={
+                "vehicle": name,
+                "coefficients": (
+                    model.coefficients[0].model_copy(update={"unit": name}),
+                    *model.coefficients[1:],
+                ),
+            }
+        ),
+    }
     for stage in ("ingest", "segment", "ase", "identify"):
         console = console_for(io.StringIO(), width=1000)
         for piece in stage_report(stage, odd):

@@ -34,8 +34,15 @@ def moved_comparison() -> Comparison:
 
 def test_what_can_be_seen_stands_before_the_verdict() -> None:
     text = diagnosed(loop_world.diagnosis())
-    order = ["can and cannot see", "current ≥ 0.014 m/s", "no position was logged", "look alike",
-             "What the model does not explain", "Effects that were tried", "Verdict: "]  # fmt: skip
+    order = [
+        "can and cannot see",
+        "current ≥ 0.014 m/s",
+        "no position was logged",
+        "look alike",
+        "What the model does not explain",
+        "Effects that were tried",
+        "Verdict: ",
+    ]
     places = [text.index(words) for words in order]
     assert places == sorted(places)
     assert loop_world.STATEMENT in text

@@ -14,21 +14,34 @@ SECONDS = np.arange(200) / 10.0
 
 def rows(maneuver: str, role: str, **wrong: float) -> pd.DataFrame:
     """A maneuver whose prediction before is off by so much; after it is right."""
-    table: dict = {"maneuver": maneuver, "trial": "bay", "kind": "turn", "role": role,
-                   "time_s": SECONDS}  # fmt: skip
+    table: dict = {
+        "maneuver": maneuver,
+        "trial": "bay",
+        "kind": "turn",
+        "role": role,
+        "time_s": SECONDS,
+    }
     for column in ("u_mps", "v_mps", "r_radps"):
         measured = np.sin(SECONDS)
-        table |= {f"{column}_measured": measured, f"{column}_after": measured,
-                  f"{column}_before": measured + wrong.get(column, 0.0)}  # fmt: skip
+        table |= {
+            f"{column}_measured": measured,
+            f"{column}_after": measured,
+            f"{column}_before": measured + wrong.get(column, 0.0),
+        }
     return pd.DataFrame(table)
 
 
 @pytest.fixture
 def table() -> pd.DataFrame:
-    return pd.concat([
-        rows("turn-1", "identify", v_mps=0.1), rows("turn-2", "identify", v_mps=0.5, u_mps=0.3),
-        rows("turn-3", "validate", v_mps=0.2), rows("turn-4", "validate", v_mps=0.05),
-    ], ignore_index=True)  # fmt: skip
+    return pd.concat(
+        [
+            rows("turn-1", "identify", v_mps=0.1),
+            rows("turn-2", "identify", v_mps=0.5, u_mps=0.3),
+            rows("turn-3", "validate", v_mps=0.2),
+            rows("turn-4", "validate", v_mps=0.05),
+        ],
+        ignore_index=True,
+    )
 
 
 def test_the_fall_of_the_residual_is_that_of_its_square(table: pd.DataFrame) -> None:

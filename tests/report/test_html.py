@@ -143,12 +143,19 @@ def test_the_same_run_makes_the_same_report(data: ReportData, text: str) -> None
 @pytest.mark.parametrize(
     "missing",
     [
-        ("ase",), ("quality",), ("manifest",), ("history",), ("simulation",), ("maneuvers",),
-        ("model", "history"), ("metrics", "simulation"), ("trials",),
+        ("ase",),
+        ("quality",),
+        ("manifest",),
+        ("history",),
+        ("simulation",),
+        ("maneuvers",),
+        ("model", "history"),
+        ("metrics", "simulation"),
+        ("trials",),
         ("ase", "model", "history", "metrics", "simulation", "maneuvers"),
     ],
     ids=" ".join,
-)  # fmt: skip
+)
 def test_missing_artifacts_leave_out_their_sections(
     data: ReportData, missing: tuple[str, ...]
 ) -> None:
@@ -156,10 +163,13 @@ def test_missing_artifacts_leave_out_their_sections(
     page = Page(render(partial))
     assert "REMUS 100" in page.text
     sections = {
-        "quality": "Data quality", "history": "Coefficients through the stages",
-        "model": "Coefficients before and after", "metrics": "Error of every maneuver",
-        "trials": "Trial at a glance", "manifest": "Record of the run",
-    }  # fmt: skip
+        "quality": "Data quality",
+        "history": "Coefficients through the stages",
+        "model": "Coefficients before and after",
+        "metrics": "Error of every maneuver",
+        "trials": "Trial at a glance",
+        "manifest": "Record of the run",
+    }
     for name, heading in sections.items():
         assert (heading in page.text) == (name not in missing), name
 
@@ -174,9 +184,7 @@ def test_optional_channels_may_be_missing(data: ReportData) -> None:
     page = Page(render(replace(data, trials=trials)))
     assert "Trial at a glance" in page.text
     assert "measured positions" not in page.text and "dead reckoning" not in page.text
-    with_heading = [
-        replace(t, table=t.table[[*needed, "heading_rad"]]) for t in data.trials
-    ]  # fmt: skip
+    with_heading = [replace(t, table=t.table[[*needed, "heading_rad"]]) for t in data.trials]
     assert "dead reckoning" in Page(render(replace(data, trials=with_heading))).text
 
 
@@ -300,9 +308,7 @@ def test_a_finding_of_several_places_has_no_value_of_one(data: ReportData) -> No
 def test_gravest_findings_come_first(data: ReportData) -> None:
     assert data.metrics
     away = Finding(code="prediction-ran-away", message="it leaves every bound", where="turn-9")
-    found = warnings(
-        replace(data, metrics=data.metrics.model_copy(update={"findings": (away,)}))
-    )  # fmt: skip
+    found = warnings(replace(data, metrics=data.metrics.model_copy(update={"findings": (away,)})))
     assert found[0].finding.code == "prediction-ran-away"
     ranks = [w.rank for w in found]
     assert ranks == sorted(ranks, key=["serious", "caution", "note"].index)
@@ -311,10 +317,17 @@ def test_gravest_findings_come_first(data: ReportData) -> None:
 @pytest.mark.parametrize(
     ("value", "shown"),
     [
-        (None, "–"), (float("nan"), "–"), (0.0, "0"), (-1.5, "−1.50"), (9.9996, "10.0"),
-        (1234.5, "1230"), (0.000474, "0.000474"), (1.234e-9, "1.23e−09"), (2.5e7, "2.50e+07"),
+        (None, "–"),
+        (float("nan"), "–"),
+        (0.0, "0"),
+        (-1.5, "−1.50"),
+        (9.9996, "10.0"),
+        (1234.5, "1230"),
+        (0.000474, "0.000474"),
+        (1.234e-9, "1.23e−09"),
+        (2.5e7, "2.50e+07"),
     ],
-)  # fmt: skip
+)
 def test_numbers_have_their_digits(value: float | None, shown: str) -> None:
     assert number(value) == shown
 

@@ -241,12 +241,16 @@ def test_every_verdict_has_words(data: ReportData, verdict: str) -> None:
 def test_groups_and_what_is_left_are_named(small: ReportData) -> None:
     rest = {
         "correlates": [{"axis": "N", "regressor": "cos 2 heading", "gain": 41.0}],
-        "nearest": "propeller_race", "channels": ["v", "r"],
-    }  # fmt: skip
+        "nearest": "propeller_race",
+        "channels": ["v", "r"],
+    }
     found = with_diagnosis(
-        small, verdict="unexplained", unexplained=rest, separate_by="vary the speed",
+        small,
+        verdict="unexplained",
+        unexplained=rest,
+        separate_by="vary the speed",
         ambiguous=(("rudder_offset", "hull_asymmetry"),),
-    )  # fmt: skip
+    )
     page = Page(render(replace(found, comparison=None))).text
     assert "It follows N with cos 2 heading (gain 41)." in page
     assert "not confirmed: propeller_race." in page and "It is in v, r." in page

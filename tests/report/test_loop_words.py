@@ -49,9 +49,14 @@ def test_blind_effects_are_named_once_by_reason() -> None:
         "no roll logged": ["roll_coupling"],
     }
     silent = Detectable(
-        id="wave", family="environment", symbol="omega_radps", size=1.0, unit="rad/s",
-        visible=False, kept=0.0,
-    )  # fmt: skip
+        id="wave",
+        family="environment",
+        symbol="omega_radps",
+        size=1.0,
+        unit="rad/s",
+        visible=False,
+        kept=0.0,
+    )
     assert words.blind_by_reason([silent]) == {"too small beside the noise": ["wave"]}
 
 
@@ -81,16 +86,24 @@ def test_what_an_unexplained_residual_follows_in_whatever_form() -> None:
         "time",
     ]
     assert words.correlates({"correlates": rows}) == [
-        "N with cos 2 heading (gain 41.3)", "Y, v|r|, 3", "time",
-    ]  # fmt: skip
+        "N with cos 2 heading (gain 41.3)",
+        "Y, v|r|, 3",
+        "time",
+    ]
     assert words.correlates({}) == []
     assert words.plain({"id": "current", "gain": 3.0}) == "current"
     assert words.plain({"u": 0.25, "v": ["a", "b"]}) == "u 0.25, v a, b"
 
 
 def test_coefficients_that_moved_by_more_than_two_of_their_deviations() -> None:
-    base = {"unit": "kg", "prior": 0.0, "prior_std": 9.0, "before": 1.0, "before_std": 0.5,
-            "after_std": 0.1}  # fmt: skip
+    base = {
+        "unit": "kg",
+        "prior": 0.0,
+        "prior_std": 9.0,
+        "before": 1.0,
+        "before_std": 0.5,
+        "after_std": 0.1,
+    }
     from auvident.schema.diagnosis import CoefficientComparison as Row
 
     rows = [
@@ -103,8 +116,16 @@ def test_coefficients_that_moved_by_more_than_two_of_their_deviations() -> None:
 
 @pytest.mark.parametrize(
     ("value", "shown"),
-    [(178.0, "180"), (0.00003, "0.00003"), (1.26, "1.3"), (-2511.0, "-2500"), (3e-9, "3e-09"),
-     (2e7, "2e+07"), (0.0, "0"), (None, "")],
-)  # fmt: skip
+    [
+        (178.0, "180"),
+        (0.00003, "0.00003"),
+        (1.26, "1.3"),
+        (-2511.0, "-2500"),
+        (3e-9, "3e-09"),
+        (2e7, "2e+07"),
+        (0.0, "0"),
+        (None, ""),
+    ],
+)
 def test_numbers_are_plain_where_they_can_be(value: float | None, shown: str) -> None:
     assert words.number(value, 2) == shown

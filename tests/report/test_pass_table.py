@@ -10,10 +10,17 @@ from tests.engines.chain import identified
 def test_a_fit_shows_sensor_noise_and_disturbance_and_a_filter_what_it_used() -> None:
     model = identified("harbour_trial").model
     last = model.stages[-1]
-    fit = last.model_copy(update={
-        "stage": "fit", "nis": {}, "nis_mean": {}, "observer_time_s": None,
-        "fitted_noise": {"u_mps": FittedNoise(white_std=0.005, slow_std=0.012, slow_time_s=2.0)},
-    })  # fmt: skip
+    fit = last.model_copy(
+        update={
+            "stage": "fit",
+            "nis": {},
+            "nis_mean": {},
+            "observer_time_s": None,
+            "fitted_noise": {
+                "u_mps": FittedNoise(white_std=0.005, slow_std=0.012, slow_time_s=2.0)
+            },
+        }
+    )
     table = written(pass_table(model.model_copy(update={"stages": (last, fit)})), PAGE)
     place = table.heads.index("noise u_mps")
     filtered, fitted = table.rows

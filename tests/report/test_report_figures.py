@@ -22,18 +22,30 @@ from auvident.schema.trial import Trial
 
 def trial(name: str = "bay", start_s: float = 100.0, seconds: int = 60) -> Trial:
     time = start_s + np.arange(10 * seconds) / 10.0
-    table = pd.DataFrame({
-        "time_s": time, "u_mps": 1.5 + 0.1 * np.sin(time), "v_mps": 0.0, "r_radps": 0.1,
-        "rudder_rad": -0.1, "rpm": 900.0, "heading_rad": 0.1 * (time - start_s), "record": 0,
-    })  # fmt: skip
+    table = pd.DataFrame(
+        {
+            "time_s": time,
+            "u_mps": 1.5 + 0.1 * np.sin(time),
+            "v_mps": 0.0,
+            "r_radps": 0.1,
+            "rudder_rad": -0.1,
+            "rpm": 900.0,
+            "heading_rad": 0.1 * (time - start_s),
+            "record": 0,
+        }
+    )
     return Trial(name, table, 10.0)
 
 
 def maneuver(name: str = "bay", start_s: float = 110.0, role: str = "identify") -> Maneuver:
     return Maneuver(
-        id=f"{name}-turn-1", trial=name, kind="turn", t_start_s=start_s, t_end_s=start_s + 30.0,
+        id=f"{name}-turn-1",
+        trial=name,
+        kind="turn",
+        t_start_s=start_s,
+        t_end_s=start_s + 30.0,
         role=role,  # type: ignore[arg-type]
-    )  # fmt: skip
+    )
 
 
 def test_short_lines_stay_as_they_are() -> None:
@@ -172,9 +184,16 @@ def test_an_estimate_that_runs_away_leaves_the_figure_readable(wild: float) -> N
 
 def test_a_coefficient_far_from_its_prior_is_said_with_its_distance() -> None:
     near = ModelCoefficient(
-        symbol="Y_uv", value=-50.0, std=5.0, unit="kg/m", prime=-0.05, prior=-50.0,
-        prior_std=10.0, origin="identified", data_share=0.75,
-    )  # fmt: skip
+        symbol="Y_uv",
+        value=-50.0,
+        std=5.0,
+        unit="kg/m",
+        prime=-0.05,
+        prior=-50.0,
+        prior_std=10.0,
+        origin="identified",
+        data_share=0.75,
+    )
     far = near.model_copy(update={"symbol": "N_uv", "value": 50.0})
     with style():
         assert "+10.0" in forest([near, far], "a")

@@ -28,8 +28,9 @@ from tests.report.test_console import text_of
 TABLE = Table(
     (Column("channel"), Column("family", on_page=True), Column("r", "rad/s", numeric=True)),
     [["r", "rates", Number(0.1, 3, "rad/s")], ["q", "rates", Number(None)]],
-    title="Errors", mark="q",
-)  # fmt: skip
+    title="Errors",
+    mark="q",
+)
 
 
 def test_the_terminal_leaves_out_what_only_the_page_has_room_for() -> None:
@@ -44,17 +45,21 @@ def test_the_terminal_leaves_out_what_only_the_page_has_room_for() -> None:
 @pytest.mark.parametrize(
     ("cell", "terminal", "page"),
     [
-        (Fixed(-4.0, "+.1f"), "-4.0", "−4.0"), (Fixed(None, ".1f"), "", "–"),
-        (Quantity(0.1, "rad/s", 2), "0.1 rad/s", "5.7\u00a0deg/s"), (Quantity(None, "m"), "", "–"),
+        (Fixed(-4.0, "+.1f"), "-4.0", "−4.0"),
+        (Fixed(None, ".1f"), "", "–"),
+        (Quantity(0.1, "rad/s", 2), "0.1 rad/s", "5.7\u00a0deg/s"),
+        (Quantity(None, "m"), "", "–"),
         (with_std(-1.5, 0.25), "-1.5 ± 0.25", "−1.500 ± 0.25"),
         (interval(-0.04, 0.01), "-0.04 to 0.01", "−0.040 to 0.010"),
         (change(0.5, 0.25, "m/s", True), "0.5 → 0.25 *", "0.500 → 0.250 *"),
-        (beside(0.5, 0.25), "0.5 (0.25)", "0.500 (0.250)"), (beside(0.5, None), "0.5", "0.500"),
-        (Unit("rad/s"), "rad/s", "rad/s"), (Unit("rad/s", True), "rad/s", "deg/s"),
+        (beside(0.5, 0.25), "0.5 (0.25)", "0.500 (0.250)"),
+        (beside(0.5, None), "0.5", "0.500"),
+        (Unit("rad/s"), "rad/s", "rad/s"),
+        (Unit("rad/s", True), "rad/s", "deg/s"),
         (Words("a-1 -0.2"), "a-1 -0.2", "a-1 −0.2"),
         (Joined(["", "a", Number(2.0, behind=" m")]), "a, 2 m", "a, 2.00 m"),
     ],
-)  # fmt: skip
+)
 def test_a_cell_in_both_styles(cell: Cell, terminal: str, page: str) -> None:
     table = Table(columns(("",)), [[cell]])
     assert written(table, TERMINAL).rows == ((terminal,),)

@@ -173,8 +173,9 @@ def test_a_turned_dvl_sees_sway_where_there_is_surge(trial):
     difference, _ = between(trial, "remus100", "v_mps", dvl_misalignment={"yaw_deg": 3.0})
     _, surge = between(trial, "remus100", "u_mps")
     assert np.median(difference[surge > 1.0] / surge[surge > 1.0]) == pytest.approx(
-        -math.sin(3.0 * DEGREE), rel=0.05  # turned to starboard: the flow comes from port
-    )  # fmt: skip
+        -math.sin(3.0 * DEGREE),
+        rel=0.05,  # turned to starboard: the flow comes from port
+    )
 
 
 def test_a_dvl_elsewhere_sees_the_yaw_rate(trial):
@@ -205,8 +206,13 @@ def test_a_current_carries_the_log_and_the_track_alike(trial):
 
 @pytest.mark.parametrize("name", VEHICLES)
 def test_an_event_starts_at_its_time_on_the_log_clock(trial, name):
-    recipe = {"name": "x", "vehicle": name, "seed": SEED, "schedule": SHORT,
-              "effect": [{"id": "one_off_event"}]}  # fmt: skip
+    recipe = {
+        "name": "x",
+        "vehicle": name,
+        "seed": SEED,
+        "schedule": SHORT,
+        "effect": [{"id": "one_off_event"}],
+    }
     truth = generate(recipe, None)
     begin, end = (t - truth["time_origin_s"] for t in truth["effects"][0]["log_time_s"])
     clean, bumped = (
@@ -244,25 +250,23 @@ u, v, r, ROLL, HEADING, MEMORY, MODE = (STATE[i] for i in (0, 1, 5, 9, 11, 12, 1
 FORCES = {
     "propeller_side_force": ({"Y_nn": 0.004, "N_nn": -0.001}, (0, 0.004 * N**2, -0.001 * N**2)),
     "hull_asymmetry": ({"Y_0": 0.5, "N_0": 0.2}, (0, 0.5 * u**2, 0.2 * u**2)),
-    "cubic_damping": (
-        {"N_vvr": -60.0, "N_rrr": -15.0}, (0, 0, -60.0 * v * v * r - 15.0 * r**3)
-    ),
+    "cubic_damping": ({"N_vvr": -60.0, "N_rrr": -15.0}, (0, 0, -60.0 * v * v * r - 15.0 * r**3)),
     "turning_drag": ({"X_vv": -40.0, "X_rr": -10.0}, (-40.0 * v * v - 10.0 * r * r, 0, 0)),
     "linear_drag": ({"X_u": -2.0}, (-2.0 * u, 0, 0)),
     "roll_coupling": (
-        {"Y_uuphi": 15.0, "N_uuphi": -5.0}, (0, 15.0 * u * u * ROLL, -5.0 * u * u * ROLL)
+        {"Y_uuphi": 15.0, "N_uuphi": -5.0},
+        (0, 15.0 * u * u * ROLL, -5.0 * u * u * ROLL),
     ),
     "heading_force": (
         {"force_n": 2.0, "moment_nm": 0.4},
         (0, 2.0 * math.cos(2 * HEADING), 0.4 * math.cos(2 * HEADING)),
     ),
     "memory_force": (
-        {"Y_vr": 90.0, "N_vr": 20.0, "time_s": 4.0}, (0, 90.0 * MEMORY, 20.0 * MEMORY)
+        {"Y_vr": 90.0, "N_vr": 20.0, "time_s": 4.0},
+        (0, 90.0 * MEMORY, 20.0 * MEMORY),
     ),
-    "roll_mode": (
-        {"Y_phi": 9.0, "omega_radps": 2.0, "damping": 0.05}, (0, 9.0 * MODE, 0)
-    ),
-}  # fmt: skip
+    "roll_mode": ({"Y_phi": 9.0, "omega_radps": 2.0, "damping": 0.05}, (0, 9.0 * MODE, 0)),
+}
 
 
 def force(name: str, effects: PlantEffects, rudder: float = 0.0, state=STATE) -> np.ndarray:

@@ -78,8 +78,10 @@ def test_rows_are_complete(effect: Effect) -> None:
 
 
 def test_every_row_has_its_equation_and_every_equation_its_row() -> None:
-    by_place = {place: [n for e in EFFECTS if e.enters == place for n in e.names()]
-                for place in ("input", "reading", "force")}  # fmt: skip
+    by_place = {
+        place: [n for e in EFFECTS if e.enters == place for n in e.names()]
+        for place in ("input", "reading", "force")
+    }
     assert set(by_place["input"]) == {n for n in COMMAND if "." in n}
     assert set(by_place["reading"]) == set(READING)
     assert set(by_place["force"]) == {name for name, *_ in EFFECT_FORCES}
@@ -170,10 +172,13 @@ def test_an_allowance_that_took_up_nothing_is_told_as_none(slowness: float, word
 @pytest.mark.parametrize(
     ("value", "std", "text"),
     [
-        (138.2, 101.3, "138 ± 101"), (0.04225, 0.03183, "0.042 ± 0.032"),
-        (-1.5, 0.4, "-1.50 ± 0.40"), (0.0289013, 0.00067562, "0.02890 ± 0.00068"),
-        (2.5, float("inf"), "2.5"), (2.5, 0.0, "2.5"),
+        (138.2, 101.3, "138 ± 101"),
+        (0.04225, 0.03183, "0.042 ± 0.032"),
+        (-1.5, 0.4, "-1.50 ± 0.40"),
+        (0.0289013, 0.00067562, "0.02890 ± 0.00068"),
+        (2.5, float("inf"), "2.5"),
+        (2.5, 0.0, "2.5"),
     ],
-)  # fmt: skip
+)
 def test_a_standard_deviation_is_shown_with_two_digits(value, std, text) -> None:
     assert with_std(value, std) == text

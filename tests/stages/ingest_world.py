@@ -9,19 +9,31 @@ from auvident.schema.vehicle import Vehicle
 
 LENGTH_M = 2.0
 COLUMNS = {
-    "u_mps": "dvl", "v_mps": "dvl", "r_radps": "gyro", "q_radps": "gyro",
-    "rudder_rad": "rudder", "elevator_rad": "elevator", "rpm": "rpm",
-    "heading_rad": "attitude", "depth_m": "depth", "north_m": "position", "east_m": "position",
-}  # fmt: skip
+    "u_mps": "dvl",
+    "v_mps": "dvl",
+    "r_radps": "gyro",
+    "q_radps": "gyro",
+    "rudder_rad": "rudder",
+    "elevator_rad": "elevator",
+    "rpm": "rpm",
+    "heading_rad": "attitude",
+    "depth_m": "depth",
+    "north_m": "position",
+    "east_m": "position",
+}
 
 
 def vehicle(**tables) -> Vehicle:
     data = {
         "vehicle": {"mass_kg": 50.0, "izz_kgm2": 10.0, "origin_from_nose_m": 1.0},
-        "hull": {"length_m": LENGTH_M, "diameter_m": 0.2, "nose_length_m": 0.2,
-                 "tail_length_m": 0.5},
+        "hull": {
+            "length_m": LENGTH_M,
+            "diameter_m": 0.2,
+            "nose_length_m": 0.2,
+            "tail_length_m": 0.5,
+        },
         "propeller": {"diameter_m": 0.15, "kt0": 0.3, "kt1": -0.3},
-    }  # fmt: skip
+    }
     return Vehicle.model_validate(data | tables)
 
 
@@ -82,9 +94,14 @@ def maneuvers(
         psi[k + 1] = psi[k] + h * r[k]
     at = {
         name: np.sort(np.arange(rng.uniform(0, 0.1), duration_s - 0.2, 1 / hz))
-        for name, hz in (("dvl", 5.0), ("gyro", gyro_hz), ("rudder", 20.0), ("rpm", 5.0),
-                         ("attitude", 10.0))
-    }  # fmt: skip
+        for name, hz in (
+            ("dvl", 5.0),
+            ("gyro", gyro_hz),
+            ("rudder", 20.0),
+            ("rpm", 5.0),
+            ("attitude", 10.0),
+        )
+    }
 
     def seen(name: str, x: np.ndarray, std: float) -> np.ndarray:
         return np.interp(at[name], t, x) + noise * std * rng.standard_normal(at[name].size)
@@ -95,6 +112,7 @@ def maneuvers(
         sensor("gyro", at["gyro"], r_radps=seen("gyro", r, 0.002)),
         sensor("rudder", at["rudder"], rudder_rad=held),
         sensor("rpm", at["rpm"], rpm=np.full(at["rpm"].size, 900.0)),
-        sensor("attitude", at["attitude"],
-               heading_rad=np.mod(seen("attitude", psi, 0.002), 2 * np.pi)),
-    )  # fmt: skip
+        sensor(
+            "attitude", at["attitude"], heading_rad=np.mod(seen("attitude", psi, 0.002), 2 * np.pi)
+        ),
+    )

@@ -58,9 +58,17 @@ def test_effects_without_such_a_form_are_refused_by_name(form: str) -> None:
 # What ends a string, a comment or a line somewhere, and what begins something.
 NAMES = st.text() | st.text(alphabet="\"'\\#%*/{}$\n\r\t\x00\x0b\x85\u2028\u202e= ax", max_size=40)
 NASTY = [
-    'REMUS"""\nimport os\nos.abort()\n"""', "\\", "x\\", '"""', "\\N{DASH}", "a\rb = 1;", "%{\n%}",
-    "x\n[coefficients]\nX_uu = 1", "\x85\u2028", "...",
-]  # fmt: skip
+    'REMUS"""\nimport os\nos.abort()\n"""',
+    "\\",
+    "x\\",
+    '"""',
+    "\\N{DASH}",
+    "a\rb = 1;",
+    "%{\n%}",
+    "x\n[coefficients]\nX_uu = 1",
+    "\x85\u2028",
+    "...",
+]
 
 
 def named(name: str, **changes: object) -> IdentifiedModel:

@@ -41,11 +41,19 @@ def given(name: str, trials: list[Trial], **more: Any) -> Any:
     """What the pipeline gives its stages, without a run directory."""
     made = loop(name)
     return SimpleNamespace(
-        trials=trials, maneuvers=made.chain.maneuvers, ase=made.chain.ase,
-        vehicle=made.chain.vehicle, model=made.model, noise=lambda: made.chain.noise, seed=0,
-        options={"filter": None}, observer=Observer(), manifest=None,
-        table=lambda name: pd.DataFrame(), **more,
-    )  # fmt: skip
+        trials=trials,
+        maneuvers=made.chain.maneuvers,
+        ase=made.chain.ase,
+        vehicle=made.chain.vehicle,
+        model=made.model,
+        noise=lambda: made.chain.noise,
+        seed=0,
+        options={"filter": None},
+        observer=Observer(),
+        manifest=None,
+        table=lambda name: pd.DataFrame(),
+        **more,
+    )
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -85,9 +93,16 @@ def test_the_case_of_a_diagnosis_is_the_same(name) -> None:
     for trials in (poisoned_trials(name), list(made.chain.trials)):
         seen = [without_held_out(t, made.chain.maneuvers, "horizontal") for t in trials]
         setup, _ = prepare(
-            trials, made.chain.maneuvers, made.chain.ase, made.chain.vehicle, made.chain.noise,
-            plane="horizontal", plan=plan_named("spiral"), filter="ekf", engine="compiled",
-        )  # fmt: skip
+            trials,
+            made.chain.maneuvers,
+            made.chain.ase,
+            made.chain.vehicle,
+            made.chain.noise,
+            plane="horizontal",
+            plan=plan_named("spiral"),
+            filter="ekf",
+            engine="compiled",
+        )
         found = (heading_against_gyro(seen), position_against_dvl(seen, made.chain.vehicle.dvl))
         cases.append(case_of(setup, made.model, [c for c in found if c is not None]))
     for one, other in zip(cases[0].records, cases[1].records, strict=True):

@@ -27,9 +27,10 @@ FILTERS = ("ekf", "ukf")
 # lacks (roll, current, actuators), so a perfect score is not to be had; measured with both
 # filters: u 0.037, v 0.075, r 0.037; u 0.035, v 0.061, r 0.026; w 0.19, q 0.054.
 BARS = {
-    HARBOUR: {"u": 0.04, "v": 0.15, "r": 0.04}, SOUND: {"u": 0.04, "v": 0.15, "r": 0.04},
+    HARBOUR: {"u": 0.04, "v": 0.15, "r": 0.04},
+    SOUND: {"u": 0.04, "v": 0.15, "r": 0.04},
     DIVE: {"w": 0.25, "q": 0.12},
-}  # fmt: skip
+}
 
 
 def held_out(validation) -> dict[str, float]:
@@ -132,7 +133,7 @@ def poisoned(name: str, plane: str, poison) -> Trial:
         (HARBOUR, "noise"),
         (DIVE, "noise"),
     ],
-)  # fmt: skip
+)
 def test_held_out_maneuvers_choose_nothing(trial, poison) -> None:
     found = sample(trial[0]).identify(trial[1], trials=[poisoned(*trial, poison)])
     assert found.model == identified(*trial).model
@@ -148,9 +149,16 @@ def test_a_held_out_maneuver_of_the_other_plane_is_a_gap_and_no_standstill() -> 
     changes |= {"t_start_s": start, "t_end_s": start + 20.0, "features": {"plane": "vertical"}}
     overlapping = (*c.maneuvers.maneuvers, turn.model_copy(update=changes))
     setup, _ = prepare(
-        c.trials, c.maneuvers.model_copy(update={"maneuvers": overlapping}), c.ase, c.vehicle,
-        c.noise, plane="horizontal", plan=plan_named("spiral"), filter="ekf", engine="compiled",
-    )  # fmt: skip
+        c.trials,
+        c.maneuvers.model_copy(update={"maneuvers": overlapping}),
+        c.ase,
+        c.vehicle,
+        c.noise,
+        plane="horizontal",
+        plan=plan_named("spiral"),
+        filter="ekf",
+        engine="compiled",
+    )
     given = setup.records[turn.id][1].given
     assert (given[:, 0] > 0.3).all()  # the surge given to the lateral system
 

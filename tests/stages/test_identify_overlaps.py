@@ -48,9 +48,16 @@ def with_more(*more: Maneuver) -> Maneuvers:
 def setup_with(maneuvers: Maneuvers) -> Setup:
     c = sample(NAME)
     return prepare(
-        c.trials, maneuvers, c.ase, c.vehicle, c.noise, plane="vertical",
-        plan=plan_named("spiral"), filter="ekf", engine="compiled",
-    )[0]  # fmt: skip
+        c.trials,
+        maneuvers,
+        c.ase,
+        c.vehicle,
+        c.noise,
+        plane="vertical",
+        plan=plan_named("spiral"),
+        filter="ekf",
+        engine="compiled",
+    )[0]
 
 
 @cache
@@ -101,8 +108,9 @@ def test_a_cut_maneuver_is_said() -> None:
     more = with_more(depth_step(-12.0, 20.0), depth_step(20.0, 50.0, "inside"))
     said = overlap_findings(c.trials, more, "vertical")
     assert [(f.code, f.where) for f in said] == [
-        ("held-out-in-part", "late"), ("held-out-within", "inside"),
-    ]  # fmt: skip
+        ("held-out-in-part", "late"),
+        ("held-out-within", "inside"),
+    ]
     assert said[0].value == pytest.approx(12.0, abs=0.2)
     assert not overlap_findings(c.trials, c.maneuvers, "vertical")
 

@@ -29,9 +29,18 @@ def test_the_table_of_a_plain_trial():
     result, quality = ingest(raw, vehicle())
     table = result.table
     assert list(table.columns) == [
-        "time_s", "u_mps", "v_mps", "r_radps", "rudder_rad", "rpm",
-        "dvl_sampled", "gyro_sampled", "rudder_sampled", "rpm_sampled", "record",
-    ]  # fmt: skip
+        "time_s",
+        "u_mps",
+        "v_mps",
+        "r_radps",
+        "rudder_rad",
+        "rpm",
+        "dvl_sampled",
+        "gyro_sampled",
+        "rudder_sampled",
+        "rpm_sampled",
+        "record",
+    ]
     np.testing.assert_array_equal(table["time_s"], np.arange(200) / 10)
     np.testing.assert_array_equal(table["u_mps"], raw.sensors["dvl"].values["u_mps"])
     assert table["dvl_sampled"].dtype == bool
@@ -71,9 +80,9 @@ def test_order_of_sensors_does_not_matter(order):
 @pytest.mark.parametrize("origin", [0.0, -50.0, 12345.6, 1.7e9])
 def test_origin_of_the_time_does_not_matter(origin):
     raw = maneuvers(duration_s=30)
-    other = replace(raw, sensors={
-        k: replace(s, time_s=s.time_s + origin) for k, s in raw.sensors.items()
-    })  # fmt: skip
+    other = replace(
+        raw, sensors={k: replace(s, time_s=s.time_s + origin) for k, s in raw.sensors.items()}
+    )
     first, second = ingest(raw, vehicle())[0].table, ingest(other, vehicle())[0].table
     np.testing.assert_allclose(second["time_s"] - origin, first["time_s"], atol=1e-6)
     # stamps of 1.7e9 s resolve 0.24 us, in which the channels here change by less than 1e-6
@@ -96,8 +105,12 @@ def test_sensors_that_never_overlap_are_refused():
     with pytest.raises(InputError) as caught:
         ingest(moved(calm(), "rpm", 500.0), vehicle())
     assert caught.value.exit_code == 3
-    for word in ("never overlap", "rpm.csv 500.000 to 519.900 s", "dvl.csv 0.000 to 19.900 s",
-                 "time_offset_s"):  # fmt: skip
+    for word in (
+        "never overlap",
+        "rpm.csv 500.000 to 519.900 s",
+        "dvl.csv 0.000 to 19.900 s",
+        "time_offset_s",
+    ):
         assert word in str(caught.value)
 
 
@@ -114,8 +127,12 @@ def test_gaps_split_the_record():
     raw = calm(duration_s=40)
     dvl = raw.sensors["dvl"]
     keep = ~((dvl.time_s > 10.05) & (dvl.time_s < 16.95)) & ~(abs(dvl.time_s - 30.0) < 0.25)
-    cut = replace(dvl, time_s=dvl.time_s[keep], rows=dvl.rows[keep],
-                  values={c: x[keep] for c, x in dvl.values.items()})  # fmt: skip
+    cut = replace(
+        dvl,
+        time_s=dvl.time_s[keep],
+        rows=dvl.rows[keep],
+        values={c: x[keep] for c, x in dvl.values.items()},
+    )
     result, quality = ingest(with_sensor(raw, cut), vehicle())
     table = result.table
     assert [r.record for r in quality.records] == [0, 1]
@@ -136,8 +153,11 @@ def test_gaps_split_the_record():
 def test_commands_written_on_change_are_held_and_this_is_said():
     raw = calm(duration_s=60)
     rpm = sensor("rpm", [0.0], rpm=[1200.0])
-    rudder = sensor("rudder", [0.0, 10.0, 10.1, 10.2, 30.0, 30.1, 30.2, 55.0],
-                    rudder_rad=[0, 0.1, 0.2, 0.3, 0.2, 0.1, 0.0, 0.1])  # fmt: skip
+    rudder = sensor(
+        "rudder",
+        [0.0, 10.0, 10.1, 10.2, 30.0, 30.1, 30.2, 55.0],
+        rudder_rad=[0, 0.1, 0.2, 0.3, 0.2, 0.1, 0.0, 0.1],
+    )
     result, quality = ingest(with_sensor(with_sensor(raw, rpm), rudder), vehicle())
     assert (result.table["rpm"] == 1200.0).all()
     assert result.table["rudder_rad"][250] == 0.3
@@ -150,9 +170,12 @@ def test_commands_written_on_change_are_held_and_this_is_said():
 def test_a_slow_clock_is_refused_with_the_likely_cause():
     raw = calm()
     with pytest.raises(InputError, match="milliseconds"):
-        ingest(replace(raw, sensors={
-            k: replace(s, time_s=s.time_s * 1e3) for k, s in raw.sensors.items()
-        }), vehicle())  # fmt: skip
+        ingest(
+            replace(
+                raw, sensors={k: replace(s, time_s=s.time_s * 1e3) for k, s in raw.sensors.items()}
+            ),
+            vehicle(),
+        )
 
 
 @pytest.mark.parametrize("options", [{"rate_hz": 0}, {"rate_hz": np.nan}, {"max_gap_s": -1}])
@@ -174,8 +197,12 @@ def test_right_rudder_sign_is_accepted_and_the_wrong_one_refused(seed, duration)
     with pytest.raises(InputError) as caught:
         ingest(raw, vehicle(signs={"rudder_positive_turns": "starboard"}))
     assert caught.value.exit_code == 3
-    for word in ("contradicts [signs] rudder_positive_turns = 'starboard'", "rudder.csv",
-                 "rudder_rad", "standard deviations"):  # fmt: skip
+    for word in (
+        "contradicts [signs] rudder_positive_turns = 'starboard'",
+        "rudder.csv",
+        "rudder_rad",
+        "standard deviations",
+    ):
         assert word in str(caught.value)
 
 
@@ -317,9 +344,12 @@ def test_twenty_five_minutes_with_a_fast_gyro_take_less_than_a_second():
     for name, s in raw.sensors.items():
         t = np.concatenate([s.time_s + 100.0 * k for k in range(times)])
         long[name] = replace(
-            s, time_s=t, rows=np.arange(2, t.size + 2), rows_read=t.size,
+            s,
+            time_s=t,
+            rows=np.arange(2, t.size + 2),
+            rows_read=t.size,
             values={c: np.tile(x, times) for c, x in s.values.items()},
-        )  # fmt: skip
+        )
     start = time.perf_counter()
     result, _ = ingest(replace(raw, sensors=long), vehicle())
     assert len(result.table) == pytest.approx(15_000, abs=20)

@@ -198,9 +198,13 @@ def test_heading_is_unwrapped_before_it_is_resampled():
     trial, _ = ingest(raw, vehicle())
     heading = trial.table["heading_rad"].to_numpy()
     assert np.abs(np.diff(heading)).max() < 0.1
-    shift = changed(raw, "attitude", values={
-        "heading_rad": np.mod(raw.sensors["attitude"].values["heading_rad"] + 3.0, 2 * np.pi)
-    })  # fmt: skip
+    shift = changed(
+        raw,
+        "attitude",
+        values={
+            "heading_rad": np.mod(raw.sensors["attitude"].values["heading_rad"] + 3.0, 2 * np.pi)
+        },
+    )
     other, _ = ingest(shift, vehicle())
     turned = other.table["heading_rad"].to_numpy() - heading
     np.testing.assert_allclose(turned - turned[0], 0.0, atol=1e-9)
@@ -232,5 +236,6 @@ def test_signs_of_the_controls_become_internal():
 def test_missing_channel_is_refused():
     raw = calm()
     with pytest.raises(InputError, match="no rpm"):
-        ingest(replace(raw, sensors={k: s for k, s in raw.sensors.items() if k != "rpm"}),
-               vehicle())  # fmt: skip
+        ingest(
+            replace(raw, sensors={k: s for k, s in raw.sensors.items() if k != "rpm"}), vehicle()
+        )

@@ -58,9 +58,12 @@ def sparse(ticks, time, x):
 
 
 def rounded(trial: RawTrial, digits: int, per_unit: float = 1.0) -> RawTrial:
-    return each(trial, lambda s: replace(s, values={
-        c: np.round(x * per_unit, digits) / per_unit for c, x in s.values.items()
-    }))  # fmt: skip
+    return each(
+        trial,
+        lambda s: replace(
+            s, values={c: np.round(x * per_unit, digits) / per_unit for c, x in s.values.items()}
+        ),
+    )
 
 
 FORMS = {
@@ -115,11 +118,19 @@ def test_a_smooth_copy_is_refused(raw):
 def coarse(trial: RawTrial) -> RawTrial:
     """Readings with few digits: 0.1 deg/s and 1 cm/s."""
     steps = {"r_radps": 0.1 * DEG, "u_mps": 0.01, "v_mps": 0.01}
-    return replace(trial, sensors={
-        k: replace(s, values={
-            c: np.round(x / steps[c]) * steps[c] if c in steps else x for c, x in s.values.items()
-        }) for k, s in trial.sensors.items()
-    })  # fmt: skip
+    return replace(
+        trial,
+        sensors={
+            k: replace(
+                s,
+                values={
+                    c: np.round(x / steps[c]) * steps[c] if c in steps else x
+                    for c, x in s.values.items()
+                },
+            )
+            for k, s in trial.sensors.items()
+        },
+    )
 
 
 @pytest.mark.parametrize("noise", [1.0, 0.1, 0.02])
@@ -138,10 +149,18 @@ def test_the_same_maneuvers_on_the_same_ticks_are_another_trial(noise, form):
         rng = np.random.default_rng(seed)
         smooth = maneuvers(noise=0.0, duration_s=300.0)
         stds = {"u_mps": 0.005, "v_mps": 0.005, "r_radps": 0.002}
-        return form(each(smooth, lambda s: replace(s, values={
-            c: x + noise * stds.get(c, 0.0) * rng.standard_normal(x.size)
-            for c, x in s.values.items()
-        })))  # fmt: skip
+        return form(
+            each(
+                smooth,
+                lambda s: replace(
+                    s,
+                    values={
+                        c: x + noise * stds.get(c, 0.0) * rng.standard_normal(x.size)
+                        for c, x in s.values.items()
+                    },
+                ),
+            )
+        )
 
     first = fingerprint(noisy(1))
     for seed in (2, 3, 4):
@@ -152,14 +171,19 @@ def test_straight_runs_at_one_speed_are_other_trials():
     def straight(seed: int, step: float) -> RawTrial:
         rng = np.random.default_rng(seed)
         t = np.arange(2000) / 10.0
-        u, v, r = (step * np.round(x / step) for x in (
-            1.5 + 0.004 * rng.standard_normal(t.size), 0.004 * rng.standard_normal(t.size),
-            0.002 * rng.standard_normal(t.size),
-        ))  # fmt: skip
+        u, v, r = (
+            step * np.round(x / step)
+            for x in (
+                1.5 + 0.004 * rng.standard_normal(t.size),
+                0.004 * rng.standard_normal(t.size),
+                0.002 * rng.standard_normal(t.size),
+            )
+        )
         return calm(
-            duration_s=200.0, dvl=sensor("dvl", t, u_mps=u, v_mps=v),
+            duration_s=200.0,
+            dvl=sensor("dvl", t, u_mps=u, v_mps=v),
             gyro=sensor("gyro", t, r_radps=r),
-        )  # fmt: skip
+        )
 
     for step in (1e-9, 1e-3, 5e-3, 2e-2):
         first = fingerprint(straight(1, step))

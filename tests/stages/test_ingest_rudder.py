@@ -147,12 +147,16 @@ def nomoto(helm, passages: float, *, gain=1.5, noise=0.002, duration_s=600.0, di
     every = slice(None, None, 2)
     n = t[every].size
     return trial(
-        sensor("dvl", t[every], u_mps=SPEED_MPS + 0.005 * rng.standard_normal(n),
-               v_mps=-0.3 * r[every] + 0.005 * rng.standard_normal(n)),
+        sensor(
+            "dvl",
+            t[every],
+            u_mps=SPEED_MPS + 0.005 * rng.standard_normal(n),
+            v_mps=-0.3 * r[every] + 0.005 * rng.standard_normal(n),
+        ),
         sensor("gyro", t, r_radps=r + noise * rng.standard_normal(t.size)),
         sensor("rudder", t[every], rudder_rad=d[every]),
         sensor("rpm", t[every], rpm=np.full(n, 900.0)),
-    )  # fmt: skip
+    )
 
 
 def zigzag(angle: float):

@@ -28,11 +28,18 @@ from tests.engines.chain import Chain, sample
 
 # estimated, and given: of the command, in the equations, of the readings
 SHOWN = {
-    "rudder_offset.offset_deg": 1.0, "rudder_lag.lag_s": 0.2, "rudder_rate_limit.rate_degps": 60.0,
-    "current.north_mps": 0.05, "current.east_mps": -0.02, "dvl_misalignment.yaw_deg": 0.5,
-    "gyro_bias.bias_degps": 0.05, "hull_asymmetry.Y_0": 0.1, "hull_asymmetry.N_0": 0.02,
-    "dvl_delay.delay_s": 0.1, "thrust_sag.fraction_per_1000_s": 0.05,
-}  # fmt: skip
+    "rudder_offset.offset_deg": 1.0,
+    "rudder_lag.lag_s": 0.2,
+    "rudder_rate_limit.rate_degps": 60.0,
+    "current.north_mps": 0.05,
+    "current.east_mps": -0.02,
+    "dvl_misalignment.yaw_deg": 0.5,
+    "gyro_bias.bias_degps": 0.05,
+    "hull_asymmetry.Y_0": 0.1,
+    "hull_asymmetry.N_0": 0.02,
+    "dvl_delay.delay_s": 0.1,
+    "thrust_sag.fraction_per_1000_s": 0.05,
+}
 ESTIMATED = ("current", "rudder_lag", "rudder_offset", "thrust_sag")
 
 
@@ -137,8 +144,9 @@ def test_simulation_of_a_window_is_the_prediction_of_that_maneuver() -> None:
     record = next(record for kind, record in setup.records.values() if kind == "zigzag")
     (trial,) = chain.trials
     window = (float(record.time_s[0]), float(record.time_s[-1]))
-    found = simulate(read_again(model), trial, window_s=window, samples=0,
-                     rng=np.random.default_rng(0))  # fmt: skip
+    found = simulate(
+        read_again(model), trial, window_s=window, samples=0, rng=np.random.default_rng(0)
+    )
     expected = predicted_course(setup.frame, final, record, ACTIVE).states
     n = min(len(found), len(expected))
     assert n > 0.9 * len(expected)
@@ -148,9 +156,12 @@ def test_simulation_of_a_window_is_the_prediction_of_that_maneuver() -> None:
 
 
 RACE = {
-    "id": "propeller_race", "family": "actuation", "silent": False, "parameters": [],
+    "id": "propeller_race",
+    "family": "actuation",
+    "silent": False,
+    "parameters": [],
     "internal": {"propeller_race.c_m2ps2pn": 0.02},
-}  # fmt: skip
+}
 EACH = [
     *ESTIMATED,
     *dict.fromkeys(n.split(".")[0] for n in SHOWN if n.split(".")[0] not in ESTIMATED),

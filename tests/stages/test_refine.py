@@ -43,24 +43,39 @@ def predicted(when: int, noise: float = 0.0) -> pd.DataFrame:
     pieces = []
     for k, name in enumerate(ROLES):
         time = 100.0 * k + DT * np.arange(N)
-        piece = {"maneuver": name, "kind": name.split("-")[0], "role": ROLES[name],
-                 "time_s": time, "rpm": 900.0}  # fmt: skip
+        piece = {
+            "maneuver": name,
+            "kind": name.split("-")[0],
+            "role": ROLES[name],
+            "time_s": time,
+            "rpm": 900.0,
+        }
         for c, (column, away) in enumerate(OFF.items()):
             measured = np.sin(0.1 * time + c)
             wrong = np.random.default_rng(100 * k + 10 * c + when).normal(size=N) * noise
-            piece |= {f"{column}_measured": measured,
-                      f"{column}_simulated": measured + away[when] * (k + 1) + wrong}  # fmt: skip
+            piece |= {
+                f"{column}_measured": measured,
+                f"{column}_simulated": measured + away[when] * (k + 1) + wrong,
+            }
         pieces.append(pd.DataFrame(piece))
     return pd.concat(pieces, ignore_index=True)
 
 
-MANEUVERS = Maneuvers.model_validate({
-    "maneuvers": [
-        {"id": name, "trial": "t", "kind": name.split("-")[0], "t_start_s": 100.0 * k,
-         "t_end_s": 100.0 * k + DT * N, "role": role}
-        for k, (name, role) in enumerate(ROLES.items())
-    ]
-})  # fmt: skip
+MANEUVERS = Maneuvers.model_validate(
+    {
+        "maneuvers": [
+            {
+                "id": name,
+                "trial": "t",
+                "kind": name.split("-")[0],
+                "t_start_s": 100.0 * k,
+                "t_end_s": 100.0 * k + DT * N,
+                "role": role,
+            }
+            for k, (name, role) in enumerate(ROLES.items())
+        ]
+    }
+)
 
 
 @cache
@@ -162,18 +177,25 @@ def test_the_same_seed_gives_the_same_interval() -> None:
 # --- what is handed on ---------------------------------------------------------------------
 
 OFFSET = EffectFound(
-    id="rudder_offset", family="actuation",
-    parameters=(ParameterValue(symbol="offset_deg", value=1.0, std=0.1, unit="deg", low=0.8,
-                               high=1.2),),
-)  # fmt: skip
+    id="rudder_offset",
+    family="actuation",
+    parameters=(
+        ParameterValue(symbol="offset_deg", value=1.0, std=0.1, unit="deg", low=0.8, high=1.2),
+    ),
+)
 CARRIED = {
     "start": {"rudder_offset.offset_deg": 0.0175, "rudder_lag.lag_s": 0.03},
-    "prior": {"rudder_offset.offset_deg": 0.0}, "prior_std": {"rudder_offset.offset_deg": 0.035},
-}  # fmt: skip
+    "prior": {"rudder_offset.offset_deg": 0.0},
+    "prior_std": {"rudder_offset.offset_deg": 0.035},
+}
 EVENT = EffectFound(
-    id="one_off_event", family="environment", parameters=(), maneuver="turn-2", time_s=431.5,
+    id="one_off_event",
+    family="environment",
+    parameters=(),
+    maneuver="turn-2",
+    time_s=431.5,
     duration_s=6.0,
-)  # fmt: skip
+)
 
 
 def diagnosis(*effects: EffectFound) -> Diagnosis:
@@ -197,17 +219,30 @@ def test_what_has_a_prior_is_estimated_and_the_rest_given() -> None:
 
 def test_the_delay_of_a_sensor_is_held_as_the_diagnosis_found_it() -> None:
     late = EffectFound(id="gyro_delay", family="sensing", parameters=())
-    found = diagnosis(late).model_copy(update={"carried": {
-        "start": {"gyro_delay.delay_s": 0.3, "rudder_lag.lag_s": 0.03},
-        "prior": {"gyro_delay.delay_s": 0.1}, "prior_std": {"gyro_delay.delay_s": 0.05},
-    }})  # fmt: skip
+    found = diagnosis(late).model_copy(
+        update={
+            "carried": {
+                "start": {"gyro_delay.delay_s": 0.3, "rudder_lag.lag_s": 0.03},
+                "prior": {"gyro_delay.delay_s": 0.1},
+                "prior_std": {"gyro_delay.delay_s": 0.05},
+            }
+        }
+    )
     carried = carried_of(found)
     assert carried is not None and carried.effects == ("gyro_delay",)
     chain = sample("harbour_trial")
     setup, _ = prepare(
-        chain.trials, chain.maneuvers, chain.ase, chain.vehicle, chain.noise, plane="horizontal",
-        plan=plan_named("spiral"), filter="ekf", engine="compiled", carried=carried,
-    )  # fmt: skip
+        chain.trials,
+        chain.maneuvers,
+        chain.ase,
+        chain.vehicle,
+        chain.noise,
+        plane="horizontal",
+        plan=plan_named("spiral"),
+        filter="ekf",
+        engine="compiled",
+        carried=carried,
+    )
     i = setup.structure.index("gyro_delay.delay_s")
     assert (setup.prior[i], setup.prior_std[i]) == (0.3, 0.0)
 
@@ -242,12 +277,19 @@ def test_masked_windows_have_no_readings() -> None:
     )
     setups = [
         prepare(
-            chain.trials, chain.maneuvers, chain.ase, chain.vehicle, chain.noise,
-            plane="horizontal", plan=plan_named("spiral"), filter="ekf", engine="compiled",
+            chain.trials,
+            chain.maneuvers,
+            chain.ase,
+            chain.vehicle,
+            chain.noise,
+            plane="horizontal",
+            plan=plan_named("spiral"),
+            filter="ekf",
+            engine="compiled",
             carried=carried,
         )[0]
         for carried in (None, carried_of(diagnosis(window)))
-    ]  # fmt: skip
+    ]
     for name, (_, record) in setups[1].records.items():
         whole = setups[0].records[name][1]
         inside = (record.time_s >= start) & (record.time_s <= end) & (name == chosen.id)
@@ -259,8 +301,13 @@ def test_masked_windows_have_no_readings() -> None:
 
 def refined(value: float, std: float) -> IdentifiedModel:
     offset = {"symbol": "offset_deg", "value": value, "std": std, "unit": "deg"}
-    row = {"id": "rudder_offset", "family": "actuation", "silent": False, "internal": {},
-           "parameters": [offset]}  # fmt: skip
+    row = {
+        "id": "rudder_offset",
+        "family": "actuation",
+        "silent": False,
+        "internal": {},
+        "parameters": [offset],
+    }
     return model().model_copy(update={"effects": (row,)})
 
 
@@ -273,8 +320,13 @@ def refined(value: float, std: float) -> IdentifiedModel:
     ],
 )
 def test_the_interval_of_an_effect_is_the_widest(value, std, half) -> None:
-    found = compare(diagnosis(OFFSET), MANEUVERS, model(), refined(value, std), predicted(0),
-                    predicted(1)).effects[0].parameters[0]  # fmt: skip
+    found = (
+        compare(
+            diagnosis(OFFSET), MANEUVERS, model(), refined(value, std), predicted(0), predicted(1)
+        )
+        .effects[0]
+        .parameters[0]
+    )
     assert found.value == value
     assert found.high == pytest.approx(value + half)
     assert found.low == pytest.approx(value - half)
@@ -282,11 +334,13 @@ def test_the_interval_of_an_effect_is_the_widest(value, std, half) -> None:
 
 
 def test_coefficients_stand_side_by_side() -> None:
-    other = model().model_copy(update={
-        "coefficients": tuple(
-            c.model_copy(update={"value": 2.0 * c.value}) for c in model().coefficients
-        )
-    })  # fmt: skip
+    other = model().model_copy(
+        update={
+            "coefficients": tuple(
+                c.model_copy(update={"value": 2.0 * c.value}) for c in model().coefficients
+            )
+        }
+    )
     found = compare(NONE, MANEUVERS, model(), other, predicted(0), predicted(1)).coefficients
     assert [c.symbol for c in found] == [c.symbol for c in model().coefficients]
     assert all(c.after == 2.0 * c.before for c in found)
@@ -298,9 +352,12 @@ def test_coefficients_stand_side_by_side() -> None:
 def carried_effects(*effects: str) -> Carried:
     names = ("current.north_mps", "rudder_lag.lag_s", "rudder_rate_limit.rate_degps")
     return Carried(
-        effects=effects, start=dict.fromkeys(names, 0.1) | {"Y_uv": -20.0},
-        prior=dict.fromkeys(names, 0.0), prior_std=dict.fromkeys(names, 1.0), usual={},
-    )  # fmt: skip
+        effects=effects,
+        start=dict.fromkeys(names, 0.1) | {"Y_uv": -20.0},
+        prior=dict.fromkeys(names, 0.0),
+        prior_std=dict.fromkeys(names, 1.0),
+        usual={},
+    )
 
 
 def made(u: float, v: float = 1.0, r: float = 1.0, effects: tuple = ("current",)) -> Tried:
@@ -397,17 +454,27 @@ TAKEN = (Attempt(effects=()), Attempt(effects=("rudder_offset",), ratios={"r": 0
 
 def claimed(value: float, std: float, tried: tuple = TAKEN, **update) -> Comparison:
     """What is claimed of an offset that a diagnosis found as 1.0 degree (0.8 to 1.2)."""
-    found = diagnosis(OFFSET).model_copy(update={
-        "verdict": "effect_found", "statement": "The model lacks a rudder offset of 1.0 deg.",
-        "candidates": (
-            Candidate(id="rudder_offset", family="actuation", gain=800.0, parameters=(
-                ParameterValue(symbol="offset_deg", value=1.0, std=0.0, unit="deg"),
-            )),
-            Candidate(id="gyro_bias", family="sensing", gain=1.0, rejected="gains 1 nat"),
-        ), **update,
-    })  # fmt: skip
-    return compare(found, MANEUVERS, model(), refined(value, std), predicted(0), predicted(1),
-                   attempts=tried)  # fmt: skip
+    found = diagnosis(OFFSET).model_copy(
+        update={
+            "verdict": "effect_found",
+            "statement": "The model lacks a rudder offset of 1.0 deg.",
+            "candidates": (
+                Candidate(
+                    id="rudder_offset",
+                    family="actuation",
+                    gain=800.0,
+                    parameters=(
+                        ParameterValue(symbol="offset_deg", value=1.0, std=0.0, unit="deg"),
+                    ),
+                ),
+                Candidate(id="gyro_bias", family="sensing", gain=1.0, rejected="gains 1 nat"),
+            ),
+            **update,
+        }
+    )
+    return compare(
+        found, MANEUVERS, model(), refined(value, std), predicted(0), predicted(1), attempts=tried
+    )
 
 
 def test_the_sentence_and_the_table_have_the_size_that_the_refinement_ends_at() -> None:
@@ -445,9 +512,13 @@ def test_where_the_model_before_is_kept_nothing_is_claimed() -> None:
 
 
 def test_effects_that_stand_beside_a_remainder_are_partly_an_explanation() -> None:
-    left = {"channels": ["v"], "nearest": None, "correlates": [
-        {"axis": "Y", "regressor": "rudder a while ago", "gain": 300.0},
-    ]}  # fmt: skip
+    left = {
+        "channels": ["v"],
+        "nearest": None,
+        "correlates": [
+            {"axis": "Y", "regressor": "rudder a while ago", "gain": 300.0},
+        ],
+    }
     found = claimed(1.3, 0.05, verdict="partly_explained", unexplained=left)
     assert found.verdict == "partly_explained" and len(found.effects) == 1
     assert found.remaining == {"channels": ["v"], "correlates": left["correlates"]}
@@ -478,8 +549,9 @@ def test_a_refined_prediction_of_which_nothing_is_left_has_no_error() -> None:
     assert set(found.held_out.before) == {"u", "v", "r"}
     assert found.held_out.after == {} == found.held_out.difference
     assert {f.where for f in found.findings if f.code == "prediction-ran-away"} == {
-        "turn-1", "zigzag-1",
-    }  # fmt: skip
+        "turn-1",
+        "zigzag-1",
+    }
     with pytest.raises(GateError, match="runs away"):
         check_refined(found, {"r": 1e6})
 
@@ -515,12 +587,14 @@ def test_a_channel_that_the_refined_model_predicts_worse_is_a_finding() -> None:
 
 
 def test_a_refinement_that_changed_nothing_is_not_called_worse() -> None:
-    found = compare(NONE, MANEUVERS, model(), model(), predicted(0), predicted(1),
-                    predicted=ON_THE_REFINED)  # fmt: skip
+    found = compare(
+        NONE, MANEUVERS, model(), model(), predicted(0), predicted(1), predicted=ON_THE_REFINED
+    )
     assert found.findings == ()
 
 
 def test_findings_on_the_errors_of_the_refined_model_are_handed_on() -> None:
-    found = compare(NONE, MANEUVERS, model(), doubled(), predicted(0), predicted(0),
-                    predicted=ON_THE_REFINED)  # fmt: skip
+    found = compare(
+        NONE, MANEUVERS, model(), doubled(), predicted(0), predicted(0), predicted=ON_THE_REFINED
+    )
     assert found.findings == ON_THE_REFINED[:1]  # the others are not of its errors, or said

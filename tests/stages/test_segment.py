@@ -24,10 +24,15 @@ SHIPS = {
     "noisy sensors": Ship(u_noise=0.08, r_noise_degps=1.0, heading_noise_deg=0.5),
     "quick, 30 deg/s": Ship(gain=-1.6, lag_s=0.25, cruise_mps=2.2),
     "7 m model, 1 deg/s": Ship(
-        cruise_mps=1.0, cruise_rpm=600, gain=-0.06, lag_s=6, surge_lag_s=15,
-        r_noise_degps=0.03, slew_degps=15,
+        cruise_mps=1.0,
+        cruise_rpm=600,
+        gain=-0.06,
+        lag_s=6,
+        surge_lag_s=15,
+        r_noise_degps=0.03,
+        slew_degps=15,
     ),
-}  # fmt: skip
+}
 KINDS = ("straight", "turn", "zigzag")
 
 

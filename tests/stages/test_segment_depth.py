@@ -69,11 +69,17 @@ def test_a_dive_is_no_straight_run_and_without_depth_it_would_be() -> None:
 @pytest.mark.parametrize(
     "spans",
     [
-        [(0.0, 0.1)], [(0.0, 4.0)], [(0.0, 20.0)], [(60.0, 60.1)], [(60.0, 64.0)],
-        [(200.0, 203.0)], [(200.0, 230.0)], [(270.0, 1000.0)],
+        [(0.0, 0.1)],
+        [(0.0, 4.0)],
+        [(0.0, 20.0)],
+        [(60.0, 60.1)],
+        [(60.0, 64.0)],
+        [(200.0, 203.0)],
+        [(200.0, 230.0)],
+        [(270.0, 1000.0)],
         [(t, t + 0.1) for t in range(0, 270, 7)],
     ],
-)  # fmt: skip
+)
 def test_missing_rows_of_depth_change_nothing_where_there_is_depth(spans) -> None:
     assert straights(without_depth(dived(), *spans)) == straights(dived())
 

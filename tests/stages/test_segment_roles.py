@@ -144,5 +144,8 @@ def test_a_single_maneuver_identifies_and_it_is_said():
 
 def test_part_ids():
     assert [part_id("x-turn-1", i) for i in (0, 1, 25, 26)] == [
-        "x-turn-1a", "x-turn-1b", "x-turn-1z", "x-turn-1aa",
-    ]  # fmt: skip
+        "x-turn-1a",
+        "x-turn-1b",
+        "x-turn-1z",
+        "x-turn-1aa",
+    ]

@@ -9,9 +9,14 @@ from auvident.stages.segment.split import choose, going_along, share_within, spl
 
 def maneuver(name: str, start: float, end: float, kind: str = "straight", **features) -> Maneuver:
     return Maneuver(
-        id=name, trial=features.pop("trial", "t"), kind=kind, t_start_s=start, t_end_s=end,
-        role="identify", features=features,
-    )  # fmt: skip
+        id=name,
+        trial=features.pop("trial", "t"),
+        kind=kind,
+        t_start_s=start,
+        t_end_s=end,
+        role="identify",
+        features=features,
+    )
 
 
 def step(name: str, start: float, end: float, **features) -> Maneuver:
@@ -26,10 +31,14 @@ def roles_of(maneuvers, hold_out=()) -> dict[str, str]:
 @pytest.mark.parametrize(
     ("spans", "share"),
     [
-        ([(0, 100)], 1.0), ([(20, 30)], 0.5), ([(20, 30), (25, 35)], 0.75), ([(50, 60)], 0.0),
-        ([(35, 90), (0, 25)], 0.5), ([(22, 24), (20, 40)], 1.0),
+        ([(0, 100)], 1.0),
+        ([(20, 30)], 0.5),
+        ([(20, 30), (25, 35)], 0.75),
+        ([(50, 60)], 0.0),
+        ([(35, 90), (0, 25)], 0.5),
+        ([(22, 24), (20, 40)], 1.0),
     ],
-)  # fmt: skip
+)
 def test_share_within_counts_no_time_twice(spans, share) -> None:
     others = [maneuver(f"o{i}", a, b) for i, (a, b) in enumerate(spans)]
     assert share_within(maneuver("m", 20, 40), others) == pytest.approx(share)

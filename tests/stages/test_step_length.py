@@ -44,9 +44,14 @@ def test_half_the_step_leaves_a_sixteenth_of_the_error() -> None:
     acting, times = at_effects(setup.frame, p, record), 16
     given = np.repeat(acting.given, times, axis=0)[: 1 - times]  # no state is given here
     exact = simulate_states(
-        acting.start, np.repeat(acting.inputs, times, axis=0)[: 1 - times], given,
-        setup.dt_s / times, p, active, *setup.structure.arrays,
-    )[::times]  # fmt: skip
+        acting.start,
+        np.repeat(acting.inputs, times, axis=0)[: 1 - times],
+        given,
+        setup.dt_s / times,
+        p,
+        active,
+        *setup.structure.arrays,
+    )[::times]
     error = np.sqrt(np.mean((simulated(setup.frame, p, acting, active) - exact) ** 2, axis=0))
     # higher orders count where the step is so long
     np.testing.assert_allclose(_change(setup, p, record, active)[:3], 15 / 16 * error[:3], rtol=0.1)

@@ -125,9 +125,14 @@ def sailed(model: IdentifiedModel) -> Trial:
     inputs[:, 2] = 15.0
     p = parameter_vector(model.plane, model.values(), model.rigid_body)
     states = simulate_states(
-        np.array([1.5, 0, 0, 0.3]), inputs, np.zeros((n, 4)), 0.1, p, np.ones(4, dtype=bool),
+        np.array([1.5, 0, 0, 0.3]),
+        inputs,
+        np.zeros((n, 4)),
+        0.1,
+        p,
+        np.ones(4, dtype=bool),
         *structure_of(model.plane).arrays,
-    )  # fmt: skip
+    )
     readings = states @ sensor_matrix(model.plane, model.sensing).T
     table = pd.DataFrame(dict(zip(STATE_COLUMNS[model.plane], readings.T, strict=True)))
     table["rudder_rad"], table["elevator_rad"] = inputs[:, 0], 0.0
@@ -142,12 +147,17 @@ def maneuvers(plane: str = "horizontal") -> Maneuvers:
     return Maneuvers(
         maneuvers=tuple(
             Maneuver(
-                id=f"made-{kind}-1", trial="made", kind=kind, t_start_s=start, t_end_s=end,
-                role=role, features={"plane": plane},
+                id=f"made-{kind}-1",
+                trial="made",
+                kind=kind,
+                t_start_s=start,
+                t_end_s=end,
+                role=role,
+                features={"plane": plane},
             )
             for kind, start, end, role in pieces
         )
-    )  # fmt: skip
+    )
 
 
 def summary_of(model: IdentifiedModel, seen: IdentifiedModel | None = None):

@@ -33,8 +33,9 @@ def said(metrics: Metrics, code: str) -> list[Finding]:
 
 
 def test_a_channel_that_is_missed_by_its_own_variation_is_not_predicted() -> None:
-    metrics = metrics_of(changed(base(), Y_uud=-base().values()["Y_uud"],
-                                 N_uud=-base().values()["N_uud"]))  # fmt: skip
+    metrics = metrics_of(
+        changed(base(), Y_uud=-base().values()["Y_uud"], N_uud=-base().values()["N_uud"])
+    )
     found = {f.where: f for f in said(metrics, "not-predicted")}
     pooled = metrics.summary["validate"]
     assert set(found) == {name for name, m in pooled.items() if m.nrmse >= 1.0} >= {"r"}

@@ -17,8 +17,13 @@ from tests.command_line import SAMPLES, Called
 from tests.storage.test_run_directory import FAST_STAGES, OPTIONS
 
 INGEST = (
-    "ingest", SAMPLES / "harbour_trial", "--vehicle", SAMPLES / "remus100.toml", "--quiet", "--run",
-)  # fmt: skip
+    "ingest",
+    SAMPLES / "harbour_trial",
+    "--vehicle",
+    SAMPLES / "remus100.toml",
+    "--quiet",
+    "--run",
+)
 MINE = "mine, not the program's"
 
 
@@ -47,10 +52,25 @@ def change_manifest(run: Path, change: Callable[[dict], None]) -> None:
 
 
 ELSEWHERE = [
-    "../victim.txt", "{outside}/victim.txt", "ase/../../victim.txt", "./ase/x.json", "ase//x.json",
-    "ase/..", "ase/.", "ase/", "ase", "", "segment/maneuvers.json", "ase/deep/x.json", "run.json",
-    "..\\victim.txt", "ase/..\\..\\victim.txt", "C:/victim.txt", "C:\\victim.txt", "ase/\0",
-]  # fmt: skip
+    "../victim.txt",
+    "{outside}/victim.txt",
+    "ase/../../victim.txt",
+    "./ase/x.json",
+    "ase//x.json",
+    "ase/..",
+    "ase/.",
+    "ase/",
+    "ase",
+    "",
+    "segment/maneuvers.json",
+    "ase/deep/x.json",
+    "run.json",
+    "..\\victim.txt",
+    "ase/..\\..\\victim.txt",
+    "C:/victim.txt",
+    "C:\\victim.txt",
+    "ase/\0",
+]
 
 
 @pytest.mark.parametrize("key", ["outputs", "writing"])

@@ -31,9 +31,19 @@ START = (
 
 def ingest(run: Path, rate_hz: str) -> subprocess.Popen:
     command = [
-        sys.executable, "-c", START, "ingest", str(SAMPLES / "harbour_trial"), "--vehicle",
-        str(SAMPLES / "remus100.toml"), "--run", str(run), "--rate", rate_hz, "--json",
-    ]  # fmt: skip
+        sys.executable,
+        "-c",
+        START,
+        "ingest",
+        str(SAMPLES / "harbour_trial"),
+        "--vehicle",
+        str(SAMPLES / "remus100.toml"),
+        "--run",
+        str(run),
+        "--rate",
+        rate_hz,
+        "--json",
+    ]
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     return subprocess.Popen(command, env=ENVIRONMENT, text=True, **pipes)  # type: ignore[call-overload]
 

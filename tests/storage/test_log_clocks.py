@@ -70,8 +70,12 @@ def test_sensors_of_one_trial_share_the_origin_to_the_nanosecond(tmp_path):
     folder = tmp_path / "run"
     folder.mkdir()
     later = 3_000_000_001  # the DVL starts so many nanoseconds after the others
-    for sensor, columns in (("dvl", ["u_mps", "v_mps"]), ("gyro", ["r_radps"]),
-                            ("rudder", ["rudder_deg"]), ("rpm", ["rpm"])):  # fmt: skip
+    for sensor, columns in (
+        ("dvl", ["u_mps", "v_mps"]),
+        ("gyro", ["r_radps"]),
+        ("rudder", ["rudder_deg"]),
+        ("rpm", ["rpm"]),
+    ):
         shift = later if sensor == "dvl" else 0
         table = wide_table()[columns].assign(timestamp=stamps_ns() + shift)
         table.to_parquet(folder / f"{sensor}.parquet")

@@ -36,9 +36,12 @@ def test_missing_sensor_file(tmp_path):
     tables["servo"] = tables.pop("rudder").rename(columns={"rudder_deg": "delta_cmd"})
     folder = write_folder(tmp_path / "run", tables)
     refused(
-        folder, folder, "rudder_deg", "servo.csv: time_s, delta_cmd",
+        folder,
+        folder,
+        "rudder_deg",
+        "servo.csv: time_s, delta_cmd",
         '[rudder] file = "servo.csv", rudder = { column = "delta_cmd", unit = "deg" }',
-    )  # fmt: skip
+    )
 
 
 def test_missing_column(tmp_path):
@@ -46,9 +49,12 @@ def test_missing_column(tmp_path):
     tables["dvl"] = tables["dvl"].rename(columns={"v_mps": "vel_y_mps"})
     folder = write_folder(tmp_path / "run", tables)
     refused(
-        folder, folder / "dvl.csv", "v_mps", "time_s, u_mps, vel_y_mps",
+        folder,
+        folder / "dvl.csv",
+        "v_mps",
+        "time_s, u_mps, vel_y_mps",
         'v = { column = "vel_y_mps", unit = "mps" }',
-    )  # fmt: skip
+    )
 
 
 def test_missing_time_column(tmp_path):

@@ -13,8 +13,26 @@ FUZZ = settings(
     max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 TEXT = wide_table().head(40).to_csv(index=False).encode()
-PIECES = [b"", b",", b";", b"\n", b"\r", b'"', b"#", b"nan", b"1e999", b"\0", b"\xff\xfe",
-          b"time_s", b" ", b"-", b"\xef\xbb\xbf", b"x" * 50, b"\t", b"1,5"]  # fmt: skip
+PIECES = [
+    b"",
+    b",",
+    b";",
+    b"\n",
+    b"\r",
+    b'"',
+    b"#",
+    b"nan",
+    b"1e999",
+    b"\0",
+    b"\xff\xfe",
+    b"time_s",
+    b" ",
+    b"-",
+    b"\xef\xbb\xbf",
+    b"x" * 50,
+    b"\t",
+    b"1,5",
+]
 
 
 def damaged(content: bytes, cuts: list[tuple[int, int, bytes]]) -> bytes:
@@ -83,9 +101,11 @@ def test_inspect_never_stops(tmp_path, cuts):
 @given(
     names=st.lists(
         st.sampled_from(["t", "time_s", "vx", "u_mps", "delta", "n", "x", "psi", "yaw_rate", "u"]),
-        min_size=2, max_size=6, unique=True,
+        min_size=2,
+        max_size=6,
+        unique=True,
     )
-)  # fmt: skip
+)
 def test_a_proposed_map_is_valid_whatever_the_columns(tmp_path, names):
     from auvident.storage.logs import read_column_map
 

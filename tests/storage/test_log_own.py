@@ -58,8 +58,11 @@ def test_a_run_directory_among_the_logs_is_not_searched(tmp_path, manifest):
     wide_table().to_csv(tmp_path / "c.csv", index=False)
     run = run_directory(tmp_path / "run1", manifest)
     assert names(tmp_path) == ["c", "b"]
-    found = [run] if manifest else [run / "ingest" / "a.parquet",
-                                    run / "validate" / "simulation.parquet"]  # fmt: skip
+    found = (
+        [run]
+        if manifest
+        else [run / "ingest" / "a.parquet", run / "validate" / "simulation.parquet"]
+    )
     assert left_out([tmp_path]) == tuple(found)
 
 

@@ -23,10 +23,16 @@ from tests.command_line import ENVIRONMENT, PROGRAM, SAMPLES
 KILLS_OF_THE_PROGRAM = 6  # of a real process at random moments: about a second each
 FAST_STAGES = ("ingest", "segment", "ase")  # together 0.3 s; the kernels take longer
 OPTIONS = [
-    {"ingest": {"logs": [SAMPLES / "harbour_trial"], "vehicle": SAMPLES / "remus100.toml",
-                "rate_hz": rate_hz}, "segment": {"hold_out": held}}
+    {
+        "ingest": {
+            "logs": [SAMPLES / "harbour_trial"],
+            "vehicle": SAMPLES / "remus100.toml",
+            "rate_hz": rate_hz,
+        },
+        "segment": {"hold_out": held},
+    }
     for rate_hz, held in ((10.0, ()), (5.0, ("harbour_trial-turn-4",)))
-]  # fmt: skip
+]
 
 
 def child(work: Callable[[], object]) -> int:
@@ -124,9 +130,15 @@ def run_killed(folder: Path, step: int, when: str) -> None:
 def test_the_program_killed_at_random_moments(tmp_path: Path) -> None:
     folder, rng = tmp_path / "run", random.Random(20)
     command = [
-        str(PROGRAM), "run", str(SAMPLES / "harbour_trial"), "--vehicle",
-        str(SAMPLES / "remus100.toml"), "--run", str(folder), "--quiet",
-    ]  # fmt: skip
+        str(PROGRAM),
+        "run",
+        str(SAMPLES / "harbour_trial"),
+        "--vehicle",
+        str(SAMPLES / "remus100.toml"),
+        "--run",
+        str(folder),
+        "--quiet",
+    ]
     killed = 0
     for number in range(KILLS_OF_THE_PROGRAM):
         process = subprocess.Popen([*command, "--rate", str(5 + number % 2)], env=ENVIRONMENT)

@@ -41,9 +41,12 @@ IMPOSSIBLE = [  # what is replaced, by what, what the message must name
     ("x_m = -0.638", "x_m = 0.9", ["[[fin]] 1", "0.9", "0.611"]),
     ("root_chord_m = 0.0903", "root_chord_m = 9.03", ["9.03", "1.33", "root_chord_m"]),
     ("exposed_span_m = 0.0857", "exposed_span_m = 8.57", ["8.57", "1.33", "exposed_span_m"]),
-    ("x_m = -0.638\nexposed_span_m = 0.0857", "x_m = -0.7\nexposed_span_m = 0.001",
-     ["inside the hull", "exposed_span_m"]),
-]  # fmt: skip
+    (
+        "x_m = -0.638\nexposed_span_m = 0.0857",
+        "x_m = -0.7\nexposed_span_m = 0.001",
+        ["inside the hull", "exposed_span_m"],
+    ),
+]
 
 
 @pytest.mark.parametrize(("old", "new", "words"), IMPOSSIBLE, ids=[i[1][:40] for i in IMPOSSIBLE])
@@ -93,8 +96,17 @@ def with_offsets(tmp_path, rows, header="x_from_nose_m,radius_m"):
     return f'{head}[hull]\nlength_m = 1.33\noffsets = "hull.csv"\n\n{fins}'
 
 
-GOOD = ["0,0.04", "0.05,0.07", "0.1745,0.0955", "0.5,0.0955", "0.8285,0.0955", "1.0,0.09",
-        "1.15,0.07", "1.25,0.046", "1.33,0.017"]  # fmt: skip
+GOOD = [
+    "0,0.04",
+    "0.05,0.07",
+    "0.1745,0.0955",
+    "0.5,0.0955",
+    "0.8285,0.0955",
+    "1.0,0.09",
+    "1.15,0.07",
+    "1.25,0.046",
+    "1.33,0.017",
+]
 
 
 def test_offsets_are_read_beside_the_vehicle_file(tmp_path):

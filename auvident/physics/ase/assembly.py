@@ -21,14 +21,24 @@ Parts = dict[str, dict[str, np.ndarray]]
 # The vertical plane is the horizontal one turned by 90 degrees about x: v -> w, r -> -q, Y -> Z,
 # N -> -M, and an elevator angle is a rudder angle with the opposite sign of the force.
 MIRROR: dict[str, tuple[str, int]] = {
-    "X_vv": ("X_ww", 1), "X_vr": ("X_wq", -1), "X_rr": ("X_qq", 1),
-    "Y_vdot": ("Z_wdot", 1), "Y_rdot": ("Z_qdot", -1),
-    "Y_uv": ("Z_uw", 1), "Y_ur": ("Z_uq", -1), "Y_v|v|": ("Z_w|w|", 1), "Y_r|r|": ("Z_q|q|", -1),
+    "X_vv": ("X_ww", 1),
+    "X_vr": ("X_wq", -1),
+    "X_rr": ("X_qq", 1),
+    "Y_vdot": ("Z_wdot", 1),
+    "Y_rdot": ("Z_qdot", -1),
+    "Y_uv": ("Z_uw", 1),
+    "Y_ur": ("Z_uq", -1),
+    "Y_v|v|": ("Z_w|w|", 1),
+    "Y_r|r|": ("Z_q|q|", -1),
     "Y_uud": ("Z_uud", -1),
-    "N_vdot": ("M_wdot", -1), "N_rdot": ("M_qdot", 1),
-    "N_uv": ("M_uw", -1), "N_ur": ("M_uq", 1), "N_v|v|": ("M_w|w|", -1), "N_r|r|": ("M_q|q|", 1),
+    "N_vdot": ("M_wdot", -1),
+    "N_rdot": ("M_qdot", 1),
+    "N_uv": ("M_uw", -1),
+    "N_ur": ("M_uq", 1),
+    "N_v|v|": ("M_w|w|", -1),
+    "N_r|r|": ("M_q|q|", 1),
     "N_uud": ("M_uud", 1),
-}  # fmt: skip
+}
 COMMAND: dict[Plane, str] = {"horizontal": "rudder", "vertical": "elevator"}
 
 
@@ -162,11 +172,18 @@ def _add_fin(out: Parts, fin: FinForces, plane: Plane, deviation: Deviation) -> 
     suction = (fin.incidence - fin.induced) * square * deviation.scale("suction")
     across = -fin.crossflow * cosine**3
     terms = {
-        "X_vv": suction, "X_vr": 2.0 * x * suction, "X_rr": x**2 * suction,
-        "Y_uv": side, "Y_ur": x * side, "N_uv": x * side, "N_ur": x**2 * side,
-        "Y_v|v|": across, "Y_r|r|": across * x * np.abs(x),
-        "N_v|v|": x * across, "N_r|r|": across * np.abs(x) ** 3,
-    }  # fmt: skip
+        "X_vv": suction,
+        "X_vr": 2.0 * x * suction,
+        "X_rr": x**2 * suction,
+        "Y_uv": side,
+        "Y_ur": x * side,
+        "N_uv": x * side,
+        "N_ur": x**2 * side,
+        "Y_v|v|": across,
+        "Y_r|r|": across * x * np.abs(x),
+        "N_v|v|": x * across,
+        "N_r|r|": across * np.abs(x) ** 3,
+    }
     if COMMAND[plane] in fin.commands:
         moved = fin.deflection * cosine
         terms |= {"Y_uud": moved, "N_uud": x * moved}

@@ -13,16 +13,72 @@ BASE_DRAG = 0.029  # 0.029 (d_b/d)^3 / sqrt(C_Df), on the frontal area (DATCOM 4
 
 # Cylinder drag against cross-flow Reynolds number: Jorgensen TR R-474 p. 76 by way of digitised
 # data (White; Roshko 1961), smoothed (theory 3.2, row "use").
-CROSSFLOW_REYNOLDS = (1e2, 1e3, 3e3, 1e4, 3e4, 1e5, 2e5, 2.5e5, 3.2e5,
-                      4e5, 5e5, 6.3e5, 1e6, 1.6e6, 2e6, 2.5e6, 3.2e6, 4e6)  # fmt: skip
-CROSSFLOW_DRAG = (1.40, 1.00, 0.95, 1.10, 1.20, 1.20, 1.18, 1.08, 0.90,
-                  0.45, 0.29, 0.30, 0.34, 0.43, 0.55, 0.61, 0.69, 0.70)  # fmt: skip
+CROSSFLOW_REYNOLDS = (
+    1e2,
+    1e3,
+    3e3,
+    1e4,
+    3e4,
+    1e5,
+    2e5,
+    2.5e5,
+    3.2e5,
+    4e5,
+    5e5,
+    6.3e5,
+    1e6,
+    1.6e6,
+    2e6,
+    2.5e6,
+    3.2e6,
+    4e6,
+)
+CROSSFLOW_DRAG = (
+    1.40,
+    1.00,
+    0.95,
+    1.10,
+    1.20,
+    1.20,
+    1.18,
+    1.08,
+    0.90,
+    0.45,
+    0.29,
+    0.30,
+    0.34,
+    0.43,
+    0.55,
+    0.61,
+    0.69,
+    0.70,
+)
 
 # Finite-length factor against fineness: Jorgensen 1977 fig. 4, digitised; and DATCOM
 # fig. 4.2.1.2-35a.
 JORGENSEN_FINENESS = (1.5, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 16, 18, 20, 24, 28, 32, 36, 39)
-JORGENSEN_ETA = (0.558, 0.569, 0.592, 0.611, 0.625, 0.639, 0.651, 0.663, 0.672, 0.682, 0.700,
-                 0.717, 0.729, 0.740, 0.752, 0.772, 0.785, 0.799, 0.810, 0.814)  # fmt: skip
+JORGENSEN_ETA = (
+    0.558,
+    0.569,
+    0.592,
+    0.611,
+    0.625,
+    0.639,
+    0.651,
+    0.663,
+    0.672,
+    0.682,
+    0.700,
+    0.717,
+    0.729,
+    0.740,
+    0.752,
+    0.772,
+    0.785,
+    0.799,
+    0.810,
+    0.814,
+)
 DATCOM_FINENESS = (2.0, 4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 28.0)
 DATCOM_ETA = (0.56, 0.60, 0.66, 0.71, 0.74, 0.76, 0.775, 0.79)
 
@@ -106,8 +162,9 @@ def finite_length_factor(fineness: np.ndarray, source: str = "datcom") -> np.nda
     """Cross-flow drag of a finite over that of an infinite cylinder."""
     if source == "none":
         return np.ones_like(fineness)
-    table = (DATCOM_FINENESS, DATCOM_ETA) if source == "datcom" else (
-        JORGENSEN_FINENESS, JORGENSEN_ETA)  # fmt: skip
+    table = (
+        (DATCOM_FINENESS, DATCOM_ETA) if source == "datcom" else (JORGENSEN_FINENESS, JORGENSEN_ETA)
+    )
     return np.interp(fineness, *table)
 
 

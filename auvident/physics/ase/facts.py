@@ -66,11 +66,24 @@ def rigid_body_terms(vehicle: Vehicle) -> dict[str, float]:
     m, moment = body.mass_kg, body.mass_kg * body.x_g_m
     iyy = body.izz_kgm2 if body.iyy_kgm2 is None else body.iyy_kgm2
     return {
-        "X_udot": m, "Y_vdot": m, "Z_wdot": m, "N_rdot": body.izz_kgm2, "M_qdot": iyy,
-        "Y_rdot": moment, "N_vdot": moment, "Z_qdot": -moment, "M_wdot": -moment,
-        "X_vr": m, "X_rr": moment, "Y_ur": -m, "N_ur": -moment,
-        "X_wq": -m, "X_qq": moment, "Z_uq": m, "M_uq": -moment,
-    }  # fmt: skip
+        "X_udot": m,
+        "Y_vdot": m,
+        "Z_wdot": m,
+        "N_rdot": body.izz_kgm2,
+        "M_qdot": iyy,
+        "Y_rdot": moment,
+        "N_vdot": moment,
+        "Z_qdot": -moment,
+        "M_wdot": -moment,
+        "X_vr": m,
+        "X_rr": moment,
+        "Y_ur": -m,
+        "N_ur": -moment,
+        "X_wq": -m,
+        "X_qq": moment,
+        "Z_uq": m,
+        "M_uq": -moment,
+    }
 
 
 def motion_facts(vehicle: Vehicle, values: Mapping[str, float], speed_mps: float) -> dict[str, Any]:

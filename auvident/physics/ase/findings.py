@@ -54,14 +54,18 @@ def _hull_findings(vehicle: Vehicle, hull: HullGeometry, speed_mps: float) -> It
         yield Finding(
             code="low_reynolds",
             message="Long laminar runs are likely; the friction line is turbulent.",
-            where="[vehicle] design_speed_mps", value=reynolds, threshold=LAMINAR_REYNOLDS,
-        )  # fmt: skip
+            where="[vehicle] design_speed_mps",
+            value=reynolds,
+            threshold=LAMINAR_REYNOLDS,
+        )
     if float(hull.fineness) < SMALL_FINENESS:
         yield Finding(
             code="stout_hull",
             message="The hull is stouter than the charts and slender-body theory reach.",
-            where="[hull]", value=float(hull.fineness), threshold=SMALL_FINENESS,
-        )  # fmt: skip
+            where="[hull]",
+            value=float(hull.fineness),
+            threshold=SMALL_FINENESS,
+        )
     if vehicle.hull.family in ("myring", "ellipsoid"):
         for key in ("nose_length_m", "tail_length_m"):
             if getattr(vehicle.hull, key) is None:
@@ -77,10 +81,11 @@ def _hull_findings(vehicle: Vehicle, hull: HullGeometry, speed_mps: float) -> It
             code="mass_and_volume",
             message=f"The mass, {vehicle.body.mass_kg:g} kg, and the water the hull displaces, "
             f"{displaced:.4g} kg, differ.",
-            where="[vehicle] mass_kg", value=vehicle.body.mass_kg / displaced,
+            where="[vehicle] mass_kg",
+            value=vehicle.body.mass_kg / displaced,
             threshold=MASS_TOLERANCE,
             remedy="Check both; a free-flooding vehicle counts with the water it carries.",
-        )  # fmt: skip
+        )
 
 
 def _fin_findings(vehicle: Vehicle, hull: HullGeometry) -> Iterator[Finding]:
@@ -94,16 +99,20 @@ def _fin_findings(vehicle: Vehicle, hull: HullGeometry) -> Iterator[Finding]:
                 message="Much of the span works in the wake of the hull, where the formulas gave "
                 "1.5 to 3 times the measured lift (DARPA SUBOFF); the standard deviations are "
                 "wide accordingly.",
-                where=where, value=buried, threshold=BURIED_LIMIT,
+                where=where,
+                value=buried,
+                threshold=BURIED_LIMIT,
                 remedy="Set efficiency of the fin when its lift is known.",
-            )  # fmt: skip
+            )
         aspect = float(aspect_ratio(fin))
         if aspect > WHICKER_FEHLNER_ASPECT:
             yield Finding(
                 code="slender_fin",
                 message="The aspect ratio is beyond the tests behind the lift formula.",
-                where=where, value=aspect, threshold=WHICKER_FEHLNER_ASPECT,
-            )  # fmt: skip
+                where=where,
+                value=aspect,
+                threshold=WHICKER_FEHLNER_ASPECT,
+            )
 
 
 def _propeller_findings(vehicle: Vehicle, values: Mapping[str, float]) -> Iterator[Finding]:
@@ -122,8 +131,9 @@ def _propeller_findings(vehicle: Vehicle, values: Mapping[str, float]) -> Iterat
             code="propeller_line",
             message=f"K_T = {k_0:g} + {k_1:g} J is no line of a driving propeller: thrust should "
             "be positive at J = 0 and fall with J.",
-            where="[propeller]", value=k_0,
-        )  # fmt: skip
+            where="[propeller]",
+            value=k_0,
+        )
     elif not speed_per_rate_m(values) > 0.0:
         yield Finding(
             code="no_steady_speed",

@@ -177,9 +177,11 @@ def fin_forces(
         induced_deflection=dynamic * k_deflection**power * drag,
         profile=dynamic * profile * deviation.scale("fin_drag"),
         crossflow=dynamic * across * deviation.scale("fin_crossflow"),
-        projection={"horizontal": projection(fin, "horizontal"),
-                    "vertical": projection(fin, "vertical")},
-    )  # fmt: skip
+        projection={
+            "horizontal": projection(fin, "horizontal"),
+            "vertical": projection(fin, "vertical"),
+        },
+    )
 
 
 def _isolated(fin: Fin, options: AseOptions) -> tuple[np.ndarray, np.ndarray]:

@@ -101,9 +101,23 @@ def hull_geometry(vehicle: Vehicle) -> HullGeometry:
     volume, ahead, vx, vxx, wetted, plan, px, pabs, pcube = integrate(integrands, edges)
     cut_radius = shape.radius_m(cut[..., None])[..., 0]
     return HullGeometry(
-        shape.length_m, 2.0 * shape.max_radius_m, volume, wetted, plan, px / plan, vx / volume,
-        nose_x - cut, np.pi * cut_radius**2, ahead, vx, vxx, pabs, pcube, nose_x, shape,
-    )  # fmt: skip
+        shape.length_m,
+        2.0 * shape.max_radius_m,
+        volume,
+        wetted,
+        plan,
+        px / plan,
+        vx / volume,
+        nose_x - cut,
+        np.pi * cut_radius**2,
+        ahead,
+        vx,
+        vxx,
+        pabs,
+        pcube,
+        nose_x,
+        shape,
+    )
 
 
 def cut_station_m(vehicle: Vehicle, shape: HullShape) -> np.ndarray:

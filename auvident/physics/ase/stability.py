@@ -43,9 +43,11 @@ def vertical_stability(c: Values, mass: Any, x_g: Any) -> np.ndarray:
 def eigenvalues_per_metre(c: Values, mass: float, inertia: float, x_g: float) -> np.ndarray:
     """Growth of sway and yaw per metre travelled, 1/m; negative real parts decay."""
     inertial = np.array(
-        [[mass - c["Y_vdot"], mass * x_g - c["Y_rdot"]],
-         [mass * x_g - c["N_vdot"], inertia - c["N_rdot"]]]
-    )  # fmt: skip
+        [
+            [mass - c["Y_vdot"], mass * x_g - c["Y_rdot"]],
+            [mass * x_g - c["N_vdot"], inertia - c["N_rdot"]],
+        ]
+    )
     damping = np.array([[c["Y_uv"], c["Y_ur"] - mass], [c["N_uv"], c["N_ur"] - mass * x_g]])
     return np.linalg.eigvals(np.linalg.solve(inertial, damping))
 
@@ -88,17 +90,32 @@ def steady_turn(
     state = np.array(start, float)
     for _ in range(NEWTON_STEPS):
         v, r = state
-        residual = np.array([
-            c["Y_uv"] * v + (c["Y_ur"] - mass) * r + c["Y_v|v|"] * v * abs(v)
-            + c["Y_r|r|"] * r * abs(r) + c["Y_uud"] * angle_rad,
-            c["N_uv"] * v + (c["N_ur"] - mass * x_g) * r + c["N_v|v|"] * v * abs(v)
-            + c["N_r|r|"] * r * abs(r) + c["N_uud"] * angle_rad,
-        ])  # fmt: skip
-        slope = np.array([
-            [c["Y_uv"] + 2.0 * c["Y_v|v|"] * abs(v), c["Y_ur"] - mass + 2.0 * c["Y_r|r|"] * abs(r)],
-            [c["N_uv"] + 2.0 * c["N_v|v|"] * abs(v),
-             c["N_ur"] - mass * x_g + 2.0 * c["N_r|r|"] * abs(r)],
-        ])  # fmt: skip
+        residual = np.array(
+            [
+                c["Y_uv"] * v
+                + (c["Y_ur"] - mass) * r
+                + c["Y_v|v|"] * v * abs(v)
+                + c["Y_r|r|"] * r * abs(r)
+                + c["Y_uud"] * angle_rad,
+                c["N_uv"] * v
+                + (c["N_ur"] - mass * x_g) * r
+                + c["N_v|v|"] * v * abs(v)
+                + c["N_r|r|"] * r * abs(r)
+                + c["N_uud"] * angle_rad,
+            ]
+        )
+        slope = np.array(
+            [
+                [
+                    c["Y_uv"] + 2.0 * c["Y_v|v|"] * abs(v),
+                    c["Y_ur"] - mass + 2.0 * c["Y_r|r|"] * abs(r),
+                ],
+                [
+                    c["N_uv"] + 2.0 * c["N_v|v|"] * abs(v),
+                    c["N_ur"] - mass * x_g + 2.0 * c["N_r|r|"] * abs(r),
+                ],
+            ]
+        )
         if abs(np.linalg.det(slope)) < 1e-12 * np.prod(np.linalg.norm(slope, axis=1)):
             return None
         step = np.linalg.solve(slope, residual)

@@ -173,10 +173,12 @@ def _checked(case: Case, free: Array) -> list[tuple[Array, Array]]:
         own, place = [k for k, _ in rows], [c for _, c in rows]
         select = np.zeros((len(own), len(free)))
         select[np.arange(len(own)), place] = case.setup.prior_std[free][place]
-        found.append((
-            select.T @ inverse[np.ix_(own, own)] @ select,
-            select.T @ (inverse @ check.mean)[own],
-        ))  # fmt: skip
+        found.append(
+            (
+                select.T @ inverse[np.ix_(own, own)] @ select,
+                select.T @ (inverse @ check.mean)[own],
+            )
+        )
     return found
 
 
@@ -201,9 +203,15 @@ def open_positions(case: Case, effects: Sequence[str]) -> list[int]:
 
 
 def fit_with(
-    case: Case, effects: Sequence[str], start: Array, colours: Colours, *, rounds: int = ROUNDS,
-    steps: int = STEPS, gain: Array | None = None,
-) -> Fitted | None:  # fmt: skip
+    case: Case,
+    effects: Sequence[str],
+    start: Array,
+    colours: Colours,
+    *,
+    rounds: int = ROUNDS,
+    steps: int = STEPS,
+    gain: Array | None = None,
+) -> Fitted | None:
     """Fit coefficients, silent allowances and effects; None where it runs away from the start."""
     free = free_positions(case, effects)
     mean, information, low, high = prior_of(case, free, open_positions(case, effects))
@@ -214,9 +222,14 @@ def fit_with(
         p[free] = theta * scale
         try:
             result = fit(
-                _likelihood(case, p, free, colours, gain), theta, mean, information, (low, high),
-                steps, TOLERANCE,
-            )  # fmt: skip
+                _likelihood(case, p, free, colours, gain),
+                theta,
+                mean,
+                information,
+                (low, high),
+                steps,
+                TOLERANCE,
+            )
         except NumericsError:
             break
         p = p.copy()

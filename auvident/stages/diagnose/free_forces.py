@@ -87,9 +87,13 @@ def free_forces(case: Case, fitted: Fitted) -> list[FreeForce]:
     found = []
     for name in best:
         after = fit_with(
-            cases[name], (*fitted.effects, FREE_FORCE), gains[name].parameters, fitted.colours,
-            rounds=1, steps=6,
-        )  # fmt: skip
+            cases[name],
+            (*fitted.effects, FREE_FORCE),
+            gains[name].parameters,
+            fitted.colours,
+            rounds=1,
+            steps=6,
+        )
         if after is not None:
             found.append(_described(cases[name], name, fitted, after))
     return sorted(found, key=lambda f: -f.gain)
@@ -112,6 +116,10 @@ def _described(case: Case, name: str, before: Fitted, after: Fitted) -> FreeForc
     stds = {f[-1]: case.setup.prior_std[case.position(f)] for f in FREE_FORCES}
     axis = max(sizes, key=lambda a: abs(sizes[a]) / stds[a])
     return FreeForce(
-        name, AXES[axis], float(sizes[axis]), log_gain(before, after),
-        1.0 - after.rms / before.rms, after.log_likelihood,
-    )  # fmt: skip
+        name,
+        AXES[axis],
+        float(sizes[axis]),
+        log_gain(before, after),
+        1.0 - after.rms / before.rms,
+        after.log_likelihood,
+    )

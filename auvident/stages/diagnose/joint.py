@@ -203,9 +203,10 @@ class Score:
 def score(joint: Joint, effects: Sequence[str]) -> Score:
     """Gain of adding effects to the fitted model, the other parameters adjusting."""
     case, start = joint.case, joint.fitted.parameters
-    free = np.array(sorted({
-        *joint.fitted.free.tolist(), *(i for e in effects for i in case.positions(e))
-    }), dtype=np.int64)  # fmt: skip
+    free = np.array(
+        sorted({*joint.fitted.free.tolist(), *(i for e in effects for i in case.positions(e))}),
+        dtype=np.int64,
+    )
     open_ = [i for e in (*joint.fitted.effects, *effects) for i in case.positions(e)]
     mean, information, low, high = prior_of(case, free, open_)
     at = joint.columns(free)
@@ -249,9 +250,9 @@ def unabsorbed(joint: Joint, positions: Sequence[int]) -> tuple[Array, Array, Ar
     """
     own = joint.columns(positions)
     # silent allowances are bounded, and an effect worth a word exceeds them
-    base = joint.columns([
-        i for i in joint.fitted.free if i not in set(positions) and joint.case.silent[i] == 0.0
-    ])  # fmt: skip
+    base = joint.columns(
+        [i for i in joint.fitted.free if i not in set(positions) and joint.case.silent[i] == 0.0]
+    )
     _, information, _, _ = prior_of(joint.case, joint.free[base], _open(joint))
     h = joint.curvature
     share = np.linalg.solve(h[np.ix_(base, base)] + information, h[np.ix_(base, own)])

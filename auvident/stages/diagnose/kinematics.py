@@ -132,9 +132,7 @@ def position_against_dvl(trials: Sequence[Trial], dvl: Dvl) -> SensorCheck | Non
     SensorCheck or None
         None without a position or heading log or with too little of it.
     """
-    names: tuple[str, ...] = (
-        "dvl_scale.fraction", "dvl_misalignment.yaw_deg", "dvl_delay.delay_s"
-    )  # fmt: skip
+    names: tuple[str, ...] = ("dvl_scale.fraction", "dvl_misalignment.yaw_deg", "dvl_delay.delay_s")
     if dvl.reference == "water":
         names += ("current.north_mps", "current.east_mps")
     needed = ("u_mps", "v_mps", "heading_rad", "r_radps")
@@ -164,8 +162,10 @@ def position_change(stretch: Stretch, x: Array, dvl: Dvl) -> Array:
     u, v = math.cos(yaw) * u - math.sin(yaw) * v, math.sin(yaw) * u + math.cos(yaw) * v
     p, q, r = s["p_radps"], s["q_radps"], s["r_radps"]
     at_origin = (
-        u - q * dvl.z_m + r * dvl.y_m, v - r * dvl.x_m + p * dvl.z_m, w - p * dvl.y_m + q * dvl.x_m
-    )  # fmt: skip
+        u - q * dvl.z_m + r * dvl.y_m,
+        v - r * dvl.x_m + p * dvl.z_m,
+        w - p * dvl.y_m + q * dvl.x_m,
+    )
     over_ground = _north_east(s, at_origin)
     if len(x) > 6:
         over_ground = over_ground + x[6:8]

@@ -29,9 +29,13 @@ MOST_REFITS = 4  # of two rounds each; a fit from the estimate has three
 
 
 def refit(
-    case: Case, effects: Sequence[str], starts: Sequence[Array], like: Fitted,
-    rounds: int = 2, steps: int = 8,
-) -> Fitted | None:  # fmt: skip
+    case: Case,
+    effects: Sequence[str],
+    starts: Sequence[Array],
+    like: Fitted,
+    rounds: int = 2,
+    steps: int = 8,
+) -> Fitted | None:
     """Best fit with effects from several starts; None where all of them run away."""
     fits = [
         fit_with(case, effects, start, like.colours, rounds=rounds, steps=steps) for start in starts

@@ -57,19 +57,27 @@ def diagnosis_of(evidence: Evidence, model: IdentifiedModel, maneuvers: Maneuver
     if verdict in ("unexplained", "partly_explained"):
         unexplained = {"correlates": correlates, "nearest": nearest, "channels": left}
     return Diagnosis(
-        plane=model.plane, verdict=verdict,
+        plane=model.plane,
+        verdict=verdict,
         statement=statement(verdict, effects, groups, by, sees, unexplained),
         effects=tuple(effects),
-        candidates=tuple(_candidates(traced.rounds, case)), ambiguous=groups,
-        unexplained=unexplained, remaining=remaining_of(verdict, unexplained), sees=sees,
-        lookalikes=lookalikes(first.joint, evidence.candidates), separate_by=by,
-        silent=_silent(case, traced.final, traced.quiet), carried=_carried(case, traced),
+        candidates=tuple(_candidates(traced.rounds, case)),
+        ambiguous=groups,
+        unexplained=unexplained,
+        remaining=remaining_of(verdict, unexplained),
+        sees=sees,
+        lookalikes=lookalikes(first.joint, evidence.candidates),
+        separate_by=by,
+        silent=_silent(case, traced.final, traced.quiet),
+        carried=_carried(case, traced),
         steps=traced.steps,
-        residuals=tuple(_residual_rows(evidence)), checks=_checks(evidence),
-        missing=evidence.missing, false_alarm_p=_false_alarm_p(traced),
+        residuals=tuple(_residual_rows(evidence)),
+        checks=_checks(evidence),
+        missing=evidence.missing,
+        false_alarm_p=_false_alarm_p(traced),
         identify_maneuvers=tuple(r.id for r in case.records),
         findings=tuple(_coefficient_findings(traced)),
-    )  # fmt: skip
+    )
 
 
 def _false_alarm_p(traced: Traced) -> float | None:
@@ -84,28 +92,40 @@ def _false_alarm_p(traced: Traced) -> float | None:
 def _disturbances(evidence: Evidence) -> list[EffectFound]:
     found = [
         EffectFound(
-            id="one_off_event", family="environment",
+            id="one_off_event",
+            family="environment",
             parameters=(
                 ParameterValue(symbol="time_s", value=e.time_s, std=EVENT_STD_S, unit="s"),
                 ParameterValue(symbol="duration_s", value=e.duration_s, std=EVENT_STD_S, unit="s"),
             ),
             plain=f"a one-off event in {e.maneuver} at {e.time_s:.0f} s (masked)",
-            maneuver=e.maneuver, time_s=e.time_s, duration_s=e.duration_s,
+            maneuver=e.maneuver,
+            time_s=e.time_s,
+            duration_s=e.duration_s,
         )
         for e in evidence.events
-    ]  # fmt: skip
+    ]
     wave = evidence.wave
     if wave is not None and wave.found:
         degrees = float(np.degrees(wave.direction_rad))
-        found.append(EffectFound(
-            id="wave", family="environment",
-            parameters=(
-                ParameterValue(symbol="omega_radps", value=wave.frequency_radps, std=WAVE_STD_RADPS,
-                               unit="rad/s"),
-                ParameterValue(symbol="direction_deg", value=degrees, std=WAVE_STD_DEG, unit="deg"),
-            ),
-            plain=f"a wave of {wave.frequency_radps:.2f} rad/s towards {degrees:.0f} deg",
-        ))  # fmt: skip
+        found.append(
+            EffectFound(
+                id="wave",
+                family="environment",
+                parameters=(
+                    ParameterValue(
+                        symbol="omega_radps",
+                        value=wave.frequency_radps,
+                        std=WAVE_STD_RADPS,
+                        unit="rad/s",
+                    ),
+                    ParameterValue(
+                        symbol="direction_deg", value=degrees, std=WAVE_STD_DEG, unit="deg"
+                    ),
+                ),
+                plain=f"a wave of {wave.frequency_radps:.2f} rad/s towards {degrees:.0f} deg",
+            )
+        )
     return found
 
 
@@ -122,10 +142,15 @@ def _accepted(evidence: Evidence) -> list[EffectFound]:
         values = effect_values(case, effect, final.parameters, stds)
         when = step_time(case, final.parameters) if effect == STEP else None
         values = (*values, when) if when else values
-        found.append(EffectFound(
-            id=effect, family=BY_ID[effect].family, parameters=values,
-            plain=plain(effect, values, speed, rate), time_s=when.value if when else None,
-        ))  # fmt: skip
+        found.append(
+            EffectFound(
+                id=effect,
+                family=BY_ID[effect].family,
+                parameters=values,
+                plain=plain(effect, values, speed, rate),
+                time_s=when.value if when else None,
+            )
+        )
     return found
 
 
@@ -209,21 +234,28 @@ def _candidate(case: Case, tried: Tried) -> Candidate:
     values = effect_values(case, tried.id, tried.fitted.parameters, nothing)
     helped, refusal = tried.account.helped, tried.refusal
     return Candidate(
-        id=tried.id, family=BY_ID[tried.id].family, gain=tried.gain,
+        id=tried.id,
+        family=BY_ID[tried.id].family,
+        gain=tried.gain,
         p=helped.p if helped else None,
         parameters=tuple(v.model_copy(update={"low": None, "high": None}) for v in values),
-        held_back_gain=helped.gain if helped else None, improved=helped.share if helped else None,
-        rms_fall=dict(tried.account.falls), refitted=tried.account.settled,
+        held_back_gain=helped.gain if helped else None,
+        improved=helped.share if helped else None,
+        rms_fall=dict(tried.account.falls),
+        refitted=tried.account.settled,
         rejected=refusal.text if refusal else "",
         refusal=Refused(**asdict(refusal)) if refusal else None,
-    )  # fmt: skip
+    )
 
 
 def _correlate(force: FreeForce) -> dict[str, Any]:
     return {
-        "axis": force.axis, "regressor": force.regressor, "gain": force.gain, "rms": force.size,
+        "axis": force.axis,
+        "regressor": force.regressor,
+        "gain": force.gain,
+        "rms": force.size,
         "rms_fall": {n: float(f) for n, f in zip(CHANNELS, force.falls, strict=True)},
-    }  # fmt: skip
+    }
 
 
 def _residual_rows(evidence: Evidence) -> list[ResidualRow]:
@@ -232,13 +264,17 @@ def _residual_rows(evidence: Evidence) -> list[ResidualRow]:
     for before, after in zip(traced.baseline.residuals, traced.final.residuals, strict=True):
         for c, name in enumerate(CHANNELS):
             if np.isfinite(before.error[:, c]).any():
-                rows.append(ResidualRow(
-                    maneuver=before.id, channel=name, unit=UNITS[c],
-                    rms=float(np.sqrt(np.nanmean(before.error[:, c] ** 2))),
-                    rms_after=float(np.sqrt(np.nanmean(after.error[:, c] ** 2))),
-                    noise_std=float(case.setup.sensor_std[c]),
-                    correlation_time_s=traced.final.colours[c].time_s,
-                ))  # fmt: skip
+                rows.append(
+                    ResidualRow(
+                        maneuver=before.id,
+                        channel=name,
+                        unit=UNITS[c],
+                        rms=float(np.sqrt(np.nanmean(before.error[:, c] ** 2))),
+                        rms_after=float(np.sqrt(np.nanmean(after.error[:, c] ** 2))),
+                        noise_std=float(case.setup.sensor_std[c]),
+                        correlation_time_s=traced.final.colours[c].time_s,
+                    )
+                )
     return rows
 
 
@@ -260,9 +296,10 @@ def _checks(evidence: Evidence) -> dict[str, Any]:
     }
     if evidence.wave is not None:
         found["wave"] = {
-            "power_ratio": evidence.wave.power_ratio, "threshold": evidence.wave.threshold,
+            "power_ratio": evidence.wave.power_ratio,
+            "threshold": evidence.wave.threshold,
             "omega_radps": evidence.wave.frequency_radps,
-        }  # fmt: skip
+        }
     found["free_forces"] = [_correlate(f) for f in evidence.free]
     found["rms"] = {
         "before": dict(zip(CHANNELS, evidence.traced.baseline.rms.tolist(), strict=True)),
@@ -293,11 +330,16 @@ def _coefficient_findings(traced: Traced) -> list[Finding]:
         if min(ratios) > TWICE:
             pairs = zip(symbols, ratios, strict=True)
             listed = ", ".join(f"{symbol} {ratio:.1f} times" for symbol, ratio in pairs)
-            found.append(Finding(
-                code=code, where=", ".join(symbols), value=float(min(ratios)), threshold=TWICE,
-                message=f"{text}: {listed}",
-                remedy="The coefficients carry it; the prediction is complete.",
-            ))  # fmt: skip
+            found.append(
+                Finding(
+                    code=code,
+                    where=", ".join(symbols),
+                    value=float(min(ratios)),
+                    threshold=TWICE,
+                    message=f"{text}: {listed}",
+                    remedy="The coefficients carry it; the prediction is complete.",
+                )
+            )
     return found
 
 
@@ -315,9 +357,13 @@ def residual_table(evidence: Evidence, maneuvers: Maneuvers) -> pd.DataFrame:
     ):
         m = by_id[record.id]
         table: dict[str, Any] = {
-            "maneuver": m.id, "trial": m.trial, "kind": m.kind, "role": m.role,
-            "time_s": record.time_s, "heading_rad": record.given[:, 3],
-        }  # fmt: skip
+            "maneuver": m.id,
+            "trial": m.trial,
+            "kind": m.kind,
+            "role": m.role,
+            "time_s": record.time_s,
+            "heading_rad": record.given[:, 3],
+        }
         for c, column in enumerate(columns[:3]):
             table[f"{column}_measured"] = record.measured[:, c]
             table[f"{column}_before"] = record.measured[:, c] - before.error[:, c]

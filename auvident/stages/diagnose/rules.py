@@ -118,28 +118,73 @@ def _share_helped(account: Account) -> float:
 
 
 RULES: tuple[Rule, ...] = (
-    Rule("unsettled", "its fit has converged", lambda a: float(a.settled), 1.0,
-         "promises {promise:.0f} nats, too few beside the best to be fitted to the end"),
-    Rule("gain", "it gains likelihood", lambda a: a.gain, LEAST_GAIN,
-         "gains {evidence:.0f} nats, less than {least:.0f}"),
-    Rule("of-best", "it is no by-product of another", lambda a: a.gain / a.best_gain, OF_BEST,
-         "gains less than half of the best one"),
-    Rule("small", "it is large enough to matter", lambda a: a.size, 1.0,
-         "smaller than of practical interest"),
-    Rule("no-fall", "some residual becomes clearly smaller", lambda a: max(a.falls.values()),
-         LEAST_FALL, f"no residual falls by {100 * LEAST_FALL:.0f} %"),
-    Rule("bound", "its size is plausible", lambda a: float(not a.at_bound), 1.0,
-         "at the bound of what is plausible"),
-    Rule("maneuvers", "there is another maneuver to try it on", lambda a: float(a.maneuvers),
-         LEAST_MANEUVERS, "there is no other maneuver to try it on"),
-)  # fmt: skip
+    Rule(
+        "unsettled",
+        "its fit has converged",
+        lambda a: float(a.settled),
+        1.0,
+        "promises {promise:.0f} nats, too few beside the best to be fitted to the end",
+    ),
+    Rule(
+        "gain",
+        "it gains likelihood",
+        lambda a: a.gain,
+        LEAST_GAIN,
+        "gains {evidence:.0f} nats, less than {least:.0f}",
+    ),
+    Rule(
+        "of-best",
+        "it is no by-product of another",
+        lambda a: a.gain / a.best_gain,
+        OF_BEST,
+        "gains less than half of the best one",
+    ),
+    Rule(
+        "small",
+        "it is large enough to matter",
+        lambda a: a.size,
+        1.0,
+        "smaller than of practical interest",
+    ),
+    Rule(
+        "no-fall",
+        "some residual becomes clearly smaller",
+        lambda a: max(a.falls.values()),
+        LEAST_FALL,
+        f"no residual falls by {100 * LEAST_FALL:.0f} %",
+    ),
+    Rule(
+        "bound",
+        "its size is plausible",
+        lambda a: float(not a.at_bound),
+        1.0,
+        "at the bound of what is plausible",
+    ),
+    Rule(
+        "maneuvers",
+        "there is another maneuver to try it on",
+        lambda a: float(a.maneuvers),
+        LEAST_MANEUVERS,
+        "there is no other maneuver to try it on",
+    ),
+)
 # ... and once it was tried on maneuvers left out of its fit
 RULES_LEFT_OUT: tuple[Rule, ...] = (
-    Rule("share-helped", "it helps most of the maneuvers left out", _share_helped, LEAST_SHARE,
-         "helps only {share:.0f} % of the maneuvers left out"),
-    Rule("by-chance", "it helps them more than chance would", _bound_of_gain, POSITIVE,
-         "helps the maneuvers left out no more than chance would"),
-)  # fmt: skip
+    Rule(
+        "share-helped",
+        "it helps most of the maneuvers left out",
+        _share_helped,
+        LEAST_SHARE,
+        "helps only {share:.0f} % of the maneuvers left out",
+    ),
+    Rule(
+        "by-chance",
+        "it helps them more than chance would",
+        _bound_of_gain,
+        POSITIVE,
+        "helps the maneuvers left out no more than chance would",
+    ),
+)
 ANOTHER = Refusal("another", "another gains more")
 
 
@@ -194,8 +239,9 @@ def simplest(judged: Sequence[Judged]) -> list[Judged]:
         if fewer and account.gain >= least and refusal_of(account, RULES) is None:
             text = f"{account.id} does as well with less"
             instead: dict[str, Refusal | None] = {
-                accepted.id: Refusal("simpler", text), account.id: None
-            }  # fmt: skip
+                accepted.id: Refusal("simpler", text),
+                account.id: None,
+            }
             return [(a, instead.get(a.id, refusal)) for a, refusal in judged]
     return list(judged)
 
@@ -206,9 +252,11 @@ def told_apart_from(accepted: Account, accounts: Sequence[Account]) -> tuple[str
     return tuple(
         a.id
         for a in accounts
-        if a.id != accepted.id and a.gain >= least and a.size >= 1.0
+        if a.id != accepted.id
+        and a.gain >= least
+        and a.size >= 1.0
         and all(own <= RMS_ALIKE * best for own, best in zip(a.rms, accepted.rms, strict=True))
-    )  # fmt: skip
+    )
 
 
 def nuisance_of(judged: Sequence[Judged], rms_before: Sequence[float], quiet: int) -> str | None:

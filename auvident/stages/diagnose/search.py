@@ -98,9 +98,10 @@ class Search:
         if not found:
             raise NumericsError(
                 "the prediction runs away in a maneuver that identifies, with the identified "
-                "coefficients and with the estimate", self._where(),
+                "coefficients and with the estimate",
+                self._where(),
                 "Hold that maneuver out, or look at its log.",
-            )  # fmt: skip
+            )
         return max(found, key=lambda f: f.log_likelihood)
 
     def _where(self) -> str:
@@ -193,14 +194,24 @@ class Search:
         found = {c: nested(self.case, before, f) for c, f in found.items()}
         gains = {c: log_gain(before, f) for c, f in found.items()}
         tried = [
-            Tried(f, Account(
-                c, gains[c], max(gains.values()), len(self.case.positions(c)),
-                size_of(self.case, c, f.parameters), self._falls(before, f), tuple(f.rms.tolist()),
-                at_bound(self.case, c, f.parameters), c in finished, promise[c],
-                len(self.case.records),
-            ))
+            Tried(
+                f,
+                Account(
+                    c,
+                    gains[c],
+                    max(gains.values()),
+                    len(self.case.positions(c)),
+                    size_of(self.case, c, f.parameters),
+                    self._falls(before, f),
+                    tuple(f.rms.tolist()),
+                    at_bound(self.case, c, f.parameters),
+                    c in finished,
+                    promise[c],
+                    len(self.case.records),
+                ),
+            )
             for c, f in found.items()
-        ]  # fmt: skip
+        ]
         return sorted(tried, key=lambda t: -t.gain), before
 
     def _first_refit(self, before: Fitted, candidate: str, scored: Array) -> Fitted:
@@ -222,10 +233,14 @@ class Search:
 
         What the sensors say about each other is the size where they say something.
         """
-        p, known = before.parameters.copy(), {
-            name: float(mean) for c in self.case.checks
-            for name, mean in zip(c.names, c.mean, strict=True)
-        }  # fmt: skip
+        p, known = (
+            before.parameters.copy(),
+            {
+                name: float(mean)
+                for c in self.case.checks
+                for name, mean in zip(c.names, c.mean, strict=True)
+            },
+        )
         positions = self.case.positions(candidate)
         names = [self.case.names[i] for i in positions]
         if not BY_ID[candidate].curved and not any(name in known for name in names):
@@ -275,9 +290,12 @@ class Search:
         found = {name: float(fall) for name, fall in zip(CHANNELS, falls, strict=True)}
         gained = check_cost(self.case, before.parameters) - check_cost(self.case, after.parameters)
         if gained > CHECK_GAIN:
-            found["sensors"] = 1.0 - float(np.sqrt(
-                check_cost(self.case, after.parameters) / check_cost(self.case, before.parameters)
-            ))  # fmt: skip
+            found["sensors"] = 1.0 - float(
+                np.sqrt(
+                    check_cost(self.case, after.parameters)
+                    / check_cost(self.case, before.parameters)
+                )
+            )
         return found
 
     def _judge(self, before: Fitted, tried: list[Tried]) -> tuple[list[Tried], Tried | None]:
@@ -305,9 +323,11 @@ class Search:
         if checked > CHECK_GAIN:  # what the sensors say needs no maneuver
             by_sensors = float(chdtrc(len(case.positions(effect)), 2.0 * checked))
             found = Helped(
-                found.gain + checked, max(found.share, 1.0), found.low + checked,
+                found.gain + checked,
+                max(found.share, 1.0),
+                found.low + checked,
                 p=2.0 * min(by_sensors, found.p),
-            )  # fmt: skip
+            )
         return replace(found, p=min(1.0, len(self.candidates) * found.p))
 
     def _alike(self, joint: Joint, accepted: Tried, judged: list[Tried]) -> tuple[str, ...]:
@@ -320,10 +340,12 @@ class Search:
         """Effects of which one is a special case, so that they fit whatever it fits."""
         own = self.case.positions(effect)
         return [
-            c for c in partners(effect)
-            if c in self.candidates and len(self.case.positions(c)) > len(own)
+            c
+            for c in partners(effect)
+            if c in self.candidates
+            and len(self.case.positions(c)) > len(own)
             and cosine(joint, own, self.case.positions(c)) > CONTAINS
-        ]  # fmt: skip
+        ]
 
 
 def _best_gain(before: Fitted, found: dict[str, Fitted], among: set[str]) -> float:

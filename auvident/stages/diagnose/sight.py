@@ -39,12 +39,18 @@ def _rows(joint: Joint, effect: str) -> list[Detectable]:
         visible = size < PLAUSIBLE * declared.prior and (
             kept[k] > ABSORBED or np.isfinite(_by_checks(joint, i))
         )
-        found.append(Detectable(
-            id=effect, family=BY_ID[effect].family, symbol=declared.symbol,
-            size=declared.shown(min(size, 1e3 * declared.prior) * unit)[0], unit=declared.unit,
-            visible=bool(visible), kept=float(np.clip(kept[k], 0.0, 1.0)),
-            why="" if visible else _why(float(kept[k]), joint, effect),
-        ))  # fmt: skip
+        found.append(
+            Detectable(
+                id=effect,
+                family=BY_ID[effect].family,
+                symbol=declared.symbol,
+                size=declared.shown(min(size, 1e3 * declared.prior) * unit)[0],
+                unit=declared.unit,
+                visible=bool(visible),
+                kept=float(np.clip(kept[k], 0.0, 1.0)),
+                why="" if visible else _why(float(kept[k]), joint, effect),
+            )
+        )
     return found
 
 

@@ -71,9 +71,10 @@ def diagnose(
     """
     if model.plane != "horizontal":
         raise NumericsError(
-            "diagnosis knows the horizontal plane only", f"model of the {model.plane} plane",
+            "diagnosis knows the horizontal plane only",
+            f"model of the {model.plane} plane",
             "Identify with --plane horizontal.",
-        )  # fmt: skip
+        )
     try:
         return _diagnosed(trials, maneuvers, vehicle, setup, model, seed, progress or _silent)
     except np.linalg.LinAlgError as error:
@@ -88,9 +89,14 @@ def _silent(text: str, share: float) -> None:
 
 
 def _diagnosed(
-    trials: Sequence[Trial], maneuvers: Maneuvers, vehicle: Vehicle, setup: Setup,
-    model: IdentifiedModel, seed: int, tell: Progress,
-) -> Diagnosed:  # fmt: skip
+    trials: Sequence[Trial],
+    maneuvers: Maneuvers,
+    vehicle: Vehicle,
+    setup: Setup,
+    model: IdentifiedModel,
+    seed: int,
+    tell: Progress,
+) -> Diagnosed:
     tell("sensors against each other", 0.0)
     checks = [heading_against_gyro(trials), position_against_dvl(trials, vehicle.dvl)]
     case = case_of(setup, model, [c for c in checks if c is not None])
@@ -128,8 +134,9 @@ def _evidence(
     wave = find_wave(pieces_of(case, traced.final.residuals))
     free = free_forces(case, traced.final)
     rival = rival_of(traced)
-    return Evidence(traced, search.candidates, tuple(events), wave, tuple(free), rival,
-                    tuple(missing))  # fmt: skip
+    return Evidence(
+        traced, search.candidates, tuple(events), wave, tuple(free), rival, tuple(missing)
+    )
 
 
 def rival_of(traced: Traced) -> FreeForce | None:

@@ -104,9 +104,13 @@ def records_between(case: Case, trial: Trial, maneuvers: Maneuvers) -> list[Reco
     for rows in np.split(np.arange(len(time)), cuts):
         if piece[rows[0]] >= 0 and len(rows) > SHORTEST_S * trial.rate_hz:
             span = Maneuver(
-                id=f"{trial.name}-between-{rows[0]}", trial=trial.name, kind="straight",
-                t_start_s=time[rows[0]], t_end_s=time[rows[-1]], role="identify",
-            )  # fmt: skip
+                id=f"{trial.name}-between-{rows[0]}",
+                trial=trial.name,
+                kind="straight",
+                t_start_s=time[rows[0]],
+                t_end_s=time[rows[-1]],
+                role="identify",
+            )
             found.append(record_of(span, trial, plane, sensor_matrix(plane, sensing)))
     return found
 
@@ -150,6 +154,10 @@ def step_time(case: Case, p: Array) -> ParameterValue:
     first, half = case.records[0], 0.5 * float(p[case.position(OVER)])
     time = float(p[case.position(TIME)] + first.time_s[0] - _span(first)[0])
     return ParameterValue(
-        symbol="time_s", value=time, std=half / 3.0**0.5, unit="s", low=time - half,
+        symbol="time_s",
+        value=time,
+        std=half / 3.0**0.5,
+        unit="s",
+        low=time - half,
         high=time + half,
-    )  # fmt: skip
+    )

@@ -56,8 +56,14 @@ def effect_values(case: Case, effect: str, p: Array, stds: Array) -> tuple[Param
     for i in case.positions(effect):
         declared = parameter_of(case.names[i])
         value, std = declared.shown(float(p[i] - case.setup.prior[i]), float(stds[i]))
-        found.append(ParameterValue(
-            symbol=declared.symbol, value=value, std=std, unit=declared.unit,
-            low=value - reach * std, high=value + reach * std,
-        ))  # fmt: skip
+        found.append(
+            ParameterValue(
+                symbol=declared.symbol,
+                value=value,
+                std=std,
+                unit=declared.unit,
+                low=value - reach * std,
+                high=value + reach * std,
+            )
+        )
     return tuple(found)

@@ -78,9 +78,10 @@ def stepper_of(case: Case, p: Array) -> Stepper:
     q[[case.position(name) for name in FREE_FORCES]] = 1.0
     if not inverse_mass(q, structure.mass, structure.mass_weights, ACTIVE, inverse) > 0.0:
         raise NumericsError(
-            "mass matrix is not positive definite", "unknown forces of the diagnosis",
+            "mass matrix is not positive definite",
+            "unknown forces of the diagnosis",
             "Check mass, inertia and added masses in the vehicle file.",
-        )  # fmt: skip
+        )
     return Stepper(case, q, inverse)
 
 
@@ -147,9 +148,16 @@ def damping_of(step: Stepper, fitted: Fitted) -> Array:
     usual = np.median(np.concatenate(acting), axis=0)
     held = np.array([states, states])
     passed = motion_pass(
-        x, np.eye(len(x)), np.array([usual, usual]), held, np.full(held.shape, np.nan), np.eye(4),
-        np.ones(4), np.zeros(len(x)), *step.model,
-    )  # fmt: skip
+        x,
+        np.eye(len(x)),
+        np.array([usual, usual]),
+        held,
+        np.full(held.shape, np.nan),
+        np.eye(4),
+        np.ones(4),
+        np.zeros(len(x)),
+        *step.model,
+    )
     if passed is None:  # lost within a step: it forgets nothing, and no force will be found
         return np.zeros(N_CHANNELS)
     slopes = passed[-1][0]
@@ -185,10 +193,16 @@ def _smoothed(step: Stepper, fitted: Fitted, record: Record, states: Array, walk
     spread = np.diag(np.append(start, START_FORCE * walk.size) ** 2)
     growth = np.append(np.zeros(N_CHANNELS), walk.intensity**2 * step.case.setup.dt_s)
     passed = motion_pass(
-        np.append(states[0, :N_CHANNELS], np.zeros(N_FORCES)), spread,
-        at_effects(frame, p, record).inputs, states, read, sensor,
-        np.append(walk.noise, np.nan) ** 2, growth, *step.model,
-    )  # fmt: skip
+        np.append(states[0, :N_CHANNELS], np.zeros(N_FORCES)),
+        spread,
+        at_effects(frame, p, record).inputs,
+        states,
+        read,
+        sensor,
+        np.append(walk.noise, np.nan) ** 2,
+        growth,
+        *step.model,
+    )
     if passed is None:
         nothing = np.full((len(read), N_FORCES), np.nan)
         return Forces(nothing, nothing)

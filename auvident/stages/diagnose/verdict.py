@@ -50,9 +50,12 @@ class Evidence:
 
 
 def verdict_of(
-    effects: Sequence[EffectFound], evidence: Evidence, left: Sequence[str], nearest: str | None,
+    effects: Sequence[EffectFound],
+    evidence: Evidence,
+    left: Sequence[str],
+    nearest: str | None,
     groups: Sequence[Sequence[str]],
-) -> Verdict:  # fmt: skip
+) -> Verdict:
     """What the evidence supports; see `Diagnosis`.
 
     What was accepted stands: a remainder makes a verdict partial and takes nothing back.

@@ -57,9 +57,12 @@ class Stretch:
 
 
 def stretches_of(
-    trials: Sequence[Trial], reference: tuple[str, ...], needed: tuple[str, ...],
-    optional: tuple[str, ...], window_s: float,
-) -> list[Stretch]:  # fmt: skip
+    trials: Sequence[Trial],
+    reference: tuple[str, ...],
+    needed: tuple[str, ...],
+    optional: tuple[str, ...],
+    window_s: float,
+) -> list[Stretch]:
     """Pieces of the trials in which everything is known, cut into windows.
 
     Parameters
@@ -112,9 +115,13 @@ def _silent(sampled: Array, rate_hz: float) -> Array:
 
 
 def _stretch(
-    trial: Trial, piece: Array, carried: tuple[str, ...], reference: tuple[str, ...],
-    window_s: float, first: int,
-) -> Stretch | None:  # fmt: skip
+    trial: Trial,
+    piece: Array,
+    carried: tuple[str, ...],
+    reference: tuple[str, ...],
+    window_s: float,
+    first: int,
+) -> Stretch | None:
     """One piece with its samples of the reference, its windows numbered from `first` on."""
     table, margin = trial.table.iloc[piece], round(MARGIN_S * trial.rate_hz)
     seen = np.isfinite(table[list(reference)].to_numpy()).all(axis=1)
@@ -196,9 +203,13 @@ class _Normal:
 
 
 def _normal(
-    residual: Callable[[Array], Array], x: Array, prior: Array, keep: Array, window: Array,
+    residual: Callable[[Array], Array],
+    x: Array,
+    prior: Array,
+    keep: Array,
+    window: Array,
     cluster: Array,
-) -> _Normal:  # fmt: skip
+) -> _Normal:
     """Normal equations at x, in units of the residual's own variance."""
     z = _within(residual(x)[keep], window[keep])
     slopes = [_within(_slope(residual, x, i, p)[keep], window[keep]) for i, p in enumerate(prior)]

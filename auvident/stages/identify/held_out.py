@@ -51,9 +51,11 @@ def overlap_findings(trials: Sequence[Trial], maneuvers: Maneuvers, plane: Plane
 
 def _finding(m: Maneuver, left_s: float, held: str) -> Finding:
     enough = left_s >= LEAST_LEFT_S
-    what = f"its longest stretch outside, {left_s:.1f} s, identifies" if enough else (
-        f"only {left_s:.1f} s of it lie outside, and it identifies nothing"
-    )  # fmt: skip
+    what = (
+        f"its longest stretch outside, {left_s:.1f} s, identifies"
+        if enough
+        else (f"only {left_s:.1f} s of it lie outside, and it identifies nothing")
+    )
     return Finding(
         code="held-out-in-part" if enough else "held-out-within",
         where=m.id,

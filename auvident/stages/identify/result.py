@@ -62,10 +62,16 @@ class Step:
 
 
 def model_of(
-    setup: Setup, sensing: Sensing, ase: AseResult, vehicle: Vehicle,
-    done: Sequence[Step], unseen: Sequence[Direction], scatter: Scatter | None,
-    findings: Sequence[Finding], carried: Carried | None = None,
-) -> IdentifiedModel:  # fmt: skip
+    setup: Setup,
+    sensing: Sensing,
+    ase: AseResult,
+    vehicle: Vehicle,
+    done: Sequence[Step],
+    unseen: Sequence[Direction],
+    scatter: Scatter | None,
+    findings: Sequence[Finding],
+    carried: Carried | None = None,
+) -> IdentifiedModel:
     """Assemble the artifact from the last stage that estimated each coefficient.
 
     `scatter` is that of the last stage's coefficients; None when there are too few maneuvers.
@@ -161,9 +167,13 @@ def widening(covariance: Array, scatter: Scatter | None) -> Array:
 
 
 def _widened(
-    row: ModelCoefficient, final: Outcome, structure: Structure, followers: Array,
-    scatter: Scatter | None, widen: Array,
-) -> ModelCoefficient:  # fmt: skip
+    row: ModelCoefficient,
+    final: Outcome,
+    structure: Structure,
+    followers: Array,
+    scatter: Scatter | None,
+    widen: Array,
+) -> ModelCoefficient:
     """A coefficient with its standard deviation widened to the scatter between maneuvers."""
     position = structure.index(row.symbol)
     position = dict(followers.tolist()).get(position, position)
@@ -193,9 +203,12 @@ def _covariance(
 
 
 def _row(
-    setup: Setup, ase: AseResult, parameters: Array, last: dict[int, tuple[Outcome, int]],
+    setup: Setup,
+    ase: AseResult,
+    parameters: Array,
+    last: dict[int, tuple[Outcome, int]],
     position: int,
-) -> ModelCoefficient:  # fmt: skip
+) -> ModelCoefficient:
     symbol = setup.structure.parameters[position]
     leaders = dict(setup.followers.tolist())
     unit = prime_unit(symbol, ase.density_kgpm3, ase.length_m)
@@ -267,34 +280,53 @@ def _findings(
     found = []
     for row in rows:
         if row.origin == "identified" and row.data_share < NOT_MOVED:
-            found.append(Finding(
-                code="not-seen", where=row.symbol, value=row.data_share, threshold=NOT_MOVED,
-                message="rests on the prior: these maneuvers hardly show it",
-            ))  # fmt: skip
+            found.append(
+                Finding(
+                    code="not-seen",
+                    where=row.symbol,
+                    value=row.data_share,
+                    threshold=NOT_MOVED,
+                    message="rests on the prior: these maneuvers hardly show it",
+                )
+            )
         if row.std_jackknife and row.std_filter and row.origin == "identified":
             ratio = row.std_jackknife / row.std_filter
             if row.std > row.std_filter and ratio > DISAGREE and row.data_share > NOT_MOVED:
-                found.append(Finding(
-                    code="maneuvers-disagree", where=row.symbol, value=ratio, threshold=DISAGREE,
-                    message="the maneuvers disagree about it; its standard deviation was widened "
-                    "to their scatter",
-                    remedy="Something the model lacks may act differently in them.",
-                ))  # fmt: skip
+                found.append(
+                    Finding(
+                        code="maneuvers-disagree",
+                        where=row.symbol,
+                        value=ratio,
+                        threshold=DISAGREE,
+                        message="the maneuvers disagree about it; its standard deviation was "
+                        "widened to their scatter",
+                        remedy="Something the model lacks may act differently in them.",
+                    )
+                )
         expected = BY_SYMBOL[row.symbol].sign
         if expected and row.value * expected < 0.0 and abs(row.value) > 2.0 * row.std:
-            found.append(Finding(
-                code="wrong-sign", where=row.symbol, value=row.value, threshold=0.0,
-                message="has the sign opposite to a streamlined hull's",
-                remedy="It may stand in for an effect the model lacks.",
-            ))  # fmt: skip
+            found.append(
+                Finding(
+                    code="wrong-sign",
+                    where=row.symbol,
+                    value=row.value,
+                    threshold=0.0,
+                    message="has the sign opposite to a streamlined hull's",
+                    remedy="It may stand in for an effect the model lacks.",
+                )
+            )
     spread = np.sqrt(np.diag(final.covariance))
     matrix = final.covariance / np.outer(spread, spread)
     for i, j in zip(*np.where(np.triu(np.abs(matrix), 1) > CORRELATED), strict=True):
-        found.append(Finding(
-            code="correlated", where=f"{symbols[i]}, {symbols[j]}", value=float(matrix[i, j]),
-            threshold=CORRELATED,
-            message="can hardly be told apart",
-        ))  # fmt: skip
+        found.append(
+            Finding(
+                code="correlated",
+                where=f"{symbols[i]}, {symbols[j]}",
+                value=float(matrix[i, j]),
+                threshold=CORRELATED,
+                message="can hardly be told apart",
+            )
+        )
     return found
 
 
@@ -302,7 +334,9 @@ def _nis_findings(record: StageRecord) -> list[Finding]:
     """Channels whose innovations are not as large as the filter says."""
     return [
         Finding(
-            code="nis-outside", where=column, value=test.corrected,
+            code="nis-outside",
+            where=column,
+            value=test.corrected,
             threshold=test.high if test.corrected > 1.0 else test.low,
             message="the innovations are not as large as the filter claims",
             remedy="The standard deviations of what this channel shows are off accordingly.",
@@ -310,7 +344,7 @@ def _nis_findings(record: StageRecord) -> list[Finding]:
         for column, test in record.nis.items()
         if not (test.low <= test.corrected <= test.high)
         and not (1.0 / NIS_FACTOR <= test.corrected <= NIS_FACTOR)
-    ]  # fmt: skip
+    ]
 
 
 def history_of(setup: Setup, done: Sequence[Step]) -> pd.DataFrame:
@@ -331,11 +365,20 @@ def history_of(setup: Setup, done: Sequence[Step]) -> pd.DataFrame:
             values = outcome.parameters[outcome.free][None, :]
             stds = np.sqrt(np.diag(outcome.covariance))[None, :] * scale
         times = np.arange(len(values)) * every * setup.dt_s
-        pieces.append(pd.DataFrame({
-            "order": order, "start": step.start, "cycle": step.cycle, "stage": step.stage.name,
-            "time_s": np.repeat(times, len(symbols)), "symbol": symbols * len(times),
-            "value": values.ravel(), "std": stds.ravel(),
-        }))  # fmt: skip
+        pieces.append(
+            pd.DataFrame(
+                {
+                    "order": order,
+                    "start": step.start,
+                    "cycle": step.cycle,
+                    "stage": step.stage.name,
+                    "time_s": np.repeat(times, len(symbols)),
+                    "symbol": symbols * len(times),
+                    "value": values.ravel(),
+                    "std": stds.ravel(),
+                }
+            )
+        )
     return pd.concat(pieces, ignore_index=True)
 
 
@@ -346,8 +389,9 @@ def states_of(setup: Setup, parameters: Array) -> pd.DataFrame:
     pieces = []
     for name, (_, record) in setup.records.items():
         acting = at_effects(setup.frame, parameters, record)
-        linear, sensor = linear_about(setup.frame, parameters, [acting], setup.free(NOTHING),
-                                      len(record.time_s))  # fmt: skip
+        linear, sensor = linear_about(
+            setup.frame, parameters, [acting], setup.free(NOTHING), len(record.time_s)
+        )
         acting = replace(acting, measured=acting.measured - linear.offset[0])
         found = smoothed_states(
             setup.structure, parameters, acting, active, sensor, setup.sensor_std, setup.dt_s

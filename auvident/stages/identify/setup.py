@@ -73,12 +73,21 @@ def prepare(
     rate_hz = by_name[chosen[0].trial].rate_hz
     return (
         Setup(
-            structure, plan, records, 1.0 / rate_hz, sensing,
-            np.array([sensing.noise_std[c] for c in STATE_COLUMNS[plane]]), prior, prior_std,
-            followers, filter, engine, start,
+            structure,
+            plan,
+            records,
+            1.0 / rate_hz,
+            sensing,
+            np.array([sensing.noise_std[c] for c in STATE_COLUMNS[plane]]),
+            prior,
+            prior_std,
+            followers,
+            filter,
+            engine,
+            start,
         ),
         sensing,
-    )  # fmt: skip
+    )
 
 
 def _masked(record: Record, carried: Carried) -> Record:

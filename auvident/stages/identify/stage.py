@@ -99,9 +99,17 @@ def identify(
     """
     carried = carried or allowed(plan.allowances, plane)
     setup, sensing = prepare(
-        trials, maneuvers, ase, vehicle, noise, plane=plane, plan=plan, filter=filter,
-        engine=engine, carried=carried,
-    )  # fmt: skip
+        trials,
+        maneuvers,
+        ase,
+        vehicle,
+        noise,
+        plane=plane,
+        plan=plan,
+        filter=filter,
+        engine=engine,
+        carried=carried,
+    )
     compile_side_by_side(setup)
     runs = [_run(setup, factor, progress) for factor in plan.start]
     done, _ = runs[-1]
@@ -221,12 +229,16 @@ def _disagreement(outcomes: Sequence[Outcome], setup: Setup) -> list[Finding]:
     apart = np.ptp(values, axis=0) / spread
     for column in np.flatnonzero(apart > STARTS_APART):
         symbol = setup.structure.parameters[last.free[column]]
-        found.append(Finding(
-            code="depends-on-start", where=symbol, value=float(apart[column]),
-            threshold=STARTS_APART,
-            message=f"{symbol} depends on the value the estimation starts from",
-            remedy="More cycles, or another maneuver that shows it.",
-        ))  # fmt: skip
+        found.append(
+            Finding(
+                code="depends-on-start",
+                where=symbol,
+                value=float(apart[column]),
+                threshold=STARTS_APART,
+                message=f"{symbol} depends on the value the estimation starts from",
+                remedy="More cycles, or another maneuver that shows it.",
+            )
+        )
     return found
 
 

@@ -58,9 +58,14 @@ def _change(setup: Setup, p: Array, record: Record, active: Array) -> Array:
     between = 0.5 * (acting.given[:-1] + acting.given[1:])
     given = np.insert(acting.given, np.arange(1, len(acting.given)), between, axis=0)
     halves = simulate_states(
-        acting.start, np.repeat(acting.inputs, 2, axis=0)[:-1], given, 0.5 * setup.dt_s, p, active,
+        acting.start,
+        np.repeat(acting.inputs, 2, axis=0)[:-1],
+        given,
+        0.5 * setup.dt_s,
+        p,
+        active,
         *setup.structure.arrays,
-    )[::2]  # fmt: skip
+    )[::2]
     if not (np.isfinite(whole[:, active]).all() and np.isfinite(halves[:, active]).all()):
         return np.zeros(whole.shape[1])
     change: Array = np.sqrt(np.mean((halves - whole) ** 2, axis=0))

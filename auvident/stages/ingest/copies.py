@@ -109,9 +109,15 @@ def _readings(time_s: np.ndarray, values: np.ndarray) -> Readings:
     span = float(time.max() - time.min()) if time.size else 0.0
     ascending = np.argsort(time, kind="stable")
     return Readings(
-        time[ascending], x[ascending], keys[times == 1], time[changed][once], x[changed][once],
-        span / max(int(np.count_nonzero(changed)), 1), span, _last_digit(x),
-    )  # fmt: skip
+        time[ascending],
+        x[ascending],
+        keys[times == 1],
+        time[changed][once],
+        x[changed][once],
+        span / max(int(np.count_nonzero(changed)), 1),
+        span,
+        _last_digit(x),
+    )
 
 
 def _last_digit(values: np.ndarray) -> float:

@@ -90,8 +90,11 @@ def ingest(
         unit is impossible or the rudder's sign contradicts the vehicle file.
     """
     if not 0 < rate_hz <= MAX_RATE_HZ or not 0 < max_gap_s < np.inf:
-        raise UsageError(f"rate {rate_hz:g} Hz, longest gap {max_gap_s:g} s", "ingest",
-                         f"Give a rate of 0 to {MAX_RATE_HZ:g} Hz and a gap above 0.")  # fmt: skip
+        raise UsageError(
+            f"rate {rate_hz:g} Hz, longest gap {max_gap_s:g} s",
+            "ingest",
+            f"Give a rate of 0 to {MAX_RATE_HZ:g} Hz and a gap above 0.",
+        )
     needed = tuple(needed)
     sensors = clean_trial(raw, vehicle, needed)
     _refuse_too_slow(sensors, needed)
@@ -149,9 +152,10 @@ def _common_grid(
         end = start
     if (end - start) * rate_hz > MAX_TICKS:
         raise InputError(
-            f"the trial would last {end - start:.0f} s", f"trial {raw.name}",
+            f"the trial would last {end - start:.0f} s",
+            f"trial {raw.name}",
             "Correct the time stamps.",
-        )  # fmt: skip
+        )
     grid = Grid.within(start, end, rate_hz)
     if grid.size < 2:
         spans = "; ".join(

@@ -42,9 +42,13 @@ def carried_of(diagnosis: Diagnosis) -> Carried | None:
     carried = diagnosis.carried
     stds = {n: 0.0 if n in HELD else std for n, std in carried["prior_std"].items()}
     return Carried(
-        effects=tuple(modelled), start=carried["start"], prior=carried["prior"], prior_std=stds,
-        windows=windows, usual=carried.get("usual", {}),
-    )  # fmt: skip
+        effects=tuple(modelled),
+        start=carried["start"],
+        prior=carried["prior"],
+        prior_std=stds,
+        windows=windows,
+        usual=carried.get("usual", {}),
+    )
 
 
 def attempts(carried: Carried, before: IdentifiedModel) -> tuple[Carried, ...]:
@@ -110,8 +114,9 @@ def tried_with(carried: Carried, before: pd.DataFrame, after: pd.DataFrame) -> T
     old, new = before[rows], after.loc[before.index[rows]]
     ratios = {
         name: _ratio(rms_of(old, column), rms_of(new, column))
-        for column, name, _ in channels_of(before) if name in GUARDED
-    }  # fmt: skip
+        for column, name, _ in channels_of(before)
+        if name in GUARDED
+    }
     seen = {name: ratio for name, ratio in ratios.items() if not math.isnan(ratio)}
     return Tried(tuple(carried.effects), seen)
 
@@ -135,9 +140,11 @@ Prediction = TypeVar("Prediction", bound=Predicted)
 
 
 def choose(
-    carried: Carried, model: IdentifiedModel, before: Predicted,
+    carried: Carried,
+    model: IdentifiedModel,
+    before: Predicted,
     again: Callable[[Carried], tuple[Model, Prediction]],
-) -> tuple[tuple[Model, Prediction] | None, tuple[Attempt, ...]]:  # fmt: skip
+) -> tuple[tuple[Model, Prediction] | None, tuple[Attempt, ...]]:
     """Identify with what was found; None where the model before predicts better.
 
     Parameters
@@ -174,9 +181,7 @@ def best_of(tried: Sequence[Tried]) -> int | None:
 
     A model that only leaves a one-off event out claims nothing and is always taken.
     """
-    able = [
-        k for k, one in enumerate(tried) if one.is_good or one.is_better or not one.effects
-    ]  # fmt: skip
+    able = [k for k, one in enumerate(tried) if one.is_good or one.is_better or not one.effects]
     return min(able, key=lambda k: (not tried[k].is_good, tried[k].balance), default=None)
 
 
@@ -193,9 +198,14 @@ def findings_of(attempts: Sequence[Attempt]) -> tuple[Finding, ...]:
     share, channel = max(rises, default=(0.0, ""))
     if share <= RISE:
         return ()
-    return (Finding(
-        code="error-rises", where=channel, value=share, threshold=RISE,
-        message=f"with what was found, the error of {channel} in the maneuvers that identify is "
-        f"{100 * share:.0f} % larger than without",
-        remedy="One channel pays for another: look at the errors before and after.",
-    ),)  # fmt: skip
+    return (
+        Finding(
+            code="error-rises",
+            where=channel,
+            value=share,
+            threshold=RISE,
+            message=f"with what was found, the error of {channel} in the maneuvers that identify "
+            f"is {100 * share:.0f} % larger than without",
+            remedy="One channel pays for another: look at the errors before and after.",
+        ),
+    )

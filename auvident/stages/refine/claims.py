@@ -36,9 +36,12 @@ DOUBTS = {
 
 
 def claims_of(
-    diagnosis: Diagnosis, after: IdentifiedModel, attempts: Sequence[Attempt], speed: float,
+    diagnosis: Diagnosis,
+    after: IdentifiedModel,
+    attempts: Sequence[Attempt],
+    speed: float,
     rate: float,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Verdict, statement and effects as the refined model has them, all in its sizes.
 
     An effect stands when some size of it is told from nothing, in the model that was taken.
@@ -64,19 +67,25 @@ def claims_of(
     elif doubted:
         said = f"{said} {not_confirmed(doubted)}"
     return {
-        "verdict": verdict, "statement": said, "effects": effects, "ambiguous": groups,
+        "verdict": verdict,
+        "statement": said,
+        "effects": effects,
+        "ambiguous": groups,
         "not_confirmed": () if kept else tuple(doubted),
         "candidates": tuple(
             _final_candidate(c, final, doubts.get(c.id, "")) for c in diagnosis.candidates
         ),
-        "unexplained": unexplained, "remaining": remaining_of(verdict, unexplained),
-    }  # fmt: skip
+        "unexplained": unexplained,
+        "remaining": remaining_of(verdict, unexplained),
+    }
 
 
 def _verdict(
-    verdict: Verdict, effects: Sequence[EffectFound], groups: Sequence[Sequence[str]],
+    verdict: Verdict,
+    effects: Sequence[EffectFound],
+    groups: Sequence[Sequence[str]],
     doubted: bool,
-) -> Verdict:  # fmt: skip
+) -> Verdict:
     """The verdict of the diagnosis with the effects that are left of it."""
     if not effects:
         return "unexplained" if doubted else verdict
@@ -124,10 +133,16 @@ def _with_final_values(
         std = max(float(final[p.symbol]["std"]), p.std)
         half = max(NORMAL_95 * std, 0.5 * ((p.high or 0.0) - (p.low or 0.0)))
         half = max(half, NORMAL_95 * abs(value - p.value))  # two methods that differ: say so
-        values.append(ParameterValue(
-            symbol=p.symbol, value=value, std=half / NORMAL_95, unit=p.unit, low=value - half,
-            high=value + half,
-        ))  # fmt: skip
+        values.append(
+            ParameterValue(
+                symbol=p.symbol,
+                value=value,
+                std=half / NORMAL_95,
+                unit=p.unit,
+                low=value - half,
+                high=value + half,
+            )
+        )
     said = plain(effect.id, values, speed, rate)
     return effect.model_copy(update={"parameters": tuple(values), "plain": said})
 

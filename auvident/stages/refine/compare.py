@@ -40,11 +40,14 @@ def escapes(table: pd.DataFrame) -> tuple[Finding, ...]:
     found = []
     for name, rows in table.groupby("maneuver", sort=False):
         if any(math.isinf(rms_of(rows, column)) for column, _, _ in channels_of(rows)):
-            found.append(Finding(
-                code=RAN_AWAY, where=str(name),
-                message="the refined prediction leaves every bound",
-                remedy="The model is unstable in this maneuver; its errors count to there.",
-            ))  # fmt: skip
+            found.append(
+                Finding(
+                    code=RAN_AWAY,
+                    where=str(name),
+                    message="the refined prediction leaves every bound",
+                    remedy="The model is unstable in this maneuver; its errors count to there.",
+                )
+            )
     return tuple(found)
 
 
@@ -52,17 +55,18 @@ def worse_channels(held_out: HeldOut) -> tuple[Finding, ...]:
     """Channels of the held-out maneuvers that are predicted worse than before, not by chance."""
     return tuple(
         Finding(
-            code="worse-refined", where=f"{name} ({_shown(before)} → {_shown(after)})",
-            value=after.rmse / before.rmse, threshold=1.0,
+            code="worse-refined",
+            where=f"{name} ({_shown(before)} → {_shown(after)})",
+            value=after.rmse / before.rmse,
+            threshold=1.0,
             message="the refined model predicts some channels of the held-out maneuvers worse "
             "than the identified one",
             remedy="The identified model stays in identify/model.json.",
         )
         for name, before in held_out.before.items()
-        if name in held_out.difference and before.rmse > 0.0
-        and held_out.difference[name].low > 0.0
+        if name in held_out.difference and before.rmse > 0.0 and held_out.difference[name].low > 0.0
         for after in [held_out.after[name]]
-    )  # fmt: skip
+    )
 
 
 def _shown(error: ChannelError) -> str:
@@ -73,10 +77,17 @@ def _shown(error: ChannelError) -> str:
 
 
 def compare(
-    diagnosis: Diagnosis, maneuvers: Maneuvers, before: IdentifiedModel, after: IdentifiedModel,
-    predicted_before: pd.DataFrame, predicted_after: pd.DataFrame, *,
-    attempts: Sequence[Attempt] = (), seed: int = 0, predicted: Sequence[Finding] = (),
-) -> Comparison:  # fmt: skip
+    diagnosis: Diagnosis,
+    maneuvers: Maneuvers,
+    before: IdentifiedModel,
+    after: IdentifiedModel,
+    predicted_before: pd.DataFrame,
+    predicted_after: pd.DataFrame,
+    *,
+    attempts: Sequence[Attempt] = (),
+    seed: int = 0,
+    predicted: Sequence[Finding] = (),
+) -> Comparison:
     """Errors, coefficients and effects before and after.
 
     Parameters
@@ -107,12 +118,15 @@ def compare(
     if before.values() != after.values():
         findings += [*(f for f in predicted if f.code in ON_ERRORS), *worse_channels(held_out)]
     return Comparison(
-        **claims, attempts=tuple(attempts), held_out=held_out,
+        **claims,
+        attempts=tuple(attempts),
+        held_out=held_out,
         identify=_pooled(own, pairs, rng),
         maneuvers=tuple(_one(name, roles[name], pairs, rng) for name in pairs),
-        coefficients=_coefficients(before, after), false_alarm_p=diagnosis.false_alarm_p,
+        coefficients=_coefficients(before, after),
+        false_alarm_p=diagnosis.false_alarm_p,
         findings=tuple(findings),
-    )  # fmt: skip
+    )
 
 
 def _errors(name: str, pairs: dict[str, Any], column: str) -> tuple[Array, Array, Array]:
@@ -155,9 +169,13 @@ def _one(
     pooled = _pooled([name], pairs, rng)
     kind = str(pairs[name][0]["kind"].iloc[0])
     return ManeuverComparison(
-        id=name, kind=kind, role=role, before=pooled.before, after=pooled.after,
+        id=name,
+        kind=kind,
+        role=role,
+        before=pooled.before,
+        after=pooled.after,
         difference=pooled.difference,
-    )  # fmt: skip
+    )
 
 
 def _spread(values: Array) -> float:
@@ -205,8 +223,14 @@ def _coefficients(
     final = {c.symbol: c for c in after.coefficients}
     return tuple(
         CoefficientComparison(
-            symbol=c.symbol, unit=c.unit, prior=c.prior, prior_std=c.prior_std, before=c.value,
-            before_std=c.std, after=final[c.symbol].value, after_std=final[c.symbol].std,
+            symbol=c.symbol,
+            unit=c.unit,
+            prior=c.prior,
+            prior_std=c.prior_std,
+            before=c.value,
+            before_std=c.std,
+            after=final[c.symbol].value,
+            after_std=final[c.symbol].std,
         )
         for c in before.coefficients
-    )  # fmt: skip
+    )

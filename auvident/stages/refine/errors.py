@@ -6,9 +6,11 @@ import numpy as np
 import pandas as pd
 
 NAMES = {
-    "u_mps": ("u", "m/s"), "v_mps": ("v", "m/s"), "r_radps": ("r", "rad/s"),
+    "u_mps": ("u", "m/s"),
+    "v_mps": ("v", "m/s"),
+    "r_radps": ("r", "rad/s"),
     "heading_rad": ("heading", "rad"),
-}  # fmt: skip
+}
 
 
 def channels_of(rows: pd.DataFrame) -> list[tuple[str, str, str]]:

@@ -107,10 +107,15 @@ def _turn(f: Found) -> dict[str, Any]:
     p, rows = f.piece, _rows(f)
     figures: dict[str, Any] = dict(
         turn_figures(
-            p.t[rows], p.u[rows], p.v[rows], p.rate[rows], p.fin[rows], p.angle[rows],
+            p.t[rows],
+            p.u[rows],
+            p.v[rows],
+            p.rate[rows],
+            p.fin[rows],
+            p.angle[rows],
             approach_speed(f),
         )
-    )  # fmt: skip
+    )
     figures["rudder_deg"] = float(np.degrees(f.level_rad))
     return {"side": _side(figures["heading_change_deg"]), **figures}
 

@@ -231,10 +231,14 @@ def nothing_found(trials: Sequence[Trial], plane: str, rejected: Sequence[Reject
         for r in longest
         if r.value is not None and r.threshold is not None
     ]
-    closest = "\n  ".join(["Closest candidates:", *lines]) if lines else (
-        "No candidate either: the fins are never held at an angle of 2 degrees or more, and no "
-        "straight stretch of 30 s was run. Check the units and names of the channels."
-    )  # fmt: skip
+    closest = (
+        "\n  ".join(["Closest candidates:", *lines])
+        if lines
+        else (
+            "No candidate either: the fins are never held at an angle of 2 degrees or more, and no "
+            "straight stretch of 30 s was run. Check the units and names of the channels."
+        )
+    )
     return InputError(
         f"no {plane} maneuver (straight run with thrust steps, turning circle, zigzag) was found",
         where=", ".join(trial.name for trial in trials),

@@ -36,20 +36,25 @@ def findings_of(metrics: Metrics, model: IdentifiedModel, estimated: bool = True
     prior = PRIOR_WORDS["ASE" if estimated else "prior"]
     after = metrics.summary.get("validate", {})
     return [
-        *_not_predicted(after), *_no_better(after, _pooled_by_prior(metrics), prior),
-        *_prior_ran_away(metrics, prior), *_worse_than_prior(metrics, prior),
+        *_not_predicted(after),
+        *_no_better(after, _pooled_by_prior(metrics), prior),
+        *_prior_ran_away(metrics, prior),
+        *_worse_than_prior(metrics, prior),
         *_resting_on_prior(model),
-    ]  # fmt: skip
+    ]
 
 
 def _not_predicted(after: Channels) -> Iterator[Finding]:
     for name, m in after.items():
         if m.nrmse >= AS_ITS_VARIATION:
             yield Finding(
-                code="not-predicted", where=name, value=m.nrmse, threshold=AS_ITS_VARIATION,
+                code="not-predicted",
+                where=name,
+                value=m.nrmse,
+                threshold=AS_ITS_VARIATION,
                 message=f"the error of {name} is as large as its variation: not predicted",
                 remedy=f"Do not use the model for {name}.",
-            )  # fmt: skip
+            )
 
 
 def _no_better(after: Channels, before: Channels, prior: str) -> Iterator[Finding]:
@@ -57,21 +62,25 @@ def _no_better(after: Channels, before: Channels, prior: str) -> Iterator[Findin
         ratio = _gain(before.get(name), m)
         if ratio is not None and ratio <= NOT_BETTER:
             yield Finding(
-                code="no-better", where=name, value=ratio, threshold=NOT_BETTER,
+                code="no-better",
+                where=name,
+                value=ratio,
+                threshold=NOT_BETTER,
                 message=f"{name} of the held-out maneuvers is predicted no better than by {prior}",
                 remedy=f"The maneuvers that identify teach nothing about {name} that holds here.",
-            )  # fmt: skip
+            )
 
 
 def _prior_ran_away(metrics: Metrics, prior: str) -> Iterator[Finding]:
     for f in metrics.ase.findings if metrics.ase else ():
         if f.code == RAN_AWAY:
             yield Finding(
-                code="prior-ran-away", where=f.where,
+                code="prior-ran-away",
+                where=f.where,
                 message=f"predictions by {prior} leave every bound, so their pooled errors are "
                 "not compared",
                 remedy="What identification gained is not known.",
-            )  # fmt: skip
+            )
 
 
 def _worse_than_prior(metrics: Metrics, prior: str) -> Iterator[Finding]:
@@ -82,12 +91,14 @@ def _worse_than_prior(metrics: Metrics, prior: str) -> Iterator[Finding]:
         worse = {k: g for k, g in gains.items() if g is not None and g < NOT_BETTER}
         if worse:
             yield Finding(
-                code="worse-than-prior", where=f"{m.id} ({', '.join(worse)})",
-                value=min(worse.values()), threshold=NOT_BETTER,
+                code="worse-than-prior",
+                where=f"{m.id} ({', '.join(worse)})",
+                value=min(worse.values()),
+                threshold=NOT_BETTER,
                 message="some channels of single held-out maneuvers are predicted worse than by "
                 f"{prior}",
                 remedy="Look at their measured and predicted channels.",
-            )  # fmt: skip
+            )
 
 
 def _resting_on_prior(model: IdentifiedModel) -> Iterator[Finding]:
@@ -95,13 +106,15 @@ def _resting_on_prior(model: IdentifiedModel) -> Iterator[Finding]:
     on_prior = {symbol: share for symbol, share in shares.items() if share < MANY_ON_PRIOR}
     if on_prior:
         yield Finding(
-            code="rests-on-prior", where=", ".join(on_prior), value=min(on_prior.values()),
+            code="rests-on-prior",
+            where=", ".join(on_prior),
+            value=min(on_prior.values()),
             threshold=MANY_ON_PRIOR,
             message=f"{len(on_prior)} of {len(shares)} coefficients rest more on the prior than "
             "on these data; the prediction is good where the maneuvers were, the single "
             "coefficient need not be",
             remedy="`auvident plan-trial RUN` ranks the maneuvers that would show more.",
-        )  # fmt: skip
+        )
 
 
 def _pooled_by_prior(metrics: Metrics) -> Channels:

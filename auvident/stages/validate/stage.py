@@ -32,14 +32,18 @@ Array = npt.NDArray[np.float64]
 # channels of a plane: name, column of the simulation table, unit, column of the trial
 CHANNELS: dict[Plane, tuple[tuple[str, str, str], ...]] = {
     "horizontal": (
-        ("u", "u_mps", "m/s"), ("v", "v_mps", "m/s"), ("r", "r_radps", "rad/s"),
+        ("u", "u_mps", "m/s"),
+        ("v", "v_mps", "m/s"),
+        ("r", "r_radps", "rad/s"),
         ("heading", "heading_rad", "rad"),
     ),
     "vertical": (
-        ("u", "u_mps", "m/s"), ("w", "w_mps", "m/s"), ("q", "q_radps", "rad/s"),
+        ("u", "u_mps", "m/s"),
+        ("w", "w_mps", "m/s"),
+        ("q", "q_radps", "rad/s"),
         ("pitch", "pitch_rad", "rad"),
     ),
-}  # fmt: skip
+}
 ACTIVE = np.array([True, True, True, True])
 FLAT = 1.0e-9  # least standard deviation to compare with: a constant channel is never predicted
 
@@ -73,9 +77,12 @@ class Prediction:
 
 
 def validate(
-    trials: Sequence[Trial], maneuvers: Maneuvers, model: IdentifiedModel, *,
+    trials: Sequence[Trial],
+    maneuvers: Maneuvers,
+    model: IdentifiedModel,
+    *,
     estimated: bool = True,
-) -> Validation:  # fmt: skip
+) -> Validation:
     """Predict every maneuver of the model's plane and compare with what was measured.
 
     A prediction starts from the measured initial state and is given only the logged inputs
@@ -235,10 +242,15 @@ def virtual_zigzag(p: Prediction, structure: Structure, parameters: Array) -> di
     )
     dt = float(time[1] - time[0])
     run = run_virtual(
-        structure, parameters, p.record.start, float(np.median(p.record.inputs[:, 2])),
-        float(time[-1] - time[0]), helm, dt_s=dt,
+        structure,
+        parameters,
+        p.record.start,
+        float(np.median(p.record.inputs[:, 2])),
+        float(time[-1] - time[0]),
+        helm,
+        dt_s=dt,
         rate_limit_radps=float(np.abs(np.diff(control)).max()) / dt,
-    )  # fmt: skip
+    )
     return zigzag_figures(run.time_s, run.states[:, 3], run.inputs[:, 0])
 
 
@@ -260,10 +272,14 @@ def _one(p: Prediction, structure: Structure, parameters: Array) -> ManeuverMetr
     if m.kind == "zigzag" and (virtual := virtual_zigzag(p, structure, parameters)):
         figures[m.kind]["virtual"] = virtual
     return ManeuverMetrics(
-        id=m.id, trial=m.trial, kind=m.kind, role=m.role,
-        duration_s=float(p.record.time_s[-1] - p.record.time_s[0]), channels=channels,
+        id=m.id,
+        trial=m.trial,
+        kind=m.kind,
+        role=m.role,
+        duration_s=float(p.record.time_s[-1] - p.record.time_s[0]),
+        channels=channels,
         **figures,
-    )  # fmt: skip
+    )
 
 
 def _figures(p: Prediction) -> dict[str, dict[str, float]]:
@@ -300,9 +316,12 @@ def _table(after: Prediction, before: Prediction, plane: Plane) -> pd.DataFrame:
     """Measured, simulated and ASE channels of one maneuver with its inputs, row by row."""
     m, record = after.maneuver, after.record
     columns: dict[str, object] = {
-        "maneuver": m.id, "trial": m.trial, "kind": m.kind, "role": m.role,
+        "maneuver": m.id,
+        "trial": m.trial,
+        "kind": m.kind,
+        "role": m.role,
         "time_s": record.time_s,
-    }  # fmt: skip
+    }
     for c, (_, column, _) in enumerate(CHANNELS[plane]):
         columns[f"{column}_measured"] = after.measured[:, c]
         columns[f"{column}_simulated"] = after.predicted[:, c]

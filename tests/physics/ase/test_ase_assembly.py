@@ -106,9 +106,13 @@ ALTERNATIVES = [
     for choice in getattr(info.annotation, "__args__", ())
     if isinstance(choice, str) and choice != info.default
 ] + [
-    ("finite_length", True), ("hull_rate_lift", True), ("hull_rate_crossflow", True),
-    ("base_drag", True), ("fin_cd0", 0.02), ("crossflow_angle_deg", 40.0),
-]  # fmt: skip
+    ("finite_length", True),
+    ("hull_rate_lift", True),
+    ("hull_rate_crossflow", True),
+    ("base_drag", True),
+    ("fin_cd0", 0.02),
+    ("crossflow_angle_deg", 40.0),
+]
 
 
 @pytest.mark.parametrize(("option", "choice"), ALTERNATIVES)
@@ -117,8 +121,14 @@ def test_every_option_changes_something(option, choice):
     ase = {option: choice}
     blunt = {}
     if option == "base_drag":
-        blunt = {"hull": {"shape": "ellipsoid", "nose_length_m": 1.0, "tail_length_m": 1.1,
-                          "tail_base_diameter_m": 0.2}}  # fmt: skip
+        blunt = {
+            "hull": {
+                "shape": "ellipsoid",
+                "nose_length_m": 1.0,
+                "tail_length_m": 1.1,
+                "tail_base_diameter_m": 0.2,
+            }
+        }
     before, after = values(changed(suboff, **blunt)), values(changed(suboff, **blunt, ase=ase))
     if (option, choice) == ("crossflow_drag", "constant"):
         assert after["Y_v|v|"] < before["Y_v|v|"]  # 1.2 beyond the drag crisis of the table

@@ -22,13 +22,21 @@ def test_margins_of_roddys_table_follow_from_his_derivatives():
 
 def linear_growth(c, mass, inertia, x_g, speed=1.0):
     """Largest growth rate of sway and yaw by integrating the linear equations in time."""
-    inertial = np.array([[mass - c["Y_vdot"], mass * x_g - c["Y_rdot"]],
-                         [mass * x_g - c["N_vdot"], inertia - c["N_rdot"]]])  # fmt: skip
+    inertial = np.array(
+        [
+            [mass - c["Y_vdot"], mass * x_g - c["Y_rdot"]],
+            [mass * x_g - c["N_vdot"], inertia - c["N_rdot"]],
+        ]
+    )
     force = np.array([[c["Y_uv"], c["Y_ur"] - mass], [c["N_uv"], c["N_ur"] - mass * x_g]])
     run = solve_ivp(
         lambda _, s: np.linalg.solve(inertial, force @ s) * speed,
-        (0, 20), [1.0, 0.3], t_eval=[10, 20], rtol=1e-10, atol=1e-16,
-    )  # fmt: skip
+        (0, 20),
+        [1.0, 0.3],
+        t_eval=[10, 20],
+        rtol=1e-10,
+        atol=1e-16,
+    )
     early, late = np.linalg.norm(run.y, axis=0)
     return np.log(late / early) / 10.0
 

@@ -33,9 +33,16 @@ class Loop:
 def loop(name: str) -> Loop:
     chain = sample(name)
     setup, _ = prepare(
-        chain.trials, chain.maneuvers, chain.ase, chain.vehicle, chain.noise, plane="horizontal",
-        plan=plan_named("spiral"), filter="ekf", engine="compiled",
-    )  # fmt: skip
+        chain.trials,
+        chain.maneuvers,
+        chain.ase,
+        chain.vehicle,
+        chain.noise,
+        plane="horizontal",
+        plan=plan_named("spiral"),
+        filter="ekf",
+        engine="compiled",
+    )
     return Loop(chain, setup, chain.identify().model)
 
 
@@ -55,9 +62,10 @@ def small_case() -> Case:
     whole = case_of(made.setup, made.model, [])
     wanted = {"straight": 1, "turn": 2, "zigzag": 2}
     chosen = [
-        r for kind, n in wanted.items()
+        r
+        for kind, n in wanted.items()
         for r in [r for r in whole.records if whole.kinds[r.id] == kind][:n]
-    ]  # fmt: skip
+    ]
     return replace(whole, records=tuple(chosen))
 
 

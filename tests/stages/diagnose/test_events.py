@@ -32,9 +32,13 @@ def half_sine(t: np.ndarray, start: float, length: float) -> np.ndarray:
 
 
 def pieces_of(
-    seed: int, *, push: dict[int, tuple[float, float]] | None = None, helm: float = 0.0,
-    start: float = 0.0, thrust: int = -1,
-) -> list[Residual]:  # fmt: skip
+    seed: int,
+    *,
+    push: dict[int, tuple[float, float]] | None = None,
+    helm: float = 0.0,
+    start: float = 0.0,
+    thrust: int = -1,
+) -> list[Residual]:
     """Eight maneuvers; `push` = {maneuver: (start, size)}, `helm` an error after each helm."""
     rng, pieces = np.random.default_rng(seed), []
     for number in range(8):

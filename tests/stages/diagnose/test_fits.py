@@ -117,8 +117,13 @@ def test_parts_of_a_record_are_those_of_its_residual() -> None:
     """Half the squares with the start eliminated, against a fitted start explicitly."""
     case, fitted = small_case(), small_fit()
     for record in case.records:
-        parts = record_parts(case, fitted.parameters, record, fitted.colours,
-                             case.setup.free(np.zeros(0, dtype=np.int64)))  # fmt: skip
+        parts = record_parts(
+            case,
+            fitted.parameters,
+            record,
+            fitted.colours,
+            case.setup.free(np.zeros(0, dtype=np.int64)),
+        )
         found = residual_of(case, fitted.parameters, record, fitted.colours)
         assert parts is not None and found is not None
         white = white_error(found.error, fitted.colours, case.setup.dt_s)
@@ -174,8 +179,9 @@ def test_effects_that_no_log_can_show_are_not_tried() -> None:
     bare = []
     for r in records:
         assert r.source is not None
-        zero = replace(r.source, roll=0 * r.source.roll, pitch=0 * r.source.pitch,
-                       rates=0 * r.source.rates)  # fmt: skip
+        zero = replace(
+            r.source, roll=0 * r.source.roll, pitch=0 * r.source.pitch, rates=0 * r.source.rates
+        )
         measured = r.measured.copy()
         measured[:, 3] = np.nan
         bare.append(replace(r, measured=measured, source=zero))
@@ -257,8 +263,13 @@ def lost(effect: str, size: float, likelihood: float) -> Fitted:
     case, before = small_case(), small_fit()
     p = before.parameters.copy()
     p[case.positions(effect)] = size
-    return replace(before, effects=(effect,), parameters=p, log_likelihood=likelihood,
-                   free=free_positions(case, (effect,)))  # fmt: skip
+    return replace(
+        before,
+        effects=(effect,),
+        parameters=p,
+        log_likelihood=likelihood,
+        free=free_positions(case, (effect,)),
+    )
 
 
 @pytest.mark.parametrize("effect", ["rudder_lag", "dvl_lever_arm", "gyro_delay"])

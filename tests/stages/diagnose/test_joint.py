@@ -28,8 +28,18 @@ from auvident.stages.diagnose.refits import best_of, from_estimate
 from tests.stages.diagnose.loop_chain import small_case, small_fit, theta_of
 
 EFFECTS = tuple(e.id for e in in_plane("horizontal"))
-TRIED = ("current", "rudder_offset", "rudder_lag", "gyro_bias", "hull_asymmetry", "rudder_backlash",
-         "dvl_lever_arm", "thrust_sag", "dvl_delay", "linear_drag")  # fmt: skip
+TRIED = (
+    "current",
+    "rudder_offset",
+    "rudder_lag",
+    "gyro_bias",
+    "hull_asymmetry",
+    "rudder_backlash",
+    "dvl_lever_arm",
+    "thrust_sag",
+    "dvl_delay",
+    "linear_drag",
+)
 
 
 @cache
@@ -93,8 +103,9 @@ def turned(case: Case, yaw: float) -> Case:
         assert r.source is not None
         source = replace(r.source, bridged=r.source.bridged @ turn, start=r.source.start @ turn)
         measured = np.where(np.isfinite(r.measured), source.bridged, np.nan)
-        records.append(replace(r, measured=measured, given=r.given @ turn, start=r.start @ turn,
-                               source=source))  # fmt: skip
+        records.append(
+            replace(r, measured=measured, given=r.given @ turn, start=r.start @ turn, source=source)
+        )
     return replace(case, records=tuple(records))
 
 
@@ -130,8 +141,11 @@ def test_an_effect_is_like_itself(effect) -> None:
 
 def test_likeness_is_symmetric_and_below_one_for_different_effects() -> None:
     case = small_case()
-    for a, b in (("current", "gyro_bias"), ("rudder_offset", "thrust_sag"),
-                 ("rudder_lag", "dvl_lever_arm")):  # fmt: skip
+    for a, b in (
+        ("current", "gyro_bias"),
+        ("rudder_offset", "thrust_sag"),
+        ("rudder_lag", "dvl_lever_arm"),
+    ):
         one = cosine(joint(), case.positions(a), case.positions(b))
         other = cosine(joint(), case.positions(b), case.positions(a))
         assert one == pytest.approx(other, abs=1e-9)

@@ -55,21 +55,31 @@ TRUTH = Truth()
 
 
 def trial_of(
-    rng: np.random.Generator, *, bias: float = 0.0, scale: float = 0.0, gyro_delay: float = 0.0,
-    dvl_scale: float = 0.0, yaw: float = 0.0, current: tuple[float, float] = (0.0, 0.0),
-    latency: float = 0.0, position_noise: float = 0.5, drop: tuple[str, ...] = (),
-) -> Trial:  # fmt: skip
+    rng: np.random.Generator,
+    *,
+    bias: float = 0.0,
+    scale: float = 0.0,
+    gyro_delay: float = 0.0,
+    dvl_scale: float = 0.0,
+    yaw: float = 0.0,
+    current: tuple[float, float] = (0.0, 0.0),
+    latency: float = 0.0,
+    position_noise: float = 0.5,
+    drop: tuple[str, ...] = (),
+) -> Trial:
     """Logs of the truth; the current moves the position but not what the DVL sees."""
     time = np.arange(0.0, 900.0, 1.0 / RATE_HZ)
     rates = {n: TRUTH.at(n, time - gyro_delay) for n in "pqr"}
     table = {
         "time_s": time,
         "record": np.zeros(len(time), dtype=int),
-        "p_radps": rates["p"], "q_radps": rates["q"],
+        "p_radps": rates["p"],
+        "q_radps": rates["q"],
         "r_radps": (1.0 + scale) * rates["r"] + bias + rng.normal(0, 4e-4, len(time)),
         "heading_rad": TRUTH.at("heading", time) + rng.normal(0, 5e-3, len(time)),
-        "roll_rad": TRUTH.at("roll", time), "pitch_rad": TRUTH.at("pitch", time),
-    }  # fmt: skip
+        "roll_rad": TRUTH.at("roll", time),
+        "pitch_rad": TRUTH.at("pitch", time),
+    }
     p, q, r = (TRUTH.at(n, time) for n in "pqr")
     u = TRUTH.at("u", time) - r * DVL.y_m + q * DVL.z_m
     v = TRUTH.at("v", time) + r * DVL.x_m - p * DVL.z_m
@@ -89,9 +99,10 @@ def trial_of(
 
 
 ALLOWANCES = {
-    "gyro_delay.delay_s": HEADING_LATENCY_S, "dvl_delay.delay_s": HEADING_LATENCY_S,
+    "gyro_delay.delay_s": HEADING_LATENCY_S,
+    "dvl_delay.delay_s": HEADING_LATENCY_S,
     "dvl_misalignment.yaw_deg": HEADING_REFERENCE_RAD,
-}  # fmt: skip
+}
 
 
 def scatter(check: SensorCheck) -> np.ndarray:
@@ -110,9 +121,7 @@ def errors(check: SensorCheck | None, truth: dict[str, float]) -> np.ndarray:
 def test_gyro_errors_are_found_together() -> None:
     trial = trial_of(np.random.default_rng(1), bias=4e-3, scale=-0.03, gyro_delay=0.27)
     check = heading_against_gyro([trial])
-    truth = {
-        "gyro_bias.bias_degps": 4e-3, "gyro_scale.fraction": -0.03, "gyro_delay.delay_s": 0.27
-    }  # fmt: skip
+    truth = {"gyro_bias.bias_degps": 4e-3, "gyro_scale.fraction": -0.03, "gyro_delay.delay_s": 0.27}
     assert check is not None and tuple(truth) == check.names
     assert np.abs(errors(check, truth)).max() < 3.5
     assert np.all(scatter(check) < [1e-4, 2e-3, 5e-3])
@@ -198,9 +207,12 @@ def test_generated_trial_through_ingest(tmp_path: Path) -> None:
     from auvident.storage.vehicle_file import load_vehicle
 
     effects = [
-        {"id": "gyro_bias", "bias_degps": 0.3}, {"id": "dvl_scale", "fraction": -0.03},
-        {"id": "gyro_delay", "delay_s": 0.2}, {"id": "current"}, {"id": "rudder_lag"},
-    ]  # fmt: skip
+        {"id": "gyro_bias", "bias_degps": 0.3},
+        {"id": "dvl_scale", "fraction": -0.03},
+        {"id": "gyro_delay", "delay_s": 0.2},
+        {"id": "current"},
+        {"id": "rudder_lag"},
+    ]
     generate({"name": "g", "vehicle": "remus100", "seed": 90040, "effect": effects}, tmp_path / "g")
     vehicle = load_vehicle(root / "sample_logs" / "remus100.toml")
     trial, _ = ingest(read_trials([tmp_path / "g"], None)[0], vehicle)

@@ -24,10 +24,19 @@ from auvident.stages.diagnose.rules import (
 )
 
 GOOD = Account(
-    id="current", gain=800.0, best_gain=800.0, parameters=2, size=3.0,
-    falls={"u": 0.5, "v": 0.1, "r": 0.0}, rms=(0.01, 0.02, 0.002), at_bound=False, settled=True,
-    promise=850.0, maneuvers=8, helped=Helped(500.0, 0.9, 300.0, 0.9, 0.003),
-)  # fmt: skip
+    id="current",
+    gain=800.0,
+    best_gain=800.0,
+    parameters=2,
+    size=3.0,
+    falls={"u": 0.5, "v": 0.1, "r": 0.0},
+    rms=(0.01, 0.02, 0.002),
+    at_bound=False,
+    settled=True,
+    promise=850.0,
+    maneuvers=8,
+    helped=Helped(500.0, 0.9, 300.0, 0.9, 0.003),
+)
 # what makes the good one fail one rule and no other
 FAILING = {
     "unsettled": {"settled": False},

@@ -24,10 +24,23 @@ BODY = RigidBody(
     mass_kg=MASS, x_g_m=X_G, z_g_m=0.02, inertia_kgm2=INERTIA, weight_n=299.0, buoyancy_n=305.0
 )
 COEFFICIENTS = {
-    "X_udot": -1.0, "Y_vdot": -35.0, "Y_rdot": 1.9, "N_vdot": 1.9, "N_rdot": -4.9,
-    "X_uu": -3.9, "X_vr": 30.0, "T_nn": 0.02, "Y_uv": -45.0, "Y_ur": 8.0, "Y_v|v|": -100.0,
-    "Y_uud": 9.6, "N_uv": -8.0, "N_ur": -10.0, "N_r|r|": -8.0, "N_uud": -6.1,
-}  # fmt: skip
+    "X_udot": -1.0,
+    "Y_vdot": -35.0,
+    "Y_rdot": 1.9,
+    "N_vdot": 1.9,
+    "N_rdot": -4.9,
+    "X_uu": -3.9,
+    "X_vr": 30.0,
+    "T_nn": 0.02,
+    "Y_uv": -45.0,
+    "Y_ur": 8.0,
+    "Y_v|v|": -100.0,
+    "Y_uud": 9.6,
+    "N_uv": -8.0,
+    "N_ur": -10.0,
+    "N_r|r|": -8.0,
+    "N_uud": -6.1,
+}
 REVS = 25.0  # of the propeller, per second
 SIZE, TIME_S = np.array([1.5, 2.0, 0.6]), 6.0  # of the forces put in [N, N, N m]
 
@@ -36,19 +49,31 @@ def accelerations(t, x, force, rudder, revs):
     """The equations of motion written out once more (theory 1.3)."""
     (u, v, r), c = x, COEFFICIENTS
     side, turn = MASS * X_G - c["Y_rdot"], MASS * X_G - c["N_vdot"]
-    mass = np.array([
-        [MASS - c["X_udot"], 0.0, 0.0],
-        [0.0, MASS - c["Y_vdot"], side],
-        [0.0, turn, INERTIA - c["N_rdot"]],
-    ])  # fmt: skip
-    right = np.array([
-        MASS * (v * r + X_G * r * r) + c["X_uu"] * u * abs(u) + c["X_vr"] * v * r
-        + c["T_nn"] * revs * abs(revs),
-        -MASS * u * r + c["Y_uv"] * u * v + c["Y_ur"] * u * r + c["Y_v|v|"] * v * abs(v)
-        + c["Y_uud"] * u * u * rudder(t),
-        -MASS * X_G * u * r + c["N_uv"] * u * v + c["N_ur"] * u * r + c["N_r|r|"] * r * abs(r)
-        + c["N_uud"] * u * u * rudder(t),
-    ])  # fmt: skip
+    mass = np.array(
+        [
+            [MASS - c["X_udot"], 0.0, 0.0],
+            [0.0, MASS - c["Y_vdot"], side],
+            [0.0, turn, INERTIA - c["N_rdot"]],
+        ]
+    )
+    right = np.array(
+        [
+            MASS * (v * r + X_G * r * r)
+            + c["X_uu"] * u * abs(u)
+            + c["X_vr"] * v * r
+            + c["T_nn"] * revs * abs(revs),
+            -MASS * u * r
+            + c["Y_uv"] * u * v
+            + c["Y_ur"] * u * r
+            + c["Y_v|v|"] * v * abs(v)
+            + c["Y_uud"] * u * u * rudder(t),
+            -MASS * X_G * u * r
+            + c["N_uv"] * u * v
+            + c["N_ur"] * u * r
+            + c["N_r|r|"] * r * abs(r)
+            + c["N_uud"] * u * u * rudder(t),
+        ]
+    )
     return np.linalg.solve(mass, right + force(t))
 
 
@@ -65,12 +90,18 @@ def record_of(name: str, rng: np.random.Generator, forces: np.ndarray) -> Record
     n, time_s = len(forces), np.arange(len(forces)) * DT_S
     rudder = np.where(np.sin(0.4 * time_s) > 0.0, 0.12, -0.12)
     motion = solve_ivp(
-        accelerations, (0.0, time_s[-1]), [1.6, 0.0, 0.0], t_eval=time_s, max_step=DT_S, rtol=1e-8,
+        accelerations,
+        (0.0, time_s[-1]),
+        [1.6, 0.0, 0.0],
+        t_eval=time_s,
+        max_step=DT_S,
+        rtol=1e-8,
         args=(
             lambda t: np.array([np.interp(t, time_s, f) for f in forces.T]),
-            lambda t: rudder[min(int(t / DT_S + 1e-9), n - 1)], REVS,
+            lambda t: rudder[min(int(t / DT_S + 1e-9), n - 1)],
+            REVS,
         ),
-    ).y.T  # fmt: skip
+    ).y.T
     states = np.column_stack([motion, np.cumsum(motion[:, 2]) * DT_S])
     read = states.copy()
     read[:, 1] += LEVER_M * states[:, 2]
@@ -85,13 +116,24 @@ def record_of(name: str, rng: np.random.Generator, forces: np.ndarray) -> Record
 def case_of(records: list[Record]) -> Case:
     structure = structure_of("horizontal", (FREE_FORCE,))
     p = parameter_vector("horizontal", COEFFICIENTS, BODY, structure=structure)
-    sensing = Sensing(dvl_x_m=LEVER_M, dvl_y_m=0.0, dvl_z_m=0.0, dvl_mounting_yaw_rad=0.0,
-                      noise_std={})  # fmt: skip
+    sensing = Sensing(
+        dvl_x_m=LEVER_M, dvl_y_m=0.0, dvl_z_m=0.0, dvl_mounting_yaw_rad=0.0, noise_std={}
+    )
     no = np.zeros(len(p))
     setup = Setup(
-        structure, plan_named("spiral"), {}, DT_S, sensing, STD, p, no,
-        np.zeros((0, 2), dtype=np.int64), "ekf", "compiled", p,
-    )  # fmt: skip
+        structure,
+        plan_named("spiral"),
+        {},
+        DT_S,
+        sensing,
+        STD,
+        p,
+        no,
+        np.zeros((0, 2), dtype=np.int64),
+        "ekf",
+        "compiled",
+        p,
+    )
     return Case(setup, tuple(records), {}, p, (), no, no - np.inf, no + np.inf)
 
 

@@ -33,8 +33,20 @@ def evidence() -> Evidence:
     falls = {"u": 0.0, "v": 0.0, "r": 0.5}
     helped = Helped(900.0, 1.0, 800.0, p=0.02)
     gain = log_gain(before, found)
-    account = Account("gyro_bias", gain, gain, 1, 3.0, falls, tuple(found.rms), False, True, gain,
-                      len(case.records), helped)  # fmt: skip
+    account = Account(
+        "gyro_bias",
+        gain,
+        gain,
+        1,
+        3.0,
+        falls,
+        tuple(found.rms),
+        False,
+        True,
+        gain,
+        len(case.records),
+        helped,
+    )
     tried = Tried(found, account)
     done = Round(before, joint, (tried,), {"gyro_bias": 1000.0}, accepted="gyro_bias")
     traced = Traced(case, before, found, (done,))

@@ -13,9 +13,14 @@ NOISE = np.array([0.005, 0.005, 0.001, 0.005])
 
 
 def piece_of(
-    rng: np.random.Generator, number: int, *, omega: float = 0.0, direction: float = 0.0,
-    size: float = 0.0, duration_s: float = 90.0,
-) -> Residual:  # fmt: skip
+    rng: np.random.Generator,
+    number: int,
+    *,
+    omega: float = 0.0,
+    direction: float = 0.0,
+    size: float = 0.0,
+    duration_s: float = 90.0,
+) -> Residual:
     """A turn, a zigzag or a straight run with coloured noise and, possibly, a wave on it."""
     t = rng.uniform(0.0, 900.0) + np.arange(0.0, duration_s, 0.1)
     swing = (np.sin(0.25 * t), 0.08 * t, np.zeros(len(t)))[number % 3]
