@@ -18,6 +18,8 @@ ALLOWED = {
     "pipeline": {"schema", "physics", "stages", "storage", "report"},
     "cli": {"schema", "physics", "stages", "storage", "report", "pipeline"},
 }
+# Rooms of the diagnosis, from the one that knows least of the others.
+ROOMS = ("checks", "fit", "score", "select", "verdict")
 FREE = {"errors", "jit", "parallel", "__main__", "__init__"}
 MODULES = sorted(p for p in PACKAGE.rglob("*.py") if "__pycache__" not in p.parts)
 
@@ -43,6 +45,14 @@ def test_imports_point_downwards(path: Path) -> None:
     for target in imported(path):
         assert layer != "stages" or target[0] != "stages" or target[1] == where(path)[1], target
         assert target[0] in FREE | {layer} | ALLOWED.get(layer, {"cli"}), target
+
+
+def test_the_rooms_of_the_diagnosis_know_only_those_before_them() -> None:
+    for path in MODULES:
+        if where(path)[:2] == ("stages", "diagnose") and where(path)[2] in ROOMS:
+            before = ROOMS[: ROOMS.index(where(path)[2]) + 1]
+            inside = {t[2] for t in imported(path) if t[:2] == ("stages", "diagnose")}
+            assert inside <= set(before), path
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: ".".join(where(p)))

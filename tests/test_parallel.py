@@ -12,8 +12,8 @@ from threadpoolctl import threadpool_info
 from auvident import parallel
 from auvident.pipeline.run import _call
 from auvident.pipeline.table import BY_NAME
-from auvident.stages.diagnose.fits import fit_with
-from auvident.stages.diagnose.joint import joint_about
+from auvident.stages.diagnose.fit.fits import fit_with
+from auvident.stages.diagnose.score.first_order import joint_about
 from tests.stages.diagnose.loop_chain import small_case, small_fit
 
 

@@ -240,8 +240,8 @@ def _add_reading_slopes(
             moved,
             states,
             states[:, 3],
-            record.source.rates,
-            frame.dt_s,  # type: ignore[union-attr]
+            record.source.rates,  # type: ignore[union-attr]
+            frame.dt_s,
         )
         slopes[:, :, N_STATES + column] += (there - base) / READING_STEP
 

@@ -15,8 +15,8 @@ from auvident.pipeline.observer import Observer
 from auvident.schema.artifacts import ON_ERRORS
 from auvident.schema.channels import BY_COLUMN, TIME_COLUMN
 from auvident.schema.trial import Trial
-from auvident.stages.diagnose.case import case_of
-from auvident.stages.diagnose.kinematics import heading_against_gyro, position_against_dvl
+from auvident.stages.diagnose.checks.kinematics import heading_against_gyro, position_against_dvl
+from auvident.stages.diagnose.fit.case import case_of
 from auvident.stages.identify import prepare, without_held_out
 from auvident.storage.artifacts import json_bytes
 from tests.engines.chain import plan_named

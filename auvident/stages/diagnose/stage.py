@@ -14,17 +14,17 @@ from auvident.schema.artifacts import IdentifiedModel, Maneuvers
 from auvident.schema.diagnosis import Diagnosis
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
-from auvident.stages.diagnose.candidates import Traced
-from auvident.stages.diagnose.case import Case, case_of, testable
-from auvident.stages.diagnose.events import Event, find_events
-from auvident.stages.diagnose.fits import Fitted
-from auvident.stages.diagnose.free_forces import FreeForce, free_forces
-from auvident.stages.diagnose.kinematics import heading_against_gyro, position_against_dvl
-from auvident.stages.diagnose.rows import diagnosis_of, residual_table
-from auvident.stages.diagnose.search import Search
-from auvident.stages.diagnose.thrust_time import narrowed
-from auvident.stages.diagnose.verdict import Evidence
-from auvident.stages.diagnose.waves import Residual, find_wave
+from auvident.stages.diagnose.checks.events import Event, find_events
+from auvident.stages.diagnose.checks.kinematics import heading_against_gyro, position_against_dvl
+from auvident.stages.diagnose.checks.waves import Residual, find_wave
+from auvident.stages.diagnose.fit.case import Case, case_of, testable
+from auvident.stages.diagnose.fit.fits import Fitted
+from auvident.stages.diagnose.score.free_forces import FreeForce, free_forces
+from auvident.stages.diagnose.select.candidates import Traced
+from auvident.stages.diagnose.select.search import Search
+from auvident.stages.diagnose.select.thrust_time import narrowed
+from auvident.stages.diagnose.verdict.document import diagnosis_of, residual_table
+from auvident.stages.diagnose.verdict.evidence import Evidence
 
 Array = npt.NDArray[Any]
 Progress = Callable[[str, float], None]

@@ -8,8 +8,8 @@ import numpy as np
 from auvident.engines.estimator import Setup
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.diagnosis import Diagnosis
-from auvident.stages.diagnose.case import Case, case_of
-from auvident.stages.diagnose.fits import Fitted, first_colours, fit_with
+from auvident.stages.diagnose.fit.case import Case, case_of
+from auvident.stages.diagnose.fit.fits import Fitted, first_colours, fit_with
 from auvident.stages.diagnose.stage import Diagnosed, diagnose
 from auvident.stages.identify import prepare, without_held_out
 from tests.engines.chain import Chain, plan_named, sample

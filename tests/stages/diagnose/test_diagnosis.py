@@ -9,8 +9,8 @@ import pytest
 from auvident.errors import NumericsError
 from auvident.schema.diagnosis import Diagnosis
 from auvident.schema.effects import BY_ID, parameter_of
-from auvident.stages.diagnose.candidates import Traced
-from auvident.stages.diagnose.rows import _coefficient_findings
+from auvident.stages.diagnose.select.candidates import Traced
+from auvident.stages.diagnose.verdict.document import _coefficient_findings
 from auvident.storage.artifacts import json_bytes
 from tests.stages.diagnose.loop_chain import diagnosed, diagnosis, loop, small_case, small_fit
 

@@ -1,0 +1,1 @@
+"""Fit: the free-running prediction with chosen effects, and what it leaves."""

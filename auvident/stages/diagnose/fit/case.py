@@ -1,0 +1,202 @@
+"""What a diagnosis works on: the identifying maneuvers, and a prediction with every effect.
+
+Only maneuvers that identify are here; readings in the held-out ones are blanked before anything
+is looked at, so that they cannot choose.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from auvident.engines.estimator import Setup
+from auvident.engines.records import Record
+from auvident.physics.terms import FREE_FORCE, parameter_vector, structure_of
+from auvident.schema.artifacts import IdentifiedModel
+from auvident.schema.coefficients import of_plane
+from auvident.schema.effects import BY_ID, Effect, EffectParameter, in_plane, parameter_of
+from auvident.stages.diagnose.checks.kinematics import SensorCheck
+
+Array = npt.NDArray[Any]
+
+ACTIVE = np.array([True, True, True, False])  # the heading is taken as logged
+CHANNELS = ("u", "v", "r")
+SILENT_REACH = 2.0  # a silent allowance reaches this many of its standard deviations
+FREE_GROUPS = ("drag", "thrust", "turning_drag", "lift", "cross_flow", "control")
+# The friction line falls with the Reynolds number, C_F ~ Re^-0.17 about 1e6 (ITTC 1957), so that
+# drag grows a little slower than u^2: about X_uu the same as this share of it in proportion to u.
+FRICTION_SLOPE = 0.17
+FRICTION = "linear_drag.X_u"
+FREE_SIZE = (0.005, 0.005, 0.002)  # prior of a free force on X, A, B [density/2 L^2 U^2, N: L^3]
+
+
+@dataclass(frozen=True)
+class Case:
+    """Data, prediction and priors of a diagnosis.
+
+    Attributes
+    ----------
+    setup : Setup
+        Of the identification, with every effect of the plane in its structure; `prior_std`
+        holds the prior of every effect.
+    records : tuple of Record
+    kinds : dict of str to str
+        Kind of each record by its id.
+    identified : (n_parameters,) array
+        The identified model, effects off.
+    checks : tuple of SensorCheck
+        What sensors say about each other without dynamics.
+    silent : (n_parameters,) array
+        Standard deviation of the silent allowances; zero for the others.
+    low, high : (n_parameters,) array
+        Physical bounds.
+    """
+
+    setup: Setup
+    records: tuple[Record, ...]
+    kinds: Mapping[str, str]
+    identified: Array
+    checks: tuple[SensorCheck, ...]
+    silent: Array
+    low: Array
+    high: Array
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return self.setup.structure.parameters
+
+    def position(self, name: str) -> int:
+        """Position of a parameter."""
+        return self.names.index(name)
+
+    def positions(self, effect: str) -> list[int]:
+        """Positions of the parameters of an effect that are estimated."""
+        if effect.startswith(FREE_FORCE):
+            return [i for i, name in enumerate(self.names) if name.startswith(FREE_FORCE)]
+        found = [self.position(name) for name in BY_ID[effect].names()]
+        return [i for i in found if self.setup.prior_std[i] > 0.0]
+
+    def baseline(self) -> list[int]:
+        """Positions that every fit frees: coefficients and silent allowances.
+
+        Inertias stay: scaling an equation, or mixing the two lateral ones, changes no
+        prediction, so that the other coefficients reach every model without them.
+        """
+        symbols = [c.symbol for c in of_plane(self.setup.structure.plane) if c.group in FREE_GROUPS]
+        free = [self.position(s) for s in symbols]
+        free = [i for i in free if self.setup.prior_std[i] > 0.0]
+        return free + [int(i) for i in np.flatnonzero(self.silent > 0.0)]
+
+    def at_rest(self, p: Array) -> Array:
+        """Parameters with every silent allowance of one sign at its usual size."""
+        q, silent = p.copy(), self.silent > 0.0
+        usual = silent & (self.low == 0.0)
+        q[usual] = self.silent[usual]
+        expected = silent & (self.setup.prior != 0.0)
+        q[expected] = self.setup.prior[expected]
+        return q
+
+    def masked(self, windows: Sequence[tuple[str, float, float]]) -> "Case":
+        """The case without the readings in windows (maneuver, start, end) [s]."""
+        records = []
+        for record in self.records:
+            measured = record.measured.copy()
+            for name, start, end in windows:
+                if name == record.id:
+                    measured[(record.time_s >= start) & (record.time_s <= end)] = np.nan
+            records.append(replace(record, measured=measured))
+        return replace(self, records=tuple(records))
+
+    def with_free_force(self, series: Mapping[str, Array]) -> "Case":
+        """The case with a force series (n, 3) in each record, by its id."""
+        records = tuple(
+            replace(r, source=replace(r.source, free_force=series[r.id]))  # type: ignore[type-var]
+            for r in self.records
+        )
+        return replace(self, records=records)
+
+
+def testable(setup: Setup, records: Sequence[Record]) -> tuple[list[Effect], list[str]]:
+    """Effects that the logs allow to test, and the columns whose absence hides others."""
+    there, missing = [], []
+    for effect in in_plane(setup.structure.plane):
+        lacking = [c for c in effect.needs if not _is_logged(c, records)]
+        missing += lacking
+        if not lacking:
+            there.append(effect)
+    return there, list(dict.fromkeys(missing))
+
+
+def _is_logged(column: str, records: Sequence[Record]) -> bool:
+    source = [r.source for r in records if r.source is not None]
+    if column == "heading_rad":
+        return any(np.isfinite(r.measured[:, 3]).any() for r in records)
+    series = {"roll_rad": "roll", "pitch_rad": "pitch"}
+    if column in series:
+        return any(np.any(getattr(s, series[column])) for s in source)
+    if column in ("p_radps", "q_radps"):
+        return any(np.any(s.rates) for s in source)
+    return True  # position logs are looked for by the checks that use them
+
+
+def case_of(setup: Setup, model: IdentifiedModel, checks: Sequence[SensorCheck]) -> Case:
+    """The case of an identification and its model.
+
+    Parameters
+    ----------
+    setup : Setup
+        As `stages.identify.prepare` makes it.
+    model : IdentifiedModel
+    checks : sequence of SensorCheck
+    """
+    plane = setup.structure.plane
+    structure = structure_of(plane, (*(e.id for e in in_plane(plane)), FREE_FORCE))
+    records = tuple(record for _, record in setup.records.values())
+    n, unit = len(structure.parameters), sizes_of(model, records)
+    prior = parameter_vector(plane, _prior_values(setup), model.rigid_body, structure=structure)
+    stds, silent = np.zeros(n), np.zeros(n)
+    low, high = np.full(n, -np.inf), np.full(n, np.inf)
+    for i, name in enumerate(structure.parameters):
+        if name.startswith(FREE_FORCE):
+            stds[i] = free_force_size(name, model, unit)
+        elif "." in name:
+            declared = parameter_of(name)
+            scale = size_unit(declared, model, unit)
+            stds[i], silent[i] = declared.prior * scale, declared.silent * scale
+            low[i], high[i] = declared.low * scale, declared.high * scale
+        elif name in setup.structure.parameters:
+            stds[i] = setup.prior_std[setup.structure.index(name)]
+    friction = FRICTION_SLOPE * prior[structure.index("X_uu")] * unit[0]
+    prior[structure.index(FRICTION)] = friction
+    whole = replace(setup, structure=structure, prior=prior, prior_std=stds)
+    identified = parameter_vector(plane, model.values(), model.rigid_body, structure=structure)
+    kinds = {name: kind for name, (kind, _) in setup.records.items()}
+    return Case(whole, records, kinds, identified, tuple(checks), silent, low, high)
+
+
+def _prior_values(setup: Setup) -> dict[str, float]:
+    return dict(zip(setup.structure.parameters, setup.prior, strict=True))
+
+
+def sizes_of(model: IdentifiedModel, records: Sequence[Record]) -> tuple[float, float]:
+    """Median speed [m/s] and propeller rate [rev/s] of the maneuvers."""
+    speed = float(np.median(np.concatenate([r.given[:, 0] for r in records])))
+    rate = float(np.median(np.abs(np.concatenate([r.inputs[:, 2] for r in records]))))
+    return max(speed, 0.1), max(rate, 0.1)
+
+
+def size_unit(
+    declared: EffectParameter, model: IdentifiedModel, unit: tuple[float, float]
+) -> float:
+    """What the sizes of a parameter are multiplied by for a vehicle."""
+    return declared.size_unit(model.density_kgpm3, model.length_m, *unit)
+
+
+def free_force_size(name: str, model: IdentifiedModel, unit: tuple[float, float]) -> float:
+    """Prior of a free force or moment per unit of its series [N, N m]."""
+    equation = "XAB".index(name[-1])
+    area = model.length_m ** (3 if equation == 2 else 2)
+    return FREE_SIZE[equation] * 0.5 * model.density_kgpm3 * area * unit[0] ** 2

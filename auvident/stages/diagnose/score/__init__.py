@@ -1,0 +1,1 @@
+"""Score: what each effect would gain, before and beside any refit."""

@@ -1,0 +1,125 @@
+"""Forces without physics: does one explain more than every named effect?
+
+A force on surge, sway and yaw follows a regressor that belongs to no effect of the table: a
+function of the heading, of time, or of the motion a while ago. Regressors are made of simulated
+states; measured ones are stirred by the same turbulence as the residual. Each is fitted like an
+effect; a first-order gain says little here.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from auvident.engines.records import Record
+from auvident.physics.terms import FREE_FORCE, FREE_FORCES
+from auvident.stages.diagnose.fit.case import Case
+from auvident.stages.diagnose.fit.fits import Fitted, Residual, fit_with, log_gain
+from auvident.stages.diagnose.score.first_order import joint_about, score
+
+Array = npt.NDArray[Any]
+Regressor = Callable[[Array, Record, float], Array]
+
+REFITTED = 2
+SLOW_S, QUICK_S = 4.0, 1.5  # lags of the regressors with memory
+AXES = {"X": "X", "A": "Y", "B": "N"}
+
+
+def lagged(values: Array, time_s: float, dt_s: float) -> Array:
+    """First-order lag of a series."""
+    keep, state = float(np.exp(-dt_s / time_s)), float(values[0])
+    out = np.empty(len(values))
+    for k, value in enumerate(values):
+        state = keep * state + (1.0 - keep) * float(value)
+        out[k] = state
+    return out
+
+
+REGRESSORS: dict[str, Regressor] = {
+    "cos heading": lambda x, r, dt: np.cos(x[:, 3]),
+    "sin heading": lambda x, r, dt: np.sin(x[:, 3]),
+    "cos 2 heading": lambda x, r, dt: np.cos(2.0 * x[:, 3]),
+    "sin 2 heading": lambda x, r, dt: np.sin(2.0 * x[:, 3]),
+    "|v| r a while ago": lambda x, r, dt: lagged(np.abs(x[:, 1]) * x[:, 2], SLOW_S, dt),
+    "u r a while ago": lambda x, r, dt: lagged(x[:, 0] * x[:, 2], QUICK_S, dt),
+    "change of u r": lambda x, r, dt: np.gradient(x[:, 0] * x[:, 2], dt),
+    "rudder a while ago": lambda x, r, dt: lagged(r.inputs[:, 0], SLOW_S, dt),
+    "rate of turn a while ago": lambda x, r, dt: lagged(x[:, 2], SLOW_S, dt),
+}
+
+
+@dataclass(frozen=True)
+class FreeForce:
+    """A force along a regressor, fitted.
+
+    Attributes
+    ----------
+    regressor : str
+    axis : str
+        X, Y or N, where it is largest in units of its prior.
+    size : float
+        Root mean square on that axis [N or N m].
+    gain : float
+        Rise of the log-likelihood [nats].
+    falls : (3,) array
+        Relative fall of the rms of u, v, r.
+    """
+
+    regressor: str
+    axis: str
+    size: float
+    gain: float
+    falls: Array
+    log_likelihood: float
+
+
+def free_forces(case: Case, fitted: Fitted) -> list[FreeForce]:
+    """Free forces that explain most beside a fitted model, best first."""
+    cases = {name: _with_series(case, name, fitted.residuals) for name in REGRESSORS}
+    gains = {}
+    for name, own in cases.items():
+        joint = joint_about(own, fitted, (FREE_FORCE,))
+        if joint is not None:
+            gains[name] = score(joint, (FREE_FORCE,))
+    best = sorted(gains, key=lambda name: -gains[name].gain)[:REFITTED]
+    found = []
+    for name in best:
+        after = fit_with(
+            cases[name],
+            (*fitted.effects, FREE_FORCE),
+            gains[name].parameters,
+            fitted.colours,
+            rounds=1,
+            steps=6,
+        )
+        if after is not None:
+            found.append(_described(cases[name], name, fitted, after))
+    return sorted(found, key=lambda f: -f.gain)
+
+
+def _with_series(case: Case, name: str, residuals: Sequence[Residual]) -> Case:
+    """The case with a regressor on all three axes, of root mean square one."""
+    raw = {
+        r.id: REGRESSORS[name](residual.states, r, case.setup.dt_s)
+        for r, residual in zip(case.records, residuals, strict=True)
+    }
+    size = float(np.sqrt(np.mean(np.concatenate(list(raw.values())) ** 2))) or 1.0
+    return case.with_free_force(
+        {key: np.repeat(values[:, None] / size, 3, axis=1) for key, values in raw.items()}
+    )
+
+
+def _described(case: Case, name: str, before: Fitted, after: Fitted) -> FreeForce:
+    sizes = {f[-1]: after.parameters[case.position(f)] for f in FREE_FORCES}
+    stds = {f[-1]: case.setup.prior_std[case.position(f)] for f in FREE_FORCES}
+    axis = max(sizes, key=lambda a: abs(sizes[a]) / stds[a])
+    return FreeForce(
+        name,
+        AXES[axis],
+        float(sizes[axis]),
+        log_gain(before, after),
+        1.0 - after.rms / before.rms,
+        after.log_likelihood,
+    )

@@ -1,0 +1,118 @@
+"""Candidates of a search: what was tried, how large it is, and what looks like it."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from auvident.schema.effects import BY_ID, EFFECTS, parameter_of
+from auvident.stages.diagnose.fit.case import Case
+from auvident.stages.diagnose.fit.fits import Fitted
+from auvident.stages.diagnose.score.first_order import Joint
+from auvident.stages.diagnose.select.rules import Account, Refusal
+
+Array = npt.NDArray[Any]
+
+WORTH = 8.0  # [nats] to first order, to be refitted
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A candidate after its refit, and why it was refused (None: accepted)."""
+
+    fitted: Fitted
+    account: Account
+    refusal: Refusal | None = None
+
+    @property
+    def id(self) -> str:
+        """The effect."""
+        return self.account.id
+
+    @property
+    def gain(self) -> float:
+        """Rise of the log-likelihood [nats]."""
+        return self.account.gain
+
+
+@dataclass(frozen=True)
+class Round:
+    """One search: the model it began with and what was tried, best first.
+
+    ``screened`` are first-order gains by candidate [nats].
+    """
+
+    before: Fitted
+    joint: Joint
+    tried: tuple[Tried, ...]
+    screened: dict[str, float]
+    alike: tuple[str, ...] = ()
+    accepted: str | None = None
+
+
+@dataclass(frozen=True)
+class Traced:
+    """Result of the search; `quiet` are effects taken along without a claim."""
+
+    case: Case
+    baseline: Fitted
+    final: Fitted
+    rounds: tuple[Round, ...]
+    steps: tuple[str, ...] = ()
+    quiet: tuple[str, ...] = ()
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """Effects that are claimed."""
+        return tuple(e for e in self.final.effects if e not in self.quiet)
+
+
+def steady(effect: str) -> tuple[str, ...]:
+    """Effects that show in a straight run as one does, itself with them; none for the others.
+
+    In the coefficients that were fitted without it each of them has left its mark, so that they
+    are compared from the estimate as well.
+    """
+    return tuple(e.id for e in EFFECTS if e.steady) if BY_ID[effect].steady else ()
+
+
+def ranked(values: dict[str, float]) -> list[str]:
+    """Names, largest value first."""
+    return sorted(values, key=lambda name: (-values[name], name))
+
+
+def worth(gains: dict[str, float]) -> list[str]:
+    """Candidates with a gain worth a refit, best first."""
+    return [name for name in ranked(gains) if gains[name] > WORTH]
+
+
+def scores_of(scores: dict[str, tuple[float, Array]]) -> dict[str, float]:
+    """Gains alone."""
+    return {c: s[0] for c, s in scores.items()}
+
+
+def size_of(case: Case, effect: str, p: Array) -> float:
+    """Size of an effect beyond what every model is expected to have, in practical sizes."""
+    total = 0.0
+    for i in case.positions(effect):
+        declared = parameter_of(case.names[i])
+        unit = case.setup.prior_std[i] / declared.prior
+        total += ((p[i] - case.setup.prior[i]) / (declared.practical * unit)) ** 2
+    return float(np.sqrt(total))
+
+
+def at_bound(case: Case, effect: str, p: Array) -> bool:
+    """Whether a parameter lies at a physical bound other than off."""
+    for i in case.positions(effect):
+        width = case.high[i] - case.low[i]
+        if p[i] >= case.high[i] - 1e-3 * width or (
+            case.low[i] < 0.0 and p[i] <= case.low[i] + 1e-3 * width
+        ):
+            return True
+    return False
+
+
+def open_of(case: Case, fitted: Fitted) -> list[int]:
+    """Positions of the effects' parameters of a fit."""
+    return [i for effect in fitted.effects for i in case.positions(effect)]

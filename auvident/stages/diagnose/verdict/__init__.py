@@ -1,0 +1,1 @@
+"""Verdict: what the evidence supports, how well it is known, and the artifact."""

@@ -1,0 +1,104 @@
+"""The evidence of a diagnosis, and the verdict it supports."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from auvident.schema.artifacts import Verdict
+from auvident.schema.diagnosis import EffectFound
+from auvident.schema.effects import BY_ID
+from auvident.stages.diagnose.checks.events import Event
+from auvident.stages.diagnose.checks.waves import Wave
+from auvident.stages.diagnose.fit.case import CHANNELS, Case
+from auvident.stages.diagnose.fit.fits import Fitted
+from auvident.stages.diagnose.score.free_forces import FreeForce
+from auvident.stages.diagnose.select.candidates import Traced
+
+FREE_GAIN, FREE_FALL = 120.0, 0.2  # a free force that gains and explains so much is something
+BEATEN = 1.08  # a free force that gains so many times what the named effect does beats it
+DVL_NOISES, TURN_NRMSE = 3.0, 0.06  # a residual beyond these means something is left
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """All that a verdict rests on.
+
+    Attributes
+    ----------
+    traced : Traced
+    candidates : tuple of str
+        Effects that could be tested.
+    events : tuple of Event
+    wave : Wave or None
+        The strongest one in the final residual, found or not.
+    free : tuple of FreeForce
+        Forces without physics beside the final model, best first.
+    rival : FreeForce or None
+        The best of them in place of the effect accepted last.
+    missing : tuple of str
+        Columns whose absence hides effects.
+    """
+
+    traced: Traced
+    candidates: tuple[str, ...]
+    events: tuple[Event, ...]
+    wave: Wave | None
+    free: tuple[FreeForce, ...]
+    rival: FreeForce | None
+    missing: tuple[str, ...]
+
+
+def verdict_of(
+    effects: Sequence[EffectFound],
+    evidence: Evidence,
+    left: Sequence[str],
+    nearest: str | None,
+    groups: Sequence[Sequence[str]],
+) -> Verdict:
+    """What the evidence supports; see `Diagnosis`.
+
+    What was accepted stands: a remainder makes a verdict partial and takes nothing back.
+    """
+    if not effects:
+        return "unexplained" if left or nearest or something(evidence) else "none_found"
+    unmodelled = any(e.id == "wave" for e in effects)  # a wave itself is what is left
+    if nearest or (left and not unmodelled):
+        return "partly_explained"
+    across = any(len({BY_ID[e].family for e in g}) > 1 and not nested(g) for g in groups)
+    return "ambiguous" if across else "effect_found"
+
+
+def something(evidence: Evidence) -> bool:
+    """Whether a free force explains much of what is left."""
+    return any(f.gain > FREE_GAIN and f.falls.max() > FREE_FALL for f in evidence.free)
+
+
+def nested(group: Sequence[str]) -> bool:
+    """Whether the effect named is a special case of all others of its group."""
+    named, *others = group
+    return all(named in BY_ID[other].parts for other in others)
+
+
+def nearest_of(evidence: Evidence) -> str | None:
+    """The named effect, if a free force in its place does clearly better."""
+    rival, accepted = evidence.rival, [r for r in evidence.traced.rounds if r.accepted]
+    if rival is None or not accepted:
+        return None
+    named = next(t for t in accepted[-1].tried if t.id == accepted[-1].accepted)
+    beaten = rival.gain > BEATEN * named.gain and rival.gain > FREE_GAIN
+    beside = something(evidence) and max(f.gain for f in evidence.free) > 0.5 * named.gain
+    return named.id if beaten or beside else None
+
+
+def left_channels(case: Case, fitted: Fitted) -> list[str]:
+    """Channels whose residual is larger than any complete model leaves it."""
+    found = [
+        name
+        for c, name in enumerate(CHANNELS[:2])
+        if fitted.rms[c] > DVL_NOISES * case.setup.sensor_std[c]
+    ]
+    turn = np.concatenate([r.measured[:, 2] for r in case.records])
+    if fitted.rms[2] > TURN_NRMSE * float(np.nanstd(turn)):
+        found.append("r")
+    return found

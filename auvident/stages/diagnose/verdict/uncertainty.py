@@ -1,0 +1,69 @@
+"""How well the sizes of effects are known: from the curvature and from the scatter of maneuvers."""
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import stdtrit
+
+from auvident.schema.diagnosis import ParameterValue
+from auvident.schema.effects import EFFECTS, parameter_of
+from auvident.stages.diagnose.fit.case import Case
+from auvident.stages.diagnose.fit.fits import Fitted, prior_of, record_parts
+from auvident.stages.diagnose.score.left_out import MOST_FITS, leave_out
+from auvident.stages.diagnose.select.candidates import open_of
+
+Array = npt.NDArray[Any]
+
+INTERVAL = 0.975
+TIMED = tuple(
+    n for e in EFFECTS if e.alike == "late" for n in e.names() if parameter_of(n).unit == "s"
+)
+TIMED_STD_S = 0.045  # silent lag and delay of a servo together
+
+
+def spreads(case: Case, fitted: Fitted) -> Array:
+    """Standard deviation (n_parameters,) of the free parameters of a fit.
+
+    The larger of what the curvature says and of the scatter when maneuvers are left out
+    (jackknife).
+    """
+    free, moving = fitted.free, case.setup.free(fitted.free)
+    _, curvature, _, _ = prior_of(case, free, open_of(case, fitted))
+    for record in case.records:
+        parts = record_parts(case, fitted.parameters, record, fitted.colours, moving)
+        if parts is not None:
+            curvature = curvature + parts[2]
+    out = np.zeros(len(fitted.parameters))
+    out[free] = np.sqrt(np.diag(np.linalg.inv(curvature))) * moving.scale
+    for i, name in enumerate(case.names):
+        if name in TIMED and i in free:  # every model's allowances may lend or take this much
+            out[i] = math.hypot(out[i], TIMED_STD_S)
+    if len(case.records) > 2:
+        without = leave_out(case, fitted, fitted.colours).parameters
+        count, away = len(without), without - without.mean(0)
+        scatter = np.sqrt((count - 1) / count * np.sum(away**2, axis=0))
+        out = np.maximum(out, np.where(out > 0.0, scatter, 0.0))
+    return out
+
+
+def effect_values(case: Case, effect: str, p: Array, stds: Array) -> tuple[ParameterValue, ...]:
+    """Parameters of an effect in the units of the artifacts, with 95 % intervals."""
+    found = []
+    freedom = max(min(len(case.records), MOST_FITS) - 1, 1)
+    reach = float(stdtrit(freedom, INTERVAL))
+    for i in case.positions(effect):
+        declared = parameter_of(case.names[i])
+        value, std = declared.shown(float(p[i] - case.setup.prior[i]), float(stds[i]))
+        found.append(
+            ParameterValue(
+                symbol=declared.symbol,
+                value=value,
+                std=std,
+                unit=declared.unit,
+                low=value - reach * std,
+                high=value + reach * std,
+            )
+        )
+    return tuple(found)

@@ -1,0 +1,119 @@
+"""The search for one-off events, on residuals of a linear vehicle that is pushed."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvident.stages.diagnose.checks.events import Event, find_events
+from auvident.stages.diagnose.checks.waves import Residual
+
+NOISE = np.array([0.005, 0.005, 0.0009, 0.005])
+# sway and yaw answer to a force within seconds: d(v, r)/dt = A (v, r) + B force
+A = np.array([[-0.6, -0.5], [-0.3, -0.9]])
+HELMS_S = np.arange(8.0, 80.0, 9.0)
+
+
+def answer(force: np.ndarray, dt: float = 0.1) -> np.ndarray:
+    """u, v, r and heading (n, 4) after side force and moment (n, 2) in m/s^2 and rad/s^2."""
+    state, out = np.zeros(4), np.zeros((len(force), 4))
+    for k, push in enumerate(force):
+        state[1:3] += dt * (A @ state[1:3] + push)
+        state[0] += dt * (-0.15 * state[0] - 0.3 * abs(push[0]) * 0.2)
+        state[3] += dt * state[2]
+        out[k] = state
+    return out
+
+
+def half_sine(t: np.ndarray, start: float, length: float) -> np.ndarray:
+    phase = (t - start) / length
+    return np.where((phase >= 0) & (phase <= 1), np.sin(math.pi * phase), 0.0)
+
+
+def pieces_of(
+    seed: int,
+    *,
+    push: dict[int, tuple[float, float]] | None = None,
+    helm: float = 0.0,
+    start: float = 0.0,
+    thrust: int = -1,
+) -> list[Residual]:
+    """Eight maneuvers; `push` = {maneuver: (start, size)}, `helm` an error after each helm."""
+    rng, pieces = np.random.default_rng(seed), []
+    for number in range(8):
+        t = np.arange(0.0, 85.0, 0.1)
+        force = 0.002 * rng.normal(size=(len(t), 2)) * math.sqrt(10.0)
+        for k, at in enumerate(HELMS_S if helm else []):
+            sign = helm * (-1) ** k * rng.uniform(0.8, 1.2)
+            force += sign * half_sine(t, at, 1.5)[:, None] * [0.02, 0.05]
+        if push and number in push:
+            begin, size = push[number]
+            force += size * half_sine(t, begin, 3.0)[:, None] * [0.05, 0.05]
+        values = answer(force)
+        values[:, 1:3] += start * np.exp(-t / 2.0)[:, None] * [0.1, 0.1] * rng.normal(size=2)
+        if number == thrust:
+            values[:, 0] -= 0.2 * (1.0 - np.exp(-np.maximum(t - 40.0, 0.0) / 8.0))
+        values += NOISE * rng.normal(size=values.shape)
+        values[::2, :2] = np.nan
+        gap = rng.integers(100, 700)
+        values[gap : gap + 20, :2] = np.nan
+        stamps = t + 100.0 * number
+        pieces.append(Residual(f"m{number}", stamps, values, np.full(len(t), 1.5), 0.0 * t))
+    return pieces
+
+
+def found(seed: int, **what: object) -> list[Event]:
+    return find_events(pieces_of(seed, **what), NOISE)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("at", [10.0, 37.0, 70.0])
+def test_a_push_is_found_in_its_place(at: float) -> None:
+    (event,) = found(1, push={3: (at, 1.0)}, helm=0.4)
+    assert event.maneuver == "m3"
+    begin, end = event.time_s - 300.0, event.time_s - 300.0 + event.duration_s
+    assert begin <= at + 0.5 and at - begin < 4.0
+    assert min(at + 3.0, 84.0) <= end < at + 20.0
+    assert {"v", "r"} & set(event.channels)
+
+
+def test_heading_that_a_push_leaves_behind_is_told() -> None:
+    force = half_sine(np.arange(0.0, 85.0, 0.1), 40.0, 3.0)[:, None] * [0.05, 0.05]
+    turned = answer(force)[-1, 3]
+    (event,) = found(2, push={5: (40.0, 1.0)})
+    assert event.heading_rad == pytest.approx(turned, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    "what", [{}, {"helm": 1.0}, {"start": 1.0}, {"thrust": 4}, {"helm": 0.3, "start": 0.5}]
+)
+def test_nothing_is_found_in_what_repeats_or_starts_or_stays(what: dict[str, float]) -> None:
+    assert not [e for seed in range(12) for e in found(seed, **what)]
+
+
+def test_two_events_are_found_when_they_are_clear() -> None:
+    events = found(4, push={2: (30.0, 3.0), 6: (50.0, -3.0)})
+    assert {e.maneuver for e in events} == {"m2", "m6"}
+
+
+def test_a_push_below_the_noise_of_the_sensors_is_none() -> None:
+    pieces = pieces_of(5, push={3: (30.0, 1.0)})
+    assert find_events(pieces, NOISE)
+    assert not find_events(pieces, 100.0 * NOISE)
+
+
+def test_a_prediction_that_runs_away_is_no_event() -> None:
+    """Its residual grows beyond what the vehicle did, or ends in nothing."""
+    pieces = pieces_of(6, helm=0.5)
+    for number, last in ((2, 850), (5, 400)):
+        values = pieces[number].values.copy()
+        grown = np.exp((np.arange(850) - 400.0) / 15.0)
+        values[:, 1:3] += 0.01 * np.minimum(grown, 100.0)[:, None]
+        values[last:] = np.nan
+        pieces[number] = replace(pieces[number], values=values)
+    assert find_events(pieces, NOISE) == []
+
+
+def test_one_maneuver_alone_tells_nothing() -> None:
+    assert find_events(pieces_of(6, push={0: (30.0, 2.0)})[:1], NOISE) == []
+    assert find_events([], NOISE) == []

@@ -1,0 +1,298 @@
+"""Fits of a diagnosis: priors, allowances, bounds, sensor checks, masks; and what is judged."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvident.schema.effects import in_plane, parameter_of
+from auvident.stages.diagnose.checks.kinematics import SensorCheck
+from auvident.stages.diagnose.fit import case as cases
+from auvident.stages.diagnose.fit.case import ACTIVE, SILENT_REACH
+from auvident.stages.diagnose.fit.fits import (
+    Fitted,
+    check_cost,
+    colours_of,
+    fit_with,
+    free_positions,
+    log_gain,
+    open_positions,
+    prior_of,
+    record_parts,
+    residual_of,
+    residuals_of,
+    white_error,
+)
+from auvident.stages.diagnose.fit.refits import SETTLED, nested, refit, settled
+from auvident.stages.diagnose.select.search import at_bound, size_of
+from tests.stages.diagnose.loop_chain import loop, small_case, small_fit, theta_of
+
+LAG = "rudder_lag.lag_s"
+BIAS = "gyro_bias.bias_degps"
+
+
+def checked(mean: float, std: float):
+    """The case with a sensor check that knows the bias of the gyro."""
+    check = SensorCheck((BIAS,), np.array([mean]), np.array([[std**2]]), 100, 0.001, "made up")
+    return replace(small_case(), checks=(check,))
+
+
+# --- what is free, and how far -------------------------------------------------------------
+
+
+def test_effects_are_off_in_the_identified_model_and_in_the_prior() -> None:
+    case = small_case()
+    for i, name in enumerate(case.names):
+        if "." in name:
+            assert case.identified[i] == 0.0
+            expected = case.setup.prior[i]
+            assert expected == 0.0 or name == "linear_drag.X_u"  # the friction line
+            assert case.low[i] <= expected <= case.high[i]
+
+
+def test_every_fit_frees_coefficients_and_allowances_but_no_inertia() -> None:
+    case = small_case()
+    names = {case.names[i] for i in free_positions(case, ("current",))}
+    assert {"current.north_mps", "current.east_mps", LAG, "Y_uv", "T_nn"} <= names
+    assert not {n for n in names if n.endswith("dot")}
+    assert BIAS not in names
+
+
+def test_an_allowance_is_tight_until_its_effect_is_tried() -> None:
+    case = small_case()
+    free = free_positions(case, ("rudder_lag",))
+    at = int(np.flatnonzero(free == case.position(LAG))[0])
+    scale, declared = case.setup.prior_std[free][at], parameter_of(LAG)
+    spread, reach = [], []
+    for open_ in ((), open_positions(case, ("rudder_lag",))):
+        _, information, low, high = prior_of(case, free, open_)
+        spread.append(scale / np.sqrt(information[at, at]))
+        reach.append((low[at] * scale, high[at] * scale))
+    assert spread == pytest.approx([declared.silent, declared.prior])
+    assert reach[0] == pytest.approx((0.0, SILENT_REACH * declared.silent))
+    assert reach[1] == pytest.approx((declared.low, declared.high))
+
+
+def test_what_the_sensors_say_counts_like_a_prior() -> None:
+    case = checked(0.004, 0.001)
+    free = free_positions(case, ("gyro_bias",))
+    at = int(np.flatnonzero(free == case.position(BIAS))[0])
+    mean, information, _, _ = prior_of(case, free, open_positions(case, ("gyro_bias",)))
+    prior, scale = parameter_of(BIAS).prior, case.setup.prior_std[free][at]
+    assert scale / np.sqrt(information[at, at]) == pytest.approx((prior**-2 + 1e6) ** -0.5)
+    assert mean[at] * scale == pytest.approx(0.004 * 1e6 / (1e6 + prior**-2))
+    rest = np.delete(np.arange(len(free)), at)
+    plain = prior_of(small_case(), free, open_positions(case, ("gyro_bias",)))
+    np.testing.assert_array_equal(mean[rest], plain[0][rest])
+    # and it costs where the effect is not free
+    assert check_cost(case, case.identified) == pytest.approx(0.5 * 16.0)
+    assert check_cost(small_case(), case.identified) == 0.0
+
+
+def test_a_sensor_check_alone_can_call_for_an_effect() -> None:
+    case = checked(0.004, 0.0002)
+    before = fit_with(case, (), small_fit().parameters, small_fit().colours)
+    after = fit_with(case, ("gyro_bias",), small_fit().parameters, small_fit().colours)
+    assert before is not None and after is not None
+    assert after.parameters[case.position(BIAS)] == pytest.approx(0.004, abs=0.0006)
+    assert log_gain(before, after) > 100.0  # of the 200 nats of the check
+
+
+def test_fits_stay_within_their_bounds() -> None:
+    case = small_case()
+    found = fit_with(case, ("current", "rudder_lag"), small_fit().parameters, small_fit().colours)
+    assert found is not None
+    free = found.free
+    _, _, low, high = prior_of(case, free, open_positions(case, found.effects))
+    theta = theta_of(case, found, free)
+    assert ((theta >= low - 1e-12) & (theta <= high + 1e-12)).all()
+    held = np.setdiff1d(np.arange(len(case.names)), free)
+    np.testing.assert_array_equal(found.parameters[held], small_fit().parameters[held])
+
+
+# --- residuals -----------------------------------------------------------------------------
+
+
+def test_parts_of_a_record_are_those_of_its_residual() -> None:
+    """Half the squares with the start eliminated, against a fitted start explicitly."""
+    case, fitted = small_case(), small_fit()
+    for record in case.records:
+        parts = record_parts(
+            case,
+            fitted.parameters,
+            record,
+            fitted.colours,
+            case.setup.free(np.zeros(0, dtype=np.int64)),
+        )
+        found = residual_of(case, fitted.parameters, record, fitted.colours)
+        assert parts is not None and found is not None
+        white = white_error(found.error, fitted.colours, case.setup.dt_s)
+        # the parts also count how far the start had to move, in units of what was known of it
+        squares = 0.5 * float(np.sum(white**2))
+        assert squares <= parts[0] * (1 + 1e-9)
+        assert squares > parts[0] - 5.0  # three numbers, none of them far beyond its wide prior
+
+
+def test_log_likelihood_and_rms_are_of_the_residuals() -> None:
+    case, fitted = small_case(), small_fit()
+    found = residuals_of(case, fitted.parameters, fitted.colours)
+    assert found is not None
+    colours, log_likelihood, rms = colours_of(case, found)
+    pooled = np.concatenate([r.error for r in found])[:, :3]
+    np.testing.assert_allclose(rms, np.sqrt(np.nanmean(pooled**2, axis=0)))
+    np.testing.assert_allclose(rms, fitted.rms, rtol=0.05)
+    assert log_likelihood == pytest.approx(fitted.log_likelihood, abs=5.0)
+    assert len(colours) == 3
+
+
+def test_masked_readings_do_not_count() -> None:
+    case = small_case()
+    record = case.records[1]
+    start, end = record.time_s[0] + 3.0, record.time_s[0] + 8.0
+    masked = case.masked([(record.id, start, end)])
+    for one, other in zip(masked.records, case.records, strict=True):
+        inside = (one.time_s >= start) & (one.time_s <= end) & (one.id == record.id)
+        assert np.isnan(one.measured[inside]).all()
+        np.testing.assert_array_equal(one.measured[~inside], other.measured[~inside])
+    found = residual_of(masked, small_fit().parameters, masked.records[1], small_fit().colours)
+    assert found is not None
+    inside = (record.time_s >= start) & (record.time_s <= end)
+    assert np.isnan(found.error[inside]).all()
+    assert np.isfinite(found.error[~inside][:, ACTIVE]).any()
+    assert not np.isnan(record.measured[inside]).all()  # the case itself is as it was
+
+
+def test_a_model_that_runs_away_is_no_fit() -> None:
+    case, p = small_case(), small_fit().parameters.copy()
+    p[case.position("X_uu")] = 1e4
+    assert residuals_of(case, p, small_fit().colours) is None
+    assert fit_with(case, (), p, small_fit().colours) is None
+
+
+# --- candidates ----------------------------------------------------------------------------
+
+
+def test_effects_that_no_log_can_show_are_not_tried() -> None:
+    setup = loop("harbour_trial").setup
+    records = [r for _, r in setup.records.values()]
+    every = {e.id for e in in_plane("horizontal")}
+    bare = []
+    for r in records:
+        assert r.source is not None
+        zero = replace(
+            r.source, roll=0 * r.source.roll, pitch=0 * r.source.pitch, rates=0 * r.source.rates
+        )
+        measured = r.measured.copy()
+        measured[:, 3] = np.nan
+        bare.append(replace(r, measured=measured, source=zero))
+    there, missing = cases.testable(setup, bare)
+    gone = every - {e.id for e in there}
+    assert {"current", "gyro_scale", "roll_coupling", "dvl_height", "weight_excess"} <= gone
+    assert {"heading_rad", "roll_rad", "p_radps", "pitch_rad"} <= set(missing)
+    assert "rudder_offset" in {e.id for e in there}
+
+
+def test_sizes_are_in_practical_units_beyond_what_is_expected() -> None:
+    case = small_case()
+    p = case.at_rest(case.setup.prior)
+    for effect in ("current", "rudder_offset", "hull_asymmetry", "linear_drag"):
+        q = p.copy()
+        positions = case.positions(effect)
+        for i in positions:
+            declared = parameter_of(case.names[i])
+            unit = case.setup.prior_std[i] / declared.prior
+            q[i] = case.setup.prior[i] + declared.practical * unit
+        assert size_of(case, effect, q) == pytest.approx(np.sqrt(len(positions)))
+    assert size_of(case, "linear_drag", p) == pytest.approx(0.0)
+
+
+def test_only_bounds_other_than_off_are_implausible() -> None:
+    case, at = small_case(), small_case().position(LAG)
+    for value, implausible in ((case.low[at], False), (0.3, False), (case.high[at], True)):
+        p = case.identified.copy()
+        p[at] = value
+        assert at_bound(case, "rudder_lag", p) == implausible
+    at = case.position("current.north_mps")
+    for value in (case.low[at], case.high[at]):
+        p = case.identified.copy()
+        p[at] = value
+        assert at_bound(case, "current", p)
+
+
+# --- sensors that are late -----------------------------------------------------------------
+
+
+# [nats] a reading's density is 4 (m/s) or 6 (rad/s) nats, which is what losing one used to cost
+LIKE_OTHERS = 2.5
+
+
+@pytest.mark.parametrize("name", ["dvl_delay.delay_s", "gyro_delay.delay_s"])
+@pytest.mark.parametrize("late", [-0.3, -1e-6, 1e-6, 0.3])
+def test_a_late_sensor_gains_nothing_by_the_readings_it_loses(name, late) -> None:
+    """A reading from before its record is lost; it must count neither for nor against a delay."""
+    case, fitted = small_case(), small_fit()
+    p = fitted.parameters.copy()
+    p[case.position(name)] = late
+    found = residuals_of(case, p, fitted.colours)
+    assert found is not None
+    seen = [np.isfinite(r.error[:, :3]).sum() for r in found]
+    whole = [np.isfinite(r.measured[:, :3]).sum() for r in case.records]
+    assert sum(seen) < sum(whole)
+    _, value, _ = colours_of(case, found)
+    half = cost_of(case, p, fitted.colours)
+    if abs(late) < 1e-3:  # as without any delay, but for first readings, which fit a little worse
+        lost = sum(whole) - sum(seen)
+        assert abs(value - fitted.log_likelihood) < LIKE_OTHERS * lost
+        assert abs(half - cost_of(case, fitted.parameters, fitted.colours)) < LIKE_OTHERS * lost
+    else:  # the readings of a healthy sensor say that it is not late
+        assert value < fitted.log_likelihood - 20.0
+        assert half > cost_of(case, fitted.parameters, fitted.colours) + 20.0
+
+
+def cost_of(case, p, colours) -> float:
+    """Half the squared errors of all records."""
+    moving = case.setup.free(np.zeros(0, dtype=np.int64))
+    return sum(record_parts(case, p, r, colours, moving)[0] for r in case.records)  # type: ignore
+
+
+# --- a fit that contains another -----------------------------------------------------------
+
+
+def lost(effect: str, size: float, likelihood: float) -> Fitted:
+    """A fit with an effect that ended somewhere."""
+    case, before = small_case(), small_fit()
+    p = before.parameters.copy()
+    p[case.positions(effect)] = size
+    return replace(
+        before,
+        effects=(effect,),
+        parameters=p,
+        log_likelihood=likelihood,
+        free=free_positions(case, (effect,)),
+    )
+
+
+@pytest.mark.parametrize("effect", ["rudder_lag", "dvl_lever_arm", "gyro_delay"])
+def test_a_fit_never_ends_below_the_model_that_it_contains(effect) -> None:
+    case, before = small_case(), small_fit()
+    found = nested(case, before, lost(effect, 0.4, before.log_likelihood - 109.0))
+    assert found.effects == (effect,)
+    assert log_gain(before, found) >= 0.0
+    assert set(case.positions(effect)) <= set(found.free)
+
+
+def test_a_fit_that_is_better_than_its_base_stays_as_it_is() -> None:
+    better = lost("rudder_lag", 0.1, small_fit().log_likelihood + 3.0)
+    assert nested(small_case(), small_fit(), better) is better
+
+
+def test_a_fit_is_carried_on_until_it_gains_no_more() -> None:
+    """Two rounds of eight steps from far away are not the end of the way."""
+    case, before = small_case(), small_fit()
+    start = case.at_rest(case.setup.prior)
+    begun = fit_with(case, ("gyro_bias",), start, before.colours, rounds=1, steps=1)
+    assert begun is not None
+    found = settled(case, begun)
+    again = refit(case, found.effects, [found.parameters], found)
+    assert again is not None and log_gain(found, again) < SETTLED
+    assert log_gain(before, found) > -SETTLED

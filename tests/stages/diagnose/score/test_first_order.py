@@ -1,0 +1,187 @@
+"""The screen of all effects against explicit Newton steps."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from auvident.schema.effects import in_plane
+from auvident.stages.diagnose.fit.case import Case
+from auvident.stages.diagnose.fit.fits import (
+    fit_with,
+    free_positions,
+    log_gain,
+    open_positions,
+    prior_of,
+    record_parts,
+)
+from auvident.stages.diagnose.fit.refits import best_of, from_estimate
+from auvident.stages.diagnose.score.first_order import (
+    Joint,
+    cosine,
+    gains_of_absent,
+    joint_about,
+    score,
+    unabsorbed,
+)
+from tests.stages.diagnose.loop_chain import small_case, small_fit, theta_of
+
+EFFECTS = tuple(e.id for e in in_plane("horizontal"))
+TRIED = (
+    "current",
+    "rudder_offset",
+    "rudder_lag",
+    "gyro_bias",
+    "hull_asymmetry",
+    "rudder_backlash",
+    "dvl_lever_arm",
+    "thrust_sag",
+    "dvl_delay",
+    "linear_drag",
+)
+
+
+@cache
+def joint() -> Joint:
+    found = joint_about(small_case(), small_fit(), EFFECTS)
+    assert found is not None
+    return found
+
+
+def by_hand(effect: str) -> tuple[np.ndarray, ...]:
+    """Gradient and curvature of the log posterior with an effect free, from its parts."""
+    case, fitted = small_case(), small_fit()
+    free = free_positions(case, (effect,))
+    mean, information, low, high = prior_of(case, free, open_positions(case, (effect,)))
+    theta, moving = theta_of(case, fitted, free), case.setup.free(free)
+    gradient, curvature = information @ (theta - mean), information.copy()
+    for record in case.records:
+        parts = record_parts(case, fitted.parameters, record, fitted.colours, moving)
+        assert parts is not None
+        gradient, curvature = gradient + parts[1], curvature + parts[2]
+    return free, theta, gradient, curvature, low, high
+
+
+@pytest.mark.parametrize("effect", TRIED)
+def test_score_is_a_newton_step_within_bounds(effect) -> None:
+    """Nothing but the conditions of a least value is asked: of the slope at the end of the step."""
+    free, theta, gradient, curvature, low, high = by_hand(effect)
+    found, case = score(joint(), (effect,)), small_case()
+    step = found.parameters[free] / case.setup.prior_std[free] - theta
+    gain = -(gradient @ step + 0.5 * step @ curvature @ step)
+    # two ways to eliminate the start differ by rounding, brought up by the condition (1e6)
+    assert found.gain == pytest.approx(gain, rel=1e-6)
+    there, slope = theta + step, gradient + curvature @ step
+    size = np.sqrt(np.diag(curvature))
+    at_low, at_high = there <= low + 1e-9, there >= high - 1e-9
+    assert ((there >= low - 1e-9) & (there <= high + 1e-9)).all()
+    assert (np.abs(slope / size)[~at_low & ~at_high] < 1e-5).all()
+    assert (slope[at_low & ~at_high] > -1e-5 * size[at_low & ~at_high]).all()
+    assert (slope[at_high & ~at_low] < 1e-5 * size[at_high & ~at_low]).all()
+    rest = np.setdiff1d(np.arange(len(found.parameters)), free)
+    np.testing.assert_array_equal(found.parameters[rest], small_fit().parameters[rest])
+
+
+def test_a_model_with_more_freedom_gains_no_less() -> None:
+    alone = score(joint(), ("rudder_offset",)).gain
+    both = score(joint(), ("rudder_offset", "gyro_bias")).gain
+    nothing = score(joint(), ()).gain
+    # a fit that has not quite ended has a little to gain without any effect
+    assert both >= alone - 1e-6
+    assert alone >= nothing - 1e-6
+    assert 0.0 <= nothing < 20.0
+
+
+def turned(case: Case, yaw: float) -> Case:
+    """The case as a DVL turned by `yaw` to starboard would have logged it."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    turn = np.eye(4)
+    turn[:2, :2] = [[c, -s], [s, c]]  # rows times this: (u c + v s, v c - u s)
+    records = []
+    for r in case.records:
+        assert r.source is not None
+        source = replace(r.source, bridged=r.source.bridged @ turn, start=r.source.start @ turn)
+        measured = np.where(np.isfinite(r.measured), source.bridged, np.nan)
+        records.append(
+            replace(r, measured=measured, given=r.given @ turn, start=r.start @ turn, source=source)
+        )
+    return replace(case, records=tuple(records))
+
+
+def test_a_planted_effect_is_found_to_first_order() -> None:
+    case, yaw = turned(small_case(), 0.03), "dvl_misalignment.yaw_deg"
+    # from two starts, as the search does: without the effect there is more than one valley
+    own = small_fit().parameters
+    before = best_of([fit_with(case, (), own, small_fit().colours), from_estimate(case, (), own)])
+    assert before is not None
+    about = joint_about(case, before, EFFECTS)
+    assert about is not None
+    gains = {e: score(about, (e,)).gain for e in EFFECTS}
+    assert max(gains, key=lambda e: gains[e]) == "dvl_misalignment"
+    found = score(about, ("dvl_misalignment",)).parameters[case.position(yaw)]
+    without = score(joint(), ("dvl_misalignment",)).parameters[case.position(yaw)]
+    # it enters almost linearly; the coefficients have moved a little to take it up
+    assert found - without == pytest.approx(0.03, rel=0.1)
+    after = fit_with(case, ("dvl_misalignment",), before.parameters, before.colours)
+    assert after is not None
+    assert log_gain(before, after) > 60.0
+    assert after.parameters[case.position(yaw)] - without == pytest.approx(0.03, rel=0.05)
+
+
+# --- likeness ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("effect", TRIED)
+def test_an_effect_is_like_itself(effect) -> None:
+    own = small_case().positions(effect)
+    # the root of a curvature that is singular because both are the same
+    assert cosine(joint(), own, own) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_likeness_is_symmetric_and_below_one_for_different_effects() -> None:
+    case = small_case()
+    for a, b in (
+        ("current", "gyro_bias"),
+        ("rudder_offset", "thrust_sag"),
+        ("rudder_lag", "dvl_lever_arm"),
+    ):
+        one = cosine(joint(), case.positions(a), case.positions(b))
+        other = cosine(joint(), case.positions(b), case.positions(a))
+        assert one == pytest.approx(other, abs=1e-9)
+        assert one < 0.9
+
+
+def test_an_offset_is_a_special_case_of_an_asymmetric_hull() -> None:
+    """Both are a side force and moment that go with the square of the speed."""
+    case = small_case()
+    assert cosine(joint(), case.positions("rudder_offset"), case.positions("hull_asymmetry")) > 0.95
+
+
+def test_what_coefficients_take_up_is_not_kept() -> None:
+    """A scale of the DVL is in every coefficient: without a position nothing shows it."""
+    case = small_case()
+    _, scale, _ = unabsorbed(joint(), case.positions("dvl_scale"))
+    _, bias, rms = unabsorbed(joint(), case.positions("gyro_bias"))
+    assert scale[0] < 0.1
+    assert bias[0] > 0.3
+    assert ((bias >= 0.0) & (bias <= 1.0)).all()
+    assert rms.shape == (1, 3)
+
+
+# --- forms of an absent effect -------------------------------------------------------------
+
+
+def test_forms_of_an_absent_effect_gain_what_a_whole_screen_says() -> None:
+    case, fitted, form = small_case(), small_fit(), "thrust_step.time_s"
+    vectors = []
+    for time in (60.0, 200.0, 410.0):
+        p = fitted.parameters.copy()
+        p[case.position(form)] = time
+        vectors.append(p)
+    found = gains_of_absent(case, fitted, "thrust_step", vectors)
+    for p, gain in zip(vectors, found, strict=True):
+        whole = joint_about(case, replace(fitted, parameters=p), ("thrust_step",))
+        assert whole is not None
+        assert gain == pytest.approx(score(whole, ("thrust_step",)).gain, rel=1e-6)
+    assert np.ptp(found) > 0.1

@@ -1,0 +1,148 @@
+"""Maneuvers left out in turn take no part in their own prediction."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from auvident.stages.diagnose.fit.case import Case
+from auvident.stages.diagnose.score.left_out import (
+    BLOCK_S,
+    Helped,
+    LeftOut,
+    chance_of,
+    helped,
+    leave_out,
+)
+from auvident.stages.diagnose.select.rules import RULES_LEFT_OUT, Account, refusal_of
+from tests.stages.diagnose.loop_chain import small_case, small_fit
+
+POISONED = 2
+
+
+def unhelpful(found: Helped) -> str:
+    """Why the rules refuse what helps like this; empty where they do not."""
+    account = Account("current", 1.0, 1.0, 1, 1.0, {}, (), False, True, 1.0, 5, found)
+    refusal = refusal_of(account, RULES_LEFT_OUT)
+    return refusal.text if refusal else ""
+
+
+@cache
+def left_out() -> LeftOut:
+    return leave_out(small_case(), small_fit(), small_fit().colours)
+
+
+def poisoned(case: Case, number: int) -> Case:
+    """The case with garbage in the readings of one maneuver."""
+    record = case.records[number]
+    garbage = record.measured + np.random.default_rng(0).normal(size=record.measured.shape)
+    records = list(case.records)
+    records[number] = replace(record, measured=garbage)
+    return replace(case, records=tuple(records))
+
+
+def test_what_is_left_out_is_not_looked_at() -> None:
+    found = leave_out(poisoned(small_case(), POISONED), small_fit(), small_fit().colours)
+    expected = left_out()
+    np.testing.assert_array_equal(found.parameters[POISONED], expected.parameters[POISONED])
+    for k, p in enumerate(found.parameters):
+        if k != POISONED:
+            assert not np.array_equal(p, expected.parameters[k])  # and the others do look at it
+    assert found.blocks[POISONED].sum() > 10.0 * expected.blocks[POISONED].sum()
+
+
+def test_every_fit_moves_and_every_maneuver_is_scored() -> None:
+    case, found = small_case(), left_out()
+    assert found.parameters.shape == (len(case.records), len(case.names))
+    assert (np.abs(found.parameters - small_fit().parameters).max(axis=1) > 0.0).all()
+    for record, blocks in zip(case.records, found.blocks, strict=True):
+        seconds = len(record.time_s) * case.setup.dt_s
+        assert len(blocks) == int(np.ceil(seconds / BLOCK_S - 1e-9))
+        assert np.isfinite(blocks).all()
+
+
+def test_a_maneuver_left_out_is_predicted_worse_than_one_fitted() -> None:
+    """A look ahead would show here: squared innovations exceed those of the fit to all."""
+    from auvident.stages.diagnose.fit.fits import residual_of, white_error
+
+    case, fitted = small_case(), small_fit()
+    own = 0.0
+    for record in case.records:
+        found = residual_of(case, fitted.parameters, record, fitted.colours)
+        assert found is not None
+        own += float(np.sum(white_error(found.error, fitted.colours, case.setup.dt_s) ** 2))
+    assert sum(float(b.sum()) for b in left_out().blocks) > own
+
+
+# --- comparison ----------------------------------------------------------------------------
+
+
+def made(*blocks: list[float]) -> LeftOut:
+    return LeftOut(np.zeros((len(blocks), 1)), [np.array(b) for b in blocks])
+
+
+def test_the_gain_is_half_the_fall_of_the_squares() -> None:
+    before, after = made([40.0, 20.0], [30.0]), made([30.0, 22.0], [34.0])
+    found = helped(before, after, np.random.default_rng(0))
+    assert found.gain == pytest.approx(0.5 * (10.0 - 2.0 - 4.0))
+    assert found.share == 0.5
+    # drawn blocks are 5, -1 or -2 nats, three of them
+    assert -6.0 <= found.low <= found.gain
+
+
+def test_the_bound_needs_most_blocks_to_gain() -> None:
+    rng = np.random.default_rng(1)
+    spread, even = rng.normal(0.0, 8.0, 60) + 1.0, np.full(60, 1.0)
+    for gains, sign in ((spread, -1.0), (even, 1.0)):
+        before, after = made(list(2.0 * gains + 50.0)), made([50.0] * 60)
+        assert np.sign(helped(before, after, np.random.default_rng(2)).low) == sign
+
+
+def test_maneuvers_that_hardly_change_do_not_decide() -> None:
+    large = [90.0] * 4
+    before = made(large, large, [50.0], [50.0], [50.0])
+    found = helped(
+        before, made([40.0] * 4, [30.0] * 4, [52.0], [54.0], [51.0]), np.random.default_rng(0)
+    )
+    assert (found.share, found.deciding) == (0.4, 1.0)
+    assert unhelpful(found) == ""
+    worse = helped(
+        before, made([40.0] * 4, [30.0] * 4, [90.0], [90.0], [51.0]), np.random.default_rng(0)
+    )
+    assert (worse.share, worse.deciding) == (0.4, 0.5)
+    assert "40 %" in unhelpful(worse)
+    same = helped(before, before, np.random.default_rng(0))
+    assert (same.share, same.deciding) == (0.0, 0.0) and unhelpful(same)
+
+
+def test_a_prediction_that_runs_away_is_bad_but_finite() -> None:
+    found = helped(made([10.0, 10.0]), made([8.0, np.inf]), np.random.default_rng(0))
+    assert np.isfinite([found.gain, found.low]).all()
+    assert found.gain < 0.0
+    both = helped(made([np.inf]), made([np.inf]), np.random.default_rng(0))
+    assert both.gain == 0.0
+
+
+def test_the_bootstrap_repeats_with_the_seed() -> None:
+    before, after = made([40.0, 20.0, 9.0]), made([30.0, 22.0, 7.0])
+    one, two = (helped(before, after, np.random.default_rng(5)) for _ in range(2))
+    assert one == two
+
+
+# --- by chance -----------------------------------------------------------------------------
+
+
+def test_an_effect_that_means_nothing_is_found_out_by_chance() -> None:
+    """What is observed and what is drawn are one statistic: p is uniform where signs are chance."""
+    rng = np.random.default_rng(11)
+    found = [chance_of(rng.standard_t(3, size=60), rng, 199) for _ in range(200)]
+    # Kolmogorov-Smirnov with 200 draws: 0.115 at 1 %; p comes in steps of 1/200
+    assert np.abs(np.sort(found) - (np.arange(200) + 0.5) / 200).max() < 0.115
+
+
+def test_an_effect_that_always_helps_has_the_least_p() -> None:
+    rng = np.random.default_rng(0)
+    assert chance_of(rng.uniform(1.0, 30.0, size=60), rng, 999) == pytest.approx(1e-3)
+    assert chance_of(-rng.uniform(1.0, 30.0, size=60), rng, 999) == 1.0
+    assert chance_of(np.ones(3), rng, 9999) == pytest.approx(0.125, abs=0.02)  # too few blocks

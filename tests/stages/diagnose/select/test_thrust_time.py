@@ -1,0 +1,153 @@
+"""The time of a thrust step: found in the log between the maneuvers, open in what is held out."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from auvident.engines.prediction import readings_with_slopes
+from auvident.engines.records import Record
+from auvident.report.loop_words import place
+from auvident.schema.artifacts import Maneuver
+from auvident.schema.diagnosis import EffectFound, ParameterValue
+from auvident.schema.effect_words import plain
+from auvident.stages.diagnose.fit.case import ACTIVE, Case, case_of
+from auvident.stages.diagnose.fit.fits import NOTHING, Fitted, first_colours, fit_with
+from auvident.stages.diagnose.select.thrust_time import (
+    FINE_S,
+    OVER,
+    STEP,
+    TIME,
+    possible_times,
+    records_between,
+    step_time,
+    with_best_time,
+)
+from auvident.stages.identify import without_held_out
+from tests.stages.diagnose.loop_chain import loop
+
+FRACTION = 0.15
+EDGE_S = 6.0  # a step in the last seconds of a maneuver hardly shows in it
+
+
+@cache
+def case() -> Case:
+    made = loop("harbour_trial")
+    return case_of(made.setup, made.model, [])
+
+
+@cache
+def between() -> tuple[Record, ...]:
+    chain = loop("harbour_trial").chain
+    trial = without_held_out(chain.trials[0], chain.maneuvers, "horizontal")
+    return tuple(records_between(case(), trial, chain.maneuvers))
+
+
+@cache
+def fitted() -> Fitted:
+    """The identified model, as it is."""
+    p = case().at_rest(case().identified)
+    found = fit_with(case(), (), p, first_colours(case(), p), rounds=1, steps=1)
+    assert found is not None
+    return found
+
+
+def maneuvers(role: str) -> list[Maneuver]:
+    """Maneuvers of a role between two others, times since the start of the trial."""
+    chain = loop("harbour_trial").chain
+    origin = chain.trials[0].table["time_s"].iloc[0]
+    found = sorted(chain.maneuvers.maneuvers, key=lambda m: m.t_start_s)
+    shift = [
+        m.model_copy(update={"t_start_s": m.t_start_s - origin, "t_end_s": m.t_end_s - origin})
+        for m in found
+    ]
+    return [m for m in shift[2:-2] if m.role == role]
+
+
+def with_step(records: Sequence[Record], p: np.ndarray) -> tuple[Record, ...]:
+    """The records as if the model with a step had made them, with the noise of the sensors."""
+    rng, setup, made = np.random.default_rng(5), case().setup, []
+    for record in records:
+        found = readings_with_slopes(setup.frame, p, record, ACTIVE, setup.free(NOTHING))
+        assert found is not None
+        noise = rng.normal(size=record.measured.shape) * setup.sensor_std
+        seen = np.isfinite(record.measured)
+        made.append(replace(record, measured=np.where(seen, found.readings + noise, np.nan)))
+    return tuple(made)
+
+
+def interval(time: float, placed: float) -> tuple[float, float]:
+    """What is found of a step at a time that the search placed nearby, from the whole log."""
+    p = fitted().parameters.copy()
+    p[case().position(f"{STEP}.fraction")], p[case().position(TIME)] = FRACTION, time
+    stepped, beside = replace(case(), records=with_step(case().records, p)), with_step(between(), p)
+    p[case().position(TIME)] = placed
+    return possible_times(stepped, replace(fitted(), parameters=p), beside)
+
+
+def test_the_log_between_is_no_part_of_any_maneuver() -> None:
+    assert len(between()) > 5
+    for record in between():
+        for m in loop("harbour_trial").chain.maneuvers.maneuvers:
+            last, first = record.time_s[-1], record.time_s[0]
+            assert last < m.t_start_s or first >= m.t_end_s - 1e-6
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_a_step_in_a_held_out_maneuver_stays_open_for_as_long_as_it_lasts(number) -> None:
+    m = maneuvers("validate")[number]
+    low, high = interval(m.t_start_s + 0.3 * (m.t_end_s - m.t_start_s), m.t_start_s - 3.0)
+    assert low == pytest.approx(m.t_start_s, abs=EDGE_S)
+    assert high == pytest.approx(m.t_end_s, abs=EDGE_S)
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_a_step_in_a_maneuver_that_identifies_is_found_to_seconds(number) -> None:
+    m = maneuvers("identify")[number]
+    time = 0.5 * (m.t_start_s + m.t_end_s)
+    low, high = interval(time, time + 6.0)
+    assert low <= time <= high
+    assert high - low < 4 * FINE_S
+
+
+def test_a_step_between_two_maneuvers_is_found_to_seconds() -> None:
+    before, after = maneuvers("validate")[:2]
+    assert after.t_start_s - before.t_end_s > 60.0
+    time = before.t_end_s + 15.0  # in the transit, the next maneuver being further away
+    low, high = interval(time, time + 6.0)
+    assert low <= time <= high
+    assert high - low < 4 * FINE_S
+
+
+def test_the_search_finds_the_step_from_the_maneuvers_alone() -> None:
+    m = maneuvers("identify")[1]
+    time = 0.5 * (m.t_start_s + m.t_end_s)
+    p = fitted().parameters.copy()
+    p[case().position(f"{STEP}.fraction")], p[case().position(TIME)] = FRACTION, time
+    stepped = replace(case(), records=with_step(case().records, p))
+    found = with_best_time(stepped, fitted())
+    assert found.parameters[case().position(TIME)] == pytest.approx(time, abs=12.0)
+
+
+def test_the_time_is_told_as_the_log_counts_it() -> None:
+    p = fitted().parameters.copy()
+    p[case().position(TIME)], p[case().position(OVER)] = 500.0, 40.0
+    told, origin = step_time(case(), p), loop("harbour_trial").chain.trials[0].table["time_s"][0]
+    assert (told.value, told.low, told.high) == pytest.approx(
+        (500.0 + origin, 480.0 + origin, 520.0 + origin), abs=1e-6
+    )
+
+
+def test_the_interval_is_told_in_words() -> None:
+    p = fitted().parameters.copy()
+    p[case().position(TIME)], p[case().position(OVER)] = 500.0, 40.0
+    told = step_time(case(), p)
+    size = ParameterValue(symbol="fraction", value=0.15, std=0.01, unit="-")
+    said = plain(STEP, (size, told), 1.5, 12.0)
+    assert said == f"thrust that falls by 0.15 between {told.low:.0f} and {told.high:.0f} s"
+    effect = EffectFound(
+        id=STEP, family="actuation", parameters=(size, told), plain=said, time_s=told.value
+    )
+    assert place(effect) == ""  # not the middle of the interval as well

@@ -1,0 +1,115 @@
+"""What a diagnosis says of its evidence: what was accepted stands, a remainder beside it."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from auvident.schema.diagnosis import Diagnosis
+from auvident.stages.diagnose.checks.waves import Wave
+from auvident.stages.diagnose.fit.fits import fit_with, log_gain
+from auvident.stages.diagnose.score.first_order import joint_about
+from auvident.stages.diagnose.score.free_forces import FreeForce
+from auvident.stages.diagnose.score.left_out import Helped
+from auvident.stages.diagnose.select.candidates import Round, Traced, Tried
+from auvident.stages.diagnose.select.rules import Account
+from auvident.stages.diagnose.verdict.document import diagnosis_of
+from auvident.stages.diagnose.verdict.evidence import Evidence
+from tests.stages.diagnose.loop_chain import loop, small_case, small_fit
+
+SEEN = ("rudder_offset", "gyro_bias")
+
+
+@cache
+def evidence() -> Evidence:
+    """The gyro's bias accepted beside everything else, made up in a healthy trial."""
+    case, before = small_case(), small_fit()
+    effects = ("gyro_bias",)
+    found = fit_with(case, effects, before.parameters, before.colours)
+    joint = joint_about(case, before, SEEN)
+    assert found is not None and joint is not None
+    found = replace(found, log_likelihood=before.log_likelihood + 1000.0)
+    falls = {"u": 0.0, "v": 0.0, "r": 0.5}
+    helped = Helped(900.0, 1.0, 800.0, p=0.02)
+    gain = log_gain(before, found)
+    account = Account(
+        "gyro_bias",
+        gain,
+        gain,
+        1,
+        3.0,
+        falls,
+        tuple(found.rms),
+        False,
+        True,
+        gain,
+        len(case.records),
+        helped,
+    )
+    tried = Tried(found, account)
+    done = Round(before, joint, (tried,), {"gyro_bias": 1000.0}, accepted="gyro_bias")
+    traced = Traced(case, before, found, (done,))
+    return Evidence(traced, SEEN, (), None, (), None, ())
+
+
+def force(gain: float) -> FreeForce:
+    return FreeForce("u r a while ago", "N", 0.3, gain, np.array([0.0, 0.0, 0.3]), 0.0)
+
+
+def said(found: Evidence) -> Diagnosis:
+    made = loop("harbour_trial")
+    return diagnosis_of(found, made.model, made.chain.maneuvers)
+
+
+def test_an_effect_that_stands_alone_is_found() -> None:
+    found = said(evidence())
+    assert (found.verdict, [e.id for e in found.effects]) == ("effect_found", ["gyro_bias"])
+    assert (found.unexplained, found.remaining) == ({}, {})
+    assert found.false_alarm_p == 0.02
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"rival": force(1300.0)},  # a free force in its place gains more
+        {"rival": force(10.0), "free": (force(700.0),)},  # ... or beside it more than half as much
+    ],
+)
+def test_what_was_accepted_stands_beside_what_remains(more) -> None:
+    found = said(replace(evidence(), **more))
+    assert found.verdict == "partly_explained"
+    assert [e.id for e in found.effects] == ["gyro_bias"]
+    assert found.carried["prior_std"]["gyro_bias.bias_degps"] > 0.0  # and is used
+    assert found.unexplained["nearest"] == "gyro_bias"
+    assert found.remaining["correlates"][0]["regressor"] == "u r a while ago"
+    assert "lacks a gyro bias" in found.statement
+    assert "Something remains" in found.statement
+
+
+def test_a_residual_beside_what_was_accepted_makes_it_partly_an_explanation() -> None:
+    whole = evidence()
+    final = replace(whole.traced.final, rms=10.0 * whole.traced.final.rms)
+    found = said(replace(whole, traced=replace(whole.traced, final=final)))
+    assert (found.verdict, found.remaining["channels"]) == ("partly_explained", ["u", "v", "r"])
+    assert [e.id for e in found.effects] == ["gyro_bias"]
+
+
+def test_what_a_wave_leaves_is_the_wave() -> None:
+    whole = evidence()
+    final = replace(whole.traced.final, rms=10.0 * whole.traced.final.rms)
+    wave = Wave(1.0, 0.0, 40.0, "v", {"v": 40.0}, 10.0)
+    found = said(replace(whole, traced=replace(whole.traced, final=final), wave=wave))
+    assert found.verdict == "effect_found"
+    assert [e.id for e in found.effects] == ["wave", "gyro_bias"]
+
+
+def test_without_any_effect_a_remainder_is_unexplained_and_none_is_nothing() -> None:
+    whole = evidence()
+    bare = replace(whole.traced.rounds[0], accepted=None)
+    traced = replace(whole.traced, final=whole.traced.baseline, rounds=(bare,))
+    nothing = replace(whole, traced=traced)
+    assert said(nothing).verdict == "none_found"
+    assert said(nothing).false_alarm_p is None  # no alarm, so none that could be false
+    something = said(replace(nothing, free=(force(700.0),)))
+    assert (something.verdict, something.effects) == ("unexplained", ())
