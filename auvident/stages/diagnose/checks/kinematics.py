@@ -6,9 +6,10 @@ integral of the DVL's velocity (scale and misalignment of the DVL, the current w
 through the water). Whatever the water or an actuator does moves both logs alike.
 
 The difference of the two logs is fitted in windows, each with a constant of its own
-(`checks.paired_logs`). On 90 generated trials (two vehicles; clean, and ten effects planted) error over claimed standard deviation, without the allowances below, has an rms of 0.9 to
-1.2 in every parameter (misalignment 1.3 with a gyro bias, see there). With a compass deviation of
-1 degree it stays below 1.3, but for the misalignment (3), which the allowance covers.
+(`checks.paired_logs`). On 90 generated trials (two vehicles; clean, and ten effects planted) error
+over claimed standard deviation, without the allowances below, has an rms of 0.9 to 1.2 in every
+parameter (misalignment 1.3 with a gyro bias, see there). With a compass deviation of 1 degree it
+stays below 1.3, but for the misalignment (3), which the allowance covers.
 
 What cannot be told apart by these logs is said in each function and counted in the covariance.
 The ingest stage corrects no clock (it only reports lags), so delays are still in the tables; its
