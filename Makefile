@@ -4,6 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DEMO_RUN := runs/demo
 DEMO_BAY := runs/demo-bay
+TANKER := runs/tanker
 
 .PHONY: install demo test lint check bench bench-effects docs clean
 .DELETE_ON_ERROR:
@@ -44,9 +45,10 @@ bench-effects: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.bench effects --seed-base 7000 \
 		--resume $(EFFECTS_RUN)/outcomes.jsonl --json $(EFFECTS_RUN)/found.json --write
 
-# The table of effects, and the figures of a finished `make demo`.
+# The table of effects, and the figures of a finished `make demo` and of the run on measured data
+# that README.md shows.
 docs: $(VENV)/.installed-dev
-	$(BIN)/python -m tests.bench.pages $(wildcard $(DEMO_BAY))
+	$(BIN)/python -m tests.bench.pages $(wildcard $(DEMO_BAY) $(TANKER))
 
 clean:
 	rm -rf $(VENV) runs build *.egg-info .pytest_cache .mypy_cache .ruff_cache

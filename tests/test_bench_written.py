@@ -78,7 +78,7 @@ def test_a_part_writes_its_tables_and_with_what(page: Path, monkeypatch, capsys)
     assert "| pass | ratio | bar |" in text
 
 
-def test_a_part_without_its_logs_leaves_the_section(page: Path, monkeypatch) -> None:
+def test_a_part_that_measured_nothing_leaves_the_section(page: Path, monkeypatch) -> None:
     monkeypatch.setattr(bench, "_run", lambda part, repeats, seeds: {"one pass": []})
     bench.main(["speed", "--write"])
     assert page.read_text() == PAGE
@@ -127,10 +127,6 @@ def test_the_loop_on_a_trial_is_told_in_one_row(monkeypatch) -> None:
     row = samples._closed(ROOT / "sample_logs/bay_trial", ROOT / "sample_logs/tern180.toml")
     assert made.calls and row["trial"] == "bay_trial" and row["verdict"] == "effect_found"
     assert row["used"] == "current" and re.fullmatch(r"\d\.\d{3}, \d\.\d{3}", row["u"])
-
-
-def test_without_the_tanker_nothing_is_measured(tmp_path: Path) -> None:
-    assert not any(samples.tanker(tmp_path / "nowhere").values())
 
 
 def test_overshoots_of_a_zigzag_without_a_virtual_one() -> None:

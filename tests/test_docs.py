@@ -110,6 +110,8 @@ def test_pages_are_written_where_they_belong(tmp_path: Path, monkeypatch) -> Non
     assert [p.name for p in tmp_path.iterdir()] == ["effects.md"]
     pages.main([str(run_directory(tmp_path / "run"))])
     assert (tmp_path / "img" / "held_out.svg").is_file()
+    pages.main([str(run_directory(tmp_path / "tanker"))])
+    assert (tmp_path / "img" / "tanker.svg").is_file()
 
 
 @pytest.mark.parametrize("file", sorted((DOCS / "img").glob("*")), ids=lambda p: p.name)
@@ -117,8 +119,9 @@ def test_pictures_are_small(file: Path) -> None:
     assert file.stat().st_size < MOST_BYTES
 
 
-def test_there_is_a_picture() -> None:
-    assert "](docs/img/held_out.svg)" in (ROOT / "README.md").read_text()
+@pytest.mark.parametrize("name", ["held_out", *pages.PICTURES.values()])
+def test_there_is_a_picture(name: str) -> None:
+    assert f"](docs/img/{name}.svg)" in (ROOT / "README.md").read_text()
 
 
 def test_tables_and_columns_that_contributors_are_sent_to_exist() -> None:

@@ -115,7 +115,7 @@ def _write(part: str, result: dict[str, Any], options: argparse.Namespace) -> No
 
 def _print(title: str, rows: list[dict[str, Any]]) -> None:
     if not rows:
-        print(f"{title}: the logs are not at hand")
+        print(f"{title}: nothing was measured")
         return
     table = Table(title=title, title_justify="left")
     for place, column in enumerate(rows[0]):

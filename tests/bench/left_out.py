@@ -9,26 +9,24 @@ import numpy as np
 from auvident.pipeline.planes import segment_both
 from tests.engines.chain import chain_of, plan_named
 
-KVLCC2 = Path(__file__).resolve().parents[3] / "shared" / "data" / "kvlcc2"
+KVLCC2 = Path(__file__).resolve().parents[2] / "sample_logs" / "kvlcc2"
 COLUMNS = {"u": "u_mps", "v": "v_mps", "r": "r_radps"}
 
 
 def left_out(
     logs: Path = KVLCC2, plans=("spiral", "refined", "coloured", "likely"), kind: str = "ekf"
 ) -> list[dict[str, Any]]:
-    """Pooled error over standard deviation of u, v and r, by plan; empty without the logs.
+    """Pooled error over standard deviation of u, v and r, by plan.
 
     Parameters
     ----------
     logs : Path
-        Folder of CSV files, one trial each, and ``vehicle.toml``.
+        Folder of Parquet files, one trial each, and ``vehicle.toml``.
     plans : sequence of str
     kind : str
         ``ekf`` or ``ukf``.
     """
-    if not logs.is_dir():
-        return []
-    base = chain_of(sorted(logs.glob("*.csv")), logs / "vehicle.toml")
+    base = chain_of(sorted(logs.glob("*.parquet")), logs / "vehicle.toml")
     found = []
     for plan in plans:
         pieces = [_predicted(base, trial.name, plan, kind) for trial in base.trials]

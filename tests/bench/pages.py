@@ -1,7 +1,7 @@
-"""Pages and pictures of docs/ that the program makes: ``python -m tests.bench.pages [RUN]``.
+"""Pages and pictures of docs/ that the program makes: ``python -m tests.bench.pages [RUN ...]``.
 
 Without RUN only docs/effects.md is written; with the run directory of ``make demo`` on
-``bay_trial`` the picture of the README, too.
+``bay_trial`` the first picture of the README, too, and with ``runs/tanker`` the second.
 """
 
 import io
@@ -43,11 +43,12 @@ ENDS = {"input": "input", "force": "force", "reading": "reading", "disturbance":
 
 
 def main(arguments: list[str]) -> None:
-    """Write the page of effects, and the picture where a run directory is given."""
+    """Write the page of effects, and a picture for each run directory that is given."""
     (DOCS / "effects.md").write_text(effects_page(), encoding="utf-8")
     for run in arguments:
         (DOCS / "img").mkdir(exist_ok=True)
-        (DOCS / "img" / "held_out.svg").write_text(picture(Path(run)), encoding="utf-8")
+        name = f"{PICTURES.get(Path(run).name, 'held_out')}.svg"
+        (DOCS / "img" / name).write_text(picture(Path(run)), encoding="utf-8")
 
 
 # --- effects ------------------------------------------------------------------------------
@@ -93,6 +94,9 @@ LINES = (
     ("after", BLUE, "-", 1.2, 1.0, "with the effect it lacked"),
 )
 SIZE_IN = (9.6, 5.0)
+PICTURES = {"tanker": "tanker"}  # by run directory; of any other, the one of the demo
+WIDE = 3  # maneuvers side by side, above it a title takes two lines
+MOST_ROWS = 1500  # of a line; half of more are as many as can be seen
 PAPER = "#ffffff"  # a page may be dark
 
 
@@ -101,14 +105,14 @@ def picture(run: Path) -> str:
     from matplotlib import rc_context
 
     told = json.loads((run / "refine/comparison.json").read_text(encoding="utf-8"))["held_out"]
-    rows = _series(run)
+    rows, gap = _series(run), " " if len(told["maneuvers"]) <= WIDE else "\n"
     with style(), rc_context({"svg.hashsalt": "held_out"}):
         figure = new_figure(SIZE_IN[1], SIZE_IN[0])
         panels = figure.subplots(
             len(CHANNELS), len(told["maneuvers"]), sharex="col", sharey="row", squeeze=False
         )
         for j, maneuver in enumerate(told["maneuvers"]):
-            _column(panels[:, j], rows[rows["maneuver"] == maneuver], maneuver)
+            _column(panels[:, j], rows[rows["maneuver"] == maneuver], f"{maneuver}{gap}(held out)")
         for axes, (channel, (_, words)) in zip(panels[:, 0], CHANNELS.items(), strict=True):
             before, after = (told[when][channel]["nrmse"] for when in ("before", "after"))
             axes.set_ylabel(f"{words}\nNRMSE {before:.2f}, {after:.2f}")
@@ -132,7 +136,8 @@ def _series(run: Path) -> pd.DataFrame:
     )
 
 
-def _column(panels: Any, rows: pd.DataFrame, maneuver: str) -> None:
+def _column(panels: Any, rows: pd.DataFrame, title: str) -> None:
+    rows = rows[:: 1 + len(rows) // MOST_ROWS]
     time = rows["time_s"] - rows["time_s"].iloc[0]
     for axes, (column, _) in zip(panels, CHANNELS.values(), strict=True):
         for ending, colour, dashes, width, opacity, words in LINES:
@@ -147,7 +152,7 @@ def _column(panels: Any, rows: pd.DataFrame, maneuver: str) -> None:
                 label=words,
             )
         axes.set_xlim(0.0, time.max())
-    panels[0].set_title(f"{maneuver} (held out)")
+    panels[0].set_title(title)
     panels[-1].set_xlabel("time, s")
 
 

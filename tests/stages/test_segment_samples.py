@@ -18,7 +18,7 @@ from auvident.storage.vehicle_file import load_vehicle
 ROOT = Path(__file__).resolve().parents[2]
 SAMPLES = ROOT / "sample_logs"
 TRUTH = ROOT / "tests" / "truth"
-KVLCC2 = ROOT.parent / "shared" / "data" / "kvlcc2"
+KVLCC2 = SAMPLES / "kvlcc2"
 KINDS = ("straight", "turn", "zigzag")
 
 
@@ -77,11 +77,10 @@ def test_fresh_trials(vehicle, seed, tmp_path, monkeypatch):
     assert "seatrial" in sys.modules
 
 
-@pytest.mark.skipif(not KVLCC2.is_dir(), reason="the KVLCC2 measurements are not at hand")
 def test_every_kvlcc2_file_is_one_zigzag():
     trials = []
-    for path in sorted(KVLCC2.glob("*.csv")):
-        table = pd.read_csv(path)
+    for path in sorted(KVLCC2.glob("*.parquet")):
+        table = pd.read_parquet(path)
         table["rudder_rad"] *= -1  # of these files a positive rudder turns to starboard
         trials.append(Trial(path.stem, table.assign(record=0), 10.0))
     result = segment(trials)
