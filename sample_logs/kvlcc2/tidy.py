@@ -17,7 +17,7 @@ PREFIX = "HSVA_CPMC_KVLCC2_"
 # Columns of the raw files; the velocities point north and east, the eighth column is not used.
 RAW = ("t_s", "north_m", "east_m", "heading_deg", "north_mps", "east_mps", "r_degps")
 RUDDER, REVOLUTIONS = 8, 9  # deg, positive to port; 1/s
-EVERY = 2  # 20 Hz to 10 Hz, as the basin's filter leaves nothing faster
+EVERY = 2  # 20 Hz to 10 Hz
 DIGITS = 7  # of every number: more than the measurement has
 SMOOTH = ("u_mps", "v_mps", "r_radps", "heading_rad", "north_m", "east_m")  # no value twice
 
