@@ -21,10 +21,8 @@ from tests.engines.chain import Chain, chain_of
 DATA = SAMPLES / "kvlcc2"
 RAW = ROOT / "tests" / "data" / "kvlcc2"  # a few rows of two files of the basin
 FILES = 13
-RATE_HZ = (
-    5.0  # of the loop: a ship this slow loses nothing by it, the diagnosis takes half the time
-)
-CAUSES = {"propeller_race", "propeller_side_force"}  # of the propeller; a choice within is not held
+RATE_HZ = 5.0  # of the loop: for a ship this slow it ends as at 10 Hz, in half the time
+CAUSES = {"propeller_race", "propeller_side_force"}  # which of them is hardly told apart
 SHOWN = re.compile(r"^auvident run sample_logs/kvlcc2 (?:.*\\\n)*.*", re.MULTILINE)
 
 
@@ -104,13 +102,13 @@ def test_identification_gains_on_the_prior(metrics) -> None:
 
 
 def test_the_loop_finds_the_propeller(compared: Comparison) -> None:
-    assert {e.id for e in (*compared.effects, *compared.not_confirmed)} & CAUSES
-    assert any(attempt.taken and set(attempt.effects) & CAUSES for attempt in compared.attempts)
+    assert compared.verdict == "partly_explained"
+    assert {effect.id for effect in compared.effects} & CAUSES
 
 
 def test_what_the_loop_found_predicts_the_held_out_zigzags_better(compared: Comparison) -> None:
-    """At 10 Hz u 0.156, v 0.256, r 0.236 before, 0.122, 0.188, 0.134 after."""
+    # measured u 0.115, v 0.183, r 0.131 (at 10 Hz 0.122, 0.188, 0.134); before 0.156, 0.255, 0.235
     before, after = compared.held_out.before, compared.held_out.after
-    for channel, bound in (("u", 0.13), ("v", 0.2), ("r", 0.145)):
+    for channel, bound in (("u", 0.125), ("v", 0.195), ("r", 0.14)):
         assert after[channel].nrmse <= bound
         assert after[channel].rmse < before[channel].rmse
