@@ -16,7 +16,7 @@ from auvident.engines.prediction import at_effects, simulated
 from auvident.engines.records import STATE_COLUMNS, Record, record_of, sensor_matrix
 from auvident.errors import InputError, NumericsError, UsageError
 from auvident.physics.dynamics import N_STATES
-from auvident.physics.figures_track import dead_reckoning
+from auvident.physics.maneuvers.track import dead_reckoning
 from auvident.schema.artifacts import IdentifiedModel, Maneuver
 from auvident.schema.channels import TIME_COLUMN
 from auvident.schema.trial import Trial

@@ -7,7 +7,7 @@ nothing does, and the other signs of a maneuver decide alone.
 
 import numpy as np
 
-from auvident.physics.figures_plateaus import Array, odd_samples, running_mean
+from auvident.physics.maneuvers.plateaus import Array, odd_samples, running_mean
 from auvident.stages.segment.pieces import Piece, true_ranges
 
 DIVE_WINDOW_S = 4.0  # over which a rate is averaged; readings that span less tell none

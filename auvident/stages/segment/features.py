@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from auvident.physics.figures import straight_figures, turn_figures, zigzag_figures
-from auvident.physics.figures_plateaus import Array
+from auvident.physics.maneuvers import straight_figures, turn_figures, zigzag_figures
+from auvident.physics.maneuvers.plateaus import Array
 from auvident.stages.segment.pieces import Found, Piece
 
 APPROACH_S = 3.0  # before the execute, over which the approach speed and course are averaged

@@ -7,7 +7,7 @@ shows in the sample-to-sample motion of the rudder even when the heading is perf
 
 import numpy as np
 
-from auvident.physics.figures_plateaus import Array
+from auvident.physics.maneuvers.plateaus import Array
 from auvident.stages.segment.pieces import Piece
 
 Level = tuple[int, int, float]

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from auvident.physics.figures_plateaus import (
+from auvident.physics.maneuvers.plateaus import (
     Array,
     odd_samples,
     running_mean,
     running_median,
 )
-from auvident.physics.figures_track import heading_from_rate
+from auvident.physics.maneuvers.track import heading_from_rate
 from auvident.schema.artifacts import ManeuverKind, Rejected
 from auvident.schema.channels import RECORD_COLUMN, TIME_COLUMN
 from auvident.schema.trial import Trial

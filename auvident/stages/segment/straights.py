@@ -9,13 +9,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from auvident.physics.figures_plateaus import (
+from auvident.physics.maneuvers.plateaus import (
     MEDIAN_OF_ABS_TO_STD,
     odd_samples,
     plateaus,
     running_mean,
 )
-from auvident.physics.figures_straight import RPM_STEP_SHARE, SHORTEST_LEVEL_S, rpm_levels
+from auvident.physics.maneuvers.straight import RPM_STEP_SHARE, SHORTEST_LEVEL_S, rpm_levels
 from auvident.schema.artifacts import Rejected
 from auvident.stages.segment.depth import sink_rate
 from auvident.stages.segment.helm import Level, split_by_other_helm, without_other_helm

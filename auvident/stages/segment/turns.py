@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from auvident.physics.figures_plateaus import Plateau, ramp_start
-from auvident.physics.figures_straight import RPM_LEVEL_SHARE
+from auvident.physics.maneuvers.plateaus import Plateau, ramp_start
+from auvident.physics.maneuvers.straight import RPM_LEVEL_SHARE
 from auvident.schema.artifacts import Rejected
 from auvident.stages.segment.pieces import Found, Piece
 from auvident.stages.segment.scales import Scales

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from auvident.physics.figures_straight import rpm_levels
+from auvident.physics.maneuvers.straight import rpm_levels
 from auvident.schema.artifacts import Maneuvers, Rejected
 from auvident.schema.trial import Trial
 from auvident.stages.segment.depth import DIVE_WINDOW_S, sink_by_depth

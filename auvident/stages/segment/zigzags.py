@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from auvident.physics.figures_plateaus import Plateau
+from auvident.physics.maneuvers.plateaus import Plateau
 from auvident.schema.artifacts import Rejected
 from auvident.stages.segment.pieces import Found, Piece
 from auvident.stages.segment.scales import Scales

@@ -10,7 +10,7 @@ import pandas as pd
 
 from auvident.engines.carried import frame_of, predicted_course, structure_behind, vector_behind
 from auvident.engines.records import Record, record_of, sensor_matrix
-from auvident.physics.figures import dead_reckoning, turn_figures, zigzag_figures
+from auvident.physics.maneuvers import dead_reckoning, turn_figures, zigzag_figures
 from auvident.physics.terms import Structure
 from auvident.physics.virtual import run_virtual, zigzag_helm
 from auvident.schema.artifacts import (
