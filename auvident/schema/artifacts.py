@@ -100,7 +100,7 @@ class AseResult(Artifact):
     """``ase/coefficients.json``.
 
     ``accuracy_effects[formula][symbol]`` is the one-sigma effect of a formula's accuracy on a
-    coefficient; `auvident.physics.ase.prior.prior_covariance` makes the covariance of it.
+    coefficient; the formulas are independent of each other.
     """
 
     schema_: str = Field(default="auvident/ase/1", alias="schema")
@@ -289,12 +289,3 @@ class Metrics(Artifact):
     summary: dict[str, dict[str, ChannelMetrics]]
     ase: "Metrics | None" = None
     findings: tuple[Finding, ...] = ()
-
-
-ARTIFACTS: dict[str, type[Artifact]] = {
-    "maneuvers": Maneuvers,
-    "ase": AseResult,
-    "model": IdentifiedModel,
-    "metrics": Metrics,
-    "trial-plan": TrialPlan,
-}

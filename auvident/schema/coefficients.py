@@ -53,11 +53,6 @@ class Coefficient:
     sign: int
     meaning: str
 
-    @property
-    def is_added_mass(self) -> bool:
-        """Whether it multiplies an acceleration (stands in the mass matrix)."""
-        return self.symbol.endswith("dot")
-
 
 H: tuple[Plane, ...] = ("horizontal",)
 V: tuple[Plane, ...] = ("vertical",)

@@ -360,11 +360,6 @@ def allowable() -> tuple[str, ...]:
     )
 
 
-def names_of(plane: Plane) -> tuple[str, ...]:
-    """Names of the parameters of `in_plane`, ``effect.parameter``."""
-    return tuple(name for effect in in_plane(plane) for name in effect.names())
-
-
 def parameter_of(name: str) -> EffectParameter:
     """Declaration behind a name ``effect.parameter``."""
     effect, _, symbol = name.partition(".")

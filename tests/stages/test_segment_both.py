@@ -10,11 +10,10 @@ import pytest
 from segment_world import Sail, Ship, random_trial
 from test_segment_samples import SAMPLES, ingested
 
-from auvident.pipeline.planes import segment_both
 from auvident.schema.artifacts import Maneuver, Maneuvers
 from auvident.schema.coefficients import PLANES
 from auvident.schema.trial import Trial
-from auvident.stages.segment import segment, segment_vertical
+from auvident.stages.segment import segment, segment_both, segment_vertical
 
 SAME_S = 5.0  # runs that begin and end within this are one stretch
 MOST = 0.5
