@@ -10,7 +10,7 @@ means off.
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from auvident.schema.coefficients import Plane
 
@@ -343,6 +343,7 @@ EFFECTS: tuple[Effect, ...] = (
 )
 # fmt: on
 
+FAMILIES: tuple[EffectFamily, ...] = get_args(EffectFamily)
 BY_ID: dict[str, Effect] = {effect.id: effect for effect in EFFECTS}
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import VehicleTime
 from auvident.engines.records import STATE_COLUMNS, sensor_matrix
 from auvident.errors import NumericsError, StageError
 from auvident.physics.dynamics import N_STATES, simulate_with_sensitivities
@@ -29,7 +30,9 @@ from auvident.schema.trial import Trial
 
 Array = npt.NDArray[Any]
 
-CIRCLE_S, ZIGZAG_S, LEVEL_S = 75.0, 90.0, 35.0  # usual lengths of a maneuver
+CIRCLE_S: VehicleTime = 75.0  # usual lengths of a maneuver
+ZIGZAG_S: VehicleTime = 90.0
+LEVEL_S: VehicleTime = 35.0
 ZIGZAGS_DEG = ((10, 10), (20, 20), (20, 5), (30, 10))
 CIRCLES_DEG = (-20, -10, 10, 20)
 NAMED = 4  # coefficients named per candidate

@@ -11,6 +11,7 @@ from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.held import held_rudder
 from auvident.stages.ingest.response import Relation, Signals, fit_relation, shifted, smooth_records
 from auvident.stages.ingest.signs import (
+    AHEAD_S,
     SURE_STDS,
     evidence,
     gain_findings,
@@ -30,7 +31,6 @@ LAG_LIMITS_S = {  # beyond what effects of the sea and of actuators pass for
     "dvl": 0.5,  # behind the gyro: a current of 0.2 m/s passes for 0.3 s
     "attitude": 0.1,  # behind the gyro: pure kinematics, one step of a 10 Hz grid
 }
-AHEAD_LIMIT_S = 0.3  # a gyro ahead of the rudder: no actuator does that
 MIN_EXPLAINED = 0.3  # of the variance: below it the relation says nothing about a lag
 MAX_LAG_STD_S = 0.5  # a lag known no better is not worth telling
 # The relations leave out couplings (added mass, cross-flow) that pass for a lag: in sample and
@@ -191,7 +191,7 @@ def _lag_findings(raw: RawTrial, lags: tuple[Alignment, ...]) -> list[Finding]:
     found = []
     for lag in lags:
         limit = LAG_LIMITS_S["rudder" if lag.first == "rudder" else lag.second]
-        limit = AHEAD_LIMIT_S if lag.first == "rudder" and lag.lag_s < 0 else limit
+        limit = AHEAD_S if lag.first == "rudder" and lag.lag_s < 0 else limit
         if abs(lag.lag_s) > max(limit, SURE_STDS * lag.std_s):
             found.append(
                 Finding(

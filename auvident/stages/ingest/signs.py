@@ -18,7 +18,9 @@ SIGN_EXPLAINED = 0.4  # and a relation that explains a fair part of it; true one
 # Angular acceleration over u^2 / L^2 and angle: 0.5 to 1.3 for torpedo and tanker alike; what is
 # far below it is no fin's doing.
 SIGN_RESPONSE = 0.1
-AHEAD_S = 0.3  # an acceleration that is so far ahead of the rudder is not due to it, when so much
+# What is so far ahead of the rudder is not due to it: no actuator does that. An acceleration is
+# taken for such when so much
+AHEAD_S = 0.3
 AHEAD_EXPLAINED = 0.05  # more of it is explained that way
 GAIN_LIMIT = 0.1  # gyro against heading: no gyro has a scale error of 10 %
 UNIT_LIMIT = 0.25  # relative distance from a ratio of units that counts as that ratio

@@ -14,11 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from auvident.constants import VehicleTime
 from auvident.physics.maneuvers import straight_figures, turn_figures, zigzag_figures
 from auvident.physics.maneuvers.plateaus import Array
 from auvident.stages.segment.pieces import Found, Piece
 
-APPROACH_S = 3.0  # before the execute, over which the approach speed and course are averaged
+# before the execute, over which the approach speed and course are averaged
+APPROACH_S: VehicleTime = 3.0
 RPM_PER_RPS = 60.0
 DECIMALS = 4
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from auvident.constants import BRIDGED_S, VehicleTime
 from auvident.physics.maneuvers.plateaus import (
     Array,
     odd_samples,
@@ -14,15 +15,13 @@ from auvident.physics.maneuvers.plateaus import (
 )
 from auvident.physics.maneuvers.track import heading_from_rate
 from auvident.schema.artifacts import ManeuverKind, Rejected
-from auvident.schema.channels import RECORD_COLUMN, TIME_COLUMN
+from auvident.schema.channels import NEEDED, RECORD_COLUMN, TIME_COLUMN
 from auvident.schema.trial import Trial
 
-NEEDED = ("u_mps", "v_mps", "r_radps", "rudder_rad", "rpm")
-BRIDGED_S = 5.0  # a drop-out of a sensor hides no maneuver; a longer gap may hide a swing or turn
 VERTICAL = ("elevator_rad", "q_radps", "w_mps")  # needed as well in the vertical plane
-SHORTEST_PIECE_S = 5.0  # no maneuver fits into less
+SHORTEST_PIECE_S: VehicleTime = 5.0  # no maneuver fits into less
 MEDIAN_WINDOW_S = 0.5  # spikes of the fin log up to half of it disappear, edges stay
-MEAN_WINDOW_S = 2.0  # waves and sensor noise average out, a swing of a zigzag does not
+MEAN_WINDOW_S: VehicleTime = 2.0  # waves and sensor noise average out, a swing of a zigzag does not
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """From trials to maneuvers with roles."""
 
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -12,9 +13,9 @@ from auvident.stages.segment.elevators import elevator_zigzags_of, on_clock_of
 from auvident.stages.segment.features import features_of, reference_rms
 from auvident.stages.segment.gaps import parts_of, settle_cuts
 from auvident.stages.segment.pieces import Found, Piece, pieces_of
-from auvident.stages.segment.scales import Scales, held_fins, scales_of
+from auvident.stages.segment.scales import LEAST_FIN_RAD, Scales, held_fins, scales_of
 from auvident.stages.segment.split import split
-from auvident.stages.segment.straights import find_straights
+from auvident.stages.segment.straights import LONG_RUN_S, find_straights
 from auvident.stages.segment.turns import find_turns
 from auvident.stages.segment.zigzags import find_zigzags
 
@@ -235,8 +236,9 @@ def nothing_found(trials: Sequence[Trial], plane: str, rejected: Sequence[Reject
         "\n  ".join(["Closest candidates:", *lines])
         if lines
         else (
-            "No candidate either: the fins are never held at an angle of 2 degrees or more, and no "
-            "straight stretch of 30 s was run. Check the units and names of the channels."
+            "No candidate either: the fins are never held at an angle of "
+            f"{math.degrees(LEAST_FIN_RAD):.0f} degrees or more, and no straight stretch of "
+            f"{LONG_RUN_S:.0f} s was run. Check the units and names of the channels."
         )
     )
     return InputError(

@@ -24,9 +24,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import GRAVITY_MPS2
+
 Array = npt.NDArray[Any]
 
-GRAVITY_MPS2 = 9.81
 CHANNELS = ("u", "v", "r")
 THRESHOLD = 14.0  # with many maneuvers; see `threshold_of`
 BIN_S = 0.4  # residuals are averaged over it: the fastest wave sought has eight bins a period
