@@ -13,7 +13,7 @@ from auvident.physics.dynamics import N_STATES
 from auvident.physics.sensing import sensor_matrix
 from auvident.schema.artifacts import Maneuver
 from auvident.schema.channels import RECORD_COLUMN, TIME_COLUMN, sampled_flag
-from auvident.schema.coefficients import Plane
+from auvident.schema.planes import CONTROL_COLUMNS, STATE_COLUMNS, Plane
 from auvident.schema.trial import Trial
 
 Array = npt.NDArray[Any]
@@ -28,15 +28,6 @@ __all__ = [
     "stack",
 ]
 
-# column of each state (u, a, b, angle), of the own and of the other control surface
-STATE_COLUMNS: dict[Plane, tuple[str, str, str, str]] = {
-    "horizontal": ("u_mps", "v_mps", "r_radps", "heading_rad"),
-    "vertical": ("u_mps", "w_mps", "q_radps", "pitch_rad"),
-}
-CONTROL_COLUMNS: dict[Plane, tuple[str, str]] = {
-    "horizontal": ("rudder_rad", "elevator_rad"),
-    "vertical": ("elevator_rad", "rudder_rad"),
-}
 LEAD_IN_S = 20.0  # inputs before a maneuver, for what remembers them: lags, delays and play
 AUXILIARY = ("p_radps", "q_radps", "roll_rad", "pitch_rad")
 START_BEFORE_S: VehicleTime = 1.0  # window of the line that gives the state at the start ...

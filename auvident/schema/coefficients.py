@@ -10,8 +10,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-Plane = Literal["horizontal", "vertical"]
-PLANES: tuple[Plane, ...] = ("horizontal", "vertical")
+from auvident.schema.planes import PLANES, Plane
+
 Group = Literal[
     "surge_inertia", "drag", "thrust", "turning_drag", "inertia", "lift", "cross_flow", "control"
 ]
@@ -56,7 +56,7 @@ class Coefficient:
 
 H: tuple[Plane, ...] = ("horizontal",)
 V: tuple[Plane, ...] = ("vertical",)
-HV: tuple[Plane, ...] = ("horizontal", "vertical")
+HV = PLANES
 
 # fmt: off
 COEFFICIENTS: tuple[Coefficient, ...] = (

@@ -12,7 +12,8 @@ import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from auvident.schema.coefficients import Plane
+from auvident.schema.coefficients import HV, H
+from auvident.schema.planes import Plane
 
 EffectFamily = Literal["environment", "actuation", "sensing", "hydrodynamics"]
 # where an effect enters: before the equations of motion, in them, after them, or in no model (a
@@ -177,8 +178,6 @@ class Effect:
         return tuple(f"{self.id}.{p.symbol}" for p in self.parameters)
 
 
-H: tuple[Plane, ...] = ("horizontal",)
-HV: tuple[Plane, ...] = ("horizontal", "vertical")
 P = EffectParameter
 SERVO = "first-order servo with play and limits; Fossen (2021), Handbook, 9.5"
 SENSOR = "Hegrenaes and Hallingstad (2011), model-aided INS; Pan and Wu (2015), DVL calibration"

@@ -30,8 +30,8 @@ def run() -> Maneuver:
 
 def depth_step(start: float, end: float, name: str = "late") -> Maneuver:
     """A maneuver of the vertical plane that identifies, in times since the run began."""
-    features = {"plane": "vertical", "maneuver": "depth_step"}
-    changes: dict[str, Any] = {"id": name, "role": "identify", "features": features}
+    changes: dict[str, Any] = {"id": name, "role": "identify", "plane": "vertical"}
+    changes |= {"planes": ("vertical",), "features": {"maneuver": "depth_step"}}
     times = {"t_start_s": run().t_start_s + start, "t_end_s": run().t_start_s + end}
     return run().model_copy(update=changes | times)
 

@@ -14,10 +14,11 @@ import numpy as np
 
 from auvident.constants import VehicleTime
 from auvident.errors import InputError
+from auvident.schema.channels import BY_COLUMN
 from auvident.schema.logs import RawTrial
 from auvident.stages.ingest.outliers import noise_std
 
-COLUMNS = {"r_radps": "gyro", "u_mps": "dvl", "v_mps": "dvl"}
+COLUMNS = {c: BY_COLUMN[c].sensor for c in ("r_radps", "u_mps", "v_mps")}
 STEP = 2e-4  # m/s, rad/s: rounding in files is finer, the noise of most sensors coarser
 RUN = 12  # readings in a run
 WINDOW_S = 0.25  # by which the clock of a wide file may be late for a reading

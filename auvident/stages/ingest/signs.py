@@ -7,6 +7,7 @@ import numpy as np
 from auvident.errors import InputError
 from auvident.schema.artifacts import Finding
 from auvident.schema.logs import DEG, RawTrial
+from auvident.schema.planes import BY_FIN
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.held import Held, Votes
 from auvident.stages.ingest.response import Relation
@@ -134,10 +135,8 @@ def _held_words(held: Votes) -> str:
 
 
 def _contradiction(raw: RawTrial, vehicle: Vehicle, fin: str, shown: str) -> InputError:
-    key, ways, rate = {
-        "rudder": ("rudder_positive_turns", ("port", "starboard"), "r"),
-        "elevator": ("elevator_positive_pitches", ("down", "up"), "q"),
-    }[fin]
+    row = BY_FIN[fin]
+    key, ways, rate = row.sign_key, row.sides, row.states[2].symbol
     said = str(getattr(vehicle.signs, key))
     other = ways[1] if said == ways[0] else ways[0]
     sensor = raw.sensors[fin]

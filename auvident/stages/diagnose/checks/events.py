@@ -25,11 +25,12 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.constants import MEDIAN_OF_ABS_TO_STD, VehicleTime
+from auvident.schema.planes import HORIZONTAL
 from auvident.stages.diagnose.checks.waves import Residual, binned
 
 Array = npt.NDArray[Any]
 
-CHANNELS = ("u", "v", "r")
+CHANNELS = HORIZONTAL.velocities
 DECISIVE = (1, 2)  # sway and yaw
 BIN_S: VehicleTime = 1.0
 WINDOW_BINS = 4  # a push of 2 to 4 s and the answer of the vehicle

@@ -25,10 +25,11 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.constants import GRAVITY_MPS2
+from auvident.schema.planes import HORIZONTAL
 
 Array = npt.NDArray[Any]
 
-CHANNELS = ("u", "v", "r")
+CHANNELS = HORIZONTAL.velocities
 THRESHOLD = 14.0  # with many maneuvers; see `threshold_of`
 BIN_S = 0.4  # residuals are averaged over it: the fastest wave sought has eight bins a period
 LONGEST_S = 120.0  # longer maneuvers are cut: an unknown phase each, less to ask of the track

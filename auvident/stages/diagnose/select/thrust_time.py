@@ -111,6 +111,8 @@ def records_between(case: Case, trial: Trial, maneuvers: Maneuvers) -> list[Reco
                 t_start_s=time[rows[0]],
                 t_end_s=time[rows[-1]],
                 role="identify",
+                plane=plane,
+                planes=(plane,),
             )
             found.append(record_of(span, trial, plane, sensor_matrix(plane, sensing)))
     return found
