@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.constants import GRAVITY_MPS2
+from auvident.constants import GRAVITY_OF_WAVES_MPS2
 from auvident.schema.planes import HORIZONTAL
 
 Array = npt.NDArray[Any]
@@ -158,7 +158,7 @@ def wave_power(
         clock = np.exp(-1j * np.outer(frequencies, run.time_s))
         for j, direction in enumerate(directions):
             ahead = run.way_m @ np.array([math.cos(direction), math.sin(direction)])
-            phase = clock * np.exp(1j * np.outer(frequencies**2 / GRAVITY_MPS2, ahead))
+            phase = clock * np.exp(1j * np.outer(frequencies**2 / GRAVITY_OF_WAVES_MPS2, ahead))
             bearing = direction - run.heading_rad
             weight = np.column_stack([np.cos(bearing), np.sin(bearing), np.sin(2.0 * bearing)])
             weighted = (weight * run.white)[:, columns]
