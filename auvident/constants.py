@@ -11,8 +11,8 @@ from typing import Annotated
 VehicleTime = Annotated[float, "scales with L/U"]
 
 GRAVITY_MPS2 = 9.80665  # standard gravity: CGPM 1901, resolution 2
-# Rounded, in the search for waves: with all digits the ratio of powers that it reports moves by 2e-6
-# of itself.
+# Rounded, in the search for waves: with all digits the ratio of powers that it reports moves by
+# 2e-6 of itself.
 GRAVITY_OF_WAVES_MPS2 = 9.81
 USUAL_SPEED_MPS = 1.5  # cruising speed of small survey AUVs (REMUS 100: 1.54 m/s)
 
