@@ -7,7 +7,7 @@ from itertools import islice
 
 import pytest
 
-from auvident.schema.effects import BY_ID, EFFECTS, names_of
+from auvident.schema.effects import BY_ID, EFFECTS, in_plane
 from tests import loop_world
 from tests.bench import __main__ as bench
 from tests.bench import effects
@@ -394,4 +394,5 @@ def test_a_refusal_of_the_program_is_an_outcome() -> None:
 
 
 def test_the_program_knows_the_symbols_that_are_compared() -> None:
-    assert {"current.north_mps", "rudder_lag.lag_s"} <= set(names_of("horizontal"))
+    names = {name for e in in_plane("horizontal") for name in e.names()}
+    assert {"current.north_mps", "rudder_lag.lag_s"} <= names

@@ -17,6 +17,7 @@ from auvident.cli.common import (
     parse_limits,
     run_one,
 )
+from auvident.schema.planes import PLANES
 
 LOGS = click.argument("logs", metavar="LOG...", nargs=-1, type=PATH)
 VEHICLE = click.option("--vehicle", type=PATH, help="Vehicle file (TOML).")
@@ -54,9 +55,7 @@ IDENTIFY_OPTIONS = options(
     click.option(
         "--engine", type=click.Choice(["compiled", "filterpy"]), help="[default: compiled]"
     ),
-    click.option(
-        "--plane", type=click.Choice(["horizontal", "vertical"]), help="[default: horizontal]"
-    ),
+    click.option("--plane", type=click.Choice(PLANES), help="[default: horizontal]"),
     click.option("--plan", metavar="NAME|FILE", help="Order of the stages.  [default: refined]"),
 )
 

@@ -8,9 +8,8 @@ import click
 from auvident.cli.common import PATH, Output, command
 from auvident.errors import UsageError
 from auvident.schema.coefficients import COEFFICIENTS, PLANES, of_plane
-from auvident.schema.effects import EFFECTS, Effect
+from auvident.schema.effects import EFFECTS, FAMILIES, Effect
 
-FAMILIES = tuple(dict.fromkeys(effect.family for effect in EFFECTS))
 SIGNS = {1: "+", -1: "-", 0: "±"}
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import FILTER_START_STD, VehicleTime
 from auvident.engines import compiled
 from auvident.engines.free_run import (
     NOTHING,
@@ -36,10 +37,9 @@ from auvident.schema.plan import PlanStage
 
 Array = npt.NDArray[Any]
 
-START_STD = 3.0  # starting state is known to this many (effective) sensor standard deviations
 # Tried for the most likely. A filter that follows its readings within less than a second lets
 # the first maneuvers carry the coefficients away.
-OBSERVER_TIMES_S = (1.0, 3.0, 10.0, 30.0, 100.0)
+OBSERVER_TIMES_S: tuple[VehicleTime, ...] = (1.0, 3.0, 10.0, 30.0, 100.0)
 NOISE_ROUNDS = 6  # rounds of fit and effective noise
 NOISE_SETTLED = 0.03  # relative change of the noise below which another round changes nothing
 
@@ -182,7 +182,7 @@ def filter_pass(
         process_std=noise * np.sqrt(setup.dt_s) / observer_time_s,
         sensor_std=noise,
         start=starts,
-        start_std=START_STD * noise,
+        start_std=FILTER_START_STD * noise,
         linear=linear if setup.structure.effects else None,
     )
     passed = _engine(setup.engine)(problem, setup.filter)

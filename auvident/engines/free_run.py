@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import FITTED_START_STD, VehicleTime
 from auvident.engines.prediction import (
     Frame,
     Free,
@@ -35,12 +36,10 @@ from auvident.physics.dynamics import N_STATES
 Array = npt.NDArray[Any]
 Colours = tuple[Colour, ...]
 
-LONGEST_CORRELATION_S = 60.0  # lags beyond this are not looked at: longer than any transient
+# lags beyond this are not looked at: longer than any transient
+LONGEST_CORRELATION_S: VehicleTime = 60.0
 ESCAPED = 10.0  # [std of the channel] a prediction that ran away counts as this wrong
 LARGEST = 1.0e20  # squared slopes in units of the noise beyond which a motion has run away
-# In a fit the start is estimated along; the line through the readings that it begins from bends
-# where the rudder is laid at once, hence so wide.
-FITTED_START_STD = 30.0
 NOTHING = np.zeros(0, dtype=np.int64)
 
 

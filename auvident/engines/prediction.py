@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import VehicleTime
 from auvident.engines.problem import Linear
 from auvident.engines.records import Record, Source
 from auvident.physics import sensing as sense
@@ -27,7 +28,8 @@ Array = npt.NDArray[Any]
 SMALL = 0.1  # an effect below this part of its step is not at work yet
 SMALL_STEP = 0.02  # [of the prior] longest step of a slope where an effect is at work already
 READING_STEP = 0.05  # [of the prior] step of a slope of the readings
-SMOOTHED_S = 1.5  # readings are smoothed over this time before slopes are taken from them
+# readings are smoothed over this time before slopes are taken from them
+SMOOTHED_S: VehicleTime = 1.5
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import VehicleTime
 from auvident.engines.problem import Records
 from auvident.physics.dynamics import N_STATES
 from auvident.physics.sensing import sensor_matrix
 from auvident.schema.artifacts import Maneuver
 from auvident.schema.channels import RECORD_COLUMN, TIME_COLUMN, sampled_flag
-from auvident.schema.coefficients import Plane
+from auvident.schema.planes import CONTROL_COLUMNS, STATE_COLUMNS, Plane
 from auvident.schema.trial import Trial
 
 Array = npt.NDArray[Any]
@@ -27,18 +28,10 @@ __all__ = [
     "stack",
 ]
 
-# column of each state (u, a, b, angle), of the own and of the other control surface
-STATE_COLUMNS: dict[Plane, tuple[str, str, str, str]] = {
-    "horizontal": ("u_mps", "v_mps", "r_radps", "heading_rad"),
-    "vertical": ("u_mps", "w_mps", "q_radps", "pitch_rad"),
-}
-CONTROL_COLUMNS: dict[Plane, tuple[str, str]] = {
-    "horizontal": ("rudder_rad", "elevator_rad"),
-    "vertical": ("elevator_rad", "rudder_rad"),
-}
 LEAD_IN_S = 20.0  # inputs before a maneuver, for what remembers them: lags, delays and play
 AUXILIARY = ("p_radps", "q_radps", "roll_rad", "pitch_rad")
-START_BEFORE_S, START_AFTER_S = 1.0, 0.5  # window of the line that gives the state at the start
+START_BEFORE_S: VehicleTime = 1.0  # window of the line that gives the state at the start ...
+START_AFTER_S: VehicleTime = 0.5  # ... and after it
 LINE_READINGS = 3  # through fewer no line is drawn
 # control angles [rad] and propeller rate [1/s] within these, and this share, are the same input
 SAME_INPUT, SAME_SHARE = np.array([0.017, 0.017, 0.1]), np.array([0.0, 0.0, 0.03])

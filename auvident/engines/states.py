@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.engines.estimator import START_STD
+from auvident.constants import FILTER_START_STD
 from auvident.engines.free_run import LONGEST_CORRELATION_S
 from auvident.engines.motion_pass import motion_pass
 from auvident.engines.records import Record
@@ -58,7 +58,7 @@ def smoothed_states(
     index = np.flatnonzero(active)
     passed = motion_pass(
         record.start[index],
-        np.diag((START_STD * sensor_std[index]) ** 2),
+        np.diag((FILTER_START_STD * sensor_std[index]) ** 2),
         record.inputs,
         record.given,
         np.where(active, record.measured, np.nan),

@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import VehicleTime
 from auvident.jit import kernel
 
 Array = npt.NDArray[Any]
 
 # correlation times that are tried; slower is the model's fault
-TIMES_S = (0.3, 0.6, 1.0, 2.0, 4.0)
+TIMES_S: tuple[VehicleTime, ...] = (0.3, 0.6, 1.0, 2.0, 4.0)
 # disturbance over sensor noise; one that lasts 4 s doubles what 10 readings a second say slowly
 # at 0.11 already
 RATIOS = (0.0, 0.05, 0.1, 0.17, 0.3, 0.6, 1.0, 1.7, 3.0, 5.0, 9.0, 16.0)

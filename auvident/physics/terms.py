@@ -24,8 +24,9 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.schema.artifacts import RigidBody
-from auvident.schema.coefficients import Plane, symbols_of
+from auvident.schema.coefficients import symbols_of
 from auvident.schema.effects import BY_ID
+from auvident.schema.planes import PLANE_ROWS, Plane
 
 STATES = ("u", "a", "b", "angle")
 EQUATIONS = ("X", "A", "B")
@@ -37,11 +38,8 @@ VARIABLES = ("u", "a", "b", "sin", "cos", *INPUTS)
 POWERS = ("x", "|x|", "x^2", "x|x|", "x^3")
 CONSTANTS = ("m", "m x_G", "m z_G", "I", "W-B", "z_G W", "trim")
 FACTORS_PER_TERM = 3
-PLANE_NAMES = {
-    "horizontal": {"A": "Y", "B": "N", "a": "v", "b": "r"},
-    "vertical": {"A": "Z", "B": "M", "a": "w", "b": "q"},
-}
-SIGMA = {"horizontal": 1.0, "vertical": -1.0}
+PLANE_NAMES = {row.name: row.names for row in PLANE_ROWS}
+SIGMA = {row.name: row.sigma for row in PLANE_ROWS}
 
 # Hydrodynamic terms: equation, coefficient with generic axes, factors (variable, power).
 HYDRODYNAMIC = (

@@ -187,7 +187,7 @@ def ingest_sources(options: Mapping[str, Any]) -> list[Path]:
 
 def segment(given: Given) -> dict[str, Any]:
     """Find the maneuvers; the plain list is the artifact, what was rejected stands beside it."""
-    from auvident.pipeline.planes import segment_both
+    from auvident.stages.segment import segment_both
 
     found = segment_both(given.trials, given.options["hold_out"])
     return {

@@ -11,10 +11,11 @@ from auvident.report.console_style import finding_line, house_table
 from auvident.report.numbers import TERMINAL
 from auvident.schema.artifacts import AseCoefficient, AseResult
 from auvident.schema.coefficients import BY_SYMBOL
+from auvident.schema.planes import PLANES
 
 number = TERMINAL.number
 PARTS = ("hull", "sail", "rudder", "elevator", "propeller")
-PLANES = (("both", "both planes"), ("horizontal", "horizontal"), ("vertical", "vertical"))
+TITLES: dict[str, str] = {"both": "both planes", **dict(zip(PLANES, PLANES, strict=True))}
 SIZES = (
     ("volume_m3", "volume", "m³"),
     ("wetted_m2", "wetted surface", "m²"),
@@ -70,7 +71,7 @@ def coefficient_table(result: AseResult) -> Table:
     table.add_column("", style="bold")
     for name in ("value", "± 1σ", "unit", "prime ·10³", *PARTS, "rigid body"):
         table.add_column(name, justify="left" if name == "unit" else "right")
-    for plane, title in PLANES:
+    for plane, title in TITLES.items():
         rows = [c for c in result.coefficients if c.plane == plane]
         if rows:
             table.add_row(Text(title, style="italic dim"))

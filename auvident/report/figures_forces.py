@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 
 from auvident.report.figures import BLUE, SOFT, new_figure, quiet, svg
 from auvident.report.numbers import SHOWN_UNITS
+from auvident.schema.planes import HORIZONTAL, VERTICAL
 
 Array = npt.NDArray[np.float64]
 
@@ -17,10 +18,11 @@ UNITS = {"n": "N", "nm": "N m"}
 # What a force is drawn against: columns that may hold it, unit, words, whether it is an angle
 # that returns after a turn.
 AGAINST = (
-    (("heading_rad", "heading_rad_measured"), "rad", "heading", True),
-    (("pitch_rad", "pitch_rad_measured"), "rad", "pitch", False),
-    (("r_radps", "r_radps_measured"), "rad/s", "yaw rate r", False),
-    (("q_radps", "q_radps_measured"), "rad/s", "pitch rate q", False),
+    *(
+        ((s.column, f"{s.column}_measured"), s.unit, s.words, s.wraps)
+        for place in (3, 2)
+        for s in (HORIZONTAL.states[place], VERTICAL.states[place])
+    ),
     (("time_s",), "s", "time in the trial", False),
 )
 MOST_DOTS = 350  # of a panel

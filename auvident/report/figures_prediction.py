@@ -23,6 +23,7 @@ from auvident.report.figures import (
 from auvident.report.html_data import CHANNELS, gain, number, quantity
 from auvident.report.numbers import SHOWN_UNITS
 from auvident.schema.artifacts import ChannelMetrics, ManeuverMetrics
+from auvident.schema.planes import PLANE_ROWS
 
 # column ending, colour, line style, line width, words; drawn in this order
 LINES = (
@@ -94,7 +95,7 @@ def prediction(
 def _inputs(axes: Axes, time: np.ndarray, table: pd.DataFrame, metrics: ManeuverMetrics) -> None:
     control = np.degrees(table["control_rad"].to_numpy(float))
     axes.plot(*thinned(time, control), color=SOFT, drawstyle="steps-post", lw=1.0)
-    surface = "elevator" if "w_mps_measured" in table else "rudder"
+    surface = next(r.fin for r in PLANE_ROWS if f"{r.columns[1]}_measured" in table)
     axes.set_ylabel(f"{surface}\ndeg")
     middle, half = 0.5 * (control.max() + control.min()), 0.5 * (control.max() - control.min())
     half = max(1.15 * half, 0.5 * LEAST_HELM_DEG)

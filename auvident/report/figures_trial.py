@@ -23,6 +23,7 @@ from auvident.report.figures_joined import joined
 from auvident.report.numbers import SHOWN_UNITS, unit_text
 from auvident.schema.artifacts import Maneuver
 from auvident.schema.channels import BY_COLUMN, RECORD_COLUMN, TIME_COLUMN
+from auvident.schema.planes import PLANE_ROWS
 from auvident.schema.trial import Trial
 
 # Rows of the figure: columns drawn in one panel, label. Those a log lacks are left out.
@@ -35,8 +36,9 @@ ROWS = (
     (("heading_rad",), "heading"),
     (("depth_m",), "depth"),
 )
-VERTICAL_ONLY = ("q_radps", "elevator_rad")
-HORIZONTAL_ONLY = ("r_radps", "heading_rad")
+# columns that show in one plane alone
+OWN = {row.name: {*row.columns[1:], row.control_columns[0]} for row in PLANE_ROWS}
+OWN["vertical"].add("depth_m")
 SHADE = {"identify": 0.18, "validate": 0.42}  # opacity by role
 HATCH = {"identify": None, "validate": "////"}
 LABEL_SHARE = 0.022  # of the trial's length a maneuver needs for its label
@@ -88,12 +90,8 @@ def timeline(trials: Sequence[Trial], maneuvers: Sequence[Maneuver], name: str) 
 
 def _rows(trial: Trial, maneuvers: Sequence[Maneuver]) -> list[tuple[list[str], str]]:
     """Panels for what the log has, of the plane that its maneuvers are of."""
-    planes = {m.features.get("plane", "horizontal") for m in maneuvers} or {"horizontal"}
-    left_out: set[str] = set()
-    if "vertical" not in planes:
-        left_out |= {*VERTICAL_ONLY, "depth_m"}
-    if "horizontal" not in planes:
-        left_out |= {*HORIZONTAL_ONLY, "rudder_rad"}
+    planes = {m.plane for m in maneuvers} or {"horizontal"}
+    left_out = {column for plane in OWN if plane not in planes for column in OWN[plane]}
     rows = []
     for columns, label in ROWS:
         there = [c for c in columns if c in trial.table and c not in left_out]
@@ -105,7 +103,7 @@ def _rows(trial: Trial, maneuvers: Sequence[Maneuver]) -> list[tuple[list[str], 
 
 def _label(m: Maneuver, trial: Trial) -> str:
     """Short name of a maneuver."""
-    label = m.id.removeprefix(f"{trial.name}-").removeprefix("vertical-")
+    label = m.id.removeprefix(f"{trial.name}-").removeprefix(f"{m.plane}-")
     return label.replace("straight", "str").replace("zigzag", "zz")
 
 

@@ -18,6 +18,7 @@ from auvident.schema.artifacts import (
 from auvident.schema.diagnosis import ChannelError, Comparison, Diagnosis
 from auvident.schema.logs import Quality
 from auvident.schema.manifest import Manifest
+from auvident.schema.planes import PLANE_ROWS, STATES
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 
@@ -26,17 +27,10 @@ if TYPE_CHECKING:
 
 # Channels of a prediction in the order of the report: name in the metrics, stem of the columns
 # of the simulation table, unit of the column, words.
-CHANNELS: tuple[tuple[str, str, str, str], ...] = (
-    ("u", "u_mps", "m/s", "surge u"),
-    ("v", "v_mps", "m/s", "sway v"),
-    ("w", "w_mps", "m/s", "heave w"),
-    ("r", "r_radps", "rad/s", "yaw rate r"),
-    ("q", "q_radps", "rad/s", "pitch rate q"),
-    ("heading", "heading_rad", "rad", "heading"),
-    ("pitch", "pitch_rad", "rad", "pitch"),
-)
+CHANNELS = tuple((s.symbol, s.column, s.unit, s.words) for s in STATES)
 number, quantity = PAGE.number, PAGE.quantity
-DYNAMIC = ("u", "v", "w", "r", "q")  # what the equations predict; heading and track are sums of it
+# what the equations predict; heading and track are sums of it
+DYNAMIC = tuple(dict.fromkeys(name for row in PLANE_ROWS for name in row.velocities))
 
 
 @dataclass(frozen=True)

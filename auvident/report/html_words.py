@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from auvident.constants import NOT_BETTER
 from auvident.report.html_data import (
     DYNAMIC,
     ReportData,
@@ -30,7 +31,6 @@ GRADES = (
     (1.0, "poorly", "poor"),
 )
 WORSE_THAN_CONSTANT = ("worse than its own mean would", "poor")
-NOT_BETTER = 1.0  # ratio of squared errors below which the data did not help
 STRONG_CORRELATION = 0.8
 NO_INFORMATION = 1.0e-6  # beside the prior's: zero but for rounding
 SERIOUS = {

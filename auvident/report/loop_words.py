@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from auvident.constants import NORMAL_95
 from auvident.report.numbers import TERMINAL
 from auvident.schema.diagnosis import (
     Candidate,
@@ -15,12 +16,10 @@ from auvident.schema.diagnosis import (
     ResidualRow,
 )
 from auvident.schema.effect_words import holds_nothing
-from auvident.schema.effects import BY_ID, EFFECTS
+from auvident.schema.effects import BY_ID, FAMILIES
 
-NORMAL_95 = 1.96  # standard deviations on each side of a 95 % interval
 number, with_unit = TERMINAL.number, TERMINAL.quantity
 MOVED = 2.0  # standard deviations before, from which on a coefficient is said to have moved
-FAMILIES = tuple(dict.fromkeys(effect.family for effect in EFFECTS))
 VERDICTS = {
     "none_found": "nothing found",
     "effect_found": "effect found",

@@ -20,6 +20,7 @@ from auvident.report.tables import (
 )
 from auvident.schema.artifacts import ChannelMetrics, Combination, Maneuver, Metrics
 from auvident.schema.logs import SensorQuality, TrialQuality
+from auvident.schema.planes import BY_PLANE
 
 
 def trials(found: Sequence[TrialQuality]) -> Table:
@@ -97,7 +98,7 @@ def maneuvers(found: Sequence[Maneuver], title: str = "") -> Table:
 
 def _maneuver(m: Maneuver) -> list[Cell]:
     excitation = m.features.get("excitation") or {}
-    rate = excitation.get("r_std_degps", excitation.get("q_std_degps"))
+    rate = excitation.get(f"{BY_PLANE[m.plane].velocities[2]}_std_degps")
     return [
         m.id,
         m.kind,
@@ -114,11 +115,11 @@ def _maneuver(m: Maneuver) -> list[Cell]:
 def _what(m: Maneuver) -> Joined:
     """A maneuver in a few words, from those of its features that it has."""
     f = m.features
-    fin = "elevator" if "elevator_deg" in f else "rudder"
+    fin = BY_PLANE[m.plane].fin
     speeds = f.get("steady_speed_mps")
     pieces: list[Cell] = [
         _feature(f.get("approach_speed_mps"), "", " m/s"),
-        _feature(f.get("rudder_deg", f.get("elevator_deg")), "", f"° {fin}"),
+        _feature(f.get(f"{fin}_deg"), "", f"° {fin}"),
         f"to {f['side']}" if f.get("side") else "",
         _feature(f.get("steady_diameter_m"), "diameter ", " m"),
         f"{f['executes']} executes" if f.get("executes") else "",

@@ -9,9 +9,8 @@ from typing import Any, Literal
 from pydantic import Field
 
 from auvident.schema.base import Artifact
-from auvident.schema.coefficients import Plane
+from auvident.schema.planes import ManeuverKind, Plane
 
-ManeuverKind = Literal["straight", "turn", "zigzag"]
 Role = Literal["identify", "validate"]
 Origin = Literal["identified", "ase", "given", "kinematic"]
 Verdict = Literal["none_found", "effect_found", "ambiguous", "partly_explained", "unexplained"]
@@ -37,7 +36,11 @@ class Finding(Artifact):
 
 
 class Maneuver(Artifact):
-    """A piece of a trial that the identification or the validation uses."""
+    """A piece of a trial that the identification or the validation uses.
+
+    ``plane`` is the one whose fin, rate and angle its features are of; ``planes`` those in which
+    it identifies and validates: a run with thrust steps does in both.
+    """
 
     id: str
     trial: str
@@ -45,17 +48,13 @@ class Maneuver(Artifact):
     t_start_s: float
     t_end_s: float
     role: Role
+    plane: Plane
+    planes: tuple[Plane, ...]
     features: dict[str, Any] = {}
 
     def shows(self, plane: Plane) -> bool:
-        """Whether it identifies and validates in a plane.
-
-        A thrust-step run does in both, unless ``planes`` among its features says in which.
-        """
-        own = self.features.get("plane", "horizontal")
-        if "planes" in self.features:
-            return plane in self.features["planes"]
-        return own == plane or (self.kind == "straight" and own == "horizontal")
+        """Whether it identifies and validates in a plane."""
+        return plane in self.planes
 
 
 class Rejected(Artifact):
@@ -100,7 +99,7 @@ class AseResult(Artifact):
     """``ase/coefficients.json``.
 
     ``accuracy_effects[formula][symbol]`` is the one-sigma effect of a formula's accuracy on a
-    coefficient; `auvident.physics.ase.prior.prior_covariance` makes the covariance of it.
+    coefficient; the formulas are independent of each other.
     """
 
     schema_: str = Field(default="auvident/ase/1", alias="schema")
@@ -289,12 +288,3 @@ class Metrics(Artifact):
     summary: dict[str, dict[str, ChannelMetrics]]
     ase: "Metrics | None" = None
     findings: tuple[Finding, ...] = ()
-
-
-ARTIFACTS: dict[str, type[Artifact]] = {
-    "maneuvers": Maneuvers,
-    "ase": AseResult,
-    "model": IdentifiedModel,
-    "metrics": Metrics,
-    "trial-plan": TrialPlan,
-}

@@ -75,6 +75,7 @@ CHANNELS: tuple[Channel, ...] = (
 
 BY_COLUMN: dict[str, Channel] = {c.column: c for c in CHANNELS}
 BY_QUANTITY: dict[str, Channel] = {c.quantity: c for c in CHANNELS}
+NEEDED: tuple[str, ...] = tuple(c.column for c in CHANNELS if c.needed)
 SENSORS: tuple[str, ...] = tuple(dict.fromkeys(c.sensor for c in CHANNELS))
 
 

@@ -10,8 +10,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-Plane = Literal["horizontal", "vertical"]
-PLANES: tuple[Plane, ...] = ("horizontal", "vertical")
+from auvident.schema.planes import PLANES, Plane
+
 Group = Literal[
     "surge_inertia", "drag", "thrust", "turning_drag", "inertia", "lift", "cross_flow", "control"
 ]
@@ -53,15 +53,10 @@ class Coefficient:
     sign: int
     meaning: str
 
-    @property
-    def is_added_mass(self) -> bool:
-        """Whether it multiplies an acceleration (stands in the mass matrix)."""
-        return self.symbol.endswith("dot")
-
 
 H: tuple[Plane, ...] = ("horizontal",)
 V: tuple[Plane, ...] = ("vertical",)
-HV: tuple[Plane, ...] = ("horizontal", "vertical")
+HV = PLANES
 
 # fmt: off
 COEFFICIENTS: tuple[Coefficient, ...] = (

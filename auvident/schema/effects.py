@@ -10,9 +10,10 @@ means off.
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
-from auvident.schema.coefficients import Plane
+from auvident.schema.coefficients import HV, H
+from auvident.schema.planes import Plane
 
 EffectFamily = Literal["environment", "actuation", "sensing", "hydrodynamics"]
 # where an effect enters: before the equations of motion, in them, after them, or in no model (a
@@ -177,8 +178,6 @@ class Effect:
         return tuple(f"{self.id}.{p.symbol}" for p in self.parameters)
 
 
-H: tuple[Plane, ...] = ("horizontal",)
-HV: tuple[Plane, ...] = ("horizontal", "vertical")
 P = EffectParameter
 SERVO = "first-order servo with play and limits; Fossen (2021), Handbook, 9.5"
 SENSOR = "Hegrenaes and Hallingstad (2011), model-aided INS; Pan and Wu (2015), DVL calibration"
@@ -343,6 +342,7 @@ EFFECTS: tuple[Effect, ...] = (
 )
 # fmt: on
 
+FAMILIES: tuple[EffectFamily, ...] = get_args(EffectFamily)
 BY_ID: dict[str, Effect] = {effect.id: effect for effect in EFFECTS}
 
 
@@ -358,11 +358,6 @@ def allowable() -> tuple[str, ...]:
         for e in EFFECTS
         if e.enters == "input" and all(p.silent > 0.0 and not any(p.powers) for p in e.parameters)
     )
-
-
-def names_of(plane: Plane) -> tuple[str, ...]:
-    """Names of the parameters of `in_plane`, ``effect.parameter``."""
-    return tuple(name for effect in in_plane(plane) for name in effect.names())
 
 
 def parameter_of(name: str) -> EffectParameter:

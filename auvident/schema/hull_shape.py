@@ -150,7 +150,7 @@ def _tail(hull: Hull, start: np.ndarray, tail: np.ndarray, radius: np.ndarray) -
 
 
 # DARPA SUBOFF hull: Groves, Huang & Chang 1989 (DTRC/SHD-1298-01), feet from the nose.
-SUBOFF_LENGTH_FT, SUBOFF_RADIUS_FT = 14.291667, 0.8333333
+SUBOFF_LENGTH_FT = 14.291667
 SUBOFF_EDGES_FT = (0.0, 3.333333, 10.645833, 13.979167, 14.291667)
 SUBOFF_BASE_RATIO, SUBOFF_K0, SUBOFF_K1 = 0.1175, 10.0, 44.6244
 

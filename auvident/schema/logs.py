@@ -284,6 +284,9 @@ class RawTrial:
 # --- quality.json -------------------------------------------------------------------------
 
 
+FIRST_FEW = 5  # times and rows that are kept for the report
+
+
 class Dropped(Artifact):
     """Samples left out for one reason: how many, and times and rows of the first few."""
 

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from auvident.constants import USUAL_SPEED_MPS
 from auvident.errors import InputError
 from auvident.physics.ase import facts as ase_facts
 from auvident.physics.ase.accuracy import NOMINAL
@@ -16,8 +17,6 @@ from auvident.schema.artifacts import AseCoefficient, AseResult, Finding
 from auvident.schema.coefficients import COEFFICIENTS, Coefficient, prime_unit, symbols_of
 from auvident.schema.vehicle import Vehicle
 from auvident.schema.vehicle_checks import contradictions
-
-DEFAULT_SPEED_MPS = 1.5  # cruising speed of small survey AUVs (REMUS 100: 1.54 m/s)
 
 
 def estimate(vehicle: Vehicle, speed_mps: float | None = None) -> AseResult:
@@ -44,7 +43,7 @@ def estimate(vehicle: Vehicle, speed_mps: float | None = None) -> AseResult:
     NumericsError
         When the integrals over the hull do not converge.
     """
-    speed = vehicle.body.design_speed_mps or speed_mps or DEFAULT_SPEED_MPS
+    speed = vehicle.body.design_speed_mps or speed_mps or USUAL_SPEED_MPS
     if not vehicle.hull.is_body_of_revolution:
         return _given_only(vehicle, speed)
     for fault in contradictions(vehicle):

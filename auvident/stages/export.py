@@ -17,6 +17,7 @@ from auvident.physics.terms import (
     structure_of,
 )
 from auvident.schema.artifacts import IdentifiedModel
+from auvident.schema.planes import PLANE_ROWS
 from auvident.schema.quoting import comment, csv_cell, quoted
 
 # Valid in Python and in MATLAB alike.
@@ -36,11 +37,8 @@ CONSTANT_NAMES = {
     "z_G W": "z_g_weight",
     "trim": "trim_moment",
 }
-INPUTS = {
-    "horizontal": ("rudder_rad", "elevator_rad", "rate_rps"),
-    "vertical": ("elevator_rad", "rudder_rad", "rate_rps"),
-}
-ANGLE = {"horizontal": "heading", "vertical": "pitch"}
+INPUTS = {row.name: (*row.control_columns, "rate_rps") for row in PLANE_ROWS}
+ANGLE = {row.name: row.states[3].symbol for row in PLANE_ROWS}
 BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")  # of TOML; others stand in quotes
 CSV_COLUMNS = (
     "symbol",

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.engines.records import STATE_COLUMNS, sensor_matrix
+from auvident.constants import VehicleTime
+from auvident.engines.records import sensor_matrix
 from auvident.errors import NumericsError, StageError
 from auvident.physics.dynamics import N_STATES, simulate_with_sensitivities
 from auvident.physics.term_tables import N_INPUTS
@@ -24,21 +25,19 @@ from auvident.physics.virtual import (
     zigzag_helm,
 )
 from auvident.schema.artifacts import IdentifiedModel, Maneuver, TrialCandidate, TrialPlan
-from auvident.schema.coefficients import Plane
+from auvident.schema.planes import BY_PLANE, STATE_COLUMNS, Plane
 from auvident.schema.trial import Trial
 
 Array = npt.NDArray[Any]
 
-CIRCLE_S, ZIGZAG_S, LEVEL_S = 75.0, 90.0, 35.0  # usual lengths of a maneuver
+CIRCLE_S: VehicleTime = 75.0  # usual lengths of a maneuver
+ZIGZAG_S: VehicleTime = 90.0
+LEVEL_S: VehicleTime = 35.0
 ZIGZAGS_DEG = ((10, 10), (20, 20), (20, 5), (30, 10))
 CIRCLES_DEG = (-20, -10, 10, 20)
 NAMED = 4  # coefficients named per candidate
 LEAST_NAMED = 0.05  # a standard deviation that falls by less is not worth naming
 VELOCITIES = np.array([True, True, True, False])
-WORDS: dict[Plane, tuple[str, str]] = {
-    "horizontal": ("rudder", "heading"),
-    "vertical": ("elevator", "pitch"),
-}
 
 
 @dataclass(frozen=True)
@@ -94,7 +93,8 @@ def plan_trial(
 
 def candidates(plane: Plane, low: float, cruise: float, high: float) -> list[Candidate]:
     """Maneuvers worth asking for, at a low, middle and high propeller rate [rpm]."""
-    fin, angle = WORDS[plane]
+    row = BY_PLANE[plane]
+    fin, angle = row.fin, row.states[3].symbol
     found = []
     for degrees, switch in ZIGZAGS_DEG:
         helm = zigzag_helm(math.radians(degrees), math.radians(switch))
@@ -103,7 +103,7 @@ def candidates(plane: Plane, low: float, cruise: float, high: float) -> list[Can
             found.append(
                 Candidate(f"zigzag {degrees}/{switch}, {label}", what, ZIGZAG_S, rpm, helm)
             )
-    if plane == "horizontal":
+    if "turn" in row.maneuvers:
         found += _circles(low, cruise, high)
     steps = thrust_helm((1.0, high / cruise, low / cruise, 1.0), LEVEL_S)
     what = f"{fin} amidships, {cruise:.0f}, {high:.0f}, {low:.0f}, {cruise:.0f} rpm"

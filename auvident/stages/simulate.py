@@ -13,12 +13,14 @@ from auvident.engines.carried import (
     vector_behind,
 )
 from auvident.engines.prediction import at_effects, simulated
-from auvident.engines.records import STATE_COLUMNS, Record, record_of, sensor_matrix
+from auvident.engines.records import Record, record_of, sensor_matrix
 from auvident.errors import InputError, NumericsError, UsageError
 from auvident.physics.dynamics import N_STATES
-from auvident.physics.figures_track import dead_reckoning
+from auvident.physics.maneuvers.track import dead_reckoning
+from auvident.physics.terms import symbol_in
 from auvident.schema.artifacts import IdentifiedModel, Maneuver
 from auvident.schema.channels import TIME_COLUMN
+from auvident.schema.planes import PLANE_ROWS, PLANES, STATE_COLUMNS
 from auvident.schema.trial import Trial
 
 Array = npt.NDArray[np.float64]
@@ -26,7 +28,9 @@ Array = npt.NDArray[np.float64]
 BAND = (5.0, 95.0)  # percentiles of the uncertainty band
 SAMPLES = 100  # models drawn for it: its edges then rest on some five models each
 LEAST_ROWS = 10  # a shorter stretch of inputs says nothing
-INPUT_COLUMNS = {"horizontal": ("rudder_rad", "rpm"), "vertical": ("elevator_rad", "rpm")}
+INPUT_COLUMNS = {row.name: (row.control_columns[0], "rpm") for row in PLANE_ROWS}
+# coefficients that are one added mass: N_vdot = Y_rdot, M_wdot = Z_qdot
+LEADERS = {symbol_in(p, "B_adot"): symbol_in(p, "A_bdot") for p in PLANES}
 
 
 def simulate(
@@ -114,6 +118,8 @@ def _stretch(
         t_start_s=start_s,
         t_end_s=end_s,
         role="validate",
+        plane=model.plane,
+        planes=(model.plane,),
     )
     record = record_of(maneuver, trial, model.plane, sensor_matrix(model.plane, model.sensing))
     measured = all(c in trial.table for c in STATE_COLUMNS[model.plane][:3])
@@ -159,17 +165,14 @@ def _draws(model: IdentifiedModel, samples: int, rng: np.random.Generator) -> li
     followers = {c.symbol for c in model.coefficients if c.origin == "kinematic"}
     for deviation in drawn:
         moved = dict(zip(symbols, deviation, strict=True))
-        for follower in followers:  # N_vdot = Y_rdot, M_wdot = Z_qdot: one added mass
-            moved[follower] = moved.get(_LEADERS[follower], 0.0)
+        for follower in followers:
+            moved[follower] = moved.get(LEADERS[follower], 0.0)
         changed = {s: v + moved.get(s, 0.0) for s, v in values.items()}
         vector, names = vector_behind(model, changed), structure_behind(model).parameters
         for name in (moved.keys() & set(names)) - values.keys():  # a parameter of an effect
             vector[names.index(name)] += moved[name]
         vectors.append(vector)
     return vectors
-
-
-_LEADERS = {"N_vdot": "Y_rdot", "M_wdot": "Z_qdot"}
 
 
 def _predict(

@@ -13,6 +13,7 @@ import pyarrow as pa
 from pyarrow import csv as pacsv
 
 from auvident.errors import InputError
+from auvident.schema.logs import FIRST_FEW
 from auvident.storage.log_layout import (
     COMMENT_MARKS,
     MISSING,
@@ -28,7 +29,6 @@ from auvident.storage.log_text import read_text
 
 MAX_RAGGED_SHARE = 0.01  # rows with too few or too many fields: above it the file is no table
 MAX_RAGGED_FEW = 3  # so many are dropped from a short file, too
-FIRST_FEW = 5  # dropped rows whose numbers are kept for the report
 PEEK_ROWS = 200  # rows looked at to tell numbers from text
 DECIMALS_LINES = 20  # rows whose number of decimals the last row is held against
 # fmt: off

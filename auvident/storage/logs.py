@@ -14,8 +14,8 @@ import numpy as np
 
 from auvident.errors import InputError
 from auvident.schema.artifacts import Finding
-from auvident.schema.channels import BY_COLUMN, CHANNELS, SENSORS
-from auvident.schema.logs import ColumnMap, InputMap, RawSensor, RawTrial, SensorMap
+from auvident.schema.channels import BY_COLUMN, NEEDED, SENSORS
+from auvident.schema.logs import FIRST_FEW, ColumnMap, InputMap, RawSensor, RawTrial, SensorMap
 from auvident.storage.declared import parse, read_toml
 from auvident.storage.log_columns import (
     Column,
@@ -24,12 +24,11 @@ from auvident.storage.log_columns import (
     time_column,
     time_unit,
 )
-from auvident.storage.log_csv import FIRST_FEW, Kind, LogTable
+from auvident.storage.log_csv import Kind, LogTable
 from auvident.storage.log_file import LogFile, open_log, read_log, stem
 from auvident.storage.log_find import TrialSource, find_trials, has_sensor
 from auvident.storage.log_time import ABSOLUTE_S, Stamps, as_floats, read_stamps
 
-NEEDED: tuple[str, ...] = tuple(c.column for c in CHANNELS if c.needed)
 FALSE_WORDS = frozenset(("0", "0.0", "false", "f", "no", "n", "invalid", "bad", "nok"))
 MAP_REMEDY = (
     'A table per sensor, e.g. [rudder] file = "*.csv", time = "t", '

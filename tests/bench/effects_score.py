@@ -4,10 +4,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from auvident.constants import NORMAL_95
 from auvident.schema.effects import BY_ID, parameter_of
 from tests.bench.effects_truth import FINDING_OF
 
-NORMAL_95 = 1.96
 CONFIDENT = ("effect_found", "ambiguous")  # with nothing said to remain
 # Seen by a search of the residual and not by a slope: `sees` may have no size for them.
 EVENT = "one_off_event"

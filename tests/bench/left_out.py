@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from auvident.pipeline.planes import segment_both
+from auvident.stages.segment import segment_both
 from tests.engines.chain import chain_of, plan_named
 
 KVLCC2 = Path(__file__).resolve().parents[2] / "sample_logs" / "kvlcc2"

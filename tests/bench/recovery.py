@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
+from auvident.constants import NORMAL_95
 from auvident.errors import NumericsError
 from auvident.schema.artifacts import AseResult
 from auvident.schema.plan import Plan
@@ -17,7 +18,6 @@ from tests.bench.world import CRUISE_MPS, DVL_STD_MPS, GYRO_STD_RADPS, World, ma
 from tests.engines.chain import SAMPLES, plan_named
 
 SEEN = 0.8  # data share above which a coefficient or a combination is judged
-NORMAL_95 = 1.96
 NOISE = {"u_mps": DVL_STD_MPS, "v_mps": DVL_STD_MPS, "r_radps": GYRO_STD_RADPS}
 TARGET = (0.90, 0.98)
 SUMS = ("combinations", "all coefficients")  # rows of a summary that are no coefficient

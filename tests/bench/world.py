@@ -209,6 +209,8 @@ def make_world(ase: AseResult, vehicle: Vehicle, seed: int, programme=PROGRAMME)
                 trial="world",
                 kind=kind,
                 role="identify",
+                plane="horizontal",
+                planes=("horizontal",) if kind != "straight" else ("horizontal", "vertical"),
                 t_start_s=start + APPROACH_S,
                 t_end_s=float(time[-1]) + 1.0 / RATE_HZ,
             )

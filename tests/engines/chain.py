@@ -8,7 +8,6 @@ import numpy as np
 
 from auvident.engines.problem import FilterProblem
 from auvident.engines.records import Record, stack
-from auvident.pipeline.planes import segment_both
 from auvident.pipeline.steps import cruising_speed
 from auvident.schema.artifacts import AseResult, Maneuvers
 from auvident.schema.plan import Plan
@@ -17,6 +16,7 @@ from auvident.schema.vehicle import Vehicle
 from auvident.stages.ase import estimate
 from auvident.stages.identify import Identification, identify, prepare
 from auvident.stages.ingest import ingest
+from auvident.stages.segment import segment_both
 from auvident.stages.validate import Validation, validate
 from auvident.storage.logs import read_trials
 from auvident.storage.plan_file import read_plan

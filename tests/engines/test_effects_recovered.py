@@ -11,7 +11,7 @@ from auvident.physics import terms
 from auvident.physics.terms import structure_of
 from auvident.schema import effects
 from auvident.schema.coefficients import expand
-from auvident.schema.effects import Effect, EffectParameter, names_of
+from auvident.schema.effects import Effect, EffectParameter, in_plane
 from tests.command_line import call
 from tests.engines.effects_world import COURSE, NOISE, World, recorded, setup_for
 from tests.engines.test_prediction import held
@@ -88,8 +88,8 @@ def wake(monkeypatch) -> Iterator[World]:
 
 
 def test_a_new_effect_is_listed(wake) -> None:
-    assert names_of("horizontal")[-2:] == ("wake_drag.Y_v", "wake_drag.N_rvv")
-    assert "wake_drag.Y_v" not in names_of("vertical")
+    assert in_plane("horizontal")[-1] is WAKE
+    assert WAKE not in in_plane("vertical")
     assert wake.frame.structure.parameters[-2:] == ("wake_drag.Y_v", "wake_drag.N_rvv")
 
 

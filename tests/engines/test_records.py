@@ -36,7 +36,14 @@ def trial(plane: str = "horizontal", rows: int = 200, **columns) -> Trial:
 
 def maneuver(start: float, end: float) -> Maneuver:
     return Maneuver(
-        id="t-turn-1", trial="t", kind="turn", t_start_s=start, t_end_s=end, role="identify"
+        id="t-turn-1",
+        trial="t",
+        kind="turn",
+        t_start_s=start,
+        t_end_s=end,
+        role="identify",
+        plane="horizontal",
+        planes=("horizontal",),
     )
 
 

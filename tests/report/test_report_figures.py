@@ -45,6 +45,8 @@ def maneuver(name: str = "bay", start_s: float = 110.0, role: str = "identify") 
         t_start_s=start_s,
         t_end_s=start_s + 30.0,
         role=role,  # type: ignore[arg-type]
+        plane="horizontal",
+        planes=("horizontal",),
     )
 
 

@@ -60,7 +60,7 @@ def test_the_prime_power_fits_the_unit(c) -> None:
 def test_the_symbol_says_equation_and_regressor(c) -> None:
     axis, _, rest = c.symbol.partition("_")
     assert c.equation == ("X" if axis == "T" else axis)
-    if c.is_added_mass:
+    if c.symbol.endswith("dot"):
         assert c.regressor == f"d{rest[0]}/dt"
         assert c.group in ("inertia", "surge_inertia")
         return

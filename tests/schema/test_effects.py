@@ -18,7 +18,6 @@ from auvident.schema.effects import (
     Effect,
     EffectParameter,
     in_plane,
-    names_of,
     parameter_of,
 )
 
@@ -104,7 +103,8 @@ def test_the_parameter_vector_has_them_in_the_order_of_the_table(plane) -> None:
     effects = in_plane(plane)
     assert all(plane in e.planes and e.enters != "disturbance" for e in effects)
     structure = structure_of(plane, tuple(e.id for e in effects))
-    assert structure.parameters[-len(names_of(plane)) :] == names_of(plane)
+    names = tuple(name for e in effects for name in e.names())
+    assert structure.parameters[-len(names) :] == names
 
 
 @pytest.mark.parametrize("effect", [e for e in MODELLED if e.enters == "force"], ids=lambda e: e.id)

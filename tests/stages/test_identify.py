@@ -146,7 +146,12 @@ def test_a_held_out_maneuver_of_the_other_plane_is_a_gap_and_no_standstill() -> 
     turn = next(m for m in c.maneuvers.maneuvers if m.kind == "turn" and m.role == "identify")
     start = turn.t_start_s + 20.0
     changes = {"id": "harbour_trial-vertical-zigzag-1", "kind": "zigzag", "role": "validate"}
-    changes |= {"t_start_s": start, "t_end_s": start + 20.0, "features": {"plane": "vertical"}}
+    changes |= {
+        "t_start_s": start,
+        "t_end_s": start + 20.0,
+        "plane": "vertical",
+        "planes": ("vertical",),
+    }
     overlapping = (*c.maneuvers.maneuvers, turn.model_copy(update=changes))
     setup, _ = prepare(
         c.trials,

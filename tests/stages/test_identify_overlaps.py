@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from auvident.constants import ANSWER_S
 from auvident.engines.estimator import Setup
 from auvident.errors import NumericsError
 from auvident.schema.artifacts import Maneuver, Maneuvers
 from auvident.stages.identify import Identification, prepare
-from auvident.stages.identify.held_out import LEAST_LEFT_S
 from tests.engines.chain import plan_named, sample
 
 NAME = "dive_trial"
@@ -30,8 +30,8 @@ def run() -> Maneuver:
 
 def depth_step(start: float, end: float, name: str = "late") -> Maneuver:
     """A maneuver of the vertical plane that identifies, in times since the run began."""
-    features = {"plane": "vertical", "maneuver": "depth_step"}
-    changes: dict[str, Any] = {"id": name, "role": "identify", "features": features}
+    changes: dict[str, Any] = {"id": name, "role": "identify", "plane": "vertical"}
+    changes |= {"planes": ("vertical",), "features": {"maneuver": "depth_step"}}
     times = {"t_start_s": run().t_start_s + start, "t_end_s": run().t_start_s + end}
     return run().model_copy(update=changes | times)
 
@@ -68,7 +68,7 @@ def identified_with(start: float, end: float) -> Identification:
 def test_a_maneuver_within_a_held_out_one_identifies_nothing_and_it_is_said() -> None:
     model = identified_with(20.0, 50.0).model
     (said,) = [f for f in model.findings if f.code == "held-out-within"]
-    assert said.where == "late" and said.value == 0.0 and said.threshold == LEAST_LEFT_S
+    assert said.where == "late" and said.value == 0.0 and said.threshold == ANSWER_S
     assert run().id in said.message
     without = sample(NAME).identify("vertical").model
     assert model.coefficients == without.coefficients
@@ -95,9 +95,9 @@ def test_what_is_left_of_a_maneuver_identifies(start, end, begins, ends) -> None
 
 
 def test_too_little_left_is_left_out() -> None:
-    names = set(setup_with(with_more(depth_step(100.0, length() + LEAST_LEFT_S - 0.2))).records)
+    names = set(setup_with(with_more(depth_step(100.0, length() + ANSWER_S - 0.2))).records)
     assert "late" not in names
-    names = set(setup_with(with_more(depth_step(100.0, length() + LEAST_LEFT_S + 0.2))).records)
+    names = set(setup_with(with_more(depth_step(100.0, length() + ANSWER_S + 0.2))).records)
     assert "late" in names
 
 

@@ -10,10 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ingest_world import LENGTH_M, calm, changed, maneuvers, sensor, trial, vehicle, with_sensor
 
+from auvident.constants import BRIDGED_S
 from auvident.errors import InputError, UsageError
 from auvident.schema.channels import BY_COLUMN, CHANNELS
 from auvident.schema.logs import Quality, RawTrial
-from auvident.stages.ingest import MAX_GAP_S, ingest
+from auvident.stages.ingest import ingest
 
 
 def codes(quality):
@@ -146,7 +147,7 @@ def test_gaps_split_the_record():
     assert table["u_mps"][bridged].notna().all()
     assert not table["dvl_sampled"][bridged].any()
     (channel, _) = quality.sensors[0].channels
-    assert (channel.gaps, channel.gap_limit_s) == (1, MAX_GAP_S)
+    assert (channel.gaps, channel.gap_limit_s) == (1, BRIDGED_S)
     assert channel.longest_gap_s == pytest.approx(7.0)
 
 

@@ -10,11 +10,10 @@ import pytest
 from segment_world import Sail, Ship, random_trial
 from test_segment_samples import SAMPLES, ingested
 
-from auvident.pipeline.planes import segment_both
 from auvident.schema.artifacts import Maneuver, Maneuvers
 from auvident.schema.coefficients import PLANES
 from auvident.schema.trial import Trial
-from auvident.stages.segment import segment, segment_vertical
+from auvident.stages.segment import segment, segment_both, segment_vertical
 
 SAME_S = 5.0  # runs that begin and end within this are one stretch
 MOST = 0.5
@@ -45,7 +44,7 @@ def found(seed: int) -> Maneuvers:
 def runs(found: Maneuvers) -> list[Maneuver]:
     """Straight runs with thrust steps."""
     own = [m for m in found.maneuvers if m.kind == "straight"]
-    return [m for m in own if m.features["plane"] == "horizontal"]
+    return [m for m in own if m.plane == "horizontal"]
 
 
 def same(a: Maneuver, b: Maneuver) -> bool:
@@ -68,7 +67,7 @@ def test_every_stretch_that_a_search_finds_stands(seed) -> None:
     for search in (segment, segment_vertical):
         for m in search([dived(seed)]).maneuvers:
             twins = [x for x in found(seed).maneuvers if x.kind == m.kind and same(x, m)]
-            assert [x.features["plane"] for x in twins] == [m.features["plane"]], m.id
+            assert [x.plane for x in twins] == [m.plane], m.id
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -77,7 +76,7 @@ def test_ids_are_numbered_in_time_order_over_both_planes(seed) -> None:
         own = [m for m in found(seed).maneuvers if m.kind == kind]
         prefix = {"horizontal": "", "vertical": "vertical-"}
         assert [m.id for m in own] == [
-            f"v{seed}-{prefix[m.features['plane']]}{kind}-{i + 1}" for i, m in enumerate(own)
+            f"v{seed}-{prefix[m.plane]}{kind}-{i + 1}" for i, m in enumerate(own)
         ]
         assert [m.t_start_s for m in own] == sorted(m.t_start_s for m in own)
 
@@ -103,8 +102,8 @@ def test_a_stretch_has_one_role(seed) -> None:
 @pytest.mark.parametrize("plane", PLANES)
 def test_both_planes_stay_identifiable(seed, plane) -> None:
     own = [m for m in found(seed).maneuvers if m.shows(plane)]
-    kinds = {(m.kind, m.features["plane"]) for m in own}
-    assert {(m.kind, m.features["plane"]) for m in own if m.role == "identify"} == kinds
+    kinds = {(m.kind, m.plane) for m in own}
+    assert {(m.kind, m.plane) for m in own if m.role == "identify"} == kinds
 
 
 def test_what_goes_along_is_said() -> None:
@@ -127,7 +126,8 @@ def test_the_ids_of_the_sample_trial_are_what_they_were() -> None:
     names += ["vertical-zigzag-6", *(f"vertical-straight-{i}" for i in range(5, 9))]
     result = segment_both([ingested(SAMPLES / "dive_trial", "remus100")], ())
     assert [m.id for m in result.maneuvers] == [f"dive_trial-{name}" for name in names]
-    assert all("planes" not in m.features for m in result.maneuvers)
+    runs = [m for m in result.maneuvers if m.kind == "straight" and m.plane == "horizontal"]
+    assert all(m.planes == PLANES for m in runs)
 
 
 def test_a_trial_without_vertical_maneuvers_is_that_of_the_horizontal_search() -> None:

@@ -7,10 +7,11 @@ import pytest
 from segment_world import Sail, Ship
 from test_segment_samples import SAMPLES, ingested
 
+from auvident.constants import BRIDGED_S
 from auvident.schema.trial import Trial
 from auvident.stages.segment import segment, segment_vertical
 from auvident.stages.segment.depth import sink_by_depth, sink_rate
-from auvident.stages.segment.pieces import BRIDGED_S, pieces_of
+from auvident.stages.segment.pieces import pieces_of
 
 AUV = Ship()
 SINK_MPS = 0.4

@@ -7,7 +7,7 @@ import pytest
 from segment_world import DEG, Sail, Ship
 
 from auvident.errors import InputError
-from auvident.physics.figures_straight import RPM_LEVEL_SHARE
+from auvident.physics.maneuvers.straight import RPM_LEVEL_SHARE
 from auvident.schema.trial import Trial
 from auvident.stages.segment import segment
 from auvident.stages.segment.pieces import Piece, pieces_of

@@ -8,6 +8,7 @@ from segment_world import DEG, Sail, Ship
 
 from auvident.errors import InputError, UsageError
 from auvident.schema.artifacts import Maneuver
+from auvident.schema.planes import PLANES
 from auvident.stages.segment import segment
 from auvident.stages.segment.roles import choose, part_id
 
@@ -19,7 +20,15 @@ def maneuver(id_: str, kind: str, angle: float = 0.0, side: str = "port", speed:
     if kind == "straight":
         features = {"rpm_steps": [angle]}
     return Maneuver(
-        id=id_, trial="t", kind=kind, t_start_s=0, t_end_s=1, role="identify", features=features
+        id=id_,
+        trial="t",
+        kind=kind,
+        t_start_s=0,
+        t_end_s=1,
+        role="identify",
+        plane="horizontal",
+        planes=PLANES if kind == "straight" else ("horizontal",),
+        features=features,
     )
 
 

@@ -4,13 +4,18 @@ import pytest
 
 from auvident.errors import UsageError
 from auvident.schema.artifacts import Maneuver
+from auvident.schema.planes import PLANES
 from auvident.stages.segment.split import choose, going_along, share_within, split
 
 
 def maneuver(name: str, start: float, end: float, kind: str = "straight", **features) -> Maneuver:
+    plane = features.pop("plane", "horizontal")
+    runs = kind == "straight" and plane == "horizontal"
     return Maneuver(
         id=name,
         trial=features.pop("trial", "t"),
+        plane=plane,
+        planes=features.pop("planes", PLANES if runs else [plane]),
         kind=kind,
         t_start_s=start,
         t_end_s=end,

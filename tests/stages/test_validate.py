@@ -66,7 +66,16 @@ def test_a_constant_channel_is_not_called_perfect() -> None:
 
 
 def prediction(states: np.ndarray, predicted: np.ndarray, readings=None, dt=0.1) -> Prediction:
-    maneuver = Maneuver(id="m", trial="t", kind="turn", t_start_s=0.0, t_end_s=1.0, role="validate")
+    maneuver = Maneuver(
+        id="m",
+        trial="t",
+        kind="turn",
+        t_start_s=0.0,
+        t_end_s=1.0,
+        role="validate",
+        plane="horizontal",
+        planes=("horizontal",),
+    )
     readings = states if readings is None else readings
     record = Record(
         "m", np.arange(len(states)) * dt, np.zeros((len(states), 3)), states, readings, states[0]
@@ -153,7 +162,8 @@ def maneuvers(plane: str = "horizontal") -> Maneuvers:
                 t_start_s=start,
                 t_end_s=end,
                 role=role,
-                features={"plane": plane},
+                plane=plane,
+                planes=(plane,),
             )
             for kind, start, end, role in pieces
         )

@@ -1,5 +1,6 @@
 """Every coefficient of both planes as the sum of its parts (theory 6, table 3.4.4)."""
 
+import re
 from collections import defaultdict
 from typing import Any
 
@@ -12,34 +13,30 @@ from auvident.physics.ase.drag import hull_drag_kgpm
 from auvident.physics.ase.fins import FinForces, fin_forces
 from auvident.physics.ase.geometry import HullGeometry, hull_geometry
 from auvident.physics.ase.propeller import thrust_coefficients
-from auvident.schema.coefficients import COEFFICIENTS, PLANES, Plane
+from auvident.schema.coefficients import COEFFICIENTS, H
+from auvident.schema.planes import BY_PLANE, HORIZONTAL, PLANES, VERTICAL, Plane
 from auvident.schema.vehicle import Vehicle
 
 Parts = dict[str, dict[str, np.ndarray]]
 """Symbol -> part (hull, sail, rudder, elevator, propeller) -> value."""
 
-# The vertical plane is the horizontal one turned by 90 degrees about x: v -> w, r -> -q, Y -> Z,
-# N -> -M, and an elevator angle is a rudder angle with the opposite sign of the force.
+TURNED = str.maketrans({HORIZONTAL.names[x]: VERTICAL.names[x] for x in "ABab"})
+
+
+def mirrored(symbol: str) -> tuple[str, int]:
+    """Symbol in the vertical plane of a coefficient of the horizontal one, and its sign there.
+
+    The vertical plane is the horizontal one turned by 90 degrees about x: v -> w, r -> -q, Y -> Z,
+    N -> -M, and an elevator angle is a rudder angle with the opposite sign of the force.
+    """
+    signed = re.sub(r"\|.\|", "", symbol)  # a magnitude has no sign to change
+    changes = symbol.startswith("N") + signed.count("r") + symbol.endswith("uud")
+    return symbol.translate(TURNED), (-1) ** changes
+
+
 MIRROR: dict[str, tuple[str, int]] = {
-    "X_vv": ("X_ww", 1),
-    "X_vr": ("X_wq", -1),
-    "X_rr": ("X_qq", 1),
-    "Y_vdot": ("Z_wdot", 1),
-    "Y_rdot": ("Z_qdot", -1),
-    "Y_uv": ("Z_uw", 1),
-    "Y_ur": ("Z_uq", -1),
-    "Y_v|v|": ("Z_w|w|", 1),
-    "Y_r|r|": ("Z_q|q|", -1),
-    "Y_uud": ("Z_uud", -1),
-    "N_vdot": ("M_wdot", -1),
-    "N_rdot": ("M_qdot", 1),
-    "N_uv": ("M_uw", -1),
-    "N_ur": ("M_uq", 1),
-    "N_v|v|": ("M_w|w|", -1),
-    "N_r|r|": ("M_q|q|", 1),
-    "N_uud": ("M_uud", 1),
+    c.symbol: mirrored(c.symbol) for c in COEFFICIENTS if c.planes == H
 }
-COMMAND: dict[Plane, str] = {"horizontal": "rudder", "vertical": "elevator"}
 
 
 def coefficient_parts(
@@ -115,7 +112,7 @@ def _axial_drag(
     parts["X_uu"]["hull"] = -drag * deviation.scale("friction") * extra
     for fin in fins:
         _add(parts["X_uu"], fin.kind, -fin.profile * extra)
-    moved = [[f for f in fins if command in f.commands] for command in ("rudder", "elevator")]
+    moved = [[f for f in fins if command in f.commands] for command in HORIZONTAL.fins]
     planes = max(sum(bool(group) for group in moved), 1)
     for group in moved:
         for fin in group:
@@ -184,7 +181,7 @@ def _add_fin(out: Parts, fin: FinForces, plane: Plane, deviation: Deviation) -> 
         "N_v|v|": x * across,
         "N_r|r|": across * np.abs(x) ** 3,
     }
-    if COMMAND[plane] in fin.commands:
+    if BY_PLANE[plane].fin in fin.commands:
         moved = fin.deflection * cosine
         terms |= {"Y_uud": moved, "N_uud": x * moved}
     for symbol, value in terms.items():

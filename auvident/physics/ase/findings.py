@@ -8,6 +8,7 @@ from auvident.physics.ase.geometry import HullGeometry
 from auvident.physics.ase.propeller import thrust_line
 from auvident.physics.ase.stability import speed_per_rate_m
 from auvident.schema.artifacts import Finding
+from auvident.schema.planes import PLANE_ROWS
 from auvident.schema.vehicle import Vehicle
 
 BURIED_LIMIT = 0.5  # share of the span in the hull's wake from which lift is over-predicted
@@ -35,9 +36,10 @@ def findings(
     """
     yield from _hull_findings(vehicle, hull, speed_mps)
     yield from _fin_findings(vehicle, hull)
-    for plane, name in (("horizontal", "rudder"), ("vertical", "elevator")):
+    for row in PLANE_ROWS:
+        name = row.fin
         if not any(name in fin.commands for fin in vehicle.fin):
-            symbols = "Y_uud, N_uud" if plane == "horizontal" else "Z_uud, M_uud"
+            symbols = ", ".join(f"{axis}_uud" for axis in row.axes[1:])
             yield Finding(
                 code=f"no_{name}",
                 message=f"No fin moves with the {name}: {symbols} are zero with a wide margin.",

@@ -40,27 +40,6 @@ def fin_and_body(tau: Any) -> np.ndarray:
     return (1.0 + np.asarray(tau, float)) ** 2
 
 
-def body_from_fin(tau: Any) -> np.ndarray:
-    """K_B(W): lift carried over to the body by a fin pair at incidence (NACA 1307 eq. 21)."""
-    return fin_and_body(tau) - fin_on_body(tau)
-
-
-def deflected_fin(tau: Any) -> np.ndarray:
-    """k_W(B): lift on the fins when they alone are deflected (NACA 1307 eq. 19)."""
-    s = 1.0 / np.clip(np.asarray(tau, float), SMALL, 1.0 - SMALL)
-    a = np.arcsin((s**2 - 1.0) / (s**2 + 1.0))
-    q = s**2 + 1.0
-    value = (
-        np.pi**2 * (s + 1.0) ** 2 / (4.0 * s**2)
-        + np.pi * q * a / (s**2 * (s - 1.0) ** 2) * q
-        - 2.0 * np.pi * (s + 1.0) / (s * (s - 1.0))
-        + q**2 * a**2 / (s**2 * (s - 1.0) ** 2)
-        - 4.0 * (s + 1.0) * a / (s * (s - 1.0))
-        + 8.0 * np.log(q / (2.0 * s)) / (s - 1.0) ** 2
-    ) / np.pi**2
-    return _to_limits(tau, value, 1.0, 1.0)
-
-
 def _to_limits(tau: Any, value: np.ndarray, at_zero: float, at_one: float) -> np.ndarray:
     """Straight line from the ends of the closed form's range to its exact limits."""
     t = np.asarray(tau, float)

@@ -1,18 +1,14 @@
-"""From the accuracies of the formulas to the standard deviations and correlations.
+"""From the accuracies of the formulas to the standard deviations.
 
 First-order propagation: every accuracy is moved one sigma up and down, all at once in one
 vectorised evaluation; half the difference is the one-sigma effect on each coefficient.
 """
-
-from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from auvident.physics.ase.accuracy import ACCURACIES, one_at_a_time
 from auvident.physics.ase.assembly import Parts, coefficient_parts, totals
 from auvident.physics.ase.geometry import HullGeometry
-from auvident.schema.artifacts import AseResult
 from auvident.schema.coefficients import BY_SYMBOL
 from auvident.schema.vehicle import Vehicle
 
@@ -93,30 +89,3 @@ def standard_deviations(
         )
         for symbol, rest in residual.items()
     }
-
-
-def prior_covariance(result: AseResult, symbols: Sequence[str]) -> np.ndarray:
-    """Covariance of the coefficients of an estimate, before any data.
-
-    Coefficients that the user gave are independent of all others, with their own variance.
-
-    Parameters
-    ----------
-    result : AseResult
-    symbols : sequence of str, length n
-
-    Returns
-    -------
-    ndarray, shape (n, n)
-        Symmetric, positive definite when every std is positive; its diagonal is std squared.
-    """
-    rows = result.by_symbol()
-    estimated = np.array([rows[s].origin == "ase" for s in symbols], dtype=float)
-    effects = np.array(
-        [[effect.get(s, 0.0) for s in symbols] for effect in result.accuracy_effects.values()]
-    ).reshape(-1, len(symbols))
-    effects = effects * estimated
-    covariance = effects.T @ effects
-    variance: Any = np.array([rows[s].std ** 2 for s in symbols])
-    np.fill_diagonal(covariance, variance)
-    return covariance

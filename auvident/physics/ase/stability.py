@@ -5,11 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from auvident.constants import GRAVITY_MPS2
+
 TURN_ANGLES_DEG = (5.0, 10.0, 15.0, 20.0, 25.0)
 NEWTON_STEPS, NEWTON_TOLERANCE = 60, 1e-12
 FEED_DEG = 60.0  # deflection from which the turning curve is followed down to zero
 FEED_STEP_DEG = 1.0
-GRAVITY = 9.80665  # m/s^2
 
 Values = Mapping[str, Any]
 
@@ -206,5 +207,5 @@ def righting_speed_mps(
     if damping <= 0.0:
         return 0.0
     reserve = damping * m11 + a11 * (m11 * m22 - m12 * m21)
-    square = mass * GRAVITY * z_g * reserve / (damping * -static)
+    square = mass * GRAVITY_MPS2 * z_g * reserve / (damping * -static)
     return float(np.sqrt(square)) if square > 0.0 else 0.0

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import BaseModel
 
+from auvident.constants import USUAL_SPEED_MPS
 from auvident.errors import UsageError
 from auvident.physics.ase.assembly import coefficient_parts, totals
 from auvident.physics.ase.stability import (
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 FIN_KINDS = ("rudder", "elevator", "sail")
 TABLES = {"vehicle": "body", "hull": "hull", "propeller": "propeller", "fluid": "fluid"}
-DEFAULT_SPEED_MPS = 1.5
 CHUNK = 2500  # variants at a time: about 100 MB of intermediate arrays
 MOST_VARIANTS = 1_000_000
 EXAMPLE = "for example rudder.exposed_span_m=0.08:0.16:100"
@@ -144,7 +144,7 @@ def _evaluate(
         return frame
     variants = with_values(vehicle, kept)
     design_speed: Any = variants.body.design_speed_mps
-    speed = (speed_mps or DEFAULT_SPEED_MPS) if design_speed is None else design_speed
+    speed = (speed_mps or USUAL_SPEED_MPS) if design_speed is None else design_speed
     result = totals(coefficient_parts(variants, speed))
     for symbol, known in vehicle.coefficients.items():
         result[symbol] = np.asarray(known.value)

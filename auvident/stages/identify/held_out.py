@@ -10,12 +10,11 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import ANSWER_S
 from auvident.schema.artifacts import Finding, Maneuver, Maneuvers
 from auvident.schema.channels import BY_COLUMN, TIME_COLUMN
 from auvident.schema.coefficients import Plane
 from auvident.schema.trial import Trial
-
-LEAST_LEFT_S = 5.0  # less is over before a vehicle has answered its fin
 
 
 def without_held_out(trial: Trial, maneuvers: Maneuvers, plane: Plane) -> Trial:
@@ -32,10 +31,10 @@ def without_held_out(trial: Trial, maneuvers: Maneuvers, plane: Plane) -> Trial:
 def identifying(trials: Sequence[Trial], maneuvers: Maneuvers, plane: Plane) -> list[Maneuver]:
     """The maneuvers of a plane that identify, each cut to what is not held out.
 
-    Those of which less than `LEAST_LEFT_S` is left are left out; `overlap_findings` says so.
+    Those of which less than `ANSWER_S` is left are left out; `overlap_findings` says so.
     """
     left = [(m, _outside(m, trials, maneuvers, plane)) for m in _chosen(maneuvers, plane)]
-    return [rest for m, rest in left if rest is m or _seconds(rest) >= LEAST_LEFT_S]
+    return [rest for m, rest in left if rest is m or _seconds(rest) >= ANSWER_S]
 
 
 def overlap_findings(trials: Sequence[Trial], maneuvers: Maneuvers, plane: Plane) -> list[Finding]:
@@ -50,7 +49,7 @@ def overlap_findings(trials: Sequence[Trial], maneuvers: Maneuvers, plane: Plane
 
 
 def _finding(m: Maneuver, left_s: float, held: str) -> Finding:
-    enough = left_s >= LEAST_LEFT_S
+    enough = left_s >= ANSWER_S
     what = (
         f"its longest stretch outside, {left_s:.1f} s, identifies"
         if enough
@@ -60,7 +59,7 @@ def _finding(m: Maneuver, left_s: float, held: str) -> Finding:
         code="held-out-in-part" if enough else "held-out-within",
         where=m.id,
         value=round(left_s, 2),
-        threshold=LEAST_LEFT_S,
+        threshold=ANSWER_S,
         message=f"it reaches into what is held out ({held}): {what}",
         remedy="To identify from it, hold out another maneuver with `auvident segment --hold-out`.",
     )

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import GRAVITY_MPS2
 from auvident.engines.carried import Carried
 from auvident.engines.estimator import (
     Setup,
@@ -30,7 +31,6 @@ from auvident.stages.identify.held_out import identifying, without_held_out
 
 Array = npt.NDArray[Any]
 
-GRAVITY_MPS2 = 9.80665
 # Accuracy of a channel when neither the vehicle file nor the log tells: a common DVL, a
 # fibre-optic or MEMS rate gyro, a compass.
 DEFAULT_STD = {"m/s": 5.0e-3, "rad/s": 1.0e-3, "rad": 5.0e-3}

@@ -5,12 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from auvident.schema.artifacts import Finding
+from auvident.schema.channels import BY_QUANTITY
 from auvident.schema.logs import Alignment, RawTrial
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.held import held_rudder
 from auvident.stages.ingest.response import Relation, Signals, fit_relation, shifted, smooth_records
 from auvident.stages.ingest.signs import (
+    AHEAD_S,
     SURE_STDS,
     evidence,
     gain_findings,
@@ -22,15 +24,14 @@ from auvident.stages.ingest.signs import (
 )
 
 MAX_LAG_S = 2.0  # scanned either way; sensors of one log that differ by more are seen at once
-HORIZONTAL = {"u": "u_mps", "v": "v_mps", "r": "r_radps", "rudder": "rudder_rad"}
-VERTICAL = {"u": "u_mps", "q": "q_radps", "elevator": "elevator_rad", "pitch": "pitch_rad"}
+STEERING = {q: BY_QUANTITY[q].column for q in ("u", "v", "r", "rudder")}
+PITCHING = {q: BY_QUANTITY[q].column for q in ("u", "q", "elevator", "pitch")}
 EITHER_WAY_S = (-MAX_LAG_S, MAX_LAG_S)
 LAG_LIMITS_S = {  # beyond what effects of the sea and of actuators pass for
     "rudder": 0.6,  # to the gyro: a servo and a bus take up to half a second
     "dvl": 0.5,  # behind the gyro: a current of 0.2 m/s passes for 0.3 s
     "attitude": 0.1,  # behind the gyro: pure kinematics, one step of a 10 Hz grid
 }
-AHEAD_LIMIT_S = 0.3  # a gyro ahead of the rudder: no actuator does that
 MIN_EXPLAINED = 0.3  # of the variance: below it the relation says nothing about a lag
 MAX_LAG_STD_S = 0.5  # a lag known no better is not worth telling
 # The relations leave out couplings (added mass, cross-flow) that pass for a lag: in sample and
@@ -63,9 +64,9 @@ def check_alignment(raw: RawTrial, trial: Trial, vehicle: Vehicle) -> Aligned:
         When the rudder's sign contradicts the vehicle file, or heading and gyro disagree in
         sign or unit.
     """
-    if not set(HORIZONTAL.values()) <= set(trial.table.columns):
+    if not set(STEERING.values()) <= set(trial.table.columns):
         return Aligned((), {}, ())
-    records = smooth_records(trial, HORIZONTAL, MAX_LAG_S)
+    records = smooth_records(trial, STEERING, MAX_LAG_S)
     grip, passage = _grip(records), _passage_s(records, vehicle)
     sign = _rudder_to_gyro(records, grip, CAUSAL_LAGS_S)
     pitching = _elevator_to_gyro(trial)
@@ -127,7 +128,7 @@ def _rudder_to_gyro(
 
 def _elevator_to_gyro(trial: Trial) -> Relation | None:
     """Pitch acceleration from elevator, pitch rate, the righting moment and a trim."""
-    columns = {name: c for name, c in VERTICAL.items() if c in trial.table}
+    columns = {name: c for name, c in PITCHING.items() if c in trial.table}
     if not {"u", "q", "elevator"} <= set(columns):
         return None
     records = smooth_records(trial, columns, MAX_LAG_S)
@@ -191,7 +192,7 @@ def _lag_findings(raw: RawTrial, lags: tuple[Alignment, ...]) -> list[Finding]:
     found = []
     for lag in lags:
         limit = LAG_LIMITS_S["rudder" if lag.first == "rudder" else lag.second]
-        limit = AHEAD_LIMIT_S if lag.first == "rudder" and lag.lag_s < 0 else limit
+        limit = AHEAD_S if lag.first == "rudder" and lag.lag_s < 0 else limit
         if abs(lag.lag_s) > max(limit, SURE_STDS * lag.std_s):
             found.append(
                 Finding(

@@ -6,13 +6,11 @@ import numpy as np
 
 from auvident.errors import InputError
 from auvident.schema.channels import BY_COLUMN, Channel
-from auvident.schema.logs import Dropped, RawSensor, RawTrial
+from auvident.schema.logs import FIRST_FEW, Dropped, RawSensor, RawTrial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.order import order_rows
 from auvident.stages.ingest.outliers import find_outliers, keep_one_of_held
 from auvident.stages.ingest.units import refuse_wrong_unit
-
-FIRST_FEW = 5  # times of dropped samples that are kept for the report
 
 
 @dataclass(frozen=True)

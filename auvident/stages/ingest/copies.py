@@ -12,18 +12,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from auvident.constants import VehicleTime
 from auvident.errors import InputError
+from auvident.schema.channels import BY_COLUMN
 from auvident.schema.logs import RawTrial
 from auvident.stages.ingest.outliers import noise_std
 
-COLUMNS = {"r_radps": "gyro", "u_mps": "dvl", "v_mps": "dvl"}
+COLUMNS = {c: BY_COLUMN[c].sensor for c in ("r_radps", "u_mps", "v_mps")}
 STEP = 2e-4  # m/s, rad/s: rounding in files is finer, the noise of most sensors coarser
 RUN = 12  # readings in a run
 WINDOW_S = 0.25  # by which the clock of a wide file may be late for a reading
 FEW_RUNS = 5  # in common: they give the shift at which readings are compared
 MIN_RUNS = 25  # at one shift of the clock; of other trials hardly ever two are
 MIN_SHARE = 0.5  # of the shorter trial
-MIN_COMMON_S = 30.0  # long enough for a maneuver; recorders that roll over repeat a few seconds
+# long enough for a maneuver; recorders that roll over repeat a few seconds
+MIN_COMMON_S: VehicleTime = 30.0
 NOISE_SHARE = 0.25  # equal readings differ by rounding, others by more than the noise
 MAX_PERIOD_S = 5.0  # readings farther apart are not interpolated
 ELSEWHERE_S = (-7.9, -3.7, -1.3, 1.3, 3.7, 7.9)  # shifts at which a copy is unlike itself

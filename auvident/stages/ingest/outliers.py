@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from auvident.constants import MEDIAN_OF_ABS_TO_STD
 from auvident.schema.logs import RawSensor
 
 MIN_SAMPLES = 7  # fewer do not show what is usual
@@ -11,7 +12,6 @@ MIN_RESOLUTIONS = 3.0  # of the smallest step: a digit that toggles is no outlie
 NEIGHBOUR_STEPS = 3.0  # times the steps nearby: an onset or peak has such steps beside it
 NEARBY = 5  # steps on either side that count
 SPARED = 2  # largest of them that do not: those of another outlier
-NORMAL_MAD = 1.4826  # standard deviation over median absolute deviation, normal distribution
 
 HELD_SENSORS = ("dvl", "gyro", "attitude")  # depth and position may well stand still
 MIN_HELD_RUNS = 20  # fewer changes do not show a pattern
@@ -82,7 +82,9 @@ def noise_std(values: np.ndarray) -> float:
     if values.size < MIN_SAMPLES:
         return 0.0
     second = np.diff(values, 2)
-    return float(NORMAL_MAD * np.median(np.abs(second - np.median(second))) / np.sqrt(6.0))
+    return float(
+        MEDIAN_OF_ABS_TO_STD * np.median(np.abs(second - np.median(second))) / np.sqrt(6.0)
+    )
 
 
 def resolution(values: np.ndarray) -> float:

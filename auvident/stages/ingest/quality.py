@@ -5,6 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
+from auvident.constants import MEDIAN_OF_ABS_TO_STD
 from auvident.schema.artifacts import Finding
 from auvident.schema.channels import CHANNELS, RECORD_COLUMN, TIME_COLUMN
 from auvident.schema.logs import (
@@ -19,7 +20,7 @@ from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.alignment import check_alignment
 from auvident.stages.ingest.clean import CleanSensor, Series
 from auvident.stages.ingest.consistency import check_consistency
-from auvident.stages.ingest.outliers import NORMAL_MAD, noise_std, resolution
+from auvident.stages.ingest.outliers import noise_std, resolution
 from auvident.stages.ingest.remarks import sampling_findings
 from auvident.stages.ingest.resample import Resampled, median_period
 
@@ -95,7 +96,7 @@ def _sensor(
 ) -> SensorQuality:
     steps = np.diff(sensor.time_s)
     period = median_period(sensor.time_s)
-    spread = float(NORMAL_MAD * np.median(np.abs(steps - period))) if steps.size else None
+    spread = float(MEDIAN_OF_ABS_TO_STD * np.median(np.abs(steps - period))) if steps.size else None
     return SensorQuality(
         sensor=sensor.raw.sensor,
         file=sensor.raw.file,

@@ -10,11 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from auvident.constants import VehicleTime
 from auvident.schema.channels import RECORD_COLUMN
 from auvident.schema.trial import Trial
 
-SMOOTHING_S = 1.0  # moving average, twice: shorter than any turn, longer than sensor noise
-BLOCK_S = (5.0, 20.0)  # about a zigzag leg, longer than the memory of residuals; short trials ...
+# moving average, twice: shorter than any turn, longer than sensor noise
+SMOOTHING_S: VehicleTime = 1.0
+# about a zigzag leg, longer than the memory of residuals; short trials ...
+BLOCK_S: tuple[VehicleTime, VehicleTime] = (5.0, 20.0)
 BLOCKS = 8  # ... are cut into so many, but not shorter than turbulence lasts
 LAG_STEP_S = 0.1  # of the scan; a parabola through the best three refines it
 MIN_RECORD_S = 10.0  # shorter records leave nothing after smoothing and shifting

@@ -7,6 +7,7 @@ import numpy as np
 from auvident.errors import InputError
 from auvident.schema.artifacts import Finding
 from auvident.schema.logs import DEG, RawTrial
+from auvident.schema.planes import BY_FIN
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.held import Held, Votes
 from auvident.stages.ingest.response import Relation
@@ -18,7 +19,9 @@ SIGN_EXPLAINED = 0.4  # and a relation that explains a fair part of it; true one
 # Angular acceleration over u^2 / L^2 and angle: 0.5 to 1.3 for torpedo and tanker alike; what is
 # far below it is no fin's doing.
 SIGN_RESPONSE = 0.1
-AHEAD_S = 0.3  # an acceleration that is so far ahead of the rudder is not due to it, when so much
+# What is so far ahead of the rudder is not due to it: no actuator does that. An acceleration is
+# taken for such when so much
+AHEAD_S = 0.3
 AHEAD_EXPLAINED = 0.05  # more of it is explained that way
 GAIN_LIMIT = 0.1  # gyro against heading: no gyro has a scale error of 10 %
 UNIT_LIMIT = 0.25  # relative distance from a ratio of units that counts as that ratio
@@ -132,10 +135,8 @@ def _held_words(held: Votes) -> str:
 
 
 def _contradiction(raw: RawTrial, vehicle: Vehicle, fin: str, shown: str) -> InputError:
-    key, ways, rate = {
-        "rudder": ("rudder_positive_turns", ("port", "starboard"), "r"),
-        "elevator": ("elevator_positive_pitches", ("down", "up"), "q"),
-    }[fin]
+    row = BY_FIN[fin]
+    key, ways, rate = row.sign_key, row.sides, row.states[2].symbol
     said = str(getattr(vehicle.signs, key))
     other = ways[1] if said == ways[0] else ways[0]
     sensor = raw.sensors[fin]

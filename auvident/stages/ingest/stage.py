@@ -6,11 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
+from auvident.constants import BRIDGED_S, VehicleTime
 from auvident.errors import InputError, UsageError
 from auvident.schema.channels import (
     BY_COLUMN,
     CHANNELS,
     FLAG_SUFFIX,
+    NEEDED,
     RECORD_COLUMN,
     SENSORS,
     TIME_COLUMN,
@@ -32,13 +34,8 @@ from auvident.stages.ingest.resample import (
     resample_measured,
 )
 
-NEEDED: tuple[str, ...] = tuple(c.column for c in CHANNELS if c.needed)
-# A DVL loses the bottom for a few seconds now and then; a maneuver is not lost with it. The rows
-# between are interpolated, flagged and carry no weight in the filters; they only bridge the
-# segmentation and the channels a decoupled system takes as inputs.
-MAX_GAP_S = 5.0
 MAX_RATE_HZ = 1000.0
-MAX_PERIOD_S = 5.0  # slower velocities or yaw rates do not show a maneuver
+MAX_PERIOD_S: VehicleTime = 5.0  # slower velocities or yaw rates do not show a maneuver
 MAX_TICKS = 20_000_000  # some days at 100 Hz; more is a corrupt time stamp
 
 
@@ -57,7 +54,7 @@ def ingest(
     vehicle: Vehicle,
     *,
     rate_hz: float = 10.0,
-    max_gap_s: float = MAX_GAP_S,
+    max_gap_s: float = BRIDGED_S,
     needed: Collection[str] = NEEDED,
 ) -> tuple[Trial, TrialQuality]:
     """Bring a trial to one clock.

@@ -5,6 +5,7 @@ from typing import Any
 
 import pandas as pd
 
+from auvident.constants import NORMAL_95
 from auvident.schema.artifacts import IdentifiedModel, Verdict
 from auvident.schema.diagnosis import (
     Attempt,
@@ -23,9 +24,6 @@ from auvident.schema.loop_statements import (
     remaining_of,
     statement,
 )
-
-NORMAL_95 = 1.96
-
 
 # why an effect that a diagnosis accepted is not claimed after all
 NOT_ADDED, NOT_CONFIRMED = "not-added", "not-confirmed"

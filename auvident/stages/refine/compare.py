@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from auvident.constants import INDEPENDENT_S
 from auvident.schema.artifacts import (
     ON_ERRORS,
     RAN_AWAY,
@@ -30,7 +31,6 @@ from auvident.stages.refine.claims import claims_of, cruise_of
 from auvident.stages.refine.errors import channels_of, rms_of
 
 Array = npt.NDArray[Any]
-BLOCK_S = 20.0  # errors further apart than this count as independent
 DRAWS = 1000
 INTERVAL = (2.5, 97.5)
 
@@ -209,7 +209,7 @@ def _difference(
 def _block_sums(part: tuple[Array, Array, Array], step_s: float) -> list[tuple]:
     before, after, measured = part
     seen = np.isfinite(before) & np.isfinite(after) & np.isfinite(measured)
-    number = (np.arange(len(seen)) * step_s // BLOCK_S).astype(int)
+    number = (np.arange(len(seen)) * step_s // INDEPENDENT_S).astype(int)
     return [
         (int(rows.sum()), float(np.sum(before[rows] ** 2)), float(np.sum(after[rows] ** 2)))
         for k in range(int(number[-1]) + 1)

@@ -5,12 +5,9 @@ import math
 import numpy as np
 import pandas as pd
 
-NAMES = {
-    "u_mps": ("u", "m/s"),
-    "v_mps": ("v", "m/s"),
-    "r_radps": ("r", "rad/s"),
-    "heading_rad": ("heading", "rad"),
-}
+from auvident.schema.planes import HORIZONTAL
+
+NAMES = {state.column: (state.symbol, state.unit) for state in HORIZONTAL.states}
 
 
 def channels_of(rows: pd.DataFrame) -> list[tuple[str, str, str]]:

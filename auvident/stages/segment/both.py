@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from auvident.schema.artifacts import Maneuver, Maneuvers
-from auvident.schema.coefficients import Plane
+from auvident.schema.planes import Plane
 from auvident.schema.trial import Trial
 from auvident.stages.segment.gaps import parts_of
 from auvident.stages.segment.stage import (
@@ -100,7 +100,8 @@ def _only(whole: Whole, plane: Plane) -> Whole:
     m, f = whole
     if m.kind != "straight" or f.plane == "vertical":
         return whole
-    return m.model_copy(update={"features": {**m.features, "planes": [plane]}}), f
+    features = {**m.features, "planes": [plane]}
+    return m.model_copy(update={"planes": (plane,), "features": features}), f
 
 
 def numbered(wholes: Sequence[Whole], trials: Sequence[Trial]) -> list[Whole]:
@@ -114,5 +115,5 @@ def numbered(wholes: Sequence[Whole], trials: Sequence[Trial]) -> list[Whole]:
     return found
 
 
-def _renamed(m: Maneuver, plane: str, number: int) -> Maneuver:
+def _renamed(m: Maneuver, plane: Plane, number: int) -> Maneuver:
     return m.model_copy(update={"id": maneuver_id(m.trial, plane, m.kind, number)})

@@ -1,16 +1,17 @@
 """How fast the vehicle sinks: from its depth, and where that is missing from its motion.
 
-A missing reading of depth is one row without depth. Short gaps are bridged (`pieces.BRIDGED_S`);
+A missing reading of depth is one row without depth. Short gaps are bridged (`BRIDGED_S`);
 in longer ones surge, heave and pitch tell the rate, where they are logged; where they are not,
 nothing does, and the other signs of a maneuver decide alone.
 """
 
 import numpy as np
 
-from auvident.physics.figures_plateaus import Array, odd_samples, running_mean
+from auvident.constants import VehicleTime
+from auvident.physics.maneuvers.plateaus import Array, odd_samples, running_mean
 from auvident.stages.segment.pieces import Piece, true_ranges
 
-DIVE_WINDOW_S = 4.0  # over which a rate is averaged; readings that span less tell none
+DIVE_WINDOW_S: VehicleTime = 4.0  # over which a rate is averaged; readings that span less tell none
 
 
 def sink_rate(piece: Piece) -> Array:

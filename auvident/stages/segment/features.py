@@ -14,11 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from auvident.physics.figures import straight_figures, turn_figures, zigzag_figures
-from auvident.physics.figures_plateaus import Array
+from auvident.constants import VehicleTime
+from auvident.physics.maneuvers import straight_figures, turn_figures, zigzag_figures
+from auvident.physics.maneuvers.plateaus import Array
+from auvident.schema.planes import BY_PLANE
 from auvident.stages.segment.pieces import Found, Piece
 
-APPROACH_S = 3.0  # before the execute, over which the approach speed and course are averaged
+# before the execute, over which the approach speed and course are averaged
+APPROACH_S: VehicleTime = 3.0
 RPM_PER_RPS = 60.0
 DECIMALS = 4
 
@@ -56,13 +59,13 @@ def excitation(f: Found, reference: dict[str, Array]) -> dict[str, float]:
         take the place of v, r and rudder.
     """
     p, rows = f.piece, slice(f.start, f.stop)
-    v, r, fin = ("v", "r", "rudder") if f.plane == "horizontal" else ("w", "q", "elevator")
+    _, v, r = BY_PLANE[f.plane].velocities
     numbers = {
         "u_std_mps": float(np.std(p.u[rows])),
         "rpm_std": float(np.std(p.rpm[rows])),
         f"{v}_std_mps": float(np.std(p.v[rows])),
         f"{r}_std_degps": float(np.degrees(np.std(p.rate[rows]))),
-        f"{fin}_std_deg": float(np.degrees(np.std(p.fin[rows]))),
+        f"{BY_PLANE[f.plane].fin}_std_deg": float(np.degrees(np.std(p.fin[rows]))),
     }
     for name, columns in regressors(p, rows).items():
         scaled = columns / np.where(reference[name] > 0, reference[name], 1.0)
@@ -126,8 +129,7 @@ def _zigzag(f: Found) -> dict[str, Any]:
     base = float(np.mean(p.angle[before])) if f.start else float(p.angle[0])
     figures: dict[str, Any] = dict(zigzag_figures(p.t[rows], p.angle[rows], p.fin[rows], base))
     del figures["rudder_deg"]
-    fin = "rudder" if f.plane == "horizontal" else "elevator"
-    figures[f"{fin}_deg"] = float(np.degrees(f.level_rad))
+    figures[f"{BY_PLANE[f.plane].fin}_deg"] = float(np.degrees(f.level_rad))
     figures["executes"] = int(figures["executes"])
     figures["switches"] = figures["executes"] - 1
     figures["approach_speed_mps"] = approach_speed(f)
@@ -135,14 +137,13 @@ def _zigzag(f: Found) -> dict[str, Any]:
 
 
 def _first_side(f: Found) -> str:
-    """Side to which the first execute turns: by convention a positive fin turns to port."""
+    """Side to which the first execute turns."""
     p = f.piece
     first = p.fin[f.start : f.start + max(2, (f.stop - f.start) // 4)]
     beyond = first[np.abs(first) > 0.5 * f.level_rad]
     positive = beyond.size > 0 and beyond[0] > 0
-    if f.plane == "vertical":
-        return "down" if positive else "up"
-    return "port" if positive else "starboard"
+    to_positive, to_negative = BY_PLANE[f.plane].sides
+    return to_positive if positive else to_negative
 
 
 def _straight(f: Found) -> dict[str, Any]:

@@ -10,13 +10,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from auvident.constants import ANSWER_S
 from auvident.schema.artifacts import Finding, Rejected
 from auvident.stages.segment.pieces import Found
 
 TOUCH_S = 1.5  # a maneuver that ends this close to a gap was cut by it
 SAME_LEVEL_SHARE = 0.25  # of the fin angle: both sides of the gap are one maneuver
 
-SHORTEST_PART_S = 5.0  # less is over before a vehicle has answered its fin
 
 OTHER_SIDE = "{}: the shorter side of a maneuver cut by a gap in the record, length [s]"
 
@@ -60,7 +60,7 @@ def parts_of(f: Found) -> list[tuple[int, int]]:
     record = f.piece.record[f.start : f.stop]
     edges = [0, *(np.flatnonzero(np.diff(record)) + 1).tolist(), record.size]
     parts = [(f.start + a, f.start + b) for a, b in pairwise(edges) if b > a and record[a] >= 0]
-    least = f.piece.samples(SHORTEST_PART_S)
+    least = f.piece.samples(ANSWER_S)
     return [p for p in parts if p[1] - p[0] >= least] or [max(parts, key=lambda p: p[1] - p[0])]
 
 

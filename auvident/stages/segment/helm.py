@@ -7,7 +7,8 @@ shows in the sample-to-sample motion of the rudder even when the heading is perf
 
 import numpy as np
 
-from auvident.physics.figures_plateaus import Array
+from auvident.constants import VehicleTime
+from auvident.physics.maneuvers.plateaus import Array
 from auvident.stages.segment.pieces import Piece
 
 Level = tuple[int, int, float]
@@ -17,8 +18,8 @@ RESOLUTION_RAD = np.radians(0.005)  # of a fin log; less motion is none
 LOUDER = 1.5  # ratio of RMS motion that tells two helms apart; one helm varies by 10 to 20 %
 SURE = 5.0  # standard errors of the difference: a chance of 1e-6 per cut that is tried
 LEAST_BLOCKS = 3  # on either side
-SHORTEST_TRANSIT_S = 8.0  # between two runs: to take over, settle and hand back
-NEAR_S = 15.0  # next to a single step, what surely is the run if anything is
+SHORTEST_TRANSIT_S: VehicleTime = 8.0  # between two runs: to take over, settle and hand back
+NEAR_S: VehicleTime = 15.0  # next to a single step, what surely is the run if anything is
 
 
 def restlessness(piece: Piece) -> Array:

@@ -6,23 +6,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from auvident.physics.figures_plateaus import (
+from auvident.constants import BRIDGED_S, VehicleTime
+from auvident.physics.maneuvers.plateaus import (
     Array,
     odd_samples,
     running_mean,
     running_median,
 )
-from auvident.physics.figures_track import heading_from_rate
+from auvident.physics.maneuvers.track import heading_from_rate
 from auvident.schema.artifacts import ManeuverKind, Rejected
-from auvident.schema.channels import RECORD_COLUMN, TIME_COLUMN
+from auvident.schema.channels import CHANNELS, NEEDED, RECORD_COLUMN, TIME_COLUMN
+from auvident.schema.planes import BY_PLANE, CONTROL_COLUMNS, PLANES, STATE_COLUMNS, STATES, Plane
 from auvident.schema.trial import Trial
 
-NEEDED = ("u_mps", "v_mps", "r_radps", "rudder_rad", "rpm")
-BRIDGED_S = 5.0  # a drop-out of a sensor hides no maneuver; a longer gap may hide a swing or turn
-VERTICAL = ("elevator_rad", "q_radps", "w_mps")  # needed as well in the vertical plane
-SHORTEST_PIECE_S = 5.0  # no maneuver fits into less
+SHORTEST_PIECE_S: VehicleTime = 5.0  # no maneuver fits into less
 MEDIAN_WINDOW_S = 0.5  # spikes of the fin log up to half of it disappear, edges stay
-MEAN_WINDOW_S = 2.0  # waves and sensor noise average out, a swing of a zigzag does not
+MEAN_WINDOW_S: VehicleTime = 2.0  # waves and sensor noise average out, a swing of a zigzag does not
 
 
 @dataclass(frozen=True)
@@ -98,8 +97,14 @@ class Found:
     start: int
     stop: int
     level_rad: float = 0.0
-    plane: str = "horizontal"
+    plane: Plane = "horizontal"
     notes: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def planes(self) -> tuple[Plane, ...]:
+        """In which it identifies: a run with thrust steps is one of either plane."""
+        runs = self.kind == "straight" and self.plane == "horizontal"
+        return PLANES if runs else (self.plane,)
 
     @property
     def seconds(self) -> float:
@@ -107,14 +112,15 @@ class Found:
         return self.piece.seconds(self.start, self.stop)
 
 
-def pieces_of(trial: Trial, plane: str = "horizontal") -> list[Piece]:
+def pieces_of(trial: Trial, plane: Plane = "horizontal") -> list[Piece]:
     """Pieces of a trial without a long gap, in time order; too short ones are left out.
 
     Short gaps of a sensor are bridged so that a maneuver is recognised as a whole; `record`
     remembers them.
     """
     table = trial.table
-    needed = [*NEEDED, *(VERTICAL if plane == "vertical" else ())]
+    own = BY_PLANE[plane]
+    needed = {*NEEDED, *own.columns[:3], own.control_columns[0]}
     if any(column not in table for column in needed):
         return []
     columns = {c: table[c].to_numpy(dtype=float).copy() for c in table.columns if c in _READ}
@@ -137,8 +143,8 @@ def pieces_of(trial: Trial, plane: str = "horizontal") -> list[Piece]:
     ]
 
 
-_READ = {*NEEDED, TIME_COLUMN, "heading_rad", *VERTICAL, "pitch_rad", "depth_m"}
-_INPUTS = ("rudder_rad", "elevator_rad", "rpm")
+_INPUTS = tuple(c.column for c in CHANNELS if c.kind == "input")
+_READ = {TIME_COLUMN, *_INPUTS, *(s.column for s in STATES), "depth_m"}
 
 
 def _bridge(values: Array, held: bool) -> None:
@@ -180,7 +186,7 @@ def _without_long_gaps(usable: NDArray[np.bool_], longest: int) -> list[tuple[in
 
 def _piece(
     trial: Trial,
-    plane: str,
+    plane: Plane,
     columns: dict[str, Array],
     label: NDArray[np.int64],
     rows: slice,
@@ -188,11 +194,11 @@ def _piece(
     last: int,
 ) -> Piece:
     """One piece; an angle that is missing or broken is the integral of its rate."""
-    horizontal = plane == "horizontal"
+    _, of_v, of_rate, of_angle = STATE_COLUMNS[plane]
     t = columns[TIME_COLUMN][rows]
-    fin = columns["rudder_rad" if horizontal else "elevator_rad"][rows]
-    rate = columns["r_radps" if horizontal else "q_radps"][rows]
-    angle = columns.get("heading_rad" if horizontal else "pitch_rad", np.array([]))[rows]
+    fin = columns[CONTROL_COLUMNS[plane][0]][rows]
+    rate = columns[of_rate][rows]
+    angle = columns.get(of_angle, np.array([]))[rows]
     if angle.size != t.size or not np.isfinite(angle).all():
         angle = heading_from_rate(t, rate)
     deep = columns.get("depth_m", np.array([]))
@@ -200,7 +206,7 @@ def _piece(
     narrow = odd_samples(MEDIAN_WINDOW_S, trial.rate_hz)
     wide = odd_samples(MEAN_WINDOW_S, trial.rate_hz)
     u, rpm = columns["u_mps"][rows], columns["rpm"][rows]
-    v = columns["v_mps" if horizontal else "w_mps"][rows]
+    v = columns[of_v][rows]
     return Piece(
         trial=trial.name,
         number=number,

@@ -13,7 +13,7 @@ from typing import Any
 
 from auvident.errors import InputError, UsageError
 from auvident.schema.artifacts import Finding, Maneuver
-from auvident.schema.coefficients import PLANES
+from auvident.schema.planes import BY_PLANE, PLANES
 
 HELD_OUT_SHARE = 0.25
 LEAST_OF_KIND = {"zigzag": 2, "turn": 2, "straight": 2}  # fewer: all are needed to identify
@@ -28,16 +28,11 @@ def choose(maneuvers: Sequence[Maneuver], barred: Collection[str] = ()) -> set[s
     held: set[str] = set()
     for kind, least in LEAST_OF_KIND.items():
         for plane in PLANES:
-            same = [m for m in maneuvers if m.kind == kind and _plane(m) == plane]
-            same = [m for m in same if m.shows(plane)]
+            same = [m for m in maneuvers if m.kind == kind and m.plane == plane and m.shows(plane)]
             if len(same) >= least:
                 number = 1 if kind == "straight" else max(1, round(HELD_OUT_SHARE * len(same)))
                 held |= _of_one_kind(same, number, {m.id for m in _spare(same)} - set(barred))
     return held
-
-
-def _plane(m: Maneuver) -> str:
-    return str(m.features.get("plane", "horizontal"))
 
 
 def _spare(same: Sequence[Maneuver]) -> Sequence[Maneuver]:
@@ -70,7 +65,7 @@ def _amplitude(m: Maneuver) -> float:
     """Fin angle; for a straight run the greatest thrust step."""
     if m.kind == "straight":
         return max((abs(float(x)) for x in m.features.get("rpm_steps", [])), default=0.0)
-    return abs(float(m.features.get("rudder_deg", m.features.get("elevator_deg", 0.0))))
+    return abs(float(m.features.get(f"{BY_PLANE[m.plane].fin}_deg", 0.0)))
 
 
 def _speed(m: Maneuver) -> float:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auvident.physics.figures_plateaus import (
+from auvident.physics.maneuvers.plateaus import (
     Plateau,
     noise_std,
     odd_samples,

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 
 from auvident.errors import UsageError
 from auvident.schema.artifacts import Finding, Maneuver
+from auvident.schema.planes import PLANES
 from auvident.stages.segment import roles
 
 MOST = 0.5  # of its length: what lies further than this within held-out maneuvers goes with them
@@ -71,8 +72,8 @@ def _of_lost_kinds(
     return [m for m in gone if _group(m) not in left]
 
 
-def _group(m: Maneuver) -> tuple[str, bool, bool]:
-    return m.kind, m.shows("horizontal"), m.shows("vertical")
+def _group(m: Maneuver) -> tuple[str | bool, ...]:
+    return m.kind, *(m.shows(plane) for plane in PLANES)
 
 
 def going_along(maneuvers: Sequence[Maneuver], held: Iterable[str]) -> dict[str, str]:

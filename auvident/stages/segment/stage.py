@@ -1,20 +1,22 @@
 """From trials to maneuvers with roles."""
 
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from auvident.errors import InputError
 from auvident.schema.artifacts import Finding, Maneuver, Maneuvers, Rejected
+from auvident.schema.planes import BY_PLANE, Plane
 from auvident.schema.trial import Trial
 from auvident.stages.segment import roles
 from auvident.stages.segment.elevators import elevator_zigzags_of, on_clock_of
 from auvident.stages.segment.features import features_of, reference_rms
 from auvident.stages.segment.gaps import parts_of, settle_cuts
 from auvident.stages.segment.pieces import Found, Piece, pieces_of
-from auvident.stages.segment.scales import Scales, held_fins, scales_of
+from auvident.stages.segment.scales import LEAST_FIN_RAD, Scales, held_fins, scales_of
 from auvident.stages.segment.split import split
-from auvident.stages.segment.straights import find_straights
+from auvident.stages.segment.straights import LONG_RUN_S, find_straights
 from auvident.stages.segment.turns import find_turns
 from auvident.stages.segment.zigzags import find_zigzags
 
@@ -90,7 +92,7 @@ def search_horizontal(
 
 def assemble(
     trials: Sequence[Trial],
-    plane: str,
+    plane: Plane,
     search: Callable[[Trial], Searched],
     hold_out: Sequence[str],
 ) -> Maneuvers:
@@ -143,7 +145,7 @@ def _parts(m: Maneuver, f: Found) -> list[Maneuver]:
     ]
 
 
-def search_trial(trial: Trial, plane: str, search: Search) -> Searched:
+def search_trial(trial: Trial, plane: Plane, search: Search) -> Searched:
     """Maneuvers, rejected candidates and findings of one trial, in time order."""
     pieces = pieces_of(trial, plane)
     if not pieces:
@@ -180,18 +182,20 @@ def _named(trial: str, found: Sequence[Found]) -> list[Maneuver]:
                 t_start_s=round(f.piece.time(f.start), 3),
                 t_end_s=round(f.piece.time(f.stop), 3),
                 role="identify",
+                plane=f.plane,
+                planes=f.planes,
                 features={**features_of(f, reference), "parts": len(parts_of(f))},
             )
         )
     return named
 
 
-def maneuver_id(trial: str, plane: str, kind: str, number: int) -> str:
+def maneuver_id(trial: str, plane: Plane, kind: str, number: int) -> str:
     """ID of a maneuver; those of the vertical plane say so."""
     return f"{trial}-{'' if plane == 'horizontal' else f'{plane}-'}{kind}-{number}"
 
 
-def _no_record(trial: Trial, plane: str) -> Finding:
+def _no_record(trial: Trial, plane: Plane) -> Finding:
     needed = "elevator and pitch rate" if plane == "vertical" else "every needed channel"
     return Finding(
         code="no_record",
@@ -210,10 +214,8 @@ def _never_under_way(trial: Trial) -> Finding:
     )
 
 
-def _wrong_sign(trial: Trial, plane: str) -> Finding:
-    fin, key = ("elevator", "elevator_positive_pitches")
-    if plane == "horizontal":
-        fin, key = ("rudder", "rudder_positive_turns")
+def _wrong_sign(trial: Trial, plane: Plane) -> Finding:
+    fin, key = BY_PLANE[plane].fin, BY_PLANE[plane].sign_key
     return Finding(
         code=f"{fin}_sign",
         message=f"The vehicle answers its {fin} the other way round than [signs] declares.",
@@ -222,7 +224,9 @@ def _wrong_sign(trial: Trial, plane: str) -> Finding:
     )
 
 
-def nothing_found(trials: Sequence[Trial], plane: str, rejected: Sequence[Rejected]) -> InputError:
+def nothing_found(
+    trials: Sequence[Trial], plane: Plane, rejected: Sequence[Rejected]
+) -> InputError:
     """What came closest, and why each failed."""
     longest = sorted(rejected, key=lambda r: r.t_start_s - r.t_end_s)[:CLOSEST]
     lines = [
@@ -235,8 +239,9 @@ def nothing_found(trials: Sequence[Trial], plane: str, rejected: Sequence[Reject
         "\n  ".join(["Closest candidates:", *lines])
         if lines
         else (
-            "No candidate either: the fins are never held at an angle of 2 degrees or more, and no "
-            "straight stretch of 30 s was run. Check the units and names of the channels."
+            "No candidate either: the fins are never held at an angle of "
+            f"{math.degrees(LEAST_FIN_RAD):.0f} degrees or more, and no straight stretch of "
+            f"{LONG_RUN_S:.0f} s was run. Check the units and names of the channels."
         )
     )
     return InputError(

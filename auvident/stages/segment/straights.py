@@ -9,13 +9,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from auvident.physics.figures_plateaus import (
-    MEDIAN_OF_ABS_TO_STD,
+from auvident.constants import MEDIAN_OF_ABS_TO_STD, VehicleTime
+from auvident.physics.maneuvers.plateaus import (
     odd_samples,
     plateaus,
     running_mean,
 )
-from auvident.physics.figures_straight import RPM_STEP_SHARE, SHORTEST_LEVEL_S, rpm_levels
+from auvident.physics.maneuvers.straight import RPM_STEP_SHARE, SHORTEST_LEVEL_S, rpm_levels
 from auvident.schema.artifacts import Rejected
 from auvident.stages.segment.depth import sink_rate
 from auvident.stages.segment.helm import Level, split_by_other_helm, without_other_helm
@@ -28,7 +28,7 @@ STEADY_RUDDER_RAD = np.radians(6.0)  # running mean; heading kept gently stays w
 STEADY_NOISE_BAND = 3.0
 SEA_BAND = 3.0  # standard deviations of the yaw rate that the sea alone makes
 DRIFT_EQUIVALENT_RAD = np.radians(9.0)  # asymmetry and sea turn no faster than this rudder would
-REST_S = 10.0  # a rudder still for this long has been left alone
+REST_S: VehicleTime = 10.0  # a rudder still for this long has been left alone
 AFLOAT_SPEED_SHARE = 0.2  # of cruise: below, the vehicle does not run
 DIVE_SLOPE = 0.1  # vertical over forward speed (6 degrees): diving or surfacing, not a level run
 BRIDGE_S = 3.0  # a gust or a wave may disturb the run for this long ...
@@ -36,10 +36,12 @@ BRIDGE_RAD = np.radians(5.0)  # ... and by this heading
 EDGE_RPM_SHARE = 0.5  # of cruise: a first or last level below has a quarter of the thrust, idles
 EDGE_SPEED_SHARE = 0.35  # of cruise
 EDGE_LEVEL_SHARE = 0.6  # of the other levels: a shorter first or last one is a settling transit
-SHORTEST_EDGE_S = 15.0  # two levels alone: each must last long enough for the speed to answer
-LONG_RUN_S = 30.0  # a straight run of this length without a step deserves a word
+# two levels alone: each must last long enough for the speed to answer
+SHORTEST_EDGE_S: VehicleTime = 15.0
+LONG_RUN_S: VehicleTime = 30.0  # a straight run of this length without a step deserves a word
 RUN_RANGE_SHARE = 0.12  # of cruise rpm: a quarter of the thrust, more than transits differ by
-STEP_REACH_S = 3.0  # a step this close to the beginning of the straight stretch bounds the level
+# a step this close to the beginning of the straight stretch bounds the level
+STEP_REACH_S: VehicleTime = 3.0
 
 NO_STEP = "straight: no thrust step, change of rpm"
 TOO_SHORT = "straight: the levels on either side of the thrust step do not last, shortest [s]"

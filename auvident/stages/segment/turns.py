@@ -4,8 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from auvident.physics.figures_plateaus import Plateau, ramp_start
-from auvident.physics.figures_straight import RPM_LEVEL_SHARE
+from auvident.constants import VehicleTime
+from auvident.physics.maneuvers.plateaus import Plateau, ramp_start
+from auvident.physics.maneuvers.straight import RPM_LEVEL_SHARE
 from auvident.schema.artifacts import Rejected
 from auvident.stages.segment.pieces import Found, Piece
 from auvident.stages.segment.scales import Scales
@@ -15,7 +16,7 @@ LOOKED_LIKE_RAD = np.radians(90)  # from here on a turn deserves a word when it 
 LEAST_SPEED_SHARE = 0.35  # of cruise: below, waves and drift move the vehicle as much as the fin
 LEAST_RPM_SHARE = 0.45  # of cruise: a fifth of the thrust; fin checks and surface runs, no trial
 HARD_OVER_RAD = np.radians(5)  # a fin held beyond this for long was meant to turn
-LONG_HOLD_S = 15.0
+LONG_HOLD_S: VehicleTime = 15.0
 RAMP_SPAN_S = 0.5  # over which a move of the fin shows above its noise
 TRAVEL_FACTOR = 1.5  # a fin near its end stop slows down
 HALF = 0.5  # a rudder below half of its angle has left it
@@ -23,7 +24,7 @@ EASED_FACTOR = 3.0  # leaving takes this much longer than coming ...
 EASED_S = 0.3  # ... plus a control interval: an autopilot eases the rudder off near its course
 COURSE_ORDER_RAD = np.pi  # an autopilot turns the short way
 ORDER_S = 2.0  # speed and rudder of a maneuver are ordered within this time
-SETTLED_S = 5.0  # an autopilot on its course has kept the rudder small for this long
+SETTLED_S: VehicleTime = 5.0  # an autopilot on its course has kept the rudder small for this long
 LEAST_EASED_RAD = np.radians(345)  # two course orders to one side; the rest as for the circle
 
 TOO_LITTLE = "turn: too short, change of heading under constant rudder [deg]"

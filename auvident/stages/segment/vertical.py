@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from auvident.physics.figures_straight import rpm_levels
+from auvident.constants import VehicleTime
+from auvident.physics.maneuvers.straight import rpm_levels
 from auvident.schema.artifacts import Maneuvers, Rejected
 from auvident.schema.trial import Trial
 from auvident.stages.segment.depth import DIVE_WINDOW_S, sink_by_depth
@@ -15,7 +16,8 @@ from auvident.stages.segment.stage import Searched, assemble, search_trial
 from auvident.stages.segment.straights import find_straights
 
 STEP_SLOPE = 0.03  # vertical over forward speed (2 degrees): a change of depth was ordered
-SETTLE_S = 10.0  # the depth swings in after a step; orders closer than twice this are one run
+# the depth swings in after a step; orders closer than twice this are one run
+SETTLE_S: VehicleTime = 10.0
 LEAST_STEP_M = 0.5  # well above the waves' pressure and the depth-keeping of an autopilot
 SUBMERGED_SHARE = 0.3  # of the usual depth: shallower is a dive from or a rise to the surface
 

@@ -10,8 +10,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from auvident.physics.figures_plateaus import Plateau
+from auvident.physics.maneuvers.plateaus import Plateau
 from auvident.schema.artifacts import Rejected
+from auvident.schema.planes import Plane
 from auvident.stages.segment.pieces import Found, Piece
 from auvident.stages.segment.scales import Scales
 from auvident.stages.segment.turns import TRAVEL_FACTOR, execute, too_slow
@@ -31,7 +32,7 @@ AUTOPILOT = "zigzag: the rudder brings the heading back instead of swinging it, 
 
 
 def find_zigzags(
-    piece: Piece, scales: Scales, held: Sequence[Plateau], plane: str = "horizontal"
+    piece: Piece, scales: Scales, held: Sequence[Plateau], plane: Plane = "horizontal"
 ) -> tuple[list[Found], list[Rejected]]:
     """Zigzags among the stretches of constant fin angle.
 

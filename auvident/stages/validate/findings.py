@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 
+from auvident.constants import NOT_BETTER
 from auvident.schema.artifacts import (
     PRIOR_WORDS,
     RAN_AWAY,
@@ -12,7 +13,6 @@ from auvident.schema.artifacts import (
 )
 
 AS_ITS_VARIATION = 1.0  # NRMSE from which on the mean of a channel would predict it as well
-NOT_BETTER = 1.0  # ratio of squared errors below which the data did not help
 MANY_ON_PRIOR = 0.5  # data share below which a coefficient is more prior than data
 
 Channels = Mapping[str, ChannelMetrics]

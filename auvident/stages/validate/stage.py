@@ -10,7 +10,7 @@ import pandas as pd
 
 from auvident.engines.carried import frame_of, predicted_course, structure_behind, vector_behind
 from auvident.engines.records import Record, record_of, sensor_matrix
-from auvident.physics.figures import dead_reckoning, turn_figures, zigzag_figures
+from auvident.physics.maneuvers import dead_reckoning, turn_figures, zigzag_figures
 from auvident.physics.terms import Structure
 from auvident.physics.virtual import run_virtual, zigzag_helm
 from auvident.schema.artifacts import (
@@ -23,27 +23,12 @@ from auvident.schema.artifacts import (
     Maneuvers,
     Metrics,
 )
-from auvident.schema.coefficients import Plane
+from auvident.schema.planes import BY_PLANE, STATE_COLUMNS, Plane
 from auvident.schema.trial import Trial
 from auvident.stages.validate.findings import findings_of
 
 Array = npt.NDArray[np.float64]
 
-# channels of a plane: name, column of the simulation table, unit, column of the trial
-CHANNELS: dict[Plane, tuple[tuple[str, str, str], ...]] = {
-    "horizontal": (
-        ("u", "u_mps", "m/s"),
-        ("v", "v_mps", "m/s"),
-        ("r", "r_radps", "rad/s"),
-        ("heading", "heading_rad", "rad"),
-    ),
-    "vertical": (
-        ("u", "u_mps", "m/s"),
-        ("w", "w_mps", "m/s"),
-        ("q", "q_radps", "rad/s"),
-        ("pitch", "pitch_rad", "rad"),
-    ),
-}
 ACTIVE = np.array([True, True, True, True])
 FLAT = 1.0e-9  # least standard deviation to compare with: a constant channel is never predicted
 
@@ -201,11 +186,11 @@ def compare(measured: Array, simulated: Array, unit: str) -> ChannelMetrics | No
 
 def channel_pairs(p: Prediction, plane: Plane) -> Iterable[tuple[str, str, Array, Array]]:
     """Name, unit, measured and simulated of each channel; angles from the maneuver's start."""
-    for c, (name, _, unit) in enumerate(CHANNELS[plane]):
+    for c, state in enumerate(BY_PLANE[plane].states):
         measured, simulated = p.measured[:, c], p.predicted[:, c]
-        if name == "heading":
-            measured, simulated = measured - p.record.start[3], simulated - p.record.start[3]
-        yield name, unit, measured, simulated
+        if state.wraps:
+            measured, simulated = measured - p.record.start[c], simulated - p.record.start[c]
+        yield state.symbol, state.unit, measured, simulated
     if plane == "horizontal":
         yield "track", "m", *tracks(p)
 
@@ -322,7 +307,7 @@ def _table(after: Prediction, before: Prediction, plane: Plane) -> pd.DataFrame:
         "role": m.role,
         "time_s": record.time_s,
     }
-    for c, (_, column, _) in enumerate(CHANNELS[plane]):
+    for c, column in enumerate(STATE_COLUMNS[plane]):
         columns[f"{column}_measured"] = after.measured[:, c]
         columns[f"{column}_simulated"] = after.predicted[:, c]
         columns[f"{column}_ase"] = before.predicted[:, c]

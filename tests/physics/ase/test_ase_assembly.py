@@ -134,3 +134,26 @@ def test_every_option_changes_something(option, choice):
         assert after["Y_v|v|"] < before["Y_v|v|"]  # 1.2 beyond the drag crisis of the table
     assert any(after[s] != before[s] for s in before)
     assert all(np.isfinite(v) for v in after.values())
+
+
+def test_the_vertical_plane_is_the_horizontal_one_turned():
+    """v -> w, r -> -q, Y -> Z, N -> -M, and the angle of the fin changes its sign (theory 1.4)."""
+    assert MIRROR == {
+        "X_vv": ("X_ww", 1),
+        "X_vr": ("X_wq", -1),
+        "X_rr": ("X_qq", 1),
+        "Y_vdot": ("Z_wdot", 1),
+        "Y_rdot": ("Z_qdot", -1),
+        "Y_uv": ("Z_uw", 1),
+        "Y_ur": ("Z_uq", -1),
+        "Y_v|v|": ("Z_w|w|", 1),
+        "Y_r|r|": ("Z_q|q|", -1),
+        "Y_uud": ("Z_uud", -1),
+        "N_vdot": ("M_wdot", -1),
+        "N_rdot": ("M_qdot", 1),
+        "N_uv": ("M_uw", -1),
+        "N_ur": ("M_uq", 1),
+        "N_v|v|": ("M_w|w|", -1),
+        "N_r|r|": ("M_q|q|", 1),
+        "N_uud": ("M_uud", 1),
+    }

@@ -6,7 +6,6 @@ from auvident.physics.ase.accuracy import ACCURACIES, Deviation
 from auvident.physics.ase.assembly import coefficient_parts, totals
 from auvident.physics.ase.geometry import hull_geometry
 from auvident.physics.ase.hull import crossflow_terms
-from auvident.physics.ase.prior import prior_covariance
 from auvident.stages.ase import estimate
 
 
@@ -37,18 +36,6 @@ def test_deviation_of_absent_yaw_cross_flow_covers_the_strips():
     assert found.std > abs(float(strips["N_r|r|"]))
 
 
-def test_covariance_is_that_of_the_deviations_and_positive():
-    result = estimate(load("suboff"))
-    symbols = [c.symbol for c in result.coefficients]
-    covariance = prior_covariance(result, symbols)
-    std = np.array([c.std for c in result.coefficients])
-    assert np.sqrt(np.diag(covariance)) == pytest.approx(std, rel=1e-12)
-    correlation = covariance / np.outer(std, std)
-    assert np.linalg.eigvalsh(correlation).min() > 1e-6
-    i, j = symbols.index("Y_uud"), symbols.index("N_uud")
-    assert correlation[i, j] < -0.95  # one lift at one station
-
-
 def test_first_order_propagation_against_random_draws():
     """Standard deviations against 4000 draws of the accuracies (without the residuals)."""
     remus = load("remus")
@@ -62,14 +49,11 @@ def test_first_order_propagation_against_random_draws():
         assert np.std(sampled[symbol]) == pytest.approx(linear, rel=0.25), symbol
 
 
-def test_given_coefficients_are_independent_of_the_formulas():
+def test_given_coefficients_take_the_place_of_the_formulas():
     known = {"Y_uv": {"value": -40.0, "std": 2.0}}
     result = estimate(changed(load("remus"), coefficients=known))
     row = result.by_symbol()["Y_uv"]
     assert (row.value, row.std, row.origin) == (-40.0, 2.0, "given")
-    covariance = prior_covariance(result, ["Y_uv", "N_uv", "N_ur"])
-    assert covariance[0] == pytest.approx([4.0, 0.0, 0.0])
-    assert covariance[1, 2] != 0.0
 
 
 def test_every_accuracy_has_an_effect_and_a_source():

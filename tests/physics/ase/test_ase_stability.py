@@ -3,6 +3,7 @@ import pytest
 from ase_vehicles import changed, fins, load
 from scipy.integrate import solve_ivp
 
+from auvident.constants import GRAVITY_MPS2
 from auvident.physics.ase import stability
 from auvident.stages.ase import estimate
 
@@ -121,7 +122,7 @@ def test_righting_moment_holds_an_unstable_vehicle_below_a_speed():
             [[m - c["Z_wdot"], -c["Z_qdot"]], [-c["M_wdot"], inertia - c["M_qdot"]]]
         )
         force = u * np.array([[c["Z_uw"], c["Z_uq"] + m], [c["M_uw"], c["M_uq"]]])
-        upper = np.linalg.solve(inertial, np.c_[force, [0.0, -m * stability.GRAVITY * z_g]])
+        upper = np.linalg.solve(inertial, np.c_[force, [0.0, -m * GRAVITY_MPS2 * z_g]])
         return np.linalg.eigvals(np.vstack([upper, [0, 1, 0]])).real.max()
 
     assert growth(0.99 * limit) < 0.0 < growth(1.01 * limit)

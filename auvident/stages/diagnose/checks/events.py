@@ -24,13 +24,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import MEDIAN_OF_ABS_TO_STD, VehicleTime
+from auvident.schema.planes import HORIZONTAL
 from auvident.stages.diagnose.checks.waves import Residual, binned
 
 Array = npt.NDArray[Any]
 
-CHANNELS = ("u", "v", "r")
+CHANNELS = HORIZONTAL.velocities
 DECISIVE = (1, 2)  # sway and yaw
-BIN_S = 1.0
+BIN_S: VehicleTime = 1.0
 WINDOW_BINS = 4  # a push of 2 to 4 s and the answer of the vehicle
 GUARD_BINS = 12  # this near to an event its own wake is not held against it
 START_BINS, START_LONGEST = 3, 8  # windows from which a start state is away, at least, at most
@@ -43,7 +45,7 @@ MOST_EVENTS = 2
 LOST, SLOW_RADPS = 3.0, 0.05  # residual yaw rate over the measured one, of slow turns over this
 CALM = 3.0  # robust standard deviations within which a residual is back to usual
 CALM_SHARE = 0.1  # ... or this share of its peak
-LONGEST_S = 15.0  # what lasts longer is no push
+LONGEST_S: VehicleTime = 15.0  # what lasts longer is no push
 
 
 @dataclass(frozen=True)
@@ -238,7 +240,7 @@ def _extent(means: Array, window: int) -> tuple[int, int]:
     The window of innovations that starts at row a covers bins a + 1 to a + `WINDOW_BINS`.
     """
     size = np.abs(means - np.nanmedian(means, axis=0))
-    usual = 1.4826 * np.nanmedian(size, axis=0)
+    usual = MEDIAN_OF_ABS_TO_STD * np.nanmedian(size, axis=0)
     inside = slice(window, window + WINDOW_BINS + 1)
     peak = np.nanmax(np.nan_to_num(size[inside]), axis=0)
     loud = (size > np.maximum(CALM * usual, CALM_SHARE * peak)).any(axis=1)

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import MEDIAN_OF_ABS_TO_STD
 from auvident.schema.channels import TIME_COLUMN, sampled_flag
 from auvident.schema.trial import Trial
 
@@ -246,5 +247,5 @@ def _within(values: Array, window: Array) -> Array:
 def _inliers(values: Array, window: Array) -> Array:
     """Samples (n,) whose distance from their window's mean is not out of the ordinary."""
     z = _within(values, window)
-    spread = 1.4826 * np.median(np.abs(z))
+    spread = MEDIAN_OF_ABS_TO_STD * np.median(np.abs(z))
     return np.asarray((np.abs(z) <= OUTLIER_STDS * spread).all(axis=1))

@@ -24,10 +24,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import GRAVITY_OF_WAVES_MPS2
+from auvident.schema.planes import HORIZONTAL
+
 Array = npt.NDArray[Any]
 
-GRAVITY_MPS2 = 9.81
-CHANNELS = ("u", "v", "r")
+CHANNELS = HORIZONTAL.velocities
 THRESHOLD = 14.0  # with many maneuvers; see `threshold_of`
 BIN_S = 0.4  # residuals are averaged over it: the fastest wave sought has eight bins a period
 LONGEST_S = 120.0  # longer maneuvers are cut: an unknown phase each, less to ask of the track
@@ -156,7 +158,7 @@ def wave_power(
         clock = np.exp(-1j * np.outer(frequencies, run.time_s))
         for j, direction in enumerate(directions):
             ahead = run.way_m @ np.array([math.cos(direction), math.sin(direction)])
-            phase = clock * np.exp(1j * np.outer(frequencies**2 / GRAVITY_MPS2, ahead))
+            phase = clock * np.exp(1j * np.outer(frequencies**2 / GRAVITY_OF_WAVES_MPS2, ahead))
             bearing = direction - run.heading_rad
             weight = np.column_stack([np.cos(bearing), np.sin(bearing), np.sin(2.0 * bearing)])
             weighted = (weight * run.white)[:, columns]

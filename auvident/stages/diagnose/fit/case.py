@@ -17,12 +17,13 @@ from auvident.physics.terms import FREE_FORCE, parameter_vector, structure_of
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.coefficients import of_plane
 from auvident.schema.effects import BY_ID, Effect, EffectParameter, in_plane, parameter_of
+from auvident.schema.planes import HORIZONTAL
 from auvident.stages.diagnose.checks.kinematics import SensorCheck
 
 Array = npt.NDArray[Any]
 
 ACTIVE = np.array([True, True, True, False])  # the heading is taken as logged
-CHANNELS = ("u", "v", "r")
+CHANNELS = HORIZONTAL.velocities
 SILENT_REACH = 2.0  # a silent allowance reaches this many of its standard deviations
 FREE_GROUPS = ("drag", "thrust", "turning_drag", "lift", "cross_flow", "control")
 # The friction line falls with the Reynolds number, C_F ~ Re^-0.17 about 1e6 (ITTC 1957), so that

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import DIAGNOSED_START_STD
 from auvident.engines import free_run
 from auvident.engines.free_run import NOTHING, Colours
 from auvident.engines.prediction import Free, Slopes
@@ -29,7 +30,6 @@ N_CHANNELS = 3
 N_START = 3  # active states whose start is fitted along
 ROUNDS, STEPS = 2, 8  # rounds of fixed weights, steps in each
 TOLERANCE = 1.0e-4  # relative fall of the cost at which a round ends
-START_STD = 5.0  # a start is known to this many standard deviations of the residual
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class Fitted:
 
 def residual_of(case: Case, p: Array, record: Record, colours: Colours) -> Residual | None:
     """What the prediction leaves of a record, its start fitted; None where it runs away."""
-    held = free_run.start_information(ACTIVE, colours, START_STD)
+    held = free_run.start_information(ACTIVE, colours, DIAGNOSED_START_STD)
     found = free_run.left_over(
         case.setup.frame, p, record, ACTIVE, colours, case.setup.free(NOTHING), held
     )
@@ -260,7 +260,7 @@ def record_parts(
     case: Case, p: Array, record: Record, colours: Colours, moving: Any, gain: Array | None = None
 ) -> tuple[float, Array, Array] | None:
     """Half the squared error of a record, gradient and curvature, its start eliminated."""
-    held = free_run.start_information(ACTIVE, colours, START_STD)
+    held = free_run.start_information(ACTIVE, colours, DIAGNOSED_START_STD)
     return free_run.record_parts(case.setup.frame, p, record, ACTIVE, colours, moving, held, gain)
 
 

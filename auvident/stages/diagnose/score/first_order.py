@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import DIAGNOSED_START_STD
 from auvident.engines.free_run import LARGEST, lost_readings, start_information
 from auvident.engines.prediction import Free, Slopes
 from auvident.engines.records import Record
@@ -22,7 +23,6 @@ from auvident.stages.diagnose.fit.case import ACTIVE, Case
 from auvident.stages.diagnose.fit.fits import (
     N_CHANNELS,
     N_START,
-    START_STD,
     Colours,
     Fitted,
     prior_of,
@@ -175,7 +175,7 @@ def _forms_of(
 def _without_start(rows: Array, colours: Colours) -> tuple[Array, Array]:
     """Errors and slopes with what the start state can take up removed."""
     start = rows[:, 1 : 1 + N_START]
-    held = start_information(ACTIVE, colours, START_STD)
+    held = start_information(ACTIVE, colours, DIAGNOSED_START_STD)
     share = np.linalg.solve(start.T @ start + held, start.T @ rows)
     left = rows - start @ share
     return left[:, 0], left[:, 1 + N_START :]

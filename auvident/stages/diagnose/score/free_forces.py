@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import VehicleTime
 from auvident.engines.records import Record
 from auvident.physics.terms import FREE_FORCE, FREE_FORCES
 from auvident.stages.diagnose.fit.case import Case
@@ -23,7 +24,8 @@ Array = npt.NDArray[Any]
 Regressor = Callable[[Array, Record, float], Array]
 
 REFITTED = 2
-SLOW_S, QUICK_S = 4.0, 1.5  # lags of the regressors with memory
+SLOW_S: VehicleTime = 4.0  # lags of the regressors with memory
+QUICK_S: VehicleTime = 1.5
 AXES = {"X": "X", "A": "Y", "B": "N"}
 
 

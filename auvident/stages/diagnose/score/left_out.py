@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import INDEPENDENT_S
 from auvident.engines.records import Record
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import (
@@ -22,7 +23,6 @@ from auvident.stages.diagnose.fit.fits import (
 
 Array = npt.NDArray[Any]
 
-BLOCK_S = 20.0
 STEPS = 3  # of each fit without a maneuver
 MOST_FITS = 10  # of more maneuvers several are left out together, so that time grows with length
 MOST_OF_BLOCK = 30.0  # [nats] a block of time counts for no more
@@ -43,7 +43,7 @@ class LeftOut:
     parameters : (f, n_parameters) array
         Of the fits without one maneuver, or without several of many.
     blocks : list of (b,) array
-        Squared innovations of each maneuver as predicted without it, summed over `BLOCK_S`.
+        Squared innovations of each maneuver as predicted without it, summed over `INDEPENDENT_S`.
     """
 
     parameters: Array
@@ -68,7 +68,7 @@ def leave_out(case: Case, fitted: Fitted, colours: Colours) -> LeftOut:
 def _blocks(case: Case, p: Array, record: Record, colours: Colours) -> Array:
     """Squared innovations in blocks of time; infinite where the prediction runs away."""
     n = len(record.time_s)
-    number = (np.arange(n) * case.setup.dt_s // BLOCK_S).astype(np.int64)
+    number = (np.arange(n) * case.setup.dt_s // INDEPENDENT_S).astype(np.int64)
     found = residual_of(case, p, record, colours)
     if found is None:
         return np.full(int(number[-1]) + 1, np.inf)

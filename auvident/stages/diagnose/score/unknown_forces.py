@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import DIAGNOSED_START_STD, VehicleTime
 from auvident.engines.free_run import LONGEST_CORRELATION_S, start_std
 from auvident.engines.motion_pass import motion_pass
 from auvident.engines.prediction import at_effects, readings, seen_rows
@@ -23,12 +24,12 @@ from auvident.physics.dynamics import inverse_mass
 from auvident.physics.sensing import sensor_matrix
 from auvident.physics.terms import FREE_FORCES
 from auvident.stages.diagnose.fit.case import ACTIVE, Case
-from auvident.stages.diagnose.fit.fits import N_CHANNELS, START_STD, Fitted
+from auvident.stages.diagnose.fit.fits import N_CHANNELS, Fitted
 
 Array = npt.NDArray[Any]
 
 LEAST_SLOW = 0.1  # [of the sensor noise] a residual that is all noise still allows so much motion
-LEAST_TIME_S = 1.0  # forces that change faster are taken for noise
+LEAST_TIME_S: VehicleTime = 1.0  # forces that change faster are taken for noise
 N_FORCES = len(FREE_FORCES)
 START_FORCE = 3.0  # a force starts within this many of its usual sizes
 
@@ -189,7 +190,7 @@ def _smoothed(step: Stepper, fitted: Fitted, record: Record, states: Array, walk
     sensor = sensor_matrix(frame.structure.plane, frame.sensing, frame.reading_effects(p))
     offset = readings(frame, p, record, states) - states @ sensor.T
     read = np.where(seen_rows(frame, p, record, ACTIVE), record.measured - offset, np.nan)
-    start = [start_std(colour, START_STD) for colour in fitted.colours]
+    start = [start_std(colour, DIAGNOSED_START_STD) for colour in fitted.colours]
     spread = np.diag(np.append(start, START_FORCE * walk.size) ** 2)
     growth = np.append(np.zeros(N_CHANNELS), walk.intensity**2 * step.case.setup.dt_s)
     passed = motion_pass(

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import VehicleTime
 from auvident.engines.free_run import NOTHING
 from auvident.engines.records import Record, record_of, sensor_matrix
 from auvident.schema.artifacts import Maneuver, Maneuvers
@@ -35,7 +36,7 @@ FINE_S = 2.0  # ... and at last this far apart, between the maneuvers before and
 # [nats] times worse by less than this stay possible: a 95 % interval of one parameter needs 1.92;
 # a model is never as good as its noise says, hence twice that
 POSSIBLE = 4.0
-SHORTEST_S = 8.0  # pieces of the log between maneuvers that say something
+SHORTEST_S: VehicleTime = 8.0  # pieces of the log between maneuvers that say something
 
 
 def with_best_time(case: Case, fitted: Fitted) -> Fitted:
@@ -110,6 +111,8 @@ def records_between(case: Case, trial: Trial, maneuvers: Maneuvers) -> list[Reco
                 t_start_s=time[rows[0]],
                 t_end_s=time[rows[-1]],
                 role="identify",
+                plane=plane,
+                planes=(plane,),
             )
             found.append(record_of(span, trial, plane, sensor_matrix(plane, sensing)))
     return found

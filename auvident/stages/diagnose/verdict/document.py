@@ -22,6 +22,7 @@ from auvident.schema.effect_words import plain
 from auvident.schema.effects import BY_ID, parameter_of
 from auvident.schema.likeness import separated_by
 from auvident.schema.loop_statements import remaining_of, statement
+from auvident.schema.planes import HORIZONTAL
 from auvident.stages.diagnose.fit.case import CHANNELS, Case
 from auvident.stages.diagnose.fit.fits import Fitted, check_cost
 from auvident.stages.diagnose.score.free_forces import FreeForce
@@ -41,7 +42,6 @@ Array = npt.NDArray[Any]
 
 # errors on generated trials (`waves`, `events`): 0.006 rad/s and 2.6 deg at most, about a second
 WAVE_STD_RADPS, WAVE_STD_DEG, EVENT_STD_S = 0.02, 5.0, 1.0
-UNITS = ("m/s", "m/s", "rad/s")
 FORCE_COLUMNS = ("force_X_n", "force_Y_n", "force_N_nm")
 
 
@@ -273,7 +273,7 @@ def _residual_rows(evidence: Evidence) -> list[ResidualRow]:
                     ResidualRow(
                         maneuver=before.id,
                         channel=name,
-                        unit=UNITS[c],
+                        unit=HORIZONTAL.states[c].unit,
                         rms=float(np.sqrt(np.nanmean(before.error[:, c] ** 2))),
                         rms_after=float(np.sqrt(np.nanmean(after.error[:, c] ** 2))),
                         noise_std=float(case.setup.sensor_std[c]),

@@ -6,9 +6,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+from auvident.constants import INDEPENDENT_S
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.score.left_out import (
-    BLOCK_S,
     Helped,
     LeftOut,
     chance_of,
@@ -58,7 +58,7 @@ def test_every_fit_moves_and_every_maneuver_is_scored() -> None:
     assert (np.abs(found.parameters - small_fit().parameters).max(axis=1) > 0.0).all()
     for record, blocks in zip(case.records, found.blocks, strict=True):
         seconds = len(record.time_s) * case.setup.dt_s
-        assert len(blocks) == int(np.ceil(seconds / BLOCK_S - 1e-9))
+        assert len(blocks) == int(np.ceil(seconds / INDEPENDENT_S - 1e-9))
         assert np.isfinite(blocks).all()
 
 

@@ -3,7 +3,12 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auvident.physics.figures_track import Array, dead_reckoning, first_crossing, heading_from_rate
+from auvident.physics.maneuvers.track import (
+    Array,
+    dead_reckoning,
+    first_crossing,
+    heading_from_rate,
+)
 
 ADVANCE_RAD = np.pi / 2  # IMO: advance and transfer at 90 degrees change of heading
 TACTICAL_RAD = np.pi  # IMO: tactical diameter at 180 degrees

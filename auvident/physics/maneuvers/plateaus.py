@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-MEDIAN_OF_ABS_TO_STD = 1.4826  # normal distribution
 SECOND_DIFFERENCE_GAIN = 6**0.5  # std of x[i-1] - 2 x[i] + x[i+1] over std of white noise
 NOISE_QUANTILE = 0.25  # share of the record that is surely not maneuvering: noise is read there
 FEWEST_WINDOWS = 8  # a quarter of fewer is chance

@@ -5,12 +5,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auvident.physics.figures_plateaus import odd_samples, plateaus, running_median
-from auvident.physics.figures_track import Array
+from auvident.constants import VehicleTime
+from auvident.physics.maneuvers.plateaus import odd_samples, plateaus, running_median
+from auvident.physics.maneuvers.track import Array
 
 RPM_LEVEL_SHARE = 0.025  # of the highest rpm: ripple of a motor control that is no step
 RPM_STEP_SHARE = 0.05  # of the highest rpm: 10 % of thrust, the least step seen in the speed
-SHORTEST_LEVEL_S = 5.0  # shorter is a ramp
+SHORTEST_LEVEL_S: VehicleTime = 5.0  # shorter is a ramp
 SETTLED_SHARE = 0.5  # of a level: its second half gives the steady speed
 
 

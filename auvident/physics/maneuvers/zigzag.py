@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from auvident.physics.figures_track import Array, first_crossing
+from auvident.physics.maneuvers.track import Array, first_crossing
 
 HALF = 0.5  # a rudder beyond half its amplitude has been put over
 

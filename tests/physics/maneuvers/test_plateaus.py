@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auvident.physics.figures_plateaus import (
+from auvident.physics.maneuvers.plateaus import (
     noise_std,
     odd_samples,
     plateaus,

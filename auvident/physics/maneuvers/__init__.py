@@ -8,10 +8,10 @@ The track is found by dead reckoning of the body velocities, so it is the track 
 medium the velocities refer to, and a drifting position sensor does not enter.
 """
 
-from auvident.physics.figures_straight import rpm_levels, straight_figures
-from auvident.physics.figures_track import dead_reckoning, first_crossing, heading_from_rate
-from auvident.physics.figures_turn import turn_figures
-from auvident.physics.figures_zigzag import reversals, zigzag_figures
+from auvident.physics.maneuvers.straight import rpm_levels, straight_figures
+from auvident.physics.maneuvers.track import dead_reckoning, first_crossing, heading_from_rate
+from auvident.physics.maneuvers.turn import turn_figures
+from auvident.physics.maneuvers.zigzag import reversals, zigzag_figures
 
 __all__ = [
     "dead_reckoning",
