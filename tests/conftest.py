@@ -1,14 +1,45 @@
-"""What several test modules share: the command line and one completed run."""
+"""What several test modules share: the command line and one completed run; workers."""
 
 import contextlib
+import os
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import hypothesis
 import pytest
 
-from tests import loop_world
+from auvident import parallel
+from tests import loop_world, session
 from tests.command_line import ROOT, SAMPLES, Called, call
+
+# no test fails because the machine is busy
+hypothesis.settings.register_profile("unhurried", deadline=None)
+hypothesis.settings.load_profile("unhurried")
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_setupnodes(specs: list[object]) -> None:
+    """Before the workers start: kernels compiled once, and as many threads as there is room for."""
+    from tests.warm_kernels import warm
+
+    warm()
+    room = parallel.threads() // len(specs)
+    os.environ.setdefault(parallel.VARIABLE, str(max(1, room)))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Where the workers of this session leave what others need as well (see `session.once`)."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        session.folder = tmp_path_factory.getbasetemp().parent
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_thread_for_linear_algebra() -> Iterator[None]:
+    """As in every stage of the program; with more, a diagnosis takes twice the processor time."""
+    with parallel.one_blas_thread():
+        yield
 
 
 @pytest.fixture
