@@ -11,7 +11,8 @@ import pytest
 
 from auvident import parallel
 from tests import loop_world, session
-from tests.command_line import ROOT, SAMPLES, Called, call
+from tests.command_line import SAMPLES, Called, call
+from tests.finished_run import Finished, finished_run
 
 # no test fails because the machine is busy
 hypothesis.settings.register_profile("unhurried", deadline=None)
@@ -42,28 +43,32 @@ def one_thread_for_linear_algebra() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session")
+def figures_drawn_once() -> Iterator[None]:
+    from tests.report import drawings
+
+    with drawings.each_once():
+        yield
+
+
 @pytest.fixture
-def auvident() -> Callable[..., Called]:
+def auvident(figures_drawn_once: None) -> Callable[..., Called]:
     return call
 
 
 @pytest.fixture(scope="session")
-def completed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Finished:
+    """The first run of the README; of several workers one makes it."""
+    folder = (session.folder or tmp_path_factory.getbasetemp()) / "completed"
+    with session.locked(folder.with_suffix(".lock")):
+        return finished_run(folder)
+
+
+@pytest.fixture(scope="session")
+def completed(finished: Finished) -> Path:
     """A folder with ``sample_logs`` and ``runs/demo``, a finished run; not to be written to."""
-    folder = tmp_path_factory.mktemp("completed")
-    (folder / "sample_logs").symlink_to(SAMPLES)
-    (folder / "README.md").symlink_to(ROOT / "README.md")
-    with contextlib.chdir(folder):
-        done = call(
-            "run",
-            "sample_logs/harbour_trial",
-            "--vehicle",
-            "sample_logs/remus100.toml",
-            "--run",
-            "runs/demo",
-        )
-    assert done.code == 0, done.err
-    return folder
+    assert finished.called.code == 0, finished.called.err
+    return finished.folder
 
 
 @pytest.fixture

@@ -1,13 +1,8 @@
 """The pages of the report share their figures."""
 
-from collections.abc import Iterator
-
 import pytest
 
-from tests.report import drawings
 
-
-@pytest.fixture(scope="package", autouse=True)
-def figures_drawn_once() -> Iterator[None]:
-    with drawings.each_once():
-        yield
+@pytest.fixture(autouse=True)
+def shared_figures(figures_drawn_once: None) -> None:
+    """For all tests of this folder."""

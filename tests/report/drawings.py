@@ -1,5 +1,6 @@
 """Figures of the report, drawn once for all pages that show them: nearly all that a page takes."""
 
+import hashlib
 import pickle
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -23,7 +24,7 @@ FIGURES = {
     figures_prediction: ("prediction",),
     figures_trial: ("timeline", "track"),
 }
-drawn: dict[tuple[str, bytes], Any] = {}  # empty it to have everything drawn anew
+drawn: dict[tuple[str, str], Any] = {}  # empty it to have everything drawn anew
 
 
 def remembered(draw: Callable[..., Any]) -> Callable[..., Any]:
@@ -31,7 +32,8 @@ def remembered(draw: Callable[..., Any]) -> Callable[..., Any]:
 
     @wraps(draw)
     def figure(*arguments: Any, **named: Any) -> Any:
-        key = (draw.__name__, pickle.dumps((arguments, sorted(named.items()))))
+        of = pickle.dumps((arguments, sorted(named.items())))
+        key = draw.__name__, hashlib.sha256(of).hexdigest()
         if key not in drawn:
             drawn[key] = draw(*arguments, **named)
         return drawn[key]
