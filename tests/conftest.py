@@ -10,10 +10,11 @@ import hypothesis
 import pytest
 
 from auvident import parallel
-from tests import loop_world, session
+from tests import loop_world, seeds, session
 from tests.command_line import SAMPLES, Called, call
 from tests.finished_run import Finished, finished_run
 
+seeds.move_all()
 # no test fails because the machine is busy
 hypothesis.settings.register_profile("unhurried", deadline=None)
 hypothesis.settings.load_profile("unhurried")
