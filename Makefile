@@ -25,7 +25,7 @@ demo: $(VENV)/.installed
 	$(BIN)/auvident run sample_logs/bay_trial --vehicle sample_logs/tern180.toml --run $(DEMO_BAY)
 
 test: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff format --check .

@@ -1,38 +1,75 @@
-"""What several test modules share: the command line and one completed run."""
+"""What several test modules share: the command line and one completed run; workers."""
 
 import contextlib
+import os
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import hypothesis
 import pytest
 
-from tests import loop_world
-from tests.command_line import ROOT, SAMPLES, Called, call
+from auvident import parallel
+from tests import loop_world, seeds, session
+from tests.command_line import SAMPLES, Called, call
+from tests.finished_run import Finished, finished_run
+
+seeds.move_all()
+# no test fails because the machine is busy
+hypothesis.settings.register_profile("unhurried", deadline=None)
+hypothesis.settings.load_profile("unhurried")
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_setupnodes(specs: list[object]) -> None:
+    """Before the workers start: kernels compiled once, and as many threads as there is room for."""
+    from tests.warm_kernels import warm
+
+    warm()
+    room = parallel.threads() // len(specs)
+    os.environ.setdefault(parallel.VARIABLE, str(max(1, room)))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Where the workers of this session leave what others need as well (see `session.once`)."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        session.folder = tmp_path_factory.getbasetemp().parent
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_thread_for_linear_algebra() -> Iterator[None]:
+    """As in every stage of the program; with more, a diagnosis takes twice the processor time."""
+    with parallel.one_blas_thread():
+        yield
+
+
+@pytest.fixture(scope="session")
+def figures_drawn_once() -> Iterator[None]:
+    from tests.report import drawings
+
+    with drawings.each_once():
+        yield
 
 
 @pytest.fixture
-def auvident() -> Callable[..., Called]:
+def auvident(figures_drawn_once: None) -> Callable[..., Called]:
     return call
 
 
 @pytest.fixture(scope="session")
-def completed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Finished:
+    """The first run of the README; of several workers one makes it."""
+    folder = (session.folder or tmp_path_factory.getbasetemp()) / "completed"
+    with session.locked(folder.with_suffix(".lock")):
+        return finished_run(folder)
+
+
+@pytest.fixture(scope="session")
+def completed(finished: Finished) -> Path:
     """A folder with ``sample_logs`` and ``runs/demo``, a finished run; not to be written to."""
-    folder = tmp_path_factory.mktemp("completed")
-    (folder / "sample_logs").symlink_to(SAMPLES)
-    (folder / "README.md").symlink_to(ROOT / "README.md")
-    with contextlib.chdir(folder):
-        done = call(
-            "run",
-            "sample_logs/harbour_trial",
-            "--vehicle",
-            "sample_logs/remus100.toml",
-            "--run",
-            "runs/demo",
-        )
-    assert done.code == 0, done.err
-    return folder
+    assert finished.called.code == 0, finished.called.err
+    return finished.folder
 
 
 @pytest.fixture

@@ -7,11 +7,11 @@ import pytest
 from scipy.stats import norm
 
 from auvident.schema.artifacts import Finding
-from auvident.stages.identify import identify
+from auvident.stages.identify import Identification, identify
 from tests.bench import __main__ as bench
 from tests.bench import left_out, recovery, speed
 from tests.bench.world import equations, make_world
-from tests.engines.chain import chain_of, plan_named, sample
+from tests.engines.chain import chain_of, identified, plan_named, sample
 
 
 def test_a_pass_is_compared_with_filterpy() -> None:
@@ -79,11 +79,10 @@ def test_a_filter_that_claims_more_than_its_readings_tell_is_found_out() -> None
     """A current that nobody declared takes the states where the model would not go."""
     chain = sample("bay_trial")
 
-    def told_by(plan: str) -> list[Finding]:
-        found = chain.identify(plan=plan_named(plan)).model.findings
-        return [finding for finding in found if finding.code == "filter-overclaims"]
+    def overclaims(found: Identification) -> list[Finding]:
+        return [f for f in found.model.findings if f.code == "filter-overclaims"]
 
-    (told,) = told_by("spiral")
+    (told,) = overclaims(identified("bay_trial"))
     assert told.value > told.threshold
     assert told.where in {c.symbol for c in chain.ase.coefficients}
-    assert not told_by("refined")
+    assert not overclaims(chain.identify(plan=plan_named("refined")))

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from threadpoolctl import threadpool_info
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from auvident import parallel
 from auvident.pipeline.run import _call
@@ -102,6 +102,6 @@ def test_a_stage_runs_with_one_thread_for_linear_algebra() -> None:
         seen.extend(i["num_threads"] for i in threadpool_info() if i["user_api"] == "blas")
         raise Stopped
 
-    with pytest.raises(Stopped):
+    with threadpool_limits(2, user_api="blas"), pytest.raises(Stopped):
         _call(replace(BY_NAME["ase"], function=look), None, None)  # type: ignore[arg-type]
     assert seen and set(seen) == {1}

@@ -1,16 +1,15 @@
 """The commands of README.md and of docs/ work, in their order.
 
-Those of the README run in a folder that has only the sample logs, those of each page of docs/ in
-one that has the README's finished run besides. A block that begins with ```console is run: lines
-that begin with ``$ `` are commands, what follows a command is what it prints, of which every line
-must occur in its output ("..." stands for anything). Commands of ``make`` are left to the checks
-that make the environment.
+Each page has a folder of its own with the sample logs and the finished run of the README's first
+command, which was run where there were the sample logs alone. A block that begins with ```console
+is run: lines that begin with ``$ `` are commands, what follows a command is what it prints, of
+which every line must occur in its output ("..." stands for anything). Commands of ``make`` are left
+to the checks that make the environment.
 """
 
 import re
 import shlex
 import shutil
-import subprocess
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -24,7 +23,8 @@ from auvident.schema.logs import ColumnMap
 from auvident.schema.plan import Plan
 from auvident.schema.vehicle import Vehicle
 from auvident.storage.declared import parse
-from tests.command_line import ENVIRONMENT, ROOT
+from tests.command_line import ROOT
+from tests.finished_run import COMMAND, Finished, shell
 
 README = (ROOT / "README.md").read_text()
 PAGES = {p.name: p.read_text() for p in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))}
@@ -64,17 +64,14 @@ def test_the_parser_of_examples() -> None:
 
 
 @pytest.fixture(scope="module")
-def folder_of(
-    tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest
-) -> Callable[[str], Path]:
+def folder_of(tmp_path_factory: pytest.TempPathFactory, completed: Path) -> Callable[[str], Path]:
     """A folder for each page, as its reader has it; without the environment."""
 
     @cache
     def made(page: str) -> Path:
         copy = tmp_path_factory.mktemp("page")
         shutil.copytree(ROOT / "sample_logs", copy / "sample_logs")
-        if page != "README.md":
-            shutil.copytree(request.getfixturevalue("completed") / "runs", copy / "runs")
+        shutil.copytree(completed / "runs", copy / "runs")
         return copy
 
     return made
@@ -83,20 +80,21 @@ def folder_of(
 EXAMPLES = [(page, e) for page, text in PAGES.items() for e in examples(text)]
 
 
+def test_the_first_command_of_the_readme_is_the_run_that_all_pages_have() -> None:
+    page, example = EXAMPLES[0]
+    assert page == "README.md" and example.command.split() == COMMAND.split()
+
+
 @pytest.mark.parametrize(
     ("page", "example"), EXAMPLES, ids=[f"{p}: {e.command[:60]}" for p, e in EXAMPLES]
 )
-def test_a_command_of_a_page(folder_of: Callable[[str], Path], page: str, example: Example) -> None:
-    done = subprocess.run(
-        example.command,
-        shell=True,
-        cwd=folder_of(page),
-        env=ENVIRONMENT,
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == example.code, done.stderr
-    output = done.stdout + done.stderr
+def test_a_command_of_a_page(
+    folder_of: Callable[[str], Path], finished: Finished, page: str, example: Example
+) -> None:
+    is_first = (page, example) == EXAMPLES[0]
+    done = finished.called if is_first else shell(example.command, folder_of(page))
+    assert done.code == example.code, done.err
+    output = done.out + done.err
     for line in example.printed:
         pieces = [re.escape(piece.strip()) for piece in line.split("...")]
         assert re.search(".*".join(pieces), output), f"{line!r} not in:\n{output}"

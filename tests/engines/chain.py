@@ -1,4 +1,4 @@
-"""The sample trials from log to model, each stage once per test session."""
+"""The sample trials from log to model, each stage once per session."""
 
 from dataclasses import dataclass, replace
 from functools import cache
@@ -21,6 +21,7 @@ from auvident.stages.validate import Validation, validate
 from auvident.storage.logs import read_trials
 from auvident.storage.plan_file import read_plan
 from auvident.storage.vehicle_file import load_vehicle
+from tests.session import once
 
 SAMPLES = Path(__file__).resolve().parents[2] / "sample_logs"
 
@@ -76,19 +77,19 @@ def chain_of(paths, vehicle_file: Path, hold_out=()) -> Chain:
     )
 
 
-@cache
+@once
 def sample(name: str) -> Chain:
     """A sample trial with the vehicle file that goes with it."""
     vehicle = "tern180" if name in ("bay_trial", "sound_trial") else "remus100"
     return chain_of([SAMPLES / name], SAMPLES / f"{vehicle}.toml")
 
 
-@cache
+@once
 def identified(name: str, plane: str = "horizontal", filter: str = "ekf") -> Identification:
     return sample(name).identify(plane, filter)
 
 
-@cache
+@once
 def validated(name: str, plane: str = "horizontal", filter: str = "ekf") -> Validation:
     return sample(name).validate(identified(name, plane, filter).model)
 

@@ -17,6 +17,7 @@ from auvident.report.html_words import combination, verdict, warnings
 from auvident.schema.artifacts import Combination, Finding, Maneuvers
 from auvident.stages.validate.findings import findings_of
 from auvident.storage.run_directory import RunDirectory
+from tests.report import drawings
 
 MOST_BYTES = 4e6
 VOID = {"meta", "br", "img", "link", "input", "hr"}
@@ -137,6 +138,7 @@ def test_no_colour_of_the_drawing_is_left_that_dark_paper_would_hide(text: str) 
 
 
 def test_the_same_run_makes_the_same_report(data: ReportData, text: str) -> None:
+    drawings.drawn.clear()
     assert render(data) == text
 
 

@@ -20,6 +20,7 @@ from auvident.schema.diagnosis import Comparison, Diagnosis, Difference
 from auvident.stages.refine.compare import worse_channels
 from auvident.storage.run_directory import RunDirectory
 from tests import loop_world
+from tests.report import drawings
 from tests.report.test_html import Page
 
 HEADING = "What the model lacks"
@@ -196,6 +197,7 @@ def test_the_page_needs_nothing_else_and_repeats_itself(data: ReportData, text: 
     page = Page(text)
     assert page.open == [] and len(page.ids) == len(set(page.ids))
     assert "http:" not in text and "https:" not in text
+    drawings.drawn.clear()
     assert render(data) == text
 
 

@@ -11,7 +11,7 @@ from auvident.engines.estimator import Setup
 from auvident.errors import NumericsError
 from auvident.schema.artifacts import Maneuver, Maneuvers
 from auvident.stages.identify import Identification, prepare
-from tests.engines.chain import plan_named, sample
+from tests.engines.chain import identified, plan_named, sample
 
 NAME = "dive_trial"
 HALF_S = 0.05  # half a row
@@ -70,7 +70,7 @@ def test_a_maneuver_within_a_held_out_one_identifies_nothing_and_it_is_said() ->
     (said,) = [f for f in model.findings if f.code == "held-out-within"]
     assert said.where == "late" and said.value == 0.0 and said.threshold == ANSWER_S
     assert run().id in said.message
-    without = sample(NAME).identify("vertical").model
+    without = identified(NAME, "vertical").model
     assert model.coefficients == without.coefficients
 
 

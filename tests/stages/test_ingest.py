@@ -351,7 +351,7 @@ def test_twenty_five_minutes_with_a_fast_gyro_take_less_than_a_second():
             rows_read=t.size,
             values={c: np.tile(x, times) for c, x in s.values.items()},
         )
-    start = time.perf_counter()
+    start = time.process_time()
     result, _ = ingest(replace(raw, sensors=long), vehicle())
     assert len(result.table) == pytest.approx(15_000, abs=20)
-    assert time.perf_counter() - start < 2.0  # 0.3 s alone; the machine is shared
+    assert time.process_time() - start < 1.0  # takes 0.3 s

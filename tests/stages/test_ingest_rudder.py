@@ -3,6 +3,7 @@
 import sys
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from auvident.schema.logs import DEG, RawTrial
 from auvident.stages.ingest import ingest
 from auvident.storage.logs import read_trials
 from auvident.storage.vehicle_file import load_vehicle
+from tests.session import once
 
 SAMPLES = Path(__file__).resolve().parents[2] / "sample_logs"
 NONE = {"straights": 0, "turns": 0, "zigzags_10": 0, "zigzags_20": 0}
@@ -76,21 +78,26 @@ DISTURBED = {
 }
 
 
-@pytest.fixture(scope="module")
-def sea_trials(tmp_path_factory) -> dict[tuple[str, str], RawTrial]:
-    """Trials of the independent generator, by vehicle and schedule; read once."""
+@once
+def generated() -> dict[tuple[str, str], RawTrial]:
+    """Trials of the independent generator, by vehicle and schedule."""
     sys.path.insert(0, str(SAMPLES))
     from seatrial.trial import generate
 
-    folder, found = tmp_path_factory.mktemp("sea"), {}
-    for seed, boat in enumerate(("remus100", "tern180"), start=11):
-        for kind, schedule in SCHEDULES.items():
-            place = folder / f"{boat}_{kind}"
-            generate(
-                {"name": place.name, "vehicle": boat, "seed": seed, "schedule": schedule}, place
-            )
-            (found[boat, kind],) = read_trials([place])
+    found = {}
+    with TemporaryDirectory() as folder:
+        for seed, boat in enumerate(("remus100", "tern180"), start=11):
+            for kind, schedule in SCHEDULES.items():
+                place = Path(folder) / f"{boat}_{kind}"
+                recipe = {"name": place.name, "vehicle": boat, "seed": seed, "schedule": schedule}
+                generate(recipe, place)
+                (found[boat, kind],) = read_trials([place])
     return found
+
+
+@pytest.fixture(scope="module")
+def sea_trials() -> dict[tuple[str, str], RawTrial]:
+    return generated()
 
 
 @pytest.mark.parametrize("disturbed", DISTURBED)

@@ -30,7 +30,7 @@ from auvident.stages.refine.attempts import (
     findings_of,
     tried_with,
 )
-from tests.engines.chain import plan_named, sample
+from tests.engines.chain import identified, plan_named, sample
 
 DT, N = 0.1, 600
 OFF = {"u_mps": (0.03, 0.01), "v_mps": (-0.02, -0.02), "r_radps": (0.004, 0.006)}
@@ -80,7 +80,7 @@ MANEUVERS = Maneuvers.model_validate(
 
 @cache
 def model() -> IdentifiedModel:
-    return sample("harbour_trial").identify().model
+    return identified("harbour_trial").model
 
 
 def compared(before: pd.DataFrame, after: pd.DataFrame, seed: int = 0) -> Comparison:

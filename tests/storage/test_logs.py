@@ -301,7 +301,7 @@ def test_a_million_rows_take_about_a_second(tmp_path):
     t = np.arange(1_000_000) / 50.0
     table = pd.DataFrame({"time_s": t, "r_radps": np.sin(t)})
     (tmp_path / "gyro.csv").write_text(table.to_csv(index=False, float_format="%.4f"))
-    start = time.perf_counter()
+    start = time.process_time()
     (trial,) = read_trials([tmp_path / "gyro.csv"], needed=("r_radps",))
     assert trial.sensors["gyro"].time_s.size == t.size
-    assert time.perf_counter() - start < 4.0  # 0.3 s alone; the machine is shared
+    assert time.process_time() - start < 2.0  # takes 0.5 s, of all threads together

@@ -1,7 +1,6 @@
-"""The sample trials from log to diagnosis, each once per test session."""
+"""The sample trials from log to diagnosis, each once per session."""
 
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 
@@ -12,7 +11,8 @@ from auvident.stages.diagnose.fit.case import Case, case_of
 from auvident.stages.diagnose.fit.fits import Fitted, first_colours, fit_with
 from auvident.stages.diagnose.stage import Diagnosed, diagnose
 from auvident.stages.identify import prepare, without_held_out
-from tests.engines.chain import Chain, plan_named, sample
+from tests.engines.chain import Chain, identified, plan_named, sample
+from tests.session import once
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Loop:
         return diagnose(seen, c.maneuvers, c.vehicle, self.setup, self.model, seed=seed)
 
 
-@cache
+@once
 def loop(name: str) -> Loop:
     chain = sample(name)
     setup, _ = prepare(
@@ -43,10 +43,10 @@ def loop(name: str) -> Loop:
         filter="ekf",
         engine="compiled",
     )
-    return Loop(chain, setup, chain.identify().model)
+    return Loop(chain, setup, identified(name).model)
 
 
-@cache
+@once
 def diagnosed(name: str) -> Diagnosed:
     return loop(name).diagnose()
 
@@ -55,7 +55,7 @@ def diagnosis(name: str) -> Diagnosis:
     return diagnosed(name).diagnosis
 
 
-@cache
+@once
 def small_case() -> Case:
     """One straight run, two turns and two zigzags of the harbour, no sensor checks."""
     made = loop("harbour_trial")
@@ -69,7 +69,7 @@ def small_case() -> Case:
     return replace(whole, records=tuple(chosen))
 
 
-@cache
+@once
 def small_fit() -> Fitted:
     """`small_case` fitted without effects."""
     case = small_case()

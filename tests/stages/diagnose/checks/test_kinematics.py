@@ -18,6 +18,7 @@ from auvident.stages.diagnose.checks.kinematics import (
     heading_against_gyro,
     position_against_dvl,
 )
+from tests.command_line import SAMPLES
 
 RATE_HZ = 10.0
 FINE = 20  # steps of the truth per row
@@ -198,8 +199,7 @@ def test_too_little_of_a_log_gives_no_check() -> None:
 
 def test_generated_trial_through_ingest(tmp_path: Path) -> None:
     """Sensors on clocks of their own, drop-outs, outliers; gyro and DVL both with errors."""
-    root = Path(__file__).resolve().parents[3]
-    sys.path.insert(0, str(root / "sample_logs"))
+    sys.path.insert(0, str(SAMPLES))
     from seatrial.trial import generate
 
     from auvident.stages.ingest import ingest
@@ -214,7 +214,7 @@ def test_generated_trial_through_ingest(tmp_path: Path) -> None:
         {"id": "rudder_lag"},
     ]
     generate({"name": "g", "vehicle": "remus100", "seed": 90040, "effect": effects}, tmp_path / "g")
-    vehicle = load_vehicle(root / "sample_logs" / "remus100.toml")
+    vehicle = load_vehicle(SAMPLES / "remus100.toml")
     trial, _ = ingest(read_trials([tmp_path / "g"], None)[0], vehicle)
     truth = {"gyro_bias.bias_degps": math.radians(0.3), "gyro_delay.delay_s": 0.2}
     assert np.abs(errors(heading_against_gyro([trial]), truth)).max() < 4.0
