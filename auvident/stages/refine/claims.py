@@ -15,7 +15,7 @@ from auvident.schema.diagnosis import (
     Refused,
 )
 from auvident.schema.effect_words import is_confirmed, plain
-from auvident.schema.effects import BY_ID
+from auvident.schema.effects import BY_ID, parameter_of
 from auvident.schema.loop_statements import (
     found,
     not_added,
@@ -126,7 +126,8 @@ def _with_final_values(
     final = {p["symbol"]: p for p in rows[0]["parameters"]}
     values = []
     for p in effect.parameters:
-        if p.symbol == "time_s":  # known to an interval, and not identified again
+        if parameter_of(f"{effect.id}.{p.symbol}").grid is not None:
+            # known to an interval, and not identified again
             values.append(p)
             continue
         value = float(final[p.symbol]["value"])

@@ -27,7 +27,6 @@ from auvident.stages.diagnose.fit.fits import Fitted, check_cost
 from auvident.stages.diagnose.score.free_forces import FreeForce
 from auvident.stages.diagnose.score.unknown_forces import unknown_forces
 from auvident.stages.diagnose.select.candidates import Round, Traced, Tried
-from auvident.stages.diagnose.select.thrust_time import STEP, step_time
 from auvident.stages.diagnose.verdict.evidence import (
     Evidence,
     left_channels,
@@ -35,7 +34,7 @@ from auvident.stages.diagnose.verdict.evidence import (
     verdict_of,
 )
 from auvident.stages.diagnose.verdict.observability import detectable, lookalikes
-from auvident.stages.diagnose.verdict.uncertainty import effect_values, spreads
+from auvident.stages.diagnose.verdict.uncertainty import effect_values, spreads, time_of
 
 Array = npt.NDArray[Any]
 
@@ -145,7 +144,7 @@ def _accepted(evidence: Evidence) -> list[EffectFound]:
     found = []
     for effect in traced.named:
         values = effect_values(case, effect, final.parameters, stds)
-        when = step_time(case, final.parameters) if effect == STEP else None
+        when = time_of(case, effect, final.parameters)
         values = (*values, when) if when else values
         found.append(
             EffectFound(

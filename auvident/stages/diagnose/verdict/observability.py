@@ -9,8 +9,7 @@ from auvident.schema.effects import BY_ID, parameter_of
 from auvident.schema.likeness import LIKENESSES
 from auvident.stages.diagnose.fit.fits import check_cost
 from auvident.stages.diagnose.score.first_order import Joint, cosine, unabsorbed
-from auvident.stages.diagnose.select.rules import LEAST_FALL, LEAST_GAIN
-from auvident.stages.diagnose.select.search import CHECK_GAIN
+from auvident.stages.diagnose.select.rules import CHECK_GAIN, LEAST_FALL, LEAST_GAIN
 
 MARGIN = 1.3  # stated sizes leave room for the scatter of an estimate
 PLAUSIBLE = 3.0  # an effect that must exceed so many priors to be seen is not visible
