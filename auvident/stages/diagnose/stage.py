@@ -24,8 +24,9 @@ from auvident.stages.diagnose.select.candidates import Traced
 from auvident.stages.diagnose.select.instants import narrowed
 from auvident.stages.diagnose.select.search import Search
 from auvident.stages.diagnose.select.starts import baseline_of
-from auvident.stages.diagnose.verdict.document import diagnosis_of, residual_table
+from auvident.stages.diagnose.verdict.document import diagnosis_of
 from auvident.stages.diagnose.verdict.evidence import Evidence
+from auvident.stages.diagnose.verdict.residuals import residual_table
 
 Array = npt.NDArray[Any]
 Progress = Callable[[str, float], None]
@@ -111,8 +112,7 @@ def _diagnosed(
     tell("free forces", 0.8)
     evidence = _evidence(traced, search, events, missing)
     tell("verdict", 1.0)
-    diagnosis = diagnosis_of(evidence, model, maneuvers)
-    return Diagnosed(diagnosis, residual_table(evidence, maneuvers))
+    return Diagnosed(diagnosis_of(evidence, model), residual_table(traced, maneuvers))
 
 
 def _without_events(search: Search) -> tuple[Fitted, list[Event]]:

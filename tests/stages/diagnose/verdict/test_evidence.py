@@ -59,7 +59,7 @@ def force(gain: float) -> FreeForce:
 
 def said(found: Evidence) -> Diagnosis:
     made = loop("harbour_trial")
-    return diagnosis_of(found, made.model, made.chain.maneuvers)
+    return diagnosis_of(found, made.model)
 
 
 def test_an_effect_that_stands_alone_is_found() -> None:
