@@ -216,6 +216,17 @@ P = EffectParameter
 SERVO = "first-order servo with play and limits; Fossen (2021), Handbook, 9.5"
 SENSOR = "Hegrenaes and Hallingstad (2011), model-aided INS; Pan and Wu (2015), DVL calibration"
 
+# Effects that are special cases of each other or look alike in most maneuvers: the name of the
+# group, and the maneuvers that tell its members apart.
+LIKENESSES: dict[str, str] = {
+    "turns amidships": "coast-downs and thrust steps with the rudder amidships",
+    "late": "zigzags of two sizes (10/10 and 20/20), logged at 10 Hz or faster",
+    "small helms": "zigzags of 5 degrees and less, and circles entered from both sides",
+    "large helms": "circles of 25 degrees and more, and circles with a thrust step",
+    "falling thrust": "straight runs at the same rpm all through the trial",
+    "drag": "straight runs at low and at full speed",
+}
+
 # fmt: off
 EFFECTS: tuple[Effect, ...] = (
     Effect("current", "environment", "reading", H, (

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from auvident.schema.diagnosis import Detectable, Lookalikes
-from auvident.schema.effects import BY_ID, parameter_of
-from auvident.schema.likeness import LIKENESSES
+from auvident.schema.effects import BY_ID, LIKENESSES, parameter_of
 from auvident.stages.diagnose.fit.fits import check_cost
 from auvident.stages.diagnose.score.first_order import Joint, cosine, unabsorbed
 from auvident.stages.diagnose.select.rules import CHECK_GAIN, LEAST_FALL, LEAST_GAIN
