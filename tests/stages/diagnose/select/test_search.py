@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from auvident.stages.diagnose.fit.fits import Fitted
+from auvident.stages.diagnose.fit.fits import Fitted, log_gain
+from auvident.stages.diagnose.score.first_order import Score
 from auvident.stages.diagnose.score.left_out import Helped
 from auvident.stages.diagnose.select import held_back, refitting, search
 from auvident.stages.diagnose.select.candidates import Traced, Tried
@@ -85,10 +86,56 @@ def test_a_worse_fit_is_not_taken(monkeypatch) -> None:
     assert before is BEFORE and found["b"] is close["b"]
 
 
+def test_the_short_list_is_fitted_to_the_end_and_held_against_the_polished_model(
+    monkeypatch,
+) -> None:
+    """Each step of it shows in what is told of the candidates."""
+    gained = {"end": 40.0, "nested": 3.0}  # of every fit, by each of these steps
+
+    def more(fit: Fitted, step: str) -> Fitted:
+        return replace(fit, log_likelihood=fit.log_likelihood + gained[step])
+
+    polished = fitted(100.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+    score = Score(20.0, BEFORE.parameters)
+    screened = Screen(None, dict.fromkeys(FOUND, score), tuple(FOUND))  # type: ignore[arg-type]
+    monkeypatch.setattr(refitting, "begun", lambda case, before, c, scored: FOUND[c])
+    monkeypatch.setattr(refitting, "to_the_end", lambda case, fit, afresh: more(fit, "end"))
+    monkeypatch.setattr(refitting, "unstuck", lambda case, before, found: (polished, found))
+    monkeypatch.setattr(refitting, "nested", lambda case, before, fit: more(fit, "nested"))
+    monkeypatch.setattr(refitting, "steady", lambda effect: ())
+    told: dict[str, tuple[float, ...]] = {}
+
+    def account_of(case, before, fit, best, settled, promise):
+        told[fit.effects[-1]] = (log_gain(before, fit), best, settled, promise)
+        return replace(GOOD, id=fit.effects[-1], gain=log_gain(before, fit))
+
+    monkeypatch.setattr(refitting, "account_of", account_of)
+    before, tried = refitting.refitted(CASE, BEFORE, screened)
+    assert before is polished and [t.id for t in tried] == ["a", "b", "c"]
+    assert told == {
+        "a": (643.0, 643.0, True, 700.0),
+        "b": (343.0, 643.0, True, 400.0),
+        "c": (-67.0, 643.0, False, 30.0),  # hopeless, and not finished
+    }
+
+
 # --- from round to round -------------------------------------------------------------------
 
 HIGHER = "sway_cross_flow"  # a term of higher order
 Round = dict[str, dict[str, Any]]  # by candidate what its account has
+
+
+TIMED = np.full(3, 1.25)  # residual of a model whose times were looked for
+CONTAINED = {"rudder_offset": ["hull_asymmetry"]}
+LOST = ("gyro_scale", "roll_coupling")  # for the first of these the second is put in
+
+
+def seen_together(
+    case: Any, candidates: Any, current: Fitted, quiet: Any
+) -> tuple[Fitted, list[str]]:
+    """An exchange of one effect for another; the others stay."""
+    swapped = tuple(LOST[1] if e == LOST[0] else e for e in current.effects)
+    return replace(current, effects=swapped), ["swapped"] * (swapped != current.effects)
 
 
 def traced(monkeypatch: pytest.MonkeyPatch, *rounds: Round) -> Traced:
@@ -103,11 +150,11 @@ def traced(monkeypatch: pytest.MonkeyPatch, *rounds: Round) -> Traced:
             found.append(Tried(own, account))
         return before, found
 
-    monkeypatch.setattr(search, "with_best_times", lambda case, before, candidates: before)
+    monkeypatch.setattr(search, "with_best_times", lambda case, fit, c: replace(fit, rms=TIMED))
     monkeypatch.setattr(search, "screen", lambda *_: Screen(None, {}, ()))  # type: ignore[arg-type]
     monkeypatch.setattr(search, "refitted", refits)
-    monkeypatch.setattr(search, "containing", lambda *_: [])
-    monkeypatch.setattr(search, "reconsider", lambda case, c, current, quiet: (current, []))
+    monkeypatch.setattr(search, "containing", lambda joint, c, effect: CONTAINED.get(effect, []))
+    monkeypatch.setattr(search, "reconsider", seen_together)
     monkeypatch.setattr(held_back, "leave_out", lambda *_: None)
     monkeypatch.setattr(held_back, "check_cost", lambda *_: 0.0)
     monkeypatch.setattr(held_back, "helped", lambda *_: Helped(500.0, 0.9, 300.0, 0.9, 0.003))
@@ -128,6 +175,18 @@ def test_what_is_accepted_joins_the_model_until_nothing_is(monkeypatch) -> None:
     assert helped is not None and helped.p == pytest.approx(3 * 0.003)  # the best of three
 
 
+def test_effects_are_seen_together_after_each_that_is_accepted(monkeypatch) -> None:
+    found = traced(monkeypatch, {LOST[0]: {}}, {"current": {}})
+    assert found.final.effects == (LOST[1], "current")
+    assert found.steps == (f"{LOST[0]} added: 800 nats", "swapped", "current added: 800 nats")
+
+
+def test_times_are_looked_for_before_anything_else(monkeypatch) -> None:
+    found = traced(monkeypatch, {"current": {}})
+    assert [r.before.rms is TIMED for r in found.rounds] == [True, True]
+    assert found.baseline is BEFORE
+
+
 def test_what_lies_at_a_bound_is_not_accepted(monkeypatch) -> None:
     found = traced(monkeypatch, {"current": {"at_bound": True}})
     assert (found.named, refusals(found)) == ((), {"current": "bound"})
@@ -144,6 +203,8 @@ def test_what_explains_the_data_as_well_stands_beside_what_is_accepted(monkeypat
     found = traced(monkeypatch, {"current": {}, "gyro_bias": {"gain": 790.0}})
     assert found.rounds[0].alike == ("current", "gyro_bias")
     assert traced(monkeypatch, {"current": {}}).rounds[0].alike == ()
+    special = traced(monkeypatch, {"rudder_offset": {}})
+    assert special.rounds[0].alike == ("rudder_offset", "hull_asymmetry")
 
 
 def test_what_is_small_and_hides_others_is_taken_along(monkeypatch) -> None:
