@@ -12,7 +12,7 @@ def plain(effect: str, parameters: Sequence[ParameterValue], speed: float, rate:
     """An effect in words; forces as they are at cruise (speed [m/s], propeller rate [rev/s])."""
     values = {p.symbol: p.value for p in parameters}
     words = BY_ID[effect].words
-    if effect == "thrust_step":
+    if BY_ID[effect].instant is not None:
         return words.format(**values) + _when(parameters)
     if effect == "current":
         north, east = values["north_mps"], values["east_mps"]

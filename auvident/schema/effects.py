@@ -24,7 +24,29 @@ Enters = Literal["input", "force", "reading", "disturbance"]
 Form = Literal["plain", "inverse", "inverse_square"]
 
 DEGREES = 180.0 / math.pi
+LONGEST_TRIAL_S = 7.0 * 86_400.0  # bound of a time in a trial
 NOTHING = 0.01  # of the practical size: a value below it is as good as no effect
+
+
+@dataclass(frozen=True)
+class TimeGrid:
+    """Where a time is looked for that no slope finds, since what it changes is a step.
+
+    Attributes
+    ----------
+    apart_s, most : float, int
+        The first grid, over all maneuvers: so far apart, in a long trial further, so that there
+        are no more than `most` and the time of a search grows with the length of the trial.
+    reach : tuple of float
+        Then about the best one, each time this share of the first distance to both sides.
+    fine_s : float
+        At last so far apart, between the maneuvers before and after.
+    """
+
+    apart_s: float
+    most: int
+    reach: tuple[float, ...]
+    fine_s: float
 
 
 @dataclass(frozen=True)
@@ -39,7 +61,7 @@ class EffectParameter:
         Unit in the artifacts.
     prior : float
         Standard deviation of the internal value before the data, in internal units; of a force
-        in units of `powers`. Zero where it is searched for and not estimated.
+        in units of `powers`. Zero where it is looked for on a grid: any value is as likely.
     practical : float
         Size from which on the effect is worth a word, stated like `prior`.
     low, high : float
@@ -55,6 +77,10 @@ class EffectParameter:
     silent : float
         Standard deviation that every model is allowed without a word: no real servo is without
         lag and no hull without asymmetry. Zero for most.
+    grid : TimeGrid, optional
+        Of a time since the start of the trial.
+    width_of : str
+        Symbol of the parameter with a grid whose interval it is the width of.
     """
 
     symbol: str
@@ -68,6 +94,8 @@ class EffectParameter:
     step: float = 0.02
     powers: tuple[int, int, int, int] = (0, 0, 0, 0)
     silent: float = 0.0
+    grid: TimeGrid | None = None
+    width_of: str = ""
 
     def size_unit(
         self, density_kgpm3: float, length_m: float, speed_mps: float, rate_rps: float
@@ -177,10 +205,26 @@ class Effect:
         """Names of its parameters in the parameter vector."""
         return tuple(f"{self.id}.{p.symbol}" for p in self.parameters)
 
+    @property
+    def instant(self) -> EffectParameter | None:
+        """Its time in the trial, if it has one that is looked for on a grid."""
+        return next((p for p in self.parameters if p.grid is not None), None)
+
 
 P = EffectParameter
 SERVO = "first-order servo with play and limits; Fossen (2021), Handbook, 9.5"
 SENSOR = "Hegrenaes and Hallingstad (2011), model-aided INS; Pan and Wu (2015), DVL calibration"
+
+# Effects that are special cases of each other or look alike in most maneuvers: the name of the
+# group, and the maneuvers that tell its members apart.
+LIKENESSES: dict[str, str] = {
+    "turns amidships": "coast-downs and thrust steps with the rudder amidships",
+    "late": "zigzags of two sizes (10/10 and 20/20), logged at 10 Hz or faster",
+    "small helms": "zigzags of 5 degrees and less, and circles entered from both sides",
+    "large helms": "circles of 25 degrees and more, and circles with a thrust step",
+    "falling thrust": "straight runs at the same rpm all through the trial",
+    "drag": "straight runs at low and at full speed",
+}
 
 # fmt: off
 EFFECTS: tuple[Effect, ...] = (
@@ -255,8 +299,10 @@ EFFECTS: tuple[Effect, ...] = (
         words="thrust that falls by {fraction_per_1000_s:.2f} in 1000 s", alike="falling thrust",
         surge_alone=True),
     Effect("thrust_step", "actuation", "input", HV, (
-        P("fraction", "-", 0.15, 0.05, -0.9, 0.9), P("time_s", "s", 0.0, 0.0, 0.0, 1e9),
-        P("over_s", "s", 0.0, 0.0, 0.0, 1e9),
+        P("fraction", "-", 0.15, 0.05, -0.9, 0.9),
+        P("time_s", "s", 0.0, 0.0, 0.0, LONGEST_TRIAL_S,
+          grid=TimeGrid(120.0, 20, (0.75, 0.19), 2.0)),
+        P("over_s", "s", 0.0, 0.0, 0.0, LONGEST_TRIAL_S, width_of="time_s"),
     ), "thrust (1 - fraction) from one time on, spread over what is not known of it",
         "u falls at one time and stays down",
         words="thrust that falls by {fraction:.2f}", alike="falling thrust", surge_alone=True),

@@ -269,6 +269,14 @@ FORCES = {
 }
 
 
+# what acts in the plant and is no force of its own: tests below and above
+OTHERWISE = {"current", "propeller_race", "sway_cross_flow", "yaw_cross_flow"}
+
+
+def test_every_force_of_the_generator_has_its_equation_here():
+    assert {e.id for e in EFFECTS.values() if e.into == "plant"} == {*FORCES, *OTHERWISE}
+
+
 def force(name: str, effects: PlantEffects, rudder: float = 0.0, state=STATE) -> np.ndarray:
     """Surge force, side force, yaw moment on the body."""
     body, out, tau = load_vehicle(name).body, np.zeros(15), np.zeros(6)

@@ -21,10 +21,12 @@ from auvident.stages.diagnose.fit.case import Case, case_of, testable
 from auvident.stages.diagnose.fit.fits import Fitted
 from auvident.stages.diagnose.score.free_forces import FreeForce, free_forces
 from auvident.stages.diagnose.select.candidates import Traced
+from auvident.stages.diagnose.select.instants import narrowed
 from auvident.stages.diagnose.select.search import Search
-from auvident.stages.diagnose.select.thrust_time import narrowed
-from auvident.stages.diagnose.verdict.document import diagnosis_of, residual_table
+from auvident.stages.diagnose.select.starts import baseline_of
+from auvident.stages.diagnose.verdict.document import diagnosis_of
 from auvident.stages.diagnose.verdict.evidence import Evidence
+from auvident.stages.diagnose.verdict.residuals import residual_table
 
 Array = npt.NDArray[Any]
 Progress = Callable[[str, float], None]
@@ -110,13 +112,12 @@ def _diagnosed(
     tell("free forces", 0.8)
     evidence = _evidence(traced, search, events, missing)
     tell("verdict", 1.0)
-    diagnosis = diagnosis_of(evidence, model, maneuvers)
-    return Diagnosed(diagnosis, residual_table(evidence, maneuvers))
+    return Diagnosed(diagnosis_of(evidence, model), residual_table(traced, maneuvers))
 
 
 def _without_events(search: Search) -> tuple[Fitted, list[Event]]:
     """The fit without any effect, one-off events masked."""
-    baseline = search.baseline()
+    baseline = baseline_of(search.case)
     noise = search.case.setup.sensor_std[:3]
     events = find_events(pieces_of(search.case, baseline.residuals), noise)
     if not events:
@@ -124,7 +125,7 @@ def _without_events(search: Search) -> tuple[Fitted, list[Event]]:
     search.case = search.case.masked(
         [(e.maneuver, e.time_s, e.time_s + e.duration_s) for e in events]
     )
-    return search.baseline(), events
+    return baseline_of(search.case), events
 
 
 def _evidence(

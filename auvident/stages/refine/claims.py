@@ -1,6 +1,6 @@
 """What a refined model confirms of a diagnosis, in its own sizes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pandas as pd
@@ -16,7 +16,7 @@ from auvident.schema.diagnosis import (
     Refused,
 )
 from auvident.schema.effect_words import is_confirmed, plain
-from auvident.schema.effects import BY_ID
+from auvident.schema.effects import BY_ID, parameter_of
 from auvident.schema.loop_statements import (
     found,
     not_added,
@@ -50,32 +50,44 @@ def claims_of(
     doubts = {e.id: _doubt(e, kept) for e in in_model}
     doubted = [e for e in in_model if doubts[e.id]]
     effects = tuple(e for e in final if e not in doubted)
-    named = {e.id for e in effects}
-    groups = tuple(g for g in diagnosis.ambiguous if named & set(g))
+    groups = tuple(g for g in diagnosis.ambiguous if {e.id for e in effects} & set(g))
     unexplained = dict(diagnosis.unexplained)
     if doubted and not effects:
         unexplained["nearest"] = ", ".join(e.id for e in doubted)
     verdict = _verdict(diagnosis.verdict, effects, groups, bool(doubted))
     said = statement(verdict, effects, groups, diagnosis.separate_by, diagnosis.sees, unexplained)
-    if kept and doubted:
-        last = attempts[-1]
-        said = not_added(last.effects, last.ratios, last.ran_away)
-        if effects:
-            said = f"{found(effects)} {said}"
-    elif doubted:
-        said = f"{said} {not_confirmed(doubted)}"
+    candidates = (_final_candidate(c, final, doubts.get(c.id, "")) for c in diagnosis.candidates)
     return {
         "verdict": verdict,
-        "statement": said,
+        "statement": _with_doubts(said, effects, doubted, attempts[-1] if kept else None),
         "effects": effects,
         "ambiguous": groups,
         "not_confirmed": () if kept else tuple(doubted),
-        "candidates": tuple(
-            _final_candidate(c, final, doubts.get(c.id, "")) for c in diagnosis.candidates
-        ),
+        "candidates": tuple(candidates),
         "unexplained": unexplained,
         "remaining": remaining_of(verdict, unexplained),
     }
+
+
+def _with_doubts(
+    said: str,
+    effects: Sequence[EffectFound],
+    doubted: Sequence[EffectFound],
+    refused: Attempt | None,
+) -> str:
+    """The statement with what became of the effects that are not claimed.
+
+    Parameters
+    ----------
+    refused : Attempt or None
+        The last one, where the model before was taken.
+    """
+    if not doubted:
+        return said
+    if refused is None:
+        return f"{said} {not_confirmed(doubted)}"
+    why = not_added(refused.effects, refused.ratios, refused.ran_away)
+    return f"{found(effects)} {why}" if effects else why
 
 
 def _verdict(
@@ -122,27 +134,29 @@ def _with_final_values(
     if not rows:
         return effect
     final = {p["symbol"]: p for p in rows[0]["parameters"]}
-    values = []
-    for p in effect.parameters:
-        if p.symbol == "time_s":  # known to an interval, and not identified again
-            values.append(p)
-            continue
-        value = float(final[p.symbol]["value"])
-        std = max(float(final[p.symbol]["std"]), p.std)
-        half = max(NORMAL_95 * std, 0.5 * ((p.high or 0.0) - (p.low or 0.0)))
-        half = max(half, NORMAL_95 * abs(value - p.value))  # two methods that differ: say so
-        values.append(
-            ParameterValue(
-                symbol=p.symbol,
-                value=value,
-                std=half / NORMAL_95,
-                unit=p.unit,
-                low=value - half,
-                high=value + half,
-            )
-        )
+    # a time is known to an interval, and not identified again
+    values = [
+        p if parameter_of(f"{effect.id}.{p.symbol}").grid else _final_value(p, final[p.symbol])
+        for p in effect.parameters
+    ]
     said = plain(effect.id, values, speed, rate)
     return effect.model_copy(update={"parameters": tuple(values), "plain": said})
+
+
+def _final_value(p: ParameterValue, final: Mapping[str, Any]) -> ParameterValue:
+    """A parameter with the value of the refined model and the wider interval."""
+    value = float(final["value"])
+    std = max(float(final["std"]), p.std)
+    half = max(NORMAL_95 * std, 0.5 * ((p.high or 0.0) - (p.low or 0.0)))
+    half = max(half, NORMAL_95 * abs(value - p.value))  # two methods that differ: say so
+    return ParameterValue(
+        symbol=p.symbol,
+        value=value,
+        std=half / NORMAL_95,
+        unit=p.unit,
+        low=value - half,
+        high=value + half,
+    )
 
 
 def cruise_of(table: pd.DataFrame) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from auvident.errors import NumericsError
 from auvident.schema.diagnosis import Diagnosis
 from auvident.schema.effects import BY_ID, parameter_of
 from auvident.stages.diagnose.select.candidates import Traced
-from auvident.stages.diagnose.verdict.document import _coefficient_findings
+from auvident.stages.diagnose.verdict.taken_up import coefficient_findings
 from auvident.storage.artifacts import json_bytes
 from tests.stages.diagnose.loop_chain import diagnosed, diagnosis, loop, small_case, small_fit
 
@@ -141,4 +141,4 @@ def test_cross_flow_is_a_multiple_of_its_estimate_where_there_is_one(estimate, c
         prior[i] = estimate * p[i]
     own = replace(case, setup=replace(case.setup, prior=prior))
     traced = Traced(own, fitted, replace(fitted, parameters=p), (), (), ())
-    assert [f.code for f in _coefficient_findings(traced)] == codes
+    assert [f.code for f in coefficient_findings(traced)] == codes

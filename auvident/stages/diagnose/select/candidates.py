@@ -1,4 +1,4 @@
-"""Candidates of a search: what was tried, how large it is, and what looks like it."""
+"""Candidates of a search: what was tried, what is known of it, and what looks like it."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,14 +7,14 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.schema.effects import BY_ID, EFFECTS, parameter_of
-from auvident.stages.diagnose.fit.case import Case
-from auvident.stages.diagnose.fit.fits import Fitted
+from auvident.stages.diagnose.fit.case import CHANNELS, Case
+from auvident.stages.diagnose.fit.fits import Fitted, check_cost, log_gain
 from auvident.stages.diagnose.score.first_order import Joint
-from auvident.stages.diagnose.select.rules import Account, Refusal
+from auvident.stages.diagnose.select import rules
+from auvident.stages.diagnose.select.records import Account
+from auvident.stages.diagnose.select.rule import Refusal, passes
 
 Array = npt.NDArray[Any]
-
-WORTH = 8.0  # [nats] to first order, to be refitted
 
 
 @dataclass(frozen=True)
@@ -82,14 +82,34 @@ def ranked(values: dict[str, float]) -> list[str]:
     return sorted(values, key=lambda name: (-values[name], name))
 
 
-def worth(gains: dict[str, float]) -> list[str]:
-    """Candidates with a gain worth a refit, best first."""
-    return [name for name in ranked(gains) if gains[name] > WORTH]
+def account_of(
+    case: Case, before: Fitted, fitted: Fitted, best_gain: float, settled: bool, promise: float
+) -> Account:
+    """What is known of a candidate, the last effect of a fit; see `Account`."""
+    effect, p = fitted.effects[-1], fitted.parameters
+    return Account(
+        id=effect,
+        gain=log_gain(before, fitted),
+        best_gain=best_gain,
+        parameters=len(case.positions(effect)),
+        size=size_of(case, effect, p),
+        falls=falls_of(case, before, fitted),
+        rms=tuple(fitted.rms.tolist()),
+        at_bound=at_bound(case, effect, p),
+        settled=settled,
+        promise=promise,
+        maneuvers=len(case.records),
+    )
 
 
-def scores_of(scores: dict[str, tuple[float, Array]]) -> dict[str, float]:
-    """Gains alone."""
-    return {c: s[0] for c, s in scores.items()}
+def falls_of(case: Case, before: Fitted, after: Fitted) -> dict[str, float]:
+    """Relative falls of the residual by channel; sensors that disagree count as one."""
+    falls = 1.0 - after.rms / before.rms
+    found = {name: float(fall) for name, fall in zip(CHANNELS, falls, strict=True)}
+    old, new = check_cost(case, before.parameters), check_cost(case, after.parameters)
+    if passes(old - new, rules.SENSORS):
+        found["sensors"] = 1.0 - float(np.sqrt(new / old))
+    return found
 
 
 def size_of(case: Case, effect: str, p: Array) -> float:

@@ -16,12 +16,10 @@ from auvident.schema.likeness import partners
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, log_gain
 from auvident.stages.diagnose.fit.refits import apart, from_both, prior_cost, without
+from auvident.stages.diagnose.select import rules
 from auvident.stages.diagnose.select.candidates import at_bound, size_of
-
-REMOVAL = 40.0  # [nats] an accepted effect that is worth less is taken out again
-SWAP = 15.0  # [nats] others in its place have to gain so much
-FEWER = 4.0  # ... and may lose so much when they have fewer parameters
-MOST_EXCHANGES = 2
+from auvident.stages.diagnose.select.records import Exchanged
+from auvident.stages.diagnose.select.rule import passes
 
 
 @dataclass(frozen=True)
@@ -56,18 +54,18 @@ def reconsider(
     list of str
         What was done, for people.
     """
-    newest, steps = current.effects[-1:], []
-    settled: tuple[str, ...] = ()
-    for _ in range(MOST_EXCHANGES):
-        wanted = exchanges(current, candidates, (*quiet, *settled), newest)
+    newest, done = current.effects[-1:], list[Exchange]()
+    while passes(len(done), rules.EXCHANGE_ON):
+        settled = [effect for exchange in done for effect in exchange.into]
+        wanted = exchanges(current, candidates, (*quiet, *settled), () if done else newest)
         found = _exchanged(case, current, list(wanted))
         if found is None:
             break
-        done, current = found
-        steps.append(str(done))
-        settled, newest = (*settled, *done.into), ()
-    current, removed = _removed(case, current, apart(current, (*quiet, *newest)))
-    return current, [*steps, *removed]
+        done.append(found[0])
+        current = found[1]
+    there = apart(current, quiet if done else (*quiet, *newest))
+    current, removed = _removed(case, current, there)
+    return current, [*map(str, done), *removed]
 
 
 def exchanges(
@@ -89,11 +87,13 @@ def exchanges(
 
 def _removed(case: Case, current: Fitted, effects: Sequence[str]) -> tuple[Fitted, list[str]]:
     """Take out those of some effects that are worth little beside the others."""
-    steps = []
-    for effect in effects if len(current.effects) > 1 else ():
+    steps = list[str]()
+    if not passes(len(current.effects), rules.RECONSIDER):
+        return current, steps
+    for effect in effects:
         rest = apart(current, (effect,))
         less = from_both(case, rest, without(case, current.parameters, (effect,)), current)
-        if less is not None and log_gain(less, current) < REMOVAL:
+        if less is not None and not passes(log_gain(less, current), rules.STAY):
             steps.append(f"{effect} removed: worth {log_gain(less, current):.0f} nats")
             current = less
     return current, steps
@@ -115,10 +115,13 @@ def _exchanged(
 def _pays(case: Case, before: Fitted, after: Fitted, exchange: Exchange) -> bool:
     """Whether an exchange gains enough, with effects of practical and plausible size."""
     p = after.parameters
-    if any(size_of(case, e, p) < 1.0 or at_bound(case, e, p) for e in exchange.into):
-        return False
-    fewer = len(after.free) < len(before.free)
-    return worth(case, after) - worth(case, before) > (-FEWER if fewer else SWAP)
+    exchanged = Exchanged(
+        size=min(size_of(case, e, p) for e in exchange.into),
+        at_bound=any(at_bound(case, e, p) for e in exchange.into),
+        gain=worth(case, after) - worth(case, before),
+        fewer=len(after.free) < len(before.free),
+    )
+    return passes(exchanged, rules.EXCHANGE)
 
 
 def worth(case: Case, fitted: Fitted) -> float:

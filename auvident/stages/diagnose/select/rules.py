@@ -1,4 +1,4 @@
-"""By what rules a search accepts an effect: each alone, in one table, on plain numbers.
+"""By what rules a search goes: each alone, in tables, on the plain numbers of `records`.
 
 Likelihood alone accepts nothing: any model is wrong in small ways that a long record shows. A
 candidate is refused by the first rule that it fails; what refused it stands in the artifact with
@@ -6,103 +6,95 @@ its evidence and its threshold.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
 
-from auvident.stages.diagnose.score.left_out import Helped
+from auvident.stages.diagnose.select.records import (
+    Accepted,
+    Account,
+    Begun,
+    Beside,
+    Containing,
+    Exchanged,
+    Nuisance,
+    Rival,
+    Screened,
+)
+from auvident.stages.diagnose.select.rule import Refusal, Rule, passes
+
+# --- which candidates are refitted, how far and from where --------------------------------------
+
+WORTH = 8.0  # [nats] to first order, to be refitted
+SCREENED, SCREENED_FAST = 7, 4  # so many of each list
+ACCOMPANIED = 2  # what looks like so many of the best is refitted with them
+REFITTED = 4  # to the end
+HOPELESS = 0.3  # a candidate with less than this share of the best one's promise is not finished
+OF_BEST = 0.5  # a candidate must gain this share of the best one's
+WORTH_A_START = 30.0  # [nats] to be fitted from a second start as well
+SECOND_STARTS = 2  # so many of the best are fitted from the analytical estimate as well
+# [nats] by which a model has to be the better one, for others to be fitted again: where it was not
+# stuck it came out better by 0 to 10 (seed 1601), where it was by 615
+STUCK = 20.0
+
+
+def _share(part: float, whole: float, of_nothing: float) -> float:
+    return part / whole if whole > 0.0 else of_nothing
+
+
+_WORTH_A_REFIT = Rule[Screened]("worth", "it promises likelihood", lambda s: s.gain, WORTH)
+SCREEN: tuple[Rule[Screened], ...] = (
+    _WORTH_A_REFIT,
+    Rule("place", "it is among the best", lambda s: s.place, most=SCREENED - 1),
+)
+# ... of the list by residuals that an observer has left only what is fast
+SCREEN_FAST: tuple[Rule[Screened], ...] = (
+    _WORTH_A_REFIT,
+    Rule("place", "it is among the best", lambda s: s.place, most=SCREENED_FAST - 1),
+)
+ACCOMPANY: tuple[Rule[Screened], ...] = (
+    Rule("place", "it leads the short list", lambda s: s.place, most=ACCOMPANIED - 1),
+)
+LEAD: tuple[Rule[int], ...] = (
+    Rule("place", "it is one of those that lead", lambda place: place, most=REFITTED - 1),
+)
+FINISH: tuple[Rule[Begun], ...] = (
+    Rule("place", "it is one of those that lead", lambda b: b.place, most=REFITTED - 1),
+    Rule(
+        "hopeless",
+        "it promises enough beside the best",
+        lambda b: _share(b.promise, b.best_promise, 1.0),
+        HOPELESS,
+    ),
+)
+# ... or one of these
+FINISH_ANYWAY: tuple[Rule[Begun], ...] = (
+    Rule("steady", "it shows as a leading one does", lambda b: b.beside_steady, 1.0),
+    Rule("rival", "it gains already", lambda b: _share(b.gain, b.best_gain, 0.0), OF_BEST),
+)
+AFRESH: tuple[Rule[Begun], ...] = (
+    Rule("worth-a-start", "the best promises much", lambda b: b.best_promise, WORTH_A_START),
+    Rule(
+        "place",
+        "it is among the first, or shows as a leading one does",
+        lambda b: -1 if b.beside_steady else b.place,
+        most=SECOND_STARTS - 1,
+    ),
+)
+# one of these, to be fitted again from where the best one lies
+AGAIN: tuple[Rule[Rival], ...] = (
+    Rule("stuck", "the model was stuck", lambda r: r.moved, STUCK),
+    Rule("rival", "it is a rival", lambda r: _share(r.gain, r.best_gain, 0.0), OF_BEST),
+)
+
+# --- which of them is accepted ------------------------------------------------------------------
 
 LEAST_GAIN = 100.0  # [nats]
-OF_BEST = 0.5  # a candidate must gain this share of the best one's
 # Of the rms of some channel. Planted effects made it fall by 0.29 and more, what a model of a
 # healthy vehicle lacks by 0.14 at most (50 generated trials, seeds 1000 to 1049).
 LEAST_FALL = 0.2
+CHECK_GAIN = 12.0  # [nats] a sensor check that is reconciled counts as a channel
 LEAST_MANEUVERS = 2  # without which none can be left out
 LEAST_SHARE = 0.6  # of the maneuvers left out that an effect has to help
 SURE_SHARE = 0.7  # ... and from which on one bad place does not count against it
-SIMPLER, SIMPLER_LEAST = 0.04, 4.0  # an effect with fewer parameters may gain so much less [nats]
-ALIKE = 0.12  # effects that gain all but this share of the best are not told apart
-ALIKE_LEAST = 12.0  # [nats] nor those within this
-RMS_ALIKE = 1.15  # ... and leave no residual larger by more
-MOST_QUIET = 2  # effects taken along without a claim
 POSITIVE = 1.0e-9  # least bound of a gain that counts as above zero [nats]
-
-
-@dataclass(frozen=True)
-class Account:
-    """What is known of a candidate once it has been fitted.
-
-    Attributes
-    ----------
-    id : str
-    gain : float
-        Rise of the log-likelihood [nats].
-    best_gain : float
-        That of the best candidate of the round [nats].
-    parameters : int
-        How many it has.
-    size : float
-        In practical sizes, beyond what every model is expected to have.
-    falls : mapping
-        Relative fall of the rms of the residual by channel.
-    rms : tuple of float
-        Of the residual with it, by channel.
-    at_bound : bool
-        A parameter lies at a physical bound other than off.
-    settled : bool
-        The fit has converged; false where it was given up as hopeless.
-    promise : float
-        The most that the first steps of a fit let one hope for [nats].
-    maneuvers : int
-        That identify.
-    helped : Helped or None
-        What it does for maneuvers left out, once that was tried.
-    """
-
-    id: str
-    gain: float
-    best_gain: float
-    parameters: int
-    size: float
-    falls: Mapping[str, float]
-    rms: tuple[float, ...]
-    at_bound: bool
-    settled: bool
-    promise: float
-    maneuvers: int
-    helped: Helped | None = None
-
-
-@dataclass(frozen=True)
-class Refusal:
-    """Why a candidate is not accepted: the rule, what it looked at and what it asks for."""
-
-    code: str
-    text: str
-    evidence: float | None = None
-    threshold: float | None = None
-
-
-@dataclass(frozen=True)
-class Rule:
-    """A rule of the search: evidence of a candidate that must reach a threshold.
-
-    Attributes
-    ----------
-    code : str
-    asks : str
-        What it asks for, for people.
-    evidence : callable
-    least : float
-    words : str
-        Why a candidate that fails it is refused; fields ``evidence``, ``least``, ``promise``,
-        ``share`` (of the maneuvers left out, in percent).
-    """
-
-    code: str
-    asks: str
-    evidence: Callable[[Account], float]
-    least: float
-    words: str
 
 
 def _bound_of_gain(account: Account) -> float:
@@ -117,164 +109,162 @@ def _share_helped(account: Account) -> float:
     return math.inf if found is None else max(found.share, found.deciding)
 
 
-RULES: tuple[Rule, ...] = (
+RULES: tuple[Rule[Account], ...] = (
     Rule(
         "unsettled",
         "its fit has converged",
-        lambda a: float(a.settled),
+        lambda a: a.settled,
         1.0,
-        "promises {promise:.0f} nats, too few beside the best to be fitted to the end",
+        words="promises {promise:.0f} nats, too few beside the best to be fitted to the end",
     ),
     Rule(
         "gain",
         "it gains likelihood",
         lambda a: a.gain,
         LEAST_GAIN,
-        "gains {evidence:.0f} nats, less than {least:.0f}",
+        words="gains {evidence:.0f} nats, less than {least:.0f}",
     ),
     Rule(
         "of-best",
         "it is no by-product of another",
         lambda a: a.gain / a.best_gain,
         OF_BEST,
-        "gains less than half of the best one",
+        words="gains less than half of the best one",
     ),
     Rule(
         "small",
         "it is large enough to matter",
         lambda a: a.size,
         1.0,
-        "smaller than of practical interest",
+        words="smaller than of practical interest",
     ),
     Rule(
         "no-fall",
         "some residual becomes clearly smaller",
         lambda a: max(a.falls.values()),
         LEAST_FALL,
-        f"no residual falls by {100 * LEAST_FALL:.0f} %",
+        words=f"no residual falls by {100 * LEAST_FALL:.0f} %",
     ),
     Rule(
         "bound",
         "its size is plausible",
-        lambda a: float(not a.at_bound),
+        lambda a: not a.at_bound,
         1.0,
-        "at the bound of what is plausible",
+        words="at the bound of what is plausible",
     ),
     Rule(
         "maneuvers",
         "there is another maneuver to try it on",
-        lambda a: float(a.maneuvers),
+        lambda a: a.maneuvers,
         LEAST_MANEUVERS,
-        "there is no other maneuver to try it on",
+        words="there is no other maneuver to try it on",
     ),
 )
 # ... and once it was tried on maneuvers left out of its fit
-RULES_LEFT_OUT: tuple[Rule, ...] = (
+RULES_LEFT_OUT: tuple[Rule[Account], ...] = (
     Rule(
         "share-helped",
         "it helps most of the maneuvers left out",
         _share_helped,
         LEAST_SHARE,
-        "helps only {share:.0f} % of the maneuvers left out",
+        words="helps only {share:.0f} % of the maneuvers left out",
     ),
     Rule(
         "by-chance",
         "it helps them more than chance would",
         _bound_of_gain,
         POSITIVE,
-        "helps the maneuvers left out no more than chance would",
+        words="helps the maneuvers left out no more than chance would",
     ),
 )
 ANOTHER = Refusal("another", "another gains more")
+SENSORS: tuple[Rule[float], ...] = (
+    Rule("reconciled", "sensors agree better with it [nats]", lambda gain: gain, CHECK_GAIN),
+)
 
+# --- what is accepted in its place, cannot be told from it, or is taken along -------------------
 
-def refusal_of(account: Account, rules: Sequence[Rule]) -> Refusal | None:
-    """The first rule that a candidate fails; None where it passes all."""
-    for rule in rules:
-        value = rule.evidence(account)
-        if not value >= rule.least:
-            share = 100.0 * account.helped.share if account.helped else 0.0
-            text = rule.words.format(
-                evidence=value, least=rule.least, promise=account.promise, share=share
-            )
-            return Refusal(rule.code, text, float(value), rule.least)
-    return None
+SIMPLE = 0.04  # an effect with fewer parameters may gain this share less
+ALIKE_SHARE = 0.12  # effects that gain all but this share of the best are not told apart
+RMS_ALIKE = 1.15  # ... and leave no residual larger by more
+CONTAINS = 0.98  # cosine from which on an effect is a special case of another with more parameters
+MOST_QUIET = 2  # effects taken along without a claim
+CLAIMED_FROM = 300.0  # [nats] from which on a term of higher order that comes first is claimed
 
+SIMPLER: tuple[Rule[Beside], ...] = (
+    Rule(
+        "fewer",
+        "it has fewer parameters",
+        lambda b: b.accepted.parameters - b.other.parameters,
+        1.0,
+    ),
+    Rule("gain", "it gains nearly as much", lambda b: b.gain_share, 1.0 - SIMPLE),
+    Rule("sound", "it meets all rules by itself", lambda b: passes(b.other, RULES), 1.0),
+)
+ALIKE: tuple[Rule[Beside], ...] = (
+    Rule("gain", "it gains about as much", lambda b: b.gain_share, 1.0 - ALIKE_SHARE),
+    Rule("small", "it is large enough to matter", lambda b: b.other.size, 1.0),
+    Rule("rms", "it leaves no residual larger", lambda b: b.rms_ratio, most=RMS_ALIKE),
+)
+CONTAIN: tuple[Rule[Containing], ...] = (
+    Rule("further", "it has more parameters", lambda c: c.further, 1.0),
+    Rule("cosine", "the other is a special case of it", lambda c: c.cosine, CONTAINS),
+)
+TAKE_ALONG: tuple[Rule[Nuisance], ...] = (
+    Rule("quiet", "few are taken along yet", lambda n: n.quiet, most=MOST_QUIET - 1),
+    Rule("small", "it is small", lambda n: n.refused_as in ("small", "no-fall"), 1.0),
+    Rule("hides", "another stands behind it", lambda n: n.hidden_gain, LEAST_GAIN),
+    Rule("rms", "no channel pays for it", lambda n: n.rms_ratio, most=RMS_ALIKE),
+    Rule("gain", "it gains likelihood", lambda n: n.gain, LEAST_GAIN),
+)
+CLAIM: tuple[Rule[Accepted], ...] = (
+    Rule(
+        "first",
+        "a term of higher order comes first",
+        lambda a: a.before if a.higher_order else 0,
+        most=0.0,
+    ),
+    Rule(
+        "gain",
+        "a term of higher order gains much",
+        lambda a: a.gain if a.higher_order else math.inf,
+        CLAIMED_FROM,
+    ),
+)
 
-Judged = tuple[Account, Refusal | None]
+# --- when the search goes on, and what is taken back --------------------------------------------
 
+MOST_EFFECTS = 4
+MOST_EXCHANGES = 2
+REMOVAL = 40.0  # [nats] an accepted effect that is worth less is taken out again
+SWAP = 15.0  # [nats] others in its place have to gain so much
+FEWER = 4.0  # ... and may lose so much when they have fewer parameters
 
-def judge(accounts: Sequence[Account], leave_out: Callable[[Account], Helped]) -> list[Judged]:
-    """Test candidates in their order; the first that passes is the one without a refusal.
-
-    Parameters
-    ----------
-    accounts : sequence of Account
-        Largest gain first.
-    leave_out : callable
-        Tries a candidate on maneuvers left out; called only until one is accepted.
-    """
-    judged: list[Judged] = []
-    accepted = False
-    for account in accounts:
-        refusal = refusal_of(account, RULES)
-        if refusal is None and accepted:
-            refusal = ANOTHER
-        elif refusal is None:
-            account = replace(account, helped=leave_out(account))
-            refusal = refusal_of(account, RULES_LEFT_OUT)
-            accepted = refusal is None
-        judged.append((account, refusal))
-    return simplest(judged)
-
-
-def simplest(judged: Sequence[Judged]) -> list[Judged]:
-    """The same with a candidate of fewer parameters accepted, if it gains nearly as much."""
-    accepted = next((a for a, refusal in judged if refusal is None), None)
-    if accepted is None:
-        return list(judged)
-    least = accepted.gain - max(SIMPLER * accepted.gain, SIMPLER_LEAST)
-    for account, _ in judged:
-        fewer = account.parameters < accepted.parameters
-        if fewer and account.gain >= least and refusal_of(account, RULES) is None:
-            text = f"{account.id} does as well with less"
-            instead: dict[str, Refusal | None] = {
-                accepted.id: Refusal("simpler", text),
-                account.id: None,
-            }
-            return [(a, instead.get(a.id, refusal)) for a, refusal in judged]
-    return list(judged)
-
-
-def told_apart_from(accepted: Account, accounts: Sequence[Account]) -> tuple[str, ...]:
-    """Candidates that explain the data as well as the accepted one."""
-    least = accepted.gain - max(ALIKE * accepted.gain, ALIKE_LEAST)
-    return tuple(
-        a.id
-        for a in accounts
-        if a.id != accepted.id
-        and a.gain >= least
-        and a.size >= 1.0
-        and all(own <= RMS_ALIKE * best for own, best in zip(a.rms, accepted.rms, strict=True))
-    )
-
-
-def nuisance_of(judged: Sequence[Judged], rms_before: Sequence[float], quiet: int) -> str | None:
-    """A small effect that stands before others, to be taken along without a claim.
-
-    Parameters
-    ----------
-    judged : sequence of (Account, Refusal)
-        Of a round in which none was accepted, largest gain first.
-    rms_before : sequence of float
-        Of the residual without any of them, by channel.
-    quiet : int
-        Effects that are taken along already.
-    """
-    if not judged or quiet >= MOST_QUIET:
-        return None
-    (first, refusal), *others = judged
-    hidden = any(a.gain > LEAST_GAIN for a, _ in others)
-    worse = any(own > RMS_ALIKE * b for own, b in zip(first.rms, rms_before, strict=True))
-    small = refusal is not None and refusal.code in ("small", "no-fall")
-    return first.id if small and hidden and not worse and first.gain >= LEAST_GAIN else None
+GO_ON: tuple[Rule[int], ...] = (
+    Rule("named", "few effects are named yet", lambda named: named, most=MOST_EFFECTS - 1),
+)
+EXCHANGE_ON: tuple[Rule[int], ...] = (
+    Rule("done", "few exchanges are made yet", lambda done: done, most=MOST_EXCHANGES - 1),
+)
+EXCHANGE: tuple[Rule[Exchanged], ...] = (
+    Rule("small", "every new one is large enough to matter", lambda e: e.size, 1.0),
+    Rule("bound", "their sizes are plausible", lambda e: not e.at_bound, 1.0),
+    Rule(
+        "swap",
+        "others in its place gain",
+        lambda e: math.inf if e.fewer else e.gain,
+        SWAP,
+    ),
+    Rule(
+        "fewer",
+        "fewer parameters lose little",
+        lambda e: e.gain if e.fewer else math.inf,
+        -FEWER,
+    ),
+)
+RECONSIDER: tuple[Rule[int], ...] = (
+    Rule("others", "there are others beside it", lambda effects: effects, 2),
+)
+STAY: tuple[Rule[float], ...] = (
+    Rule("removal", "it is worth its place [nats]", lambda worth: worth, REMOVAL),
+)

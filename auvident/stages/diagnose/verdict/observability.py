@@ -1,16 +1,18 @@
 """What these maneuvers can show, cannot show and cannot separate; no residual is looked at."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from auvident.schema.diagnosis import Detectable, Lookalikes
-from auvident.schema.effects import BY_ID, parameter_of
-from auvident.schema.likeness import LIKENESSES
+from auvident.schema.effects import BY_ID, LIKENESSES, parameter_of
 from auvident.stages.diagnose.fit.fits import check_cost
 from auvident.stages.diagnose.score.first_order import Joint, cosine, unabsorbed
-from auvident.stages.diagnose.select.rules import LEAST_FALL, LEAST_GAIN
-from auvident.stages.diagnose.select.search import CHECK_GAIN
+from auvident.stages.diagnose.select.rules import CHECK_GAIN, LEAST_FALL, LEAST_GAIN
+
+Array = npt.NDArray[Any]
 
 MARGIN = 1.3  # stated sizes leave room for the scatter of an estimate
 PLAUSIBLE = 3.0  # an effect that must exceed so many priors to be seen is not visible
@@ -26,32 +28,36 @@ def detectable(joint: Joint, candidates: Sequence[str]) -> tuple[Detectable, ...
 
 
 def _rows(joint: Joint, effect: str) -> list[Detectable]:
-    case, found = joint.case, []
-    positions = case.positions(effect)
+    positions = joint.case.positions(effect)
     information, kept, rms = unabsorbed(joint, positions)
-    for k, i in enumerate(positions):
-        declared = parameter_of(case.names[i])
-        unit = case.setup.prior_std[i] / declared.prior  # internal value of one table unit
-        by_gain = np.sqrt(2.0 * LEAST_GAIN / max(information[k, k], 1e-12))
-        by_fall = np.min(SHARE_OF_RMS * joint.fitted.rms / np.maximum(rms[k], 1e-15))
-        size = max(by_gain, float(by_fall)) * MARGIN * declared.prior
-        size = max(min(size, _by_checks(joint, i)), declared.practical)
-        visible = size < PLAUSIBLE * declared.prior and (
-            kept[k] > ABSORBED or np.isfinite(_by_checks(joint, i))
-        )
-        found.append(
-            Detectable(
-                id=effect,
-                family=BY_ID[effect].family,
-                symbol=declared.symbol,
-                size=declared.shown(min(size, 1e3 * declared.prior) * unit)[0],
-                unit=declared.unit,
-                visible=bool(visible),
-                kept=float(np.clip(kept[k], 0.0, 1.0)),
-                why="" if visible else _why(float(kept[k]), joint, effect),
-            )
-        )
-    return found
+    return [
+        _row(joint, effect, i, float(information[k, k]), float(kept[k]), rms[k])
+        for k, i in enumerate(positions)
+    ]
+
+
+def _row(
+    joint: Joint, effect: str, i: int, information: float, kept: float, rms: Array
+) -> Detectable:
+    """One parameter, by its position, with what the fitted model cannot take up of it."""
+    declared = parameter_of(joint.case.names[i])
+    unit = joint.case.setup.prior_std[i] / declared.prior  # internal value of one table unit
+    by_gain = np.sqrt(2.0 * LEAST_GAIN / max(information, 1e-12))
+    by_fall = np.min(SHARE_OF_RMS * joint.fitted.rms / np.maximum(rms, 1e-15))
+    size = max(by_gain, float(by_fall)) * MARGIN * declared.prior
+    size = max(min(size, _by_checks(joint, i)), declared.practical)
+    told = kept > ABSORBED or bool(np.isfinite(_by_checks(joint, i)))
+    visible = bool(size < PLAUSIBLE * declared.prior and told)
+    return Detectable(
+        id=effect,
+        family=BY_ID[effect].family,
+        symbol=declared.symbol,
+        size=declared.shown(min(size, 1e3 * declared.prior) * unit)[0],
+        unit=declared.unit,
+        visible=visible,
+        kept=float(np.clip(kept, 0.0, 1.0)),
+        why="" if visible else _why(kept, joint, effect),
+    )
 
 
 def _by_checks(joint: Joint, position: int) -> float:

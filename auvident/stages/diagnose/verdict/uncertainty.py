@@ -8,11 +8,12 @@ import numpy.typing as npt
 from scipy.special import stdtrit
 
 from auvident.schema.diagnosis import ParameterValue
-from auvident.schema.effects import EFFECTS, parameter_of
+from auvident.schema.effects import BY_ID, EFFECTS, parameter_of
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, prior_of, record_parts
 from auvident.stages.diagnose.score.left_out import MOST_FITS, leave_out
 from auvident.stages.diagnose.select.candidates import open_of
+from auvident.stages.diagnose.select.instants import instant_of, span_of
 
 Array = npt.NDArray[Any]
 
@@ -67,3 +68,20 @@ def effect_values(case: Case, effect: str, p: Array, stds: Array) -> tuple[Param
             )
         )
     return tuple(found)
+
+
+def time_of(case: Case, effect: str, p: Array) -> ParameterValue | None:
+    """Time of an effect as the log of the first trial counts it, with the interval it lies in."""
+    instant, declared = instant_of(case, effect), BY_ID[effect].instant
+    if instant is None or declared is None:
+        return None
+    first, half = case.records[0], 0.5 * float(p[instant.width])
+    time = float(p[instant.time] + first.time_s[0] - span_of(first)[0])
+    return ParameterValue(
+        symbol=declared.symbol,
+        value=time,
+        std=half / 3.0**0.5,
+        unit=declared.unit,
+        low=time - half,
+        high=time + half,
+    )

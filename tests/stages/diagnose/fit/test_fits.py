@@ -24,7 +24,7 @@ from auvident.stages.diagnose.fit.fits import (
     white_error,
 )
 from auvident.stages.diagnose.fit.refits import SETTLED, nested, refit, settled
-from auvident.stages.diagnose.select.search import at_bound, size_of
+from auvident.stages.diagnose.select.candidates import at_bound, size_of
 from tests.stages.diagnose.loop_chain import loop, small_case, small_fit, theta_of
 
 LAG = "rudder_lag.lag_s"

@@ -15,7 +15,9 @@ from auvident.stages.diagnose.score.left_out import (
     helped,
     leave_out,
 )
-from auvident.stages.diagnose.select.rules import RULES_LEFT_OUT, Account, refusal_of
+from auvident.stages.diagnose.select.records import Account
+from auvident.stages.diagnose.select.rule import refusal_of
+from auvident.stages.diagnose.select.rules import RULES_LEFT_OUT
 from tests.stages.diagnose.loop_chain import small_case, small_fit
 
 POISONED = 2

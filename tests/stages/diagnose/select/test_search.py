@@ -1,14 +1,20 @@
-"""What a search does with candidates that lie in valleys of their own."""
+"""What a search does with candidates: in valleys of their own, and from round to round."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from auvident.stages.diagnose.fit.fits import Fitted
-from auvident.stages.diagnose.select import search
-from auvident.stages.diagnose.select.search import STUCK, Search
+from auvident.stages.diagnose.fit.fits import Fitted, log_gain
+from auvident.stages.diagnose.score.first_order import Score
+from auvident.stages.diagnose.score.left_out import Helped
+from auvident.stages.diagnose.select import held_back, refitting, search
+from auvident.stages.diagnose.select.candidates import Traced, Tried
+from auvident.stages.diagnose.select.rules import STUCK
+from auvident.stages.diagnose.select.screen import Screen
+from auvident.stages.diagnose.select.search import Search
+from tests.stages.diagnose.select.test_rules import GOOD
 
 PLACES = {"a": [2], "b": [3], "c": [4]}  # behind two coefficients
 
@@ -19,6 +25,9 @@ class Places:
 
     def positions(self, effect: str) -> list[int]:
         return PLACES[effect]
+
+
+CASE: Any = Places()
 
 
 def fitted(likelihood: float, *values: float, effects: tuple[str, ...] = ()) -> Fitted:
@@ -42,10 +51,13 @@ def unstuck(monkeypatch: pytest.MonkeyPatch, polished: float) -> tuple[dict, lis
         gained = FOUND[effects[-1]].log_likelihood + 50.0
         return fitted(gained, *start[0], effects=effects)
 
-    monkeypatch.setattr(search, "refit", again)
-    own = Search(Places(), ("a", "b", "c"), np.random.default_rng(0))  # type: ignore[arg-type]
-    monkeypatch.setattr(own, "_polished", lambda *_: fitted(polished, 4.0, 5.0, 0.0, 0.0, 0.0))
-    return own._unstuck(BEFORE, dict(FOUND))[1], starts
+    def model(case, effects, start, colours, **_) -> Fitted:
+        assert start.tolist() == [5.0, 6.0, 0.0, 0.0, 0.0]  # where the best lies, without it
+        return fitted(polished, 4.0, 5.0, 0.0, 0.0, 0.0)
+
+    monkeypatch.setattr(refitting, "refit", again)
+    monkeypatch.setattr(refitting, "fit_with", model)
+    return refitting.unstuck(CASE, BEFORE, dict(FOUND))[1], starts
 
 
 def test_a_rival_is_fitted_from_where_the_best_candidate_lies(monkeypatch) -> None:
@@ -63,12 +75,147 @@ def test_beside_a_model_that_was_stuck_all_that_lead_are_fitted_again(monkeypatc
 
 
 def test_a_worse_fit_is_not_taken(monkeypatch) -> None:
-    monkeypatch.setitem(FOUND, "b", fitted(690.0, 1.1, 1.2, 0.0, 3.0, 0.0, effects=("b",)))
+    close = {**FOUND, "b": fitted(690.0, 1.1, 1.2, 0.0, 3.0, 0.0, effects=("b",))}
 
     def worse(case, effects, start, like) -> Fitted:
         return fitted(1.0, *start[0], effects=effects)
 
-    own = Search(Places(), ("a", "b", "c"), np.random.default_rng(0))  # type: ignore[arg-type]
-    monkeypatch.setattr(own, "_polished", lambda *_: BEFORE)
-    monkeypatch.setattr(search, "refit", worse)
-    assert own._unstuck(BEFORE, dict(FOUND))[1]["b"] is FOUND["b"]
+    monkeypatch.setattr(refitting, "refit", worse)
+    monkeypatch.setattr(refitting, "fit_with", lambda *_, **__: fitted(-1.0, *[0.0] * 5))
+    before, found = refitting.unstuck(CASE, BEFORE, close)
+    assert before is BEFORE and found["b"] is close["b"]
+
+
+def test_the_short_list_is_fitted_to_the_end_and_held_against_the_polished_model(
+    monkeypatch,
+) -> None:
+    """Each step of it shows in what is told of the candidates."""
+    gained = {"end": 40.0, "nested": 3.0}  # of every fit, by each of these steps
+
+    def more(fit: Fitted, step: str) -> Fitted:
+        return replace(fit, log_likelihood=fit.log_likelihood + gained[step])
+
+    polished = fitted(100.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+    score = Score(20.0, BEFORE.parameters)
+    screened = Screen(None, dict.fromkeys(FOUND, score), tuple(FOUND))  # type: ignore[arg-type]
+    monkeypatch.setattr(refitting, "begun", lambda case, before, c, scored: FOUND[c])
+    monkeypatch.setattr(refitting, "to_the_end", lambda case, fit, afresh: more(fit, "end"))
+    monkeypatch.setattr(refitting, "unstuck", lambda case, before, found: (polished, found))
+    monkeypatch.setattr(refitting, "nested", lambda case, before, fit: more(fit, "nested"))
+    monkeypatch.setattr(refitting, "steady", lambda effect: ())
+    told: dict[str, tuple[float, ...]] = {}
+
+    def account_of(case, before, fit, best, settled, promise):
+        told[fit.effects[-1]] = (log_gain(before, fit), best, settled, promise)
+        return replace(GOOD, id=fit.effects[-1], gain=log_gain(before, fit))
+
+    monkeypatch.setattr(refitting, "account_of", account_of)
+    before, tried = refitting.refitted(CASE, BEFORE, screened)
+    assert before is polished and [t.id for t in tried] == ["a", "b", "c"]
+    assert told == {
+        "a": (643.0, 643.0, True, 700.0),
+        "b": (343.0, 643.0, True, 400.0),
+        "c": (-67.0, 643.0, False, 30.0),  # hopeless, and not finished
+    }
+
+
+# --- from round to round -------------------------------------------------------------------
+
+HIGHER = "sway_cross_flow"  # a term of higher order
+Round = dict[str, dict[str, Any]]  # by candidate what its account has
+
+
+TIMED = np.full(3, 1.25)  # residual of a model whose times were looked for
+CONTAINED = {"rudder_offset": ["hull_asymmetry"]}
+LOST = ("gyro_scale", "roll_coupling")  # for the first of these the second is put in
+
+
+def seen_together(
+    case: Any, candidates: Any, current: Fitted, quiet: Any
+) -> tuple[Fitted, list[str]]:
+    """An exchange of one effect for another; the others stay."""
+    swapped = tuple(LOST[1] if e == LOST[0] else e for e in current.effects)
+    return replace(current, effects=swapped), ["swapped"] * (swapped != current.effects)
+
+
+def traced(monkeypatch: pytest.MonkeyPatch, *rounds: Round) -> Traced:
+    """A search in which each round finds what it is told, and nothing more after the last."""
+    left = list(rounds)
+
+    def refits(case: Any, before: Fitted, screened: Screen) -> tuple[Fitted, list[Tried]]:
+        found = []
+        for name, update in (left.pop(0) if left else {}).items():
+            own = fitted(before.log_likelihood, *[0.0] * 5, effects=(*before.effects, name))
+            account = replace(GOOD, id=name, helped=None, rms=(1.0, 1.0, 1.0), **update)
+            found.append(Tried(own, account))
+        return before, found
+
+    monkeypatch.setattr(search, "with_best_times", lambda case, fit, c: replace(fit, rms=TIMED))
+    monkeypatch.setattr(search, "screen", lambda *_: Screen(None, {}, ()))  # type: ignore[arg-type]
+    monkeypatch.setattr(search, "refitted", refits)
+    monkeypatch.setattr(search, "containing", lambda joint, c, effect: CONTAINED.get(effect, []))
+    monkeypatch.setattr(search, "reconsider", seen_together)
+    monkeypatch.setattr(held_back, "leave_out", lambda *_: None)
+    monkeypatch.setattr(held_back, "check_cost", lambda *_: 0.0)
+    monkeypatch.setattr(held_back, "helped", lambda *_: Helped(500.0, 0.9, 300.0, 0.9, 0.003))
+    own = Search(CASE, ("a", "b", "c"), np.random.default_rng(0))
+    return own.trace(BEFORE)
+
+
+def refusals(found: Traced, number: int = 0) -> dict[str, str]:
+    return {t.id: t.refusal.code if t.refusal else "" for t in found.rounds[number].tried}
+
+
+def test_what_is_accepted_joins_the_model_until_nothing_is(monkeypatch) -> None:
+    found = traced(monkeypatch, {"current": {}}, {"gyro_bias": {}})
+    assert found.named == found.final.effects == ("current", "gyro_bias")
+    assert found.steps == ("current added: 800 nats", "gyro_bias added: 800 nats")
+    assert [r.accepted for r in found.rounds] == ["current", "gyro_bias", None]
+    helped = found.rounds[0].tried[0].account.helped
+    assert helped is not None and helped.p == pytest.approx(3 * 0.003)  # the best of three
+
+
+def test_effects_are_seen_together_after_each_that_is_accepted(monkeypatch) -> None:
+    found = traced(monkeypatch, {LOST[0]: {}}, {"current": {}})
+    assert found.final.effects == (LOST[1], "current")
+    assert found.steps == (f"{LOST[0]} added: 800 nats", "swapped", "current added: 800 nats")
+
+
+def test_times_are_looked_for_before_anything_else(monkeypatch) -> None:
+    found = traced(monkeypatch, {"current": {}})
+    assert [r.before.rms is TIMED for r in found.rounds] == [True, True]
+    assert found.baseline is BEFORE
+
+
+def test_what_lies_at_a_bound_is_not_accepted(monkeypatch) -> None:
+    found = traced(monkeypatch, {"current": {"at_bound": True}})
+    assert (found.named, refusals(found)) == ((), {"current": "bound"})
+
+
+def test_the_simpler_one_is_accepted_in_place_of_the_best(monkeypatch) -> None:
+    pair = {"current": {}, "gyro_bias": {"gain": 790.0, "parameters": 1}}
+    found = traced(monkeypatch, pair)
+    assert found.named == ("gyro_bias",)
+    assert refusals(found) == {"current": "simpler", "gyro_bias": ""}
+
+
+def test_what_explains_the_data_as_well_stands_beside_what_is_accepted(monkeypatch) -> None:
+    found = traced(monkeypatch, {"current": {}, "gyro_bias": {"gain": 790.0}})
+    assert found.rounds[0].alike == ("current", "gyro_bias")
+    assert traced(monkeypatch, {"current": {}}).rounds[0].alike == ()
+    special = traced(monkeypatch, {"rudder_offset": {}})
+    assert special.rounds[0].alike == ("rudder_offset", "hull_asymmetry")
+
+
+def test_what_is_small_and_hides_others_is_taken_along(monkeypatch) -> None:
+    first = {HIGHER: {"size": 0.5}, "current": {"gain": 300.0}}
+    found = traced(monkeypatch, first, {"current": {}})
+    assert found.final.effects == (HIGHER, "current")
+    assert (found.quiet, found.named) == ((HIGHER,), ("current",))
+    assert found.steps[0] == f"{HIGHER} taken along: 800 nats, too small to matter"
+
+
+def test_a_term_of_higher_order_behind_another_is_not_claimed(monkeypatch) -> None:
+    found = traced(monkeypatch, {"current": {}}, {HIGHER: {}})
+    assert (found.quiet, found.named) == ((HIGHER,), ("current",))
+    assert traced(monkeypatch, {HIGHER: {}}).named == (HIGHER,)

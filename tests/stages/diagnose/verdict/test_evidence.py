@@ -13,7 +13,7 @@ from auvident.stages.diagnose.score.first_order import joint_about
 from auvident.stages.diagnose.score.free_forces import FreeForce
 from auvident.stages.diagnose.score.left_out import Helped
 from auvident.stages.diagnose.select.candidates import Round, Traced, Tried
-from auvident.stages.diagnose.select.rules import Account
+from auvident.stages.diagnose.select.records import Account
 from auvident.stages.diagnose.verdict.document import diagnosis_of
 from auvident.stages.diagnose.verdict.evidence import Evidence
 from tests.stages.diagnose.loop_chain import loop, small_case, small_fit
@@ -59,7 +59,7 @@ def force(gain: float) -> FreeForce:
 
 def said(found: Evidence) -> Diagnosis:
     made = loop("harbour_trial")
-    return diagnosis_of(found, made.model, made.chain.maneuvers)
+    return diagnosis_of(found, made.model)
 
 
 def test_an_effect_that_stands_alone_is_found() -> None:

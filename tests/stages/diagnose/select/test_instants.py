@@ -15,19 +15,19 @@ from auvident.schema.diagnosis import EffectFound, ParameterValue
 from auvident.schema.effect_words import plain
 from auvident.stages.diagnose.fit.case import ACTIVE, Case, case_of
 from auvident.stages.diagnose.fit.fits import NOTHING, Fitted, first_colours, fit_with
-from auvident.stages.diagnose.select.thrust_time import (
-    FINE_S,
-    OVER,
-    STEP,
-    TIME,
+from auvident.stages.diagnose.select.instants import (
+    Instant,
+    instant_of,
     possible_times,
     records_between,
-    step_time,
-    with_best_time,
+    with_best_times,
 )
+from auvident.stages.diagnose.verdict.uncertainty import time_of
 from auvident.stages.identify import without_held_out
 from tests.stages.diagnose.loop_chain import loop
 
+STEP = "thrust_step"
+FINE_S = 2.0  # of its grid
 FRACTION = 0.15
 EDGE_S = 6.0  # a step in the last seconds of a maneuver hardly shows in it
 
@@ -50,6 +50,12 @@ def fitted() -> Fitted:
     """The identified model, as it is."""
     p = case().at_rest(case().identified)
     found = fit_with(case(), (), p, first_colours(case(), p), rounds=1, steps=1)
+    assert found is not None
+    return found
+
+
+def instant() -> Instant:
+    found = instant_of(case(), STEP)
     assert found is not None
     return found
 
@@ -81,10 +87,10 @@ def with_step(records: Sequence[Record], p: np.ndarray) -> tuple[Record, ...]:
 def interval(time: float, placed: float) -> tuple[float, float]:
     """What is found of a step at a time that the search placed nearby, from the whole log."""
     p = fitted().parameters.copy()
-    p[case().position(f"{STEP}.fraction")], p[case().position(TIME)] = FRACTION, time
+    p[case().position(f"{STEP}.fraction")], p[instant().time] = FRACTION, time
     stepped, beside = replace(case(), records=with_step(case().records, p)), with_step(between(), p)
-    p[case().position(TIME)] = placed
-    return possible_times(stepped, replace(fitted(), parameters=p), beside)
+    p[instant().time] = placed
+    return possible_times(stepped, replace(fitted(), parameters=p), instant(), beside)
 
 
 def test_the_log_between_is_no_part_of_any_maneuver() -> None:
@@ -125,16 +131,20 @@ def test_the_search_finds_the_step_from_the_maneuvers_alone() -> None:
     m = maneuvers("identify")[1]
     time = 0.5 * (m.t_start_s + m.t_end_s)
     p = fitted().parameters.copy()
-    p[case().position(f"{STEP}.fraction")], p[case().position(TIME)] = FRACTION, time
+    p[case().position(f"{STEP}.fraction")], p[instant().time] = FRACTION, time
     stepped = replace(case(), records=with_step(case().records, p))
-    found = with_best_time(stepped, fitted())
-    assert found.parameters[case().position(TIME)] == pytest.approx(time, abs=12.0)
+    found = with_best_times(stepped, fitted(), ("current", STEP))
+    assert found.parameters[instant().time] == pytest.approx(time, abs=12.0)
 
 
 def test_the_time_is_told_as_the_log_counts_it() -> None:
     p = fitted().parameters.copy()
-    p[case().position(TIME)], p[case().position(OVER)] = 500.0, 40.0
-    told, origin = step_time(case(), p), loop("harbour_trial").chain.trials[0].table["time_s"][0]
+    p[instant().time], p[instant().width] = 500.0, 40.0
+    told, origin = (
+        time_of(case(), STEP, p),
+        loop("harbour_trial").chain.trials[0].table["time_s"][0],
+    )
+    assert told is not None
     assert (told.value, told.low, told.high) == pytest.approx(
         (500.0 + origin, 480.0 + origin, 520.0 + origin), abs=1e-6
     )
@@ -142,8 +152,9 @@ def test_the_time_is_told_as_the_log_counts_it() -> None:
 
 def test_the_interval_is_told_in_words() -> None:
     p = fitted().parameters.copy()
-    p[case().position(TIME)], p[case().position(OVER)] = 500.0, 40.0
-    told = step_time(case(), p)
+    p[instant().time], p[instant().width] = 500.0, 40.0
+    told = time_of(case(), STEP, p)
+    assert told is not None
     size = ParameterValue(symbol="fraction", value=0.15, std=0.01, unit="-")
     said = plain(STEP, (size, told), 1.5, 12.0)
     assert said == f"thrust that falls by 0.15 between {told.low:.0f} and {told.high:.0f} s"

@@ -1,0 +1,82 @@
+"""What the rules make of the candidates of one round; no fit is looked at."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from auvident.stages.diagnose.score.left_out import Helped
+from auvident.stages.diagnose.select import rules
+from auvident.stages.diagnose.select.records import Account, Beside, Nuisance, ratio_of
+from auvident.stages.diagnose.select.rule import Refusal, passes, refusal_of
+
+Judged = tuple[Account, Refusal | None]
+
+
+def judge(accounts: Sequence[Account], leave_out: Callable[[Account], Helped]) -> list[Judged]:
+    """Test candidates in their order; the first that passes is the one without a refusal.
+
+    Parameters
+    ----------
+    accounts : sequence of Account
+        Largest gain first.
+    leave_out : callable
+        Tries a candidate on maneuvers left out; called only until one is accepted.
+    """
+    judged: list[Judged] = []
+    accepted = False
+    for account in accounts:
+        refusal = refusal_of(account, rules.RULES)
+        if refusal is None and accepted:
+            refusal = rules.ANOTHER
+        elif refusal is None:
+            account = replace(account, helped=leave_out(account))
+            refusal = refusal_of(account, rules.RULES_LEFT_OUT)
+            accepted = refusal is None
+        judged.append((account, refusal))
+    return simplest(judged)
+
+
+def simplest(judged: Sequence[Judged]) -> list[Judged]:
+    """The same with a candidate of fewer parameters accepted, if it gains nearly as much."""
+    accepted = next((a for a, refusal in judged if refusal is None), None)
+    if accepted is None:
+        return list(judged)
+    for account in (a for a, _ in judged if a.id != accepted.id):
+        if passes(Beside(accepted, account), rules.SIMPLER):
+            text = f"{account.id} does as well with less"
+            instead: dict[str, Refusal | None] = {
+                accepted.id: Refusal("simpler", text),
+                account.id: None,
+            }
+            return [(a, instead.get(a.id, refusal)) for a, refusal in judged]
+    return list(judged)
+
+
+def told_apart_from(accepted: Account, accounts: Sequence[Account]) -> tuple[str, ...]:
+    """Candidates that explain the data as well as the accepted one."""
+    others = (a for a in accounts if a.id != accepted.id)
+    return tuple(a.id for a in others if passes(Beside(accepted, a), rules.ALIKE))
+
+
+def nuisance_of(judged: Sequence[Judged], rms_before: Sequence[float], quiet: int) -> str | None:
+    """A small effect that stands before others, to be taken along without a claim.
+
+    Parameters
+    ----------
+    judged : sequence of (Account, Refusal)
+        Of a round in which none was accepted, largest gain first.
+    rms_before : sequence of float
+        Of the residual without any of them, by channel.
+    quiet : int
+        Effects that are taken along already.
+    """
+    if not judged:
+        return None
+    (first, refusal), *others = judged
+    nuisance = Nuisance(
+        refusal.code if refusal else "",
+        first.gain,
+        max((a.gain for a, _ in others), default=0.0),
+        ratio_of(first.rms, tuple(rms_before)),
+        quiet,
+    )
+    return first.id if passes(nuisance, rules.TAKE_ALONG) else None

@@ -1,0 +1,59 @@
+"""What an effect brings to maneuvers left out of its fit, with what the sensors say of it."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import chdtrc
+
+from auvident.stages.diagnose.fit.case import Case
+from auvident.stages.diagnose.fit.fits import Fitted, check_cost
+from auvident.stages.diagnose.score.left_out import Helped, LeftOut, helped, leave_out
+from auvident.stages.diagnose.select import rules
+from auvident.stages.diagnose.select.candidates import Tried
+from auvident.stages.diagnose.select.decisions import judge
+from auvident.stages.diagnose.select.records import Account
+from auvident.stages.diagnose.select.rule import passes
+
+
+def judged_with(
+    case: Case, before: Fitted, tried: Sequence[Tried], among: int, rng: np.random.Generator
+) -> list[Tried]:
+    """What the rules say of the candidates of a round, those left out of their fit tried last.
+
+    Parameters
+    ----------
+    before : Fitted
+        The model without any of them.
+    tried : sequence of Tried
+        Largest gain first.
+    among : int
+        Effects that the search chooses from.
+    """
+    fits = {t.id: t.fitted for t in tried}
+    reference: list[LeftOut] = []
+
+    def left_out(account: Account) -> Helped:
+        fitted = fits[account.id]
+        if not reference:
+            reference.append(leave_out(case, before, fitted.colours))
+        own = leave_out(case, fitted, fitted.colours)
+        found = with_sensors(case, before, fitted, helped(reference[0], own, rng))
+        return replace(found, p=min(1.0, among * found.p))
+
+    accounts = judge([t.account for t in tried], left_out)
+    return [Tried(fits[account.id], account, refusal) for account, refusal in accounts]
+
+
+def with_sensors(case: Case, before: Fitted, fitted: Fitted, found: Helped) -> Helped:
+    """The same with what the sensors say about each other, which needs no maneuver."""
+    gained = check_cost(case, before.parameters) - check_cost(case, fitted.parameters)
+    if not passes(gained, rules.SENSORS):
+        return found
+    by_sensors = float(chdtrc(len(case.positions(fitted.effects[-1])), 2.0 * gained))
+    return Helped(
+        found.gain + gained,
+        max(found.share, 1.0),
+        found.low + gained,
+        p=2.0 * min(by_sensors, found.p),
+    )

@@ -1,0 +1,201 @@
+"""What the rules of the search look at: one plain record for each decision."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from auvident.stages.diagnose.score.left_out import Helped
+
+
+@dataclass(frozen=True)
+class Screened:
+    """A candidate to first order: its gain [nats] and how many of its list are before it."""
+
+    id: str
+    gain: float
+    place: int
+
+
+@dataclass(frozen=True)
+class Begun:
+    """A candidate after the first steps of its fit.
+
+    Attributes
+    ----------
+    id : str
+    place : int
+        How many promise more.
+    promise, best_promise : float
+        The most that the first steps let one hope for, and that of the best [nats].
+    gain, best_gain : float
+        Rise of the log-likelihood, and that of the best that is finished [nats].
+    beside_steady : bool
+        It shows in a straight run as one of the leading ones does.
+    """
+
+    id: str
+    place: int
+    promise: float
+    best_promise: float
+    gain: float
+    best_gain: float
+    beside_steady: bool
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A candidate behind the best one, both against the model fitted again from where that lies.
+
+    Attributes
+    ----------
+    gain, best_gain : float
+        [nats]
+    moved : float
+        What the model itself gained by being fitted again [nats].
+    """
+
+    gain: float
+    best_gain: float
+    moved: float
+
+
+@dataclass(frozen=True)
+class Account:
+    """What is known of a candidate once it has been fitted.
+
+    Attributes
+    ----------
+    id : str
+    gain : float
+        Rise of the log-likelihood [nats].
+    best_gain : float
+        That of the best candidate of the round [nats].
+    parameters : int
+        How many it has.
+    size : float
+        In practical sizes, beyond what every model is expected to have.
+    falls : mapping
+        Relative fall of the rms of the residual by channel.
+    rms : tuple of float
+        Of the residual with it, by channel.
+    at_bound : bool
+        A parameter lies at a physical bound other than off.
+    settled : bool
+        The fit has converged; false where it was given up as hopeless.
+    promise : float
+        The most that the first steps of a fit let one hope for [nats].
+    maneuvers : int
+        That identify.
+    helped : Helped or None
+        What it does for maneuvers left out, once that was tried.
+    """
+
+    id: str
+    gain: float
+    best_gain: float
+    parameters: int
+    size: float
+    falls: Mapping[str, float]
+    rms: tuple[float, ...]
+    at_bound: bool
+    settled: bool
+    promise: float
+    maneuvers: int
+    helped: Helped | None = None
+
+    @property
+    def share(self) -> float:
+        """Of the maneuvers left out, what it helps [percent]."""
+        return 100.0 * self.helped.share if self.helped else 0.0
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A candidate beside the one that is accepted."""
+
+    accepted: Account
+    other: Account
+
+    @property
+    def gain_share(self) -> float:
+        """Its gain over that of the accepted one."""
+        return self.other.gain / self.accepted.gain
+
+    @property
+    def rms_ratio(self) -> float:
+        """Largest ratio of its residual to that of the accepted one, over the channels."""
+        return ratio_of(self.other.rms, self.accepted.rms)
+
+
+@dataclass(frozen=True)
+class Containing:
+    """An effect that may be more general than the accepted one.
+
+    Attributes
+    ----------
+    further : int
+        Parameters that it has more.
+    cosine : float
+        Likeness of the two.
+    """
+
+    further: int
+    cosine: float
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """The best candidate of a round in which none was accepted.
+
+    Attributes
+    ----------
+    refused_as : str
+        Code of its refusal; empty without one.
+    gain, hidden_gain : float
+        Its own, and the best one of the others [nats].
+    rms_ratio : float
+        Largest ratio of the residual with it to that without, over the channels.
+    quiet : int
+        Effects that are taken along already.
+    """
+
+    refused_as: str
+    gain: float
+    hidden_gain: float
+    rms_ratio: float
+    quiet: int
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """An effect that was accepted: its gain [nats] and how many effects were there before it."""
+
+    higher_order: bool
+    gain: float
+    before: int
+
+
+@dataclass(frozen=True)
+class Exchanged:
+    """A model with effects exchanged.
+
+    Attributes
+    ----------
+    size : float
+        The least of those put in [practical sizes].
+    at_bound : bool
+        One of them lies at a bound.
+    gain : float
+        Rise of the logarithm of likelihood and prior [nats].
+    fewer : bool
+        It has fewer parameters.
+    """
+
+    size: float
+    at_bound: bool
+    gain: float
+    fewer: bool
+
+
+def ratio_of(rms: tuple[float, ...], other: tuple[float, ...]) -> float:
+    """Largest ratio of two residuals over the channels."""
+    return max(own / best for own, best in zip(rms, other, strict=True))

@@ -1,0 +1,76 @@
+"""The screen: what each effect would bring to first order, and which are worth a refit."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from auvident.schema.likeness import partners
+from auvident.stages.diagnose.fit.case import Case
+from auvident.stages.diagnose.fit.fits import Fitted
+from auvident.stages.diagnose.score.first_order import (
+    Joint,
+    Score,
+    joint_about,
+    score,
+    score_from,
+)
+from auvident.stages.diagnose.select import rules
+from auvident.stages.diagnose.select.candidates import ranked, steady
+from auvident.stages.diagnose.select.records import Screened
+from auvident.stages.diagnose.select.rule import Rule, passes
+from auvident.stages.diagnose.select.starts import at_usual_size
+
+FAST_GAIN = np.array([0.1, 0.1, 0.1, 0.0])  # observer gain of the screen for what is fast
+
+
+@dataclass(frozen=True)
+class Screen:
+    """First-order scores of all candidates about a model, and the short list, best first."""
+
+    joint: Joint
+    scores: dict[str, Score]
+    short: tuple[str, ...]
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """To first order [nats], by candidate."""
+        return {c: s.gain for c, s in self.scores.items()}
+
+
+def screen(case: Case, before: Fitted, candidates: Sequence[str]) -> Screen:
+    """Score the candidates that a model does not have."""
+    joint = joint_about(case, before, candidates)
+    assert joint is not None  # the fit itself ran through
+    fast = joint_about(case, before, candidates, FAST_GAIN)
+    absent = [c for c in candidates if c not in before.effects]
+    scores = {c: _score(joint, c) for c in absent}
+    quick = {c: score(fast, (c,)).gain for c in absent} if fast else {}
+    gains = {c: s.gain for c, s in scores.items()}
+    return Screen(joint, scores, short_list(gains, quick))
+
+
+def _score(joint: Joint, candidate: str) -> Score:
+    usual = at_usual_size(joint.case, joint.fitted, candidate)
+    return score(joint, (candidate,)) if usual is None else score_from(joint, candidate, usual)
+
+
+def short_list(gains: dict[str, float], quick: dict[str, float]) -> tuple[str, ...]:
+    """Candidates to be refitted, with those that look like the best of them.
+
+    Parameters
+    ----------
+    gains, quick : dict of str to float
+        To first order [nats], by candidate: as they are, and of what is fast.
+    """
+    short = [*_listed(gains, rules.SCREEN), *_listed(quick, rules.SCREEN_FAST)]
+    leading = [c for k, c in enumerate(short) if passes(Screened(c, 0.0, k), rules.ACCOMPANY)]
+    like = [other for c in leading for other in partners(c)]
+    like += [other for c in short for other in steady(c)]
+    return tuple(dict.fromkeys([*short, *(c for c in like if c in gains)]))
+
+
+def _listed(gains: dict[str, float], asked: Sequence[Rule[Screened]]) -> list[str]:
+    """Candidates that a list takes, best first."""
+    places = enumerate(ranked(gains))
+    return [c for place, c in places if passes(Screened(c, gains[c], place), asked)]

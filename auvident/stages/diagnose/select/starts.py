@@ -1,0 +1,57 @@
+"""Where the fit of a candidate begins."""
+
+from typing import Any
+
+import numpy.typing as npt
+
+from auvident.errors import NumericsError
+from auvident.schema.effects import BY_ID
+from auvident.stages.diagnose.fit.case import Case
+from auvident.stages.diagnose.fit.fits import Fitted, first_colours, fit_with, residual_of
+
+Array = npt.NDArray[Any]
+
+
+def baseline_of(case: Case) -> Fitted:
+    """Best fit without any effect, from the identified model and from the estimate."""
+    found = []
+    for start in (case.identified, case.setup.prior):
+        p = case.at_rest(start)
+        fitted = fit_with(case, (), p, first_colours(case, p), rounds=3, steps=12)
+        found += [fitted] if fitted is not None else []
+    if not found:
+        raise NumericsError(
+            "the prediction runs away in a maneuver that identifies, with the identified "
+            "coefficients and with the estimate",
+            _runaway_of(case),
+            "Hold that maneuver out, or look at its log.",
+        )
+    return max(found, key=lambda f: f.log_likelihood)
+
+
+def _runaway_of(case: Case) -> str:
+    """Maneuvers in which the identified model runs away."""
+    colours, p = first_colours(case, case.identified), case.identified
+    return ", ".join(r.id for r in case.records if residual_of(case, p, r, colours) is None)
+
+
+def at_usual_size(case: Case, before: Fitted, candidate: str) -> Array | None:
+    """The model with an effect at its usual size, for those that act in no straight line.
+
+    What the sensors say about each other is the size where they say something.
+    """
+    known = _told_by_sensors(case)
+    positions = case.positions(candidate)
+    names = [case.names[i] for i in positions]
+    if not BY_ID[candidate].curved and not any(name in known for name in names):
+        return None
+    p = before.parameters.copy()
+    for i, name in zip(positions, names, strict=True):
+        p[i] = known.get(name, float(case.setup.prior_std[i]))
+    return p
+
+
+def _told_by_sensors(case: Case) -> dict[str, float]:
+    """Parameters by name, as far as the sensors' checks have them."""
+    pairs = (zip(c.names, c.mean, strict=True) for c in case.checks)
+    return {name: float(mean) for own in pairs for name, mean in own}

@@ -1,0 +1,49 @@
+"""Every candidate of a search as the artifact has it, with what refused it."""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+
+import numpy as np
+
+from auvident.schema.diagnosis import Candidate, Refused
+from auvident.schema.effects import BY_ID
+from auvident.stages.diagnose.fit.case import Case
+from auvident.stages.diagnose.select.candidates import Round, Tried
+from auvident.stages.diagnose.verdict.uncertainty import effect_values
+
+
+def candidate_rows(rounds: Sequence[Round], case: Case) -> list[Candidate]:
+    """Every candidate, from the round in which it was refitted last, best first."""
+    rows: dict[str, Candidate] = {}
+    for done in rounds:
+        for name, gain in done.screened.items():
+            rows.setdefault(name, _unlisted(name, gain))
+        for tried in done.tried:
+            known = rows.get(tried.id)
+            if known is None or not known.refitted or tried.refusal is None:
+                rows[tried.id] = _row(case, tried)
+    return sorted(rows.values(), key=lambda c: -c.gain)
+
+
+def _unlisted(name: str, gain: float) -> Candidate:
+    family = BY_ID[name].family
+    return Candidate(id=name, family=family, gain=gain, rejected="not in the short list")
+
+
+def _row(case: Case, tried: Tried) -> Candidate:
+    nothing = np.zeros(len(tried.fitted.parameters))
+    values = effect_values(case, tried.id, tried.fitted.parameters, nothing)
+    helped, refusal = tried.account.helped, tried.refusal
+    return Candidate(
+        id=tried.id,
+        family=BY_ID[tried.id].family,
+        gain=tried.gain,
+        p=helped.p if helped else None,
+        parameters=tuple(v.model_copy(update={"low": None, "high": None}) for v in values),
+        held_back_gain=helped.gain if helped else None,
+        improved=helped.share if helped else None,
+        rms_fall=dict(tried.account.falls),
+        refitted=tried.account.settled,
+        rejected=refusal.text if refusal else "",
+        refusal=Refused(**asdict(refusal)) if refusal else None,
+    )

@@ -1,0 +1,85 @@
+"""What the predictions leave of the readings: by maneuver and channel, and over time."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from auvident.engines.records import STATE_COLUMNS, Record
+from auvident.schema.artifacts import Maneuver, Maneuvers
+from auvident.schema.diagnosis import ResidualRow
+from auvident.schema.planes import HORIZONTAL
+from auvident.stages.diagnose.fit.case import CHANNELS
+from auvident.stages.diagnose.fit.fits import Residual
+from auvident.stages.diagnose.score.unknown_forces import unknown_forces
+from auvident.stages.diagnose.select.candidates import Traced
+
+Array = npt.NDArray[Any]
+
+FORCE_COLUMNS = ("force_X_n", "force_Y_n", "force_N_nm")
+
+
+def residual_rows(traced: Traced) -> list[ResidualRow]:
+    """Residual of each channel in each maneuver, before and after."""
+    pairs = zip(traced.baseline.residuals, traced.final.residuals, strict=True)
+    return [
+        _row(traced, c, before, after)
+        for before, after in pairs
+        for c in range(len(CHANNELS))
+        if np.isfinite(before.error[:, c]).any()
+    ]
+
+
+def _row(traced: Traced, c: int, before: Residual, after: Residual) -> ResidualRow:
+    return ResidualRow(
+        maneuver=before.id,
+        channel=CHANNELS[c],
+        unit=HORIZONTAL.states[c].unit,
+        rms=float(np.sqrt(np.nanmean(before.error[:, c] ** 2))),
+        rms_after=float(np.sqrt(np.nanmean(after.error[:, c] ** 2))),
+        noise_std=float(traced.case.setup.sensor_std[c]),
+        correlation_time_s=traced.final.colours[c].time_s,
+    )
+
+
+def residual_table(traced: Traced, maneuvers: Maneuvers) -> pd.DataFrame:
+    """Channels of the identifying maneuvers, measured and predicted before and after.
+
+    With the unknown forces that the model before would need to follow its readings.
+    """
+    case = traced.case
+    by_id = {m.id: m for m in maneuvers.maneuvers}
+    forces = unknown_forces(case, traced.baseline)
+    columns = STATE_COLUMNS[case.setup.structure.plane]
+    residuals = zip(traced.baseline.residuals, traced.final.residuals, strict=True)
+    tables = [
+        _table(by_id[record.id], record, columns, pair, forces[record.id])
+        for record, pair in zip(case.records, residuals, strict=True)
+    ]
+    return pd.concat(tables, ignore_index=True)
+
+
+def _table(
+    m: Maneuver,
+    record: Record,
+    columns: tuple[str, ...],
+    residuals: tuple[Residual, Residual],
+    forces: Array,
+) -> pd.DataFrame:
+    before, after = residuals
+    table: dict[str, Any] = {
+        "maneuver": m.id,
+        "trial": m.trial,
+        "kind": m.kind,
+        "role": m.role,
+        "time_s": record.time_s,
+        "heading_rad": record.given[:, 3],
+    }
+    for c, column in enumerate(columns[:3]):
+        table[f"{column}_measured"] = record.measured[:, c]
+        table[f"{column}_before"] = record.measured[:, c] - before.error[:, c]
+        table[f"{column}_after"] = record.measured[:, c] - after.error[:, c]
+    table["control_rad"] = record.inputs[:, 0]
+    table.update(zip(FORCE_COLUMNS, forces.T, strict=True))
+    return pd.DataFrame(table)

@@ -1,0 +1,334 @@
+"""Every rule at work: where it is taken out of its table, the search does something else."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from auvident.stages.diagnose.fit.fits import Fitted
+from auvident.stages.diagnose.score.left_out import Helped
+from auvident.stages.diagnose.select import (
+    candidates,
+    held_back,
+    reconsider,
+    refitting,
+    rules,
+    search,
+)
+from auvident.stages.diagnose.select.candidates import Round, Tried
+from auvident.stages.diagnose.select.decisions import judge, nuisance_of, simplest, told_apart_from
+from auvident.stages.diagnose.select.reconsider import Exchange
+from auvident.stages.diagnose.select.records import Account
+from auvident.stages.diagnose.select.rule import Refusal
+from auvident.stages.diagnose.select.screen import short_list
+from auvident.stages.diagnose.select.search import Search
+from tests.stages.diagnose.select.test_rules import FAILING, GOOD, MEETING, TABLES
+
+# effects that look like no other and show in no straight run
+ALONE = (
+    "current",
+    "rudder_asymmetry",
+    "dvl_scale",
+    "dvl_lever_arm",
+    "gyro_bias",
+    "gyro_scale",
+    "sway_cross_flow",
+    "yaw_cross_flow",
+)
+STEADY = ("rudder_offset", "dvl_misalignment")
+Patch = pytest.MonkeyPatch
+
+
+@dataclass(frozen=True)
+class Places:
+    """As much of a case as is asked for: one parameter for each effect."""
+
+    records: tuple[None, ...] = (None, None)
+
+    def positions(self, effect: str) -> list[int]:
+        return [(*ALONE, *STEADY, "hull_asymmetry").index(effect)]
+
+
+CASE: Any = Places()
+N = 11
+
+
+def fitted(likelihood: float, *effects: str, free: int = 0, rms: float = 1.0) -> Fitted:
+    p, channels = np.zeros(N), np.full(3, rms)
+    return Fitted(effects, p, np.arange(free), (), (), likelihood, channels)
+
+
+BEFORE = fitted(0.0)
+
+
+# --- scenarios: what the program does, to be told apart with and without a rule -----------------
+
+
+def listed(gains: dict[str, float], quick: dict[str, float]) -> Callable[[Patch], Any]:
+    return lambda patch: short_list(gains, quick)
+
+
+def finished(promise: dict[str, float], gain: dict[str, float]) -> Callable[[Patch], Any]:
+    """Which of some candidates are fitted to the end, and which of them afresh as well."""
+
+    def run(patch: Patch) -> dict[str, bool]:
+        afresh: dict[str, bool] = {}
+
+        def to_the_end(case: Any, fit: Fitted, second: bool) -> Fitted:
+            afresh[fit.effects[-1]] = second
+            return fit
+
+        patch.setattr(refitting, "to_the_end", to_the_end)
+        found = {c: fitted(gain.get(c, 0.0), c) for c in promise}
+        refitting.finish(CASE, BEFORE, found, promise)
+        return afresh
+
+    return run
+
+
+def again(gains: dict[str, float], moved: float) -> Callable[[Patch], Any]:
+    """Which candidates are fitted again from where the best one lies."""
+
+    def run(patch: Patch) -> list[str]:
+        done: list[str] = []
+
+        def refit(case: Any, effects: Any, starts: Any, like: Fitted) -> None:
+            done.append(effects[-1])
+
+        patch.setattr(refitting, "refit", refit)
+        patch.setattr(refitting, "fit_with", lambda *_, **__: fitted(moved))
+        refitting.unstuck(CASE, BEFORE, {c: fitted(gain, c) for c, gain in gains.items()})
+        return done
+
+    return run
+
+
+def judged(**update: Any) -> Callable[[Patch], Any]:
+    """Whether a candidate is accepted."""
+    account = replace(GOOD, **update)
+    helped = account.helped or Helped(500.0, 0.9, 300.0)
+    return lambda patch: judge([account], lambda _: helped)[0][1] is None
+
+
+def accepted_of(other: Account) -> Callable[[Patch], Any]:
+    """Which of two is accepted, the first having come through."""
+    pair = [(GOOD, None), (other, rules.ANOTHER)]
+    return lambda patch: [a.id for a, refusal in simplest(pair) if refusal is None]
+
+
+def contained(further: int, likeness: float) -> Callable[[Patch], Any]:
+    """What contains a rudder offset."""
+    case = SimpleNamespace(
+        positions=lambda effect: [0] * (1 + further if effect == "hull_asymmetry" else 1)
+    )
+    joint: Any = SimpleNamespace(case=case)
+
+    def run(patch: Patch) -> list[str]:
+        patch.setattr(search, "cosine", lambda *_: likeness)
+        return search.containing(joint, ("hull_asymmetry",), STEADY[0])
+
+    return run
+
+
+def taken(
+    code: str = "small",
+    gain: float = 150.0,
+    hidden: float = 150.0,
+    rms: float = 1.0,
+    quiet: int = 0,
+) -> Callable[[Patch], Any]:
+    """What is taken along."""
+    first = replace(GOOD, id="a", gain=gain, rms=(rms, rms, rms))
+    pair = [(first, Refusal(code, "")), (replace(GOOD, id="b", gain=hidden), rules.ANOTHER)]
+    return lambda patch: nuisance_of(pair, (1.0, 1.0, 1.0), quiet)
+
+
+def new_search(*effects: str) -> Search:
+    return Search(CASE, effects, np.random.default_rng(0))
+
+
+def claimed(gain: float, *before: str) -> Callable[[Patch], Any]:
+    """What stays without a claim, of a term of higher order that is accepted."""
+
+    def run(patch: Patch) -> list[str]:
+        own, effect = new_search(), "sway_cross_flow"
+        patch.setattr(search, "reconsider", lambda case, c, current, quiet: (current, []))
+        patch.setattr(search, "weak_of", lambda *_: None)
+        tried = Tried(fitted(gain, *before, effect), replace(GOOD, id=effect, gain=gain))
+        rounds = [
+            Round(fitted(0.0, *before), None, (tried,), {}, (), effect),  # type: ignore[arg-type]
+            Round(tried.fitted, None, (), {}),  # type: ignore[arg-type]
+        ]
+        patch.setattr(own, "one_round", lambda current: rounds.pop(0))
+        own.trace(fitted(0.0, *before))
+        return own.quiet
+
+    return run
+
+
+def named(patch: Patch) -> int:
+    """How many effects are accepted where there are six."""
+    own = new_search()
+    patch.setattr(search, "reconsider", lambda case, c, current, quiet: (current, []))
+
+    def one_round(before: Fitted) -> Round:
+        there = before.effects
+        if len(there) == 6:
+            return Round(before, None, (), {})  # type: ignore[arg-type]
+        new = ALONE[len(there)]
+        tried = Tried(fitted(1e3, *there, new), replace(GOOD, id=new, gain=1e3))
+        return Round(before, None, (tried,), {}, (), new)  # type: ignore[arg-type]
+
+    patch.setattr(own, "one_round", one_round)
+    return len(own.trace(BEFORE).final.effects)
+
+
+def exchanges_made(patch: Patch) -> int:
+    """How many exchanges are made where five could be."""
+    left = [(Exchange(("a",), ("b",)), BEFORE)] * 5
+    patch.setattr(reconsider, "_exchanged", lambda *_: left.pop() if left else None)
+    return len(reconsider.reconsider(CASE, (), BEFORE, ())[1])
+
+
+def exchanged(
+    size: float = 1.0, bound: bool = False, gain: float = 20.0, fewer: bool = False
+) -> Callable[[Patch], Any]:
+    """Whether one effect is exchanged for another."""
+
+    def run(patch: Patch) -> tuple[str, ...]:
+        before = fitted(0.0, "hull_asymmetry", "current", free=2)
+        after = fitted(gain, "current", "rudder_offset", free=1 if fewer else 2)
+        patch.setattr(reconsider, "size_of", lambda *_: size)
+        patch.setattr(reconsider, "at_bound", lambda *_: bound)
+        patch.setattr(reconsider, "prior_cost", lambda *_: 0.0)
+        patch.setattr(reconsider, "without", lambda *_: None)
+        fits = {after.effects: after}
+        patch.setattr(reconsider, "from_both", lambda case, effects, *_: fits.get(effects))
+        return reconsider.reconsider(CASE, ("rudder_offset",), before, ("current",))[0].effects
+
+    return run
+
+
+def removed(worth: float) -> Callable[[Patch], Any]:
+    """What is left of two effects, the older of which is worth so much beside the newer."""
+
+    def run(patch: Patch) -> tuple[str, ...]:
+        less = fitted(100.0 - worth, "gyro_bias")
+        patch.setattr(reconsider, "without", lambda *_: None)
+        patch.setattr(reconsider, "from_both", lambda *_: less)
+        before = fitted(100.0, "current", "gyro_bias")
+        return reconsider.reconsider(CASE, (), before, ())[0].effects
+
+    return run
+
+
+def lone(worth: float) -> Callable[[Patch], Any]:
+    """What is left of a single effect, as after an exchange."""
+
+    def run(patch: Patch) -> tuple[str, ...]:
+        done = [(Exchange(("a",), ("current",)), fitted(100.0, "current"))]
+        patch.setattr(reconsider, "_exchanged", lambda *_: done.pop() if done else None)
+        patch.setattr(reconsider, "without", lambda *_: None)
+        less = fitted(100.0 - worth)
+        patch.setattr(reconsider, "from_both", lambda *_: less)
+        return reconsider.reconsider(CASE, (), fitted(90.0, "a"), ())[0].effects
+
+    return run
+
+
+def reconciled(gained: float) -> Callable[[Patch], Any]:
+    """Channels that count, and what the sensors add to maneuvers left out."""
+
+    def run(patch: Patch) -> Any:
+        costs = iter([50.0, 50.0 - gained] * 2)
+        for module in (candidates, held_back):
+            patch.setattr(module, "check_cost", lambda *_: next(costs))
+        falls = candidates.falls_of(CASE, BEFORE, BEFORE)
+        found = held_back.with_sensors(CASE, BEFORE, fitted(1.0, "current"), Helped(1.0, 0.5, 0.0))
+        return set(falls), found.gain
+
+    return run
+
+
+EIGHT = {name: 50.0 - k for k, name in enumerate(ALONE)}
+FIVE = {name: 100.0 - k for k, name in enumerate(ALONE[:5])}
+LATE, FALLING = ("rudder_lag", "rudder_stall"), ("thrust_sag", "thrust_step")
+SCENARIOS: dict[str, dict[str, Callable[[Patch], Any]]] = {
+    "SCREEN": {"worth": listed({"current": 7.0}, {}), "place": listed(EIGHT, {})},
+    "SCREEN_FAST": {
+        "worth": listed({}, {"current": 7.0}),
+        "place": listed({}, dict(list(EIGHT.items())[:5])),
+    },
+    "ACCOMPANY": {
+        "place": listed({LATE[0]: 50.0, LATE[1]: 40.0, FALLING[0]: 30.0, FALLING[1]: 1.0}, {})
+    },
+    "LEAD": {"place": again(FIVE, 50.0)},
+    "FINISH": {
+        "place": finished(FIVE, {}),
+        "hopeless": finished({"current": 100.0, "gyro_bias": 29.0}, {}),
+    },
+    "FINISH_ANYWAY": {
+        "steady": finished({STEADY[0]: 100.0, STEADY[1]: 20.0}, {}),
+        "rival": finished({"current": 1000.0, "gyro_bias": 200.0}, {"gyro_bias": 90.0}),
+    },
+    "AFRESH": {
+        "worth-a-start": finished({"current": 29.0}, {}),
+        "place": finished(dict(list(FIVE.items())[:3]), {}),
+    },
+    "AGAIN": {
+        "stuck": again({"current": 200.0, "gyro_bias": 60.0}, 30.0),
+        "rival": again({"current": 200.0, "gyro_bias": 150.0}, 0.0),
+    },
+    "RULES": {code: judged(**update) for code, update in FAILING["RULES"][1].items()},
+    "RULES_LEFT_OUT": {
+        code: judged(**update) for code, update in FAILING["RULES_LEFT_OUT"][1].items()
+    },
+    "SENSORS": {"reconciled": reconciled(11.0)},
+    "SIMPLER": {
+        code: accepted_of(update["other"]) for code, update in FAILING["SIMPLER"][1].items()
+    },
+    "ALIKE": {
+        code: lambda patch, other=update["other"]: told_apart_from(GOOD, [GOOD, other])
+        for code, update in FAILING["ALIKE"][1].items()
+    },
+    "CONTAIN": {"further": contained(0, 0.99), "cosine": contained(1, 0.97)},
+    "TAKE_ALONG": {
+        "quiet": taken(quiet=2),
+        "small": taken(code="bound"),
+        "hides": taken(hidden=99.0),
+        "rms": taken(rms=1.2),
+        "gain": taken(gain=99.0),
+    },
+    "CLAIM": {"first": claimed(400.0, "current"), "gain": claimed(200.0)},
+    "GO_ON": {"named": named},
+    "EXCHANGE_ON": {"done": exchanges_made},
+    "EXCHANGE": {
+        "small": exchanged(size=0.9),
+        "bound": exchanged(bound=True),
+        "swap": exchanged(gain=14.0),
+        "fewer": exchanged(gain=-5.0, fewer=True),
+    },
+    "RECONSIDER": {"others": lone(30.0)},
+    "STAY": {"removal": removed(30.0)},
+}
+ROWS = [(name, code) for name, own in SCENARIOS.items() for code in own]
+
+
+def test_every_rule_has_its_scenario() -> None:
+    there = {(name, rule.code) for name, table in TABLES.items() for rule in table}
+    assert set(ROWS) == there
+    assert set(TABLES) == {*FAILING, *MEETING}
+
+
+@pytest.mark.parametrize(("name", "code"), ROWS, ids=[f"{n}-{c}" for n, c in ROWS])
+def test_without_a_rule_the_search_does_something_else(name, code, monkeypatch) -> None:
+    run = SCENARIOS[name][code]
+    with monkeypatch.context() as patch:
+        with_it = run(patch)
+    left = tuple(rule for rule in TABLES[name] if rule.code != code)
+    with monkeypatch.context() as patch:
+        patch.setattr(rules, name, left)
+        assert run(patch) != with_it
