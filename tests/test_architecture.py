@@ -20,7 +20,7 @@ ALLOWED = {
 }
 # Rooms of the diagnosis, from the one that knows least of the others.
 ROOMS = ("checks", "fit", "score", "select", "verdict")
-FREE = {"errors", "jit", "parallel", "__main__", "__init__"}
+FREE = {"errors", "first_use", "jit", "parallel", "__main__", "__init__"}
 MODULES = sorted(p for p in PACKAGE.rglob("*.py") if "__pycache__" not in p.parts)
 
 

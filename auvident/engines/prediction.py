@@ -66,6 +66,15 @@ class Free:
     column: npt.NDArray[np.int64]
     scale: Array
 
+    def moved(self, p: Array, by: Array) -> Array:
+        """Parameters p with the free ones moved, in units of scale; what follows moves along."""
+        there = np.flatnonzero(self.column >= 0)
+        leaders = self.positions[self.column[there]]
+        q, followers = p.copy(), there != leaders
+        q[self.positions] += self.scale * by
+        q[there[followers]] += (q - p)[leaders[followers]]
+        return q
+
 
 def at_effects(frame: Frame, p: Array, record: Record) -> Record:
     """The record as the effects at p make it: acting inputs, states behind the readings."""

@@ -148,7 +148,7 @@ def test_a_held_out_maneuver_of_the_other_plane_is_a_gap_and_no_standstill() -> 
     changes = {"id": "harbour_trial-vertical-zigzag-1", "kind": "zigzag", "role": "validate"}
     changes |= {"t_start_s": start, "t_end_s": start + 20.0, "features": {"plane": "vertical"}}
     overlapping = (*c.maneuvers.maneuvers, turn.model_copy(update=changes))
-    setup, _ = prepare(
+    setup = prepare(
         c.trials,
         c.maneuvers.model_copy(update={"maneuvers": overlapping}),
         c.ase,

@@ -9,11 +9,12 @@ import numpy.typing as npt
 import pandas as pd
 
 from auvident.engines.carried import Carried, effect_rows
-from auvident.engines.estimator import Outcome, Setup, active_states
-from auvident.engines.free_run import LONGEST_CORRELATION_S, NOTHING
+from auvident.engines.free_run import NOTHING
 from auvident.engines.jackknife import Scatter
+from auvident.engines.noise import LONGEST_CORRELATION_S
 from auvident.engines.prediction import at_effects, linear_about
 from auvident.engines.records import STATE_COLUMNS
+from auvident.engines.setup import Outcome, Setup, active_states
 from auvident.engines.states import smoothed_states
 from auvident.estimation.identifiability import (
     Direction,
@@ -31,7 +32,6 @@ from auvident.schema.artifacts import (
     ModelCoefficient,
     NisTest,
     Origin,
-    Sensing,
     StageRecord,
 )
 from auvident.schema.coefficients import BY_SYMBOL, prime_unit, symbols_of
@@ -63,7 +63,6 @@ class Step:
 
 def model_of(
     setup: Setup,
-    sensing: Sensing,
     ase: AseResult,
     vehicle: Vehicle,
     done: Sequence[Step],
@@ -99,7 +98,7 @@ def model_of(
         length_m=ase.length_m,
         density_kgpm3=ase.density_kgpm3,
         rigid_body=rigid_body(vehicle, plane),
-        sensing=sensing,
+        sensing=setup.sensing,
         coefficients=rows,
         effects=_effects(setup, final, widen, carried),
         covariance=_covariance(setup, final, symbols, widen),

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import chdtrc
 
+from auvident.engines.free_run import residual_of
 from auvident.errors import NumericsError
 from auvident.schema.effects import BY_ID
 from auvident.schema.likeness import partners
@@ -21,7 +22,7 @@ from auvident.stages.diagnose.fit.fits import (
     first_colours,
     fit_with,
     log_gain,
-    residual_of,
+    output_error,
 )
 from auvident.stages.diagnose.fit.refits import (
     best_of,
@@ -107,9 +108,9 @@ class Search:
     def _where(self) -> str:
         """Maneuvers in which the identified model runs away."""
         case, found = self.case, []
-        colours = first_colours(case, case.identified)
+        output = output_error(case, first_colours(case, case.identified))
         for record in case.records:
-            if residual_of(case, case.identified, record, colours) is None:
+            if residual_of(output, case.identified, record) is None:
                 found.append(record.id)
         return ", ".join(found)
 
