@@ -113,8 +113,7 @@ def stage_records(setup: Setup, stage: PlanStage) -> list[Record]:
 def tuning_of(setup: Setup, positions: Array) -> tuple[Array, Array]:
     """Prior factor and drift of each free coefficient."""
     factors, drifts = np.ones(len(positions)), np.zeros(len(positions))
-    for i, position in enumerate(positions):
-        symbol = setup.structure.parameters[position]
+    for i, symbol in enumerate(setup.names(positions)):
         groups = (BY_SYMBOL[symbol].group,) if symbol in BY_SYMBOL else ()
         for name in ("all", *groups, symbol):
             if name in setup.plan.tuning:
@@ -300,7 +299,7 @@ def _calm(output: OutputError, parameters: Array, other: Array) -> Array:
 # --- about an outcome ----------------------------------------------------------------------
 
 
-def about(setup: Setup, outcome: Outcome, stage: PlanStage) -> Task:
+def task_about(setup: Setup, outcome: Outcome, stage: PlanStage) -> Task:
     """The task of a stage with what its outcome estimated, and with the noise of it."""
     task = task_of(setup, stage, outcome.free)
     return replace(task, output=replace(task.output, colours=outcome.colours))
@@ -316,16 +315,16 @@ def data_information(setup: Setup, outcome: Outcome, stage: PlanStage) -> Array:
     (n_free, n_free) array
         In units of the prior standard deviations.
     """
-    task = about(setup, outcome, stage)
+    task = task_about(setup, outcome, stage)
     return likelihood(task.output, outcome.parameters, task.free)[2]
 
 
 def at_mean(setup: Setup, outcome: Outcome, stage: PlanStage) -> Outcome:
     """The outcome with its coefficients moved from the most probable ones to their mean."""
-    task = about(setup, outcome, stage)
+    task = task_about(setup, outcome, stage)
     move = move_to_mean(
         lambda by: likelihood(task.output, task.free.moved(outcome.parameters, by), task.free),
         task.prior.information,
-        [k for k, i in enumerate(outcome.free) if setup.structure.parameters[i] in BY_SYMBOL],
+        [k for k, name in enumerate(setup.names(outcome.free)) if name in BY_SYMBOL],
     )
     return replace(outcome, parameters=task.free.moved(outcome.parameters, move))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.engines.estimator import about
+from auvident.engines.estimator import task_about
 from auvident.engines.free_run import normal_equations, summed
 from auvident.engines.setup import Outcome, Setup
 from auvident.parallel import each
@@ -50,7 +50,7 @@ def information_by_maneuver(
     setup: Setup, outcome: Outcome, stage: PlanStage
 ) -> tuple[dict[str, Array], dict[str, Array], Array]:
     """Gradient and curvature of each maneuver at the outcome, and the prior's information."""
-    task, p = about(setup, outcome, stage), outcome.parameters
+    task, p = task_about(setup, outcome, stage), outcome.parameters
     records = task.output.records
     parts = each(lambda r: normal_equations(task.output, p, r, task.free), records, len)
     whole = [summed([part], len(outcome.free)) for part in parts]

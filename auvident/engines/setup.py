@@ -65,6 +65,10 @@ class Setup:
         """Reading = sensor @ state, without effects."""
         return sensor_matrix(self.structure.plane, self.sensing)
 
+    def names(self, positions: Array) -> list[str]:
+        """Names of parameters."""
+        return [self.structure.parameters[i] for i in positions]
+
     def free(self, positions: Array) -> Free:
         """Parameters that move, with those that follow them."""
         column = np.full(len(self.prior), -1, dtype=np.int64)
@@ -76,8 +80,7 @@ class Setup:
     def bounds(self, positions: Array) -> tuple[Array, Array]:
         """Least and largest values of parameters; those of forces, which are wide, are left out."""
         low, high = np.full(len(positions), -np.inf), np.full(len(positions), np.inf)
-        for column, i in enumerate(positions):
-            name = self.structure.parameters[i]
+        for column, name in enumerate(self.names(positions)):
             if "." in name and not any(parameter_of(name).powers):
                 low[column], high[column] = parameter_of(name).low, parameter_of(name).high
         return low, high

@@ -87,7 +87,7 @@ def model_of(
         for symbol in symbols_of(plane)
     )
     rows = tuple(_widened(row, final, structure, setup.followers, scatter, widen) for row in rows)
-    symbols = [structure.parameters[i] for i in final.free]
+    symbols = setup.names(final.free)
     records = tuple(_stage_record(setup, step) for step in done)
     return IdentifiedModel(
         vehicle=vehicle.body.name,
@@ -123,7 +123,7 @@ def _effects(
     """
     if carried is None:
         return ()
-    names = [setup.structure.parameters[position] for position in final.free]
+    names = setup.names(final.free)
     smooth = np.array(["." not in n or parameter_of(n).step < SECANT for n in names])
     spread = np.sqrt(np.diag(final.covariance)) * setup.prior_std[final.free]
     spread *= np.where(smooth, widen, 1.0)
@@ -260,7 +260,7 @@ def _stage_record(setup: Setup, step: Step) -> StageRecord:
         stage=step.stage.name,
         cycle=step.cycle,
         system=step.stage.system,
-        free=tuple(structure.parameters[i] for i in outcome.free),
+        free=tuple(setup.names(outcome.free)),
         maneuvers=outcome.ids,
         samples=outcome.samples,
         log_likelihood=outcome.log_likelihood,
@@ -352,7 +352,7 @@ def history_of(setup: Setup, done: Sequence[Step]) -> pd.DataFrame:
     every = max(round(HISTORY_PERIOD_S / setup.dt_s), 1)
     for order, step in enumerate(done):
         outcome = step.outcome
-        symbols = [setup.structure.parameters[i] for i in outcome.free]
+        symbols = setup.names(outcome.free)
         if outcome.passed is not None:
             rows = slice(0, None, every)
             values, stds = (

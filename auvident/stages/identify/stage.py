@@ -10,11 +10,11 @@ import pandas as pd
 
 from auvident.engines.carried import Carried, allowed
 from auvident.engines.estimator import (
-    about,
     at_mean,
     data_information,
     run_stage,
     stage_records,
+    task_about,
 )
 from auvident.engines.jackknife import scatter_of
 from auvident.engines.setup import Outcome, Setup
@@ -119,7 +119,7 @@ def identify(
     final = _average(setup, means)
     information = data_information(setup, final, done[-1].stage)
     unseen = unseen_directions(information, _equations(setup, final))
-    prior = about(setup, final, done[-1].stage).prior
+    prior = task_about(setup, final, done[-1].stage).prior
     final, told = _as_the_readings_tell(setup, final, information + prior.information)
     findings += [*told, *step_findings(setup, final.parameters)]
     done = [*done[:-1], replace(done[-1], outcome=final)]
@@ -146,7 +146,7 @@ def _as_the_readings_tell(
         code="filter-overclaims",
         value=float(ratio.max()),
         threshold=OVERCLAIMED,
-        where=setup.structure.parameters[outcome.free[int(ratio.argmax())]],
+        where=setup.names(outcome.free)[int(ratio.argmax())],
         message="the filter claims to know more than its readings tell (variance these allow over "
         "the one claimed); standard deviations are those of the readings, values may be off by "
         "more",
@@ -157,7 +157,7 @@ def _as_the_readings_tell(
 
 def _equations(setup: Setup, outcome: Outcome) -> list[list[int]]:
     """Free coefficients of the surge equation, and of the two lateral ones."""
-    names = [setup.structure.parameters[position] for position in outcome.free]
+    names = setup.names(outcome.free)
     surge = [n in BY_SYMBOL and BY_SYMBOL[n].equation == "X" for n in names]
     blocks = [[i for i, x in enumerate(surge) if x], [i for i, x in enumerate(surge) if not x]]
     return [block for block in blocks if block]
@@ -227,7 +227,7 @@ def _disagreement(outcomes: Sequence[Outcome], setup: Setup) -> list[Finding]:
     values = np.array([o.parameters[last.free] for o in outcomes])
     apart = np.ptp(values, axis=0) / spread
     for column in np.flatnonzero(apart > STARTS_APART):
-        symbol = setup.structure.parameters[last.free[column]]
+        symbol = setup.names(last.free)[column]
         found.append(
             Finding(
                 code="depends-on-start",

@@ -70,7 +70,7 @@ class Case:
 
     def position(self, name: str) -> int:
         """Position of a parameter."""
-        return self.names.index(name)
+        return self.setup.structure.index(name)
 
     def positions(self, *effects: str) -> list[int]:
         """Positions of the parameters of effects that are estimated."""
