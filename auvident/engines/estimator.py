@@ -63,10 +63,16 @@ class Task:
         return self.free.positions
 
     @property
-    def prior(self) -> Prior:
+    def information(self) -> Array:
+        """That of the prior, in units of the prior standard deviations of the ASE."""
+        return np.diag(1.0 / self.factors**2)
+
+    def prior_about(self, parameters: Array) -> Prior:
         """That of the ASE, its standard deviations times the factors of the plan."""
-        mean, information = self.setup.prior[self.positions], np.diag(1.0 / self.factors**2)
-        return Prior(mean, information, *self.setup.bounds(self.positions))
+        origin, scale = parameters[self.positions], self.free.scale
+        mean, (low, high) = self.setup.prior[self.positions], self.setup.bounds(self.positions)
+        away, below, above = ((values - origin) / scale for values in (mean, low, high))
+        return Prior(away, self.information, below, above, origin)
 
 
 def task_of(setup: Setup, stage: PlanStage, positions: npt.NDArray[np.int64] | None = None) -> Task:
@@ -227,13 +233,11 @@ def _about_the_prior(task: Task, parameters: Array, passed: FilterResult) -> Arr
     The pass took its start for the mean of the prior. Exact for a linear problem without drift,
     which makes the filter forget the prior.
     """
-    at, scale = task.positions, task.free.scale
-    away = (task.setup.prior[at] - parameters[at]) / scale
-    theta = (passed.parameters[at] - parameters[at]) / scale
+    prior = task.prior_about(parameters)
+    theta = (passed.parameters - parameters)[task.positions] / task.free.scale
     drifted = task.drifts**2 * task.setup.dt_s * len(passed.history)
-    theta = theta + passed.theta_covariance @ (away / (task.factors**2 + drifted))
-    low, high = task.setup.bounds(at)
-    return np.clip(theta, (low - parameters[at]) / scale, (high - parameters[at]) / scale)
+    theta = theta + passed.theta_covariance @ (prior.mean / (task.factors**2 + drifted))
+    return np.clip(theta, prior.low, prior.high)
 
 
 def _engine(name: str) -> Callable[[FilterProblem, str], FilterResult]:
@@ -259,7 +263,7 @@ def _fitted(task: Task, parameters: Array, noise: Array, coloured: bool) -> Outc
     output = replace(task.output, colours=white(noise))
     start = _calm(output, parameters, task.setup.start)
     output = replace(output, colours=policy.update(output, start).colours)
-    *_, last = map_rounds(output, task.free, task.prior, start, policy)
+    *_, last = map_rounds(output, task.free, task.prior_about, start, policy)
     return Outcome(
         parameters=last.parameters,
         free=task.positions,
@@ -324,7 +328,7 @@ def at_mean(setup: Setup, outcome: Outcome, stage: PlanStage) -> Outcome:
     task = task_about(setup, outcome, stage)
     move = move_to_mean(
         lambda by: likelihood(task.output, task.free.moved(outcome.parameters, by), task.free),
-        task.prior.information,
+        task.information,
         [k for k, name in enumerate(setup.names(outcome.free)) if name in BY_SYMBOL],
     )
     return replace(outcome, parameters=task.free.moved(outcome.parameters, move))

@@ -184,12 +184,18 @@ def innovations(output: OutputError, p: Array, record: Record, free: Free) -> In
     return Innovations(found, seen, gram, white)
 
 
-def best_start(output: OutputError, gram: Array) -> Array:
-    """What of each column the start takes up (k, 1 + m), from the products of innovations."""
-    held = output.start_information
-    k = len(held)
-    right = np.column_stack([gram[1 : 1 + k, 0], gram[1 : 1 + k, 1 + k :]])
-    share: Array = np.linalg.solve(gram[1 : 1 + k, 1 : 1 + k] + held, right)
+def best_start(output: OutputError, own: Array, others: Array) -> Array:
+    """What the start takes up (k, ...) of some columns of innovations.
+
+    Parameters
+    ----------
+    output : OutputError
+    own : (k, k) array
+        Products of the slopes by the start with each other.
+    others : (k, ...) array
+        Products of these slopes with the columns.
+    """
+    share: Array = np.linalg.solve(own + output.start_information, others)
     return share
 
 
@@ -206,8 +212,8 @@ def without_start(output: OutputError, record: Record, found: Innovations) -> No
 
     Readings that are lost (`lost_readings`) count with their expected half each.
     """
-    start, k = best_start(output, found.gram), len(output.channels)
-    g, h = found.gram[1:, 0], found.gram[1:, 1:]
+    k, g, h = len(output.channels), found.gram[1:, 0], found.gram[1:, 1:]
+    start = best_start(output, h[:k, :k], np.column_stack([g[:k], h[:k, k:]]))
     lost = lost_readings(record, found.seen, output.channels)
     half = 0.5 * (float(found.gram[0, 0]) - float(g[:k] @ start[:, 0]) + lost)
     return half, g[k:] - h[k:, :k] @ start[:, 0], h[k:, k:] - h[k:, :k] @ start[:, 1:]
@@ -229,7 +235,8 @@ def normal_equations(output: OutputError, p: Array, record: Record, free: Free) 
 def likelihood(output: OutputError, p: Array, free: Free) -> Normal:
     """Half the squared error of all records at p, gradient and curvature; see `summed`."""
     parts = each(lambda r: normal_equations(output, p, r, free), output.records, len)
-    return summed(parts, len(free.positions))
+    half, gradient, curvature = summed(parts, len(free.positions))
+    return half, gradient, 0.5 * (curvature + curvature.T)
 
 
 def summed(parts: Sequence[Normal | None], n: int) -> Normal:
@@ -241,7 +248,7 @@ def summed(parts: Sequence[Normal | None], n: int) -> Normal:
         half += part[0]
         gradient += part[1]
         curvature += part[2]
-    return half, gradient, 0.5 * (curvature + curvature.T)
+    return half, gradient, curvature
 
 
 @dataclass(frozen=True)
@@ -269,7 +276,8 @@ def residual_of(output: OutputError, p: Array, record: Record) -> RecordResidual
     found = innovations(output, p, record, output.no_parameter)
     if found is None:
         return None
-    there, start = found.predicted, best_start(output, found.gram)[:, 0]
+    there, white, by_start = found.predicted, found.white[:, 0], found.white[:, 1:]
+    start = best_start(output, by_start.T @ by_start, by_start.T @ white)
     error = np.where(found.seen, record.measured - there.readings, np.nan)
     error[:, output.active] += there.slopes[:, output.active][:, :, output.channels] @ start
     return RecordResidual(record.id, record.time_s, error, there.states)

@@ -1,16 +1,15 @@
 """How much each maneuver moves the result: leave-one-maneuver-out without running it again."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from auvident.engines.estimator import task_about
-from auvident.engines.free_run import normal_equations, summed
+from auvident.engines.free_run import likelihood
 from auvident.engines.setup import Outcome, Setup
-from auvident.parallel import each
 from auvident.schema.plan import PlanStage
 
 Array = npt.NDArray[Any]
@@ -52,11 +51,11 @@ def information_by_maneuver(
     """Gradient and curvature of each maneuver at the outcome, and the prior's information."""
     task, p = task_about(setup, outcome, stage), outcome.parameters
     records = task.output.records
-    parts = each(lambda r: normal_equations(task.output, p, r, task.free), records, len)
-    whole = [summed([part], len(outcome.free)) for part in parts]
-    gradients = {r.id: part[1] for r, part in zip(records, whole, strict=True)}
-    curvatures = {r.id: part[2] for r, part in zip(records, whole, strict=True)}
-    return gradients, curvatures, task.prior.information
+    alone = [replace(task.output, records=(record,)) for record in records]
+    parts = [likelihood(output, p, task.free) for output in alone]
+    gradients = {r.id: part[1] for r, part in zip(records, parts, strict=True)}
+    curvatures = {r.id: part[2] for r, part in zip(records, parts, strict=True)}
+    return gradients, curvatures, task.information
 
 
 def moves_without(

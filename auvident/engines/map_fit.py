@@ -23,21 +23,25 @@ Array = npt.NDArray[Any]
 
 @dataclass(frozen=True)
 class Prior:
-    """Prior of free parameters.
+    """Prior of free parameters, in units of their scale from an origin on.
 
     Attributes
     ----------
     mean : (n,) array
     information : (n, n) array
-        Inverse covariance, in units of their scale.
+        Inverse covariance.
     low, high : (n,) array
         Bounds that no fit leaves.
+    origin : (n,) array or None
+        None counts from zero: a parameter that ends at a bound of zero is off to the last digit.
+        From where a fit begins on, what the data do not show keeps its digits.
     """
 
     mean: Array
     information: Array
     low: Array
     high: Array
+    origin: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -97,9 +101,22 @@ class Estimate:
 
 
 def map_rounds(
-    output: OutputError, free: Free, prior: Prior, start: Array, policy: NoisePolicy
+    output: OutputError,
+    free: Free,
+    prior: Callable[[Array], Prior],
+    start: Array,
+    policy: NoisePolicy,
 ) -> Iterator[FitRound]:
     """Rounds of a fit from a start, each with the noise that the last one left.
+
+    Parameters
+    ----------
+    output : OutputError
+    free : Free
+    prior : callable
+        Parameters where a round begins to the prior, with the origin of its own choice.
+    start : (n_parameters,) array
+    policy : NoisePolicy
 
     Raises
     ------
@@ -108,7 +125,7 @@ def map_rounds(
     """
     p = start
     for _ in range(policy.rounds):
-        p, found = map_fit(output, free, prior, p, policy)
+        p, found = map_fit(output, free, prior(p), p, policy)
         noise = policy.update(output, p)
         yield FitRound(p, found, noise)
         if policy.settled is not None and _settled(output.colours, noise.colours, policy.settled):
@@ -119,26 +136,23 @@ def map_rounds(
 def map_fit(
     output: OutputError, free: Free, prior: Prior, start: Array, policy: NoisePolicy
 ) -> tuple[Array, Fit]:
-    """Most probable parameters with the noise held, and the fit in deviations from its start."""
-    at, begun = free.positions, start.copy()
-    begun[at] = np.clip(start[at], prior.low, prior.high)
-    bounds = (prior.low - begun[at]) / free.scale, (prior.high - begun[at]) / free.scale
+    """Most probable parameters with the noise held, and the fit in the units of the prior."""
+    origin = np.zeros(len(free.positions)) if prior.origin is None else prior.origin
+
+    def at(theta: Array) -> Array:
+        return free.at(start, origin + free.scale * theta)
+
+    begin = (start[free.positions] - origin) / free.scale
     found = fit(
-        lambda by: likelihood(output, free.moved(begun, by), free),
-        np.zeros(len(at)),
-        (prior.mean - begun[at]) / free.scale,
+        lambda theta: likelihood(output, at(theta), free),
+        np.clip(begin, prior.low, prior.high),
+        prior.mean,
         prior.information,
-        bounds,
+        (prior.low, prior.high),
         policy.steps,
         policy.tolerance,
     )
-    p = free.moved(begun, found.theta)
-    for reached, bound in (
-        (found.theta <= bounds[0], prior.low),
-        (found.theta >= bounds[1], prior.high),
-    ):
-        p[at[reached]] = bound[reached]  # to the last digit: what is off leaves no trace
-    return p, found
+    return at(found.theta), found
 
 
 def _settled(before: Colours, after: Colours, share: float) -> bool:

@@ -66,14 +66,18 @@ class Free:
     column: npt.NDArray[np.int64]
     scale: Array
 
-    def moved(self, p: Array, by: Array) -> Array:
-        """Parameters p with the free ones moved, in units of scale; what follows moves along."""
+    def at(self, p: Array, values: Array) -> Array:
+        """Parameters p with other values of the free ones; what follows moves along."""
         there = np.flatnonzero(self.column >= 0)
         leaders = self.positions[self.column[there]]
         q, followers = p.copy(), there != leaders
-        q[self.positions] += self.scale * by
+        q[self.positions] = values
         q[there[followers]] += (q - p)[leaders[followers]]
         return q
+
+    def moved(self, p: Array, by: Array) -> Array:
+        """Parameters p with the free ones moved, in units of scale."""
+        return self.at(p, p[self.positions] + self.scale * by)
 
 
 def at_effects(frame: Frame, p: Array, record: Record) -> Record:

@@ -119,8 +119,8 @@ def identify(
     final = _average(setup, means)
     information = data_information(setup, final, done[-1].stage)
     unseen = unseen_directions(information, _equations(setup, final))
-    prior = task_about(setup, final, done[-1].stage).prior
-    final, told = _as_the_readings_tell(setup, final, information + prior.information)
+    prior = task_about(setup, final, done[-1].stage).information
+    final, told = _as_the_readings_tell(setup, final, information + prior)
     findings += [*told, *step_findings(setup, final.parameters)]
     done = [*done[:-1], replace(done[-1], outcome=final)]
     scatter = scatter_of(setup, final, done[-1].stage)

@@ -80,21 +80,22 @@ def prior_of(case: Case, free: Array, open_: Sequence[int]) -> Prior:
     Silent allowances are tight unless their effect is open (a candidate or accepted). What the
     sensors say about each other counts like a prior.
     """
-    scale, usual = case.setup.prior_std[free], case.setup.prior[free]
+    scale = case.setup.prior_std[free]
+    usual, tight = case.setup.prior[free] / scale, np.ones(len(free))
     silent = (case.silent[free] > 0.0) & ~np.isin(free, open_)
-    stds = np.where(silent, case.silent[free], scale)
-    reach = np.where(silent, SILENT_REACH * stds, np.inf)
-    information = np.diag((stds / scale) ** -2.0)
-    moment = information @ (usual / scale)
+    tight[silent] = (case.silent[free] / scale)[silent]
+    reach = np.where(silent, SILENT_REACH * tight, np.inf)
+    information = np.diag(tight**-2.0)
+    moment = information @ usual
     for matrix, vector in _checked(case, free):
         information = information + matrix
         moment = moment + vector
-    mean = scale * np.linalg.solve(information, moment)
-    low, high = (
-        np.maximum(case.low[free], usual - reach),
-        np.minimum(case.high[free], usual + reach),
+    return Prior(
+        np.linalg.solve(information, moment),
+        information,
+        np.maximum(case.low[free] / scale, usual - reach),
+        np.minimum(case.high[free] / scale, usual + reach),
     )
-    return Prior(mean, information, low, high)
 
 
 def _checked(case: Case, free: Array) -> list[tuple[Array, Array]]:
@@ -148,7 +149,7 @@ def fit_with(
     prior = prior_of(case, free.positions, case.positions(*effects))
     policy, best = NoisePolicy(left, rounds, steps=steps, tolerance=TOLERANCE), None
     with suppress(NumericsError):  # the rounds before it stand
-        for done in map_rounds(output_error(case, colours), free, prior, start, policy):
+        for done in map_rounds(output_error(case, colours), free, lambda _: prior, start, policy):
             best = done
     return None if best is None else fitted_of(case, effects, best.parameters, best.noise)
 

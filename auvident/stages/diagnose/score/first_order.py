@@ -13,12 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.engines.free_run import (
+    Innovations,
     Normal,
     OutputError,
     best_start,
     innovations,
+    lost_readings,
     summed,
-    without_start,
 )
 from auvident.engines.prediction import Free
 from auvident.engines.records import Record
@@ -96,9 +97,12 @@ def _slopes_of(
     if found is None:
         return None
     slopes, seen = found.predicted.slopes, found.seen
+    error, left = _without_start(output, found)
+    lost = lost_readings(record, seen, output.channels)
+    by_free = found.white[:, 1 + len(output.channels) :].T
     own = [slopes[seen[:, c], c, N_STATES:] for c in range(N_CHANNELS)]
     return (
-        without_start(output, record, found),
+        (0.5 * (float(found.white[:, 0] @ error) + lost), by_free @ error, by_free @ left),
         np.array([part.T @ part for part in own]),
         np.array([float(len(part)) for part in own]),
     )
@@ -153,16 +157,26 @@ def _forms_of(
     every, own = free
     whole = innovations(output, here, record, every)
     assert whole is not None  # the joint one ran through
-    start, n = best_start(output, whole.gram)[:, 1:], 1 + len(output.channels)
+    error, base = _without_start(output, whole)
     found = []
     for p in vectors:
         form = innovations(output, p, record, own)
         assert form is not None  # the same motion
-        _, gradient, curvature = without_start(output, record, form)
-        slopes = form.white[:, n:].T
-        by_all = slopes @ whole.white[:, n:] - slopes @ whole.white[:, 1:n] @ start
-        found.append((gradient, by_all, curvature))
+        slopes, left = form.white[:, 1 + len(output.channels) :].T, _without_start(output, form)[1]
+        found.append((slopes @ error, slopes @ base, slopes @ left))
     return found
+
+
+def _without_start(output: OutputError, found: Innovations) -> tuple[Array, Array]:
+    """Errors and slopes with what the start can take up removed.
+
+    Row by row: forms of an effect need what is left of the others, and the step of a score, which
+    is no part of a fit that would converge, is better conditioned.
+    """
+    n = 1 + len(output.channels)
+    start = found.white[:, 1:n]
+    left = found.white - start @ best_start(output, start.T @ start, start.T @ found.white)
+    return left[:, 0], left[:, n:]
 
 
 @dataclass(frozen=True)
@@ -190,15 +204,14 @@ def score(joint: Joint, effects: Sequence[str]) -> Score:
     free = case.setup.free(in_order(joint.fitted.free, case.positions(*effects)))
     opened = case.positions(*joint.fitted.effects, *effects)
     prior, at = prior_of(case, free.positions, opened), joint.columns(free.positions)
-    here = start[free.positions]
-    away = (here - prior.mean) / free.scale
+    theta = start[free.positions] / free.scale
+    away = theta - prior.mean
     gradient = joint.gradient[at] + prior.information @ away
     curvature = joint.curvature[np.ix_(at, at)] + prior.information
-    low, high = (prior.low - here) / free.scale, (prior.high - here) / free.scale
-    step = bounded_step(curvature, gradient, low, high)
+    step = bounded_step(curvature, gradient, prior.low - theta, prior.high - theta)
     gain = -(gradient @ step + 0.5 * step @ curvature @ step)
     cost = joint.half + 0.5 * float(away @ prior.information @ away)
-    return Score(float(gain), free.moved(start, step), cost)
+    return Score(float(gain), free.at(start, free.scale * (theta + step)), cost)
 
 
 def score_from(joint: Joint, effect: str, there: Array) -> Score:

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import stdtrit
 
-from auvident.engines.free_run import likelihood
+from auvident.engines.free_run import normal_equations
 from auvident.schema.diagnosis import ParameterValue
 from auvident.schema.effects import EFFECTS, parameter_of
 from auvident.stages.diagnose.fit.case import Case
@@ -31,8 +31,12 @@ def spreads(case: Case, fitted: Fitted) -> Array:
     (jackknife).
     """
     free, moving = fitted.free, case.setup.free(fitted.free)
-    told = likelihood(output_error(case, fitted.colours), fitted.parameters, moving)[2]
-    curvature = prior_of(case, free, open_of(case, fitted)).information + told
+    output = output_error(case, fitted.colours)
+    curvature = prior_of(case, free, open_of(case, fitted)).information
+    for record in case.records:
+        parts = normal_equations(output, fitted.parameters, record, moving)
+        if parts is not None:
+            curvature = curvature + parts[2]
     out = np.zeros(len(fitted.parameters))
     out[free] = np.sqrt(np.diag(np.linalg.inv(curvature))) * moving.scale
     for i, name in enumerate(case.names):

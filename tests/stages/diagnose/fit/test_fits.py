@@ -69,7 +69,7 @@ def test_an_allowance_is_tight_until_its_effect_is_tried() -> None:
     for open_ in ((), case.positions("rudder_lag")):
         prior = prior_of(case, free, open_)
         spread.append(scale / np.sqrt(prior.information[at, at]))
-        reach.append((prior.low[at], prior.high[at]))
+        reach.append((prior.low[at] * scale, prior.high[at] * scale))
     assert spread == pytest.approx([declared.silent, declared.prior])
     assert reach[0] == pytest.approx((0.0, SILENT_REACH * declared.silent))
     assert reach[1] == pytest.approx((declared.low, declared.high))
@@ -82,7 +82,7 @@ def test_what_the_sensors_say_counts_like_a_prior() -> None:
     found = prior_of(case, free, case.positions("gyro_bias"))
     prior, scale = parameter_of(BIAS).prior, case.setup.prior_std[free][at]
     assert scale / np.sqrt(found.information[at, at]) == pytest.approx((prior**-2 + 1e6) ** -0.5)
-    assert found.mean[at] == pytest.approx(0.004 * 1e6 / (1e6 + prior**-2))
+    assert found.mean[at] * scale == pytest.approx(0.004 * 1e6 / (1e6 + prior**-2))
     rest = np.delete(np.arange(len(free)), at)
     plain = prior_of(small_case(), free, case.positions("gyro_bias"))
     np.testing.assert_array_equal(found.mean[rest], plain.mean[rest])
@@ -105,8 +105,8 @@ def test_fits_stay_within_their_bounds() -> None:
     found = fit_with(case, ("current", "rudder_lag"), small_fit().parameters, small_fit().colours)
     assert found is not None
     prior = prior_of(case, found.free, case.positions(*found.effects))
-    values = found.parameters[found.free]
-    assert ((values >= prior.low) & (values <= prior.high)).all()
+    theta = found.parameters[found.free] / case.setup.prior_std[found.free]
+    assert ((theta >= prior.low - 1e-12) & (theta <= prior.high + 1e-12)).all()
     held = np.setdiff1d(np.arange(len(case.names)), found.free)
     np.testing.assert_array_equal(found.parameters[held], small_fit().parameters[held])
 

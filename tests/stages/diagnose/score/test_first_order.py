@@ -48,17 +48,14 @@ def by_hand(effect: str) -> tuple[np.ndarray, ...]:
     case, fitted = small_case(), small_fit()
     free = case.with_baseline((effect,))
     prior, moving = prior_of(case, free, case.positions(effect)), case.setup.free(free)
-    theta, mean, low, high = (
-        values / moving.scale
-        for values in (fitted.parameters[free], prior.mean, prior.low, prior.high)
-    )
-    gradient, curvature = prior.information @ (theta - mean), prior.information.copy()
+    theta = fitted.parameters[free] / moving.scale
+    gradient, curvature = prior.information @ (theta - prior.mean), prior.information.copy()
     for record in case.records:
         output = output_error(case, fitted.colours)
         parts = normal_equations(output, fitted.parameters, record, moving)
         assert parts is not None
         gradient, curvature = gradient + parts[1], curvature + parts[2]
-    return free, theta, gradient, curvature, low, high
+    return free, theta, gradient, curvature, prior.low, prior.high
 
 
 @pytest.mark.parametrize("effect", TRIED)
