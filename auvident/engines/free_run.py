@@ -102,8 +102,6 @@ class Innovations:
         Readings, their slopes, and the states.
     seen : (n, 4) bool array
         Readings that the prediction is compared with.
-    gram : (1 + k + m, 1 + k + m) array
-        Products of the columns of `white`.
     white : (c n, 1 + k + m) array
         One channel below the other: predicted minus measured, slopes by the k active states of
         the start, by the m free parameters.
@@ -111,7 +109,6 @@ class Innovations:
 
     predicted: Slopes
     seen: npt.NDArray[np.bool_]
-    gram: Array
     white: Array
 
 
@@ -178,10 +175,17 @@ def innovations(output: OutputError, p: Array, record: Record, free: Free) -> In
     columns = np.concatenate([channels, N_STATES + np.arange(len(free.positions))])
     error = found.readings - record.measured
     white = white_columns(error, found.slopes, columns, seen, channels, output.colours, frame.dt_s)
-    gram = white.T @ white
-    if not np.abs(gram).max() <= LARGEST:  # nor a NaN: it ran away, but not as far as to be stopped
+    return Innovations(found, seen, white)
+
+
+def finite_innovations(
+    output: OutputError, p: Array, record: Record, free: Free
+) -> Innovations | None:
+    """As `innovations`; None as well where the motion is nearly lost."""
+    found = innovations(output, p, record, free)
+    if found is None or not np.abs(found.white).max() <= LARGEST**0.5:  # nor a NaN
         return None
-    return Innovations(found, seen, gram, white)
+    return found
 
 
 def best_start(output: OutputError, own: Array, others: Array) -> Array:
@@ -207,20 +211,10 @@ def lost_readings(record: Record, seen: Array, channels: Array) -> int:
     return int((np.isfinite(record.measured[:, channels]) & ~seen[:, channels]).sum())
 
 
-def without_start(output: OutputError, record: Record, found: Innovations) -> Normal:
-    """Half the squared error of a record, gradient and curvature, its start eliminated.
+def normal_equations(output: OutputError, p: Array, record: Record, free: Free) -> Normal | None:
+    """What one record adds to the likelihood at p, its start eliminated; None: it runs away.
 
     Readings that are lost (`lost_readings`) count with their expected half each.
-    """
-    k, g, h = len(output.channels), found.gram[1:, 0], found.gram[1:, 1:]
-    start = best_start(output, h[:k, :k], np.column_stack([g[:k], h[:k, k:]]))
-    lost = lost_readings(record, found.seen, output.channels)
-    half = 0.5 * (float(found.gram[0, 0]) - float(g[:k] @ start[:, 0]) + lost)
-    return half, g[k:] - h[k:, :k] @ start[:, 0], h[k:, k:] - h[k:, :k] @ start[:, 1:]
-
-
-def normal_equations(output: OutputError, p: Array, record: Record, free: Free) -> Normal | None:
-    """What one record adds to the likelihood at p; None where its prediction runs away.
 
     Returns
     -------
@@ -229,7 +223,16 @@ def normal_equations(output: OutputError, p: Array, record: Record, free: Free) 
         units of their scale.
     """
     found = innovations(output, p, record, free)
-    return None if found is None else without_start(output, record, found)
+    if found is None:
+        return None
+    gram, k = found.white.T @ found.white, len(output.channels)
+    if not np.abs(gram).max() <= LARGEST:  # nor a NaN: not far enough away to be stopped
+        return None
+    g, h = gram[1:, 0], gram[1:, 1:]
+    start = best_start(output, h[:k, :k], np.column_stack([g[:k], h[:k, k:]]))
+    lost = lost_readings(record, found.seen, output.channels)
+    half = 0.5 * (float(gram[0, 0]) - float(g[:k] @ start[:, 0]) + lost)
+    return half, g[k:] - h[k:, :k] @ start[:, 0], h[k:, k:] - h[k:, :k] @ start[:, 1:]
 
 
 def likelihood(output: OutputError, p: Array, free: Free) -> Normal:
@@ -273,7 +276,7 @@ class RecordResidual:
 
 def residual_of(output: OutputError, p: Array, record: Record) -> RecordResidual | None:
     """What the prediction leaves of a record, its start fitted; None where it runs away."""
-    found = innovations(output, p, record, output.no_parameter)
+    found = finite_innovations(output, p, record, output.no_parameter)
     if found is None:
         return None
     there, white, by_start = found.predicted, found.white[:, 0], found.white[:, 1:]

@@ -17,7 +17,7 @@ from auvident.engines.free_run import (
     Normal,
     OutputError,
     best_start,
-    innovations,
+    finite_innovations,
     lost_readings,
     summed,
 )
@@ -93,7 +93,7 @@ def _slopes_of(
     output: OutputError, p: Array, record: Record, free: Free
 ) -> tuple[Normal, Array, Array] | None:
     """Share of a record in what `Joint` holds, with the count of its readings (3,)."""
-    found = innovations(output, p, record, free)
+    found = finite_innovations(output, p, record, free)
     if found is None:
         return None
     slopes, seen = found.predicted.slopes, found.seen
@@ -155,12 +155,12 @@ def _forms_of(
 ) -> list[tuple[Array, Array, Array]]:
     """For each form of an effect its gradient (k,), and its curvature (k, n) with all and own."""
     every, own = free
-    whole = innovations(output, here, record, every)
+    whole = finite_innovations(output, here, record, every)
     assert whole is not None  # the joint one ran through
     error, base = _without_start(output, whole)
     found = []
     for p in vectors:
-        form = innovations(output, p, record, own)
+        form = finite_innovations(output, p, record, own)
         assert form is not None  # the same motion
         slopes, left = form.white[:, 1 + len(output.channels) :].T, _without_start(output, form)[1]
         found.append((slopes @ error, slopes @ base, slopes @ left))
