@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pandas as pd
 import pytest
 
-from auvident.engines.estimator import Setup
+from auvident.engines.setup import Setup
 from auvident.errors import NumericsError
 from auvident.pipeline import STAGES, status
 from auvident.pipeline.predict import find_model

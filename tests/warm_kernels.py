@@ -24,14 +24,14 @@ def generator() -> None:
 
 
 def filter_of(kind: str) -> None:
-    from auvident.engines.first_use import run_filter
+    from auvident.stages.identify.warm_up import run_filter
     from tests.engines.chain import setup_of
 
     run_filter(setup_of(filter=kind))
 
 
 def simulation() -> None:
-    from auvident.engines.first_use import simulate
+    from auvident.stages.identify.warm_up import simulate
     from tests.engines.chain import setup_of
 
     simulate(setup_of())

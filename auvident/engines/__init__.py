@@ -1,1 +1,1 @@
-"""The filters on the equations: compiled and filterpy."""
+"""Filters, and the fit of the free-running prediction, on the equations of motion."""

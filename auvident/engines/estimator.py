@@ -1,11 +1,11 @@
-"""One stage of a plan on the data: a filter pass or a refinement of the prediction.
+"""One stage of a plan on the data: a filter pass or a fit of the free-running prediction.
 
 A stage starts at the best coefficients so far, but its prior stays the one of the ASE: running
 the same data through several stages and cycles does not count them several times.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,22 +13,15 @@ import numpy.typing as npt
 
 from auvident.constants import FILTER_START_STD, VehicleTime
 from auvident.engines import compiled
-from auvident.engines.free_run import (
-    NOTHING,
-    Colours,
-    coloured_noise,
-    effective_noise,
-    likelihood_of,
-    moved,
-    white,
-)
-from auvident.engines.prediction import at_effects, linear_about
+from auvident.engines.free_run import OutputError, likelihood
+from auvident.engines.map_fit import NoisePolicy, Prior, map_rounds
+from auvident.engines.noise import Noise, coloured_noise, effective_noise, white
+from auvident.engines.prediction import Free, at_effects, linear_about
 from auvident.engines.problem import FilterProblem, FilterResult, Records
 from auvident.engines.records import Record, stack
 from auvident.engines.setup import Outcome, Setup, active_states, live_followers
 from auvident.errors import NumericsError
 from auvident.estimation.innovations import most_likely
-from auvident.estimation.output_error import Likelihood, fit
 from auvident.estimation.posterior_mean import move_to_mean
 from auvident.physics.dynamics import N_STATES
 from auvident.schema.coefficients import BY_SYMBOL, expand
@@ -42,6 +35,56 @@ Array = npt.NDArray[Any]
 OBSERVER_TIMES_S: tuple[VehicleTime, ...] = (1.0, 3.0, 10.0, 30.0, 100.0)
 NOISE_ROUNDS = 6  # rounds of fit and effective noise
 NOISE_SETTLED = 0.03  # relative change of the noise below which another round changes nothing
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a stage of a plan asks of an identification.
+
+    Attributes
+    ----------
+    setup : Setup
+    output : OutputError
+        Records of the stage, active states, and the noise of the sensors.
+    free : Free
+    factors, drifts : (n_free,) array
+        Tuning of the plan, see `tuning_of`.
+    """
+
+    setup: Setup
+    output: OutputError
+    free: Free
+    factors: Array
+    drifts: Array
+
+    @property
+    def positions(self) -> npt.NDArray[np.int64]:
+        """Positions of the free parameters."""
+        return self.free.positions
+
+    @property
+    def information(self) -> Array:
+        """That of the prior, in units of the prior standard deviations of the ASE."""
+        return np.diag(1.0 / self.factors**2)
+
+    def prior_about(self, parameters: Array) -> Prior:
+        """That of the ASE, its standard deviations times the factors of the plan."""
+        origin, scale = parameters[self.positions], self.free.scale
+        mean, (low, high) = self.setup.prior[self.positions], self.setup.bounds(self.positions)
+        away, below, above = ((values - origin) / scale for values in (mean, low, high))
+        return Prior(away, self.information, below, above, origin)
+
+
+def task_of(setup: Setup, stage: PlanStage, positions: npt.NDArray[np.int64] | None = None) -> Task:
+    """What a stage asks, of the parameters that it frees or of others."""
+    positions = free_positions(setup, stage) if positions is None else positions
+    output = OutputError(
+        setup.frame,
+        tuple(stage_records(setup, stage)),
+        active_states(stage.system, setup.structure.plane),
+        white(setup.sensor_std),
+    )
+    return Task(setup, output, setup.free(positions), *tuning_of(setup, positions))
 
 
 def free_positions(setup: Setup, stage: PlanStage) -> npt.NDArray[np.int64]:
@@ -73,35 +116,10 @@ def stage_records(setup: Setup, stage: PlanStage) -> list[Record]:
     return [record for kind, record in setup.records.values() if kind in stage.maneuvers]
 
 
-def run_stage(setup: Setup, parameters: Array, stage: PlanStage) -> Outcome:
-    """Estimate what a stage frees, from the maneuvers it uses.
-
-    Raises
-    ------
-    NumericsError
-        Nothing to estimate or to estimate it from; or the filter failed, with coordinates.
-    """
-    records, free = stage_records(setup, stage), free_positions(setup, stage)
-    if not records:
-        raise NumericsError(
-            f"no maneuver of the kinds {', '.join(stage.maneuvers)} to identify from",
-            f"stage {stage.name!r}",
-            "Give a plan whose stages fit the trial, or hold out fewer maneuvers.",
-        )
-    if not len(free):
-        raise NumericsError("nothing is free", f"stage {stage.name!r}", "Check the priors.")
-    active = active_states(stage.system, setup.structure.plane)
-    noise = effective_noise(setup, parameters, records, active)
-    if stage.method == "output_error":
-        return _refine(setup, parameters, free, records, active, noise, stage.noise == "coloured")
-    return _filter(setup, parameters, free, records, active, noise)
-
-
-def tuning_of(setup: Setup, free: Array) -> tuple[Array, Array]:
+def tuning_of(setup: Setup, positions: Array) -> tuple[Array, Array]:
     """Prior factor and drift of each free coefficient."""
-    factors, drifts = np.ones(len(free)), np.zeros(len(free))
-    for i, position in enumerate(free):
-        symbol = setup.structure.parameters[position]
+    factors, drifts = np.ones(len(positions)), np.zeros(len(positions))
+    for i, symbol in enumerate(setup.names(positions)):
         groups = (BY_SYMBOL[symbol].group,) if symbol in BY_SYMBOL else ()
         for name in ("all", *groups, symbol):
             if name in setup.plan.tuning:
@@ -110,18 +128,37 @@ def tuning_of(setup: Setup, free: Array) -> tuple[Array, Array]:
     return factors, drifts
 
 
-def _filter(
-    setup: Setup,
-    parameters: Array,
-    free: Array,
-    records: list[Record],
-    active: Array,
-    noise: Array,
-) -> Outcome:
+def run_stage(setup: Setup, parameters: Array, stage: PlanStage) -> Outcome:
+    """Estimate what a stage frees, from the maneuvers it uses.
+
+    Raises
+    ------
+    NumericsError
+        Nothing to estimate or to estimate it from; or the filter failed, with coordinates.
+    """
+    task = task_of(setup, stage)
+    if not task.output.records:
+        raise NumericsError(
+            f"no maneuver of the kinds {', '.join(stage.maneuvers)} to identify from",
+            f"stage {stage.name!r}",
+            "Give a plan whose stages fit the trial, or hold out fewer maneuvers.",
+        )
+    if not len(task.positions):
+        raise NumericsError("nothing is free", f"stage {stage.name!r}", "Check the priors.")
+    noise = effective_noise(task.output, parameters, setup.sensor_std)
+    if stage.method == "output_error":
+        return _fitted(task, parameters, noise, stage.noise == "coloured")
+    return _filtered(task, parameters, noise)
+
+
+# --- filter --------------------------------------------------------------------------------
+
+
+def _filtered(task: Task, parameters: Array, noise: Array) -> Outcome:
     """One pass with the plan's process noise, or with what makes the innovations most likely."""
-    time_s = setup.plan.observer_time_s
+    time_s = task.setup.plan.observer_time_s
     tried = OBSERVER_TIMES_S if time_s == "likely" else (time_s,)
-    passes = [filter_pass(setup, parameters, free, records, active, noise, t) for t in tried]
+    passes = [filter_pass(task, parameters, noise, t) for t in tried]
     return max(passes, key=_likelihood_with_best_noise) if len(passes) > 1 else passes[0]
 
 
@@ -131,51 +168,54 @@ def _likelihood_with_best_noise(outcome: Outcome) -> float:
     return most_likely(outcome.passed.whitened, outcome.passed.log_likelihood)
 
 
-def filter_pass(
-    setup: Setup,
-    parameters: Array,
-    free: Array,
-    records: list[Record],
-    active: Array,
-    noise: Array,
-    observer_time_s: float,
-) -> Outcome:
+def filter_pass(task: Task, parameters: Array, noise: Array, observer_time_s: float) -> Outcome:
     """One pass of the filter over all records, and the mean of the prior put where it belongs.
 
     Parameters
     ----------
-    setup : Setup
+    task : Task
     parameters : (n_parameters,) array
         Where the pass starts.
-    free : (n_free,) int array
-    records : list of Record
-    active : (4,) bool array
     noise : (4,) array
         Effective standard deviation of each channel.
     observer_time_s : float
         Noise over this time is the process noise, per square root of a second.
     """
-    acting = [at_effects(setup.frame, parameters, record) for record in records]
-    stacked, starts = stack(acting, setup.dt_s)
-    by_id = {record.id: record for record in acting}
-    linear, sensor = linear_about(
-        setup.frame,
-        parameters,
-        [by_id[i] for i in stacked.ids],
-        setup.free(free),
-        stacked.inputs.shape[1],
+    problem = _problem_of(task, parameters, noise, observer_time_s)
+    passed = _engine(task.setup.engine)(problem, task.setup.filter)
+    theta = _about_the_prior(task, parameters, passed)
+    return Outcome(
+        parameters=problem.parameters_at(theta),
+        free=task.positions,
+        colours=white(noise),
+        log_likelihood=passed.log_likelihood,
+        covariance=passed.theta_covariance,
+        noise=noise,
+        ids=problem.records.ids,
+        samples=passed.samples,
+        passed=passed,
+        observer_time_s=observer_time_s,
     )
-    scale = setup.prior_std[free]
-    factors, drifts = tuning_of(setup, free)
-    problem = FilterProblem(
+
+
+def _problem_of(
+    task: Task, parameters: Array, noise: Array, observer_time_s: float
+) -> FilterProblem:
+    """The pass of a filter: records side by side, linear about the parameters it starts from."""
+    setup, active = task.setup, task.output.active
+    acting = {r.id: at_effects(setup.frame, parameters, r) for r in task.output.records}
+    stacked, starts = stack(list(acting.values()), setup.dt_s)
+    in_order, length = [acting[i] for i in stacked.ids], stacked.inputs.shape[1]
+    linear, sensor = linear_about(setup.frame, parameters, in_order, task.free, length)
+    return FilterProblem(
         structure=setup.structure,
         records=stacked,
         parameters=parameters,
-        free=free,
-        followers=live_followers(setup, free),
-        scale=scale,
-        theta_covariance=np.diag(factors**2),
-        theta_noise=drifts**2 * setup.dt_s,
+        free=task.positions,
+        followers=live_followers(setup, task.positions),
+        scale=task.free.scale,
+        theta_covariance=np.diag(task.factors**2),
+        theta_noise=task.drifts**2 * setup.dt_s,
         active=active,
         channels=active & _sensed(stacked),
         sensor=sensor,
@@ -185,27 +225,19 @@ def filter_pass(
         start_std=FILTER_START_STD * noise,
         linear=linear if setup.structure.effects else None,
     )
-    passed = _engine(setup.engine)(problem, setup.filter)
-    away = (setup.prior[free] - parameters[free]) / scale
-    theta = (passed.parameters[free] - parameters[free]) / scale
-    # the pass took its start for the mean of the prior; put the mean back where it belongs
-    # (exact for a linear problem without drift, which makes the filter forget the prior)
-    drifted = drifts**2 * setup.dt_s * len(passed.history)
-    theta = theta + passed.theta_covariance @ (away / (factors**2 + drifted))
-    low, high = setup.bounds(free)
-    theta = np.clip(theta, (low - parameters[free]) / scale, (high - parameters[free]) / scale)
-    return Outcome(
-        problem.parameters_at(theta),
-        free,
-        passed.theta_covariance,
-        noise,
-        white(noise),
-        stacked.ids,
-        passed.log_likelihood,
-        passed.samples,
-        passed,
-        observer_time_s,
-    )
+
+
+def _about_the_prior(task: Task, parameters: Array, passed: FilterResult) -> Array:
+    """Deviations (n_free,) from where a pass started, the mean of the prior put back.
+
+    The pass took its start for the mean of the prior. Exact for a linear problem without drift,
+    which makes the filter forget the prior.
+    """
+    prior = task.prior_about(parameters)
+    theta = (passed.parameters - parameters)[task.positions] / task.free.scale
+    drifted = task.drifts**2 * task.setup.dt_s * len(passed.history)
+    theta = theta + passed.theta_covariance @ (prior.mean / (task.factors**2 + drifted))
+    return np.clip(theta, prior.low, prior.high)
 
 
 def _engine(name: str) -> Callable[[FilterProblem, str], FilterResult]:
@@ -217,72 +249,64 @@ def _engine(name: str) -> Callable[[FilterProblem, str], FilterResult]:
     return reference.run
 
 
-def _refine(
-    setup: Setup,
-    parameters: Array,
-    free: Array,
-    records: list[Record],
-    active: Array,
-    noise: Array,
-    coloured: bool,
-) -> Outcome:
+def _sensed(records: Records) -> npt.NDArray[np.bool_]:
+    """Channels with at least one reading."""
+    return np.array([np.isfinite(records.measured[:, :, c]).any() for c in range(N_STATES)])
+
+
+# --- fit of the free-running prediction ----------------------------------------------------
+
+
+def _fitted(task: Task, parameters: Array, noise: Array, coloured: bool) -> Outcome:
     """Fit, with the noise brought up to date until it no longer changes."""
-
-    def noise_at(p: Array, before: Colours) -> Colours:
-        if coloured:
-            return coloured_noise(setup, p, records, active, before)
-        return white(effective_noise(setup, p, records, active))
-
-    factors, _ = tuning_of(setup, free)
-    scale, (low, high) = setup.prior_std[free], setup.bounds(free)
-    parameters = _calm(setup, parameters, records, active, noise)
-    colours = noise_at(parameters, white(noise))
-    for _ in range(NOISE_ROUNDS):
-        away = (setup.prior[free] - parameters[free]) / scale
-        result = fit(
-            likelihood_of(setup, parameters, free, records, active, colours),
-            np.zeros(len(free)),
-            away,
-            np.diag(1.0 / factors**2),
-            ((low - parameters[free]) / scale, (high - parameters[free]) / scale),
-        )
-        parameters = moved(setup, parameters, free, result.theta)
-        used, colours = colours, noise_at(parameters, colours)
-        if _settled(used, colours):
-            break
-    samples = sum(int(np.isfinite(r.measured[:, active]).sum()) for r in records)
+    policy = NoisePolicy(_noise_update(task, coloured), NOISE_ROUNDS, NOISE_SETTLED)
+    output = replace(task.output, colours=white(noise))
+    start = _calm(output, parameters, task.setup.start)
+    output = replace(output, colours=policy.update(output, start).colours)
+    *_, last = map_rounds(output, task.free, task.prior_about, start, policy)
     return Outcome(
-        parameters,
-        free,
-        result.covariance,
-        effective_noise(setup, parameters, records, active),
-        colours,
-        tuple(r.id for r in records),
-        -result.cost,
-        samples,
+        parameters=last.parameters,
+        free=task.positions,
+        colours=last.noise.colours,
+        log_likelihood=-last.fit.cost,
+        covariance=last.fit.covariance,
+        noise=effective_noise(output, last.parameters, task.setup.sensor_std),
+        ids=tuple(record.id for record in output.records),
+        samples=sum(_readings(record, output.active) for record in output.records),
     )
 
 
-def _calm(
-    setup: Setup, parameters: Array, records: list[Record], active: Array, noise: Array
-) -> Array:
+def _noise_update(task: Task, coloured: bool) -> Callable[[OutputError, Array], Noise]:
+    """Coloured noise, or white noise as large as the residual counts for."""
+    least = task.setup.sensor_std
+    if coloured:
+        return lambda output, p: Noise(coloured_noise(output, p, least))
+    return lambda output, p: Noise(white(effective_noise(output, p, least)))
+
+
+def _readings(record: Record, active: Array) -> int:
+    """Number of readings of the active channels."""
+    return int(np.isfinite(record.measured[:, active]).sum())
+
+
+def _calm(output: OutputError, parameters: Array, other: Array) -> Array:
     """Where a fit can start: a filter may leave coefficients with which the motion runs away.
 
     The readings held its states; the prior is a vehicle's.
     """
-    for start in (parameters, setup.start):
-        at_start = likelihood_of(setup, start, NOTHING, records, active, white(noise))
-        if np.isfinite(at_start(np.zeros(0))[0]):
+    for start in (parameters, other):
+        if np.isfinite(likelihood(output, start, output.no_parameter)[0]):
             return start
     return parameters
 
 
-def _settled(before: Colours, after: Colours) -> bool:
-    """Whether the noise of every channel changed so little that another round changes nothing."""
-    if any(a.time_s != b.time_s for a, b in zip(before, after, strict=True)):
-        return False
-    old, new = (np.array([(c.white, c.slow) for c in colours]) for colours in (before, after))
-    return bool(np.allclose(new, old, rtol=NOISE_SETTLED, atol=0.0))
+# --- about an outcome ----------------------------------------------------------------------
+
+
+def task_about(setup: Setup, outcome: Outcome, stage: PlanStage) -> Task:
+    """The task of a stage with what its outcome estimated, and with the noise of it."""
+    task = task_of(setup, stage, outcome.free)
+    return replace(task, output=replace(task.output, colours=outcome.colours))
 
 
 def data_information(setup: Setup, outcome: Outcome, stage: PlanStage) -> Array:
@@ -295,33 +319,16 @@ def data_information(setup: Setup, outcome: Outcome, stage: PlanStage) -> Array:
     (n_free, n_free) array
         In units of the prior standard deviations.
     """
-    return _likelihood_about(setup, outcome, stage)(np.zeros(len(outcome.free)))[2]
+    task = task_about(setup, outcome, stage)
+    return likelihood(task.output, outcome.parameters, task.free)[2]
 
 
 def at_mean(setup: Setup, outcome: Outcome, stage: PlanStage) -> Outcome:
     """The outcome with its coefficients moved from the most probable ones to their mean."""
-    factors, _ = tuning_of(setup, outcome.free)
-    names = [setup.structure.parameters[position] for position in outcome.free]
+    task = task_about(setup, outcome, stage)
     move = move_to_mean(
-        _likelihood_about(setup, outcome, stage),
-        np.diag(1.0 / factors**2),
-        [column for column, name in enumerate(names) if name in BY_SYMBOL],
+        lambda by: likelihood(task.output, task.free.moved(outcome.parameters, by), task.free),
+        task.information,
+        [k for k, name in enumerate(setup.names(outcome.free)) if name in BY_SYMBOL],
     )
-    return replace(outcome, parameters=moved(setup, outcome.parameters, outcome.free, move))
-
-
-def _likelihood_about(setup: Setup, outcome: Outcome, stage: PlanStage) -> Likelihood:
-    """Likelihood of deviations from an outcome, of all the maneuvers of its stage."""
-    return likelihood_of(
-        setup,
-        outcome.parameters,
-        outcome.free,
-        stage_records(setup, stage),
-        active_states(stage.system, setup.structure.plane),
-        outcome.colours,
-    )
-
-
-def _sensed(records: Records) -> npt.NDArray[np.bool_]:
-    """Channels with at least one reading."""
-    return np.array([np.isfinite(records.measured[:, :, c]).any() for c in range(N_STATES)])
+    return replace(outcome, parameters=task.free.moved(outcome.parameters, move))

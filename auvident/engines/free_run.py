@@ -1,20 +1,29 @@
-"""The free-running prediction against the readings: residual, noise, likelihood.
+"""The likelihood of the free-running prediction: output error with coloured noise.
 
-One likelihood for the refinement of a plan, for the information and the scatter of any result, and
-for the diagnosis. Errors are whitened by the noise of their channel: sensor noise, and a slow
-disturbance where the residual shows one (`estimation.coloured`). The start of a record is no
-coefficient: its best value is taken, its uncertainty counted.
+A record is predicted from its start and its inputs alone. Its readings y are taken for::
+
+    x_0 = s + d,                    d ~ N(0, D)       s: from a line through the readings
+    x_{k+1} = f(x_k, u_k; theta)
+    y_k = h(x_k; theta) + b_k + v_k,  v_k ~ N(0, W)   b: a slow disturbance of each channel
+
+(`estimation.coloured` says what b is). A scalar Kalman filter of each channel turns y - h(x) and
+its slopes into white innovations e, E by the start and J by the free parameters, so that::
+
+    -log p(y | theta) = min_d |e + E d|^2 / 2 + d' D^-1 d / 2 + constant
+
+The start is a nuisance parameter: linear in d, it is eliminated in closed form. `normal_equations`
+is what one record adds to value, gradient and curvature, `likelihood` their sum over the records.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from auvident.constants import FITTED_START_STD, VehicleTime
+from auvident.constants import FITTED_START_STD
 from auvident.engines.prediction import (
     Frame,
     Free,
@@ -26,148 +35,93 @@ from auvident.engines.prediction import (
     simulated,
 )
 from auvident.engines.records import Record
-from auvident.engines.setup import Setup, live_followers
-from auvident.errors import NumericsError
-from auvident.estimation.coloured import Colour, colour_of, whiten_channels
-from auvident.estimation.output_error import Likelihood, correlation_time
+from auvident.estimation.coloured import Colour, whiten_channels
 from auvident.parallel import each
 from auvident.physics.dynamics import N_STATES
 
 Array = npt.NDArray[Any]
 Colours = tuple[Colour, ...]
+Normal = tuple[float, Array, Array]  # half the squared error, its gradient, its curvature
 
-# lags beyond this are not looked at: longer than any transient
-LONGEST_CORRELATION_S: VehicleTime = 60.0
-ESCAPED = 10.0  # [std of the channel] a prediction that ran away counts as this wrong
 LARGEST = 1.0e20  # squared slopes in units of the noise beyond which a motion has run away
 NOTHING = np.zeros(0, dtype=np.int64)
 
 
-def predicted(setup: Setup, parameters: Array, record: Record, active: Array) -> Array:
-    """Readings (n, 4) predicted by free-running simulation of the active states."""
-    acting = at_effects(setup.frame, parameters, record)
-    states = simulated(setup.frame, parameters, acting, active)
-    return readings(setup.frame, parameters, record, states)
+@dataclass(frozen=True)
+class OutputError:
+    """All that the likelihood of a parameter vector rests on.
 
-
-def effective_noise(
-    setup: Setup, parameters: Array, records: Sequence[Record], active: Array
-) -> Array:
-    """Standard deviation at which residuals of the current model count as independent.
-
-    What a sensor's accuracy does not explain is the model's fault or the sea's: the rms of the
-    residual takes the place of the sensor noise where it is larger. And a residual correlated
-    over n samples says as little as one of n: times the square root of its correlation time.
-    So a channel stirred by turbulence does not bend the coefficients to explain what is random,
-    nor drown the prior, nor is it claimed as certainty afterwards.
-
-    Returns
-    -------
-    (4,) array
-        Effective standard deviation of each channel; the sensor's own where it is inactive.
-    """
-    longest = round(LONGEST_CORRELATION_S / setup.dt_s)
-    power, times, count = np.zeros(N_STATES), np.zeros(N_STATES), np.zeros(N_STATES)
-    for record in records:
-        residual = record.measured - predicted(setup, parameters, record, active)
-        for c in np.flatnonzero(active):
-            seen = np.isfinite(record.measured[:, c])
-            values = residual[seen, c]
-            ran_away = ~np.isfinite(values)
-            if ran_away.any():
-                values[ran_away] = _spread(record, int(c))
-            power[c] += float(values @ values)
-            count[c] += values.size
-            times[c] += values.size * correlation_time(values, longest)
-    noise = setup.sensor_std.copy()
-    used = count > 0
-    rms = np.sqrt(power[used] / count[used])
-    noise[used] = np.maximum(rms, noise[used]) * np.sqrt(times[used] / count[used])
-    return noise
-
-
-def _spread(record: Record, channel: int) -> float:
-    """What a prediction that ran away counts as: far outside what was measured."""
-    return ESCAPED * float(np.nanstd(record.measured[:, channel]))
-
-
-def white(noise: Array) -> Colours:
-    """Noise (4,) of the channels without any disturbance."""
-    return tuple(Colour(float(std), 0.0, 1.0) for std in noise)
-
-
-def coloured_noise(
-    setup: Setup, parameters: Array, records: Sequence[Record], active: Array, colours: Colours
-) -> Colours:
-    """Most likely sensor noise and disturbance of each channel, from what the model leaves.
-
-    The sensor's stated accuracy is the least of its noise. Inactive channels keep it.
-
-    Parameters
+    Attributes
     ----------
+    frame : Frame
+    records : tuple of Record
+    active : (4,) bool array
+        States that are predicted and channels that are compared; the others are as logged.
     colours : tuple of Colour
-        Noise with which the starts are fitted.
-
-    Raises
-    ------
-    NumericsError
-        A prediction ran away: there is no residual.
+        Noise of each channel, at least of the active ones.
+    start_stds : float
+        A start is known to so many standard deviations of the noise of its channel.
+    gain : (4,) array or None
+        Observer gain, see `physics.dynamics.simulate_with_sensitivities`; none runs free.
     """
-    moving, held = setup.free(NOTHING), start_information(active, colours)
-    left = each(
-        lambda r: left_over(setup.frame, parameters, r, active, colours, moving, held),
-        records,
-        len,
-    )
-    residuals = [residual[0] for residual in left if residual is not None]
-    if len(residuals) < len(left):
-        raise NumericsError(
-            "the prediction runs away with the coefficients the fit starts from",
-            remedy="Run the filter stages first, or check the priors and the mass properties.",
-        )
-    found = list(white(setup.sensor_std))
-    for c in np.flatnonzero(active):
-        colour, _ = colour_of([residual[:, c] for residual in residuals], setup.dt_s)
-        found[c] = replace(colour, white=max(colour.white, float(setup.sensor_std[c])))
-    return tuple(found)
+
+    frame: Frame
+    records: tuple[Record, ...]
+    active: npt.NDArray[np.bool_]
+    colours: Colours
+    start_stds: float = FITTED_START_STD
+    gain: Array | None = None
+
+    @property
+    def channels(self) -> npt.NDArray[np.int64]:
+        """Channels that are compared."""
+        return np.flatnonzero(self.active).astype(np.int64)
+
+    @property
+    def start_information(self) -> Array:
+        """Inverse covariance (k, k) of the k active states of a start."""
+        stds = [start_std(self.colours[c], self.start_stds) for c in self.channels]
+        return np.diag([std**-2.0 for std in stds])
+
+    @property
+    def no_parameter(self) -> Free:
+        """That no parameter moves."""
+        column = np.full(len(self.frame.structure.parameters), -1, dtype=np.int64)
+        return Free(NOTHING, column, np.zeros(0))
 
 
-def left_over(
-    frame: Frame,
-    p: Array,
-    record: Record,
-    active: Array,
-    colours: Colours,
-    moving: Free,
-    held: Array,
-) -> tuple[Array, Array] | None:
-    """Measured minus predicted with the best start, and the predicted states.
+@dataclass(frozen=True)
+class Innovations:
+    """A record and its prediction, whitened.
 
-    Parameters
+    Attributes
     ----------
-    moving : Free
-        Of no parameter.
-    held : (k, k) array
-        See `record_parts`.
-
-    Returns
-    -------
-    tuple of (n, 4) array and (n, 4) array, or None
-        NaN where there is no reading; None where the prediction runs away.
+    predicted : Slopes
+        Readings, their slopes, and the states.
+    seen : (n, 4) bool array
+        Readings that the prediction is compared with.
+    white : (c n, 1 + k + m) array
+        One channel below the other: predicted minus measured, slopes by the k active states of
+        the start, by the m free parameters.
     """
-    found = white_slopes(frame, p, record, active, colours, moving)
-    if found is None:
-        return None
-    slopes, seen, rows = found
-    if not np.isfinite(rows).all() or np.abs(rows).max() > LARGEST**0.5:
-        return None
-    start = np.linalg.solve(rows[:, 1:].T @ rows[:, 1:] + held, rows[:, 1:].T @ rows[:, 0])
-    error = np.where(seen, record.measured - slopes.readings, np.nan)
-    error[:, active] += slopes.slopes[:, active][:, :, np.flatnonzero(active)] @ start
-    return error, slopes.states
+
+    predicted: Slopes
+    seen: npt.NDArray[np.bool_]
+    white: Array
 
 
-def white_rows(
+def predicted(frame: Frame, p: Array, record: Record, active: Array) -> Array:
+    """Readings (n, 4) predicted by free-running simulation of the active states."""
+    acting = at_effects(frame, p, record)
+    return readings(frame, p, record, simulated(frame, p, acting, active))
+
+
+def start_std(colour: Colour, stds: float) -> float:
+    """How far the start of a record may be from the line through its readings."""
+    return stds * math.hypot(colour.white, colour.slow)
+
+
+def white_columns(
     error: Array,
     slopes: Array,
     columns: Array,
@@ -201,28 +155,50 @@ def white_rows(
     return out
 
 
-def white_slopes(
-    frame: Frame,
-    p: Array,
-    record: Record,
-    active: Array,
-    colours: Colours,
-    moving: Free,
-    gain: Array | None = None,
-) -> tuple[Slopes, Array, Array] | None:
-    """Readings with slopes at p, which of them are seen, and both whitened; None: it runs away.
+def white_error(error: Array, colours: Colours, dt_s: float) -> Array:
+    """Whitened errors (n, c) of the first c channels; zero where there is no reading."""
+    channels, seen = np.arange(len(colours)), np.isfinite(error)
+    none = np.zeros((len(error), N_STATES, 0))
+    white = white_columns(error, none, NOTHING, seen, channels, colours, dt_s)
+    return white[:, 0].reshape(len(colours), len(error)).T
 
-    Columns of the whitened: predicted minus measured, slopes by the active states of the start,
-    by what moves.
-    """
-    found = readings_with_slopes(frame, p, record, active, moving, gain)
+
+def innovations(output: OutputError, p: Array, record: Record, free: Free) -> Innovations | None:
+    """Innovations of a record at p with their slopes; None where the prediction runs away."""
+    frame, channels = output.frame, output.channels
+    found = readings_with_slopes(frame, p, record, output.active, free, output.gain)
     if found is None:
         return None
-    seen, channels = seen_rows(frame, p, record, active), np.flatnonzero(active)
-    kept = np.concatenate([channels, N_STATES + np.arange(len(moving.positions))])
+    seen = seen_rows(frame, p, record, output.active)
+    columns = np.concatenate([channels, N_STATES + np.arange(len(free.positions))])
     error = found.readings - record.measured
-    rows = white_rows(error, found.slopes, kept, seen, channels, colours, frame.dt_s)
-    return found, seen, rows
+    white = white_columns(error, found.slopes, columns, seen, channels, output.colours, frame.dt_s)
+    return Innovations(found, seen, white)
+
+
+def finite_innovations(
+    output: OutputError, p: Array, record: Record, free: Free
+) -> Innovations | None:
+    """As `innovations`; None as well where the motion is nearly lost."""
+    found = innovations(output, p, record, free)
+    if found is None or not np.abs(found.white).max() <= LARGEST**0.5:  # nor a NaN
+        return None
+    return found
+
+
+def best_start(output: OutputError, own: Array, others: Array) -> Array:
+    """What the start takes up (k, ...) of some columns of innovations.
+
+    Parameters
+    ----------
+    output : OutputError
+    own : (k, k) array
+        Products of the slopes by the start with each other.
+    others : (k, ...) array
+        Products of these slopes with the columns.
+    """
+    share: Array = np.linalg.solve(own + output.start_information, others)
+    return share
 
 
 def lost_readings(record: Record, seen: Array, channels: Array) -> int:
@@ -233,81 +209,38 @@ def lost_readings(record: Record, seen: Array, channels: Array) -> int:
     return int((np.isfinite(record.measured[:, channels]) & ~seen[:, channels]).sum())
 
 
-def record_parts(
-    frame: Frame,
-    p: Array,
-    record: Record,
-    active: Array,
-    colours: Colours,
-    moving: Free,
-    held: Array,
-    gain: Array | None = None,
-) -> tuple[float, Array, Array] | None:
-    """Half the squared error of a record, gradient and curvature, its start eliminated.
+def normal_equations(output: OutputError, p: Array, record: Record, free: Free) -> Normal | None:
+    """What one record adds to the likelihood at p, its start eliminated; None: it runs away.
 
     Readings that are lost (`lost_readings`) count with their expected half each.
 
-    Parameters
-    ----------
-    held : (k, k) array
-        What is known of the k active states of the start beforehand, as an inverse covariance.
-
     Returns
     -------
-    tuple of float, (n_free,) and (n_free, n_free) array, or None
-        None where the prediction runs away.
+    tuple of float, (m,) and (m, m) array, or None
+        Half the squared error; gradient and Gauss-Newton curvature by the free parameters, in
+        units of their scale.
     """
-    found = white_slopes(frame, p, record, active, colours, moving, gain)
+    found = innovations(output, p, record, free)
     if found is None:
         return None
-    whole, k = found[2].T @ found[2], len(held)
-    if not np.isfinite(whole).all() or np.abs(whole).max() > LARGEST:
-        return None  # it ran away, but not far enough to be stopped
-    g, h = whole[1:, 0], whole[1:, 1:]
-    start = np.linalg.solve(h[:k, :k] + held, np.column_stack([g[:k], h[:k, k:]]))
-    lost = lost_readings(record, found[1], np.flatnonzero(active))
-    half = 0.5 * (float(whole[0, 0]) - float(g[:k] @ start[:, 0]) + lost)
+    gram, k = found.white.T @ found.white, len(output.channels)
+    if not np.abs(gram).max() <= LARGEST:  # nor a NaN: not far enough away to be stopped
+        return None
+    g, h = gram[1:, 0], gram[1:, 1:]
+    start = best_start(output, h[:k, :k], np.column_stack([g[:k], h[:k, k:]]))
+    lost = lost_readings(record, found.seen, output.channels)
+    half = 0.5 * (float(gram[0, 0]) - float(g[:k] @ start[:, 0]) + lost)
     return half, g[k:] - h[k:, :k] @ start[:, 0], h[k:, k:] - h[k:, :k] @ start[:, 1:]
 
 
-def start_information(active: Array, colours: Colours, stds: float = FITTED_START_STD) -> Array:
-    """What is known of the active states of a start: so many standard deviations of the noise."""
-    return np.diag([start_std(colours[c], stds) ** -2.0 for c in np.flatnonzero(active)])
+def likelihood(output: OutputError, p: Array, free: Free) -> Normal:
+    """Half the squared error of all records at p, gradient and curvature; see `summed`."""
+    parts = each(lambda r: normal_equations(output, p, r, free), output.records, len)
+    half, gradient, curvature = summed(parts, len(free.positions))
+    return half, gradient, 0.5 * (curvature + curvature.T)
 
 
-def start_std(colour: Colour, stds: float) -> float:
-    """How far the start of a record may be from the line through its readings."""
-    return stds * math.hypot(colour.white, colour.slow)
-
-
-def likelihood_of(
-    setup: Setup,
-    parameters: Array,
-    free: Array,
-    records: Sequence[Record],
-    active: Array,
-    colours: Colours,
-) -> Likelihood:
-    """Likelihood of the deviations from `parameters` for `estimation.output_error.fit`."""
-    moving, held = setup.free(free), start_information(active, colours)
-
-    def likelihood(theta: Array) -> tuple[float, Array, Array]:
-        p = moved(setup, parameters, free, theta)
-        return summed(
-            each(
-                lambda r: record_parts(setup.frame, p, r, active, colours, moving, held),
-                records,
-                len,
-            ),
-            len(free),
-        )
-
-    return likelihood
-
-
-def summed(
-    parts: Sequence[tuple[float, Array, Array] | None], n: int
-) -> tuple[float, Array, Array]:
+def summed(parts: Sequence[Normal | None], n: int) -> Normal:
     """Sum over the records; infinite when one of them ran away."""
     half, gradient, curvature = 0.0, np.zeros(n), np.zeros((n, n))
     for part in parts:
@@ -316,13 +249,43 @@ def summed(
         half += part[0]
         gradient += part[1]
         curvature += part[2]
-    return half, gradient, 0.5 * (curvature + curvature.T)
+    return half, gradient, curvature
 
 
-def moved(setup: Setup, parameters: Array, free: Array, theta: Array) -> Array:
-    """Parameters moved by theta prior standard deviations; followers move along."""
-    p = parameters.copy()
-    p[free] += setup.prior_std[free] * theta
-    for follower, leader in live_followers(setup, free):
-        p[follower] += p[leader] - parameters[leader]
-    return p
+@dataclass(frozen=True)
+class RecordResidual:
+    """What a prediction with its best start leaves of one record.
+
+    Attributes
+    ----------
+    id : str
+    time_s : (n,) array
+    error : (n, 4) array
+        Measured minus predicted; NaN where there is no reading.
+    states : (n, 4) array
+        Predicted from the line through the readings.
+    """
+
+    id: str
+    time_s: Array
+    error: Array
+    states: Array
+
+
+def residual_of(output: OutputError, p: Array, record: Record) -> RecordResidual | None:
+    """What the prediction leaves of a record, its start fitted; None where it runs away."""
+    found = finite_innovations(output, p, record, output.no_parameter)
+    if found is None:
+        return None
+    there, white, by_start = found.predicted, found.white[:, 0], found.white[:, 1:]
+    start = best_start(output, by_start.T @ by_start, by_start.T @ white)
+    error = np.where(found.seen, record.measured - there.readings, np.nan)
+    error[:, output.active] += there.slopes[:, output.active][:, :, output.channels] @ start
+    return RecordResidual(record.id, record.time_s, error, there.states)
+
+
+def residuals_of(output: OutputError, p: Array) -> tuple[RecordResidual, ...] | None:
+    """Residuals of all records; None where one runs away."""
+    found = each(lambda record: residual_of(output, p, record), output.records, len)
+    whole = tuple(residual for residual in found if residual is not None)
+    return whole if len(whole) == len(found) else None

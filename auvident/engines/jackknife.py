@@ -1,20 +1,15 @@
 """How much each maneuver moves the result: leave-one-maneuver-out without running it again."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from auvident.engines.estimator import (
-    Outcome,
-    Setup,
-    active_states,
-    stage_records,
-    tuning_of,
-)
-from auvident.engines.free_run import likelihood_of
+from auvident.engines.estimator import task_about
+from auvident.engines.free_run import likelihood
+from auvident.engines.setup import Outcome, Setup
 from auvident.schema.plan import PlanStage
 
 Array = npt.NDArray[Any]
@@ -41,8 +36,8 @@ class Scatter:
 
 def scatter_of(setup: Setup, outcome: Outcome, stage: PlanStage) -> Scatter | None:
     """Scatter between the maneuvers of a stage; None with fewer than `LEAST_MANEUVERS`."""
-    gradients, curvatures, prior = _parts(setup, outcome, stage)
-    covariance = jackknife_covariance(_moves(gradients, curvatures, prior))
+    gradients, curvatures, prior = information_by_maneuver(setup, outcome, stage)
+    covariance = jackknife_covariance(moves_without(gradients, curvatures, prior))
     if covariance is None:
         return None
     expected, freedom = expected_variance(list(curvatures.values()), prior)
@@ -50,43 +45,27 @@ def scatter_of(setup: Setup, outcome: Outcome, stage: PlanStage) -> Scatter | No
     return Scatter(np.sqrt(variance), variance > expected * largest_by_chance(freedom))
 
 
-def influences(setup: Setup, outcome: Outcome, stage: PlanStage) -> dict[str, Array]:
-    """Move of the free coefficients when one maneuver is left out, by one Newton step.
-
-    With H the curvature of all maneuvers and the prior, g_f and H_f those of maneuver f:
-    move = (H - H_f)^-1 g_f.
-
-    Returns
-    -------
-    dict of str to (n_free,) array
-        By maneuver id, in units of the prior standard deviations.
-    """
-    return _moves(*_parts(setup, outcome, stage))
-
-
-def _parts(
+def information_by_maneuver(
     setup: Setup, outcome: Outcome, stage: PlanStage
 ) -> tuple[dict[str, Array], dict[str, Array], Array]:
     """Gradient and curvature of each maneuver at the outcome, and the prior's information."""
-    active, at_rest = (
-        active_states(stage.system, setup.structure.plane),
-        np.zeros(len(outcome.free)),
-    )
-    parts = {
-        record.id: likelihood_of(
-            setup, outcome.parameters, outcome.free, [record], active, outcome.colours
-        )(at_rest)
-        for record in stage_records(setup, stage)
-    }
-    factors, _ = tuning_of(setup, outcome.free)
-    gradients = {name: gradient for name, (_, gradient, _) in parts.items()}
-    curvatures = {name: curvature for name, (_, _, curvature) in parts.items()}
-    return gradients, curvatures, np.diag(1.0 / factors**2)
+    task, p = task_about(setup, outcome, stage), outcome.parameters
+    records = task.output.records
+    alone = [replace(task.output, records=(record,)) for record in records]
+    parts = [likelihood(output, p, task.free) for output in alone]
+    gradients = {r.id: part[1] for r, part in zip(records, parts, strict=True)}
+    curvatures = {r.id: part[2] for r, part in zip(records, parts, strict=True)}
+    return gradients, curvatures, task.information
 
 
-def _moves(
+def moves_without(
     gradients: Mapping[str, Array], curvatures: Mapping[str, Array], prior: Array
 ) -> dict[str, Array]:
+    """Move of the free coefficients when one maneuver is left out, by one Newton step.
+
+    With H the curvature of all maneuvers and the prior, g_f and H_f those of maneuver f:
+    move = (H - H_f)^-1 g_f, in units of the prior standard deviations.
+    """
     whole = prior + sum(curvatures.values())
     return {n: np.linalg.solve(whole - curvatures[n], g) for n, g in gradients.items()}
 

@@ -68,6 +68,19 @@ class Free:
     column: npt.NDArray[np.int64]
     scale: Array
 
+    def at(self, p: Array, values: Array) -> Array:
+        """Parameters p with other values of the free ones; what follows moves along."""
+        there = np.flatnonzero(self.column >= 0)
+        leaders = self.positions[self.column[there]]
+        q, followers = p.copy(), there != leaders
+        q[self.positions] = values
+        q[there[followers]] += (q - p)[leaders[followers]]
+        return q
+
+    def moved(self, p: Array, by: Array) -> Array:
+        """Parameters p with the free ones moved, in units of scale."""
+        return self.at(p, p[self.positions] + self.scale * by)
+
 
 def at_effects(frame: Frame, p: Array, record: Record) -> Record:
     """The record as the effects at p make it: acting inputs, states behind the readings."""
@@ -118,11 +131,7 @@ def input_slopes(frame: Frame, p: Array, acting: Record, free: Free) -> tuple[Ar
         As `at_effects` returns it.
     """
     names, e = frame.structure.parameters, command_values(frame.structure.parameters, p)
-    found = [
-        (column, COMMAND.index(names[i]))
-        for column, i in enumerate(free.positions)
-        if "." in names[i] and names[i] in COMMAND
-    ]
+    found = _columns_of(COMMAND, names, free)
     source = acting.source
     if not found or source is None:
         return np.zeros((len(acting.time_s), 9, 0)), np.zeros(0, dtype=np.int64)
@@ -146,6 +155,17 @@ def input_slopes(frame: Frame, p: Array, acting: Record, free: Free) -> tuple[Ar
         slopes,
     )
     return slopes, columns.copy()
+
+
+def _columns_of(
+    effects: tuple[str, ...], names: tuple[str, ...], free: Free
+) -> list[tuple[int, int]]:
+    """Column among the free parameters, and place, of those effects that are free."""
+    return [
+        (column, effects.index(names[i]))
+        for column, i in enumerate(free.positions)
+        if "." in names[i] and names[i] in effects
+    ]
 
 
 def simulated(frame: Frame, p: Array, record: Record, active: Array) -> Array:
@@ -218,22 +238,12 @@ def readings_with_slopes(
     return Slopes(found, read[:, :, 1:], states)
 
 
-def _reading_columns(frame: Frame, free: Free) -> list[tuple[int, int]]:
-    """Column among the free parameters and place in `READING` of every effect of a sensor."""
-    names = frame.structure.parameters
-    return [
-        (column, sense.READING.index(names[i]))
-        for column, i in enumerate(free.positions)
-        if names[i] in sense.READING
-    ]
-
-
 def _add_reading_slopes(
     frame: Frame, e: Array, record: Record, states: Array, base: Array, free: Free, slopes: Array
 ) -> None:
     """Slopes of the readings by the effects of the sensors, by differences."""
     assert record.source is not None or not frame.structure.effects
-    for column, place in _reading_columns(frame, free):
+    for column, place in _columns_of(sense.READING, frame.structure.parameters, free):
         moved = e.copy()
         moved[place] += READING_STEP * free.scale[column]
         there = sense.readings(
@@ -272,7 +282,7 @@ def linear_about(
     """
     e, k = frame.reading_effects(p), len(records)
     matrix = sense.sensor_matrix(frame.structure.plane, frame.sensing, e)
-    pairs = _reading_columns(frame, free)
+    pairs = _columns_of(sense.READING, frame.structure.parameters, free)
     offset, by_reading = np.zeros((k, n, 4)), np.zeros((k, n, 4, len(pairs)))
     inputs: list[Array] = []
     columns = np.zeros(0, dtype=np.int64)

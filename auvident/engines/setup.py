@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.engines.map_fit import Estimate
 from auvident.engines.prediction import Frame, Free
 from auvident.engines.problem import FilterResult
 from auvident.engines.records import Record
-from auvident.estimation.coloured import Colour
 from auvident.physics.sensing import sensor_matrix
 from auvident.physics.terms import Structure
 from auvident.schema.artifacts import Sensing
@@ -65,6 +65,10 @@ class Setup:
         """Reading = sensor @ state, without effects."""
         return sensor_matrix(self.structure.plane, self.sensing)
 
+    def names(self, positions: Array) -> list[str]:
+        """Names of parameters."""
+        return [self.structure.parameters[i] for i in positions]
+
     def free(self, positions: Array) -> Free:
         """Parameters that move, with those that follow them."""
         column = np.full(len(self.prior), -1, dtype=np.int64)
@@ -76,40 +80,35 @@ class Setup:
     def bounds(self, positions: Array) -> tuple[Array, Array]:
         """Least and largest values of parameters; those of forces, which are wide, are left out."""
         low, high = np.full(len(positions), -np.inf), np.full(len(positions), np.inf)
-        for column, i in enumerate(positions):
-            name = self.structure.parameters[i]
+        for column, name in enumerate(self.names(positions)):
             if "." in name and not any(parameter_of(name).powers):
                 low[column], high[column] = parameter_of(name).low, parameter_of(name).high
         return low, high
 
 
-@dataclass(frozen=True)
-class Outcome:
+@dataclass(frozen=True, kw_only=True)
+class Outcome(Estimate):
     """What a stage leaves.
 
     Attributes
     ----------
-    parameters : (n_parameters,) array
-    free : (n_free,) int array
     covariance : (n_free, n_free) array
         Posterior covariance in units of the prior standard deviations.
     noise : (4,) array
-        Effective standard deviation of each channel (see `free_run.effective_noise`).
-    colours : tuple of Colour
-        Noise of each channel in the likelihood of this result.
+        Effective standard deviation of each channel (see `noise.effective_noise`).
+    ids : tuple of str
+        Records that were used.
+    samples : int
+        Readings that were used.
     passed : FilterResult or None
         The record of the filter pass; None for a refinement.
     observer_time_s : float or None
         Of the filter pass: the time over which it trusted the model.
     """
 
-    parameters: Array
-    free: npt.NDArray[np.int64]
     covariance: Array
     noise: Array
-    colours: tuple[Colour, ...]
     ids: tuple[str, ...]
-    log_likelihood: float
     samples: int
     passed: FilterResult | None = field(default=None, repr=False)
     observer_time_s: float | None = None

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.constants import FILTER_START_STD
-from auvident.engines.free_run import LONGEST_CORRELATION_S
 from auvident.engines.motion_pass import motion_pass
+from auvident.engines.noise import LONGEST_CORRELATION_S
 from auvident.engines.records import Record
 from auvident.estimation.output_error import correlation_time
 from auvident.estimation.smoother import smooth

@@ -299,7 +299,7 @@ def diagnose(given: Given) -> dict[str, Any]:
     from auvident.stages.diagnose import diagnose as trace
     from auvident.stages.identify import prepare, without_held_out
 
-    setup, _ = prepare(
+    setup = prepare(
         given.trials,
         given.maneuvers,
         given.ase,

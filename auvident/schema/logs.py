@@ -334,7 +334,7 @@ class SensorQuality(Artifact):
     channels: tuple[ChannelQuality, ...] = ()
 
 
-class Record(Artifact):
+class RecordSpan(Artifact):
     """An uninterrupted piece of a trial."""
 
     record: int
@@ -368,7 +368,7 @@ class TrialQuality(Artifact):
     origin: str = ""
     sensors: tuple[SensorQuality, ...] = ()
     absent: tuple[str, ...] = ()
-    records: tuple[Record, ...] = ()
+    records: tuple[RecordSpan, ...] = ()
     alignment: tuple[Alignment, ...] = ()
     checks: dict[str, Any] = {}
     findings: tuple[Finding, ...] = ()

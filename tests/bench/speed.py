@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from auvident.engines import compiled, reference
-from auvident.engines.estimator import active_states, free_positions
+from auvident.engines.estimator import free_positions
 from auvident.engines.problem import FilterProblem
 from auvident.engines.records import Record, stack
+from auvident.engines.setup import active_states
 from auvident.schema.plan import PlanStage
 from auvident.stages.identify import prepare
 from auvident.storage.plan_file import PLANS
@@ -56,7 +57,7 @@ def side_by_side(fast: Callable[[], Any], slow: Callable[[], Any], repeats: int)
 
 def one_pass(chain: Chain, system: str, free: tuple[str, ...], rows: int) -> FilterProblem:
     """A filter problem on one zigzag of a trial."""
-    setup, _ = prepare(
+    setup = prepare(
         chain.trials,
         chain.maneuvers,
         chain.ase,

@@ -98,7 +98,7 @@ def setup_of(name: str = "harbour_trial", plane: str = "horizontal", **changes):
     """The arrays of an identification."""
     c = sample(name)
     options = {"plan": plan_named("spiral"), "filter": "ekf", "engine": "compiled"} | changes
-    return prepare(c.trials, c.maneuvers, c.ase, c.vehicle, c.noise, plane=plane, **options)[0]
+    return prepare(c.trials, c.maneuvers, c.ase, c.vehicle, c.noise, plane=plane, **options)
 
 
 def cut(record: Record, samples: int) -> Record:

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from auvident.engines.carried import predicted_course
-from auvident.engines.estimator import Setup
 from auvident.engines.prediction import Frame, Free
 from auvident.engines.records import Record, Source
+from auvident.engines.setup import Setup
 from auvident.physics.terms import structure_of
 from auvident.schema.artifacts import Sensing
 from auvident.schema.effects import BY_ID, parameter_of

@@ -7,10 +7,10 @@ import pytest
 
 from auvident.engines import compiled, reference
 from auvident.engines.carried import Carried
-from auvident.engines.estimator import Setup
 from auvident.engines.prediction import at_effects, linear_about
 from auvident.engines.problem import FilterProblem, FilterResult
 from auvident.engines.records import Record
+from auvident.engines.setup import Setup
 from auvident.schema.coefficients import expand
 from auvident.schema.effects import BY_ID, parameter_of
 from tests.engines.chain import cut, problem_of, setup_of

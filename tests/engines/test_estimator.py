@@ -8,14 +8,14 @@ import pytest
 from auvident.engines import estimator
 from auvident.engines.carried import allowed
 from auvident.engines.estimator import (
-    Setup,
-    active_states,
     data_information,
     free_positions,
     run_stage,
     stage_records,
 )
-from auvident.engines.free_run import effective_noise, likelihood_of, predicted, white
+from auvident.engines.free_run import OutputError, likelihood, predicted
+from auvident.engines.noise import effective_noise, white
+from auvident.engines.setup import Setup, active_states
 from auvident.errors import NumericsError
 from auvident.estimation.output_error import correlation_time
 from auvident.schema.plan import PlanStage, Tuning
@@ -52,10 +52,8 @@ def elsewhere(setup: Setup) -> np.ndarray:
 @pytest.fixture
 def steady_noise(monkeypatch):
     """Noise that does not depend on the residuals, and so not on the start."""
-    monkeypatch.setattr(estimator, "effective_noise", lambda setup, *_: 20.0 * setup.sensor_std)
-    monkeypatch.setattr(
-        estimator, "coloured_noise", lambda setup, *_: white(20.0 * setup.sensor_std)
-    )
+    monkeypatch.setattr(estimator, "effective_noise", lambda output, p, std: 20.0 * std)
+    monkeypatch.setattr(estimator, "coloured_noise", lambda output, p, std: white(20.0 * std))
 
 
 # --- anchoring -----------------------------------------------------------------------------
@@ -127,7 +125,7 @@ def with_residual(setup: Setup, residual) -> Setup:
     records = {}
     for number, (key, (kind, record)) in enumerate(setup.records.items()):
         if kind == "turn":
-            exact = predicted(setup, setup.prior, record, active)
+            exact = predicted(setup.frame, setup.prior, record, active)
             measured = exact + residual(number, len(exact))
             records[key] = (kind, replace(record, measured=measured))
     return replace(setup, records=records)
@@ -135,7 +133,13 @@ def with_residual(setup: Setup, residual) -> Setup:
 
 def noise_of(setup: Setup) -> np.ndarray:
     active = active_states("coupled", "horizontal")
-    return effective_noise(setup, setup.prior, [r for _, r in setup.records.values()], active)
+    return noise_at(setup, setup.prior, [r for _, r in setup.records.values()], active)
+
+
+def noise_at(setup: Setup, p, records, active) -> np.ndarray:
+    """Effective noise of some records."""
+    output = OutputError(setup.frame, tuple(records), active, white(setup.sensor_std))
+    return effective_noise(output, p, setup.sensor_std)
 
 
 def test_residuals_within_the_accuracy_of_the_sensor_leave_it_as_it_is() -> None:
@@ -183,7 +187,7 @@ def test_a_prediction_that_ran_away_is_far_out_but_finite() -> None:
     p = setup.prior.copy()
     p[setup.structure.index("X_uu")] = +60.0
     records = stage_records(setup, stage())
-    noise = effective_noise(setup, p, records, active_states("coupled", "horizontal"))
+    noise = noise_at(setup, p, records, active_states("coupled", "horizontal"))
     spread = np.nanstd(np.concatenate([r.measured for r in records])[:, 0])
     assert np.isfinite(noise).all()
     assert noise[0] > 5 * spread
@@ -334,7 +338,7 @@ def drawn(setup: Setup, seed: int) -> tuple[np.ndarray, Setup]:
             p[follower] = setup.prior[follower] + p[leader] - setup.prior[leader]
         records = {}
         for key, (kind, record) in setup.records.items():
-            exact = predicted(setup, p, record, active)
+            exact = predicted(setup.frame, p, record, active)
             if not (np.abs(exact[:, 2]) < 1.0).all() or not (np.abs(exact[:, 0] - 2.6) < 2.4).all():
                 break
             read = exact + setup.sensor_std * rng.normal(size=exact.shape)
@@ -390,7 +394,7 @@ def test_a_filter_learns_nothing_where_its_readings_show_nothing(filter) -> None
 
 def residuals_by_hand(setup: Setup, p, record, active, noise) -> np.ndarray:
     """Predicted minus measured over the noise, one below the other."""
-    away = (predicted(setup, p, record, active) - record.measured) / noise
+    away = (predicted(setup.frame, p, record, active) - record.measured) / noise
     return away[:, active][np.isfinite(record.measured[:, active])]
 
 
@@ -418,8 +422,8 @@ def test_the_likelihood_is_that_of_explicit_residuals_with_the_best_start() -> N
         half += 0.5 * r @ r - 0.5 * g[:3] @ share[:, 0]
         gradient += g[3:] - k[3:, :3] @ share[:, 0]
         curvature += k[3:, 3:] - k[3:, :3] @ share[:, 1:]
-    likelihood = likelihood_of(setup, setup.prior, free, records, active, white(noise))
-    found = likelihood(np.zeros(4))
+    output = OutputError(setup.frame, tuple(records), active, white(noise))
+    found = likelihood(output, setup.prior, setup.free(free))
     # central differences: second order in h and rounding over h, 1e-9 of slopes up to 1e3; kinks
     # of |v| and |r| within h of a few rows
     assert found[0] == pytest.approx(half, rel=1e-6)
@@ -437,8 +441,8 @@ def test_the_likelihood_is_infinite_where_the_prediction_runs_away() -> None:
     p[setup.structure.index("X_uu")] = 60.0
     active, free = np.array([True, True, True, False]), np.array([setup.structure.index("Y_uv")])
     record = next(iter(setup.records.values()))[1]
-    likelihood = likelihood_of(setup, p, free, [record], active, white(setup.sensor_std))
-    assert likelihood(np.zeros(1))[0] == np.inf
+    output = OutputError(setup.frame, (record,), active, white(setup.sensor_std))
+    assert likelihood(output, p, setup.free(free))[0] == np.inf
 
 
 # --- refinement: where it starts, how far it goes ---------------------------------------------

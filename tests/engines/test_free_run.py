@@ -5,15 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvident.engines.estimator import active_states, run_stage
-from auvident.engines.free_run import (
-    coloured_noise,
-    predicted,
-    record_parts,
-    start_information,
-    white,
-)
-from auvident.engines.setup import Setup
+from auvident.engines.estimator import run_stage
+from auvident.engines.free_run import OutputError, normal_equations, predicted
+from auvident.engines.noise import coloured_noise, white
+from auvident.engines.setup import Setup, active_states
 from auvident.errors import NumericsError
 from auvident.estimation.coloured import TIMES_S, Colour
 from tests.engines.chain import cut, plan_named, setup_of
@@ -28,12 +23,18 @@ def noisy(setup: Setup, colours) -> Setup:
     """Every reading is the prediction of the prior plus noise of the colours of u, v and r."""
     records = {}
     for number, (key, (kind, record)) in enumerate(setup.records.items()):
-        read = predicted(setup, setup.prior, record, COUPLED)
+        read = predicted(setup.frame, setup.prior, record, COUPLED)
         for c, colour in enumerate(colours):
             read[:, c] += series(len(read), colour, 10 * number + c)
         read[np.isnan(record.measured)] = np.nan
         records[key] = (kind, replace(record, measured=read))
     return replace(setup, records=records)
+
+
+def output_of(setup: Setup) -> OutputError:
+    """The likelihood of all records with the noise of the sensors."""
+    records = tuple(record for _, record in setup.records.values())
+    return OutputError(setup.frame, records, COUPLED, white(setup.sensor_std))
 
 
 @pytest.mark.parametrize("active", [LATERAL, COUPLED], ids=["lateral", "coupled"])
@@ -47,21 +48,14 @@ def test_errors_count_as_the_dense_gaussian_says(active) -> None:
         Colour(0.003, 0.004, 0.6),
         Colour(1.0, 0.0, 1.0),
     )
-    error = predicted(setup, setup.prior, record, active) - record.measured
+    error = predicted(setup.frame, setup.prior, record, active) - record.measured
     expected = 0.0
     for c in np.flatnonzero(active):
         seen = np.isfinite(record.measured[:, c])
         covariance = dense(120, colours[c])[np.ix_(seen, seen)]
         expected += 0.5 * float(error[seen, c] @ np.linalg.solve(covariance, error[seen, c]))
-    found = record_parts(
-        setup.frame,
-        setup.prior,
-        record,
-        active,
-        colours,
-        setup.free(np.zeros(0, dtype=np.int64)),
-        start_information(active, colours, FIXED_START),
-    )
+    output = OutputError(setup.frame, (record,), active, colours, FIXED_START)
+    found = normal_equations(output, setup.prior, record, output.no_parameter)
     assert found is not None
     # the start moves by 1e-9 of a standard deviation of the noise
     assert found[0] == pytest.approx(expected, rel=1e-6)
@@ -72,12 +66,11 @@ def test_with_a_known_start_the_gradient_is_the_slope_of_the_cost() -> None:
     record = cut(next(iter(setup.records.values()))[1], 150)
     colours = tuple(Colour(s, 3.0 * s, 1.0) for s in setup.sensor_std)
     free = np.array([setup.structure.index(s) for s in ("X_uu", "Y_uv", "N_uud")])
-    moving, held = setup.free(free), start_information(COUPLED, colours, FIXED_START)
+    moving = setup.free(free)
+    output = OutputError(setup.frame, (record,), COUPLED, colours, FIXED_START)
 
     def parts(theta):
-        p = setup.prior.copy()
-        p[free] += moving.scale * theta
-        return record_parts(setup.frame, p, record, COUPLED, colours, moving, held)
+        return normal_equations(output, moving.moved(setup.prior, theta), record, moving)
 
     step = 1e-4
     found = [(parts(step * e)[0] - parts(-step * e)[0]) / (2 * step) for e in np.eye(3)]
@@ -91,8 +84,7 @@ def test_the_noise_of_a_residual_is_found() -> None:
         Colour(2.0 * sensor[c], 8.0 * sensor[c], time) for c, time in enumerate((0.6, 2.0, 1.0))
     )
     setup = noisy(setup_of(), truth)
-    records = [record for _, record in setup.records.values()]
-    found = coloured_noise(setup, setup.prior, records, COUPLED, white(setup.sensor_std))
+    found = coloured_noise(output_of(setup), setup.prior, setup.sensor_std)
     for here, there in zip(found[:3], truth, strict=True):
         place = TIMES_S.index(there.time_s)
         assert here.time_s in TIMES_S[place - 1 : place + 2]
@@ -104,8 +96,7 @@ def test_the_noise_of_a_residual_is_found() -> None:
 
 def test_no_channel_is_better_than_its_sensor() -> None:
     exact = noisy(setup_of(), tuple(Colour(1e-9, 0.0, 1.0) for _ in range(3)))
-    records = [record for _, record in exact.records.values()]
-    found = coloured_noise(exact, exact.prior, records, COUPLED, white(exact.sensor_std))
+    found = coloured_noise(output_of(exact), exact.prior, exact.sensor_std)
     assert [c.white for c in found] == exact.sensor_std.tolist()
 
 
@@ -113,9 +104,8 @@ def test_a_prediction_that_ran_away_has_no_noise() -> None:
     setup = setup_of()
     p = setup.prior.copy()
     p[setup.structure.index("X_uu")] = 60.0
-    records = [record for _, record in setup.records.values()]
     with pytest.raises(NumericsError, match="runs away"):
-        coloured_noise(setup, p, records, COUPLED, white(setup.sensor_std))
+        coloured_noise(output_of(setup), p, setup.sensor_std)
 
 
 def test_a_refinement_weighs_by_the_noise_that_it_leaves() -> None:

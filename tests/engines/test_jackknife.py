@@ -7,15 +7,17 @@ import pytest
 from scipy.stats import chi2
 
 from auvident.engines import estimator
-from auvident.engines.estimator import Setup, run_stage
-from auvident.engines.free_run import white
+from auvident.engines.estimator import run_stage
 from auvident.engines.jackknife import (
     Scatter,
     expected_variance,
-    influences,
+    information_by_maneuver,
     jackknife_covariance,
     largest_by_chance,
+    moves_without,
 )
+from auvident.engines.noise import white
+from auvident.engines.setup import Setup
 from auvident.schema.plan import Tuning
 from auvident.stages.identify.result import widening
 from tests.engines.test_estimator import linear_setup, stage
@@ -25,10 +27,8 @@ EVERY = {"maneuvers": ("straight", "turn", "zigzag"), "method": "output_error"}
 
 @pytest.fixture(autouse=True)
 def steady_noise(monkeypatch):
-    monkeypatch.setattr(estimator, "effective_noise", lambda setup, *_: 20.0 * setup.sensor_std)
-    monkeypatch.setattr(
-        estimator, "coloured_noise", lambda setup, *_: white(20.0 * setup.sensor_std)
-    )
+    monkeypatch.setattr(estimator, "effective_noise", lambda output, p, std: 20.0 * std)
+    monkeypatch.setattr(estimator, "coloured_noise", lambda output, p, std: white(20.0 * std))
 
 
 def left_out(setup: Setup, name: str) -> Setup:
@@ -36,11 +36,11 @@ def left_out(setup: Setup, name: str) -> Setup:
 
 
 @pytest.mark.parametrize("tuning", [{}, {"all": Tuning(prior=0.3)}])
-def test_influence_of_a_maneuver_on_a_linear_problem_is_leaving_it_out(tuning) -> None:
+def test_a_newton_step_without_a_maneuver_of_a_linear_problem_is_leaving_it_out(tuning) -> None:
     setup, how = linear_setup(**tuning), stage(**EVERY)
     whole = run_stage(setup, setup.prior, how)
     whole = run_stage(setup, whole.parameters, how)  # to the bottom: the moves suppose it
-    moves = influences(setup, whole, how)
+    moves = moves_without(*information_by_maneuver(setup, whole, how))
     assert set(moves) == set(setup.records)
     for name, move in moves.items():
         rest = left_out(setup, name)

@@ -92,7 +92,7 @@ def test_the_case_of_a_diagnosis_is_the_same(name) -> None:
     cases = []
     for trials in (poisoned_trials(name), list(made.chain.trials)):
         seen = [without_held_out(t, made.chain.maneuvers, "horizontal") for t in trials]
-        setup, _ = prepare(
+        setup = prepare(
             trials,
             made.chain.maneuvers,
             made.chain.ase,

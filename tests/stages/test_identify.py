@@ -153,7 +153,7 @@ def test_a_held_out_maneuver_of_the_other_plane_is_a_gap_and_no_standstill() -> 
         "planes": ("vertical",),
     }
     overlapping = (*c.maneuvers.maneuvers, turn.model_copy(update=changes))
-    setup, _ = prepare(
+    setup = prepare(
         c.trials,
         c.maneuvers.model_copy(update={"maneuvers": overlapping}),
         c.ase,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from auvident.constants import ANSWER_S
-from auvident.engines.estimator import Setup
+from auvident.engines.setup import Setup
 from auvident.errors import NumericsError
 from auvident.schema.artifacts import Maneuver, Maneuvers
 from auvident.stages.identify import Identification, prepare
@@ -57,7 +57,7 @@ def setup_with(maneuvers: Maneuvers) -> Setup:
         plan=plan_named("spiral"),
         filter="ekf",
         engine="compiled",
-    )[0]
+    )
 
 
 @cache

@@ -15,7 +15,7 @@ from auvident.engines.carried import (
     predicted_course,
     vector_behind,
 )
-from auvident.engines.estimator import Setup
+from auvident.engines.setup import Setup
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.channels import BY_COLUMN, TIME_COLUMN
 from auvident.schema.effects import parameter_of

@@ -231,7 +231,7 @@ def test_the_delay_of_a_sensor_is_held_as_the_diagnosis_found_it() -> None:
     carried = carried_of(found)
     assert carried is not None and carried.effects == ("gyro_delay",)
     chain = sample("harbour_trial")
-    setup, _ = prepare(
+    setup = prepare(
         chain.trials,
         chain.maneuvers,
         chain.ase,
@@ -287,7 +287,7 @@ def test_masked_windows_have_no_readings() -> None:
             filter="ekf",
             engine="compiled",
             carried=carried,
-        )[0]
+        )
         for carried in (None, carried_of(diagnosis(window)))
     ]
     for name, (_, record) in setups[1].records.items():

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from auvident.engines.estimator import Setup
+from auvident.engines.setup import Setup
 from auvident.errors import NumericsError
 from auvident.schema.artifacts import IdentifiedModel, Maneuvers
 from auvident.schema.diagnosis import Diagnosis

@@ -9,11 +9,12 @@ import numpy.typing as npt
 import pandas as pd
 
 from auvident.engines.carried import Carried, effect_rows
-from auvident.engines.estimator import Outcome, Setup, active_states
-from auvident.engines.free_run import LONGEST_CORRELATION_S, NOTHING
+from auvident.engines.free_run import NOTHING
 from auvident.engines.jackknife import Scatter
+from auvident.engines.noise import LONGEST_CORRELATION_S
 from auvident.engines.prediction import at_effects, linear_about
 from auvident.engines.records import STATE_COLUMNS
+from auvident.engines.setup import Outcome, Setup, active_states
 from auvident.engines.states import smoothed_states
 from auvident.estimation.identifiability import (
     Direction,
@@ -31,7 +32,6 @@ from auvident.schema.artifacts import (
     ModelCoefficient,
     NisTest,
     Origin,
-    Sensing,
     StageRecord,
 )
 from auvident.schema.coefficients import BY_SYMBOL, prime_unit, symbols_of
@@ -63,7 +63,6 @@ class Step:
 
 def model_of(
     setup: Setup,
-    sensing: Sensing,
     ase: AseResult,
     vehicle: Vehicle,
     done: Sequence[Step],
@@ -88,7 +87,7 @@ def model_of(
         for symbol in symbols_of(plane)
     )
     rows = tuple(_widened(row, final, structure, setup.followers, scatter, widen) for row in rows)
-    symbols = [structure.parameters[i] for i in final.free]
+    symbols = setup.names(final.free)
     records = tuple(_stage_record(setup, step) for step in done)
     return IdentifiedModel(
         vehicle=vehicle.body.name,
@@ -99,7 +98,7 @@ def model_of(
         length_m=ase.length_m,
         density_kgpm3=ase.density_kgpm3,
         rigid_body=rigid_body(vehicle, plane),
-        sensing=sensing,
+        sensing=setup.sensing,
         coefficients=rows,
         effects=_effects(setup, final, widen, carried),
         covariance=_covariance(setup, final, symbols, widen),
@@ -124,7 +123,7 @@ def _effects(
     """
     if carried is None:
         return ()
-    names = [setup.structure.parameters[position] for position in final.free]
+    names = setup.names(final.free)
     smooth = np.array(["." not in n or parameter_of(n).step < SECANT for n in names])
     spread = np.sqrt(np.diag(final.covariance)) * setup.prior_std[final.free]
     spread *= np.where(smooth, widen, 1.0)
@@ -261,7 +260,7 @@ def _stage_record(setup: Setup, step: Step) -> StageRecord:
         stage=step.stage.name,
         cycle=step.cycle,
         system=step.stage.system,
-        free=tuple(structure.parameters[i] for i in outcome.free),
+        free=tuple(setup.names(outcome.free)),
         maneuvers=outcome.ids,
         samples=outcome.samples,
         log_likelihood=outcome.log_likelihood,
@@ -353,7 +352,7 @@ def history_of(setup: Setup, done: Sequence[Step]) -> pd.DataFrame:
     every = max(round(HISTORY_PERIOD_S / setup.dt_s), 1)
     for order, step in enumerate(done):
         outcome = step.outcome
-        symbols = [setup.structure.parameters[i] for i in outcome.free]
+        symbols = setup.names(outcome.free)
         if outcome.passed is not None:
             rows = slice(0, None, every)
             values, stds = (

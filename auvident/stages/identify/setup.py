@@ -10,10 +10,8 @@ import numpy.typing as npt
 
 from auvident.constants import GRAVITY_MPS2
 from auvident.engines.carried import Carried
-from auvident.engines.estimator import (
-    Setup,
-)
 from auvident.engines.records import STATE_COLUMNS, Record, record_of, sensor_matrix
+from auvident.engines.setup import Setup
 from auvident.errors import NumericsError
 from auvident.physics.terms import parameter_vector, symbol_in
 from auvident.schema.artifacts import (
@@ -48,7 +46,7 @@ def prepare(
     filter: str,
     engine: str,
     carried: Carried | None = None,
-) -> tuple[Setup, Sensing]:
+) -> Setup:
     """Arrays of the identification; see `identify` for the parameters."""
     carried = carried or Carried()
     structure = carried.structure(plane)
@@ -71,22 +69,19 @@ def prepare(
         [[structure.index(symbol_in(plane, "B_adot")), structure.index(symbol_in(plane, "A_bdot"))]]
     )
     rate_hz = by_name[chosen[0].trial].rate_hz
-    return (
-        Setup(
-            structure,
-            plan,
-            records,
-            1.0 / rate_hz,
-            sensing,
-            np.array([sensing.noise_std[c] for c in STATE_COLUMNS[plane]]),
-            prior,
-            prior_std,
-            followers,
-            filter,
-            engine,
-            start,
-        ),
-        sensing,
+    return Setup(
+        structure=structure,
+        plan=plan,
+        records=records,
+        dt_s=1.0 / rate_hz,
+        sensing=sensing,
+        sensor_std=np.array([sensing.noise_std[c] for c in STATE_COLUMNS[plane]]),
+        prior=prior,
+        prior_std=prior_std,
+        followers=followers,
+        filter=filter,
+        engine=engine,
+        start=start,
     )
 
 

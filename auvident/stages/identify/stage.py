@@ -10,16 +10,14 @@ import pandas as pd
 
 from auvident.engines.carried import Carried, allowed
 from auvident.engines.estimator import (
-    Outcome,
-    Setup,
     at_mean,
     data_information,
     run_stage,
     stage_records,
-    tuning_of,
+    task_about,
 )
-from auvident.engines.first_use import compile_side_by_side
 from auvident.engines.jackknife import scatter_of
+from auvident.engines.setup import Outcome, Setup
 from auvident.errors import NumericsError
 from auvident.estimation.identifiability import (
     unseen_directions,
@@ -38,6 +36,7 @@ from auvident.stages.identify.held_out import overlap_findings
 from auvident.stages.identify.result import Step, history_of, model_of, states_of
 from auvident.stages.identify.setup import prepare
 from auvident.stages.identify.step_length import step_findings
+from auvident.stages.identify.warm_up import compile_first
 
 Array = npt.NDArray[Any]
 Progress = Callable[[str, float], None]
@@ -98,7 +97,7 @@ def identify(
         Nothing to identify from, or a filter failed (with maneuver and time).
     """
     carried = carried or allowed(plan.allowances, plane)
-    setup, sensing = prepare(
+    setup = prepare(
         trials,
         maneuvers,
         ase,
@@ -110,7 +109,7 @@ def identify(
         engine=engine,
         carried=carried,
     )
-    compile_side_by_side(setup)
+    compile_first(setup)
     runs = [_run(setup, factor, progress) for factor in plan.start]
     done, _ = runs[-1]
     means = [at_mean(setup, steps[-1].outcome, steps[-1].stage) for steps, _ in runs]
@@ -120,26 +119,26 @@ def identify(
     final = _average(setup, means)
     information = data_information(setup, final, done[-1].stage)
     unseen = unseen_directions(information, _equations(setup, final))
-    final, told = _as_the_readings_tell(setup, final, information)
+    prior = task_about(setup, final, done[-1].stage).information
+    final, told = _as_the_readings_tell(setup, final, information + prior)
     findings += [*told, *step_findings(setup, final.parameters)]
     done = [*done[:-1], replace(done[-1], outcome=final)]
     scatter = scatter_of(setup, final, done[-1].stage)
-    model = model_of(setup, sensing, ase, vehicle, done, unseen, scatter, findings, carried)
+    model = model_of(setup, ase, vehicle, done, unseen, scatter, findings, carried)
     history = history_of(setup, [step for run in runs for step in run[0]])
     return Identification(model, history, states_of(setup, final.parameters))
 
 
 def _as_the_readings_tell(
-    setup: Setup, outcome: Outcome, information: Array
+    setup: Setup, outcome: Outcome, posterior: Array
 ) -> tuple[Outcome, list[Finding]]:
     """The outcome with a covariance that its readings allow, and what was wrong with it.
 
     The states of a filter follow the readings. Where what the model lacks pulls these away from the
     prediction, the filter is linear about motions that the model does not make, and may claim
-    more than the prediction with the same noise tells.
+    more than the prediction with the same noise tells, of which `posterior` is the information.
     """
-    factors, _ = tuning_of(setup, outcome.free)
-    exact = np.linalg.inv(information + np.diag(1.0 / factors**2))
+    exact = np.linalg.inv(posterior)
     ratio = np.diag(exact) / np.diag(outcome.covariance)
     if ratio.max() < OVERCLAIMED:
         return outcome, []
@@ -147,7 +146,7 @@ def _as_the_readings_tell(
         code="filter-overclaims",
         value=float(ratio.max()),
         threshold=OVERCLAIMED,
-        where=setup.structure.parameters[outcome.free[int(ratio.argmax())]],
+        where=setup.names(outcome.free)[int(ratio.argmax())],
         message="the filter claims to know more than its readings tell (variance these allow over "
         "the one claimed); standard deviations are those of the readings, values may be off by "
         "more",
@@ -158,7 +157,7 @@ def _as_the_readings_tell(
 
 def _equations(setup: Setup, outcome: Outcome) -> list[list[int]]:
     """Free coefficients of the surge equation, and of the two lateral ones."""
-    names = [setup.structure.parameters[position] for position in outcome.free]
+    names = setup.names(outcome.free)
     surge = [n in BY_SYMBOL and BY_SYMBOL[n].equation == "X" for n in names]
     blocks = [[i for i, x in enumerate(surge) if x], [i for i, x in enumerate(surge) if not x]]
     return [block for block in blocks if block]
@@ -228,7 +227,7 @@ def _disagreement(outcomes: Sequence[Outcome], setup: Setup) -> list[Finding]:
     values = np.array([o.parameters[last.free] for o in outcomes])
     apart = np.ptp(values, axis=0) / spread
     for column in np.flatnonzero(apart > STARTS_APART):
-        symbol = setup.structure.parameters[last.free[column]]
+        symbol = setup.names(last.free)[column]
         found.append(
             Finding(
                 code="depends-on-start",

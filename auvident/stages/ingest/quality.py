@@ -11,7 +11,7 @@ from auvident.schema.channels import CHANNELS, RECORD_COLUMN, TIME_COLUMN
 from auvident.schema.logs import (
     ChannelQuality,
     RawTrial,
-    Record,
+    RecordSpan,
     SensorQuality,
     TrialQuality,
 )
@@ -139,11 +139,11 @@ def _channel(
     )
 
 
-def _records(trial: Trial) -> tuple[Record, ...]:
+def _records(trial: Trial) -> tuple[RecordSpan, ...]:
     record = trial.table[RECORD_COLUMN].to_numpy()
     time = trial.table[TIME_COLUMN].to_numpy()
     found = []
     for number in range(int(record.max(initial=-1)) + 1):
         own = time[record == number]
-        found.append(Record(record=number, t_start_s=own[0], t_end_s=own[-1], samples=own.size))
+        found.append(RecordSpan(record=number, t_start_s=own[0], t_end_s=own[-1], samples=own.size))
     return tuple(found)

@@ -2,9 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from auvident.engines.estimator import Setup
+from auvident.engines.setup import Setup
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.diagnosis import Diagnosis
 from auvident.stages.diagnose.fit.case import Case, case_of
@@ -32,7 +30,7 @@ class Loop:
 @once
 def loop(name: str) -> Loop:
     chain = sample(name)
-    setup, _ = prepare(
+    setup = prepare(
         chain.trials,
         chain.maneuvers,
         chain.ase,
@@ -77,9 +75,3 @@ def small_fit() -> Fitted:
     found = fit_with(case, (), p, first_colours(case, p))
     assert found is not None
     return found
-
-
-def theta_of(case: Case, fitted: Fitted, free: np.ndarray) -> np.ndarray:
-    """Parameters in units of their prior."""
-    scaled: np.ndarray = fitted.parameters[free] / case.setup.prior_std[free]
-    return scaled

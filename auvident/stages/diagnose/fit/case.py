@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.engines.estimator import Setup
 from auvident.engines.records import Record
+from auvident.engines.setup import Setup
 from auvident.physics.terms import FREE_FORCE, parameter_vector, structure_of
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.coefficients import of_plane
@@ -71,14 +71,21 @@ class Case:
 
     def position(self, name: str) -> int:
         """Position of a parameter."""
-        return self.names.index(name)
+        return self.setup.structure.index(name)
 
-    def positions(self, effect: str) -> list[int]:
-        """Positions of the parameters of an effect that are estimated."""
+    def positions(self, *effects: str) -> list[int]:
+        """Positions of the parameters of effects that are estimated."""
+        return [i for effect in effects for i in self._own(effect)]
+
+    def _own(self, effect: str) -> list[int]:
         if effect.startswith(FREE_FORCE):
             return [i for i, name in enumerate(self.names) if name.startswith(FREE_FORCE)]
         found = [self.position(name) for name in BY_ID[effect].names()]
         return [i for i in found if self.setup.prior_std[i] > 0.0]
+
+    def with_baseline(self, effects: Sequence[str]) -> npt.NDArray[np.int64]:
+        """Positions of all that a fit with effects frees, in order."""
+        return in_order(self.baseline(), self.positions(*effects))
 
     def baseline(self) -> list[int]:
         """Positions that every fit frees: coefficients and silent allowances.
@@ -118,6 +125,11 @@ class Case:
             for r in self.records
         )
         return replace(self, records=records)
+
+
+def in_order(*positions: Sequence[int] | Array) -> npt.NDArray[np.int64]:
+    """Positions of all of these, each once."""
+    return np.array(sorted({int(i) for some in positions for i in some}), dtype=np.int64)
 
 
 def testable(setup: Setup, records: Sequence[Record]) -> tuple[list[Effect], list[str]]:

@@ -17,7 +17,6 @@ from auvident.stages.diagnose.fit.fits import (
     Fitted,
     first_colours,
     fit_with,
-    free_positions,
     log_gain,
 )
 
@@ -45,7 +44,7 @@ def refit(
 
 def holding(case: Case, before: Fitted, effects: Sequence[str]) -> Fitted:
     """A model as a fit with more effects, none of which does anything."""
-    return replace(before, effects=tuple(effects), free=free_positions(case, effects))
+    return replace(before, effects=tuple(effects), free=case.with_baseline(effects))
 
 
 def nested(case: Case, before: Fitted, fitted: Fitted) -> Fitted:
@@ -85,7 +84,7 @@ def best_of(fits: Sequence[Fitted | None]) -> Fitted | None:
 def from_estimate(case: Case, effects: Sequence[str], sizes: Array) -> Fitted | None:
     """Fit from the analytical estimate, with the effects at the sizes in a parameter vector."""
     start = case.at_rest(case.setup.prior)
-    own = [i for effect in effects for i in case.positions(effect)]
+    own = case.positions(*effects)
     start[own] = sizes[own]
     colours = first_colours(case, start)
     return fit_with(case, effects, start, colours, rounds=FRESH_ROUNDS, steps=FRESH_STEPS)
@@ -100,7 +99,7 @@ def from_both(case: Case, effects: Sequence[str], start: Array, like: Fitted) ->
 def without(case: Case, p: Array, effects: Sequence[str]) -> Array:
     """Parameters with some effects off."""
     q = p.copy()
-    own = [i for effect in effects for i in case.positions(effect)]
+    own = case.positions(*effects)
     q[own] = case.setup.prior[own]
     return q
 
@@ -115,6 +114,6 @@ def prior_cost(case: Case, fitted: Fitted) -> float:
 
     The likelihood leaves them out; of two explanations the one with usual sizes is likelier.
     """
-    own = [i for effect in fitted.effects for i in case.positions(effect)]
+    own = case.positions(*fitted.effects)
     away = (fitted.parameters[own] - case.setup.prior[own]) / case.setup.prior_std[own]
     return 0.5 * float(np.sum(away**2))

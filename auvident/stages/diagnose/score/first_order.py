@@ -12,22 +12,22 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.constants import DIAGNOSED_START_STD
-from auvident.engines.free_run import LARGEST, lost_readings, start_information
-from auvident.engines.prediction import Free, Slopes
+from auvident.engines.free_run import (
+    Innovations,
+    Normal,
+    OutputError,
+    best_start,
+    finite_innovations,
+    lost_readings,
+    summed,
+)
+from auvident.engines.prediction import Free
 from auvident.engines.records import Record
 from auvident.estimation.output_error import bounded_step
 from auvident.parallel import each
 from auvident.physics.dynamics import N_STATES
-from auvident.stages.diagnose.fit.case import ACTIVE, Case
-from auvident.stages.diagnose.fit.fits import (
-    N_CHANNELS,
-    N_START,
-    Colours,
-    Fitted,
-    prior_of,
-    white_slopes,
-)
+from auvident.stages.diagnose.fit.case import Case, in_order
+from auvident.stages.diagnose.fit.fits import N_CHANNELS, Fitted, output_error, prior_of
 
 Array = npt.NDArray[Any]
 
@@ -78,45 +78,34 @@ def joint_about(
     gain : (4,) array, optional
         Observer gain, which brings out what is fast.
     """
-    extra = [i for effect in effects for i in case.positions(effect)]
-    free = np.array(sorted({*fitted.free.tolist(), *extra}), dtype=np.int64)
-    moving = case.setup.free(free)
-    parts = each(lambda r: _slopes_of(case, fitted, r, moving, gain), case.records, len)
+    free = case.setup.free(in_order(fitted.free, case.positions(*effects)))
+    output = output_error(case, fitted.colours, gain)
+    parts = each(lambda r: _slopes_of(output, fitted.parameters, r, free), case.records, len)
     if any(part is None for part in parts):
         return None
-    half, gradient, curvature, raw, count = zip(*parts, strict=True)  # type: ignore[arg-type]
+    normal, raw, count = zip(*parts, strict=True)  # type: ignore[arg-type]
+    half, gradient, curvature = summed(normal, len(free.positions))
     mean = sum(raw) / np.maximum(sum(count), 1.0)[:, None, None]
-    return Joint(case, fitted, free, sum(half), sum(gradient), sum(curvature), mean)
+    return Joint(case, fitted, free.positions, half, gradient, curvature, mean)
 
 
 def _slopes_of(
-    case: Case, fitted: Fitted, record: Record, moving: Free, gain: Array | None
-) -> tuple[float, Array, Array, Array, Array] | None:
+    output: OutputError, p: Array, record: Record, free: Free
+) -> tuple[Normal, Array, Array] | None:
     """Share of a record in what `Joint` holds, with the count of its readings (3,)."""
-    whitened = _white_slopes(case, fitted, fitted.parameters, record, moving, gain)
-    if whitened is None:
+    found = finite_innovations(output, p, record, free)
+    if found is None:
         return None
-    found, seen, rows = whitened
-    error, own = _without_start(rows, fitted.colours)
-    own_slopes = [found.slopes[seen[:, c], c, N_STATES:] for c in range(N_CHANNELS)]
-    lost = lost_readings(record, seen, np.arange(N_CHANNELS))
+    slopes, seen = found.predicted.slopes, found.seen
+    error, left = _without_start(output, found)
+    lost = lost_readings(record, seen, output.channels)
+    by_free = found.white[:, 1 + len(output.channels) :].T
+    own = [slopes[seen[:, c], c, N_STATES:] for c in range(N_CHANNELS)]
     return (
-        0.5 * (float(rows[:, 0] @ error) + lost),
-        rows[:, 1 + N_START :].T @ error,
-        rows[:, 1 + N_START :].T @ own,
-        np.array([part.T @ part for part in own_slopes]),
-        np.array([float(len(part)) for part in own_slopes]),
+        (0.5 * (float(found.white[:, 0] @ error) + lost), by_free @ error, by_free @ left),
+        np.array([part.T @ part for part in own]),
+        np.array([float(len(part)) for part in own]),
     )
-
-
-def _white_slopes(
-    case: Case, fitted: Fitted, p: Array, record: Record, moving: Free, gain: Array | None = None
-) -> tuple[Slopes, Array, Array] | None:
-    """`white_slopes` with the noise of a fit; None as well where the motion is nearly lost."""
-    found = white_slopes(case, p, record, fitted.colours, moving, gain)
-    if found is None or not np.abs(found[2]).max() <= LARGEST**0.5:  # nor a NaN
-        return None
-    return found
 
 
 def gains_of_absent(
@@ -141,44 +130,53 @@ def gains_of_absent(
     about = joint_about(case, fitted, (effect,))
     if about is None:
         return [0.0] * len(vectors)
-    own = about.columns(case.positions(effect))
-    both = case.setup.free(about.free), case.setup.free(np.array(case.positions(effect)))
-    parts = each(lambda r: _forms_of(case, fitted, r, both, vectors), case.records, len)
-    found = []
+    own, output = case.positions(effect), output_error(case, fitted.colours)
+    both = case.setup.free(about.free), case.setup.free(np.array(own))
+    parts = each(
+        lambda r: _forms_of(output, fitted.parameters, r, both, vectors), case.records, len
+    )
+    at, found = about.columns(own), []
     for shares in zip(*parts, strict=True):
         gradient, curvature = about.gradient.copy(), about.curvature.copy()
-        gradient[own] = sum(share[0] for share in shares)
+        gradient[at] = sum(share[0] for share in shares)
         by_all = sum(share[1] for share in shares)
-        curvature[own], curvature[:, own] = by_all, by_all.T
-        curvature[np.ix_(own, own)] = sum(share[2] for share in shares)
+        curvature[at], curvature[:, at] = by_all, by_all.T
+        curvature[np.ix_(at, at)] = sum(share[2] for share in shares)
         found.append(score(replace(about, gradient=gradient, curvature=curvature), (effect,)).gain)
     return found
 
 
 def _forms_of(
-    case: Case, fitted: Fitted, record: Record, free: tuple[Free, Free], vectors: Sequence[Array]
+    output: OutputError,
+    here: Array,
+    record: Record,
+    free: tuple[Free, Free],
+    vectors: Sequence[Array],
 ) -> list[tuple[Array, Array, Array]]:
     """For each form of an effect its gradient (k,), and its curvature (k, n) with all and own."""
     every, own = free
-    whole = _white_slopes(case, fitted, fitted.parameters, record, every)
+    whole = finite_innovations(output, here, record, every)
     assert whole is not None  # the joint one ran through
-    error, base = _without_start(whole[2], fitted.colours)
+    error, base = _without_start(output, whole)
     found = []
     for p in vectors:
-        form = _white_slopes(case, fitted, p, record, own)
+        form = finite_innovations(output, p, record, own)
         assert form is not None  # the same motion
-        slopes, left = form[2][:, 1 + N_START :], _without_start(form[2], fitted.colours)[1]
-        found.append((slopes.T @ error, slopes.T @ base, slopes.T @ left))
+        slopes, left = form.white[:, 1 + len(output.channels) :].T, _without_start(output, form)[1]
+        found.append((slopes @ error, slopes @ base, slopes @ left))
     return found
 
 
-def _without_start(rows: Array, colours: Colours) -> tuple[Array, Array]:
-    """Errors and slopes with what the start state can take up removed."""
-    start = rows[:, 1 : 1 + N_START]
-    held = start_information(ACTIVE, colours, DIAGNOSED_START_STD)
-    share = np.linalg.solve(start.T @ start + held, start.T @ rows)
-    left = rows - start @ share
-    return left[:, 0], left[:, 1 + N_START :]
+def _without_start(output: OutputError, found: Innovations) -> tuple[Array, Array]:
+    """Errors and slopes with what the start can take up removed.
+
+    Row by row: forms of an effect need what is left of the others, and the step of a score, which
+    is no part of a fit that would converge, is better conditioned.
+    """
+    n = 1 + len(output.channels)
+    start = found.white[:, 1:n]
+    left = found.white - start @ best_start(output, start.T @ start, start.T @ found.white)
+    return left[:, 0], left[:, n:]
 
 
 @dataclass(frozen=True)
@@ -203,22 +201,17 @@ class Score:
 def score(joint: Joint, effects: Sequence[str]) -> Score:
     """Gain of adding effects to the fitted model, the other parameters adjusting."""
     case, start = joint.case, joint.fitted.parameters
-    free = np.array(
-        sorted({*joint.fitted.free.tolist(), *(i for e in effects for i in case.positions(e))}),
-        dtype=np.int64,
-    )
-    open_ = [i for e in (*joint.fitted.effects, *effects) for i in case.positions(e)]
-    mean, information, low, high = prior_of(case, free, open_)
-    at = joint.columns(free)
-    theta = start[free] / case.setup.prior_std[free]
-    gradient = joint.gradient[at] + information @ (theta - mean)
-    curvature = joint.curvature[np.ix_(at, at)] + information
-    step = bounded_step(curvature, gradient, low - theta, high - theta)
+    free = case.setup.free(in_order(joint.fitted.free, case.positions(*effects)))
+    opened = case.positions(*joint.fitted.effects, *effects)
+    prior, at = prior_of(case, free.positions, opened), joint.columns(free.positions)
+    theta = start[free.positions] / free.scale
+    away = theta - prior.mean
+    gradient = joint.gradient[at] + prior.information @ away
+    curvature = joint.curvature[np.ix_(at, at)] + prior.information
+    step = bounded_step(curvature, gradient, prior.low - theta, prior.high - theta)
     gain = -(gradient @ step + 0.5 * step @ curvature @ step)
-    p = start.copy()
-    p[free] = (theta + step) * case.setup.prior_std[free]
-    cost = joint.half + 0.5 * float((theta - mean) @ information @ (theta - mean))
-    return Score(float(gain), p, cost)
+    cost = joint.half + 0.5 * float(away @ prior.information @ away)
+    return Score(float(gain), free.at(start, free.scale * (theta + step)), cost)
 
 
 def score_from(joint: Joint, effect: str, there: Array) -> Score:
@@ -253,9 +246,9 @@ def unabsorbed(joint: Joint, positions: Sequence[int]) -> tuple[Array, Array, Ar
     base = joint.columns(
         [i for i in joint.fitted.free if i not in set(positions) and joint.case.silent[i] == 0.0]
     )
-    _, information, _, _ = prior_of(joint.case, joint.free[base], _open(joint))
-    h = joint.curvature
-    share = np.linalg.solve(h[np.ix_(base, base)] + information, h[np.ix_(base, own)])
+    opened = joint.case.positions(*joint.fitted.effects)
+    prior, h = prior_of(joint.case, joint.free[base], opened), joint.curvature
+    share = np.linalg.solve(h[np.ix_(base, base)] + prior.information, h[np.ix_(base, own)])
     left = h[np.ix_(own, own)] - h[np.ix_(own, base)] @ share
     kept = np.diag(left) / np.maximum(np.diag(h)[own], SMALLEST)
     transform = np.zeros((len(h), len(own)))
@@ -263,10 +256,6 @@ def unabsorbed(joint: Joint, positions: Sequence[int]) -> tuple[Array, Array, Ar
     transform[base] = -share
     power = np.einsum("ik,cij,jk->kc", transform, joint.raw, transform)
     return left, kept, np.sqrt(np.maximum(power, 0.0))
-
-
-def _open(joint: Joint) -> list[int]:
-    return [i for e in joint.fitted.effects for i in joint.case.positions(e)]
 
 
 def cosine(joint: Joint, a: Sequence[int], b: Sequence[int]) -> float:

@@ -14,10 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.constants import VehicleTime
+from auvident.engines.free_run import RecordResidual
 from auvident.engines.records import Record
 from auvident.physics.terms import FREE_FORCE, FREE_FORCES
 from auvident.stages.diagnose.fit.case import Case
-from auvident.stages.diagnose.fit.fits import Fitted, Residual, fit_with, log_gain
+from auvident.stages.diagnose.fit.fits import Fitted, fit_with, log_gain
 from auvident.stages.diagnose.score.first_order import joint_about, score
 
 Array = npt.NDArray[Any]
@@ -101,7 +102,7 @@ def free_forces(case: Case, fitted: Fitted) -> list[FreeForce]:
     return sorted(found, key=lambda f: -f.gain)
 
 
-def _with_series(case: Case, name: str, residuals: Sequence[Residual]) -> Case:
+def _with_series(case: Case, name: str, residuals: Sequence[RecordResidual]) -> Case:
     """The case with a regressor on all three axes, of root mean square one."""
     raw = {
         r.id: REGRESSORS[name](residual.states, r, case.setup.dt_s)

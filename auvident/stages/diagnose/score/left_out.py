@@ -10,16 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.constants import INDEPENDENT_S
+from auvident.engines.free_run import Colours, OutputError, residual_of, white_error
 from auvident.engines.records import Record
 from auvident.stages.diagnose.fit.case import Case
-from auvident.stages.diagnose.fit.fits import (
-    N_CHANNELS,
-    Colours,
-    Fitted,
-    fit_with,
-    residual_of,
-    white_error,
-)
+from auvident.stages.diagnose.fit.fits import N_CHANNELS, Fitted, fit_with, output_error
 
 Array = npt.NDArray[Any]
 
@@ -52,7 +46,7 @@ class LeftOut:
 
 def leave_out(case: Case, fitted: Fitted, colours: Colours) -> LeftOut:
     """Predict each maneuver with a fit to others, begun at the fit to all."""
-    vectors, blocks = [], []
+    vectors, blocks, output = [], [], output_error(case, colours)
     for group in (case.records[k::MOST_FITS] for k in range(min(MOST_FITS, len(case.records)))):
         out = {record.id for record in group}
         rest = replace(case, records=tuple(r for r in case.records if r.id not in out))
@@ -61,18 +55,18 @@ def leave_out(case: Case, fitted: Fitted, colours: Colours) -> LeftOut:
         )
         p = fitted.parameters if found is None else found.parameters
         vectors.append(p)
-        blocks += [_blocks(case, p, record, colours) for record in group]
+        blocks += [_blocks(output, p, record) for record in group]
     return LeftOut(np.array(vectors), blocks)
 
 
-def _blocks(case: Case, p: Array, record: Record, colours: Colours) -> Array:
+def _blocks(output: OutputError, p: Array, record: Record) -> Array:
     """Squared innovations in blocks of time; infinite where the prediction runs away."""
-    n = len(record.time_s)
-    number = (np.arange(n) * case.setup.dt_s // INDEPENDENT_S).astype(np.int64)
-    found = residual_of(case, p, record, colours)
+    n, dt_s = len(record.time_s), output.frame.dt_s
+    number = (np.arange(n) * dt_s // INDEPENDENT_S).astype(np.int64)
+    found = residual_of(output, p, record)
     if found is None:
         return np.full(int(number[-1]) + 1, np.inf)
-    white = white_error(found.error, colours, case.setup.dt_s)
+    white = white_error(found.error, output.colours, dt_s)
     lost = np.isfinite(record.measured) & ~np.isfinite(found.error)  # to no model's gain
     squares = np.sum(white[:, :N_CHANNELS] ** 2, axis=1) + lost[:, :N_CHANNELS].sum(axis=1)
     sums = np.zeros(int(number[-1]) + 1)

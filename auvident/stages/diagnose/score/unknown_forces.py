@@ -13,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.constants import DIAGNOSED_START_STD, VehicleTime
-from auvident.engines.free_run import LONGEST_CORRELATION_S, start_std
+from auvident.engines.free_run import start_std
 from auvident.engines.motion_pass import motion_pass
+from auvident.engines.noise import LONGEST_CORRELATION_S
 from auvident.engines.prediction import at_effects, readings, seen_rows
 from auvident.engines.records import Record
 from auvident.errors import NumericsError

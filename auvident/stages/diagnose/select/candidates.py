@@ -135,4 +135,4 @@ def at_bound(case: Case, effect: str, p: Array) -> bool:
 
 def open_of(case: Case, fitted: Fitted) -> list[int]:
     """Positions of the effects' parameters of a fit."""
-    return [i for effect in fitted.effects for i in case.positions(effect)]
+    return case.positions(*fitted.effects)

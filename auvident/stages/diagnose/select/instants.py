@@ -15,14 +15,14 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.constants import VehicleTime
-from auvident.engines.free_run import NOTHING
+from auvident.engines.free_run import normal_equations
 from auvident.engines.records import Record, record_of, sensor_matrix
 from auvident.schema.artifacts import Maneuver, Maneuvers
 from auvident.schema.channels import RECORD_COLUMN, TIME_COLUMN
 from auvident.schema.effects import BY_ID, TimeGrid
 from auvident.schema.trial import Trial
 from auvident.stages.diagnose.fit.case import Case
-from auvident.stages.diagnose.fit.fits import Fitted, fit_with, record_parts
+from auvident.stages.diagnose.fit.fits import Fitted, fit_with, output_error
 from auvident.stages.diagnose.score.first_order import gains_of_absent
 from auvident.stages.diagnose.select.candidates import Traced
 
@@ -182,12 +182,12 @@ def _cost_of(
     case: Case, fitted: Fitted, instant: Instant, record: Record
 ) -> Callable[[float], float]:
     """What a record costs with the step at a time [nats]; infinite where it runs away."""
-    nothing = case.setup.free(NOTHING)
+    output = output_error(case, fitted.colours)
 
     @cache
     def cost(time: float) -> float:
         p = instant.at(fitted.parameters, time)
-        parts = record_parts(case, p, record, fitted.colours, nothing)
+        parts = normal_equations(output, p, record, output.no_parameter)
         return parts[0] if parts is not None else np.inf
 
     return cost

@@ -4,10 +4,11 @@ from typing import Any
 
 import numpy.typing as npt
 
+from auvident.engines.free_run import residual_of
 from auvident.errors import NumericsError
 from auvident.schema.effects import BY_ID
 from auvident.stages.diagnose.fit.case import Case
-from auvident.stages.diagnose.fit.fits import Fitted, first_colours, fit_with, residual_of
+from auvident.stages.diagnose.fit.fits import Fitted, first_colours, fit_with, output_error
 
 Array = npt.NDArray[Any]
 
@@ -31,8 +32,8 @@ def baseline_of(case: Case) -> Fitted:
 
 def _runaway_of(case: Case) -> str:
     """Maneuvers in which the identified model runs away."""
-    colours, p = first_colours(case, case.identified), case.identified
-    return ", ".join(r.id for r in case.records if residual_of(case, p, r, colours) is None)
+    p, output = case.identified, output_error(case, first_colours(case, case.identified))
+    return ", ".join(r.id for r in case.records if residual_of(output, p, r) is None)
 
 
 def at_usual_size(case: Case, before: Fitted, candidate: str) -> Array | None:

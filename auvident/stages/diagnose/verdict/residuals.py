@@ -6,12 +6,12 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from auvident.engines.free_run import RecordResidual
 from auvident.engines.records import STATE_COLUMNS, Record
 from auvident.schema.artifacts import Maneuver, Maneuvers
 from auvident.schema.diagnosis import ResidualRow
 from auvident.schema.planes import HORIZONTAL
 from auvident.stages.diagnose.fit.case import CHANNELS
-from auvident.stages.diagnose.fit.fits import Residual
 from auvident.stages.diagnose.score.unknown_forces import unknown_forces
 from auvident.stages.diagnose.select.candidates import Traced
 
@@ -31,7 +31,7 @@ def residual_rows(traced: Traced) -> list[ResidualRow]:
     ]
 
 
-def _row(traced: Traced, c: int, before: Residual, after: Residual) -> ResidualRow:
+def _row(traced: Traced, c: int, before: RecordResidual, after: RecordResidual) -> ResidualRow:
     return ResidualRow(
         maneuver=before.id,
         channel=CHANNELS[c],
@@ -64,7 +64,7 @@ def _table(
     m: Maneuver,
     record: Record,
     columns: tuple[str, ...],
-    residuals: tuple[Residual, Residual],
+    residuals: tuple[RecordResidual, RecordResidual],
     forces: Array,
 ) -> pd.DataFrame:
     before, after = residuals

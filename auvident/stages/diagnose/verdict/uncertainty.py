@@ -7,10 +7,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import stdtrit
 
+from auvident.engines.free_run import normal_equations
 from auvident.schema.diagnosis import ParameterValue
 from auvident.schema.effects import BY_ID, EFFECTS, parameter_of
 from auvident.stages.diagnose.fit.case import Case
-from auvident.stages.diagnose.fit.fits import Fitted, prior_of, record_parts
+from auvident.stages.diagnose.fit.fits import Fitted, output_error, prior_of
 from auvident.stages.diagnose.score.left_out import MOST_FITS, leave_out
 from auvident.stages.diagnose.select.candidates import open_of
 from auvident.stages.diagnose.select.instants import instant_of, span_of
@@ -31,9 +32,10 @@ def spreads(case: Case, fitted: Fitted) -> Array:
     (jackknife).
     """
     free, moving = fitted.free, case.setup.free(fitted.free)
-    _, curvature, _, _ = prior_of(case, free, open_of(case, fitted))
+    output = output_error(case, fitted.colours)
+    curvature = prior_of(case, free, open_of(case, fitted)).information
     for record in case.records:
-        parts = record_parts(case, fitted.parameters, record, fitted.colours, moving)
+        parts = normal_equations(output, fitted.parameters, record, moving)
         if parts is not None:
             curvature = curvature + parts[2]
     out = np.zeros(len(fitted.parameters))

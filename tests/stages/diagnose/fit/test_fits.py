@@ -5,6 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from auvident.engines.free_run import (
+    likelihood,
+    normal_equations,
+    residual_of,
+    residuals_of,
+    white_error,
+)
 from auvident.schema.effects import in_plane, parameter_of
 from auvident.stages.diagnose.checks.kinematics import SensorCheck
 from auvident.stages.diagnose.fit import case as cases
@@ -12,20 +19,15 @@ from auvident.stages.diagnose.fit.case import ACTIVE, SILENT_REACH
 from auvident.stages.diagnose.fit.fits import (
     Fitted,
     check_cost,
-    colours_of,
     fit_with,
-    free_positions,
     log_gain,
-    open_positions,
+    noise_of,
+    output_error,
     prior_of,
-    record_parts,
-    residual_of,
-    residuals_of,
-    white_error,
 )
 from auvident.stages.diagnose.fit.refits import SETTLED, nested, refit, settled
 from auvident.stages.diagnose.select.candidates import at_bound, size_of
-from tests.stages.diagnose.loop_chain import loop, small_case, small_fit, theta_of
+from tests.stages.diagnose.loop_chain import loop, small_case, small_fit
 
 LAG = "rudder_lag.lag_s"
 BIAS = "gyro_bias.bias_degps"
@@ -52,7 +54,7 @@ def test_effects_are_off_in_the_identified_model_and_in_the_prior() -> None:
 
 def test_every_fit_frees_coefficients_and_allowances_but_no_inertia() -> None:
     case = small_case()
-    names = {case.names[i] for i in free_positions(case, ("current",))}
+    names = {case.names[i] for i in case.with_baseline(("current",))}
     assert {"current.north_mps", "current.east_mps", LAG, "Y_uv", "T_nn"} <= names
     assert not {n for n in names if n.endswith("dot")}
     assert BIAS not in names
@@ -60,14 +62,14 @@ def test_every_fit_frees_coefficients_and_allowances_but_no_inertia() -> None:
 
 def test_an_allowance_is_tight_until_its_effect_is_tried() -> None:
     case = small_case()
-    free = free_positions(case, ("rudder_lag",))
+    free = case.with_baseline(("rudder_lag",))
     at = int(np.flatnonzero(free == case.position(LAG))[0])
     scale, declared = case.setup.prior_std[free][at], parameter_of(LAG)
     spread, reach = [], []
-    for open_ in ((), open_positions(case, ("rudder_lag",))):
-        _, information, low, high = prior_of(case, free, open_)
-        spread.append(scale / np.sqrt(information[at, at]))
-        reach.append((low[at] * scale, high[at] * scale))
+    for open_ in ((), case.positions("rudder_lag")):
+        prior = prior_of(case, free, open_)
+        spread.append(scale / np.sqrt(prior.information[at, at]))
+        reach.append((prior.low[at] * scale, prior.high[at] * scale))
     assert spread == pytest.approx([declared.silent, declared.prior])
     assert reach[0] == pytest.approx((0.0, SILENT_REACH * declared.silent))
     assert reach[1] == pytest.approx((declared.low, declared.high))
@@ -75,15 +77,15 @@ def test_an_allowance_is_tight_until_its_effect_is_tried() -> None:
 
 def test_what_the_sensors_say_counts_like_a_prior() -> None:
     case = checked(0.004, 0.001)
-    free = free_positions(case, ("gyro_bias",))
+    free = case.with_baseline(("gyro_bias",))
     at = int(np.flatnonzero(free == case.position(BIAS))[0])
-    mean, information, _, _ = prior_of(case, free, open_positions(case, ("gyro_bias",)))
+    found = prior_of(case, free, case.positions("gyro_bias"))
     prior, scale = parameter_of(BIAS).prior, case.setup.prior_std[free][at]
-    assert scale / np.sqrt(information[at, at]) == pytest.approx((prior**-2 + 1e6) ** -0.5)
-    assert mean[at] * scale == pytest.approx(0.004 * 1e6 / (1e6 + prior**-2))
+    assert scale / np.sqrt(found.information[at, at]) == pytest.approx((prior**-2 + 1e6) ** -0.5)
+    assert found.mean[at] * scale == pytest.approx(0.004 * 1e6 / (1e6 + prior**-2))
     rest = np.delete(np.arange(len(free)), at)
-    plain = prior_of(small_case(), free, open_positions(case, ("gyro_bias",)))
-    np.testing.assert_array_equal(mean[rest], plain[0][rest])
+    plain = prior_of(small_case(), free, case.positions("gyro_bias"))
+    np.testing.assert_array_equal(found.mean[rest], plain.mean[rest])
     # and it costs where the effect is not free
     assert check_cost(case, case.identified) == pytest.approx(0.5 * 16.0)
     assert check_cost(small_case(), case.identified) == 0.0
@@ -102,11 +104,10 @@ def test_fits_stay_within_their_bounds() -> None:
     case = small_case()
     found = fit_with(case, ("current", "rudder_lag"), small_fit().parameters, small_fit().colours)
     assert found is not None
-    free = found.free
-    _, _, low, high = prior_of(case, free, open_positions(case, found.effects))
-    theta = theta_of(case, found, free)
-    assert ((theta >= low - 1e-12) & (theta <= high + 1e-12)).all()
-    held = np.setdiff1d(np.arange(len(case.names)), free)
+    prior = prior_of(case, found.free, case.positions(*found.effects))
+    theta = found.parameters[found.free] / case.setup.prior_std[found.free]
+    assert ((theta >= prior.low - 1e-12) & (theta <= prior.high + 1e-12)).all()
+    held = np.setdiff1d(np.arange(len(case.names)), found.free)
     np.testing.assert_array_equal(found.parameters[held], small_fit().parameters[held])
 
 
@@ -116,15 +117,10 @@ def test_fits_stay_within_their_bounds() -> None:
 def test_parts_of_a_record_are_those_of_its_residual() -> None:
     """Half the squares with the start eliminated, against a fitted start explicitly."""
     case, fitted = small_case(), small_fit()
+    output = output_error(case, fitted.colours)
     for record in case.records:
-        parts = record_parts(
-            case,
-            fitted.parameters,
-            record,
-            fitted.colours,
-            case.setup.free(np.zeros(0, dtype=np.int64)),
-        )
-        found = residual_of(case, fitted.parameters, record, fitted.colours)
+        parts = normal_equations(output, fitted.parameters, record, output.no_parameter)
+        found = residual_of(output, fitted.parameters, record)
         assert parts is not None and found is not None
         white = white_error(found.error, fitted.colours, case.setup.dt_s)
         # the parts also count how far the start had to move, in units of what was known of it
@@ -135,14 +131,14 @@ def test_parts_of_a_record_are_those_of_its_residual() -> None:
 
 def test_log_likelihood_and_rms_are_of_the_residuals() -> None:
     case, fitted = small_case(), small_fit()
-    found = residuals_of(case, fitted.parameters, fitted.colours)
+    found = residuals_of(output_error(case, fitted.colours), fitted.parameters)
     assert found is not None
-    colours, log_likelihood, rms = colours_of(case, found)
+    noise = noise_of(case, found)
     pooled = np.concatenate([r.error for r in found])[:, :3]
-    np.testing.assert_allclose(rms, np.sqrt(np.nanmean(pooled**2, axis=0)))
-    np.testing.assert_allclose(rms, fitted.rms, rtol=0.05)
-    assert log_likelihood == pytest.approx(fitted.log_likelihood, abs=5.0)
-    assert len(colours) == 3
+    np.testing.assert_allclose(noise.rms, np.sqrt(np.nanmean(pooled**2, axis=0)))
+    np.testing.assert_allclose(noise.rms, fitted.rms, rtol=0.05)
+    assert noise.log_likelihood == pytest.approx(fitted.log_likelihood, abs=5.0)
+    assert len(noise.colours) == 3
 
 
 def test_masked_readings_do_not_count() -> None:
@@ -154,7 +150,8 @@ def test_masked_readings_do_not_count() -> None:
         inside = (one.time_s >= start) & (one.time_s <= end) & (one.id == record.id)
         assert np.isnan(one.measured[inside]).all()
         np.testing.assert_array_equal(one.measured[~inside], other.measured[~inside])
-    found = residual_of(masked, small_fit().parameters, masked.records[1], small_fit().colours)
+    output = output_error(masked, small_fit().colours)
+    found = residual_of(output, small_fit().parameters, masked.records[1])
     assert found is not None
     inside = (record.time_s >= start) & (record.time_s <= end)
     assert np.isnan(found.error[inside]).all()
@@ -165,7 +162,7 @@ def test_masked_readings_do_not_count() -> None:
 def test_a_model_that_runs_away_is_no_fit() -> None:
     case, p = small_case(), small_fit().parameters.copy()
     p[case.position("X_uu")] = 1e4
-    assert residuals_of(case, p, small_fit().colours) is None
+    assert residuals_of(output_error(case, small_fit().colours), p) is None
     assert fit_with(case, (), p, small_fit().colours) is None
 
 
@@ -233,12 +230,12 @@ def test_a_late_sensor_gains_nothing_by_the_readings_it_loses(name, late) -> Non
     case, fitted = small_case(), small_fit()
     p = fitted.parameters.copy()
     p[case.position(name)] = late
-    found = residuals_of(case, p, fitted.colours)
+    found = residuals_of(output_error(case, fitted.colours), p)
     assert found is not None
     seen = [np.isfinite(r.error[:, :3]).sum() for r in found]
     whole = [np.isfinite(r.measured[:, :3]).sum() for r in case.records]
     assert sum(seen) < sum(whole)
-    _, value, _ = colours_of(case, found)
+    value = noise_of(case, found).log_likelihood
     half = cost_of(case, p, fitted.colours)
     if abs(late) < 1e-3:  # as without any delay, but for first readings, which fit a little worse
         lost = sum(whole) - sum(seen)
@@ -251,8 +248,8 @@ def test_a_late_sensor_gains_nothing_by_the_readings_it_loses(name, late) -> Non
 
 def cost_of(case, p, colours) -> float:
     """Half the squared errors of all records."""
-    moving = case.setup.free(np.zeros(0, dtype=np.int64))
-    return sum(record_parts(case, p, r, colours, moving)[0] for r in case.records)  # type: ignore
+    output = output_error(case, colours)
+    return likelihood(output, p, output.no_parameter)[0]
 
 
 # --- a fit that contains another -----------------------------------------------------------
@@ -268,7 +265,7 @@ def lost(effect: str, size: float, likelihood: float) -> Fitted:
         effects=(effect,),
         parameters=p,
         log_likelihood=likelihood,
-        free=free_positions(case, (effect,)),
+        free=case.with_baseline((effect,)),
     )
 
 

@@ -6,16 +6,10 @@ from functools import cache
 import numpy as np
 import pytest
 
+from auvident.engines.free_run import normal_equations
 from auvident.schema.effects import in_plane
 from auvident.stages.diagnose.fit.case import Case
-from auvident.stages.diagnose.fit.fits import (
-    fit_with,
-    free_positions,
-    log_gain,
-    open_positions,
-    prior_of,
-    record_parts,
-)
+from auvident.stages.diagnose.fit.fits import fit_with, log_gain, output_error, prior_of
 from auvident.stages.diagnose.fit.refits import best_of, from_estimate
 from auvident.stages.diagnose.score.first_order import (
     Joint,
@@ -25,7 +19,7 @@ from auvident.stages.diagnose.score.first_order import (
     score,
     unabsorbed,
 )
-from tests.stages.diagnose.loop_chain import small_case, small_fit, theta_of
+from tests.stages.diagnose.loop_chain import small_case, small_fit
 
 EFFECTS = tuple(e.id for e in in_plane("horizontal"))
 TRIED = (
@@ -52,15 +46,16 @@ def joint() -> Joint:
 def by_hand(effect: str) -> tuple[np.ndarray, ...]:
     """Gradient and curvature of the log posterior with an effect free, from its parts."""
     case, fitted = small_case(), small_fit()
-    free = free_positions(case, (effect,))
-    mean, information, low, high = prior_of(case, free, open_positions(case, (effect,)))
-    theta, moving = theta_of(case, fitted, free), case.setup.free(free)
-    gradient, curvature = information @ (theta - mean), information.copy()
+    free = case.with_baseline((effect,))
+    prior, moving = prior_of(case, free, case.positions(effect)), case.setup.free(free)
+    theta = fitted.parameters[free] / moving.scale
+    gradient, curvature = prior.information @ (theta - prior.mean), prior.information.copy()
     for record in case.records:
-        parts = record_parts(case, fitted.parameters, record, fitted.colours, moving)
+        output = output_error(case, fitted.colours)
+        parts = normal_equations(output, fitted.parameters, record, moving)
         assert parts is not None
         gradient, curvature = gradient + parts[1], curvature + parts[2]
-    return free, theta, gradient, curvature, low, high
+    return free, theta, gradient, curvature, prior.low, prior.high
 
 
 @pytest.mark.parametrize("effect", TRIED)

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from auvident.constants import INDEPENDENT_S
+from auvident.engines.free_run import residual_of, white_error
 from auvident.stages.diagnose.fit.case import Case
+from auvident.stages.diagnose.fit.fits import output_error
 from auvident.stages.diagnose.score.left_out import (
     Helped,
     LeftOut,
@@ -66,12 +68,10 @@ def test_every_fit_moves_and_every_maneuver_is_scored() -> None:
 
 def test_a_maneuver_left_out_is_predicted_worse_than_one_fitted() -> None:
     """A look ahead would show here: squared innovations exceed those of the fit to all."""
-    from auvident.stages.diagnose.fit.fits import residual_of, white_error
-
     case, fitted = small_case(), small_fit()
     own = 0.0
     for record in case.records:
-        found = residual_of(case, fitted.parameters, record, fitted.colours)
+        found = residual_of(output_error(case, fitted.colours), fitted.parameters, record)
         assert found is not None
         own += float(np.sum(white_error(found.error, fitted.colours, case.setup.dt_s) ** 2))
     assert sum(float(b.sum()) for b in left_out().blocks) > own

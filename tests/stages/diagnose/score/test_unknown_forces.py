@@ -7,12 +7,19 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from auvident.engines.estimator import Setup
+from auvident.engines.free_run import residuals_of
 from auvident.engines.records import Record, Source
+from auvident.engines.setup import Setup
 from auvident.physics.terms import FREE_FORCE, parameter_vector, structure_of
 from auvident.schema.artifacts import RigidBody, Sensing
 from auvident.stages.diagnose.fit.case import Case
-from auvident.stages.diagnose.fit.fits import Fitted, colours_of, first_colours, residuals_of
+from auvident.stages.diagnose.fit.fits import (
+    Fitted,
+    first_colours,
+    fitted_of,
+    noise_of,
+    output_error,
+)
 from auvident.stages.diagnose.score.unknown_forces import smoothed_forces, unknown_forces
 from tests.engines.chain import plan_named
 
@@ -137,13 +144,12 @@ def case_of(records: list[Record]) -> Case:
     return Case(setup, tuple(records), {}, p, (), no, no - np.inf, no + np.inf)
 
 
-def fitted_of(case: Case) -> Fitted:
+def exact_fit(case: Case) -> Fitted:
     """The prediction with the right coefficients."""
     p = case.identified
-    found = residuals_of(case, p, first_colours(case, p))
+    found = residuals_of(output_error(case, first_colours(case, p)), p)
     assert found is not None
-    colours, log_likelihood, rms = colours_of(case, found)
-    return Fitted((), p, np.zeros(0, dtype=np.int64), found, colours, log_likelihood, rms)
+    return fitted_of(case, (), p, noise_of(case, found))
 
 
 def made(seed: int, scale: float, n: int = 900, count: int = 3):
@@ -151,7 +157,7 @@ def made(seed: int, scale: float, n: int = 900, count: int = 3):
     rng = np.random.default_rng(seed)
     truth = {f"m{k}": scale * forces_of(rng, n) for k in range(count)}
     case = case_of([record_of(name, rng, forces) for name, forces in truth.items()])
-    return case, fitted_of(case), truth
+    return case, exact_fit(case), truth
 
 
 @pytest.mark.parametrize(("seed", "scale"), [(1, 1.0), (2, 1.0), (4, 0.1)])

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from auvident.engines.free_run import NOTHING
 from auvident.engines.prediction import readings_with_slopes
 from auvident.engines.records import Record
 from auvident.report.loop_words import place
@@ -14,7 +15,7 @@ from auvident.schema.artifacts import Maneuver
 from auvident.schema.diagnosis import EffectFound, ParameterValue
 from auvident.schema.effect_words import plain
 from auvident.stages.diagnose.fit.case import ACTIVE, Case, case_of
-from auvident.stages.diagnose.fit.fits import NOTHING, Fitted, first_colours, fit_with
+from auvident.stages.diagnose.fit.fits import Fitted, first_colours, fit_with
 from auvident.stages.diagnose.select.instants import (
     Instant,
     instant_of,

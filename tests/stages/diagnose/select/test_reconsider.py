@@ -7,9 +7,10 @@ from functools import cache
 import numpy as np
 import pytest
 
+from auvident.engines.free_run import NOTHING
 from auvident.engines.prediction import readings_with_slopes
 from auvident.stages.diagnose.fit.case import ACTIVE, Case
-from auvident.stages.diagnose.fit.fits import NOTHING, Fitted, log_gain
+from auvident.stages.diagnose.fit.fits import Fitted, log_gain
 from auvident.stages.diagnose.fit.refits import apart, from_estimate, prior_cost, without
 from auvident.stages.diagnose.select.reconsider import Exchange, exchanges, reconsider
 from tests.stages.diagnose.loop_chain import small_case, small_fit

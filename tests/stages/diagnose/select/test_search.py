@@ -31,7 +31,15 @@ CASE: Any = Places()
 
 
 def fitted(likelihood: float, *values: float, effects: tuple[str, ...] = ()) -> Fitted:
-    return Fitted(effects, np.array(values), np.arange(0), (), (), likelihood, np.ones(3))
+    return Fitted(
+        np.array(values),
+        np.arange(0),
+        (),
+        likelihood,
+        effects=effects,
+        residuals=(),
+        rms=np.ones(3),
+    )
 
 
 BEFORE = fitted(0.0, 1.0, 1.0, 0.0, 0.0, 0.0)

@@ -7,9 +7,13 @@ from dataclasses import replace
 
 import pytest
 
-from auvident.engines import first_use
-from auvident.engines.first_use import PARTS, compile_side_by_side
+from auvident import first_use
+from auvident.first_use import compile_side_by_side
+from auvident.stages.identify import warm_up
+from auvident.stages.identify.warm_up import compile_first, pieces_of
 from tests.engines.test_estimator import linear_setup
+
+PIECES = 2
 
 
 @pytest.fixture
@@ -28,36 +32,37 @@ def cold(monkeypatch: pytest.MonkeyPatch) -> list[subprocess.Popen]:
     return helpers
 
 
-@pytest.mark.parametrize("part", sorted(PARTS))
+@pytest.mark.parametrize("number", range(PIECES))
 @pytest.mark.parametrize("kind", ["ekf", "ukf"])
-def test_a_helper_can_run_its_part_of_a_real_problem(part, kind) -> None:
+def test_a_helper_can_do_its_piece_of_a_real_problem(number, kind) -> None:
     setup = linear_setup(kind)
-    small = pickle.loads(pickle.dumps(first_use._shortest(setup)))
-    assert 0 < len(small.records) <= first_use.FEW
+    pieces = pieces_of(setup)
+    assert len(pieces) == PIECES
+    piece = pickle.loads(pickle.dumps(pieces[number]))
+    (small,) = piece.args
+    assert 0 < len(small.records) <= warm_up.FEW
     shortest = min(len(record) for _, record in setup.records.values())
     assert min(len(record) for _, record in small.records.values()) == shortest
-    PARTS[part](small)
+    piece()
 
 
-def test_one_helper_a_part_and_each_gets_to_its_end(cold) -> None:
-    compile_side_by_side(linear_setup())
-    assert [helper.args[1:] for helper in cold] == [
-        ["-m", "auvident.engines.first_use", part] for part in PARTS
-    ]
-    assert [helper.returncode for helper in cold] == [0] * len(PARTS)
+def test_one_helper_a_piece_and_each_gets_to_its_end(cold) -> None:
+    compile_first(linear_setup())
+    assert [helper.args[1:] for helper in cold] == [["-m", "auvident.first_use"]] * PIECES
+    assert [helper.returncode for helper in cold] == [0] * PIECES
 
 
 def test_a_helper_that_cannot_run_costs_nothing(cold, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", "/bin/false")
-    compile_side_by_side(linear_setup())
-    assert [helper.returncode for helper in cold] == [1] * len(PARTS)
+    compile_side_by_side(pieces_of(linear_setup()))
+    assert [helper.returncode for helper in cold] == [1] * PIECES
 
 
 def test_no_helper_once_compiled_nor_where_nothing_is_kept(cold, monkeypatch) -> None:
-    compile_side_by_side(replace(linear_setup(), engine="filterpy"))
+    compile_first(replace(linear_setup(), engine="filterpy"))
     monkeypatch.setattr(first_use, "cache_is_writable", lambda: False)
-    compile_side_by_side(linear_setup())
+    compile_first(linear_setup())
     monkeypatch.setattr(first_use, "cache_is_writable", lambda: True)
     monkeypatch.setattr(first_use, "compiled_already", lambda kind: True)
-    compile_side_by_side(linear_setup())
+    compile_first(linear_setup())
     assert cold == []

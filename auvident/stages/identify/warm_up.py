@@ -1,0 +1,78 @@
+"""What calls every kernel of an identification, for the first use on a machine.
+
+Half of the time that compiling takes goes into the pass of the filter, half into simulations and
+the smoothing of states: two pieces of work, each on the shortest maneuvers of the problem at hand.
+"""
+
+from dataclasses import replace
+from functools import partial
+from typing import get_args
+
+from auvident.engines.estimator import filter_pass, task_of
+from auvident.engines.free_run import likelihood
+from auvident.engines.noise import effective_noise
+from auvident.engines.setup import Setup
+from auvident.engines.states import smoothed_states
+from auvident.first_use import Work, compile_side_by_side, is_first
+from auvident.physics.terms import structure_of
+from auvident.schema.artifacts import ManeuverKind
+from auvident.schema.plan import PlanStage
+
+EVERYTHING = PlanStage(
+    name="first use", system="coupled", free=("all",), maneuvers=get_args(ManeuverKind)
+)
+FEW = 2  # maneuvers are enough to compile with
+ANY_TIME_S = 30.0  # process noise does not matter for it
+
+
+def compile_first(setup: Setup) -> None:
+    """Compile what an identification needs, if no one has yet."""
+    if setup.engine == "compiled" and is_first(setup.filter):
+        compile_side_by_side(pieces_of(setup))
+
+
+def pieces_of(setup: Setup) -> tuple[Work, ...]:
+    """Pieces of work that together call every kernel."""
+    short = shortest(setup)
+    return partial(run_filter, short), partial(simulate, short)
+
+
+def shortest(setup: Setup) -> Setup:
+    """The problem with its shortest maneuvers alone."""
+    short = sorted(setup.records.items(), key=lambda item: (len(item[1][1]), item[0]))
+    return replace(setup, records=dict(short[:FEW]))
+
+
+def simulate(setup: Setup) -> None:
+    """Run what the filter does not: simulations with slopes, and the smoothing of states."""
+    task = task_of(setup, EVERYTHING)
+    effective_noise(task.output, setup.start, setup.sensor_std)
+    likelihood(task.output, setup.start, task.free)
+    smoothed_states(
+        setup.structure,
+        setup.start,
+        task.output.records[0],
+        task.output.active,
+        setup.sensor,
+        setup.sensor_std,
+        setup.dt_s,
+    )
+
+
+def run_filter(setup: Setup) -> None:
+    """Run the pass of the filter; the other piece compiles what effects need."""
+    bare = _without_effects(setup)
+    filter_pass(task_of(bare, EVERYTHING), bare.start, bare.sensor_std, ANY_TIME_S)
+
+
+def _without_effects(setup: Setup) -> Setup:
+    """The problem without what the model carries beside its coefficients."""
+    structure = structure_of(setup.structure.plane)
+    n = len(structure.parameters)
+    return replace(
+        setup,
+        structure=structure,
+        prior=setup.prior[:n],
+        prior_std=setup.prior_std[:n],
+        start=setup.start[:n],
+    )
