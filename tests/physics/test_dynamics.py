@@ -58,7 +58,7 @@ def simulated(plane, values, x0, inputs, dt, given_states=None, system="all") ->
         dt,
         vector(plane, values),
         SYSTEMS[system],
-        *structure_of(plane).arrays,
+        structure_of(plane).equations,
     )
 
 
@@ -298,7 +298,7 @@ def slopes_of_a_step(plane, system, values, x, inputs, given_end, dt, column, n_
         p,
         inverse_of(plane, p, active),
         active,
-        *structure.arrays,
+        structure.equations,
         column,
         *NO_SLOPES,
         s_x,
@@ -436,7 +436,7 @@ class Course:
             self.dt,
             p,
             active,
-            *structure_of(self.plane).arrays,
+            structure_of(self.plane).equations,
             column,
             self.scale,
             z,
@@ -527,7 +527,7 @@ def test_slopes_are_refused_where_the_prediction_fails(fault) -> None:
         0.1,
         p,
         SYSTEMS["all"],
-        *structure_of("horizontal").arrays,
+        structure_of("horizontal").equations,
         np.full(len(p), -1),
         np.empty(0),
         np.zeros((n, 4, 5)),
