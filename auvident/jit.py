@@ -139,7 +139,7 @@ def loop(function: Callable[..., Any]) -> Any:
     return kernel(function, _nrt=False, pipeline_class=_Apart)
 
 
-def written_out(function: Callable[..., Any]) -> Any:
+def inlined(function: Callable[..., Any]) -> Any:
     """Put a part of a kernel in place of its calls before it is compiled."""
     return njit(inline="always")(function)
 

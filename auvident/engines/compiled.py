@@ -146,9 +146,14 @@ def _input_of(problem: FilterProblem) -> PassInput:
 
 
 def _output_of(problem: FilterProblem) -> PassOutput:
-    history = np.zeros((2, problem.records.inputs.shape[1], len(problem.free)))
-    fault = np.zeros(4, dtype=np.int64)
-    return PassOutput(empty_states(problem), empty_states(problem), *history, fault)
+    shape = problem.records.inputs.shape[1], len(problem.free)
+    return PassOutput(
+        empty_states(problem),
+        empty_states(problem),
+        np.zeros(shape),
+        np.zeros(shape),
+        np.zeros(4, dtype=np.int64),
+    )
 
 
 def raise_fault(problem: FilterProblem, fault: np.ndarray) -> None:

@@ -46,7 +46,7 @@ from auvident.estimation.kalman import (
     upper_cholesky,
     whole_vectors,
 )
-from auvident.jit import borrowing, loop, written_out
+from auvident.jit import borrowing, inlined, loop
 from auvident.physics.batch import invert_masses, step_points
 from auvident.physics.dynamics import SPEED_LIMIT
 from auvident.physics.sensitivity import step_with_jacobian
@@ -132,12 +132,12 @@ class PassInput(NamedTuple):
     Attributes
     ----------
     active : (4,) bool array
-    index : (n_x,) int array
+    active_index : (n_x,) int array
         The active states.
     """
 
     active: np.ndarray
-    index: np.ndarray
+    active_index: np.ndarray
     logs: Logs
     sensors: Sensors
     parameters: Parameters
@@ -165,7 +165,7 @@ class PassOutput(NamedTuple):
 
 
 class ReadingWork(NamedTuple):
-    """Work arrays of a reading: a whole state (4,), the row of H by block and by theta, the gain."""
+    """Work arrays of a reading: a whole state (4,), the row of H by block and theta, the gain."""
 
     state: np.ndarray
     by_block: np.ndarray
@@ -208,7 +208,9 @@ class EkfWork(NamedTuple):
 def reading_work(data: PassInput, n: int) -> ReadingWork:
     """Work arrays of readings, for a state of length n."""
     gain, n_columns = GainWork(*np.empty((3, n))), len(data.sensors.columns)
-    return ReadingWork(np.empty(N_STATES), np.empty(len(data.index)), np.empty(n_columns), gain)
+    return ReadingWork(
+        np.empty(N_STATES), np.empty(len(data.active_index)), np.empty(n_columns), gain
+    )
 
 
 def row_work(data: PassInput) -> RowWork:
@@ -219,7 +221,7 @@ def row_work(data: PassInput) -> RowWork:
 
 def ekf_work(data: PassInput, width: int) -> EkfWork:
     """Work arrays of predictions about theta = 0, for a covariance with rows of some width."""
-    n_x, n_theta = len(data.index), len(data.Q.theta)
+    n_x, n_theta = len(data.active_index), len(data.Q.theta)
     n_rows, reached = len(data.logs.lengths) * n_x, np.zeros((N_STATES, LEAD + n_theta))
     F, FP = np.empty((n_rows, n_x + n_theta)), np.empty((n_rows, width))
     return EkfWork(np.zeros((N_STATES, 1)), reached, F, FP, np.zeros(n_theta))
@@ -237,7 +239,7 @@ def records_alive(lengths, t):
 # --- readings ------------------------------------------------------------------------------
 
 
-@written_out
+@inlined
 def take_readings(t, first, n, j, x, P, index, logs, sensors, whitened, fault, work):
     """Update with every reading of record j at step t.
 
@@ -269,7 +271,7 @@ def take_readings(t, first, n, j, x, P, index, logs, sensors, whitened, fault, w
     return log_likelihood, count
 
 
-@written_out
+@inlined
 def _innovation(c, t, first, j, x, index, logs, sensors, state, by_block, by_theta):
     """z - H x of channel c of record j; fills the row of H."""
     measured_states, innovation = logs.measured_states, logs.z[j, t, c]
@@ -290,7 +292,7 @@ def _innovation(c, t, first, j, x, index, logs, sensors, state, by_block, by_the
     return innovation
 
 
-@written_out
+@inlined
 def _update(t, x, P, n_theta, index, logs, sensors, output, work):
     """Take every reading of step t and keep what is known then; log-likelihood and number."""
     whitened, states, history, history_std, fault = output
@@ -363,7 +365,7 @@ def ekf_pass(x, P, data, output, system, reading, row, step, work):
     return log_likelihood, count
 
 
-@written_out
+@inlined
 def predict_ekf(t, alive, x, P, index, logs, Q, system, row, step, work, fault):
     """Mean and covariance of the first records one step on.
 
@@ -429,7 +431,7 @@ def ukf_pass(x, P, data, output, system, reading, row, step, sigma):
     return log_likelihood, count
 
 
-@written_out
+@inlined
 def _place_points(t, n, x, P, n_x, parameters, system, step, sigma, fault):
     """Factor of the covariance; parameters and inverse mass matrix of every sigma point."""
     p, column, scale, _ = parameters
@@ -451,7 +453,7 @@ def _place_points(t, n, x, P, n_x, parameters, system, step, sigma, fault):
                 inverse[i, s] = inverse[i, 0]
 
 
-@written_out
+@inlined
 def _step_record(j, first, x, index, parameters, dt, system, row, step, sigma):
     """Sigma points of record j one step on, kept in `sigma.moved`."""
     u, slopes, inactive0, inactive1 = row
