@@ -1,8 +1,8 @@
 """One step of one state with its derivative.
 
 Everything is linear in the parameters and a product of powers in the states, hence every
-derivative is exact and comes from the same terms as the rates (`batch`, where the habits of these
-kernels are explained), sorted by `term_tables.sort_slopes`.
+derivative is exact and comes from the same terms as the rates (`batch`, which says why there are
+two), sorted by `term_tables.sort_slopes`.
 
 With k = M^-1 F(x, p) the rate of a state (and d angle/dt = b), a step of RK4 is::
 
