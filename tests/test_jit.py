@@ -155,6 +155,6 @@ def test_every_kernel_module_is_in_the_name_of_the_cache() -> None:
     users = {
         str(path.relative_to(PACKAGE))
         for path in PACKAGE.rglob("*.py")
-        if re.search(r"^@(kernel|borrowing)$", path.read_text(), re.MULTILINE)
+        if re.search(r"^@(kernel|borrowing|loop|inlined)$", path.read_text(), re.MULTILINE)
     }
     assert users == set(KERNEL_MODULES)

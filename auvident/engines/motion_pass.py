@@ -1,306 +1,192 @@
 """The pass of an extended Kalman filter over one record: its motion, and forces that walk.
 
-The model is known; what is followed is what the readings say beside it.
+The model is known; what is followed is what the readings say beside it. The system is that of
+`passes`, with one record and with forces in the place of the parameters; but it is linear about
+the forces as they are at each step, which come and go and are no constants to be learned.
 """
 
-import math
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from auvident.estimation.kalman import update_with
-from auvident.jit import borrowing, kernel
+from auvident.engines.passes import (
+    Logs,
+    Parameters,
+    PassInput,
+    Sensors,
+    ekf_work,
+    predict_ekf,
+    reading_work,
+    row_work,
+    take_readings,
+)
+from auvident.estimation.kalman import ProcessNoise
+from auvident.estimation.smoother import Passed
+from auvident.jit import borrowing, loop
 from auvident.physics.actuation import FORCE
-from auvident.physics.dynamics import SPEED_LIMIT
-from auvident.physics.sensitivity import (
-    N_PLACES,
-    N_POINTS,
-    N_SLOPES,
-    linear_step,
-    place_parameters,
-)
-from auvident.physics.term_tables import (
-    LEAD,
-    N_INPUTS,
-    N_STATES,
-    N_VELOCITIES,
-    sort_masses,
-    sort_slopes,
-    used_variables,
-)
+from auvident.physics.sensitivity import step_work, system_at
+from auvident.physics.term_tables import N_INPUTS, N_STATES
+from auvident.physics.terms import Equations
 
 Array = npt.NDArray[Any]
-Passed = tuple[Array, Array, Array, Array, Array]
 
 
 def motion_pass(
-    start: Array,
-    spread: Array,
+    x: Array,
+    P: Array,
     inputs: Array,
-    given: Array,
-    read: Array,
-    sensor: Array,
-    variance: Array,
-    growth: Array,
+    measured_states: Array,
+    z: Array,
+    H: Array,
+    R: Array,
+    Q: Array,
     dt: float,
     p: Array,
     active: Array,
-    terms: Array,
-    weights: Array,
-    mass: Array,
-    mass_weights: Array,
+    equations: Equations,
 ) -> Passed | None:
     """What `estimation.smoother.smooth` takes; None where the motion could not be followed.
 
     Parameters
     ----------
-    start : (m + k,) array
+    x : (m + k,) array
         Mean of the m active states, and of k forces on surge, sway and yaw [N, N, N m], at the
         first row.
-    spread : (m + k, m + k) array
+    P : (m + k, m + k) array
         Its covariance.
     inputs : (n, 9) or, without forces, (n, 3) array
         The first k forces are those that are followed.
-    given : (n, 4) array
-        States; those that are not active are taken from it.
-    read : (n, 4) array
+    measured_states : (n, 4) array
+        Values of the inactive states.
+    z : (n, 4) array
         Readings; NaN where there is none.
-    sensor : (4, 4) array
+    H : (4, 4) array
         Readings by states.
-    variance : (4,) array
-        Of the readings.
-    growth : (m + k,) array
+    R : (4,) array
+        Variance of the readings.
+    Q : (m + k,) array
         Variance that a step adds.
     dt : float
         [s]
-    p, active, terms, weights, mass, mass_weights
+    p, active, equations :
         As `physics.dynamics.simulate_states` takes them.
 
     Returns
     -------
-    tuple of (n, m + k), (n, m + k, m + k), the same two again, (n, m + k, m + k) array
-        Means and covariances with the readings of a row, those before them, the derivative of
-        the step that follows.
+    Passed
+        In the order of x.
     """
-    n, size = len(read), len(start)
-    means, spreads = np.empty((2, n, size)), np.zeros((3, n, size, size))
-    passed = means[0], spreads[0], means[1], spreads[1], spreads[2]
-    followed = _follow(
-        start.copy(),
-        spread.copy(),
-        inputs,
-        given,
-        read,
-        sensor,
-        variance,
-        growth,
-        dt,
-        p,
-        np.flatnonzero(active),
-        active,
-        terms,
-        weights,
-        mass,
-        mass_weights,
-        *passed,
+    n, size, n_x = len(z), len(x), int(np.count_nonzero(active))
+    forces_first = np.roll(np.arange(size), size - n_x)  # the kernels have [forces, states]
+    states_first = np.argsort(forces_first)
+    data = _input_of(inputs, measured_states, z, H, R, Q[forces_first], dt, p, active, equations)
+    means, covariances = np.empty((2, n, size)), np.zeros((3, n, size, size))
+    passed = Passed(means[0], covariances[0], means[1], covariances[1], covariances[2])
+    moving = np.zeros(N_INPUTS, dtype=np.bool_)
+    moving[FORCE : FORCE + size - n_x] = True
+    theta = data.parameters
+    system, determinant = system_at(
+        p, active, theta.column, theta.scale, moving, theta.input_columns, equations
     )
-    return passed if followed else None
+    if not determinant > 0.0:
+        return None
+    x, P, fault = x[forces_first], P[np.ix_(forces_first, forces_first)], np.zeros(4, np.int64)
+    work = reading_work(data, size), row_work(data), step_work(1), ekf_work(data, size)
+    _follow(x, P, data, system, *work, np.empty(data.logs.z.shape), passed, fault)
+    if fault[3] > 0:
+        return None
+    return Passed(
+        *(
+            a[:, states_first] if a.ndim == 2 else a[:, states_first][:, :, states_first]
+            for a in passed
+        )
+    )
 
 
-@kernel
-def _follow(
-    x,
-    covariance,
-    inputs,
-    given,
-    read,
-    sensor,
-    variance,
-    growth,
-    dt,
-    p,
-    index,
-    active,
-    terms,
-    weights,
-    mass,
-    mass_weights,
-    after,
-    spread_after,
-    before,
-    spread_before,
-    transition,
-):
-    """Fill what `motion_pass` returns; False where the motion is lost."""
-    n, n_x, size = read.shape[0], index.shape[0], x.shape[0]
-    n_forces, scale = size - n_x, np.ones(size - n_x)
-    moving, by_force = np.zeros(N_INPUTS, np.bool_), np.zeros((N_INPUTS, n_forces))
-    places = np.zeros(n_forces, np.int64)
-    for c in range(n_forces):
-        moving[FORCE + c], by_force[FORCE + c, c], places[c] = True, 1.0, LEAD + c
-    column = np.full(p.shape[0], -1)
-    table, sorted_weights, partials = sort_slopes(active, p, column, scale, moving, terms, weights)
-    sorted_mass, sorted_mass_weights = sort_masses(active, column, scale, mass, mass_weights)
-    used, coefficient = used_variables(active, terms), np.empty(table.shape[0])
-    m, inverse = np.empty((10, 1)), np.empty((9, 1))
-    if (
-        not place_parameters(
-            p,
-            active,
-            table,
-            sorted_weights,
-            sorted_mass,
-            sorted_mass_weights,
-            coefficient,
-            m,
-            inverse,
-        )
-        > 0.0
-    ):
-        return False
-    value, f = np.ones(N_PLACES), np.zeros((N_VELOCITIES, 1))
-    f_x = np.zeros((N_VELOCITIES, N_SLOPES))
-    now, stage, rate = np.zeros((N_STATES, 1)), np.zeros((N_STATES, 1)), np.zeros((4, N_POINTS))
-    reached, u = np.zeros((N_STATES, LEAD + n_forces)), np.empty(inputs.shape[1])
-    work, rows = np.empty((3, size)), np.empty((size, size))
-    gradient, nothing, no_slopes = np.empty(n_x), np.zeros(0, np.int64), np.zeros(0)
-    for k in range(n):
-        _keep(x, covariance, before[k], spread_before[k])
-        _take_readings(
-            k,
-            x,
-            covariance,
-            index,
-            active,
-            given,
-            read,
-            sensor,
-            variance,
-            gradient,
-            nothing,
-            no_slopes,
-            work,
-        )
-        _keep(x, covariance, after[k], spread_after[k])
-        if k == n - 1:
-            break
-        for i in range(n_x):
-            now[index[i], 0] = x[i]
-        for i in range(inputs.shape[1]):
-            u[i] = inputs[k, i]
-        for c in range(n_forces):
-            u[FORCE + c] = x[n_x + c]
-        linear_step(
-            now,
-            u,
-            given[k],
-            given[k + 1],
+def _input_of(
+    inputs: Array,
+    measured_states: Array,
+    z: Array,
+    H: Array,
+    R: Array,
+    Q: Array,
+    dt: float,
+    p: Array,
+    active: Array,
+    equations: Equations,
+) -> PassInput:
+    """The problem of `passes` with one record, and with forces as parameters that inputs follow."""
+    n, n_x = len(z), int(np.count_nonzero(active))
+    k = len(Q) - n_x
+    slopes = np.zeros((1, n, N_INPUTS, k))
+    slopes[:, :, FORCE : FORCE + k] = np.eye(k)
+    none = np.zeros(0, dtype=np.int64)
+    return PassInput(
+        active,
+        np.flatnonzero(active),
+        Logs(
+            np.array([n]),
+            np.array(inputs)[None],
+            slopes,
+            np.ascontiguousarray(measured_states)[None],
+            np.ascontiguousarray(z)[None],
             dt,
-            active,
-            used,
-            table,
-            sorted_weights,
-            partials,
-            sorted_mass,
-            sorted_mass_weights,
-            coefficient,
-            inverse,
-            by_force,
-            places,
-            value,
-            f,
-            f_x,
-            stage,
-            rate,
-            reached,
+        ),
+        Sensors(
+            np.ones(N_STATES, dtype=np.bool_),
+            H,
+            R,
+            np.zeros((1, 0, N_STATES)),
+            np.zeros((1, n, N_STATES, 0)),
+            none,
+        ),
+        Parameters(p, np.full(len(p), -1), np.ones(k), np.arange(k)),
+        ProcessNoise(Q[:k], Q[k:]),
+        equations,
+    )
+
+
+@loop
+def _follow(x, P, data, system, reading, row, step, work, whitened, passed, fault):
+    """Fill `passed`, or `fault` where the motion is lost."""
+    _, index, logs, sensors, _, Q, _ = data
+    mean, covariance, mean_predicted, covariance_predicted, F = passed
+    n, n_forces, inputs, theta0 = logs.lengths[0], Q.theta.shape[0], logs.inputs, work.theta0
+    for t in range(n):
+        _keep(t, x, P, mean_predicted, covariance_predicted)
+        take_readings(
+            t, n_forces, x.shape[0], 0, x, P, index, logs, sensors, whitened, fault, reading
         )
-        if not _advance(reached, index, x, covariance, growth, transition[k], rows):
-            return False
-    return True
+        _keep(t, x, P, mean, covariance)
+        if fault[3] > 0 or t == n - 1:
+            break
+        for c in range(n_forces):
+            theta0[c] = x[c]
+            inputs[0, t, FORCE + c] = x[c]
+        predict_ekf(t, 1, x, P, index, logs, Q, system, row, step, work, fault)
+        if fault[3] > 0:
+            break
+        _keep_transition(t, work.F, n_forces, F)
 
 
 @borrowing
-def _keep(x, covariance, mean, spread):
-    """Copy mean and covariance."""
+def _keep(t, x, P, mean, covariance):
+    """Copy mean and covariance to row t."""
     for i in range(x.shape[0]):
-        mean[i] = x[i]
+        mean[t, i] = x[i]
         for c in range(x.shape[0]):
-            spread[i, c] = covariance[i, c]
+            covariance[t, i, c] = P[i, c]
 
 
 @borrowing
-def _take_readings(
-    k,
-    x,
-    covariance,
-    index,
-    active,
-    given,
-    read,
-    sensor,
-    variance,
-    gradient,
-    nothing,
-    no_slopes,
-    work,
-):
-    """Update with every reading of row k."""
-    for c in range(N_STATES):
-        innovation = read[k, c]
-        if math.isnan(innovation):
-            continue
-        for i in range(N_STATES):
-            if not active[i]:
-                innovation -= sensor[c, i] * given[k, i]
-        for i in range(index.shape[0]):
-            gradient[i] = sensor[c, index[i]]
-            innovation -= gradient[i] * x[i]
-        update_with(
-            x,
-            covariance,
-            x.shape[0],
-            x.shape[0],
-            0,
-            gradient,
-            nothing,
-            no_slopes,
-            innovation,
-            variance[c],
-            work[0],
-            work[1],
-            work[2],
-        )
-
-
-@borrowing
-def _advance(reached, index, x, covariance, growth, transition, rows):
-    """Mean and covariance after a step; False where a state ran away.
-
-    `reached` is what `sensitivity.linear_step` fills; `transition`, zeros before, takes the
-    derivative of the step.
-    """
-    n_x, size = index.shape[0], x.shape[0]
+def _keep_transition(t, rows, n_forces, F):
+    """The whole derivative of a step, zeros before, from the rows that `kalman.predict` takes."""
+    n_x = rows.shape[0]
+    for c in range(n_forces):
+        F[t, c, c] = 1.0
     for i in range(n_x):
-        x[i] = reached[index[i], 0]
-        if not abs(x[i]) < SPEED_LIMIT:
-            return False
+        for c in range(n_forces):
+            F[t, n_forces + i, c] = rows[i, n_x + c]
         for c in range(n_x):
-            transition[i, c] = reached[index[i], 1 + index[c]]
-        for c in range(n_x, size):
-            transition[i, c] = reached[index[i], LEAD + c - n_x]
-    for i in range(n_x, size):
-        transition[i, i] = 1.0
-    for i in range(size):
-        for c in range(size):
-            rows[i, c] = 0.0
-            for l in range(size):  # noqa: E741
-                rows[i, c] += transition[i, l] * covariance[l, c]
-    for i in range(size):
-        for c in range(i + 1):
-            total = growth[i] if i == c else 0.0
-            for l in range(size):  # noqa: E741
-                total += rows[i, l] * transition[c, l]
-            covariance[i, c] = total
-            covariance[c, i] = total
-    return True
+            F[t, n_forces + i, n_forces + c] = rows[i, c]

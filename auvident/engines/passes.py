@@ -1,14 +1,25 @@
 """EKF and UKF passes over all records of a stage in one augmented state, compiled.
 
-The state is [theta, x_1, ..., x_k]; a record that ends drops out of it. At each time step the
-readings are taken one scalar at a time (their noises are independent), so a missing sample of
-one channel costs nothing; then every block is predicted one step.
+The system, for records j = 1 .. k side by side::
+
+    theta(t+1) = theta(t) + w_theta                          random walk of the parameters
+    x_j(t+1)   = f(x_j(t), theta(t), u_j(t)) + w_j           one step of the equations of motion
+    z_j(t)     = H x_j(t) + offset_j(t) + slopes_j(t) theta(t) + v_j(t)
+    w ~ N(0, Q),    v ~ N(0, R),    [theta, x_1 .. x_k](0) ~ N(x_0, P_0);    Q and R diagonal
+
+The augmented state [theta, x_1, ..., x_k] is `x` in the kernels, P its covariance; a record that
+ends drops out of it. At each time step the readings are taken one scalar at a time, so a missing
+sample of one channel costs nothing; then every block is predicted one step.
 
 In the parameters a pass is linear about where it starts: both filters carry the states as they
 stand, but take the influence of theta from theta = 0. Linearised about an estimate that moves, a
 filter gains information in directions that no reading shows, such as the common scale of an
 equation, and in the end believes what it cannot know (Huang, Mourikis and Roumeliotis 2010, first-
 estimates Jacobians). The next pass starts where this one ended.
+
+Arrays come in bundles (`NamedTuple`). Where references are counted, each use of a bundle counts
+all its arrays: a pass took 1.3 times as long. Hence the loops only borrow (`jit.loop`), and a
+nested bundle is taken apart before them, which spares the compiler moving all its numbers.
 """
 
 import math
@@ -21,70 +32,131 @@ from auvident.engines.sigma_points import (
     NOT_POSITIVE,
     SINGULAR,
     lean_to_mean,
+    place_component,
+    place_inputs,
     recombine,
-    spread_inputs,
-    spread_row,
     stop,
 )
 from auvident.estimation.kalman import (
-    LANES,
-    predict_with,
-    update_with,
+    GainWork,
+    ProcessNoise,
+    ReadingRow,
+    predict,
+    update,
     upper_cholesky,
     whole_vectors,
 )
-from auvident.jit import borrowing, kernel
+from auvident.jit import borrowing, inlined, loop
 from auvident.physics.batch import invert_masses, step_points
 from auvident.physics.dynamics import SPEED_LIMIT
-from auvident.physics.sensitivity import (
-    N_PLACES,
-    N_POINTS,
-    N_SLOPES,
-    linear_step,
-    place_parameters,
-)
-from auvident.physics.term_tables import (
-    LEAD,
-    N_INPUTS,
-    N_POSITIONS,
-    N_STATES,
-    N_VELOCITIES,
-    P_ROWS,
-    P_SCALARS,
-    needed_powers,
-    sort_masses,
-    sort_slopes,
-    sort_terms,
-    used_variables,
-)
+from auvident.physics.sensitivity import step_with_jacobian
+from auvident.physics.term_tables import LEAD, N_INPUTS, N_STATES, P_ROWS
+from auvident.physics.terms import Equations
 
 
-class Case(NamedTuple):
-    """What a pass runs on: `FilterProblem` and its structure as arrays, and what it fills.
+class Logs(NamedTuple):
+    """The records side by side, longest first; see `problem.Records` and `problem.Linear`.
 
-    The fields are taken out once per call of a kernel, never inside a loop.
+    Attributes
+    ----------
+    lengths : (k,) int array
+    inputs : (k, n, 9) or (k, n, 3) array
+        u, at theta = 0.
+    input_slopes : (k, n, 9, a) array
+        du/dtheta, by the columns `Parameters.input_columns`.
+    measured_states : (k, n, 4) array
+        Values of the inactive states.
+    z : (k, n, 4) array
+        Readings; NaN where there is none.
+    dt : float
+        [s]
     """
 
-    active_index: np.ndarray
     lengths: np.ndarray
     inputs: np.ndarray
-    given: np.ndarray
-    measured: np.ndarray
+    input_slopes: np.ndarray
+    measured_states: np.ndarray
+    z: np.ndarray
     dt: float
-    base: np.ndarray  # parameters at theta = 0
+
+
+class Sensors(NamedTuple):
+    """How the readings depend on the state.
+
+    Attributes
+    ----------
+    channels : (4,) bool array
+        Those that are used.
+    H : (4, 4) array
+        Readings by the states u, a, b, angle.
+    R : (4,) array
+        Variances.
+    offset : (k, n, 4) or (k, 0, 4) array
+    slopes : (k, n, 4, b) array
+        Readings by theta, in the columns `columns`.
+    columns : (b,) int array
+    """
+
+    channels: np.ndarray
+    H: np.ndarray
+    R: np.ndarray
+    offset: np.ndarray
+    slopes: np.ndarray
+    columns: np.ndarray
+
+
+class Parameters(NamedTuple):
+    """Which parameters theta is, and in which units.
+
+    Attributes
+    ----------
+    p : (n_parameters,) array
+        At theta = 0.
+    column : (n_parameters,) int array
+        Column of each in theta, or -1.
+    scale : (n_theta,) array
+        Unit of each column.
+    input_columns : (a,) int array
+        Columns that the inputs depend on.
+    """
+
+    p: np.ndarray
     column: np.ndarray
     scale: np.ndarray
-    active: np.ndarray
-    channels: np.ndarray
-    sensor: np.ndarray
-    sensor_variance: np.ndarray
-    input_slopes: np.ndarray
     input_columns: np.ndarray
-    offset: np.ndarray
-    reading_slopes: np.ndarray
-    reading_columns: np.ndarray
-    q_theta: np.ndarray
-    q_x: np.ndarray
+
+
+class PassInput(NamedTuple):
+    """What a pass runs on: `FilterProblem` and its structure as arrays.
+
+    Attributes
+    ----------
+    active : (4,) bool array
+    active_index : (n_x,) int array
+        The active states.
+    """
+
+    active: np.ndarray
+    active_index: np.ndarray
+    logs: Logs
+    sensors: Sensors
+    parameters: Parameters
+    Q: ProcessNoise
+    equations: Equations
+
+
+class PassOutput(NamedTuple):
+    """What a pass fills, see `problem.FilterResult`.
+
+    Attributes
+    ----------
+    whitened, states : (k, n, 4) arrays
+    history, history_std : (n, n_theta) arrays
+        Of theta.
+    fault : (4,) int array
+        From `sigma_points.stop`; zeros where nothing is wrong.
+    """
+
     whitened: np.ndarray
     states: np.ndarray
     history: np.ndarray
@@ -92,88 +164,67 @@ class Case(NamedTuple):
     fault: np.ndarray
 
 
-@borrowing
-def _take_readings(
-    t,
-    alive,
-    mean,
-    covariance,
-    n_theta,
-    index,
-    given,
-    measured,
-    channels,
-    sensor,
-    sensor_variance,
-    offset,
-    reading_slopes,
-    reading_columns,
-    whitened,
-    fault,
-    x,
-    gradient,
-    by_theta,
-    projected,
-    gain,
-    half,
-):
-    """Update with every reading at step t; returns log-likelihood and count."""
-    n_x, n = index.shape[0], n_theta + alive * index.shape[0]
-    wide, log_likelihood, count = whole_vectors(n, covariance), 0.0, 0
-    for j in range(alive):
-        first = n_theta + j * n_x
-        for c in range(N_STATES):
-            innovation = measured[j, t, c]
-            if not channels[c] or math.isnan(innovation):
-                continue
-            for i in range(N_STATES):
-                x[i] = given[j, t, i]
-            for i in range(n_x):
-                x[index[i]] = mean[first + i]
-                gradient[i] = sensor[c, index[i]]
-            for i in range(N_STATES):
-                if sensor[c, i] != 0.0:
-                    innovation -= sensor[c, i] * x[i]
-            if offset.shape[1] > 0:
-                innovation -= offset[j, t, c]
-            for i in range(reading_columns.shape[0]):
-                by_theta[i] = reading_slopes[j, t, c, i]
-                innovation -= by_theta[i] * mean[reading_columns[i]]
-            spread = update_with(
-                mean,
-                covariance,
-                n,
-                wide,
-                first,
-                gradient,
-                reading_columns,
-                by_theta,
-                innovation,
-                sensor_variance[c],
-                projected,
-                gain,
-                half,
-            )
-            if spread <= 0.0:
-                stop(fault, t, j, c, NOT_POSITIVE)
-                return log_likelihood, count
-            whitened[j, t, c] = innovation / math.sqrt(spread)
-            log_likelihood -= 0.5 * (whitened[j, t, c] ** 2 + math.log(2.0 * math.pi * spread))
-            count += 1
-    return log_likelihood, count
+class ReadingWork(NamedTuple):
+    """Work arrays of a reading: a whole state (4,), the row of H by block and theta, the gain."""
+
+    state: np.ndarray
+    by_block: np.ndarray
+    by_theta: np.ndarray
+    gain: GainWork
 
 
-@borrowing
-def _store(t, alive, mean, covariance, n_theta, index, given, states, history, history_std):
-    """Keep the means of all states and parameters at step t; of parameters also the std."""
-    for l in range(n_theta):  # noqa: E741
-        history[t, l] = mean[l]
-        history_std[t, l] = math.sqrt(max(covariance[l, l], 0.0))
-    for j in range(alive):
-        for i in range(N_STATES):
-            states[j, t, i] = given[j, t, i]
-        for i in range(index.shape[0]):
-            states[j, t, index[i]] = mean[n_theta + j * index.shape[0] + i]
+class RowWork(NamedTuple):
+    """Copies of one row of the logs: inputs, their slopes, inactive states at both its ends."""
+
+    u: np.ndarray
+    slopes: np.ndarray
+    inactive0: np.ndarray
+    inactive1: np.ndarray
+
+
+class EkfWork(NamedTuple):
+    """Work arrays of the EKF's prediction.
+
+    Attributes
+    ----------
+    now : (4, 1) array
+        State of a record.
+    reached : (4, 5 + n_theta) array
+        State after the step and its derivatives.
+    F : (k * n_x, n_x + n_theta) array
+        As `kalman.predict` takes it.
+    FP : (k * n_x, >= n) array
+    theta0 : (n_theta,) array
+        Where the prediction is linear about.
+    """
+
+    now: np.ndarray
+    reached: np.ndarray
+    F: np.ndarray
+    FP: np.ndarray
+    theta0: np.ndarray
+
+
+def reading_work(data: PassInput, n: int) -> ReadingWork:
+    """Work arrays of readings, for a state of length n."""
+    gain, n_columns = GainWork(*np.empty((3, n))), len(data.sensors.columns)
+    return ReadingWork(
+        np.empty(N_STATES), np.empty(len(data.active_index)), np.empty(n_columns), gain
+    )
+
+
+def row_work(data: PassInput) -> RowWork:
+    """Work arrays of a row."""
+    slopes = np.zeros((N_INPUTS, len(data.parameters.input_columns)))
+    return RowWork(np.empty(data.logs.inputs.shape[2]), slopes, *np.empty((2, N_STATES)))
+
+
+def ekf_work(data: PassInput, width: int) -> EkfWork:
+    """Work arrays of predictions about theta = 0, for a covariance with rows of some width."""
+    n_x, n_theta = len(data.active_index), len(data.Q.theta)
+    n_rows, reached = len(data.logs.lengths) * n_x, np.zeros((N_STATES, LEAD + n_theta))
+    F, FP = np.empty((n_rows, n_x + n_theta)), np.empty((n_rows, width))
+    return EkfWork(np.zeros((N_STATES, 1)), reached, F, FP, np.zeros(n_theta))
 
 
 @borrowing
@@ -185,352 +236,233 @@ def records_alive(lengths, t):
     return alive
 
 
-@kernel
-def _small(n_x):
-    """Work arrays: a state, a gradient, given states at both ends of a step."""
-    return np.empty(N_STATES), np.empty(n_x), np.empty(N_STATES), np.empty(N_STATES)
+# --- readings ------------------------------------------------------------------------------
+
+
+@inlined
+def take_readings(t, first, n, j, x, P, index, logs, sensors, whitened, fault, work):
+    """Update with every reading of record j at step t.
+
+    Parameters
+    ----------
+    first, n : int
+        Where the states of the record begin in x; length of x in use.
+
+    Returns
+    -------
+    float, int
+        Log-likelihood and number of the readings.
+    """
+    z, channels, variances, columns = logs.z, sensors.channels, sensors.R, sensors.columns
+    state, by_block, by_theta, gain = work
+    wide, log_likelihood, count = whole_vectors(n, P), 0.0, 0
+    for c in range(N_STATES):
+        if not channels[c] or math.isnan(z[j, t, c]):
+            continue
+        innovation = _innovation(c, t, first, j, x, index, logs, sensors, state, by_block, by_theta)
+        H, R = ReadingRow(first, by_block, columns, by_theta), variances[c]
+        S = update(x, P, n, wide, H, innovation, R, gain)
+        if S <= 0.0:
+            stop(fault, t, j, c, NOT_POSITIVE)
+            break
+        whitened[j, t, c] = innovation / math.sqrt(S)
+        log_likelihood -= 0.5 * (whitened[j, t, c] ** 2 + math.log(2.0 * math.pi * S))
+        count += 1
+    return log_likelihood, count
+
+
+@inlined
+def _innovation(c, t, first, j, x, index, logs, sensors, state, by_block, by_theta):
+    """z - H x of channel c of record j; fills the row of H."""
+    measured_states, innovation = logs.measured_states, logs.z[j, t, c]
+    _, H, _, offset, slopes, columns = sensors
+    for i in range(N_STATES):
+        state[i] = measured_states[j, t, i]
+    for i in range(index.shape[0]):
+        state[index[i]] = x[first + i]
+        by_block[i] = H[c, index[i]]
+    for i in range(N_STATES):
+        if H[c, i] != 0.0:
+            innovation -= H[c, i] * state[i]
+    if offset.shape[1] > 0:
+        innovation -= offset[j, t, c]
+    for i in range(columns.shape[0]):
+        by_theta[i] = slopes[j, t, c, i]
+        innovation -= by_theta[i] * x[columns[i]]
+    return innovation
+
+
+@inlined
+def _update(t, x, P, n_theta, index, logs, sensors, output, work):
+    """Take every reading of step t and keep what is known then; log-likelihood and number."""
+    whitened, states, history, history_std, fault = output
+    measured_states, log_likelihood, count = logs.measured_states, 0.0, 0
+    n_x, alive = index.shape[0], records_alive(logs.lengths, t)
+    for j in range(alive):
+        first, n = n_theta + j * n_x, n_theta + alive * n_x
+        gained, taken = take_readings(
+            t, first, n, j, x, P, index, logs, sensors, whitened, fault, work
+        )
+        log_likelihood += gained
+        count += taken
+        if fault[3] > 0:
+            break
+    for l in range(n_theta):  # noqa: E741
+        history[t, l] = x[l]
+        history_std[t, l] = math.sqrt(max(P[l, l], 0.0))
+    for j in range(alive):
+        for i in range(N_STATES):
+            states[j, t, i] = measured_states[j, t, i]
+        for i in range(n_x):
+            states[j, t, index[i]] = x[n_theta + j * n_x + i]
+    return log_likelihood, count
 
 
 @borrowing
-def _place_step(j, t, inputs, given, u, g0, g1):
-    """Copy the inputs and given states of a step (a view of them would cost more)."""
+def _place_row(j, t, logs, row):
+    """Copy a row of the logs (views of it would cost more)."""
+    _, inputs, input_slopes, measured_states, _, _ = logs
+    u, slopes, inactive0, inactive1 = row
     for i in range(u.shape[0]):
         u[i] = inputs[j, t, i]
+    for i in range(slopes.shape[0]):
+        for k in range(slopes.shape[1]):
+            slopes[i, k] = input_slopes[j, t, i, k]
     for i in range(N_STATES):
-        g0[i], g1[i] = given[j, t, i], given[j, t + 1, i]
+        inactive0[i] = measured_states[j, t, i]
+        inactive1[i] = measured_states[j, t + 1, i]
 
 
-@borrowing
-def _place_input_slopes(j, t, input_slopes, u_slopes):
-    """Slopes of the inputs of a step (a view of them would cost more)."""
-    for i in range(u_slopes.shape[0]):
-        for k in range(u_slopes.shape[1]):
-            u_slopes[i, k] = input_slopes[j, t, i, k]
+# --- extended Kalman filter ----------------------------------------------------------------
 
 
-@kernel
-def ekf_pass(mean, final, case, terms, weights, mass, mass_weights):
+@loop
+def ekf_pass(x, P, data, output, system, reading, row, step, work):
     """Run the EKF over all records; returns log-likelihood and number of readings.
 
     Parameters
     ----------
-    mean, final : (n,) and (n, n) arrays
-        Mean and covariance of the whole state, before and after. The covariance is worked on in
-        an array whose rows are whole vector registers.
-    case : Case
-    terms, weights, mass, mass_weights : arrays of `terms.Structure`
+    x, P : (n,) and (n, >= n) arrays
+        Mean and covariance of the whole state, before and after.
+    data : PassInput
+    output : PassOutput
+    system : sensitivity.System
+    reading, row, step, work : ReadingWork, RowWork, sensitivity.StepWork, EkfWork
     """
-    (
-        index,
-        lengths,
-        inputs,
-        given,
-        measured,
-        dt,
-        base,
-        column,
-        scale,
-        active,
-        channels,
-        sensor,
-        sensor_variance,
-        input_slopes,
-        input_columns,
-        offset,
-        reading_slopes,
-        reading_columns,
-        q_theta,
-        q_x,
-        whitened,
-        states,
-        history,
-        history_std,
-        fault,
-    ) = case
-    n_x, n, n_theta = index.shape[0], mean.shape[0], scale.shape[0]
-    moving, places = np.full(N_INPUTS, input_columns.shape[0] > 0), input_columns + LEAD
-    u_slopes = np.zeros((N_INPUTS, places.shape[0]))
-    table, sorted_weights, partials = sort_slopes(
-        active, base, column, scale, moving, terms, weights
-    )
-    sorted_mass, sorted_mass_weights = sort_masses(active, column, scale, mass, mass_weights)
-    used, coefficient = used_variables(active, terms), np.empty(table.shape[0])
-    m, inverse = np.empty((10, 1)), np.empty((9, 1))
-    value, f = np.ones(N_PLACES), np.zeros((N_VELOCITIES, 1))
-    f_x = np.zeros((N_VELOCITIES, N_SLOPES))
-    now, stage = np.zeros((N_STATES, 1)), np.zeros((N_STATES, 1))
-    rate, reached = np.zeros((N_STATES, N_POINTS)), np.zeros((N_STATES, LEAD + n_theta))
-    width = n + (-n) % LANES
-    slopes, rows = np.empty((n - n_theta, n_x + n_theta)), np.empty((n - n_theta, width))
-    covariance = np.zeros((n, width))
-    for i in range(n):
-        for c in range(n):
-            covariance[i, c] = final[i, c]
-    x, gradient, g0, g1 = _small(n_x)
-    u, by_theta = np.empty(inputs.shape[2]), np.empty(reading_columns.shape[0])
-    projected, gain, half = np.empty(width), np.empty(width), np.empty(width)
+    _, index, logs, sensors, _, Q, _ = data
+    n_theta, lengths, fault = Q.theta.shape[0], logs.lengths, output.fault
     log_likelihood, count = 0.0, 0
-    if (
-        not place_parameters(
-            base,
-            active,
-            table,
-            sorted_weights,
-            sorted_mass,
-            sorted_mass_weights,
-            coefficient,
-            m,
-            inverse,
-        )
-        > 0.0
-    ):
-        stop(fault, 0, 0, 0, SINGULAR)
-        return log_likelihood, count
     for t in range(lengths[0]):
-        alive = records_alive(lengths, t)
-        gained, taken = _take_readings(
-            t,
-            alive,
-            mean,
-            covariance,
-            n_theta,
-            index,
-            given,
-            measured,
-            channels,
-            sensor,
-            sensor_variance,
-            offset,
-            reading_slopes,
-            reading_columns,
-            whitened,
-            fault,
-            x,
-            gradient,
-            by_theta,
-            projected,
-            gain,
-            half,
-        )
+        gained, taken = _update(t, x, P, n_theta, index, logs, sensors, output, reading)
         log_likelihood += gained
         count += taken
-        _store(t, alive, mean, covariance, n_theta, index, given, states, history, history_std)
         alive = records_alive(lengths, t + 1)
         if fault[3] > 0 or alive == 0:
             break
-        for j in range(alive):
-            first = n_theta + j * n_x
-            for i in range(n_x):
-                now[index[i], 0] = mean[first + i]
-            _place_step(j, t, inputs, given, u, g0, g1)
-            _place_input_slopes(j, t, input_slopes, u_slopes)
-            linear_step(
-                now,
-                u,
-                g0,
-                g1,
-                dt,
-                active,
-                used,
-                table,
-                sorted_weights,
-                partials,
-                sorted_mass,
-                sorted_mass_weights,
-                coefficient,
-                inverse,
-                u_slopes,
-                places,
-                value,
-                f,
-                f_x,
-                stage,
-                rate,
-                reached,
-            )
-            for i in range(n_x):
-                mean[first + i] = reached[index[i], 0]
-                for c in range(n_x):
-                    slopes[j * n_x + i, c] = reached[index[i], 1 + index[c]]
-                for c in range(n_theta):
-                    slopes[j * n_x + i, n_x + c] = reached[index[i], LEAD + c]
-                    mean[first + i] += reached[index[i], LEAD + c] * mean[c]
-                if not abs(mean[first + i]) < SPEED_LIMIT and fault[3] == 0:
-                    stop(fault, t, j, index[i], DIVERGED)
+        predict_ekf(t, alive, x, P, index, logs, Q, system, row, step, work, fault)
         if fault[3] > 0:
             break
-        wide = whole_vectors(n_theta + alive * n_x, covariance)
-        predict_with(covariance, slopes, n_theta, n_x, alive, wide, q_theta, q_x, rows)
-    for i in range(n):
-        for c in range(n):
-            final[i, c] = covariance[i, c]
     return log_likelihood, count
 
 
-@kernel
-def ukf_pass(mean, covariance, case, terms, weights, mass, mass_weights, spread):
+@inlined
+def predict_ekf(t, alive, x, P, index, logs, Q, system, row, step, work, fault):
+    """Mean and covariance of the first records one step on.
+
+    With F and G the derivatives of f(x_j, theta0, u_j) by x_j and by theta, side by side in a row
+    of the work array for each state::
+
+        x_j = f(x_j, theta0, u_j) + G (theta - theta0)
+    """
+    now, reached, F, FP, theta0 = work
+    u, slopes, inactive0, inactive1 = row
+    n_x, n_theta, dt = index.shape[0], theta0.shape[0], logs.dt
+    for j in range(alive):
+        first = n_theta + j * n_x
+        for i in range(n_x):
+            now[index[i], 0] = x[first + i]
+        _place_row(j, t, logs, row)
+        step_with_jacobian(now, u, inactive0, inactive1, dt, slopes, system, step, reached)
+        for i in range(n_x):
+            x[first + i] = reached[index[i], 0]
+            for c in range(n_x):
+                F[j * n_x + i, c] = reached[index[i], 1 + index[c]]
+            for c in range(n_theta):
+                F[j * n_x + i, n_x + c] = reached[index[i], LEAD + c]
+                x[first + i] += reached[index[i], LEAD + c] * (x[c] - theta0[c])
+            if not abs(x[first + i]) < SPEED_LIMIT and fault[3] == 0:
+                stop(fault, t, j, index[i], DIVERGED)
+    if fault[3] == 0:
+        predict(P, F, Q, alive, whole_vectors(n_theta + alive * n_x, P), FP)
+
+
+# --- unscented Kalman filter ---------------------------------------------------------------
+
+
+@loop
+def ukf_pass(x, P, data, output, system, reading, row, step, sigma):
     """Run the UKF over all records; returns log-likelihood and number of readings.
 
     Sigma points: the centre, which is the mean of the states at theta = 0, then a pair for each
-    column of the factor of the covariance, `spread` standard deviations away. The parameter block
-    does not move in the prediction and is left as it is. Arguments as those of `ekf_pass`.
+    column of the factor of the covariance. The parameter block does not move in the prediction
+    and is left as it is. Arguments as those of `ekf_pass`, but of `batch` in place of
+    `sensitivity`.
     """
-    (
-        index,
-        lengths,
-        inputs,
-        given,
-        measured,
-        dt,
-        base,
-        column,
-        scale,
-        active,
-        channels,
-        sensor,
-        sensor_variance,
-        input_slopes,
-        input_columns,
-        offset,
-        reading_slopes,
-        reading_columns,
-        q_theta,
-        q_x,
-        whitened,
-        states,
-        history,
-        history_std,
-        fault,
-    ) = case
-    n_x, n, n_theta = index.shape[0], mean.shape[0], scale.shape[0]
-    moves, size = column >= 0, 2 * n + 1
-    moving, differ = np.flatnonzero(moves), 1 + 2 * n_theta
-    used = used_variables(active, terms)
-    moved_inputs = used[N_POSITIONS:].copy()
-    if input_columns.shape[0] == 0:
-        moved_inputs[:] = False
-    table, sorted_weights = sort_terms(active, moves, moved_inputs, terms, weights)
-    powers = needed_powers(active, moved_inputs, terms)
-    scalars, rows = np.ones(P_SCALARS + base.shape[0]), np.zeros((P_ROWS + base.shape[0], size))
-    for i in range(base.shape[0]):
-        scalars[P_SCALARS + i] = base[i]
-    m, inverse, force = np.empty((10, size)), np.empty((9, size)), np.empty((N_VELOCITIES, size))
-    points, stage = np.empty((N_STATES, size)), np.empty((N_STATES, size))
-    rate, total, fixed = np.empty((N_STATES, size)), np.empty((N_STATES, size)), np.empty(N_STATES)
-    upper, moved = np.zeros((n, n)), np.zeros((n - n_theta, size))
-    x, gradient, g0, g1 = _small(n_x)
-    u, by_theta = np.empty(inputs.shape[2]), np.empty(reading_columns.shape[0])
-    projected, gain, half = np.empty(n), np.empty(n), np.empty(n)
+    _, index, logs, sensors, parameters, Q, _ = data
+    n_theta, n_x, lengths, fault = Q.theta.shape[0], index.shape[0], logs.lengths, output.fault
     log_likelihood, count = 0.0, 0
     for t in range(lengths[0]):
-        alive = records_alive(lengths, t)
-        gained, taken = _take_readings(
-            t,
-            alive,
-            mean,
-            covariance,
-            n_theta,
-            index,
-            given,
-            measured,
-            channels,
-            sensor,
-            sensor_variance,
-            offset,
-            reading_slopes,
-            reading_columns,
-            whitened,
-            fault,
-            x,
-            gradient,
-            by_theta,
-            projected,
-            gain,
-            half,
-        )
+        gained, taken = _update(t, x, P, n_theta, index, logs, sensors, output, reading)
         log_likelihood += gained
         count += taken
-        _store(t, alive, mean, covariance, n_theta, index, given, states, history, history_std)
         alive = records_alive(lengths, t + 1)
         if fault[3] > 0 or alive == 0:
             break
-        bad = upper_cholesky(covariance, n_theta + alive * n_x, upper)
-        if bad >= 0:
-            stop(fault, t, max(bad - n_theta, 0) // n_x, bad, NOT_POSITIVE)
+        _place_points(t, n_theta + alive * n_x, x, P, n_x, parameters, system, step, sigma, fault)
+        if fault[3] > 0:
             break
-        lean_to_mean(mean, n_theta, n_theta + alive * n_x, upper, half)
-        all_points = 1 + 2 * (n_theta + alive * n_x)
-        for k in range(moving.shape[0]):
-            i, c = moving[k], column[moving[k]]
-            spread_row(base[i], scale[c], c, upper, spread, all_points, P_ROWS + i, rows)
-        if (
-            not invert_masses(differ, active, mass, mass_weights, moves, scalars, rows, m, inverse)
-            > 0.0
-        ):
-            stop(fault, t, 0, 0, SINGULAR)
-            break
-        for i in range(9):
-            for s in range(differ, all_points):
-                inverse[i, s] = inverse[i, 0]
         for j in range(alive):
-            at = n_theta + j * n_x
-            reached = 1 + 2 * (at + n_x)  # the other points leave this record at its mean
-            for i in range(n_x):
-                spread_row(mean[at + i], 1.0, at + i, upper, spread, reached, index[i], points)
-            _place_step(j, t, inputs, given, u, g0, g1)
-            spread_inputs(
-                j,
-                t,
-                reached,
-                u,
-                input_slopes,
-                input_columns,
-                upper,
-                spread,
-                moved_inputs,
-                rows,
-            )
-            step_points(
-                reached,
-                u,
-                g0,
-                g1,
-                dt,
-                active,
-                used,
-                table,
-                sorted_weights,
-                powers,
-                inverse,
-                fixed,
-                scalars,
-                rows,
-                force,
-                points,
-                stage,
-                rate,
-                total,
-            )
-            for i in range(n_x):
-                for s in range(reached):
-                    moved[j * n_x + i, s] = points[index[i], s]
-        recombine(
-            t,
-            alive,
-            mean,
-            covariance,
-            n_theta,
-            index,
-            spread,
-            upper,
-            half,
-            moved,
-            projected,
-            gain,
-            q_theta,
-            q_x,
-            fault,
-        )
+            first = n_theta + j * n_x
+            _place_row(j, t, logs, row)
+            _step_record(j, first, x, index, parameters, logs.dt, system, row, step, sigma)
+        recombine(t, alive, x, P, index, Q, sigma, fault)
         if fault[3] > 0:
             break
     return log_likelihood, count
+
+
+@inlined
+def _place_points(t, n, x, P, n_x, parameters, system, step, sigma, fault):
+    """Factor of the covariance; parameters and inverse mass matrix of every sigma point."""
+    p, column, scale, _ = parameters
+    rows, inverse, n_theta = step.rows, step.inverse, scale.shape[0]
+    bad = upper_cholesky(P, n, sigma.upper)
+    if bad >= 0:
+        stop(fault, t, max(bad - n_theta, 0) // n_x, bad, NOT_POSITIVE)
+    else:
+        lean_to_mean(x, n_theta, n, sigma)
+        for i in range(p.shape[0]):
+            if column[i] >= 0:
+                c = column[i]
+                place_component(p[i], scale[c], c, sigma, 1 + 2 * n, P_ROWS + i, rows)
+        differ = 1 + 2 * n_theta  # from there on the points have the same parameters
+        if not invert_masses(differ, system, step) > 0.0:
+            stop(fault, t, 0, 0, SINGULAR)
+        for i in range(9):
+            for s in range(differ, 1 + 2 * n):
+                inverse[i, s] = inverse[i, 0]
+
+
+@inlined
+def _step_record(j, first, x, index, parameters, dt, system, row, step, sigma):
+    """Sigma points of record j one step on, kept in `sigma.moved`."""
+    u, slopes, inactive0, inactive1 = row
+    points, moved, n_x = sigma.points, sigma.moved, index.shape[0]
+    count = 1 + 2 * (first + n_x)  # the other points leave this record at its mean
+    for i in range(n_x):
+        place_component(x[first + i], 1.0, first + i, sigma, count, index[i], points)
+    place_inputs(count, u, slopes, parameters.input_columns, system.moving, sigma, step.rows)
+    step_points(count, u, inactive0, inactive1, dt, system, step, points)
+    for i in range(n_x):
+        for s in range(count):
+            moved[j * n_x + i, s] = points[index[i], s]

@@ -171,7 +171,7 @@ def _columns_of(
 def simulated(frame: Frame, p: Array, record: Record, active: Array) -> Array:
     """States (n, 4) of the free-running simulation of a record; see `at_effects` for its form."""
     return simulate_states(
-        record.start, record.inputs, record.given, frame.dt_s, p, active, *frame.structure.arrays
+        record.start, record.inputs, record.given, frame.dt_s, p, active, frame.structure.equations
     )
 
 
@@ -223,7 +223,7 @@ def readings_with_slopes(
         frame.dt_s,
         p,
         active,
-        *frame.structure.arrays,
+        frame.structure.equations,
         free.column,
         free.scale,
         z,

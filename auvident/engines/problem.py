@@ -178,8 +178,8 @@ class FilterResult:
     samples: int
 
 
-def starting_covariance(problem: FilterProblem) -> Array:
-    """Covariance of the augmented state at the start of a pass."""
+def initial_covariance(problem: FilterProblem) -> Array:
+    """Covariance P_0 of the augmented state at the start of a pass."""
     n_theta, n_x = len(problem.free), len(problem.active_index)
     n = n_theta + n_x * len(problem.records.ids)
     covariance = np.zeros((n, n))

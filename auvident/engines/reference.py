@@ -21,11 +21,12 @@ from auvident.engines.problem import (
     FilterProblem,
     FilterResult,
     empty_states,
+    initial_covariance,
     no_effects,
-    starting_covariance,
 )
 from auvident.errors import NumericsError
-from auvident.physics.dynamics import N_STATES, inverse_mass, step, step_with_sensitivities
+from auvident.physics.batch import inverse_mass
+from auvident.physics.dynamics import N_STATES, step, step_with_sensitivities
 from auvident.physics.term_tables import N_INPUTS
 
 Array = npt.NDArray[Any]
@@ -41,7 +42,7 @@ class _Model:
         self.index = problem.active_index
         self.n_theta, self.n_x = len(problem.free), len(self.index)
         self.inverse = np.empty((3, 3))
-        self.terms, self.weights, self.mass, self.mass_weights = problem.structure.arrays
+        self.equations = problem.structure.equations
         self.linear = problem.linear or no_effects(len(problem.records.ids))
 
     def size(self, alive: int) -> int:
@@ -85,24 +86,21 @@ class _Model:
             records.given[j, t + 1],
             records.dt_s,
             p,
-            self.inverse,
-            self.problem.active,
-            self.terms,
-            self.weights,
         )
 
     def _prepare(self, chi: Array) -> Array:
         p = self.problem.parameters_at(chi[: self.n_theta])
-        mass = (self.mass, self.mass_weights, self.problem.active, self.inverse)
-        if not inverse_mass(p, *mass) > 0.0:
+        _, _, mass, weights = self.equations
+        if not inverse_mass(p, mass, weights, self.problem.active, self.inverse) > 0.0:
             raise np.linalg.LinAlgError("the mass matrix is not positive definite")
         return p
 
     def advance(self, chi: Array, t: int) -> Array:
         """The whole state one step on."""
         p, moved, out = self._prepare(chi), chi.copy(), np.empty(N_STATES)
+        active = self.problem.active
         for j in range((len(chi) - self.n_theta) // self.n_x):
-            step(*self._arguments(chi, j, t, p), out)
+            step(*self._arguments(chi, j, t, p), self.inverse, active, self.equations, out)
             moved[self.block(j)] = out[self.index]
         return moved
 
@@ -114,8 +112,8 @@ class _Model:
             s_x = np.hstack([np.eye(N_STATES), np.zeros((N_STATES, self.n_theta))])
             step_with_sensitivities(
                 *self._arguments(chi, j, t, p),
-                self.mass,
-                self.mass_weights,
+                self.problem.active,
+                self.equations,
                 self.problem.column,
                 self._input_slopes(j, t),
                 self.linear.input_columns,
@@ -191,13 +189,13 @@ class _Ukf(UnscentedKalmanFilter):
         self.moved = self.sigmas_f.copy()
 
 
-def run(problem: FilterProblem, kind: str, spread: float = 1.0) -> FilterResult:
+def run(problem: FilterProblem, kind: str, scaling: float = 1.0) -> FilterResult:
     """One pass of filterpy's EKF or UKF; parameters and errors as `compiled.run`."""
     model = _Model(problem)
     lengths = problem.records.lengths
     n_steps = int(lengths[0])
     chi = np.concatenate([np.zeros(model.n_theta), problem.start[:, model.index].ravel()])
-    covariance = starting_covariance(problem)
+    covariance = initial_covariance(problem)
     whitened, states = empty_states(problem), empty_states(problem)
     history = np.zeros((n_steps, model.n_theta))
     history_std = np.zeros((n_steps, model.n_theta))
@@ -222,7 +220,7 @@ def run(problem: FilterProblem, kind: str, spread: float = 1.0) -> FilterResult:
             size = model.size(alive)
             predict = _predict_ukf if kind == "ukf" else _predict_ekf
             try:
-                chi, covariance = predict(model, chi[:size], covariance[:size, :size], t, spread)
+                chi, covariance = predict(model, chi[:size], covariance[:size, :size], t, scaling)
             except (np.linalg.LinAlgError, ValueError) as error:
                 raise _failure(problem, t, str(error)) from None
             _refuse_divergence(problem, chi, covariance, t)
@@ -265,7 +263,7 @@ def _update(
 
 
 def _predict_ekf(
-    model: _Model, chi: Array, covariance: Array, t: int, spread: float
+    model: _Model, chi: Array, covariance: Array, t: int, scaling: float
 ) -> tuple[Array, Array]:
     ekf = _Ekf(dim_x=len(chi), dim_z=1)
     ekf.x, ekf.P, ekf.Q = chi, covariance, model.noise((len(chi) - model.n_theta) // model.n_x)
@@ -277,10 +275,10 @@ def _predict_ekf(
 
 
 def _predict_ukf(
-    model: _Model, chi: Array, covariance: Array, t: int, spread: float
+    model: _Model, chi: Array, covariance: Array, t: int, scaling: float
 ) -> tuple[Array, Array]:
     n = len(chi)
-    points = MerweScaledSigmaPoints(n, alpha=spread / math.sqrt(n), beta=BETA, kappa=0.0)
+    points = MerweScaledSigmaPoints(n, alpha=scaling / math.sqrt(n), beta=BETA, kappa=0.0)
     ukf = _Ukf(
         dim_x=n,
         dim_z=1,

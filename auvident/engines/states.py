@@ -68,7 +68,7 @@ def smoothed_states(
         dt_s,
         p,
         active,
-        *structure.arrays,
+        structure.equations,
     )
     mean, std = record.given.copy(), np.zeros((len(record.time_s), N_STATES))
     mean[:, index], std[:, index] = np.nan, np.nan
@@ -93,7 +93,7 @@ def forcing_std(
     A residual of rms s and correlation time T comes from white forcing of s sqrt(2 / T).
     """
     states = simulate_states(
-        record.start, record.inputs, record.given, dt_s, p, active, *structure.arrays
+        record.start, record.inputs, record.given, dt_s, p, active, structure.equations
     )
     residual = record.measured - states @ sensor.T
     forcing = LEAST_FORCING * sensor_std

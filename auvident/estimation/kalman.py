@@ -1,251 +1,226 @@
 """Linear algebra of the Kalman filters, compiled; it knows no vehicle.
 
 The state is one vector of shared parameters followed by one block of states per record
-("parallel processing"): theta (n_theta), x_1 (n_x), ..., x_k (n_x). Parameters do not move under
-prediction, so only the rows of the blocks are recomputed.
+("parallel processing"): x = [theta, x_1, ..., x_k]. With F the derivative of a step and H that of
+a reading::
 
-Every kernel has a form that takes its work arrays, for the loops of a pass, where making them
-anew would cost more than the arithmetic. Innermost loops run along rows.
+    predict   P = F P F' + Q
+    update    S = H P H' + R,    K = P H' / S,    x = x + K (z - H x),
+              P = (I - K H) P (I - K H)' + K R K'            (Joseph form)
+
+Theta walks at random: its rows of F are those of the identity, hence only the rows of the blocks
+are recomputed. Readings are scalars, taken one after the other, as their noises are independent.
+
+The kernels take their work arrays, as making them anew would cost more than the arithmetic.
+Innermost loops run along rows.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from auvident.jit import borrowing, kernel
+from auvident.jit import borrowing
 
 LANES = 4  # numbers in a vector register
 
 
+class ProcessNoise(NamedTuple):
+    """Diagonal of Q: variance that a step adds.
+
+    Attributes
+    ----------
+    theta : (n_theta,) array
+        To each parameter: its random walk.
+    x : (n_x,) array
+        To each state of each block.
+    """
+
+    theta: np.ndarray
+    x: np.ndarray
+
+
+class ReadingRow(NamedTuple):
+    """Row H of one reading, without its zeros.
+
+    Attributes
+    ----------
+    first : int
+        Index of the first state of the block that is read.
+    by_block : (m,) array
+        Derivatives by the states first .. first + m - 1.
+    columns : (k,) int array
+        Other states that the reading depends on.
+    by_columns : (k,) array
+        Derivatives by these.
+    """
+
+    first: int
+    by_block: np.ndarray
+    columns: np.ndarray
+    by_columns: np.ndarray
+
+
+class GainWork(NamedTuple):
+    """Work arrays (>= n,) of an update: P H', the gain K, half the change of P over K."""
+
+    PHt: np.ndarray
+    K: np.ndarray
+    half: np.ndarray
+
+
 @borrowing
-def whole_vectors(n, covariance):
-    """Length n rounded up to whole vector registers, where the rows of the covariance are longer.
+def whole_vectors(n, P):
+    """Length n rounded up to whole vector registers, where the rows of P are longer.
 
     A loop over a row that ends inside a register goes through the rest number by number; it is
     faster to take along what stands there, which nothing else looks at.
     """
-    return min(n + (-n) % LANES, covariance.shape[1])
-
-
-@kernel
-def predict_covariance(covariance, transition, sensitivity, n_theta, n_x, n_blocks, q_theta, q_x):
-    """Covariance after one prediction of every block, in place.
-
-    Parameters
-    ----------
-    covariance : (n, n) array, n >= n_theta + n_blocks * n_x
-    transition : (n_blocks, n_x, n_x) array
-        d x_j(next)/d x_j.
-    sensitivity : (n_blocks, n_x, n_theta) array
-        d x_j(next)/d theta.
-    q_theta : (n_theta,) array
-        Variance added to each parameter.
-    q_x : (n_x,) array
-        Variance added to each state of each block.
-    """
-    gradient = np.empty((n_blocks * n_x, n_x + n_theta))
-    for j in range(n_blocks):
-        for i in range(n_x):
-            for c in range(n_x):
-                gradient[j * n_x + i, c] = transition[j, i, c]
-            for c in range(n_theta):
-                gradient[j * n_x + i, n_x + c] = sensitivity[j, i, c]
-    n = n_theta + n_blocks * n_x
-    rows = np.empty((n_blocks * n_x, n))
-    predict_with(covariance, gradient, n_theta, n_x, n_blocks, n, q_theta, q_x, rows)
+    return min(n + (-n) % LANES, P.shape[1])
 
 
 @borrowing
-def predict_with(covariance, gradient, n_theta, n_x, n_blocks, wide, q_theta, q_x, rows):
-    """As `predict_covariance`.
+def predict(P, F, Q, n_blocks, wide, FP):
+    """Covariance after one step of the first blocks, in place.
 
     Parameters
     ----------
-    gradient : (>= n_blocks * n_x, n_x + n_theta) array
-        Transition and sensitivity of each state of each block, side by side.
+    P : (>= n, >= n) array
+        Symmetric; n = n_theta + n_blocks * n_x.
+    F : (>= n_blocks * n_x, n_x + n_theta) array
+        For each state of each block the derivatives of its next value by its own block and by
+        theta; the others are zero.
+    Q : ProcessNoise
+    n_blocks : int
     wide : int
         Columns of the work array to fill, n or `whole_vectors`.
-    rows : (>= n_blocks * n_x, >= wide) array
-        Work array: [sensitivity transition] P.
+    FP : (>= n_blocks * n_x, >= wide) array
+        Work array.
     """
+    q_theta, q_x = Q.theta, Q.x
+    n_theta, n_x = q_theta.shape[0], q_x.shape[0]
     for j in range(n_blocks):
         for k in range(j * n_x, (j + 1) * n_x):
-            _project(k, n_theta + j * n_x, gradient, covariance, n_theta, n_x, wide, rows)
+            _multiply_row(k, n_theta + j * n_x, F, P, n_theta, n_x, wide, FP)
     for j in range(n_blocks):
         for k in range(j * n_x, (j + 1) * n_x):
             for c in range(n_theta):
-                covariance[n_theta + k, c] = rows[k, c]
-                covariance[c, n_theta + k] = rows[k, c]
+                P[n_theta + k, c] = FP[k, c]
+                P[c, n_theta + k] = FP[k, c]
             for m in range(j + 1):
                 block = n_theta + m * n_x
                 for i in range(n_x):
                     total = 0.0
                     for l in range(n_x):  # noqa: E741
-                        total += rows[k, block + l] * gradient[m * n_x + i, l]
+                        total += FP[k, block + l] * F[m * n_x + i, l]
                     for l in range(n_theta):  # noqa: E741
-                        total += rows[k, l] * gradient[m * n_x + i, n_x + l]
-                    covariance[n_theta + k, block + i] = total
-                    covariance[block + i, n_theta + k] = total
-            covariance[n_theta + k, n_theta + k] += q_x[k - j * n_x]
+                        total += FP[k, l] * F[m * n_x + i, n_x + l]
+                    P[n_theta + k, block + i] = total
+                    P[block + i, n_theta + k] = total
+            P[n_theta + k, n_theta + k] += q_x[k - j * n_x]
     for l in range(n_theta):  # noqa: E741
-        covariance[l, l] += q_theta[l]
+        P[l, l] += q_theta[l]
 
 
 @borrowing
-def _project(k, block, gradient, covariance, n_theta, n_x, wide, rows):
-    """Row k of [sensitivity transition] P."""
+def _multiply_row(k, block, F, P, n_theta, n_x, wide, FP):
+    """Row k of F P."""
     for c in range(wide):
-        rows[k, c] = gradient[k, 0] * covariance[block, c]
+        FP[k, c] = F[k, 0] * P[block, c]
     for l in range(1, n_x):  # noqa: E741
-        slope = gradient[k, l]
+        slope = F[k, l]
         for c in range(wide):
-            rows[k, c] += slope * covariance[block + l, c]
+            FP[k, c] += slope * P[block + l, c]
     for l in range(0, n_theta - 3, 4):  # noqa: E741 (four at once: a quarter of the stores)
-        s0, s1 = gradient[k, n_x + l], gradient[k, n_x + l + 1]
-        s2, s3 = gradient[k, n_x + l + 2], gradient[k, n_x + l + 3]
+        s0, s1, s2, s3 = F[k, n_x + l], F[k, n_x + l + 1], F[k, n_x + l + 2], F[k, n_x + l + 3]
         for c in range(wide):
-            rows[k, c] += (
-                s0 * covariance[l, c]
-                + s1 * covariance[l + 1, c]
-                + s2 * covariance[l + 2, c]
-                + s3 * covariance[l + 3, c]
-            )
+            FP[k, c] += s0 * P[l, c] + s1 * P[l + 1, c] + s2 * P[l + 2, c] + s3 * P[l + 3, c]
     for l in range(n_theta - n_theta % 4, n_theta):  # noqa: E741
-        slope = gradient[k, n_x + l]
+        slope = F[k, n_x + l]
         for c in range(wide):
-            rows[k, c] += slope * covariance[l, c]
+            FP[k, c] += slope * P[l, c]
 
 
-@kernel
-def update_scalar(mean, covariance, n, first, gradient, innovation, variance):
-    """Update with one scalar measurement in Joseph form, in place.
+@borrowing
+def update(x, P, n, wide, H, innovation, R, work):
+    """Mean and covariance with one scalar reading, in Joseph form and in place.
 
     Parameters
     ----------
-    mean : (>= n,) array
-    covariance : (>= n, >= n) array
-        Symmetric.
+    x : (>= n,) array
+    P : (>= n, >= wide) array
+        Symmetric, and stays so to the last bit: it changes by K half' + half K'.
     n : int
         Length of the state in use.
-    first : int
-        Index of the first state the measurement depends on.
-    gradient : (m,) array
-        d z/d state for the states first .. first + m - 1.
+    wide : int
+        Columns of P to change, n or `whole_vectors`.
+    H : ReadingRow
     innovation : float
-        Measured minus predicted.
-    variance : float
-        Of the measurement noise.
+        z - H x.
+    R : float
+        Variance of the reading.
+    work : GainWork
 
     Returns
     -------
     float
-        Innovation variance; not positive when the covariance is no longer positive definite,
-        and then nothing is changed.
+        Innovation covariance S; negative when P is no longer positive definite, and then nothing
+        is changed.
     """
-    projected, gain, half = np.empty(n), np.empty(n), np.empty(n)
-    spread = update_with(
-        mean,
-        covariance,
-        n,
-        n,
-        first,
-        gradient,
-        np.zeros(0, np.int64),
-        np.zeros(0),
-        innovation,
-        variance,
-        projected,
-        gain,
-        half,
-    )
+    PHt, K, half = work
+    HPHt = _project(P, wide, H, PHt)
+    S = HPHt + R
+    if not (S > 0.0 and math.isfinite(S)):
+        return -1.0
+    for i in range(wide):
+        K[i] = PHt[i] / S
+        # P + K half' + half K' is the Joseph form with
+        # half = (K R - (I - K H) P H' - P H') / 2, where the first two are equal but for rounding
+        rest = R * K[i] - (PHt[i] - K[i] * HPHt)
+        half[i] = 0.5 * (rest - PHt[i])
     for i in range(n):
-        for j in range(i):
-            even = 0.5 * (covariance[i, j] + covariance[j, i])
-            covariance[i, j] = even
-            covariance[j, i] = even
-    return spread
+        x[i] += K[i] * innovation
+    for i in range(n):
+        k_i, half_i = K[i], half[i]
+        for j in range(wide):
+            P[i, j] += k_i * half[j] + half_i * K[j]
+    return S
 
 
 @borrowing
-def update_with(
-    mean,
-    covariance,
-    n,
-    wide,
-    first,
-    gradient,
-    places,
-    slopes,
-    innovation,
-    variance,
-    projected,
-    gain,
-    half,
-):
-    """As `update_scalar`, with work arrays (>= wide,): P h, the gain, half the change over it.
-
-    Of the first n rows of the covariance `wide` columns change: n or `whole_vectors`.
-
-    The measurement may also depend on the states `places` (k,) with `slopes` (k,).
-
-    A symmetric covariance stays symmetric to the last bit: it changes by gain half' + half gain'.
-    """
+def _project(P, wide, H, PHt):
+    """Fill P H'; returns H P H'."""
+    first, by_block, columns, by_columns = H
     for i in range(wide):
-        projected[i] = 0.0
-    for l in range(gradient.shape[0]):  # noqa: E741
-        slope = gradient[l]
+        PHt[i] = 0.0
+    for l in range(by_block.shape[0]):  # noqa: E741
+        slope = by_block[l]
         for i in range(wide):
-            projected[i] += slope * covariance[first + l, i]
-    for l in range(places.shape[0]):  # noqa: E741
-        slope, place = slopes[l], places[l]
+            PHt[i] += slope * P[first + l, i]
+    for l in range(columns.shape[0]):  # noqa: E741
+        slope, column = by_columns[l], columns[l]
         for i in range(wide):
-            projected[i] += slope * covariance[place, i]
-    seen = 0.0  # h' P h
-    for l in range(gradient.shape[0]):  # noqa: E741
-        seen += gradient[l] * projected[first + l]
-    for l in range(places.shape[0]):  # noqa: E741
-        seen += slopes[l] * projected[places[l]]
-    spread = seen + variance
-    if not (spread > 0.0 and math.isfinite(spread)):
-        return -1.0
-    for i in range(wide):
-        gain[i] = projected[i] / spread
-        # Joseph: (I - K h') P (I - K h')' + K R K' = P + K half' + half K', where in
-        # half = (K R - (I - K h') P h - P h) / 2 the first two are equal but for rounding
-        rest = variance * gain[i] - (projected[i] - gain[i] * seen)
-        half[i] = 0.5 * (rest - projected[i])
-    for i in range(n):
-        mean[i] += gain[i] * innovation
-    for i in range(n):
-        k_i, half_i = gain[i], half[i]
-        for j in range(wide):
-            covariance[i, j] += k_i * half[j] + half_i * gain[j]
-    return spread
+            PHt[i] += slope * P[column, i]
+    HPHt = 0.0
+    for l in range(by_block.shape[0]):  # noqa: E741
+        HPHt += by_block[l] * PHt[first + l]
+    for l in range(columns.shape[0]):  # noqa: E741
+        HPHt += by_columns[l] * PHt[columns[l]]
+    return HPHt
 
 
-@kernel
-def cholesky(matrix, n, factor):
-    """Lower Cholesky factor of the leading n x n block.
+@borrowing
+def upper_cholesky(P, n, factor):
+    """Upper factor U of the leading n x n block, P = U' U; below its diagonal nothing is touched.
 
     Returns
     -------
     int
         -1, or the index of the first pivot that is not positive.
     """
-    bad = upper_cholesky(matrix, n, factor)
-    for i in range(n):
-        for j in range(i):
-            factor[i, j] = factor[j, i]
-            factor[j, i] = 0.0
-    return bad
-
-
-@borrowing
-def upper_cholesky(matrix, n, factor):
-    """As `cholesky`, transposed; what is left of the diagonal is not touched."""
     for i in range(n):
         for j in range(i, n):
-            factor[i, j] = matrix[i, j]
+            factor[i, j] = P[i, j]
         for l in range(i):  # noqa: E741
             share = factor[l, i]
             for j in range(i, n):
@@ -259,16 +234,16 @@ def upper_cholesky(matrix, n, factor):
 
 
 @borrowing
-def unscented_weights(n, spread):
-    """Weights of the scaled unscented transform with sigma points at `spread` std.
+def unscented_weights(n, scaling):
+    """Weights of the scaled unscented transform with sigma points at `scaling` std.
 
-    In Merwe's parameters: alpha = spread / sqrt(n), beta = 2, kappa = 0.
+    In Merwe's parameters: alpha = scaling / sqrt(n), beta = 2, kappa = 0.
 
     Returns
     -------
     tuple of float
         Weight of the centre in the mean, in the covariance, and of every other point.
     """
-    alpha2 = spread * spread / n
-    centre = 1.0 - n / (spread * spread)
-    return centre, centre + 1.0 - alpha2 + 2.0, 0.5 / (spread * spread)
+    alpha2 = scaling * scaling / n
+    centre = 1.0 - n / (scaling * scaling)
+    return centre, centre + 1.0 - alpha2 + 2.0, 0.5 / (scaling * scaling)

@@ -5,17 +5,20 @@ fixed parameters: a scalar in front of the term) and what differs from point to 
 states, moving parameters: rows over the points). The loops over points are the innermost, so that
 the table is read once for all of them and the compiler can use vector instructions.
 
-The kernels take their arrays one by one and index them in place: a view or a field of a tuple
-made inside a loop costs more (its references are counted) than the arithmetic here. They copy
-number by number: to assign an array to a slice of another, numba would compile the text of the
-error of unequal shapes as well, which takes seconds.
+`sensitivity` steps one state with its derivative. The two are apart because of what they cost: a
+step of 49 points takes 4.7 times as long point by point as there, and one point takes 3.0 times as
+long here, where rows of length one are gone through.
+
+The kernels copy number by number: to assign an array to a slice of another, numba would compile
+the text of the error of unequal shapes as well, which takes seconds.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from auvident.jit import kernel
+from auvident.jit import borrowing, kernel
 from auvident.physics.term_tables import (
     N_INPUTS,
     N_POSITIONS,
@@ -24,7 +27,112 @@ from auvident.physics.term_tables import (
     N_VELOCITIES,
     P_ROWS,
     P_SCALARS,
+    needed_powers,
+    sort_terms,
+    used_variables,
 )
+
+N_POINTS = 4  # at which RK4 evaluates the rates
+FRACTION = (0.0, 0.5, 0.5, 1.0)  # of the step that has gone by at each
+ADVANCE = (0.5, 0.5, 1.0, 0.0)  # with the rate of each to the next, in steps
+SHARE = (1.0, 2.0, 2.0, 1.0)  # of the rate of each in the whole step, in sixths
+
+
+class PointSystem(NamedTuple):
+    """The equations of the active states, sorted for many points.
+
+    Attributes
+    ----------
+    active : (4,) bool array
+    moves : (n_parameters,) bool array
+        Parameters that differ from point to point.
+    moving : (9,) bool array
+        Inputs that do.
+    used : (14,) bool array
+        From `term_tables.used_variables`.
+    table, weights : arrays from `term_tables.sort_terms`
+    powers : array from `term_tables.needed_powers`
+    mass, mass_weights : arrays of `terms.Structure`
+    """
+
+    active: np.ndarray
+    moves: np.ndarray
+    moving: np.ndarray
+    used: np.ndarray
+    table: np.ndarray
+    weights: np.ndarray
+    powers: np.ndarray
+    mass: np.ndarray
+    mass_weights: np.ndarray
+
+
+class PointWork(NamedTuple):
+    """Work arrays of a step of S points.
+
+    Attributes
+    ----------
+    scalars : (n_scalars,) array
+        What the points share: powers, the factor 1, the parameters.
+    rows : (n_rows, S) array
+        What differs: powers of the states and moving inputs, moving parameters.
+    m : (10, S) array
+        Mass matrices and their determinants.
+    inverse : (9, S) array
+        Inverse mass matrices.
+    inactive : (4,) array
+        Inactive states at this part of the step.
+    force : (3, S) array
+    stage, rate, total : (4, S) arrays
+        States, their rates, and the sum of these over the step.
+    """
+
+    scalars: np.ndarray
+    rows: np.ndarray
+    m: np.ndarray
+    inverse: np.ndarray
+    inactive: np.ndarray
+    force: np.ndarray
+    stage: np.ndarray
+    rate: np.ndarray
+    total: np.ndarray
+
+
+@kernel
+def point_system(active, moves, moving, equations):
+    """Sort the equations for many points, see `term_tables.sort_terms`."""
+    terms = equations.terms
+    table, weights = sort_terms(active, moves, moving, terms, equations.weights)
+    used, powers = used_variables(active, terms), needed_powers(active, moving, terms)
+    return PointSystem(
+        active,
+        moves,
+        moving,
+        used,
+        table,
+        weights,
+        powers,
+        equations.mass,
+        equations.mass_weights,
+    )
+
+
+@kernel
+def point_work(p, size):
+    """Work arrays of a step, the parameters (n_parameters,) among the scalars."""
+    scalars = np.ones(P_SCALARS + p.shape[0])
+    for i in range(p.shape[0]):
+        scalars[P_SCALARS + i] = p[i]
+    return PointWork(
+        scalars,
+        np.zeros((P_ROWS + p.shape[0], size)),
+        np.empty((10, size)),
+        np.empty((9, size)),
+        np.empty(N_STATES),
+        np.empty((N_VELOCITIES, size)),
+        np.empty((N_STATES, size)),
+        np.empty((N_STATES, size)),
+        np.empty((N_STATES, size)),
+    )
 
 
 @kernel
@@ -73,14 +181,33 @@ def invert_rows(count, m, inverse):
 
 
 @kernel
-def invert_masses(count, active, mass, mass_weights, moves, scalars, rows, m, inverse):
+def inverse_mass(p, mass, mass_weights, active, inverse):
+    """Inverse of the 3x3 mass matrix with inactive rows and columns replaced by identity.
+
+    Returns the determinant; with a minus when the matrix is not positive definite.
+    """
+    m = np.zeros((10, 1))
+    for k in range(mass.shape[0]):
+        i, j = mass[k, 0], mass[k, 1]
+        if active[i] and active[j]:
+            m[3 * i + j, 0] += mass_weights[k] * p[mass[k, 2]]
+    for i in range(N_VELOCITIES):
+        if not active[i]:
+            m[4 * i, 0] = 1.0
+    return invert_rows(1, m, inverse.reshape((9, 1)))
+
+
+@kernel
+def invert_masses(count, system, work):
     """Inverse mass matrix of every point; returns the least determinant."""
+    active, moves, mass, weights = system.active, system.moves, system.mass, system.mass_weights
+    m, rows, scalars = work.m, work.rows, work.scalars
     for i in range(9):
         unit = 1.0 if i % 4 == 0 and not active[i // 4] else 0.0
         for s in range(count):
             m[i, s] = unit
     for k in range(mass.shape[0]):
-        i, j, parameter, weight = mass[k, 0], mass[k, 1], mass[k, 2], mass_weights[k]
+        i, j, parameter, weight = mass[k, 0], mass[k, 1], mass[k, 2], weights[k]
         target = 3 * i + j
         if not (active[i] and active[j]):
             continue
@@ -91,21 +218,22 @@ def invert_masses(count, active, mass, mass_weights, moves, scalars, rows, m, in
             shared = weight * scalars[P_SCALARS + parameter]
             for s in range(count):
                 m[target, s] += shared
-    return invert_rows(count, m, inverse)
+    return invert_rows(count, m, work.inverse)
 
 
-@kernel
-def _place_given(given0, given1, fraction, active, used, fixed, scalars):
+@borrowing
+def _place_inactive(inactive0, inactive1, fraction, system, work):
     """Inactive states, linear between the ends of the step, and their powers."""
+    active, used, inactive, scalars = system.active, system.used, work.inactive, work.scalars
     for i in range(N_STATES):
-        fixed[i] = given0[i] + fraction * (given1[i] - given0[i])
+        inactive[i] = inactive0[i] + fraction * (inactive1[i] - inactive0[i])
     for i in range(N_VELOCITIES):
         if used[i] and not active[i]:
-            place_powers(i, fixed[i], scalars)
+            place_powers(i, inactive[i], scalars)
     if not active[3] and used[3]:
-        place_powers(3, math.sin(fixed[3]), scalars)
+        place_powers(3, math.sin(inactive[3]), scalars)
     if not active[3] and used[4]:
-        place_powers(4, math.cos(fixed[3]), scalars)
+        place_powers(4, math.cos(inactive[3]), scalars)
 
 
 @kernel
@@ -167,29 +295,13 @@ def _add_forces(count, table, weights, scalars, rows, force):
                 force[i, s] += f * rows[a, s] * rows[b, s] * rows[c, s] * rows[d, s]
 
 
-@kernel
-def rates(
-    count,
-    fraction,
-    given0,
-    given1,
-    active,
-    used,
-    table,
-    weights,
-    powers,
-    inverse,
-    fixed,
-    scalars,
-    rows,
-    force,
-    stage,
-    rate,
-):
-    """Rates (4, S) of the states `stage` (4, S); inputs and parameters are placed already."""
-    _place_given(given0, given1, fraction, active, used, fixed, scalars)
-    _place_rows(count, powers, stage, rows)
-    _add_forces(count, table, weights, scalars, rows, force)
+@borrowing
+def rates(count, fraction, inactive0, inactive1, system, work):
+    """Rates of the states `work.stage`; inputs and parameters are placed already."""
+    active, inverse, force, rate = system.active, work.inverse, work.force, work.rate
+    _place_inactive(inactive0, inactive1, fraction, system, work)
+    _place_rows(count, system.powers, work.stage, work.rows)
+    _add_forces(count, system.table, system.weights, work.scalars, work.rows, force)
     for i in range(N_VELOCITIES):
         if not active[i]:
             continue
@@ -201,62 +313,36 @@ def rates(
                     rate[i, s] += inverse[3 * i + j, s] * force[j, s]
     if active[3]:
         for s in range(count):
-            rate[3, s] = stage[2, s] if active[2] else fixed[2]
+            rate[3, s] = work.stage[2, s] if active[2] else work.inactive[2]
 
 
-@kernel
-def step_points(
-    count,
-    inputs,
-    given0,
-    given1,
-    dt,
-    active,
-    used,
-    table,
-    weights,
-    powers,
-    inverse,
-    fixed,
-    scalars,
-    rows,
-    force,
-    x,
-    stage,
-    rate,
-    total,
-):
+@borrowing
+def step_points(count, inputs, inactive0, inactive1, dt, system, work, x):
     """One RK4 step of the states x (4, S) of the first `count` points, in place.
 
-    `inverse` (9, S) holds the inverse mass matrices; fixed (4,), scalars, rows, force (3, S),
-    stage, rate and total (4, S) are work arrays, with the parameters already in scalars or rows.
+    Parameters
+    ----------
+    count : int
+    inputs : (9,) or (3,) array
+        Held over the step; those that differ from point to point stand in `work.rows` already.
+    inactive0, inactive1 : (4,) array
+        Values of the inactive states at the beginning and the end of the step.
+    dt : float
+        [s]
+    system : PointSystem
+    work : PointWork
+        With the parameters in their places and the inverse mass matrices.
+    x : (4, S) array
     """
-    place_inputs(inputs, used, scalars)
+    active, stage, rate, total = system.active, work.stage, work.rate, work.total
+    place_inputs(inputs, system.used, work.scalars)
     for i in range(N_STATES):
         if active[i]:
             for s in range(count):
                 stage[i, s], total[i, s] = x[i, s], 0.0
-    for number in range(4):
-        rates(
-            count,
-            (0.0, 0.5, 0.5, 1.0)[number],
-            given0,
-            given1,
-            active,
-            used,
-            table,
-            weights,
-            powers,
-            inverse,
-            fixed,
-            scalars,
-            rows,
-            force,
-            stage,
-            rate,
-        )
-        share = (1.0, 2.0, 2.0, 1.0)[number]
-        advance = (0.5, 0.5, 1.0, 0.0)[number] * dt
+    for point in range(N_POINTS):
+        rates(count, FRACTION[point], inactive0, inactive1, system, work)
+        share, advance = SHARE[point], ADVANCE[point] * dt
         for i in range(N_STATES):
             if active[i]:
                 for s in range(count):

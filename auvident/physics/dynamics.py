@@ -13,48 +13,14 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.jit import borrowing, kernel
-from auvident.physics.batch import invert_rows, place_inputs, rates, step_points
-from auvident.physics.sensitivity import (
-    N_PLACES,
-    N_POINTS,
-    N_SLOPES,
-    place_parameters,
-    step_linear,
-)
-from auvident.physics.term_tables import (
-    LEAD,
-    N_INPUTS,
-    N_STATES,
-    N_VELOCITIES,
-    P_ROWS,
-    P_SCALARS,
-    needed_powers,
-    sort_masses,
-    sort_slopes,
-    sort_terms,
-    used_variables,
-)
+from auvident.physics.batch import point_system, point_work, step_points
+from auvident.physics.sensitivity import propagate_sensitivities, step_work, system_at
+from auvident.physics.term_tables import LEAD, N_INPUTS, N_STATES, N_VELOCITIES
+from auvident.physics.terms import Equations
 
 Array = npt.NDArray[Any]
 
 SPEED_LIMIT = 1.0e3  # [m/s, rad/s] a velocity beyond this ran away, whatever the vehicle
-
-
-@kernel
-def inverse_mass(p, mass, mass_weights, active, inverse):
-    """Inverse of the 3x3 mass matrix with inactive rows and columns replaced by identity.
-
-    Returns the determinant; with a minus when the matrix is not positive definite.
-    """
-    m = np.zeros((10, 1))
-    for k in range(mass.shape[0]):
-        i, j = mass[k, 0], mass[k, 1]
-        if active[i] and active[j]:
-            m[3 * i + j, 0] += mass_weights[k] * p[mass[k, 2]]
-    for i in range(N_VELOCITIES):
-        if not active[i]:
-            m[4 * i, 0] = 1.0
-    return invert_rows(1, m, inverse.reshape((9, 1)))
 
 
 @kernel
@@ -64,122 +30,55 @@ def _still():
 
 
 @kernel
-def _scalars(p):
-    """What all points share: powers (placed later), the factor 1, the parameters."""
-    scalars = np.ones(P_SCALARS + p.shape[0])
-    for i in range(p.shape[0]):
-        scalars[P_SCALARS + i] = p[i]
-    return scalars
-
-
-@kernel
-def derivative(x, inputs, p, inverse, active, terms, weights, rate):
-    """Time derivative of the state.
+def step(x, inputs, inactive0, inactive1, dt, p, inverse, active, equations, out):
+    """One RK4 step of the active states.
 
     Parameters
     ----------
     x : (4,) array
         u, a [m/s], b [rad/s], angle [rad].
-    inputs : (3,) array
-        Own control angle, other control angle [rad], propeller rate [rev/s].
+    inputs : (9,) array
+        Constant over the step: step means.
+    inactive0, inactive1 : (4,) array
+        Values of the inactive states at the beginning and the end of the step.
+    dt : float
+        [s]
     p : (n_parameters,) array
     inverse : (3, 3) array
         Inverse mass matrix from `inverse_mass`.
     active : (4,) bool array
-    terms, weights : arrays of `terms.Structure`
-    rate : (4,) array, filled
+    equations : terms.Equations
+    out : (4,) array, filled
     """
-    table, sorted_weights = sort_terms(
-        active, np.zeros(p.shape[0], np.bool_), _still(), terms, weights
-    )
-    used, scalars = used_variables(active, terms), _scalars(p)
-    place_inputs(inputs, used, scalars)
-    rate[:] = 0.0
-    rates(
-        1,
-        0.0,
-        x,
-        x,
-        active,
-        used,
-        table,
-        sorted_weights,
-        needed_powers(active, _still(), terms),
-        inverse.reshape((9, 1)),
-        np.empty(N_STATES),
-        scalars,
-        np.empty((P_ROWS, 1)),
-        np.empty((N_VELOCITIES, 1)),
-        x.reshape((N_STATES, 1)),
-        rate.reshape((N_STATES, 1)),
-    )
-
-
-@kernel
-def _coefficients(p, table, weights):
-    """Weight times parameter of every term."""
-    coefficient = np.empty(weights.shape[0])
-    for k in range(weights.shape[0]):
-        coefficient[k] = weights[k, 0] * p[table[k, 1]]
-    return coefficient
-
-
-@kernel
-def step(x, inputs, given0, given1, dt, p, inverse, active, terms, weights, out):
-    """One RK4 step of the active states; inputs are constant (step means) over the step."""
-    table, sorted_weights = sort_terms(
-        active, np.zeros(p.shape[0], np.bool_), _still(), terms, weights
-    )
-    work = np.empty((3, N_STATES, 1))
+    system = point_system(active, np.zeros(p.shape[0], np.bool_), _still(), equations)
+    work = point_work(p, 1)
+    for i in range(9):
+        work.inverse[i, 0] = inverse[i // 3, i % 3]
     for i in range(N_STATES):
         out[i] = x[i]
-    step_points(
-        1,
-        inputs,
-        given0,
-        given1,
-        dt,
-        active,
-        used_variables(active, terms),
-        table,
-        sorted_weights,
-        needed_powers(active, _still(), terms),
-        inverse.reshape((9, 1)),
-        np.empty(N_STATES),
-        _scalars(p),
-        np.empty((P_ROWS, 1)),
-        np.empty((N_VELOCITIES, 1)),
-        out.reshape((N_STATES, 1)),
-        work[0],
-        work[1],
-        work[2],
-    )
+    step_points(1, inputs, inactive0, inactive1, dt, system, work, out.reshape((N_STATES, 1)))
     for i in range(N_STATES):
         if not active[i]:
-            out[i] = given1[i]
+            out[i] = inactive1[i]
 
 
 @kernel
 def step_with_sensitivities(
     x,
     inputs,
-    given0,
-    given1,
+    inactive0,
+    inactive1,
     dt,
     p,
-    inverse,
     active,
-    terms,
-    weights,
-    mass,
-    mass_weights,
+    equations,
     column,
     input_slopes,
     input_columns,
     s_x,
     out,
 ):
-    """One RK4 step and the exact derivative of the step.
+    """One RK4 step and the exact derivative of the step; arguments as of `step`.
 
     `input_slopes` (9, k) are the derivatives of the inputs by the free parameters
     `input_columns` (k,).
@@ -189,38 +88,15 @@ def step_with_sensitivities(
     """
     scale, columns = np.ones(s_x.shape[1] - N_STATES), 1 + s_x.shape[1]
     moving = np.full(N_INPUTS, input_columns.shape[0] > 0)
-    table, sorted_weights, partials = sort_slopes(active, p, column, scale, moving, terms, weights)
-    sorted_mass, sorted_mass_weights = sort_masses(active, column, scale, mass, mass_weights)
-    work, rate = np.zeros((3, N_STATES, columns)), np.zeros((N_STATES, N_POINTS))
-    z = work[0]
+    system, _ = system_at(p, active, column, scale, moving, input_columns, equations)
+    z, reached = np.zeros((N_STATES, columns)), np.zeros((N_STATES, columns))
     for i in range(N_STATES):
         z[i, 0] = x[i]
         if active[i]:
             for c in range(s_x.shape[1]):
                 z[i, 1 + c] = s_x[i, c]
-    step_linear(
-        z,
-        inputs,
-        given0,
-        given1,
-        dt,
-        active,
-        used_variables(active, terms),
-        table,
-        sorted_weights,
-        partials,
-        sorted_mass,
-        sorted_mass_weights,
-        _coefficients(p, table, sorted_weights),
-        inverse.reshape((9, 1)),
-        input_slopes,
-        input_columns + LEAD,
-        np.ones(N_PLACES),
-        np.zeros((N_VELOCITIES, 1)),
-        np.zeros((N_VELOCITIES, N_SLOPES)),
-        work[1],
-        rate,
-        work[2],
+    propagate_sensitivities(
+        z, inputs, inactive0, inactive1, dt, input_slopes, system, step_work(columns), reached
     )
     for i in range(N_STATES):
         out[i] = z[i, 0]
@@ -259,15 +135,12 @@ def simulate_with_sensitivities(
     inputs,
     input_slopes,
     input_columns,
-    given,
+    measured_states,
     gain,
     dt,
     p,
     active,
-    terms,
-    weights,
-    mass,
-    mass_weights,
+    equations,
     column,
     scale,
     z,
@@ -281,11 +154,16 @@ def simulate_with_sensitivities(
     input_slopes : (n, 9, k) array
         Derivatives of the inputs by the parameters in the columns `input_columns` (k,), counted
         among the free ones; in units of `scale`.
-    given : (n, 4) array
+    measured_states : (n, 4) array
         Values of the inactive states; of the active ones where the gain pulls them.
     gain : (4,) array
-        Observer gain: share of the distance to `given` that each active state is moved by after
-        every step. Zero runs free.
+        Observer gain: share of the distance to the measured value that each active state is moved
+        by after every step. Zero runs free.
+    dt : float
+        [s]
+    p : (n_parameters,) array
+    active : (4,) bool array
+    equations : terms.Equations
     column : (n_parameters,) int array
         Column of each parameter among the free ones, or -1.
     scale : (n_free,) array
@@ -299,68 +177,42 @@ def simulate_with_sensitivities(
     bool
         False when the simulation ran away or the mass matrix is not positive definite.
     """
-    n, columns = inputs.shape[0], z.shape[2]
     moving = _moving(input_slopes)
-    table, sorted_weights, partials = sort_slopes(active, p, column, scale, moving, terms, weights)
-    sorted_mass, sorted_mass_weights = sort_masses(active, column, scale, mass, mass_weights)
-    used, coefficient = used_variables(active, terms), np.empty(table.shape[0])
-    m, inverse = np.empty((10, 1)), np.empty((9, 1))
-    if (
-        not place_parameters(
-            p,
-            active,
-            table,
-            sorted_weights,
-            sorted_mass,
-            sorted_mass_weights,
-            coefficient,
-            m,
-            inverse,
-        )
-        > 0.0
-    ):
+    system, determinant = system_at(p, active, column, scale, moving, input_columns, equations)
+    if not determinant > 0.0:
         return False
-    value, f = np.ones(N_PLACES), np.zeros((N_VELOCITIES, 1))
-    f_x = np.zeros((N_VELOCITIES, N_SLOPES))
-    work, rate = np.zeros((3, N_STATES, columns)), np.zeros((N_STATES, N_POINTS))
-    now, stage, total = work[0], work[1], work[2]
-    places = input_columns + LEAD
+    now, reached = np.zeros((N_STATES, z.shape[2])), np.zeros((N_STATES, z.shape[2]))
     for i in range(N_STATES):
         now[i, 0] = x0[i]
         if active[i]:
             now[i, 1 + i] = 1.0
+    work = step_work(z.shape[2])
+    return _simulate(inputs, input_slopes, measured_states, gain, dt, system, work, now, reached, z)
+
+
+@borrowing
+def _simulate(inputs, input_slopes, measured_states, gain, dt, system, work, now, reached, z):
+    """Fill z from the start in `now` (4, 5 + n_free); False where the simulation ran away."""
+    active = system.active
     _keep(now, 0, z)
-    for k in range(n - 1):
-        step_linear(
+    for k in range(inputs.shape[0] - 1):
+        propagate_sensitivities(
             now,
             inputs[k],
-            given[k],
-            given[k + 1],
+            measured_states[k],
+            measured_states[k + 1],
             dt,
-            active,
-            used,
-            table,
-            sorted_weights,
-            partials,
-            sorted_mass,
-            sorted_mass_weights,
-            coefficient,
-            inverse,
             input_slopes[k],
-            places,
-            value,
-            f,
-            f_x,
-            stage,
-            rate,
-            total,
+            system,
+            work,
+            reached,
         )
         if _ran_away(now):
             return False
         for i in range(N_STATES):
             if active[i] and gain[i] > 0.0:
-                now[i, 0] += gain[i] * (given[k + 1, i] - now[i, 0])
-                for c in range(1, columns):
+                now[i, 0] += gain[i] * (measured_states[k + 1, i] - now[i, 0])
+                for c in range(1, now.shape[1]):
                     now[i, c] *= 1.0 - gain[i]
         _keep(now, k + 1, z)
     return True
@@ -377,14 +229,11 @@ def _keep(now, k, z):
 def simulate_states(
     x0: Array,
     inputs: Array,
-    given: Array,
+    measured_states: Array,
     dt: float,
     p: Array,
     active: Array,
-    terms: Array,
-    weights: Array,
-    mass: Array,
-    mass_weights: Array,
+    equations: Equations,
 ) -> Array:
     """States over a whole record from its initial state and inputs alone.
 
@@ -392,8 +241,10 @@ def simulate_states(
     ----------
     x0 : (4,) array
     inputs : (n, 9) or (n, 3) array
-    given : (n, 4) array
+    measured_states : (n, 4) array
         Values of the inactive states (ignored for active ones).
+    dt, p, active, equations :
+        As `simulate_with_sensitivities` takes them.
 
     Returns
     -------
@@ -407,15 +258,12 @@ def simulate_states(
         inputs,
         np.zeros((len(inputs), N_INPUTS, 0)),
         np.zeros(0, dtype=np.int64),
-        given,
+        measured_states,
         np.zeros(N_STATES),
         dt,
         p,
         active,
-        terms,
-        weights,
-        mass,
-        mass_weights,
+        equations,
         np.full(len(p), -1),
         np.zeros(0),
         z,

@@ -1,8 +1,8 @@
 """One step of one state with its derivative.
 
 Everything is linear in the parameters and a product of powers in the states, hence every
-derivative is exact and comes from the same terms as the rates (`batch`, where the habits of these
-kernels are explained), sorted by `term_tables.sort_slopes`.
+derivative is exact and comes from the same terms as the rates (`batch`, which says why there are
+two), sorted by `term_tables.sort_slopes`.
 
 With k = M^-1 F(x, p) the rate of a state (and d angle/dt = b), a step of RK4 is::
 
@@ -20,9 +20,12 @@ Forwards, every column of dx/dp would have to be carried from point to point.
 """
 
 import math
+from typing import NamedTuple
 
-from auvident.jit import borrowing
-from auvident.physics.batch import invert_rows, place_powers
+import numpy as np
+
+from auvident.jit import borrowing, kernel
+from auvident.physics.batch import ADVANCE, N_POINTS, SHARE, inverse_mass, place_powers
 from auvident.physics.term_tables import (
     LEAD,
     N_INPUTS,
@@ -33,11 +36,11 @@ from auvident.physics.term_tables import (
     N_VARIABLES,
     N_VELOCITIES,
     SLOPES,
+    sort_masses,
+    sort_slopes,
+    used_variables,
 )
 
-N_POINTS = 4  # of RK4
-SHARE = (1.0, 2.0, 2.0, 1.0)  # of the rate of each point in the step, in sixths of it
-ADVANCE = (0.5, 0.5, 1.0, 0.0)  # with the rate of each point to the point after it, in steps
 POINT_PLACES = SLOPES + N_VARIABLES * N_POWERS  # values of a point: powers, 1, their derivatives
 N_PLACES = N_POINTS * POINT_PLACES
 WEIGHTS = N_PARTIALS  # of a force at a point: after its slopes its weight in each state at the end
@@ -45,28 +48,112 @@ POINT_SLOPES = WEIGHTS + N_STATES
 N_SLOPES = N_POINTS * POINT_SLOPES
 
 
-@borrowing
-def place_parameters(p, active, table, weights, mass, mass_weights, coefficient, m, inverse):
-    """Coefficient of every term and the inverse mass matrix.
+class System(NamedTuple):
+    """The equations of the active states, sorted, at one value of the parameters.
+
+    Attributes
+    ----------
+    active : (4,) bool array
+    used : (14,) bool array
+        From `term_tables.used_variables`.
+    table, weights, partials : arrays from `term_tables.sort_slopes`
+    mass, mass_weights : arrays from `term_tables.sort_masses`
+    coefficient : (m,) array
+        Weight times parameter of every term.
+    inverse : (9, 1) array
+        Inverse mass matrix, row by row.
+    input_columns : (k,) int array
+        Columns (after `LEAD` others) of the parameters that the inputs depend on.
+    """
+
+    active: np.ndarray
+    used: np.ndarray
+    table: np.ndarray
+    weights: np.ndarray
+    partials: np.ndarray
+    mass: np.ndarray
+    mass_weights: np.ndarray
+    coefficient: np.ndarray
+    inverse: np.ndarray
+    input_columns: np.ndarray
+
+
+class StepWork(NamedTuple):
+    """Work arrays of a step. Places of what is not active or not used are never written.
+
+    Attributes
+    ----------
+    value : (N_PLACES,) array
+        Powers, 1 and derivatives of the powers, point by point.
+    f : (3, 1) array
+        Forces.
+    f_x : (3, N_SLOPES) array
+        Slopes of the forces and their weights, point by point.
+    stage : (4, >= 1) array
+        State at the point.
+    rate : (4, 4) array
+        Rates by point.
+    """
+
+    value: np.ndarray
+    f: np.ndarray
+    f_x: np.ndarray
+    stage: np.ndarray
+    rate: np.ndarray
+
+
+@kernel
+def system_at(p, active, column, scale, moving, input_columns, equations):
+    """Sort the equations and put in the parameters.
 
     Parameters
     ----------
     p : (n_parameters,) array
-    active : (4,) bool array
-    table, weights : arrays from `sort_slopes`
-    mass, mass_weights : arrays from `sort_masses`
-    coefficient : (m,) array, filled
-        Weight times parameter of every term.
-    m, inverse : (10, >= 1) and (9, >= 1) arrays, filled
-        As in `batch.invert_rows`, of which this returns the determinant.
+    active, column, scale, moving :
+        As `term_tables.sort_slopes` takes them.
+    input_columns : (k,) int array
+        Columns, among the free parameters, of those that the inputs depend on.
+    equations : terms.Equations
+
+    Returns
+    -------
+    System
+    float
+        Determinant of the mass matrix, see `batch.inverse_mass`.
     """
-    for k in range(weights.shape[0]):
+    table, weights, partials = sort_slopes(
+        active, p, column, scale, moving, equations.terms, equations.weights
+    )
+    mass, mass_weights = sort_masses(active, column, scale, equations.mass, equations.mass_weights)
+    coefficient, inverse = np.empty(table.shape[0]), np.empty((3, 3))
+    for k in range(table.shape[0]):
         coefficient[k] = weights[k, 0] * p[table[k, 1]]
-    for i in range(9):
-        m[i, 0] = 1.0 if i % 4 == 0 and not active[i // 4] else 0.0
-    for k in range(mass.shape[0]):
-        m[mass[k, 2], 0] += mass_weights[k, 0] * p[mass[k, 3]]
-    return invert_rows(1, m, inverse)
+    determinant = inverse_mass(p, equations.mass, equations.mass_weights, active, inverse)
+    system = System(
+        active,
+        used_variables(active, equations.terms),
+        table,
+        weights,
+        partials,
+        mass,
+        mass_weights,
+        coefficient,
+        inverse.reshape((9, 1)),
+        input_columns + LEAD,
+    )
+    return system, determinant
+
+
+@kernel
+def step_work(columns):
+    """Work arrays for sensitivities of that many columns."""
+    return StepWork(
+        np.ones(N_PLACES),
+        np.zeros((N_VELOCITIES, 1)),
+        np.zeros((N_VELOCITIES, N_SLOPES)),
+        np.zeros((N_STATES, columns)),
+        np.zeros((N_STATES, N_POINTS)),
+    )
 
 
 @borrowing
@@ -122,13 +209,12 @@ def _add_forces(table, partials, coefficient, value, f, slopes):
 
 
 @borrowing
-def _evaluate_point(
-    point, active, used, table, partials, coefficient, inverse, value, stage, f, f_x, rate
-):
+def _evaluate_point(point, system, work):
     """Rates of the state stage[:, 0] in rate[:, point], and the slopes of its forces."""
-    here, slopes = value[point * POINT_PLACES :], f_x[:, point * POINT_SLOPES :]
-    _place_states(stage, active, used, here)
-    _add_forces(table, partials, coefficient, here, f, slopes)
+    active, inverse, f, stage, rate = system.active, system.inverse, work.f, work.stage, work.rate
+    here, slopes = work.value[point * POINT_PLACES :], work.f_x[:, point * POINT_SLOPES :]
+    _place_states(stage, active, system.used, here)
+    _add_forces(system.table, system.partials, system.coefficient, here, f, slopes)
     x, y, n = f[0, 0], f[1, 0], f[2, 0]
     for i in range(N_VELOCITIES):
         j = 3 * i
@@ -187,11 +273,14 @@ def _add_column(e, column, active, g0, g1, g2, g3, f_x, total):
 
 
 @borrowing
-def _add_parameters(active, table, weights, mass, mass_weights, value, rate, f_x, total):
+def _add_parameters(system, work, total):
     """Derivatives by the parameters of the terms, and of the mass matrix.
 
     A free mass acts like the force -dM/dp k: from M k = F follows M dk/dp = dF/dp - dM/dp k.
     """
+    active, table, weights = system.active, system.table, system.weights
+    mass, mass_weights = system.mass, system.mass_weights
+    value, rate, f_x = work.value, work.rate, work.f_x
     v0, v1 = value[:POINT_PLACES], value[POINT_PLACES:]
     v2, v3 = value[2 * POINT_PLACES :], value[3 * POINT_PLACES :]
     for k in range(weights.shape[0]):
@@ -208,8 +297,9 @@ def _add_parameters(active, table, weights, mass, mass_weights, value, rate, f_x
 
 
 @borrowing
-def _add_inputs(active, used, input_slopes, input_columns, f_x, total):
+def _add_inputs(system, input_slopes, f_x, total):
     """Derivatives by the parameters that inputs depend on; inputs hold over the step."""
+    active, used, input_columns = system.active, system.used, system.input_columns
     for l in range(N_INPUTS):  # noqa: E741
         if used[N_POSITIONS + l]:
             for i in range(N_STATES):
@@ -232,80 +322,61 @@ def _by_input(l, i, active, f_x):  # noqa: E741
 
 
 @borrowing
-def linear_step(
-    x,
-    inputs,
-    given0,
-    given1,
-    dt,
-    active,
-    used,
-    table,
-    weights,
-    partials,
-    mass,
-    mass_weights,
-    coefficient,
-    inverse,
-    input_slopes,
-    input_columns,
-    value,
-    f,
-    f_x,
-    stage,
-    rate,
-    total,
-):
-    """One RK4 step from the state x[:, 0] and its derivative.
+def step_with_jacobian(x, inputs, inactive0, inactive1, dt, input_slopes, system, work, reached):
+    """One RK4 step from the state x[:, 0], with its derivatives.
 
     Parameters
     ----------
-    coefficient, inverse : arrays from `place_parameters`
+    x : (4, >= 1) array
+    inputs : (9,) or (3,) array
+        Held over the step.
+    inactive0, inactive1 : (4,) array
+        Values of the inactive states at the beginning and the end of the step.
+    dt : float
+        [s]
     input_slopes : (9, k) array
-        Derivatives of the inputs by the parameters in the columns `input_columns` (k,).
-    value, f, f_x, stage, rate : work arrays
-        (N_PLACES,) of ones; (3, 1), (3, N_SLOPES), (4, >= 1) and (4, 4), made zero once: places
-        of what is not active or not used are never written.
-    total : (4, 5 + n_free) array, filled
+        Derivatives of the inputs by the parameters in the columns `system.input_columns`.
+    system : System
+    work : StepWork
+    reached : (4, 5 + n_free) array, filled
         Rows of active states: state reached, its derivatives by x and by the free parameters.
         Of inactive states only the value is set, to the one at the end of the step.
     """
-    _place_inputs(inputs, used, input_columns.shape[0] > 0, value)
+    active, stage, rate = system.active, work.stage, work.rate
+    _place_inputs(inputs, system.used, system.input_columns.shape[0] > 0, work.value)
     for i in range(N_STATES):
-        stage[i, 0] = x[i, 0] if active[i] else given0[i]
+        stage[i, 0] = x[i, 0] if active[i] else inactive0[i]
     for point in range(N_POINTS):
-        _evaluate_point(
-            point, active, used, table, partials, coefficient, inverse, value, stage, f, f_x, rate
-        )
+        _evaluate_point(point, system, work)
         fraction, advance = ADVANCE[point], ADVANCE[point] * dt
         for i in range(N_STATES):
             if active[i]:
                 stage[i, 0] = x[i, 0] + advance * rate[i, point]
             else:
-                stage[i, 0] = given0[i] + fraction * (given1[i] - given0[i])
+                stage[i, 0] = inactive0[i] + fraction * (inactive1[i] - inactive0[i])
     for i in range(N_STATES):
-        total[i, 0] = given1[i]
+        reached[i, 0] = inactive1[i]
         if active[i]:
             change = rate[i, 0] + 2.0 * rate[i, 1] + 2.0 * rate[i, 2] + rate[i, 3]
-            total[i, 0] = x[i, 0] + dt / 6.0 * change
-            for c in range(1, total.shape[1]):
-                total[i, c] = 0.0
-            total[i, 1 + i] = 1.0
-            _weigh_forces(i, active, dt, inverse, f_x, total)
-    _add_parameters(active, table, weights, mass, mass_weights, value, rate, f_x, total)
-    _add_inputs(active, used, input_slopes, input_columns, f_x, total)
+            reached[i, 0] = x[i, 0] + dt / 6.0 * change
+            for c in range(1, reached.shape[1]):
+                reached[i, c] = 0.0
+            reached[i, 1 + i] = 1.0
+            _weigh_forces(i, active, dt, system.inverse, work.f_x, reached)
+    _add_parameters(system, work, reached)
+    _add_inputs(system, input_slopes, work.f_x, reached)
 
 
 @borrowing
-def _chain(active, total, z, moved):
+def _chain(active, reached, z, moved):
     """Derivatives z after a step: dx(end)/dx z, and dx(end)/dp on top of the last columns."""
     for i in range(N_STATES):
         if active[i]:
-            u, a, b, angle = total[i, 1], total[i, 2], total[i, 3], total[i, 4]
+            u, a, b, angle = reached[i, 1], reached[i, 2], reached[i, 3], reached[i, 4]
             for c in range(1, z.shape[1]):
                 moved[i, c] = u * z[0, c] + a * z[1, c] + b * z[2, c] + angle * z[3, c]
             for c in range(LEAD, z.shape[1]):
-                moved[i, c] += total[i, c]
+                moved[i, c] += reached[i, c]
     for i in range(N_STATES):
         if active[i]:
             for c in range(1, z.shape[1]):
@@ -313,60 +384,16 @@ def _chain(active, total, z, moved):
 
 
 @borrowing
-def step_linear(
-    z,
-    inputs,
-    given0,
-    given1,
-    dt,
-    active,
-    used,
-    table,
-    weights,
-    partials,
-    mass,
-    mass_weights,
-    coefficient,
-    inverse,
-    input_slopes,
-    input_columns,
-    value,
-    f,
-    f_x,
-    stage,
-    rate,
-    total,
+def propagate_sensitivities(
+    z, inputs, inactive0, inactive1, dt, input_slopes, system, work, reached
 ):
     """One RK4 step of a state and its sensitivities z (4, 5 + n_free), in place.
 
-    z is the state, its derivatives by any four numbers (the start, say) and by the free parameters.
-    Work arrays as in `linear_step`, `stage` of the shape of z. Sensitivities of inactive states
-    are zero throughout.
+    z is the state, its derivatives by any four numbers (the start, say) and by the free parameters;
+    those of inactive states are zero throughout. Arguments as of `step_with_jacobian`, `work.stage`
+    and `reached` of the shape of z.
     """
-    linear_step(
-        z,
-        inputs,
-        given0,
-        given1,
-        dt,
-        active,
-        used,
-        table,
-        weights,
-        partials,
-        mass,
-        mass_weights,
-        coefficient,
-        inverse,
-        input_slopes,
-        input_columns,
-        value,
-        f,
-        f_x,
-        stage,
-        rate,
-        total,
-    )
-    _chain(active, total, z, stage)
+    step_with_jacobian(z, inputs, inactive0, inactive1, dt, input_slopes, system, work, reached)
+    _chain(system.active, reached, z, work.stage)
     for i in range(N_STATES):
-        z[i, 0] = total[i, 0]
+        z[i, 0] = reached[i, 0]

@@ -19,6 +19,7 @@ and a further term is one more row here.
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -119,6 +120,15 @@ MASS = (
 )
 
 
+class Equations(NamedTuple):
+    """The arrays of a `Structure`, as the kernels take them."""
+
+    terms: npt.NDArray[np.int64]
+    weights: npt.NDArray[np.float64]
+    mass: npt.NDArray[np.int64]
+    mass_weights: npt.NDArray[np.float64]
+
+
 @dataclass(frozen=True)
 class Structure:
     """The equations of one plane as arrays for the compiled kernels.
@@ -153,9 +163,9 @@ class Structure:
         return self.parameters.index(symbol)
 
     @property
-    def arrays(self) -> tuple:
-        """The four arrays in the order the kernels take them."""
-        return self.terms, self.weights, self.mass, self.mass_weights
+    def equations(self) -> Equations:
+        """The four arrays for the compiled kernels."""
+        return Equations(self.terms, self.weights, self.mass, self.mass_weights)
 
 
 def symbol_in(plane: Plane, generic: str) -> str:

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.physics.dynamics import N_STATES, N_VELOCITIES, inverse_mass, step
+from auvident.physics.batch import inverse_mass
+from auvident.physics.dynamics import N_STATES, N_VELOCITIES, step
 from auvident.physics.term_tables import N_INPUTS
 from auvident.physics.terms import Structure
 
@@ -113,8 +114,7 @@ def run_virtual(
             p,
             inverse,
             ACTIVE,
-            structure.terms,
-            structure.weights,
+            structure.equations,
             out,
         )
         if not np.isfinite(out).all():
@@ -147,8 +147,7 @@ def steady_approach(structure: Structure, p: Array, n_rps: float, settle_s: floa
             p,
             inverse,
             active,
-            structure.terms,
-            structure.weights,
+            structure.equations,
             out,
         )
         x = out

@@ -176,7 +176,7 @@ def expected_information(
         dt_s,
         p,
         ACTIVE,
-        *structure.arrays,
+        structure.equations,
         column,
         spread,
         slopes,

@@ -38,7 +38,7 @@ def made(seed: int):
     inputs[:, 0] = 0.2 * np.sign(np.sin(np.arange(n) / 30.0))
     inputs[:, 2] = 15.0
     start = np.array([1.4, 0.0, 0.0, 0.0])
-    truth = simulate_states(start, inputs, np.zeros((n, 4)), 0.1, p, ACTIVE, *structure.arrays)
+    truth = simulate_states(start, inputs, np.zeros((n, 4)), 0.1, p, ACTIVE, structure.equations)
     measured = truth + rng.normal(size=(n, 4)) * NOISE
     measured[1::2, :2] = np.nan
     record = Record("m", np.arange(n) * 0.1, inputs, np.zeros((n, 4)), measured, start)
@@ -73,7 +73,7 @@ def test_the_pitch_is_smoothed_with_the_vertical_motion() -> None:
     inputs = np.zeros((n, 3))
     inputs[:, 0], inputs[:, 2] = 0.1 * np.sign(np.sin(np.arange(n) / 30.0)), 15.0
     start, given = np.array([1.4, 0.0, 0.0, 0.05]), np.zeros((n, 4))
-    truth = simulate_states(start, inputs, given, 0.1, p, active, *structure.arrays)
+    truth = simulate_states(start, inputs, given, 0.1, p, active, structure.equations)
     assert np.ptp(truth[:, 3]) > 0.2
     measured = truth + rng.normal(size=(n, 4)) * NOISE
     record = Record("m", np.arange(n) * 0.1, inputs, given, measured, start)

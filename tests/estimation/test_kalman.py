@@ -9,10 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auvident.estimation.kalman import (
-    cholesky,
-    predict_covariance,
+    GainWork,
+    ProcessNoise,
+    ReadingRow,
+    predict,
     unscented_weights,
-    update_scalar,
+    update,
+    upper_cholesky,
 )
 from tests.estimation.linear_system import LinearSystem, make_system, simulate, textbook
 
@@ -23,6 +26,20 @@ def random_covariance(rng: np.random.Generator, n: int, condition: float = 1e3) 
     q, _ = np.linalg.qr(rng.normal(size=(n, n)))
     covariance = (q * np.geomspace(1.0, 1.0 / condition, n)) @ q.T
     return 0.5 * (covariance + covariance.T)  # symmetric to the last bit
+
+
+def update_scalar(mean, covariance, n, first, gradient, innovation, variance) -> float:
+    """An update that reads one block; returns the innovation covariance."""
+    row = ReadingRow(first, gradient, np.zeros(0, np.int64), np.zeros(0))
+    return update(mean, covariance, n, n, row, innovation, variance, GainWork(*np.empty((3, n))))
+
+
+def predict_blocks(covariance, system: LinearSystem, alive: int, q_theta, q_x) -> None:
+    """Prediction of the first blocks of a linear system."""
+    n, rows = system.size(alive), alive * system.n_x
+    F = np.concatenate([system.transition[:alive], system.sensitivity[:alive]], axis=2)
+    F = F.reshape(rows, system.n_x + system.n_theta)
+    predict(covariance, F, ProcessNoise(q_theta, q_x), alive, n, np.empty((rows, n)))
 
 
 def scalar_by_scalar(system: LinearSystem, z, mean, covariance):
@@ -38,24 +55,15 @@ def scalar_by_scalar(system: LinearSystem, z, mean, covariance):
                 if np.isnan(z[j, t, c]):
                     continue
                 innovation = z[j, t, c] - gradient @ mean[system.block(j)]
-                spread = update_scalar(
+                S = update_scalar(
                     mean, covariance, n, first, gradient, innovation, system.variance[c]
                 )
-                log_likelihood -= 0.5 * (innovation**2 / spread + math.log(2 * math.pi * spread))
+                log_likelihood -= 0.5 * (innovation**2 / S + math.log(2 * math.pi * S))
         history.append((mean[:n].copy(), covariance[:n, :n].copy()))
         alive = system.alive(t + 1)
         n = system.size(alive)
         mean[:n] = system.whole_transition(alive) @ mean[:n]
-        predict_covariance(
-            covariance,
-            system.transition,
-            system.sensitivity,
-            system.n_theta,
-            system.n_x,
-            alive,
-            system.q_theta,
-            system.q_x,
-        )
+        predict_blocks(covariance, system, alive, system.q_theta, system.q_x)
     return history, log_likelihood
 
 
@@ -83,9 +91,7 @@ def test_a_block_that_dropped_out_is_not_touched() -> None:
     before, mean = covariance.copy(), rng.normal(size=7)
     kept = mean.copy()
     update_scalar(mean, covariance, 5, 3, system.gradient[0], 0.7, 0.1)
-    predict_covariance(
-        covariance, system.transition, system.sensitivity, 3, 2, 1, system.q_theta, system.q_x
-    )
+    predict_blocks(covariance, system, 1, system.q_theta, system.q_x)
     np.testing.assert_array_equal(covariance[5:], before[5:])
     np.testing.assert_array_equal(covariance[:, 5:], before[:, 5:])
     np.testing.assert_array_equal(mean[5:], kept[5:])
@@ -97,12 +103,12 @@ def test_one_update_is_the_closed_form(seed, variance) -> None:
     rng = np.random.default_rng(seed)
     covariance, mean, gradient = random_covariance(rng, 6), rng.normal(size=6), rng.normal(size=2)
     h = np.concatenate([np.zeros(3), gradient, np.zeros(1)])
-    expected_spread = h @ covariance @ h + variance
-    gain = covariance @ h / expected_spread
-    expected = covariance - np.outer(gain, gain) * expected_spread
+    expected_S = h @ covariance @ h + variance
+    gain = covariance @ h / expected_S
+    expected = covariance - np.outer(gain, gain) * expected_S
     moved = mean + 0.4 * gain
-    spread = update_scalar(mean, covariance, 6, 3, gradient, 0.4, variance)
-    assert spread == pytest.approx(expected_spread, rel=1e-12)
+    found = update_scalar(mean, covariance, 6, 3, gradient, 0.4, variance)
+    assert found == pytest.approx(expected_S, rel=1e-12)
     np.testing.assert_allclose(mean, moved, rtol=1e-12, atol=1e-13)
     np.testing.assert_allclose(covariance, expected, atol=1e-12)  # of a covariance of size 1
     np.testing.assert_array_equal(covariance, covariance.T)
@@ -137,13 +143,11 @@ def test_covariance_stays_symmetric_and_positive_over_an_hour_at_10_hz() -> None
     lowest = np.inf
     for t in range(36_000):
         for j in range(2):
-            spread = update_scalar(
+            found = update_scalar(
                 mean, covariance, 8, 4 + 2 * j, system.gradient[0], rng.normal(), 1e-4
             )
-            assert spread > 1e-4
-        predict_covariance(
-            covariance, system.transition, system.sensitivity, 4, 2, 2, no_drift, small
-        )
+            assert found > 1e-4
+        predict_blocks(covariance, system, 2, no_drift, small)
         if t % 1000 == 999:
             np.testing.assert_array_equal(covariance, covariance.T)
             lowest = min(lowest, float(np.linalg.eigvalsh(covariance)[0]))
@@ -161,10 +165,10 @@ def test_covariance_stays_symmetric_and_positive_over_an_hour_at_10_hz() -> None
 def test_cholesky_is_numpys(seed, n) -> None:
     matrix = random_covariance(np.random.default_rng(seed), n + 2)
     factor = np.full((n + 2, n + 2), 7.0)  # what stood there before does not matter
-    assert cholesky(matrix, n, factor) == -1
-    expected = np.linalg.cholesky(matrix[:n, :n])
-    np.testing.assert_allclose(factor[:n, :n], expected, atol=1e-12)  # condition 1e3
-    assert (factor[n:] == 7.0).all()
+    assert upper_cholesky(matrix, n, factor) == -1
+    expected = np.linalg.cholesky(matrix[:n, :n]).T
+    np.testing.assert_allclose(np.triu(factor[:n, :n]), expected, atol=1e-12)  # condition 1e3
+    assert (factor[n:] == 7.0).all() and (factor[np.tril_indices(n, -1)] == 7.0).all()
 
 
 @pytest.mark.parametrize("bad", [-1e-9, 0.0, np.nan])
@@ -172,31 +176,31 @@ def test_cholesky_is_numpys(seed, n) -> None:
 def test_cholesky_names_the_pivot_that_is_not_positive(bad, place) -> None:
     matrix = np.diag([1.0, 2.0, 3.0])
     matrix[place, place] = bad
-    assert cholesky(matrix, 3, np.zeros((3, 3))) == place
+    assert upper_cholesky(matrix, 3, np.zeros((3, 3))) == place
 
 
-@pytest.mark.parametrize("spread", [0.5, 1.0, math.sqrt(3.0)])
+@pytest.mark.parametrize("scaling", [0.5, 1.0, math.sqrt(3.0)])
 @pytest.mark.parametrize("n", [1, 2, 5, 25])
-def test_unscented_weights_are_merwes(n, spread) -> None:
-    centre, centre_covariance, other = unscented_weights(n, spread)
-    merwe = MerweScaledSigmaPoints(n, alpha=spread / math.sqrt(n), beta=2.0, kappa=0.0)
-    # 1 - n / spread^2 loses the digits of n / spread^2
+def test_unscented_weights_are_merwes(n, scaling) -> None:
+    centre, centre_covariance, other = unscented_weights(n, scaling)
+    merwe = MerweScaledSigmaPoints(n, alpha=scaling / math.sqrt(n), beta=2.0, kappa=0.0)
+    # 1 - n / scaling^2 loses the digits of n / scaling^2
     assert centre == pytest.approx(merwe.Wm[0], rel=1e-12, abs=1e-12)
     assert centre_covariance == pytest.approx(merwe.Wc[0], rel=1e-12, abs=1e-12)
     np.testing.assert_allclose(merwe.Wm[1:], other, rtol=1e-12)
     np.testing.assert_allclose(merwe.Wc[1:], other, rtol=1e-12)
 
 
-@pytest.mark.parametrize("spread", [0.7, 1.0, 2.0])
+@pytest.mark.parametrize("scaling", [0.7, 1.0, 2.0])
 @pytest.mark.parametrize("seed", range(3))
-def test_sigma_points_reproduce_the_moments_of_a_gaussian(seed, spread) -> None:
+def test_sigma_points_reproduce_the_moments_of_a_gaussian(seed, scaling) -> None:
     """Mean and covariance, hence linear functions exactly and the mean of quadratic ones."""
     rng, n = np.random.default_rng(seed), 6
     mean, covariance = rng.normal(size=n), random_covariance(rng, n)
     factor = np.zeros((n, n))
-    cholesky(covariance, n, factor)
-    centre, centre_covariance, other = unscented_weights(n, spread)
-    points = np.vstack([mean, mean + spread * factor.T, mean - spread * factor.T])
+    upper_cholesky(covariance, n, factor)
+    centre, centre_covariance, other = unscented_weights(n, scaling)
+    points = np.vstack([mean, mean + scaling * factor, mean - scaling * factor])
     w_mean = np.array([centre] + [other] * 2 * n)
     w_covariance = np.array([centre_covariance] + [other] * 2 * n)
     np.testing.assert_allclose(w_mean @ points, mean, atol=1e-12)

@@ -8,10 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from auvident.physics.batch import inverse_mass
 from auvident.physics.dynamics import (
     SPEED_LIMIT,
-    derivative,
-    inverse_mass,
     simulate_states,
     simulate_with_sensitivities,
     step_with_sensitivities,
@@ -19,6 +18,7 @@ from auvident.physics.dynamics import (
 from auvident.physics.terms import structure_of
 from auvident.schema.coefficients import PLANES
 from tests.physics.plane_equations import EQUATIONS, random_values, rate, stable_values
+from tests.physics.right_hand_side import right_hand_side
 
 SYSTEMS = {
     "surge": np.array([True, False, False, False]),
@@ -58,7 +58,7 @@ def simulated(plane, values, x0, inputs, dt, given_states=None, system="all") ->
         dt,
         vector(plane, values),
         SYSTEMS[system],
-        *structure_of(plane).arrays,
+        structure_of(plane).equations,
     )
 
 
@@ -82,17 +82,7 @@ def central(function, at: np.ndarray, h: np.ndarray) -> np.ndarray:
 def test_derivative_is_the_written_equation(plane, system, seed) -> None:
     values, x, inputs = case(plane, seed)
     p, active, structure = vector(plane, values), SYSTEMS[system], structure_of(plane)
-    found = np.empty(4)
-    derivative(
-        x,
-        inputs,
-        p,
-        inverse_of(plane, p, active),
-        active,
-        structure.terms,
-        structure.weights,
-        found,
-    )
+    found = right_hand_side(structure, active, x, inputs, p, inverse_of(plane, p, active))
     # a dozen products and a 3x3 inverse of condition < 100: rounding times some hundred
     np.testing.assert_allclose(
         found, rate(plane, x, inputs, values, active), rtol=1e-11, atol=1e-12
@@ -268,12 +258,8 @@ def sensitivities(plane, values, x0, inputs, dt, free, system, course):
             course[k + 1],
             dt,
             p,
-            inverse_of(plane, p, active),
             active,
-            structure.terms,
-            structure.weights,
-            structure.mass,
-            structure.mass_weights,
+            structure.equations,
             column,
             *NO_SLOPES,
             s_x,
@@ -296,9 +282,8 @@ def slopes_of_a_step(plane, system, values, x, inputs, given_end, dt, column, n_
         given_end,
         dt,
         p,
-        inverse_of(plane, p, active),
         active,
-        *structure.arrays,
+        structure.equations,
         column,
         *NO_SLOPES,
         s_x,
@@ -436,7 +421,7 @@ class Course:
             self.dt,
             p,
             active,
-            *structure_of(self.plane).arrays,
+            structure_of(self.plane).equations,
             column,
             self.scale,
             z,
@@ -527,7 +512,7 @@ def test_slopes_are_refused_where_the_prediction_fails(fault) -> None:
         0.1,
         p,
         SYSTEMS["all"],
-        *structure_of("horizontal").arrays,
+        structure_of("horizontal").equations,
         np.full(len(p), -1),
         np.empty(0),
         np.zeros((n, 4, 5)),

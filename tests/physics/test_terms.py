@@ -5,7 +5,6 @@ import re
 import numpy as np
 import pytest
 
-from auvident.physics.dynamics import derivative
 from auvident.physics.terms import (
     CONSTANTS,
     HYDRODYNAMIC,
@@ -16,6 +15,7 @@ from auvident.physics.terms import (
 )
 from auvident.schema.artifacts import RigidBody
 from auvident.schema.coefficients import BY_SYMBOL, PLANES, symbols_of
+from tests.physics.right_hand_side import right_hand_side
 
 ALL = np.ones(4, dtype=bool)
 STATE = {"u": 1.7, "a": -0.31, "b": 0.23}
@@ -69,17 +69,8 @@ def test_each_term_is_the_product_the_schema_declares(plane, symbol) -> None:
     structure = structure_of(plane)
     p = np.zeros(len(structure.parameters))
     p[structure.index(symbol)] = 1.0
-    x, rate = np.array([*STATE.values(), 0.4]), np.empty(4)
-    derivative(
-        x,
-        np.array(list(INPUTS.values())),
-        p,
-        np.eye(3),
-        ALL,
-        structure.terms,
-        structure.weights,
-        rate,
-    )
+    x, inputs = np.array([*STATE.values(), 0.4]), np.array(list(INPUTS.values()))
+    rate = right_hand_side(structure, ALL, x, inputs, p, np.eye(3))
     expected = np.zeros(3)
     equation = {"X": 0, "Y": 1, "Z": 1, "N": 2, "M": 2}[BY_SYMBOL[symbol].equation]
     expected[equation] = regressor_value(symbol, plane)

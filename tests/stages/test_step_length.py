@@ -50,7 +50,7 @@ def test_half_the_step_leaves_a_sixteenth_of_the_error() -> None:
         setup.dt_s / times,
         p,
         active,
-        *setup.structure.arrays,
+        setup.structure.equations,
     )[::times]
     error = np.sqrt(np.mean((simulated(setup.frame, p, acting, active) - exact) ** 2, axis=0))
     # higher orders count where the step is so long

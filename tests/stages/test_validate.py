@@ -140,7 +140,7 @@ def sailed(model: IdentifiedModel) -> Trial:
         0.1,
         p,
         np.ones(4, dtype=bool),
-        *structure_of(model.plane).arrays,
+        structure_of(model.plane).equations,
     )
     readings = states @ sensor_matrix(model.plane, model.sensing).T
     table = pd.DataFrame(dict(zip(STATE_COLUMNS[model.plane], readings.T, strict=True)))

@@ -64,7 +64,7 @@ def _change(setup: Setup, p: Array, record: Record, active: Array) -> Array:
         0.5 * setup.dt_s,
         p,
         active,
-        *setup.structure.arrays,
+        setup.structure.equations,
     )[::2]
     if not (np.isfinite(whole[:, active]).all() and np.isfinite(halves[:, active]).all()):
         return np.zeros(whole.shape[1])

@@ -21,7 +21,7 @@ from auvident.engines.records import Record
 from auvident.errors import NumericsError
 from auvident.estimation.output_error import correlation_time
 from auvident.estimation.smoother import smooth
-from auvident.physics.dynamics import inverse_mass
+from auvident.physics.batch import inverse_mass
 from auvident.physics.sensing import sensor_matrix
 from auvident.physics.terms import FREE_FORCES
 from auvident.stages.diagnose.fit.case import ACTIVE, Case
@@ -71,7 +71,7 @@ class Stepper:
     def model(self) -> tuple[Any, ...]:
         """The last arguments of a pass, from the step on."""
         setup = self.case.setup
-        return setup.dt_s, self.parameters, ACTIVE, *setup.structure.arrays
+        return setup.dt_s, self.parameters, ACTIVE, setup.structure.equations
 
 
 def stepper_of(case: Case, p: Array) -> Stepper:
