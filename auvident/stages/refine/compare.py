@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from auvident.physics.figures import headings_from_start
 from auvident.schema.artifacts import (
     ON_ERRORS,
     RAN_AWAY,
@@ -33,6 +34,7 @@ Array = npt.NDArray[Any]
 BLOCK_S = 20.0  # errors further apart than this count as independent
 DRAWS = 1000
 INTERVAL = (2.5, 97.5)
+HEADING = "heading_rad"  # counts from the start of each maneuver
 
 
 def escapes(table: pd.DataFrame) -> tuple[Finding, ...]:
@@ -132,12 +134,11 @@ def compare(
 def _errors(name: str, pairs: dict[str, Any], column: str) -> tuple[Array, Array, Array]:
     """Errors before and after, and readings, of one channel of one maneuver."""
     before, after = pairs[name]
-    measured = before[f"{column}_measured"].to_numpy()
-    return (
-        before[f"{column}_simulated"].to_numpy() - measured,
-        after[f"{column}_simulated"].to_numpy() - measured,
-        measured,
-    )
+    measured, first = (before[f"{column}_{k}"].to_numpy() for k in ("measured", "simulated"))
+    errors = first - measured, after[f"{column}_simulated"].to_numpy() - measured
+    if column == HEADING:
+        measured, _ = headings_from_start(measured, first)
+    return (*errors, measured)
 
 
 def _pooled(names: Sequence[str], pairs: dict[str, Any], rng: np.random.Generator) -> HeldOut:

@@ -10,7 +10,12 @@ import pandas as pd
 
 from auvident.engines.carried import frame_of, predicted_course, structure_behind, vector_behind
 from auvident.engines.records import Record, record_of, sensor_matrix
-from auvident.physics.figures import dead_reckoning, turn_figures, zigzag_figures
+from auvident.physics.figures import (
+    dead_reckoning,
+    headings_from_start,
+    turn_figures,
+    zigzag_figures,
+)
 from auvident.physics.terms import Structure
 from auvident.physics.virtual import run_virtual, zigzag_helm
 from auvident.schema.artifacts import (
@@ -204,7 +209,7 @@ def channel_pairs(p: Prediction, plane: Plane) -> Iterable[tuple[str, str, Array
     for c, (name, _, unit) in enumerate(CHANNELS[plane]):
         measured, simulated = p.measured[:, c], p.predicted[:, c]
         if name == "heading":
-            measured, simulated = measured - p.record.start[3], simulated - p.record.start[3]
+            measured, simulated = headings_from_start(measured, simulated)
         yield name, unit, measured, simulated
     if plane == "horizontal":
         yield "track", "m", *tracks(p)
