@@ -362,10 +362,9 @@ def heard() -> Iterator[None]:
 
 @pytest.mark.usefixtures("heard")
 def test_ctrl_c_that_a_library_swallowed_is_raised_at_the_next_word() -> None:
-    from auvident.cli.common import Output
     from auvident.cli.watch import Watch
 
-    watch = Watch(Output(quiet=True))
+    watch = Watch(quiet=True)
     interrupt.listen()
     watch.decided("ingest", "runs")  # nobody asked for anything
     with contextlib.suppress(KeyboardInterrupt):  # as a library's bare `except` does

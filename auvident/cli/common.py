@@ -1,4 +1,8 @@
-"""What all commands share: loading on demand, help with an example, output options."""
+"""What all commands share: loading on demand, help with an example, output options.
+
+In `auvident.cli` imports stand inside of functions for speed alone: help and usage errors come
+without numpy, pandas and rich.
+"""
 
 import importlib
 import sys
@@ -37,9 +41,9 @@ class Output:
 
     def watch(self, brief: bool = False) -> "Watch":
         """The console that follows the pipeline."""
-        from auvident.cli.watch import Watch
+        from auvident.cli.watch import Watch  # loads the pipeline
 
-        return Watch(self, brief)
+        return Watch(self.quiet, self.verbose, brief)
 
     def artifact(self, artifact: Any, name: str) -> None:
         """Print an artifact as JSON when it was asked for."""

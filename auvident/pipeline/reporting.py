@@ -2,9 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from auvident.pipeline.freshness import judge
 from auvident.pipeline.given import Given
-from auvident.pipeline.table import BY_NAME
 from auvident.storage.artifacts import read_json
 
 if TYPE_CHECKING:
@@ -16,8 +14,6 @@ def report_data(given: Given) -> "ReportData":
     """Artifacts of all stages; of those it can do without only where they are up to date."""
     from auvident.report.html_data import ReportData
 
-    stages = (BY_NAME[name] for name in BY_NAME["report"].also)
-    done = {s.name for s in stages if judge(s, given.run, given.manifest).state == "done"}
     return ReportData(
         trials=given.trials,
         vehicle=given.vehicle,
@@ -29,10 +25,10 @@ def report_data(given: Given) -> "ReportData":
         metrics=given.metrics,
         simulation=given.table("validate/simulation.parquet"),
         manifest=given.manifest,
-        diagnosis=given.diagnosis if "diagnose" in done else None,
-        comparison=given.comparison if "refine" in done else None,
-        residuals=given.table("diagnose/residuals.parquet") if "diagnose" in done else None,
-        refined=given.table("refine/simulation.parquet") if "refine" in done else None,
+        diagnosis=given.diagnosis if "diagnose" in given.also else None,
+        comparison=given.comparison if "refine" in given.also else None,
+        residuals=given.table("diagnose/residuals.parquet") if "diagnose" in given.also else None,
+        refined=given.table("refine/simulation.parquet") if "refine" in given.also else None,
     )
 
 

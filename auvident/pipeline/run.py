@@ -240,7 +240,8 @@ def _execute(
     former = manifest.stages.get(stage.name) if manifest else None
     wanted = _with_seed(stage, wanted, former)
     inputs = {name: run.sha256(name) or "" for name in matching(manifest, stage.reads)}
-    given = Given(run, manifest, {**stage.options, **options}, wanted.seed or 0, observer)
+    also = frozenset(s for s in stage.also if judge(BY_NAME[s], run, manifest).state == "done")
+    given = Given(run, manifest, {**stage.options, **options}, wanted.seed or 0, observer, also)
     outputs, content = _call(stage, given, wanted)
     manifest = manifest or Manifest(program_version=__version__, created_at=started)
     manifest = _announce(run, manifest, stage.name, content)

@@ -1,6 +1,6 @@
 """One function a stage: artifacts in, the stage's own function called, artifacts out.
 
-Imports stand inside, so that a command loads only what it uses.
+Imports stand inside for speed: a command loads only what it uses.
 """
 
 from collections.abc import Mapping

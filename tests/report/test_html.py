@@ -60,7 +60,7 @@ class Page(HTMLParser):
 @pytest.fixture(scope="module")
 def data(completed: Path) -> ReportData:
     run = RunDirectory(completed / "runs/demo")
-    return report_data(Given(run, run.manifest()))
+    return report_data(Given(run, run.manifest(), also=frozenset({"diagnose", "refine"})))
 
 
 @pytest.fixture(scope="module")

@@ -30,7 +30,7 @@ NEXT = "Trial at a glance"
 def data(completed: Path) -> ReportData:
     """A finished run in which a current was found."""
     run = RunDirectory(completed / "runs/demo")
-    found = report_data(Given(run, run.manifest()))
+    found = report_data(Given(run, run.manifest(), also=frozenset({"diagnose", "refine"})))
     assert found.maneuvers and found.model
     chosen = loop_world.in_plane(found.maneuvers, found.model)
     diagnosis = loop_world.diagnosis([m.id for m in chosen if m.role == "identify"])
