@@ -16,8 +16,7 @@ from auvident.errors import AuvidentError
 BUG_EXIT_CODE = 70  # EX_SOFTWARE of sysexits.h: the program is at fault, not its user
 INTERRUPTED_EXIT_CODE = 130  # 128 + SIGINT, as shells count
 BUG_REPORT = (
-    "This is a fault of the program. Please report it with the output of the same command and "
-    "--verbose."
+    "This is a bug. Please report it together with the output of the same command with --verbose."
 )
 EPILOG = """\b
 Example:
@@ -73,7 +72,7 @@ def _run(arguments: list[str] | None) -> int:
 
 def _interrupted() -> int:
     interrupt.heeded()
-    click.echo("Interrupted; the run directory is as the last finished stage left it.", err=True)
+    click.echo("Interrupted; the run directory is as the last completed stage left it.", err=True)
     return INTERRUPTED_EXIT_CODE
 
 

@@ -27,7 +27,7 @@ def diagnose(output: Output, run: Path, seed: int | None) -> None:
 )
 @RUN
 @click.option(
-    "--filter", type=click.Choice(["ekf", "ukf"]), help="[default: that of the identification]"
+    "--filter", type=click.Choice(["ekf", "ukf"]), help="[default: as in the identification]"
 )
 @FAIL_ABOVE
 @SEED

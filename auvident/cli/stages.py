@@ -20,24 +20,30 @@ from auvident.cli.common import (
 
 LOGS = click.argument("logs", metavar="LOG...", nargs=-1, type=PATH)
 VEHICLE = click.option("--vehicle", type=PATH, help="Vehicle file (TOML).")
-RUN_OPTION = click.option("--run", required=True, type=PATH, help="Run directory; made if needed.")
+RUN_OPTION = click.option(
+    "--run", required=True, type=PATH, help="Run directory; created if needed."
+)
 KEEP_GOING = click.option(
     "--keep-going",
     is_flag=True,
     default=None,
-    help="Leave out logs that cannot be used and go on; exit code 3 at the end.",
+    help="Skip unusable logs and continue; exit code 3 at the end.",
 )
 INGEST_OPTIONS = options(
-    click.option("--map", "map_", type=PATH, help="Names, units and signs of your columns (TOML)."),
+    click.option("--map", "map_", type=PATH, help="Column map: names, units and signs (TOML)."),
     click.option(
-        "--rate", "rate_hz", type=float, metavar="HZ", help="Rows per second.  [default: 10]"
+        "--rate",
+        "rate_hz",
+        type=float,
+        metavar="HZ",
+        help="Sampling rate after ingest.  [default: 10]",
     ),
     click.option(
         "--max-gap",
         "max_gap_s",
         type=float,
         metavar="SECONDS",
-        help="Longest interval between samples that is bridged.  [default: 5]",
+        help="Longest gap between samples that is bridged.  [default: 5]",
     ),
     KEEP_GOING,
 )
@@ -46,7 +52,10 @@ SEGMENT_OPTIONS = options(
         "--hold-out",
         multiple=True,
         metavar="ID",
-        help="A maneuver or trial to validate with; repeatable; replaces the automatic choice.",
+        help=(
+            "Maneuver or trial to hold out for validation; repeatable; replaces the "
+            "automatic choice."
+        ),
     )
 )
 IDENTIFY_OPTIONS = options(
@@ -57,7 +66,7 @@ IDENTIFY_OPTIONS = options(
     click.option(
         "--plane", type=click.Choice(["horizontal", "vertical"]), help="[default: horizontal]"
     ),
-    click.option("--plan", metavar="NAME|FILE", help="Order of the stages.  [default: refined]"),
+    click.option("--plan", metavar="NAME|FILE", help="Identification plan.  [default: refined]"),
 )
 
 
@@ -254,8 +263,13 @@ def remembered(path: Path, chosen: dict[str, dict[str, Any]]) -> dict[str, dict[
 )
 @click.argument("targets", metavar="[RUN | V.toml...]", nargs=-1, type=PATH)
 @click.option("--vehicle", "vehicles", multiple=True, type=PATH, help="Vehicle file (TOML).")
-@click.option("--sweep", multiple=True, metavar="KEY=START:STOP:COUNT", help="Vary a number.")
-@click.option("--output", "file", type=PATH, help="Where the sweep goes (.parquet or .csv).")
+@click.option(
+    "--sweep",
+    multiple=True,
+    metavar="KEY=START:STOP:COUNT",
+    help="Sweep a number of the vehicle file; repeatable.",
+)
+@click.option("--output", "file", type=PATH, help="Output file of the sweep (.parquet or .csv).")
 def ase(
     output: Output,
     targets: tuple[Path, ...],
@@ -273,9 +287,9 @@ def ase(
     files = [*vehicles, *(t for t in targets if t.suffix == ".toml")]
     runs = [t for t in targets if t.suffix != ".toml"]
     if len(runs) + bool(files) != 1 or len(runs) > 1:
-        raise click.UsageError("Give one run directory, or vehicle files.")
+        raise click.UsageError("Give either one run directory or vehicle files.")
     if (sweep or file) and len(files) != 1:
-        raise click.UsageError("--sweep and --output need one --vehicle.")
+        raise click.UsageError("--sweep and --output need exactly one vehicle file.")
     if runs:
         run_one(output, "ase", runs[0])
     elif sweep:

@@ -43,7 +43,7 @@ class Watch(Observer):
     def refused(self, problem: str) -> None:
         """A warning; also with ``--quiet``."""
         self._stop()
-        click.echo(f"Warning: left out: {problem}", err=True)
+        click.echo(f"Warning: skipped: {problem}", err=True)
 
     def progress(self, text: str, fraction: float | None = None) -> None:
         """A bar, on a terminal only."""

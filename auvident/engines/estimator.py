@@ -84,12 +84,14 @@ def run_stage(setup: Setup, parameters: Array, stage: PlanStage) -> Outcome:
     records, free = stage_records(setup, stage), free_positions(setup, stage)
     if not records:
         raise NumericsError(
-            f"no maneuver of the kinds {', '.join(stage.maneuvers)} to identify from",
+            f"there is no maneuver of kind {', '.join(stage.maneuvers)} to identify from",
             f"stage {stage.name!r}",
-            "Give a plan whose stages fit the trial, or hold out fewer maneuvers.",
+            "Use a plan whose stages suit the trial, or hold out fewer maneuvers.",
         )
     if not len(free):
-        raise NumericsError("nothing is free", f"stage {stage.name!r}", "Check the priors.")
+        raise NumericsError(
+            "the stage has no free coefficient", f"stage {stage.name!r}", "Check the priors."
+        )
     active = active_states(stage.system, setup.structure.plane)
     noise = effective_noise(setup, parameters, records, active)
     if stage.method == "output_error":

@@ -123,7 +123,7 @@ def coloured_noise(
     residuals = [residual[0] for residual in left if residual is not None]
     if len(residuals) < len(left):
         raise NumericsError(
-            "the prediction runs away with the coefficients the fit starts from",
+            "the prediction diverges with the initial coefficients of the fit",
             remedy="Run the filter stages first, or check the priors and the mass properties.",
         )
     found = list(white(setup.sensor_std))

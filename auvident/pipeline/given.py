@@ -117,6 +117,13 @@ class Given:
         return self.read("identify/model.json", IdentifiedModel)
 
     @cached_property
+    def refined(self) -> "IdentifiedModel":
+        """The refined model."""
+        from auvident.schema.artifacts import IdentifiedModel
+
+        return self.read("refine/model.json", IdentifiedModel)
+
+    @cached_property
     def metrics(self) -> "Metrics":
         """How well the model predicts."""
         from auvident.schema.artifacts import Metrics

@@ -2,12 +2,13 @@
 
 from typing import TYPE_CHECKING
 
+from auvident.errors import NumericsError
 from auvident.pipeline.given import Given
 from auvident.storage.artifacts import read_json
 
 if TYPE_CHECKING:
     from auvident.report.html_data import ReportData
-    from auvident.schema.artifacts import Maneuvers
+    from auvident.schema.artifacts import Maneuvers, TrialPlan
 
 
 def report_data(given: Given) -> "ReportData":
@@ -29,7 +30,22 @@ def report_data(given: Given) -> "ReportData":
         comparison=given.comparison if "refine" in given.also else None,
         residuals=given.table("diagnose/residuals.parquet") if "diagnose" in given.also else None,
         refined=given.table("refine/simulation.parquet") if "refine" in given.also else None,
+        refined_model=given.refined if "refine" in given.also else None,
+        refined_history=given.table("refine/history.parquet") if "refine" in given.also else None,
+        plan=_plan(given),
     )
+
+
+def _plan(given: Given) -> "TrialPlan | None":
+    """What to fly next; None where no further maneuver can be simulated with the model."""
+    from auvident.stages.plan_trial import plan_trial
+
+    if not given.model.covariance:
+        return None
+    try:
+        return plan_trial(given.trials, given.maneuvers.maneuvers, given.model)
+    except NumericsError:
+        return None
 
 
 def _maneuvers(given: Given) -> "Maneuvers":

@@ -125,7 +125,7 @@ def run_all(
             result.decisions.append(decision)
             reason = _left_out(stage, plane, result.failure)
             if reason:
-                observer.decided(stage.name, f"{stage.name}: left out, {reason}")
+                observer.decided(stage.name, f"{stage.name}: skipped, {reason}")
                 result.left_out.append(stage.name)
                 continue
             observer.decided(stage.name, decision.sentence)
@@ -165,8 +165,8 @@ def _refuse_foreign(run: RunDirectory, manifest: Manifest | None, stages: Sequen
 def _left_out(stage: Stage, plane: str, failure: NumericsError | None) -> str:
     """Why a run goes on without a stage; empty when it does not."""
     if plane not in stage.planes:
-        return f"it knows the {' and '.join(stage.planes)} plane only"
-    return "the numbers failed before" if failure and stage.name in OPTIONAL else ""
+        return f"it covers only the {' and '.join(stage.planes)} plane"
+    return "an earlier stage failed numerically" if failure and stage.name in OPTIONAL else ""
 
 
 def status(path: Path) -> tuple[list[Decision], Manifest]:

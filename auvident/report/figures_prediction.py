@@ -29,7 +29,7 @@ LINES = (
     ("ase", VERMILLION, (0, (4, 2)), 1.0, "{prior} alone"),
     ("measured", INK, "-", 2.0, "measured"),
     ("simulated", BLUE, "-", 1.2, "identified model"),
-    ("refined", GREEN, (0, (5, 1)), 1.2, "final model with the effects"),
+    ("refined", GREEN, (0, (5, 1)), 1.2, "final model, with the effects"),
 )
 MEASURED_OPACITY = 0.45  # so that the model on top of it is seen
 LEAST_HELM_DEG = 1.0  # span of the axis: a constant helm is no noise

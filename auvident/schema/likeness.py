@@ -9,12 +9,14 @@ from auvident.schema.effects import BY_ID, EFFECTS
 LIKENESSES: dict[str, str] = {
     "turns amidships": "coast-downs and thrust steps with the rudder amidships",
     "late": "zigzags of two sizes (10/10 and 20/20), logged at 10 Hz or faster",
-    "small helms": "zigzags of 5 degrees and less, and circles entered from both sides",
-    "large helms": "circles of 25 degrees and more, and circles with a thrust step",
-    "falling thrust": "straight runs at the same rpm all through the trial",
+    "small helms": "zigzags of 5 degrees or less, and turning circles entered from both sides",
+    "large helms": "turning circles of 25 degrees or more, and turning circles with a thrust step",
+    "falling thrust": "straight runs at the same rpm throughout the trial",
     "drag": "straight runs at low and at full speed",
 }
-TELLS_MOST = "straight runs on opposite headings, circles to both sides and zigzags of two sizes"
+TELLS_MOST = (
+    "straight runs on opposite headings, turning circles to both sides and zigzags of two sizes"
+)
 
 
 def alike(effect: str) -> tuple[str, ...]:

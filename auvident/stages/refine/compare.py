@@ -46,8 +46,11 @@ def escapes(table: pd.DataFrame) -> tuple[Finding, ...]:
                 Finding(
                     code=RAN_AWAY,
                     where=str(name),
-                    message="the refined prediction leaves every bound",
-                    remedy="The model is unstable in this maneuver; its errors count to there.",
+                    message="the prediction of the refined model diverges",
+                    remedy=(
+                        "The model is unstable in this maneuver; errors are counted up to "
+                        "that point."
+                    ),
                 )
             )
     return tuple(found)
@@ -63,7 +66,7 @@ def worse_channels(held_out: HeldOut) -> tuple[Finding, ...]:
             threshold=1.0,
             message="the refined model predicts some channels of the held-out maneuvers worse "
             "than the identified one",
-            remedy="The identified model stays in identify/model.json.",
+            remedy="The identified model is kept in identify/model.json.",
         )
         for name, before in held_out.before.items()
         if name in held_out.difference and before.rmse > 0.0 and held_out.difference[name].low > 0.0

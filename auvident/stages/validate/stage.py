@@ -163,9 +163,9 @@ def _escaped(prediction: Prediction) -> Finding:
     seconds = prediction.record.time_s[row] - prediction.record.time_s[0]
     return Finding(
         code=RAN_AWAY,
-        message=f"the prediction leaves every bound {seconds:.1f} s after the start",
+        message=f"the prediction diverges {seconds:.1f} s after the start",
         where=prediction.maneuver.id,
-        remedy="The model is unstable in this maneuver; it counts in no error of the summary.",
+        remedy="The model is unstable in this maneuver; the summary leaves its errors out.",
     )
 
 

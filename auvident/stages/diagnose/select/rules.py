@@ -123,49 +123,50 @@ RULES: tuple[Rule, ...] = (
         "its fit has converged",
         lambda a: float(a.settled),
         1.0,
-        "promises {promise:.0f} nats, too few beside the best to be fitted to the end",
+        "expected to gain only {promise:.0f} nats, far less than the best candidate; not "
+        "fitted to convergence",
     ),
     Rule(
         "gain",
-        "it gains likelihood",
+        "its gain in likelihood is large enough",
         lambda a: a.gain,
         LEAST_GAIN,
-        "gains {evidence:.0f} nats, less than {least:.0f}",
+        "evidence too weak ({evidence:.0f} nats, {least:.0f} needed)",
     ),
     Rule(
         "of-best",
-        "it is no by-product of another",
+        "it is not a by-product of another",
         lambda a: a.gain / a.best_gain,
         OF_BEST,
-        "gains less than half of the best one",
+        "gains less than half as much as the best candidate",
     ),
     Rule(
         "small",
         "it is large enough to matter",
         lambda a: a.size,
         1.0,
-        "smaller than of practical interest",
+        "too small to matter in practice",
     ),
     Rule(
         "no-fall",
-        "some residual becomes clearly smaller",
+        "some residual falls clearly",
         lambda a: max(a.falls.values()),
         LEAST_FALL,
-        f"no residual falls by {100 * LEAST_FALL:.0f} %",
+        "hardly improves any channel",
     ),
     Rule(
         "bound",
         "its size is plausible",
         lambda a: float(not a.at_bound),
         1.0,
-        "at the bound of what is plausible",
+        "ends at the bound of what is plausible",
     ),
     Rule(
         "maneuvers",
         "there is another maneuver to try it on",
         lambda a: float(a.maneuvers),
         LEAST_MANEUVERS,
-        "there is no other maneuver to try it on",
+        "there is no other maneuver to test it on",
     ),
 )
 # ... and once it was tried on maneuvers left out of its fit
@@ -175,17 +176,17 @@ RULES_LEFT_OUT: tuple[Rule, ...] = (
         "it helps most of the maneuvers left out",
         _share_helped,
         LEAST_SHARE,
-        "helps only {share:.0f} % of the maneuvers left out",
+        "improves only {share:.0f} % of the maneuvers left out",
     ),
     Rule(
         "by-chance",
         "it helps them more than chance would",
         _bound_of_gain,
         POSITIVE,
-        "helps the maneuvers left out no more than chance would",
+        "improves the maneuvers left out no more than chance would",
     ),
 )
-ANOTHER = Refusal("another", "another gains more")
+ANOTHER = Refusal("another", "another candidate gains more")
 
 
 def refusal_of(account: Account, rules: Sequence[Rule]) -> Refusal | None:
@@ -237,7 +238,7 @@ def simplest(judged: Sequence[Judged]) -> list[Judged]:
     for account, _ in judged:
         fewer = account.parameters < accepted.parameters
         if fewer and account.gain >= least and refusal_of(account, RULES) is None:
-            text = f"{account.id} does as well with less"
+            text = f"{account.id} does as well with fewer parameters"
             instead: dict[str, Refusal | None] = {
                 accepted.id: Refusal("simpler", text),
                 account.id: None,

@@ -97,10 +97,10 @@ class Search:
             found += [fitted] if fitted is not None else []
         if not found:
             raise NumericsError(
-                "the prediction runs away in a maneuver that identifies, with the identified "
-                "coefficients and with the estimate",
+                "the prediction of a maneuver used for identification diverges, both with "
+                "the identified coefficients and with the estimate from geometry",
                 self._where(),
-                "Hold that maneuver out, or look at its log.",
+                "Hold that maneuver out, or check its log.",
             )
         return max(found, key=lambda f: f.log_likelihood)
 
@@ -125,7 +125,8 @@ class Search:
                     break
                 self.quiet.append(weak.id)
                 self.steps.append(
-                    f"{weak.id} taken along: {weak.gain:.0f} nats, too small to matter"
+                    f"{weak.id} adjusted along as a nuisance parameter: {weak.gain:.0f} nats, "
+                    "too small to matter"
                 )
                 current = weak.fitted
             else:

@@ -220,7 +220,7 @@ def _candidates(rounds: Sequence[Round], case: Case) -> list[Candidate]:
         for name, gain in done.screened.items():
             if name not in rows:
                 rows[name] = Candidate(
-                    id=name, family=BY_ID[name].family, gain=gain, rejected="not in the short list"
+                    id=name, family=BY_ID[name].family, gain=gain, rejected="not shortlisted"
                 )
         for tried in done.tried:
             if name_open(rows, tried):
@@ -315,8 +315,18 @@ def _checks(evidence: Evidence) -> dict[str, Any]:
 
 # coefficients that take an effect up, how many prior standard deviations away they must all be
 TAKEN_UP = (
-    ("cross-flow", ("Y_v|v|", "N_r|r|"), 1.0, "cross-flow drag beyond the estimate"),
-    ("turning-drag", ("X_vv", "X_rr"), 1.0, "drag in turns beyond the estimate"),
+    (
+        "cross-flow",
+        ("Y_v|v|", "N_r|r|"),
+        1.0,
+        "the cross-flow drag is larger than estimated from geometry",
+    ),
+    (
+        "turning-drag",
+        ("X_vv", "X_rr"),
+        1.0,
+        "the drag in turns is larger than estimated from geometry",
+    ),
 )
 TWICE = 1.7  # ... and how many times the estimate
 
@@ -330,11 +340,11 @@ def _coefficient_findings(traced: Traced) -> list[Finding]:
         for symbol in symbols:
             i = case.position(symbol)
             away = (p[i] - case.setup.prior[i]) / case.setup.prior_std[i]
-            told = abs(away) > least and case.setup.prior[i] != 0.0  # of nothing no multiple
+            told = abs(away) > least and case.setup.prior[i] != 0.0  # there is no ratio to zero
             ratios.append(p[i] / case.setup.prior[i] if told else 0.0)
         if min(ratios) > TWICE:
             pairs = zip(symbols, ratios, strict=True)
-            listed = ", ".join(f"{symbol} {ratio:.1f} times" for symbol, ratio in pairs)
+            listed = ", ".join(f"{symbol} {ratio:.1f} times as large" for symbol, ratio in pairs)
             found.append(
                 Finding(
                     code=code,
@@ -342,7 +352,7 @@ def _coefficient_findings(traced: Traced) -> list[Finding]:
                     value=float(min(ratios)),
                     threshold=TWICE,
                     message=f"{text}: {listed}",
-                    remedy="The coefficients carry it; the prediction is complete.",
+                    remedy="The coefficients account for it; no effect needs to be added.",
                 )
             )
     return found
