@@ -36,10 +36,9 @@ COMMANDS = {
 def cli() -> None:
     """Maneuvering models of autonomous underwater vehicles from their sea-trial logs.
 
-    `auvident run` does everything; the other commands do one step each on the run directory
-    that it leaves. Exit codes: 0 done, 1 a gate was not met, 2 wrong usage, 3 unusable input,
-    4 an earlier stage is missing or stale, 5 the numbers failed, 6 the run directory is in use by
-    another process.
+    `auvident run` does everything; the other commands do one step each on its run directory.
+    Exit codes: 0 done, 1 a gate was not met, 2 wrong usage, 3 unusable input, 4 an earlier stage
+    is missing or stale, 5 numerical failure, 6 the run directory is in use by another process.
     """
 
 

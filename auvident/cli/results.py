@@ -11,7 +11,7 @@ from auvident.cli.common import PATH, RUN, Output, command, write_table
 @command("status", "auvident status runs/demo")
 @RUN
 def status(output: Output, run: Path) -> None:
-    """Say which stages are done, stale or missing, and why."""
+    """Show which stages are done, stale or missing, and why."""
     from auvident.pipeline import status as judge
     from auvident.report.console import status_table
 
@@ -84,9 +84,9 @@ def simulate(
 ) -> None:
     """Predict the motion from the inputs of a log, with the uncertainty of the model.
 
-    It starts at the measured state where the log has one, else on a straight run at --speed or
-    at the steady speed of the first propeller rate. The band is between the 5 and 95 % points.
-    The table goes to --output, else to RUN/simulate, else (MODEL alone) to standard output.
+    It starts from the measured state if the log has one, else on a straight run at --speed or at
+    the steady speed of the first propeller rate. The band reaches from the 5 % to the 95 % point.
+    The table is written to --output, else to RUN/simulate, else (MODEL) to standard output.
     """
     from auvident.pipeline.predict import predict
     from auvident.storage.run_directory import RunDirectory
@@ -176,9 +176,9 @@ def compare(output: Output, runs: tuple[Path, ...]) -> None:
 @command("plan-trial", "auvident plan-trial runs/demo")
 @RUN
 def plan_trial(output: Output, run: Path) -> None:
-    """Say which further maneuver would tell most about the coefficients.
+    """Rank further maneuvers by what they would tell about the coefficients.
 
-    Candidates are simulated with the identified model; what each would add is counted as the
+    Candidates are simulated with the identified model. What each would add is stated as the
     expected gain of information, and as the factor by which standard deviations would shrink.
     """
     from auvident.pipeline.ask import plan_trial as rank

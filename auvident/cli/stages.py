@@ -89,10 +89,10 @@ def ingest(
     max_gap_s: float | None,
     keep_going: bool | None,
 ) -> int:
-    """Read logs, put every sensor on one clock, clean, report quality.
+    """Read logs, bring all sensors to one clock, clean them, report their quality.
 
-    LOG is a trial folder with one file per sensor, one wide file, or a folder of trials; several
-    trials may be given. `auvident inspect LOG` shows what is in one.
+    LOG is a trial folder with one file per sensor, a single wide file, or a folder of trials;
+    several may be given. `auvident inspect LOG` shows what a log contains.
     """
     _need(logs, vehicle)
     outputs = run_one(
@@ -127,7 +127,7 @@ def exit_code(outputs: Any) -> int:
 @RUN
 @SEGMENT_OPTIONS
 def segment(output: Output, run: Path, hold_out: tuple[str, ...]) -> None:
-    """Find straight runs, turns and zigzags; choose which identify and which validate."""
+    """Find straight runs, turns and zigzags; choose which to identify from, which to hold out."""
     run_one(output, "segment", run, hold_out=hold_out)
 
 
@@ -135,7 +135,7 @@ def segment(output: Output, run: Path, hold_out: tuple[str, ...]) -> None:
 @RUN
 @IDENTIFY_OPTIONS
 def identify(output: Output, run: Path, **chosen: Any) -> None:
-    """Estimate states and coefficients together, in the stages of a plan."""
+    """Estimate states and coefficients jointly, in the stages of a plan."""
     run_one(output, "identify", run, **chosen)
 
 
@@ -147,10 +147,10 @@ def identify(output: Output, run: Path, **chosen: Any) -> None:
 @RUN
 @FAIL_ABOVE
 def validate(output: Output, run: Path, fail_above: tuple[str, ...]) -> None:
-    """Simulate the maneuvers from their initial state and inputs; compare with the log.
+    """Predict the maneuvers from their initial state and inputs; compare with the log.
 
-    The maneuvers that were held out have never been seen by the identification. RMSE in the unit
-    of the channel: m/s, rad/s, rad, m.
+    The identification has not seen the held-out maneuvers. RMSE are in the unit of the channel:
+    m/s, rad/s, rad, m.
     """
     from auvident.pipeline.gates import check_gates
 
@@ -185,10 +185,10 @@ def run(
     seed: int | None,
     **identify: Any,
 ) -> int:
-    """Do every stage in order; stages that are up to date are skipped.
+    """Run all stages in order; stages that are up to date are skipped.
 
-    It ends with what the model lacked and what adding that changed. Without LOG the logs, the
-    vehicle file and the options of the last run hold.
+    The run ends with the effects that the model lacked and how the held-out errors changed.
+    Without LOG, the logs, the vehicle file and the options of the last run are used.
     """
     from auvident.pipeline import run_all
     from auvident.pipeline.gates import check_gates, check_refined
@@ -279,8 +279,8 @@ def ase(
 ) -> None:
     """Estimate the coefficients of both planes from geometry.
 
-    With a run directory the vehicle is the one given at ingest, and the result becomes the prior
-    of the identification. With vehicle files alone nothing is kept; several stand side by side.
+    For a run directory, the vehicle is that of ingest, and the result becomes the prior of the
+    identification. For vehicle files nothing is stored; several are compared side by side.
     """
     from auvident.cli.designs import compare_designs, show_sweep
 

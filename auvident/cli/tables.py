@@ -48,7 +48,7 @@ def coefficients(output: Output, plane: str | None) -> None:
 def effects(output: Output, family: str | None) -> None:
     """List the effects that a model may lack: family, parameters with units, how each shows.
 
-    `auvident diagnose` tries each; --json has the equations, bounds and sources, too.
+    `auvident diagnose` tests each of them; --json also has the equations, bounds and sources.
     """
     chosen = [effect for effect in EFFECTS if family in (None, effect.family)]
     if output.json:
@@ -100,9 +100,9 @@ def schema(output: Output, name: str | None) -> None:
 @click.argument("log", metavar="LOG", type=PATH)
 @click.option("--output", "file", type=PATH, help="Write the proposed map to this file (TOML).")
 def inspect(output: Output, log: Path, file: Path | None) -> None:
-    """Show what is in a log: clocks, columns, ranges, gaps, and a map that would read it.
+    """Show what a log contains: clocks, columns, ranges, gaps, and a map that would read it.
 
-    The proposed map, if one is needed, goes to standard output, ready for --map.
+    The proposed map, if one is needed, is printed on standard output, ready for --map.
     """
     from auvident.report.console import log_tables
     from auvident.storage.artifacts import write_bytes

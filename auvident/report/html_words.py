@@ -136,7 +136,8 @@ def summary(data: ReportData) -> list[tuple[str, str]]:
     found = data.comparison or data.diagnosis
     rows = [("Accuracy", verdict(data)[0]), ("Valid for", _range(data))]
     if found is not None:
-        rows += [("Missing effects", found.statement), ("Unexplained", _rest(data))]
+        rows += [("Missing effects", found.statement), ("With them", _added(data))]
+        rows.append(("Unexplained", _rest(data)))
     rows += [("Coefficients", _identified(data)), ("Next maneuver", _next(data))]
     return [(word, text) for word, text in rows if text]
 
@@ -158,13 +159,25 @@ def _range(data: ReportData) -> str:
 
 
 def _rest(data: ReportData) -> str:
-    """What is left that no effect explains, and channels that the effects made worse."""
+    """What is left that no effect explains."""
     found = data.comparison or data.diagnosis
-    lines = list(unexplained_lines(found.unexplained)) if found else []
-    worse = [f.where for f in found.findings if f.code == "worse-refined"] if found else []
-    if worse:
-        lines.append(f"With the effects the error is larger in {', '.join(worse)}.")
-    return " ".join(lines)
+    return " ".join(unexplained_lines(found.unexplained)) if found else ""
+
+
+def _added(data: ReportData) -> str:
+    """Held-out errors without and with the effects; empty where nothing was added."""
+    found = data.comparison
+    if found is None or not found.added:
+        return ""
+    errors = [
+        f"{name} {quantity(before.rmse, before.unit, 2)} → {quantity(after.rmse, after.unit, 2)}"
+        for name, before in found.held_out.before.items()
+        if (after := found.held_out.after.get(name))
+    ]
+    worse = [f.where for f in found.findings if f.code == "worse-refined"]
+    pieces = [f"held-out RMSE {', '.join(errors)}."] if errors else []
+    pieces += [f"Worse than without: {', '.join(worse)}."] if worse else []
+    return " ".join(pieces)
 
 
 def _identified(data: ReportData) -> str:
