@@ -29,7 +29,7 @@ Vocabulary
         hydrodynamic derivative  coefficient of a product of velocities, or an added mass
         prime value              a coefficient without dimension, after SNAME
         effect                   something that the model may lack: a current, a servo lag, a bias
-        measurement model        what the sensors read in a given state, with their delays and errors
+        measurement model        what the sensors read in a state, with their delays and errors
         ASE                      analytical and semi-empirical estimate, from geometry alone
     The estimation
         prior                    value and standard deviation of a parameter before the data

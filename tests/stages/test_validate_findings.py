@@ -62,7 +62,7 @@ def test_single_maneuvers_that_are_predicted_worse_are_named_with_their_channels
     assert found.where.startswith("made-turn-1 (u")  # the zigzag identifies
     assert found.value < found.threshold == 1.0 and found.remedy
     assert found.message == (
-        "some channels of single held-out maneuvers are predicted worse than by " + ESTIMATE
+        "some channels of single held-out maneuvers are predicted worse than with " + ESTIMATE
     )
 
 
@@ -76,7 +76,9 @@ def test_coefficients_that_rest_on_the_prior_are_named() -> None:
     (found,) = said(metrics_of(with_rows(base(), data_share=shares)), "rests-on-prior")
     assert found.where == "Y_rdot, N_uv"
     assert (found.value, found.threshold) == (0.2, 0.5) and found.remedy
-    assert found.message.startswith(f"2 of {len(shares)} coefficients rest more on the prior than")
+    assert found.message.startswith(
+        f"2 of {len(shares)} coefficients are determined more by the prior than"
+    )
     sure = with_rows(base(), data_share=dict.fromkeys(shares, 0.9))
     assert not said(metrics_of(sure), "rests-on-prior")
 

@@ -155,7 +155,7 @@ def test_little_gain_leaves_room_of_some_nats() -> None:
     assert told_apart_from(few, [other("b", gain=47.0)]) == ()
 
 
-SMALL = Refusal("small", "smaller than of practical interest")
+SMALL = Refusal("small", "too small to matter in practice")
 
 
 @pytest.mark.parametrize(
