@@ -180,7 +180,7 @@ def test_a_run_of_another_plane_goes_on_without_the_loop(
     called = auvident(*run)
     assert called.code == 0, called.err
     said = decisions(called)
-    assert said["diagnose"] == said["refine"] == "left out, it knows the horizontal plane only"
+    assert said["diagnose"] == said["refine"] == "skipped, it covers only the horizontal plane"
     assert found.calls == {}
     assert Path(called.out.strip()).exists()
     assert auvident(*run, "--fail-above", "w=1e-6").code == 1

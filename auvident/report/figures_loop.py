@@ -106,9 +106,7 @@ def before_after(table: pd.DataFrame, name: str) -> str | None:
         lower.set_xlabel("time from the start of the maneuver, s")
     _legend(figure, any(f"{c}_after" in table for c in channels))
     figure.align_ylabels()
-    return svg(
-        figure, name, "Measured and predicted without and with the effects, with the residuals"
-    )
+    return svg(figure, name, "Most affected channels, measured and predicted, with the residuals")
 
 
 def squared_falls(table: pd.DataFrame) -> pd.DataFrame:

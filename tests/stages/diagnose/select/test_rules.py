@@ -72,9 +72,9 @@ def test_the_rules_have_codes_of_their_own_and_each_has_its_test() -> None:
 
 def test_a_rule_tells_its_evidence() -> None:
     weak = refusal_of(replace(GOOD, gain=44.4, best_gain=44.4), RULES)
-    assert weak == Refusal("gain", "gains 44 nats, less than 100", 44.4, LEAST_GAIN)
+    assert weak == Refusal("gain", "evidence too weak (44 nats, 100 needed)", 44.4, LEAST_GAIN)
     few = refusal_of(replace(GOOD, **FAILING["share-helped"]), RULES_LEFT_OUT)
-    assert few is not None and few.text == "helps only 50 % of the maneuvers left out"
+    assert few is not None and few.text == "improves only 50 % of the maneuvers left out"
 
 
 def test_one_bad_place_does_not_count_where_most_maneuvers_are_helped() -> None:
