@@ -155,7 +155,7 @@ def _range(data: ReportData) -> str:
             pieces.append(f"{words} {number(low, 2)} to {number(high, 2)} {unit}")
     if not pieces:
         return ""
-    return f"{'; '.join(pieces)}. This is the range of the maneuvers used for identification."
+    return f"{'; '.join(pieces)} (the range of the maneuvers used for identification)."
 
 
 def _rest(data: ReportData) -> str:

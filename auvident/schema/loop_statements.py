@@ -65,7 +65,7 @@ def nothing_found(sees: Sequence[Detectable]) -> str:
     if not named:
         return text
     listed = "; ".join(named[:NAMED_EFFECTS])
-    return f"{text} It would have been noticed, among others: {listed}."
+    return f"{text} Among others, these would have been noticed: {listed}."
 
 
 def _least(row: Detectable) -> str:

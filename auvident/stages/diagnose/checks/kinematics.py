@@ -96,7 +96,7 @@ def heading_against_gyro(trials: Sequence[Trial]) -> SensorCheck | None:
     if not all("roll_rad" in trial.table for trial in trials):
         covariance[1, 1] += HEEL_SCALE**2
     covariance[2, 2] += HEADING_LATENCY_S**2
-    return SensorCheck(names, mean, covariance, samples, rms, "logged heading against yaw gyro")
+    return SensorCheck(names, mean, covariance, samples, rms, "heading log against yaw gyro")
 
 
 def heading_change(stretch: Stretch, x: Array) -> Array:
@@ -147,7 +147,7 @@ def position_against_dvl(trials: Sequence[Trial], dvl: Dvl) -> SensorCheck | Non
     mean, covariance = mean[3:], covariance[3:, 3:]
     covariance[1, 1] += HEADING_REFERENCE_RAD**2
     covariance[2, 2] += HEADING_LATENCY_S**2
-    return SensorCheck(names, mean, covariance, samples, rms, "logged position against DVL")
+    return SensorCheck(names, mean, covariance, samples, rms, "position log against DVL")
 
 
 def position_change(stretch: Stretch, x: Array, dvl: Dvl) -> Array:
