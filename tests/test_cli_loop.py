@@ -136,7 +136,7 @@ def test_compare_takes_the_refined_model_and_its_errors(
     moved = next(c for c in found["coefficients"] if c["symbol"] == "N_ur")
     refined = json.loads((run / "refine/model.json").read_text())["coefficients"]
     assert moved["value"][0] == next(c["value"] for c in refined if c["symbol"] == "N_ur")
-    assert "current.north_mps" in called.err and "-0.121 ± 0.004" in called.err
+    assert "current.north_mps" in called.err and "-0.1210 ± 0.0040" in called.err
 
 
 def test_effects_are_listed_from_the_table(auvident: Callable[..., Called]) -> None:

@@ -289,7 +289,7 @@ def ase(
     if len(runs) + bool(files) != 1 or len(runs) > 1:
         raise click.UsageError("Give either one run directory or vehicle files.")
     if (sweep or file) and len(files) != 1:
-        raise click.UsageError("--sweep and --output need exactly one vehicle file.")
+        raise click.UsageError("--sweep and --output need exactly one vehicle file (--vehicle).")
     if runs:
         run_one(output, "ase", runs[0])
     elif sweep:
