@@ -19,11 +19,31 @@ Time
     at that time; an input (rudder, elevator, rpm) at ``time_s`` is its mean over the step that
     *follows*, because a logged command is held until the next one.
 Vocabulary
-    trial      one log folder, recorded without interruption by one vehicle
-    maneuver   a straight run with thrust steps, a turning circle or a zigzag within a trial
-    role       ``identify`` or ``validate``; a maneuver that validates never chooses anything
-    ASE        analytical and semi-empirical estimate of the coefficients, from geometry
-    prior      value and standard deviation of a coefficient before the data are seen
+    The data
+        trial       one log folder, recorded in one go by one vehicle
+        record      a gap-free piece of a trial
+        maneuver    a straight run with thrust steps, a turning circle or a zigzag within a trial
+        role        ``identify`` or ``validate``; a maneuver that validates never chooses anything
+        held out    kept for validation
+    The model
+        hydrodynamic derivative  coefficient of a product of velocities, or an added mass
+        prime value              a coefficient without dimension, after SNAME
+        effect                   something that the model may lack: a current, a servo lag, a bias
+        measurement model        what the sensors read in a state, with their delays and errors
+        ASE                      analytical and semi-empirical estimate, from geometry alone
+    The estimation
+        prior                    value and standard deviation of a parameter before the data
+        posterior                the same after the data
+        process noise            what the filter adds for what the equations do not hold
+        innovation               measurement minus its one-step prediction, with covariance S
+        NIS                      normalised innovation squared, 1 on average when S is right
+        output error             fit of the free-running prediction to the measurements
+        nuisance parameter       adjusted along with the others, of no interest in itself
+        identifiable             determined by the data; else the value comes from the prior
+        likelihood ratio         gain in log-likelihood by an effect, in nats
+    The validation
+        free-running prediction  from the initial state and the logged inputs alone
+        NRMSE                    RMSE over the standard deviation of the measured channel
 """
 
 __version__ = "0.1.0"

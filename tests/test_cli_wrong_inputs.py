@@ -246,7 +246,7 @@ def test_keep_going_leaves_out_the_wrong_log_and_says_so(
     assert_refused(auvident("ingest", *arguments), ("absent",))
     called = auvident("ingest", *arguments, "--keep-going")
     assert called.code == 3
-    assert len(re.findall("^Warning: left out: ", called.err, re.MULTILINE)) == 2
+    assert len(re.findall("^Warning: skipped: ", called.err, re.MULTILINE)) == 2
     assert [p.name for p in (run / "ingest").glob("*.parquet")] == ["harbour_trial.parquet"]
     quality = (run / "ingest" / "quality.json").read_text()
     assert quality.count("log_refused") == 2

@@ -180,7 +180,7 @@ def test_a_run_of_another_plane_goes_on_without_the_loop(
     called = auvident(*run)
     assert called.code == 0, called.err
     said = decisions(called)
-    assert said["diagnose"] == said["refine"] == "left out, it knows the horizontal plane only"
+    assert said["diagnose"] == said["refine"] == "skipped, it covers only the horizontal plane"
     assert found.calls == {}
     assert Path(called.out.strip()).exists()
     assert auvident(*run, "--fail-above", "w=1e-6").code == 1
@@ -235,7 +235,7 @@ def test_a_run_goes_on_when_the_numbers_of_the_diagnosis_fail(
     assert called.code == 5
     assert called.err.rstrip().splitlines()[-1].strip() == "Hold out turn-1."
     said = decisions(called)
-    assert said["refine"] == "left out, the numbers failed before"
+    assert said["refine"] == "skipped, an earlier stage failed numerically"
     assert said["report"].startswith("runs again")
     assert "What the model lacks" not in (demo / "report/report.html").read_text()
     assert states(demo) | {"validate": "done", "diagnose": "stale"} == states(demo)

@@ -16,8 +16,7 @@ from auvident.errors import AuvidentError
 BUG_EXIT_CODE = 70  # EX_SOFTWARE of sysexits.h: the program is at fault, not its user
 INTERRUPTED_EXIT_CODE = 130  # 128 + SIGINT, as shells count
 BUG_REPORT = (
-    "This is a fault of the program. Please report it with the output of the same command and "
-    "--verbose."
+    "This is a bug. Please report it together with the output of the same command with --verbose."
 )
 EPILOG = """\b
 Example:
@@ -37,10 +36,9 @@ COMMANDS = {
 def cli() -> None:
     """Maneuvering models of autonomous underwater vehicles from their sea-trial logs.
 
-    `auvident run` does everything; the other commands do one step each on the run directory
-    that it leaves. Exit codes: 0 done, 1 a gate was not met, 2 wrong usage, 3 unusable input,
-    4 an earlier stage is missing or stale, 5 the numbers failed, 6 the run directory is in use by
-    another process.
+    `auvident run` does everything; the other commands do one step each on its run directory.
+    Exit codes: 0 done, 1 a gate was not met, 2 wrong usage, 3 unusable input, 4 an earlier stage
+    is missing or stale, 5 numerical failure, 6 the run directory is in use by another process.
     """
 
 
@@ -73,7 +71,7 @@ def _run(arguments: list[str] | None) -> int:
 
 def _interrupted() -> int:
     interrupt.heeded()
-    click.echo("Interrupted; the run directory is as the last finished stage left it.", err=True)
+    click.echo("Interrupted; the run directory is as the last completed stage left it.", err=True)
     return INTERRUPTED_EXIT_CODE
 
 

@@ -1,4 +1,8 @@
-"""What all commands share: loading on demand, help with an example, output options."""
+"""What all commands share: loading on demand, help with an example, output options.
+
+In `auvident.cli` imports stand inside of functions for speed alone: help and usage errors come
+without numpy, pandas and rich.
+"""
 
 import importlib
 import sys
@@ -37,9 +41,9 @@ class Output:
 
     def watch(self, brief: bool = False) -> "Watch":
         """The console that follows the pipeline."""
-        from auvident.cli.watch import Watch
+        from auvident.cli.watch import Watch  # loads the pipeline
 
-        return Watch(self, brief)
+        return Watch(self.quiet, self.verbose, brief)
 
     def artifact(self, artifact: Any, name: str) -> None:
         """Print an artifact as JSON when it was asked for."""
@@ -113,8 +117,8 @@ def command(name: str, *examples: str) -> Callable[[Callable[..., Any]], click.C
 
 
 _OUTPUT_OPTIONS = (
-    click.option("--verbose", is_flag=True, help="Say more; show where a fault arose."),
-    click.option("--quiet", is_flag=True, help="Nothing but errors on standard error."),
+    click.option("--verbose", is_flag=True, help="More output; a traceback for bugs."),
+    click.option("--quiet", is_flag=True, help="Only errors on standard error."),
     click.option("--json", "as_json", is_flag=True, help="Print the result on standard output."),
 )
 
@@ -151,10 +155,12 @@ FAIL_ABOVE = click.option(
     "--fail-above",
     multiple=True,
     metavar="CHANNEL=RMSE",
-    help="Exit code 1 when the held-out RMSE of a channel is greater; repeatable.",
+    help="Exit with code 1 if the held-out RMSE of a channel is larger; repeatable.",
 )
 SEED = click.option(
-    "--seed", type=int, help="Of the random numbers.  [default: that of the last run, at first 0]"
+    "--seed",
+    type=int,
+    help="Seed of the random numbers.  [default: that of the last run, initially 0]",
 )
 RUN = click.argument("run", metavar="RUN", type=click.Path(path_type=Path))
 PATH: Any = click.Path(path_type=Path)  # existence is the reader's business: exit code 3
@@ -185,4 +191,8 @@ def write_table(table: "pd.DataFrame", target: Path) -> None:
     elif target.suffix == ".csv":
         write_bytes(target, table.to_csv(index=False).encode())
     else:
-        raise UsageError("is neither .parquet nor .csv", str(target), "Name another file.")
+        raise UsageError(
+            "is neither a .parquet nor a .csv file",
+            str(target),
+            "Give a file name that ends in .parquet or .csv.",
+        )

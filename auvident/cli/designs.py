@@ -34,7 +34,7 @@ def show_sweep(output: Output, file: Path, texts: Sequence[str], target: Path | 
     columns = [*grid, "Y_uv", "N_uv", "Y_uud", "N_uud", "G_H", "G_V", "turning_gain_per_m"]
     shown = possible[[c for c in columns if c in possible]].head(SHOWN_VARIANTS)
     with output.watch() as watch:
-        watch.show(frame_table(f"{len(possible)} of {len(table)} variants are possible", shown))
+        watch.show(frame_table(f"{len(possible)} of {len(table)} variants are feasible", shown))
         watch.note(f"All columns: {target}" if target else "All columns: --output FILE.parquet")
     if output.json:
         records = table.astype(object).where(table.notna(), None).to_dict("records")

@@ -13,9 +13,9 @@ from auvident.cli.common import FAIL_ABOVE, RUN, SEED, Output, command, parse_li
 def diagnose(output: Output, run: Path, seed: int | None) -> None:
     """Trace what the model does not explain to an effect that it lacks.
 
-    First it says what these maneuvers can show at all; then each effect of `auvident effects` is
-    tried, and a verdict given: an effect found, several that cannot be told apart, something that
-    no listed effect explains, or nothing.
+    It first reports which effects these maneuvers could show at all. Then each effect of
+    `auvident effects` is tested, with one of these verdicts: an effect was found, several effects
+    cannot be told apart, no listed effect explains the residual, or nothing is missing.
     """
     run_one(output, "diagnose", run, seed)
 
@@ -27,7 +27,7 @@ def diagnose(output: Output, run: Path, seed: int | None) -> None:
 )
 @RUN
 @click.option(
-    "--filter", type=click.Choice(["ekf", "ukf"]), help="[default: that of the identification]"
+    "--filter", type=click.Choice(["ekf", "ukf"]), help="[default: as in the identification]"
 )
 @FAIL_ABOVE
 @SEED
@@ -36,7 +36,7 @@ def refine(
 ) -> None:
     """Add the traced effects to the model, identify again, compare held-out errors.
 
-    The plan is that of the identification. --fail-above looks at the errors of the refined model.
+    The plan is that of the identification. --fail-above applies to the refined model.
     """
     from auvident.pipeline.gates import check_refined
 
@@ -48,9 +48,9 @@ def refine(
 @command("report", "auvident report runs/demo")
 @RUN
 def report(output: Output, run: Path) -> None:
-    """Write everything the run knows into one HTML file; print its path.
+    """Write a self-contained HTML report; print its path.
 
-    The file needs no other and no network: figures, tables and findings stand inside.
+    It contains all figures, tables and findings, and needs neither other files nor a network.
     """
     from auvident.pipeline import run_stage
 

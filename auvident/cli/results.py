@@ -11,7 +11,7 @@ from auvident.cli.common import PATH, RUN, Output, command, write_table
 @command("status", "auvident status runs/demo")
 @RUN
 def status(output: Output, run: Path) -> None:
-    """Say which stages are done, stale or missing, and why."""
+    """Show which stages are done, stale or missing, and why."""
     from auvident.pipeline import status as judge
     from auvident.report.console import status_table
 
@@ -39,7 +39,13 @@ def status(output: Output, run: Path) -> None:
     "auvident simulate runs/demo --inputs sample_logs/harbour_trial --from 1373 --to 1448",
 )
 @click.argument("target", metavar="RUN|MODEL", type=PATH)
-@click.option("--inputs", "log", required=True, type=PATH, help="Log with the inputs.")
+@click.option(
+    "--inputs",
+    "log",
+    required=True,
+    type=PATH,
+    help="Log with the inputs (rudder or elevator, rpm).",
+)
 @click.option("--from", "from_s", type=float, metavar="SECONDS", help="Start of the simulation.")
 @click.option("--to", "to_s", type=float, metavar="SECONDS", help="End of the simulation.")
 @click.option(
@@ -47,14 +53,21 @@ def status(output: Output, run: Path) -> None:
     "speed_mps",
     type=float,
     metavar="MPS",
-    help="Initial speed of a straight run, in place of the measured state.",
+    help="Start from a straight run at this speed instead of the measured state.",
 )
-@click.option("--vehicle", type=PATH, help="Vehicle file, for a MODEL outside of a run directory.")
-@click.option("--map", "map_", type=PATH, help="Names, units and signs of your columns (TOML).")
+@click.option(
+    "--vehicle", type=PATH, help="Vehicle file, for a MODEL that is not in a run directory."
+)
+@click.option("--map", "map_", type=PATH, help="Column map: names, units and signs (TOML).")
 @click.option("--rate", "rate_hz", type=float, default=10.0, metavar="HZ", help="[default: 10]")
-@click.option("--samples", type=int, default=100, help="Models drawn for the band.  [default: 100]")
-@click.option("--output", "file", type=PATH, help="Where it goes (.parquet or .csv).")
-@click.option("--seed", type=int, default=0, help="Of the models drawn.  [default: 0]")
+@click.option(
+    "--samples",
+    type=int,
+    default=100,
+    help="Models sampled for the uncertainty band.  [default: 100]",
+)
+@click.option("--output", "file", type=PATH, help="Output file (.parquet or .csv).")
+@click.option("--seed", type=int, default=0, help="Seed of the sampling.  [default: 0]")
 def simulate(
     output: Output,
     target: Path,
@@ -71,9 +84,9 @@ def simulate(
 ) -> None:
     """Predict the motion from the inputs of a log, with the uncertainty of the model.
 
-    It starts at the measured state where the log has one, else on a straight run at --speed or
-    at the steady speed of the first propeller rate. The band is between the 5 and 95 % points.
-    The table goes to --output, else to RUN/simulate, else (MODEL alone) to standard output.
+    It starts from the measured state if the log has one, else on a straight run at --speed or at
+    the steady speed of the first propeller rate. The band reaches from the 5 % to the 95 % point.
+    The table is written to --output, else to RUN/simulate, else (MODEL) to standard output.
     """
     from auvident.pipeline.predict import predict
     from auvident.storage.run_directory import RunDirectory
@@ -96,7 +109,7 @@ def simulate(
             file = target / name
         if file is not None:
             write_table(made.table, file)
-            watch.note(f"{len(made.table)} rows from {made.model_file} in {file}")
+            watch.note(f"{len(made.table)} rows written to {file} (model: {made.model_file})")
     if output.json:
         columns = {name: values.tolist() for name, values in made.table.items()}
         simulation = {"schema": "auvident/simulation/1", "trial": made.trial, "columns": columns}
@@ -115,9 +128,9 @@ def simulate(
     "--format",
     "form",
     type=click.Choice(["json", "toml", "csv", "python", "matlab"]),
-    help="By default as the end of --output says, else json.",
+    help="[default: by the suffix of --output, else json]",
 )
-@click.option("--output", "file", type=PATH, help="Where it goes; else to standard output.")
+@click.option("--output", "file", type=PATH, help="Output file.  [default: standard output]")
 def export(output: Output, target: Path, form: str | None, file: Path | None) -> None:
     """Write the model for use elsewhere.
 
@@ -135,7 +148,7 @@ def export(output: Output, target: Path, form: str | None, file: Path | None) ->
     if file is not None:
         write_bytes(file, text.encode())
         with output.watch() as watch:
-            watch.note(f"{path} as {form} in {file}")
+            watch.note(f"{path} written as {form} to {file}")
     if file is None and not output.json:
         output.text(text.rstrip("\n"))
     output.artifact(model, str(path))
@@ -152,7 +165,7 @@ def compare(output: Output, runs: tuple[Path, ...]) -> None:
     from auvident.report.console import comparison_tables
 
     if len(runs) < 2:
-        raise click.UsageError("Give two run directories or more.")
+        raise click.UsageError("Give at least two run directories.")
     comparison = compare_runs(runs)
     with output.watch() as watch:
         for table in comparison_tables(comparison):
@@ -163,9 +176,9 @@ def compare(output: Output, runs: tuple[Path, ...]) -> None:
 @command("plan-trial", "auvident plan-trial runs/demo")
 @RUN
 def plan_trial(output: Output, run: Path) -> None:
-    """Say which further maneuver would tell most about the coefficients.
+    """Rank further maneuvers by what they would tell about the coefficients.
 
-    Candidates are simulated with the identified model; what each would add is counted as the
+    Candidates are simulated with the identified model. What each would add is stated as the
     expected gain of information, and as the factor by which standard deviations would shrink.
     """
     from auvident.pipeline.ask import plan_trial as rank

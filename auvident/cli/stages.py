@@ -21,24 +21,30 @@ from auvident.schema.planes import PLANES
 
 LOGS = click.argument("logs", metavar="LOG...", nargs=-1, type=PATH)
 VEHICLE = click.option("--vehicle", type=PATH, help="Vehicle file (TOML).")
-RUN_OPTION = click.option("--run", required=True, type=PATH, help="Run directory; made if needed.")
+RUN_OPTION = click.option(
+    "--run", required=True, type=PATH, help="Run directory; created if needed."
+)
 KEEP_GOING = click.option(
     "--keep-going",
     is_flag=True,
     default=None,
-    help="Leave out logs that cannot be used and go on; exit code 3 at the end.",
+    help="Skip unusable logs and continue; exit code 3 at the end.",
 )
 INGEST_OPTIONS = options(
-    click.option("--map", "map_", type=PATH, help="Names, units and signs of your columns (TOML)."),
+    click.option("--map", "map_", type=PATH, help="Column map: names, units and signs (TOML)."),
     click.option(
-        "--rate", "rate_hz", type=float, metavar="HZ", help="Rows per second.  [default: 10]"
+        "--rate",
+        "rate_hz",
+        type=float,
+        metavar="HZ",
+        help="Sampling rate after ingest.  [default: 10]",
     ),
     click.option(
         "--max-gap",
         "max_gap_s",
         type=float,
         metavar="SECONDS",
-        help="Longest interval between samples that is bridged.  [default: 5]",
+        help="Longest gap between samples that is bridged.  [default: 5]",
     ),
     KEEP_GOING,
 )
@@ -47,7 +53,10 @@ SEGMENT_OPTIONS = options(
         "--hold-out",
         multiple=True,
         metavar="ID",
-        help="A maneuver or trial to validate with; repeatable; replaces the automatic choice.",
+        help=(
+            "Maneuver or trial to hold out for validation; repeatable; replaces the "
+            "automatic choice."
+        ),
     )
 )
 IDENTIFY_OPTIONS = options(
@@ -56,7 +65,7 @@ IDENTIFY_OPTIONS = options(
         "--engine", type=click.Choice(["compiled", "filterpy"]), help="[default: compiled]"
     ),
     click.option("--plane", type=click.Choice(PLANES), help="[default: horizontal]"),
-    click.option("--plan", metavar="NAME|FILE", help="Order of the stages.  [default: refined]"),
+    click.option("--plan", metavar="NAME|FILE", help="Identification plan.  [default: refined]"),
 )
 
 
@@ -79,10 +88,10 @@ def ingest(
     max_gap_s: float | None,
     keep_going: bool | None,
 ) -> int:
-    """Read logs, put every sensor on one clock, clean, report quality.
+    """Read logs, bring all sensors to one clock, clean them, report their quality.
 
-    LOG is a trial folder with one file per sensor, one wide file, or a folder of trials; several
-    trials may be given. `auvident inspect LOG` shows what is in one.
+    LOG is a trial folder with one file per sensor, a single wide file, or a folder of trials;
+    several may be given. `auvident inspect LOG` shows what a log contains.
     """
     _need(logs, vehicle)
     outputs = run_one(
@@ -117,7 +126,7 @@ def exit_code(outputs: Any) -> int:
 @RUN
 @SEGMENT_OPTIONS
 def segment(output: Output, run: Path, hold_out: tuple[str, ...]) -> None:
-    """Find straight runs, turns and zigzags; choose which identify and which validate."""
+    """Find straight runs, turns and zigzags; choose which to identify from, which to hold out."""
     run_one(output, "segment", run, hold_out=hold_out)
 
 
@@ -125,7 +134,7 @@ def segment(output: Output, run: Path, hold_out: tuple[str, ...]) -> None:
 @RUN
 @IDENTIFY_OPTIONS
 def identify(output: Output, run: Path, **chosen: Any) -> None:
-    """Estimate states and coefficients together, in the stages of a plan."""
+    """Estimate states and coefficients jointly, in the stages of a plan."""
     run_one(output, "identify", run, **chosen)
 
 
@@ -137,10 +146,10 @@ def identify(output: Output, run: Path, **chosen: Any) -> None:
 @RUN
 @FAIL_ABOVE
 def validate(output: Output, run: Path, fail_above: tuple[str, ...]) -> None:
-    """Simulate the maneuvers from their initial state and inputs; compare with the log.
+    """Predict the maneuvers from their initial state and inputs; compare with the log.
 
-    The maneuvers that were held out have never been seen by the identification. RMSE in the unit
-    of the channel: m/s, rad/s, rad, m.
+    The identification has not seen the held-out maneuvers. RMSE are in the unit of the channel:
+    m/s, rad/s, rad, m.
     """
     from auvident.pipeline.gates import check_gates
 
@@ -175,10 +184,10 @@ def run(
     seed: int | None,
     **identify: Any,
 ) -> int:
-    """Do every stage in order; stages that are up to date are skipped.
+    """Run all stages in order; stages that are up to date are skipped.
 
-    It ends with what the model lacked and what adding that changed. Without LOG the logs, the
-    vehicle file and the options of the last run hold.
+    The run ends with the effects that the model lacked and how the held-out errors changed.
+    Without LOG, the logs, the vehicle file and the options of the last run are used.
     """
     from auvident.pipeline import run_all
     from auvident.pipeline.gates import check_gates, check_refined
@@ -253,8 +262,13 @@ def remembered(path: Path, chosen: dict[str, dict[str, Any]]) -> dict[str, dict[
 )
 @click.argument("targets", metavar="[RUN | V.toml...]", nargs=-1, type=PATH)
 @click.option("--vehicle", "vehicles", multiple=True, type=PATH, help="Vehicle file (TOML).")
-@click.option("--sweep", multiple=True, metavar="KEY=START:STOP:COUNT", help="Vary a number.")
-@click.option("--output", "file", type=PATH, help="Where the sweep goes (.parquet or .csv).")
+@click.option(
+    "--sweep",
+    multiple=True,
+    metavar="KEY=START:STOP:COUNT",
+    help="Sweep a number of the vehicle file; repeatable.",
+)
+@click.option("--output", "file", type=PATH, help="Output file of the sweep (.parquet or .csv).")
 def ase(
     output: Output,
     targets: tuple[Path, ...],
@@ -264,17 +278,17 @@ def ase(
 ) -> None:
     """Estimate the coefficients of both planes from geometry.
 
-    With a run directory the vehicle is the one given at ingest, and the result becomes the prior
-    of the identification. With vehicle files alone nothing is kept; several stand side by side.
+    For a run directory, the vehicle is that of ingest, and the result becomes the prior of the
+    identification. For vehicle files nothing is stored; several are compared side by side.
     """
     from auvident.cli.designs import compare_designs, show_sweep
 
     files = [*vehicles, *(t for t in targets if t.suffix == ".toml")]
     runs = [t for t in targets if t.suffix != ".toml"]
     if len(runs) + bool(files) != 1 or len(runs) > 1:
-        raise click.UsageError("Give one run directory, or vehicle files.")
+        raise click.UsageError("Give either one run directory or vehicle files.")
     if (sweep or file) and len(files) != 1:
-        raise click.UsageError("--sweep and --output need one --vehicle.")
+        raise click.UsageError("--sweep and --output need exactly one vehicle file (--vehicle).")
     if runs:
         run_one(output, "ase", runs[0])
     elif sweep:

@@ -14,7 +14,7 @@ SIGNS = {1: "+", -1: "-", 0: "±"}
 
 
 @command("coefficients", "auvident coefficients --plane vertical")
-@click.option("--plane", type=click.Choice(PLANES), help="Only those of one plane.")
+@click.option("--plane", type=click.Choice(PLANES), help="Only the coefficients of this plane.")
 def coefficients(output: Output, plane: str | None) -> None:
     """List the coefficients: symbol, equation, what each multiplies, unit, expected sign."""
     chosen = of_plane(plane) if plane else COEFFICIENTS  # type: ignore[arg-type]
@@ -43,11 +43,11 @@ def coefficients(output: Output, plane: str | None) -> None:
 
 
 @command("effects", "auvident effects --family actuation")
-@click.option("--family", type=click.Choice(FAMILIES), help="Only those of one family.")
+@click.option("--family", type=click.Choice(FAMILIES), help="Only the effects of this family.")
 def effects(output: Output, family: str | None) -> None:
     """List the effects that a model may lack: family, parameters with units, how each shows.
 
-    `auvident diagnose` tries each; --json has the equations, bounds and sources, too.
+    `auvident diagnose` tests each of them; --json also has the equations, bounds and sources.
     """
     chosen = [effect for effect in EFFECTS if family in (None, effect.family)]
     if output.json:
@@ -56,7 +56,10 @@ def effects(output: Output, family: str | None) -> None:
         return
     heads = ("effect", "family", "parameters", "units")
     widths = [max(map(len, column)) for column in zip(heads, *map(_cells, EFFECTS), strict=True)]
-    for cells, last in [(heads, "how it shows"), *((_cells(e), e.signature) for e in chosen)]:
+    for cells, last in [
+        (heads, "how it shows in the data"),
+        *((_cells(e), e.signature) for e in chosen),
+    ]:
         padded = [cell.ljust(width) for cell, width in zip(cells, widths, strict=True)]
         output.text("  ".join([*padded, last]))
 
@@ -94,11 +97,11 @@ def schema(output: Output, name: str | None) -> None:
     "auvident inspect sample_logs/harbour_trial/gyro.csv --json",
 )
 @click.argument("log", metavar="LOG", type=PATH)
-@click.option("--output", "file", type=PATH, help="Where the proposed map goes (TOML).")
+@click.option("--output", "file", type=PATH, help="Write the proposed map to this file (TOML).")
 def inspect(output: Output, log: Path, file: Path | None) -> None:
-    """Show what is in a log: clocks, columns, ranges, gaps, and a map that would read it.
+    """Show what a log contains: clocks, columns, ranges, gaps, and a map that would read it.
 
-    The proposed map, if one is needed, goes to standard output, ready for --map.
+    The proposed map, if one is needed, is printed on standard output, ready for --map.
     """
     from auvident.report.console import log_tables
     from auvident.storage.artifacts import write_bytes

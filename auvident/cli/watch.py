@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from auvident.cli.common import Output
 from auvident.cli.interrupt import raise_again
 from auvident.pipeline.observer import Observer
 
@@ -18,17 +17,18 @@ PLAIN_WIDTH = 140  # columns of a table that goes to a file or a pipe
 
 
 class Watch(Observer):
-    """Prints what the pipeline tells, unless ``--quiet``.
+    """Prints what the pipeline tells.
 
     Parameters
     ----------
-    output : Output
+    quiet, verbose : bool
+        Nothing but warnings; more than usual.
     brief : bool
         Whether the tables of a stage stand among those of others.
     """
 
-    def __init__(self, output: Output, brief: bool = False) -> None:
-        self.output, self.brief = output, brief and not output.verbose
+    def __init__(self, quiet: bool = False, verbose: bool = False, brief: bool = False) -> None:
+        self.quiet, self.verbose, self.brief = quiet, verbose, brief and not verbose
         self._bar: tuple[Progress, TaskID] | None = None
 
     def decided(self, stage: str, sentence: str) -> None:
@@ -43,12 +43,12 @@ class Watch(Observer):
     def refused(self, problem: str) -> None:
         """A warning; also with ``--quiet``."""
         self._stop()
-        click.echo(f"Warning: left out: {problem}", err=True)
+        click.echo(f"Warning: skipped: {problem}", err=True)
 
     def progress(self, text: str, fraction: float | None = None) -> None:
         """A bar, on a terminal only."""
         raise_again()
-        if self.output.quiet or not sys.stderr.isatty():
+        if self.quiet or not sys.stderr.isatty():
             return
         if self._bar is None:
             self._bar = _start_bar()
@@ -61,18 +61,18 @@ class Watch(Observer):
         """The tables of the stage."""
         raise_again()
         self._stop()
-        if self.output.quiet:
+        if self.quiet:
             return
         from auvident.report.console import stage_report
 
         for piece in stage_report(stage, outputs, self.brief):
             self.show(piece)
-        if self.output.verbose:
+        if self.verbose:
             self._line(f"{stage}: {seconds:.1f} s")
 
     def show(self, piece: "RenderableType") -> None:
         """A table, with rules and colours where the terminal has them."""
-        if self.output.quiet:
+        if self.quiet:
             return
         self._stop()
         from auvident.report.console_style import console_for
@@ -81,7 +81,7 @@ class Watch(Observer):
 
     def _line(self, text: str) -> None:
         self._stop()
-        if not self.output.quiet:
+        if not self.quiet:
             click.echo(text, err=True)
 
     def _stop(self) -> None:

@@ -166,5 +166,5 @@ def raise_fault(problem: FilterProblem, fault: np.ndarray) -> None:
     raise NumericsError(
         f"the filter stopped: {REASONS[reason]}",
         where,
-        "Look at this maneuver in the ingested log, narrow the prior, or hold it out.",
+        "Check this maneuver in the ingested log, narrow the prior, or hold the maneuver out.",
     )

@@ -139,12 +139,14 @@ def run_stage(setup: Setup, parameters: Array, stage: PlanStage) -> Outcome:
     task = task_of(setup, stage)
     if not task.output.records:
         raise NumericsError(
-            f"no maneuver of the kinds {', '.join(stage.maneuvers)} to identify from",
+            f"there is no maneuver of kind {', '.join(stage.maneuvers)} to identify from",
             f"stage {stage.name!r}",
-            "Give a plan whose stages fit the trial, or hold out fewer maneuvers.",
+            "Use a plan whose stages suit the trial, or hold out fewer maneuvers.",
         )
     if not len(task.positions):
-        raise NumericsError("nothing is free", f"stage {stage.name!r}", "Check the priors.")
+        raise NumericsError(
+            "the stage has no free coefficient", f"stage {stage.name!r}", "Check the priors."
+        )
     noise = effective_noise(task.output, parameters, setup.sensor_std)
     if stage.method == "output_error":
         return _fitted(task, parameters, noise, stage.noise == "coloured")

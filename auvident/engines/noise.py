@@ -134,7 +134,7 @@ def residuals_or_raise(output: OutputError, p: Array) -> tuple[RecordResidual, .
     residuals = residuals_of(output, p)
     if residuals is None:
         raise NumericsError(
-            "the prediction runs away with the coefficients the fit starts from",
+            "the prediction diverges with the initial coefficients of the fit",
             remedy="Run the filter stages first, or check the priors and the mass properties.",
         )
     return residuals

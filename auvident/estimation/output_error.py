@@ -94,7 +94,7 @@ def fit(
     cost, gradient, curvature = _posterior(likelihood, theta, prior_mean, prior_information)
     if not np.isfinite(cost):
         raise NumericsError(
-            "the prediction runs away with the coefficients the fit starts from",
+            "the prediction diverges with the initial coefficients of the fit",
             remedy="Run the filter stages first, or check the priors and the mass properties.",
         )
     low, high = bounds or (np.full(len(theta), -np.inf), np.full(len(theta), np.inf))
@@ -187,8 +187,8 @@ def _solved(curvature: Array, right: Array) -> Array:
 
 def _singular() -> NumericsError:
     return NumericsError(
-        "the curvature of the fit is singular",
-        remedy="Free fewer coefficients, or give them priors.",
+        "the information matrix of the fit is singular",
+        remedy="Free fewer coefficients, or set priors for them.",
     )
 
 

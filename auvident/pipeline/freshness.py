@@ -119,7 +119,7 @@ def _outputs(entry: StageEntry, run: RunDirectory) -> str:
     for name, old in entry.outputs.items():
         now = run.sha256(name)
         if run.link_on_the_way(name):
-            return f"{name} stands behind a symbolic link"
+            return f"{name} is reached through a symbolic link"
         if now != old:
             return f"{name} {'is missing' if now is None else 'is not as it was written'}"
     return ""

@@ -77,11 +77,11 @@ def _check(
     _refuse_unknown(limits, sorted(known))
     escaped = [f.where for f in findings if f.code == RAN_AWAY]
     if escaped:
-        raise GateError("the prediction runs away", ", ".join(escaped), "The model is unstable.")
+        raise GateError("the prediction diverges", ", ".join(escaped), "The model is unstable.")
     missing = [channel for channel in limits if channel not in found]
     if missing:
         raise GateError(
-            f"nothing was held out that measures {missing[0]}, so the gate cannot be met",
+            f"no held-out maneuver measures {missing[0]}, so the gate cannot be met",
             "--fail-above",
             "Hold out a maneuver with `auvident segment RUN --hold-out ID`.",
         )

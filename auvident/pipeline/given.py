@@ -41,13 +41,17 @@ def fits(name: str, patterns: tuple[str, ...]) -> bool:
 
 @dataclass(frozen=True)
 class Given:
-    """Loads artifacts when asked for; each once."""
+    """Loads artifacts when asked for; each once.
+
+    ``also`` are the stages that the stage shows where they are, and that are up to date.
+    """
 
     run: RunDirectory
     manifest: Manifest | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
     seed: int = 0
     observer: Observer = field(default_factory=Observer)
+    also: frozenset[str] = frozenset()
 
     def read(self, name: str, model: type[Model]) -> Model:
         """A JSON artifact as its class."""
@@ -111,6 +115,13 @@ class Given:
         from auvident.schema.artifacts import IdentifiedModel
 
         return self.read("identify/model.json", IdentifiedModel)
+
+    @cached_property
+    def refined(self) -> "IdentifiedModel":
+        """The refined model."""
+        from auvident.schema.artifacts import IdentifiedModel
+
+        return self.read("refine/model.json", IdentifiedModel)
 
     @cached_property
     def metrics(self) -> "Metrics":

@@ -25,8 +25,8 @@ IDENTIFIED = "identify/model.json"
 VEHICLE = "ingest/vehicle.json"
 USUAL_FINENESS = 8.0  # length over diameter of a survey AUV
 SIGNS_ASSUMED = (
-    "The model stands in no run directory: a positive rudder is taken to turn to port, a positive "
-    "elevator to pitch down. --vehicle V.toml says otherwise."
+    "The model is not in a run directory, so a positive rudder is assumed to turn to port "
+    "and a positive elevator to pitch down. Use --vehicle V.toml to state other signs."
 )
 
 
@@ -107,7 +107,7 @@ def _trial(
     trials = read_trials([log], read_column_map(column_map) if column_map else None, needed)
     if len(trials) > 1:
         names = ", ".join(t.name for t in trials)
-        raise InputError("holds several trials", str(log), f"Give one of them: {names}.")
+        raise InputError("contains several trials", str(log), f"Give one of them: {names}.")
     return ingest(trials[0], vehicle, rate_hz=rate_hz, needed=needed)[0]
 
 

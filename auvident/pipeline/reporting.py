@@ -2,22 +2,19 @@
 
 from typing import TYPE_CHECKING
 
-from auvident.pipeline.freshness import judge
+from auvident.errors import NumericsError
 from auvident.pipeline.given import Given
-from auvident.pipeline.table import BY_NAME
 from auvident.storage.artifacts import read_json
 
 if TYPE_CHECKING:
     from auvident.report.html_data import ReportData
-    from auvident.schema.artifacts import Maneuvers
+    from auvident.schema.artifacts import Maneuvers, TrialPlan
 
 
 def report_data(given: Given) -> "ReportData":
     """Artifacts of all stages; of those it can do without only where they are up to date."""
     from auvident.report.html_data import ReportData
 
-    stages = (BY_NAME[name] for name in BY_NAME["report"].also)
-    done = {s.name for s in stages if judge(s, given.run, given.manifest).state == "done"}
     return ReportData(
         trials=given.trials,
         vehicle=given.vehicle,
@@ -29,11 +26,26 @@ def report_data(given: Given) -> "ReportData":
         metrics=given.metrics,
         simulation=given.table("validate/simulation.parquet"),
         manifest=given.manifest,
-        diagnosis=given.diagnosis if "diagnose" in done else None,
-        comparison=given.comparison if "refine" in done else None,
-        residuals=given.table("diagnose/residuals.parquet") if "diagnose" in done else None,
-        refined=given.table("refine/simulation.parquet") if "refine" in done else None,
+        diagnosis=given.diagnosis if "diagnose" in given.also else None,
+        comparison=given.comparison if "refine" in given.also else None,
+        residuals=given.table("diagnose/residuals.parquet") if "diagnose" in given.also else None,
+        refined=given.table("refine/simulation.parquet") if "refine" in given.also else None,
+        refined_model=given.refined if "refine" in given.also else None,
+        refined_history=given.table("refine/history.parquet") if "refine" in given.also else None,
+        plan=_plan(given),
     )
+
+
+def _plan(given: Given) -> "TrialPlan | None":
+    """What to fly next; None where no further maneuver can be simulated with the model."""
+    from auvident.stages.plan_trial import plan_trial
+
+    if not given.model.covariance:
+        return None
+    try:
+        return plan_trial(given.trials, given.maneuvers.maneuvers, given.model)
+    except NumericsError:
+        return None
 
 
 def _maneuvers(given: Given) -> "Maneuvers":

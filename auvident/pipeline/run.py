@@ -125,7 +125,7 @@ def run_all(
             result.decisions.append(decision)
             reason = _left_out(stage, plane, result.failure)
             if reason:
-                observer.decided(stage.name, f"{stage.name}: left out, {reason}")
+                observer.decided(stage.name, f"{stage.name}: skipped, {reason}")
                 result.left_out.append(stage.name)
                 continue
             observer.decided(stage.name, decision.sentence)
@@ -165,8 +165,8 @@ def _refuse_foreign(run: RunDirectory, manifest: Manifest | None, stages: Sequen
 def _left_out(stage: Stage, plane: str, failure: NumericsError | None) -> str:
     """Why a run goes on without a stage; empty when it does not."""
     if plane not in stage.planes:
-        return f"it knows the {' and '.join(stage.planes)} plane only"
-    return "the numbers failed before" if failure and stage.name in OPTIONAL else ""
+        return f"it covers only the {' and '.join(stage.planes)} plane"
+    return "an earlier stage failed numerically" if failure and stage.name in OPTIONAL else ""
 
 
 def status(path: Path) -> tuple[list[Decision], Manifest]:
@@ -240,7 +240,8 @@ def _execute(
     former = manifest.stages.get(stage.name) if manifest else None
     wanted = _with_seed(stage, wanted, former)
     inputs = {name: run.sha256(name) or "" for name in matching(manifest, stage.reads)}
-    given = Given(run, manifest, {**stage.options, **options}, wanted.seed or 0, observer)
+    also = frozenset(s for s in stage.also if judge(BY_NAME[s], run, manifest).state == "done")
+    given = Given(run, manifest, {**stage.options, **options}, wanted.seed or 0, observer, also)
     outputs, content = _call(stage, given, wanted)
     manifest = manifest or Manifest(program_version=__version__, created_at=started)
     manifest = _announce(run, manifest, stage.name, content)

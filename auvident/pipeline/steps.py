@@ -1,6 +1,6 @@
 """One function a stage: artifacts in, the stage's own function called, artifacts out.
 
-Imports stand inside, so that a command loads only what it uses.
+Imports stand inside for speed: a command loads only what it uses.
 """
 
 from collections.abc import Mapping
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
     _Again = tuple[Identification, Validation]
 
-COMPILING = "The numerical kernels are compiled, once on this machine: about half a minute."
+COMPILING = "Compiling the numerical kernels, once on this machine: about half a minute."
 COMPILING_EACH_TIME = (
-    "The numerical kernels are compiled in every run, about half a minute: no folder for them can "
-    "be written. NUMBA_CACHE_DIR names one."
+    "Compiling the numerical kernels, about half a minute in every run: the folder that "
+    "caches them is not writable. Set NUMBA_CACHE_DIR to one that is."
 )
 DEFAULT_PLAN = "refined"
 NAMED_FEW = 5  # paths in one finding
@@ -112,9 +112,9 @@ def _refuse_namesake(name: str, known: "list[Fingerprint]") -> None:
     """Refuse a second trial of one name; logs that are searched one by one may have such."""
     if any(name == other.name for other in known):
         raise InputError(
-            f"two trials have the name {name!r}",
+            f"two trials are named {name!r}",
             f"trial {name}",
-            "Rename one file or folder: trials are known by their stem.",
+            "Rename one of the files or folders: a trial is named after it.",
         )
 
 
@@ -147,7 +147,7 @@ def _left_out_findings(options: Mapping[str, Any]) -> "tuple[Finding, ...]":
     return (
         Finding(
             code="own_outputs_left_out",
-            message=f"{len(found)} outputs of auvident among the logs were not read",
+            message=f"{len(found)} outputs of auvident among the logs were skipped",
             where=names,
             value=float(len(found)),
         ),

@@ -4,11 +4,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from rich.console import Group, RenderableType
-from rich.table import Table
-from rich.text import Text
 
-from auvident.report.console_style import finding_line, house_table
+from auvident.report.console_style import finding_line, rich_table
 from auvident.report.numbers import TERMINAL
+from auvident.report.tables import Cell, Column, Number, Rows, Table, WithStd, columns
 from auvident.schema.artifacts import AseCoefficient, AseResult
 from auvident.schema.coefficients import BY_SYMBOL
 from auvident.schema.planes import PLANES
@@ -51,70 +50,66 @@ def ase_report(result: AseResult) -> RenderableType:
     rich renderable
         Coefficients with parts, geometry, facts and findings.
     """
-    pieces: list[RenderableType] = [coefficient_table(result)]
+    tables = [coefficient_table(result)]
     if result.geometry:
-        pieces.append(geometry_table(result))
-    pieces.append(facts_table((result,)))
+        tables.append(geometry_table(result))
+    tables.append(facts_table((result,)))
     turns = result.facts.get("horizontal", {}).get("turns")
     if turns:
-        pieces.append(_row_table("Steady turns, rudder to port", turns))
+        tables.append(_row_table("Steady turns, rudder to port", turns))
     speeds = result.facts.get("speed", {}).get("table")
     if speeds:
-        pieces.append(_row_table("Straight run", speeds))
-    pieces += [finding_line(f) for f in result.findings]
-    return Group(*pieces)
+        tables.append(_row_table("Straight run", speeds))
+    return Group(*map(rich_table, tables), *map(finding_line, result.findings))
 
 
 def coefficient_table(result: AseResult) -> Table:
     """Value, deviation, prime value and contribution of each part, by plane."""
-    table = house_table(f"{result.vehicle}: coefficients at {result.speed_mps:g} m/s")
-    table.add_column("", style="bold")
-    for name in ("value", "± 1σ", "unit", "prime ·10³", *PARTS, "rigid body"):
-        table.add_column(name, justify="left" if name == "unit" else "right")
+    heads = (*columns(("", "unit")), *columns(numbers=("value ± std", "1000 × prime", *PARTS)))
+    rows: list[Sequence[Cell]] = []
     for plane, title in TITLES.items():
-        rows = [c for c in result.coefficients if c.plane == plane]
-        if rows:
-            table.add_row(Text(title, style="italic dim"))
-        for row in rows:
-            table.add_row(*_coefficient_cells(row))
-    return table
+        own = [_coefficient_cells(c) for c in result.coefficients if c.plane == plane]
+        rows += [[title] + [""] * (len(heads)), *own] if own else []
+    return Table(
+        (*heads, *columns(numbers=("rigid body",))),
+        rows,
+        f"{result.vehicle}: coefficients at {result.speed_mps:g} m/s",
+    )
 
 
-def _coefficient_cells(row: AseCoefficient) -> list[str]:
+def _coefficient_cells(row: AseCoefficient) -> list[Cell]:
     """Cells of one coefficient; a given one is marked."""
     mark = " (given)" if row.origin == "given" else ""
-    cells = [row.symbol + mark, number(row.value, 4), number(row.std, 4), row.unit]
-    cells.append(number(1e3 * row.prime, 4))
-    cells += [number(row.parts[p], 4) if p in row.parts else "" for p in PARTS]
-    return [*cells, number(row.rigid_body, 4) if row.rigid_body else ""]
+    return [
+        row.symbol + mark,
+        row.unit,
+        WithStd(row.value, row.std),
+        Number(1e3 * row.prime, 4),
+        *(Number(row.parts[p], 4) if p in row.parts else "" for p in PARTS),
+        Number(row.rigid_body, 4) if row.rigid_body else "",
+    ]
 
 
 def geometry_table(result: AseResult) -> Table:
     """Sizes, centroids and numbers that the formulas use."""
-    table = house_table("Geometry")
-    table.add_column("")
-    table.add_column("value", justify="right")
-    table.add_column("unit")
-    for key, name, unit in SIZES:
-        if key in result.geometry:
-            table.add_row(name, number(result.geometry[key], 4), unit)
-    return table
+    rows: Rows = [
+        [name, Number(result.geometry[key], 4), unit]
+        for key, name, unit in SIZES
+        if key in result.geometry
+    ]
+    return Table((*columns(("",), ("value",)), Column("unit")), rows, "Geometry")
 
 
 def facts_table(results: Sequence[AseResult]) -> Table:
     """Stability, turning and speed, one column a vehicle."""
-    table = house_table("What follows")
-    table.add_column("")
-    for result in results:
-        table.add_column(result.vehicle, justify="right")
+    rows: list[Sequence[Cell]] = []
     for group, key, name in DESIGN_FACTS:
         cells = [_cell(r.facts.get(group, {}).get(key)) for r in results]
-        if any(cells):
-            table.add_row(name, *cells)
+        rows += [[name, *cells]] if any(cells) else []
     for angle in _turn_angles(results):
-        cells = [_cell(_turn(r, angle).get("diameter_m")) for r in results]
-        table.add_row(f"turning diameter at {angle:g}° rudder, m", *cells)
-    return table
+        diameters = [_cell(_turn(r, angle).get("diameter_m")) for r in results]
+        rows.append([f"turning diameter at {angle:g}° rudder, m", *diameters])
+    return Table(columns(("",), [r.vehicle for r in results]), rows, "Derived figures")
 
 
 def side_by_side(results: Sequence[AseResult]) -> RenderableType:
@@ -128,16 +123,15 @@ def side_by_side(results: Sequence[AseResult]) -> RenderableType:
     -------
     rich renderable
     """
-    table = house_table("Coefficients side by side (change against the first)")
-    table.add_column("", style="bold")
-    table.add_column("unit")
-    for result in results:
-        table.add_column(result.vehicle, justify="right")
     rows = [r.by_symbol() for r in results]
-    for symbol in (s for s in BY_SYMBOL if any(s in r for r in rows)):
-        cells = [_with_change(row.get(symbol), rows[0].get(symbol)) for row in rows]
-        table.add_row(symbol, BY_SYMBOL[symbol].unit, *cells)
-    return Group(table, facts_table(results))
+    cells = [
+        [s, BY_SYMBOL[s].unit, *(_with_change(row.get(s), rows[0].get(s)) for row in rows)]
+        for s in BY_SYMBOL
+        if any(s in row for row in rows)
+    ]
+    heads = columns(("", "unit"), [r.vehicle for r in results])
+    title = "Coefficients side by side (change against the first)"
+    return Group(rich_table(Table(heads, cells, title)), rich_table(facts_table(results)))
 
 
 def _with_change(row: AseCoefficient | None, first: AseCoefficient | None) -> str:
@@ -163,13 +157,10 @@ def _turn(result: AseResult, angle_deg: float) -> dict[str, float]:
 
 def _row_table(title: str, rows: Sequence[dict[str, float]]) -> Table:
     """A table of dictionaries with equal keys."""
-    table = house_table(title)
     keys = list(dict.fromkeys(key for row in rows for key in row))
-    for key in keys:
-        table.add_column(key, justify="right")
-    for row in rows:
-        table.add_row(*[_cell(row.get(key)) for key in keys])
-    return table
+    return Table(
+        columns(numbers=keys), [[_cell(row.get(key)) for key in keys] for row in rows], title
+    )
 
 
 def _cell(value: Any) -> str:

@@ -5,21 +5,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import RenderableType
-from rich.table import Table
 from rich.text import Text
 
-from auvident.report import console_loop
+from auvident.report import console_loop, tables_model
 from auvident.report import tables_run as tables
 from auvident.report.ase_tables import ase_report
-from auvident.report.console_style import findings_lines, house_table, rich_table
+from auvident.report.console_style import findings_lines, rich_table
 from auvident.report.numbers import TERMINAL
+from auvident.report.tables import Column, Fixed, Number, Rows, Table, columns
 from auvident.schema.artifacts import (
     IdentifiedModel,
     Maneuver,
     Metrics,
     TrialPlan,
 )
-from auvident.schema.effect_words import allowances
 from auvident.schema.logs import Quality, TrialQuality
 
 if TYPE_CHECKING:
@@ -28,12 +27,9 @@ if TYPE_CHECKING:
 number = TERMINAL.number
 STATE_STYLES = {"done": "green", "stale": "yellow", "missing": "red"}
 ROLES = {
-    "identify": "Prediction of the maneuvers that identified",
+    "identify": "Prediction of the maneuvers used for identification",
     "validate": "Prediction of the held-out maneuvers",
 }
-# share of a coefficient's certainty that came from the data: from, name
-SIGHT = ((0.8, "well seen"), (0.3, "partly seen"), (-1.0, "left to the prior"))
-MOST_SHARES = 5  # coefficients named of a combination
 MOST_SENSOR_TABLES = 3  # trials; more of them are shown with one row each
 
 
@@ -55,12 +51,13 @@ def stage_report(
     return report(outputs) if report else []
 
 
-def frame_table(title: str, frame: "pd.DataFrame") -> Table:
+def frame_table(title: str, frame: "pd.DataFrame") -> RenderableType:
     """A small table of numbers."""
-    table = house_table(title, (), [str(c) for c in frame.columns])
-    for row in frame.itertuples(index=False):
-        table.add_row(*(number(v, 4) if isinstance(v, float) else str(v) for v in row))
-    return table
+    rows = [
+        [Number(v, 4) if isinstance(v, float) else str(v) for v in row]
+        for row in frame.itertuples(index=False)
+    ]
+    return rich_table(Table(columns(numbers=[str(c) for c in frame.columns]), rows, title))
 
 
 def _ingest(outputs: Mapping[str, Any]) -> list[RenderableType]:
@@ -74,9 +71,9 @@ def _ingest(outputs: Mapping[str, Any]) -> list[RenderableType]:
     return [*pieces, *findings_lines([*findings, *quality.findings])]
 
 
-def _sensors(trial: TrialQuality) -> Table:
+def _sensors(trial: TrialQuality) -> RenderableType:
     title = (
-        f"{trial.trial}: {trial.samples} rows at {trial.rate_hz:g} Hz, uninterrupted records: "
+        f"{trial.trial}: {trial.samples} rows at {trial.rate_hz:g} Hz, gap-free records: "
         f"{len(trial.records)}"
     )
     return rich_table(tables.sensors((trial,), title))
@@ -86,7 +83,7 @@ def _segment(outputs: Mapping[str, Any]) -> list[RenderableType]:
     maneuvers: Sequence[Maneuver] = outputs["segment/maneuvers.json"]
     beside = outputs["segment/rejected.json"]
     table = rich_table(tables.maneuvers(maneuvers, "Maneuvers"))
-    note = f"{len(beside['rejected'])} candidates rejected: segment/rejected.json says why"
+    note = f"{len(beside['rejected'])} candidates rejected; segment/rejected.json has the reasons"
     return [table, Text(note, style="dim"), *findings_lines(beside["findings"])]
 
 
@@ -96,7 +93,8 @@ def _ase(outputs: Mapping[str, Any]) -> list[RenderableType]:
 
 def _identify(outputs: Mapping[str, Any]) -> list[RenderableType]:
     model: IdentifiedModel = outputs["identify/model.json"]
-    return [sight_table(model), model_table(model), *findings_lines(model.findings)]
+    pieces = [rich_table(tables_model.sight(model)), rich_table(tables_model.coefficients(model))]
+    return [*pieces, *findings_lines(model.findings)]
 
 
 def _validate(outputs: Mapping[str, Any]) -> list[RenderableType]:
@@ -110,63 +108,21 @@ def _validate(outputs: Mapping[str, Any]) -> list[RenderableType]:
     return [*pieces, *findings_lines(metrics.findings)]
 
 
-def sight_table(model: IdentifiedModel) -> Table:
-    """What the maneuvers can and cannot see, before any value is shown."""
-    table = house_table("What these maneuvers can and cannot see", ("", ""))
-    least = 1.1
-    for below, name in SIGHT:
-        seen = [
-            c.symbol
-            for c in model.coefficients
-            if c.origin in ("identified", "kinematic") and below <= c.data_share < least
-        ]
-        least = below
-        table.add_row(name, ", ".join(seen) or "-")
-    for combination in model.unidentifiable:
-        name = "no data can see" if combination.structural else "not shown here"
-        table.add_row(name, tables.combination(combination, TERMINAL, MOST_SHARES))
-    table.caption = "auvident plan-trial RUN ranks the maneuvers that would show more"
-    table.caption_justify = "left"
-    return table
-
-
-def model_table(model: IdentifiedModel) -> Table:
-    """Coefficients before and after the data."""
-    title = f"{model.vehicle}, {model.plane} plane ({model.filter}, {model.engine})"
-    columns = ("value", "std", "prior", "prior std", "1000 x prime", "from data")
-    table = house_table(title, ("", "unit"), columns)
-    table.add_column("origin")
-    for c in model.coefficients:
-        table.add_row(
-            c.symbol,
-            c.unit,
-            number(c.value, 4),
-            number(c.std, 2),
-            number(c.prior, 4),
-            number(c.prior_std, 2),
-            number(1e3 * c.prime, 4),
-            f"{100.0 * c.data_share:.0f} %",
-            c.origin,
-        )
-    table.caption, table.caption_justify = allowances(model.effects) or None, "left"
-    return table
-
-
-def status_table(run: Path, rows: Sequence[Mapping[str, Any]]) -> Table:
+def status_table(run: Path, rows: Sequence[Mapping[str, Any]]) -> RenderableType:
     """State of every stage."""
-    table = house_table(f"Run directory {run}", ("stage", "state", "why", "last failure"))
-    for row in rows:
-        style = STATE_STYLES[row["state"]]
-        failed = row["failed"].problem if row["failed"] else ""
-        table.add_row(row["stage"], Text(row["state"], style=style), row["reason"], failed)
-    return table
+    cells = [
+        [row["stage"], row["state"], row["reason"], row["failed"].problem if row["failed"] else ""]
+        for row in rows
+    ]
+    heads = columns(("stage", "state", "reason", "last failure"))
+    return rich_table(Table(heads, cells, f"Run directory {run}"), STATE_STYLES)
 
 
 def comparison_tables(comparison: Mapping[str, Any]) -> list[RenderableType]:
     """Several runs side by side."""
     pieces: list[RenderableType] = [rich_table(t) for t in tables.runs_side_by_side(comparison)]
     sets = {tuple(run["held_out"]) for run in comparison["runs"]}
-    note = "The runs hold out different maneuvers: their errors are not of the same thing."
+    note = "The runs hold out different maneuvers, so their errors are not comparable."
     return [*pieces, Text(note, style="yellow")] if len(sets) > 1 else pieces
 
 
@@ -174,40 +130,54 @@ def log_tables(report: Any) -> list[RenderableType]:
     """What is in a log: its files with their clocks and columns, and a proposed map."""
     pieces: list[RenderableType] = []
     for file in report.files:
-        clock = f"time in {file.time_column!r}" if file.time_column else "no time column"
-        rate = f", {number(file.rate_hz, 4)} Hz" if file.rate_hz else ""
-        span = "" if file.start_s is None else f", {file.start_s:.1f} to {file.end_s:.1f} s"
-        gaps = f", {file.gaps} gaps up to {file.longest_gap_s:.3g} s" if file.gaps else ""
-        title = f"{file.file}: {file.rows} rows, {clock}{rate}{span}{gaps}"
-        table = house_table("", ("column", "taken for", "unit"), ("least", "most", "empty"))
-        table.add_column("note")
-        for c in file.columns:
-            table.add_row(
-                c.name,
-                c.quantity or "",
-                c.unit,
-                number(c.minimum, 4),
-                number(c.maximum, 4),
-                str(c.empty),
-                c.note,
-            )
         notes = [Text(note, style="yellow") for note in file.notes]
-        pieces += [Text(title, style="italic"), table, *notes]
+        pieces += [Text(_log_title(file), style="italic"), _log_columns(file), *notes]
     if report.unassigned:
         names = ", ".join(report.unassigned)
         pieces.append(Text(f"No column was found for: {names}", style="yellow"))
     return pieces
 
 
-def trial_plan_table(plan: TrialPlan) -> Table:
+def _log_title(file: Any) -> str:
+    clock = f"time in {file.time_column!r}" if file.time_column else "no time column"
+    rate = f", {number(file.rate_hz, 4)} Hz" if file.rate_hz else ""
+    span = "" if file.start_s is None else f", {file.start_s:.1f} to {file.end_s:.1f} s"
+    gaps = f", {file.gaps} gaps of up to {file.longest_gap_s:.3g} s" if file.gaps else ""
+    return f"{file.file}: {file.rows} rows, {clock}{rate}{span}{gaps}"
+
+
+def _log_columns(file: Any) -> RenderableType:
+    heads = columns(("column", "read as", "unit"), ("minimum", "maximum", "empty"))
+    rows: Rows = [
+        [
+            c.name,
+            c.quantity or "",
+            c.unit,
+            Number(c.minimum, 4),
+            Number(c.maximum, 4),
+            str(c.empty),
+            c.note,
+        ]
+        for c in file.columns
+    ]
+    return rich_table(Table((*heads, Column("note")), rows))
+
+
+def trial_plan_table(plan: TrialPlan) -> RenderableType:
     """Candidate maneuvers, best first."""
     title = f"{plan.vehicle}, {plan.plane} plane: what another maneuver would add"
-    table = house_table(title, ("maneuver", "what to do"), ("length, s", "gain, nats"))
-    table.add_column("standard deviations shrink by the factor")
-    for c in plan.candidates:
-        shrinks = ", ".join(f"{symbol} {number(f, 2)}" for symbol, f in c.shrinks.items())
-        table.add_row(c.name, c.what, f"{c.duration_s:.0f}", f"{c.gain_nats:.2f}", shrinks)
-    return table
+    heads = columns(("maneuver", "what to do"), ("length, s", "gain, nats"))
+    rows: Rows = [
+        [
+            c.name,
+            c.what,
+            Fixed(c.duration_s, ".0f"),
+            Fixed(c.gain_nats, ".2f"),
+            ", ".join(f"{symbol} {number(f, 2)}" for symbol, f in c.shrinks.items()),
+        ]
+        for c in plan.candidates
+    ]
+    return rich_table(Table((*heads, Column("std after ÷ before")), rows, title))
 
 
 REPORTS: dict[str, Callable[[Mapping[str, Any]], list[RenderableType]]] = {

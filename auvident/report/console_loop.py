@@ -4,12 +4,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.console import RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from auvident.report import loop_words as words
 from auvident.report import tables_loop as tables
-from auvident.report.console_style import findings_lines, house_table, rich_table
+from auvident.report.console_style import findings_lines, rich_table
 from auvident.schema.diagnosis import Candidate, Comparison, Diagnosis
 
 VERDICT_STYLES = {
@@ -20,7 +19,7 @@ VERDICT_STYLES = {
     "unexplained": "bold yellow",
 }
 MOST_CANDIDATES = 8  # rows of the ranking; the artifact has all of them
-MOST_LOOKALIKES = 6
+SIGHT_STYLES = dict.fromkeys((tables.NOT_SHOWN, tables.ALIKE, tables.NOT_TESTED), "yellow")
 
 
 def diagnose(outputs: Mapping[str, Any]) -> list[RenderableType]:
@@ -72,26 +71,15 @@ def statement(found: Diagnosis | Comparison) -> Text:
     return text.append(found.statement, style=VERDICT_STYLES[found.verdict])
 
 
-def sight(found: Diagnosis) -> Table:
+def sight(found: Diagnosis) -> RenderableType:
     """What the maneuvers can and cannot show, before any verdict."""
-    table = house_table("What these maneuvers can and cannot see of an effect", ("", ""))
-    for family, names in words.visible_by_family(found.sees).items():
-        table.add_row(family, ", ".join(names))
-    for why, names in words.blind_by_reason(found.sees).items():
-        table.add_row(Text("not seen", style="yellow"), f"{', '.join(names)}: {why}")
-    for same in found.lookalikes[:MOST_LOOKALIKES]:
-        remedy = f"; {same.separate_by}" if same.separate_by else ""
-        row = f"{', '.join(same.ids)} (cosine {same.cosine:.3f}){remedy}"
-        table.add_row(Text("look alike", style="yellow"), row)
-    for missing in found.missing:
-        table.add_row(Text("not tested", style="yellow"), missing)
-    return table
+    return rich_table(tables.sight(found), SIGHT_STYLES)
 
 
-def ranking(candidates: Sequence[Candidate]) -> Table:
+def ranking(candidates: Sequence[Candidate]) -> RenderableType:
     """The best candidates, with why the others were turned down."""
     rows, more = words.ranked(candidates), len(candidates) - MOST_CANDIDATES
-    caption = f"and {more} more: diagnose/diagnosis.json" if more > 0 else ""
+    caption = f"{more} more in diagnose/diagnosis.json" if more > 0 else ""
     return rich_table(tables.candidates(rows[:MOST_CANDIDATES], caption))
 
 
@@ -102,17 +90,17 @@ def verdict_lines(found: Diagnosis) -> list[RenderableType]:
         pieces.append(rich_table(tables.effects(found.effects)))
     pieces += _ambiguous_lines(found)
     if found.separate_by:
-        pieces.append(Text(f"To tell them apart: {found.separate_by}", style="yellow"))
+        pieces.append(Text(f"Maneuvers that would: {found.separate_by}", style="yellow"))
     return pieces + _unexplained_lines(found)
 
 
 def _ambiguous_lines(found: Diagnosis | Comparison) -> list[RenderableType]:
     return [
-        Text(f"These data cannot tell apart: {', '.join(group)}", style="yellow")
+        Text(f"These data cannot tell apart {' and '.join(group)}", style="yellow")
         for group in found.ambiguous
     ]
 
 
 def _unexplained_lines(found: Diagnosis | Comparison) -> list[RenderableType]:
     lines = words.unexplained_lines(found.unexplained)
-    return [Text(f"Left unexplained: {line}", style="yellow") for line in lines]
+    return [Text(f"Unexplained: {line}", style="yellow") for line in lines]

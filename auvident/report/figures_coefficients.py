@@ -46,10 +46,10 @@ def forest(coefficients: Sequence[ModelCoefficient], name: str) -> str:
     left.set_ylim(len(rows) - 0.4, -0.6)
     left.set_yticks(range(len(rows)), [c.symbol for c in rows])
     left.set_xlabel("(value − prior) / prior standard deviation")
-    left.set_title("identified ± 1 std; band: prior ± 1 std")
+    left.set_title("identified ± std; shaded: prior ± std")
     right.set_xlim(0.0, 100.0)
-    right.set_xlabel("% of certainty")
-    right.set_title("share that came from the data")
+    right.set_xlabel("% of the information")
+    right.set_title("share from the data")
     right.tick_params(left=False)
     return svg(figure, name, "Coefficients before and after the data")
 

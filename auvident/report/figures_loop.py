@@ -37,8 +37,8 @@ ROLES = ("validate", "identify")  # a maneuver of each is drawn, where there is 
 # column ending, colour, line style, line width, opacity, words
 LINES = (
     ("measured", INK, "-", 2.0, 0.4, "measured"),
-    ("before", VERMILLION, (0, (4, 2)), 1.1, 1.0, "predicted before"),
-    ("after", BLUE, "-", 1.2, 1.0, "with the effects"),
+    ("before", VERMILLION, (0, (4, 2)), 1.1, 1.0, "predicted, identified model"),
+    ("after", BLUE, "-", 1.2, 1.0, "predicted, with the effects"),
 )
 
 
@@ -62,9 +62,9 @@ def gains(candidates: Sequence[Candidate], name: str) -> str | None:
     axes.set_xlim(LEAST_GAIN, 3.0 * max(most, 10.0 * LEAST_GAIN))
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_yticks(range(len(rows)), [c.id for c in rows])
-    axes.set_xlabel("gain of the log-likelihood, nats (logarithmic)")
+    axes.set_xlabel("gain in log-likelihood, nats (logarithmic)")
     figure.tight_layout()
-    return svg(figure, name, "Gain of each candidate effect")
+    return svg(figure, name, "Gain in log-likelihood by each candidate effect")
 
 
 def before_after(table: pd.DataFrame, name: str) -> str | None:
@@ -106,7 +106,7 @@ def before_after(table: pd.DataFrame, name: str) -> str | None:
         lower.set_xlabel("time from the start of the maneuver, s")
     _legend(figure, any(f"{c}_after" in table for c in channels))
     figure.align_ylabels()
-    return svg(figure, name, "Measured and predicted before and after, with the residuals")
+    return svg(figure, name, "Most affected channels, measured and predicted, with the residuals")
 
 
 def squared_falls(table: pd.DataFrame) -> pd.DataFrame:

@@ -20,7 +20,7 @@ from auvident.report.figures import (
     svg,
     thinned,
 )
-from auvident.report.html_data import CHANNELS, gain, number, quantity
+from auvident.report.html_data import CHANNELS, number, quantity
 from auvident.report.numbers import SHOWN_UNITS
 from auvident.schema.artifacts import ChannelMetrics, ManeuverMetrics
 from auvident.schema.planes import PLANE_ROWS
@@ -30,7 +30,7 @@ LINES = (
     ("ase", VERMILLION, (0, (4, 2)), 1.0, "{prior} alone"),
     ("measured", INK, "-", 2.0, "measured"),
     ("simulated", BLUE, "-", 1.2, "identified model"),
-    ("refined", GREEN, (0, (5, 1)), 1.2, "final model with the effects"),
+    ("refined", GREEN, (0, (5, 1)), 1.2, "final model, with the effects"),
 )
 MEASURED_OPACITY = 0.45  # so that the model on top of it is seen
 LEAST_HELM_DEG = 1.0  # span of the axis: a constant helm is no noise
@@ -145,10 +145,8 @@ def _errors(
         )
         return
     text = f"RMSE {quantity(found.rmse, found.unit)} · NRMSE {number(found.nrmse, 2)}"
-    ratio = gain(before.get(channel), found)
     if channel in before:
-        text += f" ({prior} {quantity(before[channel].rmse, found.unit)}"
-        text += f", squared error ÷ {number(ratio, 2)})" if ratio else ")"
+        text += f" ({prior} {quantity(before[channel].rmse, found.unit)})"
     axes.set_title(text, loc="right", fontsize=8.5, pad=3)
 
 
@@ -194,13 +192,11 @@ def _track(
     axes.set_ylabel("north of the start, m")
     found = after.channels.get("track")
     if found is not None:
-        ratio = gain(before.channels.get("track") if before else None, found)
         final = _final_error(table, ["north_m", "east_m"])
         text = f"track: RMSE {quantity(found.rmse if final is None else final, found.unit)}"
         text += "" if final is None else f", identified {quantity(found.rmse, found.unit)}"
-        text += (
-            f", {prior} {quantity(before.channels['track'].rmse, 'm')}" if ratio and before else ""
-        )
+        if before and "track" in before.channels:
+            text += f", {prior} {quantity(before.channels['track'].rmse, 'm')}"
         axes.set_title(text, fontsize=8.5)
 
 

@@ -1,21 +1,21 @@
 """The HTML report: one file, nothing outside of it, no script."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from auvident import __version__
-from auvident.report import html_tables as tables
 from auvident.report import html_words as words
-from auvident.report import tables_run
-from auvident.report.html_data import ReportData, number, quantity
+from auvident.report import tables_figures, tables_model, tables_record, tables_run
+from auvident.report.finding_words import evidence
+from auvident.report.html_data import ReportData, number
 from auvident.report.html_loop import figures as loop_figures
 from auvident.report.html_loop import lacks, with_refined
 from auvident.report.numbers import PAGE
 from auvident.report.tables import written
 from auvident.schema.artifacts import PRIOR_WORDS
-from auvident.schema.effect_words import allowances
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -26,6 +26,7 @@ FOLDER = Path(__file__).resolve().parent
 MOST_TRIALS = 32  # drawn over time; of the others the table of maneuvers tells
 TRIALS_NAMED = 6  # in the head
 TRIALS_APART, TRIALS_TOGETHER = 2, 16  # a figure each up to so many; else so many in a figure
+STRONG = 0.8  # correlation from which on a pair is listed
 MOST_PREDICTIONS = 10  # held-out maneuvers drawn; the errors of all are in a table
 
 
@@ -47,7 +48,9 @@ def render(report: ReportData) -> str:
         version=__version__,
         data=report,
         subtitle=_subtitle(report),
-        verdict=words.verdict(report),
+        summary=words.summary(report),
+        grade=words.verdict(report)[1],
+        model=report.final_model,
         refined=report.is_refined,
         cards=words.cards(report),
         prior=report.prior_name,
@@ -57,7 +60,7 @@ def render(report: ReportData) -> str:
         figures=_figures(report),
         left_out=_left_out(report),
         number=number,
-        quantity=quantity,
+        evidence=evidence,
         **_tables(report),
     )
 
@@ -158,20 +161,22 @@ def _predictions(report: ReportData) -> list[str]:
 def _coefficients(report: ReportData) -> list[str | None]:
     from auvident.report.figures_coefficients import correlation_matrix, forest
 
-    if report.model is None:
+    model = report.final_model
+    if model is None:
         return []
     return [
-        forest(report.model.coefficients, "forest"),
-        correlation_matrix(report.model.covariance, "correlations"),
+        forest(model.coefficients, "forest"),
+        correlation_matrix(model.covariance, "correlations"),
     ]
 
 
 def _history(report: ReportData) -> list[str | None]:
     from auvident.report.figures_coefficients import history
 
-    if report.model is None or report.history is None:
+    model, passes = report.final_model, report.final_history
+    if model is None or passes is None:
         return []
-    return [history(report.history, report.model.coefficients, "history")]
+    return [history(passes, model.coefficients, "history")]
 
 
 def _left_out(report: ReportData) -> list[str]:
@@ -189,23 +194,27 @@ def _left_out(report: ReportData) -> list[str]:
 
 def _tables(report: ReportData) -> dict[str, Any]:
     """Tables by the names that the template uses; None where there is nothing to show."""
-    held = report.held_out()
-    model, quality, manifest = report.model, report.quality, report.manifest
-    maneuvers = report.maneuvers
+    model, quality, manifest = report.final_model, report.quality, report.manifest
+    found, metrics = report.maneuvers, report.metrics
     return {
         "figure_tables": [
-            t for kind in ("turn", "zigzag") for t in tables.figure_tables(held, kind)
+            table
+            for kind in ("turn", "zigzag")
+            for table in tables_figures.figure_tables(report.held_out(), kind)
         ],
-        "errors": tables_run.errors_by_maneuver(report.metrics) if report.metrics else None,
-        "coefficients": tables.coefficient_rows(model) if model else [],
-        "allowances": allowances(model.effects) if model else "",
-        "combinations": [words.combination(c) for c in model.unidentifiable] if model else [],
-        "pairs": words.pairs(model.correlations) if model else [],
+        "errors": tables_run.errors_by_maneuver(metrics, report.refined_channels())
+        if metrics
+        else None,
+        "model_sight": replace(tables_model.sight(model), title="") if model else None,
+        "coefficients": replace(tables_model.coefficients(model), title="") if model else None,
+        "combinations": tables_model.combinations(model) if model else None,
+        "pairs": tables_model.correlated(model.correlations, STRONG) if model else None,
         "sensors": tables_run.sensors(quality.trials) if quality else None,
-        "lags": tables.lag_table(quality) if quality else None,
-        "maneuver_rows": tables_run.maneuvers(maneuvers.maneuvers) if maneuvers else None,
-        "passes": tables.pass_table(model) if model else None,
-        "stages": tables.manifest_table(manifest) if manifest else None,
-        "hashes": tables.hash_table(manifest) if manifest else None,
+        "lags": tables_record.lags(quality) if quality else None,
+        "maneuver_rows": tables_run.maneuvers(found.maneuvers) if found else None,
+        "rejected": tables_record.rejected(found.rejected) if found else None,
+        "passes": tables_model.passes(model) if model else None,
+        "stages": tables_record.stages(manifest) if manifest else None,
+        "hashes": tables_record.files(manifest) if manifest else None,
         "lacks": lacks(report),
     }

@@ -14,6 +14,7 @@ from auvident.schema.artifacts import (
     Maneuvers,
     Metrics,
     Role,
+    TrialPlan,
 )
 from auvident.schema.diagnosis import ChannelError, Comparison, Diagnosis
 from auvident.schema.logs import Quality
@@ -48,6 +49,10 @@ class ReportData:
         What the model lacks, and what adding it changed.
     residuals, refined : pandas.DataFrame or None
         ``diagnose/residuals.parquet`` and ``refine/simulation.parquet``.
+    refined_model, refined_history
+        ``refine/model.json`` and ``refine/history.parquet``.
+    plan
+        What another maneuver would add.
     """
 
     trials: Sequence[Trial] = ()
@@ -64,6 +69,20 @@ class ReportData:
     comparison: Comparison | None = None
     residuals: "pd.DataFrame | None" = None
     refined: "pd.DataFrame | None" = None
+    refined_model: IdentifiedModel | None = None
+    refined_history: "pd.DataFrame | None" = None
+    plan: TrialPlan | None = None
+
+    @property
+    def final_model(self) -> IdentifiedModel | None:
+        """The model that the run ends with: the refined one, where it is another."""
+        return self.refined_model if self.is_refined and self.refined_model else self.model
+
+    @property
+    def final_history(self) -> "pd.DataFrame | None":
+        """How the coefficients of the final model came about."""
+        refined = self.is_refined and self.refined_history is not None
+        return self.refined_history if refined else self.history
 
     @property
     def name(self) -> str:
@@ -123,18 +142,24 @@ class ReportData:
             same = [m.id for m in self.metrics.maneuvers if m.role == self.role]
             rmse["track"] = _track_error(self.refined, same)
         return {
-            name: e.model_copy(update={"rmse": rmse[name], "nrmse": e.nrmse * rmse[name] / e.rmse})
+            name: _with_rmse(e, rmse[name])
             for name, e in errors.items()
             if name in rmse and e.rmse > 0.0
         }
 
-    def final_channels(
-        self, maneuver: ManeuverMetrics
-    ) -> Mapping[str, ChannelMetrics | ChannelError]:
-        """Errors of one maneuver with the final model."""
+    def refined_channels(self) -> dict[str, Mapping[str, ChannelMetrics | ChannelError]]:
+        """Errors of every maneuver with the refined model; empty where there is none."""
         rows = self.comparison.maneuvers if self.comparison and self.is_refined else ()
-        found = next((m.after for m in rows if m.id == maneuver.id), None)
-        return maneuver.channels if found is None else found
+        found: dict[str, Mapping[str, ChannelMetrics | ChannelError]] = {
+            m.id: m.after for m in rows
+        }
+        if self.refined is None or "north_m_simulated" not in self.refined:
+            return found
+        for m in self.metrics.maneuvers if self.metrics else ():
+            if m.id in found and "track" in m.channels:
+                track = _with_rmse(m.channels["track"], _track_error(self.refined, [m.id]))
+                found[m.id] = {**found[m.id], "track": track}
+        return found
 
     def pooled_before(self, role: str) -> Mapping[str, ChannelMetrics]:
         """Pooled errors of the prior; empty when it did not predict the same maneuvers."""
@@ -145,6 +170,12 @@ class ReportData:
             {m.id for m in x.maneuvers if m.role == role} for x in (metrics, metrics.ase)
         )
         return metrics.ase.summary.get(role, {}) if after == before else {}
+
+
+def _with_rmse(e: ChannelMetrics | ChannelError, rmse: float) -> ChannelError:
+    """Another error of the same channel, over the same standard deviation."""
+    nrmse = e.nrmse * rmse / e.rmse if e.rmse > 0.0 else 0.0
+    return ChannelError(rmse=rmse, nrmse=nrmse, unit=e.unit)
 
 
 def _track_error(table: "pd.DataFrame", maneuvers: Sequence[str]) -> float:
@@ -164,7 +195,7 @@ def percent(share: float) -> str:
 def gain(
     before: ChannelMetrics | ChannelError | None, after: ChannelMetrics | ChannelError
 ) -> float | None:
-    """Ratio of the squared errors: how many times better than before; None when unknown."""
+    """Error before over error after: how many times smaller it is; None when unknown."""
     if before is None or after.rmse <= 0.0:
         return None
-    return (before.rmse / after.rmse) ** 2
+    return before.rmse / after.rmse

@@ -1,13 +1,13 @@
 """What the HTML report shows of the residual loop: verdict, tables, figures of its section."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from auvident.report import loop_words as words
 from auvident.report import tables_loop as tables
-from auvident.report.html_data import ReportData, number, quantity
+from auvident.report.html_data import ReportData, number
 from auvident.report.tables import Table
 from auvident.schema.diagnosis import Comparison, Diagnosis
 
@@ -38,17 +38,13 @@ class Lacks:
     ambiguous: tuple[str, ...]
     separate_by: str
     unexplained: tuple[str, ...]
-    summary: str
     held_out: Table | None
     maneuvers: Table | None
     moved: Table | None
     coefficients: Table | None
     candidates: Table
     others: Table
-    sees: Table
-    blind: Table
-    lookalikes: Table
-    missing: tuple[str, ...]
+    sight: Table
     residuals: Table
     steps: tuple[str, ...]
 
@@ -60,6 +56,7 @@ def lacks(report: ReportData) -> Lacks | None:
         return None
     diagnosis = report.diagnosis or _nothing_known(found)
     comparison = report.comparison
+    changed = comparison if comparison and comparison.added else None
     return Lacks(
         verdict=words.VERDICTS[found.verdict],
         grade=GRADES[found.verdict],
@@ -68,36 +65,19 @@ def lacks(report: ReportData) -> Lacks | None:
         effects=tables.effects((*found.effects, *(comparison.not_confirmed if comparison else ()))),
         attempts=tables.attempts(comparison) if comparison else None,
         silent=tables.effects(diagnosis.silent),
-        ambiguous=tuple(", ".join(group) for group in found.ambiguous),
+        ambiguous=tuple(" and ".join(group) for group in found.ambiguous),
         separate_by=diagnosis.separate_by,
         unexplained=words.unexplained_lines(found.unexplained),
-        summary=summary(comparison) if comparison else "",
-        held_out=tables.held_out(comparison.held_out) if comparison else None,
-        maneuvers=tables.maneuvers(comparison.maneuvers) if comparison else None,
-        moved=tables.moved(comparison.coefficients) if comparison else None,
-        coefficients=tables.coefficients(comparison.coefficients) if comparison else None,
+        held_out=tables.held_out(changed.held_out) if changed else None,
+        maneuvers=tables.maneuvers(changed.maneuvers) if changed else None,
+        moved=tables.moved(changed.coefficients) if changed else None,
+        coefficients=tables.coefficients(changed.coefficients) if changed else None,
         candidates=tables.candidates(words.ranked(found.candidates)[:MOST_CANDIDATES]),
         others=tables.candidates(words.ranked(found.candidates)[MOST_CANDIDATES:]),
-        sees=tables.sees(diagnosis),
-        blind=tables.blind(diagnosis),
-        lookalikes=tables.lookalikes(diagnosis),
-        missing=diagnosis.missing,
+        sight=replace(tables.sight(diagnosis), title=""),
         residuals=tables.residuals(diagnosis),
         steps=diagnosis.steps,
     )
-
-
-def summary(comparison: Comparison) -> str:
-    """Held-out errors before and after in one sentence; empty where nothing was added."""
-    held = comparison.held_out
-    errors = [
-        f"{name} {quantity(before.rmse, before.unit, 2)} → {quantity(after.rmse, after.unit, 2)}"
-        for name, before in held.before.items()
-        if (after := held.after.get(name))
-    ]
-    if not comparison.added or not errors:
-        return ""
-    return f"Held-out RMSE without and with what was added: {', '.join(errors)}."
 
 
 def _nothing_known(found: Diagnosis | Comparison) -> Diagnosis:

@@ -13,26 +13,36 @@ from auvident.report.html_data import (
     percent,
     quantity,
 )
-from auvident.report.numbers import PAGE
-from auvident.report.tables_run import combination as combination_text
+from auvident.report.loop_words import unexplained_lines
+from auvident.report.tables_model import SIGHT
 from auvident.schema.artifacts import (
     ON_ERRORS,
     PRIOR_WORDS,
     ChannelMetrics,
-    Combination,
     Finding,
 )
 from auvident.schema.diagnosis import ChannelError
+from auvident.schema.effects import DEGREES
 
 # Pooled NRMSE of the worst of the velocities and rates -> word, CSS class.
 GRADES = (
-    (0.1, "closely", "good"),
-    (0.3, "usably", "fair"),
+    (0.1, "well", "good"),
+    (0.3, "fairly well", "fair"),
     (1.0, "poorly", "poor"),
 )
-WORSE_THAN_CONSTANT = ("worse than its own mean would", "poor")
+WORSE_THAN_CONSTANT = ("worse than their mean would", "poor")
+# what a model was identified from: column, words, unit, factor to it
+RANGES = (
+    ("u_mps_measured", "speed", "m/s", 1.0),
+    ("control_rad", "control angle", "deg", DEGREES),
+    ("r_radps_measured", "yaw rate", "deg/s", DEGREES),
+    ("q_radps_measured", "pitch rate", "deg/s", DEGREES),
+    ("rpm", "propeller", "rpm", 1.0),
+)
+SPAN = (0.01, 0.99)  # quantiles, so that no single noisy sample widens the range
+PARTLY = SIGHT[1][0]  # share of the certainty from which on a coefficient counts as identified
+MOST_NAMED = 4  # coefficients that a further maneuver would show
 STRONG_CORRELATION = 0.8
-NO_INFORMATION = 1.0e-6  # beside the prior's: zero but for rounding
 SERIOUS = {
     "prediction-ran-away",
     "nothing_held_out",
@@ -69,27 +79,24 @@ class Warning_:
 
 
 def verdict(data: ReportData) -> tuple[str, str]:
-    """The report in one sentence, and its CSS class."""
+    """How well the model predicts, in one sentence, and its CSS class."""
     metrics = data.metrics
     if metrics is None or data.model is None:
         return "No model has been identified and validated yet; what follows is the input.", "none"
     if not metrics.summary:
-        return "The model's predictions leave every bound: it predicts nothing.", "poor"
+        return "Every prediction of the model diverges: it predicts nothing.", "poor"
     role = data.role
     pooled = {k: m for k, m in data.final_errors().items() if k in DYNAMIC}
     if not pooled:
         return "No channel was measured to compare the predictions with.", "none"
     word, grade = _grade(max(m.nrmse for m in pooled.values()))
     count = sum(m.role == role for m in metrics.maneuvers)
-    which = "held-out maneuver" if role == "validate" else "maneuver that identified the model"
+    which = "held-out maneuver" if role == "validate" else "maneuver used for identification"
     which = _plural(which, count)
     errors = ", ".join(
         f"{k} {quantity(m.rmse, m.unit, 2)} ({percent(m.nrmse)})" for k, m in pooled.items()
     )
-    text = (
-        f"{_which_model(data)} predicts {count} {which} {word}: RMSE {errors} of the measured "
-        "standard deviation)"
-    ).replace("%) of", "% of")
+    text = f"{_which_model(data)} predicts {count} {which} {word}: RMSE {errors}"
     text += _gain_words(data, role, pooled)
     if role == "identify":
         return text + " No maneuver was held out, so this says little about others.", "poor"
@@ -98,11 +105,11 @@ def verdict(data: ReportData) -> tuple[str, str]:
 
 def _which_model(data: ReportData) -> str:
     if data.comparison is None or not data.is_refined:
-        return "The model"
+        return "The identified model"
     added = " and ".join(
         e.plain or e.id for e in (*data.comparison.effects, *data.comparison.not_confirmed)
     )
-    return f"The final model, refined with {added}," if added else "The final, refined model"
+    return f"The final model, with {added}," if added else "The final, refined model"
 
 
 def _plural(which: str, count: int) -> str:
@@ -121,13 +128,86 @@ def _gain_words(data: ReportData, role: str, pooled: dict[str, ChannelError]) ->
     ratios = {k: g for k, m in pooled.items() if (g := gain(before.get(k), m)) is not None}
     if not ratios:
         return "."
-    factors = ", ".join(f"{k} {number(g, 2)}" for k, g in ratios.items())
-    what = PRIOR_WORDS[data.prior_name]
-    return f". Squared errors of {what} are larger by the factors {factors}."
+    factors = ", ".join(f"{number(g, 2)} ({k})" for k, g in ratios.items())
+    return f". The errors with {PRIOR_WORDS[data.prior_name]} are larger by factors of {factors}."
+
+
+def summary(data: ReportData) -> list[tuple[str, str]]:
+    """What the report comes to, line by line: a word, and a sentence or two."""
+    found = data.comparison or data.diagnosis
+    rows = [("Accuracy", verdict(data)[0]), ("Valid for", _range(data))]
+    if found is not None:
+        rows += [("Missing effects", found.statement), ("With them", _added(data))]
+        rows.append(("Unexplained", _rest(data)))
+    rows += [("Coefficients", _identified(data)), ("Next maneuver", _next(data))]
+    return [(word, text) for word, text in rows if text]
+
+
+def _range(data: ReportData) -> str:
+    """Speeds, angles and rates of the maneuvers that identified."""
+    table = data.simulation
+    if table is None:
+        return ""
+    rows = table[table["role"] == "identify"]
+    pieces = []
+    for column, words, unit, factor in RANGES:
+        if column in rows and rows[column].notna().any():
+            low, high = (factor * float(rows[column].quantile(q)) for q in SPAN)
+            pieces.append(f"{words} {number(low, 2)} to {number(high, 2)} {unit}")
+    if not pieces:
+        return ""
+    return f"{'; '.join(pieces)} (the range of the maneuvers used for identification)."
+
+
+def _rest(data: ReportData) -> str:
+    """What is left that no effect explains."""
+    found = data.comparison or data.diagnosis
+    return " ".join(unexplained_lines(found.unexplained)) if found else ""
+
+
+def _added(data: ReportData) -> str:
+    """Held-out errors without and with the effects; empty where nothing was added."""
+    found = data.comparison
+    if found is None or not found.added:
+        return ""
+    errors = [
+        f"{name} {quantity(before.rmse, before.unit, 2)} → {quantity(after.rmse, after.unit, 2)}"
+        for name, before in found.held_out.before.items()
+        if (after := found.held_out.after.get(name))
+    ]
+    worse = [f.where for f in found.findings if f.code == "worse-refined"]
+    pieces = [f"held-out RMSE {', '.join(errors)}."] if errors else []
+    pieces += [f"Worse than without: {', '.join(worse)}."] if worse else []
+    return " ".join(pieces)
+
+
+def _identified(data: ReportData) -> str:
+    """How many coefficients the data determined, and which not."""
+    model = data.final_model
+    if model is None:
+        return ""
+    own = [c for c in model.coefficients if c.origin in ("identified", "kinematic")]
+    rest = [c.symbol for c in own if c.data_share < PARTLY]
+    text = f"{len(own) - len(rest)} of {len(own)} identified from these data"
+    return f"{text}; values from the prior: {', '.join(rest)}." if rest else f"{text}."
+
+
+def _next(data: ReportData) -> str:
+    """The maneuver that would add most, and what would separate effects that look alike."""
+    found = data.comparison or data.diagnosis
+    text = ""
+    if found is not None and found.ambiguous and data.diagnosis:
+        text = f"To tell the effects apart: {data.diagnosis.separate_by}. "
+    if data.plan is None or not data.plan.candidates:
+        return text.strip()
+    best = data.plan.candidates[0]
+    named = ", ".join(list(best.shrinks)[:MOST_NAMED])
+    helps = f"; it would add most about {named}" if named else ""
+    return f"{text}{best.name[0].upper()}{best.name[1:]} ({best.what}){helps}."
 
 
 def cards(data: ReportData) -> list[dict[str, Any]]:
-    """Pooled error of each channel with that of the estimate from geometry and the gain."""
+    """Pooled error of each channel with those of the identified model and of the prior."""
     if data.metrics is None:
         return []
     prior, identified = data.pooled_before(data.role), data.identified_errors()
@@ -159,7 +239,12 @@ def _error(e: ChannelMetrics | ChannelError | None) -> str:
 
 
 def _factor(ratio: float | None) -> str:
-    return "–" if ratio is None else number(ratio, 2)
+    """A ratio of errors in words."""
+    if ratio is None or ratio <= 0.0:
+        return "–"
+    if ratio >= NOT_BETTER:
+        return f"{number(ratio, 2)} times smaller"
+    return f"{number(1.0 / ratio, 2)} times larger"
 
 
 def warnings(data: ReportData) -> list[Warning_]:
@@ -217,27 +302,3 @@ def _as_one(same: Sequence[Finding]) -> Finding:
 
 def _rank(code: str) -> str:
     return "serious" if code in SERIOUS else "note" if code in NOTES else "caution"
-
-
-def combination(c: Combination) -> tuple[str, str]:
-    """A direction that the data cannot see: its coefficients, and what that means."""
-    text = combination_text(c, PAGE)
-    meaning = c.meaning or (
-        "moved together by so many prior standard deviations they can stand in for each other"
-        if len(c.symbols) > 1
-        else "rests on its prior"
-    )
-    if c.information < NO_INFORMATION:
-        return text, meaning
-    return text, f"{meaning} (the data hold {number(c.information, 2)} of the prior's information)"
-
-
-def pairs(correlations: dict[str, dict[str, float]]) -> list[tuple[str, str, float]]:
-    """Pairs of coefficients that are strongly correlated, the strongest first."""
-    seen = {
-        (min(a, b), max(a, b)): value
-        for a, row in correlations.items()
-        for b, value in row.items()
-        if abs(value) >= STRONG_CORRELATION
-    }
-    return [(a, b, v) for (a, b), v in sorted(seen.items(), key=lambda x: -abs(x[1]))]

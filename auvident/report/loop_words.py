@@ -12,20 +12,23 @@ from auvident.schema.diagnosis import (
     Comparison,
     Detectable,
     EffectFound,
+    Lookalikes,
     ParameterValue,
     ResidualRow,
 )
 from auvident.schema.effect_words import holds_nothing
 from auvident.schema.effects import BY_ID, FAMILIES
+from auvident.schema.loop_statements import follows
 
 number, with_unit = TERMINAL.number, TERMINAL.quantity
 MOVED = 2.0  # standard deviations before, from which on a coefficient is said to have moved
+TOO_SMALL = "too small compared with the noise"
 VERDICTS = {
     "none_found": "nothing found",
     "effect_found": "effect found",
     "ambiguous": "effects that cannot be told apart",
-    "partly_explained": "effects found, and something that remains",
-    "unexplained": "something no listed effect explains",
+    "partly_explained": "effects found, and an unexplained residual",
+    "unexplained": "a residual that no listed effect explains",
 }
 
 
@@ -53,11 +56,17 @@ def interval(p: ParameterValue) -> tuple[float, float]:
     return low, high
 
 
+def std_of(p: ParameterValue) -> float:
+    """Standard deviation: as stated, else from the interval."""
+    low, high = interval(p)
+    return p.std or (high - low) / (2.0 * NORMAL_95)
+
+
 def interval_text(p: ParameterValue) -> str:
     """The 95 % interval, ``0.11 to 0.13``; empty where it was not worked out."""
     if p.std <= 0.0 and (p.low is None or p.high is None):
         return ""
-    return " to ".join(number(bound) for bound in interval(p))
+    return TERMINAL.interval(*interval(p))
 
 
 def interval_of(effect: str, p: ParameterValue) -> str:
@@ -120,14 +129,32 @@ def visible_by_family(sees: Sequence[Detectable]) -> dict[str, list[str]]:
 
 def blind_by_reason(sees: Sequence[Detectable]) -> dict[str, list[str]]:
     """Effects, or single parameters of effects, that would not show, by the reason."""
-    seen = {row.id for row in sees if row.visible}
+    reasons: dict[str, set[str]] = {}
+    for row in sees:
+        reasons.setdefault(row.id, set()).add("" if row.visible else row.why or TOO_SMALL)
     found: dict[str, list[str]] = {}
     for row in (row for row in sees if not row.visible):
-        name = f"{row.id}.{row.symbol}" if row.id in seen else row.id
-        names = found.setdefault(row.why or "too small beside the noise", [])
+        name = row.id if len(reasons[row.id]) == 1 else f"{row.id}.{row.symbol}"
+        names = found.setdefault(row.why or TOO_SMALL, [])
         if name not in names:
             names.append(name)
     return found
+
+
+def alike(lookalikes: Sequence[Lookalikes]) -> list[Lookalikes]:
+    """Pairs of effects that look alike; all pairs among several effects as one row."""
+    found: dict[str, list[Lookalikes]] = {}
+    for pair in lookalikes:
+        found.setdefault(pair.separate_by, []).append(pair)
+    rows = []
+    for separate_by, pairs in found.items():
+        ids = tuple(dict.fromkeys(i for pair in pairs for i in pair.ids))
+        if len(pairs) < len(ids) * (len(ids) - 1) // 2:
+            rows += pairs
+            continue
+        cosine = min(pair.cosine for pair in pairs)
+        rows.append(Lookalikes(ids=ids, cosine=cosine, separate_by=separate_by))
+    return rows
 
 
 def ranked(candidates: Sequence[Candidate]) -> list[Candidate]:
@@ -181,19 +208,19 @@ def attempt_rows(comparison: Comparison) -> list[tuple[str, str, dict[str, float
     """What was tried beside the model before: effects, what became of it, ratios of errors."""
     rows = []
     for attempt in comparison.attempts[1:]:
-        became = "taken" if attempt.taken else "leaves every bound" if attempt.ran_away else ""
+        became = "adopted" if attempt.taken else "diverges" if attempt.ran_away else ""
         rows.append((" + ".join(attempt.effects), became, attempt.ratios))
     return rows
 
 
 def unexplained_lines(unexplained: Mapping[str, object]) -> tuple[str, ...]:
     """What is left: what it follows, the effect that comes nearest, where it is."""
-    lines = [f"It follows {line}." for line in correlates(unexplained)]
+    lines = [f"{line[0].upper()}{line[1:]}." for line in correlates(unexplained)]
     if unexplained.get("nearest"):
         nearest = plain(unexplained["nearest"])
-        lines.append(f"Nearest of the listed effects, not confirmed: {nearest}.")
+        lines.append(f"Closest of the listed effects, not confirmed: {nearest}.")
     if unexplained.get("channels"):
-        lines.append(f"It is in {plain(unexplained['channels'])}.")
+        lines.append(f"Affected channels: {plain(unexplained['channels'])}.")
     return tuple(lines)
 
 
@@ -208,8 +235,8 @@ def plain(found: object) -> str:
 
 
 def _correlate(row: object) -> str:
-    if not isinstance(row, Mapping):
+    if not isinstance(row, Mapping) or "regressor" not in row:
         return plain(row)
     gain = row.get("gain")
-    text = " with ".join(str(row[k]) for k in ("axis", "regressor") if row.get(k))
-    return f"{text} (gain {number(float(gain))})" if isinstance(gain, int | float) else text
+    evidence = f" ({number(float(gain))} nats)" if isinstance(gain, int | float) else ""
+    return follows(row) + evidence

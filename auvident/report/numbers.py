@@ -4,6 +4,8 @@ import math
 import re
 from dataclasses import dataclass
 
+from auvident.schema.effect_words import with_std
+
 LEAST_PLAIN, MOST_PLAIN = 1.0e-5, 1.0e6  # powers of ten only outside of these
 # SI unit -> unit that people read, factor to it.
 SHOWN_UNITS: dict[str, tuple[str, float]] = {
@@ -45,6 +47,26 @@ class Style:
             return f"{self._cut(mantissa)}e{exponent}".replace("-", self.minus)
         decimals = digits - 1 - math.floor(math.log10(abs(value)))
         return self._cut(f"{value:.{max(decimals, 0)}f}").replace("-", self.minus)
+
+    def with_std(self, value: float, std: float | None) -> str:
+        """A value and its standard deviation, both to the second digit of that."""
+        if std is None or not 0.0 < std < math.inf:
+            return self.number(value, 4)
+        if not LEAST_PLAIN <= std < MOST_PLAIN:
+            return f"{self.number(value, 4)} ± {self.number(std, 2)}"
+        return with_std(value, std).replace("-", self.minus)
+
+    def interval(self, low: float | None, high: float | None) -> str:
+        """Both ends, to the second digit of half the width; none that is not zero as zero."""
+        if low is None or high is None or not 0.0 < high - low < math.inf:
+            return f"{self.number(low, 3)} to {self.number(high, 3)}"
+        decimals = max(1 - math.floor(math.log10(0.5 * (high - low))), 0)
+        return " to ".join(self._bound(end, decimals) for end in (low, high))
+
+    def _bound(self, value: float, decimals: int) -> str:
+        if not LEAST_PLAIN <= abs(value) < MOST_PLAIN or not round(value, decimals):
+            return self.number(value, 2)
+        return self._cut(f"{value:.{decimals}f}").replace("-", self.minus)
 
     def _cut(self, text: str) -> str:
         """Without zeros at the end of the decimals, unless they are kept."""

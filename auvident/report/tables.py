@@ -65,6 +65,46 @@ class Quantity:
 
 
 @dataclass(frozen=True)
+class WithStd:
+    """``value ± std``."""
+
+    value: float
+    std: float | None
+    behind: str = ""
+
+    def text(self, style: Style) -> str:
+        """Both, rounded to the standard deviation."""
+        return style.with_std(self.value, self.std) + self.behind
+
+
+@dataclass(frozen=True)
+class Rounded:
+    """A value rounded to its standard deviation, which stands elsewhere in the table."""
+
+    value: float
+    std: float
+
+    def text(self, style: Style) -> str:
+        """The value alone."""
+        return style.with_std(self.value, self.std).split(" ± ")[0]
+
+
+@dataclass(frozen=True)
+class Interval:
+    """``low to high``."""
+
+    low: float | None
+    high: float | None
+    unit: str = ""
+    behind: str = ""
+
+    def text(self, style: Style) -> str:
+        """Both ends, rounded to the width."""
+        low, high = (style.shown(end, self.unit) for end in (self.low, self.high))
+        return style.interval(low, high) + self.behind
+
+
+@dataclass(frozen=True)
 class Unit:
     """A unit of a row whose numbers stand without: theirs, or that they are converted to."""
 
@@ -98,16 +138,6 @@ class Joined:
         """Their texts, those that are not empty."""
         texts = (_text(cell, style) for cell in self.cells)
         return self.between.join(text for text in texts if text)
-
-
-def with_std(value: float, std: float | None) -> Joined:
-    """``value ± std``."""
-    return Joined((Number(value, 4), Number(std, 2)), " ± ")
-
-
-def interval(low: float, high: float, unit: str = "") -> Joined:
-    """``low to high``."""
-    return Joined((Number(low, 2, unit), Number(high, 2, unit)), " to ")
 
 
 def change(before: float, after: float, unit: str, sure: bool) -> Joined:

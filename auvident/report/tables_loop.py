@@ -7,15 +7,16 @@ from auvident.report.tables import (
     Cell,
     Column,
     Fixed,
+    Interval,
     Number,
+    Rounded,
     Rows,
     Table,
     Unit,
+    WithStd,
     Words,
     change,
     columns,
-    interval,
-    with_std,
 )
 from auvident.schema.diagnosis import (
     Candidate,
@@ -36,7 +37,7 @@ def effects(found: Sequence[EffectFound]) -> Table:
         first = [effect.id, " ".join(x for x in (effect.plain, words.place(effect)) if x)]
         for p in effect.parameters:
             bounds = Words(words.interval_of(effect.id, p))
-            rows.append([*first, p.symbol, Unit(p.unit), Number(p.value), bounds])
+            rows.append([*first, p.symbol, Unit(p.unit), Rounded(p.value, words.std_of(p)), bounds])
             first = ["", ""]
         if not effect.parameters:
             rows.append([*first, "", "", "", ""])
@@ -50,7 +51,6 @@ def held_out(found: HeldOut) -> Table:
     for channel, before in found.before.items():
         after, unit = found.after.get(channel), before.unit
         rmse, nrmse = (after.rmse, after.nrmse) if after else (None, None)
-        better = (before.rmse / rmse) ** 2 if rmse else None
         rows.append(
             [
                 channel,
@@ -60,28 +60,32 @@ def held_out(found: HeldOut) -> Table:
                 *_difference(found.difference.get(channel), unit),
                 Number(before.nrmse),
                 Number(nrmse),
-                Number(better, 2),
+                Fixed(_percent(before.rmse, rmse), "+.0f", " %"),
             ]
         )
     heads = (
-        "RMSE before",
-        "RMSE after",
+        "RMSE without",
+        "RMSE with",
         "difference",
         "95 % interval",
-        "NRMSE before",
-        "NRMSE after",
+        "NRMSE without",
+        "NRMSE with",
     )
     return Table(
-        (*columns(("channel", "unit"), heads), Column("squared error ÷", "", True, on_page=True)),
+        (*columns(("channel", "unit"), heads), Column("change of RMSE", "", True, on_page=True)),
         rows,
-        "Prediction of the held-out maneuvers, before and after",
+        "Prediction of the held-out maneuvers without and with the effects",
     )
+
+
+def _percent(before: float, after: float | None) -> float | None:
+    return 100.0 * (after / before - 1.0) if after is not None and before > 0.0 else None
 
 
 def _difference(found: Difference | None, unit: str) -> tuple[Cell, Cell]:
     if found is None:
         return Number(None), Number(None)
-    return Number(found.value, 2, unit), interval(found.low, found.high, unit)
+    return Number(found.value, 2, unit), Interval(found.low, found.high, unit)
 
 
 def maneuvers(found: Sequence[ManeuverComparison]) -> Table:
@@ -111,14 +115,14 @@ def coefficients(found: Sequence[CoefficientComparison], title: str = "") -> Tab
         [
             c.symbol,
             Unit(c.unit),
-            with_std(c.prior, c.prior_std),
-            with_std(c.before, c.before_std),
-            with_std(c.after, c.after_std),
+            WithStd(c.prior, c.prior_std),
+            WithStd(c.before, c.before_std),
+            WithStd(c.after, c.after_std),
             Fixed(words.moves(c), "+.1f"),
         ]
         for c in found
     ]
-    heads = columns(("", "unit"), ("prior", "before", "after", "moved, std"))
+    heads = columns(("", "unit"), ("prior", "without", "with", "moved, std"))
     return Table(heads, rows, title)
 
 
@@ -148,70 +152,52 @@ def candidates(found: Sequence[Candidate], caption: str = "") -> Table:
         Column(on_page=True),
         Column("effect"),
         Column("family", on_page=True),
-        *columns(("size with 95 % interval", "turned down because"), ("gain, nats", "p")),
-        Column("gain in maneuvers left out", numeric=True),
-        Column("of them helped", numeric=True, on_page=True),
+        *columns(("size, 95 % interval", "rejected because"), ("gain, nats", "p")),
+        Column("gain in maneuvers left out, nats", numeric=True),
+        Column("of them improved", numeric=True, on_page=True),
     )
-    title = "Effects that were tried, by the likelihood they gain"
+    title = "Candidate effects, by their gain in log-likelihood"
     return Table(heads, rows, title, caption, mark="accepted")
 
 
 def attempts(found: Comparison) -> Table:
-    """What was tried in place of the model before, and its errors over those of that."""
+    """Models that were tried, and their errors over those of the identified one."""
     rows = words.attempt_rows(found)
     channels = list(dict.fromkeys(c for _, _, ratios in rows for c in ratios))
     cells: Rows = [
         [effects, became, *(Number(ratios.get(c)) for c in channels)]
         for effects, became, ratios in rows
     ]
-    heads = columns(("with", ""), [f"{c}, after ÷ before" for c in channels])
+    heads = columns(("model with", ""), [f"RMSE of {c}, with ÷ without" for c in channels])
     return Table(heads, cells)
 
 
 def residuals(found: Diagnosis) -> Table:
     """Residual of every channel against the noise of its sensor."""
-    rows: Rows = [
-        [
-            r.channel,
-            Unit(r.unit, True),
-            Number(r.rms, 3, r.unit),
-            Number(r.noise_std, 3, r.unit),
-            Number(r.ratio),
-            Number(r.rms_after, 3, r.unit),
-            Number(r.correlation_time_s, 2),
-        ]
-        for r in words.pooled(found.residuals)
-    ]
-    heads = ("residual, rms", "sensor noise", "ratio", "with the effects", "correlated over, s")
-    return Table(columns(("channel", "unit"), heads), rows, "What the model does not explain")
+    rows: list[list[Cell]] = []
+    for r in words.pooled(found.residuals):
+        sizes = (Number(r.rms, 3, r.unit), Number(r.noise_std, 3, r.unit), Number(r.ratio))
+        after = [Number(r.rms_after, 3, r.unit)] if found.effects else []
+        time = Number(r.correlation_time_s, 2)
+        rows.append([r.channel, Unit(r.unit, True), *sizes, *after, time])
+    added = ["with the effects"] if found.effects else []
+    heads = ("residual, rms", "sensor noise", "ratio", *added, "correlation time, s")
+    return Table(columns(("channel", "unit"), heads), rows, "Residual of the identified model")
 
 
-def sees(found: Diagnosis) -> Table:
-    """Smallest size of every parameter that these maneuvers would show."""
-    rows: Rows = [
-        [
-            row.family,
-            row.id,
-            row.symbol,
-            Unit(row.unit),
-            Number(row.size, 2, before=f"{words.bound(row)} "),
-            Fixed(100.0 * row.kept, ".0f", " %"),
-        ]
-        for row in found.sees
-        if row.visible
-    ]
-    heads = columns(("family", "effect", "parameter", "unit"), ("shows from", "signature left"))
-    return Table(heads, rows)
+NOT_SHOWN, ALIKE, NOT_TESTED = "not shown", "look alike", "not tested"
+SIGHT_TITLE = "Effects that these maneuvers would and would not show"
 
 
-def blind(found: Diagnosis) -> Table:
-    """What these maneuvers would not show, by the reason."""
-    reasons = words.blind_by_reason(found.sees)
-    rows = [[", ".join(names), why] for why, names in reasons.items()]
-    return Table(columns(("not seen", "why")), rows)
-
-
-def lookalikes(found: Diagnosis) -> Table:
-    """Effects that look alike in these maneuvers."""
-    rows = [[", ".join(s.ids), s.separate_by, f"{s.cosine:.3f}"] for s in found.lookalikes]
-    return Table(columns(("these look alike", "what would separate them"), ("cosine",)), rows)
+def sight(found: Diagnosis) -> Table:
+    """What the maneuvers can and cannot show, before any verdict; sizes are the smallest."""
+    seen = words.visible_by_family(found.sees).items()
+    rows: list[list[Cell]] = [[family, Words(", ".join(names))] for family, names in seen]
+    for why, names in words.blind_by_reason(found.sees).items():
+        rows.append([NOT_SHOWN, f"{', '.join(names)}: {why}"])
+    for same in words.alike(found.lookalikes):
+        remedy = f"; separated by {same.separate_by}" if same.separate_by else ""
+        text = f"{', '.join(same.ids)} (correlation {same.cosine:.3f}){remedy}"
+        rows.append([ALIKE, text])
+    rows += [[NOT_TESTED, missing] for missing in found.missing]
+    return Table(columns(("", "")), rows, SIGHT_TITLE)

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from auvident.report.numbers import Style
 from auvident.report.tables import (
     Cell,
     Column,
@@ -14,13 +13,16 @@ from auvident.report.tables import (
     Rows,
     Table,
     Unit,
+    WithStd,
     beside,
     columns,
-    with_std,
 )
-from auvident.schema.artifacts import ChannelMetrics, Combination, Maneuver, Metrics
+from auvident.schema.artifacts import ChannelMetrics, Maneuver, Metrics
+from auvident.schema.diagnosis import ChannelError
 from auvident.schema.logs import SensorQuality, TrialQuality
 from auvident.schema.planes import BY_PLANE
+
+Errors = Mapping[str, ChannelMetrics | ChannelError]
 
 
 def trials(found: Sequence[TrialQuality]) -> Table:
@@ -36,7 +38,7 @@ def trials(found: Sequence[TrialQuality]) -> Table:
         ]
         for t in found
     ]
-    heads = columns(("trial", "left out"), ("rows", "Hz", "length, s", "records"))
+    heads = columns(("trial", "samples left out"), ("rows", "Hz", "length, s", "records"))
     return Table(heads, rows, "Trials")
 
 
@@ -45,12 +47,12 @@ def sensors(found: Sequence[TrialQuality], title: str = "") -> Table:
     rows = [[t.trial, *_sensor(s)] for t in found for s in t.sensors]
     heads = (
         Column("trial", on_page=True),
-        *columns(("sensor", "left out")),
+        *columns(("sensor", "samples left out")),
         Column("noise", on_page=True),
         *columns(numbers=("rows", "used", "Hz")),
         Column("jitter, ms", numeric=True, on_page=True),
         Column("gaps", numeric=True),
-        Column("longest interval, s", numeric=True, on_page=True),
+        Column("longest gap, s", numeric=True, on_page=True),
     )
     return Table(heads, rows, title)
 
@@ -157,33 +159,33 @@ def errors_by_channel(
     return Table(columns(("channel", "unit"), heads), rows, title)
 
 
-def errors_by_maneuver(metrics: Metrics) -> Table:
-    """RMSE of every maneuver and channel, the estimate's in brackets."""
+def errors_by_maneuver(metrics: Metrics, final: Mapping[str, Errors] | None = None) -> Table:
+    """RMSE of every maneuver and channel, that with the prior in brackets.
+
+    Parameters
+    ----------
+    metrics : Metrics
+    final : mapping, optional
+        Errors of another model than the identified one, by maneuver.
+    """
     before = {m.id: m.channels for m in metrics.ase.maneuvers} if metrics.ase else {}
     units = {name: c.unit for m in metrics.maneuvers for name, c in m.channels.items()}
     rows: list[list[Cell]] = []
     for m in sorted(metrics.maneuvers, key=lambda m: m.role != "validate"):
-        errors = (_beside(m.channels.get(n), before.get(m.id, {}).get(n)) for n in units)
+        after = (final or {}).get(m.id, m.channels)
+        errors = (_beside(after.get(n), before.get(m.id, {}).get(n)) for n in units)
         rows.append([m.id, m.kind, m.role, f"{m.duration_s:.0f}", *errors])
     heads = (
-        *columns(("maneuver", "kind", "role"), ("s",)),
+        *columns(("maneuver", "kind", "role"), ("length, s",)),
         *(Column(name, unit, numeric=True) for name, unit in units.items()),
     )
     return Table(heads, rows, mark="validate")
 
 
-def _beside(after: ChannelMetrics | None, before: ChannelMetrics | None) -> Cell:
+def _beside(after: ChannelMetrics | ChannelError | None, before: ChannelMetrics | None) -> Cell:
     if after is None:
         return Number(None)
     return beside(after.rmse, before.rmse if before else None, after.unit, 2)
-
-
-def combination(found: Combination, style: Style, most: int | None = None) -> str:
-    """A sum of coefficients, largest share first, in prior standard deviations."""
-    shares = list(zip(found.symbols, found.weights, strict=True))
-    moves = [s if w == 1.0 else f"{style.number(w, 2)} {s}" for s, w in shares[:most]]
-    more = " ..." if len(shares) > len(moves) else ""
-    return " + ".join(moves).replace(f"+ {style.minus}", f"{style.minus} ") + more
 
 
 def runs_side_by_side(compared: Mapping[str, Any]) -> list[Table]:
@@ -196,9 +198,11 @@ def runs_side_by_side(compared: Mapping[str, Any]) -> list[Table]:
     effects: Rows = [[r["symbol"], r["unit"], *_values(r)] for r in compared["effects"]]
     errors: Rows = [[r["channel"], r["unit"], *_errors(r)] for r in compared["held_out"]]
     heads = columns(("", "unit"), names)
-    first = Table((*heads, *columns(numbers=("apart, std",))), values, "Coefficients (value ± std)")
+    first = Table(
+        (*heads, *columns(numbers=("difference, std",))), values, "Coefficients (value ± std)"
+    )
     others = (
-        Table(heads, effects, "Effects that were added (value ± std)"),
+        Table(heads, effects, "Added effects (value ± std)"),
         Table(heads, errors, "Held-out error, RMSE (NRMSE)"),
     )
     return [first, *(table for table in others if table.rows)]
@@ -207,7 +211,7 @@ def runs_side_by_side(compared: Mapping[str, Any]) -> list[Table]:
 def _values(row: Mapping[str, Any]) -> list[Cell]:
     """Value and standard deviation of every run; empty where it has none."""
     pairs = zip(row["value"], row["std"], strict=True)
-    return ["" if value is None else with_std(value, std) for value, std in pairs]
+    return ["" if value is None else WithStd(value, std) for value, std in pairs]
 
 
 def _errors(row: Mapping[str, Any]) -> list[Cell]:

@@ -7,6 +7,26 @@ from typing import Any
 from auvident.schema.diagnosis import EffectFound, ParameterValue
 from auvident.schema.effects import BY_ID, parameter_of
 
+# where an id with spaces for its bars is not what an engineer says
+NAMES = {
+    "rudder_rate_limit": "servo speed limit",
+    "rudder_lag": "servo lag",
+    "rudder_backlash": "backlash of the rudder",
+    "rudder_deadband": "dead band of the rudder",
+    "rudder_asymmetry": "asymmetry of the rudder",
+    "propeller_race": "propeller race on the rudder",
+    "thrust_sag": "decline of thrust",
+    "thrust_step": "step of thrust",
+    "dvl_delay": "DVL delay",
+    "dvl_misalignment": "DVL misalignment",
+    "dvl_scale": "DVL scale error",
+    "dvl_lever_arm": "error of the DVL lever arm",
+    "dvl_height": "height of the DVL",
+    "gyro_scale": "gyro scale error",
+    "roll_coupling": "force due to roll",
+    "weight_excess": "weight minus buoyancy",
+}
+
 
 def plain(effect: str, parameters: Sequence[ParameterValue], speed: float, rate: float) -> str:
     """An effect in words; forces as they are at cruise (speed [m/s], propeller rate [rev/s])."""
@@ -22,12 +42,12 @@ def plain(effect: str, parameters: Sequence[ParameterValue], speed: float, rate:
         return words.format(**values)
     if effect == "hull_asymmetry":
         y, n = values["Y_0"] * speed**2, values["N_0"] * speed**2
-        return f"a hull asymmetry of {y:.2f} N and {n:.2f} N m at {speed:.1f} m/s"
+        return f"a hull asymmetry with {y:.2f} N and {n:.2f} N m at {speed:.1f} m/s"
     if effect == "propeller_side_force":
         y, n = values["Y_nn"] * rate**2, values["N_nn"] * rate**2
-        return f"a side force of the propeller of {y:.2f} N and {n:.2f} N m at {60 * rate:.0f} rpm"
+        return f"a propeller side force of {y:.2f} N and {n:.2f} N m at {60 * rate:.0f} rpm"
     listed = ", ".join(f"{p.symbol} {p.value:.3g} {p.unit}" for p in parameters)
-    return f"{effect.replace('_', ' ')}: {listed}"
+    return f"{words_of(effect)} ({listed})"
 
 
 def holds_nothing(effect: str, p: ParameterValue) -> bool:
@@ -52,7 +72,7 @@ def _when(parameters: Sequence[ParameterValue]) -> str:
     """When something happened, as far as it is known."""
     for p in parameters:
         if p.symbol == "time_s" and p.low is not None and p.high is not None:
-            return f" between {p.low:.0f} and {p.high:.0f} s"
+            return f" between {p.low:.0f} s and {p.high:.0f} s"
     return " at one time"
 
 
@@ -68,18 +88,23 @@ def with_std(value: float, std: float) -> str:
     return f"{value:.{decimals}f} ± {std:.{decimals}f}"
 
 
-def allowances(effects: Sequence[Mapping[str, Any]]) -> str:
-    """What a model allows its vehicle without a claim, from the rows of its artifact."""
-    rows = [
-        (e, p, f"{e['id']}.{p['symbol']}")
-        for e in effects
-        if e.get("silent")
-        for p in e["parameters"]
-    ]
-    listed = [
-        f"{e['id']} none"
-        if parameter_of(name).is_nothing(e["internal"][name])
-        else f"{e['id']} {with_std(p['value'], p['std'])} {p['unit']}"
-        for e, p, name in rows
-    ]
-    return f"Taken along, as every vehicle has it: {', '.join(listed)}" if listed else ""
+def nuisance_parameters(effects: Sequence[Mapping[str, Any]]) -> str:
+    """What a model adjusts along with its coefficients, from the rows of its artifact."""
+    needed, idle = [], []
+    for e in (e for e in effects if e.get("silent")):
+        for p in e["parameters"]:
+            internal = f"{e['id']}.{p['symbol']}"
+            name = words_of(e["id"], p["symbol"])
+            if parameter_of(internal).is_nothing(e["internal"][internal]):
+                idle.append(name)
+            else:
+                needed.append(f"{name} {with_std(p['value'], p['std'])} {p['unit']}")
+    found = f"Adjusted along with the coefficients: {', '.join(needed)}." if needed else ""
+    spare = f"{', '.join(idle).capitalize()}: not needed." if idle else ""
+    return " ".join(text for text in (found, spare) if text)
+
+
+def words_of(effect: str, symbol: str = "") -> str:
+    """An effect without its sizes; with the symbol of a parameter where it has several."""
+    words = NAMES.get(effect, effect.replace("_", " "))
+    return f"{words} {symbol}" if symbol and len(BY_ID[effect].parameters) > 1 else words

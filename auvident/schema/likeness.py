@@ -4,7 +4,9 @@ from collections.abc import Iterable
 
 from auvident.schema.effects import BY_ID, EFFECTS, LIKENESSES
 
-TELLS_MOST = "straight runs on opposite headings, circles to both sides and zigzags of two sizes"
+TELLS_MOST = (
+    "straight runs on opposite headings, turning circles to both sides and zigzags of two sizes"
+)
 
 
 def alike(effect: str) -> tuple[str, ...]:

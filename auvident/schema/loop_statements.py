@@ -5,8 +5,10 @@ from typing import Any
 
 from auvident.schema.artifacts import Verdict
 from auvident.schema.diagnosis import Detectable, EffectFound
+from auvident.schema.effect_words import words_of
+from auvident.schema.effects import BY_ID
 
-NAMED_SIZES = 6  # sizes told in the statement that nothing was found
+NAMED_EFFECTS = 6  # told in the statement that nothing was found
 
 
 def statement(
@@ -54,10 +56,23 @@ def remaining_of(verdict: Verdict, unexplained: Mapping[str, Any]) -> dict[str, 
 
 
 def nothing_found(sees: Sequence[Detectable]) -> str:
-    """The statement that nothing is missing, with what would have been seen."""
-    shown = [row for row in sees if row.visible][:NAMED_SIZES]
-    listed = ", ".join(f"{row.id} {row.symbol} {row.size:.2g} {row.unit}" for row in shown)
-    return f"Nothing is missing that these maneuvers would show. Seen would have been: {listed}."
+    """The statement that nothing is missing, with what would have been noticed."""
+    text = "The model lacks nothing that these maneuvers would show."
+    sizes: dict[str, list[str]] = {}
+    for row in (row for row in sees if row.visible):
+        sizes.setdefault(row.id, []).append(_least(row))
+    named = [f"{words_of(e)} {' or '.join(dict.fromkeys(s))}" for e, s in sizes.items()]
+    if not named:
+        return text
+    listed = "; ".join(named[:NAMED_EFFECTS])
+    return f"{text} Among others, these would have been noticed: {listed}."
+
+
+def _least(row: Detectable) -> str:
+    """The size from which on an effect is noticed; a limit from there downwards."""
+    form = next((p.form for p in BY_ID[row.id].parameters if p.symbol == row.symbol), "plain")
+    unit = "" if row.unit == "-" else f" {row.unit}"
+    return f"{'above' if form == 'plain' else 'below'} {row.size:.2g}{unit}"
 
 
 def found(effects: Sequence[EffectFound]) -> str:
@@ -70,22 +85,22 @@ def alike(groups: Sequence[Sequence[str]], separate_by: str) -> str:
     if not groups:
         return ""
     listed = "; ".join(" or ".join(group) for group in groups)
-    return f"These data cannot tell apart: {listed}. To separate them: {separate_by}."
+    return f"These data cannot tell apart {listed}. These maneuvers would: {separate_by}."
 
 
 def remaining(unexplained: Mapping[str, Any]) -> str:
     """The statement that something is left beside what was found."""
-    text = f"Something remains{_where(unexplained)}"
+    text = f"An unexplained residual remains{_where(unexplained)}"
     if unexplained.get("nearest"):
-        text += f"; a free force does better than {unexplained['nearest']}"
+        text += f"; of the known effects {unexplained['nearest']} comes closest, but fits too badly"
     return text + "."
 
 
 def nothing_known(unexplained: Mapping[str, Any]) -> str:
     """The statement that something is there which no effect explains."""
-    text = f"Something is there that no known effect explains{_where(unexplained)}"
+    text = f"There is a residual that no known effect explains{_where(unexplained)}"
     if unexplained.get("nearest"):
-        text += f"; the nearest of the known effects, not confirmed, is {unexplained['nearest']}"
+        text += f"; {unexplained['nearest']} comes closest, but is not confirmed"
     return text + "."
 
 
@@ -93,20 +108,42 @@ def _where(unexplained: Mapping[str, Any]) -> str:
     """Channels in which something is left, and what it follows."""
     channels, text = unexplained.get("channels"), ""
     if channels:
-        text += f" (in {', '.join(channels)})"
+        text += f" in {', '.join(channels)}"
     if unexplained.get("correlates"):
-        best = unexplained["correlates"][0]
-        text += f"; it goes with {best['regressor']} on {best['axis']}"
+        text += f"; {follows(unexplained['correlates'][0])}"
     return text
+
+
+# force or moment on an axis, in words
+FORCES = {
+    "X": "axial force",
+    "Y": "side force",
+    "Z": "normal force",
+    "K": "roll moment",
+    "M": "pitch moment",
+    "N": "yaw moment",
+}
+
+
+def follows(correlate: Mapping[str, Any]) -> str:
+    """What an unexplained force follows: "the side force follows the delayed rudder angle"."""
+    axis = str(correlate.get("axis", ""))
+    return f"the {FORCES.get(axis, 'force')} follows {_with_article(correlate['regressor'])}"
+
+
+def _with_article(regressor: str) -> str:
+    """A regressor as a sentence names it; formulas as they are."""
+    named = regressor.startswith(("delayed", "rate", "heading", "rudder")) or regressor == "roll"
+    return f"the {regressor}" if named else regressor
 
 
 def not_added(effects: Sequence[str], ratios: Mapping[str, float], ran_away: bool) -> str:
     """The statement that a model with what was found is no better, so that nothing was added."""
-    worse = ", ".join(f"{c} {100.0 * (ratio - 1.0):+.0f} %" for c, ratio in ratios.items())
-    why = "leaves every bound in them" if ran_away else f"has errors of {worse} in them"
+    changes = ", ".join(f"{c} {100.0 * (ratio - 1.0):+.0f} %" for c, ratio in ratios.items())
+    why = "diverges in them" if ran_away else f"changes their errors by {changes}"
     return (
-        f"Nothing could be added that predicts the maneuvers that identify better: a model with "
-        f"{' and '.join(effects)} {why}. The model stays as it was."
+        f"No effect was added, because none improves the prediction of the maneuvers used for "
+        f"identification: a model with {' and '.join(effects)} {why}. The identified model is kept."
     )
 
 
@@ -116,5 +153,7 @@ def not_confirmed(effects: Sequence[EffectFound]) -> str:
         return ""
     listed = " and ".join(e.plain or e.id for e in effects)
     return (
-        f"Not confirmed, as the interval of its size holds zero, and used for prediction: {listed}."
+        f"Used for prediction, but not confirmed because its interval contains zero: {listed}."
+        if len(effects) == 1
+        else f"Used for prediction, but not confirmed because the intervals contain zero: {listed}."
     )

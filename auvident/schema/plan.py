@@ -44,7 +44,7 @@ class PlanStage(Declared):
         unknown = unknown_names(self.free)
         if unknown:
             raise ValueError(
-                f"stage {self.name!r}: {unknown[0]!r} is no coefficient or group; "
+                f"stage {self.name!r}: {unknown[0]!r} is neither a coefficient nor a group; "
                 "see `auvident coefficients`"
             )
         return self
@@ -91,7 +91,7 @@ class Plan(Declared):
     def _tuning_is_known(self) -> Self:
         unknown = unknown_names(self.tuning)
         if unknown:
-            raise ValueError(f"[tuning] {unknown[0]!r} is no coefficient or group")
+            raise ValueError(f"[tuning] {unknown[0]!r} is neither a coefficient nor a group")
         return self
 
     @model_validator(mode="after")
@@ -100,8 +100,8 @@ class Plan(Declared):
         for name in self.allowances:
             if name not in known:
                 raise ValueError(
-                    f"{name!r} is no effect that every vehicle has a little of; "
-                    f"those are {', '.join(known)}"
+                    f"{name!r} cannot be a nuisance parameter of a plan; those that can are "
+                    f"{', '.join(known)}"
                 )
         return self
 

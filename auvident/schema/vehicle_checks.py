@@ -76,7 +76,7 @@ def _lengths(vehicle: Vehicle) -> Iterator[Contradiction]:
     yield _say(
         length < SHORTEST_FINENESS * diameter,
         "[hull] diameter_m",
-        lambda d, le: f"a hull of {le:g} m length and {d:g} m diameter is no slender body",
+        lambda d, le: f"a hull of {le:g} m length and {d:g} m diameter is not a slender body",
         "Check both; they are metres.",
         diameter,
         length,
@@ -186,8 +186,8 @@ def offset_fault(x: np.ndarray, radius: np.ndarray) -> tuple[str, str]:
         return "every radius is zero", "Radii are metres."
     if x[-1] - x[0] < 2.0 * SHORTEST_FINENESS * radius.max():
         return (
-            f"a hull of {x[-1] - x[0]:g} m length and {2.0 * radius.max():g} m diameter is no "
-            "slender body",
+            f"a hull of {x[-1] - x[0]:g} m length and {2.0 * radius.max():g} m diameter is "
+            "not a slender body",
             "Check the units; stations and radii are metres.",
         )
     return "", ""

@@ -118,10 +118,10 @@ def _given_only(vehicle: Vehicle, speed: float) -> AseResult:
     missing = [s for s in symbols_of("horizontal") if s not in rows]
     if missing:
         raise InputError(
-            "the hull is no body of revolution, so nothing can be estimated from its geometry, "
-            f"and [coefficients] lacks {', '.join(missing)}",
+            "the hull is not a body of revolution, so nothing can be estimated from its "
+            f"geometry, and [coefficients] lacks {', '.join(missing)}",
             f"{vehicle.body.name}: [coefficients]",
-            "Give value and std of each, dimensional; or diameter_m for a body of revolution.",
+            "State value and std of each (dimensional), or diameter_m for a body of revolution.",
         )
     return AseResult(
         vehicle=vehicle.body.name,
@@ -134,8 +134,9 @@ def _given_only(vehicle: Vehicle, speed: float) -> AseResult:
         findings=(
             Finding(
                 code="ase_does_not_apply",
-                message="The hull is no body of revolution: the given coefficients are passed on "
-                "and only the thrust comes from the propeller's curve.",
+                message="The hull is not a body of revolution: the given coefficients are "
+                "used as they are, and only the thrust is estimated, from the "
+                "propeller curve.",
                 where="[hull]",
             ),
         ),

@@ -80,9 +80,9 @@ def export(model: IdentifiedModel, form: str) -> str:
     if without and form in EQUATION_FORMS:
         names = ", ".join(without)
         raise UsageError(
-            f"the equations of the effects {names} have no {form} form",
+            f"the effects {names} cannot be written as {form}",
             "--format",
-            "Use json, or a model without them: identify/model.json, a plan without allowances.",
+            "Use json, or a model without them: identify/model.json, or a plan without allowances.",
         )
     return FORMS[form](model)
 
@@ -96,7 +96,10 @@ def _toml(model: IdentifiedModel) -> str:
     lines = [f"# {_title(model, quoted)}", "# Dimensional SI values; valid in a vehicle file.", ""]
     if model.effects:
         names = comment(", ".join(str(effect.get("id", "")) for effect in model.effects))
-        lines += [f"# Identified together with the effects {names}, which have no place here.", ""]
+        lines += [
+            f"# Identified together with the effects {names}, which this format cannot hold.",
+            "",
+        ]
     lines.append("[coefficients]")
     for c in model.coefficients:
         key = c.symbol if BARE_KEY.fullmatch(c.symbol) else f'"{quoted(c.symbol)}"'

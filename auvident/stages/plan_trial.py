@@ -99,7 +99,7 @@ def candidates(plane: Plane, low: float, cruise: float, high: float) -> list[Can
     for degrees, switch in ZIGZAGS_DEG:
         helm = zigzag_helm(math.radians(degrees), math.radians(switch))
         for label, rpm in (("slow", low), ("fast", high)):
-            what = f"{fin} +-{degrees} deg, reversed at +-{switch} deg of {angle}, {rpm:.0f} rpm"
+            what = f"{fin} ±{degrees} deg, reversed at ±{switch} deg of {angle}, {rpm:.0f} rpm"
             found.append(
                 Candidate(f"zigzag {degrees}/{switch}, {label}", what, ZIGZAG_S, rpm, helm)
             )
@@ -120,7 +120,7 @@ def _circles(low: float, cruise: float, high: float) -> list[Candidate]:
         what = f"rudder held {abs(degrees)} deg to {side}, {cruise:.0f} rpm"
         name, helm = f"circle {abs(degrees)} deg {side}", held_helm(math.radians(degrees))
         found.append(Candidate(name, what, CIRCLE_S, cruise, helm))
-    what = f"circle of 20 deg, {low:.0f} rpm and {high:.0f} rpm in its second half"
+    what = f"rudder held 20 deg, {low:.0f} rpm, then {high:.0f} rpm in the second half"
     helm = combined_helm(held_helm(math.radians(20)), thrust_helm((1.0, high / low), LEVEL_S))
     return [*found, Candidate("circle with thrust step", what, 2 * LEVEL_S, low, helm)]
 

@@ -93,7 +93,11 @@ def _stretches(
     needed = INPUT_COLUMNS[model.plane]
     missing = [c for c in needed if c not in table]
     if missing:
-        raise InputError(f"there is no {missing[0]}", f"trial {trial.name}", "It is an input.")
+        raise InputError(
+            f"the log has no {missing[0]}",
+            f"trial {trial.name}",
+            "The simulation needs it as an input.",
+        )
     time = table[TIME_COLUMN].to_numpy()
     known = np.isfinite(table[list(needed)].to_numpy(float)).all(axis=1)
     known &= (time >= window_s[0]) & (time <= window_s[1])
@@ -101,7 +105,7 @@ def _stretches(
     pairs = [(a, b) for a, b in edges.reshape(-1, 2) if b - a >= LEAST_ROWS]
     if not pairs:
         raise UsageError(
-            "there is nothing to simulate: no inputs in the window",
+            "there is nothing to simulate: no inputs in the time window",
             f"trial {trial.name}, {time[0]:.1f} to {time[-1]:.1f} s",
             "Widen --from and --to.",
         )
@@ -183,9 +187,9 @@ def _predict(
     if not np.isfinite(runs[0]).all():
         row = int(np.argmin(np.isfinite(runs[0]).all(axis=1)))
         raise NumericsError(
-            "the simulation runs away",
+            "the simulation diverges",
             f"{record.id}, {record.time_s[row]:.1f} s",
-            "The inputs lie outside of what the model was identified from.",
+            "The inputs lie outside the range that the model was identified from.",
         )
     columns = {TIME_COLUMN: record.time_s}
     own, rpm = INPUT_COLUMNS[model.plane]

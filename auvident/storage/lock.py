@@ -60,7 +60,9 @@ def _made_and_locked(folder: Path) -> tuple[list[Path], int | None]:
         except OSError as error:
             _close(descriptor)
             raise _cannot_be_made(folder, error.strerror) from None
-    raise _cannot_be_made(folder, "a link that leads nowhere, or others make and remove it")
+    raise _cannot_be_made(
+        folder, "a dangling link, or another process keeps creating and removing it"
+    )
 
 
 def _make(folder: Path) -> list[Path]:
@@ -81,7 +83,7 @@ def _take(descriptor: int | None, folder: Path) -> None:
 
 
 def _cannot_be_made(folder: Path, why: str | None) -> InputError:
-    return InputError(f"cannot be created: {why}", str(folder), "Name another folder.")
+    return InputError(f"cannot be created: {why}", str(folder), "Choose another folder.")
 
 
 def _in_use(folder: Path) -> InUseError:

@@ -303,7 +303,7 @@ def _stated_unit(log: LogFile, name: str, channel: Channel) -> str | None:
         raise InputError(
             f"column {name} is labelled {log.unit_of(name)!r}",
             str(log.path),
-            "Correct the suffix or the label, or say the unit in a map (--map): "
+            "Correct the suffix or the label, or state the unit in a map (--map): "
             + entry_text(channel, name),
         )
     return suffix or beside
@@ -315,11 +315,11 @@ def _factor(log: LogFile, name: str, channel: Channel, unit: str | None) -> floa
     allowed = units_of(channel.unit)
     stem = channel.quantity if channel.quantity != "rpm" else "n"
     names = " or ".join(f"{stem}_{suffix}" for suffix in allowed)
-    problem = "has no unit" if unit is None else f"has the unit {unit} that does not fit"
+    problem = "has no unit" if unit is None else f"has the unit {unit}, which does not fit"
     raise InputError(
         f"column {name} ({channel.meaning}) {problem}",
         str(log.path),
-        f"Name it {names}, or say the unit in a map (--map): {entry_text(channel, name)}",
+        f"Name it {names}, or state the unit in a map (--map): {entry_text(channel, name)}",
     )
 
 
@@ -382,4 +382,4 @@ def _log_names(channel: Channel) -> tuple[str, ...]:
 def _missing(log: LogFile, what: str, wanted: str) -> InputError:
     close = difflib.get_close_matches(wanted, log.names, n=1)
     hint = f'Did you mean "{close[0]}"?' if close else "Correct the map."
-    return InputError(f"{what} is not there; found {', '.join(log.names)}", str(log.path), hint)
+    return InputError(f"{what} is missing; found {', '.join(log.names)}", str(log.path), hint)

@@ -123,15 +123,15 @@ def _folder_or_refuse(path: Path, column_map: ColumnMap) -> list[TrialSource]:
         return found
     inside = sorted(p.name + ("/" if p.is_dir() else "") for p in path.iterdir())
     wanted = sorted(set(_patterns(column_map).values()))
-    problem = "holds no log"
+    problem = "contains no log"
     logs = [p for p in path.iterdir() if looks_like_log(p)]
     if logs and all(own_output(p) for p in logs):
         names = ", ".join(sorted(p.name for p in logs)[:12])
-        raise InputError(f"holds only what auvident wrote ({names})", str(path), REMEDY)
+        raise InputError(f"contains only files that auvident wrote ({names})", str(path), REMEDY)
     if logs:
-        problem = "holds no file that is named for a sensor or has a time column"
+        problem = "contains no file that is named after a sensor or has a time column"
     if wanted:
-        problem = f"holds no file that matches {', '.join(wanted)} and has the mapped columns"
+        problem = f"contains no file that matches {', '.join(wanted)} and has the mapped columns"
     listing = ", ".join(inside[:12]) + (", ..." if len(inside) > 12 else "")
     raise InputError(f"{problem}; found {listing or 'nothing'}", str(path), LAYOUT_REMEDY)
 
@@ -240,7 +240,7 @@ def _matching(path: Path, sensor: str, pattern: str, column_map: ColumnMap) -> l
         found = sorted(p for p in path.glob(pattern) if p.is_file())
     except (ValueError, NotImplementedError) as error:
         raise InputError(
-            f"[{sensor}] file = {pattern!r} is no pattern: {error}",
+            f"[{sensor}] file = {pattern!r} is not a valid pattern: {error}",
             str(path),
             'Give a name relative to the log folder, e.g. "*.csv".',
         ) from error
@@ -272,9 +272,9 @@ def _distinct(found: list[TrialSource]) -> list[TrialSource]:
         if count[source.name] > 1:
             places = " and ".join(str(s.place) for s in named if s.name == source.name)
             raise InputError(
-                f"two trials have the name {source.name!r}",
+                f"two trials are named {source.name!r}",
                 places,
-                "Rename one file or folder: trials are known by their stem.",
+                "Rename one of the files or folders: a trial is named after it.",
             )
     return named
 

@@ -103,7 +103,7 @@ def _files(path: Path) -> list[Path]:
         found += [p for folder in level for p in logs_in(folder)]
         level = [p for folder in level for p in folders_in(folder)]
     if not found:
-        raise InputError("holds no CSV or Parquet file", str(path), LAYOUT_REMEDY)
+        raise InputError("contains no CSV or Parquet file", str(path), LAYOUT_REMEDY)
     return found
 
 

@@ -98,7 +98,7 @@ def find_layout(text: str, where: str, time_names: Collection[str]) -> Layout:
         units = _merge_units(units, split(lines[start], delimiter), where, start + 1)
         start = _next_content(lines, start + 1)
     if start is None:
-        raise InputError("has column names but no data", where, "Record it again or leave it out.")
+        raise InputError("has column names but no data", where, "Export it again, or leave it out.")
     extra = len(split(lines[start], delimiter)) - len(names)
     if extra == 1 and split(lines[start], delimiter)[-1] == "":  # rows end in a delimiter
         names, units = (*names, ""), (*units, "")

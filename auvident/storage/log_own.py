@@ -17,7 +17,7 @@ MAX_DEPTH = 4  # folders below the one given; a deeper tree is not a log folder 
 LEAST_BANDS = 2  # channels with a lower and an upper bound: no sensor logs these
 LEAST_SYMBOLS = 2  # columns named for coefficients
 TABLE_OF_COEFFICIENTS = ("symbol", "value", "std", "prime")
-REMEDY = "Give the logs that it was made from."
+REMEDY = "Give the logs it was made from."
 
 
 def is_run_directory(folder: Path) -> bool:
@@ -92,7 +92,7 @@ def refuse_own(path: Path) -> None:
         raise InputError(
             "is a run directory of auvident, not a log",
             str(path),
-            f"{REMEDY} `auvident run --run {path}` alone takes them again.",
+            f"{REMEDY} `auvident run --run {path}` without logs uses them again.",
         )
     what = own_output(path) if path.is_file() else ""
     if what:

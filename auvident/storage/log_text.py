@@ -46,7 +46,7 @@ def read_text(path: Path, limit: int | None = None) -> tuple[bytes, bool]:
     """
     raw, cut = _read_bytes(path, limit)
     if not raw.strip(b"\x00 \t\r\n\xef\xbb\xbf"):
-        raise InputError("is empty", str(path), "Leave the file out, or record it again.")
+        raise InputError("is empty", str(path), "Leave the file out, or export it again.")
     _refuse_other_formats(raw, path)
     text = _to_utf8(raw)
     stripped = text.rstrip(b"\x00")
@@ -106,4 +106,4 @@ def _refuse_binary(text: bytes, path: Path) -> None:
     controls = sum(head.count(bytes([c])) for c in range(32) if c not in TEXT_CONTROLS)
     controls += head.count(b"\x7f")
     if controls > MAX_CONTROL_SHARE * len(head):
-        raise InputError("is no text: it holds binary data", str(path), REMEDY)
+        raise InputError("is not text: it contains binary data", str(path), REMEDY)

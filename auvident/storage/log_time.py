@@ -109,10 +109,11 @@ def _per_second(counts: np.ndarray, unit: str | None, where: str) -> int:
     if known.size and (np.median(known) < LEAST_EPOCH_S or _usual_step(known) > MOST_STEP_S):
         known = known / factor
         raise InputError(
-            f"counts from {known.min():.0f} to {known.max():.0f} are no seconds, and no epoch in "
-            "s, ms, us or ns",
+            f"values from {known.min():.0f} to {known.max():.0f} are neither seconds nor an "
+            "epoch in s, ms, us or ns",
             where,
-            'Name the column by its unit (time_us), or say time_unit = "us" in a map (--map).',
+            'Give the column the suffix of its unit (time_us), or set time_unit = "us" in '
+            "a map (--map).",
         )
     return round(1.0 / factor)
 
@@ -137,7 +138,7 @@ def _from_text(values: np.ndarray, where: str, rows: np.ndarray) -> np.ndarray:
     wrong = np.flatnonzero(np.asarray(instants.isna() & ~empty))
     if wrong.size:
         raise InputError(
-            f"{values[wrong[0]]!r} is no time of ISO 8601 (2024-05-01T12:00:00.100Z)",
+            f"{values[wrong[0]]!r} is not an ISO 8601 time (2024-05-01T12:00:00.100Z)",
             f"{where}, row {rows[wrong[0]]}",
             "Write seconds in a column time_s, or ISO 8601 or epoch counts in timestamp.",
         )

@@ -107,7 +107,7 @@ def _home(
     if len(having) > 1:
         names = " and ".join(log.path.name for log in having)
         raise InputError(
-            f"columns of {sensor} stand in {names}",
+            f"columns of {sensor} are spread over {names}",
             str(source.place),
             f'Name the file in a map (--map): [{sensor}] file = "{having[0].path.name}"',
         )
@@ -176,8 +176,8 @@ def _valid_column(log: LogFile, sensor: str, here: Sequence[str], mapped: str | 
         found = log.find(mapped)
         if found is None:
             raise InputError(
-                f"the map's valid column {mapped!r} for {sensor} is not there; "
-                f"found {', '.join(log.names)}",
+                f"the map's valid column {mapped!r} for {sensor} is missing; found "
+                f"{', '.join(log.names)}",
                 str(log.path),
                 "Correct the map.",
             )
@@ -269,10 +269,11 @@ def _refuse_two_clocks(name: str, sensors: dict[str, RawSensor], starts: dict[st
     if len(clocks) == 2:
         since, instant = sensors[clocks[False]], sensors[clocks[True]]
         raise InputError(
-            f"the sensors count different clocks: {since.time_column} of {since.file} starts at "
-            f"{starts[clocks[False]]:.3f} s, {instant.time_column} of {instant.file} is absolute",
+            f"the sensors run on different clocks: {since.time_column} of {since.file} starts "
+            f"at {starts[clocks[False]]:.3f} s, {instant.time_column} of {instant.file} is "
+            "absolute",
             f"trial {name}",
-            "Give all of them the same clock.",
+            "Put all of them on the same clock.",
         )
 
 

@@ -44,7 +44,7 @@ class RunDirectory:
     def __init__(self, path: Path) -> None:
         self.path = Path(path)
         if _is_no_folder(self.path):
-            raise UsageError("is a file, not a run directory", str(path), "Name another folder.")
+            raise UsageError("is a file, not a run directory", str(path), "Choose another folder.")
 
     def __truediv__(self, relative: str) -> Path:
         return self.path / relative
@@ -70,7 +70,7 @@ class RunDirectory:
             raise StageError(
                 f"stage {stage} cannot have written {name!r}",
                 str(place),
-                "The manifest was changed; correct it, or use another run directory.",
+                "The manifest was edited; correct it, or use another run directory.",
             )
         return manifest
 
@@ -148,7 +148,7 @@ class RunDirectory:
                 raise InputError(
                     f"{name!r} cannot be the name of an artifact",
                     str(self.path / name),
-                    "Rename the log file or folder that it is called for.",
+                    "Rename the log file or folder that it is named after.",
                 )
             self.refuse_link(name)
             if name not in own and (self.path / name).exists():
@@ -181,7 +181,7 @@ class RunDirectory:
     def _cannot_write(self, error: OSError) -> InputError:
         place = error.filename or str(self.path)
         return InputError(
-            f"cannot be written: {error.strerror}", str(place), "Check the disk and the rights."
+            f"cannot be written: {error.strerror}", str(place), "Check disk space and permissions."
         )
 
     def sha256(self, relative: str) -> str | None:

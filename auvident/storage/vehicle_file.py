@@ -48,7 +48,9 @@ def _resolve_offsets(data: dict[str, Any], path: Path) -> None:
         return
     if hull.keys() & {"offsets_x_from_nose_m", "offsets_radius_m"}:
         raise InputError(
-            "offsets are given as a file and as arrays", f"{path}: [hull] offsets", "Keep one."
+            "offsets are given as a file and as arrays",
+            f"{path}: [hull] offsets",
+            "Keep one of them.",
         )
     stations, radii = read_offsets(path.parent / hull.pop("offsets"), path)
     hull["offsets_x_from_nose_m"], hull["offsets_radius_m"] = stations, radii
@@ -79,7 +81,7 @@ def read_offsets(path: Path, named_in: Path) -> tuple[list[float], list[float]]:
         raise InputError(
             f"the offsets file {path} cannot be read: {error}",
             f"{named_in}: [hull] offsets",
-            "The name is taken relative to the vehicle file.",
+            "The path is relative to the vehicle file.",
         ) from None
     rows = [
         (number, line)

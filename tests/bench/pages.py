@@ -34,8 +34,8 @@ NEXT = """```
 
 An effect that enters at the input changes what becomes of a command, a force stands in the
 equations of motion, a reading is what the sensor makes of the motion; a disturbance is named but
-stands in no model (of an event the rows are masked). "Allowed" is how much of it every model is
-given without a word (one standard deviation), as no servo is without lag and no hull without
+stands in no model (of an event the rows are masked). "Allowed" is the standard deviation with
+which it is adjusted along as a nuisance parameter, as no servo is without lag and no hull without
 asymmetry.
 
 """
@@ -75,7 +75,7 @@ def _effect(effect: dict[str, Any]) -> dict[str, str]:
 
 
 def _allowed(parameter: dict[str, Any]) -> str:
-    """The silent allowance as an engineer reads it; of forces and limits only that there is one."""
+    """The allowance as an engineer reads it; of forces and limits only that there is one."""
     if parameter["form"] != "plain" or any(parameter["powers"]):
         return f"{parameter['symbol']}: a little"
     return f"{parameter['silent'] * parameter['factor']:.2g} {parameter['unit']}"

@@ -314,7 +314,7 @@ def test_a_stage_without_maneuvers_is_an_error_that_names_it() -> None:
 def test_a_stage_with_nothing_free_is_an_error() -> None:
     setup = setup_of()
     certain = replace(setup, prior_std=np.zeros_like(setup.prior_std))
-    with pytest.raises(NumericsError, match="nothing is free") as caught:
+    with pytest.raises(NumericsError, match="no free coefficient") as caught:
         run_stage(certain, setup.prior, stage())
     assert "'test'" in caught.value.where
 

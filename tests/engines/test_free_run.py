@@ -104,7 +104,7 @@ def test_a_prediction_that_ran_away_has_no_noise() -> None:
     setup = setup_of()
     p = setup.prior.copy()
     p[setup.structure.index("X_uu")] = 60.0
-    with pytest.raises(NumericsError, match="runs away"):
+    with pytest.raises(NumericsError, match="diverges"):
         coloured_noise(output_of(setup), p, setup.sensor_std)
 
 

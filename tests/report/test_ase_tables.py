@@ -36,7 +36,7 @@ def test_report_shows_every_coefficient_with_its_parts(results):
 def test_findings_and_given_values_are_told(results):
     assert "wake of the hull" in text_of(ase_report(results[0]), width=400)
     text = text_of(ase_report(results[2]), width=400)
-    assert "no body of revolution" in text
+    assert "not a body of revolution" in text
     assert "(given)" in text
 
 

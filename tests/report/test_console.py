@@ -14,8 +14,9 @@ from rich.console import RenderableType
 from auvident.pipeline.given import Given
 from auvident.report import console_style
 from auvident.report.console import findings_lines, stage_report
-from auvident.report.console_style import console_for, house_table
+from auvident.report.console_style import console_for, rich_table
 from auvident.report.numbers import TERMINAL
+from auvident.report.tables import Column, Table
 from auvident.schema.artifacts import Finding
 from auvident.storage.run_directory import RunDirectory
 
@@ -46,7 +47,7 @@ def test_the_tables_show_what_the_artifacts_say(demo: Path) -> None:
     assert all(m["id"] in text for m in maneuvers)
     text = text_of(stage_report("identify", outputs))
     assert all(
-        c.symbol in text and TERMINAL.number(c.value, 4) in text
+        c.symbol in text and TERMINAL.with_std(c.value, c.std) in text
         for c in outputs["identify/model.json"].coefficients
     )
     text = text_of(stage_report("validate", outputs))
@@ -104,9 +105,9 @@ def assert_verbatim(name: str, pieces: list[RenderableType], times: int = 1) -> 
 def test_names_of_the_user_stand_in_the_tables_as_they_are(name: str) -> None:
     """As title, head of a column, cell, caption and finding."""
     wide = "-" * 80  # so that no text is broken
-    table = house_table(f"Run directory {name} .", (f"x {name} ", wide), (f"y {name} ",))
-    table.add_row(f"x {name} ", wide, f" {name} .")
-    table.caption = f"and {name} more"
+    heads = (Column(f"x {name} "), Column(wide), Column(f"y {name} ", numeric=True))
+    rows = [[f"x {name} ", wide, f" {name} ."]]
+    table = rich_table(Table(heads, rows, f"Run directory {name} .", f"and {name} more"))
     finding = Finding(code="a", message=f"{name} .", where=name)
     assert_verbatim(name, [table], times=6)
     assert_verbatim(name, [*findings_lines([finding])], times=2)
@@ -162,3 +163,20 @@ def test_the_bar_shows_the_text_as_it_is(monkeypatch: pytest.MonkeyPatch, name: 
     console.print(bar.get_renderable())
     bar.stop()
     assert f"reading {name} ." in console.file.getvalue()  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("width", [60, 80, 140])
+def test_nothing_is_cut_whatever_the_width(width: int) -> None:
+    """Columns without room follow in a second block; a long name goes on in the next line."""
+    names = [f"value of the {k}. kind" for k in range(9)]
+    heads = (Column("name"), *(Column(name, numeric=True) for name in names))
+    long = "a_trial_with_a_name_that_is_longer_than_any_column-zigzag-1"
+    cells = [f"{1000.0 + k:.3f}" for k in range(9)]
+    console = console_for(io.StringIO(), width=width)
+    console.print(rich_table(Table(heads, [[long, *cells]], "Numbers", "a caption")))
+    text = console.file.getvalue()  # type: ignore[attr-defined]
+    assert "…" not in text
+    assert all(len(line) <= width for line in text.splitlines())
+    assert all(cell in text for cell in cells)
+    firsts = "".join(line[1:].split("  ")[0].strip() for line in text.splitlines())
+    assert long in firsts.replace(" ", "")

@@ -35,12 +35,12 @@ def moved_comparison() -> Comparison:
 def test_what_can_be_seen_stands_before_the_verdict() -> None:
     text = diagnosed(loop_world.diagnosis())
     order = [
-        "can and cannot see",
+        "would and would not show",
         "current ≥ 0.014 m/s",
         "no position was logged",
         "look alike",
-        "What the model does not explain",
-        "Effects that were tried",
+        "Residual of the identified model",
+        "Candidate effects",
         "Verdict: ",
     ]
     places = [text.index(words) for words in order]
@@ -59,9 +59,9 @@ def test_the_residual_stands_against_the_noise() -> None:
 def test_the_ranking_says_why_a_candidate_was_turned_down() -> None:
     text = diagnosed(loop_world.diagnosis())
     assert "as likely by chance (p = 0.62)" in text
-    assert f"and {len(loop_world.CANDIDATES) - MOST_CANDIDATES} more" in text
+    assert f"{len(loop_world.CANDIDATES) - MOST_CANDIDATES} more in diagnose/diagnosis.json" in text
     last = loop_world.CANDIDATES[-1]
-    table = text[text.index("Effects that were tried") : text.index("Verdict")]
+    table = text[text.index("Candidate effects") : text.index("Verdict")]
     assert last.id not in table
 
 
@@ -80,11 +80,11 @@ def test_groups_and_what_is_left_are_named() -> None:
         unexplained={"correlates": [{"axis": "N", "regressor": "roll", "gain": 12.0}]},
     )
     text = diagnosed(found)
-    assert "These data cannot tell apart: rudder_offset, hull_asymmetry" in text
-    assert "To tell them apart: vary the speed" in text
-    assert "Left unexplained: It follows N with roll (gain 12)." in text
+    assert "These data cannot tell apart rudder_offset and hull_asymmetry" in text
+    assert "Maneuvers that would: vary the speed" in text
+    assert "Unexplained: The yaw moment follows the roll (12 nats)." in text
     ending = text_of(discovery(loop_world.comparison(found)))
-    assert "cannot tell apart" in ending and "It follows N with roll (gain 12)." in ending
+    assert "cannot tell apart" in ending and "The yaw moment follows the roll (12 nats)." in ending
 
 
 def test_held_out_errors_before_and_after_with_the_interval_of_the_difference() -> None:
@@ -109,7 +109,7 @@ def test_a_run_keeps_its_verdict_for_the_end() -> None:
     finding = Finding(code="few-maneuvers", message="only two maneuvers identify")
     found = loop_world.diagnosis(findings=(finding,))
     text = diagnosed(found, brief=True)
-    assert "can and cannot see" in text and "only two maneuvers identify" in text
+    assert "would and would not show" in text and "only two maneuvers identify" in text
     assert loop_world.STATEMENT not in text
     compared = moved_comparison().model_copy(update={"findings": (finding,)})
     assert refined(compared, brief=True).strip() == "only two maneuvers identify"

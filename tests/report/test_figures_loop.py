@@ -70,7 +70,7 @@ def test_without_a_change_the_largest_residual_is_drawn(table: pd.DataFrame) -> 
     bare = table.drop(columns=[c for c in table if c.endswith("_after")])
     with style():
         text = before_after(bare, "figure")
-    assert text and "predicted before" in text and "with the effects" not in text
+    assert text and "predicted, identified model" in text and "with the effects" not in text
 
 
 def test_holes_and_foreign_columns_do_no_harm(table: pd.DataFrame) -> None:

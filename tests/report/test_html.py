@@ -13,7 +13,10 @@ from auvident.pipeline.given import Given
 from auvident.pipeline.reporting import report_data
 from auvident.report.html import render
 from auvident.report.html_data import ReportData, number, quantity
-from auvident.report.html_words import combination, verdict, warnings
+from auvident.report.html_words import summary, verdict, warnings
+from auvident.report.numbers import PAGE
+from auvident.report.tables import written
+from auvident.report.tables_model import combination, combinations
 from auvident.schema.artifacts import Combination, Finding, Maneuvers
 from auvident.stages.validate.findings import findings_of
 from auvident.storage.run_directory import RunDirectory
@@ -61,7 +64,7 @@ class Page(HTMLParser):
 @pytest.fixture(scope="module")
 def data(completed: Path) -> ReportData:
     run = RunDirectory(completed / "runs/demo")
-    return report_data(Given(run, run.manifest()))
+    return report_data(Given(run, run.manifest(), also=frozenset({"diagnose", "refine"})))
 
 
 @pytest.fixture(scope="module")
@@ -91,13 +94,15 @@ def test_findings_of_every_stage_are_in_it(data: ReportData, page: Page) -> None
 
 def test_what_the_data_cannot_tell_is_named(data: ReportData, page: Page) -> None:
     assert data.model and data.model.unidentifiable
-    named = [" ".join(combination(c)[0].split()) for c in data.model.unidentifiable]
+    named = [" ".join(combination(c, PAGE).split()) for c in data.model.unidentifiable]
     assert [n for n in named if n not in page.text] == []
     direction = Combination(symbols=("Y_uv", "N_uv"), weights=(1.0, -0.25), information=0.0031)
-    assert combination(direction)[0] == "Y_uv − 0.25 N_uv"
-    assert "0.0031" in combination(direction)[1]
     update = {"meaning": "only the ratio is seen", "information": 1e-13}
-    assert combination(direction.model_copy(update=update))[1] == "only the ratio is seen"
+    other = direction.model_copy(update=update)
+    model = data.model.model_copy(update={"unidentifiable": (direction, other)})
+    rows = written(combinations(model), PAGE).rows
+    assert rows[0] == ("Y_uv − 0.25 N_uv", "set by the prior", "0.0031")
+    assert rows[1] == ("Y_uv − 0.25 N_uv", "only the ratio is seen", "none")
 
 
 def test_held_out_errors_are_those_of_the_metrics(data: ReportData, page: Page) -> None:
@@ -247,6 +252,16 @@ def judged(data: ReportData, **update: Any) -> ReportData:
     return replace(data, metrics=metrics.model_copy(update={"findings": found}))
 
 
+def test_the_summary_says_how_good_where_and_what_next(data: ReportData) -> None:
+    told = dict(summary(data))
+    assert told["Accuracy"] == verdict(data)[0] and "predicts" in told["Accuracy"]
+    assert told["Valid for"].startswith("speed ") and "control angle" in told["Valid for"]
+    assert told["Coefficients"].endswith(".") and " of 22 identified" in told["Coefficients"]
+    assert data.plan and data.plan.candidates[0].what in told["Next maneuver"]
+    bare = dict(summary(replace(data, plan=None, simulation=None, diagnosis=None, comparison=None)))
+    assert not {"Valid for", "Missing effects", "Next maneuver"} & set(bare)
+
+
 def test_verdict_follows_the_worst_velocity(data: ReportData) -> None:
     def with_nrmse(value: float) -> ReportData:
         pooled = dict(data.metrics.summary["validate"])  # type: ignore[union-attr]
@@ -254,7 +269,7 @@ def test_verdict_follows_the_worst_velocity(data: ReportData) -> None:
         return judged(data, summary={"validate": pooled})
 
     assert [verdict(with_nrmse(x))[1] for x in (0.09, 0.11, 0.31)] == ["good", "fair", "poor"]
-    assert "worse than its own mean" in verdict(with_nrmse(1.2))[0]
+    assert "worse than their mean" in verdict(with_nrmse(1.2))[0]
     codes = {w.finding.code: w.rank for w in warnings(with_nrmse(1.2))}
     assert codes["not-predicted"] == "serious"
     assert "not-predicted" not in {w.finding.code for w in warnings(with_nrmse(0.3))}

@@ -31,7 +31,7 @@ NEXT = "Trial at a glance"
 def data(completed: Path) -> ReportData:
     """A finished run in which a current was found."""
     run = RunDirectory(completed / "runs/demo")
-    found = report_data(Given(run, run.manifest()))
+    found = report_data(Given(run, run.manifest(), also=frozenset({"diagnose", "refine"})))
     assert found.maneuvers and found.model
     chosen = loop_world.in_plane(found.maneuvers, found.model)
     diagnosis = loop_world.diagnosis([m.id for m in chosen if m.role == "identify"])
@@ -79,10 +79,10 @@ def test_the_cards_show_the_final_model_with_the_identified_one_beside_it(
     assert u["identified"].startswith(quantity(identified.rmse, "m/s"))
     ratio = loop_world.AFTER["u"] / identified.rmse
     assert data.final_errors()["u"].nrmse == pytest.approx(identified.nrmse * ratio)
-    assert u["by_effects"] == number(ratio**-2, 2)
+    assert u["by_effects"] == f"{number(1.0 / ratio, 2)} times smaller"
     whole = Page(text).text
-    assert "The final model, refined with a current of 0.15 m/s" in whole
-    assert "Large: the final model" in whole
+    assert "The final model, with a current of 0.15 m/s" in whole
+    assert "The large numbers are those of the final model" in whole
 
 
 def test_the_track_of_the_final_model_is_that_of_its_predictions(data: ReportData) -> None:
@@ -101,7 +101,7 @@ def test_a_run_that_added_nothing_has_one_model(data: ReportData) -> None:
         data, comparison=data.comparison.model_copy(update={"coefficients": same, "effects": ()})
     )
     assert alone.final_errors() == alone.identified_errors()
-    assert verdict(alone)[0].startswith("The model predicts")
+    assert verdict(alone)[0].startswith("The identified model predicts")
 
 
 def with_findings(data: ReportData, name: str, *findings: Finding) -> ReportData:
@@ -148,7 +148,10 @@ def test_the_section_has_everything_of_the_diagnosis(data: ReportData, section: 
     wanted += [c.rejected for c in data.diagnosis.candidates]
     wanted += [s.why for s in data.diagnosis.sees]
     wanted += [*data.diagnosis.missing, *data.diagnosis.steps]
-    wanted += ["rudder_offset, hull_asymmetry", "vary the speed while the rudder is amidships"]
+    wanted += [
+        "rudder_offset, hull_asymmetry (correlation 0.998)",
+        "vary the speed while the rudder is amidships",
+    ]
     wanted += ["probability of a false alarm 0.0050", "−0.129 to −0.113"]
     assert [w for w in wanted if w not in section] == []
 
@@ -182,7 +185,7 @@ def test_a_difference_that_may_be_none_has_no_star(data: ReportData) -> None:
 def test_coefficients_that_moved_and_allowances_are_in_it(section: str) -> None:
     moved = section[section.index("Moved by more than two") : section.index("All coefficients")]
     assert "N_ur" in moved and "+4.0" in moved and "Y_ur" not in moved
-    assert "lag_s" in section[section.index("Allowances") :]
+    assert "lag_s" in section[section.index("Nuisance parameters") :]
 
 
 def test_its_figures_are_drawn_and_well_formed(text: str) -> None:
@@ -209,14 +212,14 @@ def test_without_the_loop_there_is_no_section(small: ReportData) -> None:
 
 def test_a_diagnosis_alone_is_told(small: ReportData) -> None:
     page = Page(render(replace(small, comparison=None))).text
-    assert loop_world.STATEMENT in page and "Effects that were tried" in page
-    assert "Held-out error before and after" not in page
+    assert loop_world.STATEMENT in page and "Candidate effects" in page
+    assert "Held-out errors without and with the effects" not in page
 
 
 def test_a_comparison_alone_is_told(small: ReportData) -> None:
     page = Page(render(replace(small, diagnosis=None, residuals=None))).text
-    assert "Held-out error before and after" in page
-    assert "can and cannot see" not in page
+    assert "Held-out errors without and with the effects" in page
+    assert "Effects that these maneuvers would" not in page
 
 
 def test_nothing_found_is_good_news_and_draws_no_change(small: ReportData) -> None:
@@ -226,10 +229,10 @@ def test_nothing_found_is_good_news_and_draws_no_change(small: ReportData) -> No
     compared = loop_world.comparison(none, small.model, chosen)
     found = replace(small, diagnosis=none, comparison=compared)
     told = lacks(found)
-    assert told and (told.grade, told.summary) == ("good", "")
+    assert told and (told.grade, told.held_out, told.maneuvers) == ("good", None, None)
     page = Page(render(found)).text
     assert loop_world.NONE in page
-    assert "Coefficients before and after the effects" not in page
+    assert "Coefficients without and with the effects" not in page
 
 
 @pytest.mark.parametrize("verdict", ["none_found", "effect_found", "ambiguous", "unexplained"])
@@ -254,9 +257,9 @@ def test_groups_and_what_is_left_are_named(small: ReportData) -> None:
         ambiguous=(("rudder_offset", "hull_asymmetry"),),
     )
     page = Page(render(replace(found, comparison=None))).text
-    assert "It follows N with cos 2 heading (gain 41)." in page
-    assert "not confirmed: propeller_race." in page and "It is in v, r." in page
-    assert "To tell them apart: vary the speed" in page
+    assert "The yaw moment follows cos 2 heading (41 nats)." in page
+    assert "not confirmed: propeller_race." in page and "Affected channels: v, r." in page
+    assert "Maneuvers that would: vary the speed" in page
 
 
 def test_findings_of_the_loop_are_among_the_warnings(small: ReportData) -> None:
@@ -291,8 +294,8 @@ def refined_table(data: ReportData) -> Any:
 
 def test_the_refined_prediction_is_drawn_beside_the_others(data: ReportData) -> None:
     refined = refined_table(data)
-    assert "model with the effects" in render(replace(data, refined=refined))
-    assert "model with the effects" not in render(replace(data, refined=None))
+    assert "final model, with the effects" in render(replace(data, refined=refined))
+    assert "final model, with the effects" not in render(replace(data, refined=None))
 
 
 def test_the_refined_prediction_is_taken_row_by_row(data: ReportData) -> None:

@@ -3,7 +3,7 @@
 import pytest
 
 from auvident.report import loop_words as words
-from auvident.schema.diagnosis import Detectable, ParameterValue
+from auvident.schema.diagnosis import Detectable, Lookalikes, ParameterValue
 from tests import loop_world
 
 
@@ -12,7 +12,7 @@ def test_an_interval_is_as_stated_else_from_the_standard_deviation() -> None:
     low, high = words.interval(loop_world.EAST)
     assert (low, high) == pytest.approx((0.083 - 1.96 * 0.005, 0.083 + 1.96 * 0.005))
     half = ParameterValue(symbol="lag_s", value=0.1, std=0.1, unit="s", low=0.0)
-    assert words.interval_text(half) == "0 to 0.296"
+    assert words.interval_text(half) == "0 to 0.3"
 
 
 def test_a_size_has_unit_and_interval() -> None:
@@ -57,7 +57,26 @@ def test_blind_effects_are_named_once_by_reason() -> None:
         visible=False,
         kept=0.0,
     )
-    assert words.blind_by_reason([silent]) == {"too small beside the noise": ["wave"]}
+    assert words.blind_by_reason([silent]) == {"too small compared with the noise": ["wave"]}
+
+
+def test_a_parameter_is_named_where_the_reasons_differ() -> None:
+    both = [row for row in loop_world.sees() if row.id == "roll_coupling"]
+    other = both[1].model_copy(update={"why": "hardly excited"})
+    assert words.blind_by_reason([both[0], other]) == {
+        "no roll logged": ["roll_coupling.Y_uuphi"],
+        "hardly excited": ["roll_coupling.N_uuphi"],
+    }
+
+
+def test_effects_that_all_look_alike_are_one_row() -> None:
+    def pair(a: str, b: str, cosine: float) -> Lookalikes:
+        return Lookalikes(ids=(a, b), cosine=cosine, separate_by="thrust steps")
+
+    all_of_them = [pair("a", "b", 0.99), pair("a", "c", 0.97), pair("b", "c", 0.98)]
+    (row,) = words.alike(all_of_them)
+    assert (row.ids, row.cosine) == (("a", "b", "c"), 0.97)
+    assert words.alike(all_of_them[:2]) == all_of_them[:2]  # b and c can be told apart
 
 
 def test_accepted_candidates_come_first_then_the_greatest_gain() -> None:
@@ -86,7 +105,7 @@ def test_what_an_unexplained_residual_follows_in_whatever_form() -> None:
         "time",
     ]
     assert words.correlates({"correlates": rows}) == [
-        "N with cos 2 heading (gain 41.3)",
+        "the yaw moment follows cos 2 heading (41.3 nats)",
         "Y, v|r|, 3",
         "time",
     ]

@@ -1,8 +1,8 @@
 """The table of passes: noise of a filter, noise of a fit."""
 
-from auvident.report.html_tables import pass_table
 from auvident.report.numbers import PAGE
 from auvident.report.tables import written
+from auvident.report.tables_model import passes
 from auvident.schema.artifacts import FittedNoise
 from tests.engines.chain import identified
 
@@ -21,7 +21,7 @@ def test_a_fit_shows_sensor_noise_and_disturbance_and_a_filter_what_it_used() ->
             },
         }
     )
-    table = written(pass_table(model.model_copy(update={"stages": (last, fit)})), PAGE)
+    table = written(passes(model.model_copy(update={"stages": (last, fit)})), PAGE)
     place = table.heads.index("noise u_mps")
     filtered, fitted = table.rows
     assert fitted[place] == "0.0050, 0.012 over 2.0 s"

@@ -8,17 +8,18 @@ from auvident.report.tables import (
     Cell,
     Column,
     Fixed,
+    Interval,
     Joined,
     Number,
     Quantity,
+    Rounded,
     Table,
     Unit,
+    WithStd,
     Words,
     beside,
     change,
     columns,
-    interval,
-    with_std,
     written,
 )
 from auvident.report.tables_loop import effects, held_out
@@ -49,8 +50,12 @@ def test_the_terminal_leaves_out_what_only_the_page_has_room_for() -> None:
         (Fixed(None, ".1f"), "", "–"),
         (Quantity(0.1, "rad/s", 2), "0.1 rad/s", "5.7\u00a0deg/s"),
         (Quantity(None, "m"), "", "–"),
-        (with_std(-1.5, 0.25), "-1.5 ± 0.25", "−1.500 ± 0.25"),
-        (interval(-0.04, 0.01), "-0.04 to 0.01", "−0.040 to 0.010"),
+        (WithStd(-1.5, 0.25), "-1.50 ± 0.25", "−1.50 ± 0.25"),
+        (WithStd(-1.5, None), "-1.5", "−1.500"),
+        (Rounded(-1.5234, 0.25), "-1.52", "−1.52"),
+        (Interval(-0.04, 0.01), "-0.04 to 0.01", "−0.040 to 0.010"),
+        (Interval(-0.04, -0.0001), "-0.04 to -0.0001", "−0.040 to −0.00010"),
+        (Interval(0.104, 0.1061, "rad/s"), "0.104 to 0.1061", "5.959 to 6.079"),
         (change(0.5, 0.25, "m/s", True), "0.5 → 0.25 *", "0.500 → 0.250 *"),
         (beside(0.5, 0.25), "0.5 (0.25)", "0.500 (0.250)"),
         (beside(0.5, None), "0.5", "0.500"),
@@ -81,7 +86,7 @@ def test_both_show_the_same_held_out_errors_in_their_units() -> None:
     terminal = text_of([rich_table(table)])
     row = next(line for line in terminal.splitlines() if line.startswith(" r "))
     assert row.split()[:4] == ["r", "rad/s", "0.1", "0.1"]
-    assert "squared error" not in terminal
+    assert "change of RMSE" not in terminal
     page = written(table, PAGE)
     assert page.rows[0][:4] == ("r", "deg/s", "5.73", "5.73")
-    assert page.heads[-1] == "squared error ÷"
+    assert page.heads[-1] == "change of RMSE" and page.rows[0][-1] == "+0 %"

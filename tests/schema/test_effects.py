@@ -11,7 +11,7 @@ from auvident.physics.sensing import READING
 from auvident.physics.terms import EFFECT_FORCES, EQUATIONS, POWERS, VARIABLES, structure_of
 from auvident.schema.channels import BY_COLUMN
 from auvident.schema.coefficients import PLANES
-from auvident.schema.effect_words import allowances, with_std
+from auvident.schema.effect_words import nuisance_parameters, with_std
 from auvident.schema.effects import (
     BY_ID,
     EFFECTS,
@@ -159,14 +159,22 @@ def test_units_are_those_of_an_engineer() -> None:
     assert force.size_unit(1000.0, 2.0, 1.5, 10.0) == pytest.approx(500.0 * 4.0 * 2.25 / 10.0)
 
 
-@pytest.mark.parametrize(("slowness", "words"), [(0.5, "115 ± 10 deg/s"), (0.0, "none")])
-def test_an_allowance_that_took_up_nothing_is_told_as_none(slowness: float, words: str) -> None:
+@pytest.mark.parametrize(
+    ("slowness", "words"),
+    [
+        (0.5, "Adjusted along with the coefficients: servo speed limit 115 ± 10 deg/s."),
+        (0.0, "Servo speed limit: not needed."),
+    ],
+)
+def test_a_nuisance_parameter_without_effect_is_told_as_not_needed(
+    slowness: float, words: str
+) -> None:
     name = "rudder_rate_limit"
     value, _ = parameter_of(f"{name}.rate_degps").shown(slowness)
     parameter = {"symbol": "rate_degps", "value": value, "std": 10.0, "unit": "deg/s"}
     row = {"id": name, "parameters": [parameter], "internal": {f"{name}.rate_degps": slowness}}
-    assert allowances([{**row, "silent": True}]).endswith(f"{name} {words}")
-    assert allowances([{**row, "silent": False}]) == ""
+    assert nuisance_parameters([{**row, "silent": True}]) == words
+    assert nuisance_parameters([{**row, "silent": False}]) == ""
 
 
 @pytest.mark.parametrize(

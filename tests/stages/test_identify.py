@@ -389,7 +389,7 @@ def test_a_refinement_that_fails_leaves_the_result_of_the_filter(monkeypatch) ->
 
     def failing(setup, parameters, how):
         if how.method == "output_error":
-            raise NumericsError("the prediction runs away")
+            raise NumericsError("the prediction diverges")
         return run(setup, parameters, how)
 
     expected = c.identify(plan=short_plan()).model
@@ -397,7 +397,7 @@ def test_a_refinement_that_fails_leaves_the_result_of_the_filter(monkeypatch) ->
     found = c.identify(plan=plan).model
     assert found.coefficients == expected.coefficients
     (told,) = [f for f in found.findings if f.code == "not-refined"]
-    assert "the prediction runs away" in told.message and "refinement" in told.where
+    assert "the prediction diverges" in told.message and "refinement" in told.where
     with pytest.raises(NumericsError):  # with nothing before it there is nothing to keep
         c.identify(plan=short_plan().model_copy(update={"stage": (refined,)}))
 

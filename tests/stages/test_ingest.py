@@ -263,7 +263,7 @@ def test_lag_of_the_gyro_behind_the_rudder_is_found(lag):
 
 
 @pytest.mark.parametrize(
-    ("factor", "words"), [(-1.0, "opposite ways"), (np.degrees(1), "units"), (1.3, "")]
+    ("factor", "words"), [(-1.0, "opposite signs"), (np.degrees(1), "units"), (1.3, "")]
 )
 def test_heading_that_contradicts_the_gyro(factor, words):
     raw = maneuvers()

@@ -58,8 +58,8 @@ def test_time_that_stays_back_is_refused(time, row):
         assert word in str(caught.value)
 
 
-def test_time_that_leaps_ahead_for_good_is_refused():
-    with pytest.raises(InputError, match=r"row 102.*\n?.*leaps"):
+def test_time_that_jumps_ahead_for_good_is_refused():
+    with pytest.raises(InputError, match=r"row 102.*\n?.*jumps"):
         ordered(np.concatenate((TICKS, TICKS + 1.7e9)))
 
 

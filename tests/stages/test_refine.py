@@ -493,7 +493,7 @@ def test_a_size_whose_interval_holds_zero_is_not_confirmed_anywhere() -> None:
     assert (found.verdict, found.effects) == ("unexplained", ())
     assert [e.id for e in found.not_confirmed] == ["rudder_offset"] and found.added
     assert found.unexplained["nearest"] == "rudder_offset"
-    assert "Not confirmed" in found.statement and "lacks" not in found.statement
+    assert "not confirmed" in found.statement and "lacks" not in found.statement
     assert found.candidates[0].rejected.startswith("not confirmed")
     both = claimed(0.9, 0.6, effects=(OFFSET, EVENT))
     assert both.verdict == "effect_found" and [e.id for e in both.effects] == ["one_off_event"]
@@ -503,9 +503,9 @@ def test_a_size_whose_interval_holds_zero_is_not_confirmed_anywhere() -> None:
 def test_where_the_model_before_is_kept_nothing_is_claimed() -> None:
     found = claimed(1.3, 0.05, KEPT)
     assert (found.verdict, found.effects, found.not_confirmed) == ("unexplained", (), ())
-    assert found.statement.startswith("Nothing could be added")
+    assert found.statement.startswith("No effect was added")
     assert "r +129 %" in found.statement and not found.added
-    assert found.candidates[0].rejected.startswith("a model with it predicts")
+    assert found.candidates[0].rejected.startswith("a model with it does not predict")
     assert found.candidates[0].refusal and found.candidates[0].refusal.code == "not-added"
     # the model before may allow its vehicle a little of it: that is no size of what was found
     assert [p.value for p in found.candidates[0].parameters] == [1.0]
@@ -516,13 +516,15 @@ def test_effects_that_stand_beside_a_remainder_are_partly_an_explanation() -> No
         "channels": ["v"],
         "nearest": None,
         "correlates": [
-            {"axis": "Y", "regressor": "rudder a while ago", "gain": 300.0},
+            {"axis": "Y", "regressor": "delayed rudder angle", "gain": 300.0},
         ],
     }
     found = claimed(1.3, 0.05, verdict="partly_explained", unexplained=left)
     assert found.verdict == "partly_explained" and len(found.effects) == 1
     assert found.remaining == {"channels": ["v"], "correlates": left["correlates"]}
-    assert "Something remains (in v); it goes with rudder a while ago on Y." in found.statement
+    assert (
+        "residual remains in v; the side force follows the delayed rudder angle." in found.statement
+    )
     assert claimed(1.3, 0.05).remaining == {}
 
 
@@ -535,7 +537,7 @@ def test_a_refined_prediction_that_is_lost_in_one_maneuver_meets_no_gate() -> No
     after.loc[lost, [c for c in after if c.endswith("_simulated")]] = np.nan
     found = compared(predicted(0), after)
     assert [(f.code, f.where) for f in found.findings] == [("prediction-ran-away", "turn-1")]
-    with pytest.raises(GateError, match="runs away"):
+    with pytest.raises(GateError, match="diverges"):
         check_refined(found, {"u": 1e6})
     check_refined(compared(predicted(0), predicted(1)), {"u": 1e6})
 
@@ -552,7 +554,7 @@ def test_a_refined_prediction_of_which_nothing_is_left_has_no_error() -> None:
         "turn-1",
         "zigzag-1",
     }
-    with pytest.raises(GateError, match="runs away"):
+    with pytest.raises(GateError, match="diverges"):
         check_refined(found, {"r": 1e6})
 
 

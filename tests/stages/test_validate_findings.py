@@ -41,7 +41,7 @@ def test_a_channel_that_is_missed_by_its_own_variation_is_not_predicted() -> Non
     assert set(found) == {name for name, m in pooled.items() if m.nrmse >= 1.0} >= {"r"}
     assert found["r"].value == pooled["r"].nrmse
     assert found["r"].threshold == 1.0 and found["r"].remedy
-    assert found["r"].message == "the error of r is as large as its variation: not predicted"
+    assert found["r"].message == "r is not predicted: its error is as large as its variation"
 
 
 def test_data_that_made_a_channel_worse_are_called_so() -> None:
@@ -50,7 +50,7 @@ def test_data_that_made_a_channel_worse_are_called_so() -> None:
     after, before = metrics.summary["validate"]["u"], metrics.ase.summary["validate"]["u"]
     assert found["u"].value == pytest.approx((before.rmse / after.rmse) ** 2)
     assert found["u"].threshold == 1.0 and found["u"].remedy
-    words = "u of the held-out maneuvers is predicted no better than by"
+    words = "u of the held-out maneuvers is predicted no better than with"
     assert found["u"].message == f"{words} {ESTIMATE}"
     given = metrics_of(changed(true_prior(), X_uu=0.8 * base().values()["X_uu"]), estimated=False)
     assert f"{words} {GIVEN}" in {f.message for f in given.findings}
@@ -62,7 +62,7 @@ def test_single_maneuvers_that_are_predicted_worse_are_named_with_their_channels
     assert found.where.startswith("made-turn-1 (u")  # the zigzag identifies
     assert found.value < found.threshold == 1.0 and found.remedy
     assert found.message == (
-        "some channels of single held-out maneuvers are predicted worse than by " + ESTIMATE
+        "some channels of single held-out maneuvers are predicted worse than with " + ESTIMATE
     )
 
 
@@ -76,7 +76,9 @@ def test_coefficients_that_rest_on_the_prior_are_named() -> None:
     (found,) = said(metrics_of(with_rows(base(), data_share=shares)), "rests-on-prior")
     assert found.where == "Y_rdot, N_uv"
     assert (found.value, found.threshold) == (0.2, 0.5) and found.remedy
-    assert found.message.startswith(f"2 of {len(shares)} coefficients rest more on the prior than")
+    assert found.message.startswith(
+        f"2 of {len(shares)} coefficients are determined more by the prior than"
+    )
     sure = with_rows(base(), data_share=dict.fromkeys(shares, 0.9))
     assert not said(metrics_of(sure), "rests-on-prior")
 

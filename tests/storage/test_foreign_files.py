@@ -181,7 +181,7 @@ def test_no_artifact_is_read_through_a_link(run: Path) -> None:
     (run / "ase").symlink_to(outside)
     assert RunDirectory(run).sha256("ase/coefficients.json") is None
     decision = next(d for d in status(run)[0] if d.stage == "ase")
-    assert decision.reason == "ase/coefficients.json stands behind a symbolic link"
+    assert decision.reason == "ase/coefficients.json is reached through a symbolic link"
 
 
 @pytest.mark.parametrize("name", ["ingest/quality.json", "ingest/harbour_trial.parquet", "ingest"])

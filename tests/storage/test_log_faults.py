@@ -158,7 +158,7 @@ def test_two_files_of_one_sensor(tmp_path):
 
 def test_folder_without_logs(tmp_path):
     (tmp_path / "photo.jpg").write_bytes(b"x")
-    refused(tmp_path, tmp_path, "holds no log", "photo.jpg", "dvl.csv")
+    refused(tmp_path, tmp_path, "contains no log", "photo.jpg", "dvl.csv")
 
 
 def test_lone_sensor_file(tmp_path):

@@ -116,7 +116,7 @@ def refused(path, *words):
 def test_what_is_named_is_refused_with_what_it_is(tmp_path):
     run = run_directory(tmp_path / "run1")
     refused(run, "run directory of auvident", "--run")
-    refused(run / "ingest", "only what auvident wrote", "a.parquet")
+    refused(run / "ingest", "only files that auvident wrote", "a.parquet")
     refused(run / "ingest" / "a.parquet", "table that auvident 0.1.0 wrote")
     simulation().to_csv(tmp_path / "sim.csv", index=False)
     refused(tmp_path / "sim.csv", "simulation that auvident wrote")

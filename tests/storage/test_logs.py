@@ -97,7 +97,7 @@ def test_same_name_twice_is_refused_but_lone_files_take_their_folders(tmp_path):
     assert [t.name for t in read_trials([tmp_path / "x", tmp_path / "y"])] == ["x", "y"]
     wide_table().to_csv(tmp_path / "x" / "more.csv", index=False)
     wide_table().to_csv(tmp_path / "y" / "more.csv", index=False)
-    with pytest.raises(InputError, match="two trials have the name"):
+    with pytest.raises(InputError, match="two trials are named"):
         read_trials([tmp_path / "x", tmp_path / "y"])
 
 

@@ -42,7 +42,10 @@ def findings(
             symbols = ", ".join(f"{axis}_uud" for axis in row.axes[1:])
             yield Finding(
                 code=f"no_{name}",
-                message=f"No fin moves with the {name}: {symbols} are zero with a wide margin.",
+                message=(
+                    f"There is no fin of kind {name}: {symbols} are zero, with a wide "
+                    "standard deviation."
+                ),
                 where="[[fin]]",
                 remedy=f"Add a [[fin]] of kind {name!r} if the vehicle has one.",
             )
@@ -63,7 +66,7 @@ def _hull_findings(vehicle: Vehicle, hull: HullGeometry, speed_mps: float) -> It
     if float(hull.fineness) < SMALL_FINENESS:
         yield Finding(
             code="stout_hull",
-            message="The hull is stouter than the charts and slender-body theory reach.",
+            message="The hull is too stout for the charts and for slender-body theory.",
             where="[hull]",
             value=float(hull.fineness),
             threshold=SMALL_FINENESS,
@@ -73,9 +76,9 @@ def _hull_findings(vehicle: Vehicle, hull: HullGeometry, speed_mps: float) -> It
             if getattr(vehicle.hull, key) is None:
                 yield Finding(
                     code="assumed_section",
-                    message=f"{key} is not given; a usual one for this diameter is assumed.",
+                    message=f"{key} is not given; a typical one for this diameter is assumed.",
                     where=f"[hull] {key}",
-                    remedy="Give it: the tail decides the lift of the hull.",
+                    remedy="State it: the tail determines the lift of the hull.",
                 )
     displaced = vehicle.fluid.density_kgpm3 * float(hull.volume_m3)
     if abs(vehicle.body.mass_kg / displaced - 1.0) > MASS_TOLERANCE:
@@ -86,7 +89,7 @@ def _hull_findings(vehicle: Vehicle, hull: HullGeometry, speed_mps: float) -> It
             where="[vehicle] mass_kg",
             value=vehicle.body.mass_kg / displaced,
             threshold=MASS_TOLERANCE,
-            remedy="Check both; a free-flooding vehicle counts with the water it carries.",
+            remedy="Check both; the mass of a free-flooding vehicle includes the water inside.",
         )
 
 
@@ -98,19 +101,21 @@ def _fin_findings(vehicle: Vehicle, hull: HullGeometry) -> Iterator[Finding]:
         if fin.kind != "sail" and buried > BURIED_LIMIT:
             yield Finding(
                 code="fin_in_wake",
-                message="Much of the span works in the wake of the hull, where the formulas gave "
-                "1.5 to 3 times the measured lift (DARPA SUBOFF); the standard deviations are "
-                "wide accordingly.",
+                message="Much of the span lies in the wake of the hull, where the "
+                "formulas overestimate the measured lift 1.5 to 3 times (DARPA "
+                "SUBOFF); the standard deviations are accordingly wide.",
                 where=where,
                 value=buried,
                 threshold=BURIED_LIMIT,
-                remedy="Set efficiency of the fin when its lift is known.",
+                remedy="Set the efficiency of the fin if its lift is known.",
             )
         aspect = float(aspect_ratio(fin))
         if aspect > WHICKER_FEHLNER_ASPECT:
             yield Finding(
                 code="slender_fin",
-                message="The aspect ratio is beyond the tests behind the lift formula.",
+                message=(
+                    "The aspect ratio is outside the range of the tests behind the lift formula."
+                ),
                 where=where,
                 value=aspect,
                 threshold=WHICKER_FEHLNER_ASPECT,
@@ -122,7 +127,9 @@ def _propeller_findings(vehicle: Vehicle, values: Mapping[str, float]) -> Iterat
     if vehicle.propeller is None:
         yield Finding(
             code="no_propeller",
-            message="No [propeller]: T_nn and T_nu are zero with a wide margin.",
+            message=(
+                "There is no [propeller]: T_nn and T_nu are zero, with a wide standard deviation."
+            ),
             where="[propeller]",
             remedy="Give diameter_m and kt0, kt1 or a table.",
         )
@@ -131,8 +138,8 @@ def _propeller_findings(vehicle: Vehicle, values: Mapping[str, float]) -> Iterat
     if k_0 <= 0.0 or k_1 >= 0.0:
         yield Finding(
             code="propeller_line",
-            message=f"K_T = {k_0:g} + {k_1:g} J is no line of a driving propeller: thrust should "
-            "be positive at J = 0 and fall with J.",
+            message=f"K_T = {k_0:g} + {k_1:g} J is not the curve of a propulsive propeller: "
+            "thrust should be positive at J = 0 and decrease with J.",
             where="[propeller]",
             value=k_0,
         )
@@ -146,7 +153,7 @@ def _propeller_findings(vehicle: Vehicle, values: Mapping[str, float]) -> Iterat
     for key in sorted(assumed):
         yield Finding(
             code="assumed_propulsion_factor",
-            message=f"{key} is not given and taken as 0.",
+            message=f"{key} is not given; 0 is assumed.",
             where=f"[propeller] {key}",
-            remedy="0.1 to 0.4 (wake) and 0.05 to 0.25 (deduction) are usual behind AUV hulls.",
+            remedy="0.1 to 0.4 (wake) and 0.05 to 0.25 (deduction) are typical behind AUV hulls.",
         )

@@ -247,7 +247,7 @@ def _check_key(vehicle: Vehicle, key: str) -> None:
     numbers = [n for n in type(targets[0]).model_fields if _is_number(targets[0], n)]
     if name not in numbers:
         raise UsageError(
-            f"{name!r} is no number of {table}", where, f"One of {', '.join(numbers)}."
+            f"{name!r} is not a number of {table}", where, f"One of {', '.join(numbers)}."
         )
     if table == "hull" and vehicle.hull.family == "offsets":
         raise UsageError("a hull of offsets has a fixed shape", where, "Sweep a Myring hull.")

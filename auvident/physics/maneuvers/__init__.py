@@ -9,7 +9,12 @@ medium the velocities refer to, and a drifting position sensor does not enter.
 """
 
 from auvident.physics.maneuvers.straight import rpm_levels, straight_figures
-from auvident.physics.maneuvers.track import dead_reckoning, first_crossing, heading_from_rate
+from auvident.physics.maneuvers.track import (
+    dead_reckoning,
+    first_crossing,
+    heading_from_rate,
+    headings_from_start,
+)
 from auvident.physics.maneuvers.turn import turn_figures
 from auvident.physics.maneuvers.zigzag import reversals, zigzag_figures
 
@@ -17,6 +22,7 @@ __all__ = [
     "dead_reckoning",
     "first_crossing",
     "heading_from_rate",
+    "headings_from_start",
     "reversals",
     "rpm_levels",
     "straight_figures",

@@ -35,3 +35,17 @@ def first_crossing(t: Array, x: Array, value: float) -> float | None:
         return float(t[0])
     share = (value - x[i - 1]) / (x[i] - x[i - 1])
     return float(t[i - 1] + share * (t[i] - t[i - 1]))
+
+
+def headings_from_start(measured: Array, predicted: Array) -> tuple[Array, Array]:
+    """Headings counted from where a prediction starts.
+
+    Whether the vehicle set out to the north or to the south is no property of the maneuver, and
+    must not count in the spread of what was measured.
+
+    Parameters
+    ----------
+    measured, predicted : (n,) array
+        Headings [rad].
+    """
+    return measured - predicted[0], predicted - predicted[0]

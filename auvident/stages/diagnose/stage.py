@@ -73,7 +73,7 @@ def diagnose(
     """
     if model.plane != "horizontal":
         raise NumericsError(
-            "diagnosis knows the horizontal plane only",
+            "diagnose covers only the horizontal plane",
             f"model of the {model.plane} plane",
             "Identify with --plane horizontal.",
         )
@@ -82,7 +82,7 @@ def diagnose(
     except np.linalg.LinAlgError as error:
         raise NumericsError(
             f"the fits of the residual are singular ({error})",
-            remedy="Identify with more maneuvers, or give the coefficients priors.",
+            remedy="Identify from more maneuvers, or set priors for the coefficients.",
         ) from None
 
 
@@ -99,7 +99,7 @@ def _diagnosed(
     seed: int,
     tell: Progress,
 ) -> Diagnosed:
-    tell("sensors against each other", 0.0)
+    tell("consistency of the sensors", 0.0)
     checks = [heading_against_gyro(trials), position_against_dvl(trials, vehicle.dvl)]
     case = case_of(setup, model, [c for c in checks if c is not None])
     there, missing = testable(setup, case.records)
@@ -109,7 +109,7 @@ def _diagnosed(
     baseline, events = _without_events(search)
     tell("candidate effects", 0.2)
     traced = narrowed(search.trace(baseline), trials, maneuvers)
-    tell("free forces", 0.8)
+    tell("forces without a named cause", 0.8)
     evidence = _evidence(traced, search, events, missing)
     tell("verdict", 1.0)
     return Diagnosed(diagnosis_of(evidence, model), residual_table(traced, maneuvers))

@@ -51,17 +51,20 @@ def overlap_findings(trials: Sequence[Trial], maneuvers: Maneuvers, plane: Plane
 def _finding(m: Maneuver, left_s: float, held: str) -> Finding:
     enough = left_s >= ANSWER_S
     what = (
-        f"its longest stretch outside, {left_s:.1f} s, identifies"
+        f"only its longest part outside, {left_s:.1f} s, is used for identification"
         if enough
-        else (f"only {left_s:.1f} s of it lie outside, and it identifies nothing")
+        else f"only {left_s:.1f} s of it lie outside, so it is not used for identification"
     )
     return Finding(
         code="held-out-in-part" if enough else "held-out-within",
         where=m.id,
         value=round(left_s, 2),
         threshold=ANSWER_S,
-        message=f"it reaches into what is held out ({held}): {what}",
-        remedy="To identify from it, hold out another maneuver with `auvident segment --hold-out`.",
+        message=f"it overlaps held-out data ({held}): {what}",
+        remedy=(
+            "To identify from all of it, hold out another maneuver with `auvident segment "
+            "--hold-out`."
+        ),
     )
 
 

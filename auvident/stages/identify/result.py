@@ -136,16 +136,16 @@ def _combination(direction: Direction, symbols: Sequence[str]) -> Combination:
     named = direction.named(symbols)
     equations = {BY_SYMBOL[symbol].equation for symbol, _ in named if symbol in BY_SYMBOL}
     if not direction.structural:
-        meaning = "these maneuvers hardly show this combination; the prior holds it"
+        meaning = "combination that these maneuvers hardly show: its value comes from the prior"
     elif equations == {"X"}:
         meaning = (
-            "common scale of the surge equation: only ratios to the inertia can be seen, "
-            "whatever the data; the prior holds it"
+            "common scale of the surge equation: only ratios to the inertia are "
+            "identifiable, from any trial; the prior sets the scale"
         )
     else:
         meaning = (
-            "mixing of the two lateral equations (the mass matrix times any matrix): no data "
-            "can see it; the prior holds it"
+            "linear combination of the two lateral equations (any matrix times the mass "
+            "matrix): not identifiable from any trial; its value comes from the prior"
         )
     return Combination(
         symbols=tuple(symbol for symbol, _ in named),
@@ -285,7 +285,10 @@ def _findings(
                     where=row.symbol,
                     value=row.data_share,
                     threshold=NOT_MOVED,
-                    message="rests on the prior: these maneuvers hardly show it",
+                    message=(
+                        "not identified: these maneuvers hardly show it, so its value "
+                        "comes from the prior"
+                    ),
                 )
             )
         if row.std_jackknife and row.std_filter and row.origin == "identified":
@@ -299,7 +302,7 @@ def _findings(
                         threshold=DISAGREE,
                         message="the maneuvers disagree about it; its standard deviation was "
                         "widened to their scatter",
-                        remedy="Something the model lacks may act differently in them.",
+                        remedy="An effect that the model lacks may act differently in them.",
                     )
                 )
         expected = BY_SYMBOL[row.symbol].sign
@@ -311,7 +314,7 @@ def _findings(
                     value=row.value,
                     threshold=0.0,
                     message="has the sign opposite to a streamlined hull's",
-                    remedy="It may stand in for an effect the model lacks.",
+                    remedy="It may compensate for an effect that the model lacks.",
                 )
             )
     spread = np.sqrt(np.diag(final.covariance))
@@ -323,7 +326,7 @@ def _findings(
                 where=f"{symbols[i]}, {symbols[j]}",
                 value=float(matrix[i, j]),
                 threshold=CORRELATED,
-                message="can hardly be told apart",
+                message="can hardly be separated",
             )
         )
     return found
@@ -337,8 +340,8 @@ def _nis_findings(record: StageRecord) -> list[Finding]:
             where=column,
             value=test.corrected,
             threshold=test.high if test.corrected > 1.0 else test.low,
-            message="the innovations are not as large as the filter claims",
-            remedy="The standard deviations of what this channel shows are off accordingly.",
+            message="the innovations are not consistent with their covariance S",
+            remedy="Standard deviations that rest on this channel are off accordingly.",
         )
         for column, test in record.nis.items()
         if not (test.low <= test.corrected <= test.high)

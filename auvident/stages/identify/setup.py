@@ -98,12 +98,12 @@ def _nothing_identifies(maneuvers: Maneuvers, plane: Plane) -> NumericsError:
     within = [m.id for m in maneuvers.maneuvers if m.role == "identify" and m.shows(plane)]
     if within:
         return NumericsError(
-            f"every maneuver of the {plane} plane that identifies lies within held-out ones",
+            f"every {plane}-plane maneuver for identification lies within held-out ones",
             where=", ".join(within),
             remedy="Hold out other maneuvers with `auvident segment --hold-out`.",
         )
     return NumericsError(
-        f"no maneuver of the {plane} plane identifies",
+        f"there is no {plane}-plane maneuver to identify from",
         remedy="Hold out fewer maneuvers, or add a trial with maneuvers of this plane.",
     )
 

@@ -147,10 +147,10 @@ def _as_the_readings_tell(
         value=float(ratio.max()),
         threshold=OVERCLAIMED,
         where=setup.names(outcome.free)[int(ratio.argmax())],
-        message="the filter claims to know more than its readings tell (variance these allow over "
-        "the one claimed); standard deviations are those of the readings, values may be off by "
-        "more",
-        remedy="Identify with the plan `refined`, which goes on where the filter ends.",
+        message="the filter is overconfident: its covariance is smaller than the information "
+        "in the measurements allows. The standard deviations are corrected for that; "
+        "the values may be off by more",
+        remedy="Use the plan `refined`, which continues with output error where the filter ends.",
     )
     return replace(outcome, covariance=exact), [finding]
 
@@ -234,8 +234,8 @@ def _disagreement(outcomes: Sequence[Outcome], setup: Setup) -> list[Finding]:
                 where=symbol,
                 value=float(apart[column]),
                 threshold=STARTS_APART,
-                message=f"{symbol} depends on the value the estimation starts from",
-                remedy="More cycles, or another maneuver that shows it.",
+                message=f"{symbol} depends on its initial value",
+                remedy="Use more cycles, or add a maneuver that shows it.",
             )
         )
     return found
@@ -244,26 +244,28 @@ def _disagreement(outcomes: Sequence[Outcome], setup: Setup) -> list[Finding]:
 def _not_refined(stage: PlanStage, error: NumericsError) -> Finding:
     return Finding(
         code="not-refined",
-        message=f"{error.problem}; the result of the filter stands",
+        message=f"{error.problem}; the result of the filter is kept",
         where=f"stage {stage.name!r}",
-        remedy="Its prediction may run away as well: see what `auvident validate` says, and hold "
-        "out the maneuvers in which it does.",
+        remedy="Its prediction may diverge as well: run `auvident validate`, and hold out "
+        "the maneuvers in which it does.",
     )
 
 
 def _ekf_instead(stage: PlanStage, error: NumericsError) -> Finding:
     return Finding(
         code="ekf-instead",
-        message=f"{error.problem} ({error.where}); the EKF ran this stage in place of the UKF",
+        message=(
+            f"{error.problem} ({error.where}); this stage was run with the EKF instead of the UKF"
+        ),
         where=f"stage {stage.name!r}",
-        remedy="See whether `--filter ekf` ends at the same coefficients.",
+        remedy="Check whether `--filter ekf` ends at the same coefficients.",
     )
 
 
 def _skipped(stage: PlanStage) -> Finding:
     return Finding(
         code="stage-skipped",
-        message=f"there is no maneuver of the kinds {', '.join(stage.maneuvers)}",
+        message=f"there is no maneuver of kind {', '.join(stage.maneuvers)}",
         where=f"stage {stage.name!r}",
-        remedy="Its coefficients rest on the other maneuvers and on the prior.",
+        remedy="Its coefficients are identified from the other maneuvers and the prior.",
     )

@@ -41,8 +41,9 @@ def step_findings(setup: Setup, parameters: Array) -> list[Finding]:
             where=STATE_COLUMNS[setup.structure.plane][channel],
             value=float(worst[channel]),
             threshold=TOO_LONG,
-            message=f"this vehicle is too lively for steps of {setup.dt_s:g} s: with half of one "
-            "the prediction changes by so many times the noise of the sensor",
+            message=f"the time step of {setup.dt_s:g} s is too long for the dynamics of this "
+            "vehicle: halving it changes the prediction by more than the sensor "
+            "noise (ratio)",
             remedy=f"Ingest with `--rate {2.0 / setup.dt_s:g}`.",
         )
     ]

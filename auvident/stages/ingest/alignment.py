@@ -202,7 +202,7 @@ def _lag_findings(raw: RawTrial, lags: tuple[Alignment, ...]) -> list[Finding]:
                     where=f"trial {raw.name}",
                     value=lag.lag_s,
                     threshold=limit,
-                    remedy="If it is the clock, shift it by time_offset_s in a map (--map); "
+                    remedy="If the clocks are offset, set time_offset_s in a map (--map); "
                     "nothing was corrected.",
                 )
             )

@@ -54,7 +54,7 @@ def _surge(trial: Trial, vehicle: Vehicle) -> Iterator[Finding]:
             value=float(np.median(u[ahead])),
             threshold=-MIN_SPEED_MPS,
             remedy="Check the axes of the DVL (u forward, v starboard) and the sign of rpm; "
-            "sign = -1 in a map (--map) turns a column.",
+            "sign = -1 in a map (--map) flips a column.",
         )
 
 
@@ -72,8 +72,8 @@ def _sway(trial: Trial, vehicle: Vehicle) -> Iterator[Finding]:
             message=f"the vehicle drifts into its turns (v = {slope:+.2f} r L)",
             value=slope,
             threshold=SWAY_SLOPE,
-            remedy="Check that v counts to starboard and [dvl] x_m; sign = -1 in a map (--map) "
-            "turns a column.",
+            remedy="Check that v is positive to starboard, and [dvl] x_m; sign = -1 in a map "
+            "(--map) flips a column.",
         )
 
 
@@ -87,11 +87,11 @@ def _yaw_rate(trial: Trial, vehicle: Vehicle) -> Iterator[Finding]:
     if most > MAX_YAW_RATE:
         yield Finding(
             code="yaw_rate_unit",
-            message=f"yaw rates reach {most:.3g} speeds per hull length, tighter than any turn; "
-            "r looks like degrees per second in a _radps column",
+            message=f"yaw rates reach {most:.3g} speeds per hull length, more than in any "
+            "turn; r looks like degrees per second in a _radps column",
             value=most,
             threshold=MAX_YAW_RATE,
-            remedy="Rename the column to its unit, or say the unit in a map (--map).",
+            remedy="Give the column the suffix of its unit, or state the unit in a map (--map).",
         )
     if most > MIN_TURN_RATE and largest < SMALL_RUDDER_RAD:
         yield Finding(
@@ -100,7 +100,7 @@ def _yaw_rate(trial: Trial, vehicle: Vehicle) -> Iterator[Finding]:
             "degrees; rudder looks like radians in a _deg column",
             value=largest,
             threshold=SMALL_RUDDER_RAD,
-            remedy="Rename the column to its unit, or say the unit in a map (--map).",
+            remedy="Give the column the suffix of its unit, or state the unit in a map (--map).",
         )
     deflected = np.abs(rudder[moving]) > LARGE_RUDDER_RAD
     if deflected.sum() >= MIN_SAMPLES and np.quantile(rate[deflected], 0.9) < MIN_YAW_RATE:
@@ -110,7 +110,7 @@ def _yaw_rate(trial: Trial, vehicle: Vehicle) -> Iterator[Finding]:
             "_degps column, or is not the yaw rate",
             value=float(np.quantile(rate[deflected], 0.9)),
             threshold=MIN_YAW_RATE,
-            remedy="Check unit and column of r, or the unit of the rudder.",
+            remedy="Check the unit and column of r, and the unit of the rudder.",
         )
 
 
@@ -157,12 +157,12 @@ def _track(trial: Trial, vehicle: Vehicle) -> Iterator[Finding]:
     if abs(ratio - 1.0) > SPEED_RATIO:
         yield Finding(
             code="speed_position_ratio",
-            message=f"by its position the vehicle travels {ratio:.2f} times as fast as by its "
+            message=f"the vehicle travels {ratio:.2f} times as fast by its position as by its "
             "DVL (1.94 or 0.51 would be knots for m/s)",
             value=ratio,
             threshold=1.0 + SPEED_RATIO,
-            remedy="Check the units of u, v and of the position; a DVL over water does not see "
-            "the current.",
+            remedy="Check the units of u, v and of the position; a DVL in water-track mode "
+            "does not measure the current.",
         )
 
 

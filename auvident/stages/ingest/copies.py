@@ -36,7 +36,7 @@ ONE_VALUE = 1e-12  # m/s, rad/s
 FACTORS = np.random.default_rng(0).integers(1, 2**63, RUN, dtype=np.uint64) | np.uint64(1)
 REMEDY = (
     "Leave one of them out: a maneuver that is in two trials would be held out in one and "
-    "identify in the other."
+    "used for identification in the other."
 )
 
 
@@ -94,8 +94,8 @@ def refuse_copy(new: Fingerprint, earlier: Sequence[Fingerprint]) -> None:
             common = _common_s(old.readings[column], new.readings[column], _ahead(old, new))
             if common is not None:
                 raise InputError(
-                    f"trial {new.name} holds the readings of trial {old.name}: {common:.0f} s of "
-                    f"{column} are equal",
+                    f"trial {new.name} contains the readings of trial {old.name}: "
+                    f"{common:.0f} s of {column} are equal",
                     f"{new.file} and {old.file}",
                     REMEDY,
                 )

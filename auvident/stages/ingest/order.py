@@ -124,7 +124,7 @@ def _drop_leaps(sensor: RawSensor, keep: np.ndarray) -> None:
         else:
             time, line = sensor.time_s, sensor.rows
             raise InputError(
-                f"time leaps from {time[head[-1]]:.3f} s to {time[tail[0]]:.3f} s",
+                f"time jumps from {time[head[-1]]:.3f} s to {time[tail[0]]:.3f} s",
                 f"{sensor.file}, row {line[tail[0]]}, column {sensor.time_column}",
                 "Split the log there into two trials, or correct its clock.",
             )

@@ -81,8 +81,8 @@ def _unusable(sensors: Mapping[str, CleanSensor]) -> list[Finding]:
     return [
         Finding(
             code="channel_unusable",
-            message=f"column {sensor.raw.columns[column]} has no usable sample "
-            "in the time that the needed sensors share",
+            message=f"column {sensor.raw.columns[column]} has no usable sample in the time "
+            "that the required sensors share",
             where=sensor.raw.file,
         )
         for sensor in sensors.values()

@@ -43,8 +43,8 @@ def _spans(sensors: Sequence[SensorQuality]) -> Iterator[Finding]:
                 side = "after the first" if verb == "starts" else "before the last"
                 yield Finding(
                     code=f"sensor_{code}",
-                    message=f"{sensor.sensor} {verb} {lost:.1f} s {side} sensor; "
-                    "the trial is what all have",
+                    message=f"{sensor.sensor} {verb} {lost:.1f} s {side} sensor; the trial is "
+                    "the time that all of them cover",
                     where=sensor.file,
                     value=lost,
                     threshold=LATE_S,
@@ -60,22 +60,22 @@ def _clock(sensor: SensorQuality) -> Iterator[Finding]:
         yield Finding(
             code="coarse_time",
             message=f"{repeated} of {sensor.rows_read} rows of {sensor.sensor} repeat a time "
-            "stamp; only one sample of each was used",
+            "stamp; one sample per time stamp was used",
             where=sensor.file,
             value=repeated / sensor.rows_read,
             threshold=REPEATED_SHARE,
-            remedy="Log the time with more digits.",
+            remedy="Log the time with more decimals.",
         )
     if sensor.rate_hz and sensor.jitter_s and sensor.jitter_s * sensor.rate_hz > JITTER_SHARE:
         if sensor.method == "on_change":
             return
         yield Finding(
             code="jitter",
-            message=f"the ticks of {sensor.sensor} scatter by {sensor.jitter_s:.3g} s",
+            message=f"the time stamps of {sensor.sensor} jitter by {sensor.jitter_s:.3g} s",
             where=sensor.file,
             value=sensor.jitter_s,
             threshold=JITTER_SHARE / sensor.rate_hz,
-            remedy="Log the time of the sample rather than of its arrival.",
+            remedy="Log the time of sampling rather than of arrival.",
         )
 
 
@@ -107,11 +107,11 @@ def _holds(sensor: SensorQuality) -> Iterator[Finding]:
         how = "only when it changes" if sensor.method == "on_change" else "on change and regularly"
         yield Finding(
             code="input_logged_on_change",
-            message=f"{sensor.sensor} seems to be logged {how}; each value was held until the "
-            f"next, for up to {longest:.1f} s",
+            message=f"{sensor.sensor} appears to be logged {how}; each value was held until "
+            f"the next, for up to {longest:.1f} s",
             where=sensor.file,
             value=longest,
-            remedy="If it is polled and these are drop-outs, say on_change = false in a map.",
+            remedy="If it is polled and these are drop-outs, set on_change = false in a map.",
         )
 
 
@@ -136,7 +136,7 @@ def _channel(sensor: SensorQuality, channel: ChannelQuality, needed: bool) -> It
     if constant and channel.column == "rudder_rad":
         yield Finding(
             code="rudder_never_moves",
-            message="the rudder never moves: no turn can be identified",
+            message="the rudder never moves, so no turn can be identified",
             where=sensor.file,
             value=channel.minimum,
         )

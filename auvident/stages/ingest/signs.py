@@ -145,8 +145,8 @@ def _contradiction(raw: RawTrial, vehicle: Vehicle, fin: str, shown: str) -> Inp
         f"the log's {fin} sign contradicts [signs] {key} = {said!r}: a positive {column} turns "
         f"the bow {other} ({shown})",
         f"{sensor.file}, column {column}",
-        f"Say {key} = {other!r} in the vehicle file, or sign = -1 for the column in a map "
-        f"(--map); if it is the gyro that counts the other way, give {rate} the sign -1.",
+        f"Set {key} = {other!r} in the vehicle file, or sign = -1 for the column in a map "
+        f"(--map); if the gyro has the wrong sign, set sign = -1 for {rate}.",
     )
 
 
@@ -164,17 +164,17 @@ def refuse_heading(raw: RawTrial, found: Relation | None) -> None:
     where = f"{attitude.file} and {gyro.file}"
     if gain < 0:
         raise InputError(
-            f"heading and yaw rate turn opposite ways: {names}",
+            f"heading and yaw rate have opposite signs: {names}",
             where,
-            "Heading counts clockwise, r to starboard: give the wrong one sign = -1 in a map "
-            "(--map), or leave the heading out.",
+            "Heading is positive clockwise, r to starboard: set sign = -1 for the wrong one "
+            "in a map (--map), or leave the heading out.",
         )
     for ratio in (1.0 / DEG, DEG):
         if abs(gain / ratio - 1.0) < UNIT_LIMIT:
             raise InputError(
-                f"heading and yaw rate are not in the units that they claim: {names}",
+                f"heading and yaw rate are not in the units they are labelled with: {names}",
                 where,
-                "One of them is in degrees where it says rad, or the other way round.",
+                "One of them is in degrees but labelled rad, or the other way round.",
             )
 
 
@@ -204,7 +204,7 @@ def sign_findings(raw: RawTrial, found: Relation | None, rudder: RudderSign) -> 
     return [
         Finding(
             code="rudder_sign_unverified",
-            message="the trial does not show which way a positive rudder turns the vehicle",
+            message="the trial does not show to which side a positive rudder turns the vehicle",
             where=f"trial {raw.name}",
             value=None if found is None else _in_stds(found),
             threshold=-SURE_STDS,

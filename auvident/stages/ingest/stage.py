@@ -120,10 +120,10 @@ def _refuse_too_slow(sensors: dict[str, CleanSensor], needed: tuple[str, ...]) -
         period = median_period(series.time_s)
         if column in needed and series.channel.kind == "measured" and period > MAX_PERIOD_S:
             raise InputError(
-                f"one sample of {sensor.raw.columns[column]} in {period:g} s is too slow "
+                f"one sample of {sensor.raw.columns[column]} every {period:g} s is too slow "
                 f"(limit {MAX_PERIOD_S:g} s)",
                 f"{sensor.raw.file}, column {sensor.raw.time_column}",
-                "If the time is in milliseconds, name it time_ms or say time_unit in a map.",
+                "If the time is in milliseconds, name it time_ms or set time_unit in a map.",
             )
 
 
@@ -161,9 +161,10 @@ def _common_grid(
             if s.time_s.size and any(BY_COLUMN[c].sensor == name for c in needed)
         )
         raise InputError(
-            f"the needed sensors never overlap in time: {spans}",
+            f"the required sensors never overlap in time: {spans}",
             f"trial {raw.name}",
-            "Check that all count the same clock; time_offset_s in a map (--map) shifts one.",
+            "Check that all of them run on the same clock; time_offset_s in a map (--map) "
+            "shifts one.",
         )
     return grid
 

@@ -36,5 +36,5 @@ def refuse_wrong_unit(raw: RawSensor, channel: Channel, values: np.ndarray) -> N
         f"{channel.plausible:g} {channel.unit}, e.g. {values[beyond][0]:.4g} {channel.unit}; "
         f"looks like {LIKELY[channel.unit]}",
         f"{raw.file}, row {raw.rows[0]} on, column {column}",
-        "Rename the column to its unit, or say the unit in a map (--map).",
+        "Give the column the suffix of its unit, or state the unit in a map (--map).",
     )

@@ -28,8 +28,8 @@ from auvident.schema.loop_statements import (
 # why an effect that a diagnosis accepted is not claimed after all
 NOT_ADDED, NOT_CONFIRMED = "not-added", "not-confirmed"
 DOUBTS = {
-    NOT_ADDED: "a model with it predicts the maneuvers that identify no better",
-    NOT_CONFIRMED: "not confirmed: the interval of its size holds zero",
+    NOT_ADDED: "a model with it does not predict the maneuvers used for identification better",
+    NOT_CONFIRMED: "not confirmed: the interval of its size contains zero",
 }
 
 

@@ -9,6 +9,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from auvident.constants import INDEPENDENT_S
+from auvident.physics.maneuvers import headings_from_start
 from auvident.schema.artifacts import (
     ON_ERRORS,
     RAN_AWAY,
@@ -33,6 +34,7 @@ from auvident.stages.refine.errors import channels_of, rms_of
 Array = npt.NDArray[Any]
 DRAWS = 1000
 INTERVAL = (2.5, 97.5)
+HEADING = "heading_rad"  # counts from the start of each maneuver
 
 
 def escapes(table: pd.DataFrame) -> tuple[Finding, ...]:
@@ -44,8 +46,11 @@ def escapes(table: pd.DataFrame) -> tuple[Finding, ...]:
                 Finding(
                     code=RAN_AWAY,
                     where=str(name),
-                    message="the refined prediction leaves every bound",
-                    remedy="The model is unstable in this maneuver; its errors count to there.",
+                    message="the prediction of the refined model diverges",
+                    remedy=(
+                        "The model is unstable in this maneuver; errors are counted up to "
+                        "that point."
+                    ),
                 )
             )
     return tuple(found)
@@ -61,7 +66,7 @@ def worse_channels(held_out: HeldOut) -> tuple[Finding, ...]:
             threshold=1.0,
             message="the refined model predicts some channels of the held-out maneuvers worse "
             "than the identified one",
-            remedy="The identified model stays in identify/model.json.",
+            remedy="The identified model is kept in identify/model.json.",
         )
         for name, before in held_out.before.items()
         if name in held_out.difference and before.rmse > 0.0 and held_out.difference[name].low > 0.0
@@ -132,12 +137,11 @@ def compare(
 def _errors(name: str, pairs: dict[str, Any], column: str) -> tuple[Array, Array, Array]:
     """Errors before and after, and readings, of one channel of one maneuver."""
     before, after = pairs[name]
-    measured = before[f"{column}_measured"].to_numpy()
-    return (
-        before[f"{column}_simulated"].to_numpy() - measured,
-        after[f"{column}_simulated"].to_numpy() - measured,
-        measured,
-    )
+    measured, first = (before[f"{column}_{k}"].to_numpy() for k in ("measured", "simulated"))
+    errors = first - measured, after[f"{column}_simulated"].to_numpy() - measured
+    if column == HEADING:
+        measured, _ = headings_from_start(measured, first)
+    return (*errors, measured)
 
 
 def _pooled(names: Sequence[str], pairs: dict[str, Any], rng: np.random.Generator) -> HeldOut:

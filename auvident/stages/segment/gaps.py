@@ -97,8 +97,8 @@ def _torn(f: Found) -> Finding:
     lost = f.seconds - sum(f.piece.seconds(a, b) for a, b in parts)
     return Finding(
         code="torn_by_dropout",
-        message=f"Drop-outs of a sensor tear this {f.kind}: {len(parts)} uninterrupted part(s) "
-        f"of it are used together, {lost:.1f} s are not.",
+        message=f"Drop-outs of a sensor split this {f.kind}: {len(parts)} uninterrupted "
+        f"part(s) of it are used together, {lost:.1f} s are not.",
         where=where,
         value=round(lost, 2),
         remedy="See the quality report of the ingest stage for the sensor that dropped out.",

@@ -173,8 +173,8 @@ def role_findings(maneuvers: Sequence[Maneuver]) -> list[Finding]:
         findings.append(
             Finding(
                 code="nothing_held_out",
-                message="Nothing is held out: there is no maneuver to spare for the validation, "
-                "so the model is never tested on data it has not seen.",
+                message="Nothing is held out: there is no maneuver to spare for validation, "
+                "so the model is not tested on data it has not seen.",
                 value=len(maneuvers),
                 threshold=2,
                 remedy="Record a second zigzag or turn, or hold one out with --hold-out ID.",
@@ -187,8 +187,8 @@ def role_findings(maneuvers: Sequence[Maneuver]) -> list[Finding]:
         findings.append(
             Finding(
                 code="one_turn_side",
-                message=f"The identification sees turns to {used.pop()} only.",
-                remedy="Record another turn to the other side, or hold out another maneuver.",
+                message=f"Only turns to {used.pop()} are used for identification.",
+                remedy="Add a turn to the other side, or hold out another maneuver.",
             )
         )
     return findings

@@ -116,8 +116,8 @@ def _findings(
     return [
         Finding(
             code="held_out_along",
-            message=f"It lies within the held-out {along[m.id]} over most of its length, and is "
-            "held out as well: a stretch has one role.",
+            message=f"Most of it lies within the held-out {along[m.id]}, so it is held out as "
+            "well: no part of a trial has both roles.",
             where=m.id,
             value=round(share_within(m, [x for x in out if x.id != m.id]), 3),
             threshold=MOST,

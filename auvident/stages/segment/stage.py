@@ -218,7 +218,7 @@ def _wrong_sign(trial: Trial, plane: Plane) -> Finding:
     fin, key = BY_PLANE[plane].fin, BY_PLANE[plane].sign_key
     return Finding(
         code=f"{fin}_sign",
-        message=f"The vehicle answers its {fin} the other way round than [signs] declares.",
+        message=f"The vehicle responds to its {fin} with the opposite sign of what [signs] states.",
         where=trial.name,
         remedy=f"Change {key} in the vehicle file, or the sign of the {fin} in the map.",
     )

@@ -52,7 +52,7 @@ def _not_predicted(after: Channels) -> Iterator[Finding]:
                 where=name,
                 value=m.nrmse,
                 threshold=AS_ITS_VARIATION,
-                message=f"the error of {name} is as large as its variation: not predicted",
+                message=f"{name} is not predicted: its error is as large as its variation",
                 remedy=f"Do not use the model for {name}.",
             )
 
@@ -66,8 +66,13 @@ def _no_better(after: Channels, before: Channels, prior: str) -> Iterator[Findin
                 where=name,
                 value=ratio,
                 threshold=NOT_BETTER,
-                message=f"{name} of the held-out maneuvers is predicted no better than by {prior}",
-                remedy=f"The maneuvers that identify teach nothing about {name} that holds here.",
+                message=(
+                    f"{name} of the held-out maneuvers is predicted no better than with {prior}"
+                ),
+                remedy=(
+                    f"What was identified about {name} does not carry over to the held-out "
+                    "maneuvers."
+                ),
             )
 
 
@@ -77,9 +82,9 @@ def _prior_ran_away(metrics: Metrics, prior: str) -> Iterator[Finding]:
             yield Finding(
                 code="prior-ran-away",
                 where=f.where,
-                message=f"predictions by {prior} leave every bound, so their pooled errors are "
-                "not compared",
-                remedy="What identification gained is not known.",
+                message=f"predictions with {prior} diverge, so their pooled errors are not "
+                "compared",
+                remedy="The gain from identification cannot be stated.",
             )
 
 
@@ -95,9 +100,9 @@ def _worse_than_prior(metrics: Metrics, prior: str) -> Iterator[Finding]:
                 where=f"{m.id} ({', '.join(worse)})",
                 value=min(worse.values()),
                 threshold=NOT_BETTER,
-                message="some channels of single held-out maneuvers are predicted worse than by "
-                f"{prior}",
-                remedy="Look at their measured and predicted channels.",
+                message="some channels of single held-out maneuvers are predicted worse than "
+                f"with {prior}",
+                remedy="Compare their measured and predicted channels in the report.",
             )
 
 
@@ -110,9 +115,9 @@ def _resting_on_prior(model: IdentifiedModel) -> Iterator[Finding]:
             where=", ".join(on_prior),
             value=min(on_prior.values()),
             threshold=MANY_ON_PRIOR,
-            message=f"{len(on_prior)} of {len(shares)} coefficients rest more on the prior than "
-            "on these data; the prediction is good where the maneuvers were, the single "
-            "coefficient need not be",
+            message=f"{len(on_prior)} of {len(shares)} coefficients are determined more by "
+            "the prior than by these data. Predictions hold within the range of the "
+            "maneuvers; single coefficients may be wrong",
             remedy="`auvident plan-trial RUN` ranks the maneuvers that would show more.",
         )
 

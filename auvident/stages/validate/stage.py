@@ -10,7 +10,12 @@ import pandas as pd
 
 from auvident.engines.carried import frame_of, predicted_course, structure_behind, vector_behind
 from auvident.engines.records import Record, record_of, sensor_matrix
-from auvident.physics.maneuvers import dead_reckoning, turn_figures, zigzag_figures
+from auvident.physics.maneuvers import (
+    dead_reckoning,
+    headings_from_start,
+    turn_figures,
+    zigzag_figures,
+)
 from auvident.physics.terms import Structure
 from auvident.physics.virtual import run_virtual, zigzag_helm
 from auvident.schema.artifacts import (
@@ -143,9 +148,9 @@ def _escaped(prediction: Prediction) -> Finding:
     seconds = prediction.record.time_s[row] - prediction.record.time_s[0]
     return Finding(
         code=RAN_AWAY,
-        message=f"the prediction leaves every bound {seconds:.1f} s after the start",
+        message=f"the prediction diverges {seconds:.1f} s after the start",
         where=prediction.maneuver.id,
-        remedy="The model is unstable in this maneuver; it counts in no error of the summary.",
+        remedy="The model is unstable in this maneuver; the summary leaves its errors out.",
     )
 
 
@@ -189,7 +194,7 @@ def channel_pairs(p: Prediction, plane: Plane) -> Iterable[tuple[str, str, Array
     for c, state in enumerate(BY_PLANE[plane].states):
         measured, simulated = p.measured[:, c], p.predicted[:, c]
         if state.wraps:
-            measured, simulated = measured - p.record.start[c], simulated - p.record.start[c]
+            measured, simulated = headings_from_start(measured, simulated)
         yield state.symbol, state.unit, measured, simulated
     if plane == "horizontal":
         yield "track", "m", *tracks(p)

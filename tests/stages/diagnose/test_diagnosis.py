@@ -55,7 +55,7 @@ def test_nothing_is_found_in_the_harbour(harbour) -> None:
     assert not harbour.effects
     assert all(c.rejected for c in harbour.candidates)
     assert not harbour.unexplained
-    assert harbour.statement.startswith("Nothing is missing")
+    assert harbour.statement.startswith("The model lacks nothing that these maneuvers would show.")
 
 
 def test_adding_the_current_makes_the_residuals_smaller(bay) -> None:

@@ -45,11 +45,11 @@ REGRESSORS: dict[str, Regressor] = {
     "sin heading": lambda x, r, dt: np.sin(x[:, 3]),
     "cos 2 heading": lambda x, r, dt: np.cos(2.0 * x[:, 3]),
     "sin 2 heading": lambda x, r, dt: np.sin(2.0 * x[:, 3]),
-    "|v| r a while ago": lambda x, r, dt: lagged(np.abs(x[:, 1]) * x[:, 2], SLOW_S, dt),
-    "u r a while ago": lambda x, r, dt: lagged(x[:, 0] * x[:, 2], QUICK_S, dt),
-    "change of u r": lambda x, r, dt: np.gradient(x[:, 0] * x[:, 2], dt),
-    "rudder a while ago": lambda x, r, dt: lagged(r.inputs[:, 0], SLOW_S, dt),
-    "rate of turn a while ago": lambda x, r, dt: lagged(x[:, 2], SLOW_S, dt),
+    "delayed |v| r": lambda x, r, dt: lagged(np.abs(x[:, 1]) * x[:, 2], SLOW_S, dt),
+    "delayed u r": lambda x, r, dt: lagged(x[:, 0] * x[:, 2], QUICK_S, dt),
+    "rate of change of u r": lambda x, r, dt: np.gradient(x[:, 0] * x[:, 2], dt),
+    "delayed rudder angle": lambda x, r, dt: lagged(r.inputs[:, 0], SLOW_S, dt),
+    "delayed yaw rate": lambda x, r, dt: lagged(x[:, 2], SLOW_S, dt),
 }
 
 

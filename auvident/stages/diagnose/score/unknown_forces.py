@@ -80,7 +80,7 @@ def stepper_of(case: Case, p: Array) -> Stepper:
     q[[case.position(name) for name in FREE_FORCES]] = 1.0
     if not inverse_mass(q, structure.mass, structure.mass_weights, ACTIVE, inverse) > 0.0:
         raise NumericsError(
-            "mass matrix is not positive definite",
+            "the mass matrix is not positive definite",
             "unknown forces of the diagnosis",
             "Check mass, inertia and added masses in the vehicle file.",
         )

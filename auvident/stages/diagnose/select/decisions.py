@@ -42,7 +42,7 @@ def simplest(judged: Sequence[Judged]) -> list[Judged]:
         return list(judged)
     for account in (a for a, _ in judged if a.id != accepted.id):
         if passes(Beside(accepted, account), rules.SIMPLER):
-            text = f"{account.id} does as well with less"
+            text = f"{account.id} does as well with fewer parameters"
             instead: dict[str, Refusal | None] = {
                 accepted.id: Refusal("simpler", text),
                 account.id: None,

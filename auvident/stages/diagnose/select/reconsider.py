@@ -30,7 +30,7 @@ class Exchange:
     into: tuple[str, ...]
 
     def __str__(self) -> str:
-        return f"{' and '.join(self.out)} swapped for {' and '.join(self.into)}"
+        return f"{' and '.join(self.out)} replaced by {' and '.join(self.into)}"
 
 
 def reconsider(
@@ -94,7 +94,9 @@ def _removed(case: Case, current: Fitted, effects: Sequence[str]) -> tuple[Fitte
         rest = apart(current, (effect,))
         less = from_both(case, rest, without(case, current.parameters, (effect,)), current)
         if less is not None and not passes(log_gain(less, current), rules.STAY):
-            steps.append(f"{effect} removed: worth {log_gain(less, current):.0f} nats")
+            steps.append(
+                f"{effect} removed: it contributes only {log_gain(less, current):.0f} nats"
+            )
             current = less
     return current, steps
 

@@ -115,49 +115,50 @@ RULES: tuple[Rule[Account], ...] = (
         "its fit has converged",
         lambda a: a.settled,
         1.0,
-        words="promises {promise:.0f} nats, too few beside the best to be fitted to the end",
+        words="expected to gain only {promise:.0f} nats, far less than the best candidate; not "
+        "fitted to convergence",
     ),
     Rule(
         "gain",
-        "it gains likelihood",
+        "its gain in likelihood is large enough",
         lambda a: a.gain,
         LEAST_GAIN,
-        words="gains {evidence:.0f} nats, less than {least:.0f}",
+        words="evidence too weak ({evidence:.0f} nats, {least:.0f} needed)",
     ),
     Rule(
         "of-best",
-        "it is no by-product of another",
+        "it is not a by-product of another",
         lambda a: a.gain / a.best_gain,
         OF_BEST,
-        words="gains less than half of the best one",
+        words="gains less than half as much as the best candidate",
     ),
     Rule(
         "small",
         "it is large enough to matter",
         lambda a: a.size,
         1.0,
-        words="smaller than of practical interest",
+        words="too small to matter in practice",
     ),
     Rule(
         "no-fall",
-        "some residual becomes clearly smaller",
+        "some residual falls clearly",
         lambda a: max(a.falls.values()),
         LEAST_FALL,
-        words=f"no residual falls by {100 * LEAST_FALL:.0f} %",
+        words="hardly improves any channel",
     ),
     Rule(
         "bound",
         "its size is plausible",
         lambda a: not a.at_bound,
         1.0,
-        words="at the bound of what is plausible",
+        words="ends at the bound of what is plausible",
     ),
     Rule(
         "maneuvers",
         "there is another maneuver to try it on",
         lambda a: a.maneuvers,
         LEAST_MANEUVERS,
-        words="there is no other maneuver to try it on",
+        words="there is no other maneuver to test it on",
     ),
 )
 # ... and once it was tried on maneuvers left out of its fit
@@ -167,17 +168,17 @@ RULES_LEFT_OUT: tuple[Rule[Account], ...] = (
         "it helps most of the maneuvers left out",
         _share_helped,
         LEAST_SHARE,
-        words="helps only {share:.0f} % of the maneuvers left out",
+        words="improves only {share:.0f} % of the maneuvers left out",
     ),
     Rule(
         "by-chance",
         "it helps them more than chance would",
         _bound_of_gain,
         POSITIVE,
-        words="helps the maneuvers left out no more than chance would",
+        words="improves the maneuvers left out no more than chance would",
     ),
 )
-ANOTHER = Refusal("another", "another gains more")
+ANOTHER = Refusal("another", "another candidate gains more")
 SENSORS: tuple[Rule[float], ...] = (
     Rule("reconciled", "sensors agree better with it [nats]", lambda gain: gain, CHECK_GAIN),
 )
@@ -215,7 +216,7 @@ TAKE_ALONG: tuple[Rule[Nuisance], ...] = (
     Rule("small", "it is small", lambda n: n.refused_as in ("small", "no-fall"), 1.0),
     Rule("hides", "another stands behind it", lambda n: n.hidden_gain, LEAST_GAIN),
     Rule("rms", "no channel pays for it", lambda n: n.rms_ratio, most=RMS_ALIKE),
-    Rule("gain", "it gains likelihood", lambda n: n.gain, LEAST_GAIN),
+    Rule("gain", "its gain in likelihood is large enough", lambda n: n.gain, LEAST_GAIN),
 )
 CLAIM: tuple[Rule[Accepted], ...] = (
     Rule(

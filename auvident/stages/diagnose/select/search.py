@@ -70,7 +70,10 @@ class Search:
         if weak is None:
             return None
         self.quiet.append(weak.id)
-        self.steps.append(f"{weak.id} taken along: {weak.gain:.0f} nats, too small to matter")
+        self.steps.append(
+            f"{weak.id} adjusted along as a nuisance parameter: {weak.gain:.0f} nats, "
+            "too small to matter"
+        )
         return weak.fitted
 
     def _note(self, accepted: Tried, before: Fitted) -> None:

@@ -22,10 +22,10 @@ def baseline_of(case: Case) -> Fitted:
         found += [fitted] if fitted is not None else []
     if not found:
         raise NumericsError(
-            "the prediction runs away in a maneuver that identifies, with the identified "
-            "coefficients and with the estimate",
+            "the prediction of a maneuver used for identification diverges, both with "
+            "the identified coefficients and with the estimate from geometry",
             _runaway_of(case),
-            "Hold that maneuver out, or look at its log.",
+            "Hold that maneuver out, or check its log.",
         )
     return max(found, key=lambda f: f.log_likelihood)
 

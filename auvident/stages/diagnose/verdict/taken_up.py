@@ -26,8 +26,18 @@ class TakenUp:
 
 
 TAKEN_UP = (
-    TakenUp("cross-flow", "cross-flow drag beyond the estimate", ("Y_v|v|", "N_r|r|"), 1.0),
-    TakenUp("turning-drag", "drag in turns beyond the estimate", ("X_vv", "X_rr"), 1.0),
+    TakenUp(
+        "cross-flow",
+        "the cross-flow drag is larger than estimated from geometry",
+        ("Y_v|v|", "N_r|r|"),
+        1.0,
+    ),
+    TakenUp(
+        "turning-drag",
+        "the drag in turns is larger than estimated from geometry",
+        ("X_vv", "X_rr"),
+        1.0,
+    ),
 )
 TWICE = 1.7  # ... and how many times the estimate
 
@@ -52,12 +62,12 @@ def _ratio(traced: Traced, symbol: str, least: float) -> float:
 
 
 def _finding(row: TakenUp, ratios: dict[str, float]) -> Finding:
-    listed = ", ".join(f"{symbol} {ratio:.1f} times" for symbol, ratio in ratios.items())
+    listed = ", ".join(f"{symbol} {ratio:.1f} times as large" for symbol, ratio in ratios.items())
     return Finding(
         code=row.code,
         where=", ".join(row.symbols),
         value=min(ratios.values()),
         threshold=TWICE,
         message=f"{row.text}: {listed}",
-        remedy="The coefficients carry it; the prediction is complete.",
+        remedy="The coefficients account for it; no effect needs to be added.",
     )

@@ -158,7 +158,7 @@ def test_the_interval_is_told_in_words() -> None:
     assert told is not None
     size = ParameterValue(symbol="fraction", value=0.15, std=0.01, unit="-")
     said = plain(STEP, (size, told), 1.5, 12.0)
-    assert said == f"thrust that falls by 0.15 between {told.low:.0f} and {told.high:.0f} s"
+    assert said == f"thrust that drops by 15.0% between {told.low:.0f} s and {told.high:.0f} s"
     effect = EffectFound(
         id=STEP, family="actuation", parameters=(size, told), plain=said, time_s=told.value
     )

@@ -78,7 +78,7 @@ def test_the_pair_takes_the_place_of_the_asymmetry() -> None:
     case, fitted = planted()
     found, steps = reconsider(case, ALL, fitted, ())
     assert found.effects == PAIR
-    assert steps == [f"{WHOLE} swapped for {' and '.join(PAIR)}"]
+    assert steps == [f"{WHOLE} replaced by {' and '.join(PAIR)}"]
     assert log_gain(fitted, found) > 0.0
     sizes = [found.parameters[case.positions(e)[0]] for e in PAIR]
     assert sizes == pytest.approx([OFFSET, TURNED], abs=math.radians(0.3))

@@ -194,9 +194,9 @@ def test_of_nothing_there_is_no_share() -> None:
 
 def test_a_rule_tells_its_evidence() -> None:
     weak = refusal_of(replace(GOOD, gain=44.4, best_gain=44.4), RULES)
-    assert weak == Refusal("gain", "gains 44 nats, less than 100", 44.4, LEAST_GAIN)
+    assert weak == Refusal("gain", "evidence too weak (44 nats, 100 needed)", 44.4, LEAST_GAIN)
     few = refusal_of(replace(GOOD, helped=Helped(500.0, 0.5, 300.0, 0.4)), RULES_LEFT_OUT)
-    assert few is not None and few.text == "helps only 50 % of the maneuvers left out"
+    assert few is not None and few.text == "improves only 50 % of the maneuvers left out"
 
 
 def test_a_number_that_is_none_meets_no_rule() -> None:
@@ -276,7 +276,7 @@ def test_what_explains_the_data_as_well_is_not_told_apart(update, alike) -> None
     assert told_apart_from(GOOD, [GOOD, other("b", **update)]) == alike
 
 
-SMALL = Refusal("small", "smaller than of practical interest")
+SMALL = Refusal("small", "too small to matter in practice")
 
 
 @pytest.mark.parametrize(

@@ -54,7 +54,7 @@ def evidence() -> Evidence:
 
 
 def force(gain: float) -> FreeForce:
-    return FreeForce("u r a while ago", "N", 0.3, gain, np.array([0.0, 0.0, 0.3]), 0.0)
+    return FreeForce("delayed u r", "N", 0.3, gain, np.array([0.0, 0.0, 0.3]), 0.0)
 
 
 def said(found: Evidence) -> Diagnosis:
@@ -82,9 +82,9 @@ def test_what_was_accepted_stands_beside_what_remains(more) -> None:
     assert [e.id for e in found.effects] == ["gyro_bias"]
     assert found.carried["prior_std"]["gyro_bias.bias_degps"] > 0.0  # and is used
     assert found.unexplained["nearest"] == "gyro_bias"
-    assert found.remaining["correlates"][0]["regressor"] == "u r a while ago"
+    assert found.remaining["correlates"][0]["regressor"] == "delayed u r"
     assert "lacks a gyro bias" in found.statement
-    assert "Something remains" in found.statement
+    assert "An unexplained residual remains" in found.statement
 
 
 def test_a_residual_beside_what_was_accepted_makes_it_partly_an_explanation() -> None:

@@ -1,0 +1,14 @@
+"""How a finding is told beside its message: the evidence, where the message has no number of it."""
+
+from auvident.schema.artifacts import Finding
+
+# codes whose value means nothing beside the sentence (a share of information, a ratio of errors)
+SAID = frozenset({"not-seen", "rests-on-prior", "worse-than-prior", "worse-refined", "error-rises"})
+
+
+def evidence(finding: Finding) -> str:
+    """``(value 2.52, limit 2)``; empty where there is none, or the message says it."""
+    if finding.value is None or finding.code in SAID:
+        return ""
+    limit = "" if finding.threshold is None else f", limit {finding.threshold:.3g}"
+    return f" (value {finding.value:.3g}{limit})"
