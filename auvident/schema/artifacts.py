@@ -6,7 +6,7 @@ the SNAME non-dimensional value. Version numbers rise when a key is renamed or d
 
 from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from auvident.schema.base import Artifact
 from auvident.schema.planes import ManeuverKind, Plane
@@ -39,7 +39,8 @@ class Maneuver(Artifact):
     """A piece of a trial that the identification or the validation uses.
 
     ``plane`` is the one whose fin, rate and angle its features are of; ``planes`` those in which
-    it identifies and validates: a run with thrust steps does in both.
+    it identifies and validates: a run with thrust steps does in both. A list of an
+    earlier version has them among its features, one written by hand need not have them.
     """
 
     id: str
@@ -51,6 +52,14 @@ class Maneuver(Artifact):
     plane: Plane
     planes: tuple[Plane, ...]
     features: dict[str, Any] = {}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_planes(cls, data: dict[str, Any]) -> dict[str, Any]:
+        told = data.get("features") or {}
+        plane = data.get("plane") or told.get("plane", "horizontal")
+        planes = data.get("planes") or told.get("planes", (plane,))
+        return {**data, "plane": plane, "planes": planes}
 
     def shows(self, plane: Plane) -> bool:
         """Whether it identifies and validates in a plane."""

@@ -48,8 +48,8 @@ class Places:
 
     records: tuple[None, ...] = (None, None)
 
-    def positions(self, effect: str) -> list[int]:
-        return [(*ALONE, *STEADY, "hull_asymmetry").index(effect)]
+    def positions(self, *effects: str) -> list[int]:
+        return [(*ALONE, *STEADY, "hull_asymmetry").index(effect) for effect in effects]
 
 
 CASE: Any = Places()
@@ -58,7 +58,7 @@ N = 11
 
 def fitted(likelihood: float, *effects: str, free: int = 0, rms: float = 1.0) -> Fitted:
     p, channels = np.zeros(N), np.full(3, rms)
-    return Fitted(effects, p, np.arange(free), (), (), likelihood, channels)
+    return Fitted(p, np.arange(free), (), likelihood, effects=effects, residuals=(), rms=channels)
 
 
 BEFORE = fitted(0.0)

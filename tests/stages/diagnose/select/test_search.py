@@ -220,7 +220,9 @@ def test_what_is_small_and_hides_others_is_taken_along(monkeypatch) -> None:
     found = traced(monkeypatch, first, {"current": {}})
     assert found.final.effects == (HIGHER, "current")
     assert (found.quiet, found.named) == ((HIGHER,), ("current",))
-    assert found.steps[0] == f"{HIGHER} taken along: 800 nats, too small to matter"
+    assert found.steps[0] == (
+        f"{HIGHER} adjusted along as a nuisance parameter: 800 nats, too small to matter"
+    )
 
 
 def test_a_term_of_higher_order_behind_another_is_not_claimed(monkeypatch) -> None:
