@@ -166,7 +166,7 @@ def draw_plant(size: Size, hull: DrawnHull, file: dict, rng: np.random.Generator
         "added_mass": added,
         "added_cross": cross,
         "i_xx": roll_inertia,
-        "drag_form": float(rng.uniform(0.02, 0.18)),
+        "drag_form": float(rng.uniform(0.05, 0.19)),
         "friction_factor": float(rng.uniform(1.0, 1.3)),
         "hull_lift": lift,
         "hull_lift_x": float(-rng.uniform(0.15, 0.38) * size.length),

@@ -20,7 +20,7 @@ import numpy as np
 from seatrial.actuators import Servo, felt_angle, motor_step, servo_step, servo_target
 from seatrial.plant import STATES, PlantEffects, rk4_step, workspace
 from seatrial.planting import plant_effects
-from seatrial.population.draw import Drawn, Sailed
+from seatrial.population.drawn import Drawn, Sailed
 from seatrial.sensors import dvl, gyro
 from seatrial.simulate import (
     ELEVATOR,
@@ -59,6 +59,12 @@ def _late(record, column, k, delay):
 
 
 @nb.njit(cache=True)
+def taken_up(angle, servo):
+    """What the play has let through where the servo has come to rest at `angle`."""
+    return angle / (1.0 + servo.asymmetry if angle > 0.0 else 1.0 - servo.asymmetry)
+
+
+@nb.njit(cache=True)
 def follow(record, window, body, effects, rudder_servo, elevator_servo, drive, sea, gusts_in, work):
     """The record again with other parts, from the recorded motion anew every `window` steps."""
     found, state = record.copy(), np.zeros(STATES)
@@ -69,8 +75,8 @@ def follow(record, window, body, effects, rudder_servo, elevator_servo, drive, s
         if k % window == 0:
             state[:12], state[12:] = record[k, :12], 0.0
             rudder, elevator, revs = record[k, RUDDER], record[k, ELEVATOR], record[k, REVS]
-            taken_rudder = _late(record, RUDDER_COMMAND, k, rudder_servo.delay)
-            taken_elevator = _late(record, ELEVATOR_COMMAND, k, elevator_servo.delay)
+            taken_rudder = taken_up(rudder, rudder_servo)
+            taken_elevator = taken_up(elevator, elevator_servo)
         found[k, :12] = state[:12]
         wanted, taken_rudder = servo_target(
             _late(record, RUDDER_COMMAND, k, rudder_servo.delay), taken_rudder, rudder_servo
