@@ -194,9 +194,10 @@ def missed_reasons(s: Drawn) -> list[str]:
     found = []
     for maneuver in s.missed:
         reasons = {why.split(":")[1].strip() if ":" in why else why for why in maneuver["why"]}
-        found += [f"{maneuver['kind']}: {r}" for r in sorted(reasons)] or [
-            f"{maneuver['kind']}: nothing said"
-        ]
+        kind = maneuver["kind"]
+        if maneuver.get("other", 1.0) != 1.0:
+            kind = f"{kind} of unequal executes"
+        found += [f"{kind}: {r}" for r in sorted(reasons) or ["nothing said"]]
     return found
 
 

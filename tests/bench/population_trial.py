@@ -167,7 +167,7 @@ def held_out(directory: Path) -> Outcome:
         return {}
     metrics = json.loads(path.read_text(encoding="utf-8"))
     told = metrics.get("summary", {}).get("validate", {})
-    ase = (metrics.get("ase") or {}).get("validate", {})
+    ase = (metrics.get("ase") or {}).get("summary", {}).get("validate", {})
     cover = {c: row["covered"] for c, row in (metrics.get("coverage") or {}).items()}
     return {
         "nrmse": {c: told[c]["nrmse"] for c in CHANNELS if c in told},
