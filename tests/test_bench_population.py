@@ -9,7 +9,13 @@ from tests import loop_world
 from tests.bench import __main__ as bench
 from tests.bench import population
 from tests.bench.population_score import STATES, clean_state, is_wrong, last_line, scored, tables
-from tests.bench.population_trial import band_coverage, chain, held_out, segmentation
+from tests.bench.population_trial import (
+    band_coverage,
+    chain,
+    held_out,
+    key_of,
+    segmentation,
+)
 
 CLASSES = ("with sail", "plain")
 LAG = {
@@ -76,7 +82,7 @@ def test_outcomes_of_the_other_half_are_not_scored(half, tmp_path, capsys):
 def test_trials_of_the_same_program_are_not_sailed_again(tmp_path, monkeypatch, capsys):
     sailed = []
 
-    def outcome(seed, short):
+    def outcome(seed, short, until):
         sailed.append(seed)
         return outcome_with(seed)
 
@@ -159,6 +165,23 @@ def test_coverage_is_taken_where_the_artifacts_have_it(tmp_path):
     metrics["coverage"] = {"u": {"nominal": 0.95, "covered": 0.9, "width": 0.1}}
     (tmp_path / "validate/metrics.json").write_text(json.dumps(metrics))
     assert held_out(tmp_path)["coverage"] == {"u": 0.9}
+
+
+def test_a_survey_of_the_first_stages_tells_of_maneuvers_alone(tmp_path):
+    ran = []
+
+    def run(stage, directory, options, observer):
+        ran.append(stage)
+
+    chain(tmp_path, run, "segment")
+    assert ran == ["ingest", "segment"]
+    keys = [key_of(4, short, until) for short in (True, False) for until in ("segment", "refine")]
+    assert keys == ["4-segment", "4", "4-long-segment", "4-long"]
+    missed = {"true": {"zigzag": 2}, "missed": [{"kind": "zigzag", "why": []}], "extra": []}
+    rows = [scored(outcome_with()), scored(outcome_with(6, segmentation=missed))]
+    found = tables(rows, CLASSES, with_seeds=True, whole=False)
+    assert "nothing planted" not in found
+    assert [row["seed"] for row in found["trials that went wrong"]] == [6]
 
 
 # --- scores -------------------------------------------------------------------------------

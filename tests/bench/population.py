@@ -17,7 +17,7 @@ from typing import Any
 
 from tests.bench.effects import ONE_THREAD, append, program, read_outcomes
 from tests.bench.population_score import is_wrong, scored, tables
-from tests.bench.population_trial import outcome
+from tests.bench.population_trial import WANTED, key_of, outcome
 
 HALVES = ("tune", "report")
 
@@ -36,10 +36,11 @@ def main(arguments: list[str], show: Show) -> None:
     else:
         for name in ONE_THREAD:
             os.environ[name] = "1"
-        kept = sail(wanted, not options.long, options.resume)
-    keys = [key_of(seed, not options.long) for seed in wanted]
+        kept = sail(wanted, not options.long, options.until, options.resume)
+    keys = [key_of(seed, not options.long, options.until) for seed in wanted]
     scores = [scored(kept[key]) for key in keys if key in kept]
-    found = tables(scores, CLASSES, with_seeds=options.half == "tune")
+    whole = options.until == WANTED[-1]
+    found = tables(scores, CLASSES, with_seeds=options.half == "tune", whole=whole)
     if options.json is not None:
         options.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
     for title, rows in found.items():
@@ -52,21 +53,16 @@ def seeds(first: int, count: int, half: str) -> list[int]:
     return [s for s in range(first, first + 2 * count + 1) if HALVES[s % 2] == half][:count]
 
 
-def key_of(seed: int, short: bool) -> str:
-    """Name of a trial in the file of outcomes."""
-    return str(seed) if short else f"{seed}-long"
-
-
-def sail(wanted: list[int], short: bool, resume: Path | None) -> dict[str, Outcome]:
+def sail(wanted: list[int], short: bool, until: str, resume: Path | None) -> dict[str, Outcome]:
     """Outcomes of all the trials wanted; those of this very program are not sailed again."""
     version = program()
     kept = {} if resume is None else read_outcomes(resume)
     kept = {key: found for key, found in kept.items() if found.get("program") == version}
-    missing = [seed for seed in wanted if key_of(seed, short) not in kept]
+    missing = [seed for seed in wanted if key_of(seed, short, until) not in kept]
     for number, seed in enumerate(missing, 1):
         began = perf_counter()
-        found = {**outcome(seed, short), "program": version}
-        kept[key_of(seed, short)] = found
+        found = {**outcome(seed, short, until), "program": version}
+        kept[key_of(seed, short, until)] = found
         if resume is not None:
             append(resume, found)
         _tell(found, f"{number}/{len(missing)}", perf_counter() - began)
@@ -77,6 +73,7 @@ def _tell(found: Outcome, number: str, took_s: float) -> None:
     """One line about a trial that is done."""
     s = scored(found)
     said = s.error if s.failed_at else f"{s.loop.verdict} {' '.join(s.loop.named)}"
+    said += f" missed: {' '.join(m['kind'] for m in s.missed)}" * bool(s.missed)
     mark = "look" if is_wrong(s) else "good"
     planted = s.loop.label
     print(f"{number} {mark} {s.seed} [{planted}]: {said} ({took_s:.0f} s)", file=sys.stderr)
@@ -87,6 +84,7 @@ def _options(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--first", type=int, default=0, help="seeds from here on")
     parser.add_argument("--count", type=int, default=30, help="number of trials")
     parser.add_argument("--half", choices=HALVES, default="tune", help="even or odd seeds")
+    parser.add_argument("--until", choices=WANTED, default=WANTED[-1], help="the last stage")
     parser.add_argument("--long", action="store_true", help="logs of 10 to 60 minutes")
     parser.add_argument("--resume", type=Path, help="file of outcomes; those in it are taken")
     parser.add_argument("--score", type=Path, help="sail nothing, score the outcomes in a file")

@@ -104,21 +104,32 @@ def by_class(scores: Scores, classes: Iterable[str]) -> dict[str, list[Drawn]]:
     return {name: rows for name, rows in found.items() if rows}
 
 
-def tables(scores: Scores, classes: Iterable[str], with_seeds: bool) -> dict[str, Table]:
-    """Everything that is printed, in order; single trials only where they may be looked at."""
+def tables(
+    scores: Scores, classes: Iterable[str], with_seeds: bool, whole: bool = True
+) -> dict[str, Table]:
+    """Everything that is printed, in order; single trials only where they may be looked at.
+
+    Of a chain that was not run to its end (`whole` is false) there are the maneuvers alone.
+    """
     groups = by_class(scores, classes)
-    found = {
+    found = loop_tables(groups, scores) if whole else {}
+    found["maneuvers and failures"] = [{"class": n, **chain_row(g)} for n, g in groups.items()]
+    found["why maneuvers were missed"] = counted(w for s in scores for w in missed_reasons(s))
+    found["refused draws"] = counted(reason for s in scores for reason in s.refused)
+    if with_seeds:
+        wrong = [s for s in scores if (is_wrong(s) if whole else s.failed_at or s.missed)]
+        found["trials that went wrong"] = [wrong_row(s) for s in wrong]
+    return found
+
+
+def loop_tables(groups: Mapping[str, Scores], scores: Scores) -> dict[str, Table]:
+    """What was named and how well the models predict."""
+    return {
         "nothing planted": [{"class": n, **clean_row(rows)} for n, rows in groups.items()],
         "planted": [{"class": n, **planted_row(rows)} for n, rows in groups.items()],
         "prediction": [{"class": n, **prediction_row(rows)} for n, rows in groups.items()],
-        "maneuvers and failures": [{"class": n, **chain_row(rows)} for n, rows in groups.items()],
-        "refused draws": counted(reason for s in scores for reason in s.refused),
         "named and not there": counted(name for s in scores for name in s.false),
-        "why maneuvers were missed": counted(w for s in scores for w in missed_reasons(s)),
     }
-    if with_seeds:
-        found["trials that went wrong"] = [wrong_row(s) for s in scores if is_wrong(s)]
-    return found
 
 
 def clean_row(rows: Scores) -> dict[str, Any]:

@@ -35,33 +35,44 @@ Outcome = dict[str, Any]
 Rows = list[dict[str, Any]]
 
 
-def outcome(seed: int, short: bool = True, run: Callable[..., Any] = run_stage) -> Outcome:
-    """What the program says of a trial; a refusal is an outcome, and so is a bug."""
+def outcome(
+    seed: int, short: bool = True, until: str = WANTED[-1], run: Callable[..., Any] = run_stage
+) -> Outcome:
+    """What the program says of a trial; a refusal is an outcome, and so is a bug.
+
+    With `until` the chain ends behind that stage, and the effects are not looked at.
+    """
     from seatrial.population import draw
 
-    began, found = perf_counter(), _case(seed, short, "none", ())
+    key = key_of(seed, short, until)
+    began, found = perf_counter(), _case(seed, key, "none", ())
     with tempfile.TemporaryDirectory(prefix="auvident-population-") as name:
         folder = Path(name)
         try:
             drawn = draw(seed, short)
-            found = _case(seed, short, drawn.kind, tuple(drawn.planted))
+            found = _case(seed, key, drawn.kind, tuple(drawn.planted))
             sailed = drawn.sail()
             drawn.write(sailed, folder / "trial", folder / "vehicle.toml")
             truth = drawn.truth(sailed)
             planted = [asdict(p) for p in planted_of(truth, drawn.vehicle)]
             found["truth"] = {**truth, "planted": planted}
-            found |= _judged_by_rule(drawn, sailed)
+            if until == WANTED[-1]:
+                found |= _judged_by_rule(drawn, sailed)
         except Exception:
             return {**found, "stage": "generator", "error": traceback.format_exc()}
         found["generator_s"] = round(perf_counter() - began, 1)
-        found |= chain(folder, run)
+        found |= chain(folder, run, until)
         found["segmentation"] = segmentation(folder / "run", truth)
         found["own"] = _own(drawn, sailed, found)
     return found
 
 
-def _case(seed: int, short: bool, kind: str, planted: tuple[str, ...]) -> Outcome:
-    key = f"{seed}{'' if short else '-long'}"
+def key_of(seed: int, short: bool, until: str) -> str:
+    """Name of a trial in the file of outcomes."""
+    return "-".join([str(seed), *([] if short else ["long"]), *([until] * (until != WANTED[-1]))])
+
+
+def _case(seed: int, key: str, kind: str, planted: tuple[str, ...]) -> Outcome:
     case = {"key": key, "seed": seed, "vehicle": "drawn", "kind": kind, "planted": list(planted)}
     return {"case": case, "truth": {"planted": []}}
 
@@ -84,14 +95,14 @@ def _effects(content: Outcome | None) -> Rows:
     return (content or {}).get("effects", [])
 
 
-def chain(folder: Path, run: Callable[..., Any] = run_stage) -> Outcome:
-    """Run every stage but the report; where one fails: which, with what message and code."""
+def chain(folder: Path, run: Callable[..., Any] = run_stage, until: str = WANTED[-1]) -> Outcome:
+    """Run the stages up to one of them; where one fails: which, with what message and code."""
     clock, directory, stage = Clock(), folder / "run", ""
     options = {"ingest": {"logs": (folder / "trial",), "vehicle": folder / "vehicle.toml"}}
     found: Outcome = {}
     _alarm(LONGEST_S)
     try:
-        for stage in WANTED:
+        for stage in WANTED[: WANTED.index(until) + 1]:
             run(stage, directory, options.get(stage), observer=clock)
     except AuvidentError as error:
         found = {"stage": stage, "exit_code": error.exit_code}
