@@ -72,9 +72,11 @@ def sail(wanted: list[int], short: bool, until: str, resume: Path | None) -> dic
 def _tell(found: Outcome, number: str, took_s: float) -> None:
     """One line about a trial that is done."""
     s = scored(found)
-    said = s.error if s.failed_at else f"{s.loop.verdict} {' '.join(s.loop.named)}"
+    whole = found.get("comparison") is not None
+    said = f"{s.loop.verdict} {' '.join(s.loop.named)}" if whole else ""
+    said = s.error if s.failed_at else said
     said += f" missed: {' '.join(m['kind'] for m in s.missed)}" * bool(s.missed)
-    mark = "look" if is_wrong(s) else "good"
+    mark = "look" if s.failed_at or s.missed or (whole and is_wrong(s)) else "good"
     planted = s.loop.label
     print(f"{number} {mark} {s.seed} [{planted}]: {said} ({took_s:.0f} s)", file=sys.stderr)
 
