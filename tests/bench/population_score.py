@@ -139,15 +139,22 @@ def clean_row(rows: Scores) -> dict[str, Any]:
 
 
 def planted_row(rows: Scores) -> dict[str, Any]:
-    """Counts of the trials with one or two effects that show, and of those outside the table."""
+    """Counts of the trials with one or two effects that show, and of those outside the table.
+
+    ``seen``: of these, above the size that the program itself says it would see; an effect that
+    shows and is not seen is taken up by coefficients.
+    """
     told = [s for s in rows if s.kind in ("single", "pair") and s.clean != "failed"]
     shown, hidden = [s for s in told if s.shows], [s for s in told if not s.shows]
+    seen = [s for s in shown if s.loop.visible]
     sizes = [z.inside for s in shown for z in s.loop.sizes if z.inside is not None]
     outside = [s for s in rows if s.kind == "outside" and s.clean != "failed"]
     return {
         "shown": len(shown),
         "declared": sum(s.loop.declared for s in shown),
         "id or group": sum(s.loop.right_or_group or s.loop.by_finding for s in shown),
+        "seen": len(seen),
+        "seen, id or group": sum(s.loop.right_or_group or s.loop.by_finding for s in seen),
         "wrong": sum(is_wrong_name(s) for s in shown),
         "false beside": sum(bool(s.false) and s.loop.right_or_group for s in shown),
         "hidden": len(hidden),
