@@ -68,7 +68,7 @@ def stated_curve(vehicle: Vehicle, size: Size, rng: np.random.Generator) -> dict
 
 
 def guessed_drag(vehicle: Vehicle) -> float:
-    """X_uu [kg/m] of the hull at about 1 % of accuracy in nothing: form and friction, no fins."""
+    """X_uu [kg/m] of the hull, form and friction at C_F 0.004, without fins."""
     body = vehicle.body
     area = body.drag_form * body.frontal_area + body.friction_factor * 0.004 * body.wetted_area
     return -0.5 * body.density * area
