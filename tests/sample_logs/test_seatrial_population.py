@@ -407,6 +407,13 @@ def test_an_effect_is_visible_by_its_size(effect, size, shows):
     assert (found["ratio"] >= visible.VISIBLE) is shows
 
 
+def test_an_event_does_not_make_another_effect_visible():
+    trial = draw(SMALL, planted=("one_off_event",))
+    trial.planted["rudder_offset"] = {"offset_deg": trial.equipment.rudder.offset / DEGREE + 1e-3}
+    found = visible.visibility(trial, trial.sail())
+    assert found["one_off_event"]["visible"] and not found["rudder_offset"]["visible"]
+
+
 def test_what_the_vehicle_has_of_itself(small):
     trial, sailed = small
     found = visible.own_effects(trial, sailed, {"linear_damping", "rudder_lag", "current"})

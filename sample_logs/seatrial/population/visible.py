@@ -39,6 +39,8 @@ from seatrial.vehicles import FIN_STALL, Body
 VISIBLE = 1.0
 WINDOW = 15.0  # [L/U]
 CHANNELS = ("u", "v", "r")
+# What happens in the record alone: following it has no legs, and no memory of its own.
+NOT_AGAIN = ("one_off_event", "memory_force", "roll_mode")
 
 
 @dataclass(frozen=True)
@@ -179,10 +181,11 @@ def background(drawn: Drawn, sailed: Sailed) -> dict[str, float]:
 
 def visibility(drawn: Drawn, sailed: Sailed) -> dict[str, dict]:
     """Every planted effect: change over noise by channel, and whether it is visible."""
-    with_all = measured(drawn, sailed.record, drawn.planted)
-    found = {}
+    record, found = sailed.record, {}
+    again = motion(drawn, sailed, variant(drawn, drawn.planted)) if drawn.planted else record
     for name in drawn.planted:
         left = {k: v for k, v in drawn.planted.items() if k != name}
+        with_all = measured(drawn, record if name in NOT_AGAIN else again, drawn.planted)
         other = motion(drawn, sailed, variant(drawn, left))
         found[name] = (with_all, measured(drawn, other, left))
     return _judged(drawn, sailed, found)
