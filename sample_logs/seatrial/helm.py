@@ -13,11 +13,12 @@ import numba as nb
 import numpy as np
 
 # Columns of a leg.
-KIND, MANEUVER, DURATION, RPM, FIN, SWITCH, COUNT, HEADING, DEPTH = range(9)
-LEG_COLUMNS = 9
+KIND, MANEUVER, DURATION, RPM, FIN, SWITCH, COUNT, HEADING, DEPTH, LONGEST, OTHER = range(11)
+LEG_COLUMNS = 11
 
 # Kinds. HEADING is an absolute heading [rad]; NaN keeps the heading found at the leg's start.
-# DEPTH [m]; NaN leaves the elevators at zero.
+# DEPTH [m]; NaN leaves the elevators at zero. LONGEST [s] ends a turn or a zigzag that does not
+# come to its own end; 0 is the usual time. OTHER multiplies FIN on every second zigzag execute.
 FIXED = 0  # rudder held at FIN [rad] for DURATION
 WIGGLE = 1  # rudder +-FIN, period SWITCH [s]
 TRANSIT = 2  # heading autopilot
@@ -48,6 +49,7 @@ class Gains(NamedTuple):
     pitch_limit: float = math.radians(16.0)
     fin_limit: float = math.radians(18.0)
     transit_limit: float = math.radians(12.0)
+    helm_rate: float = 0.0  # [rad/s] at which the rudder command moves; 0: at once
 
 
 @nb.njit(cache=True)
@@ -85,11 +87,13 @@ def leg_is_over(memory, leg, heading, pitch):
     time, kind = memory[LEG_TIME], int(leg[KIND])
     if kind == TURN:
         around = abs(heading - memory[HEADING_0]) >= leg[SWITCH]
-        return (around and time >= leg[DURATION]) or time >= TURN_STRETCH * leg[DURATION]
+        longest = leg[LONGEST] if leg[LONGEST] > 0.0 else TURN_STRETCH * leg[DURATION]
+        return (around and time >= leg[DURATION]) or time >= longest
     if kind in (ZIGZAG, VERTICAL_ZIGZAG):
         angle = heading - memory[HEADING_0] if kind == ZIGZAG else pitch
         enough = memory[SWITCHES] >= leg[COUNT] and time >= leg[DURATION]
-        return (enough and has_crossed(memory, leg, angle)) or time >= LONGEST_ZIGZAG_S
+        longest = leg[LONGEST] if leg[LONGEST] > 0.0 else LONGEST_ZIGZAG_S
+        return (enough and has_crossed(memory, leg, angle)) or time >= longest
     return time >= leg[DURATION]
 
 
@@ -115,12 +119,20 @@ def depth_elevator(memory, leg, depth, pitch, q, gains, dt):
 
 
 @nb.njit(cache=True)
+def moved(command, wanted, gains, dt):
+    """The command after one tick, on its way to the one wanted at the helm's rate."""
+    if gains.helm_rate <= 0.0:
+        return wanted
+    return command + clip(wanted - command, gains.helm_rate * dt)
+
+
+@nb.njit(cache=True)
 def zigzag_fin(memory, leg, angle):
     """Fin command of a zigzag; `angle` is the measured deviation."""
     if has_crossed(memory, leg, angle):
         memory[SIGN] = -memory[SIGN]
         memory[SWITCHES] += 1.0
-    return memory[SIGN] * leg[FIN]
+    return memory[SIGN] * leg[FIN] * (leg[OTHER] if memory[SIGN] < 0.0 else 1.0)
 
 
 @nb.njit(cache=True)
@@ -146,7 +158,7 @@ def commands(memory, leg, measured, gains, dt):
 
 
 def leg_row(kind: int, duration_s: float, rpm: float, depth_m: float = np.nan, **others) -> list:
-    """One leg; `others` are maneuver, fin [rad], switch, count, heading [rad]."""
+    """One leg; `others` are the columns of their name (fin, heading in rad)."""
     return [
         float(kind),
         float(others.get("maneuver", -1)),
@@ -157,4 +169,6 @@ def leg_row(kind: int, duration_s: float, rpm: float, depth_m: float = np.nan, *
         float(others.get("count", 0.0)),
         float(others.get("heading", np.nan)),
         float(depth_m),
+        float(others.get("longest", 0.0)),
+        float(others.get("other", 1.0)),
     ]

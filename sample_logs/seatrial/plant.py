@@ -89,7 +89,7 @@ def add_coriolis(nu, mass, tau):
 
 @nb.njit(cache=True)
 def add_restoring(depth, roll, pitch, body, tau):
-    """Weight at z_g, buoyancy at O; buoyancy fades where the hull comes out of the water."""
+    """Weight at (x_g, y_g, z_g), buoyancy at O; it fades where the hull comes out of the water."""
     submerged = min(max(0.5 * (1.0 + depth / body.radius), 0.0), 1.0)
     net = body.weight - body.buoyancy * submerged
     tau[0] -= net * math.sin(pitch)
@@ -97,11 +97,15 @@ def add_restoring(depth, roll, pitch, body, tau):
     tau[2] += net * math.cos(pitch) * math.cos(roll)
     tau[3] -= body.z_g * body.weight * math.cos(pitch) * math.sin(roll)
     tau[4] -= body.z_g * body.weight * math.sin(pitch)
+    along, across = body.x_g * body.weight, body.y_g * body.weight
+    tau[3] += across * math.cos(pitch) * math.cos(roll)
+    tau[4] -= along * math.cos(pitch) * math.cos(roll)
+    tau[5] += along * math.cos(pitch) * math.sin(roll) + across * math.sin(pitch)
 
 
 @nb.njit(cache=True)
 def add_hull(nu, body, effects, tau):
-    """Axial drag, hull lift with its induced drag, roll damping, cross-flow strips."""
+    """Axial drag, hull lift with its induced drag, roll damping, other damping, strips."""
     u, v, w, p, q, r = nu[0], nu[1], nu[2], nu[3], nu[4], nu[5]
     rho = body.density
     reynolds = max(abs(u) * body.length / body.viscosity, 1e4)
@@ -118,7 +122,17 @@ def add_hull(nu, body, effects, tau):
     tau[4] += x * body.hull_lift * speed * heave
     tau[5] -= x * body.hull_lift * speed * side
     tau[3] -= (body.roll_linear + body.roll_quadratic * abs(p)) * p
+    add_damping(nu, body.damping, tau)
     add_cross_flow(v, w, q, r, body, effects, tau)
+
+
+@nb.njit(cache=True)
+def add_damping(nu, damping, tau):
+    """Linear, quadratic and cubic damping of sway, heave, pitch and yaw, each on its own."""
+    for i in range(4):
+        axis = (1, 2, 4, 5)[i]
+        x = nu[axis]
+        tau[axis] -= (damping[i, 0] + damping[i, 1] * abs(x) + damping[i, 2] * x * x) * x
 
 
 @nb.njit(cache=True)

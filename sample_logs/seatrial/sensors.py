@@ -3,25 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from seatrial.simulate import ELEVATOR_COMMAND, RPM_COMMAND, RUDDER_COMMAND, STEP_S
 
 DEGREE = math.pi / 180.0
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Standard deviations of the sensors."""
-
-    dvl_mps: float = 0.005
-    gyro_radps: float = 0.05 * DEGREE
-    tilt_rad: float = 0.1 * DEGREE
-    heading_rad: float = 0.3 * DEGREE
-    depth_m: float = 0.01
-    position_m: float = 0.3
 
 
 RATES_HZ = {
@@ -34,6 +23,19 @@ RATES_HZ = {
     "depth": 5.0,
     "position": 1.0,
 }
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of the sensors, and their rates."""
+
+    dvl_mps: float = 0.005
+    gyro_radps: float = 0.05 * DEGREE
+    tilt_rad: float = 0.1 * DEGREE
+    heading_rad: float = 0.3 * DEGREE
+    depth_m: float = 0.01
+    position_m: float = 0.3
+    rates_hz: Mapping[str, float] = field(default_factory=lambda: RATES_HZ)
 
 
 def clock(rng: np.random.Generator, end_s: float, rate_hz: float) -> np.ndarray:
@@ -75,7 +77,7 @@ def body_over_ground(record: np.ndarray, planted: dict) -> np.ndarray:
 
 def dvl(record, vehicle, planted, rng, noise: Noise) -> dict[str, np.ndarray]:
     """DVL velocity over ground at its own position, with drop-outs and outliers."""
-    times = clock(rng, record.shape[0] * STEP_S, RATES_HZ["dvl"])
+    times = clock(rng, record.shape[0] * STEP_S, noise.rates_hz["dvl"])
     lever = planted.get("dvl_lever_arm", {})
     mount = vehicle.file["dvl"]
     x, y = mount["x_m"] + lever.get("dx_m", 0.0), mount["y_m"] + lever.get("dy_m", 0.0)
@@ -113,7 +115,7 @@ def bottom_lock(rng: np.random.Generator, times: np.ndarray) -> np.ndarray:
 
 def gyro(record, planted, rng, noise: Noise) -> dict[str, np.ndarray]:
     """Rates p, q, r [rad/s]."""
-    times = clock(rng, record.shape[0] * STEP_S, RATES_HZ["gyro"])
+    times = clock(rng, record.shape[0] * STEP_S, noise.rates_hz["gyro"])
     taken = times - planted.get("gyro_delay", {}).get("delay_s", 0.0)
     rates = np.column_stack([at(record, i, taken) for i in (3, 4, 5)])
     rates[:, 2] *= 1.0 + planted.get("gyro_scale", {}).get("fraction", 0.0)
@@ -122,15 +124,15 @@ def gyro(record, planted, rng, noise: Noise) -> dict[str, np.ndarray]:
     return {"time_s": times, "p": rates[:, 0], "q": rates[:, 1], "r": rates[:, 2]}
 
 
-def command(record, column: int, sensor: str, rng) -> dict[str, np.ndarray]:
+def command(record, column: int, sensor: str, rng, noise: Noise) -> dict[str, np.ndarray]:
     """A logged command (rudder or elevator [rad], propeller [rpm])."""
-    times = clock(rng, record.shape[0] * STEP_S, RATES_HZ[sensor])
+    times = clock(rng, record.shape[0] * STEP_S, noise.rates_hz[sensor])
     return {"time_s": times, "value": held(record, column, times)}
 
 
 def attitude(record, rng, noise: Noise) -> dict[str, np.ndarray]:
     """Roll, pitch and heading [rad], heading within 0 .. 2 pi."""
-    times = clock(rng, record.shape[0] * STEP_S, RATES_HZ["attitude"])
+    times = clock(rng, record.shape[0] * STEP_S, noise.rates_hz["attitude"])
     heading = at(record, 11, times) + rng.normal(0, noise.heading_rad, times.size)
     return {
         "time_s": times,
@@ -142,14 +144,14 @@ def attitude(record, rng, noise: Noise) -> dict[str, np.ndarray]:
 
 def depth(record, rng, noise: Noise) -> dict[str, np.ndarray]:
     """Depth of O [m]."""
-    times = clock(rng, record.shape[0] * STEP_S, RATES_HZ["depth"])
+    times = clock(rng, record.shape[0] * STEP_S, noise.rates_hz["depth"])
     measured = at(record, 8, times) + rng.normal(0, noise.depth_m, times.size)
     return {"time_s": times, "depth": measured}
 
 
 def position(record, rng, noise: Noise) -> dict[str, np.ndarray]:
     """Acoustic position [m] relative to the start."""
-    times = clock(rng, record.shape[0] * STEP_S, RATES_HZ["position"])
+    times = clock(rng, record.shape[0] * STEP_S, noise.rates_hz["position"])
     error = rng.normal(0, noise.position_m, (times.size, 2))
     return {
         "time_s": times,
@@ -164,9 +166,9 @@ def measure_all(record, vehicle, planted, streams, noise: Noise | None = None) -
     return {
         "dvl": dvl(record, vehicle, planted, streams("dvl"), noise),
         "gyro": gyro(record, planted, streams("gyro"), noise),
-        "rudder": command(record, RUDDER_COMMAND, "rudder", streams("rudder")),
-        "elevator": command(record, ELEVATOR_COMMAND, "elevator", streams("elevator")),
-        "rpm": command(record, RPM_COMMAND, "rpm", streams("rpm")),
+        "rudder": command(record, RUDDER_COMMAND, "rudder", streams("rudder"), noise),
+        "elevator": command(record, ELEVATOR_COMMAND, "elevator", streams("elevator"), noise),
+        "rpm": command(record, RPM_COMMAND, "rpm", streams("rpm"), noise),
         "attitude": attitude(record, streams("attitude"), noise),
         "depth": depth(record, streams("depth"), noise),
         "position": position(record, streams("position"), noise),

@@ -110,9 +110,10 @@ def run(legs, start, body, effects, rudder_servo, elevator_servo, drive, sea, ga
                 helm.start_leg(memory, legs, heading)
             leg = legs[int(memory[helm.LEG])]
             measured = (heading, pitch, depth, state[4], state[5])
-            rudder_command, elevator_command = helm.commands(
+            wanted, elevator_command = helm.commands(
                 memory, leg, measured, gains, CONTROL_STEPS * STEP_S
             )
+            rudder_command = helm.moved(rudder_command, wanted, gains, CONTROL_STEPS * STEP_S)
         leg = legs[int(memory[helm.LEG])]
         record[k, :12] = state[:12]
         record[k, RUDDER_COMMAND], record[k, ELEVATOR_COMMAND] = rudder_command, elevator_command

@@ -53,6 +53,9 @@ class Plant:
     cruise_rpm : propeller speed that gives about 1.5 m/s
     dvl_z : [m] the DVL sits below the axis
     turbulence : standard deviation of the six OU forces [N, N m]
+    y_g : [m] centre of gravity to starboard
+    damping : rows (sway, heave, pitch, yaw) of (linear, quadratic, cubic), all positive: a force
+        ``-(a + b |x| + c x^2) x``, whatever the forward speed
     """
 
     added_mass: tuple
@@ -80,6 +83,8 @@ class Plant:
     cruise_rpm: float
     dvl_z: float
     turbulence: tuple
+    y_g: float = 0.0
+    damping: tuple = ((0.0, 0.0, 0.0),) * 4
 
 
 PLANTS = {
@@ -176,6 +181,9 @@ class Body(NamedTuple):
     propeller_diameter: float
     wake: float
     deduction: float
+    x_g: float = 0.0
+    y_g: float = 0.0
+    damping: np.ndarray = np.zeros((4, 3))  # as in `Plant`
 
 
 @dataclass(frozen=True)
@@ -270,6 +278,9 @@ def build_body(file: dict, plant: Plant) -> Body:
         propeller_diameter=file["propeller"]["diameter_m"],
         wake=plant.wake,
         deduction=plant.deduction,
+        x_g=float(vehicle["x_g_m"]),
+        y_g=plant.y_g,
+        damping=np.array(plant.damping),
     )
 
 
@@ -279,6 +290,10 @@ def mass_matrix(vehicle: dict, plant: Plant) -> np.ndarray:
     rigid = np.diag([m, m, m, plant.i_xx, vehicle["iyy_kgm2"], vehicle["izz_kgm2"]])
     rigid[0, 4] = rigid[4, 0] = m * z_g
     rigid[1, 3] = rigid[3, 1] = -m * z_g
+    off_centre = ((1, 5, vehicle["x_g_m"]), (2, 4, -vehicle["x_g_m"]))
+    for row, column, arm in (*off_centre, (0, 5, -plant.y_g), (2, 3, plant.y_g)):
+        rigid[row, column] += m * arm
+        rigid[column, row] += m * arm
     added = -np.diag(plant.added_mass)
     places = (1, 5), (2, 4), (1, 3), (3, 5)
     for (row, column), value in zip(places, plant.added_cross, strict=True):

@@ -1,7 +1,8 @@
 """``python -m tests.bench [PART ...] [--seeds N] [--json] [--write]``; parts as `PARTS` has them.
 
 With ``--write`` each part replaces its own section of docs/benchmarks.md. The study of the
-residual loop has options of its own: ``python -m tests.bench effects --help``.
+residual loop has options of its own: ``python -m tests.bench effects --help``. So has the one on
+drawn vehicles: ``python -m tests.bench population --help``.
 """
 
 import argparse
@@ -40,6 +41,11 @@ def main(arguments: list[str] | None = None) -> None:
         from tests.bench import effects
 
         effects.main(arguments[1:], _print)
+        return
+    if arguments[:1] == ["population"]:
+        from tests.bench import population
+
+        population.main(arguments[1:], _print)
         return
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
     parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))

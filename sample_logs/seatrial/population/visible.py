@@ -1,0 +1,251 @@
+"""Does an effect show? The same inputs once with it and once without, against the noise.
+
+The rule: an effect is visible where the root mean square of what it changes in the measured u, v
+or r, over the maneuvers, is at least `VISIBLE` times the noise of that channel: the sensor's own
+and the scatter of the motion itself, which the turbulence makes, root of the sum of squares.
+
+The trial without the effect follows the record of the one with it: it has the same commands, sea
+and turbulence, and starts anew from the recorded motion every `WINDOW` L/U. So nothing drifts away,
+and a vehicle that is directionally unstable can be compared too.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numba as nb
+import numpy as np
+
+from seatrial.actuators import Servo, felt_angle, motor_step, servo_step, servo_target
+from seatrial.plant import STATES, PlantEffects, rk4_step, workspace
+from seatrial.planting import plant_effects
+from seatrial.population.drawn import Drawn, Sailed
+from seatrial.sensors import dvl, gyro
+from seatrial.simulate import (
+    ELEVATOR,
+    ELEVATOR_COMMAND,
+    REVS,
+    RPM_COMMAND,
+    RUDDER,
+    RUDDER_COMMAND,
+    STEP_S,
+    TURBULENCE_TIME_S,
+    Drive,
+    sea_forces,
+)
+from seatrial.vehicles import FIN_STALL, Body
+
+VISIBLE = 1.0
+WINDOW = 15.0  # [L/U]
+CHANNELS = ("u", "v", "r")
+# What happens in the record alone: following it has no legs, and no memory of its own.
+NOT_AGAIN = ("one_off_event", "memory_force", "roll_mode")
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A vehicle and what acts on it, to be compared with the one that was sailed."""
+
+    body: Body
+    effects: PlantEffects
+    rudder: Servo
+    elevator: Servo
+    drive: Drive
+    planted: dict  # for the sensors
+
+
+@nb.njit(cache=True)
+def _late(record, column, k, delay):
+    return record[max(k - round(delay / STEP_S), 0), column]
+
+
+@nb.njit(cache=True)
+def taken_up(angle, servo):
+    """What the play has let through where the servo has come to rest at `angle`."""
+    return angle / (1.0 + servo.asymmetry if angle > 0.0 else 1.0 - servo.asymmetry)
+
+
+@nb.njit(cache=True)
+def follow(record, window, body, effects, rudder_servo, elevator_servo, drive, sea, gusts_in, work):
+    """The record again with other parts, from the recorded motion anew every `window` steps."""
+    found, state = record.copy(), np.zeros(STATES)
+    outer, gusts = np.zeros(6), np.zeros(6)
+    keep = math.exp(-STEP_S / TURBULENCE_TIME_S)
+    rudder = elevator = revs = taken_rudder = taken_elevator = 0.0
+    for k in range(record.shape[0]):
+        if k % window == 0:
+            state[:12], state[12:] = record[k, :12], 0.0
+            rudder, elevator, revs = record[k, RUDDER], record[k, ELEVATOR], record[k, REVS]
+            taken_rudder = taken_up(rudder, rudder_servo)
+            taken_elevator = taken_up(elevator, elevator_servo)
+        found[k, :12] = state[:12]
+        wanted, taken_rudder = servo_target(
+            _late(record, RUDDER_COMMAND, k, rudder_servo.delay), taken_rudder, rudder_servo
+        )
+        next_rudder = servo_step(rudder, wanted, rudder_servo, STEP_S)
+        wanted, taken_elevator = servo_target(
+            _late(record, ELEVATOR_COMMAND, k, elevator_servo.delay), taken_elevator, elevator_servo
+        )
+        next_elevator = servo_step(elevator, wanted, elevator_servo, STEP_S)
+        next_revs = motor_step(revs, record[k, RPM_COMMAND] / 60.0, drive.lag, STEP_S)
+        time = k * STEP_S
+        thrust_factor = 1.0 - drive.sag_per_s * time
+        if time >= drive.step_time:
+            thrust_factor -= drive.step_fraction
+        for j in range(6):
+            gusts[j] = keep * gusts[j] + math.sqrt(1.0 - keep * keep) * gusts_in[k, j]
+            outer[j] = sea.turbulence[j] * gusts[j]
+        sea_forces(time, state, -2, 0.0, sea, outer)
+        rk4_step(
+            state,
+            STEP_S,
+            felt_angle(0.5 * (rudder + next_rudder), rudder_servo),
+            felt_angle(0.5 * (elevator + next_elevator), elevator_servo),
+            0.5 * (revs + next_revs),
+            thrust_factor,
+            outer,
+            body,
+            effects,
+            work,
+        )
+        rudder, elevator, revs = next_rudder, next_elevator, next_revs
+    return found
+
+
+def variant(drawn: Drawn, planted: dict, **changed) -> Variant:
+    """The vehicle with other planted effects, or other parts."""
+    parts = {
+        "body": drawn.vehicle.body,
+        "effects": plant_effects(planted),
+        "rudder": drawn.rudder(planted),
+        "elevator": drawn.equipment.elevator,
+        "drive": drawn.drive(planted),
+        "planted": planted,
+    }
+    return Variant(**{**parts, **changed})
+
+
+def motion(drawn: Drawn, sailed: Sailed, other: Variant, noise=None) -> np.ndarray:
+    """Record of the variant along the sailed one."""
+    calm = sailed.sea
+    if "wave" not in other.planted:
+        calm = calm._replace(swell_force=0.0, swell_moment=0.0)
+    window = round(WINDOW * drawn.size.time / STEP_S)
+    parts = (other.body, other.effects, other.rudder, other.elevator, other.drive, calm)
+    gusts = sailed.noise if noise is None else noise
+    return follow(sailed.record, window, *parts, gusts, workspace())
+
+
+def measured(drawn: Drawn, record: np.ndarray, planted: dict) -> dict:
+    """Times and values of u, v, r with the noise of the trial, the same for every variant."""
+    noise = drawn.equipment.noise
+    speeds = dvl(record, drawn.vehicle, planted, drawn.stream("dvl"), noise)
+    rates = gyro(record, planted, drawn.stream("gyro"), noise)
+    return {
+        "u": (speeds["time_s"], speeds["u_mps"]),
+        "v": (speeds["time_s"], speeds["v_mps"]),
+        "r": (rates["time_s"], rates["r"]),
+    }
+
+
+def spans(drawn: Drawn, sailed: Sailed) -> list[tuple[float, float]]:
+    """Start and end of the maneuvers on the clock of the record [s]."""
+    found = drawn.truth(sailed)["maneuvers"]
+    return [(m["t_start_s"] - drawn.origin, m["t_end_s"] - drawn.origin) for m in found]
+
+
+def change(one: dict, other: dict, within: list[tuple[float, float]]) -> dict[str, float]:
+    """Root mean square of the differences of each channel within the spans."""
+    found = {}
+    for channel in CHANNELS:
+        times, values = one[channel]
+        inside = np.zeros(times.size, bool)
+        for start, end in within:
+            inside |= (times >= start) & (times <= end)
+        difference = (values - other[channel][1])[inside]
+        found[channel] = float(np.sqrt(np.nanmean(difference**2)))
+    return found
+
+
+def background(drawn: Drawn, sailed: Sailed) -> dict[str, float]:
+    """Noise of u, v, r: the sensor, and the scatter that other turbulence would make."""
+    clean, within = variant(drawn, drawn.planted), spans(drawn, sailed)
+    again = drawn.stream("other turbulence").normal(size=sailed.noise.shape)
+    pair = [motion(drawn, sailed, clean, gusts) for gusts in (sailed.noise, again)]
+    seen = [measured(drawn, record, drawn.planted) for record in pair]
+    scatter, noise = change(*seen, within), drawn.equipment.noise
+    own = {"u": noise.dvl_mps, "v": noise.dvl_mps, "r": noise.gyro_radps}
+    return {c: math.hypot(own[c], scatter[c] / math.sqrt(2.0)) for c in CHANNELS}
+
+
+def visibility(drawn: Drawn, sailed: Sailed) -> dict[str, dict]:
+    """Every planted effect: change over noise by channel, and whether it is visible."""
+    record, found = sailed.record, {}
+    again = motion(drawn, sailed, variant(drawn, drawn.planted)) if drawn.planted else record
+    for name in drawn.planted:
+        left = {k: v for k, v in drawn.planted.items() if k != name}
+        with_all = measured(drawn, record if name in NOT_AGAIN else again, drawn.planted)
+        other = motion(drawn, sailed, variant(drawn, left))
+        found[name] = (with_all, measured(drawn, other, left))
+    return _judged(drawn, sailed, found)
+
+
+def own_effects(drawn: Drawn, sailed: Sailed, asked: set[str]) -> dict[str, dict]:
+    """What the drawn vehicle itself has of the effects asked for, as `visibility` puts it.
+
+    Some are taken away together: what their change says holds for each of them.
+    """
+    as_it_is = variant(drawn, drawn.planted)
+    found = {}
+    for names, changes in without(drawn, as_it_is).items():
+        if not asked & set(names):
+            continue
+        base = motion(drawn, sailed, as_it_is)
+        other = motion(drawn, sailed, variant(drawn, drawn.planted, **changes))
+        pair = [measured(drawn, record, drawn.planted) for record in (base, other)]
+        found |= dict.fromkeys(asked & set(names), pair)
+    return _judged(drawn, sailed, found)
+
+
+def without(drawn: Drawn, as_it_is: Variant) -> dict[tuple[str, ...], dict]:
+    """Changes that take something away from the vehicle, by the ids it would be called by."""
+    body, held = drawn.vehicle.body, as_it_is.rudder
+    quick = held._replace(lag=1e-3, rate_limit=1e3, delay=0.0)
+    true = held._replace(deadband=0.0, backlash=0.0, asymmetry=0.0, offset=0.0)
+    no_linear, no_cubic, fins = body.damping.copy(), body.damping.copy(), body.fins.copy()
+    no_linear[:, 0], no_cubic[:, 2], fins[:, FIN_STALL] = 0.0, 0.0, 1e3
+    effects = as_it_is.effects
+    return {
+        ("rudder_lag", "rudder_rate_limit", "rudder_delay"): {"rudder": quick},
+        ("rudder_deadband", "rudder_backlash", "rudder_asymmetry", "rudder_offset"): {
+            "rudder": true
+        },
+        ("propeller_lag",): {"drive": as_it_is.drive._replace(lag=1e-3)},
+        ("linear_damping",): {"body": body._replace(damping=no_linear)},
+        ("cubic_damping",): {"body": body._replace(damping=no_cubic)},
+        ("sway_cross_flow",): {"effects": effects._replace(sway_cross_flow=-1.0)},
+        ("yaw_cross_flow",): {"effects": effects._replace(yaw_cross_flow=-1.0)},
+        ("rudder_stall",): {"body": body._replace(fins=fins)},
+        ("propeller_side_force", "hull_asymmetry"): {
+            "body": body._replace(kq=np.zeros(3), y_g=0.0),
+        },
+        ("turning_drag",): {"body": body._replace(hull_induced=0.0)},
+    }
+
+
+def _judged(drawn: Drawn, sailed: Sailed, pairs: dict) -> dict[str, dict]:
+    if not pairs:
+        return {}
+    noise, within = background(drawn, sailed), spans(drawn, sailed)
+    found = {}
+    for name, (one, other) in pairs.items():
+        changed = change(one, other, within)
+        ratios = {c: changed[c] / noise[c] for c in CHANNELS}
+        largest = max(ratios, key=lambda c: ratios[c])
+        found[name] = {
+            "visible": bool(ratios[largest] >= VISIBLE),
+            "channel": largest,
+            "ratio": round(ratios[largest], 3),
+        }
+    return found

@@ -1,0 +1,94 @@
+"""How does the program do on vehicles it has never seen? ``python -m tests.bench population``.
+
+Every seed is another vehicle, with its own equipment, programme and vehicle file
+(`sample_logs/seatrial/population`). Even seeds choose thresholds, odd seeds report: ``--half tune``
+(the default) sails the even ones and lists single trials with their seeds, ``--half report`` sails
+the odd ones and tells rates alone, so that nobody can tune to what is reported.
+"""
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from tests.bench.effects import ONE_THREAD, append, program, read_outcomes
+from tests.bench.population_score import is_wrong, scored, tables
+from tests.bench.population_trial import WANTED, key_of, outcome
+
+HALVES = ("tune", "report")
+
+Outcome = dict[str, Any]
+Show = Callable[[str, list[dict[str, Any]]], None]
+
+
+def main(arguments: list[str], show: Show) -> None:
+    """Sail, score and print."""
+    from seatrial.population import CLASSES
+
+    options = _options(arguments)
+    wanted = seeds(options.first, options.count, options.half)
+    if options.score is not None:
+        kept = read_outcomes(options.score)
+    else:
+        for name in ONE_THREAD:
+            os.environ[name] = "1"
+        kept = sail(wanted, not options.long, options.until, options.resume)
+    keys = [key_of(seed, not options.long, options.until) for seed in wanted]
+    scores = [scored(kept[key]) for key in keys if key in kept]
+    whole = options.until == WANTED[-1]
+    found = tables(scores, CLASSES, with_seeds=options.half == "tune", whole=whole)
+    if options.json is not None:
+        options.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
+    for title, rows in found.items():
+        if rows:
+            show(f"{title} ({options.half}, {len(scores)} trials)", rows)
+
+
+def seeds(first: int, count: int, half: str) -> list[int]:
+    """The first `count` seeds of a half, from `first` on."""
+    return [s for s in range(first, first + 2 * count + 1) if HALVES[s % 2] == half][:count]
+
+
+def sail(wanted: list[int], short: bool, until: str, resume: Path | None) -> dict[str, Outcome]:
+    """Outcomes of all the trials wanted; those of this very program are not sailed again."""
+    version = program()
+    kept = {} if resume is None else read_outcomes(resume)
+    kept = {key: found for key, found in kept.items() if found.get("program") == version}
+    missing = [seed for seed in wanted if key_of(seed, short, until) not in kept]
+    for number, seed in enumerate(missing, 1):
+        began = perf_counter()
+        found = {**outcome(seed, short, until), "program": version}
+        kept[key_of(seed, short, until)] = found
+        if resume is not None:
+            append(resume, found)
+        _tell(found, f"{number}/{len(missing)}", perf_counter() - began)
+    return kept
+
+
+def _tell(found: Outcome, number: str, took_s: float) -> None:
+    """One line about a trial that is done."""
+    s = scored(found)
+    whole = found.get("comparison") is not None
+    said = f"{s.loop.verdict} {' '.join(s.loop.named)}" if whole else ""
+    said = s.error if s.failed_at else said
+    said += f" missed: {' '.join(m['kind'] for m in s.missed)}" * bool(s.missed)
+    mark = "look" if s.failed_at or s.missed or (whole and is_wrong(s)) else "good"
+    planted = s.loop.label
+    print(f"{number} {mark} {s.seed} [{planted}]: {said} ({took_s:.0f} s)", file=sys.stderr)
+
+
+def _options(arguments: list[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m tests.bench population", description=__doc__)
+    parser.add_argument("--first", type=int, default=0, help="seeds from here on")
+    parser.add_argument("--count", type=int, default=30, help="number of trials")
+    parser.add_argument("--half", choices=HALVES, default="tune", help="even or odd seeds")
+    parser.add_argument("--until", choices=WANTED, default=WANTED[-1], help="the last stage")
+    parser.add_argument("--long", action="store_true", help="logs of 10 to 60 minutes")
+    parser.add_argument("--resume", type=Path, help="file of outcomes; those in it are taken")
+    parser.add_argument("--score", type=Path, help="sail nothing, score the outcomes in a file")
+    parser.add_argument("--json", type=Path, help="file for the tables")
+    return parser.parse_args(arguments)

@@ -1,0 +1,257 @@
+"""What a trial of a drawn vehicle says: pure functions from outcomes to scores and tables."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from statistics import median
+from typing import Any
+
+from tests.bench.effects_bars import rises_surely
+from tests.bench.effects_score import Score, score
+
+ALL = "all"
+STATES = ("failed", "none", "own", "named", "unexplained")
+
+Table = list[dict[str, Any]]
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Score of one trial.
+
+    ``clean`` is one of `STATES` for a trial with nothing planted: the chain failed, nothing was
+    named, only what the vehicle has of itself by the rule of visibility, something that it has
+    not, or something without a name. ``shows``: every planted effect is visible by that rule.
+    ``false``: names that are neither planted, nor alike to a planted one, nor the vehicle's own.
+    """
+
+    seed: int
+    kind: str
+    classes: tuple[str, ...]
+    loop: Score
+    failed_at: str
+    error: str
+    clean: str
+    shows: bool | None
+    own: tuple[str, ...]
+    false: tuple[str, ...]
+    missed: tuple[Row, ...] = ()
+    extra_maneuvers: int = 0
+    true_maneuvers: int = 0
+    refused: tuple[str, ...] = ()
+    nrmse: dict[str, float] = field(default_factory=dict)
+    nrmse_ase: dict[str, float] = field(default_factory=dict)
+    coverage: dict[str, float] = field(default_factory=dict)
+    size: dict[str, float] = field(default_factory=dict)
+
+
+Scores = Sequence[Drawn]
+
+
+def scored(outcome: Row) -> Drawn:
+    """Score of one outcome."""
+    loop, truth = score(outcome), outcome["truth"]
+    own = tuple(n for n in loop.named if (outcome.get("own") or {}).get(n, {}).get("visible"))
+    false = tuple(n for n in loop.extra if n not in own)
+    segmentation = outcome.get("segmentation") or {}
+    visible = outcome.get("visible") or {}
+    planted = outcome["case"]["planted"]
+    return Drawn(
+        seed=outcome["case"]["seed"],
+        kind=loop.kind,
+        classes=tuple(truth.get("classes", ())),
+        loop=loop,
+        failed_at=outcome.get("stage", ""),
+        error=last_line(outcome.get("error", "")),
+        clean=clean_state(loop, bool(outcome.get("error")), own, false),
+        shows=all(visible.get(n, {}).get("visible") for n in planted) if planted else None,
+        own=own,
+        false=false,
+        missed=tuple(segmentation.get("missed", ())),
+        extra_maneuvers=len(segmentation.get("extra", ())),
+        true_maneuvers=sum(segmentation.get("true", {}).values()),
+        refused=tuple(truth.get("refused", ())),
+        nrmse=outcome.get("nrmse", {}),
+        nrmse_ase=outcome.get("nrmse_ase", {}),
+        coverage=outcome.get("coverage", {}),
+        size=truth.get("size", {}),
+    )
+
+
+def last_line(error: str | None) -> str:
+    """What an error says; of a traceback, its last line."""
+    lines = (error or "").strip().splitlines()
+    return lines[-1] if lines else ""
+
+
+def clean_state(loop: Score, failed: bool, own: Sequence[str], false: Sequence[str]) -> str:
+    """One of `STATES`, as if nothing had been planted."""
+    if failed or loop.verdict == "failed":
+        return "failed"
+    if false:
+        return "named"
+    if own:
+        return "own"
+    return "none" if loop.verdict == "none_found" else "unexplained"
+
+
+def by_class(scores: Scores, classes: Iterable[str]) -> dict[str, list[Drawn]]:
+    """All trials, and those of each class."""
+    found = {ALL: list(scores)}
+    for name in classes:
+        found[name] = [s for s in scores if name in s.classes]
+    return {name: rows for name, rows in found.items() if rows}
+
+
+def tables(
+    scores: Scores, classes: Iterable[str], with_seeds: bool, whole: bool = True
+) -> dict[str, Table]:
+    """Everything that is printed, in order; single trials only where they may be looked at.
+
+    Of a chain that was not run to its end (`whole` is false) there are the maneuvers alone.
+    """
+    groups = by_class(scores, classes)
+    found = loop_tables(groups, scores) if whole else {}
+    found["maneuvers and failures"] = [{"class": n, **chain_row(g)} for n, g in groups.items()]
+    found["why maneuvers were missed"] = counted(w for s in scores for w in missed_reasons(s))
+    found["refused draws"] = counted(reason for s in scores for reason in s.refused)
+    if with_seeds:
+        wrong = [s for s in scores if (is_wrong(s) if whole else s.failed_at or s.missed)]
+        found["trials that went wrong"] = [wrong_row(s) for s in wrong]
+    return found
+
+
+def loop_tables(groups: Mapping[str, Scores], scores: Scores) -> dict[str, Table]:
+    """What was named and how well the models predict."""
+    return {
+        "nothing planted": [{"class": n, **clean_row(rows)} for n, rows in groups.items()],
+        "planted": [{"class": n, **planted_row(rows)} for n, rows in groups.items()],
+        "prediction": [{"class": n, **prediction_row(rows)} for n, rows in groups.items()],
+        "named and not there": counted(name for s in scores for name in s.false),
+    }
+
+
+def clean_row(rows: Scores) -> dict[str, Any]:
+    """Counts of the states of the trials with nothing planted."""
+    states = Counter(s.clean for s in rows if s.kind == "none")
+    return {"n": states.total(), **{state: states[state] for state in STATES}}
+
+
+def planted_row(rows: Scores) -> dict[str, Any]:
+    """Counts of the trials with one or two effects that show, and of those outside the table.
+
+    ``seen``: of these, above the size that the program itself says it would see; an effect that
+    shows and is not seen is taken up by coefficients.
+    """
+    told = [s for s in rows if s.kind in ("single", "pair") and s.clean != "failed"]
+    shown, hidden = [s for s in told if s.shows], [s for s in told if not s.shows]
+    seen = [s for s in shown if s.loop.visible]
+    sizes = [z.inside for s in shown for z in s.loop.sizes if z.inside is not None]
+    outside = [s for s in rows if s.kind == "outside" and s.clean != "failed"]
+    return {
+        "shown": len(shown),
+        "declared": sum(s.loop.declared for s in shown),
+        "id or group": sum(s.loop.right_or_group or s.loop.by_finding for s in shown),
+        "seen": len(seen),
+        "seen, id or group": sum(s.loop.right_or_group or s.loop.by_finding for s in seen),
+        "wrong": sum(is_wrong_name(s) for s in shown),
+        "false beside": sum(bool(s.false) and s.loop.right_or_group for s in shown),
+        "hidden": len(hidden),
+        "hidden wrong": sum(is_wrong_name(s) for s in hidden),
+        "outside": len(outside),
+        "confident": sum(s.loop.confident and bool(s.false) for s in outside),
+        "size in 95": f"{sum(sizes)}/{len(sizes)}",
+    }
+
+
+def is_wrong_name(s: Drawn) -> bool:
+    """Whether something is named, nothing of a planted family, and not the vehicle's own."""
+    return s.loop.wrong_name and bool(s.false)
+
+
+def prediction_row(rows: Scores) -> dict[str, Any]:
+    """Held-out errors: over their spread, against the ASE, after over before; rises; coverage."""
+    refined = [s for s in rows if s.loop.held_out]
+    named = [s for s in refined if s.loop.named]
+    found: dict[str, Any] = {"n": len(refined)}
+    for channel in ("u", "v", "r"):
+        found[f"nrmse {channel}"] = _median(s.nrmse[channel] for s in rows if channel in s.nrmse)
+    worse = [s for s in rows if any(s.nrmse[c] > s.nrmse_ase[c] for c in s.nrmse_ase)]
+    found["worse than ase"] = len(worse)
+    found["ratio if named"] = _median(worst_ratio(s) for s in named)
+    found["rises surely"] = sum(rises_surely(s.loop) for s in refined)
+    for channel in ("u", "v", "r"):
+        told = [s.coverage[channel] for s in rows if channel in s.coverage]
+        found[f"cover {channel}"] = _median(told)
+    return found
+
+
+def worst_ratio(s: Drawn) -> float:
+    """Held-out error after over before of the channel among u, v, r that changes most."""
+    pairs = [s.loop.held_out[c] for c in ("u", "v", "r") if c in s.loop.held_out]
+    ratios = [after / before for before, after in pairs if before > 0.0] or [1.0]
+    return max(ratios, key=lambda x: abs(x - 1.0))
+
+
+def chain_row(rows: Scores) -> dict[str, Any]:
+    """Maneuvers found and missed, and where the chain ended."""
+    missed = Counter(m["kind"] for s in rows for m in s.missed)
+    ended = Counter(s.failed_at for s in rows if s.failed_at)
+    return {
+        "trials": len(rows),
+        "maneuvers": sum(s.true_maneuvers for s in rows),
+        "missed": ", ".join(f"{k} {n}" for k, n in missed.most_common()) or "-",
+        "invented": sum(s.extra_maneuvers for s in rows),
+        "failed at": ", ".join(f"{k} {n}" for k, n in ended.most_common()) or "-",
+    }
+
+
+def missed_reasons(s: Drawn) -> list[str]:
+    """Reasons of the missed maneuvers, without their numbers."""
+    found = []
+    for maneuver in s.missed:
+        reasons = {why.split(":")[1].strip() if ":" in why else why for why in maneuver["why"]}
+        kind = maneuver["kind"]
+        if maneuver.get("other", 1.0) != 1.0:
+            kind = f"{kind} of unequal executes"
+        found += [f"{kind}: {r}" for r in sorted(reasons) or ["nothing said"]]
+    return found
+
+
+def is_wrong(s: Drawn) -> bool:
+    """Whether a trial is worth a look."""
+    if s.clean == "failed" or s.missed or rises_surely(s.loop):
+        return True
+    if s.kind == "none":
+        return s.clean not in ("none", "own")
+    if s.kind == "outside":
+        return s.loop.confident and bool(s.false)
+    lost = bool(s.shows) and not (s.loop.right_or_group or s.loop.by_finding)
+    return lost or bool(s.false) or any(z.inside is False for z in s.loop.sizes)
+
+
+def wrong_row(s: Drawn) -> dict[str, Any]:
+    """One trial that went wrong, with its seed."""
+    ends = [f"{k} {v:g}" for k, v in s.size.items()]
+    return {
+        "seed": s.seed,
+        "classes": ", ".join(s.classes),
+        "planted": s.loop.label if s.shows is not False else f"{s.loop.label} (hidden)",
+        "verdict": s.loop.verdict,
+        "named": " ".join(s.loop.named) or "-",
+        "false": " ".join(s.false) or "-",
+        "missed": " ".join(m["kind"] for m in s.missed) or "-",
+        "error": f"{s.failed_at}: {s.error}" if s.failed_at else "-",
+        "size": ", ".join(ends),
+    }
+
+
+def counted(words: Iterable[str]) -> Table:
+    """Words with their counts, most frequent first."""
+    return [{"what": word, "n": n} for word, n in Counter(words).most_common()]
+
+
+def _median(values: Iterable[float]) -> float | str:
+    values = list(values)
+    return median(values) if values else "-"

@@ -1,0 +1,204 @@
+"""One trial of a drawn vehicle: sail it, run the program's stages, keep what they say."""
+
+import json
+import signal
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from auvident.errors import AuvidentError
+from auvident.pipeline import run_stage
+from tests.bench.effects_trial import (
+    COMPARISON,
+    DIAGNOSIS,
+    WANTED,
+    Clock,
+    artifact,
+    identifying,
+)
+from tests.bench.effects_truth import planted_of
+from tests.engines.chain import SAMPLES
+
+if str(SAMPLES) not in sys.path:
+    sys.path.insert(0, str(SAMPLES))
+
+LONGEST_S = 1500  # of one trial; a program that has not ended by then has failed
+OVERLAP = 0.5  # of the true maneuver, from which a found one of its kind is that maneuver
+CHANNELS = {"u": "u_mps", "v": "v_mps", "r": "r_radps"}
+
+Outcome = dict[str, Any]
+Rows = list[dict[str, Any]]
+
+
+def outcome(
+    seed: int, short: bool = True, until: str = WANTED[-1], run: Callable[..., Any] = run_stage
+) -> Outcome:
+    """What the program says of a trial; a refusal is an outcome, and so is a bug.
+
+    With `until` the chain ends behind that stage, and the effects are not looked at.
+    """
+    from seatrial.population import draw
+
+    key = key_of(seed, short, until)
+    began, found = perf_counter(), _case(seed, key, "none", ())
+    with tempfile.TemporaryDirectory(prefix="auvident-population-") as name:
+        folder = Path(name)
+        try:
+            drawn = draw(seed, short)
+            found = _case(seed, key, drawn.kind, tuple(drawn.planted))
+            sailed = drawn.sail()
+            drawn.write(sailed, folder / "trial", folder / "vehicle.toml")
+            truth = drawn.truth(sailed)
+            planted = [asdict(p) for p in planted_of(truth, drawn.vehicle)]
+            found["truth"] = {**truth, "planted": planted}
+            if until == WANTED[-1]:
+                found |= _judged_by_rule(drawn, sailed)
+        except Exception:
+            return {**found, "stage": "generator", "error": traceback.format_exc()}
+        found["generator_s"] = round(perf_counter() - began, 1)
+        found |= chain(folder, run, until)
+        found["segmentation"] = segmentation(folder / "run", truth)
+        found["own"] = _own(drawn, sailed, found)
+    return found
+
+
+def key_of(seed: int, short: bool, until: str) -> str:
+    """Name of a trial in the file of outcomes."""
+    return "-".join([str(seed), *([] if short else ["long"]), *([until] * (until != WANTED[-1]))])
+
+
+def _case(seed: int, key: str, kind: str, planted: tuple[str, ...]) -> Outcome:
+    case = {"key": key, "seed": seed, "vehicle": "drawn", "kind": kind, "planted": list(planted)}
+    return {"case": case, "truth": {"planted": []}}
+
+
+def _judged_by_rule(drawn: Any, sailed: Any) -> Outcome:
+    from seatrial.population.visible import visibility
+
+    return {"visible": visibility(drawn, sailed)}
+
+
+def _own(drawn: Any, sailed: Any, found: Outcome) -> Outcome:
+    """Named effects that were not planted: does the vehicle have them of itself?"""
+    from seatrial.population.visible import own_effects
+
+    named = {e["id"] for part in ("diagnosis", "comparison") for e in _effects(found.get(part))}
+    return own_effects(drawn, sailed, named - set(drawn.planted))
+
+
+def _effects(content: Outcome | None) -> Rows:
+    return (content or {}).get("effects", [])
+
+
+def chain(folder: Path, run: Callable[..., Any] = run_stage, until: str = WANTED[-1]) -> Outcome:
+    """Run the stages up to one of them; where one fails: which, with what message and code."""
+    clock, directory, stage = Clock(), folder / "run", ""
+    options = {"ingest": {"logs": (folder / "trial",), "vehicle": folder / "vehicle.toml"}}
+    found: Outcome = {}
+    _alarm(LONGEST_S)
+    try:
+        for stage in WANTED[: WANTED.index(until) + 1]:
+            run(stage, directory, options.get(stage), observer=clock)
+    except AuvidentError as error:
+        found = {"stage": stage, "exit_code": error.exit_code}
+        found["error"] = f"{error.problem} ({error.where.replace(str(folder), '')})"
+    except Exception:
+        found = {"stage": stage, "error": traceback.format_exc().replace(str(folder), "")}
+    finally:
+        _alarm(0)
+    found |= {Path(path).stem: artifact(directory, path) for path in (DIAGNOSIS, COMPARISON)}
+    found |= held_out(directory)
+    return {**found, "identifying_s": identifying(directory), "seconds": clock.seconds}
+
+
+def _alarm(seconds: int) -> None:
+    """Stop whatever runs after so many seconds; zero takes it back."""
+
+    def late(*_: Any) -> None:
+        raise TimeoutError(f"not done in {seconds} s")
+
+    signal.signal(signal.SIGALRM, late)
+    signal.alarm(seconds)
+
+
+def segmentation(directory: Path, truth: Mapping[str, Any]) -> Outcome:
+    """True maneuvers found and missed, by kind, and maneuvers found where there was none."""
+    path = directory / "segment/maneuvers.json"
+    rows = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else []
+    rows = [m for m in rows if m.get("features", {}).get("plane") != "vertical"]
+    rejected = directory / "segment/rejected.json"
+    why = json.loads(rejected.read_text(encoding="utf-8")) if rejected.is_file() else {}
+    true = [m for m in truth["maneuvers"] if m["t_end_s"] > m["t_start_s"]]
+    missed = [m for m in true if not any(_is_same(m, row) for row in rows)]
+    extra = [row for row in rows if not any(_touches(m, row) for m in true)]
+    return {
+        "true": _counted(m["kind"] for m in true),
+        "missed": [{**m, "why": _reasons(m, why.get("rejected", []))} for m in missed],
+        "extra": [{k: m[k] for k in ("kind", "t_start_s", "t_end_s")} for m in extra],
+        "roles": _counted(f"{m['role']} {m['kind']}" for m in rows),
+    }
+
+
+def _overlap_s(one: Mapping[str, Any], other: Mapping[str, Any]) -> float:
+    first = max(one["t_start_s"], other["t_start_s"])
+    return float(min(one["t_end_s"], other["t_end_s"]) - first)
+
+
+def _is_same(true: Mapping[str, Any], found: Mapping[str, Any]) -> bool:
+    length = true["t_end_s"] - true["t_start_s"]
+    return bool(found["kind"] == true["kind"] and _overlap_s(true, found) >= OVERLAP * length)
+
+
+def _touches(true: Mapping[str, Any], found: Mapping[str, Any]) -> bool:
+    return found["kind"] == true["kind"] and _overlap_s(true, found) > 0.0
+
+
+def _reasons(true: Mapping[str, Any], rejected: Iterable[Mapping[str, Any]]) -> list[str]:
+    """What the program says of the candidates that it refused there."""
+    near = [r for r in rejected if _overlap_s(true, r) > 0.0]
+    return [f"{r['reason']}: {r['value']:.3g} against {r['threshold']:.3g}" for r in near]
+
+
+def _counted(words: Iterable[str]) -> dict[str, int]:
+    found: dict[str, int] = {}
+    for word in words:
+        found[word] = found.get(word, 0) + 1
+    return found
+
+
+def held_out(directory: Path) -> Outcome:
+    """Held-out errors over their spread, model and ASE, and coverage of the 95 % band if told."""
+    path = directory / "validate/metrics.json"
+    if not path.is_file():
+        return {}
+    metrics = json.loads(path.read_text(encoding="utf-8"))
+    told = metrics.get("summary", {}).get("validate", {})
+    ase = (metrics.get("ase") or {}).get("summary", {}).get("validate", {})
+    cover = {c: row["covered"] for c, row in (metrics.get("coverage") or {}).items()}
+    return {
+        "nrmse": {c: told[c]["nrmse"] for c in CHANNELS if c in told},
+        "nrmse_ase": {c: ase[c]["nrmse"] for c in CHANNELS if c in ase},
+        "coverage": cover or band_coverage(directory / "validate/simulation.parquet"),
+        "findings": [f["code"] for f in metrics.get("findings", [])],
+    }
+
+
+def band_coverage(path: Path) -> dict[str, float]:
+    """Share of held-out samples between the ends of the band, where the simulation has one."""
+    import pandas as pd
+
+    if not path.is_file():
+        return {}
+    table = pd.read_parquet(path)
+    table, found = table[table["role"] == "validate"], {}
+    for channel, column in CHANNELS.items():
+        low, high = f"{column}_lo", f"{column}_hi"
+        if {low, high} <= set(table.columns):
+            rows = table[[f"{column}_measured", low, high]].dropna().to_numpy()
+            found[channel] = float(((rows[:, 0] >= rows[:, 1]) & (rows[:, 0] <= rows[:, 2])).mean())
+    return found

@@ -1,0 +1,230 @@
+"""The study of drawn vehicles: its halves, its scoring and its tables."""
+
+import json
+
+import pytest
+
+from auvident.errors import InputError
+from tests import loop_world
+from tests.bench import __main__ as bench
+from tests.bench import population
+from tests.bench.population_score import STATES, clean_state, is_wrong, last_line, scored, tables
+from tests.bench.population_trial import (
+    band_coverage,
+    chain,
+    held_out,
+    key_of,
+    segmentation,
+)
+
+CLASSES = ("with sail", "plain")
+LAG = {
+    "id": "rudder_lag",
+    "family": "actuation",
+    "exact": True,
+    "time_s": [],
+    "parameters": {"lag_s": 0.5},
+}
+
+
+def outcome_with(seed=4, planted=(), classes=("plain",), found=loop_world.diagnosis, **changes):
+    """An outcome with hand-made artifacts, in which the program names a current."""
+    said = found()
+    ids = [p["id"] for p in planted]
+    kind = "single" if ids else "none"
+    case = {"key": str(seed), "seed": seed, "vehicle": "drawn", "kind": kind, "planted": ids}
+    return {
+        "case": case,
+        "truth": {"planted": list(planted), "classes": list(classes), "refused": ["rolls over"]},
+        "visible": {name: {"visible": True, "ratio": 3.0, "channel": "u"} for name in ids},
+        "own": {},
+        "diagnosis": said.model_dump(mode="json", by_alias=True),
+        "comparison": loop_world.comparison(said).model_dump(mode="json", by_alias=True),
+        "segmentation": {"true": {"zigzag": 2}, "missed": [], "extra": []},
+        "nrmse": {"u": 0.1, "v": 0.4, "r": 0.1},
+        "nrmse_ase": {"u": 0.2, "v": 0.3, "r": 0.2},
+        "seconds": {},
+    } | changes
+
+
+def named(outcome) -> str:
+    return scored(outcome).loop.named[0]
+
+
+# --- the halves ---------------------------------------------------------------------------
+
+
+def test_halves_never_meet():
+    tune, report = (population.seeds(3, 5, half) for half in population.HALVES)
+    assert tune == [4, 6, 8, 10, 12] and report == [3, 5, 7, 9, 11]
+
+
+def test_single_trials_are_told_of_the_half_that_may_be_looked_at():
+    wrong = [scored(outcome_with())]
+    assert "trials that went wrong" in tables(wrong, CLASSES, with_seeds=True)
+    assert "trials that went wrong" not in tables(wrong, CLASSES, with_seeds=False)
+
+
+@pytest.mark.parametrize("half", population.HALVES)
+def test_outcomes_of_the_other_half_are_not_scored(half, tmp_path, capsys):
+    path, table = tmp_path / "kept.jsonl", tmp_path / "tables.json"
+    for seed in (0, 1, 2, 3):
+        population.append(path, outcome_with(seed))
+    arguments = ["--half", half, "--count", "2", "--score", str(path), "--json", str(table)]
+    bench.main(["population", *arguments])
+    shown = capsys.readouterr().out
+    assert f"({half}, 2 trials)" in shown
+    found = json.loads(table.read_text())
+    seeds = [row["seed"] for row in found.get("trials that went wrong", [])]
+    assert seeds == ([0, 2] if half == "tune" else [])
+
+
+def test_trials_of_the_same_program_are_not_sailed_again(tmp_path, monkeypatch, capsys):
+    sailed = []
+
+    def outcome(seed, short, until):
+        sailed.append(seed)
+        return outcome_with(seed)
+
+    monkeypatch.setattr(population, "outcome", outcome)
+    path = tmp_path / "kept.jsonl"
+    for count in (1, 2):
+        population.main(["--count", str(count), "--resume", str(path)], lambda *_: None)
+    assert sailed == [0, 2]
+    assert "1/1" in capsys.readouterr().err
+
+
+# --- one trial ----------------------------------------------------------------------------
+
+
+def test_a_refusal_is_told_with_its_stage_and_code(tmp_path):
+    def run(stage, directory, options, observer):
+        if stage == "segment":
+            raise InputError("no maneuver", str(tmp_path / "trial"), "sail again")
+
+    found = chain(tmp_path, run)
+    assert (found["stage"], found["exit_code"]) == ("segment", 3)
+    assert found["error"] == "no maneuver (/trial)"
+    failed = scored(outcome_with(diagnosis=None, comparison=None, **{k: found[k] for k in REFUSED}))
+    assert failed.clean == "failed" and is_wrong(failed)
+
+
+REFUSED = ("stage", "exit_code", "error")
+
+
+def test_of_a_bug_the_last_line_is_told(tmp_path):
+    def run(stage, directory, options, observer):
+        raise ZeroDivisionError("by what")
+
+    found = chain(tmp_path, run)
+    assert found["stage"] == "ingest" and "exit_code" not in found
+    assert last_line(found["error"]) == "ZeroDivisionError: by what"
+
+
+def test_found_and_missed_maneuvers(tmp_path):
+    def row(kind, start, end, **more):
+        return {"kind": kind, "t_start_s": start, "t_end_s": end, "role": "identify", **more}
+
+    found = [
+        row("turn", 10, 40),
+        row("zigzag", 100, 130),  # less than half of the true one
+        row("straight", 300, 350),
+        row("straight", 10, 40, features={"plane": "vertical"}),
+    ]
+    refused = {"t_start_s": 150, "t_end_s": 160, "reason": "zigzag: no", "value": 2.0}
+    (tmp_path / "segment").mkdir()
+    (tmp_path / "segment/maneuvers.json").write_text(json.dumps(found))
+    rejected = {"rejected": [{**refused, "threshold": 3.0}]}
+    (tmp_path / "segment/rejected.json").write_text(json.dumps(rejected))
+    truth = {"maneuvers": [row("turn", 12, 41), row("zigzag", 100, 180, other=0.7)]}
+    told = segmentation(tmp_path, truth)
+    assert told["true"] == {"turn": 1, "zigzag": 1}
+    assert [m["why"] for m in told["missed"]] == [["zigzag: no: 2 against 3"]]
+    assert [m["kind"] for m in told["extra"]] == ["straight"]
+    rows = tables([scored(outcome_with(segmentation=told))], CLASSES, with_seeds=False)
+    assert rows["why maneuvers were missed"] == [{"what": "zigzag of unequal executes: no", "n": 1}]
+
+
+def test_coverage_is_taken_where_the_artifacts_have_it(tmp_path):
+    import pandas as pd
+
+    assert held_out(tmp_path) == {} and band_coverage(tmp_path / "none.parquet") == {}
+    (tmp_path / "validate").mkdir()
+    error = {"nrmse": 0.3}
+    metrics = {
+        "summary": {"validate": {"u": error}},
+        "ase": {"summary": {"validate": {"u": error}}},
+    }
+    (tmp_path / "validate/metrics.json").write_text(json.dumps(metrics))
+    table = pd.DataFrame({"u_mps_measured": [1.0, 2.0], "role": "validate"})
+    table = table.assign(u_mps_lo=0.5, u_mps_hi=1.5)
+    table.to_parquet(tmp_path / "validate/simulation.parquet")
+    found = held_out(tmp_path)
+    assert found["coverage"] == {"u": 0.5}
+    assert found["nrmse"] == found["nrmse_ase"] == {"u": 0.3}
+    metrics["coverage"] = {"u": {"nominal": 0.95, "covered": 0.9, "width": 0.1}}
+    (tmp_path / "validate/metrics.json").write_text(json.dumps(metrics))
+    assert held_out(tmp_path)["coverage"] == {"u": 0.9}
+
+
+def test_a_survey_of_the_first_stages_tells_of_maneuvers_alone(tmp_path):
+    ran = []
+
+    def run(stage, directory, options, observer):
+        ran.append(stage)
+
+    chain(tmp_path, run, "segment")
+    assert ran == ["ingest", "segment"]
+    keys = [key_of(4, short, until) for short in (True, False) for until in ("segment", "refine")]
+    assert keys == ["4-segment", "4", "4-long-segment", "4-long"]
+    missed = {"true": {"zigzag": 2}, "missed": [{"kind": "zigzag", "why": []}], "extra": []}
+    rows = [scored(outcome_with()), scored(outcome_with(6, segmentation=missed))]
+    found = tables(rows, CLASSES, with_seeds=True, whole=False)
+    assert "nothing planted" not in found
+    assert [row["seed"] for row in found["trials that went wrong"]] == [6]
+
+
+# --- scores -------------------------------------------------------------------------------
+
+
+def test_a_name_that_is_the_vehicles_own_is_no_false_alarm():
+    alarm = outcome_with()
+    name = named(alarm)
+    assert scored(alarm).clean == "named" and scored(alarm).false == (name,)
+    own = scored(outcome_with(own={name: {"visible": True}}))
+    assert own.clean == "own" and own.false == () and not is_wrong(own)
+    faint = scored(outcome_with(own={name: {"visible": False}}))
+    assert faint.clean == "named"
+
+
+def test_states_of_a_clean_trial():
+    loop = scored(outcome_with()).loop
+    assert clean_state(loop, True, (), ()) == "failed"
+    assert clean_state(loop, False, (), ()) == "unexplained"  # nothing named, and not "none"
+    assert clean_state(loop, False, ("x",), ("y",)) == "named"
+    assert {"failed", "none", "own", "named", "unexplained"} == set(STATES)
+
+
+def test_tables_count_by_class():
+    rows = [
+        scored(outcome_with(0)),
+        scored(outcome_with(2, classes=("with sail",), planted=(LAG,))),
+    ]
+    found = tables(rows, CLASSES, with_seeds=True)
+    clean = {row["class"]: row for row in found["nothing planted"]}
+    assert (clean["all"]["n"], clean["all"]["named"], clean["with sail"]["n"]) == (1, 1, 0)
+    planted = {row["class"]: row for row in found["planted"]}
+    assert (planted["all"]["shown"], planted["plain"]["shown"]) == (1, 0)
+    assert planted["with sail"]["wrong"] == 1  # a current is named, a lag was planted
+    assert found["prediction"][0]["worse than ase"] == 2
+    assert found["refused draws"] == [{"what": "rolls over", "n": 2}]
+    assert json.loads(json.dumps(found)) == found
+
+
+def test_a_hidden_effect_is_not_missed():
+    quiet = outcome_with(planted=(LAG,), found=loop_world.diagnosis)
+    quiet["diagnosis"] |= {"effects": [], "verdict": "none_found"}
+    quiet["comparison"] |= {"effects": [], "ambiguous": [], "verdict": "none_found"}
+    assert is_wrong(scored(quiet))
+    quiet["visible"]["rudder_lag"]["visible"] = False
+    assert not is_wrong(scored(quiet))
