@@ -147,7 +147,8 @@ def test_white_noise_is_taken_for_hardly_anything_else() -> None:
     """Slow power 2 T slow^2 over that of the noise, DT white^2: by as much it widens a claim."""
     shares = []
     for seed in range(10):
-        colour, _ = colour_of([np.random.default_rng(seed).normal(size=4000)], DT)
+        colour, _ = colour_of([np.random.default_rng(seed).normal(size=16_000)], DT)
         shares.append(2.0 * colour.time_s * colour.slow**2 / (DT * colour.white**2))
-    # 50 correlation times of the slowest: its power is known to a fifth; 0.54 was the least before
+    # 400 correlation times of the slowest: its share has a standard deviation of
+    # sqrt(8 T / duration) = 0.14, and 0.54, the least before, is nearly four of them
     assert np.median(shares) < 0.2 and max(shares) < 0.54

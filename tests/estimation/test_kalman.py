@@ -134,6 +134,16 @@ def test_a_covariance_that_is_not_positive_is_reported_and_left_alone(covariance
     np.testing.assert_array_equal(covariance, before)
 
 
+def information_at_rest(system: LinearSystem, n: int, variance: float, q_x: float) -> np.ndarray:
+    """Of n readings of the first channel on constant inputs, once the states have settled."""
+    information = np.zeros((system.n_theta, system.n_theta))
+    for transition, sensitivity in zip(system.transition, system.sensitivity, strict=True):
+        by_state = system.gradient[0] @ np.linalg.inv(np.eye(system.n_x) - transition)
+        response = by_state @ sensitivity
+        information += n * np.outer(response, response) / (variance + q_x * by_state @ by_state)
+    return information
+
+
 def test_covariance_stays_symmetric_and_positive_over_an_hour_at_10_hz() -> None:
     """Directions far apart in certainty, no drift: the hardest case for rounding."""
     rng = np.random.default_rng(3)
@@ -152,9 +162,11 @@ def test_covariance_stays_symmetric_and_positive_over_an_hour_at_10_hz() -> None
             np.testing.assert_array_equal(covariance, covariance.T)
             lowest = min(lowest, float(np.linalg.eigvalsh(covariance)[0]))
     assert lowest > 0.0
-    # two constant inputs are learned to 1e-8, the other two directions stay with the prior
+    # two constant inputs are learned as well as the readings at rest tell them, some to 1e-8; the
+    # other two directions stay with the prior
     learned = np.linalg.eigvalsh(covariance[:4, :4])
-    assert learned[1] < 1e-6 < 1e-2 < learned[2]
+    told = np.linalg.eigvalsh(information_at_rest(system, 36_000, 1e-4, 1e-8))
+    assert learned[1] < 1.01 / told[2] < 1e-4 < 1e-2 < learned[2]
 
 
 # --- Cholesky factor and sigma points ------------------------------------------------------
