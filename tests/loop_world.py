@@ -151,7 +151,7 @@ def diagnosis(maneuvers: Sequence[str] = ("turn-1",), **update: Any) -> Diagnosi
                 separate_by="vary the speed while the rudder is amidships",
             ),
         ),
-        silent=(EffectFound(id="rudder_lag", family="actuation", parameters=(LAG,)),),
+        nuisance=(EffectFound(id="rudder_lag", family="actuation", parameters=(LAG,)),),
         steps=("current added: gain 812 nats", "no further effect passes the tests"),
         residuals=residual_rows(maneuvers, AFTER),
         missing=("roll_coupling: the log has no roll",),

@@ -115,7 +115,7 @@ def test_every_planted_parameter_is_one_of_the_program() -> None:
         assert set(planted.parameters) <= declared and planted.family == BY_ID[name].family
 
 
-def test_only_the_allowances_of_the_program_are_never_planted() -> None:
+def test_only_the_nuisances_of_the_program_are_never_planted() -> None:
     assert {e.id for e in EFFECTS} - set(SINGLES) == {"dvl_height", "weight_excess"}
 
 

@@ -32,7 +32,7 @@ class Carried:
         The start may also name coefficients.
     windows : tuple of (maneuver, start, end)
         Readings that are left out [s].
-    usual : mapping
+    expected : mapping
         What every model is expected to have of an effect; its size is told beyond that.
     """
 
@@ -41,7 +41,7 @@ class Carried:
     prior: Mapping[str, float] = field(default_factory=dict)
     prior_std: Mapping[str, float] = field(default_factory=dict)
     windows: tuple[tuple[str, float, float], ...] = ()
-    usual: Mapping[str, float] = field(default_factory=dict)
+    expected: Mapping[str, float] = field(default_factory=dict)
 
     def ids(self, plane: Plane) -> tuple[str, ...]:
         """All effects with a value, estimated or given, in the order of the table."""
@@ -62,7 +62,7 @@ class Carried:
             start=kept(self.start),
             prior=kept(self.prior),
             prior_std=kept(self.prior_std),
-            usual=kept(self.usual),
+            expected=kept(self.expected),
         )
 
     def structure(self, plane: Plane) -> Structure:
@@ -75,8 +75,8 @@ def allowed(effects: Sequence[str], plane: Plane) -> Carried:
     rows = {
         n: parameter_of(n) for e in effects if plane in BY_ID[e].planes for n in BY_ID[e].names()
     }
-    usual = {name: declared.silent for name, declared in rows.items()}
-    return Carried(start=usual, prior=dict.fromkeys(rows, 0.0), prior_std=usual)
+    expected = {name: declared.nuisance_std for name, declared in rows.items()}
+    return Carried(start=expected, prior=dict.fromkeys(rows, 0.0), prior_std=expected)
 
 
 def internal_values(effects: Sequence[Mapping[str, Any]]) -> dict[str, float]:
@@ -163,17 +163,17 @@ def effect_rows(
     structure: Structure,
     p: Array,
     stds: Mapping[str, float],
-    usual: Mapping[str, float],
+    expected: Mapping[str, float],
     named: Sequence[str],
 ) -> tuple[dict[str, Any], ...]:
-    """The effects of a model as they stand in its artifact; ``silent`` are those not named."""
+    """The effects of a model as they stand in its artifact; ``nuisance`` are those not named."""
     rows = []
     for effect in structure.effects:
         internal = {n: float(p[structure.index(n)]) for n in BY_ID[effect].names()}
         values = []
         for name, value in internal.items():
             declared = parameter_of(name)
-            shown, std = declared.shown(value - usual.get(name, 0.0), stds.get(name, 0.0))
+            shown, std = declared.shown(value - expected.get(name, 0.0), stds.get(name, 0.0))
             values.append(
                 {
                     "symbol": declared.symbol,
@@ -187,7 +187,7 @@ def effect_rows(
                 "id": effect,
                 "family": BY_ID[effect].family,
                 "parameters": values,
-                "silent": effect not in named,
+                "nuisance": effect not in named,
                 "internal": internal,
             }
         )

@@ -34,7 +34,7 @@ class Lacks:
     false_alarm_p: str
     effects: Table
     attempts: Table | None
-    silent: Table
+    nuisance: Table
     ambiguous: tuple[str, ...]
     separate_by: str
     unexplained: tuple[str, ...]
@@ -64,7 +64,7 @@ def lacks(report: ReportData) -> Lacks | None:
         false_alarm_p="" if found.false_alarm_p is None else number(found.false_alarm_p, 2),
         effects=tables.effects((*found.effects, *(comparison.not_confirmed if comparison else ()))),
         attempts=tables.attempts(comparison) if comparison else None,
-        silent=tables.effects(diagnosis.silent),
+        nuisance=tables.effects(diagnosis.nuisance),
         ambiguous=tuple(" and ".join(group) for group in found.ambiguous),
         separate_by=diagnosis.separate_by,
         unexplained=words.unexplained_lines(found.unexplained),

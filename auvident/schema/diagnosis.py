@@ -116,9 +116,9 @@ class ResidualRow(Artifact):
 class Diagnosis(Artifact):
     """``diagnose/diagnosis.json``.
 
-    ``sees`` stands before any verdict: what these maneuvers can show. ``silent`` are the
-    allowances every model is given (servo lag and the like), with what they took up. ``steps``
-    tells in order what was added, tested and removed. ``carried`` has the internal values
+    ``sees`` stands before any verdict: what these maneuvers can show. ``nuisance`` are the
+    effects estimated along in every model (servo lag and the like), with what they took up.
+    ``steps`` tells in order what was added, tested and removed. ``carried`` has the internal values
     (``start``) of all effects that a refined model takes along, and ``prior`` and ``prior_std`` of
     those estimated again. ``unexplained`` has ``correlates`` (axis,
     regressor, gain), ``nearest`` and ``channels`` where something is left; ``remaining`` has its
@@ -138,7 +138,7 @@ class Diagnosis(Artifact):
     sees: tuple[Detectable, ...] = ()
     lookalikes: tuple[Lookalikes, ...] = ()
     separate_by: str = ""
-    silent: tuple[EffectFound, ...] = ()
+    nuisance: tuple[EffectFound, ...] = ()
     carried: dict[str, dict[str, float]] = {}
     steps: tuple[str, ...] = ()
     residuals: tuple[ResidualRow, ...] = ()

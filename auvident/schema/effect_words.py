@@ -91,7 +91,7 @@ def with_std(value: float, std: float) -> str:
 def nuisance_parameters(effects: Sequence[Mapping[str, Any]]) -> str:
     """What a model adjusts along with its coefficients, from the rows of its artifact."""
     needed, idle = [], []
-    for e in (e for e in effects if e.get("silent")):
+    for e in (e for e in effects if e.get("nuisance")):
         for p in e["parameters"]:
             internal = f"{e['id']}.{p['symbol']}"
             name = words_of(e["id"], p["symbol"])

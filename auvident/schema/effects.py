@@ -74,8 +74,8 @@ class EffectParameter:
         when they are small (play, dead band) need a large one.
     powers : tuple of int
         A force effect scales with density/2, length, speed and propeller rate to these powers.
-    silent : float
-        Standard deviation that every model is allowed without a word: no real servo is without
+    nuisance_std : float
+        Standard deviation as a nuisance parameter of every model: no real servo is without
         lag and no hull without asymmetry. Zero for most.
     grid : TimeGrid, optional
         Of a time since the start of the trial.
@@ -93,7 +93,7 @@ class EffectParameter:
     form: Form = "plain"
     step: float = 0.02
     powers: tuple[int, int, int, int] = (0, 0, 0, 0)
-    silent: float = 0.0
+    nuisance_std: float = 0.0
     grid: TimeGrid | None = None
     width_of: str = ""
 
@@ -171,7 +171,7 @@ class Effect:
     surge_alone : bool
         The surge equation alone can show it.
     curved : bool
-        Its signature changes with its size: a fit needs a start of usual size.
+        Its signature changes with its size: a fit needs a start of typical size.
     higher_order : bool
         A term of higher order, of which every hull has a little.
     steady : bool
@@ -248,15 +248,16 @@ EFFECTS: tuple[Effect, ...] = (
         SERVO,
         words="a rudder offset of {offset_deg:.1f} deg", alike="turns amidships", steady=True),
     Effect("rudder_lag", "actuation", "input", HV, (
-        P("lag_s", "s", 0.4, 0.15, 0.0, 3.0, silent=0.04, step=0.05),
+        P("lag_s", "s", 0.4, 0.15, 0.0, 3.0, nuisance_std=0.04, step=0.05),
     ), "d' = (d_command - d) / lag", "residual after every rudder movement, decaying", (), SERVO,
         words="a servo lag of {lag_s:.2f} s", alike="late", curved=True),
     Effect("rudder_rate_limit", "actuation", "input", HV, (
-        P("rate_degps", "deg/s", 3.0, 1.9, 0.0, 20.0, DEGREES, "inverse", step=0.3, silent=0.3),
+        P("rate_degps", "deg/s", 3.0, 1.9, 0.0, 20.0, DEGREES, "inverse", step=0.3,
+          nuisance_std=0.3),
     ), "|d'| <= rate", "residual after every rudder movement, longer after larger ones", (), SERVO,
         words="a servo speed limit of {rate_degps:.0f} deg/s", alike="late", curved=True),
     Effect("rudder_delay", "actuation", "input", HV, (
-        P("delay_s", "s", 0.3, 0.15, -0.3, 2.0, silent=0.02, step=0.05),
+        P("delay_s", "s", 0.3, 0.15, -0.3, 2.0, nuisance_std=0.02, step=0.05),
     ), "d(t) = d_command(t - delay)",
         "residual after every rudder movement, flat-topped", (), SERVO,
         words="a rudder delay of {delay_s:.2f} s", alike="late", curved=True),
@@ -280,20 +281,21 @@ EFFECTS: tuple[Effect, ...] = (
         "turns to port and to starboard differ", (), SERVO,
         words="a rudder asymmetry of {gain:+.2f}"),
     Effect("rudder_stall", "actuation", "input", HV, (
-        P("angle_deg", "deg", 6.0, 3.0, 0.0, 60.0, DEGREES, "inverse_square", step=0.1, silent=1.2),
+        P("angle_deg", "deg", 6.0, 3.0, 0.0, 60.0, DEGREES, "inverse_square", step=0.1,
+          nuisance_std=1.2),
     ), "effective d = d / sqrt(1 + (d / angle)^2)",
         "large rudder angles have too little effect", (),
         "Molland and Turnock (2007), 5.3",
         words="a rudder that stalls at about {angle_deg:.0f} deg", alike="large helms",
         curved=True),
     Effect("propeller_lag", "actuation", "input", HV, (
-        P("lag_s", "s", 0.7, 0.3, 0.0, 6.0, silent=0.15, step=0.05),
+        P("lag_s", "s", 0.7, 0.3, 0.0, 6.0, nuisance_std=0.15, step=0.05),
     ), "n' = (n_command - n) / lag", "u residual after thrust steps only",
         words="a propeller lag of {lag_s:.2f} s", surge_alone=True,
         curved=True),
     Effect("propeller_race", "actuation", "input", HV, (
         P("c_m2ps2pn", "m^2/s^2/N", 100.0, 50.0, -1000.0, 1000.0, powers=(-1, -2, 0, 0),
-          silent=15.0),
+          nuisance_std=15.0),
     ), "rudder sees u^2 + c T", "rudder effectiveness depends on propeller loading", (),
         "Molland and Turnock (2007), 3.6",
         words="propeller race on the rudder, {c_m2ps2pn:.4f} m^2/s^2 per N",
@@ -347,8 +349,8 @@ EFFECTS: tuple[Effect, ...] = (
     ), "Y + Y_nn n|n|, N + N_nn n|n|", "turns with the rudder amidships, in proportion to n^2",
         alike="turns amidships", parts=("rudder_offset", "dvl_misalignment"), steady=True),
     Effect("hull_asymmetry", "hydrodynamics", "force", H, (
-        P("Y_0", "kg/m", 1.2e-3, 2e-4, -0.1, 0.1, powers=(1, 2, 0, 0), silent=3e-5),
-        P("N_0", "kg", 2.5e-4, 4e-5, -0.1, 0.1, powers=(1, 3, 0, 0), silent=1e-5),
+        P("Y_0", "kg/m", 1.2e-3, 2e-4, -0.1, 0.1, powers=(1, 2, 0, 0), nuisance_std=3e-5),
+        P("N_0", "kg", 2.5e-4, 4e-5, -0.1, 0.1, powers=(1, 3, 0, 0), nuisance_std=1e-5),
     ), "Y + Y_0 u|u|, N + N_0 u|u|", "turns with the rudder amidships, in proportion to u^2",
         alike="turns amidships", parts=("rudder_offset", "dvl_misalignment"), steady=True),
     Effect("sway_cross_flow", "hydrodynamics", "force", H, (
@@ -375,7 +377,7 @@ EFFECTS: tuple[Effect, ...] = (
     ), "X + X_vvu v v u + X_rru r r u", "u lower in turns than X_vv, X_vr and X_rr explain",
         alike="drag", surge_alone=True, higher_order=True),
     Effect("linear_drag", "hydrodynamics", "force", H, (
-        P("X_u", "kg/s", 1.0e-3, 4e-4, -0.1, 0.1, powers=(1, 2, 1, 0), silent=1.5e-4),
+        P("X_u", "kg/s", 1.0e-3, 4e-4, -0.1, 0.1, powers=(1, 2, 1, 0), nuisance_std=1.5e-4),
     ), "X + X_u u", "u / n changes with speed",
         words="linear drag of {X_u:.2f} kg/s", alike="drag",
         surge_alone=True),
@@ -384,11 +386,11 @@ EFFECTS: tuple[Effect, ...] = (
         P("N_uuphi", "kg", 0.004, 0.001, -1.0, 1.0, powers=(1, 3, 0, 0)),
     ), "Y + Y_uuphi u u roll, N + N_uuphi u u roll", "residual follows the roll", ("roll_rad",)),
     Effect("dvl_height", "sensing", "reading", H, (
-        P("dz_m", "m", 0.15, 0.1, -1.0, 1.0, silent=0.15),
+        P("dz_m", "m", 0.15, 0.1, -1.0, 1.0, nuisance_std=0.15),
     ), "v - p dz, u + q dz", "v residual follows the roll rate", ("p_radps",), SENSOR,
         nuisance=True),
     Effect("weight_excess", "hydrodynamics", "force", H, (
-        P("W-B_n", "N", 1.0e-3, 5e-4, -0.1, 0.1, powers=(1, 2, 2, 0), silent=1e-3),
+        P("W-B_n", "N", 1.0e-3, 5e-4, -0.1, 0.1, powers=(1, 2, 2, 0), nuisance_std=1e-3),
     ), "X - (W-B) pitch", "u residual follows the pitch", ("pitch_rad",), "Fossen (2021), 4.1",
         surge_alone=True, nuisance=True),
 )
@@ -408,7 +410,8 @@ def allowable() -> tuple[str, ...]:
     return tuple(
         e.id
         for e in EFFECTS
-        if e.enters == "input" and all(p.silent > 0.0 and not any(p.powers) for p in e.parameters)
+        if e.enters == "input"
+        and all(p.nuisance_std > 0.0 and not any(p.powers) for p in e.parameters)
     )
 
 

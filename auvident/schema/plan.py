@@ -72,7 +72,7 @@ class Plan(Declared):
     are averaged (Abkowitz's over- and under-estimation). ``observer_time_s`` sets the process noise
     relative to the measurement noise: the filter trusts the model over about this time; with
     ``"likely"`` each pass takes the time, of a few, that makes its innovations most likely.
-    ``allowances`` are effects that are estimated along with the small standard deviation that the
+    ``nuisance`` names effects that are estimated along with the small standard deviation that the
     table has for every vehicle (no servo is infinitely fast); without any, the equations are those
     of the method alone.
     """
@@ -83,7 +83,7 @@ class Plan(Declared):
     cycles: Annotated[int, Field(ge=1, le=50)] = 1
     start: tuple[Annotated[float, Field(gt=0)], ...] = Field((1.0,), min_length=1)
     observer_time_s: Annotated[float, Field(gt=0)] | Literal["likely"] = 30.0
-    allowances: tuple[str, ...] = ()
+    nuisance: tuple[str, ...] = ()
     stage: tuple[PlanStage, ...] = Field(min_length=1)
     tuning: dict[str, Tuning] = {}
 
@@ -95,9 +95,9 @@ class Plan(Declared):
         return self
 
     @model_validator(mode="after")
-    def _allowances_are_known(self) -> Self:
+    def _nuisances_are_known(self) -> Self:
         known = allowable()
-        for name in self.allowances:
+        for name in self.nuisance:
             if name not in known:
                 raise ValueError(
                     f"{name!r} cannot be a nuisance parameter of a plan; those that can are "

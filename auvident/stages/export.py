@@ -82,7 +82,8 @@ def export(model: IdentifiedModel, form: str) -> str:
         raise UsageError(
             f"the effects {names} cannot be written as {form}",
             "--format",
-            "Use json, or a model without them: identify/model.json, or a plan without allowances.",
+            "Use json, or a model without them: identify/model.json, or a plan without nuisance "
+            "parameters.",
         )
     return FORMS[form](model)
 

@@ -75,7 +75,9 @@ def plan_trial(
         raise StageError("the model has no covariance", "identify", "Run `auvident identify`.")
     structure = structure_of(model.plane)
     named = list(model.covariance["symbols"])
-    kept = [i for i, name in enumerate(named) if name in structure.parameters]  # no allowances
+    kept = [
+        i for i, name in enumerate(named) if name in structure.parameters
+    ]  # no nuisance parameters
     symbols = [named[i] for i in kept]
     posterior = np.array(model.covariance["matrix"])[np.ix_(kept, kept)]
     stds = dict(zip(symbols, np.sqrt(np.diag(posterior)), strict=True))

@@ -62,7 +62,7 @@ def effects_page() -> str:
 
 
 def _effect(effect: dict[str, Any]) -> dict[str, str]:
-    allowed = [_allowed(p) for p in effect["parameters"] if p["silent"] > 0.0]
+    allowed = [_allowed(p) for p in effect["parameters"] if p["nuisance_std"] > 0.0]
     return {
         "effect": f"`{effect['id']}`",
         "enters": ENDS[effect["enters"]],
@@ -78,7 +78,7 @@ def _allowed(parameter: dict[str, Any]) -> str:
     """The allowance as an engineer reads it; of forces and limits only that there is one."""
     if parameter["form"] != "plain" or any(parameter["powers"]):
         return f"{parameter['symbol']}: a little"
-    return f"{parameter['silent'] * parameter['factor']:.2g} {parameter['unit']}"
+    return f"{parameter['nuisance_std'] * parameter['factor']:.2g} {parameter['unit']}"
 
 
 # --- picture ------------------------------------------------------------------------------

@@ -458,7 +458,7 @@ def test_a_refinement_from_where_the_motion_runs_away_starts_from_the_prior(stea
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_an_allowance_stays_within_its_bounds(method) -> None:
+def test_a_nuisance_stays_within_its_bounds(method) -> None:
     """No servo turns before it is told to: the sample's readings shifted so that it would."""
     plan = plan_named("spiral")
     setup = setup_of(plan=plan, carried=allowed(("rudder_lag",), "horizontal"))

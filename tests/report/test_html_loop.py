@@ -182,7 +182,7 @@ def test_a_difference_that_may_be_none_has_no_star(data: ReportData) -> None:
     assert written(maneuvers([unsure]), PAGE).rows[0][3] == "0.0460 → 0.00610"
 
 
-def test_coefficients_that_moved_and_allowances_are_in_it(section: str) -> None:
+def test_coefficients_that_moved_and_nuisances_are_in_it(section: str) -> None:
     moved = section[section.index("Moved by more than two") : section.index("All coefficients")]
     assert "N_ur" in moved and "+4.0" in moved and "Y_ur" not in moved
     assert "lag_s" in section[section.index("Nuisance parameters") :]

@@ -31,7 +31,7 @@ IDS = {
     "hydrodynamics": "propeller_side_force hull_asymmetry sway_cross_flow yaw_cross_flow "
     "cubic_damping turning_drag linear_drag roll_coupling",
 }
-FURTHER = {"dvl_height", "weight_excess"}  # allowances that are never named
+FURTHER = {"dvl_height", "weight_excess"}  # nuisance parameters that are never named
 NAMES = [name for effect in EFFECTS for name in effect.names()]
 MODELLED = [e for e in EFFECTS if e.enters != "disturbance"]
 
@@ -57,12 +57,12 @@ def test_bounds_contain_off_and_the_sizes_that_matter(name) -> None:
     assert p.low <= 0.0 <= p.high
     assert p.low < p.high
     assert 0.0 <= p.practical < p.high
-    assert 0.0 <= p.silent < p.high
+    assert 0.0 <= p.nuisance_std < p.high
     assert p.prior >= 0.0
     assert p.step > 0.0
     # a slope is taken within the bounds, and what every model is allowed is no news
     assert p.step * p.prior < p.high
-    assert p.silent <= max(2.0 * p.practical, p.prior)
+    assert p.nuisance_std <= max(2.0 * p.practical, p.prior)
     assert p.unit and p.symbol
 
 
@@ -173,8 +173,8 @@ def test_a_nuisance_parameter_without_effect_is_told_as_not_needed(
     value, _ = parameter_of(f"{name}.rate_degps").shown(slowness)
     parameter = {"symbol": "rate_degps", "value": value, "std": 10.0, "unit": "deg/s"}
     row = {"id": name, "parameters": [parameter], "internal": {f"{name}.rate_degps": slowness}}
-    assert nuisance_parameters([{**row, "silent": True}]) == words
-    assert nuisance_parameters([{**row, "silent": False}]) == ""
+    assert nuisance_parameters([{**row, "nuisance_std": True}]) == words
+    assert nuisance_parameters([{**row, "nuisance_std": False}]) == ""
 
 
 @pytest.mark.parametrize(

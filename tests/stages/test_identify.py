@@ -266,7 +266,7 @@ def test_the_covariance_is_that_of_the_coefficients(trial, filter) -> None:
     matrix, symbols = np.array(model.covariance["matrix"]), model.covariance["symbols"]
     std = np.sqrt(np.diag(matrix))
     free = {c.symbol: c.std for c in model.coefficients if c.origin == "identified"}
-    allowed = [f"{name}.rate_degps" for name in plan_named("spiral").allowances]
+    allowed = [f"{name}.rate_degps" for name in plan_named("spiral").nuisance]
     assert symbols == [*free, *allowed]
     np.testing.assert_allclose(std[: len(free)], list(free.values()), rtol=1e-9)
     np.testing.assert_allclose(matrix, matrix.T, rtol=1e-9)
@@ -278,7 +278,7 @@ def test_the_servo_is_allowed_its_own_speed(trial, filter) -> None:
     """The generator's servos turn at 120 deg/s; the vehicle file does not say so."""
     (effect,) = identified(*trial, filter).model.effects
     (rate,) = effect["parameters"]
-    assert (effect["id"], effect["silent"]) == ("rudder_rate_limit", True)
+    assert (effect["id"], effect["nuisance"]) == ("rudder_rate_limit", True)
     assert abs(rate["value"] - 120.0) < min(2.0 * rate["std"], 15.0)
 
 

@@ -105,7 +105,7 @@ def test_given_effects_keep_their_value_and_estimated_ones_move() -> None:
 def test_effects_are_shown_with_units_and_deviations() -> None:
     *_, model = identified()
     for row in model.effects:
-        assert row["silent"] == (row["id"] not in ESTIMATED)
+        assert row["nuisance"] == (row["id"] not in ESTIMATED)
         for p in row["parameters"]:
             declared = parameter_of(f"{row['id']}.{p['symbol']}")
             internal = row["internal"][f"{row['id']}.{p['symbol']}"]
@@ -158,7 +158,7 @@ def test_simulation_of_a_window_is_the_prediction_of_that_maneuver() -> None:
 RACE = {
     "id": "propeller_race",
     "family": "actuation",
-    "silent": False,
+    "nuisance": False,
     "parameters": [],
     "internal": {"propeller_race.c_m2ps2pn": 0.02},
 }

@@ -304,7 +304,7 @@ def refined(value: float, std: float) -> IdentifiedModel:
     row = {
         "id": "rudder_offset",
         "family": "actuation",
-        "silent": False,
+        "nuisance": False,
         "internal": {},
         "parameters": [offset],
     }
@@ -356,7 +356,7 @@ def carried_effects(*effects: str) -> Carried:
         start=dict.fromkeys(names, 0.1) | {"Y_uv": -20.0},
         prior=dict.fromkeys(names, 0.0),
         prior_std=dict.fromkeys(names, 1.0),
-        usual={},
+        expected={},
     )
 
 
@@ -424,7 +424,7 @@ def test_what_is_masked_chooses_nothing() -> None:
     assert tried_with(carried_effects("current"), before, after).ratios["u"] > 2.0
 
 
-def test_the_second_attempt_has_the_allowances_of_the_model_before() -> None:
+def test_the_second_attempt_has_the_nuisances_of_the_model_before() -> None:
     before = model()
     assert [e["id"] for e in before.effects] == ["rudder_rate_limit"]
     whole, lean = attempts(carried_effects("current"), before)

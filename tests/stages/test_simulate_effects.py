@@ -24,7 +24,7 @@ def given(completed: Path) -> Given:
 
 
 def with_effects(model: IdentifiedModel, **effects: dict[str, float]) -> IdentifiedModel:
-    """A model with effects of these sizes, as an engineer reads them, beside its allowances."""
+    """A model with effects of these sizes, as an engineer reads them, beside its nuisances."""
     added = loop_world.model_effects(effects)
     return model.model_copy(update={"effects": (*model.effects, *added)})
 

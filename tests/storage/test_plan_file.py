@@ -38,12 +38,12 @@ def test_stages_of_the_plan_it_continues_go_before(tmp_path) -> None:
     spiral, mine = read_plan("spiral"), read_plan(written(tmp_path, 'continues = "spiral"' + STAGE))
     assert [s.name for s in mine.stage] == [*(s.name for s in spiral.stage), "more"]
     assert mine.name == "mine"
-    assert (mine.cycles, mine.allowances) == (spiral.cycles, spiral.allowances)
+    assert (mine.cycles, mine.nuisance) == (spiral.cycles, spiral.nuisance)
 
 
 def test_its_own_keys_go_before_those_of_the_plan_it_continues(tmp_path) -> None:
-    mine = read_plan(written(tmp_path, 'continues = "spiral"\ncycles = 7\nallowances = []'))
-    assert (mine.cycles, mine.allowances) == (7, ())
+    mine = read_plan(written(tmp_path, 'continues = "spiral"\ncycles = 7\nnuisance = []'))
+    assert (mine.cycles, mine.nuisance) == (7, ())
     assert mine.stage == read_plan("spiral").stage
 
 

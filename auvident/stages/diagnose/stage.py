@@ -78,7 +78,7 @@ def diagnose(
             "Identify with --plane horizontal.",
         )
     try:
-        return _diagnosed(trials, maneuvers, vehicle, setup, model, seed, progress or _silent)
+        return _diagnosed(trials, maneuvers, vehicle, setup, model, seed, progress or _untold)
     except np.linalg.LinAlgError as error:
         raise NumericsError(
             f"the fits of the residual are singular ({error})",
@@ -86,7 +86,7 @@ def diagnose(
         ) from None
 
 
-def _silent(text: str, share: float) -> None:
+def _untold(text: str, share: float) -> None:
     """Nobody listens."""
 
 

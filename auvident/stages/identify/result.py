@@ -128,7 +128,7 @@ def _effects(
     spread = np.sqrt(np.diag(final.covariance)) * setup.prior_std[final.free]
     spread *= np.where(smooth, widen, 1.0)
     stds = {name: float(std) for name, std in zip(names, spread, strict=True)}
-    return effect_rows(setup.structure, final.parameters, stds, carried.usual, carried.effects)
+    return effect_rows(setup.structure, final.parameters, stds, carried.expected, carried.effects)
 
 
 def _combination(direction: Direction, symbols: Sequence[str]) -> Combination:

@@ -87,7 +87,7 @@ def identify(
     engine : str
         ``compiled`` or ``filterpy``.
     carried : Carried, optional
-        Effects that are estimated along, or given; without it the allowances of the plan.
+        Effects that are estimated along, or given; without it the nuisance parameters of the plan.
     progress : callable, optional
         Called with a text and the fraction done.
 
@@ -96,7 +96,7 @@ def identify(
     NumericsError
         Nothing to identify from, or a filter failed (with maneuver and time).
     """
-    carried = carried or allowed(plan.allowances, plane)
+    carried = carried or allowed(plan.nuisance, plane)
     setup = prepare(
         trials,
         maneuvers,

@@ -31,7 +31,7 @@ HELD = tuple(name for e in EFFECTS if e.late for name in e.names())
 def carried_of(diagnosis: Diagnosis) -> Carried | None:
     """The effects that an identification has to carry; None when nothing was found.
 
-    With an event and no effect these are the windows to leave out, and the allowances.
+    With an event and no effect these are the windows to leave out, and the nuisance parameters.
     """
     modelled = [e.id for e in diagnosis.effects if BY_ID[e.id].enters != "disturbance"]
     windows = tuple(
@@ -49,14 +49,14 @@ def carried_of(diagnosis: Diagnosis) -> Carried | None:
         prior=carried["prior"],
         prior_std=stds,
         windows=windows,
-        usual=carried.get("usual", {}),
+        expected=carried.get("expected", {}),
     )
 
 
 def attempts(carried: Carried, before: IdentifiedModel) -> tuple[Carried, ...]:
-    """What to identify with, in order: all allowances first, then those of the model before.
+    """What to identify with, in order: all nuisances first, then those of the model before.
 
-    With many allowances the filter may improve one channel at the cost of another: at the trial of
+    With many of them the filter may improve one channel at the cost of another: at the trial of
     seed 1622 the error of r rose by 41 % in the maneuvers that identify, by 19 % in the others.
     """
     lean = carried.only({*carried.effects, *(str(e["id"]) for e in before.effects)})

@@ -27,7 +27,7 @@ def harbour() -> Diagnosis:
     return diagnosis("harbour_trial")
 
 
-def test_allowances_are_carried_to_be_estimated_with_the_effects(bay) -> None:
+def test_nuisances_are_carried_to_be_estimated_with_the_effects(bay) -> None:
     allowed = {n for n in bay.carried["start"] if "." in n and not n.startswith("current.")}
     assert "rudder_rate_limit.rate_degps" in allowed
     assert all(bay.carried["prior_std"][name] > 0.0 for name in allowed)

@@ -12,7 +12,7 @@ nothing.
 
 Ratio on residuals of identified models, before any refit, on generated trials of two vehicles: 61
 clean up to 2.1, 96 with other effects up to 1.9 (a force with memory 2.5), 35 with waves up to 1.7;
-29 planted events 2.9 to 61 (median 27). After a refit with allowances the five weakest reach 7.8 to
+29 planted events 2.9 to 61 (median 27). After a refit with nuisances the five weakest reach 7.8 to
 17 and clean ones 1.9. Windows to mask were 4 to 9 s for pushes of 2 to 4 s.
 """
 

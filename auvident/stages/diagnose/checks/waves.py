@@ -12,7 +12,7 @@ largest over frequency and direction. On residuals of identified models, before 
 generated trials of two vehicles (7 or 8 maneuvers): 61 clean 2.2 to 7.3, 96 with other effects up
 to 13.7 (median 4.2), 27 with waves 42 to 69, frequency right to 0.01 rad/s and direction to 3
 degrees; waves of a tenth of that force 16 to 17, of a fifth 19 to 22. After a refit with
-allowances clean ones reach 7, a current that is not yet accepted 14, and waves keep their power.
+nuisances clean ones reach 7, a current that is not yet accepted 14, and waves keep their power.
 One maneuver alone reaches 34 by chance when clean, 48 with other effects.
 """
 

@@ -24,7 +24,7 @@ Array = npt.NDArray[Any]
 
 ACTIVE = np.array([True, True, True, False])  # the heading is taken as logged
 CHANNELS = HORIZONTAL.velocities
-SILENT_REACH = 2.0  # a silent allowance reaches this many of its standard deviations
+NUISANCE_REACH = 2.0  # a nuisance parameter reaches this many of its standard deviations
 FREE_GROUPS = ("drag", "thrust", "turning_drag", "lift", "cross_flow", "control")
 # The friction line falls with the Reynolds number, C_F ~ Re^-0.17 about 1e6 (ITTC 1957), so that
 # drag grows a little slower than u^2: about X_uu the same as this share of it in proportion to u.
@@ -49,8 +49,8 @@ class Case:
         The identified model, effects off.
     checks : tuple of SensorCheck
         What sensors say about each other without dynamics.
-    silent : (n_parameters,) array
-        Standard deviation of the silent allowances; zero for the others.
+    nuisance_std : (n_parameters,) array
+        Standard deviation of the nuisance parameters; zero for the others.
     low, high : (n_parameters,) array
         Physical bounds.
     """
@@ -60,7 +60,7 @@ class Case:
     kinds: Mapping[str, str]
     identified: Array
     checks: tuple[SensorCheck, ...]
-    silent: Array
+    nuisance_std: Array
     low: Array
     high: Array
 
@@ -88,7 +88,7 @@ class Case:
         return in_order(self.baseline(), self.positions(*effects))
 
     def baseline(self) -> list[int]:
-        """Positions that every fit frees: coefficients and silent allowances.
+        """Positions that every fit frees: coefficients and nuisance parameters.
 
         Inertias stay: scaling an equation, or mixing the two lateral ones, changes no
         prediction, so that the other coefficients reach every model without them.
@@ -96,14 +96,14 @@ class Case:
         symbols = [c.symbol for c in of_plane(self.setup.structure.plane) if c.group in FREE_GROUPS]
         free = [self.position(s) for s in symbols]
         free = [i for i in free if self.setup.prior_std[i] > 0.0]
-        return free + [int(i) for i in np.flatnonzero(self.silent > 0.0)]
+        return free + [int(i) for i in np.flatnonzero(self.nuisance_std > 0.0)]
 
     def at_rest(self, p: Array) -> Array:
-        """Parameters with every silent allowance of one sign at its usual size."""
-        q, silent = p.copy(), self.silent > 0.0
-        usual = silent & (self.low == 0.0)
-        q[usual] = self.silent[usual]
-        expected = silent & (self.setup.prior != 0.0)
+        """Parameters with every nuisance parameter of one sign at a typical size."""
+        q, nuisance = p.copy(), self.nuisance_std > 0.0
+        one_sided = nuisance & (self.low == 0.0)
+        q[one_sided] = self.nuisance_std[one_sided]
+        expected = nuisance & (self.setup.prior != 0.0)
         q[expected] = self.setup.prior[expected]
         return q
 
@@ -170,7 +170,7 @@ def case_of(setup: Setup, model: IdentifiedModel, checks: Sequence[SensorCheck])
     records = tuple(record for _, record in setup.records.values())
     n, unit = len(structure.parameters), sizes_of(model, records)
     prior = parameter_vector(plane, _prior_values(setup), model.rigid_body, structure=structure)
-    stds, silent = np.zeros(n), np.zeros(n)
+    stds, nuisance = np.zeros(n), np.zeros(n)
     low, high = np.full(n, -np.inf), np.full(n, np.inf)
     for i, name in enumerate(structure.parameters):
         if name.startswith(FREE_FORCE):
@@ -178,7 +178,7 @@ def case_of(setup: Setup, model: IdentifiedModel, checks: Sequence[SensorCheck])
         elif "." in name:
             declared = parameter_of(name)
             scale = size_unit(declared, model, unit)
-            stds[i], silent[i] = declared.prior * scale, declared.silent * scale
+            stds[i], nuisance[i] = declared.prior * scale, declared.nuisance_std * scale
             low[i], high[i] = declared.low * scale, declared.high * scale
         elif name in setup.structure.parameters:
             stds[i] = setup.prior_std[setup.structure.index(name)]
@@ -187,7 +187,7 @@ def case_of(setup: Setup, model: IdentifiedModel, checks: Sequence[SensorCheck])
     whole = replace(setup, structure=structure, prior=prior, prior_std=stds)
     identified = parameter_vector(plane, model.values(), model.rigid_body, structure=structure)
     kinds = {name: kind for name, (kind, _) in setup.records.items()}
-    return Case(whole, records, kinds, identified, tuple(checks), silent, low, high)
+    return Case(whole, records, kinds, identified, tuple(checks), nuisance, low, high)
 
 
 def _prior_values(setup: Setup) -> dict[str, float]:

@@ -1,7 +1,7 @@
 """Fits of the free-running prediction with chosen effects, and what they leave.
 
-The fit is that of `engines.map_fit`. Here is what it takes in a diagnosis: the prior, with silent
-allowances and sensor checks; the noise, which a few rounds bring up to date; and what of the
+The fit is that of `engines.map_fit`. Here is what it takes in a diagnosis: the prior, with nuisance
+parameters and sensor checks; the noise, which a few rounds bring up to date; and what of the
 likelihood is compared between models.
 """
 
@@ -19,7 +19,7 @@ from auvident.engines.map_fit import Estimate, NoisePolicy, Prior, map_rounds
 from auvident.engines.noise import Noise, most_likely_colours, residuals_or_raise
 from auvident.errors import NumericsError
 from auvident.estimation.coloured import Colour
-from auvident.stages.diagnose.fit.case import ACTIVE, SILENT_REACH, Case
+from auvident.stages.diagnose.fit.case import ACTIVE, NUISANCE_REACH, Case
 
 Array = npt.NDArray[Any]
 
@@ -35,7 +35,7 @@ class Fitted(Estimate):
     Attributes
     ----------
     effects : tuple of str
-        Effects that were free, beside coefficients and silent allowances.
+        Effects that were free, beside coefficients and nuisance parameters.
     residuals : tuple of RecordResidual
     rms : (3,) array
         Root mean square of the residual.
@@ -77,24 +77,24 @@ def first_colours(case: Case, p: Array) -> Colours:
 def prior_of(case: Case, free: Array, open_: Sequence[int]) -> Prior:
     """Prior of the free parameters.
 
-    Silent allowances are tight unless their effect is open (a candidate or accepted). What the
+    Nuisance parameters are tight unless their effect is open (a candidate or accepted). What the
     sensors say about each other counts like a prior.
     """
     scale = case.setup.prior_std[free]
-    usual, tight = case.setup.prior[free] / scale, np.ones(len(free))
-    silent = (case.silent[free] > 0.0) & ~np.isin(free, open_)
-    tight[silent] = (case.silent[free] / scale)[silent]
-    reach = np.where(silent, SILENT_REACH * tight, np.inf)
+    mean, tight = case.setup.prior[free] / scale, np.ones(len(free))
+    nuisance = (case.nuisance_std[free] > 0.0) & ~np.isin(free, open_)
+    tight[nuisance] = (case.nuisance_std[free] / scale)[nuisance]
+    reach = np.where(nuisance, NUISANCE_REACH * tight, np.inf)
     information = np.diag(tight**-2.0)
-    moment = information @ usual
+    moment = information @ mean
     for matrix, vector in _checked(case, free):
         information = information + matrix
         moment = moment + vector
     return Prior(
         np.linalg.solve(information, moment),
         information,
-        np.maximum(case.low[free] / scale, usual - reach),
-        np.minimum(case.high[free] / scale, usual + reach),
+        np.maximum(case.low[free] / scale, mean - reach),
+        np.minimum(case.high[free] / scale, mean + reach),
     )
 
 
@@ -140,7 +140,7 @@ def fit_with(
     rounds: int = ROUNDS,
     steps: int = STEPS,
 ) -> Fitted | None:
-    """Fit coefficients, silent allowances and effects; None where it runs away from the start."""
+    """Fit coefficients, nuisance parameters and effects; None where it runs away from the start."""
 
     def left(output: OutputError, p: Array) -> Noise:
         return noise_of(case, residuals_or_raise(output, p))

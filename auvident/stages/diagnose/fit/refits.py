@@ -112,7 +112,7 @@ def apart(fitted: Fitted, effects: Sequence[str]) -> tuple[str, ...]:
 def prior_cost(case: Case, fitted: Fitted) -> float:
     """Half the squared sizes of the effects in units of their prior [nats].
 
-    The likelihood leaves them out; of two explanations the one with usual sizes is likelier.
+    The likelihood leaves them out; of two explanations the one with typical sizes is likelier.
     """
     own = case.positions(*fitted.effects)
     away = (fitted.parameters[own] - case.setup.prior[own]) / case.setup.prior_std[own]

@@ -43,7 +43,7 @@ class Joint:
     case : Case
     fitted : Fitted
     free : (n,) int array
-        Coefficients, silent allowances and the parameters of all effects.
+        Coefficients, nuisance parameters and the parameters of all effects.
     half : float
         Half the sum of squared whitened errors, starts eliminated.
     gradient : (n,) array
@@ -242,9 +242,13 @@ def unabsorbed(joint: Joint, positions: Sequence[int]) -> tuple[Array, Array, Ar
         Root mean square in each channel, per unit of prior.
     """
     own = joint.columns(positions)
-    # silent allowances are bounded, and an effect worth a word exceeds them
+    # nuisance parameters are bounded, and an effect worth a word exceeds them
     base = joint.columns(
-        [i for i in joint.fitted.free if i not in set(positions) and joint.case.silent[i] == 0.0]
+        [
+            i
+            for i in joint.fitted.free
+            if i not in set(positions) and joint.case.nuisance_std[i] == 0.0
+        ]
     )
     opened = joint.case.positions(*joint.fitted.effects)
     prior, h = prior_of(joint.case, joint.free[base], opened), joint.curvature

@@ -53,19 +53,19 @@ class Round:
 
 @dataclass(frozen=True)
 class Traced:
-    """Result of the search; `quiet` are effects taken along without a claim."""
+    """Result of the search; `unclaimed` are effects taken along without a claim."""
 
     case: Case
     baseline: Fitted
     final: Fitted
     rounds: tuple[Round, ...]
     steps: tuple[str, ...] = ()
-    quiet: tuple[str, ...] = ()
+    unclaimed: tuple[str, ...] = ()
 
     @property
     def named(self) -> tuple[str, ...]:
         """Effects that are claimed."""
-        return tuple(e for e in self.final.effects if e not in self.quiet)
+        return tuple(e for e in self.final.effects if e not in self.unclaimed)
 
 
 def steady(effect: str) -> tuple[str, ...]:

@@ -57,7 +57,9 @@ def told_apart_from(accepted: Account, accounts: Sequence[Account]) -> tuple[str
     return tuple(a.id for a in others if passes(Beside(accepted, a), rules.ALIKE))
 
 
-def nuisance_of(judged: Sequence[Judged], rms_before: Sequence[float], quiet: int) -> str | None:
+def nuisance_of(
+    judged: Sequence[Judged], rms_before: Sequence[float], unclaimed: int
+) -> str | None:
     """A small effect that stands before others, to be taken along without a claim.
 
     Parameters
@@ -66,7 +68,7 @@ def nuisance_of(judged: Sequence[Judged], rms_before: Sequence[float], quiet: in
         Of a round in which none was accepted, largest gain first.
     rms_before : sequence of float
         Of the residual without any of them, by channel.
-    quiet : int
+    unclaimed : int
         Effects that are taken along already.
     """
     if not judged:
@@ -77,6 +79,6 @@ def nuisance_of(judged: Sequence[Judged], rms_before: Sequence[float], quiet: in
         first.gain,
         max((a.gain for a, _ in others), default=0.0),
         ratio_of(first.rms, tuple(rms_before)),
-        quiet,
+        unclaimed,
     )
     return first.id if passes(nuisance, rules.TAKE_ALONG) else None

@@ -34,7 +34,7 @@ class Exchange:
 
 
 def reconsider(
-    case: Case, candidates: Sequence[str], current: Fitted, quiet: Sequence[str]
+    case: Case, candidates: Sequence[str], current: Fitted, unclaimed: Sequence[str]
 ) -> tuple[Fitted, list[str]]:
     """Exchange effects for what looks like them; take out those that are no longer worth it.
 
@@ -45,7 +45,7 @@ def reconsider(
         Effects that can be tested.
     current : Fitted
         With the effect accepted last at the end.
-    quiet : sequence of str
+    unclaimed : sequence of str
         Effects that were taken along without a claim; they stay.
 
     Returns
@@ -57,13 +57,13 @@ def reconsider(
     newest, done = current.effects[-1:], list[Exchange]()
     while passes(len(done), rules.EXCHANGE_ON):
         settled = [effect for exchange in done for effect in exchange.into]
-        wanted = exchanges(current, candidates, (*quiet, *settled), () if done else newest)
+        wanted = exchanges(current, candidates, (*unclaimed, *settled), () if done else newest)
         found = _exchanged(case, current, list(wanted))
         if found is None:
             break
         done.append(found[0])
         current = found[1]
-    there = apart(current, quiet if done else (*quiet, *newest))
+    there = apart(current, unclaimed if done else (*unclaimed, *newest))
     current, removed = _removed(case, current, there)
     return current, [*map(str, done), *removed]
 

@@ -154,7 +154,7 @@ class Nuisance:
         Its own, and the best one of the others [nats].
     rms_ratio : float
         Largest ratio of the residual with it to that without, over the channels.
-    quiet : int
+    unclaimed : int
         Effects that are taken along already.
     """
 
@@ -162,7 +162,7 @@ class Nuisance:
     gain: float
     hidden_gain: float
     rms_ratio: float
-    quiet: int
+    unclaimed: int
 
 
 @dataclass(frozen=True)

@@ -189,7 +189,7 @@ SIMPLE = 0.04  # an effect with fewer parameters may gain this share less
 ALIKE_SHARE = 0.12  # effects that gain all but this share of the best are not told apart
 RMS_ALIKE = 1.15  # ... and leave no residual larger by more
 CONTAINS = 0.98  # cosine from which on an effect is a special case of another with more parameters
-MOST_QUIET = 2  # effects taken along without a claim
+MOST_UNCLAIMED = 2  # effects taken along without a claim
 CLAIMED_FROM = 300.0  # [nats] from which on a term of higher order that comes first is claimed
 
 SIMPLER: tuple[Rule[Beside], ...] = (
@@ -212,7 +212,7 @@ CONTAIN: tuple[Rule[Containing], ...] = (
     Rule("cosine", "the other is a special case of it", lambda c: c.cosine, CONTAINS),
 )
 TAKE_ALONG: tuple[Rule[Nuisance], ...] = (
-    Rule("quiet", "few are taken along yet", lambda n: n.quiet, most=MOST_QUIET - 1),
+    Rule("unclaimed", "few are taken along yet", lambda n: n.unclaimed, most=MOST_UNCLAIMED - 1),
     Rule("small", "it is small", lambda n: n.refused_as in ("small", "no-fall"), 1.0),
     Rule("hides", "another stands behind it", lambda n: n.hidden_gain, LEAST_GAIN),
     Rule("rms", "no channel pays for it", lambda n: n.rms_ratio, most=RMS_ALIKE),

@@ -19,7 +19,7 @@ from auvident.stages.diagnose.select import rules
 from auvident.stages.diagnose.select.candidates import ranked, steady
 from auvident.stages.diagnose.select.records import Screened
 from auvident.stages.diagnose.select.rule import Rule, passes
-from auvident.stages.diagnose.select.starts import at_usual_size
+from auvident.stages.diagnose.select.starts import at_typical_size
 
 FAST_GAIN = np.array([0.1, 0.1, 0.1, 0.0])  # observer gain of the screen for what is fast
 
@@ -51,8 +51,8 @@ def screen(case: Case, before: Fitted, candidates: Sequence[str]) -> Screen:
 
 
 def _score(joint: Joint, candidate: str) -> Score:
-    usual = at_usual_size(joint.case, joint.fitted, candidate)
-    return score(joint, (candidate,)) if usual is None else score_from(joint, candidate, usual)
+    typical = at_typical_size(joint.case, joint.fitted, candidate)
+    return score(joint, (candidate,)) if typical is None else score_from(joint, candidate, typical)
 
 
 def short_list(gains: dict[str, float], quick: dict[str, float]) -> tuple[str, ...]:

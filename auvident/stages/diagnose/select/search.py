@@ -34,20 +34,20 @@ class Search:
     candidates: tuple[str, ...]
     rng: np.random.Generator
     steps: list[str] = field(default_factory=list)
-    quiet: list[str] = field(default_factory=list)
+    unclaimed: list[str] = field(default_factory=list)
 
     def trace(self, baseline: Fitted) -> Traced:
         """Search until nothing more is accepted."""
         current, rounds = baseline, list[Round]()
-        while passes(len(current.effects) - len(self.quiet), rules.GO_ON):
+        while passes(len(current.effects) - len(self.unclaimed), rules.GO_ON):
             rounds.append(self.one_round(current))
             following = self._after(rounds[-1])
             if following is None:
                 current = rounds[-1].before
                 break
             current = following
-        steps, quiet = tuple(self.steps), tuple(self.quiet)
-        return Traced(self.case, baseline, current, tuple(rounds), steps, quiet)
+        steps, unclaimed = tuple(self.steps), tuple(self.unclaimed)
+        return Traced(self.case, baseline, current, tuple(rounds), steps, unclaimed)
 
     def one_round(self, before: Fitted) -> Round:
         """Screen, refit and judge."""
@@ -66,10 +66,10 @@ class Search:
         if accepted is not None:
             self._note(accepted, done.before)
             return self._reconsidered(accepted.fitted)
-        weak = weak_of(done, len(self.quiet))
+        weak = weak_of(done, len(self.unclaimed))
         if weak is None:
             return None
-        self.quiet.append(weak.id)
+        self.unclaimed.append(weak.id)
         self.steps.append(
             f"{weak.id} adjusted along as a nuisance parameter: {weak.gain:.0f} nats, "
             "too small to matter"
@@ -81,19 +81,19 @@ class Search:
         self.steps.append(f"{accepted.id} added: {accepted.gain:.0f} nats")
         higher_order = BY_ID[accepted.id].higher_order
         if not passes(Accepted(higher_order, accepted.gain, len(before.effects)), rules.CLAIM):
-            self.quiet.append(accepted.id)
+            self.unclaimed.append(accepted.id)
 
     def _reconsidered(self, current: Fitted) -> Fitted:
         """The model with the effects seen together."""
-        current, steps = reconsider(self.case, self.candidates, current, self.quiet)
+        current, steps = reconsider(self.case, self.candidates, current, self.unclaimed)
         self.steps += steps
         return current
 
 
-def weak_of(done: Round, quiet: int) -> Tried | None:
+def weak_of(done: Round, unclaimed: int) -> Tried | None:
     """An effect that every vehicle has a little of and that stands before others."""
     judged = [(t.account, t.refusal) for t in done.tried]
-    name = nuisance_of(judged, done.before.rms.tolist(), quiet)
+    name = nuisance_of(judged, done.before.rms.tolist(), unclaimed)
     return next((t for t in done.tried if t.id == name), None)
 
 

@@ -36,8 +36,8 @@ def _runaway_of(case: Case) -> str:
     return ", ".join(r.id for r in case.records if residual_of(output, p, r) is None)
 
 
-def at_usual_size(case: Case, before: Fitted, candidate: str) -> Array | None:
-    """The model with an effect at its usual size, for those that act in no straight line.
+def at_typical_size(case: Case, before: Fitted, candidate: str) -> Array | None:
+    """The model with an effect at a typical size, for those that act in no straight line.
 
     What the sensors say about each other is the size where they say something.
     """

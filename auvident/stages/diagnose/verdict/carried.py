@@ -6,15 +6,15 @@ from auvident.schema.effects import BY_ID
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.select.candidates import Traced
 
-KEYS = ("start", "prior", "prior_std", "usual")
+KEYS = ("start", "prior", "prior_std", "expected")
 
 
 def carried(traced: Traced) -> dict[str, dict[str, float]]:
     """Internal values and priors of the effects a refined model takes along.
 
-    The allowances are estimated again with the effects: what suits the fits of a diagnosis, held
-    as it is, puts a filter's coefficients off. On ten development trials the worst rise of a
-    held-out error was 1.28 with them held, 1.01 with them estimated.
+    The nuisance parameters are estimated again with the effects: what suits the fits of a
+    diagnosis, held as it is, puts a filter's coefficients off. On ten development
+    trials the worst rise of a held-out error was 1.28 with them held, 1.01 with them estimated.
     What the search took along without a claim stays behind, terms of higher order apart: a little
     play suits the maneuvers it was fitted to, and puts the rudder off in the next straight run.
     """
@@ -33,16 +33,16 @@ def _of(traced: Traced, i: int, known: dict[str, tuple[float, float]]) -> dict[s
     effect, _, of_effect = name.partition(".")
     if not of_effect:
         return {"start": value} if i in fitted.free else {}
-    if effect in traced.quiet and not BY_ID[effect].higher_order:
+    if effect in traced.unclaimed and not BY_ID[effect].higher_order:
         return {}
-    usual = float(case.setup.prior[i])
+    expected = float(case.setup.prior[i])
     if effect in fitted.effects:
         # what the sensors say about each other is known before any dynamics
-        mean, std = known.get(name, (usual, np.inf))
+        mean, std = known.get(name, (expected, np.inf))
         std = min(std, float(case.setup.prior_std[i]))
-        return {"start": value, "prior": mean, "prior_std": std, "usual": usual}
-    if case.silent[i] > 0.0:
-        return {"start": value, "prior": usual, "prior_std": float(case.silent[i])}
+        return {"start": value, "prior": mean, "prior_std": std, "expected": expected}
+    if case.nuisance_std[i] > 0.0:
+        return {"start": value, "prior": expected, "prior_std": float(case.nuisance_std[i])}
     return {}
 
 

@@ -11,7 +11,7 @@ from auvident.stages.diagnose.select.candidates import Traced
 from auvident.stages.diagnose.verdict.candidates import candidate_rows
 from auvident.stages.diagnose.verdict.carried import carried
 from auvident.stages.diagnose.verdict.checks import checks, correlate
-from auvident.stages.diagnose.verdict.effects import accepted, disturbances, silent
+from auvident.stages.diagnose.verdict.effects import accepted, disturbances, nuisances
 from auvident.stages.diagnose.verdict.evidence import (
     Evidence,
     left_channels,
@@ -47,7 +47,7 @@ def diagnosis_of(evidence: Evidence, model: IdentifiedModel) -> Diagnosis:
         sees=sees,
         lookalikes=lookalikes(joint, evidence.candidates),
         separate_by=by,
-        silent=silent(traced),
+        nuisance=nuisances(traced),
         carried=carried(traced),
         steps=traced.steps,
         residuals=tuple(residual_rows(traced)),

@@ -88,24 +88,24 @@ def accepted(traced: Traced) -> list[EffectFound]:
     return found
 
 
-def silent(traced: Traced) -> tuple[EffectFound, ...]:
+def nuisances(traced: Traced) -> tuple[EffectFound, ...]:
     """What every model is allowed, and what was taken along, with what they took up."""
     case, effects = traced.case, traced.final.effects
     found: dict[str, list[ParameterValue]] = {}
     for i, name in enumerate(case.names):
         effect = name.partition(".")[0]
-        allowed = case.silent[i] > 0.0 and effect not in effects
-        if allowed or effect in traced.quiet:
-            found.setdefault(effect, []).append(_allowance(traced, i))
+        allowed = case.nuisance_std[i] > 0.0 and effect not in effects
+        if allowed or effect in traced.unclaimed:
+            found.setdefault(effect, []).append(_nuisance(traced, i))
     return tuple(
         EffectFound(id=e, family=BY_ID[e].family, parameters=tuple(values))
         for e, values in found.items()
     )
 
 
-def _allowance(traced: Traced, position: int) -> ParameterValue:
+def _nuisance(traced: Traced, position: int) -> ParameterValue:
     """What a parameter took up, with the width that it is allowed."""
     case, declared = traced.case, parameter_of(traced.case.names[position])
-    internal, std = traced.final.parameters[position], case.silent[position]
+    internal, std = traced.final.parameters[position], case.nuisance_std[position]
     value, shown_std = declared.shown(float(internal), float(std))
     return ParameterValue(symbol=declared.symbol, value=value, std=shown_std, unit=declared.unit)

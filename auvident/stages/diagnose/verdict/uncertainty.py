@@ -22,7 +22,7 @@ INTERVAL = 0.975
 TIMED = tuple(
     n for e in EFFECTS if e.alike == "late" for n in e.names() if parameter_of(n).unit == "s"
 )
-TIMED_STD_S = 0.045  # silent lag and delay of a servo together
+TIMED_STD_S = 0.045  # nuisance lag and delay of a servo together
 
 
 def spreads(case: Case, fitted: Fitted) -> Array:
@@ -41,7 +41,7 @@ def spreads(case: Case, fitted: Fitted) -> Array:
     out = np.zeros(len(fitted.parameters))
     out[free] = np.sqrt(np.diag(np.linalg.inv(curvature))) * moving.scale
     for i, name in enumerate(case.names):
-        if name in TIMED and i in free:  # every model's allowances may lend or take this much
+        if name in TIMED and i in free:  # the nuisances of a model may lend or take this much
             out[i] = math.hypot(out[i], TIMED_STD_S)
     if len(case.records) > 2:
         without = leave_out(case, fitted, fitted.colours).parameters

@@ -1,4 +1,4 @@
-"""Fits of a diagnosis: priors, allowances, bounds, sensor checks, masks; and what is judged."""
+"""Fits of a diagnosis: priors, nuisances, bounds, sensor checks, masks; and what is judged."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ from auvident.engines.free_run import (
 from auvident.schema.effects import in_plane, parameter_of
 from auvident.stages.diagnose.checks.kinematics import SensorCheck
 from auvident.stages.diagnose.fit import case as cases
-from auvident.stages.diagnose.fit.case import ACTIVE, SILENT_REACH
+from auvident.stages.diagnose.fit.case import ACTIVE, NUISANCE_REACH
 from auvident.stages.diagnose.fit.fits import (
     Fitted,
     check_cost,
@@ -52,7 +52,7 @@ def test_effects_are_off_in_the_identified_model_and_in_the_prior() -> None:
             assert case.low[i] <= expected <= case.high[i]
 
 
-def test_every_fit_frees_coefficients_and_allowances_but_no_inertia() -> None:
+def test_every_fit_frees_coefficients_and_nuisances_but_no_inertia() -> None:
     case = small_case()
     names = {case.names[i] for i in case.with_baseline(("current",))}
     assert {"current.north_mps", "current.east_mps", LAG, "Y_uv", "T_nn"} <= names
@@ -60,7 +60,7 @@ def test_every_fit_frees_coefficients_and_allowances_but_no_inertia() -> None:
     assert BIAS not in names
 
 
-def test_an_allowance_is_tight_until_its_effect_is_tried() -> None:
+def test_a_nuisance_is_tight_until_its_effect_is_tried() -> None:
     case = small_case()
     free = case.with_baseline(("rudder_lag",))
     at = int(np.flatnonzero(free == case.position(LAG))[0])
@@ -70,8 +70,8 @@ def test_an_allowance_is_tight_until_its_effect_is_tried() -> None:
         prior = prior_of(case, free, open_)
         spread.append(scale / np.sqrt(prior.information[at, at]))
         reach.append((prior.low[at] * scale, prior.high[at] * scale))
-    assert spread == pytest.approx([declared.silent, declared.prior])
-    assert reach[0] == pytest.approx((0.0, SILENT_REACH * declared.silent))
+    assert spread == pytest.approx([declared.nuisance_std, declared.prior])
+    assert reach[0] == pytest.approx((0.0, NUISANCE_REACH * declared.nuisance_std))
     assert reach[1] == pytest.approx((declared.low, declared.high))
 
 

@@ -30,7 +30,7 @@ from auvident.stages.diagnose.select.rule import Refusal, Rule, passes, passes_a
 from auvident.stages.diagnose.select.rules import (
     ANOTHER,
     LEAST_GAIN,
-    MOST_QUIET,
+    MOST_UNCLAIMED,
     RULES,
     RULES_LEFT_OUT,
 )
@@ -105,7 +105,7 @@ FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
     "TAKE_ALONG": (
         Nuisance("small", 150.0, 150.0, 1.1, 1),
         {
-            "quiet": {"quiet": 2},
+            "unclaimed": {"unclaimed": 2},
             "small": {"refused_as": "bound"},
             "hides": {"hidden_gain": 99.0},
             "rms": {"rms_ratio": 1.2},
@@ -280,11 +280,11 @@ SMALL = Refusal("small", "too small to matter in practice")
 
 
 @pytest.mark.parametrize(
-    ("refusal", "update", "second", "quiet", "taken"),
+    ("refusal", "update", "second", "unclaimed", "taken"),
     [
         (SMALL, {}, 150.0, 0, "a"),
-        (Refusal("no-fall", ""), {}, 150.0, MOST_QUIET - 1, "a"),
-        (SMALL, {}, 150.0, MOST_QUIET, None),  # enough of them
+        (Refusal("no-fall", ""), {}, 150.0, MOST_UNCLAIMED - 1, "a"),
+        (SMALL, {}, 150.0, MOST_UNCLAIMED, None),  # enough of them
         (SMALL, {}, 90.0, 0, None),  # it hides nothing
         (SMALL, {"gain": 90.0}, 150.0, 0, None),  # too little to hide anything
         (SMALL, {"rms": (0.01, 0.02, 0.003)}, 150.0, 0, None),  # one channel pays for it
@@ -293,10 +293,10 @@ SMALL = Refusal("small", "too small to matter in practice")
     ],
 )
 def test_what_hides_others_is_taken_along_where_it_is_small(
-    refusal, update, second, quiet, taken
+    refusal, update, second, unclaimed, taken
 ) -> None:
     judged = [(other("a", **update), refusal), (other("b", gain=second), ANOTHER)]
-    assert nuisance_of(judged, GOOD.rms, quiet) == taken
+    assert nuisance_of(judged, GOOD.rms, unclaimed) == taken
 
 
 def test_of_nothing_nothing_is_taken_along() -> None:

@@ -138,12 +138,12 @@ def taken(
     gain: float = 150.0,
     hidden: float = 150.0,
     rms: float = 1.0,
-    quiet: int = 0,
+    unclaimed: int = 0,
 ) -> Callable[[Patch], Any]:
     """What is taken along."""
     first = replace(GOOD, id="a", gain=gain, rms=(rms, rms, rms))
     pair = [(first, Refusal(code, "")), (replace(GOOD, id="b", gain=hidden), rules.ANOTHER)]
-    return lambda patch: nuisance_of(pair, (1.0, 1.0, 1.0), quiet)
+    return lambda patch: nuisance_of(pair, (1.0, 1.0, 1.0), unclaimed)
 
 
 def new_search(*effects: str) -> Search:
@@ -155,7 +155,7 @@ def claimed(gain: float, *before: str) -> Callable[[Patch], Any]:
 
     def run(patch: Patch) -> list[str]:
         own, effect = new_search(), "sway_cross_flow"
-        patch.setattr(search, "reconsider", lambda case, c, current, quiet: (current, []))
+        patch.setattr(search, "reconsider", lambda case, c, current, unclaimed: (current, []))
         patch.setattr(search, "weak_of", lambda *_: None)
         tried = Tried(fitted(gain, *before, effect), replace(GOOD, id=effect, gain=gain))
         rounds = [
@@ -164,7 +164,7 @@ def claimed(gain: float, *before: str) -> Callable[[Patch], Any]:
         ]
         patch.setattr(own, "one_round", lambda current: rounds.pop(0))
         own.trace(fitted(0.0, *before))
-        return own.quiet
+        return own.unclaimed
 
     return run
 
@@ -172,7 +172,7 @@ def claimed(gain: float, *before: str) -> Callable[[Patch], Any]:
 def named(patch: Patch) -> int:
     """How many effects are accepted where there are six."""
     own = new_search()
-    patch.setattr(search, "reconsider", lambda case, c, current, quiet: (current, []))
+    patch.setattr(search, "reconsider", lambda case, c, current, unclaimed: (current, []))
 
     def one_round(before: Fitted) -> Round:
         there = before.effects
@@ -296,7 +296,7 @@ SCENARIOS: dict[str, dict[str, Callable[[Patch], Any]]] = {
     },
     "CONTAIN": {"further": contained(0, 0.99), "cosine": contained(1, 0.97)},
     "TAKE_ALONG": {
-        "quiet": taken(quiet=2),
+        "unclaimed": taken(unclaimed=2),
         "small": taken(code="bound"),
         "hides": taken(hidden=99.0),
         "rms": taken(rms=1.2),

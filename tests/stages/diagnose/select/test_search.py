@@ -139,7 +139,7 @@ LOST = ("gyro_scale", "roll_coupling")  # for the first of these the second is p
 
 
 def seen_together(
-    case: Any, candidates: Any, current: Fitted, quiet: Any
+    case: Any, candidates: Any, current: Fitted, unclaimed: Any
 ) -> tuple[Fitted, list[str]]:
     """An exchange of one effect for another; the others stay."""
     swapped = tuple(LOST[1] if e == LOST[0] else e for e in current.effects)
@@ -219,7 +219,7 @@ def test_what_is_small_and_hides_others_is_taken_along(monkeypatch) -> None:
     first = {HIGHER: {"size": 0.5}, "current": {"gain": 300.0}}
     found = traced(monkeypatch, first, {"current": {}})
     assert found.final.effects == (HIGHER, "current")
-    assert (found.quiet, found.named) == ((HIGHER,), ("current",))
+    assert (found.unclaimed, found.named) == ((HIGHER,), ("current",))
     assert found.steps[0] == (
         f"{HIGHER} adjusted along as a nuisance parameter: 800 nats, too small to matter"
     )
@@ -227,5 +227,5 @@ def test_what_is_small_and_hides_others_is_taken_along(monkeypatch) -> None:
 
 def test_a_term_of_higher_order_behind_another_is_not_claimed(monkeypatch) -> None:
     found = traced(monkeypatch, {"current": {}}, {HIGHER: {}})
-    assert (found.quiet, found.named) == ((HIGHER,), ("current",))
+    assert (found.unclaimed, found.named) == ((HIGHER,), ("current",))
     assert traced(monkeypatch, {HIGHER: {}}).named == (HIGHER,)
