@@ -173,8 +173,8 @@ def test_a_nuisance_parameter_without_effect_is_told_as_not_needed(
     value, _ = parameter_of(f"{name}.rate_degps").shown(slowness)
     parameter = {"symbol": "rate_degps", "value": value, "std": 10.0, "unit": "deg/s"}
     row = {"id": name, "parameters": [parameter], "internal": {f"{name}.rate_degps": slowness}}
-    assert nuisance_parameters([{**row, "nuisance_std": True}]) == words
-    assert nuisance_parameters([{**row, "nuisance_std": False}]) == ""
+    assert nuisance_parameters([{**row, "nuisance": True}]) == words
+    assert nuisance_parameters([{**row, "nuisance": False}]) == ""
 
 
 @pytest.mark.parametrize(
