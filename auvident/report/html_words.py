@@ -16,7 +16,7 @@ from auvident.report.html_data import (
 from auvident.report.loop_words import unexplained_lines
 from auvident.report.tables_model import SIGHT
 from auvident.schema.artifacts import (
-    ON_ERRORS,
+    ON_A_MODEL,
     PRIOR_WORDS,
     ChannelMetrics,
     Finding,
@@ -188,7 +188,7 @@ def _identified(data: ReportData) -> str:
         return ""
     own = [c for c in model.coefficients if c.origin in ("identified", "kinematic")]
     rest = [c.symbol for c in own if c.data_share < PARTLY]
-    text = f"{len(own) - len(rest)} of {len(own)} identified from these data"
+    text = f"{len(own) - len(rest)} of {len(own)} determined at least in part by these data"
     return f"{text}; values from the prior: {', '.join(rest)}." if rest else f"{text}."
 
 
@@ -251,14 +251,14 @@ def warnings(data: ReportData) -> list[Warning_]:
     """Every finding of every stage, the gravest first."""
     found: list[tuple[str, Finding]] = []
     if data.metrics:
-        # what `refine` says of the errors of the final model takes the place of this
+        # what `refine` says of the final model takes the place of this
         found += [
             ("validate", f)
             for f in data.metrics.findings
-            if not (data.is_refined and f.code in ON_ERRORS)
+            if not (data.is_refined and f.code in ON_A_MODEL)
         ]
-    if data.model:
-        found += [("identify", f) for f in data.model.findings]
+    if data.final_model:
+        found += [("identify", f) for f in data.final_model.findings]
     for stage, artifact in (("diagnose", data.diagnosis), ("refine", data.comparison)):
         found += [(stage, f) for f in artifact.findings] if artifact else []
     if data.maneuvers:

@@ -15,9 +15,10 @@ Role = Literal["identify", "validate"]
 Origin = Literal["identified", "ase", "given", "kinematic"]
 Verdict = Literal["none_found", "effect_found", "ambiguous", "partly_explained", "unexplained"]
 RAN_AWAY = "prediction-ran-away"  # code of a finding: a gate cannot be met with one
-# Codes of findings on the errors of a model; those on a refined model take the place of those on
-# the one before.
+# Codes of findings on the errors of a model, and on a model: those on a refined one take the place
+# of those on the one before.
 ON_ERRORS = ("not-predicted", "no-better", "worse-than-prior")
+ON_A_MODEL = (*ON_ERRORS, "rests-on-prior")
 PRIOR_WORDS = {
     "ASE": "the estimate from geometry (ASE)",
     "prior": "the given coefficients (prior)",

@@ -124,7 +124,7 @@ def test_of_the_errors_those_of_the_final_model_are_told(data: ReportData) -> No
     before, after, other = (
         Finding(code="no-better", where=c, message=f"{c} is predicted no better") for c in "urv"
     )
-    other = other.model_copy(update={"code": "rests-on-prior"})
+    other = other.model_copy(update={"code": "nothing_held_out"})
     both = with_findings(with_findings(data, "metrics", before, other), "comparison", after)
     told = [(w.stage, w.finding.where) for w in warnings(both) if w.finding in (before, after)]
     assert told == [("refine", "r")]

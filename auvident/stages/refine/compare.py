@@ -11,7 +11,7 @@ import pandas as pd
 from auvident.constants import INDEPENDENT_S
 from auvident.physics.maneuvers import headings_from_start
 from auvident.schema.artifacts import (
-    ON_ERRORS,
+    ON_A_MODEL,
     RAN_AWAY,
     Finding,
     IdentifiedModel,
@@ -121,7 +121,7 @@ def compare(
     held_out = _pooled(held, pairs, rng)
     findings = [*diagnosis.findings, *findings_of(attempts), *escapes(predicted_after)]
     if before.values() != after.values():
-        findings += [*(f for f in predicted if f.code in ON_ERRORS), *worse_channels(held_out)]
+        findings += [*(f for f in predicted if f.code in ON_A_MODEL), *worse_channels(held_out)]
     return Comparison(
         **claims,
         attempts=tuple(attempts),
