@@ -122,7 +122,8 @@ def test_hold_out_by_trial():
 
 
 def test_one_zigzag_per_file():
-    trials = [replace(trial("x", i, "z"), name=f"file{i:02d}") for i in range(13)]
+    # two degrees apart: within one they would count as one amplitude, and none as the largest
+    trials = [replace(trial("x", 2 * i, "z"), name=f"file{i:02d}") for i in range(13)]
     held = [id_ for id_, role in roles(segment(trials)).items() if role == "validate"]
     assert len(held) == 3
     assert not {"file00-zigzag-1", "file12-zigzag-1"} & set(held)

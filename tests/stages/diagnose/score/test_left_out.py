@@ -94,8 +94,9 @@ def test_the_gain_is_half_the_fall_of_the_squares() -> None:
 
 
 def test_the_bound_needs_most_blocks_to_gain() -> None:
-    rng = np.random.default_rng(1)
-    spread, even = rng.normal(0.0, 8.0, 60) + 1.0, np.full(60, 1.0)
+    drawn = np.random.default_rng(1).normal(size=60)
+    # of mean 1 whatever was drawn: a sum of 60 nats with a standard deviation of 62
+    spread, even = 8.0 * (drawn - drawn.mean()) / drawn.std() + 1.0, np.full(60, 1.0)
     for gains, sign in ((spread, -1.0), (even, 1.0)):
         before, after = made(list(2.0 * gains + 50.0)), made([50.0] * 60)
         assert np.sign(helped(before, after, np.random.default_rng(2)).low) == sign
