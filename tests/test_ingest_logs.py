@@ -127,7 +127,7 @@ def test_keep_going_does_not_write_one_trial_over_another_of_its_name(
     arguments = (logs / "harbour_trial", other, *VEHICLE, "--run", logs.parent / "run")
     called = auvident("ingest", *arguments, "--keep-going")
     assert called.code == 3
-    assert "two trials have the name 'harbour_trial'" in called.err
+    assert "two trials are named 'harbour_trial'" in called.err
     (trial,) = quality(logs.parent / "run")["trials"]
     assert trial["sensors"][0]["file"].startswith(str(logs / "harbour_trial"))
 

@@ -305,7 +305,7 @@ def test_both_methods_count_the_same_readings_in_the_vertical_plane() -> None:
 def test_a_stage_without_maneuvers_is_an_error_that_names_it() -> None:
     setup = setup_of()
     turns = {k: v for k, v in setup.records.items() if v[0] == "turn"}
-    with pytest.raises(NumericsError, match="no maneuver of the kinds zigzag") as caught:
+    with pytest.raises(NumericsError, match="no maneuver of kind zigzag") as caught:
         run_stage(replace(setup, records=turns), setup.prior, stage(maneuvers=("zigzag",)))
     assert caught.value.exit_code == 5
     assert "'test'" in caught.value.where

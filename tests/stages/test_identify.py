@@ -214,7 +214,7 @@ def test_a_stage_without_its_maneuvers_is_skipped_with_a_finding() -> None:
 
 
 def test_without_a_maneuver_that_identifies_there_is_an_error() -> None:
-    with pytest.raises(NumericsError, match="no maneuver of the horizontal plane") as caught:
+    with pytest.raises(NumericsError, match="no horizontal-plane maneuver") as caught:
         sample("harbour_trial").identify(maneuvers=only(set()))
     assert caught.value.exit_code == 5
     assert caught.value.remedy
@@ -222,7 +222,7 @@ def test_without_a_maneuver_that_identifies_there_is_an_error() -> None:
 
 def test_without_a_maneuver_of_the_plane_there_is_an_error() -> None:
     c = sample("harbour_trial")
-    with pytest.raises(NumericsError, match="vertical plane"):
+    with pytest.raises(NumericsError, match="vertical-plane"):
         c.identify("vertical", maneuvers=only({"turn", "zigzag"}))
 
 
