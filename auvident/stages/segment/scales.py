@@ -16,7 +16,7 @@ from auvident.physics.maneuvers.plateaus import (
     plateaus,
     slew_rate,
 )
-from auvident.stages.segment.pieces import MEDIAN_WINDOW_S, Piece
+from auvident.stages.segment.pieces import MEDIAN_WINDOW_S, Piece, true_ranges
 
 NOISE_WINDOW_S = 2.0  # second differences are pooled over this to read the noise of an input
 LEAST_TOLERANCE_RAD = np.radians(0.5)  # fin angles closer than this are one angle
@@ -27,6 +27,8 @@ PROPELLED_SHARE = 0.2  # of the highest rpm: below, the vehicle idles
 SURE_SIGN = 0.3  # share of agreement (of -1..1) from which the data settle the sign of the fin
 SHORTEST_HOLD_S = 0.4  # a fin held for less was passing by
 PASSING_SHARE = 0.25  # of its neighbours: a hold shorter than this is part of the ramp
+SWEPT_SHARE = 0.6  # of the angle on its side: a fin that creeps within a hold stays beyond
+HELD_SHARE = 0.65  # of its time on a side spent beyond that; a sine has 0.59
 REST_S = 1.0  # a hold may be interrupted for this long (a glitch) and stays one hold
 
 
@@ -115,6 +117,25 @@ def held_fins(piece: Piece, scales: Scales) -> list[Plateau]:
             p = Plateau(start, p.stop, float(np.median(piece.fin[start : p.stop])))
         held.append(p)
     return [p for i, p in enumerate(held) if not _passes_by(held[max(0, i - 1) : i + 2], p)]
+
+
+def swept_fins(piece: Piece) -> list[Plateau]:
+    """Stretches over which the fin is held on one side, to a share of its angle.
+
+    A measured fin creeps under load, and a person does not hold one angle to half a degree.
+    """
+    shortest = max(2, piece.samples(SHORTEST_HOLD_S))
+    held: list[Plateau] = []
+    for sign in (1, -1):
+        for start, stop in true_ranges(sign * piece.fin > 0):
+            side = sign * piece.fin[start:stop]
+            beyond = np.flatnonzero(side >= SWEPT_SHARE * float(np.quantile(side, 0.9)))
+            first, last = start + int(beyond[0]), start + int(beyond[-1]) + 1
+            level = float(np.median(piece.fin[first:last]))
+            long = beyond.size >= max(shortest, HELD_SHARE * side.size)
+            if long and abs(level) >= LEAST_FIN_RAD:
+                held.append(Plateau(first, last, level))
+    return sorted(held, key=lambda p: p.start)
 
 
 def _moves(piece: Piece, p: Plateau, tolerance: float) -> bool:
