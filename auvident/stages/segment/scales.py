@@ -29,6 +29,7 @@ SHORTEST_HOLD_S = 0.4  # a fin held for less was passing by
 PASSING_SHARE = 0.25  # of its neighbours: a hold shorter than this is part of the ramp
 SWEPT_SHARE = 0.6  # of the angle on its side: a fin that creeps within a hold stays beyond
 HELD_SHARE = 0.65  # of its time on a side spent beyond that; a sine has 0.59
+STEP_S, STEP_SHARE = 0.5, 0.2  # a fin that moves by this share within this time was ordered to
 REST_S = 1.0  # a hold may be interrupted for this long (a glitch) and stays one hold
 
 
@@ -94,7 +95,7 @@ def _with_response(scales: Scales, pieces: Sequence[Piece]) -> Scales:
         moved = (np.abs(piece.fin) > LEAST_FIN_RAD) & (piece.speed > 0.5 * scales.speed_mps)
         rate2 += float(np.sum(piece.rate_mean[moved] ** 2))
         input2 += float(np.sum((piece.fin * piece.speed)[moved] ** 2))
-        for held in held_fins(piece, scales):
+        for held in (*held_fins(piece, scales), *swept_fins(piece)):
             if piece.speed[held.start] > 0.5 * scales.speed_mps:
                 change = piece.rate_mean[held.stop - 1] - piece.rate_mean[held.start]
                 agree += float(np.sign(held.level) * change)
@@ -129,13 +130,25 @@ def swept_fins(piece: Piece) -> list[Plateau]:
     for sign in (1, -1):
         for start, stop in true_ranges(sign * piece.fin > 0):
             side = sign * piece.fin[start:stop]
-            beyond = np.flatnonzero(side >= SWEPT_SHARE * float(np.quantile(side, 0.9)))
-            first, last = start + int(beyond[0]), start + int(beyond[-1]) + 1
-            level = float(np.median(piece.fin[first:last]))
-            long = beyond.size >= max(shortest, HELD_SHARE * side.size)
-            if long and abs(level) >= LEAST_FIN_RAD:
-                held.append(Plateau(first, last, level))
-    return sorted(held, key=lambda p: p.start)
+            usual = float(np.quantile(side, 0.9))
+            beyond = np.flatnonzero(side >= SWEPT_SHARE * usual)
+            if beyond.size >= max(shortest, HELD_SHARE * side.size):
+                first, last = start + int(beyond[0]), start + int(beyond[-1]) + 1
+                held += _without_steps(piece, first, last, STEP_SHARE * usual)
+    return sorted(
+        (p for p in held if p.samples >= shortest and abs(p.level) >= LEAST_FIN_RAD),
+        key=lambda p: p.start,
+    )
+
+
+def _without_steps(piece: Piece, start: int, stop: int, step: float) -> list[Plateau]:
+    """Parts of a range between steps of the fin: there another order was given."""
+    fin, span = piece.fin[start:stop], max(1, piece.samples(STEP_S))
+    if fin.size <= span:
+        return [Plateau(start, stop, float(np.median(fin)))]
+    calm = true_ranges(np.abs(fin[span:] - fin[:-span]) <= step)
+    parts = [(start + a, start + b + span) for a, b in calm]
+    return [Plateau(a, b, float(np.median(piece.fin[a:b]))) for a, b in parts]
 
 
 def _moves(piece: Piece, p: Plateau, tolerance: float) -> bool:

@@ -83,7 +83,7 @@ def search_horizontal(
     """Turns first, then zigzags in the other rudder angles, then what else the rest has."""
     held = held_fins(piece, scales)
     turns, why_no_turn = find_turns(piece, scales, held)
-    others = [p for p in held if not any(t.start < p.stop and t.stop > p.start for t in turns)]
+    others = [p for p in held if not any(t.start <= p.middle < t.stop for t in turns)]
     zigzags, why_no_zigzag = find_zigzags(piece, scales, others, taken=turns)
     steady = find_steady_turns(piece, scales, [*turns, *zigzags])
     refused = _outside(piece, [*why_no_turn, *why_no_zigzag], steady)

@@ -30,7 +30,7 @@ LEAST_SWING_SHARE = 0.1  # of the whole swing; overshoots of nine times the angl
 # autopilot that takes over comes back to the course (half of it) or goes to another one.
 WHOLE_SHARE = 0.75
 ANOTHER_COURSE = 1.5
-SPREAD_FACTOR = 2.0  # a last angle is off the others of its side by this much of their own spread
+SPREAD_FACTOR = 3.0  # a last angle is off the others of its side by this much of their own spread
 FAR_COURSE = 2.0  # at the angle of the other executes it may be a leg that was carried on
 
 TOO_FEW = "zigzag: too few rudder executes"
@@ -66,7 +66,7 @@ def find_zigzags(
         From first execute to last release, in time order; and what fell short: every stretch in
         which the fin is held to both sides has its reason.
     """
-    swept = [p for p in swept_fins(piece) if not _meets(p, taken)]
+    swept = [p for p in swept_fins(piece) if not any(t.start <= p.middle < t.stop for t in taken)]
     sure, unsure = _search(piece, scales, held), _search(piece, scales, swept)
     zigzags = [c for c in sure if c.verdict is None]
     for c in unsure:
@@ -74,7 +74,9 @@ def find_zigzags(
         if c.verdict is None and c.executes > sum(z.executes for z in rivals):
             zigzags = [*(z for z in zigzags if z not in rivals), c]
     zigzags.sort(key=lambda c: c.start)
-    found = [Found("zigzag", piece, c.start, c.stop, c.level_rad, plane) for c in zigzags]
+    found = [
+        Found("zigzag", piece, c.start, _before(taken, c), c.level_rad, plane) for c in zigzags
+    ]
     rejected: list[Rejected] = []
     said: list[_Candidate | Found] = [*zigzags, *taken]
     for c in (*sure, *unsure, *_pairs(piece, scales, held)):
@@ -95,7 +97,12 @@ class _Candidate:
     verdict: tuple[str, float, float] | None
 
 
-def _meets(one: Plateau | _Candidate, others: Sequence[_Candidate | Found]) -> bool:
+def _before(taken: Sequence[Found], c: _Candidate) -> int:
+    """End of a zigzag, at the latest where a turn begins without a rest."""
+    return min([c.stop, *(t.start for t in taken if c.start < t.start)])
+
+
+def _meets(one: _Candidate, others: Sequence[_Candidate | Found]) -> bool:
     """Whether a range has samples in common with others."""
     return any(o.start < one.stop and one.start < o.stop for o in others)
 
@@ -259,10 +266,10 @@ def _usual(holds: Sequence[Plateau]) -> float:
 
 
 def _spread(run: Sequence[Plateau]) -> float:
-    """Largest deviation of an angle from the usual one on its side; of two holds, their own."""
+    """Mean deviation of the angles from the usual one on their side; of two holds, their own."""
     if len(run) == 2:
         return abs(abs(run[0].level) - abs(run[1].level))
-    return max(abs(p.level - _usual(run[i % 2 :: 2])) for i, p in enumerate(run))
+    return float(np.mean([abs(p.level - _usual(run[i % 2 :: 2])) for i, p in enumerate(run)]))
 
 
 def _swing(piece: Piece, run: Sequence[Plateau]) -> float:
