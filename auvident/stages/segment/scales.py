@@ -29,7 +29,7 @@ SHORTEST_HOLD_S = 0.4  # a fin held for less was passing by
 PASSING_SHARE = 0.25  # of its neighbours: a hold shorter than this is part of the ramp
 SWEPT_SHARE = 0.6  # of the angle on its side: a fin that creeps within a hold stays beyond
 HELD_SHARE = 0.65  # of its time on a side spent beyond that; a sine has 0.59
-STEP_S, STEP_SHARE = 0.5, 0.2  # a fin that moves by this share within this time was ordered to
+STEP_S, STEP_SHARE = 0.5, 0.15  # a fin that moves by this share within this time was ordered to
 REST_S = 1.0  # a hold may be interrupted for this long (a glitch) and stays one hold
 
 
@@ -126,29 +126,38 @@ def swept_fins(piece: Piece) -> list[Plateau]:
     A measured fin creeps under load, and a person does not hold one angle to half a degree.
     """
     shortest = max(2, piece.samples(SHORTEST_HOLD_S))
-    held: list[Plateau] = []
-    for sign in (1, -1):
-        for start, stop in true_ranges(sign * piece.fin > 0):
-            side = sign * piece.fin[start:stop]
-            usual = float(np.quantile(side, 0.9))
-            beyond = np.flatnonzero(side >= SWEPT_SHARE * usual)
-            if beyond.size >= max(shortest, HELD_SHARE * side.size):
-                first, last = start + int(beyond[0]), start + int(beyond[-1]) + 1
-                held += _without_steps(piece, first, last, STEP_SHARE * usual)
+    held = [
+        p
+        for sign in (1, -1)
+        for start, stop in true_ranges(sign * piece.fin > 0)
+        if stop - start >= shortest
+        for part in _between_steps(piece, start, stop)
+        for p in _swept(piece, *part)
+    ]
     return sorted(
         (p for p in held if p.samples >= shortest and abs(p.level) >= LEAST_FIN_RAD),
         key=lambda p: p.start,
     )
 
 
-def _without_steps(piece: Piece, start: int, stop: int, step: float) -> list[Plateau]:
+def _swept(piece: Piece, start: int, stop: int) -> list[Plateau]:
+    """The hold in a range on one side, if it is most of it."""
+    side = np.abs(piece.fin[start:stop])
+    beyond = np.flatnonzero(side >= SWEPT_SHARE * float(np.quantile(side, 0.9)))
+    if beyond.size < HELD_SHARE * side.size:
+        return []
+    first, last = start + int(beyond[0]), start + int(beyond[-1]) + 1
+    return [Plateau(first, last, float(np.median(piece.fin[first:last])))]
+
+
+def _between_steps(piece: Piece, start: int, stop: int) -> list[tuple[int, int]]:
     """Parts of a range between steps of the fin: there another order was given."""
-    fin, span = piece.fin[start:stop], max(1, piece.samples(STEP_S))
+    fin, span = np.abs(piece.fin[start:stop]), max(1, piece.samples(STEP_S))
     if fin.size <= span:
-        return [Plateau(start, stop, float(np.median(fin)))]
+        return [(start, stop)]
+    step = STEP_SHARE * float(np.quantile(fin, 0.9))
     calm = true_ranges(np.abs(fin[span:] - fin[:-span]) <= step)
-    parts = [(start + a, start + b + span) for a, b in calm]
-    return [Plateau(a, b, float(np.median(piece.fin[a:b]))) for a, b in parts]
+    return [(start + a, start + b + span) for a, b in calm]
 
 
 def _moves(piece: Piece, p: Plateau, tolerance: float) -> bool:
