@@ -39,6 +39,11 @@ class Plateau:
         """Number of samples."""
         return self.stop - self.start
 
+    @property
+    def middle(self) -> int:
+        """Sample in its middle."""
+        return (self.start + self.stop) // 2
+
 
 def odd_samples(span_s: float, rate_hz: float) -> int:
     """Odd number of samples, at least 3, that spans about `span_s`."""

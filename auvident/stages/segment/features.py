@@ -24,6 +24,7 @@ from auvident.stages.segment.pieces import Found, Piece
 APPROACH_S: VehicleTime = 3.0
 RPM_PER_RPS = 60.0
 DECIMALS = 4
+EQUAL_SHARE = 0.8  # of the larger side of a zigzag: a smaller side above is equal but for its trim
 
 
 def regressors(piece: Piece, rows: slice) -> dict[str, Array]:
@@ -127,13 +128,26 @@ def _zigzag(f: Found) -> dict[str, Any]:
     p, rows = f.piece, _rows(f)
     before = slice(max(0, f.start - p.samples(1.0)), f.start + 1)
     base = float(np.mean(p.angle[before])) if f.start else float(p.angle[0])
-    figures: dict[str, Any] = dict(zigzag_figures(p.t[rows], p.angle[rows], p.fin[rows], base))
+    fin = _evened(p.fin[rows])
+    figures: dict[str, Any] = dict(zigzag_figures(p.t[rows], p.angle[rows], fin, base))
     del figures["rudder_deg"]
     figures[f"{BY_PLANE[f.plane].fin}_deg"] = float(np.degrees(f.level_rad))
     figures["executes"] = int(figures["executes"])
     figures["switches"] = figures["executes"] - 1
     figures["approach_speed_mps"] = approach_speed(f)
     return {"first_side": _first_side(f), **figures}
+
+
+def _evened(fin: Array) -> Array:
+    """The fin with the larger side scaled to the smaller, where the executes are unequal.
+
+    Executes are counted where the fin passes half of the largest; twice the smaller hides them.
+    """
+    sides = [np.abs(fin[sign * fin > 0]) for sign in (1, -1)]
+    level = [float(np.quantile(side, 0.9)) if side.size else 0.0 for side in sides]
+    if min(level) >= EQUAL_SHARE * max(level) or min(level) <= 0.0:
+        return fin
+    return np.where(fin > 0, fin * (min(level) / level[0]), fin * (min(level) / level[1]))
 
 
 def _first_side(f: Found) -> str:

@@ -16,7 +16,7 @@ from auvident.physics.maneuvers.plateaus import (
     plateaus,
     slew_rate,
 )
-from auvident.stages.segment.pieces import MEDIAN_WINDOW_S, Piece
+from auvident.stages.segment.pieces import MEDIAN_WINDOW_S, Piece, true_ranges
 
 NOISE_WINDOW_S = 2.0  # second differences are pooled over this to read the noise of an input
 LEAST_TOLERANCE_RAD = np.radians(0.5)  # fin angles closer than this are one angle
@@ -27,6 +27,9 @@ PROPELLED_SHARE = 0.2  # of the highest rpm: below, the vehicle idles
 SURE_SIGN = 0.3  # share of agreement (of -1..1) from which the data settle the sign of the fin
 SHORTEST_HOLD_S = 0.4  # a fin held for less was passing by
 PASSING_SHARE = 0.25  # of its neighbours: a hold shorter than this is part of the ramp
+SWEPT_SHARE = 0.6  # of the angle on its side: a fin that creeps within a hold stays beyond
+HELD_SHARE = 0.65  # of its time on a side spent beyond that; a sine has 0.59
+STEP_S, STEP_SHARE = 0.5, 0.15  # a fin that moves by this share within this time was ordered to
 REST_S = 1.0  # a hold may be interrupted for this long (a glitch) and stays one hold
 
 
@@ -92,7 +95,7 @@ def _with_response(scales: Scales, pieces: Sequence[Piece]) -> Scales:
         moved = (np.abs(piece.fin) > LEAST_FIN_RAD) & (piece.speed > 0.5 * scales.speed_mps)
         rate2 += float(np.sum(piece.rate_mean[moved] ** 2))
         input2 += float(np.sum((piece.fin * piece.speed)[moved] ** 2))
-        for held in held_fins(piece, scales):
+        for held in (*held_fins(piece, scales), *swept_fins(piece)):
             if piece.speed[held.start] > 0.5 * scales.speed_mps:
                 change = piece.rate_mean[held.stop - 1] - piece.rate_mean[held.start]
                 agree += float(np.sign(held.level) * change)
@@ -115,6 +118,46 @@ def held_fins(piece: Piece, scales: Scales) -> list[Plateau]:
             p = Plateau(start, p.stop, float(np.median(piece.fin[start : p.stop])))
         held.append(p)
     return [p for i, p in enumerate(held) if not _passes_by(held[max(0, i - 1) : i + 2], p)]
+
+
+def swept_fins(piece: Piece) -> list[Plateau]:
+    """Stretches over which the fin is held on one side, to a share of its angle.
+
+    A measured fin creeps under load, and a person does not hold one angle to half a degree.
+    """
+    shortest = max(2, piece.samples(SHORTEST_HOLD_S))
+    held = [
+        p
+        for sign in (1, -1)
+        for start, stop in true_ranges(sign * piece.fin > 0)
+        if stop - start >= shortest
+        for part in _between_steps(piece, start, stop)
+        for p in _swept(piece, *part)
+    ]
+    return sorted(
+        (p for p in held if p.samples >= shortest and abs(p.level) >= LEAST_FIN_RAD),
+        key=lambda p: p.start,
+    )
+
+
+def _swept(piece: Piece, start: int, stop: int) -> list[Plateau]:
+    """The hold in a range on one side, if it is most of it."""
+    side = np.abs(piece.fin[start:stop])
+    beyond = np.flatnonzero(side >= SWEPT_SHARE * float(np.quantile(side, 0.9)))
+    if beyond.size < HELD_SHARE * side.size:
+        return []
+    first, last = start + int(beyond[0]), start + int(beyond[-1]) + 1
+    return [Plateau(first, last, float(np.median(piece.fin[first:last])))]
+
+
+def _between_steps(piece: Piece, start: int, stop: int) -> list[tuple[int, int]]:
+    """Parts of a range between steps of the fin: there another order was given."""
+    fin, span = np.abs(piece.fin[start:stop]), max(1, piece.samples(STEP_S))
+    if fin.size <= span:
+        return [(start, stop)]
+    step = STEP_SHARE * float(np.quantile(fin, 0.9))
+    calm = true_ranges(np.abs(fin[span:] - fin[:-span]) <= step)
+    return [(start + a, start + b + span) for a, b in calm]
 
 
 def _moves(piece: Piece, p: Plateau, tolerance: float) -> bool:

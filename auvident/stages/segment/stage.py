@@ -17,7 +17,7 @@ from auvident.stages.segment.pieces import Found, Piece, pieces_of
 from auvident.stages.segment.scales import LEAST_FIN_RAD, Scales, held_fins, scales_of
 from auvident.stages.segment.split import split
 from auvident.stages.segment.straights import LONG_RUN_S, find_straights
-from auvident.stages.segment.turns import find_turns
+from auvident.stages.segment.turns import find_steady_turns, find_turns
 from auvident.stages.segment.zigzags import find_zigzags
 
 CLOSEST = 8  # rejected candidates named when nothing was found
@@ -80,14 +80,22 @@ def search_horizontally(trial: Trial) -> Searched:
 def search_horizontal(
     piece: Piece, scales: Scales, elsewhere: Sequence[Found] = ()
 ) -> tuple[list[Found], list[Rejected]]:
-    """Turns first, then zigzags in the other rudder angles, then straight runs in the rest."""
+    """Turns first, then zigzags in the other rudder angles, then what else the rest has."""
     held = held_fins(piece, scales)
     turns, why_no_turn = find_turns(piece, scales, held)
-    others = [p for p in held if not any(t.start < p.stop and t.stop > p.start for t in turns)]
-    zigzags, why_no_zigzag = find_zigzags(piece, scales, others)
-    taken = [*turns, *zigzags]
+    others = [p for p in held if not any(t.start <= p.middle < t.stop for t in turns)]
+    zigzags, why_no_zigzag = find_zigzags(piece, scales, others, taken=turns)
+    steady = find_steady_turns(piece, scales, [*turns, *zigzags])
+    refused = _outside(piece, [*why_no_turn, *why_no_zigzag], steady)
+    taken = [*turns, *zigzags, *steady]
     straights, why_no_straight = find_straights(piece, scales, [*taken, *elsewhere])
-    return [*taken, *straights], [*why_no_turn, *why_no_zigzag, *why_no_straight]
+    return [*taken, *straights], [*refused, *why_no_straight]
+
+
+def _outside(piece: Piece, rejected: list[Rejected], found: Sequence[Found]) -> list[Rejected]:
+    """What was refused, without what turned out to be part of a maneuver."""
+    spans = [(piece.time(f.start), piece.time(f.stop)) for f in found]
+    return [r for r in rejected if not any(r.t_start_s < b and a < r.t_end_s for a, b in spans)]
 
 
 def assemble(

@@ -8,8 +8,8 @@ from auvident.constants import VehicleTime
 from auvident.physics.maneuvers.plateaus import Plateau, ramp_start
 from auvident.physics.maneuvers.straight import RPM_LEVEL_SHARE
 from auvident.schema.artifacts import Rejected
-from auvident.stages.segment.pieces import Found, Piece
-from auvident.stages.segment.scales import Scales
+from auvident.stages.segment.pieces import Found, Piece, true_ranges
+from auvident.stages.segment.scales import NOISE_BAND, Scales, swept_fins
 
 LEAST_TURN_RAD = np.radians(165)  # a circle comes to 180 degrees; the rest is gyro drift and lag
 LOOKED_LIKE_RAD = np.radians(90)  # from here on a turn deserves a word when it is refused
@@ -26,6 +26,8 @@ COURSE_ORDER_RAD = np.pi  # an autopilot turns the short way
 ORDER_S = 2.0  # speed and rudder of a maneuver are ordered within this time
 SETTLED_S: VehicleTime = 5.0  # an autopilot on its course has kept the rudder small for this long
 LEAST_EASED_RAD = np.radians(345)  # two course orders to one side; the rest as for the circle
+LEAST_STEADY_RAD = np.pi  # at a steady rate this serves, however the rudder came and left
+STEADY_SHARE = 0.2  # of the rate in the second half of a hold: within this it is steady
 
 TOO_LITTLE = "turn: too short, change of heading under constant rudder [deg]"
 AGAINST = "turn: the vehicle turns against its rudder, by [deg]"
@@ -68,6 +70,42 @@ def find_turns(
     return found, rejected
 
 
+def find_steady_turns(piece: Piece, scales: Scales, taken: Sequence[Found]) -> list[Found]:
+    """Turns at a steady rate under a rudder that a person holds, a load moves, or that is eased.
+
+    Parameters
+    ----------
+    piece : Piece
+        Uninterrupted piece of a trial.
+    scales : Scales
+        Yardsticks of the trial.
+    taken : sequence of Found
+        Turns and zigzags of this piece.
+
+    Returns
+    -------
+    list of Found
+        From rudder execute to rudder release, in time order.
+    """
+    return [
+        Found("turn", piece, execute(piece, scales, p), p.stop, p.level)
+        for p in swept_fins(piece)
+        if not any(f.start < p.stop and p.start < f.stop for f in taken)
+        and judge_turn(piece, scales, p, LEAST_TURN_RAD) is None
+        and steady_heading(piece, scales, p) >= LEAST_STEADY_RAD
+    ]
+
+
+def steady_heading(piece: Piece, scales: Scales, p: Plateau) -> float:
+    """Largest change of heading at a steady rate within a hold [rad]."""
+    rate = piece.rate_mean[p.start : p.stop]
+    usual = float(np.median(rate[rate.size // 2 :]))
+    band = max(STEADY_SHARE * abs(usual), NOISE_BAND * scales.rate_noise_radps)
+    spans = true_ranges(np.abs(rate - usual) <= min(band, HALF * abs(usual)))
+    angle = piece.angle[p.start : p.stop]
+    return max((abs(float(angle[b - 1] - angle[a])) for a, b in spans), default=0.0)
+
+
 def judge_turn(
     piece: Piece, scales: Scales, p: Plateau, least_rad: float
 ) -> tuple[str, float, float] | None:
@@ -80,6 +118,10 @@ def judge_turn(
         return f"turn: {slow[0]}" if meant else "", *slow[1:]
     if change >= least_rad and turned * p.level * scales.drive < 0:
         return AGAINST, float(np.degrees(change)), 0.0
+    whole = float(piece.angle[p.stop - 1] - piece.angle[execute(piece, scales, p)])
+    whole *= float(np.sign(turned))
+    if change >= least_rad and whole < LEAST_TURN_RAD:  # first it took back another turn
+        return TOO_LITTLE, float(np.degrees(whole)), float(np.degrees(LEAST_TURN_RAD))
     if change >= least_rad:
         return None
     reason = "" if change < LOOKED_LIKE_RAD else TOO_LITTLE

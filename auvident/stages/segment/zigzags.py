@@ -6,6 +6,7 @@ beyond the course, to the other side each time. That, not the look of the rudder
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -13,28 +14,36 @@ import numpy as np
 from auvident.physics.maneuvers.plateaus import Plateau
 from auvident.schema.artifacts import Rejected
 from auvident.schema.planes import Plane
+from auvident.stages.segment.chains import (
+    LEAST_EXECUTES,
+    LEAST_SWING_RAD,
+    UNEQUAL_FACTOR,
+    alike,
+    chains,
+    longest_move_s,
+    reverses,
+)
 from auvident.stages.segment.pieces import Found, Piece
-from auvident.stages.segment.scales import Scales
-from auvident.stages.segment.turns import TRAVEL_FACTOR, execute, too_slow
+from auvident.stages.segment.scales import Scales, swept_fins
+from auvident.stages.segment.turns import execute, too_slow
 
-LEAST_EXECUTES = 3  # IMO MSC.137(76): two overshoots, hence two reversals after the execute
-SAME_SIDE_SHARE = 0.08  # of the amplitude: the angle returns to this on the same side
-TWO_SIDES_SHARE = 0.25  # of the amplitude: the two sides differ by trim and calibration
-TWO_SIDES_RAD = np.radians(2.0)  # or by this
-REST_S = 1.0  # between two holds, besides the time the fin needs to travel
 PEAK_SHARE = 0.4  # of the amplitude: an autopilot's rudder before the execute is smaller
 HELD_S = 0.5  # a fin that rests for this long has reached its angle
-LEAST_SWING_RAD = np.radians(0.5)  # heading between two reversals; the least zigzag has 2 degrees
 LEAST_SWING_SHARE = 0.1  # of the whole swing; overshoots of nine times the angle do not occur
 
 TOO_FEW = "zigzag: too few rudder executes"
 AUTOPILOT = "zigzag: the rudder brings the heading back instead of swinging it, swing [deg]"
+UNEQUAL = "zigzag: the rudder goes to two sides by different orders, ratio of the angles"
 
 
 def find_zigzags(
-    piece: Piece, scales: Scales, held: Sequence[Plateau], plane: Plane = "horizontal"
+    piece: Piece,
+    scales: Scales,
+    held: Sequence[Plateau],
+    plane: Plane = "horizontal",
+    taken: Sequence[Found] = (),
 ) -> tuple[list[Found], list[Rejected]]:
-    """Zigzags among the stretches of constant fin angle.
+    """Zigzags among the stretches of constant fin angle, and of nearly constant ones.
 
     Parameters
     ----------
@@ -46,23 +55,84 @@ def find_zigzags(
         Stretches of constant fin angle that are no turning circle.
     plane : str
         Noted in what is found.
+    taken : sequence of Found
+        Turning circles of this piece.
 
     Returns
     -------
     list of Found, list of Rejected
-        From first execute to last release, in time order; and what fell short.
+        From first execute to last release, in time order; and what fell short: every stretch in
+        which the fin is held to both sides has its reason.
     """
-    found: list[Found] = []
+    swept = [p for p in swept_fins(piece) if not any(t.start <= p.middle < t.stop for t in taken)]
+    sure, unsure = _search(piece, scales, held), _search(piece, scales, swept)
+    zigzags = [c for c in sure if c.verdict is None]
+    for c in unsure:
+        rivals = [z for z in zigzags if _meets(c, [z])]
+        if c.verdict is None and c.executes > sum(z.executes for z in rivals):
+            zigzags = [*(z for z in zigzags if z not in rivals), c]
+    zigzags.sort(key=lambda c: c.start)
+    found = [
+        Found("zigzag", piece, c.start, _before(taken, c), c.level_rad, plane) for c in zigzags
+    ]
     rejected: list[Rejected] = []
+    said: list[_Candidate | Found] = [*zigzags, *taken]
+    for c in (*sure, *unsure, *_pairs(piece, scales, held)):
+        if c.verdict is not None and not _meets(c, said):
+            rejected.append(piece.rejected(c.start, c.stop, *c.verdict))
+            said.append(c)
+    return found, sorted(rejected, key=lambda r: r.t_start_s)
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """Samples of a chain of executes, half-open, and why it is no zigzag."""
+
+    start: int
+    stop: int
+    executes: int
+    level_rad: float
+    verdict: tuple[str, float, float] | None
+
+
+def _before(taken: Sequence[Found], c: _Candidate) -> int:
+    """End of a zigzag, at the latest where a turn begins without a rest."""
+    return min([c.stop, *(t.start for t in taken if c.start < t.start)])
+
+
+def _meets(one: _Candidate, others: Sequence[_Candidate | Found]) -> bool:
+    """Whether a range has samples in common with others."""
+    return any(o.start < one.stop and one.start < o.stop for o in others)
+
+
+def _search(piece: Piece, scales: Scales, held: Sequence[Plateau]) -> list[_Candidate]:
+    """Every chain of holds with the verdict on it."""
+    candidates = []
     for chain in chains(piece, scales, held):
         start, unheld = first_execute(piece, scales, chain)
-        stop = chain[-1].stop
-        verdict = judge(piece, scales, chain, unheld)
-        if verdict is None:
-            found.append(Found("zigzag", piece, start, stop, _amplitude(chain), plane))
-        elif verdict[0]:
-            rejected.append(piece.rejected(start, stop, *verdict))
-    return found, rejected
+        stop, unfinished = last_release(piece, scales, chain)
+        verdict = judge(piece, scales, chain, unheld + unfinished)
+        executes = len(chain) + unheld + unfinished
+        candidates.append(_Candidate(start, stop, executes, _amplitude(chain), verdict))
+    return candidates
+
+
+def _pairs(piece: Piece, scales: Scales, held: Sequence[Plateau]) -> list[_Candidate]:
+    """Every two holds to two sides without a rest, which alone are no zigzag."""
+    pairs = [(a, b) for a, b in pairwise(held) if reverses(piece, scales, a, b)]
+    few = TOO_FEW, 2.0, float(LEAST_EXECUTES)
+    return [
+        _Candidate(
+            a.start, b.stop, 2, 0.0, few if alike((a, b), scales) else _different_orders(a, b)
+        )
+        for a, b in pairs
+    ]
+
+
+def _different_orders(a: Plateau, b: Plateau) -> tuple[str, float, float]:
+    """Why two holds are not of one zigzag."""
+    angles = sorted((abs(a.level), abs(b.level)))
+    return UNEQUAL, angles[1] / angles[0], UNEQUAL_FACTOR
 
 
 def _amplitude(chain: Sequence[Plateau]) -> float:
@@ -86,45 +156,30 @@ def first_execute(piece: Piece, scales: Scales, chain: Sequence[Plateau]) -> tup
     return execute(piece, scales, Plateau(start - 1, start, peak)), 1
 
 
-def chains(piece: Piece, scales: Scales, held: Sequence[Plateau]) -> list[list[Plateau]]:
-    """Runs of holds that alternate between two sides at two angles without a rest."""
-    runs: list[list[Plateau]] = []
-    for p in held:
-        if runs and _continues(piece, scales, runs[-1], p):
-            runs[-1].append(p)
-        else:
-            runs.append([p])
-    return [run for run in runs if len(run) >= 2]
+def last_release(piece: Piece, scales: Scales, chain: Sequence[Plateau]) -> tuple[int, int]:
+    """End of a chain, and the number of executes behind its last hold.
 
-
-def _continues(piece: Piece, scales: Scales, run: Sequence[Plateau], p: Plateau) -> bool:
-    """Whether `p` is the next swing of `run`."""
-    last = run[-1]
-    amplitude = 0.5 * (abs(p.level) + abs(last.level))
-    if last.level * p.level >= 0:
-        return False
-    if abs(abs(p.level) - abs(last.level)) > max(TWO_SIDES_SHARE * amplitude, TWO_SIDES_RAD):
-        return False
-    same = max(SAME_SIDE_SHARE * amplitude, scales.tolerance_rad)
-    if len(run) >= 2 and abs(run[-2].level - p.level) > same:
-        return False
-    travel_s = 2 * amplitude / max(scales.fin_slew_radps, 1e-6)
-    return p.start - last.stop <= piece.samples(REST_S + TRAVEL_FACTOR * travel_s)
+    A record may end while the fin is on its way to the next angle.
+    """
+    last, end = chain[-1], float(piece.fin[-1])
+    moved = end * last.level < 0 and abs(end) >= PEAK_SHARE * abs(last.level)
+    if moved and piece.size - last.stop <= piece.samples(longest_move_s(scales, abs(last.level))):
+        return piece.size, 1
+    return last.stop, 0
 
 
 def judge(
     piece: Piece, scales: Scales, chain: Sequence[Plateau], unheld: int = 0
 ) -> tuple[str, float, float] | None:
-    """None for a zigzag, else reason, value, threshold; an empty reason is not worth a word.
+    """None for a zigzag, else reason, value, threshold.
 
-    `unheld` executes came before the chain without reaching their angle.
+    `unheld` executes came before or behind the chain without reaching their angle.
     """
     swing, whole = swings(piece, scales, chain)
     least_swing = max(LEAST_SWING_RAD, LEAST_SWING_SHARE * whole)
     executes = len(chain) + unheld
     if executes < LEAST_EXECUTES:
-        reason = TOO_FEW if swing >= least_swing else ""
-        return reason, executes, LEAST_EXECUTES
+        return TOO_FEW, executes, LEAST_EXECUTES
     slow = too_slow(piece, scales, chain[0])
     if slow is not None:
         return f"zigzag: {slow[0]}", *slow[1:]
