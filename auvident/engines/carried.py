@@ -111,21 +111,30 @@ def vector_behind(model: IdentifiedModel, coefficients: Mapping[str, float] | No
 
 
 def free_behind(model: IdentifiedModel) -> tuple[Free, Array]:
-    """The parameters that a model estimated, and their covariance in units of the scale.
-
-    The covariance is that of the fit: variances widened to the scatter between maneuvers no longer
-    go with the covariances, and would let what is known well together scatter apart.
-    """
+    """The parameters that a model estimated, and their covariance in units of the scale."""
     structure, told = structure_behind(model), model.covariance
-    positions = np.array([structure.index(s) for s in told["symbols"]], dtype=np.int64)
+    kept = [i for i, s in enumerate(told["symbols"]) if s in structure.parameters]
+    positions = np.array([structure.index(told["symbols"][i]) for i in kept], dtype=np.int64)
     column = np.full(len(structure.parameters), -1, dtype=np.int64)
     column[positions] = np.arange(len(positions))
     for c in model.coefficients:
         if c.origin == "kinematic":
             column[structure.index(c.symbol)] = column[structure.index(LEADERS[c.symbol])]
-    scale, covariance = np.array(told["scale"]), np.array(told["matrix"])
-    np.fill_diagonal(covariance, np.array(told["fitted_variance"]))
-    return Free(positions, column, scale), covariance / np.outer(scale, scale)
+    covariance = fitted_covariance(model)
+    scale = np.array(told["scale"])[kept]
+    return Free(positions, column, scale), covariance[np.ix_(kept, kept)] / np.outer(scale, scale)
+
+
+def fitted_covariance(model: IdentifiedModel) -> Array:
+    """Covariance of the estimated parameters as the fit left it.
+
+    Variances widened to the scatter between maneuvers no longer go with the covariances, and would
+    let what is known well together scatter apart. A model of an earlier version has no others.
+    """
+    covariance = np.array(model.covariance["matrix"])
+    if "fitted_variance" in model.covariance:
+        np.fill_diagonal(covariance, model.covariance["fitted_variance"])
+    return covariance
 
 
 def frame_of(model: IdentifiedModel, dt_s: float) -> Frame:

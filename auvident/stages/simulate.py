@@ -9,7 +9,7 @@ import pandas as pd
 from auvident.engines.carried import (
     LEADERS,
     frame_of,
-    free_behind,
+    fitted_covariance,
     internal_values,
     structure_behind,
     vector_behind,
@@ -163,10 +163,7 @@ def _draws(model: IdentifiedModel, samples: int, rng: np.random.Generator) -> li
     symbols = list(model.covariance.get("symbols", ()))
     if not symbols or samples < 1:
         return vectors
-    covariance = np.array(model.covariance["matrix"])
-    if model.left_out is not None:
-        free, fitted = free_behind(model)
-        covariance = fitted * np.outer(free.scale, free.scale)
+    covariance = fitted_covariance(model)
     # eigenvalues may be rounded below zero; the method takes them as zero
     drawn = rng.multivariate_normal(
         np.zeros(len(symbols)), covariance, size=samples, method="eigh", check_valid="ignore"
