@@ -246,4 +246,4 @@ def band_of(model: IdentifiedModel, record: Record, dt_s: float) -> dict[str, Ar
 
 def noise_of(sensing: Sensing, plane: Plane) -> dict[str, float]:
     """Standard deviation of the sensor of each channel."""
-    return {s.symbol: sensing.noise_std[s.column] for s in BY_PLANE[plane].states}
+    return {s.symbol: sensing.noise_std.get(s.column, 0.0) for s in BY_PLANE[plane].states}

@@ -8,8 +8,8 @@ import pandas as pd
 
 from auvident.engines.carried import (
     LEADERS,
-    frame_of,
     fitted_covariance,
+    frame_of,
     internal_values,
     structure_behind,
     vector_behind,
