@@ -29,6 +29,7 @@ from auvident.engines.prediction import Frame, Free, readings_with_slopes
 from auvident.engines.records import Record
 from auvident.physics.dynamics import N_STATES
 from auvident.physics.maneuvers import dead_reckoning, heading_from_rate, headings_from_start
+from auvident.physics.sensing import sensor_matrix
 from auvident.schema.artifacts import IdentifiedModel, ModelError, Sensing
 from auvident.schema.planes import BY_PLANE, Plane
 
@@ -70,7 +71,10 @@ def parameter_variance(
     channels = [state.symbol for state in BY_PLANE[frame.structure.plane].states]
     variance = {name: _variance(slopes[:, c], covariance) for c, name in enumerate(channels)}
     if frame.structure.plane == "horizontal":
-        north, east = _track_slopes(record.time_s, over_ground(frame, p, found.states), slopes)
+        matrix = sensor_matrix(frame.structure.plane, frame.sensing, frame.reading_effects(p))
+        behind = np.einsum("ij,tjk->tik", np.linalg.inv(matrix), slopes)
+        states = over_ground(frame, p, found.states)
+        north, east = _track_slopes(record.time_s, states, behind)
         variance[TRACK] = _variance(north, covariance) + _variance(east, covariance)
     return variance if all(np.isfinite(v).all() for v in variance.values()) else None
 

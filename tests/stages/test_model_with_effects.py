@@ -56,7 +56,7 @@ def identified() -> tuple[Chain, Setup, np.ndarray, IdentifiedModel]:
     seen: list[Any] = []
 
     def noted(setup: Setup, *args: Any) -> IdentifiedModel:
-        seen.append((setup, args[3][-1].outcome.parameters))
+        seen.append((setup, args[2][-1].outcome.parameters))
         model: IdentifiedModel = identify_stage.__dict__["_model_of"](setup, *args)
         return model
 
