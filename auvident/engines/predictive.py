@@ -36,6 +36,7 @@ from auvident.schema.planes import BY_PLANE, Plane
 Array = npt.NDArray[Any]
 
 NOMINAL = 0.95  # share of the samples that a band is to hold
+NORMAL_95 = 1.960  # of a normal variable as much lies within so many standard deviations
 TRACK = "track"
 # Power of the time in the model error. A heading is the sum of errors of the rate that come and
 # go (a random walk), a track that of a speed and a course that are off; others are held by damping.
@@ -170,7 +171,8 @@ def errors_of(
 
     The factor puts `NOMINAL` of their samples within the band (a conformal step). What one
     maneuver more would be off scatters about what the F left out show as about a mean of F: the
-    variance of a prediction is (1 + 1/F) times theirs.
+    variance of a prediction is (1 + 1/F) times theirs. The samples of a sum drift away together:
+    its maneuvers count as one draw each, and the factor is that of Student's t over the normal.
 
     Parameters
     ----------
@@ -198,9 +200,18 @@ def errors_of(
         left = max(float(np.mean((square - known) / grown)), 0.0)
         size = np.sqrt(np.maximum(known + left * grown, np.finfo(float).tiny))
         factor = float(np.quantile(np.sqrt(square) / size, level))
-        factor *= math.sqrt(1.0 + 1.0 / len(courses))
+        factor *= math.sqrt(1.0 + 1.0 / len(courses)) * (few(len(courses)) if growth else 1.0)
         found[name] = ModelError(std=math.sqrt(left), growth=growth, factor=factor)
     return found
+
+
+def few(draws: int) -> float:
+    """Quantile of Student's t over that of the normal, of which `NOMINAL` lie within.
+
+    First terms of the expansion (Abramowitz and Stegun 1964, 26.7.5), 1 % low at five draws.
+    """
+    z, n = NORMAL_95, float(draws)
+    return 1.0 + (z**2 + 1.0) / (4.0 * n) + (5.0 * z**4 + 16.0 * z**2 + 3.0) / (96.0 * n**2)
 
 
 # --- band of a prediction ------------------------------------------------------------------

@@ -8,6 +8,7 @@ from auvident.engines.predictive import (
     ALL,
     LeftOutCourse,
     errors_of,
+    few,
     left_out_course,
     parameter_variance,
     track_of,
@@ -68,6 +69,11 @@ def test_a_band_from_few_maneuvers_holds_what_comes_in_the_mean() -> None:
         error = errors_of(courses, "horizontal", {}, 0)["v"]
         inside.append(np.mean(new.error["v"] <= error.factor * error.std))
     assert 0.93 < np.mean(inside) < 0.98  # its standard error is near 0.012
+
+
+@pytest.mark.parametrize(("draws", "quantile"), [(5, 2.571), (10, 2.228), (30, 2.042)])
+def test_few_maneuvers_count_by_the_t_distribution(draws, quantile) -> None:
+    assert few(draws) == pytest.approx(quantile / 1.960, rel=0.01)  # printed tables
 
 
 def test_more_than_a_twentieth_lost_leaves_no_band() -> None:
