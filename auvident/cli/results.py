@@ -85,7 +85,7 @@ def simulate(
     """Predict the motion from the inputs of a log, with the uncertainty of the model.
 
     It starts from the measured state if the log has one, else on a straight run at --speed or at
-    the steady speed of the first propeller rate. The band reaches from the 5 % to the 95 % point.
+    the steady speed of the first propeller rate. The band is that of 95 % of the readings.
     The table is written to --output, else to RUN/simulate, else (MODEL) to standard output.
     """
     from auvident.pipeline.predict import predict

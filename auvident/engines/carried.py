@@ -7,16 +7,19 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.engines.prediction import Frame, at_effects, readings, simulated
+from auvident.engines.prediction import Frame, Free, at_effects, readings, simulated
 from auvident.engines.records import Record
-from auvident.physics.terms import Structure, parameter_vector, structure_of
+from auvident.physics.terms import Structure, parameter_vector, structure_of, symbol_in
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.coefficients import Plane
 from auvident.schema.effects import BY_ID, parameter_of
+from auvident.schema.planes import PLANES
 
 Array = npt.NDArray[Any]
 
 RACE = "propeller_race"
+# coefficients that are one added mass: N_vdot = Y_rdot, M_wdot = Z_qdot
+LEADERS = {symbol_in(p, "B_adot"): symbol_in(p, "A_bdot") for p in PLANES}
 
 
 @dataclass(frozen=True)
@@ -107,6 +110,33 @@ def vector_behind(model: IdentifiedModel, coefficients: Mapping[str, float] | No
     )
 
 
+def free_behind(model: IdentifiedModel) -> tuple[Free, Array]:
+    """The parameters that a model estimated, and their covariance in units of the scale."""
+    structure, told = structure_behind(model), model.covariance
+    kept = [i for i, s in enumerate(told["symbols"]) if s in structure.parameters]
+    positions = np.array([structure.index(told["symbols"][i]) for i in kept], dtype=np.int64)
+    column = np.full(len(structure.parameters), -1, dtype=np.int64)
+    column[positions] = np.arange(len(positions))
+    for c in model.coefficients:
+        if c.origin == "kinematic":
+            column[structure.index(c.symbol)] = column[structure.index(LEADERS[c.symbol])]
+    covariance = fitted_covariance(model)
+    scale = np.array(told["scale"])[kept]
+    return Free(positions, column, scale), covariance[np.ix_(kept, kept)] / np.outer(scale, scale)
+
+
+def fitted_covariance(model: IdentifiedModel) -> Array:
+    """Covariance of the estimated parameters as the fit left it.
+
+    Variances widened to the scatter between maneuvers no longer go with the covariances, and would
+    let what is known well together scatter apart. A model of an earlier version has no others.
+    """
+    covariance = np.array(model.covariance["matrix"])
+    if "fitted_variance" in model.covariance:
+        np.fill_diagonal(covariance, model.covariance["fitted_variance"])
+    return covariance
+
+
 def frame_of(model: IdentifiedModel, dt_s: float) -> Frame:
     """What a prediction with a model needs."""
     return Frame(structure_behind(model), model.sensing, dt_s)
@@ -126,17 +156,23 @@ class Course:
 
 
 def predicted_course(frame: Frame, p: Array, record: Record, active: Array) -> Course:
-    """Free-running prediction of a record from its start and inputs, and nothing measured after.
-
-    The propeller race needs the speed: it is that of a first prediction.
-    """
-    if RACE in frame.structure.effects and record.source is not None:
-        first = with_speed(record, np.full(len(record.time_s), record.start[0]))
-        states = simulated(frame, p, at_effects(frame, p, first), active)
-        record = with_speed(record, np.nan_to_num(states[:, 0], nan=record.start[0]))
+    """Free-running prediction of a record from its start and inputs, and nothing measured after."""
+    record = free_running(frame, p, record, active)
     acting = at_effects(frame, p, record)
     states = simulated(frame, p, acting, active)
     return Course(readings(frame, p, record, states), states, over_ground(frame, p, states))
+
+
+def free_running(frame: Frame, p: Array, record: Record, active: Array) -> Record:
+    """The record with nothing measured after its start in what acts on its inputs.
+
+    The propeller race needs the speed: it is that of a first prediction.
+    """
+    if RACE not in frame.structure.effects or record.source is None:
+        return record
+    first = with_speed(record, np.full(len(record.time_s), record.start[0]))
+    states = simulated(frame, p, at_effects(frame, p, first), active)
+    return with_speed(record, np.nan_to_num(states[:, 0], nan=record.start[0]))
 
 
 def with_speed(record: Record, speed: Array) -> Record:

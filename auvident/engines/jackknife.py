@@ -9,7 +9,9 @@ import numpy.typing as npt
 
 from auvident.engines.estimator import task_about
 from auvident.engines.free_run import likelihood
+from auvident.engines.predictive import LeftOutCourse, left_out_course
 from auvident.engines.setup import Outcome, Setup
+from auvident.estimation.output_error import bounded_step
 from auvident.schema.plan import PlanStage
 
 Array = npt.NDArray[Any]
@@ -34,9 +36,10 @@ class Scatter:
     beyond_chance: npt.NDArray[np.bool_]
 
 
-def scatter_of(setup: Setup, outcome: Outcome, stage: PlanStage) -> Scatter | None:
-    """Scatter between the maneuvers of a stage; None with fewer than `LEAST_MANEUVERS`."""
-    gradients, curvatures, prior = information_by_maneuver(setup, outcome, stage)
+def scatter_of(
+    gradients: Mapping[str, Array], curvatures: Mapping[str, Array], prior: Array
+) -> Scatter | None:
+    """Scatter between maneuvers; None with fewer than `LEAST_MANEUVERS`."""
     covariance = jackknife_covariance(moves_without(gradients, curvatures, prior))
     if covariance is None:
         return None
@@ -68,6 +71,31 @@ def moves_without(
     """
     whole = prior + sum(curvatures.values())
     return {n: np.linalg.solve(whole - curvatures[n], g) for n, g in gradients.items()}
+
+
+def left_out_courses(
+    setup: Setup,
+    outcome: Outcome,
+    gradients: Mapping[str, Array],
+    curvatures: Mapping[str, Array],
+    prior: Array,
+) -> dict[str, LeftOutCourse | None]:
+    """Each maneuver predicted without it: None where that runs away.
+
+    The parameters are those of one Newton step within the bounds. Beside an identification
+    without the maneuver the errors of the sample trial `harbour_trial` (seven maneuvers) were off
+    by 2 % in the mean and 13 % at the most, those of the tanker (nine) by 8 and 36 %.
+    """
+    free, p = setup.free(outcome.free), outcome.parameters
+    low, high = ((b - p[outcome.free]) / free.scale for b in setup.bounds(outcome.free))
+    room = np.minimum(low, 0.0), np.maximum(high, 0.0)
+    whole, found = prior + sum(curvatures.values()), {}
+    for name, gradient in gradients.items():
+        others = whole - curvatures[name]
+        without = free.moved(p, bounded_step(others, -gradient, *room))
+        record, covariance = setup.records[name][1], np.linalg.inv(others)
+        found[name] = left_out_course(setup.frame, without, record, free, covariance)
+    return found
 
 
 def jackknife_covariance(moves: dict[str, Array]) -> Array | None:

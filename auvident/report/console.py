@@ -103,7 +103,8 @@ def _validate(outputs: Mapping[str, Any]) -> list[RenderableType]:
     for role, title in ROLES.items():
         if role in metrics.summary:
             before = metrics.ase.summary.get(role, {}) if metrics.ase else {}
-            errors = tables.errors_by_channel(title, metrics.summary[role], before)
+            crossed = metrics.cross_validation if role == "validate" else {}
+            errors = tables.errors_by_channel(title, metrics.summary[role], before, crossed)
             pieces.append(rich_table(errors))
     return [*pieces, *findings_lines(metrics.findings)]
 

@@ -32,6 +32,8 @@ LINES = (
     ("simulated", BLUE, "-", 1.2, "identified model"),
     ("refined", GREEN, (0, (5, 1)), 1.2, "final model, with the effects"),
 )
+BAND_OPACITY = 0.18
+BAND_WORDS = "its 95 % band"
 MEASURED_OPACITY = 0.45  # so that the model on top of it is seen
 LEAST_HELM_DEG = 1.0  # span of the axis: a constant helm is no noise
 WITH_TRACK = 0.64  # share of the width left to the channels
@@ -87,7 +89,8 @@ def prediction(
     axes.set_xlim(time[0], time[-1])
     if has_track:
         _track(figure, table, after, before, prior)
-    _legend(figure, prior, any(str(c).endswith("_refined") for c in table.columns))
+    ends = {str(c).rpartition("_")[2] for c in table.columns}
+    _legend(figure, prior, "refined" in ends, "hi" in ends)
     figure.align_ylabels()
     return svg(figure, name, f"Maneuver {after.id}, measured and predicted")
 
@@ -108,18 +111,24 @@ def _inputs(axes: Axes, time: np.ndarray, table: pd.DataFrame, metrics: Maneuver
 
 def _channel(axes: Axes, time: np.ndarray, table: pd.DataFrame, column: str, unit: str) -> None:
     factor = SHOWN_UNITS.get(unit, (unit, 1.0))[1]
+    start, band = 0.0, np.array([])
+    if column in ("heading_rad",):  # as turned since the start, not the compass
+        start = factor * float(table[f"{column}_simulated"].iloc[0])
+    if f"{column}_lo" in table:
+        low, high = (factor * table[f"{column}_{e}"].to_numpy(float) - start for e in ("lo", "hi"))
+        band = np.concatenate([x[np.isfinite(x)] for x in (low, high)])
+        at, low, high = thinned(time, low, high)
+        axes.fill_between(at, low, high, color=BLUE, alpha=BAND_OPACITY, lw=0.0)
     values = {}
     for ending, colour, dashes, width, _ in LINES:
         if f"{column}_{ending}" not in table:
             continue
-        y = table[f"{column}_{ending}"].to_numpy(float) * factor
-        if column in ("heading_rad",):  # as turned since the start, not the compass
-            y = y - factor * float(table[f"{column}_simulated"].iloc[0])
+        y = table[f"{column}_{ending}"].to_numpy(float) * factor - start
         values[ending] = y
         seen = np.isfinite(y)  # a sensor slower than the rows leaves holes between its samples
         opacity = MEASURED_OPACITY if ending == "measured" else 1.0
         axes.plot(*thinned(time[seen], y[seen]), color=colour, ls=dashes, lw=width, alpha=opacity)
-    inside = np.concatenate([values[e] for e in values if e != "ase"])
+    inside = np.concatenate([band, *(values[e] for e in values if e != "ase")])
     axes.set_ylim(*limits(inside, values.get("ase", np.array([]))))
     axes.locator_params(axis="y", nbins=5)
 
@@ -211,10 +220,11 @@ def _square(axes: Axes, east: np.ndarray, north: np.ndarray) -> None:
     axes.locator_params(nbins=6)
 
 
-def _legend(figure: Figure, prior: str, refined: bool) -> None:
+def _legend(figure: Figure, prior: str, refined: bool, band: bool) -> None:
     from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
-    handles = [
+    handles: list[Line2D | Patch] = [
         Line2D(
             [],
             [],
@@ -227,6 +237,12 @@ def _legend(figure: Figure, prior: str, refined: bool) -> None:
         for e, c, d, w, words in (*LINES[1:], LINES[0])
         if e != "refined" or refined
     ]
+    if band:
+        handles.insert(2, Patch(color=BLUE, alpha=BAND_OPACITY, lw=0.0, label=BAND_WORDS))
     figure.legend(
-        handles=handles, loc="upper left", ncols=4, bbox_to_anchor=(0.08, 1.0), borderaxespad=0.1
+        handles=handles,
+        loc="upper left",
+        ncols=len(handles),
+        bbox_to_anchor=(0.08, 1.0),
+        borderaxespad=0.1,
     )

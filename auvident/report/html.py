@@ -57,6 +57,7 @@ def render(report: ReportData) -> str:
         prior_words=PRIOR_WORDS[report.prior_name],
         held=bool(report.held_out()),
         warnings=words.warnings(report),
+        coverage=words.coverage(report),
         figures=_figures(report),
         left_out=_left_out(report),
         number=number,

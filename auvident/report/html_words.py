@@ -234,6 +234,22 @@ def cards(data: ReportData) -> list[dict[str, Any]]:
     return found
 
 
+def coverage(data: ReportData) -> str:
+    """How much of what was held out the band holds; empty where there is no band."""
+    found = data.metrics.coverage if data.metrics else {}
+    if not found:
+        return ""
+    nominal = percent(next(iter(found.values())).nominal)
+    shares = [
+        f"{name} {percent(c.covered)} (mean width {quantity(c.width, c.unit)})"
+        for name, c in found.items()
+    ]
+    return (
+        f"The {nominal} band is made from the errors of the identifying maneuvers, each left out "
+        f"in turn. It holds these shares of the held-out samples: {', '.join(shares)}."
+    )
+
+
 def _error(e: ChannelMetrics | ChannelError | None) -> str:
     return f"{quantity(e.rmse, e.unit)}, {percent(e.nrmse)}" if e else "–"
 

@@ -17,7 +17,7 @@ from auvident.report.tables import (
     beside,
     columns,
 )
-from auvident.schema.artifacts import ChannelMetrics, Maneuver, Metrics
+from auvident.schema.artifacts import ChannelMetrics, CrossValidation, Maneuver, Metrics
 from auvident.schema.diagnosis import ChannelError
 from auvident.schema.logs import SensorQuality, TrialQuality
 from auvident.schema.planes import BY_PLANE
@@ -139,15 +139,29 @@ def _feature(value: float | None, before: str, behind: str) -> Cell:
 
 
 def errors_by_channel(
-    title: str, after: Mapping[str, ChannelMetrics], before: Mapping[str, ChannelMetrics]
+    title: str,
+    after: Mapping[str, ChannelMetrics],
+    before: Mapping[str, ChannelMetrics],
+    crossed: Mapping[str, CrossValidation] | None = None,
 ) -> Table:
-    """Errors of the prediction by channel: estimate from geometry, identified model."""
+    """Errors of the prediction by channel: estimate from geometry, identified model.
+
+    Parameters
+    ----------
+    crossed : mapping, optional
+        Errors of the identifying maneuvers left out in turn, for a column beside.
+    """
     rows: Rows = [
         [
             name,
             Unit(a.unit, True),
             Number(b.rmse if b else None, 3, a.unit),
             Number(a.rmse, 3, a.unit),
+            *(
+                [Number(crossed[name].rmse if name in crossed else None, 3, a.unit)]
+                if crossed
+                else ()
+            ),
             Number(b.nrmse if b else None),
             Number(a.nrmse),
             Fixed(a.r2, ".3f"),
@@ -155,7 +169,8 @@ def errors_by_channel(
         for name, a in after.items()
         for b in [before.get(name)]
     ]
-    heads = ("RMSE, ASE", "RMSE, identified", "NRMSE, ASE", "NRMSE, identified", "R²")
+    heads = ["RMSE, ASE", "RMSE, identified", "NRMSE, ASE", "NRMSE, identified", "R²"]
+    heads[2:2] = ["RMSE, cross-validation"] if crossed else []
     return Table(columns(("channel", "unit"), heads), rows, title)
 
 

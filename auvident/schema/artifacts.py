@@ -221,6 +221,43 @@ class StageRecord(Artifact):
     fitted_noise: dict[str, FittedNoise] = {}
 
 
+class LeftOutError(Artifact):
+    """Error of one channel of a maneuver that was left out."""
+
+    rmse: float
+    samples: int
+
+
+class LeftOutManeuver(Artifact):
+    """An identifying maneuver, predicted with coefficients identified from the others.
+
+    ``channels`` is empty where that prediction diverges.
+    """
+
+    id: str
+    channels: dict[str, LeftOutError]
+
+
+class ModelError(Artifact):
+    """What makes the band of a channel, beside the covariance and the noise of the sensor.
+
+    The model error ``std`` grows with the power ``growth`` of one second and the time since the
+    start; ``factor`` goes onto the standard deviation that is the sum of all three.
+    """
+
+    std: float
+    growth: float
+    factor: float
+
+
+class LeftOut(Artifact):
+    """Identifying maneuvers left out in turn; ``spread`` is the standard deviation measured."""
+
+    maneuvers: tuple[LeftOutManeuver, ...]
+    spread: dict[str, float]
+    model_error: dict[str, ModelError]
+
+
 class IdentifiedModel(Artifact):
     """``identify/model.json`` (and ``refine/model.json``)."""
 
@@ -239,6 +276,7 @@ class IdentifiedModel(Artifact):
     covariance: dict[str, Any] = {}
     correlations: dict[str, dict[str, float]] = {}
     unidentifiable: tuple[Combination, ...] = ()
+    left_out: LeftOut | None = None
     stages: tuple[StageRecord, ...] = ()
     findings: tuple[Finding, ...] = ()
 
@@ -290,11 +328,32 @@ class ManeuverMetrics(Artifact):
     zigzag: dict[str, dict[str, float]] | None = None
 
 
+class Coverage(Artifact):
+    """Share of the held-out samples of a channel within the band, and its mean width."""
+
+    nominal: float
+    covered: float
+    width: float
+    unit: str
+    samples: int
+
+
+class CrossValidation(Artifact):
+    """Error of a channel with each identifying maneuver left out in turn; se over maneuvers."""
+
+    rmse: float
+    nrmse: float
+    se: float
+    unit: str
+
+
 class Metrics(Artifact):
-    """``validate/metrics.json``; ``ase`` holds the same for the ASE model alone."""
+    """``validate/metrics.json``; ``ase`` holds the same for the ASE model alone, without band."""
 
     schema_: str = Field(default="auvident/metrics/1", alias="schema")
     maneuvers: tuple[ManeuverMetrics, ...]
     summary: dict[str, dict[str, ChannelMetrics]]
+    coverage: dict[str, Coverage] = {}
+    cross_validation: dict[str, CrossValidation] = {}
     ase: "Metrics | None" = None
     findings: tuple[Finding, ...] = ()

@@ -38,7 +38,7 @@ UNIT_SUFFIXES = {
     "_s": "s",
 }
 # Added to a name: in the same unit.
-SAME_UNIT_SUFFIXES = ("_std", "_low", "_high", "_measured", "_simulated", "_ase")
+SAME_UNIT_SUFFIXES = ("_std", "_low", "_high", "_lo", "_hi", "_measured", "_simulated", "_ase")
 
 
 def json_bytes(artifact: Any, name: str) -> bytes:

@@ -193,12 +193,17 @@ def _widened(
 def _covariance(
     setup: Setup, final: Outcome, symbols: Sequence[str], widen: Array
 ) -> dict[str, Any]:
-    """Posterior covariance of the coefficients, dimensional."""
+    """Posterior covariance of the coefficients, dimensional, and their variances in the fit."""
     # added to the variances: scaling rows and columns would tilt what is known well together
     wide = final.covariance + np.diag((widen**2 - 1.0) * np.diag(final.covariance))
     scale = setup.prior_std[final.free]
     matrix = wide * np.outer(scale, scale)
-    return {"symbols": list(symbols), "matrix": matrix.tolist()}
+    return {
+        "symbols": list(symbols),
+        "matrix": matrix.tolist(),
+        "fitted_variance": (np.diag(final.covariance) * scale**2).tolist(),
+        "scale": scale.tolist(),
+    }
 
 
 def _row(

@@ -16,7 +16,7 @@ from auvident.engines.estimator import (
     stage_records,
     task_about,
 )
-from auvident.engines.jackknife import scatter_of
+from auvident.engines.jackknife import information_by_maneuver, left_out_courses, scatter_of
 from auvident.engines.setup import Outcome, Setup
 from auvident.errors import NumericsError
 from auvident.estimation.identifiability import (
@@ -33,6 +33,7 @@ from auvident.schema.plan import Plan, PlanStage
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.identify.held_out import overlap_findings
+from auvident.stages.identify.left_out import left_out_of
 from auvident.stages.identify.result import Step, history_of, model_of, states_of
 from auvident.stages.identify.setup import prepare
 from auvident.stages.identify.step_length import step_findings
@@ -123,8 +124,12 @@ def identify(
     final, told = _as_the_readings_tell(setup, final, information + prior)
     findings += [*told, *step_findings(setup, final.parameters)]
     done = [*done[:-1], replace(done[-1], outcome=final)]
-    scatter = scatter_of(setup, final, done[-1].stage)
+    by_maneuver = information_by_maneuver(setup, final, done[-1].stage)
+    left_out, told = left_out_of(setup, left_out_courses(setup, final, *by_maneuver))
+    findings += told
+    scatter = scatter_of(*by_maneuver)
     model = model_of(setup, ase, vehicle, done, unseen, scatter, findings, carried)
+    model = model.model_copy(update={"left_out": left_out})
     history = history_of(setup, [step for run in runs for step in run[0]])
     return Identification(model, history, states_of(setup, final.parameters))
 

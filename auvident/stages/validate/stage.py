@@ -1,17 +1,18 @@
 """Prediction of every maneuver by the model and by its prior, and the errors of both."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
 from auvident.engines.carried import frame_of, predicted_course, structure_behind, vector_behind
+from auvident.engines.predictive import TRACK, band_of, measured_channels, measured_track, track_of
 from auvident.engines.records import Record, record_of, sensor_matrix
 from auvident.physics.maneuvers import (
-    dead_reckoning,
     headings_from_start,
     turn_figures,
     zigzag_figures,
@@ -30,12 +31,12 @@ from auvident.schema.artifacts import (
 )
 from auvident.schema.planes import BY_PLANE, STATE_COLUMNS, Plane
 from auvident.schema.trial import Trial
+from auvident.stages.validate.band import FLAT, coverage_of, cross_validation_of
 from auvident.stages.validate.findings import findings_of
 
 Array = npt.NDArray[np.float64]
 
 ACTIVE = np.array([True, True, True, True])
-FLAT = 1.0e-9  # least standard deviation to compare with: a constant channel is never predicted
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,21 @@ def validate(
     metrics = metrics.model_copy(update={"ase": _metrics(before, plain, estimate)})
     findings = (*metrics.findings, *findings_of(metrics, model, estimated))
     metrics = metrics.model_copy(update={"findings": findings})
-    tables = [_table(a, b, model.plane) for a, b in zip(after, before, strict=True)]
+    dts = {trial.name: 1.0 / trial.rate_hz for trial in trials}
+    bands = [band_of(model, p.record, dts[p.maneuver.trial]) for p in after]
+    metrics = metrics.model_copy(
+        update={
+            "coverage": coverage_of(
+                (channel_pairs(p, model.plane), band)
+                for p, band in zip(after, bands, strict=True)
+                if p.maneuver.role == "validate"
+            ),
+            "cross_validation": cross_validation_of(model),
+        }
+    )
+    tables = [
+        _table(a, b, model.plane, band) for a, b, band in zip(after, before, bands, strict=True)
+    ]
     return Validation(metrics, pd.concat(tables, ignore_index=True))
 
 
@@ -123,10 +138,7 @@ def _predict(maneuver: Maneuver, trial: Trial, model: IdentifiedModel, p: Array)
     record = record_of(maneuver, trial, model.plane, sensor)
     dt = 1.0 / trial.rate_hz
     course = predicted_course(frame_of(model, dt), p, record, ACTIVE)
-    measured = record.measured.copy()
-    if not np.isfinite(measured[:, 3]).any():  # no angle logged: the gyro integrated
-        steps = np.cumsum(record.given[:-1, 2] + record.given[1:, 2]) * dt / 2.0
-        measured[:, 3] = record.start[3] + np.concatenate([[0.0], steps])
+    measured = measured_channels(record, dt)
     return Prediction(maneuver, record, measured, course.readings, course.over_ground)
 
 
@@ -202,17 +214,7 @@ def channel_pairs(p: Prediction, plane: Plane) -> Iterable[tuple[str, str, Array
 
 def tracks(p: Prediction) -> tuple[Array, Array]:
     """Dead-reckoned track (n, 2), north and east from the start: measured and predicted."""
-    given = p.record.given
-    angle = np.where(np.isfinite(p.measured[:, 3]), p.measured[:, 3], p.record.given[:, 3])
-    if not np.isfinite(p.record.measured[:, 3]).any():
-        angle = p.measured[:, 3]
-    states = np.column_stack([given[:, :3], angle])
-    return _track(p, states), _track(p, p.states)
-
-
-def _track(p: Prediction, states: Array) -> Array:
-    north, east = dead_reckoning(p.record.time_s, states[:, 0], states[:, 1], states[:, 3])
-    return np.column_stack([north, east])
+    return measured_track(p.record, p.measured), track_of(p.record.time_s, p.states)
 
 
 def virtual_zigzag(p: Prediction, structure: Structure, parameters: Array) -> dict[str, float]:
@@ -302,10 +304,15 @@ def _pooled(predictions: Sequence[Prediction], plane: Plane) -> dict[str, Channe
     return found
 
 
-def _table(after: Prediction, before: Prediction, plane: Plane) -> pd.DataFrame:
-    """Measured, simulated and ASE channels of one maneuver with its inputs, row by row."""
+def _table(
+    after: Prediction, before: Prediction, plane: Plane, band: Mapping[str, Array]
+) -> pd.DataFrame:
+    """Measured, simulated and ASE channels of one maneuver with its inputs, row by row.
+
+    The band of the track is a circle: those of north and east are its extent.
+    """
     m, record = after.maneuver, after.record
-    columns: dict[str, object] = {
+    columns: dict[str, Any] = {
         "maneuver": m.id,
         "trial": m.trial,
         "kind": m.kind,
@@ -323,4 +330,10 @@ def _table(after: Prediction, before: Prediction, plane: Plane) -> pd.DataFrame:
         named = {"measured": measured, "simulated": simulated, "ase": tracks(before)[1]}
         for name, track in named.items():
             columns[f"north_m_{name}"], columns[f"east_m_{name}"] = track[:, 0], track[:, 1]
+    stems = [(state.column, state.symbol) for state in BY_PLANE[plane].states]
+    for stem, channel in (*stems, ("north_m", TRACK), ("east_m", TRACK)):
+        if channel in band:
+            middle = columns[f"{stem}_simulated"]
+            columns[f"{stem}_lo"] = middle - band[channel]
+            columns[f"{stem}_hi"] = middle + band[channel]
     return pd.DataFrame(columns)

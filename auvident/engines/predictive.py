@@ -1,0 +1,264 @@
+"""How far a free-running prediction may be off: its variance by channel and time.
+
+With J the slopes of a channel by the parameters and P their covariance, a band reaches::
+
+    f (J P J' + noise^2 + e^2 (1 + t)^(2 g))^(1/2)
+
+to either side of the prediction. Noise is that of the sensor; the model error e, of which the
+square grows with the power 2 g of the time t [s] since the start, and the factor f come from
+maneuvers that were left out of the identification in turn (`errors_of`).
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from auvident.engines.carried import (
+    frame_of,
+    free_behind,
+    free_running,
+    over_ground,
+    predicted_course,
+    vector_behind,
+)
+from auvident.engines.prediction import Frame, Free, readings_with_slopes
+from auvident.engines.records import Record
+from auvident.physics.dynamics import N_STATES
+from auvident.physics.maneuvers import dead_reckoning, heading_from_rate, headings_from_start
+from auvident.physics.sensing import sensor_matrix
+from auvident.schema.artifacts import IdentifiedModel, ModelError, Sensing
+from auvident.schema.planes import BY_PLANE, Plane
+
+Array = npt.NDArray[Any]
+
+NOMINAL = 0.95  # share of the samples that a band is to hold
+NORMAL_95 = 1.960  # of a normal variable as much lies within so many standard deviations
+TRACK = "track"
+# Power of the time in the model error. A heading is the sum of errors of the rate that come and
+# go (a random walk), a track that of a speed and a course that are off; others are held by damping.
+HEADING_GROWTH, TRACK_GROWTH = 0.5, 1.0
+ALL = np.ones(N_STATES, dtype=bool)
+
+
+def growths(plane: Plane) -> dict[str, float]:
+    """Power of the time in the model error of each channel that is compared."""
+    found = {s.symbol: HEADING_GROWTH if s.wraps else 0.0 for s in BY_PLANE[plane].states}
+    return found | ({TRACK: TRACK_GROWTH} if plane == "horizontal" else {})
+
+
+def parameter_variance(
+    frame: Frame, p: Array, record: Record, free: Free, covariance: Array
+) -> dict[str, Array] | None:
+    """Variance (n,) of each predicted channel by the parameters; None where it runs away.
+
+    Parameters
+    ----------
+    covariance : (k, k) array
+        Of the free parameters, in units of their scale.
+
+    Returns
+    -------
+    dict or None
+        ``track`` is the mean squared distance [m^2].
+    """
+    found = readings_with_slopes(frame, p, free_running(frame, p, record, ALL), ALL, free)
+    if found is None:
+        return None
+    slopes = found.slopes[:, :, N_STATES:]
+    channels = [state.symbol for state in BY_PLANE[frame.structure.plane].states]
+    variance = {name: _variance(slopes[:, c], covariance) for c, name in enumerate(channels)}
+    if frame.structure.plane == "horizontal":
+        matrix = sensor_matrix(frame.structure.plane, frame.sensing, frame.reading_effects(p))
+        behind = np.einsum("ij,tjk->tik", np.linalg.inv(matrix), slopes)
+        states = over_ground(frame, p, found.states)
+        north, east = _track_slopes(record.time_s, states, behind)
+        variance[TRACK] = _variance(north, covariance) + _variance(east, covariance)
+    return variance if all(np.isfinite(v).all() for v in variance.values()) else None
+
+
+def _variance(slopes: Array, covariance: Array) -> Array:
+    return np.maximum(np.sum((slopes @ covariance) * slopes, axis=1), 0.0)
+
+
+def _track_slopes(time_s: Array, states: Array, slopes: Array) -> tuple[Array, Array]:
+    """Slopes (n, k) of north and east, from those of the velocities and the heading (n, 4, k)."""
+    u, v, angle = (states[:, i, None] for i in (0, 1, 3))
+    cos, sin = np.cos(angle), np.sin(angle)
+    north = cos * slopes[:, 0] - sin * slopes[:, 1] - (u * sin + v * cos) * slopes[:, 3]
+    east = sin * slopes[:, 0] + cos * slopes[:, 1] + (u * cos - v * sin) * slopes[:, 3]
+    summed = [[heading_from_rate(time_s, x) for x in rates.T] for rates in (north, east)]
+    return np.array(summed[0]).T, np.array(summed[1]).T
+
+
+# --- what was measured ---------------------------------------------------------------------
+
+
+def measured_channels(record: Record, dt_s: float) -> Array:
+    """Readings (n, 4) to compare with; where no angle was logged the gyro's is integrated."""
+    measured = record.measured.copy()
+    if not np.isfinite(measured[:, 3]).any():
+        steps = np.cumsum(record.given[:-1, 2] + record.given[1:, 2]) * dt_s / 2.0
+        measured[:, 3] = record.start[3] + np.concatenate([[0.0], steps])
+    return measured
+
+
+def track_of(time_s: Array, states: Array) -> Array:
+    """Dead-reckoned track (n, 2), north and east from the start [m]."""
+    north, east = dead_reckoning(time_s, states[:, 0], states[:, 1], states[:, 3])
+    return np.column_stack([north, east])
+
+
+def measured_track(record: Record, measured: Array) -> Array:
+    """Dead-reckoned track (n, 2) of what was measured; gaps are bridged."""
+    angle = np.where(np.isfinite(measured[:, 3]), measured[:, 3], record.given[:, 3])
+    return track_of(record.time_s, np.column_stack([record.given[:, :3], angle]))
+
+
+# --- maneuvers that were left out ----------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class LeftOutCourse:
+    """A maneuver predicted without having had a part in the parameters.
+
+    Attributes
+    ----------
+    id : str
+    elapsed_s : (n,) array
+    error, variance : dict of str to (n,) array
+        Distance from what was measured (NaN: nothing was), and its variance by the parameters.
+    measured : dict of str to (n,) or (n, 2) array
+    """
+
+    id: str
+    elapsed_s: Array
+    error: dict[str, Array]
+    variance: dict[str, Array]
+    measured: dict[str, Array]
+
+
+def left_out_course(
+    frame: Frame, p: Array, record: Record, free: Free, covariance: Array
+) -> LeftOutCourse | None:
+    """Prediction of a record with parameters from the other maneuvers; None: it runs away."""
+    variance = parameter_variance(frame, p, record, free, covariance)
+    course = predicted_course(frame, p, record, ALL)
+    if variance is None or not np.isfinite(course.readings).all():
+        return None
+    readings, plane = measured_channels(record, frame.dt_s), frame.structure.plane
+    error, measured = {}, {}
+    for c, state in enumerate(BY_PLANE[plane].states):
+        pair = readings[:, c], course.readings[:, c]
+        seen, told = headings_from_start(*pair) if state.wraps else pair
+        error[state.symbol], measured[state.symbol] = np.abs(seen - told), seen
+    if TRACK in variance:
+        track = measured_track(record, readings)
+        away = track - track_of(record.time_s, course.over_ground)
+        error[TRACK] = np.hypot(away[:, 0], away[:, 1])
+        measured[TRACK] = track
+    elapsed = record.time_s - record.time_s[0]
+    return LeftOutCourse(record.id, elapsed, error, variance, measured)
+
+
+def errors_of(
+    courses: Sequence[LeftOutCourse], plane: Plane, noise: Mapping[str, float], lost: int
+) -> dict[str, ModelError]:
+    """Model error and factor of each channel, from maneuvers that were left out in turn.
+
+    The factor puts `NOMINAL` of their samples within the band (a conformal step). What one
+    maneuver more would be off scatters about what the F left out show as about a mean of F: the
+    variance of a prediction is (1 + 1/F) times theirs. The samples of a sum drift away together:
+    its maneuvers count as one draw each, and the factor is that of Student's t over the normal.
+
+    Parameters
+    ----------
+    noise : mapping
+        Standard deviation of each sensor by channel.
+    lost : int
+        Readings of maneuvers whose prediction ran away, which no band holds.
+
+    Returns
+    -------
+    dict
+        Without the channels that were not measured, or of which no band holds enough.
+    """
+    found = {}
+    for name, growth in growths(plane).items():
+        error = np.concatenate([c.error[name] for c in courses])
+        seen = np.isfinite(error)
+        known = np.concatenate([c.variance[name] for c in courses])[seen]
+        known = known + noise.get(name, 0.0) ** 2
+        grown = (1.0 + np.concatenate([c.elapsed_s for c in courses])[seen]) ** (2.0 * growth)
+        level = NOMINAL * (1.0 + lost / max(int(seen.sum()), 1))
+        if not seen.any() or level > 1.0:
+            continue
+        square = error[seen] ** 2
+        left = max(float(np.mean((square - known) / grown)), 0.0)
+        size = np.sqrt(np.maximum(known + left * grown, np.finfo(float).tiny))
+        factor = float(np.quantile(np.sqrt(square) / size, level))
+        factor *= math.sqrt(1.0 + 1.0 / len(courses)) * (few(len(courses)) if growth else 1.0)
+        found[name] = ModelError(std=math.sqrt(left), growth=growth, factor=factor)
+    return found
+
+
+def few(draws: int) -> float:
+    """Quantile of Student's t over that of the normal, of which `NOMINAL` lie within.
+
+    First terms of the expansion (Abramowitz and Stegun 1964, 26.7.5), 1 % low at five draws.
+    """
+    z, n = NORMAL_95, float(draws)
+    return 1.0 + (z**2 + 1.0) / (4.0 * n) + (5.0 * z**4 + 16.0 * z**2 + 3.0) / (96.0 * n**2)
+
+
+# --- band of a prediction ------------------------------------------------------------------
+
+
+def half_widths(
+    model: IdentifiedModel, variance: Mapping[str, Array], elapsed_s: Array
+) -> dict[str, Array]:
+    """Half width (n,) of the band of each channel of which the model tells.
+
+    Parameters
+    ----------
+    variance : mapping
+        By the parameters, as `parameter_variance` gives it.
+    elapsed_s : (n,) array
+        Since the start of the prediction.
+
+    Returns
+    -------
+    dict
+        That of the track is the radius about the predicted point [m].
+    """
+    errors = model.left_out.model_error if model.left_out else {}
+    noise = noise_of(model.sensing, model.plane)
+    return {
+        name: e.factor
+        * np.sqrt(
+            variance[name]
+            + noise.get(name, 0.0) ** 2
+            + e.std**2 * (1.0 + elapsed_s) ** (2.0 * e.growth)
+        )
+        for name, e in errors.items()
+        if name in variance
+    }
+
+
+def band_of(model: IdentifiedModel, record: Record, dt_s: float) -> dict[str, Array]:
+    """Half widths of the band about the prediction of a record; NaN where this runs away."""
+    if model.left_out is None:
+        return {}
+    frame, p = frame_of(model, dt_s), vector_behind(model)
+    found = parameter_variance(frame, p, record, *free_behind(model))
+    lost = np.full(len(record), np.nan)
+    variance = found or dict.fromkeys(growths(model.plane), lost)
+    return half_widths(model, variance, record.time_s - record.time_s[0])
+
+
+def noise_of(sensing: Sensing, plane: Plane) -> dict[str, float]:
+    """Standard deviation of the sensor of each channel."""
+    return {s.symbol: sensing.noise_std.get(s.column, 0.0) for s in BY_PLANE[plane].states}

@@ -1,0 +1,70 @@
+"""What the identifying maneuvers, left out in turn, say about the errors of a prediction."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from auvident.engines.jackknife import LEAST_MANEUVERS
+from auvident.engines.predictive import LeftOutCourse, errors_of, noise_of
+from auvident.engines.setup import Setup
+from auvident.schema.artifacts import Finding, LeftOut, LeftOutError, LeftOutManeuver
+
+Array = npt.NDArray[np.float64]
+
+
+def left_out_of(
+    setup: Setup, courses: Mapping[str, LeftOutCourse | None]
+) -> tuple[LeftOut | None, list[Finding]]:
+    """Errors of maneuvers left out in turn; None with fewer than `LEAST_MANEUVERS`."""
+    if len(courses) < LEAST_MANEUVERS:
+        return None, []
+    good = [course for course in courses.values() if course is not None]
+    lost = [name for name, course in courses.items() if course is None]
+    plane = setup.structure.plane
+    rows = sum(len(setup.records[name][1]) for name in lost)
+    error = errors_of(good, plane, noise_of(setup.sensing, plane), rows) if good else {}
+    found = LeftOut(
+        maneuvers=tuple(_maneuver(name, course) for name, course in courses.items()),
+        spread=_spread(good),
+        model_error=error,
+    )
+    return found, [_lost(lost, len(courses))] if lost else []
+
+
+def _maneuver(name: str, course: LeftOutCourse | None) -> LeftOutManeuver:
+    channels = {}
+    for channel, error in (course.error if course else {}).items():
+        seen = error[np.isfinite(error)]
+        if seen.size:
+            rmse = float(np.sqrt(np.mean(seen**2)))
+            channels[channel] = LeftOutError(rmse=rmse, samples=seen.size)
+    return LeftOutManeuver(id=name, channels=channels)
+
+
+def _spread(courses: list[LeftOutCourse]) -> dict[str, float]:
+    """Standard deviation of what was measured, all maneuvers together; of a track both ways."""
+    found = {}
+    for channel in courses[0].measured if courses else ():
+        values = np.concatenate([_measured(course, channel) for course in courses])
+        if len(values):
+            found[channel] = float(np.sqrt(np.sum(np.var(values, axis=0))))
+    return found
+
+
+def _measured(course: LeftOutCourse, channel: str) -> Array:
+    """Readings (m, k) of a channel."""
+    values = course.measured[channel]
+    values = values.reshape(len(values), -1)
+    return values[np.isfinite(values).all(axis=1)]
+
+
+def _lost(names: list[str], count: int) -> Finding:
+    return Finding(
+        code="left-out-ran-away",
+        where=", ".join(names),
+        value=float(len(names)),
+        message=f"with {len(names)} of {count} maneuvers left out in turn the prediction of these "
+        "diverges, so their errors are not in the cross-validation",
+        remedy="The other maneuvers do not show what these do: add one like them.",
+    )

@@ -1,0 +1,101 @@
+"""The predictive band: its slopes by differences, its factor on drawn errors."""
+
+import numpy as np
+import pytest
+
+from auvident.engines.carried import frame_of, free_behind, predicted_course, vector_behind
+from auvident.engines.predictive import (
+    ALL,
+    LeftOutCourse,
+    errors_of,
+    few,
+    left_out_course,
+    parameter_variance,
+    track_of,
+)
+from tests.engines.chain import identified, setup_of
+
+
+@pytest.mark.parametrize("symbol", ["X_uu", "Y_uv", "N_uud", "Y_rdot"])
+def test_variance_by_one_parameter_is_the_squared_change_of_the_prediction(symbol) -> None:
+    model, setup = identified("harbour_trial").model, setup_of("harbour_trial")
+    frame, (free, _) = frame_of(model, setup.dt_s), free_behind(model)
+    p, k = vector_behind(model), model.covariance["symbols"].index(symbol)
+    record = next(r for kind, r in setup.records.values() if kind == "zigzag")
+    unit = np.zeros(len(free.positions))
+    unit[k] = 1.0
+    found = parameter_variance(frame, p, record, free, np.outer(unit, unit))
+    step = 1.0e-4  # the third derivative adds its square, the rounding 1e-12
+    there, back = (
+        predicted_course(frame, free.moved(p, s * step * unit), record, ALL) for s in (1.0, -1.0)
+    )
+    slopes = (there.readings - back.readings) / (2.0 * step)
+    for c, name in enumerate(("u", "v", "r", "heading")):
+        scale = np.abs(slopes[:, c]).max() ** 2
+        np.testing.assert_allclose(found[name], slopes[:, c] ** 2, atol=1e-6 * scale)
+    tracks = [track_of(record.time_s, course.over_ground) for course in (there, back)]
+    squared = np.sum(((tracks[0] - tracks[1]) / (2.0 * step)) ** 2, axis=1)
+    # trapezoids of slopes, not slopes of trapezoids
+    np.testing.assert_allclose(found["track"], squared, atol=1e-4 * squared.max())
+
+
+def course(rng: np.random.Generator, std: float, spread: float, n: int = 400) -> LeftOutCourse:
+    """Errors of four channels and a track: model and sensor noise, known variance by parameters."""
+    elapsed = np.arange(n) * 0.1
+    drift = rng.normal(0.0, std) * (1.0 + elapsed)
+    white = rng.normal(0.0, np.hypot(std, spread), (4, n))
+    names = ("u", "v", "r", "heading")
+    error = {name: np.abs(white[i]) for i, name in enumerate(names)} | {"track": np.abs(drift)}
+    variance = {name: np.full(n, spread**2) for name in names} | {"track": np.zeros(n)}
+    return LeftOutCourse("made", elapsed, error, variance, {})
+
+
+def test_model_error_and_factor_of_drawn_errors() -> None:
+    rng = np.random.default_rng(5)
+    courses = [course(rng, 0.02, 0.01) for _ in range(60)]
+    found = errors_of(courses, "horizontal", dict.fromkeys("uvr", 0.0), 0)
+    # 24000 samples: 0.5 % of their deviation, twice as much of what is left without the known part
+    assert found["u"].std == pytest.approx(0.02, rel=0.05)
+    assert found["u"].factor == pytest.approx(1.96 * np.sqrt(1 + 1 / 60), rel=0.03)
+    assert (found["u"].growth, found["heading"].growth, found["track"].growth) == (0.0, 0.5, 1.0)
+    assert found["track"].std == pytest.approx(0.02, rel=0.3)  # 60 drifts: 9 %, three times that
+
+
+def test_a_band_from_few_maneuvers_holds_what_comes_in_the_mean() -> None:
+    rng, inside = np.random.default_rng(6), []
+    for _ in range(60):
+        sizes = rng.chisquare(6, 8) / 6.0  # maneuvers differ
+        *courses, new = [course(rng, 0.02 * s, 0.0) for s in sizes]
+        error = errors_of(courses, "horizontal", {}, 0)["v"]
+        inside.append(np.mean(new.error["v"] <= error.factor * error.std))
+    assert 0.93 < np.mean(inside) < 0.98  # its standard error is near 0.012
+
+
+@pytest.mark.parametrize(("draws", "quantile"), [(5, 2.571), (10, 2.228), (30, 2.042)])
+def test_few_maneuvers_count_by_the_t_distribution(draws, quantile) -> None:
+    assert few(draws) == pytest.approx(quantile / 1.960, rel=0.01)  # printed tables
+
+
+def test_more_than_a_twentieth_lost_leaves_no_band() -> None:
+    rng = np.random.default_rng(7)
+    courses = [course(rng, 0.02, 0.01) for _ in range(10)]
+    some, many = (errors_of(courses, "horizontal", {}, lost) for lost in (100, 400))
+    assert some["u"].factor > errors_of(courses, "horizontal", {}, 0)["u"].factor
+    assert not many
+
+
+def test_a_channel_that_was_not_measured_has_no_band() -> None:
+    rng = np.random.default_rng(8)
+    courses = [course(rng, 0.02, 0.01) for _ in range(3)]
+    for c in courses:
+        c.error["v"][:] = np.nan
+    assert set(errors_of(courses, "horizontal", {}, 0)) == {"u", "r", "heading", "track"}
+
+
+def test_a_prediction_that_runs_away_is_none() -> None:
+    model, setup = identified("harbour_trial").model, setup_of("harbour_trial")
+    frame, (free, covariance) = frame_of(model, setup.dt_s), free_behind(model)
+    p = vector_behind(model)
+    p[frame.structure.index("X_uu")] *= -100.0
+    record = next(r for kind, r in setup.records.values() if kind == "zigzag")
+    assert left_out_course(frame, p, record, free, covariance) is None
