@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import NORMAL_95
 from auvident.engines.carried import (
     frame_of,
     free_behind,
@@ -36,7 +37,6 @@ from auvident.schema.planes import BY_PLANE, Plane
 Array = npt.NDArray[Any]
 
 NOMINAL = 0.95  # share of the samples that a band is to hold
-NORMAL_95 = 1.960  # of a normal variable as much lies within so many standard deviations
 TRACK = "track"
 # Power of the time in the model error. A heading is the sum of errors of the rate that come and
 # go (a random walk), a track that of a speed and a course that are off; others are held by damping.
