@@ -113,3 +113,12 @@ def test_stages_open_no_file() -> None:
 def test_modules_stay_readable() -> None:
     lines = {named(path): len(path.read_text().splitlines()) for path in MODULES}
     assert not {module: n for module, n in lines.items() if n > MOST_LINES}
+
+
+def test_no_two_classes_have_one_name() -> None:
+    found: dict[str, list[str]] = {}
+    for path in MODULES:
+        for node in ast.parse(path.read_text()).body:
+            if isinstance(node, ast.ClassDef):
+                found.setdefault(node.name, []).append(".".join(where(path)))
+    assert not {name: paths for name, paths in found.items() if len(paths) > 1}

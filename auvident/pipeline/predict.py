@@ -31,7 +31,7 @@ SIGNS_ASSUMED = (
 
 
 @dataclass(frozen=True)
-class Prediction:
+class SimulatedTrial:
     """A simulation and what it was made from."""
 
     trial: str
@@ -121,7 +121,7 @@ def predict(
     seed: int = 0,
     observer: Observer,
     options: Mapping[str, Any],
-) -> Prediction:
+) -> SimulatedTrial:
     """Simulate a log with a model.
 
     Parameters
@@ -149,4 +149,4 @@ def predict(
     from auvident.stages.simulate import simulate
 
     table = simulate(model, trial, rng=np.random.default_rng(seed), **options)
-    return Prediction(trial.name, path, model, table)
+    return SimulatedTrial(trial.name, path, model, table)

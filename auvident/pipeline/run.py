@@ -14,7 +14,7 @@ from auvident.pipeline.freshness import Decision, Wanted, first_broken, judge, j
 from auvident.pipeline.given import Given, matching
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.table import BY_NAME, STAGES, Outputs, Stage
-from auvident.schema.manifest import Attempt, Manifest, StageEntry
+from auvident.schema.manifest import FailedAttempt, Manifest, StageEntry
 from auvident.storage.artifacts import json_bytes, parquet_bytes, read_json, sha256_of
 from auvident.storage.run_directory import MANIFEST, PACKAGE, RunDirectory
 
@@ -331,7 +331,7 @@ def _record_failure(
     """Note a failure of the numbers; the artifacts of an earlier success stay."""
     if manifest is None:
         return
-    attempt = Attempt(
+    attempt = FailedAttempt(
         at=_now(),
         problem=error.problem,
         where=error.where,

@@ -250,7 +250,7 @@ class ModelError(Artifact):
     factor: float
 
 
-class LeftOut(Artifact):
+class LeftOutSummary(Artifact):
     """Identifying maneuvers left out in turn; ``spread`` is the standard deviation measured."""
 
     maneuvers: tuple[LeftOutManeuver, ...]
@@ -276,7 +276,7 @@ class IdentifiedModel(Artifact):
     covariance: dict[str, Any] = {}
     correlations: dict[str, dict[str, float]] = {}
     unidentifiable: tuple[Combination, ...] = ()
-    left_out: LeftOut | None = None
+    left_out: LeftOutSummary | None = None
     stages: tuple[StageRecord, ...] = ()
     findings: tuple[Finding, ...] = ()
 

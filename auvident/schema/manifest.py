@@ -7,7 +7,7 @@ from pydantic import Field
 from auvident.schema.base import Artifact
 
 
-class Attempt(Artifact):
+class FailedAttempt(Artifact):
     """A failed attempt at a stage, kept until the stage succeeds."""
 
     at: str
@@ -64,7 +64,7 @@ class Manifest(Artifact):
     program_version: str
     created_at: str
     stages: dict[str, StageEntry] = {}
-    failed: dict[str, Attempt] = {}
+    failed: dict[str, FailedAttempt] = {}
     writing: dict[str, tuple[str, ...]] = {}
 
     def own(self, stage: str) -> frozenset[str]:

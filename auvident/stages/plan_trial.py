@@ -41,7 +41,7 @@ VELOCITIES = np.array([True, True, True, False])
 
 
 @dataclass(frozen=True)
-class Candidate:
+class ManeuverDesign:
     """A maneuver that could be added: what to do, for how long, and at which approach rpm."""
 
     name: str
@@ -93,7 +93,7 @@ def plan_trial(
     return TrialPlan(vehicle=model.vehicle, plane=model.plane, candidates=tuple(found))
 
 
-def candidates(plane: Plane, low: float, cruise: float, high: float) -> list[Candidate]:
+def candidates(plane: Plane, low: float, cruise: float, high: float) -> list[ManeuverDesign]:
     """Maneuvers worth asking for, at a low, middle and high propeller rate [rpm]."""
     row = BY_PLANE[plane]
     fin, angle = row.fin, row.states[3].symbol
@@ -103,28 +103,28 @@ def candidates(plane: Plane, low: float, cruise: float, high: float) -> list[Can
         for label, rpm in (("slow", low), ("fast", high)):
             what = f"{fin} ±{degrees} deg, reversed at ±{switch} deg of {angle}, {rpm:.0f} rpm"
             found.append(
-                Candidate(f"zigzag {degrees}/{switch}, {label}", what, ZIGZAG_S, rpm, helm)
+                ManeuverDesign(f"zigzag {degrees}/{switch}, {label}", what, ZIGZAG_S, rpm, helm)
             )
     if "turn" in row.maneuvers:
         found += _circles(low, cruise, high)
     steps = thrust_helm((1.0, high / cruise, low / cruise, 1.0), LEVEL_S)
     what = f"{fin} amidships, {cruise:.0f}, {high:.0f}, {low:.0f}, {cruise:.0f} rpm"
-    found.append(Candidate("thrust steps", what, 4 * LEVEL_S, cruise, steps))
+    found.append(ManeuverDesign("thrust steps", what, 4 * LEVEL_S, cruise, steps))
     what = f"{fin} amidships, propeller stopped from {high:.0f} rpm"
-    found.append(Candidate("coast-down", what, LEVEL_S, high, thrust_helm((0.0,), LEVEL_S)))
+    found.append(ManeuverDesign("coast-down", what, LEVEL_S, high, thrust_helm((0.0,), LEVEL_S)))
     return found
 
 
-def _circles(low: float, cruise: float, high: float) -> list[Candidate]:
+def _circles(low: float, cruise: float, high: float) -> list[ManeuverDesign]:
     found = []
     for degrees in CIRCLES_DEG:
         side = "starboard" if degrees < 0 else "port"
         what = f"rudder held {abs(degrees)} deg to {side}, {cruise:.0f} rpm"
         name, helm = f"circle {abs(degrees)} deg {side}", held_helm(math.radians(degrees))
-        found.append(Candidate(name, what, CIRCLE_S, cruise, helm))
+        found.append(ManeuverDesign(name, what, CIRCLE_S, cruise, helm))
     what = f"rudder held 20 deg, {low:.0f} rpm, then {high:.0f} rpm in the second half"
     helm = combined_helm(held_helm(math.radians(20)), thrust_helm((1.0, high / low), LEVEL_S))
-    return [*found, Candidate("circle with thrust step", what, 2 * LEVEL_S, low, helm)]
+    return [*found, ManeuverDesign("circle with thrust step", what, 2 * LEVEL_S, low, helm)]
 
 
 def rpm_levels(
@@ -146,7 +146,7 @@ def expected_information(
     model: IdentifiedModel,
     structure: Structure,
     stds: Mapping[str, float],
-    candidate: Candidate,
+    candidate: ManeuverDesign,
     dt_s: float,
 ) -> Array | None:
     """Fisher information (n, n) of a candidate, in units of the posterior standard deviations.
@@ -191,7 +191,7 @@ def expected_information(
 
 
 def _judge(
-    candidate: Candidate, symbols: Sequence[str], posterior: Array, information: Array
+    candidate: ManeuverDesign, symbols: Sequence[str], posterior: Array, information: Array
 ) -> TrialCandidate:
     """What the candidate would do to the posterior."""
     spread = np.sqrt(np.diag(posterior))

@@ -179,7 +179,7 @@ TIME_REMEDY = "Name it time_s (seconds) or timestamp (ISO 8601 or epoch)"
 
 
 @dataclass(frozen=True)
-class Column:
+class LogColumn:
     """A column of a file that holds a channel: SI value = `factor` times the number."""
 
     channel: Channel
@@ -252,7 +252,7 @@ def time_unit(name: str, mapping: SensorMap) -> str | None:
     return suffix if suffix in TIME_UNITS and name.lower() != suffix else None
 
 
-def resolve(log: LogFile, sensor: str, mapping: SensorMap) -> dict[str, Column]:
+def resolve(log: LogFile, sensor: str, mapping: SensorMap) -> dict[str, LogColumn]:
     """Columns of one sensor's channels in a file, by channel column.
 
     Raises
@@ -271,16 +271,16 @@ def resolve(log: LogFile, sensor: str, mapping: SensorMap) -> dict[str, Column]:
     return found
 
 
-def _mapped(log: LogFile, channel: Channel, entry: ColumnEntry) -> Column:
+def _mapped(log: LogFile, channel: Channel, entry: ColumnEntry) -> LogColumn:
     name = log.find(entry.column)
     if name is None:
         what = f"the map's column {entry.column!r} for {channel.quantity}"
         raise _missing(log, what, entry.column)
     unit = unit_name(entry.unit) if entry.unit else _stated_unit(log, name, channel)
-    return Column(channel, name, _factor(log, name, channel, unit) * entry.sign)
+    return LogColumn(channel, name, _factor(log, name, channel, unit) * entry.sign)
 
 
-def _by_name(log: LogFile, channel: Channel) -> Column | None:
+def _by_name(log: LogFile, channel: Channel) -> LogColumn | None:
     names = [name for name in log.names if quantity_of(name) == channel.quantity]
     stated = [name for name in names if _stated_unit(log, name, channel) is not None]
     if len(stated) > 1:
@@ -292,7 +292,7 @@ def _by_name(log: LogFile, channel: Channel) -> Column | None:
     if not names:
         return None
     name = stated[0] if stated else names[0]
-    return Column(channel, name, _factor(log, name, channel, _stated_unit(log, name, channel)))
+    return LogColumn(channel, name, _factor(log, name, channel, _stated_unit(log, name, channel)))
 
 
 def _stated_unit(log: LogFile, name: str, channel: Channel) -> str | None:

@@ -18,7 +18,7 @@ from auvident.schema.channels import BY_COLUMN, NEEDED, SENSORS
 from auvident.schema.logs import FIRST_FEW, ColumnMap, InputMap, RawSensor, RawTrial, SensorMap
 from auvident.storage.declared import parse, read_toml
 from auvident.storage.log_columns import (
-    Column,
+    LogColumn,
     missing_channel,
     resolve,
     time_column,
@@ -79,7 +79,7 @@ def read_trial(
     column_map = column_map or ColumnMap()
     times = {t for t in (column_map.of(sensor).time for sensor in SENSORS) if t}
     logs = {path: open_log(path, times) for path in source.files}
-    columns: dict[str, dict[str, Column]] = {}
+    columns: dict[str, dict[str, LogColumn]] = {}
     homes: dict[str, LogFile] = {}
     for sensor in SENSORS:
         log = _home(source, logs, sensor, column_map)
@@ -117,7 +117,7 @@ def _home(
 def _refuse_missing(
     source: TrialSource,
     logs: dict[Path, LogFile],
-    columns: dict[str, dict[str, Column]],
+    columns: dict[str, dict[str, LogColumn]],
     homes: dict[str, LogFile],
     needed: Collection[str],
 ) -> None:
@@ -132,7 +132,7 @@ def _refuse_missing(
 
 
 def _read_sensors(
-    homes: dict[str, LogFile], columns: dict[str, dict[str, Column]], column_map: ColumnMap
+    homes: dict[str, LogFile], columns: dict[str, dict[str, LogColumn]], column_map: ColumnMap
 ) -> tuple[dict[str, RawSensor], dict[str, int]]:
     """Read each file once and hand its columns to its sensors.
 
@@ -192,7 +192,7 @@ def _sensor(
     log: LogFile,
     table: LogTable,
     sensor: str,
-    columns: dict[str, Column],
+    columns: dict[str, LogColumn],
     column_map: ColumnMap,
     flag: str | None,
     stamps: Stamps,

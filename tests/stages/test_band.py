@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auvident.schema.artifacts import LeftOut, LeftOutError, LeftOutManeuver
+from auvident.schema.artifacts import LeftOutError, LeftOutManeuver, LeftOutSummary
 from auvident.stages.identify.left_out import left_out_of
 from auvident.stages.validate.band import coverage_of, cross_validation_of
 from tests.engines.chain import identified, plan_named, sample, setup_of, validated
@@ -35,7 +35,7 @@ def test_cross_validation_by_hand() -> None:
         LeftOutManeuver(id=i, channels={"u": LeftOutError(rmse=x, samples=n)}) for i, x, n in rows
     ]
     away = LeftOutManeuver(id="d", channels={})
-    told = LeftOut(maneuvers=(*maneuvers, away), spread={"u": 4.0}, model_error={})
+    told = LeftOutSummary(maneuvers=(*maneuvers, away), spread={"u": 4.0}, model_error={})
     model = identified("harbour_trial").model.model_copy(update={"left_out": told})
     found = cross_validation_of(model)["u"]
     mean = (1.0 + 4.0 + 2 * 9.0) / 4

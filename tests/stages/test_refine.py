@@ -24,7 +24,7 @@ from auvident.stages.identify.setup import prepare
 from auvident.stages.refine import carried_of, choose, compare
 from auvident.stages.refine.attempts import (
     MOST_RISE,
-    Tried,
+    TriedModel,
     attempts,
     best_of,
     findings_of,
@@ -360,8 +360,8 @@ def carried_effects(*effects: str) -> Carried:
     )
 
 
-def made(u: float, v: float = 1.0, r: float = 1.0, effects: tuple = ("current",)) -> Tried:
-    return Tried(effects, {"u": u, "v": v, "r": r})
+def made(u: float, v: float = 1.0, r: float = 1.0, effects: tuple = ("current",)) -> TriedModel:
+    return TriedModel(effects, {"u": u, "v": v, "r": r})
 
 
 def test_a_model_with_which_nothing_rises_is_taken() -> None:

@@ -8,14 +8,14 @@ import numpy.typing as npt
 from auvident.engines.jackknife import LEAST_MANEUVERS
 from auvident.engines.predictive import LeftOutCourse, errors_of, noise_of
 from auvident.engines.setup import Setup
-from auvident.schema.artifacts import Finding, LeftOut, LeftOutError, LeftOutManeuver
+from auvident.schema.artifacts import Finding, LeftOutError, LeftOutManeuver, LeftOutSummary
 
 Array = npt.NDArray[np.float64]
 
 
 def left_out_of(
     setup: Setup, courses: Mapping[str, LeftOutCourse | None]
-) -> tuple[LeftOut | None, list[Finding]]:
+) -> tuple[LeftOutSummary | None, list[Finding]]:
     """Errors of maneuvers left out in turn; None with fewer than `LEAST_MANEUVERS`."""
     if len(courses) < LEAST_MANEUVERS:
         return None, []
@@ -24,7 +24,7 @@ def left_out_of(
     plane = setup.structure.plane
     rows = sum(len(setup.records[name][1]) for name in lost)
     error = errors_of(good, plane, noise_of(setup.sensing, plane), rows) if good else {}
-    found = LeftOut(
+    found = LeftOutSummary(
         maneuvers=tuple(_maneuver(name, course) for name, course in courses.items()),
         spread=_spread(good),
         model_error=error,

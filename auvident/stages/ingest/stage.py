@@ -40,7 +40,7 @@ MAX_TICKS = 20_000_000  # some days at 100 Hz; more is a corrupt time stamp
 
 
 @dataclass(frozen=True)
-class Plan:
+class Resampling:
     """How a channel comes to the grid: longest interval bridged, and the span it covers."""
 
     limit_s: float
@@ -127,21 +127,21 @@ def _refuse_too_slow(sensors: dict[str, CleanSensor], needed: tuple[str, ...]) -
             )
 
 
-def _plan(series: Series, sensor: CleanSensor, rate_hz: float, max_gap_s: float) -> Plan:
+def _plan(series: Series, sensor: CleanSensor, rate_hz: float, max_gap_s: float) -> Resampling:
     time, step = series.time_s, 1.0 / rate_hz
     if series.channel.kind == "input":
         hold: Hold = hold_rule(time, series.values, sensor.raw.on_change)
         last = time[-1] + min(hold.limit_s, median_period(time))
         end = np.inf if hold.rule == "on_change" else last - step
-        return Plan(hold.limit_s, hold.rule, float(time[0]), float(end))
+        return Resampling(hold.limit_s, hold.rule, float(time[0]), float(end))
     limit = gap_limit(time, max_gap_s)
     if is_averaged(time, step):
-        return Plan(limit, "averaged", float(time[0] + step / 2), float(time[-1] - step / 2))
-    return Plan(limit, "interpolated", float(time[0]), float(time[-1]))
+        return Resampling(limit, "averaged", float(time[0] + step / 2), float(time[-1] - step / 2))
+    return Resampling(limit, "interpolated", float(time[0]), float(time[-1]))
 
 
 def _common_grid(
-    raw: RawTrial, plans: dict[str, Plan], needed: tuple[str, ...], rate_hz: float
+    raw: RawTrial, plans: dict[str, Resampling], needed: tuple[str, ...], rate_hz: float
 ) -> Grid:
     start = max(plans[column].start_s for column in needed)
     end = min(plans[column].end_s for column in needed)
@@ -169,7 +169,7 @@ def _common_grid(
     return grid
 
 
-def _resample(series: Series, plan: Plan, grid: Grid) -> Resampled:
+def _resample(series: Series, plan: Resampling, grid: Grid) -> Resampled:
     if series.channel.kind == "input":
         return resample_input(series.time_s, series.values, grid, plan.limit_s)
     return resample_measured(series.time_s, series.values, grid, plan.limit_s)

@@ -64,7 +64,7 @@ def attempts(carried: Carried, before: IdentifiedModel) -> tuple[Carried, ...]:
 
 
 @dataclass(frozen=True)
-class Tried:
+class TriedModel:
     """An identification with effects, and its errors beside those of the model before.
 
     Attributes
@@ -100,7 +100,7 @@ class Tried:
         return self.rise[0] <= MOST_RISE and self.balance < 0.0
 
 
-def tried_with(carried: Carried, before: pd.DataFrame, after: pd.DataFrame) -> Tried:
+def tried_with(carried: Carried, before: pd.DataFrame, after: pd.DataFrame) -> TriedModel:
     """Errors of an attempt in the maneuvers that identify; what is masked counts for nothing.
 
     Parameters
@@ -120,7 +120,7 @@ def tried_with(carried: Carried, before: pd.DataFrame, after: pd.DataFrame) -> T
         if name in GUARDED
     }
     seen = {name: ratio for name, ratio in ratios.items() if not math.isnan(ratio)}
-    return Tried(tuple(carried.effects), seen)
+    return TriedModel(tuple(carried.effects), seen)
 
 
 def _ratio(before: float, after: float) -> float:
@@ -166,7 +166,7 @@ def choose(
     tuple of Attempt
         What was tried, the model before first, and which of them was taken.
     """
-    made: list[tuple[tuple[Model, Prediction], Tried]] = []
+    made: list[tuple[tuple[Model, Prediction], TriedModel]] = []
     for attempt in attempts(carried, model):
         found = again(attempt)
         made.append((found, tried_with(attempt, before.simulation, found[1].simulation)))
@@ -178,7 +178,7 @@ def choose(
     return (None if best is None else made[best][0]), tuple(rows)
 
 
-def best_of(tried: Sequence[Tried]) -> int | None:
+def best_of(tried: Sequence[TriedModel]) -> int | None:
     """The first with which no error rises, else the best; None where that is the model before.
 
     A model that only leaves a one-off event out claims nothing and is always taken.
@@ -187,7 +187,7 @@ def best_of(tried: Sequence[Tried]) -> int | None:
     return min(able, key=lambda k: (not tried[k].is_good, tried[k].balance), default=None)
 
 
-def _attempt(tried: Tried, taken: bool) -> Attempt:
+def _attempt(tried: TriedModel, taken: bool) -> Attempt:
     finite = {c: ratio for c, ratio in tried.ratios.items() if math.isfinite(ratio)}
     away = len(finite) < len(tried.ratios)
     return Attempt(effects=tried.effects, ratios=finite, ran_away=away, taken=taken)
