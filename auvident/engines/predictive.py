@@ -192,17 +192,27 @@ def errors_of(
         seen = np.isfinite(error)
         known = np.concatenate([c.variance[name] for c in courses])[seen]
         known = known + noise.get(name, 0.0) ** 2
-        grown = (1.0 + np.concatenate([c.elapsed_s for c in courses])[seen]) ** (2.0 * growth)
+        grown = grown_by(np.concatenate([c.elapsed_s for c in courses])[seen], growth)
         level = NOMINAL * (1.0 + lost / max(int(seen.sum()), 1))
         if not seen.any() or level > 1.0:
             continue
         square = error[seen] ** 2
         left = max(float(np.mean((square - known) / grown)), 0.0)
-        size = np.sqrt(np.maximum(known + left * grown, np.finfo(float).tiny))
+        size = np.sqrt(np.maximum(with_model_error(known, left, grown), np.finfo(float).tiny))
         factor = float(np.quantile(np.sqrt(square) / size, level))
         factor *= math.sqrt(1.0 + 1.0 / len(courses)) * (few(len(courses)) if growth else 1.0)
         found[name] = ModelError(std=math.sqrt(left), growth=growth, factor=factor)
     return found
+
+
+def grown_by(elapsed_s: Array, growth: float) -> Array:
+    """By how much the square of a model error has grown, some time after the start."""
+    return (1.0 + elapsed_s) ** (2.0 * growth)
+
+
+def with_model_error(known: Array, square: float, grown: Array) -> Array:
+    """Variance of a prediction: by parameters and sensor, and by what the equations lack."""
+    return known + square * grown
 
 
 def few(draws: int) -> float:
@@ -236,16 +246,13 @@ def half_widths(
     """
     errors = model.left_out.model_error if model.left_out else {}
     noise = noise_of(model.sensing, model.plane)
-    return {
-        name: e.factor
-        * np.sqrt(
-            variance[name]
-            + noise.get(name, 0.0) ** 2
-            + e.std**2 * (1.0 + elapsed_s) ** (2.0 * e.growth)
-        )
-        for name, e in errors.items()
-        if name in variance
-    }
+    found = {}
+    for name, e in errors.items():
+        if name in variance:
+            known = variance[name] + noise.get(name, 0.0) ** 2
+            total = with_model_error(known, e.std**2, grown_by(elapsed_s, e.growth))
+            found[name] = e.factor * np.sqrt(total)
+    return found
 
 
 def band_of(model: IdentifiedModel, record: Record, dt_s: float) -> dict[str, Array]:

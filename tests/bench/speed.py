@@ -19,7 +19,6 @@ from auvident.engines.problem import FilterProblem
 from auvident.engines.records import Record, stack
 from auvident.engines.setup import active_states
 from auvident.schema.plan import PlanStage
-from auvident.stages.identify import prepare
 from auvident.storage.plan_file import PLANS
 from tests.engines.chain import SAMPLES, Chain, chain_of, plan_named, sample
 
@@ -57,17 +56,7 @@ def side_by_side(fast: Callable[[], Any], slow: Callable[[], Any], repeats: int)
 
 def one_pass(chain: Chain, system: str, free: tuple[str, ...], rows: int) -> FilterProblem:
     """A filter problem on one zigzag of a trial."""
-    setup = prepare(
-        chain.trials,
-        chain.maneuvers,
-        chain.ase,
-        chain.vehicle,
-        chain.noise,
-        plane="horizontal",
-        plan=plan_named("spiral"),
-        filter="ekf",
-        engine="compiled",
-    )
+    setup = chain.setup()
     longest = max(
         (r for kind, r in setup.records.values() if kind == "zigzag"), key=lambda r: len(r.time_s)
     )

@@ -8,6 +8,7 @@ import numpy as np
 
 from auvident.engines.problem import FilterProblem
 from auvident.engines.records import Record, stack
+from auvident.engines.setup import Setup
 from auvident.pipeline.steps import cruising_speed
 from auvident.schema.artifacts import AseResult, Maneuvers
 from auvident.schema.plan import Plan
@@ -48,6 +49,12 @@ class Chain:
         } | changes
         first = [parts.pop(k) for k in ("trials", "maneuvers", "ase", "vehicle", "noise")]
         return identify(*first, plane=plane, filter=filter, **parts)
+
+    def setup(self, plane: str = "horizontal", **changes) -> Setup:
+        """The arrays of an identification with the filter's own plan; anything can be exchanged."""
+        options = {"plan": plan_named("spiral"), "filter": "ekf", "engine": "compiled"} | changes
+        logs = self.trials, self.maneuvers, self.ase, self.vehicle, self.noise
+        return prepare(*logs, plane=plane, **options)
 
     def validate(self, model) -> Validation:
         return validate(self.trials, self.maneuvers, model)
@@ -96,9 +103,7 @@ def validated(name: str, plane: str = "horizontal", filter: str = "ekf") -> Vali
 
 def setup_of(name: str = "harbour_trial", plane: str = "horizontal", **changes):
     """The arrays of an identification."""
-    c = sample(name)
-    options = {"plan": plan_named("spiral"), "filter": "ekf", "engine": "compiled"} | changes
-    return prepare(c.trials, c.maneuvers, c.ase, c.vehicle, c.noise, plane=plane, **options)
+    return sample(name).setup(plane, **changes)
 
 
 def cut(record: Record, samples: int) -> Record:

@@ -231,18 +231,7 @@ def test_the_delay_of_a_sensor_is_held_as_the_diagnosis_found_it() -> None:
     carried = carried_of(found)
     assert carried is not None and carried.effects == ("gyro_delay",)
     chain = sample("harbour_trial")
-    setup = prepare(
-        chain.trials,
-        chain.maneuvers,
-        chain.ase,
-        chain.vehicle,
-        chain.noise,
-        plane="horizontal",
-        plan=plan_named("spiral"),
-        filter="ekf",
-        engine="compiled",
-        carried=carried,
-    )
+    setup = chain.setup(carried=carried)
     i = setup.structure.index("gyro_delay.delay_s")
     assert (setup.prior[i], setup.prior_std[i]) == (0.3, 0.0)
 

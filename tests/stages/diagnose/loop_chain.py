@@ -8,8 +8,8 @@ from auvident.schema.diagnosis import Diagnosis
 from auvident.stages.diagnose.fit.case import Case, case_of
 from auvident.stages.diagnose.fit.fits import Fitted, first_colours, fit_with
 from auvident.stages.diagnose.stage import Diagnosed, diagnose
-from auvident.stages.identify import prepare, without_held_out
-from tests.engines.chain import Chain, identified, plan_named, sample
+from auvident.stages.identify import without_held_out
+from tests.engines.chain import Chain, identified, sample
 from tests.session import once
 
 
@@ -30,17 +30,7 @@ class Loop:
 @once
 def loop(name: str) -> Loop:
     chain = sample(name)
-    setup = prepare(
-        chain.trials,
-        chain.maneuvers,
-        chain.ase,
-        chain.vehicle,
-        chain.noise,
-        plane="horizontal",
-        plan=plan_named("spiral"),
-        filter="ekf",
-        engine="compiled",
-    )
+    setup = chain.setup()
     return Loop(chain, setup, identified(name).model)
 
 

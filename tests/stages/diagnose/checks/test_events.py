@@ -69,15 +69,19 @@ def found(seed: int, **what: object) -> list[Event]:
     return find_events(pieces_of(seed, **what), NOISE)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("at", [10.0, 37.0, 70.0])
-def test_a_push_is_found_in_its_place(at: float) -> None:
-    # of size 1 the last one, against which a helm is laid, is not always above the threshold
-    (event,) = found(1, push={3: (at, 1.5)}, helm=0.4)
-    assert event.maneuver == "m3"
-    begin, end = event.time_s - 300.0, event.time_s - 300.0 + event.duration_s
-    assert begin <= at + BIN_S and at - begin < 4.0  # it grows from nothing within the first bin
-    assert min(at + 3.0, 84.0) <= end < at + 20.0
-    assert {"v", "r"} & set(event.channels)
+# of size 1 the last one, against which a helm is laid, is missed in 7 of 60 seeds
+@pytest.mark.parametrize(("at", "size"), [(10.0, 1.0), (37.0, 1.0), (70.0, 1.5)])
+def test_a_push_is_found_in_its_place(at: float, size: float) -> None:
+    early = 0
+    for seed in range(1, 9):
+        (event,) = found(seed, push={3: (at, size)}, helm=0.4)
+        assert event.maneuver == "m3"
+        begin, end = event.time_s - 300.0, event.time_s - 300.0 + event.duration_s
+        assert begin <= at + BIN_S and at - begin < 4.0  # it grows from nothing in its first bin
+        assert min(at + 3.0, 84.0) <= end < at + 20.0
+        assert {"v", "r"} & set(event.channels)
+        early += begin <= at + 0.5
+    assert early >= 5  # of 8; 56 of 60 seeds where it is least
 
 
 def test_heading_that_a_push_leaves_behind_is_told() -> None:
