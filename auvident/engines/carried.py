@@ -1,6 +1,6 @@
 """The effects a model carries: from its artifact to the prediction and back."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -110,21 +110,6 @@ def vector_behind(model: IdentifiedModel, coefficients: Mapping[str, float] | No
     )
 
 
-def free_behind(model: IdentifiedModel) -> tuple[Free, Array]:
-    """The parameters that a model estimated, and their covariance in units of the scale."""
-    structure, told = structure_behind(model), model.covariance
-    kept = [i for i, s in enumerate(told["symbols"]) if s in structure.parameters]
-    positions = np.array([structure.index(told["symbols"][i]) for i in kept], dtype=np.int64)
-    column = np.full(len(structure.parameters), -1, dtype=np.int64)
-    column[positions] = np.arange(len(positions))
-    for c in model.coefficients:
-        if c.origin == "kinematic":
-            column[structure.index(c.symbol)] = column[structure.index(LEADERS[c.symbol])]
-    covariance = fitted_covariance(model)
-    scale = np.array(told["scale"])[kept]
-    return Free(positions, column, scale), covariance[np.ix_(kept, kept)] / np.outer(scale, scale)
-
-
 def fitted_covariance(model: IdentifiedModel) -> Array:
     """Covariance of the estimated parameters as the fit left it.
 
@@ -135,6 +120,40 @@ def fitted_covariance(model: IdentifiedModel) -> Array:
     if "fitted_variance" in model.covariance:
         np.fill_diagonal(covariance, model.covariance["fitted_variance"])
     return covariance
+
+
+def claimed_covariance(model: IdentifiedModel) -> Array:
+    """Covariance that holds for vehicles of other structure: of the fit, and of the scatter.
+
+    A model of an earlier version, or of too few maneuvers, has the former alone.
+    """
+    covariance = fitted_covariance(model)
+    if "scatter" in model.covariance:
+        covariance = covariance + np.array(model.covariance["scatter"])
+    return covariance
+
+
+def free_behind(
+    model: IdentifiedModel, claim: Callable[[IdentifiedModel], Array] = fitted_covariance
+) -> tuple[Free, Array]:
+    """The parameters that a model estimated, and their covariance in units of the scale.
+
+    Parameters
+    ----------
+    claim : callable
+        Which covariance: `fitted_covariance` or `claimed_covariance`.
+    """
+    structure, told = structure_behind(model), model.covariance
+    kept = [i for i, s in enumerate(told["symbols"]) if s in structure.parameters]
+    positions = np.array([structure.index(told["symbols"][i]) for i in kept], dtype=np.int64)
+    column = np.full(len(structure.parameters), -1, dtype=np.int64)
+    column[positions] = np.arange(len(positions))
+    for c in model.coefficients:
+        if c.origin == "kinematic":
+            column[structure.index(c.symbol)] = column[structure.index(LEADERS[c.symbol])]
+    covariance = claim(model)
+    scale = np.array(told["scale"])[kept]
+    return Free(positions, column, scale), covariance[np.ix_(kept, kept)] / np.outer(scale, scale)
 
 
 def frame_of(model: IdentifiedModel, dt_s: float) -> Frame:

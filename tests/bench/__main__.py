@@ -47,6 +47,11 @@ def main(arguments: list[str] | None = None) -> None:
 
         population.main(arguments[1:], _print)
         return
+    if arguments[:1] == ["totals"]:
+        from tests.bench import totals
+
+        totals.main(arguments[1:], _print)
+        return
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
     parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
     parser.add_argument("--seeds", type=int, default=200, help="trials of the recovery study")

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from auvident.engines.carried import claimed_covariance, free_behind
 from auvident.schema.artifacts import LeftOutError, LeftOutManeuver, LeftOutSummary
 from auvident.stages.identify.left_out import left_out_of
 from auvident.stages.validate.band import coverage_of, cross_validation_of
@@ -94,3 +95,17 @@ def test_the_errors_of_a_maneuver_left_out_are_those_of_an_identification_withou
     told = {m.id: m.channels for m in left_out.maneuvers}[turn]
     for channel in ("u", "v", "r", "heading"):  # one step is not the end: some percent
         assert told[channel].rmse == pytest.approx(errors[channel].rmse, rel=0.05)
+
+
+def test_the_scatter_between_maneuvers_stands_beside_the_covariance() -> None:
+    model = identified("harbour_trial").model
+    spread = np.sqrt(np.diag(model.covariance["scatter"]))
+    rows = {c.symbol: c for c in model.coefficients}
+    symbols = model.covariance["symbols"]
+    told = {s: float(x) for s, x in zip(symbols, spread, strict=True)}
+    assert told["X_uu"] == pytest.approx(rows["X_uu"].std_jackknife)
+    # a limit is a secant: the step without a maneuver means nothing along it
+    assert told["rudder_rate_limit.rate_degps"] == 0.0
+    _, fitted = free_behind(model)
+    _, claimed = free_behind(model, claimed_covariance)
+    assert np.linalg.eigvalsh(claimed - fitted).min() > -1e-9

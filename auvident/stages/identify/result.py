@@ -1,6 +1,6 @@
 """The identified model and its history from the stages that were run."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -10,7 +10,7 @@ import pandas as pd
 
 from auvident.engines.carried import Carried, effect_rows
 from auvident.engines.free_run import NOTHING
-from auvident.engines.jackknife import Scatter
+from auvident.engines.jackknife import Scatter, jackknife_covariance
 from auvident.engines.noise import LONGEST_CORRELATION_S
 from auvident.engines.prediction import at_effects, linear_about
 from auvident.engines.records import STATE_COLUMNS
@@ -124,11 +124,29 @@ def _effects(
     if carried is None:
         return ()
     names = setup.names(final.free)
-    smooth = np.array(["." not in n or parameter_of(n).step < SECANT for n in names])
     spread = np.sqrt(np.diag(final.covariance)) * setup.prior_std[final.free]
-    spread *= np.where(smooth, widen, 1.0)
+    spread *= np.where(_smooth(names), widen, 1.0)
     stds = {name: float(std) for name, std in zip(names, spread, strict=True)}
     return effect_rows(setup.structure, final.parameters, stds, carried.expected, carried.effects)
+
+
+def _smooth(names: Sequence[str]) -> npt.NDArray[np.bool_]:
+    """Parameters with a slope that is a derivative."""
+    return np.array(["." not in n or parameter_of(n).step < SECANT for n in names])
+
+
+def scatter_matrix(setup: Setup, final: Outcome, moves: Mapping[str, Array]) -> dict[str, Any]:
+    """Covariance of the estimates by the scatter between maneuvers, dimensional, as an entry.
+
+    What the equations lack pulls every maneuver elsewhere. At motions that drawn vehicles of other
+    structure were in (`tests.bench.totals`) the accelerations of the model were off by more than
+    the readings alone allow for; with this covariance added the claims hold.
+    """
+    covariance = jackknife_covariance(dict(moves))
+    if covariance is None:
+        return {}
+    unit = setup.prior_std[final.free] * _smooth(setup.names(final.free))
+    return {"scatter": (covariance * np.outer(unit, unit)).tolist()}
 
 
 def _combination(direction: Direction, symbols: Sequence[str]) -> Combination:

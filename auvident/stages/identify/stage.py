@@ -16,7 +16,12 @@ from auvident.engines.estimator import (
     stage_records,
     task_about,
 )
-from auvident.engines.jackknife import information_by_maneuver, left_out_courses, scatter_of
+from auvident.engines.jackknife import (
+    information_by_maneuver,
+    left_out_courses,
+    moves_without,
+    scatter_of,
+)
 from auvident.engines.setup import Outcome, Setup
 from auvident.errors import NumericsError
 from auvident.estimation.identifiability import (
@@ -34,7 +39,13 @@ from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.identify.held_out import overlap_findings
 from auvident.stages.identify.left_out import left_out_of
-from auvident.stages.identify.result import Step, history_of, model_of, states_of
+from auvident.stages.identify.result import (
+    Step,
+    history_of,
+    model_of,
+    scatter_matrix,
+    states_of,
+)
 from auvident.stages.identify.setup import prepare
 from auvident.stages.identify.step_length import step_findings
 from auvident.stages.identify.warm_up import compile_first
@@ -129,7 +140,8 @@ def identify(
     findings += told
     scatter = scatter_of(*by_maneuver)
     model = model_of(setup, ase, vehicle, done, unseen, scatter, findings, carried)
-    model = model.model_copy(update={"left_out": left_out})
+    covariance = model.covariance | scatter_matrix(setup, final, moves_without(*by_maneuver))
+    model = model.model_copy(update={"left_out": left_out, "covariance": covariance})
     history = history_of(setup, [step for run in runs for step in run[0]])
     return Identification(model, history, states_of(setup, final.parameters))
 
