@@ -24,6 +24,7 @@ TIMES_S: tuple[VehicleTime, ...] = (0.3, 0.6, 1.0, 2.0, 4.0)
 # disturbance over sensor noise; one that lasts 4 s doubles what 10 readings a second say slowly
 # at 0.11 already
 RATIOS = (0.0, 0.05, 0.1, 0.17, 0.3, 0.6, 1.0, 1.7, 3.0, 5.0, 9.0, 16.0)
+FACTORS = 64  # of a product: (1 + 16^2)^64 is far within the range of a number
 
 
 @dataclass(frozen=True)
@@ -113,36 +114,46 @@ def whiten_channels(error, slopes, columns, seen, channels, keep, white, slow, o
 
 
 @kernel
-def _distances(values, seen, keeps, ratios, square, total):
+def _distances(values, seen, keep, slow, square, total):
     """Add the squared innovations and log variances of a record for a unit white noise.
+
+    All noises advance together, reading by reading: the loop over them is what the processor does
+    several at a time. The logarithm is that of a product, taken before it leaves the range.
 
     Parameters
     ----------
     values : (n,) array
     seen : (n,) bool array
-    keeps : (k,) array
-        exp(-step / correlation time).
-    ratios : (m,) array
-        Disturbance over sensor noise.
-    square, total : (k, m) array, added to
+    keep : (m,) array
+        exp(-step / correlation time) of each noise.
+    slow : (m,) array
+        Variance of its disturbance over that of the sensor noise.
+    square, total : (m,) array, added to
     """
-    for i in range(keeps.shape[0]):
-        keep = keeps[i]
-        for j in range(ratios.shape[0]):
-            slow = ratios[j] * ratios[j]
-            state, variance, squares, logs = 0.0, slow, 0.0, 0.0
-            for k in range(values.shape[0]):
-                if seen[k]:
-                    spread = variance + 1.0
-                    gain, innovation = variance / spread, values[k] - state
-                    squares += innovation * innovation / spread
-                    logs += math.log(spread)
-                    state += gain * innovation
-                    variance *= 1.0 - gain
-                state *= keep
-                variance = keep * keep * variance + (1.0 - keep * keep) * slow
-            square[i, j] += squares
-            total[i, j] += logs
+    m = keep.shape[0]
+    state, variance, product = np.zeros(m), slow.copy(), np.ones(m)
+    again = keep * keep
+    new, since = (1.0 - again) * slow, 0
+    for k in range(values.shape[0]):
+        if seen[k]:
+            value = values[k]
+            for i in range(m):
+                spread = variance[i] + 1.0
+                share, innovation = 1.0 / spread, value - state[i]
+                square[i] += innovation * innovation * share
+                product[i] *= spread
+                state[i] = (state[i] + variance[i] * share * innovation) * keep[i]
+                variance[i] = again[i] * variance[i] * share + new[i]
+            since += 1
+        else:
+            for i in range(m):
+                state[i] *= keep[i]
+                variance[i] = again[i] * variance[i] + new[i]
+        if since == FACTORS or k + 1 == values.shape[0]:
+            for i in range(m):
+                total[i] += math.log(product[i])
+                product[i] = 1.0
+            since = 0
 
 
 def colour_of(pieces: Sequence[Array], dt_s: float) -> tuple[Colour, float]:
@@ -163,10 +174,13 @@ def colour_of(pieces: Sequence[Array], dt_s: float) -> tuple[Colour, float]:
     count = sum(int(s.sum()) for s in seen)
     if count == 0:
         return Colour(1.0, 0.0, 1.0), 0.0
-    keeps, shape = np.exp(-dt_s / np.array(TIMES_S)), (len(TIMES_S), len(RATIOS))
-    square, logs = np.zeros(shape), np.zeros(shape)
+    shape = len(TIMES_S), len(RATIOS)
+    keep = np.repeat(np.exp(-dt_s / np.array(TIMES_S)), len(RATIOS))
+    slow = np.tile(np.array(RATIOS) ** 2, len(TIMES_S))
+    square, logs = np.zeros(keep.size), np.zeros(keep.size)
     for v, s in zip(filled, seen, strict=True):
-        _distances(v, s, keeps, np.array(RATIOS), square, logs)
+        _distances(v, s, keep, slow, square, logs)
+    square, logs = square.reshape(shape), logs.reshape(shape)
     variance = square / count
     value = -0.5 * (count * (np.log(2.0 * math.pi * np.maximum(variance, 1e-300)) + 1.0) + logs)
     i, j = (int(k) for k in np.unravel_index(np.argmax(value), shape))
