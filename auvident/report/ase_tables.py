@@ -13,7 +13,7 @@ from auvident.schema.coefficients import BY_SYMBOL
 from auvident.schema.planes import PLANES
 
 number = TERMINAL.number
-PARTS = ("hull", "sail", "rudder", "elevator", "propeller")
+PARTS = ("hull", "sail", "rudder", "elevator", "propeller", "appendages")
 TITLES: dict[str, str] = {"both": "both planes", **dict(zip(PLANES, PLANES, strict=True))}
 SIZES = (
     ("volume_m3", "volume", "m³"),

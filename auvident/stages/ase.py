@@ -73,6 +73,8 @@ def _row(vehicle: Vehicle, declared: Coefficient, parts: Parts, std: float) -> A
     shares = {part: float(v) for part, v in parts[symbol].items() if float(v) != 0.0}
     value, origin = float(sum(shares.values())), "ase"
     known = vehicle.coefficients.get(symbol)
+    if symbol == "X_uu" and vehicle.hull.drag_coefficient is not None:
+        origin = "given"
     if known is not None:
         value, std, origin = known.value, known.std, "given"
     return _coefficient(vehicle, declared, value, std, origin, shares)
