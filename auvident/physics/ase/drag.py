@@ -184,7 +184,7 @@ def omitted_drag_kgpm(
 def stated_drag_kgpm(
     stated: Hull, hull: HullGeometry, density: Any, deviation: Deviation
 ) -> np.ndarray | None:
-    """Drag over u|u|, kg/m, of the whole vehicle by the coefficient in its file, if there is one."""
+    """Drag over u|u|, kg/m, of the whole vehicle by the coefficient in its file, or None."""
     if stated.drag_coefficient is None:
         return None
     drag = np.asarray(stated.drag_coefficient, float)
