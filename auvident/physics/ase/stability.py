@@ -156,9 +156,11 @@ def turning_table(c: Values, mass: float, x_g: float) -> list[dict[str, float]]:
     Returns
     -------
     list of dict
-        ``rudder_deg``, ``rate_per_speed_degpm`` (deg turned per metre, negative to port),
-        ``drift_deg``, ``diameter_m``, ``speed_ratio`` of turn to straight run at equal rpm.
+        Empty where nothing steers; else ``rudder_deg``, ``rate_per_speed_degpm`` (deg turned per metre,
+        negative to port), ``drift_deg``, ``diameter_m``, ``speed_ratio`` of turn to straight run at equal rpm.
     """
+    if c["Y_uud"] == c["N_uud"] == 0.0:
+        return []
     rows, state = [], np.array([0.1, -0.1])
     for degrees in np.arange(FEED_DEG, 0.5, -FEED_STEP_DEG):
         found = steady_turn(c, mass, x_g, np.radians(degrees), state)
@@ -180,7 +182,7 @@ def _turn_row(
         "rate_per_speed_degpm": float(np.degrees(r)),
         "drift_deg": float(np.degrees(np.arctan(v))),
     }
-    if r != 0.0:
+    if abs(r) > NEWTON_TOLERANCE:  # else it is zero, as far as the solution tells
         row["diameter_m"] = float(2.0 * np.hypot(1.0, v) / abs(r))
     drag = c["X_uu"] + c["X_vv"] * v**2 + (c["X_vr"] + mass) * v * r
     drag = drag + (c["X_rr"] + mass * x_g) * r**2 + c["X_uudd"] * np.radians(degrees) ** 2

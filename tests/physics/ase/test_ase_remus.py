@@ -97,7 +97,9 @@ def test_measured_drag_of_the_whole_vehicle_lies_within_a_deviation(recipe, meas
 def test_fins_drag_as_in_the_build_up_of_prestero():
     """Four fins: 0.62 N at 1.54 m/s in fresh water (theory 8.2)."""
     remus = load("remus")
-    entries = [{k: v for k, v in f.items() if k != "cd0"} for f in fins(remus, "rudder", "elevator")]
+    entries = [
+        {k: v for k, v in f.items() if k != "cd0"} for f in fins(remus, "rudder", "elevator")
+    ]
     parts = estimate(changed(remus, fin=entries)).by_symbol()["X_uu"].parts
     drag = -(parts["rudder"] + parts["elevator"]) * 999.1 / 1030.0 * 1.54**2
     # friction of turbulent flow; his C_d 0.02 is a round figure for fins of any size
