@@ -156,8 +156,9 @@ def turning_table(c: Values, mass: float, x_g: float) -> list[dict[str, float]]:
     Returns
     -------
     list of dict
-        Empty where nothing steers; else ``rudder_deg``, ``rate_per_speed_degpm`` (deg turned per metre,
-        negative to port), ``drift_deg``, ``diameter_m``, ``speed_ratio`` of turn to straight run at equal rpm.
+        Empty where nothing steers; else ``rudder_deg``, ``rate_per_speed_degpm`` (deg turned per
+        metre, negative to port), ``drift_deg``, ``diameter_m``, ``speed_ratio`` of turn to
+        straight run at equal rpm.
     """
     if c["Y_uud"] == c["N_uud"] == 0.0:
         return []
