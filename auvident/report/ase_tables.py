@@ -7,13 +7,14 @@ from rich.console import Group, RenderableType
 
 from auvident.report.console_style import finding_line, rich_table
 from auvident.report.numbers import TERMINAL
-from auvident.report.tables import Cell, Column, Number, Rows, Table, WithStd, columns
+from auvident.report.tables import Cell, Column, Fixed, Number, Rows, Table, WithStd, columns
 from auvident.schema.artifacts import AseCoefficient, AseResult
 from auvident.schema.coefficients import BY_SYMBOL
 from auvident.schema.planes import PLANES
 
 number = TERMINAL.number
-PARTS = ("hull", "sail", "rudder", "elevator", "propeller")
+OFTEN = 0.95  # share of the draws above which a figure is told without it
+PARTS = ("hull", "sail", "rudder", "elevator", "propeller", "appendages")
 TITLES: dict[str, str] = {"both": "both planes", **dict(zip(PLANES, PLANES, strict=True))}
 SIZES = (
     ("volume_m3", "volume", "m³"),
@@ -28,9 +29,19 @@ SIZES = (
     ("crossflow_reynolds", "cross-flow Reynolds number", ""),
     ("crossflow_cd", "cylinder C_dn", ""),
 )
-DESIGN_FACTS = (
+# figures with their spread; by group, key and words, with the rudder or the rate they are for
+SPREAD_FACTS = (
     ("horizontal", "G", "G horizontal (> 0 stable)"),
+    ("horizontal", "unstable_probability", "probability of being directionally unstable"),
+    ("horizontal", "weathercock_probability", "probability of N_uv > 0 (bow into the flow)"),
+    ("horizontal", "tactical_diameter_m", "tactical diameter at {circle_rudder_deg:g}° rudder, m"),
+    ("horizontal", "overshoot_1_deg", "first overshoot of a zigzag at {zigzag_rudder_deg:g}°, deg"),
+    ("horizontal", "overshoot_2_deg", "second overshoot, deg"),
     ("vertical", "G", "G vertical (> 0 stable)"),
+    ("vertical", "unstable_probability", "probability of G vertical < 0"),
+    ("speed", "speed_mps", "speed at {rpm:.0f} rpm, m/s"),
+)
+DESIGN_FACTS = (
     ("vertical", "stable_below_mps", "vertical: stable below, m/s"),
     ("horizontal", "linear_rate_per_speed_and_rudder_perm", "linear r/(u δ), 1/m"),
     ("speed", "speed_per_rate_m", "speed per propeller rate, m"),
@@ -65,10 +76,11 @@ def ase_report(result: AseResult) -> RenderableType:
 
 def coefficient_table(result: AseResult) -> Table:
     """Value, deviation, prime value and contribution of each part, by plane."""
-    heads = (*columns(("", "unit")), *columns(numbers=("value ± std", "1000 × prime", *PARTS)))
+    parts = [p for p in PARTS if any(p in c.parts for c in result.coefficients)]
+    heads = (*columns(("", "unit")), *columns(numbers=("value ± std", "1000 × prime", *parts)))
     rows: list[Sequence[Cell]] = []
     for plane, title in TITLES.items():
-        own = [_coefficient_cells(c) for c in result.coefficients if c.plane == plane]
+        own = [_coefficient_cells(c, parts) for c in result.coefficients if c.plane == plane]
         rows += [[title] + [""] * (len(heads)), *own] if own else []
     return Table(
         (*heads, *columns(numbers=("rigid body",))),
@@ -77,7 +89,7 @@ def coefficient_table(result: AseResult) -> Table:
     )
 
 
-def _coefficient_cells(row: AseCoefficient) -> list[Cell]:
+def _coefficient_cells(row: AseCoefficient, parts: Sequence[str]) -> list[Cell]:
     """Cells of one coefficient; a given one is marked."""
     mark = " (given)" if row.origin == "given" else ""
     return [
@@ -85,7 +97,7 @@ def _coefficient_cells(row: AseCoefficient) -> list[Cell]:
         row.unit,
         WithStd(row.value, row.std),
         Number(1e3 * row.prime, 4),
-        *(Number(row.parts[p], 4) if p in row.parts else "" for p in PARTS),
+        *(Number(row.parts[p], 4) if p in row.parts else "" for p in parts),
         Number(row.rigid_body, 4) if row.rigid_body else "",
     ]
 
@@ -102,7 +114,7 @@ def geometry_table(result: AseResult) -> Table:
 
 def facts_table(results: Sequence[AseResult]) -> Table:
     """Stability, turning and speed, one column a vehicle."""
-    rows: list[Sequence[Cell]] = []
+    rows: list[Sequence[Cell]] = _spread_rows(results)
     for group, key, name in DESIGN_FACTS:
         cells = [_cell(r.facts.get(group, {}).get(key)) for r in results]
         rows += [[name, *cells]] if any(cells) else []
@@ -110,6 +122,29 @@ def facts_table(results: Sequence[AseResult]) -> Table:
         diameters = [_cell(_turn(r, angle).get("diameter_m")) for r in results]
         rows.append([f"turning diameter at {angle:g}° rudder, m", *diameters])
     return Table(columns(("",), [r.vehicle for r in results]), rows, "Derived figures")
+
+
+def _spread_rows(results: Sequence[AseResult]) -> list[Sequence[Cell]]:
+    """Figures with their standard deviation, and probabilities; rudder or rate of the first."""
+    rows: list[Sequence[Cell]] = []
+    for group, key, words in SPREAD_FACTS:
+        groups = [r.facts.get("spread", {}).get(group, {}) for r in results]
+        own = next((g for g in groups if key in g), None)
+        if own is not None:
+            numbers = {k: v for k, v in own.items() if isinstance(v, float)}
+            rows.append([words.format(**numbers), *(_spread_cell(g.get(key)) for g in groups)])
+    return rows
+
+
+def _spread_cell(fact: Any) -> Cell:
+    """A figure with its standard deviation, and how often it exists; or a probability."""
+    if not isinstance(fact, dict):
+        return "" if fact is None else Fixed(fact, ".2f")
+    if "value" not in fact:
+        return ""
+    share = fact.get("share", 1.0)
+    seldom = "" if share > OFTEN else f" (in {100.0 * share:.0f} %)"
+    return WithStd(fact["value"], fact.get("std"), seldom)
 
 
 def side_by_side(results: Sequence[AseResult]) -> RenderableType:

@@ -20,6 +20,8 @@ FinKind = Literal["rudder", "elevator", "sail"]
 # Where on the mean chord a stated fin station lies: midway between the quarter chord, where the
 # lift acts, and the half chord. REMUS: x = -0.638 of a fin from -0.611 to -0.685, 0.36 (Prestero).
 STATION_CHORD_SHARE = 0.375
+# Of a drag coefficient: REMUS has 0.267 in the tow tank and 0.2 at sea (Prestero).
+DRAG_SHARE = 0.15
 
 
 class Body(Declared):
@@ -43,6 +45,10 @@ class Hull(Declared):
     Without ``shape`` the keys decide: offsets, if there are any; a Myring hull, if
     ``myring_theta_deg``, ``myring_n`` or a Myring offset is given; else an ellipsoidal nose, a
     cylinder and a conical tail. `auvident.schema.hull_shape` says what each key means.
+
+    ``drag_coefficient`` is that of the whole vehicle on its frontal area, appendages and all,
+    straight ahead with the fins amidships; without ``drag_coefficient_std`` it is known to
+    `DRAG_SHARE`.
     """
 
     length_m: Positive
@@ -61,6 +67,8 @@ class Hull(Declared):
     offsets_radius_m: tuple[float, ...] | None = None
     beam_m: Positive | None = None
     draught_m: Positive | None = None
+    drag_coefficient: Positive | None = None
+    drag_coefficient_std: Positive | None = None
     displaced_volume_m3: Positive | None = None
 
     @property
@@ -68,6 +76,13 @@ class Hull(Declared):
         """Whether the semi-empirical formulas apply to this hull."""
         has_offsets = self.offsets_radius_m is not None or self.offsets is not None
         return self.diameter_m is not None or has_offsets
+
+    @property
+    def drag_std(self) -> float | None:
+        """Standard deviation of the drag coefficient, if there is one."""
+        if self.drag_coefficient is None or self.drag_coefficient_std is not None:
+            return self.drag_coefficient_std
+        return DRAG_SHARE * self.drag_coefficient
 
     @property
     def family(self) -> Literal["myring", "ellipsoid", "suboff", "offsets"]:
@@ -93,6 +108,14 @@ class Hull(Declared):
             raise ValueError(
                 "give diameter_m or offsets (body of revolution), or beam_m and draught_m"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _drag_refers_to_an_area(self) -> Self:
+        if self.drag_coefficient is None and self.drag_coefficient_std is not None:
+            raise ValueError("drag_coefficient_std needs drag_coefficient")
+        if self.drag_coefficient is not None and not self.is_body_of_revolution:
+            raise ValueError("drag_coefficient needs diameter_m; else give [coefficients] X_uu")
         return self
 
 
@@ -224,7 +247,11 @@ class AseOptions(Declared):
         the constant ``crossflow_cd``.
     crossflow_finite_length : factor for the finite hull, DATCOM or Jorgensen fig. 4, or none.
     fin_lift : lift slope of the fins.
-    fin_cd0 : profile drag coefficient of fins without ``cd0`` (0.0065: W-F; small fins 0.02).
+    fin_cd0 : profile drag coefficient of fins without ``cd0`` (W-F: 0.0065); by Hoerner, from
+        friction, thickness and the corner with the hull, unless given.
+    appendage_cd : drag coefficient on the frontal area of what the file does not show (antennas,
+        sensors, openings, propeller hub); midway between 0.06 and 0.12, which REMUS at sea and
+        in the tow tank has beyond its hull and fins (Prestero 2001). 0 for a bare model.
     incidence_interference : (1 + tau)^2 on the lift of fin pairs at incidence, or none.
     deflection_interference : K_W(B), the factor of incidence, or none on deflected fins.
     induced_drag_scaling : induced drag with the factor of the lift or its square.
@@ -246,7 +273,8 @@ class AseOptions(Declared):
     crossflow_cd: Positive = 1.2
     crossflow_finite_length: Literal["datcom", "jorgensen", "none"] = "datcom"
     fin_lift: Literal["whicker_fehlner", "hoerner"] = "whicker_fehlner"
-    fin_cd0: NonNegative = 0.0065
+    fin_cd0: NonNegative | None = None
+    appendage_cd: NonNegative = 0.09
     incidence_interference: Literal["naca1307", "none"] = "naca1307"
     deflection_interference: Literal["k_wb", "incidence", "none"] = "k_wb"
     induced_drag_scaling: Literal["linear", "squared"] = "linear"
@@ -272,6 +300,8 @@ class Vehicle(Declared):
         unknown = [s for s in self.coefficients if s not in BY_SYMBOL]
         if unknown:
             raise ValueError(f"unknown coefficient {unknown[0]!r}; see `auvident coefficients`")
+        if self.hull.drag_coefficient is not None and "X_uu" in self.coefficients:
+            raise ValueError("give [hull] drag_coefficient or [coefficients] X_uu, not both")
         return self
 
     @property

@@ -1,5 +1,6 @@
 """The estimate from geometry: vehicle in, coefficients with parts and uncertainty out."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from auvident.errors import InputError
 from auvident.physics.ase import facts as ase_facts
 from auvident.physics.ase.accuracy import NOMINAL
 from auvident.physics.ase.assembly import Parts, coefficient_parts
-from auvident.physics.ase.findings import findings
+from auvident.physics.ase.findings import findings, undecided
 from auvident.physics.ase.geometry import hull_geometry
 from auvident.physics.ase.prior import contributions, residuals, standard_deviations
 from auvident.physics.ase.propeller import thrust_coefficients
@@ -54,6 +55,7 @@ def estimate(vehicle: Vehicle, speed_mps: float | None = None) -> AseResult:
     std = standard_deviations(effects, residuals(vehicle, parts, geometry))
     rows = tuple(_row(vehicle, c, parts, std[c.symbol]) for c in COEFFICIENTS)
     values = {row.symbol: row.value for row in rows}
+    facts = ase_facts.motion_facts(vehicle, values, _stds(rows), effects, speed)
     return AseResult(
         vehicle=vehicle.body.name,
         speed_mps=speed,
@@ -61,10 +63,15 @@ def estimate(vehicle: Vehicle, speed_mps: float | None = None) -> AseResult:
         density_kgpm3=vehicle.fluid.density_kgpm3,
         coefficients=rows,
         geometry=ase_facts.geometry_facts(vehicle, geometry, speed),
-        facts=ase_facts.motion_facts(vehicle, values, speed),
+        facts=facts,
         accuracy_effects=effects,
-        findings=tuple(findings(vehicle, geometry, values, speed)),
+        findings=(*findings(vehicle, geometry, values, speed), *undecided(facts)),
     )
+
+
+def _stds(rows: Iterable[AseCoefficient]) -> dict[str, float]:
+    """Standard deviations by symbol."""
+    return {row.symbol: row.std for row in rows}
 
 
 def _row(vehicle: Vehicle, declared: Coefficient, parts: Parts, std: float) -> AseCoefficient:
@@ -73,6 +80,8 @@ def _row(vehicle: Vehicle, declared: Coefficient, parts: Parts, std: float) -> A
     shares = {part: float(v) for part, v in parts[symbol].items() if float(v) != 0.0}
     value, origin = float(sum(shares.values())), "ase"
     known = vehicle.coefficients.get(symbol)
+    if symbol == "X_uu" and vehicle.hull.drag_coefficient is not None:
+        origin = "given"
     if known is not None:
         value, std, origin = known.value, known.std, "given"
     return _coefficient(vehicle, declared, value, std, origin, shares)
@@ -123,6 +132,8 @@ def _given_only(vehicle: Vehicle, speed: float) -> AseResult:
             f"{vehicle.body.name}: [coefficients]",
             "State value and std of each (dimensional), or diameter_m for a body of revolution.",
         )
+    values = {symbol: row.value for symbol, row in rows.items()}
+    facts = ase_facts.motion_facts(vehicle, values, _stds(rows.values()), {}, speed)
     return AseResult(
         vehicle=vehicle.body.name,
         applies=False,
@@ -130,7 +141,7 @@ def _given_only(vehicle: Vehicle, speed: float) -> AseResult:
         length_m=vehicle.hull.length_m,
         density_kgpm3=vehicle.fluid.density_kgpm3,
         coefficients=tuple(rows.values()),
-        facts=ase_facts.motion_facts(vehicle, {s: r.value for s, r in rows.items()}, speed),
+        facts=facts,
         findings=(
             Finding(
                 code="ase_does_not_apply",
@@ -139,6 +150,7 @@ def _given_only(vehicle: Vehicle, speed: float) -> AseResult:
                 "propeller curve.",
                 where="[hull]",
             ),
+            *undecided(facts),
         ),
     )
 

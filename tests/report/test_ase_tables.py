@@ -40,6 +40,21 @@ def test_findings_and_given_values_are_told(results):
     assert "(given)" in text
 
 
+def test_figures_stand_with_what_is_not_known_of_them(results):
+    text = " ".join(text_of(ase_report(results[0])).split())
+    spread = results[0].facts["spread"]
+    chance = spread["horizontal"]["unstable_probability"]
+    assert f"probability of being directionally unstable {chance:.2f}" in text
+    for words in ("G horizontal (> 0 stable)", "tactical diameter at 15° rudder, m"):
+        assert "±" in text.split(words)[1][:20], words
+    assert f"speed at {spread['speed']['rpm']:.0f} rpm, m/s 1.54 ±" in text
+
+
+def test_parts_that_a_vehicle_lacks_have_no_column(results):
+    heads = [text_of(ase_report(r)).split("both planes")[0] for r in results[:2]]
+    assert ["sail" in head for head in heads] == [False, True]
+
+
 def test_side_by_side_shows_the_change(results):
     text = text_of(side_by_side(results[:2]))
     first, second = (r.by_symbol()["Y_uv"].value for r in results[:2])

@@ -35,11 +35,12 @@ ACCURACIES: tuple[Accuracy, ...] = (
     Accuracy("cut_station", 0.10, "of tail, shift: brings SUBOFF bare Y_v' 25 % down to measured"),
     Accuracy("hull_rate_lift", 1.0, "shift, 1 = slender body cut: SUBOFF Y_r' 0.7, N_r' 1.2"),
     Accuracy("friction", 0.08, "SUBOFF resistance 3 %, tolerance 8 % (theory 8.1); ITTC or PS"),
-    Accuracy("protuberances", 0.40, "REMUS: tow tank C_d 0.267, formula 0.125 + fins (Prestero)"),
-    Accuracy("crossflow_drag", 0.45, "C_dn 0.3-1.2 about the drag crisis; eta 0.64 to 1"),
+    Accuracy("protuberances", 0.50, "REMUS: C_d beyond hull and fins 0.06 at sea, 0.12 towed"),
+    Accuracy("drag_stated", 1.0, "shift: of the standard deviation stated in the file"),
+    Accuracy("crossflow_drag", 0.45, "shift of C_D: 0.2-0.8 about the crisis, eta to 1, masts"),
     Accuracy("crossflow_centre", 0.08, "of L, shift, judgement: separation begins aft of the nose"),
-    Accuracy("crossflow_turning", 1.25, "shift, 1 = strip value; 1 to 1.6 with eta or without"),
-    Accuracy("suction", 0.40, "judgement: leading-edge suction is realised in part"),
+    Accuracy("crossflow_turning", 1.25, "shift, 1 = subcritical strips; 1 to 1.6 without eta"),
+    Accuracy("suction", 0.60, "shift, 1 = whole; C_A = C_A0 cos^2 of Jorgensen has none"),
     Accuracy("fin_lift", 0.10, "Whicker-Fehlner 2.61, Hoerner 3.12 at A = 2.2: 19 % apart"),
     Accuracy("fin_wake", 0.20, "tail fins, protruding: no-K to K span, theory 8.1"),
     Accuracy("fin_wake_buried", 0.30, "added when the tip is inside the hull's diameter: SUBOFF"),
@@ -49,8 +50,9 @@ ACCURACIES: tuple[Accuracy, ...] = (
     Accuracy("fin_centre", 0.25, "of mean chord, shift, judgement: stock or quarter chord"),
     Accuracy("sail_interference", 0.10, "SUBOFF sail Y_v' -2 to +4 %, tolerance 15 % (theory 8.1)"),
     Accuracy("sail_centre", 0.85, "of mean chord, shift aft: SUBOFF sail N_v' 42 % high"),
-    Accuracy("fin_drag", 0.50, "C_D0 0.0065 (W-F) to 0.02 (small fins, Prestero 5.2)"),
+    Accuracy("fin_drag", 0.35, "C_D0 at Re 1e5: laminar 0.010, turbulent 0.021"),
     Accuracy("fin_induced", 0.35, "K or K^2 (theory 5.1), e = 0.9"),
+    Accuracy("fin_stall", 0.50, "shift, of K C_La: bends over at 0.4 rad, -14 % at 0.3 rad"),
     Accuracy("fin_crossflow", 0.45, "C_Dc 0.42 (faired) to 0.82 (square tips) at one taper"),
     Accuracy("thrust_line", 0.12, "judgement: open-water line at another Reynolds number"),
     Accuracy("thrust_slope", 0.15, "judgement: as thrust_line, and a curve that is no line"),
@@ -73,6 +75,11 @@ class Deviation:
     def scale(self, name: str, share: Any = 1.0) -> np.ndarray:
         """Factor exp(sigma share z) of a formula; `share` scales sigma with geometry."""
         return np.exp(BY_NAME[name].sigma * np.asarray(share) * np.asarray(self.z.get(name, 0.0)))
+
+    def offset_factor(self, name: str, nominal: Any) -> np.ndarray:
+        """Factor by which a positive `nominal` deviates by about sigma z and stays positive."""
+        share = np.arcsinh(BY_NAME[name].sigma / np.asarray(nominal, float))
+        return np.exp(share * np.asarray(self.z.get(name, 0.0)))
 
     def shift(self, name: str) -> np.ndarray:
         """Offset sigma z of a formula."""

@@ -9,7 +9,7 @@ import numpy as np
 from auvident.physics.ase import added_mass
 from auvident.physics.ase import hull as bare
 from auvident.physics.ase.accuracy import NOMINAL, Deviation
-from auvident.physics.ase.drag import hull_drag_kgpm
+from auvident.physics.ase.drag import hull_drag_kgpm, omitted_drag_kgpm, stated_drag_kgpm
 from auvident.physics.ase.fins import FinForces, fin_forces
 from auvident.physics.ase.geometry import HullGeometry, hull_geometry
 from auvident.physics.ase.propeller import thrust_coefficients
@@ -18,7 +18,7 @@ from auvident.schema.planes import BY_PLANE, HORIZONTAL, PLANES, VERTICAL, Plane
 from auvident.schema.vehicle import Vehicle
 
 Parts = dict[str, dict[str, np.ndarray]]
-"""Symbol -> part (hull, sail, rudder, elevator, propeller) -> value."""
+"""Symbol -> part (hull, sail, rudder, elevator, propeller, appendages) -> value."""
 
 TURNED = str.maketrans({HORIZONTAL.names[x]: VERTICAL.names[x] for x in "ABab"})
 
@@ -65,7 +65,8 @@ def coefficient_parts(
     """
     hull = hull_geometry(vehicle) if geometry is None else geometry
     density = np.asarray(vehicle.fluid.density_kgpm3, float)
-    fins = [fin_forces(f, hull, density, vehicle.ase, deviation) for f in vehicle.fin]
+    stream = np.asarray(speed_mps, float) / vehicle.fluid.kinematic_viscosity_m2ps
+    fins = [fin_forces(f, hull, density, stream, vehicle.ase, deviation) for f in vehicle.fin]
     parts: Parts = {c.symbol: {} for c in COEFFICIENTS}
     surge = added_mass.surge(hull, density, vehicle.ase) * deviation.scale("surge_spheroid")
     parts["X_udot"]["hull"] = surge
@@ -103,15 +104,24 @@ def _axial_drag(
     deviation: Deviation,
     parts: Parts,
 ) -> None:
-    """X_uu of hull and all fins; X_uudd, the mean of the planes that have a moving set."""
+    """X_uu of hull, all fins and the rest; X_uudd, the mean of the planes with a moving set.
+
+    The rest (``appendages``) is what a sketch omits, or what is missing to a stated total.
+    """
     fluid = vehicle.fluid
     drag = hull_drag_kgpm(
         hull, speed_mps, fluid.density_kgpm3, fluid.kinematic_viscosity_m2ps, vehicle.ase
     )
-    extra = deviation.scale("protuberances")
-    parts["X_uu"]["hull"] = -drag * deviation.scale("friction") * extra
+    axial = parts["X_uu"]
+    axial["hull"] = -drag * deviation.scale("friction")
     for fin in fins:
-        _add(parts["X_uu"], fin.kind, -fin.profile * extra)
+        _add(axial, fin.kind, -fin.profile)
+    whole = stated_drag_kgpm(vehicle.hull, hull, fluid.density_kgpm3, deviation)
+    if whole is None:
+        rest = -omitted_drag_kgpm(hull, fluid.density_kgpm3, vehicle.ase, deviation)
+    else:
+        rest = -whole - sum(axial.values(), start=np.zeros(()))
+    axial["appendages"] = rest
     moved = [[f for f in fins if command in f.commands] for command in HORIZONTAL.fins]
     planes = max(sum(bool(group) for group in moved), 1)
     for group in moved:
@@ -166,8 +176,8 @@ def _add_fin(out: Parts, fin: FinForces, plane: Plane, deviation: Deviation) -> 
     cosine, x = fin.projection[plane], fin.x_m
     square = cosine**2
     side = -(fin.incidence + fin.profile) * square
-    suction = (fin.incidence - fin.induced) * square * deviation.scale("suction")
-    across = -fin.crossflow * cosine**3
+    suction = (fin.incidence - fin.induced) * square * (1.0 + deviation.shift("suction"))
+    across = -(fin.crossflow + fin.incidence * deviation.shift("fin_stall")) * cosine**3
     terms = {
         "X_vv": suction,
         "X_vr": 2.0 * x * suction,

@@ -1,14 +1,17 @@
-"""Friction lines, form factor, base drag and cross-flow drag of the hull (theory 3.2)."""
+"""Drag along and across the hull, of a fin, and of what a sketch omits (theory 3.2, 8.2)."""
 
 from typing import Any
 
 import numpy as np
 
+from auvident.physics.ase.accuracy import Deviation
 from auvident.physics.ase.geometry import HullGeometry
-from auvident.schema.vehicle import AseOptions
+from auvident.schema.vehicle import AseOptions, Hull
 
 LAMINAR_REYNOLDS = 5e5  # below it long laminar runs are likely
 FORM_CUBIC, FORM_LINEAR = 60.0, 0.0025  # 1 + 60/f^3 + 0.0025 f (DATCOM 4.2.3.1)
+FIN_THICKNESS = 0.12  # of the chord: NACA 0012, usual on small vehicles
+LEAST_REYNOLDS = 1e4  # of a fin; the friction lines are for turbulent flow and end far above
 BASE_DRAG = 0.029  # 0.029 (d_b/d)^3 / sqrt(C_Df), on the frontal area (DATCOM 4.2.3.1)
 
 # Cylinder drag against cross-flow Reynolds number: Jorgensen TR R-474 p. 76 by way of digitised
@@ -53,6 +56,7 @@ CROSSFLOW_DRAG = (
     0.69,
     0.70,
 )
+SUBCRITICAL_DRAG = 1.2  # from 3e4 up to the drag crisis
 
 # Finite-length factor against fineness: Jorgensen 1977 fig. 4, digitised; and DATCOM
 # fig. 4.2.1.2-35a.
@@ -144,6 +148,55 @@ def hull_drag_kgpm(
     return 0.5 * np.asarray(density, float) * area
 
 
+def fin_profile_drag(reynolds: Any, root_over_span: Any, line: str = "ittc57") -> np.ndarray:
+    """C_D0 of a fin on a hull, on its planform area (Hoerner 1965, chapters 6 and 8).
+
+    Parameters
+    ----------
+    reynolds : array_like
+        On the mean chord.
+    root_over_span : array_like
+        Chord at the root over exposed span.
+    line : str
+        As of `friction_coefficient`.
+
+    Returns
+    -------
+    ndarray
+        2 C_f (1 + 2 t/c + 60 (t/c)^4) of both sides, and 0.75 t/c - 0.0003 (c/t)^2 on the square
+        of the thickness in the corner with the hull.
+    """
+    friction = friction_coefficient(np.maximum(reynolds, LEAST_REYNOLDS), line)
+    thickness = FIN_THICKNESS
+    section = 2.0 * friction * (1.0 + 2.0 * thickness + 60.0 * thickness**4)
+    corner = (0.75 * thickness - 0.0003 / thickness**2) * thickness**2
+    return section + corner * np.asarray(root_over_span, float)
+
+
+def omitted_drag_kgpm(
+    hull: HullGeometry, density: Any, options: AseOptions, deviation: Deviation
+) -> np.ndarray:
+    """Drag over u|u|, kg/m, of what a vehicle file leaves out: antennas, sensors, openings, hub."""
+    drag = options.appendage_cd * deviation.scale("protuberances")
+    return drag * frontal_kgpm(hull, density)
+
+
+def stated_drag_kgpm(
+    stated: Hull, hull: HullGeometry, density: Any, deviation: Deviation
+) -> np.ndarray | None:
+    """Drag over u|u|, kg/m, of the whole vehicle by the coefficient in its file, or None."""
+    if stated.drag_coefficient is None:
+        return None
+    drag = np.asarray(stated.drag_coefficient, float)
+    spread = np.asarray(stated.drag_std, float) * deviation.shift("drag_stated")
+    return (drag + spread) * frontal_kgpm(hull, density)
+
+
+def frontal_kgpm(hull: HullGeometry, density: Any) -> np.ndarray:
+    """Half density times frontal area: what a drag coefficient is multiplied by."""
+    return 0.125 * np.pi * np.asarray(density, float) * hull.diameter_m**2
+
+
 def crossflow_reynolds(
     hull: HullGeometry, speed_mps: Any, viscosity: Any, options: AseOptions
 ) -> np.ndarray:
@@ -176,5 +229,17 @@ def crossflow_kgpm3(
         drag = np.asarray(options.crossflow_cd)
     else:
         drag = cylinder_drag(crossflow_reynolds(hull, speed_mps, viscosity, options))
+    return _across_kgpm3(drag, hull, density, options)
+
+
+def subcritical_kgpm3(hull: HullGeometry, density: Any, options: AseOptions) -> np.ndarray:
+    """The same where the flow across is below the drag crisis."""
+    return _across_kgpm3(np.asarray(SUBCRITICAL_DRAG), hull, density, options)
+
+
+def _across_kgpm3(
+    drag: np.ndarray, hull: HullGeometry, density: Any, options: AseOptions
+) -> np.ndarray:
+    """Half density times the drag of a finite cylinder."""
     eta = finite_length_factor(hull.fineness, options.crossflow_finite_length)
     return 0.5 * np.asarray(density, float) * eta * drag

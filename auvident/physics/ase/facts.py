@@ -10,6 +10,7 @@ from auvident.physics.ase.drag import crossflow_reynolds, cylinder_drag, finite_
 from auvident.physics.ase.fins import aspect_ratio, hull_ratio, lift_slope
 from auvident.physics.ase.geometry import HullGeometry
 from auvident.physics.ase.hull import slenderness_factor
+from auvident.physics.ase.spread import spread_facts
 from auvident.schema.vehicle import Vehicle
 
 SPEED_SHARES = (0.5, 0.75, 1.0, 1.25)  # of the design speed, rows of the speed table
@@ -86,21 +87,30 @@ def rigid_body_terms(vehicle: Vehicle) -> dict[str, float]:
     }
 
 
-def motion_facts(vehicle: Vehicle, values: Mapping[str, float], speed_mps: float) -> dict[str, Any]:
+def motion_facts(
+    vehicle: Vehicle,
+    values: Mapping[str, float],
+    stds: Mapping[str, float],
+    effects: Mapping[str, Mapping[str, float]],
+    speed_mps: float,
+) -> dict[str, Any]:
     """Stability, turning and speed, straight from the coefficients.
 
     Parameters
     ----------
     vehicle : Vehicle
-    values : mapping of str to float
+    values, stds : mapping of str to float
         Coefficients by symbol; the vertical plane is left out where they lack.
+    effects : mapping of str to mapping
+        One-sigma effect of each formula on each coefficient.
     speed_mps : float
         Design speed.
 
     Returns
     -------
     dict
-        Finite numbers, lists of rows, and booleans; what does not exist is left out.
+        Finite numbers, lists of rows, and booleans; what does not exist is left out. ``spread``
+        has the same figures with what the standard deviations leave open, see `spread_facts`.
     """
     body = vehicle.body
     facts: dict[str, Any] = {"horizontal": _horizontal(vehicle, values)}
@@ -116,6 +126,7 @@ def motion_facts(vehicle: Vehicle, values: Mapping[str, float], speed_mps: float
             "table": stability.speed_table(values, rates),
         }
     facts["mass_kg"], facts["x_g_m"] = body.mass_kg, body.x_g_m
+    facts["spread"] = spread_facts(vehicle, values, stds, effects, speed_mps)
     return _finite(facts)
 
 

@@ -1,6 +1,7 @@
 """What an engineer should know before trusting the estimate of this vehicle."""
 
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 from auvident.physics.ase.drag import LAMINAR_REYNOLDS
 from auvident.physics.ase.fins import aspect_ratio, buried_share
@@ -8,12 +9,14 @@ from auvident.physics.ase.geometry import HullGeometry
 from auvident.physics.ase.propeller import thrust_line
 from auvident.physics.ase.stability import speed_per_rate_m
 from auvident.schema.artifacts import Finding
+from auvident.schema.effect_words import with_std
 from auvident.schema.planes import PLANE_ROWS
 from auvident.schema.vehicle import Vehicle
 
 BURIED_LIMIT = 0.5  # share of the span in the hull's wake from which lift is over-predicted
 SMALL_FINENESS = 4.0  # DATCOM charts and slender-body theory begin here
 WHICKER_FEHLNER_ASPECT = 3.0  # upper end of the tests of DTMB report 933
+OPEN = 0.2  # probability of the less likely side above which nothing is decided
 MASS_TOLERANCE = 0.15  # mass against displaced mass: beyond it the file deserves a look
 
 
@@ -50,6 +53,22 @@ def findings(
                 remedy=f"Add a [[fin]] of kind {name!r} if the vehicle has one.",
             )
     yield from _propeller_findings(vehicle, values)
+
+
+def undecided(facts: Mapping[str, Any]) -> Iterator[Finding]:
+    """Yield what the estimate leaves open, from `auvident.physics.ase.facts.motion_facts`."""
+    spread = facts["spread"]["horizontal"]
+    chance, index = spread["unstable_probability"], spread["G"]
+    if OPEN < chance < 1.0 - OPEN and {"value", "std"} <= set(index):
+        yield Finding(
+            code="stability_undecided",
+            message=f"The geometry does not decide whether the vehicle keeps a straight course: "
+            f"directionally unstable with probability {chance:.2f} "
+            f"(G {with_std(index['value'], index['std'])}).",
+            where="[[fin]]",
+            value=chance,
+            remedy="A trial tells, with zigzags of small angles; larger tail fins stabilise.",
+        )
 
 
 def _hull_findings(vehicle: Vehicle, hull: HullGeometry, speed_mps: float) -> Iterator[Finding]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from auvident.physics.ase import interference
 from auvident.physics.ase.accuracy import Deviation
+from auvident.physics.ase.drag import fin_profile_drag
 from auvident.physics.ase.geometry import HullGeometry
 from auvident.schema.coefficients import Plane
 from auvident.schema.vehicle import AseOptions, Fin
@@ -138,7 +139,12 @@ def interference_factors(
 
 
 def fin_forces(
-    fin: Fin, hull: HullGeometry, density: Any, options: AseOptions, deviation: Deviation
+    fin: Fin,
+    hull: HullGeometry,
+    density: Any,
+    reynolds_pm: Any,
+    options: AseOptions,
+    deviation: Deviation,
 ) -> FinForces:
     """Forces of one ``[[fin]]`` entry (theory tables 3.3.1 to 3.4.3).
 
@@ -147,6 +153,8 @@ def fin_forces(
     fin : Fin
     hull : HullGeometry
     density : array_like
+    reynolds_pm : array_like
+        Speed over kinematic viscosity, 1/m.
     options : AseOptions
     deviation : Deviation
         Draw of the formula accuracies.
@@ -164,7 +172,7 @@ def fin_forces(
     k_deflection = deflection * share_deflection * lift
     power = 1 if options.induced_drag_scaling == "linear" else 2
     drag = slope**2 / (LIFT_EFFICIENCY * np.pi * aspect) * deviation.scale("fin_induced")
-    profile = options.fin_cd0 if fin.cd0 is None else np.asarray(fin.cd0, float)
+    profile = _profile_drag(fin, reynolds_pm, options)
     across = crossflow_coefficient(fin) / np.maximum(aspect, LEAST_CROSSFLOW_ASPECT)
     across = across * np.asarray(fin.efficiency, float)
     return FinForces(
@@ -182,6 +190,15 @@ def fin_forces(
             "vertical": projection(fin, "vertical"),
         },
     )
+
+
+def _profile_drag(fin: Fin, reynolds_pm: Any, options: AseOptions) -> np.ndarray:
+    """C_D0: of the fin, else of the options, else from friction and thickness."""
+    for known in (fin.cd0, options.fin_cd0):
+        if known is not None:
+            return np.asarray(known, float)
+    root, span = np.asarray(fin.root_chord_m, float), np.asarray(fin.exposed_span_m, float)
+    return fin_profile_drag(reynolds_pm * area_m2(fin) / span, root / span, options.friction_line)
 
 
 def _isolated(fin: Fin, options: AseOptions) -> tuple[np.ndarray, np.ndarray]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from auvident.physics.ase.accuracy import Deviation
 from auvident.physics.ase.added_mass import Lateral
-from auvident.physics.ase.drag import crossflow_kgpm3
+from auvident.physics.ase.drag import crossflow_kgpm3, subcritical_kgpm3
 from auvident.physics.ase.geometry import HullGeometry
 from auvident.physics.ase.spheroid import (
     datcom_slenderness,
@@ -54,7 +54,7 @@ def lift_terms(
     return {
         "Y_uv": force,
         "N_uv": -strength * (volume + x * area),
-        "X_vv": -0.5 * force * deviation.scale("suction"),
+        "X_vv": -0.5 * force * (1.0 + deviation.shift("suction")),
         "Y_ur": rate * x * force,
         "N_ur": rate * x**2 * force,
     }
@@ -68,17 +68,24 @@ def crossflow_terms(
     options: AseOptions,
     deviation: Deviation,
 ) -> dict[str, np.ndarray]:
-    """Cross-flow drag: Y_v|v|, N_v|v|, and as an option the strips of a turning hull."""
+    """Cross-flow drag: Y_v|v|, N_v|v|, and as an option the strips of a turning hull.
+
+    The strips of a turning hull are uncertain by subcritical ones: near the pivot the flow
+    across is slow at any speed.
+    """
     per_area = crossflow_kgpm3(hull, speed_mps, density, viscosity, options)
-    per_area = per_area * deviation.scale("crossflow_drag")
+    half_density = 0.5 * np.asarray(density, float)
+    per_area = per_area * deviation.offset_factor("crossflow_drag", per_area / half_density)
     force = -per_area * hull.planform_m2
     centre = hull.planform_x_m - deviation.shift("crossflow_centre") * hull.length_m
-    turning = float(options.hull_rate_crossflow) + deviation.shift("crossflow_turning")
+    turning = float(options.hull_rate_crossflow) * per_area
+    slow = subcritical_kgpm3(hull, density, options)
+    turning = turning + deviation.shift("crossflow_turning") * slow
     return {
         "Y_v|v|": force,
         "N_v|v|": force * centre,
-        "Y_r|r|": -turning * per_area * hull.planform_xabs_m4,
-        "N_r|r|": -turning * per_area * hull.planform_xcube_m5,
+        "Y_r|r|": -turning * hull.planform_xabs_m4,
+        "N_r|r|": -turning * hull.planform_xcube_m5,
     }
 
 

@@ -54,11 +54,16 @@ def contributions(
 
 
 def residuals(vehicle: Vehicle, parts: Parts, geometry: HullGeometry) -> dict[str, float]:
-    """Standard deviation of each coefficient that no shared formula explains; never zero."""
+    """Standard deviation of each coefficient that no shared formula explains.
+
+    Zero only for what the file states with a standard deviation of its own.
+    """
     result = {}
     for symbol, values in parts.items():
         of_parts = RESIDUAL_SHARE * np.sqrt(sum(float(v) ** 2 for v in values.values()))
         result[symbol] = float(np.hypot(of_parts, _floor(vehicle, symbol, bool(values), geometry)))
+    if vehicle.hull.drag_coefficient is not None:
+        result["X_uu"] = 0.0  # its standard deviation is the one that the file states
     return result
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from auvident.constants import GRAVITY_MPS2
+from auvident.schema.planes import BY_PLANE, Plane
 
 TURN_ANGLES_DEG = (5.0, 10.0, 15.0, 20.0, 25.0)
 NEWTON_STEPS, NEWTON_TOLERANCE = 60, 1e-12
@@ -41,16 +42,36 @@ def vertical_stability(c: Values, mass: Any, x_g: Any) -> np.ndarray:
     return 1.0 - c["M_uw"] * (c["Z_uq"] + mass) / (c["Z_uw"] * (c["M_uq"] - mass * x_g))
 
 
-def eigenvalues_per_metre(c: Values, mass: float, inertia: float, x_g: float) -> np.ndarray:
-    """Growth of sway and yaw per metre travelled, 1/m; negative real parts decay."""
-    inertial = np.array(
-        [
-            [mass - c["Y_vdot"], mass * x_g - c["Y_rdot"]],
-            [mass * x_g - c["N_vdot"], inertia - c["N_rdot"]],
-        ]
+def eigenvalues_per_metre(
+    c: Values, mass: float, inertia: float, x_g: float, plane: Plane = "horizontal"
+) -> np.ndarray:
+    """Growth of sway and yaw (heave and pitch) per metre travelled, 1/m.
+
+    Negative real parts decay; the righting moment of the vertical plane is left out. Shape (..., 2)
+    for coefficients of shape (...).
+    """
+    row = BY_PLANE[plane]
+    (force, moment), (a, b) = row.axes[1:], (row.names["a"], row.names["b"])
+    cross = row.sigma * mass * x_g
+    inertial = _matrix(
+        mass - c[f"{force}_{a}dot"],
+        cross - c[f"{force}_{b}dot"],
+        cross - c[f"{moment}_{a}dot"],
+        inertia - c[f"{moment}_{b}dot"],
     )
-    damping = np.array([[c["Y_uv"], c["Y_ur"] - mass], [c["N_uv"], c["N_ur"] - mass * x_g]])
+    damping = _matrix(
+        c[f"{force}_u{a}"],
+        c[f"{force}_u{b}"] - row.sigma * mass,
+        c[f"{moment}_u{a}"],
+        c[f"{moment}_u{b}"] - mass * x_g,
+    )
     return np.linalg.eigvals(np.linalg.solve(inertial, damping))
+
+
+def _matrix(*entries: Any) -> np.ndarray:
+    """Matrices (..., 2, 2) of their entries, row by row."""
+    stacked = np.stack(np.broadcast_arrays(*entries), axis=-1)
+    return stacked.reshape(*stacked.shape[:-1], 2, 2)
 
 
 def speed_per_rate_m(c: Values) -> float:
@@ -135,9 +156,12 @@ def turning_table(c: Values, mass: float, x_g: float) -> list[dict[str, float]]:
     Returns
     -------
     list of dict
-        ``rudder_deg``, ``rate_per_speed_degpm`` (deg turned per metre, negative to port),
-        ``drift_deg``, ``diameter_m``, ``speed_ratio`` of turn to straight run at equal rpm.
+        Empty where nothing steers; else ``rudder_deg``, ``rate_per_speed_degpm`` (deg turned per
+        metre, negative to port), ``drift_deg``, ``diameter_m``, ``speed_ratio`` of turn to
+        straight run at equal rpm.
     """
+    if c["Y_uud"] == c["N_uud"] == 0.0:
+        return []
     rows, state = [], np.array([0.1, -0.1])
     for degrees in np.arange(FEED_DEG, 0.5, -FEED_STEP_DEG):
         found = steady_turn(c, mass, x_g, np.radians(degrees), state)
@@ -159,7 +183,7 @@ def _turn_row(
         "rate_per_speed_degpm": float(np.degrees(r)),
         "drift_deg": float(np.degrees(np.arctan(v))),
     }
-    if r != 0.0:
+    if abs(r) > NEWTON_TOLERANCE:  # else it is zero, as far as the solution tells
         row["diameter_m"] = float(2.0 * np.hypot(1.0, v) / abs(r))
     drag = c["X_uu"] + c["X_vv"] * v**2 + (c["X_vr"] + mass) * v * r
     drag = drag + (c["X_rr"] + mass * x_g) * r**2 + c["X_uudd"] * np.radians(degrees) ** 2

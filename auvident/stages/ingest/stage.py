@@ -21,6 +21,7 @@ from auvident.schema.logs import RawTrial, TrialQuality
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.clean import CleanSensor, Series, clean_trial
+from auvident.stages.ingest.dvl_roll import without_roll
 from auvident.stages.ingest.quality import report
 from auvident.stages.ingest.resample import (
     Grid,
@@ -94,6 +95,7 @@ def ingest(
         )
     needed = tuple(needed)
     sensors = clean_trial(raw, vehicle, needed)
+    sensors, done = without_roll(sensors, vehicle.dvl, max_gap_s)
     _refuse_too_slow(sensors, needed)
     plans = {c: _plan(s, k, rate_hz, max_gap_s) for c, s, k in _series(sensors)}
     grid = _common_grid(raw, plans, needed, rate_hz)
@@ -102,7 +104,8 @@ def ingest(
     sensors = {name: _only(k, columns) for name, k in sensors.items()}
     table = _table(grid, columns, needed)
     trial = Trial(raw.name, table, rate_hz)
-    return trial, report(raw, trial, vehicle, sensors, plans, columns, needed)
+    quality = report(raw, trial, vehicle, sensors, plans, columns, needed)
+    return trial, quality.model_copy(update={"findings": (*quality.findings, *done)})
 
 
 def _series(sensors: dict[str, CleanSensor]) -> list[tuple[str, Series, CleanSensor]]:

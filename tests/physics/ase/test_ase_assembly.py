@@ -35,7 +35,7 @@ def test_signs_are_those_declared():
 
 
 def test_fins_removed_leave_the_bare_hull():
-    suboff = load("suboff")
+    suboff = changed(load("suboff"), ase={"appendage_cd": 0.0})
     with_fins = coefficient_parts(suboff, 1.5)
     bare = values(changed(suboff, fin=[]))
     for symbol, parts in with_fins.items():
@@ -111,6 +111,7 @@ ALTERNATIVES = [
     ("hull_rate_crossflow", True),
     ("base_drag", True),
     ("fin_cd0", 0.02),
+    ("appendage_cd", 0.0),
     ("crossflow_angle_deg", 40.0),
 ]
 

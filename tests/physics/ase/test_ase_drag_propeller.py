@@ -32,6 +32,7 @@ def test_suboff_resistance_is_the_measured_one():
     bare = changed(
         load("suboff"),
         fin=[],
+        ase={"appendage_cd": 0.0},
         vehicle={"design_speed_mps": 3.046},
         fluid={"density_kgpm3": 1000.0, "kinematic_viscosity_m2ps": viscosity},
     )

@@ -3,7 +3,7 @@ import time
 import numpy as np
 import pytest
 from ase_vehicles import changed, fins, load
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from auvident.errors import InputError
@@ -121,6 +121,7 @@ def test_numbers_are_finite_for_a_hull_alone():
 
 
 @settings(max_examples=40, deadline=None)
+@example(0.609375, 12.0, 0.0, 0.0625, 0.2, 90.0, 1, "datcom")  # a rudder that lies flat: no turn
 @given(
     length=st.floats(0.6, 12.0),
     fineness=st.floats(3.0, 14.0),

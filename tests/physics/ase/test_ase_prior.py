@@ -61,7 +61,8 @@ def test_every_accuracy_has_an_effect_and_a_source():
     propeller = {"propeller": {"diameter_m": 0.2, "kt0": 0.4, "kt1": -0.4}}
     given = {"propeller": {**propeller["propeller"], "wake_fraction": 0.2, "thrust_deduction": 0.1}}
     seen = set()
-    for tables in (propeller, given):
+    stated = {"hull": {"drag_coefficient": 0.2}}
+    for tables in (propeller, given, stated):
         seen |= set(estimate(changed(suboff, **tables)).accuracy_effects)
     assert seen == {a.name for a in ACCURACIES}
     assert all(a.source and a.sigma > 0.0 for a in ACCURACIES)

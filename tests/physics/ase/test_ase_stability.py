@@ -126,3 +126,10 @@ def test_righting_moment_holds_an_unstable_vehicle_below_a_speed():
         return np.linalg.eigvals(np.vstack([upper, [0, 1, 0]])).real.max()
 
     assert growth(0.99 * limit) < 0.0 < growth(1.01 * limit)
+
+
+def test_vehicle_that_nothing_steers_has_no_steady_turns():
+    """A rudder turned into the horizontal plane by its dihedral acts in the vertical one only."""
+    remus = load("remus")
+    flat = changed(remus, fin=fins(remus, "rudder", dihedral_deg=90.0))
+    assert estimate(flat).facts["horizontal"]["turns"] == []

@@ -51,6 +51,9 @@ def test_impossible_variants_say_why():
 def test_design_speed_and_propeller_can_be_swept():
     table = sweep(load("remus"), {"vehicle.design_speed_mps": [1.0, 2.0]})
     assert abs(table["X_uu"][1]) < abs(table["X_uu"][0])  # friction falls with Reynolds number
+    known = changed(load("remus"), hull={"drag_coefficient": 0.2})
+    drag = sweep(known, {"hull.drag_coefficient": [0.2, 0.3]})["X_uu"]
+    assert drag[1] == pytest.approx(1.5 * drag[0])
     thrust = sweep(load("remus"), {"propeller.diameter_m": [0.14, 0.28]})["T_nn"]
     assert thrust[1] == pytest.approx(16.0 * thrust[0])
 

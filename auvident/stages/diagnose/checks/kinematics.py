@@ -163,7 +163,7 @@ def position_change(stretch: Stretch, x: Array, dvl: Dvl) -> Array:
     p, q, r = s["p_radps"], s["q_radps"], s["r_radps"]
     at_origin = (
         u - q * dvl.z_m + r * dvl.y_m,
-        v - r * dvl.x_m + p * dvl.z_m,
+        v - r * dvl.x_m,  # p * dvl.z_m is taken out where the log is read
         w - p * dvl.y_m + q * dvl.x_m,
     )
     over_ground = _north_east(s, at_origin)

@@ -83,7 +83,7 @@ def trial_of(
     }
     p, q, r = (TRUTH.at(n, time) for n in "pqr")
     u = TRUTH.at("u", time) - r * DVL.y_m + q * DVL.z_m
-    v = TRUTH.at("v", time) + r * DVL.x_m - p * DVL.z_m
+    v = TRUTH.at("v", time) + r * DVL.x_m  # ingest has taken p z out
     w = TRUTH.at("w", time) + p * DVL.y_m - q * DVL.x_m
     c, s = math.cos(yaw), math.sin(yaw)
     readings = {"u_mps": c * u + s * v, "v_mps": c * v - s * u, "w_mps": w}
