@@ -158,17 +158,59 @@ def colour_of(pieces: Sequence[Array], dt_s: float) -> tuple[Colour, float]:
     -------
     tuple of Colour and float
     """
-    seen = [np.isfinite(piece) for piece in pieces]
-    filled = [np.where(s, piece, 0.0) for s, piece in zip(seen, pieces, strict=True)]
-    count = sum(int(s.sum()) for s in seen)
-    if count == 0:
+    return _most_likely(sum((_tried(piece, dt_s) for piece in pieces), NOTHING_TRIED))
+
+
+def colours_without_each(pieces: Sequence[Array], dt_s: float) -> list[Colour]:
+    """Most likely noise of a channel for each record, from the others alone; see `colour_of`.
+
+    That of a single record is its own.
+    """
+    tried = [_tried(piece, dt_s) for piece in pieces]
+    total = sum(tried, NOTHING_TRIED)
+    left = [total - own if (total - own).count else own for own in tried]
+    return [_most_likely(others)[0] for others in left]
+
+
+def whitened(piece: Array, colour: Colour, dt_s: float) -> Array:
+    """Innovations (n,) of a residual over their standard deviation; NaN stays NaN."""
+    seen = np.isfinite(piece)
+    values = np.where(seen, piece, 0.0)[:, None]
+    whiten(values, seen, math.exp(-dt_s / colour.time_s), colour.white, colour.slow)
+    return np.where(seen, values[:, 0], np.nan)
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """Squared innovations and log variances (times, ratios) of some residuals, and their count."""
+
+    square: Array
+    logs: Array
+    count: int
+
+    def __add__(self, other: "_Tried") -> "_Tried":
+        return _Tried(self.square + other.square, self.logs + other.logs, self.count + other.count)
+
+    def __sub__(self, other: "_Tried") -> "_Tried":
+        return _Tried(self.square - other.square, self.logs - other.logs, self.count - other.count)
+
+
+NOTHING_TRIED = _Tried(np.zeros((len(TIMES_S), len(RATIOS))), np.zeros(1), 0)
+
+
+def _tried(piece: Array, dt_s: float) -> _Tried:
+    seen = np.isfinite(piece)
+    square, logs = (np.zeros((len(TIMES_S), len(RATIOS))) for _ in range(2))
+    keeps = np.exp(-dt_s / np.array(TIMES_S))
+    _distances(np.where(seen, piece, 0.0), seen, keeps, np.array(RATIOS), square, logs)
+    return _Tried(square, logs, int(seen.sum()))
+
+
+def _most_likely(tried: _Tried) -> tuple[Colour, float]:
+    if tried.count == 0:
         return Colour(1.0, 0.0, 1.0), 0.0
-    keeps, shape = np.exp(-dt_s / np.array(TIMES_S)), (len(TIMES_S), len(RATIOS))
-    square, logs = np.zeros(shape), np.zeros(shape)
-    for v, s in zip(filled, seen, strict=True):
-        _distances(v, s, keeps, np.array(RATIOS), square, logs)
-    variance = square / count
-    value = -0.5 * (count * (np.log(2.0 * math.pi * np.maximum(variance, 1e-300)) + 1.0) + logs)
-    i, j = (int(k) for k in np.unravel_index(np.argmax(value), shape))
+    variance, n = tried.square / tried.count, tried.count
+    value = -0.5 * (n * (np.log(2.0 * math.pi * np.maximum(variance, 1e-300)) + 1.0) + tried.logs)
+    i, j = (int(k) for k in np.unravel_index(np.argmax(value), value.shape))
     white = math.sqrt(variance[i, j])
     return Colour(white, RATIOS[j] * white, TIMES_S[i]), float(value[i, j])

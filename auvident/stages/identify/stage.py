@@ -34,6 +34,8 @@ from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.identify.held_out import overlap_findings
 from auvident.stages.identify.left_out import left_out_of
+from auvident.stages.identify.prior_data import prior_against_data
+from auvident.stages.identify.residuals import ignored_channels, scatter_claimed
 from auvident.stages.identify.result import Step, history_of, model_of, states_of
 from auvident.stages.identify.setup import prepare
 from auvident.stages.identify.step_length import step_findings
@@ -128,8 +130,18 @@ def identify(
     left_out, told = left_out_of(setup, left_out_courses(setup, final, *by_maneuver))
     findings += told
     scatter = scatter_of(*by_maneuver)
+    claim, told = scatter_claimed(*by_maneuver[:2])
+    against, contradicted = prior_against_data(setup, final, *by_maneuver, ase)
+    findings = [
+        *ignored_channels(setup, final, done[-1].stage),
+        *contradicted,
+        *findings,
+        *told,
+    ]
     model = model_of(setup, ase, vehicle, done, unseen, scatter, findings, carried)
-    model = model.model_copy(update={"left_out": left_out})
+    model = model.model_copy(
+        update={"left_out": left_out, "prior_against_data": against, "noise_claim": claim}
+    )
     history = history_of(setup, [step for run in runs for step in run[0]])
     return Identification(model, history, states_of(setup, final.parameters))
 
