@@ -8,7 +8,7 @@ neither a slow error as many independent ones nor a fast one as if it drowned in
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,8 @@ TIMES_S: tuple[VehicleTime, ...] = (0.3, 0.6, 1.0, 2.0, 4.0)
 # disturbance over sensor noise; one that lasts 4 s doubles what 10 readings a second say slowly
 # at 0.11 already
 RATIOS = (0.0, 0.05, 0.1, 0.17, 0.3, 0.6, 1.0, 1.7, 3.0, 5.0, 9.0, 16.0)
+
+NEGLIGIBLE = 1.0e-3  # of the noise of a sensor: a residual that small is one of arithmetic
 
 
 @dataclass(frozen=True)
@@ -161,15 +163,20 @@ def colour_of(pieces: Sequence[Array], dt_s: float) -> tuple[Colour, float]:
     return _most_likely(sum((_tried(piece, dt_s) for piece in pieces), NOTHING_TRIED))
 
 
-def colours_without_each(pieces: Sequence[Array], dt_s: float) -> list[Colour]:
+def colours_without_each(pieces: Sequence[Array], dt_s: float, least: float) -> list[Colour]:
     """Most likely noise of a channel for each record, from the others alone; see `colour_of`.
 
-    That of a single record is its own.
+    That of a single record is its own. The sensor noise is `least` or more.
     """
     tried = [_tried(piece, dt_s) for piece in pieces]
     total = sum(tried, NOTHING_TRIED)
     left = [total - own if (total - own).count else own for own in tried]
-    return [_most_likely(others)[0] for others in left]
+    return [at_least(_most_likely(others)[0], least) for others in left]
+
+
+def at_least(colour: Colour, white: float) -> Colour:
+    """The noise with no less of the sensor than so much."""
+    return replace(colour, white=max(colour.white, white))
 
 
 def whitened(piece: Array, colour: Colour, dt_s: float) -> Array:

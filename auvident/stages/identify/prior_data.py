@@ -81,7 +81,7 @@ def _findings(found: Comparison, symbols: list[str], ase: AseResult) -> list[Fin
     told = found.share > SEEN_SHARE
     worst = [k for k in np.argsort(-np.abs(found.away)) if told[k]]
     rows = [_contradicted(symbols[k], float(found.away[k]), ase) for k in worst]
-    rows = [row for row in rows if row.value is not None and abs(row.value) >= CONTRADICTED]
+    rows = [row for row in rows if (row.value or 0.0) >= CONTRADICTED]
     if found.p >= UNLIKELY:
         return rows
     together = Finding(
@@ -101,7 +101,7 @@ def _contradicted(symbol: str, away: float, ase: AseResult) -> Finding:
     return Finding(
         code="prior-contradicted",
         where=symbol,
-        value=away,
+        value=abs(away),
         threshold=CONTRADICTED,
         message=f"the data contradict {ORIGINS[origin]} {symbol} by {abs(away):.1f} "
         "standard deviations",

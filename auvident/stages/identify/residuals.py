@@ -12,7 +12,7 @@ from auvident.engines.jackknife import noise_claim
 from auvident.engines.noise import LONGEST_CORRELATION_S
 from auvident.engines.records import STATE_COLUMNS
 from auvident.engines.setup import Outcome, Setup
-from auvident.estimation.coloured import colours_without_each, whitened
+from auvident.estimation.coloured import NEGLIGIBLE, colours_without_each, whitened
 from auvident.estimation.innovations import Consistency, chi_square_band, consistency
 from auvident.schema.artifacts import Finding, NisTest, NoiseClaim, StageRecord
 from auvident.schema.plan import PlanStage
@@ -59,15 +59,19 @@ def innovations_tested(
     else:
         errors = [r.error for r in left_of(setup, outcome, stage)]
         found = {
-            columns[i]: _left_by_fit([e[:, i] for e in errors], setup.dt_s, longest)
+            columns[i]: _left_by_fit(
+                [e[:, i] for e in errors], setup.dt_s, longest, NEGLIGIBLE * setup.sensor_std[i]
+            )
             for i in np.flatnonzero(active)
             if errors
         }
     return {c: NisTest(**test.as_told()) for c, test in found.items() if test is not None}
 
 
-def _left_by_fit(pieces: Sequence[Array], dt_s: float, longest: int) -> Consistency | None:
-    colours = colours_without_each(pieces, dt_s)
+def _left_by_fit(
+    pieces: Sequence[Array], dt_s: float, longest: int, least: float
+) -> Consistency | None:
+    colours = colours_without_each(pieces, dt_s, least)
     white = [whitened(p, c, dt_s) for p, c in zip(pieces, colours, strict=True)]
     return consistency(white, longest, inflated=False)
 

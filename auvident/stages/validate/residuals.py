@@ -10,7 +10,14 @@ import numpy.typing as npt
 from auvident.constants import ANSWER_S, INDEPENDENT_S
 from auvident.engines.noise import LONGEST_CORRELATION_S
 from auvident.engines.setup import active_states
-from auvident.estimation.coloured import Colour, colour_of, colours_without_each, whitened
+from auvident.estimation.coloured import (
+    NEGLIGIBLE,
+    Colour,
+    at_least,
+    colour_of,
+    colours_without_each,
+    whitened,
+)
 from auvident.estimation.innovations import (
     consistency,
     cross_correlation,
@@ -55,13 +62,21 @@ class Compared:
 
 
 def residuals_of(
-    compared: Sequence[Compared], plane: Plane, dt_s: float
+    compared: Sequence[Compared], plane: Plane, dt_s: float, sensors: Mapping[str, float]
 ) -> dict[str, dict[str, ResidualTests]]:
     """Tests of what predictions leave, by role and channel.
 
     The noise of a channel, of the sensor and of a disturbance, is that of the identifying
     maneuvers: each of these is whitened with the noise of the others, held-out ones with that of
     all. Correlations with inputs are those of the residual itself.
+
+    Parameters
+    ----------
+    compared : sequence of Compared
+    plane : str
+    dt_s : float
+    sensors : mapping
+        Standard deviation of the sensor of each channel, by column; the spread where unknown.
     """
     fitted = dict(zip(BY_PLANE[plane].states, active_states("coupled", plane), strict=True))
     known = [c for c in compared if c.role == "identify"]
@@ -71,7 +86,11 @@ def residuals_of(
         for state, is_fitted in fitted.items():
             share = theil([c.channels[state.symbol] for c in own])
             if share is not None:
-                tests = _tests(own, known or own, state.symbol, dt_s) if is_fitted else {}
+                tests = {}
+                if is_fitted:
+                    read = np.concatenate([c.channels[state.symbol][0] for c in own])
+                    least = NEGLIGIBLE * (sensors.get(state.column) or float(np.nanstd(read)))
+                    tests = _tests(own, known or own, state.symbol, dt_s, least)
                 found.setdefault(role, {})[state.symbol] = ResidualTests(theil=share, **tests)
     return found
 
@@ -97,21 +116,24 @@ def theil(pairs: Sequence[tuple[Array, Array]]) -> Theil | None:
         return Theil(coefficient=0.0, bias=0.0, variance=0.0, covariance=1.0)
     bias = float((m.mean() - s.mean()) ** 2) / square
     variance = float((m.std() - s.std()) ** 2) / square
+    together = float(np.mean((m - m.mean()) * (s - s.mean())))
     return Theil(
         coefficient=square**0.5 / size,
         bias=bias,
         variance=variance,
-        covariance=max(1.0 - bias - variance, 0.0),
+        covariance=2.0 * (m.std() * s.std() - together) / square,
     )
 
 
 def _tests(
-    own: Sequence[Compared], known: Sequence[Compared], channel: str, dt_s: float
+    own: Sequence[Compared], known: Sequence[Compared], channel: str, dt_s: float, least: float
 ) -> dict[str, Any]:
     """Tests of a channel that the fit compares, over the maneuvers of a role."""
     left = [c.error(channel) for c in own]
-    colour, _ = colour_of([c.error(channel) for c in known], dt_s)
-    colours = colours_without_each(left, dt_s) if own[0] in known else [colour] * len(left)
+    colour = at_least(colour_of([c.error(channel) for c in known], dt_s)[0], least)
+    colours = [colour] * len(left)
+    if known[0] is own[0]:
+        colours = colours_without_each(left, dt_s, least)
     white = [whitened(e, c, dt_s) for e, c in zip(left, colours, strict=True)]
     return {
         "noise": _noise(colour),

@@ -115,7 +115,7 @@ def validate(
                 if p.maneuver.role == "validate"
             ),
             "cross_validation": cross_validation_of(model),
-            "residuals": _residuals(after, model.plane, dts),
+            "residuals": _residuals(after, model, min(dts.values())),
         }
     )
     tables = [
@@ -125,15 +125,15 @@ def validate(
 
 
 def _residuals(
-    predictions: Sequence[Prediction], plane: Plane, dts: Mapping[str, float]
+    predictions: Sequence[Prediction], model: IdentifiedModel, dt_s: float
 ) -> dict[str, dict[str, ResidualTests]]:
     """Residual analysis of the predictions that do not run away."""
-    compared = []
+    compared, plane = [], model.plane
     for p in (p for p in predictions if not p.ran_away):
         channels = {name: (m, s) for name, _, m, s in channel_pairs(p, plane) if name != TRACK}
         inputs = {BY_PLANE[plane].fin: p.record.inputs[:, 0], "rpm": p.record.inputs[:, 2]}
         compared.append(Compared(p.maneuver.role, channels, inputs))
-    return residuals_of(compared, plane, min(dts.values())) if compared else {}
+    return residuals_of(compared, plane, dt_s, model.sensing.noise_std)
 
 
 def predict_all(
