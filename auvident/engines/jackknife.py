@@ -86,7 +86,7 @@ def seen_inverse(curvatures: Sequence[Array]) -> Array:
 
 
 @dataclass(frozen=True)
-class NoiseClaim:
+class Claimed:
     """Whether the maneuvers scatter as the noise of the fit lets them.
 
     Attributes
@@ -102,9 +102,7 @@ class NoiseClaim:
     freedom: float
 
 
-def noise_claim(
-    gradients: Mapping[str, Array], curvatures: Mapping[str, Array]
-) -> NoiseClaim | None:
+def noise_claim(gradients: Mapping[str, Array], curvatures: Mapping[str, Array]) -> Claimed | None:
     """Scatter of the maneuvers along what each of them sees; None with too few of them.
 
     The centred gradient c_f has the covariance K_f = H_f - H_f (sum H)^-1 H_f if the noise is as
@@ -120,7 +118,7 @@ def noise_claim(
         axes = (vectors / np.sqrt(np.maximum(values, ROUNDING)))[:, values > UNSEEN_INFORMATION]
         found += float(np.sum((axes.T @ own[name]) ** 2))
         expected += float(np.trace(axes.T @ (h - h @ known @ h) @ axes))
-    return NoiseClaim(found / expected, expected) if expected > LEAST_FREEDOM else None
+    return Claimed(found / expected, expected) if expected > LEAST_FREEDOM else None
 
 
 def moves_without(

@@ -26,7 +26,7 @@ SEEN_SHARE = UNSEEN_INFORMATION / (1.0 + UNSEEN_INFORMATION)
 
 
 @dataclass(frozen=True)
-class Comparison:
+class DataAgainstPrior:
     """The prior against the data.
 
     Attributes
@@ -57,7 +57,7 @@ class Comparison:
 
 def compared(
     distance: Array, gradient: Array, information: Array, prior: Array, own: Array
-) -> Comparison:
+) -> DataAgainstPrior:
     """Compare some parameters; the others are nuisance parameters with a prior.
 
     Parameters
@@ -82,7 +82,7 @@ def compared(
         away = np.where(share > 0.0, best / np.sqrt(share * before), 0.0)
     chi_square, directions = _along_seen(best, told, np.sqrt(before))
     p = float(chdtrc(directions, chi_square)) if directions else 1.0
-    return Comparison(away, data, data_std, share, chi_square, directions, p)
+    return DataAgainstPrior(away, data, data_std, share, chi_square, directions, p)
 
 
 def _along_seen(best: Array, covariance: Array, scale: Array) -> tuple[float, int]:

@@ -306,6 +306,22 @@ class LeftOutSummary(Artifact):
     model_error: dict[str, ModelError]
 
 
+class ProfileInterval(Artifact):
+    """95 % interval of a parameter by its profile, beside the Gaussian one.
+
+    ``root`` is the signed root of twice the fall of the log-posterior at ``values``, the other
+    parameters fitted again; of a Gaussian it is a straight line.
+    """
+
+    symbol: str
+    low: float
+    high: float
+    gaussian_low: float
+    gaussian_high: float
+    values: tuple[float, ...]
+    root: tuple[float, ...]
+
+
 class IdentifiedModel(Artifact):
     """``identify/model.json`` (and ``refine/model.json``)."""
 
@@ -327,6 +343,7 @@ class IdentifiedModel(Artifact):
     left_out: LeftOutSummary | None = None
     prior_against_data: PriorAgainstData | None = None
     noise_claim: NoiseClaim | None = None
+    profile: tuple[ProfileInterval, ...] = ()
     stages: tuple[StageRecord, ...] = ()
     findings: tuple[Finding, ...] = ()
 

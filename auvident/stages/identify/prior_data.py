@@ -7,13 +7,13 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.engines.setup import Outcome, Setup
-from auvident.estimation.prior_data import SEEN_SHARE, Comparison, compared
+from auvident.estimation.prior_data import DataAgainstPrior, compared
 from auvident.schema.artifacts import AgainstPrior, AseResult, Finding, PriorAgainstData
 from auvident.schema.coefficients import BY_SYMBOL, Group
 
 Array = npt.NDArray[Any]
 
-LEAST_SHARE = 0.05  # of the data; below it they say nothing of a coefficient
+LEAST_SHARE = 0.1  # of the data; below it they say too little of a coefficient
 CONTRADICTED = 2.5  # [std of both]; one of eighty by chance
 UNLIKELY = 0.01  # probability of all distances together
 REMEDIES: dict[Group, str] = {
@@ -76,10 +76,9 @@ def prior_against_data(
     return told, _findings(found, [names[i] for i in own], ase)
 
 
-def _findings(found: Comparison, symbols: list[str], ase: AseResult) -> list[Finding]:
+def _findings(found: DataAgainstPrior, symbols: list[str], ase: AseResult) -> list[Finding]:
     """Coefficients whose prior the data contradict, the worst first, and all together."""
-    told = found.share > SEEN_SHARE
-    worst = [k for k in np.argsort(-np.abs(found.away)) if told[k]]
+    worst = [k for k in np.argsort(-np.abs(found.away)) if found.share[k] >= LEAST_SHARE]
     rows = [_contradicted(symbols[k], float(found.away[k]), ase) for k in worst]
     rows = [row for row in rows if (row.value or 0.0) >= CONTRADICTED]
     if found.p >= UNLIKELY:
