@@ -22,8 +22,7 @@ from auvident.schema.plan import PlanStage
 Array = npt.NDArray[Any]
 
 # [posterior standard deviations] held in turn, outwards, each from where the last one ended
-MOVES = (0.75, 1.5, 2.25, 3.0)
-STEPS = 2  # of Gauss and Newton for the others at each
+MOVES = (1.0, 2.0, 3.0)
 
 
 @dataclass(frozen=True)
@@ -32,14 +31,17 @@ class Profile:
 
     Attributes
     ----------
+    best : float
+        Most probable value of the parameter.
     values : (k,) array
-        Of the parameter, rising; the middle one is the most probable.
+        Of it, rising.
     root : (k,) array
         Signed root of twice the rise of the cost.
     low, high : float
-        95 % interval; beyond the grid by the line through its last two points.
+        95 % interval; beyond the grid by the line through its last two points, within the bounds.
     """
 
+    best: float
     values: Array
     root: Array
     low: float
@@ -54,46 +56,56 @@ def profile_of(setup: Setup, outcome: Outcome, stage: PlanStage, column: int) ->
     column : int
         Position among the free parameters.
     """
-    task, n = task_about(setup, outcome, stage), len(outcome.free)
-    middle = _refitted(task, outcome.parameters, np.ones(n, dtype=bool))
+    task = task_about(setup, outcome, stage)
+    middle = _refitted(task, outcome.parameters, np.ones(len(outcome.free), dtype=bool))
     if middle is None:
         return None
-    best, bottom = middle
-    std = float(np.sqrt(outcome.covariance[column, column]))
+    position, scale = outcome.free[column], float(task.free.scale[column])
+    best, std = middle[0], float(np.sqrt(outcome.covariance[column, column]))
+    bounds = tuple(float(b[column]) for b in setup.bounds(outcome.free))
     points = {0.0: 0.0}
     for side in (-1.0, 1.0):
-        p, before = best, 0.0
-        for move in MOVES:
-            by = np.zeros(n)
-            by[column] = side * (move - before) * std
-            found = _refitted(task, task.free.moved(p, by), np.arange(n) != column)
-            if found is None:
-                break
-            p, cost = found
-            points[side * move] = side * np.sqrt(2.0 * max(cost - bottom, 0.0))
-            before = move
+        points |= _outwards(task, middle, side * outcome.covariance[:, column] / std, column)
     moves = np.array(sorted(points))
-    root = np.array([points[move] for move in moves])
-    if len(moves) < len(MOVES) or np.any(np.diff(root) <= 0.0):
+    root, values = np.array([points[m] for m in moves]), best[position] + moves * std * scale
+    if len(moves) <= len(MOVES) or np.any(np.diff(root) <= 0.0):
         return None
-    scale = float(task.free.scale[column])
-    values = float(best[outcome.free[column]]) + moves * std * scale
     low, high = (_crossing(values, root, side * NORMAL_95) for side in (-1.0, 1.0))
-    return Profile(values, root, low, high)
+    return Profile(float(best[position]), values, root, max(low, bounds[0]), min(high, bounds[1]))
+
+
+def _outwards(
+    task: Task, middle: tuple[Array, float], along: Array, column: int
+) -> dict[float, float]:
+    """Signed roots at the moves to one side, as far as the bounds and the prediction go.
+
+    `along` is the move (n,) of all parameters with one standard deviation of the one that is held.
+    """
+    (p, bottom), side, before = middle, np.sign(along[column]), 0.0
+    found: dict[float, float] = {}
+    for move in MOVES:
+        start = task.free.moved(p, (move - before) * along)
+        room = task.prior_about(start)
+        inside = room.low[column] <= 0.0 <= room.high[column]
+        ended = _refitted(task, start, np.arange(len(along)) != column) if inside else None
+        if ended is None:
+            return found
+        p, cost = ended
+        found[float(side * move)] = float(side * np.sqrt(2.0 * max(cost - bottom, 0.0)))
+        before = move
+    return found
 
 
 def _refitted(task: Task, p: Array, moving: npt.NDArray[np.bool_]) -> tuple[Array, float] | None:
-    """The others fitted again from p on, and the cost there; None where it runs away."""
-    for _ in range(STEPS):
-        found = _cost(task, p)
-        if found is None:
-            return None
-        _, gradient, curvature = found
-        bounds = task.prior_about(p)
-        step = np.zeros(len(moving))
-        low, high = np.minimum(bounds.low, 0.0)[moving], np.maximum(bounds.high, 0.0)[moving]
-        step[moving] = bounded_step(curvature[np.ix_(moving, moving)], gradient[moving], low, high)
-        p = task.free.moved(p, step)
+    """The others after a step of Gauss and Newton, and the cost there; None: it runs away."""
+    found = _cost(task, p)
+    if found is None:
+        return None
+    _, gradient, curvature = found
+    room, step = task.prior_about(p), np.zeros(len(moving))
+    low, high = np.minimum(room.low, 0.0)[moving], np.maximum(room.high, 0.0)[moving]
+    step[moving] = bounded_step(curvature[np.ix_(moving, moving)], gradient[moving], low, high)
+    p = task.free.moved(p, step)
     found = _cost(task, p)
     return None if found is None else (p, found[0])
 

@@ -8,10 +8,12 @@ from auvident.constants import NORMAL_95
 from auvident.engines.profile import profile_of
 from auvident.engines.setup import Outcome, Setup
 from auvident.schema.artifacts import Finding, ProfileInterval
+from auvident.schema.effects import parameter_of
 from auvident.schema.plan import PlanStage
 
 # the coefficient that carries the common scale of the surge equation, where only ratios are seen
 SURGE_SCALE = "X_uu"
+SECANT = 0.1  # [priors] the slope of an effect taken over so much is no derivative
 DIFFERS = 1.0 / 3.0  # of the Gaussian's half width
 ROUND_ONE = 1.0e-12
 
@@ -25,26 +27,30 @@ def profiles_of(
     """
     rows = []
     for column, name in enumerate(setup.names(final.free)):
-        if name != SURGE_SCALE and name.partition(".")[0] not in effects:
-            continue
-        found = profile_of(setup, final, stage, column)
+        found = profile_of(setup, final, stage, column) if _matters(name, effects) else None
         if found is None:
             continue
         half = NORMAL_95 * float(np.sqrt(final.covariance[column, column]))
         half *= float(setup.prior_std[final.free[column]])
-        middle = float(found.values[np.flatnonzero(found.root == 0.0)[0]])
         rows.append(
             ProfileInterval(
                 symbol=name,
                 low=found.low,
                 high=found.high,
-                gaussian_low=middle - half,
-                gaussian_high=middle + half,
+                gaussian_low=found.best - half,
+                gaussian_high=found.best + half,
                 values=tuple(found.values.tolist()),
                 root=tuple(found.root.tolist()),
             )
         )
     return tuple(rows), [f for row in rows if (f := _finding(row)) is not None]
+
+
+def _matters(name: str, effects: Sequence[str]) -> bool:
+    """Whether a parameter is the surge scale or the size of an effect with a slope of its own."""
+    if name.partition(".")[0] not in effects:
+        return name == SURGE_SCALE
+    return parameter_of(name).practical > 0.0 and parameter_of(name).step < SECANT
 
 
 def _finding(row: ProfileInterval) -> Finding | None:

@@ -35,6 +35,7 @@ from auvident.schema.coefficients import BY_SYMBOL, prime_unit, symbols_of
 from auvident.schema.effects import parameter_of
 from auvident.schema.plan import PlanStage
 from auvident.schema.vehicle import Vehicle
+from auvident.stages.identify.profiles import SECANT
 from auvident.stages.identify.residuals import innovations_tested, nis_findings
 from auvident.stages.identify.setup import rigid_body
 
@@ -43,7 +44,6 @@ Array = npt.NDArray[Any]
 HISTORY_PERIOD_S = 0.5  # the history of the coefficients is stored this often
 NOT_MOVED = 0.05  # data share below which a coefficient stayed where the prior put it
 CORRELATED = 0.95
-SECANT = 0.1  # [priors] the slope of an effect taken over so much is no derivative
 # scatter between maneuvers, where it is beyond chance, over the filter's own standard deviation
 DISAGREE = 2.0
 

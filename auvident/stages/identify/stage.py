@@ -35,6 +35,7 @@ from auvident.schema.vehicle import Vehicle
 from auvident.stages.identify.held_out import overlap_findings
 from auvident.stages.identify.left_out import left_out_of
 from auvident.stages.identify.prior_data import prior_against_data
+from auvident.stages.identify.profiles import profiles_of
 from auvident.stages.identify.residuals import ignored_channels, scatter_claimed
 from auvident.stages.identify.result import Step, history_of, model_of, states_of
 from auvident.stages.identify.setup import prepare
@@ -132,16 +133,17 @@ def identify(
     scatter = scatter_of(*by_maneuver)
     claim, told = scatter_claimed(*by_maneuver[:2])
     against, contradicted = prior_against_data(setup, final, *by_maneuver, ase)
+    profiled, bent = profiles_of(setup, final, done[-1].stage, carried.effects)
     findings = [
         *ignored_channels(setup, final, done[-1].stage),
         *contradicted,
         *findings,
         *told,
+        *bent,
     ]
     model = model_of(setup, ase, vehicle, done, unseen, scatter, findings, carried)
-    model = model.model_copy(
-        update={"left_out": left_out, "prior_against_data": against, "noise_claim": claim}
-    )
+    beside = {"prior_against_data": against, "noise_claim": claim, "profile": profiled}
+    model = model.model_copy(update={"left_out": left_out, **beside})
     history = history_of(setup, [step for run in runs for step in run[0]])
     return Identification(model, history, states_of(setup, final.parameters))
 
