@@ -1,22 +1,22 @@
 """Profile of the posterior: a straight line of a linear problem, within bounds, of effects."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from auvident.engines import estimator
-from auvident.engines.carried import allowed
+from auvident.engines.carried import Carried
 from auvident.engines.estimator import run_stage
 from auvident.engines.noise import white
 from auvident.engines.profile import MOVES, _crossing, profile_of
-from auvident.engines.setup import Setup
 from auvident.schema.artifacts import ProfileInterval
+from auvident.schema.effects import BY_ID, parameter_of
 from auvident.stages.identify.profiles import _finding, profiles_of
 from tests.engines.chain import setup_of
 from tests.engines.test_estimator import linear_setup, stage
 
 EVERY = {"maneuvers": ("straight", "turn", "zigzag"), "method": "output_error"}
+
+NAMED = ("gyro_bias", "rudder_backlash")
 
 
 @pytest.fixture
@@ -46,22 +46,18 @@ def test_ends_lie_on_the_lines_between_the_points() -> None:
     assert _crossing(values, root, -1.96) == pytest.approx(-0.96)
 
 
-def coupled(names: tuple[str, ...]) -> tuple[Setup, object, object]:
-    """A fit of the sample trial with effects estimated along."""
-    setup = setup_of(carried=replace(allowed(names, "horizontal"), effects=names))
-    how = stage(**EVERY | {"system": "coupled", "free": ("all",)})
-    return setup, run_stage(setup, setup.start, how), how
-
-
 def test_sizes_of_named_effects_and_the_surge_scale_have_a_profile() -> None:
-    setup, found, how = coupled(("gyro_bias", "rudder_backlash"))
-    rows, _ = profiles_of(setup, found, how, ("gyro_bias", "rudder_backlash"))
-    told = {row.symbol: row for row in rows}
-    assert set(told) == {"X_uu", "gyro_bias.bias_degps"}  # play has no slope of its own
+    stds = {n: parameter_of(n).practical for e in NAMED for n in BY_ID[e].names()}
+    carried = Carried(NAMED, start=stds, prior=dict.fromkeys(stds, 0.0), prior_std=stds)
+    setup, how = setup_of(carried=carried), stage(**EVERY | {"system": "coupled", "free": ("all",)})
+    found = run_stage(setup, setup.start, how)
+    rows, _ = profiles_of(setup, found, how, NAMED)
+    # play has no slope of its own
+    assert {row.symbol for row in rows} == {"X_uu", *BY_ID["gyro_bias"].names()}
     for row in rows:
         assert row.low < row.gaussian_high and row.gaussian_low < row.high
-        assert len(row.values) == len(row.root) >= 5
-    assert {r.symbol for r in profiles_of(setup, found, how, ())[0]} == {"X_uu"}
+        assert len(row.values) == len(row.root) == 2 * len(MOVES) + 1
+    assert [r.symbol for r in profiles_of(setup, found, how, ())[0]] == ["X_uu"]
 
 
 def interval(low: float, high: float) -> ProfileInterval:
