@@ -11,6 +11,7 @@ from auvident.engines.estimator import task_about
 from auvident.engines.free_run import likelihood
 from auvident.engines.predictive import LeftOutCourse, left_out_course
 from auvident.engines.setup import Outcome, Setup
+from auvident.estimation.identifiability import UNSEEN_INFORMATION
 from auvident.estimation.output_error import bounded_step
 from auvident.schema.plan import PlanStage
 
@@ -18,6 +19,8 @@ Array = npt.NDArray[Any]
 
 LEAST_MANEUVERS = 3  # fewer say nothing about the scatter between maneuvers
 NORMAL_95_ONE_SIDED = 1.645
+ROUNDING = 1.0e-13  # of the largest eigenvalue; smaller ones are zero
+LEAST_FREEDOM = 1.0  # expected squares below which they say nothing
 
 
 @dataclass(frozen=True)
@@ -39,8 +42,12 @@ class Scatter:
 def scatter_of(
     gradients: Mapping[str, Array], curvatures: Mapping[str, Array], prior: Array
 ) -> Scatter | None:
-    """Scatter between maneuvers; None with fewer than `LEAST_MANEUVERS`."""
-    covariance = jackknife_covariance(moves_without(gradients, curvatures, prior))
+    """Scatter between maneuvers; None with fewer than `LEAST_MANEUVERS`.
+
+    That they disagree with the prior is another matter, and no scatter.
+    """
+    own = centred(gradients, curvatures)
+    covariance = jackknife_covariance(moves_without(own, curvatures, prior))
     if covariance is None:
         return None
     expected, freedom = expected_variance(list(curvatures.values()), prior)
@@ -59,6 +66,59 @@ def information_by_maneuver(
     gradients = {r.id: part[1] for r, part in zip(records, parts, strict=True)}
     curvatures = {r.id: part[2] for r, part in zip(records, parts, strict=True)}
     return gradients, curvatures, task.information
+
+
+def centred(gradients: Mapping[str, Array], curvatures: Mapping[str, Array]) -> dict[str, Array]:
+    """Gradients as they are at what the data alone would estimate; their sum is zero.
+
+    At the optimum the gradients add up to the pull of the prior, and the maneuver that alone
+    informs a coefficient has all of it. g_f - H_f (sum H)^-1 sum g takes from each its share by
+    information; what the data do not see has no part in either.
+    """
+    away = seen_inverse(list(curvatures.values())) @ sum(gradients.values())
+    return {name: g - curvatures[name] @ away for name, g in gradients.items()}
+
+
+def seen_inverse(curvatures: Sequence[Array]) -> Array:
+    """Inverse (n, n) of a sum of information, within the directions that it sees."""
+    total = np.sum(curvatures, axis=0)
+    return np.asarray(np.linalg.pinv(total, rcond=ROUNDING, hermitian=True))
+
+
+@dataclass(frozen=True)
+class Claimed:
+    """Whether the maneuvers scatter as the noise of the fit lets them.
+
+    Attributes
+    ----------
+    ratio : float
+        Squared scatter of the gradients over that expected; 1 where the standard deviations of a
+        fit are right, 4 where they are half of what they should be.
+    freedom : float
+        Expected sum of squares.
+    """
+
+    ratio: float
+    freedom: float
+
+
+def noise_claim(gradients: Mapping[str, Array], curvatures: Mapping[str, Array]) -> Claimed | None:
+    """Scatter of the maneuvers along what each of them sees; None with too few of them.
+
+    The centred gradient c_f has the covariance K_f = H_f - H_f (sum H)^-1 H_f if the noise is as
+    large as the fit takes it for. The noise is that of the residual, which the coefficients do not
+    see; this is the part of it that they do.
+    """
+    if len(gradients) < LEAST_MANEUVERS:
+        return None
+    own, known = centred(gradients, curvatures), seen_inverse(list(curvatures.values()))
+    found = expected = 0.0
+    for name, h in curvatures.items():
+        values, vectors = np.linalg.eigh(h)
+        axes = (vectors / np.sqrt(np.maximum(values, ROUNDING)))[:, values > UNSEEN_INFORMATION]
+        found += float(np.sum((axes.T @ own[name]) ** 2))
+        expected += float(np.trace(axes.T @ (h - h @ known @ h) @ axes))
+    return Claimed(found / expected, expected) if expected > LEAST_FREEDOM else None
 
 
 def moves_without(
@@ -118,15 +178,15 @@ def jackknife_covariance(moves: dict[str, Array]) -> Array | None:
 def expected_variance(curvatures: Sequence[Array], prior: Array) -> tuple[Array, Array]:
     """Mean of the jackknife variances (n,) with nothing but noise, and their degrees of freedom.
 
-    The gradient g_f at the optimum has the covariance H_f - H_f H^-1 H_f, hence the move without
-    maneuver f the covariance (H - H_f)^-1 - H^-1; all gradients together are nothing but the pull
-    of the prior, so that centring takes little. A sum of squares of unequal variances v has
+    The centred gradient of maneuver f has the covariance K_f = H_f - H_f (sum H)^-1 H_f, hence the
+    move without it A K_f A with A = (H - H_f)^-1; all gradients together are zero, so that
+    centring the moves takes little. A sum of squares of unequal variances v has
     (sum v)^2 / sum v^2 degrees of freedom (Satterthwaite 1946).
     """
-    whole, count = prior + sum(curvatures), len(curvatures)
-    variances = np.array([np.diag(np.linalg.inv(whole - h)) for h in curvatures])
-    variances -= np.diag(np.linalg.inv(whole))
-    total = np.maximum(variances, 0.0).sum(axis=0)
+    whole, count, known = prior + sum(curvatures), len(curvatures), seen_inverse(curvatures)
+    moves = [(np.linalg.inv(whole - h), h - h @ known @ h) for h in curvatures]
+    variances = np.maximum([np.diag(a @ k @ a) for a, k in moves], 0.0)
+    total = variances.sum(axis=0)
     freedom = total**2 / np.maximum((variances**2).sum(axis=0), np.finfo(float).tiny)
     return (count - 1) / count * total, np.maximum(freedom, 1.0)
 

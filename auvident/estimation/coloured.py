@@ -8,7 +8,7 @@ neither a slow error as many independent ones nor a fast one as if it drowned in
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,8 @@ TIMES_S: tuple[VehicleTime, ...] = (0.3, 0.6, 1.0, 2.0, 4.0)
 # at 0.11 already
 RATIOS = (0.0, 0.05, 0.1, 0.17, 0.3, 0.6, 1.0, 1.7, 3.0, 5.0, 9.0, 16.0)
 FACTORS = 64  # of a product: (1 + 16^2)^64 is far within the range of a number
+
+NEGLIGIBLE = 1.0e-3  # of the noise of a sensor: a residual that small is one of arithmetic
 
 
 @dataclass(frozen=True)
@@ -169,20 +171,66 @@ def colour_of(pieces: Sequence[Array], dt_s: float) -> tuple[Colour, float]:
     -------
     tuple of Colour and float
     """
-    seen = [np.isfinite(piece) for piece in pieces]
-    filled = [np.where(s, piece, 0.0) for s, piece in zip(seen, pieces, strict=True)]
-    count = sum(int(s.sum()) for s in seen)
-    if count == 0:
-        return Colour(1.0, 0.0, 1.0), 0.0
+    return _most_likely(sum((_tried(piece, dt_s) for piece in pieces), NOTHING_TRIED))
+
+
+def colours_without_each(pieces: Sequence[Array], dt_s: float, least: float) -> list[Colour]:
+    """Most likely noise of a channel for each record, from the others alone; see `colour_of`.
+
+    That of a single record is its own. The sensor noise is `least` or more.
+    """
+    tried = [_tried(piece, dt_s) for piece in pieces]
+    total = sum(tried, NOTHING_TRIED)
+    left = [total - own if (total - own).count else own for own in tried]
+    return [at_least(_most_likely(others)[0], least) for others in left]
+
+
+def at_least(colour: Colour, white: float) -> Colour:
+    """The noise with no less of the sensor than so much."""
+    return replace(colour, white=max(colour.white, white))
+
+
+def whitened(piece: Array, colour: Colour, dt_s: float) -> Array:
+    """Innovations (n,) of a residual over their standard deviation; NaN stays NaN."""
+    seen = np.isfinite(piece)
+    values = np.where(seen, piece, 0.0)[:, None]
+    whiten(values, seen, math.exp(-dt_s / colour.time_s), colour.white, colour.slow)
+    return np.where(seen, values[:, 0], np.nan)
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """Squared innovations and log variances (times, ratios) of some residuals, and their count."""
+
+    square: Array
+    logs: Array
+    count: int
+
+    def __add__(self, other: "_Tried") -> "_Tried":
+        return _Tried(self.square + other.square, self.logs + other.logs, self.count + other.count)
+
+    def __sub__(self, other: "_Tried") -> "_Tried":
+        return _Tried(self.square - other.square, self.logs - other.logs, self.count - other.count)
+
+
+NOTHING_TRIED = _Tried(np.zeros((len(TIMES_S), len(RATIOS))), np.zeros(1), 0)
+
+
+def _tried(piece: Array, dt_s: float) -> _Tried:
+    seen = np.isfinite(piece)
     shape = len(TIMES_S), len(RATIOS)
+    square, logs = np.zeros(shape), np.zeros(shape)
     keep = np.repeat(np.exp(-dt_s / np.array(TIMES_S)), len(RATIOS))
     slow = np.tile(np.array(RATIOS) ** 2, len(TIMES_S))
-    square, logs = np.zeros(keep.size), np.zeros(keep.size)
-    for v, s in zip(filled, seen, strict=True):
-        _distances(v, s, keep, slow, square, logs)
-    square, logs = square.reshape(shape), logs.reshape(shape)
-    variance = square / count
-    value = -0.5 * (count * (np.log(2.0 * math.pi * np.maximum(variance, 1e-300)) + 1.0) + logs)
-    i, j = (int(k) for k in np.unravel_index(np.argmax(value), shape))
+    _distances(np.where(seen, piece, 0.0), seen, keep, slow, square.ravel(), logs.ravel())
+    return _Tried(square, logs, int(seen.sum()))
+
+
+def _most_likely(tried: _Tried) -> tuple[Colour, float]:
+    if tried.count == 0:
+        return Colour(1.0, 0.0, 1.0), 0.0
+    variance, n = tried.square / tried.count, tried.count
+    value = -0.5 * (n * (np.log(2.0 * math.pi * np.maximum(variance, 1e-300)) + 1.0) + tried.logs)
+    i, j = (int(k) for k in np.unravel_index(np.argmax(value), value.shape))
     white = math.sqrt(variance[i, j])
     return Colour(white, RATIOS[j] * white, TIMES_S[i]), float(value[i, j])

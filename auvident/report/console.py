@@ -106,6 +106,8 @@ def _validate(outputs: Mapping[str, Any]) -> list[RenderableType]:
             crossed = metrics.cross_validation if role == "validate" else {}
             errors = tables.errors_by_channel(title, metrics.summary[role], before, crossed)
             pieces.append(rich_table(errors))
+    if metrics.residuals:
+        pieces.append(rich_table(tables.residuals(metrics, "Residual analysis")))
     return [*pieces, *findings_lines(metrics.findings)]
 
 

@@ -206,6 +206,8 @@ def _tables(report: ReportData) -> dict[str, Any]:
         "errors": tables_run.errors_by_maneuver(metrics, report.refined_channels())
         if metrics
         else None,
+        "residuals": tables_run.residuals(metrics) if metrics else None,
+        "against_prior": tables_model.against_prior(model) if model else None,
         "model_sight": replace(tables_model.sight(model), title="") if model else None,
         "coefficients": replace(tables_model.coefficients(model), title="") if model else None,
         "combinations": tables_model.combinations(model) if model else None,

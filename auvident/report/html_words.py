@@ -44,6 +44,7 @@ PARTLY = SIGHT[1][0]  # share of the certainty from which on a coefficient count
 MOST_NAMED = 4  # coefficients that a further maneuver would show
 STRONG_CORRELATION = 0.8
 SERIOUS = {
+    "channel-ignored",
     "prediction-ran-away",
     "nothing_held_out",
     "wrong-sign",

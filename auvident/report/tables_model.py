@@ -93,9 +93,12 @@ def coefficients(model: IdentifiedModel) -> Table:
         *columns(numbers=("identified, ± std", "prior, ± std")),
         Column("1000 × prime", numeric=True, on_page=True),
         Column("from data", numeric=True),
+        Column("data against prior, std", numeric=True),
         Column("origin"),
     )
-    rows = [_coefficient(c) for c in model.coefficients]
+    told = model.prior_against_data
+    away = {row.symbol: row.away for row in told.coefficients} if told else {}
+    rows = [_coefficient(c, away.get(c.symbol)) for c in model.coefficients]
     title = f"{model.vehicle}, {model.plane} plane ({model.filter}, {model.engine})"
     notes = [nuisance_parameters(model.effects)]
     if any(_has_wrong_sign(c) for c in model.coefficients):
@@ -103,7 +106,7 @@ def coefficients(model: IdentifiedModel) -> Table:
     return Table(heads, rows, title, " ".join(note for note in notes if note))
 
 
-def _coefficient(c: ModelCoefficient) -> list[Cell]:
+def _coefficient(c: ModelCoefficient, away: float | None) -> list[Cell]:
     declared = BY_SYMBOL[c.symbol]
     return [
         c.symbol,
@@ -113,8 +116,31 @@ def _coefficient(c: ModelCoefficient) -> list[Cell]:
         WithStd(c.prior, c.prior_std),
         Number(1000.0 * c.prime, 4),
         Fixed(100.0 * c.data_share, ".0f", " %"),
+        Fixed(away, "+.1f"),
         c.origin,
     ]
+
+
+def against_prior(model: IdentifiedModel) -> Table:
+    """What the data alone say of each coefficient, beside its prior."""
+    told = model.prior_against_data
+    rows: Rows = [
+        [
+            c.symbol,
+            WithStd(c.prior, c.prior_std),
+            WithStd(c.data, c.data_std),
+            Fixed(c.away, "+.1f"),
+        ]
+        for c in (told.coefficients if told else ())
+    ]
+    heads = columns(("",), ("prior, ± std", "data alone, ± std", "apart, std of both"))
+    caption = (
+        f"All together: chi-square {told.chi_square:.1f} in {told.directions} directions that the "
+        f"data see, probability {told.p:.2g}."
+        if told
+        else ""
+    )
+    return Table(heads, rows, caption=caption)
 
 
 def _has_wrong_sign(c: ModelCoefficient) -> bool:

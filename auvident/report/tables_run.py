@@ -17,10 +17,22 @@ from auvident.report.tables import (
     beside,
     columns,
 )
-from auvident.schema.artifacts import ChannelMetrics, CrossValidation, Maneuver, Metrics
+from auvident.schema.artifacts import (
+    ChannelMetrics,
+    CrossValidation,
+    Maneuver,
+    Metrics,
+    ResidualTests,
+)
 from auvident.schema.diagnosis import ChannelError
 from auvident.schema.logs import SensorQuality, TrialQuality
 from auvident.schema.planes import BY_PLANE
+
+RESIDUALS_CAPTION = (
+    "Bias, variance and covariance are shares of the squared error. NIS, KS and lags outside the "
+    "95 % band are of the residual whitened with the noise of the identifying maneuvers: 1, 0 and "
+    "5 % where noise is all that is left. * marks a correlation beyond its 95 % band."
+)
 
 Errors = Mapping[str, ChannelMetrics | ChannelError]
 
@@ -201,6 +213,48 @@ def _beside(after: ChannelMetrics | ChannelError | None, before: ChannelMetrics 
     if after is None:
         return Number(None)
     return beside(after.rmse, before.rmse if before else None, after.unit, 2)
+
+
+def residuals(metrics: Metrics, title: str = "") -> Table:
+    """Residual analysis by channel, held-out maneuvers first."""
+    roles = sorted(metrics.residuals, key=lambda role: role != "validate")
+    rows: Rows = [
+        [role, channel, *_shares(tests), *_innovations(tests), _with_inputs(tests)]
+        for role in roles
+        for channel, tests in metrics.residuals[role].items()
+    ]
+    heads = columns(
+        ("role", "channel"),
+        ("Theil U", "bias", "variance", "covariance", "NIS", "KS", "lags outside"),
+    )
+    last = Column("largest correlation with an input (its lag)")
+    return Table((*heads, last), rows, title, RESIDUALS_CAPTION, mark="validate")
+
+
+def _shares(tests: ResidualTests) -> list[Cell]:
+    t = tests.theil
+    shares = (t.bias, t.variance, t.covariance) if t else (None,) * 3
+    return [
+        Number(t.coefficient if t else None),
+        *(Fixed(None if x is None else 100.0 * x, ".0f", " %") for x in shares),
+    ]
+
+
+def _innovations(tests: ResidualTests) -> list[Cell]:
+    nis, white = tests.nis, tests.autocorrelation
+    if nis is None:
+        return ["", "", ""]
+    outside = 100.0 * white.outside if white else None
+    return [Number(nis.mean, 2), Number(nis.ks, 2), Fixed(outside, ".0f", " %")]
+
+
+def _with_inputs(tests: ResidualTests) -> Cell:
+    """Correlation with each input and its lag; a star where it is beyond its band."""
+    found = []
+    for name, c in tests.inputs.items():
+        lag = Fixed(c.lag_s, ".1f", " s)" + "*" * (abs(c.largest) > c.band))
+        found.append(Joined((name, Fixed(c.largest, "+.2f"), Joined(("(", lag), "")), " "))
+    return Joined(found)
 
 
 def runs_side_by_side(compared: Mapping[str, Any]) -> list[Table]:

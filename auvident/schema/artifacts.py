@@ -182,13 +182,60 @@ class Sensing(Artifact):
 
 
 class NisTest(Artifact):
-    """Normalised innovation squared of a channel; see `auvident.estimation.innovations`."""
+    """Normalised innovation squared of a channel; see `auvident.estimation.innovations`.
+
+    ``ks`` is the Kolmogorov-Smirnov distance of the innovations from the standard normal
+    distribution, ``ks_p`` its probability with so many independent ones (``effective_samples``).
+    """
 
     mean: float
     correlation: float
     corrected: float
     low: float
     high: float
+    effective_samples: float | None = None
+    ks: float | None = None
+    ks_p: float | None = None
+
+
+class NoiseClaim(Artifact):
+    """Squared scatter of the maneuvers over that which the noise of the fit lets them have.
+
+    1 where the standard deviations are right; ``freedom`` is the expected sum of squares and
+    ``low``, ``high`` the 95 % band of the ratio.
+    """
+
+    ratio: float
+    freedom: float
+    low: float
+    high: float
+
+
+class AgainstPrior(Artifact):
+    """What the data alone say of a coefficient, the others held by data and prior, and its prior.
+
+    ``away`` is their difference in standard deviations of both together.
+    """
+
+    symbol: str
+    prior: float
+    prior_std: float
+    data: float
+    data_std: float
+    away: float
+
+
+class PriorAgainstData(Artifact):
+    """The prior against the data, coefficient by coefficient and along all that the data see.
+
+    ``p`` is the probability of a larger ``chi_square`` in so many ``directions`` if the prior is
+    as uncertain as it says.
+    """
+
+    coefficients: tuple[AgainstPrior, ...]
+    chi_square: float
+    directions: int
+    p: float
 
 
 class FittedNoise(Artifact):
@@ -204,7 +251,8 @@ class StageRecord(Artifact):
 
     `noise_std` is what an independent reading counts with; in a filter that over
     `observer_time_s` is the process noise, per square root of a second. `fitted_noise` is the
-    noise of an output-error stage.
+    noise of an output-error stage, of which `nis` tests the innovations of each maneuver with the
+    noise that the others have.
     """
 
     stage: str
@@ -258,6 +306,22 @@ class LeftOutSummary(Artifact):
     model_error: dict[str, ModelError]
 
 
+class ProfileInterval(Artifact):
+    """95 % interval of a parameter by its profile, beside the Gaussian one.
+
+    ``root`` is the signed root of twice the fall of the log-posterior at ``values``, the other
+    parameters fitted again; of a Gaussian it is a straight line.
+    """
+
+    symbol: str
+    low: float
+    high: float
+    gaussian_low: float
+    gaussian_high: float
+    values: tuple[float, ...]
+    root: tuple[float, ...]
+
+
 class IdentifiedModel(Artifact):
     """``identify/model.json`` (and ``refine/model.json``)."""
 
@@ -277,6 +341,9 @@ class IdentifiedModel(Artifact):
     correlations: dict[str, dict[str, float]] = {}
     unidentifiable: tuple[Combination, ...] = ()
     left_out: LeftOutSummary | None = None
+    prior_against_data: PriorAgainstData | None = None
+    noise_claim: NoiseClaim | None = None
+    profile: tuple[ProfileInterval, ...] = ()
     stages: tuple[StageRecord, ...] = ()
     findings: tuple[Finding, ...] = ()
 
@@ -328,6 +395,53 @@ class ManeuverMetrics(Artifact):
     zigzag: dict[str, dict[str, float]] | None = None
 
 
+class Autocorrelation(Artifact):
+    """Autocorrelation of whitened innovations: the largest, its 95 % band, and all lags.
+
+    ``outside`` is the share of the lags outside their band, ``p`` that of Ljung and Box.
+    """
+
+    largest: float
+    lag_s: float
+    band: float
+    outside: float
+    p: float
+
+
+class InputCorrelation(Artifact):
+    """Largest correlation of a residual with an input ``lag_s`` before, and its 95 % band."""
+
+    largest: float
+    lag_s: float
+    band: float
+
+
+class Theil(Artifact):
+    """Inequality coefficient of Theil, and the shares of the squared error, which add up to 1.
+
+    Bias is that of the means, variance that of the standard deviations, covariance the rest.
+    """
+
+    coefficient: float
+    bias: float
+    variance: float
+    covariance: float
+
+
+class ResidualTests(Artifact):
+    """Residual analysis of a channel over the maneuvers of a role.
+
+    The noise is that of the residuals of the identifying maneuvers, each tested with that of the
+    others. What the fit does not compare (a heading, which is a sum) has only ``theil``.
+    """
+
+    theil: Theil | None = None
+    noise: FittedNoise | None = None
+    nis: NisTest | None = None
+    autocorrelation: Autocorrelation | None = None
+    inputs: dict[str, InputCorrelation] = {}
+
+
 class Coverage(Artifact):
     """Share of the held-out samples of a channel within the band, and its mean width."""
 
@@ -355,5 +469,6 @@ class Metrics(Artifact):
     summary: dict[str, dict[str, ChannelMetrics]]
     coverage: dict[str, Coverage] = {}
     cross_validation: dict[str, CrossValidation] = {}
+    residuals: dict[str, dict[str, ResidualTests]] = {}
     ase: "Metrics | None" = None
     findings: tuple[Finding, ...] = ()

@@ -10,11 +10,14 @@ from auvident.engines import estimator
 from auvident.engines.estimator import run_stage
 from auvident.engines.jackknife import (
     Scatter,
+    centred,
     expected_variance,
     information_by_maneuver,
     jackknife_covariance,
     largest_by_chance,
     moves_without,
+    noise_claim,
+    scatter_of,
 )
 from auvident.engines.noise import white
 from auvident.engines.setup import Setup
@@ -89,10 +92,10 @@ def drawn(
     reads = [j @ t + rng.normal(size=20) for j, t in zip(slopes, own, strict=True)]
     whole = prior + sum(j.T @ j for j in slopes)
     best = np.linalg.solve(whole, sum(j.T @ y for j, y in zip(slopes, reads, strict=True)))
-    moves = {
-        str(i): np.linalg.solve(whole - j.T @ j, j.T @ (j @ best - y))
-        for i, (j, y) in enumerate(zip(slopes, reads, strict=True))
-    }
+    pairs = list(zip(slopes, reads, strict=True))
+    gradients = {str(i): j.T @ (j @ best - y) for i, (j, y) in enumerate(pairs)}
+    curvatures = {str(i): j.T @ j for i, j in enumerate(slopes)}
+    moves = moves_without(centred(gradients, curvatures), curvatures, prior)
     expected, freedom = expected_variance([j.T @ j for j in slopes], prior)
     return np.diag(jackknife_covariance(moves)), expected, freedom
 
@@ -111,6 +114,69 @@ def test_maneuvers_of_different_vehicles_scatter_beyond_chance() -> None:
     found = [drawn(rng, apart=1.0) for _ in range(200)]
     beyond = np.array([v > e * largest_by_chance(f) for v, e, f in found])
     assert beyond.mean() > 0.8
+
+
+def straight_and_others(
+    rng: np.random.Generator, prior_off: float, inflated: float = 1.0
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], np.ndarray]:
+    """Gradients and curvatures of a linear problem in which one maneuver alone informs the first
+    parameter; its prior is so many standard deviations off, the noise so much larger than taken.
+    """
+    truth, prior = np.array([prior_off, 0.3, -0.4]), np.eye(3)
+    gradients, curvatures, parts = {}, {}, {}
+    for name in ("straight", "turn", "zigzag", "turn-2"):
+        slopes = rng.normal(size=(200, 3))
+        slopes[:, 0] *= 1.0 if name == "straight" else 0.0
+        parts[name] = slopes, slopes @ truth + inflated * rng.normal(size=200)
+        curvatures[name] = slopes.T @ slopes
+    whole = prior + sum(curvatures.values())
+    best = np.linalg.solve(whole, sum(j.T @ y for j, y in parts.values()))
+    for name, (j, y) in parts.items():
+        gradients[name] = j.T @ (j @ best - y)
+    return gradients, curvatures, prior
+
+
+def test_centred_gradients_add_up_to_zero() -> None:
+    gradients, curvatures, _ = straight_and_others(np.random.default_rng(3), 4.0)
+    assert abs(sum(gradients.values())[0]) > 3.0  # the pull of the prior
+    total = sum(centred(gradients, curvatures).values())
+    np.testing.assert_allclose(total, 0.0, atol=1e-9)
+    # as well where the data do not see a direction at all
+    for j in curvatures.values():
+        j[2] = j[:, 2] = 0.0
+    blind = {name: np.where([True, True, False], g, 0.0) for name, g in gradients.items()}
+    np.testing.assert_allclose(sum(centred(blind, curvatures).values()), 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("prior_off", [0.0, 2.6, 10.0])
+def test_one_maneuver_that_disagrees_with_the_prior_disagrees_with_no_other(prior_off) -> None:
+    """What a single straight run says of the drag is no scatter between maneuvers."""
+    parts = straight_and_others(np.random.default_rng(5), prior_off)
+    posterior = np.linalg.inv(parts[2] + sum(parts[1].values()))
+    scatter = scatter_of(*parts)
+    assert scatter is not None
+    # what is left is how the other two, which all of them inform, move it along
+    assert scatter.std[0] < 0.1 * np.sqrt(posterior[0, 0])
+    assert widening(posterior, scatter)[0] == 1.0
+    # without centring the prior's distance would have been taken for scatter
+    raw = jackknife_covariance(moves_without(*parts))
+    if prior_off > 2.0:
+        assert np.sqrt(raw[0, 0]) > 10.0 * np.sqrt(posterior[0, 0])
+
+
+def test_the_claim_of_noise_is_right_on_average_and_sees_noise_twice_as_large() -> None:
+    rng = np.random.default_rng(7)
+    for inflated, expected in ((1.0, 1.0), (2.0, 4.0)):
+        found = [noise_claim(*straight_and_others(rng, 1.0, inflated)[:2]) for _ in range(300)]
+        assert np.mean([f.ratio for f in found]) == pytest.approx(expected, rel=0.08)
+        # four maneuvers of two parameters, one of them of three; less the three of the whole
+        assert found[0].freedom == pytest.approx(2 * 3 + 3 - 3, rel=1e-6)
+
+
+def test_two_maneuvers_claim_nothing() -> None:
+    gradients, curvatures, _ = straight_and_others(np.random.default_rng(1), 0.0)
+    two = ("straight", "turn")
+    assert noise_claim({n: gradients[n] for n in two}, {n: curvatures[n] for n in two}) is None
 
 
 def test_the_limit_of_chance_is_that_of_chi_square() -> None:

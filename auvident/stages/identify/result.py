@@ -1,7 +1,7 @@
 """The identified model and its history from the stages that were run."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,6 @@ import pandas as pd
 from auvident.engines.carried import Carried, effect_rows
 from auvident.engines.free_run import NOTHING
 from auvident.engines.jackknife import Scatter, jackknife_covariance
-from auvident.engines.noise import LONGEST_CORRELATION_S
 from auvident.engines.prediction import at_effects, linear_about
 from auvident.engines.records import STATE_COLUMNS
 from auvident.engines.setup import Outcome, Setup, active_states
@@ -21,7 +20,6 @@ from auvident.estimation.identifiability import (
     correlations,
     data_shares,
 )
-from auvident.estimation.innovations import consistency
 from auvident.physics.terms import Structure
 from auvident.schema.artifacts import (
     AseResult,
@@ -30,7 +28,6 @@ from auvident.schema.artifacts import (
     FittedNoise,
     IdentifiedModel,
     ModelCoefficient,
-    NisTest,
     Origin,
     StageRecord,
 )
@@ -38,6 +35,8 @@ from auvident.schema.coefficients import BY_SYMBOL, prime_unit, symbols_of
 from auvident.schema.effects import parameter_of
 from auvident.schema.plan import PlanStage
 from auvident.schema.vehicle import Vehicle
+from auvident.stages.identify.profiles import SECANT
+from auvident.stages.identify.residuals import innovations_tested, nis_findings
 from auvident.stages.identify.setup import rigid_body
 
 Array = npt.NDArray[Any]
@@ -45,10 +44,8 @@ Array = npt.NDArray[Any]
 HISTORY_PERIOD_S = 0.5  # the history of the coefficients is stored this often
 NOT_MOVED = 0.05  # data share below which a coefficient stayed where the prior put it
 CORRELATED = 0.95
-SECANT = 0.1  # [priors] the slope of an effect taken over so much is no derivative
 # scatter between maneuvers, where it is beyond chance, over the filter's own standard deviation
 DISAGREE = 2.0
-NIS_FACTOR = 2.0  # squared innovations within this factor of the claim are no finding
 
 
 @dataclass(frozen=True)
@@ -108,7 +105,7 @@ def model_of(
         findings=(
             *findings,
             *_findings(rows, final, symbols),
-            *_nis_findings(records[-1]),
+            *nis_findings(records[-1]),
         ),
     )
 
@@ -259,15 +256,9 @@ def _row(
 
 
 def _stage_record(setup: Setup, step: Step) -> StageRecord:
-    structure, longest = setup.structure, round(LONGEST_CORRELATION_S / setup.dt_s)
-    outcome, passed = step.outcome, step.outcome.passed
-    nis: dict[str, NisTest] = {}
-    if passed is not None:
-        for c, column in enumerate(STATE_COLUMNS[structure.plane]):
-            test = consistency(passed.whitened[:, :, c], longest)
-            if test is not None:
-                nis[column] = NisTest(**asdict(test))
+    structure, outcome, passed = setup.structure, step.outcome, step.outcome.passed
     active = active_states(step.stage.system, structure.plane)
+    nis = innovations_tested(setup, outcome, step.stage, active)
 
     def named(values: Array) -> dict[str, float]:
         return dict(zip(STATE_COLUMNS[structure.plane], values.tolist(), strict=True))
@@ -353,23 +344,6 @@ def _findings(
             )
         )
     return found
-
-
-def _nis_findings(record: StageRecord) -> list[Finding]:
-    """Channels whose innovations are not as large as the filter says."""
-    return [
-        Finding(
-            code="nis-outside",
-            where=column,
-            value=test.corrected,
-            threshold=test.high if test.corrected > 1.0 else test.low,
-            message="the innovations are not consistent with their covariance S",
-            remedy="Standard deviations that rest on this channel are off accordingly.",
-        )
-        for column, test in record.nis.items()
-        if not (test.low <= test.corrected <= test.high)
-        and not (1.0 / NIS_FACTOR <= test.corrected <= NIS_FACTOR)
-    ]
 
 
 def history_of(setup: Setup, done: Sequence[Step]) -> pd.DataFrame:

@@ -39,6 +39,9 @@ from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.identify.held_out import overlap_findings
 from auvident.stages.identify.left_out import left_out_of
+from auvident.stages.identify.prior_data import prior_against_data
+from auvident.stages.identify.profiles import profiles_of
+from auvident.stages.identify.residuals import ignored_channels, scatter_claimed
 from auvident.stages.identify.result import (
     Step,
     history_of,
@@ -139,9 +142,26 @@ def identify(
     left_out, told = left_out_of(setup, left_out_courses(setup, final, *by_maneuver))
     findings += told
     scatter = scatter_of(*by_maneuver)
+    claim, told = scatter_claimed(*by_maneuver[:2])
+    against, contradicted = prior_against_data(setup, final, *by_maneuver, ase)
+    profiled, bent = profiles_of(setup, final, done[-1].stage, carried.effects)
+    findings = [
+        *ignored_channels(setup, final, done[-1].stage),
+        *contradicted,
+        *findings,
+        *told,
+        *bent,
+    ]
     model = model_of(setup, ase, vehicle, done, unseen, scatter, findings, carried)
-    covariance = model.covariance | scatter_matrix(setup, final, moves_without(*by_maneuver))
-    model = model.model_copy(update={"left_out": left_out, "covariance": covariance})
+    moves = moves_without(*by_maneuver)
+    beside: dict[str, Any] = {
+        "left_out": left_out,
+        "covariance": model.covariance | scatter_matrix(setup, final, moves),
+        "prior_against_data": against,
+        "noise_claim": claim,
+        "profile": profiled,
+    }
+    model = model.model_copy(update=beside)
     history = history_of(setup, [step for run in runs for step in run[0]])
     return Identification(model, history, states_of(setup, final.parameters))
 

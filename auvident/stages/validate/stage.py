@@ -28,11 +28,13 @@ from auvident.schema.artifacts import (
     ManeuverMetrics,
     Maneuvers,
     Metrics,
+    ResidualTests,
 )
 from auvident.schema.planes import BY_PLANE, STATE_COLUMNS, Plane
 from auvident.schema.trial import Trial
 from auvident.stages.validate.band import FLAT, coverage_of, cross_validation_of
 from auvident.stages.validate.findings import findings_of
+from auvident.stages.validate.residuals import Compared, residuals_of
 
 Array = npt.NDArray[np.float64]
 
@@ -113,12 +115,25 @@ def validate(
                 if p.maneuver.role == "validate"
             ),
             "cross_validation": cross_validation_of(model),
+            "residuals": _residuals(after, model, min(dts.values())),
         }
     )
     tables = [
         _table(a, b, model.plane, band) for a, b, band in zip(after, before, bands, strict=True)
     ]
     return Validation(metrics, pd.concat(tables, ignore_index=True))
+
+
+def _residuals(
+    predictions: Sequence[Prediction], model: IdentifiedModel, dt_s: float
+) -> dict[str, dict[str, ResidualTests]]:
+    """Residual analysis of the predictions that do not run away."""
+    compared, plane = [], model.plane
+    for p in (p for p in predictions if not p.ran_away):
+        channels = {name: (m, s) for name, _, m, s in channel_pairs(p, plane) if name != TRACK}
+        inputs = {BY_PLANE[plane].fin: p.record.inputs[:, 0], "rpm": p.record.inputs[:, 2]}
+        compared.append(Compared(p.maneuver.role, channels, inputs))
+    return residuals_of(compared, plane, dt_s, model.sensing.noise_std)
 
 
 def predict_all(
