@@ -84,7 +84,8 @@ def _segment(outputs: Mapping[str, Any]) -> list[RenderableType]:
     beside = outputs["segment/rejected.json"]
     table = rich_table(tables.maneuvers(maneuvers, "Maneuvers"))
     note = f"{len(beside['rejected'])} candidates rejected; segment/rejected.json has the reasons"
-    return [table, Text(note, style="dim"), *findings_lines(beside["findings"])]
+    why = [Text(f"held out: {m.id}: {m.reason}") for m in maneuvers if m.reason]
+    return [table, *why, Text(note, style="dim"), *findings_lines(beside["findings"])]
 
 
 def _ase(outputs: Mapping[str, Any]) -> list[RenderableType]:

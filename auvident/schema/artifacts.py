@@ -42,6 +42,7 @@ class Maneuver(Artifact):
     ``plane`` is the one whose fin, rate and angle its features are of; ``planes`` those in which
     it identifies and validates: a run with thrust steps does in both. A list of an
     earlier version has them among its features, one written by hand need not have them.
+    ``reason`` says why it is held out; empty where it identifies.
     """
 
     id: str
@@ -52,6 +53,7 @@ class Maneuver(Artifact):
     role: Role
     plane: Plane
     planes: tuple[Plane, ...]
+    reason: str = ""
     features: dict[str, Any] = {}
 
     @model_validator(mode="before")
