@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import stdtrit
 
 from auvident.constants import NORMAL_95
 from auvident.engines.carried import (
@@ -216,12 +217,8 @@ def with_model_error(known: Array, square: float, grown: Array) -> Array:
 
 
 def few(draws: int) -> float:
-    """Quantile of Student's t over that of the normal, of which `NOMINAL` lie within.
-
-    First terms of the expansion (Abramowitz and Stegun 1964, 26.7.5), 1 % low at five draws.
-    """
-    z, n = NORMAL_95, float(draws)
-    return 1.0 + (z**2 + 1.0) / (4.0 * n) + (5.0 * z**4 + 16.0 * z**2 + 3.0) / (96.0 * n**2)
+    """Quantile of Student's t over that of the normal, of which `NOMINAL` lie within."""
+    return float(stdtrit(draws, 0.5 * (1.0 + NOMINAL))) / NORMAL_95
 
 
 # --- band of a prediction ------------------------------------------------------------------

@@ -349,13 +349,28 @@ class CrossValidation(Artifact):
     unit: str
 
 
+class Extrapolation(Artifact):
+    """What a held-out maneuver reaches of a quantity, and those that identify do at the most."""
+
+    reaches: float
+    identified: float
+    unit: str
+
+
 class Metrics(Artifact):
-    """``validate/metrics.json``; ``ase`` holds the same for the ASE model alone, without band."""
+    """``validate/metrics.json``; ``ase`` holds the same for the ASE model alone, without band.
+
+    ``horizons`` has the errors of the held-out maneuvers predicted in windows of so many seconds,
+    each from the readings at its start. ``extrapolation`` says by held-out maneuver and quantity
+    where it leaves the range of those that identify.
+    """
 
     schema_: str = Field(default="auvident/metrics/1", alias="schema")
     maneuvers: tuple[ManeuverMetrics, ...]
     summary: dict[str, dict[str, ChannelMetrics]]
     coverage: dict[str, Coverage] = {}
     cross_validation: dict[str, CrossValidation] = {}
+    horizons: dict[str, dict[str, ChannelMetrics]] = {}
+    extrapolation: dict[str, dict[str, Extrapolation]] = {}
     ase: "Metrics | None" = None
     findings: tuple[Finding, ...] = ()
