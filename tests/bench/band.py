@@ -20,6 +20,7 @@ if str(SAMPLES) not in sys.path:
 
 STATES = {s.symbol: s for s in BY_PLANE["horizontal"].states}
 CHANNELS = (*STATES, TRACK)
+TRIALS = 30
 
 Rows = list[dict[str, Any]]
 
@@ -40,7 +41,7 @@ def clean_trials(count: int) -> Iterator[tuple[int, tuple[str, ...], Chain]]:
         seed += 2
 
 
-def band(count: int) -> dict[str, Rows]:
+def band(count: int = TRIALS) -> dict[str, Rows]:
     """Coverage and width, by channel and by class of vehicle."""
     kept, failed = [], []
     for seed, classes, chain in clean_trials(count):
