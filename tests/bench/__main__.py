@@ -34,7 +34,7 @@ HOW = {
     "identify": "; medians of {repeats} repetitions",
     "length": "; medians of {few} repetitions",
     "splits": "; the first clean trials of even seeds, five random splits each",
-    "band": "; the first 30 clean trials of even seeds",
+    "band": "; the first 29 clean trials of even seeds",
 }
 
 

@@ -20,7 +20,7 @@ if str(SAMPLES) not in sys.path:
 
 STATES = {s.symbol: s for s in BY_PLANE["horizontal"].states}
 CHANNELS = (*STATES, TRACK)
-TRIALS = 30
+TRIALS = 29
 
 Rows = list[dict[str, Any]]
 
