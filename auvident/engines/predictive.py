@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import stdtrit
 
-from auvident.constants import NORMAL_95
 from auvident.engines.carried import (
     frame_of,
     free_behind,
@@ -38,9 +38,10 @@ Array = npt.NDArray[Any]
 
 NOMINAL = 0.95  # share of the samples that a band is to hold
 TRACK = "track"
-# Power of the time in the model error. A heading is the sum of errors of the rate that come and
-# go (a random walk), a track that of a speed and a course that are off; others are held by damping.
-HEADING_GROWTH, TRACK_GROWTH = 0.5, 1.0
+# Power of the time in the model error. A heading is the sum of errors of the rate, of which some
+# come and go (a random walk, 1/2) and some stay (1); a track is the sum of headings that are off
+# times the speed, one power more. Others are held by damping.
+HEADING_GROWTH, TRACK_GROWTH = 0.75, 1.75
 ALL = np.ones(N_STATES, dtype=bool)
 
 
@@ -172,7 +173,8 @@ def errors_of(
     The factor puts `NOMINAL` of their samples within the band (a conformal step). What one
     maneuver more would be off scatters about what the F left out show as about a mean of F: the
     variance of a prediction is (1 + 1/F) times theirs. The samples of a sum drift away together:
-    its maneuvers count as one draw each, and the factor is that of Student's t over the normal.
+    its maneuvers count as one draw each, of which the mean squares over the variances give the
+    spread, and the factor is the quantile of Student's t with F degrees of freedom.
 
     Parameters
     ----------
@@ -189,6 +191,7 @@ def errors_of(
     found = {}
     for name, growth in growths(plane).items():
         error = np.concatenate([c.error[name] for c in courses])
+        whose = np.repeat(np.arange(len(courses)), [len(c.error[name]) for c in courses])
         seen = np.isfinite(error)
         known = np.concatenate([c.variance[name] for c in courses])[seen]
         known = known + noise.get(name, 0.0) ** 2
@@ -198,11 +201,32 @@ def errors_of(
             continue
         square = error[seen] ** 2
         left = max(float(np.mean((square - known) / grown)), 0.0)
-        size = np.sqrt(np.maximum(with_model_error(known, left, grown), np.finfo(float).tiny))
-        factor = float(np.quantile(np.sqrt(square) / size, level))
-        factor *= math.sqrt(1.0 + 1.0 / len(courses)) * (few(len(courses)) if growth else 1.0)
-        found[name] = ModelError(std=math.sqrt(left), growth=growth, factor=factor)
+        least = np.finfo(float).tiny
+        ratio = square / np.maximum(with_model_error(known, left, grown), least)
+        factor = drifting(ratio, whose[seen], level) if growth else _conformal(ratio, level)
+        factor *= math.sqrt(1.0 + 1.0 / len(courses))
+        if math.isfinite(factor):
+            found[name] = ModelError(std=math.sqrt(left), growth=growth, factor=factor)
     return found
+
+
+def _conformal(ratio: Array, level: float) -> float:
+    """Factor that holds a share of the samples, from their squares over their variances."""
+    return math.sqrt(float(np.quantile(ratio, level)))
+
+
+def drifting(ratio: Array, whose: Array, level: float) -> float:
+    """Factor that holds a share of maneuvers whose samples drift away together.
+
+    Parameters
+    ----------
+    ratio : (n,) array
+        Squared errors over their variances.
+    whose : (n,) int array
+        Number of the maneuver of each sample.
+    """
+    own = [float(np.mean(ratio[whose == number])) for number in np.unique(whose)]
+    return float(stdtrit(len(own), 0.5 * (1.0 + level))) * math.sqrt(float(np.mean(own)))
 
 
 def grown_by(elapsed_s: Array, growth: float) -> Array:
@@ -213,15 +237,6 @@ def grown_by(elapsed_s: Array, growth: float) -> Array:
 def with_model_error(known: Array, square: float, grown: Array) -> Array:
     """Variance of a prediction: by parameters and sensor, and by what the equations lack."""
     return known + square * grown
-
-
-def few(draws: int) -> float:
-    """Quantile of Student's t over that of the normal, of which `NOMINAL` lie within.
-
-    First terms of the expansion (Abramowitz and Stegun 1964, 26.7.5), 1 % low at five draws.
-    """
-    z, n = NORMAL_95, float(draws)
-    return 1.0 + (z**2 + 1.0) / (4.0 * n) + (5.0 * z**4 + 16.0 * z**2 + 3.0) / (96.0 * n**2)
 
 
 # --- band of a prediction ------------------------------------------------------------------

@@ -356,7 +356,7 @@ def refine(given: Given) -> dict[str, Any]:
         attempts=tried,
         seed=given.seed or 0,
         predicted=now.metrics.findings,
-    )
+    ).model_copy(update={"coverage": now.metrics.coverage})
     return {
         "refine/model.json": model,
         "refine/comparison.json": comparison,

@@ -11,6 +11,7 @@ from auvident.report import console_loop, tables_model
 from auvident.report import tables_run as tables
 from auvident.report.ase_tables import ase_report
 from auvident.report.console_style import findings_lines, rich_table
+from auvident.report.held_out_words import beyond, why_held_out
 from auvident.report.numbers import TERMINAL
 from auvident.report.tables import Column, Fixed, Number, Rows, Table, columns
 from auvident.schema.artifacts import (
@@ -30,6 +31,7 @@ ROLES = {
     "identify": "Prediction of the maneuvers used for identification",
     "validate": "Prediction of the held-out maneuvers",
 }
+HORIZONS = "The held-out maneuvers predicted from readings so many seconds before"
 MOST_SENSOR_TABLES = 3  # trials; more of them are shown with one row each
 
 
@@ -84,7 +86,8 @@ def _segment(outputs: Mapping[str, Any]) -> list[RenderableType]:
     beside = outputs["segment/rejected.json"]
     table = rich_table(tables.maneuvers(maneuvers, "Maneuvers"))
     note = f"{len(beside['rejected'])} candidates rejected; segment/rejected.json has the reasons"
-    return [table, Text(note, style="dim"), *findings_lines(beside["findings"])]
+    why = [Text(line) for line in why_held_out(maneuvers)]
+    return [table, *why, Text(note, style="dim"), *findings_lines(beside["findings"])]
 
 
 def _ase(outputs: Mapping[str, Any]) -> list[RenderableType]:
@@ -106,9 +109,12 @@ def _validate(outputs: Mapping[str, Any]) -> list[RenderableType]:
             crossed = metrics.cross_validation if role == "validate" else {}
             errors = tables.errors_by_channel(title, metrics.summary[role], before, crossed)
             pieces.append(rich_table(errors))
+    if metrics.horizons:
+        pieces.append(rich_table(tables.errors_by_horizon(metrics, HORIZONS)))
     if metrics.residuals:
         pieces.append(rich_table(tables.residuals(metrics, "Residual analysis")))
-    return [*pieces, *findings_lines(metrics.findings)]
+    lines = [Text(line, style="yellow") for line in beyond(metrics.extrapolation)]
+    return [*pieces, *lines, *findings_lines(metrics.findings)]
 
 
 def status_table(run: Path, rows: Sequence[Mapping[str, Any]]) -> RenderableType:

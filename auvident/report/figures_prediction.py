@@ -118,7 +118,7 @@ def _channel(axes: Axes, time: np.ndarray, table: pd.DataFrame, column: str, uni
         low, high = (factor * table[f"{column}_{e}"].to_numpy(float) - start for e in ("lo", "hi"))
         band = np.concatenate([x[np.isfinite(x)] for x in (low, high)])
         at, low, high = thinned(time, low, high)
-        axes.fill_between(at, low, high, color=BLUE, alpha=BAND_OPACITY, lw=0.0)
+        axes.fill_between(at, low, high, color=_band_colour(table), alpha=BAND_OPACITY, lw=0.0)
     values = {}
     for ending, colour, dashes, width, _ in LINES:
         if f"{column}_{ending}" not in table:
@@ -131,6 +131,11 @@ def _channel(axes: Axes, time: np.ndarray, table: pd.DataFrame, column: str, uni
     inside = np.concatenate([band, *(values[e] for e in values if e != "ase")])
     axes.set_ylim(*limits(inside, values.get("ase", np.array([]))))
     axes.locator_params(axis="y", nbins=5)
+
+
+def _band_colour(table: pd.DataFrame) -> str:
+    """Colour of the model that the band is of: the final one, where that is another."""
+    return GREEN if any(str(c).endswith("_refined") for c in table.columns) else BLUE
 
 
 def _errors(
@@ -238,7 +243,9 @@ def _legend(figure: Figure, prior: str, refined: bool, band: bool) -> None:
         if e != "refined" or refined
     ]
     if band:
-        handles.insert(2, Patch(color=BLUE, alpha=BAND_OPACITY, lw=0.0, label=BAND_WORDS))
+        colour = GREEN if refined else BLUE
+        patch = Patch(color=colour, alpha=BAND_OPACITY, lw=0.0, label=BAND_WORDS)
+        handles.insert(3 if refined else 2, patch)  # behind the line that it is about
     figure.legend(
         handles=handles,
         loc="upper left",

@@ -10,6 +10,7 @@ from auvident import __version__
 from auvident.report import html_words as words
 from auvident.report import tables_figures, tables_model, tables_record, tables_run
 from auvident.report.finding_words import evidence
+from auvident.report.held_out_words import beyond, why_held_out
 from auvident.report.html_data import ReportData, number
 from auvident.report.html_loop import figures as loop_figures
 from auvident.report.html_loop import lacks, with_refined
@@ -203,6 +204,9 @@ def _tables(report: ReportData) -> dict[str, Any]:
             for kind in ("turn", "zigzag")
             for table in tables_figures.figure_tables(report.held_out(), kind)
         ],
+        "horizons": tables_run.errors_by_horizon(metrics) if metrics and metrics.horizons else None,
+        "why_held": why_held_out(found.maneuvers) if found else [],
+        "beyond": beyond(metrics.extrapolation) if metrics else [],
         "errors": tables_run.errors_by_maneuver(metrics, report.refined_channels())
         if metrics
         else None,

@@ -14,6 +14,7 @@ from auvident.schema.diagnosis import Comparison, Diagnosis
 if TYPE_CHECKING:
     import pandas as pd
 
+BAND_ENDS = ("_lo", "_hi")
 MOST_CANDIDATES = 8  # the others can be unfolded
 GRADES = {
     "none_found": "good",
@@ -104,7 +105,7 @@ def figures(report: ReportData) -> dict[str, list[str | None]]:
 
 
 def with_refined(rows: "pd.DataFrame", report: ReportData, maneuver: str) -> "pd.DataFrame":
-    """Rows of a maneuver with what the refined model predicts as ``..._refined``.
+    """Rows of a maneuver with what the refined model predicts as ``..._refined``, and its band.
 
     As they are where nothing was added, or the refinement does not have the same rows.
     """
@@ -119,4 +120,7 @@ def with_refined(rows: "pd.DataFrame", report: ReportData, maneuver: str) -> "pd
         for c in refined.columns
         if c.endswith(ending)
     }
-    return rows.assign(**added)
+    ends = [c for c in refined.columns if c.endswith(BAND_ENDS)]
+    own = [c for c in rows.columns if c.endswith(BAND_ENDS)]
+    band = {c: refined[c].to_numpy() for c in ends}
+    return rows.drop(columns=own).assign(**added, **band)

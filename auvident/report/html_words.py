@@ -238,6 +238,8 @@ def cards(data: ReportData) -> list[dict[str, Any]]:
 def coverage(data: ReportData) -> str:
     """How much of what was held out the band holds; empty where there is no band."""
     found = data.metrics.coverage if data.metrics else {}
+    if data.is_refined and data.comparison and data.comparison.coverage:
+        found = data.comparison.coverage
     if not found:
         return ""
     nominal = percent(next(iter(found.values())).nominal)

@@ -186,6 +186,24 @@ def errors_by_channel(
     return Table(columns(("channel", "unit"), heads), rows, title)
 
 
+def errors_by_horizon(metrics: Metrics, title: str = "") -> Table:
+    """Errors of the held-out maneuvers in windows of some lengths, and free-running, by channel."""
+    free = metrics.summary.get("validate", {})
+    columns_of = [*metrics.horizons.values(), free]
+    rows: Rows = [
+        [
+            name,
+            Unit(a.unit, True),
+            *(Number(c[name].rmse if name in c else None, 3, a.unit) for c in columns_of),
+            *(Number(c[name].nrmse if name in c else None) for c in columns_of),
+        ]
+        for name, a in free.items()
+    ]
+    ways = [*(f"{horizon} s" for horizon in metrics.horizons), "free-running"]
+    heads = [f"{what}, {way}" for what in ("RMSE", "NRMSE") for way in ways]
+    return Table(columns(("channel", "unit"), heads), rows, title)
+
+
 def errors_by_maneuver(metrics: Metrics, final: Mapping[str, Errors] | None = None) -> Table:
     """RMSE of every maneuver and channel, that with the prior in brackets.
 

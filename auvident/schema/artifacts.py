@@ -42,6 +42,7 @@ class Maneuver(Artifact):
     ``plane`` is the one whose fin, rate and angle its features are of; ``planes`` those in which
     it identifies and validates: a run with thrust steps does in both. A list of an
     earlier version has them among its features, one written by hand need not have them.
+    ``reason`` says why it is held out; empty where it identifies.
     """
 
     id: str
@@ -52,6 +53,7 @@ class Maneuver(Artifact):
     role: Role
     plane: Plane
     planes: tuple[Plane, ...]
+    reason: str = ""
     features: dict[str, Any] = {}
 
     @model_validator(mode="before")
@@ -461,8 +463,21 @@ class CrossValidation(Artifact):
     unit: str
 
 
+class Extrapolation(Artifact):
+    """What a held-out maneuver reaches of a quantity, and those that identify do at the most."""
+
+    reaches: float
+    identified: float
+    unit: str
+
+
 class Metrics(Artifact):
-    """``validate/metrics.json``; ``ase`` holds the same for the ASE model alone, without band."""
+    """``validate/metrics.json``; ``ase`` holds the same for the ASE model alone, without band.
+
+    ``horizons`` has the errors of the held-out maneuvers predicted in windows of so many seconds,
+    each from the readings at its start. ``extrapolation`` says by held-out maneuver and quantity
+    where it leaves the range of those that identify.
+    """
 
     schema_: str = Field(default="auvident/metrics/1", alias="schema")
     maneuvers: tuple[ManeuverMetrics, ...]
@@ -470,5 +485,7 @@ class Metrics(Artifact):
     coverage: dict[str, Coverage] = {}
     cross_validation: dict[str, CrossValidation] = {}
     residuals: dict[str, dict[str, ResidualTests]] = {}
+    horizons: dict[str, dict[str, ChannelMetrics]] = {}
+    extrapolation: dict[str, dict[str, Extrapolation]] = {}
     ase: "Metrics | None" = None
     findings: tuple[Finding, ...] = ()

@@ -4,7 +4,7 @@ from typing import Any
 
 from pydantic import Field, computed_field
 
-from auvident.schema.artifacts import Finding, Verdict
+from auvident.schema.artifacts import Coverage, Finding, Verdict
 from auvident.schema.base import Artifact
 
 
@@ -217,7 +217,8 @@ class Comparison(Artifact):
 
     ``effects`` are those that the refined model confirms, with the sizes it ends at;
     ``not_confirmed`` those that it predicts with although their intervals hold zero.
-    ``attempts`` are empty where there was nothing to add.
+    ``attempts`` are empty where there was nothing to add. ``coverage`` is that of the band of the
+    refined model.
     """
 
     schema_: str = Field(default="auvident/comparison/1", alias="schema")
@@ -231,6 +232,7 @@ class Comparison(Artifact):
     identify: HeldOut
     maneuvers: tuple[ManeuverComparison, ...] = ()
     coefficients: tuple[CoefficientComparison, ...] = ()
+    coverage: dict[str, Coverage] = {}
     false_alarm_p: float | None = None
     candidates: tuple[Candidate, ...] = ()
     unexplained: dict[str, Any] = {}

@@ -19,6 +19,8 @@ PARTS = (
     "loop",
     "tanker",
     "left-out",
+    "splits",
+    "band",
     "recovery",
     "plans",
     "speed",
@@ -31,6 +33,8 @@ HOW = {
     "speed": "; medians of {repeats} repetitions",
     "identify": "; medians of {repeats} repetitions",
     "length": "; medians of {few} repetitions",
+    "splits": "; the first clean trials of even seeds, five random splits each",
+    "band": "; the first 29 clean trials of even seeds",
 }
 
 
@@ -76,8 +80,10 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _run(part: str, repeats: int, seeds: int) -> Any:
     from tests.bench import recovery, samples, speed
+    from tests.bench.band import band
     from tests.bench.left_out import left_out
     from tests.bench.length import length
+    from tests.bench.splits import splits
 
     work: dict[str, Callable[[], Any]] = {
         "samples": lambda: {"held-out errors": samples.held_out()},
@@ -88,6 +94,8 @@ def _run(part: str, repeats: int, seeds: int) -> Any:
         "recovery": lambda: recovery.recovery(seeds),
         "plans": lambda: {"held-out errors": speed.plans()},
         "left-out": lambda: {"each zigzag of the KVLCC2 from the others": left_out()},
+        "splits": splits,
+        "band": band,
         "length": lambda: {"diagnosis by length of the log": length(min(repeats, 3))},
     }
     return work[part]()

@@ -6,9 +6,10 @@ import pytest
 from auvident.engines.carried import frame_of, free_behind, predicted_course, vector_behind
 from auvident.engines.predictive import (
     ALL,
+    TRACK_GROWTH,
     LeftOutCourse,
+    drifting,
     errors_of,
-    few,
     left_out_course,
     parameter_variance,
     track_of,
@@ -42,7 +43,7 @@ def test_variance_by_one_parameter_is_the_squared_change_of_the_prediction(symbo
 def course(rng: np.random.Generator, std: float, spread: float, n: int = 400) -> LeftOutCourse:
     """Errors of four channels and a track: model and sensor noise, known variance by parameters."""
     elapsed = np.arange(n) * 0.1
-    drift = rng.normal(0.0, std) * (1.0 + elapsed)
+    drift = rng.normal(0.0, std) * (1.0 + elapsed) ** TRACK_GROWTH
     white = rng.normal(0.0, np.hypot(std, spread), (4, n))
     names = ("u", "v", "r", "heading")
     error = {name: np.abs(white[i]) for i, name in enumerate(names)} | {"track": np.abs(drift)}
@@ -57,7 +58,7 @@ def test_model_error_and_factor_of_drawn_errors() -> None:
     # 24000 samples: 0.5 % of their deviation, twice as much of what is left without the known part
     assert found["u"].std == pytest.approx(0.02, rel=0.05)
     assert found["u"].factor == pytest.approx(1.96 * np.sqrt(1 + 1 / 60), rel=0.03)
-    assert (found["u"].growth, found["heading"].growth, found["track"].growth) == (0.0, 0.5, 1.0)
+    assert (found["u"].growth, found["heading"].growth, found["track"].growth) == (0.0, 0.75, 1.75)
     assert found["track"].std == pytest.approx(0.02, rel=0.3)  # 60 drifts: 9 %, three times that
 
 
@@ -73,7 +74,29 @@ def test_a_band_from_few_maneuvers_holds_what_comes_in_the_mean() -> None:
 
 @pytest.mark.parametrize(("draws", "quantile"), [(5, 2.571), (10, 2.228), (30, 2.042)])
 def test_few_maneuvers_count_by_the_t_distribution(draws, quantile) -> None:
-    assert few(draws) == pytest.approx(quantile / 1.960, rel=0.01)  # printed tables
+    ratio, whose = np.ones(3 * draws), np.repeat(np.arange(draws), 3)
+    assert drifting(ratio, whose, 0.95) == pytest.approx(quantile, abs=5e-4)  # printed tables
+
+
+def test_a_long_drift_counts_as_one_maneuver() -> None:
+    """Of squares 4 and 1 in the mean of the maneuvers, however many samples each has."""
+    ratio, whose = np.array([4.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]), np.repeat([0, 1], [1, 7])
+    even = drifting(np.array([4.0, 1.0]), np.array([0, 1]), 0.95)
+    assert (
+        drifting(ratio, whose, 0.95)
+        == pytest.approx(even)
+        == pytest.approx(4.303 * 2.5**0.5, rel=1e-3)
+    )
+
+
+def test_drifts_from_few_maneuvers_hold_what_comes_in_the_mean() -> None:
+    rng, inside = np.random.default_rng(11), []
+    for _ in range(200):
+        *courses, new = [course(rng, 0.02, 0.0) for _ in range(7)]
+        error = errors_of(courses, "horizontal", {}, 0)["track"]
+        half = error.factor * error.std * (1.0 + new.elapsed_s) ** TRACK_GROWTH
+        inside.append(np.mean(new.error["track"] <= half))
+    assert 0.92 < np.mean(inside) < 0.985  # its standard error is near 0.015
 
 
 def test_more_than_a_twentieth_lost_leaves_no_band() -> None:

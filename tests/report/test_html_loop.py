@@ -305,6 +305,11 @@ def test_the_refined_prediction_is_taken_row_by_row(data: ReportData) -> None:
     found = with_refined(rows, replace(data, refined=refined), maneuver)
     np.testing.assert_array_equal(found["u_mps_refined"], rows["u_mps_measured"])
     np.testing.assert_array_equal(found["u_mps_simulated"], rows["u_mps_simulated"])
+    wider = refined.assign(u_mps_lo=refined["u_mps_lo"] - 1.0, u_mps_hi=refined["u_mps_hi"] + 1.0)
+    band = with_refined(rows, replace(data, refined=wider), maneuver)  # of the final model
+    np.testing.assert_allclose(band["u_mps_hi"], rows["u_mps_hi"] + 1.0)
+    without = refined.drop(columns=["u_mps_lo", "u_mps_hi"])
+    assert "u_mps_lo" not in with_refined(rows, replace(data, refined=without), maneuver)
     shorter = refined.drop(index=rows.index[:1])  # not the same rows: not drawn
     assert "u_mps_refined" not in with_refined(rows, replace(data, refined=shorter), maneuver)
     unchanged = data.comparison.model_copy(update={"effects": ()})

@@ -192,3 +192,17 @@ def noisy_after(trial: Trial, time_s: float) -> Trial:
     late = table[TIME_COLUMN] >= time_s
     table.loc[late, measured] = rng.normal(size=(int(late.sum()), len(measured)))
     return replace(trial, table=table)
+
+
+def test_a_model_with_effects_has_a_band_in_validation_and_in_simulation() -> None:
+    chain, _, _, model = identified()
+    assert model.left_out is not None
+    table = validate(chain.trials, chain.maneuvers, model).simulation
+    first = next(m for m in chain.maneuvers.maneuvers if m.kind == "zigzag")
+    window = first.t_start_s, first.t_end_s
+    rng = np.random.default_rng(0)
+    desk = simulate(model, chain.trials[0], window_s=window, samples=10, rng=rng)
+    for column in ("u_mps", "v_mps", "r_radps", "heading_rad"):
+        assert (table[f"{column}_hi"] > table[f"{column}_lo"]).all()
+        assert (desk[f"{column}_high"] > desk[f"{column}_low"]).all()
+    assert {"north_m_lo", "north_m_hi", "east_m_lo", "east_m_hi"} <= set(table.columns)

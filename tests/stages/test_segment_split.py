@@ -63,19 +63,19 @@ def test_what_goes_along_takes_along_and_names_what_was_held_out() -> None:
 
 
 def test_the_choice_spares_a_run_that_would_take_all_depth_steps_along() -> None:
-    """The run in the middle of the range would be held out otherwise."""
+    """The run with the smallest steps would be held out otherwise."""
     some = [
-        maneuver("low", 0, 50, rpm_steps=[100.0]),
-        maneuver("middle", 100, 300, rpm_steps=[200.0]),
+        maneuver("low", 100, 300, rpm_steps=[100.0]),
+        maneuver("middle", 0, 50, rpm_steps=[200.0]),
         maneuver("high", 400, 450, rpm_steps=[300.0]),
     ]
-    assert choose(some) == {"middle"}
+    assert choose(some) == {"low"}
     steps = [step("a", 120, 150), step("b", 200, 240)]
     held = choose([*some, *steps])
-    assert "middle" not in held
+    assert "low" not in held
     left = {name for name, role in roles_of([*some, *steps]).items() if role == "identify"}
     assert left & {"a", "b"}
-    assert len(held & {"low", "high"}) == 1
+    assert len(held & {"middle", "high"}) == 1
 
 
 def test_of_runs_in_both_planes_one_is_held_out_where_another_is_left() -> None:

@@ -2,14 +2,20 @@
 
 The automatic choice holds out about a quarter of the zigzags and of the turns, at least one
 where there are two, and one of several straight runs, so that speed is predicted through thrust
-steps too (the turns and zigzags that identify are run at several speeds). It takes maneuvers from
-the middle of the range, so that the validation interpolates: the rest keeps the largest and the
-smallest fin angle, both sides and both ends of the speed range as long as others can be spared.
-What overlaps with the maneuvers held out, in either plane, is settled in `split`.
+steps too (the turns and zigzags that identify are run at several speeds). What is held out is to
+be as hard to predict as the rest. Maneuvers are ranked among their kind by fin angle, speed and
+rate of turn. The central ones would be interpolated and flatter the model, the outermost ones
+blame it for what it never saw: those are held out of which the ranks lie, in the mean square, as
+far from the middle as those of all maneuvers of the kind (balanced sampling of the second
+moments). The largest fin angle of each kind and both sides identify as long as others can be
+spared. What overlaps with the maneuvers held out, in either plane, is settled in `split`.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
+
+import numpy as np
+import numpy.typing as npt
 
 from auvident.errors import InputError, UsageError
 from auvident.schema.artifacts import Finding, Maneuver
@@ -18,6 +24,9 @@ from auvident.schema.planes import BY_PLANE, PLANES
 HELD_OUT_SHARE = 0.25
 LEAST_OF_KIND = {"zigzag": 2, "turn": 2, "straight": 2}  # fewer: all are needed to identify
 SAME_ANGLE_DEG = 1.0  # fin angles within this are one amplitude
+DECIMALS = 6  # of squared ranks: what differs by less is equally far from the middle
+
+Array = npt.NDArray[np.float64]
 
 
 def choose(maneuvers: Sequence[Maneuver], barred: Collection[str] = ()) -> set[str]:
@@ -48,17 +57,53 @@ def _spare(same: Sequence[Maneuver]) -> Sequence[Maneuver]:
 
 
 def _of_one_kind(maneuvers: Sequence[Maneuver], number: int, spare: Collection[str]) -> set[str]:
-    """The most central ones that can be spared, one after the other."""
-    remaining = sorted(maneuvers, key=lambda m: (_amplitude(m), _speed(m), m.id))
+    """Those whose ranks lie as far from the middle as those of all, one after the other."""
+    away = dict(zip((m.id for m in maneuvers), _off_middle(maneuvers), strict=True))
+    typical = float(np.mean(list(away.values())))
+    remaining = sorted(maneuvers, key=lambda m: m.id)
     held: list[Maneuver] = []
+
+    def order(m: Maneuver) -> tuple[Any, ...]:
+        beyond = sum(away[x.id] - typical for x in (*held, m))
+        return *_losses(m, remaining, held), round(abs(beyond), DECIMALS), _amplitude(m), m.id
+
     while len(held) < number and len(remaining) > 1:
         free = [m for m in remaining if m.id in spare]
         if not free:
             break
-        best = min(free, key=lambda m: (_losses(m, remaining, held), _off_centre(m, remaining)))
+        best = min(free, key=order)
         remaining.remove(best)
         held.append(best)
     return {m.id for m in held}
+
+
+def _off_middle(maneuvers: Sequence[Maneuver]) -> Array:
+    """Squared distance (n,) of the ranks of each from the middle, in standard deviations."""
+    ranks = _ranks(maneuvers)
+    spread = ranks.std(axis=0)
+    off = (ranks - ranks.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0)
+    distance: Array = np.sum(off**2, axis=1)
+    return distance
+
+
+def _ranks(maneuvers: Sequence[Maneuver]) -> Array:
+    """Ranks (n, 3) by fin angle, speed and rate of turn, 1 the smallest; equals share theirs."""
+    values = np.array([[_amplitude(m), _speed(m), _rate(m)] for m in maneuvers])
+    below = (values[None] < values[:, None]).sum(axis=1)
+    equal = (values[None] == values[:, None]).sum(axis=1)
+    ranks: Array = below + 0.5 * (equal + 1)
+    return ranks
+
+
+def why_held(m: Maneuver, maneuvers: Sequence[Maneuver]) -> str:
+    """Why the automatic choice holds out a maneuver, in words."""
+    same = [x for x in maneuvers if x.kind == m.kind and x.plane == m.plane]
+    row = _ranks(same)[[x.id for x in same].index(m.id)]
+    first = "thrust step" if m.kind == "straight" else f"{BY_PLANE[m.plane].fin} angle"
+    last = "change of speed" if m.kind == "straight" else "rate of turn"
+    names = (first, "speed", last)
+    ranks = ", ".join(f"{n} {r:g}" for n, r in zip(names, row, strict=True))
+    return f"typical of {len(same)} of its kind, by rank from the smallest: {ranks}"
 
 
 def _amplitude(m: Maneuver) -> float:
@@ -69,39 +114,37 @@ def _amplitude(m: Maneuver) -> float:
 
 
 def _speed(m: Maneuver) -> float:
+    """Approach speed; of a straight run the mean of its steady speeds."""
+    steady = m.features.get("steady_speed_mps")
+    if m.kind == "straight" and isinstance(steady, list) and steady:
+        return float(np.mean(steady))
     return float(m.features.get("approach_speed_mps", 0.0))
+
+
+def _rate(m: Maneuver) -> float:
+    """Standard deviation of the rate of turn; of a straight run that of the speed."""
+    excitation = m.features.get("excitation") or {}
+    name = BY_PLANE[m.plane].velocities[2]
+    key = "u_std_mps" if m.kind == "straight" else f"{name}_std_degps"
+    return float(excitation.get(key) or 0.0)
 
 
 def _side(m: Maneuver) -> Any:
     return m.features.get("side", m.features.get("first_side", ""))
 
 
-def _losses(m: Maneuver, remaining: Sequence[Maneuver], held: Sequence[Maneuver]) -> tuple:
+def _losses(
+    m: Maneuver, remaining: Sequence[Maneuver], held: Sequence[Maneuver]
+) -> tuple[bool, ...]:
     """What the identification would lose without `m`, the gravest loss first."""
     others = [x for x in remaining if x is not m]
-    angles = [_amplitude(x) for x in others]
+    largest = _amplitude(m) > max(_amplitude(x) for x in others) + SAME_ANGLE_DEG
     side = all(_side(x) != _side(m) for x in others)
-    largest = _amplitude(m) > max(angles) + SAME_ANGLE_DEG
-    smallest = _amplitude(m) < min(angles) - SAME_ANGLE_DEG
+    torn = int(m.features.get("parts", 1)) > 1  # an uninterrupted one tests the longer prediction
     again = any(
         abs(_amplitude(x) - _amplitude(m)) <= SAME_ANGLE_DEG and _side(x) == _side(m) for x in held
     )
-    speeds = [_speed(x) for x in others]
-    fastest = bool(speeds) and not min(speeds) <= _speed(m) <= max(speeds)
-    torn = int(m.features.get("parts", 1)) > 1  # an uninterrupted one tests the longer prediction
-    return largest, side and len(others) > 1, smallest, torn, again, fastest
-
-
-def _off_centre(m: Maneuver, remaining: Sequence[Maneuver]) -> tuple[float, float, str]:
-    """Distance from the middle of the range of angles and speeds."""
-
-    def distance(of: Any) -> float:
-        values = sorted(of(x) for x in remaining)
-        span = values[-1] - values[0]
-        middle = 0.5 * (values[(len(values) - 1) // 2] + values[len(values) // 2])
-        return abs(of(m) - middle) / span if span > 0 else 0.0
-
-    return round(distance(_amplitude) + distance(_speed), 6), _amplitude(m), m.id
+    return largest, side and len(others) > 1, torn, again
 
 
 def part_id(whole: str, number: int) -> str:
@@ -159,10 +202,16 @@ def requested(
     return held
 
 
-def with_roles(maneuvers: Sequence[Maneuver], held: set[str]) -> tuple[Maneuver, ...]:
-    """The maneuvers with their roles."""
+def with_roles(maneuvers: Sequence[Maneuver], held: Mapping[str, str]) -> tuple[Maneuver, ...]:
+    """The maneuvers with their roles; `held` says of each that validates why."""
     return tuple(
-        m.model_copy(update={"role": "validate" if m.id in held else "identify"}) for m in maneuvers
+        m.model_copy(
+            update={
+                "role": "validate" if m.id in held else "identify",
+                "reason": held.get(m.id, ""),
+            }
+        )
+        for m in maneuvers
     )
 
 

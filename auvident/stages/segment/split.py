@@ -47,8 +47,19 @@ def split(
             "the model from",
             remedy="Hold out fewer maneuvers.",
         )
-    final = roles.with_roles(maneuvers, held | set(along))
+    final = roles.with_roles(maneuvers, _reasons(maneuvers, held, along, bool(hold_out)))
     return final, [*_findings(maneuvers, held, along), *roles.role_findings(final)]
+
+
+def _reasons(
+    maneuvers: Sequence[Maneuver], held: set[str], along: dict[str, str], asked: bool
+) -> dict[str, str]:
+    """Why each of them is held out, by ID."""
+    reasons = {name: f"lies within {cause}, which is held out" for name, cause in along.items()}
+    for m in maneuvers:
+        if m.id in held:
+            reasons[m.id] = "asked for with --hold-out" if asked else roles.why_held(m, maneuvers)
+    return reasons
 
 
 def choose(maneuvers: Sequence[Maneuver]) -> set[str]:

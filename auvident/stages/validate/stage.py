@@ -33,7 +33,9 @@ from auvident.schema.artifacts import (
 from auvident.schema.planes import BY_PLANE, STATE_COLUMNS, Plane
 from auvident.schema.trial import Trial
 from auvident.stages.validate.band import FLAT, coverage_of, cross_validation_of
+from auvident.stages.validate.extrapolation import extrapolation_of
 from auvident.stages.validate.findings import findings_of
+from auvident.stages.validate.horizons import HORIZONS_S, over_the_same_spread, windows_of
 from auvident.stages.validate.residuals import Compared, residuals_of
 
 Array = npt.NDArray[np.float64]
@@ -116,6 +118,12 @@ def validate(
             ),
             "cross_validation": cross_validation_of(model),
             "residuals": _residuals(after, model, min(dts.values())),
+            "horizons": _at_horizons(trials, maneuvers, model, metrics),
+            "extrapolation": extrapolation_of(
+                [p.record for p in after if p.maneuver.role == "validate"],
+                [p.record for p in after if p.maneuver.role == "identify"],
+                model.plane,
+            ),
         }
     )
     tables = [
@@ -146,6 +154,21 @@ def predict_all(
         for m in maneuvers.maneuvers
         if m.shows(model.plane)
     ]
+
+
+def _at_horizons(
+    trials: Sequence[Trial], maneuvers: Maneuvers, model: IdentifiedModel, metrics: Metrics
+) -> dict[str, dict[str, ChannelMetrics]]:
+    """Errors of the held-out maneuvers predicted in windows, by their length in seconds."""
+    free = metrics.summary.get("validate", {})
+    found = {}
+    for horizon_s in HORIZONS_S:
+        windows = windows_of(maneuvers, horizon_s)
+        cut = predict_all(trials, windows, model, vector_behind(model))
+        errors = _pooled([p for p in cut if not p.ran_away], model.plane)
+        if errors:
+            found[f"{horizon_s:g}"] = over_the_same_spread(errors, free)
+    return found
 
 
 def _predict(maneuver: Maneuver, trial: Trial, model: IdentifiedModel, p: Array) -> Prediction:

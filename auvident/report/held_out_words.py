@@ -1,0 +1,39 @@
+"""What stands beside the errors of held-out maneuvers: why these, and what they go beyond."""
+
+from collections.abc import Mapping, Sequence
+
+from auvident.report.numbers import PAGE
+from auvident.schema.artifacts import Extrapolation, Maneuver
+
+WORDS = {
+    "rudder": "of rudder",
+    "elevator": "of elevator",
+    "u": "of speed",
+    "v": "of sway velocity",
+    "w": "of heave velocity",
+    "r": "of yaw rate",
+    "q": "of pitch rate",
+}
+DIGITS = 2
+
+
+def why_held_out(maneuvers: Sequence[Maneuver]) -> list[str]:
+    """One line for each held-out maneuver that says why it is held out."""
+    return [f"{m.id} is held out: {m.reason}" for m in maneuvers if m.reason]
+
+
+def beyond(found: Mapping[str, Mapping[str, Extrapolation]]) -> list[str]:
+    """One line for each held-out maneuver that leaves the range of those that identify."""
+    return [
+        f"{name} {' and '.join(_reached(q, e) for q, e in rows.items())}"
+        for name, rows in found.items()
+        if rows
+    ]
+
+
+def _reached(quantity: str, e: Extrapolation) -> str:
+    """How far it goes by one quantity, and the identifying ones do."""
+    value, known = (PAGE.quantity(x, e.unit, DIGITS) for x in (e.reaches, e.identified))
+    if quantity == "u_low":
+        return f"slows to {value}, the identifying ones to {known}"
+    return f"goes to {value} {WORDS[quantity]}, the identifying ones to {known}"
