@@ -338,9 +338,10 @@ def refine(given: Given) -> dict[str, Any]:
     after: _Again | None = None
     tried: tuple[Attempt, ...] = ()
     if carried is not None:
-        after, tried = choose(
+        made, tried = choose(
             carried, given.model, before, lambda c: _identified_again(given, filter, c)
         )
+        after = made.found if made else None
     elif filter != given.model.filter:
         after = _identified_again(given, filter, None)
     model, history, now = given.model, given.table("identify/history.parquet"), before

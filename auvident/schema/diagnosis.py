@@ -203,13 +203,23 @@ class Attempt(Artifact):
 
     ``effects`` are those it carries; ``ratios`` its errors in the maneuvers that identify over
     those of the model before, by channel, what is masked apart. ``ran_away`` says that it leaves
-    every bound in one of them.
+    every bound in one of them. ``left_out`` are the ratios for these maneuvers left out in turn,
+    which decide; empty where too few are left out. ``left_out_se`` are the standard errors of
+    their logarithms over maneuvers; ``balance`` is the mean logarithm over the channels, with its
+    standard error. ``keeps`` names channels for whose sake the others counted less, ``failed`` says
+    why an attempt came to no model.
     """
 
     effects: tuple[str, ...]
     ratios: dict[str, float] = {}
     ran_away: bool = False
     taken: bool = False
+    left_out: dict[str, float] = {}
+    left_out_se: dict[str, float] = {}
+    balance: float | None = None
+    balance_se: float | None = None
+    keeps: tuple[str, ...] = ()
+    failed: str = ""
 
 
 class Comparison(Artifact):
