@@ -4,7 +4,7 @@ from typing import Any
 
 from pydantic import Field, computed_field
 
-from auvident.schema.artifacts import Finding, Verdict
+from auvident.schema.artifacts import CrossValidation, Finding, Verdict
 from auvident.schema.base import Artifact
 
 
@@ -222,12 +222,51 @@ class Attempt(Artifact):
     failed: str = ""
 
 
+class ForceTried(Artifact):
+    """A force without a name with one spread of its prior; the other keys are those of `Attempt`.
+
+    ``spread`` is in units of the prior of `auvident.schema.unexplained`.
+    """
+
+    spread: float
+    left_out: dict[str, float] = {}
+    left_out_se: dict[str, float] = {}
+    balance: float | None = None
+    balance_se: float | None = None
+    ran_away: bool = False
+    failed: str = ""
+    taken: bool = False
+
+
+class CrossValidated(Artifact):
+    """Errors of the identifying maneuvers, each left out in turn, of two models by channel."""
+
+    before: dict[str, CrossValidation] = {}
+    after: dict[str, CrossValidation] = {}
+
+
+class UnexplainedForce(Artifact):
+    """A force without a name, which predicts: asked for by ``--with-unexplained``.
+
+    ``left_out`` and ``held_out`` compare the model with it to that without it, effects in both.
+    Where it was not ``added`` they are empty.
+    """
+
+    added: bool
+    statement: str
+    spread: float | None = None
+    tried: tuple[ForceTried, ...] = ()
+    left_out: CrossValidated | None = None
+    held_out: HeldOut | None = None
+
+
 class Comparison(Artifact):
     """``refine/comparison.json``.
 
     ``effects`` are those that the refined model confirms, with the sizes it ends at;
     ``not_confirmed`` those that it predicts with although their intervals hold zero.
-    ``attempts`` are empty where there was nothing to add.
+    ``attempts`` are empty where there was nothing to add. ``unexplained_force`` is a force
+    without a name, where it was asked for: verdict and effects are those without it.
     """
 
     schema_: str = Field(default="auvident/comparison/1", alias="schema")
@@ -245,9 +284,12 @@ class Comparison(Artifact):
     candidates: tuple[Candidate, ...] = ()
     unexplained: dict[str, Any] = {}
     remaining: dict[str, Any] = {}
+    cross_validation: CrossValidated = CrossValidated()
+    unexplained_force: UnexplainedForce | None = None
     findings: tuple[Finding, ...] = ()
 
     @property
     def added(self) -> bool:
         """Whether anything is said to be in the model that was not in the one before."""
-        return bool(self.effects or self.not_confirmed)
+        force = self.unexplained_force is not None and self.unexplained_force.added
+        return bool(self.effects or self.not_confirmed) or force

@@ -16,7 +16,7 @@ from auvident.schema.artifacts import (
 )
 from auvident.schema.diagnosis import Attempt
 from auvident.stages.refine import choose
-from auvident.stages.refine.attempts import TriedModel, best_of, findings_of
+from auvident.stages.refine.attempts import FLAT, TriedModel, best_of, findings_of
 from auvident.stages.refine.left_out import LeftOutChange, left_out_change
 from tests.engines.chain import sample
 from tests.stages.test_refine import carried_effects, claimed, model, predicted
@@ -86,7 +86,10 @@ def test_maneuvers_are_paired_and_fewer_than_three_pairs_say_nothing() -> None:
     assert masked is not None and masked.ratios["r"] == pytest.approx(2.0)
     assert left_out_change(alike(), alike(), {"turn-0", "turn-1"}) is None
     away = left_out_change(alike(), lost)
-    assert away is not None and away.ran_away and away.is_larger
+    assert away is not None and away.ran_away
+    assert best_of([TriedModel(("current",), {"u": 0.5}, away)]) is None
+    rescued = {"u": FLAT}  # the model before runs away in the very maneuvers that identify
+    assert best_of([TriedModel(("current",), rescued, away)]) == 0
     back = left_out_change(lost, alike())
     assert back is not None and not back.ran_away
 

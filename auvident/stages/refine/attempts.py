@@ -110,7 +110,9 @@ class TriedModel:
     @property
     def is_lost(self) -> bool:
         """Whether there is no model, or it leaves every bound where the one before does not."""
-        return bool(self.failed) or any(math.isinf(ratio) for ratio in self.ratios.values())
+        rescues = any(ratio <= FLAT for ratio in self.ratios.values())  # the one before does
+        lost = self.left_out is not None and self.left_out.ran_away and not rescues
+        return bool(self.failed) or lost or any(math.isinf(x) for x in self.ratios.values())
 
     @property
     def is_good(self) -> bool:
@@ -303,15 +305,14 @@ def best_of(tried: Sequence[TriedModel]) -> int | None:
 
 def _attempt(tried: TriedModel, taken: bool) -> Attempt:
     finite = {c: ratio for c, ratio in tried.ratios.items() if math.isfinite(ratio)}
-    change = tried.left_out
     return Attempt(
         effects=tried.effects,
         ratios=finite,
-        ran_away=len(finite) < len(tried.ratios) or (change is not None and change.ran_away),
+        ran_away=tried.is_lost and not tried.failed,
         taken=taken,
         keeps=tried.keeps,
         failed=tried.failed,
-        **as_told(change),
+        **as_told(tried.left_out),
     )
 
 

@@ -58,7 +58,7 @@ class LeftOutChange:
     @property
     def falls(self) -> bool:
         """Whether the errors fall beyond the standard error of their balance."""
-        return not self.ran_away and self.balance + self.balance_se < 0.0
+        return self.balance + self.balance_se < 0.0
 
     @property
     def is_larger(self) -> bool:
@@ -67,9 +67,7 @@ class LeftOutChange:
         The mean logarithm is above zero; or one channel rises by much, beyond chance, and what
         the others gain does not outweigh it beyond chance.
         """
-        if self.ran_away or self.balance > 0.0:
-            return True
-        return bool(self.rising(MUCH)) and not self.falls
+        return self.balance > 0.0 or (bool(self.rising(MUCH)) and not self.falls)
 
 
 def left_out_change(
