@@ -126,7 +126,7 @@ def _refuse(given: Given, error: AuvidentError, refused: list[AuvidentError]) ->
 
 
 def _refused_findings(refused: list[AuvidentError]) -> tuple:
-    from auvident.schema.artifacts import Finding, IdentifiedModel
+    from auvident.schema.artifacts import Finding
 
     return tuple(
         Finding(code="log_refused", message=e.problem, where=e.where, remedy=e.remedy)
