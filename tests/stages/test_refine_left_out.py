@@ -90,6 +90,9 @@ def test_maneuvers_are_paired_and_fewer_than_three_pairs_say_nothing() -> None:
     assert best_of([TriedModel(("current",), {"u": 0.5}, away)]) is None
     rescued = {"u": FLAT}  # the model before runs away in the very maneuvers that identify
     assert best_of([TriedModel(("current",), rescued, away)]) == 0
+    gone = left_out_change(alike(), summary({"u": 1.0}, {}, {}, {}))
+    assert gone is not None and gone.ran_away and not gone.ratios
+    assert best_of([TriedModel(("current",), {"u": 0.5}, gone)]) is None
     back = left_out_change(lost, alike())
     assert back is not None and not back.ran_away
 

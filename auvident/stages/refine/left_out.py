@@ -77,6 +77,8 @@ def left_out_change(
 ) -> LeftOutChange | None:
     """Compare the left-out errors of two models; None with fewer than `LEAST_MANEUVERS` pairs.
 
+    Pairs that the second model loses do not make them too few: it ran away.
+
     Parameters
     ----------
     before, after : LeftOutSummary or None
@@ -90,7 +92,7 @@ def left_out_change(
     lost = any(old.channels and not new.channels for old, new in pairs)
     pairs = [pair for pair in pairs if pair[0].channels and pair[1].channels]
     if len(pairs) < LEAST_MANEUVERS:
-        return None
+        return LeftOutChange({}, {}, 0.0, 0.0, True) if lost else None
     sums = np.array([[_sums(m) for m in pair] for pair in pairs])  # maneuver, model, channel, sum
     names = [c for k, c in enumerate(CHANNELS) if (sums[:, :, k, 1] > 0.0).all(axis=1).sum() > 1]
     places = [CHANNELS.index(c) for c in names]
