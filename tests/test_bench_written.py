@@ -142,3 +142,10 @@ def test_overshoots_of_a_zigzag_without_a_virtual_one() -> None:
     row = samples._overshoots(maneuver)
     assert row["zigzag"] == "z" and row["overshoot_1_deg measured"] == 3.2
     assert row["overshoot_2_deg measured"] == row["overshoot_1_deg virtual"] == "-"
+
+
+def test_left_out_errors_stand_with_their_standard_errors() -> None:
+    row = {"rmse": 0.02, "nrmse": 0.25, "se": 0.004, "unit": "m/s"}
+    told = {"before": {"v": row, "track": row}, "after": {"v": row | {"nrmse": 0.2}}}
+    (found,) = samples._crossed({"cross_validation": told})
+    assert found == {"channel": "v", "before": "0.250 ± 0.050", "after": "0.200 ± 0.040"}

@@ -24,24 +24,37 @@ def diagnose(output: Output, run: Path, seed: int | None) -> None:
     "refine",
     "auvident refine runs/demo",
     "auvident refine runs/demo --fail-above u=0.2 --fail-above r=0.1",
+    "auvident refine runs/demo --with-unexplained",
 )
 @RUN
 @click.option(
     "--filter", type=click.Choice(["ekf", "ukf"]), help="[default: as in the identification]"
 )
+@click.option(
+    "--with-unexplained",
+    is_flag=True,
+    help="Add a force without a name where it predicts maneuvers left out in turn.",
+)
 @FAIL_ABOVE
 @SEED
 def refine(
-    output: Output, run: Path, filter: str | None, fail_above: tuple[str, ...], seed: int | None
+    output: Output,
+    run: Path,
+    filter: str | None,
+    with_unexplained: bool,
+    fail_above: tuple[str, ...],
+    seed: int | None,
 ) -> None:
     """Add the traced effects to the model, identify again, compare held-out errors.
 
-    The plan is that of the identification. --fail-above applies to the refined model.
+    The plan is that of the identification. --fail-above applies to the refined model. A model
+    that predicts the identifying maneuvers worse, each left out in turn, is not taken.
     """
     from auvident.pipeline.gates import check_refined
 
     limits = parse_limits(fail_above)
-    outputs = run_one(output, "refine", run, seed, filter=filter)
+    force = with_unexplained or None
+    outputs = run_one(output, "refine", run, seed, filter=filter, with_unexplained=force)
     check_refined(outputs["refine/comparison.json"], limits)
 
 

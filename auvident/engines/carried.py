@@ -37,6 +37,8 @@ class Carried:
         Readings that are left out [s].
     expected : mapping
         What every model is expected to have of an effect; its size is told beyond that.
+    least_noise : mapping
+        Channels (by column) that count no more than with this standard deviation.
     """
 
     effects: tuple[str, ...] = ()
@@ -45,6 +47,7 @@ class Carried:
     prior_std: Mapping[str, float] = field(default_factory=dict)
     windows: tuple[tuple[str, float, float], ...] = ()
     expected: Mapping[str, float] = field(default_factory=dict)
+    least_noise: Mapping[str, float] = field(default_factory=dict)
 
     def ids(self, plane: Plane) -> tuple[str, ...]:
         """All effects with a value, estimated or given, in the order of the table."""

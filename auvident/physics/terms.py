@@ -19,7 +19,7 @@ and a further term is one more row here.
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +28,7 @@ from auvident.schema.artifacts import RigidBody
 from auvident.schema.coefficients import symbols_of
 from auvident.schema.effects import BY_ID
 from auvident.schema.planes import PLANE_ROWS, Plane
+from auvident.schema.unexplained import NAME, PRODUCTS
 
 STATES = ("u", "a", "b", "angle")
 EQUATIONS = ("X", "A", "B")
@@ -64,7 +65,7 @@ HYDRODYNAMIC = (
     ("B", "B_uud", ("u", "x^2"), ("d", "x")),
 )
 # Forces of effects: parameter of the table of effects, equation, weight, factors.
-EFFECT_FORCES = (
+EFFECT_FORCES: tuple[tuple[Any, ...], ...] = (
     ("propeller_side_force.Y_nn", "A", +1, ("n", "x|x|")),
     ("propeller_side_force.N_nn", "B", +1, ("n", "x|x|")),
     ("hull_asymmetry.Y_0", "A", +1, ("u", "x|x|")),
@@ -81,6 +82,7 @@ EFFECT_FORCES = (
     ("roll_coupling.Y_uuphi", "A", +1, ("u", "x^2"), ("roll", "x")),
     ("roll_coupling.N_uuphi", "B", +1, ("u", "x^2"), ("roll", "x")),
     ("weight_excess.W-B_n", "X", -1, ("pitch", "x")),
+    *((f"{NAME}.{q.symbol}", q.equation, +1, *q.factors) for q in PRODUCTS),
 )
 THRUST_EFFECTS = ("thrust_sag", "thrust_step")  # they multiply the thrust by a factor
 # forces that come as a series in time, each with a factor as its parameter

@@ -12,8 +12,8 @@ from auvident.pipeline.given import Given
 from auvident.pipeline.observer import Observer
 
 if TYPE_CHECKING:
-    from auvident.schema.artifacts import Finding
-    from auvident.schema.diagnosis import Attempt
+    from auvident.schema.artifacts import Finding, IdentifiedModel
+    from auvident.schema.diagnosis import Attempt, UnexplainedForce
     from auvident.schema.logs import ColumnMap, RawTrial
     from auvident.schema.plan import Plan
     from auvident.schema.trial import Trial
@@ -330,6 +330,7 @@ def refine(given: Given) -> dict[str, Any]:
     """Add the traced effects, identify again, compare the errors of what was held out."""
     filter = given.options["filter"] or given.model.filter
     announce_compilation(given.observer, filter)
+    from auvident.schema.diagnosis import CrossValidated
     from auvident.stages.refine import carried_of, choose, compare
     from auvident.stages.validate import validate as predict_again
 
@@ -338,12 +339,18 @@ def refine(given: Given) -> dict[str, Any]:
     after: _Again | None = None
     tried: tuple[Attempt, ...] = ()
     if carried is not None:
-        after, tried = choose(
+        made, tried = choose(
             carried, given.model, before, lambda c: _identified_again(given, filter, c)
         )
+        carried, after = (made.carried, made.found) if made else (None, None)
     elif filter != given.model.filter:
         after = _identified_again(given, filter, None)
-    model, history, now = given.model, given.table("identify/history.parquet"), before
+    named, now = (after[0].model, after[1]) if after else (given.model, before)
+    force: UnexplainedForce | None = None
+    if given.options.get("with_unexplained"):
+        stronger, force = _unexplained(given, filter, carried, named, now)
+        after = stronger or after
+    model, history = given.model, given.table("identify/history.parquet")
     if after is not None:
         model, history, now = after[0].model, after[0].history, after[1]
     comparison = compare(
@@ -356,6 +363,11 @@ def refine(given: Given) -> dict[str, Any]:
         attempts=tried,
         seed=given.seed or 0,
         predicted=now.metrics.findings,
+        cross_validation=CrossValidated(
+            before=before.metrics.cross_validation, after=now.metrics.cross_validation
+        ),
+        force=force,
+        named=named,
     ).model_copy(update={"coverage": now.metrics.coverage})
     return {
         "refine/model.json": model,
@@ -363,6 +375,24 @@ def refine(given: Given) -> dict[str, Any]:
         "refine/history.parquet": history,
         "refine/simulation.parquet": now.simulation,
     }
+
+
+def _unexplained(
+    given: Given, filter: str, carried: Any, model: "IdentifiedModel", prediction: "Validation"
+) -> "tuple[_Again | None, UnexplainedForce]":
+    """A force without a name beside what a model carries; None where it predicts nothing."""
+    from auvident.stages.refine import Base, with_unexplained
+
+    nuisance = identifying_plan(given).nuisance
+    heading = any(t.table["heading_rad"].notna().any() for t in given.trials)
+    made, force = with_unexplained(
+        Base.of(carried, nuisance, model, prediction),
+        lambda c: _identified_again(given, filter, c),
+        given.maneuvers,
+        heading=heading,
+        seed=given.seed or 0,
+    )
+    return (made.found if made else None), force
 
 
 def _identified_again(given: Given, filter: str, carried: Any) -> "_Again":

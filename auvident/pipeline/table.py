@@ -173,7 +173,7 @@ STAGES: tuple[Stage, ...] = (
         ),
         main="refine/comparison.json",
         function=steps.refine,
-        options={"filter": None},
+        options={"filter": None, "with_unexplained": None},
         draws=True,
         planes=("horizontal",),
     ),

@@ -60,8 +60,12 @@ def discovery(found: Comparison) -> list[RenderableType]:
     if found.added:
         pieces.append(rich_table(tables.effects((*found.effects, *found.not_confirmed))))
     pieces += [*_ambiguous_lines(found), *_unexplained_lines(found)]
+    if words.force(found):
+        pieces.append(Text(words.force(found), style="yellow"))
     if found.added and found.held_out.before:
         pieces.append(rich_table(tables.held_out(found.held_out)))
+    if found.added and found.cross_validation.before:
+        pieces.append(rich_table(tables.cross_validated(found.cross_validation)))
     return pieces
 
 

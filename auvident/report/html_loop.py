@@ -40,6 +40,8 @@ class Lacks:
     separate_by: str
     unexplained: tuple[str, ...]
     held_out: Table | None
+    crossed: Table | None
+    force: str
     maneuvers: Table | None
     moved: Table | None
     coefficients: Table | None
@@ -70,6 +72,8 @@ def lacks(report: ReportData) -> Lacks | None:
         separate_by=diagnosis.separate_by,
         unexplained=words.unexplained_lines(found.unexplained),
         held_out=tables.held_out(changed.held_out) if changed else None,
+        crossed=tables.cross_validated(changed.cross_validation, "") if changed else None,
+        force=words.force(comparison) if comparison else "",
         maneuvers=tables.maneuvers(changed.maneuvers) if changed else None,
         moved=tables.moved(changed.coefficients) if changed else None,
         coefficients=tables.coefficients(changed.coefficients) if changed else None,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from auvident.constants import NORMAL_95
 from auvident.report.numbers import TERMINAL
 from auvident.schema.diagnosis import (
+    Attempt,
     Candidate,
     CoefficientComparison,
     Comparison,
@@ -204,13 +205,18 @@ def correlates(unexplained: Mapping[str, object]) -> list[str]:
     return [_correlate(row) for row in rows]
 
 
-def attempt_rows(comparison: Comparison) -> list[tuple[str, str, dict[str, float]]]:
-    """What was tried beside the model before: effects, what became of it, ratios of errors."""
-    rows = []
-    for attempt in comparison.attempts[1:]:
-        became = "adopted" if attempt.taken else "diverges" if attempt.ran_away else ""
-        rows.append((" + ".join(attempt.effects), became, attempt.ratios))
-    return rows
+def attempt_words(attempt: Attempt) -> tuple[str, str]:
+    """A model that was tried beside the one before: its effects, and what became of it."""
+    name = " + ".join(attempt.effects)
+    if attempt.keeps:
+        name += f" (for the sake of {', '.join(attempt.keeps)})"
+    ends = {"adopted": attempt.taken, "failed": attempt.failed, "diverges": attempt.ran_away}
+    return name, next((words for words, so in ends.items() if so), "")
+
+
+def force(found: Comparison) -> str:
+    """What came of a force without a name; empty where none was asked for."""
+    return found.unexplained_force.statement if found.unexplained_force else ""
 
 
 def unexplained_lines(unexplained: Mapping[str, object]) -> tuple[str, ...]:

@@ -1,5 +1,6 @@
 """Tables of the residual loop, from its artifacts; for the terminal and for the page."""
 
+import math
 from collections.abc import Sequence
 
 from auvident.report import loop_words as words
@@ -18,10 +19,13 @@ from auvident.report.tables import (
     change,
     columns,
 )
+from auvident.schema.artifacts import CrossValidation
 from auvident.schema.diagnosis import (
+    Attempt,
     Candidate,
     CoefficientComparison,
     Comparison,
+    CrossValidated,
     Diagnosis,
     Difference,
     EffectFound,
@@ -162,14 +166,58 @@ def candidates(found: Sequence[Candidate], caption: str = "") -> Table:
 
 def attempts(found: Comparison) -> Table:
     """Models that were tried, and their errors over those of the identified one."""
-    rows = words.attempt_rows(found)
-    channels = list(dict.fromkeys(c for _, _, ratios in rows for c in ratios))
+    tried = found.attempts[1:]
+    fitted = list(dict.fromkeys(c for a in tried for c in a.ratios))
+    crossed = list(dict.fromkeys(c for a in tried for c in a.left_out))
     cells: Rows = [
-        [effects, became, *(Number(ratios.get(c)) for c in channels)]
-        for effects, became, ratios in rows
+        [
+            *words.attempt_words(a),
+            *(_left_out_ratio(a, c) for c in crossed),
+            *(Number(a.ratios.get(c)) for c in fitted),
+        ]
+        for a in tried
     ]
-    heads = columns(("model with", ""), [f"RMSE of {c}, with ÷ without" for c in channels])
-    return Table(heads, cells)
+    heads = [f"left-out RMSE of {c}, with ÷ without" for c in crossed]
+    heads += [f"RMSE of {c}, with ÷ without" for c in fitted]
+    return Table(columns(("model with", ""), heads), cells)
+
+
+def _left_out_ratio(attempt: Attempt, channel: str) -> Cell:
+    """Ratio of the errors of maneuvers left out in turn, with its standard error."""
+    ratio = attempt.left_out.get(channel)
+    if ratio is None:
+        return Number(None)
+    return WithStd(ratio, ratio * attempt.left_out_se.get(channel, 0.0))
+
+
+CROSSED = "Identifying maneuvers, each left out in turn, without and with the effects"
+
+
+def cross_validated(found: CrossValidated, title: str = CROSSED) -> Table:
+    """Left-out errors of two models, with their standard errors over maneuvers."""
+    rows: Rows = [
+        [
+            channel,
+            Unit(before.unit, True),
+            *(_error(row) for row in (before, after)),
+            Number(before.nrmse),
+            Number(after.nrmse if after else None),
+            Fixed(_percent(before.rmse, after.rmse if after else None), "+.0f", " %"),
+        ]
+        for channel, before in found.before.items()
+        for after in [found.after.get(channel)]
+    ]
+    heads = ("RMSE without, ± se", "RMSE with, ± se", "NRMSE without", "NRMSE with")
+    change = Column("change of RMSE", "", True, on_page=True)
+    return Table((*columns(("channel", "unit"), heads), change), rows, title)
+
+
+def _error(row: CrossValidation | None) -> Cell:
+    """An error with its standard error, in the unit that is shown."""
+    if row is None:
+        return Number(None)
+    scale = math.degrees(1.0) if row.unit.startswith("rad") else 1.0
+    return WithStd(scale * row.rmse, scale * row.se)
 
 
 def residuals(found: Diagnosis) -> Table:

@@ -4,7 +4,7 @@ from typing import Any
 
 from pydantic import Field, computed_field
 
-from auvident.schema.artifacts import Coverage, Finding, Verdict
+from auvident.schema.artifacts import Coverage, CrossValidation, Finding, Verdict
 from auvident.schema.base import Artifact
 
 
@@ -203,13 +203,61 @@ class Attempt(Artifact):
 
     ``effects`` are those it carries; ``ratios`` its errors in the maneuvers that identify over
     those of the model before, by channel, what is masked apart. ``ran_away`` says that it leaves
-    every bound in one of them.
+    every bound in one of them. ``left_out`` are the ratios for these maneuvers left out in turn,
+    which decide; empty where too few are left out. ``left_out_se`` are the standard errors of
+    their logarithms over maneuvers; ``balance`` is the mean logarithm over the channels, with its
+    standard error. ``keeps`` names channels for whose sake the others counted less, ``failed`` says
+    why an attempt came to no model.
     """
 
     effects: tuple[str, ...]
     ratios: dict[str, float] = {}
     ran_away: bool = False
     taken: bool = False
+    left_out: dict[str, float] = {}
+    left_out_se: dict[str, float] = {}
+    balance: float | None = None
+    balance_se: float | None = None
+    keeps: tuple[str, ...] = ()
+    failed: str = ""
+
+
+class ForceTried(Artifact):
+    """A force without a name with one spread of its prior; the other keys are those of `Attempt`.
+
+    ``spread`` is in units of the prior of `auvident.schema.unexplained`.
+    """
+
+    spread: float
+    left_out: dict[str, float] = {}
+    left_out_se: dict[str, float] = {}
+    balance: float | None = None
+    balance_se: float | None = None
+    ran_away: bool = False
+    failed: str = ""
+    taken: bool = False
+
+
+class CrossValidated(Artifact):
+    """Errors of the identifying maneuvers, each left out in turn, of two models by channel."""
+
+    before: dict[str, CrossValidation] = {}
+    after: dict[str, CrossValidation] = {}
+
+
+class UnexplainedForce(Artifact):
+    """A force without a name, which predicts: asked for by ``--with-unexplained``.
+
+    ``left_out`` and ``held_out`` compare the model with it to that without it, effects in both.
+    Where it was not ``added`` they are empty.
+    """
+
+    added: bool
+    statement: str
+    spread: float | None = None
+    tried: tuple[ForceTried, ...] = ()
+    left_out: CrossValidated | None = None
+    held_out: HeldOut | None = None
 
 
 class Comparison(Artifact):
@@ -217,8 +265,9 @@ class Comparison(Artifact):
 
     ``effects`` are those that the refined model confirms, with the sizes it ends at;
     ``not_confirmed`` those that it predicts with although their intervals hold zero.
-    ``attempts`` are empty where there was nothing to add. ``coverage`` is that of the band of the
-    refined model.
+    ``attempts`` are empty where there was nothing to add. ``unexplained_force`` is a force
+    without a name, where it was asked for: verdict and effects are those without it. ``coverage``
+    is that of the band of the refined model.
     """
 
     schema_: str = Field(default="auvident/comparison/1", alias="schema")
@@ -237,9 +286,12 @@ class Comparison(Artifact):
     candidates: tuple[Candidate, ...] = ()
     unexplained: dict[str, Any] = {}
     remaining: dict[str, Any] = {}
+    cross_validation: CrossValidated = CrossValidated()
+    unexplained_force: UnexplainedForce | None = None
     findings: tuple[Finding, ...] = ()
 
     @property
     def added(self) -> bool:
         """Whether anything is said to be in the model that was not in the one before."""
-        return bool(self.effects or self.not_confirmed)
+        force = self.unexplained_force is not None and self.unexplained_force.added
+        return bool(self.effects or self.not_confirmed) or force

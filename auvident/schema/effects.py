@@ -14,6 +14,7 @@ from typing import Literal, get_args
 
 from auvident.schema.coefficients import HV, H
 from auvident.schema.planes import Plane
+from auvident.schema.unexplained import NAME, PRODUCTS
 
 EffectFamily = Literal["environment", "actuation", "sensing", "hydrodynamics"]
 # where an effect enters: before the equations of motion, in them, after them, or in no model (a
@@ -395,9 +396,23 @@ EFFECTS: tuple[Effect, ...] = (
         surge_alone=True, nuisance=True),
 )
 # fmt: on
+# Predicts without a name, hence no candidate and no row of `EFFECTS`; see `schema.unexplained`.
+UNEXPLAINED = Effect(
+    NAME,
+    "hydrodynamics",
+    "force",
+    H,
+    tuple(
+        P(q.symbol, q.unit, q.prior, 0.5 * q.prior, -1e3 * q.prior, 1e3 * q.prior, powers=q.powers)
+        for q in PRODUCTS
+    ),
+    "X, Y, N + coefficients times products of u, v, r, rudder angle and heading",
+    "what is left after every named effect",
+    nuisance=True,
+)
 
 FAMILIES: tuple[EffectFamily, ...] = get_args(EffectFamily)
-BY_ID: dict[str, Effect] = {effect.id: effect for effect in EFFECTS}
+BY_ID: dict[str, Effect] = {effect.id: effect for effect in (*EFFECTS, UNEXPLAINED)}
 
 
 def in_plane(plane: Plane) -> tuple[Effect, ...]:

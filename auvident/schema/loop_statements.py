@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from auvident.schema.artifacts import Verdict
-from auvident.schema.diagnosis import Detectable, EffectFound
+from auvident.schema.diagnosis import Attempt, Detectable, EffectFound
 from auvident.schema.effect_words import words_of
 from auvident.schema.effects import BY_ID
 
@@ -137,13 +137,17 @@ def _with_article(regressor: str) -> str:
     return f"the {regressor}" if named else regressor
 
 
-def not_added(effects: Sequence[str], ratios: Mapping[str, float], ran_away: bool) -> str:
+def not_added(refused: Attempt) -> str:
     """The statement that a model with what was found is no better, so that nothing was added."""
+    ratios = refused.left_out or refused.ratios
     changes = ", ".join(f"{c} {100.0 * (ratio - 1.0):+.0f} %" for c, ratio in ratios.items())
-    why = "diverges in them" if ran_away else f"changes their errors by {changes}"
+    which = ", each left out in turn" if refused.left_out else ""
+    why = "diverges in them" if refused.ran_away else f"changes their errors by {changes}"
+    why = f"could not be identified ({refused.failed})" if refused.failed else why
     return (
         f"No effect was added, because none improves the prediction of the maneuvers used for "
-        f"identification: a model with {' and '.join(effects)} {why}. The identified model is kept."
+        f"identification{which}: a model with {' and '.join(refused.effects)} {why}. "
+        "The identified model is kept."
     )
 
 

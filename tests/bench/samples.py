@@ -63,6 +63,9 @@ def tanker() -> dict[str, Rows]:
     return {
         "four zigzags from the other nine": _errors(metrics),
         "the same four as virtual tests": [_overshoots(m) for m in held_out],
+        "the nine, each left out in turn, before and after `refine`": _crossed(
+            _comparison(KVLCC2, KVLCC2 / "vehicle.toml", FOUR)
+        ),
     }
 
 
@@ -83,12 +86,8 @@ def loop() -> Rows:
 
 
 def _closed(logs: Path, vehicle: Path, hold_out: tuple[str, ...] = ()) -> dict[str, Any]:
-    """One run to its end."""
-    options = {"ingest": {"logs": (logs,), "vehicle": vehicle}, "segment": {"hold_out": hold_out}}
-    with tempfile.TemporaryDirectory(prefix="auvident-loop-") as name:
-        for stage in (s.name for s in STAGES if s.name != "report"):
-            run_stage(stage, Path(name), options.get(stage), observer=Observer())
-        found = json.loads((Path(name) / "refine/comparison.json").read_text(encoding="utf-8"))
+    """Verdict and held-out errors of one run to its end."""
+    found = _comparison(logs, vehicle, hold_out)
     before, after = found["held_out"]["before"], found["held_out"]["after"]
     return {
         "trial": logs.name,
@@ -96,6 +95,30 @@ def _closed(logs: Path, vehicle: Path, hold_out: tuple[str, ...] = ()) -> dict[s
         "used": " + ".join(e["id"] for e in (*found["effects"], *found["not_confirmed"])) or "-",
         **{c: _both(before, after, c) for c in LOOP_CHANNELS},
     }
+
+
+def _comparison(logs: Path, vehicle: Path, hold_out: tuple[str, ...]) -> dict[str, Any]:
+    """What a run ends with."""
+    options = {"ingest": {"logs": (logs,), "vehicle": vehicle}, "segment": {"hold_out": hold_out}}
+    with tempfile.TemporaryDirectory(prefix="auvident-loop-") as name:
+        for stage in (s.name for s in STAGES if s.name != "report"):
+            run_stage(stage, Path(name), options.get(stage), observer=Observer())
+        text = (Path(name) / "refine/comparison.json").read_text(encoding="utf-8")
+    return json.loads(text)  # type: ignore[no-any-return]
+
+
+def _crossed(found: dict[str, Any]) -> Rows:
+    """Left-out errors over the standard deviation, with their standard errors."""
+    before, after = (found["cross_validation"][when] for when in ("before", "after"))
+
+    def told(e: dict[str, Any]) -> str:
+        return f"{e['nrmse']:.3f} ± {e['nrmse'] * e['se'] / e['rmse']:.3f}"
+
+    return [
+        {"channel": c, "before": told(before[c]), "after": told(after[c])}
+        for c in LOOP_CHANNELS
+        if c in before and c in after
+    ]
 
 
 def _both(before: dict[str, Any], after: dict[str, Any], channel: str) -> str:

@@ -4,12 +4,24 @@ from typing import Any
 
 import pytest
 
+from auvident.report import tables_loop as tables
 from auvident.report.console import stage_report
 from auvident.report.console_loop import MOST_CANDIDATES, discovery
-from auvident.schema.artifacts import Finding
-from auvident.schema.diagnosis import Comparison, Diagnosis
+from auvident.report.numbers import TERMINAL
+from auvident.schema.artifacts import CrossValidation, Finding
+from auvident.schema.diagnosis import (
+    Attempt,
+    Comparison,
+    CrossValidated,
+    Diagnosis,
+    UnexplainedForce,
+)
 from tests import loop_world
 from tests.report.test_console import text_of
+
+
+def text(cell: Any) -> str:
+    return cell if isinstance(cell, str) else cell.text(TERMINAL)
 
 
 def diagnosed(found: Diagnosis, brief: bool = False) -> str:
@@ -127,3 +139,65 @@ def test_what_is_missing_is_left_out(empty: dict[str, Any]) -> None:
 def test_an_event_has_its_place() -> None:
     found = loop_world.diagnosis(effects=(loop_world.EVENT,))
     assert "a disturbance harbour_trial-turn-2 at 431.5 s" in diagnosed(found)
+
+
+def tried_comparison() -> Comparison:
+    """What `refine` tried on a model: one attempt failed, one was for the sake of r."""
+    errors = {"u": 0.046, "r": 0.0062}
+    crossed = {
+        when: {
+            c: CrossValidation(rmse=f * e, nrmse=4.0 * f * e, se=0.1 * f * e, unit=unit)
+            for (c, e), unit in zip(errors.items(), ("m/s", "rad/s"), strict=True)
+        }
+        for when, f in (("before", 1.0), ("after", 0.5))
+    }
+    ratios, se = {"u": 0.13, "r": 0.97}, {"u": 0.1, "r": 0.2}
+    attempts = (
+        Attempt(effects=()),
+        Attempt(effects=("current",), failed="the covariance is singular"),
+        Attempt(
+            effects=("current",), ratios=ratios, left_out=ratios, left_out_se=se, ran_away=True
+        ),
+        Attempt(
+            effects=("current",),
+            ratios=ratios,
+            left_out=ratios,
+            left_out_se=se,
+            keeps=("r",),
+            taken=True,
+        ),
+    )
+    force = UnexplainedForce(
+        added=True, statement="Unexplained, but predictable: left-out v 0.21 to 0.09 (NRMSE)."
+    )
+    return loop_world.comparison(loop_world.diagnosis()).model_copy(
+        update={
+            "attempts": attempts,
+            "cross_validation": CrossValidated(**crossed),
+            "unexplained_force": force,
+        }
+    )
+
+
+def test_attempts_have_left_out_ratios_with_their_errors() -> None:
+    table = tables.attempts(tried_comparison())
+    rows = [[text(cell) for cell in row] for row in table.rows]
+    assert [row[:2] for row in rows] == [
+        ["current", "failed"],
+        ["current", "diverges"],
+        ["current (for the sake of r)", "adopted"],
+    ]
+    assert rows[0][2:] == [TERMINAL.missing] * 4
+    assert rows[2][2:] == ["0.130 ± 0.013", "0.97 ± 0.19", "0.13", "0.97"]
+
+
+def test_the_cross_validation_of_the_final_model_stands_beside_that_of_the_first() -> None:
+    shown = refined(tried_comparison())
+    assert "each left out in turn, without and with" in shown
+    assert "0.0460 ± 0.0046" in shown and "0.0230 ± 0.0023" in shown
+    assert "0.355 ± 0.036" in shown  # deg/s
+    assert "left out in turn, without" not in refined(loop_world.comparison(loop_world.nothing()))
+
+
+def test_a_force_without_a_name_is_told_as_what_it_is() -> None:
+    assert "Unexplained, but predictable: left-out v 0.21 to 0.09" in refined(tried_comparison())

@@ -15,6 +15,7 @@ from auvident.schema.effect_words import nuisance_parameters, with_std
 from auvident.schema.effects import (
     BY_ID,
     EFFECTS,
+    UNEXPLAINED,
     Effect,
     EffectParameter,
     in_plane,
@@ -32,8 +33,8 @@ IDS = {
     "cubic_damping turning_drag linear_drag roll_coupling",
 }
 FURTHER = {"dvl_height", "weight_excess"}  # nuisance parameters that are never named
-NAMES = [name for effect in EFFECTS for name in effect.names()]
-MODELLED = [e for e in EFFECTS if e.enters != "disturbance"]
+NAMES = [name for effect in (*EFFECTS, UNEXPLAINED) for name in effect.names()]
+MODELLED = [e for e in (*EFFECTS, UNEXPLAINED) if e.enters != "disturbance"]
 
 
 def test_ids_are_those_that_users_know() -> None:
@@ -43,11 +44,16 @@ def test_ids_are_those_that_users_know() -> None:
         if effect.id not in FURTHER:
             found[effect.family].add(effect.id)
     assert found == by_family
-    assert set(BY_ID) == set().union(*by_family.values()) | FURTHER
+    assert set(BY_ID) == set().union(*by_family.values()) | FURTHER | {UNEXPLAINED.id}
+
+
+def test_a_force_without_a_name_is_no_candidate() -> None:
+    assert UNEXPLAINED not in EFFECTS and UNEXPLAINED.nuisance
+    assert all(UNEXPLAINED not in in_plane(plane) for plane in PLANES)
 
 
 def test_ids_and_names_are_unique() -> None:
-    assert len(BY_ID) == len(EFFECTS)
+    assert len(BY_ID) == len(EFFECTS) + 1
     assert len(set(NAMES)) == len(NAMES)
 
 
@@ -78,7 +84,7 @@ def test_rows_are_complete(effect: Effect) -> None:
 
 def test_every_row_has_its_equation_and_every_equation_its_row() -> None:
     by_place = {
-        place: [n for e in EFFECTS if e.enters == place for n in e.names()]
+        place: [n for e in MODELLED if e.enters == place for n in e.names()]
         for place in ("input", "reading", "force")
     }
     assert set(by_place["input"]) == {n for n in COMMAND if "." in n}

@@ -373,8 +373,12 @@ def test_leaving_an_event_out_claims_nothing_and_is_always_done() -> None:
     assert best_of([made(1.05, effects=())]) == 0
 
 
-@pytest.mark.parametrize(("r", "flags"), [(0.004, [False, True]), (0.012, [True, False, False])])
+@pytest.mark.parametrize(
+    ("r", "flags"), [(0.004, [False, True]), (0.012, [True, False, False, False])]
+)
 def test_attempts_are_made_until_one_is_good_and_the_model_before_is_one(r, flags) -> None:
+    """With too few maneuvers to leave any out."""
+    few = model().model_copy(update={"left_out": None})
     before, after = (SimpleNamespace(simulation=predicted(0)) for _ in range(2))
     own = after.simulation
     own["r_radps_simulated"] = own["r_radps_measured"] + r
@@ -382,9 +386,9 @@ def test_attempts_are_made_until_one_is_good_and_the_model_before_is_one(r, flag
 
     def again(carried: Carried):
         asked.append(carried)
-        return "model", after
+        return SimpleNamespace(model=few), after
 
-    found, rows = choose(carried_effects("current"), model(), before, again)
+    found, rows = choose(carried_effects("current"), few, before, again)
     assert [row.taken for row in rows] == flags
     assert len(asked) == len(flags) - 1
     assert (found is None) == flags[0]

@@ -75,7 +75,12 @@ def prepare(
         records=records,
         dt_s=1.0 / rate_hz,
         sensing=sensing,
-        sensor_std=np.array([sensing.noise_std[c] for c in STATE_COLUMNS[plane]]),
+        sensor_std=np.array(
+            [
+                max(sensing.noise_std[c], carried.least_noise.get(c, 0.0))
+                for c in STATE_COLUMNS[plane]
+            ]
+        ),
         prior=prior,
         prior_std=prior_std,
         followers=followers,

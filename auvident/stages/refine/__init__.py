@@ -2,5 +2,6 @@
 
 from auvident.stages.refine.attempts import carried_of, choose
 from auvident.stages.refine.compare import compare
+from auvident.stages.refine.unexplained import Base, with_unexplained
 
-__all__ = ["carried_of", "choose", "compare"]
+__all__ = ["Base", "carried_of", "choose", "compare", "with_unexplained"]

@@ -2,25 +2,24 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from dataclasses import dataclass, replace
+from typing import Generic, Protocol, TypeVar
 
 import pandas as pd
 
 from auvident.engines.carried import Carried
-from auvident.schema.artifacts import Finding, IdentifiedModel
+from auvident.errors import NumericsError
+from auvident.schema.artifacts import Finding, IdentifiedModel, LeftOutSummary
 from auvident.schema.diagnosis import Attempt, Diagnosis
 from auvident.schema.effects import BY_ID, EFFECTS
 from auvident.schema.planes import HORIZONTAL
 from auvident.stages.refine.errors import channels_of, rms_of
+from auvident.stages.refine.left_out import RISE, LeftOutChange, as_told, left_out_change
 
-Model = TypeVar("Model")
-
-# channels whose error in the maneuvers that identify is not to rise ...
-GUARDED = HORIZONTAL.velocities
-RISE = 0.02  # ... by more than this share: what the study of the loop counts as a rise
-# ... and never by more than this, whatever the other channels gain: a tenth is more than any right
-# effect costs a channel (none of 51 trials from seed 1000 on rose at all)
+GUARDED = HORIZONTAL.velocities  # channels whose error is not to rise by more than `RISE`
+# Where no maneuver can be left out an error never rises by more than this, whatever the other
+# channels gain: a tenth is more than any right effect costs a channel (none of 51 trials from seed
+# 1000 on rose at all).
 MOST_RISE = 0.10
 FLAT = 1.0e-9  # least error, or ratio of errors, that counts
 # A filter lets its state follow late readings and sees only a part of the delay (0.23 and 0.30 s
@@ -73,10 +72,20 @@ class TriedModel:
     ratios : dict of str to float
         Error in the maneuvers that identify over that of the model before, by channel; infinite
         where it runs away and the model before does not.
+    left_out : LeftOutChange or None
+        The same with each of these maneuvers left out in turn, which decides; None where too few
+        can be left out, so that the ratios do.
+    keeps : tuple of str
+        Channels for whose sake the others counted less.
+    failed : str
+        Why it came to no model; empty where it did.
     """
 
     effects: tuple[str, ...]
     ratios: dict[str, float]
+    left_out: LeftOutChange | None = None
+    keeps: tuple[str, ...] = ()
+    failed: str = ""
 
     @property
     def rise(self) -> tuple[float, str]:
@@ -84,23 +93,50 @@ class TriedModel:
         return max(((ratio - 1.0, c) for c, ratio in self.ratios.items()), default=(0.0, ""))
 
     @property
+    def rising(self) -> tuple[str, ...]:
+        """Channels whose error rises, where maneuvers are left out beyond chance."""
+        if self.left_out is not None:
+            return self.left_out.rising()
+        return tuple(c for c, ratio in self.ratios.items() if ratio - 1.0 > RISE)
+
+    @property
     def balance(self) -> float:
         """Mean logarithm of the ratios: what one channel gains has to outweigh what others pay."""
+        if self.left_out is not None:
+            return self.left_out.balance
         values = [math.log(max(ratio, FLAT)) for ratio in self.ratios.values()]
         return sum(values) / len(values) if values else 0.0
 
     @property
+    def is_lost(self) -> bool:
+        """Whether there is no model, or it leaves every bound where the one before does not."""
+        rescues = any(ratio <= FLAT for ratio in self.ratios.values())  # the one before does
+        lost = self.left_out is not None and self.left_out.ran_away and not rescues
+        return bool(self.failed) or lost or any(math.isinf(x) for x in self.ratios.values())
+
+    @property
     def is_good(self) -> bool:
         """Whether no error rises."""
-        return self.rise[0] <= RISE
+        if self.left_out is not None:
+            return self.is_better and not self.rising
+        return not self.is_lost and not self.rising
 
     @property
     def is_better(self) -> bool:
         """Whether it predicts better than the model before, nothing much worse."""
+        if self.is_lost:
+            return False
+        if self.left_out is not None:
+            return not self.left_out.is_larger
         return self.rise[0] <= MOST_RISE and self.balance < 0.0
 
 
-def tried_with(carried: Carried, before: pd.DataFrame, after: pd.DataFrame) -> TriedModel:
+def tried_with(
+    carried: Carried,
+    before: pd.DataFrame,
+    after: pd.DataFrame,
+    left_out: tuple[LeftOutSummary | None, LeftOutSummary | None] = (None, None),
+) -> TriedModel:
     """Errors of an attempt in the maneuvers that identify; what is masked counts for nothing.
 
     Parameters
@@ -108,19 +144,36 @@ def tried_with(carried: Carried, before: pd.DataFrame, after: pd.DataFrame) -> T
     carried : Carried
     before, after : pandas.DataFrame
         As `validate` writes them. Held-out maneuvers have no part in the result.
+    left_out : tuple
+        The same maneuvers left out in turn, before and after; one of which readings are masked
+        does not count.
     """
-    rows = (before["role"] == "identify").to_numpy()
-    for maneuver, start, end in carried.windows:
-        inside = before["time_s"].between(start, end) & (before["maneuver"] == maneuver)
-        rows = rows & ~inside.to_numpy()
-    old, new = before[rows], after.loc[before.index[rows]]
+    old, new = _identifying(carried, before, before), _identifying(carried, before, after)
     ratios = {
         name: _ratio(rms_of(old, column), rms_of(new, column))
         for column, name, _ in channels_of(before)
         if name in GUARDED
     }
     seen = {name: ratio for name, ratio in ratios.items() if not math.isnan(ratio)}
-    return TriedModel(tuple(carried.effects), seen)
+    change = left_out_change(*left_out, {name for name, _, _ in carried.windows})
+    return TriedModel(tuple(carried.effects), seen, change, _kept(carried))
+
+
+def _kept(carried: Carried) -> tuple[str, ...]:
+    """Channels for whose sake the others count less."""
+    if not carried.least_noise:
+        return ()
+    states = (s for s in HORIZONTAL.states if s.symbol in GUARDED)
+    return tuple(s.symbol for s in states if s.column not in carried.least_noise)
+
+
+def _identifying(carried: Carried, before: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
+    """Rows of a prediction in the maneuvers that identify, without those that are masked."""
+    rows = (before["role"] == "identify").to_numpy()
+    for maneuver, start, end in carried.windows:
+        inside = before["time_s"].between(start, end) & (before["maneuver"] == maneuver)
+        rows = rows & ~inside.to_numpy()
+    return table.loc[before.index[rows]]
 
 
 def _ratio(before: float, after: float) -> float:
@@ -138,7 +191,45 @@ class Predicted(Protocol):
         """Measured and simulated channels."""
 
 
+class Identified(Protocol):
+    """What an identification returns."""
+
+    @property
+    def model(self) -> IdentifiedModel:
+        """The model."""
+
+
+Model = TypeVar("Model", bound=Identified)
 Prediction = TypeVar("Prediction", bound=Predicted)
+
+
+@dataclass(frozen=True)
+class Made(Generic[Model, Prediction]):
+    """An attempt: what was carried, what came of it (None: it failed), and how it compares."""
+
+    carried: Carried
+    found: tuple[Model, Prediction] | None
+    tried: TriedModel
+
+
+def make(
+    carried: Carried,
+    model: IdentifiedModel,
+    before: pd.DataFrame,
+    again: Callable[[Carried], tuple[Model, Prediction]],
+) -> Made[Model, Prediction]:
+    """Identify with effects, predict, and compare with the model before and its prediction.
+
+    Numbers that fail are an attempt that failed: others, and the model before, remain.
+    """
+    try:
+        found = again(carried)
+    except NumericsError as error:
+        failed = f"{error.problem} ({error.where})" if error.where else error.problem
+        effects = tuple(carried.effects)
+        return Made(carried, None, TriedModel(effects, {}, keeps=_kept(carried), failed=failed))
+    summaries = model.left_out, found[0].model.left_out
+    return Made(carried, found, tried_with(carried, before, found[1].simulation, summaries))
 
 
 def choose(
@@ -146,7 +237,7 @@ def choose(
     model: IdentifiedModel,
     before: Predicted,
     again: Callable[[Carried], tuple[Model, Prediction]],
-) -> tuple[tuple[Model, Prediction] | None, tuple[Attempt, ...]]:
+) -> tuple[Made[Model, Prediction] | None, tuple[Attempt, ...]]:
     """Identify with what was found; None where the model before predicts better.
 
     Parameters
@@ -162,20 +253,41 @@ def choose(
 
     Returns
     -------
-    model and its prediction, or None
+    Made or None
     tuple of Attempt
         What was tried, the model before first, and which of them was taken.
     """
-    made: list[tuple[tuple[Model, Prediction], TriedModel]] = []
+    made: list[Made[Model, Prediction]] = []
     for attempt in attempts(carried, model):
-        found = again(attempt)
-        made.append((found, tried_with(attempt, before.simulation, found[1].simulation)))
-        if made[-1][1].is_good:
+        made.append(make(attempt, model, before.simulation, again))
+        if made[-1].tried.is_good:
             break
-    best = best_of([tried for _, tried in made])
+    else:
+        last = keeping([(one.carried, one.tried) for one in made], before.simulation)
+        if last is not None:
+            made.append(make(last, model, before.simulation, again))
+    best = best_of([one.tried for one in made])
     rows = [Attempt(effects=(), taken=best is None)]
-    rows += [_attempt(tried, k == best) for k, (_, tried) in enumerate(made)]
-    return (None if best is None else made[best][0]), tuple(rows)
+    rows += [_attempt(one.tried, k == best) for k, one in enumerate(made)]
+    return (None if best is None else made[best]), tuple(rows)
+
+
+def keeping(made: Sequence[tuple[Carried, TriedModel]], before: pd.DataFrame) -> Carried | None:
+    """The best of some attempts, for the sake of channels that rise with it; None: none does.
+
+    An effect that explains nearly all of some channels lets a fit trust these so much that it
+    gives away another one (a current of 26 times the noise of the DVL: r rose by 23 %). The
+    channels that do not rise then count as if they were still as far off as before.
+    """
+    able = [(c, t) for c, t in made if not t.is_lost and t.effects]
+    carried, tried = min(able, key=lambda one: one[1].balance, default=(None, None))
+    if carried is None or tried is None or not tried.rising:
+        return None
+    rows = _identifying(carried, before, before)
+    names = {name: column for column, name, _ in channels_of(before) if name in GUARDED}
+    noise = {column: rms_of(rows, column) for c, column in names.items() if c not in tried.rising}
+    noise = {column: rms for column, rms in noise.items() if math.isfinite(rms)}
+    return replace(carried, least_noise=noise) if noise else None
 
 
 def best_of(tried: Sequence[TriedModel]) -> int | None:
@@ -183,32 +295,60 @@ def best_of(tried: Sequence[TriedModel]) -> int | None:
 
     A model that only leaves a one-off event out claims nothing and is always taken.
     """
-    able = [k for k, one in enumerate(tried) if one.is_good or one.is_better or not one.effects]
+    able = [
+        k
+        for k, one in enumerate(tried)
+        if one.is_good or one.is_better or not (one.effects or one.failed)
+    ]
     return min(able, key=lambda k: (not tried[k].is_good, tried[k].balance), default=None)
 
 
 def _attempt(tried: TriedModel, taken: bool) -> Attempt:
     finite = {c: ratio for c, ratio in tried.ratios.items() if math.isfinite(ratio)}
-    away = len(finite) < len(tried.ratios)
-    return Attempt(effects=tried.effects, ratios=finite, ran_away=away, taken=taken)
+    return Attempt(
+        effects=tried.effects,
+        ratios=finite,
+        ran_away=tried.is_lost and not tried.failed,
+        taken=taken,
+        keeps=tried.keeps,
+        failed=tried.failed,
+        **as_told(tried.left_out),
+    )
 
 
 def findings_of(attempts: Sequence[Attempt]) -> tuple[Finding, ...]:
-    """What is to be said of an error that rose although an effect was added."""
+    """What is to be said of an error that rose although an effect was added, and of failures."""
+    failed = tuple(_failed(a) for a in attempts if a.failed)
     taken = next((a for a in attempts if a.taken and a.effects), None)
-    rises = [(ratio - 1.0, c) for c, ratio in taken.ratios.items()] if taken else []
+    rises = [(ratio - 1.0, c) for c, ratio in _decisive(taken).items()] if taken else []
     share, channel = max(rises, default=(0.0, ""))
     best = min(rises, default=(0.0, ""))[1]
-    if share <= RISE:
-        return ()
+    if taken is None or share <= RISE or math.log1p(share) <= taken.left_out_se.get(channel, 0.0):
+        return failed
+    which = ", each left out in turn," if taken.left_out else ""
     return (
+        *failed,
         Finding(
             code="error-rises",
             where=channel,
             value=share,
             threshold=RISE,
             message=f"adding the effects increases the error of {channel} in the maneuvers "
-            f"used for identification by {100 * share:.0f} %",
+            f"used for identification{which} by {100 * share:.0f} %",
             remedy=f"Improving {best} made {channel} worse: compare the errors before and after.",
         ),
+    )
+
+
+def _decisive(attempt: Attempt) -> dict[str, float]:
+    """The ratios by which an attempt was judged."""
+    return attempt.left_out or attempt.ratios
+
+
+def _failed(attempt: Attempt) -> Finding:
+    return Finding(
+        code="attempt-failed",
+        where=" + ".join(attempt.effects),
+        message=f"a model with these effects could not be identified: {attempt.failed}",
+        remedy="The other models that were tried are compared without it.",
     )

@@ -59,7 +59,7 @@ def claims_of(
     candidates = (_final_candidate(c, final, doubts.get(c.id, "")) for c in diagnosis.candidates)
     return {
         "verdict": verdict,
-        "statement": _with_doubts(said, effects, doubted, attempts[-1] if kept else None),
+        "statement": _with_doubts(said, effects, doubted, _refused(attempts) if kept else None),
         "effects": effects,
         "ambiguous": groups,
         "not_confirmed": () if kept else tuple(doubted),
@@ -80,14 +80,19 @@ def _with_doubts(
     Parameters
     ----------
     refused : Attempt or None
-        The last one, where the model before was taken.
+        Where the model before was taken: see `_refused`.
     """
     if not doubted:
         return said
     if refused is None:
         return f"{said} {not_confirmed(doubted)}"
-    why = not_added(refused.effects, refused.ratios, refused.ran_away)
+    why = not_added(refused)
     return f"{found(effects)} {why}" if effects else why
+
+
+def _refused(attempts: Sequence[Attempt]) -> Attempt:
+    """The last attempt, if possible one that came to a model."""
+    return next((a for a in reversed(attempts[1:]) if not a.failed), attempts[-1])
 
 
 def _verdict(

@@ -22,10 +22,12 @@ from auvident.schema.diagnosis import (
     ChannelError,
     CoefficientComparison,
     Comparison,
+    CrossValidated,
     Diagnosis,
     Difference,
     HeldOut,
     ManeuverComparison,
+    UnexplainedForce,
 )
 from auvident.stages.refine.attempts import findings_of
 from auvident.stages.refine.claims import claims_of, cruise_of
@@ -92,6 +94,9 @@ def compare(
     attempts: Sequence[Attempt] = (),
     seed: int = 0,
     predicted: Sequence[Finding] = (),
+    cross_validation: CrossValidated | None = None,
+    force: UnexplainedForce | None = None,
+    named: IdentifiedModel | None = None,
 ) -> Comparison:
     """Errors, coefficients and effects before and after.
 
@@ -108,16 +113,19 @@ def compare(
         Of the bootstrap.
     predicted : sequence of Finding
         Of `validate` on the model after; those on its errors are handed on.
+    cross_validation : CrossValidated, optional
+        Errors of both models in maneuvers left out in turn.
+    force : UnexplainedForce, optional
+        What came of a force without a name.
+    named : IdentifiedModel, optional
+        The model without that force, by which the effects are told; else the one after.
     """
     rng = np.random.default_rng(seed)
-    pairs = {
-        str(name): (rows, predicted_after.loc[rows.index])
-        for name, rows in predicted_before.groupby("maneuver", sort=False)
-    }
+    pairs = _pairs(predicted_before, predicted_after)
     roles = {m.id: m.role for m in maneuvers.maneuvers}
     held = [name for name in pairs if roles[name] == "validate"]
     own = [name for name in pairs if roles[name] == "identify"]
-    claims = claims_of(diagnosis, after, attempts, *cruise_of(predicted_after))
+    claims = claims_of(diagnosis, named or after, attempts, *cruise_of(predicted_after))
     held_out = _pooled(held, pairs, rng)
     findings = [*diagnosis.findings, *findings_of(attempts), *escapes(predicted_after)]
     if before.values() != after.values():
@@ -130,8 +138,27 @@ def compare(
         maneuvers=tuple(_one(name, roles[name], pairs, rng) for name in pairs),
         coefficients=_coefficients(before, after),
         false_alarm_p=diagnosis.false_alarm_p,
+        cross_validation=cross_validation or CrossValidated(),
+        unexplained_force=force,
         findings=tuple(findings),
     )
+
+
+def pooled(
+    maneuvers: Maneuvers, before: pd.DataFrame, after: pd.DataFrame, role: str, seed: int = 0
+) -> HeldOut:
+    """Errors of two predictions over all maneuvers of a role together."""
+    roles, pairs = {m.id: m.role for m in maneuvers.maneuvers}, _pairs(before, after)
+    names = [name for name in pairs if roles[name] == role]
+    return _pooled(names, pairs, np.random.default_rng(seed))
+
+
+def _pairs(before: pd.DataFrame, after: pd.DataFrame) -> dict[str, Any]:
+    """Rows of each maneuver before and after."""
+    return {
+        str(name): (rows, after.loc[rows.index])
+        for name, rows in before.groupby("maneuver", sort=False)
+    }
 
 
 def _errors(name: str, pairs: dict[str, Any], column: str) -> tuple[Array, Array, Array]:
