@@ -10,14 +10,20 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.constants import INDEPENDENT_S
-from auvident.engines.free_run import Colours, OutputError, residual_of, white_error
+from auvident.engines.free_run import (
+    Colours,
+    OutputError,
+    RecordResidual,
+    residual_of,
+    white_error,
+)
 from auvident.engines.records import Record
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import N_CHANNELS, Fitted, fit_with, output_error
 
 Array = npt.NDArray[Any]
 
-STEPS = 3  # of each fit without a maneuver
+STEPS = 20  # of each fit without a maneuver, at most
 MOST_FITS = 10  # of more maneuvers several are left out together, so that time grows with length
 MOST_OF_BLOCK = 30.0  # [nats] a block of time counts for no more
 DRAWS = 400
@@ -38,32 +44,54 @@ class LeftOut:
         Of the fits without one maneuver, or without several of many.
     blocks : list of (b,) array
         Squared innovations of each maneuver as predicted without it, summed over `INDEPENDENT_S`.
+    power : (m, 3) array
+        Squared errors of each of these predictions, summed by channel.
     """
 
     parameters: Array
     blocks: list[Array]
+    power: Array
 
 
 def leave_out(case: Case, fitted: Fitted, colours: Colours) -> LeftOut:
     """Predict each maneuver with a fit to others, begun at the fit to all."""
-    vectors, blocks, output = [], [], output_error(case, colours)
-    for group in (case.records[k::MOST_FITS] for k in range(min(MOST_FITS, len(case.records)))):
+    return seen_with(case, fits_without(case, fitted), colours)
+
+
+def fits_without(case: Case, fitted: Fitted) -> Array:
+    """Parameters (f, n_parameters) of fits without one maneuver, or without several of many."""
+    vectors = []
+    for group in _groups(case):
         out = {record.id for record in group}
         rest = replace(case, records=tuple(r for r in case.records if r.id not in out))
         found = fit_with(
             rest, fitted.effects, fitted.parameters, fitted.colours, rounds=1, steps=STEPS
         )
-        p = fitted.parameters if found is None else found.parameters
-        vectors.append(p)
-        blocks += [_blocks(output, p, record) for record in group]
-    return LeftOut(np.array(vectors), blocks)
+        vectors.append(fitted.parameters if found is None else found.parameters)
+    return np.array(vectors)
 
 
-def _blocks(output: OutputError, p: Array, record: Record) -> Array:
+def seen_with(case: Case, parameters: Array, colours: Colours) -> LeftOut:
+    """What fits without each maneuver in turn predict of it, seen with some noise."""
+    output = output_error(case, colours)
+    pairs = [
+        (record, residual_of(output, p, record))
+        for p, group in zip(parameters, _groups(case), strict=True)
+        for record in group
+    ]
+    blocks = [_blocks(output, found, record) for record, found in pairs]
+    return LeftOut(parameters, blocks, np.array([_power(found) for _, found in pairs]))
+
+
+def _groups(case: Case) -> list[tuple[Record, ...]]:
+    """Maneuvers that are left out together."""
+    return [case.records[k::MOST_FITS] for k in range(min(MOST_FITS, len(case.records)))]
+
+
+def _blocks(output: OutputError, found: RecordResidual | None, record: Record) -> Array:
     """Squared innovations in blocks of time; infinite where the prediction runs away."""
     n, dt_s = len(record.time_s), output.frame.dt_s
     number = (np.arange(n) * dt_s // INDEPENDENT_S).astype(np.int64)
-    found = residual_of(output, p, record)
     if found is None:
         return np.full(int(number[-1]) + 1, np.inf)
     white = white_error(found.error, output.colours, dt_s)
@@ -72,6 +100,13 @@ def _blocks(output: OutputError, p: Array, record: Record) -> Array:
     sums = np.zeros(int(number[-1]) + 1)
     np.add.at(sums, number, squares)
     return sums
+
+
+def _power(found: RecordResidual | None) -> Array:
+    """Squared errors (3,) of a prediction; infinite where it runs away."""
+    if found is None:
+        return np.full(N_CHANNELS, np.inf)
+    return np.asarray(np.nansum(found.error[:, :N_CHANNELS] ** 2, axis=0))
 
 
 @dataclass(frozen=True)

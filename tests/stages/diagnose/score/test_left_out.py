@@ -81,7 +81,9 @@ def test_a_maneuver_left_out_is_predicted_worse_than_one_fitted() -> None:
 
 
 def made(*blocks: list[float]) -> LeftOut:
-    return LeftOut(np.zeros((len(blocks), 1)), [np.array(b) for b in blocks])
+    return LeftOut(
+        np.zeros((len(blocks), 1)), [np.array(b) for b in blocks], np.ones((len(blocks), 3))
+    )
 
 
 def test_the_gain_is_half_the_fall_of_the_squares() -> None:
