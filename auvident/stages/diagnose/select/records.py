@@ -77,8 +77,8 @@ class Account:
         Relative fall of the rms of the residual by channel.
     rms : tuple of float
         Of the residual with it, by channel.
-    at_bound : bool
-        A parameter lies at a physical bound other than off.
+    impossible : bool
+        A parameter lies at the bound to a side where no size is possible.
     settled : bool
         The fit has converged; false where it was given up as hopeless.
     promise : float
@@ -96,7 +96,7 @@ class Account:
     size: float
     falls: Mapping[str, float]
     rms: tuple[float, ...]
-    at_bound: bool
+    impossible: bool
     settled: bool
     promise: float
     maneuvers: int
@@ -182,8 +182,8 @@ class Exchanged:
     ----------
     size : float
         The least of those put in [practical sizes].
-    at_bound : bool
-        One of them lies at a bound.
+    impossible : bool
+        One of them has a size that cannot be.
     gain : float
         Rise of the logarithm of likelihood and prior [nats].
     fewer : bool
@@ -191,7 +191,7 @@ class Exchanged:
     """
 
     size: float
-    at_bound: bool
+    impossible: bool
     gain: float
     fewer: bool
 

@@ -147,11 +147,11 @@ RULES: tuple[Rule[Account], ...] = (
         words="hardly improves any channel",
     ),
     Rule(
-        "bound",
-        "its size is plausible",
-        lambda a: not a.at_bound,
+        "impossible",
+        "its size is possible",
+        lambda a: not a.impossible,
         1.0,
-        words="ends at the bound of what is plausible",
+        words="ends at a size that is impossible",
     ),
     Rule(
         "maneuvers",
@@ -249,7 +249,7 @@ EXCHANGE_ON: tuple[Rule[int], ...] = (
 )
 EXCHANGE: tuple[Rule[Exchanged], ...] = (
     Rule("small", "every new one is large enough to matter", lambda e: e.size, 1.0),
-    Rule("bound", "their sizes are plausible", lambda e: not e.at_bound, 1.0),
+    Rule("impossible", "their sizes are possible", lambda e: not e.impossible, 1.0),
     Rule(
         "swap",
         "others in its place gain",

@@ -43,7 +43,7 @@ GOOD = Account(
     size=3.0,
     falls={"u": 0.5, "v": 0.1, "r": 0.0},
     rms=(0.01, 0.02, 0.002),
-    at_bound=False,
+    impossible=False,
     settled=True,
     promise=850.0,
     maneuvers=8,
@@ -73,7 +73,7 @@ FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
             "of-best": {"best_gain": 1700.0},
             "small": {"size": 0.9},
             "no-fall": {"falls": {"u": 0.19, "v": 0.0, "r": -0.1}},
-            "bound": {"at_bound": True},
+            "impossible": {"impossible": True},
             "maneuvers": {"maneuvers": 1},
         },
     ),
@@ -90,7 +90,7 @@ FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
         {
             "fewer": {"other": replace(SIMPLE, parameters=2)},
             "gain": {"other": replace(SIMPLE, gain=767.0)},
-            "sound": {"other": replace(SIMPLE, at_bound=True)},
+            "sound": {"other": replace(SIMPLE, impossible=True)},
         },
     ),
     "ALIKE": (
@@ -106,7 +106,7 @@ FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
         Nuisance("small", 150.0, 150.0, 1.1, 1),
         {
             "unclaimed": {"unclaimed": 2},
-            "small": {"refused_as": "bound"},
+            "small": {"refused_as": "impossible"},
             "hides": {"hidden_gain": 99.0},
             "rms": {"rms_ratio": 1.2},
             "gain": {"gain": 99.0},
@@ -122,7 +122,7 @@ FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
         Exchanged(1.0, False, 15.0, False),
         {
             "small": {"size": 0.9},
-            "bound": {"at_bound": True},
+            "impossible": {"impossible": True},
             "swap": {"gain": 14.0},
             "fewer": {"gain": -5.0, "fewer": True},
         },
@@ -288,7 +288,7 @@ SMALL = Refusal("small", "too small to matter in practice")
         (SMALL, {}, 90.0, 0, None),  # it hides nothing
         (SMALL, {"gain": 90.0}, 150.0, 0, None),  # too little to hide anything
         (SMALL, {"rms": (0.01, 0.02, 0.003)}, 150.0, 0, None),  # one channel pays for it
-        (Refusal("bound", ""), {}, 150.0, 0, None),
+        (Refusal("impossible", ""), {}, 150.0, 0, None),
         (ANOTHER, {}, 150.0, 0, None),
     ],
 )

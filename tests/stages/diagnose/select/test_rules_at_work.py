@@ -194,7 +194,7 @@ def exchanges_made(patch: Patch) -> int:
 
 
 def exchanged(
-    size: float = 1.0, bound: bool = False, gain: float = 20.0, fewer: bool = False
+    size: float = 1.0, wrong: bool = False, gain: float = 20.0, fewer: bool = False
 ) -> Callable[[Patch], Any]:
     """Whether one effect is exchanged for another."""
 
@@ -202,7 +202,7 @@ def exchanged(
         before = fitted(0.0, "hull_asymmetry", "current", free=2)
         after = fitted(gain, "current", "rudder_offset", free=1 if fewer else 2)
         patch.setattr(reconsider, "size_of", lambda *_: size)
-        patch.setattr(reconsider, "at_bound", lambda *_: bound)
+        patch.setattr(reconsider, "impossible", lambda *_: wrong)
         patch.setattr(reconsider, "prior_cost", lambda *_: 0.0)
         patch.setattr(reconsider, "without", lambda *_: None)
         fits = {after.effects: after}
@@ -297,7 +297,7 @@ SCENARIOS: dict[str, dict[str, Callable[[Patch], Any]]] = {
     "CONTAIN": {"further": contained(0, 0.99), "cosine": contained(1, 0.97)},
     "TAKE_ALONG": {
         "unclaimed": taken(unclaimed=2),
-        "small": taken(code="bound"),
+        "small": taken(code="impossible"),
         "hides": taken(hidden=99.0),
         "rms": taken(rms=1.2),
         "gain": taken(gain=99.0),
@@ -307,7 +307,7 @@ SCENARIOS: dict[str, dict[str, Callable[[Patch], Any]]] = {
     "EXCHANGE_ON": {"done": exchanges_made},
     "EXCHANGE": {
         "small": exchanged(size=0.9),
-        "bound": exchanged(bound=True),
+        "impossible": exchanged(wrong=True),
         "swap": exchanged(gain=14.0),
         "fewer": exchanged(gain=-5.0, fewer=True),
     },

@@ -195,9 +195,9 @@ def test_times_are_looked_for_before_anything_else(monkeypatch) -> None:
     assert found.baseline is BEFORE
 
 
-def test_what_lies_at_a_bound_is_not_accepted(monkeypatch) -> None:
-    found = traced(monkeypatch, {"current": {"at_bound": True}})
-    assert (found.named, refusals(found)) == ((), {"current": "bound"})
+def test_a_size_that_is_impossible_is_not_accepted(monkeypatch) -> None:
+    found = traced(monkeypatch, {"current": {"impossible": True}})
+    assert (found.named, refusals(found)) == ((), {"current": "impossible"})
 
 
 def test_the_simpler_one_is_accepted_in_place_of_the_best(monkeypatch) -> None:
