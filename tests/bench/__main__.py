@@ -2,7 +2,8 @@
 
 With ``--write`` each part replaces its own section of docs/benchmarks.md. The study of the
 residual loop has options of its own: ``python -m tests.bench effects --help``. So has the one on
-drawn vehicles: ``python -m tests.bench population --help``.
+drawn vehicles: ``python -m tests.bench population --help``, and the one on which evidence holds on
+them: ``python -m tests.bench evidence --help``.
 """
 
 import argparse
@@ -46,6 +47,11 @@ def main(arguments: list[str] | None = None) -> None:
         from tests.bench import population
 
         population.main(arguments[1:], _print)
+        return
+    if arguments[:1] == ["evidence"]:
+        from tests.bench import evidence
+
+        evidence.main(arguments[1:], _print)
         return
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
     parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))

@@ -150,8 +150,10 @@ class Nuisance:
     ----------
     refused_as : str
         Code of its refusal; empty without one.
-    gain, hidden_gain : float
-        Its own, and the best one of the others [nats].
+    t : float
+        Its gain in maneuvers left out, in standard errors; zero where that was not tried.
+    hidden_gain : float
+        The best one of the others [nats].
     rms_ratio : float
         Largest ratio of the residual with it to that without, over the channels.
     unclaimed : int
@@ -159,7 +161,7 @@ class Nuisance:
     """
 
     refused_as: str
-    gain: float
+    t: float
     hidden_gain: float
     rms_ratio: float
     unclaimed: int
