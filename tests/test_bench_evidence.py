@@ -55,7 +55,9 @@ def test_each_kind_of_evidence() -> None:
     told = {name: kind({**candidate(), "chance": 0.01}) for name, kind in KINDS.items()}
     assert told == {
         "gain, nats": 60.0,
-        "t over maneuvers left out": pytest.approx(26.5 / 3.0 / np.std([9.0, 8.0, 9.5], ddof=1) * 3**0.5),
+        "t over maneuvers left out": pytest.approx(
+            26.5 / 3.0 / np.std([9.0, 8.0, 9.5], ddof=1) * 3**0.5
+        ),
         "t over blocks left out": pytest.approx(gains.sum() / np.sqrt(gains @ gains)),
         "-log10 of the chance of the best": pytest.approx(2.0),
         "robust Wald by maneuver": 4.0,

@@ -37,15 +37,17 @@ def main(arguments: list[str], show: Show) -> None:
     told = tables(found)
     for title, rows in told.items():
         show(f"{title} ({options.half}, {len(found)} trials)", rows)
-    if options.write:
-        numbers = [o["case"]["seed"] for o in found]
-        half = "even" if options.half == HALVES[0] else "odd"
-        write(
-            WRITTEN,
-            f"Program `{program()}`; {len(found)} trials of the population, {half} seeds "
-            f"{min(numbers)} to {max(numbers)}.",
-            told,
-        )
+    if options.write and told:
+        write(WRITTEN, measured(found, options.half), told)
+
+
+def measured(found: list[Outcome], half: str) -> str:
+    """What the section says of the study: program, number of trials, seeds."""
+    numbers = [o["case"]["seed"] for o in found]
+    versions = ", ".join(f"`{v}`" for v in sorted({o.get("program", "unknown") for o in found}))
+    which = "even" if half == HALVES[0] else "odd"
+    told = f"{which} seeds {min(numbers)} to {max(numbers)}"
+    return f"Program {versions}; {len(found)} trials of the population, {told}."
 
 
 def sail(wanted: list[int], resume: Path | None) -> dict[str, Outcome]:

@@ -40,7 +40,7 @@ Kind = Callable[[Row], float]
 
 FALSE = 0.03
 INDIFFERENT = 10.0  # [nats] as in `left_out`
-SHARES = (0.1, 0.2, 0.3, 0.4, 0.5)  # second thresholds of pairs
+SHARES = (0.2, 0.3, 0.4)  # second thresholds of pairs
 
 
 def blocks(row: Row) -> Array:
@@ -90,7 +90,12 @@ KINDS: dict[str, Kind] = {
     "fall of the rms": lambda row: max(row["falls"].values()),
     "explained share": share,
 }
-PAIRED = ("gain, nats", "t over blocks left out", "-log10 of the chance of the best")
+PAIRED = (
+    "gain, nats",
+    "t over blocks left out",
+    "-log10 of the chance of the best",
+    "robust Wald by block",
+)
 
 
 def chances(rows: Sequence[Row], draws: int = FLIPS) -> list[float]:
@@ -246,6 +251,7 @@ RULES: dict[str, Callable[[Sequence[Row]], dict[str, Any]]] = {
 def uniform(trials: Sequence[Row]) -> Table:
     """Is the chance of the best candidate of clean trials uniform, or cautious?
 
+    Of those that could be named and that the vehicle has not of itself; 1 where there is none.
     ``excess`` is how far the share of trials below some p exceeds that p at most (Kolmogorov and
     Smirnov, to the side that would be a false alarm); ``p`` is how often that much is chance.
     """
@@ -256,12 +262,17 @@ def uniform(trials: Sequence[Row]) -> Table:
     }
     rows = []
     for name, chance in ways.items():
-        values = [min((chance(row) for row in t["candidates"]), default=1.0) for t in clean]
+        values = [min((chance(row) for row in nameable(t)), default=1.0) for t in clean]
         if values:
             found = kstest(values, "uniform", alternative="greater")
             told = {"least": min(values), "excess": float(found.statistic)}
             rows.append({"chance": name, "trials": len(values), **told, "p": float(found.pvalue)})
     return rows
+
+
+def nameable(trial: Row) -> list[Row]:
+    """Candidates that would be a false name."""
+    return [r for r in trial["candidates"] if eligible(r) and what_is(trial, r) == "false"]
 
 
 def by_itself(row: Row) -> float:
