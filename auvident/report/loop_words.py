@@ -8,6 +8,7 @@ from auvident.constants import NORMAL_95
 from auvident.report.numbers import TERMINAL
 from auvident.schema.diagnosis import (
     Attempt,
+    Bound,
     Candidate,
     CoefficientComparison,
     Comparison,
@@ -24,6 +25,7 @@ from auvident.schema.loop_statements import follows
 number, with_unit = TERMINAL.number, TERMINAL.quantity
 MOVED = 2.0  # standard deviations before, from which on a coefficient is said to have moved
 TOO_SMALL = "too small compared with the noise"
+SIDES: dict[Bound, str] = {"at least": "≥", "at most": "≤"}
 VERDICTS = {
     "none_found": "nothing found",
     "effect_found": "effect found",
@@ -64,7 +66,10 @@ def std_of(p: ParameterValue) -> float:
 
 
 def interval_text(p: ParameterValue) -> str:
-    """The 95 % interval, ``0.11 to 0.13``; empty where it was not worked out."""
+    """The 95 % interval, ``0.11 to 0.13``, of an open one its end; empty if not worked out."""
+    if p.bound:
+        told = [number(end) for end in (p.low, p.high) if end is not None]
+        return f"{SIDES[p.bound]} {told[0]}" if told else ""
     if p.std <= 0.0 and (p.low is None or p.high is None):
         return ""
     return TERMINAL.interval(*interval(p))
@@ -79,7 +84,8 @@ def interval_of(effect: str, p: ParameterValue) -> str:
 def size(effect: str, p: ParameterValue) -> str:
     """A parameter with its interval, if it has one: ``lag_s 0.38 s (0.33 to 0.43)``."""
     bounds = f" ({interval_of(effect, p)})" if interval_text(p) else ""
-    return f"{p.symbol} {with_unit(p.value, p.unit)}{bounds}"
+    side = f"{SIDES[p.bound]} " if p.bound else ""
+    return f"{p.symbol} {side}{with_unit(p.value, p.unit)}{bounds}"
 
 
 def sizes(effect: str, parameters: Iterable[ParameterValue]) -> str:

@@ -9,6 +9,7 @@ from auvident.report.tables import (
     Column,
     Fixed,
     Interval,
+    Joined,
     Number,
     Rounded,
     Rows,
@@ -31,6 +32,7 @@ from auvident.schema.diagnosis import (
     EffectFound,
     HeldOut,
     ManeuverComparison,
+    ParameterValue,
 )
 
 
@@ -41,12 +43,18 @@ def effects(found: Sequence[EffectFound]) -> Table:
         first = [effect.id, " ".join(x for x in (effect.plain, words.place(effect)) if x)]
         for p in effect.parameters:
             bounds = Words(words.interval_of(effect.id, p))
-            rows.append([*first, p.symbol, Unit(p.unit), Rounded(p.value, words.std_of(p)), bounds])
+            rows.append([*first, p.symbol, Unit(p.unit), _value(p), bounds])
             first = ["", ""]
         if not effect.parameters:
             rows.append([*first, "", "", "", ""])
     heads = columns(("effect", "in words", "parameter", "unit"), ("value", "95 % interval"))
     return Table(heads, rows)
+
+
+def _value(p: ParameterValue) -> Cell:
+    """The value of a parameter, with its side where it is known to one only."""
+    value = Rounded(p.value, words.std_of(p))
+    return Joined((Words(words.SIDES[p.bound]), value), " ") if p.bound else value
 
 
 def held_out(found: HeldOut) -> Table:

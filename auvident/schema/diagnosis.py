@@ -1,15 +1,22 @@
 """Artifacts of the residual loop: what the model lacks, and what adding it changed."""
 
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import Field, computed_field
 
 from auvident.schema.artifacts import Coverage, CrossValidation, Finding, Verdict
 from auvident.schema.base import Artifact
 
+Bound = Literal["at least", "at most"]
+
 
 class ParameterValue(Artifact):
-    """A parameter of an effect in the unit an engineer reads; interval of 95 %."""
+    """A parameter of an effect in the unit an engineer reads; interval of 95 %.
+
+    ``bound`` is set where the search ended at a bound of the parameter: it is as large as
+    ``value``, or larger (``at least``), or as small or smaller (``at most``), and its interval is
+    open to that side.
+    """
 
     symbol: str
     value: float
@@ -17,19 +24,34 @@ class ParameterValue(Artifact):
     unit: str
     low: float | None = None
     high: float | None = None
+    bound: Bound | None = None
 
     @computed_field  # type: ignore[prop-decorator]
     @property
-    def interval(self) -> tuple[float, float] | None:
-        """``(low, high)``; None where it was not worked out."""
-        return None if self.low is None or self.high is None else (self.low, self.high)
+    def interval(self) -> tuple[float | None, float | None] | None:
+        """``(low, high)``, None for an open end; None where it was not worked out."""
+        told = (self.low is not None) + (self.high is not None)
+        return (self.low, self.high) if told == (1 if self.bound else 2) else None
+
+    @property
+    def half(self) -> float:
+        """From the value to the end of the interval that is further away; zero without one."""
+        ends = [end for end in self.interval or () if end is not None]
+        return max((abs(end - self.value) for end in ends), default=0.0)
+
+
+def ends(value: float, half: float, bound: Bound | None) -> dict[str, float | None]:
+    """Ends ``low`` and ``high`` of an interval so far to both sides, open beyond a bound."""
+    low = None if bound == "at most" else value - half
+    return {"low": low, "high": None if bound == "at least" else value + half}
 
 
 class EffectFound(Artifact):
     """An effect that was accepted.
 
     ``plain`` says it in words (a current in m/s and degrees, a side force in N at cruise).
-    ``maneuver``, ``time_s`` and ``duration_s`` belong to a `one_off_event` or a `thrust_step`.
+    ``maneuver``, ``time_s`` and ``duration_s`` belong to a `one_off_event` or a `thrust_step`;
+    ``at_bound`` are the symbols of the parameters that are known to one side only.
     """
 
     id: str
@@ -39,6 +61,12 @@ class EffectFound(Artifact):
     maneuver: str | None = None
     time_s: float | None = None
     duration_s: float | None = None
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def at_bound(self) -> tuple[str, ...]:
+        """Parameters that ended at a bound of theirs."""
+        return tuple(p.symbol for p in self.parameters if p.bound)
 
 
 class Refused(Artifact):

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from auvident.schema.diagnosis import EffectFound, ParameterValue
+from auvident.schema.diagnosis import Bound, EffectFound, ParameterValue
 from auvident.schema.effects import BY_ID, parameter_of
 
 # where an id with spaces for its bars is not what an engineer says
@@ -28,25 +28,48 @@ NAMES = {
 }
 
 
+BOUNDS: dict[Bound, str] = {"at least": "at least ", "at most": "no more than "}
+
+
+class Told(float):
+    """A value that says, wherever it is written, that it is known to one side only."""
+
+    def __new__(cls, value: float, bound: Bound | None = None) -> "Told":
+        """A value, with the side that it is known to."""
+        made = super().__new__(cls, value)
+        made.bound = bound
+        return made
+
+    bound: Bound | None
+
+    def __format__(self, spec: str) -> str:
+        return (BOUNDS[self.bound] if self.bound else "") + super().__format__(spec)
+
+    def times(self, factor: float) -> "Told":
+        """The value in another unit, by a factor above zero."""
+        return Told(self * factor, self.bound)
+
+
 def plain(effect: str, parameters: Sequence[ParameterValue], speed: float, rate: float) -> str:
     """An effect in words; forces as they are at cruise (speed [m/s], propeller rate [rev/s])."""
-    values = {p.symbol: p.value for p in parameters}
+    values = {p.symbol: Told(p.value, p.bound) for p in parameters}
     words = BY_ID[effect].words
     if BY_ID[effect].instant is not None:
-        return words.format(**values) + _when(parameters)
+        return _in(words, values) + _when(parameters)
     if effect == "current":
         north, east = values["north_mps"], values["east_mps"]
         towards = math.degrees(math.atan2(east, north)) % 360.0
-        return f"a current of {math.hypot(north, east):.2f} m/s towards {towards:.0f} deg"
+        speed = Told(math.hypot(north, east), "at least" if north.bound or east.bound else None)
+        return f"a current of {speed:.2f} m/s towards {towards:.0f} deg"
     if words and all(p in values for p in _fields(words)):
-        return words.format(**values)
+        return _in(words, values)
     if effect == "hull_asymmetry":
-        y, n = values["Y_0"] * speed**2, values["N_0"] * speed**2
+        y, n = (values[symbol].times(speed**2) for symbol in ("Y_0", "N_0"))
         return f"a hull asymmetry with {y:.2f} N and {n:.2f} N m at {speed:.1f} m/s"
     if effect == "propeller_side_force":
-        y, n = values["Y_nn"] * rate**2, values["N_nn"] * rate**2
+        y, n = (values[symbol].times(rate**2) for symbol in ("Y_nn", "N_nn"))
         return f"a propeller side force of {y:.2f} N and {n:.2f} N m at {60 * rate:.0f} rpm"
-    listed = ", ".join(f"{p.symbol} {p.value:.3g} {p.unit}" for p in parameters)
+    listed = ", ".join(f"{p.symbol} {values[p.symbol]:.3g} {p.unit}" for p in parameters)
     return f"{words_of(effect)} ({listed})"
 
 
@@ -54,7 +77,11 @@ def holds_nothing(effect: str, p: ParameterValue) -> bool:
     """Whether the 95 % interval of a parameter cannot be told from no effect at all."""
     if p.interval is None or f"{effect}.{p.symbol}" not in BY_ID[effect].names():
         return False
-    return parameter_of(f"{effect}.{p.symbol}").holds_nothing(p.value, *p.interval)
+    # of an open interval, what its one end would be to both sides
+    low, high = p.value - p.half, p.value + p.half
+    if not p.bound and p.low is not None and p.high is not None:
+        low, high = p.low, p.high
+    return parameter_of(f"{effect}.{p.symbol}").holds_nothing(p.value, low, high)
 
 
 def is_confirmed(effect: EffectFound) -> bool:
@@ -66,6 +93,14 @@ def is_confirmed(effect: EffectFound) -> bool:
         and parameter_of(f"{effect.id}.{p.symbol}").practical > 0.0
     ]
     return not sizes or not all(holds_nothing(effect.id, p) for p in sizes)
+
+
+def _in(words: str, values: Mapping[str, Told]) -> str:
+    """The words of an effect with its values; a bound stands before its sign and is no guess."""
+    text = words.format(**values)
+    for said in BOUNDS.values():
+        text = text.replace(f"±{said}", f"{said}±").replace(f"about {said}", said)
+    return text
 
 
 def _when(parameters: Sequence[ParameterValue]) -> str:

@@ -1,11 +1,11 @@
 """``python -m tests.bench [PART ...] [--seeds N] [--json] [--write]``; parts as `PARTS` has them.
 
-With ``--write`` each part replaces its own section of docs/benchmarks.md. The study of the
-residual loop has options of its own: ``python -m tests.bench effects --help``. So has the one on
-drawn vehicles: ``python -m tests.bench population --help``.
+With ``--write`` each part replaces its own section of docs/benchmarks.md. The studies on generated
+trials (`STUDIES`) have options of their own: ``python -m tests.bench population --help``.
 """
 
 import argparse
+import importlib
 import json
 import sys
 from collections.abc import Callable
@@ -14,6 +14,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+STUDIES = ("effects", "population", "totals", "evidence")  # with options of their own
 PARTS = (
     "samples",
     "loop",
@@ -41,20 +42,8 @@ HOW = {
 def main(arguments: list[str] | None = None) -> None:
     """Run the parts asked for, all of them but the study of effects by default."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    if arguments[:1] == ["effects"]:
-        from tests.bench import effects
-
-        effects.main(arguments[1:], _print)
-        return
-    if arguments[:1] == ["population"]:
-        from tests.bench import population
-
-        population.main(arguments[1:], _print)
-        return
-    if arguments[:1] == ["totals"]:
-        from tests.bench import totals
-
-        totals.main(arguments[1:], _print)
+    if arguments[:1] and arguments[0] in STUDIES:
+        importlib.import_module(f"tests.bench.{arguments[0]}").main(arguments[1:], _print)
         return
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
     parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import inf
 from typing import Any
 
 from auvident.constants import NORMAL_95
@@ -174,6 +175,8 @@ def compared(symbol: str, truth: float, stated: Row) -> Size:
     """One size: error over the claimed deviation, and whether the 95 % interval holds it."""
     value, std = stated["value"], stated["std"]
     low, high = stated.get("low"), stated.get("high")
+    if stated.get("bound"):  # open to one side
+        low, high = (-inf if low is None else low), (inf if high is None else high)
     off = truth - value
     if symbol == "direction_deg":
         off = (off + 180.0) % 360.0 - 180.0

@@ -14,6 +14,7 @@ from auvident.schema.diagnosis import (
     EffectFound,
     ParameterValue,
     Refused,
+    ends,
 )
 from auvident.schema.effect_words import is_confirmed, plain
 from auvident.schema.effects import BY_ID, parameter_of
@@ -152,15 +153,15 @@ def _final_value(p: ParameterValue, final: Mapping[str, Any]) -> ParameterValue:
     """A parameter with the value of the refined model and the wider interval."""
     value = float(final["value"])
     std = max(float(final["std"]), p.std)
-    half = max(NORMAL_95 * std, 0.5 * ((p.high or 0.0) - (p.low or 0.0)))
+    half = max(NORMAL_95 * std, p.half)
     half = max(half, NORMAL_95 * abs(value - p.value))  # two methods that differ: say so
     return ParameterValue(
         symbol=p.symbol,
         value=value,
         std=half / NORMAL_95,
         unit=p.unit,
-        low=value - half,
-        high=value + half,
+        bound=p.bound,
+        **ends(value, half, p.bound),
     )
 
 

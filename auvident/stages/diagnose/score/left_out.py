@@ -10,14 +10,20 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.constants import INDEPENDENT_S
-from auvident.engines.free_run import Colours, OutputError, residual_of, white_error
+from auvident.engines.free_run import (
+    Colours,
+    OutputError,
+    RecordResidual,
+    residual_of,
+    white_error,
+)
 from auvident.engines.records import Record
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import N_CHANNELS, Fitted, fit_with, output_error
 
 Array = npt.NDArray[Any]
 
-STEPS = 3  # of each fit without a maneuver
+STEPS = 20  # of each fit without a maneuver, at most
 MOST_FITS = 10  # of more maneuvers several are left out together, so that time grows with length
 MOST_OF_BLOCK = 30.0  # [nats] a block of time counts for no more
 DRAWS = 400
@@ -25,6 +31,8 @@ DRAWS = 400
 # a late rudder (seed 1519: three zigzags gain 120 and more, three turns lose 3 to 6)
 INDIFFERENT = 10.0
 LOWER = 0.025
+LEAST_ERROR = 1.0e-9  # [nats] of a gain: less is none
+LEAST_ABOVE = 0.05  # of the power of a residual, above the noise of its sensor, to be looked at
 FLIPS = 9999  # of signs; among 28 effects the least p is then 0.003
 
 
@@ -38,32 +46,54 @@ class LeftOut:
         Of the fits without one maneuver, or without several of many.
     blocks : list of (b,) array
         Squared innovations of each maneuver as predicted without it, summed over `INDEPENDENT_S`.
+    power : (m, 3) array
+        Squared errors of each of these predictions, summed by channel.
     """
 
     parameters: Array
     blocks: list[Array]
+    power: Array
 
 
 def leave_out(case: Case, fitted: Fitted, colours: Colours) -> LeftOut:
     """Predict each maneuver with a fit to others, begun at the fit to all."""
-    vectors, blocks, output = [], [], output_error(case, colours)
-    for group in (case.records[k::MOST_FITS] for k in range(min(MOST_FITS, len(case.records)))):
+    return seen_with(case, fits_without(case, fitted), colours)
+
+
+def fits_without(case: Case, fitted: Fitted) -> Array:
+    """Parameters (f, n_parameters) of fits without one maneuver, or without several of many."""
+    vectors = []
+    for group in _groups(case):
         out = {record.id for record in group}
         rest = replace(case, records=tuple(r for r in case.records if r.id not in out))
         found = fit_with(
             rest, fitted.effects, fitted.parameters, fitted.colours, rounds=1, steps=STEPS
         )
-        p = fitted.parameters if found is None else found.parameters
-        vectors.append(p)
-        blocks += [_blocks(output, p, record) for record in group]
-    return LeftOut(np.array(vectors), blocks)
+        vectors.append(fitted.parameters if found is None else found.parameters)
+    return np.array(vectors)
 
 
-def _blocks(output: OutputError, p: Array, record: Record) -> Array:
+def seen_with(case: Case, parameters: Array, colours: Colours) -> LeftOut:
+    """What fits without each maneuver in turn predict of it, seen with some noise."""
+    output = output_error(case, colours)
+    pairs = [
+        (record, residual_of(output, p, record))
+        for p, group in zip(parameters, _groups(case), strict=True)
+        for record in group
+    ]
+    blocks = [_blocks(output, found, record) for record, found in pairs]
+    return LeftOut(parameters, blocks, np.array([_power(found) for _, found in pairs]))
+
+
+def _groups(case: Case) -> list[tuple[Record, ...]]:
+    """Maneuvers that are left out together."""
+    return [case.records[k::MOST_FITS] for k in range(min(MOST_FITS, len(case.records)))]
+
+
+def _blocks(output: OutputError, found: RecordResidual | None, record: Record) -> Array:
     """Squared innovations in blocks of time; infinite where the prediction runs away."""
     n, dt_s = len(record.time_s), output.frame.dt_s
     number = (np.arange(n) * dt_s // INDEPENDENT_S).astype(np.int64)
-    found = residual_of(output, p, record)
     if found is None:
         return np.full(int(number[-1]) + 1, np.inf)
     white = white_error(found.error, output.colours, dt_s)
@@ -72,6 +102,13 @@ def _blocks(output: OutputError, p: Array, record: Record) -> Array:
     sums = np.zeros(int(number[-1]) + 1)
     np.add.at(sums, number, squares)
     return sums
+
+
+def _power(found: RecordResidual | None) -> Array:
+    """Squared errors (3,) of a prediction; infinite where it runs away."""
+    if found is None:
+        return np.full(N_CHANNELS, np.inf)
+    return np.asarray(np.nansum(found.error[:, :N_CHANNELS] ** 2, axis=0))
 
 
 @dataclass(frozen=True)
@@ -91,6 +128,11 @@ class Helped:
         there is none.
     p : float
         How often an effect that means nothing would help as much; see `chance_of`.
+    t : float
+        The gain in standard errors; see `t_value`.
+    explained : float
+        Of the power of the residual above the noise of the sensor, the share that is explained,
+        in the channel where that is most; see `explained_share`.
     """
 
     gain: float
@@ -98,14 +140,21 @@ class Helped:
     low: float
     deciding: float = 0.0
     p: float = 1.0
+    t: float = 0.0
+    explained: float = 0.0
 
 
-def helped(before: LeftOut, after: LeftOut, rng: np.random.Generator) -> Helped:
-    """Compare two fits on the maneuvers left out, with one noise for both."""
-    with np.errstate(invalid="ignore"):  # where both run away neither helps
-        gains = [0.5 * (a - b) for a, b in zip(before.blocks, after.blocks, strict=True)]
-    # one bad place of one maneuver decides nothing
-    gains = [np.clip(np.nan_to_num(g), -MOST_OF_BLOCK, MOST_OF_BLOCK) for g in gains]
+def helped(
+    before: LeftOut, after: LeftOut, rng: np.random.Generator, floor: Array | float = 0.0
+) -> Helped:
+    """Compare two fits on the maneuvers left out, with one noise for both.
+
+    Parameters
+    ----------
+    floor : (3,) array, optional
+        Power that the noise of the sensors alone would have, see `noise_floor`.
+    """
+    gains = gains_of(before, after)
     whole = np.concatenate(gains)
     drawn = rng.choice(whole, size=(DRAWS, len(whole))).sum(axis=1)
     sums = np.array([g.sum() for g in gains])
@@ -113,7 +162,60 @@ def helped(before: LeftOut, after: LeftOut, rng: np.random.Generator) -> Helped:
     deciding = float(np.mean(decided > 0.0)) if len(decided) else 0.0
     low = float(np.quantile(drawn, LOWER))
     p = chance_of(whole, rng)
-    return Helped(float(whole.sum()), float(np.mean(sums > 0.0)), low, deciding, p)
+    return Helped(
+        float(whole.sum()),
+        float(np.mean(sums > 0.0)),
+        low,
+        deciding,
+        p,
+        t_value(whole),
+        explained_share(before.power.sum(axis=0), after.power.sum(axis=0), floor),
+    )
+
+
+def gains_of(before: LeftOut, after: LeftOut) -> list[Array]:
+    """Gain of each block of time of each maneuver left out [nats]."""
+    with np.errstate(invalid="ignore"):  # where both run away neither helps
+        gains = [0.5 * (a - b) for a, b in zip(before.blocks, after.blocks, strict=True)]
+    return [clipped(np.nan_to_num(g)) for g in gains]
+
+
+def clipped(gains: Array) -> Array:
+    """Gains of blocks so that one bad place of one maneuver decides nothing."""
+    return np.clip(gains, -MOST_OF_BLOCK, MOST_OF_BLOCK)
+
+
+def t_value(gains: Array) -> float:
+    """Sum of gains (n,) over its standard error, were each as likely a loss; at most n**0.5.
+
+    What a nat is worth cancels, so that it means the same in a short log and in a long one, with
+    a quiet sensor and with a noisy one.
+    """
+    return float(gains.sum() / max(float(np.sqrt(gains @ gains)), LEAST_ERROR))
+
+
+def readings_of(case: Case) -> Array:
+    """Readings (3,) of each channel in all maneuvers."""
+    return np.array(
+        [sum(np.isfinite(r.measured[:, c]).sum() for r in case.records) for c in range(N_CHANNELS)]
+    )
+
+
+def noise_floor(case: Case, colours: Colours) -> Array:
+    """Power (3,) that sensors alone leave of the readings: as stated, or as seen where less."""
+    seen, stated = np.array([c.white for c in colours[:N_CHANNELS]]), case.setup.sensor_std
+    return np.asarray(readings_of(case) * np.minimum(seen, stated[:N_CHANNELS]) ** 2)
+
+
+def explained_share(before: Array, after: Array, floor: Array | float) -> float:
+    """Share of the power above a floor (3,) that is explained, in the channel where it is most.
+
+    A channel with hardly more than the noise of its sensor has nothing to be explained.
+    """
+    above = before - floor
+    there = np.isfinite(before) & (above > LEAST_ABOVE * before)
+    shares = (before - after)[there] / above[there]
+    return float(shares.max(initial=0.0))
 
 
 def chance_of(gains: Array, rng: np.random.Generator, draws: int = FLIPS) -> float:

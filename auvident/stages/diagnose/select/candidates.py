@@ -16,6 +16,8 @@ from auvident.stages.diagnose.select.rule import Refusal, passes
 
 Array = npt.NDArray[Any]
 
+NEAR_BOUND = 1.0e-3  # of the width between the bounds: as good as at one
+
 
 @dataclass(frozen=True)
 class Tried:
@@ -95,7 +97,7 @@ def account_of(
         size=size_of(case, effect, p),
         falls=falls_of(case, before, fitted),
         rms=tuple(fitted.rms.tolist()),
-        at_bound=at_bound(case, effect, p),
+        impossible=impossible(case, effect, p),
         settled=settled,
         promise=promise,
         maneuvers=len(case.records),
@@ -122,15 +124,29 @@ def size_of(case: Case, effect: str, p: Array) -> float:
     return float(np.sqrt(total))
 
 
-def at_bound(case: Case, effect: str, p: Array) -> bool:
-    """Whether a parameter lies at a physical bound other than off."""
+def bounds_of(case: Case, effect: str, p: Array) -> dict[int, float]:
+    """Positions of the parameters at a physical bound other than off, with the sign of the bound.
+
+    A bound is where the search ends, not what is true: a parameter there is known to one side.
+    """
+    found = {}
     for i in case.positions(effect):
-        width = case.high[i] - case.low[i]
-        if p[i] >= case.high[i] - 1e-3 * width or (
-            case.low[i] < 0.0 and p[i] <= case.low[i] + 1e-3 * width
-        ):
-            return True
-    return False
+        near = NEAR_BOUND * (case.high[i] - case.low[i])
+        if p[i] >= case.high[i] - near:
+            found[i] = 1.0
+        elif case.low[i] < 0.0 and p[i] <= case.low[i] + near:
+            found[i] = -1.0
+    return found
+
+
+def impossible(case: Case, effect: str, p: Array) -> bool:
+    """Whether a parameter lies at the bound to a side where no size is possible.
+
+    Some bounds reach further to one side than to the other: no servo moves before its command,
+    and a little of that is allowed for clocks alone.
+    """
+    sides = bounds_of(case, effect, p).items()
+    return any(sign * (case.low[i] + case.high[i]) < 0.0 for i, sign in sides)
 
 
 def open_of(case: Case, fitted: Fitted) -> list[int]:

@@ -27,12 +27,17 @@ def judge(accounts: Sequence[Account], leave_out: Callable[[Account], Helped]) -
         refusal = refusal_of(account, rules.RULES)
         if refusal is None and accepted:
             refusal = rules.ANOTHER
-        elif refusal is None:
+        elif refusal is None or _may_hide_others(refusal, judged):
             account = replace(account, helped=leave_out(account))
-            refusal = refusal_of(account, rules.RULES_LEFT_OUT)
+            refusal = refusal or refusal_of(account, rules.RULES_LEFT_OUT)
             accepted = refusal is None
         judged.append((account, refusal))
     return simplest(judged)
+
+
+def _may_hide_others(refusal: Refusal, judged: Sequence[Judged]) -> bool:
+    """Whether it is the best candidate, and what refuses it is no lack of evidence."""
+    return not judged and refusal.code == "small"
 
 
 def simplest(judged: Sequence[Judged]) -> list[Judged]:
@@ -76,7 +81,7 @@ def nuisance_of(
     (first, refusal), *others = judged
     nuisance = Nuisance(
         refusal.code if refusal else "",
-        first.gain,
+        first.helped.t if first.helped else 0.0,
         max((a.gain for a, _ in others), default=0.0),
         ratio_of(first.rms, tuple(rms_before)),
         unclaimed,

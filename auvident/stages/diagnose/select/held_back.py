@@ -2,13 +2,21 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from scipy.special import chdtrc
 
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, check_cost
-from auvident.stages.diagnose.score.left_out import Helped, LeftOut, helped, leave_out
+from auvident.stages.diagnose.score.left_out import (
+    Helped,
+    fits_without,
+    helped,
+    leave_out,
+    noise_floor,
+    seen_with,
+)
 from auvident.stages.diagnose.select import rules
 from auvident.stages.diagnose.select.candidates import Tried
 from auvident.stages.diagnose.select.decisions import judge
@@ -31,14 +39,14 @@ def judged_with(
         Effects that the search chooses from.
     """
     fits = {t.id: t.fitted for t in tried}
-    reference: list[LeftOut] = []
+    reference = cache(lambda: fits_without(case, before))
 
     def left_out(account: Account) -> Helped:
         fitted = fits[account.id]
-        if not reference:
-            reference.append(leave_out(case, before, fitted.colours))
-        own = leave_out(case, fitted, fitted.colours)
-        found = with_sensors(case, before, fitted, helped(reference[0], own, rng))
+        old = seen_with(case, reference(), fitted.colours)
+        new = leave_out(case, fitted, fitted.colours)
+        found = helped(old, new, rng, noise_floor(case, fitted.colours))
+        found = with_sensors(case, before, fitted, found)
         return replace(found, p=min(1.0, among * found.p))
 
     accounts = judge([t.account for t in tried], left_out)
@@ -47,7 +55,8 @@ def judged_with(
 
 def with_sensors(case: Case, before: Fitted, fitted: Fitted, found: Helped) -> Helped:
     """The same with what the sensors say about each other, which needs no maneuver."""
-    gained = check_cost(case, before.parameters) - check_cost(case, fitted.parameters)
+    old, new = check_cost(case, before.parameters), check_cost(case, fitted.parameters)
+    gained = old - new
     if not passes(gained, rules.SENSORS):
         return found
     by_sensors = float(chdtrc(len(case.positions(fitted.effects[-1])), 2.0 * gained))
@@ -56,4 +65,6 @@ def with_sensors(case: Case, before: Fitted, fitted: Fitted, found: Helped) -> H
         max(found.share, 1.0),
         found.low + gained,
         p=2.0 * min(by_sensors, found.p),
+        t=max(found.t, float(np.sqrt(2.0 * gained))),
+        explained=max(found.explained, gained / old),
     )

@@ -17,7 +17,7 @@ from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, log_gain
 from auvident.stages.diagnose.fit.refits import apart, from_both, prior_cost, without
 from auvident.stages.diagnose.select import rules
-from auvident.stages.diagnose.select.candidates import at_bound, size_of
+from auvident.stages.diagnose.select.candidates import impossible, size_of
 from auvident.stages.diagnose.select.records import Exchanged
 from auvident.stages.diagnose.select.rule import passes
 
@@ -119,7 +119,7 @@ def _pays(case: Case, before: Fitted, after: Fitted, exchange: Exchange) -> bool
     p = after.parameters
     exchanged = Exchanged(
         size=min(size_of(case, e, p) for e in exchange.into),
-        at_bound=any(at_bound(case, e, p) for e in exchange.into),
+        impossible=any(impossible(case, e, p) for e in exchange.into),
         gain=worth(case, after) - worth(case, before),
         fewer=len(after.free) < len(before.free),
     )

@@ -77,8 +77,8 @@ class Account:
         Relative fall of the rms of the residual by channel.
     rms : tuple of float
         Of the residual with it, by channel.
-    at_bound : bool
-        A parameter lies at a physical bound other than off.
+    impossible : bool
+        A parameter lies at the bound to a side where no size is possible.
     settled : bool
         The fit has converged; false where it was given up as hopeless.
     promise : float
@@ -96,7 +96,7 @@ class Account:
     size: float
     falls: Mapping[str, float]
     rms: tuple[float, ...]
-    at_bound: bool
+    impossible: bool
     settled: bool
     promise: float
     maneuvers: int
@@ -150,8 +150,10 @@ class Nuisance:
     ----------
     refused_as : str
         Code of its refusal; empty without one.
-    gain, hidden_gain : float
-        Its own, and the best one of the others [nats].
+    t : float
+        Its gain in maneuvers left out, in standard errors; zero where that was not tried.
+    hidden_gain : float
+        The best one of the others [nats].
     rms_ratio : float
         Largest ratio of the residual with it to that without, over the channels.
     unclaimed : int
@@ -159,7 +161,7 @@ class Nuisance:
     """
 
     refused_as: str
-    gain: float
+    t: float
     hidden_gain: float
     rms_ratio: float
     unclaimed: int
@@ -182,8 +184,8 @@ class Exchanged:
     ----------
     size : float
         The least of those put in [practical sizes].
-    at_bound : bool
-        One of them lies at a bound.
+    impossible : bool
+        One of them has a size that cannot be.
     gain : float
         Rise of the logarithm of likelihood and prior [nats].
     fewer : bool
@@ -191,7 +193,7 @@ class Exchanged:
     """
 
     size: float
-    at_bound: bool
+    impossible: bool
     gain: float
     fewer: bool
 

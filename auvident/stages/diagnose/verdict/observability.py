@@ -10,7 +10,8 @@ from auvident.schema.diagnosis import Detectable, Lookalikes
 from auvident.schema.effects import BY_ID, LIKENESSES, parameter_of
 from auvident.stages.diagnose.fit.fits import check_cost
 from auvident.stages.diagnose.score.first_order import Joint, cosine, unabsorbed
-from auvident.stages.diagnose.select.rules import CHECK_GAIN, LEAST_FALL, LEAST_GAIN
+from auvident.stages.diagnose.score.left_out import LEAST_ABOVE, noise_floor, readings_of
+from auvident.stages.diagnose.select.rules import CHECK_GAIN, LEAST_EXPLAINED, LEAST_GAIN
 
 Array = npt.NDArray[Any]
 
@@ -18,8 +19,8 @@ MARGIN = 1.3  # stated sizes leave room for the scatter of an estimate
 PLAUSIBLE = 3.0  # an effect that must exceed so many priors to be seen is not visible
 ABSORBED = 0.015  # of the signature left by the coefficients: no size is stated
 SEPARABLE = 0.98  # cosine from which on two effects are not told apart
-# relative rms that adds up to a fall by LEAST_FALL when it is removed
-SHARE_OF_RMS = float(np.sqrt((1.0 - LEAST_FALL) ** -2 - 1.0))
+# power over that of the rest, of which it is LEAST_EXPLAINED when both are there
+POWER_OF_REST = LEAST_EXPLAINED / (1.0 - LEAST_EXPLAINED)
 
 
 def detectable(joint: Joint, candidates: Sequence[str]) -> tuple[Detectable, ...]:
@@ -43,8 +44,8 @@ def _row(
     declared = parameter_of(joint.case.names[i])
     unit = joint.case.setup.prior_std[i] / declared.prior  # internal value of one table unit
     by_gain = np.sqrt(2.0 * LEAST_GAIN / max(information, 1e-12))
-    by_fall = np.min(SHARE_OF_RMS * joint.fitted.rms / np.maximum(rms, 1e-15))
-    size = max(by_gain, float(by_fall)) * MARGIN * declared.prior
+    by_share = np.min(_explainable(joint) / np.maximum(rms, 1e-15))
+    size = max(by_gain, float(by_share)) * MARGIN * declared.prior
     size = max(min(size, _by_checks(joint, i)), declared.practical)
     told = kept > ABSORBED or bool(np.isfinite(_by_checks(joint, i)))
     visible = bool(size < PLAUSIBLE * declared.prior and told)
@@ -58,6 +59,15 @@ def _row(
         kept=float(np.clip(kept, 0.0, 1.0)),
         why="" if visible else _why(kept, joint, effect),
     )
+
+
+def _explainable(joint: Joint) -> Array:
+    """Root mean square (3,) in each channel that would explain enough of it."""
+    case, fitted = joint.case, joint.fitted
+    power, readings = fitted.rms**2, readings_of(case)
+    floor = noise_floor(case, fitted.colours) / np.maximum(readings, 1)
+    above = np.maximum(power - floor, LEAST_ABOVE * power)
+    return np.asarray(np.sqrt(POWER_OF_REST * above))
 
 
 def _by_checks(joint: Joint, position: int) -> float:

@@ -8,12 +8,12 @@ import numpy.typing as npt
 from scipy.special import stdtrit
 
 from auvident.engines.free_run import normal_equations
-from auvident.schema.diagnosis import ParameterValue
-from auvident.schema.effects import BY_ID, EFFECTS, parameter_of
+from auvident.schema.diagnosis import Bound, ParameterValue, ends
+from auvident.schema.effects import BY_ID, EFFECTS, EffectParameter, parameter_of
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, output_error, prior_of
 from auvident.stages.diagnose.score.left_out import MOST_FITS, leave_out
-from auvident.stages.diagnose.select.candidates import open_of
+from auvident.stages.diagnose.select.candidates import bounds_of, open_of
 from auvident.stages.diagnose.select.instants import instant_of, span_of
 
 Array = npt.NDArray[Any]
@@ -53,23 +53,32 @@ def spreads(case: Case, fitted: Fitted) -> Array:
 
 def effect_values(case: Case, effect: str, p: Array, stds: Array) -> tuple[ParameterValue, ...]:
     """Parameters of an effect in the units of the artifacts, with 95 % intervals."""
-    found = []
+    found, at = [], bounds_of(case, effect, p)
     freedom = max(min(len(case.records), MOST_FITS) - 1, 1)
     reach = float(stdtrit(freedom, INTERVAL))
     for i in case.positions(effect):
         declared = parameter_of(case.names[i])
         value, std = declared.shown(float(p[i] - case.setup.prior[i]), float(stds[i]))
+        bound = bound_of(declared, at[i]) if i in at else None
         found.append(
             ParameterValue(
                 symbol=declared.symbol,
                 value=value,
                 std=std,
                 unit=declared.unit,
-                low=value - reach * std,
-                high=value + reach * std,
+                bound=bound,
+                **ends(value, reach * std, bound),
             )
         )
     return tuple(found)
+
+
+def bound_of(declared: EffectParameter, side: float) -> Bound:
+    """What a parameter at its upper (1) or lower (-1) bound is known to be, as shown.
+
+    A limit is stored as its inverse: the largest internal value is the least limit.
+    """
+    return "at least" if (side > 0.0) == (declared.form == "plain") else "at most"
 
 
 def time_of(case: Case, effect: str, p: Array) -> ParameterValue | None:

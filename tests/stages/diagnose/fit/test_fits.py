@@ -26,7 +26,7 @@ from auvident.stages.diagnose.fit.fits import (
     prior_of,
 )
 from auvident.stages.diagnose.fit.refits import SETTLED, nested, refit, settled
-from auvident.stages.diagnose.select.candidates import at_bound, size_of
+from auvident.stages.diagnose.select.candidates import bounds_of, impossible, size_of
 from tests.stages.diagnose.loop_chain import loop, small_case, small_fit
 
 LAG = "rudder_lag.lag_s"
@@ -203,17 +203,28 @@ def test_sizes_are_in_practical_units_beyond_what_is_expected() -> None:
     assert size_of(case, "linear_drag", p) == pytest.approx(0.0)
 
 
-def test_only_bounds_other_than_off_are_implausible() -> None:
+def test_only_bounds_other_than_off_are_bounds() -> None:
     case, at = small_case(), small_case().position(LAG)
-    for value, implausible in ((case.low[at], False), (0.3, False), (case.high[at], True)):
+    for value, sides in ((case.low[at], {}), (0.3, {}), (case.high[at], {at: 1.0})):
         p = case.identified.copy()
         p[at] = value
-        assert at_bound(case, "rudder_lag", p) == implausible
+        assert bounds_of(case, "rudder_lag", p) == sides
+        assert not impossible(case, "rudder_lag", p)
     at = case.position("current.north_mps")
-    for value in (case.low[at], case.high[at]):
+    for value, side in ((case.low[at], -1.0), (case.high[at], 1.0)):
         p = case.identified.copy()
         p[at] = value
-        assert at_bound(case, "current", p)
+        assert bounds_of(case, "current", p) == {at: side}
+        assert not impossible(case, "current", p)  # either way is as likely
+
+
+def test_a_bound_is_of_the_wrong_kind_where_sizes_end_sooner() -> None:
+    case = small_case()
+    at = case.position("rudder_delay.delay_s")
+    for value, wrong in ((case.low[at], True), (-0.1, False), (case.high[at], False)):
+        p = case.identified.copy()
+        p[at] = value
+        assert impossible(case, "rudder_delay", p) == wrong
 
 
 # --- sensors that are late -----------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
@@ -14,11 +15,14 @@ from auvident.stages.diagnose.score.left_out import (
     Helped,
     LeftOut,
     chance_of,
+    explained_share,
     helped,
     leave_out,
+    noise_floor,
+    seen_with,
+    t_value,
 )
 from auvident.stages.diagnose.select.records import Account
-from auvident.stages.diagnose.select.rule import refusal_of
 from auvident.stages.diagnose.select.rules import RULES_LEFT_OUT
 from tests.stages.diagnose.loop_chain import small_case, small_fit
 
@@ -28,8 +32,8 @@ POISONED = 2
 def unhelpful(found: Helped) -> str:
     """Why the rules refuse what helps like this; empty where they do not."""
     account = Account("current", 1.0, 1.0, 1, 1.0, {}, (), False, True, 1.0, 5, found)
-    refusal = refusal_of(account, RULES_LEFT_OUT)
-    return refusal.text if refusal else ""
+    refusals = [rule(account) for rule in RULES_LEFT_OUT if rule.code == "share-helped"]
+    return "".join(refusal.text for refusal in refusals if refusal)
 
 
 @cache
@@ -81,7 +85,9 @@ def test_a_maneuver_left_out_is_predicted_worse_than_one_fitted() -> None:
 
 
 def made(*blocks: list[float]) -> LeftOut:
-    return LeftOut(np.zeros((len(blocks), 1)), [np.array(b) for b in blocks])
+    return LeftOut(
+        np.zeros((len(blocks), 1)), [np.array(b) for b in blocks], np.ones((len(blocks), 3))
+    )
 
 
 def test_the_gain_is_half_the_fall_of_the_squares() -> None:
@@ -131,6 +137,48 @@ def test_the_bootstrap_repeats_with_the_seed() -> None:
     before, after = made([40.0, 20.0, 9.0]), made([30.0, 22.0, 7.0])
     one, two = (helped(before, after, np.random.default_rng(5)) for _ in range(2))
     assert one == two
+
+
+# --- in standard errors, and as a share --------------------------------------------------------
+
+
+def test_standard_errors_are_those_of_signs_by_chance() -> None:
+    gains = np.array([3.0, -1.0, 2.0, 5.0])
+    signs = np.array(list(product((-1.0, 1.0), repeat=4)))
+    assert t_value(gains) == pytest.approx(gains.sum() / (signs @ gains).std())
+    assert t_value(0.1 * gains) == pytest.approx(t_value(gains))  # whatever a nat is worth
+    assert t_value(np.ones(9)) == pytest.approx(3.0)  # at most
+    assert t_value(np.zeros(3)) == 0.0
+
+
+def test_the_share_explained_is_that_above_the_noise_in_the_best_channel() -> None:
+    floor = np.array([2.0, 9.8, 1.0])
+    before, after = np.array([10.0, 10.0, 5.0]), np.array([6.0, 0.0, 6.0])
+    # the second channel has nothing but noise, the third gets worse
+    assert explained_share(before, after, floor) == pytest.approx(4.0 / 8.0)
+    assert explained_share(after, before, floor) == pytest.approx(1.0 / 5.0)
+    assert explained_share(np.full(3, np.inf), after, floor) == 0.0
+    assert explained_share(before, np.full(3, np.inf), floor) == 0.0
+
+
+def test_the_floor_is_the_noise_of_the_sensors_as_stated_or_as_seen() -> None:
+    case, colours = small_case(), small_fit().colours
+    pairs = list(zip(colours, case.setup.sensor_std[:3], strict=True))
+    quiet, loud = ([replace(c, white=f * std) for c, std in pairs] for f in (0.5, 2.0))
+    readings = [sum(np.isfinite(r.measured[:, c]).sum() for r in case.records) for c in range(3)]
+    stated = np.array(readings) * case.setup.sensor_std[:3] ** 2
+    np.testing.assert_allclose(noise_floor(case, tuple(loud)), stated)
+    np.testing.assert_allclose(noise_floor(case, tuple(quiet)), 0.25 * stated)
+
+
+def test_other_colours_need_no_other_fits() -> None:
+    case, fitted, found = small_case(), small_fit(), left_out()
+    again = seen_with(case, found.parameters, fitted.colours)
+    np.testing.assert_array_equal(again.power, found.power)
+    wider = tuple(replace(c, white=2.0 * c.white, slow=2.0 * c.slow) for c in fitted.colours)
+    other = seen_with(case, found.parameters, wider)
+    for one, two in zip(other.blocks, found.blocks, strict=True):
+        np.testing.assert_allclose(4.0 * one, two, rtol=0.05)  # but for the starts
 
 
 # --- by chance -----------------------------------------------------------------------------

@@ -43,12 +43,20 @@ GOOD = Account(
     size=3.0,
     falls={"u": 0.5, "v": 0.1, "r": 0.0},
     rms=(0.01, 0.02, 0.002),
-    at_bound=False,
+    impossible=False,
     settled=True,
     promise=850.0,
     maneuvers=8,
-    helped=Helped(500.0, 0.9, 300.0, 0.9, 0.003),
+    helped=Helped(500.0, 0.9, 300.0, 0.9, 0.003, 4.0, 0.6),
 )
+
+
+def left_out(**changes: float) -> Helped:
+    """What helps maneuvers left out, changed in some respect."""
+    assert GOOD.helped is not None
+    return replace(GOOD.helped, **changes)
+
+
 SIMPLE = replace(GOOD, id="simple", gain=790.0, parameters=1, helped=None)
 BEHIND = Begun("a", 5, 10.0, 100.0, 10.0, 100.0, False)
 # a record that meets every rule of a table, and what makes it fail one rule and no other
@@ -69,19 +77,19 @@ FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
         GOOD,
         {
             "unsettled": {"settled": False},
-            "gain": {"gain": 99.0, "best_gain": 99.0},
+            "gain": {"gain": 19.0, "best_gain": 19.0},
             "of-best": {"best_gain": 1700.0},
             "small": {"size": 0.9},
-            "no-fall": {"falls": {"u": 0.19, "v": 0.0, "r": -0.1}},
-            "bound": {"at_bound": True},
+            "impossible": {"impossible": True},
             "maneuvers": {"maneuvers": 1},
         },
     ),
     "RULES_LEFT_OUT": (
         GOOD,
         {
-            "share-helped": {"helped": Helped(500.0, 0.5, 300.0, 0.4)},
-            "by-chance": {"helped": Helped(500.0, 0.65, -1.0, 0.65)},
+            "share-helped": {"helped": left_out(share=0.5, deciding=0.4)},
+            "evidence": {"helped": left_out(t=2.4)},
+            "explained": {"helped": left_out(explained=rules.LEAST_EXPLAINED - 0.01)},
         },
     ),
     "SENSORS": (12.0, {"reconciled": 11.9}),
@@ -90,7 +98,7 @@ FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
         {
             "fewer": {"other": replace(SIMPLE, parameters=2)},
             "gain": {"other": replace(SIMPLE, gain=767.0)},
-            "sound": {"other": replace(SIMPLE, at_bound=True)},
+            "sound": {"other": replace(SIMPLE, impossible=True)},
         },
     ),
     "ALIKE": (
@@ -103,13 +111,13 @@ FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
     ),
     "CONTAIN": (Containing(1, 0.98), {"further": {"further": 0}, "cosine": {"cosine": 0.97}}),
     "TAKE_ALONG": (
-        Nuisance("small", 150.0, 150.0, 1.1, 1),
+        Nuisance("small", 4.0, 150.0, 1.1, 1),
         {
             "unclaimed": {"unclaimed": 2},
-            "small": {"refused_as": "bound"},
-            "hides": {"hidden_gain": 99.0},
+            "small": {"refused_as": "impossible"},
+            "hides": {"hidden_gain": 19.0},
             "rms": {"rms_ratio": 1.2},
-            "gain": {"gain": 99.0},
+            "evidence": {"t": 2.4},
         },
     ),
     "CLAIM": (
@@ -122,7 +130,7 @@ FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
         Exchanged(1.0, False, 15.0, False),
         {
             "small": {"size": 0.9},
-            "bound": {"at_bound": True},
+            "impossible": {"impossible": True},
             "swap": {"gain": 14.0},
             "fewer": {"gain": -5.0, "fewer": True},
         },
@@ -193,10 +201,15 @@ def test_of_nothing_there_is_no_share() -> None:
 
 
 def test_a_rule_tells_its_evidence() -> None:
-    weak = refusal_of(replace(GOOD, gain=44.4, best_gain=44.4), RULES)
-    assert weak == Refusal("gain", "evidence too weak (44 nats, 100 needed)", 44.4, LEAST_GAIN)
-    few = refusal_of(replace(GOOD, helped=Helped(500.0, 0.5, 300.0, 0.4)), RULES_LEFT_OUT)
+    weak = refusal_of(replace(GOOD, gain=4.4, best_gain=4.4), RULES)
+    assert weak == Refusal("gain", "gains next to nothing (4 nats)", 4.4, LEAST_GAIN)
+    few = refusal_of(replace(GOOD, helped=left_out(share=0.5, deciding=0.4)), RULES_LEFT_OUT)
     assert few is not None and few.text == "improves only 50 % of the maneuvers left out"
+    chance = refusal_of(replace(GOOD, helped=left_out(t=1.2)), RULES_LEFT_OUT)
+    assert chance is not None
+    assert chance.text == (
+        "evidence too weak: the maneuvers left out improve by 1.2 standard errors, 2.5 needed"
+    )
 
 
 def test_a_number_that_is_none_meets_no_rule() -> None:
@@ -204,8 +217,18 @@ def test_a_number_that_is_none_meets_no_rule() -> None:
     assert not passes(float("nan"), rules.STAY)
 
 
-def test_one_bad_place_does_not_count_where_most_maneuvers_are_helped() -> None:
-    assert refusal_of(replace(GOOD, helped=Helped(500.0, 0.75, -1.0)), RULES_LEFT_OUT) is None
+def test_one_bad_place_does_not_count_where_nearly_everything_is_explained() -> None:
+    for explained, refused in ((0.79, True), (0.8, False)):
+        few = replace(GOOD, helped=left_out(t=0.7, explained=explained))
+        assert (refusal_of(few, RULES_LEFT_OUT) is not None) == refused
+
+
+def test_what_a_nat_is_worth_decides_nothing() -> None:
+    """A short log of a noisy sensor: all nats are a tenth, what they say is the same."""
+    for scale in (1.0, 0.1):
+        few = replace(GOOD, gain=scale * GOOD.gain, best_gain=scale * GOOD.gain)
+        few = replace(few, helped=left_out(gain=scale * 500.0, low=scale * 300.0))
+        assert refusal_of(few, (*RULES, *RULES_LEFT_OUT)) is None
 
 
 # --- candidates in their order -------------------------------------------------------------
@@ -224,7 +247,7 @@ def test_the_first_that_passes_is_accepted_and_no_later_one_is_tried() -> None:
 
     def leave_out(account: Account) -> Helped:
         asked.append(account.id)
-        return Helped(1.0, 0.2 if account.id == "a" else 0.9, 1.0)
+        return left_out(share=0.2, deciding=0.0) if account.id == "a" else left_out()
 
     found = judge([other("a"), other("b", gain=700.0), other("c", gain=600.0)], leave_out)
     assert codes(found) == {"a": "share-helped", "b": "", "c": ANOTHER.code}
@@ -236,8 +259,15 @@ def test_what_a_rule_refuses_is_not_left_out_in_turn() -> None:
     def never(account: Account) -> Helped:
         raise AssertionError(account)
 
-    assert codes(judge([other("a", size=0.1)], never)) == {"a": "small"}
+    assert codes(judge([other("a", impossible=True)], never)) == {"a": "impossible"}
     assert judge([], never) == []
+
+
+def test_the_best_one_is_left_out_although_small_as_it_may_hide_others() -> None:
+    pair = [other("a", size=0.1), other("b", size=0.1)]
+    (first, refusal), (second, _) = judge(pair, lambda _: left_out())
+    assert refusal is not None and refusal.code == "small"
+    assert (first.helped is not None, second.helped is not None) == (True, False)
 
 
 @pytest.mark.parametrize(
@@ -283,19 +313,21 @@ SMALL = Refusal("small", "too small to matter in practice")
     ("refusal", "update", "second", "unclaimed", "taken"),
     [
         (SMALL, {}, 150.0, 0, "a"),
-        (Refusal("no-fall", ""), {}, 150.0, MOST_UNCLAIMED - 1, "a"),
+        (Refusal("explained", ""), {}, 150.0, MOST_UNCLAIMED - 1, "a"),
         (SMALL, {}, 150.0, MOST_UNCLAIMED, None),  # enough of them
-        (SMALL, {}, 90.0, 0, None),  # it hides nothing
-        (SMALL, {"gain": 90.0}, 150.0, 0, None),  # too little to hide anything
+        (SMALL, {}, 19.0, 0, None),  # it hides nothing
+        (SMALL, {"helped": None}, 150.0, 0, None),  # never tried
+        (SMALL, {"helped": left_out(t=2.0)}, 150.0, 0, None),  # it may be chance
         (SMALL, {"rms": (0.01, 0.02, 0.003)}, 150.0, 0, None),  # one channel pays for it
-        (Refusal("bound", ""), {}, 150.0, 0, None),
+        (Refusal("impossible", ""), {}, 150.0, 0, None),
         (ANOTHER, {}, 150.0, 0, None),
     ],
 )
 def test_what_hides_others_is_taken_along_where_it_is_small(
     refusal, update, second, unclaimed, taken
 ) -> None:
-    judged = [(other("a", **update), refusal), (other("b", gain=second), ANOTHER)]
+    first = replace(GOOD, **{"id": "a", **update})
+    judged = [(first, refusal), (other("b", gain=second), ANOTHER)]
     assert nuisance_of(judged, GOOD.rms, unclaimed) == taken
 
 

@@ -109,7 +109,8 @@ def again(gains: dict[str, float], moved: float) -> Callable[[Patch], Any]:
 def judged(**update: Any) -> Callable[[Patch], Any]:
     """Whether a candidate is accepted."""
     account = replace(GOOD, **update)
-    helped = account.helped or Helped(500.0, 0.9, 300.0)
+    helped = account.helped or GOOD.helped
+    assert helped is not None
     return lambda patch: judge([account], lambda _: helped)[0][1] is None
 
 
@@ -135,13 +136,14 @@ def contained(further: int, likeness: float) -> Callable[[Patch], Any]:
 
 def taken(
     code: str = "small",
-    gain: float = 150.0,
+    t: float = 4.0,
     hidden: float = 150.0,
     rms: float = 1.0,
     unclaimed: int = 0,
 ) -> Callable[[Patch], Any]:
     """What is taken along."""
-    first = replace(GOOD, id="a", gain=gain, rms=(rms, rms, rms))
+    assert GOOD.helped is not None
+    first = replace(GOOD, id="a", helped=replace(GOOD.helped, t=t), rms=(rms, rms, rms))
     pair = [(first, Refusal(code, "")), (replace(GOOD, id="b", gain=hidden), rules.ANOTHER)]
     return lambda patch: nuisance_of(pair, (1.0, 1.0, 1.0), unclaimed)
 
@@ -194,7 +196,7 @@ def exchanges_made(patch: Patch) -> int:
 
 
 def exchanged(
-    size: float = 1.0, bound: bool = False, gain: float = 20.0, fewer: bool = False
+    size: float = 1.0, wrong: bool = False, gain: float = 20.0, fewer: bool = False
 ) -> Callable[[Patch], Any]:
     """Whether one effect is exchanged for another."""
 
@@ -202,7 +204,7 @@ def exchanged(
         before = fitted(0.0, "hull_asymmetry", "current", free=2)
         after = fitted(gain, "current", "rudder_offset", free=1 if fewer else 2)
         patch.setattr(reconsider, "size_of", lambda *_: size)
-        patch.setattr(reconsider, "at_bound", lambda *_: bound)
+        patch.setattr(reconsider, "impossible", lambda *_: wrong)
         patch.setattr(reconsider, "prior_cost", lambda *_: 0.0)
         patch.setattr(reconsider, "without", lambda *_: None)
         fits = {after.effects: after}
@@ -297,17 +299,17 @@ SCENARIOS: dict[str, dict[str, Callable[[Patch], Any]]] = {
     "CONTAIN": {"further": contained(0, 0.99), "cosine": contained(1, 0.97)},
     "TAKE_ALONG": {
         "unclaimed": taken(unclaimed=2),
-        "small": taken(code="bound"),
-        "hides": taken(hidden=99.0),
+        "small": taken(code="impossible"),
+        "hides": taken(hidden=19.0),
         "rms": taken(rms=1.2),
-        "gain": taken(gain=99.0),
+        "evidence": taken(t=2.4),
     },
     "CLAIM": {"first": claimed(400.0, "current"), "gain": claimed(200.0)},
     "GO_ON": {"named": named},
     "EXCHANGE_ON": {"done": exchanges_made},
     "EXCHANGE": {
         "small": exchanged(size=0.9),
-        "bound": exchanged(bound=True),
+        "impossible": exchanged(wrong=True),
         "swap": exchanged(gain=14.0),
         "fewer": exchanged(gain=-5.0, fewer=True),
     },

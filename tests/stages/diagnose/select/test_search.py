@@ -8,7 +8,6 @@ import pytest
 
 from auvident.stages.diagnose.fit.fits import Fitted, log_gain
 from auvident.stages.diagnose.score.first_order import Score
-from auvident.stages.diagnose.score.left_out import Helped
 from auvident.stages.diagnose.select import held_back, refitting, search
 from auvident.stages.diagnose.select.candidates import Traced, Tried
 from auvident.stages.diagnose.select.rules import STUCK
@@ -163,9 +162,10 @@ def traced(monkeypatch: pytest.MonkeyPatch, *rounds: Round) -> Traced:
     monkeypatch.setattr(search, "refitted", refits)
     monkeypatch.setattr(search, "containing", lambda joint, c, effect: CONTAINED.get(effect, []))
     monkeypatch.setattr(search, "reconsider", seen_together)
-    monkeypatch.setattr(held_back, "leave_out", lambda *_: None)
+    for name in ("leave_out", "fits_without", "seen_with", "noise_floor"):
+        monkeypatch.setattr(held_back, name, lambda *_: None)
     monkeypatch.setattr(held_back, "check_cost", lambda *_: 0.0)
-    monkeypatch.setattr(held_back, "helped", lambda *_: Helped(500.0, 0.9, 300.0, 0.9, 0.003))
+    monkeypatch.setattr(held_back, "helped", lambda *_: GOOD.helped)
     own = Search(CASE, ("a", "b", "c"), np.random.default_rng(0))
     return own.trace(BEFORE)
 
@@ -195,9 +195,9 @@ def test_times_are_looked_for_before_anything_else(monkeypatch) -> None:
     assert found.baseline is BEFORE
 
 
-def test_what_lies_at_a_bound_is_not_accepted(monkeypatch) -> None:
-    found = traced(monkeypatch, {"current": {"at_bound": True}})
-    assert (found.named, refusals(found)) == ((), {"current": "bound"})
+def test_a_size_that_is_impossible_is_not_accepted(monkeypatch) -> None:
+    found = traced(monkeypatch, {"current": {"impossible": True}})
+    assert (found.named, refusals(found)) == ((), {"current": "impossible"})
 
 
 def test_the_simpler_one_is_accepted_in_place_of_the_best(monkeypatch) -> None:

@@ -1,0 +1,92 @@
+"""What ends at a bound is said to be known to one side only: words, interval, tables."""
+
+import pytest
+
+from auvident.report import loop_words
+from auvident.report.numbers import TERMINAL
+from auvident.report.tables import written
+from auvident.report.tables_loop import effects
+from auvident.schema.diagnosis import Bound, EffectFound, ParameterValue, ends
+from auvident.schema.effect_words import holds_nothing, plain
+from auvident.schema.effects import BY_ID
+
+
+def at(name: str, value: float, bound: Bound | None = None, half: float = 0.1) -> ParameterValue:
+    """A parameter by its name, with an interval."""
+    effect, _, symbol = name.partition(".")
+    unit = next(p.unit for p in BY_ID[effect].parameters if p.symbol == symbol)
+    told = ends(value, half, bound)
+    return ParameterValue(symbol=symbol, value=value, std=0.05, unit=unit, bound=bound, **told)
+
+
+@pytest.mark.parametrize(
+    ("effect", "parameters", "words"),
+    [
+        ("gyro_delay", [("delay_s", 2.0, "at least")], "a gyro delay of at least 2.00 s"),
+        (
+            "rudder_stall",
+            [("angle_deg", 7.4, "at most")],
+            "a rudder that stalls at no more than 7 deg",
+        ),
+        (
+            "rudder_backlash",
+            [("half_width_deg", 11.46, "at least")],
+            "a rudder backlash of at least ±11.5 deg",
+        ),
+        (
+            "dvl_lever_arm",
+            [("dx_m", 1.0, "at least"), ("dy_m", 0.1, None)],
+            "a DVL at least 1.00 m forward and 0.10 m to starboard of its stated position",
+        ),
+        (
+            "current",
+            [("north_mps", 2.0, "at least"), ("east_mps", 0.0, None)],
+            "a current of at least 2.00 m/s towards 0 deg",
+        ),
+        (
+            "hull_asymmetry",
+            [("Y_0", 1.0, "at least"), ("N_0", -0.5, "at most")],
+            "a hull asymmetry with at least 4.00 N and no more than -2.00 N m at 2.0 m/s",
+        ),
+        (
+            "sway_cross_flow",
+            [("Y_v|r|", 3.0, "at least"), ("Y_r|v|", 1.0, None)],
+            "sway cross flow (Y_v|r| at least 3 kg, Y_r|v| 1 kg)",
+        ),
+    ],
+)
+def test_the_sentence_says_to_which_side_a_size_is_known(effect, parameters, words) -> None:
+    values = [at(f"{effect}.{symbol}", value, bound) for symbol, value, bound in parameters]
+    assert plain(effect, values, 2.0, 10.0) == words
+    known = [p.model_copy(update={"bound": None}) for p in values]
+    assert not any(side in plain(effect, known, 2.0, 10.0) for side in ("least", "more than"))
+
+
+def test_the_interval_is_open_beyond_a_bound() -> None:
+    assert at("gyro_delay.delay_s", 2.0, "at least").interval == (1.9, None)
+    assert at("rudder_stall.angle_deg", 7.0, "at most").interval == (None, 7.1)
+    assert at("gyro_delay.delay_s", 0.5).interval == (0.4, 0.6)
+    bare = ParameterValue(symbol="delay_s", value=2.0, std=0.05, unit="s", bound="at least")
+    assert bare.interval is None and bare.half == 0.0
+
+
+def test_an_open_interval_can_hold_nothing_as_well() -> None:
+    for half, nothing in ((0.1, False), (2.5, True)):
+        assert holds_nothing("gyro_delay", at("gyro_delay.delay_s", 2.0, "at least", half)) == (
+            nothing
+        )
+        stall = at("rudder_stall.angle_deg", 2.0, "at most", half)
+        assert holds_nothing("rudder_stall", stall) == nothing
+
+
+def test_an_effect_tells_which_parameters_are_at_a_bound_and_its_table_shows_it() -> None:
+    pair = (at("dvl_lever_arm.dx_m", 1.0, "at least"), at("dvl_lever_arm.dy_m", 0.1))
+    found = EffectFound(id="dvl_lever_arm", family="sensing", parameters=pair)
+    assert found.at_bound == ("dx_m",)
+    assert EffectFound.model_validate_json(found.model_dump_json()) == found
+    rows = written(effects([found]), TERMINAL).rows
+    assert [row[4:] for row in rows] == [
+        ("≥ 1.000", "≥ 0.9"),
+        ("0.100", "0 to 0.2, not confirmed"),
+    ]
+    assert loop_words.sizes(found.id, pair).startswith("dx_m ≥ 1 m (≥ 0.9)")
