@@ -9,6 +9,7 @@ from auvident.schema.effects import BY_ID, parameter_of
 
 # where an id with spaces for its bars is not what an engineer says
 NAMES = {
+    "current_drift": "change of the current",
     "rudder_rate_limit": "servo speed limit",
     "rudder_lag": "servo lag",
     "rudder_backlash": "backlash of the rudder",
@@ -28,6 +29,9 @@ NAMES = {
 }
 
 
+DRIFT = "mps_per_1000_s"  # end of the symbols of rates of the current
+
+
 def plain(effect: str, parameters: Sequence[ParameterValue], speed: float, rate: float) -> str:
     """An effect in words; forces as they are at cruise (speed [m/s], propeller rate [rev/s])."""
     values = {p.symbol: p.value for p in parameters}
@@ -35,9 +39,13 @@ def plain(effect: str, parameters: Sequence[ParameterValue], speed: float, rate:
     if BY_ID[effect].instant is not None:
         return words.format(**values) + _when(parameters)
     if effect == "current":
-        north, east = values["north_mps"], values["east_mps"]
-        towards = math.degrees(math.atan2(east, north)) % 360.0
-        return f"a current of {math.hypot(north, east):.2f} m/s towards {towards:.0f} deg"
+        return f"a current of {_set(values['north_mps'], values['east_mps'], 'm/s')}"
+    if effect == "current_drift":
+        early, late = (
+            _set(values[f"north_{half}_{DRIFT}"], values[f"east_{half}_{DRIFT}"], "m/s in 1000 s")
+            for half in ("early", "late")
+        )
+        return f"a current that changes by {early} in the first half of the trial, {late} after"
     if words and all(p in values for p in _fields(words)):
         return words.format(**values)
     if effect == "hull_asymmetry":
@@ -66,6 +74,12 @@ def is_confirmed(effect: EffectFound) -> bool:
         and parameter_of(f"{effect.id}.{p.symbol}").practical > 0.0
     ]
     return not sizes or not all(holds_nothing(effect.id, p) for p in sizes)
+
+
+def _set(north: float, east: float, unit: str) -> str:
+    """Size and direction of a velocity of the water, or of its rate."""
+    towards = math.degrees(math.atan2(east, north)) % 360.0
+    return f"{math.hypot(north, east):.2f} {unit} towards {towards:.0f} deg"
 
 
 def _when(parameters: Sequence[ParameterValue]) -> str:

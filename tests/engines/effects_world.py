@@ -92,6 +92,7 @@ def blank(n: int = 300, seed: int = 0, start=(1.4, 0.02, 0.01, 0.5)) -> Record:
         rates=0.05 * np.column_stack([waves[1], waves[3]])[LEAD:],
         bridged=np.tile(start, (n, 1)),
         start=np.array(start),
+        from_middle_s=DT * (np.arange(n) - 0.4 * n),
     )
     given = np.tile(np.array(start), (n, 1))
     return Record(
