@@ -20,6 +20,7 @@ from tests.bench.effects_bars import (
 )
 from tests.bench.effects_cases import (
     DEVELOPMENT,
+    LATER,
     OUTSIDE,
     REPORTED,
     SINGLES,
@@ -72,7 +73,7 @@ def test_the_list_covers_every_effect_on_both_vehicles() -> None:
     kinds = Counter(c.kind for c in found)
     assert len(found) > 200 and kinds["none"] >= 40 and kinds["pair"] >= 24
     count = Counter((c.label, c.vehicle) for c in found)
-    for label in (*SINGLES, *OUTSIDE):
+    for label in (*SINGLES, *LATER, *OUTSIDE):
         assert min(count[label, vehicle] for vehicle in VEHICLES) >= 2
     assert {c.label for c in found if c.kind == "outside"} == set(OUTSIDE)
 
@@ -107,7 +108,7 @@ def test_every_planted_parameter_is_one_of_the_program() -> None:
     from seatrial.vehicles import load_vehicle
 
     vehicle = load_vehicle("tern180")
-    for name in SINGLES:
+    for name in (*SINGLES, *LATER):
         drawn = draw_effects([{"id": name}], 3, vehicle.scale, 11.0)[name]
         truth = {"effects": [{"id": name, "parameters": drawn}]}
         (planted,) = planted_of(truth, vehicle)
@@ -116,7 +117,7 @@ def test_every_planted_parameter_is_one_of_the_program() -> None:
 
 
 def test_only_the_nuisances_of_the_program_are_never_planted() -> None:
-    assert {e.id for e in EFFECTS} - set(SINGLES) == {"dvl_height", "weight_excess"}
+    assert {e.id for e in EFFECTS} - {*SINGLES, *LATER} == {"dvl_height", "weight_excess"}
 
 
 def test_angles_are_translated() -> None:

@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import USUAL_SPEED_MPS
 from auvident.engines.prediction import Frame, Free, at_effects, readings, simulated
 from auvident.engines.records import Record
+from auvident.physics.sensing import current
 from auvident.physics.terms import Structure, parameter_vector, structure_of, symbol_in
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.coefficients import Plane
@@ -18,6 +20,7 @@ from auvident.schema.planes import PLANES
 Array = npt.NDArray[Any]
 
 RACE = "propeller_race"
+CURRENTS = {"current", "current_drift"}
 # coefficients that are one added mass: N_vdot = Y_rdot, M_wdot = Z_qdot
 LEADERS = {symbol_in(p, "B_adot"): symbol_in(p, "A_bdot") for p in PLANES}
 
@@ -76,12 +79,17 @@ class Carried:
         return structure_of(plane, self.ids(plane))
 
 
-def allowed(effects: Sequence[str], plane: Plane) -> Carried:
+def allowed(
+    effects: Sequence[str], plane: Plane, length_m: float, speed_mps: float = USUAL_SPEED_MPS
+) -> Carried:
     """Effects as small as every vehicle has them, estimated along without a claim."""
     rows = {
         n: parameter_of(n) for e in effects if plane in BY_ID[e].planes for n in BY_ID[e].names()
     }
-    expected = {name: declared.nuisance_std for name, declared in rows.items()}
+    expected = {
+        name: declared.nuisance_std * declared.size_unit(1.0, length_m, speed_mps, 1.0)
+        for name, declared in rows.items()
+    }
     return Carried(start=expected, prior=dict.fromkeys(rows, 0.0), prior_std=expected)
 
 
@@ -182,7 +190,7 @@ def predicted_course(frame: Frame, p: Array, record: Record, active: Array) -> C
     record = free_running(frame, p, record, active)
     acting = at_effects(frame, p, record)
     states = simulated(frame, p, acting, active)
-    return Course(readings(frame, p, record, states), states, over_ground(frame, p, states))
+    return Course(readings(frame, p, record, states), states, over_ground(frame, p, record, states))
 
 
 def free_running(frame: Frame, p: Array, record: Record, active: Array) -> Record:
@@ -205,12 +213,13 @@ def with_speed(record: Record, speed: Array) -> Record:
     return replace(record, source=replace(source, speed=np.concatenate([lead, speed])))
 
 
-def over_ground(frame: Frame, p: Array, states: Array) -> Array:
+def over_ground(frame: Frame, p: Array, record: Record, states: Array) -> Array:
     """States with the velocity of the water added."""
-    names = frame.structure.parameters
-    if "current.north_mps" not in names:
+    if not CURRENTS & set(frame.structure.effects):
         return states
-    north, east = (float(p[names.index(f"current.{s}_mps")]) for s in ("north", "east"))
+    middle = None if record.source is None else record.source.from_middle_s
+    since = np.zeros(len(states)) if middle is None else middle
+    north, east = current(frame.reading_effects(p), since).T
     out, c, s = states.copy(), np.cos(states[:, 3]), np.sin(states[:, 3])
     out[:, 0] += north * c + east * s
     out[:, 1] += east * c - north * s

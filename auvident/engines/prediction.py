@@ -89,7 +89,13 @@ def at_effects(frame: Frame, p: Array, record: Record) -> Record:
         return record
     e = frame.reading_effects(p)
     behind = sense.states_behind(
-        frame.structure.plane, frame.sensing, e, source.bridged, source.rates, frame.dt_s
+        frame.structure.plane,
+        frame.sensing,
+        e,
+        source.bridged,
+        source.rates,
+        frame.dt_s,
+        source.from_middle_s,
     )
     inputs = _inputs(frame, command_values(frame.structure.parameters, p), record)
     return replace(record, inputs=inputs, given=behind, start=_start(frame, e, record, source))
@@ -98,7 +104,8 @@ def at_effects(frame: Frame, p: Array, record: Record) -> Record:
 def _start(frame: Frame, e: Array, record: Record, source: Source) -> Array:
     """State (4,) at the start; what a fit moved it by stays."""
     plane = frame.structure.plane
-    args = (source.start[None], source.rates[:1], frame.dt_s)
+    middle = None if source.from_middle_s is None else source.from_middle_s[:1]
+    args = (source.start[None], source.rates[:1], frame.dt_s, middle)
     here, without = (
         sense.states_behind(plane, frame.sensing, values, *args)[0]
         for values in (e, np.zeros_like(e))
@@ -177,7 +184,8 @@ def simulated(frame: Frame, p: Array, record: Record, active: Array) -> Array:
 
 def readings(frame: Frame, p: Array, record: Record, states: Array) -> Array:
     """Readings (n, 4) that the sensors would give of the states."""
-    rates = np.zeros((len(states), 2)) if record.source is None else record.source.rates
+    source = record.source
+    rates = np.zeros((len(states), 2)) if source is None else source.rates
     return sense.readings(
         frame.structure.plane,
         frame.sensing,
@@ -186,6 +194,7 @@ def readings(frame: Frame, p: Array, record: Record, states: Array) -> Array:
         states[:, 3],
         rates,
         frame.dt_s,
+        None if source is None else source.from_middle_s,
     )
 
 
@@ -242,8 +251,10 @@ def _add_reading_slopes(
     frame: Frame, e: Array, record: Record, states: Array, base: Array, free: Free, slopes: Array
 ) -> None:
     """Slopes of the readings by the effects of the sensors, by differences."""
-    assert record.source is not None or not frame.structure.effects
+    source = record.source
+    assert source is not None or not frame.structure.effects
     for column, place in _columns_of(sense.READING, frame.structure.parameters, free):
+        assert source is not None
         moved = e.copy()
         moved[place] += READING_STEP * free.scale[column]
         there = sense.readings(
@@ -252,8 +263,9 @@ def _add_reading_slopes(
             moved,
             states,
             states[:, 3],
-            record.source.rates,  # type: ignore[union-attr]
+            source.rates,
             frame.dt_s,
+            source.from_middle_s,
         )
         slopes[:, :, N_STATES + column] += (there - base) / READING_STEP
 

@@ -75,7 +75,7 @@ def parameter_variance(
     if frame.structure.plane == "horizontal":
         matrix = sensor_matrix(frame.structure.plane, frame.sensing, frame.reading_effects(p))
         behind = np.einsum("ij,tjk->tik", np.linalg.inv(matrix), slopes)
-        states = over_ground(frame, p, found.states)
+        states = over_ground(frame, p, record, found.states)
         north, east = _track_slopes(record.time_s, states, behind)
         variance[TRACK] = _variance(north, covariance) + _variance(east, covariance)
     return variance if all(np.isfinite(v).all() for v in variance.values()) else None

@@ -59,6 +59,8 @@ class Source:
         Readings at the start, from a line.
     free_force : (n, 3) array or None
         Forces X, A, B that act in addition.
+    from_middle_s : (n,) array or None
+        Time from the middle of the trial; None counts as zero.
     """
 
     raw: Array
@@ -70,6 +72,7 @@ class Source:
     bridged: Array
     start: Array
     free_force: Array | None = None
+    from_middle_s: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -126,6 +129,7 @@ def record_of(maneuver: Maneuver, trial: Trial, plane: Plane, sensor: Array) -> 
         extra[lead:, :2],
         bridged,
         start,
+        from_middle_s=time[first:last] - 0.5 * (time[0] + time[-1]),
     )
     return Record(
         maneuver.id,

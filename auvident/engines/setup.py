@@ -78,11 +78,18 @@ class Setup:
         return Free(positions, column, self.prior_std[positions])
 
     def bounds(self, positions: Array) -> tuple[Array, Array]:
-        """Least and largest values of parameters; those of forces, which are wide, are left out."""
+        """Least and largest values of parameters.
+
+        Of what scales with the vehicle only that it has one sign: the bounds are wide.
+        """
         low, high = np.full(len(positions), -np.inf), np.full(len(positions), np.inf)
         for column, name in enumerate(self.names(positions)):
-            if "." in name and not any(parameter_of(name).powers):
-                low[column], high[column] = parameter_of(name).low, parameter_of(name).high
+            if "." in name:
+                declared = parameter_of(name)
+                if not any(declared.powers):
+                    low[column], high[column] = declared.low, declared.high
+                elif declared.low == 0.0:
+                    low[column] = 0.0
         return low, high
 
 

@@ -2,8 +2,8 @@
 
 The output side of the prediction. In the presence of a steady uniform current the equations of
 motion hold for the velocity through the water, and the log over ground adds the current (Fossen
-2021, 10.3); hence a current stands here. The DVL measures at its own position, in axes turned by
-its mounting angle. Readings may be late and off by a scale or a bias.
+2021, 10.3); hence a current stands here, and one that changes slowly. The DVL measures at its own
+position, in axes turned by its mounting angle. Readings may be late and off by a scale or a bias.
 """
 
 import math
@@ -32,8 +32,14 @@ READING = (
     "gyro_scale.fraction",
     "dvl_delay.delay_s",
     "gyro_delay.delay_s",
+    "current_drift.north_early_mps_per_1000_s",
+    "current_drift.east_early_mps_per_1000_s",
+    "current_drift.north_late_mps_per_1000_s",
+    "current_drift.east_late_mps_per_1000_s",
 )
 NORTH, EAST, YAW, SCALE, DX, DY, DZ, BIAS, GYRO_SCALE, DVL_DELAY, GYRO_DELAY = range(11)
+EARLY, LATER = slice(11, 13), slice(13, 15)  # rates of the current, north and east
+DRIFT_PERIOD_S = 1000.0  # the current changes by its rates in this time
 ROLL_RATE, PITCH_RATE = range(2)
 
 
@@ -52,7 +58,7 @@ def sensor_matrix(plane: Plane, sensing: Sensing, e: Array | None = None) -> Arr
     ----------
     plane : str
     sensing : Sensing
-    e : (11,) array, optional
+    e : (15,) array, optional
         Effects in the order of `READING`.
 
     Returns
@@ -79,7 +85,25 @@ def _turn(sensing: Sensing, e: Array) -> Array:
     return np.array([[c, s], [-s, c]])
 
 
-def offsets(plane: Plane, sensing: Sensing, e: Array, angle: Array, rates: Array) -> Array:
+def current(e: Array, from_middle_s: Array) -> Array:
+    """Velocity (n, 2) of the water, north and east, at times from the middle of the trial (n,).
+
+    A current that changes over hours changes the motion through the water by nothing that
+    matters: 0.2 m/s in 1000 s is 2e-4 m/s^2.
+    """
+    before, after = np.minimum(from_middle_s, 0.0), np.maximum(from_middle_s, 0.0)
+    changed = np.outer(before, e[EARLY]) + np.outer(after, e[LATER])
+    return np.asarray(e[[NORTH, EAST]] + changed / DRIFT_PERIOD_S)
+
+
+def offsets(
+    plane: Plane,
+    sensing: Sensing,
+    e: Array,
+    angle: Array,
+    rates: Array,
+    from_middle_s: Array | None = None,
+) -> Array:
     """Part (n, 4) of the readings that does not depend on velocities.
 
     Parameters
@@ -88,18 +112,23 @@ def offsets(plane: Plane, sensing: Sensing, e: Array, angle: Array, rates: Array
         Heading.
     rates : (n, 2) array
         Roll and pitch rate, zero where not logged.
+    from_middle_s : (n,) array, optional
+        Time from the middle of the trial, which only a drifting current asks for.
     """
     out = np.zeros((len(angle), N_CHANNELS))
     out[:, 2] = e[BIAS]
     if plane == "vertical":
         return out
-    if e[DZ] == 0.0 and e[NORTH] == 0.0 and e[EAST] == 0.0:
+    if from_middle_s is None:
+        from_middle_s = np.zeros(len(angle))
+    water = current(e, from_middle_s)
+    if e[DZ] == 0.0 and not water.any():
         return out
     ahead, aside = rates[:, PITCH_RATE] * e[DZ], -rates[:, ROLL_RATE] * e[DZ]
-    if e[NORTH] != 0.0 or e[EAST] != 0.0:
+    if water.any():
         c, s = np.cos(angle), np.sin(angle)
-        ahead = ahead + e[NORTH] * c + e[EAST] * s
-        aside = aside + e[EAST] * c - e[NORTH] * s
+        ahead = ahead + water[:, 0] * c + water[:, 1] * s
+        aside = aside + water[:, 1] * c - water[:, 0] * s
     turn = (1.0 + e[SCALE]) * _turn(sensing, e)
     out[:, 0] = turn[0, 0] * ahead + turn[0, 1] * aside
     out[:, 1] = turn[1, 0] * ahead + turn[1, 1] * aside
@@ -139,15 +168,28 @@ def unknown_rows(e: Array, n: int, dt: float) -> Array:
 
 
 def readings(
-    plane: Plane, sensing: Sensing, e: Array, states: Array, angle: Array, rates: Array, dt: float
+    plane: Plane,
+    sensing: Sensing,
+    e: Array,
+    states: Array,
+    angle: Array,
+    rates: Array,
+    dt: float,
+    from_middle_s: Array | None = None,
 ) -> Array:
     """Readings (n, 4) of the states (n, 4); see `offsets` and `late` for the rest."""
     at_once = states @ sensor_matrix(plane, sensing, e).T
-    return late(at_once + offsets(plane, sensing, e, angle, rates), e, dt)
+    return late(at_once + offsets(plane, sensing, e, angle, rates, from_middle_s), e, dt)
 
 
 def states_behind(
-    plane: Plane, sensing: Sensing, e: Array, measured: Array, rates: Array, dt: float
+    plane: Plane,
+    sensing: Sensing,
+    e: Array,
+    measured: Array,
+    rates: Array,
+    dt: float,
+    from_middle_s: Array | None = None,
 ) -> Array:
     """States (n, 4) that would give these readings: `readings` the other way round.
 
@@ -156,5 +198,5 @@ def states_behind(
     early = e.copy()
     early[DVL_DELAY], early[GYRO_DELAY] = -e[DVL_DELAY], -e[GYRO_DELAY]
     at_once = late(measured, early, dt)
-    at_once = at_once - offsets(plane, sensing, e, measured[:, 3], rates)
+    at_once = at_once - offsets(plane, sensing, e, measured[:, 3], rates, from_middle_s)
     return at_once @ np.linalg.inv(sensor_matrix(plane, sensing, e)).T

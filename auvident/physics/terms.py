@@ -79,6 +79,8 @@ EFFECT_FORCES: tuple[tuple[Any, ...], ...] = (
     ("turning_drag.X_vvu", "X", +1, ("a", "x^2"), ("u", "x")),
     ("turning_drag.X_rru", "X", +1, ("b", "x^2"), ("u", "x")),
     ("linear_drag.X_u", "X", +1, ("u", "x")),
+    ("linear_damping.Y_v", "A", +1, ("a", "x")),
+    ("linear_damping.N_r", "B", +1, ("b", "x")),
     ("roll_coupling.Y_uuphi", "A", +1, ("u", "x^2"), ("roll", "x")),
     ("roll_coupling.N_uuphi", "B", +1, ("u", "x^2"), ("roll", "x")),
     ("weight_excess.W-B_n", "X", -1, ("pitch", "x")),

@@ -9,6 +9,7 @@ from auvident.schema.effects import BY_ID, parameter_of
 
 # where an id with spaces for its bars is not what an engineer says
 NAMES = {
+    "current_drift": "change of the current",
     "rudder_rate_limit": "servo speed limit",
     "rudder_lag": "servo lag",
     "rudder_backlash": "backlash of the rudder",
@@ -29,6 +30,8 @@ NAMES = {
 
 
 BOUNDS: dict[Bound, str] = {"at least": "at least ", "at most": "no more than "}
+
+DRIFT = "mps_per_1000_s"  # end of the symbols of rates of the current
 
 
 class Told(float):
@@ -57,10 +60,13 @@ def plain(effect: str, parameters: Sequence[ParameterValue], speed: float, rate:
     if BY_ID[effect].instant is not None:
         return _in(words, values) + _when(parameters)
     if effect == "current":
-        north, east = values["north_mps"], values["east_mps"]
-        towards = math.degrees(math.atan2(east, north)) % 360.0
-        speed = Told(math.hypot(north, east), "at least" if north.bound or east.bound else None)
-        return f"a current of {speed:.2f} m/s towards {towards:.0f} deg"
+        return f"a current of {_set(values['north_mps'], values['east_mps'], 'm/s')}"
+    if effect == "current_drift":
+        early, late = (
+            _set(values[f"north_{half}_{DRIFT}"], values[f"east_{half}_{DRIFT}"], "m/s in 1000 s")
+            for half in ("early", "late")
+        )
+        return f"a current that changes by {early} in the first half of the trial, {late} after"
     if words and all(p in values for p in _fields(words)):
         return _in(words, values)
     if effect == "hull_asymmetry":
@@ -101,6 +107,13 @@ def _in(words: str, values: Mapping[str, Told]) -> str:
     for said in BOUNDS.values():
         text = text.replace(f"±{said}", f"{said}±").replace(f"about {said}", said)
     return text
+
+
+def _set(north: Told, east: Told, unit: str) -> str:
+    """Size and direction of a velocity of the water, or of its rate."""
+    towards = math.degrees(math.atan2(east, north)) % 360.0
+    size = Told(math.hypot(north, east), "at least" if north.bound or east.bound else None)
+    return f"{size:.2f} {unit} towards {towards:.0f} deg"
 
 
 def _when(parameters: Sequence[ParameterValue]) -> str:

@@ -61,8 +61,9 @@ class EffectParameter:
     unit : str
         Unit in the artifacts.
     prior : float
-        Standard deviation of the internal value before the data, in internal units; of a force
-        in units of `powers`. Zero where it is looked for on a grid: any value is as likely.
+        Standard deviation of the internal value before the data, in internal units; where there
+        are `powers`, in units of these. Zero where it is looked for on a grid: any value is as
+        likely.
     practical : float
         Size from which on the effect is worth a word, stated like `prior`.
     low, high : float
@@ -74,7 +75,9 @@ class EffectParameter:
         Change, in units of the prior, over which a slope is taken; effects that do nothing
         when they are small (play, dead band) need a large one.
     powers : tuple of int
-        A force effect scales with density/2, length, speed and propeller rate to these powers.
+        Sizes and bounds scale with density/2, length, speed and propeller rate to these powers:
+        what a delay of a sensor or a lag of a servo does to the motion depends on L/U. The bounds
+        are wide: for L/U of 0.4 s a delay may be 2 s.
     nuisance_std : float
         Standard deviation as a nuisance parameter of every model: no real servo is without
         lag and no hull without asymmetry. Zero for most.
@@ -101,7 +104,7 @@ class EffectParameter:
     def size_unit(
         self, density_kgpm3: float, length_m: float, speed_mps: float, rate_rps: float
     ) -> float:
-        """What sizes and bounds are multiplied by for a vehicle (1 except for forces)."""
+        """What sizes and bounds are multiplied by for a vehicle (1 for shares and angles)."""
         quantities = (0.5 * density_kgpm3, length_m, speed_mps, rate_rps)
         return math.prod(q**power for q, power in zip(quantities, self.powers, strict=True))
 
@@ -213,6 +216,8 @@ class Effect:
 
 
 P = EffectParameter
+# powers of what scales with the size of the vehicle: L/U, U/L, L and U
+TIME, RATE, LENGTH, SPEED = (0, 1, -1, 0), (0, -1, 1, 0), (0, 1, 0, 0), (0, 0, 1, 0)
 SERVO = "first-order servo with play and limits; Fossen (2021), Handbook, 9.5"
 SENSOR = "Hegrenaes and Hallingstad (2011), model-aided INS; Pan and Wu (2015), DVL calibration"
 
@@ -230,10 +235,18 @@ LIKENESSES: dict[str, str] = {
 # fmt: off
 EFFECTS: tuple[Effect, ...] = (
     Effect("current", "environment", "reading", H, (
-        P("north_mps", "m/s", 0.3, 0.05, -2.0, 2.0),
-        P("east_mps", "m/s", 0.3, 0.05, -2.0, 2.0),
+        P("north_mps", "m/s", 0.2, 0.033, -4.0, 4.0, powers=SPEED),
+        P("east_mps", "m/s", 0.2, 0.033, -4.0, 4.0, powers=SPEED),
     ), "velocity over ground = velocity through the water + R(heading)' (north, east)",
         "u and v residuals that turn with the heading", ("heading_rad",), "Fossen (2021), 10.3"),
+    Effect("current_drift", "environment", "reading", H, (
+        P("north_early_mps_per_1000_s", "m/s in 1000 s", 0.2, 0.033, -4.0, 4.0, powers=SPEED),
+        P("east_early_mps_per_1000_s", "m/s in 1000 s", 0.2, 0.033, -4.0, 4.0, powers=SPEED),
+        P("north_late_mps_per_1000_s", "m/s in 1000 s", 0.2, 0.033, -4.0, 4.0, powers=SPEED),
+        P("east_late_mps_per_1000_s", "m/s in 1000 s", 0.2, 0.033, -4.0, 4.0, powers=SPEED),
+    ), "current + (north, east) (t - t_mid) / 1000 s; one (north, east) before t_mid, one after",
+        "u and v residuals that turn with the heading and change through the trial",
+        ("heading_rad",), "Fossen (2021), 10.3"),
     Effect("wave", "environment", "disturbance", H, (
         P("omega_radps", "rad/s", 1.0, 0.0, 0.0, 4.0),
         P("direction_deg", "deg", 3.0, 0.0, -4.0, 4.0, DEGREES),
@@ -249,16 +262,16 @@ EFFECTS: tuple[Effect, ...] = (
         SERVO,
         words="a rudder offset of {offset_deg:.1f} deg", alike="turns amidships", steady=True),
     Effect("rudder_lag", "actuation", "input", HV, (
-        P("lag_s", "s", 0.4, 0.15, 0.0, 3.0, nuisance_std=0.04, step=0.05),
+        P("lag_s", "s", 0.35, 0.13, 0.0, 5.0, nuisance_std=0.035, step=0.05, powers=TIME),
     ), "d' = (d_command - d) / lag", "residual after every rudder movement, decaying", (), SERVO,
         words="a servo lag of {lag_s:.2f} s", alike="late", curved=True),
     Effect("rudder_rate_limit", "actuation", "input", HV, (
-        P("rate_degps", "deg/s", 3.0, 1.9, 0.0, 20.0, DEGREES, "inverse", step=0.3,
-          nuisance_std=0.3),
+        P("rate_degps", "deg/s", 2.6, 1.7, 0.0, 50.0, DEGREES, "inverse", step=0.3,
+          nuisance_std=0.26, powers=TIME),
     ), "|d'| <= rate", "residual after every rudder movement, longer after larger ones", (), SERVO,
         words="a servo speed limit of {rate_degps:.0f} deg/s", alike="late", curved=True),
     Effect("rudder_delay", "actuation", "input", HV, (
-        P("delay_s", "s", 0.3, 0.15, -0.3, 2.0, nuisance_std=0.02, step=0.05),
+        P("delay_s", "s", 0.26, 0.13, -0.75, 5.0, nuisance_std=0.018, step=0.05, powers=TIME),
     ), "d(t) = d_command(t - delay)",
         "residual after every rudder movement, flat-topped", (), SERVO,
         words="a rudder delay of {delay_s:.2f} s", alike="late", curved=True),
@@ -290,7 +303,7 @@ EFFECTS: tuple[Effect, ...] = (
         words="a rudder that stalls at about {angle_deg:.0f} deg", alike="large helms",
         curved=True),
     Effect("propeller_lag", "actuation", "input", HV, (
-        P("lag_s", "s", 0.7, 0.3, 0.0, 6.0, nuisance_std=0.15, step=0.05),
+        P("lag_s", "s", 0.62, 0.26, 0.0, 15.0, nuisance_std=0.13, step=0.05, powers=TIME),
     ), "n' = (n_command - n) / lag", "u residual after thrust steps only",
         words="a propeller lag of {lag_s:.2f} s", surge_alone=True,
         curved=True),
@@ -315,12 +328,12 @@ EFFECTS: tuple[Effect, ...] = (
         "u drops at one time and stays low",
         words="thrust that drops by {fraction:.1%}", alike="falling thrust", surge_alone=True),
     Effect("dvl_delay", "sensing", "reading", HV, (
-        P("delay_s", "s", 0.25, 0.1, -1.0, 2.0),
+        P("delay_s", "s", 0.22, 0.09, -2.5, 5.0, powers=TIME),
     ), "u, v(t) are those of t - delay",
         "u and v residuals in proportion to their derivatives", (), SENSOR,
         words="a DVL delay of {delay_s:.2f} s", alike="late", curved=True, late=True),
     Effect("gyro_delay", "sensing", "reading", HV, (
-        P("delay_s", "s", 0.25, 0.1, -1.0, 2.0),
+        P("delay_s", "s", 0.22, 0.09, -2.5, 5.0, powers=TIME),
     ), "r(t) is that of t - delay", "r residual in proportion to its derivative", (), SENSOR,
         words="a gyro delay of {delay_s:.2f} s", alike="late", curved=True, late=True),
     Effect("dvl_misalignment", "sensing", "reading", H, (
@@ -332,11 +345,12 @@ EFFECTS: tuple[Effect, ...] = (
     ), "(u, v) (1 + fraction)", "only logged positions show it", ("north_m",), SENSOR,
         words="a DVL scale error of {fraction:+.1%}"),
     Effect("dvl_lever_arm", "sensing", "reading", H, (
-        P("dx_m", "m", 0.2, 0.05, -1.0, 1.0), P("dy_m", "m", 0.1, 0.03, -1.0, 1.0),
+        P("dx_m", "m", 0.12, 0.03, -1.0, 1.0, powers=LENGTH),
+        P("dy_m", "m", 0.06, 0.018, -1.0, 1.0, powers=LENGTH),
     ), "v + r dx, u - r dy", "u differs in port and starboard turns (dy)", (), SENSOR,
         words="a DVL {dx_m:.2f} m forward and {dy_m:.2f} m to starboard of its stated position"),
     Effect("gyro_bias", "sensing", "reading", HV, (
-        P("bias_degps", "deg/s", 0.005, 0.00175, -0.2, 0.2, DEGREES),
+        P("bias_degps", "deg/s", 0.0057, 0.002, -0.5, 0.5, DEGREES, powers=RATE),
     ), "r + bias", "heading disagrees with the integral of r", (), SENSOR,
         words="a gyro bias of {bias_degps:.2f} deg/s"),
     Effect("gyro_scale", "sensing", "reading", HV, (
@@ -382,12 +396,17 @@ EFFECTS: tuple[Effect, ...] = (
     ), "X + X_u u", "u / n changes with speed",
         words="linear drag of {X_u:.2f} kg/s", alike="drag",
         surge_alone=True),
+    Effect("linear_damping", "hydrodynamics", "force", H, (
+        P("Y_v", "kg/s", 0.015, 0.005, -1.0, 1.0, powers=(1, 2, 1, 0)),
+        P("N_r", "kg m^2/s", 3e-3, 1e-3, -1.0, 1.0, powers=(1, 4, 1, 0)),
+    ), "Y + Y_v v, N + N_r r", "drift and turns die faster at low speed", (),
+        "Fossen (2021), 6.4"),
     Effect("roll_coupling", "hydrodynamics", "force", H, (
         P("Y_uuphi", "kg/m", 0.015, 0.004, -1.0, 1.0, powers=(1, 2, 0, 0)),
         P("N_uuphi", "kg", 0.004, 0.001, -1.0, 1.0, powers=(1, 3, 0, 0)),
     ), "Y + Y_uuphi u u roll, N + N_uuphi u u roll", "residual follows the roll", ("roll_rad",)),
     Effect("dvl_height", "sensing", "reading", H, (
-        P("dz_m", "m", 0.15, 0.1, -1.0, 1.0, nuisance_std=0.15),
+        P("dz_m", "m", 0.09, 0.06, -1.0, 1.0, nuisance_std=0.09, powers=LENGTH),
     ), "v - p dz, u + q dz", "v residual follows the roll rate", ("p_radps",), SENSOR,
         nuisance=True),
     Effect("weight_excess", "hydrodynamics", "force", H, (
@@ -426,7 +445,7 @@ def allowable() -> tuple[str, ...]:
         e.id
         for e in EFFECTS
         if e.enters == "input"
-        and all(p.nuisance_std > 0.0 and not any(p.powers) for p in e.parameters)
+        and all(p.nuisance_std > 0.0 and not p.powers[0] for p in e.parameters)
     )
 
 

@@ -10,7 +10,7 @@ from auvident.engines.carried import (
     LEADERS,
     fitted_covariance,
     frame_of,
-    internal_values,
+    over_ground,
     structure_behind,
     vector_behind,
 )
@@ -201,11 +201,8 @@ def _predict(
     names = STATE_COLUMNS[model.plane]
     columns |= {name: runs[0][:, i] for i, name in enumerate(names)}
     if model.plane == "horizontal":
-        states = runs[0]
+        states = over_ground(frame, draws[0], record, runs[0])
         north, east = dead_reckoning(record.time_s, states[:, 0], states[:, 1], states[:, 3])
-        values, elapsed = internal_values(model.effects), record.time_s - record.time_s[0]
-        north = north + values.get("current.north_mps", 0.0) * elapsed
-        east = east + values.get("current.east_mps", 0.0) * elapsed
         columns |= {"north_m": north, "east_m": east}
     stable = [run for run in runs[1:] if np.isfinite(run).all()]
     if stable:

@@ -102,6 +102,23 @@ def _cubic(rng, scale, revs):
     }
 
 
+def _linear(rng, scale, revs):
+    return {
+        "Y_v": float(-rng.uniform(15, 35) * scale),
+        "N_r": float(-rng.uniform(4, 9) * scale**2),
+    }
+
+
+def _drift(rng, scale, revs):
+    (north, east), (later_north, later_east) = (_polar(rng, 0.15, 0.35) for _ in range(2))
+    return {
+        "north_early_mps_per_1000_s": north,
+        "east_early_mps_per_1000_s": east,
+        "north_late_mps_per_1000_s": later_north,
+        "east_late_mps_per_1000_s": later_east,
+    }
+
+
 def _memory(rng, scale, revs):
     return {
         "Y_vr": _side(rng, 70, 120) * scale,
@@ -426,8 +443,30 @@ _ROWS = (
         "command acts later",
         _one("delay_s", 0.2, 0.4),
     ),
+    (
+        "linear_damping",
+        "hydrodynamics",
+        {"Y_v": "kg/s", "N_r": "kg m^2/s"},
+        "plant",
+        "side force with v and yaw moment with r",
+        _linear,
+    ),
+    (
+        "current_drift",
+        "environment",
+        {
+            f"{axis}_{half}_mps_per_1000_s": "m/s in 1000 s"
+            for half in ("early", "late")
+            for axis in ("north", "east")
+        },
+        "sea",
+        "the water changes its drift, by one rate up to the middle of the trial, by another after",
+        _drift,
+    ),
 )
 EFFECTS = {row[0]: Effect(*row[:3], row[3], row[4], row[5]) for row in _ROWS}
+# Came when studies had their seeds: planted where asked for by name, drawn by no older seed.
+LATER = ("linear_damping", "current_drift")
 
 
 def draw_effects(wanted: list[dict], seed: int, scale: float, revs: float) -> dict[str, dict]:

@@ -65,6 +65,8 @@ class PlantEffects(NamedTuple):
     mode_side_force: float = 0.0
     mode_frequency: float = 1.0
     mode_damping: float = 1.0
+    linear_v: float = 0.0
+    linear_r: float = 0.0
 
 
 @nb.njit(cache=True)
@@ -226,6 +228,8 @@ def add_odd_forces(state, n, effects, tau):
     tau[5] += effects.roll_yaw_moment * u * u * roll + effects.heading_yaw_moment * twice
     tau[5] += effects.memory_yaw_moment * state[12]
     tau[5] += effects.cubic_vvr * v * v * r + effects.cubic_rrr * r * r * r
+    tau[1] += effects.linear_v * v
+    tau[5] += effects.linear_r * r
 
 
 @nb.njit(cache=True)

@@ -21,6 +21,7 @@ _PLANT_NAMES = {
     "cubic_damping": {"N_vvr": "cubic_vvr", "N_rrr": "cubic_rrr"},
     "turning_drag": {"X_vv": "turning_vv", "X_rr": "turning_rr"},
     "linear_drag": {"X_u": "linear_drag"},
+    "linear_damping": {"Y_v": "linear_v", "N_r": "linear_r"},
     "roll_coupling": {"Y_uuphi": "roll_side_force", "N_uuphi": "roll_yaw_moment"},
     "heading_force": {"force_n": "heading_side_force", "moment_nm": "heading_yaw_moment"},
     "memory_force": {

@@ -58,10 +58,40 @@ def held(record: np.ndarray, column: int, times: np.ndarray) -> np.ndarray:
     return record[index, column]
 
 
+def steady_current(planted: dict) -> tuple[float, float]:
+    """North and east drift of the water at mid-trial [m/s]."""
+    current = planted.get("current", {})
+    return current.get("north_mps", 0.0), current.get("east_mps", 0.0)
+
+
+def gained(steps: int, rates: dict) -> np.ndarray:
+    """What a changing current has gained since mid-trial, north and east, (steps, 2) [m/s].
+
+    The vehicle does not feel it: water that speeds up carries a body of its own density along.
+    """
+    time = (np.arange(steps) - 0.5 * (steps - 1)) * STEP_S / 1000.0
+    early, late = (
+        np.array([rates[f"{axis}_{half}_mps_per_1000_s"] for axis in ("north", "east")])
+        for half in ("early", "late")
+    )
+    return np.where(time[:, None] < 0.0, np.outer(time, early), np.outer(time, late))
+
+
+def drifted(record: np.ndarray, planted: dict) -> np.ndarray:
+    """The record with the track that a changing current carries the vehicle along."""
+    if "current_drift" not in planted:
+        return record
+    moved, water = record.copy(), gained(record.shape[0], planted["current_drift"])
+    moved[:, 6:8] += np.cumsum(water, axis=0) * STEP_S
+    return moved
+
+
 def body_over_ground(record: np.ndarray, planted: dict) -> np.ndarray:
     """Velocity of O over ground in body axes, every step, (steps, 3) [m/s]."""
-    current = planted.get("current", {})
-    north, east = current.get("north_mps", 0.0), current.get("east_mps", 0.0)
+    north, east = steady_current(planted)
+    if "current_drift" in planted:
+        change = gained(record.shape[0], planted["current_drift"])
+        north, east = north + change[:, 0], east + change[:, 1]
     cr, sr = np.cos(record[:, 9]), np.sin(record[:, 9])
     cp, sp = np.cos(record[:, 10]), np.sin(record[:, 10])
     ch, sh = np.cos(record[:, 11]), np.sin(record[:, 11])

@@ -13,7 +13,7 @@ from seatrial.logs import write_logs
 from seatrial.plant import workspace
 from seatrial.planting import fin_servo, motor_drive, plant_effects
 from seatrial.schedule import random_schedule
-from seatrial.sensors import measure_all
+from seatrial.sensors import drifted, measure_all
 from seatrial.simulate import STEP_S, Sea, run, start_state
 from seatrial.vehicles import Vehicle, load_vehicle
 
@@ -96,7 +96,7 @@ def sail(recipe: dict, vehicle: Vehicle, planted: dict):
     )
     if not np.isfinite(record).all():
         raise FloatingPointError(f"{recipe['name']}: the simulated vehicle went out of bounds")
-    return record, starts, legs, notes
+    return drifted(record, planted), starts, legs, notes
 
 
 def make_sea(vehicle: Vehicle, planted: dict, legs, notes, rng) -> Sea:

@@ -20,6 +20,7 @@ from typing import Any
 from tests.bench.effects_cases import (
     DEVELOPMENT,
     KINDS,
+    LATER,
     OUTSIDE,
     PAIRS,
     REPORTED,
@@ -34,7 +35,7 @@ from tests.bench.written import write
 from tests.engines.chain import SAMPLES
 
 ONE_THREAD = ("AUVIDENT_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-LABELS = frozenset((*SINGLES, *OUTSIDE, *("+".join(p) for p in PAIRS), "none", *KINDS))
+LABELS = frozenset((*SINGLES, *LATER, *OUTSIDE, *("+".join(p) for p in PAIRS), "none", *KINDS))
 WRITTEN = "effects"  # section of the page, and its tables in order
 SECTION = ("bars", "by planted effect", "planted against named", "costs")
 

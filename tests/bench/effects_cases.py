@@ -18,19 +18,22 @@ from tests.engines.chain import SAMPLES
 if str(SAMPLES) not in sys.path:
     sys.path.insert(0, str(SAMPLES))
 
-from seatrial.effects import EFFECTS
+from seatrial.effects import EFFECTS, LATER
 
 VEHICLES = ("remus100", "tern180")
 SPREAD = 0.1  # of the plant's parameters, so that no two plants are alike
 DEVELOPMENT, REPORTED = 1000, 7000  # seed bases
 SEEDS = REPORTED - DEVELOPMENT  # a list is no longer, so that the two never meet
+LATER_SEEDS = 5000  # from here on those of effects that came later, so that no older one moved
 BLOCKS = 4  # of the default list
 NONE_A_BLOCK, PAIRS_A_BLOCK, OUTSIDE_A_BLOCK = 10, 7, 4
 KINDS = ("single", "none", "pair", "outside")
 
 OUTSIDE = tuple(e.id for e in EFFECTS.values() if e.family == "outside")
 SINGLES = tuple(
-    e.id for e in EFFECTS.values() if e.family != "outside" and not e.id.startswith("elevator_")
+    e.id
+    for e in EFFECTS.values()
+    if e.family != "outside" and not e.id.startswith("elevator_") and e.id not in LATER
 )
 PAIRS = (
     ("current", "rudder_lag"),
@@ -91,7 +94,8 @@ def cases(
     `only` holds labels (``current``, ``current+rudder_lag``, ``none``) or kinds (`KINDS`).
     """
     wanted, allowed = frozenset(only), frozenset(vehicles)
-    whole = endless(seed_base) if trials else chain(*(_block(b, seed_base) for b in range(BLOCKS)))
+    first = chain(*([*_block(b, seed_base), *_later(b, seed_base)] for b in range(BLOCKS)))
+    whole = endless(seed_base) if trials else first
     chosen = (
         c for c in whole if c.vehicle in allowed and (not wanted or {c.label, c.kind} & wanted)
     )
@@ -100,8 +104,9 @@ def cases(
 
 def endless(seed_base: int) -> Iterator[Case]:
     """The whole list, as long as there are seeds of its own."""
-    blocks = chain.from_iterable(_block(b, seed_base) for b in count())
-    return takewhile(lambda case: case.seed < seed_base + SEEDS, blocks)
+    blocks = (_block(number, seed_base) for number in count())
+    whole = takewhile(lambda block: block[-1].seed < seed_base + LATER_SEEDS, blocks)
+    return chain.from_iterable([*block, *_later(b, seed_base)] for b, block in enumerate(whole))
 
 
 def _block(number: int, seed_base: int) -> list[Case]:
@@ -110,6 +115,15 @@ def _block(number: int, seed_base: int) -> list[Case]:
     order = np.random.default_rng(number).permutation(len(members))
     first = seed_base + number * len(members)
     return [Case(first + i, *members[k]) for i, k in enumerate(order)]
+
+
+def _later(number: int, seed_base: int) -> list[Case]:
+    """Trials of a block with the effects that came later, which move no older seed."""
+    first = seed_base + LATER_SEEDS + number * len(LATER)
+    return [
+        Case(first + i, VEHICLES[(i + number) % len(VEHICLES)], "single", (name,))
+        for i, name in enumerate(LATER)
+    ]
 
 
 def _members(number: int) -> list[tuple[str, str, tuple[str, ...]]]:

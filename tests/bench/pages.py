@@ -14,6 +14,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from auvident.report.figures import BLUE, INK, VERMILLION, new_figure, style
+from auvident.schema.effects import LENGTH, TIME
 from tests.bench.written import table
 from tests.command_line import call
 
@@ -74,8 +75,14 @@ def _effect(effect: dict[str, Any]) -> dict[str, str]:
     }
 
 
+OF_THE_VEHICLE = {TIME: "L/U", LENGTH: "L"}
+
+
 def _allowed(parameter: dict[str, Any]) -> str:
     """The allowance as an engineer reads it; of forces and limits only that there is one."""
+    unit = OF_THE_VEHICLE.get(tuple(parameter["powers"]))
+    if parameter["form"] == "plain" and unit is not None:
+        return f"{parameter['nuisance_std']:.2g} {unit}"
     if parameter["form"] != "plain" or any(parameter["powers"]):
         return f"{parameter['symbol']}: a little"
     return f"{parameter['nuisance_std'] * parameter['factor']:.2g} {parameter['unit']}"

@@ -24,6 +24,8 @@ class Drawn:
     named, only what the vehicle has of itself by the rule of visibility, something that it has
     not, or something without a name. ``shows``: every planted effect is visible by that rule.
     ``false``: names that are neither planted, nor alike to a planted one, nor the vehicle's own.
+    The vehicle's own is what shows when it is taken away from the plant, and linear damping where
+    its share of the plant's damping is large (`population_trial._own`).
     """
 
     seed: int

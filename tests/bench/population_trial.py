@@ -29,6 +29,7 @@ if str(SAMPLES) not in sys.path:
 
 LONGEST_S = 1500  # of one trial; a program that has not ended by then has failed
 OVERLAP = 0.5  # of the true maneuver, from which a found one of its kind is that maneuver
+LINEAR_DAMPING = "linear_damping"
 CHANNELS = {"u": "u_mps", "v": "v_mps", "r": "r_radps"}
 
 Outcome = dict[str, Any]
@@ -84,11 +85,20 @@ def _judged_by_rule(drawn: Any, sailed: Any) -> Outcome:
 
 
 def _own(drawn: Any, sailed: Any, found: Outcome) -> Outcome:
-    """Named effects that were not planted: does the vehicle have them of itself?"""
+    """Named effects that were not planted: does the vehicle have them of itself?
+
+    Linear damping is judged by the plant: a hull with more than `LINEAR_SHARE` of its damping
+    in sway or yaw in proportion to the velocity has it, whether or not it is visible.
+    """
+    from seatrial.population.drawn import LINEAR_SHARE
     from seatrial.population.visible import own_effects
 
     named = {e["id"] for part in ("diagnosis", "comparison") for e in _effects(found.get(part))}
-    return own_effects(drawn, sailed, named - set(drawn.planted))
+    own: Outcome = own_effects(drawn, sailed, named - set(drawn.planted))
+    share = max(drawn.damping_shares(0))
+    if LINEAR_DAMPING in own and share > LINEAR_SHARE:
+        own[LINEAR_DAMPING] = {**own[LINEAR_DAMPING], "visible": True, "share": share}
+    return own
 
 
 def _effects(content: Outcome | None) -> Rows:

@@ -15,6 +15,7 @@ from auvident.schema.plan import Plan
 from tests.physics.plane_equations import stable_values
 
 DT = 0.1
+FROM_MIDDLE_S = (0.0, -600.0, 600.0, 0.0)  # of records by their seeds
 LEAD = 50  # rows of inputs before the maneuver
 SENSING = Sensing(dvl_x_m=0.4, dvl_y_m=0.05, dvl_z_m=0.1, dvl_mounting_yaw_rad=0.02, noise_std={})
 COURSE = np.array([True, True, True, False])  # the heading is taken as logged
@@ -92,6 +93,7 @@ def blank(n: int = 300, seed: int = 0, start=(1.4, 0.02, 0.01, 0.5)) -> Record:
         rates=0.05 * np.column_stack([waves[1], waves[3]])[LEAD:],
         bridged=np.tile(start, (n, 1)),
         start=np.array(start),
+        from_middle_s=DT * (np.arange(n) - 0.4 * n) + FROM_MIDDLE_S[seed % len(FROM_MIDDLE_S)],
     )
     given = np.tile(np.array(start), (n, 1))
     return Record(

@@ -36,6 +36,15 @@ def estimated(world: World, method: str, kind: str, engine: str = "compiled"):
 
 PLANTED = {
     "current": {"current.north_mps": 0.15, "current.east_mps": -0.1},
+    "drifting current": {
+        "current.north_mps": 0.15,
+        "current.east_mps": -0.1,
+        "current_drift.north_early_mps_per_1000_s": 0.25,
+        "current_drift.east_early_mps_per_1000_s": -0.2,
+        "current_drift.north_late_mps_per_1000_s": -0.3,
+        "current_drift.east_late_mps_per_1000_s": 0.15,
+    },
+    "linear damping": {"linear_damping.Y_v": -30.0, "linear_damping.N_r": -10.0},
     "offset and asymmetry": {"rudder_offset.offset_deg": 2.0, "rudder_asymmetry.gain": 0.15},
     "servo": {"rudder_lag.lag_s": 0.5},
     "gyro": {"gyro_bias.bias_degps": 0.5},

@@ -34,7 +34,12 @@ ALL = {
     "gyro_scale.fraction": -0.03,
     "dvl_delay.delay_s": 0.3,
     "gyro_delay.delay_s": 0.2,
+    "current_drift.north_early_mps_per_1000_s": 20.0,
+    "current_drift.east_early_mps_per_1000_s": -10.0,
+    "current_drift.north_late_mps_per_1000_s": -15.0,
+    "current_drift.east_late_mps_per_1000_s": 5.0,
 }
+MIDDLE = DT * (np.arange(N) - 80.0)  # time from the middle of the trial
 LATE = ("dvl_delay.delay_s", "gyro_delay.delay_s")
 seeds = st.integers(0, 2**32 - 1)
 
@@ -71,6 +76,10 @@ def by_geometry(states: np.ndarray, rates: np.ndarray, e: dict[str, float]) -> n
     place += 1j * (SENSING.dvl_y_m + e["dvl_lever_arm.dy_m"])
     earth = (u + 1j * v + 1j * r * place) * np.exp(1j * heading)
     earth += e["current.north_mps"] + 1j * e["current.east_mps"]
+    drift = {k.split(".")[1].removesuffix("_mps_per_1000_s"): x for k, x in e.items()}
+    early = drift["north_early"] + 1j * drift["east_early"]
+    later = drift["north_late"] + 1j * drift["east_late"]
+    earth += np.where(MIDDLE < 0.0, early, later) * MIDDLE / 1000.0
     here = earth * np.exp(-1j * heading)
     here += (rates[:, 1] - 1j * rates[:, 0]) * e["dvl_height.dz_m"]  # q dz ahead, -p dz aside
     here *= np.exp(-1j * (0.05 + np.radians(e["dvl_misalignment.yaw_deg"])))
@@ -83,7 +92,8 @@ def by_geometry(states: np.ndarray, rates: np.ndarray, e: dict[str, float]) -> n
 def test_readings_are_plane_geometry(name) -> None:
     at_once = {n: v for n, v in ALL.items() if n not in LATE and name in (n, "all")}
     states, rates = course()
-    found = readings("horizontal", SENSING, effects(at_once), states, states[:, 3], rates, DT)
+    args = (states, states[:, 3], rates, DT, MIDDLE)
+    found = readings("horizontal", SENSING, effects(at_once), *args)
     shown = dict.fromkeys(ALL, 0.0) | at_once
     np.testing.assert_allclose(found, by_geometry(states, rates, shown), atol=1e-14)
     without = by_geometry(states, rates, dict.fromkeys(ALL, 0.0))
@@ -171,8 +181,8 @@ def test_states_behind_the_readings_of_all_effects(seed, plane) -> None:
     """Delays of whole steps: apart from the ends, which the held first row replaces, exact."""
     states, rates = course(seed)
     e = effects(ALL)
-    found = readings(plane, SENSING, e, states, states[:, 3], rates, DT)
-    behind = states_behind(plane, SENSING, e, found, rates, DT)
+    found = readings(plane, SENSING, e, states, states[:, 3], rates, DT, MIDDLE)
+    behind = states_behind(plane, SENSING, e, found, rates, DT, MIDDLE)
     np.testing.assert_allclose(behind[:-3], states[:-3], atol=1e-12)
 
 

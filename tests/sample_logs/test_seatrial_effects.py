@@ -204,6 +204,25 @@ def test_a_current_carries_the_log_and_the_track_alike(trial):
     assert np.median(np.abs(ahead - body_over_ground(carried, drift)[:, 0])) < 0.003
 
 
+def test_a_current_that_changes_carries_the_log_and_the_track_alike(trial):
+    """Zero at mid-trial, with one rate before it and another after; the motion is the same."""
+    rates = {"north_early": 0.2, "east_early": -0.1, "north_late": -0.3, "east_late": 0.25}
+    planted = {"current_drift": {f"{k}_mps_per_1000_s": x for k, x in rates.items()}}
+    clean, *_ = trial("remus100")
+    carried, *_ = trial("remus100", **planted)
+    assert np.array_equal(carried[:, :6], clean[:, :6])
+    time = (np.arange(len(clean)) - 0.5 * (len(clean) - 1)) * STEP_S / 1000.0
+    water = np.gradient(carried[:, 6:8] - clean[:, 6:8], STEP_S, axis=0)[1:-1]
+    for i, axis in enumerate(("north", "east")):
+        expected = np.where(time < 0, rates[f"{axis}_early"], rates[f"{axis}_late"]) * time
+        assert water[:, i] == pytest.approx(expected[1:-1], abs=1e-5)
+        steady = {"current": {"north_mps": float(i == 0), "east_mps": float(i == 1)}}
+        here = body_over_ground(clean, steady) - clean[:, :3]
+        alone = {k: x if k.startswith(axis) else 0.0 for k, x in planted["current_drift"].items()}
+        seen = body_over_ground(clean, {"current_drift": alone}) - clean[:, :3]
+        assert seen == pytest.approx(here * expected[:, None], abs=1e-12)
+
+
 @pytest.mark.parametrize("name", VEHICLES)
 def test_an_event_starts_at_its_time_on_the_log_clock(trial, name):
     recipe = {
@@ -253,6 +272,7 @@ FORCES = {
     "cubic_damping": ({"N_vvr": -60.0, "N_rrr": -15.0}, (0, 0, -60.0 * v * v * r - 15.0 * r**3)),
     "turning_drag": ({"X_vv": -40.0, "X_rr": -10.0}, (-40.0 * v * v - 10.0 * r * r, 0, 0)),
     "linear_drag": ({"X_u": -2.0}, (-2.0 * u, 0, 0)),
+    "linear_damping": ({"Y_v": -20.0, "N_r": -6.0}, (0, -20.0 * v, -6.0 * r)),
     "roll_coupling": (
         {"Y_uuphi": 15.0, "N_uuphi": -5.0},
         (0, 15.0 * u * u * ROLL, -5.0 * u * u * ROLL),

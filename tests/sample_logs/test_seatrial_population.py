@@ -6,7 +6,7 @@ import tomllib
 import numpy as np
 import pytest
 from seatrial import helm
-from seatrial.effects import EFFECTS, draw_effects
+from seatrial.effects import EFFECTS, LATER, draw_effects
 from seatrial.helm import commands, leg_is_over, leg_row, moved
 from seatrial.plant import STATES, PlantEffects, derivative, rk4_step, workspace
 from seatrial.population import CLASSES, Refused, draw, half_of, visible
@@ -332,7 +332,7 @@ REMUS = Size(1.33, 0.191, 1.5, 1026.0)
 REMUS_SCALES = Scales(REMUS, 15.0, 8.3, 1000.0)
 
 
-@pytest.mark.parametrize("effect", (*SINGLES, *OUTSIDE))
+@pytest.mark.parametrize("effect", (*SINGLES, *LATER, *OUTSIDE))
 def test_sizes_have_the_parameters_of_the_generator_and_its_range_on_a_remus(effect):
     """Within 20 % (the ranges are rounded) of the strengths times what is drawn for it there."""
     drawn_there = [draw_effects([{"id": effect}], s, 1.0, 15.0)[effect] for s in range(60)]
@@ -349,11 +349,14 @@ def test_sizes_have_the_parameters_of_the_generator_and_its_range_on_a_remus(eff
 
 # Directions, and parts of a vector: nothing keeps them from zero.
 ANY_SIZE = {"north_mps", "east_mps", "direction_rad", "maneuver_fraction", "time_s"}
+ANY_SIZE |= {
+    f"{axis}_{half}_mps_per_1000_s" for axis in ("north", "east") for half in ("early", "late")
+}
 
 
 def test_every_effect_that_can_be_planted_has_a_size():
     known = {e.id for e in EFFECTS.values() if not e.id.startswith("elevator_")}
-    assert {*SINGLES, *OUTSIDE} == known == {"current", *RANGES}
+    assert {*SINGLES, *LATER, *OUTSIDE} == known == {"current", *RANGES}
 
 
 def test_sizes_grow_with_the_vehicle():

@@ -24,13 +24,13 @@ from auvident.schema.effects import (
 
 # as users, pipelines and acceptance checks know them
 IDS = {
-    "environment": "current wave one_off_event",
+    "environment": "current current_drift wave one_off_event",
     "actuation": "rudder_offset rudder_lag rudder_rate_limit rudder_delay rudder_backlash "
     "rudder_deadband rudder_asymmetry rudder_stall propeller_lag propeller_race thrust_sag "
     "thrust_step",
     "sensing": "dvl_delay gyro_delay dvl_misalignment dvl_scale dvl_lever_arm gyro_bias gyro_scale",
     "hydrodynamics": "propeller_side_force hull_asymmetry sway_cross_flow yaw_cross_flow "
-    "cubic_damping turning_drag linear_drag roll_coupling",
+    "cubic_damping turning_drag linear_drag linear_damping roll_coupling",
 }
 FURTHER = {"dvl_height", "weight_excess"}  # nuisance parameters that are never named
 NAMES = [name for effect in (*EFFECTS, UNEXPLAINED) for name in effect.names()]
@@ -78,8 +78,9 @@ def test_rows_are_complete(effect: Effect) -> None:
     assert effect.parameters and effect.planes
     assert set(effect.planes) <= set(PLANES)
     assert all(column in {*BY_COLUMN, "north_m"} for column in effect.needs)
-    scaled = any(any(p.powers) for p in effect.parameters)
-    assert scaled == (effect.enters == "force" or effect.id == "propeller_race")
+    # only forces, and the race by its thrust, know the density and the rate of the propeller
+    forced = any(p.powers[0] or p.powers[3] for p in effect.parameters)
+    assert forced == (effect.enters == "force" or effect.id == "propeller_race")
 
 
 def test_every_row_has_its_equation_and_every_equation_its_row() -> None:
@@ -127,6 +128,57 @@ def test_the_unit_of_a_force_is_that_of_its_scaling(effect: Effect) -> None:
                     total[i] += sign * int(power or 1) * base[unit][i]
         density, length, speed, rate = p.powers
         assert total == [density, -3 * density + length + speed, -speed - rate], p.symbol
+
+
+@pytest.mark.parametrize("name", [n for e in MODELLED if e.enters != "force" for n in e.names()])
+def test_the_unit_of_a_time_a_length_or_a_speed_is_that_of_its_scaling(name: str) -> None:
+    """What depends on the size of the vehicle scales with it; shares and angles do not."""
+    by_unit = {
+        "s": (1, -1),  # L/U
+        "deg/s": (-1, 1),  # U/L
+        "m": (1, 0),
+        "m/s": (0, 1),
+        "m/s in 1000 s": (0, 1),
+        "deg": (0, 0),
+        "-": (0, 0),
+        "m^2/s^2/N": (-2, 0),  # speed^2 over a force
+    }
+    p = parameter_of(name)
+    if p.grid is not None or p.width_of:
+        return  # times of the trial, not of the vehicle
+    length, speed = by_unit[p.unit]
+    sign = -1 if p.form == "inverse" else 1
+    assert p.powers[1:3] == (sign * length, sign * speed)
+
+
+@pytest.mark.parametrize(
+    ("name", "usual", "large", "small"),
+    [  # 1.7 m at 1.5 m/s; 8 m at 2 m/s: L/U of 4 s; 0.8 m at 1 m/s: 0.8 s
+        ("rudder_lag.lag_s", 0.4, 1.4, 0.28),
+        ("dvl_delay.delay_s", 0.25, 0.88, 0.18),
+        ("rudder_rate_limit.rate_degps", 3.0, 10.4, 2.1),
+        ("dvl_lever_arm.dx_m", 0.2, 0.96, 0.096),
+        ("current.north_mps", 0.3, 0.4, 0.2),
+        ("gyro_bias.bias_degps", 0.005, 0.0014, 0.0071),
+        ("rudder_offset.offset_deg", 0.035, 0.035, 0.035),
+    ],
+)
+def test_usual_sizes_are_those_of_the_vehicle(name, usual, large, small) -> None:
+    """Lengths in L, times in L/U, speeds in U; rounded to two digits."""
+    p = parameter_of(name)
+    for expected, length, speed in ((usual, 1.7, 1.5), (large, 8.0, 2.0), (small, 0.8, 1.0)):
+        assert p.prior * p.size_unit(1025.0, length, speed, 15.0) == pytest.approx(
+            expected, rel=0.04
+        )
+
+
+def test_bounds_are_wider_than_any_plausible_vehicle() -> None:
+    """L/U from 0.4 s (quick and short) to 5 s (long and slow)."""
+    for length, speed in ((0.8, 2.0), (8.0, 1.6)):
+        for name in ("rudder_delay.delay_s", "dvl_delay.delay_s", "gyro_delay.delay_s"):
+            p = parameter_of(name)
+            assert p.high * p.size_unit(1025.0, length, speed, 15.0) >= 2.0
+        assert parameter_of("rudder_lag.lag_s").high >= 3.0  # L/U
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from auvident.constants import USUAL_SPEED_MPS
 from auvident.engines.carried import Carried, allowed
 from auvident.engines.estimator import (
     at_mean,
@@ -57,6 +58,7 @@ Array = npt.NDArray[Any]
 Progress = Callable[[str, float], None]
 
 OVERCLAIMED = 2.0  # variance that the readings allow over the one that is claimed
+LEAST_SPEED_MPS = 0.1  # by which a time of the vehicle is told
 STARTS_APART = 1.0  # [std] results of several starts further apart than this are named
 
 
@@ -67,6 +69,14 @@ class Identification:
     model: IdentifiedModel
     history: pd.DataFrame
     states: pd.DataFrame
+
+
+def speed_of(trials: Sequence[Trial]) -> float:
+    """Median speed of the trials [m/s]; the usual one where none is logged."""
+    speeds = [t.table["u_mps"].abs().to_numpy() for t in trials if "u_mps" in t.table]
+    logged = np.concatenate([*speeds, np.zeros(0)])
+    logged = logged[np.isfinite(logged)]
+    return max(float(np.median(logged)), LEAST_SPEED_MPS) if len(logged) else USUAL_SPEED_MPS
 
 
 def identify(
@@ -111,7 +121,7 @@ def identify(
     NumericsError
         Nothing to identify from, or a filter failed (with maneuver and time).
     """
-    carried = carried or allowed(plan.nuisance, plane)
+    carried = carried or allowed(plan.nuisance, plane, ase.length_m, speed_of(trials))
     setup = prepare(
         trials,
         maneuvers,

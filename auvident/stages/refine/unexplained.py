@@ -60,7 +60,9 @@ class Base:
         prediction: Validated,
     ) -> "Base":
         """A model with what it carries; without effects the nuisance parameters of its plan."""
-        return cls(carried or allowed(nuisance, model.plane), model, prediction)
+        speed, _ = cruise_of(prediction.simulation)
+        usual = allowed(nuisance, model.plane, model.length_m, speed)
+        return cls(carried or usual, model, prediction)
 
     def with_force(self, spread: float, heading: bool) -> Carried:
         """What it carries and the force, its prior of a spread.

@@ -20,7 +20,7 @@ from seatrial.population.form import SWAY_SHARE, YAW_SHARE, Refused, Size, draw_
 from seatrial.population.schedule import draw_day, gains_for
 from seatrial.population.sizes import OUTSIDE, SINGLES, Scales, draw_sizes
 from seatrial.population.stated import draw_stated, write_stated
-from seatrial.sensors import measure_all
+from seatrial.sensors import drifted, measure_all
 from seatrial.simulate import STEP_S, Drive, Sea, run, start_state
 from seatrial.trial import make_sea, maneuver_list, stream, truth_effects
 from seatrial.vehicles import Vehicle
@@ -136,7 +136,7 @@ class Drawn:
         )
         if not np.isfinite(record).all() or np.abs(record[:, 9]).max() > 1.5:
             raise FloatingPointError(f"seed {self.seed}: the vehicle went out of bounds or over")
-        return Sailed(record, starts, noise[: record.shape[0]], sea)
+        return Sailed(drifted(record, self.planted), starts, noise[: record.shape[0]], sea)
 
     def _sea(self, rng: np.random.Generator) -> Sea:
         """Sea of the trial; surface waves by weight, that no lively vehicle is turned over."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from seatrial.effects import EFFECTS
+from seatrial.effects import EFFECTS, LATER
 from seatrial.population.form import Size
 
 STRENGTH = (0.5, 1.5)
@@ -86,6 +86,15 @@ RANGES: dict[str, dict[str, tuple]] = {
         "X_rr": (-0.011, -0.005, "drag rr", False),
     },
     "linear_drag": {"X_u": (-0.45, -0.2, "drag per u", False)},
+    "linear_damping": {
+        "Y_v": (-0.026, -0.011, "force per u", False),
+        "N_r": (-3.8e-3, -1.7e-3, "moment per r", False),
+    },
+    "current_drift": {
+        f"{axis}_{half}_mps_per_1000_s": (0.06, 0.17, "speed per trial", True)
+        for half in ("early", "late")
+        for axis in ("north", "east")
+    },
     "roll_coupling": {
         "Y_uuphi": (0.011, 0.027, "force per u^2", True),
         "N_uuphi": (0.0025, 0.0058, "moment per u^2", True),
@@ -106,7 +115,9 @@ RANGES: dict[str, dict[str, tuple]] = {
     },
 }
 CURRENT = (0.08, 0.17)  # of U
-SINGLES = tuple(n for n in ("current", *RANGES) if EFFECTS[n].family != "outside")
+SINGLES = tuple(
+    n for n in ("current", *RANGES) if EFFECTS[n].family != "outside" and n not in LATER
+)
 OUTSIDE = tuple(n for n in RANGES if EFFECTS[n].family == "outside")
 
 
@@ -130,6 +141,9 @@ def unit(kind: str, scales: Scales) -> float:
         "force per u^2": force / speed**2,
         "moment per u^2": moment / speed**2,
         "drag per u": scales.drag / speed,
+        "force per u": force / speed,
+        "moment per r": moment * time,
+        "speed per trial": speed * 1000.0 / scales.duration_s,
         "drag rr": force * time**2,
         "cubic vvr": moment * time / speed**2,
         "cubic rrr": moment * time**3,
