@@ -3,7 +3,7 @@
 `physics.consistency` has the constraints, `estimation.inequalities` the steps that keep them.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -41,15 +41,27 @@ def envelope(records: Iterable[Record]) -> Array:
     return np.array(found)
 
 
-def in_units(constraints: Constraints, free: Free, at: Callable[[Array], Array]) -> Inequalities:
-    """The constraints on the free parameters in units of their scale; `at` is their vector."""
-    moved = free.column >= 0
+def in_units(
+    constraints: Constraints, free: Free, start: Array, origin: Array | None = None
+) -> Inequalities:
+    """The constraints on free parameters that count in units of their scale.
+
+    Parameters
+    ----------
+    constraints : Constraints
+    free : Free
+    start : (n_parameters,) array
+        Values of the others.
+    origin : (n_free,) array, optional
+        From where they count; without it from the start.
+    """
+    moved, zero = free.column >= 0, start[free.positions] if origin is None else origin
     units = np.zeros((len(free.column), len(free.positions)))
     units[moved, free.column[moved]] = free.scale[free.column[moved]]
 
     def inequalities(theta: Array) -> tuple[Array, Array]:
-        value, slopes = constraints(at(theta))
-        return value, slopes @ units if len(value) else np.zeros((0, len(theta)))
+        value, slopes = constraints(free.at(start, zero + free.scale * theta))
+        return value, slopes @ units
 
     return inequalities
 

@@ -251,7 +251,7 @@ def _kept(task: Task, parameters: Array, theta: Array, passed: FilterResult) -> 
     The next stage starts there; the covariance is that of the pass.
     """
     prior, information = task.prior_about(parameters), np.linalg.inv(passed.theta_covariance)
-    inside = in_units(task.setup.constraints, task.free, lambda by: task.free.moved(parameters, by))
+    inside = in_units(task.setup.constraints, task.free, parameters)
     found = nearest(inside, theta, information, prior.low, prior.high)
     pull = information @ (found - theta)
     return found, prices(inside, found, information, pull, prior.low, prior.high)
@@ -357,7 +357,7 @@ def at_mean(setup: Setup, outcome: Outcome, stage: PlanStage) -> Outcome:
 def kept_inside(setup: Setup, outcome: Outcome) -> Outcome:
     """The outcome within what physics knows: the most probable with its covariance."""
     free, p = setup.free(outcome.free), outcome.parameters
-    inside = in_units(setup.constraints, free, lambda by: free.moved(p, by))
+    inside = in_units(setup.constraints, free, p)
     low, high = ((bound - p[outcome.free]) / free.scale for bound in setup.bounds(outcome.free))
     here = np.zeros(len(outcome.free))
     found = nearest(inside, here, np.linalg.inv(outcome.covariance), low, high)

@@ -156,7 +156,7 @@ def map_fit(
         (prior.low, prior.high),
         policy.steps,
         policy.tolerance,
-        in_units(prior.constraints, free, at),
+        in_units(prior.constraints, free, start, origin),
     )
     return at(found.theta), found
 

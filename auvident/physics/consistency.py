@@ -89,7 +89,7 @@ class Constraint:
     asks : str
         What data that pull at it ask for.
     lacks : str
-        What is likely to lack where they do.
+        What the model is likely to lack where they do.
     rows : callable
         `Basis` to the rows of g; none where it cannot be told.
     """
@@ -197,7 +197,7 @@ def _of_sign(generic: str, surely: bool = False) -> Callable[[Basis], Iterator[R
 
 # --- table ---------------------------------------------------------------------------------
 
-A_LAG = "a delay, a servo lag or the lever arm of a sensor may lack"
+A_LAG = "a delay, a servo lag or the lever arm of a sensor may be missing"
 CONSTRAINTS = (
     Constraint(
         "surge_added_mass",
@@ -205,7 +205,7 @@ CONSTRAINTS = (
         "kinetic energy of the fluid is not negative (Lamb 1932, article 121)",
         PLANES,
         "an added mass in surge of the wrong sign",
-        "a lag of the propeller or of the speed measurement may lack",
+        "a lag of the propeller or of the speed measurement may be missing",
         surge_added_mass,
     ),
     Constraint(
@@ -232,7 +232,7 @@ CONSTRAINTS = (
         "forces without work but for damping (Lamb 1932, articles 124 and 126)",
         PLANES,
         "a hull that gains energy from the water it moves through",
-        "a current, a roll or a force that is no hull's may lack",
+        "a current, the roll or a force that does not come from the hull may be missing",
         hull_damping,
     ),
     Constraint(
@@ -250,7 +250,7 @@ CONSTRAINTS = (
         "thrust falls with the advance (every open-water curve)",
         PLANES,
         "a thrust that grows with the advance",
-        "a current or a lag of the propeller may lack",
+        "a current or a lag of the propeller may be missing",
         _of_sign("T_nu"),
     ),
     Constraint(

@@ -258,6 +258,19 @@ class LeftOutSummary(Artifact):
     model_error: dict[str, ModelError]
 
 
+class ConstraintState(Artifact):
+    """A constraint of physics on a model, see ``auvident.physics.consistency``.
+
+    ``value`` is without dimension, zero at the edge; ``cost_nats`` is what the log posterior of the
+    last stage would gain without the constraint, to second order.
+    """
+
+    id: str
+    value: float
+    active: bool
+    cost_nats: float
+
+
 class IdentifiedModel(Artifact):
     """``identify/model.json`` (and ``refine/model.json``)."""
 
@@ -276,6 +289,7 @@ class IdentifiedModel(Artifact):
     covariance: dict[str, Any] = {}
     correlations: dict[str, dict[str, float]] = {}
     unidentifiable: tuple[Combination, ...] = ()
+    constraints: tuple[ConstraintState, ...] = ()
     left_out: LeftOutSummary | None = None
     stages: tuple[StageRecord, ...] = ()
     findings: tuple[Finding, ...] = ()
