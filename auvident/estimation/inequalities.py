@@ -17,7 +17,7 @@ Array = npt.NDArray[Any]
 # theta (n,) -> g (m,), its slopes (m, n)
 Inequalities = Callable[[Array], tuple[Array, Array]]
 
-INSIDE = 1.0e-6  # a step that is cut off ends so far inside, in the units of g
+INSIDE = 1.0e-8  # a step that is cut off ends so far inside, in the units of g
 AT_THE_EDGE = 1.0e-4  # nearer than this an inequality may hold a parameter
 MOST_CUTS = 20  # rounds of tangents; two or three do
 HALVINGS = 50

@@ -147,7 +147,12 @@ def total_mass(basis: Basis) -> Iterator[Row]:
 
 
 def hull_damping(basis: Basis) -> Iterator[Row]:
-    """Minus the power of the hull's forces in each state, over the estimate's part by part."""
+    """Minus the power of the hull's forces in each state, over the estimate's part by part.
+
+    An estimate without resistance straight ahead is no hull's: none of its states is judged.
+    """
+    if not hull_power(basis.structure, np.array([1.0, 0.0, 0.0])) @ basis.prior < 0.0:
+        return
     for state in basis.flown:
         power = hull_power(basis.structure, state)
         size = float(np.abs(power) @ np.abs(basis.prior))
