@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from auvident.constants import FILTER_START_STD, VehicleTime
 from auvident.engines import compiled
+from auvident.engines.constraints import by_constraint, in_units
 from auvident.engines.free_run import OutputError, likelihood
 from auvident.engines.map_fit import NoisePolicy, Prior, map_rounds
 from auvident.engines.noise import Noise, coloured_noise, effective_noise, white
@@ -21,6 +22,7 @@ from auvident.engines.problem import FilterProblem, FilterResult, Records
 from auvident.engines.records import Record, stack
 from auvident.engines.setup import Outcome, Setup, active_states, live_followers
 from auvident.errors import NumericsError
+from auvident.estimation.inequalities import nearest, prices
 from auvident.estimation.innovations import most_likely
 from auvident.estimation.posterior_mean import move_to_mean
 from auvident.physics.dynamics import N_STATES
@@ -72,7 +74,7 @@ class Task:
         origin, scale = parameters[self.positions], self.free.scale
         mean, (low, high) = self.setup.prior[self.positions], self.setup.bounds(self.positions)
         away, below, above = ((values - origin) / scale for values in (mean, low, high))
-        return Prior(away, self.information, below, above, origin)
+        return Prior(away, self.information, below, above, origin, self.setup.constraints)
 
 
 def task_of(setup: Setup, stage: PlanStage, positions: npt.NDArray[np.int64] | None = None) -> Task:
@@ -185,7 +187,7 @@ def filter_pass(task: Task, parameters: Array, noise: Array, observer_time_s: fl
     """
     problem = _problem_of(task, parameters, noise, observer_time_s)
     passed = _engine(task.setup.engine)(problem, task.setup.filter)
-    theta = _about_the_prior(task, parameters, passed)
+    theta, cost = _kept(task, parameters, _about_the_prior(task, parameters, passed), passed)
     return Outcome(
         parameters=problem.parameters_at(theta),
         free=task.positions,
@@ -197,6 +199,7 @@ def filter_pass(task: Task, parameters: Array, noise: Array, observer_time_s: fl
         samples=passed.samples,
         passed=passed,
         observer_time_s=observer_time_s,
+        prices=by_constraint(task.setup.constraints, cost),
     )
 
 
@@ -242,6 +245,18 @@ def _about_the_prior(task: Task, parameters: Array, passed: FilterResult) -> Arr
     return np.clip(theta, prior.low, prior.high)
 
 
+def _kept(task: Task, parameters: Array, theta: Array, passed: FilterResult) -> tuple[Array, Array]:
+    """The deviations that are most probable within what physics knows, and the cost of that.
+
+    The next stage starts there; the covariance is that of the pass.
+    """
+    prior, information = task.prior_about(parameters), np.linalg.inv(passed.theta_covariance)
+    inside = in_units(task.setup.constraints, task.free, parameters)
+    found = nearest(inside, theta, information, prior.low, prior.high)
+    pull = information @ (found - theta)
+    return found, prices(inside, found, information, pull, prior.low, prior.high)
+
+
 def _engine(name: str) -> Callable[[FilterProblem, str], FilterResult]:
     """The run of a filter by its engine; filterpy takes a second to import."""
     if name == "compiled":
@@ -275,6 +290,7 @@ def _fitted(task: Task, parameters: Array, noise: Array, coloured: bool) -> Outc
         noise=effective_noise(output, last.parameters, task.setup.sensor_std),
         ids=tuple(record.id for record in output.records),
         samples=sum(_readings(record, output.active) for record in output.records),
+        prices=by_constraint(task.setup.constraints, last.fit.prices),
     )
 
 
@@ -333,4 +349,16 @@ def at_mean(setup: Setup, outcome: Outcome, stage: PlanStage) -> Outcome:
         task.information,
         [k for k, name in enumerate(setup.names(outcome.free)) if name in BY_SYMBOL],
     )
-    return replace(outcome, parameters=task.free.moved(outcome.parameters, move))
+    return kept_inside(
+        setup, replace(outcome, parameters=task.free.moved(outcome.parameters, move))
+    )
+
+
+def kept_inside(setup: Setup, outcome: Outcome) -> Outcome:
+    """The outcome within what physics knows: the most probable with its covariance."""
+    free, p = setup.free(outcome.free), outcome.parameters
+    inside = in_units(setup.constraints, free, p)
+    low, high = ((bound - p[outcome.free]) / free.scale for bound in setup.bounds(outcome.free))
+    here = np.zeros(len(outcome.free))
+    found = nearest(inside, here, np.linalg.inv(outcome.covariance), low, high)
+    return replace(outcome, parameters=free.moved(p, found)) if found.any() else outcome

@@ -13,10 +13,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.engines.constraints import in_units
 from auvident.engines.free_run import Colours, OutputError, likelihood
 from auvident.engines.noise import Noise
 from auvident.engines.prediction import Free
 from auvident.estimation.output_error import COST_TOLERANCE, MAX_ITERATIONS, Fit, fit
+from auvident.physics.consistency import UNCONSTRAINED, Constraints
 
 Array = npt.NDArray[Any]
 
@@ -35,6 +37,8 @@ class Prior:
     origin : (n,) array or None
         None counts from zero: a parameter that ends at a bound of zero is off to the last digit.
         From where a fit begins on, what the data do not show keeps its digits.
+    constraints : Constraints
+        What physics knows of the parameters; no fit leaves it.
     """
 
     mean: Array
@@ -42,6 +46,7 @@ class Prior:
     low: Array
     high: Array
     origin: Array | None = None
+    constraints: Constraints = UNCONSTRAINED
 
 
 @dataclass(frozen=True)
@@ -151,6 +156,7 @@ def map_fit(
         (prior.low, prior.high),
         policy.steps,
         policy.tolerance,
+        in_units(prior.constraints, free, start, origin),
     )
     return at(found.theta), found
 

@@ -2,15 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from auvident.engines.constraints import envelope
 from auvident.engines.map_fit import Estimate
 from auvident.engines.prediction import Frame, Free
 from auvident.engines.problem import FilterResult
 from auvident.engines.records import Record
+from auvident.physics.consistency import Basis, Constraints, constraints_of
 from auvident.physics.sensing import sensor_matrix
 from auvident.physics.terms import Structure
 from auvident.schema.artifacts import Sensing
@@ -65,6 +68,12 @@ class Setup:
         """Reading = sensor @ state, without effects."""
         return sensor_matrix(self.structure.plane, self.sensing)
 
+    @cached_property
+    def constraints(self) -> Constraints:
+        """What physics knows of the parameters, over the envelope of the records."""
+        flown = envelope(record for _, record in self.records.values())
+        return constraints_of(Basis(self.structure, self.prior, self.prior_std, flown))
+
     def names(self, positions: Array) -> list[str]:
         """Names of parameters."""
         return [self.structure.parameters[i] for i in positions]
@@ -111,6 +120,8 @@ class Outcome(Estimate):
         The record of the filter pass; None for a refinement.
     observer_time_s : float or None
         Of the filter pass: the time over which it trusted the model.
+    prices : mapping
+        What each constraint costs by its id [nats], see `estimation.inequalities.prices`.
     """
 
     covariance: Array
@@ -119,6 +130,7 @@ class Outcome(Estimate):
     samples: int
     passed: FilterResult | None = field(default=None, repr=False)
     observer_time_s: float | None = None
+    prices: Mapping[str, float] = field(default_factory=dict)
 
 
 def active_states(system: System, plane: str) -> npt.NDArray[np.bool_]:

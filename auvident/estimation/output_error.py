@@ -9,6 +9,8 @@ import numpy.typing as npt
 from scipy.linalg import solve_triangular
 
 from auvident.errors import NumericsError
+from auvident.estimation import inequalities as within
+from auvident.estimation.inequalities import Inequalities
 
 Array = npt.NDArray[Any]
 
@@ -42,6 +44,8 @@ class Fit:
     cost : float
         Negative log posterior up to a constant.
     iterations : int
+    prices : (m,) array
+        What each inequality costs in nats, see `inequalities.prices`.
     """
 
     theta: Array
@@ -49,6 +53,7 @@ class Fit:
     covariance: Array
     cost: float
     iterations: int
+    prices: Array
 
 
 # theta -> half the sum of squared whitened residuals, its gradient, its Gauss-Newton curvature
@@ -63,6 +68,7 @@ def fit(
     bounds: tuple[Array, Array] | None = None,
     iterations: int = MAX_ITERATIONS,
     tolerance: float = COST_TOLERANCE,
+    inequalities: Inequalities = within.none,
 ) -> Fit:
     """Minimise whitened residuals and distance from the prior together.
 
@@ -84,25 +90,30 @@ def fit(
         At most so many steps are tried.
     tolerance : float
         Relative fall of the cost below which the fit has converged.
+    inequalities : callable, optional
+        Concave, at least zero in the set that no step leaves; a start outside is moved into it.
 
     Raises
     ------
     NumericsError
         The prediction already runs away at the start, or the curvature is singular.
     """
-    theta = start.copy()
+    low, high = bounds or (np.full(len(start), -np.inf), np.full(len(start), np.inf))
+    theta = within.nearest(inequalities, start.copy(), prior_information, low, high)
+    inequalities = within.from_where_it_stands(inequalities, theta)
     cost, gradient, curvature = _posterior(likelihood, theta, prior_mean, prior_information)
     if not np.isfinite(cost):
         raise NumericsError(
             "the prediction diverges with the initial coefficients of the fit",
             remedy="Run the filter stages first, or check the priors and the mass properties.",
         )
-    low, high = bounds or (np.full(len(theta), -np.inf), np.full(len(theta), np.inf))
     iteration, reach = 0, FIRST_REACH
     while iteration < iterations and reach > LEAST_REACH:
         ridge = RIDGE * np.diag(np.maximum(np.diag(curvature), np.diag(prior_information)))
         room = np.maximum(low - theta, -reach), np.minimum(high - theta, reach)
-        trial = np.clip(theta + bounded_step(curvature + ridge, gradient, *room), low, high)
+        step = bounded_step(curvature + ridge, gradient, *room)
+        step = within.kept(inequalities, theta, step, curvature + ridge, gradient, *room)
+        trial = np.clip(theta + step, low, high)
         step = trial - theta
         promised = -float(gradient @ step + 0.5 * step @ curvature @ step)
         if promised < WORTH_A_TRIAL * tolerance * max(cost, 1.0):
@@ -118,7 +129,8 @@ def fit(
         if settled:
             break
     covariance = _solved(curvature, np.eye(len(theta)))
-    return Fit(theta, curvature - prior_information, covariance, cost, iteration)
+    prices = within.prices(inequalities, theta, curvature, gradient, low, high)
+    return Fit(theta, curvature - prior_information, covariance, cost, iteration, prices)
 
 
 def _next_reach(reach: float, size: float, kept: float) -> float:

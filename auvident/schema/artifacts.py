@@ -324,6 +324,19 @@ class ProfileInterval(Artifact):
     root: tuple[float, ...]
 
 
+class ConstraintState(Artifact):
+    """A constraint of physics on a model, see ``auvident.physics.consistency``.
+
+    ``value`` is without dimension, zero at the edge; ``cost_nats`` is what the log posterior of the
+    last stage would gain without the constraint, to second order.
+    """
+
+    id: str
+    value: float
+    active: bool
+    cost_nats: float
+
+
 class IdentifiedModel(Artifact):
     """``identify/model.json`` (and ``refine/model.json``)."""
 
@@ -342,6 +355,7 @@ class IdentifiedModel(Artifact):
     covariance: dict[str, Any] = {}
     correlations: dict[str, dict[str, float]] = {}
     unidentifiable: tuple[Combination, ...] = ()
+    constraints: tuple[ConstraintState, ...] = ()
     left_out: LeftOutSummary | None = None
     prior_against_data: PriorAgainstData | None = None
     noise_claim: NoiseClaim | None = None

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from auvident.constants import NORMAL_95
 from auvident.engines.carried import Carried, effect_rows
 from auvident.engines.free_run import NOTHING
 from auvident.engines.jackknife import Scatter, jackknife_covariance
@@ -20,10 +21,12 @@ from auvident.estimation.identifiability import (
     correlations,
     data_shares,
 )
+from auvident.physics.consistency import BY_CONSTRAINT
 from auvident.physics.terms import Structure
 from auvident.schema.artifacts import (
     AseResult,
     Combination,
+    ConstraintState,
     Finding,
     FittedNoise,
     IdentifiedModel,
@@ -46,6 +49,8 @@ NOT_MOVED = 0.05  # data share below which a coefficient stayed where the prior 
 CORRELATED = 0.95
 # scatter between maneuvers, where it is beyond chance, over the filter's own standard deviation
 DISAGREE = 2.0
+# [nats] the likelihood ratio of a parameter of no effect stays below in 19 of 20 cases (Wilks 1938)
+BEYOND_CHANCE = 0.5 * NORMAL_95**2
 
 
 @dataclass(frozen=True)
@@ -86,6 +91,7 @@ def model_of(
     rows = tuple(_widened(row, final, structure, setup.followers, scatter, widen) for row in rows)
     symbols = setup.names(final.free)
     records = tuple(_stage_record(setup, step) for step in done)
+    constraints = _constraints(setup, final)
     return IdentifiedModel(
         vehicle=vehicle.body.name,
         plane=plane,
@@ -101,13 +107,46 @@ def model_of(
         covariance=_covariance(setup, final, symbols, widen),
         correlations=correlations(final.covariance, symbols),
         unidentifiable=tuple(_combination(direction, symbols) for direction in unseen),
+        constraints=constraints,
         stages=records,
         findings=(
             *findings,
             *_findings(rows, final, symbols),
+            *_constraint_findings(constraints),
             *nis_findings(records[-1]),
         ),
     )
+
+
+def _constraints(setup: Setup, final: Outcome) -> tuple[ConstraintState, ...]:
+    """Where a model stands to what physics knows; of several states flown to the worst."""
+    value, _ = setup.constraints(final.parameters)
+    least: dict[str, float] = {}
+    for name, g in zip(setup.constraints.ids, value.tolist(), strict=True):
+        least[name] = min(g, least.get(name, g))
+    costs = {name: final.prices.get(name, 0.0) for name in least}
+    return tuple(
+        ConstraintState(id=name, value=g, active=costs[name] > 0.0, cost_nats=costs[name])
+        for name, g in least.items()
+    )
+
+
+def _constraint_findings(constraints: Sequence[ConstraintState]) -> list[Finding]:
+    """Constraints that hold a model against what the data ask for."""
+    return [
+        Finding(
+            code="against-physics",
+            where=state.id,
+            value=state.cost_nats,
+            threshold=BEYOND_CHANCE,
+            message=f"the data ask for {BY_CONSTRAINT[state.id].asks} "
+            f"(cost {state.cost_nats:.0f} nats): {BY_CONSTRAINT[state.id].lacks}",
+            remedy="The model keeps what physics allows; look for the effect with "
+            "`auvident diagnose` before using the coefficients.",
+        )
+        for state in constraints
+        if state.cost_nats > BEYOND_CHANCE
+    ]
 
 
 def _effects(

@@ -95,6 +95,7 @@ def prior_of(case: Case, free: Array, open_: Sequence[int]) -> Prior:
         information,
         np.maximum(case.low[free] / scale, mean - reach),
         np.minimum(case.high[free] / scale, mean + reach),
+        constraints=case.setup.constraints,
     )
 
 
