@@ -26,10 +26,9 @@ ACTIVE = np.array([True, True, True, False])  # the heading is taken as logged
 CHANNELS = HORIZONTAL.velocities
 NUISANCE_REACH = 2.0  # a nuisance parameter reaches this many of its standard deviations
 FREE_GROUPS = ("drag", "thrust", "turning_drag", "lift", "cross_flow", "control")
-# The friction line falls with the Reynolds number, C_F ~ Re^-0.17 about 1e6 (ITTC 1957), and with
-# hull and fins friction is some 0.6 of the drag of a whole vehicle (estimate for REMUS), so that
+# The friction line falls with the Reynolds number, C_F ~ Re^-0.17 about 1e6 (ITTC 1957), so that
 # drag grows a little slower than u^2: about X_uu the same as this share of it in proportion to u.
-FRICTION_SLOPE = 0.17 * 0.6
+FRICTION_SLOPE = 0.17
 FRICTION = "linear_drag.X_u"
 FREE_SIZE = (0.005, 0.005, 0.002)  # prior of a free force on X, A, B [density/2 L^2 U^2, N: L^3]
 
