@@ -104,7 +104,8 @@ def test_maneuvers_are_paired_and_fewer_than_three_pairs_say_nothing() -> None:
     ("change", "larger"),
     [
         (changed(0.9, 1.0, 1.0), False),
-        (changed(1.001, 1.0, 1.0), True),  # the mean rises
+        (changed(1.05, 1.0, 1.0), True),  # the mean rises ...
+        (changed(1.02, 1.0, 1.0), False),  # ... and here by chance
         (changed(0.5, 1.0, 1.8), False),  # a rise by 80 %, outweighed
         (changed(0.5, 1.0, 1.8, balance_se=0.1), True),  # as well by chance
         (changed(0.5, 1.0, 1.8, se=0.7, balance_se=0.1), False),  # as is the rise
@@ -125,6 +126,14 @@ def test_left_out_errors_decide_over_those_of_the_fit() -> None:
     assert (
         best_of([TriedModel(("current",), fell | {"u": math.inf}, changed(0.1, 0.1, 0.1))]) is None
     )
+
+
+def test_where_left_out_errors_do_not_tell_those_of_the_fit_decide() -> None:
+    """The tanker: left-out errors rise by chance, all of those of the fit fall."""
+    by_chance = changed(1.5, 1.1, 1.0, se=0.6, balance_se=0.6)
+    fell = {"u": 0.92, "v": 0.86, "r": 0.76}
+    assert best_of([TriedModel(("current",), fell, by_chance)]) == 0
+    assert best_of([TriedModel(("current",), fell | {"r": 1.3}, by_chance)]) is None
 
 
 # --- attempts ------------------------------------------------------------------------------

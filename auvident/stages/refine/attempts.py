@@ -117,18 +117,23 @@ class TriedModel:
     @property
     def is_good(self) -> bool:
         """Whether no error rises."""
-        if self.left_out is not None:
-            return self.is_better and not self.rising
-        return not self.is_lost and not self.rising
+        return self.is_better and not self.rising
 
     @property
     def is_better(self) -> bool:
-        """Whether it predicts better than the model before, nothing much worse."""
-        if self.is_lost:
+        """Whether it predicts better than the model before, nothing much worse.
+
+        Where maneuvers left out do not tell, by the errors of the fit.
+        """
+        if self.is_lost or (self.left_out is not None and self.left_out.is_larger):
             return False
-        if self.left_out is not None:
-            return not self.left_out.is_larger
-        return self.rise[0] <= MOST_RISE and self.balance < 0.0
+        return self._fits_better or not (self.left_out is None or self.left_out.is_undecided)
+
+    @property
+    def _fits_better(self) -> bool:
+        """Whether no error rises in the fit, or what rises a little is outweighed there."""
+        logs = [math.log(max(ratio, FLAT)) for ratio in self.ratios.values()]
+        return self.rise[0] <= RISE or (self.rise[0] <= MOST_RISE and sum(logs) < 0.0)
 
 
 def tried_with(

@@ -61,13 +61,19 @@ class LeftOutChange:
         return self.balance + self.balance_se < 0.0
 
     @property
+    def is_undecided(self) -> bool:
+        """Whether the balance is within its standard error: the errors of the fit decide then."""
+        return abs(self.balance) <= self.balance_se
+
+    @property
     def is_larger(self) -> bool:
         """Whether the left-out error is larger, so that the model before is the better one.
 
-        The mean logarithm is above zero; or one channel rises by much, beyond chance, and what
-        the others gain does not outweigh it beyond chance.
+        The mean logarithm is above zero, beyond its standard error (at the zigzags of the tanker a
+        right effect, which halves the held-out error of r, ends at 0.19 +- 0.57); or one channel
+        rises by much, beyond chance, and what the others gain does not outweigh it beyond chance.
         """
-        return self.balance > 0.0 or (bool(self.rising(MUCH)) and not self.falls)
+        return self.balance > self.balance_se or (bool(self.rising(MUCH)) and not self.falls)
 
 
 def left_out_change(
