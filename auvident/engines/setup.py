@@ -43,6 +43,8 @@ class Setup:
     filter, engine : str
     start : (n_parameters,) array
         Where the first stage starts.
+    friction : float
+        Share of the drag of the estimate that falls with the Reynolds number.
     """
 
     structure: Structure
@@ -57,6 +59,7 @@ class Setup:
     filter: str
     engine: str
     start: Array
+    friction: float = 1.0
 
     @property
     def frame(self) -> Frame:

@@ -33,6 +33,8 @@ Array = npt.NDArray[Any]
 # fibre-optic or MEMS rate gyro, a compass.
 DEFAULT_STD = {"m/s": 5.0e-3, "rad/s": 1.0e-3, "rad": 5.0e-3}
 
+OMITTED = "appendages"  # part of the estimate for what a sketch does not show
+
 
 def prepare(
     trials: Sequence[Trial],
@@ -87,7 +89,18 @@ def prepare(
         filter=filter,
         engine=engine,
         start=start,
+        friction=friction_share(ase),
     )
+
+
+def friction_share(ase: AseResult) -> float:
+    """Share of hull and fins in the drag; all of it where only the whole is known.
+
+    What a sketch omits (sensors, handles, gaps) drags by pressure, whatever the Reynolds number.
+    """
+    (row,) = (c for c in ase.coefficients if c.symbol == "X_uu")
+    omitted = row.parts.get(OMITTED, 0.0)
+    return float(np.clip(1.0 - omitted / row.value, 0.0, 1.0)) if row.value else 1.0
 
 
 def _masked(record: Record, carried: Carried) -> Record:

@@ -27,7 +27,7 @@ CHANNELS = HORIZONTAL.velocities
 NUISANCE_REACH = 2.0  # a nuisance parameter reaches this many of its standard deviations
 FREE_GROUPS = ("drag", "thrust", "turning_drag", "lift", "cross_flow", "control")
 # The friction line falls with the Reynolds number, C_F ~ Re^-0.17 about 1e6 (ITTC 1957), so that
-# drag grows a little slower than u^2: about X_uu the same as this share of it in proportion to u.
+# friction grows a little slower than u^2: the same as this share of it in proportion to u.
 FRICTION_SLOPE = 0.17
 FRICTION = "linear_drag.X_u"
 FREE_SIZE = (0.005, 0.005, 0.002)  # prior of a free force on X, A, B [density/2 L^2 U^2, N: L^3]
@@ -182,8 +182,8 @@ def case_of(setup: Setup, model: IdentifiedModel, checks: Sequence[SensorCheck])
             low[i], high[i] = declared.low * scale, declared.high * scale
         elif name in setup.structure.parameters:
             stds[i] = setup.prior_std[setup.structure.index(name)]
-    friction = FRICTION_SLOPE * prior[structure.index("X_uu")] * unit[0]
-    prior[structure.index(FRICTION)] = friction
+    drag = prior[structure.index("X_uu")] * unit[0]
+    prior[structure.index(FRICTION)] = FRICTION_SLOPE * setup.friction * drag
     whole = replace(setup, structure=structure, prior=prior, prior_std=stds)
     identified = parameter_vector(plane, model.values(), model.rigid_body, structure=structure)
     kinds = {name: kind for name, (kind, _) in setup.records.items()}
