@@ -29,6 +29,7 @@ FREE_GROUPS = ("drag", "thrust", "turning_drag", "lift", "cross_flow", "control"
 # The friction line falls with the Reynolds number, C_F ~ Re^-0.17 about 1e6 (ITTC 1957), so that
 # friction grows a little slower than u^2: the same as this share of it in proportion to u.
 FRICTION_SLOPE = 0.17
+FRICTION_UNSURE = 0.5  # of it: how much of a drag is friction is known no better
 FRICTION = "linear_drag.X_u"
 FREE_SIZE = (0.005, 0.005, 0.002)  # prior of a free force on X, A, B [density/2 L^2 U^2, N: L^3]
 
@@ -182,8 +183,9 @@ def case_of(setup: Setup, model: IdentifiedModel, checks: Sequence[SensorCheck])
             low[i], high[i] = declared.low * scale, declared.high * scale
         elif name in setup.structure.parameters:
             stds[i] = setup.prior_std[setup.structure.index(name)]
-    drag = prior[structure.index("X_uu")] * unit[0]
-    prior[structure.index(FRICTION)] = FRICTION_SLOPE * setup.friction * drag
+    friction, at = FRICTION_SLOPE * setup.friction, structure.index(FRICTION)
+    prior[at] = friction * prior[structure.index("X_uu")] * unit[0]
+    nuisance[at] = max(nuisance[at], FRICTION_UNSURE * abs(prior[at]))
     whole = replace(setup, structure=structure, prior=prior, prior_std=stds)
     identified = parameter_vector(plane, model.values(), model.rigid_body, structure=structure)
     kinds = {name: kind for name, (kind, _) in setup.records.items()}
