@@ -230,6 +230,7 @@ LIKENESSES: dict[str, str] = {
     "large helms": "circles of 25 degrees and more, and circles with a thrust step",
     "falling thrust": "straight runs at the same rpm all through the trial",
     "drag": "straight runs at low and at full speed",
+    "damping": "zigzags of two sizes, circles of small and of large rudder angles",
 }
 
 # fmt: off
@@ -373,13 +374,13 @@ EFFECTS: tuple[Effect, ...] = (
         P("Y_r|v|", "kg", 0.03, 0.01, -1.0, 1.0, powers=(1, 3, 0, 0)),
     ), "Y + Y_v|r| v|r| + Y_r|v| r|v|", "drift angle depends on the rate of turn", (),
         "Norrbin (1971); Clarke (2003)",
-        higher_order=True),
+        alike="damping", higher_order=True),
     Effect("yaw_cross_flow", "hydrodynamics", "force", H, (
         P("N_v|r|", "kg m", 0.008, 0.003, -1.0, 1.0, powers=(1, 4, 0, 0)),
         P("N_r|v|", "kg m", 0.008, 0.003, -1.0, 1.0, powers=(1, 4, 0, 0)),
     ), "N + N_v|r| v|r| + N_r|v| r|v|", "overshoot depends on the rate of turn", (),
         "Norrbin (1971); Clarke (2003)",
-        higher_order=True),
+        alike="damping", higher_order=True),
     Effect("cubic_damping", "hydrodynamics", "force", H, (
         P("N_vvr", "kg s", 0.05, 0.02, -5.0, 5.0, powers=(1, 4, -1, 0)),
         P("N_rrr", "kg m^2 s", 0.01, 0.004, -1.0, 1.0, powers=(1, 6, -1, 0)),
@@ -400,7 +401,7 @@ EFFECTS: tuple[Effect, ...] = (
         P("Y_v", "kg/s", 0.015, 0.005, -1.0, 1.0, powers=(1, 2, 1, 0)),
         P("N_r", "kg m^2/s", 3e-3, 1e-3, -1.0, 1.0, powers=(1, 4, 1, 0)),
     ), "Y + Y_v v, N + N_r r", "drift and turns die faster at low speed", (),
-        "Fossen (2021), 6.4"),
+        "Fossen (2021), 6.4", alike="damping"),
     Effect("roll_coupling", "hydrodynamics", "force", H, (
         P("Y_uuphi", "kg/m", 0.015, 0.004, -1.0, 1.0, powers=(1, 2, 0, 0)),
         P("N_uuphi", "kg", 0.004, 0.001, -1.0, 1.0, powers=(1, 3, 0, 0)),
