@@ -112,7 +112,7 @@ def cut(record: Record, samples: int) -> Record:
     if source is not None:
         end = len(source.raw) - len(record.time_s) + samples
         long = {k: getattr(source, k)[:end] for k in ("raw", "elapsed_s", "speed", "roll", "pitch")}
-        short = {k: getattr(source, k)[:samples] for k in ("rates", "bridged")}
+        short = {k: getattr(source, k)[:samples] for k in ("rates", "bridged", "from_middle_s")}
         source = replace(source, **long, **short)
     return Record(
         record.id,

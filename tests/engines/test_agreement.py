@@ -111,18 +111,19 @@ def test_the_problem_is_as_hard_as_it_should_be(system, kind) -> None:
     assert found.samples == both(system, kind)[1].samples
 
 
-# Both do the same arithmetic in another order over 420 steps; conditions of up to 1e6 leave
-# 1e-10 of 1e-16, and agreement is asked for to 1e-8 of each quantity's own size.
-RELATIVE = 1e-8
+# Both do the same arithmetic in another order over 420 steps. Agreement is asked for in each
+# quantity's own size, which for one that may be zero, as every effect, is its prior standard
+# deviation. Conditions of 1e5 leave 5e-11 of 1e-16 in the EKF; in the UKF the weight of the centre,
+# 1 - n = -27, cancels against the others and leaves 3e-8; with a weight of zero a seventh.
+RELATIVE = {"ekf": 1e-9, "ukf": 1e-7}
 
 
 @pytest.mark.parametrize(("system", "kind"), CASES)
 def test_parameters_agree(system, kind) -> None:
     p, (found, expected) = problem(system), both(system, kind)
-    np.testing.assert_allclose(
-        found.parameters[p.free] / p.scale, expected.parameters[p.free] / p.scale, rtol=RELATIVE
-    )
-    np.testing.assert_allclose(found.parameters, expected.parameters, rtol=RELATIVE)
+    size = np.abs(expected.parameters)
+    size[p.free] = np.maximum(size[p.free], p.scale)
+    assert (np.abs(found.parameters - expected.parameters) <= RELATIVE[kind] * size).all()
 
 
 @pytest.mark.parametrize(("system", "kind"), CASES)
@@ -132,31 +133,39 @@ def test_covariances_agree(system, kind) -> None:
     np.testing.assert_allclose(
         found.theta_covariance / np.outer(spread, spread),
         expected.theta_covariance / np.outer(spread, spread),
-        atol=RELATIVE,
+        rtol=0.0,
+        atol=RELATIVE[kind],
     )
 
 
 @pytest.mark.parametrize(("system", "kind"), CASES)
 def test_log_likelihoods_agree(system, kind) -> None:
     found, expected = both(system, kind)
-    assert found.log_likelihood == pytest.approx(expected.log_likelihood, rel=RELATIVE)
+    assert found.log_likelihood == pytest.approx(expected.log_likelihood, rel=RELATIVE[kind])
 
 
 @pytest.mark.parametrize(("system", "kind"), CASES)
 def test_histories_agree(system, kind) -> None:
     p, (found, expected) = problem(system), both(system, kind)
     np.testing.assert_allclose(
-        found.history / p.scale, expected.history / p.scale, rtol=RELATIVE, atol=RELATIVE
+        found.history / p.scale,
+        expected.history / p.scale,
+        rtol=RELATIVE[kind],
+        atol=RELATIVE[kind],
     )
-    np.testing.assert_allclose(found.history_std, expected.history_std, rtol=RELATIVE)
+    np.testing.assert_allclose(found.history_std, expected.history_std, rtol=RELATIVE[kind])
     np.testing.assert_array_equal(found.history[-1], found.parameters[p.free])
 
 
 @pytest.mark.parametrize(("system", "kind"), CASES)
 def test_states_and_whitened_innovations_agree(system, kind) -> None:
     p, (found, expected) = problem(system), both(system, kind)
-    np.testing.assert_allclose(found.states, expected.states, rtol=RELATIVE, atol=RELATIVE)
-    np.testing.assert_allclose(found.whitened, expected.whitened, rtol=RELATIVE, atol=RELATIVE)
+    np.testing.assert_allclose(
+        found.states, expected.states, rtol=RELATIVE[kind], atol=RELATIVE[kind]
+    )
+    np.testing.assert_allclose(
+        found.whitened, expected.whitened, rtol=RELATIVE[kind], atol=RELATIVE[kind]
+    )
     measured = np.isfinite(p.records.measured) & p.channels
     np.testing.assert_array_equal(np.isfinite(found.whitened), measured)
 

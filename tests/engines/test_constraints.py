@@ -9,7 +9,7 @@ from auvident.engines.constraints import OUTERMOST, by_constraint, envelope, in_
 from auvident.engines.estimator import Task, free_positions, kept_inside, run_stage, task_of
 from auvident.engines.setup import Setup
 from auvident.estimation.inequalities import nearest
-from auvident.physics.consistency import UNCONSTRAINED, Constraints, hull_power
+from auvident.physics.consistency import Constraints, hull_power
 from auvident.stages.identify.result import BEYOND_CHANCE, _constraint_findings, _constraints
 from tests.engines.chain import identified, setup_of
 from tests.engines.test_estimator import linear_setup, stage
@@ -38,7 +38,7 @@ def half_of_the_way(task: Task, best: np.ndarray, symbol: str) -> Constraints:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_stage_whose_optimum_is_outside_ends_inside(method) -> None:
-    plain, how = under(linear_setup(), UNCONSTRAINED), stage(method=method)
+    plain, how = linear_setup(), stage(method=method)
     best = run_stage(plain, plain.prior, how)
     setup = under(plain, half_of_the_way(task_of(plain, how), best.parameters, "X_vr"))
     (before,), _ = setup.constraints(best.parameters)
@@ -52,7 +52,7 @@ def test_a_stage_whose_optimum_is_outside_ends_inside(method) -> None:
 
 
 def test_the_price_of_a_constraint_is_what_the_fit_without_it_gains() -> None:
-    plain, how = under(linear_setup(), UNCONSTRAINED), stage(method="filter")
+    plain, how = linear_setup(), stage(method="filter")
     best = run_stage(plain, plain.prior, how)
     setup = under(plain, half_of_the_way(task_of(plain, how), best.parameters, "X_vr"))
     found = run_stage(setup, setup.prior, how)
@@ -63,7 +63,7 @@ def test_the_price_of_a_constraint_is_what_the_fit_without_it_gains() -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_constraints_that_do_not_hold_change_nothing(method) -> None:
-    plain, how = under(linear_setup(), UNCONSTRAINED), stage(method=method)
+    plain, how = linear_setup(), stage(method=method)
     best = run_stage(plain, plain.prior, how)
     slopes = np.zeros((1, len(plain.prior)))
     slopes[0, plain.structure.index("m")] = 1.0
@@ -122,7 +122,7 @@ def test_slopes_in_units_of_a_fit_go_with_what_follows() -> None:
 
 
 def test_an_outcome_outside_is_moved_inside_and_one_inside_stays() -> None:
-    plain = under(linear_setup(), UNCONSTRAINED)
+    plain = linear_setup()
     best = run_stage(plain, plain.prior, stage())
     setup = under(plain, half_of_the_way(task_of(plain, stage()), best.parameters, "X_vr"))
     assert kept_inside(plain, best) is best

@@ -1,6 +1,6 @@
 """One stage of a plan: the prior stays the ASE's, effective noise, what is free, errors."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -18,6 +18,7 @@ from auvident.engines.noise import effective_noise, white
 from auvident.engines.setup import Setup, active_states
 from auvident.errors import NumericsError
 from auvident.estimation.output_error import correlation_time
+from auvident.physics.consistency import UNCONSTRAINED
 from auvident.schema.plan import PlanStage, Tuning
 from tests.engines.chain import cut, plan_named, setup_of
 
@@ -30,15 +31,25 @@ def stage(**changes) -> PlanStage:
     return PlanStage.model_validate(parts | changes)
 
 
+class Unconstrained(Setup):
+    """An identification that keeps nothing; so does one with other records or another plan."""
+
+    constraints = UNCONSTRAINED
+
+
 def linear_setup(filter: str = "ekf", **tuning) -> Setup:
-    """The surge equation without u on its right-hand side: linear in state and parameters."""
+    """The surge equation without u on its right-hand side: linear in state and parameters.
+
+    No inequality bends it: thrust that no drag balances is next to none, and would be held there.
+    """
     plan = plan_named("spiral").model_copy(update={"tuning": tuning})
     setup = setup_of(plan=plan, filter=filter)
     prior = setup.prior.copy()
     for symbol in ("X_uu", "T_nu", "X_uudd"):
         prior[setup.structure.index(symbol)] = 0.0
     records = {key: (kind, cut(record, 300)) for key, (kind, record) in setup.records.items()}
-    return replace(setup, prior=prior, records=records)
+    parts = {f.name: getattr(setup, f.name) for f in fields(setup)}
+    return Unconstrained(**parts | {"prior": prior, "records": records})
 
 
 def elsewhere(setup: Setup) -> np.ndarray:
@@ -107,13 +118,19 @@ def test_with_drift_the_start_hardly_leaks_into_the_result(steady_noise) -> None
     setup = linear_setup(all=Tuning(drift=0.1))
     here = run_stage(setup, setup.prior, stage())
     there = run_stage(setup, elsewhere(setup), stage())
-    scale = setup.prior_std[here.free] * np.sqrt(np.diag(here.covariance))
-    apart = np.abs((here.parameters - there.parameters)[here.free] / scale)
-    # the drift of the pass is counted as if all of it came before the data: half a posterior
-    # standard deviation at the most, of several that the starts are apart
-    assert apart.max() < 0.5
-    moved = (elsewhere(setup) - here.parameters)[here.free] / scale
-    assert np.abs(moved).max() > 4 * apart.max()
+
+    def distance(by: np.ndarray) -> float:
+        """In posterior standard deviations, whatever the directions."""
+        away = by[here.free] / setup.prior_std[here.free]
+        return float(np.sqrt(away @ np.linalg.solve(here.covariance, away)))
+
+    # the drift of the pass is counted as if all of it came before the data: what is left of 17
+    # standard deviations is 0.07 of them (0.06 with turn-3 for turn-2; wherever the starts lie 0.08
+    # at most, as on the bay trial)
+    leaked = distance(there.parameters - here.parameters)
+    assert leaked < 0.1 * distance(elsewhere(setup) - setup.prior)
+    assert there.passed is not None and here.passed is not None
+    assert leaked < 0.5 * distance(there.passed.parameters - here.passed.parameters)
 
 
 # --- effective noise -----------------------------------------------------------------------

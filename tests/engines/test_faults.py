@@ -10,7 +10,7 @@ from tests.engines.chain import cut, problem_of, setup_of
 SURGE, LATERAL = (True, False, False, False), (False, True, True, False)
 LIFT = ("Y_uv", "Y_ur", "N_uv", "N_ur", "Y_uud", "N_uud")
 DRAG = ("X_uu", "T_nn", "T_nu")
-LONG = "harbour_trial-zigzag-1"
+LONG = "harbour_trial-zigzag-2"
 SHORT = "harbour_trial-turn-1"
 RUNS = [
     pytest.param(compiled.run, "ekf", id="compiled-ekf"),

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from auvident.engines.carried import claimed_covariance, free_behind
+from auvident.engines.jackknife import (
+    information_by_maneuver,
+    jackknife_covariance,
+    moves_without,
+    scatter_of,
+)
 from auvident.schema.artifacts import LeftOutError, LeftOutManeuver, LeftOutSummary
+from auvident.stages.identify import stage
 from auvident.stages.identify.left_out import left_out_of
 from auvident.stages.validate.band import coverage_of, cross_validation_of
 from tests.engines.chain import identified, plan_named, sample, setup_of, validated
@@ -97,15 +104,29 @@ def test_the_errors_of_a_maneuver_left_out_are_those_of_an_identification_withou
         assert told[channel].rmse == pytest.approx(errors[channel].rmse, rel=0.05)
 
 
-def test_the_scatter_between_maneuvers_stands_beside_the_covariance() -> None:
-    model = identified("harbour_trial").model
-    spread = np.sqrt(np.diag(model.covariance["scatter"]))
-    rows = {c.symbol: c for c in model.coefficients}
-    symbols = model.covariance["symbols"]
-    told = {s: float(x) for s, x in zip(symbols, spread, strict=True)}
-    assert told["X_uu"] == pytest.approx(rows["X_uu"].std_jackknife)
+def test_the_scatter_between_maneuvers_stands_beside_the_covariance(monkeypatch) -> None:
+    """That of the moves themselves: where the prior pulls, they scatter more than the maneuvers."""
+    parts = []
+
+    def by_maneuver(*args):
+        parts.append(information_by_maneuver(*args))
+        return parts[-1]
+
+    monkeypatch.setattr(stage, "information_by_maneuver", by_maneuver)
+    model = sample("harbour_trial").identify().model
+    symbols, scale = model.covariance["symbols"], np.array(model.covariance["scale"])
     # a limit is a secant: the step without a maneuver means nothing along it
-    assert told["rudder_rate_limit.rate_degps"] == 0.0
+    unit = np.where([s == "rudder_rate_limit.rate_degps" for s in symbols], 0.0, scale)
+    assert (unit == 0.0).sum() == 1
+    expected = jackknife_covariance(moves_without(*parts[0]))
+    np.testing.assert_allclose(
+        np.array(model.covariance["scatter"]), expected * np.outer(unit, unit), rtol=1e-9
+    )
+    # a coefficient by itself is told how its maneuvers disagree with each other alone
+    rows = {c.symbol: c for c in model.coefficients}
+    centred = scatter_of(*parts[0]).std * scale
+    told = {s: float(x) for s, x in zip(symbols, centred, strict=True)}
+    assert told["X_uu"] == pytest.approx(rows["X_uu"].std_jackknife)
     _, fitted = free_behind(model)
     _, claimed = free_behind(model, claimed_covariance)
     assert np.linalg.eigvalsh(claimed - fitted).min() > -1e-9
