@@ -64,9 +64,10 @@ def test_a_page_without_the_one_place_is_left_as_it_is(page: Path, text: str) ->
 
 def test_every_part_has_its_section() -> None:
     text = (ROOT / "docs" / "benchmarks.md").read_text()
-    for name in (*bench.PARTS, "effects", "evidence"):
+    parts = (*bench.PARTS, "effects", "evidence", "totals")
+    for name in parts:
         assert len(re.findall(written.PLACE.format(name=name), text, re.DOTALL)) == 1, name
-    assert len(re.findall("<!-- begin ", text)) == len(bench.PARTS) + 2
+    assert len(re.findall("<!-- begin ", text)) == len(parts)
 
 
 def test_a_part_writes_its_tables_and_with_what(page: Path, monkeypatch, capsys) -> None:

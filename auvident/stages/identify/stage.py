@@ -38,7 +38,7 @@ from auvident.schema.coefficients import BY_SYMBOL, Plane
 from auvident.schema.plan import Plan, PlanStage
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
-from auvident.stages.identify.held_out import overlap_findings
+from auvident.stages.identify.held_out import overlap_findings, without_held_out
 from auvident.stages.identify.left_out import left_out_of
 from auvident.stages.identify.prior_data import prior_against_data
 from auvident.stages.identify.profiles import profiles_of
@@ -77,6 +77,11 @@ def speed_of(trials: Sequence[Trial]) -> float:
     logged = np.concatenate([*speeds, np.zeros(0)])
     logged = logged[np.isfinite(logged)]
     return max(float(np.median(logged)), LEAST_SPEED_MPS) if len(logged) else USUAL_SPEED_MPS
+
+
+def _seen_speed(trials: Sequence[Trial], maneuvers: Maneuvers, plane: Plane) -> float:
+    """Median speed [m/s] outside of what is held out, which chooses nothing."""
+    return speed_of([without_held_out(trial, maneuvers, plane) for trial in trials])
 
 
 def identify(
@@ -121,7 +126,9 @@ def identify(
     NumericsError
         Nothing to identify from, or a filter failed (with maneuver and time).
     """
-    carried = carried or allowed(plan.nuisance, plane, ase.length_m, speed_of(trials))
+    carried = carried or allowed(
+        plan.nuisance, plane, ase.length_m, _seen_speed(trials, maneuvers, plane)
+    )
     setup = prepare(
         trials,
         maneuvers,

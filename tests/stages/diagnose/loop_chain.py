@@ -12,6 +12,8 @@ from auvident.stages.identify import without_held_out
 from tests.engines.chain import Chain, identified, sample
 from tests.session import once
 
+KINDS = ("straight", "turn", "zigzag")
+
 
 @dataclass(frozen=True)
 class Loop:
@@ -45,16 +47,16 @@ def diagnosis(name: str) -> Diagnosis:
 
 @once
 def small_case() -> Case:
-    """One straight run, two turns and two zigzags of the harbour, no sensor checks."""
+    """A straight run, two turns and two zigzags of the harbour, no sensor checks.
+
+    The first and the last of a kind: a zigzag of 20 degrees and one of 10.
+    """
     made = loop("harbour_trial")
     whole = case_of(made.setup, made.model, [])
-    wanted = {"straight": 1, "turn": 2, "zigzag": 2}
-    chosen = [
-        r
-        for kind, n in wanted.items()
-        for r in [r for r in whole.records if whole.kinds[r.id] == kind][:n]
-    ]
-    return replace(whole, records=tuple(chosen))
+    of_kind = {k: [r for r in whole.records if whole.kinds[r.id] == k] for k in KINDS}
+    turns, zigzags = of_kind["turn"], of_kind["zigzag"]
+    chosen = (of_kind["straight"][0], turns[0], turns[-1], zigzags[0], zigzags[-1])
+    return replace(whole, records=chosen)
 
 
 @once

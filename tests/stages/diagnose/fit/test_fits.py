@@ -39,6 +39,13 @@ def checked(mean: float, std: float):
     return replace(small_case(), checks=(check,))
 
 
+def unit_of(name: str) -> float:
+    """What the sizes of a parameter are multiplied by for this vehicle: L/U of a time."""
+    made = loop("harbour_trial")
+    records = [record for _, record in made.setup.records.values()]
+    return cases.size_unit(parameter_of(name), made.model, cases.sizes_of(made.model, records))
+
+
 # --- what is free, and how far -------------------------------------------------------------
 
 
@@ -65,14 +72,16 @@ def test_a_nuisance_is_tight_until_its_effect_is_tried() -> None:
     free = case.with_baseline(("rudder_lag",))
     at = int(np.flatnonzero(free == case.position(LAG))[0])
     scale, declared = case.setup.prior_std[free][at], parameter_of(LAG)
+    unit = unit_of(LAG)
+    assert unit == pytest.approx(1.33 / 1.48, rel=0.02)  # L/U of the trial
     spread, reach = [], []
     for open_ in ((), case.positions("rudder_lag")):
         prior = prior_of(case, free, open_)
         spread.append(scale / np.sqrt(prior.information[at, at]))
         reach.append((prior.low[at] * scale, prior.high[at] * scale))
-    assert spread == pytest.approx([declared.nuisance_std, declared.prior])
-    assert reach[0] == pytest.approx((0.0, NUISANCE_REACH * declared.nuisance_std))
-    assert reach[1] == pytest.approx((declared.low, declared.high))
+    assert spread == pytest.approx([declared.nuisance_std * unit, declared.prior * unit])
+    assert reach[0] == pytest.approx((0.0, NUISANCE_REACH * declared.nuisance_std * unit))
+    assert reach[1] == pytest.approx((declared.low * unit, declared.high * unit))
 
 
 def test_what_the_sensors_say_counts_like_a_prior() -> None:
@@ -80,7 +89,7 @@ def test_what_the_sensors_say_counts_like_a_prior() -> None:
     free = case.with_baseline(("gyro_bias",))
     at = int(np.flatnonzero(free == case.position(BIAS))[0])
     found = prior_of(case, free, case.positions("gyro_bias"))
-    prior, scale = parameter_of(BIAS).prior, case.setup.prior_std[free][at]
+    prior, scale = parameter_of(BIAS).prior * unit_of(BIAS), case.setup.prior_std[free][at]
     assert scale / np.sqrt(found.information[at, at]) == pytest.approx((prior**-2 + 1e6) ** -0.5)
     assert found.mean[at] * scale == pytest.approx(0.004 * 1e6 / (1e6 + prior**-2))
     rest = np.delete(np.arange(len(free)), at)
@@ -161,9 +170,19 @@ def test_masked_readings_do_not_count() -> None:
 
 def test_a_model_that_runs_away_is_no_fit() -> None:
     case, p = small_case(), small_fit().parameters.copy()
-    p[case.position("X_uu")] = 1e4
+    p[case.position("X_uu")] = -1e6  # a step of 0.1 s is far too long for such a drag
     assert residuals_of(output_error(case, small_fit().colours), p) is None
     assert fit_with(case, (), p, small_fit().colours) is None
+
+
+def test_a_hull_that_drives_itself_is_no_start() -> None:
+    """A prediction with it runs away; the fit begins at the nearest hull that does not."""
+    case, p = small_case(), small_fit().parameters.copy()
+    p[case.position("X_uu")] = 1e4
+    assert residuals_of(output_error(case, small_fit().colours), p) is None
+    found = fit_with(case, (), p, small_fit().colours)
+    assert found is not None
+    assert (case.setup.constraints(found.parameters)[0] >= 0.0).all()
 
 
 # --- candidates ----------------------------------------------------------------------------
