@@ -71,10 +71,13 @@ class WithStd:
     value: float
     std: float | None
     behind: str = ""
+    unit: str = ""
 
     def text(self, style: Style) -> str:
-        """Both, rounded to the standard deviation."""
-        return style.with_std(self.value, self.std) + self.behind
+        """Both in the unit that is shown, rounded to the standard deviation."""
+        value, std = (style.shown(x, self.unit) for x in (self.value, self.std))
+        assert value is not None
+        return style.with_std(value, std) + self.behind
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """Tables of the residual loop, from its artifacts; for the terminal and for the page."""
 
-import math
 from collections.abc import Sequence
 
 from auvident.report import loop_words as words
@@ -221,11 +220,8 @@ def cross_validated(found: CrossValidated, title: str = CROSSED) -> Table:
 
 
 def _error(row: CrossValidation | None) -> Cell:
-    """An error with its standard error, in the unit that is shown."""
-    if row is None:
-        return Number(None)
-    scale = math.degrees(1.0) if row.unit.startswith("rad") else 1.0
-    return WithStd(scale * row.rmse, scale * row.se)
+    """An error with its standard error."""
+    return Number(None) if row is None else WithStd(row.rmse, row.se, unit=row.unit)
 
 
 def residuals(found: Diagnosis) -> Table:

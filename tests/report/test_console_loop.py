@@ -195,7 +195,7 @@ def test_the_cross_validation_of_the_final_model_stands_beside_that_of_the_first
     shown = refined(tried_comparison())
     assert "each left out in turn, without and with" in shown
     assert "0.0460 ± 0.0046" in shown and "0.0230 ± 0.0023" in shown
-    assert "0.355 ± 0.036" in shown  # deg/s
+    assert "0.00620 ± 0.00062" in shown  # rad/s, as the unit beside says
     assert "left out in turn, without" not in refined(loop_world.comparison(loop_world.nothing()))
 
 
