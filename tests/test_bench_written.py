@@ -64,7 +64,7 @@ def test_a_page_without_the_one_place_is_left_as_it_is(page: Path, text: str) ->
 
 def test_every_part_has_its_section() -> None:
     text = (ROOT / "docs" / "benchmarks.md").read_text()
-    parts = (*bench.PARTS, "effects", "evidence", "totals")
+    parts = (*bench.PARTS, *bench.STUDIES)
     for name in parts:
         assert len(re.findall(written.PLACE.format(name=name), text, re.DOTALL)) == 1, name
     assert len(re.findall("<!-- begin ", text)) == len(parts)

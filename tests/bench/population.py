@@ -15,6 +15,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+from tests.bench import written
 from tests.bench.effects import ONE_THREAD, append, program, read_outcomes
 from tests.bench.population_score import is_wrong, scored, tables
 from tests.bench.population_trial import WANTED, key_of, outcome
@@ -46,6 +47,23 @@ def main(arguments: list[str], show: Show) -> None:
     for title, rows in found.items():
         if rows:
             show(f"{title} ({options.half}, {len(scores)} trials)", rows)
+    if options.write:
+        sailed = [kept[key] for key in keys if key in kept]
+        written.write("population", measured(sailed, options.half), without_empty(found))
+
+
+def measured(sailed: list[Outcome], half: str) -> str:
+    """Which program, how many trials, which seeds."""
+    versions = ", ".join(f"`{v}`" for v in sorted({one["program"] for one in sailed}))
+    numbers = [one["case"]["seed"] for one in sailed]
+    parity = "even" if HALVES[0] == half else "odd"
+    span = f"{len(numbers)} trials, {parity} seeds between {min(numbers)} and {max(numbers)}"
+    return f"Program {versions}; {span}."
+
+
+def without_empty(found: dict[str, Any]) -> dict[str, Any]:
+    """Tables that have rows."""
+    return {title: rows for title, rows in found.items() if rows}
 
 
 def seeds(first: int, count: int, half: str) -> list[int]:
@@ -91,4 +109,5 @@ def _options(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--resume", type=Path, help="file of outcomes; those in it are taken")
     parser.add_argument("--score", type=Path, help="sail nothing, score the outcomes in a file")
     parser.add_argument("--json", type=Path, help="file for the tables")
+    parser.add_argument("--write", action="store_true", help="replace the section of the page")
     return parser.parse_args(arguments)
