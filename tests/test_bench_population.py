@@ -7,7 +7,7 @@ import pytest
 from auvident.errors import InputError
 from tests import loop_world
 from tests.bench import __main__ as bench
-from tests.bench import population
+from tests.bench import halves, population
 from tests.bench.population_score import STATES, clean_state, is_wrong, last_line, scored, tables
 from tests.bench.population_trial import (
     band_coverage,
@@ -55,7 +55,7 @@ def named(outcome) -> str:
 
 
 def test_halves_never_meet():
-    tune, report = (population.seeds(3, 5, half) for half in population.HALVES)
+    tune, report = (halves.seeds(3, 5, half) for half in halves.HALVES)
     assert tune == [4, 6, 8, 10, 12] and report == [3, 5, 7, 9, 11]
 
 
@@ -65,7 +65,7 @@ def test_single_trials_are_told_of_the_half_that_may_be_looked_at():
     assert "trials that went wrong" not in tables(wrong, CLASSES, with_seeds=False)
 
 
-@pytest.mark.parametrize("half", population.HALVES)
+@pytest.mark.parametrize("half", halves.HALVES)
 def test_outcomes_of_the_other_half_are_not_scored(half, tmp_path, capsys):
     path, table = tmp_path / "kept.jsonl", tmp_path / "tables.json"
     for seed in (0, 1, 2, 3):

@@ -6,18 +6,18 @@ import pytest
 from tests.bench.population_trial import SAMPLES  # noqa: F401 (puts the generator on the path)
 from tests.bench.totals import STEP_S, motion_of, states_of, summary, true_rates
 
-RECORD_COLUMNS = 18
-
 
 def record(n: int = 400) -> np.ndarray:
     """Half of it ahead at two speeds, half turning to either side."""
+    from seatrial.simulate import RECORD_COLUMNS, REVS, RUDDER
+
     rows = np.zeros((n, RECORD_COLUMNS))
     quarter = n // 4
-    rows[:, 0], rows[:, 17] = 1.5, 20.0
-    rows[:quarter, 0], rows[:quarter, 17] = 1.0, 12.0
+    rows[:, 0], rows[:, REVS] = 1.5, 20.0
+    rows[:quarter, 0], rows[:quarter, REVS] = 1.0, 12.0
     for first, sign in ((2 * quarter, 1.0), (3 * quarter, -1.0)):
         part = slice(first, first + quarter)
-        rows[part, 1], rows[part, 5], rows[part, 15] = -0.1 * sign, 0.2 * sign, 0.26 * sign
+        rows[part, 1], rows[part, 5], rows[part, RUDDER] = -0.1 * sign, 0.2 * sign, 0.26 * sign
     return rows
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from tests.bench.effects import ONE_THREAD, append, program, read_outcomes
 from tests.bench.evidence_score import tables
-from tests.bench.population import HALVES, seeds
+from tests.bench.halves import measured, options_of, seeds
 from tests.bench.written import write
 
 Outcome = dict[str, Any]
@@ -39,15 +39,6 @@ def main(arguments: list[str], show: Show) -> None:
         show(f"{title} ({options.half}, {len(found)} trials)", rows)
     if options.write and told:
         write(WRITTEN, measured(found, options.half), told)
-
-
-def measured(found: list[Outcome], half: str) -> str:
-    """What the section says of the study: program, number of trials, seeds."""
-    numbers = [o["case"]["seed"] for o in found]
-    versions = ", ".join(f"`{v}`" for v in sorted({o.get("program", "unknown") for o in found}))
-    which = "even" if half == HALVES[0] else "odd"
-    told = f"{which} seeds {min(numbers)} to {max(numbers)}"
-    return f"Program {versions}; {len(found)} trials of the population, {told}."
 
 
 def sail(wanted: list[int], resume: Path | None) -> dict[str, Outcome]:
@@ -74,11 +65,6 @@ def sail(wanted: list[int], resume: Path | None) -> dict[str, Outcome]:
 
 
 def _options(arguments: list[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m tests.bench evidence", description=__doc__)
-    parser.add_argument("--first", type=int, default=0, help="seeds from here on")
-    parser.add_argument("--count", type=int, default=60, help="number of trials")
-    parser.add_argument("--half", choices=HALVES, default="tune", help="even or odd seeds")
-    parser.add_argument("--resume", type=Path, help="file of outcomes; those in it are taken")
+    parser = options_of("evidence", __doc__, 60)
     parser.add_argument("--score", type=Path, help="sail nothing, score the outcomes in a file")
-    parser.add_argument("--write", action="store_true", help="replace the section of the page")
     return parser.parse_args(arguments)

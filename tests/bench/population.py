@@ -17,10 +17,9 @@ from typing import Any
 
 from tests.bench import written
 from tests.bench.effects import ONE_THREAD, append, program, read_outcomes
+from tests.bench.halves import measured, options_of, seeds
 from tests.bench.population_score import is_wrong, scored, tables
 from tests.bench.population_trial import WANTED, key_of, outcome
-
-HALVES = ("tune", "report")
 
 Outcome = dict[str, Any]
 Show = Callable[[str, list[dict[str, Any]]], None]
@@ -52,23 +51,9 @@ def main(arguments: list[str], show: Show) -> None:
         written.write("population", measured(sailed, options.half), without_empty(found))
 
 
-def measured(sailed: list[Outcome], half: str) -> str:
-    """Which program, how many trials, which seeds."""
-    versions = ", ".join(f"`{v}`" for v in sorted({one["program"] for one in sailed}))
-    numbers = [one["case"]["seed"] for one in sailed]
-    parity = "even" if HALVES[0] == half else "odd"
-    span = f"{len(numbers)} trials, {parity} seeds between {min(numbers)} and {max(numbers)}"
-    return f"Program {versions}; {span}."
-
-
 def without_empty(found: dict[str, Any]) -> dict[str, Any]:
     """Tables that have rows."""
     return {title: rows for title, rows in found.items() if rows}
-
-
-def seeds(first: int, count: int, half: str) -> list[int]:
-    """The first `count` seeds of a half, from `first` on."""
-    return [s for s in range(first, first + 2 * count + 1) if HALVES[s % 2] == half][:count]
 
 
 def sail(wanted: list[int], short: bool, until: str, resume: Path | None) -> dict[str, Outcome]:
@@ -100,14 +85,9 @@ def _tell(found: Outcome, number: str, took_s: float) -> None:
 
 
 def _options(arguments: list[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m tests.bench population", description=__doc__)
-    parser.add_argument("--first", type=int, default=0, help="seeds from here on")
-    parser.add_argument("--count", type=int, default=30, help="number of trials")
-    parser.add_argument("--half", choices=HALVES, default="tune", help="even or odd seeds")
+    parser = options_of("population", __doc__, 30)
     parser.add_argument("--until", choices=WANTED, default=WANTED[-1], help="the last stage")
     parser.add_argument("--long", action="store_true", help="logs of 10 to 60 minutes")
-    parser.add_argument("--resume", type=Path, help="file of outcomes; those in it are taken")
     parser.add_argument("--score", type=Path, help="sail nothing, score the outcomes in a file")
     parser.add_argument("--json", type=Path, help="file for the tables")
-    parser.add_argument("--write", action="store_true", help="replace the section of the page")
     return parser.parse_args(arguments)

@@ -8,7 +8,6 @@ put over ahead, rudder against the turn. The claim is that of the readings and t
 with the scatter between maneuvers. Even seeds choose, odd seeds report, as in `population`.
 """
 
-import argparse
 import json
 import os
 import tempfile
@@ -30,8 +29,9 @@ from auvident.engines.prediction import Frame, Free
 from auvident.physics.actuation import acting_inputs, command_values
 from auvident.physics.dynamics import N_STATES, simulate_with_sensitivities
 from auvident.schema.artifacts import IdentifiedModel
+from tests.bench import written
 from tests.bench.effects import ONE_THREAD, append, program, read_outcomes
-from tests.bench.population import HALVES, seeds
+from tests.bench.halves import measured, options_of, seeds
 from tests.bench.population_trial import chain
 
 Array = npt.NDArray[Any]
@@ -41,13 +41,14 @@ STEP_S = 1.0e-4  # of the difference behind an acceleration: far below any time 
 TURNING, AHEAD = 0.8, 0.3  # quantiles of the yaw rate above and below which it turns, goes ahead
 SEEN = 0.8  # share of the data above which a total is one that was seen, as in `recovery`
 SURGE, SWAY, YAW = 0, 1, 2
+PLANAR = [0, 1, 5]  # u, v, r among the six velocities of the plant
 NAMES = ("u'", "v'", "r'")
 HELM = "rudder"  # totals of this name are of states off the balance that maneuvers keep to
 
 
 def main(arguments: list[str], show: Callable[[str, list[dict[str, Any]]], None]) -> None:
     """Identify, compare and print."""
-    options = _options(arguments)
+    options = options_of("totals", __doc__, 20).parse_args(arguments)
     for name in ONE_THREAD:
         os.environ[name] = "1"
     version, wanted = program(), seeds(options.first, options.count, options.half)
@@ -64,10 +65,7 @@ def main(arguments: list[str], show: Callable[[str, list[dict[str, Any]]], None]
     for name, rows in result.items():
         show(name, rows)
     if options.write:
-        from tests.bench import written
-
-        how = f"Program `{version}`; {len(found)} drawn vehicles ({options.half} half)."
-        written.write("totals", how, result)
+        written.write("totals", measured(found, options.half), result)
 
 
 def outcome(seed: int) -> Outcome:
@@ -138,17 +136,19 @@ Motion = tuple[Array, float, float]  # u, v, r; rudder [rad]; propeller rate [re
 
 def states_of(rows: Array) -> Iterator[tuple[str, Motion, tuple[int, ...]]]:
     """States to compare at, from (n, 18) rows of the record, and the accelerations to compare."""
-    rate = np.abs(rows[:, 5])
+    from seatrial.simulate import REVS, RUDDER
+
+    rate = np.abs(rows[:, PLANAR[YAW]])
     turns = rows[rate >= np.quantile(rate, TURNING)]
     ahead = rows[rate <= np.quantile(rate, AHEAD)]
-    helm = float(np.quantile(np.abs(rows[:, 15]), TURNING))
-    slow, fast = (ahead[_half(ahead[:, 17], above)] for above in (False, True))
+    helm = float(np.quantile(np.abs(rows[:, RUDDER]), TURNING))
+    slow, fast = (ahead[_half(ahead[:, REVS], above)] for above in (False, True))
     (u, _, _), _, revs = motion_of(fast)
     for name, part in (("ahead, slow", slow), ("ahead, fast", fast)):
         (speed, _, _), _, rps = motion_of(part)
         yield name, (np.array([speed, 0.0, 0.0]), 0.0, rps), (SURGE,)
     for side, sign in (("to starboard", 1.0), ("to port", -1.0)):
-        own = turns[turns[:, 5] * sign > 0.0]
+        own = turns[turns[:, PLANAR[YAW]] * sign > 0.0]
         if len(own):
             state, rudder, rps = motion_of(own)
             yield f"turning {side}", (state, rudder, rps), (SURGE, SWAY, YAW)
@@ -163,8 +163,10 @@ def _half(values: Array, above: bool) -> Array:
 
 def motion_of(rows: Array) -> Motion:
     """Mean motion of some rows."""
+    from seatrial.simulate import REVS, RUDDER
+
     mean = rows.mean(axis=0)
-    return mean[[0, 1, 5]], float(mean[15]), float(mean[17])
+    return mean[PLANAR], float(mean[RUDDER]), float(mean[REVS])
 
 
 def true_rates(body: Any, state: Array, rudder: float, revs: float) -> Array:
@@ -179,14 +181,13 @@ def true_rates(body: Any, state: Array, rudder: float, revs: float) -> Array:
     )
 
     full, force = np.zeros(STATES), np.zeros(6)
-    full[[0, 1, 5]] = state
+    full[PLANAR] = state
     thrust, _ = propeller(state[0], revs, body)
     force[0] = thrust
     add_coriolis(full[:6], body.mass, force)
     add_hull(full[:6], body, PlantEffects(), force)
     add_fins(full[:6], rudder, 0.0, thrust, body, PlantEffects(), force)
-    places = [0, 1, 5]
-    found: Array = np.linalg.solve(body.mass[np.ix_(places, places)], force[places])
+    found: Array = np.linalg.solve(body.mass[np.ix_(PLANAR, PLANAR)], force[PLANAR])
     return found
 
 
@@ -240,13 +241,3 @@ def _row(name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
         found[f"mean square{claim}"] = float(np.mean(z**2))
         found[f"95 % covers{claim}"] = f"{100.0 * np.mean(np.abs(z) < NORMAL_95):.1f} %"
     return found
-
-
-def _options(arguments: list[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m tests.bench totals", description=__doc__)
-    parser.add_argument("--first", type=int, default=0, help="seeds from here on")
-    parser.add_argument("--count", type=int, default=20, help="number of vehicles")
-    parser.add_argument("--half", choices=HALVES, default="tune", help="even or odd seeds")
-    parser.add_argument("--resume", type=Path, help="file of outcomes; those in it are taken")
-    parser.add_argument("--write", action="store_true", help="replace the section of the page")
-    return parser.parse_args(arguments)

@@ -114,8 +114,8 @@ def test_the_problem_is_as_hard_as_it_should_be(system, kind) -> None:
 # Both do the same arithmetic in another order over 420 steps. Agreement is asked for in each
 # quantity's own size, which for one that may be zero, as every effect, is its prior standard
 # deviation. Conditions of 1e5 leave 5e-11 of 1e-16 in the EKF; in the UKF the weight of the centre,
-# 1 - n = -27, cancels against the others and leaves 3e-8; with a weight of zero a seventh.
-RELATIVE = {"ekf": 1e-9, "ukf": 1e-7}
+# 1 - n = -27, cancels against the others and leaves up to 9e-9 (with other noise 3e-8).
+RELATIVE = {"ekf": 1e-9, "ukf": 1e-8}
 
 
 @pytest.mark.parametrize(("system", "kind"), CASES)
