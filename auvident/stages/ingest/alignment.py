@@ -69,14 +69,14 @@ def check_alignment(raw: RawTrial, trial: Trial, vehicle: Vehicle) -> Aligned:
     records = smooth_records(trial, STEERING, MAX_LAG_S)
     grip, passage = _grip(records), _passage_s(records, vehicle)
     sign = _rudder_to_gyro(records, grip, CAUSAL_LAGS_S)
-    pitching = _elevator_to_gyro(trial)
+    pitching = _elevator_to_gyro(trial, CAUSAL_LAGS_S)
     heading = _gyro_to_heading(trial)
     refuse_heading(raw, heading)
     held = held_rudder(trial, vehicle.hull.length_m, grip)
     either_way = _rudder_to_gyro(records, grip, EITHER_WAY_S)
     judged = judge_rudder(vehicle, sign, either_way, held)
     refuse_rudder_sign(raw, vehicle, judged)
-    refuse_elevator_sign(raw, vehicle, pitching)
+    refuse_elevator_sign(raw, vehicle, pitching, _elevator_to_gyro(trial, EITHER_WAY_S))
     rudder = _told(either_way, passage)
     dvl = _told(_gyro_to_dvl(records, grip, vehicle, rudder.lag_s if rudder else 0.0), passage)
     pairs = (("rudder", "gyro", rudder), ("gyro", "dvl", dvl))
@@ -126,7 +126,7 @@ def _rudder_to_gyro(
     return fit_relation(records, relation, lags_s, lambda s: s["u"] > grip)
 
 
-def _elevator_to_gyro(trial: Trial) -> Relation | None:
+def _elevator_to_gyro(trial: Trial, lags_s: tuple[float, float]) -> Relation | None:
     """Pitch acceleration from elevator, pitch rate, the righting moment and a trim."""
     columns = {name: c for name, c in PITCHING.items() if c in trial.table}
     if not {"u", "q", "elevator"} <= set(columns):
@@ -139,7 +139,7 @@ def _elevator_to_gyro(trial: Trial) -> Relation | None:
         x += [s["pitch"]] if "pitch" in s else []
         return s["q_dot"], np.column_stack(x)
 
-    return fit_relation(records, relation, CAUSAL_LAGS_S, lambda s: s["u"] > grip)
+    return fit_relation(records, relation, lags_s, lambda s: s["u"] > grip)
 
 
 def _gyro_to_heading(trial: Trial) -> Relation | None:

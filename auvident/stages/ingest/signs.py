@@ -106,9 +106,26 @@ def refuse_rudder_sign(raw: RawTrial, vehicle: Vehicle, rudder: RudderSign) -> N
         raise _contradiction(raw, vehicle, "rudder", rudder.shown)
 
 
-def refuse_elevator_sign(raw: RawTrial, vehicle: Vehicle, found: Relation | None) -> None:
-    """Refuse a log whose elevator works the other way than the vehicle file says."""
-    if found is not None and _is_opposite(found, vehicle):
+def refuse_elevator_sign(
+    raw: RawTrial, vehicle: Vehicle, found: Relation | None, either_way: Relation | None
+) -> None:
+    """Refuse a log whose elevator works the other way than the vehicle file says.
+
+    An autopilot that holds the depth of a lively vehicle moves the elevator with the pitch, in
+    oscillations of a second or two. Half a period later they look like those of an elevator of
+    the opposite sign: the scan of either way has to say the same.
+
+    Parameters
+    ----------
+    raw : RawTrial
+    vehicle : Vehicle
+        With the sign that it should be.
+    found, either_way : Relation or None
+        Pitch acceleration from the elevator before it, and from one that may also come after it.
+    """
+    if found is None or either_way is None or not _is_opposite(found, vehicle):
+        return
+    if float(either_way.theta[0]) > 0.0:
         raise _contradiction(raw, vehicle, "elevator", _response_words(found))
 
 

@@ -1,0 +1,43 @@
+"""The sign of the elevator, from trials of the independent generator."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from auvident.errors import InputError
+from auvident.schema.logs import RawTrial
+from auvident.stages.ingest import ingest
+from auvident.storage.logs import read_trials
+from auvident.storage.vehicle_file import load_vehicle
+
+SAMPLES = Path(__file__).resolve().parents[2] / "sample_logs"
+
+
+def reversed_elevator(raw: RawTrial) -> RawTrial:
+    s = raw.sensors["elevator"]
+    turned = replace(s, values={"elevator_rad": -s.values["elevator_rad"]})
+    return replace(raw, sensors=raw.sensors | {"elevator": turned})
+
+
+def test_vertical_maneuvers_show_the_sign():
+    (raw,) = read_trials([SAMPLES / "dive_trial"])
+    boat = load_vehicle(SAMPLES / "remus100.toml")
+    _, quality = ingest(raw, boat)
+    assert quality.checks["elevator_sign"]["response_1pm2"] < 0
+    with pytest.raises(InputError, match="elevator sign contradicts"):
+        ingest(reversed_elevator(raw), boat)
+
+
+@pytest.mark.parametrize("seed", [95, 227])
+def test_an_autopilot_on_a_lively_vehicle_is_not_taken_for_a_reversed_elevator(seed, tmp_path):
+    sys.path.insert(0, str(SAMPLES))
+    from seatrial.population import draw
+
+    drawn = draw(seed)
+    drawn.write(drawn.sail(), tmp_path / "trial", tmp_path / "vehicle.toml")
+    (raw,) = read_trials([tmp_path / "trial"])
+    _, quality = ingest(raw, load_vehicle(tmp_path / "vehicle.toml"))
+    seen = quality.checks["elevator_sign"]
+    assert seen["response_1pm2"] > 4 * seen["std"]  # the half period later does look like one
