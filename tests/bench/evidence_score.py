@@ -68,7 +68,7 @@ def with_sensors(t: float, row: Row) -> float:
 
 def share(row: Row) -> float:
     """Share of the power above the noise of the sensors that is explained where left out."""
-    before, after = (np.array(p).sum(axis=0) for p in row["power_own"])
+    before, after = (np.array(p).sum(axis=0)[None] for p in row["power_own"])
     std = np.minimum(row["sensor_std"], row["noise"][1][:3])
     found = explained_share(before, after, np.array(row["readings"]) * std**2)
     old, new = row["checks"]

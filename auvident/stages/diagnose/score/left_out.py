@@ -151,7 +151,7 @@ def helped(
 
     Parameters
     ----------
-    floor : (3,) array, optional
+    floor : (m, 3) array, optional
         Power that the noise of the sensors alone would have, see `noise_floor`.
     """
     gains = gains_of(before, after)
@@ -169,7 +169,7 @@ def helped(
         deciding,
         p,
         t_value(whole),
-        explained_share(before.power.sum(axis=0), after.power.sum(axis=0), floor),
+        explained_share(before.power, after.power, floor),
     )
 
 
@@ -195,26 +195,35 @@ def t_value(gains: Array) -> float:
 
 
 def readings_of(case: Case) -> Array:
-    """Readings (3,) of each channel in all maneuvers."""
-    return np.array(
-        [sum(np.isfinite(r.measured[:, c]).sum() for r in case.records) for c in range(N_CHANNELS)]
-    )
+    """Readings (m, 3) of each channel in each maneuver."""
+    return np.array([np.isfinite(r.measured[:, :N_CHANNELS]).sum(axis=0) for r in case.records])
 
 
 def noise_floor(case: Case, colours: Colours) -> Array:
-    """Power (3,) that sensors alone leave of the readings: as stated, or as seen where less."""
+    """Power (m, 3) that sensors alone leave of the readings: as stated, or as seen where less."""
     seen, stated = np.array([c.white for c in colours[:N_CHANNELS]]), case.setup.sensor_std
     return np.asarray(readings_of(case) * np.minimum(seen, stated[:N_CHANNELS]) ** 2)
 
 
 def explained_share(before: Array, after: Array, floor: Array | float) -> float:
-    """Share of the power above a floor (3,) that is explained, in the channel where it is most.
+    """Share of the power above a floor that is explained, in the channel where it is most.
 
-    A channel with hardly more than the noise of its sensor has nothing to be explained.
+    A channel with hardly more than the noise of its sensor has nothing to be explained. A maneuver
+    from which both predictions run away, or the one without the effect, shows no share; nothing is
+    explained by an effect with which a prediction runs away that did not without it.
+
+    Parameters
+    ----------
+    before, after, floor : (m, 3) array
+        Of each maneuver.
     """
-    above = before - floor
-    there = np.isfinite(before) & (above > LEAST_ABOVE * before)
-    shares = (before - after)[there] / above[there]
+    stays, runs_away = np.isfinite(before).all(axis=1), ~np.isfinite(after).all(axis=1)
+    if np.any(stays & runs_away):
+        return 0.0
+    old, new = before[stays].sum(axis=0), after[stays].sum(axis=0)
+    above = old - np.broadcast_to(floor, before.shape)[stays].sum(axis=0)
+    there = above > LEAST_ABOVE * old
+    shares = (old - new)[there] / above[there]
     return float(shares.max(initial=0.0))
 
 

@@ -64,8 +64,8 @@ def _row(
 def _explainable(joint: Joint) -> Array:
     """Root mean square (3,) in each channel that would explain enough of it."""
     case, fitted = joint.case, joint.fitted
-    power, readings = fitted.rms**2, readings_of(case)
-    floor = noise_floor(case, fitted.colours) / np.maximum(readings, 1)
+    power, readings = fitted.rms**2, readings_of(case).sum(axis=0)
+    floor = noise_floor(case, fitted.colours).sum(axis=0) / np.maximum(readings, 1)
     above = np.maximum(power - floor, LEAST_ABOVE * power)
     return np.asarray(np.sqrt(POWER_OF_REST * above))
 

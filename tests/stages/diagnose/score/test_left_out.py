@@ -152,20 +152,28 @@ def test_standard_errors_are_those_of_signs_by_chance() -> None:
 
 
 def test_the_share_explained_is_that_above_the_noise_in_the_best_channel() -> None:
-    floor = np.array([2.0, 9.8, 1.0])
-    before, after = np.array([10.0, 10.0, 5.0]), np.array([6.0, 0.0, 6.0])
+    floor = np.array([[2.0, 9.8, 1.0]])
+    before, after = np.array([[10.0, 10.0, 5.0]]), np.array([[6.0, 0.0, 6.0]])
     # the second channel has nothing but noise, the third gets worse
     assert explained_share(before, after, floor) == pytest.approx(4.0 / 8.0)
     assert explained_share(after, before, floor) == pytest.approx(1.0 / 5.0)
-    assert explained_share(np.full(3, np.inf), after, floor) == 0.0
-    assert explained_share(before, np.full(3, np.inf), floor) == 0.0
+
+
+def test_a_prediction_that_runs_away_shows_no_share() -> None:
+    floor = np.array([[2.0, 9.8, 1.0], [2.0, 9.8, 1.0]])
+    before, after = np.array([[10.0, 10.0, 5.0], [np.inf] * 3]), np.full((2, 3), 6.0)
+    assert explained_share(before, after, floor) == pytest.approx(4.0 / 8.0)  # of the first alone
+    both = np.array([[6.0, 0.0, 6.0], [np.inf] * 3])
+    assert explained_share(before, both, floor) == pytest.approx(4.0 / 8.0)
+    assert explained_share(np.full((2, 3), np.inf), after, floor) == 0.0
+    assert explained_share(np.full((2, 3), 10.0), both, floor) == 0.0  # it was the effect's doing
 
 
 def test_the_floor_is_the_noise_of_the_sensors_as_stated_or_as_seen() -> None:
     case, colours = small_case(), small_fit().colours
     pairs = list(zip(colours, case.setup.sensor_std[:3], strict=True))
     quiet, loud = ([replace(c, white=f * std) for c, std in pairs] for f in (0.5, 2.0))
-    readings = [sum(np.isfinite(r.measured[:, c]).sum() for r in case.records) for c in range(3)]
+    readings = [np.isfinite(r.measured[:, :3]).sum(axis=0) for r in case.records]
     stated = np.array(readings) * case.setup.sensor_std[:3] ** 2
     np.testing.assert_allclose(noise_floor(case, tuple(loud)), stated)
     np.testing.assert_allclose(noise_floor(case, tuple(quiet)), 0.25 * stated)
