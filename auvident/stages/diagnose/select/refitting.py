@@ -21,7 +21,7 @@ from auvident.stages.diagnose.select.candidates import Tried, account_of, ranked
 from auvident.stages.diagnose.select.records import Begun, Rival
 from auvident.stages.diagnose.select.rule import passes, passes_any
 from auvident.stages.diagnose.select.screen import Screen
-from auvident.stages.diagnose.select.starts import at_typical_size
+from auvident.stages.diagnose.select.starts import at_far_sizes, at_typical_size
 
 Array = npt.NDArray[Any]
 Fits = dict[str, Fitted]
@@ -44,9 +44,10 @@ def refitted(case: Case, before: Fitted, screened: Screen) -> tuple[Fitted, list
 
 
 def begun(case: Case, before: Fitted, candidate: str, scored: Array) -> Fitted:
-    """A few steps from where the first-order step leads, and from a typical size."""
+    """A few steps from where the first-order step leads, and from sizes that it cannot know."""
     effects, typical = (*before.effects, candidate), at_typical_size(case, before, candidate)
     starts = [scored] if typical is None else [scored, typical]
+    starts += at_far_sizes(case, before, candidate)
     found = refit(case, effects, starts, before, 1, 5)
     return nested(case, before, found or holding(case, before, effects))
 

@@ -19,7 +19,7 @@ from auvident.stages.diagnose.select import rules
 from auvident.stages.diagnose.select.candidates import ranked, steady
 from auvident.stages.diagnose.select.records import Screened
 from auvident.stages.diagnose.select.rule import Rule, passes
-from auvident.stages.diagnose.select.starts import at_typical_size
+from auvident.stages.diagnose.select.starts import at_typical_size, is_limit
 
 FAST_GAIN = np.array([0.1, 0.1, 0.1, 0.0])  # observer gain of the screen for what is fast
 
@@ -47,7 +47,8 @@ def screen(case: Case, before: Fitted, candidates: Sequence[str]) -> Screen:
     scores = {c: _score(joint, c) for c in absent}
     quick = {c: score(fast, (c,)).gain for c in absent} if fast else {}
     gains = {c: s.gain for c, s in scores.items()}
-    return Screen(joint, scores, short_list(gains, quick))
+    limits = filter(is_limit, absent)  # of which a score knows nothing
+    return Screen(joint, scores, tuple(dict.fromkeys([*short_list(gains, quick), *limits])))
 
 
 def _score(joint: Joint, candidate: str) -> Score:

@@ -12,6 +12,11 @@ from auvident.stages.diagnose.fit.fits import Fitted, first_colours, fit_with, o
 
 Array = npt.NDArray[Any]
 
+# Prior standard deviations of a limit at which a fit begins as well. One that is not reached shows
+# nothing to first order; beside one that is always reached the coefficients are those of another
+# vehicle, from which no small step leads back.
+FAR = (2.0, 4.0)
+
 
 def baseline_of(case: Case) -> Fitted:
     """Best fit without any effect, from the identified model and from the estimate."""
@@ -50,6 +55,23 @@ def at_typical_size(case: Case, before: Fitted, candidate: str) -> Array | None:
     for i, name in zip(positions, names, strict=True):
         p[i] = known.get(name, float(case.setup.prior_std[i]))
     return p
+
+
+def is_limit(candidate: str) -> bool:
+    """Whether an effect does nothing until it is reached."""
+    return any(p.form != "plain" for p in BY_ID[candidate].parameters)
+
+
+def at_far_sizes(case: Case, before: Fitted, candidate: str) -> list[Array]:
+    """The model with a limit at sizes that are far from none."""
+    if not is_limit(candidate):
+        return []
+    own, starts = case.positions(candidate), []
+    for stds in FAR:
+        p = before.parameters.copy()
+        p[own] = stds * case.setup.prior_std[own]
+        starts.append(p)
+    return starts
 
 
 def _told_by_sensors(case: Case) -> dict[str, float]:
