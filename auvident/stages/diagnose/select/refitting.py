@@ -35,6 +35,7 @@ def refitted(case: Case, before: Fitted, screened: Screen) -> tuple[Fitted, list
     finished = finish(case, before, found, promise)
     before, found = unstuck(case, before, {**found, **finished})
     found = {c: nested(case, before, f) for c, f in found.items()}
+    found, finished = leader_finished(case, found, finished)
     best = max((log_gain(before, f) for f in found.values()), default=0.0)
     tried = [
         Tried(f, account_of(case, before, f, best, c in finished, promise[c]))
@@ -97,6 +98,21 @@ def unstuck(case: Case, before: Fitted, found: Fits) -> tuple[Fitted, Fits]:
         if passes(place, rules.LEAD) and passes_any(rival, rules.AGAIN):
             better[c] = _from_leader(case, before, first, leader, found[c], c)
     return polished, better
+
+
+def leader_finished(case: Case, found: Fits, finished: Fits) -> tuple[Fits, Fits]:
+    """The best candidate fitted to the end, whatever it promised.
+
+    What another had promised may have been that the model was stuck: beside the model fitted
+    again, one that was not finished for it may be the best there is.
+    """
+    found, finished = dict(found), dict(finished)
+    while found:
+        leader = ranked({c: f.log_likelihood for c, f in found.items()})[0]
+        if leader in finished:
+            break
+        found[leader] = finished[leader] = settled(case, found[leader])
+    return found, finished
 
 
 def _polished(case: Case, before: Fitted, first: Fitted, leader: str) -> Fitted:
