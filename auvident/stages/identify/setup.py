@@ -16,12 +16,14 @@ from auvident.errors import NumericsError
 from auvident.physics.terms import parameter_vector, symbol_in
 from auvident.schema.artifacts import (
     AseResult,
+    Finding,
+    Maneuver,
     Maneuvers,
     RigidBody,
     Sensing,
 )
 from auvident.schema.channels import BY_COLUMN
-from auvident.schema.coefficients import Plane, symbols_of
+from auvident.schema.coefficients import Plane, constants_of, symbols_of
 from auvident.schema.plan import Plan
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
@@ -59,6 +61,10 @@ def prepare(
     if not chosen:
         raise _nothing_identifies(maneuvers, plane)
     records = {m.id: (m.kind, record_of(m, by_name[m.trial], plane, sensor)) for m in chosen}
+    records = {name: (kind, _masked(r, carried)) for name, (kind, r) in records.items()}
+    records = {name: row for name, row in records.items() if np.isfinite(row[1].measured).any()}
+    if not records:
+        raise _nothing_is_read(chosen)
     values, stds = priors(ase, plane)
     stds |= {name: std for name, std in carried.prior_std.items() if std > 0.0}
     rigid = rigid_body(vehicle, plane)
@@ -66,7 +72,6 @@ def prepare(
     start = parameter_vector(plane, {**values, **carried.start}, rigid, carried.start, structure)
     prior_std = np.array([stds.get(name, 0.0) for name in structure.parameters])
     prior = np.where(prior_std > 0.0, prior, start)
-    records = {name: (kind, _masked(r, carried)) for name, (kind, r) in records.items()}
     followers = np.array(
         [[structure.index(symbol_in(plane, "B_adot")), structure.index(symbol_in(plane, "A_bdot"))]]
     )
@@ -112,6 +117,32 @@ def _masked(record: Record, carried: Carried) -> Record:
     return replace(record, measured=measured)
 
 
+def unread_findings(
+    trials: Sequence[Trial], maneuvers: Maneuvers, plane: Plane, setup: Setup
+) -> list[Finding]:
+    """Maneuvers that are to identify and of which no reading is left."""
+    lost = [m for m in identifying(trials, maneuvers, plane) if m.id not in setup.records]
+    return [
+        Finding(
+            code="no-readings",
+            where=m.id,
+            value=0.0,
+            message=f"it has no reading of {', '.join(STATE_COLUMNS[plane])}, so it is not used "
+            "for identification",
+            remedy="Check the sensors' drop-outs in the ingested log.",
+        )
+        for m in lost
+    ]
+
+
+def _nothing_is_read(chosen: Sequence[Maneuver]) -> NumericsError:
+    return NumericsError(
+        "no maneuver for identification has a reading",
+        where=", ".join(m.id for m in chosen),
+        remedy="Check the sensors' drop-outs in the ingested log.",
+    )
+
+
 def _nothing_identifies(maneuvers: Maneuvers, plane: Plane) -> NumericsError:
     within = [m.id for m in maneuvers.maneuvers if m.role == "identify" and m.shows(plane)]
     if within:
@@ -127,9 +158,12 @@ def _nothing_identifies(maneuvers: Maneuvers, plane: Plane) -> NumericsError:
 
 
 def priors(ase: AseResult, plane: Plane) -> tuple[dict[str, float], dict[str, float]]:
-    """Value and standard deviation of each coefficient of a plane before the data."""
-    wanted = set(symbols_of(plane))
-    rows = [c for c in ase.coefficients if c.symbol in wanted]
+    """Value and standard deviation of each coefficient and constant of a plane before the data.
+
+    A constant that an estimate of an earlier version lacks is held as the vehicle file has it.
+    """
+    wanted = {*symbols_of(plane), *constants_of(plane)}
+    rows = [c for c in ase.estimates if c.symbol in wanted]
     return {c.symbol: c.value for c in rows}, {c.symbol: c.std for c in rows}
 
 

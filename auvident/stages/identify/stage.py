@@ -34,7 +34,7 @@ from auvident.schema.artifacts import (
     IdentifiedModel,
     Maneuvers,
 )
-from auvident.schema.coefficients import BY_SYMBOL, Plane
+from auvident.schema.coefficients import ESTIMATED, Plane
 from auvident.schema.plan import Plan, PlanStage
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
@@ -50,7 +50,7 @@ from auvident.stages.identify.result import (
     scatter_matrix,
     states_of,
 )
-from auvident.stages.identify.setup import prepare
+from auvident.stages.identify.setup import prepare, unread_findings
 from auvident.stages.identify.step_length import step_findings
 from auvident.stages.identify.warm_up import compile_first
 
@@ -146,6 +146,7 @@ def identify(
     done, _ = runs[-1]
     means = [at_mean(setup, steps[-1].outcome, steps[-1].stage) for steps, _ in runs]
     findings = overlap_findings(trials, maneuvers, plane)
+    findings += unread_findings(trials, maneuvers, plane, setup)
     findings += dict.fromkeys(finding for _, told in runs for finding in told)
     findings += _disagreement(means, setup)
     final = _average(setup, means)
@@ -212,7 +213,7 @@ def _as_the_readings_tell(
 def _equations(setup: Setup, outcome: Outcome) -> list[list[int]]:
     """Free coefficients of the surge equation, and of the two lateral ones."""
     names = setup.names(outcome.free)
-    surge = [n in BY_SYMBOL and BY_SYMBOL[n].equation == "X" for n in names]
+    surge = [n in ESTIMATED and ESTIMATED[n].equation == "X" for n in names]
     blocks = [[i for i, x in enumerate(surge) if x], [i for i, x in enumerate(surge) if not x]]
     return [block for block in blocks if block]
 
