@@ -263,7 +263,8 @@ EFFECTS: tuple[Effect, ...] = (
         words="a pitch gyro scale error of {fraction:+.1%}", twin="gyro_scale"),
     Effect("pitch_bias", "sensing", "reading", V, (
         P("bias_deg", "deg", 0.035, 0.0087, -0.35, 0.35, DEGREES),
-    ), "pitch + bias", "depth rate disagrees with u and w turned by the pitch", ("pitch_rad",),
+    ), "pitch + bias", "depth rate disagrees with u and w turned by the pitch",
+        ("pitch_rad", "depth_m"),
         SENSOR, words="a pitch bias of {bias_deg:.1f} deg", alike="incidence", steady=True),
     Effect("pitch_scale", "sensing", "reading", V, (
         P("fraction", "-", 0.05, 0.02, -0.5, 0.5),

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,12 +19,14 @@ from auvident.engines.prediction import (
     simulated,
 )
 from auvident.engines.records import Record
+from auvident.errors import StageError
 from auvident.physics.actuation import CHANGED, COMMANDS, DEPTH, DRIVE
 from auvident.physics.batch import inverse_mass
 from auvident.physics.sensing import READING
 from auvident.physics.term_tables import N_INPUTS
-from auvident.schema.artifacts import Sensing
+from auvident.schema.artifacts import IdentifiedModel, Sensing
 from auvident.schema.effects import BY_ID, in_plane, parameter_of
+from auvident.storage.artifacts import as_model
 from tests.engines.effects_world import DT, FREELY, LEAD, NOISE, World, blank, recorded, setup_for
 from tests.physics.plane_equations import stable_values, vertical
 from tests.physics.right_hand_side import right_hand_side
@@ -369,3 +372,35 @@ def test_a_plan_allows_the_fin_of_the_plane_by_either_name(plane, own, fin) -> N
 def test_both_names_of_a_fin_are_one_nuisance() -> None:
     found = allowed(("rudder_lag", "elevator_lag"), "vertical", 2.0)
     assert set(found.start) == {"elevator_lag.lag_s"}
+
+
+def model(plane: str, effect: str) -> dict:
+    """A model with one effect, as it stands in a file."""
+    return {
+        "vehicle": "any",
+        "plane": plane,
+        "filter": "ekf",
+        "length_m": 1.6,
+        "density_kgpm3": 1025.0,
+        "rigid_body": {
+            "mass_kg": 30.0,
+            "x_g_m": 0.0,
+            "z_g_m": 0.02,
+            "inertia_kgm2": 3.0,
+            "weight_n": 300.0,
+            "buoyancy_n": 301.0,
+        },
+        "sensing": ORIGIN.model_dump(),
+        "coefficients": [],
+        "effects": [{"id": effect, "internal": {}}],
+    }
+
+
+def test_a_model_of_an_earlier_version_whose_elevator_was_a_rudder_is_refused() -> None:
+    for plane, effect in (("horizontal", "rudder_lag"), ("vertical", "elevator_lag")):
+        kept = as_model(model(plane, effect), IdentifiedModel, Path("model.json"))
+        assert kept.effects[0]["id"] == effect
+    with pytest.raises(StageError, match="'rudder_lag' does not act in the vertical plane") as told:
+        as_model(model("vertical", "rudder_lag"), IdentifiedModel, Path("model.json"))
+    assert "it is 'elevator_lag' now" in told.value.problem
+    assert "identify it again" in told.value.problem
