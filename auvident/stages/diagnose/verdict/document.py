@@ -63,7 +63,7 @@ def _remainder(evidence: Evidence, left: Sequence[str], nearest: str | None) -> 
     """What is left, and what it follows."""
     forces = [f for f in (evidence.rival, *evidence.free) if f is not None and f.gain > 0.0]
     return {
-        "correlates": [correlate(f) for f in forces],
+        "correlates": [correlate(evidence.traced.case, f) for f in forces],
         "nearest": nearest,
         "channels": list(left),
     }

@@ -75,8 +75,7 @@ def _by_checks(joint: Joint, position: int) -> float:
     case, name = joint.case, joint.case.names[position]
     for check in case.checks:
         if name in check.names:
-            k = check.names.index(name)
-            spread = np.sqrt(check.covariance[k, k])
+            _, spread = check.alone(name)
             declared = parameter_of(name)
             unit = case.setup.prior_std[position] / declared.prior
             return float(MARGIN * spread * np.sqrt(2.0 * max(LEAST_GAIN, CHECK_GAIN)) / unit)
