@@ -10,17 +10,17 @@ import numpy.typing as npt
 from auvident.constants import USUAL_SPEED_MPS
 from auvident.engines.prediction import Frame, Free, at_effects, readings, simulated
 from auvident.engines.records import Record
-from auvident.physics.sensing import current
+from auvident.physics.sensing import current, water_in_vertical
 from auvident.physics.terms import Structure, parameter_vector, structure_of, symbol_in
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.coefficients import Plane
-from auvident.schema.effects import BY_ID, parameter_of
+from auvident.schema.effects import BY_ID, own_in, parameter_of
 from auvident.schema.planes import PLANES
 
 Array = npt.NDArray[Any]
 
-RACE = "propeller_race"
-CURRENTS = {"current", "current_drift"}
+OF_THRUST = {"propeller_race", "thrust_line_moment"}  # and so of the speed
+CURRENTS = {"current", "current_drift", "vertical_current"}
 # coefficients that are one added mass: N_vdot = Y_rdot, M_wdot = Z_qdot
 LEADERS = {symbol_in(p, "B_adot"): symbol_in(p, "A_bdot") for p in PLANES}
 
@@ -82,9 +82,13 @@ class Carried:
 def allowed(
     effects: Sequence[str], plane: Plane, length_m: float, speed_mps: float = USUAL_SPEED_MPS
 ) -> Carried:
-    """Effects as small as every vehicle has them, estimated along without a claim."""
+    """Effects as small as every vehicle has them, estimated along without a claim.
+
+    What a plan says of one fin it says of that of the plane: `rudder_lag` is `elevator_lag` there.
+    """
+    own = dict.fromkeys(own_in(plane, e) for e in effects)
     rows = {
-        n: parameter_of(n) for e in effects if plane in BY_ID[e].planes for n in BY_ID[e].names()
+        n: parameter_of(n) for e in own if plane in BY_ID[e].planes for n in BY_ID[e].names(plane)
     }
     expected = {
         name: declared.nuisance_std * declared.size_unit(1.0, length_m, speed_mps, 1.0)
@@ -196,9 +200,10 @@ def predicted_course(frame: Frame, p: Array, record: Record, active: Array) -> C
 def free_running(frame: Frame, p: Array, record: Record, active: Array) -> Record:
     """The record with nothing measured after its start in what acts on its inputs.
 
-    The propeller race needs the speed: it is that of a first prediction.
+    The propeller race and the moment of the thrust need the speed: it is that of a first
+    prediction.
     """
-    if RACE not in frame.structure.effects or record.source is None:
+    if not OF_THRUST & set(frame.structure.effects) or record.source is None:
         return record
     first = with_speed(record, np.full(len(record.time_s), record.start[0]))
     states = simulated(frame, p, at_effects(frame, p, first), active)
@@ -217,10 +222,15 @@ def over_ground(frame: Frame, p: Array, record: Record, states: Array) -> Array:
     """States with the velocity of the water added."""
     if not CURRENTS & set(frame.structure.effects):
         return states
+    e, out = frame.reading_effects(p), states.copy()
+    if frame.structure.plane == "vertical":
+        heading = None if record.source is None else record.source.heading
+        out[:, :2] += water_in_vertical(e, states[:, 3], heading)
+        return out
     middle = None if record.source is None else record.source.from_middle_s
     since = np.zeros(len(states)) if middle is None else middle
-    north, east = current(frame.reading_effects(p), since).T
-    out, c, s = states.copy(), np.cos(states[:, 3]), np.sin(states[:, 3])
+    north, east = current(e, since).T
+    c, s = np.cos(states[:, 3]), np.sin(states[:, 3])
     out[:, 0] += north * c + east * s
     out[:, 1] += east * c - north * s
     return out
@@ -236,7 +246,7 @@ def effect_rows(
     """The effects of a model as they stand in its artifact; ``nuisance`` are those not named."""
     rows = []
     for effect in structure.effects:
-        internal = {n: float(p[structure.index(n)]) for n in BY_ID[effect].names()}
+        internal = {n: float(p[structure.index(n)]) for n in BY_ID[effect].names(structure.plane)}
         values = []
         for name, value in internal.items():
             declared = parameter_of(name)

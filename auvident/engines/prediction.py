@@ -17,8 +17,9 @@ from auvident.constants import VehicleTime
 from auvident.engines.problem import Linear
 from auvident.engines.records import Record, Source
 from auvident.physics import sensing as sense
-from auvident.physics.actuation import COMMAND, FORCE, acting_inputs, actuate_steps, command_values
+from auvident.physics.actuation import COMMANDS, FORCE, acting_inputs, actuate_steps, command_values
 from auvident.physics.dynamics import N_STATES, simulate_states, simulate_with_sensitivities
+from auvident.physics.term_tables import N_INPUTS
 from auvident.physics.terms import Structure
 from auvident.schema.artifacts import Sensing
 from auvident.schema.effects import parameter_of
@@ -50,6 +51,10 @@ class Frame:
     def reading_effects(self, p: Array) -> Array:
         """Effects of the sensors in the order of `physics.sensing.READING`."""
         return sense.reading_values(self.structure.parameters, p)
+
+    def command_effects(self, p: Array) -> Array:
+        """Effects of servo and propeller in the order of `physics.actuation.COMMAND`."""
+        return command_values(self.structure.plane, self.structure.parameters, p)
 
 
 @dataclass(frozen=True)
@@ -96,16 +101,17 @@ def at_effects(frame: Frame, p: Array, record: Record) -> Record:
         source.rates,
         frame.dt_s,
         source.from_middle_s,
+        source.heading,
     )
-    inputs = _inputs(frame, command_values(frame.structure.parameters, p), record)
+    inputs = _inputs(frame, frame.command_effects(p), record)
     return replace(record, inputs=inputs, given=behind, start=_start(frame, e, record, source))
 
 
 def _start(frame: Frame, e: Array, record: Record, source: Source) -> Array:
     """State (4,) at the start; what a fit moved it by stays."""
     plane = frame.structure.plane
-    middle = None if source.from_middle_s is None else source.from_middle_s[:1]
-    args = (source.start[None], source.rates[:1], frame.dt_s, middle)
+    middle, heading = (None if x is None else x[:1] for x in (source.from_middle_s, source.heading))
+    args = (source.start[None], source.rates[:1], frame.dt_s, middle, heading)
     here, without = (
         sense.states_behind(plane, frame.sensing, values, *args)[0]
         for values in (e, np.zeros_like(e))
@@ -118,7 +124,14 @@ def _inputs(frame: Frame, e: Array, record: Record) -> Array:
     source = record.source
     assert source is not None
     whole = acting_inputs(
-        source.raw, source.elapsed_s, source.speed, source.roll, source.pitch, frame.dt_s, e
+        source.raw,
+        source.elapsed_s,
+        source.speed,
+        source.roll,
+        source.pitch,
+        frame.dt_s,
+        e,
+        0.0 if source.depth is None else source.depth,
     )
     inputs = whole[len(source.raw) - len(record.time_s) :]
     if source.free_force is not None:
@@ -127,7 +140,7 @@ def _inputs(frame: Frame, e: Array, record: Record) -> Array:
 
 
 def input_slopes(frame: Frame, p: Array, acting: Record, free: Free) -> tuple[Array, Array]:
-    """Slopes (n, 9, k) of the inputs by the free parameters in columns (k,), per unit of scale.
+    """Slopes (n, 12, k) of the inputs by the free parameters in columns (k,), per unit of scale.
 
     By differences: play, dead band and limits have no slope where they are off, and take a step
     of the size to be expected there.
@@ -137,19 +150,19 @@ def input_slopes(frame: Frame, p: Array, acting: Record, free: Free) -> tuple[Ar
     acting : Record
         As `at_effects` returns it.
     """
-    names, e = frame.structure.parameters, command_values(frame.structure.parameters, p)
-    found = _columns_of(COMMAND, names, free)
+    commands, e = COMMANDS[frame.structure.plane], frame.command_effects(p)
+    found = _columns_of(commands, frame.structure.parameters, free)
     source = acting.source
     if not found or source is None:
-        return np.zeros((len(acting.time_s), 9, 0)), np.zeros(0, dtype=np.int64)
+        return np.zeros((len(acting.time_s), N_INPUTS, 0)), np.zeros(0, dtype=np.int64)
     columns, places = np.array(found, dtype=np.int64).T
     steps = np.zeros((len(found), 2))
     for k, place in enumerate(places):
-        declared, scale = parameter_of(COMMAND[place]).step, free.scale[columns[k]]
+        declared, scale = parameter_of(commands[place]).step, free.scale[columns[k]]
         at_work = abs(e[place]) > SMALL * declared * scale
         step = min(declared, SMALL_STEP) if at_work else declared
         steps[k] = step * scale, step
-    slopes = np.zeros((len(acting.time_s), 9, len(found)))
+    slopes = np.zeros((len(acting.time_s), N_INPUTS, len(found)))
     actuate_steps(
         source.raw,
         source.elapsed_s,
@@ -195,6 +208,7 @@ def readings(frame: Frame, p: Array, record: Record, states: Array) -> Array:
         rates,
         frame.dt_s,
         None if source is None else source.from_middle_s,
+        None if source is None else source.heading,
     )
 
 
@@ -241,7 +255,11 @@ def readings_with_slopes(
     states = z[:, :, 0].copy()
     e = frame.reading_effects(p)
     matrix = sense.sensor_matrix(frame.structure.plane, frame.sensing, e)
-    read = sense.late(np.matmul(matrix, z), e, frame.dt_s)
+    at_once = np.matmul(matrix, z)
+    if frame.structure.plane == "vertical" and record.source is not None:
+        by_pitch = sense.water_by_pitch(e, states[:, 3], record.source.heading)
+        at_once[:, :2, 1:] += by_pitch[:, :, None] * z[:, None, 3, 1:]
+    read = sense.late(at_once, e, frame.dt_s)
     found = readings(frame, p, record, states)
     _add_reading_slopes(frame, e, record, states, found, free, read[:, :, 1:])
     return Slopes(found, read[:, :, 1:], states)
@@ -266,6 +284,7 @@ def _add_reading_slopes(
             source.rates,
             frame.dt_s,
             source.from_middle_s,
+            source.heading,
         )
         slopes[:, :, N_STATES + column] += (there - base) / READING_STEP
 

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.physics.dynamics import N_STATES
+from auvident.physics.term_tables import N_INPUTS
 from auvident.physics.terms import Structure
 
 Array = npt.NDArray[np.float64]
@@ -46,7 +47,7 @@ class Linear:
     ----------
     input_columns : (a,) int array
         Free parameters that the inputs depend on.
-    input_slopes : (k, n, 9, a) array
+    input_slopes : (k, n, 12, a) array
         In units of the free parameters' scale.
     offset : (k, n, 4) array
         Reading = sensor @ state + offset + slopes @ theta.
@@ -65,7 +66,9 @@ class Linear:
 def no_effects(k: int) -> Linear:
     """The `Linear` of a problem whose inputs and readings depend on no parameter."""
     none = np.zeros(0, dtype=np.int64)
-    return Linear(none, np.zeros((k, 0, 9, 0)), np.zeros((k, 0, 4)), none, np.zeros((k, 0, 4, 0)))
+    return Linear(
+        none, np.zeros((k, 0, N_INPUTS, 0)), np.zeros((k, 0, 4)), none, np.zeros((k, 0, 4, 0))
+    )
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ __all__ = [
 ]
 
 LEAD_IN_S = 20.0  # inputs before a maneuver, for what remembers them: lags, delays and play
-AUXILIARY = ("p_radps", "q_radps", "roll_rad", "pitch_rad")
+AUXILIARY = ("p_radps", "q_radps", "roll_rad", "pitch_rad", "depth_m", "heading_rad")
 START_BEFORE_S: VehicleTime = 1.0  # window of the line that gives the state at the start ...
 START_AFTER_S: VehicleTime = 0.5  # ... and after it
 LINE_READINGS = 3  # through fewer no line is drawn
@@ -61,6 +61,10 @@ class Source:
         Forces X, A, B that act in addition.
     from_middle_s : (n,) array or None
         Time from the middle of the trial; None counts as zero.
+    depth : (m + n,) array or None
+        Zero where not logged; None counts as zero.
+    heading : (n,) array or None
+        Zero where not logged. None in the horizontal plane, where it is a reading.
     """
 
     raw: Array
@@ -73,6 +77,8 @@ class Source:
     start: Array
     free_force: Array | None = None
     from_middle_s: Array | None = None
+    depth: Array | None = None
+    heading: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -130,6 +136,8 @@ def record_of(maneuver: Maneuver, trial: Trial, plane: Plane, sensor: Array) -> 
         bridged,
         start,
         from_middle_s=time[first:last] - 0.5 * (time[0] + time[-1]),
+        depth=extra[:, 4],
+        heading=extra[lead:, 5] if plane == "vertical" else None,
     )
     return Record(
         maneuver.id,

@@ -75,11 +75,11 @@ def place_inputs(count, u, slopes, columns, moving, sigma, rows):
 
     Parameters
     ----------
-    u : (9,) array
+    u : (12,) array
         At theta = 0.
-    slopes : (9, a) array
+    slopes : (12, a) array
         du/dtheta, by the columns `columns` (a,).
-    moving : (9,) bool array
+    moving : (12,) bool array
     rows : (n_rows, >= count) array
     """
     upper, scaling = sigma.upper, sigma.scaling

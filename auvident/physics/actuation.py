@@ -4,7 +4,8 @@ The input side of the prediction. Logged commands are held until the next one an
 over each step. In order: a delay; dead band, play and unequal gain between command and servo; a
 first-order servo with a slew limit; an offset of the fin; separation of the flow; the propeller
 race, which makes a fin in it act as if it were laid further. The propeller follows its command
-with a lag, and the thrust may fall through the trial. Without effects the inputs pass unchanged.
+with a lag, and the thrust may fall through the trial; so may a weight at one time. Without effects
+the inputs pass unchanged. The fin is that of the plane: rudder or elevator.
 """
 
 import math
@@ -16,13 +17,15 @@ import numpy.typing as npt
 from auvident.jit import kernel
 from auvident.physics.term_tables import N_INPUTS
 from auvident.physics.vector import values_of
+from auvident.schema.effects import name_in
+from auvident.schema.planes import PLANES, Plane
 
 Array = npt.NDArray[Any]
 
 SUBSTEPS = 5  # of a step, for the servo: a fifth of a step is short beside any servo
 LEAST_SPEED_MPS = 0.2  # the race is not divided by less than this speed
 SAG_PERIOD_S = 1000.0  # the thrust sags by its fraction in this time
-# parameters in the order in which `actuate` takes them
+# parameters in the order in which `actuate` takes them, in the horizontal plane
 COMMAND = (
     "rudder_delay.delay_s",
     "rudder_deadband.deadband_deg",
@@ -38,14 +41,18 @@ COMMAND = (
     "thrust_step.fraction",
     "thrust_step.time_s",
     "thrust_step.over_s",
+    "weight_change.time_s",
+    "weight_change.over_s",
     "T_nn",
     "T_nu",
 )
+COMMANDS = {plane: tuple(name_in(plane, name) for name in COMMAND) for plane in PLANES}
 DELAY, DEADBAND, BACKLASH, ASYMMETRY, LAG, SLOWNESS, OFFSET, STALL, RACE = range(9)
-MOTOR_LAG, SAG, STEP, STEP_TIME, OVER, T_NN, T_NU = range(9, 16)
+MOTOR_LAG, SAG, STEP, STEP_TIME, OVER, CHANGE_TIME, CHANGE_OVER, T_NN, T_NU = range(9, 18)
 SERVO = (DELAY, DEADBAND, BACKLASH, ASYMMETRY, LAG, SLOWNESS)
 # columns of the inputs
-CONTROL, OTHER, REVS, THRUST, ROLL, PITCH, FORCE = range(7)
+CONTROL, OTHER, REVS, THRUST, DRIVE, CHANGED, ROLL, PITCH, DEPTH, FORCE = range(10)
+ACTED = CHANGED + 1  # so many columns come of the commands
 
 
 @kernel
@@ -145,12 +152,13 @@ def actuate(raw, elapsed, speed, dt, e, out):
     elapsed : (n,) array
         Time since the start of the trial [s].
     speed : (n,) array
-        Measured surge velocity [m/s], for the race.
+        Measured surge velocity [m/s], for the thrust and the race.
     dt : float
-    e : (16,) array
+    e : (18,) array
         Internal values in the order of `COMMAND`.
-    out : (n, 9) array
-        Its first four columns are filled: controls, propeller rate, thrust factor.
+    out : (n, 12) array
+        Its first six columns are filled: controls, propeller rate, thrust factor, thrust, part of
+        the weight that has changed.
     """
     angle, rate = np.empty(raw.shape[0]), np.empty(raw.shape[0])
     _turn_fin(raw, dt, e, angle)
@@ -184,6 +192,8 @@ def _act(raw, elapsed, speed, e, angle, rate, out):
         factor -= e[STEP] * share_fallen(elapsed[k], e[STEP_TIME], e[OVER])
         out[k, CONTROL] = turned * (1.0 + e[RACE] * thrust * factor / (u * u))
         out[k, OTHER], out[k, REVS], out[k, THRUST] = raw[k, OTHER], revs, factor
+        out[k, DRIVE] = thrust * factor
+        out[k, CHANGED] = share_fallen(elapsed[k], e[CHANGE_TIME], e[CHANGE_OVER])
 
 
 @kernel
@@ -198,13 +208,13 @@ def actuate_steps(raw, elapsed, speed, dt, e, places, steps, base, slopes):
         Of the values to move.
     steps : (k, 2) array
         How far each is moved, and what the difference is divided by.
-    base : (n, 9) array
+    base : (n, 12) array
         Inputs at e, of the maneuver alone: the last n rows.
-    slopes : (n, 9, k) array
-        Its first four columns are filled.
+    slopes : (n, 12, k) array
+        Its first six columns are filled.
     """
     n, rows = base.shape[0], raw.shape[0]
-    lead, out = rows - n, np.empty((rows, THRUST + 1))
+    lead, out = rows - n, np.empty((rows, ACTED))
     angle, turned, rate, lagging = np.empty(rows), np.empty(rows), np.empty(rows), np.empty(rows)
     _turn_fin(raw, dt, e, angle)
     _turn_propeller(raw, dt, e, rate)
@@ -226,20 +236,27 @@ def actuate_steps(raw, elapsed, speed, dt, e, places, steps, base, slopes):
             out,
         )
         for t in range(n):
-            for i in range(THRUST + 1):
+            for i in range(ACTED):
                 slopes[t, i, k] = (out[lead + t, i] - base[t, i]) / steps[k, 1]
 
 
-def command_values(parameters: tuple[str, ...], p: Array) -> Array:
+def command_values(plane: Plane, parameters: tuple[str, ...], p: Array) -> Array:
     """Values in the order of `COMMAND` from a parameter vector; absent ones are zero."""
-    return values_of(COMMAND, parameters, p)
+    return values_of(COMMANDS[plane], parameters, p)
 
 
 def acting_inputs(
-    raw: Array, elapsed: Array, speed: Array, roll: Array, pitch: Array, dt: float, e: Array
+    raw: Array,
+    elapsed: Array,
+    speed: Array,
+    roll: Array,
+    pitch: Array,
+    dt: float,
+    e: Array,
+    depth: Array | float = 0.0,
 ) -> Array:
-    """Inputs (n, 9) of the equations of motion; see `actuate`. No free force acts."""
+    """Inputs (n, 12) of the equations of motion; see `actuate`. No free force acts."""
     out = np.zeros((len(raw), N_INPUTS))
     actuate(raw, elapsed, speed, dt, e, out)
-    out[:, ROLL], out[:, PITCH] = roll, pitch
+    out[:, ROLL], out[:, PITCH], out[:, DEPTH] = roll, pitch, depth
     return out

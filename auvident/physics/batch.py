@@ -46,9 +46,9 @@ class PointSystem(NamedTuple):
     active : (4,) bool array
     moves : (n_parameters,) bool array
         Parameters that differ from point to point.
-    moving : (9,) bool array
+    moving : (12,) bool array
         Inputs that do.
-    used : (14,) bool array
+    used : (17,) bool array
         From `term_tables.used_variables`.
     table, weights : arrays from `term_tables.sort_terms`
     powers : array from `term_tables.needed_powers`
@@ -323,7 +323,7 @@ def step_points(count, inputs, inactive0, inactive1, dt, system, work, x):
     Parameters
     ----------
     count : int
-    inputs : (9,) or (3,) array
+    inputs : (12,) or (3,) array
         Held over the step; those that differ from point to point stand in `work.rows` already.
     inactive0, inactive1 : (4,) array
         Values of the inactive states at the beginning and the end of the step.

@@ -4,6 +4,7 @@ The output side of the prediction. In the presence of a steady uniform current t
 motion hold for the velocity through the water, and the log over ground adds the current (Fossen
 2021, 10.3); hence a current stands here, and one that changes slowly. The DVL measures at its own
 position, in axes turned by its mounting angle. Readings may be late and off by a scale or a bias.
+The depth is no state: `depth_rate` and `depth_log` say what its log should be.
 """
 
 import math
@@ -36,9 +37,22 @@ READING = (
     "current_drift.east_early_mps_per_1000_s",
     "current_drift.north_late_mps_per_1000_s",
     "current_drift.east_late_mps_per_1000_s",
+    "vertical_current.down_mps",
+    "dvl_pitch.pitch_deg",
+    "dvl_lever_arm.dz_m",
+    "q_bias.bias_degps",
+    "q_scale.fraction",
+    "pitch_bias.bias_deg",
+    "pitch_scale.fraction",
+    "depth_lag.lag_s",
+    "depth_scale.fraction",
 )
 NORTH, EAST, YAW, SCALE, DX, DY, DZ, BIAS, GYRO_SCALE, DVL_DELAY, GYRO_DELAY = range(11)
 EARLY, LATER = slice(11, 13), slice(13, 15)  # rates of the current, north and east
+DOWN, DVL_PITCH, BELOW, Q_BIAS, Q_SCALE, PITCH_BIAS, PITCH_SCALE, DEPTH_LAG, DEPTH_SCALE = range(
+    15, 24
+)
+GYRO = {"horizontal": (BIAS, GYRO_SCALE), "vertical": (Q_BIAS, Q_SCALE)}  # that of the plane
 DRIFT_PERIOD_S = 1000.0  # the current changes by its rates in this time
 ROLL_RATE, PITCH_RATE = range(2)
 
@@ -52,13 +66,13 @@ def sensor_matrix(plane: Plane, sensing: Sensing, e: Array | None = None) -> Arr
     """Readings (DVL u, DVL v or w, rate gyro, angle) as linear functions of the state.
 
     Theory 2.3: velocity of the DVL's position in the axes of the DVL, which is turned by the
-    mounting angle (positive to starboard).
+    mounting angle (positive to starboard; in the vertical plane bow up).
 
     Parameters
     ----------
     plane : str
     sensing : Sensing
-    e : (15,) array, optional
+    e : (24,) array, optional
         Effects in the order of `READING`.
 
     Returns
@@ -68,18 +82,19 @@ def sensor_matrix(plane: Plane, sensing: Sensing, e: Array | None = None) -> Arr
     """
     e = np.zeros(len(READING)) if e is None else e
     matrix = np.eye(N_CHANNELS)
-    matrix[2, 2] = 1.0 + e[GYRO_SCALE]
-    if plane == "vertical":
-        matrix[0, 2], matrix[1, 2] = sensing.dvl_z_m, -sensing.dvl_x_m
-        matrix[:2] *= 1.0 + e[SCALE]
-        return matrix
+    matrix[2, 2], matrix[3, 3] = 1.0 + e[GYRO[plane][1]], 1.0 + e[PITCH_SCALE]
     matrix[0, 2], matrix[1, 2] = -(sensing.dvl_y_m + e[DY]), sensing.dvl_x_m + e[DX]
-    matrix[:2] = (1.0 + e[SCALE]) * _turn(sensing, e) @ matrix[:2]
+    if plane == "vertical":
+        matrix[0, 2], matrix[1, 2] = sensing.dvl_z_m + e[BELOW], -(sensing.dvl_x_m + e[DX])
+    matrix[:2] = (1.0 + e[SCALE]) * _turn(plane, sensing, e) @ matrix[:2]
     return matrix
 
 
-def _turn(sensing: Sensing, e: Array) -> Array:
+def _turn(plane: Plane, sensing: Sensing, e: Array) -> Array:
     """Rotation (2, 2) from vehicle axes to those of the DVL."""
+    if plane == "vertical":  # from z, which points down, to x
+        c, s = math.cos(e[DVL_PITCH]), math.sin(e[DVL_PITCH])
+        return np.array([[c, -s], [s, c]])
     yaw = sensing.dvl_mounting_yaw_rad + e[YAW]
     c, s = math.cos(yaw), math.sin(yaw)
     return np.array([[c, s], [-s, c]])
@@ -103,21 +118,26 @@ def offsets(
     angle: Array,
     rates: Array,
     from_middle_s: Array | None = None,
+    heading: Array | None = None,
 ) -> Array:
     """Part (n, 4) of the readings that does not depend on velocities.
 
     Parameters
     ----------
     angle : (n,) array
-        Heading.
+        Heading; in the vertical plane pitch.
     rates : (n, 2) array
         Roll and pitch rate, zero where not logged.
     from_middle_s : (n,) array, optional
         Time from the middle of the trial, which only a drifting current asks for.
+    heading : (n,) array, optional
+        In the vertical plane, where only a current over the ground asks for it.
     """
     out = np.zeros((len(angle), N_CHANNELS))
-    out[:, 2] = e[BIAS]
+    out[:, 2], out[:, 3] = e[GYRO[plane][0]], e[PITCH_BIAS]
     if plane == "vertical":
+        turn = (1.0 + e[SCALE]) * _turn(plane, sensing, e)
+        out[:, :2] = water_in_vertical(e, angle, heading) @ turn.T
         return out
     if from_middle_s is None:
         from_middle_s = np.zeros(len(angle))
@@ -129,10 +149,49 @@ def offsets(
         c, s = np.cos(angle), np.sin(angle)
         ahead = ahead + water[:, 0] * c + water[:, 1] * s
         aside = aside + water[:, 1] * c - water[:, 0] * s
-    turn = (1.0 + e[SCALE]) * _turn(sensing, e)
+    turn = (1.0 + e[SCALE]) * _turn(plane, sensing, e)
     out[:, 0] = turn[0, 0] * ahead + turn[0, 1] * aside
     out[:, 1] = turn[1, 0] * ahead + turn[1, 1] * aside
     return out
+
+
+def water_in_vertical(e: Array, pitch: Array, heading: Array | None) -> Array:
+    """Velocity (n, 2) of the water ahead and below, in the axes of the vehicle."""
+    if not e[[NORTH, EAST, DOWN]].any():
+        return np.zeros((len(pitch), 2))
+    ahead, c, s = np.zeros(len(pitch)), np.cos(pitch), np.sin(pitch)
+    if heading is not None:
+        ahead = e[NORTH] * np.cos(heading) + e[EAST] * np.sin(heading)
+    return np.column_stack([ahead * c - e[DOWN] * s, ahead * s + e[DOWN] * c])
+
+
+def water_by_pitch(e: Array, pitch: Array, heading: Array | None) -> Array:
+    """Slope (n, 2) of `water_in_vertical` by the pitch."""
+    ahead, below = water_in_vertical(e, pitch, heading).T
+    return np.column_stack([-below, ahead])
+
+
+def depth_rate(u: Array, w: Array, pitch: Array) -> Array:
+    """Rate (n,) at which the depth grows in a vehicle that does not heel; Fossen (2021), 2.18."""
+    return np.asarray(w * np.cos(pitch) - u * np.sin(pitch))
+
+
+def depth_log(e: Array, depth: Array, dt: float) -> Array:
+    """Depth (n,) as its sensor logs it: off by a scale, and after a lag of first order.
+
+    Exact for a depth that changes linearly from row to row; in the first row the lag has settled
+    to the rate between the first two.
+    """
+    lag, out = e[DEPTH_LAG], (1.0 + e[DEPTH_SCALE]) * depth
+    if lag <= 0.0 or len(depth) < 2:
+        return np.asarray(out)
+    keep, rates = math.exp(-dt / lag), np.diff(out) / dt
+    trail = lag * rates[0]
+    behind = [trail]
+    for rate in rates:
+        trail = lag * rate + (trail - lag * rate) * keep
+        behind.append(trail)
+    return np.asarray(out - np.array(behind))
 
 
 def late(values: Array, e: Array, dt: float) -> Array:
@@ -176,10 +235,11 @@ def readings(
     rates: Array,
     dt: float,
     from_middle_s: Array | None = None,
+    heading: Array | None = None,
 ) -> Array:
     """Readings (n, 4) of the states (n, 4); see `offsets` and `late` for the rest."""
     at_once = states @ sensor_matrix(plane, sensing, e).T
-    return late(at_once + offsets(plane, sensing, e, angle, rates, from_middle_s), e, dt)
+    return late(at_once + offsets(plane, sensing, e, angle, rates, from_middle_s, heading), e, dt)
 
 
 def states_behind(
@@ -190,13 +250,15 @@ def states_behind(
     rates: Array,
     dt: float,
     from_middle_s: Array | None = None,
+    heading: Array | None = None,
 ) -> Array:
     """States (n, 4) that would give these readings: `readings` the other way round.
 
-    Of the current, which is turned by the heading as read.
+    Of the current, which is turned by the angle as read, less its own errors.
     """
     early = e.copy()
     early[DVL_DELAY], early[GYRO_DELAY] = -e[DVL_DELAY], -e[GYRO_DELAY]
     at_once = late(measured, early, dt)
-    at_once = at_once - offsets(plane, sensing, e, measured[:, 3], rates, from_middle_s)
+    angle = (measured[:, 3] - e[PITCH_BIAS]) / (1.0 + e[PITCH_SCALE])
+    at_once = at_once - offsets(plane, sensing, e, angle, rates, from_middle_s, heading)
     return at_once @ np.linalg.inv(sensor_matrix(plane, sensing, e)).T

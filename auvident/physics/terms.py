@@ -26,16 +26,18 @@ import numpy.typing as npt
 
 from auvident.schema.artifacts import RigidBody
 from auvident.schema.coefficients import symbols_of
-from auvident.schema.effects import BY_ID
+from auvident.schema.effects import BY_ID, name_in
 from auvident.schema.planes import PLANE_ROWS, Plane
+from auvident.schema.planes import symbol_in as symbol_in
 from auvident.schema.unexplained import NAME, PRODUCTS
 
 STATES = ("u", "a", "b", "angle")
 EQUATIONS = ("X", "A", "B")
 # variables a factor may be a power of: states, sine and cosine of the angle, own control
 # surface d (rudder; elevator in the vertical plane), the other one e, propeller rate n in rev/s;
-# with effects also a factor on the thrust, roll and pitch as logged, and free forces
-INPUTS = ("d", "e", "n", "thrust", "roll", "pitch", "X", "A", "B")
+# with effects also a factor on the thrust, the thrust itself, the part of a change of weight that
+# has been made, roll, pitch and depth as logged, and free forces
+INPUTS = ("d", "e", "n", "thrust", "T", "changed", "roll", "pitch", "depth", "X", "A", "B")
 VARIABLES = ("u", "a", "b", "sin", "cos", *INPUTS)
 POWERS = ("x", "|x|", "x^2", "x|x|", "x^3")
 CONSTANTS = ("m", "m x_G", "m z_G", "I", "W-B", "z_G W", "trim")
@@ -64,23 +66,30 @@ HYDRODYNAMIC = (
     ("B", "B_b|b|", ("b", "x|x|")),
     ("B", "B_uud", ("u", "x^2"), ("d", "x")),
 )
-# Forces of effects: parameter of the table of effects, equation, weight, factors.
+# Forces of effects: parameter of the table of effects (with generic axes; of two twins that of the
+# horizontal plane), equation, weight, factors.
 EFFECT_FORCES: tuple[tuple[Any, ...], ...] = (
     ("propeller_side_force.Y_nn", "A", +1, ("n", "x|x|")),
     ("propeller_side_force.N_nn", "B", +1, ("n", "x|x|")),
-    ("hull_asymmetry.Y_0", "A", +1, ("u", "x|x|")),
-    ("hull_asymmetry.N_0", "B", +1, ("u", "x|x|")),
-    ("sway_cross_flow.Y_v|r|", "A", +1, ("a", "x"), ("b", "|x|")),
-    ("sway_cross_flow.Y_r|v|", "A", +1, ("b", "x"), ("a", "|x|")),
-    ("yaw_cross_flow.N_v|r|", "B", +1, ("a", "x"), ("b", "|x|")),
-    ("yaw_cross_flow.N_r|v|", "B", +1, ("b", "x"), ("a", "|x|")),
-    ("cubic_damping.N_vvr", "B", +1, ("a", "x^2"), ("b", "x")),
-    ("cubic_damping.N_rrr", "B", +1, ("b", "x^3")),
-    ("turning_drag.X_vvu", "X", +1, ("a", "x^2"), ("u", "x")),
-    ("turning_drag.X_rru", "X", +1, ("b", "x^2"), ("u", "x")),
+    ("thrust_line_moment.z_T_m", "B", +1, ("T", "x")),
+    ("hull_asymmetry.A_0", "A", +1, ("u", "x|x|")),
+    ("hull_asymmetry.B_0", "B", +1, ("u", "x|x|")),
+    ("sway_cross_flow.A_a|b|", "A", +1, ("a", "x"), ("b", "|x|")),
+    ("sway_cross_flow.A_b|a|", "A", +1, ("b", "x"), ("a", "|x|")),
+    ("yaw_cross_flow.B_a|b|", "B", +1, ("a", "x"), ("b", "|x|")),
+    ("yaw_cross_flow.B_b|a|", "B", +1, ("b", "x"), ("a", "|x|")),
+    ("cubic_damping.B_aab", "B", +1, ("a", "x^2"), ("b", "x")),
+    ("cubic_damping.B_bbb", "B", +1, ("b", "x^3")),
+    ("turning_drag.X_aau", "X", +1, ("a", "x^2"), ("u", "x")),
+    ("turning_drag.X_bbu", "X", +1, ("b", "x^2"), ("u", "x")),
     ("linear_drag.X_u", "X", +1, ("u", "x")),
-    ("linear_damping.Y_v", "A", +1, ("a", "x")),
-    ("linear_damping.N_r", "B", +1, ("b", "x")),
+    ("linear_damping.A_a", "A", +1, ("a", "x")),
+    ("linear_damping.B_b", "B", +1, ("b", "x")),
+    ("weight_change.W-B_n", "X", -1, ("changed", "x"), ("sin", "x")),
+    ("weight_change.W-B_n", "A", +1, ("changed", "x"), ("cos", "x")),
+    ("weight_change.x_GW_nm", "B", -1, ("changed", "x"), ("cos", "x")),
+    ("buoyancy_gradient.W-B_npm", "X", -1, ("depth", "x"), ("sin", "x")),
+    ("buoyancy_gradient.W-B_npm", "A", +1, ("depth", "x"), ("cos", "x")),
     ("roll_coupling.Y_uuphi", "A", +1, ("u", "x^2"), ("roll", "x")),
     ("roll_coupling.N_uuphi", "B", +1, ("u", "x^2"), ("roll", "x")),
     ("weight_excess.W-B_n", "X", -1, ("pitch", "x")),
@@ -172,13 +181,10 @@ class Structure:
         return Equations(self.terms, self.weights, self.mass, self.mass_weights)
 
 
-def symbol_in(plane: Plane, generic: str) -> str:
-    """Coefficient symbol of a plane from its generic name, e.g. ``B_ua`` -> ``N_uv``."""
-    axis, _, rest = generic.partition("_")
-    names = PLANE_NAMES[plane]
-    if rest.endswith("dot"):
-        return f"{names.get(axis, axis)}_{names.get(rest[0], rest[0])}dot"
-    return f"{names.get(axis, axis)}_{''.join(names.get(c, c) for c in rest)}"
+def force_name(plane: Plane, generic: str) -> str:
+    """Parameter of a force in a plane, e.g. ``sway_cross_flow.A_a|b|`` -> ``...Y_v|r|``."""
+    effect, _, symbol = name_in(plane, generic).partition(".")
+    return f"{effect}.{symbol_in(plane, symbol)}"
 
 
 def _row(parameters: tuple[str, ...], equation: str, parameter: str, factors: tuple) -> list[int]:
@@ -191,7 +197,7 @@ def _row(parameters: tuple[str, ...], equation: str, parameter: str, factors: tu
 @lru_cache(maxsize=64)
 def structure_of(plane: Plane, effects: tuple[str, ...] = ()) -> Structure:
     """Arrays of the equations of one plane, with the effects that the prediction carries."""
-    names = tuple(name for e in effects if e != FREE_FORCE for name in BY_ID[e].names())
+    names = tuple(name for e in effects if e != FREE_FORCE for name in BY_ID[e].names(plane))
     names += FREE_FORCES if FREE_FORCE in effects else ()
     parameters = symbols_of(plane) + CONSTANTS + names
     rows, weights = [], []
@@ -225,7 +231,8 @@ def _force_rows(plane: Plane, effects: tuple[str, ...], names: tuple[str, ...]) 
         yield equation, symbol_in(plane, generic), 1.0, tuple(factors)
     for equation, constant, weight, *factors in RIGID[plane]:
         yield equation, constant, weight, tuple(factors)
-    for name, equation, weight, *factors in EFFECT_FORCES:
+    for generic, equation, weight, *factors in EFFECT_FORCES:
+        name = force_name(plane, generic)
         if name in names:
             yield equation, name, weight, tuple(factors)
     if FREE_FORCE in effects:

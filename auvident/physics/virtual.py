@@ -125,7 +125,7 @@ def run_virtual(
 
 
 def healthy(inputs: Array) -> Array:
-    """Inputs (9,) of the equations when the controls (3,) act as ordered and nothing else does."""
+    """Inputs (12,) of the equations when the controls (3,) act as ordered and nothing else does."""
     return np.concatenate([inputs, [1.0], np.zeros(N_INPUTS - 4)])
 
 

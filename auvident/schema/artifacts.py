@@ -4,11 +4,12 @@
 the SNAME non-dimensional value. Version numbers rise when a key is renamed or dropped.
 """
 
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 from pydantic import Field, model_validator
 
 from auvident.schema.base import Artifact
+from auvident.schema.effects import BY_ID
 from auvident.schema.planes import ManeuverKind, Plane
 
 Role = Literal["identify", "validate"]
@@ -362,6 +363,18 @@ class IdentifiedModel(Artifact):
     profile: tuple[ProfileInterval, ...] = ()
     stages: tuple[StageRecord, ...] = ()
     findings: tuple[Finding, ...] = ()
+
+    @model_validator(mode="after")
+    def _effects_act_in_its_plane(self) -> Self:
+        """Those of an earlier version may not: its elevators had the effects of a rudder."""
+        for name in (str(e.get("id")) for e in self.effects):
+            if name in BY_ID and self.plane not in BY_ID[name].planes:
+                twin = f" (it is {BY_ID[name].twin!r} now)" if BY_ID[name].twin else ""
+                raise ValueError(
+                    f"the effect {name!r} does not act in the {self.plane} plane{twin}: the model "
+                    "is of an earlier version; identify it again"
+                )
+        return self
 
     def values(self) -> dict[str, float]:
         """Value of each coefficient by symbol."""

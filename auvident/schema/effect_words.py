@@ -5,17 +5,24 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from auvident.schema.diagnosis import Bound, EffectFound, ParameterValue
-from auvident.schema.effects import BY_ID, parameter_of
+from auvident.schema.effects import BY_ID, Effect, parameter_of
 
 # where an id with spaces for its bars is not what an engineer says
 NAMES = {
     "current_drift": "change of the current",
     "rudder_rate_limit": "servo speed limit",
     "rudder_lag": "servo lag",
-    "rudder_backlash": "backlash of the rudder",
-    "rudder_deadband": "dead band of the rudder",
-    "rudder_asymmetry": "asymmetry of the rudder",
-    "propeller_race": "propeller race on the rudder",
+    "elevator_rate_limit": "elevator speed limit",
+    **{
+        f"{fin}_{kind}": f"{words} of the {fin}"
+        for fin in ("rudder", "elevator")
+        for kind, words in (
+            ("backlash", "backlash"),
+            ("deadband", "dead band"),
+            ("asymmetry", "asymmetry"),
+        )
+    },
+    "propeller_race": "propeller race on the fin",
     "thrust_sag": "decline of thrust",
     "thrust_step": "step of thrust",
     "dvl_delay": "DVL delay",
@@ -23,7 +30,15 @@ NAMES = {
     "dvl_scale": "DVL scale error",
     "dvl_lever_arm": "error of the DVL lever arm",
     "dvl_height": "height of the DVL",
+    "dvl_pitch": "DVL misalignment in pitch",
     "gyro_scale": "gyro scale error",
+    "q_bias": "pitch gyro bias",
+    "q_scale": "pitch gyro scale error",
+    "pitch_scale": "pitch scale error",
+    "depth_lag": "lag of the depth sensor",
+    "depth_scale": "depth scale error",
+    "weight_change": "change of weight",
+    "buoyancy_gradient": "change of buoyancy with depth",
     "roll_coupling": "force due to roll",
     "weight_excess": "weight minus buoyancy",
 }
@@ -56,7 +71,7 @@ class Told(float):
 def plain(effect: str, parameters: Sequence[ParameterValue], speed: float, rate: float) -> str:
     """An effect in words; forces as they are at cruise (speed [m/s], propeller rate [rev/s])."""
     values = {p.symbol: Told(p.value, p.bound) for p in parameters}
-    words = BY_ID[effect].words
+    words = _words(BY_ID[effect], values)
     if BY_ID[effect].instant is not None:
         return _in(words, values) + _when(parameters)
     if effect == "current":
@@ -67,10 +82,10 @@ def plain(effect: str, parameters: Sequence[ParameterValue], speed: float, rate:
             for half in ("early", "late")
         )
         return f"a current that changes by {early} in the first half of the trial, {late} after"
-    if words and all(p in values for p in _fields(words)):
+    if words:
         return _in(words, values)
     if effect == "hull_asymmetry":
-        y, n = (values[symbol].times(speed**2) for symbol in ("Y_0", "N_0"))
+        y, n = (value.times(speed**2) for value in values.values())
         return f"a hull asymmetry with {y:.2f} N and {n:.2f} N m at {speed:.1f} m/s"
     if effect == "propeller_side_force":
         y, n = (values[symbol].times(rate**2) for symbol in ("Y_nn", "N_nn"))
@@ -99,6 +114,12 @@ def is_confirmed(effect: EffectFound) -> bool:
         and parameter_of(f"{effect.id}.{p.symbol}").practical > 0.0
     ]
     return not sizes or not all(holds_nothing(effect.id, p) for p in sizes)
+
+
+def _words(effect: Effect, values: Mapping[str, Told]) -> str:
+    """Words of an effect whose fields all have a value."""
+    ways = (effect.words,) if isinstance(effect.words, str) else effect.words
+    return next((words for words in ways if all(p in values for p in _fields(words))), "")
 
 
 def _in(words: str, values: Mapping[str, Told]) -> str:

@@ -9,211 +9,18 @@ means off.
 """
 
 import math
-from dataclasses import dataclass
-from typing import Literal, get_args
+from dataclasses import replace
+from typing import Any, get_args
 
-from auvident.schema.coefficients import HV, H
-from auvident.schema.planes import Plane
+from auvident.schema.coefficients import HV, H, V
+from auvident.schema.effect import NOTHING, Effect, EffectFamily, EffectParameter, TimeGrid
+from auvident.schema.planes import HORIZONTAL, VERTICAL, Plane, PlaneRow, symbol_in
 from auvident.schema.unexplained import NAME, PRODUCTS
 
-EffectFamily = Literal["environment", "actuation", "sensing", "hydrodynamics"]
-# where an effect enters: before the equations of motion, in them, after them, or in no model (a
-# disturbance of one trial, which is named and masked)
-Enters = Literal["input", "force", "reading", "disturbance"]
-# how a value is stored: as it is, its inverse (a limit that is infinite without the effect), or
-# the inverse of its square
-Form = Literal["plain", "inverse", "inverse_square"]
+__all__ = ["NOTHING", "Effect", "EffectFamily", "EffectParameter", "TimeGrid"]
 
 DEGREES = 180.0 / math.pi
 LONGEST_TRIAL_S = 7.0 * 86_400.0  # bound of a time in a trial
-NOTHING = 0.01  # of the practical size: a value below it is as good as no effect
-
-
-@dataclass(frozen=True)
-class TimeGrid:
-    """Where a time is looked for that no slope finds, since what it changes is a step.
-
-    Attributes
-    ----------
-    apart_s, most : float, int
-        The first grid, over all maneuvers: so far apart, in a long trial further, so that there
-        are no more than `most` and the time of a search grows with the length of the trial.
-    reach : tuple of float
-        Then about the best one, each time this share of the first distance to both sides.
-    fine_s : float
-        At last so far apart, between the maneuvers before and after.
-    """
-
-    apart_s: float
-    most: int
-    reach: tuple[float, ...]
-    fine_s: float
-
-
-@dataclass(frozen=True)
-class EffectParameter:
-    """Declaration of one parameter of an effect.
-
-    Attributes
-    ----------
-    symbol : str
-        Name in the artifacts, unit as suffix.
-    unit : str
-        Unit in the artifacts.
-    prior : float
-        Standard deviation of the internal value before the data, in internal units; where there
-        are `powers`, in units of these. Zero where it is looked for on a grid: any value is as
-        likely.
-    practical : float
-        Size from which on the effect is worth a word, stated like `prior`.
-    low, high : float
-        Bounds of the internal value, stated like `prior`.
-    factor : float
-        Unit conversion: one internal unit is this many of `unit`.
-    form : str
-    step : float
-        Change, in units of the prior, over which a slope is taken; effects that do nothing
-        when they are small (play, dead band) need a large one.
-    powers : tuple of int
-        Sizes and bounds scale with density/2, length, speed and propeller rate to these powers:
-        what a delay of a sensor or a lag of a servo does to the motion depends on L/U. The bounds
-        are wide: for L/U of 0.4 s a delay may be 2 s.
-    nuisance_std : float
-        Standard deviation as a nuisance parameter of every model: no real servo is without
-        lag and no hull without asymmetry. Zero for most.
-    grid : TimeGrid, optional
-        Of a time since the start of the trial.
-    width_of : str
-        Symbol of the parameter with a grid whose interval it is the width of.
-    """
-
-    symbol: str
-    unit: str
-    prior: float
-    practical: float
-    low: float
-    high: float
-    factor: float = 1.0
-    form: Form = "plain"
-    step: float = 0.02
-    powers: tuple[int, int, int, int] = (0, 0, 0, 0)
-    nuisance_std: float = 0.0
-    grid: TimeGrid | None = None
-    width_of: str = ""
-
-    def size_unit(
-        self, density_kgpm3: float, length_m: float, speed_mps: float, rate_rps: float
-    ) -> float:
-        """What sizes and bounds are multiplied by for a vehicle (1 for shares and angles)."""
-        quantities = (0.5 * density_kgpm3, length_m, speed_mps, rate_rps)
-        return math.prod(q**power for q, power in zip(quantities, self.powers, strict=True))
-
-    def is_nothing(self, internal: float) -> bool:
-        """Whether a value is too small to be told from no effect at all."""
-        return abs(internal) <= NOTHING * self.practical
-
-    def holds_nothing(self, value: float, low: float, high: float) -> bool:
-        """Whether an interval as shown cannot be told from no effect at all.
-
-        No effect is an internal value of zero. Of a limit the interval is that of its inverse to
-        first order; what has no practical size (a time, a direction) is no size to be told.
-        """
-        if self.practical <= 0.0:
-            return False
-        if self.form == "plain":
-            return low <= 0.0 <= high
-        power = 1.0 if self.form == "inverse" else 0.5
-        return 0.5 * (high - low) >= power * value
-
-    def internal(self, shown: float) -> float:
-        """Internal value of a value as shown."""
-        if self.form == "plain":
-            return shown / self.factor
-        power = 1.0 if self.form == "inverse" else 2.0
-        return (self.factor / shown) ** power
-
-    def shown(self, internal: float, std: float = 0.0) -> tuple[float, float]:
-        """Value and standard deviation as shown, from the internal ones.
-
-        A limit that is not reached (internal value zero) is shown as the largest finite number
-        of its form: the one at `NOTHING` of the practical size.
-        """
-        if self.form == "plain":
-            return internal * self.factor, std * self.factor
-        power = 1.0 if self.form == "inverse" else 0.5
-        least = max(internal, NOTHING * self.practical)
-        value = self.factor * least**-power
-        return value, power * value / least * std
-
-
-@dataclass(frozen=True)
-class Effect:
-    """Declaration of one effect.
-
-    Attributes
-    ----------
-    id : str
-        Name in every file and table.
-    family : str
-    enters : str
-        Part of the prediction that carries it.
-    planes : tuple of str
-    parameters : tuple of EffectParameter
-    equation : str
-        For people.
-    signature : str
-        How it shows, for people.
-    needs : tuple of str
-        Columns of the trial without which it cannot be seen or told apart.
-    source : str
-    words : str
-        What a model with it has, for people; fields are its parameters as shown.
-    alike : str
-        Its group of `auvident.schema.likeness`, if it has one.
-    parts : tuple of str
-        Effects that together do what it does alone.
-    surge_alone : bool
-        The surge equation alone can show it.
-    curved : bool
-        Its signature changes with its size: a fit needs a start of typical size.
-    higher_order : bool
-        A term of higher order, of which every hull has a little.
-    steady : bool
-        It shows in a straight run as a drift angle or a turn in proportion to the speed.
-    nuisance : bool
-        Only ever taken along: no engineer asks for it.
-    late : bool
-        A sensor shows what was a while ago.
-    """
-
-    id: str
-    family: EffectFamily
-    enters: Enters
-    planes: tuple[Plane, ...]
-    parameters: tuple[EffectParameter, ...]
-    equation: str
-    signature: str
-    needs: tuple[str, ...] = ()
-    source: str = ""
-    words: str = ""
-    alike: str = ""
-    parts: tuple[str, ...] = ()
-    surge_alone: bool = False
-    curved: bool = False
-    higher_order: bool = False
-    steady: bool = False
-    nuisance: bool = False
-    late: bool = False
-
-    def names(self) -> tuple[str, ...]:
-        """Names of its parameters in the parameter vector."""
-        return tuple(f"{self.id}.{p.symbol}" for p in self.parameters)
-
-    @property
-    def instant(self) -> EffectParameter | None:
-        """Its time in the trial, if it has one that is looked for on a grid."""
-        return next((p for p in self.parameters if p.grid is not None), None)
-
 
 P = EffectParameter
 # powers of what scales with the size of the vehicle: L/U, U/L, L and U
@@ -222,9 +29,9 @@ SERVO = "first-order servo with play and limits; Fossen (2021), Handbook, 9.5"
 SENSOR = "Hegrenaes and Hallingstad (2011), model-aided INS; Pan and Wu (2015), DVL calibration"
 
 # Effects that are special cases of each other or look alike in most maneuvers: the name of the
-# group, and the maneuvers that tell its members apart.
+# group, and the maneuvers of each plane that tell its members apart.
 LIKENESSES: dict[str, str] = {
-    "turns amidships": "coast-downs and thrust steps with the rudder amidships",
+    "amidships": "coast-downs and thrust steps with the rudder amidships",
     "late": "zigzags of two sizes (10/10 and 20/20), logged at 10 Hz or faster",
     "small helms": "zigzags of 5 degrees and less, and circles entered from both sides",
     "large helms": "circles of 25 degrees and more, and circles with a thrust step",
@@ -232,10 +39,132 @@ LIKENESSES: dict[str, str] = {
     "drag": "straight runs at low and at full speed",
     "damping": "zigzags of two sizes, circles of small and of large rudder angles",
 }
+LIKENESSES_VERTICAL: dict[str, str] = {
+    "amidships": "level runs at two speeds, coast-downs and thrust steps at level pitch",
+    "late": "vertical zigzags of two sizes, logged at 10 Hz or faster",
+    "small helms": "vertical zigzags of elevator angles of 5 degrees and less",
+    "large helms": "large vertical zigzags at two speeds, and through a thrust step",
+    "falling thrust": LIKENESSES["falling thrust"],
+    "drag": LIKENESSES["drag"],
+    "damping": "vertical zigzags of two sizes, and depth steps at two speeds",
+    "incidence": "depth steps at two speeds and to two pitch angles, with the depth logged",
+    "weight": "slow level runs at one depth, early and late in the trial, and at two depths",
+}
+BY_MANEUVERS: dict[Plane, dict[str, str]] = {
+    "horizontal": LIKENESSES,
+    "vertical": LIKENESSES_VERTICAL,
+}
+
+# Parameters that stand in both planes, or in two effects.
+BIAS = P("bias_degps", "deg/s", 0.0057, 0.002, -0.5, 0.5, DEGREES, powers=RATE)
+SCALE = P("fraction", "-", 0.03, 0.015, -0.5, 0.5)
+ONCE = (  # when something happened
+    P("time_s", "s", 0.0, 0.0, 0.0, LONGEST_TRIAL_S, grid=TimeGrid(120.0, 20, (0.75, 0.19), 2.0)),
+    P("over_s", "s", 0.0, 0.0, 0.0, LONGEST_TRIAL_S, width_of="time_s"),
+)
+
+
+def in_axes(generic: str, *args: Any, of: tuple[Plane, ...] = HV, **kw: Any) -> tuple[P, ...]:
+    """A coefficient with generic axes (``A_a|b|``) in those of each plane: Y_v|r| and Z_w|q|."""
+    return tuple(
+        replace(P(symbol_in(plane, generic), *args, **kw), planes=(plane,)) for plane in of
+    )
+
+
+# What is said of the fin of a plane: with its article, of its servo, what it makes the vehicle do.
+OF_FIN: dict[Plane, tuple[str, str, str, str, str]] = {
+    "horizontal": (
+        "a rudder",
+        "a servo",
+        "turns",
+        "turning circles",
+        "turns to port and to starboard",
+    ),
+    "vertical": ("an elevator", "an elevator", "pitches", "depth steps", "pitches down and up"),
+}
+
 
 # fmt: off
+def of_fin(own: PlaneRow, other: PlaneRow) -> tuple[Effect, ...]:
+    """What may be amiss with the fin of a plane."""
+    fin, (a_fin, servo, turns, circles, to_both_sides) = own.fin, OF_FIN[own.name]
+
+    def row(kind: str, parameter: P, equation: str, signature: str, source: str,
+            **kw: Any) -> Effect:
+        return Effect(f"{fin}_{kind}", "actuation", "input", (own.name,), (parameter,), equation,
+                      signature, (), source, twin=f"{other.fin}_{kind}", **kw)
+
+    return (
+        row("offset", P("offset_deg", "deg", 0.035, 0.0087, -0.35, 0.35, DEGREES),
+            "d = d_command + offset",
+            f"{turns} with the {fin} amidships, in proportion to u^2", SERVO,
+            words=f"{a_fin} offset of {{offset_deg:.1f}} deg", alike="amidships", steady=True),
+        row("lag", P("lag_s", "s", 0.35, 0.13, 0.0, 5.0, nuisance_std=0.035, step=0.05,
+                     powers=TIME),
+            "d' = (d_command - d) / lag",
+            f"residual after every {fin} movement, decaying", SERVO,
+            words=f"{servo} lag of {{lag_s:.2f}} s", alike="late", curved=True),
+        row("rate_limit", P("rate_degps", "deg/s", 2.6, 1.7, 0.0, 50.0, DEGREES, "inverse",
+                            step=0.3, nuisance_std=0.26, powers=TIME),
+            "|d'| <= rate",
+            f"residual after every {fin} movement, longer after larger ones", SERVO,
+            words=f"{servo} speed limit of {{rate_degps:.0f}} deg/s", alike="late", curved=True),
+        row("delay", P("delay_s", "s", 0.26, 0.13, -0.75, 5.0, nuisance_std=0.018, step=0.05,
+                       powers=TIME),
+            "d(t) = d_command(t - delay)",
+            f"residual after every {fin} movement, flat-topped", SERVO,
+            words=f"{a_fin} delay of {{delay_s:.2f}} s", alike="late", curved=True),
+        row("backlash", P("half_width_deg", "deg", 0.026, 0.0122, 0.0, 0.2, DEGREES, step=0.7),
+            "d follows d_command at a distance of the half width",
+            f"{circles} differ after {fin} reversals", SERVO,
+            words=f"{a_fin} backlash of ±{{half_width_deg:.1f}} deg", alike="small helms",
+            curved=True),
+        row("deadband", P("deadband_deg", "deg", 0.026, 0.0122, 0.0, 0.2, DEGREES, step=0.7),
+            "d = sign(d_command) max(|d_command| - deadband, 0)",
+            f"small {fin} angles have too little effect", SERVO,
+            words=f"{a_fin} dead band of ±{{deadband_deg:.1f}} deg", alike="small helms",
+            curved=True),
+        row("asymmetry", P("gain", "-", 0.15, 0.05, -0.9, 0.9),
+            "d = d_command (1 + gain sign(d_command))",
+            f"{to_both_sides} differ", SERVO,
+            words=f"{a_fin} asymmetry of {{gain:+.2f}}"),
+        row("stall", P("angle_deg", "deg", 6.0, 3.0, 0.0, 60.0, DEGREES, "inverse_square", step=0.1,
+                       nuisance_std=1.2),
+            "effective d = d / sqrt(1 + (d / angle)^2)",
+            f"large {fin} angles have too little effect",
+            "Molland and Turnock (2007), 5.3",
+            words=f"{a_fin} that stalls at about {{angle_deg:.0f}} deg", alike="large helms",
+            curved=True),
+    )
+
+
+def cross_flow(own: PlaneRow, *ids: str) -> tuple[Effect, ...]:
+    """Cross flow that drift and turn make of each other: of force and moment, here and there."""
+    force, moment, *twins = (f"{name}_cross_flow" for name in ids)
+    of, names = (own.name,), own.names
+    a, b, force_axis, moment_axis = names["a"], names["b"], names["A"], names["B"]
+
+    def row(id_: str, twin: str, axis: str, generic: str, unit: str, prior: float, practical: float,
+            power: int, signature: str) -> Effect:
+        size = (unit, prior, practical, -1.0, 1.0)
+        return Effect(id_, "hydrodynamics", "force", of, (
+            *in_axes(f"{generic}_a|b|", *size, powers=(1, power, 0, 0), of=of),
+            *in_axes(f"{generic}_b|a|", *size, powers=(1, power, 0, 0), of=of),
+        ), f"{axis} + {axis}_{a}|{b}| {a}|{b}| + {axis}_{b}|{a}| {b}|{a}|", signature, (),
+            "Norrbin (1971); Clarke (2003)", alike="damping", higher_order=True, twin=twin)
+
+    return (
+        row(force, twins[0], force_axis, "A", "kg", 0.03, 0.01, 3,
+            "drift angle depends on the rate of turn" if own is HORIZONTAL
+            else "angle of attack depends on the rate of pitch"),
+        row(moment, twins[1], moment_axis, "B", "kg m", 0.008, 0.003, 4,
+            "overshoot depends on the rate of turn" if own is HORIZONTAL
+            else "overshoot depends on the rate of pitch"),
+    )
+
+
 EFFECTS: tuple[Effect, ...] = (
-    Effect("current", "environment", "reading", H, (
+    Effect("current", "environment", "reading", HV, (
         P("north_mps", "m/s", 0.2, 0.033, -4.0, 4.0, powers=SPEED),
         P("east_mps", "m/s", 0.2, 0.033, -4.0, 4.0, powers=SPEED),
     ), "velocity over ground = velocity through the water + R(heading)' (north, east)",
@@ -254,55 +183,16 @@ EFFECTS: tuple[Effect, ...] = (
     ), "force at the encounter frequency omega - omega^2 u cos(heading - direction) / g",
         "a spectral line in the residual that shifts with heading and speed", ("heading_rad",),
         "Fossen (2021), 10.2"),
-    Effect("one_off_event", "environment", "disturbance", H, (
+    Effect("vertical_current", "environment", "reading", V, (
+        P("down_mps", "m/s", 0.05, 0.012, -1.0, 1.0, powers=SPEED),
+    ), "velocity over ground = velocity through the water + R(pitch)' (0, down)",
+        "w residual that is the same at every speed, u residual that follows the pitch", (),
+        "Fossen (2021), 10.3", words="water that sinks by {down_mps:.3f} m/s", alike="incidence"),
+    Effect("one_off_event", "environment", "disturbance", HV, (
         P("time_s", "s", 1.0, 0.0, 0.0, 1e9), P("duration_s", "s", 1.0, 0.0, 0.0, 1e3),
     ), "none: the rows are masked", "residual energy in a few seconds of one maneuver"),
-    Effect("rudder_offset", "actuation", "input", HV, (
-        P("offset_deg", "deg", 0.035, 0.0087, -0.35, 0.35, DEGREES),
-    ), "d = d_command + offset", "turns with the rudder amidships, in proportion to u^2", (),
-        SERVO,
-        words="a rudder offset of {offset_deg:.1f} deg", alike="turns amidships", steady=True),
-    Effect("rudder_lag", "actuation", "input", HV, (
-        P("lag_s", "s", 0.35, 0.13, 0.0, 5.0, nuisance_std=0.035, step=0.05, powers=TIME),
-    ), "d' = (d_command - d) / lag", "residual after every rudder movement, decaying", (), SERVO,
-        words="a servo lag of {lag_s:.2f} s", alike="late", curved=True),
-    Effect("rudder_rate_limit", "actuation", "input", HV, (
-        P("rate_degps", "deg/s", 2.6, 1.7, 0.0, 50.0, DEGREES, "inverse", step=0.3,
-          nuisance_std=0.26, powers=TIME),
-    ), "|d'| <= rate", "residual after every rudder movement, longer after larger ones", (), SERVO,
-        words="a servo speed limit of {rate_degps:.0f} deg/s", alike="late", curved=True),
-    Effect("rudder_delay", "actuation", "input", HV, (
-        P("delay_s", "s", 0.26, 0.13, -0.75, 5.0, nuisance_std=0.018, step=0.05, powers=TIME),
-    ), "d(t) = d_command(t - delay)",
-        "residual after every rudder movement, flat-topped", (), SERVO,
-        words="a rudder delay of {delay_s:.2f} s", alike="late", curved=True),
-    Effect("rudder_backlash", "actuation", "input", HV, (
-        P("half_width_deg", "deg", 0.026, 0.0122, 0.0, 0.2, DEGREES, step=0.7),
-    ), "d follows d_command at a distance of the half width",
-        "turning circles differ after rudder reversals",
-        (), SERVO,
-        words="a rudder backlash of ±{half_width_deg:.1f} deg", alike="small helms",
-        curved=True),
-    Effect("rudder_deadband", "actuation", "input", HV, (
-        P("deadband_deg", "deg", 0.026, 0.0122, 0.0, 0.2, DEGREES, step=0.7),
-    ), "d = sign(d_command) max(|d_command| - deadband, 0)",
-        "small rudder angles have too little effect", (),
-        SERVO,
-        words="a rudder dead band of ±{deadband_deg:.1f} deg", alike="small helms",
-        curved=True),
-    Effect("rudder_asymmetry", "actuation", "input", HV, (
-        P("gain", "-", 0.15, 0.05, -0.9, 0.9),
-    ), "d = d_command (1 + gain sign(d_command))",
-        "turns to port and to starboard differ", (), SERVO,
-        words="a rudder asymmetry of {gain:+.2f}"),
-    Effect("rudder_stall", "actuation", "input", HV, (
-        P("angle_deg", "deg", 6.0, 3.0, 0.0, 60.0, DEGREES, "inverse_square", step=0.1,
-          nuisance_std=1.2),
-    ), "effective d = d / sqrt(1 + (d / angle)^2)",
-        "large rudder angles have too little effect", (),
-        "Molland and Turnock (2007), 5.3",
-        words="a rudder that stalls at about {angle_deg:.0f} deg", alike="large helms",
-        curved=True),
+    *of_fin(HORIZONTAL, VERTICAL),
+    *of_fin(VERTICAL, HORIZONTAL),
     Effect("propeller_lag", "actuation", "input", HV, (
         P("lag_s", "s", 0.62, 0.26, 0.0, 15.0, nuisance_std=0.13, step=0.05, powers=TIME),
     ), "n' = (n_command - n) / lag", "u residual after thrust steps only",
@@ -311,9 +201,9 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("propeller_race", "actuation", "input", HV, (
         P("c_m2ps2pn", "m^2/s^2/N", 100.0, 50.0, -1000.0, 1000.0, powers=(-1, -2, 0, 0),
           nuisance_std=15.0),
-    ), "rudder sees u^2 + c T", "rudder effectiveness depends on propeller loading", (),
+    ), "fin sees u^2 + c T", "fin effectiveness depends on propeller loading", (),
         "Molland and Turnock (2007), 3.6",
-        words="propeller race on the rudder, {c_m2ps2pn:.4f} m^2/s^2 per N",
+        words="propeller race on the fin, {c_m2ps2pn:.4f} m^2/s^2 per N",
         alike="large helms"),
     Effect("thrust_sag", "actuation", "input", HV, (
         P("fraction_per_1000_s", "-", 0.15, 0.05, -0.9, 0.9),
@@ -322,90 +212,130 @@ EFFECTS: tuple[Effect, ...] = (
         surge_alone=True),
     Effect("thrust_step", "actuation", "input", HV, (
         P("fraction", "-", 0.15, 0.05, -0.9, 0.9),
-        P("time_s", "s", 0.0, 0.0, 0.0, LONGEST_TRIAL_S,
-          grid=TimeGrid(120.0, 20, (0.75, 0.19), 2.0)),
-        P("over_s", "s", 0.0, 0.0, 0.0, LONGEST_TRIAL_S, width_of="time_s"),
+        *ONCE,
     ), "thrust (1 - fraction) from one time on, spread over its uncertainty",
         "u drops at one time and stays low",
         words="thrust that drops by {fraction:.1%}", alike="falling thrust", surge_alone=True),
     Effect("dvl_delay", "sensing", "reading", HV, (
         P("delay_s", "s", 0.22, 0.09, -2.5, 5.0, powers=TIME),
-    ), "u, v(t) are those of t - delay",
-        "u and v residuals in proportion to their derivatives", (), SENSOR,
+    ), "u, v (w) are those of t - delay",
+        "u and v (w) residuals in proportion to their derivatives", (), SENSOR,
         words="a DVL delay of {delay_s:.2f} s", alike="late", curved=True, late=True),
     Effect("gyro_delay", "sensing", "reading", HV, (
         P("delay_s", "s", 0.22, 0.09, -2.5, 5.0, powers=TIME),
-    ), "r(t) is that of t - delay", "r residual in proportion to its derivative", (), SENSOR,
+    ), "r (q) is that of t - delay", "r (q) residual in proportion to its derivative", (), SENSOR,
         words="a gyro delay of {delay_s:.2f} s", alike="late", curved=True, late=True),
     Effect("dvl_misalignment", "sensing", "reading", H, (
         P("yaw_deg", "deg", 0.035, 0.0087, -0.5, 0.5, DEGREES),
     ), "(u, v) turned by yaw", "v in proportion to u while r = 0", (), SENSOR,
-        words="a DVL misalignment of {yaw_deg:.1f} deg in yaw", steady=True),
+        words="a DVL misalignment of {yaw_deg:.1f} deg in yaw", steady=True, twin="dvl_pitch"),
+    Effect("dvl_pitch", "sensing", "reading", V, (
+        P("pitch_deg", "deg", 0.035, 0.0087, -0.5, 0.5, DEGREES),
+    ), "(u, w) turned by pitch, bow up: u - w sin, w + u sin", "w in proportion to u while q = 0",
+        (), SENSOR, words="a DVL misalignment of {pitch_deg:.1f} deg in pitch", alike="incidence",
+        steady=True, twin="dvl_misalignment"),
     Effect("dvl_scale", "sensing", "reading", HV, (
         P("fraction", "-", 0.03, 0.015, -0.5, 0.5),
-    ), "(u, v) (1 + fraction)", "only logged positions show it", ("north_m",), SENSOR,
+    ), "(u, v (w)) (1 + fraction)", "only logged positions show it", ("north_m",), SENSOR,
         words="a DVL scale error of {fraction:+.1%}"),
-    Effect("dvl_lever_arm", "sensing", "reading", H, (
+    Effect("dvl_lever_arm", "sensing", "reading", HV, (
         P("dx_m", "m", 0.12, 0.03, -1.0, 1.0, powers=LENGTH),
-        P("dy_m", "m", 0.06, 0.018, -1.0, 1.0, powers=LENGTH),
-    ), "v + r dx, u - r dy", "u differs in port and starboard turns (dy)", (), SENSOR,
-        words="a DVL {dx_m:.2f} m forward and {dy_m:.2f} m to starboard of its stated position"),
-    Effect("gyro_bias", "sensing", "reading", HV, (
-        P("bias_degps", "deg/s", 0.0057, 0.002, -0.5, 0.5, DEGREES, powers=RATE),
-    ), "r + bias", "heading disagrees with the integral of r", (), SENSOR,
-        words="a gyro bias of {bias_degps:.2f} deg/s"),
-    Effect("gyro_scale", "sensing", "reading", HV, (
-        P("fraction", "-", 0.03, 0.015, -0.5, 0.5),
-    ), "r (1 + fraction)", "heading disagrees with the integral of r in turns", ("heading_rad",),
-        SENSOR,
-        words="a gyro scale error of {fraction:+.1%}"),
+        P("dy_m", "m", 0.06, 0.018, -1.0, 1.0, powers=LENGTH, planes=H),
+        P("dz_m", "m", 0.06, 0.018, -1.0, 1.0, powers=LENGTH, planes=V),
+    ), "v + r dx, u - r dy; w - q dx, u + q dz",
+        "u differs in port and starboard turns (dy), while pitching up and down (dz)", (), SENSOR,
+        words=(
+            "a DVL {dx_m:.2f} m forward and {dy_m:.2f} m to starboard of its stated position",
+            "a DVL {dx_m:.2f} m forward of and {dz_m:.2f} m below its stated position",
+        )),
+    Effect("gyro_bias", "sensing", "reading", H, (BIAS,),
+        "r + bias", "heading disagrees with the integral of r", (), SENSOR,
+        words="a gyro bias of {bias_degps:.2f} deg/s", twin="q_bias"),
+    Effect("q_bias", "sensing", "reading", V, (BIAS,),
+        "q + bias", "pitch disagrees with the integral of q", (), SENSOR,
+        words="a pitch gyro bias of {bias_degps:.2f} deg/s", twin="gyro_bias"),
+    Effect("gyro_scale", "sensing", "reading", H, (SCALE,),
+        "r (1 + fraction)", "heading disagrees with the integral of r in turns", ("heading_rad",),
+        SENSOR, words="a gyro scale error of {fraction:+.1%}", twin="q_scale"),
+    Effect("q_scale", "sensing", "reading", V, (SCALE,),
+        "q (1 + fraction)", "pitch disagrees with the integral of q while pitching",
+        ("pitch_rad",), SENSOR,
+        words="a pitch gyro scale error of {fraction:+.1%}", twin="gyro_scale"),
+    Effect("pitch_bias", "sensing", "reading", V, (
+        P("bias_deg", "deg", 0.0175, 0.0044, -0.35, 0.35, DEGREES),
+    ), "pitch + bias", "depth rate disagrees with u and w turned by the pitch", ("pitch_rad",),
+        SENSOR, words="a pitch bias of {bias_deg:.1f} deg", alike="incidence", steady=True),
+    Effect("pitch_scale", "sensing", "reading", V, (SCALE,),
+        "pitch (1 + fraction)", "pitch disagrees with the integral of q, up and down alike",
+        ("pitch_rad",), SENSOR, words="a pitch scale error of {fraction:+.1%}"),
+    Effect("depth_lag", "sensing", "reading", V, (
+        P("lag_s", "s", 0.6, 0.2, 0.0, 15.0, powers=TIME),
+    ), "z_log' = (depth - z_log) / lag; no state: depth' = w cos pitch - u sin pitch",
+        "logged depth trails the integral of the depth rate; no other reading shows it",
+        ("depth_m", "pitch_rad"), SENSOR, words="a depth sensor with a lag of {lag_s:.2f} s"),
+    Effect("depth_scale", "sensing", "reading", V, (SCALE,),
+        "depth (1 + fraction); no state: depth' = w cos pitch - u sin pitch",
+        "logged depth disagrees with the integral of the depth rate; no other reading shows it",
+        ("depth_m", "pitch_rad"), SENSOR, words="a depth scale error of {fraction:+.1%}"),
     Effect("propeller_side_force", "hydrodynamics", "force", H, (
         P("Y_nn", "N s^2", 1.2e-3, 2e-4, -0.1, 0.1, powers=(1, 2, 2, -2)),
         P("N_nn", "N m s^2", 2.5e-4, 4e-5, -0.1, 0.1, powers=(1, 3, 2, -2)),
     ), "Y + Y_nn n|n|, N + N_nn n|n|", "turns with the rudder amidships, in proportion to n^2",
-        alike="turns amidships", parts=("rudder_offset", "dvl_misalignment"), steady=True),
-    Effect("hull_asymmetry", "hydrodynamics", "force", H, (
-        P("Y_0", "kg/m", 1.2e-3, 2e-4, -0.1, 0.1, powers=(1, 2, 0, 0), nuisance_std=3e-5),
-        P("N_0", "kg", 2.5e-4, 4e-5, -0.1, 0.1, powers=(1, 3, 0, 0), nuisance_std=1e-5),
-    ), "Y + Y_0 u|u|, N + N_0 u|u|", "turns with the rudder amidships, in proportion to u^2",
-        alike="turns amidships", parts=("rudder_offset", "dvl_misalignment"), steady=True),
-    Effect("sway_cross_flow", "hydrodynamics", "force", H, (
-        P("Y_v|r|", "kg", 0.03, 0.01, -1.0, 1.0, powers=(1, 3, 0, 0)),
-        P("Y_r|v|", "kg", 0.03, 0.01, -1.0, 1.0, powers=(1, 3, 0, 0)),
-    ), "Y + Y_v|r| v|r| + Y_r|v| r|v|", "drift angle depends on the rate of turn", (),
-        "Norrbin (1971); Clarke (2003)",
-        alike="damping", higher_order=True),
-    Effect("yaw_cross_flow", "hydrodynamics", "force", H, (
-        P("N_v|r|", "kg m", 0.008, 0.003, -1.0, 1.0, powers=(1, 4, 0, 0)),
-        P("N_r|v|", "kg m", 0.008, 0.003, -1.0, 1.0, powers=(1, 4, 0, 0)),
-    ), "N + N_v|r| v|r| + N_r|v| r|v|", "overshoot depends on the rate of turn", (),
-        "Norrbin (1971); Clarke (2003)",
-        alike="damping", higher_order=True),
-    Effect("cubic_damping", "hydrodynamics", "force", H, (
-        P("N_vvr", "kg s", 0.05, 0.02, -5.0, 5.0, powers=(1, 4, -1, 0)),
-        P("N_rrr", "kg m^2 s", 0.01, 0.004, -1.0, 1.0, powers=(1, 6, -1, 0)),
-    ), "N + N_vvr v v r + N_rrr r^3", "yaw damping grows faster than the square", (),
-        "Abkowitz (1964)",
+        alike="amidships", parts=("rudder_offset", "dvl_misalignment"), steady=True),
+    Effect("thrust_line_moment", "hydrodynamics", "force", V, (
+        P("z_T_m", "m", 0.02, 0.005, -0.5, 0.5, powers=LENGTH),
+    ), "M + z_T T", "pitches with the elevator amidships, in proportion to the thrust", (),
+        words="a thrust line {z_T_m:.3f} m below the axis", alike="amidships",
+        parts=("elevator_offset", "dvl_pitch"), steady=True),
+    Effect("hull_asymmetry", "hydrodynamics", "force", HV, (
+        *in_axes("A_0", "kg/m", 1.2e-3, 2e-4, -0.1, 0.1, powers=(1, 2, 0, 0), nuisance_std=3e-5),
+        *in_axes("B_0", "kg", 2.5e-4, 4e-5, -0.1, 0.1, powers=(1, 3, 0, 0), nuisance_std=1e-5),
+    ), "Y (Z) + Y_0 u|u|, N (M) + N_0 u|u|",
+        "turns (pitches) with the fin amidships, in proportion to u^2",
+        alike="amidships", parts=("rudder_offset", "dvl_misalignment"), steady=True),
+    *cross_flow(HORIZONTAL, "sway", "yaw", "heave", "pitch"),
+    *cross_flow(VERTICAL, "heave", "pitch", "sway", "yaw"),
+    Effect("cubic_damping", "hydrodynamics", "force", HV, (
+        *in_axes("B_aab", "kg s", 0.05, 0.02, -5.0, 5.0, powers=(1, 4, -1, 0)),
+        *in_axes("B_bbb", "kg m^2 s", 0.01, 0.004, -1.0, 1.0, powers=(1, 6, -1, 0)),
+    ), "N + N_vvr v v r + N_rrr r^3 (M, w, q)",
+        "yaw (pitch) damping grows faster than the square", (), "Abkowitz (1964)",
         alike="large helms", higher_order=True),
-    Effect("turning_drag", "hydrodynamics", "force", H, (
-        P("X_vvu", "kg s/m^2", 0.05, 0.02, -5.0, 5.0, powers=(1, 2, -1, 0)),
-        P("X_rru", "kg s", 0.01, 0.004, -5.0, 5.0, powers=(1, 4, -1, 0)),
-    ), "X + X_vvu v v u + X_rru r r u", "u lower in turns than X_vv, X_vr and X_rr explain",
+    Effect("turning_drag", "hydrodynamics", "force", HV, (
+        *in_axes("X_aau", "kg s/m^2", 0.05, 0.02, -5.0, 5.0, powers=(1, 2, -1, 0)),
+        *in_axes("X_bbu", "kg s", 0.01, 0.004, -5.0, 5.0, powers=(1, 4, -1, 0)),
+    ), "X + X_vvu v v u + X_rru r r u (w, q)",
+        "u lower while turning (pitching) than X_vv, X_vr and X_rr explain",
         alike="drag", surge_alone=True, higher_order=True),
-    Effect("linear_drag", "hydrodynamics", "force", H, (
+    Effect("linear_drag", "hydrodynamics", "force", HV, (
         P("X_u", "kg/s", 1.0e-3, 4e-4, -0.1, 0.1, powers=(1, 2, 1, 0), nuisance_std=1.5e-4),
     ), "X + X_u u", "u / n changes with speed",
         words="linear drag of {X_u:.2f} kg/s", alike="drag",
         surge_alone=True),
-    Effect("linear_damping", "hydrodynamics", "force", H, (
-        P("Y_v", "kg/s", 0.015, 0.005, -1.0, 1.0, powers=(1, 2, 1, 0)),
-        P("N_r", "kg m^2/s", 3e-3, 1e-3, -1.0, 1.0, powers=(1, 4, 1, 0)),
-    ), "Y + Y_v v, N + N_r r", "drift and turns die faster at low speed", (),
+    Effect("linear_damping", "hydrodynamics", "force", HV, (
+        *in_axes("A_a", "kg/s", 0.015, 0.005, -1.0, 1.0, powers=(1, 2, 1, 0)),
+        *in_axes("B_b", "kg m^2/s", 3e-3, 1e-3, -1.0, 1.0, powers=(1, 4, 1, 0)),
+    ), "Y + Y_v v, N + N_r r (Z, M; w, q)", "drift and turns die faster at low speed", (),
         "Fossen (2021), 6.4", alike="damping"),
     Effect("roll_coupling", "hydrodynamics", "force", H, (
         P("Y_uuphi", "kg/m", 0.015, 0.004, -1.0, 1.0, powers=(1, 2, 0, 0)),
         P("N_uuphi", "kg", 0.004, 0.001, -1.0, 1.0, powers=(1, 3, 0, 0)),
     ), "Y + Y_uuphi u u roll, N + N_uuphi u u roll", "residual follows the roll", ("roll_rad",)),
+    Effect("weight_change", "hydrodynamics", "force", V, (
+        P("W-B_n", "N", 2e-3, 5e-4, -0.5, 0.5, powers=(1, 2, 2, 0)),
+        P("x_GW_nm", "N m", 3e-4, 4e-5, -0.2, 0.2, powers=(1, 3, 2, 0)),
+        *ONCE,
+    ), "W-B and x_GW grow at one time, spread over its uncertainty",
+        "Z and M residuals that set in at one time and stay, whatever the speed", (),
+        "Fossen (2021), 4.1",
+        words="weight that grows by {W-B_n:.1f} N and bow-down moment by {x_GW_nm:.2f} N m",
+        alike="weight"),
+    Effect("buoyancy_gradient", "hydrodynamics", "force", V, (
+        P("W-B_npm", "N/m", 1e-4, 2e-5, -0.01, 0.01, powers=(1, 1, 2, 0)),
+    ), "W-B + gradient depth", "Z residual that follows the depth", ("depth_m",),
+        "Fossen (2021), 4.1",
+        words="weight minus buoyancy that grows by {W-B_npm:.3f} N per m of depth",
+        alike="weight"),
     Effect("dvl_height", "sensing", "reading", H, (
         P("dz_m", "m", 0.09, 0.06, -1.0, 1.0, nuisance_std=0.09, powers=LENGTH),
     ), "v - p dz, u + q dz", "v residual follows the roll rate", ("p_radps",), SENSOR,
@@ -433,6 +363,25 @@ UNEXPLAINED = Effect(
 
 FAMILIES: tuple[EffectFamily, ...] = get_args(EffectFamily)
 BY_ID: dict[str, Effect] = {effect.id: effect for effect in (*EFFECTS, UNEXPLAINED)}
+
+
+def own_in(plane: Plane, effect: str) -> str:
+    """The effect, or where it belongs to the other plane what it is called in this one."""
+    row = BY_ID[effect]
+    return row.twin if row.twin and plane not in row.planes else effect
+
+
+def name_in(plane: Plane, generic: str) -> str:
+    """Name ``effect.symbol`` in a plane, from one of the other plane or with generic axes."""
+    effect, dot, symbol = generic.partition(".")
+    return f"{own_in(plane, effect)}.{symbol}" if dot else generic
+
+
+def parts_of(effect: str) -> tuple[tuple[str, ...], ...]:
+    """What together does what an effect does alone, in each of its planes."""
+    row = BY_ID[effect]
+    found = (tuple(own_in(plane, part) for part in row.parts) for plane in row.planes)
+    return tuple(dict.fromkeys(parts for parts in found if parts))
 
 
 def in_plane(plane: Plane) -> tuple[Effect, ...]:

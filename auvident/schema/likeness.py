@@ -2,17 +2,19 @@
 
 from collections.abc import Iterable
 
-from auvident.schema.effects import BY_ID, EFFECTS, LIKENESSES
+from auvident.schema.effects import BY_ID, BY_MANEUVERS, EFFECTS
+from auvident.schema.planes import Plane
 
 TELLS_MOST = (
     "straight runs on opposite headings, turning circles to both sides and zigzags of two sizes"
 )
+TELLS_MOST_VERTICAL = "level runs and depth steps at two speeds, and vertical zigzags of two sizes"
 
 
 def alike(effect: str) -> tuple[str, ...]:
-    """Effects that look like one, itself among them, in the order of the table."""
-    group = BY_ID[effect].alike
-    return tuple(e.id for e in EFFECTS if group and e.alike == group)
+    """Effects that look like one in some plane, itself among them, in the order of the table."""
+    group, planes = BY_ID[effect].alike, set(BY_ID[effect].planes)
+    return tuple(e.id for e in EFFECTS if group and e.alike == group and planes & set(e.planes))
 
 
 def partners(effect: str) -> tuple[str, ...]:
@@ -20,10 +22,10 @@ def partners(effect: str) -> tuple[str, ...]:
     return tuple(other for other in alike(effect) if other != effect)
 
 
-def separated_by(ids: Iterable[str]) -> str:
-    """The maneuvers that would tell effects apart."""
+def separated_by(ids: Iterable[str], plane: Plane = "horizontal") -> str:
+    """The maneuvers of a plane that would tell effects apart."""
     groups = [BY_ID[e].alike for e in ids]
-    for group, maneuvers in LIKENESSES.items():
+    for group, maneuvers in BY_MANEUVERS[plane].items():
         if groups.count(group) >= 2:
             return maneuvers
-    return TELLS_MOST
+    return TELLS_MOST if plane == "horizontal" else TELLS_MOST_VERTICAL

@@ -74,7 +74,7 @@ class Plan(Declared):
     ``"likely"`` each pass takes the time, of a few, that makes its innovations most likely.
     ``nuisance`` names effects that are estimated along with the small standard deviation that the
     table has for every vehicle (no servo is infinitely fast); without any, the equations are those
-    of the method alone.
+    of the method alone. ``rudder_lag`` or ``elevator_lag``, either name, is the fin of the plane.
     """
 
     name: str

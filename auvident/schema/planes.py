@@ -136,3 +136,12 @@ CONTROL_COLUMNS: dict[Plane, tuple[str, ...]] = {
 STATES: tuple[State, ...] = tuple(
     dict.fromkeys(s for pair in zip(*(row.states for row in PLANE_ROWS), strict=True) for s in pair)
 )
+
+
+def symbol_in(plane: Plane, generic: str) -> str:
+    """Coefficient symbol of a plane from its generic name, e.g. ``B_ua`` -> ``N_uv``."""
+    axis, _, rest = generic.partition("_")
+    names = BY_PLANE[plane].names
+    if rest.endswith("dot"):
+        return f"{names.get(axis, axis)}_{names.get(rest[0], rest[0])}dot"
+    return f"{names.get(axis, axis)}_{''.join(names.get(c, c) for c in rest)}"

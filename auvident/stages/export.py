@@ -51,7 +51,8 @@ CSV_COLUMNS = (
     "origin",
     "data_share",
 )
-SLEW = "rudder_rate_limit"  # the one effect that the equation forms have room for
+# the one effect that the equation forms have room for
+SLEW = ("rudder_rate_limit", "elevator_rate_limit")
 
 
 def identifier(symbol: str) -> str:
@@ -76,7 +77,7 @@ def export(model: IdentifiedModel, form: str) -> str:
     """
     if form not in FORMS:
         raise UsageError(f"there is no format {form!r}", "--format", f"One of {', '.join(FORMS)}.")
-    without = [str(e.get("id", "")) for e in model.effects if e.get("id") != SLEW]
+    without = [str(e.get("id", "")) for e in model.effects if e.get("id") not in SLEW]
     if without and form in EQUATION_FORMS:
         names = ", ".join(without)
         raise UsageError(
@@ -269,7 +270,7 @@ def _python(model: IdentifiedModel) -> str:
 
 def _slew(model: IdentifiedModel) -> str:
     """Fastest motion of the fin [rad/s] as a number of a program."""
-    values = internal_values([e for e in model.effects if e.get("id") == SLEW])
+    values = internal_values([e for e in model.effects if e.get("id") in SLEW])
     slowness = sum(values.values())
     return repr(1.0 / slowness) if slowness > 0.0 else "inf"
 

@@ -195,7 +195,7 @@ def model_rates(
     frame: Frame, p: Array, free: Free, state: Array, rudder: float, revs: float
 ) -> Array:
     """Accelerations of the model, and their slopes by the free parameters (3, 1 + n_free)."""
-    e = command_values(frame.structure.parameters, p)
+    e = command_values(frame.structure.plane, frame.structure.parameters, p)
     raw = np.tile([rudder, 0.0, revs], (2, 1))
     zero = np.zeros(2)
     inputs = acting_inputs(raw, zero, np.full(2, state[0]), zero, zero, frame.dt_s, e)

@@ -80,7 +80,7 @@ def test_without_effects_the_inputs_pass_to_the_last_bit(seed) -> None:
 def test_values_come_by_name_and_absent_ones_are_zero() -> None:
     structure = structure_of("horizontal", ("rudder_lag", "current"))
     p = np.arange(1.0, len(structure.parameters) + 1.0)
-    found = dict(zip(COMMAND, command_values(structure.parameters, p), strict=True))
+    found = dict(zip(COMMAND, command_values("horizontal", structure.parameters, p), strict=True))
     there = {name: p[structure.index(name)] for name in ("rudder_lag.lag_s", "T_nn", "T_nu")}
     assert found == dict.fromkeys(COMMAND, 0.0) | there
 

@@ -15,6 +15,7 @@ from auvident.physics.dynamics import (
     simulate_with_sensitivities,
     step_with_sensitivities,
 )
+from auvident.physics.term_tables import N_INPUTS
 from auvident.physics.terms import structure_of
 from auvident.schema.coefficients import PLANES
 from tests.physics.plane_equations import EQUATIONS, random_values, rate, stable_values
@@ -238,7 +239,7 @@ def test_a_simulation_that_runs_away_ends_in_nan_from_there_on() -> None:
 
 # --- sensitivities -------------------------------------------------------------------------
 
-NO_SLOPES = np.zeros((9, 0)), np.zeros(0, dtype=np.int64)  # no input depends on a parameter
+NO_SLOPES = np.zeros((N_INPUTS, 0)), np.zeros(0, dtype=np.int64)  # no input depends on a parameter
 
 
 def sensitivities(plane, values, x0, inputs, dt, free, system, course):
@@ -438,8 +439,9 @@ def course_of(plane: str, system: str, follow: bool, gain: float = 0.0) -> Cours
     p = vector(plane, stable_values(plane))
     free = np.flatnonzero(p != 0.0)[::2]
     columns = np.array([1, 4] if follow else [], dtype=np.int64)
-    slopes = 0.1 * rng.normal(size=(count, 9, len(columns))) * [[[1]] * 2 + [[30]] + [[1]] * 6]
-    inputs = np.column_stack([zigzag(count, 0.1), np.zeros((count, 6))])
+    slopes = 0.1 * rng.normal(size=(count, N_INPUTS, len(columns)))
+    slopes[:, 2] *= 30.0
+    inputs = np.column_stack([zigzag(count, 0.1), np.zeros((count, N_INPUTS - 3))])
     return Course(
         plane,
         system,
@@ -505,7 +507,7 @@ def test_slopes_are_refused_where_the_prediction_fails(fault) -> None:
     assert not simulate_with_sensitivities(
         np.array([1.5, 0, 0, 0]),
         np.tile([0.0, 0.0, 15.0], (n, 1)),
-        np.zeros((n, 9, 0)),
+        np.zeros((n, N_INPUTS, 0)),
         np.zeros(0, dtype=np.int64),
         np.zeros((n, 4)),
         np.zeros(4),

@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.signal import lsim
 
 from auvident.physics.sensing import (
     READING,
+    depth_log,
+    depth_rate,
     late,
     offsets,
     reading_values,
@@ -14,10 +17,12 @@ from auvident.physics.sensing import (
     sensor_matrix,
     states_behind,
     unknown_rows,
+    water_by_pitch,
+    water_in_vertical,
 )
 from auvident.physics.terms import structure_of
 from auvident.schema.artifacts import Sensing
-from auvident.schema.effects import parameter_of
+from auvident.schema.effects import BY_ID, parameter_of
 
 DT, N = 0.1, 200
 SENSING = Sensing(dvl_x_m=0.4, dvl_y_m=-0.1, dvl_z_m=0.2, dvl_mounting_yaw_rad=0.05, noise_std={})
@@ -39,6 +44,23 @@ ALL = {
     "current_drift.north_late_mps_per_1000_s": -15.0,
     "current_drift.east_late_mps_per_1000_s": 5.0,
 }
+VERTICAL = {
+    "current.north_mps": 0.15,
+    "current.east_mps": -0.3,
+    "vertical_current.down_mps": -0.04,
+    "dvl_pitch.pitch_deg": 2.0,
+    "dvl_scale.fraction": 0.02,
+    "dvl_lever_arm.dx_m": 0.2,
+    "dvl_lever_arm.dz_m": -0.07,
+    "q_bias.bias_degps": 0.3,
+    "q_scale.fraction": -0.03,
+    "pitch_bias.bias_deg": 1.5,
+    "pitch_scale.fraction": 0.04,
+    "dvl_delay.delay_s": 0.3,
+    "gyro_delay.delay_s": 0.2,
+}
+DEPTH = ("depth_lag.lag_s", "depth_scale.fraction")  # of a log that is no reading of a state
+PLANES = {"horizontal": ALL, "vertical": VERTICAL}
 MIDDLE = DT * (np.arange(N) - 80.0)  # time from the middle of the trial
 LATE = ("dvl_delay.delay_s", "gyro_delay.delay_s")
 seeds = st.integers(0, 2**32 - 1)
@@ -63,7 +85,9 @@ def course(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_every_effect_is_tried() -> None:
-    assert set(ALL) == set(READING)
+    assert {*ALL, *VERTICAL, *DEPTH} == set(READING)
+    for plane, tried in PLANES.items():
+        assert all(plane in BY_ID[n.split(".")[0]].planes for n in tried)
 
 
 # --- at once -------------------------------------------------------------------------------
@@ -88,7 +112,7 @@ def by_geometry(states: np.ndarray, rates: np.ndarray, e: dict[str, float]) -> n
     return np.column_stack([here.real, here.imag, gyro, heading])
 
 
-@pytest.mark.parametrize("name", [*(n for n in READING if n not in LATE), "all"])
+@pytest.mark.parametrize("name", [*(n for n in ALL if n not in LATE), "all"])
 def test_readings_are_plane_geometry(name) -> None:
     at_once = {n: v for n, v in ALL.items() if n not in LATE and name in (n, "all")}
     states, rates = course()
@@ -110,11 +134,83 @@ def test_a_drifting_vehicle_is_seen_to_move_with_the_current() -> None:
 
 def test_in_the_vertical_plane_the_dvl_is_on_a_lever_and_scaled() -> None:
     states, rates = course()
-    e = effects({"dvl_scale.fraction": 0.02, "gyro_bias.bias_degps": 0.3})
+    e = effects({"dvl_scale.fraction": 0.02, "q_bias.bias_degps": 0.3})
     found = readings("vertical", SENSING, e, states, states[:, 3], rates, DT)
     u, w, q, pitch = states.T
     expected = [1.02 * (u + 0.2 * q), 1.02 * (w - 0.4 * q), q + np.radians(0.3), pitch]
     np.testing.assert_allclose(found, np.column_stack(expected), atol=1e-14)
+
+
+def by_vertical_geometry(states: np.ndarray, heading: np.ndarray, e: dict[str, float]):
+    """Readings of the vertical plane without delays; ahead - i down, so that bow up turns by +."""
+    u, w, q, pitch = states.T
+    place = complex(SENSING.dvl_x_m + e["dvl_lever_arm.dx_m"])
+    place -= 1j * (SENSING.dvl_z_m + e["dvl_lever_arm.dz_m"])
+    level = (u - 1j * w + 1j * q * place) * np.exp(1j * pitch)
+    level += e["current.north_mps"] * np.cos(heading) + e["current.east_mps"] * np.sin(heading)
+    level -= 1j * e["vertical_current.down_mps"]
+    here = level * np.exp(-1j * (pitch + np.radians(e["dvl_pitch.pitch_deg"])))
+    here *= 1.0 + e["dvl_scale.fraction"]
+    gyro = (1.0 + e["q_scale.fraction"]) * q + np.radians(e["q_bias.bias_degps"])
+    shown = (1.0 + e["pitch_scale.fraction"]) * pitch + np.radians(e["pitch_bias.bias_deg"])
+    return np.column_stack([here.real, -here.imag, gyro, shown])
+
+
+@pytest.mark.parametrize("name", [*(n for n in VERTICAL if n not in LATE), "all"])
+def test_readings_of_the_vertical_plane_are_its_geometry(name) -> None:
+    at_once = {n: v for n, v in VERTICAL.items() if n not in LATE and name in (n, "all")}
+    states, rates = course()
+    heading = 0.7 + 0.1 * states[:, 3]
+    args = (states, states[:, 3], rates, DT, MIDDLE, heading)
+    found = readings("vertical", SENSING, effects(at_once), *args)
+    shown = dict.fromkeys(VERTICAL, 0.0) | at_once
+    np.testing.assert_allclose(found, by_vertical_geometry(states, heading, shown), atol=1e-14)
+    without = by_vertical_geometry(states, heading, dict.fromkeys(VERTICAL, 0.0))
+    assert np.abs(found - without).max() > 1e-3
+
+
+def test_a_dvl_that_points_up_reads_a_level_run_as_sinking() -> None:
+    """2 m/s ahead, its axis 3 degrees bow up: 2 cos 3 = 1.99726 and 2 sin 3 = 0.10467 m/s."""
+    states = np.array([[2.0, 0.0, 0.0, 0.0]])
+    e = effects({"dvl_pitch.pitch_deg": 3.0})
+    found = readings("vertical", PLAIN, e, states, states[:, 3], np.zeros((1, 2)), DT)
+    np.testing.assert_allclose(found[0], [1.99726, 0.10467, 0.0, 0.0], atol=1e-5)
+
+
+def test_slopes_of_the_water_by_the_pitch_are_differences() -> None:
+    pitch, heading = np.linspace(-0.6, 0.6, 20), np.linspace(0.0, 3.0, 20)
+    e, h = effects(VERTICAL), 1e-6
+    up, down = (water_in_vertical(e, pitch + d, heading) for d in (h, -h))
+    # of a central difference: rounding over h
+    np.testing.assert_allclose(
+        water_by_pitch(e, pitch, heading), (up - down) / (2.0 * h), atol=1e-9
+    )
+
+
+# --- depth ---------------------------------------------------------------------------------
+
+
+def test_depth_grows_when_the_bow_is_down_and_when_the_vehicle_sinks() -> None:
+    """2 m/s at 10 degrees bow down: 2 sin 10 = 0.34730 m/s; 0.1 m/s of heave: cos 10 of it."""
+    rate = depth_rate(np.array([2.0, 2.0]), np.array([0.0, 0.1]), np.radians([-10.0, -10.0]))
+    np.testing.assert_allclose(rate, [0.34730, 0.34730 + 0.09848], atol=1e-5)
+
+
+def test_a_depth_sensor_trails_a_steady_dive_by_its_lag() -> None:
+    depth = 5.0 + 0.3 * DT * np.arange(N)
+    e = effects({"depth_lag.lag_s": 2.0, "depth_scale.fraction": 0.02})
+    np.testing.assert_allclose(depth_log(e, depth, DT), 1.02 * (depth - 0.3 * 2.0), rtol=1e-12)
+    np.testing.assert_array_equal(depth_log(effects({}), depth, DT), depth)
+
+
+@pytest.mark.parametrize("lag", [0.3, 2.0, 8.0])
+def test_a_lagging_depth_sensor_is_scipys_first_order_system(lag) -> None:
+    time = DT * np.arange(N)
+    depth = np.where(time < 5.0, 0.0, 0.4 * (time - 5.0)) * (time < 12.0) + 2.8 * (time >= 12.0)
+    _, expected, _ = lsim((1.0, [lag, 1.0]), depth, time, interp=True)
+    found = depth_log(effects({"depth_lag.lag_s": lag}), depth, DT)
+    # both exact for a course that is linear between the rows
+    np.testing.assert_allclose(found, expected, atol=1e-10)
 
 
 @pytest.mark.parametrize("plane", ["horizontal", "vertical"])
@@ -180,9 +276,9 @@ def test_rows_before_the_record_are_unknown(delay) -> None:
 def test_states_behind_the_readings_of_all_effects(seed, plane) -> None:
     """Delays of whole steps: apart from the ends, which the held first row replaces, exact."""
     states, rates = course(seed)
-    e = effects(ALL)
-    found = readings(plane, SENSING, e, states, states[:, 3], rates, DT, MIDDLE)
-    behind = states_behind(plane, SENSING, e, found, rates, DT, MIDDLE)
+    e, heading = effects(PLANES[plane]), np.full(N, 0.7) if plane == "vertical" else None
+    found = readings(plane, SENSING, e, states, states[:, 3], rates, DT, MIDDLE, heading)
+    behind = states_behind(plane, SENSING, e, found, rates, DT, MIDDLE, heading)
     np.testing.assert_allclose(behind[:-3], states[:-3], atol=1e-12)
 
 

@@ -1,14 +1,22 @@
 """The table of effects: complete, without doubles, and every row has its equation."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auvident.physics.actuation import COMMAND
+from auvident.physics.actuation import COMMAND, COMMANDS
 from auvident.physics.sensing import READING
-from auvident.physics.terms import EFFECT_FORCES, EQUATIONS, POWERS, VARIABLES, structure_of
+from auvident.physics.terms import (
+    EFFECT_FORCES,
+    EQUATIONS,
+    POWERS,
+    VARIABLES,
+    force_name,
+    structure_of,
+)
 from auvident.schema.channels import BY_COLUMN
 from auvident.schema.coefficients import PLANES
 from auvident.schema.effect_words import nuisance_parameters, with_std
@@ -19,19 +27,39 @@ from auvident.schema.effects import (
     Effect,
     EffectParameter,
     in_plane,
+    own_in,
     parameter_of,
+    parts_of,
 )
 
 # as users, pipelines and acceptance checks know them
 IDS = {
-    "environment": "current current_drift wave one_off_event",
+    "environment": "current current_drift wave one_off_event vertical_current",
     "actuation": "rudder_offset rudder_lag rudder_rate_limit rudder_delay rudder_backlash "
-    "rudder_deadband rudder_asymmetry rudder_stall propeller_lag propeller_race thrust_sag "
-    "thrust_step",
-    "sensing": "dvl_delay gyro_delay dvl_misalignment dvl_scale dvl_lever_arm gyro_bias gyro_scale",
+    "rudder_deadband rudder_asymmetry rudder_stall elevator_offset elevator_lag "
+    "elevator_rate_limit elevator_delay elevator_backlash elevator_deadband elevator_asymmetry "
+    "elevator_stall propeller_lag propeller_race thrust_sag thrust_step",
+    "sensing": "dvl_delay gyro_delay dvl_misalignment dvl_scale dvl_lever_arm gyro_bias gyro_scale "
+    "pitch_bias pitch_scale q_bias q_scale depth_lag depth_scale dvl_pitch",
     "hydrodynamics": "propeller_side_force hull_asymmetry sway_cross_flow yaw_cross_flow "
-    "cubic_damping turning_drag linear_drag linear_damping roll_coupling",
+    "heave_cross_flow pitch_cross_flow cubic_damping turning_drag linear_drag linear_damping "
+    "roll_coupling thrust_line_moment weight_change buoyancy_gradient",
 }
+# those that stand in the vertical plane, beside its own
+SHARED = (
+    "current propeller_lag propeller_race thrust_sag thrust_step dvl_delay gyro_delay dvl_scale "
+    "dvl_lever_arm hull_asymmetry cubic_damping turning_drag linear_drag linear_damping"
+)
+OWN = (
+    "vertical_current elevator_offset elevator_lag elevator_rate_limit elevator_delay "
+    "elevator_backlash elevator_deadband elevator_asymmetry elevator_stall dvl_pitch q_bias "
+    "q_scale pitch_bias pitch_scale depth_lag depth_scale thrust_line_moment heave_cross_flow "
+    "pitch_cross_flow weight_change buoyancy_gradient"
+)
+# a change of weight is a force, of which actuation says what part has been made
+TIMES = {"weight_change.time_s", "weight_change.over_s"}
+# an arm of a force that stands in the equations has no scale of its own
+ARMS = {"thrust_line_moment"}
 FURTHER = {"dvl_height", "weight_excess"}  # nuisance parameters that are never named
 NAMES = [name for effect in (*EFFECTS, UNEXPLAINED) for name in effect.names()]
 MODELLED = [e for e in (*EFFECTS, UNEXPLAINED) if e.enters != "disturbance"]
@@ -45,6 +73,59 @@ def test_ids_are_those_that_users_know() -> None:
             found[effect.family].add(effect.id)
     assert found == by_family
     assert set(BY_ID) == set().union(*by_family.values()) | FURTHER | {UNEXPLAINED.id}
+
+
+def test_the_vertical_plane_has_its_own_effects_and_those_of_surge_and_sensors() -> None:
+    vertical = {e.id for e in in_plane("vertical")}
+    assert vertical == {*SHARED.split(), *OWN.split()}
+    assert not set(OWN.split()) & {e.id for e in in_plane("horizontal")}
+
+
+@pytest.mark.parametrize("effect", [e for e in EFFECTS if e.twin], ids=lambda e: e.id)
+def test_twins_are_the_same_in_two_planes(effect: Effect) -> None:
+    """Family, sizes and bounds, whatever the axes; a bias of pitch is no bias of a mounting."""
+    twin = BY_ID[effect.twin]
+    assert twin.twin == effect.id and not set(twin.planes) & set(effect.planes)
+    for ours, theirs in zip(effect.parameters, twin.parameters, strict=True):
+        assert replace(ours, symbol=theirs.symbol, planes=theirs.planes) == theirs
+    same = ("family", "enters", "steady", "curved", "higher_order", "late", "source")
+    assert all(getattr(effect, name) == getattr(twin, name) for name in same)
+    for plane in PLANES:
+        assert own_in(plane, effect.id) == own_in(plane, twin.id)
+        assert plane in BY_ID[own_in(plane, effect.id)].planes
+
+
+def test_every_fin_has_the_same_effects() -> None:
+    kinds = [
+        {e.id.removeprefix(f"{fin}_") for e in EFFECTS if e.id.startswith(f"{fin}_")}
+        for fin in ("rudder", "elevator")
+    ]
+    assert kinds[0] == kinds[1] and len(kinds[0]) == 8
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.id)
+def test_parameters_of_a_plane_have_its_axes(effect: Effect) -> None:
+    """Whatever a force is called in one plane it is called after the axes of the other there."""
+    both = {p.symbol for p in effect.parameters if set(p.planes) == set(PLANES)}
+    own = {plane: [*effect.names(plane)] for plane in effect.planes}
+    assert {name for names in own.values() for name in names} == set(effect.names())
+    if effect.enters == "force" and effect.planes == PLANES:
+        assert both <= {"X_u"}
+        assert len(own["horizontal"]) == len(own["vertical"])
+        turned = str.maketrans("YNvr", "ZMwq")
+        assert [n.partition(".")[2].translate(turned) for n in own["horizontal"]] == [
+            n.partition(".")[2] for n in own["vertical"]
+        ]
+
+
+def test_what_does_the_same_together_is_of_the_same_plane() -> None:
+    assert parts_of("propeller_side_force") == (("rudder_offset", "dvl_misalignment"),)
+    assert parts_of("hull_asymmetry") == (
+        ("rudder_offset", "dvl_misalignment"),
+        ("elevator_offset", "dvl_pitch"),
+    )
+    assert parts_of("thrust_line_moment") == (("elevator_offset", "dvl_pitch"),)
+    assert parts_of("gyro_bias") == ()
 
 
 def test_a_force_without_a_name_is_no_candidate() -> None:
@@ -80,7 +161,8 @@ def test_rows_are_complete(effect: Effect) -> None:
     assert all(column in {*BY_COLUMN, "north_m"} for column in effect.needs)
     # only forces, and the race by its thrust, know the density and the rate of the propeller
     forced = any(p.powers[0] or p.powers[3] for p in effect.parameters)
-    assert forced == (effect.enters == "force" or effect.id == "propeller_race")
+    expected = effect.enters == "force" or effect.id == "propeller_race"
+    assert forced == (expected and effect.id not in ARMS)
 
 
 def test_every_row_has_its_equation_and_every_equation_its_row() -> None:
@@ -88,11 +170,22 @@ def test_every_row_has_its_equation_and_every_equation_its_row() -> None:
         place: [n for e in MODELLED if e.enters == place for n in e.names()]
         for place in ("input", "reading", "force")
     }
-    assert set(by_place["input"]) == {n for n in COMMAND if "." in n}
+    commands = {n for names in COMMANDS.values() for n in names if "." in n}
+    forces = {force_name(plane, name) for plane in PLANES for name, *_ in EFFECT_FORCES}
+    assert {*by_place["input"], *TIMES} == commands
     assert set(by_place["reading"]) == set(READING)
-    assert set(by_place["force"]) == {name for name, *_ in EFFECT_FORCES}
+    assert set(by_place["force"]) <= forces | TIMES
     assert len(set(COMMAND)) == len(COMMAND)
     assert len(set(READING)) == len(READING)
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_every_force_of_a_plane_acts_in_its_equations(plane) -> None:
+    effects = tuple(e for e in in_plane(plane) if e.enters == "force")
+    structure = structure_of(plane, tuple(e.id for e in effects))
+    acting = {structure.parameters[i] for i in structure.terms[:, 1]}
+    names = {n for e in effects for n in e.names(plane)}
+    assert {n for n in acting if "." in n} == names - TIMES
 
 
 @pytest.mark.parametrize("row", EFFECT_FORCES, ids=lambda row: row[0])
@@ -110,7 +203,7 @@ def test_the_parameter_vector_has_them_in_the_order_of_the_table(plane) -> None:
     effects = in_plane(plane)
     assert all(plane in e.planes and e.enters != "disturbance" for e in effects)
     structure = structure_of(plane, tuple(e.id for e in effects))
-    names = tuple(name for e in effects for name in e.names())
+    names = tuple(name for e in effects for name in e.names(plane))
     assert structure.parameters[-len(names) :] == names
 
 
@@ -119,6 +212,8 @@ def test_the_unit_of_a_force_is_that_of_its_scaling(effect: Effect) -> None:
     """Sizes scale with density/2, length, speed and rate to powers that make up the unit."""
     base = {"N": (1, 1, -2), "kg": (1, 0, 0), "m": (0, 1, 0), "s": (0, 0, 1), "-": (0, 0, 0)}
     for p in effect.parameters:
+        if p.grid is not None or p.width_of:
+            continue  # times of the trial, not of the vehicle
         above, _, below = p.unit.partition("/")
         total = [0, 0, 0]
         for sign, text in ((1, above), (-1, below)):

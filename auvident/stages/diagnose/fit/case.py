@@ -92,7 +92,7 @@ class Case:
     def _own(self, effect: str) -> list[int]:
         if effect.startswith(FREE_FORCE):
             return [i for i, name in enumerate(self.names) if name.startswith(FREE_FORCE)]
-        found = [self.position(name) for name in BY_ID[effect].names()]
+        found = [self.position(name) for name in BY_ID[effect].names(self.setup.structure.plane)]
         return [i for i in found if self.setup.prior_std[i] > 0.0]
 
     def with_baseline(self, effects: Sequence[str]) -> npt.NDArray[np.int64]:

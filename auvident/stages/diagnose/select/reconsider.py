@@ -11,7 +11,7 @@ in the other the pair had no misalignment of practical size.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from auvident.schema.effects import EFFECTS
+from auvident.schema.effects import EFFECTS, parts_of
 from auvident.schema.likeness import partners
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, log_gain
@@ -77,7 +77,7 @@ def exchanges(
         for other in partners(effect):
             if other not in current.effects and other in candidates:
                 yield Exchange((effect,), (other,))
-    for whole, parts in ((e.id, e.parts) for e in EFFECTS if e.parts):
+    for whole, parts in ((e.id, parts) for e in EFFECTS for parts in parts_of(e.id)):
         absent = tuple(e for e in parts if e not in current.effects)
         if whole in there and absent and set(parts) <= set(candidates):
             yield Exchange((whole,), absent)

@@ -7,7 +7,7 @@ import numpy as np
 
 from auvident.schema.artifacts import Verdict
 from auvident.schema.diagnosis import EffectFound
-from auvident.schema.effects import BY_ID
+from auvident.schema.effects import BY_ID, parts_of
 from auvident.stages.diagnose.checks.events import Event
 from auvident.stages.diagnose.checks.waves import Wave
 from auvident.stages.diagnose.fit.case import Case
@@ -77,7 +77,7 @@ def something(evidence: Evidence) -> bool:
 def nested(group: Sequence[str]) -> bool:
     """Whether the effect named is a special case of all others of its group."""
     named, *others = group
-    return all(named in BY_ID[other].parts for other in others)
+    return all(any(named in parts for parts in parts_of(other)) for other in others)
 
 
 def nearest_of(evidence: Evidence) -> str | None:
