@@ -7,7 +7,7 @@ import click
 
 from auvident.cli.common import PATH, Output, command
 from auvident.errors import UsageError
-from auvident.schema.coefficients import COEFFICIENTS, PLANES, of_plane
+from auvident.schema.coefficients import ESTIMATED, PLANES
 from auvident.schema.effects import EFFECTS, FAMILIES, Effect
 
 SIGNS = {1: "+", -1: "-", 0: "±"}
@@ -16,8 +16,8 @@ SIGNS = {1: "+", -1: "-", 0: "±"}
 @command("coefficients", "auvident coefficients --plane vertical")
 @click.option("--plane", type=click.Choice(PLANES), help="Only the coefficients of this plane.")
 def coefficients(output: Output, plane: str | None) -> None:
-    """List the coefficients: symbol, equation, what each multiplies, unit, expected sign."""
-    chosen = of_plane(plane) if plane else COEFFICIENTS  # type: ignore[arg-type]
+    """List coefficients and constants: symbol, what each multiplies, unit, expected sign."""
+    chosen = [c for c in ESTIMATED.values() if plane is None or plane in c.planes]
     rows = [
         {
             "symbol": c.symbol,

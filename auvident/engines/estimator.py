@@ -26,7 +26,7 @@ from auvident.estimation.inequalities import nearest, prices
 from auvident.estimation.innovations import most_likely
 from auvident.estimation.posterior_mean import move_to_mean
 from auvident.physics.dynamics import N_STATES
-from auvident.schema.coefficients import BY_SYMBOL, expand
+from auvident.schema.coefficients import ESTIMATED, expand
 from auvident.schema.effects import BY_ID
 from auvident.schema.plan import PlanStage
 
@@ -92,7 +92,7 @@ def task_of(setup: Setup, stage: PlanStage, positions: npt.NDArray[np.int64] | N
 def free_positions(setup: Setup, stage: PlanStage) -> npt.NDArray[np.int64]:
     """Positions in the parameter vector that a stage estimates.
 
-    Followers move with their leader; a coefficient with a standard deviation of zero is held.
+    Followers move with their leader; what has a standard deviation of zero is held.
     """
     following = set(setup.followers[:, 0].tolist())
     positions = [setup.structure.index(s) for s in expand(stage.free, setup.structure.plane)]
@@ -122,7 +122,7 @@ def tuning_of(setup: Setup, positions: Array) -> tuple[Array, Array]:
     """Prior factor and drift of each free coefficient."""
     factors, drifts = np.ones(len(positions)), np.zeros(len(positions))
     for i, symbol in enumerate(setup.names(positions)):
-        groups = (BY_SYMBOL[symbol].group,) if symbol in BY_SYMBOL else ()
+        groups = (ESTIMATED[symbol].group,) if symbol in ESTIMATED else ()
         for name in ("all", *groups, symbol):
             if name in setup.plan.tuning:
                 factors[i] = setup.plan.tuning[name].prior
@@ -347,7 +347,7 @@ def at_mean(setup: Setup, outcome: Outcome, stage: PlanStage) -> Outcome:
     move = move_to_mean(
         lambda by: likelihood(task.output, task.free.moved(outcome.parameters, by), task.free),
         task.information,
-        [k for k, name in enumerate(setup.names(outcome.free)) if name in BY_SYMBOL],
+        [k for k, name in enumerate(setup.names(outcome.free)) if name in ESTIMATED],
     )
     return kept_inside(
         setup, replace(outcome, parameters=task.free.moved(outcome.parameters, move))

@@ -11,6 +11,11 @@ translation and rotation changes (theory 1.3 and 1.4)::
          [0, m - A_adot, sigma m x_G - A_bdot],
          [m z_G (vertical), sigma m x_G - B_adot, I - B_bdot]]
 
+With buoyancy on the axis through O, m z_G is the righting moment z_G W over g, one parameter with
+it. The trim moment x_GW = x_G W - x_B B is what the ballasting leaves of two large moments, so
+m x_G stays as the vehicle file has it: a millimetre on a metre of length moves m x_G by some
+percent of what the standard deviation of the estimate leaves open of M_uq and Z_qdot beside it.
+
 A term is ``weight * p[parameter] * factor * factor * factor``; a factor is a power of one
 variable. Everything is linear in the parameters p, hence the Jacobians of `dynamics` are exact
 and a further term is one more row here.
@@ -24,7 +29,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import GRAVITY_MPS2
 from auvident.schema.artifacts import RigidBody
+from auvident.schema.coefficients import CONSTANTS as ESTIMATED_CONSTANTS
 from auvident.schema.coefficients import symbols_of
 from auvident.schema.effects import BY_ID, name_in
 from auvident.schema.planes import PLANE_ROWS, Plane
@@ -40,7 +47,9 @@ EQUATIONS = ("X", "A", "B")
 INPUTS = ("d", "e", "n", "thrust", "T", "changed", "roll", "pitch", "depth", "X", "A", "B")
 VARIABLES = ("u", "a", "b", "sin", "cos", *INPUTS)
 POWERS = ("x", "|x|", "x^2", "x|x|", "x^3")
-CONSTANTS = ("m", "m x_G", "m z_G", "I", "W-B", "z_G W", "trim")
+# known; then those that the data may change
+CONSTANTS = ("m", "m x_G", "I", *(c.symbol for c in ESTIMATED_CONSTANTS))
+PER_G = 1.0 / GRAVITY_MPS2  # from z_G W to m z_G
 FACTORS_PER_TERM = 3
 PLANE_NAMES = {row.name: row.names for row in PLANE_ROWS}
 SIGMA = {row.name: row.sigma for row in PLANE_ROWS}
@@ -112,12 +121,12 @@ RIGID = {
         ("X", "m x_G", +1, ("b", "x^2")),
         ("X", "W-B", -1, ("sin", "x")),
         ("A", "m", +1, ("u", "x"), ("b", "x")),
-        ("A", "m z_G", +1, ("b", "x^2")),
+        ("A", "z_GW", +PER_G, ("b", "x^2")),
         ("A", "W-B", +1, ("cos", "x")),
         ("B", "m x_G", -1, ("u", "x"), ("b", "x")),
-        ("B", "m z_G", -1, ("a", "x"), ("b", "x")),
-        ("B", "z_G W", -1, ("sin", "x")),
-        ("B", "trim", -1, ("cos", "x")),
+        ("B", "z_GW", -PER_G, ("a", "x"), ("b", "x")),
+        ("B", "z_GW", -1, ("sin", "x")),
+        ("B", "x_GW", -1, ("cos", "x")),
     ),
 }
 # Mass matrix: row, column, parameter, weight.
@@ -206,7 +215,7 @@ def structure_of(plane: Plane, effects: tuple[str, ...] = ()) -> Structure:
         weights.append(float(weight))
     mass = [*MASS, ("A", "B", "m x_G", SIGMA[plane]), ("B", "A", "m x_G", SIGMA[plane])]
     if plane == "vertical":
-        mass += [("X", "B", "m z_G", 1.0), ("B", "X", "m z_G", 1.0)]
+        mass += [("X", "B", "z_GW", PER_G), ("B", "X", "z_GW", PER_G)]
     mass_rows = [
         [EQUATIONS.index(i), EQUATIONS.index(j), parameters.index(_parameter(plane, name))]
         for i, j, name, _ in mass
@@ -251,13 +260,14 @@ def parameter_vector(
     effects: Mapping[str, float] | None = None,
     structure: Structure | None = None,
 ) -> npt.NDArray[np.float64]:
-    """Parameter vector p of a plane: its coefficients, the rigid-body constants, the effects.
+    """Parameter vector p of a plane: its coefficients, the constants, the effects.
 
     Parameters
     ----------
     plane : str
     coefficients : mapping
-        Dimensional value by symbol; a missing coefficient of the plane counts as zero.
+        Dimensional value by symbol, of coefficients and of constants; a missing coefficient of
+        the plane counts as zero, a missing constant as `rigid` has it.
     rigid : RigidBody
     effects : mapping, optional
         Internal value by name ``effect.parameter``; a missing one counts as zero.
@@ -269,14 +279,11 @@ def parameter_vector(
     (n_parameters,) array
     """
     structure = structure or structure_of(plane)
-    constants = (
-        rigid.mass_kg,
-        rigid.mass_kg * rigid.x_g_m,
-        rigid.mass_kg * rigid.z_g_m,
-        rigid.inertia_kgm2,
-        rigid.weight_n - rigid.buoyancy_n,
-        rigid.z_g_m * rigid.weight_n,
-        rigid.trim_moment_nm,
-    )
-    values = {**coefficients, **dict(zip(CONSTANTS, constants, strict=True)), **(effects or {})}
+    constants = {
+        "m": rigid.mass_kg,
+        "m x_G": rigid.mass_kg * rigid.x_g_m,
+        "I": rigid.inertia_kgm2,
+        **rigid.constants(),
+    }
+    values = {**constants, **coefficients, **(effects or {})}
     return np.array([values.get(name, 0.0) for name in structure.parameters])

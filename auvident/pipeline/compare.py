@@ -53,7 +53,7 @@ def compare_runs(paths: Sequence[Path]) -> dict[str, Any]:
             }
             for path, (file, model), errors in zip(paths, models, held_out, strict=True)
         ],
-        "coefficients": _rows([{c.symbol: c for c in m.coefficients} for _, m in models]),
+        "coefficients": _rows([{c.symbol: c for c in m.estimates} for _, m in models]),
         "effects": _rows([errors.get("effects", {}) for errors in held_out]),
         "held_out": _errors([errors["channels"] for errors in held_out]),
     }

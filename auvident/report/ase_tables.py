@@ -8,10 +8,11 @@ from rich.console import Group, RenderableType
 from auvident.report.console_style import finding_line, rich_table
 from auvident.report.numbers import TERMINAL
 from auvident.report.tables import Cell, Column, Fixed, Number, Rows, Table, WithStd, columns
-from auvident.schema.artifacts import AseCoefficient, AseResult
-from auvident.schema.coefficients import BY_SYMBOL
+from auvident.schema.artifacts import AseCoefficient, AseConstant, AseResult
+from auvident.schema.coefficients import ESTIMATED
 from auvident.schema.planes import PLANES
 
+Estimated = AseCoefficient | AseConstant
 number = TERMINAL.number
 OFTEN = 0.95  # share of the draws above which a figure is told without it
 PARTS = ("hull", "sail", "rudder", "elevator", "propeller", "appendages")
@@ -62,6 +63,8 @@ def ase_report(result: AseResult) -> RenderableType:
         Coefficients with parts, geometry, facts and findings.
     """
     tables = [coefficient_table(result)]
+    if result.constants:
+        tables.append(constant_table(result))
     if result.geometry:
         tables.append(geometry_table(result))
     tables.append(facts_table((result,)))
@@ -100,6 +103,16 @@ def _coefficient_cells(row: AseCoefficient, parts: Sequence[str]) -> list[Cell]:
         *(Number(row.parts[p], 4) if p in row.parts else "" for p in parts),
         Number(row.rigid_body, 4) if row.rigid_body else "",
     ]
+
+
+def constant_table(result: AseResult) -> Table:
+    """Weight in water, trim and righting moment with their deviation, and what they rest on."""
+    rows: Rows = [
+        [c.symbol, ESTIMATED[c.symbol].meaning, c.unit, WithStd(c.value, c.std), c.source]
+        for c in result.constants
+    ]
+    heads = (*columns(("", "meaning", "unit"), ("value ± std",)), Column("rests on"))
+    return Table(heads, rows, "Constants of the vertical plane, from the vehicle file")
 
 
 def geometry_table(result: AseResult) -> Table:
@@ -158,10 +171,10 @@ def side_by_side(results: Sequence[AseResult]) -> RenderableType:
     -------
     rich renderable
     """
-    rows = [r.by_symbol() for r in results]
+    rows = [{c.symbol: c for c in r.estimates} for r in results]
     cells = [
-        [s, BY_SYMBOL[s].unit, *(_with_change(row.get(s), rows[0].get(s)) for row in rows)]
-        for s in BY_SYMBOL
+        [s, c.unit, *(_with_change(row.get(s), rows[0].get(s)) for row in rows)]
+        for s, c in ESTIMATED.items()
         if any(s in row for row in rows)
     ]
     heads = columns(("", "unit"), [r.vehicle for r in results])
@@ -169,7 +182,7 @@ def side_by_side(results: Sequence[AseResult]) -> RenderableType:
     return Group(rich_table(Table(heads, cells, title)), rich_table(facts_table(results)))
 
 
-def _with_change(row: AseCoefficient | None, first: AseCoefficient | None) -> str:
+def _with_change(row: Estimated | None, first: Estimated | None) -> str:
     """Value, and the change in percent where there is one."""
     if row is None:
         return ""

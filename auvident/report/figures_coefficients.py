@@ -19,7 +19,7 @@ from auvident.report.figures import (
     svg,
 )
 from auvident.report.numbers import unit_text
-from auvident.schema.artifacts import ModelCoefficient
+from auvident.schema.artifacts import ModelConstant
 
 ORIGIN_COLOURS = {"identified": BLUE, "kinematic": GREEN, "ase": SOFT, "given": SOFT}
 FOREST_REACH = 4.5  # prior standard deviations shown on each side; farther ones get an arrow
@@ -28,7 +28,7 @@ RINGED = 0.95  # correlation beyond which a pair is marked
 MOST_HISTORY_POINTS = 24  # of one pass of one coefficient: its panel is small
 
 
-def forest(coefficients: Sequence[ModelCoefficient], name: str) -> str:
+def forest(coefficients: Sequence[ModelConstant], name: str) -> str:
     """Posterior against prior, in units of the prior standard deviation, with the data share."""
     rows = [c for c in coefficients if c.prior_std > 0.0]
     figure = new_figure(0.9 + 0.235 * len(rows))
@@ -54,7 +54,7 @@ def forest(coefficients: Sequence[ModelCoefficient], name: str) -> str:
     return svg(figure, name, "Coefficients before and after the data")
 
 
-def _forest_row(axes: Axes, i: int, c: ModelCoefficient) -> None:
+def _forest_row(axes: Axes, i: int, c: ModelConstant) -> None:
     place, spread = (c.value - c.prior) / c.prior_std, c.std / c.prior_std
     colour = ORIGIN_COLOURS[c.origin]
     if abs(place) > FOREST_REACH:
@@ -73,14 +73,14 @@ def _forest_row(axes: Axes, i: int, c: ModelCoefficient) -> None:
     axes.errorbar(place, i, xerr=spread, fmt="o", color=colour, ms=4.5, lw=1.6, capsize=0)
 
 
-def history(table: pd.DataFrame, coefficients: Sequence[ModelCoefficient], name: str) -> str | None:
+def history(table: pd.DataFrame, coefficients: Sequence[ModelConstant], name: str) -> str | None:
     """Every estimated coefficient through the passes of the plan, with its band.
 
     Parameters
     ----------
     table : pandas.DataFrame
         ``identify/history.parquet``.
-    coefficients : sequence of ModelCoefficient
+    coefficients : sequence of ModelConstant
         Their order and prior.
     name : str
         Different for each figure of the page.
@@ -114,7 +114,7 @@ def history(table: pd.DataFrame, coefficients: Sequence[ModelCoefficient], name:
 
 
 def _history_panel(
-    axes: Axes, table: pd.DataFrame, c: ModelCoefficient, starts: Sequence[int], end: int
+    axes: Axes, table: pd.DataFrame, c: ModelConstant, starts: Sequence[int], end: int
 ) -> None:
     for start in starts[1:]:
         axes.axvline(start, color=SOFT, lw=0.7)

@@ -167,7 +167,7 @@ def _coefficients(report: ReportData) -> list[str | None]:
     if model is None:
         return []
     return [
-        forest(model.coefficients, "forest"),
+        forest(model.estimates, "forest"),
         correlation_matrix(model.covariance, "correlations"),
     ]
 
@@ -178,7 +178,7 @@ def _history(report: ReportData) -> list[str | None]:
     model, passes = report.final_model, report.final_history
     if model is None or passes is None:
         return []
-    return [history(passes, model.coefficients, "history")]
+    return [history(passes, model.estimates, "history")]
 
 
 def _left_out(report: ReportData) -> list[str]:

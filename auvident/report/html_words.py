@@ -187,7 +187,7 @@ def _identified(data: ReportData) -> str:
     model = data.final_model
     if model is None:
         return ""
-    own = [c for c in model.coefficients if c.origin in ("identified", "kinematic")]
+    own = [c for c in model.estimates if c.origin in ("identified", "kinematic")]
     rest = [c.symbol for c in own if c.data_share < PARTLY]
     text = f"{len(own) - len(rest)} of {len(own)} determined at least in part by these data"
     return f"{text}; values from the prior: {', '.join(rest)}." if rest else f"{text}."

@@ -16,8 +16,14 @@ from auvident.report.tables import (
     WithStd,
     columns,
 )
-from auvident.schema.artifacts import Combination, IdentifiedModel, ModelCoefficient, StageRecord
-from auvident.schema.coefficients import BY_SYMBOL
+from auvident.schema.artifacts import (
+    Combination,
+    IdentifiedModel,
+    ModelCoefficient,
+    ModelConstant,
+    StageRecord,
+)
+from auvident.schema.coefficients import ESTIMATED
 from auvident.schema.effect_words import nuisance_parameters
 
 # share of a coefficient's certainty that came from the data: from, name
@@ -38,7 +44,7 @@ def sight(model: IdentifiedModel) -> Table:
     for below, name in SIGHT:
         found = [
             c.symbol
-            for c in model.coefficients
+            for c in model.estimates
             if c.origin in ("identified", "kinematic") and below <= c.data_share < least
         ]
         least = below
@@ -98,23 +104,23 @@ def coefficients(model: IdentifiedModel) -> Table:
     )
     told = model.prior_against_data
     away = {row.symbol: row.away for row in told.coefficients} if told else {}
-    rows = [_coefficient(c, away.get(c.symbol)) for c in model.coefficients]
+    rows = [_coefficient(c, away.get(c.symbol)) for c in model.estimates]
     title = f"{model.vehicle}, {model.plane} plane ({model.filter}, {model.engine})"
     notes = [nuisance_parameters(model.effects)]
-    if any(_has_wrong_sign(c) for c in model.coefficients):
+    if any(_has_wrong_sign(c) for c in model.estimates):
         notes.append("! marks a sign opposite to that expected of a streamlined hull.")
     return Table(heads, rows, title, " ".join(note for note in notes if note))
 
 
-def _coefficient(c: ModelCoefficient, away: float | None) -> list[Cell]:
-    declared = BY_SYMBOL[c.symbol]
+def _coefficient(c: ModelConstant, away: float | None) -> list[Cell]:
+    declared = ESTIMATED[c.symbol]
     return [
         c.symbol,
         f"{declared.meaning} ({declared.regressor})",
         Unit(c.unit),
         WithStd(c.value, c.std, WRONG_SIGN * _has_wrong_sign(c)),
         WithStd(c.prior, c.prior_std),
-        Number(1000.0 * c.prime, 4),
+        Number(1000.0 * c.prime, 4) if isinstance(c, ModelCoefficient) else "",
         Fixed(100.0 * c.data_share, ".0f", " %"),
         Fixed(away, "+.1f"),
         c.origin,
@@ -143,8 +149,8 @@ def against_prior(model: IdentifiedModel) -> Table:
     return Table(heads, rows, caption=caption)
 
 
-def _has_wrong_sign(c: ModelCoefficient) -> bool:
-    return c.value * BY_SYMBOL[c.symbol].sign < 0.0
+def _has_wrong_sign(c: ModelConstant) -> bool:
+    return c.value * ESTIMATED[c.symbol].sign < 0.0
 
 
 def correlated(correlations: Mapping[str, Mapping[str, float]], least: float) -> Table:

@@ -108,9 +108,21 @@ class AseCoefficient(Artifact):
     origin: Literal["ase", "given"] = "ase"
 
 
+class AseConstant(Artifact):
+    """One constant as the vehicle file has it; ``source`` says what its value rests on."""
+
+    symbol: str
+    plane: Plane
+    value: float
+    std: float
+    unit: str
+    source: str = ""
+
+
 class AseResult(Artifact):
     """``ase/coefficients.json``.
 
+    ``constants`` are those that are estimated beside the coefficients; they have no prime value.
     ``accuracy_effects[formula][symbol]`` is the one-sigma effect of a formula's accuracy on a
     coefficient; the formulas are independent of each other.
     """
@@ -122,18 +134,24 @@ class AseResult(Artifact):
     length_m: float
     density_kgpm3: float
     coefficients: tuple[AseCoefficient, ...]
+    constants: tuple[AseConstant, ...] = ()
     geometry: dict[str, float] = {}
     facts: dict[str, Any] = {}
     accuracy_effects: dict[str, dict[str, float]] = {}
     findings: tuple[Finding, ...] = ()
+
+    @property
+    def estimates(self) -> tuple[AseCoefficient | AseConstant, ...]:
+        """Coefficients, then constants."""
+        return (*self.coefficients, *self.constants)
 
     def by_symbol(self) -> dict[str, AseCoefficient]:
         """Coefficients by their symbol."""
         return {c.symbol: c for c in self.coefficients}
 
 
-class ModelCoefficient(Artifact):
-    """One coefficient of an identified model.
+class ModelConstant(Artifact):
+    """One constant of an identified model, the prior that of the vehicle file.
 
     ``std`` is the larger of the filter's own standard deviation and that from the scatter
     between maneuvers (jackknife), at most the prior's; both stand beside it.
@@ -143,13 +161,18 @@ class ModelCoefficient(Artifact):
     value: float
     std: float
     unit: str
-    prime: float
     prior: float
     prior_std: float
     origin: Origin
     data_share: float
     std_filter: float | None = None
     std_jackknife: float | None = None
+
+
+class ModelCoefficient(ModelConstant):
+    """One coefficient of an identified model."""
+
+    prime: float
 
 
 class Combination(Artifact):
@@ -163,7 +186,7 @@ class Combination(Artifact):
 
 
 class RigidBody(Artifact):
-    """The known constants of the equations: mass, its moment arms and inertia."""
+    """Mass, its moment arms and inertia, weight and buoyancy, as the vehicle file has them."""
 
     mass_kg: float
     x_g_m: float
@@ -172,6 +195,14 @@ class RigidBody(Artifact):
     weight_n: float
     buoyancy_n: float
     trim_moment_nm: float = 0.0  # x_G W - x_B B; a vehicle is ballasted to lie level
+
+    def constants(self) -> dict[str, float]:
+        """Value of each constant that the data may change, by symbol."""
+        return {
+            "W-B": self.weight_n - self.buoyancy_n,
+            "x_GW": self.trim_moment_nm,
+            "z_GW": self.z_g_m * self.weight_n,
+        }
 
 
 class Sensing(Artifact):
@@ -339,7 +370,11 @@ class ConstraintState(Artifact):
 
 
 class IdentifiedModel(Artifact):
-    """``identify/model.json`` (and ``refine/model.json``)."""
+    """``identify/model.json`` (and ``refine/model.json``).
+
+    ``rigid_body`` is that of the vehicle file; where ``constants`` names what it holds as well, the
+    equations take that.
+    """
 
     schema_: str = Field(default="auvident/model/1", alias="schema")
     vehicle: str
@@ -352,6 +387,7 @@ class IdentifiedModel(Artifact):
     rigid_body: RigidBody
     sensing: Sensing
     coefficients: tuple[ModelCoefficient, ...]
+    constants: tuple[ModelConstant, ...] = ()
     effects: tuple[dict[str, Any], ...] = ()
     covariance: dict[str, Any] = {}
     correlations: dict[str, dict[str, float]] = {}
@@ -377,8 +413,17 @@ class IdentifiedModel(Artifact):
         return self
 
     def values(self) -> dict[str, float]:
-        """Value of each coefficient by symbol."""
-        return {c.symbol: c.value for c in self.coefficients}
+        """Value of each coefficient and constant by symbol."""
+        return {c.symbol: c.value for c in self.estimates}
+
+    def priors(self) -> dict[str, float]:
+        """Prior of each coefficient and constant by symbol."""
+        return {c.symbol: c.prior for c in self.estimates}
+
+    @property
+    def estimates(self) -> tuple[ModelConstant, ...]:
+        """Coefficients, then constants; a model of an earlier version has none of the latter."""
+        return (*self.coefficients, *self.constants)
 
 
 class TrialCandidate(Artifact):

@@ -1,9 +1,12 @@
-"""The hydrodynamic coefficients, each declared once.
+"""The hydrodynamic coefficients and the constants estimated beside them, each declared once.
 
-Labels of the filters, artifacts, reports and ``auvident coefficients`` derive from this table.
+Labels of the filters, artifacts, reports and ``auvident coefficients`` derive from these tables.
 A force or moment coefficient multiplies the product of velocities in ``regressor`` on the
 right-hand side of its equation; an added mass multiplies an acceleration.
 Source of the list: theory of the method, equations 2.2.18-20 (horizontal), 2.2.31-33 (vertical).
+
+A constant is a force or moment of weight and buoyancy; it has no prime value, as it does not grow
+with the speed.
 """
 
 from collections.abc import Iterable
@@ -13,7 +16,15 @@ from typing import Literal
 from auvident.schema.planes import PLANES, Plane
 
 Group = Literal[
-    "surge_inertia", "drag", "thrust", "turning_drag", "inertia", "lift", "cross_flow", "control"
+    "surge_inertia",
+    "drag",
+    "thrust",
+    "turning_drag",
+    "inertia",
+    "lift",
+    "cross_flow",
+    "control",
+    "restoring",
 ]
 
 
@@ -50,6 +61,20 @@ class Coefficient:
     group: Group
     unit: str
     length_power: int
+    sign: int
+    meaning: str
+
+
+@dataclass(frozen=True)
+class Constant:
+    """Declaration of one constant; attributes as of `Coefficient`."""
+
+    symbol: str
+    planes: tuple[Plane, ...]
+    equation: str
+    regressor: str
+    group: Group
+    unit: str
     sign: int
     meaning: str
 
@@ -101,9 +126,16 @@ COEFFICIENTS: tuple[Coefficient, ...] = (
     Coefficient("M_q|q|", V, "M", "q|q|", "cross_flow", "kg m^2", 5, -1, "cross-flow pitch damping"),
     Coefficient("M_uud", V, "M", "u u de", "control", "kg", 3, -1, "pitch moment of the elevator"),
 )
+CONSTANTS: tuple[Constant, ...] = (
+    # symbol, planes, equation, regressor, group, unit, sign, meaning
+    Constant("W-B", V, "Z", "cos(pitch)", "restoring", "N", 0, "weight in water, in X times -sin(pitch)"),
+    Constant("x_GW", V, "M", "-cos(pitch)", "restoring", "N m", 0, "trim moment x_G W - x_B B"),
+    Constant("z_GW", V, "M", "-sin(pitch)", "restoring", "N m", +1, "righting moment z_G W"),
+)
 # fmt: on
 
 BY_SYMBOL: dict[str, Coefficient] = {c.symbol: c for c in COEFFICIENTS}
+ESTIMATED: dict[str, Coefficient | Constant] = {**BY_SYMBOL, **{c.symbol: c for c in CONSTANTS}}
 
 
 def of_plane(plane: Plane) -> tuple[Coefficient, ...]:
@@ -116,18 +148,23 @@ def symbols_of(plane: Plane) -> tuple[str, ...]:
     return tuple(c.symbol for c in of_plane(plane))
 
 
+def constants_of(plane: Plane) -> tuple[str, ...]:
+    """Symbols of the constants that one plane estimates beside its coefficients."""
+    return tuple(c.symbol for c in CONSTANTS if plane in c.planes)
+
+
 def expand(names: Iterable[str], plane: Plane) -> tuple[str, ...]:
-    """Symbols of a plane from symbols and groups, in the order of the table.
+    """Coefficients and constants of a plane from symbols and groups, in the order of the tables.
 
     A name that is neither is ignored here; `unknown_names` finds it.
     """
-    wanted = set(names)
-    return tuple(c.symbol for c in of_plane(plane) if {c.symbol, c.group, "all"} & wanted)
+    wanted, own = set(names), (c for c in ESTIMATED.values() if plane in c.planes)
+    return tuple(c.symbol for c in own if {c.symbol, c.group, "all"} & wanted)
 
 
 def unknown_names(names: Iterable[str]) -> list[str]:
     """Names that are neither a symbol nor a group nor ``all``."""
-    known = {"all", *BY_SYMBOL, *(c.group for c in COEFFICIENTS)}
+    known = {"all", *ESTIMATED, *(c.group for c in ESTIMATED.values())}
     return [name for name in names if name not in known]
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from auvident.schema.base import Declared
-from auvident.schema.coefficients import BY_SYMBOL
+from auvident.schema.coefficients import ESTIMATED
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
@@ -25,7 +25,11 @@ DRAG_SHARE = 0.15
 
 
 class Body(Declared):
-    """``[vehicle]``: mass properties about the origin O."""
+    """``[vehicle]``: mass properties about the origin O.
+
+    ``buoyancy_std_n``, ``x_g_std_m`` and ``z_g_std_m`` say how well the ballasting is known: weight
+    in water, trim and height of the centre of gravity. Zero holds what the file says.
+    """
 
     name: str = "unnamed vehicle"
     mass_kg: Positive
@@ -37,6 +41,9 @@ class Body(Declared):
     buoyancy_n: Positive | None = None
     displaced_volume_m3: Positive | None = None
     design_speed_mps: Positive | None = None
+    buoyancy_std_n: NonNegative | None = None
+    x_g_std_m: NonNegative | None = None
+    z_g_std_m: NonNegative | None = None
 
 
 class Hull(Declared):
@@ -222,7 +229,7 @@ class Signs(Declared):
 
 
 class Known(Declared):
-    """A coefficient the user already knows; it takes the place of the ASE value as prior."""
+    """A coefficient or constant the user already knows: the prior in place of the ASE value."""
 
     value: float
     std: NonNegative
@@ -297,7 +304,7 @@ class Vehicle(Declared):
 
     @model_validator(mode="after")
     def _symbols_are_known(self) -> Self:
-        unknown = [s for s in self.coefficients if s not in BY_SYMBOL]
+        unknown = [s for s in self.coefficients if s not in ESTIMATED]
         if unknown:
             raise ValueError(f"unknown coefficient {unknown[0]!r}; see `auvident coefficients`")
         if self.hull.drag_coefficient is not None and "X_uu" in self.coefficients:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from auvident.constants import GRAVITY_MPS2
 from auvident.schema.hull_shape import HullShape, hull_shape, section_lengths
 from auvident.schema.vehicle import Fin, Hull, Vehicle
 
@@ -46,7 +47,7 @@ def contradictions(vehicle: Vehicle) -> Iterator[Contradiction]:
     """
     if not vehicle.hull.is_body_of_revolution:
         return
-    for check in (_lengths, _offsets, _stations, _fins, _masses, _inertias):
+    for check in (_lengths, _offsets, _stations, _fins, _masses, _inertias, _ballast):
         found = [c for c in check(vehicle) if np.any(c.mask)]
         yield from found
         if any(np.all(c.mask) for c in found):
@@ -343,3 +344,41 @@ def _inertias(vehicle: Vehicle) -> Iterator[Contradiction]:
             gyradius,
             reach,
         )
+
+
+def _ballast(vehicle: Vehicle) -> Iterator[Contradiction]:
+    """Buoyancy against the weight, and what is unsure of the ballasting against the vehicle."""
+    body = vehicle.body
+    weight = np.asarray(body.mass_kg, float) * GRAVITY_MPS2
+    if body.buoyancy_n is not None:
+        buoyancy, (low, high) = np.asarray(body.buoyancy_n, float), MASS_RATIO
+        yield _say(
+            (weight < low * buoyancy) | (weight > high * buoyancy),
+            "[vehicle] buoyancy_n",
+            lambda b, w: f"a buoyancy of {b:g} N contradicts the weight, {w:.4g} N",
+            "buoyancy_n is a force, newtons; leave it out for a neutral vehicle.",
+            buoyancy,
+            weight,
+        )
+    most = {
+        "buoyancy_std_n": (body.buoyancy_std_n, weight, "N", "weight"),
+        "x_g_std_m": (body.x_g_std_m, vehicle.hull.length_m, "m", "length"),
+        "z_g_std_m": (body.z_g_std_m, hull_shape(vehicle.hull).max_radius_m, "m", "radius"),
+    }
+    for key, (std, size, unit, what) in most.items():
+        if std is not None:
+            yield _too_unsure(key, std, size, unit, what)
+
+
+def _too_unsure(key: str, std: Any, size: Any, unit: str, what: str) -> Contradiction:
+    """A standard deviation beyond the vehicle itself."""
+    return _say(
+        np.asarray(std, float) > np.asarray(size, float),
+        f"[vehicle] {key}",
+        lambda s, n: (
+            f"a standard deviation of {s:g} {unit} is larger than the {what}, {n:.4g} {unit}"
+        ),
+        f"Check the unit; leave {key} out for what careful ballasting reaches.",
+        std,
+        size,
+    )

@@ -10,6 +10,7 @@ from auvident.errors import InputError
 from auvident.physics.ase import facts as ase_facts
 from auvident.physics.ase.accuracy import NOMINAL
 from auvident.physics.ase.assembly import Parts, coefficient_parts
+from auvident.physics.ase.ballast import ballast
 from auvident.physics.ase.findings import findings, undecided
 from auvident.physics.ase.geometry import hull_geometry
 from auvident.physics.ase.prior import contributions, residuals, standard_deviations
@@ -21,7 +22,7 @@ from auvident.schema.vehicle_checks import contradictions
 
 
 def estimate(vehicle: Vehicle, speed_mps: float | None = None) -> AseResult:
-    """Estimate every coefficient of both planes from the geometry.
+    """Estimate every coefficient of both planes from the geometry, and the constants.
 
     Parameters
     ----------
@@ -62,6 +63,7 @@ def estimate(vehicle: Vehicle, speed_mps: float | None = None) -> AseResult:
         length_m=vehicle.hull.length_m,
         density_kgpm3=vehicle.fluid.density_kgpm3,
         coefficients=rows,
+        constants=ballast(vehicle, float(geometry.diameter_m)),
         geometry=ase_facts.geometry_facts(vehicle, geometry, speed),
         facts=facts,
         accuracy_effects=effects,
@@ -141,6 +143,7 @@ def _given_only(vehicle: Vehicle, speed: float) -> AseResult:
         length_m=vehicle.hull.length_m,
         density_kgpm3=vehicle.fluid.density_kgpm3,
         coefficients=tuple(rows.values()),
+        constants=ballast(vehicle, float(vehicle.hull.draught_m or 0.0)),
         facts=facts,
         findings=(
             Finding(

@@ -31,11 +31,10 @@ POWER_TEXT = {
 CONSTANT_NAMES = {
     "m": "mass",
     "m x_G": "mass_x_g",
-    "m z_G": "mass_z_g",
     "I": "inertia",
     "W-B": "weight_less_buoyancy",
-    "z_G W": "z_g_weight",
-    "trim": "trim_moment",
+    "z_GW": "z_g_weight",
+    "x_GW": "trim_moment",
 }
 INPUTS = {row.name: (*row.control_columns, "rate_rps") for row in PLANE_ROWS}
 ANGLE = {row.name: row.states[3].symbol for row in PLANE_ROWS}
@@ -103,7 +102,7 @@ def _toml(model: IdentifiedModel) -> str:
             "",
         ]
     lines.append("[coefficients]")
-    for c in model.coefficients:
+    for c in model.estimates:
         key = c.symbol if BARE_KEY.fullmatch(c.symbol) else f'"{quoted(c.symbol)}"'
         lines.append(f"{key} = {{ value = {c.value!r}, std = {c.std!r} }}  # {comment(c.unit)}")
     return "\n".join(lines) + "\n"
@@ -111,8 +110,8 @@ def _toml(model: IdentifiedModel) -> str:
 
 def _csv(model: IdentifiedModel) -> str:
     lines = [",".join(CSV_COLUMNS)]
-    for c in model.coefficients:
-        lines.append(",".join(csv_cell(getattr(c, name)) for name in CSV_COLUMNS))
+    for c in model.estimates:
+        lines.append(",".join(csv_cell(getattr(c, name, "")) for name in CSV_COLUMNS))
     return "\n".join(lines) + "\n"
 
 
@@ -129,11 +128,15 @@ def _parameters(model: IdentifiedModel) -> dict[str, float]:
 
 
 def _sum(terms: list[tuple[float, str]]) -> str:
-    """Terms with weights +1 or -1 as one expression."""
-    text = "".join(f" {'-' if weight < 0 else '+'} {term}" for weight, term in terms)
+    """Weighted terms as one expression."""
+    text = "".join(f" {'-' if w < 0 else '+'} {_weight(abs(w))}{term}" for w, term in terms)
     if text.startswith(" - "):
         return f"-{text.removeprefix(' - ')}"
     return text.removeprefix(" + ") or "0.0"
+
+
+def _weight(size: float) -> str:
+    return "" if size == 1.0 else f"{size!r}*"
 
 
 def _variables(structure: Structure) -> dict[str, str]:

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ValidationError
 
 from auvident.errors import NumericsError, StageError
 from auvident.schema.channels import BY_COLUMN, FLAG_SUFFIX
-from auvident.schema.coefficients import BY_SYMBOL
+from auvident.schema.coefficients import ESTIMATED
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -111,8 +111,8 @@ def unit_of(column: str) -> str:
     for suffix in SAME_UNIT_SUFFIXES:
         if column.endswith(suffix):
             return unit_of(column.removesuffix(suffix))
-    if column in BY_SYMBOL:
-        return BY_SYMBOL[column].unit
+    if column in ESTIMATED:
+        return ESTIMATED[column].unit
     if column.endswith(FLAG_SUFFIX):
         return "bool"
     return next((u for suffix, u in UNIT_SUFFIXES.items() if column.endswith(suffix)), "1")

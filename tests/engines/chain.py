@@ -37,6 +37,12 @@ class Chain:
     vehicle: Vehicle
     noise: dict[str, float]
 
+    def with_body(self, **keys) -> "Chain":
+        """The same trial with other mass properties in the vehicle file."""
+        body = self.vehicle.body.model_copy(update=keys)
+        vehicle = self.vehicle.model_copy(update={"body": body})
+        return replace(self, vehicle=vehicle, ase=estimate(vehicle, self.ase.speed_mps))
+
     def identify(self, plane: str = "horizontal", filter: str = "ekf", **changes) -> Identification:
         """The identification with the default plan; anything can be exchanged."""
         parts = {

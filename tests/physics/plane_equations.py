@@ -10,6 +10,7 @@ import numpy as np
 
 Values = Mapping[str, complex]
 STATES = 4
+GRAVITY = 9.80665  # standard gravity, CGPM 1901
 
 
 def magnitude(x: complex) -> complex:
@@ -62,7 +63,7 @@ def vertical(x, inputs, c: Values) -> tuple[np.ndarray, np.ndarray]:
     """
     u, w, q, theta = x
     d, e, n = inputs
-    m, mx, mz = c["m"], c["m x_G"], c["m z_G"]
+    m, mx, mz = c["m"], c["m x_G"], c["z_GW"] / GRAVITY
     mass = np.array(
         [
             [m - c["X_udot"], 0, mz],
@@ -96,8 +97,8 @@ def vertical(x, inputs, c: Values) -> tuple[np.ndarray, np.ndarray]:
         + c["M_w|w|"] * w * magnitude(w)
         + c["M_q|q|"] * q * magnitude(q)
         + c["M_uud"] * u**2 * d
-        - c["z_G W"] * np.sin(theta)
-        - c["trim"] * np.cos(theta)
+        - c["z_GW"] * np.sin(theta)
+        - c["x_GW"] * np.cos(theta)
     )
     return mass, np.array([f_x, f_z, f_m])
 
@@ -122,8 +123,8 @@ def random_values(plane: str, symbols, rng: np.random.Generator) -> dict[str, fl
     The mass matrix is positive definite and well away from singular.
     """
     values = {symbol: float(rng.uniform(-30.0, 30.0)) for symbol in symbols}
-    values |= {"m": 50.0, "m x_G": rng.uniform(-2, 2), "m z_G": rng.uniform(0, 2), "I": 20.0}
-    values |= {"W-B": rng.uniform(-3, 3), "z_G W": rng.uniform(0, 10), "trim": rng.uniform(-2, 2)}
+    values |= {"m": 50.0, "m x_G": rng.uniform(-2, 2), "I": 20.0}
+    values |= {"W-B": rng.uniform(-3, 3), "z_GW": rng.uniform(0, 20), "x_GW": rng.uniform(-2, 2)}
     for symbol in symbols:
         if symbol.endswith("dot"):
             values[symbol] = float(rng.uniform(-3.0, 3.0))
@@ -162,8 +163,8 @@ def stable_values(plane: str) -> dict[str, float]:
         f"{big_b}_{b}|{b}|": -8.0,
         f"{big_b}_uud": -10.0,
     }
-    constants = {"m": 32.0, "m x_G": 0.3, "I": 3.5, "m z_G": 0.0, "W-B": 0.0}
-    constants |= {"z_G W": 0.0, "trim": 0.0}
+    constants = {"m": 32.0, "m x_G": 0.3, "I": 3.5, "W-B": 0.0}
+    constants |= {"z_GW": 0.0, "x_GW": 0.0}
     if plane == "vertical":
-        constants |= {"m z_G": 0.6, "W-B": -2.0, "z_G W": 6.0, "trim": 0.5}
+        constants |= {"W-B": -2.0, "z_GW": 6.0, "x_GW": 0.5}
     return values | constants

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from auvident.constants import GRAVITY_MPS2
 from auvident.physics.consistency import (
     CONSTRAINTS,
     MASS_LEFT,
@@ -11,6 +12,7 @@ from auvident.physics.consistency import (
     hull_power,
 )
 from auvident.physics.terms import structure_of
+from auvident.schema.coefficients import BY_SYMBOL
 from auvident.schema.effects import in_plane
 from auvident.schema.planes import BY_PLANE, PLANES
 from tests.engines.chain import setup_of
@@ -21,8 +23,7 @@ SAMPLES = (("harbour_trial", "horizontal"), ("bay_trial", "horizontal"), ("dive_
 def drawn(setup, seed: int) -> np.ndarray:
     """Coefficients anywhere within some of their own size."""
     rng, p = np.random.default_rng(seed), setup.prior.copy()
-    coefficients = np.array(["_" in name for name in setup.structure.parameters])
-    coefficients &= np.array([" " not in name for name in setup.structure.parameters])
+    coefficients = np.array([name in BY_SYMBOL for name in setup.structure.parameters])
     p[coefficients] *= 1.0 + rng.normal(size=coefficients.sum())
     return p
 
@@ -51,7 +52,7 @@ def test_masses_against_eigenvalues_written_out(sample, plane, seed) -> None:
     rigid = np.eye(3)
     rigid[1, 2] = rigid[2, 1] = row.sigma * p[name("m x_G")] / np.sqrt(m * inertia)
     if plane == "vertical":
-        rigid[0, 2] = rigid[2, 0] = p[name("m z_G")] / np.sqrt(m * inertia)
+        rigid[0, 2] = rigid[2, 0] = p[name("z_GW")] / GRAVITY_MPS2 / np.sqrt(m * inertia)
     whole = rigid.copy()
     whole[0, 0] -= p[name("X_udot")] / m
     whole[1:, 1:] += added

@@ -559,7 +559,7 @@ def test_energy_never_grows_without_thrust_and_rudder(seed, plane) -> None:
     states = simulated(plane, values, start, np.zeros((300, 3)), 0.02)
     mass = EQUATIONS[plane](start, (0, 0, 0), values)[0].astype(float)
     energy = 0.5 * np.einsum("ki,ij,kj->k", states[:, :3], mass, states[:, :3])
-    energy += values["z_G W"] * (1 - np.cos(states[:, 3])) + values["trim"] * np.sin(states[:, 3])
+    energy += values["z_GW"] * (1 - np.cos(states[:, 3])) + values["x_GW"] * np.sin(states[:, 3])
     assert np.isfinite(energy).all()
     # RK4 changes the energy of an undamped motion of 0.5 s by (dt/tau)^6/72 = 1e-10 a step
     assert np.diff(energy).max() <= 1e-9 * np.abs(energy).max()
@@ -576,7 +576,7 @@ def dissipative(plane: str, rng: np.random.Generator) -> dict[str, float]:
     a, b = ("v", "r") if plane == "horizontal" else ("w", "q")
     big_a, big_b = ("Y", "N") if plane == "horizontal" else ("Z", "M")
     base = stable_values(plane)
-    values |= {k: base[k] for k in ("m", "m x_G", "m z_G", "I", "z_G W", "trim", "X_udot")}
+    values |= {k: base[k] for k in ("m", "m x_G", "I", "z_GW", "x_GW", "X_udot")}
     dots = (f"{big_a}_{a}dot", f"{big_a}_{b}dot", f"{big_b}_{a}dot", f"{big_b}_{b}dot")
     values |= {k: base[k] for k in dots}
     x_ab, a_ub = rng.uniform(-30, 30, size=2)

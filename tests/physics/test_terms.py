@@ -55,7 +55,7 @@ def test_arrays_use_every_parameter(plane) -> None:
     used = set(structure.terms[:, 1].tolist()) | set(structure.mass[:, 2].tolist())
     unused = {structure.parameters[i] for i in set(range(len(structure.parameters))) - used}
     # the horizontal plane has no restoring force and y_G = 0: these constants have no place in it
-    expected = {"m z_G", "W-B", "z_G W", "trim"} if plane == "horizontal" else set()
+    expected = {"W-B", "z_GW", "x_GW"} if plane == "horizontal" else set()
     assert unused == expected
     assert len(structure.terms) == len(structure.weights)
     assert len(structure.mass) == len(structure.mass_weights)
@@ -102,7 +102,16 @@ def test_parameter_vector_has_coefficients_then_constants() -> None:
     p = parameter_vector("vertical", {"M_uq": -4.0}, body)
     found = dict(zip(structure.parameters, p, strict=True))
     assert found.pop("M_uq") == -4.0
-    constants = {"m": 30.0, "m x_G": 3.0, "m z_G": 0.6, "I": 3.0, "W-B": -6.0}
-    constants |= {"z_G W": 6.0, "trim": 0.0}
+    constants = {"m": 30.0, "m x_G": 3.0, "I": 3.0, "W-B": -6.0}
+    constants |= {"z_GW": 6.0, "x_GW": 0.0}
     assert {name: found.pop(name) for name in CONSTANTS} == pytest.approx(constants)
     assert set(found.values()) == {0.0}  # what is not given counts as zero
+
+
+def test_an_identified_constant_takes_the_place_of_the_vehicle_files() -> None:
+    body = RigidBody(
+        mass_kg=30.0, x_g_m=0.1, z_g_m=0.02, inertia_kgm2=3.0, weight_n=300.0, buoyancy_n=306.0
+    )
+    p = parameter_vector("vertical", {"W-B": -1.0, "x_GW": 0.2}, body)
+    found = dict(zip(structure_of("vertical").parameters, p, strict=True))
+    assert [found[s] for s in ("W-B", "x_GW", "z_GW")] == [-1.0, 0.2, pytest.approx(6.0)]

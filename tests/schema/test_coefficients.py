@@ -8,7 +8,10 @@ import pytest
 from auvident.schema.coefficients import (
     BY_SYMBOL,
     COEFFICIENTS,
+    CONSTANTS,
+    ESTIMATED,
     PLANES,
+    constants_of,
     expand,
     of_plane,
     prime_unit,
@@ -102,14 +105,24 @@ def test_signs_that_mechanics_demands() -> None:
 
 @pytest.mark.parametrize("plane", PLANES)
 def test_expand(plane) -> None:
-    assert expand(["all"], plane) == symbols_of(plane)
+    own = (*symbols_of(plane), *constants_of(plane))
+    assert expand(["all"], plane) == own
     assert expand([], plane) == ()
-    groups = {c.group for c in COEFFICIENTS}
-    parts = [expand([group], plane) for group in groups]
-    assert sorted(s for part in parts for s in part) == sorted(symbols_of(plane))
-    assert all(parts)  # each group has coefficients in each plane
+    parts = {c.group: expand([c.group], plane) for c in ESTIMATED.values()}
+    assert sorted(s for part in parts.values() for s in part) == sorted(own)
+    # each group has coefficients in each plane; weight and buoyancy act in the vertical one alone
+    assert {group for group, part in parts.items() if not part} <= {"restoring"}
     # in the order of the table and each once, whatever the order of the names
     assert expand(["thrust", "drag", "X_uu"], plane) == ("X_uu", "T_nn", "T_nu")
+
+
+def test_constants_are_forces_and_moments_of_the_vertical_plane() -> None:
+    assert constants_of("horizontal") == ()
+    assert constants_of("vertical") == ("W-B", "x_GW", "z_GW") == expand(["restoring"], "vertical")
+    units = {"Z": "N", "M": "N m"}
+    assert [c.unit for c in CONSTANTS] == [units[c.equation] for c in CONSTANTS]
+    assert expand(["z_GW", "Z_uw"], "vertical") == ("Z_uw", "z_GW")
+    assert unknown_names(["W-B", "restoring"]) == []
 
 
 def test_expand_leaves_out_the_other_plane() -> None:

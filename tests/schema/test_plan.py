@@ -6,7 +6,7 @@ import pytest
 from pydantic import ValidationError
 
 import auvident
-from auvident.schema.coefficients import PLANES, expand, symbols_of
+from auvident.schema.coefficients import ESTIMATED, PLANES, constants_of, expand, symbols_of
 from auvident.schema.plan import ACTIVE, Plan, PlanStage, Tuning
 from auvident.storage.plan_file import read_plan
 
@@ -38,7 +38,7 @@ def test_built_in_plans_have_their_file_name_and_say_what_they_do(path) -> None:
 def test_built_in_plans_estimate_every_coefficient_of_both_planes(path, plane) -> None:
     found = built_in(path)
     freed = {symbol for stage in found.stage for symbol in expand(stage.free, plane)}
-    assert freed == set(symbols_of(plane))
+    assert freed == {*symbols_of(plane), *constants_of(plane)}
 
 
 @pytest.mark.parametrize("plane", PLANES)
@@ -47,7 +47,8 @@ def test_built_in_stages_free_only_what_moves_their_states(path, plane) -> None:
     """A coefficient of an equation that a system does not integrate cannot be estimated there."""
     equations = {"surge": "XT", "lateral": "YNZM", "coupled": "XTYNZM"}
     for stage in built_in(path).stage:
-        axes = {symbol[0] for symbol in expand(stage.free, plane)}
+        freed = [ESTIMATED[symbol] for symbol in expand(stage.free, plane)]
+        axes = {"T" if c.group == "thrust" else c.equation for c in freed}
         assert axes, stage.name
         assert axes <= set(equations[stage.system]), stage.name
 

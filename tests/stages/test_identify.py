@@ -276,7 +276,7 @@ def test_the_covariance_is_that_of_the_coefficients(trial, filter) -> None:
     model = identified(*trial, filter).model
     matrix, symbols = np.array(model.covariance["matrix"]), model.covariance["symbols"]
     std = np.sqrt(np.diag(matrix))
-    free = {c.symbol: c.std for c in model.coefficients if c.origin == "identified"}
+    free = {c.symbol: c.std for c in model.estimates if c.origin == "identified"}
     allowed = [f"{name}.rate_degps" for name in plan_named("spiral").nuisance]
     assert symbols == [*free, *allowed]
     np.testing.assert_allclose(std[: len(free)], list(free.values()), rtol=1e-9)

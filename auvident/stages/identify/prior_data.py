@@ -1,7 +1,7 @@
 """The prior against the data: what the data alone say of each coefficient."""
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -9,9 +9,17 @@ import numpy.typing as npt
 from auvident.engines.setup import Outcome, Setup
 from auvident.estimation.prior_data import DataAgainstPrior, compared
 from auvident.schema.artifacts import AgainstPrior, AseResult, Finding, PriorAgainstData
-from auvident.schema.coefficients import BY_SYMBOL, Group
+from auvident.schema.coefficients import ESTIMATED, Group
 
 Array = npt.NDArray[Any]
+
+
+class _OfTheFile(NamedTuple):
+    """A constant in words, and where to look when the data contradict it."""
+
+    what: str
+    remedy: str
+
 
 LEAST_SHARE = 0.1  # of the data; below it they say too little of a coefficient
 CONTRADICTED = 2.5  # [std of both]; one of eighty by chance
@@ -25,6 +33,12 @@ REMEDIES: dict[Group, str] = {
     "lift": "Check hull and fins in the vehicle file.",
     "cross_flow": "Check hull and fins in the vehicle file.",
     "control": "Check the fins in the vehicle file and the unit of their angle in the log.",
+    "restoring": "Check mass and ballasting in the vehicle file.",
+}
+OF_THE_FILE = {
+    "W-B": _OfTheFile("the weight in water", "Check mass_kg and buoyancy_n in the vehicle file."),
+    "x_GW": _OfTheFile("the trim moment", "Check the ballasting, or state x_g_std_m."),
+    "z_GW": _OfTheFile("the righting moment", "Check z_g_m and mass_kg in the vehicle file."),
 }
 ORIGINS = {"ase": "the estimate of", "given": "the given value of"}
 
@@ -49,7 +63,7 @@ def prior_against_data(
         Where the prior came from.
     """
     names, scale = setup.names(final.free), setup.prior_std[final.free]
-    own = np.array([i for i, name in enumerate(names) if name in BY_SYMBOL], dtype=np.int64)
+    own = np.array([i for i, name in enumerate(names) if name in ESTIMATED], dtype=np.int64)
     found = compared(
         (final.parameters - setup.prior)[final.free] / scale,
         sum(gradients.values(), np.zeros(len(names))),
@@ -73,14 +87,15 @@ def prior_against_data(
     told = PriorAgainstData(
         coefficients=rows, chi_square=found.chi_square, directions=found.directions, p=found.p
     )
-    return told, _findings(found, [names[i] for i in own], ase)
+    return told, _findings(found, rows, ase)
 
 
-def _findings(found: DataAgainstPrior, symbols: list[str], ase: AseResult) -> list[Finding]:
+def _findings(
+    found: DataAgainstPrior, told: Sequence[AgainstPrior], ase: AseResult
+) -> list[Finding]:
     """Coefficients whose prior the data contradict, the worst first, and all together."""
-    worst = [k for k in np.argsort(-np.abs(found.away)) if found.share[k] >= LEAST_SHARE]
-    rows = [_contradicted(symbols[k], float(found.away[k]), ase) for k in worst]
-    rows = [row for row in rows if (row.value or 0.0) >= CONTRADICTED]
+    worst = sorted(told, key=lambda row: -abs(row.away))
+    rows = [_contradicted(row, ase) for row in worst if abs(row.away) >= CONTRADICTED]
     if found.p >= UNLIKELY:
         return rows
     together = Finding(
@@ -95,14 +110,21 @@ def _findings(found: DataAgainstPrior, symbols: list[str], ase: AseResult) -> li
     return [*rows, together]
 
 
-def _contradicted(symbol: str, away: float, ase: AseResult) -> Finding:
+def _contradicted(row: AgainstPrior, ase: AseResult) -> Finding:
+    symbol, away = row.symbol, f"{abs(row.away):.1f} standard deviations"
     origin = next((c.origin for c in ase.coefficients if c.symbol == symbol), "ase")
+    message = f"the data contradict {ORIGINS[origin]} {symbol} by {away}"
+    remedy = REMEDIES[ESTIMATED[symbol].group]
+    if symbol in OF_THE_FILE:
+        message, unit = OF_THE_FILE[symbol].what, ESTIMATED[symbol].unit
+        message += f" is {row.data:+.3g} ± {row.data_std:.2g} {unit} by the data; the vehicle file "
+        message += f"says {row.prior:+.3g} ± {row.prior_std:.2g} {unit}, {away} away"
+        remedy = OF_THE_FILE[symbol].remedy
     return Finding(
         code="prior-contradicted",
         where=symbol,
-        value=abs(away),
+        value=abs(row.away),
         threshold=CONTRADICTED,
-        message=f"the data contradict {ORIGINS[origin]} {symbol} by {abs(away):.1f} "
-        "standard deviations",
-        remedy=REMEDIES[BY_SYMBOL[symbol].group],
+        message=message,
+        remedy=remedy,
     )

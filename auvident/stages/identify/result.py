@@ -31,10 +31,17 @@ from auvident.schema.artifacts import (
     FittedNoise,
     IdentifiedModel,
     ModelCoefficient,
+    ModelConstant,
     Origin,
     StageRecord,
 )
-from auvident.schema.coefficients import BY_SYMBOL, prime_unit, symbols_of
+from auvident.schema.coefficients import (
+    BY_SYMBOL,
+    ESTIMATED,
+    constants_of,
+    prime_unit,
+    symbols_of,
+)
 from auvident.schema.effects import parameter_of
 from auvident.schema.plan import PlanStage
 from auvident.schema.vehicle import Vehicle
@@ -47,6 +54,7 @@ Array = npt.NDArray[Any]
 HISTORY_PERIOD_S = 0.5  # the history of the coefficients is stored this often
 NOT_MOVED = 0.05  # data share below which a coefficient stayed where the prior put it
 CORRELATED = 0.95
+RESTS_ON_FILE = "rests on the vehicle file"
 # scatter between maneuvers, where it is beyond chance, over the filter's own standard deviation
 DISAGREE = 2.0
 # [nats] the likelihood ratio of a parameter of no effect stays below in 19 of 20 cases (Wilks 1938)
@@ -84,11 +92,11 @@ def model_of(
     for step in done:
         for column, position in enumerate(step.outcome.free):
             last[int(position)] = (step.outcome, column)
-    rows = tuple(
+    found = (
         _row(setup, ase, final.parameters, last, structure.index(symbol))
-        for symbol in symbols_of(plane)
+        for symbol in (*symbols_of(plane), *constants_of(plane))
     )
-    rows = tuple(_widened(row, final, structure, setup.followers, scatter, widen) for row in rows)
+    rows = tuple(_widened(row, final, structure, setup.followers, scatter, widen) for row in found)
     symbols = setup.names(final.free)
     records = tuple(_stage_record(setup, step) for step in done)
     constraints = _constraints(setup, final)
@@ -102,7 +110,8 @@ def model_of(
         density_kgpm3=ase.density_kgpm3,
         rigid_body=rigid_body(vehicle, plane),
         sensing=setup.sensing,
-        coefficients=rows,
+        coefficients=tuple(row for row in rows if isinstance(row, ModelCoefficient)),
+        constants=tuple(row for row in rows if not isinstance(row, ModelCoefficient)),
         effects=_effects(setup, final, widen, carried),
         covariance=_covariance(setup, final, symbols, widen),
         correlations=correlations(final.covariance, symbols),
@@ -188,7 +197,7 @@ def scatter_matrix(setup: Setup, final: Outcome, moves: Mapping[str, Array]) -> 
 def _combination(direction: Direction, symbols: Sequence[str]) -> Combination:
     """A direction the data cannot see, in words."""
     named = direction.named(symbols)
-    equations = {BY_SYMBOL[symbol].equation for symbol, _ in named if symbol in BY_SYMBOL}
+    equations = {ESTIMATED[symbol].equation for symbol, _ in named if symbol in ESTIMATED}
     if not direction.structural:
         meaning = "combination that these maneuvers hardly show: its value comes from the prior"
     elif equations == {"X"}:
@@ -220,14 +229,14 @@ def widening(covariance: Array, scatter: Scatter | None) -> Array:
 
 
 def _widened(
-    row: ModelCoefficient,
+    row: ModelConstant,
     final: Outcome,
     structure: Structure,
     followers: Array,
     scatter: Scatter | None,
     widen: Array,
-) -> ModelCoefficient:
-    """A coefficient with its standard deviation widened to the scatter between maneuvers."""
+) -> ModelConstant:
+    """A row with its standard deviation widened to the scatter between maneuvers."""
     position = structure.index(row.symbol)
     position = dict(followers.tolist()).get(position, position)
     found = np.flatnonzero(final.free == position)
@@ -266,32 +275,34 @@ def _row(
     parameters: Array,
     last: dict[int, tuple[Outcome, int]],
     position: int,
-) -> ModelCoefficient:
+) -> ModelConstant:
     symbol = setup.structure.parameters[position]
     leaders = dict(setup.followers.tolist())
-    unit = prime_unit(symbol, ase.density_kgpm3, ase.length_m)
     prior_std = float(setup.prior_std[position])
     source = last.get(leaders.get(position, position))
     origin: Origin = "kinematic" if position in leaders else "identified"
     std, share = prior_std, 0.0
     if source is None:
-        origin = next(c.origin for c in ase.coefficients if c.symbol == symbol)
+        origin = next((c.origin for c in ase.coefficients if c.symbol == symbol), "given")
     else:
         outcome, column = source
         leader = int(outcome.free[column])
         std = float(np.sqrt(outcome.covariance[column, column]) * setup.prior_std[leader])
         share = float(data_shares(outcome.covariance)[column])
-    return ModelCoefficient(
+    row = ModelConstant(
         symbol=symbol,
         value=float(parameters[position]),
         std=std,
-        unit=BY_SYMBOL[symbol].unit,
-        prime=float(parameters[position]) / unit,
+        unit=ESTIMATED[symbol].unit,
         prior=float(setup.prior[position]),
         prior_std=prior_std,
         origin=origin,
         data_share=share,
     )
+    if symbol not in BY_SYMBOL:
+        return row
+    prime = row.value / prime_unit(symbol, ase.density_kgpm3, ase.length_m)
+    return ModelCoefficient(**row.model_dump(), prime=prime)
 
 
 def _stage_record(setup: Setup, step: Step) -> StageRecord:
@@ -326,9 +337,9 @@ def _stage_record(setup: Setup, step: Step) -> StageRecord:
 
 
 def _findings(
-    rows: Sequence[ModelCoefficient], final: Outcome, symbols: Sequence[str]
+    rows: Sequence[ModelConstant], final: Outcome, symbols: Sequence[str]
 ) -> list[Finding]:
-    """Warnings about coefficients, each with its evidence."""
+    """Warnings about coefficients and constants, each with its evidence."""
     found = []
     for row in rows:
         if row.origin == "identified" and row.data_share < NOT_MOVED:
@@ -338,10 +349,8 @@ def _findings(
                     where=row.symbol,
                     value=row.data_share,
                     threshold=NOT_MOVED,
-                    message=(
-                        "not identified: these maneuvers hardly show it, so its value "
-                        "comes from the prior"
-                    ),
+                    message="not identified: these maneuvers hardly show it, so its value "
+                    + ("comes from the prior" if row.symbol in BY_SYMBOL else RESTS_ON_FILE),
                 )
             )
         if row.std_jackknife and row.std_filter and row.origin == "identified":
@@ -358,7 +367,7 @@ def _findings(
                         remedy="An effect that the model lacks may act differently in them.",
                     )
                 )
-        expected = BY_SYMBOL[row.symbol].sign
+        expected = ESTIMATED[row.symbol].sign
         if expected and row.value * expected < 0.0 and abs(row.value) > 2.0 * row.std:
             found.append(
                 Finding(
@@ -366,7 +375,9 @@ def _findings(
                     where=row.symbol,
                     value=row.value,
                     threshold=0.0,
-                    message="has the sign opposite to a streamlined hull's",
+                    message="has the sign opposite to a streamlined hull's"
+                    if row.symbol in BY_SYMBOL
+                    else "the centre of gravity lies above that of buoyancy",
                     remedy="It may compensate for an effect that the model lacks.",
                 )
             )

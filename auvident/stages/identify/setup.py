@@ -21,7 +21,7 @@ from auvident.schema.artifacts import (
     Sensing,
 )
 from auvident.schema.channels import BY_COLUMN
-from auvident.schema.coefficients import Plane, symbols_of
+from auvident.schema.coefficients import Plane, constants_of, symbols_of
 from auvident.schema.plan import Plan
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
@@ -127,9 +127,12 @@ def _nothing_identifies(maneuvers: Maneuvers, plane: Plane) -> NumericsError:
 
 
 def priors(ase: AseResult, plane: Plane) -> tuple[dict[str, float], dict[str, float]]:
-    """Value and standard deviation of each coefficient of a plane before the data."""
-    wanted = set(symbols_of(plane))
-    rows = [c for c in ase.coefficients if c.symbol in wanted]
+    """Value and standard deviation of each coefficient and constant of a plane before the data.
+
+    A constant that an estimate of an earlier version lacks is held as the vehicle file has it.
+    """
+    wanted = {*symbols_of(plane), *constants_of(plane)}
+    rows = [c for c in ase.estimates if c.symbol in wanted]
     return {c.symbol: c.value for c in rows}, {c.symbol: c.std for c in rows}
 
 

@@ -34,7 +34,7 @@ from auvident.schema.artifacts import (
     IdentifiedModel,
     Maneuvers,
 )
-from auvident.schema.coefficients import BY_SYMBOL, Plane
+from auvident.schema.coefficients import ESTIMATED, Plane
 from auvident.schema.plan import Plan, PlanStage
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
@@ -212,7 +212,7 @@ def _as_the_readings_tell(
 def _equations(setup: Setup, outcome: Outcome) -> list[list[int]]:
     """Free coefficients of the surge equation, and of the two lateral ones."""
     names = setup.names(outcome.free)
-    surge = [n in BY_SYMBOL and BY_SYMBOL[n].equation == "X" for n in names]
+    surge = [n in ESTIMATED and ESTIMATED[n].equation == "X" for n in names]
     blocks = [[i for i, x in enumerate(surge) if x], [i for i, x in enumerate(surge) if not x]]
     return [block for block in blocks if block]
 

@@ -251,7 +251,7 @@ def _block_sums(part: tuple[Array, Array, Array], step_s: float) -> list[tuple]:
 def _coefficients(
     before: IdentifiedModel, after: IdentifiedModel
 ) -> tuple[CoefficientComparison, ...]:
-    final = {c.symbol: c for c in after.coefficients}
+    final = {c.symbol: c for c in after.estimates}
     return tuple(
         CoefficientComparison(
             symbol=c.symbol,
@@ -263,5 +263,6 @@ def _coefficients(
             after=final[c.symbol].value,
             after_std=final[c.symbol].std,
         )
-        for c in before.coefficients
+        for c in before.estimates
+        if c.symbol in final
     )

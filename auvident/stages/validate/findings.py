@@ -107,7 +107,7 @@ def _worse_than_prior(metrics: Metrics, prior: str) -> Iterator[Finding]:
 
 
 def _resting_on_prior(model: IdentifiedModel) -> Iterator[Finding]:
-    shares = {c.symbol: c.data_share for c in model.coefficients}
+    shares = {c.symbol: c.data_share for c in model.estimates}
     on_prior = {symbol: share for symbol, share in shares.items() if share < MANY_ON_PRIOR}
     if on_prior:
         yield Finding(

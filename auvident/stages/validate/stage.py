@@ -98,9 +98,8 @@ def validate(
         ``summary`` pools all samples of all maneuvers of a role.
     """
     identified, structure = vector_behind(model), structure_behind(model)
-    prior = {c.symbol: c.prior for c in model.coefficients}
     bare = model.model_copy(update={"effects": ()})
-    estimate, plain = vector_behind(bare, prior), structure_behind(bare)
+    estimate, plain = vector_behind(bare, model.priors()), structure_behind(bare)
     after = predict_all(trials, maneuvers, model, identified)
     before = predict_all(trials, maneuvers, bare, estimate)
     metrics = _metrics(after, structure, identified)
