@@ -11,7 +11,6 @@ import pandas as pd
 from auvident.engines.setup import Setup
 from auvident.errors import NumericsError
 from auvident.schema.artifacts import IdentifiedModel, Maneuvers
-from auvident.schema.channels import TIME_COLUMN
 from auvident.schema.diagnosis import Diagnosis
 from auvident.schema.planes import Plane
 from auvident.schema.trial import Trial
@@ -37,8 +36,6 @@ from auvident.stages.diagnose.verdict.residuals import residual_table
 
 Array = npt.NDArray[Any]
 Progress = Callable[[str, float], None]
-
-HEADING = "heading_rad"
 
 
 @dataclass(frozen=True)
@@ -104,10 +101,10 @@ def _diagnosed(
 ) -> Diagnosed:
     tell("consistency of the sensors", 0.0)
     case = case_of(setup, model, CHECKS[model.plane](trials, vehicle))
-    there, missing = testable(setup, case.records, unlogged(trials))
+    there, missing = testable(setup, case.records)
     candidates = tuple(e.id for e in there if not e.nuisance)
     search = Search(case, candidates, np.random.default_rng(seed))
-    headings = headings_of(case, trials, maneuvers)
+    headings = headings_of(case)
     tell("one-off events", 0.1)
     baseline, events = _without_events(search, headings)
     tell("candidate effects", 0.2)
@@ -139,28 +136,12 @@ CHECKS: dict[Plane, Callable[[Sequence[Trial], Vehicle], list[SensorCheck]]] = {
 }
 
 
-def unlogged(trials: Sequence[Trial]) -> tuple[str, ...]:
-    """Columns that no state measures, that effects need and that no trial has."""
-    return tuple(c for c in ("depth_m",) if not any(c in t.table for t in trials))
-
-
-def headings_of(case: Case, trials: Sequence[Trial], maneuvers: Maneuvers) -> dict[str, Array]:
+def headings_of(case: Case) -> dict[str, Array]:
     """Heading (n,) of each record; of the vertical plane as logged, zero where it is not."""
-    if case.plane.columns[3] == HEADING:
-        return {r.id: r.given[:, 3] for r in case.records}
-    tables = {t.name: t.table for t in trials}
-    trial_of = {m.id: m.trial for m in maneuvers.maneuvers}
     found = {}
     for record in case.records:
-        table = tables[trial_of[record.id]]
-        heading = table[HEADING].to_numpy() if HEADING in table else np.zeros(len(table))
-        seen = np.isfinite(heading)
-        time = table[TIME_COLUMN].to_numpy()
-        found[record.id] = (
-            np.interp(record.time_s, time[seen], heading[seen])
-            if seen.any()
-            else np.zeros(len(record))
-        )
+        logged = record.source.heading if record.source is not None else None
+        found[record.id] = record.given[:, 3] if logged is None else logged
     return found
 
 

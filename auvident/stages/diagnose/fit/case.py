@@ -4,7 +4,7 @@ Only maneuvers that identify are here; readings in the held-out ones are blanked
 is looked at, so that they cannot choose.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,7 +15,7 @@ from auvident.engines.records import Record
 from auvident.engines.setup import Setup
 from auvident.physics.terms import FREE_FORCE, parameter_vector, structure_of
 from auvident.schema.artifacts import IdentifiedModel
-from auvident.schema.coefficients import of_plane
+from auvident.schema.coefficients import expand
 from auvident.schema.effects import BY_ID, Effect, EffectParameter, in_plane, parameter_of
 from auvident.schema.planes import BY_PLANE, STATE_COLUMNS, PlaneRow
 from auvident.stages.diagnose.checks.kinematics import SensorCheck
@@ -26,7 +26,7 @@ Array = npt.NDArray[Any]
 # by what they are, not by what a model that lacks something makes of it.
 ACTIVE = np.array([True, True, True, False])
 NUISANCE_REACH = 2.0  # a nuisance parameter reaches this many of its standard deviations
-FREE_GROUPS = ("drag", "thrust", "turning_drag", "lift", "cross_flow", "control")
+FREE_GROUPS = ("drag", "thrust", "turning_drag", "lift", "cross_flow", "control", "restoring")
 # The friction line falls with the Reynolds number, C_F ~ Re^-0.17 about 1e6 (ITTC 1957), so that
 # friction grows a little slower than u^2: the same as this share of it in proportion to u.
 FRICTION_SLOPE = 0.17
@@ -105,7 +105,7 @@ class Case:
         Inertias stay: scaling an equation, or mixing the two lateral ones, changes no
         prediction, so that the other coefficients reach every model without them.
         """
-        symbols = [c.symbol for c in of_plane(self.setup.structure.plane) if c.group in FREE_GROUPS]
+        symbols = expand(FREE_GROUPS, self.setup.structure.plane)
         free = [self.position(s) for s in symbols]
         free = [i for i in free if self.setup.prior_std[i] > 0.0]
         return free + [int(i) for i in np.flatnonzero(self.nuisance_std > 0.0)]
@@ -144,25 +144,11 @@ def in_order(*positions: Sequence[int] | Array) -> npt.NDArray[np.int64]:
     return np.array(sorted({int(i) for some in positions for i in some}), dtype=np.int64)
 
 
-def testable(
-    setup: Setup, records: Sequence[Record], unlogged: Collection[str] = ()
-) -> tuple[list[Effect], list[str]]:
-    """Effects that the logs allow to test, and the columns whose absence hides others.
-
-    Parameters
-    ----------
-    setup : Setup
-    records : sequence of Record
-    unlogged : collection of str
-        Columns known to be missing, of which records tell nothing.
-    """
+def testable(setup: Setup, records: Sequence[Record]) -> tuple[list[Effect], list[str]]:
+    """Effects that the logs allow to test, and the columns whose absence hides others."""
     there, missing, plane = [], [], setup.structure.plane
     for effect in in_plane(plane):
-        lacking = [
-            c
-            for c in effect.needs
-            if c in unlogged or not _is_logged(c, records, STATE_COLUMNS[plane])
-        ]
+        lacking = [c for c in effect.needs if not _is_logged(c, records, STATE_COLUMNS[plane])]
         missing += lacking
         if not lacking:
             there.append(effect)
@@ -173,7 +159,12 @@ def _is_logged(column: str, records: Sequence[Record], states: Sequence[str]) ->
     source = [r.source for r in records if r.source is not None]
     if column in states:
         return any(np.isfinite(r.measured[:, states.index(column)]).any() for r in records)
-    series = {"roll_rad": "roll", "pitch_rad": "pitch"}
+    series = {
+        "roll_rad": "roll",
+        "pitch_rad": "pitch",
+        "depth_m": "depth",
+        "heading_rad": "heading",
+    }
     if column in series:
         return any(np.any(getattr(s, series[column])) for s in source)
     if column in ("p_radps", "q_radps"):

@@ -33,7 +33,8 @@ def diagnosis_of(evidence: Evidence, model: IdentifiedModel) -> Diagnosis:
     groups = tuple(r.alike for r in traced.rounds if r.alike and r.accepted in traced.named)
     verdict = verdict_of(effects, evidence, left, nearest, groups)
     sees = detectable(joint, evidence.candidates)
-    by = separated_by([e for g in groups for e in g]) if groups else ""
+    named = [e for g in groups for e in g]
+    by = separated_by(named, traced.case.plane.name) if groups else ""
     unexplained = _remainder(evidence, left, nearest) if verdict in WITH_REMAINDER else {}
     return Diagnosis(
         plane=model.plane,

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.schema.diagnosis import Detectable, Lookalikes
-from auvident.schema.effects import BY_ID, LIKENESSES, parameter_of
+from auvident.schema.effects import BY_ID, BY_MANEUVERS, parameter_of
 from auvident.stages.diagnose.fit.fits import check_cost
 from auvident.stages.diagnose.score.first_order import Joint, cosine, unabsorbed
 from auvident.stages.diagnose.score.left_out import LEAST_ABOVE, noise_floor, readings_of
@@ -94,7 +94,7 @@ def _why(kept: float, joint: Joint, effect: str) -> str:
 def lookalikes(joint: Joint, candidates: Sequence[str]) -> tuple[Lookalikes, ...]:
     """Pairs of effects of one group that these maneuvers cannot tell apart."""
     found = []
-    for group, separate_by in LIKENESSES.items():
+    for group, separate_by in BY_MANEUVERS[joint.case.plane.name].items():
         there = [e for e in candidates if BY_ID[e].alike == group]
         for k, a in enumerate(there):
             for b in there[k + 1 :]:
