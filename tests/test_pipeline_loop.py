@@ -13,6 +13,7 @@ from auvident.engines.setup import Setup
 from auvident.errors import NumericsError
 from auvident.pipeline import STAGES, status
 from auvident.pipeline.predict import find_model
+from auvident.pipeline.table import BY_NAME
 from tests import loop_world
 from tests.command_line import Called
 from tests.test_pipeline import RUN, decisions, states
@@ -164,9 +165,14 @@ def test_a_report_needs_no_diagnosis_but_shows_no_stale_one(
     assert "What the model lacks" not in (demo / "report/report.html").read_text()
 
 
-def test_a_run_of_another_plane_goes_on_without_the_loop(
-    demo: Path, auvident: Callable[..., Called], found: loop_world.HandMade
+def test_a_run_goes_on_without_stages_that_do_not_know_its_plane(
+    demo: Path,
+    auvident: Callable[..., Called],
+    found: loop_world.HandMade,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    for name in ("diagnose", "refine"):
+        monkeypatch.setitem(BY_NAME[name].__dict__, "planes", ("horizontal",))
     run = (
         "run",
         "sample_logs/dive_trial",

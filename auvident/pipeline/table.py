@@ -152,7 +152,6 @@ STAGES: tuple[Stage, ...] = (
         main="diagnose/diagnosis.json",
         function=steps.diagnose,
         draws=True,
-        planes=("horizontal",),
     ),
     Stage(
         "refine",
@@ -175,7 +174,6 @@ STAGES: tuple[Stage, ...] = (
         function=steps.refine,
         options={"filter": None, "with_unexplained": None},
         draws=True,
-        planes=("horizontal",),
     ),
     Stage(
         "report",

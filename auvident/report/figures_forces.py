@@ -32,7 +32,7 @@ TURN_DEG = 360.0
 
 
 def unknown_force(table: pd.DataFrame, name: str) -> str | None:
-    """Smoothed unknown force and moment against heading, rate of turn and time.
+    """Smoothed unknown force and moment against angle and rate of the plane, and time.
 
     Parameters
     ----------
@@ -57,7 +57,8 @@ def unknown_force(table: pd.DataFrame, name: str) -> str | None:
             else:
                 quiet(panels[i, j])
     figure.tight_layout(h_pad=0.4, w_pad=0.6)
-    return svg(figure, name, "Smoothed unknown force against heading, rate of turn and time")
+    drawn = ", ".join(label.partition(",")[0] for _, label in against)
+    return svg(figure, name, f"Smoothed unknown force against {drawn}")
 
 
 def _regressor(

@@ -50,6 +50,7 @@ class Lacks:
     sight: Table
     residuals: Table
     steps: tuple[str, ...]
+    suggests: str
 
 
 def lacks(report: ReportData) -> Lacks | None:
@@ -82,6 +83,7 @@ def lacks(report: ReportData) -> Lacks | None:
         sight=replace(tables.sight(diagnosis), title=""),
         residuals=tables.residuals(diagnosis),
         steps=diagnosis.steps,
+        suggests=words.SUGGESTS.get(diagnosis.plane, ""),
     )
 
 

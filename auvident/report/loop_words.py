@@ -33,6 +33,13 @@ VERDICTS = {
     "partly_explained": "effects found, and an unexplained residual",
     "unexplained": "a residual that no listed effect explains",
 }
+# what an unknown force that follows angle, rate or time lets one think of, by plane
+SUGGESTS: dict[str, str] = {
+    "horizontal": "A force that follows the heading suggests a current or a wave, one that follows "
+    "r damping or a sensor, one that follows time a change of the vehicle.",
+    "vertical": "A force that follows the pitch suggests weight and buoyancy, one that follows "
+    "q damping or a sensor, one that follows time a change of the vehicle.",
+}
 
 
 @dataclass(frozen=True)

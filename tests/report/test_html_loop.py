@@ -315,3 +315,13 @@ def test_the_refined_prediction_is_taken_row_by_row(data: ReportData) -> None:
     unchanged = data.comparison.model_copy(update={"effects": ()})
     told = replace(data, refined=refined, comparison=unchanged)
     assert "u_mps_refined" not in with_refined(rows, told, maneuver)
+
+
+@pytest.mark.parametrize(("plane", "words"), [("horizontal", "heading"), ("vertical", "pitch")])
+def test_a_force_is_said_to_follow_the_angle_of_the_plane(
+    small: ReportData, plane: str, words: str
+) -> None:
+    assert small.diagnosis is not None
+    other = small.diagnosis.model_copy(update={"plane": plane})
+    found = lacks(replace(small, diagnosis=other))
+    assert found is not None and f"follows the {words}" in found.suggests

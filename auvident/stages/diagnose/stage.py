@@ -1,6 +1,6 @@
 """Diagnosis: what the identified model does not explain, traced to the effect it lacks."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,10 +12,16 @@ from auvident.engines.setup import Setup
 from auvident.errors import NumericsError
 from auvident.schema.artifacts import IdentifiedModel, Maneuvers
 from auvident.schema.diagnosis import Diagnosis
+from auvident.schema.planes import Plane
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.diagnose.checks.events import Event, find_events
-from auvident.stages.diagnose.checks.kinematics import heading_against_gyro, position_against_dvl
+from auvident.stages.diagnose.checks.kinematics import (
+    SensorCheck,
+    heading_against_gyro,
+    position_against_dvl,
+)
+from auvident.stages.diagnose.checks.vertical import depth_against_dvl, pitch_against_gyro
 from auvident.stages.diagnose.checks.waves import Residual, find_wave
 from auvident.stages.diagnose.fit.case import Case, case_of, testable
 from auvident.stages.diagnose.fit.fits import Fitted
@@ -69,14 +75,8 @@ def diagnose(
     Raises
     ------
     NumericsError
-        The model is not one of the horizontal plane, or runs away in a maneuver.
+        The model runs away in a maneuver.
     """
-    if model.plane != "horizontal":
-        raise NumericsError(
-            "diagnose covers only the horizontal plane",
-            f"model of the {model.plane} plane",
-            "Identify with --plane horizontal.",
-        )
     try:
         return _diagnosed(trials, maneuvers, vehicle, setup, model, seed, progress or _untold)
     except np.linalg.LinAlgError as error:
@@ -100,26 +100,57 @@ def _diagnosed(
     tell: Progress,
 ) -> Diagnosed:
     tell("consistency of the sensors", 0.0)
-    checks = [heading_against_gyro(trials), position_against_dvl(trials, vehicle.dvl)]
-    case = case_of(setup, model, [c for c in checks if c is not None])
+    case = case_of(setup, model, CHECKS[model.plane](trials, vehicle))
     there, missing = testable(setup, case.records)
     candidates = tuple(e.id for e in there if not e.nuisance)
     search = Search(case, candidates, np.random.default_rng(seed))
+    headings = headings_of(case)
     tell("one-off events", 0.1)
-    baseline, events = _without_events(search)
+    baseline, events = _without_events(search, headings)
     tell("candidate effects", 0.2)
     traced = narrowed(search.trace(baseline), trials, maneuvers)
     tell("forces without a named cause", 0.8)
-    evidence = _evidence(traced, search, events, missing)
+    evidence = _evidence(traced, search, headings, events, missing)
     tell("verdict", 1.0)
     return Diagnosed(diagnosis_of(evidence, model), residual_table(traced, maneuvers))
 
 
-def _without_events(search: Search) -> tuple[Fitted, list[Event]]:
+def _in_horizontal(trials: Sequence[Trial], vehicle: Vehicle) -> list[SensorCheck]:
+    found = heading_against_gyro(trials), position_against_dvl(trials, vehicle.dvl)
+    return [check for check in found if check is not None]
+
+
+def _in_vertical(trials: Sequence[Trial], vehicle: Vehicle) -> list[SensorCheck]:
+    found = (
+        pitch_against_gyro(trials),
+        depth_against_dvl(trials, vehicle),
+        position_against_dvl(trials, vehicle.dvl),
+    )
+    return [check for check in found if check is not None]
+
+
+# sensors held against each other, by plane
+CHECKS: dict[Plane, Callable[[Sequence[Trial], Vehicle], list[SensorCheck]]] = {
+    "horizontal": _in_horizontal,
+    "vertical": _in_vertical,
+}
+
+
+def headings_of(case: Case) -> dict[str, Array]:
+    """Heading (n,) of each record; of the vertical plane as logged, zero where it is not."""
+    found = {}
+    for record in case.records:
+        logged = record.source.heading if record.source is not None else None
+        found[record.id] = record.given[:, 3] if logged is None else logged
+    return found
+
+
+def _without_events(search: Search, headings: Mapping[str, Array]) -> tuple[Fitted, list[Event]]:
     """The fit without any effect, one-off events masked."""
     baseline = baseline_of(search.case)
     noise = search.case.setup.sensor_std[:3]
-    events = find_events(pieces_of(search.case, baseline.residuals), noise)
+    pieces = pieces_of(search.case, baseline.residuals, headings)
+    events = find_events(pieces, noise, search.case.plane)
     if not events:
         return baseline, []
     search.case = search.case.masked(
@@ -129,10 +160,14 @@ def _without_events(search: Search) -> tuple[Fitted, list[Event]]:
 
 
 def _evidence(
-    traced: Traced, search: Search, events: Sequence[Event], missing: Sequence[str]
+    traced: Traced,
+    search: Search,
+    headings: Mapping[str, Array],
+    events: Sequence[Event],
+    missing: Sequence[str],
 ) -> Evidence:
     case = traced.case
-    wave = find_wave(pieces_of(case, traced.final.residuals))
+    wave = find_wave(pieces_of(case, traced.final.residuals, headings), plane=case.plane)
     free = free_forces(case, traced.final)
     rival = rival_of(traced)
     return Evidence(
@@ -149,9 +184,11 @@ def rival_of(traced: Traced) -> FreeForce | None:
     return found[0] if found else None
 
 
-def pieces_of(case: Case, residuals: Sequence[Any]) -> list[Residual]:
+def pieces_of(
+    case: Case, residuals: Sequence[Any], headings: Mapping[str, Array]
+) -> list[Residual]:
     """Residuals as the searches for waves and events take them."""
     return [
-        Residual(r.id, r.time_s, r.error, record.given[:, 0], record.given[:, 3])
+        Residual(r.id, r.time_s, r.error, record.given[:, 0], headings[r.id], record.given[:, 3])
         for r, record in zip(residuals, case.records, strict=True)
     ]

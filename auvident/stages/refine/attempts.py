@@ -12,11 +12,16 @@ from auvident.errors import NumericsError
 from auvident.schema.artifacts import Finding, IdentifiedModel, LeftOutSummary
 from auvident.schema.diagnosis import Attempt, Diagnosis
 from auvident.schema.effects import BY_ID, EFFECTS
-from auvident.schema.planes import HORIZONTAL
 from auvident.stages.refine.errors import channels_of, rms_of
-from auvident.stages.refine.left_out import RISE, LeftOutChange, as_told, left_out_change
+from auvident.stages.refine.left_out import (
+    CHANNELS,
+    RISE,
+    LeftOutChange,
+    as_told,
+    left_out_change,
+)
 
-GUARDED = HORIZONTAL.velocities  # channels whose error is not to rise by more than `RISE`
+GUARDED = CHANNELS  # whose error is not to rise by more than `RISE`
 # Where no maneuver can be left out an error never rises by more than this, whatever the other
 # channels gain: a tenth is more than any right effect costs a channel (none of 51 trials from seed
 # 1000 on rose at all).
@@ -161,15 +166,15 @@ def tried_with(
     }
     seen = {name: ratio for name, ratio in ratios.items() if not math.isnan(ratio)}
     change = left_out_change(*left_out, {name for name, _, _ in carried.windows})
-    return TriedModel(tuple(carried.effects), seen, change, _kept(carried))
+    return TriedModel(tuple(carried.effects), seen, change, _kept(carried, before))
 
 
-def _kept(carried: Carried) -> tuple[str, ...]:
+def _kept(carried: Carried, before: pd.DataFrame) -> tuple[str, ...]:
     """Channels for whose sake the others count less."""
     if not carried.least_noise:
         return ()
-    states = (s for s in HORIZONTAL.states if s.symbol in GUARDED)
-    return tuple(s.symbol for s in states if s.column not in carried.least_noise)
+    own = ((column, name) for column, name, _ in channels_of(before) if name in GUARDED)
+    return tuple(name for column, name in own if column not in carried.least_noise)
 
 
 def _identifying(carried: Carried, before: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
@@ -231,8 +236,8 @@ def make(
         found = again(carried)
     except NumericsError as error:
         failed = f"{error.problem} ({error.where})" if error.where else error.problem
-        effects = tuple(carried.effects)
-        return Made(carried, None, TriedModel(effects, {}, keeps=_kept(carried), failed=failed))
+        effects, keeps = tuple(carried.effects), _kept(carried, before)
+        return Made(carried, None, TriedModel(effects, {}, keeps=keeps, failed=failed))
     summaries = model.left_out, found[0].model.left_out
     return Made(carried, found, tried_with(carried, before, found[1].simulation, summaries))
 

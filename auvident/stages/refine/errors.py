@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pandas as pd
 
-from auvident.schema.planes import HORIZONTAL
+from auvident.schema.planes import STATES
 
-NAMES = {state.column: (state.symbol, state.unit) for state in HORIZONTAL.states}
+NAMES = {state.column: (state.symbol, state.unit) for state in STATES}
 
 
 def channels_of(rows: pd.DataFrame) -> list[tuple[str, str, str]]:

@@ -10,11 +10,12 @@ import numpy.typing as npt
 
 from auvident.engines.jackknife import LEAST_MANEUVERS
 from auvident.schema.artifacts import LeftOutManeuver, LeftOutSummary
-from auvident.schema.planes import HORIZONTAL
+from auvident.schema.planes import PLANE_ROWS, STATES
 
 Array = npt.NDArray[np.float64]
 
-CHANNELS = HORIZONTAL.velocities
+VELOCITIES = {symbol for row in PLANE_ROWS for symbol in row.velocities}
+CHANNELS = tuple(s.symbol for s in STATES if s.symbol in VELOCITIES)  # of either plane
 RISE = 0.02  # share by which an error rises before it is said to: as in the study of the loop
 # A channel that rises by more than this, beyond chance, refuses a model unless what the others
 # gain outweighs it beyond chance as well.

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvident.errors import NumericsError
 from auvident.schema.diagnosis import Diagnosis
 from auvident.schema.effects import BY_ID, parameter_of
 from auvident.stages.diagnose.select.candidates import Traced
@@ -122,13 +121,6 @@ def test_residuals_are_measured_minus_predicted(name) -> None:
 def test_the_artifact_is_plain_and_read_back_the_same(name) -> None:
     text = json_bytes(diagnosis(name), "diagnosis.json")  # refuses what is not finite
     assert json_bytes(Diagnosis.model_validate_json(text), "again") == text
-
-
-def test_the_vertical_plane_is_refused() -> None:
-    made = loop("harbour_trial")
-    upright = made.model.model_copy(update={"plane": "vertical"})
-    with pytest.raises(NumericsError, match="horizontal"):
-        type(made)(made.chain, made.setup, upright).diagnose()
 
 
 @pytest.mark.parametrize(("estimate", "codes"), [(0.5, ["cross-flow"]), (0.0, [])])

@@ -25,13 +25,13 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.constants import MEDIAN_OF_ABS_TO_STD, VehicleTime
-from auvident.schema.planes import HORIZONTAL
+from auvident.schema.planes import HORIZONTAL, PlaneRow
 from auvident.stages.diagnose.checks.waves import Residual, binned
 
 Array = npt.NDArray[Any]
 
-CHANNELS = HORIZONTAL.velocities
-DECISIVE = (1, 2)  # sway and yaw
+N_CHANNELS = 3
+DECISIVE = (1, 2)  # sway and yaw, heave and pitch
 BIN_S: VehicleTime = 1.0
 WINDOW_BINS = 4  # a push of 2 to 4 s and the answer of the vehicle
 GUARD_BINS = 12  # this near to an event its own wake is not held against it
@@ -42,7 +42,7 @@ THRESHOLD = 3.5
 PAIR_THRESHOLD = 16.0  # of the lesser of two events: two bad places are less of an exception
 LEAST_OVER_NOISE = 2.0  # rms of the unpredicted means of a second over the noise of one sample
 MOST_EVENTS = 2
-LOST, SLOW_RADPS = 3.0, 0.05  # residual yaw rate over the measured one, of slow turns over this
+LOST, SLOW_RADPS = 3.0, 0.05  # residual rate of turn over the measured one, of slow turns over this
 CALM = 3.0  # robust standard deviations within which a residual is back to usual
 CALM_SHARE = 0.1  # ... or this share of its peak
 LONGEST_S: VehicleTime = 15.0  # what lasts longer is no push
@@ -56,14 +56,14 @@ class Event:
     ----------
     maneuver : str
     time_s, duration_s : float
-        Window to mask, on the clock of the log, until u, v and r are back to usual. The heading
-        is not: the vehicle goes on another way than without the push, by `heading_rad`.
+        Window to mask, on the clock of the log, until the velocities are back to usual. The
+        heading is not: the vehicle goes on another way than without the push, by `angle_rad`.
     ratio : float
         Energy over that of the second worst place; geometric mean of sway and yaw.
     channels : tuple of str
-        Of u, v, r, those that stand out.
-    heading_rad : float
-        Residual of the heading after the window minus before; NaN where not logged.
+        Of u, v, r (u, w, q), those that stand out.
+    angle_rad : float
+        Residual of the heading (pitch) after the window minus before; NaN where not logged.
     """
 
     maneuver: str
@@ -71,7 +71,7 @@ class Event:
     duration_s: float
     ratio: float
     channels: tuple[str, ...]
-    heading_rad: float
+    angle_rad: float
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,9 @@ class Track:
     energy: Array
 
 
-def find_events(pieces: Sequence[Residual], noise: Array) -> list[Event]:
+def find_events(
+    pieces: Sequence[Residual], noise: Array, plane: PlaneRow = HORIZONTAL
+) -> list[Event]:
     """Events, the clearest first.
 
     Parameters
@@ -91,6 +93,7 @@ def find_events(pieces: Sequence[Residual], noise: Array) -> list[Event]:
         Of the identifying maneuvers, from the model that explains them best so far.
     noise : (3,) or (4,) array
         Standard deviation of one sample of u, v (m/s), r (rad/s): a push must exceed it.
+    plane : PlaneRow
 
     Returns
     -------
@@ -107,7 +110,7 @@ def find_events(pieces: Sequence[Residual], noise: Array) -> list[Event]:
         loud = all(_is_loud(tracks[k], a, noise) for k, a in places[:count])
         if loud and min(sizes) > (THRESHOLD if count == 1 else PAIR_THRESHOLD):
             events = [
-                _event(pieces[k], tracks[k], a, size, ratio)
+                _event(pieces[k], tracks[k], a, size, ratio, plane.velocities)
                 for (k, a), size, ratio in zip(places[:count], sizes, ratios, strict=True)
             ]
             return [event for event in events if event.duration_s < LONGEST_S]
@@ -121,7 +124,7 @@ def _tracks(pieces: Sequence[Residual]) -> list[Track]:
         for piece, mean in zip(pieces, means, strict=True)
     ]
     good = [mean for mean, use in zip(means, useful, strict=True) if use]
-    keep = np.array([_memory([m[:, c] for m in good]) for c in range(len(CHANNELS))])
+    keep = np.array([_memory([m[:, c] for m in good]) for c in range(N_CHANNELS)])
     tracks = []
     for mean, use in zip(means, useful, strict=True):
         energy = _windowed((mean[1:, :3] - keep * mean[:-1, :3]) ** 2)
@@ -151,14 +154,14 @@ def _means(piece: Residual) -> Array:
     return np.where(count > 0.5 * np.median(count, axis=0), means, np.nan)
 
 
-def _is_lost(piece: Residual, yaw_rate: Array) -> bool:
+def _is_lost(piece: Residual, rate: Array) -> bool:
     """Whether the prediction ran away: it turns far faster than the vehicle, or ends early."""
-    known = np.isfinite(yaw_rate)
+    known = np.isfinite(rate)
     if not known.any() or len(known) - int(np.flatnonzero(known)[-1]) > WINDOW_BINS + 1:
         return True
-    turned = np.abs(np.diff(piece.heading_rad[:: round(BIN_S / np.diff(piece.time_s)[0])]))
+    turned = np.abs(np.diff(piece.angle[:: round(BIN_S / np.diff(piece.time_s)[0])]))
     fastest = float(np.nanmax(turned)) / BIN_S
-    return bool(np.nanmax(np.abs(yaw_rate)) > LOST * max(fastest, SLOW_RADPS))
+    return bool(np.nanmax(np.abs(rate)) > LOST * max(fastest, SLOW_RADPS))
 
 
 def _memory(series: Sequence[Array]) -> float:
@@ -219,18 +222,25 @@ def _is_loud(track: Track, window: int, noise: Array) -> bool:
     return bool(np.all(rms > LEAST_OVER_NOISE * np.asarray(noise)[list(DECISIVE)]))
 
 
-def _event(piece: Residual, track: Track, window: int, ratio: float, ratios: Array) -> Event:
+def _event(
+    piece: Residual,
+    track: Track,
+    window: int,
+    ratio: float,
+    ratios: Array,
+    names: Sequence[str],
+) -> Event:
     first, last = _extent(track.means[:, :3], window)
-    heading = track.means[:, 3]
-    before, after = heading[max(first - 3, 0) : first], heading[last : last + 3]
+    angle = track.means[:, 3]
+    before, after = angle[max(first - 3, 0) : first], angle[last : last + 3]
     known = np.isfinite(before).any() and np.isfinite(after).any()
     return Event(
         maneuver=piece.maneuver,
         time_s=float(piece.time_s[0] + first * BIN_S),
         duration_s=float((last - first) * BIN_S),
         ratio=ratio,
-        channels=tuple(c for c, x in zip(CHANNELS, ratios, strict=True) if x > THRESHOLD),
-        heading_rad=float(np.nanmean(after) - np.nanmean(before)) if known else math.nan,
+        channels=tuple(c for c, x in zip(names, ratios, strict=True) if x > THRESHOLD),
+        angle_rad=float(np.nanmean(after) - np.nanmean(before)) if known else math.nan,
     )
 
 

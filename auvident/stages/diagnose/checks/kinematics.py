@@ -18,8 +18,8 @@ millisecond between gyro and heading, to some hundredths of a second between DVL
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -57,6 +57,9 @@ class SensorCheck:
         Of what is left, rad or m: mostly the noise of the reference.
     what : str
         One line for people.
+    one_of : tuple of str
+        Parameters that these logs do not tell from each other: what a model leaves out of them
+        counts as zero.
     """
 
     names: tuple[str, ...]
@@ -65,6 +68,40 @@ class SensorCheck:
     samples: int
     residual_rms: float
     what: str
+    one_of: tuple[str, ...] = ()
+
+    def of(self, names: Collection[str]) -> "SensorCheck | None":
+        """What is said of some parameters, the others left open; None where that is nothing."""
+        own = [k for k, name in enumerate(self.names) if name in names]
+        if not own or len(own) == len(self.names):
+            return self if own else None
+        return replace(
+            self,
+            names=tuple(self.names[k] for k in own),
+            mean=self.mean[own],
+            covariance=self.covariance[np.ix_(own, own)],
+        )
+
+    def with_only(self, there: Collection[str]) -> "SensorCheck":
+        """What is said where those of `one_of` that are not there are zero."""
+        out = [k for k, n in enumerate(self.names) if n in self.one_of and n not in there]
+        own = [k for k in range(len(self.names)) if k not in out]
+        if not out or not own:
+            return self
+        covariance = self.covariance
+        share = np.linalg.solve(covariance[np.ix_(out, out)], covariance[np.ix_(out, own)]).T
+        return replace(
+            self,
+            names=tuple(self.names[k] for k in own),
+            mean=self.mean[own] - share @ self.mean[out],
+            covariance=covariance[np.ix_(own, own)] - share @ covariance[np.ix_(out, own)],
+        )
+
+    def alone(self, name: str) -> tuple[float, float]:
+        """Value and standard deviation of one parameter, its rivals zero."""
+        told = self.with_only({name})
+        k = told.names.index(name)
+        return float(told.mean[k]), math.sqrt(told.covariance[k, k])
 
 
 def heading_against_gyro(trials: Sequence[Trial]) -> SensorCheck | None:
@@ -102,10 +139,10 @@ def heading_against_gyro(trials: Sequence[Trial]) -> SensorCheck | None:
 def heading_change(stretch: Stretch, x: Array) -> Array:
     """Heading log minus integrated gyro (n, 1) in rad at x = (bias, scale, delay)."""
     s = stretch.signals
-    r = (_late(s["r_radps"], x[2], stretch.dt_s) - x[0]) / (1.0 + x[1])
-    q = _late(s["q_radps"], x[2], stretch.dt_s)
+    r = (late(s["r_radps"], x[2], stretch.dt_s) - x[0]) / (1.0 + x[1])
+    q = late(s["q_radps"], x[2], stretch.dt_s)
     rate = (q * np.sin(s["roll_rad"]) + r * np.cos(s["roll_rad"])) / np.cos(s["pitch_rad"])
-    return (s["heading_rad"] - _integral(rate, stretch.dt_s))[:, None]
+    return (s["heading_rad"] - integral(rate, stretch.dt_s))[:, None]
 
 
 def position_against_dvl(trials: Sequence[Trial], dvl: Dvl) -> SensorCheck | None:
@@ -158,7 +195,7 @@ def position_change(stretch: Stretch, x: Array, dvl: Dvl) -> Array:
     """
     s, dt = stretch.signals, stretch.dt_s
     yaw = math.radians(dvl.mounting_yaw_deg) + x[4]
-    u, v, w = (_late(s[c], x[5], dt) / (1.0 + x[3]) for c in ("u_mps", "v_mps", "w_mps"))
+    u, v, w = (late(s[c], x[5], dt) / (1.0 + x[3]) for c in ("u_mps", "v_mps", "w_mps"))
     u, v = math.cos(yaw) * u - math.sin(yaw) * v, math.sin(yaw) * u + math.cos(yaw) * v
     p, q, r = s["p_radps"], s["q_radps"], s["r_radps"]
     at_origin = (
@@ -169,7 +206,7 @@ def position_change(stretch: Stretch, x: Array, dvl: Dvl) -> Array:
     over_ground = _north_east(s, at_origin)
     if len(x) > 6:
         over_ground = over_ground + x[6:8]
-    track = np.column_stack([_integral(over_ground[:, i], dt) for i in range(2)])
+    track = np.column_stack([integral(over_ground[:, i], dt) for i in range(2)])
     beside = _north_east(s, (np.full(len(u), x[1]), np.full(len(u), x[2]), np.zeros(len(u))))
     expected = track - x[0] * over_ground + beside
     return np.column_stack([s["north_m"], s["east_m"]]) - expected
@@ -184,12 +221,12 @@ def _north_east(s: dict[str, Array], vector: tuple[Array, Array, Array]) -> Arra
     return np.column_stack([ch * ahead - sh * aside, sh * ahead + ch * aside])
 
 
-def _late(values: Array, delay_s: float, dt_s: float) -> Array:
+def late(values: Array, delay_s: float, dt_s: float) -> Array:
     """Values (n,) of a log whose stamps are late by a delay, at the true times."""
     rows = np.arange(len(values))
     return np.interp(rows + delay_s / dt_s, rows, values)
 
 
-def _integral(values: Array, dt_s: float) -> Array:
+def integral(values: Array, dt_s: float) -> Array:
     """Integral (n,) from the first row; the grid's values are at instants: trapezoids."""
     return np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * dt_s)])

@@ -5,7 +5,8 @@ along the wave), k = omega^2 / g in deep water (Fossen 2021, 10.2), which sweeps
 speed: a spectral line test misses it, a periodogram along this phase does not. The force goes with
 the cosine (surge), sine (sway) and sine of twice (yaw) the angle between wave and heading
 (Froude-Krylov, slender hull), so the residual is weighted so. It is whitened per maneuver first,
-and each maneuver counts alike, whatever happened in one of them.
+and each maneuver counts alike, whatever happened in one of them. In the vertical plane the heave
+force is alike from all sides, and the pitch moment goes with the cosine.
 
 The statistic is the power over that of white noise, averaged over maneuvers and channels, at its
 largest over frequency and direction. On residuals of identified models, before any refit, on
@@ -17,7 +18,7 @@ One maneuver alone reaches 34 by chance when clean, 48 with other effects.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,11 +26,10 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.constants import GRAVITY_OF_WAVES_MPS2
-from auvident.schema.planes import HORIZONTAL
+from auvident.schema.planes import HORIZONTAL, Plane, PlaneRow
 
 Array = npt.NDArray[Any]
 
-CHANNELS = HORIZONTAL.velocities
 THRESHOLD = 14.0  # with many maneuvers; see `threshold_of`
 BIN_S = 0.4  # residuals are averaged over it: the fastest wave sought has eight bins a period
 LONGEST_S = 120.0  # longer maneuvers are cut: an unknown phase each, less to ask of the track
@@ -38,6 +38,11 @@ FREQUENCIES_RADPS = np.arange(0.4, 2.0001, 0.025)
 DIRECTIONS_RAD = 2.0 * math.pi * np.arange(32) / 32.0
 FINE = 11  # steps of the finer grid around the best point, per axis
 HIGHEST_AR = 0.98
+# how the force in each channel goes with the angle between wave and heading
+WEIGHTS: dict[Plane, tuple[Callable[[Array], Array], ...]] = {
+    "horizontal": (np.cos, np.sin, lambda bearing: np.sin(2.0 * bearing)),
+    "vertical": (np.cos, np.ones_like, np.cos),
+}
 
 
 @dataclass(frozen=True)
@@ -51,10 +56,13 @@ class Residual:
     time_s : (n,) array
         Of the log, uniform.
     values : (n, 4) array
-        Measured minus predicted u, v (m/s), r (rad/s), heading (rad); NaN where not measured.
+        Measured minus predicted u, v (m/s), r (rad/s), heading (rad), or those of the vertical
+        plane; NaN where not measured.
     u_mps, heading_rad : (n,) array
         Measured, gaps bridged; the heading is the integrated gyro where none is logged (the
         direction of a wave then counts from the heading at the start).
+    angle_rad : (n,) array, optional
+        Angle of the plane, where that is not the heading.
     """
 
     maneuver: str
@@ -62,6 +70,12 @@ class Residual:
     values: Array
     u_mps: Array
     heading_rad: Array
+    angle_rad: Array | None = None
+
+    @property
+    def angle(self) -> Array:
+        """Angle of the plane."""
+        return self.heading_rad if self.angle_rad is None else self.angle_rad
 
 
 @dataclass(frozen=True)
@@ -107,15 +121,20 @@ class Run:
     white: Array
 
 
-def find_wave(pieces: Sequence[Residual], channels: Sequence[str] = CHANNELS) -> Wave | None:
+def find_wave(
+    pieces: Sequence[Residual],
+    channels: Sequence[str] | None = None,
+    plane: PlaneRow = HORIZONTAL,
+) -> Wave | None:
     """Search for the wave that explains most of the residual.
 
     Parameters
     ----------
     pieces : sequence of Residual
         Of the identifying maneuvers, from the model that explains them best so far.
-    channels : sequence of str
-        Of u, v, r.
+    channels : sequence of str, optional
+        Of u, v, r (u, w, q); all of them without.
+    plane : PlaneRow
 
     Returns
     -------
@@ -125,13 +144,14 @@ def find_wave(pieces: Sequence[Residual], channels: Sequence[str] = CHANNELS) ->
     runs = [run for piece in pieces for run in _runs(piece)]
     if not runs:
         return None
-    columns = [CHANNELS.index(c) for c in channels]
-    power = wave_power(runs, FREQUENCIES_RADPS, DIRECTIONS_RAD, columns)
+    channels, weights = channels or plane.velocities, WEIGHTS[plane.name]
+    columns = [plane.velocities.index(c) for c in channels]
+    power = wave_power(runs, FREQUENCIES_RADPS, DIRECTIONS_RAD, columns, weights)
     i, j = np.unravel_index(int(power.mean(axis=2).argmax()), power.shape[:2])
     step_w, step_b = np.diff(FREQUENCIES_RADPS)[0], np.diff(DIRECTIONS_RAD)[0]
     frequencies = FREQUENCIES_RADPS[i] + np.linspace(-step_w, step_w, FINE)
     directions = DIRECTIONS_RAD[j] + np.linspace(-step_b, step_b, FINE)
-    power = wave_power(runs, frequencies, directions, columns)
+    power = wave_power(runs, frequencies, directions, columns, weights)
     i, j = np.unravel_index(int(power.mean(axis=2).argmax()), power.shape[:2])
     best = dict(zip(channels, (float(x) for x in power[i, j]), strict=True))
     return Wave(
@@ -150,7 +170,11 @@ def threshold_of(runs: int) -> float:
 
 
 def wave_power(
-    runs: Sequence[Run], frequencies: Array, directions: Array, columns: Sequence[int]
+    runs: Sequence[Run],
+    frequencies: Array,
+    directions: Array,
+    columns: Sequence[int],
+    weights: Sequence[Callable[[Array], Array]] = WEIGHTS["horizontal"],
 ) -> Array:
     """Mean power ratio over the runs for every wave, (frequencies, directions, channels)."""
     power = np.zeros((len(frequencies), len(directions), len(columns)))
@@ -160,7 +184,7 @@ def wave_power(
             ahead = run.way_m @ np.array([math.cos(direction), math.sin(direction)])
             phase = clock * np.exp(1j * np.outer(frequencies**2 / GRAVITY_OF_WAVES_MPS2, ahead))
             bearing = direction - run.heading_rad
-            weight = np.column_stack([np.cos(bearing), np.sin(bearing), np.sin(2.0 * bearing)])
+            weight = np.column_stack([of(bearing) for of in weights])
             weighted = (weight * run.white)[:, columns]
             size = np.sum(weight[:, columns] ** 2 * (run.white[:, columns] != 0.0), axis=0)
             power[:, j] += np.abs(phase @ weighted) ** 2 / np.maximum(size, 1.0)

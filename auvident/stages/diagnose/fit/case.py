@@ -15,17 +15,18 @@ from auvident.engines.records import Record
 from auvident.engines.setup import Setup
 from auvident.physics.terms import FREE_FORCE, parameter_vector, structure_of
 from auvident.schema.artifacts import IdentifiedModel
-from auvident.schema.coefficients import of_plane
+from auvident.schema.coefficients import expand
 from auvident.schema.effects import BY_ID, Effect, EffectParameter, in_plane, parameter_of
-from auvident.schema.planes import HORIZONTAL
+from auvident.schema.planes import BY_PLANE, STATE_COLUMNS, PlaneRow
 from auvident.stages.diagnose.checks.kinematics import SensorCheck
 
 Array = npt.NDArray[Any]
 
-ACTIVE = np.array([True, True, True, False])  # the heading is taken as logged
-CHANNELS = HORIZONTAL.velocities
+# The angle is taken as logged: the heading turns no force, and the pitch turns weight and buoyancy
+# by what they are, not by what a model that lacks something makes of it.
+ACTIVE = np.array([True, True, True, False])
 NUISANCE_REACH = 2.0  # a nuisance parameter reaches this many of its standard deviations
-FREE_GROUPS = ("drag", "thrust", "turning_drag", "lift", "cross_flow", "control")
+FREE_GROUPS = ("drag", "thrust", "turning_drag", "lift", "cross_flow", "control", "restoring")
 # The friction line falls with the Reynolds number, C_F ~ Re^-0.17 about 1e6 (ITTC 1957), so that
 # friction grows a little slower than u^2: the same as this share of it in proportion to u.
 FRICTION_SLOPE = 0.17
@@ -70,6 +71,16 @@ class Case:
         """Names of the parameters."""
         return self.setup.structure.parameters
 
+    @property
+    def plane(self) -> PlaneRow:
+        """The plane of motion."""
+        return BY_PLANE[self.setup.structure.plane]
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Symbols of what is predicted and compared."""
+        return self.plane.velocities
+
     def position(self, name: str) -> int:
         """Position of a parameter."""
         return self.setup.structure.index(name)
@@ -94,7 +105,7 @@ class Case:
         Inertias stay: scaling an equation, or mixing the two lateral ones, changes no
         prediction, so that the other coefficients reach every model without them.
         """
-        symbols = [c.symbol for c in of_plane(self.setup.structure.plane) if c.group in FREE_GROUPS]
+        symbols = expand(FREE_GROUPS, self.setup.structure.plane)
         free = [self.position(s) for s in symbols]
         free = [i for i in free if self.setup.prior_std[i] > 0.0]
         return free + [int(i) for i in np.flatnonzero(self.nuisance_std > 0.0)]
@@ -135,20 +146,25 @@ def in_order(*positions: Sequence[int] | Array) -> npt.NDArray[np.int64]:
 
 def testable(setup: Setup, records: Sequence[Record]) -> tuple[list[Effect], list[str]]:
     """Effects that the logs allow to test, and the columns whose absence hides others."""
-    there, missing = [], []
-    for effect in in_plane(setup.structure.plane):
-        lacking = [c for c in effect.needs if not _is_logged(c, records)]
+    there, missing, plane = [], [], setup.structure.plane
+    for effect in in_plane(plane):
+        lacking = [c for c in effect.needs if not _is_logged(c, records, STATE_COLUMNS[plane])]
         missing += lacking
         if not lacking:
             there.append(effect)
     return there, list(dict.fromkeys(missing))
 
 
-def _is_logged(column: str, records: Sequence[Record]) -> bool:
+def _is_logged(column: str, records: Sequence[Record], states: Sequence[str]) -> bool:
     source = [r.source for r in records if r.source is not None]
-    if column == "heading_rad":
-        return any(np.isfinite(r.measured[:, 3]).any() for r in records)
-    series = {"roll_rad": "roll", "pitch_rad": "pitch"}
+    if column in states:
+        return any(np.isfinite(r.measured[:, states.index(column)]).any() for r in records)
+    series = {
+        "roll_rad": "roll",
+        "pitch_rad": "pitch",
+        "depth_m": "depth",
+        "heading_rad": "heading",
+    }
     if column in series:
         return any(np.any(getattr(s, series[column])) for s in source)
     if column in ("p_radps", "q_radps"):
@@ -187,9 +203,10 @@ def case_of(setup: Setup, model: IdentifiedModel, checks: Sequence[SensorCheck])
     prior[at] = friction * prior[structure.index("X_uu")] * unit[0]
     nuisance[at] = max(nuisance[at], FRICTION_UNSURE * abs(prior[at]))
     whole = replace(setup, structure=structure, prior=prior, prior_std=stds)
+    told = (check.of(structure.parameters) for check in checks)
     identified = parameter_vector(plane, model.values(), model.rigid_body, structure=structure)
     kinds = {name: kind for name, (kind, _) in setup.records.items()}
-    return Case(whole, records, kinds, identified, tuple(checks), nuisance, low, high)
+    return Case(whole, records, kinds, identified, tuple(c for c in told if c), nuisance, low, high)
 
 
 def _prior_values(setup: Setup) -> dict[str, float]:

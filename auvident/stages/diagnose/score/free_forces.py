@@ -1,9 +1,9 @@
 """Forces without physics: does one explain more than every named effect?
 
 A force on surge, sway and yaw follows a regressor that belongs to no effect of the table: a
-function of the heading, of time, or of the motion a while ago. Regressors are made of simulated
-states; measured ones are stirred by the same turbulence as the residual. Each is fitted like an
-effect; a first-order gain says little here.
+function of the heading or of the pitch, or of the motion a while ago. Regressors are made of
+simulated states; measured ones are stirred by the same turbulence as the residual. Each is fitted
+like an effect; a first-order gain says little here.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +16,8 @@ import numpy.typing as npt
 from auvident.constants import VehicleTime
 from auvident.engines.free_run import RecordResidual
 from auvident.engines.records import Record
-from auvident.physics.terms import FREE_FORCE, FREE_FORCES
+from auvident.physics.terms import EQUATIONS, FREE_FORCE, FREE_FORCES
+from auvident.schema.planes import HORIZONTAL, VERTICAL, Plane, PlaneRow
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, fit_with, log_gain
 from auvident.stages.diagnose.score.first_order import joint_about, score
@@ -27,7 +28,6 @@ Regressor = Callable[[Array, Record, float], Array]
 REFITTED = 2
 SLOW_S: VehicleTime = 4.0  # lags of the regressors with memory
 QUICK_S: VehicleTime = 1.5
-AXES = {"X": "X", "A": "Y", "B": "N"}
 
 
 def lagged(values: Array, time_s: float, dt_s: float) -> Array:
@@ -40,16 +40,37 @@ def lagged(values: Array, time_s: float, dt_s: float) -> Array:
     return out
 
 
-REGRESSORS: dict[str, Regressor] = {
+HEADINGS: dict[str, Regressor] = {
     "cos heading": lambda x, r, dt: np.cos(x[:, 3]),
     "sin heading": lambda x, r, dt: np.sin(x[:, 3]),
     "cos 2 heading": lambda x, r, dt: np.cos(2.0 * x[:, 3]),
     "sin 2 heading": lambda x, r, dt: np.sin(2.0 * x[:, 3]),
-    "delayed |v| r": lambda x, r, dt: lagged(np.abs(x[:, 1]) * x[:, 2], SLOW_S, dt),
-    "delayed u r": lambda x, r, dt: lagged(x[:, 0] * x[:, 2], QUICK_S, dt),
-    "rate of change of u r": lambda x, r, dt: np.gradient(x[:, 0] * x[:, 2], dt),
-    "delayed rudder angle": lambda x, r, dt: lagged(r.inputs[:, 0], SLOW_S, dt),
-    "delayed yaw rate": lambda x, r, dt: lagged(x[:, 2], SLOW_S, dt),
+}
+# weight and buoyancy take up the first harmonic in heave and pitch, but in no other equation
+PITCHES: dict[str, Regressor] = {
+    "sin pitch": lambda x, r, dt: np.sin(x[:, 3]),
+    "sin 2 pitch": lambda x, r, dt: np.sin(2.0 * x[:, 3]),
+    "cos 2 pitch": lambda x, r, dt: np.cos(2.0 * x[:, 3]),
+}
+
+
+def motions(plane: PlaneRow) -> dict[str, Regressor]:
+    """Regressors of what the vehicle did a while ago."""
+    _, a, b = plane.velocities
+    return {
+        f"delayed |{a}| {b}": lambda x, r, dt: lagged(np.abs(x[:, 1]) * x[:, 2], SLOW_S, dt),
+        f"delayed u {b}": lambda x, r, dt: lagged(x[:, 0] * x[:, 2], QUICK_S, dt),
+        f"rate of change of u {b}": lambda x, r, dt: np.gradient(x[:, 0] * x[:, 2], dt),
+        f"delayed {plane.fin} angle": lambda x, r, dt: lagged(r.inputs[:, 0], SLOW_S, dt),
+        f"delayed {plane.states[2].words.removesuffix(f' {b}')}": lambda x, r, dt: lagged(
+            x[:, 2], SLOW_S, dt
+        ),
+    }
+
+
+REGRESSORS: dict[Plane, dict[str, Regressor]] = {
+    "horizontal": HEADINGS | motions(HORIZONTAL),
+    "vertical": PITCHES | motions(VERTICAL),
 }
 
 
@@ -61,13 +82,13 @@ class FreeForce:
     ----------
     regressor : str
     axis : str
-        X, Y or N, where it is largest in units of its prior.
+        Of the plane, where it is largest in units of its prior.
     size : float
         Root mean square on that axis [N or N m].
     gain : float
         Rise of the log-likelihood [nats].
     falls : (3,) array
-        Relative fall of the rms of u, v, r.
+        Relative fall of the rms of each channel.
     """
 
     regressor: str
@@ -80,7 +101,8 @@ class FreeForce:
 
 def free_forces(case: Case, fitted: Fitted) -> list[FreeForce]:
     """Free forces that explain most beside a fitted model, best first."""
-    cases = {name: _with_series(case, name, fitted.residuals) for name in REGRESSORS}
+    there = REGRESSORS[case.plane.name]
+    cases = {name: _with_series(case, of, fitted.residuals) for name, of in there.items()}
     gains = {}
     for name, own in cases.items():
         joint = joint_about(own, fitted, (FREE_FORCE,))
@@ -102,10 +124,10 @@ def free_forces(case: Case, fitted: Fitted) -> list[FreeForce]:
     return sorted(found, key=lambda f: -f.gain)
 
 
-def _with_series(case: Case, name: str, residuals: Sequence[RecordResidual]) -> Case:
+def _with_series(case: Case, regressor: Regressor, residuals: Sequence[RecordResidual]) -> Case:
     """The case with a regressor on all three axes, of root mean square one."""
     raw = {
-        r.id: REGRESSORS[name](residual.states, r, case.setup.dt_s)
+        r.id: regressor(residual.states, r, case.setup.dt_s)
         for r, residual in zip(case.records, residuals, strict=True)
     }
     size = float(np.sqrt(np.mean(np.concatenate(list(raw.values())) ** 2))) or 1.0
@@ -120,7 +142,7 @@ def _described(case: Case, name: str, before: Fitted, after: Fitted) -> FreeForc
     axis = max(sizes, key=lambda a: abs(sizes[a]) / stds[a])
     return FreeForce(
         name,
-        AXES[axis],
+        dict(zip(EQUATIONS, case.plane.axes, strict=True))[axis],
         float(sizes[axis]),
         log_gain(before, after),
         1.0 - after.rms / before.rms,

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.schema.effects import BY_ID, EFFECTS, parameter_of
-from auvident.stages.diagnose.fit.case import CHANNELS, Case
+from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, check_cost, log_gain
 from auvident.stages.diagnose.score.first_order import Joint
 from auvident.stages.diagnose.select import rules
@@ -107,7 +107,7 @@ def account_of(
 def falls_of(case: Case, before: Fitted, after: Fitted) -> dict[str, float]:
     """Relative falls of the residual by channel; sensors that disagree count as one."""
     falls = 1.0 - after.rms / before.rms
-    found = {name: float(fall) for name, fall in zip(CHANNELS, falls, strict=True)}
+    found = {name: float(fall) for name, fall in zip(case.channels, falls, strict=True)}
     old, new = check_cost(case, before.parameters), check_cost(case, after.parameters)
     if passes(old - new, rules.SENSORS):
         found["sensors"] = 1.0 - float(np.sqrt(new / old))

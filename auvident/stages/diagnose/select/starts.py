@@ -1,7 +1,9 @@
 """Where the fit of a candidate begins."""
 
+from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 
 from auvident.engines.free_run import residual_of
@@ -46,14 +48,14 @@ def at_typical_size(case: Case, before: Fitted, candidate: str) -> Array | None:
 
     What the sensors say about each other is the size where they say something.
     """
-    known = _told_by_sensors(case)
+    known = known_to_sensors(case, (*before.effects, candidate))
     positions = case.positions(candidate)
     names = [case.names[i] for i in positions]
     if not BY_ID[candidate].curved and not any(name in known for name in names):
         return None
     p = before.parameters.copy()
     for i, name in zip(positions, names, strict=True):
-        p[i] = known.get(name, float(case.setup.prior_std[i]))
+        p[i] = known[name][0] if name in known else float(case.setup.prior_std[i])
     return p
 
 
@@ -74,7 +76,11 @@ def at_far_sizes(case: Case, before: Fitted, candidate: str) -> list[Array]:
     return starts
 
 
-def _told_by_sensors(case: Case) -> dict[str, float]:
-    """Parameters by name, as far as the sensors' checks have them."""
-    pairs = (zip(c.names, c.mean, strict=True) for c in case.checks)
-    return {name: float(mean) for own in pairs for name, mean in own}
+def known_to_sensors(case: Case, effects: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Mean and standard deviation by name, as far as the sensors' checks have them."""
+    there = {name for effect in effects for name in BY_ID[effect].names()}
+    return {
+        name: (float(mean), float(std))
+        for c in (check.with_only(there) for check in case.checks)
+        for name, mean, std in zip(c.names, c.mean, np.sqrt(np.diag(c.covariance)), strict=True)
+    }

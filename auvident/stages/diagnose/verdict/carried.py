@@ -3,8 +3,8 @@
 import numpy as np
 
 from auvident.schema.effects import BY_ID
-from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.select.candidates import Traced
+from auvident.stages.diagnose.select.starts import known_to_sensors
 
 KEYS = ("start", "prior", "prior_std", "expected")
 
@@ -18,7 +18,7 @@ def carried(traced: Traced) -> dict[str, dict[str, float]]:
     What the search took along without a claim stays behind, terms of higher order apart: a little
     play suits the maneuvers it was fitted to, and puts the rudder off in the next straight run.
     """
-    known = _told_by_sensors(traced.case)
+    known = known_to_sensors(traced.case, traced.final.effects)
     found: dict[str, dict[str, float]] = {key: {} for key in KEYS}
     for i, name in enumerate(traced.case.names):
         for key, value in _of(traced, i, known).items():
@@ -44,12 +44,3 @@ def _of(traced: Traced, i: int, known: dict[str, tuple[float, float]]) -> dict[s
     if case.nuisance_std[i] > 0.0:
         return {"start": value, "prior": expected, "prior_std": float(case.nuisance_std[i])}
     return {}
-
-
-def _told_by_sensors(case: Case) -> dict[str, tuple[float, float]]:
-    """Mean and standard deviation by name, as far as the sensors' checks have them."""
-    return {
-        name: (float(mean), float(std))
-        for c in case.checks
-        for name, mean, std in zip(c.names, c.mean, np.sqrt(np.diag(c.covariance)), strict=True)
-    }

@@ -2,12 +2,10 @@
 
 from typing import Any
 
-import numpy as np
-
 from auvident.schema.effects import parameter_of
 from auvident.stages.diagnose.checks.kinematics import SensorCheck
 from auvident.stages.diagnose.checks.waves import Wave
-from auvident.stages.diagnose.fit.case import CHANNELS
+from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, check_cost
 from auvident.stages.diagnose.score.free_forces import FreeForce
 from auvident.stages.diagnose.verdict.evidence import Evidence
@@ -21,22 +19,17 @@ def checks(evidence: Evidence) -> dict[str, Any]:
         **{check.what: _sensors(check) for check in case.checks},
         "sensor_distance": {when: check_cost(case, f.parameters) for when, f in both.items()},
         **({"wave": _wave(wave)} if wave is not None else {}),
-        "free_forces": [correlate(force) for force in evidence.free],
-        "rms": {when: _rms(fitted) for when, fitted in both.items()},
+        "free_forces": [correlate(case, force) for force in evidence.free],
+        "rms": {when: _rms(case, fitted) for when, fitted in both.items()},
     }
 
 
 def _sensors(check: SensorCheck) -> dict[str, dict[str, float]]:
     """Parameters of the sensors that two logs tell, as shown."""
     found = {}
-    for name, mean, std in zip(
-        check.names, check.mean, np.sqrt(np.diag(check.covariance)), strict=True
-    ):
-        declared = parameter_of(name)
-        found[name] = {
-            "value": declared.shown(float(mean))[0],
-            "std": declared.shown(0.0, float(std))[1],
-        }
+    for name in check.names:
+        declared, (value, std) = parameter_of(name), check.alone(name)
+        found[name] = {"value": declared.shown(value)[0], "std": declared.shown(0.0, std)[1]}
     return found
 
 
@@ -48,16 +41,16 @@ def _wave(wave: Wave) -> dict[str, float]:
     }
 
 
-def _rms(fitted: Fitted) -> dict[str, float]:
-    return dict(zip(CHANNELS, fitted.rms.tolist(), strict=True))
+def _rms(case: Case, fitted: Fitted) -> dict[str, float]:
+    return dict(zip(case.channels, fitted.rms.tolist(), strict=True))
 
 
-def correlate(force: FreeForce) -> dict[str, Any]:
+def correlate(case: Case, force: FreeForce) -> dict[str, Any]:
     """What a free force follows, and what it explains."""
     return {
         "axis": force.axis,
         "regressor": force.regressor,
         "gain": force.gain,
         "rms": force.size,
-        "rms_fall": {n: float(f) for n, f in zip(CHANNELS, force.falls, strict=True)},
+        "rms_fall": {n: float(f) for n, f in zip(case.channels, force.falls, strict=True)},
     }

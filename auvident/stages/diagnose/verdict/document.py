@@ -33,7 +33,8 @@ def diagnosis_of(evidence: Evidence, model: IdentifiedModel) -> Diagnosis:
     groups = tuple(r.alike for r in traced.rounds if r.alike and r.accepted in traced.named)
     verdict = verdict_of(effects, evidence, left, nearest, groups)
     sees = detectable(joint, evidence.candidates)
-    by = separated_by([e for g in groups for e in g]) if groups else ""
+    named = [e for g in groups for e in g]
+    by = separated_by(named, traced.case.plane.name) if groups else ""
     unexplained = _remainder(evidence, left, nearest) if verdict in WITH_REMAINDER else {}
     return Diagnosis(
         plane=model.plane,
@@ -63,7 +64,7 @@ def _remainder(evidence: Evidence, left: Sequence[str], nearest: str | None) -> 
     """What is left, and what it follows."""
     forces = [f for f in (evidence.rival, *evidence.free) if f is not None and f.gain > 0.0]
     return {
-        "correlates": [correlate(f) for f in forces],
+        "correlates": [correlate(evidence.traced.case, f) for f in forces],
         "nearest": nearest,
         "channels": list(left),
     }

@@ -10,7 +10,7 @@ from auvident.schema.diagnosis import EffectFound
 from auvident.schema.effects import BY_ID, parts_of
 from auvident.stages.diagnose.checks.events import Event
 from auvident.stages.diagnose.checks.waves import Wave
-from auvident.stages.diagnose.fit.case import CHANNELS, Case
+from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted
 from auvident.stages.diagnose.score.free_forces import FreeForce
 from auvident.stages.diagnose.select.candidates import Traced
@@ -95,10 +95,10 @@ def left_channels(case: Case, fitted: Fitted) -> list[str]:
     """Channels whose residual is larger than any complete model leaves it."""
     found = [
         name
-        for c, name in enumerate(CHANNELS[:2])
+        for c, name in enumerate(case.channels[:2])
         if fitted.rms[c] > DVL_NOISES * case.setup.sensor_std[c]
     ]
-    turn = np.concatenate([r.measured[:, 2] for r in case.records])
-    if fitted.rms[2] > TURN_NRMSE * float(np.nanstd(turn)):
-        found.append("r")
+    rate = np.concatenate([r.measured[:, 2] for r in case.records])
+    if fitted.rms[2] > TURN_NRMSE * float(np.nanstd(rate)):
+        found.append(case.channels[2])
     return found

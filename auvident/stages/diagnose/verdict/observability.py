@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.schema.diagnosis import Detectable, Lookalikes
-from auvident.schema.effects import BY_ID, LIKENESSES, parameter_of
+from auvident.schema.effects import BY_ID, BY_MANEUVERS, parameter_of
 from auvident.stages.diagnose.fit.fits import check_cost
 from auvident.stages.diagnose.score.first_order import Joint, cosine, unabsorbed
 from auvident.stages.diagnose.score.left_out import LEAST_ABOVE, noise_floor, readings_of
@@ -75,8 +75,7 @@ def _by_checks(joint: Joint, position: int) -> float:
     case, name = joint.case, joint.case.names[position]
     for check in case.checks:
         if name in check.names:
-            k = check.names.index(name)
-            spread = np.sqrt(check.covariance[k, k])
+            _, spread = check.alone(name)
             declared = parameter_of(name)
             unit = case.setup.prior_std[position] / declared.prior
             return float(MARGIN * spread * np.sqrt(2.0 * max(LEAST_GAIN, CHECK_GAIN)) / unit)
@@ -95,7 +94,7 @@ def _why(kept: float, joint: Joint, effect: str) -> str:
 def lookalikes(joint: Joint, candidates: Sequence[str]) -> tuple[Lookalikes, ...]:
     """Pairs of effects of one group that these maneuvers cannot tell apart."""
     found = []
-    for group, separate_by in LIKENESSES.items():
+    for group, separate_by in BY_MANEUVERS[joint.case.plane.name].items():
         there = [e for e in candidates if BY_ID[e].alike == group]
         for k, a in enumerate(there):
             for b in there[k + 1 :]:

@@ -7,17 +7,22 @@ import numpy.typing as npt
 import pandas as pd
 
 from auvident.engines.free_run import RecordResidual
-from auvident.engines.records import STATE_COLUMNS, Record
+from auvident.engines.records import Record
 from auvident.schema.artifacts import Maneuver, Maneuvers
 from auvident.schema.diagnosis import ResidualRow
-from auvident.schema.planes import HORIZONTAL
-from auvident.stages.diagnose.fit.case import CHANNELS
+from auvident.schema.planes import PlaneRow
 from auvident.stages.diagnose.score.unknown_forces import unknown_forces
 from auvident.stages.diagnose.select.candidates import Traced
 
 Array = npt.NDArray[Any]
 
-FORCE_COLUMNS = ("force_X_n", "force_Y_n", "force_N_nm")
+FORCE_UNITS = ("n", "n", "nm")
+
+
+def force_columns(plane: PlaneRow) -> tuple[str, ...]:
+    """Columns of the unknown forces and the moment of a plane."""
+    pairs = zip(plane.axes, FORCE_UNITS, strict=True)
+    return tuple(f"force_{axis}_{unit}" for axis, unit in pairs)
 
 
 def residual_rows(traced: Traced) -> list[ResidualRow]:
@@ -26,7 +31,7 @@ def residual_rows(traced: Traced) -> list[ResidualRow]:
     return [
         _row(traced, c, before, after)
         for before, after in pairs
-        for c in range(len(CHANNELS))
+        for c in range(len(traced.case.channels))
         if np.isfinite(before.error[:, c]).any()
     ]
 
@@ -34,8 +39,8 @@ def residual_rows(traced: Traced) -> list[ResidualRow]:
 def _row(traced: Traced, c: int, before: RecordResidual, after: RecordResidual) -> ResidualRow:
     return ResidualRow(
         maneuver=before.id,
-        channel=CHANNELS[c],
-        unit=HORIZONTAL.states[c].unit,
+        channel=traced.case.channels[c],
+        unit=traced.case.plane.states[c].unit,
         rms=float(np.sqrt(np.nanmean(before.error[:, c] ** 2))),
         rms_after=float(np.sqrt(np.nanmean(after.error[:, c] ** 2))),
         noise_std=float(traced.case.setup.sensor_std[c]),
@@ -51,10 +56,9 @@ def residual_table(traced: Traced, maneuvers: Maneuvers) -> pd.DataFrame:
     case = traced.case
     by_id = {m.id: m for m in maneuvers.maneuvers}
     forces = unknown_forces(case, traced.baseline)
-    columns = STATE_COLUMNS[case.setup.structure.plane]
     residuals = zip(traced.baseline.residuals, traced.final.residuals, strict=True)
     tables = [
-        _table(by_id[record.id], record, columns, pair, forces[record.id])
+        _table(by_id[record.id], record, case.plane, pair, forces[record.id])
         for record, pair in zip(case.records, residuals, strict=True)
     ]
     return pd.concat(tables, ignore_index=True)
@@ -63,7 +67,7 @@ def residual_table(traced: Traced, maneuvers: Maneuvers) -> pd.DataFrame:
 def _table(
     m: Maneuver,
     record: Record,
-    columns: tuple[str, ...],
+    plane: PlaneRow,
     residuals: tuple[RecordResidual, RecordResidual],
     forces: Array,
 ) -> pd.DataFrame:
@@ -74,12 +78,12 @@ def _table(
         "kind": m.kind,
         "role": m.role,
         "time_s": record.time_s,
-        "heading_rad": record.given[:, 3],
+        plane.columns[3]: record.given[:, 3],
     }
-    for c, column in enumerate(columns[:3]):
+    for c, column in enumerate(plane.columns[:3]):
         table[f"{column}_measured"] = record.measured[:, c]
         table[f"{column}_before"] = record.measured[:, c] - before.error[:, c]
         table[f"{column}_after"] = record.measured[:, c] - after.error[:, c]
     table["control_rad"] = record.inputs[:, 0]
-    table.update(zip(FORCE_COLUMNS, forces.T, strict=True))
+    table.update(zip(force_columns(plane), forces.T, strict=True))
     return pd.DataFrame(table)

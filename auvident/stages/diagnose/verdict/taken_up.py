@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass
 
+from auvident.physics.terms import symbol_in
 from auvident.schema.artifacts import Finding
+from auvident.schema.planes import Plane
 from auvident.stages.diagnose.select.candidates import Traced
 
 
@@ -13,15 +15,16 @@ class TakenUp:
     Attributes
     ----------
     code, text : str
-        Of the finding.
-    symbols : tuple of str
+        Of the finding; the text may name the ``{motion}`` of the plane.
+    generic : tuple of str
+        Coefficients, with generic axes: those of either plane.
     least : float
         How many prior standard deviations away they must all be.
     """
 
     code: str
     text: str
-    symbols: tuple[str, ...]
+    generic: tuple[str, ...]
     least: float
 
 
@@ -29,16 +32,17 @@ TAKEN_UP = (
     TakenUp(
         "cross-flow",
         "the cross-flow drag is larger than estimated from geometry",
-        ("Y_v|v|", "N_r|r|"),
+        ("A_a|a|", "B_b|b|"),
         1.0,
     ),
     TakenUp(
         "turning-drag",
-        "the drag in turns is larger than estimated from geometry",
-        ("X_vv", "X_rr"),
+        "the drag {motion} is larger than estimated from geometry",
+        ("X_aa", "X_bb"),
         1.0,
     ),
 )
+MOTION: dict[Plane, str] = {"horizontal": "in turns", "vertical": "while pitching"}
 TWICE = 1.7  # ... and how many times the estimate
 
 
@@ -46,9 +50,11 @@ def coefficient_findings(traced: Traced) -> list[Finding]:
     """Findings on the coefficients of the final model."""
     found = []
     for row in TAKEN_UP:
-        ratios = {symbol: _ratio(traced, symbol, row.least) for symbol in row.symbols}
+        symbols = [symbol_in(traced.case.plane.name, generic) for generic in row.generic]
+        ratios = {symbol: _ratio(traced, symbol, row.least) for symbol in symbols}
         if min(ratios.values()) > TWICE:
-            found.append(_finding(row, ratios))
+            text = row.text.format(motion=MOTION[traced.case.plane.name])
+            found.append(_finding(row.code, text, ratios))
     return found
 
 
@@ -61,13 +67,13 @@ def _ratio(traced: Traced, symbol: str, least: float) -> float:
     return float(value / prior) if abs(away) > least and prior != 0.0 else 0.0
 
 
-def _finding(row: TakenUp, ratios: dict[str, float]) -> Finding:
+def _finding(code: str, text: str, ratios: dict[str, float]) -> Finding:
     listed = ", ".join(f"{symbol} {ratio:.1f} times as large" for symbol, ratio in ratios.items())
     return Finding(
-        code=row.code,
-        where=", ".join(row.symbols),
+        code=code,
+        where=", ".join(ratios),
         value=min(ratios.values()),
         threshold=TWICE,
-        message=f"{row.text}: {listed}",
+        message=f"{text}: {listed}",
         remedy="The coefficients account for it; no effect needs to be added.",
     )

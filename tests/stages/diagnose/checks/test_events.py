@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from auvident.schema.planes import VERTICAL
 from auvident.stages.diagnose.checks.events import BIN_S, Event, find_events
 from auvident.stages.diagnose.checks.waves import Residual
 
@@ -88,7 +89,17 @@ def test_heading_that_a_push_leaves_behind_is_told() -> None:
     force = half_sine(np.arange(0.0, 85.0, 0.1), 40.0, 3.0)[:, None] * [0.05, 0.05]
     turned = answer(force)[-1, 3]
     (event,) = found(2, push={5: (40.0, 1.0)})
-    assert event.heading_rad == pytest.approx(turned, abs=0.03)
+    assert event.angle_rad == pytest.approx(turned, abs=0.03)
+
+
+def test_in_the_vertical_plane_the_channels_have_its_names() -> None:
+    pieces = [
+        replace(p, heading_rad=3.0 + p.heading_rad, angle_rad=0.0 * p.heading_rad)
+        for p in pieces_of(2, push={5: (40.0, 1.0)})
+    ]
+    (event,) = find_events(pieces, NOISE, VERTICAL)
+    assert set(event.channels) <= {"u", "w", "q"} and {"w", "q"} & set(event.channels)
+    assert event.maneuver == "m5"
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import time
 import numpy as np
 import pytest
 
+from auvident.schema.planes import VERTICAL
 from auvident.stages.diagnose.checks.waves import (
     LEAST_BINS,
     Residual,
@@ -26,6 +27,7 @@ def piece_of(
     direction: float = 0.0,
     size: float = 0.0,
     duration_s: float = 90.0,
+    vertical: bool = False,
 ) -> Residual:
     """A turn, a zigzag or a straight run with coloured noise and, possibly, a wave on it."""
     t = rng.uniform(0.0, 900.0) + np.arange(0.0, duration_s, 0.1)
@@ -37,7 +39,8 @@ def piece_of(
     ahead = np.cumsum(u * np.cos(heading - direction)) * 0.1
     phase = omega * t - omega**2 / GRAVITY * ahead + rng.uniform(0, 2 * math.pi)
     bearing = direction - heading
-    weights = np.column_stack([np.cos(bearing), np.sin(bearing), np.sin(2 * bearing), 0 * bearing])
+    own = [np.ones(len(t)), np.cos(bearing)] if vertical else [np.sin(bearing), np.sin(2 * bearing)]
+    weights = np.column_stack([np.cos(bearing), *own, 0 * bearing])
     values = noise + size * NOISE * weights * np.sin(phase)[:, None]
     values[::2, :2] = np.nan  # a DVL at half the rate
     values[rng.integers(0, len(t) - 30) :][:25, :2] = np.nan  # and a drop-out
@@ -59,6 +62,16 @@ def test_a_wave_is_found_where_it_is(omega: float, direction: float) -> None:
     apart = math.remainder(wave.direction_rad - direction, 2.0 * math.pi)
     assert abs(apart) < math.radians(6.0)
     assert wave.power_ratio == pytest.approx(np.mean(list(wave.by_channel.values())))
+
+
+def test_a_wave_is_found_in_heave_and_pitch() -> None:
+    rng = np.random.default_rng(4)
+    planted = {"omega": 0.9, "direction": 2.0, "size": 1.5}
+    pieces = [piece_of(rng, k, vertical=True, **planted) for k in range(9)]  # type: ignore[arg-type]
+    wave = find_wave(pieces, plane=VERTICAL)
+    assert wave is not None and wave.found and set(wave.by_channel) == {"u", "w", "q"}
+    assert wave.frequency_radps == pytest.approx(0.9, abs=0.015)
+    assert abs(math.remainder(wave.direction_rad - 2.0, 2.0 * math.pi)) < math.radians(6.0)
 
 
 def test_coloured_noise_is_no_wave() -> None:

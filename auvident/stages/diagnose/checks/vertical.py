@@ -1,0 +1,171 @@
+"""Sensors against each other in the vertical plane, by kinematics alone.
+
+As in `checks.kinematics`: the pitch log against the integral of the pitch gyro, and the depth log
+against the integral of what the DVL's velocity is downwards at that pitch.
+
+Some errors of two sensors show in the difference of two logs as one: a pitch log that reads a
+degree too much lets the vehicle seem to climb as a DVL does that is pitched down by one. The check
+holds what is seen of them together (`SensorCheck.one_of`); the motion tells the rest.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from auvident.schema.effects import parameter_of
+from auvident.schema.trial import Trial
+from auvident.schema.vehicle import Dvl, Vehicle
+from auvident.stages.diagnose.checks.kinematics import SensorCheck, integral, late
+from auvident.stages.diagnose.checks.paired_logs import WEAK, Stretch, fit_windows, stretches_of
+
+Array = npt.NDArray[Any]
+
+PITCH_WINDOW_S, DEPTH_WINDOW_S = 20.0, 60.0
+# Counted besides the scatter, because no log here can show it (one standard deviation):
+PITCH_LATENCY_S = 0.03  # a pitch reference that filters looks like a gyro ahead of time
+# A depth sensor ahead of the origin rises with the bow, as a late one does in a dive. Its place is
+# in no vehicle file: a quarter of the length, over the speed.
+DEPTH_SENSOR = 0.25
+
+PITCH_NAMES = (
+    "q_bias.bias_degps",
+    "q_scale.fraction",
+    "pitch_scale.fraction",
+    "gyro_delay.delay_s",
+)
+PITCH_SEEN = np.array(
+    [
+        [1.0, 0.0, 0.0, 0.0],
+        [0.0, 1.0, -1.0, 0.0],
+        [0.0, 0.0, 0.0, 1.0],
+    ]
+)
+DEPTH_NAMES = (
+    "pitch_bias.bias_deg",
+    "dvl_pitch.pitch_deg",
+    "depth_scale.fraction",
+    "dvl_scale.fraction",
+    "pitch_scale.fraction",
+    "depth_lag.lag_s",
+)
+DEPTH_SEEN = np.array(
+    [
+        [1.0, -1.0, 0.0, 0.0, 0.0, 0.0],
+        [0.0, 0.0, 1.0, -1.0, -1.0, 0.0],
+        [0.0, 0.0, 0.0, 0.0, 0.0, 1.0],
+    ]
+)
+
+
+def pitch_against_gyro(trials: Sequence[Trial]) -> SensorCheck | None:
+    """Bias, scale and delay of the pitch gyro, and scale of the pitch, from the pitch log.
+
+    pitch(t) / (1 + pitch scale) = c + integral of ((q_log(t + delay) - bias) / (1 + q scale)
+    cos(roll) - r sin(roll)) dt (Fossen 2021, 2.39). Of the two scales only the difference shows.
+    Without a roll log the vehicle is taken as upright.
+
+    Parameters
+    ----------
+    trials : sequence of Trial
+        Held-out rows blanked to NaN.
+
+    Returns
+    -------
+    SensorCheck or None
+        None without a pitch log or with too little of it.
+    """
+    optional = ("r_radps", "roll_rad")
+    stretches = stretches_of(trials, ("pitch_rad",), ("q_radps",), optional, PITCH_WINDOW_S)
+    prior = np.array([parameter_of(PITCH_NAMES[k]).prior for k in (0, 1, 3)])
+    found = fit_windows(stretches, pitch_change, prior)
+    if found is None:
+        return None
+    mean, covariance, samples, rms = found
+    covariance[2, 2] += PITCH_LATENCY_S**2
+    seen = mean, covariance, samples, rms
+    return _check(PITCH_NAMES, PITCH_SEEN, seen, "pitch log against pitch gyro")
+
+
+def pitch_change(stretch: Stretch, x: Array) -> Array:
+    """Pitch log minus integrated gyro (n, 1) in rad at x = (bias, difference of scales, delay)."""
+    s = stretch.signals
+    q, r = (late(s[name], x[2], stretch.dt_s) for name in ("q_radps", "r_radps"))
+    rate = (q - x[0]) / (1.0 + x[1]) * np.cos(s["roll_rad"]) - r * np.sin(s["roll_rad"])
+    return np.asarray(s["pitch_rad"] - integral(rate, stretch.dt_s))[:, None]
+
+
+def depth_against_dvl(trials: Sequence[Trial], vehicle: Vehicle) -> SensorCheck | None:
+    """Bias of the pitch or tilt of the DVL, lag of the depth, and scales, from the depth log.
+
+    depth(t + lag) / (1 + scale) = c + integral of (-u sin(pitch - angle) + (v sin(roll) +
+    w cos(roll)) cos(pitch - angle)) dt (Fossen 2021, 2.18), velocities at the origin, the angle
+    that by which the pitch log reads more than the axes of the DVL are pitched. Of the scales of
+    depth, DVL and pitch the difference shows. Where a current rises or sinks, a DVL over ground
+    goes with it.
+
+    Parameters
+    ----------
+    trials : sequence of Trial
+        Held-out rows blanked to NaN.
+    vehicle : Vehicle
+        Lever arm of the DVL, and length.
+
+    Returns
+    -------
+    SensorCheck or None
+        None without logs of depth, pitch and heave, or with too little of them.
+    """
+    needed = ("u_mps", "w_mps", "pitch_rad", "q_radps")
+    optional = ("v_mps", "p_radps", "r_radps", "roll_rad")
+    stretches = stretches_of(trials, ("depth_m",), needed, optional, DEPTH_WINDOW_S)
+    prior = np.array([parameter_of(DEPTH_NAMES[k]).prior for k in (0, 2, 5)])
+    found = fit_windows(stretches, lambda s, x: depth_change(s, x, vehicle.dvl), prior)
+    if found is None:
+        return None
+    mean, covariance, samples, rms = found
+    speed = float(np.median(np.concatenate([s.signals["u_mps"] for s in stretches])))
+    if speed > 0.0:
+        covariance[2, 2] += (DEPTH_SENSOR * vehicle.hull.length_m / speed) ** 2
+    seen = mean, covariance, samples, rms
+    return _check(DEPTH_NAMES, DEPTH_SEEN, seen, "depth log against DVL and pitch")
+
+
+def depth_change(stretch: Stretch, x: Array, dvl: Dvl) -> Array:
+    """Depth log minus integrated velocity (n, 1) in m at x = (angle, difference of scales, lag)."""
+    s, yaw = stretch.signals, math.radians(dvl.mounting_yaw_deg)
+    u, v = s["u_mps"], s["v_mps"]
+    u, v = math.cos(yaw) * u - math.sin(yaw) * v, math.sin(yaw) * u + math.cos(yaw) * v
+    p, q, r = s["p_radps"], s["q_radps"], s["r_radps"]
+    u, v = u - q * dvl.z_m + r * dvl.y_m, v - r * dvl.x_m
+    w = s["w_mps"] - p * dvl.y_m + q * dvl.x_m
+    pitch, roll = s["pitch_rad"] - x[0], s["roll_rad"]
+    down = -u * np.sin(pitch) + (v * np.sin(roll) + w * np.cos(roll)) * np.cos(pitch)
+    expected = late(integral((1.0 + x[1]) * down, stretch.dt_s), -x[2], stretch.dt_s)
+    return np.asarray(s["depth_m"] - expected)[:, None]
+
+
+def _check(
+    names: tuple[str, ...], seen: Array, found: tuple[Array, Array, int, float], what: str
+) -> SensorCheck:
+    """A check on parameters of which sums and differences are seen.
+
+    Parameters
+    ----------
+    names : tuple of str
+    seen : (m, k) array
+        What was fitted, by the k parameters.
+    found : tuple
+        Mean (m,), covariance (m, m), number of samples, rms of the residual.
+    """
+    mean, covariance, samples, rms = found
+    information = np.linalg.inv(covariance)
+    open_ = np.diag([(WEAK * parameter_of(name).prior) ** -2.0 for name in names])
+    whole = np.linalg.inv(seen.T @ information @ seen + open_)
+    together = np.abs(seen[(np.abs(seen).sum(axis=1) > 1.0)]).sum(axis=0) > 0.0
+    rivals = tuple(name for name, shared in zip(names, together, strict=True) if shared)
+    return SensorCheck(
+        names, whole @ seen.T @ information @ mean, whole, samples, rms, what, rivals
+    )
