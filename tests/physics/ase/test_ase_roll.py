@@ -1,7 +1,6 @@
 """Roll from geometry: closed forms of the section, Prestero's REMUS, and drawn vehicles."""
 
 import math
-import sys
 
 import numpy as np
 import pytest
@@ -12,14 +11,11 @@ from auvident.physics.ase.roll import ROLL_ROWS, beside, roll_estimate
 from auvident.physics.ase.roll_section import plate_share, roll_section
 from auvident.schema.vehicle import Vehicle
 from auvident.storage.vehicle_file import load_vehicle
+from tests.bench.geometry import BAR, errors, rms
 from tests.engines.chain import SAMPLES
-from tests.session import once
-
-if str(SAMPLES) not in sys.path:
-    sys.path.insert(0, str(SAMPLES))
 
 RADII = (0.05, 0.3, 0.6, 0.9)
-DRAWN = 40
+DRAWN = 40  # even seeds
 
 
 def pair_on_circle(tau):
@@ -158,55 +154,10 @@ def test_hull_that_is_no_body_of_revolution():
     assert set(roll_estimate(load("kvlcc2"))) == {"I_xx", "z_GW"}
 
 
-def roll_forces(body, plant, size):
-    """Slopes of the generator's fins with roll rate, drift and yaw rate, over speed."""
-    from seatrial.plant import PlantEffects, add_fins
-
-    u, step = size.speed, 1e-4
-
-    def slope(axis, unit):
-        pair = []
-        for sign in (1.0, -1.0):
-            nu, tau = np.zeros(6), np.zeros(6)
-            nu[0], nu[axis] = u, sign * step * unit
-            add_fins(nu, 0.0, 0.0, 0.0, body, PlantEffects(), tau)
-            pair.append(tau)
-        return (pair[0] - pair[1]) / (2.0 * step * unit * u)
-
-    return slope(3, u / size.diameter), slope(1, u), slope(5, u / size.length)
-
-
-@once
-def errors():
-    """Errors over their standard deviations on even seeds, by symbol; lift of the fins alone."""
-    from seatrial.population.equipment import draw_equipment
-    from seatrial.population.form import Refused, draw_form
-    from seatrial.population.stated import draw_stated
-
-    rows = []
-    for seed in range(0, 4 * DRAWN, 2):
-        rng = np.random.default_rng(seed)
-        try:
-            vehicle, size, keys = draw_form(rng)
-        except Refused:
-            continue
-        stated = draw_stated(vehicle, size, keys, draw_equipment(size, rng), rng)
-        body, plant = vehicle.body, vehicle.plant
-        p, v, r = roll_forces(body, plant, size)
-        true = {"I_xx": plant.i_xx, "K_pdot": plant.added_mass[3]}
-        true |= {"Y_pdot": plant.added_cross[2], "N_pdot": plant.added_cross[3]}
-        true |= {"K_up": p[3], "Y_up": p[1], "N_up": p[5], "K_uv": v[3], "K_ur": r[3]}
-        true["z_GW"] = body.weight * body.z_g
-        found = roll_estimate(Vehicle.model_validate(stated))
-        rows.append({s: (true[s] - found[s].value) / found[s].std for s in true})
-    return {s: np.array([row[s] for row in rows]) for s in rows[0]}
-
-
 @pytest.mark.parametrize("symbol", [r.symbol for r in ROLL_ROWS if r.symbol != "K_p|p|"])
 def test_deviations_on_drawn_vehicles(symbol):
     """The generator's fins are strips with the lift at 0.45 of the span, alone in the water."""
-    assert len(errors()[symbol]) >= DRAWN
-    assert np.sqrt(np.mean(errors()[symbol] ** 2)) < 1.5
+    assert rms(errors(DRAWN)[f"roll {symbol}"]) < BAR
 
 
 def test_sailed_vehicle_of_the_samples():
