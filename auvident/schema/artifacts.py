@@ -107,9 +107,22 @@ class AseCoefficient(Artifact):
     origin: Literal["ase", "given"] = "ase"
 
 
+class AseRoll(Artifact):
+    """One term of roll, which no plane of motion has, with what each part contributes."""
+
+    symbol: str
+    equation: str
+    regressor: str
+    value: float
+    std: float
+    unit: str
+    parts: dict[str, float] = {}
+
+
 class AseResult(Artifact):
     """``ase/coefficients.json``.
 
+    ``roll`` has what a model of six degrees of freedom needs beside the two planes.
     ``accuracy_effects[formula][symbol]`` is the one-sigma effect of a formula's accuracy on a
     coefficient; the formulas are independent of each other.
     """
@@ -121,6 +134,7 @@ class AseResult(Artifact):
     length_m: float
     density_kgpm3: float
     coefficients: tuple[AseCoefficient, ...]
+    roll: tuple[AseRoll, ...] = ()
     geometry: dict[str, float] = {}
     facts: dict[str, Any] = {}
     accuracy_effects: dict[str, dict[str, float]] = {}
