@@ -53,7 +53,9 @@ def main(arguments: list[str], show: Callable[[str, Rows], None]) -> None:
         "DARPA SUBOFF, vertical plane, prime values times 1000 (Roddy 1990)": suboff(),
         "REMUS, vertical plane (Prestero 2001, calculated; both fins of a pair)": remus(),
         "error over deviation on drawn vehicles": on_drawn(options.count, options.half),
-        "the same in roll": roll_on_drawn(options.count, options.half),
+        "the same in roll (K_up against the fins alone)": roll_on_drawn(
+            options.count, options.half
+        ),
     }
     for title, rows in tables.items():
         show(title, rows)
@@ -145,8 +147,8 @@ def on_drawn(count: int, half: str) -> Rows:
             "rms": rms(z[own]),
             "rms without other damping": rms(z[own][plain]),
             "horizontal": other,
-            "mean ": float(np.mean(z[other])),
-            "rms ": rms(z[other]),
+            "its mean": float(np.mean(z[other])),
+            "its rms": rms(z[other]),
         }
         for own, other in MIRRORED
     ]
