@@ -1,8 +1,9 @@
 """Roll of the whole vehicle from geometry: what neither plane of motion has.
 
 A body of revolution neither resists rolling by added mass nor by lift; fins and sail do, and a
-sail ties roll to sway and yaw. Signs are those of the package: the sail stands above the hull
-(z < 0), p is positive to starboard down, K = y Z - z Y.
+sail ties roll to sway and yaw. Signs are those of the package: a sail stands above the hull
+(z < 0), p is positive to starboard down, K = y Z - z Y. On which side a single rudder stands no
+vehicle file says: it damps, but ties roll to nothing.
 """
 
 from collections.abc import Iterable, Iterator
@@ -20,6 +21,7 @@ from auvident.physics.ase.fins import (
     chord_edges_m,
     hull_ratio,
     lift_slope,
+    projection,
 )
 from auvident.physics.ase.geometry import HullGeometry, hull_geometry
 from auvident.physics.ase.prior import FLOOR_ACROSS, RESIDUAL_SHARE
@@ -248,6 +250,7 @@ def _lift_shares(vehicle: Vehicle, hull: HullGeometry, fin: Fin) -> Iterator[_Sh
     yield _Share("K_up", fin.kind, damping, sigmas | {"roll_span": SIGMAS["roll_span"]})
     if fin.kind == "sail":
         moment = -load * tip**3 * float(section.cross) * _slope_share(vehicle, fin, aspect)
+        moment *= projection(fin, "horizontal")
         for symbol, arm in (("K_uv", 1.0), ("K_ur", fin.x_m), ("Y_up", 1.0), ("N_up", fin.x_m)):
             yield _Share(symbol, fin.kind, moment * arm, sigmas)
 
@@ -305,7 +308,7 @@ def _inertia_shares(vehicle: Vehicle, hull: HullGeometry, fin: Fin) -> Iterator[
     inertia = own * float(np.sum(load * tip**4 * section.roll))
     yield _Share("K_pdot", fin.kind, -inertia, sigma)
     if fin.kind == "sail":
-        tie = load * tip**3 * section.cross
+        tie = load * tip**3 * section.cross * projection(fin, "horizontal")
         yield _Share("Y_pdot", fin.kind, -float(np.sum(tie)), sigma)
         yield _Share("N_pdot", fin.kind, -float(np.sum(tie * x)), sigma)
 

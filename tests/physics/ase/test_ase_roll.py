@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from ase_vehicles import changed, fins, load
 
+from auvident.errors import InputError
 from auvident.physics.ase.added_mass import one_fin_section
 from auvident.physics.ase.roll import ROLL_ROWS, beside, roll_estimate
 from auvident.physics.ase.roll_section import plate_share, roll_section
 from auvident.schema.vehicle import Vehicle
+from auvident.stages.ase import estimate
 from auvident.storage.vehicle_file import load_vehicle
 from tests.bench.geometry import BAR, errors, rms
 from tests.engines.chain import SAMPLES
@@ -104,8 +106,6 @@ def test_sail_ties_roll_to_drift_and_yaw():
 
 def test_side_force_of_the_sail_acts_on_its_span():
     """K_uv over the sail's Y_uv: the height of its own share of the force, within the span."""
-    from auvident.stages.ase import estimate
-
     suboff = load("suboff")
     side = estimate(suboff).by_symbol()["Y_uv"].parts["sail"]
     height = roll_estimate(suboff)["K_uv"].value / side
@@ -137,6 +137,19 @@ def test_inertia_of_the_file_comes_first():
     stated = roll_estimate(changed(load("remus"), vehicle={"ixx_kgm2": 0.177}))["I_xx"]
     assert stated.value == 0.177
     assert stated.std == pytest.approx(0.05 * 0.177)
+
+
+def test_impossible_roll_inertia_is_refused():
+    with pytest.raises(InputError, match="radius of gyration"):
+        estimate(changed(load("remus"), vehicle={"ixx_kgm2": 3.0}))
+
+
+def test_a_sail_that_lies_flat_ties_roll_to_nothing():
+    base = load("suboff")
+    flat = changed(base, fin=fins(base, "sail", dihedral_deg=90.0))
+    found, upright = roll_estimate(flat), roll_estimate(changed(base, fin=fins(base, "sail")))
+    assert found["K_uv"].value == found["Y_pdot"].value == 0.0
+    assert found["K_up"].value == pytest.approx(upright["K_up"].value)
 
 
 def test_uniform_cylinder():
