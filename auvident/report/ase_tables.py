@@ -1,6 +1,6 @@
 """The estimate for people: one vehicle with parts and facts, or several designs side by side."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from rich.console import Group, RenderableType
@@ -15,8 +15,9 @@ from auvident.schema.planes import PLANES
 Estimated = AseCoefficient | AseConstant
 number = TERMINAL.number
 OFTEN = 0.95  # share of the draws above which a figure is told without it
+BODY = "body"  # of roll: what stands in the vehicle file, or a uniform body
 PARTS = ("hull", "sail", "rudder", "elevator", "propeller", "appendages")
-TITLES: dict[str, str] = {"both": "both planes", **dict(zip(PLANES, PLANES, strict=True))}
+TITLES: dict[str, str] = {"both": "both planes", **{plane: f"{plane} plane" for plane in PLANES}}
 SIZES = (
     ("volume_m3", "volume", "m³"),
     ("wetted_m2", "wetted surface", "m²"),
@@ -62,9 +63,11 @@ def ase_report(result: AseResult) -> RenderableType:
     rich renderable
         Coefficients with parts, geometry, facts and findings.
     """
-    tables = [coefficient_table(result)]
+    tables = [*coefficient_tables(result)]
     if result.constants:
         tables.append(constant_table(result))
+    if result.roll:
+        tables.append(roll_table(result))
     if result.geometry:
         tables.append(geometry_table(result))
     tables.append(facts_table((result,)))
@@ -77,19 +80,38 @@ def ase_report(result: AseResult) -> RenderableType:
     return Group(*map(rich_table, tables), *map(finding_line, result.findings))
 
 
-def coefficient_table(result: AseResult) -> Table:
-    """Value, deviation, prime value and contribution of each part, by plane."""
-    parts = [p for p in PARTS if any(p in c.parts for c in result.coefficients)]
-    heads = (*columns(("", "unit")), *columns(numbers=("value ± std", "1000 × prime", *parts)))
-    rows: list[Sequence[Cell]] = []
+def coefficient_tables(result: AseResult) -> Iterator[Table]:
+    """Value, deviation, prime value and contribution of each part: a table for each plane.
+
+    A plane shows the parts that it has, so that it stands side by side in a narrow terminal.
+    """
     for plane, title in TITLES.items():
-        own = [_coefficient_cells(c, parts) for c in result.coefficients if c.plane == plane]
-        rows += [[title] + [""] * (len(heads)), *own] if own else []
-    return Table(
-        (*heads, *columns(numbers=("rigid body",))),
-        rows,
-        f"{result.vehicle}: coefficients at {result.speed_mps:g} m/s",
-    )
+        own = [c for c in result.coefficients if c.plane == plane]
+        parts = [p for p in PARTS if any(p in c.parts for c in own)]
+        numbers = ("value ± std", "1000 × prime", *parts, "rigid body")
+        if not any(c.rigid_body for c in own):
+            numbers = numbers[:-1]
+        heads = (*columns(("", "unit")), *columns(numbers=numbers))
+        cells = [_coefficient_cells(c, parts)[: len(heads)] for c in own]
+        if own:
+            yield Table(heads, cells, f"{result.vehicle}: {title} at {result.speed_mps:g} m/s")
+
+
+def roll_table(result: AseResult) -> Table:
+    """Terms of roll with deviation and contribution of each part."""
+    parts = [p for p in (BODY, *PARTS) if any(p in row.parts for row in result.roll)]
+    rows: Rows = [
+        [
+            row.symbol,
+            row.regressor,
+            row.unit,
+            WithStd(row.value, row.std),
+            *(Number(row.parts[p], 4) if p in row.parts else "" for p in parts),
+        ]
+        for row in result.roll
+    ]
+    heads = (*columns(("", "multiplies", "unit")), *columns(numbers=("value ± std", *parts)))
+    return Table(heads, rows, f"{result.vehicle}: roll at {result.speed_mps:g} m/s")
 
 
 def _coefficient_cells(row: AseCoefficient, parts: Sequence[str]) -> list[Cell]:

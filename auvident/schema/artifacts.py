@@ -119,10 +119,23 @@ class AseConstant(Artifact):
     source: str = ""
 
 
+class AseRoll(Artifact):
+    """One term of roll, which no plane of motion has, with what each part contributes."""
+
+    symbol: str
+    equation: str
+    regressor: str
+    value: float
+    std: float
+    unit: str
+    parts: dict[str, float] = {}
+
+
 class AseResult(Artifact):
     """``ase/coefficients.json``.
 
     ``constants`` are those that are estimated beside the coefficients; they have no prime value.
+    ``roll`` has what a model of six degrees of freedom needs beside the two planes.
     ``accuracy_effects[formula][symbol]`` is the one-sigma effect of a formula's accuracy on a
     coefficient; the formulas are independent of each other.
     """
@@ -135,6 +148,7 @@ class AseResult(Artifact):
     density_kgpm3: float
     coefficients: tuple[AseCoefficient, ...]
     constants: tuple[AseConstant, ...] = ()
+    roll: tuple[AseRoll, ...] = ()
     geometry: dict[str, float] = {}
     facts: dict[str, Any] = {}
     accuracy_effects: dict[str, dict[str, float]] = {}

@@ -12,10 +12,11 @@ from auvident.physics.ase.accuracy import NOMINAL
 from auvident.physics.ase.assembly import Parts, coefficient_parts
 from auvident.physics.ase.ballast import ballast
 from auvident.physics.ase.findings import findings, undecided
-from auvident.physics.ase.geometry import hull_geometry
+from auvident.physics.ase.geometry import HullGeometry, hull_geometry
 from auvident.physics.ase.prior import contributions, residuals, standard_deviations
 from auvident.physics.ase.propeller import thrust_coefficients
-from auvident.schema.artifacts import AseCoefficient, AseResult, Finding
+from auvident.physics.ase.roll import ROLL_ROWS, roll_estimate
+from auvident.schema.artifacts import AseCoefficient, AseResult, AseRoll, Finding
 from auvident.schema.coefficients import COEFFICIENTS, Coefficient, prime_unit, symbols_of
 from auvident.schema.vehicle import Vehicle
 from auvident.schema.vehicle_checks import contradictions
@@ -64,10 +65,27 @@ def estimate(vehicle: Vehicle, speed_mps: float | None = None) -> AseResult:
         density_kgpm3=vehicle.fluid.density_kgpm3,
         coefficients=rows,
         constants=ballast(vehicle, float(geometry.diameter_m)),
+        roll=_roll(vehicle, speed, geometry),
         geometry=ase_facts.geometry_facts(vehicle, geometry, speed),
         facts=facts,
         accuracy_effects=effects,
         findings=(*findings(vehicle, geometry, values, speed), *undecided(facts)),
+    )
+
+
+def _roll(vehicle: Vehicle, speed: float, geometry: HullGeometry | None) -> tuple[AseRoll, ...]:
+    """Terms of roll; the righting moment is one of the vertical plane too and stands there."""
+    found = roll_estimate(vehicle, speed, geometry)
+    return tuple(
+        AseRoll(
+            symbol=row.symbol,
+            equation=row.equation,
+            regressor=row.regressor,
+            unit=row.unit,
+            **found[row.symbol]._asdict(),
+        )
+        for row in ROLL_ROWS
+        if row.symbol in found and row.symbol != "z_GW"
     )
 
 
@@ -144,6 +162,7 @@ def _given_only(vehicle: Vehicle, speed: float) -> AseResult:
         density_kgpm3=vehicle.fluid.density_kgpm3,
         coefficients=tuple(rows.values()),
         constants=ballast(vehicle, float(vehicle.hull.draught_m or 0.0)),
+        roll=_roll(vehicle, speed, None),
         facts=facts,
         findings=(
             Finding(

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from auvident.report.ase_tables import ase_report, side_by_side
+from auvident.report.ase_tables import ase_report, coefficient_tables, side_by_side
 from auvident.schema.coefficients import COEFFICIENTS
 from auvident.stages.ase import estimate
 from auvident.storage.vehicle_file import load_vehicle
@@ -51,8 +51,35 @@ def test_figures_stand_with_what_is_not_known_of_them(results):
 
 
 def test_parts_that_a_vehicle_lacks_have_no_column(results):
-    heads = [text_of(ase_report(r)).split("both planes")[0] for r in results[:2]]
-    assert ["sail" in head for head in heads] == [False, True]
+    tables = [list(coefficient_tables(r)) for r in results[:2]]
+    names = [[{column.head for column in t.columns} for t in vehicle] for vehicle in tables]
+    assert [["sail" in head for head in vehicle] for vehicle in names] == [
+        [False, False, False],
+        [True, True, False],  # drag, horizontal plane; a sail does nothing in the vertical one
+    ]
+    assert "elevator" in names[0][2] and "rudder" not in names[0][2]
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_each_plane_and_roll_stand_in_a_terminal(results, width):
+    """Nothing is cut, and each plane has its parts beside the value."""
+    lines = text_of(ase_report(results[1]), width).splitlines()
+    assert all(len(line) <= width for line in lines)
+    for title in ("both planes", "horizontal plane", "vertical plane", "roll"):
+        assert any(f"DARPA SUBOFF: {title} at" in line for line in lines), title
+    row = next(line for line in lines if line.strip().startswith("Z_uud "))
+    value = results[1].by_symbol()["Z_uud"]
+    assert f"{value.parts['elevator']:.4g}" in row
+    for symbol in ("Y_uv", "Z_uw", "M_uq"):
+        assert sum(line.strip().startswith(f"{symbol} ") for line in lines) == 1, symbol
+
+
+def test_roll_is_told_with_its_parts(results):
+    text = text_of(ase_report(results[1]))
+    for term in results[1].roll:
+        row = next(line for line in text.splitlines() if line.strip().startswith(f"{term.symbol} "))
+        assert term.unit in row and "±" in row
+    assert {term.symbol for term in results[2].roll} == {"I_xx"}  # no body of revolution
 
 
 def test_side_by_side_shows_the_change(results):

@@ -70,6 +70,11 @@ def crossflow_terms(
 ) -> dict[str, np.ndarray]:
     """Cross-flow drag: Y_v|v|, N_v|v|, and as an option the strips of a turning hull.
 
+    Jorgensen's correction (TR R-474, theory 3.2.14-20): eta of the fineness and C_dn of the
+    cross-flow Reynolds number, in both planes. A coefficient is constant, so that number is taken
+    at one incidence (``crossflow_angle_deg``). The factor cos(alpha/2) of his potential term is of
+    third order in the incidence, where the model ends at the second.
+
     The strips of a turning hull are uncertain by subcritical ones: near the pivot the flow
     across is slow at any speed.
     """

@@ -5,25 +5,14 @@ from ase_vehicles import changed, fins, load
 
 from auvident.schema.coefficients import BY_SYMBOL
 from auvident.stages.ase import estimate
-
-LENGTH_PP = 4.26086  # m, reference length of the tests
-# Y_v', N_v', Y_r', N_r' by configuration: bare hull (3), with sail (4), with 4 planes (5).
-BARE = {"Y_uv": -0.005948, "N_uv": -0.012795, "Y_ur": 0.001811, "N_ur": -0.001597}
-WITH_SAIL = {"Y_uv": -0.023008, "N_uv": -0.015534}
-WITH_PLANES = {"Y_uv": -0.010494, "N_uv": -0.011254, "Y_ur": 0.006324, "N_ur": -0.003064}
-APPENDED = {"Y_uv": -0.027834, "N_uv": -0.013648, "Y_ur": 0.005251, "N_ur": -0.004444}
-VERTICAL = {
-    "Z_uw": -0.013910,
-    "M_uw": 0.010324,
-    "Z_uq": -0.007545,
-    "M_uq": -0.003702,
-    "Z_wdot": -0.014529,
-    "M_wdot": -0.000561,
-    "Z_qdot": -0.000633,
-    "M_qdot": -0.000860,
-    "Z_uud": -0.005603,
-    "M_uud": -0.002409,
-}
+from tests.bench.published import (
+    APPENDED,
+    BARE,
+    LENGTH_PP,
+    VERTICAL,
+    WITH_PLANES,
+    WITH_SAIL,
+)
 
 
 def prime(*kinds, **ase):
