@@ -26,6 +26,7 @@ TURN = 3  # rudder FIN for at least DURATION and a heading change of SWITCH [rad
 ZIGZAG = 4  # rudder +-FIN, switching at heading SWITCH [rad]; COUNT switches and DURATION at least
 STRAIGHT = 5  # heading kept gently
 VERTICAL_ZIGZAG = 6  # elevator +-FIN, switching at pitch SWITCH [rad]; rudder keeps the heading
+COUPLED = 7  # rudder held at FIN and elevator at SWITCH [rad] for DURATION
 
 # Memory of the helm between control ticks.
 LEG, LEG_TIME, HEADING_0, SIGN, SWITCHES, DEPTH_SUM, HEADING_SUM, MANEUVER_0, PITCH_SUM = range(9)
@@ -143,6 +144,8 @@ def commands(memory, leg, measured, gains, dt):
     elevator = depth_elevator(memory, leg, depth, pitch, q, gains, dt)
     if kind in (FIXED, TURN):
         return leg[FIN], elevator
+    if kind == COUPLED:
+        return leg[FIN], leg[SWITCH]
     if kind == WIGGLE:
         half = math.floor(2.0 * memory[LEG_TIME] / leg[SWITCH])
         return (leg[FIN] if half % 2 == 0 else -leg[FIN]), elevator

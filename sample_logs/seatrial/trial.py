@@ -17,7 +17,7 @@ from seatrial.sensors import drifted, measure_all
 from seatrial.simulate import STEP_S, Sea, run, start_state
 from seatrial.vehicles import Vehicle, load_vehicle
 
-LONGEST_S = 2100.0
+LONGEST_S = {"horizontal": 2100.0, "vertical": 2100.0, "both": 4200.0}
 RECIPE_KEYS = {"name", "vehicle", "seed", "spread", "plane", "schedule", "effect"}
 
 
@@ -27,7 +27,7 @@ def generate(recipe: dict, out_dir: str | Path | None) -> dict:
     Parameters
     ----------
     recipe : ``name``, ``vehicle`` (file stem), ``seed``; optional ``spread`` (random factors on the
-        plant parameters), ``plane`` ("horizontal" or "vertical"), ``schedule`` (numbers of
+        plant parameters), ``plane`` ("horizontal", "vertical" or "both"), ``schedule`` (numbers of
         maneuvers), ``effect`` (list of tables with ``id`` and, optionally, parameters)
     out_dir : folder of the CSV files; None writes none
 
@@ -72,9 +72,9 @@ def stream(seed: int, name: str) -> np.random.Generator:
 
 def sail(recipe: dict, vehicle: Vehicle, planted: dict):
     """Run the simulation. Returns the record, leg starts [s], legs and maneuver notes."""
-    seed = int(recipe["seed"])
+    seed, plane = int(recipe["seed"]), recipe.get("plane", "horizontal")
     legs, notes = random_schedule(
-        recipe.get("plane", "horizontal"),
+        plane,
         vehicle.plant.cruise_rpm,
         stream(seed, "schedule"),
         recipe.get("schedule", {}),
@@ -91,7 +91,7 @@ def sail(recipe: dict, vehicle: Vehicle, planted: dict):
         motor_drive(planted),
         make_sea(vehicle, planted, legs, notes, rng),
         helm.Gains(),
-        rng.normal(size=(int(LONGEST_S / STEP_S), 9)),
+        rng.normal(size=(int(LONGEST_S[plane] / STEP_S), 9)),
         workspace(),
     )
     if not np.isfinite(record).all():
