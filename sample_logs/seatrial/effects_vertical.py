@@ -52,7 +52,11 @@ def _gradient(rng, scale, revs):
 
 
 def _weight(rng, scale, revs):
-    return {"weight_n": side(rng, 0.8, 2.0) * scale, "time_s": float(rng.uniform(400, 800))}
+    return {
+        "weight_n": side(rng, 0.8, 2.0) * scale,
+        "x_m": side(rng, 0.02, 0.2),
+        "time_s": float(rng.uniform(400, 800)),
+    }
 
 
 def _internal_wave(rng, scale, revs):
@@ -177,9 +181,9 @@ ROWS = (
     (
         "weight_change",
         "environment",
-        {"weight_n": "N", "time_s": "s"},
+        {"weight_n": "N", "x_m": "m", "time_s": "s"},
         "sea",
-        "weight comes or goes at one time: a leak, a dropped weight",
+        "weight comes or goes at one time and station: a leak, a dropped weight",
         _weight,
     ),
     (

@@ -116,5 +116,6 @@ def with_weight(planted: dict, sea: Sea) -> Sea:
     change = planted.get("weight_change", {})
     return sea._replace(
         weight_change=float(change.get("weight_n", 0.0)),
+        weight_station=float(change.get("x_m", 0.0)),
         weight_time=float(change.get("time_s", 1e9)),
     )

@@ -44,6 +44,7 @@ class Sea(NamedTuple):
     event_moment: float = 0.0
     upright: bool = False  # swell and event act in heave and pitch, not in sway and yaw
     weight_change: float = 0.0  # [N], from `weight_time` on
+    weight_station: float = 0.0  # [m]
     weight_time: float = 1e9
     sinking: float = 0.0  # of the water [m/s], well below the surface
     wave_speed: float = 0.0  # of its slow rise and fall [m/s]
@@ -92,6 +93,9 @@ def sea_forces(time, state, leg, leg_time, sea, out):
             out[4 if sea.upright else 5] += sea.event_moment * math.sin(math.pi * phase)
     if time >= sea.weight_time:
         add_weight(sea.weight_change, state[9], state[10], out)
+        arm = sea.weight_station * math.cos(state[10])
+        out[4] -= sea.weight_change * arm * math.cos(state[9])
+        out[5] += sea.weight_change * arm * math.sin(state[9])
 
 
 @nb.njit(cache=True)

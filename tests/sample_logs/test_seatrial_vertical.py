@@ -8,10 +8,18 @@ from seatrial import helm
 from seatrial.effects import EFFECTS, PLANTED, VERTICAL, draw_effects
 from seatrial.plant import PlantEffects, derivative, propeller
 from seatrial.planting import plant_effects
+from seatrial.population import draw, visible
+from seatrial.population.checks_vertical import MOST_UNSTABLE, response
+from seatrial.population.form import Size
+from seatrial.population.schedule_vertical import TRIMS
+from seatrial.population.sizes import OUTSIDE_OF, SINGLES_OF, Scales, draw_sizes
+from seatrial.population.stated import LEAST_HEIGHT_M, write_stated
 from seatrial.sensors import body_over_ground, lagged, measure_all
 from seatrial.simulate import ELEVATOR, ELEVATOR_COMMAND, STEP_S
 from seatrial.trial import generate, sail, stream
 from seatrial.vehicles import load_vehicle
+
+from auvident.storage.vehicle_file import load_vehicle as read_vehicle
 
 DEGREE = math.pi / 180.0
 NAME, SEED = "remus100", 5
@@ -211,12 +219,15 @@ def test_sinking_water_carries_the_depth_and_the_log_alike(trial, effects):
 
 def test_weight_comes_at_its_time(trial):
     clean, changed = (
-        trial(**e)[0] for e in ({}, {"weight_change": {"weight_n": 2.0, "time_s": 200.0}})
+        trial(**e)[0]
+        for e in ({}, {"weight_change": {"weight_n": 2.0, "x_m": 0.2, "time_s": 200.0}})
     )
     assert np.array_equal(changed[:20000], clean[:20000])
     assert changed[20050, 2] > clean[20050, 2] + 0.005  # it begins to sink
-    mass = load_vehicle(NAME).body.mass[2, 2]
-    assert (changed[20010, 2] - clean[20010, 2]) / 0.1 == pytest.approx(2.0 / mass, rel=0.1)
+    mass = load_vehicle(NAME).body.mass[[2, 4]][:, [2, 4]]
+    expected = np.linalg.solve(mass, [2.0, -0.2 * 2.0])  # weight ahead of O: bow down
+    gained = (changed[20003] - clean[20003])[[2, 4]]  # before anything answers
+    assert gained / 0.03 == pytest.approx(expected, rel=0.1)
 
 
 # --- forces -------------------------------------------------------------------------------
@@ -316,3 +327,94 @@ def test_times_of_what_happens_once_are_on_the_log_clock():
         weight["parameters"]["time_s"], abs=0.01
     )
     assert len(stuck["log_time_s"]) == 2
+
+
+# --- drawn vehicles -----------------------------------------------------------------------
+
+TUNED = range(200, 212, 2)
+
+
+@pytest.fixture(scope="module")
+def population():
+    return {seed: draw(seed, plane="vertical") for seed in TUNED}
+
+
+def test_a_seed_gives_one_vertical_trial_and_leaves_the_horizontal_one(population):
+    first = population[TUNED[0]]
+    again = draw(TUNED[0], plane="vertical")
+    assert np.array_equal(again.legs, first.legs, equal_nan=True) and again.stated == first.stated
+    flat = draw(TUNED[0])
+    assert flat.size == first.size and "pitch_per_elevator" not in flat.facts
+
+
+def test_days_have_zigzags_about_several_elevator_angles_and_depth_steps(population):
+    notes = [note for trial in population.values() for note in trial.notes]
+    for trial in population.values():
+        kinds = [note["kind"] for note in trial.notes]
+        assert kinds.count("straight") >= 2 and kinds.count("depth_step") >= 2
+        own = [n for n in trial.notes if n["kind"] == "zigzag"]
+        assert len(own) >= 4 and len({n["rpm"] for n in own}) >= 2
+        assert {"attitude", "depth"}.isdisjoint(trial.equipment.missing)
+    zigzags = [note for note in notes if note["kind"] == "zigzag"]
+    assert {note["about"] for note in zigzags} == set(TRIMS)
+    assert len({abs(note["elevator_deg"]) for note in zigzags}) >= 3
+    assert all(note.get("plane") == "vertical" for note in notes if note["kind"] != "straight")
+
+
+def test_the_linear_answer_to_the_elevator_is_that_of_the_plant(population):
+    for trial in population.values():
+        index, authority = response(trial.vehicle, trial.size)
+        assert index == trial.facts["vertical_index"] < MOST_UNSTABLE
+        slow = response(trial.vehicle, trial.size, 0.75)[1]
+        assert authority > slow > 0.0  # restoring moments weigh more at low speed
+
+
+def test_a_vertical_trial_is_sailed_and_its_autopilot_holds_it(population):
+    trial = draw(TUNED[0], planted=(), plane="vertical")
+    sailed = trial.sail()
+    truth = trial.truth(sailed)
+    assert truth["plane"] == "vertical" and len(truth["maneuvers"]) == len(trial.notes)
+    for m in truth["maneuvers"]:
+        rows = slice(*(int((m[k] - trial.origin) / STEP_S) for k in ("t_start_s", "t_end_s")))
+        part = sailed.record[rows]
+        assert part[:, 8].min() > 2.0 and np.abs(part[:, 10]).max() < 35 * DEGREE
+        if m["kind"] == "zigzag":
+            assert np.ptp(part[:, 10]) > 1.5 * m["pitch_deg"] * DEGREE
+    same = visible.motion(trial, sailed, visible.variant(trial, {}))
+    below = slice(int(sailed.starts[4] / STEP_S), int(sailed.starts[-3] / STEP_S))
+    off = np.abs(same[below, :6] - sailed.record[below, :6])
+    assert off.max() < 2e-3 and np.median(off) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("effect", "size", "shows"),
+    [
+        ("elevator_offset", {"offset_deg": 0.001}, False),
+        ("elevator_offset", {"offset_deg": 4.0}, True),
+        ("pitch_bias", {"bias_deg": 0.001}, False),
+        ("pitch_bias", {"bias_deg": 5.0}, True),
+        ("depth_lag", {"lag_s": 5.0}, True),
+    ],
+)
+def test_an_effect_is_visible_by_its_size(effect, size, shows):
+    trial = draw(TUNED[0], planted=(), plane="vertical")
+    trial.planted[effect] = size
+    found = visible.visibility(trial, trial.sail())[effect]
+    assert found["visible"] is shows
+
+
+def test_every_effect_of_the_plane_has_a_size_with_its_parameters():
+    assert set(SINGLES_OF["vertical"]) | set(OUTSIDE_OF["vertical"]) == set(VERTICAL)
+    scales = Scales(Size(1.33, 0.191, 1.5, 1026.0), 15.0, 8.3, 1000.0)
+    for name in VERTICAL:
+        sizes = draw_sizes((name,), scales, np.random.default_rng(3), "vertical")[name]
+        assert set(sizes) == set(VERTICAL[name].units), name
+
+
+def test_the_ballast_is_stated_with_the_errors_people_make(population, tmp_path):
+    for seed, trial in population.items():
+        write_stated(trial.stated, tmp_path / f"{seed}.toml")
+        body, true = read_vehicle(tmp_path / f"{seed}.toml").body, trial.vehicle.file["vehicle"]
+        assert abs(body.mass_kg / true["mass_kg"] - 1.0) < 0.06
+        assert abs(body.x_g_m - true["x_g_m"]) < 0.02
+        assert body.z_g_m >= LEAST_HEIGHT_M
