@@ -8,8 +8,10 @@ from auvident.errors import InputError
 from tests import loop_world
 from tests.bench import __main__ as bench
 from tests.bench import halves, population
+from tests.bench.effects_truth import RATES, SPEEDS, cross_flow
 from tests.bench.population_score import STATES, clean_state, is_wrong, last_line, scored, tables
 from tests.bench.population_trial import (
+    CHANNELS,
     band_coverage,
     chain,
     held_out,
@@ -82,7 +84,7 @@ def test_outcomes_of_the_other_half_are_not_scored(half, tmp_path, capsys):
 def test_trials_of_the_same_program_are_not_sailed_again(tmp_path, monkeypatch, capsys):
     sailed = []
 
-    def outcome(seed, short, until):
+    def outcome(seed, short, until, plane):
         sailed.append(seed)
         return outcome_with(seed)
 
@@ -143,6 +145,67 @@ def test_found_and_missed_maneuvers(tmp_path):
     assert [m["kind"] for m in told["extra"]] == ["straight"]
     rows = tables([scored(outcome_with(segmentation=told))], CLASSES, with_seeds=False)
     assert rows["why maneuvers were missed"] == [{"what": "zigzag of unequal executes: no", "n": 1}]
+
+
+def test_maneuvers_of_the_vertical_plane_by_their_kinds(tmp_path):
+    def row(kind, start, end, plane=None):
+        features = {"plane": plane} if plane else {}
+        times = {"t_start_s": start, "t_end_s": end}
+        return {"kind": kind, **times, "role": "identify", "features": features}
+
+    found = [
+        row("zigzag", 0, 50, "vertical"),
+        row("straight", 60, 90, "vertical"),
+        row("straight", 100, 150),
+        row("zigzag", 200, 250),
+    ]
+    (tmp_path / "segment").mkdir()
+    (tmp_path / "segment/maneuvers.json").write_text(json.dumps(found))
+    true = [row("zigzag", 0, 50), row("depth_step", 58, 92), row("straight", 100, 150)]
+    true.append({**row("zigzag", 200, 250), "about": "kept"})
+    told = segmentation(tmp_path, {"maneuvers": true}, "vertical")
+    assert told["true"] == {"zigzag": 2, "depth_step": 1, "straight": 1}
+    assert [m["t_start_s"] for m in told["missed"]] == [200]  # found in the other plane
+    (why,) = tables([scored(outcome_with(segmentation=told))], CLASSES, False)[
+        "why maneuvers were missed"
+    ]
+    assert why["what"] == "zigzag about an elevator kept: nothing said"
+
+
+def test_trials_of_the_planes_are_kept_apart():
+    keys = {key_of(4, True, until, plane) for until in ("refine", "validate") for plane in CHANNELS}
+    assert keys == {"4", "4-vertical", "4-validate", "4-vertical-validate"}
+
+
+def test_predictions_of_the_vertical_plane_are_told_by_its_channels():
+    row = outcome_with(nrmse={"u": 0.1, "w": 0.3, "q": 0.2}, nrmse_ase={})
+    (told,) = tables([scored(row)], (), False)["prediction"]
+    assert (told["nrmse w"], told["nrmse q"]) == (0.3, 0.2) and "nrmse r" not in told
+
+
+def test_strips_of_the_vertical_plane_are_those_of_the_plant():
+    """Least squares over the same grid of what the plant adds for a factor of one."""
+    import numpy as np
+    from seatrial.plant import STATES, PlantEffects, derivative
+    from seatrial.vehicles import load_vehicle
+
+    body, out = load_vehicle("tern180").body, np.zeros(STATES)
+    w, q = (grid.ravel() for grid in np.meshgrid(SPEEDS, RATES))
+    parts = ({}, {"heave_cross_flow": 1.0, "pitch_cross_flow": 1.0})
+    forces = np.zeros((2, w.size, 6))
+    for part, effects in enumerate(parts):
+        for i in range(w.size):
+            state = np.zeros(STATES)
+            state[2], state[4], state[8] = w[i], q[i], 50.0
+            more = PlantEffects(**effects)
+            derivative(state, 0.0, 0.0, 0.0, 1.0, np.zeros(6), body, more, np.zeros(6), out)
+            forces[part, i] = body.mass @ out[:6]
+    added = forces[1] - forces[0]
+    terms = np.column_stack([w * np.abs(w), q * np.abs(q), w * np.abs(q), q * np.abs(w)])
+    fitted = np.linalg.lstsq(terms, added[:, [2, 4]], rcond=None)[0]
+    strips = cross_flow(body)
+    assert [strips["Z_w|q|"], strips["Z_q|w|"]] == pytest.approx(list(fitted[2:, 0]))
+    assert [strips["M_w|q|"], strips["M_q|w|"]] == pytest.approx(list(fitted[2:, 1]))
 
 
 def test_coverage_is_taken_where_the_artifacts_have_it(tmp_path):

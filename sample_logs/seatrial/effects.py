@@ -12,6 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from seatrial.draws import one, pair, polar, side
+from seatrial.effects_vertical import ROWS, SHARED
+
 
 @dataclass(frozen=True)
 class Effect:
@@ -30,28 +33,8 @@ class Effect:
     draw: Callable
 
 
-def _side(rng: np.random.Generator, low: float, high: float) -> float:
-    """Size between `low` and `high`, either sign."""
-    return float(rng.uniform(low, high) * rng.choice([-1.0, 1.0]))
-
-
-def _polar(rng: np.random.Generator, low: float, high: float) -> tuple[float, float]:
-    """North and east parts of a vector of that length in any direction."""
-    size, angle = rng.uniform(low, high), rng.uniform(-math.pi, math.pi)
-    return float(size * math.cos(angle)), float(size * math.sin(angle))
-
-
-def _one(name: str, low: float, high: float, signed: bool = False):
-    """Drawer of a single parameter."""
-
-    def draw(rng, scale, revs):
-        return {name: _side(rng, low, high) if signed else float(rng.uniform(low, high))}
-
-    return draw
-
-
 def _current(rng, scale, revs):
-    north, east = _polar(rng, 0.15, 0.25)
+    north, east = polar(rng, 0.15, 0.25)
     return {"north_mps": north, "east_mps": east}
 
 
@@ -69,22 +52,13 @@ def _event(rng, scale, revs):
         "maneuver_fraction": float(rng.uniform(0.1, 0.9)),
         "after_s": float(rng.uniform(6.0, 20.0)),
         "duration_s": float(rng.uniform(2.0, 4.0)),
-        "force_n": _side(rng, 10.0, 20.0) * scale,
-        "moment_nm": _side(rng, 2.0, 4.0) * scale**1.5,
+        "force_n": side(rng, 10.0, 20.0) * scale,
+        "moment_nm": side(rng, 2.0, 4.0) * scale**1.5,
     }
 
 
-def _pair(first: str, a: tuple, second: str, b: tuple):
-    """Drawer of a side force and a yaw moment of either sign, scaled with the vehicle."""
-
-    def draw(rng, scale, revs):
-        return {first: _side(rng, *a) * scale, second: _side(rng, *b) * scale**1.5}
-
-    return draw
-
-
 def _side_force(rng, scale, revs):
-    force, moment = _side(rng, 0.6, 1.5) * scale, _side(rng, 0.2, 0.6) * scale**1.5
+    force, moment = side(rng, 0.6, 1.5) * scale, side(rng, 0.2, 0.6) * scale**1.5
     return {"Y_nn": force / revs**2, "N_nn": moment / revs**2}
 
 
@@ -110,7 +84,7 @@ def _linear(rng, scale, revs):
 
 
 def _drift(rng, scale, revs):
-    (north, east), (later_north, later_east) = (_polar(rng, 0.15, 0.35) for _ in range(2))
+    (north, east), (later_north, later_east) = (polar(rng, 0.15, 0.35) for _ in range(2))
     return {
         "north_early_mps_per_1000_s": north,
         "east_early_mps_per_1000_s": east,
@@ -121,15 +95,15 @@ def _drift(rng, scale, revs):
 
 def _memory(rng, scale, revs):
     return {
-        "Y_vr": _side(rng, 70, 120) * scale,
-        "N_vr": _side(rng, 14, 25) * scale**1.5,
+        "Y_vr": side(rng, 70, 120) * scale,
+        "N_vr": side(rng, 14, 25) * scale**1.5,
         "time_s": float(rng.uniform(3, 6)),
     }
 
 
 def _mode(rng, scale, revs):
     return {
-        "Y_phi": _side(rng, 6, 12) * scale,
+        "Y_phi": side(rng, 6, 12) * scale,
         "omega_radps": float(rng.uniform(1.5, 2.5)),
         "damping": float(rng.uniform(0.04, 0.08)),
     }
@@ -174,7 +148,7 @@ _ROWS = (
         {"offset_deg": "deg"},
         "servo",
         "fin angle = servo angle + offset",
-        _one("offset_deg", 1.0, 3.0, True),
+        one("offset_deg", 1.0, 3.0, True),
     ),
     (
         "rudder_lag",
@@ -182,7 +156,7 @@ _ROWS = (
         {"lag_s": "s"},
         "servo",
         "first-order servo instead of 0.05 s",
-        _one("lag_s", 0.3, 0.8),
+        one("lag_s", 0.3, 0.8),
     ),
     (
         "rudder_rate_limit",
@@ -190,7 +164,7 @@ _ROWS = (
         {"rate_degps": "deg/s"},
         "servo",
         "slew limit instead of 120 deg/s",
-        _one("rate_degps", 8.0, 20.0),
+        one("rate_degps", 8.0, 20.0),
     ),
     (
         "rudder_delay",
@@ -198,7 +172,7 @@ _ROWS = (
         {"delay_s": "s"},
         "servo",
         "command acts later",
-        _one("delay_s", 0.2, 0.6),
+        one("delay_s", 0.2, 0.6),
     ),
     (
         "rudder_backlash",
@@ -206,7 +180,7 @@ _ROWS = (
         {"half_width_deg": "deg"},
         "servo",
         "play between servo and fin",
-        _one("half_width_deg", 1.0, 3.0),
+        one("half_width_deg", 1.0, 3.0),
     ),
     (
         "rudder_deadband",
@@ -214,7 +188,7 @@ _ROWS = (
         {"deadband_deg": "deg"},
         "servo",
         "small commands do nothing",
-        _one("deadband_deg", 1.0, 2.5),
+        one("deadband_deg", 1.0, 2.5),
     ),
     (
         "rudder_asymmetry",
@@ -222,7 +196,7 @@ _ROWS = (
         {"gain": "-"},
         "servo",
         "gain 1 + k to one side, 1 - k to the other",
-        _one("gain", 0.1, 0.3, True),
+        one("gain", 0.1, 0.3, True),
     ),
     (
         "rudder_stall",
@@ -230,7 +204,7 @@ _ROWS = (
         {"angle_deg": "deg"},
         "servo",
         "flow separates: the effect of a deflection d is d / sqrt(1 + (d / angle)^2)",
-        _one("angle_deg", 13.0, 22.0),
+        one("angle_deg", 13.0, 22.0),
     ),
     (
         "propeller_lag",
@@ -238,7 +212,7 @@ _ROWS = (
         {"lag_s": "s"},
         "drive",
         "first-order motor instead of 0.12 s",
-        _one("lag_s", 0.7, 2.0),
+        one("lag_s", 0.7, 2.0),
     ),
     (
         "propeller_race",
@@ -246,7 +220,7 @@ _ROWS = (
         {"c_m2ps2pn": "m^2/s^2/N"},
         "plant",
         "tail fins see u^2 + c T",
-        _one("c_m2ps2pn", 0.08, 0.20),
+        one("c_m2ps2pn", 0.08, 0.20),
     ),
     (
         "thrust_sag",
@@ -254,7 +228,7 @@ _ROWS = (
         {"fraction_per_1000_s": "-"},
         "drive",
         "thrust falls linearly through the trial",
-        _one("fraction_per_1000_s", 0.1, 0.25),
+        one("fraction_per_1000_s", 0.1, 0.25),
     ),
     (
         "thrust_step",
@@ -273,7 +247,7 @@ _ROWS = (
         {"delay_s": "s"},
         "sensors",
         "stamps are late by this",
-        _one("delay_s", 0.2, 0.5),
+        one("delay_s", 0.2, 0.5),
     ),
     (
         "gyro_delay",
@@ -281,7 +255,7 @@ _ROWS = (
         {"delay_s": "s"},
         "sensors",
         "stamps are late by this",
-        _one("delay_s", 0.15, 0.4),
+        one("delay_s", 0.15, 0.4),
     ),
     (
         "dvl_misalignment",
@@ -289,7 +263,7 @@ _ROWS = (
         {"yaw_deg": "deg"},
         "sensors",
         "DVL turned clockwise seen from above",
-        _one("yaw_deg", 1.5, 4.0, True),
+        one("yaw_deg", 1.5, 4.0, True),
     ),
     (
         "dvl_scale",
@@ -297,7 +271,7 @@ _ROWS = (
         {"fraction": "-"},
         "sensors",
         "all DVL velocities times 1 + s",
-        _one("fraction", 0.02, 0.05, True),
+        one("fraction", 0.02, 0.05, True),
     ),
     (
         "dvl_lever_arm",
@@ -305,7 +279,7 @@ _ROWS = (
         {"dx_m": "m", "dy_m": "m"},
         "sensors",
         "true position minus the one in the vehicle file",
-        lambda rng, s, n: {"dx_m": _side(rng, 0.1, 0.3), "dy_m": _side(rng, 0.04, 0.1)},
+        lambda rng, s, n: {"dx_m": side(rng, 0.1, 0.3), "dy_m": side(rng, 0.04, 0.1)},
     ),
     (
         "gyro_bias",
@@ -313,7 +287,7 @@ _ROWS = (
         {"bias_degps": "deg/s"},
         "sensors",
         "added to the measured yaw rate",
-        _one("bias_degps", 0.2, 0.5, True),
+        one("bias_degps", 0.2, 0.5, True),
     ),
     (
         "gyro_scale",
@@ -321,7 +295,7 @@ _ROWS = (
         {"fraction": "-"},
         "sensors",
         "measured yaw rate times 1 + s",
-        _one("fraction", 0.02, 0.05, True),
+        one("fraction", 0.02, 0.05, True),
     ),
     (
         "propeller_side_force",
@@ -337,7 +311,7 @@ _ROWS = (
         {"Y_0": "kg/m", "N_0": "kg"},
         "plant",
         "side force and yaw moment with u^2",
-        _pair("Y_0", (0.3, 0.7), "N_0", (0.1, 0.25)),
+        pair("Y_0", (0.3, 0.7), "N_0", (0.1, 0.25)),
     ),
     (
         "sway_cross_flow",
@@ -345,7 +319,7 @@ _ROWS = (
         {"factor": "-"},
         "plant",
         "extra strip cross-flow in the side force",
-        _one("factor", 1.5, 4.0),
+        one("factor", 1.5, 4.0),
     ),
     (
         "yaw_cross_flow",
@@ -353,7 +327,7 @@ _ROWS = (
         {"factor": "-"},
         "plant",
         "extra strip cross-flow in the yaw moment",
-        _one("factor", 1.5, 4.0),
+        one("factor", 1.5, 4.0),
     ),
     (
         "cubic_damping",
@@ -385,7 +359,7 @@ _ROWS = (
         {"Y_uuphi": "kg/m", "N_uuphi": "kg"},
         "plant",
         "side force and yaw moment with u^2 roll",
-        _pair("Y_uuphi", (10, 25), "N_uuphi", (3, 7)),
+        pair("Y_uuphi", (10, 25), "N_uuphi", (3, 7)),
     ),
     (
         "heading_force",
@@ -393,7 +367,7 @@ _ROWS = (
         {"force_n": "N", "moment_nm": "N m"},
         "plant",
         "side force and moment with cos(2 heading)",
-        _pair("force_n", (1.5, 3), "moment_nm", (0.3, 0.6)),
+        pair("force_n", (1.5, 3), "moment_nm", (0.3, 0.6)),
     ),
     (
         "memory_force",
@@ -417,7 +391,7 @@ _ROWS = (
         {"offset_deg": "deg"},
         "servo",
         "fin angle = servo angle + offset",
-        _one("offset_deg", 0.6, 1.5, True),
+        one("offset_deg", 0.6, 1.5, True),
     ),
     (
         "elevator_lag",
@@ -425,7 +399,7 @@ _ROWS = (
         {"lag_s": "s"},
         "servo",
         "first-order servo instead of 0.05 s",
-        _one("lag_s", 0.3, 0.6),
+        one("lag_s", 0.3, 0.6),
     ),
     (
         "elevator_rate_limit",
@@ -433,7 +407,7 @@ _ROWS = (
         {"rate_degps": "deg/s"},
         "servo",
         "slew limit instead of 120 deg/s",
-        _one("rate_degps", 8.0, 20.0),
+        one("rate_degps", 8.0, 20.0),
     ),
     (
         "elevator_delay",
@@ -441,7 +415,7 @@ _ROWS = (
         {"delay_s": "s"},
         "servo",
         "command acts later",
-        _one("delay_s", 0.2, 0.4),
+        one("delay_s", 0.2, 0.4),
     ),
     (
         "linear_damping",
@@ -464,12 +438,17 @@ _ROWS = (
         _drift,
     ),
 )
-EFFECTS = {row[0]: Effect(*row[:3], row[3], row[4], row[5]) for row in _ROWS}
+EFFECTS = {row[0]: Effect(*row) for row in _ROWS}
+VERTICAL = {name: EFFECTS[name] for name in SHARED} | {row[0]: Effect(*row) for row in ROWS}
+# what can be planted in a trial of the plane; in one of both, symbols are the horizontal ones
+PLANTED = {"horizontal": EFFECTS, "vertical": {**EFFECTS, **VERTICAL}, "both": VERTICAL | EFFECTS}
 # Came when studies had their seeds: planted where asked for by name, drawn by no older seed.
 LATER = ("linear_damping", "current_drift")
 
 
-def draw_effects(wanted: list[dict], seed: int, scale: float, revs: float) -> dict[str, dict]:
+def draw_effects(
+    wanted: list[dict], seed: int, scale: float, revs: float, plane: str = "horizontal"
+) -> dict[str, dict]:
     """Effects of a recipe with every parameter given a value.
 
     Parameters
@@ -477,14 +456,15 @@ def draw_effects(wanted: list[dict], seed: int, scale: float, revs: float) -> di
     wanted : ``[{"id": ..., parameter: value, ...}, ...]``; parameters left out are drawn
     seed : seed of the recipe; each effect has a stream of its own
     scale, revs : lateral size of the vehicle, cruise propeller speed [rev/s]
+    plane : of the trial, as in `PLANTED`
     """
-    planted = {}
+    planted, numbers = {}, list(EFFECTS) + [row[0] for row in ROWS if row[0] not in EFFECTS]
     for entry in wanted:
-        effect = EFFECTS[entry["id"]]
+        effect = PLANTED[plane][entry["id"]]
         given = {k: v for k, v in entry.items() if k != "id"}
         unknown = set(given) - set(effect.units)
         if unknown:
             raise ValueError(f"effect {effect.id} has no parameter {sorted(unknown)}")
-        rng = np.random.default_rng([seed, 7, list(EFFECTS).index(effect.id)])
+        rng = np.random.default_rng([seed, 7, numbers.index(effect.id)])
         planted[effect.id] = {**effect.draw(rng, scale, revs), **given}
     return planted

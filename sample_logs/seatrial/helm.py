@@ -13,12 +13,13 @@ import numba as nb
 import numpy as np
 
 # Columns of a leg.
-KIND, MANEUVER, DURATION, RPM, FIN, SWITCH, COUNT, HEADING, DEPTH, LONGEST, OTHER = range(11)
-LEG_COLUMNS = 11
+KIND, MANEUVER, DURATION, RPM, FIN, SWITCH, COUNT, HEADING, DEPTH, LONGEST, OTHER, TRIM = range(12)
+LEG_COLUMNS = 12
 
 # Kinds. HEADING is an absolute heading [rad]; NaN keeps the heading found at the leg's start.
 # DEPTH [m]; NaN leaves the elevators at zero. LONGEST [s] ends a turn or a zigzag that does not
 # come to its own end; 0 is the usual time. OTHER multiplies FIN on every second zigzag execute.
+# TRIM [rad] is added to the elevator of a vertical zigzag; NaN: what kept the depth before it.
 FIXED = 0  # rudder held at FIN [rad] for DURATION
 WIGGLE = 1  # rudder +-FIN, period SWITCH [s]
 TRANSIT = 2  # heading autopilot
@@ -26,9 +27,12 @@ TURN = 3  # rudder FIN for at least DURATION and a heading change of SWITCH [rad
 ZIGZAG = 4  # rudder +-FIN, switching at heading SWITCH [rad]; COUNT switches and DURATION at least
 STRAIGHT = 5  # heading kept gently
 VERTICAL_ZIGZAG = 6  # elevator +-FIN, switching at pitch SWITCH [rad]; rudder keeps the heading
+COUPLED = 7  # rudder held at FIN and elevator at SWITCH [rad] for DURATION
 
 # Memory of the helm between control ticks.
-LEG, LEG_TIME, HEADING_0, SIGN, SWITCHES, DEPTH_SUM, HEADING_SUM, MANEUVER_0, PITCH_SUM = range(9)
+LEG, LEG_TIME, HEADING_0, SIGN, SWITCHES, DEPTH_SUM, HEADING_SUM, MANEUVER_0, MEAN_ELEVATOR = range(
+    9
+)
 MEMORY = 9
 
 LONGEST_ZIGZAG_S = 130.0
@@ -49,6 +53,7 @@ class Gains(NamedTuple):
     pitch_limit: float = math.radians(16.0)
     fin_limit: float = math.radians(18.0)
     transit_limit: float = math.radians(12.0)
+    trim_time: float = 8.0  # [s] over which the elevator that keeps the depth is averaged
     helm_rate: float = 0.0  # [rad/s] at which the rudder command moves; 0: at once
 
 
@@ -143,6 +148,8 @@ def commands(memory, leg, measured, gains, dt):
     elevator = depth_elevator(memory, leg, depth, pitch, q, gains, dt)
     if kind in (FIXED, TURN):
         return leg[FIN], elevator
+    if kind == COUPLED:
+        return leg[FIN], leg[SWITCH]
     if kind == WIGGLE:
         half = math.floor(2.0 * memory[LEG_TIME] / leg[SWITCH])
         return (leg[FIN] if half % 2 == 0 else -leg[FIN]), elevator
@@ -153,7 +160,9 @@ def commands(memory, leg, measured, gains, dt):
         gain, limit = gains.gentle, gains.transit_limit / 3.0
     rudder = heading_rudder(memory, heading, r, gain, gains, limit, dt)
     if kind == VERTICAL_ZIGZAG:
-        elevator = zigzag_fin(memory, leg, pitch)
+        trim = memory[MEAN_ELEVATOR] if math.isnan(leg[TRIM]) else leg[TRIM]
+        return rudder, trim + zigzag_fin(memory, leg, pitch)
+    memory[MEAN_ELEVATOR] += (elevator - memory[MEAN_ELEVATOR]) * min(dt / gains.trim_time, 1.0)
     return rudder, elevator
 
 
@@ -171,4 +180,5 @@ def leg_row(kind: int, duration_s: float, rpm: float, depth_m: float = np.nan, *
         float(depth_m),
         float(others.get("longest", 0.0)),
         float(others.get("other", 1.0)),
+        float(others.get("trim", 0.0)),
     ]

@@ -4,7 +4,8 @@ The velocities are relative to the water. A steady uniform current only carries 
 (Galilean invariance), so it enters the position and the velocity over ground and nothing else.
 
 State: 0-2 u v w [m/s], 3-5 p q r [rad/s], 6-8 north east down [m], 9-11 roll pitch heading [rad]
-(heading unwrapped), 12 lagged |v| r, 13-14 angle and rate of the extra roll mode.
+(heading unwrapped), 12 lagged |v| r (|w| q where its force
+is in the vertical plane), 13-14 angle and rate of the extra roll mode.
 
 Sources: Fossen 2011 (rigid body, Coriolis from a mass matrix, restoring), Prestero 2001 (fins with
 local inflow, cross-flow strips), ITTC 1957 (friction line), Hoerner 1965 (lift, induced drag).
@@ -67,6 +68,21 @@ class PlantEffects(NamedTuple):
     mode_damping: float = 1.0
     linear_v: float = 0.0
     linear_r: float = 0.0
+    heave_force_uu: float = 0.0
+    pitch_moment_uu: float = 0.0
+    heave_cross_flow: float = 0.0
+    pitch_cross_flow: float = 0.0
+    linear_w: float = 0.0
+    linear_q: float = 0.0
+    cubic_wwq: float = 0.0
+    cubic_qqq: float = 0.0
+    turning_ww: float = 0.0
+    turning_qq: float = 0.0
+    thrust_line: float = 0.0
+    buoyancy_gradient: float = 0.0
+    ballasted_at: float = 0.0
+    memory_heave_force: float = 0.0
+    memory_pitch_moment: float = 0.0
 
 
 @nb.njit(cache=True)
@@ -151,8 +167,8 @@ def add_cross_flow(v, w, q, r, body, effects, tau):
         moment_y += load * heave * x
         moment_z -= load * side * x
     tau[1] += force_y * (1.0 + effects.sway_cross_flow)
-    tau[2] += force_z
-    tau[4] += moment_y
+    tau[2] += force_z * (1.0 + effects.heave_cross_flow)
+    tau[4] += moment_y * (1.0 + effects.pitch_cross_flow)
     tau[5] += moment_z * (1.0 + effects.yaw_cross_flow)
 
 
@@ -233,6 +249,28 @@ def add_odd_forces(state, n, effects, tau):
 
 
 @nb.njit(cache=True)
+def add_vertical_forces(state, thrust, effects, tau):
+    """Forces of the planted effects that act in the vertical plane."""
+    u, w, q = state[0], state[2], state[4]
+    tau[0] += effects.turning_ww * w * w + effects.turning_qq * q * q
+    tau[2] += effects.heave_force_uu * u * abs(u) + effects.linear_w * w
+    tau[2] += effects.memory_heave_force * state[12]
+    tau[4] += effects.pitch_moment_uu * u * abs(u) + effects.linear_q * q
+    tau[4] += effects.cubic_wwq * w * w * q + effects.cubic_qqq * q * q * q
+    tau[4] += effects.thrust_line * thrust + effects.memory_pitch_moment * state[12]
+    lost = effects.buoyancy_gradient * (state[8] - effects.ballasted_at)
+    add_weight(lost, state[9], state[10], tau)
+
+
+@nb.njit(cache=True)
+def add_weight(weight, roll, pitch, tau):
+    """A weight [N] more at O."""
+    tau[0] -= weight * math.sin(pitch)
+    tau[1] += weight * math.cos(pitch) * math.sin(roll)
+    tau[2] += weight * math.cos(pitch) * math.cos(roll)
+
+
+@nb.njit(cache=True)
 def derivative(state, rudder, elevator, n, thrust_factor, outer, body, effects, tau, out):
     """Time derivative of the state into `out`; `outer` are the forces of sea and turbulence."""
     for i in range(6):
@@ -247,13 +285,17 @@ def derivative(state, rudder, elevator, n, thrust_factor, outer, body, effects, 
     add_hull(nu, body, effects, tau)
     add_fins(nu, rudder, elevator, thrust, body, effects, tau)
     add_odd_forces(state, n, effects, tau)
+    add_vertical_forces(state, thrust, effects, tau)
     for i in range(6):
         total = 0.0
         for j in range(6):
             total += body.mass_inverse[i, j] * tau[j]
         out[i] = total
     kinematics(state, effects, out)
-    out[12] = (abs(state[1]) * state[5] - state[12]) / effects.memory_time
+    driven = abs(state[1]) * state[5]
+    if effects.memory_heave_force != 0.0 or effects.memory_pitch_moment != 0.0:
+        driven = abs(state[2]) * state[4]
+    out[12] = (driven - state[12]) / effects.memory_time
     omega = effects.mode_frequency
     out[13] = state[14]
     out[14] = -2.0 * effects.mode_damping * omega * state[14]

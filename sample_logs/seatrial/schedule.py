@@ -11,6 +11,9 @@ from seatrial import helm
 from seatrial.helm import leg_row
 
 DEGREE = math.pi / 180.0
+PLANES = ("horizontal", "vertical", "both")
+FEWER_OF_BOTH = {"turns": 4, "depth_steps": 2, "vertical_zigzags": 4}  # for a trial of half an hour
+HELIX_DEPTH_M = 60.0  # ordered, and out of reach: the autopilot keeps its steepest slope
 
 
 @dataclass
@@ -48,12 +51,13 @@ def random_schedule(
     """Legs of a trial and notes on its maneuvers.
 
     `options` may hold the numbers of maneuvers: straights, turns, zigzags_10, zigzags_20 in the
-    horizontal plane; straights, vertical_zigzags, depth_steps in the vertical one.
+    horizontal plane; straights, vertical_zigzags, depth_steps in the vertical one; all of them,
+    and fewer unless asked, in a trial of both. `coupled` maneuvers turn and dive at once.
     """
     depth = float(np.round(rng.uniform(7.0, 11.0), 1))
     programme = Programme(cruise_rpm, depth, rng)
     surface_start(programme)
-    builders = vertical_list(options) if plane == "vertical" else horizontal_list(options, rng)
+    builders = builders_of(plane, options, rng) + coupled_list(options)
     order = rng.permutation(len(builders))
     for number in order:
         transit(programme)
@@ -61,6 +65,18 @@ def random_schedule(
     transit(programme)
     surface_end(programme)
     return np.array(programme.legs), programme.notes
+
+
+def builders_of(plane: str, options: dict, rng: np.random.Generator) -> list:
+    """Builders of the maneuvers of a plane, or of both."""
+    if plane == "vertical":
+        return vertical_list(options)
+    if plane == "horizontal":
+        return horizontal_list(options, rng)
+    if plane != "both":
+        raise ValueError(f"no such plane: {plane}; known: {', '.join(PLANES)}")
+    fewer = {**FEWER_OF_BOTH, **options}
+    return horizontal_list(fewer, rng) + vertical_list({**fewer, "straights": 0})
 
 
 def horizontal_list(options: dict, rng: np.random.Generator) -> list:
@@ -83,6 +99,11 @@ def vertical_list(options: dict) -> list:
     for i in range(options.get("vertical_zigzags", 6)):
         builders.append(_vertical_zigzag((6, 6, 10, 10, 8, 12)[i % 6], i))
     return builders
+
+
+def coupled_list(options: dict) -> list:
+    """Builders of maneuvers in both planes at once, by turns a turning dive and a helix."""
+    return [(turning_dive, helix)[i % 2] for i in range(options.get("coupled", 0))]
 
 
 def surface_start(programme: Programme) -> None:
@@ -198,3 +219,40 @@ def depth_steps(programme: Programme) -> None:
     for _ in range(int(p.rng.integers(2, 4))):
         depth = p.depth_m + p.rng.uniform(1.0, 3.0) * (1 if p.rng.random() < 0.5 else -1)
         p.add(helm.TRANSIT, p.seconds(22, 32), rpm, round(depth, 1), maneuver=number)
+
+
+def turning_dive(programme: Programme) -> None:
+    """Rudder and elevator laid and held at once, then both the other way: down, then up again."""
+    p = programme
+    rpm, side = p.speed(0.9, 1.1), 1 if p.rng.random() < 0.5 else -1
+    rudder, elevator = side * round(p.rng.uniform(8, 15)), round(p.rng.uniform(3, 6))
+    number = p.note(
+        kind="coupled", way="turning dive", rudder_deg=rudder, elevator_deg=elevator, rpm=rpm
+    )
+    for sign in (1, -1):
+        p.add(
+            helm.COUPLED,
+            p.seconds(14, 18),
+            rpm,
+            maneuver=number,
+            fin=sign * rudder * DEGREE,
+            switch=sign * elevator * DEGREE,
+        )
+
+
+def helix(programme: Programme) -> None:
+    """A spiral descent: rudder held, the elevators keep the steepest slope allowed; then back."""
+    p = programme
+    rpm, side = p.speed(0.9, 1.1), 1 if p.rng.random() < 0.5 else -1
+    rudder = side * round(p.rng.uniform(8, 15))
+    number = p.note(kind="coupled", way="helix", rudder_deg=rudder, rpm=rpm)
+    p.add(
+        helm.FIXED,
+        p.seconds(35, 45),
+        rpm,
+        HELIX_DEPTH_M,
+        maneuver=number,
+        fin=rudder * DEGREE,
+    )
+    heading = p.rng.uniform(-math.pi, math.pi)
+    p.add(helm.TRANSIT, p.seconds(38, 46), p.speed(1.0, 1.05), heading=heading)

@@ -8,7 +8,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from seatrial.simulate import ELEVATOR_COMMAND, RPM_COMMAND, RUDDER_COMMAND, STEP_S
+from seatrial.planting import vertical_water
+from seatrial.simulate import (
+    CALM_ABOVE_M,
+    ELEVATOR_COMMAND,
+    RPM_COMMAND,
+    RUDDER_COMMAND,
+    STEP_S,
+)
 
 DEGREE = math.pi / 180.0
 
@@ -102,7 +109,27 @@ def body_over_ground(record: np.ndarray, planted: dict) -> np.ndarray:
             (ch * sp * cr + sh * sr) * north + (sh * sp * cr - ch * sr) * east,
         ]
     )
+    if {"vertical_current", "internal_wave"} & set(planted):
+        down = sinking_water(record, planted)
+        drift += np.column_stack([-sp * down, cp * sr * down, cp * cr * down])
     return record[:, :3] + drift
+
+
+def sinking_water(record: np.ndarray, planted: dict) -> np.ndarray:
+    """Downward speed of the water around the vehicle, every step [m/s]."""
+    sea, time = vertical_water(planted), np.arange(record.shape[0]) * STEP_S
+    below = np.clip(record[:, 8] / CALM_ABOVE_M, 0.0, 1.0)
+    return below * (sea.sinking + sea.wave_speed * np.sin(sea.wave_omega * time))
+
+
+def lagged(values: np.ndarray, lag_s: float) -> np.ndarray:
+    """First-order lag of a recorded column."""
+    if lag_s <= 0.0:
+        return values
+    keep, found = math.exp(-STEP_S / lag_s), values.copy()
+    for k in range(1, values.size):
+        found[k] = keep * found[k - 1] + (1.0 - keep) * values[k]
+    return found
 
 
 def dvl(record, vehicle, planted, rng, noise: Noise) -> dict[str, np.ndarray]:
@@ -111,12 +138,16 @@ def dvl(record, vehicle, planted, rng, noise: Noise) -> dict[str, np.ndarray]:
     lever = planted.get("dvl_lever_arm", {})
     mount = vehicle.file["dvl"]
     x, y = mount["x_m"] + lever.get("dx_m", 0.0), mount["y_m"] + lever.get("dy_m", 0.0)
-    position = np.array([x, y, vehicle.plant.dvl_z])
+    position = np.array([x, y, vehicle.plant.dvl_z + lever.get("dz_m", 0.0)])
     velocity = body_over_ground(record, planted) + np.cross(record[:, 3:6], position)
     yaw = planted.get("dvl_misalignment", {}).get("yaw_deg", 0.0) * DEGREE
     turn = np.array(
         [[math.cos(yaw), math.sin(yaw), 0], [-math.sin(yaw), math.cos(yaw), 0], [0, 0, 1]]
     )
+    up = planted.get("dvl_pitch", {}).get("pitch_deg", 0.0) * DEGREE
+    if up != 0.0:
+        bow_up = [[math.cos(up), 0, -math.sin(up)], [0, 1, 0], [math.sin(up), 0, math.cos(up)]]
+        turn = turn @ np.array(bow_up)
     velocity = velocity @ turn.T * (1.0 + planted.get("dvl_scale", {}).get("fraction", 0.0))
     taken = times - planted.get("dvl_delay", {}).get("delay_s", 0.0)
     measured = np.column_stack([at(velocity, i, taken) for i in range(3)])
@@ -148,6 +179,9 @@ def gyro(record, planted, rng, noise: Noise) -> dict[str, np.ndarray]:
     times = clock(rng, record.shape[0] * STEP_S, noise.rates_hz["gyro"])
     taken = times - planted.get("gyro_delay", {}).get("delay_s", 0.0)
     rates = np.column_stack([at(record, i, taken) for i in (3, 4, 5)])
+    if "q_scale" in planted or "q_bias" in planted:
+        rates[:, 1] *= 1.0 + planted.get("q_scale", {}).get("fraction", 0.0)
+        rates[:, 1] += planted.get("q_bias", {}).get("bias_degps", 0.0) * DEGREE
     rates[:, 2] *= 1.0 + planted.get("gyro_scale", {}).get("fraction", 0.0)
     rates[:, 2] += planted.get("gyro_bias", {}).get("bias_degps", 0.0) * DEGREE
     rates += rng.normal(0, noise.gyro_radps, rates.shape)
@@ -160,22 +194,28 @@ def command(record, column: int, sensor: str, rng, noise: Noise) -> dict[str, np
     return {"time_s": times, "value": held(record, column, times)}
 
 
-def attitude(record, rng, noise: Noise) -> dict[str, np.ndarray]:
+def attitude(record, planted, rng, noise: Noise) -> dict[str, np.ndarray]:
     """Roll, pitch and heading [rad], heading within 0 .. 2 pi."""
     times = clock(rng, record.shape[0] * STEP_S, noise.rates_hz["attitude"])
     heading = at(record, 11, times) + rng.normal(0, noise.heading_rad, times.size)
+    gain = 1.0 + planted.get("pitch_scale", {}).get("fraction", 0.0)
+    pitch = at(record, 10, times) * gain
+    pitch += planted.get("pitch_bias", {}).get("bias_deg", 0.0) * DEGREE
     return {
         "time_s": times,
         "roll": at(record, 9, times) + rng.normal(0, noise.tilt_rad, times.size),
-        "pitch": at(record, 10, times) + rng.normal(0, noise.tilt_rad, times.size),
+        "pitch": pitch + rng.normal(0, noise.tilt_rad, times.size),
         "heading": np.mod(heading, 2 * math.pi),
     }
 
 
-def depth(record, rng, noise: Noise) -> dict[str, np.ndarray]:
+def depth(record, planted, rng, noise: Noise) -> dict[str, np.ndarray]:
     """Depth of O [m]."""
     times = clock(rng, record.shape[0] * STEP_S, noise.rates_hz["depth"])
-    measured = at(record, 8, times) + rng.normal(0, noise.depth_m, times.size)
+    true = lagged(record[:, 8], planted.get("depth_lag", {}).get("lag_s", 0.0))
+    measured = np.interp(times, np.arange(record.shape[0]) * STEP_S, true)
+    measured *= 1.0 + planted.get("depth_scale", {}).get("fraction", 0.0)
+    measured += rng.normal(0, noise.depth_m, times.size)
     return {"time_s": times, "depth": measured}
 
 
@@ -199,7 +239,7 @@ def measure_all(record, vehicle, planted, streams, noise: Noise | None = None) -
         "rudder": command(record, RUDDER_COMMAND, "rudder", streams("rudder"), noise),
         "elevator": command(record, ELEVATOR_COMMAND, "elevator", streams("elevator"), noise),
         "rpm": command(record, RPM_COMMAND, "rpm", streams("rpm"), noise),
-        "attitude": attitude(record, streams("attitude"), noise),
-        "depth": depth(record, streams("depth"), noise),
+        "attitude": attitude(record, planted, streams("attitude"), noise),
+        "depth": depth(record, planted, streams("depth"), noise),
         "position": position(record, streams("position"), noise),
     }

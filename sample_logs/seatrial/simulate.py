@@ -14,12 +14,13 @@ import numpy as np
 
 from seatrial import helm
 from seatrial.actuators import felt_angle, motor_step, servo_step, servo_target
-from seatrial.plant import STATES, rk4_step
+from seatrial.plant import STATES, add_weight, rk4_step
 from seatrial.vehicles import GRAVITY
 
 STEP_S = 0.01
 CONTROL_STEPS = 5  # helm at 20 Hz
 TURBULENCE_TIME_S = 2.0
+CALM_ABOVE_M = 3.0  # depth above which rising and sinking of the water fades
 # Recorded columns: 12 states, then these.
 RUDDER_COMMAND, ELEVATOR_COMMAND, RPM_COMMAND, RUDDER, ELEVATOR, REVS = range(12, 18)
 RECORD_COLUMNS = 18
@@ -41,6 +42,16 @@ class Sea(NamedTuple):
     event_duration_s: float = 1.0
     event_force: float = 0.0
     event_moment: float = 0.0
+    upright: bool = False  # swell and event act in heave and pitch, not in sway and yaw
+    weight_change: float = 0.0  # [N], from `weight_time` on
+    weight_station: float = 0.0  # [m]
+    weight_time: float = 1e9
+    sinking: float = 0.0  # of the water [m/s], well below the surface
+    wave_speed: float = 0.0  # of its slow rise and fall [m/s]
+    wave_omega: float = 1.0
+    stuck_leg: int = -1  # in which the elevators stop where they are
+    stuck_after_s: float = 0.0
+    stuck_for_s: float = 0.0
 
 
 class Drive(NamedTuple):
@@ -67,14 +78,38 @@ def sea_forces(time, state, leg, leg_time, sea, out):
         ahead = state[6] * math.cos(sea.swell_direction) + state[7] * math.sin(sea.swell_direction)
         wave = math.sin(sea.swell_omega * time - number * ahead)
         bearing = sea.swell_direction - state[11]
-        out[0] += sea.swell_force * wave * math.cos(bearing)
-        out[1] += sea.swell_force * wave * math.sin(bearing)
-        out[5] += sea.swell_moment * wave * math.sin(2.0 * bearing)
+        if sea.upright:
+            slope = math.cos(sea.swell_omega * time - number * ahead)
+            out[2] += sea.swell_force * wave
+            out[4] += sea.swell_moment * slope * math.cos(bearing)
+        else:
+            out[0] += sea.swell_force * wave * math.cos(bearing)
+            out[1] += sea.swell_force * wave * math.sin(bearing)
+            out[5] += sea.swell_moment * wave * math.sin(2.0 * bearing)
     if leg == sea.event_leg:
         phase = (leg_time - sea.event_after_s) / sea.event_duration_s
         if 0.0 <= phase <= 1.0:
-            out[1] += sea.event_force * math.sin(math.pi * phase)
-            out[5] += sea.event_moment * math.sin(math.pi * phase)
+            out[2 if sea.upright else 1] += sea.event_force * math.sin(math.pi * phase)
+            out[4 if sea.upright else 5] += sea.event_moment * math.sin(math.pi * phase)
+    if time >= sea.weight_time:
+        add_weight(sea.weight_change, state[9], state[10], out)
+        arm = sea.weight_station * math.cos(state[10])
+        out[4] -= sea.weight_change * arm * math.cos(state[9])
+        out[5] += sea.weight_change * arm * math.sin(state[9])
+
+
+@nb.njit(cache=True)
+def is_stuck(leg, leg_time, sea):
+    """Whether the elevators stand still."""
+    since = leg_time - sea.stuck_after_s
+    return leg == sea.stuck_leg and 0.0 <= since < sea.stuck_for_s
+
+
+@nb.njit(cache=True)
+def sinking(time, depth, sea):
+    """Downward speed of the water [m/s]: steady, with a slow wave, and none at the surface."""
+    below = min(max(depth / CALM_ABOVE_M, 0.0), 1.0)
+    return below * (sea.sinking + sea.wave_speed * math.sin(sea.wave_omega * time))
 
 
 @nb.njit(cache=True)
@@ -131,6 +166,8 @@ def run(legs, start, body, effects, rudder_servo, elevator_servo, drive, sea, ga
             record[late, ELEVATOR_COMMAND], taken_elevator, elevator_servo
         )
         next_elevator = servo_step(elevator, wanted, elevator_servo, STEP_S)
+        if is_stuck(int(memory[helm.LEG]), memory[helm.LEG_TIME], sea):
+            next_elevator = elevator
         next_revs = motor_step(revs, leg[helm.RPM] / 60.0, drive.lag, STEP_S)
         thrust_factor = 1.0 - drive.sag_per_s * time
         if time >= drive.step_time:
@@ -151,6 +188,7 @@ def run(legs, start, body, effects, rudder_servo, elevator_servo, drive, sea, ga
             effects,
             work,
         )
+        state[8] += sinking(time, state[8], sea) * STEP_S
         rudder, elevator, revs = next_rudder, next_elevator, next_revs
         memory[helm.LEG_TIME] += STEP_S
     return record[:count], starts

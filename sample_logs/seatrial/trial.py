@@ -11,13 +11,19 @@ from seatrial import helm
 from seatrial.effects import draw_effects
 from seatrial.logs import write_logs
 from seatrial.plant import workspace
-from seatrial.planting import fin_servo, motor_drive, plant_effects
+from seatrial.planting import (
+    fin_servo,
+    motor_drive,
+    plant_effects,
+    vertical_water,
+    with_weight,
+)
 from seatrial.schedule import random_schedule
 from seatrial.sensors import drifted, measure_all
 from seatrial.simulate import STEP_S, Sea, run, start_state
 from seatrial.vehicles import Vehicle, load_vehicle
 
-LONGEST_S = 2100.0
+LONGEST_S = {"horizontal": 2100.0, "vertical": 2100.0, "both": 4200.0}
 RECIPE_KEYS = {"name", "vehicle", "seed", "spread", "plane", "schedule", "effect"}
 
 
@@ -27,7 +33,7 @@ def generate(recipe: dict, out_dir: str | Path | None) -> dict:
     Parameters
     ----------
     recipe : ``name``, ``vehicle`` (file stem), ``seed``; optional ``spread`` (random factors on the
-        plant parameters), ``plane`` ("horizontal" or "vertical"), ``schedule`` (numbers of
+        plant parameters), ``plane`` ("horizontal", "vertical" or "both"), ``schedule`` (numbers of
         maneuvers), ``effect`` (list of tables with ``id`` and, optionally, parameters)
     out_dir : folder of the CSV files; None writes none
 
@@ -42,7 +48,11 @@ def generate(recipe: dict, out_dir: str | Path | None) -> dict:
     seed = int(recipe["seed"])
     vehicle = load_vehicle(recipe["vehicle"], recipe.get("spread", 0.0), stream(seed, "spread"))
     planted = draw_effects(
-        recipe.get("effect", []), seed, vehicle.scale, vehicle.plant.cruise_rpm / 60.0
+        recipe.get("effect", []),
+        seed,
+        vehicle.scale,
+        vehicle.plant.cruise_rpm / 60.0,
+        recipe.get("plane", "horizontal"),
     )
     record, starts, legs, notes = sail(recipe, vehicle, planted)
     origin = float(np.round(stream(seed, "origin").uniform(0, 900), 1))
@@ -72,9 +82,9 @@ def stream(seed: int, name: str) -> np.random.Generator:
 
 def sail(recipe: dict, vehicle: Vehicle, planted: dict):
     """Run the simulation. Returns the record, leg starts [s], legs and maneuver notes."""
-    seed = int(recipe["seed"])
+    seed, plane = int(recipe["seed"]), recipe.get("plane", "horizontal")
     legs, notes = random_schedule(
-        recipe.get("plane", "horizontal"),
+        plane,
         vehicle.plant.cruise_rpm,
         stream(seed, "schedule"),
         recipe.get("schedule", {}),
@@ -89,9 +99,9 @@ def sail(recipe: dict, vehicle: Vehicle, planted: dict):
         fin_servo("rudder", planted),
         fin_servo("elevator", planted),
         motor_drive(planted),
-        make_sea(vehicle, planted, legs, notes, rng),
+        make_sea(vehicle, planted, legs, notes, rng, plane == "vertical"),
         helm.Gains(),
-        rng.normal(size=(int(LONGEST_S / STEP_S), 9)),
+        rng.normal(size=(int(LONGEST_S[plane] / STEP_S), 9)),
         workspace(),
     )
     if not np.isfinite(record).all():
@@ -99,8 +109,8 @@ def sail(recipe: dict, vehicle: Vehicle, planted: dict):
     return drifted(record, planted), starts, legs, notes
 
 
-def make_sea(vehicle: Vehicle, planted: dict, legs, notes, rng) -> Sea:
-    """Turbulence, surface waves, and the swell or bump where planted."""
+def make_sea(vehicle: Vehicle, planted: dict, legs, notes, rng, upright: bool = False) -> Sea:
+    """Turbulence, surface waves, and what is planted in the sea; `upright` in heave and pitch."""
     size = vehicle.scale
     amplitude = np.array([2.0, 4.0, 6.0, 0.25, 1.0, 0.8]) * size
     wave, event = planted.get("wave", {}), planted.get("one_off_event")
@@ -113,17 +123,31 @@ def make_sea(vehicle: Vehicle, planted: dict, legs, notes, rng) -> Sea:
         swell_moment=float(wave.get("moment_nm", 0.0)),
         swell_omega=float(wave.get("omega_radps", 1.0)),
         swell_direction=float(wave.get("direction_rad", 0.0)),
+        upright=upright,
     )
+    sea = with_weight(planted, vertical_water(planted, sea))
+    stuck = planted.get("stuck_elevator")
+    if stuck is not None:
+        sea = sea._replace(
+            stuck_leg=leg_of(stuck, legs, notes),
+            stuck_after_s=float(stuck["after_s"]),
+            stuck_for_s=float(stuck["duration_s"]),
+        )
     if event is None:
         return sea
-    number = min(int(event["maneuver_fraction"] * len(notes)), len(notes) - 1)
     return sea._replace(
-        event_leg=int(np.flatnonzero(legs[:, helm.MANEUVER] == number)[0]),
+        event_leg=leg_of(event, legs, notes),
         event_after_s=float(event["after_s"]),
         event_duration_s=float(event["duration_s"]),
         event_force=float(event["force_n"]),
         event_moment=float(event["moment_nm"]),
     )
+
+
+def leg_of(event: dict, legs: np.ndarray, notes: list) -> int:
+    """First leg of the maneuver in which something happens."""
+    number = min(int(event["maneuver_fraction"] * len(notes)), len(notes) - 1)
+    return int(np.flatnonzero(legs[:, helm.MANEUVER] == number)[0])
 
 
 def maneuver_list(legs: np.ndarray, starts: np.ndarray, notes: list, origin: float) -> list[dict]:
@@ -147,11 +171,11 @@ def truth_effects(planted: dict, maneuvers: list[dict], origin: float) -> list[d
     effects = []
     for name, parameters in planted.items():
         entry = {"id": name, "parameters": dict(parameters)}
-        if name == "one_off_event":
+        if name in ("one_off_event", "stuck_elevator"):
             number = min(int(parameters["maneuver_fraction"] * len(maneuvers)), len(maneuvers) - 1)
             begin = maneuvers[number]["t_start_s"] + parameters["after_s"]
             entry["log_time_s"] = [round(begin, 2), round(begin + parameters["duration_s"], 2)]
-        if name == "thrust_step":
+        if name in ("thrust_step", "weight_change"):
             entry["log_time_s"] = [round(parameters["time_s"] + origin, 2)]
         effects.append(entry)
     return effects

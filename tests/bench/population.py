@@ -19,7 +19,7 @@ from tests.bench import written
 from tests.bench.effects import ONE_THREAD, append, program, read_outcomes
 from tests.bench.halves import measured, options_of, seeds
 from tests.bench.population_score import is_wrong, scored, tables
-from tests.bench.population_trial import WANTED, key_of, outcome
+from tests.bench.population_trial import CHANNELS, WANTED, key_of, outcome
 
 Outcome = dict[str, Any]
 Show = Callable[[str, list[dict[str, Any]]], None]
@@ -31,13 +31,14 @@ def main(arguments: list[str], show: Show) -> None:
 
     options = _options(arguments)
     wanted = seeds(options.first, options.count, options.half)
+    short, plane = not options.long, options.plane
     if options.score is not None:
         kept = read_outcomes(options.score)
     else:
         for name in ONE_THREAD:
             os.environ[name] = "1"
-        kept = sail(wanted, not options.long, options.until, options.resume)
-    keys = [key_of(seed, not options.long, options.until) for seed in wanted]
+        kept = sail(wanted, short, options.until, options.resume, plane)
+    keys = [key_of(seed, short, options.until, plane) for seed in wanted]
     scores = [scored(kept[key]) for key in keys if key in kept]
     whole = options.until == WANTED[-1]
     found = tables(scores, CLASSES, with_seeds=options.half == "tune", whole=whole)
@@ -48,7 +49,8 @@ def main(arguments: list[str], show: Show) -> None:
             show(f"{title} ({options.half}, {len(scores)} trials)", rows)
     if options.write:
         sailed = [kept[key] for key in keys if key in kept]
-        written.write("population", measured(sailed, options.half), without_empty(found))
+        name = "population" if plane == "horizontal" else f"population-{plane}"
+        written.write(name, measured(sailed, options.half), without_empty(found))
 
 
 def without_empty(found: dict[str, Any]) -> dict[str, Any]:
@@ -56,16 +58,18 @@ def without_empty(found: dict[str, Any]) -> dict[str, Any]:
     return {title: rows for title, rows in found.items() if rows}
 
 
-def sail(wanted: list[int], short: bool, until: str, resume: Path | None) -> dict[str, Outcome]:
+def sail(
+    wanted: list[int], short: bool, until: str, resume: Path | None, plane: str = "horizontal"
+) -> dict[str, Outcome]:
     """Outcomes of all the trials wanted; those of this very program are not sailed again."""
     version = program()
     kept = {} if resume is None else read_outcomes(resume)
     kept = {key: found for key, found in kept.items() if found.get("program") == version}
-    missing = [seed for seed in wanted if key_of(seed, short, until) not in kept]
+    missing = [seed for seed in wanted if key_of(seed, short, until, plane) not in kept]
     for number, seed in enumerate(missing, 1):
         began = perf_counter()
-        found = {**outcome(seed, short, until), "program": version}
-        kept[key_of(seed, short, until)] = found
+        found = {**outcome(seed, short, until, plane), "program": version}
+        kept[key_of(seed, short, until, plane)] = found
         if resume is not None:
             append(resume, found)
         _tell(found, f"{number}/{len(missing)}", perf_counter() - began)
@@ -87,6 +91,7 @@ def _tell(found: Outcome, number: str, took_s: float) -> None:
 def _options(arguments: list[str]) -> argparse.Namespace:
     parser = options_of("population", __doc__, 30)
     parser.add_argument("--until", choices=WANTED, default=WANTED[-1], help="the last stage")
+    parser.add_argument("--plane", choices=CHANNELS, default="horizontal", help="of the maneuvers")
     parser.add_argument("--long", action="store_true", help="logs of 10 to 60 minutes")
     parser.add_argument("--score", type=Path, help="sail nothing, score the outcomes in a file")
     parser.add_argument("--json", type=Path, help="file for the tables")

@@ -10,6 +10,7 @@ from tests.bench.effects_bars import rises_surely
 from tests.bench.effects_score import Score, score
 
 ALL = "all"
+VELOCITIES = ("u", "v", "w", "q", "r")
 STATES = ("failed", "none", "own", "named", "unexplained")
 
 Table = list[dict[str, Any]]
@@ -177,21 +178,28 @@ def prediction_row(rows: Scores) -> dict[str, Any]:
     refined = [s for s in rows if s.loop.held_out]
     named = [s for s in refined if s.loop.named]
     found: dict[str, Any] = {"n": len(refined)}
-    for channel in ("u", "v", "r"):
+    channels = channels_of(rows)
+    for channel in channels:
         found[f"nrmse {channel}"] = _median(s.nrmse[channel] for s in rows if channel in s.nrmse)
     worse = [s for s in rows if any(s.nrmse[c] > s.nrmse_ase[c] for c in s.nrmse_ase)]
     found["worse than ase"] = len(worse)
     found["ratio if named"] = _median(worst_ratio(s) for s in named)
     found["rises surely"] = sum(rises_surely(s.loop) for s in refined)
-    for channel in ("u", "v", "r"):
+    for channel in channels:
         told = [s.coverage[channel] for s in rows if channel in s.coverage]
         found[f"cover {channel}"] = _median(told)
     return found
 
 
+def channels_of(rows: Scores) -> list[str]:
+    """Velocities and rates that a model of the plane predicts."""
+    found = {c for s in rows for c in s.nrmse}
+    return [c for c in VELOCITIES if c in found] or list("uvr")
+
+
 def worst_ratio(s: Drawn) -> float:
-    """Held-out error after over before of the channel among u, v, r that changes most."""
-    pairs = [s.loop.held_out[c] for c in ("u", "v", "r") if c in s.loop.held_out]
+    """Held-out error after over before of the velocity or rate that changes most."""
+    pairs = [s.loop.held_out[c] for c in VELOCITIES if c in s.loop.held_out]
     ratios = [after / before for before, after in pairs if before > 0.0] or [1.0]
     return max(ratios, key=lambda x: abs(x - 1.0))
 
@@ -215,6 +223,8 @@ def missed_reasons(s: Drawn) -> list[str]:
     for maneuver in s.missed:
         reasons = {why.split(":")[1].strip() if ":" in why else why for why in maneuver["why"]}
         kind = maneuver["kind"]
+        if maneuver.get("about", "amidships") != "amidships":
+            kind = f"{kind} about an elevator {maneuver['about']}"
         if maneuver.get("other", 1.0) != 1.0:
             kind = f"{kind} of unequal executes"
         found += [f"{kind}: {r}" for r in sorted(reasons) or ["nothing said"]]

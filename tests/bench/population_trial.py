@@ -30,14 +30,21 @@ if str(SAMPLES) not in sys.path:
 LONGEST_S = 1500  # of one trial; a program that has not ended by then has failed
 OVERLAP = 0.5  # of the true maneuver, from which a found one of its kind is that maneuver
 LINEAR_DAMPING = "linear_damping"
-CHANNELS = {"u": "u_mps", "v": "v_mps", "r": "r_radps"}
+CHANNELS = {
+    "horizontal": {"u": "u_mps", "v": "v_mps", "r": "r_radps"},
+    "vertical": {"u": "u_mps", "w": "w_mps", "q": "q_radps"},
+}
 
 Outcome = dict[str, Any]
 Rows = list[dict[str, Any]]
 
 
 def outcome(
-    seed: int, short: bool = True, until: str = WANTED[-1], run: Callable[..., Any] = run_stage
+    seed: int,
+    short: bool = True,
+    until: str = WANTED[-1],
+    plane: str = "horizontal",
+    run: Callable[..., Any] = run_stage,
 ) -> Outcome:
     """What the program says of a trial; a refusal is an outcome, and so is a bug.
 
@@ -45,12 +52,12 @@ def outcome(
     """
     from seatrial.population import draw
 
-    key = key_of(seed, short, until)
+    key = key_of(seed, short, until, plane)
     began, found = perf_counter(), _case(seed, key, "none", ())
     with tempfile.TemporaryDirectory(prefix="auvident-population-") as name:
         folder = Path(name)
         try:
-            drawn = draw(seed, short)
+            drawn = draw(seed, short, plane=plane)
             found = _case(seed, key, drawn.kind, tuple(drawn.planted))
             sailed = drawn.sail()
             drawn.write(sailed, folder / "trial", folder / "vehicle.toml")
@@ -62,15 +69,16 @@ def outcome(
         except Exception:
             return {**found, "stage": "generator", "error": traceback.format_exc()}
         found["generator_s"] = round(perf_counter() - began, 1)
-        found |= chain(folder, run, until)
-        found["segmentation"] = segmentation(folder / "run", truth)
+        found |= chain(folder, run, until, plane)
+        found["segmentation"] = segmentation(folder / "run", truth, plane)
         found["own"] = _own(drawn, sailed, found)
     return found
 
 
-def key_of(seed: int, short: bool, until: str) -> str:
+def key_of(seed: int, short: bool, until: str, plane: str = "horizontal") -> str:
     """Name of a trial in the file of outcomes."""
-    return "-".join([str(seed), *([] if short else ["long"]), *([until] * (until != WANTED[-1]))])
+    ways = {plane: plane != "horizontal", "long": not short, until: until != WANTED[-1]}
+    return "-".join([str(seed), *(way for way, told in ways.items() if told)])
 
 
 def _case(seed: int, key: str, kind: str, planted: tuple[str, ...]) -> Outcome:
@@ -105,10 +113,17 @@ def _effects(content: Outcome | None) -> Rows:
     return (content or {}).get("effects", [])
 
 
-def chain(folder: Path, run: Callable[..., Any] = run_stage, until: str = WANTED[-1]) -> Outcome:
+def chain(
+    folder: Path,
+    run: Callable[..., Any] = run_stage,
+    until: str = WANTED[-1],
+    plane: str = "horizontal",
+) -> Outcome:
     """Run the stages up to one of them; where one fails: which, with what message and code."""
     clock, directory, stage = Clock(), folder / "run", ""
-    options = {"ingest": {"logs": (folder / "trial",), "vehicle": folder / "vehicle.toml"}}
+    options: Outcome = {"ingest": {"logs": (folder / "trial",), "vehicle": folder / "vehicle.toml"}}
+    if plane != "horizontal":
+        options["identify"] = {"plane": plane}
     found: Outcome = {}
     _alarm(LONGEST_S)
     try:
@@ -122,7 +137,7 @@ def chain(folder: Path, run: Callable[..., Any] = run_stage, until: str = WANTED
     finally:
         _alarm(0)
     found |= {Path(path).stem: artifact(directory, path) for path in (DIAGNOSIS, COMPARISON)}
-    found |= held_out(directory)
+    found |= held_out(directory, CHANNELS[plane])
     return {**found, "identifying_s": identifying(directory), "seconds": clock.seconds}
 
 
@@ -136,11 +151,15 @@ def _alarm(seconds: int) -> None:
     signal.alarm(seconds)
 
 
-def segmentation(directory: Path, truth: Mapping[str, Any]) -> Outcome:
-    """True maneuvers found and missed, by kind, and maneuvers found where there was none."""
+def segmentation(directory: Path, truth: Mapping[str, Any], plane: str = "horizontal") -> Outcome:
+    """True maneuvers found and missed, by kind, and maneuvers found where there was none.
+
+    Straight runs with thrust steps are of either plane.
+    """
     path = directory / "segment/maneuvers.json"
     rows = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else []
-    rows = [m for m in rows if m.get("features", {}).get("plane") != "vertical"]
+    rows = [{**m, "kind": _kind_of(m)} for m in rows]
+    rows = [m for m in rows if m["kind"] == "straight" or _plane_of(m) == plane]
     rejected = directory / "segment/rejected.json"
     why = json.loads(rejected.read_text(encoding="utf-8")) if rejected.is_file() else {}
     true = [m for m in truth["maneuvers"] if m["t_end_s"] > m["t_start_s"]]
@@ -152,6 +171,16 @@ def segmentation(directory: Path, truth: Mapping[str, Any]) -> Outcome:
         "extra": [{k: m[k] for k in ("kind", "t_start_s", "t_end_s")} for m in extra],
         "roles": _counted(f"{m['role']} {m['kind']}" for m in rows),
     }
+
+
+def _plane_of(maneuver: Mapping[str, Any]) -> str:
+    return str(maneuver.get("features", {}).get("plane") or "horizontal")
+
+
+def _kind_of(maneuver: Mapping[str, Any]) -> str:
+    """Its kind as the generator names it: depth steps are straight runs of the vertical plane."""
+    steps = maneuver["kind"] == "straight" and _plane_of(maneuver) == "vertical"
+    return "depth_step" if steps else str(maneuver["kind"])
 
 
 def _overlap_s(one: Mapping[str, Any], other: Mapping[str, Any]) -> float:
@@ -181,7 +210,7 @@ def _counted(words: Iterable[str]) -> dict[str, int]:
     return found
 
 
-def held_out(directory: Path) -> Outcome:
+def held_out(directory: Path, channels: Mapping[str, str] = CHANNELS["horizontal"]) -> Outcome:
     """Held-out errors over their spread, model and ASE, and coverage of the 95 % band if told."""
     path = directory / "validate/metrics.json"
     if not path.is_file():
@@ -191,14 +220,16 @@ def held_out(directory: Path) -> Outcome:
     ase = (metrics.get("ase") or {}).get("summary", {}).get("validate", {})
     cover = {c: row["covered"] for c, row in (metrics.get("coverage") or {}).items()}
     return {
-        "nrmse": {c: told[c]["nrmse"] for c in CHANNELS if c in told},
-        "nrmse_ase": {c: ase[c]["nrmse"] for c in CHANNELS if c in ase},
-        "coverage": cover or band_coverage(directory / "validate/simulation.parquet"),
+        "nrmse": {c: told[c]["nrmse"] for c in channels if c in told},
+        "nrmse_ase": {c: ase[c]["nrmse"] for c in channels if c in ase},
+        "coverage": cover or band_coverage(directory / "validate/simulation.parquet", channels),
         "findings": [f["code"] for f in metrics.get("findings", [])],
     }
 
 
-def band_coverage(path: Path) -> dict[str, float]:
+def band_coverage(
+    path: Path, channels: Mapping[str, str] = CHANNELS["horizontal"]
+) -> dict[str, float]:
     """Share of held-out samples between the ends of the band, where the simulation has one."""
     import pandas as pd
 
@@ -206,7 +237,7 @@ def band_coverage(path: Path) -> dict[str, float]:
         return {}
     table = pd.read_parquet(path)
     table, found = table[table["role"] == "validate"], {}
-    for channel, column in CHANNELS.items():
+    for channel, column in channels.items():
         low, high = f"{column}_lo", f"{column}_hi"
         if {low, high} <= set(table.columns):
             rows = table[[f"{column}_measured", low, high]].dropna().to_numpy()

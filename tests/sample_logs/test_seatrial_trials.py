@@ -141,7 +141,44 @@ def test_several_effects_and_given_parameters():
     assert set(planted) == {"rudder_lag", "gyro_bias"}
 
 
+def maneuvers_of(**more):
+    """Record and maneuvers on the clock of the record, of a trial of both planes."""
+    recipe = {"name": "both", "vehicle": "remus100", "seed": 4, "plane": "both", **more}
+    record, starts, legs, notes = sail(recipe, load_vehicle("remus100"), {})
+    return record, trial_module.maneuver_list(legs, starts, notes, 0.0)
+
+
+def test_a_trial_of_both_planes_has_the_maneuvers_of_each():
+    record, found = maneuvers_of()
+    assert 20 * 60 < record.shape[0] / 100 < 40 * 60
+    of_each = {
+        plane: [m["kind"] for m in found if m.get("plane", "horizontal") == plane]
+        for plane in ("horizontal", "vertical")
+    }
+    assert of_each["horizontal"].count("turn") == of_each["horizontal"].count("zigzag") == 4
+    assert of_each["horizontal"].count("straight") == 2
+    assert of_each["vertical"].count("zigzag") == 4
+    assert of_each["vertical"].count("depth_step") == 2
+    assert "coupled" not in of_each["horizontal"]
+
+
+def test_coupled_maneuvers_turn_and_dive_at_once():
+    few = {"turns": 0, "zigzags_10": 0, "zigzags_20": 0, "vertical_zigzags": 0, "depth_steps": 0}
+    record, found = maneuvers_of(schedule={**few, "straights": 0, "coupled": 4})
+    assert [m["kind"] for m in found] == ["coupled"] * 4
+    assert sorted(m["way"] for m in found) == ["helix"] * 2 + ["turning dive"] * 2
+    for m in found:
+        rows = record[int(m["t_start_s"] * 100) : int(m["t_end_s"] * 100)]
+        assert np.ptp(rows[:, 10]) > np.radians(8.0)  # pitch
+        assert np.abs(rows[:, 5]).max() > np.radians(5.0)  # yaw rate
+        assert rows[:, 8].min() > 5.0 and np.abs(rows[:, 10]).max() < np.radians(25.0)
+        if m["way"] == "helix":
+            assert np.ptp(rows[:, 11]) > 2 * np.pi and rows[-1, 8] > rows[0, 8] + 4.0
+
+
 def test_unknown_names_in_a_recipe_are_refused():
+    with pytest.raises(ValueError, match="no such plane: sideways"):
+        generate({"name": "x", "vehicle": "tern180", "seed": 1, "plane": "sideways"}, None)
     with pytest.raises(ValueError, match="spred"):
         generate({"name": "x", "vehicle": "tern180", "seed": 1, "spred": 0.2}, None)
     with pytest.raises(ValueError, match="has no parameter"):

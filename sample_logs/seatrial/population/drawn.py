@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -15,18 +15,25 @@ from seatrial.logs import write_logs
 from seatrial.plant import propeller, workspace
 from seatrial.planting import fin_servo, motor_drive, plant_effects
 from seatrial.population.checks import check
+from seatrial.population.checks_vertical import check_vertical, out_of_trim
 from seatrial.population.equipment import Equipment, draw_equipment, jittered
 from seatrial.population.form import SWAY_SHARE, YAW_SHARE, Refused, Size, draw_form
 from seatrial.population.schedule import draw_day, gains_for
-from seatrial.population.sizes import OUTSIDE, SINGLES, Scales, draw_sizes
-from seatrial.population.stated import draw_stated, write_stated
+from seatrial.population.schedule_vertical import draw_vertical_day
+from seatrial.population.sizes import OUTSIDE_OF, SINGLES_OF, Scales, draw_sizes
+from seatrial.population.stated import draw_stated, mistaken_ballast, write_stated
 from seatrial.sensors import drifted, measure_all
 from seatrial.simulate import STEP_S, Drive, Sea, run, start_state
 from seatrial.trial import make_sea, maneuver_list, stream, truth_effects
 from seatrial.vehicles import Vehicle
 
 ATTEMPTS = 60
+NEEDED_UPRIGHT = {"attitude", "depth"}  # sensors of every log of the vertical plane
 KINDS = {"none": 0.4, "single": 0.42, "pair": 0.12, "outside": 0.06}
+KINDS_OF = {
+    "horizontal": KINDS,
+    "vertical": {"none": 40 / 140, "single": 70 / 140, "pair": 20 / 140, "outside": 10 / 140},
+}
 CLASSES = (
     "small slow",
     "slender",
@@ -36,10 +43,14 @@ CLASSES = (
     "cross-flow",
     "unstable",
     "lively in roll",
+    "stiff in pitch",
+    "out of trim",
     "plain",
 )
 SLOW_M, SLOW_MPS, SLENDER, BLUFF = 1.6, 1.1, 8.0, 5.5
 LINEAR_SHARE, CROSS_FLOW, LIVELY_DEG = 0.4, 0.9, 8.0
+STIFF, TRIM_DEG = 1.0, 2.5  # pitch per elevator angle; elevator that keeps the depth
+DAMPED = {"horizontal": (0, 3), "vertical": (1, 2)}  # rows of the damping of a plane
 
 
 @dataclass(frozen=True)
@@ -73,6 +84,7 @@ class Drawn:
     refused: tuple[str, ...]
     kind: str
     planted: dict
+    plane: str = "horizontal"
 
     @property
     def plant(self):
@@ -86,6 +98,10 @@ class Drawn:
     def rudder(self, planted: dict) -> Servo:
         """The rudder servo with its faults, drawn and planted."""
         return _with(self.equipment.rudder, fin_servo("rudder", planted))
+
+    def elevator(self, planted: dict) -> Servo:
+        """The elevator servo with its faults, drawn and planted."""
+        return _with(self.equipment.elevator, fin_servo("elevator", planted))
 
     def drive(self, planted: dict) -> Drive:
         """The motor with its faults, drawn and planted."""
@@ -102,15 +118,20 @@ class Drawn:
             "with sail": self.plant.sail_slope > 0.0,
             "linear damping": max(self.damping_shares(0)) > LINEAR_SHARE,
             "cross-flow": self.plant.cross_flow > CROSS_FLOW,
-            "unstable": self.facts["index"] > 0.0,
+            "unstable": self.facts.get("vertical_index", self.facts["index"]) > 0.0,
             "lively in roll": self.facts["heel_deg"] > LIVELY_DEG,
+            "stiff in pitch": self.facts.get("pitch_per_elevator", STIFF) < STIFF,
+            "out of trim": abs(self.facts.get("trim_deg", 0.0)) > TRIM_DEG,
         }
         return tuple(name for name, is_one in member.items() if is_one) or ("plain",)
 
     def damping_shares(self, order: int) -> tuple[float, float]:
-        """Share of the linear (0), quadratic (1) or cubic (2) part of the damping, sway and yaw."""
+        """Share of the linear (0), quadratic (1) or cubic (2) part of the damping of the plane.
+
+        Of sway and yaw, or of heave and pitch.
+        """
         at = SWAY_SHARE * self.size.speed, YAW_SHARE / self.size.time
-        rows = [self.plant.damping[0], self.plant.damping[3]]
+        rows = [self.plant.damping[k] for k in DAMPED[self.plane]]
         parts = [[q * x**k for k, q in enumerate(row, 1)] for row, x in zip(rows, at, strict=True)]
         sway, yaw = (p[order] / sum(p) if sum(p) else 0.0 for p in parts)
         return float(sway), float(yaw)
@@ -127,7 +148,7 @@ class Drawn:
             self.vehicle.body,
             plant_effects(self.planted),
             self.rudder(self.planted),
-            self.equipment.elevator,
+            self.elevator(self.planted),
             self.drive(self.planted),
             sea,
             self.gains,
@@ -144,7 +165,9 @@ class Drawn:
         size = np.array([0.007, 0.013, 0.02, 0.0, 0.0, 0.002 * self.size.length]) * weight
         size[3:5] = np.array([0.04, 0.1]) * weight * z_g
         force = size * rng.uniform(0.3, 1.0, (3, 6))
-        sea = make_sea(self.vehicle, self.planted, self.legs, self.notes, rng)
+        sea = make_sea(
+            self.vehicle, self.planted, self.legs, self.notes, rng, self.plane == "vertical"
+        )
         return sea._replace(surface_force=force)
 
     def measure(self, sailed: Sailed) -> dict:
@@ -171,6 +194,7 @@ class Drawn:
         maneuvers = maneuver_list(self.legs, sailed.starts, self.notes, self.origin)
         return {
             "seed": self.seed,
+            "plane": self.plane,
             "kind": self.kind,
             "classes": list(self.classes),
             "duration_s": round(sailed.record.shape[0] * STEP_S, 2),
@@ -204,7 +228,12 @@ def half_of(seed: int) -> str:
     return "report" if seed % 2 else "tune"
 
 
-def draw(seed: int, short: bool = True, planted: tuple[str, ...] | None = None) -> Drawn:
+def draw(
+    seed: int,
+    short: bool = True,
+    planted: tuple[str, ...] | None = None,
+    plane: str = "horizontal",
+) -> Drawn:
     """A new vehicle and its trial.
 
     Parameters
@@ -212,7 +241,9 @@ def draw(seed: int, short: bool = True, planted: tuple[str, ...] | None = None) 
     seed : everything hangs on it
     short : about ten minutes, longer where L/U is large; else 10 to 60
     planted : ids of effects instead of those that the seed draws
+    plane : in which it maneuvers, "horizontal" or "vertical"
     """
+    upright = plane == "vertical"
     refused: list[str] = []
     for attempt in range(ATTEMPTS):
         rng = stream(seed, f"population vehicle {attempt}")
@@ -220,6 +251,10 @@ def draw(seed: int, short: bool = True, planted: tuple[str, ...] | None = None) 
             vehicle, size, keys = draw_form(rng)
             gains = gains_for(size, rng)
             facts = check(vehicle, size, gains)
+            if upright:
+                vehicle = out_of_trim(vehicle, size, stream(seed, f"population trim {attempt}"))
+                more, gains = check_vertical(vehicle, size, gains)
+                facts |= more
             break
         except Refused as reason:
             refused.append(str(reason))
@@ -227,17 +262,24 @@ def draw(seed: int, short: bool = True, planted: tuple[str, ...] | None = None) 
         raise Refused(f"seed {seed}: no vehicle in {ATTEMPTS} draws")
     equipment = draw_equipment(size, stream(seed, "population equipment"))
     rpm, day = vehicle.plant.cruise_rpm, stream(seed, "population schedule")
-    legs, notes = draw_day(size, rpm, facts["rate_per_rudder"], short, day)
+    if upright:
+        legs, notes = draw_vertical_day(size, rpm, facts, short, day)
+        equipment = replace(equipment, missing=tuple({*equipment.missing} - NEEDED_UPRIGHT))
+    else:
+        legs, notes = draw_day(size, rpm, facts["rate_per_rudder"], short, day)
     stated = draw_stated(vehicle, size, keys, equipment, stream(seed, "population stated"))
+    if upright:
+        stated |= mistaken_ballast(vehicle, stated, stream(seed, "population ballast"))
     rng = stream(seed, "population effects")
-    kind, names = draw_names(rng)
+    kind, names = draw_names(rng, plane)
     if planted is not None:
-        kind, names = _kind(planted), planted
+        kind, names = _kind(planted, plane), planted
     seconds = float(legs[:, helm.DURATION].sum())
-    scales = Scales(size, rpm / 60.0, thrust_at_speed(vehicle, size), seconds)
-    effects = draw_sizes(names, scales, rng)
+    depth = float(np.nanmedian(legs[:, helm.DEPTH]))
+    scales = Scales(size, rpm / 60.0, thrust_at_speed(vehicle, size), seconds, depth)
+    effects = draw_sizes(names, scales, rng, plane)
     drawn = (vehicle, size, gains, equipment, legs, notes, stated, facts, tuple(refused))
-    return Drawn(seed, *drawn, kind, effects)
+    return Drawn(seed, *drawn, kind, effects, plane)
 
 
 def thrust_at_speed(vehicle: Vehicle, size: Size) -> float:
@@ -246,17 +288,19 @@ def thrust_at_speed(vehicle: Vehicle, size: Size) -> float:
     return float(thrust)
 
 
-def draw_names(rng: np.random.Generator) -> tuple[str, tuple[str, ...]]:
+def draw_names(rng: np.random.Generator, plane: str = "horizontal") -> tuple[str, tuple[str, ...]]:
     """Kind of the trial and the effects planted in it."""
-    kind = str(rng.choice(list(KINDS), p=list(KINDS.values())))
+    kinds = KINDS_OF[plane]
+    kind = str(rng.choice(list(kinds), p=list(kinds.values())))
     number = {"none": 0, "single": 1, "pair": 2, "outside": 1}[kind]
-    chosen = rng.choice(OUTSIDE if kind == "outside" else SINGLES, number, replace=False)
+    among = (OUTSIDE_OF if kind == "outside" else SINGLES_OF)[plane]
+    chosen = rng.choice(among, number, replace=False)
     return kind, tuple(str(name) for name in chosen)
 
 
-def _kind(planted: tuple[str, ...]) -> str:
+def _kind(planted: tuple[str, ...], plane: str) -> str:
     if not planted:
         return "none"
     if len(planted) > 1:
         return "pair"
-    return "outside" if planted[0] in OUTSIDE else "single"
+    return "outside" if planted[0] in OUTSIDE_OF[plane] else "single"

@@ -11,20 +11,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from seatrial.effects import EFFECTS, LATER
+from seatrial.effects import EFFECTS, LATER, VERTICAL
 from seatrial.population.form import Size
+from seatrial.population.sizes_vertical import OWN
 
 STRENGTH = (0.5, 1.5)
 
 
 @dataclass(frozen=True)
 class Scales:
-    """What sizes are measured by; `revs` cruise [rev/s], `drag` [N], `duration_s` of the trial."""
+    """What sizes are measured by.
+
+    revs : cruise [rev/s]; drag [N]; duration_s, depth_m : of the trial, and at which it works
+    """
 
     size: Size
     revs: float
     drag: float
     duration_s: float
+    depth_m: float = 8.0
 
 
 # Effect -> parameter -> (low, high, unit, signed). Units: see `unit`. "fixed" takes no strength.
@@ -119,6 +124,22 @@ SINGLES = tuple(
     n for n in ("current", *RANGES) if EFFECTS[n].family != "outside" and n not in LATER
 )
 OUTSIDE = tuple(n for n in RANGES if EFFECTS[n].family == "outside")
+OUTSIDE_UPRIGHT = ("wave",)  # of the vertical plane, beside those of the family
+# By plane: sizes, what is planted alone and in pairs, what is outside of the program's table
+RANGES_OF = {
+    "horizontal": RANGES,
+    "vertical": {n: r for n, r in RANGES.items() if n in VERTICAL} | OWN,
+}
+SINGLES_OF = {
+    "horizontal": SINGLES,
+    "vertical": tuple(
+        n for n in VERTICAL if VERTICAL[n].family != "outside" and n not in OUTSIDE_UPRIGHT
+    ),
+}
+OUTSIDE_OF = {
+    "horizontal": OUTSIDE,
+    "vertical": tuple(n for n in VERTICAL if n not in SINGLES_OF["vertical"]),
+}
 
 
 def unit(kind: str, scales: Scales) -> float:
@@ -147,14 +168,19 @@ def unit(kind: str, scales: Scales) -> float:
         "drag rr": force * time**2,
         "cubic vvr": moment * time / speed**2,
         "cubic rrr": moment * time**3,
+        "speed": speed,
+        "depth": scales.depth_m,
+        "force per length": force / length,
         "mass": force * time / speed,
         "mass length": moment * time / speed,
     }
     return units[kind.removeprefix("fixed").strip() or "one"]
 
 
-def draw_sizes(names: tuple[str, ...], scales: Scales, rng: np.random.Generator) -> dict:
-    """Parameters of the effects planted, by id."""
+def draw_sizes(
+    names: tuple[str, ...], scales: Scales, rng: np.random.Generator, plane: str = "horizontal"
+) -> dict:
+    """Parameters of the effects planted in a trial of a plane, by id."""
     planted = {}
     for name in names:
         strength = float(rng.uniform(*STRENGTH))
@@ -166,7 +192,7 @@ def draw_sizes(names: tuple[str, ...], scales: Scales, rng: np.random.Generator)
             continue
         planted[name] = {
             symbol: _one(low, high, kind, signed, strength, scales, rng)
-            for symbol, (low, high, kind, signed) in RANGES[name].items()
+            for symbol, (low, high, kind, signed) in RANGES_OF[plane][name].items()
         }
     return planted
 

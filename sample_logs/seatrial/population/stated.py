@@ -13,6 +13,7 @@ from seatrial.vehicles import Vehicle
 
 MASS, INERTIA, BUOYANCY, CURVE, DRAG = 0.02, 0.06, 0.01, 0.10, 0.3  # relative errors, std
 CENTRE_M, HEIGHT_M, LEAST_HEIGHT_M = 0.005, 0.003, 0.001
+BALLAST = (0.003, 0.02)  # of mass and buoyancy, from well to badly known
 
 
 def draw_stated(
@@ -50,6 +51,27 @@ def draw_stated(
     if plant.dvl_z > 0.0 and rng.random() < 0.5:
         tables["dvl"]["z_m"] = round(plant.dvl_z, 3)
     return tables
+
+
+def mistaken_ballast(vehicle: Vehicle, stated: dict, rng: np.random.Generator) -> dict:
+    """The table of the vehicle with the errors of ballasting: weighed well, badly, or guessed.
+
+    Mass and buoyancy are off by 0.3 to 2 %, the height of the centre of gravity by 5 mm or by a
+    tenth, its station by up to 5 mm.
+    """
+    true, level = vehicle.file["vehicle"], float(np.exp(rng.uniform(*np.log(BALLAST))))
+    high = true["z_g_m"] + float(rng.normal(0.0, CENTRE_M))
+    if rng.random() < 0.5:
+        high = true["z_g_m"] * float(rng.normal(1.0, 0.1))
+    off = float(rng.uniform(0.2, 1.0)) * CENTRE_M
+    table = {
+        **stated["vehicle"],
+        "mass_kg": true["mass_kg"] * float(rng.normal(1.0, level)),
+        "buoyancy_n": true["buoyancy_n"] * float(rng.normal(1.0, level)),
+        "x_g_m": float(np.round(true["x_g_m"] + rng.normal(0.0, off), 4)),
+        "z_g_m": max(high, LEAST_HEIGHT_M),
+    }
+    return {"vehicle": table}
 
 
 def stated_curve(vehicle: Vehicle, size: Size, rng: np.random.Generator) -> dict:

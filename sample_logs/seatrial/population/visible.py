@@ -1,8 +1,10 @@
 """Does an effect show? The same inputs once with it and once without, against the noise.
 
 The rule: an effect is visible where the root mean square of what it changes in the measured u, v
-or r, over the maneuvers, is at least `VISIBLE` times the noise of that channel: the sensor's own
-and the scatter of the motion itself, which the turbulence makes, root of the sum of squares.
+or r (u, w, q or pitch), over the maneuvers, is at least `VISIBLE` times the noise of that channel:
+the sensor's own and the scatter of the motion itself, which the turbulence makes, root of the sum
+of squares. A fault of the depth sensor shows in the depth, about its mean in each maneuver: what is
+off by the same everywhere shows nowhere.
 
 The trial without the effect follows the record of the one with it: it has the same commands, sea
 and turbulence, and starts anew from the recorded motion every `WINDOW` L/U. So nothing drifts away,
@@ -19,9 +21,9 @@ import numpy as np
 
 from seatrial.actuators import Servo, felt_angle, motor_step, servo_step, servo_target
 from seatrial.plant import STATES, PlantEffects, rk4_step, workspace
-from seatrial.planting import plant_effects
+from seatrial.planting import plant_effects, vertical_water, with_weight
 from seatrial.population.drawn import Drawn, Sailed
-from seatrial.sensors import dvl, gyro
+from seatrial.sensors import attitude, depth, dvl, gyro
 from seatrial.simulate import (
     ELEVATOR,
     ELEVATOR_COMMAND,
@@ -33,14 +35,16 @@ from seatrial.simulate import (
     TURBULENCE_TIME_S,
     Drive,
     sea_forces,
+    sinking,
 )
 from seatrial.vehicles import FIN_STALL, Body
 
 VISIBLE = 1.0
 WINDOW = 15.0  # [L/U]
-CHANNELS = ("u", "v", "r")
+CHANNELS = {"horizontal": ("u", "v", "r"), "vertical": ("u", "w", "q", "pitch")}
+DEPTH_FAULTS = ("depth_lag", "depth_scale")
 # What happens in the record alone: following it has no legs, and no memory of its own.
-NOT_AGAIN = ("one_off_event", "memory_force", "roll_mode")
+NOT_AGAIN = ("one_off_event", "memory_force", "roll_mode", "stuck_elevator")
 
 
 @dataclass(frozen=True)
@@ -109,6 +113,7 @@ def follow(record, window, body, effects, rudder_servo, elevator_servo, drive, s
             effects,
             work,
         )
+        state[8] += sinking(time, state[8], sea) * STEP_S
         rudder, elevator, revs = next_rudder, next_elevator, next_revs
     return found
 
@@ -119,7 +124,7 @@ def variant(drawn: Drawn, planted: dict, **changed) -> Variant:
         "body": drawn.vehicle.body,
         "effects": plant_effects(planted),
         "rudder": drawn.rudder(planted),
-        "elevator": drawn.equipment.elevator,
+        "elevator": drawn.elevator(planted),
         "drive": drawn.drive(planted),
         "planted": planted,
     }
@@ -131,6 +136,7 @@ def motion(drawn: Drawn, sailed: Sailed, other: Variant, noise=None) -> np.ndarr
     calm = sailed.sea
     if "wave" not in other.planted:
         calm = calm._replace(swell_force=0.0, swell_moment=0.0)
+    calm = with_weight(other.planted, vertical_water(other.planted, calm))
     window = round(WINDOW * drawn.size.time / STEP_S)
     parts = (other.body, other.effects, other.rudder, other.elevator, other.drive, calm)
     gusts = sailed.noise if noise is None else noise
@@ -138,14 +144,24 @@ def motion(drawn: Drawn, sailed: Sailed, other: Variant, noise=None) -> np.ndarr
 
 
 def measured(drawn: Drawn, record: np.ndarray, planted: dict) -> dict:
-    """Times and values of u, v, r with the noise of the trial, the same for every variant."""
+    """Times and values of the channels with the noise of the trial, the same for every variant."""
     noise = drawn.equipment.noise
     speeds = dvl(record, drawn.vehicle, planted, drawn.stream("dvl"), noise)
     rates = gyro(record, planted, drawn.stream("gyro"), noise)
+    if drawn.plane == "horizontal":
+        return {
+            "u": (speeds["time_s"], speeds["u_mps"]),
+            "v": (speeds["time_s"], speeds["v_mps"]),
+            "r": (rates["time_s"], rates["r"]),
+        }
+    tilt = attitude(record, planted, drawn.stream("attitude"), noise)
+    deep = depth(record, planted, drawn.stream("depth"), noise)
     return {
         "u": (speeds["time_s"], speeds["u_mps"]),
-        "v": (speeds["time_s"], speeds["v_mps"]),
-        "r": (rates["time_s"], rates["r"]),
+        "w": (speeds["time_s"], speeds["w_mps"]),
+        "q": (rates["time_s"], rates["q"]),
+        "pitch": (tilt["time_s"], tilt["pitch"]),
+        "depth": (deep["time_s"], deep["depth"]),
     }
 
 
@@ -158,25 +174,25 @@ def spans(drawn: Drawn, sailed: Sailed) -> list[tuple[float, float]]:
 def change(one: dict, other: dict, within: list[tuple[float, float]]) -> dict[str, float]:
     """Root mean square of the differences of each channel within the spans."""
     found = {}
-    for channel in CHANNELS:
-        times, values = one[channel]
-        inside = np.zeros(times.size, bool)
-        for start, end in within:
-            inside |= (times >= start) & (times <= end)
-        difference = (values - other[channel][1])[inside]
-        found[channel] = float(np.sqrt(np.nanmean(difference**2)))
+    for channel, (times, values) in one.items():
+        difference = values - other[channel][1]
+        parts = [difference[(times >= start) & (times <= end)] for start, end in within]
+        if channel == "depth":
+            parts = [part - part.mean() for part in parts if part.size]
+        found[channel] = float(np.sqrt(np.nanmean(np.concatenate(parts) ** 2)))
     return found
 
 
 def background(drawn: Drawn, sailed: Sailed) -> dict[str, float]:
-    """Noise of u, v, r: the sensor, and the scatter that other turbulence would make."""
+    """Noise of the channels: the sensor, and the scatter that other turbulence would make."""
     clean, within = variant(drawn, drawn.planted), spans(drawn, sailed)
     again = drawn.stream("other turbulence").normal(size=sailed.noise.shape)
     pair = [motion(drawn, sailed, clean, gusts) for gusts in (sailed.noise, again)]
     seen = [measured(drawn, record, drawn.planted) for record in pair]
     scatter, noise = change(*seen, within), drawn.equipment.noise
-    own = {"u": noise.dvl_mps, "v": noise.dvl_mps, "r": noise.gyro_radps}
-    return {c: math.hypot(own[c], scatter[c] / math.sqrt(2.0)) for c in CHANNELS}
+    own = dict.fromkeys("uvw", noise.dvl_mps) | dict.fromkeys("qr", noise.gyro_radps)
+    own |= {"pitch": noise.tilt_rad, "depth": noise.depth_m}
+    return {c: math.hypot(own[c], scatter[c] / math.sqrt(2.0)) for c in scatter}
 
 
 def visibility(drawn: Drawn, sailed: Sailed) -> dict[str, dict]:
@@ -210,26 +226,49 @@ def own_effects(drawn: Drawn, sailed: Sailed, asked: set[str]) -> dict[str, dict
 
 def without(drawn: Drawn, as_it_is: Variant) -> dict[tuple[str, ...], dict]:
     """Changes that take something away from the vehicle, by the ids it would be called by."""
+    if drawn.plane == "vertical":
+        return without_upright(drawn, as_it_is)
     body, held = drawn.vehicle.body, as_it_is.rudder
     quick = held._replace(lag=1e-3, rate_limit=1e3, delay=0.0)
     true = held._replace(deadband=0.0, backlash=0.0, asymmetry=0.0, offset=0.0)
-    no_linear, no_cubic, fins = body.damping.copy(), body.damping.copy(), body.fins.copy()
-    no_linear[:, 0], no_cubic[:, 2], fins[:, FIN_STALL] = 0.0, 0.0, 1e3
     effects = as_it_is.effects
-    return {
+    return hull_without(body, as_it_is) | {
         ("rudder_lag", "rudder_rate_limit", "rudder_delay"): {"rudder": quick},
         ("rudder_deadband", "rudder_backlash", "rudder_asymmetry", "rudder_offset"): {
             "rudder": true
         },
-        ("propeller_lag",): {"drive": as_it_is.drive._replace(lag=1e-3)},
-        ("linear_damping",): {"body": body._replace(damping=no_linear)},
-        ("cubic_damping",): {"body": body._replace(damping=no_cubic)},
         ("sway_cross_flow",): {"effects": effects._replace(sway_cross_flow=-1.0)},
         ("yaw_cross_flow",): {"effects": effects._replace(yaw_cross_flow=-1.0)},
-        ("rudder_stall",): {"body": body._replace(fins=fins)},
         ("propeller_side_force", "hull_asymmetry"): {
             "body": body._replace(kq=np.zeros(3), y_g=0.0),
         },
+    }
+
+
+def without_upright(drawn: Drawn, as_it_is: Variant) -> dict[tuple[str, ...], dict]:
+    """As `without`, in the vertical plane."""
+    held, effects = as_it_is.elevator, as_it_is.effects
+    quick = held._replace(lag=1e-3, rate_limit=1e3, delay=0.0)
+    true = held._replace(deadband=0.0, backlash=0.0, asymmetry=0.0, offset=0.0)
+    return hull_without(drawn.vehicle.body, as_it_is) | {
+        ("elevator_lag", "elevator_rate_limit", "elevator_delay"): {"elevator": quick},
+        ("elevator_deadband", "elevator_backlash", "elevator_asymmetry", "elevator_offset"): {
+            "elevator": true
+        },
+        ("heave_cross_flow",): {"effects": effects._replace(heave_cross_flow=-1.0)},
+        ("pitch_cross_flow",): {"effects": effects._replace(pitch_cross_flow=-1.0)},
+    }
+
+
+def hull_without(body: Body, as_it_is: Variant) -> dict[tuple[str, ...], dict]:
+    """What is taken away from motor, hull and fins in either plane."""
+    no_linear, no_cubic, fins = body.damping.copy(), body.damping.copy(), body.fins.copy()
+    no_linear[:, 0], no_cubic[:, 2], fins[:, FIN_STALL] = 0.0, 0.0, 1e3
+    return {
+        ("propeller_lag",): {"drive": as_it_is.drive._replace(lag=1e-3)},
+        ("linear_damping",): {"body": body._replace(damping=no_linear)},
+        ("cubic_damping",): {"body": body._replace(damping=no_cubic)},
+        ("rudder_stall", "elevator_stall"): {"body": body._replace(fins=fins)},
         ("turning_drag",): {"body": body._replace(hull_induced=0.0)},
     }
 
@@ -241,7 +280,8 @@ def _judged(drawn: Drawn, sailed: Sailed, pairs: dict) -> dict[str, dict]:
     found = {}
     for name, (one, other) in pairs.items():
         changed = change(one, other, within)
-        ratios = {c: changed[c] / noise[c] for c in CHANNELS}
+        shown = ("depth",) if name in DEPTH_FAULTS else CHANNELS[drawn.plane]
+        ratios = {c: changed[c] / noise[c] for c in shown}
         largest = max(ratios, key=lambda c: ratios[c])
         found[name] = {
             "visible": bool(ratios[largest] >= VISIBLE),
