@@ -274,7 +274,7 @@ def fly(
         Told the time flown [s].
     """
     dt = round_step(min(helm.step_s, LONGEST_STEP_S))
-    every = max(1, round(helm.row_s / dt))
+    every = max(1, int(helm.row_s / dt))
     states = np.where(run.found, run.states, np.nan)
     start, way = states[3].copy(), np.zeros((2, fleet.size))
     servos = Servos(fleet, run.angle.copy(), dt)
