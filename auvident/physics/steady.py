@@ -49,7 +49,7 @@ def steady_run(fleet: Fleet, speed_mps: float, rate_rps: float, unknown: Unknown
     ----------
     fleet : Fleet
     speed_mps, rate_rps : float
-        Given, or where the search begins; positive.
+        Given, or where the search begins; positive, and not far below what is found.
     unknown : str
         Which of the two is sought; with ``neither`` the speed need not stay as it is.
     """

@@ -151,7 +151,7 @@ MANEUVERS: tuple[DeskManeuver, ...] = (
             "rise_time_s",
             "settling_time_s",
             "depth_overshoot_m",
-            "depth_overshoot",
+            "depth_overshoot_share",
             "depth_error_m",
             "greatest_pitch_deg",
             "greatest_elevator_deg",

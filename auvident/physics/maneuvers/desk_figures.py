@@ -107,27 +107,30 @@ def vertical_swing_figures(flight: Flight, s: int) -> Figures:
 
 
 def depth_figures(flight: Flight, s: int) -> Figures:
-    """Figures of a step of the depth; none of a model that does not settle."""
+    """Figures of a step of the depth; without a settling time where it is not held."""
     assert isinstance(flight.helm, DepthHelm)
-    if flight.ends[s] < 0:
-        return {}
     rows, wanted = rows_of(flight, s), flight.helm.depth_m
+    if rows.stop < len(flight.time_s) and flight.ends[s] < 0:  # ran away
+        return {}
     time, share = flight.time_s[rows], flight.way[rows, 1, s] / wanted
     pitch = flight.states[rows, 3, s] - flight.setting.pitch_rad[s]
     beyond = max(float(share.max()) - 1.0, 0.0)
-    outside = np.flatnonzero(np.abs(share - 1.0) > DEPTH_REACHED)
     steepest = int(np.argmax(np.abs(pitch)))
     fin = flight.side * flight.fin[rows, s]
     found = {
-        "settling_time_s": float(time[min(int(outside[-1]) + 1, len(time) - 1)]),
-        "depth_overshoot": beyond,
+        "depth_overshoot_share": beyond,
         "depth_overshoot_m": beyond * abs(wanted),
         "depth_error_m": float((share[-1] - 1.0) * wanted),
         "greatest_pitch_deg": float(np.degrees(pitch[steepest])),
         "greatest_elevator_deg": float(np.degrees(fin[int(np.argmax(np.abs(fin)))])),
     }
     risen = first_crossing(time, share, RISEN)
-    return found | ({} if risen is None else {"rise_time_s": risen})
+    if risen is not None:
+        found["rise_time_s"] = risen
+    if flight.ends[s] >= 0:
+        outside = np.flatnonzero(np.abs(share - 1.0) > DEPTH_REACHED)
+        found["settling_time_s"] = float(time[min(int(outside[-1]) + 1, len(time) - 1)])
+    return found
 
 
 def pull_out_figures(flight: Flight, s: int) -> Figures:

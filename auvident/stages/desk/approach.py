@@ -33,7 +33,7 @@ class Approach:
 
 
 @dataclass(frozen=True)
-class Begun:
+class Approached:
     """A fleet on its straight run.
 
     Attributes
@@ -52,7 +52,7 @@ class Begun:
     servo: str
 
 
-def begin(models: DeskModel, approach: Approach) -> Begun:
+def begin(models: DeskModel, approach: Approach) -> Approached:
     """Put the models on a straight run.
 
     Raises
@@ -76,7 +76,7 @@ def begin(models: DeskModel, approach: Approach) -> Begun:
     run = _run(fleet, approach, speed, speed / advance if held is None else 0.0)
     if not run.found[0]:
         raise _not_held(models, speed)
-    return Begun(fleet, run, _side(models, first), servo)
+    return Approached(fleet, run, _side(models, first), servo)
 
 
 def _run(fleet: Fleet, approach: Approach, speed: float, rate_rps: float) -> SteadyRun:

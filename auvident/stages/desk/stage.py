@@ -23,7 +23,7 @@ from auvident.physics.maneuvers.desk_figures import FIGURES, of_all, rows_of
 from auvident.schema.channels import TIME_COLUMN
 from auvident.schema.desk import DeskOrder, DeskResult
 from auvident.schema.planes import CONTROL_COLUMNS, STATE_COLUMNS
-from auvident.stages.desk.approach import Approach, Begun, begin
+from auvident.stages.desk.approach import Approach, Approached, begin
 from auvident.stages.desk.models import DeskModel, possible_models
 from auvident.stages.desk.tell import (
     FEWEST,
@@ -166,7 +166,7 @@ def _comes_to_nothing(flight: Flight, models: DeskModel, order: DeskOrder) -> Nu
     )
 
 
-def _table(flight: Flight, begun: Begun, models: DeskModel) -> pd.DataFrame:
+def _table(flight: Flight, begun: Approached, models: DeskModel) -> pd.DataFrame:
     """Motion of the best model until it is through, with the band of the drawn ones."""
     rows, plane = rows_of(flight, 0), models.plane
     own, rpm = CONTROL_COLUMNS[plane][0], 60.0 * begun.run.rate_rps[0]

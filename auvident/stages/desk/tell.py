@@ -14,7 +14,7 @@ from auvident.physics.maneuvers.desk_figures import spiral_branches
 from auvident.physics.steady import Unknown, linear_steering, steady_run
 from auvident.schema.artifacts import Finding
 from auvident.schema.desk import DeskCurve, DeskFigure, DeskOrder
-from auvident.stages.desk.approach import Begun
+from auvident.stages.desk.approach import Approached
 from auvident.stages.desk.models import DeskModel
 
 Array = npt.NDArray[Any]
@@ -30,7 +30,7 @@ G_OF = {
 }
 
 
-def of_equations(begun: Begun, models: DeskModel) -> dict[str, Array]:
+def of_equations(begun: Approached, models: DeskModel) -> dict[str, Array]:
     """Figures (S,) that need no maneuver: stability index, Nomoto's K and T, the trim."""
     fleet, run = begun.fleet, begun.run
     mass = fleet.parameter("m")
@@ -79,7 +79,7 @@ def figures_of(wanted: Sequence[str], found: Mapping[str, Array]) -> tuple[DeskF
 
 
 def curves_of(
-    flight: Flight, begun: Begun, order: DeskOrder, speed_mps: float
+    flight: Flight, begun: Approached, order: DeskOrder, speed_mps: float
 ) -> tuple[DeskCurve, ...]:
     """Rate by rudder of a spiral; trim by speed in the vertical plane."""
     if order.row.name == "spiral":
@@ -91,20 +91,21 @@ def curves_of(
         told = tuple(float(round(d, 6)) for d in np.degrees(at))
         return (DeskCurve(name="spiral", along="rudder", unit="deg", at=told, figures=tuple(rows)),)
     if order.row.plane == "vertical":
-        return (trim_by_speed(begun.fleet, begun.side, speed_mps),)
+        return (trim_by_speed(begun, speed_mps),)
     return ()
 
 
-def trim_by_speed(fleet: Fleet, side: float, speed_mps: float) -> DeskCurve:
+def trim_by_speed(begun: Approached, speed_mps: float) -> DeskCurve:
     """Elevator and pitch that hold the depth at several speeds; none where nothing holds it."""
-    speeds = tuple(share * speed_mps for share in TRIM_SHARES)
+    speeds, fleet = tuple(share * speed_mps for share in TRIM_SHARES), begun.fleet
     rows = []
     for speed in speeds:
+        rate = float(begun.run.rate_rps[0]) * speed / speed_mps
         if fleet.held_speed_mps is not None:
             fleet = Fleet(fleet.structure, fleet.vectors, speed)
         unknown: Unknown = "rate" if fleet.held_speed_mps is None else "neither"
-        run = steady_run(fleet, speed, speed / 0.1, unknown)
-        trim = _trim(run.states[3], side * run.angle)
+        run = steady_run(fleet, speed, rate, unknown)
+        trim = _trim(run.states[3], begun.side * run.angle)
         rows.append(tuple(figure(name, np.where(run.found, x, np.nan)) for name, x in trim.items()))
     return DeskCurve(name="trim", along="speed", unit="m/s", at=speeds, figures=tuple(rows))
 
@@ -131,7 +132,7 @@ def findings_of(flight: Flight, models: DeskModel, order: DeskOrder, lost: int) 
                 code="maneuver-not-finished",
                 where=order.text,
                 message=f"not over within {flight.time_s[-1]:.0f} s ({order.row.ends})",
-                remedy="A larger angle or speed may finish it.",
+                remedy="Another angle or speed may finish it.",
             )
         )
     if models.source != "identified":
