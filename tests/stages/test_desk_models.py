@@ -223,7 +223,7 @@ def test_a_turning_circle_is_that_of_the_vehicle(harbour: DeskModel) -> None:
 
 @pytest.mark.parametrize("degrees", [10, 20])
 def test_a_zigzag_is_that_of_the_vehicle(harbour: DeskModel, degrees: int) -> None:
-    """Overshoots within 5 %, times within 3 %: the helm of the generator looks 20 times a second (0.2 deg)."""
+    """Overshoots within 5 %, times within 3 %; the generator's helm looks 20 times a second."""
     sys.path.insert(0, str(SAMPLES))
     angle = math.radians(degrees)
     s = sailed(legs_of(4, fin=-angle, switch=angle, count=5))

@@ -27,7 +27,8 @@ MOST_CIRCLE, MOST_SWING = 300.0, 60.0  # L/U: a whole circle, one swing of a zig
 SETTLED, SETTLING, MOST_SETTLING = 2.0e-4, 3.0, 90.0
 SETTLED_MODELS = 0.9  # of the drawn models, and the first
 # Autopilot of the depth: a depth error of one hull length asks for 0.2 rad of pitch, at most 20
-# degrees; a pitch error for 1.5 times as much elevator, less L/U times the pitch rate, at most 20 degrees
+# degrees; a pitch error for 1.5 times as much elevator, less L/U times the pitch rate, at most 20
+# degrees. So chosen that the stable REMUS 100 and the unstable SUBOFF (G_V = -1.16) both settle.
 DEPTH_GAIN, PITCH_GAIN, RATE_GAIN = 0.2, 1.5, 1.0
 PITCH_LIMIT, ELEVATOR_LIMIT = np.radians(20.0), np.radians(20.0)
 DEPTH_REACHED, DEPTH_HELD, MOST_DEPTH = 0.05, 10.0, 150.0  # share of the step; L/U; L/U
