@@ -32,6 +32,7 @@ KERNEL_MODULES = (
     "physics/actuation.py",
     "physics/batch.py",
     "physics/dynamics.py",
+    "physics/fleet.py",
     "physics/sensitivity.py",
     "physics/term_tables.py",
 )
@@ -96,8 +97,13 @@ def cache_is_writable() -> bool:
 
 def compiled_already(kind: str = "ekf") -> bool:
     """Whether an earlier process left the kernels of a filter (so nobody has to wait for them)."""
+    return has_compiled(f"passes.{kind}_pass")
+
+
+def has_compiled(name: str) -> bool:
+    """Whether an earlier process left a kernel, named with its module: ``fleet._step``."""
     folder = _permanent()
-    return folder is not None and any(folder.glob(f"*/passes.{kind}_pass-*.nbc"))
+    return folder is not None and any(folder.glob(f"*/{name}-*.nbc"))
 
 
 def _compiled_in(folder: Path, function: Callable[..., Any], **options: Any) -> Any:

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -37,14 +38,16 @@ def status(output: Output, run: Path) -> None:
 @command(
     "simulate",
     "auvident simulate runs/demo --inputs sample_logs/harbour_trial --from 1373 --to 1448",
+    "auvident simulate runs/demo --maneuver zigzag:20/20 --output zigzag.csv",
+    "auvident simulate sample_logs/remus100.toml --maneuver turning-circle:15 --speed 1.5",
 )
-@click.argument("target", metavar="RUN|MODEL", type=PATH)
+@click.argument("target", metavar="RUN|MODEL|VEHICLE.toml", type=PATH)
+@click.option("--inputs", "log", type=PATH, help="Log with the inputs (rudder or elevator, rpm).")
 @click.option(
-    "--inputs",
-    "log",
-    required=True,
-    type=PATH,
-    help="Log with the inputs (rudder or elevator, rpm).",
+    "--maneuver",
+    metavar="NAME[:NUMBERS]",
+    help="Standard maneuver: turning-circle:15, zigzag:10/10, spiral:25, pull-out:15, depth-step:5 "
+    "or vertical-zigzag:10/5 (deg, m; the defaults).",
 )
 @click.option("--from", "from_s", type=float, metavar="SECONDS", help="Start of the simulation.")
 @click.option("--to", "to_s", type=float, metavar="SECONDS", help="End of the simulation.")
@@ -53,56 +56,109 @@ def status(output: Output, run: Path) -> None:
     "speed_mps",
     type=float,
     metavar="MPS",
-    help="Start from a straight run at this speed instead of the measured state.",
+    help="Start from a straight run at this speed instead of the measured state; of a maneuver "
+    "the approach.  [default of a maneuver: that of the trial, else of the vehicle file]",
+)
+@click.option(
+    "--rpm",
+    type=float,
+    help="Propeller rate of a maneuver.  [default: as the speed needs]",
+)
+@click.option(
+    "--rudder-rate",
+    "rudder_rate_degps",
+    type=float,
+    metavar="DEGPS",
+    help="How fast the fin turns in a maneuver.  [default: as in the model, else 25 deg/s, and no "
+    "more than 93 deg per L/U]",
 )
 @click.option(
     "--vehicle", type=PATH, help="Vehicle file, for a MODEL that is not in a run directory."
 )
 @click.option("--map", "map_", type=PATH, help="Column map: names, units and signs (TOML).")
-@click.option("--rate", "rate_hz", type=float, default=10.0, metavar="HZ", help="[default: 10]")
+@click.option(
+    "--rate",
+    "rate_hz",
+    type=float,
+    default=10.0,
+    metavar="HZ",
+    help="Of the log on one clock.  [default: 10]",
+)
 @click.option(
     "--samples",
-    type=int,
+    type=click.IntRange(min=0),
     default=100,
     help="Models sampled for the uncertainty band.  [default: 100]",
 )
 @click.option("--output", "file", type=PATH, help="Output file (.parquet or .csv).")
+@click.option("--figure", type=PATH, help="Picture of a maneuver (.svg or .png).")
 @click.option("--seed", type=int, default=0, help="Seed of the sampling.  [default: 0]")
 def simulate(
     output: Output,
     target: Path,
-    log: Path,
+    log: Path | None,
+    maneuver: str | None,
     from_s: float | None,
     to_s: float | None,
     speed_mps: float | None,
+    rpm: float | None,
+    rudder_rate_degps: float | None,
     vehicle: Path | None,
     map_: Path | None,
     rate_hz: float,
     samples: int,
     file: Path | None,
+    figure: Path | None,
     seed: int,
 ) -> None:
-    """Predict the motion from the inputs of a log, with the uncertainty of the model.
+    """Predict the motion from the inputs of a log, or fly a standard maneuver.
 
-    It starts from the measured state if the log has one, else on a straight run at --speed or at
-    the steady speed of the first propeller rate. The band is that of 95 % of the readings.
-    The table is written to --output, else to RUN/simulate, else (MODEL) to standard output.
+    With --inputs it starts from the measured state if the log has one, else on a straight run at
+    --speed or at the steady speed of the first propeller rate. The band is that of 95 % of the
+    readings. The table is written to --output, else to RUN/simulate, else (MODEL) to standard
+    output.
+
+    With --maneuver a helm on the desk steers: from a straight run in balance, with a RUN, a MODEL,
+    or a VEHICLE.toml, whose estimate from geometry is flown with its [coefficients] in place. An
+    angle on the command line is positive to starboard, or bow up; a depth, downwards. The intervals
+    hold 90 % of the models sampled. The table of the motion is written to --output, with the
+    signs of the axes (a positive rudder turns to port, a positive elevator down).
     """
+    if (log is None) == (maneuver is None):
+        raise click.UsageError("Give either --inputs LOG or --maneuver NAME.")
+    if maneuver is not None:
+        _refuse({"--from": from_s, "--to": to_s, "--vehicle": vehicle, "--map": map_}, "--inputs")
+        asked = {"speed_mps": speed_mps, "rpm": rpm, "rudder_rate_degps": rudder_rate_degps}
+        asked |= {"samples": samples, "seed": seed}
+        return _fly(output, target, maneuver, asked, file, figure)
+    assert log is not None
+    _refuse({"--rpm": rpm, "--rudder-rate": rudder_rate_degps, "--figure": figure}, "--maneuver")
+    window = (-math.inf if from_s is None else from_s, math.inf if to_s is None else to_s)
+    options = {"window_s": window, "speed_mps": speed_mps, "samples": samples}
+    data = {"vehicle_file": vehicle, "column_map": map_, "rate_hz": rate_hz, "seed": seed}
+    return _predict(output, target, log, data, options, file)
+
+
+def _refuse(given: dict[str, Any], other: str) -> None:
+    """Options that only go with another one."""
+    for name, value in given.items():
+        if value is not None:
+            raise click.UsageError(f"{name} goes with {other} only.")
+
+
+def _predict(
+    output: Output,
+    target: Path,
+    log: Path,
+    data: dict[str, Any],
+    options: dict[str, Any],
+    file: Path | None,
+) -> None:
     from auvident.pipeline.predict import predict
     from auvident.storage.run_directory import RunDirectory
 
-    window = (-math.inf if from_s is None else from_s, math.inf if to_s is None else to_s)
     with output.watch() as watch:
-        made = predict(
-            target,
-            log,
-            vehicle_file=vehicle,
-            column_map=map_,
-            rate_hz=rate_hz,
-            seed=seed,
-            observer=watch,
-            options={"window_s": window, "speed_mps": speed_mps, "samples": samples},
-        )
+        made = predict(target, log, observer=watch, options=options, **data)
         if file is None and target.is_dir():
             name = f"simulate/{made.trial}.parquet"
             RunDirectory(target).refuse_link(name)
@@ -116,6 +172,48 @@ def simulate(
         output.artifact(simulation, "simulation")
     elif file is None:
         output.text(made.table.to_csv(index=False).rstrip("\n"))
+
+
+def _fly(
+    output: Output,
+    target: Path,
+    maneuver: str,
+    asked: dict[str, Any],
+    file: Path | None,
+    figure: Path | None,
+) -> None:
+    from auvident.pipeline.desk import Asked, fly_on_desk, with_columns
+    from auvident.report.desk import desk_pieces
+
+    form = _picture_form(figure)
+    with output.watch() as watch:
+        desk = fly_on_desk(target, maneuver, Asked(**asked), watch)
+        for piece in desk_pieces(desk.result):
+            watch.show(piece)
+        if file is not None:
+            write_table(desk.table, file)
+            watch.note(f"{len(desk.table)} rows written to {file} (model: {desk.result.model})")
+        if figure is not None:
+            from auvident.report.figures_desk import desk_figure
+            from auvident.storage.artifacts import write_bytes
+
+            write_bytes(figure, desk_figure(desk.result, desk.table, desk.drawn_ways, form))
+            watch.note(f"picture written to {figure}")
+    output.artifact(with_columns(desk), "desk")
+
+
+def _picture_form(figure: Path | None) -> str:
+    """``svg`` or ``png``, by the end of the file's name."""
+    from auvident.errors import UsageError
+
+    form = "svg" if figure is None else figure.suffix.removeprefix(".")
+    if form not in ("svg", "png"):
+        raise UsageError(
+            "is neither a .svg nor a .png file",
+            str(figure),
+            "Give a file name that ends in .svg or .png.",
+        )
+    return form
 
 
 @command(

@@ -91,27 +91,49 @@ def servo_angle(command, lag, slowness, deadband, half_width, asymmetry, dt, out
         Step [s].
     out : (n,) array, filled
     """
+    h, keep, most, trailing = servo_constants(lag, slowness, dt)
+    taken = angle = 0.0
+    for k in range(command.shape[0]):
+        taken = taken_up(command[k], taken, deadband, half_width if k > 0 else 0.0)
+        target = unequal(taken, asymmetry)
+        if k == 0:
+            angle = target
+        out[k], angle = turned(target, angle, slowness, h, keep, most, trailing)
+
+
+@kernel
+def servo_constants(lag, slowness, dt):
+    """Substep, what a lag leaves of a distance in it, most that is turned, trailing share."""
     h = dt / SUBSTEPS
     keep = math.exp(-h / lag) if lag > 0.0 else 0.0
     most = h / slowness if slowness > 0.0 else math.inf
-    trailing = lag / h * (1.0 - keep) if lag > 0.0 else 0.0
-    taken = angle = 0.0
-    for k in range(command.shape[0]):
-        ordered = math.copysign(max(abs(command[k]) - deadband, 0.0), command[k])
-        taken = min(max(taken, ordered - half_width), ordered + half_width)
-        if k == 0:
-            taken = ordered
-        target = taken * (1.0 + asymmetry if taken > 0.0 else 1.0 - asymmetry)
-        if k == 0:
-            angle = target
-        short = 0.0
-        for _ in range(SUBSTEPS):
-            distance = target - angle
-            turning = abs(distance) * max(slowness, 0.0) / h
-            limited = 0.5 * turning if turning <= 1.0 else 1.0 - 0.5 / turning
-            short += max(trailing, limited) * distance
-            angle += min(max(distance * (1.0 - keep), -most), most)
-        out[k] = target - short / SUBSTEPS
+    return h, keep, most, lag / h * (1.0 - keep) if lag > 0.0 else 0.0
+
+
+@kernel
+def taken_up(command, taken, deadband, half_width):
+    """Command behind the dead band and the play, that was `taken` before."""
+    ordered = math.copysign(max(abs(command) - deadband, 0.0), command)
+    return min(max(taken, ordered - half_width), ordered + half_width)
+
+
+@kernel
+def unequal(taken, asymmetry):
+    """Angle that the servo goes to, by its unequal gain."""
+    return taken * (1.0 + asymmetry if taken > 0.0 else 1.0 - asymmetry)
+
+
+@kernel
+def turned(target, angle, slowness, h, keep, most, trailing):
+    """Mean angle of the servo over one step, and the angle that it comes to."""
+    short = 0.0
+    for _ in range(SUBSTEPS):
+        distance = target - angle
+        turning = abs(distance) * max(slowness, 0.0) / h
+        limited = 0.5 * turning if turning <= 1.0 else 1.0 - 0.5 / turning
+        short += max(trailing, limited) * distance
+        angle += min(max(distance * (1.0 - keep), -most), most)
+    return target - short / SUBSTEPS, angle
 
 
 @kernel
@@ -184,16 +206,23 @@ def _turn_propeller(raw, dt, e, rate):
 def _act(raw, elapsed, speed, e, angle, rate, out):
     """What servo and propeller do to the vehicle; see `actuate`."""
     for k in range(raw.shape[0]):
-        turned = angle[k] + e[OFFSET]
-        turned /= math.sqrt(1.0 + max(e[STALL], 0.0) * turned * turned)
-        u, revs = max(abs(speed[k]), LEAST_SPEED_MPS), rate[k]
-        thrust = e[T_NN] * revs * abs(revs) + e[T_NU] * abs(revs) * speed[k]
+        revs = rate[k]
         factor = 1.0 - e[SAG] * elapsed[k] / SAG_PERIOD_S
         factor -= e[STEP] * share_fallen(elapsed[k], e[STEP_TIME], e[OVER])
-        out[k, CONTROL] = turned * (1.0 + e[RACE] * thrust * factor / (u * u))
+        out[k, CONTROL] = felt_angle(angle[k], revs, speed[k], factor, e)
         out[k, OTHER], out[k, REVS], out[k, THRUST] = raw[k, OTHER], revs, factor
         out[k, DRIVE] = thrust * factor
         out[k, CHANGED] = share_fallen(elapsed[k], e[CHANGE_TIME], e[CHANGE_OVER])
+
+
+@kernel
+def felt_angle(angle, revs, speed, factor, e):
+    """Angle that acts: with its offset, as far as the flow follows it, and in the race."""
+    turned = angle + e[OFFSET]
+    turned /= math.sqrt(1.0 + max(e[STALL], 0.0) * turned * turned)
+    u = max(abs(speed), LEAST_SPEED_MPS)
+    thrust = e[T_NN] * revs * abs(revs) + e[T_NU] * abs(revs) * speed
+    return turned * (1.0 + e[RACE] * thrust * factor / (u * u))
 
 
 @kernel

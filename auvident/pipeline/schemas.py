@@ -7,6 +7,7 @@ from pydantic.json_schema import JsonSchemaMode
 
 from auvident.schema.artifacts import AseResult, IdentifiedModel, Maneuver, Metrics, TrialPlan
 from auvident.schema.base import Declared
+from auvident.schema.desk import DeskResult
 from auvident.schema.diagnosis import Comparison, Diagnosis
 from auvident.schema.logs import ColumnMap, Quality
 from auvident.schema.manifest import Manifest
@@ -24,6 +25,7 @@ SCHEMAS: dict[str, tuple[str, Any]] = {
     "ase": ("ase/coefficients.json", AseResult),
     "model": ("identify/model.json", IdentifiedModel),
     "trial-plan": ("what plan-trial prints", TrialPlan),
+    "desk": ("what simulate --maneuver prints", DeskResult),
     "metrics": ("validate/metrics.json", Metrics),
     "diagnosis": ("diagnose/diagnosis.json", Diagnosis),
     "comparison": ("refine/comparison.json", Comparison),

@@ -6,14 +6,8 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from auvident.engines.carried import (
-    LEADERS,
-    fitted_covariance,
-    frame_of,
-    over_ground,
-    structure_behind,
-    vector_behind,
-)
+from auvident.engines.carried import frame_of, over_ground, vector_behind
+from auvident.engines.draws import drawn_vectors
 from auvident.engines.prediction import at_effects, simulated
 from auvident.engines.predictive import half_widths
 from auvident.engines.records import Record, record_of, sensor_matrix
@@ -78,7 +72,7 @@ def simulate(
         The model runs away; says when.
     """
     records = _stretches(model, trial, window_s, speed_mps)
-    draws = _draws(model, samples, rng)
+    draws = drawn_vectors(model, samples, rng)
     tables = []
     for number, record in enumerate(records):
         table = _predict(model, record, draws, 1.0 / trial.rate_hz)
@@ -154,31 +148,6 @@ def steady_speed(model: IdentifiedModel, rate_rps: float) -> float:
     )  # X_uu u^2 + T_nu n u + T_nn n^2 = 0
     real = roots.real[np.abs(roots.imag) < 1e-12]
     return float(max(real.max(initial=0.0), 0.0))
-
-
-def _draws(model: IdentifiedModel, samples: int, rng: np.random.Generator) -> list[Array]:
-    """Parameter vectors: the model's own first, then some from its covariance."""
-    values = model.values()
-    vectors = [vector_behind(model)]
-    symbols = list(model.covariance.get("symbols", ()))
-    if not symbols or samples < 1:
-        return vectors
-    covariance = fitted_covariance(model)
-    # eigenvalues may be rounded below zero; the method takes them as zero
-    drawn = rng.multivariate_normal(
-        np.zeros(len(symbols)), covariance, size=samples, method="eigh", check_valid="ignore"
-    )
-    followers = {c.symbol for c in model.coefficients if c.origin == "kinematic"}
-    for deviation in drawn:
-        moved = dict(zip(symbols, deviation, strict=True))
-        for follower in followers:
-            moved[follower] = moved.get(LEADERS[follower], 0.0)
-        changed = {s: v + moved.get(s, 0.0) for s, v in values.items()}
-        vector, names = vector_behind(model, changed), structure_behind(model).parameters
-        for name in (moved.keys() & set(names)) - values.keys():  # a parameter of an effect
-            vector[names.index(name)] += moved[name]
-        vectors.append(vector)
-    return vectors
 
 
 def _predict(

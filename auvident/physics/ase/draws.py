@@ -19,6 +19,7 @@ def drawn_coefficients(
     effects: Mapping[str, Mapping[str, float]],
     given: Collection[str] = (),
     rng: np.random.Generator | None = None,
+    draws: int = DRAWS,
 ) -> dict[str, Array]:
     """Draw coefficients.
 
@@ -34,19 +35,20 @@ def drawn_coefficients(
         Symbols whose value is not that of the formulas.
     rng : Generator, optional
         Else of the fixed `SEED`.
+    draws : int
 
     Returns
     -------
-    dict of str to ndarray, shape (1 + DRAWS,)
+    dict of str to ndarray, shape (1 + draws,)
         The estimate itself, then the draws. A coefficient that has the sign declared for it keeps
         it: a wide prior about a small value means that only the size is unknown.
     """
     rng = np.random.default_rng(SEED) if rng is None else rng
-    deviates = {name: rng.standard_normal(DRAWS) for name in effects}
+    deviates = {name: rng.standard_normal(draws) for name in effects}
     drawn = {}
     for symbol, value in values.items():
-        moved, explained = rng.standard_normal(DRAWS), 0.0
-        shared = np.zeros(DRAWS)
+        moved, explained = rng.standard_normal(draws), 0.0
+        shared = np.zeros(draws)
         for name, effect in effects.items():
             if symbol in effect and symbol not in given:
                 shared += effect[symbol] * deviates[name]

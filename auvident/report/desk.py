@@ -1,0 +1,91 @@
+"""A maneuver flown on the desk, for the terminal: figures, curves, findings."""
+
+from rich.console import RenderableType
+from rich.text import Text
+
+from auvident.report.console_style import findings_lines, rich_table
+from auvident.report.tables import Cell, Column, Interval, Joined, Number, Table, columns
+from auvident.schema.desk import BY_MANEUVER, DeskCurve, DeskFigure, DeskResult
+
+# figures that do not say by their name what they are
+WORDS = {
+    "steady_r": "steady yaw rate",
+    "steady_drift": "steady drift (bow inside)",
+    "stability_index": "stability index G",
+    "nomoto_gain": "Nomoto K, linear",
+    "nomoto_time": "Nomoto T, linear",
+    "zigzag_gain": "Nomoto K, of the zigzag",
+    "zigzag_time": "Nomoto T, of the zigzag",
+    "reach": "reach (back on the course)",
+    "depth_overshoot": "depth overshoot",
+    "r_from_starboard": "rate from starboard",
+    "r_from_port": "rate from port",
+    "residual_starboard": "rate left after starboard",
+    "residual_port": "rate left after port",
+    "residual_difference": "rate left, difference",
+}
+CURVE_TITLES = {
+    "spiral": "Steady yaw rate by rudder; rates and rudder positive to starboard",
+    "trim": "Elevator (positive up) and pitch that hold the depth, by speed",
+}
+SOURCES = {
+    "identified": "identified model",
+    "estimated": "estimate from geometry",
+    "given": "given coefficients",
+}
+INTERVAL_HEAD = "90 % interval"
+SMALLEST = 4  # decimals of a curve: what is left of a rate that dies away is no rate
+
+
+def desk_pieces(result: DeskResult) -> list[RenderableType]:
+    """What a person sees of a maneuver."""
+    pieces: list[RenderableType] = [rich_table(figure_table(result))]
+    pieces += [rich_table(curve_table(curve)) for curve in result.curves]
+    row = BY_MANEUVER[result.maneuver]
+    line = f"{row.steered}; {row.ends}. Fin: {result.servo}."
+    return [*pieces, Text(line, style="dim"), *findings_lines(result.findings)]
+
+
+def figure_table(result: DeskResult) -> Table:
+    """Every figure with its interval."""
+    rows: list[list[Cell]] = [
+        [_words(f), "" if f.unit == "-" else f.unit, Number(f.value, 4), _interval(f)]
+        for f in result.figures
+    ]
+    numbers = "/".join(f"{v:g}" for v in result.parameters.values())
+    speed = f"{result.speed_mps:.3g} m/s"
+    rate = "speed held" if result.rpm is None else f"{result.rpm:.0f} rpm"
+    title = (
+        f"{result.vehicle}: {result.maneuver} {numbers}, {speed}, {rate} ({SOURCES[result.source]})"
+    )
+    heads = columns(("figure", "unit"), ("value", INTERVAL_HEAD))
+    return Table(heads, rows, title)
+
+
+def curve_table(curve: DeskCurve) -> Table:
+    """A curve, one row for each place."""
+    first = curve.figures[0] if curve.figures else ()
+    heads = [Column(f"{curve.along}, {curve.unit}", numeric=True)]
+    for f in first:
+        heads += [Column(f"{_words(f)}, {f.unit}", numeric=True), Column(INTERVAL_HEAD)]
+    rows: list[list[Cell]] = []
+    for at, figures in zip(curve.at, curve.figures, strict=True):
+        cells: list[Cell] = [Number(at, 4)]
+        for f in figures:
+            value = None if f.value is None else round(f.value, SMALLEST)
+            cells += [Number(value, 3), Interval(f.low, f.high) if f.low is not None else ""]
+        rows.append(cells)
+    return Table(heads, rows, CURVE_TITLES[curve.name])
+
+
+def _interval(f: DeskFigure) -> Cell:
+    if f.low is None or f.high is None:
+        return ""
+    told = Interval(f.low, f.high)
+    if f.share is not None and f.share < 1.0:
+        return Joined((told, f"({f.share:.0%} of the models)"), " ")
+    return told
+
+
+def _words(f: DeskFigure) -> str:
+    return WORDS.get(f.name, f.name.replace("_", " "))

@@ -1,0 +1,197 @@
+"""`auvident simulate --maneuver`: what it prints and writes, from every target; what it refuses."""
+
+import json
+import math
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from tests.command_line import SAMPLES, Called
+
+VEHICLE = "sample_logs/remus100.toml"
+Call = Callable[..., Called]
+
+
+@pytest.fixture
+def samples(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the sample logs; the current one."""
+    (tmp_path / "sample_logs").symlink_to(SAMPLES)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def result_of(called: Called) -> dict:
+    assert called.code == 0, called.err
+    found = json.loads(called.out)
+    assert found["schema"] == "auvident/desk/1"
+    return dict(found)
+
+
+def test_json_has_figures_with_intervals_and_the_motion(samples: Path, auvident: Call) -> None:
+    found = result_of(auvident("simulate", VEHICLE, "--maneuver", "zigzag:20/10", "--json"))
+    assert found["maneuver"] == "zigzag"
+    assert found["parameters"] == {"rudder_deg": 20.0, "heading_deg": 10.0}
+    assert found["source"] == "estimated"
+    assert found["speed_mps"] == pytest.approx(1.5)  # as the vehicle file says
+    figures = {f["name"]: f for f in found["figures"]}
+    first = figures["overshoot_1"]
+    assert first["unit"] == "deg"
+    assert first["low"] <= first["value"] <= first["high"]
+    assert {"nomoto_gain", "stability_index", "period"} <= set(figures)
+    columns = found["columns"]
+    assert {"time_s", "rudder_rad", "u_mps", "north_m", "r_radps_low", "r_radps_high"} <= set(
+        columns
+    )
+    assert len({len(values) for values in columns.values()}) == 1
+
+
+def test_tables_and_pictures_are_written(samples: Path, auvident: Call) -> None:
+    base = ("simulate", VEHICLE, "--maneuver", "turning-circle:15")
+    called = auvident(*base, "--output", "c.csv", "--figure", "c.svg")
+    assert called.code == 0, called.err
+    assert "tactical diameter" in called.err
+    assert "90 % interval" in called.err
+    assert "rows written to c.csv" in called.err
+    assert called.out == ""
+    assert auvident(*base, "--output", "c.parquet", "--figure", "c.png").code == 0
+    table = pd.read_csv("c.csv")
+    pd.testing.assert_frame_equal(table, pd.read_parquet("c.parquet"))
+    assert abs(table["heading_rad"].iloc[-1]) == pytest.approx(math.radians(540.0), rel=0.01)
+    assert table["rudder_rad"].iloc[-1] == pytest.approx(-math.radians(15.0))
+    assert Path("c.svg").read_text().lstrip().startswith("<?xml")
+    assert Path("c.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    "maneuver", ["spiral:20", "pull-out", "depth-step:-3", "vertical-zigzag:10/5"]
+)
+def test_every_maneuver_is_told_and_drawn(samples: Path, auvident: Call, maneuver: str) -> None:
+    called = auvident("simulate", VEHICLE, "--maneuver", maneuver, "--figure", "f.svg")
+    assert called.code == 0, called.err
+    assert Path("f.svg").stat().st_size > 10_000
+    assert "stability index G" in called.err
+
+
+def test_a_seed_repeats_and_samples_can_be_left_out(samples: Path, auvident: Call) -> None:
+    base = ("simulate", VEHICLE, "--maneuver", "zigzag", "--json", "--samples", "30")
+    first, again, other = (auvident(*base, "--seed", seed).out for seed in "001")
+    assert first == again != other
+    alone = result_of(
+        auvident("simulate", VEHICLE, "--maneuver", "zigzag", "--json", "--samples", "0")
+    )
+    values = [{f["name"]: f["value"] for f in json.loads(t)["figures"]} for t in (first, other)]
+    assert values[0] == values[1]  # the best model is no draw
+    assert {f["name"]: f["value"] for f in alone["figures"]} == values[0]
+    assert all(f["low"] is None for f in alone["figures"])
+    assert not [name for name in alone["columns"] if name.endswith("_low")]
+
+
+def test_given_coefficients_take_the_place_of_the_estimate(samples: Path, auvident: Call) -> None:
+    text = Path(VEHICLE).read_text()
+    given = "\n[coefficients]\nN_uud = { value = -9.0, std = 0.1 }\n"
+    Path("v.toml").write_text(text + given)
+    base = ("--maneuver", "turning-circle", "--json")
+    found = result_of(auvident("simulate", "v.toml", *base))
+    assert found["source"] == "given"
+    assert found["given"] == ["N_uud"]
+    assert "1 coefficients are as given" in found["findings"][-1]["message"]
+    stronger = {f["name"]: f["value"] for f in found["figures"]}
+    before = result_of(auvident("simulate", VEHICLE, *base))
+    assert (
+        stronger["nomoto_gain"] != {f["name"]: f["value"] for f in before["figures"]}["nomoto_gain"]
+    )
+
+
+def test_runs_and_models(demo: Path, auvident: Call) -> None:
+    """The model of a run, at the speed of its trial; alone at the usual one, which is said."""
+    base = ("--maneuver", "zigzag:10/10", "--json")
+    found = result_of(auvident("simulate", demo, *base))
+    assert found["source"] == "identified"
+    assert found["model"].endswith("refine/model.json")
+    ase = json.loads((demo / "ase" / "coefficients.json").read_text())
+    assert found["speed_mps"] == pytest.approx(ase["speed_mps"], rel=1e-6)
+    assert result_of(auvident("simulate", demo / "refine" / "model.json", *base)) == found
+    shutil.copy(demo / "refine" / "model.json", "alone.json")
+    called = auvident("simulate", "alone.json", *base)
+    assert "--speed" in called.err
+    assert "--speed" not in auvident("simulate", "alone.json", *base, "--rpm", "900").err
+    assert result_of(called)["model"] == "alone.json"
+
+
+def test_a_run_may_have_a_model_of_each_plane(demo: Path, auvident: Call) -> None:
+    """The model of the second plane stands beside the first one's."""
+    called = auvident("simulate", demo, "--maneuver", "depth-step:3")
+    assert called.code == 4
+    assert "vertical plane" in called.err
+    assert "--plane vertical" in called.err
+    model = demo / "refine" / "model.json"
+    called = auvident("simulate", model, "--maneuver", "depth-step:3")
+    assert called.code == 3
+    assert "vertical plane" in called.err
+    beside = demo / "identify" / "vertical" / "model.json"
+    beside.parent.mkdir()
+    beside.write_text(vertical(model))
+    found = result_of(auvident("simulate", demo, "--maneuver", "depth-step:3", "--json"))
+    assert found["plane"] == "vertical"
+    assert found["model"].endswith("identify/vertical/model.json")
+    assert (
+        "zigzag"
+        in result_of(auvident("simulate", demo, "--maneuver", "zigzag", "--json"))["maneuver"]
+    )
+
+
+def vertical(model: Path) -> str:
+    """A model of the vertical plane: that of the horizontal one by the names of the other."""
+    found = json.loads(model.read_text())
+    names = {"Y": "Z", "N": "M", "v": "w", "r": "q"}
+    signs = {"Y_rdot", "N_vdot", "Y_ur", "N_uv", "Y_uud", "X_rr"}
+    for row in found["coefficients"]:
+        symbol = row["symbol"]
+        axis, _, rest = symbol.partition("_")
+        if symbol in signs:
+            row["value"] *= -1.0
+        if axis in "YNX" and symbol not in ("X_udot", "X_uu", "X_uudd"):
+            rest = rest if rest.endswith("uud") else "".join(names.get(c, c) for c in rest)
+            row["symbol"] = f"{names.get(axis, axis)}_{rest}"
+    found |= {"plane": "vertical", "effects": [], "covariance": {}}
+    return json.dumps(found)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "word"),
+    [
+        ((VEHICLE, "--maneuver", "loop"), 2, "turning-circle:15"),
+        ((VEHICLE, "--maneuver", "zigzag:5"), 0, ""),
+        ((VEHICLE, "--maneuver", "zigzag:1/1/1"), 2, "2 of them"),
+        ((VEHICLE,), 2, "--inputs LOG or --maneuver"),
+        ((VEHICLE, "--maneuver", "zigzag", "--inputs", "sample_logs/bay_trial"), 2, "either"),
+        ((VEHICLE, "--maneuver", "zigzag", "--from", "3"), 2, "--from goes with --inputs"),
+        (("runs/demo", "--inputs", "log", "--rpm", "900"), 2, "--rpm goes with --maneuver"),
+        ((VEHICLE, "--maneuver", "zigzag", "--figure", "f.pdf"), 2, ".svg or .png"),
+        ((VEHICLE, "--maneuver", "zigzag", "--output", "f.txt"), 2, ".csv"),
+        ((VEHICLE, "--maneuver", "zigzag", "--speed", "-1"), 2, "--speed"),
+        ((VEHICLE, "--maneuver", "depth-step", "--speed", "0.1"), 5, "mass_kg"),
+        (("none.json", "--maneuver", "zigzag"), 3, "no such file"),
+        (("none.toml", "--maneuver", "zigzag"), 3, "none.toml"),
+        (("runs/none", "--maneuver", "zigzag"), 4, "auvident ingest"),
+        (("sample_logs/kvlcc2/vehicle.toml", "--maneuver", "depth-step"), 3, "[coefficients]"),
+    ],
+)
+def test_wrong_usage_and_inputs(
+    samples: Path, auvident: Call, arguments: tuple[str, ...], code: int, word: str
+) -> None:
+    called = auvident("simulate", *arguments)
+    assert called.code == code, called.err
+    assert word in called.err
+    assert "Traceback" not in called.err
+
+
+def test_the_help_names_every_maneuver_with_its_defaults(auvident: Call) -> None:
+    from auvident.schema.desk import MANEUVERS
+
+    text = " ".join(auvident("simulate", "--help").out.split())
+    assert all(row.usual in text for row in MANEUVERS)
+    assert "positive to starboard, or bow up" in text
