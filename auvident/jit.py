@@ -33,6 +33,7 @@ KERNEL_MODULES = (
     "physics/batch.py",
     "physics/dynamics.py",
     "physics/sensitivity.py",
+    "physics/six_dof.py",
     "physics/term_tables.py",
 )
 FOLDER = "auvident-kernels-"
