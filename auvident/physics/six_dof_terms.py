@@ -8,7 +8,8 @@ rigid body and added mass together, from Kirchhoff's equations (theory 1.2 and 2
     F = -omega x L,    M = -v x L - omega x H,    (L, H) = mass matrix times velocity
 
 Those that stay within a plane are left out, as they stand among its own terms: rigid body in
-`terms.RIGID`, added mass within X_vr, X_rr, Y_ur, N_uv, N_ur, X_wq, X_qq, Z_uq, M_uw and M_uq.
+`terms.RIGID`, added mass within X_vr, X_rr, Y_ur, N_uv, N_ur, X_wq, X_qq, Z_uq, M_uw and M_uq;
+likewise that of roll within N_up, as what goes with the speed is lift (theory 2.3).
 Across the planes the added mass is that of the mass matrix, fins included.
 
 Cross-flow drag of a body of revolution is along the cross-flow: v|v| of a plane becomes
@@ -44,50 +45,40 @@ INERTIA = {"horizontal": "I_zz", "vertical": "I_yy"}  # the planes call both I
 Factors = tuple[tuple[str, str], ...]
 Row = tuple[str, str, float, Factors]
 
-# Roll: moments from geometry, by their regressors; the fins set off the axis (a sail) roll the
-# vehicle with its drift, its turning and the rudder.
+# What rolls the vehicle, and what its roll does to sway and yaw where a fin stands on one side
+# alone (a sail); torque of the propeller.
 ROLL: tuple[Row, ...] = (
-    ("K", "K_p|p|", 1.0, (("p", "x|x|"),)),
     ("K", "K_up", 1.0, (("u", "x"), ("p", "x"))),
+    ("K", "K_p|p|", 1.0, (("p", "x|x|"),)),
     ("K", "K_uv", 1.0, (("u", "x"), ("v", "x"))),
     ("K", "K_ur", 1.0, (("u", "x"), ("r", "x"))),
-    ("K", "K_v|v|", 1.0, (("v", "x|x|"),)),
-    ("K", "K_uudr", 1.0, (("u", "x^2"), ("rudder", "x"))),
-    ("K", "K_uuphi", 1.0, (("u", "x^2"), ("roll", "x"))),
     ("K", "K_nn", 1.0, (("n", "x|x|"),)),
     ("K", "K_nu", 1.0, (("n", "|x|"), ("u", "x"))),
     ("Y", "Y_up", 1.0, (("u", "x"), ("p", "x"))),
     ("N", "N_up", 1.0, (("u", "x"), ("p", "x"))),
 )
-# Mass matrix of roll and of what roll drags along: row, column, parameter, weight.
+# Added mass of roll, inertia: row, column, parameter, weight.
 ROLL_MASS = (
     ("K", "K", "I_xx", 1.0),
     ("K", "K", "K_pdot", -1.0),
-    ("Y", "K", "m z_G", -1.0),
-    ("K", "Y", "m z_G", -1.0),
     ("Y", "K", "Y_pdot", -1.0),
     ("K", "Y", "Y_pdot", -1.0),
     ("N", "K", "N_pdot", -1.0),
     ("K", "N", "N_pdot", -1.0),
 )
-ROLL_SYMBOLS = tuple(
-    dict.fromkeys([row[1] for row in ROLL] + [m[2] for m in ROLL_MASS if m[2] != "m z_G"])
-)
-UNITS = {
+# Unit of each of their parameters.
+ROLL_UNITS = {
     "I_xx": "kg m^2",
     "K_pdot": "kg m^2",
-    "Y_pdot": "kg m",
-    "N_pdot": "kg m^2",
-    "K_p|p|": "kg m^2",
     "K_up": "kg m",
+    "K_p|p|": "kg m^2",
     "K_uv": "kg",
     "K_ur": "kg m",
-    "K_v|v|": "kg",
-    "K_uudr": "kg",
-    "K_uuphi": "kg",
     "K_nn": "kg m^2",
     "K_nu": "kg m",
+    "Y_pdot": "kg m",
     "Y_up": "kg",
+    "N_pdot": "kg m^2",
     "N_up": "kg m",
 }
 # -omega x L and -v x L - omega x H: equation, velocity, momentum, sign
@@ -108,7 +99,7 @@ class SixDofStructure:
     Attributes
     ----------
     parameters : tuple of str
-        Order of the parameter vector: coefficients and constants of the planes, `ROLL_SYMBOLS`,
+        Order of the parameter vector: coefficients and constants of the planes, `ROLL_UNITS`,
         parameters of effects (``horizontal sway_cross_flow.Y_v|r|``).
     terms : (n_terms, 2 + 2 * FACTORS_PER_TERM) int array
         Equation, parameter, then (variable, power) pairs; power -1 is the factor 1.
@@ -139,6 +130,13 @@ def whole_name(plane: Plane, name: str, equation: str = "", factors: Factors = (
         return INERTIA[plane]
     surge_alone = equation == "X" and {variable for variable, _ in factors} <= SURGE_ALONE
     return name if surge_alone or "." not in name else f"{plane} {name}"
+
+
+def effect_names(plane: Plane, effects: tuple[str, ...]) -> dict[str, str]:
+    """Name of each parameter of the effects of a plane in six degrees of freedom."""
+    names = {n: whole_name(plane, n) for n in structure_of(plane, effects).parameters if "." in n}
+    shared = {name for _, name, *_ in planar_rows(plane, effects)} & set(names)
+    return {**names, **{name: name for name in shared}}
 
 
 def planar_rows(plane: Plane, effects: tuple[str, ...] = ()) -> list[Row]:
@@ -197,7 +195,14 @@ def coriolis_rows(mass: Iterable[tuple[str, str, str, float]]) -> list[Row]:
         for equation, velocity, axis, sign in CROSS
         for moving, parameter, weight in momenta[axis]
         if not within_a_plane(equation, (velocity, moving))
+        and not (parameter.endswith("dot") and "u" in (velocity, moving))
     ]
+
+
+def low_centre(mass: Iterable[tuple[str, str, str, float]]) -> list[tuple[str, str, str, float]]:
+    """Entries of m z_G between sway and roll, from those between surge and pitch."""
+    (arm,) = ((name, weight) for i, j, name, weight in mass if (i, j) == ("X", "M"))
+    return [("Y", "K", arm[0], -arm[1]), ("K", "Y", arm[0], -arm[1])]
 
 
 def weight_rows() -> list[Row]:
@@ -219,7 +224,7 @@ def six_dof_structure(
     """Equations of the whole vehicle, with the effects that the models of its planes carry."""
     carried: dict[Plane, tuple[str, ...]] = {"horizontal": horizontal, "vertical": vertical}
     mass = list(dict.fromkeys(entry for plane in PLANES for entry in planar_mass(plane)))
-    mass += ROLL_MASS
+    mass += [*ROLL_MASS, *low_centre(mass)]
     planar = [row for plane in PLANES for row in planar_rows(plane, carried[plane])]
     rows = [*dict.fromkeys(planar), *_merged(coriolis_rows(mass)), *weight_rows(), *ROLL]
     names = dict.fromkeys(s for s in BY_SYMBOL)

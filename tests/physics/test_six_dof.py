@@ -22,8 +22,9 @@ from auvident.physics.six_dof import (
 )
 from auvident.physics.six_dof_terms import (
     INERTIA,
-    ROLL_SYMBOLS,
-    UNITS,
+    ROLL,
+    ROLL_MASS,
+    ROLL_UNITS,
     VELOCITIES,
     six_dof_structure,
 )
@@ -59,7 +60,7 @@ def case(
     rng = np.random.default_rng(seed)
     other = next(p for p in PLANES if p != plane)
     own = planar_values(plane, rng)
-    roll = {s: float(rng.uniform(-3.0, 0.0)) for s in ROLL_SYMBOLS if s not in ("I_xx",)}
+    roll = {s: float(rng.uniform(-3.0, 0.0)) for s in ROLL_UNITS if s != "I_xx"}
     values = whole_values({other: planar_values(other, rng), plane: own}, **roll)
     return (
         own,
@@ -150,7 +151,11 @@ def ideal_vehicle(seed: int, restoring: bool) -> tuple[dict[str, float], np.ndar
     values |= {"X_vr": -values["Y_vdot"], "X_rr": -values["Y_rdot"], "Y_ur": values["X_udot"]}
     values |= {"N_ur": values["Y_rdot"], "N_uv": values["Y_vdot"] - values["X_udot"]}
     values |= {"X_wq": values["Z_wdot"], "X_qq": values["Z_qdot"], "Z_uq": -values["X_udot"]}
-    values |= {"M_uq": -values["Z_qdot"], "M_uw": values["X_udot"] - values["Z_wdot"]}
+    values |= {
+        "N_up": values["Y_pdot"],
+        "M_uq": -values["Z_qdot"],
+        "M_uw": values["X_udot"] - values["Z_wdot"],
+    }
     constants = {"m": m, "m x_G": m * x_g, "m z_G": m * z_g}
     constants |= dict(zip(("I_xx", "I_yy", "I_zz"), inertia, strict=True))
     if restoring:
@@ -321,4 +326,4 @@ def test_effects_of_a_plane_act_in_it_and_shared_ones_once() -> None:
 
 
 def test_every_symbol_of_roll_has_a_unit() -> None:
-    assert set(UNITS) == set(ROLL_SYMBOLS)
+    assert {row[1] for row in ROLL} | {entry[2] for entry in ROLL_MASS} == set(ROLL_UNITS)
