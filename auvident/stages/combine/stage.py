@@ -1,5 +1,6 @@
 """One model of six degrees of freedom from those of the planes, geometry and vehicle file."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from auvident.constants import GRAVITY_MPS2
 from auvident.errors import InputError, UsageError
 from auvident.physics.six_dof_terms import ROLL_UNITS, effect_names
-from auvident.schema.artifacts import AseResult, Finding, IdentifiedModel
+from auvident.schema.artifacts import AseResult, Finding, IdentifiedModel, Sensing
 from auvident.schema.coefficients import BY_SYMBOL, prime_unit
 from auvident.schema.combined import (
     CombinedEntry,
@@ -17,7 +18,7 @@ from auvident.schema.combined import (
 )
 from auvident.schema.planes import PLANES
 from auvident.schema.vehicle import Vehicle
-from auvident.stages.combine_planes import Joined, followed, join
+from auvident.stages.combine.shared import Joined, followed, join
 
 GEOMETRY, FILE = "geometry", "vehicle file"
 BALLAST = ("W-B", "x_GW", "z_GW")
@@ -77,7 +78,7 @@ def combine(
         covariance=tuple(_blocks(entries, joined, ase)),
         effects={m.plane: m.effects for m in models},
         parameters=_effect_parameters(models, joined),
-        sensing={m.plane: m.sensing for m in models},
+        sensing={p: _sensing(vehicle) for p in PLANES} | {m.plane: m.sensing for m in models},
         models=tuple(_source(m) for m in models),
         findings=(*joined.findings, *_findings(models, entries)),
     )
@@ -221,6 +222,18 @@ def _effect_parameters(models: Sequence[IdentifiedModel], joined: Joined) -> dic
                 found.setdefault(names.get(name, name), float(value))
     means = dict(zip(joined.names, joined.mean.tolist(), strict=True))
     return {name: means[name] if name in joined.of else value for name, value in found.items()}
+
+
+def _sensing(vehicle: Vehicle) -> Sensing:
+    """Where the DVL sits, for a plane without a model: what readings say of the start."""
+    dvl = vehicle.dvl
+    return Sensing(
+        dvl_x_m=dvl.x_m,
+        dvl_y_m=dvl.y_m,
+        dvl_z_m=dvl.z_m,
+        dvl_mounting_yaw_rad=math.radians(dvl.mounting_yaw_deg),
+        noise_std={},
+    )
 
 
 def _source(model: IdentifiedModel) -> CombinedSource:
