@@ -31,6 +31,7 @@ class Body(Declared):
     mass_kg: Positive
     izz_kgm2: Positive
     iyy_kgm2: Positive | None = None
+    ixx_kgm2: Positive | None = None
     x_g_m: float = 0.0
     z_g_m: float = 0.0
     origin_from_nose_m: NonNegative

@@ -327,11 +327,12 @@ def _inertias(vehicle: Vehicle) -> Iterator[Contradiction]:
     body, length = vehicle.body, np.asarray(vehicle.hull.length_m, float)
     origin = np.asarray(body.origin_from_nose_m, float)
     radius = hull_shape(vehicle.hull).max_radius_m
-    for name, inertia in (("izz_kgm2", body.izz_kgm2), ("iyy_kgm2", body.iyy_kgm2)):
+    whole = np.maximum(origin, length - origin) + radius
+    stated = (("izz_kgm2", body.izz_kgm2, whole), ("iyy_kgm2", body.iyy_kgm2, whole))
+    for name, inertia, reach in (*stated, ("ixx_kgm2", body.ixx_kgm2, radius)):
         if inertia is None:
             continue
         gyradius = np.sqrt(np.asarray(inertia, float) / np.asarray(body.mass_kg, float))
-        reach = np.maximum(origin, length - origin) + radius
         yield _say(
             gyradius > reach,
             f"[vehicle] {name}",
