@@ -81,6 +81,8 @@ ROLL_UNITS = {
     "N_pdot": "kg m^2",
     "N_up": "kg m",
 }
+# Those whose sign physics gives: inertia, added inertia, damping.
+ROLL_SIGNS = {"I_xx": 1, "K_pdot": -1, "K_up": -1, "K_p|p|": -1}
 # -omega x L and -v x L - omega x H: equation, velocity, momentum, sign
 CROSS = (
     *(("X", "q", "Z", -1.0), ("X", "r", "Y", 1.0)),

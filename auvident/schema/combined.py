@@ -17,7 +17,8 @@ class CombinedEntry(Artifact):
     """A coefficient or constant, and where it comes from.
 
     ``origin`` is ``identified, horizontal``, ``identified, vertical``, ``identified, both``,
-    ``geometry`` or ``vehicle file``.
+    ``geometry`` or ``vehicle file``. An estimate from geometry keeps the ``sign`` that physics has
+    for it: a wide standard deviation about a small value means that only its size is unknown.
     """
 
     symbol: str
@@ -27,6 +28,7 @@ class CombinedEntry(Artifact):
     origin: str
     prime: float | None = None
     data_share: float = 0.0
+    sign: int = 0
 
 
 class CovarianceBlock(Artifact):
@@ -95,20 +97,23 @@ class CombinedModel(Artifact):
 
     def draws(self, count: int, rng: np.random.Generator) -> list[dict[str, float]]:
         """Deviations of the entries, drawn from the covariance."""
-        blocks = []
+        drawn: list[dict[str, float]] = [{} for _ in range(count)]
         for block in self.covariance:
-            spread = np.zeros(len(block.symbols))
-            matrix = np.array(block.matrix)
             # eigenvalues may be rounded below zero; the method takes them as zero
-            drawn = rng.multivariate_normal(
-                spread, matrix, size=count, method="eigh", check_valid="ignore"
+            rows = rng.multivariate_normal(
+                np.zeros(len(block.symbols)),
+                np.array(block.matrix),
+                size=count,
+                method="eigh",
+                check_valid="ignore",
             )
-            blocks.append((block.symbols, drawn))
-        return [
-            {
-                s: float(x)
-                for symbols, drawn in blocks
-                for s, x in zip(symbols, drawn[k], strict=True)
-            }
-            for k in range(count)
-        ]
+            for moved, row in zip(drawn, rows, strict=True):
+                moved |= dict(zip(block.symbols, row.tolist(), strict=True))
+        return [self._with_signs(moved) for moved in drawn]
+
+    def _with_signs(self, moved: dict[str, float]) -> dict[str, float]:
+        """Deviations of estimates from geometry that do not turn their sign."""
+        for e in self.entries:
+            if e.symbol in moved and e.origin == "geometry" and e.sign * e.value > 0.0:
+                moved[e.symbol] = e.sign * abs(e.value + moved[e.symbol]) - e.value
+        return moved

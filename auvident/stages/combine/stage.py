@@ -7,7 +7,8 @@ import numpy as np
 
 from auvident.constants import GRAVITY_MPS2
 from auvident.errors import InputError, UsageError
-from auvident.physics.six_dof_terms import ROLL_UNITS, effect_names
+from auvident.physics.ase.roll import roll_estimate
+from auvident.physics.six_dof_terms import ROLL_SIGNS, ROLL_UNITS, effect_names
 from auvident.schema.artifacts import AseResult, Finding, IdentifiedModel, Sensing
 from auvident.schema.coefficients import BY_SYMBOL, prime_unit
 from auvident.schema.combined import (
@@ -109,13 +110,9 @@ def _check(models: Sequence[IdentifiedModel], vehicle: Vehicle) -> None:
 
 def _rolling(vehicle: Vehicle, roll: Roll | None) -> dict[str, tuple[float, float]]:
     """Value and standard deviation of each term of roll."""
-    if roll is None:
-        from auvident.physics.ase.roll import (  # type: ignore[import-not-found, unused-ignore]
-            roll_estimate,
-        )
-
-        roll = roll_estimate(vehicle)
-    return {s: (float(row[0]), float(row[1])) for s, row in roll.items() if s in ROLL_UNITS}
+    estimated = roll_estimate(vehicle) if roll is None else roll
+    rows = {symbol: (row[0], row[1]) for symbol, row in estimated.items()}
+    return {s: (float(value), float(std)) for s, (value, std) in rows.items() if s in ROLL_UNITS}
 
 
 def _geometry(ase: AseResult) -> Iterator[CombinedEntry]:
@@ -123,7 +120,13 @@ def _geometry(ase: AseResult) -> Iterator[CombinedEntry]:
     for c in ase.coefficients:
         origin = FILE if c.origin == "given" else GEOMETRY
         yield CombinedEntry(
-            symbol=c.symbol, value=c.value, std=c.std, unit=c.unit, origin=origin, prime=c.prime
+            symbol=c.symbol,
+            value=c.value,
+            std=c.std,
+            unit=c.unit,
+            origin=origin,
+            prime=c.prime,
+            sign=BY_SYMBOL[c.symbol].sign,
         )
 
 
@@ -146,7 +149,12 @@ def _constants(
         )
     for symbol, (value, std) in rolling.items():
         yield CombinedEntry(
-            symbol=symbol, value=value, std=std, unit=ROLL_UNITS[symbol], origin=GEOMETRY
+            symbol=symbol,
+            value=value,
+            std=std,
+            unit=ROLL_UNITS[symbol],
+            origin=GEOMETRY,
+            sign=ROLL_SIGNS.get(symbol, 0),
         )
 
 
