@@ -35,6 +35,15 @@ VW, QR, SIN, SIDE, COS, ROLL_ANGLE, PITCH_ANGLE = range(N_VELOCITIES, FIRST_INPU
 SUBSTEPS = 2
 
 
+POWER_FUNCTIONS = (  # of `terms.POWERS`, for arrays
+    lambda y: y,
+    np.abs,
+    np.square,
+    lambda y: y * np.abs(y),
+    lambda y: y**3,
+)
+
+
 class SixDofSystem(NamedTuple):
     """The equations at one parameter vector, as the kernels take them.
 
@@ -255,6 +264,49 @@ def rates_six_dof(x: Array, inputs: Array, system: SixDofSystem) -> Array:
         _place(FIRST_INPUT + i, float(y), value)
     out = np.zeros(N_STATES)
     six_dof_rates(np.asarray(x, float), system, value, work[3], out)
+    return out
+
+
+def variables_of(velocities: Array, angles: Array, inputs: Array) -> Array:
+    """Variables (n, k) of the terms along a log: velocities (n, 6), roll and pitch (n, 2), inputs.
+
+    Rudder, elevator and propeller rate are the inputs (n, 3); nothing acts on the thrust.
+    """
+    _, v, w, _, q, r = velocities.T
+    roll, pitch = angles.T
+    return np.column_stack(
+        [
+            velocities,
+            np.hypot(v, w),
+            np.hypot(q, r),
+            np.sin(pitch),
+            np.cos(pitch) * np.sin(roll),
+            np.cos(pitch) * np.cos(roll),
+            angles,
+            inputs,
+            np.ones(len(velocities)),
+        ]
+    )
+
+
+def balance(structure: SixDofStructure, axis: str, variables: Array, accelerations: Array) -> Array:
+    """What each parameter is multiplied by in one equation, inertia less forces (n, n_parameters).
+
+    Multiplied with the parameters it is zero where the equation holds: for regression along a log.
+    """
+    out = np.zeros((len(variables), len(structure.parameters)))
+    powers = np.stack([y(variables) for y in POWER_FUNCTIONS])
+    equation = AXES.index(axis)
+    for term, weight in zip(structure.terms, structure.weights, strict=True):
+        if term[0] == equation:
+            pairs = zip(term[2::2], term[3::2], strict=True)
+            factors = [powers[power, :, variable] for variable, power in pairs if power >= 0]
+            out[:, term[1]] -= weight * np.prod(factors, axis=0)
+    for (row, column, parameter), weight in zip(
+        structure.mass, structure.mass_weights, strict=True
+    ):
+        if row == equation:
+            out[:, parameter] += weight * accelerations[:, column]
     return out
 
 

@@ -9,10 +9,10 @@ from auvident.pipeline.observer import Observer
 from auvident.pipeline.predict import SIGNS_ASSUMED, VEHICLE, SimulatedTrial, find_model
 from auvident.schema.planes import PLANES
 from auvident.storage.artifacts import read_json, read_model
-from auvident.storage.run_directory import MANIFEST
+from auvident.storage.run_directory import MANIFEST, RunDirectory
 
 if TYPE_CHECKING:
-    from auvident.schema.artifacts import IdentifiedModel
+    from auvident.schema.artifacts import IdentifiedModel, Maneuvers
     from auvident.schema.combined import CombinedModel
     from auvident.schema.trial import Trial
     from auvident.schema.vehicle import Vehicle
@@ -52,13 +52,22 @@ def combine_runs(
     vehicle = _one_vehicle(targets, vehicle_file)
     runs = [] if vehicle_file else [t for t in targets if (t / ESTIMATE).exists()]
     ase = read_model(runs[0] / ESTIMATE, AseResult) if runs else estimate(vehicle)
-    combined = combine([model for _, model in found], vehicle, ase)
+    models = [model for _, model in found]
+    combined = combine(models, vehicle, ase, logs=[_logs(t) for t in targets if t.is_dir()])
     files = tuple(path for path, _ in found)
     sources = [
         source.model_copy(update={"file": str(path)})
         for source, path in zip(combined.models, files, strict=True)
     ]
     return combined.model_copy(update={"models": tuple(sources)}), files
+
+
+def _logs(target: Path) -> "tuple[list[Trial], Maneuvers]":
+    """Trials and maneuvers of a run: of what the identification used, roll can be seen."""
+    from auvident.pipeline.given import Given
+
+    given = Given(RunDirectory(target))
+    return list(given.trials), given.maneuvers
 
 
 def models_of(target: Path) -> "list[tuple[Path, IdentifiedModel]]":

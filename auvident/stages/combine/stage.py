@@ -19,6 +19,7 @@ from auvident.schema.combined import (
 )
 from auvident.schema.planes import PLANES
 from auvident.schema.vehicle import Vehicle
+from auvident.stages.combine.roll import Logs, with_roll
 from auvident.stages.combine.shared import Joined, followed, join
 
 GEOMETRY, FILE = "geometry", "vehicle file"
@@ -36,6 +37,7 @@ def combine(
     vehicle: Vehicle,
     ase: AseResult,
     roll: Roll | None = None,
+    logs: Logs = (),
 ) -> CombinedModel:
     """Make one model of six degrees of freedom.
 
@@ -49,6 +51,8 @@ def combine(
     roll : mapping, optional
         Value, then standard deviation of the terms of roll by symbol; those of
         `auvident.physics.ase.roll.roll_estimate` unless given.
+    logs : sequence of (trials, maneuvers), optional
+        Of the runs: roll is identified from them where they show it.
 
     Returns
     -------
@@ -69,7 +73,7 @@ def combine(
     entries |= {e.symbol: e for e in _constants(vehicle, ase, rolling)}
     entries |= {e.symbol: e for e in _rows_of_models(models, joined, ase)}
     known = [entries[s] for s in (*BY_SYMBOL, *ROLL_UNITS) if s in entries and s not in INERTIAS]
-    return CombinedModel(
+    combined = CombinedModel(
         vehicle=vehicle.body.name,
         length_m=ase.length_m,
         density_kgpm3=ase.density_kgpm3,
@@ -83,6 +87,7 @@ def combine(
         models=tuple(_source(m) for m in models),
         findings=(*joined.findings, *_findings(models, entries)),
     )
+    return with_roll(combined, vehicle, logs)
 
 
 def _check(models: Sequence[IdentifiedModel], vehicle: Vehicle) -> None:
