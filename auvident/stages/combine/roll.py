@@ -3,7 +3,11 @@
 Everything in the equation but the free terms is known from planes, geometry and vehicle file, the
 righting moment above all, which gives the scale. What is left is torque of turbulence and of what
 the equation lacks, slow beside the rows of a log: it is whitened as a first-order process before
-it counts as noise (Cochrane and Orcutt). Only maneuvers that identify are looked at.
+it counts as noise (Cochrane and Orcutt). As that torque moves the roll at once, the rates and
+accelerations are taken as half a period of the roll before predicts them (two-stage least
+squares): else the inertia comes out by a tenth and the damping by a third too small. Velocities
+over the water are averaged over a period: a DVL above or below the origin, as no vehicle file
+says exactly, reads sway where there is roll. Only maneuvers that identify are looked at.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
+from scipy.ndimage import uniform_filter1d
 
 from auvident.physics.six_dof import balance, variables_of
 from auvident.physics.six_dof_terms import (
@@ -32,6 +37,7 @@ Logs = Sequence[tuple[Sequence[Trial], Maneuvers]]
 
 IDENTIFIED = "identified, roll"
 # K_pdot goes with I_xx alone, and the ties of sway and yaw to roll with what the planes have
+DRIVEN = ("I_xx", "K_up", "K_p|p|")  # what they multiply follows the torque at once
 FREE = ("I_xx", "K_up", "K_p|p|", "K_uv", "K_ur", "K_nn", "K_nu")
 COLUMNS = (
     *("u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps", "roll_rad", "pitch_rad"),
@@ -41,6 +47,7 @@ TORQUE = {"K_nn": "T_nn", "K_nu": "T_nu"}
 TORQUE_SHARE = 0.3  # of thrust times diameter; K_Q is 0.1 to 0.2 of K_T (Wageningen B series)
 USUAL_PROPELLER = 0.7  # diameters of the hull, where the file has no propeller
 LEAST_SHARE = 0.1  # of the prior variance that the data have to take for a term to be theirs
+INSTRUMENT_LAG = 0.5  # periods of the roll
 SMOOTHED = (0.25, 0.75, 1.0, 0.75, 0.25)  # both sides of the equation, against noise of rates
 DIFFERENCES = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0  # first derivative, fourth order
 LEAST_ROWS = 100
@@ -66,15 +73,26 @@ def with_roll(model: CombinedModel, vehicle: Vehicle, logs: Logs) -> CombinedMod
     logs : sequence of (trials, maneuvers)
         Of each run.
     """
-    structure, prior = six_dof_structure(), _priors(model, vehicle)
-    pieces = [
-        _smoothed(balance(structure, "K", *_motion(piece, model, dt_s)))
-        for piece, dt_s in _pieces(logs)
-    ]
-    if not pieces:
+    structure, prior, period = six_dof_structure(), _priors(model, vehicle), roll_period_s(model)
+    cut = list(_pieces(logs)) if np.isfinite(period) else []
+    if not cut:
         return model
-    fit = fitted(structure, model.values(), prior, pieces)
-    return _updated(model, prior, fit)
+    pieces = [
+        _smoothed(balance(structure, "K", *_motion(piece, model, dt_s, period)))
+        for piece, dt_s in cut
+    ]
+    lag = max(round(INSTRUMENT_LAG * period / cut[0][1]), 1)
+    long = [piece for piece in pieces if len(piece) > 2 * lag]
+    return _updated(model, prior, fitted(structure, model.values(), prior, long, lag))
+
+
+def roll_period_s(model: CombinedModel) -> float:
+    """Period of the undamped roll [s]; infinite without a righting moment."""
+    values = model.values()
+    inertia = values["I_xx"] - values.get("K_pdot", 0.0)
+    if not (values["z_GW"] > 0.0 and inertia > 0.0):
+        return float("inf")
+    return float(2.0 * np.pi * np.sqrt(inertia / values["z_GW"]))
 
 
 def _priors(model: CombinedModel, vehicle: Vehicle) -> dict[str, tuple[float, float]]:
@@ -112,10 +130,14 @@ def _within(trial: Trial, maneuvers: Maneuvers, role: Role) -> npt.NDArray[np.bo
     return found
 
 
-def _motion(piece: pd.DataFrame, model: CombinedModel, dt_s: float) -> tuple[Array, Array]:
+def _motion(
+    piece: pd.DataFrame, model: CombinedModel, dt_s: float, period_s: float
+) -> tuple[Array, Array]:
     """Variables (n, k) and accelerations (n, 6) at the origin."""
     columns = {c: piece[c].to_numpy(float) for c in COLUMNS}
     velocities = _at_origin(columns, model.sensing[PLANES[0]])
+    size = max(round(period_s / dt_s), 1)
+    velocities[:, :3] = uniform_filter1d(velocities[:, :3], size, axis=0, mode="nearest")
     angles = np.column_stack([columns["roll_rad"], columns["pitch_rad"]])
     inputs = np.column_stack(
         [columns["rudder_rad"], columns["elevator_rad"], columns["rpm"] / 60.0]
@@ -155,6 +177,7 @@ def fitted(
     values: Mapping[str, float],
     prior: Mapping[str, tuple[float, float]],
     pieces: Sequence[Array],
+    lag: int,
 ) -> RollFit:
     """Least squares of the balance of the roll equation.
 
@@ -167,6 +190,8 @@ def fitted(
         Value and standard deviation of each free one.
     pieces : sequence of (n, n_parameters) array
         What each parameter is multiplied by, row by row; the sum is the torque of the unknown.
+    lag : int
+        Rows back that predict what is `DRIVEN`.
     """
     names = tuple(prior)
     free = [structure.parameters.index(name) for name in names]
@@ -175,21 +200,33 @@ def fitted(
     scale = np.array([prior[name][1] for name in names])
     slopes = [piece[:, free] * scale for piece in pieces]
     left = [-(piece @ known) for piece in pieces]
+    driven = [k for k, name in enumerate(names) if name in DRIVEN]
     memory, found = 0.0, np.zeros(len(free))
     for _ in range(PASSES):
-        a = np.vstack([x[1:] - memory * x[:-1] for x in slopes])
-        y = np.concatenate([x[1:] - memory * x[:-1] for x in left])
+        white = [x[1:] - memory * x[:-1] for x in slopes]
+        a, before = (np.vstack([x[k : len(x) + k - lag] for x in white]) for k in (lag, 0))
+        y = np.concatenate([x[1 + lag :] - memory * x[lag:-1] for x in left])
         variance = float(np.mean((y - a @ found) ** 2)) * _repeats(y - a @ found)
+        a = _predicted(a, before, driven)
         information = a.T @ a / variance + np.eye(len(free))
-        before, found = found, np.linalg.solve(information, a.T @ y / variance)
+        last, found = found, np.linalg.solve(information, a.T @ y / variance)
         rest = [y_ - x @ found for x, y_ in zip(slopes, left, strict=True)]
         memory = sum(e[1:] @ e[:-1] for e in rest) / sum(e[:-1] @ e[:-1] for e in rest)
-        if np.abs(found - before).max() < SETTLED:
+        if np.abs(found - last).max() < SETTLED:
             break
     covariance = np.linalg.inv(information)
     moved = np.array([prior[name][0] for name in names]) + scale * found
-    shares = 1.0 - np.diag(covariance)
-    return RollFit(moved, covariance * np.outer(scale, scale), shares)
+    shares = np.asarray(1.0 - np.diag(covariance), dtype=np.float64)
+    scaled = np.asarray(covariance * np.outer(scale, scale), dtype=np.float64)
+    return RollFit(moved, scaled, shares)
+
+
+def _predicted(rows: Array, before: Array, driven: Sequence[int]) -> Array:
+    """Rows (n, k) with the driven columns as those of a while before predict them."""
+    instruments = rows.copy()
+    instruments[:, driven] = before[:, driven]
+    weights, *_ = np.linalg.lstsq(instruments, rows, rcond=None)
+    return np.asarray(instruments @ weights)
 
 
 def _repeats(residual: Array) -> float:
