@@ -34,6 +34,7 @@ KERNEL_MODULES = (
     "physics/dynamics.py",
     "physics/fleet.py",
     "physics/sensitivity.py",
+    "physics/six_dof.py",
     "physics/term_tables.py",
 )
 FOLDER = "auvident-kernels-"

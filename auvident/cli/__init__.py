@@ -27,6 +27,7 @@ COMMANDS = {
     "auvident.cli.stages": ("run", "ingest", "segment", "ase", "identify", "validate"),
     "auvident.cli.loop": ("diagnose", "refine", "report"),
     "auvident.cli.results": ("status", "compare", "simulate", "plan-trial", "export"),
+    "auvident.cli.combine": ("combine",),
     "auvident.cli.tables": ("inspect", "coefficients", "effects", "schema"),
 }
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from auvident.schema.artifacts import IdentifiedModel
+    from auvident.schema.combined import CombinedModel
     from auvident.schema.trial import Trial
     from auvident.schema.vehicle import Vehicle
 
@@ -36,7 +37,7 @@ class SimulatedTrial:
 
     trial: str
     model_file: Path
-    model: "IdentifiedModel"
+    model: "IdentifiedModel | CombinedModel"
     table: "pd.DataFrame"
 
 
@@ -127,7 +128,8 @@ def predict(
     Parameters
     ----------
     target : Path
-        Run directory or ``model.json``.
+        Run directory or ``model.json``; a combined model, or a vehicle file for its estimate
+        from geometry, is flown in six degrees of freedom.
     log : Path
         With the inputs, and the initial state if there is one.
     vehicle_file : Path, optional
@@ -140,6 +142,12 @@ def predict(
     options : mapping
         ``window_s``, ``speed_mps`` and ``samples`` of `auvident.stages.simulate.simulate`.
     """
+    from auvident.pipeline.whole import is_whole, predict_whole
+
+    if is_whole(target):
+        found = {"vehicle_file": vehicle_file, "column_map": column_map}
+        given: dict[str, Any] = {**found, "rate_hz": rate_hz, "seed": seed, "options": options}
+        return predict_whole(target, log, observer=observer, **given)
     import numpy as np
 
     path, model = find_model(target)

@@ -7,6 +7,7 @@ from pydantic.json_schema import JsonSchemaMode
 
 from auvident.schema.artifacts import AseResult, IdentifiedModel, Maneuver, Metrics, TrialPlan
 from auvident.schema.base import Declared
+from auvident.schema.combined import CombinedModel
 from auvident.schema.desk import DeskResult
 from auvident.schema.diagnosis import Comparison, Diagnosis
 from auvident.schema.logs import ColumnMap, Quality
@@ -24,6 +25,7 @@ SCHEMAS: dict[str, tuple[str, Any]] = {
     "maneuvers": ("segment/maneuvers.json", list[Maneuver]),
     "ase": ("ase/coefficients.json", AseResult),
     "model": ("identify/model.json", IdentifiedModel),
+    "combined": ("what combine writes", CombinedModel),
     "trial-plan": ("what plan-trial prints", TrialPlan),
     "desk": ("what simulate --maneuver prints", DeskResult),
     "metrics": ("validate/metrics.json", Metrics),

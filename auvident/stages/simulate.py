@@ -11,10 +11,11 @@ from auvident.engines.draws import drawn_vectors
 from auvident.engines.prediction import at_effects, simulated
 from auvident.engines.predictive import half_widths
 from auvident.engines.records import Record, record_of, sensor_matrix
-from auvident.errors import InputError, NumericsError, UsageError
+from auvident.engines.stretches import as_maneuver, uninterrupted
+from auvident.errors import NumericsError
 from auvident.physics.dynamics import N_STATES
 from auvident.physics.maneuvers.track import dead_reckoning
-from auvident.schema.artifacts import IdentifiedModel, Maneuver
+from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.channels import TIME_COLUMN
 from auvident.schema.planes import BY_PLANE, PLANE_ROWS, STATE_COLUMNS
 from auvident.schema.trial import Trial
@@ -23,7 +24,6 @@ Array = npt.NDArray[np.float64]
 
 BAND = (5.0, 95.0)  # percentiles of the models drawn, where a model tells of nothing else
 SAMPLES = 100  # models drawn for it: its edges then rest on some five models each
-LEAST_ROWS = 10  # a shorter stretch of inputs says nothing
 INPUT_COLUMNS = {row.name: (row.control_columns[0], "rpm") for row in PLANE_ROWS}
 
 
@@ -85,42 +85,14 @@ def _stretches(
     model: IdentifiedModel, trial: Trial, window_s: tuple[float, float], speed: float | None
 ) -> list[Record]:
     """Uninterrupted stretches where all inputs are known, within the window, as they act."""
-    table = trial.table
-    needed = INPUT_COLUMNS[model.plane]
-    missing = [c for c in needed if c not in table]
-    if missing:
-        raise InputError(
-            f"the log has no {missing[0]}",
-            f"trial {trial.name}",
-            "The simulation needs it as an input.",
-        )
-    time = table[TIME_COLUMN].to_numpy()
-    known = np.isfinite(table[list(needed)].to_numpy(float)).all(axis=1)
-    known &= (time >= window_s[0]) & (time <= window_s[1])
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], known, [False]))))
-    pairs = [(a, b) for a, b in edges.reshape(-1, 2) if b - a >= LEAST_ROWS]
-    if not pairs:
-        raise UsageError(
-            "there is nothing to simulate: no inputs in the time window",
-            f"trial {trial.name}, {time[0]:.1f} to {time[-1]:.1f} s",
-            "Widen --from and --to.",
-        )
-    return [_stretch(model, trial, time[a], time[b - 1], speed) for a, b in pairs]
+    stretches = uninterrupted(trial, INPUT_COLUMNS[model.plane], window_s)
+    return [_stretch(model, trial, start, end, speed) for start, end in stretches]
 
 
 def _stretch(
     model: IdentifiedModel, trial: Trial, start_s: float, end_s: float, speed: float | None
 ) -> Record:
-    maneuver = Maneuver(
-        id=trial.name,
-        trial=trial.name,
-        kind="straight",
-        t_start_s=start_s,
-        t_end_s=end_s,
-        role="validate",
-        plane=model.plane,
-        planes=(model.plane,),
-    )
+    maneuver = as_maneuver(trial, model.plane, start_s, end_s)
     record = record_of(maneuver, trial, model.plane, sensor_matrix(model.plane, model.sensing))
     measured = all(c in trial.table for c in STATE_COLUMNS[model.plane][:3])
     if speed is None and measured and np.isfinite(record.start).all():

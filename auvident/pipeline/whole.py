@@ -1,0 +1,225 @@
+"""Models of six degrees of freedom: made from run directories, found again, flown on a log."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from auvident.errors import InputError
+from auvident.pipeline.observer import Observer
+from auvident.pipeline.predict import SIGNS_ASSUMED, VEHICLE, SimulatedTrial, find_model
+from auvident.schema.planes import PLANES
+from auvident.storage.artifacts import read_json, read_model
+from auvident.storage.run_directory import MANIFEST, RunDirectory
+
+if TYPE_CHECKING:
+    from auvident.schema.artifacts import IdentifiedModel, Maneuvers
+    from auvident.schema.combined import CombinedModel
+    from auvident.schema.trial import Trial
+    from auvident.schema.vehicle import Vehicle
+
+ESTIMATE = "ase/coefficients.json"
+BESIDE = PLANES[1]  # folder of the other plane in that of a stage
+COMBINED = "auvident/combined/"  # what the schema of a combined model begins with
+SPEAKS_OF_ONE = "Combine runs of one vehicle, with the same vehicle file."
+
+
+def combine_runs(
+    targets: Sequence[Path], vehicle_file: Path | None = None
+) -> "tuple[CombinedModel, tuple[Path, ...]]":
+    """One model of six degrees of freedom from runs, and the models that went in.
+
+    Parameters
+    ----------
+    targets : sequence of Path
+        Run directories, of one plane or of both, or files of models.
+    vehicle_file : Path, optional
+        In place of that of the runs; needed where no run is given.
+
+    Raises
+    ------
+    UsageError
+        Two models of one plane.
+    InputError
+        Models of different vehicles; no vehicle file.
+    StageError
+        A run without a model.
+    """
+    from auvident.schema.artifacts import AseResult
+    from auvident.stages.ase import estimate
+    from auvident.stages.combine import combine
+
+    found = [pair for target in targets for pair in models_of(target)]
+    vehicle = _one_vehicle(targets, vehicle_file)
+    runs = [] if vehicle_file else [t for t in targets if (t / ESTIMATE).exists()]
+    ase = read_model(runs[0] / ESTIMATE, AseResult) if runs else estimate(vehicle)
+    models = [model for _, model in found]
+    combined = combine(models, vehicle, ase, logs=[_logs(t) for t in targets if t.is_dir()])
+    files = tuple(path for path, _ in found)
+    sources = [
+        source.model_copy(update={"file": str(path)})
+        for source, path in zip(combined.models, files, strict=True)
+    ]
+    return combined.model_copy(update={"models": tuple(sources)}), files
+
+
+def _logs(target: Path) -> "tuple[list[Trial], Maneuvers]":
+    """Trials and maneuvers of a run: of what the identification used, roll can be seen."""
+    from auvident.pipeline.given import Given
+
+    given = Given(RunDirectory(target))
+    return list(given.trials), given.maneuvers
+
+
+def models_of(target: Path) -> "list[tuple[Path, IdentifiedModel]]":
+    """The models of a run, that of the other plane where it has one, or that of a file."""
+    from auvident.schema.artifacts import IdentifiedModel
+
+    path, model = find_model(target)
+    found = [(path, model)]
+    other = path.parent / BESIDE / path.name
+    if path != target and not other.exists():  # refined in one plane only
+        other = path.parents[1] / "identify" / BESIDE / path.name
+    if path != target and other.exists():
+        found.append((other, read_model(other, IdentifiedModel)))
+    return found
+
+
+def _one_vehicle(targets: Sequence[Path], vehicle_file: Path | None) -> "Vehicle":
+    """The vehicle of all runs."""
+    from auvident.schema.vehicle import Vehicle
+    from auvident.storage.vehicle_file import load_vehicle
+
+    if vehicle_file is not None:
+        return load_vehicle(vehicle_file)
+    vehicles = {t: read_model(t / VEHICLE, Vehicle) for t in targets if (t / VEHICLE).exists()}
+    if not vehicles:
+        raise InputError(
+            "there is no vehicle: a model file alone does not say what the other plane has",
+            str(targets[0]),
+            "Give the run directory, or --vehicle V.toml.",
+        )
+    (first, vehicle), *others = vehicles.items()
+    for path, other in others:
+        for part in ("hull", "fin", "propeller"):
+            if getattr(other, part) != getattr(vehicle, part):
+                raise InputError(
+                    f"the runs are of different vehicles: [{part}] is not the same",
+                    f"{first}, {path}",
+                    SPEAKS_OF_ONE,
+                )
+    return vehicle
+
+
+def is_whole(target: Path) -> bool:
+    """Whether a file is a combined model, or a vehicle file, which is flown from its geometry."""
+    if target.is_dir() or not target.exists():
+        return False
+    if target.suffix == ".toml":
+        return True
+    if target.suffix != ".json":
+        return False
+    tree = read_json(target, "Give a model.json that auvident has written.")
+    return isinstance(tree, dict) and str(tree.get("schema", "")).startswith(COMBINED)
+
+
+def find_whole(target: Path) -> "tuple[CombinedModel, Vehicle | None]":
+    """A combined model from its file, or from a vehicle file by geometry and [coefficients]."""
+    from auvident.schema.combined import CombinedModel
+    from auvident.stages.ase import estimate
+    from auvident.stages.combine import combine
+    from auvident.storage.vehicle_file import load_vehicle
+
+    if target.suffix == ".toml":
+        vehicle = load_vehicle(target)
+        return combine([], vehicle, estimate(vehicle)), vehicle
+    return read_model(target, CombinedModel), None
+
+
+def predict_whole(
+    target: Path,
+    log: Path,
+    *,
+    vehicle_file: Path | None = None,
+    column_map: Path | None = None,
+    rate_hz: float = 10.0,
+    seed: int = 0,
+    observer: Observer,
+    options: Mapping[str, Any],
+) -> SimulatedTrial:
+    """Simulate a log in six degrees of freedom; see `auvident.pipeline.predict.predict`."""
+    import numpy as np
+
+    from auvident.stages.combine import simulate_whole
+
+    model, vehicle = find_whole(target)
+    vehicle = _signs(target, model, vehicle, vehicle_file, observer)
+    trial = _trial(vehicle, log, column_map, rate_hz)
+    table = simulate_whole(model, trial, rng=np.random.default_rng(seed), **options)
+    return SimulatedTrial(trial.name, target, model, table)
+
+
+def _signs(
+    target: Path,
+    model: "CombinedModel",
+    own: "Vehicle | None",
+    vehicle_file: Path | None,
+    observer: Observer,
+) -> "Vehicle":
+    """The vehicle for the signs of a log: as given, of the model's file, or of its run."""
+    from auvident.schema.vehicle import Vehicle
+    from auvident.storage.vehicle_file import load_vehicle
+
+    if vehicle_file is not None:
+        return load_vehicle(vehicle_file)
+    if own is not None:
+        return own
+    folders = [*list(target.resolve().parents)[1:2], *_folders(model)]
+    run = next((f for f in folders if (f / MANIFEST).exists() and (f / VEHICLE).exists()), None)
+    if run is not None:
+        return read_model(run / VEHICLE, Vehicle)
+    observer.note(SIGNS_ASSUMED)
+    values = model.values()
+    body = {
+        "name": model.vehicle,
+        "mass_kg": values["m"],
+        "izz_kgm2": values["I_zz"],
+        "origin_from_nose_m": 0.5 * model.length_m,
+    }
+    # reading a log takes only the signs from a vehicle; a hull must stand there
+    hull = {"length_m": model.length_m, "diameter_m": model.length_m / 8.0}
+    return Vehicle.model_validate({"vehicle": body, "hull": hull})
+
+
+def _folders(model: "CombinedModel") -> list[Path]:
+    """Where the runs may be that a model was made from."""
+    files = [Path(source.file) for source in model.models if source.file]
+    return [parent for file in files for parent in list(file.parents)[1:3]]
+
+
+def _trial(vehicle: "Vehicle", log: Path, column_map: Path | None, rate_hz: float) -> "Trial":
+    from auvident.stages.combine import INPUT_COLUMNS
+    from auvident.stages.ingest import ingest
+    from auvident.storage.logs import read_column_map, read_trials
+
+    trials = read_trials([log], read_column_map(column_map) if column_map else None, INPUT_COLUMNS)
+    if len(trials) > 1:
+        names = ", ".join(t.name for t in trials)
+        raise InputError("contains several trials", str(log), f"Give one of them: {names}.")
+    return ingest(trials[0], vehicle, rate_hz=rate_hz, needed=INPUT_COLUMNS)[0]
+
+
+def write_combined(model: "CombinedModel", file: Path) -> None:
+    """Write a combined model to a file."""
+    from auvident.storage.artifacts import json_bytes, write_bytes
+
+    write_bytes(file, json_bytes(model, str(file)))
+
+
+__all__ = [
+    "combine_runs",
+    "find_whole",
+    "is_whole",
+    "models_of",
+    "predict_whole",
+    "write_combined",
+]

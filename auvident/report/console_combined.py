@@ -1,0 +1,24 @@
+"""What a person sees of a model of six degrees of freedom."""
+
+from rich.console import RenderableType
+
+from auvident.report.console_style import findings_lines, rich_table
+from auvident.report.tables import Column, Number, Rows, Table, Unit, columns
+from auvident.schema.combined import CombinedModel
+
+
+def combined_pieces(model: CombinedModel) -> list[RenderableType]:
+    """Coefficients and constants with their origin; what no data stand behind."""
+    title = f"{model.vehicle}: six degrees of freedom"
+    rows: Rows = [
+        [
+            e.symbol,
+            Number(e.value, 4),
+            Number(e.std, 2) if e.std > 0.0 else "",
+            Unit(e.unit),
+            e.origin,
+        ]
+        for e in model.entries
+    ]
+    heads = (*columns(("symbol",), ("value", "std")), *columns(("unit",)), Column("origin"))
+    return [rich_table(Table(heads, rows, title)), *findings_lines(model.findings)]

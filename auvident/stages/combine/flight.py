@@ -1,0 +1,292 @@
+"""Prediction in six degrees of freedom: from the inputs of a log to the motion, with a band."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from auvident.engines.carried import CURRENTS, RACE, with_speed
+from auvident.engines.prediction import Frame, at_effects
+from auvident.engines.records import Record, record_of, sensor_matrix
+from auvident.engines.stretches import as_maneuver, uninterrupted
+from auvident.errors import NumericsError
+from auvident.physics.maneuvers.track import heading_from_rate
+from auvident.physics.sensing import current
+from auvident.physics.six_dof import (
+    ATTITUDE,
+    POSITION,
+    SixDofSystem,
+    angles_of,
+    rates_six_dof,
+    simulate_six_dof,
+    state_of,
+    system_of,
+)
+from auvident.physics.six_dof_terms import (
+    INERTIA,
+    VELOCITIES,
+    SixDofStructure,
+    effect_names,
+    six_dof_structure,
+)
+from auvident.physics.terms import structure_of
+from auvident.schema.channels import BY_QUANTITY, TIME_COLUMN
+from auvident.schema.combined import CombinedModel
+from auvident.schema.planes import BY_PLANE, HORIZONTAL, PLANES, VERTICAL, Plane
+from auvident.schema.trial import Trial
+
+Array = npt.NDArray[np.float64]
+
+BAND = (5.0, 95.0)  # percentiles of the models drawn
+SAMPLES = 100  # models drawn for it: its edges then rest on some five models each
+INPUT_COLUMNS = (*HORIZONTAL.control_columns, "rpm")
+ANGLES = ("roll", "pitch", "heading")
+STATE_COLUMNS = tuple(BY_QUANTITY[name].column for name in (*VELOCITIES, *ANGLES))
+TRACK_COLUMNS = tuple(BY_QUANTITY[name].column for name in ("north", "east", "depth"))
+# effects of the propeller: one acts on it, whichever plane showed it
+OF_PROPELLER = frozenset({"propeller_lag", "thrust_sag", "thrust_step"})
+FASTEST_MPS = 30.0  # no steady speed is looked for beyond
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A stretch of a log as the model takes it.
+
+    Attributes
+    ----------
+    time_s : (n,) array
+    start : (13,) array
+    inputs : (n, 4) array
+        As they act; see `physics.six_dof`.
+    logged : (n, 3) array
+        Rudder, elevator [rad], rpm.
+    drift : (n, 2) array
+        How far a current has carried the vehicle, north and east [m].
+    heading_rad : float
+        Heading at the start, as the log counts it.
+    """
+
+    time_s: Array
+    start: Array
+    inputs: Array
+    logged: Array
+    drift: Array
+    heading_rad: float
+
+
+def simulate_whole(
+    model: CombinedModel,
+    trial: Trial,
+    *,
+    window_s: tuple[float, float] = (-np.inf, np.inf),
+    speed_mps: float | None = None,
+    samples: int = SAMPLES,
+    rng: np.random.Generator,
+) -> pd.DataFrame:
+    """Predict the motion of the whole vehicle from the inputs of a trial.
+
+    Parameters
+    ----------
+    model : CombinedModel
+    trial : Trial
+        With rudder, elevator and rpm; what is measured gives the initial state.
+    window_s : tuple of float
+        First and last time [s] to simulate.
+    speed_mps : float, optional
+        Initial speed on a straight level run, in place of the measured state.
+    samples : int
+        Models drawn from the covariance for the band; 0 for none.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``time_s``, ``stretch``, the inputs, velocities through the water, roll, pitch, heading,
+        north and east from the start, depth; ``..._low`` and ``..._high`` are the 5 and 95 %
+        points of the models drawn.
+
+    Raises
+    ------
+    InputError, UsageError
+        No such inputs; nothing in the window.
+    NumericsError
+        The model runs away; says when.
+    """
+    dt_s, structure = 1.0 / trial.rate_hz, structure_behind_whole(model)
+    system = system_of(structure, structure.vector(model.values()))
+    drawn = _drawn_systems(model, structure, samples, rng)
+    tables = []
+    for number, (start_s, end_s) in enumerate(uninterrupted(trial, INPUT_COLUMNS, window_s)):
+        flight = flight_of(model, trial, system, start_s, end_s, speed_mps)
+        table = _predict(flight, trial.name, system, drawn, dt_s)
+        table.insert(1, "stretch", number)
+        tables.append(table)
+    return pd.concat(tables, ignore_index=True)
+
+
+def structure_behind_whole(model: CombinedModel) -> SixDofStructure:
+    """The equations of a combined model with the effects that its planes carry."""
+    return six_dof_structure(model.effect_ids("horizontal"), model.effect_ids("vertical"))
+
+
+def _drawn_systems(
+    model: CombinedModel, structure: SixDofStructure, samples: int, rng: np.random.Generator
+) -> list[SixDofSystem]:
+    """Models drawn from the covariance; one with an impossible mass matrix is none."""
+    systems = []
+    for moved in model.draws(samples, rng):
+        try:
+            systems.append(system_of(structure, structure.vector(model.values(moved))))
+        except NumericsError:
+            continue
+    return systems
+
+
+def plane_frame(model: CombinedModel, plane: Plane, dt_s: float) -> tuple[Frame, Array]:
+    """The equations of one plane and its parameters: what effects make of inputs and readings."""
+    ids = model.effect_ids(plane)
+    structure, values = structure_of(plane, ids), model.values()
+    names = {"I": INERTIA[plane]} | effect_names(plane, ids)
+    p = np.array([values.get(names.get(n, n), 0.0) for n in structure.parameters])
+    return Frame(structure, model.sensing[plane], dt_s), p
+
+
+def flight_of(
+    model: CombinedModel,
+    trial: Trial,
+    system: SixDofSystem,
+    start_s: float,
+    end_s: float,
+    speed_mps: float | None = None,
+) -> Flight:
+    """A stretch of a trial, its inputs as they act and the state it starts from."""
+    dt_s = 1.0 / trial.rate_hz
+    records = {}
+    for plane in PLANES:
+        sensor = sensor_matrix(plane, model.sensing[plane])
+        records[plane] = record_of(as_maneuver(trial, plane, start_s, end_s), trial, plane, sensor)
+    acting = _acting(model, records, dt_s)
+    start = _start(trial, acting)
+    measured = all(c in trial.table for c in HORIZONTAL.columns[:3])
+    if speed_mps is not None or not measured:
+        first = _inputs(model, acting)[0]
+        start[:9] = 0.0
+        start[0] = speed_mps if speed_mps is not None else steady_speed(system, first[2])
+    one = Flight(
+        acting["horizontal"].time_s,
+        state_of(start[:6], start[6:9], start[9:]),
+        _inputs(model, acting),
+        np.column_stack([_logged(records, plane) for plane in PLANES] + [_rpm(records)]),
+        _drift(model, acting["horizontal"], dt_s),
+        float(start[8]),
+    )
+    if not any(RACE in model.effect_ids(plane) for plane in PLANES) and measured:
+        return one
+    # what acts depends on the speed: that of a first prediction
+    first_run = simulate_six_dof(one.start, one.inputs, dt_s, system)
+    speed = np.nan_to_num(first_run[:, 0], nan=one.start[0])
+    again = {plane: with_speed(record, speed) for plane, record in records.items()}
+    return replace(one, inputs=_inputs(model, _acting(model, again, dt_s)))
+
+
+def _acting(
+    model: CombinedModel, records: Mapping[Plane, Record], dt_s: float
+) -> dict[Plane, Record]:
+    """The records as the effects make them."""
+    return {
+        plane: at_effects(*plane_frame(model, plane, dt_s), record)
+        for plane, record in records.items()
+    }
+
+
+def _inputs(model: CombinedModel, acting: Mapping[Plane, Record]) -> Array:
+    """Rudder, elevator, propeller rate and factor on the thrust (n, 4), as they act."""
+    turning = next((p for p in PLANES if OF_PROPELLER & set(model.effect_ids(p))), PLANES[0])
+    own = {BY_PLANE[plane].fin: record.inputs[:, 0] for plane, record in acting.items()}
+    propeller = acting[turning].inputs
+    thrust = propeller[:, 3] if propeller.shape[1] > 3 else np.ones(len(propeller))
+    return np.column_stack([own["rudder"], own["elevator"], propeller[:, 2], thrust])
+
+
+def _logged(records: Mapping[Plane, Record], plane: Plane) -> Array:
+    return records[plane].inputs[:, 0]
+
+
+def _rpm(records: Mapping[Plane, Record]) -> Array:
+    return np.asarray(60.0 * records[PLANES[0]].inputs[:, 2])
+
+
+def _start(trial: Trial, acting: Mapping[Plane, Record]) -> Array:
+    """Velocities (6,), roll, pitch and heading, position (3,) from the readings at the start."""
+    start = np.zeros(12)
+    names = (*VELOCITIES, *ANGLES)
+    for plane in (VERTICAL, HORIZONTAL):  # the speed is that of the horizontal one
+        for state, value in zip(plane.states, acting[plane.name].start, strict=True):
+            start[names.index(state.symbol)] = value
+    record = acting[HORIZONTAL.name]
+    assert record.source is not None
+    lead = len(record.source.roll) - len(record.time_s)
+    start[names.index("p")] = record.source.rates[0, 0]
+    start[names.index("roll")] = record.source.roll[lead]
+    if "depth_m" in trial.table:
+        row = np.searchsorted(trial.table[TIME_COLUMN].to_numpy(), record.time_s[0])
+        start[-1] = np.nan_to_num(trial.table["depth_m"].to_numpy()[row])
+    return start
+
+
+def steady_speed(system: SixDofSystem, rate_rps: float) -> float:
+    """Speed at which thrust and drag balance on a straight level run [m/s]; 0 without thrust."""
+    from scipy.optimize import brentq
+
+    def surge(u: float) -> float:
+        state = state_of(np.array([u, 0, 0, 0, 0, 0], float), np.zeros(3))
+        return float(rates_six_dof(state, np.array([0.0, 0.0, rate_rps, 1.0]), system)[0])
+
+    if not (surge(0.0) > 0.0 > surge(FASTEST_MPS)):
+        return 0.0
+    return float(brentq(surge, 0.0, FASTEST_MPS))
+
+
+def _drift(model: CombinedModel, record: Record, dt_s: float) -> Array:
+    """How far the current has carried the vehicle (n, 2) since the start."""
+    if not CURRENTS & set(model.effect_ids("horizontal")):
+        return np.zeros((len(record.time_s), 2))
+    frame, p = plane_frame(model, "horizontal", dt_s)
+    since = None if record.source is None else record.source.from_middle_s
+    water = current(frame.reading_effects(p), np.zeros(len(record)) if since is None else since)
+    return np.column_stack([heading_from_rate(record.time_s, x) for x in water.T])
+
+
+def _predict(
+    flight: Flight, name: str, system: SixDofSystem, drawn: list[SixDofSystem], dt_s: float
+) -> pd.DataFrame:
+    states = simulate_six_dof(flight.start, flight.inputs, dt_s, system)
+    if not np.isfinite(states).all():
+        row = int(np.argmin(np.isfinite(states).all(axis=1)))
+        raise NumericsError(
+            "the simulation diverges",
+            f"{name}, {flight.time_s[row]:.1f} s",
+            "The inputs lie outside the range that the model was identified from.",
+        )
+    columns = {TIME_COLUMN: flight.time_s}
+    columns |= dict(zip(INPUT_COLUMNS, flight.logged.T, strict=True))
+    columns |= dict(zip(STATE_COLUMNS, _shown(states, flight.heading_rad).T, strict=True))
+    track = states[:, POSITION].copy()
+    track[:, :2] += flight.drift
+    columns |= dict(zip(TRACK_COLUMNS, track.T, strict=True))
+    runs = (simulate_six_dof(flight.start, flight.inputs, dt_s, one) for one in drawn)
+    stable = [_shown(run, flight.heading_rad) for run in runs if np.isfinite(run).all()]
+    if stable:
+        low, high = np.percentile(stable, BAND, axis=0)
+        for i, column in enumerate(STATE_COLUMNS):
+            columns |= {f"{column}_low": low[:, i], f"{column}_high": high[:, i]}
+    return pd.DataFrame(columns)
+
+
+def _shown(states: Array, heading: float) -> Array:
+    """Velocities and angles (n, 9) of states (n, 13); the heading counts on from the start."""
+    angles = angles_of(states[:, ATTITUDE])
+    angles[:, 2] += 2.0 * np.pi * np.round((heading - angles[0, 2]) / (2.0 * np.pi))
+    return np.column_stack([states[:, :6], angles])
