@@ -6,6 +6,14 @@ from pathlib import Path
 import click
 
 from auvident.cli.common import PATH, RUN, Output, command, write_table
+from auvident.schema.places import BESIDE
+from auvident.schema.planes import PLANES, Plane
+
+PLANE = click.option(
+    "--plane",
+    type=click.Choice(PLANES),
+    help="Plane of a run that has both.  [default: the first]",
+)
 
 
 @command("status", "auvident status runs/demo")
@@ -46,6 +54,7 @@ def status(output: Output, run: Path) -> None:
     type=PATH,
     help="Log with the inputs (rudder or elevator, rpm).",
 )
+@PLANE
 @click.option("--from", "from_s", type=float, metavar="SECONDS", help="Start of the simulation.")
 @click.option("--to", "to_s", type=float, metavar="SECONDS", help="End of the simulation.")
 @click.option(
@@ -72,6 +81,7 @@ def simulate(
     output: Output,
     target: Path,
     log: Path,
+    plane: str | None,
     from_s: float | None,
     to_s: float | None,
     speed_mps: float | None,
@@ -96,6 +106,7 @@ def simulate(
         made = predict(
             target,
             log,
+            plane=plane,
             vehicle_file=vehicle,
             column_map=map_,
             rate_hz=rate_hz,
@@ -104,7 +115,8 @@ def simulate(
             options={"window_s": window, "speed_mps": speed_mps, "samples": samples},
         )
         if file is None and target.is_dir():
-            name = f"simulate/{made.trial}.parquet"
+            of = f"-{BESIDE}" if made.model_file.parent.name == BESIDE else ""
+            name = f"simulate/{made.trial}{of}.parquet"
             RunDirectory(target).refuse_link(name)
             file = target / name
         if file is not None:
@@ -131,7 +143,10 @@ def simulate(
     help="[default: by the suffix of --output, else json]",
 )
 @click.option("--output", "file", type=PATH, help="Output file.  [default: standard output]")
-def export(output: Output, target: Path, form: str | None, file: Path | None) -> None:
+@PLANE
+def export(
+    output: Output, target: Path, form: str | None, file: Path | None, plane: str | None
+) -> None:
     """Write the model for use elsewhere.
 
     python and matlab are self-contained functions with the equations; toml is a [coefficients]
@@ -143,7 +158,7 @@ def export(output: Output, target: Path, form: str | None, file: Path | None) ->
 
     if form is None:
         form = FORM_OF_SUFFIX.get(file.suffix, "json") if file else "json"
-    path, model = find_model(target)
+    path, model = find_model(target, plane)
     text = as_text(model, form)
     if file is not None:
         write_bytes(file, text.encode())
@@ -175,7 +190,8 @@ def compare(output: Output, runs: tuple[Path, ...]) -> None:
 
 @command("plan-trial", "auvident plan-trial runs/demo")
 @RUN
-def plan_trial(output: Output, run: Path) -> None:
+@PLANE
+def plan_trial(output: Output, run: Path, plane: Plane | None) -> None:
     """Rank further maneuvers by what they would tell about the coefficients.
 
     Candidates are simulated with the identified model. What each would add is stated as the
@@ -185,6 +201,6 @@ def plan_trial(output: Output, run: Path) -> None:
     from auvident.report.console import trial_plan_table
 
     with output.watch() as watch:
-        plan = rank(run, watch)
+        plan = rank(run, watch, plane)
         watch.show(trial_plan_table(plan))
     output.artifact(plan, "plan-trial")

@@ -135,7 +135,8 @@ class ModelCoefficient(Artifact):
     """One coefficient of an identified model.
 
     ``std`` is the larger of the filter's own standard deviation and that from the scatter
-    between maneuvers (jackknife), at most the prior's; both stand beside it.
+    between maneuvers (jackknife), at most the prior's; both stand beside it. ``shared_with``
+    names the plane whose data went into it as well.
     """
 
     symbol: str
@@ -149,6 +150,7 @@ class ModelCoefficient(Artifact):
     data_share: float
     std_filter: float | None = None
     std_jackknife: float | None = None
+    shared_with: Plane | None = None
 
 
 class Combination(Artifact):
