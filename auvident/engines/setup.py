@@ -89,7 +89,7 @@ class Setup:
         return constraints_of(Basis(self.structure, self.prior, self.prior_std, flown))
 
     def prior_covariance(self, positions: Array, factors: Array) -> Array:
-        """Covariance of the prior (n, n) in units of its standard deviations without the factors."""
+        """Covariance (n, n) of the prior in units of its standard deviations before the factors."""
         covariance = np.diag(factors**2)
         if self.joint is None:
             return covariance
