@@ -24,7 +24,7 @@ Array = npt.NDArray[Any]
 
 
 @dataclass(frozen=True)
-class Joint:
+class Correlated:
     """Parameters that the prior knows together: names, and correlations (n, n)."""
 
     names: tuple[str, ...]
@@ -53,7 +53,7 @@ class Setup:
         Where the first stage starts.
     friction : float
         Share of the drag of the estimate that falls with the Reynolds number.
-    joint : Joint or None
+    joint : Correlated or None
         Correlations of the prior; None where all is independent.
     """
 
@@ -70,7 +70,7 @@ class Setup:
     engine: str
     start: Array
     friction: float = 1.0
-    joint: Joint | None = None
+    joint: Correlated | None = None
 
     @property
     def frame(self) -> Frame:

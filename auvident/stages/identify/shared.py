@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from auvident.engines.carried import claimed_covariance
 from auvident.engines.records import Record
-from auvident.engines.setup import Joint
+from auvident.engines.setup import Correlated
 from auvident.schema.artifacts import AseResult, Finding, IdentifiedModel, ModelCoefficient
 from auvident.schema.coefficients import BY_SYMBOL
 from auvident.schema.planes import PLANES, Plane
@@ -35,7 +35,7 @@ class Shared:
         That one.
     values, stds : mapping
         By symbol; the standard deviations at most those of the prior there.
-    joint : Joint
+    joint : Correlated
         Their correlations.
     counted : frozenset of str
         Maneuvers that it identified from.
@@ -44,7 +44,7 @@ class Shared:
     plane: Plane
     values: Mapping[str, float]
     stds: Mapping[str, float]
-    joint: Joint
+    joint: Correlated
     counted: frozenset[str]
 
     def uncounted(self, record: Record) -> Record:
@@ -73,7 +73,7 @@ def shared_of(model: IdentifiedModel) -> Shared:
         plane=model.plane,
         values={s: rows[s].value for s in symbols},
         stds=stds,
-        joint=Joint(tuple(symbols), covariance / np.outer(spread, spread)),
+        joint=Correlated(tuple(symbols), covariance / np.outer(spread, spread)),
         counted=frozenset(model.stages[-1].maneuvers),
     )
 
