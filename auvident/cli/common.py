@@ -147,8 +147,18 @@ def run_one(output: Output, name: str, path: Path, seed: int | None = None, **op
     with output.watch() as watch:
         outputs = run_stage(name, path, given(**options), seed=seed, observer=watch)
     main = BY_NAME[name].main
-    output.artifact(outputs[main], main)
+    output.artifact(main_of(main, outputs), main)
     return outputs
+
+
+def main_of(main: str, outputs: Mapping[str, Any]) -> Any:
+    """The main artifact of a stage; that of a second plane stands in it under ``planes``."""
+    from auvident.schema.places import by_plane
+    from auvident.storage.artifacts import plain
+
+    (_, first), *others = by_plane(outputs)
+    planes = {plane: own[main] for plane, own in others}
+    return {**plain(first[main]), "planes": planes} if planes else first[main]
 
 
 FAIL_ABOVE = click.option(

@@ -50,12 +50,14 @@ def refine(
     The plan is that of the identification. --fail-above applies to the refined model. A model
     that predicts the identifying maneuvers worse, each left out in turn, is not taken.
     """
-    from auvident.pipeline.gates import check_refined
+    from auvident.pipeline.gates import check_planes, refined
+    from auvident.schema.places import by_plane
 
     limits = parse_limits(fail_above)
     force = with_unexplained or None
     outputs = run_one(output, "refine", run, seed, filter=filter, with_unexplained=force)
-    check_refined(outputs["refine/comparison.json"], limits)
+    planes = by_plane(outputs)
+    check_planes([refined(own["refine/comparison.json"]) for _, own in planes], limits)
 
 
 @command("report", "auvident report runs/demo")

@@ -7,6 +7,14 @@ from typing import Any
 import click
 
 from auvident.cli.common import PATH, RUN, Output, command, write_table
+from auvident.schema.places import BESIDE
+from auvident.schema.planes import PLANES, Plane
+
+PLANE = click.option(
+    "--plane",
+    type=click.Choice(PLANES),
+    help="Plane of a run that has both.  [default: the first]",
+)
 
 
 @command("status", "auvident status runs/demo")
@@ -49,6 +57,7 @@ def status(output: Output, run: Path) -> None:
     help="Standard maneuver: turning-circle:15, zigzag:10/10, spiral:25, pull-out:15, depth-step:5 "
     "or vertical-zigzag:10/5 (deg, m; the defaults).",
 )
+@PLANE
 @click.option("--from", "from_s", type=float, metavar="SECONDS", help="Start of the simulation.")
 @click.option("--to", "to_s", type=float, metavar="SECONDS", help="End of the simulation.")
 @click.option(
@@ -98,6 +107,7 @@ def simulate(
     target: Path,
     log: Path | None,
     maneuver: str | None,
+    plane: str | None,
     from_s: float | None,
     to_s: float | None,
     speed_mps: float | None,
@@ -127,7 +137,8 @@ def simulate(
     if (log is None) == (maneuver is None):
         raise click.UsageError("Give either --inputs LOG or --maneuver NAME.")
     if maneuver is not None:
-        _refuse({"--from": from_s, "--to": to_s, "--vehicle": vehicle, "--map": map_}, "--inputs")
+        logged = {"--from": from_s, "--to": to_s, "--vehicle": vehicle, "--map": map_}
+        _refuse(logged | {"--plane": plane}, "--inputs")
         asked = {"speed_mps": speed_mps, "rpm": rpm, "rudder_rate_degps": rudder_rate_degps}
         asked |= {"samples": samples, "seed": seed}
         return _fly(output, target, maneuver, asked, file, figure)
@@ -135,7 +146,8 @@ def simulate(
     _refuse({"--rpm": rpm, "--rudder-rate": rudder_rate_degps, "--figure": figure}, "--maneuver")
     window = (-math.inf if from_s is None else from_s, math.inf if to_s is None else to_s)
     options = {"window_s": window, "speed_mps": speed_mps, "samples": samples}
-    data = {"vehicle_file": vehicle, "column_map": map_, "rate_hz": rate_hz, "seed": seed}
+    data = {"vehicle_file": vehicle, "column_map": map_, "rate_hz": rate_hz}
+    data |= {"plane": plane, "seed": seed}
     return _predict(output, target, log, data, options, file)
 
 
@@ -160,7 +172,8 @@ def _predict(
     with output.watch() as watch:
         made = predict(target, log, observer=watch, options=options, **data)
         if file is None and target.is_dir():
-            name = f"simulate/{made.trial}.parquet"
+            of = f"-{BESIDE}" if made.model_file.parent.name == BESIDE else ""
+            name = f"simulate/{made.trial}{of}.parquet"
             RunDirectory(target).refuse_link(name)
             file = target / name
         if file is not None:
@@ -229,7 +242,10 @@ def _picture_form(figure: Path | None) -> str:
     help="[default: by the suffix of --output, else json]",
 )
 @click.option("--output", "file", type=PATH, help="Output file.  [default: standard output]")
-def export(output: Output, target: Path, form: str | None, file: Path | None) -> None:
+@PLANE
+def export(
+    output: Output, target: Path, form: str | None, file: Path | None, plane: str | None
+) -> None:
     """Write the model for use elsewhere.
 
     python and matlab are self-contained functions with the equations; toml is a [coefficients]
@@ -241,7 +257,7 @@ def export(output: Output, target: Path, form: str | None, file: Path | None) ->
 
     if form is None:
         form = FORM_OF_SUFFIX.get(file.suffix, "json") if file else "json"
-    path, model = find_model(target)
+    path, model = find_model(target, plane)
     text = as_text(model, form)
     if file is not None:
         write_bytes(file, text.encode())
@@ -273,7 +289,8 @@ def compare(output: Output, runs: tuple[Path, ...]) -> None:
 
 @command("plan-trial", "auvident plan-trial runs/demo")
 @RUN
-def plan_trial(output: Output, run: Path) -> None:
+@PLANE
+def plan_trial(output: Output, run: Path, plane: Plane | None) -> None:
     """Rank further maneuvers by what they would tell about the coefficients.
 
     Candidates are simulated with the identified model. What each would add is stated as the
@@ -283,6 +300,6 @@ def plan_trial(output: Output, run: Path) -> None:
     from auvident.report.console import trial_plan_table
 
     with output.watch() as watch:
-        plan = rank(run, watch)
+        plan = rank(run, watch, plane)
         watch.show(trial_plan_table(plan))
     output.artifact(plan, "plan-trial")

@@ -1,7 +1,7 @@
 """The commands of the stages, and `auvident run`, which does them all."""
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -18,6 +18,11 @@ from auvident.cli.common import (
     run_one,
 )
 from auvident.schema.planes import PLANES
+
+if TYPE_CHECKING:
+    from auvident.pipeline.gates import Judged
+    from auvident.schema.artifacts import Metrics
+    from auvident.schema.diagnosis import Comparison
 
 LOGS = click.argument("logs", metavar="LOG...", nargs=-1, type=PATH)
 VEHICLE = click.option("--vehicle", type=PATH, help="Vehicle file (TOML).")
@@ -64,7 +69,11 @@ IDENTIFY_OPTIONS = options(
     click.option(
         "--engine", type=click.Choice(["compiled", "filterpy"]), help="[default: compiled]"
     ),
-    click.option("--plane", type=click.Choice(PLANES), help="[default: horizontal]"),
+    click.option(
+        "--plane",
+        type=click.Choice([*PLANES, "both", "found"]),
+        help="Plane of motion; `found`: those with maneuvers of their own.  [default: found]",
+    ),
     click.option("--plan", metavar="NAME|FILE", help="Identification plan.  [default: refined]"),
 )
 
@@ -151,11 +160,12 @@ def validate(output: Output, run: Path, fail_above: tuple[str, ...]) -> None:
     The identification has not seen the held-out maneuvers. RMSE are in the unit of the channel:
     m/s, rad/s, rad, m.
     """
-    from auvident.pipeline.gates import check_gates
+    from auvident.pipeline.gates import check_planes, predicted
+    from auvident.schema.places import by_plane
 
     limits = parse_limits(fail_above)
-    outputs = run_one(output, "validate", run)
-    check_gates(outputs["validate/metrics.json"], limits)
+    planes = by_plane(run_one(output, "validate", run))
+    check_planes([predicted(own["validate/metrics.json"]) for _, own in planes], limits)
 
 
 @command(
@@ -190,11 +200,8 @@ def run(
     Without LOG, the logs, the vehicle file and the options of the last run are used.
     """
     from auvident.pipeline import run_all
-    from auvident.pipeline.gates import check_gates, check_refined
-    from auvident.report.console_loop import discovery
-    from auvident.schema.artifacts import Metrics
-    from auvident.schema.diagnosis import Comparison
-    from auvident.storage.artifacts import as_model
+    from auvident.pipeline.gates import check_planes
+    from auvident.report.console import discoveries
 
     limits = parse_limits(fail_above)
     chosen: dict[str, dict[str, Any]] = {
@@ -213,34 +220,58 @@ def run(
     _need(chosen["ingest"].get("logs", ()), chosen["ingest"].get("vehicle"))
     with output.watch(brief=True) as watch:
         result = run_all(run, chosen, seed=seed, observer=watch)
-        metrics = as_model(result.mains["validate"], Metrics, run / "validate/metrics.json")
-        refined = "refine" not in result.left_out
-        if refined:
-            place = run / "refine/comparison.json"
-            comparison = as_model(result.mains["refine"], Comparison, place)
-            for piece in discovery(comparison):
-                watch.show(piece)
+        told = ended(run, result)
+        for piece in discoveries([(plane, comparison) for plane, _, comparison in told]):
+            watch.show(piece)
     if output.json:
         output.artifact(summary(run, result), "run")
     elif not output.quiet:
         output.text(str(run / "report" / "report.html"))
     if result.failure is not None:
         raise result.failure
-    if refined:
-        check_refined(comparison, limits, metrics)
-    else:
-        check_gates(metrics, limits)
+    check_planes([judged(metrics, comparison) for _, metrics, comparison in told], limits)
     return exit_code(result.outputs)
+
+
+def ended(run: Path, result: Any) -> "list[tuple[str, Metrics, Comparison | None]]":
+    """What a run ends with in each plane: its errors, and what the refinement changed."""
+    from auvident.schema.artifacts import Metrics
+    from auvident.schema.diagnosis import Comparison
+    from auvident.schema.places import BESIDE
+    from auvident.storage.artifacts import as_model
+
+    told = []
+    for plane, mains in (("", result.mains), (BESIDE, result.beside)):
+        if "validate" not in mains:
+            continue
+        place = run / "validate" / plane / "metrics.json"
+        metrics = as_model(mains["validate"], Metrics, place)
+        refined = "refine" not in result.left_out and "refine" in mains
+        place = run / "refine" / plane / "comparison.json"
+        told.append(
+            (plane, metrics, as_model(mains["refine"], Comparison, place) if refined else None)
+        )
+    return told
+
+
+def judged(metrics: "Metrics", comparison: "Comparison | None") -> "Judged":
+    """What the gates look at: the refined model where there is one."""
+    from auvident.pipeline.gates import predicted, refined
+
+    return refined(comparison, metrics) if comparison else predicted(metrics)
 
 
 def summary(run: Path, result: Any) -> dict[str, Any]:
     """What ``auvident run --json`` prints: the decisions and the main artifacts."""
     from auvident.pipeline.table import STAGES
+    from auvident.schema.places import BESIDE
 
     decisions = [{"stage": d.stage, "state": d.state, "reason": d.reason} for d in result.decisions]
     mains = {s.name: s.main for s in STAGES}
     files = {n: str(run / p) for n, p in mains.items() if n in result.mains}
     artifacts = {n: tree for n, tree in result.mains.items() if tree is not None}
+    for name, tree in result.beside.items():
+        artifacts[name] = {**artifacts.get(name, {}), "planes": {BESIDE: tree}}
     found = {"decisions": decisions, "files": files, **artifacts}
     return {"schema": "auvident/summary/1", "run": str(run), **found}
 

@@ -67,7 +67,7 @@ class Task:
     @property
     def information(self) -> Array:
         """That of the prior, in units of the prior standard deviations of the ASE."""
-        return np.diag(1.0 / self.factors**2)
+        return self.setup.prior_information(self.positions, self.factors)
 
     def prior_about(self, parameters: Array) -> Prior:
         """That of the ASE, its standard deviations times the factors of the plan."""
@@ -219,7 +219,7 @@ def _problem_of(
         free=task.positions,
         followers=live_followers(setup, task.positions),
         scale=task.free.scale,
-        theta_covariance=np.diag(task.factors**2),
+        theta_covariance=setup.prior_covariance(task.positions, task.factors),
         theta_noise=task.drifts**2 * setup.dt_s,
         active=active,
         channels=active & _sensed(stacked),
@@ -241,7 +241,9 @@ def _about_the_prior(task: Task, parameters: Array, passed: FilterResult) -> Arr
     prior = task.prior_about(parameters)
     theta = (passed.parameters - parameters)[task.positions] / task.free.scale
     drifted = task.drifts**2 * task.setup.dt_s * len(passed.history)
-    theta = theta + passed.theta_covariance @ (prior.mean / (task.factors**2 + drifted))
+    spread = np.sqrt(task.factors**2 + drifted)
+    information = task.setup.prior_information(task.positions, spread)
+    theta = theta + passed.theta_covariance @ (information @ prior.mean)
     return np.clip(theta, prior.low, prior.high)
 
 

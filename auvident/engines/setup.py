@@ -24,6 +24,14 @@ Array = npt.NDArray[Any]
 
 
 @dataclass(frozen=True)
+class Correlated:
+    """Parameters that the prior knows together: names, and correlations (n, n)."""
+
+    names: tuple[str, ...]
+    correlation: Array
+
+
+@dataclass(frozen=True)
 class Setup:
     """All that stays the same from stage to stage.
 
@@ -45,6 +53,8 @@ class Setup:
         Where the first stage starts.
     friction : float
         Share of the drag of the estimate that falls with the Reynolds number.
+    joint : Correlated or None
+        Correlations of the prior; None where all is independent.
     """
 
     structure: Structure
@@ -60,6 +70,7 @@ class Setup:
     engine: str
     start: Array
     friction: float = 1.0
+    joint: Correlated | None = None
 
     @property
     def frame(self) -> Frame:
@@ -76,6 +87,24 @@ class Setup:
         """What physics knows of the parameters, over the envelope of the records."""
         flown = envelope(record for _, record in self.records.values())
         return constraints_of(Basis(self.structure, self.prior, self.prior_std, flown))
+
+    def prior_covariance(self, positions: Array, factors: Array) -> Array:
+        """Covariance (n, n) of the prior in units of its standard deviations before the factors."""
+        covariance = np.diag(factors**2)
+        if self.joint is None:
+            return covariance
+        names = self.names(positions)
+        own = [k for k, name in enumerate(self.joint.names) if name in names]
+        at = [names.index(self.joint.names[k]) for k in own]
+        together = self.joint.correlation[np.ix_(own, own)]
+        covariance[np.ix_(at, at)] = together * np.outer(factors[at], factors[at])
+        return covariance
+
+    def prior_information(self, positions: Array, factors: Array) -> Array:
+        """Inverse of `prior_covariance`."""
+        if self.joint is None:
+            return np.diag(1.0 / factors**2)
+        return np.linalg.inv(self.prior_covariance(positions, factors))
 
     def names(self, positions: Array) -> list[str]:
         """Names of parameters."""

@@ -211,7 +211,7 @@ def _act(raw, elapsed, speed, e, angle, rate, out):
         factor -= e[STEP] * share_fallen(elapsed[k], e[STEP_TIME], e[OVER])
         out[k, CONTROL] = felt_angle(angle[k], revs, speed[k], factor, e)
         out[k, OTHER], out[k, REVS], out[k, THRUST] = raw[k, OTHER], revs, factor
-        out[k, DRIVE] = thrust * factor
+        out[k, DRIVE] = thrust_at(revs, speed[k], e) * factor
         out[k, CHANGED] = share_fallen(elapsed[k], e[CHANGE_TIME], e[CHANGE_OVER])
 
 
@@ -221,8 +221,13 @@ def felt_angle(angle, revs, speed, factor, e):
     turned = angle + e[OFFSET]
     turned /= math.sqrt(1.0 + max(e[STALL], 0.0) * turned * turned)
     u = max(abs(speed), LEAST_SPEED_MPS)
-    thrust = e[T_NN] * revs * abs(revs) + e[T_NU] * abs(revs) * speed
-    return turned * (1.0 + e[RACE] * thrust * factor / (u * u))
+    return turned * (1.0 + e[RACE] * thrust_at(revs, speed, e) * factor / (u * u))
+
+
+@kernel
+def thrust_at(revs, speed, e):
+    """Thrust [N] at a propeller rate and a speed."""
+    return e[T_NN] * revs * abs(revs) + e[T_NU] * abs(revs) * speed
 
 
 @kernel

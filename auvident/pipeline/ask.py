@@ -1,5 +1,6 @@
 """Questions to a finished run: answered from its artifacts, nothing is written."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -7,12 +8,14 @@ from auvident.errors import StageError
 from auvident.pipeline.freshness import judge_all
 from auvident.pipeline.given import Given
 from auvident.pipeline.observer import Observer
+from auvident.pipeline.planes import planes_of
 from auvident.pipeline.run import command_of
 from auvident.pipeline.steps import announce_compilation
 from auvident.storage.run_directory import RunDirectory
 
 if TYPE_CHECKING:
     from auvident.schema.artifacts import TrialPlan
+    from auvident.schema.planes import Plane
 
 
 def finished(path: Path, stage: str) -> Given:
@@ -37,9 +40,27 @@ def finished(path: Path, stage: str) -> Given:
     return Given(run, manifest)
 
 
-def plan_trial(path: Path, observer: Observer) -> "TrialPlan":
-    """Which maneuvers would add most to what the trials have told."""
-    given = finished(path, "identify")
+def in_plane(given: Given, plane: "Plane | None") -> Given:
+    """The artifacts of a plane of the run; of the first one without a name."""
+    planes = planes_of(given.run)
+    if plane not in (None, *planes):
+        raise StageError(
+            f"there is no model of the {plane} plane",
+            str(given.run.path),
+            f"Run `auvident identify {given.run.path} --plane both`.",
+        )
+    return replace(given, planes=planes).within(plane or planes[0])
+
+
+def plan_trial(path: Path, observer: Observer, plane: "Plane | None" = None) -> "TrialPlan":
+    """Which maneuvers would add most to what the trials have told, in the first plane or another.
+
+    Raises
+    ------
+    StageError
+        The run has not been identified, or not in this plane.
+    """
+    given = in_plane(finished(path, "identify"), plane)
     announce_compilation(observer)
     from auvident.stages.plan_trial import plan_trial as rank
 

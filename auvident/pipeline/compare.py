@@ -5,7 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from auvident.pipeline.given import Given
+from auvident.pipeline.planes import planes_of
 from auvident.pipeline.predict import REFINED, find_model
+from auvident.schema.places import BESIDE
+from auvident.schema.planes import PLANES
 from auvident.storage.run_directory import RunDirectory
 
 METRICS = "validate/metrics.json"
@@ -28,14 +31,25 @@ def compare_runs(paths: Sequence[Path]) -> dict[str, Any]:
         from the first run in standard deviations of the difference), ``effects`` (the same of
         the parameters of effects that were added), ``held_out`` (channel, unit, and by run rmse
         and nrmse). A refined model and its errors take the place of the identified ones. None
-        stands where a run has no such value.
+        stands where a run has no such value. Where a run has another plane beside the first,
+        ``planes`` has the same for that plane, over all runs that have it.
 
     Raises
     ------
     StageError
         A run directory without a model.
     """
-    models = [find_model(path) for path in paths]
+    compared = _compared(paths, None)
+    planes = {path: planes_of(RunDirectory(path)) for path in paths if path.is_dir()}
+    if any(len(found) > 1 for found in planes.values()):
+        own = [path for path in paths if BESIDE in planes.get(path, ())]
+        compared["planes"] = {BESIDE: _compared(own, BESIDE)}
+    return compared
+
+
+def _compared(paths: Sequence[Path], plane: str | None) -> dict[str, Any]:
+    """The runs in their first plane, or in that of a name."""
+    models = [find_model(path, plane) for path in paths]
     held_out = [_held_out(path, file) for path, (file, _) in zip(paths, models, strict=True)]
     return {
         "schema": "auvident/compare/1",
@@ -61,8 +75,9 @@ def compare_runs(paths: Sequence[Path]) -> dict[str, Any]:
 
 def _held_out(path: Path, model_file: Path) -> dict[str, Any]:
     """Maneuvers that validate, and pooled errors by channel; empty before `validate`."""
-    given = Given(RunDirectory(path))
-    if model_file == given.run / REFINED:
+    given = Given(RunDirectory(path), planes=PLANES)
+    given = given.within(PLANES[model_file.parent.name == BESIDE])
+    if model_file == given.run / given.place(REFINED):
         comparison = given.comparison
         return {
             "maneuvers": list(comparison.held_out.maneuvers),

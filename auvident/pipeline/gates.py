@@ -1,6 +1,7 @@
 """The gates of ``--fail-above``: the held-out error of a channel must stay below a limit."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from auvident.errors import GateError, UsageError
@@ -22,12 +23,49 @@ class Error(Protocol):
         """Its unit."""
 
 
+@dataclass(frozen=True)
+class Judged:
+    """What the gates look at in one plane: held-out errors, known channels, findings."""
+
+    found: Mapping[str, Error]
+    known: frozenset[str]
+    findings: Sequence[Finding]
+
+
+def predicted(metrics: Metrics) -> Judged:
+    """Errors of an identified model."""
+    known = frozenset(channel for role in metrics.summary.values() for channel in role)
+    return Judged(metrics.summary.get("validate", {}), known, metrics.findings)
+
+
+def refined(comparison: "Comparison", metrics: Metrics | None = None) -> Judged:
+    """Errors of a refined model; those of `metrics` for channels that the comparison lacks."""
+    after: dict[str, Error] = {}
+    after.update(metrics.summary.get("validate", {}) if metrics else {})
+    after.update(comparison.held_out.after)
+    known = frozenset({*after, *comparison.identify.after})
+    return Judged(after, known, comparison.findings)
+
+
 def check_gates(metrics: Metrics, limits: Mapping[str, float]) -> None:
+    """The gates of one plane; see `check_planes`."""
+    check_planes([predicted(metrics)], limits)
+
+
+def check_refined(
+    comparison: "Comparison", limits: Mapping[str, float], metrics: Metrics | None = None
+) -> None:
+    """The gates of one plane with its refined model; see `check_planes`."""
+    check_planes([refined(comparison, metrics)], limits)
+
+
+def check_planes(planes: Sequence[Judged], limits: Mapping[str, float]) -> None:
     """Compare the pooled RMSE of what was held out with the limits.
 
     Parameters
     ----------
-    metrics : Metrics
+    planes : sequence of Judged
+        Those of the run; a limit holds in each that has its channel.
     limits : mapping
         Greatest RMSE by channel, in the unit of the metrics.
 
@@ -38,57 +76,39 @@ def check_gates(metrics: Metrics, limits: Mapping[str, float]) -> None:
     UsageError
         There is no such channel.
     """
-    known = {channel for role in metrics.summary.values() for channel in role}
-    _check(metrics.summary.get("validate", {}), limits, known, metrics.findings)
-
-
-def check_refined(
-    comparison: "Comparison", limits: Mapping[str, float], metrics: Metrics | None = None
-) -> None:
-    """Compare the held-out RMSE of the refined model with the limits.
-
-    Parameters
-    ----------
-    comparison : Comparison
-    limits : mapping
-    metrics : Metrics, optional
-        Of the model before, for channels that the comparison does not have.
-
-    Raises
-    ------
-    GateError, UsageError
-        As `check_gates`.
-    """
-    after: dict[str, Error] = {}
-    after.update(metrics.summary.get("validate", {}) if metrics else {})
-    after.update(comparison.held_out.after)
-    known = {*after, *comparison.identify.after}
-    _check(after, limits, known, comparison.findings)
-
-
-def _check(
-    found: Mapping[str, Error],
-    limits: Mapping[str, float],
-    known: Iterable[str],
-    findings: Sequence[Finding],
-) -> None:
     if not limits:
         return
-    _refuse_unknown(limits, sorted(known))
-    escaped = [f.where for f in findings if f.code == RAN_AWAY]
+    _refuse_unknown(limits, sorted({channel for p in planes for channel in p.known}))
+    for plane in planes:
+        own = {c: limit for c, limit in limits.items() if _concerns(c, planes, plane)}
+        _check(plane, own)
+
+
+def _concerns(channel: str, planes: Sequence[Judged], plane: Judged) -> bool:
+    """Whether a plane has a channel; one that none has concerns the first."""
+    return channel in plane.known or (
+        plane is planes[0] and not any(channel in p.known for p in planes)
+    )
+
+
+def _check(plane: Judged, limits: Mapping[str, float]) -> None:
+    if not limits:
+        return
+    escaped = [f.where for f in plane.findings if f.code == RAN_AWAY]
     if escaped:
         raise GateError("the prediction diverges", ", ".join(escaped), "The model is unstable.")
-    missing = [channel for channel in limits if channel not in found]
+    missing = [channel for channel in limits if channel not in plane.found]
     if missing:
         raise GateError(
             f"no held-out maneuver measures {missing[0]}, so the gate cannot be met",
             "--fail-above",
             "Hold out a maneuver with `auvident segment RUN --hold-out ID`.",
         )
+    errors = [(channel, plane.found[channel], limit) for channel, limit in limits.items()]
     failed = [
-        f"{channel}: RMSE {found[channel].rmse:.4g} {found[channel].unit}, limit {limit:g}"
-        for channel, limit in limits.items()
-        if not found[channel].rmse <= limit
+        f"{channel}: RMSE {error.rmse:.4g} {error.unit}, limit {limit:g}"
+        for channel, error, limit in errors
+        if not error.rmse <= limit
     ]
     if failed:
         raise GateError("the held-out error is above the limit: " + "; ".join(failed), "gate")

@@ -1,7 +1,7 @@
 """What a stage is given: the artifacts it reads, its options, and who watches."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import PurePosixPath
@@ -11,6 +11,8 @@ from pydantic import BaseModel
 
 from auvident.pipeline.observer import Observer
 from auvident.schema.manifest import Manifest
+from auvident.schema.places import BY_PLANE_STAGES, beside
+from auvident.schema.planes import Plane
 from auvident.storage.artifacts import as_model, read_json, read_model, read_table
 from auvident.storage.run_directory import RunDirectory
 
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 
 Model = TypeVar("Model", bound=BaseModel)
 TRIALS = "ingest/*.parquet"
+OF_ALL_PLANES = ("vehicle", "quality", "trials", "maneuvers", "ase")  # read once for both
 
 
 def matching(manifest: Manifest | None, patterns: tuple[str, ...]) -> list[str]:
@@ -44,6 +47,8 @@ class Given:
     """Loads artifacts when asked for; each once.
 
     ``also`` are the stages that the stage shows where they are, and that are up to date.
+    ``planes`` are those of the run, the first one first; ``plane`` is the one that is looked at,
+    and ``former`` what the stage has made of the first plane when it comes to the other.
     """
 
     run: RunDirectory
@@ -52,18 +57,38 @@ class Given:
     seed: int = 0
     observer: Observer = field(default_factory=Observer)
     also: frozenset[str] = frozenset()
+    planes: tuple[Plane, ...] = ()
+    plane: Plane | None = None
+    former: Mapping[str, Any] = field(default_factory=dict)
+
+    def within(self, plane: Plane, former: Mapping[str, Any] | None = None) -> "Given":
+        """The same for one plane: its artifacts in place of those of the first."""
+        other = replace(self, plane=plane, former=former or {})
+        known = {name: vars(self)[name] for name in OF_ALL_PLANES if name in vars(self)}
+        vars(other).update(known)
+        return other
+
+    @property
+    def is_beside(self) -> bool:
+        """Whether the plane that is looked at stands beside the first one."""
+        return bool(self.planes) and self.plane not in (None, self.planes[0])
+
+    def place(self, name: str) -> str:
+        """Where an artifact of the plane stands."""
+        by_plane = name.partition("/")[0] in BY_PLANE_STAGES
+        return beside(name) if by_plane and self.is_beside else name
 
     def read(self, name: str, model: type[Model]) -> Model:
         """A JSON artifact as its class."""
-        return read_model(self.run / name, model, self._remedy(name))
+        return read_model(self.run / self.place(name), model, self._remedy(name))
 
     def table(self, name: str) -> "pd.DataFrame":
         """A Parquet artifact."""
-        return read_table(self.run / name, self._remedy(name))
+        return read_table(self.run / self.place(name), self._remedy(name))
 
     def has(self, name: str) -> bool:
         """Whether an artifact is there."""
-        return (self.run / name).exists()
+        return (self.run / self.place(name)).exists()
 
     def _remedy(self, name: str) -> str:
         return f"Run `auvident {PurePosixPath(name).parts[0]} {self.run.path}` again."

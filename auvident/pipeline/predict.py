@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any
 from auvident.errors import InputError, StageError
 from auvident.pipeline.freshness import judge
 from auvident.pipeline.observer import Observer
+from auvident.pipeline.planes import planes_of
 from auvident.pipeline.steps import announce_compilation
 from auvident.pipeline.table import BY_NAME
+from auvident.schema.places import beside
 from auvident.storage.artifacts import read_model
 from auvident.storage.run_directory import MANIFEST, RunDirectory
 
@@ -41,13 +43,19 @@ class SimulatedTrial:
     table: "pd.DataFrame"
 
 
-def find_model(target: Path) -> "tuple[Path, IdentifiedModel]":
+def find_model(target: Path, plane: str | None = None) -> "tuple[Path, IdentifiedModel]":
     """The model of a run directory (refined, if it was and nothing changed since) or of a file.
+
+    Parameters
+    ----------
+    target : Path
+    plane : str, optional
+        Of a run of both planes; without it the first one.
 
     Raises
     ------
     InputError
-        There is no such file.
+        There is no such file, or its model is of another plane.
     StageError
         The run directory has no model, or the file is none.
     """
@@ -55,22 +63,39 @@ def find_model(target: Path) -> "tuple[Path, IdentifiedModel]":
 
     path = target
     if target.is_dir() or not target.suffix:
-        path = _model_of(RunDirectory(target))
+        path = _model_of(RunDirectory(target), plane)
     elif not target.exists():
         raise InputError("no such file", str(target), "Give a run directory or a model.json.")
-    return path, read_model(path, IdentifiedModel, "Give a model.json that auvident has written.")
+    model = read_model(path, IdentifiedModel, "Give a model.json that auvident has written.")
+    if plane not in (None, model.plane):
+        raise InputError(f"is a model of the {model.plane} plane", str(path), "Leave out --plane.")
+    return path, model
 
 
-def _model_of(run: RunDirectory) -> Path:
+def _model_of(run: RunDirectory, plane: str | None) -> Path:
     manifest = run.existing()
-    if judge(BY_NAME["refine"], run, manifest).state == "done":
-        return run / REFINED
     identify = manifest.stages.get("identify")
     if identify is None or not (run / IDENTIFIED).exists():
         raise StageError(
             "there is no identified model", str(run.path), f"Run `auvident identify {run.path}`."
         )
-    return run / IDENTIFIED
+    identified, refined = _names_of(run, plane)
+    is_refined = judge(BY_NAME["refine"], run, manifest).state == "done"
+    return run / (refined if is_refined and (run / refined).exists() else identified)
+
+
+def _names_of(run: RunDirectory, plane: str | None) -> tuple[str, str]:
+    """Identified and refined model of a plane."""
+    planes = planes_of(run)
+    if plane in (None, planes[0]):
+        return IDENTIFIED, REFINED
+    if plane not in planes:
+        raise StageError(
+            f"there is no model of the {plane} plane",
+            str(run.path),
+            f"Run `auvident identify {run.path} --plane both`.",
+        )
+    return beside(IDENTIFIED), beside(REFINED)
 
 
 def _vehicle_of(
@@ -82,9 +107,9 @@ def _vehicle_of(
 
     if vehicle_file is not None:
         return load_vehicle(vehicle_file)
-    run = model_file.resolve().parents[1]
-    if (run / MANIFEST).exists() and (run / VEHICLE).exists():
-        return read_model(run / VEHICLE, Vehicle)
+    for run in model_file.resolve().parents[1:3]:  # one more above the model of a second plane
+        if (run / MANIFEST).exists() and (run / VEHICLE).exists():
+            return read_model(run / VEHICLE, Vehicle)
     observer.note(SIGNS_ASSUMED)
     body = {
         "name": model.vehicle,
@@ -116,6 +141,7 @@ def predict(
     target: Path,
     log: Path,
     *,
+    plane: str | None = None,
     vehicle_file: Path | None = None,
     column_map: Path | None = None,
     rate_hz: float = 10.0,
@@ -132,6 +158,8 @@ def predict(
         from geometry, is flown in six degrees of freedom.
     log : Path
         With the inputs, and the initial state if there is one.
+    plane : str, optional
+        Of a run of both planes; without it the first one.
     vehicle_file : Path, optional
         For the signs, where the model stands in no run directory.
     column_map : Path, optional
@@ -150,7 +178,7 @@ def predict(
         return predict_whole(target, log, observer=observer, **given)
     import numpy as np
 
-    path, model = find_model(target)
+    path, model = find_model(target, plane)
     vehicle = _vehicle_of(path, model, vehicle_file, observer)
     trial = _trial(model, vehicle, log, column_map, rate_hz)
     announce_compilation(observer)

@@ -1,5 +1,6 @@
 """What the report stage reads: every artifact that the run has."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from auvident.errors import NumericsError
@@ -12,9 +13,27 @@ if TYPE_CHECKING:
 
 
 def report_data(given: Given) -> "ReportData":
-    """Artifacts of all stages; of those it can do without only where they are up to date."""
+    """Artifacts of all stages, of every plane of the run."""
+    first, *others = (_of_plane(given.within(plane)) for plane in given.planes)
+    return replace(first, others=tuple(map(_own, others)))
+
+
+def _own(other: "ReportData") -> "ReportData":
+    """A plane beside the first one, without the findings that are said there already."""
+    return replace(
+        other,
+        ase=other.ase.model_copy(update={"findings": ()}) if other.ase else None,
+        quality=None,
+        maneuvers=other.maneuvers.model_copy(update={"findings": ()}) if other.maneuvers else None,
+    )
+
+
+def _of_plane(given: Given) -> "ReportData":
+    """Artifacts of a plane; of those it can do without only where they are up to date."""
     from auvident.report.html_data import ReportData
 
+    diagnosed = "diagnose" in given.also and given.has("diagnose/diagnosis.json")
+    is_refined = "refine" in given.also and given.has("refine/comparison.json")
     return ReportData(
         trials=given.trials,
         vehicle=given.vehicle,
@@ -26,12 +45,12 @@ def report_data(given: Given) -> "ReportData":
         metrics=given.metrics,
         simulation=given.table("validate/simulation.parquet"),
         manifest=given.manifest,
-        diagnosis=given.diagnosis if "diagnose" in given.also else None,
-        comparison=given.comparison if "refine" in given.also else None,
-        residuals=given.table("diagnose/residuals.parquet") if "diagnose" in given.also else None,
-        refined=given.table("refine/simulation.parquet") if "refine" in given.also else None,
-        refined_model=given.refined if "refine" in given.also else None,
-        refined_history=given.table("refine/history.parquet") if "refine" in given.also else None,
+        diagnosis=given.diagnosis if diagnosed else None,
+        comparison=given.comparison if is_refined else None,
+        residuals=given.table("diagnose/residuals.parquet") if diagnosed else None,
+        refined=given.table("refine/simulation.parquet") if is_refined else None,
+        refined_model=given.refined if is_refined else None,
+        refined_history=given.table("refine/history.parquet") if is_refined else None,
         plan=_plan(given),
     )
 

@@ -13,8 +13,11 @@ from auvident.parallel import one_blas_thread
 from auvident.pipeline.freshness import Decision, Wanted, first_broken, judge, judge_all
 from auvident.pipeline.given import Given, matching
 from auvident.pipeline.observer import Observer
+from auvident.pipeline.planes import asked_for, called, planes_of, wanted_planes
 from auvident.pipeline.table import BY_NAME, STAGES, Outputs, Stage
 from auvident.schema.manifest import FailedAttempt, Manifest, StageEntry
+from auvident.schema.places import beside
+from auvident.schema.planes import Plane
 from auvident.storage.artifacts import json_bytes, parquet_bytes, read_json, sha256_of
 from auvident.storage.run_directory import MANIFEST, PACKAGE, RunDirectory
 
@@ -31,7 +34,8 @@ class RunResult:
     """What `run_all` did: a decision a stage, and the outputs of those that ran.
 
     ``mains`` is the content of the main artifact of each stage that has one, as it was when the
-    run ended (None where it is no JSON): another process may have changed the files since.
+    run ended (None where it is no JSON): another process may have changed the files since;
+    ``beside`` is the same of the plane that stands beside the first one, where there is one.
     ``left_out`` are stages that do not know the plane, or rest on one whose numbers failed;
     ``failure`` is that of a stage which the report can do without.
     """
@@ -39,6 +43,7 @@ class RunResult:
     decisions: list[Decision] = field(default_factory=list)
     outputs: dict[str, Any] = field(default_factory=dict)
     mains: dict[str, Any] = field(default_factory=dict)
+    beside: dict[str, Any] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
     failure: NumericsError | None = None
 
@@ -116,14 +121,16 @@ def run_all(
     run, result = RunDirectory(path), RunResult()
     with run.lock():
         wanted = {s.name: _wanted(s, run, options.get(s.name, {}), seed) for s in STAGES}
-        plane = str(wanted["identify"].options["plane"])
+        planes = asked_for(str(wanted["identify"].options["plane"]))
         stages = STAGES[: STAGES.index(BY_NAME[until]) + 1] if until is not None else STAGES
-        _refuse_foreign(run, run.manifest(), [s for s in stages if plane in s.planes])
+        _refuse_foreign(run, run.manifest(), [s for s in stages if {*planes} & {*s.planes}])
         for stage in stages:
             manifest = run.manifest()
             decision = judge(stage, run, manifest, wanted[stage.name])
             result.decisions.append(decision)
-            reason = _left_out(stage, plane, result.failure)
+            if "identify" in stage.after:
+                planes = planes_of(run)
+            reason = _left_out(stage, planes, result.failure)
             if reason:
                 observer.decided(stage.name, f"{stage.name}: skipped, {reason}")
                 result.left_out.append(stage.name)
@@ -145,14 +152,16 @@ def run_all(
                     raise
                 result.failure = error
                 result.left_out.append(stage.name)
-        result.mains = _mains(run)
+        result.mains = _mains(run, {s.name: s.main for s in STAGES})
+        besides = {s.name: beside(s.main) for s in STAGES if s.by_plane}
+        result.beside = _mains(run, besides)
     return result
 
 
-def _mains(run: RunDirectory) -> dict[str, Any]:
+def _mains(run: RunDirectory, names: Mapping[str, str]) -> dict[str, Any]:
     """Main artifacts by stage."""
-    there = [s for s in STAGES if (run / s.main).exists()]
-    return {s.name: read_json(run / s.main) if ".json" in s.main else None for s in there}
+    there = {stage: name for stage, name in names.items() if (run / name).exists()}
+    return {s: read_json(run / name) if ".json" in name else None for s, name in there.items()}
 
 
 def _refuse_foreign(run: RunDirectory, manifest: Manifest | None, stages: Sequence[Stage]) -> None:
@@ -162,9 +171,9 @@ def _refuse_foreign(run: RunDirectory, manifest: Manifest | None, stages: Sequen
         run.refuse_foreign(stage.name, stage.writes, manifest.own(stage.name) if manifest else ())
 
 
-def _left_out(stage: Stage, plane: str, failure: NumericsError | None) -> str:
+def _left_out(stage: Stage, planes: Sequence[Plane], failure: NumericsError | None) -> str:
     """Why a run goes on without a stage; empty when it does not."""
-    if plane not in stage.planes:
+    if not {*planes} & {*stage.planes}:
         return f"it covers only the {' and '.join(stage.planes)} plane"
     return "an earlier stage failed numerically" if failure and stage.name in OPTIONAL else ""
 
@@ -242,6 +251,7 @@ def _execute(
     inputs = {name: run.sha256(name) or "" for name in matching(manifest, stage.reads)}
     also = frozenset(s for s in stage.also if judge(BY_NAME[s], run, manifest).state == "done")
     given = Given(run, manifest, {**stage.options, **options}, wanted.seed or 0, observer, also)
+    given = replace(given, planes=_planes(stage, given))
     outputs, content = _call(stage, given, wanted)
     manifest = manifest or Manifest(program_version=__version__, created_at=started)
     manifest = _announce(run, manifest, stage.name, content)
@@ -255,6 +265,13 @@ def _execute(
     run.save(_with(manifest, stage.name, entry))
     observer.finished(stage.name, outputs, time.perf_counter() - clock)
     return outputs
+
+
+def _planes(stage: Stage, given: Given) -> tuple[Plane, ...]:
+    """Planes that the run has once there are maneuvers."""
+    if "plane" in stage.options:
+        return wanted_planes(given.options["plane"], given.maneuvers.maneuvers)
+    return planes_of(given.run) if {"identify", "validate", "diagnose"} & {*stage.after} else ()
 
 
 def _announce(
@@ -288,7 +305,7 @@ def _call(stage: Stage, given: Given, wanted: Wanted) -> tuple[Outputs, dict[str
     """The artifacts of a stage, and the content of their files; a failure is noted."""
     try:
         with one_blas_thread():
-            outputs = stage.function(given)
+            outputs = called(stage, given)
         return outputs, {name: _bytes(name, artifact) for name, artifact in outputs.items()}
     except NumericsError as error:
         _record_failure(stage, given.run, given.manifest, wanted, error)

@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from auvident.schema.diagnosis import Attempt, UnexplainedForce
     from auvident.schema.logs import ColumnMap, RawTrial
     from auvident.schema.plan import Plan
+    from auvident.schema.planes import Plane
     from auvident.schema.trial import Trial
-    from auvident.stages.identify import Identification
+    from auvident.stages.identify import Identification, Shared
     from auvident.stages.ingest import Fingerprint
     from auvident.stages.validate import Validation
 
@@ -252,10 +253,11 @@ def identify(given: Given) -> dict[str, Any]:
         given.ase,
         given.vehicle,
         given.noise(),
-        plane=given.options["plane"],
+        plane=_plane(given),
         plan=plan,
         filter=given.options["filter"],
         engine=given.options["engine"],
+        shared=_shared(given, given.former.get("identify/model.json")),
         progress=given.observer.progress,
     )
     return {
@@ -263,6 +265,27 @@ def identify(given: Given) -> dict[str, Any]:
         "identify/history.parquet": result.history,
         "identify/states.parquet": result.states,
     }
+
+
+def _plane(given: Given) -> "Plane":
+    """The plane that a stage works on."""
+    assert given.plane is not None
+    return given.plane
+
+
+def _shared(given: Given, first: "IdentifiedModel | None") -> "Shared | None":
+    """What the first plane of the run knows of the coefficients of both; None in that plane."""
+    from auvident.stages.identify import shared_of
+
+    return shared_of(first) if first is not None and given.is_beside else None
+
+
+def _first_model(given: Given) -> "IdentifiedModel":
+    """The identified model of the first plane of the run.
+
+    Also for the refinement, so that a model before and after it differ in the effects alone.
+    """
+    return given.within(given.planes[0]).model
 
 
 # --- validate -----------------------------------------------------------------------------
@@ -309,6 +332,7 @@ def diagnose(given: Given) -> dict[str, Any]:
         plan=identifying_plan(given),
         filter=given.model.filter,
         engine=given.model.engine,
+        shared=_shared(given, _first_model(given)),
     )
     seen = [without_held_out(t, given.maneuvers, given.model.plane) for t in given.trials]
     result = trace(
@@ -411,6 +435,7 @@ def _identified_again(given: Given, filter: str, carried: Any) -> "_Again":
         filter=filter,
         engine=given.model.engine,
         carried=carried,
+        shared=_shared(given, _first_model(given)),
         progress=given.observer.progress,
     )
     return result, predict_again(

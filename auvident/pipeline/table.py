@@ -10,7 +10,9 @@ from typing import Any
 
 from auvident.pipeline import steps
 from auvident.pipeline.given import Given
+from auvident.pipeline.planes import FOUND
 from auvident.schema.coefficients import PLANES
+from auvident.schema.places import BY_PLANE_STAGES, also_beside
 
 Outputs = Mapping[str, Any]
 Sources = Callable[[Mapping[str, Any]], list[Path]]
@@ -35,11 +37,12 @@ class Stage:
     also : tuple of str
         Stages it shows where they are up to date, and does without where not.
     planes : tuple of str
-        Planes of motion that it knows; a run of another plane goes on without it.
+        Planes of motion that it knows; a run goes on without it in another plane.
     reads : tuple of str
         Artifacts it reads, as patterns.
     writes : tuple of str
-        Artifacts it writes under fixed names; those of ingest named for a trial come besides.
+        Artifacts it writes under fixed names; those of ingest named for a trial come besides, and
+        those of another plane under the same names in a folder of that plane.
     main : str
         The artifact that ``--json`` prints.
     function : callable
@@ -67,6 +70,11 @@ class Stage:
     draws: bool = False
     also: tuple[str, ...] = ()
     planes: tuple[str, ...] = PLANES
+
+    @property
+    def by_plane(self) -> bool:
+        """Whether it is called for each plane of the run."""
+        return self.name in BY_PLANE_STAGES
 
 
 STAGES: tuple[Stage, ...] = (
@@ -116,7 +124,7 @@ STAGES: tuple[Stage, ...] = (
         main="identify/model.json",
         function=steps.identify,
         options={
-            "plane": "horizontal",
+            "plane": FOUND,
             "filter": "ekf",
             "engine": "compiled",
             "plan": steps.DEFAULT_PLAN,
@@ -128,7 +136,7 @@ STAGES: tuple[Stage, ...] = (
         "validate",
         "prediction of the held-out maneuvers",
         after=("identify",),
-        reads=(
+        reads=also_beside(
             "ingest/*",
             "segment/maneuvers.json",
             "ase/coefficients.json",
@@ -142,7 +150,7 @@ STAGES: tuple[Stage, ...] = (
         "diagnose",
         "what the model lacks",
         after=("identify",),
-        reads=(
+        reads=also_beside(
             "ingest/*",
             "segment/maneuvers.json",
             "ase/coefficients.json",
@@ -157,7 +165,7 @@ STAGES: tuple[Stage, ...] = (
         "refine",
         "the model with what it lacked",
         after=("diagnose",),
-        reads=(
+        reads=also_beside(
             "ingest/*",
             "segment/maneuvers.json",
             "ase/coefficients.json",

@@ -21,9 +21,12 @@ from auvident.schema.artifacts import (
     TrialPlan,
 )
 from auvident.schema.logs import Quality, TrialQuality
+from auvident.schema.places import by_plane
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from auvident.schema.diagnosis import Comparison
 
 number = TERMINAL.number
 STATE_STYLES = {"done": "green", "stale": "yellow", "missing": "red"}
@@ -50,7 +53,28 @@ def stage_report(
     """
     report = BRIEF_REPORTS.get(stage) if brief else None
     report = report or REPORTS.get(stage)
-    return report(outputs) if report else []
+    if report is None:
+        return []
+    first, *others = by_plane(outputs)
+    pieces = report(first[1])
+    for plane, own in others:
+        pieces += [plane_heading(plane), *report(own)]
+    return pieces
+
+
+def plane_heading(plane: str) -> RenderableType:
+    """Begins what is shown of a plane beside the first one."""
+    return Text(f"{plane.capitalize()} plane", style="bold underline")
+
+
+def discoveries(planes: "Sequence[tuple[str, Comparison | None]]") -> list[RenderableType]:
+    """What the models lacked, by plane; the first one has no name and no heading."""
+    pieces: list[RenderableType] = []
+    for plane, comparison in planes:
+        if comparison is not None:
+            pieces += [plane_heading(plane)] if plane else []
+            pieces += console_loop.discovery(comparison)
+    return pieces
 
 
 def frame_table(title: str, frame: "pd.DataFrame") -> RenderableType:
@@ -132,7 +156,10 @@ def comparison_tables(comparison: Mapping[str, Any]) -> list[RenderableType]:
     pieces: list[RenderableType] = [rich_table(t) for t in tables.runs_side_by_side(comparison)]
     sets = {tuple(run["held_out"]) for run in comparison["runs"]}
     note = "The runs hold out different maneuvers, so their errors are not comparable."
-    return [*pieces, Text(note, style="yellow")] if len(sets) > 1 else pieces
+    pieces += [Text(note, style="yellow")] if len(sets) > 1 else []
+    for plane, beside in comparison.get("planes", {}).items():
+        pieces += [plane_heading(plane), *comparison_tables(beside)]
+    return pieces
 
 
 def log_tables(report: Any) -> list[RenderableType]:

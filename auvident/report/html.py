@@ -20,6 +20,7 @@ from auvident.schema.artifacts import PRIOR_WORDS
 
 if TYPE_CHECKING:
     from jinja2 import Template
+    from markupsafe import Markup
 
     from auvident.schema.trial import Trial
 
@@ -43,32 +44,60 @@ def render(report: ReportData) -> str:
     -------
     str
     """
-    return _template().render(
-        name=report.name,
-        plane=report.model.plane if report.model else "",
-        version=__version__,
-        data=report,
-        subtitle=_subtitle(report),
-        summary=words.summary(report),
-        grade=words.verdict(report)[1],
-        model=report.final_model,
-        refined=report.is_refined,
-        cards=words.cards(report),
-        prior=report.prior_name,
-        prior_words=PRIOR_WORDS[report.prior_name],
-        held=bool(report.held_out()),
-        warnings=words.warnings(report),
-        coverage=words.coverage(report),
-        figures=_figures(report),
-        left_out=_left_out(report),
-        number=number,
-        evidence=evidence,
-        **_tables(report),
-    )
+    from auvident.report.figures import style
+
+    with style():
+        planes = [_plane(data, len(report.planes) > 1) for data in report.planes]
+        return _template().render(
+            name=report.name,
+            version=__version__,
+            data=report,
+            subtitle=_subtitle(report),
+            planes=planes,
+            figures={"timelines": _safe(_timelines(report)), "tracks": _safe(_tracks(report))},
+            left_out=_trials_left_out(report),
+            **_tables(report),
+        )
+
+
+def _plane(report: ReportData, one_of_several: bool) -> dict[str, Any]:
+    """What the page shows of one plane: its summary, and its sections as markup."""
+    from markupsafe import Markup
+
+    of_plane = f", {report.plane} plane" if one_of_several else ""
+    view = {"of_plane": of_plane, "number": number, "evidence": evidence, **_view(report)}
+    sections = {
+        name: Markup(_template(f"{file}.html").render(**view))
+        for name, file in (("findings", "plane"), ("history", "history"), ("passes", "passes"))
+    }
+    return {
+        "plane": report.plane,
+        "title": f"{report.plane.capitalize()} plane",
+        "summary": words.summary(report),
+        "grade": words.verdict(report)[1],
+        **sections,
+    }
+
+
+def _view(report: ReportData) -> dict[str, Any]:
+    """What the sections of a plane are made of."""
+    return {
+        "data": report,
+        "model": report.final_model,
+        "refined": report.is_refined,
+        "cards": words.cards(report),
+        "prior": report.prior_name,
+        "prior_words": PRIOR_WORDS[report.prior_name],
+        "held": bool(report.held_out()),
+        "warnings": words.warnings(report),
+        "coverage": words.coverage(report),
+        "figures": _figures(report),
+        **_plane_tables(report),
+    }
 
 
 @cache
-def _template() -> "Template":
+def _template(name: str = "template.html") -> "Template":
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
@@ -79,7 +108,7 @@ def _template() -> "Template":
         lstrip_blocks=True,
     )
     environment.filters["written"] = lambda table: written(table, PAGE)
-    return environment.get_template("template.html")
+    return environment.get_template(name)
 
 
 def _subtitle(report: ReportData) -> list[str]:
@@ -97,24 +126,21 @@ def _subtitle(report: ReportData) -> list[str]:
     return facts
 
 
-def _figures(report: ReportData) -> dict[str, Any]:
-    """All figures as markup that needs no escaping: the SVG writer has escaped the names."""
+def _safe(texts: Sequence[str | None]) -> "list[Markup]":
+    """Figures as markup that needs no escaping: the SVG writer has escaped the names."""
     from markupsafe import Markup
 
-    from auvident.report.figures import style
+    return [Markup(text) for text in texts if text]
 
-    def safe(texts: Sequence[str | None]) -> list[Markup]:
-        return [Markup(text) for text in texts if text]
 
-    with style():
-        return {
-            "timelines": safe(_timelines(report)),
-            "tracks": safe(_tracks(report)),
-            "predictions": safe(_predictions(report)),
-            "coefficients": safe(_coefficients(report)),
-            "history": safe(_history(report)),
-            **{name: safe(found) for name, found in loop_figures(report).items()},
-        }
+def _figures(report: ReportData) -> "dict[str, list[Markup]]":
+    """All figures of a plane."""
+    return {
+        "predictions": _safe(_predictions(report)),
+        "coefficients": _safe(_coefficients(report)),
+        "history": _safe(_history(report)),
+        **{name: _safe(found) for name, found in loop_figures(report).items()},
+    }
 
 
 def _drawn(report: ReportData) -> "list[list[Trial]]":
@@ -152,7 +178,7 @@ def _predictions(report: ReportData) -> list[str]:
             with_refined(rows[m.id], report, m.id),
             m,
             report.before(m.id),
-            f"prediction{i}",
+            f"prediction{i}{report.tag}",
             report.prior_name,
         )
         for i, m in enumerate(report.held_out()[:MOST_PREDICTIONS])
@@ -167,8 +193,8 @@ def _coefficients(report: ReportData) -> list[str | None]:
     if model is None:
         return []
     return [
-        forest(model.estimates, "forest"),
-        correlation_matrix(model.covariance, "correlations"),
+        forest(model.estimates, f"forest{report.tag}"),
+        correlation_matrix(model.covariance, f"correlations{report.tag}"),
     ]
 
 
@@ -178,26 +204,40 @@ def _history(report: ReportData) -> list[str | None]:
     model, passes = report.final_model, report.final_history
     if model is None or passes is None:
         return []
-    return [history(passes, model.estimates, "history")]
+    return [history(passes, model.estimates, f"history{report.tag}")]
 
 
-def _left_out(report: ReportData) -> list[str]:
-    """What is not drawn, said."""
+def _trials_left_out(report: ReportData) -> list[str]:
+    """Trials that are not drawn, said; and held-out maneuvers."""
     notes = []
-    trials, held = len(report.trials), len(report.held_out())
+    trials = len(report.trials)
     if trials > MOST_TRIALS:
         notes.append(
             f"{MOST_TRIALS} of {trials} trials are drawn, those with held-out maneuvers first."
         )
+    held = max(len(data.held_out()) for data in report.planes)
     if held > MOST_PREDICTIONS:
         notes.append(f"{MOST_PREDICTIONS} of {held} held-out maneuvers are drawn.")
     return notes
 
 
 def _tables(report: ReportData) -> dict[str, Any]:
-    """Tables by the names that the template uses; None where there is nothing to show."""
-    model, quality, manifest = report.final_model, report.quality, report.manifest
-    found, metrics = report.maneuvers, report.metrics
+    """Tables of the trials by the names that the template uses; None where there is nothing."""
+    quality, manifest, found = report.quality, report.manifest, report.maneuvers
+    return {
+        "why_held": why_held_out(found.maneuvers) if found else [],
+        "sensors": tables_run.sensors(quality.trials) if quality else None,
+        "lags": tables_record.lags(quality) if quality else None,
+        "maneuver_rows": tables_run.maneuvers(found.maneuvers) if found else None,
+        "rejected": tables_record.rejected(found.rejected) if found else None,
+        "stages": tables_record.stages(manifest) if manifest else None,
+        "hashes": tables_record.files(manifest) if manifest else None,
+    }
+
+
+def _plane_tables(report: ReportData) -> dict[str, Any]:
+    """Tables of a plane by the names that the templates use; None where there is nothing."""
+    model, metrics = report.final_model, report.metrics
     return {
         "figure_tables": [
             table
@@ -205,7 +245,6 @@ def _tables(report: ReportData) -> dict[str, Any]:
             for table in tables_figures.figure_tables(report.held_out(), kind)
         ],
         "horizons": tables_run.errors_by_horizon(metrics) if metrics and metrics.horizons else None,
-        "why_held": why_held_out(found.maneuvers) if found else [],
         "beyond": beyond(metrics.extrapolation) if metrics else [],
         "errors": tables_run.errors_by_maneuver(metrics, report.refined_channels())
         if metrics
@@ -216,12 +255,6 @@ def _tables(report: ReportData) -> dict[str, Any]:
         "coefficients": replace(tables_model.coefficients(model), title="") if model else None,
         "combinations": tables_model.combinations(model) if model else None,
         "pairs": tables_model.correlated(model.correlations, STRONG) if model else None,
-        "sensors": tables_run.sensors(quality.trials) if quality else None,
-        "lags": tables_record.lags(quality) if quality else None,
-        "maneuver_rows": tables_run.maneuvers(found.maneuvers) if found else None,
-        "rejected": tables_record.rejected(found.rejected) if found else None,
         "passes": tables_model.passes(model) if model else None,
-        "stages": tables_record.stages(manifest) if manifest else None,
-        "hashes": tables_record.files(manifest) if manifest else None,
         "lacks": lacks(report),
     }

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from auvident.report.numbers import PAGE
@@ -53,6 +53,8 @@ class ReportData:
         ``refine/model.json`` and ``refine/history.parquet``.
     plan
         What another maneuver would add.
+    others : sequence of ReportData
+        The same of the planes beside the first one.
     """
 
     trials: Sequence[Trial] = ()
@@ -72,6 +74,22 @@ class ReportData:
     refined_model: IdentifiedModel | None = None
     refined_history: "pd.DataFrame | None" = None
     plan: TrialPlan | None = None
+    others: "Sequence[ReportData]" = ()
+
+    @property
+    def planes(self) -> "list[ReportData]":
+        """Every plane by itself, the first one first."""
+        return [replace(self, others=()), *self.others]
+
+    @property
+    def plane(self) -> str:
+        """The plane of the model; empty without one."""
+        return self.model.plane if self.model else ""
+
+    @property
+    def tag(self) -> str:
+        """What the names of its figures end in, so that those of two planes differ."""
+        return "" if self.plane in ("", PLANE_ROWS[0].name) else f"-{self.plane}"
 
     @property
     def final_model(self) -> IdentifiedModel | None:

@@ -101,10 +101,12 @@ def figures(report: ReportData) -> dict[str, list[str | None]]:
     table = report.residuals
     changed = report.comparison is not None and report.comparison.added
     return {
-        "gains": [gains(found.candidates, "gains")] if found else [],
-        "before_after": [before_after(table, "beforeafter")] if table is not None else [],
-        "forces": [unknown_force(table, "forces")] if table is not None else [],
-        "moves": [moves(report.comparison.coefficients, "moves")]
+        "gains": [gains(found.candidates, f"gains{report.tag}")] if found else [],
+        "before_after": [before_after(table, f"beforeafter{report.tag}")]
+        if table is not None
+        else [],
+        "forces": [unknown_force(table, f"forces{report.tag}")] if table is not None else [],
+        "moves": [moves(report.comparison.coefficients, f"moves{report.tag}")]
         if changed and report.comparison
         else [],
     }

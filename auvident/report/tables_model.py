@@ -123,7 +123,7 @@ def _coefficient(c: ModelConstant, away: float | None) -> list[Cell]:
         Number(1000.0 * c.prime, 4) if isinstance(c, ModelCoefficient) else "",
         Fixed(100.0 * c.data_share, ".0f", " %"),
         Fixed(away, "+.1f"),
-        c.origin,
+        f"{c.origin}, both planes" if c.shared_with else c.origin,
     ]
 
 

@@ -168,7 +168,8 @@ class ModelConstant(Artifact):
     """One constant of an identified model, the prior that of the vehicle file.
 
     ``std`` is the larger of the filter's own standard deviation and that from the scatter
-    between maneuvers (jackknife), at most the prior's; both stand beside it.
+    between maneuvers (jackknife), at most the prior's; both stand beside it. ``shared_with``
+    names the plane whose data went into it as well.
     """
 
     symbol: str
@@ -181,6 +182,7 @@ class ModelConstant(Artifact):
     data_share: float
     std_filter: float | None = None
     std_jackknife: float | None = None
+    shared_with: Plane | None = None
 
 
 class ModelCoefficient(ModelConstant):

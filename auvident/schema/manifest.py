@@ -5,6 +5,7 @@ from typing import Any
 from pydantic import Field
 
 from auvident.schema.base import Artifact
+from auvident.schema.places import BESIDE, BY_PLANE_STAGES
 
 
 class FailedAttempt(Artifact):
@@ -80,8 +81,10 @@ class Manifest(Artifact):
 
 
 def can_be_output(stage: str, name: str) -> bool:
-    """Whether a path can be that of an output: a file right in the folder of its stage."""
+    """Whether a path can be that of an output: a file in the folder of its stage, or of a plane."""
     folder, _, file = name.partition("/")
+    if stage in BY_PLANE_STAGES:
+        file = file.removeprefix(f"{BESIDE}/")
     if folder != stage or not stage.replace("-", "_").isidentifier():
         return False
     return file not in ("", ".", "..") and not set(file) & set("/\\\0")

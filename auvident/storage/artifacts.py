@@ -49,22 +49,22 @@ def json_bytes(artifact: Any, name: str) -> bytes:
     NumericsError
         When a number is not finite; says which.
     """
-    tree = _plain(artifact)
+    tree = plain(artifact)
     for place, value in _not_finite(tree, ""):
         raise NumericsError(f"{place} is {value}", name, "Please report this; see --verbose.")
     return (json.dumps(tree, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
-def _plain(tree: Any) -> Any:
+def plain(tree: Any) -> Any:
     """Containers, strings and numbers of a model, also of models and arrays inside."""
     if isinstance(tree, BaseModel):
-        return _plain(tree.model_dump(by_alias=True))
+        return plain(tree.model_dump(by_alias=True))
     if isinstance(tree, Mapping):
-        return {str(key): _plain(value) for key, value in tree.items()}
+        return {str(key): plain(value) for key, value in tree.items()}
     if isinstance(tree, list | tuple | set | frozenset):
-        return [_plain(value) for value in tree]
+        return [plain(value) for value in tree]
     if hasattr(tree, "tolist"):  # numpy arrays and scalars
-        return _plain(tree.tolist())
+        return plain(tree.tolist())
     return tree if isinstance(tree, str | int | float | bool | None) else str(tree)
 
 

@@ -89,7 +89,8 @@ class RunDirectory:
 
     def _remove_partial_files(self) -> None:
         """Leftovers of a killed process; only with the lock, else they may be alive."""
-        for pattern in (f".*{TEMPORARY_SUFFIX}", f"*/.*{TEMPORARY_SUFFIX}"):
+        for folder in ("", "*/", "*/*/"):
+            pattern = f"{folder}.*{TEMPORARY_SUFFIX}"
             for leftover in self.path.glob(pattern):
                 name = leftover.relative_to(self.path).as_posix()
                 if leftover.is_file() and self.link_on_the_way(name) is None:
@@ -140,9 +141,7 @@ class RunDirectory:
         UsageError
             A file is in the way, or a link.
         """
-        self.refuse_link(stage)
-        if (self.path / stage).exists() and not (self.path / stage).is_dir():
-            raise _in_the_way(self.path / stage)
+        self._refuse_no_folder(stage)
         for name in names:
             if not can_be_output(stage, name):
                 raise InputError(
@@ -150,9 +149,17 @@ class RunDirectory:
                     str(self.path / name),
                     "Rename the log file or folder that it is named after.",
                 )
+            self._refuse_no_folder(Path(name).parent.as_posix())
             self.refuse_link(name)
             if name not in own and (self.path / name).exists():
                 raise _in_the_way(self.path / name)
+
+    def _refuse_no_folder(self, relative: str) -> None:
+        """Refuse a link or a file where a folder of outputs is to be."""
+        self.refuse_link(relative)
+        place = self.path / relative
+        if place.exists() and not place.is_dir():
+            raise _in_the_way(place)
 
     def commit(self, outputs: Mapping[str, bytes], obsolete: frozenset[str] = frozenset()) -> None:
         """Write the outputs of a stage and remove those that it no longer has.
@@ -167,8 +174,15 @@ class RunDirectory:
                 write_bytes(self.path / relative, content)
             for relative in obsolete - outputs.keys():
                 (self.path / relative).unlink(missing_ok=True)
+                self._remove_empty(Path(relative).parent)
         except OSError as error:
             raise self._cannot_write(error) from None
+
+    def _remove_empty(self, folder: Path) -> None:
+        """The folder of a plane that a stage no longer has; that of the stage stays."""
+        place = self.path / folder
+        if len(folder.parts) > 1 and place.is_dir() and not any(place.iterdir()):
+            place.rmdir()
 
     def save(self, manifest: Manifest) -> None:
         """Replace the manifest."""

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +29,9 @@ from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.identify.held_out import identifying, without_held_out
 
+if TYPE_CHECKING:
+    from auvident.stages.identify.shared import Shared
+
 Array = npt.NDArray[Any]
 
 # Accuracy of a channel when neither the vehicle file nor the log tells: a common DVL, a
@@ -50,6 +53,7 @@ def prepare(
     filter: str,
     engine: str,
     carried: Carried | None = None,
+    shared: "Shared | None" = None,
 ) -> Setup:
     """Arrays of the identification; see `identify` for the parameters."""
     carried = carried or Carried()
@@ -66,6 +70,9 @@ def prepare(
     if not records:
         raise _nothing_is_read(chosen)
     values, stds = priors(ase, plane)
+    if shared:
+        values, stds = {**values, **shared.values}, {**stds, **shared.stds}
+        records = {name: (kind, shared.uncounted(r)) for name, (kind, r) in records.items()}
     stds |= {name: std for name, std in carried.prior_std.items() if std > 0.0}
     rigid = rigid_body(vehicle, plane)
     prior = parameter_vector(plane, values, rigid, carried.prior, structure)
@@ -95,6 +102,7 @@ def prepare(
         engine=engine,
         start=start,
         friction=friction_share(ase),
+        joint=shared.joint if shared else None,
     )
 
 

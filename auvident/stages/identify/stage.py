@@ -51,6 +51,7 @@ from auvident.stages.identify.result import (
     states_of,
 )
 from auvident.stages.identify.setup import prepare, unread_findings
+from auvident.stages.identify.shared import Shared, with_both
 from auvident.stages.identify.step_length import step_findings
 from auvident.stages.identify.warm_up import compile_first
 
@@ -96,6 +97,7 @@ def identify(
     filter: str = "ekf",
     engine: str = "compiled",
     carried: Carried | None = None,
+    shared: Shared | None = None,
     progress: Progress | None = None,
 ) -> Identification:
     """Estimate the coefficients of one plane from the maneuvers that identify.
@@ -118,6 +120,8 @@ def identify(
         ``compiled`` or ``filterpy``.
     carried : Carried, optional
         Effects that are estimated along, or given; without it the nuisance parameters of the plan.
+    shared : Shared, optional
+        What the other plane has identified of the coefficients of both.
     progress : callable, optional
         Called with a text and the fraction done.
 
@@ -140,6 +144,7 @@ def identify(
         filter=filter,
         engine=engine,
         carried=carried,
+        shared=shared,
     )
     compile_first(setup)
     runs = [_run(setup, factor, progress) for factor in plan.start]
@@ -180,6 +185,7 @@ def identify(
         "profile": profiled,
     }
     model = model.model_copy(update=beside)
+    model = with_both(model, shared, ase) if shared else model
     history = history_of(setup, [step for run in runs for step in run[0]])
     return Identification(model, history, states_of(setup, final.parameters))
 

@@ -85,7 +85,7 @@ def prior_of(case: Case, free: Array, open_: Sequence[int]) -> Prior:
     nuisance = (case.nuisance_std[free] > 0.0) & ~np.isin(free, open_)
     tight[nuisance] = (case.nuisance_std[free] / scale)[nuisance]
     reach = np.where(nuisance, NUISANCE_REACH * tight, np.inf)
-    information = np.diag(tight**-2.0)
+    information = case.setup.prior_information(free, tight)
     moment = information @ mean
     for matrix, vector in _checked(case, free):
         information = information + matrix
