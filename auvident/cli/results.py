@@ -137,7 +137,12 @@ def simulate(
     if (log is None) == (maneuver is None):
         raise click.UsageError("Give either --inputs LOG or --maneuver NAME.")
     if maneuver is not None:
-        logged = {"--from": from_s, "--to": to_s, "--vehicle": vehicle, "--map": map_}
+        logged: dict[str, Any] = {
+            "--from": from_s,
+            "--to": to_s,
+            "--vehicle": vehicle,
+            "--map": map_,
+        }
         _refuse(logged | {"--plane": plane}, "--inputs")
         asked = {"speed_mps": speed_mps, "rpm": rpm, "rudder_rate_degps": rudder_rate_degps}
         asked |= {"samples": samples, "seed": seed}

@@ -121,7 +121,9 @@ class Fleet:
         invert_masses(self.size, self._system, self._work)
         self._inputs, self._held = np.zeros(N_INPUTS), np.zeros(N_STATES)
         self._inputs[THRUST], self._held[0] = 1.0, held_speed_mps or 0.0
-        self.command = np.array([command_values(structure.parameters, p) for p in vectors])
+        self.command = np.array(
+            [command_values(structure.plane, structure.parameters, p) for p in vectors]
+        )
         if rate_limit_radps is not None:
             self.command[:, SLOWNESS] = 1.0 / rate_limit_radps
 

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from auvident.engines.carried import CURRENTS, RACE, with_speed
+from auvident.engines.carried import CURRENTS, OF_THRUST, with_speed
 from auvident.engines.prediction import Frame, at_effects
 from auvident.engines.records import Record, record_of, sensor_matrix
 from auvident.engines.stretches import as_maneuver, uninterrupted
@@ -182,7 +182,7 @@ def flight_of(
         _drift(model, acting["horizontal"], dt_s),
         float(start[8]),
     )
-    if not any(RACE in model.effect_ids(plane) for plane in PLANES) and measured:
+    if not any(OF_THRUST & set(model.effect_ids(plane)) for plane in PLANES) and measured:
         return one
     # what acts depends on the speed: that of a first prediction
     first_run = simulate_six_dof(one.start, one.inputs, dt_s, system)
