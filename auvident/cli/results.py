@@ -149,7 +149,7 @@ def simulate(
         return _fly(output, target, maneuver, asked, file, figure)
     assert log is not None
     steered: dict[str, Any] = {"--rpm": rpm, "--rudder-rate": rudder_rate_degps}
-    _refuse(steered | {"--figure": figure}, "--maneuver")
+    _refuse({**steered, "--figure": figure}, "--maneuver")
     window = (-math.inf if from_s is None else from_s, math.inf if to_s is None else to_s)
     options = {"window_s": window, "speed_mps": speed_mps, "samples": samples}
     data = {"vehicle_file": vehicle, "column_map": map_, "rate_hz": rate_hz}

@@ -11,8 +11,8 @@ from auvident.errors import NumericsError
 from auvident.physics.maneuvers.desk import (
     CircleHelm,
     DepthHelm,
-    DeskHelm,
     DeskFlight,
+    DeskHelm,
     Setting,
     StairHelm,
     ZigzagHelm,
