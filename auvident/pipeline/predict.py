@@ -111,25 +111,42 @@ def _vehicle_of(
         if (run / MANIFEST).exists() and (run / VEHICLE).exists():
             return read_model(run / VEHICLE, Vehicle)
     observer.note(SIGNS_ASSUMED)
+    rigid = model.rigid_body
+    return bare_vehicle(model.vehicle, rigid.mass_kg, rigid.inertia_kgm2, model.length_m)
+
+
+def bare_vehicle(name: str, mass_kg: float, izz_kgm2: float, length_m: float) -> "Vehicle":
+    """A vehicle of which nothing but the usual signs is taken, to read a log."""
+    from auvident.schema.vehicle import Vehicle
+
     body = {
-        "name": model.vehicle,
-        "mass_kg": model.rigid_body.mass_kg,
-        "izz_kgm2": model.rigid_body.inertia_kgm2,
-        "origin_from_nose_m": 0.5 * model.length_m,
+        "name": name,
+        "mass_kg": mass_kg,
+        "izz_kgm2": izz_kgm2,
+        "origin_from_nose_m": 0.5 * length_m,
     }
-    # reading a log takes only the signs from a vehicle; a hull must stand there
-    hull = {"length_m": model.length_m, "diameter_m": model.length_m / USUAL_FINENESS}
+    # a hull must stand there
+    hull = {"length_m": length_m, "diameter_m": length_m / USUAL_FINENESS}
     return Vehicle.model_validate({"vehicle": body, "hull": hull})
 
 
-def _trial(
-    model: "IdentifiedModel", vehicle: "Vehicle", log: Path, column_map: Path | None, rate_hz: float
+def read_inputs(
+    vehicle: "Vehicle",
+    log: Path,
+    column_map: Path | None,
+    rate_hz: float,
+    needed: tuple[str, ...],
 ) -> "Trial":
+    """The one trial of a log, with the inputs of a simulation.
+
+    Raises
+    ------
+    InputError
+        There are several.
+    """
     from auvident.stages.ingest import ingest
-    from auvident.stages.simulate import INPUT_COLUMNS
     from auvident.storage.logs import read_column_map, read_trials
 
-    needed = INPUT_COLUMNS[model.plane]
     trials = read_trials([log], read_column_map(column_map) if column_map else None, needed)
     if len(trials) > 1:
         names = ", ".join(t.name for t in trials)
@@ -180,9 +197,10 @@ def predict(
 
     path, model = find_model(target, plane)
     vehicle = _vehicle_of(path, model, vehicle_file, observer)
-    trial = _trial(model, vehicle, log, column_map, rate_hz)
+    from auvident.stages.simulate import INPUT_COLUMNS, simulate
+
+    trial = read_inputs(vehicle, log, column_map, rate_hz, INPUT_COLUMNS[model.plane])
     announce_compilation(observer)
-    from auvident.stages.simulate import simulate
 
     table = simulate(model, trial, rng=np.random.default_rng(seed), **options)
     return SimulatedTrial(trial.name, path, model, table)

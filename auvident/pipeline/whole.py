@@ -6,20 +6,26 @@ from typing import TYPE_CHECKING, Any
 
 from auvident.errors import InputError
 from auvident.pipeline.observer import Observer
-from auvident.pipeline.predict import SIGNS_ASSUMED, VEHICLE, SimulatedTrial, find_model
+from auvident.pipeline.predict import (
+    SIGNS_ASSUMED,
+    VEHICLE,
+    SimulatedTrial,
+    bare_vehicle,
+    find_model,
+    read_inputs,
+)
+from auvident.schema.combined import COMBINED, CombinedModel
 from auvident.schema.planes import PLANES
 from auvident.storage.artifacts import read_json, read_model
 from auvident.storage.run_directory import MANIFEST, RunDirectory
 
 if TYPE_CHECKING:
     from auvident.schema.artifacts import IdentifiedModel, Maneuvers
-    from auvident.schema.combined import CombinedModel
     from auvident.schema.trial import Trial
     from auvident.schema.vehicle import Vehicle
 
 ESTIMATE = "ase/coefficients.json"
 BESIDE = PLANES[1]  # folder of the other plane in that of a stage
-COMBINED = "auvident/combined/"  # what the schema of a combined model begins with
 SPEAKS_OF_ONE = "Combine runs of one vehicle, with the same vehicle file."
 
 
@@ -119,12 +125,11 @@ def is_whole(target: Path) -> bool:
     if target.suffix != ".json":
         return False
     tree = read_json(target, "Give a model.json that auvident has written.")
-    return isinstance(tree, dict) and str(tree.get("schema", "")).startswith(COMBINED)
+    return isinstance(tree, dict) and tree.get("schema") == COMBINED
 
 
 def find_whole(target: Path) -> "tuple[CombinedModel, Vehicle | None]":
     """A combined model from its file, or from a vehicle file by geometry and [coefficients]."""
-    from auvident.schema.combined import CombinedModel
     from auvident.stages.ase import estimate
     from auvident.stages.combine import combine
     from auvident.storage.vehicle_file import load_vehicle
@@ -149,11 +154,11 @@ def predict_whole(
     """Simulate a log in six degrees of freedom; see `auvident.pipeline.predict.predict`."""
     import numpy as np
 
-    from auvident.stages.combine import simulate_whole
+    from auvident.stages.combine import INPUT_COLUMNS, simulate_whole
 
     model, vehicle = find_whole(target)
     vehicle = _signs(target, model, vehicle, vehicle_file, observer)
-    trial = _trial(vehicle, log, column_map, rate_hz)
+    trial = read_inputs(vehicle, log, column_map, rate_hz, INPUT_COLUMNS)
     table = simulate_whole(model, trial, rng=np.random.default_rng(seed), **options)
     return SimulatedTrial(trial.name, target, model, table)
 
@@ -179,33 +184,13 @@ def _signs(
         return read_model(run / VEHICLE, Vehicle)
     observer.note(SIGNS_ASSUMED)
     values = model.values()
-    body = {
-        "name": model.vehicle,
-        "mass_kg": values["m"],
-        "izz_kgm2": values["I_zz"],
-        "origin_from_nose_m": 0.5 * model.length_m,
-    }
-    # reading a log takes only the signs from a vehicle; a hull must stand there
-    hull = {"length_m": model.length_m, "diameter_m": model.length_m / 8.0}
-    return Vehicle.model_validate({"vehicle": body, "hull": hull})
+    return bare_vehicle(model.vehicle, values["m"], values["I_zz"], model.length_m)
 
 
 def _folders(model: "CombinedModel") -> list[Path]:
     """Where the runs may be that a model was made from."""
     files = [Path(source.file) for source in model.models if source.file]
     return [parent for file in files for parent in list(file.parents)[1:3]]
-
-
-def _trial(vehicle: "Vehicle", log: Path, column_map: Path | None, rate_hz: float) -> "Trial":
-    from auvident.stages.combine import INPUT_COLUMNS
-    from auvident.stages.ingest import ingest
-    from auvident.storage.logs import read_column_map, read_trials
-
-    trials = read_trials([log], read_column_map(column_map) if column_map else None, INPUT_COLUMNS)
-    if len(trials) > 1:
-        names = ", ".join(t.name for t in trials)
-        raise InputError("contains several trials", str(log), f"Give one of them: {names}.")
-    return ingest(trials[0], vehicle, rate_hz=rate_hz, needed=INPUT_COLUMNS)[0]
 
 
 def write_combined(model: "CombinedModel", file: Path) -> None:

@@ -48,7 +48,7 @@ class Posterior:
 
 
 @dataclass(frozen=True)
-class JoinedPosterior:
+class JointPosterior:
     """Mean and covariance of all that the models estimated; what they found of each other.
 
     ``of`` says for a shared name which planes it rests on.
@@ -85,17 +85,17 @@ def _effect_values(model: IdentifiedModel) -> dict[str, float]:
     return {n: float(v) for effect in model.effects for n, v in effect["internal"].items()}
 
 
-def join(models: Sequence[IdentifiedModel]) -> JoinedPosterior:
+def join(models: Sequence[IdentifiedModel]) -> JointPosterior:
     """Join the models of the planes by their information about what they share.
 
     What a plane estimates alone follows the shared values as its own covariance has it.
     """
     posteriors = [posterior_of(model) for model in models]
     if not posteriors:
-        return JoinedPosterior((), np.zeros(0), np.zeros((0, 0)), {})
+        return JointPosterior((), np.zeros(0), np.zeros((0, 0)), {})
     if len(posteriors) == 1:
         (one,) = posteriors
-        return JoinedPosterior(one.names, one.mean, one.covariance, {})
+        return JointPosterior(one.names, one.mean, one.covariance, {})
     first, second = posteriors
     shared = tuple(n for n in first.names if n in second.names)
     taken = next((m for m in models if _knows_both(m)), None)
@@ -163,7 +163,7 @@ def _conditioned(
     covariance: Array,
     of: dict[str, tuple[Plane, ...]],
     findings: tuple[Finding, ...],
-) -> JoinedPosterior:
+) -> JointPosterior:
     """Joint mean and covariance, each plane's own parameters given the shared ones."""
     size = len(shared)
     names, means, gains = list(shared), [mean], [np.eye(size)]
@@ -179,7 +179,7 @@ def _conditioned(
         names += own
     stacked = np.vstack(gains)
     joint = stacked @ covariance @ stacked.T + _block_diagonal(rests)
-    return JoinedPosterior(
+    return JointPosterior(
         tuple(names), np.concatenate(means), 0.5 * (joint + joint.T), of, findings
     )
 
@@ -209,7 +209,7 @@ def _disagreement(shared: Sequence[str], away: Array, p: float, plane: Plane) ->
     )
 
 
-def followed(joined: JoinedPosterior, models: Sequence[IdentifiedModel]) -> JoinedPosterior:
+def followed(joined: JointPosterior, models: Sequence[IdentifiedModel]) -> JointPosterior:
     """The joint posterior with the followers among its names, so that draws keep them equal."""
     for model in models:
         for c in model.coefficients:

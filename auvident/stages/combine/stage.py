@@ -20,7 +20,7 @@ from auvident.schema.combined import (
 from auvident.schema.planes import PLANES
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.combine.roll import Logs, with_roll
-from auvident.stages.combine.shared import JoinedPosterior, followed, join
+from auvident.stages.combine.shared import JointPosterior, followed, join
 
 GEOMETRY, FILE = "geometry", "vehicle file"
 BALLAST = ("W-B", "x_GW", "z_GW")
@@ -164,7 +164,7 @@ def _constants(
 
 
 def _rows_of_models(
-    models: Sequence[IdentifiedModel], joined: JoinedPosterior, ase: AseResult
+    models: Sequence[IdentifiedModel], joined: JointPosterior, ase: AseResult
 ) -> Iterator[CombinedEntry]:
     """What the models hold, with the values that they have together."""
     spread = np.sqrt(np.diag(joined.covariance)) if joined.names else np.zeros(0)
@@ -195,7 +195,7 @@ def _prime(symbol: str, value: float, ase: AseResult) -> float | None:
 
 
 def _blocks(
-    entries: Mapping[str, CombinedEntry], joined: JoinedPosterior, ase: AseResult
+    entries: Mapping[str, CombinedEntry], joined: JointPosterior, ase: AseResult
 ) -> Iterator[CovarianceBlock]:
     """Covariance of what was identified, of the geometry, of the file."""
     if joined.names:
@@ -226,7 +226,7 @@ def _prior_covariance(rest: Sequence[CombinedEntry], ase: AseResult) -> np.ndarr
 
 
 def _effect_parameters(
-    models: Sequence[IdentifiedModel], joined: JoinedPosterior
+    models: Sequence[IdentifiedModel], joined: JointPosterior
 ) -> dict[str, float]:
     """Parameters of the effects: as their model has them, those of both planes as joined."""
     found: dict[str, float] = {}
