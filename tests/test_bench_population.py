@@ -5,10 +5,11 @@ import json
 import pytest
 
 from auvident.errors import InputError
+from auvident.schema.effects import BY_ID
 from tests import loop_world
 from tests.bench import __main__ as bench
 from tests.bench import halves, population
-from tests.bench.effects_truth import RATES, SPEEDS, cross_flow
+from tests.bench.effects_truth import RATES, SPEEDS, cross_flow, planted_of
 from tests.bench.population_score import STATES, clean_state, is_wrong, last_line, scored, tables
 from tests.bench.population_trial import (
     CHANNELS,
@@ -181,6 +182,23 @@ def test_predictions_of_the_vertical_plane_are_told_by_its_channels():
     row = outcome_with(nrmse={"u": 0.1, "w": 0.3, "q": 0.2}, nrmse_ase={})
     (told,) = tables([scored(row)], (), False)["prediction"]
     assert (told["nrmse w"], told["nrmse q"]) == (0.3, 0.2) and "nrmse r" not in told
+
+
+def test_planted_parameters_of_the_vertical_plane_are_those_of_the_program():
+    from seatrial.effects import draw_effects
+    from seatrial.population.sizes import SINGLES_OF
+    from seatrial.vehicles import load_vehicle
+
+    vehicle = load_vehicle("tern180")
+    known = [n for n in SINGLES_OF["vertical"] if n in BY_ID and "vertical" in BY_ID[n].planes]
+    assert "propeller_lag" in known
+    for name in known:
+        drawn = draw_effects([{"id": name}], 3, vehicle.scale, 11.0, "vertical")[name]
+        truth = {"plane": "vertical", "effects": [{"id": name, "parameters": drawn}]}
+        (planted,) = planted_of(truth, vehicle)
+        declared = {p.symbol for p in BY_ID[name].parameters}
+        assert set(planted.parameters) <= declared, name
+        assert planted.family == BY_ID[name].family, name
 
 
 def test_strips_of_the_vertical_plane_are_those_of_the_plant():

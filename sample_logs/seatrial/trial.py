@@ -24,7 +24,7 @@ from seatrial.simulate import STEP_S, Sea, run, start_state
 from seatrial.vehicles import Vehicle, load_vehicle
 
 LONGEST_S = {"horizontal": 2100.0, "vertical": 2100.0, "both": 4200.0}
-RECIPE_KEYS = {"name", "vehicle", "seed", "spread", "plane", "schedule", "effect"}
+RECIPE_KEYS = {"name", "vehicle", "seed", "spread", "plane", "schedule", "effect", "ballast"}
 
 
 def generate(recipe: dict, out_dir: str | Path | None) -> dict:
@@ -34,7 +34,8 @@ def generate(recipe: dict, out_dir: str | Path | None) -> dict:
     ----------
     recipe : ``name``, ``vehicle`` (file stem), ``seed``; optional ``spread`` (random factors on the
         plant parameters), ``plane`` ("horizontal", "vertical" or "both"), ``schedule`` (numbers of
-        maneuvers), ``effect`` (list of tables with ``id`` and, optionally, parameters)
+        maneuvers), ``effect`` (list of tables with ``id`` and, optionally, parameters),
+        ``ballast`` (true mass_kg, buoyancy_n, x_g_m, z_g_m where the vehicle file is wrong)
     out_dir : folder of the CSV files; None writes none
 
     Returns
@@ -46,7 +47,12 @@ def generate(recipe: dict, out_dir: str | Path | None) -> dict:
     if unknown:
         raise ValueError(f"unknown recipe keys {sorted(unknown)}; known: {sorted(RECIPE_KEYS)}")
     seed = int(recipe["seed"])
-    vehicle = load_vehicle(recipe["vehicle"], recipe.get("spread", 0.0), stream(seed, "spread"))
+    vehicle = load_vehicle(
+        recipe["vehicle"],
+        recipe.get("spread", 0.0),
+        stream(seed, "spread"),
+        recipe.get("ballast", {}),
+    )
     planted = draw_effects(
         recipe.get("effect", []),
         seed,
@@ -62,6 +68,7 @@ def generate(recipe: dict, out_dir: str | Path | None) -> dict:
         signs = vehicle.file["signs"]
         write_logs(measured, signs, origin, Path(out_dir), lambda n: stream(seed, n), tail)
     maneuvers = maneuver_list(legs, starts, notes, origin)
+    ballast = {"ballast": recipe["ballast"]} if "ballast" in recipe else {}
     return {
         "trial": recipe["name"],
         "vehicle": recipe["vehicle"],
@@ -70,6 +77,7 @@ def generate(recipe: dict, out_dir: str | Path | None) -> dict:
         "time_origin_s": origin,
         "duration_s": round(record.shape[0] * STEP_S, 2),
         "spread_factors": vehicle.spread_factors,
+        **ballast,
         "effects": truth_effects(planted, maneuvers, origin),
         "maneuvers": maneuvers,
     }

@@ -23,6 +23,7 @@ import numpy as np
 
 GRAVITY = 9.81
 STRIPS = 24
+BALLAST = ("mass_kg", "buoyancy_n", "x_g_m", "z_g_m")
 VEHICLE_FOLDER = Path(__file__).resolve().parent.parent
 
 # Columns of the fin table.
@@ -202,10 +203,22 @@ class Vehicle:
         return (self.body.length / 1.33) ** 2
 
 
-def load_vehicle(name: str, spread: float = 0.0, rng: np.random.Generator | None = None) -> Vehicle:
-    """Vehicle `name`; `spread` multiplies plant parameters by random factors of that size."""
+def load_vehicle(
+    name: str,
+    spread: float = 0.0,
+    rng: np.random.Generator | None = None,
+    ballast: dict | None = None,
+) -> Vehicle:
+    """Vehicle `name`; `spread` multiplies plant parameters by random factors of that size.
+
+    `ballast` has true values of the table ``[vehicle]`` where the vehicle file is wrong.
+    """
     with open(VEHICLE_FOLDER / f"{name}.toml", "rb") as stream:
         file = tomllib.load(stream)
+    unknown = set(ballast or {}) - set(BALLAST)
+    if unknown:
+        raise ValueError(f"no ballast {sorted(unknown)}; known: {', '.join(BALLAST)}")
+    file["vehicle"] |= ballast or {}
     plant, factors = PLANTS[name], {}
     if spread > 0.0:
         plant, factors = spread_plant(plant, spread, rng)

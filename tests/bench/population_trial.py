@@ -29,7 +29,7 @@ if str(SAMPLES) not in sys.path:
 
 LONGEST_S = 1500  # of one trial; a program that has not ended by then has failed
 OVERLAP = 0.5  # of the true maneuver, from which a found one of its kind is that maneuver
-LINEAR_DAMPING = "linear_damping"
+LINEAR_DAMPING, DEPTH_STEP = "linear_damping", "depth_step"
 CHANNELS = {
     "horizontal": {"u": "u_mps", "v": "v_mps", "r": "r_radps"},
     "vertical": {"u": "u_mps", "w": "w_mps", "q": "q_radps"},
@@ -154,7 +154,8 @@ def _alarm(seconds: int) -> None:
 def segmentation(directory: Path, truth: Mapping[str, Any], plane: str = "horizontal") -> Outcome:
     """True maneuvers found and missed, by kind, and maneuvers found where there was none.
 
-    Straight runs with thrust steps are of either plane.
+    Straight runs with thrust steps are of either plane. Depths also change on the way back from a
+    zigzag: a depth step that is found there is not invented.
     """
     path = directory / "segment/maneuvers.json"
     rows = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else []
@@ -165,6 +166,7 @@ def segmentation(directory: Path, truth: Mapping[str, Any], plane: str = "horizo
     true = [m for m in truth["maneuvers"] if m["t_end_s"] > m["t_start_s"]]
     missed = [m for m in true if not any(_is_same(m, row) for row in rows)]
     extra = [row for row in rows if not any(_touches(m, row) for m in true)]
+    extra = [row for row in extra if row["kind"] != DEPTH_STEP]
     return {
         "true": _counted(m["kind"] for m in true),
         "missed": [{**m, "why": _reasons(m, why.get("rejected", []))} for m in missed],
@@ -180,7 +182,7 @@ def _plane_of(maneuver: Mapping[str, Any]) -> str:
 def _kind_of(maneuver: Mapping[str, Any]) -> str:
     """Its kind as the generator names it: depth steps are straight runs of the vertical plane."""
     steps = maneuver["kind"] == "straight" and _plane_of(maneuver) == "vertical"
-    return "depth_step" if steps else str(maneuver["kind"])
+    return DEPTH_STEP if steps else str(maneuver["kind"])
 
 
 def _overlap_s(one: Mapping[str, Any], other: Mapping[str, Any]) -> float:
@@ -189,7 +191,9 @@ def _overlap_s(one: Mapping[str, Any], other: Mapping[str, Any]) -> float:
 
 
 def _is_same(true: Mapping[str, Any], found: Mapping[str, Any]) -> bool:
-    length = true["t_end_s"] - true["t_start_s"]
+    """Of a series of depth steps each one is a maneuver of its own: one will do."""
+    of = found if true["kind"] == DEPTH_STEP else true
+    length = of["t_end_s"] - of["t_start_s"]
     return bool(found["kind"] == true["kind"] and _overlap_s(true, found) >= OVERLAP * length)
 
 

@@ -13,7 +13,8 @@ from seatrial.trial import generate, sail, stream
 from seatrial.vehicles import load_vehicle
 
 HORIZONTAL = ["bay_trial", "harbour_trial", "sound_trial"]
-TRIALS = [*HORIZONTAL, "dive_trial"]
+VERTICAL = ["dive_trial", "shelf_trial"]
+TRIALS = [*HORIZONTAL, *VERTICAL]
 
 
 @pytest.mark.parametrize("trial", TRIALS)
@@ -174,6 +175,25 @@ def test_coupled_maneuvers_turn_and_dive_at_once():
         assert rows[:, 8].min() > 5.0 and np.abs(rows[:, 10]).max() < np.radians(25.0)
         if m["way"] == "helix":
             assert np.ptp(rows[:, 11]) > 2 * np.pi and rows[-1, 8] > rows[0, 8] + 4.0
+
+
+def test_shelf_trial_is_short_and_has_zigzags_of_two_sizes_and_speeds(truth_folder):
+    truth = json.loads((truth_folder / "shelf_trial.json").read_text(encoding="utf-8"))
+    assert truth["plane"] == "vertical" and truth["duration_s"] < 16 * 60
+    zigzags = [m for m in truth["maneuvers"] if m["kind"] == "zigzag"]
+    assert len({m["elevator_deg"] for m in zigzags}) == 2
+    assert max(m["rpm"] for m in zigzags) > 1.2 * min(m["rpm"] for m in zigzags)
+    assert {m["kind"] for m in truth["maneuvers"]} == {"straight", "depth_step", "zigzag"}
+
+
+def test_the_ballast_of_the_plant_may_be_another_than_that_of_the_file(recipe):
+    wrong = recipe("shelf_trial")["ballast"]
+    told, true = load_vehicle("tern180"), load_vehicle("tern180", ballast=wrong)
+    assert true.body.weight == pytest.approx(wrong["mass_kg"] * 9.81)
+    assert (true.body.x_g, true.body.z_g) == (wrong["x_g_m"], wrong["z_g_m"])
+    assert true.body.buoyancy == told.body.buoyancy
+    with pytest.raises(ValueError, match="no ballast"):
+        load_vehicle("tern180", ballast={"ballast_kg": 1.0})
 
 
 def test_unknown_names_in_a_recipe_are_refused():
