@@ -165,10 +165,11 @@ def water_in_vertical(e: Array, pitch: Array, heading: Array | None) -> Array:
     return np.column_stack([ahead * c - e[DOWN] * s, ahead * s + e[DOWN] * c])
 
 
-def water_by_pitch(e: Array, pitch: Array, heading: Array | None) -> Array:
-    """Slope (n, 2) of `water_in_vertical` by the pitch."""
+def water_by_pitch(sensing: Sensing, e: Array, pitch: Array, heading: Array | None) -> Array:
+    """Slope (n, 2) by the pitch of what moving water adds to the DVL in the vertical plane."""
     ahead, below = water_in_vertical(e, pitch, heading).T
-    return np.column_stack([-below, ahead])
+    turn = (1.0 + e[SCALE]) * _turn("vertical", sensing, e)
+    return np.asarray(np.column_stack([-below, ahead]) @ turn.T)
 
 
 def depth_rate(u: Array, w: Array, pitch: Array) -> Array:

@@ -262,19 +262,22 @@ EFFECTS: tuple[Effect, ...] = (
         ("pitch_rad",), SENSOR,
         words="a pitch gyro scale error of {fraction:+.1%}", twin="gyro_scale"),
     Effect("pitch_bias", "sensing", "reading", V, (
-        P("bias_deg", "deg", 0.0175, 0.0044, -0.35, 0.35, DEGREES),
-    ), "pitch + bias", "depth rate disagrees with u and w turned by the pitch", ("pitch_rad",),
+        P("bias_deg", "deg", 0.035, 0.0087, -0.35, 0.35, DEGREES),
+    ), "pitch + bias", "depth rate disagrees with u and w turned by the pitch",
+        ("pitch_rad", "depth_m"),
         SENSOR, words="a pitch bias of {bias_deg:.1f} deg", alike="incidence", steady=True),
-    Effect("pitch_scale", "sensing", "reading", V, (SCALE,),
-        "pitch (1 + fraction)", "pitch disagrees with the integral of q, up and down alike",
+    Effect("pitch_scale", "sensing", "reading", V, (
+        P("fraction", "-", 0.05, 0.02, -0.5, 0.5),
+    ), "pitch (1 + fraction)", "pitch disagrees with the integral of q, up and down alike",
         ("pitch_rad",), SENSOR, words="a pitch scale error of {fraction:+.1%}"),
     Effect("depth_lag", "sensing", "reading", V, (
-        P("lag_s", "s", 0.6, 0.2, 0.0, 15.0, powers=TIME),
+        P("lag_s", "s", 1.0, 0.3, 0.0, 15.0, powers=TIME),
     ), "z_log' = (depth - z_log) / lag; no state: depth' = w cos pitch - u sin pitch",
         "logged depth trails the integral of the depth rate; no other reading shows it",
         ("depth_m", "pitch_rad"), SENSOR, words="a depth sensor with a lag of {lag_s:.2f} s"),
-    Effect("depth_scale", "sensing", "reading", V, (SCALE,),
-        "depth (1 + fraction); no state: depth' = w cos pitch - u sin pitch",
+    Effect("depth_scale", "sensing", "reading", V, (
+        P("fraction", "-", 0.05, 0.015, -0.5, 0.5),
+    ), "depth (1 + fraction); no state: depth' = w cos pitch - u sin pitch",
         "logged depth disagrees with the integral of the depth rate; no other reading shows it",
         ("depth_m", "pitch_rad"), SENSOR, words="a depth scale error of {fraction:+.1%}"),
     Effect("propeller_side_force", "hydrodynamics", "force", H, (
@@ -282,10 +285,10 @@ EFFECTS: tuple[Effect, ...] = (
         P("N_nn", "N m s^2", 2.5e-4, 4e-5, -0.1, 0.1, powers=(1, 3, 2, -2)),
     ), "Y + Y_nn n|n|, N + N_nn n|n|", "turns with the rudder amidships, in proportion to n^2",
         alike="amidships", parts=("rudder_offset", "dvl_misalignment"), steady=True),
-    Effect("thrust_line_moment", "hydrodynamics", "force", V, (
-        P("z_T_m", "m", 0.02, 0.005, -0.5, 0.5, powers=LENGTH),
-    ), "M + z_T T", "pitches with the elevator amidships, in proportion to the thrust", (),
-        words="a thrust line {z_T_m:.3f} m below the axis", alike="amidships",
+    Effect("thrust_line_moment", "actuation", "force", V, (
+        P("z_m", "m", 0.03, 0.005, -0.5, 0.5, powers=LENGTH),
+    ), "M + z T", "pitches with the elevator amidships, in proportion to the thrust", (),
+        words="a thrust line {z_m:.3f} m below the axis", alike="amidships",
         parts=("elevator_offset", "dvl_pitch"), steady=True),
     Effect("hull_asymmetry", "hydrodynamics", "force", HV, (
         *in_axes("A_0", "kg/m", 1.2e-3, 2e-4, -0.1, 0.1, powers=(1, 2, 0, 0), nuisance_std=3e-5),
@@ -321,20 +324,20 @@ EFFECTS: tuple[Effect, ...] = (
         P("Y_uuphi", "kg/m", 0.015, 0.004, -1.0, 1.0, powers=(1, 2, 0, 0)),
         P("N_uuphi", "kg", 0.004, 0.001, -1.0, 1.0, powers=(1, 3, 0, 0)),
     ), "Y + Y_uuphi u u roll, N + N_uuphi u u roll", "residual follows the roll", ("roll_rad",)),
-    Effect("weight_change", "hydrodynamics", "force", V, (
-        P("W-B_n", "N", 2e-3, 5e-4, -0.5, 0.5, powers=(1, 2, 2, 0)),
-        P("x_GW_nm", "N m", 3e-4, 4e-5, -0.2, 0.2, powers=(1, 3, 2, 0)),
+    Effect("weight_change", "environment", "force", V, (
+        P("weight_n", "N", 1e-3, 1.5e-4, -0.5, 0.5, powers=(1, 2, 2, 0)),
+        P("moment_nm", "N m", 1.5e-4, 3e-5, -0.2, 0.2, powers=(1, 3, 2, 0)),
         *ONCE,
-    ), "W-B and x_GW grow at one time, spread over its uncertainty",
+    ), "W-B + weight and x_GW + moment from one time on, spread over its uncertainty",
         "Z and M residuals that set in at one time and stay, whatever the speed", (),
         "Fossen (2021), 4.1",
-        words="weight that grows by {W-B_n:.1f} N and bow-down moment by {x_GW_nm:.2f} N m",
+        words="weight that grows by {weight_n:.1f} N and a bow-down moment by {moment_nm:.2f} N m",
         alike="weight"),
-    Effect("buoyancy_gradient", "hydrodynamics", "force", V, (
-        P("W-B_npm", "N/m", 1e-4, 2e-5, -0.01, 0.01, powers=(1, 1, 2, 0)),
+    Effect("buoyancy_gradient", "environment", "force", V, (
+        P("gradient_npm", "N/m", 4e-4, 8e-5, -0.02, 0.02, powers=(1, 1, 2, 0)),
     ), "W-B + gradient depth", "Z residual that follows the depth", ("depth_m",),
         "Fossen (2021), 4.1",
-        words="weight minus buoyancy that grows by {W-B_npm:.3f} N per m of depth",
+        words="weight minus buoyancy that grows by {gradient_npm:.2f} N per m of depth",
         alike="weight"),
     Effect("dvl_height", "sensing", "reading", H, (
         P("dz_m", "m", 0.09, 0.06, -1.0, 1.0, nuisance_std=0.09, powers=LENGTH),

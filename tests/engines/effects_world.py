@@ -12,6 +12,7 @@ from auvident.physics.terms import structure_of
 from auvident.schema.artifacts import Sensing
 from auvident.schema.effects import BY_ID, parameter_of
 from auvident.schema.plan import Plan
+from auvident.schema.planes import Plane
 from tests.physics.plane_equations import stable_values
 
 DT = 0.1
@@ -21,6 +22,7 @@ SENSING = Sensing(dvl_x_m=0.4, dvl_y_m=0.05, dvl_z_m=0.1, dvl_mounting_yaw_rad=0
 COURSE = np.array([True, True, True, False])  # the heading is taken as logged
 FREELY = np.ones(4, dtype=bool)
 COEFFICIENTS = ("X_uu", "X_vr", "T_nn", "Y_uv", "Y_uud", "N_ur", "N_uud", "N_r|r|", "Y_vdot")
+HEADING = 0.8  # of the vertical plane, about which it yaws
 
 
 @dataclass(frozen=True)
@@ -31,13 +33,19 @@ class World:
     p: np.ndarray
 
     @classmethod
-    def of(cls, shown: dict[str, float], sensing: Sensing = SENSING) -> "World":
+    def of(
+        cls, shown: dict[str, float], sensing: Sensing = SENSING, plane: Plane = "horizontal"
+    ) -> "World":
         effects = tuple(e for e in BY_ID if any(name.startswith(f"{e}.") for name in shown))
-        structure = structure_of("horizontal", effects)
-        values = stable_values("horizontal")
+        structure = structure_of(plane, effects)
+        values = stable_values(plane)
         values |= {name: parameter_of(name).internal(v) for name, v in shown.items()}
         p = np.array([values.get(name, 0.0) for name in structure.parameters])
         return cls(Frame(structure, sensing, DT), p)
+
+    @property
+    def plane(self) -> Plane:
+        return self.frame.structure.plane
 
     def index(self, name: str) -> int:
         return self.frame.structure.index(name)
@@ -94,6 +102,8 @@ def blank(n: int = 300, seed: int = 0, start=(1.4, 0.02, 0.01, 0.5)) -> Record:
         bridged=np.tile(start, (n, 1)),
         start=np.array(start),
         from_middle_s=DT * (np.arange(n) - 0.4 * n) + FROM_MIDDLE_S[seed % len(FROM_MIDDLE_S)],
+        depth=5.0 + 2.0 * seed + 0.1 * time + waves[3],
+        heading=HEADING + 1.6 * seed + 0.1 * waves[1][LEAD:],
     )
     given = np.tile(np.array(start), (n, 1))
     return Record(
@@ -103,7 +113,8 @@ def blank(n: int = 300, seed: int = 0, start=(1.4, 0.02, 0.01, 0.5)) -> Record:
 
 def recorded(world: World, n: int = 300, seed: int = 0, noise=(0.0, 0.0, 0.0, 0.0)) -> Record:
     """A record as the sensors of a world give it, heading integrated."""
-    bare = blank(n, seed)
+    start = (1.4, 0.02, 0.01, 0.5 if world.plane == "horizontal" else 0.05)
+    bare = blank(n, seed, start)
     read = predicted_course(world.frame, world.p, bare, FREELY).readings
     read = read + np.random.default_rng(100 + seed).normal(size=read.shape) * noise
     inverse = np.linalg.inv(sensor_of(world))
@@ -118,7 +129,7 @@ def sensor_of(world: World) -> np.ndarray:
     """Reading = matrix @ state, without effects."""
     from auvident.physics.sensing import sensor_matrix
 
-    return sensor_matrix("horizontal", world.frame.sensing)
+    return sensor_matrix(world.plane, world.frame.sensing)
 
 
 NOISE = np.array([0.005, 0.005, 0.001, 0.001])  # of the sensors

@@ -18,7 +18,6 @@ from auvident.physics.sensing import (
     states_behind,
     unknown_rows,
     water_by_pitch,
-    water_in_vertical,
 )
 from auvident.physics.terms import structure_of
 from auvident.schema.artifacts import Sensing
@@ -179,12 +178,13 @@ def test_a_dvl_that_points_up_reads_a_level_run_as_sinking() -> None:
 
 def test_slopes_of_the_water_by_the_pitch_are_differences() -> None:
     pitch, heading = np.linspace(-0.6, 0.6, 20), np.linspace(0.0, 3.0, 20)
-    e, h = effects(VERTICAL), 1e-6
-    up, down = (water_in_vertical(e, pitch + d, heading) for d in (h, -h))
-    # of a central difference: rounding over h
-    np.testing.assert_allclose(
-        water_by_pitch(e, pitch, heading), (up - down) / (2.0 * h), atol=1e-9
+    e, h, rates = effects(VERTICAL), 1e-6, np.zeros((20, 2))
+    up, down = (
+        offsets("vertical", SENSING, e, pitch + d, rates, None, heading)[:, :2] for d in (h, -h)
     )
+    # of a central difference: rounding over h
+    found = water_by_pitch(SENSING, e, pitch, heading)
+    np.testing.assert_allclose(found, (up - down) / (2.0 * h), atol=1e-9)
 
 
 # --- depth ---------------------------------------------------------------------------------

@@ -34,16 +34,17 @@ from auvident.schema.effects import (
 
 # as users, pipelines and acceptance checks know them
 IDS = {
-    "environment": "current current_drift wave one_off_event vertical_current",
+    "environment": "current current_drift wave one_off_event vertical_current weight_change "
+    "buoyancy_gradient",
     "actuation": "rudder_offset rudder_lag rudder_rate_limit rudder_delay rudder_backlash "
     "rudder_deadband rudder_asymmetry rudder_stall elevator_offset elevator_lag "
     "elevator_rate_limit elevator_delay elevator_backlash elevator_deadband elevator_asymmetry "
-    "elevator_stall propeller_lag propeller_race thrust_sag thrust_step",
+    "elevator_stall propeller_lag propeller_race thrust_sag thrust_step thrust_line_moment",
     "sensing": "dvl_delay gyro_delay dvl_misalignment dvl_scale dvl_lever_arm gyro_bias gyro_scale "
     "pitch_bias pitch_scale q_bias q_scale depth_lag depth_scale dvl_pitch",
     "hydrodynamics": "propeller_side_force hull_asymmetry sway_cross_flow yaw_cross_flow "
     "heave_cross_flow pitch_cross_flow cubic_damping turning_drag linear_drag linear_damping "
-    "roll_coupling thrust_line_moment weight_change buoyancy_gradient",
+    "roll_coupling",
 }
 # those that stand in the vertical plane, beside its own
 SHARED = (
