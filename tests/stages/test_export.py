@@ -17,8 +17,10 @@ from auvident.engines.carried import frame_of, vector_behind
 from auvident.engines.prediction import at_effects, simulated
 from auvident.errors import UsageError
 from auvident.schema.artifacts import IdentifiedModel
+from auvident.schema.vehicle import Vehicle
+from auvident.stages.ase import estimate
 from auvident.stages.export import EQUATION_FORMS, export
-from tests.engines.chain import identified, setup_of
+from tests.engines.chain import identified, sample, setup_of
 
 TRIALS = (("harbour_trial", "horizontal"), ("dive_trial", "vertical"))
 CURRENT = {"id": "current", "internal": {"current.north_mps": 0.1, "current.east_mps": 0.0}}
@@ -44,6 +46,23 @@ def test_the_python_form_predicts_as_the_program_does(trial: str, plane: str) ->
         _, fin = module.servo(fin, ordered, setup.dt_s)
     states = module.simulate(acting.start.tolist(), record.inputs[:, :3].tolist(), setup.dt_s, fin)
     np.testing.assert_allclose(states, expected, rtol=0, atol=1e-9)
+
+
+def test_constants_stand_in_every_form() -> None:
+    """In the table for a vehicle file they are what the next identification starts from."""
+    model = identified("dive_trial", "vertical").model
+    told = {c.symbol: c for c in model.constants}
+    rows = {row["symbol"]: row for row in csv.DictReader(io.StringIO(export(model, "csv")))}
+    known = tomllib.loads(export(model, "toml"))["coefficients"]
+    for symbol, c in told.items():
+        assert (float(rows[symbol]["value"]), rows[symbol]["prime"]) == (c.value, "")
+        assert known[symbol] == {"value": c.value, "std": c.std}
+    file = sample("dive_trial").vehicle.model_dump(by_alias=True)
+    again = estimate(Vehicle.model_validate(file | {"coefficients": known}))
+    assert {c.symbol: c.value for c in again.constants} == {s: c.value for s, c in told.items()}
+    module = program(export(model, "python"))
+    assert module.weight_less_buoyancy == told["W-B"].value
+    assert module.z_g_weight == told["z_GW"].value and module.trim_moment == told["x_GW"].value
 
 
 @pytest.mark.parametrize("form", EQUATION_FORMS)

@@ -1,5 +1,6 @@
 """Identification where maneuvers overlap held-out ones: what is left of them identifies."""
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -10,6 +11,8 @@ from auvident.constants import ANSWER_S
 from auvident.engines.setup import Setup
 from auvident.errors import NumericsError
 from auvident.schema.artifacts import Maneuver, Maneuvers
+from auvident.schema.channels import BY_COLUMN
+from auvident.schema.trial import Trial
 from auvident.stages.identify import Identification, prepare
 from tests.engines.chain import identified, plan_named, sample
 
@@ -120,3 +123,32 @@ def test_nothing_left_at_all_is_an_error_that_says_so() -> None:
     with pytest.raises(NumericsError, match="held-out") as error:
         sample(NAME).identify("vertical", maneuvers=alone)
     assert "late, later" in error.value.where and error.value.exit_code == 5
+
+
+# --- maneuvers without readings ------------------------------------------------------------
+
+
+def silent(*names: str) -> tuple[Trial, ...]:
+    """The sample trial with every sensor silent over some maneuvers."""
+    (trial,) = sample(NAME).trials
+    table = trial.table.copy()
+    measured = [c for c in BY_COLUMN if c in table and BY_COLUMN[c].kind == "measured"]
+    for m in sample(NAME).maneuvers.maneuvers:
+        if m.id in names:
+            rows = table["time_s"].between(m.t_start_s - HALF_S, m.t_end_s + HALF_S)
+            table.loc[rows, measured] = np.nan
+    return (replace(trial, table=table),)
+
+
+def test_a_maneuver_without_any_reading_is_left_out_and_it_is_said() -> None:
+    lost = f"{NAME}-vertical-zigzag-3"
+    model = sample(NAME).identify("vertical", trials=silent(lost)).model
+    (said,) = [f for f in model.findings if f.code == "no-readings"]
+    assert said.where == lost and "w_mps" in said.message
+    assert all(lost not in stage.maneuvers for stage in model.stages)
+
+
+def test_no_reading_at_all_is_an_error_with_what_to_check() -> None:
+    names = [m.id for m in of_sample("identify")]
+    with pytest.raises(NumericsError, match="no maneuver for identification has a reading"):
+        sample(NAME).identify("vertical", trials=silent(*names))

@@ -16,6 +16,8 @@ from auvident.errors import NumericsError
 from auvident.physics.terms import parameter_vector, symbol_in
 from auvident.schema.artifacts import (
     AseResult,
+    Finding,
+    Maneuver,
     Maneuvers,
     RigidBody,
     Sensing,
@@ -59,6 +61,10 @@ def prepare(
     if not chosen:
         raise _nothing_identifies(maneuvers, plane)
     records = {m.id: (m.kind, record_of(m, by_name[m.trial], plane, sensor)) for m in chosen}
+    records = {name: (kind, _masked(r, carried)) for name, (kind, r) in records.items()}
+    records = {name: row for name, row in records.items() if np.isfinite(row[1].measured).any()}
+    if not records:
+        raise _nothing_is_read(chosen)
     values, stds = priors(ase, plane)
     stds |= {name: std for name, std in carried.prior_std.items() if std > 0.0}
     rigid = rigid_body(vehicle, plane)
@@ -66,7 +72,6 @@ def prepare(
     start = parameter_vector(plane, {**values, **carried.start}, rigid, carried.start, structure)
     prior_std = np.array([stds.get(name, 0.0) for name in structure.parameters])
     prior = np.where(prior_std > 0.0, prior, start)
-    records = {name: (kind, _masked(r, carried)) for name, (kind, r) in records.items()}
     followers = np.array(
         [[structure.index(symbol_in(plane, "B_adot")), structure.index(symbol_in(plane, "A_bdot"))]]
     )
@@ -110,6 +115,32 @@ def _masked(record: Record, carried: Carried) -> Record:
         if name == record.id:
             measured[(record.time_s >= start) & (record.time_s <= end)] = np.nan
     return replace(record, measured=measured)
+
+
+def unread_findings(
+    trials: Sequence[Trial], maneuvers: Maneuvers, plane: Plane, setup: Setup
+) -> list[Finding]:
+    """Maneuvers that are to identify and of which no reading is left."""
+    lost = [m for m in identifying(trials, maneuvers, plane) if m.id not in setup.records]
+    return [
+        Finding(
+            code="no-readings",
+            where=m.id,
+            value=0.0,
+            message=f"it has no reading of {', '.join(STATE_COLUMNS[plane])}, so it is not used "
+            "for identification",
+            remedy="Check the sensors' drop-outs in the ingested log.",
+        )
+        for m in lost
+    ]
+
+
+def _nothing_is_read(chosen: Sequence[Maneuver]) -> NumericsError:
+    return NumericsError(
+        "no maneuver for identification has a reading",
+        where=", ".join(m.id for m in chosen),
+        remedy="Check the sensors' drop-outs in the ingested log.",
+    )
 
 
 def _nothing_identifies(maneuvers: Maneuvers, plane: Plane) -> NumericsError:

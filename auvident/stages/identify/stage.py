@@ -50,7 +50,7 @@ from auvident.stages.identify.result import (
     scatter_matrix,
     states_of,
 )
-from auvident.stages.identify.setup import prepare
+from auvident.stages.identify.setup import prepare, unread_findings
 from auvident.stages.identify.step_length import step_findings
 from auvident.stages.identify.warm_up import compile_first
 
@@ -146,6 +146,7 @@ def identify(
     done, _ = runs[-1]
     means = [at_mean(setup, steps[-1].outcome, steps[-1].stage) for steps, _ in runs]
     findings = overlap_findings(trials, maneuvers, plane)
+    findings += unread_findings(trials, maneuvers, plane, setup)
     findings += dict.fromkeys(finding for _, told in runs for finding in told)
     findings += _disagreement(means, setup)
     final = _average(setup, means)
