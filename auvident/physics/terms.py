@@ -102,7 +102,7 @@ EFFECT_FORCES: tuple[tuple[Any, ...], ...] = (
     ("roll_coupling.Y_uuphi", "A", +1, ("u", "x^2"), ("roll", "x")),
     ("roll_coupling.N_uuphi", "B", +1, ("u", "x^2"), ("roll", "x")),
     ("weight_excess.W-B_n", "X", -1, ("pitch", "x")),
-    *((f"{NAME}.{q.symbol}", q.equation, +1, *q.factors) for q in PRODUCTS),
+    *((f"{NAME}.{q.generic}", q.equation, +1, *q.factors) for q in PRODUCTS),
 )
 THRUST_EFFECTS = ("thrust_sag", "thrust_step")  # they multiply the thrust by a factor
 # forces that come as a series in time, each with a factor as its parameter

@@ -354,12 +354,22 @@ UNEXPLAINED = Effect(
     NAME,
     "hydrodynamics",
     "force",
-    H,
+    HV,
     tuple(
-        P(q.symbol, q.unit, q.prior, 0.5 * q.prior, -1e3 * q.prior, 1e3 * q.prior, powers=q.powers)
+        P(
+            symbol,
+            q.unit,
+            q.prior,
+            0.5 * q.prior,
+            -1e3 * q.prior,
+            1e3 * q.prior,
+            powers=q.powers,
+            planes=planes,
+        )
         for q in PRODUCTS
+        for symbol, planes in q.symbols.items()
     ),
-    "X, Y, N + coefficients times products of u, v, r, rudder angle and heading",
+    "X, Y (Z), N (M) + coefficients times products of u, v (w), r (q), fin angle and heading",
     "what is left after every named effect",
     nuisance=True,
 )

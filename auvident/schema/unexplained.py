@@ -6,15 +6,17 @@ cause: nothing here is a candidate of `diagnose`.
 
 from dataclasses import dataclass
 
+from auvident.schema.planes import HORIZONTAL, PLANES, Plane, symbol_in
+
 Factor = tuple[str, str]  # variable and power, as in `auvident.physics.terms`
 
 NAME = "unexplained_force"
 DEGREE = {"x": 1, "|x|": 1, "x^2": 2, "x|x|": 2, "x^3": 3}
-# of u / U, v / U, r L / U, rudder [rad] and functions of the heading in a usual maneuver
+# of u / U, a / U, b L / U, fin [rad] and functions of the heading in a usual maneuver
 TYPICAL = {"u": 1.0, "a": 0.2, "b": 0.5, "d": 0.25, "sin": 1.0, "cos": 1.0}
 # standard deviation that each product gives the force [density/2 L^2 U^2, of N: L^3]
 SHARE = {"X": 0.002, "A": 0.005, "B": 0.002}
-AXES = {"X": "X", "A": "Y", "B": "N"}
+# The pitch is no such angle: weight and buoyancy, which turn with it, are estimated.
 HEADING: dict[str, tuple[Factor, ...]] = {
     "cos": (("cos", "x"),),
     "sin": (("sin", "x"),),
@@ -24,20 +26,20 @@ HEADING: dict[str, tuple[Factor, ...]] = {
 }
 AXIAL: dict[str, tuple[Factor, ...]] = {
     "u": (("u", "x"),),
-    "uvd": (("u", "x"), ("a", "x"), ("d", "x")),
-    "urd": (("u", "x"), ("b", "x"), ("d", "x")),
+    "uad": (("u", "x"), ("a", "x"), ("d", "x")),
+    "ubd": (("u", "x"), ("b", "x"), ("d", "x")),
 }
 LATERAL: dict[str, tuple[Factor, ...]] = {
-    "v": (("a", "x"),),
-    "r": (("b", "x"),),
-    "v|r|": (("a", "x"), ("b", "|x|")),
-    "r|v|": (("b", "x"), ("a", "|x|")),
-    "vvv": (("a", "x^3"),),
-    "vvr": (("a", "x^2"), ("b", "x")),
-    "vrr": (("a", "x"), ("b", "x^2")),
-    "rrr": (("b", "x^3"),),
-    "u|v|d": (("u", "x"), ("a", "|x|"), ("d", "x")),
-    "u|r|d": (("u", "x"), ("b", "|x|"), ("d", "x")),
+    "a": (("a", "x"),),
+    "b": (("b", "x"),),
+    "a|b|": (("a", "x"), ("b", "|x|")),
+    "b|a|": (("b", "x"), ("a", "|x|")),
+    "aaa": (("a", "x^3"),),
+    "aab": (("a", "x^2"), ("b", "x")),
+    "abb": (("a", "x"), ("b", "x^2")),
+    "bbb": (("b", "x^3"),),
+    "u|a|d": (("u", "x"), ("a", "|x|"), ("d", "x")),
+    "u|b|d": (("u", "x"), ("b", "|x|"), ("d", "x")),
     "uud|d|": (("u", "x^2"), ("d", "x|x|")),
 }
 
@@ -48,11 +50,12 @@ class Product:
 
     Attributes
     ----------
-    symbol, equation : str
+    generic, equation : str
+        Symbol with generic axes, ``A_a|b|``: Y_v|r| and Z_w|q|.
     factors : tuple of (variable, power)
     """
 
-    symbol: str
+    generic: str
     equation: str
     factors: tuple[Factor, ...]
 
@@ -60,6 +63,20 @@ class Product:
     def follows_heading(self) -> bool:
         """Whether it needs a heading that was logged."""
         return any(variable in ("sin", "cos") for variable, _ in self.factors)
+
+    @property
+    def planes(self) -> tuple[Plane, ...]:
+        """Planes that it stands in."""
+        return (HORIZONTAL.name,) if self.follows_heading else PLANES
+
+    @property
+    def symbols(self) -> dict[str, tuple[Plane, ...]]:
+        """What it is called, and in which planes."""
+        found: dict[str, tuple[Plane, ...]] = {}
+        for plane in self.planes:
+            symbol = symbol_in(plane, self.generic)
+            found[symbol] = (*found.get(symbol, ()), plane)
+        return found
 
     @property
     def powers(self) -> tuple[int, int, int, int]:
@@ -90,7 +107,12 @@ class Product:
 
 
 PRODUCTS = tuple(
-    Product(f"{AXES[equation]}_{name}", equation, factors)
+    Product(f"{equation}_{name}", equation, factors)
     for equation, own in (("X", AXIAL), ("A", LATERAL), ("B", LATERAL))
     for name, factors in (own | HEADING).items()
 )
+
+
+def products_of(plane: Plane) -> tuple[Product, ...]:
+    """Products that stand in a plane."""
+    return tuple(q for q in PRODUCTS if plane in q.planes)

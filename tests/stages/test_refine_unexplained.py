@@ -25,7 +25,7 @@ from tests.stages.test_refine_left_out import alike, with_left_out
 
 # a side force and a yaw moment with twice the heading, of which no effect of the program knows
 OUTSIDE = Case(1037, "remus100", "outside", ("heading_force",))
-NAMES = UNEXPLAINED.names()
+NAMES = UNEXPLAINED.names("horizontal")
 
 
 def sailed(folder: Path) -> Chain:

@@ -16,7 +16,7 @@ from auvident.schema.diagnosis import (
     UnexplainedForce,
 )
 from auvident.schema.effects import UNEXPLAINED, parameter_of
-from auvident.schema.unexplained import PRODUCTS
+from auvident.schema.unexplained import products_of
 from auvident.stages.refine.attempts import GUARDED, Identified, Made, make
 from auvident.stages.refine.claims import cruise_of
 from auvident.stages.refine.compare import pooled
@@ -75,7 +75,8 @@ class Base:
         speed, rate = cruise_of(self.prediction.simulation)
         told = self.model.density_kgpm3, self.model.length_m, speed, rate
         stds = {}
-        for name, product in zip(UNEXPLAINED.names(), PRODUCTS, strict=True):
+        plane = self.model.plane
+        for name, product in zip(UNEXPLAINED.names(plane), products_of(plane), strict=True):
             if heading or not product.follows_heading:
                 declared = parameter_of(name)
                 stds[name] = spread * declared.prior * declared.size_unit(*told)

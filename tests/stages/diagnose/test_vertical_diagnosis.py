@@ -24,6 +24,15 @@ from tests.session import once
 TRIAL = "dive_trial"
 TILT = math.radians(2.0)
 OFFSET_DEG, LATE_S = 2.5, 0.4  # late by about L / (2 U)
+# enough of the dive for what is put in: thrust steps, zigzags of two sizes, and depth steps
+FEW = (
+    "straight-1",
+    "vertical-zigzag-1",
+    "vertical-zigzag-3",
+    "vertical-zigzag-5",
+    "vertical-straight-5",
+    "vertical-straight-7",
+)
 Edit = Callable[[pd.DataFrame], None]
 
 
@@ -59,7 +68,9 @@ def edited(name: str) -> Chain:
     table = trial.table.copy()
     for edit in EDITS[name]:
         edit(table)
-    return replace(chain, trials=(replace(trial, table=table),))
+    few = tuple(m for m in chain.maneuvers.maneuvers if m.id.removeprefix(f"{TRIAL}-") in FEW)
+    maneuvers = chain.maneuvers.model_copy(update={"maneuvers": few} if EDITS[name] else {})
+    return replace(chain, trials=(replace(trial, table=table),), maneuvers=maneuvers)
 
 
 @once
