@@ -13,6 +13,7 @@ from auvident.stages.segment import roles
 from auvident.stages.segment.elevators import elevator_zigzags_of, on_clock_of
 from auvident.stages.segment.features import features_of, reference_rms
 from auvident.stages.segment.gaps import parts_of, settle_cuts
+from auvident.stages.segment.level import level
 from auvident.stages.segment.pieces import Found, Piece, pieces_of
 from auvident.stages.segment.scales import LEAST_FIN_RAD, Scales, held_fins, scales_of
 from auvident.stages.segment.split import split
@@ -89,7 +90,8 @@ def search_horizontal(
     refused = _outside(piece, [*why_no_turn, *why_no_zigzag], steady)
     taken = [*turns, *zigzags, *steady]
     straights, why_no_straight = find_straights(piece, scales, [*taken, *elsewhere])
-    return [*taken, *straights], [*refused, *why_no_straight]
+    kept, why_not_level = level(piece, scales, [*taken, *straights])
+    return kept, [*refused, *why_no_straight, *why_not_level]
 
 
 def _outside(piece: Piece, rejected: list[Rejected], found: Sequence[Found]) -> list[Rejected]:

@@ -10,6 +10,7 @@ from auvident.schema.artifacts import Maneuvers, Rejected
 from auvident.schema.trial import Trial
 from auvident.stages.segment.depth import DIVE_WINDOW_S, sink_by_depth
 from auvident.stages.segment.elevators import find_elevator_zigzags, on_clock_of
+from auvident.stages.segment.level import level, usual_depth
 from auvident.stages.segment.pieces import Found, Piece, true_ranges
 from auvident.stages.segment.scales import Scales
 from auvident.stages.segment.stage import Searched, assemble, search_trial
@@ -59,7 +60,9 @@ def search_vertically(trial: Trial) -> Searched:
 
     def straights(piece: Piece, scales: Scales) -> tuple[list[Found], list[Rejected]]:
         """Straight runs in what the vertical maneuvers leave."""
-        return find_straights(piece, scales, [on_clock_of(piece, f) for f in found])
+        runs, rejected = find_straights(piece, scales, [on_clock_of(piece, f) for f in found])
+        kept, why_not_level = level(piece, scales, runs)
+        return kept, [*rejected, *why_not_level]
 
     runs, no_runs, torn = search_trial(trial, "horizontal", straights)
     both = sorted([*found, *runs], key=lambda f: f.piece.time(f.start))
@@ -98,8 +101,7 @@ def find_depth_steps(
     rejected: list[Rejected] = []
     if piece.depth is None:
         return found, rejected
-    under_way = piece.depth[(piece.speed > 0.5 * scales.speed_mps) & np.isfinite(piece.depth)]
-    usual = float(np.median(under_way)) if under_way.size else 0.0
+    usual = usual_depth(piece, scales)
     steps: list[tuple[int, int]] = []
     for start, stop in depth_changes(piece, scales, taken):
         depth = piece.depth[start:stop]
