@@ -231,11 +231,13 @@ def test_a_sweep_goes_to_a_file(demo: Path, auvident: Callable[..., Called]) -> 
 
 def test_coefficients_and_schemas_come_from_the_program(auvident: Callable[..., Called]) -> None:
     from auvident.pipeline.schemas import SCHEMAS
-    from auvident.schema.coefficients import COEFFICIENTS
+    from auvident.schema.coefficients import COEFFICIENTS, CONSTANTS, ESTIMATED
 
-    listed = json.loads(auvident("coefficients", "--json").out)["coefficients"]
-    assert [c["symbol"] for c in listed] == [c.symbol for c in COEFFICIENTS]
-    assert all(c.symbol in auvident("coefficients").out for c in COEFFICIENTS)
+    listed = json.loads(auvident("coefficients", "--json").out)
+    assert [c["symbol"] for c in listed["coefficients"]] == [c.symbol for c in COEFFICIENTS]
+    assert [c["symbol"] for c in listed["constants"]] == [c.symbol for c in CONSTANTS]
+    shown = auvident("coefficients").out
+    assert all(symbol in shown for symbol in ESTIMATED)
     for name in SCHEMAS:
         schema = json.loads(auvident("schema", name).out)
         assert properties(schema)

@@ -7,7 +7,7 @@ import click
 
 from auvident.cli.common import PATH, Output, command
 from auvident.errors import UsageError
-from auvident.schema.coefficients import ESTIMATED, PLANES
+from auvident.schema.coefficients import CONSTANTS, ESTIMATED, PLANES
 from auvident.schema.effects import EFFECTS, FAMILIES, Effect
 
 SIGNS = {1: "+", -1: "-", 0: "±"}
@@ -32,7 +32,10 @@ def coefficients(output: Output, plane: str | None) -> None:
         for c in chosen
     ]
     if output.json:
-        output.artifact({"schema": "auvident/coefficients/1", "coefficients": rows}, "coefficients")
+        own = {row["symbol"]: row for row in rows}
+        constants = [own.pop(c.symbol) for c in CONSTANTS if c.symbol in own]
+        listed = {"coefficients": list(own.values()), "constants": constants}
+        output.artifact({"schema": "auvident/coefficients/1", **listed}, "coefficients")
         return
     widths = {"symbol": 8, "equation": 8, "regressor": 21, "group": 13, "unit": 7, "sign": 4}
     heads = [name.ljust(width) for name, width in widths.items()]

@@ -13,8 +13,8 @@ translation and rotation changes (theory 1.3 and 1.4)::
 
 With buoyancy on the axis through O, m z_G is the righting moment z_G W over g, one parameter with
 it. The trim moment x_GW = x_G W - x_B B is what the ballasting leaves of two large moments, so
-m x_G stays as the vehicle file has it: a millimetre on a metre of length moves m x_G by some
-percent of what the standard deviation of the estimate leaves open of M_uq and Z_qdot beside it.
+m x_G stays as the vehicle file has it: a thousandth of the length moves m x_G by so little that
+M_uq and Z_qdot beside it take it up with 0.04 of their standard deviations.
 
 A term is ``weight * p[parameter] * factor * factor * factor``; a factor is a power of one
 variable. Everything is linear in the parameters p, hence the Jacobians of `dynamics` are exact
