@@ -10,6 +10,7 @@ import pytest
 
 from auvident.cli import COMMANDS
 from auvident.schema.effects import EFFECTS
+from auvident.schema.planes import PLANES
 from tests import loop_world
 from tests.command_line import Called
 from tests.test_pipeline import RUN
@@ -157,6 +158,12 @@ def test_effects_of_one_family(auvident: Callable[..., Called], family: str) -> 
     assert rows and {row["family"] for row in rows} == {family}
     shown = auvident("effects", "--family", family).out.splitlines()[1:]
     assert [line.split()[0] for line in shown] == [row["id"] for row in rows]
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_effects_of_one_plane(auvident: Callable[..., Called], plane: str) -> None:
+    rows = json.loads(auvident("effects", "--plane", plane, "--json").out)["effects"]
+    assert [row["id"] for row in rows] == [e.id for e in EFFECTS if plane in e.planes]
 
 
 def test_every_family_can_be_asked_for(auvident: Callable[..., Called]) -> None:

@@ -47,12 +47,17 @@ def coefficients(output: Output, plane: str | None) -> None:
 
 @command("effects", "auvident effects --family actuation")
 @click.option("--family", type=click.Choice(FAMILIES), help="Only the effects of this family.")
-def effects(output: Output, family: str | None) -> None:
+@click.option("--plane", type=click.Choice(PLANES), help="Only the effects of this plane.")
+def effects(output: Output, family: str | None, plane: str | None) -> None:
     """List the effects that a model may lack: family, parameters with units, how each shows.
 
     `auvident diagnose` tests each of them; --json also has the equations, bounds and sources.
     """
-    chosen = [effect for effect in EFFECTS if family in (None, effect.family)]
+    chosen = [
+        effect
+        for effect in EFFECTS
+        if family in (None, effect.family) and (plane is None or plane in effect.planes)
+    ]
     if output.json:
         rows = [asdict(effect) for effect in chosen]
         output.artifact({"schema": "auvident/effects/1", "effects": rows}, "effects")

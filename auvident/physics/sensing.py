@@ -4,7 +4,8 @@ The output side of the prediction. In the presence of a steady uniform current t
 motion hold for the velocity through the water, and the log over ground adds the current (Fossen
 2021, 10.3); hence a current stands here, and one that changes slowly. The DVL measures at its own
 position, in axes turned by its mounting angle. Readings may be late and off by a scale or a bias.
-The depth is no state: `depth_rate` and `depth_log` say what its log should be.
+The depth is no state: its lag and scale stand in no reading, and only its log against the other
+sensors tells of them.
 """
 
 import math
@@ -44,14 +45,12 @@ READING = (
     "q_scale.fraction",
     "pitch_bias.bias_deg",
     "pitch_scale.fraction",
-    "depth_lag.lag_s",
+    "depth_lag.lag_s",  # in no reading of a state: only the log of the depth shows these two
     "depth_scale.fraction",
 )
 NORTH, EAST, YAW, SCALE, DX, DY, DZ, BIAS, GYRO_SCALE, DVL_DELAY, GYRO_DELAY = range(11)
 EARLY, LATER = slice(11, 13), slice(13, 15)  # rates of the current, north and east
-DOWN, DVL_PITCH, BELOW, Q_BIAS, Q_SCALE, PITCH_BIAS, PITCH_SCALE, DEPTH_LAG, DEPTH_SCALE = range(
-    15, 24
-)
+DOWN, DVL_PITCH, BELOW, Q_BIAS, Q_SCALE, PITCH_BIAS, PITCH_SCALE = range(15, 22)
 GYRO = {"horizontal": (BIAS, GYRO_SCALE), "vertical": (Q_BIAS, Q_SCALE)}  # that of the plane
 DRIFT_PERIOD_S = 1000.0  # the current changes by its rates in this time
 ROLL_RATE, PITCH_RATE = range(2)
@@ -170,29 +169,6 @@ def water_by_pitch(sensing: Sensing, e: Array, pitch: Array, heading: Array | No
     ahead, below = water_in_vertical(e, pitch, heading).T
     turn = (1.0 + e[SCALE]) * _turn("vertical", sensing, e)
     return np.asarray(np.column_stack([-below, ahead]) @ turn.T)
-
-
-def depth_rate(u: Array, w: Array, pitch: Array) -> Array:
-    """Rate (n,) at which the depth grows in a vehicle that does not heel; Fossen (2021), 2.18."""
-    return np.asarray(w * np.cos(pitch) - u * np.sin(pitch))
-
-
-def depth_log(e: Array, depth: Array, dt: float) -> Array:
-    """Depth (n,) as its sensor logs it: off by a scale, and after a lag of first order.
-
-    Exact for a depth that changes linearly from row to row; in the first row the lag has settled
-    to the rate between the first two.
-    """
-    lag, out = e[DEPTH_LAG], (1.0 + e[DEPTH_SCALE]) * depth
-    if lag <= 0.0 or len(depth) < 2:
-        return np.asarray(out)
-    keep, rates = math.exp(-dt / lag), np.diff(out) / dt
-    trail = lag * rates[0]
-    behind = [trail]
-    for rate in rates:
-        trail = lag * rate + (trail - lag * rate) * keep
-        behind.append(trail)
-    return np.asarray(out - np.array(behind))
 
 
 def late(values: Array, e: Array, dt: float) -> Array:

@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.signal import lsim
 
 from auvident.physics.sensing import (
     READING,
-    depth_log,
-    depth_rate,
     late,
     offsets,
     reading_values,
@@ -185,32 +182,6 @@ def test_slopes_of_the_water_by_the_pitch_are_differences() -> None:
     # of a central difference: rounding over h
     found = water_by_pitch(SENSING, e, pitch, heading)
     np.testing.assert_allclose(found, (up - down) / (2.0 * h), atol=1e-9)
-
-
-# --- depth ---------------------------------------------------------------------------------
-
-
-def test_depth_grows_when_the_bow_is_down_and_when_the_vehicle_sinks() -> None:
-    """2 m/s at 10 degrees bow down: 2 sin 10 = 0.34730 m/s; 0.1 m/s of heave: cos 10 of it."""
-    rate = depth_rate(np.array([2.0, 2.0]), np.array([0.0, 0.1]), np.radians([-10.0, -10.0]))
-    np.testing.assert_allclose(rate, [0.34730, 0.34730 + 0.09848], atol=1e-5)
-
-
-def test_a_depth_sensor_trails_a_steady_dive_by_its_lag() -> None:
-    depth = 5.0 + 0.3 * DT * np.arange(N)
-    e = effects({"depth_lag.lag_s": 2.0, "depth_scale.fraction": 0.02})
-    np.testing.assert_allclose(depth_log(e, depth, DT), 1.02 * (depth - 0.3 * 2.0), rtol=1e-12)
-    np.testing.assert_array_equal(depth_log(effects({}), depth, DT), depth)
-
-
-@pytest.mark.parametrize("lag", [0.3, 2.0, 8.0])
-def test_a_lagging_depth_sensor_is_scipys_first_order_system(lag) -> None:
-    time = DT * np.arange(N)
-    depth = np.where(time < 5.0, 0.0, 0.4 * (time - 5.0)) * (time < 12.0) + 2.8 * (time >= 12.0)
-    _, expected, _ = lsim((1.0, [lag, 1.0]), depth, time, interp=True)
-    found = depth_log(effects({"depth_lag.lag_s": lag}), depth, DT)
-    # both exact for a course that is linear between the rows
-    np.testing.assert_allclose(found, expected, atol=1e-10)
 
 
 @pytest.mark.parametrize("plane", ["horizontal", "vertical"])
