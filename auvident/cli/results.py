@@ -135,7 +135,12 @@ def simulate(
     _refuse({"--rpm": rpm, "--rudder-rate": rudder_rate_degps, "--figure": figure}, "--maneuver")
     window = (-math.inf if from_s is None else from_s, math.inf if to_s is None else to_s)
     options = {"window_s": window, "speed_mps": speed_mps, "samples": samples}
-    data = {"vehicle_file": vehicle, "column_map": map_, "rate_hz": rate_hz, "seed": seed}
+    data: dict[str, Any] = {
+        "vehicle_file": vehicle,
+        "column_map": map_,
+        "rate_hz": rate_hz,
+        "seed": seed,
+    }
     return _predict(output, target, log, data, options, file)
 
 
