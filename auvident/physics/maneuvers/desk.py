@@ -1,7 +1,7 @@
 """Maneuvers flown on the desk: a helm that sees the model's motion orders the fin, step by step.
 
 Angles are counted as a person steers: positive orders turn to starboard, or put the bow up, and so
-does a positive change of the angle. `Flight.side` is what makes of an order the angle of the fin,
+does a positive change of the angle. `DeskFlight.side` makes of an order the angle of the fin,
 whose positive side is that of the equations.
 """
 
@@ -215,7 +215,7 @@ class DepthHelm:
 
 
 @dataclass(frozen=True)
-class Flight:
+class DeskFlight:
     """A maneuver of S models.
 
     Attributes
@@ -259,7 +259,7 @@ def fly(
     helm: DeskHelm,
     side: float,
     progress: Callable[[float], None] | None = None,
-) -> Flight:
+) -> DeskFlight:
     """Fly a maneuver from the steady run, with the propeller rate of that run.
 
     Parameters
@@ -304,7 +304,7 @@ def fly(
             if progress is not None and k % 1000 == 0:
                 progress(k * dt)
     time, seen, gone_by, orders, fins = (np.array(column) for column in zip(*rows, strict=True))
-    return Flight(time, seen, gone_by, orders, fins, ends, side, setting, helm)
+    return DeskFlight(time, seen, gone_by, orders, fins, ends, side, setting, helm)
 
 
 def round_step(longest_s: float) -> float:

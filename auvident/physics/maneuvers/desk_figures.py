@@ -6,7 +6,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.physics.maneuvers.desk import DEPTH_REACHED, DepthHelm, Flight, StairHelm, ZigzagHelm
+from auvident.physics.maneuvers.desk import (
+    DEPTH_REACHED,
+    DepthHelm,
+    DeskFlight,
+    StairHelm,
+    ZigzagHelm,
+)
 from auvident.physics.maneuvers.track import first_crossing
 from auvident.physics.maneuvers.turn import turn_figures
 from auvident.physics.maneuvers.zigzag import reversals, zigzag_figures
@@ -18,14 +24,14 @@ RISEN = 0.9  # of the step: what counts as risen
 LEAST_LOOP = 0.02  # of the greatest rate: what is smaller is a slow return, no loop
 
 
-def of_all(flight: Flight, figures: Callable[[Flight, int], Figures]) -> dict[str, Array]:
+def of_all(flight: DeskFlight, figures: Callable[[DeskFlight, int], Figures]) -> dict[str, Array]:
     """Figures (S,) of every model by name; NaN where a model does not come to one."""
     found = [figures(flight, s) for s in range(flight.states.shape[2])]
     names = dict.fromkeys(name for row in found for name in row)
     return {name: np.array([row.get(name, np.nan) for row in found]) for name in names}
 
 
-def rows_of(flight: Flight, s: int) -> slice:
+def rows_of(flight: DeskFlight, s: int) -> slice:
     """Rows of a model until it is through; until it ran away, or all, where it never was."""
     if flight.ends[s] >= 0:
         return slice(0, int(flight.ends[s]) + 1)
@@ -33,7 +39,7 @@ def rows_of(flight: Flight, s: int) -> slice:
     return slice(0, int(lost[0]) if lost.size else len(flight.time_s))
 
 
-def circle_figures(flight: Flight, s: int) -> Figures:
+def circle_figures(flight: DeskFlight, s: int) -> Figures:
     """Figures of a turning circle, see `maneuvers.turn`; none of a model that never came round."""
     if flight.ends[s] < 0:
         return {}
@@ -42,7 +48,7 @@ def circle_figures(flight: Flight, s: int) -> Figures:
     return turn_figures(flight.time_s[rows], u, v, r, flight.order[rows, s], heading)
 
 
-def swing_figures(flight: Flight, s: int) -> Figures:
+def swing_figures(flight: DeskFlight, s: int) -> Figures:
     """Figures of a zigzag in either plane, see `maneuvers.zigzag`."""
     assert isinstance(flight.helm, ZigzagHelm)
     rows = rows_of(flight, s)
@@ -61,7 +67,7 @@ def swing_figures(flight: Flight, s: int) -> Figures:
     return told
 
 
-def zigzag_with_steering(flight: Flight, s: int) -> Figures:
+def zigzag_with_steering(flight: DeskFlight, s: int) -> Figures:
     """Figures of a zigzag and the K and T of Nomoto's equation that come closest to it."""
     rows = rows_of(flight, s)
     if rows.stop < 10:
@@ -91,7 +97,7 @@ def nomoto_from(time_s: Array, r: Array, heading_rad: Array, order_rad: Array) -
     return {"zigzag_gain_ps": float(gain), "zigzag_time_s": float(lag)}
 
 
-def vertical_swing_figures(flight: Flight, s: int) -> Figures:
+def vertical_swing_figures(flight: DeskFlight, s: int) -> Figures:
     """Figures of a vertical zigzag, with how far the depth goes on after each reversal."""
     found = swing_figures(flight, s)
     rows = rows_of(flight, s)
@@ -106,7 +112,7 @@ def vertical_swing_figures(flight: Flight, s: int) -> Figures:
     return found
 
 
-def depth_figures(flight: Flight, s: int) -> Figures:
+def depth_figures(flight: DeskFlight, s: int) -> Figures:
     """Figures of a step of the depth; without a settling time where it is not held."""
     assert isinstance(flight.helm, DepthHelm)
     rows, wanted = rows_of(flight, s), flight.helm.depth_m
@@ -133,7 +139,7 @@ def depth_figures(flight: Flight, s: int) -> Figures:
     return found
 
 
-def pull_out_figures(flight: Flight, s: int) -> Figures:
+def pull_out_figures(flight: DeskFlight, s: int) -> Figures:
     """Rates that remain with the rudder amidships after steady turns to either side."""
     assert isinstance(flight.helm, StairHelm)
     names = ("steady_starboard", "residual_starboard", "steady_port", "residual_port")
@@ -144,7 +150,7 @@ def pull_out_figures(flight: Flight, s: int) -> Figures:
     return found
 
 
-def spiral_figures(flight: Flight, s: int) -> Figures:
+def spiral_figures(flight: DeskFlight, s: int) -> Figures:
     """Height and width of the loop of a spiral, and the rate at its greatest rudder.
 
     The width is the range of rudder in which the rate to starboard remains on the way to port;
@@ -174,7 +180,7 @@ def _zero(order: Array, rate: Array) -> float:
     return float(order[first - 1] - low / (high - low) * (order[first] - order[first - 1]))
 
 
-def spiral_branches(flight: Flight) -> tuple[Array, Array, Array]:
+def spiral_branches(flight: DeskFlight) -> tuple[Array, Array, Array]:
     """Orders (m,), rising [rad], and the rates (m, S) of the way down to port and back up."""
     assert isinstance(flight.helm, StairHelm)
     levels, half = flight.helm.levels, len(flight.helm.orders_rad) // 2
@@ -185,7 +191,7 @@ def spiral_branches(flight: Flight) -> tuple[Array, Array, Array]:
     return orders, rates[: half + 1][::-1], rates[half:]
 
 
-FIGURES: Mapping[str, Callable[[Flight, int], Figures]] = {
+FIGURES: Mapping[str, Callable[[DeskFlight, int], Figures]] = {
     "turning-circle": circle_figures,
     "zigzag": zigzag_with_steering,
     "spiral": spiral_figures,

@@ -11,8 +11,8 @@ from auvident.errors import NumericsError
 from auvident.physics.maneuvers.desk import (
     CircleHelm,
     DepthHelm,
+    DeskFlight,
     DeskHelm,
-    Flight,
     Setting,
     StairHelm,
     ZigzagHelm,
@@ -143,7 +143,7 @@ def fly_maneuver(
     return Desk(result, _table(flight, begun, models), ways)
 
 
-def _refuse_lost(flight: Flight, models: DeskModel, order: DeskOrder) -> None:
+def _refuse_lost(flight: DeskFlight, models: DeskModel, order: DeskOrder) -> None:
     """Stop where the best model ran away before the maneuver was over."""
     lost = np.flatnonzero(~np.isfinite(flight.states[:, 0, 0]))
     if lost.size:
@@ -155,7 +155,7 @@ def _refuse_lost(flight: Flight, models: DeskModel, order: DeskOrder) -> None:
         )
 
 
-def _comes_to_nothing(flight: Flight, models: DeskModel, order: DeskOrder) -> NumericsError:
+def _comes_to_nothing(flight: DeskFlight, models: DeskModel, order: DeskOrder) -> NumericsError:
     turned = np.degrees(np.abs(flight.states[:, 3, 0] - flight.states[0, 3, 0]).max())
     return NumericsError(
         f"the model comes to no figure of it within {flight.time_s[-1]:.0f} s; "
@@ -166,7 +166,7 @@ def _comes_to_nothing(flight: Flight, models: DeskModel, order: DeskOrder) -> Nu
     )
 
 
-def _table(flight: Flight, begun: Approached, models: DeskModel) -> pd.DataFrame:
+def _table(flight: DeskFlight, begun: Approached, models: DeskModel) -> pd.DataFrame:
     """Motion of the best model until it is through, with the band of the drawn ones."""
     rows, plane = rows_of(flight, 0), models.plane
     own, rpm = CONTROL_COLUMNS[plane][0], 60.0 * begun.run.rate_rps[0]

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from auvident.physics.ase import stability
 from auvident.physics.fleet import Fleet
-from auvident.physics.maneuvers.desk import Flight
+from auvident.physics.maneuvers.desk import DeskFlight
 from auvident.physics.maneuvers.desk_figures import spiral_branches
 from auvident.physics.steady import Unknown, linear_steering, steady_run
 from auvident.schema.artifacts import Finding
@@ -79,7 +79,7 @@ def figures_of(wanted: Sequence[str], found: Mapping[str, Array]) -> tuple[DeskF
 
 
 def curves_of(
-    flight: Flight, begun: Approached, order: DeskOrder, speed_mps: float
+    flight: DeskFlight, begun: Approached, order: DeskOrder, speed_mps: float
 ) -> tuple[DeskCurve, ...]:
     """Rate by rudder of a spiral; trim by speed in the vertical plane."""
     if order.row.name == "spiral":
@@ -110,7 +110,9 @@ def trim_by_speed(begun: Approached, speed_mps: float) -> DeskCurve:
     return DeskCurve(name="trim", along="speed", unit="m/s", at=speeds, figures=tuple(rows))
 
 
-def findings_of(flight: Flight, models: DeskModel, order: DeskOrder, lost: int) -> list[Finding]:
+def findings_of(
+    flight: DeskFlight, models: DeskModel, order: DeskOrder, lost: int
+) -> list[Finding]:
     """What the user should know before trusting the figures."""
     found = []
     drawn = flight.states.shape[2] - 1
