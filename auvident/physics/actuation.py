@@ -207,27 +207,28 @@ def _act(raw, elapsed, speed, e, angle, rate, out):
     """What servo and propeller do to the vehicle; see `actuate`."""
     for k in range(raw.shape[0]):
         revs = rate[k]
+        thrust = thrust_of(revs, speed[k], e)
         factor = 1.0 - e[SAG] * elapsed[k] / SAG_PERIOD_S
         factor -= e[STEP] * share_fallen(elapsed[k], e[STEP_TIME], e[OVER])
-        out[k, CONTROL] = felt_angle(angle[k], revs, speed[k], factor, e)
+        out[k, CONTROL] = felt_angle(angle[k], thrust, factor, speed[k], e)
         out[k, OTHER], out[k, REVS], out[k, THRUST] = raw[k, OTHER], revs, factor
-        out[k, DRIVE] = thrust_at(revs, speed[k], e) * factor
+        out[k, DRIVE] = thrust * factor
         out[k, CHANGED] = share_fallen(elapsed[k], e[CHANGE_TIME], e[CHANGE_OVER])
 
 
 @kernel
-def felt_angle(angle, revs, speed, factor, e):
+def thrust_of(revs, speed, e):
+    """Thrust of the healthy propeller."""
+    return e[T_NN] * revs * abs(revs) + e[T_NU] * abs(revs) * speed
+
+
+@kernel
+def felt_angle(angle, thrust, factor, speed, e):
     """Angle that acts: with its offset, as far as the flow follows it, and in the race."""
     turned = angle + e[OFFSET]
     turned /= math.sqrt(1.0 + max(e[STALL], 0.0) * turned * turned)
     u = max(abs(speed), LEAST_SPEED_MPS)
-    return turned * (1.0 + e[RACE] * thrust_at(revs, speed, e) * factor / (u * u))
-
-
-@kernel
-def thrust_at(revs, speed, e):
-    """Thrust [N] at a propeller rate and a speed."""
-    return e[T_NN] * revs * abs(revs) + e[T_NU] * abs(revs) * speed
+    return turned * (1.0 + e[RACE] * thrust * factor / (u * u))
 
 
 @kernel

@@ -23,6 +23,7 @@ from auvident.physics.actuation import (
     felt_angle,
     servo_constants,
     taken_up,
+    thrust_of,
     turned,
     unequal,
 )
@@ -85,7 +86,8 @@ def _turn(ordered, dt, e, taken, angle, mean):
 def _felt(angle, revs, speed, e, out):
     """Angles (S,) that act on the vehicle."""
     for s in range(angle.shape[0]):
-        out[s] = felt_angle(angle[s], revs[s], speed[s], 1.0, e[s])
+        thrust = thrust_of(revs[s], speed[s], e[s])
+        out[s] = felt_angle(angle[s], thrust, 1.0, speed[s], e[s])
 
 
 class Fleet:

@@ -1,8 +1,8 @@
 """Maneuvers flown on the desk: a helm that sees the model's motion orders the fin, step by step.
 
 Angles are counted as a person steers: positive orders turn to starboard, or put the bow up, and so
-does a positive change of the angle. `DeskFlight.side` makes of an order the angle of the fin, whose
-positive side is that of the equations.
+does a positive change of the angle. `DeskFlight.side` makes of an order the angle of the fin,
+whose positive side is that of the equations.
 """
 
 from collections.abc import Callable, Sequence
