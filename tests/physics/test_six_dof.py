@@ -21,6 +21,7 @@ from auvident.physics.six_dof import (
     system_of,
 )
 from auvident.physics.six_dof_terms import (
+    AXES,
     INERTIA,
     ROLL,
     ROLL_MASS,
@@ -31,6 +32,7 @@ from auvident.physics.six_dof_terms import (
 from auvident.physics.terms import structure_of
 from auvident.schema.coefficients import BY_SYMBOL, PLANES
 from auvident.schema.planes import BY_PLANE
+from auvident.schema.unexplained import NAME
 from tests.physics.plane_equations import random_values, stable_values
 from tests.physics.right_hand_side import right_hand_side
 
@@ -323,6 +325,23 @@ def test_effects_of_a_plane_act_in_it_and_shared_ones_once() -> None:
     mass = mass_matrix(WHOLE, WHOLE.vector(values))
     force = mass[:3, :3] @ (with_both - plain)[:3]
     np.testing.assert_allclose(force, [-2.0 * 1.5, 3.0 * 1.5**2, 0.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("product", ["sin", "cos"])
+@pytest.mark.parametrize(("symbol", "axis"), [("X", "X"), ("Y", "Y"), ("N", "N")])
+def test_what_follows_the_heading_does_so_at_any_attitude(
+    product: str, symbol: str, axis: str
+) -> None:
+    structure = six_dof_structure((NAME,))
+    name = f"horizontal {NAME}.{symbol}_{product}"
+    values, *_ = flown(1.0)
+    mass, heading = mass_matrix(WHOLE, WHOLE.vector(values)), 2.0
+    x = state_of(np.zeros(6), np.array([0.3, -0.5, heading]))
+    plain = rates_six_dof(x, STILL, system_of(WHOLE, WHOLE.vector(values)))
+    moved = rates_six_dof(x, STILL, system_of(structure, structure.vector(values | {name: 2.0})))
+    expected = np.zeros(6)
+    expected[AXES.index(axis)] = 2.0 * getattr(np, product)(heading)
+    np.testing.assert_allclose(mass @ (moved - plain)[:6], expected, atol=1e-9)
 
 
 def test_every_symbol_of_roll_has_a_unit() -> None:
