@@ -5,8 +5,9 @@ north-east-down, north east depth [m]. A quaternion, because no attitude is sing
 with little righting moment may stand on its tail), and because gravity in body axes, all that the
 forces need of the attitude, is a polynomial of it; `angles_of` gives roll, pitch and heading.
 
-Inputs (4), held over a step: rudder, elevator [rad], propeller rate [rev/s], factor on the
-thrust. The velocities are through the water, and so is the track.
+Inputs, held over a step: rudder, elevator [rad], propeller rate [rev/s], factor on the thrust;
+then, where effects need them, the thrust [N] and the part of a change of weight that has been made.
+The velocities are through the water, and so is the track.
 """
 
 import math
@@ -30,7 +31,9 @@ N_POWERS = len(POWERS)
 N_VARIABLES = len(VARIABLES)
 ONE = N_VARIABLES * N_POWERS  # place of the factor 1, after the powers of all variables
 FIRST_INPUT = N_VARIABLES - N_INPUTS
-VW, QR, SIN, SIDE, COS, ROLL_ANGLE, PITCH_ANGLE = range(N_VELOCITIES, FIRST_INPUT)
+VW, QR, SIN, SIDE, COS, HEADING_SIN, HEADING_COS, ROLL_ANGLE, PITCH_ANGLE, DEPTH = range(
+    N_VELOCITIES, FIRST_INPUT
+)
 # of a step of the log: the roll of a vehicle of the size of REMUS swings at 5 rad/s
 SUBSTEPS = 2
 
@@ -128,8 +131,12 @@ def _place(variable, y, value):
 
 @kernel
 def _place_attitude(x, value):
-    """Direction of gravity in body axes (third row of the rotation matrix), roll and pitch."""
+    """Direction of gravity in body axes (third row of the rotation matrix), angles, depth."""
     a, b, c, d = x[6], x[7], x[8], x[9]
+    heading = math.atan2(2.0 * (b * c + a * d), 1.0 - 2.0 * (c * c + d * d))
+    _place(HEADING_SIN, math.sin(heading), value)
+    _place(HEADING_COS, math.cos(heading), value)
+    _place(DEPTH, x[12], value)
     sine = 2.0 * (a * c - b * d)
     side, cosine = 2.0 * (c * d + a * b), a * a - b * b - c * c + d * d
     _place(SIN, sine, value)
@@ -179,7 +186,7 @@ def _kinematics(x, out):
 @kernel
 def six_dof_step(x, inputs, dt, system, value, work):
     """One RK4 step of the state x (13,) in place; work (4, 13)."""
-    for i in range(N_INPUTS):
+    for i in range(inputs.shape[0]):
         _place(FIRST_INPUT + i, inputs[i], value)
     stage, rate, total, force = work[0], work[1], work[2], work[3]
     for i in range(N_STATES):
@@ -212,7 +219,7 @@ def fly(x0, inputs, dt, substeps, system, out):
     Parameters
     ----------
     x0 : (13,) array
-    inputs : (n, 4) array
+    inputs : (n, 4) or (n, 6) array
         Held until the next row.
     dt : float
         [s]
@@ -270,7 +277,8 @@ def rates_six_dof(x: Array, inputs: Array, system: SixDofSystem) -> Array:
 def variables_of(velocities: Array, angles: Array, inputs: Array) -> Array:
     """Variables (n, k) of the terms along a log: velocities (n, 6), roll and pitch (n, 2), inputs.
 
-    Rudder, elevator and propeller rate are the inputs (n, 3); nothing acts on the thrust.
+    Rudder, elevator and propeller rate are the inputs (n, 3); no effects act, and what goes with
+    heading and depth is zero.
     """
     _, v, w, _, q, r = velocities.T
     roll, pitch = angles.T
@@ -282,9 +290,12 @@ def variables_of(velocities: Array, angles: Array, inputs: Array) -> Array:
             np.sin(pitch),
             np.cos(pitch) * np.sin(roll),
             np.cos(pitch) * np.cos(roll),
+            np.zeros((len(velocities), 2)),
             angles,
+            np.zeros(len(velocities)),
             inputs,
             np.ones(len(velocities)),
+            np.zeros((len(velocities), 2)),
         ]
     )
 

@@ -33,11 +33,17 @@ from auvident.schema.planes import BY_PLANE, HORIZONTAL, PLANES, VERTICAL, Plane
 AXES = ("X", "Y", "Z", "K", "M", "N")
 VELOCITIES = ("u", "v", "w", "p", "q", "r")
 # what a factor may be a power of: velocities, their magnitudes across the hull, the direction of
-# gravity in body axes (sine of the pitch; cosine of it times sine and cosine of the roll), angles,
-# fins, propeller rate [rev/s], a factor on the thrust
+# gravity in body axes (sine of the pitch; cosine of it times sine and cosine of the roll), sine
+# and cosine of the heading, angles, depth; fins, propeller rate [rev/s], a factor on the thrust,
+# the thrust itself [N], the part of a change of weight that has been made
 ACROSS = {"v": "vw", "w": "vw", "q": "qr", "r": "qr"}
-INPUTS = ("rudder", "elevator", "n", "thrust")
-VARIABLES = (*VELOCITIES, "vw", "qr", "sin", "side", "cos", "roll", "pitch", *INPUTS)
+OF_ATTITUDE = ("sin", "side", "cos", "heading sin", "heading cos", "roll", "pitch")
+INPUTS = ("rudder", "elevator", "n", "thrust", "T", "changed")
+VARIABLES = (*VELOCITIES, "vw", "qr", *OF_ATTITUDE, "depth", *INPUTS)
+# what an angle of a plane is among them
+ANGLE = {"horizontal": {"sin": "heading sin", "cos": "heading cos"}, "vertical": {}}
+# in place of the other plane's equations, which are there: the weight in water acts by itself
+STAND_INS = ("weight_excess.",)
 FACTORS_PER_TERM = 4
 SURGE_ALONE = {"u", "n", "thrust"}  # what depends on these alone is in both planes the same
 INERTIA = {"horizontal": "I_zz", "vertical": "I_yy"}  # the planes call both I
@@ -147,13 +153,14 @@ def planar_rows(plane: Plane, effects: tuple[str, ...] = ()) -> list[Row]:
     return [
         _whole(plane, structure, term, float(weight))
         for term, weight in zip(structure.terms, structure.weights, strict=True)
+        if not structure.parameters[term[1]].startswith(STAND_INS)
     ]
 
 
 def _whole(plane: Plane, structure: Structure, term: npt.NDArray[np.int64], weight: float) -> Row:
     """One term of a plane among those of the whole vehicle."""
     row = BY_PLANE[plane]
-    turned = {**row.names, "d": row.fins[0], "e": row.fins[1]}
+    turned = {**row.names, **ANGLE[plane], "d": row.fins[0], "e": row.fins[1]}
     parameter, factors = structure.parameters[term[1]], []
     for variable, power in zip(term[2::2], term[3::2], strict=True):
         name = turned.get(PLANAR[variable], PLANAR[variable])

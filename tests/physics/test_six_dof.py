@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from auvident.constants import GRAVITY_MPS2
 from auvident.errors import NumericsError
 from auvident.physics.ase.assembly import MIRROR
 from auvident.physics.batch import inverse_mass
@@ -21,6 +22,7 @@ from auvident.physics.six_dof import (
     system_of,
 )
 from auvident.physics.six_dof_terms import (
+    AXES,
     INERTIA,
     ROLL,
     ROLL_MASS,
@@ -31,6 +33,7 @@ from auvident.physics.six_dof_terms import (
 from auvident.physics.terms import structure_of
 from auvident.schema.coefficients import BY_SYMBOL, PLANES
 from auvident.schema.planes import BY_PLANE
+from auvident.schema.unexplained import NAME
 from tests.physics.plane_equations import random_values, stable_values
 from tests.physics.right_hand_side import right_hand_side
 
@@ -134,14 +137,17 @@ def coriolis(mass: np.ndarray, nu: np.ndarray) -> np.ndarray:
 def weight(values: dict[str, float], roll: float, pitch: float) -> np.ndarray:
     """Forces and moments of weight and buoyancy (Fossen 2011, eq. 4.6), buoyancy at O."""
     down = np.array([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)])
-    arm = np.array([values["trim"], 0.0, values["z_G W"]])  # times the weight
+    arm = np.array([values["x_GW"], 0.0, values["z_GW"]])  # times the weight
     return np.concatenate([values["W-B"] * down, np.cross(arm, down)])
 
 
 def ideal_vehicle(seed: int, restoring: bool) -> tuple[dict[str, float], np.ndarray]:
-    """A vehicle in an ideal fluid: its planar coefficients are those of Kirchhoff's equations."""
+    """A vehicle in an ideal fluid: its planar coefficients are those of Kirchhoff's equations.
+
+    Without restoring the centre of gravity lies on the axis.
+    """
     rng = np.random.default_rng(seed)
-    m, x_g, z_g = 40.0, rng.uniform(-0.1, 0.1), rng.uniform(0.0, 0.05)
+    m, x_g, z_g = 40.0, rng.uniform(-0.1, 0.1), rng.uniform(0.0, 0.05) * restoring
     inertia = rng.uniform([0.4, 3.0, 3.0], [1.0, 6.0, 6.0])
     symbols = ("X_udot", "Y_vdot", "Z_wdot", "K_pdot", "M_qdot", "N_rdot")
     values = dict(zip(symbols, -rng.uniform(0.2, 1.0, 6) * [3, 40, 45, 0.5, 6, 5], strict=True))
@@ -158,8 +164,9 @@ def ideal_vehicle(seed: int, restoring: bool) -> tuple[dict[str, float], np.ndar
     }
     constants = {"m": m, "m x_G": m * x_g, "m z_G": m * z_g}
     constants |= dict(zip(("I_xx", "I_yy", "I_zz"), inertia, strict=True))
+    constants |= dict.fromkeys(("z_GW", "z_G W"), m * GRAVITY_MPS2 * z_g)
     if restoring:
-        constants |= {"W-B": -2.0, "z_G W": m * 9.81 * z_g, "trim": m * 9.81 * x_g}
+        constants |= {"W-B": -2.0} | dict.fromkeys(("x_GW", "trim"), m * GRAVITY_MPS2 * x_g)
     mass = rigid(m, x_g, z_g, tuple(inertia)) + added(values)
     return values | constants, mass
 
@@ -216,7 +223,7 @@ def turned_about_x(vector: np.ndarray, angle: float) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_a_body_of_revolution_does_not_know_which_way_is_up(seed: int) -> None:
-    values = {k: v for k, v in stable_values("horizontal").items() if k not in ("trim", "z_G W")}
+    values = stable_values("horizontal")
     for symbol, (mirrored, sign) in MIRROR.items():
         values[mirrored] = sign * values.get(symbol, 0.0)
     values |= {"I_xx": 0.5, "I_yy": values["I"], "I_zz": values["I"], "K_up": -0.4, "K_pdot": -0.1}
@@ -323,6 +330,23 @@ def test_effects_of_a_plane_act_in_it_and_shared_ones_once() -> None:
     mass = mass_matrix(WHOLE, WHOLE.vector(values))
     force = mass[:3, :3] @ (with_both - plain)[:3]
     np.testing.assert_allclose(force, [-2.0 * 1.5, 3.0 * 1.5**2, 0.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("product", ["sin", "cos"])
+@pytest.mark.parametrize(("symbol", "axis"), [("X", "X"), ("Y", "Y"), ("N", "N")])
+def test_what_follows_the_heading_does_so_at_any_attitude(
+    product: str, symbol: str, axis: str
+) -> None:
+    structure = six_dof_structure((NAME,))
+    name = f"horizontal {NAME}.{symbol}_{product}"
+    values, *_ = flown(1.0)
+    mass, heading = mass_matrix(WHOLE, WHOLE.vector(values)), 2.0
+    x = state_of(np.zeros(6), np.array([0.3, -0.5, heading]))
+    plain = rates_six_dof(x, STILL, system_of(WHOLE, WHOLE.vector(values)))
+    moved = rates_six_dof(x, STILL, system_of(structure, structure.vector(values | {name: 2.0})))
+    expected = np.zeros(6)
+    expected[AXES.index(axis)] = 2.0 * getattr(np, product)(heading)
+    np.testing.assert_allclose(mass @ (moved - plain)[:6], expected, atol=1e-9)
 
 
 def test_every_symbol_of_roll_has_a_unit() -> None:

@@ -31,6 +31,7 @@ from auvident.physics.six_dof_terms import (
     effect_names,
     six_dof_structure,
 )
+from auvident.physics.terms import INPUTS as PLANAR_INPUTS
 from auvident.physics.terms import structure_of
 from auvident.schema.channels import BY_QUANTITY, TIME_COLUMN
 from auvident.schema.combined import CombinedModel
@@ -58,7 +59,7 @@ class Flight:
     ----------
     time_s : (n,) array
     start : (13,) array
-    inputs : (n, 4) array
+    inputs : (n, 6) array
         As they act; see `physics.six_dof`.
     logged : (n, 3) array
         Rudder, elevator [rad], rpm.
@@ -202,12 +203,26 @@ def _acting(
 
 
 def _inputs(model: CombinedModel, acting: Mapping[Plane, Record]) -> Array:
-    """Rudder, elevator, propeller rate and factor on the thrust (n, 4), as they act."""
+    """Inputs (n, 6) as they act; see `physics.six_dof`."""
     turning = next((p for p in PLANES if OF_PROPELLER & set(model.effect_ids(p))), PLANES[0])
     own = {BY_PLANE[plane].fin: record.inputs[:, 0] for plane, record in acting.items()}
-    propeller = acting[turning].inputs
-    thrust = propeller[:, 3] if propeller.shape[1] > 3 else np.ones(len(propeller))
-    return np.column_stack([own["rudder"], own["elevator"], propeller[:, 2], thrust])
+    propeller, vertical = acting[turning].inputs, acting[VERTICAL.name].inputs
+    return np.column_stack(
+        [
+            own["rudder"],
+            own["elevator"],
+            propeller[:, PLANAR_INPUTS.index("n")],
+            _column(propeller, "thrust", 1.0),
+            _column(vertical, "T", 0.0),
+            _column(vertical, "changed", 0.0),
+        ]
+    )
+
+
+def _column(inputs: Array, name: str, usual: float) -> Array:
+    """An input of a plane by its name; the usual one where no effect needs it."""
+    k = PLANAR_INPUTS.index(name) if name in PLANAR_INPUTS else inputs.shape[1]
+    return inputs[:, k] if k < inputs.shape[1] else np.full(len(inputs), usual)
 
 
 def _logged(records: Mapping[Plane, Record], plane: Plane) -> Array:
