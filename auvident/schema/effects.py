@@ -177,7 +177,7 @@ EFFECTS: tuple[Effect, ...] = (
     ), "current + (north, east) (t - t_mid) / 1000 s; one (north, east) before t_mid, one after",
         "u and v residuals that turn with the heading and change through the trial",
         ("heading_rad",), "Fossen (2021), 10.3"),
-    Effect("wave", "environment", "disturbance", H, (
+    Effect("wave", "environment", "disturbance", HV, (
         P("omega_radps", "rad/s", 1.0, 0.0, 0.0, 4.0),
         P("direction_deg", "deg", 3.0, 0.0, -4.0, 4.0, DEGREES),
     ), "force at the encounter frequency omega - omega^2 u cos(heading - direction) / g",

@@ -24,7 +24,8 @@ from tests.session import once
 TRIAL = "dive_trial"
 TILT = math.radians(2.0)
 OFFSET_DEG, LATE_S = 2.5, 0.4  # late by about L / (2 U)
-# enough of the dive for what is put in: thrust steps, zigzags of two sizes, and depth steps
+# Enough of the dive to tell a DVL and a delay: thrust steps, zigzags of two sizes, depth steps. An
+# offset of the elevator is told from an asymmetric hull by all of it.
 FEW = (
     "straight-1",
     "vertical-zigzag-1",
@@ -69,7 +70,8 @@ def edited(name: str) -> Chain:
     for edit in EDITS[name]:
         edit(table)
     few = tuple(m for m in chain.maneuvers.maneuvers if m.id.removeprefix(f"{TRIAL}-") in FEW)
-    maneuvers = chain.maneuvers.model_copy(update={"maneuvers": few} if EDITS[name] else {})
+    update = {"maneuvers": few} if elevator_is_late in EDITS[name] else {}
+    maneuvers = chain.maneuvers.model_copy(update=update)
     return replace(chain, trials=(replace(trial, table=table),), maneuvers=maneuvers)
 
 
