@@ -12,7 +12,7 @@ from auvident.schema.artifacts import IdentifiedModel
 from auvident.stages.identify.shared import SURGE, Shared, shared_of
 from tests.engines.chain import identified, sample
 
-SHARED = ("X_udot", "X_uu", "X_uudd", "T_nn", "T_nu")
+SHARED = ("X_udot", "X_uu", "T_nn", "T_nu")
 
 
 @cache
@@ -41,6 +41,12 @@ def test_the_coefficients_of_both_planes_come_with_their_joint_covariance() -> N
         assert shared.stds[symbol] == min(std, rows[symbol].prior_std)
     # drag and thrust are known together: each alone would be no prior at all
     assert np.linalg.cond(shared.joint.correlation) > 10.0
+
+
+def test_each_plane_has_its_own_drag_of_deflected_fins() -> None:
+    rows = {c.symbol: c for c in vertical(shared_of(horizontal())).coefficients}
+    assert rows["X_uudd"].shared_with is None
+    assert rows["X_uu"].shared_with == "horizontal"
 
 
 def test_the_prior_of_the_other_plane_is_that_posterior() -> None:
