@@ -20,9 +20,11 @@ HEAVE_PITCH = np.array([2, 4, 10])
 SLOW = 0.75  # of the design speed, the slowest of a trial
 LEAST_PITCH = 0.3  # [rad/rad] at the slow speed, from which elevators can swing the vehicle
 MOST_TRIM_DEG, TRIMMED = 4.5, 0.4  # of a vehicle that is out of trim, and how many are
+MOST_HANGING_DEG = 8.0  # pitch of such a vehicle at rest
 MOST_HELD_DEG = 8.0  # elevator that keeps the depth
 STEP, HUNTING_DEG, LEFT = 1.5, 2.5, 0.35  # [L], pitch at rest, [L] from the depth at last
 LEGS_TIME = (60.0, 70.0, 70.0)  # [L/U]
+DIVE_M = 5.0
 STIFFNESS = (1.0, 0.6, 1.7, 0.35)  # of the autopilot, the first that holds the vehicle
 
 
@@ -33,7 +35,8 @@ def out_of_trim(vehicle: Vehicle, size: Size, rng: np.random.Generator) -> Vehic
         return vehicle
     moment = -_moment(vehicle, size, 1e-3) / 1e-3 * laid
     tables = {**vehicle.file["vehicle"]}
-    tables["x_g_m"] -= moment / vehicle.body.weight
+    most = tables["z_g_m"] * math.tan(MOST_HANGING_DEG * DEGREE)
+    tables["x_g_m"] = float(np.clip(tables["x_g_m"] - moment / vehicle.body.weight, -most, most))
     file = {**vehicle.file, "vehicle": tables}
     return replace(vehicle, file=file, body=build_body(file, vehicle.plant))
 
@@ -85,10 +88,24 @@ def sail_check(vehicle: Vehicle, size: Size, gains: Gains):
         leg_row(helm.TRANSIT, s, rpm, depth, heading=0.0)
         for s, depth in zip(seconds, (DEPTH_M, lower, DEPTH_M), strict=True)
     ]
-    calm = Sea(np.zeros(6), np.ones(1), np.zeros(1), np.zeros((1, 6)))
     start = start_state(DEPTH_M, 0.0)
     start[0] = size.speed
-    noise = np.zeros((int((sum(seconds) + 5.0) / STEP_S), 9))
+    return _calm_run(vehicle, gains, legs, start, sum(seconds))
+
+
+def dives(vehicle: Vehicle, size: Size, gains: Gains) -> bool:
+    """Whether a vehicle at rest at the surface comes down to twice its length below it."""
+    depth = 2.0 * size.length + DIVE_M
+    seconds = depth / (0.15 * size.speed) + 30.0 * size.time
+    leg = leg_row(helm.TRANSIT, seconds, vehicle.plant.cruise_rpm, depth, heading=0.0)
+    start = start_state(0.97 * vehicle.body.radius, 0.0)
+    record, _ = _calm_run(vehicle, gains, [leg], start, seconds)
+    return bool(record[-1, 8] > 0.8 * depth)
+
+
+def _calm_run(vehicle: Vehicle, gains: Gains, legs: list, start: np.ndarray, seconds: float):
+    calm = Sea(np.zeros(6), np.ones(1), np.zeros(1), np.zeros((1, 6)))
+    noise = np.zeros((int((seconds + 5.0) / STEP_S), 9))
     parts = (PlantEffects(), Servo(), Servo(), Drive(), calm, gains, noise, workspace())
     return run(np.array(legs), start, vehicle.body, *parts)
 
@@ -112,7 +129,10 @@ def check_vertical(vehicle: Vehicle, size: Size, gains: Gains) -> tuple[dict, Ga
             depth=min(stiffness, 1.0) * gains.depth,
         )
         record, starts = sail_check(vehicle, size, tried)
-        reasons.append(_fault(record, starts, size))
+        fault = _fault(record, starts, size)
+        if not fault and not dives(vehicle, size, tried):
+            fault = "does not dive"
+        reasons.append(fault)
         if not reasons[-1]:
             level = _end_of(record, starts, 0)
             return {

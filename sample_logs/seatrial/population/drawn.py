@@ -49,6 +49,7 @@ CLASSES = (
 )
 SLOW_M, SLOW_MPS, SLENDER, BLUFF = 1.6, 1.1, 8.0, 5.5
 LINEAR_SHARE, CROSS_FLOW, LIVELY_DEG = 0.4, 0.9, 8.0
+LEAST_SUBMERGED = 0.4  # of the working depth, the usual depth of a trial
 STIFF, TRIM_DEG = 1.0, 2.5  # pitch per elevator angle; elevator that keeps the depth
 DAMPED = {"horizontal": (0, 3), "vertical": (1, 2)}  # rows of the damping of a plane
 
@@ -157,6 +158,8 @@ class Drawn:
         )
         if not np.isfinite(record).all() or np.abs(record[:, 9]).max() > 1.5:
             raise FloatingPointError(f"seed {self.seed}: the vehicle went out of bounds or over")
+        if np.median(record[:, 8]) < LEAST_SUBMERGED * np.nanmedian(self.legs[:, helm.DEPTH]):
+            raise FloatingPointError(f"seed {self.seed}: the vehicle did not come down")
         return Sailed(drifted(record, self.planted), starts, noise[: record.shape[0]], sea)
 
     def _sea(self, rng: np.random.Generator) -> Sea:
