@@ -68,6 +68,10 @@ class Given:
         vars(other).update(known)
         return other
 
+    def views(self) -> "list[Given]":
+        """Each plane of the run by itself; of a run without a list of them the first."""
+        return [self.within(plane) for plane in self.planes] or [self]
+
     @property
     def is_beside(self) -> bool:
         """Whether the plane that is looked at stands beside the first one."""

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def report_data(given: Given) -> "ReportData":
     """Artifacts of all stages, of every plane of the run."""
-    first, *others = (_of_plane(given.within(plane)) for plane in given.planes)
+    first, *others = (_of_plane(view) for view in given.views())
     return replace(first, others=tuple(map(_own, others)))
 
 

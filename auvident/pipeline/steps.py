@@ -257,7 +257,7 @@ def identify(given: Given) -> dict[str, Any]:
         plan=plan,
         filter=given.options["filter"],
         engine=given.options["engine"],
-        shared=_shared(given, given.former.get("identify/model.json")),
+        shared=_shared(given.former.get("identify/model.json") if given.is_beside else None),
         progress=given.observer.progress,
     )
     return {
@@ -273,19 +273,19 @@ def _plane(given: Given) -> "Plane":
     return given.plane
 
 
-def _shared(given: Given, first: "IdentifiedModel | None") -> "Shared | None":
+def _shared(first: "IdentifiedModel | None") -> "Shared | None":
     """What the first plane of the run knows of the coefficients of both; None in that plane."""
     from auvident.stages.identify import shared_of
 
-    return shared_of(first) if first is not None and given.is_beside else None
+    return shared_of(first) if first is not None else None
 
 
-def _first_model(given: Given) -> "IdentifiedModel":
-    """The identified model of the first plane of the run.
+def _first_model(given: Given) -> "IdentifiedModel | None":
+    """The identified model of the first plane of the run, None in that plane.
 
     Also for the refinement, so that a model before and after it differ in the effects alone.
     """
-    return given.within(given.planes[0]).model
+    return given.within(given.planes[0]).model if given.is_beside else None
 
 
 # --- validate -----------------------------------------------------------------------------
@@ -332,7 +332,7 @@ def diagnose(given: Given) -> dict[str, Any]:
         plan=identifying_plan(given),
         filter=given.model.filter,
         engine=given.model.engine,
-        shared=_shared(given, _first_model(given)),
+        shared=_shared(_first_model(given)),
     )
     seen = [without_held_out(t, given.maneuvers, given.model.plane) for t in given.trials]
     result = trace(
@@ -435,7 +435,7 @@ def _identified_again(given: Given, filter: str, carried: Any) -> "_Again":
         filter=filter,
         engine=given.model.engine,
         carried=carried,
-        shared=_shared(given, _first_model(given)),
+        shared=_shared(_first_model(given)),
         progress=given.observer.progress,
     )
     return result, predict_again(

@@ -51,6 +51,7 @@ def given(name: str, trials: list[Trial], **more: Any) -> Any:
         options={"filter": None},
         observer=Observer(),
         manifest=None,
+        is_beside=False,
         table=lambda name: pd.DataFrame(),
         **more,
     )
