@@ -129,11 +129,6 @@ class Fleet:
         if rate_limit_radps is not None:
             self.command[:, SLOWNESS] = 1.0 / rate_limit_radps
 
-    @property
-    def servo_is_known(self) -> bool:
-        """Whether the first model says how fast its fin turns."""
-        return bool(self.command[0, LAG] > 0.0 or self.command[0, SLOWNESS] > 0.0)
-
     def parameter(self, name: str) -> Array:
         """Values (S,) of a coefficient or constant."""
         values: Array = self.vectors[:, self.structure.index(name)]
