@@ -218,6 +218,19 @@ def test_the_report_has_a_section_for_each_plane(whole: Path) -> None:
     assert len(ids) == len(set(ids))
 
 
+def test_both_planes_make_one_model_of_six_degrees_of_freedom(whole: Path, run: Path) -> None:
+    model = read(whole / "combine/model.json")
+    assert [m["plane"] for m in model["models"]] == ["horizontal", "vertical"]
+    assert [m["file"] for m in model["models"]][1].endswith("/vertical/model.json")
+    shared = {c["symbol"]: c for c in model["coefficients"] if c["symbol"] in SHARED}
+    assert {c["origin"] for c in shared.values()} == {"identified, both"}
+    other = coefficients(whole / "identify/vertical/model.json")
+    assert {s: c["value"] for s, c in shared.items()} == {s: other[s]["value"] for s in SHARED}
+    assert call("identify", run, "--plane", "vertical", "--quiet").code == 0
+    said = call("status", run).err
+    assert "combine" in said and "stale" in said
+
+
 def test_terminal_tables_show_both(run: Path) -> None:
     said = call("validate", run).err
     assert said.index("track") < said.index("Vertical plane") < said.index("pitch")

@@ -40,7 +40,7 @@ def forget(run: Path, *stages: str) -> None:
 
 def test_the_loop_comes_after_validation_and_before_the_report() -> None:
     names = [stage.name for stage in STAGES]
-    assert names[-4:] == ["validate", "diagnose", "refine", "report"]
+    assert names[-5:] == ["validate", "diagnose", "refine", "combine", "report"]
 
 
 def test_their_artifacts_stand_where_users_look(

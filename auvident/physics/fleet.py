@@ -40,28 +40,29 @@ from auvident.physics.terms import INPUTS, Structure
 
 Array = npt.NDArray[Any]
 
-FIN, REVS, THRUST = (INPUTS.index(name) for name in ("d", "n", "thrust"))
-FIN_ROW, REVS_ROW = ((N_POSITIONS + i) * N_POWERS for i in (FIN, REVS))
+FIN, REVS, FACTOR, THRUST = (INPUTS.index(name) for name in ("d", "n", "thrust", "T"))
+FIN_ROW, REVS_ROW, THRUST_ROW = ((N_POSITIONS + i) * N_POWERS for i in (FIN, REVS, THRUST))
 
 
 @kernel
-def _fill(fin, revs, rows):
-    """Fin and propeller rate (S,) of every model into their rows."""
+def _fill(fin, revs, speed, e, rows):
+    """Fin, propeller rate and thrust (S,) of every model into their rows."""
     for s in range(fin.shape[0]):
         rows[FIN_ROW, s], rows[REVS_ROW, s] = fin[s], revs[s]
+        rows[THRUST_ROW, s] = thrust_of(revs[s], speed[s], e[s])
 
 
 @kernel
-def _step(x, fin, revs, inputs, held, dt, system, work):
+def _step(x, fin, revs, e, inputs, held, dt, system, work):
     """States x (4, S) one step later, in place."""
-    _fill(fin, revs, work.rows)
+    _fill(fin, revs, x[0], e, work.rows)
     step_points(x.shape[1], inputs, held, held, dt, system, work, x)
 
 
 @kernel
-def _rates(x, fin, revs, inputs, held, system, work, out):
+def _rates(x, fin, revs, e, inputs, held, system, work, out):
     """Rates (4, S) of the states."""
-    _fill(fin, revs, work.rows)
+    _fill(fin, revs, x[0], e, work.rows)
     place_inputs(inputs, system.used, work.scalars)
     for i in range(x.shape[0]):
         for s in range(x.shape[1]):
@@ -115,14 +116,14 @@ class Fleet:
         self.held_speed_mps, self.size = held_speed_mps, len(vectors)
         active = np.array([held_speed_mps is None, True, True, True])
         moves, moving = (vectors != vectors[0]).any(axis=0), np.zeros(N_INPUTS, dtype=bool)
-        moving[[FIN, REVS]] = True
+        moving[[FIN, REVS, THRUST]] = True
         self._system = point_system(active, moves, moving, structure.equations)
         self._work = point_work(vectors[0], self.size)
         for position in np.flatnonzero(moves):
             self._work.rows[P_ROWS + position] = vectors[:, position]
         invert_masses(self.size, self._system, self._work)
         self._inputs, self._held = np.zeros(N_INPUTS), np.zeros(N_STATES)
-        self._inputs[THRUST], self._held[0] = 1.0, held_speed_mps or 0.0
+        self._inputs[FACTOR], self._held[0] = 1.0, held_speed_mps or 0.0
         self.command = np.array(
             [command_values(structure.plane, structure.parameters, p) for p in vectors]
         )
@@ -138,7 +139,9 @@ class Fleet:
         """Rates (4, S) of the states with the fins at an angle (S,)."""
         out = np.empty((N_STATES, self.size))
         fin = self.felt(angle, revs, states[0])
-        _rates(states, fin, revs, self._inputs, self._held, self._system, self._work, out)
+        _rates(
+            states, fin, revs, self.command, self._inputs, self._held, self._system, self._work, out
+        )
         return out
 
     def felt(self, angle: Array, revs: Array, speed: Array) -> Array:
@@ -149,7 +152,17 @@ class Fleet:
 
     def step(self, states: Array, fin: Array, revs: Array, dt_s: float) -> None:
         """Advance the states (4, S) in place; `fin` (S,) acts over the step."""
-        _step(states, fin, revs, self._inputs, self._held, dt_s, self._system, self._work)
+        _step(
+            states,
+            fin,
+            revs,
+            self.command,
+            self._inputs,
+            self._held,
+            dt_s,
+            self._system,
+            self._work,
+        )
         if self.held_speed_mps is not None:
             states[0] = self.held_speed_mps
 

@@ -11,6 +11,7 @@ from auvident.pipeline.observer import Observer
 from auvident.pipeline.predict import find_model
 from auvident.pipeline.steps import COMPILING, COMPILING_EACH_TIME
 from auvident.pipeline.table import BY_NAME
+from auvident.pipeline.whole import is_whole
 from auvident.schema.desk import DeskOrder, desk_order
 from auvident.storage.artifacts import read_model
 from auvident.storage.run_directory import MANIFEST, RunDirectory
@@ -73,7 +74,9 @@ def fly_on_desk(target: Path, maneuver: str, asked: Asked, observer: Observer) -
     import numpy as np
 
     rng = np.random.default_rng(asked.seed)
-    if target.suffix == ".toml":
+    if target.suffix != ".toml" and is_whole(target):
+        models, usual = _of_whole(target, order, asked, rng), None
+    elif target.suffix == ".toml":
         models, usual = _of_vehicle(target, order, asked, rng)
     else:
         models, usual = _of_model(target, order, asked, rng)
@@ -100,6 +103,17 @@ def _of_vehicle(
     ase, plane = estimate(vehicle), order.row.plane
     rigid = rigid_body(vehicle, plane)
     return estimated_models(ase, rigid, plane, str(target), asked.samples, rng), ase.speed_mps
+
+
+def _of_whole(
+    target: Path, order: DeskOrder, asked: Asked, rng: "np.random.Generator"
+) -> "DeskModel":
+    """A model of six degrees of freedom in the plane of the maneuver."""
+    from auvident.schema.combined import CombinedModel
+    from auvident.stages.desk import combined_models
+
+    model = read_model(target, CombinedModel)
+    return combined_models(model, order.row.plane, str(target), asked.samples, rng)
 
 
 def _of_model(

@@ -17,7 +17,7 @@ from auvident.pipeline.planes import asked_for, called, planes_of, wanted_planes
 from auvident.pipeline.table import BY_NAME, STAGES, Outputs, Stage
 from auvident.schema.manifest import FailedAttempt, Manifest, StageEntry
 from auvident.schema.places import beside
-from auvident.schema.planes import Plane
+from auvident.schema.planes import PLANES, Plane
 from auvident.storage.artifacts import json_bytes, parquet_bytes, read_json, sha256_of
 from auvident.storage.run_directory import MANIFEST, PACKAGE, RunDirectory
 
@@ -123,7 +123,8 @@ def run_all(
         wanted = {s.name: _wanted(s, run, options.get(s.name, {}), seed) for s in STAGES}
         planes = asked_for(str(wanted["identify"].options["plane"]))
         stages = STAGES[: STAGES.index(BY_NAME[until]) + 1] if until is not None else STAGES
-        _refuse_foreign(run, run.manifest(), [s for s in stages if {*planes} & {*s.planes}])
+        asked = [s for s in stages if not _left_out(s, planes, None)]
+        _refuse_foreign(run, run.manifest(), asked)
         for stage in stages:
             manifest = run.manifest()
             decision = judge(stage, run, manifest, wanted[stage.name])
@@ -175,6 +176,8 @@ def _left_out(stage: Stage, planes: Sequence[Plane], failure: NumericsError | No
     """Why a run goes on without a stage; empty when it does not."""
     if not {*planes} & {*stage.planes}:
         return f"it covers only the {' and '.join(stage.planes)} plane"
+    if stage.needs_both and len(planes) < len(PLANES):
+        return "it needs both planes"
     return "an earlier stage failed numerically" if failure and stage.name in OPTIONAL else ""
 
 

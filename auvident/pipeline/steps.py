@@ -443,6 +443,28 @@ def _identified_again(given: Given, filter: str, carried: Any) -> "_Again":
     )
 
 
+# --- combine ------------------------------------------------------------------------------
+
+
+def combine(given: Given) -> dict[str, Any]:
+    """One model of six degrees of freedom from the models that the planes end with."""
+    from auvident.stages.combine import combine as join
+
+    views = [given.within(plane) for plane in given.planes]
+    refined = ["refine" in given.also and v.has("refine/model.json") for v in views]
+    models = [v.refined if new else v.model for v, new in zip(views, refined, strict=True)]
+    joined = join(models, given.vehicle, given.ase)
+    files = [
+        v.place("refine/model.json" if new else "identify/model.json")
+        for v, new in zip(views, refined, strict=True)
+    ]
+    sources = tuple(
+        source.model_copy(update={"file": file})
+        for source, file in zip(joined.models, files, strict=True)
+    )
+    return {"combine/model.json": joined.model_copy(update={"models": sources})}
+
+
 # --- report -------------------------------------------------------------------------------
 
 

@@ -38,6 +38,8 @@ class Stage:
         Stages it shows where they are up to date, and does without where not.
     planes : tuple of str
         Planes of motion that it knows; a run goes on without it in another plane.
+    needs_both : bool
+        Whether a run of one plane goes on without it.
     reads : tuple of str
         Artifacts it reads, as patterns.
     writes : tuple of str
@@ -70,6 +72,7 @@ class Stage:
     draws: bool = False
     also: tuple[str, ...] = ()
     planes: tuple[str, ...] = PLANES
+    needs_both: bool = False
 
     @property
     def by_plane(self) -> bool:
@@ -182,6 +185,22 @@ STAGES: tuple[Stage, ...] = (
         function=steps.refine,
         options={"filter": None, "with_unexplained": None},
         draws=True,
+    ),
+    Stage(
+        "combine",
+        "one model of six degrees of freedom",
+        after=("identify",),
+        reads=also_beside(
+            "ingest/vehicle.json",
+            "ase/coefficients.json",
+            "identify/model.json",
+            "refine/model.json",
+        ),
+        writes=("combine/model.json",),
+        main="combine/model.json",
+        function=steps.combine,
+        also=("refine",),
+        needs_both=True,
     ),
     Stage(
         "report",

@@ -10,6 +10,7 @@ from rich.text import Text
 from auvident.report import console_loop, tables_model
 from auvident.report import tables_run as tables
 from auvident.report.ase_tables import ase_report
+from auvident.report.console_combined import combined_pieces
 from auvident.report.console_style import findings_lines, rich_table
 from auvident.report.held_out_words import beyond, why_held_out
 from auvident.report.numbers import TERMINAL
@@ -224,6 +225,7 @@ REPORTS: dict[str, Callable[[Mapping[str, Any]], list[RenderableType]]] = {
     "validate": _validate,
     "diagnose": console_loop.diagnose,
     "refine": console_loop.refine,
+    "combine": lambda outputs: combined_pieces(outputs["combine/model.json"]),
 }
 # Where a later table repeats most of it: the estimate comes again as the prior of the
 # identification, the verdict at the end of the run.
@@ -231,4 +233,5 @@ BRIEF_REPORTS: dict[str, Callable[[Mapping[str, Any]], list[RenderableType]]] = 
     "ase": lambda outputs: findings_lines(outputs["ase/coefficients.json"].findings),
     "diagnose": console_loop.diagnose_brief,
     "refine": console_loop.refine_brief,
+    "combine": lambda outputs: findings_lines(outputs["combine/model.json"].findings),
 }

@@ -1,12 +1,18 @@
 """Standard maneuvers flown on the desk: models, approach, flight, and what is told of it."""
 
-from auvident.stages.desk.models import DeskModel, estimated_models, identified_models
+from auvident.stages.desk.models import (
+    DeskModel,
+    combined_models,
+    estimated_models,
+    identified_models,
+)
 from auvident.stages.desk.stage import Approach, Desk, fly_maneuver
 
 __all__ = [
     "Approach",
     "Desk",
     "DeskModel",
+    "combined_models",
     "estimated_models",
     "fly_maneuver",
     "identified_models",

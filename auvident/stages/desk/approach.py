@@ -102,8 +102,7 @@ def _fin_rate(models: DeskModel, approach: Approach, speed: float) -> tuple[floa
     """Rate [rad/s] in place of the model's own, and words."""
     asked = approach.rudder_rate_degps
     if asked is None:
-        structure = models.structure
-        e = command_values(structure.plane, structure.parameters, models.vectors[0])
+        e = command_values(models.plane, models.structure.parameters, models.vectors[0])
         if e[SLOWNESS] > 0.0 or e[LAG] > 0.0:
             rate = f"{math.degrees(1.0 / e[SLOWNESS]):.3g} deg/s" if e[SLOWNESS] > 0.0 else ""
             lag = f"lag {e[LAG]:.2g} s" if e[LAG] > 0.0 else ""

@@ -11,9 +11,11 @@ from auvident.engines.draws import drawn_vectors
 from auvident.errors import InputError, NumericsError
 from auvident.physics.ase.draws import drawn_coefficients
 from auvident.physics.fleet import possible
+from auvident.physics.six_dof_terms import INERTIA, effect_names
 from auvident.physics.terms import Structure, parameter_vector, structure_of
 from auvident.schema.artifacts import AseResult, IdentifiedModel, RigidBody
-from auvident.schema.coefficients import symbols_of
+from auvident.schema.coefficients import constants_of, symbols_of
+from auvident.schema.combined import CombinedModel
 from auvident.schema.desk import ModelSource
 from auvident.schema.planes import Plane
 
@@ -85,7 +87,7 @@ def estimated_models(
     InputError
         Coefficients of the plane are missing.
     """
-    rows = {c.symbol: c for c in ase.coefficients}
+    rows = {c.symbol: c for c in ase.estimates}
     missing = [s for s in symbols_of(plane) if s not in rows]
     if missing:
         raise InputError(
@@ -93,8 +95,9 @@ def estimated_models(
             f"{name}: [coefficients]",
             "State value and std of each, or diameter_m of a body of revolution.",
         )
-    own = {s: rows[s] for s in symbols_of(plane)}
-    given = tuple(s for s, row in own.items() if row.origin == "given")
+    coefficients = ase.by_symbol()
+    own = {s: rows[s] for s in (*symbols_of(plane), *constants_of(plane)) if s in rows}
+    given = tuple(s for s in symbols_of(plane) if coefficients[s].origin == "given")
     values = {s: c.value for s, c in own.items()}
     stds = {s: c.std for s, c in own.items()}
     effects = ase.accuracy_effects
@@ -106,6 +109,23 @@ def estimated_models(
     vectors = np.array([parameter_vector(plane, column, rigid) for column in columns])
     source: ModelSource = "given" if given else "estimated"
     return DeskModel(ase.vehicle, name, source, structure_of(plane), vectors, ase.length_m, given)
+
+
+def combined_models(
+    model: CombinedModel, plane: Plane, name: str, samples: int, rng: np.random.Generator
+) -> DeskModel:
+    """A model of six degrees of freedom, restricted to a plane, and some drawn."""
+    ids = model.effect_ids(plane)
+    structure, moves = structure_of(plane, ids), [{}, *model.draws(samples, rng)]
+    names = {"I": INERTIA[plane]} | effect_names(plane, ids)
+    values = [model.values(moved) for moved in moves]
+    vectors = np.array(
+        [[v.get(names.get(n, n), 0.0) for n in structure.parameters] for v in values]
+    )
+    source: ModelSource = (
+        "identified" if any(m.plane == plane for m in model.models) else "estimated"
+    )
+    return DeskModel(model.vehicle, name, source, structure, vectors, model.length_m)
 
 
 def possible_models(models: DeskModel) -> DeskModel:
