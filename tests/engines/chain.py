@@ -112,13 +112,19 @@ def setup_of(name: str = "harbour_trial", plane: str = "horizontal", **changes):
     return sample(name).setup(plane, **changes)
 
 
+# of a source, what leads in before the maneuver
+LEADING = ("raw", "elapsed_s", "speed", "roll", "pitch", "depth")
+OWN = ("rates", "bridged", "from_middle_s", "heading")
+
+
 def cut(record: Record, samples: int) -> Record:
     """The first samples of a record, with the inputs that lead in."""
     source = record.source
     if source is not None:
         end = len(source.raw) - len(record.time_s) + samples
-        long = {k: getattr(source, k)[:end] for k in ("raw", "elapsed_s", "speed", "roll", "pitch")}
-        short = {k: getattr(source, k)[:samples] for k in ("rates", "bridged", "from_middle_s")}
+        long = {k: getattr(source, k)[:end] for k in LEADING}
+        own = {k: getattr(source, k) for k in OWN}
+        short = {k: None if x is None else x[:samples] for k, x in own.items()}
         source = replace(source, **long, **short)
     return Record(
         record.id,

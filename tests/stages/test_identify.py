@@ -14,6 +14,7 @@ from auvident.schema.artifacts import AseResult, IdentifiedModel
 from auvident.schema.channels import BY_COLUMN
 from auvident.schema.coefficients import BY_SYMBOL, expand, prime_unit, symbols_of
 from auvident.schema.plan import Plan
+from auvident.schema.planes import BY_PLANE
 from auvident.schema.trial import Trial
 from auvident.stages.identify import stage as stage_module
 from auvident.stages.identify.setup import prepare, sensing_of
@@ -277,7 +278,7 @@ def test_the_covariance_is_that_of_the_coefficients(trial, filter) -> None:
     matrix, symbols = np.array(model.covariance["matrix"]), model.covariance["symbols"]
     std = np.sqrt(np.diag(matrix))
     free = {c.symbol: c.std for c in model.estimates if c.origin == "identified"}
-    allowed = [f"{name}.rate_degps" for name in plan_named("spiral").nuisance]
+    allowed = [f"{BY_PLANE[trial[1]].fin}_rate_limit.rate_degps"]
     assert symbols == [*free, *allowed]
     np.testing.assert_allclose(std[: len(free)], list(free.values()), rtol=1e-9)
     np.testing.assert_allclose(matrix, matrix.T, rtol=1e-9)
@@ -289,7 +290,7 @@ def test_the_servo_is_allowed_its_own_speed(trial, filter) -> None:
     """The generator's servos turn at 120 deg/s; the vehicle file does not say so."""
     (effect,) = identified(*trial, filter).model.effects
     (rate,) = effect["parameters"]
-    assert (effect["id"], effect["nuisance"]) == ("rudder_rate_limit", True)
+    assert (effect["id"], effect["nuisance"]) == (f"{BY_PLANE[trial[1]].fin}_rate_limit", True)
     assert abs(rate["value"] - 120.0) < min(2.0 * rate["std"], 15.0)
 
 
@@ -298,7 +299,8 @@ def test_stages_and_history_follow_the_plan(trial, filter) -> None:
     found, rounds = identified(*trial, filter), plan_named("spiral").rounds()
     assert [(s.cycle, s.stage) for s in found.model.stages] == [(c, s.name) for c, s in rounds]
     for record, (_, stage) in zip(found.model.stages, rounds, strict=True):
-        allowed = {"rudder_rate_limit.rate_degps"} if stage.system != "surge" else set()
+        own = f"{BY_PLANE[trial[1]].fin}_rate_limit.rate_degps"
+        allowed = {own} if stage.system != "surge" else set()
         assert set(record.free) <= set(expand(stage.free, trial[1])) | allowed
         assert record.samples > 0 and np.isfinite(record.log_likelihood)
         kinds = {name.rsplit("-", 2)[1] for name in record.maneuvers}
