@@ -31,9 +31,11 @@ from auvident.physics.six_dof_terms import (
     VELOCITIES,
     six_dof_structure,
     whole_name,
+    whole_names,
 )
 from auvident.physics.terms import structure_of
 from auvident.schema.coefficients import BY_SYMBOL, PLANES
+from auvident.schema.effects import in_plane
 from auvident.schema.planes import BY_PLANE
 from auvident.schema.unexplained import NAME
 from tests.physics.plane_equations import random_values, stable_values
@@ -370,3 +372,47 @@ def test_what_follows_the_heading_does_so_at_any_attitude(
 
 def test_every_symbol_of_roll_has_a_unit() -> None:
     assert {row[1] for row in ROLL} | {entry[2] for entry in ROLL_MASS} == set(ROLL_UNITS)
+
+
+def forced(plane: str) -> list[str]:
+    """Effects of a plane that are forces; the weight in water stands in for the other plane."""
+    found = []
+    for effect in in_plane(plane):
+        structure = structure_of(plane, (effect.id,))
+        used = {structure.parameters[k] for k in structure.terms[:, 1]}
+        if effect.id != "weight_excess" and any("." in name for name in used):
+            found.append(effect.id)
+    return found
+
+
+@pytest.mark.parametrize(("plane", "effect"), [(p, e) for p in PLANES for e in forced(p)])
+def test_an_effect_acts_on_the_whole_as_in_its_plane(plane: str, effect: str) -> None:
+    own, values, x, inputs = case(plane, 5)
+    rng, structure = np.random.default_rng(6), structure_of(plane, (effect,))
+    internal = {n: float(rng.uniform(0.5, 2.0)) for n in structure.parameters if "." in n}
+    thrust, changed, roll, depth = 7.0, 0.4, 0.3, 2.5
+    pitch = x[3] if plane == "vertical" else 0.0
+    acting = np.concatenate([inputs, [1.0, thrust, changed, roll, pitch, depth, 0.0, 0.0, 0.0]])
+    inverse, active = np.empty((3, 3)), np.ones(4, dtype=bool)
+
+    def planar(more: dict[str, float]) -> np.ndarray:
+        p = np.array([(own | more).get(name, 0.0) for name in structure.parameters])
+        inverse_mass(p, structure.mass, structure.mass_weights, active, inverse)
+        return right_hand_side(structure, active, x, acting, p, inverse)[:3]
+
+    velocities = BY_PLANE[plane].velocities
+    moving = [VELOCITIES.index(name) for name in velocities]
+    state, fins = in_the_plane(plane, x, inputs)
+    heading = x[3] if plane == "horizontal" else 0.0
+    rolled = roll if plane == "horizontal" else 0.0
+    state = state_of(state[:6], np.array([rolled, pitch, heading]), np.array([0.0, 0.0, depth]))
+    whole = six_dof_structure(*((effect,) if plane == p else () for p in PLANES))
+
+    def together(more: dict[str, float]) -> np.ndarray:
+        p = whole.vector(values | {whole_names(plane, (effect,))[n]: v for n, v in more.items()})
+        acts = np.concatenate([fins, [thrust, changed]])
+        return rates_six_dof(state, acts, system_of(whole, p, velocities))[moving]
+
+    by_effect = planar(internal) - planar({})
+    assert np.abs(by_effect).max() > 1e-3
+    np.testing.assert_allclose(together(internal) - together({}), by_effect, rtol=1e-9, atol=1e-10)
