@@ -285,6 +285,17 @@ def in_plane(maneuvers: Maneuvers, model: IdentifiedModel) -> list[Maneuver]:
     return [m for m in maneuvers.maneuvers if m.shows(model.plane)]
 
 
+def of_coefficients(covariance: Mapping[str, Any]) -> dict[str, Any]:
+    """A covariance without the effects that the model carried."""
+    kept = [k for k, symbol in enumerate(covariance["symbols"]) if "." not in symbol]
+
+    def among(rows: Any) -> Any:
+        of_pairs = isinstance(rows[0], list | tuple)
+        return [[rows[i][j] for j in kept] if of_pairs else rows[i] for i in kept]
+
+    return {name: among(rows) for name, rows in covariance.items()}
+
+
 def model_effects(effects: Mapping[str, Mapping[str, float]]) -> tuple[dict[str, Any], ...]:
     """Effects as a model has them, from their sizes as an engineer reads them."""
     return tuple(
@@ -320,11 +331,11 @@ class HandMade:
         model, found = given.model, given.diagnosis
         compared = comparison(found, model, in_plane(given.maneuvers, model))
         after = {c.symbol: c.after for c in compared.coefficients}
+        sizes = {e.id: {p.symbol: p.value for p in e.parameters} for e in found.effects}
         refined = model.model_copy(
             update={
-                "effects": model_effects(
-                    {e.id: {p.symbol: p.value for p in e.parameters} for e in found.effects}
-                ),
+                "effects": model_effects(sizes),
+                "covariance": of_coefficients(model.covariance),
                 "coefficients": tuple(
                     c.model_copy(update={"value": after[c.symbol]}) for c in model.coefficients
                 ),

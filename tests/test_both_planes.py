@@ -231,6 +231,51 @@ def test_both_planes_make_one_model_of_six_degrees_of_freedom(whole: Path, run: 
     assert "combine" in said and "stale" in said
 
 
+def test_roll_is_identified_from_the_logs_of_the_run(whole: Path) -> None:
+    """From the maneuvers that identify, as `auvident combine RUN` does it."""
+    model = read(whole / "combine/model.json")
+    origin = {e["symbol"]: e["origin"] for e in (*model["coefficients"], *model["constants"])}
+    assert {origin[s] for s in ("I_xx", "K_up", "K_nn")} == {"identified, roll"}
+    done = call("combine", whole, "--json")
+    again = json.loads(done.out)
+    assert again["coefficients"] == model["coefficients"]
+    assert again["constants"] == model["constants"]
+    listed = read(whole / "run.json")["stages"]["combine"]["inputs"]
+    assert {"ingest/dive_trial.parquet", "segment/maneuvers.json"} <= set(listed)
+
+
+def test_each_fin_has_the_drag_that_its_plane_found(whole: Path) -> None:
+    rows = {c["symbol"]: c for c in read(whole / "combine/model.json")["coefficients"]}
+    assert rows["X_uudrdr"]["origin"] == "identified, horizontal"
+    assert rows["X_uudede"]["origin"] == "identified, vertical"
+    assert "X_uudd" not in rows
+    own = coefficients(whole / "identify/vertical/model.json")["X_uudd"]
+    assert rows["X_uudede"]["value"] == pytest.approx(own["value"])
+
+
+def test_report_and_terminal_tell_of_the_whole_vehicle(
+    made: tuple[Path, Called], whole: Path
+) -> None:
+    said = " ".join(made[1].err.split())
+    page = (whole / "report/report.html").read_text()
+    model = read(whole / "combine/model.json")
+    entries = [*model["coefficients"], *model["constants"]]
+    number = sum(e["origin"] == "identified, vertical" for e in entries)
+    assert f"{number} identified, vertical" in said and f"{number} identified, vertical" in page
+    assert "combine/model.json" in said
+    section = page.partition(' id="whole"')[2].partition("<h2")[0]
+    assert section.count("<tr>") == len(entries) + 1
+    for text in ("X_uudrdr", "K_up", "identified, roll", "vehicle file"):
+        assert f"<td>{text}</td>" in section
+
+
+def test_a_run_of_one_plane_says_nothing_of_a_whole_vehicle(run: Path) -> None:
+    assert call("identify", run, "--plane", "horizontal", "--quiet").code == 0
+    for stage in ("validate", "report"):
+        assert call(stage, run, "--quiet").code == 0
+    assert ' id="whole"' not in (run / "report/report.html").read_text()
+
+
 def test_terminal_tables_show_both(run: Path) -> None:
     said = call("validate", run).err
     assert said.index("track") < said.index("Vertical plane") < said.index("pitch")

@@ -14,6 +14,9 @@ Across the planes the added mass is that of the mass matrix, fins included.
 
 Cross-flow drag of a body of revolution is along the cross-flow: v|v| of a plane becomes
 v sqrt(v^2 + w^2), r|r| becomes r sqrt(q^2 + r^2), and the same for w and q.
+Rudder and elevator are different fins: the drag of each is what the plane that it steers in says
+of it, X_uudrdr and X_uudede, where a plane has one X_uudd for both. With the other fin deflected
+the surge of a plane is another one by the difference of the two.
 Weight acts at (x_G, 0, z_G), buoyancy at the origin; the moment of the propeller's torque and
 whatever else rolls the vehicle are the rows of `ROLL`.
 """
@@ -47,9 +50,18 @@ STAND_INS = ("weight_excess.",)
 FACTORS_PER_TERM = 4
 SURGE_ALONE = {"u", "n", "thrust"}  # what depends on these alone is in both planes the same
 INERTIA = {"horizontal": "I_zz", "vertical": "I_yy"}  # the planes call both I
+FIN_DRAG = "X_uudd"  # of a plane, for whichever fin is deflected
+DRAG_OF = {"rudder": "X_uudrdr", "elevator": "X_uudede"}
 
 Factors = tuple[tuple[str, str], ...]
 Row = tuple[str, str, float, Factors]
+
+# coefficients of both planes, each with what the planes call it
+COEFFICIENTS: dict[str, str] = {
+    name: symbol
+    for symbol in BY_SYMBOL
+    for name in (DRAG_OF.values() if symbol == FIN_DRAG else (symbol,))
+}
 
 # What rolls the vehicle, and what its roll does to sway and yaw where a fin stands on one side
 # alone (a sail); torque of the propeller.
@@ -131,18 +143,21 @@ class SixDofStructure:
 def whole_name(plane: Plane, name: str, equation: str = "", factors: Factors = ()) -> str:
     """Name in six degrees of freedom of a parameter of a plane.
 
-    Coefficients and constants keep theirs; an effect belongs to its plane, unless it acts on the
-    surge alone: there is one hull and one propeller.
+    Coefficients and constants keep theirs, but for inertia and drag of a fin; an effect belongs to
+    its plane, unless it acts on the surge alone: there is one hull and one propeller.
     """
     if name == "I":
         return INERTIA[plane]
+    if name == FIN_DRAG:
+        deflected = {variable for variable, _ in factors} & set(DRAG_OF)
+        return DRAG_OF[deflected.pop() if deflected else BY_PLANE[plane].fin]
     surge_alone = equation == "X" and {variable for variable, _ in factors} <= SURGE_ALONE
     return name if surge_alone or "." not in name else f"{plane} {name}"
 
 
-def effect_names(plane: Plane, effects: tuple[str, ...]) -> dict[str, str]:
-    """Name of each parameter of the effects of a plane in six degrees of freedom."""
-    names = {n: whole_name(plane, n) for n in structure_of(plane, effects).parameters if "." in n}
+def whole_names(plane: Plane, effects: tuple[str, ...] = ()) -> dict[str, str]:
+    """Name in six degrees of freedom of each parameter of a plane with its effects."""
+    names = {n: whole_name(plane, n) for n in structure_of(plane, effects).parameters}
     shared = {name for _, name, *_ in planar_rows(plane, effects)} & set(names)
     return {**names, **{name: name for name in shared}}
 
@@ -236,7 +251,7 @@ def six_dof_structure(
     mass += [*ROLL_MASS, *low_centre(mass)]
     planar = [row for plane in PLANES for row in planar_rows(plane, carried[plane])]
     rows = [*dict.fromkeys(planar), *_merged(coriolis_rows(mass)), *weight_rows(), *ROLL]
-    names = dict.fromkeys(s for s in BY_SYMBOL)
+    names = dict.fromkeys(COEFFICIENTS)
     names |= dict.fromkeys(name for _, name, *_ in rows)
     names |= dict.fromkeys(name for _, _, name, _ in mass)
     parameters = tuple(names)

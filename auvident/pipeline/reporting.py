@@ -10,12 +10,24 @@ from auvident.storage.artifacts import read_json
 if TYPE_CHECKING:
     from auvident.report.html_data import ReportData
     from auvident.schema.artifacts import Maneuvers, TrialPlan
+    from auvident.schema.combined import CombinedModel
+
+
+WHOLE = "combine/model.json"
 
 
 def report_data(given: Given) -> "ReportData":
     """Artifacts of all stages, of every plane of the run."""
     first, *others = (_of_plane(view) for view in given.views())
-    return replace(first, others=tuple(map(_own, others)))
+    return replace(first, others=tuple(map(_own, others)), whole=_whole(given))
+
+
+def _whole(given: Given) -> "CombinedModel | None":
+    """The model of both planes, where the run has one that is up to date."""
+    from auvident.schema.combined import CombinedModel
+
+    there = "combine" in given.also and given.has(WHOLE)
+    return given.read(WHOLE, CombinedModel) if there else None
 
 
 def _own(other: "ReportData") -> "ReportData":

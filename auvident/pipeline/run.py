@@ -178,7 +178,8 @@ def _left_out(stage: Stage, planes: Sequence[Plane], failure: NumericsError | No
         return f"it covers only the {' and '.join(stage.planes)} plane"
     if stage.needs_both and len(planes) < len(PLANES):
         return "it needs both planes"
-    return "an earlier stage failed numerically" if failure and stage.name in OPTIONAL else ""
+    rests_on_it = stage.name in OPTIONAL and OPTIONAL & {*stage.after}
+    return "an earlier stage failed numerically" if failure and rests_on_it else ""
 
 
 def status(path: Path) -> tuple[list[Decision], Manifest]:

@@ -453,7 +453,8 @@ def combine(given: Given) -> dict[str, Any]:
     views = [given.within(plane) for plane in given.planes]
     refined = ["refine" in given.also and v.has("refine/model.json") for v in views]
     models = [v.refined if new else v.model for v, new in zip(views, refined, strict=True)]
-    joined = join(models, given.vehicle, given.ase)
+    logs = [(given.trials, given.maneuvers)]
+    joined = join(models, given.vehicle, given.ase, logs=logs)
     files = [
         v.place("refine/model.json" if new else "identify/model.json")
         for v, new in zip(views, refined, strict=True)

@@ -191,7 +191,8 @@ STAGES: tuple[Stage, ...] = (
         "one model of six degrees of freedom",
         after=("identify",),
         reads=also_beside(
-            "ingest/vehicle.json",
+            "ingest/*",
+            "segment/maneuvers.json",
             "ase/coefficients.json",
             "identify/model.json",
             "refine/model.json",
@@ -214,11 +215,12 @@ STAGES: tuple[Stage, ...] = (
             "validate/*",
             "diagnose/*",
             "refine/*",
+            "combine/*",
         ),
         writes=("report/report.html",),
         main="report/report.html",
         function=steps.report,
-        also=("diagnose", "refine"),
+        also=("diagnose", "refine", "combine"),
     ),
 )
 BY_NAME: dict[str, Stage] = {stage.name: stage for stage in STAGES}

@@ -10,7 +10,7 @@ from rich.text import Text
 from auvident.report import console_loop, tables_model
 from auvident.report import tables_run as tables
 from auvident.report.ase_tables import ase_report
-from auvident.report.console_combined import combined_pieces
+from auvident.report.console_combined import combined_brief, combined_pieces
 from auvident.report.console_style import findings_lines, rich_table
 from auvident.report.held_out_words import beyond, why_held_out
 from auvident.report.numbers import TERMINAL
@@ -233,5 +233,5 @@ BRIEF_REPORTS: dict[str, Callable[[Mapping[str, Any]], list[RenderableType]]] = 
     "ase": lambda outputs: findings_lines(outputs["ase/coefficients.json"].findings),
     "diagnose": console_loop.diagnose_brief,
     "refine": console_loop.refine_brief,
-    "combine": lambda outputs: findings_lines(outputs["combine/model.json"].findings),
+    "combine": lambda outputs: combined_brief(outputs["combine/model.json"]),
 }

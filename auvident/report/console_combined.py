@@ -1,9 +1,11 @@
 """What a person sees of a model of six degrees of freedom."""
 
 from rich.console import RenderableType
+from rich.text import Text
 
 from auvident.report.console_style import findings_lines, rich_table
 from auvident.report.tables import Column, Number, Rows, Table, Unit, columns
+from auvident.report.tables_whole import PLACE, rests_on
 from auvident.schema.combined import CombinedModel
 
 
@@ -22,3 +24,9 @@ def combined_pieces(model: CombinedModel) -> list[RenderableType]:
     ]
     heads = (*columns(("symbol",), ("value", "std")), *columns(("unit",)), Column("origin"))
     return [rich_table(Table(heads, rows, title)), *findings_lines(model.findings)]
+
+
+def combined_brief(model: CombinedModel) -> list[RenderableType]:
+    """Where it stands in a run, what its entries rest on, and what no data stand behind."""
+    line = Text(f"Whole vehicle, six degrees of freedom: {PLACE}, {rests_on(model)}")
+    return [line, *findings_lines(model.findings)]

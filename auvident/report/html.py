@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from auvident import __version__
 from auvident.report import html_words as words
-from auvident.report import tables_figures, tables_model, tables_record, tables_run
+from auvident.report import tables_figures, tables_model, tables_record, tables_run, tables_whole
 from auvident.report.finding_words import evidence
 from auvident.report.held_out_words import beyond, why_held_out
 from auvident.report.html_data import ReportData, number
@@ -17,6 +17,7 @@ from auvident.report.html_loop import lacks, with_refined
 from auvident.report.numbers import PAGE
 from auvident.report.tables import written
 from auvident.schema.artifacts import PRIOR_WORDS
+from auvident.schema.combined import CombinedModel
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -56,6 +57,8 @@ def render(report: ReportData) -> str:
             planes=planes,
             figures={"timelines": _safe(_timelines(report)), "tracks": _safe(_tracks(report))},
             left_out=_trials_left_out(report),
+            evidence=evidence,
+            whole=_whole(report.whole) if report.whole else None,
             **_tables(report),
         )
 
@@ -76,6 +79,16 @@ def _plane(report: ReportData, one_of_several: bool) -> dict[str, Any]:
         "summary": words.summary(report),
         "grade": words.verdict(report)[1],
         **sections,
+    }
+
+
+def _whole(model: CombinedModel) -> dict[str, Any]:
+    """What the page shows of the model of six degrees of freedom."""
+    return {
+        "place": tables_whole.PLACE,
+        "rests_on": tables_whole.rests_on(model),
+        "entries": replace(tables_whole.entries(model), title=""),
+        "warnings": words.ranked([("combine", finding) for finding in model.findings]),
     }
 
 

@@ -16,6 +16,7 @@ from auvident.schema.artifacts import (
     Role,
     TrialPlan,
 )
+from auvident.schema.combined import CombinedModel
 from auvident.schema.diagnosis import ChannelError, Comparison, Diagnosis
 from auvident.schema.logs import Quality
 from auvident.schema.manifest import Manifest
@@ -53,6 +54,8 @@ class ReportData:
         ``refine/model.json`` and ``refine/history.parquet``.
     plan
         What another maneuver would add.
+    whole : CombinedModel or None
+        Of six degrees of freedom, from both planes.
     others : sequence of ReportData
         The same of the planes beside the first one.
     """
@@ -74,6 +77,7 @@ class ReportData:
     refined_model: IdentifiedModel | None = None
     refined_history: "pd.DataFrame | None" = None
     plan: TrialPlan | None = None
+    whole: CombinedModel | None = None
     others: "Sequence[ReportData]" = ()
 
     @property

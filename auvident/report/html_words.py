@@ -296,8 +296,13 @@ def warnings(data: ReportData) -> list[Warning_]:
         ]
     if data.ase:
         found += [("ase", f) for f in data.ase.findings]
-    ranked = [Warning_(_rank(f.code), stage, f) for stage, f in _merged(found)]
-    return sorted(ranked, key=lambda w: RANKS.index(w.rank))
+    return ranked(found)
+
+
+def ranked(found: Sequence[tuple[str, Finding]]) -> list[Warning_]:
+    """Findings of stages, the gravest first."""
+    told = [Warning_(_rank(f.code), stage, f) for stage, f in _merged(found)]
+    return sorted(told, key=lambda w: RANKS.index(w.rank))
 
 
 def _at(trial: str, where: str) -> str:

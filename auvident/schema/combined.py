@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from auvident.constants import GRAVITY_MPS2
 from auvident.schema.artifacts import Finding, Sensing
 from auvident.schema.base import Artifact
 from auvident.schema.planes import Plane
@@ -91,9 +90,7 @@ class CombinedModel(Artifact):
         values = {entry.symbol: entry.value for entry in self.entries} | self.parameters
         for name, by in (moved or {}).items():
             values[name] += by
-        # z_G W over g is m z_G: buoyancy acts on the axis
-        values |= {"m x_G": values["m"] * self.x_g_m, "m z_G": values["z_GW"] / GRAVITY_MPS2}
-        return values | {"z_G W": values["z_GW"], "trim": values["x_GW"]}
+        return values | {"m x_G": values["m"] * self.x_g_m}
 
     def draws(self, count: int, rng: np.random.Generator) -> list[dict[str, float]]:
         """Deviations of the entries, drawn from the covariance."""

@@ -23,15 +23,19 @@ from auvident.physics.six_dof import (
 )
 from auvident.physics.six_dof_terms import (
     AXES,
-    INERTIA,
+    DRAG_OF,
+    FIN_DRAG,
     ROLL,
     ROLL_MASS,
     ROLL_UNITS,
     VELOCITIES,
     six_dof_structure,
+    whole_name,
+    whole_names,
 )
 from auvident.physics.terms import structure_of
 from auvident.schema.coefficients import BY_SYMBOL, PLANES
+from auvident.schema.effects import in_plane
 from auvident.schema.planes import BY_PLANE
 from auvident.schema.unexplained import NAME
 from tests.physics.plane_equations import random_values, stable_values
@@ -52,7 +56,7 @@ def whole_values(planar: dict[str, dict[str, float]], **more: float) -> dict[str
     """Values of both planes in one vehicle; where they share a name, those of the last."""
     values = {}
     for plane, own in planar.items():
-        values |= {INERTIA[plane] if name == "I" else name: v for name, v in own.items()}
+        values |= {whole_name(plane, name): v for name, v in own.items()}
     return values | {"I_xx": 0.4, **more}
 
 
@@ -97,6 +101,7 @@ def in_the_plane(plane: str, x: np.ndarray, inputs: np.ndarray) -> tuple[np.ndar
 @pytest.mark.parametrize("plane", PLANES)
 def test_a_plane_is_the_restriction_of_the_whole(plane: str, seed: int) -> None:
     own, values, x, inputs = case(plane, seed)
+    inputs[1] = 0.0  # the other fin is at rest
     state, acting = in_the_plane(plane, x, inputs)
     velocities = BY_PLANE[plane].velocities
     system = system_of(WHOLE, WHOLE.vector(values), velocities)
@@ -106,6 +111,21 @@ def test_a_plane_is_the_restriction_of_the_whole(plane: str, seed: int) -> None:
     # rounding of sums of some ten thousand newtons
     np.testing.assert_allclose(rates[moving], planar[:3], rtol=1e-12, atol=1e-11)
     assert not np.delete(rates[:6], moving).any()
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_a_fin_of_the_other_plane_has_the_drag_that_its_own_plane_says(plane: str) -> None:
+    own, values, x, inputs = case(plane, 3)
+    state, acting = in_the_plane(plane, x, inputs)
+    velocities = BY_PLANE[plane].velocities
+    system = system_of(WHOLE, WHOLE.vector(values), velocities)
+    moving = [VELOCITIES.index(name) for name in velocities]
+    away = rates_six_dof(state, acting, system)[moving] - planar_rates(plane, own, x, inputs)[:3]
+    mass = mass_matrix(WHOLE, WHOLE.vector(values))[np.ix_(moving, moving)]
+    drag = values[DRAG_OF[BY_PLANE[plane].fins[1]]] - own[FIN_DRAG]
+    assert drag != 0.0
+    expected = [drag * x[0] ** 2 * inputs[1] ** 2, 0.0, 0.0]
+    np.testing.assert_allclose(mass @ away, expected, rtol=1e-9, atol=1e-9)
 
 
 def added(values: dict[str, float]) -> np.ndarray:
@@ -162,11 +182,11 @@ def ideal_vehicle(seed: int, restoring: bool) -> tuple[dict[str, float], np.ndar
         "M_uq": -values["Z_qdot"],
         "M_uw": values["X_udot"] - values["Z_wdot"],
     }
-    constants = {"m": m, "m x_G": m * x_g, "m z_G": m * z_g}
+    constants = {"m": m, "m x_G": m * x_g}
     constants |= dict(zip(("I_xx", "I_yy", "I_zz"), inertia, strict=True))
-    constants |= dict.fromkeys(("z_GW", "z_G W"), m * GRAVITY_MPS2 * z_g)
+    constants |= {"z_GW": m * GRAVITY_MPS2 * z_g}
     if restoring:
-        constants |= {"W-B": -2.0} | dict.fromkeys(("x_GW", "trim"), m * GRAVITY_MPS2 * x_g)
+        constants |= {"W-B": -2.0, "x_GW": m * GRAVITY_MPS2 * x_g}
     mass = rigid(m, x_g, z_g, tuple(inertia)) + added(values)
     return values | constants, mass
 
@@ -270,7 +290,8 @@ def test_it_flies_a_plane_as_the_planar_simulation_does(plane: str) -> None:
     own = stable_values(plane)
     values = whole_values({p: stable_values(p) for p in PLANES} | {plane: own})
     row, rng = BY_PLANE[plane], np.random.default_rng(3)
-    planar_inputs = np.column_stack([rng.normal(size=(200, 2)) * 0.1, np.full(200, 15.0)])
+    fin = rng.normal(size=200) * 0.1
+    planar_inputs = np.column_stack([fin, np.zeros(200), np.full(200, 15.0)])
     x0 = np.array([1.4, 0.05, 0.02, 0.1])
     structure = structure_of(plane)
     p = np.array([own.get(name, 0.0) for name in structure.parameters])
@@ -351,3 +372,47 @@ def test_what_follows_the_heading_does_so_at_any_attitude(
 
 def test_every_symbol_of_roll_has_a_unit() -> None:
     assert {row[1] for row in ROLL} | {entry[2] for entry in ROLL_MASS} == set(ROLL_UNITS)
+
+
+def forced(plane: str) -> list[str]:
+    """Effects of a plane that are forces; the weight in water stands in for the other plane."""
+    found = []
+    for effect in in_plane(plane):
+        structure = structure_of(plane, (effect.id,))
+        used = {structure.parameters[k] for k in structure.terms[:, 1]}
+        if effect.id != "weight_excess" and any("." in name for name in used):
+            found.append(effect.id)
+    return found
+
+
+@pytest.mark.parametrize(("plane", "effect"), [(p, e) for p in PLANES for e in forced(p)])
+def test_an_effect_acts_on_the_whole_as_in_its_plane(plane: str, effect: str) -> None:
+    own, values, x, inputs = case(plane, 5)
+    rng, structure = np.random.default_rng(6), structure_of(plane, (effect,))
+    internal = {n: float(rng.uniform(0.5, 2.0)) for n in structure.parameters if "." in n}
+    thrust, changed, roll, depth = 7.0, 0.4, 0.3, 2.5
+    pitch = x[3] if plane == "vertical" else 0.0
+    acting = np.concatenate([inputs, [1.0, thrust, changed, roll, pitch, depth, 0.0, 0.0, 0.0]])
+    inverse, active = np.empty((3, 3)), np.ones(4, dtype=bool)
+
+    def planar(more: dict[str, float]) -> np.ndarray:
+        p = np.array([(own | more).get(name, 0.0) for name in structure.parameters])
+        inverse_mass(p, structure.mass, structure.mass_weights, active, inverse)
+        return right_hand_side(structure, active, x, acting, p, inverse)[:3]
+
+    velocities = BY_PLANE[plane].velocities
+    moving = [VELOCITIES.index(name) for name in velocities]
+    state, fins = in_the_plane(plane, x, inputs)
+    heading = x[3] if plane == "horizontal" else 0.0
+    rolled = roll if plane == "horizontal" else 0.0
+    state = state_of(state[:6], np.array([rolled, pitch, heading]), np.array([0.0, 0.0, depth]))
+    whole = six_dof_structure(*((effect,) if plane == p else () for p in PLANES))
+
+    def together(more: dict[str, float]) -> np.ndarray:
+        p = whole.vector(values | {whole_names(plane, (effect,))[n]: v for n, v in more.items()})
+        acts = np.concatenate([fins, [thrust, changed]])
+        return rates_six_dof(state, acts, system_of(whole, p, velocities))[moving]
+
+    by_effect = planar(internal) - planar({})
+    assert np.abs(by_effect).max() > 1e-3
+    np.testing.assert_allclose(together(internal) - together({}), by_effect, rtol=1e-9, atol=1e-10)

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from auvident.errors import InputError, UsageError
-from auvident.physics.six_dof_terms import ROLL_UNITS
+from auvident.physics.six_dof_terms import COEFFICIENTS, ROLL_UNITS
 from auvident.schema.artifacts import IdentifiedModel
-from auvident.schema.coefficients import BY_SYMBOL
 from auvident.schema.combined import CombinedModel
 from auvident.stages.combine import combine
 from auvident.stages.combine.shared import Posterior, _conditioned, _pooled, join, posterior_of
 from tests.engines.chain import identified, sample
 
-SHARED = ("X_udot", "X_uu", "X_uudd", "T_nn", "T_nu")
+SHARED = ("X_udot", "X_uu", "T_nn", "T_nu")
+OF_FINS = {"horizontal": "X_uudrdr", "vertical": "X_uudede"}
 
 
 def models() -> list[IdentifiedModel]:
@@ -78,13 +78,24 @@ def test_a_prior_that_no_data_narrowed_is_counted_once() -> None:
 def test_every_coefficient_and_constant_is_there_with_its_origin() -> None:
     model = combined()
     origin = {e.symbol: e.origin for e in model.entries}
-    assert set(origin) >= {*BY_SYMBOL, *ROLL_UNITS, "m", "I_yy", "I_zz", "W-B", "x_GW", "z_GW"} - {
+    assert set(origin) >= {
+        *COEFFICIENTS,
+        *ROLL_UNITS,
+        "m",
+        "I_yy",
+        "I_zz",
+        "W-B",
+        "x_GW",
+        "z_GW",
+    } - {
         "K_nn",
         "K_nu",
     }
     assert {origin[s] for s in SHARED} == {"identified, both"}
     assert origin["Y_uv"] == origin["N_vdot"] == "identified, horizontal"
     assert origin["Z_uw"] == origin["M_wdot"] == "identified, vertical"
+    assert [origin[s] for s in OF_FINS.values()] == [f"identified, {p}" for p in OF_FINS]
+    assert "X_uudd" not in origin
     assert origin["K_up"] == "geometry"
     assert origin["m"] == "vehicle file"
     assert {f.code for f in model.findings} == {"no-torque", "roll-from-geometry"}
@@ -100,6 +111,22 @@ def test_shared_coefficients_lie_where_both_planes_allow_and_are_better_known() 
             spread = np.sqrt(one.covariance[k, k])
             assert rows[symbol].std <= 1.001 * spread
             assert abs(rows[symbol].value - one.mean[k]) < 3.0 * spread
+
+
+def test_each_fin_has_the_drag_of_the_plane_that_it_steers_in() -> None:
+    """It follows the shared drag and thrust by its covariance, and nothing of the other plane."""
+    whole = {e.symbol: e for e in combined().entries}
+    before = sample("harbour_trial").ase.by_symbol()["X_uudd"]
+    for model in models():
+        row = next(c for c in model.coefficients if c.symbol == "X_uudd")
+        symbol = OF_FINS[model.plane]
+        assert abs(whole[symbol].value - row.value) < row.std
+        assert (whole[symbol].unit, whole[symbol].std) == (row.unit, row.std)
+    alone = {e.symbol: e for e in combined(slice(0, 1)).entries}
+    assert (alone["X_uudede"].value, alone["X_uudede"].std) == (before.value, before.std)
+    assert alone["X_uudede"].origin == "geometry"
+    ratio = {s: e.value / e.prime for s, e in whole.items() if e.prime and s in OF_FINS.values()}
+    assert len(ratio) == 2 and ratio["X_uudrdr"] == pytest.approx(ratio["X_uudede"])
 
 
 def test_followers_stay_equal_in_every_draw() -> None:

@@ -25,11 +25,10 @@ from auvident.physics.six_dof import (
     system_of,
 )
 from auvident.physics.six_dof_terms import (
-    INERTIA,
     VELOCITIES,
     SixDofStructure,
-    effect_names,
     six_dof_structure,
+    whole_names,
 )
 from auvident.physics.terms import INPUTS as PLANAR_INPUTS
 from auvident.physics.terms import structure_of
@@ -149,8 +148,8 @@ def plane_frame(model: CombinedModel, plane: Plane, dt_s: float) -> tuple[Frame,
     """The equations of one plane and its parameters: what effects make of inputs and readings."""
     ids = model.effect_ids(plane)
     structure, values = structure_of(plane, ids), model.values()
-    names = {"I": INERTIA[plane]} | effect_names(plane, ids)
-    p = np.array([values.get(names.get(n, n), 0.0) for n in structure.parameters])
+    names = whole_names(plane, ids)
+    p = np.array([values.get(names[n], 0.0) for n in structure.parameters])
     return Frame(structure, model.sensing[plane], dt_s), p
 
 
@@ -178,18 +177,25 @@ def flight_of(
     one = Flight(
         acting["horizontal"].time_s,
         state_of(start[:6], start[6:9], start[9:]),
-        _inputs(model, acting),
+        _inputs_at(model, records, np.full(len(acting["horizontal"]), start[0]), dt_s),
         np.column_stack([_logged(records, plane) for plane in PLANES] + [_rpm(records)]),
         _drift(model, acting["horizontal"], dt_s),
         float(start[8]),
     )
-    if not any(OF_THRUST & set(model.effect_ids(plane)) for plane in PLANES) and measured:
+    if not any(OF_THRUST & set(model.effect_ids(plane)) for plane in PLANES):
         return one
-    # what acts depends on the speed: that of a first prediction
+    # what acts depends on the speed: that of a first prediction, as nothing later is known
     first_run = simulate_six_dof(one.start, one.inputs, dt_s, system)
     speed = np.nan_to_num(first_run[:, 0], nan=one.start[0])
-    again = {plane: with_speed(record, speed) for plane, record in records.items()}
-    return replace(one, inputs=_inputs(model, _acting(model, again, dt_s)))
+    return replace(one, inputs=_inputs_at(model, records, speed, dt_s))
+
+
+def _inputs_at(
+    model: CombinedModel, records: Mapping[Plane, Record], speed: Array, dt_s: float
+) -> Array:
+    """Inputs (n, 6) as they act at speeds (n,)."""
+    at_speed = {plane: with_speed(record, speed) for plane, record in records.items()}
+    return _inputs(model, _acting(model, at_speed, dt_s))
 
 
 def _acting(

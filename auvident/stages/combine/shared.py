@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.engines.carried import LEADERS, claimed_covariance
-from auvident.physics.six_dof_terms import effect_names
+from auvident.physics.six_dof_terms import whole_names
 from auvident.schema.artifacts import Finding, IdentifiedModel
 from auvident.schema.planes import Plane
 
@@ -65,12 +65,12 @@ def posterior_of(model: IdentifiedModel) -> Posterior:
     """Mean and covariance of what a model estimated."""
     told = tuple(model.covariance.get("symbols", ()))
     values = {**model.values(), **_effect_values(model)}
-    rows = {row.symbol: row for row in (*model.coefficients, *getattr(model, "constants", ()))}
+    rows = {row.symbol: row for row in model.estimates}
     prior_std = np.array([rows[s].prior_std if s in rows else np.inf for s in told])
     covariance = claimed_covariance(model) if told else np.zeros((0, 0))
     spread = np.sqrt(np.diag(covariance))
     kept = np.minimum(1.0, prior_std / np.where(spread > 0.0, spread, 1.0))
-    whole = effect_names(model.plane, tuple(str(e["id"]) for e in model.effects))
+    whole = whole_names(model.plane, tuple(str(e["id"]) for e in model.effects))
     return Posterior(
         model.plane,
         tuple(whole.get(s, s) for s in told),
@@ -116,7 +116,7 @@ def join(models: Sequence[IdentifiedModel]) -> JointPosterior:
 
 def _knows_both(model: IdentifiedModel) -> bool:
     """Whether a model was started from what the other plane had left of the shared coefficients."""
-    return any(getattr(c, "shared_with", None) for c in model.coefficients)
+    return any(c.shared_with for c in model.coefficients)
 
 
 def _apart(first: Posterior, second: Posterior, shared: Sequence[str]) -> tuple[Array, float]:

@@ -8,7 +8,15 @@ import numpy as np
 from auvident.constants import GRAVITY_MPS2
 from auvident.errors import InputError, UsageError
 from auvident.physics.ase.roll import roll_estimate
-from auvident.physics.six_dof_terms import ROLL_SIGNS, ROLL_UNITS, effect_names
+from auvident.physics.six_dof_terms import (
+    COEFFICIENTS,
+    DRAG_OF,
+    FIN_DRAG,
+    ROLL_SIGNS,
+    ROLL_UNITS,
+    whole_name,
+    whole_names,
+)
 from auvident.schema.artifacts import AseResult, Finding, IdentifiedModel, Sensing
 from auvident.schema.coefficients import BY_SYMBOL, prime_unit
 from auvident.schema.combined import (
@@ -72,7 +80,7 @@ def combine(
     entries = {e.symbol: e for e in _geometry(ase)}
     entries |= {e.symbol: e for e in _constants(vehicle, ase, rolling)}
     entries |= {e.symbol: e for e in _rows_of_models(models, joined, ase)}
-    known = [entries[s] for s in (*BY_SYMBOL, *ROLL_UNITS) if s in entries and s not in INERTIAS]
+    known = [entries[s] for s in (*COEFFICIENTS, *ROLL_UNITS) if s in entries and s not in INERTIAS]
     combined = CombinedModel(
         vehicle=vehicle.body.name,
         length_m=ase.length_m,
@@ -124,15 +132,16 @@ def _geometry(ase: AseResult) -> Iterator[CombinedEntry]:
     """The coefficients of both planes before any data."""
     for c in ase.coefficients:
         origin = FILE if c.origin == "given" else GEOMETRY
-        yield CombinedEntry(
-            symbol=c.symbol,
-            value=c.value,
-            std=c.std,
-            unit=c.unit,
-            origin=origin,
-            prime=c.prime,
-            sign=BY_SYMBOL[c.symbol].sign,
-        )
+        for symbol in DRAG_OF.values() if c.symbol == FIN_DRAG else (c.symbol,):
+            yield CombinedEntry(
+                symbol=symbol,
+                value=c.value,
+                std=c.std,
+                unit=c.unit,
+                origin=origin,
+                prime=c.prime,
+                sign=BY_SYMBOL[c.symbol].sign,
+            )
 
 
 def _constants(
@@ -146,7 +155,7 @@ def _constants(
     # a vehicle is ballasted to lie level: no trim moment unless one is known
     known |= {"W-B": weight - buoyancy, "x_GW": 0.0, "z_GW": body.z_g_m * weight}
     stds = dict.fromkeys(known, 0.0)
-    for row in getattr(ase, "constants", ()):
+    for row in ase.constants:
         known[row.symbol], stds[row.symbol] = row.value, row.std
     for symbol, value in known.items():
         yield CombinedEntry(
@@ -171,15 +180,16 @@ def _rows_of_models(
     values = dict(zip(joined.names, joined.mean.tolist(), strict=True))
     stds = dict(zip(joined.names, spread.tolist(), strict=True))
     for model in models:
-        for c in (*model.coefficients, *getattr(model, "constants", ())):
-            if c.symbol not in values:  # held: as geometry or the file has it
+        for c in model.estimates:
+            symbol = whole_name(model.plane, c.symbol)
+            if symbol not in values:  # held: as geometry or the file has it
                 continue
-            planes = joined.of.get(c.symbol, (model.plane,))
-            value = values[c.symbol]
+            planes = joined.of.get(symbol, (model.plane,))
+            value = values[symbol]
             yield CombinedEntry(
-                symbol=c.symbol,
+                symbol=symbol,
                 value=value,
-                std=stds[c.symbol] if c.symbol in joined.of else c.std,
+                std=stds[symbol] if symbol in joined.of else c.std,
                 unit=c.unit,
                 origin=f"identified, {planes[0] if len(planes) == 1 else 'both'}",
                 prime=_prime(c.symbol, value, ase),
@@ -214,9 +224,10 @@ def _block(origin: str, symbols: tuple[str, ...], matrix: np.ndarray) -> Covaria
 def _prior_covariance(rest: Sequence[CombinedEntry], ase: AseResult) -> np.ndarray:
     """Covariance of estimates: an inaccurate formula moves all that rest on it at once."""
     variance = np.array([e.std**2 for e in rest])
+    symbols = [COEFFICIENTS.get(e.symbol, e.symbol) if e.origin == GEOMETRY else "" for e in rest]
     moved = np.array(
         [
-            [effect.get(e.symbol, 0.0) if e.origin == GEOMETRY else 0.0 for e in rest]
+            [effect.get(symbol, 0.0) for symbol in symbols]
             for effect in ase.accuracy_effects.values()
         ]
     ).reshape(-1, len(rest))
@@ -231,7 +242,7 @@ def _effect_parameters(
     """Parameters of the effects: as their model has them, those of both planes as joined."""
     found: dict[str, float] = {}
     for model in models:
-        names = effect_names(model.plane, tuple(str(e["id"]) for e in model.effects))
+        names = whole_names(model.plane, tuple(str(e["id"]) for e in model.effects))
         for effect in model.effects:
             for name, value in effect["internal"].items():
                 found.setdefault(names.get(name, name), float(value))

@@ -11,7 +11,7 @@ from auvident.engines.draws import drawn_vectors
 from auvident.errors import InputError, NumericsError
 from auvident.physics.ase.draws import drawn_coefficients
 from auvident.physics.fleet import possible
-from auvident.physics.six_dof_terms import INERTIA, effect_names
+from auvident.physics.six_dof_terms import whole_names
 from auvident.physics.terms import Structure, parameter_vector, structure_of
 from auvident.schema.artifacts import AseResult, IdentifiedModel, RigidBody
 from auvident.schema.coefficients import constants_of, symbols_of
@@ -117,11 +117,9 @@ def combined_models(
     """A model of six degrees of freedom, restricted to a plane, and some drawn."""
     ids = model.effect_ids(plane)
     structure, moves = structure_of(plane, ids), [{}, *model.draws(samples, rng)]
-    names = {"I": INERTIA[plane]} | effect_names(plane, ids)
+    names = whole_names(plane, ids)
     values = [model.values(moved) for moved in moves]
-    vectors = np.array(
-        [[v.get(names.get(n, n), 0.0) for n in structure.parameters] for v in values]
-    )
+    vectors = np.array([[v.get(names[n], 0.0) for n in structure.parameters] for v in values])
     source: ModelSource = (
         "identified" if any(m.plane == plane for m in model.models) else "estimated"
     )
