@@ -16,6 +16,7 @@ from auvident.pipeline.table import BY_NAME, before
 from tests.command_line import SAMPLES, Called
 
 NAMES = [stage.name for stage in STAGES]
+ONE_PLANE = [stage.name for stage in STAGES if not stage.needs_both]
 RUN = ("run", "sample_logs/harbour_trial", "--vehicle", "sample_logs/remus100.toml", "--run")
 
 
@@ -29,9 +30,20 @@ def states(run: Path) -> dict[str, str]:
     return {d.stage: d.state for d in status(run)[0]}
 
 
+def test_a_run_of_one_plane_needs_no_stage_of_both(
+    demo: Path, auvident: Callable[..., Called]
+) -> None:
+    (decision,) = (d for d in status(demo)[0] if d.stage == "combine")
+    assert (decision.state, decision.reason) == ("not needed", "the run has one plane")
+    assert set(states(demo).values()) == {"done", "not needed"}
+    assert "not needed" in auvident("status", demo).err
+    (demo / "identify/model.json").unlink()
+    assert states(demo)["combine"] == "missing"  # no one knows which planes it will have
+
+
 def test_the_manifest_has_the_hash_of_every_artifact(demo: Path) -> None:
     manifest = json.loads((demo / "run.json").read_text())
-    assert list(manifest["stages"]) == NAMES
+    assert list(manifest["stages"]) == ONE_PLANE
     for name, entry in manifest["stages"].items():
         assert entry["outputs"], name
         assert set(BY_NAME[name].options) == set(entry["options"])

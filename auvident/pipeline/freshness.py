@@ -1,4 +1,4 @@
-"""Which stages are done, stale or missing, and why: hashes decide, not times."""
+"""Which stages are done, stale, missing or not needed, and why: hashes decide, not times."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,12 +7,14 @@ from typing import Any, Literal
 
 from auvident import __version__
 from auvident.pipeline.given import fits, matching
+from auvident.pipeline.planes import planes_of
 from auvident.pipeline.table import BY_NAME, STAGES, Stage, before
 from auvident.schema.manifest import Manifest, StageEntry
+from auvident.schema.planes import PLANES
 from auvident.storage.artifacts import sha256_of
 from auvident.storage.run_directory import PACKAGE, RunDirectory
 
-State = Literal["done", "stale", "missing"]
+State = Literal["done", "stale", "missing", "not needed"]
 
 
 @dataclass(frozen=True)
@@ -156,7 +158,15 @@ def judge_all(run: RunDirectory, manifest: Manifest | None) -> list[Decision]:
             first = decisions[broken[0].name]
             decision = Decision(stage.name, "stale", f"{first.stage} is {first.state}")
         decisions[stage.name] = decision
+        if decision.state == "missing" and _is_for_two(stage, run, decisions):
+            decisions[stage.name] = Decision(stage.name, "not needed", "the run has one plane")
     return list(decisions.values())
+
+
+def _is_for_two(stage: Stage, run: RunDirectory, decisions: Mapping[str, Decision]) -> bool:
+    """Whether a stage needs both planes and the run is known to have one."""
+    identified = all(decisions[s.name].state == "done" for s in before(stage.name))
+    return stage.needs_both and identified and len(planes_of(run)) < len(PLANES)
 
 
 def first_broken(name: str, run: RunDirectory, manifest: Manifest | None) -> Decision | None:
