@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 import numpy.typing as npt
 
-from auvident.schema.coefficients import BY_SYMBOL
+from auvident.schema.coefficients import ESTIMATED
 
 Array = npt.NDArray[np.float64]
 
@@ -21,7 +21,7 @@ def drawn_coefficients(
     rng: np.random.Generator | None = None,
     draws: int = DRAWS,
 ) -> dict[str, Array]:
-    """Draw coefficients.
+    """Draw coefficients and constants.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def drawn_coefficients(
                 explained += effect[symbol] ** 2
         own = np.sqrt(max(stds[symbol] ** 2 - explained, 0.0))
         draw = value + shared + own * moved
-        sign = BY_SYMBOL[symbol].sign
+        sign = ESTIMATED[symbol].sign
         if sign * value > 0.0:
             draw = sign * np.abs(draw)
         drawn[symbol] = np.concatenate([[value], draw])
