@@ -48,6 +48,15 @@ def test_json_has_figures_with_intervals_and_the_motion(samples: Path, auvident:
     assert len({len(values) for values in columns.values()}) == 1
 
 
+@pytest.mark.parametrize("maneuver", ["depth-step:5", "vertical-zigzag:10/5"])
+def test_a_vehicle_file_flies_up_and_down_with_its_ballast_drawn(
+    samples: Path, auvident: Call, maneuver: str
+) -> None:
+    found = result_of(auvident("simulate", VEHICLE, "--maneuver", maneuver, "--json"))
+    assert found["source"] == "estimated"
+    assert any(f["low"] < f["value"] < f["high"] for f in found["figures"])
+
+
 def test_tables_and_pictures_are_written(samples: Path, auvident: Call) -> None:
     base = ("simulate", VEHICLE, "--maneuver", "turning-circle:15")
     called = auvident(*base, "--output", "c.csv", "--figure", "c.svg")

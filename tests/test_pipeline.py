@@ -16,6 +16,7 @@ from auvident.pipeline.table import BY_NAME, before
 from tests.command_line import SAMPLES, Called
 
 NAMES = [stage.name for stage in STAGES]
+ONE_PLANE = [stage.name for stage in STAGES if not stage.needs_both]
 RUN = ("run", "sample_logs/harbour_trial", "--vehicle", "sample_logs/remus100.toml", "--run")
 
 
@@ -29,9 +30,20 @@ def states(run: Path) -> dict[str, str]:
     return {d.stage: d.state for d in status(run)[0]}
 
 
+def test_a_run_of_one_plane_needs_no_stage_of_both(
+    demo: Path, auvident: Callable[..., Called]
+) -> None:
+    (decision,) = (d for d in status(demo)[0] if d.stage == "combine")
+    assert (decision.state, decision.reason) == ("not needed", "the run has one plane")
+    assert set(states(demo).values()) == {"done", "not needed"}
+    assert "not needed" in auvident("status", demo).err
+    (demo / "identify/model.json").unlink()
+    assert states(demo)["combine"] == "missing"  # no one knows which planes it will have
+
+
 def test_the_manifest_has_the_hash_of_every_artifact(demo: Path) -> None:
     manifest = json.loads((demo / "run.json").read_text())
-    assert list(manifest["stages"]) == NAMES
+    assert list(manifest["stages"]) == ONE_PLANE
     for name, entry in manifest["stages"].items():
         assert entry["outputs"], name
         assert set(BY_NAME[name].options) == set(entry["options"])
@@ -56,7 +68,8 @@ def test_every_file_of_the_run_is_in_the_manifest(demo: Path) -> None:
 def test_a_second_run_skips_everything(demo: Path, auvident: Callable[..., Called]) -> None:
     before = {p: p.stat().st_mtime_ns for p in demo.rglob("*")}
     called = auvident(*RUN, demo)
-    assert decisions(called) == dict.fromkeys(NAMES, "up to date")
+    left_out = dict.fromkeys(NAMES, "skipped, it needs both planes")
+    assert decisions(called) == left_out | dict.fromkeys(ONE_PLANE, "up to date")
     assert {p: p.stat().st_mtime_ns for p in demo.rglob("*")} == before
 
 
@@ -118,7 +131,7 @@ def test_a_damaged_artifact_is_made_again(demo: Path, auvident: Callable[..., Ca
     assert said["ase"].endswith("ase/coefficients.json is missing")
     assert said["identify"].endswith("identify/model.json is not as it was written")
     assert (demo / "identify" / "model.json").read_bytes() == whole
-    assert set(states(demo).values()) == {"done"}
+    assert set(states(demo).values()) == {"done", "not needed"}
 
 
 def test_another_program_version_runs_everything_again(
@@ -130,7 +143,7 @@ def test_another_program_version_runs_everything_again(
 
 def test_logs_that_are_gone_do_not_make_a_run_stale(tmp_path: Path, demo: Path) -> None:
     (tmp_path / "sample_logs").unlink()
-    assert set(states(demo).values()) == {"done"}
+    assert set(states(demo).values()) == {"done", "not needed"}
 
 
 @pytest.mark.parametrize("name", [n for n in NAMES if n != "ingest"])

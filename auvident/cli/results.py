@@ -20,7 +20,7 @@ PLANE = click.option(
 @command("status", "auvident status runs/demo")
 @RUN
 def status(output: Output, run: Path) -> None:
-    """Show which stages are done, stale or missing, and why."""
+    """Show which stages are done, stale, missing or not needed, and why."""
     from auvident.pipeline import status as judge
     from auvident.report.console import status_table
 

@@ -1,18 +1,20 @@
-"""Which stages are done, stale or missing, and why: hashes decide, not times."""
+"""Which stages are done, stale, missing or not needed, and why: hashes decide, not times."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 from auvident import __version__
 from auvident.pipeline.given import fits, matching
+from auvident.pipeline.planes import planes_of
 from auvident.pipeline.table import BY_NAME, STAGES, Stage, before
 from auvident.schema.manifest import Manifest, StageEntry
+from auvident.schema.planes import PLANES, Plane
 from auvident.storage.artifacts import sha256_of
 from auvident.storage.run_directory import PACKAGE, RunDirectory
 
-State = Literal["done", "stale", "missing"]
+State = Literal["done", "stale", "missing", "not needed"]
 
 
 @dataclass(frozen=True)
@@ -155,8 +157,17 @@ def judge_all(run: RunDirectory, manifest: Manifest | None) -> list[Decision]:
         if broken and decision.state != "missing":
             first = decisions[broken[0].name]
             decision = Decision(stage.name, "stale", f"{first.stage} is {first.state}")
+        if stage.needs_both and not broken:
+            decision = in_planes(stage, decision, planes_of(run))
         decisions[stage.name] = decision
     return list(decisions.values())
+
+
+def in_planes(stage: Stage, decision: Decision, planes: Sequence[Plane]) -> Decision:
+    """State of a stage in a run of these planes: one of both is not missing where there is one."""
+    if stage.needs_both and len(planes) < len(PLANES) and decision.state == "missing":
+        return Decision(stage.name, "not needed", "the run has one plane")
+    return decision
 
 
 def first_broken(name: str, run: RunDirectory, manifest: Manifest | None) -> Decision | None:

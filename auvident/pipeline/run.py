@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from auvident import __version__
 from auvident.errors import AuvidentError, NumericsError, StageError
 from auvident.parallel import one_blas_thread
-from auvident.pipeline.freshness import Decision, Wanted, first_broken, judge, judge_all
+from auvident.pipeline.freshness import Decision, Wanted, first_broken, in_planes, judge, judge_all
 from auvident.pipeline.given import Given, matching
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.planes import asked_for, called, planes_of, wanted_planes
@@ -135,6 +135,7 @@ def run_all(
             if reason:
                 observer.decided(stage.name, f"{stage.name}: skipped, {reason}")
                 result.left_out.append(stage.name)
+                result.decisions[-1] = in_planes(stage, decision, planes)
                 continue
             observer.decided(stage.name, decision.sentence)
             if decision.state == "done":

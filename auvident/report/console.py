@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from auvident.schema.diagnosis import Comparison
 
 number = TERMINAL.number
-STATE_STYLES = {"done": "green", "stale": "yellow", "missing": "red"}
+STATE_STYLES = {"done": "green", "stale": "yellow", "missing": "red", "not needed": "dim"}
 ROLES = {
     "identify": "Prediction of the maneuvers used for identification",
     "validate": "Prediction of the held-out maneuvers",

@@ -13,7 +13,7 @@ from seatrial.population.checks_vertical import MOST_UNSTABLE, response
 from seatrial.population.form import Size
 from seatrial.population.schedule_vertical import TRIMS
 from seatrial.population.sizes import OUTSIDE_OF, SINGLES_OF, Scales, draw_sizes
-from seatrial.population.stated import LEAST_HEIGHT_M, write_stated
+from seatrial.population.stated import LEAST_HEIGHT_M, mistaken_ballast, write_stated
 from seatrial.sensors import body_over_ground, lagged, measure_all
 from seatrial.simulate import ELEVATOR, ELEVATOR_COMMAND, STEP_S
 from seatrial.trial import generate, sail, stream
@@ -418,3 +418,24 @@ def test_the_ballast_is_stated_with_the_errors_people_make(population, tmp_path)
         assert abs(body.mass_kg / true["mass_kg"] - 1.0) < 0.06
         assert abs(body.x_g_m - true["x_g_m"]) < 0.02
         assert body.z_g_m >= LEAST_HEIGHT_M
+
+
+def test_half_of_the_owners_say_how_well_they_know_the_ballast():
+    vehicle = draw(TUNED[0], planted=(), plane="vertical").vehicle
+    true, weight = vehicle.file["vehicle"], vehicle.body.weight
+    said, errors = [], []
+    for seed in range(400):
+        rngs = [np.random.default_rng([seed, i]) for i in (0, 1)]
+        table = mistaken_ballast(vehicle, {"vehicle": true}, *rngs)["vehicle"]
+        again = mistaken_ballast(
+            vehicle, {"vehicle": true}, np.random.default_rng([seed, 0]), rngs[1]
+        )
+        assert {k: again["vehicle"][k] for k in true} == {k: table[k] for k in true}
+        said.append("buoyancy_std_n" in table)
+        if said[-1]:
+            off = (table["mass_kg"] / true["mass_kg"] - 1.0) * weight
+            off -= table["buoyancy_n"] - true["buoyancy_n"]
+            errors.append(off / table["buoyancy_std_n"])
+            assert 0.0007 < table["x_g_std_m"] < 0.007 and table["z_g_std_m"] > 0.0
+    assert 0.4 < np.mean(said) < 0.6  # 4 standard deviations of 400 draws
+    assert 0.8 < np.std(errors) < 1.4  # of some 200, each rated 0.7 to 1.4 of the true one

@@ -21,7 +21,7 @@ def drawn_coefficients(
     rng: np.random.Generator | None = None,
     draws: int = DRAWS,
 ) -> dict[str, Array]:
-    """Draw coefficients.
+    """Draw coefficients and constants.
 
     Parameters
     ----------

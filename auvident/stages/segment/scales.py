@@ -105,13 +105,13 @@ def _with_response(scales: Scales, pieces: Sequence[Piece]) -> Scales:
     return replace(scales, gain_radpm=gain, drive=drive)
 
 
-def held_fins(piece: Piece, scales: Scales) -> list[Plateau]:
-    """Stretches over which the fin is held at an angle beyond trim, glitches bridged."""
+def held_fins(piece: Piece, scales: Scales, least_rad: float = LEAST_FIN_RAD) -> list[Plateau]:
+    """Stretches over which the fin is held at an angle beyond `least_rad`, glitches bridged."""
     tolerance = scales.tolerance_rad
     shortest = max(2, piece.samples(SHORTEST_HOLD_S))
     held: list[Plateau] = []
     for p in plateaus(piece.fin, tolerance):
-        if p.samples < shortest or abs(p.level) < LEAST_FIN_RAD or _moves(piece, p, tolerance):
+        if p.samples < shortest or abs(p.level) < least_rad or _moves(piece, p, tolerance):
             continue
         if held and _same_hold(piece, held[-1], p, tolerance):
             start = held.pop().start

@@ -13,7 +13,7 @@ import numpy as np
 
 from auvident.physics.maneuvers.plateaus import Plateau
 from auvident.schema.artifacts import Rejected
-from auvident.schema.planes import Plane
+from auvident.schema.planes import BY_PLANE, Plane
 from auvident.stages.segment.chains import (
     LEAST_EXECUTES,
     LEAST_SWING_RAD,
@@ -31,9 +31,9 @@ PEAK_SHARE = 0.4  # of the amplitude: an autopilot's rudder before the execute i
 HELD_S = 0.5  # a fin that rests for this long has reached its angle
 LEAST_SWING_SHARE = 0.1  # of the whole swing; overshoots of nine times the angle do not occur
 
-TOO_FEW = "zigzag: too few rudder executes"
-AUTOPILOT = "zigzag: the rudder brings the heading back instead of swinging it, swing [deg]"
-UNEQUAL = "zigzag: the rudder goes to two sides by different orders, ratio of the angles"
+TOO_FEW = "zigzag: too few {fin} executes"
+AUTOPILOT = "zigzag: the {fin} brings the {angle} back instead of swinging it, swing [deg]"
+UNEQUAL = "zigzag: the {fin} goes to two sides by different orders, ratio of the angles"
 
 
 def find_zigzags(
@@ -54,7 +54,7 @@ def find_zigzags(
     held : sequence of Plateau
         Stretches of constant fin angle that are no turning circle.
     plane : str
-        Noted in what is found.
+        Noted in what is found, and its fin and angle named in what fell short.
     taken : sequence of Found
         Turning circles of this piece.
 
@@ -75,11 +75,13 @@ def find_zigzags(
     found = [
         Found("zigzag", piece, c.start, _before(taken, c), c.level_rad, plane) for c in zigzags
     ]
+    words = {"fin": BY_PLANE[plane].fin, "angle": BY_PLANE[plane].states[3].symbol}
     rejected: list[Rejected] = []
     said: list[_Candidate | Found] = [*zigzags, *taken]
     for c in (*sure, *unsure, *_pairs(piece, scales, held)):
         if c.verdict is not None and not _meets(c, said):
-            rejected.append(piece.rejected(c.start, c.stop, *c.verdict))
+            reason, *evidence = c.verdict
+            rejected.append(piece.rejected(c.start, c.stop, reason.format(**words), *evidence))
             said.append(c)
     return found, sorted(rejected, key=lambda r: r.t_start_s)
 

@@ -272,7 +272,8 @@ def draw(
         legs, notes = draw_day(size, rpm, facts["rate_per_rudder"], short, day)
     stated = draw_stated(vehicle, size, keys, equipment, stream(seed, "population stated"))
     if upright:
-        stated |= mistaken_ballast(vehicle, stated, stream(seed, "population ballast"))
+        rngs = (stream(seed, f"population {name}") for name in ("ballast", "ballast known"))
+        stated |= mistaken_ballast(vehicle, stated, *rngs)
     rng = stream(seed, "population effects")
     kind, names = draw_names(rng, plane)
     if planted is not None:

@@ -14,6 +14,7 @@ from seatrial.vehicles import Vehicle
 MASS, INERTIA, BUOYANCY, CURVE, DRAG = 0.02, 0.06, 0.01, 0.10, 0.3  # relative errors, std
 CENTRE_M, HEIGHT_M, LEAST_HEIGHT_M = 0.005, 0.003, 0.001
 BALLAST = (0.003, 0.02)  # of mass and buoyancy, from well to badly known
+CAREFUL = 0.5  # of the owners state how well they know it
 
 
 def draw_stated(
@@ -53,16 +54,18 @@ def draw_stated(
     return tables
 
 
-def mistaken_ballast(vehicle: Vehicle, stated: dict, rng: np.random.Generator) -> dict:
+def mistaken_ballast(
+    vehicle: Vehicle, stated: dict, rng: np.random.Generator, care: np.random.Generator
+) -> dict:
     """The table of the vehicle with the errors of ballasting: weighed well, badly, or guessed.
 
     Mass and buoyancy are off by 0.3 to 2 %, the height of the centre of gravity by 5 mm or by a
-    tenth, its station by up to 5 mm.
+    tenth, its station by up to 5 mm. By `care`, half of the owners say how sure they are.
     """
     true, level = vehicle.file["vehicle"], float(np.exp(rng.uniform(*np.log(BALLAST))))
-    high = true["z_g_m"] + float(rng.normal(0.0, CENTRE_M))
+    high, unsure = true["z_g_m"] + float(rng.normal(0.0, CENTRE_M)), CENTRE_M
     if rng.random() < 0.5:
-        high = true["z_g_m"] * float(rng.normal(1.0, 0.1))
+        high, unsure = true["z_g_m"] * float(rng.normal(1.0, 0.1)), 0.1 * true["z_g_m"]
     off = float(rng.uniform(0.2, 1.0)) * CENTRE_M
     table = {
         **stated["vehicle"],
@@ -71,6 +74,10 @@ def mistaken_ballast(vehicle: Vehicle, stated: dict, rng: np.random.Generator) -
         "x_g_m": float(np.round(true["x_g_m"] + rng.normal(0.0, off), 4)),
         "z_g_m": max(high, LEAST_HEIGHT_M),
     }
+    if care.random() < CAREFUL:
+        weights = math.sqrt(2.0) * level * vehicle.body.weight  # mass and buoyancy are both off
+        stds = {"buoyancy_std_n": weights, "x_g_std_m": off, "z_g_std_m": unsure}
+        table |= {key: _rated(std, care) for key, std in stds.items()}
     return {"vehicle": table}
 
 
@@ -97,7 +104,7 @@ def guessed_drag(vehicle: Vehicle) -> float:
 
 
 def _rated(std: float, rng: np.random.Generator) -> float:
-    """A data sheet's figure for a noise."""
+    """A data sheet's figure for a noise, or an owner's for an error."""
     return float(std * rng.uniform(0.7, 1.4))
 
 
