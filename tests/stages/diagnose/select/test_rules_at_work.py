@@ -47,6 +47,7 @@ class Places:
     """As much of a case as is asked for: one parameter for each effect."""
 
     records: tuple[None, ...] = (None, None)
+    channels: tuple[str, ...] = ("u", "v", "r")
 
     def positions(self, *effects: str) -> list[int]:
         return [(*ALONE, *STEADY, "hull_asymmetry").index(effect) for effect in effects]
