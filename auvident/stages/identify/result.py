@@ -120,7 +120,7 @@ def model_of(
         stages=records,
         findings=(
             *findings,
-            *_findings(rows, final, symbols),
+            *_findings(rows, final, symbols, _by_chance(symbols, scatter)),
             *_constraint_findings(constraints),
             *nis_findings(records[-1]),
         ),
@@ -348,8 +348,15 @@ def _stage_record(setup: Setup, step: Step) -> StageRecord:
     )
 
 
+def _by_chance(symbols: Sequence[str], scatter: Scatter | None) -> set[str]:
+    """Symbols whose scatter chance explains."""
+    if scatter is None:
+        return set()
+    return {name for name, beyond in zip(symbols, scatter.beyond_chance, strict=True) if not beyond}
+
+
 def _findings(
-    rows: Sequence[ModelConstant], final: Outcome, symbols: Sequence[str]
+    rows: Sequence[ModelConstant], final: Outcome, symbols: Sequence[str], by_chance: set[str]
 ) -> list[Finding]:
     """Warnings about coefficients and constants, each with its evidence."""
     found = []
@@ -367,7 +374,8 @@ def _findings(
             )
         if row.std_jackknife and row.std_filter and row.origin == "identified":
             ratio = row.std_jackknife / row.std_filter
-            if row.std > row.std_filter and ratio > DISAGREE and row.data_share > NOT_MOVED:
+            wider = row.std > row.std_filter and row.symbol not in by_chance
+            if wider and ratio > DISAGREE and row.data_share > NOT_MOVED:
                 found.append(
                     Finding(
                         code="maneuvers-disagree",
