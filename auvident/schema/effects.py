@@ -288,7 +288,7 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("thrust_line_moment", "actuation", "force", V, (
         P("z_m", "m", 0.03, 0.005, -0.5, 0.5, powers=LENGTH),
     ), "M + z T", "pitches with the elevator amidships, in proportion to the thrust", (),
-        words="a thrust line {z_m:.3f} m below the axis", alike="amidships",
+        words="a thrust line at z = {z_m:+.3f} m", alike="amidships",
         parts=("elevator_offset", "dvl_pitch"), steady=True),
     Effect("hull_asymmetry", "hydrodynamics", "force", HV, (
         *in_axes("A_0", "kg/m", 1.2e-3, 2e-4, -0.1, 0.1, powers=(1, 2, 0, 0), nuisance_std=3e-5),

@@ -191,3 +191,10 @@ def test_only_a_scatter_beyond_chance_widens_and_never_beyond_the_prior() -> Non
     scatter = Scatter(np.array([0.6, 0.6, 5.0, 0.1]), np.array([True, False, True, True]))
     np.testing.assert_allclose(widening(covariance, scatter), [3.0, 1.0, 5.0, 1.0], rtol=1e-12)
     np.testing.assert_array_equal(widening(covariance, None), np.ones(4))
+
+
+def test_the_scatter_of_a_steady_moment_always_counts() -> None:
+    covariance, scatter = np.full((2, 2), 0.0), Scatter(np.full(2, 0.2), np.zeros(2, dtype=bool))
+    np.fill_diagonal(covariance, 0.1**2)
+    steady = np.array([False, True])
+    np.testing.assert_allclose(widening(covariance, scatter, steady), [1.0, 2.0], rtol=1e-12)

@@ -21,7 +21,11 @@ from auvident.stages.diagnose.checks.kinematics import (
     heading_against_gyro,
     position_against_dvl,
 )
-from auvident.stages.diagnose.checks.vertical import depth_against_dvl, pitch_against_gyro
+from auvident.stages.diagnose.checks.vertical import (
+    depth_against_dvl,
+    pitch_against_gyro,
+    position_in_dives,
+)
 from auvident.stages.diagnose.checks.waves import Residual, find_wave
 from auvident.stages.diagnose.fit.case import Case, case_of, testable
 from auvident.stages.diagnose.fit.fits import Fitted
@@ -124,7 +128,7 @@ def _in_vertical(trials: Sequence[Trial], vehicle: Vehicle) -> list[SensorCheck]
     found = (
         pitch_against_gyro(trials),
         depth_against_dvl(trials, vehicle),
-        position_against_dvl(trials, vehicle.dvl),
+        position_in_dives(trials, vehicle.dvl),
     )
     return [check for check in found if check is not None]
 

@@ -18,7 +18,7 @@ millisecond between gyro and heading, to some hundredths of a second between DVL
 """
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -28,7 +28,12 @@ import numpy.typing as npt
 from auvident.schema.effects import parameter_of
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Dvl
-from auvident.stages.diagnose.checks.paired_logs import Stretch, fit_windows, stretches_of
+from auvident.stages.diagnose.checks.paired_logs import (
+    MARGIN_S,
+    Stretch,
+    fit_windows,
+    stretches_of,
+)
 
 Array = npt.NDArray[Any]
 
@@ -145,7 +150,12 @@ def heading_change(stretch: Stretch, x: Array) -> Array:
     return (s["heading_rad"] - integral(rate, stretch.dt_s))[:, None]
 
 
-def position_against_dvl(trials: Sequence[Trial], dvl: Dvl) -> SensorCheck | None:
+def position_against_dvl(
+    trials: Sequence[Trial],
+    dvl: Dvl,
+    along: Sequence[float] = (),
+    change: Callable[[Stretch, Array], Array] | None = None,
+) -> SensorCheck | None:
     """Scale, misalignment and delay of the DVL from the position log, and the current.
 
     position(t) = c + integral of R(roll, pitch, heading) v dt (+ current t when the DVL measures
@@ -163,6 +173,10 @@ def position_against_dvl(trials: Sequence[Trial], dvl: Dvl) -> SensorCheck | Non
         Held-out rows blanked to NaN.
     dvl : Dvl
         Lever arm, mounting angle and reference.
+    along : sequence of float
+        Usual sizes of further parameters that are fitted along and dropped.
+    change : callable, optional
+        In place of `position_change`, with these behind its parameters.
 
     Returns
     -------
@@ -176,12 +190,16 @@ def position_against_dvl(trials: Sequence[Trial], dvl: Dvl) -> SensorCheck | Non
     optional = ("w_mps", "p_radps", "q_radps", "roll_rad", "pitch_rad")
     stretches = stretches_of(trials, ("north_m", "east_m"), needed, optional, POSITION_WINDOW_S)
     nuisances = [1.0, 1.0, 1.0]  # latency of the position log in s, transponder in m
-    prior = np.array(nuisances + [parameter_of(n).prior for n in names])
-    found = fit_windows(stretches, lambda s, x: position_change(s, x, dvl), prior)
+    prior = np.array([*nuisances, *(parameter_of(n).prior for n in names), *along])
+    reach = np.full(len(prior), math.inf)
+    reach[len(nuisances) + names.index("dvl_delay.delay_s")] = MARGIN_S
+    predict = change or (lambda s, x: position_change(s, x, dvl))
+    found = fit_windows(stretches, predict, prior, reach)
     if found is None:
         return None
     mean, covariance, samples, rms = found
-    mean, covariance = mean[3:], covariance[3:, 3:]
+    own = slice(len(nuisances), len(nuisances) + len(names))
+    mean, covariance = mean[own], covariance[own, own]
     covariance[1, 1] += HEADING_REFERENCE_RAD**2
     covariance[2, 2] += HEADING_LATENCY_S**2
     return SensorCheck(names, mean, covariance, samples, rms, "position log against DVL")

@@ -34,6 +34,7 @@ LOWER = 0.025
 LEAST_ERROR = 1.0e-9  # [nats] of a gain: less is none
 LEAST_ABOVE = 0.05  # of the power of a residual, above the noise of its sensor, to be looked at
 FLIPS = 9999  # of signs; among 28 effects the least p is then 0.003
+LEAST_CHANCE = 1.0 / (1 + FLIPS)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from scipy.special import chdtrc
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, check_cost
 from auvident.stages.diagnose.score.left_out import (
+    LEAST_CHANCE,
     Helped,
     fits_without,
     helped,
@@ -54,7 +55,10 @@ def judged_with(
 
 
 def with_sensors(case: Case, before: Fitted, fitted: Fitted, found: Helped) -> Helped:
-    """The same with what the sensors say about each other, which needs no maneuver."""
+    """The same with what the sensors say about each other, which needs no maneuver.
+
+    How far out a check is Gaussian nobody knows: its chance is no less than signs can show.
+    """
     old, new = check_cost(case, before.parameters), check_cost(case, fitted.parameters)
     gained = old - new
     if not passes(gained, rules.SENSORS):
@@ -64,7 +68,7 @@ def with_sensors(case: Case, before: Fitted, fitted: Fitted, found: Helped) -> H
         found.gain + gained,
         max(found.share, 1.0),
         found.low + gained,
-        p=2.0 * min(by_sensors, found.p),
+        p=2.0 * max(min(by_sensors, found.p), LEAST_CHANCE),
         t=max(found.t, float(np.sqrt(2.0 * gained))),
         explained=max(found.explained, gained / old),
     )

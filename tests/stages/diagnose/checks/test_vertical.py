@@ -125,6 +125,25 @@ def test_a_scale_is_of_the_pitch_where_the_gyro_has_none() -> None:
     assert np.sqrt(both.covariance[1, 1]) > 0.1  # with both in a model neither is known
 
 
+def test_a_large_scale_is_told_to_what_is_claimed() -> None:
+    """(1 + q scale) / (1 + pitch scale) is seen, and not their difference: -0.1 would be -0.091."""
+    check = pitch_against_gyro([trial_of(np.random.default_rng(2), pitch_scale=0.1)])
+    for name, truth in (("pitch_scale.fraction", 0.1), ("q_scale.fraction", 1.0 / 1.1 - 1.0)):
+        found, std = told(check, name)
+        assert abs(found - truth) < 3.0 * std
+        assert std < 1e-3
+
+
+def test_a_scale_of_the_pitch_is_no_tilt_of_the_pitch() -> None:
+    """The sine of a pitch that reads too much is no scale of the depth: what is left is counted."""
+    check = depth_against_dvl([trial_of(np.random.default_rng(4), pitch_scale=0.1)], vehicle())
+    assert check is not None
+    both = check.with_only({"pitch_bias.bias_deg", "pitch_scale.fraction"})
+    away = np.abs(both.mean - [0.0, 0.1, 0.0]) / np.sqrt(np.diag(both.covariance))
+    assert np.all(away < 3.0)
+    assert np.all(np.sqrt(np.diag(both.covariance))[:2] < [1e-3, 5e-3])
+
+
 @pytest.mark.parametrize(
     ("planted", "name"),
     [
