@@ -16,7 +16,7 @@ from tests.bench.effects_cases import SPREAD, Case
 from tests.bench.effects_truth import planted_of
 from tests.engines.chain import SAMPLES
 
-WANTED = tuple(stage.name for stage in STAGES if stage.name != "report")
+WANTED = tuple(s.name for s in STAGES if s.name != "report" and not s.needs_both)
 DIAGNOSIS, COMPARISON = "diagnose/diagnosis.json", "refine/comparison.json"
 # Said twice or by maneuver, and long: not kept.
 LEFT_OUT = {DIAGNOSIS: ("lookalikes",), COMPARISON: ("maneuvers", "candidates")}
