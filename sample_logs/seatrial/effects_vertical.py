@@ -108,7 +108,7 @@ ROWS = (
     ),
     (
         "thrust_line_moment",
-        "hydrodynamics",
+        "actuation",
         {"z_m": "m"},
         "plant",
         "thrust acts so far below O",
