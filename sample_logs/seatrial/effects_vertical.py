@@ -172,7 +172,7 @@ ROWS = (
     ),
     (
         "buoyancy_gradient",
-        "hydrodynamics",
+        "environment",
         {"gradient_npm": "N/m", "ballasted_at_m": "m"},
         "plant",
         "weight less buoyancy grows with depth, from the depth of ballasting",
@@ -180,7 +180,7 @@ ROWS = (
     ),
     (
         "weight_change",
-        "hydrodynamics",
+        "environment",
         {"weight_n": "N", "x_m": "m", "time_s": "s"},
         "sea",
         "weight comes or goes at one time and station: a leak, a dropped weight",
