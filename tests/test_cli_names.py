@@ -26,7 +26,7 @@ def test_a_name_that_looks_like_markup_is_shown(
     vehicle.write_text(text.replace('"REMUS 100"', f'"{name}"'))
     called = auvident("ase", "--vehicle", vehicle)
     assert called.code == 0, called.err
-    assert f"{name}: coefficients" in called.err
+    assert f"{name}: both planes" in called.err
     called = auvident("ingest", log, "--vehicle", vehicle, "--run", run)
     assert called.code == 0, called.err
     assert f"{folder}: " in called.err

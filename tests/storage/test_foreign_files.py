@@ -239,7 +239,7 @@ def test_a_log_whose_name_can_be_no_file_name_everywhere_is_refused(tmp_path: Pa
 
 def test_what_the_table_says_a_stage_writes_is_what_it_writes(demo: Path) -> None:
     entries = status(demo)[1].stages
-    for stage in STAGES:
+    for stage in (s for s in STAGES if not s.needs_both):
         trials = {n for n in entries[stage.name].outputs if stage.name == "ingest" and ".p" in n}
         assert set(stage.writes) | trials == set(entries[stage.name].outputs)
 
