@@ -1,8 +1,10 @@
 """A made-up vehicle with effects: records, parameter vectors and exact readings of it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
 from auvident.engines.carried import predicted_course
 from auvident.engines.prediction import Frame, Free
@@ -161,3 +163,21 @@ def setup_for(world: World, records, names, kind: str = "ekf", engine: str = "co
         engine=engine,
         start=p,
     )
+
+
+def integrated(
+    rates: Callable[[np.ndarray, np.ndarray], np.ndarray], x0: np.ndarray, inputs: np.ndarray
+) -> np.ndarray:
+    """States under step inputs: scipy's DOP853, restarted where the inputs step."""
+    states = [x0]
+    for held in inputs[:-1]:
+        step = solve_ivp(
+            lambda t, x, held=held: rates(x, held),
+            (0, DT),
+            states[-1],
+            method="DOP853",
+            rtol=1e-11,
+            atol=1e-12,
+        )
+        states.append(step.y[:, -1])
+    return np.array(states)

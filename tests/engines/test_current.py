@@ -7,11 +7,10 @@ scipy's integrator.
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from auvident.engines.carried import predicted_course
 from auvident.schema.artifacts import Sensing
-from tests.engines.effects_world import DT, FREELY, LEAD, World, blank
+from tests.engines.effects_world import FREELY, LEAD, World, blank, integrated
 from tests.physics.plane_equations import stable_values
 
 C = stable_values("horizontal")
@@ -62,29 +61,15 @@ def over_ground(x: np.ndarray, inputs: np.ndarray, current: tuple[float, float])
     return np.append(rate, r)
 
 
-def integrated(x0: np.ndarray, inputs: np.ndarray, current: tuple[float, float]) -> np.ndarray:
-    """scipy's DOP853, restarted where the inputs step."""
-    states = [x0]
-    for held in inputs[:-1]:
-        step = solve_ivp(
-            lambda t, x, held=held: over_ground(x, held, current),
-            (0, DT),
-            states[-1],
-            method="DOP853",
-            rtol=1e-11,
-            atol=1e-12,
-        )
-        states.append(step.y[:, -1])
-    return np.array(states)
-
-
 @pytest.mark.parametrize("current", CURRENTS)
 def test_the_prediction_in_a_current_is_the_motion_over_ground(current) -> None:
     shown = dict(zip(("current.north_mps", "current.east_mps"), current, strict=True))
     world, record = World.of(shown, ORIGIN), blank(300)
     assert record.source is not None
     found = predicted_course(world.frame, world.p, record, FREELY)
-    expected = integrated(record.source.start, record.source.raw[LEAD:], current)
+    expected = integrated(
+        lambda x, held: over_ground(x, held, current), record.source.start, record.source.raw[LEAD:]
+    )
     # RK4 at 0.1 s: (dt/tau)^5/120 of a change of 0.5 at each helm, tau of 0.3 s at least: 2e-5,
     # and remembered for a few steps
     np.testing.assert_allclose(found.readings, expected, atol=1e-4)

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from auvident.engines.carried import allowed, predicted_course, with_speed
 from auvident.engines.estimator import run_stage
@@ -27,7 +26,16 @@ from auvident.physics.term_tables import N_INPUTS
 from auvident.schema.artifacts import IdentifiedModel, Sensing
 from auvident.schema.effects import BY_ID, in_plane, parameter_of
 from auvident.storage.artifacts import as_model
-from tests.engines.effects_world import DT, FREELY, LEAD, NOISE, World, blank, recorded, setup_for
+from tests.engines.effects_world import (
+    FREELY,
+    LEAD,
+    NOISE,
+    World,
+    blank,
+    integrated,
+    recorded,
+    setup_for,
+)
 from tests.physics.plane_equations import stable_values, vertical
 from tests.physics.right_hand_side import right_hand_side
 
@@ -193,22 +201,6 @@ def over_ground(x: np.ndarray, inputs: np.ndarray, water: tuple[float, float]) -
     return np.append(np.linalg.solve(mass.astype(float), total + added @ turning), q)
 
 
-def integrated(x0: np.ndarray, inputs: np.ndarray, water: tuple[float, float]) -> np.ndarray:
-    """scipy's DOP853, restarted where the inputs step."""
-    states = [x0]
-    for held in inputs[:-1]:
-        step = solve_ivp(
-            lambda t, x, held=held: over_ground(x, held, water),
-            (0, DT),
-            states[-1],
-            method="DOP853",
-            rtol=1e-11,
-            atol=1e-12,
-        )
-        states.append(step.y[:, -1])
-    return np.array(states)
-
-
 @pytest.mark.parametrize("water", [(0.0, 0.08), (0.3, 0.0), (-0.2, -0.05)])
 def test_the_prediction_in_moving_water_is_the_motion_over_ground(water) -> None:
     """On a heading of north, a current to the north comes from astern."""
@@ -218,7 +210,9 @@ def test_the_prediction_in_moving_water_is_the_motion_over_ground(water) -> None
     record = replace(record, source=replace(record.source, heading=np.zeros(300)))
     found = predicted_course(world.frame, world.p, record, FREELY)
     assert record.source is not None
-    expected = integrated(record.source.start, record.source.raw[LEAD:], water)
+    expected = integrated(
+        lambda x, held: over_ground(x, held, water), record.source.start, record.source.raw[LEAD:]
+    )
     # RK4 at 0.1 s: (dt/tau)^5/120 of a change of 0.5 at each helm, tau of 0.3 s at least: 2e-5,
     # and remembered for a few steps
     np.testing.assert_allclose(found.readings, expected, atol=1e-4)
