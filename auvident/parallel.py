@@ -7,6 +7,7 @@ more than they gain: one is enough (a diagnosis on two processors took half as l
 """
 
 import os
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -20,6 +21,7 @@ Result = TypeVar("Result")
 # that many would only wait. More than two were not measured.
 MOST_THREADS = 4
 VARIABLE = "AUVIDENT_THREADS"
+_here = threading.local()  # whether this thread already does one of several pieces of work
 
 
 @cache
@@ -45,7 +47,8 @@ def each(
 ) -> list[Result]:
     """Results of a function for some items, in their order.
 
-    The function must not call `each` again: all threads might wait for each other.
+    A function that calls `each` again does what it asks for in its own thread: all threads might
+    wait for each other otherwise, and the outer pieces keep them busy with fewer places to wait.
 
     Parameters
     ----------
@@ -56,13 +59,21 @@ def each(
         alone with one at the end.
     """
     every = list(items)
-    if threads() == 1:
+    if threads() == 1 or getattr(_here, "at_work", False):
         return [function(item) for item in every]
     order = list(range(len(every)))
     if effort is not None:
         order.sort(key=lambda i: -effort(every[i]))
-    pending = {i: _pool().submit(function, every[i]) for i in order}
+    pending = {i: _pool().submit(_at_work, function, every[i]) for i in order}
     return [pending[i].result() for i in range(len(every))]
+
+
+def _at_work(function: Callable[[Item], Result], item: Item) -> Result:
+    _here.at_work = True
+    try:
+        return function(item)
+    finally:
+        _here.at_work = False
 
 
 @contextmanager

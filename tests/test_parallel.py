@@ -105,3 +105,14 @@ def test_a_stage_runs_with_one_thread_for_linear_algebra() -> None:
     with threadpool_limits(2, user_api="blas"), pytest.raises(Stopped):
         _call(replace(BY_NAME["ase"], function=look), None, None)  # type: ignore[arg-type]
     assert seen and set(seen) == {1}
+
+
+def test_what_is_asked_for_inside_is_done_by_the_same_thread(with_threads) -> None:
+    with_threads(2)
+
+    def outer(k: int) -> set[int]:
+        return {threading.get_ident(), *parallel.each(lambda _: threading.get_ident(), range(3))}
+
+    assert [len(found) for found in parallel.each(outer, range(4))] == [1, 1, 1, 1]
+    both = threading.Barrier(2, timeout=10.0)  # and side by side again behind it
+    assert sorted(parallel.each(lambda _: both.wait(), range(2))) == [0, 1]

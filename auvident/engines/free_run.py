@@ -16,8 +16,8 @@ is what one record adds to value, gradient and curvature, `likelihood` their sum
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -63,6 +63,8 @@ class OutputError:
         A start is known to so many standard deviations of the noise of its channel.
     gain : (4,) array or None
         Observer gain, see `physics.dynamics.simulate_with_sensitivities`; none runs free.
+    known : dict
+        What records add at some parameters, where that has been found before; see `knowing`.
     """
 
     frame: Frame
@@ -71,6 +73,7 @@ class OutputError:
     colours: Colours
     start_stds: float = FITTED_START_STD
     gain: Array | None = None
+    known: Mapping[tuple[str, bytes], Normal | None] = field(default_factory=dict)
 
     @property
     def channels(self) -> npt.NDArray[np.int64]:
@@ -233,9 +236,30 @@ def normal_equations(output: OutputError, p: Array, record: Record, free: Free) 
     return half, g[k:] - h[k:, :k] @ start[:, 0], h[k:, k:] - h[k:, :k] @ start[:, 1:]
 
 
+def knowing(output: OutputError, p: Array, free: Free) -> OutputError:
+    """The likelihood that remembers what each record adds at p.
+
+    Fits to some of the records each that begin at p, with the same parameters free, find the same
+    there again and again.
+    """
+    parts = each(lambda r: normal_equations(output, p, r, free), output.records, len)
+    keys = [_key(record, p) for record in output.records]
+    return replace(output, known=dict(zip(keys, parts, strict=True)))
+
+
+def _key(record: Record, p: Array) -> tuple[str, bytes]:
+    return record.id, p.tobytes()
+
+
 def likelihood(output: OutputError, p: Array, free: Free) -> Normal:
     """Half the squared error of all records at p, gradient and curvature; see `summed`."""
-    parts = each(lambda r: normal_equations(output, p, r, free), output.records, len)
+
+    def part(record: Record) -> Normal | None:
+        key = _key(record, p)
+        known = key in output.known
+        return output.known[key] if known else normal_equations(output, p, record, free)
+
+    parts = each(part, output.records, len)
     half, gradient, curvature = summed(parts, len(free.positions))
     return half, gradient, 0.5 * (curvature + curvature.T)
 

@@ -130,7 +130,7 @@ def map_rounds(
     """
     p = start
     for _ in range(policy.rounds):
-        p, found = map_fit(output, free, prior(p), p, policy)
+        p, found = map_fit(output, free, prior(p), p, policy.steps, policy.tolerance)
         noise = policy.update(output, p)
         yield FitRound(p, found, noise)
         if policy.settled is not None and _settled(output.colours, noise.colours, policy.settled):
@@ -139,26 +139,39 @@ def map_rounds(
 
 
 def map_fit(
-    output: OutputError, free: Free, prior: Prior, start: Array, policy: NoisePolicy
+    output: OutputError, free: Free, prior: Prior, start: Array, steps: int, tolerance: float
 ) -> tuple[Array, Fit]:
     """Most probable parameters with the noise held, and the fit in the units of the prior."""
-    origin = np.zeros(len(free.positions)) if prior.origin is None else prior.origin
+    origin = _origin(free, prior)
 
     def at(theta: Array) -> Array:
         return free.at(start, origin + free.scale * theta)
 
-    begin = (start[free.positions] - origin) / free.scale
     found = fit(
         lambda theta: likelihood(output, at(theta), free),
-        np.clip(begin, prior.low, prior.high),
+        _begin(free, prior, start),
         prior.mean,
         prior.information,
         (prior.low, prior.high),
-        policy.steps,
-        policy.tolerance,
+        steps,
+        tolerance,
         in_units(prior.constraints, free, start, origin),
     )
     return at(found.theta), found
+
+
+def beginning(free: Free, prior: Prior, start: Array) -> Array:
+    """Parameters at which a fit begins, where the constraints have nothing against them."""
+    return free.at(start, _origin(free, prior) + free.scale * _begin(free, prior, start))
+
+
+def _origin(free: Free, prior: Prior) -> Array:
+    return np.zeros(len(free.positions)) if prior.origin is None else prior.origin
+
+
+def _begin(free: Free, prior: Prior, start: Array) -> Array:
+    begin = (start[free.positions] - _origin(free, prior)) / free.scale
+    return np.asarray(np.clip(begin, prior.low, prior.high))
 
 
 def _settled(before: Colours, after: Colours, share: float) -> bool:

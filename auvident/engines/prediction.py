@@ -258,7 +258,8 @@ def readings_with_slopes(
     at_once = np.matmul(matrix, z)
     if frame.structure.plane == "vertical" and record.source is not None:
         by_pitch = sense.water_by_pitch(frame.sensing, e, states[:, 3], record.source.heading)
-        at_once[:, :2, 1:] += by_pitch[:, :, None] * z[:, None, 3, 1:]
+        if by_pitch.any():  # the water moves
+            at_once[:, :2, 1:] += by_pitch[:, :, None] * z[:, None, 3, 1:]
     read = sense.late(at_once, e, frame.dt_s)
     found = readings(frame, p, record, states)
     _add_reading_slopes(frame, e, record, states, found, free, read[:, :, 1:])

@@ -7,18 +7,20 @@ likelihood is compared between models.
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from auvident.constants import DIAGNOSED_START_STD
-from auvident.engines.free_run import Colours, OutputError, RecordResidual, residuals_of
-from auvident.engines.map_fit import Estimate, NoisePolicy, Prior, map_rounds
+from auvident.engines.free_run import Colours, OutputError, RecordResidual, knowing, residuals_of
+from auvident.engines.map_fit import Estimate, NoisePolicy, Prior, beginning, map_fit, map_rounds
 from auvident.engines.noise import Noise, most_likely_colours, residuals_or_raise
+from auvident.engines.records import Record
 from auvident.errors import NumericsError
 from auvident.estimation.coloured import Colour
+from auvident.parallel import each
 from auvident.stages.diagnose.fit.case import ACTIVE, NUISANCE_REACH, Case
 
 Array = npt.NDArray[Any]
@@ -153,6 +155,28 @@ def fit_with(
         for done in map_rounds(output_error(case, colours), free, lambda _: prior, start, policy):
             best = done
     return None if best is None else fitted_of(case, effects, best.parameters, best.noise)
+
+
+def fits_to_others(
+    case: Case, fitted: Fitted, groups: Sequence[Sequence[Record]], steps: int
+) -> list[Array]:
+    """Parameters (n_parameters,) fitted to all maneuvers but those of each group, noise held.
+
+    Each fit begins at the fit to all, and stays there where it runs away.
+    """
+    free = case.setup.free(case.with_baseline(fitted.effects))
+    prior = prior_of(case, free.positions, case.positions(*fitted.effects))
+    whole = output_error(case, fitted.colours)
+    whole = knowing(whole, beginning(free, prior, fitted.parameters), free)
+
+    def without(group: Sequence[Record]) -> Array:
+        out = {record.id for record in group}
+        rest = replace(whole, records=tuple(r for r in whole.records if r.id not in out))
+        with suppress(NumericsError):
+            return map_fit(rest, free, prior, fitted.parameters, steps, TOLERANCE)[0]
+        return fitted.parameters
+
+    return each(without, groups)
 
 
 def fitted_of(case: Case, effects: Sequence[str], p: Array, noise: Noise) -> Fitted:

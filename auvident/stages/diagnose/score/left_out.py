@@ -3,7 +3,7 @@
 The fit to the others begins at the fit to all; the maneuver left out is predicted by simulation.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from auvident.engines.free_run import (
 )
 from auvident.engines.records import Record
 from auvident.stages.diagnose.fit.case import Case
-from auvident.stages.diagnose.fit.fits import N_CHANNELS, Fitted, fit_with, output_error
+from auvident.stages.diagnose.fit.fits import N_CHANNELS, Fitted, fits_to_others, output_error
 
 Array = npt.NDArray[Any]
 
@@ -63,15 +63,7 @@ def leave_out(case: Case, fitted: Fitted, colours: Colours) -> LeftOut:
 
 def fits_without(case: Case, fitted: Fitted) -> Array:
     """Parameters (f, n_parameters) of fits without one maneuver, or without several of many."""
-    vectors = []
-    for group in _groups(case):
-        out = {record.id for record in group}
-        rest = replace(case, records=tuple(r for r in case.records if r.id not in out))
-        found = fit_with(
-            rest, fitted.effects, fitted.parameters, fitted.colours, rounds=1, steps=STEPS
-        )
-        vectors.append(fitted.parameters if found is None else found.parameters)
-    return np.array(vectors)
+    return np.array(fits_to_others(case, fitted, _groups(case), STEPS))
 
 
 def seen_with(case: Case, parameters: Array, colours: Colours) -> LeftOut:

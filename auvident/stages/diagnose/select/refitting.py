@@ -1,11 +1,12 @@
 """The short list refitted: a few steps for all, the best to the end, rivals from where it lies."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from auvident.parallel import each
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, fit_with, log_gain
 from auvident.stages.diagnose.fit.refits import (
@@ -29,12 +30,14 @@ Fits = dict[str, Fitted]
 
 def refitted(case: Case, before: Fitted, screened: Screen) -> tuple[Fitted, list[Tried]]:
     """The model, fitted again where it was stuck, and the short list, largest gain first."""
-    found = {c: begun(case, before, c, screened.scores[c].parameters) for c in screened.short}
+    found = side_by_side(
+        lambda c: begun(case, before, c, screened.scores[c].parameters), screened.short
+    )
     # a fit that is not there yet may still become what the first-order step promises
     promise = {c: max(log_gain(before, f), screened.scores[c].gain) for c, f in found.items()}
     finished = finish(case, before, found, promise)
     before, found = unstuck(case, before, {**found, **finished})
-    found = {c: nested(case, before, f) for c, f in found.items()}
+    found = side_by_side(lambda c: nested(case, before, found[c]), tuple(found))
     found, finished = leader_finished(case, found, finished)
     best = max((log_gain(before, f) for f in found.values()), default=0.0)
     tried = [
@@ -42,6 +45,11 @@ def refitted(case: Case, before: Fitted, screened: Screen) -> tuple[Fitted, list
         for c, f in found.items()
     ]
     return before, sorted(tried, key=lambda t: -t.gain)
+
+
+def side_by_side(fit: Callable[[str], Fitted], candidates: Sequence[str]) -> Fits:
+    """A fit of each candidate, several at a time."""
+    return dict(zip(candidates, each(fit, candidates), strict=True))
 
 
 def begun(case: Case, before: Fitted, candidate: str, scored: Array) -> Fitted:

@@ -10,8 +10,9 @@ import pytest
 from auvident.constants import INDEPENDENT_S
 from auvident.engines.free_run import residual_of, white_error
 from auvident.stages.diagnose.fit.case import Case
-from auvident.stages.diagnose.fit.fits import output_error
+from auvident.stages.diagnose.fit.fits import fit_with, output_error
 from auvident.stages.diagnose.score.left_out import (
+    STEPS,
     Helped,
     LeftOut,
     chance_of,
@@ -68,6 +69,15 @@ def test_every_fit_moves_and_every_maneuver_is_scored() -> None:
         seconds = len(record.time_s) * case.setup.dt_s
         assert len(blocks) == int(np.ceil(seconds / INDEPENDENT_S - 1e-9))
         assert np.isfinite(blocks).all()
+
+
+def test_a_fit_to_others_knows_nothing_that_a_fit_without_the_rest_does_not() -> None:
+    """What all fits find where they begin is found once; it changes no digit."""
+    case, fitted, out = small_case(), small_fit(), POISONED
+    rest = replace(case, records=(*case.records[:out], *case.records[out + 1 :]))
+    again = fit_with(rest, fitted.effects, fitted.parameters, fitted.colours, rounds=1, steps=STEPS)
+    assert again is not None
+    np.testing.assert_array_equal(left_out().parameters[out], again.parameters)
 
 
 def test_a_maneuver_left_out_is_predicted_worse_than_one_fitted() -> None:
