@@ -27,6 +27,7 @@ PARTS = (
     "speed",
     "identify",
     "length",
+    "whole",
 )
 # What is said of the measurement, behind the version of the program.
 HOW = {
@@ -35,6 +36,7 @@ HOW = {
     "identify": "; medians of {repeats} repetitions",
     "length": "; medians of {few} repetitions",
     "splits": "; the first clean trials of even seeds, five random splits each",
+    "whole": "; models of the harbour trial and of the dive trial, joined",
     "band": "; the first 29 clean trials of even seeds",
 }
 
@@ -73,6 +75,7 @@ def _run(part: str, repeats: int, seeds: int) -> Any:
     from tests.bench.left_out import left_out
     from tests.bench.length import length
     from tests.bench.splits import splits
+    from tests.bench.whole import whole
 
     work: dict[str, Callable[[], Any]] = {
         "samples": lambda: {"held-out errors": samples.held_out()},
@@ -85,6 +88,7 @@ def _run(part: str, repeats: int, seeds: int) -> Any:
         "left-out": lambda: {"each zigzag of the KVLCC2 from the others": left_out()},
         "splits": splits,
         "band": band,
+        "whole": whole,
         "length": lambda: {"diagnosis by length of the log": length(min(repeats, 3))},
     }
     return work[part]()

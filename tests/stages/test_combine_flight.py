@@ -2,76 +2,40 @@
 
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from auvident.engines.carried import Course, frame_of, predicted_course, vector_behind
-from auvident.engines.prediction import readings
-from auvident.engines.records import Record, record_of, sensor_matrix
+from auvident.engines.carried import frame_of, predicted_course, vector_behind
+from auvident.engines.records import record_of, sensor_matrix
 from auvident.engines.stretches import as_maneuver
 from auvident.errors import InputError, NumericsError
 from auvident.physics.six_dof import simulate_six_dof, system_of
-from auvident.schema.artifacts import IdentifiedModel, Maneuver
 from auvident.schema.combined import CombinedModel
 from auvident.schema.effects import BY_ID
 from auvident.schema.planes import BY_PLANE, PLANES
 from auvident.schema.trial import Trial
 from auvident.stages.combine import STATE_COLUMNS, combine, simulate_whole
-from auvident.stages.combine.flight import (
-    _shown,
-    flight_of,
-    plane_frame,
-    structure_behind_whole,
+from auvident.stages.combine.flight import flight_of, structure_behind_whole
+from tests.engines.chain import SAMPLES, sample
+from tests.engines.whole_world import (
+    EVERY,
+    TRIALS,
+    errors,
+    held_out,
+    planar,
+    rms,
+    spiral_descents,
+    whole_vehicle,
 )
-from auvident.stages.ingest import ingest
-from auvident.storage.logs import read_trials
-from tests.engines.chain import SAMPLES, identified, sample
 
-TRIALS = {"horizontal": "harbour_trial", "vertical": "dive_trial"}
-EVERY = np.ones(4, dtype=bool)
-
-
-def planar(plane: str) -> IdentifiedModel:
-    return identified(TRIALS[plane], plane).model
+Descents = tuple[Trial, list[tuple[float, float]]]
 
 
 @pytest.fixture(scope="module")
 def whole() -> CombinedModel:
-    before = sample("harbour_trial")
-    logs = [(sample(name).trials, sample(name).maneuvers) for name in TRIALS.values()]
-    return combine([planar(plane) for plane in PLANES], before.vehicle, before.ase, logs=logs)
-
-
-def errors(model: IdentifiedModel | CombinedModel, plane: str, trial: Trial, m: Maneuver):
-    """Predicted less measured readings (n, 4) of a plane, from the start and the inputs alone."""
-    sensing = model.sensing if isinstance(model, IdentifiedModel) else model.sensing[plane]
-    record = record_of(m, trial, plane, sensor_matrix(plane, sensing))
-    if isinstance(model, IdentifiedModel):
-        course = predicted_course(frame_of(model, 0.1), vector_behind(model), record, EVERY)
-    else:
-        course = flown(model, plane, trial, m, record)
-    off = course.readings - record.measured
-    if plane == "horizontal":
-        off[:, 3] = (off[:, 3] + np.pi) % (2.0 * np.pi) - np.pi
-    return off
-
-
-def flown(model: CombinedModel, plane: str, trial: Trial, m: Maneuver, record: Record) -> Course:
-    """What the sensors of a plane read in six degrees of freedom."""
-    structure = structure_behind_whole(model)
-    system = system_of(structure, structure.vector(model.values()))
-    flight = flight_of(model, trial, system, m.t_start_s, m.t_end_s)
-    shown = _shown(simulate_six_dof(flight.start, flight.inputs, 0.1, system), flight.heading_rad)
-    columns = [STATE_COLUMNS.index(c) for c in BY_PLANE[plane].columns]
-    states = shown[:, columns]
-    return Course(readings(*plane_frame(model, plane, 0.1), record, states), states, states)
-
-
-def rms(rows: list[np.ndarray]) -> np.ndarray:
-    return np.sqrt(np.nanmean(np.vstack(rows) ** 2, axis=0))
+    return whole_vehicle()
 
 
 @pytest.mark.parametrize("plane", PLANES)
@@ -80,11 +44,9 @@ def test_held_out_maneuvers_of_a_plane_are_predicted_as_by_its_own_model(
 ) -> None:
     """Harbour: u 6.3, v 5.5 mm/s, r 5.0 mrad/s, heading 86 mrad (planar 6.2, 5.5, 5.0, 85);
     dive: u 9.2, w 5.6 mm/s, q 3.7 mrad/s, pitch 9.3 mrad (planar 9.9, 5.6, 3.9, 10.1)."""
-    before = sample(TRIALS[plane])
-    (trial,) = before.trials
-    held_out = [m for m in before.maneuvers.maneuvers if m.role == "validate" and m.shows(plane)]
-    own = rms([errors(planar(plane), plane, trial, m) for m in held_out])
-    joined = rms([errors(whole, plane, trial, m) for m in held_out])
+    (trial,) = sample(TRIALS[plane]).trials
+    own = rms([errors(planar(plane), plane, trial, m) for m in held_out(plane)])
+    joined = rms([errors(whole, plane, trial, m) for m in held_out(plane)])
     # what is joined and what couples moves an error by some percent, up or down
     assert (joined <= 1.1 * own).all(), (joined, own)
 
@@ -97,31 +59,8 @@ def generator() -> Iterator[None]:
 
 
 @pytest.fixture(scope="module")
-def helices(generator: None, tmp_path_factory: pytest.TempPathFactory):
-    """A day of spiral descents of the vehicle of the harbour and the dive: rudder held while the
-    elevators keep the steepest slope. Trial and maneuvers."""
-    from seatrial import helm, schedule, trial
-
-    def day(plane: str, cruise_rpm: float, rng: np.random.Generator, options: dict):
-        p = schedule.Programme(cruise_rpm, 8.0, rng)
-        schedule.surface_start(p)
-        for rudder_deg in (-9.0, 12.0, -14.0, 10.0):
-            schedule.transit(p)
-            number = p.note(kind="coupled", rudder_deg=rudder_deg)
-            fin = np.radians(rudder_deg)
-            p.add(helm.FIXED, 30.0, p.speed(0.95, 1.1), 60.0, maneuver=number, fin=fin)
-            p.add(helm.TRANSIT, 40.0, p.speed(1.0, 1.05))
-        schedule.surface_end(p)
-        return np.array(p.legs), p.notes
-
-    folder: Path = tmp_path_factory.mktemp("helices") / "helix_trial"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(trial, "random_schedule", day)
-        truth = trial.generate({"name": "helix_trial", "vehicle": "remus100", "seed": 7}, folder)
-    (raw,) = read_trials([folder])
-    found, _ = ingest(raw, sample("harbour_trial").vehicle)
-    times = [(m["t_start_s"], m["t_end_s"]) for m in truth["maneuvers"]]
-    return found, times
+def helices(tmp_path_factory: pytest.TempPathFactory) -> Descents:
+    return spiral_descents(tmp_path_factory.mktemp("helices"))
 
 
 def rows_of(trial: Trial, span: tuple[float, float]) -> pd.DataFrame:
@@ -129,7 +68,7 @@ def rows_of(trial: Trial, span: tuple[float, float]) -> pd.DataFrame:
 
 
 def test_a_spiral_descent_is_predicted_that_no_plane_alone_predicts(
-    whole: CombinedModel, helices: tuple[Trial, list[tuple[float, float]]]
+    whole: CombinedModel, helices: Descents
 ) -> None:
     trial, times = helices
     found = {}
@@ -152,9 +91,7 @@ def test_a_spiral_descent_is_predicted_that_no_plane_alone_predicts(
     assert np.degrees(whole_v[3]) < 0.6
 
 
-def test_the_depth_of_a_spiral_descent_comes_out(
-    whole: CombinedModel, helices: tuple[Trial, list[tuple[float, float]]]
-) -> None:
+def test_the_depth_of_a_spiral_descent_comes_out(whole: CombinedModel, helices: Descents) -> None:
     trial, times = helices
     for start, end in times:
         window = (start, end)
@@ -306,9 +243,7 @@ def test_roll_comes_out_as_the_generator_has_it(whole: CombinedModel, generator:
     assert not {"no-torque", "roll-from-geometry"} & {f.code for f in whole.findings}
 
 
-def test_the_heel_of_a_spiral_descent_comes_out(
-    whole: CombinedModel, helices: tuple[Trial, list[tuple[float, float]]]
-) -> None:
+def test_the_heel_of_a_spiral_descent_comes_out(whole: CombinedModel, helices: Descents) -> None:
     trial, times = helices
     for span in times:
         table = simulate_whole(whole, trial, window_s=span, samples=0, rng=np.random.default_rng(0))
