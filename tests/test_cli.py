@@ -321,6 +321,26 @@ def test_gates_decide_by_the_held_out_error(demo: Path, auvident: Callable[..., 
         assert auvident("validate", demo, "--fail-above", wrong).code == 2
 
 
+def test_a_run_that_is_worse_than_the_baseline_fails(
+    demo: Path, auvident: Callable[..., Called]
+) -> None:
+    import shutil
+
+    shutil.copytree(demo, "runs/baseline")
+    file = Path("runs/baseline/refine/comparison.json")
+    content = json.loads(file.read_text())
+    content["held_out"]["after"]["r"]["rmse"] *= 0.8  # the baseline was better
+    file.write_text(json.dumps(content))
+    gate = ("compare", demo, "runs/baseline", "--fail-if-worse")
+    assert auvident(*gate, "26%").code == 0
+    called = auvident(*gate, "0.24")
+    assert called.code == 1
+    assert "r RMSE" in called.err and "u RMSE" not in called.err
+    assert auvident("compare", "runs/baseline", demo, "--fail-if-worse", "0").code == 0
+    for wrong in ("much", "-1", "nan", "inf%"):
+        assert auvident(*gate, wrong).code == 2
+
+
 def test_a_gate_with_nothing_held_out_is_not_met(demo: Path) -> None:
     from auvident.errors import GateError
     from auvident.pipeline.gates import check_gates

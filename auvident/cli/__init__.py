@@ -28,7 +28,7 @@ COMMANDS = {
     "auvident.cli.loop": ("diagnose", "refine", "report"),
     "auvident.cli.results": ("status", "compare", "simulate", "plan-trial", "export"),
     "auvident.cli.combine": ("combine",),
-    "auvident.cli.tables": ("inspect", "coefficients", "effects", "schema"),
+    "auvident.cli.tables": ("new-vehicle", "inspect", "coefficients", "effects", "schema"),
 }
 
 

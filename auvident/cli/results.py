@@ -277,11 +277,37 @@ def export(
 FORM_OF_SUFFIX = {".json": "json", ".toml": "toml", ".csv": "csv", ".py": "python", ".m": "matlab"}
 
 
-@command("compare", "auvident compare runs/demo runs/other")
+def read_share(ctx: click.Context, parameter: click.Parameter, text: str | None) -> float | None:
+    """Share of a whole, as ``10%`` or ``0.1``."""
+    if text is None:
+        return None
+    try:
+        share = float(text.removesuffix("%")) * (0.01 if text.endswith("%") else 1.0)
+    except ValueError:
+        share = math.nan
+    if not 0.0 <= share < math.inf:
+        raise click.BadParameter(f"{text!r} is no share; say 10% or 0.1")
+    return share
+
+
+@command(
+    "compare",
+    "auvident compare runs/demo runs/other",
+    "auvident compare runs/demo runs/other --fail-if-worse 10%",
+)
 @click.argument("runs", metavar="RUN RUN...", nargs=-1, required=True, type=PATH)
-def compare(output: Output, runs: tuple[Path, ...]) -> None:
+@click.option(
+    "--fail-if-worse",
+    "share",
+    metavar="SHARE",
+    callback=read_share,
+    help="Exit with 1 where a held-out error is above that of the last run, the baseline, by more "
+    "than this share of it (10% or 0.1).",
+)
+def compare(output: Output, runs: tuple[Path, ...], share: float | None) -> None:
     """Show coefficients and held-out errors of several runs side by side."""
     from auvident.pipeline.compare import compare_runs
+    from auvident.pipeline.gates import check_not_worse
     from auvident.report.console import comparison_tables
 
     if len(runs) < 2:
@@ -291,6 +317,8 @@ def compare(output: Output, runs: tuple[Path, ...]) -> None:
         for table in comparison_tables(comparison):
             watch.show(table)
     output.artifact(comparison, "compare")
+    if share is not None:
+        check_not_worse(comparison, share)
 
 
 @command("plan-trial", "auvident plan-trial runs/demo")

@@ -99,6 +99,26 @@ def schema(output: Output, name: str | None) -> None:
     output.artifact(json_schema(key), key)
 
 
+@command("new-vehicle", "auvident new-vehicle --output my_vehicle.toml")
+@click.option("--output", "file", type=PATH, help="Write it to a new file.")
+def new_vehicle(output: Output, file: Path | None) -> None:
+    """Print a vehicle file to start from: every key with what it means.
+
+    The numbers are those of a REMUS 100, so that it can be read as it is.
+    """
+    from auvident.storage.artifacts import write_bytes
+    from auvident.storage.templates import vehicle_template
+
+    text = vehicle_template()
+    if file is not None:
+        if file.exists():
+            raise UsageError("is there already", str(file), "Choose a name for a new file.")
+        write_bytes(file, text.encode())
+    elif not output.json:
+        output.text(text.rstrip("\n"))
+    output.artifact({"schema": "auvident/new-vehicle/1", "toml": text}, "new-vehicle")
+
+
 @command(
     "inspect",
     "auvident inspect sample_logs/harbour_trial",

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from auvident.errors import GateError, UsageError
 from auvident.schema.artifacts import RAN_AWAY, Finding, Metrics
@@ -82,6 +82,50 @@ def check_planes(planes: Sequence[Judged], limits: Mapping[str, float]) -> None:
     for plane in planes:
         own = {c: limit for c, limit in limits.items() if _concerns(c, planes, plane)}
         _check(plane, own)
+
+
+def check_not_worse(comparison: Mapping[str, Any], share: float) -> None:
+    """Hold the held-out errors of several runs against those of the last one, the baseline.
+
+    Parameters
+    ----------
+    comparison : mapping
+        From `compare.compare_runs`.
+    share : float
+        A channel may be larger than that of the baseline by so much of it.
+
+    Raises
+    ------
+    GateError
+        A run is worse, or a channel that the baseline predicts is none of its; names them all.
+    """
+    tables = {"": comparison, **comparison.get("planes", {})}
+    failed = [text for table in tables.values() for text in _worse(table, share)]
+    if failed:
+        raise GateError(
+            f"the held-out error is above that of the baseline by more than {share:.3g} of it: "
+            + "; ".join(failed),
+            "--fail-if-worse",
+        )
+
+
+def _worse(table: Mapping[str, Any], share: float) -> list[str]:
+    """Channels of runs that are worse than the last run of a table."""
+    names = [run["run"] for run in table["runs"]]
+    if not any(row["rmse"][-1] is not None for row in table["held_out"]):
+        return [f"{names[-1]}: no held-out error to compare with; run `auvident validate`"]
+    found = []
+    for row in table["held_out"]:
+        *others, limit = row["rmse"]
+        if limit is None:
+            continue
+        for name, own in zip(names, others, strict=False):
+            if own is None:
+                found.append(f"{name}: no held-out maneuver measures {row['channel']}")
+            elif not own <= (1.0 + share) * limit:
+                rise = f"RMSE {own:.4g} {row['unit']}, baseline {limit:.4g}"
+                found.append(f"{name}: {row['channel']} {rise}")
+    return found
 
 
 def _concerns(channel: str, planes: Sequence[Judged], plane: Judged) -> bool:
