@@ -52,7 +52,7 @@ def blocks(path: Path, first_line: int) -> Iterator[tuple[int, bytes]]:
     yield line, _plain(_unix(rest))
 
 
-def _opened(path: Path) -> IO[bytes]:
+def _opened(path: Path) -> IO[bytes] | gzip.GzipFile:
     with path.open("rb") as stream:
         packed = stream.read(2) == GZIP_MAGIC
     return gzip.open(path) if packed else path.open("rb")

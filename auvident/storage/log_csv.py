@@ -111,8 +111,8 @@ def _joined(parts: list[LogTable]) -> LogTable | None:
     where: dict[str, tuple[int, ...]] = {}
     for part in parts:
         counts.update(part.dropped)
-        for reason, rows in part.dropped_rows.items():
-            where[reason] = (*where.get(reason, ()), *rows)[:FIRST_FEW]
+        for reason, lines in part.dropped_rows.items():
+            where[reason] = (*where.get(reason, ()), *lines)[:FIRST_FEW]
     rows = np.concatenate([part.rows for part in parts])
     most = min(MOST_SHARE, MAX_RAGGED_SHARE) * rows.size
     if max(counts["wrong_number_of_fields"], counts["stray_quote"]) > most:
