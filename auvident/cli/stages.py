@@ -33,7 +33,8 @@ KEEP_GOING = click.option(
     "--keep-going",
     is_flag=True,
     default=None,
-    help="Skip unusable logs and continue; exit code 3 at the end.",
+    help="Set unusable logs aside and continue, as with the trials of a folder; exit code 3 "
+    "at the end.",
 )
 INGEST_OPTIONS = options(
     click.option("--map", "map_", type=PATH, help="Column map: names, units and signs (TOML)."),
@@ -125,10 +126,9 @@ def _need(logs: tuple[Path, ...], vehicle: Path | None) -> None:
 
 
 def exit_code(outputs: Any) -> int:
-    """3 when ``--keep-going`` left out a log, else 0."""
+    """3 when a trial was set aside, else 0."""
     quality = outputs.get("ingest/quality.json")
-    refused = [f for f in quality.findings if f.code == "log_refused"] if quality else []
-    return 3 if refused else 0
+    return 3 if quality and quality.set_aside else 0
 
 
 @command("segment", "auvident segment runs/demo --hold-out harbour_trial-turn-4")

@@ -3,7 +3,9 @@
 Imports stand inside for speed: a command loads only what it uses.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,13 +16,15 @@ from auvident.pipeline.observer import Observer
 if TYPE_CHECKING:
     from auvident.schema.artifacts import Finding, IdentifiedModel
     from auvident.schema.diagnosis import Attempt, UnexplainedForce
-    from auvident.schema.logs import ColumnMap, RawTrial
+    from auvident.schema.logs import ColumnMap, SetAside, TrialQuality
     from auvident.schema.plan import Plan
     from auvident.schema.planes import Plane
     from auvident.schema.trial import Trial
+    from auvident.schema.vehicle import Vehicle
     from auvident.stages.identify import Identification, Shared
     from auvident.stages.ingest import Fingerprint
     from auvident.stages.validate import Validation
+    from auvident.storage.log_find import TrialSource
 
     _Again = tuple[Identification, Validation]
 
@@ -40,62 +44,150 @@ LEAST_UNDER_WAY_MPS = 0.3  # slower samples do not belong to a run at speed
 def ingest(given: Given) -> dict[str, Any]:
     """Read the logs and the vehicle file, bring every trial to one clock."""
     from auvident.schema.logs import Quality
-    from auvident.stages.ingest import Fingerprint, fingerprint, refuse_copy
-    from auvident.stages.ingest import ingest as bring_to_one_clock
     from auvident.storage.vehicle_file import load_vehicle
 
     vehicle = load_vehicle(Path(given.options["vehicle"]))
-    refused: list[AuvidentError] = []
-    outputs: dict[str, Any] = {}
-    reports = []
-    known: list[Fingerprint] = []
-    for raw in _raw_trials(given, refused):
-        try:
-            own = fingerprint(raw)
-            refuse_copy(own, known)
-            _refuse_namesake(raw.name, known)
-            trial, quality = bring_to_one_clock(
-                raw, vehicle, rate_hz=given.options["rate_hz"], max_gap_s=given.options["max_gap_s"]
-            )
-        except InputError as error:
-            _refuse(given, error, refused)
-            continue
-        outputs[f"ingest/{trial.name}.parquet"] = trial.table
-        reports.append(quality)
-        known.append(own)
-    if not reports:
-        raise refused[0]
+    aside = _Aside(given)
+    used: dict[str, _Ingested] = {}
+    sources = _trial_sources(given, aside)
+    for source in sources:
+        with aside.instead_of(source):
+            _add(given, vehicle, source, used, aside, alone=len(sources) == 1)
+    if not used:
+        raise aside.none_left()
+    outputs: dict[str, Any] = {
+        f"ingest/{name}.parquet": done.trial.table for name, done in used.items()
+    }
     outputs["ingest/vehicle.json"] = vehicle
     outputs["ingest/quality.json"] = Quality.model_validate(
         {
             "vehicle": vehicle.body.name,
             "rate_hz": given.options["rate_hz"],
-            "trials": tuple(reports),
-            "findings": (*_refused_findings(refused), *_left_out_findings(given.options)),
+            "trials": tuple(done.quality for done in used.values()),
+            "findings": (*aside.findings(), *_left_out_findings(given.options)),
+            "set_aside": aside.told(),
         }
     )
     return outputs
 
 
-def _raw_trials(given: Given, refused: list[AuvidentError]) -> "list[RawTrial]":
-    """Every log that can be read; with ``keep_going`` the others are noted."""
-    from auvident.storage.log_find import find_trials
+@dataclass(frozen=True)
+class _Ingested:
+    """A trial in use, and what tells whether another one is the same."""
+
+    source: "TrialSource"
+    trial: "Trial"
+    quality: "TrialQuality"
+    fingerprint: "Fingerprint | None"
+
+
+def _add(
+    given: Given,
+    vehicle: "Vehicle",
+    source: "TrialSource",
+    used: dict[str, _Ingested],
+    aside: "_Aside",
+    *,
+    alone: bool,
+) -> None:
+    """Read one trial, hold it against the others, bring it to one clock."""
+    from auvident.stages.ingest import fingerprint, without_copies
+    from auvident.stages.ingest import ingest as bring_to_one_clock
     from auvident.storage.logs import read_trial
 
-    column_map = _column_map(given.options)
-    found: list[RawTrial] = []
-    for group in _groups(given.options):
+    given.observer.progress(f"reading {source.place}")
+    raw = read_trial(source, _column_map(given.options))
+    _refuse_namesake(raw.name, used)
+    own = None if alone else fingerprint(raw)
+    parts: tuple[str, ...] = ()
+    if own is not None:
+        known = [done.fingerprint for done in used.values() if done.fingerprint is not None]
+        raw, parts = without_copies(raw, own, known, replaceable=aside.may_lack(used))
+    trial, quality = bring_to_one_clock(
+        raw, vehicle, rate_hz=given.options["rate_hz"], max_gap_s=given.options["max_gap_s"]
+    )
+    for name in parts:
+        aside.replaced(used.pop(name).source, raw.name)
+    used[trial.name] = _Ingested(source, trial, quality, own)
+
+
+class _Aside:
+    """Trials that cannot be used: raised at once, unless the others do without them."""
+
+    def __init__(self, given: Given) -> None:
+        self.given = given
+        self.faults: list[tuple[str, AuvidentError]] = []
+
+    def may_fail(self, source: "TrialSource") -> bool:
+        """Whether the run goes on without a trial."""
+        return source.among_others or bool(self.given.options.get("keep_going"))
+
+    def may_lack(self, used: Mapping[str, _Ingested]) -> frozenset[str]:
+        """Names of the trials in use that could give way to another one."""
+        return frozenset(name for name, done in used.items() if self.may_fail(done.source))
+
+    @contextmanager
+    def instead_of(self, source: "TrialSource") -> Iterator[None]:
+        """Note why a trial cannot be used."""
         try:
-            sources = find_trials(group, column_map)
+            yield
         except InputError as error:
-            _refuse(given, error, refused)
-            continue
-        for source in sources:
-            given.observer.progress(f"reading {source.place}")
-            try:
-                found.append(read_trial(source, column_map))
-            except InputError as error:
-                _refuse(given, error, refused)
+            if not self.may_fail(source):
+                raise
+            self.note(source.name, error)
+
+    def note(self, trial: str, error: AuvidentError) -> None:
+        """Set a trial aside."""
+        self.given.observer.refused(str(error))
+        self.faults.append((trial, error))
+
+    def replaced(self, source: "TrialSource", by: str) -> None:
+        """Set a trial aside that is a part of a longer one."""
+        problem = f"trial {source.name} is a part of trial {by}, which is used"
+        remedy = "Leave it out: a maneuver of both would be held out in one and seen in the other."
+        self.note(source.name, InputError(problem, str(source.place), remedy))
+
+    def none_left(self) -> AuvidentError:
+        """The error when no trial is left, with the reason of each."""
+        from auvident.storage.log_find import Fault, none_usable
+
+        return none_usable([Fault(Path(t), e) for t, e in self.faults if isinstance(e, InputError)])
+
+    def findings(self) -> "tuple[Finding, ...]":
+        """What leads the findings of the run."""
+        from auvident.schema.artifacts import Finding
+
+        return tuple(
+            Finding(code="log_refused", message=e.problem, where=e.where, remedy=e.remedy)
+            for _, e in self.faults
+        )
+
+    def told(self) -> "tuple[SetAside, ...]":
+        """The trials and why."""
+        from auvident.schema.logs import SetAside
+
+        return tuple(
+            SetAside(trial=t, reason=e.problem, where=e.where, remedy=e.remedy)
+            for t, e in self.faults
+        )
+
+
+def _trial_sources(given: Given, aside: _Aside) -> "list[TrialSource]":
+    """Every trial among the logs; those that are none are noted where the others do without."""
+    from auvident.storage.log_find import Fault, find_trials
+
+    column_map = _column_map(given.options)
+    found: list[TrialSource] = []
+    for group in _groups(given.options):
+        faults: list[Fault] = []
+        try:
+            found += find_trials(group, column_map, faults)
+        except InputError as error:
+            if not given.options.get("keep_going"):
+                raise
+            aside.note(group[0].stem, error)
+        for fault in faults:
+            aside.note(fault.path.stem, fault.error)
     return found
 
 
@@ -109,30 +201,14 @@ def _groups(options: Mapping[str, Any]) -> list[list[Path]]:
     return [*alone, files] if files else alone
 
 
-def _refuse_namesake(name: str, known: "list[Fingerprint]") -> None:
+def _refuse_namesake(name: str, known: Collection[str]) -> None:
     """Refuse a second trial of one name; logs that are searched one by one may have such."""
-    if any(name == other.name for other in known):
+    if name in known:
         raise InputError(
             f"two trials are named {name!r}",
             f"trial {name}",
             "Rename one of the files or folders: a trial is named after it.",
         )
-
-
-def _refuse(given: Given, error: AuvidentError, refused: list[AuvidentError]) -> None:
-    if not given.options.get("keep_going"):
-        raise error
-    given.observer.refused(str(error))
-    refused.append(error)
-
-
-def _refused_findings(refused: list[AuvidentError]) -> tuple:
-    from auvident.schema.artifacts import Finding
-
-    return tuple(
-        Finding(code="log_refused", message=e.problem, where=e.where, remedy=e.remedy)
-        for e in refused
-    )
 
 
 def _left_out_findings(options: Mapping[str, Any]) -> "tuple[Finding, ...]":
@@ -176,7 +252,7 @@ def ingest_sources(options: Mapping[str, Any]) -> list[Path]:
     column_map = _column_map(options)
     for group in _groups(options):
         try:
-            sources += [file for trial in find_trials(group, column_map) for file in trial.files]
+            sources += [f for trial in find_trials(group, column_map, []) for f in trial.files]
         except InputError:
             if not options.get("keep_going"):
                 raise

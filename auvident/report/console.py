@@ -15,6 +15,7 @@ from auvident.report.console_style import findings_lines, rich_table
 from auvident.report.held_out_words import beyond, why_held_out
 from auvident.report.numbers import TERMINAL
 from auvident.report.tables import Column, Fixed, Number, Rows, Table, columns
+from auvident.report.trial_words import set_aside
 from auvident.schema.artifacts import (
     IdentifiedModel,
     Maneuver,
@@ -89,13 +90,14 @@ def frame_table(title: str, frame: "pd.DataFrame") -> RenderableType:
 
 def _ingest(outputs: Mapping[str, Any]) -> list[RenderableType]:
     quality: Quality = outputs["ingest/quality.json"]
-    pieces: list[RenderableType] = []
-    if len(quality.trials) > MOST_SENSOR_TABLES:
+    pieces: list[RenderableType] = [Text(line) for line in set_aside(quality)]
+    if len(quality.trials) > 1:
         pieces.append(rich_table(tables.trials(quality.trials)))
-    else:
+    if len(quality.trials) <= MOST_SENSOR_TABLES:
         pieces += [_sensors(trial) for trial in quality.trials]
     findings = [f for trial in quality.trials for f in trial.findings]
-    return [*pieces, *findings_lines([*findings, *quality.findings])]
+    others = [f for f in quality.findings if f.code != "log_refused"]  # told above
+    return [*pieces, *findings_lines([*findings, *others])]
 
 
 def _sensors(trial: TrialQuality) -> RenderableType:
@@ -111,7 +113,9 @@ def _segment(outputs: Mapping[str, Any]) -> list[RenderableType]:
     beside = outputs["segment/rejected.json"]
     table = rich_table(tables.maneuvers(maneuvers, "Maneuvers"))
     note = f"{len(beside['rejected'])} candidates rejected; segment/rejected.json has the reasons"
-    why = [Text(line) for line in why_held_out(maneuvers)]
+    why: list[RenderableType] = [Text(line) for line in why_held_out(maneuvers)]
+    if len({m.trial for m in maneuvers}) > 1:
+        why = [rich_table(tables.maneuvers_by_trial(maneuvers)), *why]
     return [table, *why, Text(note, style="dim"), *findings_lines(beside["findings"])]
 
 

@@ -15,7 +15,8 @@ from auvident.report.html_data import ReportData, number
 from auvident.report.html_loop import figures as loop_figures
 from auvident.report.html_loop import lacks, with_refined
 from auvident.report.numbers import PAGE
-from auvident.report.tables import written
+from auvident.report.tables import Table, written
+from auvident.report.trial_words import set_aside
 from auvident.schema.artifacts import PRIOR_WORDS
 from auvident.schema.combined import CombinedModel
 
@@ -54,6 +55,7 @@ def render(report: ReportData) -> str:
             version=__version__,
             data=report,
             subtitle=_subtitle(report),
+            aside=set_aside(report.quality) if report.quality else [],
             planes=planes,
             figures={"timelines": _safe(_timelines(report)), "tracks": _safe(_tracks(report))},
             left_out=_trials_left_out(report),
@@ -239,6 +241,7 @@ def _tables(report: ReportData) -> dict[str, Any]:
     quality, manifest, found = report.quality, report.manifest, report.maneuvers
     return {
         "why_held": why_held_out(found.maneuvers) if found else [],
+        "trial_rows": _trial_rows(report),
         "sensors": tables_run.sensors(quality.trials) if quality else None,
         "lags": tables_record.lags(quality) if quality else None,
         "maneuver_rows": tables_run.maneuvers(found.maneuvers) if found else None,
@@ -246,6 +249,14 @@ def _tables(report: ReportData) -> dict[str, Any]:
         "stages": tables_record.stages(manifest) if manifest else None,
         "hashes": tables_record.files(manifest) if manifest else None,
     }
+
+
+def _trial_rows(report: ReportData) -> Table | None:
+    """Table of the trials; None for a single one, of which everything stands elsewhere."""
+    if report.quality is None or len(report.quality.trials) < 2:
+        return None
+    known = report.maneuvers.maneuvers if report.maneuvers else None
+    return replace(tables_run.trials(report.quality.trials, known), title="")
 
 
 def _plane_tables(report: ReportData) -> dict[str, Any]:

@@ -51,6 +51,7 @@ SERIOUS = {
     "not-predicted",
     "no-better",
     "log_refused",
+    "trials_overlap",
     "rudder_sign_unverified",
     "never_under_way",
     "no_record",

@@ -37,21 +37,36 @@ RESIDUALS_CAPTION = (
 Errors = Mapping[str, ChannelMetrics | ChannelError]
 
 
-def trials(found: Sequence[TrialQuality]) -> Table:
-    """One row a trial."""
+def trials(found: Sequence[TrialQuality], known: Sequence[Maneuver] | None = None) -> Table:
+    """One row a trial; with its maneuvers once these are known."""
     rows = [
         [
             t.trial,
+            t.origin[:10],
             left_out(t.sensors),
             str(t.samples),
             f"{t.rate_hz:g}",
             f"{t.t_end_s - t.t_start_s:.1f}",
             str(len(t.records)),
+            *_counts(t.trial, known),
         ]
         for t in found
     ]
-    heads = columns(("trial", "samples left out"), ("rows", "Hz", "length, s", "records"))
+    numbers = ["rows", "Hz", "length, s", "records"]
+    numbers += ["maneuvers", "held out"] if known is not None else []
+    heads = columns(("trial", "date", "samples left out"), tuple(numbers))
     return Table(heads, rows, "Trials")
+
+
+def maneuvers_by_trial(found: Sequence[Maneuver]) -> Table:
+    """How many maneuvers each trial gives."""
+    rows: Rows = [[name, *_counts(name, found)] for name in dict.fromkeys(m.trial for m in found)]
+    return Table(columns(("trial",), ("maneuvers", "held out")), rows, "Maneuvers by trial")
+
+
+def _counts(trial: str, known: Sequence[Maneuver] | None) -> list[Cell]:
+    roles = [m.role for m in known or () if m.trial == trial]
+    return [str(len(roles)), str(roles.count("validate"))] if known is not None else []
 
 
 def sensors(found: Sequence[TrialQuality], title: str = "") -> Table:

@@ -374,6 +374,15 @@ class TrialQuality(Artifact):
     findings: tuple[Finding, ...] = ()
 
 
+class SetAside(Artifact):
+    """A trial that was found and not used: why, where the fault is, what to do."""
+
+    trial: str
+    reason: str
+    where: str = ""
+    remedy: str = ""
+
+
 class Quality(Artifact):
     """``ingest/quality.json``."""
 
@@ -382,3 +391,4 @@ class Quality(Artifact):
     rate_hz: float
     trials: tuple[TrialQuality, ...]
     findings: tuple[Finding, ...] = ()
+    set_aside: tuple[SetAside, ...] = ()

@@ -1,9 +1,9 @@
 """Columns of a text log as arrays: a fast parser first, a careful one to handle or name faults."""
 
-import io
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -14,6 +14,7 @@ from pyarrow import csv as pacsv
 
 from auvident.errors import InputError
 from auvident.schema.logs import FIRST_FEW
+from auvident.storage.log_blocks import BLOCK_BYTES, OddBytes, blocks
 from auvident.storage.log_layout import (
     COMMENT_MARKS,
     MISSING,
@@ -72,12 +73,85 @@ def read_csv(path: Path, layout: Layout, wanted: Mapping[str, Kind | None]) -> L
         When a number column holds text (with row, column and the text), or too many rows do
         not have the fields that the header names.
     """
-    body = _body(path, layout)
+    found = _read_blocks(path, layout, wanted) if _is_long(path) else None
+    return found or _read_body(path, _body(path, layout), layout, wanted)
+
+
+def _is_long(path: Path) -> bool:
+    return path.is_file() and path.stat().st_size > BLOCK_BYTES
+
+
+def _read_blocks(path: Path, layout: Layout, wanted: Mapping[str, Kind | None]) -> LogTable | None:
+    """Read a long log block by block; None where only the whole of it tells what is wrong."""
+    parts: list[LogTable] = []
+    head: bytes | None = None
+    try:
+        for line, block in blocks(path, layout.data_line):
+            if head is None and block.count(b"\n") < PEEK_ROWS:
+                return None
+            head = head or block
+            if layout.delimiter != "," and b"," in block:  # a decimal comma may come late
+                return None
+            if block:
+                part = _read_body(path, block, replace(layout, data_line=line), wanted, head)
+                parts.append(part)
+                wanted = {name: _kind_of(x) for name, x in part.columns.items()}
+    except (OddBytes, InputError):
+        return None
+    return _joined(parts)
+
+
+def _kind_of(values: np.ndarray) -> Kind:
+    return "text" if values.dtype == object else "number"
+
+
+def _joined(parts: list[LogTable]) -> LogTable | None:
+    """One table of all blocks; None where so much was dropped that the whole has to judge."""
+    counts = Counter[str]()
+    where: dict[str, tuple[int, ...]] = {}
+    for part in parts:
+        counts.update(part.dropped)
+        for reason, lines in part.dropped_rows.items():
+            where[reason] = (*where.get(reason, ()), *lines)[:FIRST_FEW]
+    rows = np.concatenate([part.rows for part in parts])
+    most = min(MOST_SHARE, MAX_RAGGED_SHARE) * rows.size
+    if max(counts["wrong_number_of_fields"], counts["stray_quote"]) > most:
+        return None
+    names = list(parts[0].columns)
+    # one column after the other, so that there are never two copies of all
+    columns = {name: np.concatenate([part.columns.pop(name) for part in parts]) for name in names}
+    read = sum(part.rows_read for part in parts)
+    return LogTable(columns, rows, read, {k: n for k, n in counts.items() if n}, where)
+
+
+def _read_body(
+    path: Path,
+    body: bytes,
+    layout: Layout,
+    wanted: Mapping[str, Kind | None],
+    head: bytes | None = None,
+) -> LogTable:
+    """Read the rows of a log, or of a block of it that ends at the end of a line.
+
+    Parameters
+    ----------
+    path : Path
+        For messages.
+    body : bytes
+        Lines in UTF-8.
+    layout : Layout
+        With `data_line`, the line of the file at which `body` begins.
+    wanted : mapping of str to {"number", "text", None}
+        Columns to read.
+    head : bytes, optional
+        The first rows of the file, which tell whether the last one was cut off; `body` has them
+        unless it is a later block.
+    """
     if layout.delimiter == WHITESPACE:
         body = re.sub(rb"[ \t]+", b" ", re.sub(rb"^[ \t]+|[ \t]+$", b"", body, flags=re.M))
     body, stray = blank_stray_quotes(body, layout.delimiter, COMMENT_MARKS)
     _refuse_many_strays(path, body, layout, stray)
-    body, cut_off = _without_cut_tail(body, layout)
+    body, cut_off = _without_cut_tail(body, layout, body if head is None else head)
     if not body.strip():
         raise InputError("has column names but no data", str(path))
     kinds = {name: kind or _peek(body, layout, name) for name, kind in wanted.items()}
@@ -97,13 +171,10 @@ def read_csv(path: Path, layout: Layout, wanted: Mapping[str, Kind | None]) -> L
     read = int(kept.sum()) + sum(dropped.values())
     if not kept.any():
         raise InputError("has column names but no data", str(path))
-    return LogTable(
-        {name: values[kept] for name, values in columns.items()},
-        lines[kept],
-        read,
-        dropped,
-        dropped_rows,
-    )
+    if not kept.all():
+        columns = {name: values[kept] for name, values in columns.items()}
+        lines = lines[kept]
+    return LogTable(columns, lines, read, dropped, dropped_rows)
 
 
 def _body(path: Path, layout: Layout) -> bytes:
@@ -128,23 +199,23 @@ def _refuse_many_strays(path: Path, body: bytes, layout: Layout, stray: Sequence
         )
 
 
-def _without_cut_tail(body: bytes, layout: Layout) -> tuple[bytes, int]:
+def _without_cut_tail(body: bytes, layout: Layout, head: bytes) -> tuple[bytes, int]:
     """Drop a last line that was cut off while it was written; 1 when there was one."""
     if not body or body.endswith(b"\n"):
         return body, 0
     last = body[body.rfind(b"\n") + 1 :]
-    if not _is_cut(last, body, layout):
+    if not _is_cut(last, head, layout):
         return body, 0
     return body[: len(body) - len(last)], 1
 
 
-def _is_cut(last: bytes, body: bytes, layout: Layout) -> bool:
+def _is_cut(last: bytes, head: bytes, layout: Layout) -> bool:
     fields = split(last.decode(errors="replace"), layout.delimiter)
     if len(fields) < len(layout.names):
         return bool(last.strip())
     above = [
         split(line.decode(errors="replace"), layout.delimiter)[-1:]
-        for line in body.split(b"\n", DECIMALS_LINES)[:DECIMALS_LINES]
+        for line in head.split(b"\n", DECIMALS_LINES)[:DECIMALS_LINES]
     ]
     words = [word[0] for word in above if word and NUMBER.fullmatch(word[0])]
     if len(words) < DECIMALS_LINES // 2:  # text, or too short to tell
@@ -185,7 +256,7 @@ def _parse(
 
     bad.clear()
     table = pacsv.read_csv(
-        io.BytesIO(body),
+        pa.BufferReader(body),
         pacsv.ReadOptions(column_names=keys),
         pacsv.ParseOptions(delimiter=layout.delimiter, invalid_row_handler=note),
         pacsv.ConvertOptions(

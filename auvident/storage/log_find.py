@@ -3,9 +3,11 @@
 import difflib
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 from auvident.errors import InputError
 from auvident.schema.channels import SENSORS
@@ -43,15 +45,29 @@ class TrialSource:
         Files to search for columns.
     assigned : dict of str to Path
         File of a sensor as the map's pattern says.
+    among_others : bool
+        Whether it is one of several in a folder, where the others do without it.
     """
 
     name: str
     place: Path
     files: tuple[Path, ...]
     assigned: dict[str, Path] = field(default_factory=dict)
+    among_others: bool = False
 
 
-def find_trials(paths: Sequence[Path], column_map: ColumnMap | None = None) -> list[TrialSource]:
+class Fault(NamedTuple):
+    """Why what stands at a path is no trial."""
+
+    path: Path
+    error: InputError
+
+
+def find_trials(
+    paths: Sequence[Path],
+    column_map: ColumnMap | None = None,
+    faults: list[Fault] | None = None,
+) -> list[TrialSource]:
     """Trials behind the paths that the user gave.
 
     Parameters
@@ -60,6 +76,8 @@ def find_trials(paths: Sequence[Path], column_map: ColumnMap | None = None) -> l
         Trial folders, wide files, folders of either, or all the sensor files of a folder.
     column_map : ColumnMap, optional
         The user's map.
+    faults : list of Fault, optional
+        Takes what is wrong with one of several trials in a folder; without it that is raised.
 
     Raises
     ------
@@ -74,7 +92,7 @@ def find_trials(paths: Sequence[Path], column_map: ColumnMap | None = None) -> l
             raise _no_such(path)
         refuse_own(path)
         if path.is_dir():
-            found += _folder_or_refuse(path, column_map)
+            found += _folder_or_refuse(path, column_map, faults)
         elif _is_sensor_file(path, column_map):
             by_folder.setdefault(path.parent, []).append(path)
         else:
@@ -117,10 +135,18 @@ def _single(path: Path, column_map: ColumnMap) -> TrialSource:
     return TrialSource(stem(path), path, (path,))
 
 
-def _folder_or_refuse(path: Path, column_map: ColumnMap) -> list[TrialSource]:
-    found = _folder(path, column_map, 0)
+def _folder_or_refuse(
+    path: Path, column_map: ColumnMap, faults: list[Fault] | None
+) -> list[TrialSource]:
+    own: list[Fault] | None = None if faults is None else []
+    found = _folder(path, column_map, 0, own)
+    if found and faults is not None and own is not None:
+        faults += own
+        return [replace(s, among_others=len(found) + len(own) > 1) for s in found]
     if found:
         return found
+    if own:
+        raise none_usable(own)
     inside = sorted(p.name + ("/" if p.is_dir() else "") for p in path.iterdir())
     wanted = sorted(set(_patterns(column_map).values()))
     problem = "contains no log"
@@ -136,7 +162,30 @@ def _folder_or_refuse(path: Path, column_map: ColumnMap) -> list[TrialSource]:
     raise InputError(f"{problem}; found {listing or 'nothing'}", str(path), LAYOUT_REMEDY)
 
 
-def _folder(path: Path, column_map: ColumnMap, depth: int) -> list[TrialSource]:
+def none_usable(faults: Sequence[Fault]) -> InputError:
+    """One error for several trials, with the reason of each."""
+    if len(faults) == 1:
+        return faults[0].error
+    reasons = "".join(f"\n  {fault.error}" for fault in faults)
+    return InputError(f"none of {len(faults)} trials can be used:{reasons}")
+
+
+def _tried(
+    of: Path, call: Callable[[], list[TrialSource]], faults: list[Fault] | None
+) -> list[TrialSource]:
+    """What a call finds; nothing where it fails and its fault is taken note of."""
+    try:
+        return call()
+    except InputError as error:
+        if faults is None:
+            raise
+        faults.append(Fault(of, error))
+        return []
+
+
+def _folder(
+    path: Path, column_map: ColumnMap, depth: int, faults: list[Fault] | None
+) -> list[TrialSource]:
     """Trials in a folder; when it is itself none, also those in the folders below."""
     logs = logs_in(path)
     name = path.resolve().name
@@ -148,14 +197,22 @@ def _folder(path: Path, column_map: ColumnMap, depth: int) -> list[TrialSource]:
     if any(stem(log).lower() in SENSORS for log in logs):
         _refuse_twins(path, logs)
         return [TrialSource(name, path, logs)]
-    wide = [log for log in logs if len(logs) == 1 or _has_time(log, column_map)]
+    found = []
+    for log in logs:
+        found += _tried(log, partial(_wide, log, len(logs) == 1, column_map), faults)
+    wide = [source.files[0] for source in found]
     if len(wide) > 1 and _is_split(wide, column_map):
         return [TrialSource(name, path, tuple(wide))]
-    found = [TrialSource(stem(log), log, (log,)) for log in wide]
     if depth < MAX_DEPTH:
         for below in folders_in(path):
-            found += _folder(below, column_map, depth + 1)
+            found += _tried(below, partial(_folder, below, column_map, depth + 1, faults), faults)
     return found
+
+
+def _wide(log: Path, alone: bool, column_map: ColumnMap) -> list[TrialSource]:
+    """A file of a folder as a trial, unless it is no recording."""
+    is_trial = alone or _has_time(log, column_map)
+    return [TrialSource(stem(log), log, (log,))] if is_trial else []
 
 
 def _refuse_twins(path: Path, logs: Iterable[Path]) -> None:
@@ -262,14 +319,24 @@ def _wildcard_text(relative: Path, pattern: str) -> str:
 
 
 def _distinct(found: list[TrialSource]) -> list[TrialSource]:
-    """Refuse two trials of one name; a lone file of a folder may take the folder's name."""
+    """Refuse two trials of one name; a lone file of a folder may take the folder's name.
+
+    Trials of one name in the folders of a folder (``day1/run``, ``day2/run``) get both names.
+    """
     count = Counter(source.name for source in found)
     named = [
         replace(s, name=_folder_name(s)) if count[s.name] > 1 and _is_alone(s) else s for s in found
     ]
     count = Counter(source.name for source in named)
+    named = [
+        replace(s, name=f"{s.place.resolve().parent.name}_{s.name}")
+        if count[s.name] > 1 and s.among_others
+        else s
+        for s in named
+    ]
+    count = Counter(source.name for source in named)
     for source in named:
-        if count[source.name] > 1:
+        if count[source.name] > 1 and not source.among_others:
             places = " and ".join(str(s.place) for s in named if s.name == source.name)
             raise InputError(
                 f"two trials are named {source.name!r}",

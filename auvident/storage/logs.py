@@ -209,9 +209,9 @@ def _sensor(
     return RawSensor(
         sensor=sensor,
         file=str(log.path),
-        time_s=time_s[valid] + mapping.time_offset_s,
-        values={key: _finite(numbers[valid]) for key, numbers in values.items()},
-        rows=table.rows[valid],
+        time_s=_chosen(time_s, valid) + mapping.time_offset_s,
+        values={key: _finite(_chosen(numbers, valid)) for key, numbers in values.items()},
+        rows=_chosen(table.rows, valid),
         columns={key: column.name for key, column in columns.items()},
         rows_read=table.rows_read,
         dropped=dropped,
@@ -221,8 +221,13 @@ def _sensor(
     )
 
 
+def _chosen(values: np.ndarray, which: np.ndarray) -> np.ndarray:
+    """The values where `which` is true; without a copy where that is everywhere."""
+    return values if which.all() else values[which]
+
+
 def _finite(numbers: np.ndarray) -> np.ndarray:
-    return np.where(np.isfinite(numbers), numbers, np.nan)
+    return numbers if np.isfinite(numbers).all() else np.where(np.isinf(numbers), np.nan, numbers)
 
 
 def _note(

@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from ingest_world import calm, maneuvers, sensor
+from scipy import signal
 
 from auvident.errors import InputError
 from auvident.schema.logs import DEG, RawTrial
-from auvident.stages.ingest.copies import fingerprint, refuse_copy
+from auvident.stages.ingest import copies
+from auvident.stages.ingest.copies import fingerprint, refuse_copy, without_copies
 
 CHANNELS = {"dvl": ("u_mps", "v_mps"), "gyro": ("r_radps",)}
 
@@ -198,11 +200,97 @@ def test_a_few_seconds_in_common_are_no_copy(raw):
     refuse_copy(fingerprint(renamed(second)), [fingerprint(first)])
 
 
-def test_half_a_minute_in_common_is_a_copy(raw):
+@pytest.mark.parametrize("by_s", [0.0, 5000.0])
+def test_what_two_trials_share_is_used_once_and_said(raw, by_s):
     first = each(raw, lambda s: rows(s, s.time_s < 190.0))
-    second = each(raw, lambda s: rows(s, s.time_s > 150.0))
-    with pytest.raises(InputError, match=r"(39|40) s of"):
-        refuse_copy(fingerprint(renamed(second)), [fingerprint(first)])
+    second = each(raw, lambda s: later(rows(s, s.time_s > 150.0), by_s))
+    left, parts = without_copies(second, fingerprint(second), [fingerprint(first)])
+    assert not parts
+    (finding,) = left.findings
+    assert finding.code == "trials_overlap"
+    assert finding.value == pytest.approx(40.0, abs=1.0)
+    for name, s in left.sensors.items():
+        assert s.time_s.min() == pytest.approx(190.5 + by_s, abs=0.7)
+        assert s.time_s.size + s.dropped["in_another_trial"] == second.sensors[name].time_s.size
+
+
+@pytest.mark.parametrize("form", ["the first half", "a minute of it, later"])
+def test_of_two_recordings_the_longer_one_is_kept(raw, form):
+    part, whole = FORMS[form](raw), renamed(raw, "whole")
+    assert without_copies(whole, fingerprint(whole), [fingerprint(part)], {part.name})[1] == (
+        part.name,
+    )
+    with pytest.raises(InputError, match="contains the readings"):
+        without_copies(part, fingerprint(part), [fingerprint(whole)], {whole.name})
+    with pytest.raises(InputError, match="contains the readings"):
+        without_copies(whole, fingerprint(whole), [fingerprint(part)])
+
+
+def mean_over(step_s: float, by_s: float):
+    """The gyro averaged to another rate, on a clock of its own."""
+
+    def change(trial: RawTrial) -> RawTrial:
+        gyro = trial.sensors["gyro"]
+        place = np.floor(gyro.time_s / step_s).astype(int)
+        ticks, place = np.unique(place, return_inverse=True)
+        r = np.bincount(place, gyro.values["r_radps"]) / np.bincount(place)
+        slow = sensor("gyro", (ticks + 0.5) * step_s + by_s, r_radps=r)
+        return renamed(replace(trial, sensors={"gyro": slow}))
+
+    return change
+
+
+def decimated(trial: RawTrial, by_s: float = 77.77) -> RawTrial:
+    """The gyro through the filter of a library, every fifth value."""
+    gyro = trial.sensors["gyro"]
+    ticks = np.arange(0.5, 299.0, 0.02)
+    r = signal.decimate(np.interp(ticks, gyro.time_s, gyro.values["r_radps"]), 5)
+    return renamed(RawTrial("slow", {"gyro": sensor("gyro", ticks[::5] + by_s, r_radps=r)}))
+
+
+RESAMPLED = {
+    "averaged to 10 Hz": mean_over(0.1, 0.0),
+    "averaged to 10 Hz, later": mean_over(0.1, 1234.567),
+    "averaged to 5 Hz, earlier": mean_over(0.2, -4321.012),
+    "interpolated, later": lambda t: each(
+        on_ticks(t, np.arange(0.5, 299, 0.1), np.interp), lambda s: later(s, 55.513)
+    ),
+    "every fifth reading, later": lambda t: each(
+        t, lambda s: later(rows(s, np.arange(s.time_s.size) % 5 == 0), 1000.003)
+    ),
+    "decimated, later": decimated,
+}
+
+
+@pytest.mark.parametrize("form", RESAMPLED)
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_resampled_copy_is_refused(raw, form, turned):
+    pair = [raw, RESAMPLED[form](raw)]
+    first, second = pair[::-1] if turned else pair
+    with pytest.raises(InputError, match="contains the readings"):
+        refuse_copy(fingerprint(second), [fingerprint(first)])
+
+
+@pytest.mark.parametrize("noise", [1.0, 0.1, 0.02])
+@pytest.mark.parametrize("form", ["averaged to 10 Hz, later", "decimated, later"])
+def test_another_flight_of_the_same_program_is_no_resampled_copy(raw, noise, form):
+    first = fingerprint(maneuvers(seed=1, duration_s=300.0, noise=noise))
+    for seed in (2, 3, 4):
+        second = RESAMPLED[form](maneuvers(seed=seed, duration_s=300.0, noise=noise))
+        refuse_copy(fingerprint(second), [first])
+
+
+def test_a_long_log_is_compared_by_some_of_its_runs(raw, monkeypatch):
+    monkeypatch.setattr(copies, "MOST_RUNS", 2000)
+    monkeypatch.setattr(copies, "MOST_READINGS", 4000)
+    monkeypatch.setattr(copies, "PIECE", 400)
+    first = fingerprint(raw)
+    assert first.readings["r_radps"].thinned == 8
+    assert first.readings["r_radps"].time_s.size == 4000
+    for form in ("another name", "a shifted clock", "the first half"):
+        with pytest.raises(InputError):
+            refuse_copy(fingerprint(FORMS[form](raw)), [first])
+    refuse_copy(fingerprint(renamed(maneuvers(seed=2, duration_s=300.0))), [first])
 
 
 def test_readings_that_never_change_say_nothing():

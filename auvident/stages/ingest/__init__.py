@@ -1,6 +1,6 @@
 """Ingest: every sensor of a trial cleaned and on one clock, with a report on its quality."""
 
-from auvident.stages.ingest.copies import Fingerprint, fingerprint, refuse_copy
+from auvident.stages.ingest.copies import Fingerprint, fingerprint, without_copies
 from auvident.stages.ingest.stage import ingest
 
-__all__ = ["Fingerprint", "fingerprint", "ingest", "refuse_copy"]
+__all__ = ["Fingerprint", "fingerprint", "ingest", "without_copies"]

@@ -1,6 +1,6 @@
 """Samples of each channel that are fit for use: empty, repeated and implausible ones go."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,16 +15,32 @@ from auvident.stages.ingest.units import refuse_wrong_unit
 
 @dataclass(frozen=True)
 class Series:
-    """Clean samples of one channel, shape (n,): times ascend strictly, angles are unwrapped.
+    """Clean samples of one channel; `dropped` counts samples by reason.
 
-    `rows` are lines of the file; `dropped` counts samples by reason.
+    Of the samples before the last drop a mask is kept instead of a copy of the others: a day of
+    a fast gyro has some outliers in each channel.
     """
 
     channel: Channel
-    time_s: np.ndarray
-    values: np.ndarray
-    rows: np.ndarray
+    all_times_s: np.ndarray
+    all_values: np.ndarray
+    used: np.ndarray | None = None
     dropped: dict[str, Dropped] = field(default_factory=dict)
+
+    @property
+    def time_s(self) -> np.ndarray:
+        """Times, shape (n,), strictly ascending."""
+        return self.all_times_s if self.used is None else self.all_times_s[self.used]
+
+    @property
+    def values(self) -> np.ndarray:
+        """Values in the internal sign, shape (n,); angles are unwrapped."""
+        return self.all_values if self.used is None else self.all_values[self.used]
+
+    def changed_by(self, change: np.ndarray) -> "Series":
+        """The same samples with something added to their values."""
+        values = self.values + change
+        return replace(self, all_times_s=self.time_s, all_values=values, used=None)
 
 
 @dataclass(frozen=True)
@@ -64,9 +80,19 @@ def clean_sensor(raw: RawSensor, vehicle: Vehicle) -> CleanSensor:
         clean = _clean_channel(raw, BY_COLUMN[column], keep, vehicle)
         if clean.time_s.size:
             series[column] = clean
-    times = [s.time_s for s in series.values()]
-    ticks = np.unique(np.concatenate(times)) if times else np.empty(0)
-    return CleanSensor(raw, series, ticks, dropped)
+    return CleanSensor(raw, series, _ticks([*series.values()]), dropped)
+
+
+def _ticks(series: list[Series]) -> np.ndarray:
+    """Times with a sample of any channel."""
+    used = [s.used for s in series if s.used is not None]
+    if series and all(s.all_times_s is series[0].all_times_s for s in series):
+        all_times_s = series[0].all_times_s
+        return all_times_s[np.logical_or.reduce(used)] if len(used) == len(series) else all_times_s
+    ticks = np.empty(0)
+    for s in series:
+        ticks = np.union1d(ticks, s.time_s) if ticks.size else s.time_s
+    return ticks
 
 
 def internal_sign(channel: Channel, vehicle: Vehicle) -> int:
@@ -95,14 +121,19 @@ def _with(
 
 
 def _clean_channel(raw: RawSensor, channel: Channel, keep: np.ndarray, vehicle: Vehicle) -> Series:
-    time, values = raw.time_s[keep], raw.values[channel.column][keep]
-    index = np.arange(keep.size)
+    whole = keep.size == raw.time_s.size
+    time, values = raw.time_s, raw.values[channel.column]
+    if not whole:
+        time, values = time[keep], values[keep]
+    index: np.ndarray | slice = slice(None)  # all of them, without a copy
     dropped: dict[str, Dropped] = {}
 
     def drop(reason: str, bad: np.ndarray) -> None:
         nonlocal index, dropped
-        dropped = _with(dropped, reason, raw, keep[index[bad]])
-        index = index[~bad]
+        if bad.any():
+            chosen = np.arange(keep.size)[index]
+            dropped = _with(dropped, reason, raw, keep[chosen[bad]])
+            index = chosen[~bad]
 
     drop("empty", np.isnan(values))
     drop("repeated_time", _repeated(time[index], keep_last=channel.kind == "input"))
@@ -111,17 +142,27 @@ def _clean_channel(raw: RawSensor, channel: Channel, keep: np.ndarray, vehicle: 
         drop("implausible", np.abs(values[index]) > channel.plausible)
     if channel.kind == "measured":
         drop("outlier", find_outliers(_unwrapped(values[index], channel)))
-    clean = _unwrapped(values[index], channel) * internal_sign(channel, vehicle)
-    return Series(channel, time[index], clean, raw.rows[keep][index], dropped)
+    sign = internal_sign(channel, vehicle)
+    if channel.is_angle or sign < 0:
+        clean = _unwrapped(values[index], channel) * sign
+        return Series(channel, time[index], clean, dropped=dropped)
+    used = None if whole and isinstance(index, slice) else _mask(raw.time_s.size, keep[index])
+    return Series(channel, raw.time_s, raw.values[channel.column], used, dropped)
+
+
+def _mask(size: int, chosen: np.ndarray) -> np.ndarray:
+    mask = np.zeros(size, dtype=bool)
+    mask[chosen] = True
+    return mask
 
 
 def _repeated(time: np.ndarray, keep_last: bool) -> np.ndarray:
     """Samples at a time that has another: of a command the last holds, else the first counts."""
     same = np.zeros(time.size, dtype=bool)
     if keep_last:
-        same[:-1] = np.diff(time) <= 0
+        same[:-1] = time[1:] <= time[:-1]
     else:
-        same[1:] = np.diff(time) <= 0
+        same[1:] = time[1:] <= time[:-1]
     return same
 
 

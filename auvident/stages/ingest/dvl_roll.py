@@ -47,7 +47,7 @@ def without_roll(
         if column in series:
             read = series[column]
             added = share * dvl.z_m * np.nan_to_num(_at(rate, read.time_s, max_gap_s))
-            series[column] = replace(read, values=read.values + added)
+            series[column] = read.changed_by(added)
     roll = _at(rate, own.series[ASIDE].time_s, max_gap_s)
     moved = replace(own, series=series)
     return {**sensors, own.raw.sensor: moved}, (_done(own, dvl, roll),)

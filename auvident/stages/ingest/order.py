@@ -35,7 +35,7 @@ def order_rows(sensor: RawSensor) -> Ordered:
     """
     time = sensor.time_s
     keep = np.ones(time.size, dtype=bool)
-    if np.any(np.diff(time) < 0):
+    if np.any(time[1:] < time[:-1]):
         _drop_isolated(time, keep)
         _drop_runs(sensor, keep)
     _drop_leaps(sensor, keep)
@@ -114,7 +114,8 @@ def _backward(sensor: RawSensor, last: int, first: int) -> InputError:
 def _drop_leaps(sensor: RawSensor, keep: np.ndarray) -> None:
     """A few rows beyond a pause of hours at either end have a corrupt time stamp."""
     rows = np.flatnonzero(keep)
-    leaps = np.flatnonzero(np.diff(sensor.time_s[rows]) > MAX_PAUSE_S)
+    time = sensor.time_s if rows.size == keep.size else sensor.time_s[rows]
+    leaps = np.flatnonzero(time[1:] - time[:-1] > MAX_PAUSE_S)
     for leap in leaps:
         head, tail = rows[: leap + 1], rows[leap + 1 :]
         if tail.size <= GLITCH_ROWS < rows.size:
@@ -122,9 +123,8 @@ def _drop_leaps(sensor: RawSensor, keep: np.ndarray) -> None:
         elif head.size <= GLITCH_ROWS:
             keep[head] = False
         else:
-            time, line = sensor.time_s, sensor.rows
             raise InputError(
-                f"time jumps from {time[head[-1]]:.3f} s to {time[tail[0]]:.3f} s",
-                f"{sensor.file}, row {line[tail[0]]}, column {sensor.time_column}",
+                f"time jumps from {time[leap]:.3f} s to {time[leap + 1]:.3f} s",
+                f"{sensor.file}, row {sensor.rows[tail[0]]}, column {sensor.time_column}",
                 "Split the log there into two trials, or correct its clock.",
             )

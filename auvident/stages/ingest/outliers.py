@@ -11,6 +11,7 @@ MIN_SIGMAS = 6.0  # of the noise: with the guard below none in 3 million samples
 MIN_RESOLUTIONS = 3.0  # of the smallest step: a digit that toggles is no outlier
 NEIGHBOUR_STEPS = 3.0  # times the steps nearby: an onset or peak has such steps beside it
 NEARBY = 5  # steps on either side that count
+BLOCK = 1 << 18  # samples looked at together, for the sake of memory
 SPARED = 2  # largest of them that do not: those of another outlier
 
 HELD_SENSORS = ("dvl", "gyro", "attitude")  # depth and position may well stand still
@@ -52,6 +53,15 @@ def find_outliers(values: np.ndarray) -> np.ndarray:
 def _wild_runs(values: np.ndarray, size: int, limit: float) -> np.ndarray:
     """First samples of runs of `size` that stand out; the ends are mirrored."""
     padded = np.pad(values, 1, mode="reflect")
+    blocks = range(0, padded.size - size - 1, BLOCK)
+    far_ones = [_far_from_line(padded[k : k + BLOCK + size + 1], size, limit) for k in blocks]
+    first = np.concatenate([k + found for k, (found, _) in zip(blocks, far_ones, strict=True)])
+    far = np.concatenate([far for _, far in far_ones])
+    return first[far > NEIGHBOUR_STEPS * _usual_steps(values, first, size)]
+
+
+def _far_from_line(padded: np.ndarray, size: int, limit: float) -> tuple[np.ndarray, np.ndarray]:
+    """Runs of `size` that all lie far from the line between their neighbours, and how far."""
     left, right = padded[: -size - 1], padded[size + 1 :]
     across = right - left
     far = np.full(left.size, np.inf)
@@ -59,18 +69,18 @@ def _wild_runs(values: np.ndarray, size: int, limit: float) -> np.ndarray:
         inside = padded[k : k + left.size]
         far = np.minimum(far, np.abs(inside - left - across * k / (size + 1)))
     first = np.flatnonzero(far > np.maximum(limit, NEIGHBOUR_STEPS * np.abs(across)))
-    usual = _usual_steps(values, first, size)
-    return first[far[first] > NEIGHBOUR_STEPS * usual]
+    return first, far[first]
 
 
 def _usual_steps(values: np.ndarray, first: np.ndarray, size: int) -> np.ndarray:
     """Largest step near each run but `SPARED`, those into and out of the run left out."""
-    steps = np.concatenate((np.abs(np.diff(values)), [0.0]))  # the last stands for "none"
     before = first[:, None] - 2 - np.arange(NEARBY)
     after = first[:, None] + size + np.arange(NEARBY)
     nearby = np.hstack((before, after))
-    nearby[(nearby < 0) | (nearby >= values.size - 1)] = values.size - 1
-    return np.sort(steps[nearby], axis=1)[:, -1 - SPARED]
+    there = (nearby >= 0) & (nearby < values.size - 1)
+    nearby[~there] = 0
+    steps = np.where(there, np.abs(values[nearby + 1] - values[nearby]), 0.0)
+    return np.sort(steps, axis=1)[:, -1 - SPARED]
 
 
 def noise_std(values: np.ndarray) -> float:
@@ -82,16 +92,17 @@ def noise_std(values: np.ndarray) -> float:
     if values.size < MIN_SAMPLES:
         return 0.0
     second = np.diff(values, 2)
-    return float(
-        MEDIAN_OF_ABS_TO_STD * np.median(np.abs(second - np.median(second))) / np.sqrt(6.0)
-    )
+    second -= np.median(second)
+    apart = np.median(np.abs(second, out=second), overwrite_input=True)
+    return float(MEDIAN_OF_ABS_TO_STD * apart / np.sqrt(6.0))
 
 
 def resolution(values: np.ndarray) -> float:
     """Smallest step between two samples: the last digit of a coarse log, else about zero."""
-    steps = np.abs(np.diff(values))
-    steps = steps[steps > 0]
-    return float(steps.min()) if steps.size else 0.0
+    steps = np.diff(values)
+    np.abs(steps, out=steps)
+    least = float(np.min(steps, where=steps > 0, initial=np.inf))
+    return least if np.isfinite(least) else 0.0
 
 
 def keep_one_of_held(raw: RawSensor, rows: np.ndarray) -> np.ndarray | None:
@@ -114,9 +125,8 @@ def keep_one_of_held(raw: RawSensor, rows: np.ndarray) -> np.ndarray | None:
     """
     if raw.sensor not in HELD_SENSORS or rows.size <= MIN_HELD_RUNS:
         return None
-    table = np.stack([raw.values[column][rows] for column in raw.values])
-    table = np.where(np.isnan(table), np.inf, table)  # an empty cell equals an empty cell
-    starts = np.concatenate(([0], np.flatnonzero((table[:, 1:] != table[:, :-1]).any(axis=0)) + 1))
+    columns = [_rows_of(raw.values[column], rows) for column in raw.values]
+    starts = np.concatenate(([0], np.flatnonzero(_changes(columns)) + 1))
     lengths = np.diff(np.concatenate((starts, [rows.size])))
     first = np.zeros(rows.size, dtype=bool)
     first[starts] = True
@@ -125,8 +135,23 @@ def keep_one_of_held(raw: RawSensor, rows: np.ndarray) -> np.ndarray | None:
     if np.quantile(lengths[:-1], HELD_QUANTILE) >= 2:
         return first
     stuck = (lengths >= STUCK_ROWS) & (raw.sensor in STUCK_SENSORS)
-    known = np.isfinite(table[:, starts]).any(axis=0)  # empty rows are drop-outs as they are
+    # empty rows are drop-outs as they are
+    known = np.logical_or.reduce([np.isfinite(x[starts]) for x in columns])
     repeats = rows.size - lengths.size - int(np.sum((lengths - 1)[~known]))
     if not (stuck & known).any() or repeats > STUCK_SHARE * rows.size:
         return None
     return first | ~np.repeat(stuck & known, lengths)
+
+
+def _rows_of(values: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Values of some ascending rows; without a copy when these are all."""
+    return values if rows.size == values.size else values[rows]
+
+
+def _changes(columns: list[np.ndarray]) -> np.ndarray:
+    """Whether any column has another value than in the row before, shape (n - 1,)."""
+    changed = np.zeros(columns[0].size - 1, dtype=bool)
+    for x in columns:
+        empty = np.isnan(x)  # an empty cell equals an empty cell
+        changed |= (x[1:] != x[:-1]) & ~(empty[1:] & empty[:-1])
+    return changed

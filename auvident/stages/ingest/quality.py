@@ -142,8 +142,11 @@ def _channel(
 def _records(trial: Trial) -> tuple[RecordSpan, ...]:
     record = trial.table[RECORD_COLUMN].to_numpy()
     time = trial.table[TIME_COLUMN].to_numpy()
-    found = []
-    for number in range(int(record.max(initial=-1)) + 1):
-        own = time[record == number]
-        found.append(RecordSpan(record=number, t_start_s=own[0], t_end_s=own[-1], samples=own.size))
-    return tuple(found)
+    first = np.flatnonzero((record >= 0) & (np.diff(record, prepend=-1) != 0))
+    last = np.flatnonzero((record >= 0) & (np.diff(record, append=-1) != 0))
+    return tuple(
+        RecordSpan(
+            record=int(record[i]), t_start_s=time[i], t_end_s=time[k], samples=int(k - i + 1)
+        )
+        for i, k in zip(first, last, strict=True)
+    )

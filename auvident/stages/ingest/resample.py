@@ -57,7 +57,9 @@ class Resampled:
 
 def median_period(time_s: np.ndarray) -> float:
     """Median interval between samples in s; 0 for fewer than two."""
-    return float(np.median(np.diff(time_s))) if time_s.size > 1 else 0.0
+    if time_s.size < 2:
+        return 0.0
+    return float(np.median(np.diff(time_s), overwrite_input=True))
 
 
 def is_averaged(time_s: np.ndarray, step_s: float) -> bool:
@@ -94,10 +96,15 @@ def resample_measured(
         found = _average(time_s, values, grid, limit_s)
     else:
         found = _interpolate(time_s, values, grid, limit_s)
-    nearest = np.rint(time_s * grid.rate_hz).astype(np.int64) - grid.first
-    sampled = np.zeros(grid.size, dtype=bool)
-    sampled[nearest[(nearest >= 0) & (nearest < grid.size)]] = True
-    return Resampled(found, sampled & np.isfinite(found))
+    return Resampled(found, _holding(np.rint(time_s * grid.rate_hz), grid) & np.isfinite(found))
+
+
+def _holding(ticks: np.ndarray, grid: Grid) -> np.ndarray:
+    """Whether a tick of the grid is among some of any grid, bool of shape (grid.size,)."""
+    first, last = np.searchsorted(ticks, (grid.first, grid.first + grid.size))
+    holding = np.zeros(grid.size, dtype=bool)
+    holding[ticks[first:last].astype(np.int64) - grid.first] = True
+    return holding
 
 
 def _interpolate(time: np.ndarray, values: np.ndarray, grid: Grid, limit: float) -> np.ndarray:
@@ -117,26 +124,35 @@ def _average(time: np.ndarray, values: np.ndarray, grid: Grid, limit: float) -> 
     edges = np.concatenate((grid.time_s, [(grid.first + grid.size) / grid.rate_hz]))
     edges -= 0.5 * grid.step_s
     integral = np.diff(_integral_of_line(time, values - middle, edges))
-    in_gap = np.concatenate(([0.0], np.cumsum(_excess(np.diff(time), limit))))
-    gap = np.diff(np.interp(edges, time, in_gap))
+    gap = np.diff(np.interp(edges, time, _time_in_gaps(time, limit)))
     slack = TICK_TOLERANCE * grid.step_s
     inside = (edges[:-1] >= time[0] - slack) & (edges[1:] <= time[-1] + slack)
     known = inside & (gap <= slack)
     return np.where(known, middle + integral * grid.rate_hz, np.nan)
 
 
-def _excess(steps: np.ndarray, limit: float) -> np.ndarray:
-    return np.where(steps > limit * (1 + 1e-9), steps, 0.0)
+def _time_in_gaps(time: np.ndarray, limit: float) -> np.ndarray:
+    """Seconds of intervals longer than the limit before each sample, shape (n,)."""
+    total = np.zeros(time.size)
+    steps = total[1:]  # written in place: a day of a fast gyro is long
+    np.subtract(time[1:], time[:-1], out=steps)
+    steps[steps <= limit * (1 + 1e-9)] = 0.0
+    np.cumsum(steps, out=steps)
+    return total
 
 
 def _integral_of_line(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Integral of the line through the samples, from the first of them, at any times."""
-    steps = np.diff(time)
-    areas = np.concatenate(([0.0], np.cumsum(0.5 * steps * (values[1:] + values[:-1]))))
+    total = np.zeros(time.size)
+    areas = total[1:]
+    np.add(values[1:], values[:-1], out=areas)
+    areas *= 0.5
+    areas *= time[1:] - time[:-1]
+    np.cumsum(areas, out=areas)
     place = np.clip(np.searchsorted(time, at, side="right") - 1, 0, time.size - 2)
     x = np.clip(at, time[0], time[-1]) - time[place]
-    slope = (values[place + 1] - values[place]) / steps[place]
-    return areas[place] + x * (values[place] + 0.5 * slope * x)
+    slope = (values[place + 1] - values[place]) / (time[place + 1] - time[place])
+    return total[place] + x * (values[place] + 0.5 * slope * x)
 
 
 # --- inputs -------------------------------------------------------------------------------
@@ -210,10 +226,8 @@ def resample_input(time_s: np.ndarray, values: np.ndarray, grid: Grid, limit_s: 
     last = np.searchsorted(time_s, ends - slack, side="left") - 1
     mean = np.where(first == last, values[np.maximum(first, 0)], area / np.maximum(covered, slack))
     found = np.where(covered >= grid.step_s - 2 * slack, mean, np.nan)
-    tick = np.floor(time_s * grid.rate_hz + TICK_TOLERANCE).astype(np.int64) - grid.first
-    sampled = np.zeros(grid.size, dtype=bool)
-    sampled[tick[(tick >= 0) & (tick < grid.size)]] = True
-    return Resampled(found, sampled & np.isfinite(found))
+    ticks = np.floor(time_s * grid.rate_hz + TICK_TOLERANCE)
+    return Resampled(found, _holding(ticks, grid) & np.isfinite(found))
 
 
 def _between(

@@ -76,14 +76,13 @@ def smooth_records(trial: Trial, columns: dict[str, str], margin_s: float) -> li
     known = (record >= 0) & np.logical_and.reduce([np.isfinite(x) for x in table.values()])
     width = max(1, round(SMOOTHING_S * trial.rate_hz))
     least = round((MIN_RECORD_S + 2 * margin_s) * trial.rate_hz) + 2 * width
-    number = np.cumsum(np.concatenate(([True], np.diff(np.where(known, record, -1)) != 0)))
-    found = []
-    for piece in np.unique(number[known]):
-        rows = np.flatnonzero(number == piece)
-        if rows.size >= least:
-            time = trial.table["time_s"].to_numpy()[rows]
-            found.append(_smooth({n: x[rows] for n, x in table.items()}, time, width))
-    return found
+    edges = np.flatnonzero(np.diff(np.where(known, record, -1))) + 1
+    time = trial.table["time_s"].to_numpy()
+    return [
+        _smooth({n: x[rows] for n, x in table.items()}, time[rows], width)
+        for rows in np.split(np.arange(known.size), edges)
+        if rows.size >= least and known[rows[0]]
+    ]
 
 
 def _smooth(raw: Signals, time: np.ndarray, width: int) -> Signals:
@@ -135,16 +134,16 @@ def fit_relation(
     total = grams.sum(axis=1)
     left_out = total[:, None] - grams
     lag, at_edge = _best_lag(lags, _sse(total))
-    others = np.array([_best_lag(lags, _sse(left_out[:, k]))[0] for k in range(grams.shape[1])])
+    others = np.array([_best_lag(lags, sse)[0] for sse in _sse(left_out).T])
     best = int(np.argmin(_sse(total)))
-    spread = np.stack([_solve(gram) for gram in left_out[best]])
+    spread = _solve(left_out[best])
     variance = max(float(total[best, -1, -1]), np.finfo(float).tiny)
     return Relation(
         lag,
         float(_jackknife_std(others)),
         _solve(total[best]),
         _jackknife_std(spread),
-        1.0 - float(_sse(total[best][None])[0]) / variance,
+        1.0 - float(_sse(total[best])) / variance,
         _alone(total[best]),
         at_edge,
     )
@@ -167,31 +166,40 @@ def _grams(
         both = np.column_stack((x, y)) * rows[:, None]
         block = ((time - time[0] - margin) // block_s).astype(int)
         starts = np.concatenate(([0], np.flatnonzero(np.diff(block)) + 1))
-        for first, last in zip(starts, np.append(starts[1:], time.size), strict=True):
-            if rows[first:last].any():
-                found.append(both[first:last].T @ both[first:last])
-    return np.stack(found) if found else np.empty((0, 2, 2))
+        used = np.logical_or.reduceat(rows, starts)
+        found.append(_block_grams(both, starts)[used])
+    return np.concatenate(found) if found else np.empty((0, 2, 2))
+
+
+def _block_grams(both: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Gram matrix of each block of rows; short blocks are filled up with rows of zeros."""
+    lengths = np.diff(starts, append=both.shape[0])
+    within = np.arange(lengths.max())
+    filled = both[np.minimum(starts[:, None] + within, both.shape[0] - 1)]
+    filled *= (within < lengths[:, None])[..., None]
+    return np.swapaxes(filled, 1, 2) @ filled
 
 
 def _solve(gram: np.ndarray) -> np.ndarray:
-    a, b = gram[:-1, :-1], gram[:-1, -1]
-    scale = np.sqrt(np.maximum(np.diag(a), np.finfo(float).tiny))
-    unit = a / np.outer(scale, scale) + RIDGE * np.eye(scale.size)
-    return np.linalg.solve(unit, b / scale) / scale
+    """Coefficients of each Gram matrix of a stack, shape (..., p)."""
+    a, b = gram[..., :-1, :-1], gram[..., :-1, -1]
+    scale = np.sqrt(np.maximum(np.diagonal(a, axis1=-2, axis2=-1), np.finfo(float).tiny))
+    unit = a / (scale[..., None] * scale[..., None, :]) + RIDGE * np.eye(scale.shape[-1])
+    return np.linalg.solve(unit, (b / scale)[..., None])[..., 0] / scale
 
 
 def _sse(gram: np.ndarray) -> np.ndarray:
-    """Residual sum of squares of each Gram matrix of a stack."""
-    sse = [g[-1, -1] - g[:-1, -1] @ _solve(g) for g in gram]
-    return np.maximum(np.array(sse), 0.0)
+    """Residual sum of squares of each Gram matrix of a stack, shape (...)."""
+    explained = gram[..., None, :-1, -1] @ _solve(gram)[..., None]
+    return np.maximum(gram[..., -1, -1] - explained[..., 0, 0], 0.0)
 
 
 def _alone(gram: np.ndarray) -> np.ndarray:
     """Share of the variance lost without each regressor."""
     count = gram.shape[0] - 1
     without = [np.delete(np.delete(gram, k, axis=0), k, axis=1) for k in range(count)]
-    sse = np.array([_sse(g[None])[0] if count > 1 else g[-1, -1] for g in without])
-    return (sse - _sse(gram[None])[0]) / max(float(gram[-1, -1]), np.finfo(float).tiny)
+    sse = np.array([_sse(g) if count > 1 else g[-1, -1] for g in without])
+    return (sse - _sse(gram)) / max(float(gram[-1, -1]), np.finfo(float).tiny)
 
 
 def _best_lag(lags: np.ndarray, sse: np.ndarray) -> tuple[float, bool]:
