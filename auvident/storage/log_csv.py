@@ -98,6 +98,7 @@ def _read_blocks(path: Path, layout: Layout, wanted: Mapping[str, Kind | None]) 
                 wanted = {name: _kind_of(x) for name, x in part.columns.items()}
     except (OddBytes, InputError):
         return None
+    pa.default_memory_pool().release_unused()
     return _joined(parts)
 
 

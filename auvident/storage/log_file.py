@@ -125,18 +125,19 @@ def _open_parquet(path: Path) -> LogFile:
 
 
 def _read_parquet(log: LogFile, wanted: Mapping[str, Kind | None]) -> LogTable:
-    try:
-        table = parquet.read_table(log.path, columns=list(wanted))
-    except (pa.ArrowException, OSError) as error:
-        raise InputError(f"is damaged Parquet: {error}", str(log.path)) from error
-    if len(table) == 0:
-        raise InputError("has column names but no data", str(log.path))
-    rows = np.arange(1, len(table) + 1)
-    columns = {
-        name: _parquet_column(table.column(name), kind, name, log.path)
-        for name, kind in wanted.items()
-    }
-    return LogTable(columns, rows, len(table))
+    columns, rows = {}, 0
+    for name, kind in wanted.items():  # one by one: a long log need not be in memory twice
+        try:
+            table = parquet.read_table(log.path, columns=[name], pre_buffer=False)
+        except (pa.ArrowException, OSError) as error:
+            raise InputError(f"is damaged Parquet: {error}", str(log.path)) from error
+        rows = len(table)
+        if rows == 0:
+            raise InputError("has column names but no data", str(log.path))
+        columns[name] = _parquet_column(table.column(name), kind, name, log.path)
+        del table
+        pa.default_memory_pool().release_unused()
+    return LogTable(columns, np.arange(1, rows + 1), rows)
 
 
 def _parquet_column(
@@ -163,7 +164,8 @@ def _parquet_column(
 
 def _floats(column: pa.ChunkedArray) -> np.ndarray:
     """Numbers, the nearest a float can hold; NaN where null."""
-    return column.cast(pa.float64(), safe=False).to_numpy().astype(float)
+    numbers = column.cast(pa.float64(), safe=False).to_numpy()
+    return numbers if numbers.flags.writeable else numbers.copy()
 
 
 def _counts(column: pa.ChunkedArray) -> np.ndarray:

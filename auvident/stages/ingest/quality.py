@@ -94,9 +94,7 @@ def _unusable(sensors: Mapping[str, CleanSensor]) -> list[Finding]:
 def _sensor(
     sensor: CleanSensor, plans: Mapping[str, Bridged], columns: Mapping[str, Resampled]
 ) -> SensorQuality:
-    steps = np.diff(sensor.time_s)
     period = median_period(sensor.time_s)
-    spread = float(MEDIAN_OF_ABS_TO_STD * np.median(np.abs(steps - period))) if steps.size else None
     return SensorQuality(
         sensor=sensor.raw.sensor,
         file=sensor.raw.file,
@@ -104,7 +102,7 @@ def _sensor(
         rows_used=sensor.time_s.size,
         dropped=sensor.dropped,
         rate_hz=1.0 / period if period > 0 else None,
-        jitter_s=spread,
+        jitter_s=_jitter(sensor.time_s, period),
         t_start_s=float(sensor.time_s[0]),
         t_end_s=float(sensor.time_s[-1]),
         method=", ".join(dict.fromkeys(plans[c].method for c in sensor.series)),
@@ -114,25 +112,42 @@ def _sensor(
     )
 
 
+def _jitter(time_s: np.ndarray, period_s: float) -> float | None:
+    """Spread of the intervals between samples."""
+    steps = np.diff(time_s)
+    if not steps.size:
+        return None
+    steps -= period_s
+    apart = np.median(np.abs(steps, out=steps), overwrite_input=True)
+    return float(MEDIAN_OF_ABS_TO_STD * apart)
+
+
+def _gaps(time_s: np.ndarray, limit_s: float) -> tuple[int, float]:
+    """Number of intervals between samples that are not bridged, and the longest interval."""
+    steps = np.diff(time_s)
+    return int(np.sum(steps > limit_s)), float(steps.max()) if steps.size else 0.0
+
+
 def _channel(
     sensor: CleanSensor, series: Series, plan: Bridged, found: Resampled
 ) -> ChannelQuality:
-    steps = np.diff(series.time_s)
+    gaps, longest = _gaps(series.time_s, plan.limit_s)
+    values = series.values
     measured = series.channel.kind == "measured"
-    enough = series.values.size >= MIN_NOISE_SAMPLES
+    enough = values.size >= MIN_NOISE_SAMPLES
     known = np.isfinite(found.values)
     return ChannelQuality(
         column=series.channel.column,
         log_column=sensor.raw.columns[series.channel.column],
         unit=series.channel.unit,
-        samples=series.values.size,
+        samples=values.size,
         dropped=series.dropped,
-        minimum=float(series.values.min()),
-        maximum=float(series.values.max()),
-        noise_std=noise_std(series.values) if measured and enough else None,
-        resolution=resolution(series.values) if measured else None,
-        gaps=int(np.sum(steps > plan.limit_s)),
-        longest_gap_s=float(steps.max()) if steps.size else 0.0,
+        minimum=float(values.min()),
+        maximum=float(values.max()),
+        noise_std=noise_std(values) if measured and enough else None,
+        resolution=resolution(values) if measured else None,
+        gaps=gaps,
+        longest_gap_s=longest,
         gap_limit_s=plan.limit_s if np.isfinite(plan.limit_s) else None,
         interpolated_share=float(np.mean(known & ~found.sampled)) if measured else 0.0,
         missing_share=float(np.mean(~known)),

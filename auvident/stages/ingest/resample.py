@@ -11,6 +11,7 @@ import numpy as np
 
 AVERAGE_BELOW = 0.75  # of the step: a sensor with a shorter period is averaged, else interpolated
 TICK_TOLERANCE = 1e-6  # of the step: rounding of time stamps in files
+BLOCK = 1 << 18  # samples worked on together, for the sake of memory
 ENOUGH_PERIODS = 2.5  # a single lost sample leaves a gap of two periods; jitter adds a bit
 HOLD_MIN_S = 2.0  # a polled command is held so long: slower vehicles poll at 1 Hz
 HOLD_PERIODS = 5.0  # and at least over so many of its periods
@@ -123,7 +124,7 @@ def _average(time: np.ndarray, values: np.ndarray, grid: Grid, limit: float) -> 
     middle = float(np.mean(values))  # a small integral keeps its digits
     edges = np.concatenate((grid.time_s, [(grid.first + grid.size) / grid.rate_hz]))
     edges -= 0.5 * grid.step_s
-    integral = np.diff(_integral_of_line(time, values - middle, edges))
+    integral = np.diff(_integral_of_line(time, values, middle, edges))
     gap = np.diff(np.interp(edges, time, _time_in_gaps(time, limit)))
     slack = TICK_TOLERANCE * grid.step_s
     inside = (edges[:-1] >= time[0] - slack) & (edges[1:] <= time[-1] + slack)
@@ -141,18 +142,21 @@ def _time_in_gaps(time: np.ndarray, limit: float) -> np.ndarray:
     return total
 
 
-def _integral_of_line(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Integral of the line through the samples, from the first of them, at any times."""
+def _integral_of_line(
+    time: np.ndarray, values: np.ndarray, middle: float, at: np.ndarray
+) -> np.ndarray:
+    """Integral of the line through the samples less `middle`, from the first of them."""
     total = np.zeros(time.size)
     areas = total[1:]
-    np.add(values[1:], values[:-1], out=areas)
-    areas *= 0.5
-    areas *= time[1:] - time[:-1]
+    for k in range(0, areas.size, BLOCK):
+        x = values[k : k + BLOCK + 1] - middle
+        areas[k : k + BLOCK] = 0.5 * np.diff(time[k : k + BLOCK + 1]) * (x[1:] + x[:-1])
     np.cumsum(areas, out=areas)
     place = np.clip(np.searchsorted(time, at, side="right") - 1, 0, time.size - 2)
     x = np.clip(at, time[0], time[-1]) - time[place]
-    slope = (values[place + 1] - values[place]) / (time[place + 1] - time[place])
-    return total[place] + x * (values[place] + 0.5 * slope * x)
+    left, right = values[place] - middle, values[place + 1] - middle
+    slope = (right - left) / (time[place + 1] - time[place])
+    return total[place] + x * (left + 0.5 * slope * x)
 
 
 # --- inputs -------------------------------------------------------------------------------
