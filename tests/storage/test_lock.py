@@ -126,7 +126,7 @@ def test_a_directory_is_removed_only_if_made_here_and_empty(tmp_path: Path) -> N
 def test_a_directory_that_was_made_anew_meanwhile_is_locked_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The first descriptor is of a directory that another process has removed."""
+    """The first descriptor is of a file in a directory that another process has removed."""
     path, opened = tmp_path / "run", []
     open_before = os.open
 
@@ -134,6 +134,7 @@ def test_a_directory_that_was_made_anew_meanwhile_is_locked_again(
         descriptor = open_before(*arguments)  # type: ignore[arg-type]
         opened.append(descriptor)
         if len(opened) == 1:
+            (path / lock.LOCK_FILE).unlink()
             path.rmdir()
         elif len(opened) == 2:
             path.rename(tmp_path / "moved")
@@ -143,7 +144,7 @@ def test_a_directory_that_was_made_anew_meanwhile_is_locked_again(
     monkeypatch.setattr(lock.os, "open", open_and_lose)
     with RunDirectory(path).lock():
         assert len(opened) == 3
-        assert os.path.samestat(os.fstat(opened[-1]), path.stat())
+        assert os.path.samestat(os.fstat(opened[-1]), (path / lock.LOCK_FILE).stat())
 
 
 def test_many_that_make_and_remove_the_same_directory_never_meet(tmp_path: Path) -> None:
