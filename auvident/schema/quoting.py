@@ -1,8 +1,10 @@
 """Text from outside (names, symbols, units) as it may stand in other languages.
 
-Whatever the text holds, it ends no string, no comment and no line. Of the console the style has
-the one place (`auvident.report.console_style.console_for`), of HTML the template engine.
+Whatever the text holds, it ends no string, no comment and no line, and gives no orders to a
+terminal. Of HTML the template engine is the one place.
 """
+
+LONGEST_TEXT = 200  # characters of a name or value that a message quotes
 
 
 def quoted(text: str) -> str:
@@ -17,6 +19,23 @@ def quoted(text: str) -> str:
 def comment(text: str) -> str:
     """What stands in a comment that ends with its line: Python, TOML, MATLAB."""
     return "".join(c if c.isprintable() else _code(c) for c in text)
+
+
+def printable(text: str) -> str:
+    r"""What a terminal may show: ends of lines, tabs, and nothing else that does not print.
+
+    Escape sequences, which would move the cursor or change colours, and bytes of a file name that
+    are no text come as ``\uXXXX``.
+    """
+    return "".join(c if c.isprintable() or c in "\n\t" else _code(c) for c in text)
+
+
+def clipped(text: str, most: int = LONGEST_TEXT) -> str:
+    """A text that is quoted in a message: the middle of a long one is left out, and said."""
+    if len(text) <= most:
+        return text
+    kept = most // 2
+    return f"{text[:kept]} ... ({len(text) - 2 * kept} characters) ... {text[-kept:]}"
 
 
 def _code(character: str) -> str:

@@ -12,14 +12,19 @@ from pyarrow import parquet
 from auvident.errors import InputError
 from auvident.storage.log_csv import Kind, LogTable, read_csv
 from auvident.storage.log_layout import MISSING, TIME_NAMES, Layout, find_layout
-from auvident.storage.log_text import HEAD_BYTES, read_text
+from auvident.storage.log_text import HEAD_BYTES, LONG_HEAD_BYTES, read_text
 from auvident.storage.log_time import MISSING_COUNT
+from auvident.storage.regular import MEGABYTE, refuse_irregular
 
 TEXT_SUFFIXES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
 PARQUET_SUFFIXES = (".parquet", ".pq")
 LOG_SUFFIXES = (*TEXT_SUFFIXES, *PARQUET_SUFFIXES)  # looked for in folders
 OTHER_SUFFIXES = (".txt.gz", ".txt", ".dat", ".log")  # read when named by the user
 PARQUET_MAGIC = b"PAR1"
+# A table that repeats itself packs into nothing; noise does not. Only a bomb is beyond both.
+MOST_TIMES = 100
+MOST_UNPACKED = 256 * MEGABYTE
+CELL_BYTES = 8
 
 
 @dataclass(frozen=True)
@@ -88,6 +93,8 @@ def open_log(path: Path, time_names: Collection[str] = ()) -> LogFile:
     if _is_parquet(path):
         return _open_parquet(path)
     head, _ = read_text(path, HEAD_BYTES)
+    if head.count(b"\n") < 2:
+        head, _ = read_text(path, LONG_HEAD_BYTES)
     names = {*TIME_NAMES, *(name.lower() for name in time_names)}
     layout = find_layout(head.decode(errors="replace"), str(path), names)
     return LogFile(path, layout.names, layout.units, layout)
@@ -104,6 +111,7 @@ def read_log(log: LogFile, wanted: Mapping[str, Kind | None]) -> LogTable:
 
 
 def _is_parquet(path: Path) -> bool:
+    refuse_irregular(path)
     try:
         with path.open("rb") as stream:
             return stream.read(4) == PARQUET_MAGIC
@@ -125,6 +133,7 @@ def _open_parquet(path: Path) -> LogFile:
 
 
 def _read_parquet(log: LogFile, wanted: Mapping[str, Kind | None]) -> LogTable:
+    _refuse_bomb(log.path, wanted)
     try:
         table = parquet.read_table(log.path, columns=list(wanted))
     except (pa.ArrowException, OSError) as error:
@@ -137,6 +146,26 @@ def _read_parquet(log: LogFile, wanted: Mapping[str, Kind | None]) -> LogTable:
         for name, kind in wanted.items()
     }
     return LogTable(columns, rows, len(table))
+
+
+def _refuse_bomb(path: Path, wanted: Collection[str]) -> None:
+    """Refuse a small file whose columns fill the memory."""
+    try:
+        about = parquet.read_metadata(path)
+        groups = [about.row_group(k) for k in range(about.num_row_groups)]
+        columns = [g.column(k) for g in groups for k in range(g.num_columns)]
+        packed = path.stat().st_size
+    except (pa.ArrowException, OSError) as error:
+        raise InputError(f"is damaged Parquet: {error}", str(path)) from error
+    said = sum(c.total_uncompressed_size for c in columns if c.path_in_schema in wanted)
+    unpacked = max(said, CELL_BYTES * about.num_rows * len(wanted))
+    if unpacked > max(MOST_UNPACKED, MOST_TIMES * packed):
+        raise InputError(
+            f"unpacks to {unpacked // MEGABYTE} MB, more than {MOST_TIMES} times its size, which "
+            "no log does",
+            str(path),
+            "Look what it holds: its columns repeat one value.",
+        )
 
 
 def _parquet_column(
