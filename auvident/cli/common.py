@@ -162,6 +162,20 @@ def main_of(main: str, outputs: Mapping[str, Any]) -> Any:
     return {**plain(first[main]), "planes": planes} if planes else first[main]
 
 
+def _allow(ctx: click.Context, param: click.Parameter, value: bool) -> None:
+    """Hold for the command what is said of files outside of the folder of the one naming them."""
+    if value:
+        from auvident.storage.declared import outside_allowed
+
+        ctx.with_resource(outside_allowed(value))
+
+
+OUTSIDE_HELP = "Read files that the vehicle file or the map names outside of its folder."
+# For ingest and run, which remember it; for other commands.
+ALLOW_OUTSIDE = click.option("--allow-outside", is_flag=True, default=None, help=OUTSIDE_HELP)
+OUTSIDE = click.option(
+    "--allow-outside", is_flag=True, expose_value=False, callback=_allow, help=OUTSIDE_HELP
+)
 FAIL_ABOVE = click.option(
     "--fail-above",
     multiple=True,

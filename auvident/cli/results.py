@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from auvident.cli.common import MOST_SEED, PATH, RUN, Output, command, write_table
+from auvident.cli.common import MOST_SEED, OUTSIDE, PATH, RUN, Output, command, write_table
 from auvident.schema.places import BESIDE
 from auvident.schema.planes import PLANES, Plane
 
@@ -100,6 +100,7 @@ def status(output: Output, run: Path) -> None:
     default=100,
     help="Models sampled for the uncertainty band.  [default: 100]",
 )
+@OUTSIDE
 @click.option("--output", "file", type=PATH, help="Output file (.parquet or .csv).")
 @click.option("--figure", type=PATH, help="Picture of a maneuver (.svg or .png).")
 @click.option(

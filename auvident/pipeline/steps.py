@@ -42,9 +42,11 @@ def ingest(given: Given) -> dict[str, Any]:
     from auvident.schema.logs import Quality
     from auvident.stages.ingest import Fingerprint, fingerprint, refuse_copy
     from auvident.stages.ingest import ingest as bring_to_one_clock
+    from auvident.storage.declared import outside_allowed
     from auvident.storage.vehicle_file import load_vehicle
 
-    vehicle = load_vehicle(Path(given.options["vehicle"]))
+    with outside_allowed(bool(given.options.get("allow_outside"))):
+        vehicle = load_vehicle(Path(given.options["vehicle"]))
     refused: list[AuvidentError] = []
     outputs: dict[str, Any] = {}
     reports = []
@@ -156,21 +158,24 @@ def _left_out_findings(options: Mapping[str, Any]) -> "tuple[Finding, ...]":
 
 
 def _column_map(options: Mapping[str, Any]) -> "ColumnMap | None":
+    from auvident.storage.declared import outside_allowed
     from auvident.storage.logs import read_column_map
 
-    return read_column_map(Path(options["map"])) if options["map"] else None
+    with outside_allowed(bool(options.get("allow_outside"))):
+        return read_column_map(Path(options["map"])) if options["map"] else None
 
 
 def ingest_sources(options: Mapping[str, Any]) -> list[Path]:
     """Files of the logs, the map, the vehicle file and its offsets file."""
-    from auvident.storage.declared import read_toml
+    from auvident.storage.declared import file_named_in, outside_allowed, read_toml
     from auvident.storage.log_find import find_trials
 
     vehicle = Path(options["vehicle"])
     sources = [vehicle]
     hull = read_toml(vehicle).get("hull")
     if isinstance(hull, dict) and isinstance(hull.get("offsets"), str):
-        sources.append(vehicle.parent / hull["offsets"])
+        with outside_allowed(bool(options.get("allow_outside"))):
+            sources.append(file_named_in(vehicle, hull["offsets"], "[hull] offsets"))
     if options["map"]:
         sources.append(Path(options["map"]))
     column_map = _column_map(options)

@@ -3,6 +3,9 @@
 import codecs
 import re
 import tomllib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import TypeVar
 
@@ -20,6 +23,66 @@ DOTTED_KEY = re.compile(
 MOST_FAULTS = 10  # of one file in a message
 
 Model = TypeVar("Model", bound=BaseModel)
+
+_OUTSIDE = ContextVar("paths in declared files may leave their folder", default=False)
+OUTSIDE_REMEDY = "Copy it there, or give --allow-outside."
+
+
+@contextmanager
+def outside_allowed(allowed: bool) -> Iterator[None]:
+    """Whether files that are named in a declared file may stand outside of its folder.
+
+    Not unless the user says so: vehicle and map files are passed on, and what they name is read
+    and quoted in messages.
+    """
+    token = _OUTSIDE.set(allowed)
+    try:
+        yield
+    finally:
+        _OUTSIDE.reset(token)
+
+
+def file_named_in(path: Path, name: str, key: str) -> Path:
+    """The file that a declared file names, relative to its own folder.
+
+    Parameters
+    ----------
+    path : Path
+        The declared file.
+    name : str
+        As it stands there.
+    key : str
+        Where it stands, for messages.
+
+    Raises
+    ------
+    InputError
+        It is no name of a file, or lies outside of the folder.
+    """
+    if not name.strip() or "\0" in name:
+        raise InputError(f"{clipped(name)!r} is no name of a file", f"{path}: {key}")
+    found, folder = path.parent / name, path.parent.resolve()
+    if not _OUTSIDE.get() and not found.resolve().is_relative_to(folder):
+        raise _is_outside(name, "the folder of this file", path, key)
+    return found
+
+
+def refuse_outside(patterns: Mapping[str, str], path: Path) -> None:
+    """Refuse patterns of files, by the key they stand under, that lead out of the log folder.
+
+    Raises
+    ------
+    InputError
+    """
+    for key, pattern in patterns.items():
+        parts = re.split(r"[\\/]", pattern)
+        if not _OUTSIDE.get() and (".." in parts or not parts[0] or re.match("[A-Za-z]:", pattern)):
+            raise _is_outside(pattern, "the log folder", path, key)
+
+
+def _is_outside(name: str, folder: str, path: Path, key: str) -> InputError:
+    problem = f"{clipped(name)!r} lies outside of {folder}"
+    return InputError(problem, f"{path}: {key}", OUTSIDE_REMEDY)
 
 
 def read_toml(path: Path) -> dict:

@@ -25,6 +25,7 @@ PARQUET_MAGIC = b"PAR1"
 MOST_TIMES = 100
 MOST_UNPACKED = 256 * MEGABYTE
 CELL_BYTES = 8
+MOST_COLUMNS = 10_000
 
 
 @dataclass(frozen=True)
@@ -90,8 +91,15 @@ def open_log(path: Path, time_names: Collection[str] = ()) -> LogFile:
     InputError
         When the file is empty, no log, or has no column names.
     """
-    if _is_parquet(path):
-        return _open_parquet(path)
+    log = _open_parquet(path) if _is_parquet(path) else _open_text(path, time_names)
+    if len(log.names) > MOST_COLUMNS:
+        raise InputError(
+            f"has {len(log.names)} columns", str(path), f"A log has {MOST_COLUMNS} at most."
+        )
+    return log
+
+
+def _open_text(path: Path, time_names: Collection[str]) -> LogFile:
     head, _ = read_text(path, HEAD_BYTES)
     if head.count(b"\n") < 2:
         head, _ = read_text(path, LONG_HEAD_BYTES)
