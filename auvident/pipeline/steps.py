@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from auvident.errors import AuvidentError, InputError
 from auvident.pipeline.given import Given
+from auvident.pipeline.naming import named_alike, not_here
 from auvident.pipeline.observer import Observer
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ def ingest(given: Given) -> dict[str, Any]:
     if not reports:
         raise refused[0]
     outputs["ingest/vehicle.json"] = vehicle
-    outputs["ingest/quality.json"] = Quality.model_validate(
+    report = Quality.model_validate(
         {
             "vehicle": vehicle.body.name,
             "rate_hz": given.options["rate_hz"],
@@ -76,6 +77,7 @@ def ingest(given: Given) -> dict[str, Any]:
             "findings": (*_refused_findings(refused), *_left_out_findings(given.options)),
         }
     )
+    outputs["ingest/quality.json"] = named_alike(report, given.options["logs"])
     return outputs
 
 
@@ -103,7 +105,7 @@ def _raw_trials(given: Given, refused: list[AuvidentError]) -> "list[RawTrial]":
 
 def _groups(options: Mapping[str, Any]) -> list[list[Path]]:
     """All logs together; one by one where one may fail (sensor files belong together)."""
-    paths = [Path(p) for p in options["logs"]]
+    paths = [not_here(Path(p)) for p in options["logs"]]
     if not options.get("keep_going"):
         return [paths]
     files = [p for p in paths if p.is_file()]
@@ -142,7 +144,7 @@ def _left_out_findings(options: Mapping[str, Any]) -> "tuple[Finding, ...]":
     from auvident.schema.artifacts import Finding
     from auvident.storage.log_own import left_out
 
-    found = left_out([Path(p) for p in options["logs"]])
+    found = left_out([not_here(Path(p)) for p in options["logs"]])
     if not found:
         return ()
     names = ", ".join(str(p) for p in found[:NAMED_FEW])

@@ -21,6 +21,11 @@ def comment(text: str) -> str:
     return "".join(c if c.isprintable() else _code(c) for c in text)
 
 
+def encodable(text: str) -> str:
+    r"""A text with ``\udcXX`` for what no encoding has: bytes of a file name that are no UTF-8."""
+    return text.encode(errors="backslashreplace").decode()
+
+
 def printable(text: str) -> str:
     r"""What a terminal may show: ends of lines, tabs, and nothing else that does not print.
 
@@ -45,7 +50,7 @@ def _code(character: str) -> str:
 
 def csv_cell(value: str | float) -> str:
     """A cell of a CSV file; commas, quotes and ends of lines stand in quotes."""
-    text = value if isinstance(value, str) else repr(value)
+    text = encodable(value) if isinstance(value, str) else repr(value)
     if not set(text) & set(',"\r\n'):
         return text
     return '"' + text.replace('"', '""') + '"'

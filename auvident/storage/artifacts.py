@@ -196,6 +196,8 @@ def sha256_of(path: Path) -> str | None:
                 digest.update(chunk)
     except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
         return None
+    except ValueError:  # no file has such a name
+        return None
     return digest.hexdigest()
 
 

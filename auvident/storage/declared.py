@@ -63,7 +63,7 @@ def file_named_in(path: Path, name: str, key: str) -> Path:
         raise InputError(f"{clipped(name)!r} is no name of a file", f"{path}: {key}")
     found, folder = path.parent / name, path.parent.resolve()
     if not _OUTSIDE.get() and not found.resolve().is_relative_to(folder):
-        raise _is_outside(name, "the folder of this file", path, key)
+        raise _is_outside(f"{clipped(name)!r} lies outside of the folder of this file", path, key)
     return found
 
 
@@ -77,11 +77,11 @@ def refuse_outside(patterns: Mapping[str, str], path: Path) -> None:
     for key, pattern in patterns.items():
         parts = re.split(r"[\\/]", pattern)
         if not _OUTSIDE.get() and (".." in parts or not parts[0] or re.match("[A-Za-z]:", pattern)):
-            raise _is_outside(pattern, "the log folder", path, key)
+            problem = f"the pattern {clipped(pattern)!r} leads out of the log folder"
+            raise _is_outside(problem, path, key)
 
 
-def _is_outside(name: str, folder: str, path: Path, key: str) -> InputError:
-    problem = f"{clipped(name)!r} lies outside of {folder}"
+def _is_outside(problem: str, path: Path, key: str) -> InputError:
     return InputError(problem, f"{path}: {key}", OUTSIDE_REMEDY)
 
 

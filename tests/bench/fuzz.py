@@ -14,6 +14,7 @@ import shutil
 import signal
 import tempfile
 import time
+import tomllib
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -28,7 +29,7 @@ PIECES = (
     *(b"../", b"/dev/zero", b"C:\\", b"'''", b'"""', b"[[fin]]", b"[hull]", b"time_s", b"1,5"),
     *(b"2020-01-01T00:00:00Z", b"99999999999999999999", b"\x80", b"[/dev]", b"%s", b"0x1p3"),
 )
-MOST_REPEATS = 20_000
+MOST_REPEATED_BYTES = 200_000
 MEMORY_BYTES = 8 << 30
 SLOW_S = 60  # a case that takes longer is a finding
 BATCH_S = 20.0  # of one child
@@ -63,8 +64,8 @@ def _insert(content: bytes, others: Sequence[bytes], rng: random.Random) -> byte
 
 def _repeat(content: bytes, others: Sequence[bytes], rng: random.Random) -> bytes:
     at, piece = rng.randint(0, len(content)), rng.choice(PIECES)
-    times = int(10 ** rng.uniform(0.3, 4.3))
-    return content[:at] + piece * min(times, MOST_REPEATS) + content[at:]
+    times = min(int(10 ** rng.uniform(0.3, 4.3)), MOST_REPEATED_BYTES // max(len(piece), 1))
+    return content[:at] + piece * times + content[at:]
 
 
 def _flip(content: bytes, others: Sequence[bytes], rng: random.Random) -> bytes:
@@ -99,14 +100,18 @@ def targets() -> list[Target]:
     import pandas as pd
 
     from auvident.pipeline import run_all
+    from auvident.pipeline.predict import find_model
     from auvident.pipeline.run import status
     from auvident.stages.ase import estimate
+    from auvident.stages.export import FORMS, export
     from auvident.stages.ingest import ingest
+    from auvident.storage.artifacts import json_bytes
     from auvident.storage.log_inspect import inspect_log
     from auvident.storage.logs import read_column_map, read_trials
     from auvident.storage.plan_file import PLANS, read_plan
     from auvident.storage.run_directory import RunDirectory
     from auvident.storage.vehicle_file import load_vehicle
+    from tests.engines.chain import identified
 
     log, vehicle_file = SAMPLES / "harbour_trial", SAMPLES / "remus100.toml"
     vehicle = load_vehicle(vehicle_file)
@@ -140,6 +145,16 @@ def targets() -> list[Target]:
         RunDirectory(work / "run").manifest()
         status(work / "run")
 
+    def exported(path: Path) -> None:
+        _, model = find_model(path)
+        for form in FORMS:
+            text = export(model, form)
+            text.encode()
+            if form == "python":
+                compile(text, form, "exec")
+            elif form == "toml":
+                tomllib.loads(text)
+
     dvl = (short / "dvl.csv").read_bytes()
     column_map = (
         b'[dvl]\nfile = "dvl.csv"\ntime = "time_s"\nu = { column = "u_mps", unit = "mps" }\n'
@@ -147,6 +162,7 @@ def targets() -> list[Target]:
     column_map += b'[rudder]\nrudder = { column = "rudder_deg", unit = "deg", sign = -1 }\n'
     plans = tuple(p.read_bytes() for p in sorted(PLANS.glob("*.toml")))
     vehicles = tuple(p.read_bytes() for p in sorted(SAMPLES.glob("*.toml")))
+    model = json_bytes(identified("harbour_trial").model, "model.json")
     run_json = (work / "run" / "run.json").read_bytes()
     return [
         Target("wide log", "wide.csv", (text,), whole_log),
@@ -157,6 +173,7 @@ def targets() -> list[Target]:
         Target("vehicle", "vehicle.toml", vehicles, geometry),
         Target("plan", "plan.toml", plans, read_plan),
         Target("manifest", "run.json", (run_json,), manifest),
+        Target("model", "model.json", (model,), exported),
     ]
 
 
