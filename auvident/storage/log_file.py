@@ -130,6 +130,11 @@ def _is_parquet(path: Path) -> bool:
 def _open_parquet(path: Path) -> LogFile:
     try:
         schema = parquet.read_schema(path)
+        names = tuple(schema.names)
+    except UnicodeDecodeError as error:
+        raise InputError(
+            "has a column whose name is not UTF-8", str(path), "Export it again."
+        ) from error
     except (pa.ArrowException, OSError) as error:
         raise InputError(
             f"is damaged Parquet: {error}", str(path), "Its end is missing when it was not closed."
@@ -137,7 +142,7 @@ def _open_parquet(path: Path) -> LogFile:
     units = tuple(
         (field.metadata or {}).get(b"unit", b"").decode(errors="replace") for field in schema
     )
-    return LogFile(path, tuple(schema.names), units, None)
+    return LogFile(path, names, units, None)
 
 
 def _read_parquet(log: LogFile, wanted: Mapping[str, Kind | None]) -> LogTable:
@@ -162,10 +167,10 @@ def _refuse_bomb(path: Path, wanted: Collection[str]) -> None:
         about = parquet.read_metadata(path)
         groups = [about.row_group(k) for k in range(about.num_row_groups)]
         columns = [g.column(k) for g in groups for k in range(g.num_columns)]
+        said = sum(c.total_uncompressed_size for c in columns if c.path_in_schema in wanted)
         packed = path.stat().st_size
-    except (pa.ArrowException, OSError) as error:
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         raise InputError(f"is damaged Parquet: {error}", str(path)) from error
-    said = sum(c.total_uncompressed_size for c in columns if c.path_in_schema in wanted)
     unpacked = max(said, CELL_BYTES * about.num_rows * len(wanted))
     if unpacked > max(MOST_UNPACKED, MOST_TIMES * packed):
         raise InputError(

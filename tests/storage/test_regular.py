@@ -105,6 +105,15 @@ def test_a_file_that_is_written_by_hand_is_not_large(
         READERS[reader](tmp_path / "large")
 
 
+def test_parquet_with_a_name_that_is_no_utf_8_is_refused(tmp_path: Path) -> None:
+    columns = {"time_s": [0.0, 1.0], "u_mps": [1.0, 1.0]}
+    parquet.write_table(pa.table(columns), tmp_path / "wide.parquet", store_schema=False)
+    content = (tmp_path / "wide.parquet").read_bytes()
+    (tmp_path / "wide.parquet").write_bytes(content.replace(b"u_mps", b"\x96_mps"))
+    with pytest.raises(InputError, match=r"not UTF-8|damaged"):
+        read_trials([tmp_path / "wide.parquet"])
+
+
 def test_a_line_of_megabytes_is_no_table(tmp_path: Path) -> None:
     head = b"time_s,u_mps,v_mps,note\n0,1,0,ok\n"
     (tmp_path / "wide.csv").write_bytes(head + b"1,1,0," + b"n" * 3_000_000 + b"\n2,1,0,ok\n")
