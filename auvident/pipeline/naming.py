@@ -24,14 +24,24 @@ def named_alike(quality: Quality, logs: Sequence[Path]) -> Quality:
     logs : sequence of Path
         As they were given: relative or absolute, through a link or not.
     """
-    short = {str(not_here(path)): _short(path) for path in map(Path, logs)}
+    given = list(map(Path, logs))
+    short = dict(zip((str(not_here(path)) for path in given), _short(given), strict=True))
     tree = _renamed(quality.model_dump(by_alias=True), short)
     return Quality.model_validate(tree)
 
 
-def _short(path: Path) -> str:
-    whole = path.resolve()
-    return whole.name if whole.is_dir() else f"{path.parent.resolve().name}/{path.name}"
+def _short(paths: Sequence[Path]) -> list[str]:
+    """The names of folders, and of files with their folder; with more above where two are alike."""
+    wholes = [p.resolve() if p.is_dir() else p.parent.resolve() / p.name for p in paths]
+    for above in range(1, max((len(whole.parts) for whole in wholes), default=0) + 1):
+        named = [_end(whole, above + (not whole.is_dir())) for whole in wholes]
+        if len(set(named)) == len(set(wholes)):
+            return named
+    return list(map(str, wholes))
+
+
+def _end(path: Path, parts: int) -> str:
+    return Path(*path.parts[-parts:]).as_posix()
 
 
 def _renamed(tree: Any, short: dict[str, str], key: str = "") -> Any:

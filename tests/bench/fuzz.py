@@ -32,7 +32,7 @@ PIECES = (
 MOST_REPEATED_BYTES = 200_000
 MEMORY_BYTES = 8 << 30
 SLOW_S = 60  # a case that takes longer is a finding
-BATCH_S = 20.0  # of one child
+BATCH_S = 120.0  # of one child
 
 
 @dataclass(frozen=True)
@@ -95,8 +95,8 @@ def _splice(content: bytes, others: Sequence[bytes], rng: random.Random) -> byte
 DAMAGES = (_cut, _insert, _insert, _repeat, _flip, _number, _number, _splice)
 
 
-def targets() -> list[Target]:
-    """Everything that is read; made once, as the run takes seconds."""
+def targets(work: Path) -> list[Target]:
+    """Everything that is read, with a run in a folder that some of it stands in."""
     import pandas as pd
 
     from auvident.pipeline import run_all
@@ -115,7 +115,6 @@ def targets() -> list[Target]:
 
     log, vehicle_file = SAMPLES / "harbour_trial", SAMPLES / "remus100.toml"
     vehicle = load_vehicle(vehicle_file)
-    work = Path(tempfile.mkdtemp(prefix="auvident-fuzz-"))
     options = {"ingest": {"logs": [log], "vehicle": vehicle_file}}
     run_all(work / "run", options, until="ase")
     wide = pd.read_parquet(next((work / "run" / "ingest").glob("*.parquet"))).head(400)
@@ -199,17 +198,22 @@ def _slow(number: int, frame: object) -> None:
     raise TimeoutError(f"took more than {SLOW_S} s")
 
 
-def batch(found: Sequence[Target], seed: int, output: Path, case: Path) -> None:
-    """Cases until the time of a child is over; what escapes is written to `output`."""
+def batch(only: Sequence[str], seed: int, output: Path, case: Path) -> None:
+    """Cases until the time of a child is over; what escapes is written to `output`.
+
+    All is made in the child: threads of a library do not survive a fork.
+    """
     import warnings
 
     warnings.simplefilter("ignore")
+    found = [t for t in targets(case) if not only or t.name in only]
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     signal.signal(signal.SIGALRM, _slow)
+    (case / "case").mkdir()
     rng, end, count = random.Random(seed), time.monotonic() + BATCH_S, 0
     while time.monotonic() < end:
         target = rng.choice(found)
-        path = case / target.file
+        path = case / "case" / target.file
         path.write_bytes(damaged(rng.choice(target.sound), target.sound, rng))
         (case / "now").write_text(target.file)
         escaped, count = fault(target, path), count + 1
@@ -238,19 +242,18 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", help="names of targets")
     asked = parser.parse_args()
     asked.output.mkdir(parents=True, exist_ok=True)
-    found = [t for t in targets() if not asked.only or t.name in asked.only]
     end, seed, total = time.monotonic() + asked.budget, asked.seed, 0
     fork = multiprocessing.get_context("fork")
     while time.monotonic() < end:
         with tempfile.TemporaryDirectory() as folder:
             case, seed = Path(folder), seed + 1
-            child = fork.Process(target=batch, args=(found, seed, asked.output, case))
+            child = fork.Process(target=batch, args=(asked.only or (), seed, asked.output, case))
             child.start()
             child.join(BATCH_S + 3 * SLOW_S)
             if child.exitcode != 0:
                 child.kill()
-                file = (case / "now").read_text()
-                shutil.copy(case / file, asked.output / f"crash-{seed}-{file}")
+                file = (case / "now").read_text()  # fails where not one case was begun
+                shutil.copy(case / "case" / file, asked.output / f"crash-{seed}-{file}")
                 print(f"crash-{seed}-{file}: exit code {child.exitcode}", flush=True)
             else:
                 total += int((case / "count").read_text())
