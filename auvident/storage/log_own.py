@@ -61,7 +61,7 @@ def _program(path: Path) -> str:
         return ""
     try:
         about = parquet.read_schema(path).metadata or {}
-    except (pa.ArrowException, OSError):
+    except (pa.ArrowException, OSError, UnicodeDecodeError):
         return ""
     program = about.get(b"program", b"").decode(errors="replace")
     return program if program.startswith("auvident") else ""
