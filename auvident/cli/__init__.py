@@ -9,15 +9,11 @@ import sys
 import click
 
 from auvident import __version__
-from auvident.cli import interrupt
-from auvident.cli.common import OPTIONS_OF_PROCESS, Group
+from auvident.cli import failures, interrupt
+from auvident.cli.common import Group
 from auvident.errors import AuvidentError
 
-BUG_EXIT_CODE = 70  # EX_SOFTWARE of sysexits.h: the program is at fault, not its user
 INTERRUPTED_EXIT_CODE = 130  # 128 + SIGINT, as shells count
-BUG_REPORT = (
-    "This is a bug. Please report it together with the output of the same command with --verbose."
-)
 EPILOG = """\b
 Example:
   auvident run sample_logs/harbour_trial --vehicle sample_logs/remus100.toml --run runs/demo
@@ -54,20 +50,24 @@ def _run(arguments: list[str] | None) -> int:
         _quiet_libraries()
         _one_thread()
         result = cli.main(args=arguments, prog_name="auvident", standalone_mode=False)
+        failures.close_output()
         return result if isinstance(result, int) else 0
     except click.ClickException as error:
-        error.show()
-        return error.exit_code
+        return failures.misused(error)
     except AuvidentError as error:
-        click.echo(f"Error: {error}", err=True)
-        return error.exit_code
+        return failures.told(error)
     except (KeyboardInterrupt, click.Abort):
         return _interrupted()
     except BrokenPipeError:  # the reader of a pipe has left
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        failures.forget_output()
         return 0
+    except OSError as error:
+        failures.forget_output()
+        return _interrupted() if interrupt.was_asked() else failures.from_outside(error)
+    except MemoryError:
+        return failures.told(failures.NO_MEMORY)
     except Exception as error:
-        return _interrupted() if interrupt.was_asked() else _report_bug(error)
+        return _interrupted() if interrupt.was_asked() else failures.bug(error)
 
 
 def _interrupted() -> int:
@@ -91,12 +91,3 @@ def _one_thread() -> None:
     """
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-
-
-def _report_bug(error: Exception) -> int:
-    if OPTIONS_OF_PROCESS.verbose:
-        import traceback
-
-        traceback.print_exception(error)
-    click.echo(f"Error: unexpected {type(error).__name__}: {error}\n  {BUG_REPORT}", err=True)
-    return BUG_EXIT_CODE

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from auvident.cli.common import PATH, Output, command
+from auvident.cli.common import OUTSIDE, PATH, Output, command
 
 
 @command(
@@ -18,6 +18,7 @@ from auvident.cli.common import PATH, Output, command
 @click.option(
     "--vehicle", type=PATH, help="Vehicle file, in place of that of the runs; for model files."
 )
+@OUTSIDE
 def combine(
     output: Output, runs: tuple[Path, ...], file: Path | None, vehicle: Path | None
 ) -> None:

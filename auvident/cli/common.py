@@ -58,6 +58,7 @@ class Output:
         click.echo(text)
 
 
+MOST_SEED = 2**63 - 1  # that a manifest can hold in every language
 OPTIONS_OF_PROCESS = Output()  # of the command that runs, for the report of a bug
 
 
@@ -161,6 +162,20 @@ def main_of(main: str, outputs: Mapping[str, Any]) -> Any:
     return {**plain(first[main]), "planes": planes} if planes else first[main]
 
 
+def _allow(ctx: click.Context, param: click.Parameter, value: bool) -> None:
+    """Hold for the command what is said of files outside of the folder of the one naming them."""
+    if value:
+        from auvident.storage.declared import outside_allowed
+
+        ctx.with_resource(outside_allowed(value))
+
+
+OUTSIDE_HELP = "Read files that the vehicle file or the map names outside of its folder."
+# For ingest and run, which remember it; for other commands.
+ALLOW_OUTSIDE = click.option("--allow-outside", is_flag=True, default=None, help=OUTSIDE_HELP)
+OUTSIDE = click.option(
+    "--allow-outside", is_flag=True, expose_value=False, callback=_allow, help=OUTSIDE_HELP
+)
 FAIL_ABOVE = click.option(
     "--fail-above",
     multiple=True,
@@ -169,11 +184,27 @@ FAIL_ABOVE = click.option(
 )
 SEED = click.option(
     "--seed",
-    type=int,
+    type=click.IntRange(min=0, max=MOST_SEED),
     help="Seed of the random numbers.  [default: that of the last run, initially 0]",
 )
-RUN = click.argument("run", metavar="RUN", type=click.Path(path_type=Path))
-PATH: Any = click.Path(path_type=Path)  # existence is the reader's business: exit code 3
+
+
+class GivenPath(click.Path):
+    """A path that can be one; whether something stands there is the reader's business (code 3)."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path; an empty one would be the current folder, and no file has other than text."""
+        if not str(value):
+            self.fail("The path is empty.", param, ctx)
+        try:
+            str(value).encode()
+        except UnicodeEncodeError:
+            self.fail(f"The name {str(value)!r} is not UTF-8. Rename the file.", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+PATH: Any = GivenPath(path_type=Path)
+RUN = click.argument("run", metavar="RUN", type=PATH)
 
 
 def parse_limits(texts: tuple[str, ...]) -> dict[str, float]:

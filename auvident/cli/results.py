@@ -6,10 +6,11 @@ from typing import Any
 
 import click
 
-from auvident.cli.common import PATH, RUN, Output, command, write_table
+from auvident.cli.common import MOST_SEED, OUTSIDE, PATH, RUN, Output, command, write_table
 from auvident.schema.places import BESIDE
 from auvident.schema.planes import PLANES, Plane
 
+MOST_SAMPLES = 10_000  # of a band: its edge is then known to 1 % of its width
 PLANE = click.option(
     "--plane",
     type=click.Choice(PLANES),
@@ -95,13 +96,19 @@ def status(output: Output, run: Path) -> None:
 )
 @click.option(
     "--samples",
-    type=click.IntRange(min=0),
+    type=click.IntRange(min=0, max=MOST_SAMPLES),
     default=100,
     help="Models sampled for the uncertainty band.  [default: 100]",
 )
+@OUTSIDE
 @click.option("--output", "file", type=PATH, help="Output file (.parquet or .csv).")
 @click.option("--figure", type=PATH, help="Picture of a maneuver (.svg or .png).")
-@click.option("--seed", type=int, default=0, help="Seed of the sampling.  [default: 0]")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0, max=MOST_SEED),
+    default=0,
+    help="Seed of the sampling.  [default: 0]",
+)
 def simulate(
     output: Output,
     target: Path,

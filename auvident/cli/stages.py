@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from auvident.cli.common import (
+    ALLOW_OUTSIDE,
     FAIL_ABOVE,
+    OUTSIDE,
     PATH,
     RUN,
     SEED,
@@ -52,6 +54,7 @@ INGEST_OPTIONS = options(
         metavar="SECONDS",
         help="Longest gap between samples that is bridged.  [default: 5]",
     ),
+    ALLOW_OUTSIDE,
     KEEP_GOING,
 )
 SEGMENT_OPTIONS = options(
@@ -96,6 +99,7 @@ def ingest(
     map_: Path | None,
     rate_hz: float | None,
     max_gap_s: float | None,
+    allow_outside: bool | None,
     keep_going: bool | None,
 ) -> int:
     """Read logs, bring all sensors to one clock, clean them, report their quality.
@@ -113,6 +117,7 @@ def ingest(
         map=map_,
         rate_hz=rate_hz,
         max_gap_s=max_gap_s,
+        allow_outside=allow_outside,
         keep_going=keep_going,
     )
     return exit_code(outputs)
@@ -188,6 +193,7 @@ def run(
     map_: Path | None,
     rate_hz: float | None,
     max_gap_s: float | None,
+    allow_outside: bool | None,
     keep_going: bool | None,
     hold_out: tuple[str, ...],
     fail_above: tuple[str, ...],
@@ -211,6 +217,7 @@ def run(
             map=map_,
             rate_hz=rate_hz,
             max_gap_s=max_gap_s,
+            allow_outside=allow_outside,
             keep_going=keep_going,
         ),
         "segment": given(hold_out=hold_out),
@@ -300,6 +307,7 @@ def remembered(path: Path, chosen: dict[str, dict[str, Any]]) -> dict[str, dict[
     help="Sweep a number of the vehicle file; repeatable.",
 )
 @click.option("--output", "file", type=PATH, help="Output file of the sweep (.parquet or .csv).")
+@OUTSIDE
 def ase(
     output: Output,
     targets: tuple[Path, ...],

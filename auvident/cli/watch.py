@@ -8,6 +8,7 @@ import click
 
 from auvident.cli.interrupt import raise_again
 from auvident.pipeline.observer import Observer
+from auvident.schema.quoting import printable
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -43,7 +44,7 @@ class Watch(Observer):
     def refused(self, problem: str) -> None:
         """A warning; also with ``--quiet``."""
         self._stop()
-        click.echo(f"Warning: skipped: {problem}", err=True)
+        click.echo(f"Warning: skipped: {printable(problem)}", err=True)
 
     def progress(self, text: str, fraction: float | None = None) -> None:
         """A bar, on a terminal only."""
@@ -54,7 +55,10 @@ class Watch(Observer):
             self._bar = _start_bar()
         bar, task = self._bar
         bar.update(
-            task, description=text, completed=fraction, total=None if fraction is None else 1
+            task,
+            description=printable(text),
+            completed=fraction,
+            total=None if fraction is None else 1,
         )
 
     def finished(self, stage: str, outputs: Mapping[str, Any], seconds: float) -> None:
@@ -82,7 +86,7 @@ class Watch(Observer):
     def _line(self, text: str) -> None:
         self._stop()
         if not self.quiet:
-            click.echo(text, err=True)
+            click.echo(printable(text), err=True)
 
     def _stop(self) -> None:
         if self._bar is not None:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from auvident.errors import NumericsError
+from auvident.errors import NumericsError, StageError
 from auvident.pipeline.given import Given
 from auvident.schema.planes import PLANES, Plane
 from auvident.storage.artifacts import read_json
@@ -76,6 +76,9 @@ def _noted(outputs: Mapping[str, Any], plane: Plane, error: NumericsError) -> di
 
 def planes_of(run: RunDirectory) -> tuple[Plane, ...]:
     """Planes of a run that has been identified: of its model, and of that beside it."""
-    first: Plane = read_json(run / MODEL)["plane"]
+    tree = read_json(run / MODEL)
+    first: Plane | None = tree.get("plane") if isinstance(tree, dict) else None
+    if first not in PLANES:
+        raise StageError("names no plane", str(run / MODEL), f"Run `auvident identify {run.path}`.")
     given = Given(run, planes=PLANES, plane=PLANES[-1])
     return (first, PLANES[-1]) if first == PLANES[0] and given.has(MODEL) else (first,)

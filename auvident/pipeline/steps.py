@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from auvident.errors import AuvidentError, InputError
 from auvident.pipeline.given import Given
+from auvident.pipeline.naming import named_alike, not_here
 from auvident.pipeline.observer import Observer
 
 if TYPE_CHECKING:
@@ -44,9 +45,11 @@ LEAST_UNDER_WAY_MPS = 0.3  # slower samples do not belong to a run at speed
 def ingest(given: Given) -> dict[str, Any]:
     """Read the logs and the vehicle file, bring every trial to one clock."""
     from auvident.schema.logs import Quality
+    from auvident.storage.declared import outside_allowed
     from auvident.storage.vehicle_file import load_vehicle
 
-    vehicle = load_vehicle(Path(given.options["vehicle"]))
+    with outside_allowed(bool(given.options.get("allow_outside"))):
+        vehicle = load_vehicle(Path(given.options["vehicle"]))
     aside = _Aside(given)
     used: dict[str, _Ingested] = {}
     sources = _trial_sources(given, aside)
@@ -59,7 +62,7 @@ def ingest(given: Given) -> dict[str, Any]:
         f"ingest/{name}.parquet": done.trial.table for name, done in used.items()
     }
     outputs["ingest/vehicle.json"] = vehicle
-    outputs["ingest/quality.json"] = Quality.model_validate(
+    report = Quality.model_validate(
         {
             "vehicle": vehicle.body.name,
             "rate_hz": given.options["rate_hz"],
@@ -68,6 +71,7 @@ def ingest(given: Given) -> dict[str, Any]:
             "set_aside": aside.told(),
         }
     )
+    outputs["ingest/quality.json"] = named_alike(report, given.options["logs"])
     return outputs
 
 
@@ -193,7 +197,7 @@ def _trial_sources(given: Given, aside: _Aside) -> "list[TrialSource]":
 
 def _groups(options: Mapping[str, Any]) -> list[list[Path]]:
     """All logs together; one by one where one may fail (sensor files belong together)."""
-    paths = [Path(p) for p in options["logs"]]
+    paths = [not_here(Path(p)) for p in options["logs"]]
     if not options.get("keep_going"):
         return [paths]
     files = [p for p in paths if p.is_file()]
@@ -216,7 +220,7 @@ def _left_out_findings(options: Mapping[str, Any]) -> "tuple[Finding, ...]":
     from auvident.schema.artifacts import Finding
     from auvident.storage.log_own import left_out
 
-    found = left_out([Path(p) for p in options["logs"]])
+    found = left_out([not_here(Path(p)) for p in options["logs"]])
     if not found:
         return ()
     names = ", ".join(str(p) for p in found[:NAMED_FEW])
@@ -232,21 +236,24 @@ def _left_out_findings(options: Mapping[str, Any]) -> "tuple[Finding, ...]":
 
 
 def _column_map(options: Mapping[str, Any]) -> "ColumnMap | None":
+    from auvident.storage.declared import outside_allowed
     from auvident.storage.logs import read_column_map
 
-    return read_column_map(Path(options["map"])) if options["map"] else None
+    with outside_allowed(bool(options.get("allow_outside"))):
+        return read_column_map(Path(options["map"])) if options["map"] else None
 
 
 def ingest_sources(options: Mapping[str, Any]) -> list[Path]:
     """Files of the logs, the map, the vehicle file and its offsets file."""
-    from auvident.storage.declared import read_toml
+    from auvident.storage.declared import file_named_in, outside_allowed, read_toml
     from auvident.storage.log_find import find_trials
 
     vehicle = Path(options["vehicle"])
     sources = [vehicle]
     hull = read_toml(vehicle).get("hull")
     if isinstance(hull, dict) and isinstance(hull.get("offsets"), str):
-        sources.append(vehicle.parent / hull["offsets"])
+        with outside_allowed(bool(options.get("allow_outside"))):
+            sources.append(file_named_in(vehicle, hull["offsets"], "[hull] offsets"))
     if options["map"]:
         sources.append(Path(options["map"]))
     column_map = _column_map(options)

@@ -2,11 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import IO, Literal
+from typing import IO, Any, Literal
 
 from rich import box
 from rich.cells import cell_len
-from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
+from rich.console import Console, ConsoleOptions, RenderableType, RenderHook, RenderResult
+from rich.control import Control
+from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
@@ -14,6 +16,7 @@ from auvident.report import tables
 from auvident.report.finding_words import evidence
 from auvident.report.numbers import TERMINAL
 from auvident.schema.artifacts import Finding
+from auvident.schema.quoting import printable
 
 Justify = Literal["left", "right"]
 
@@ -32,7 +35,27 @@ def console_for(stream: IO[str], width: int | None = None) -> Console:
     width : int, optional
         Columns; by default those of the terminal.
     """
-    return Console(file=stream, width=width, markup=False, emoji=False, highlight=False)
+    console = Console(file=stream, width=width, markup=False, emoji=False, highlight=False)
+    console.push_render_hook(_Printable())
+    return console
+
+
+class _Printable(RenderHook):
+    """Wraps what is printed, so that a name of the user gives no orders to the terminal."""
+
+    def process_renderables(self, renderables: list[Any]) -> list[Any]:
+        return [
+            _Wrapped(piece) if not isinstance(piece, Control) else piece for piece in renderables
+        ]
+
+
+@dataclass(frozen=True)
+class _Wrapped:
+    piece: RenderableType
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        for text, style, control in console.render(self.piece, options):
+            yield Segment(text if control else printable(text), style, control)
 
 
 def rich_table(table: tables.Table, accents: Mapping[str, str] | None = None) -> "Shown":

@@ -7,6 +7,8 @@ from pydantic import Field
 from auvident.schema.base import Artifact
 from auvident.schema.places import BESIDE, BY_PLANE_STAGES
 
+LONGEST_NAME = 200  # bytes of the name of an artifact; file systems hold 255
+
 
 class FailedAttempt(Artifact):
     """A failed attempt at a stage, kept until the stage succeeds."""
@@ -87,4 +89,12 @@ def can_be_output(stage: str, name: str) -> bool:
         file = file.removeprefix(f"{BESIDE}/")
     if folder != stage or not stage.replace("-", "_").isidentifier():
         return False
-    return file not in ("", ".", "..") and not set(file) & set("/\\\0")
+    return file not in ("", ".", "..") and not set(file) & set("/\\\0") and _fits(file)
+
+
+def _fits(file: str) -> bool:
+    """Whether it is text, and short enough for a file system, with what is added while written."""
+    try:
+        return len(file.encode()) <= LONGEST_NAME
+    except UnicodeEncodeError:
+        return False

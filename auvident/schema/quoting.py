@@ -1,8 +1,10 @@
 """Text from outside (names, symbols, units) as it may stand in other languages.
 
-Whatever the text holds, it ends no string, no comment and no line. Of the console the style has
-the one place (`auvident.report.console_style.console_for`), of HTML the template engine.
+Whatever the text holds, it ends no string, no comment and no line, and gives no orders to a
+terminal. Of HTML the template engine is the one place.
 """
+
+LONGEST_TEXT = 200  # characters of a name or value that a message quotes
 
 
 def quoted(text: str) -> str:
@@ -19,6 +21,28 @@ def comment(text: str) -> str:
     return "".join(c if c.isprintable() else _code(c) for c in text)
 
 
+def encodable(text: str) -> str:
+    r"""A text with ``\udcXX`` for what no encoding has: bytes of a file name that are no UTF-8."""
+    return text.encode(errors="backslashreplace").decode()
+
+
+def printable(text: str) -> str:
+    r"""What a terminal may show: ends of lines, tabs, and nothing else that does not print.
+
+    Escape sequences, which would move the cursor or change colours, and bytes of a file name that
+    are no text come as ``\uXXXX``.
+    """
+    return "".join(c if c.isprintable() or c in "\n\t" else _code(c) for c in text)
+
+
+def clipped(text: str, most: int = LONGEST_TEXT) -> str:
+    """A text that is quoted in a message: the middle of a long one is left out, and said."""
+    if len(text) <= most:
+        return text
+    kept = most // 2
+    return f"{text[:kept]} ... ({len(text) - 2 * kept} characters) ... {text[-kept:]}"
+
+
 def _code(character: str) -> str:
     number = ord(character)
     return f"\\u{number:04x}" if number <= 0xFFFF else f"\\U{number:08x}"
@@ -26,7 +50,7 @@ def _code(character: str) -> str:
 
 def csv_cell(value: str | float) -> str:
     """A cell of a CSV file; commas, quotes and ends of lines stand in quotes."""
-    text = value if isinstance(value, str) else repr(value)
+    text = encodable(value) if isinstance(value, str) else repr(value)
     if not set(text) & set(',"\r\n'):
         return text
     return '"' + text.replace('"', '""') + '"'

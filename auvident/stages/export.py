@@ -18,7 +18,7 @@ from auvident.physics.terms import (
 )
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.planes import PLANE_ROWS
-from auvident.schema.quoting import comment, csv_cell, quoted
+from auvident.schema.quoting import comment, csv_cell, encodable, quoted
 
 # Valid in Python and in MATLAB alike.
 POWER_TEXT = {
@@ -89,7 +89,9 @@ def export(model: IdentifiedModel, form: str) -> str:
 
 
 def _json(model: IdentifiedModel) -> str:
-    return json.dumps(model.model_dump(by_alias=True), indent=2, ensure_ascii=False) + "\n"
+    return (
+        encodable(json.dumps(model.model_dump(by_alias=True), indent=2, ensure_ascii=False)) + "\n"
+    )
 
 
 def _toml(model: IdentifiedModel) -> str:

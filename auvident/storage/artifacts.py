@@ -4,12 +4,15 @@ A file is written beside its place under a temporary name, flushed to the disk a
 that a reader, or a process killed at any moment, sees the old file or the new one.
 """
 
+import errno
 import hashlib
 import io
 import json
 import math
 import os
+import stat
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -18,6 +21,8 @@ from pydantic import BaseModel, ValidationError
 from auvident.errors import NumericsError, StageError
 from auvident.schema.channels import BY_COLUMN, FLAG_SUFFIX
 from auvident.schema.coefficients import ESTIMATED
+from auvident.schema.quoting import clipped
+from auvident.storage.regular import MEGABYTE, irregular, read_small
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,6 +31,7 @@ Model = TypeVar("Model", bound=BaseModel)
 
 TEMPORARY_SUFFIX = ".auvident-partial"  # of a file that is being written
 HASH_CHUNK = 1 << 20  # bytes read at a time
+MOST_JSON_BYTES = 256 * MEGABYTE  # the largest, a model of many trials, has 10
 # Unit of a column by the end of its name, the longest first.
 UNIT_SUFFIXES = {
     "_radps": "rad/s",
@@ -52,7 +58,8 @@ def json_bytes(artifact: Any, name: str) -> bytes:
     tree = plain(artifact)
     for place, value in _not_finite(tree, ""):
         raise NumericsError(f"{place} is {value}", name, "Please report this; see --verbose.")
-    return (json.dumps(tree, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
+    text = json.dumps(tree, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return text.encode(errors="backslashreplace")  # bytes of a name that are no UTF-8: \udcXX
 
 
 def plain(tree: Any) -> Any:
@@ -82,11 +89,20 @@ def _not_finite(tree: Any, place: str) -> Iterator[tuple[str, float]]:
 def read_json(path: Path, remedy: str = "") -> Any:
     """Plain content of a JSON artifact; `StageError` when it is missing or damaged."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        content = read_small(path, MOST_JSON_BYTES, StageError)
+        return json.loads(content.decode(), parse_constant=_refuse_constant)
     except FileNotFoundError:
         raise StageError("is missing", str(path), remedy) from None
-    except (OSError, ValueError) as error:
-        raise StageError(f"cannot be read: {error}", str(path), remedy) from None
+    except OSError as error:
+        raise StageError(f"cannot be read: {error.strerror}", str(path), remedy) from None
+    except ValueError as error:
+        raise StageError(f"is damaged: {clipped(str(error))}", str(path), remedy) from None
+    except RecursionError:
+        raise StageError("is damaged: it is nested too deeply", str(path), remedy) from None
+
+
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"{name} is no number of JSON")
 
 
 def read_model(path: Path, model: type[Model], remedy: str = "") -> Model:
@@ -95,13 +111,34 @@ def read_model(path: Path, model: type[Model], remedy: str = "") -> Model:
 
 
 def as_model(tree: Any, model: type[Model], path: Path, remedy: str = "") -> Model:
-    """Plain content as its class; `StageError` when it does not fit."""
+    """Plain content as its class; `StageError` if it does not fit, or a later version wrote it."""
+    _refuse_later(tree, model, path)
     try:
         return model.model_validate(tree)
     except ValidationError as error:
         first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"])
-        raise StageError(f"{place}: {first['msg']}", str(path), remedy) from None
+        place = ".".join(clipped(str(part)) for part in first["loc"])
+        problem = f"{place}: {first['msg']}" if place else first["msg"]
+        raise StageError(problem, str(path), remedy) from None
+
+
+def _refuse_later(tree: Any, model: type[BaseModel], path: Path) -> None:
+    """Refuse an artifact whose schema this version does not know yet."""
+    field, found = model.model_fields.get("schema_"), None
+    known = str(field.default) if field is not None else ""
+    if isinstance(tree, dict):
+        found = tree.get("schema")
+    stem, _, number = known.rpartition("/")
+    if not stem or not isinstance(found, str) or not found.startswith(f"{stem}/"):
+        return
+    later = found.removeprefix(f"{stem}/")
+    if later.isdecimal() and later.isascii() and int(later[:9]) > int(number):
+        raise StageError(
+            f"schema is {clipped(found)!r}, which a later version of auvident wrote; this one "
+            f"reads {known!r}",
+            str(path),
+            "Update auvident.",
+        )
 
 
 def unit_of(column: str) -> str:
@@ -151,18 +188,59 @@ def read_table(path: Path, remedy: str = "") -> "pd.DataFrame":
 def sha256_of(path: Path) -> str | None:
     """Hash of a file's content; None when there is no such file."""
     digest = hashlib.sha256()
+    if irregular(path):
+        return None
     try:
         with path.open("rb") as stream:
             while chunk := stream.read(HASH_CHUNK):
                 digest.update(chunk)
     except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
         return None
+    except ValueError:  # no file has such a name
+        return None
     return digest.hexdigest()
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file so that it is there whole or not at all, and stays after a power cut."""
+    """Write a file so that it is there whole or not at all, and stays after a power cut.
+
+    A device or a pipe (``/dev/stdout``) is written to as it is, and never replaced by a file;
+    a link stays, and leads to what was written.
+    """
+    if path.is_symlink():
+        path = path.resolve()
+    mode = _mode(path)
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if mode and not stat.S_ISREG(mode):
+        _write_into(path, content)
+        return
     path.parent.mkdir(parents=True, exist_ok=True)
+    _replace(path, content)
+
+
+def _mode(path: Path) -> int:
+    """Kind of what stands at a path; 0 for nothing."""
+    try:
+        return path.stat().st_mode
+    except OSError:
+        return 0
+
+
+def _write_into(path: Path, content: bytes) -> None:
+    try:
+        with path.open("wb") as stream:
+            stream.write(content)
+    except OSError as error:
+        raise _named(error, path) from None
+
+
+def _named(error: OSError, path: Path) -> OSError:
+    """An error with the name of the file; those of a full disk come without."""
+    return OSError(error.errno, error.strerror, str(path))
+
+
+def _replace(path: Path, content: bytes) -> None:
     temporary = path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
     try:
         temporary.unlink(missing_ok=True)
@@ -171,8 +249,11 @@ def write_bytes(path: Path, content: bytes) -> None:
             stream.flush()
             os.fsync(stream.fileno())
         os.replace(temporary, path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
+    except BaseException as error:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise _named(error, path) from None
         raise
     _sync_folder(path.parent)
 

@@ -1,45 +1,144 @@
 """Readers of the TOML files that users write: vehicle, column map, plan."""
 
+import codecs
+import re
 import tomllib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from auvident.errors import InputError
+from auvident.schema.quoting import clipped
+from auvident.storage.regular import MEGABYTE, read_small
+
+MOST_BYTES = 4 * MEGABYTE  # 100,000 stations of a hull have 2 MB
+MOST_LEVELS = 100  # of a dotted key; each level costs the parser the whole key again
+DOTTED_KEY = re.compile(
+    r"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){""" + f"{MOST_LEVELS}}}"
+)
+MOST_FAULTS = 10  # of one file in a message
 
 Model = TypeVar("Model", bound=BaseModel)
+
+_OUTSIDE = ContextVar("paths in declared files may leave their folder", default=False)
+OUTSIDE_REMEDY = "Copy it there, or give --allow-outside."
+
+
+@contextmanager
+def outside_allowed(allowed: bool) -> Iterator[None]:
+    """Whether files that are named in a declared file may stand outside of its folder.
+
+    Not unless the user says so: vehicle and map files are passed on, and what they name is read
+    and quoted in messages.
+    """
+    token = _OUTSIDE.set(allowed)
+    try:
+        yield
+    finally:
+        _OUTSIDE.reset(token)
+
+
+def file_named_in(path: Path, name: str, key: str) -> Path:
+    """The file that a declared file names, relative to its own folder.
+
+    Parameters
+    ----------
+    path : Path
+        The declared file.
+    name : str
+        As it stands there.
+    key : str
+        Where it stands, for messages.
+
+    Raises
+    ------
+    InputError
+        It is no name of a file, or lies outside of the folder.
+    """
+    if not name.strip() or "\0" in name:
+        raise InputError(f"{clipped(name)!r} is no name of a file", f"{path}: {key}")
+    found, folder = path.parent / name, path.parent.resolve()
+    if not _OUTSIDE.get() and not found.resolve().is_relative_to(folder):
+        raise _is_outside(f"{clipped(name)!r} lies outside of the folder of this file", path, key)
+    return found
+
+
+def refuse_outside(patterns: Mapping[str, str], path: Path) -> None:
+    """Refuse patterns of files, by the key they stand under, that lead out of the log folder.
+
+    Raises
+    ------
+    InputError
+    """
+    for key, pattern in patterns.items():
+        parts = re.split(r"[\\/]", pattern)
+        if not _OUTSIDE.get() and (".." in parts or not parts[0] or re.match("[A-Za-z]:", pattern)):
+            problem = f"the pattern {clipped(pattern)!r} leads out of the log folder"
+            raise _is_outside(problem, path, key)
+
+
+def _is_outside(problem: str, path: Path, key: str) -> InputError:
+    return InputError(problem, f"{path}: {key}", OUTSIDE_REMEDY)
 
 
 def read_toml(path: Path) -> dict:
     """Read a TOML file, with file and line in the error."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        content = read_small(path, MOST_BYTES).removeprefix(codecs.BOM_UTF8)
+        text = content.decode()
+        if DOTTED_KEY.search(text):
+            raise InputError(f"has a key of more than {MOST_LEVELS} levels", str(path))
+        return tomllib.loads(text.replace("\r\n", "\n").replace("\r", "\n"))
     except FileNotFoundError:
         raise InputError("no such file", str(path), "Check the path.") from None
     except IsADirectoryError:
         raise InputError("is a folder, not a TOML file", str(path)) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot be read: {error}", str(path)) from error
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", str(path)) from error
+    except UnicodeDecodeError as error:
+        raise _no_utf8(content, error, path) from None
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"is not valid TOML: {error}", str(path)) from error
+        raise InputError(f"is not valid TOML: {clipped(str(error))}", str(path)) from error
+    except RecursionError:
+        raise InputError("is nested too deeply", str(path), "Check the brackets.") from None
+    except ValueError as error:  # of a number with thousands of digits
+        raise InputError(
+            f"has a number that cannot be read: {clipped(str(error))}", str(path)
+        ) from None
+
+
+def _no_utf8(content: bytes, error: UnicodeDecodeError, path: Path) -> InputError:
+    """With the line of the first wrong byte."""
+    row = content.count(b"\n", 0, error.start) + 1
+    return InputError(
+        f"is not UTF-8 text: byte 0x{content[error.start]:02x}",
+        f"{path}, row {row}",
+        "Save it as UTF-8.",
+    )
 
 
 def explain(error: ValidationError) -> str:
     """One line per fault of a declared file: ``[table] key: what is wrong``."""
     lines = []
-    for fault in error.errors():
+    faults = error.errors()
+    for fault in faults[:MOST_FAULTS]:
         place = fault["loc"]
-        table = f"[{place[0]}] " if place else ""
-        key = ".".join(str(part) for part in place[1:])
+        table = f"[{clipped(str(place[0]))}] " if place else ""
+        key = ".".join(clipped(str(part)) for part in place[1:])
         message = fault["msg"].removeprefix("Value error, ")
         if fault["type"] == "extra_forbidden":
             message = "unknown key"
         elif fault["type"] == "missing":
             message = "is missing"
         elif fault["type"] not in ("value_error", "missing"):
-            message = f"{message}, not {fault.get('input')!r}"
+            message = f"{message}, not {clipped(repr(fault.get('input')))}"
         lines.append(f"{table}{key}: {message}" if key else f"{table}{message}")
+    if len(faults) > MOST_FAULTS:
+        lines.append(f"and {len(faults) - MOST_FAULTS} more")
     return "; ".join(lines)
 
 

@@ -1,20 +1,59 @@
-"""A lock on a folder, which is made for it and removed again if nothing came into it."""
+"""A lock on a folder, which is made for it and removed again if nothing came into it.
+
+The lock is one of the system on a file in the folder, so that it dies with its process, holds on
+network file systems as well, and needs no cleaning up. What the file says, who holds it, is for
+people, and decides only where the file system knows no locks.
+"""
 
 import errno
+import json
 import os
+import shlex
+import socket
+import stat
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 from auvident.errors import InputError, InUseError
 
-try:
-    import fcntl
-except ImportError:  # not on Windows: no lock there
-    fcntl = None  # type: ignore[assignment]
-
+LOCK_FILE = ".auvident-lock"
 ATTEMPTS = 100  # to lock a folder that others make and remove at the same time
-HELD = (errno.EWOULDBLOCK, errno.EACCES)  # by another process
+HELD = (errno.EWOULDBLOCK, errno.EACCES, errno.EDEADLK)  # by another process
+FAR = 1 << 30  # of Windows, where a locked byte cannot be read: one behind the text
+MOST_BYTES = 4096  # of the text about the holder
+COMMAND_LENGTH = 300
+
+
+@dataclass(frozen=True)
+class Holder:
+    """The process that holds a lock, as it says of itself."""
+
+    pid: int
+    host: str
+    command: str
+    since: str
+
+    @property
+    def words(self) -> str:
+        """For a message."""
+        return f"process {self.pid} on {self.host}, since {self.since}: {self.command}"
+
+    @property
+    def may_be_alive(self) -> bool:
+        """Whether it may still be at work; of another machine that cannot be known."""
+        if self.host != socket.gethostname():
+            return True
+        if self.pid == os.getpid() or os.name == "nt":
+            return False
+        try:
+            os.kill(self.pid, 0)
+        except (OSError, OverflowError) as error:
+            return isinstance(error, PermissionError)
+        return True
 
 
 @contextmanager
@@ -35,23 +74,27 @@ def locked(folder: Path) -> Iterator[None]:
     try:
         yield
     finally:
+        with suppress(OSError):  # Windows removes no open file; the next one takes it over
+            (folder / LOCK_FILE).unlink()
         with suppress(OSError):  # not empty
             for place in made:
                 place.rmdir()
-        _close(descriptor)
+        os.close(descriptor)
 
 
-def _made_and_locked(folder: Path) -> tuple[list[Path], int | None]:
+def _made_and_locked(folder: Path) -> tuple[list[Path], int]:
     """Folders that had to be made, the innermost first, and the descriptor with the lock."""
+    file = folder / LOCK_FILE
     for _ in range(ATTEMPTS):
         descriptor = None
         try:
             made = _make(folder)
-            descriptor = os.open(folder, os.O_RDONLY) if fcntl else None
+            descriptor = _open(file)
             _take(descriptor, folder)
-            if descriptor is None or os.path.samestat(os.fstat(descriptor), folder.stat()):
+            if os.path.samestat(os.fstat(descriptor), file.lstat()):
+                _sign(descriptor)
                 return made, descriptor
-            _close(descriptor)  # removed and made anew by another process
+            os.close(descriptor)  # removed, and perhaps made anew, by another process
         except (FileNotFoundError, FileExistsError):  # another process made it, and removes it
             _close(descriptor)
         except InUseError:
@@ -71,29 +114,77 @@ def _make(folder: Path) -> list[Path]:
     return missing
 
 
-def _take(descriptor: int | None, folder: Path) -> None:
-    if descriptor is None:
-        return
+def _open(file: Path) -> int:
+    """The lock file, for writing: network file systems lock no other; never through a link."""
+    flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    descriptor = os.open(file, flags, 0o644)
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise OSError(errno.EINVAL, f"{file.name} is no file")
+    return descriptor
+
+
+def _take(descriptor: int, folder: Path) -> None:
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        _lock(descriptor)
     except OSError as error:
+        holder = _holder(descriptor)
         if error.errno in HELD:
-            raise _in_use(folder) from None
-        # a file system without locks: nothing to be done about it
+            raise _in_use(folder, holder) from None
+        if holder is not None and holder.may_be_alive:  # no locks here: what the file says
+            raise _in_use(
+                folder, holder, f"If that has ended, remove {folder / LOCK_FILE}."
+            ) from None
+
+
+def _lock(descriptor: int) -> None:
+    """An exclusive lock, or `OSError` at once."""
+    if sys.platform == "win32":
+        import msvcrt
+
+        os.lseek(descriptor, FAR, os.SEEK_SET)
+        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+    else:
+        import fcntl
+
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def _sign(descriptor: int) -> None:
+    """Say who holds the lock; a full disk is no reason to go without it."""
+    since = datetime.now(UTC).isoformat(timespec="seconds")
+    command = shlex.join(sys.argv)[:COMMAND_LENGTH]
+    holder = Holder(os.getpid(), socket.gethostname(), command, since)
+    with suppress(OSError):
+        os.ftruncate(descriptor, 0)
+        os.lseek(descriptor, 0, os.SEEK_SET)
+        os.write(descriptor, json.dumps(asdict(holder)).encode())
+
+
+def _holder(descriptor: int) -> Holder | None:
+    """Who holds it, unless that is not yet written."""
+    try:
+        os.lseek(descriptor, 0, os.SEEK_SET)
+        told = json.loads(os.read(descriptor, MOST_BYTES))
+        return Holder(int(told["pid"]), *(str(told[k]) for k in ("host", "command", "since")))
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):
+        return None
 
 
 def _cannot_be_made(folder: Path, why: str | None) -> InputError:
     return InputError(f"cannot be created: {why}", str(folder), "Choose another folder.")
 
 
-def _in_use(folder: Path) -> InUseError:
+def _in_use(folder: Path, holder: Holder | None, also: str = "") -> InUseError:
+    who = f" ({holder.words})" if holder else ""
     return InUseError(
-        "another auvident process is working in this run directory",
+        f"another auvident process is working in this run directory{who}",
         str(folder),
-        "Wait for it to end, or use another run directory.",
+        f"Wait for it to end, or use another run directory. {also}".rstrip(),
     )
 
 
 def _close(descriptor: int | None) -> None:
     if descriptor is not None:
-        os.close(descriptor)
+        with suppress(OSError):
+            os.close(descriptor)

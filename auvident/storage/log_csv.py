@@ -15,6 +15,7 @@ from pyarrow import csv as pacsv
 from auvident.errors import InputError
 from auvident.schema.logs import FIRST_FEW
 from auvident.storage.log_blocks import BLOCK_BYTES, OddBytes, blocks
+from auvident.schema.quoting import clipped
 from auvident.storage.log_layout import (
     COMMENT_MARKS,
     MISSING,
@@ -284,7 +285,11 @@ def _parse_carefully(
     """Parse as text, leave out comments and repeated headers, name the first text left."""
     first = layout.names[0]
     as_text: dict[str, Kind] = dict.fromkeys((first, *kinds), "text")
-    table = _parse(body, layout, as_text, False, bad)
+    try:
+        table = _parse(body, layout, as_text, False, bad)
+    except pa.ArrowInvalid as error:  # lines of megabytes
+        problem = f"cannot be read as a table: {clipped(str(error))}"
+        raise InputError(problem, str(path), "Export it again.") from None
     texts = {
         name: table.column(name).to_pandas().astype(object).fillna("").str.strip()
         for name in as_text

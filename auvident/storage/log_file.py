@@ -12,14 +12,20 @@ from pyarrow import parquet
 from auvident.errors import InputError
 from auvident.storage.log_csv import Kind, LogTable, read_csv
 from auvident.storage.log_layout import MISSING, TIME_NAMES, Layout, find_layout
-from auvident.storage.log_text import HEAD_BYTES, read_text
+from auvident.storage.log_text import HEAD_BYTES, LONG_HEAD_BYTES, read_text
 from auvident.storage.log_time import MISSING_COUNT
+from auvident.storage.regular import MEGABYTE, refuse_irregular
 
 TEXT_SUFFIXES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
 PARQUET_SUFFIXES = (".parquet", ".pq")
 LOG_SUFFIXES = (*TEXT_SUFFIXES, *PARQUET_SUFFIXES)  # looked for in folders
 OTHER_SUFFIXES = (".txt.gz", ".txt", ".dat", ".log")  # read when named by the user
 PARQUET_MAGIC = b"PAR1"
+# A table that repeats itself packs into nothing; noise does not. Only a bomb is beyond both.
+MOST_TIMES = 100
+MOST_UNPACKED = 256 * MEGABYTE
+CELL_BYTES = 8
+MOST_COLUMNS = 10_000
 
 
 @dataclass(frozen=True)
@@ -85,9 +91,18 @@ def open_log(path: Path, time_names: Collection[str] = ()) -> LogFile:
     InputError
         When the file is empty, no log, or has no column names.
     """
-    if _is_parquet(path):
-        return _open_parquet(path)
+    log = _open_parquet(path) if _is_parquet(path) else _open_text(path, time_names)
+    if len(log.names) > MOST_COLUMNS:
+        raise InputError(
+            f"has {len(log.names)} columns", str(path), f"A log has {MOST_COLUMNS} at most."
+        )
+    return log
+
+
+def _open_text(path: Path, time_names: Collection[str]) -> LogFile:
     head, _ = read_text(path, HEAD_BYTES)
+    if head.count(b"\n") < 2:
+        head, _ = read_text(path, LONG_HEAD_BYTES)
     names = {*TIME_NAMES, *(name.lower() for name in time_names)}
     layout = find_layout(head.decode(errors="replace"), str(path), names)
     return LogFile(path, layout.names, layout.units, layout)
@@ -104,6 +119,7 @@ def read_log(log: LogFile, wanted: Mapping[str, Kind | None]) -> LogTable:
 
 
 def _is_parquet(path: Path) -> bool:
+    refuse_irregular(path)
     try:
         with path.open("rb") as stream:
             return stream.read(4) == PARQUET_MAGIC
@@ -114,6 +130,11 @@ def _is_parquet(path: Path) -> bool:
 def _open_parquet(path: Path) -> LogFile:
     try:
         schema = parquet.read_schema(path)
+        names = tuple(schema.names)
+    except UnicodeDecodeError as error:
+        raise InputError(
+            "has a column whose name is not UTF-8", str(path), "Export it again."
+        ) from error
     except (pa.ArrowException, OSError) as error:
         raise InputError(
             f"is damaged Parquet: {error}", str(path), "Its end is missing when it was not closed."
@@ -121,10 +142,11 @@ def _open_parquet(path: Path) -> LogFile:
     units = tuple(
         (field.metadata or {}).get(b"unit", b"").decode(errors="replace") for field in schema
     )
-    return LogFile(path, tuple(schema.names), units, None)
+    return LogFile(path, names, units, None)
 
 
 def _read_parquet(log: LogFile, wanted: Mapping[str, Kind | None]) -> LogTable:
+    _refuse_bomb(log.path, wanted)
     columns, rows = {}, 0
     for name, kind in wanted.items():  # one by one: a long log need not be in memory twice
         try:
@@ -138,6 +160,26 @@ def _read_parquet(log: LogFile, wanted: Mapping[str, Kind | None]) -> LogTable:
         del table
         pa.default_memory_pool().release_unused()
     return LogTable(columns, np.arange(1, rows + 1), rows)
+
+
+def _refuse_bomb(path: Path, wanted: Collection[str]) -> None:
+    """Refuse a small file whose columns fill the memory."""
+    try:
+        about = parquet.read_metadata(path)
+        groups = [about.row_group(k) for k in range(about.num_row_groups)]
+        columns = [g.column(k) for g in groups for k in range(g.num_columns)]
+        said = sum(c.total_uncompressed_size for c in columns if c.path_in_schema in wanted)
+        packed = path.stat().st_size
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
+        raise InputError(f"is damaged Parquet: {error}", str(path)) from error
+    unpacked = max(said, CELL_BYTES * about.num_rows * len(wanted))
+    if unpacked > max(MOST_UNPACKED, MOST_TIMES * packed):
+        raise InputError(
+            f"unpacks to {unpacked // MEGABYTE} MB, more than {MOST_TIMES} times its size, which "
+            "no log does",
+            str(path),
+            "Look what it holds: its columns repeat one value.",
+        )
 
 
 def _parquet_column(

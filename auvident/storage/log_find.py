@@ -23,6 +23,7 @@ from auvident.storage.log_own import (
     own_output,
     refuse_own,
 )
+from auvident.storage.regular import refuse_irregular
 
 LAYOUT_REMEDY = (
     "A log is a folder with one file per sensor (dvl.csv, gyro.csv, rudder.csv, rpm.csv), "
@@ -90,6 +91,7 @@ def find_trials(
     for path in dict.fromkeys(Path(p) for p in paths):
         if not path.exists():
             raise _no_such(path)
+        refuse_irregular(path)
         refuse_own(path)
         if path.is_dir():
             found += _folder_or_refuse(path, column_map, faults)

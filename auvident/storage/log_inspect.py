@@ -13,6 +13,7 @@ from auvident.storage.log_find import LAYOUT_REMEDY
 from auvident.storage.log_own import MAX_DEPTH, folders_in, logs_in
 from auvident.storage.log_propose import propose_map
 from auvident.storage.log_time import as_floats, to_seconds
+from auvident.storage.regular import refuse_irregular
 
 GAP_PERIODS = 5.0  # an interval of so many periods is shown as a gap
 
@@ -95,6 +96,7 @@ def inspect_log(path: Path) -> LogReport:
 def _files(path: Path) -> list[Path]:
     if not path.exists():
         raise InputError("no such file or folder", str(path), "Check the path.")
+    refuse_irregular(path)
     if path.is_file():
         return [path]
     found: list[Path] = []

@@ -46,7 +46,10 @@ def split(line: str, delimiter: str) -> list[str]:
         return line.split()
     if not closes(line, delimiter):  # a stray quote, which would hide the delimiters behind it
         line = line.replace('"', "")
-    fields = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    try:
+        fields = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    except csv.Error:  # a field of more than 131,072 characters, which is no value
+        fields = line.replace('"', "").split(delimiter)
     return [field.strip() for field in fields]
 
 

@@ -1,18 +1,19 @@
 """Outputs of this program among the logs: run directories, simulations, tables of coefficients."""
 
-import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import pyarrow as pa
 from pyarrow import parquet
 
-from auvident.errors import InputError
+from auvident.errors import InputError, StageError
 from auvident.schema.channels import BY_COLUMN
 from auvident.schema.coefficients import BY_SYMBOL
+from auvident.storage.artifacts import read_json
 from auvident.storage.log_file import PARQUET_SUFFIXES, looks_like_log, open_log
 from auvident.storage.run_directory import MANIFEST
 
+OURS, HEAD_BYTES = b'"auvident/run/', 200  # in the first bytes of a manifest
 MAX_DEPTH = 4  # folders below the one given; a deeper tree is not a log folder but a disk
 LEAST_BANDS = 2  # channels with a lower and an upper bound: no sensor logs these
 LEAST_SYMBOLS = 2  # columns named for coefficients
@@ -23,10 +24,18 @@ REMEDY = "Give the logs it was made from."
 def is_run_directory(folder: Path) -> bool:
     """Whether a folder holds the manifest of a run."""
     try:
-        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return False
+        manifest = read_json(folder / MANIFEST)
+    except StageError:
+        return _begins_as_one(folder / MANIFEST)
     return isinstance(manifest, dict) and str(manifest.get("schema")).startswith("auvident/")
+
+
+def _begins_as_one(manifest: Path) -> bool:
+    """Whether a damaged manifest is one by its first line."""
+    try:
+        return manifest.is_file() and OURS in manifest.open("rb").read(HEAD_BYTES)
+    except OSError:
+        return False
 
 
 def own_output(path: Path) -> str:
@@ -52,7 +61,7 @@ def _program(path: Path) -> str:
         return ""
     try:
         about = parquet.read_schema(path).metadata or {}
-    except (pa.ArrowException, OSError):
+    except (pa.ArrowException, OSError, UnicodeDecodeError):
         return ""
     program = about.get(b"program", b"").decode(errors="replace")
     return program if program.startswith("auvident") else ""

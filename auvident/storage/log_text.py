@@ -5,8 +5,13 @@ import zlib
 from pathlib import Path
 
 from auvident.errors import InputError
+from auvident.storage.regular import MEGABYTE, refuse_irregular
 
 HEAD_BYTES = 1 << 18  # enough for any header block; the rest is read only when it is wanted
+LONG_HEAD_BYTES = 64 * HEAD_BYTES  # where a line is longer: some 100,000 columns
+# Logs pack 5 to 20 times: what is noise does not pack, and only a bomb is beyond both of these.
+MOST_TIMES = 100
+MOST_UNPACKED = 256 * MEGABYTE
 GZIP_MAGIC = b"\x1f\x8b"
 GZIP_WINDOW = 31  # zlib's code for "gzip wrapper, largest window"
 OTHER_FORMATS: dict[bytes, str] = {
@@ -57,6 +62,7 @@ def read_text(path: Path, limit: int | None = None) -> tuple[bytes, bool]:
 
 
 def _read_bytes(path: Path, limit: int | None) -> tuple[bytes, bool]:
+    refuse_irregular(path)
     try:
         with path.open("rb") as stream:
             packed = stream.read(2) == GZIP_MAGIC
@@ -71,15 +77,27 @@ def _gunzip(raw: bytes, path: Path, limit: int | None) -> tuple[bytes, bool]:
     """Decompress what is there; a stream that ends too early keeps its readable part."""
     parts: list[bytes] = []
     finished = True
-    while raw.startswith(GZIP_MAGIC):  # appended logs are several members
+    most = limit if limit is not None else max(MOST_UNPACKED, MOST_TIMES * len(raw))
+    while raw.startswith(GZIP_MAGIC) and most > 0:  # appended logs are several members
         member = zlib.decompressobj(GZIP_WINDOW)
         try:
-            parts.append(member.decompress(raw))
-            parts.append(member.flush())
+            part = member.decompress(raw, most)
         except zlib.error as error:
             raise InputError(f"is damaged gzip: {error}", str(path), REMEDY) from error
-        finished, raw = member.eof, member.unused_data
+        parts.append(part)
+        finished, raw, most = member.eof, member.unused_data, most - len(part)
+        if limit is None and most == 0 and (raw or not finished):
+            raise _is_bomb(path)
     return b"".join(parts), limit is None and not finished
+
+
+def _is_bomb(path: Path) -> InputError:
+    return InputError(
+        f"unpacks to more than {MOST_UNPACKED // MEGABYTE} MB and {MOST_TIMES} times its size, "
+        "which no log does",
+        str(path),
+        "Unpack it, look what it holds, and give the unpacked file.",
+    )
 
 
 def _refuse_other_formats(raw: bytes, path: Path) -> None:

@@ -16,7 +16,7 @@ from auvident.errors import InputError
 from auvident.schema.artifacts import Finding
 from auvident.schema.channels import BY_COLUMN, NEEDED, SENSORS
 from auvident.schema.logs import FIRST_FEW, ColumnMap, InputMap, RawSensor, RawTrial, SensorMap
-from auvident.storage.declared import parse, read_toml
+from auvident.storage.declared import parse, read_toml, refuse_outside
 from auvident.storage.log_columns import (
     LogColumn,
     missing_channel,
@@ -38,7 +38,11 @@ MAP_REMEDY = (
 
 def read_column_map(path: Path) -> ColumnMap:
     """Read ``MAP.toml``; a fault is an `InputError` naming file, table and key."""
-    return parse(ColumnMap, read_toml(path), path, MAP_REMEDY)
+    data = read_toml(path)
+    tables = {f"[{key}] file": t.get("file") for key, t in data.items() if isinstance(t, dict)}
+    named = {"file": data.get("file"), **tables}
+    refuse_outside({key: str(pattern) for key, pattern in named.items() if pattern}, path)
+    return parse(ColumnMap, data, path, MAP_REMEDY)
 
 
 def read_trials(

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from auvident.errors import InputError
 from auvident.schema.plan import Plan
+from auvident.schema.quoting import clipped
 from auvident.storage.declared import parse, read_toml
 from auvident.storage.run_directory import PACKAGE_ROOT
 
@@ -56,10 +57,12 @@ def _continued(data: dict, path: Path) -> Path | None:
     name = data.get("continues")
     if name is None:
         return None
-    before = PLANS / f"{name}.toml"
-    if not before.is_file() or "continues" in read_toml(before):
+    before = next((p for p in PLANS.glob("*.toml") if p.stem == name), None)
+    if before is None or "continues" in read_toml(before):
         raise InputError(
-            f"continues {name!r}", str(path), f"A plan may continue one of {_known(True)}."
+            f"continues {clipped(repr(name))}",
+            str(path),
+            f"A plan may continue one of {_known(True)}.",
         )
     return before
 

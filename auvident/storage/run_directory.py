@@ -22,6 +22,10 @@ PACKAGE = "package:"  # path of a file that comes with the program
 PACKAGE_ROOT = Path(__file__).resolve().parents[1]
 EXPECTED = {"schema_": "auvident/run/1", "program": "auvident"}
 NOT_OURS = "It was not written by this program; use another run directory."
+REBUILD = (
+    "Use another run directory, or remove this one: `auvident run LOG... --vehicle V.toml "
+    "--run RUN` makes everything again."
+)
 
 
 def _is_no_folder(path: Path) -> bool:
@@ -61,7 +65,7 @@ class RunDirectory:
         place = self.path / MANIFEST
         if not place.exists():
             return None
-        manifest = read_model(place, Manifest, NOT_OURS)
+        manifest = read_model(place, Manifest, REBUILD)
         for key, wanted in EXPECTED.items():
             if (found := getattr(manifest, key)) != wanted:
                 name = key.rstrip("_")

@@ -1,7 +1,9 @@
 """One process at a time in a run directory, from its creation on."""
 
+import errno
 import json
 import os
+import socket
 import subprocess
 import sys
 import threading
@@ -107,6 +109,73 @@ def test_a_second_process_is_refused_while_the_first_works(tmp_path: Path) -> No
         pass
 
 
+def test_who_holds_it_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pid, host, since when and the command, of a process that works."""
+    monkeypatch.setattr(lock.sys, "argv", ["auvident", "run", "a log"])
+    said = f"process {os.getpid()} on {socket.gethostname()}, since 20.*: auvident run 'a log'"
+    run = RunDirectory(tmp_path)
+    with run.lock(), pytest.raises(InUseError, match=said), RunDirectory(tmp_path).lock():
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+def left_by(tmp_path: Path, **changes: object) -> None:
+    """The lock file of a process that was killed, or that works on another machine."""
+    done = subprocess.Popen(["true"])
+    done.wait()
+    holder = {"pid": done.pid, "host": socket.gethostname(), "command": "x", "since": "then"}
+    (tmp_path / lock.LOCK_FILE).write_text(json.dumps(holder | changes))
+
+
+@pytest.mark.parametrize("host", [socket.gethostname(), "another"])
+def test_what_a_killed_process_has_left_does_not_block(tmp_path: Path, host: str) -> None:
+    left_by(tmp_path, host=host)
+    with RunDirectory(tmp_path).lock():
+        pass
+    assert not (tmp_path / lock.LOCK_FILE).exists()
+
+
+@pytest.fixture
+def no_locks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file system that knows none."""
+
+    def none(descriptor: int) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(lock, "_lock", none)
+
+
+@pytest.mark.usefixtures("no_locks")
+def test_without_locks_the_text_of_the_file_decides(tmp_path: Path) -> None:
+    left_by(tmp_path)
+    with RunDirectory(tmp_path).lock():  # of a process that is no more
+        pass
+    for changes in ({"pid": 1}, {"host": "another"}):
+        left_by(tmp_path, **changes)
+        with pytest.raises(InUseError, match=rf"remove .*{lock.LOCK_FILE}"):
+            RunDirectory(tmp_path).lock().__enter__()
+
+
+@pytest.mark.parametrize("text", ["", "[", "{}", "null", '{"pid": "x"}', "[" * 4000, "\0" * 99])
+@pytest.mark.usefixtures("no_locks")
+def test_a_damaged_lock_file_does_not_block(tmp_path: Path, text: str) -> None:
+    (tmp_path / lock.LOCK_FILE).write_text(text)
+    with RunDirectory(tmp_path).lock():
+        pass
+
+
+def test_a_lock_file_that_is_a_link_is_not_written_through(tmp_path: Path) -> None:
+    (tmp_path / "mine").write_text("mine")
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / lock.LOCK_FILE).symlink_to("../mine")
+    with (
+        pytest.raises(InputError, match="cannot be created"),
+        RunDirectory(tmp_path / "run").lock(),
+    ):
+        pass
+    assert (tmp_path / "mine").read_text() == "mine"
+
+
 def test_a_directory_is_removed_only_if_made_here_and_empty(tmp_path: Path) -> None:
     with RunDirectory(tmp_path / "a" / "b").lock():
         assert (tmp_path / "a" / "b").is_dir()
@@ -126,7 +195,7 @@ def test_a_directory_is_removed_only_if_made_here_and_empty(tmp_path: Path) -> N
 def test_a_directory_that_was_made_anew_meanwhile_is_locked_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The first descriptor is of a directory that another process has removed."""
+    """The first descriptor is of a file in a directory that another process has removed."""
     path, opened = tmp_path / "run", []
     open_before = os.open
 
@@ -134,6 +203,7 @@ def test_a_directory_that_was_made_anew_meanwhile_is_locked_again(
         descriptor = open_before(*arguments)  # type: ignore[arg-type]
         opened.append(descriptor)
         if len(opened) == 1:
+            (path / lock.LOCK_FILE).unlink()
             path.rmdir()
         elif len(opened) == 2:
             path.rename(tmp_path / "moved")
@@ -143,7 +213,7 @@ def test_a_directory_that_was_made_anew_meanwhile_is_locked_again(
     monkeypatch.setattr(lock.os, "open", open_and_lose)
     with RunDirectory(path).lock():
         assert len(opened) == 3
-        assert os.path.samestat(os.fstat(opened[-1]), path.stat())
+        assert os.path.samestat(os.fstat(opened[-1]), (path / lock.LOCK_FILE).stat())
 
 
 def test_many_that_make_and_remove_the_same_directory_never_meet(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from log_world import sensor_tables, wide_table, write_folder
 from auvident.errors import InputError
 from auvident.schema.channels import CHANNELS, SENSORS
 from auvident.schema.logs import ColumnMap
+from auvident.storage.declared import outside_allowed
 from auvident.storage.log_inspect import inspect_log
 from auvident.storage.logs import read_column_map, read_trials
 
@@ -116,7 +117,8 @@ def test_faults_of_the_map(tmp_path, text, words):
 )
 def test_maps_that_do_not_fit_the_log(tmp_path, text, words):
     folder = write_folder(tmp_path / "run")
-    mapping = column_map(tmp_path, text)
+    with outside_allowed(True):  # else a pattern from the root does not get as far
+        mapping = column_map(tmp_path, text)
     if not words:  # the map's unit overrides the name's
         (trial,) = read_trials([folder], mapping)
         assert trial.sensors["rpm"].values["rpm"][0] == 72000.0
@@ -179,3 +181,20 @@ def test_inspect_does_not_stop_at_a_broken_file(tmp_path):
     assert files["depth.csv"].notes == ("is empty",)
     assert "row 7" in files["dvl.csv"].notes[0]
     assert files["dvl.csv"].columns[2].maximum is not None
+
+
+@pytest.mark.parametrize(
+    "pattern", ["../*.csv", "a/../../*.csv", "/etc/passwd", "..\\\\*.csv", "C:/x.csv", "\\\\x"]
+)
+@pytest.mark.parametrize("table", ["", "[dvl]\n"])
+def test_the_patterns_of_a_map_stay_in_the_log_folder(tmp_path, pattern, table):
+    text = f'{table}file = "{pattern}"\n'
+    with pytest.raises(InputError, match="out of the log folder") as refused:
+        column_map(tmp_path, text)
+    assert "--allow-outside" in str(refused.value)
+    with outside_allowed(True):
+        column_map(tmp_path, text)
+
+
+def test_patterns_within_the_log_folder_may_have_folders(tmp_path):
+    assert column_map(tmp_path, 'file = "day..1/*/x.csv"\n').file == "day..1/*/x.csv"

@@ -53,7 +53,9 @@ def test_both_files_count(tmp_path) -> None:
     assert plan_files("spiral") == [PLANS / "spiral.toml"]
 
 
-@pytest.mark.parametrize("name", ['"mine"', '"refined"', '"../plans/spirol"', "3"])
+@pytest.mark.parametrize(
+    "name", ['"mine"', '"refined"', '"../plans/spirol"', '"../plans/spiral"', "3", '["a"]']
+)
 def test_only_a_built_in_plan_that_stands_for_itself_is_continued(tmp_path, name) -> None:
     with pytest.raises(InputError, match="continues") as caught:
         read_plan(written(tmp_path, f"continues = {name}"))

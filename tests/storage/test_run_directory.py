@@ -18,13 +18,15 @@ from auvident.errors import NumericsError, StageError
 from auvident.pipeline import run_all, status
 from auvident.pipeline.given import Given
 from auvident.pipeline.table import BY_NAME
-from auvident.schema.manifest import Manifest
+from auvident.schema.manifest import Manifest, can_be_output
 from auvident.storage import artifacts
 from auvident.storage.artifacts import json_bytes, parquet_bytes, read_table, write_bytes
 from auvident.storage.run_directory import RunDirectory
 from tests import loop_world
+from tests.bench.kills import contents, differing
 from tests.command_line import ENVIRONMENT, PROGRAM, SAMPLES
 
+KILLS_BYTE_FOR_BYTE = 5
 KILLS_OF_THE_PROGRAM = 6  # of a real process at random moments: about a second each
 FAST_STAGES = ("ingest", "segment", "ase")  # together 0.3 s; the kernels take longer
 OPTIONS = [
@@ -137,7 +139,7 @@ def test_what_a_killed_run_has_left_is_removed_when_it_is_no_output_any_more(
     assert [p.name for p in folder.glob("ingest/*.parquet")] == ["another_trial.parquet"]
 
 
-def run_killed(folder: Path, step: int, when: str) -> None:
+def run_killed(folder: Path, step: int, when: str, options: dict = OPTIONS[1]) -> None:
     """A run that kills itself at one of its writes."""
     replace, count = os.replace, 0
 
@@ -152,7 +154,7 @@ def run_killed(folder: Path, step: int, when: str) -> None:
             replace(*names)
 
     os.replace = fatal  # type: ignore[assignment]
-    run_all(folder, OPTIONS[1], until=FAST_STAGES[-1])
+    run_all(folder, options, until=FAST_STAGES[-1])
 
 
 def test_the_program_killed_at_random_moments(tmp_path: Path) -> None:
@@ -227,6 +229,61 @@ def test_a_damaged_manifest_is_named(tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text('{"schema": ')
     with pytest.raises(StageError, match=r"run\.json"):
         RunDirectory(tmp_path).manifest()
+
+
+DAMAGED = {
+    "cut off": '{"schema": "auvident/run/1", "stages": {',
+    "nested": "[" * 100_000,
+    "a number that is none": '{"schema": "auvident/run/1", "stages": NaN}',
+    "another type": '{"schema": "auvident/run/1", "program_version": "1", "stages": 3}',
+    "no table": "[1]",
+    "nothing": "",
+}
+
+
+@pytest.mark.parametrize("name", DAMAGED)
+def test_a_damaged_manifest_says_how_to_rebuild(tmp_path: Path, name: str) -> None:
+    (tmp_path / "run.json").write_text(DAMAGED[name])
+    with pytest.raises(StageError, match=r"run\.json") as refused:
+        RunDirectory(tmp_path).manifest()
+    assert "makes everything again" in str(refused.value)
+    assert len(str(refused.value)) < 1000
+
+
+@pytest.mark.parametrize("schema", ["auvident/run/2", "auvident/run/99999999999999999999"])
+def test_a_manifest_of_a_later_version_is_named_as_such(tmp_path: Path, schema: str) -> None:
+    tree = {"schema": schema, "program_version": "9", "created_at": "then"}
+    (tmp_path / "run.json").write_text(json.dumps(tree))
+    with pytest.raises(StageError, match="later version") as refused:
+        RunDirectory(tmp_path).manifest()
+    assert "Update auvident" in str(refused.value)
+
+
+def test_a_name_that_is_no_utf_8_stays_in_a_manifest(tmp_path: Path) -> None:
+    run = RunDirectory(tmp_path)
+    manifest = Manifest(program_version="1", created_at="a\udcff")
+    run.save(manifest)
+    assert (tmp_path / "run.json").read_text()
+    assert run.manifest() == manifest
+
+
+@pytest.mark.parametrize("name", ["n" * 201, "\udcff"])
+def test_a_name_that_no_file_can_have_everywhere_is_no_artifact(name: str) -> None:
+    assert not can_be_output("ingest", f"ingest/{name}")
+
+
+@pytest.mark.usefixtures("computed_once")
+def test_killed_at_random_moments_the_next_run_ends_as_undisturbed(tmp_path: Path) -> None:
+    """Byte for byte, apart from times; `tests.bench.kills` does it for whole runs."""
+    first = run_all(tmp_path / "run", OPTIONS[0], until=FAST_STAGES[-1])
+    undisturbed, rng = contents(tmp_path / "run"), random.Random(7)
+    assert len(first.outputs) == 6
+    for _ in range(KILLS_BYTE_FOR_BYTE):
+        shutil.rmtree(tmp_path / "run")
+        step, when = rng.randint(1, 12), rng.choice(("before", "after"))
+        child(lambda step=step, when=when: run_killed(tmp_path / "run", step, when, OPTIONS[0]))
+        assert_completes(tmp_path / "run", OPTIONS[0])
+        assert differing(tmp_path / "run", undisturbed) == ()
 
 
 def test_paths_are_remembered_relative_so_that_a_project_can_move(tmp_path: Path) -> None:

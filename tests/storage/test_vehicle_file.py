@@ -1,8 +1,10 @@
+import re
 from pathlib import Path
 
 import pytest
 
 from auvident.errors import InputError
+from auvident.storage.declared import outside_allowed
 from auvident.storage.vehicle_file import load_vehicle
 
 VEHICLES = Path(__file__).parents[1] / "data" / "vehicles"
@@ -167,3 +169,74 @@ def test_unreadable_offsets_name_their_place(tmp_path, rows, header, words):
 def test_missing_offsets_file_is_named(tmp_path):
     text = with_offsets(tmp_path, GOOD).replace("hull.csv", "other.csv")
     assert "other.csv" in refused(tmp_path, text)
+
+
+BEYOND = [  # key, value, the unit that its limits go by
+    ("mass_kg", "1e200"),
+    ("izz_kgm2", "1e-200"),
+    ("root_chord_m", "1e-200"),
+    ("x_g_m", "1e300"),
+    ("origin_from_nose_m", "1e200"),
+    ("design_speed_mps", "1e6"),
+    ("length_m", "1e200"),
+    ("diameter_m", "1e200"),
+]
+
+
+@pytest.mark.parametrize(("key", "value"), BEYOND)
+def test_numbers_that_no_vehicle_has_are_refused_before_they_overflow(tmp_path, key, value):
+    text, count = re.subn(rf"(?m)^{key} = .*$", f"{key} = {value}", REMUS, count=1)
+    text = text if count else REMUS.replace("[vehicle]", f"[vehicle]\n{key} = {value}")
+    message = refused(tmp_path, text)
+    assert key in message
+    assert "is not between" in message
+
+
+def test_a_propeller_of_another_world_is_refused(tmp_path):
+    text = (
+        f"{REMUS.split('[propeller]')[0]}[propeller]\ndiameter_m = 1e200\nkt0 = 0.4\nkt1 = -0.4\n"
+    )
+    assert "[propeller].diameter_m" in refused(tmp_path, text)
+
+
+def test_a_name_and_a_list_of_fins_have_an_end(tmp_path):
+    name = re.sub(r'name = ".*"', f'name = "{"n" * 201}"', REMUS, count=1)
+    assert "201 characters" in refused(tmp_path, name)
+    fin = '[[fin]]\nkind = "rudder"\nx_m = -0.6\nexposed_span_m = 0.1\nroot_chord_m = 0.1\n'
+    assert "sets of fins" in refused(tmp_path, REMUS + (fin + "tip_chord_m = 0.1\n") * 3000)
+
+
+ELSEWHERE = [
+    "../hull.csv",
+    "{folder}/../hull.csv",
+    "sub/../../hull.csv",
+    "link/hull.csv",
+    "/dev/zero",
+]
+
+
+@pytest.mark.parametrize("name", ELSEWHERE)
+def test_offsets_stay_in_the_folder_of_the_vehicle_file(tmp_path, name):
+    folder = tmp_path / "vehicle"
+    folder.mkdir()
+    (folder / "link").symlink_to("..")
+    text = with_offsets(tmp_path, GOOD)  # the offsets file stands above
+    text = text.replace("hull.csv", name.format(folder=folder))
+    message = refused(folder, text)
+    assert "outside" in message
+    assert "--allow-outside" in message
+    with outside_allowed(True):
+        if "dev" in name:
+            with pytest.raises(InputError, match="a device"):
+                load_vehicle(folder / "vehicle.toml")
+        elif "sub" not in name:  # a folder that is not there leads nowhere
+            assert load_vehicle(folder / "vehicle.toml").hull.family == "offsets"
+
+
+@pytest.mark.parametrize("name", ["", " ", "\\u0000"])
+def test_a_name_that_is_none_is_no_offsets_file(tmp_path, name):
+    text = with_offsets(tmp_path, GOOD).replace("hull.csv", name)
+    with pytest.raises(InputError, match=r"no name of a file"):
+        path = tmp_path / "v.toml"
+        path.write_text(text)
+        load_vehicle(path)
