@@ -167,8 +167,13 @@ class RpmMap(InputMap):
 
 
 class AttitudeMap(SensorMap):
-    """``[attitude]``."""
+    """``[attitude]``.
 
+    `frame`: "ned", angles of a body (forward, starboard, down) in (north, east, down); "enu",
+    of a body (forward, port, up) in (east, north, up), as ROS has them (REP 103).
+    """
+
+    frame: Literal["ned", "enu"] = "ned"
     roll: Entry = None
     pitch: Entry = None
     heading: Entry = None

@@ -16,7 +16,15 @@ import numpy as np
 from auvident.errors import InputError
 from auvident.schema.artifacts import Finding
 from auvident.schema.channels import BY_COLUMN, NEEDED, SENSORS
-from auvident.schema.logs import FIRST_FEW, ColumnMap, InputMap, RawSensor, RawTrial, SensorMap
+from auvident.schema.logs import (
+    FIRST_FEW,
+    AttitudeMap,
+    ColumnMap,
+    InputMap,
+    RawSensor,
+    RawTrial,
+    SensorMap,
+)
 from auvident.storage.declared import parse, read_toml
 from auvident.storage.log_columns import (
     LogColumn,
@@ -232,6 +240,8 @@ def _sensor(
         _note(dropped, dropped_rows, "marked_invalid", table.rows[false])
         valid &= ~false
     values = {key: column.factor * table.columns[column.name] for key, column in columns.items()}
+    if isinstance(mapping, AttitudeMap) and mapping.frame == "enu":
+        values = _to_ned(values)
     return RawSensor(
         sensor=sensor,
         file=log.where,
@@ -245,6 +255,15 @@ def _sensor(
         on_change=mapping.on_change if isinstance(mapping, InputMap) else None,
         time_column=time_column(log, mapping),
     )
+
+
+def _to_ned(angles: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Angles of a body (forward, port, up) in (east, north, up) as the program has them."""
+    turned = {"pitch_rad": (0.0, -1.0), "heading_rad": (np.pi / 2, -1.0)}
+    return {
+        key: turned[key][0] + turned[key][1] * values if key in turned else values
+        for key, values in angles.items()
+    }
 
 
 def _finite(numbers: np.ndarray) -> np.ndarray:

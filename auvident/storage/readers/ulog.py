@@ -1,0 +1,76 @@
+"""PX4 ULog, by the library pyulog."""
+
+import io
+from collections.abc import Mapping, Sequence
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from auvident.errors import InputError
+from auvident.storage.readers.interface import STAMP, Tables, in_memory
+from auvident.storage.readers.quaternions import angles, quaternions_in
+from auvident.storage.readers.registry import need
+
+MAGIC = b"\x55\x4c\x6f\x67\x01\x12\x35"
+EXTRA = "px4"
+TIME = "timestamp"  # of every message, microseconds since the start of the controller
+NS_PER_US = 1000
+QUATERNIONS = ("q", "q_d")  # arrays of four that are attitudes: of the body (FRD) in NED
+
+
+@dataclass(frozen=True)
+class ULogReader:
+    """Logs of PX4 (``.ulg``)."""
+
+    name: str = "PX4 ULog"
+
+    def matches(self, path: Path, head: bytes) -> bool:
+        """By the first bytes."""
+        return head.startswith(MAGIC)
+
+    def open(self, path: Path) -> Tables:
+        """Read the log; the library has all of it in memory."""
+        pyulog = need("pyulog", EXTRA, path)
+        said = io.StringIO()
+        try:
+            with redirect_stdout(said), path.open("rb") as stream:
+                log = pyulog.ULog(stream)
+        except Exception as error:  # at damaged files the library raises whatever it runs into
+            told = str(error) or type(error).__name__
+            raise InputError(f"is a damaged ULog: {told}", str(path)) from error
+        several = {data.name for data in log.data_list if data.multi_id}
+        columns = {_name(data, several): _columns(data.data) for data in log.data_list}
+        time = {name: STAMP for name, table in columns.items() if STAMP in table}
+        return in_memory(columns, time, notes=_notes(log))
+
+
+def _name(data: Any, several: set[str]) -> str:
+    return f"{data.name}[{data.multi_id}]" if data.name in several else data.name
+
+
+def _columns(data: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    found = {name: np.asarray(values) for name, values in data.items()}
+    for base, parts in quaternions_in(found, QUATERNIONS).items():
+        turned = angles(*(found[part] for part in parts))
+        found |= {f"{base}.{angle}": values for angle, values in turned.items()}
+    if TIME not in found:
+        return found
+    return {STAMP: found[TIME].astype(np.int64) * NS_PER_US, **found}
+
+
+def _notes(log: Any) -> tuple[str, ...]:
+    notes: list[str] = []
+    if log.file_corruption:
+        notes.append("parts of the log are damaged and were left out")
+    lost_ms: Sequence[int] = [dropout.duration for dropout in log.dropouts]
+    if lost_ms:
+        notes.append(
+            f"the logger dropped out {len(lost_ms)} times, {sum(lost_ms) / 1e3:.1f} s in all"
+        )
+    return tuple(notes)
+
+
+READER = ULogReader()
