@@ -240,6 +240,8 @@ def time_column(log: LogFile, mapping: SensorMap) -> str:
 
 def guess_time(log: LogFile) -> str | None:
     """A column that may be the time, or None."""
+    if log.time:
+        return log.time
     for alias in (*TIME_NAMES, *TIME_ALIASES):
         found = log.find(alias)
         if found is not None:

@@ -47,6 +47,9 @@ class TableHead:
         where the container itself stamps messages.
     notes : tuple of str
         What is worth knowing of it, a sentence each.
+    axes : str
+        "flu" where the convention of the format is forward, port, up in east, north, up; "" where
+        it is that of the program, or where there is none. Only the proposed map knows of it.
     """
 
     name: str
@@ -54,6 +57,7 @@ class TableHead:
     rows: int
     time: str = STAMP
     notes: tuple[str, ...] = ()
+    axes: str = ""
 
     @property
     def names(self) -> tuple[str, ...]:

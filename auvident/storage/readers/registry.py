@@ -105,7 +105,5 @@ def need(module: str, extra: str, path: Path) -> ModuleType:
         return import_module(module)
     except ImportError as error:
         raise InputError(
-            f"needs {module.partition('.')[0]}, which is not installed",
-            str(path),
-            f"pip install 'auvident[{extra}]'",
+            f"needs {module.partition('.')[0]}: pip install 'auvident[{extra}]'", str(path)
         ) from error

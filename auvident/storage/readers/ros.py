@@ -27,6 +27,7 @@ from auvident.storage.readers.ros_messages import (
 EXTRA = "ros"
 BAG, MCAP, SQLITE = b"#ROSBAG V", b"\x89MCAP0\r\n", b"SQLite format 3\x00"
 METADATA = "metadata.yaml"  # of a ROS 2 bag: a folder
+AXES = "flu"  # convention of ROS (REP 103); not every driver keeps to it
 STAMPED = ".stamp_ns"
 REMEDY = (
     "A recording that was not closed is repaired by `rosbag reindex` (ROS 1), "
@@ -146,7 +147,9 @@ class RosBag:
         except MalformedError as error:
             notes.append(f"cannot be read: {error}")
         rows = sum(c.msgcount for c in alike)
-        head = TableHead(name, (ColumnHead(STAMP, "int64", "ns"), *columns), rows, STAMP, (*notes,))
+        head = TableHead(
+            name, (ColumnHead(STAMP, "int64", "ns"), *columns), rows, STAMP, (*notes,), AXES
+        )
         return Topic(alike, kind, head)
 
     def _columns(self, kind: str, connections: Sequence[Any]) -> list[ColumnHead]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from auvident.errors import InputError
 from auvident.storage.readers.interface import STAMP, Tables, in_memory
-from auvident.storage.readers.quaternions import angles, quaternions_in
+from auvident.storage.readers.quaternions import ANGLES, angles, quaternions_in
 from auvident.storage.readers.registry import need
 
 MAGIC = b"\x55\x4c\x6f\x67\x01\x12\x35"
@@ -19,6 +19,7 @@ EXTRA = "px4"
 TIME = "timestamp"  # of every message, microseconds since the start of the controller
 NS_PER_US = 1000
 QUATERNIONS = ("q", "q_d")  # arrays of four that are attitudes: of the body (FRD) in NED
+TURNED = tuple(f"{name}.{angle}" for name in QUATERNIONS for angle in ANGLES)
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,8 @@ class ULogReader:
         several = {data.name for data in log.data_list if data.multi_id}
         columns = {_name(data, several): _columns(data.data) for data in log.data_list}
         time = {name: STAMP for name, table in columns.items() if STAMP in table}
-        return in_memory(columns, time, notes=_notes(log))
+        units = {(t, c): "rad" for t in columns for c in columns[t] if c.endswith(TURNED)}
+        return in_memory(columns, time, units, _notes(log))
 
 
 def _name(data: Any, several: set[str]) -> str:

@@ -10,7 +10,7 @@ import pandas as pd
 from tests.command_line import SAMPLES
 
 TRIAL = SAMPLES / "harbour_trial"
-MINUTES = 4.0
+MINUTES = 2.0
 START_S = 1_700_000_000  # of the clock that stamps messages
 DEG = np.pi / 180.0
 
@@ -368,7 +368,7 @@ heading = "Yaw"
 
 [depth]
 topic = "DPTH"
-depth = { column = "D", unit = "m" }
+depth = { column = "Depth", unit = "m" }
 
 [position]
 topic = "POS"
@@ -416,7 +416,7 @@ def write_dataflash(path: Path) -> Path:
         ("STRN", "Qd", "Elev", "s-", "F-", "<d", "elevator", data["elevator"][:, 1:]),
         ("RPM", "Qd", "rpm1", "sq", "F0", "<d", "rpm", data["rpm"][:, 1:]),
         ("ATT", "QccC", "Roll,Pitch,Yaw", "sddh", "FBBB", "<hhH", "attitude", hundredths),
-        ("DPTH", "Qd", "D", "s-", "F-", "<d", "depth", data["depth"][:, 1:]),
+        ("DPTH", "Qd", "Depth", "s-", "F-", "<d", "depth", data["depth"][:, 1:]),
         ("POS", "Qdd", "N,E", "smm", "F00", "<dd", "position", data["position"][:, 1:]),
     )  # fmt: skip
     numbers = {name: 140 + i for i, name in enumerate(dict.fromkeys(kind[0] for kind in kinds))}

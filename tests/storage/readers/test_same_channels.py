@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from container_world import (
     DATAFLASH_MAP,
+    DEG,
     ROS_MAP,
     ULOG_MAP,
+    tables,
     write_csv,
     write_dataflash,
     write_ros,
@@ -13,6 +15,7 @@ from container_world import (
 )
 
 from auvident.schema.channels import BY_COLUMN
+from auvident.storage.log_inspect import inspect_log
 from auvident.storage.logs import read_column_map, read_trials
 
 FORMATS = {
@@ -28,19 +31,30 @@ FORMATS = {
 ROUNDING = 1e-12  # of angles through quaternions and of conversions between degrees and radians
 
 
-@pytest.fixture(params=FORMATS)
-def foreign(request, tmp_path):
+@pytest.fixture(scope="module", params=FORMATS)
+def foreign(request, tmp_path_factory):
     """A file of the trial, and its map."""
     library, write, text = FORMATS[request.param]
     pytest.importorskip(library, reason=f"needs {library}")
-    (tmp_path / "MAP.toml").write_text(text)
-    return write(tmp_path), read_column_map(tmp_path / "MAP.toml")
+    folder = tmp_path_factory.mktemp("foreign")
+    (folder / "MAP.toml").write_text(text)
+    return write(folder), read_column_map(folder / "MAP.toml")
 
 
-def test_channels_are_those_of_the_csv_files(foreign, tmp_path):
-    path, column_map = foreign
-    (trial,) = read_trials([path], column_map)
-    (plain,) = read_trials([write_csv(tmp_path / "plain")])
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    """The trial from its CSV files."""
+    (trial,) = read_trials([write_csv(tmp_path_factory.mktemp("plain") / "trial")])
+    return trial
+
+
+def test_channels_are_those_of_the_csv_files(foreign, plain):
+    (trial,) = read_trials([foreign[0]], foreign[1])
+    assert_same(trial, plain)
+
+
+def assert_same(trial, plain):
+    """Two trials have the same channels at the same times, from whichever whole second."""
     assert trial.sensors.keys() == plain.sensors.keys()
     whole = round(plain.sensors["gyro"].time_s[0] - trial.sensors["gyro"].time_s[0])
     for name, sensor in plain.sensors.items():
@@ -53,3 +67,19 @@ def test_channels_are_those_of_the_csv_files(foreign, tmp_path):
                 off = (off + np.pi) % (2 * np.pi) - np.pi
             same = np.where(np.isnan(values), np.nan, 0.0)
             np.testing.assert_allclose(off, same, rtol=0, atol=ROUNDING, err_msg=column)
+
+
+def test_the_map_that_inspect_proposes_reads_it(foreign, plain, tmp_path):
+    path, column_map = foreign
+    report = inspect_log(path)
+    assert report.unassigned == ()
+    (tmp_path / "MAP.toml").write_text(report.proposed_map)
+    (trial,) = read_trials([path], read_column_map(tmp_path / "MAP.toml"))
+    assert_same(trial, plain)
+    (gyro,) = [f for f in report.files if f.file.endswith(f"topic {column_map.of('gyro').topic}")]
+    name = column_map.of("gyro").entries()["r"].column
+    (rate,) = [c for c in gyro.columns if c.name == name]
+    assert gyro.rate_hz == pytest.approx(50.0, rel=1e-3)
+    assert gyro.rows == len(tables()["gyro"])
+    largest = tables()["gyro"]["r_degps"].abs().max() * DEG
+    assert max(-rate.minimum, rate.maximum) == pytest.approx(largest)
