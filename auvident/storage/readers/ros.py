@@ -4,7 +4,7 @@ The library finds topics and messages; what a message holds is read off its defi
 `auvident.storage.readers.ros_messages`, so that no definition in a file becomes code.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -27,6 +27,8 @@ from auvident.storage.readers.ros_messages import (
 EXTRA = "ros"
 BAG, MCAP, SQLITE = b"#ROSBAG V", b"\x89MCAP0\r\n", b"SQLite format 3\x00"
 METADATA = "metadata.yaml"  # of a ROS 2 bag: a folder
+BATCH = 1 << 26  # bytes of messages that are in memory at a time
+MOST_CHUNK = 1 << 28  # bytes that a compressed chunk of ROS 1 may unpack to; 768 kB is usual
 AXES = "flu"  # convention of ROS (REP 103); not every driver keeps to it
 STAMPED = ".stamp_ns"
 REMEDY = (
@@ -78,18 +80,17 @@ class RosBag:
 
     def read(self, table: str, columns: Sequence[str]) -> dict[str, np.ndarray]:
         """Columns of a topic."""
-        topic = self._topics[table]
-        stamps: list[int] = []
-        messages: list[bytes] = []
-        with self._faults(lambda: f"after {len(messages)} messages of {table}"):
-            for _, stamp, data in self._reader.messages(connections=list(topic.connections)):
-                stamps.append(stamp)
-                messages.append(bytes(data))
-            found = columns_of(self._definitions, topic.kind, messages, not self.is_ros1)
-        found[STAMP] = np.array(stamps, np.int64)
-        empty = np.full(len(messages), np.nan)
-        found |= {name: empty for name in topic.head.names if name not in found}
-        return {name: found[name] for name in columns} | _angles(found, columns)
+        topic, count = self._topics[table], 0
+        parts: dict[str, list[np.ndarray]] = {name: [] for name in columns}
+        with self._faults(lambda: f"after {count} messages of {table}"):
+            for stamps, messages in _batches(self._reader, topic.connections):
+                found = columns_of(self._definitions, topic.kind, messages, not self.is_ros1)
+                found |= {STAMP: np.array(stamps, np.int64), **_angles(found, columns)}
+                none = np.full(len(messages), np.nan)
+                for name in columns:
+                    parts[name].append(found.get(name, none))
+                count += len(messages)
+        return {n: np.concatenate(p) if p else np.empty(0) for n, p in parts.items()}
 
     @cached_property
     def _reader(self) -> Any:
@@ -105,6 +106,10 @@ class RosBag:
             reader = Reader2(self.path.parent if listed else self.path)
         with self._faults():
             reader.open()
+        if self.is_ros1:
+            reader.chunks = {
+                p: c._replace(decompressor=_bounded(c)) for p, c in reader.chunks.items()
+            }
         return reader
 
     @cached_property
@@ -177,6 +182,43 @@ class RosBag:
             what = f"is a damaged bag, {read()}" if read() else "is a damaged bag"
             told = str(error) or type(error).__name__
             raise InputError(f"{what}: {told}", str(self.path), REMEDY) from error
+
+
+def _batches(reader: Any, connections: Sequence[Any]) -> Iterator[tuple[list[int], list[bytes]]]:
+    """Stamps and messages, `BATCH` bytes at a time, as images may be among them."""
+    stamps: list[int] = []
+    messages: list[bytes] = []
+    size = 0
+    for _, stamp, data in reader.messages(connections=list(connections)):
+        stamps.append(stamp)
+        messages.append(bytes(data))
+        size += len(data)
+        if size > BATCH:
+            yield stamps, messages
+            stamps, messages, size = [], [], 0
+    if messages:
+        yield stamps, messages
+
+
+def _bounded(chunk: Any) -> Callable[[bytes], bytes]:
+    """The decompressor of a chunk, which stops at `MOST_CHUNK`: a few bytes may hold gigabytes."""
+    from rosbags.rosbag1.reader import decompressors
+
+    if chunk.decompressor is decompressors["none"]:
+        return chunk.decompressor
+
+    def unpack(data: bytes) -> bytes:
+        import bz2
+
+        from lz4.frame import LZ4FrameDecompressor
+
+        packed = bz2.BZ2Decompressor if data.startswith(b"BZh") else LZ4FrameDecompressor
+        found = packed().decompress(data, max_length=MOST_CHUNK + 1)
+        if len(found) > MOST_CHUNK:
+            raise MalformedError(f"a chunk unpacks to more than {MOST_CHUNK >> 20} MB")
+        return found
+
+    return unpack
 
 
 def _unit(name: str) -> str:

@@ -194,6 +194,14 @@ def ros_messages(store, version: int):
     return sorted(found, key=lambda message: message[2])
 
 
+@cache
+def ros_raw(version: int):
+    """The types, and topic, type, stamp and bytes of every message."""
+    store = ros_store(version)
+    serialize = store.serialize_ros1 if version == 1 else store.serialize_cdr
+    return store, [(t, k, s, bytes(serialize(m, k))) for t, k, s, m in ros_messages(store, version)]
+
+
 def write_ros(path: Path, storage: str = "", compression: str = "") -> Path:
     """A bag of ROS 1 (``.bag``), or of ROS 2 (a folder): the file of it that holds the messages."""
     from rosbags.rosbag1 import Writer as Writer1
@@ -201,7 +209,7 @@ def write_ros(path: Path, storage: str = "", compression: str = "") -> Path:
     from rosbags.rosbag2 import Writer as Writer2
 
     version = 2 if storage else 1
-    store = ros_store(version)
+    store, messages = ros_raw(version)
     if version == 1:
         writer = Writer1(path)
         if compression:
@@ -211,13 +219,12 @@ def write_ros(path: Path, storage: str = "", compression: str = "") -> Path:
         writer = Writer2(path, version=9, storage_plugin=plugin)
         if compression:
             writer.set_compression(CompressionMode[compression], CompressionFormat.ZSTD)
-    serialize = store.serialize_ros1 if version == 1 else store.serialize_cdr
     with writer:
         connections: dict = {}
-        for topic, kind, stamp, message in ros_messages(store, version):
+        for topic, kind, stamp, data in messages:
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, kind, typestore=store)
-            writer.write(connections[topic], stamp, serialize(message, kind))
+            writer.write(connections[topic], stamp, data)
     return path if version == 1 else next(p for p in path.iterdir() if p.suffix != ".yaml")
 
 
