@@ -14,7 +14,7 @@ from auvident.storage.log_csv import Kind, LogTable, read_csv
 from auvident.storage.log_layout import MISSING, TIME_NAMES, Layout, find_layout
 from auvident.storage.log_text import HEAD_BYTES, read_text
 from auvident.storage.log_time import MISSING_COUNT
-from auvident.storage.readers.interface import Container, TableHead
+from auvident.storage.readers.interface import Container, LogReader, TableHead
 from auvident.storage.readers.registry import container_suffixes, find_reader, open_container
 
 TEXT_SUFFIXES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
@@ -84,10 +84,9 @@ class LogFile:
 def stem(path: Path) -> str:
     """Name of a log file without its endings (``a.csv.gz`` -> ``a``)."""
     lower = path.name.lower()
-    for suffix in (*LOG_SUFFIXES, *OTHER_SUFFIXES, *container_suffixes()):
-        if lower.endswith(suffix):
-            return path.name[: -len(suffix)]
-    return path.stem
+    own = next((s for s in (*LOG_SUFFIXES, *OTHER_SUFFIXES) if lower.endswith(s)), None)
+    suffix = own or next((s for s in container_suffixes() if lower.endswith(s)), path.suffix)
+    return path.name[: -len(suffix)] if suffix else path.name
 
 
 def looks_like_log(path: Path) -> bool:
@@ -99,7 +98,12 @@ def looks_like_log(path: Path) -> bool:
 
 def is_container(path: Path) -> bool:
     """Whether a file holds tables that a reader of another logger's format opens."""
-    return find_reader(path) is not None
+    return _reader(path) is not None
+
+
+def _reader(path: Path) -> LogReader | None:
+    """The reader of a container; CSV and Parquet are read here, and no reader is asked."""
+    return None if path.name.lower().endswith(LOG_SUFFIXES) else find_reader(path)
 
 
 def open_logs(path: Path, time_names: Collection[str] = ()) -> tuple[LogFile, ...]:
@@ -110,7 +114,7 @@ def open_logs(path: Path, time_names: Collection[str] = ()) -> tuple[LogFile, ..
     InputError
         As `open_log`, and where the library of a container's format is missing.
     """
-    reader = find_reader(path)
+    reader = _reader(path)
     if reader is None:
         return (open_log(path, time_names),)
     container = open_container(path, reader)

@@ -31,9 +31,10 @@ class ColumnReport(Artifact):
 
 
 class FileReport(Artifact):
-    """A file: its clock and its columns."""
+    """A file, or a topic of it and the type of its messages: its clock and its columns."""
 
     file: str
+    kind: str = ""
     rows: int = 0
     time_column: str | None = None
     start_s: float | None = None
@@ -126,6 +127,7 @@ def _inspect_file(log: LogFile) -> tuple[dict[str, np.ndarray], FileReport]:
     report = FileReport.model_validate(
         {
             "file": log.where,
+            "kind": log.container.tables[log.topic].kind if log.container else "",
             "rows": rows,
             "time_column": time_name,
             "columns": columns,

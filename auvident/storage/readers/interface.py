@@ -50,6 +50,8 @@ class TableHead:
     axes : str
         "flu" where the convention of the format is forward, port, up in east, north, up; "" where
         it is that of the program, or where there is none. Only the proposed map knows of it.
+    kind : str
+        Name of the type of its rows, for people; "" where that says nothing.
     """
 
     name: str
@@ -58,6 +60,7 @@ class TableHead:
     time: str = STAMP
     notes: tuple[str, ...] = ()
     axes: str = ""
+    kind: str = ""
 
     @property
     def names(self) -> tuple[str, ...]:

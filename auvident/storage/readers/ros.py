@@ -143,7 +143,7 @@ class RosBag:
     def _topic(self, name: str, connections: Sequence[Any]) -> Topic:
         kind = connections[0].msgtype
         alike = tuple(c for c in connections if c.msgtype == kind)
-        notes = [f"is of the type {kind}"]
+        notes = []
         if len(alike) < len(connections):
             notes.append("messages of other types under the same name are left out")
         columns: list[ColumnHead] = []

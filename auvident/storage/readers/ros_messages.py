@@ -27,6 +27,7 @@ DTYPES = {
 INSTANTS = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
 INSTANT = "_ns"  # added to the name of a stamp, which becomes one column of nanoseconds
 MOST_ELEMENTS = 64  # of an array that become columns; a longer one is an image or a cloud
+LEFT_OUT = ("covariance",)  # arrays that no channel is made of, and that would fill pages
 MOST_DEPTH = 24  # of fields within fields; a definition that contains itself goes on forever
 MOST_LAYOUTS = 100  # of one topic that are searched for before messages are taken one by one
 HEADER = 4  # bytes before a CDR message
@@ -95,7 +96,7 @@ class _Walk:
             self.elements(kind[1][0], count, name, named, depth)
 
     def elements(self, kind: Any, count: int, name: str, named: bool, depth: int) -> None:
-        named = named and count <= MOST_ELEMENTS
+        named = named and count <= MOST_ELEMENTS and not name.endswith(LEFT_OUT)
         if kind[0] == BASE and kind[1][0] in DTYPES and not named:
             size = int(DTYPES[kind[1][0]][1])
             if count:
