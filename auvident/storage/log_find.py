@@ -11,7 +11,7 @@ from auvident.errors import InputError
 from auvident.schema.channels import SENSORS
 from auvident.schema.logs import ColumnMap
 from auvident.storage.log_columns import resolve, time_column
-from auvident.storage.log_file import LogFile, looks_like_log, open_logs, stem
+from auvident.storage.log_file import LogFile, is_container, looks_like_log, open_logs, stem
 from auvident.storage.log_own import (
     MAX_DEPTH,
     REMEDY,
@@ -43,12 +43,15 @@ class TrialSource:
         Files to search for columns.
     assigned : dict of str to Path
         File of a sensor as the map's pattern says.
+    aside : tuple of Path
+        Recordings of another logger beside them, which are not read.
     """
 
     name: str
     place: Path
     files: tuple[Path, ...]
     assigned: dict[str, Path] = field(default_factory=dict)
+    aside: tuple[Path, ...] = ()
 
 
 def find_trials(paths: Sequence[Path], column_map: ColumnMap | None = None) -> list[TrialSource]:
@@ -145,17 +148,31 @@ def _folder(path: Path, column_map: ColumnMap, depth: int) -> list[TrialSource]:
         if matched:
             return matched
         logs = ()
+    logs, aside = _set_apart(logs, column_map)
     if any(stem(log).lower() in SENSORS for log in logs):
         _refuse_twins(path, logs)
-        return [TrialSource(name, path, logs)]
+        return [TrialSource(name, path, logs, aside=aside)]
     wide = [log for log in logs if len(logs) == 1 or _has_time(log, column_map)]
     if len(wide) > 1 and _is_split(wide, column_map):
-        return [TrialSource(name, path, tuple(wide))]
-    found = [TrialSource(stem(log), log, (log,)) for log in wide]
+        return [TrialSource(name, path, tuple(wide), aside=aside)]
+    found = [TrialSource(stem(log), log, (log,), aside=aside) for log in wide]
     if depth < MAX_DEPTH:
         for below in folders_in(path):
             found += _folder(below, column_map, depth + 1)
     return found
+
+
+def _set_apart(
+    logs: tuple[Path, ...], column_map: ColumnMap
+) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
+    """Logs of a folder, and recordings that are left aside, as the tables were made from them."""
+    tables = tuple(log for log in logs if not is_container(log))
+    with_topics = any(column_map.of(sensor).topic is not None for sensor in SENSORS)
+    if with_topics or not 0 < len(tables) < len(logs):
+        return logs, ()
+    if not any(stem(t).lower() in SENSORS or _has_time(t, column_map) for t in tables):
+        return logs, ()
+    return tables, tuple(log for log in logs if log not in tables)
 
 
 def _refuse_twins(path: Path, logs: Iterable[Path]) -> None:

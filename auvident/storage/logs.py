@@ -292,7 +292,16 @@ def _unused(
     source: TrialSource, logs: dict[Path, Tables], homes: dict[str, LogFile]
 ) -> tuple[Finding, ...]:
     used = {log.path for log in homes.values()}
-    return tuple(
+    aside = tuple(
+        Finding(
+            code="file_not_used",
+            message=f"{path.name} is a recording beside tables, and is not read",
+            where=str(source.place),
+            remedy="Give it alone, or name its topics in a map (--map).",
+        )
+        for path in source.aside
+    )
+    return aside + tuple(
         Finding(
             code="file_not_used",
             message=f"{path.name} has no column of a known channel that is not in another file",

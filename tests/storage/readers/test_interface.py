@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from container_world import write_csv
 
 from auvident.errors import InputError
 from auvident.schema.logs import ColumnMap
@@ -162,3 +163,19 @@ def test_every_reader_of_the_table_can_be_loaded_without_its_library():
         assert suffix.startswith(".") and suffix == suffix.lower()
         reader = registry.import_module(f"auvident.storage.readers.{module}").READER
         assert reader.name and not reader.matches(registry.Path(f"a{suffix}"), b"nothing")
+
+
+def test_a_recording_beside_its_tables_is_left_aside_and_told(lab):
+    path, reader = lab
+    folder = write_csv(path.parent / "exported")
+    path.rename(folder / path.name)
+    (trial,) = read_trials([folder])
+    assert trial.name == "exported"
+    (finding,) = trial.findings
+    assert finding.code == "file_not_used"
+    assert path.name in finding.message
+    assert reader.opened == 0  # its library need not be there
+    for table in folder.glob("*.csv"):
+        table.rename(folder / f"offsets_{table.name}").write_text("x,y\n1,2\n")
+    (trial,) = read_trials([folder], ColumnMap.model_validate(MAP))
+    assert trial.name == path.stem
