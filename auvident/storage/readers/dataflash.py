@@ -144,6 +144,7 @@ class DataFlash:
                 rows = np.flatnonzero(which == one) if instance else None
                 alone = rows is None or rows.size == len(offsets)
                 name = kind.name if alone else f"{kind.name}[{one:g}]"
+                name = f"{name} ({number})" if name in tables else name
                 count = len(offsets) if rows is None else rows.size
                 tables[name] = (self._head(name, number, count), number, rows)
         return tables

@@ -18,6 +18,7 @@ MAGIC = b"\x55\x4c\x6f\x67\x01\x12\x35"
 EXTRA = "px4"
 TIME = "timestamp"  # of every message, microseconds since the start of the controller
 NS_PER_US = 1000
+MOST_DEPTH, MOST_FIELDS = 24, 20_000  # of a format; those of PX4 have a few hundred fields
 QUATERNIONS = ("q", "q_d")  # arrays of four that are attitudes: of the body (FRD) in NED
 TURNED = tuple(f"{name}.{angle}" for name in QUATERNIONS for angle in ANGLES)
 
@@ -37,8 +38,9 @@ class ULogReader:
         pyulog = need("pyulog", EXTRA, path)
         said = io.StringIO()
         try:
-            with redirect_stdout(said), path.open("rb") as stream:
-                log = pyulog.ULog(stream)
+            with redirect_stdout(said), path.open("rb") as stream, path.open("rb") as again:
+                _refuse_endless(pyulog.ULog(stream, parse_header_only=True).message_formats)
+                log = pyulog.ULog(again)
         except Exception as error:  # at damaged files the library raises whatever it runs into
             told = str(error) or type(error).__name__
             raise InputError(f"is a damaged ULog: {told}", str(path)) from error
@@ -47,6 +49,23 @@ class ULogReader:
         time = {name: STAMP for name, table in columns.items() if STAMP in table}
         units = {(t, c): "rad" for t in columns for c in columns[t] if c.endswith(TURNED)}
         return in_memory(columns, time, units, _notes(log))
+
+
+def _refuse_endless(formats: Mapping[str, Any]) -> None:
+    """Refuse messages of fields within fields that the library would unfold until memory ends."""
+    fields: dict[str, float] = {}
+
+    def count(name: str, depth: int) -> float:
+        if depth > MOST_DEPTH:
+            raise ValueError(f"the format of {name} contains itself")
+        if name in formats and name not in fields:
+            parts = ((max(1, size), kind) for kind, size, _ in formats[name].fields)
+            fields[name] = sum(size * count(kind, depth + 1) for size, kind in parts)
+        return fields.get(name, 1)
+
+    for name in formats:
+        if count(name, 0) > MOST_FIELDS:
+            raise ValueError(f"the format of {name} has {count(name, 0):.3g} fields")
 
 
 def _name(data: Any, several: set[str]) -> str:

@@ -1,10 +1,19 @@
 """Containers that are cut off, damaged or hostile: an error or a finding, never a traceback."""
 
 import shutil
+import struct
 
 import numpy as np
 import pytest
-from container_world import DATAFLASH_MAP, ROS_MAP, tables, write_dataflash, write_ros, write_ulog
+from container_world import (
+    DATAFLASH_MAP,
+    ROS_MAP,
+    fmt,
+    tables,
+    write_dataflash,
+    write_ros,
+    write_ulog,
+)
 
 from auvident.errors import InputError
 from auvident.storage.log_file import looks_like_log, open_logs, read_log
@@ -148,3 +157,34 @@ def test_a_bag_in_several_files_is_one_trial(tmp_path, storage):
     (tmp_path / "MAP.toml").write_text(ROS_MAP)
     (trial,) = read_trials([folder], read_column_map(tmp_path / "MAP.toml"))
     assert trial.sensors["gyro"].time_s.size == 2 * len(tables()["gyro"])
+
+
+@pytest.mark.parametrize(
+    ("formats", "words"),
+    [
+        (
+            (b"a:uint64_t timestamp;b[60000] x;", b"b:c[60000] y;", b"c:float z;"),
+            "3.6e\\+09 fields",
+        ),
+        ((b"a:uint64_t timestamp;b x;", b"b:a y;"), "contains itself"),
+    ],
+)
+def test_a_ulog_whose_fields_never_end(tmp_path, formats, words):
+    pytest.importorskip("pyulog", reason="needs pyulog")
+    content = b"ULog\x01\x12\x35\x01" + bytes(8)
+    for text in formats:
+        content += struct.pack("<HB", len(text), ord("F")) + text
+    subscription = struct.pack("<BH", 0, 0) + b"a"
+    content += struct.pack("<HB", len(subscription), ord("A")) + subscription
+    (tmp_path / "a.ulg").write_bytes(content)
+    with pytest.raises(InputError, match=words):
+        open_logs(tmp_path / "a.ulg")
+
+
+def test_two_kinds_of_message_of_one_name_are_two_tables(tmp_path):
+    one, two = (fmt(number, "A", "Qd", "TimeUS,x", 16) for number in (140, 141))
+    message = struct.pack("<Qd", 1, 2.0)
+    path = tmp_path / "a.bin"
+    head = fmt(128, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns", 86)
+    path.write_bytes(head + one + two + b"\xa3\x95\x8c" + message + b"\xa3\x95\x8d" + message)
+    assert [log.topic for log in open_logs(path)] == ["FMT", "A", "A (141)"]
