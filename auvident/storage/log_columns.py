@@ -151,8 +151,8 @@ ALIASES: dict[str, tuple[str, ...]] = {
     "pitch": ("theta", "pitch_angle"),
     "heading": ("psi", "yaw", "hdg", "heading_true", "yaw_angle", "compass", "course_heading"),
     "depth": ("z", "depth_sensor", "pos_z"),
-    "north": ("x", "x_north", "pos_n", "pos_north", "northing", "ned_x", "pos_x", "y_utm"),
-    "east": ("y", "y_east", "pos_e", "pos_east", "easting", "ned_y", "pos_y", "x_utm"),
+    "north": ("x", "x_north", "pos_n", "pos_north", "northing", "ned_x", "pos_x", "y_utm", "x0"),
+    "east": ("y", "y_east", "pos_e", "pos_east", "easting", "ned_y", "pos_y", "x_utm", "y0"),
 }
 TIME_ALIASES = (
     "t",
@@ -343,8 +343,13 @@ def guess_column(channel: Channel, names: Sequence[str]) -> str | None:
             if wanted in (base, name.strip().lower()):
                 return name
     known = [a for a in (channel.quantity, *ALIASES[channel.quantity]) if len(a) > 3]
+    taken = {a for q, aliases in ALIASES.items() for a in (q, *aliases) if q != channel.quantity}
     for name, base in bases.items():
-        if len(base) > 3 and difflib.get_close_matches(base, known, n=1, cutoff=0.8):
+        if (
+            len(base) > 3
+            and base not in taken
+            and difflib.get_close_matches(base, known, n=1, cutoff=0.8)
+        ):
             return name
     return None
 

@@ -24,9 +24,9 @@ RANGE_UNITS: dict[str, tuple[tuple[str, float], ...]] = {
     "m": (("m", np.inf),),
 }
 FIN_LIMIT = 1.6  # rad: a fin beyond 90 degrees is in degrees
-CHORD_S = 20.0  # over which a speed is taken from the position
+CHORD_S = 10.0  # over which a speed is taken from the position
 LEAST_MPS = 0.3  # a slower vehicle may be drifting
-FEWEST_CHORDS = 10
+FEWEST_CHORDS = 8
 KNOTS_WITHIN = 0.06  # of a knot in m/s: a current and a tolerance of the log are in it
 
 

@@ -112,7 +112,8 @@ def _named(channel: Channel, log: LogFile, names: list[str], exact: bool) -> str
 def _exact(channel: Channel, names: list[str]) -> str | None:
     """Column of a channel by name or by the first, unmistakable aliases (long ones)."""
     sure = {channel.quantity, *(alias for alias in ALIASES[channel.quantity] if len(alias) > 2)}
-    return next((n for n in names if _base(n) in sure or n.strip().lower() in sure), None)
+    found = [n for n in names if _base(n) in sure or n.strip().lower() in sure]
+    return min(found, key=lambda n: _base(n) != channel.quantity, default=None)
 
 
 def _base(name: str) -> str:

@@ -71,3 +71,13 @@ def test_milliseconds_since_1970(tmp_path):
     (trial,) = read_trials([folder], read_column_map(tmp_path / "MAP.toml"))
     assert trial.origin == "2023-11-14T22:13:20Z"
     assert trial.sensors["gyro"].time_s[1] == pytest.approx(0.05, abs=2.5e-7)  # floats
+
+
+def test_a_name_of_another_quantity_is_not_taken_for_a_misspelt_one(tmp_path):
+    tables = sensor_tables(0.0)
+    tables["rudder"]["rudder_command"] = 30.0
+    tables["rudder"]["delta"] = np.radians(tables["rudder"].pop("rudder_deg"))
+    tables["rudder"]["rudder"] = np.degrees(tables["rudder"]["delta"])
+    text = inspect_log(write_folder(tmp_path / "run", tables)).proposed_map
+    assert 'rudder = { column = "rudder", unit = "deg" }' in text
+    assert "[elevator]" not in text

@@ -125,20 +125,26 @@ class RosBag:
         from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
         found: dict[str, Any] = {}
-        with self._faults():
-            known = [c for c in self._reader.connections if c.msgdef.format != Format.NONE]
-            if len(known) < len(self._reader.connections):
-                found |= get_typestore(Stores.LATEST).fielddefs
-            for connection in known:
-                text = connection.msgdef.data
-                if connection.msgdef.format == Format.MSG:
-                    found |= get_types_from_msg(text, connection.msgtype)
-                    continue
-                for part in text.split("=" * 80 + "\n"):
+        known = [c for c in self._reader.connections if c.msgdef.format != Format.NONE]
+        if len(known) < len(self._reader.connections):
+            found |= get_typestore(Stores.LATEST).fielddefs
+        for connection in known:
+            text, kind = connection.msgdef.data, connection.msgtype
+            parts = text.split("=" * 80 + "\n") if connection.msgdef.format == Format.IDL else []
+            try:
+                found |= {} if parts else get_types_from_msg(text, kind)
+                for part in parts:
                     found |= get_types_from_idl(
-                        part.partition("\n")[2] if "IDL: " in part else part
+                        part.split("\n", 1)[-1] if "IDL: " in part else part
                     )
+            except Exception as error:  # of this type alone; the parser raises what it runs into
+                self._faulty[kind] = str(error).split("\n")[0]
         return found
+
+    @cached_property
+    def _faulty(self) -> dict[str, str]:
+        """What is wrong with definitions, by type."""
+        return {}
 
     def _topic(self, name: str, connections: Sequence[Any]) -> Topic:
         kind = connections[0].msgtype
@@ -150,7 +156,7 @@ class RosBag:
         try:
             columns = self._columns(kind, alike)
         except MalformedError as error:
-            notes.append(f"cannot be read: {error}")
+            notes.append(f"cannot be read: {self._faulty.get(kind, error)}")
         rows = sum(c.msgcount for c in alike)
         head = TableHead(
             name, (ColumnHead(STAMP, "int64", "ns"), *columns), rows, STAMP, (*notes,), AXES

@@ -188,3 +188,16 @@ def test_two_kinds_of_message_of_one_name_are_two_tables(tmp_path):
     head = fmt(128, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns", 86)
     path.write_bytes(head + one + two + b"\xa3\x95\x8c" + message + b"\xa3\x95\x8d" + message)
     assert [log.topic for log in open_logs(path)] == ["FMT", "A", "A (141)"]
+
+
+def test_a_definition_that_cannot_be_parsed_costs_its_own_topic(tmp_path):
+    pytest.importorskip("rosbags", reason="needs rosbags")
+    path = write_ros(tmp_path / "trial.bag")
+    content = path.read_bytes()
+    assert b"float32[4] ranges" in content
+    path.write_bytes(content.replace(b"float32[4] ranges", b"float32[4] ra*ges"))
+    logs = {log.topic: log for log in open_logs(path)}
+    assert logs["/dvl"].names == ("timestamp_ns",)
+    assert "angular_velocity.z" in logs["/imu/data"].names
+    (report,) = [f for f in inspect_log(path).files if f.file.endswith("topic /dvl")]
+    assert "cannot be read" in report.notes[0]
