@@ -1,5 +1,7 @@
 """A trial in the files of other loggers gives the channels that its CSV files give."""
 
+import json
+
 import numpy as np
 import pytest
 from container_world import (
@@ -17,6 +19,7 @@ from container_world import (
 from auvident.schema.channels import BY_COLUMN
 from auvident.storage.log_inspect import inspect_log
 from auvident.storage.logs import read_column_map, read_trials
+from tests.command_line import SAMPLES
 
 FORMATS = {
     "bag": ("rosbags", lambda f: write_ros(f / "trial.bag"), ROS_MAP),
@@ -83,3 +86,22 @@ def test_the_map_that_inspect_proposes_reads_it(foreign, plain, tmp_path):
     assert gyro.rows == len(tables()["gyro"])
     largest = tables()["gyro"]["r_degps"].abs().max() * DEG
     assert max(-rate.minimum, rate.maximum) == pytest.approx(largest)
+
+
+def test_from_the_recording_to_the_ingested_trial(tmp_path, auvident):
+    path, run, named = (
+        write_dataflash(tmp_path / "night.bin"),
+        tmp_path / "run",
+        tmp_path / "m.toml",
+    )
+    assert auvident("inspect", path, "--output", named).code == 0
+    vehicle = SAMPLES / "remus100.toml"
+    without = auvident("ingest", path, "--vehicle", vehicle, "--run", run)
+    assert without.code == 3
+    assert "auvident inspect" in without.err
+    called = auvident("ingest", path, "--vehicle", vehicle, "--run", run, "--map", named)
+    assert called.code == 0, called.err
+    (trial,) = json.loads((run / "ingest" / "quality.json").read_text())["trials"]
+    assert trial["trial"] == "night"
+    files = {sensor["sensor"]: sensor["file"] for sensor in trial["sensors"]}
+    assert files["gyro"] == f"{path}, topic IMU[1]"
