@@ -129,8 +129,10 @@ def test_a_table_of_the_program_is_whole(command: str) -> None:
 )
 def test_a_file_that_a_page_shows_can_be_read(page: str, declared: type) -> None:
     """The least vehicle file, a map, a plan (without the stages that it continues)."""
-    (text,) = re.findall(r"^```toml\n(.*?)^```", PAGES[page], re.MULTILINE | re.DOTALL)
-    parse(declared, tomllib.loads(text), Path(page), "")
+    texts = re.findall(r"^```toml\n(.*?)^```", PAGES[page], re.MULTILINE | re.DOTALL)
+    assert texts
+    for text in texts:
+        parse(declared, tomllib.loads(text), Path(page), "")
 
 
 def test_commands_are_no_shell_riddles() -> None:

@@ -184,7 +184,8 @@ def _log_title(file: Any) -> str:
     rate = f", {number(file.rate_hz, 4)} Hz" if file.rate_hz else ""
     span = "" if file.start_s is None else f", {file.start_s:.1f} to {file.end_s:.1f} s"
     gaps = f", {file.gaps} gaps of up to {file.longest_gap_s:.3g} s" if file.gaps else ""
-    return f"{file.file}: {file.rows} rows, {clock}{rate}{span}{gaps}"
+    kind = f" ({file.kind})" if file.kind else ""
+    return f"{file.file}{kind}: {file.rows} rows, {clock}{rate}{span}{gaps}"
 
 
 def _log_columns(file: Any) -> RenderableType:

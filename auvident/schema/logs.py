@@ -98,9 +98,13 @@ TimeUnit = Literal["s", "ms", "us", "ns", "iso"]
 
 
 class SensorMap(Declared):
-    """Where a sensor's samples stand; the tables of the sensors add their quantities."""
+    """Where a sensor's samples stand; the tables of the sensors add their quantities.
+
+    `topic` is the table of a container file (a ROS bag, an MCAP, a ULog) that has them.
+    """
 
     file: str | None = None
+    topic: str | None = None
     time: str | None = None
     time_unit: TimeUnit | None = None
     time_offset_s: float = 0.0
@@ -163,8 +167,13 @@ class RpmMap(InputMap):
 
 
 class AttitudeMap(SensorMap):
-    """``[attitude]``."""
+    """``[attitude]``.
 
+    `frame`: "ned", angles of a body (forward, starboard, down) in (north, east, down); "enu",
+    of a body (forward, port, up) in (east, north, up), as ROS has them (REP 103).
+    """
+
+    frame: Literal["ned", "enu"] = "ned"
     roll: Entry = None
     pitch: Entry = None
     heading: Entry = None

@@ -151,8 +151,8 @@ ALIASES: dict[str, tuple[str, ...]] = {
     "pitch": ("theta", "pitch_angle"),
     "heading": ("psi", "yaw", "hdg", "heading_true", "yaw_angle", "compass", "course_heading"),
     "depth": ("z", "depth_sensor", "pos_z"),
-    "north": ("x", "x_north", "pos_n", "pos_north", "northing", "ned_x", "pos_x", "y_utm"),
-    "east": ("y", "y_east", "pos_e", "pos_east", "easting", "ned_y", "pos_y", "x_utm"),
+    "north": ("x", "x_north", "pos_n", "pos_north", "northing", "ned_x", "pos_x", "y_utm", "x0"),
+    "east": ("y", "y_east", "pos_e", "pos_east", "easting", "ned_y", "pos_y", "x_utm", "y0"),
 }
 TIME_ALIASES = (
     "t",
@@ -175,6 +175,7 @@ TIME_ALIASES = (
     "clock",
 )
 USUAL_UNIT = {"m/s": "mps", "rad": "deg", "rad/s": "degps", "1/min": "rpm", "m": "m"}
+MOST_LISTED = 40  # names in a message
 TIME_REMEDY = "Name it time_s (seconds) or timestamp (ISO 8601 or epoch)"
 
 
@@ -222,6 +223,8 @@ def time_column(log: LogFile, mapping: SensorMap) -> str:
         if found is None:
             raise _missing(log, f"the map's time column {mapping.time!r}", mapping.time)
         return found
+    if log.time:
+        return log.time
     for name in TIME_NAMES:
         found = log.find(name)
         if found is not None:
@@ -230,13 +233,15 @@ def time_column(log: LogFile, mapping: SensorMap) -> str:
     hint = f', or say time = "{guess}" in a map (--map)' if guess else ""
     raise InputError(
         "has no time column",
-        f"{log.path}, columns {', '.join(log.names)}",
+        f"{log.where}, columns {', '.join(log.names)}",
         TIME_REMEDY + hint + ".",
     )
 
 
 def guess_time(log: LogFile) -> str | None:
     """A column that may be the time, or None."""
+    if log.time:
+        return log.time
     for alias in (*TIME_NAMES, *TIME_ALIASES):
         found = log.find(alias)
         if found is not None:
@@ -286,7 +291,7 @@ def _by_name(log: LogFile, channel: Channel) -> LogColumn | None:
     if len(stated) > 1:
         raise InputError(
             f"columns {' and '.join(stated)} both hold {channel.quantity}",
-            str(log.path),
+            log.where,
             f"Remove one, or choose in a map (--map): {entry_text(channel, stated[0])}",
         )
     if not names:
@@ -302,7 +307,7 @@ def _stated_unit(log: LogFile, name: str, channel: Channel) -> str | None:
     if suffix and beside and suffix != beside:
         raise InputError(
             f"column {name} is labelled {log.unit_of(name)!r}",
-            str(log.path),
+            log.where,
             "Correct the suffix or the label, or state the unit in a map (--map): "
             + entry_text(channel, name),
         )
@@ -318,7 +323,7 @@ def _factor(log: LogFile, name: str, channel: Channel, unit: str | None) -> floa
     problem = "has no unit" if unit is None else f"has the unit {unit}, which does not fit"
     raise InputError(
         f"column {name} ({channel.meaning}) {problem}",
-        str(log.path),
+        log.where,
         f"Name it {names}, or state the unit in a map (--map): {entry_text(channel, name)}",
     )
 
@@ -338,8 +343,13 @@ def guess_column(channel: Channel, names: Sequence[str]) -> str | None:
             if wanted in (base, name.strip().lower()):
                 return name
     known = [a for a in (channel.quantity, *ALIASES[channel.quantity]) if len(a) > 3]
+    taken = {a for q, aliases in ALIASES.items() for a in (q, *aliases) if q != channel.quantity}
     for name, base in bases.items():
-        if len(base) > 3 and difflib.get_close_matches(base, known, n=1, cutoff=0.8):
+        if (
+            len(base) > 3
+            and base not in taken
+            and difflib.get_close_matches(base, known, n=1, cutoff=0.8)
+        ):
             return name
     return None
 
@@ -372,6 +382,23 @@ def missing_channel(
     )
 
 
+def missing_topic(channel: Channel, where: str, topics: Sequence[str]) -> InputError:
+    """Error for a needed channel that no topic of a container has under its own name."""
+    names = " or ".join(_log_names(channel))
+    return InputError(
+        f"no topic has {names} ({channel.meaning}) for {channel.sensor}; found {listed(topics)}",
+        where,
+        "Run `auvident inspect` on it, which proposes a map: "
+        f'[{channel.sensor}] topic = "...", {channel.quantity} = '
+        f'{{ column = "...", unit = "{USUAL_UNIT[channel.unit]}" }}',
+    )
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names in a row, the first few where there are many."""
+    return ", ".join(names[:MOST_LISTED]) + (", ..." if len(names) > MOST_LISTED else "")
+
+
 def _log_names(channel: Channel) -> tuple[str, ...]:
     if channel.quantity == "rpm":
         return ("rpm",)
@@ -382,4 +409,4 @@ def _log_names(channel: Channel) -> tuple[str, ...]:
 def _missing(log: LogFile, what: str, wanted: str) -> InputError:
     close = difflib.get_close_matches(wanted, log.names, n=1)
     hint = f'Did you mean "{close[0]}"?' if close else "Correct the map."
-    return InputError(f"{what} is missing; found {', '.join(log.names)}", str(log.path), hint)
+    return InputError(f"{what} is missing; found {listed(log.names)}", log.where, hint)

@@ -14,8 +14,8 @@ from pyarrow import csv as pacsv
 
 from auvident.errors import InputError
 from auvident.schema.logs import FIRST_FEW
-from auvident.storage.log_blocks import BLOCK_BYTES, OddBytes, blocks
 from auvident.schema.quoting import clipped
+from auvident.storage.log_blocks import BLOCK_BYTES, OddBytes, blocks
 from auvident.storage.log_layout import (
     COMMENT_MARKS,
     MISSING,

@@ -13,7 +13,7 @@ from auvident.errors import InputError
 from auvident.schema.channels import SENSORS
 from auvident.schema.logs import ColumnMap
 from auvident.storage.log_columns import resolve, time_column
-from auvident.storage.log_file import LOG_SUFFIXES, LogFile, looks_like_log, open_log, stem
+from auvident.storage.log_file import LogFile, is_container, looks_like_log, open_logs, stem
 from auvident.storage.log_own import (
     MAX_DEPTH,
     REMEDY,
@@ -48,6 +48,8 @@ class TrialSource:
         File of a sensor as the map's pattern says.
     among_others : bool
         Whether it is one of several in a folder, where the others do without it.
+    aside : tuple of Path
+        Recordings of another logger beside them, which are not read.
     """
 
     name: str
@@ -55,6 +57,7 @@ class TrialSource:
     files: tuple[Path, ...]
     assigned: dict[str, Path] = field(default_factory=dict)
     among_others: bool = False
+    aside: tuple[Path, ...] = ()
 
 
 class Fault(NamedTuple):
@@ -196,25 +199,41 @@ def _folder(
         if matched:
             return matched
         logs = ()
+    logs, aside = _set_apart(logs, column_map)
     if any(stem(log).lower() in SENSORS for log in logs):
         _refuse_twins(path, logs)
-        return [TrialSource(name, path, logs)]
+        return [TrialSource(name, path, logs, aside=aside)]
     found = []
     for log in logs:
-        found += _tried(log, partial(_wide, log, len(logs) == 1, column_map), faults)
+        found += _tried(log, partial(_wide, log, len(logs) == 1, column_map, aside), faults)
     wide = [source.files[0] for source in found]
     if len(wide) > 1 and _is_split(wide, column_map):
-        return [TrialSource(name, path, tuple(wide))]
+        return [TrialSource(name, path, tuple(wide), aside=aside)]
     if depth < MAX_DEPTH:
         for below in folders_in(path):
             found += _tried(below, partial(_folder, below, column_map, depth + 1, faults), faults)
     return found
 
 
-def _wide(log: Path, alone: bool, column_map: ColumnMap) -> list[TrialSource]:
+def _wide(
+    log: Path, alone: bool, column_map: ColumnMap, aside: tuple[Path, ...]
+) -> list[TrialSource]:
     """A file of a folder as a trial, unless it is no recording."""
     is_trial = alone or _has_time(log, column_map)
-    return [TrialSource(stem(log), log, (log,))] if is_trial else []
+    return [TrialSource(stem(log), log, (log,), aside=aside)] if is_trial else []
+
+
+def _set_apart(
+    logs: tuple[Path, ...], column_map: ColumnMap
+) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
+    """Logs of a folder, and recordings that are left aside, as the tables were made from them."""
+    tables = tuple(log for log in logs if not is_container(log))
+    with_topics = any(column_map.of(sensor).topic is not None for sensor in SENSORS)
+    if with_topics or not 0 < len(tables) < len(logs):
+        return logs, ()
+    if not any(stem(t).lower() in SENSORS or _has_time(t, column_map) for t in tables):
+        return logs, ()
+    return tables, tuple(log for log in logs if log not in tables)
 
 
 def _refuse_twins(path: Path, logs: Iterable[Path]) -> None:
@@ -227,9 +246,11 @@ def _refuse_twins(path: Path, logs: Iterable[Path]) -> None:
 
 def _has_time(log: Path, column_map: ColumnMap) -> bool:
     """Whether a file of a folder is a recording; tables such as hull offsets are none."""
-    opened = open_log(log, _time_names(column_map))
+    opened = open_logs(log, _time_names(column_map))
+    if opened[0].topic:
+        return any(table.time for table in opened)
     try:
-        return bool(time_column(opened, column_map.of("dvl")))
+        return bool(time_column(opened[0], column_map.of("dvl")))
     except InputError:
         return bool(_sensors_in(opened, column_map))
 
@@ -238,7 +259,7 @@ def _is_split(logs: Sequence[Path], column_map: ColumnMap) -> bool:
     """Whether no file alone has dvl, gyro and rudder, but together they have them once each."""
     core = ("dvl", "gyro", "rudder")
     names = _time_names(column_map)
-    have = [_sensors_in(open_log(log, names), column_map) for log in logs]
+    have = [_sensors_in(open_logs(log, names), column_map) for log in logs]
     if any(all(sensor in h for sensor in core) for h in have):
         return False
     return all(sum(sensor in h for h in have) == 1 for sensor in core)
@@ -248,14 +269,16 @@ def _time_names(column_map: ColumnMap) -> set[str]:
     return {t for t in (column_map.of(sensor).time for sensor in SENSORS) if t}
 
 
-def _sensors_in(log: LogFile, column_map: ColumnMap) -> set[str]:
+def _sensors_in(logs: Iterable[LogFile], column_map: ColumnMap) -> set[str]:
     """Sensors with a readable column in a file."""
-    return {sensor for sensor in SENSORS if has_sensor(log, sensor, column_map)}
+    return {s for s in SENSORS if any(has_sensor(log, s, column_map) for log in logs)}
 
 
 def has_sensor(log: LogFile, sensor: str, column_map: ColumnMap) -> bool:
-    """Whether a file has the time column and a column of a sensor; faults count as no."""
+    """Whether a table has the time column and a column of a sensor; faults count as no."""
     mapping = column_map.of(sensor)
+    if mapping.topic is not None and mapping.topic != log.topic:
+        return False
     try:
         return bool(resolve(log, sensor, mapping)) and bool(time_column(log, mapping))
     except InputError:
@@ -306,9 +329,13 @@ def _matching(path: Path, sensor: str, pattern: str, column_map: ColumnMap) -> l
     found = not_own(path, [p for p in found if not p.name.startswith(".")])
     if len(found) <= 1:
         return found
-    logs = [p for p in found if p.name.lower().endswith(LOG_SUFFIXES)] or found
+    logs = [p for p in found if looks_like_log(p)] or found
     names = _time_names(column_map)
-    return [p for p in logs if has_sensor(open_log(p, names), sensor, column_map)]
+    return [
+        p
+        for p in logs
+        if any(has_sensor(table, sensor, column_map) for table in open_logs(p, names))
+    ]
 
 
 def _wildcard_text(relative: Path, pattern: str) -> str:

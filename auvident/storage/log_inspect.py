@@ -8,7 +8,7 @@ from auvident.errors import InputError
 from auvident.schema.base import Artifact
 from auvident.schema.logs import SensorMap
 from auvident.storage.log_columns import guess_time, quantity_of, time_unit
-from auvident.storage.log_file import LogFile, open_log, read_log
+from auvident.storage.log_file import LogFile, open_logs, read_log
 from auvident.storage.log_find import LAYOUT_REMEDY
 from auvident.storage.log_own import MAX_DEPTH, folders_in, logs_in
 from auvident.storage.log_propose import propose_map
@@ -32,9 +32,10 @@ class ColumnReport(Artifact):
 
 
 class FileReport(Artifact):
-    """A file: its clock and its columns."""
+    """A file, or a topic of it and the type of its messages: its clock and its columns."""
 
     file: str
+    kind: str = ""
     rows: int = 0
     time_column: str | None = None
     start_s: float | None = None
@@ -76,19 +77,21 @@ def inspect_log(path: Path) -> LogReport:
     """
     path = Path(path)
     files = _files(path)
-    opened: dict[Path, LogFile] = {}
-    values: dict[Path, dict[str, np.ndarray]] = {}
+    opened: dict[str, LogFile] = {}
+    values: dict[str, dict[str, np.ndarray]] = {}
     reports = []
     for file in files:
         try:
-            opened[file] = open_log(file)
+            tables = open_logs(file)
         except InputError as error:
             reports.append(FileReport(file=str(file), notes=(error.problem,)))
             continue
-        values[file], report = _inspect_file(opened[file])
-        reports.append(report)
+        for log in tables:
+            opened[log.where] = log
+            values[log.where], report = _inspect_file(log)
+            reports.append(report)
     first = files[0].parent
-    together = {f: log for f, log in opened.items() if f.parent == first}
+    together = {key: log for key, log in opened.items() if log.path.parent == first}
     text, unassigned = propose_map(together, values)
     return LogReport(path=str(path), files=tuple(reports), proposed_map=text, unassigned=unassigned)
 
@@ -111,20 +114,22 @@ def _files(path: Path) -> list[Path]:
 
 def _inspect_file(log: LogFile) -> tuple[dict[str, np.ndarray], FileReport]:
     values, rows, notes = _read_all(log)
+    notes = [*_notes_of(log), *notes]
     numbers = {name: as_floats(column) for name, column in values.items()}
     time_name = guess_time(log)
     clock: dict[str, float | int | None] = {}
     if time_name is not None and time_name in values:
         unit = time_unit(time_name, SensorMap())
         try:
-            time = to_seconds(values[time_name], unit, str(log.path), np.arange(1, rows + 1))
+            time = to_seconds(values[time_name], unit, log.where, np.arange(1, rows + 1))
             clock = _clock(time)
         except InputError as error:
             notes.append(error.problem)
     columns = tuple(_column(log, name, numbers.get(name)) for name in log.names if name)
     report = FileReport.model_validate(
         {
-            "file": str(log.path),
+            "file": log.where,
+            "kind": log.container.tables[log.topic].kind if log.container else "",
             "rows": rows,
             "time_column": time_name,
             "columns": columns,
@@ -133,6 +138,14 @@ def _inspect_file(log: LogFile) -> tuple[dict[str, np.ndarray], FileReport]:
         }
     )
     return numbers, report
+
+
+def _notes_of(log: LogFile) -> tuple[str, ...]:
+    """What the reader of a container says of a table, and of the file with its first table."""
+    if log.container is None:
+        return ()
+    is_first = log.topic == next(iter(log.container.tables))
+    return (*(log.container.notes if is_first else ()), *log.container.tables[log.topic].notes)
 
 
 def _read_all(log: LogFile) -> tuple[dict[str, np.ndarray], int, list[str]]:

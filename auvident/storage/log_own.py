@@ -10,7 +10,7 @@ from auvident.errors import InputError, StageError
 from auvident.schema.channels import BY_COLUMN
 from auvident.schema.coefficients import BY_SYMBOL
 from auvident.storage.artifacts import read_json
-from auvident.storage.log_file import PARQUET_SUFFIXES, looks_like_log, open_log
+from auvident.storage.log_file import PARQUET_SUFFIXES, is_container, looks_like_log, open_log
 from auvident.storage.run_directory import MANIFEST
 
 OURS, HEAD_BYTES = b'"auvident/run/', 200  # in the first bytes of a manifest
@@ -43,6 +43,8 @@ def own_output(path: Path) -> str:
     program = _program(path)
     if program:
         return f"a table that {program} wrote"
+    if is_container(path):
+        return ""
     try:
         names = open_log(path).names
     except InputError:

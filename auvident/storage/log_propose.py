@@ -2,14 +2,12 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from auvident.errors import InputError
 from auvident.schema.channels import CHANNELS, SENSORS, Channel
-from auvident.schema.logs import TIME_UNITS, UNITS, SensorMap, unit_name
+from auvident.schema.logs import TIME_UNITS, SensorMap, unit_name
 from auvident.storage.log_columns import (
     ALIASES,
     guess_column,
@@ -19,44 +17,23 @@ from auvident.storage.log_columns import (
     split_unit,
     time_column,
 )
-from auvident.storage.log_file import LogFile, stem
+from auvident.storage.log_file import LogFile
+from auvident.storage.log_proposal import Proposal, Values, in_knots, one_unit, unit_of
+from auvident.storage.log_propose_topics import assign_topics, is_generic, topic_lines
 
-# A value beyond the limit is taken for the second unit. A rudder of 2 rad or a yaw rate of 1 rad/s
-# does not occur; whole circles tell degrees of heading; propellers of AUVs turn faster than 40 rpm.
-RANGE_UNITS: dict[str, tuple[tuple[str, float], ...]] = {
-    "rad": (("rad", 6.5), ("deg", np.inf)),
-    "rad/s": (("radps", 1.0), ("degps", np.inf)),
-    "m/s": (("mps", 15.0), ("cmps", 1500.0), ("mmps", np.inf)),
-    "1/min": (("rps", 40.0), ("rpm", np.inf)),
-    "m": (("m", np.inf),),
-}
-FIN_LIMIT = 1.6  # rad: a fin beyond 90 degrees is in degrees
 USUAL_STEP_S = 5.0  # a median step above it means that the time is not in seconds
 HEADER = (
     "# Proposed by `auvident inspect`: check names, units and signs, then pass it with --map.\n"
 )
 
 
-@dataclass(frozen=True)
-class Proposal:
-    """A column proposed for a channel; `guessed` when its unit was read off its range."""
-
-    channel: Channel
-    file: Path
-    name: str
-    unit: str
-    guessed: bool
-
-
-def propose_map(
-    logs: Mapping[Path, LogFile], values: Mapping[Path, Mapping[str, np.ndarray]]
-) -> tuple[str, tuple[str, ...]]:
-    """Text of a map for the files of one folder, and needed channels without a column.
+def propose_map(logs: Mapping[str, LogFile], values: Values) -> tuple[str, tuple[str, ...]]:
+    """Text of a map for the tables of one folder or container, and needed channels without one.
 
     Parameters
     ----------
-    logs : mapping of Path to LogFile
-        The files; of files with the same columns (a trial each) the first stands for all.
+    logs : mapping of str to LogFile
+        The tables by `LogFile.where`; of files alike (a trial each) the first stands for all.
     values : mapping
         Their columns.
 
@@ -67,9 +44,10 @@ def propose_map(
     unassigned : tuple of str
         Needed channel columns for which nothing was found.
     """
-    alike = len({log.names for log in logs.values()}) == 1 and len(logs) > 1
-    chosen = dict(list(logs.items())[:1]) if alike else dict(logs)
-    proposals = _one_unit(_assign(chosen, values))
+    chosen = _first_of_alike(logs)
+    with_topics = any(log.topic for log in chosen.values())
+    assigned = assign_topics(chosen, values) if with_topics else _assign(chosen, values)
+    proposals = in_knots(one_unit(assigned), chosen, values)
     found = {p.channel.column for p in proposals}
     unassigned = tuple(c.column for c in CHANNELS if c.needed and c.column not in found)
     if _reads_without(chosen, proposals):
@@ -83,79 +61,71 @@ def propose_map(
     return (text, unassigned) if proposals else ("", unassigned)
 
 
-def _assign(
-    logs: Mapping[Path, LogFile], values: Mapping[Path, Mapping[str, np.ndarray]]
-) -> list[Proposal]:
+def _first_of_alike(logs: Mapping[str, LogFile]) -> dict[str, LogFile]:
+    """The tables of one trial, where each file is a trial: those of the first."""
+    files: dict[object, list[tuple[str, tuple[str, ...]]]] = {}
+    for log in logs.values():
+        files.setdefault(log.path, []).append((log.topic, log.names))
+    containers = [log.path for log in logs.values() if log.topic]
+    first = containers[0] if containers else next(iter(files), None)
+    alike = len(files) > 1 and all(tables == files[first] for tables in files.values())
+    return {k: log for k, log in logs.items() if not (alike or containers) or log.path == first}
+
+
+def _assign(logs: Mapping[str, LogFile], values: Values) -> list[Proposal]:
     """Best column of each channel: its own name first, then the known aliases."""
     found: dict[str, Proposal] = {}
-    used: set[tuple[Path, str]] = set()
-    times = {(path, guess_time(log)) for path, log in logs.items()}
+    used: set[tuple[str, str]] = set()
+    times = {(key, guess_time(log)) for key, log in logs.items()}
     for exact in (True, False):
         for channel in CHANNELS:
             home = None if channel.column in found else _home(channel, logs)
-            for path in [] if channel.column in found else ([home] if home else list(logs)):
+            for key in [] if channel.column in found else ([home] if home else list(logs)):
                 names = [
                     name
-                    for name, numbers in values[path].items()
-                    if numbers.dtype != object and (path, name) not in used | times
+                    for name, numbers in values[key].items()
+                    if numbers.dtype != object and (key, name) not in used | times
                 ]
-                name = _exact(channel, names) if exact else guess_column(channel, names)
+                name = _named(channel, logs[key], names, exact)
                 if name is not None:
-                    unit, guessed = _unit(channel, logs[path], name, values[path][name])
-                    found[channel.column] = Proposal(channel, path, name, unit, guessed)
-                    used.add((path, name))
+                    unit, guessed = unit_of(channel, logs[key], name, values[key][name])
+                    found[channel.column] = Proposal(channel, key, name, unit, guessed)
+                    used.add((key, name))
                     break
     return list(found.values())
 
 
-def _one_unit(proposals: list[Proposal]) -> list[Proposal]:
-    """Guessed units of one sensor agree: the channel with the widest range decides."""
-    order = {name: i for options in RANGE_UNITS.values() for i, (name, _) in enumerate(options)}
-    widest: dict[tuple[str, str], str] = {}
-    for p in proposals:
-        key = (p.channel.sensor, p.channel.unit)
-        if p.guessed and order[p.unit] >= order[widest.get(key, p.unit)]:
-            widest[key] = p.unit
-    return [
-        replace(p, unit=widest[p.channel.sensor, p.channel.unit]) if p.guessed else p
-        for p in proposals
-    ]
+def _home(channel: Channel, logs: Mapping[str, LogFile]) -> str | None:
+    return next((key for key, log in logs.items() if log.stem.lower() == channel.sensor), None)
 
 
-def _home(channel: Channel, logs: Mapping[Path, LogFile]) -> Path | None:
-    return next((path for path in logs if stem(path).lower() == channel.sensor), None)
+def _named(channel: Channel, log: LogFile, names: list[str], exact: bool) -> str | None:
+    """Column of a channel; one that is called ``value`` has the name of its file."""
+    generic = [name for name in names if is_generic(name)]
+    spelled = {name: name for name in names}
+    if len(generic) == 1 and log.stem.lower() not in spelled:
+        spelled = {log.stem.lower() if n in generic else n: n for n in names}
+    found = (_exact if exact else guess_column)(channel, list(spelled))
+    return None if found is None else spelled[found]
 
 
 def _exact(channel: Channel, names: list[str]) -> str | None:
     """Column of a channel by name or by the first, unmistakable aliases (long ones)."""
     sure = {channel.quantity, *(alias for alias in ALIASES[channel.quantity] if len(alias) > 2)}
-    return next((n for n in names if _base(n) in sure or n.strip().lower() in sure), None)
+    found = [n for n in names if _base(n) in sure or n.strip().lower() in sure]
+    return min(found, key=lambda n: _base(n) != channel.quantity, default=None)
 
 
 def _base(name: str) -> str:
     lower = name.strip().lower()
-    stem_, _, suffix = lower.rpartition("_")
-    return stem_ if stem_ and unit_name(suffix) else split_unit(lower)[0]
+    stem, _, suffix = lower.rpartition("_")
+    return stem if stem and unit_name(suffix) else split_unit(lower)[0]
 
 
-def _unit(channel: Channel, log: LogFile, name: str, values: np.ndarray) -> tuple[str, bool]:
-    """Unit by suffix or label when it fits, else by range."""
-    suffix = name.strip().lower().rpartition("_")[2]
-    for stated in (unit_name(log.unit_of(name)), split_unit(name)[1], unit_name(suffix)):
-        if stated and UNITS[stated][0] == channel.unit:
-            return stated, False
-    known = np.abs(values[np.isfinite(values)])
-    largest = float(known.max()) if known.size else 0.0
-    options = RANGE_UNITS[channel.unit]
-    if channel.kind == "input" and channel.unit == "rad":
-        options = (("rad", FIN_LIMIT), ("deg", np.inf))
-    return next(unit for unit, limit in options if largest <= limit), True
-
-
-def _reads_without(logs: Mapping[Path, LogFile], proposals: list[Proposal]) -> bool:
+def _reads_without(logs: Mapping[str, LogFile], proposals: list[Proposal]) -> bool:
     """Whether every proposed column is found without a map."""
     for proposal in proposals:
-        log, sensor = logs[proposal.file], proposal.channel.sensor
+        log, sensor = logs[proposal.home], proposal.channel.sensor
         try:
             columns = resolve(log, sensor, SensorMap())
             time_column(log, SensorMap())
@@ -167,19 +137,20 @@ def _reads_without(logs: Mapping[Path, LogFile], proposals: list[Proposal]) -> b
 
 
 def _table(
-    sensor: str,
-    proposals: list[Proposal],
-    logs: Mapping[Path, LogFile],
-    values: Mapping[Path, Mapping[str, np.ndarray]],
+    sensor: str, proposals: list[Proposal], logs: Mapping[str, LogFile], values: Values
 ) -> str:
     if not proposals:
         return ""
-    path = proposals[0].file
+    home = proposals[0].home
+    log = logs[home]
     lines = [f"[{sensor}]"]
-    if len(logs) > 1 and stem(path).lower() != sensor:
-        lines.append(f"file = {json.dumps(path.name)}")
-    lines += _time_lines(logs[path], values[path])
-    lines += [_entry(p) for p in proposals if p.file == path]
+    if log.topic:
+        lines += topic_lines(sensor, log, values[home], proposals)
+    else:
+        if len(logs) > 1 and log.stem.lower() != sensor:
+            lines.append(f"file = {json.dumps(log.path.name)}")
+        lines += _time_lines(log, values[home])
+    lines += [_entry(p) for p in proposals if p.home == home]
     if of_sensor(sensor)[0].kind == "input":
         lines.append("# add sign = -1 if it counts the other way than [signs] says")
     return "\n".join(lines) + "\n"
@@ -201,8 +172,11 @@ def _time_lines(log: LogFile, values: Mapping[str, np.ndarray]) -> list[str]:
 
 
 def _entry(proposal: Proposal) -> str:
+    sign = ", sign = -1" if proposal.sign < 0 else ""
     text = (
         f"{proposal.channel.quantity} = "
-        f'{{ column = {json.dumps(proposal.name)}, unit = "{proposal.unit}" }}'
+        f'{{ column = {json.dumps(proposal.name)}, unit = "{proposal.unit}"{sign} }}'
     )
-    return text + ("  # unit guessed from the values: check" if proposal.guessed else "")
+    remarks = [proposal.remark] if proposal.remark else []
+    remarks += ["unit guessed from the values: check"] if proposal.guessed else []
+    return text + (f"  # {'; '.join(remarks)}" if remarks else "")

@@ -1,0 +1,83 @@
+"""Maps that `inspect` proposes from values: knots by the position, files named after a sensor."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from log_world import sensor_tables, write_folder
+
+from auvident.storage.log_inspect import inspect_log
+from auvident.storage.logs import read_column_map, read_trials
+
+KNOT = 1852.0 / 3600.0  # m/s
+
+
+def tracked(scale, current_mps=0.0):
+    """A vehicle on a wide circle for ten minutes: velocity in units of 1/`scale` m/s, position."""
+    t = np.arange(0.0, 600.0, 0.2)
+    heading = 2 * np.pi * t / 300.0
+    north, east = (np.cumsum(1.6 * f(heading) * 0.2) for f in (np.cos, np.sin))
+    tables = sensor_tables(0.0)
+    tables["dvl"] = pd.DataFrame({"t": t, "surge": 1.6 / scale, "sway": 0.02 * np.sin(t)})
+    fixes = {"t": t[::5], "x": north[::5] + current_mps * t[::5], "y": east[::5]}
+    return tables | {"position": pd.DataFrame(fixes)}
+
+
+@pytest.mark.parametrize(
+    ("scale", "current_mps", "unit"),
+    [
+        (1.0, 0.0, "mps"),
+        (KNOT, 0.0, "kn"),
+        (KNOT, 0.15, "kn"),
+        (1.0, 0.3, "mps"),
+        (0.8, 0.0, "mps"),
+    ],
+)
+def test_a_speed_twice_that_of_the_position_is_in_knots(tmp_path, scale, current_mps, unit):
+    folder = write_folder(tmp_path / "run", tracked(scale, current_mps))
+    text = inspect_log(folder).proposed_map
+    for column in ("surge", "sway"):
+        assert f'{{ column = "{column}", unit = "{unit}" }}' in text
+    assert ("knots" in text) == (unit == "kn")
+
+
+def test_a_column_called_value_has_the_name_of_its_file(tmp_path):
+    tables = sensor_tables(0.0)
+    names = {"dvl": ["t", "u", "v"], "gyro": ["t", "r"], "rudder": ["t", "angle"]}
+    for sensor, columns in (names | {"rpm": ["t", "value"]}).items():
+        tables[sensor].columns = columns
+    rpm = tables.pop("rpm").assign(state="running")
+    folder = write_folder(tmp_path / "run", tables)
+    rpm.to_csv(folder / "Rpm.csv", index=False)
+    report = inspect_log(folder)
+    assert report.unassigned == ()
+    (tmp_path / "MAP.toml").write_text(report.proposed_map)
+    (trial,) = read_trials([folder], read_column_map(tmp_path / "MAP.toml"))
+    assert set(trial.sensors["rpm"].values["rpm"]) == {1200.0}
+    assert np.abs(trial.sensors["rudder"].values["rudder_rad"]).max() == pytest.approx(
+        np.radians(10)
+    )
+
+
+def test_milliseconds_since_1970(tmp_path):
+    tables = sensor_tables(0.0)
+    for table in tables.values():
+        stamps = 1_700_000_000_000 + np.rint(table["time_s"] * 1e3).astype(np.int64)
+        table.insert(0, "clock", stamps)
+        del table["time_s"]
+    folder = write_folder(tmp_path / "run", tables)
+    report = inspect_log(folder)
+    assert 'time_unit = "ms"' in report.proposed_map
+    (tmp_path / "MAP.toml").write_text(report.proposed_map)
+    (trial,) = read_trials([folder], read_column_map(tmp_path / "MAP.toml"))
+    assert trial.origin == "2023-11-14T22:13:20Z"
+    assert trial.sensors["gyro"].time_s[1] == pytest.approx(0.05, abs=2.5e-7)  # floats
+
+
+def test_a_name_of_another_quantity_is_not_taken_for_a_misspelt_one(tmp_path):
+    tables = sensor_tables(0.0)
+    tables["rudder"]["rudder_command"] = 30.0
+    tables["rudder"]["delta"] = np.radians(tables["rudder"].pop("rudder_deg"))
+    tables["rudder"]["rudder"] = np.degrees(tables["rudder"]["delta"])
+    text = inspect_log(write_folder(tmp_path / "run", tables)).proposed_map
+    assert 'rudder = { column = "rudder", unit = "deg" }' in text
+    assert "[elevator]" not in text
