@@ -40,7 +40,7 @@ LEAST_UNDER_WAY_MPS = 0.3  # slower samples do not belong to a run at speed
 def ingest(given: Given) -> dict[str, Any]:
     """Read the logs and the vehicle file, bring every trial to one clock."""
     from auvident.schema.logs import Quality
-    from auvident.stages.ingest import Fingerprint, fingerprint, refuse_copy
+    from auvident.stages.ingest import Fingerprint, fingerprint, refuse_copy, stated_noise_for
     from auvident.stages.ingest import ingest as bring_to_one_clock
     from auvident.storage.vehicle_file import load_vehicle
 
@@ -65,7 +65,7 @@ def ingest(given: Given) -> dict[str, Any]:
         known.append(own)
     if not reports:
         raise refused[0]
-    outputs["ingest/vehicle.json"] = vehicle
+    outputs["ingest/vehicle.json"] = stated_noise_for(vehicle, reports)
     outputs["ingest/quality.json"] = Quality.model_validate(
         {
             "vehicle": vehicle.body.name,

@@ -116,6 +116,7 @@ def _from_name(value: object) -> object:
 
 
 Entry = Annotated[ColumnEntry, BeforeValidator(_from_name)] | None
+NotLogged = Literal["constant", "derived"]  # where a channel comes from that no sensor logged
 TimeUnit = Literal["s", "ms", "us", "ns", "iso"]
 
 
@@ -345,7 +346,7 @@ class RawSensor:
     dropped_rows: dict[str, tuple[int, ...]] = field(default_factory=dict)
     on_change: bool | None = None
     time_column: str = "time_s"
-    not_logged: dict[str, str] = field(default_factory=dict)
+    not_logged: dict[str, NotLogged] = field(default_factory=dict)
     std: dict[str, float] = field(default_factory=dict)
 
 
@@ -371,7 +372,7 @@ class RawTrial:
     sensors: dict[str, RawSensor]
     findings: tuple[Finding, ...] = ()
     origin: str = ""
-    derive: Derive = Derive()
+    derive: Derive = field(default_factory=Derive)
 
 
 # --- quality.json -------------------------------------------------------------------------
@@ -410,7 +411,7 @@ class ChannelQuality(Artifact):
     gap_limit_s: float | None = None
     interpolated_share: float = 0.0
     missing_share: float = 0.0
-    source: Literal["logged", "constant", "derived"] = "logged"
+    source: Literal["logged"] | NotLogged = "logged"
 
 
 class SensorQuality(Artifact):
