@@ -121,9 +121,13 @@ TimeUnit = Literal["s", "ms", "us", "ns", "iso"]
 
 
 class SensorMap(Declared):
-    """Where a sensor's samples stand; the tables of the sensors add their quantities."""
+    """Where a sensor's samples stand; the tables of the sensors add their quantities.
+
+    `topic` is the table of a container file (a ROS bag, an MCAP, a ULog) that has them.
+    """
 
     file: str | None = None
+    topic: str | None = None
     time: str | None = None
     time_unit: TimeUnit | None = None
     time_offset_s: float = 0.0

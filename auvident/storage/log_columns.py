@@ -177,6 +177,7 @@ TIME_ALIASES = (
     "clock",
 )
 USUAL_UNIT = {"m/s": "mps", "rad": "deg", "rad/s": "degps", "1/min": "rpm", "m": "m"}
+MOST_LISTED = 40  # names in a message
 TIME_REMEDY = "Name it time_s (seconds) or timestamp (ISO 8601 or epoch)"
 
 
@@ -225,6 +226,8 @@ def time_column(log: LogFile, mapping: SensorMap) -> str:
         if found is None:
             raise _missing(log, f"the map's time column {mapping.time!r}", mapping.time)
         return found
+    if log.time:
+        return log.time
     for name in TIME_NAMES:
         found = log.find(name)
         if found is not None:
@@ -233,7 +236,7 @@ def time_column(log: LogFile, mapping: SensorMap) -> str:
     hint = f', or say time = "{guess}" in a map (--map)' if guess else ""
     raise InputError(
         "has no time column",
-        f"{log.path}, columns {', '.join(log.names)}",
+        f"{log.where}, columns {', '.join(log.names)}",
         TIME_REMEDY + hint + ".",
     )
 
@@ -301,7 +304,7 @@ def _by_name(log: LogFile, channel: Channel) -> LogColumn | None:
     if len(stated) > 1:
         raise InputError(
             f"columns {' and '.join(stated)} both hold {channel.quantity}",
-            str(log.path),
+            log.where,
             f"Remove one, or choose in a map (--map): {entry_text(channel, stated[0])}",
         )
     if not names:
@@ -317,7 +320,7 @@ def _stated_unit(log: LogFile, name: str, channel: Channel) -> str | None:
     if suffix and beside and suffix != beside:
         raise InputError(
             f"column {name} is labelled {log.unit_of(name)!r}",
-            str(log.path),
+            log.where,
             "Correct the suffix or the label, or state the unit in a map (--map): "
             + entry_text(channel, name),
         )
@@ -333,7 +336,7 @@ def _factor(log: LogFile, name: str, channel: Channel, unit: str | None) -> floa
     problem = "has no unit" if unit is None else f"has the unit {unit}, which does not fit"
     raise InputError(
         f"column {name} ({channel.meaning}) {problem}",
-        str(log.path),
+        log.where,
         f"Name it {names}, or state the unit in a map (--map): {entry_text(channel, name)}",
     )
 
@@ -400,6 +403,23 @@ def _without(channel: Channel) -> str:
     return ""
 
 
+def missing_topic(channel: Channel, where: str, topics: Sequence[str]) -> InputError:
+    """Error for a needed channel that no topic of a container has under its own name."""
+    names = " or ".join(_log_names(channel))
+    return InputError(
+        f"no topic has {names} ({channel.meaning}) for {channel.sensor}; found {listed(topics)}",
+        where,
+        "Run `auvident inspect` on it, which proposes a map: "
+        f'[{channel.sensor}] topic = "...", {channel.quantity} = '
+        f'{{ column = "...", unit = "{USUAL_UNIT[channel.unit]}" }}',
+    )
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names in a row, the first few where there are many."""
+    return ", ".join(names[:MOST_LISTED]) + (", ..." if len(names) > MOST_LISTED else "")
+
+
 def _log_names(channel: Channel) -> tuple[str, ...]:
     if channel.quantity == "rpm":
         return ("rpm",)
@@ -410,4 +430,4 @@ def _log_names(channel: Channel) -> tuple[str, ...]:
 def _missing(log: LogFile, what: str, wanted: str) -> InputError:
     close = difflib.get_close_matches(wanted, log.names, n=1)
     hint = f'Did you mean "{close[0]}"?' if close else "Correct the map."
-    return InputError(f"{what} is missing; found {', '.join(log.names)}", str(log.path), hint)
+    return InputError(f"{what} is missing; found {listed(log.names)}", log.where, hint)

@@ -1,7 +1,7 @@
-"""One log file, text or Parquet: its columns, and their values on demand."""
+"""One table of a log file (text, Parquet, or a container of many): columns, values on demand."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,8 @@ from auvident.storage.log_csv import Kind, LogTable, read_csv
 from auvident.storage.log_layout import MISSING, TIME_NAMES, Layout, find_layout
 from auvident.storage.log_text import HEAD_BYTES, read_text
 from auvident.storage.log_time import MISSING_COUNT
+from auvident.storage.readers.interface import Container, TableHead
+from auvident.storage.readers.registry import container_suffixes, find_reader, open_container
 
 TEXT_SUFFIXES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
 PARQUET_SUFFIXES = (".parquet", ".pq")
@@ -24,7 +26,7 @@ PARQUET_MAGIC = b"PAR1"
 
 @dataclass(frozen=True)
 class LogFile:
-    """A log file whose columns are known.
+    """A table of a log file whose columns are known; most files have one.
 
     Attributes
     ----------
@@ -35,13 +37,37 @@ class LogFile:
     units : tuple of str
         Units from brackets, a units row or Parquet metadata; "" where none.
     layout : Layout or None
-        Layout of a text file; None for Parquet.
+        Layout of a text file; None for others.
+    topic : str
+        Name of the table in a container file; "" for files of one table.
+    time : str
+        Time column that the container states; "" where it is found by its name.
+    container : Container or None
+        The opened container.
     """
 
     path: Path
     names: tuple[str, ...]
     units: tuple[str, ...]
     layout: Layout | None
+    topic: str = ""
+    time: str = ""
+    container: Container | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def where(self) -> str:
+        """File, and table of it, for messages."""
+        return f"{self.path}, topic {self.topic}" if self.topic else str(self.path)
+
+    @property
+    def label(self) -> str:
+        """Name for lists, without the folder."""
+        return self.topic or self.path.name
+
+    @property
+    def stem(self) -> str:
+        """Name without folder, endings and topics above it (``/nav/dvl`` -> ``dvl``)."""
+        return self.topic.rpartition("/")[2] if self.topic else stem(self.path)
 
     def find(self, name: str) -> str | None:
         """Name in the file of a column, case ignored unless that is ambiguous."""
@@ -58,7 +84,7 @@ class LogFile:
 def stem(path: Path) -> str:
     """Name of a log file without its endings (``a.csv.gz`` -> ``a``)."""
     lower = path.name.lower()
-    for suffix in (*LOG_SUFFIXES, *OTHER_SUFFIXES):
+    for suffix in (*LOG_SUFFIXES, *OTHER_SUFFIXES, *container_suffixes()):
         if lower.endswith(suffix):
             return path.name[: -len(suffix)]
     return path.stem
@@ -66,8 +92,37 @@ def stem(path: Path) -> str:
 
 def looks_like_log(path: Path) -> bool:
     """Whether a file of a folder is taken for a log by its name."""
-    is_hidden = path.name.startswith(".")
-    return path.is_file() and not is_hidden and path.name.lower().endswith(LOG_SUFFIXES)
+    if path.name.startswith(".") or not path.is_file():
+        return False
+    return path.name.lower().endswith(LOG_SUFFIXES) or is_container(path)
+
+
+def is_container(path: Path) -> bool:
+    """Whether a file holds tables that a reader of another logger's format opens."""
+    return find_reader(path) is not None
+
+
+def open_logs(path: Path, time_names: Collection[str] = ()) -> tuple[LogFile, ...]:
+    """Tables of a log file: one of a text or Parquet file, all of a container.
+
+    Raises
+    ------
+    InputError
+        As `open_log`, and where the library of a container's format is missing.
+    """
+    reader = find_reader(path)
+    if reader is None:
+        return (open_log(path, time_names),)
+    container = open_container(path, reader)
+    if not container.tables:
+        told = "; ".join(container.notes)
+        raise InputError(f"has no table that can be read{told and f': {told}'}", str(path))
+    return tuple(_table_of(path, container, head) for head in container.tables.values())
+
+
+def _table_of(path: Path, container: Container, head: TableHead) -> LogFile:
+    units = tuple(column.unit for column in head.columns)
+    return LogFile(path, head.names, units, None, head.name, head.time, container)
 
 
 def open_log(path: Path, time_names: Collection[str] = ()) -> LogFile:
@@ -97,7 +152,9 @@ def read_log(log: LogFile, wanted: Mapping[str, Kind | None]) -> LogTable:
     """Read columns of a log file; see `auvident.storage.log_csv.read_csv`."""
     for name in wanted:
         if log.names.count(name) > 1:
-            raise InputError(f"has two columns named {name}", str(log.path), "Rename one of them.")
+            raise InputError(f"has two columns named {name}", log.where, "Rename one of them.")
+    if log.container is not None:
+        return _read_table(log, log.container, wanted)
     if log.layout is not None:
         return read_csv(log.path, log.layout, wanted)
     return _read_parquet(log, wanted)
@@ -137,6 +194,30 @@ def _read_parquet(log: LogFile, wanted: Mapping[str, Kind | None]) -> LogTable:
         for name, kind in wanted.items()
     }
     return LogTable(columns, rows, len(table))
+
+
+def _read_table(log: LogFile, container: Container, wanted: Mapping[str, Kind | None]) -> LogTable:
+    found = container.read(log.topic, list(wanted))
+    count = min((values.size for values in found.values()), default=0)
+    if count == 0:
+        raise InputError("has columns but no rows", log.where)
+    columns = {name: _stored(found[name], kind, name, log) for name, kind in wanted.items()}
+    return LogTable(columns, np.arange(1, count + 1), count)
+
+
+def _stored(values: np.ndarray, kind: Kind | None, name: str, log: LogFile) -> np.ndarray:
+    """Values of a container as the rest of the program has them: float64, int64, text, instants."""
+    letter = values.dtype.kind
+    if letter == "M":
+        return values
+    if letter == "i" and kind is None:
+        return values.astype(np.int64)
+    if letter in "OUS":
+        texts = pd.Series(values, dtype=object).fillna("").astype(str)
+        return _numbers(texts, name, log.path) if kind == "number" else texts.to_numpy(object)
+    if letter in "biuf":
+        return values.astype(float)
+    raise InputError(f"column {name} holds {values.dtype}, not numbers", log.where)
 
 
 def _parquet_column(

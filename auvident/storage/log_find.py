@@ -11,7 +11,7 @@ from auvident.errors import InputError
 from auvident.schema.channels import SENSORS
 from auvident.schema.logs import ColumnMap
 from auvident.storage.log_columns import resolve, time_column
-from auvident.storage.log_file import LOG_SUFFIXES, LogFile, looks_like_log, open_log, stem
+from auvident.storage.log_file import LogFile, looks_like_log, open_logs, stem
 from auvident.storage.log_own import (
     MAX_DEPTH,
     REMEDY,
@@ -168,9 +168,11 @@ def _refuse_twins(path: Path, logs: Iterable[Path]) -> None:
 
 def _has_time(log: Path, column_map: ColumnMap) -> bool:
     """Whether a file of a folder is a recording; tables such as hull offsets are none."""
-    opened = open_log(log, _time_names(column_map))
+    opened = open_logs(log, _time_names(column_map))
+    if opened[0].topic:
+        return any(table.time for table in opened)
     try:
-        return bool(time_column(opened, column_map.of("dvl")))
+        return bool(time_column(opened[0], column_map.of("dvl")))
     except InputError:
         return bool(_sensors_in(opened, column_map))
 
@@ -179,7 +181,7 @@ def _is_split(logs: Sequence[Path], column_map: ColumnMap) -> bool:
     """Whether no file alone has dvl, gyro and rudder, but together they have them once each."""
     core = ("dvl", "gyro", "rudder")
     names = _time_names(column_map)
-    have = [_sensors_in(open_log(log, names), column_map) for log in logs]
+    have = [_sensors_in(open_logs(log, names), column_map) for log in logs]
     if any(all(sensor in h for sensor in core) for h in have):
         return False
     return all(sum(sensor in h for h in have) == 1 for sensor in core)
@@ -189,14 +191,16 @@ def _time_names(column_map: ColumnMap) -> set[str]:
     return {t for t in (column_map.of(sensor).time for sensor in SENSORS) if t}
 
 
-def _sensors_in(log: LogFile, column_map: ColumnMap) -> set[str]:
+def _sensors_in(logs: Iterable[LogFile], column_map: ColumnMap) -> set[str]:
     """Sensors with a readable column in a file."""
-    return {sensor for sensor in SENSORS if has_sensor(log, sensor, column_map)}
+    return {s for s in SENSORS if any(has_sensor(log, s, column_map) for log in logs)}
 
 
 def has_sensor(log: LogFile, sensor: str, column_map: ColumnMap) -> bool:
-    """Whether a file has the time column and a column of a sensor; faults count as no."""
+    """Whether a table has the time column and a column of a sensor; faults count as no."""
     mapping = column_map.of(sensor)
+    if mapping.topic is not None and mapping.topic != log.topic:
+        return False
     try:
         return bool(resolve(log, sensor, mapping)) and bool(time_column(log, mapping))
     except InputError:
@@ -247,9 +251,13 @@ def _matching(path: Path, sensor: str, pattern: str, column_map: ColumnMap) -> l
     found = not_own(path, [p for p in found if not p.name.startswith(".")])
     if len(found) <= 1:
         return found
-    logs = [p for p in found if p.name.lower().endswith(LOG_SUFFIXES)] or found
+    logs = [p for p in found if looks_like_log(p)] or found
     names = _time_names(column_map)
-    return [p for p in logs if has_sensor(open_log(p, names), sensor, column_map)]
+    return [
+        p
+        for p in logs
+        if any(has_sensor(table, sensor, column_map) for table in open_logs(p, names))
+    ]
 
 
 def _wildcard_text(relative: Path, pattern: str) -> str:

@@ -10,7 +10,7 @@ from pyarrow import parquet
 from auvident.errors import InputError
 from auvident.schema.channels import BY_COLUMN
 from auvident.schema.coefficients import BY_SYMBOL
-from auvident.storage.log_file import PARQUET_SUFFIXES, looks_like_log, open_log
+from auvident.storage.log_file import PARQUET_SUFFIXES, is_container, looks_like_log, open_log
 from auvident.storage.run_directory import MANIFEST
 
 MAX_DEPTH = 4  # folders below the one given; a deeper tree is not a log folder but a disk
@@ -34,6 +34,8 @@ def own_output(path: Path) -> str:
     program = _program(path)
     if program:
         return f"a table that {program} wrote"
+    if is_container(path):
+        return ""
     try:
         names = open_log(path).names
     except InputError:

@@ -5,6 +5,7 @@ files named freely with a map. Nothing is resampled or cleaned here but rows tha
 (marked invalid, cut off, without a time).
 """
 
+import difflib
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -19,17 +20,20 @@ from auvident.schema.logs import FIRST_FEW, ColumnMap, InputMap, RawSensor, RawT
 from auvident.storage.declared import parse, read_toml
 from auvident.storage.log_columns import (
     LogColumn,
+    listed,
     missing_channel,
+    missing_topic,
     resolve,
     time_column,
     time_unit,
 )
 from auvident.storage.log_constant import with_constants
 from auvident.storage.log_csv import Kind, LogTable
-from auvident.storage.log_file import LogFile, open_log, read_log, stem
+from auvident.storage.log_file import LogFile, open_logs, read_log
 from auvident.storage.log_find import TrialSource, find_trials, has_sensor
 from auvident.storage.log_time import ABSOLUTE_S, Stamps, as_floats, read_stamps
 
+Tables = tuple[LogFile, ...]
 FALSE_WORDS = frozenset(("0", "0.0", "false", "f", "no", "n", "invalid", "bad", "nok"))
 MAP_REMEDY = (
     'A table per sensor, e.g. [rudder] file = "*.csv", time = "t", '
@@ -79,7 +83,7 @@ def read_trial(
     """Read one trial; parameters and errors as for `read_trials`."""
     column_map = column_map or ColumnMap()
     times = {t for t in (column_map.of(sensor).time for sensor in SENSORS) if t}
-    logs = {path: open_log(path, times) for path in source.files}
+    logs = {path: open_logs(path, times) for path in source.files}
     columns: dict[str, dict[str, LogColumn]] = {}
     homes: dict[str, LogFile] = {}
     for sensor in SENSORS:
@@ -92,35 +96,55 @@ def read_trial(
     _refuse_missing(source, logs, columns, homes, logged)
     homes = {sensor: log for sensor, log in homes.items() if columns[sensor]}
     sensors, origins = _read_sensors(homes, columns, column_map)
-    raw = _from_common_origin(source.name, sensors, origins, _unused(source, logs, homes))
+    findings = (*_unused(source, logs, homes), *_damage(logs))
+    raw = _from_common_origin(source.name, sensors, origins, findings)
     return replace(with_constants(raw, column_map), derive=column_map.derive)
 
 
 def _home(
-    source: TrialSource, logs: dict[Path, LogFile], sensor: str, column_map: ColumnMap
+    source: TrialSource, logs: dict[Path, Tables], sensor: str, column_map: ColumnMap
 ) -> LogFile | None:
-    """File of a sensor: assigned by the map, of its name, or the only one with its columns."""
+    """Table of a sensor: named by the map, of its name, or the only one with its columns."""
+    topic = column_map.of(sensor).topic
     if sensor in source.assigned:
-        return logs[source.assigned[sensor]]
-    if len(logs) == 1:
-        return next(iter(logs.values()))
-    named = [log for path, log in logs.items() if stem(path).lower() == sensor]
+        searched: Tables = logs[source.assigned[sensor]]
+    else:
+        searched = tuple(log for tables in logs.values() for log in tables)
+    if topic is not None:
+        searched = _of_topic(searched, topic, sensor, source)
+    if len(searched) == 1:
+        return searched[0]
+    named = [log for log in searched if not log.topic and log.stem.lower() == sensor]
     if named:
         return named[0]
-    having = [log for log in logs.values() if has_sensor(log, sensor, column_map)]
+    having = [log for log in searched if has_sensor(log, sensor, column_map)]
     if len(having) > 1:
-        names = " and ".join(log.path.name for log in having)
+        names = " and ".join(log.label for log in having)
+        key = "topic" if having[0].topic else "file"
         raise InputError(
             f"columns of {sensor} are spread over {names}",
             str(source.place),
-            f'Name the file in a map (--map): [{sensor}] file = "{having[0].path.name}"',
+            f'Name the {key} in a map (--map): [{sensor}] {key} = "{having[0].label}"',
         )
     return having[0] if having else None
 
 
+def _of_topic(searched: Tables, topic: str, sensor: str, source: TrialSource) -> Tables:
+    found = tuple(log for log in searched if log.topic == topic)
+    if found:
+        return found
+    there = [log.topic for log in searched if log.topic]
+    close = difflib.get_close_matches(topic, there, n=1)
+    raise InputError(
+        f"the map's topic {topic!r} for {sensor} is missing; found {listed(there) or 'no topics'}",
+        str(source.place),
+        f'Did you mean "{close[0]}"?' if close else "Correct the map.",
+    )
+
+
 def _refuse_missing(
     source: TrialSource,
-    logs: dict[Path, LogFile],
+    logs: dict[Path, Tables],
     columns: dict[str, dict[str, LogColumn]],
     homes: dict[str, LogFile],
     needed: Collection[str],
@@ -130,22 +154,24 @@ def _refuse_missing(
         if column in columns.get(channel.sensor, {}):
             continue
         home = homes.get(channel.sensor)
-        searched = [home] if home is not None else list(logs.values())
-        where = str(home.path) if home is not None else str(source.place)
-        raise missing_channel(channel, where, {log.path.name: log.names for log in searched})
+        searched = [home] if home else [log for tables in logs.values() for log in tables]
+        where = home.where if home is not None else str(source.place)
+        if searched[0].topic:
+            raise missing_topic(channel, where, [log.label for log in searched])
+        raise missing_channel(channel, where, {log.label: log.names for log in searched})
 
 
 def _read_sensors(
     homes: dict[str, LogFile], columns: dict[str, dict[str, LogColumn]], column_map: ColumnMap
 ) -> tuple[dict[str, RawSensor], dict[str, int]]:
-    """Read each file once and hand its columns to its sensors.
+    """Read each table once and hand its columns to its sensors.
 
     Returns the sensors, and for each the whole second from which its times count.
     """
     found: dict[str, RawSensor] = {}
     origins: dict[str, int] = {}
-    for path in dict.fromkeys(log.path for log in homes.values()):
-        here = [sensor for sensor, log in homes.items() if log.path == path]
+    for where in dict.fromkeys(log.where for log in homes.values()):
+        here = [sensor for sensor, log in homes.items() if log.where == where]
         log = homes[here[0]]
         wanted: dict[str, Kind | None] = {}
         for sensor in here:
@@ -166,7 +192,7 @@ def _read_sensors(
 
 
 def _stamps(log: LogFile, table: LogTable, name: str, mapping: SensorMap) -> Stamps:
-    where = f"{log.path}, column {name}"
+    where = f"{log.where}, column {name}"
     return read_stamps(table.columns[name], time_unit(name, mapping), where, table.rows)
 
 
@@ -182,12 +208,12 @@ def _valid_column(log: LogFile, sensor: str, here: Sequence[str], mapped: str | 
             raise InputError(
                 f"the map's valid column {mapped!r} for {sensor} is missing; found "
                 f"{', '.join(log.names)}",
-                str(log.path),
+                log.where,
                 "Correct the map.",
             )
         return found
     own = log.find(f"{sensor}_valid")
-    owner = stem(log.path).lower() if stem(log.path).lower() in here else "dvl"
+    owner = log.stem.lower() if log.stem.lower() in here else "dvl"
     owner = here[0] if len(here) == 1 else owner
     return own or (log.find("valid") if sensor == owner else None)
 
@@ -215,7 +241,7 @@ def _sensor(
     }
     return RawSensor(
         sensor=sensor,
-        file=str(log.path),
+        file=log.where,
         time_s=time_s[valid] + mapping.time_offset_s,
         values={key: _finite(numbers[valid]) for key, numbers in values.items()},
         rows=table.rows[valid],
@@ -251,7 +277,7 @@ def _is_false(flags: np.ndarray) -> np.ndarray:
 
 
 def _unused(
-    source: TrialSource, logs: dict[Path, LogFile], homes: dict[str, LogFile]
+    source: TrialSource, logs: dict[Path, Tables], homes: dict[str, LogFile]
 ) -> tuple[Finding, ...]:
     used = {log.path for log in homes.values()}
     return tuple(
@@ -262,6 +288,16 @@ def _unused(
         )
         for path in logs
         if path not in used
+    )
+
+
+def _damage(logs: dict[Path, Tables]) -> tuple[Finding, ...]:
+    """What the reader of a container could not read."""
+    return tuple(
+        Finding(code="log_damaged", message=note, where=str(path))
+        for path, tables in logs.items()
+        if tables[0].container is not None
+        for note in tables[0].container.notes
     )
 
 
