@@ -14,7 +14,16 @@ OPEN_FILES = 4  # containers that stay open, as a log is asked for its tables se
 
 # Ending -> module of this package whose `READER` opens such files. Where two formats share an
 # ending the first that knows the beginning of the file takes it.
-READERS: tuple[tuple[str, str], ...] = ()
+READERS: tuple[tuple[str, str], ...] = (
+    (".mat", "matlab"),
+    (".h5", "hdf5"),
+    (".hdf5", "hdf5"),
+    (".nc", "netcdf"),
+    (".alog", "moos"),
+    (".lsf", "lsts"),
+    (".lsf.gz", "lsts"),
+    (".log", "dated"),
+)
 
 
 def container_suffixes() -> tuple[str, ...]:
