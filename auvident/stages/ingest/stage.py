@@ -199,7 +199,8 @@ def _marked(table: pd.DataFrame, sensors: dict[str, CleanSensor]) -> pd.DataFram
     """The table, with what was not logged in its attributes; they go into the file."""
     marks = {column: how for k in sensors.values() for column, how in k.raw.not_logged.items()}
     if marks:
-        table.attrs["not_logged"] = ", ".join(f"{c}: {how}" for c, how in marks.items())
+        own = [c.column for c in CHANNELS if c.column in marks]
+        table.attrs["not_logged"] = ", ".join(f"{c}: {marks[c]}" for c in own)
     return table
 
 
