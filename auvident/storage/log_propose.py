@@ -1,7 +1,7 @@
 """A proposed ``MAP.toml`` for files with other names: aliases for columns, ranges for units."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -80,7 +80,19 @@ def propose_map(
     ]
     text = HEADER + "\n".join(table for table in tables if table)
     text += "".join(f"\n# No column found for {c}.\n" for c in unassigned)
+    text += _derive(found, unassigned)
     return (text, unassigned) if proposals else ("", unassigned)
+
+
+def _derive(found: Collection[str], unassigned: Collection[str]) -> str:
+    """What position and heading, or the heading alone, could stand in for; only proposed."""
+    from_heading = ("r_radps",) if "heading_rad" in found else ()
+    from_both = ("u_mps", "v_mps") if {"heading_rad", "north_m", "east_m"} <= {*found} else ()
+    wanted = [c[0] for c in (*from_both, *from_heading) if c in unassigned]
+    if not wanted:
+        return ""
+    lines = "".join(f"# {quantity} = true\n" for quantity in wanted)
+    return f"\n# Where nothing measured it, position and heading imply it:\n# [derive]\n{lines}"
 
 
 def _assign(
@@ -129,7 +141,8 @@ def _home(channel: Channel, logs: Mapping[Path, LogFile]) -> Path | None:
 def _exact(channel: Channel, names: list[str]) -> str | None:
     """Column of a channel by name or by the first, unmistakable aliases (long ones)."""
     sure = {channel.quantity, *(alias for alias in ALIASES[channel.quantity] if len(alias) > 2)}
-    return next((n for n in names if _base(n) in sure or n.strip().lower() in sure), None)
+    own_first = sorted(names, key=lambda name: _base(name) != channel.quantity)
+    return next((n for n in own_first if _base(n) in sure or n.strip().lower() in sure), None)
 
 
 def _base(name: str) -> str:

@@ -1,10 +1,12 @@
 """What a map says of inputs that were not logged, or not in rpm: constants, scales, offsets."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from auvident.errors import InputError
 from auvident.stages.ingest import ingest
+from auvident.storage.log_inspect import inspect_log
 from auvident.storage.logs import read_column_map, read_trials
 from tests.stages.ingest_world import vehicle
 from tests.storage.log_world import sensor_tables, wide_table, write_folder
@@ -101,3 +103,18 @@ def test_a_map_that_says_too_little_or_too_much_is_refused(tmp_path, text, words
         column_map(tmp_path, text)
     for word in words:
         assert word in str(caught.value)
+
+
+def test_a_log_without_dvl_and_gyro_is_shown_what_can_be_derived(tmp_path):
+    """A boat with GPS and compass; its measured rudder stands behind the command."""
+    t = np.arange(0.0, 60.0, 0.5)
+    table = pd.DataFrame({"time": t, "rudder_command": 10.0, "rudder": np.sin(t), "x0": t})
+    table = table.assign(y0=0.1 * t, heading=90 + t, speed_kn=2.0, rpm=600 + t)
+    table.to_csv(tmp_path / "boat.csv", index=False)
+    report = inspect_log(tmp_path / "boat.csv")
+    assert report.unassigned == ("v_mps", "r_radps")
+    assert 'rudder = { column = "rudder", ' in report.proposed_map
+    proposed = report.proposed_map.replace("# [derive]", "[derive]")
+    proposed = proposed.replace("# v = true", "v = true").replace("# r = true", "r = true")
+    (raw,) = read_trials([tmp_path / "boat.csv"], column_map(tmp_path, proposed))
+    assert raw.derive.columns == ("v_mps", "r_radps")
