@@ -57,7 +57,7 @@ def test_errors_are_as_large_as_claimed(harbour):
     errors = {c: float(np.sqrt(np.mean((both[f"{c}_derived"] - both[c]) ** 2))) for c in COLUMNS}
     ratios = np.array([errors[c] / told[c]["std"] for c in COLUMNS])
     assert 0.8 < np.sqrt(np.mean(ratios**2)) < 1.3
-    assert np.all((ratios > 0.5) & (ratios < 2.0)), ratios  # drift aside hardly shows at 0.3 m
+    assert np.all((ratios > 0.6) & (ratios < 1.4)), ratios
     assert all(errors[c] < told[c]["std_counted"] for c in COLUMNS)
     assert errors["u_mps"] < 0.05
     assert errors["r_radps"] < 0.008

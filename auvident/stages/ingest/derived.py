@@ -40,6 +40,8 @@ FROM = {
     "r_radps": "heading",
 }
 LEAST_SAMPLES = 20  # fewer readings do not tell motion from noise
+SPEED_FIXES = 200  # positions between which the usual speed is taken
+SLOWEST_LENGTHS = 0.02  # per second: a vehicle that lies still has no speed
 SLOWEST_S = 5.0  # a compass or a position that is slower shows no maneuver
 REMEDY = "Log it, name its column in a map (--map), or leave out [derive]."
 
@@ -80,7 +82,8 @@ def with_derived(
     if not asked:
         return raw, {}
     compass = _series(raw, vehicle, "heading_rad", max_gap_s)
-    turn = turning(compass.time_s, compass.values, _nodes(compass, max_gap_s))
+    passage = vehicle.hull.length_m / _speed(raw, vehicle)
+    turn = turning(compass.time_s, compass.values, _nodes(compass, max_gap_s), passage)
     found: dict[str, DerivedColumn] = {}
     facts: dict[str, Any] = {"heading_noise_rad": turn.noise_rad}
     if YAW_RATE in asked:
@@ -115,6 +118,23 @@ def stated_noise_for(vehicle: Vehicle, reports: list[TrialQuality]) -> Vehicle:
     if "gyro" in derived:
         update["gyro"] = vehicle.gyro.model_copy(update={"std_radps": None})
     return vehicle.model_copy(update=update)
+
+
+def _speed(raw: RawTrial, vehicle: Vehicle) -> float:
+    """Usual speed in m/s: by positions some seconds apart, else as logged, else one length a s."""
+    found = np.empty(0)
+    dvl, position = raw.sensors.get("dvl"), raw.sensors.get("position")
+    if position is not None and {"north_m", "east_m"} <= set(position.values):
+        near = np.arange(0, position.time_s.size, max(1, position.time_s.size // SPEED_FIXES))
+        steps = [np.diff(position.values[c][near]) for c in ("north_m", "east_m")]
+        apart = np.diff(position.time_s[near])
+        found = np.hypot(*steps)[apart > 0] / apart[apart > 0]
+    elif dvl is not None and "u_mps" in dvl.values:
+        found = np.abs(dvl.values["u_mps"])
+    found = found[np.isfinite(found)]
+    length = vehicle.hull.length_m
+    usual = float(np.median(found)) if found.size else length
+    return max(usual, SLOWEST_LENGTHS * length)
 
 
 # --- what it is derived from --------------------------------------------------------------
@@ -251,7 +271,8 @@ def _velocities(
             REMEDY,
         )
     north, east = _only(north, np.flatnonzero(own)), _only(east, np.flatnonzero(own))
-    moved = moving(north.time_s, north.values, east.values, turn, nodes)
+    passage = vehicle.hull.length_m / _speed(raw, vehicle)
+    moved = moving(north.time_s, (north.values, east.values), turn, nodes, passage)
     u, v = _as_read(raw, vehicle, turn, (moved.u, moved.v), nodes)
     ticks = _ticks(raw, "dvl") or (north.time_s, north.rows)
     for column, rate in zip(VELOCITIES, (u, v), strict=True):
