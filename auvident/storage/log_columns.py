@@ -4,6 +4,8 @@ import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from auvident.errors import InputError
 from auvident.schema.channels import BY_QUANTITY, CHANNELS, Channel
 from auvident.schema.logs import (
@@ -189,6 +191,11 @@ class LogColumn:
     name: str
     factor: float
     offset: float = 0.0
+
+    def in_si(self, numbers: np.ndarray) -> np.ndarray:
+        """Numbers of the file in the unit of the channel."""
+        found = self.factor * numbers
+        return found + self.offset if self.offset else found
 
 
 def of_sensor(sensor: str) -> tuple[Channel, ...]:

@@ -235,10 +235,7 @@ def _sensor(
         false = _is_false(table.columns[flag]) & valid
         _note(dropped, dropped_rows, "marked_invalid", table.rows[false])
         valid &= ~false
-    values = {
-        key: column.factor * table.columns[column.name] + column.offset
-        for key, column in columns.items()
-    }
+    values = {key: column.in_si(table.columns[column.name]) for key, column in columns.items()}
     return RawSensor(
         sensor=sensor,
         file=log.where,
