@@ -365,10 +365,15 @@ def _record_failure(
     run.save(manifest.model_copy(update={"failed": failed}))
 
 
+def _marks(table: "pd.DataFrame") -> dict[str, str]:
+    """What a stage says of a table as a whole."""
+    return {str(key): str(value) for key, value in table.attrs.items()}
+
+
 def _bytes(name: str, artifact: "Any | pd.DataFrame") -> bytes:
     """Content of a file by the end of its name."""
     if name.endswith(".parquet"):
-        return parquet_bytes(artifact, {"program": f"auvident {__version__}"})
+        return parquet_bytes(artifact, {"program": f"auvident {__version__}", **_marks(artifact)})
     if name.endswith(".json"):
         return json_bytes(artifact, name)
     return artifact if isinstance(artifact, bytes) else str(artifact).encode()

@@ -45,6 +45,7 @@ LEAST_UNDER_WAY_MPS = 0.3  # slower samples do not belong to a run at speed
 def ingest(given: Given) -> dict[str, Any]:
     """Read the logs and the vehicle file, bring every trial to one clock."""
     from auvident.schema.logs import Quality
+    from auvident.stages.ingest import stated_noise_for
     from auvident.storage.declared import outside_allowed
     from auvident.storage.vehicle_file import load_vehicle
 
@@ -61,12 +62,13 @@ def ingest(given: Given) -> dict[str, Any]:
     outputs: dict[str, Any] = {
         f"ingest/{name}.parquet": done.trial.table for name, done in used.items()
     }
-    outputs["ingest/vehicle.json"] = vehicle
+    qualities = tuple(done.quality for done in used.values())
+    outputs["ingest/vehicle.json"] = stated_noise_for(vehicle, qualities)
     report = Quality.model_validate(
         {
             "vehicle": vehicle.body.name,
             "rate_hz": given.options["rate_hz"],
-            "trials": tuple(done.quality for done in used.values()),
+            "trials": qualities,
             "findings": (*aside.findings(), *_left_out_findings(given.options)),
             "set_aside": aside.told(),
         }

@@ -91,8 +91,9 @@ def _sensor(s: SensorQuality) -> list[Cell]:
         if c.noise_std
     ]
     longest = max((c.longest_gap_s for c in s.channels), default=0.0)
+    made = dict.fromkeys(c.source for c in s.channels if c.source != "logged")
     return [
-        s.sensor,
+        f"{s.sensor} ({', '.join(made)})" if made else s.sensor,
         left_out((s,)),
         Joined(noise),
         str(s.rows_read),

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from auvident.schema.artifacts import Finding
 from auvident.schema.base import Artifact, Declared
-from auvident.schema.channels import BY_QUANTITY
+from auvident.schema.channels import BY_COLUMN, BY_QUANTITY, SENSORS
 
 if TYPE_CHECKING:
     import numpy as np
@@ -63,6 +63,11 @@ UNIT_SPELLINGS: dict[str, str] = {
     "metres": "m",
     "meters": "m",
 }
+PERCENT = frozenset(("percent", "%", "pct"))  # of a throttle: no unit until its scale is known
+PERCENT_REMEDY = (
+    "a throttle in percent needs scale, the rpm of one percent: "
+    '{ column = "throttle", unit = "percent", scale = 12.5 }'
+)
 TIME_UNITS: dict[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -82,11 +87,28 @@ def units_of(dimension: str) -> tuple[str, ...]:
 
 
 class ColumnEntry(Declared):
-    """Column of a quantity: ``{ column = "delta_cmd", unit = "deg", sign = -1 }``."""
+    """Column of a quantity: ``{ column = "delta_cmd", unit = "deg", sign = -1 }``.
 
-    column: str
+    `scale` and `offset` make numbers of `unit` of those in the column, `sign` comes last:
+    sign * (scale * number + offset). In place of a column an input may have a `constant`.
+    """
+
+    column: str | None = None
     unit: str | None = None
     sign: Literal[1, -1] = 1
+    scale: float = 1.0
+    offset: float = 0.0
+    constant: float | None = None
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        if (self.column is None) == (self.constant is None):
+            raise ValueError("give either column or constant")
+        if self.scale == 0.0:
+            raise ValueError("scale = 0 would leave nothing of the column")
+        if self.constant is not None and {"scale", "offset"} & self.model_fields_set:
+            raise ValueError("a constant takes neither scale nor offset")
+        return self
 
 
 def _from_name(value: object) -> object:
@@ -94,6 +116,7 @@ def _from_name(value: object) -> object:
 
 
 Entry = Annotated[ColumnEntry, BeforeValidator(_from_name)] | None
+NotLogged = Literal["constant", "derived"]  # where a channel comes from that no sensor logged
 TimeUnit = Literal["s", "ms", "us", "ns", "iso"]
 
 
@@ -119,11 +142,32 @@ class SensorMap(Declared):
     def _units_fit(self) -> Self:
         for quantity, entry in self.entries().items():
             dimension = BY_QUANTITY[quantity].unit
+            _check_constant(quantity, entry)
+            if _is_percent(quantity, entry):
+                continue
             name = unit_name(entry.unit) if entry.unit is not None else None
             if entry.unit is not None and (name is None or UNITS[name][0] != dimension):
                 allowed = ", ".join(units_of(dimension))
                 raise ValueError(f"unit {entry.unit!r} of {quantity} is not one of {allowed}")
         return self
+
+
+def _check_constant(quantity: str, entry: ColumnEntry) -> None:
+    if entry.constant is None:
+        return
+    if BY_QUANTITY[quantity].kind != "input":
+        raise ValueError(f"{quantity} is measured: only an input may be constant")
+    if entry.unit is None and BY_QUANTITY[quantity].unit != "1/min":
+        raise ValueError(f"the constant {quantity} needs a unit")
+
+
+def _is_percent(quantity: str, entry: ColumnEntry) -> bool:
+    """Whether a column is a throttle in percent, which its scale makes rpm."""
+    if quantity != "rpm" or (entry.unit or "").strip().lower() not in PERCENT:
+        return False
+    if "scale" not in entry.model_fields_set:
+        raise ValueError(PERCENT_REMEDY)
+    return True
 
 
 class DvlMap(SensorMap):
@@ -192,6 +236,25 @@ class PositionMap(SensorMap):
     east: Entry = None
 
 
+class Derive(Declared):
+    """``[derive]``: velocities and yaw rate from position and heading, where nothing measured them.
+
+    `x_m`, `y_m`: where the position is taken (antenna, transponder), in vehicle axes from the
+    origin.
+    """
+
+    u: bool = False
+    v: bool = False
+    r: bool = False
+    x_m: float = 0.0
+    y_m: float = 0.0
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Channel columns that are asked for."""
+        return tuple(BY_QUANTITY[q].column for q in ("u", "v", "r") if getattr(self, q))
+
+
 class ColumnMap(Declared):
     """``MAP.toml``: the user's files, columns, units and signs.
 
@@ -210,6 +273,18 @@ class ColumnMap(Declared):
     attitude: AttitudeMap | None = None
     depth: DepthMap | None = None
     position: PositionMap | None = None
+    derive: Derive = Derive()
+
+    @model_validator(mode="after")
+    def _measured_or_derived(self) -> Self:
+        for column in self.derive.columns:
+            channel = BY_COLUMN[column]
+            if channel.quantity in self.of(channel.sensor).entries():
+                raise ValueError(
+                    f"[{channel.sensor}] {channel.quantity} has a column and [derive] asks for it "
+                    "as well: keep one"
+                )
+        return self
 
     def of(self, sensor: str) -> SensorMap:
         """Table of one sensor with the common settings filled in."""
@@ -220,6 +295,16 @@ class ColumnMap(Declared):
             if getattr(own, key) is None
         }
         return own.model_copy(update=common)
+
+    def constants(self) -> dict[str, float]:
+        """Constant inputs by channel column, in the unit of the channel."""
+        found = {}
+        for sensor in SENSORS:
+            for quantity, entry in self.of(sensor).entries().items():
+                if entry.constant is not None:
+                    factor = UNITS[unit_name(entry.unit) or ""][1] if entry.unit else 1.0
+                    found[BY_QUANTITY[quantity].column] = entry.sign * factor * entry.constant
+        return found
 
 
 # --- raw logs -----------------------------------------------------------------------------
@@ -253,6 +338,10 @@ class RawSensor:
         The map's word on whether rows are written only on change.
     time_column : str
         Name of its time column in the file.
+    not_logged : dict of str to str
+        Columns that no sensor logged: ``constant`` or ``derived``.
+    std : dict of str to float
+        Noise of a derived column that the identification counts with.
     """
 
     sensor: str
@@ -266,6 +355,8 @@ class RawSensor:
     dropped_rows: dict[str, tuple[int, ...]] = field(default_factory=dict)
     on_change: bool | None = None
     time_column: str = "time_s"
+    not_logged: dict[str, NotLogged] = field(default_factory=dict)
+    std: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -282,12 +373,15 @@ class RawTrial:
         What the readers noticed.
     origin : str
         Time (ISO 8601, UTC) of ``time_s`` = 0 when the log has absolute time stamps, else "".
+    derive : Derive
+        What the map wants derived from position and heading.
     """
 
     name: str
     sensors: dict[str, RawSensor]
     findings: tuple[Finding, ...] = ()
     origin: str = ""
+    derive: Derive = field(default_factory=Derive)
 
 
 # --- quality.json -------------------------------------------------------------------------
@@ -308,7 +402,8 @@ class ChannelQuality(Artifact):
     """What became of one channel.
 
     `noise_std` is that of the raw samples in the channel's unit (None for inputs and where
-    there are too few); `interpolated_share` and `missing_share` refer to the grid.
+    there are too few; of a derived one what the identification counts with);
+    `interpolated_share` and `missing_share` refer to the grid. `source` says where it comes from.
     """
 
     column: str
@@ -325,6 +420,7 @@ class ChannelQuality(Artifact):
     gap_limit_s: float | None = None
     interpolated_share: float = 0.0
     missing_share: float = 0.0
+    source: Literal["logged"] | NotLogged = "logged"
 
 
 class SensorQuality(Artifact):

@@ -4,12 +4,16 @@ import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from auvident.errors import InputError
 from auvident.schema.channels import BY_QUANTITY, CHANNELS, Channel
 from auvident.schema.logs import (
+    PERCENT,
     TIME_UNITS,
     UNITS,
     ColumnEntry,
+    Derive,
     SensorMap,
     unit_name,
     units_of,
@@ -181,11 +185,17 @@ TIME_REMEDY = "Name it time_s (seconds) or timestamp (ISO 8601 or epoch)"
 
 @dataclass(frozen=True)
 class LogColumn:
-    """A column of a file that holds a channel: SI value = `factor` times the number."""
+    """A column of a file that holds a channel: SI value = `factor` times the number + `offset`."""
 
     channel: Channel
     name: str
     factor: float
+    offset: float = 0.0
+
+    def in_si(self, numbers: np.ndarray) -> np.ndarray:
+        """Numbers of the file in the unit of the channel."""
+        found = self.factor * numbers
+        return found + self.offset if self.offset else found
 
 
 def of_sensor(sensor: str) -> tuple[Channel, ...]:
@@ -270,6 +280,8 @@ def resolve(log: LogFile, sensor: str, mapping: SensorMap) -> dict[str, LogColum
     found = {}
     for channel in of_sensor(sensor):
         entry = entries.get(channel.quantity)
+        if entry is not None and entry.column is None:  # a constant
+            continue
         column = _mapped(log, channel, entry) if entry else _by_name(log, channel)
         if column is not None:
             found[channel.column] = column
@@ -277,12 +289,22 @@ def resolve(log: LogFile, sensor: str, mapping: SensorMap) -> dict[str, LogColum
 
 
 def _mapped(log: LogFile, channel: Channel, entry: ColumnEntry) -> LogColumn:
-    name = log.find(entry.column)
+    wanted = entry.column or ""
+    name = log.find(wanted)
     if name is None:
-        what = f"the map's column {entry.column!r} for {channel.quantity}"
-        raise _missing(log, what, entry.column)
+        what = f"the map's column {wanted!r} for {channel.quantity}"
+        raise _missing(log, what, wanted)
+    factor = entry.sign * _factor(log, name, channel, _unit_of_entry(log, name, channel, entry))
+    return LogColumn(channel, name, factor * entry.scale, factor * entry.offset)
+
+
+def _unit_of_entry(log: LogFile, name: str, channel: Channel, entry: ColumnEntry) -> str | None:
+    """Unit by the map, or as the file states it; a scaled throttle is rpm."""
+    if entry.unit and entry.unit.strip().lower() in PERCENT:
+        return "rpm"
     unit = unit_name(entry.unit) if entry.unit else _stated_unit(log, name, channel)
-    return LogColumn(channel, name, _factor(log, name, channel, unit) * entry.sign)
+    scaled = channel.quantity == "rpm" and "scale" in entry.model_fields_set
+    return "rpm" if unit is None and scaled else unit
 
 
 def _by_name(log: LogFile, channel: Channel) -> LogColumn | None:
@@ -378,8 +400,21 @@ def missing_channel(
         f"no column {suffixes} ({channel.meaning}) for {channel.sensor}; "
         f"found {found or 'nothing'}",
         where,
-        f"Name the column in a map (--map; `auvident inspect` proposes one): {place}",
+        f"Name the column in a map (--map; `auvident inspect` proposes one): {place}"
+        + _without(channel),
     )
+
+
+def _without(channel: Channel) -> str:
+    """What a map can say of a channel that was not logged."""
+    if channel.quantity == "rpm":
+        return "; where it was not logged but held, [rpm] rpm = { constant = 600 }"
+    if channel.quantity in Derive.model_fields:
+        return (
+            f"; where nothing measured it but position and heading are logged, "
+            f"[derive] {channel.quantity} = true"
+        )
+    return ""
 
 
 def missing_topic(channel: Channel, where: str, topics: Sequence[str]) -> InputError:

@@ -1,7 +1,7 @@
 """A proposed ``MAP.toml`` for files with other names: aliases for columns, ranges for units."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -58,6 +58,7 @@ def propose_map(logs: Mapping[str, LogFile], values: Values) -> tuple[str, tuple
     ]
     text = HEADER + "\n".join(table for table in tables if table)
     text += "".join(f"\n# No column found for {c}.\n" for c in unassigned)
+    text += _derive(found, unassigned)
     return (text, unassigned) if proposals else ("", unassigned)
 
 
@@ -70,6 +71,17 @@ def _first_of_alike(logs: Mapping[str, LogFile]) -> dict[str, LogFile]:
     first = containers[0] if containers else next(iter(files), None)
     alike = len(files) > 1 and all(tables == files[first] for tables in files.values())
     return {k: log for k, log in logs.items() if not (alike or containers) or log.path == first}
+
+
+def _derive(found: Collection[str], unassigned: Collection[str]) -> str:
+    """What position and heading, or the heading alone, could stand in for; only proposed."""
+    from_heading = ("r_radps",) if "heading_rad" in found else ()
+    from_both = ("u_mps", "v_mps") if {"heading_rad", "north_m", "east_m"} <= {*found} else ()
+    wanted = [c[0] for c in (*from_both, *from_heading) if c in unassigned]
+    if not wanted:
+        return ""
+    lines = "".join(f"# {quantity} = true\n" for quantity in wanted)
+    return f"\n# Where nothing measured it, position and heading imply it:\n# [derive]\n{lines}"
 
 
 def _assign(logs: Mapping[str, LogFile], values: Values) -> list[Proposal]:

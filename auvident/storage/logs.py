@@ -35,6 +35,7 @@ from auvident.storage.log_columns import (
     time_column,
     time_unit,
 )
+from auvident.storage.log_constant import with_constants
 from auvident.storage.log_csv import Kind, LogTable
 from auvident.storage.log_file import LogFile, open_logs, read_log
 from auvident.storage.log_find import TrialSource, find_trials, has_sensor
@@ -102,11 +103,14 @@ def read_trial(
         if log is not None:
             columns[sensor] = resolve(log, sensor, column_map.of(sensor))
             homes[sensor] = log
-    _refuse_missing(source, logs, columns, homes, needed)
+    elsewhere = {*column_map.constants(), *column_map.derive.columns}
+    logged = [column for column in needed if column not in elsewhere]
+    _refuse_missing(source, logs, columns, homes, logged)
     homes = {sensor: log for sensor, log in homes.items() if columns[sensor]}
     sensors, origins = _read_sensors(homes, columns, column_map)
     findings = (*_unused(source, logs, homes), *_damage(logs))
-    return _from_common_origin(source.name, sensors, origins, findings)
+    raw = _from_common_origin(source.name, sensors, origins, findings)
+    return replace(with_constants(raw, column_map), derive=column_map.derive)
 
 
 def _home(
@@ -243,7 +247,7 @@ def _sensor(
         false = _is_false(table.columns[flag]) & valid
         _note(dropped, dropped_rows, "marked_invalid", table.rows[false])
         valid &= ~false
-    values = {key: column.factor * table.columns[column.name] for key, column in columns.items()}
+    values = {key: column.in_si(table.columns[column.name]) for key, column in columns.items()}
     if isinstance(mapping, AttitudeMap) and mapping.frame == "enu":
         values = _to_ned(values)
     return RawSensor(

@@ -140,7 +140,7 @@ def _clean_channel(raw: RawSensor, channel: Channel, keep: np.ndarray, vehicle: 
     if not channel.is_angle:
         refuse_wrong_unit(raw, channel, values[index])
         drop("implausible", np.abs(values[index]) > channel.plausible)
-    if channel.kind == "measured":
+    if channel.kind == "measured" and channel.column not in raw.not_logged:
         drop("outlier", find_outliers(_unwrapped(values[index], channel)))
     sign = internal_sign(channel, vehicle)
     if channel.is_angle or sign < 0:

@@ -40,7 +40,7 @@ def without_roll(
     """
     rate = next((k.series[ROLL_RATE] for k in sensors.values() if ROLL_RATE in k.series), None)
     own = next((k for k in sensors.values() if ASIDE in k.series), None)
-    if dvl.z_m == 0.0 or rate is None or own is None:
+    if dvl.z_m == 0.0 or rate is None or own is None or ASIDE in own.raw.not_logged:
         return dict(sensors), ()
     yaw, series = math.radians(dvl.mounting_yaw_deg), dict(own.series)
     for column, share in ((AHEAD, math.sin(yaw)), (ASIDE, math.cos(yaw))):

@@ -99,7 +99,7 @@ def _sensor(
         sensor=sensor.raw.sensor,
         file=sensor.raw.file,
         rows_read=sensor.raw.rows_read,
-        rows_used=sensor.time_s.size,
+        rows_used=sensor.time_s.size if sensor.raw.rows_read else 0,
         dropped=sensor.dropped,
         rate_hz=1.0 / period if period > 0 else None,
         jitter_s=_jitter(sensor.time_s, period),
@@ -136,21 +136,24 @@ def _channel(
     measured = series.channel.kind == "measured"
     enough = values.size >= MIN_NOISE_SAMPLES
     known = np.isfinite(found.values)
+    column = series.channel.column
+    noise = noise_std(values) if measured and enough else None
     return ChannelQuality(
-        column=series.channel.column,
-        log_column=sensor.raw.columns[series.channel.column],
+        column=column,
+        log_column=sensor.raw.columns[column],
         unit=series.channel.unit,
         samples=values.size,
         dropped=series.dropped,
         minimum=float(values.min()),
         maximum=float(values.max()),
-        noise_std=noise_std(values) if measured and enough else None,
+        noise_std=sensor.raw.std.get(column, noise),
         resolution=resolution(values) if measured else None,
         gaps=gaps,
         longest_gap_s=longest,
         gap_limit_s=plan.limit_s if np.isfinite(plan.limit_s) else None,
         interpolated_share=float(np.mean(known & ~found.sampled)) if measured else 0.0,
         missing_share=float(np.mean(~known)),
+        source=sensor.raw.not_logged.get(column, "logged"),
     )
 
 

@@ -20,7 +20,7 @@ def sampling_findings(
 ) -> list[Finding]:
     """Findings of one trial, from the quality of its sensors."""
     own = {BY_COLUMN[column].sensor for column in needed}
-    found = [*_spans([s for s in sensors if s.sensor in own])]
+    found = [*_spans([s for s in sensors if s.sensor in own and s.rows_read])]
     for sensor in sensors:
         found += [*_clock(sensor), *_losses(sensor), *_holds(sensor)]
         for channel in sensor.channels:
@@ -102,7 +102,8 @@ def _holds(sensor: SensorQuality) -> Iterator[Finding]:
             where=sensor.file,
             value=sensor.rate_hz,
         )
-    if sensor.method in ("on_change", "heartbeat"):
+    logged = any(c.source == "logged" for c in sensor.channels)
+    if logged and sensor.method in ("on_change", "heartbeat"):
         longest = max((c.longest_gap_s for c in sensor.channels), default=0.0)
         how = "only when it changes" if sensor.method == "on_change" else "on change and regularly"
         yield Finding(

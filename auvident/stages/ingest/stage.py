@@ -21,6 +21,7 @@ from auvident.schema.logs import RawTrial, TrialQuality
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.clean import CleanSensor, Series, clean_trial
+from auvident.stages.ingest.derived import with_derived
 from auvident.stages.ingest.dvl_roll import without_roll
 from auvident.stages.ingest.quality import report
 from auvident.stages.ingest.resample import (
@@ -94,6 +95,7 @@ def ingest(
             f"Give a rate of 0 to {MAX_RATE_HZ:g} Hz and a gap above 0.",
         )
     needed = tuple(needed)
+    raw, facts = with_derived(raw, vehicle, rate_hz, max_gap_s)
     sensors = clean_trial(raw, vehicle, needed)
     sensors, done = without_roll(sensors, vehicle.dvl, max_gap_s)
     _refuse_too_slow(sensors, needed)
@@ -103,9 +105,10 @@ def ingest(
     columns = {c: x for c, x in columns.items() if c in needed or np.isfinite(x.values).any()}
     sensors = {name: _only(k, columns) for name, k in sensors.items()}
     table = _table(grid, columns, needed)
-    trial = Trial(raw.name, table, rate_hz)
+    trial = Trial(raw.name, _marked(table, sensors), rate_hz)
     quality = report(raw, trial, vehicle, sensors, plans, columns, needed)
-    return trial, quality.model_copy(update={"findings": (*quality.findings, *done)})
+    update = {"findings": (*quality.findings, *done), "checks": quality.checks | facts}
+    return trial, quality.model_copy(update=update)
 
 
 def _series(sensors: dict[str, CleanSensor]) -> list[tuple[str, Series, CleanSensor]]:
@@ -190,6 +193,15 @@ def _table(grid: Grid, columns: dict[str, Resampled], needed: tuple[str, ...]) -
     known = np.logical_and.reduce([np.isfinite(columns[c].values) for c in needed])
     table[RECORD_COLUMN] = _records(known)
     return pd.DataFrame(table)
+
+
+def _marked(table: pd.DataFrame, sensors: dict[str, CleanSensor]) -> pd.DataFrame:
+    """The table, with what was not logged in its attributes; they go into the file."""
+    marks = {column: how for k in sensors.values() for column, how in k.raw.not_logged.items()}
+    if marks:
+        own = [c.column for c in CHANNELS if c.column in marks]
+        table.attrs["not_logged"] = ", ".join(f"{c}: {marks[c]}" for c in own)
+    return table
 
 
 def _records(known: np.ndarray) -> np.ndarray:

@@ -20,6 +20,14 @@ READERS: tuple[tuple[str, str], ...] = (
     (".mcap", "ros"),
     (".ulg", "ulog"),
     (".bin", "dataflash"),
+    (".mat", "matlab"),
+    (".h5", "hdf5"),
+    (".hdf5", "hdf5"),
+    (".nc", "netcdf"),
+    (".alog", "moos"),
+    (".lsf", "lsts"),
+    (".lsf.gz", "lsts"),
+    (".log", "dated"),
 )
 
 

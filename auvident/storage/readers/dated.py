@@ -1,0 +1,141 @@
+"""Text logs of Iver3, REMUS and others that write date and time of day into two columns.
+
+Columns are named as in the file, units in brackets behind the name. `timestamp` is made of both
+columns, north and east in m of latitude and longitude in degrees, from the first fix.
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from auvident.errors import InputError
+from auvident.storage.log_layout import BRACKETS
+from auvident.storage.log_text import read_text
+from auvident.storage.readers.interface import Tables, in_memory
+
+TABLE = "log"
+STAMP_COLUMN = "timestamp"
+DATE, TIME = ("date", "utc date", "gps date"), ("time", "utc time", "gps time", "time of day")
+LATITUDE, LONGITUDE = ("latitude", "lat"), ("longitude", "lon", "long")
+DELIMITERS = (";", ",", "\t")
+CLOCK = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:\.\d+)?)")
+DATES = ("%m/%d/%Y", "%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%m/%d/%y")
+LEAST_READ = 0.9  # share of the rows whose date and time can be read
+EARTH_M, FLATTENING = 6378137.0, 1 / 298.257223563  # WGS 84
+
+
+@dataclass(frozen=True)
+class DatedReader:
+    """Text with a column for the date and one for the time of day (``.log``)."""
+
+    name: str = "text with date and time of day"
+
+    def matches(self, path: Path, head: bytes) -> bool:
+        """By the names in the first line."""
+        first = head.split(b"\n")[0].decode(errors="replace").lstrip("\ufeff")
+        names = _names(first)
+        return _find(names, DATE) is not None and _find(names, TIME) is not None
+
+    def open(self, path: Path) -> Tables:
+        """Read the log."""
+        content, _ = read_text(path)
+        head, _, body = content.decode(errors="replace").lstrip("\ufeff").partition("\n")
+        names, mark = _names(head), _delimiter(head)
+        rows = [line.rstrip("\r").split(mark) for line in body.split("\n") if line.strip()]
+        good = [row for row in rows if len(row) in (len(names), len(names) + 1)]
+        if not good:
+            raise InputError("has column names but no data", str(path))
+        lost = len(rows) - len(good)
+        texts = {
+            name: pd.Series([row[k].strip() for row in good])
+            for k, (name, _) in enumerate(names)
+            if name
+        }
+        columns = {STAMP_COLUMN: _stamps(texts, names, path)}
+        columns |= {name: _column(text) for name, text in texts.items()}
+        columns |= _from_first_fix(columns, names)
+        units = {(TABLE, name): unit for name, unit in names}
+        units |= dict.fromkeys([(TABLE, "north_m"), (TABLE, "east_m")], "m")
+        notes = (f"{lost} lines do not have the fields of the first one",) if lost else ()
+        return in_memory({TABLE: columns}, {TABLE: STAMP_COLUMN}, units, notes)
+
+
+def _delimiter(head: str) -> str:
+    return max(DELIMITERS, key=head.count)
+
+
+def _names(head: str) -> list[tuple[str, str]]:
+    """Names of the columns and the units behind them."""
+    found = []
+    for text in head.rstrip("\r\n").split(_delimiter(head)):
+        split = BRACKETS.match(text.strip())
+        found.append((split["name"], split["unit"]) if split else (text.strip(), ""))
+    return found
+
+
+def _find(names: list[tuple[str, str]], wanted: tuple[str, ...]) -> str | None:
+    return next((name for name, _ in names if name.lower() in wanted), None)
+
+
+def _stamps(texts: dict[str, pd.Series], names: list[tuple[str, str]], path: Path) -> np.ndarray:
+    """Date and time of day as ``datetime64[ns]``; NaT where they cannot be read."""
+    clock = texts[_find(names, TIME) or ""].str.extract(CLOCK).astype(float)
+    seconds = 3600.0 * clock[0] + 60.0 * clock[1] + clock[2]
+    days = _days(texts[_find(names, DATE) or ""])
+    known = (seconds.notna() & days.notna()).to_numpy()
+    if known.mean() < LEAST_READ:
+        row = int(np.flatnonzero(~known)[0]) + 2
+        raise InputError(
+            "date and time of day cannot be read",
+            f"{path}, row {row}",
+            "Write dates as 2024-05-01 or 5/1/2024 (month first), times as 12:00:00.0.",
+        )
+    found = np.full(known.size, np.datetime64("NaT", "ns"))
+    ns = np.rint(seconds.to_numpy()[known] * 1e3).astype(np.int64) * 10**6
+    found[known] = days.to_numpy()[known].astype("datetime64[ns]") + ns.astype("timedelta64[ns]")
+    return found
+
+
+def _days(texts: pd.Series) -> pd.Series:
+    """Days by the first way of writing that fits most of them."""
+    tried = [pd.to_datetime(texts, format=way, errors="coerce") for way in DATES]
+    return max(tried, key=lambda days: int(days.notna().sum()))
+
+
+def _column(texts: pd.Series) -> np.ndarray:
+    """Numbers where all are, or empty; else text."""
+    numbers = pd.to_numeric(texts, errors="coerce")
+    empty = texts.str.lower().isin(("", "nan", "n/a", "na", "-"))
+    if (numbers.notna() | empty).all():
+        return numbers.to_numpy(dtype=float)
+    return texts.to_numpy(dtype=object)
+
+
+def _from_first_fix(
+    columns: dict[str, np.ndarray], names: list[tuple[str, str]]
+) -> dict[str, np.ndarray]:
+    """North and east in m by the radii of curvature at the first fix (WGS 84)."""
+    own = [_find(names, wanted) for wanted in (LATITUDE, LONGITUDE)]
+    if None in own or any(columns[name or ""].dtype == object for name in own):
+        return {}
+    lat, lon = (columns[name or ""] for name in own)
+    fixed = np.isfinite(lat) & np.isfinite(lon) & ((lat != 0) | (lon != 0))  # 0, 0: no fix
+    if not fixed.any():
+        return {}
+    first = int(np.argmax(fixed))
+    e2 = FLATTENING * (2.0 - FLATTENING)
+    w = 1.0 - e2 * np.sin(np.deg2rad(lat[first])) ** 2
+    meridian, across = EARTH_M * (1.0 - e2) / w**1.5, EARTH_M / np.sqrt(w)
+    ahead = np.deg2rad(lat - lat[first]) * meridian
+    turn = (lon - lon[first] + 180.0) % 360.0 - 180.0
+    aside = np.deg2rad(turn) * across * np.cos(np.deg2rad(lat[first]))
+    return {
+        "north_m": np.where(fixed, ahead, np.nan),
+        "east_m": np.where(fixed, aside, np.nan),
+    }
+
+
+READER = DatedReader()

@@ -1,0 +1,256 @@
+"""Damaged, odd and hostile files of arrays and text logs: refused or told, and never run."""
+
+import gzip
+import pickle
+import struct
+
+import numpy as np
+import pytest
+
+from auvident.errors import InputError
+from auvident.storage.log_file import open_logs, read_log
+from auvident.storage.logs import read_trials
+from auvident.storage.readers.fields import instants
+from tests.storage.readers.array_world import (
+    START_S,
+    write_alog,
+    write_hdf5,
+    write_lsf,
+    write_mat_5,
+    write_mat_73,
+    write_netcdf_3,
+    write_netcdf_4,
+)
+
+WRITERS = {
+    "a.mat": ("scipy", write_mat_5),
+    "b.mat": ("h5py", write_mat_73),
+    "a.h5": ("h5py", write_hdf5),
+    "a.nc": ("scipy", write_netcdf_3),
+    "b.nc": ("h5netcdf", write_netcdf_4),
+    "a.alog": ("numpy", write_alog),
+    "a.lsf": ("imcpy", write_lsf),
+}
+
+
+def tables_in(path):
+    return {log.topic: log for log in open_logs(path)}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_files_cut_off_or_overwritten_are_refused_or_read(name, tmp_path):
+    """Whatever is done to a file, the only error is one that names it."""
+    library, write = WRITERS[name]
+    pytest.importorskip(library)
+    whole = write(tmp_path / name).read_bytes()
+    rng = np.random.default_rng(1)
+    damaged = [whole[: int(len(whole) * share)] for share in (0.02, 0.3, 0.7, 0.99)]
+    for _ in range(4):
+        wrong = bytearray(whole)
+        for at in rng.integers(16, len(whole), 40):
+            wrong[at] = rng.integers(256)
+        damaged.append(bytes(wrong))
+    for k, content in enumerate(damaged):
+        path = tmp_path / f"{k}{name}"
+        path.write_bytes(content)
+        try:
+            for log in open_logs(path):
+                if log.container is not None:
+                    read_log(log, dict.fromkeys(log.names[:3]))
+        except InputError as error:
+            assert path.name in str(error)
+
+
+def test_a_pickle_beside_an_lsf_is_not_loaded(tmp_path):
+    pytest.importorskip("imcpy")
+    path = write_lsf(tmp_path / "Data.lsf")
+
+    class Bomb:
+        def __reduce__(self):
+            return (open, (str(tmp_path / "ran"), "w"))
+
+    (tmp_path / "Data.imcpy_idx").write_bytes(pickle.dumps(Bomb()))
+    assert "ServoPosition[id=1]" in tables_in(path)
+    assert not (tmp_path / "ran").exists()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["Data.imcpy_idx", "Data.lsf"]
+
+
+def test_an_lsf_is_read_on_after_a_damaged_stretch(tmp_path):
+    pytest.importorskip("imcpy")
+    content = write_lsf(tmp_path / "Data.lsf").read_bytes()
+    whole = tables_in(tmp_path / "Data.lsf")["Rpm"].container.tables["Rpm"].rows
+    path = tmp_path / "cut.lsf.gz"
+    path.write_bytes(gzip.compress(content[:5000] + b"\x00" * 300 + content[5300:-3]))
+    log = tables_in(path)["Rpm"]
+    assert whole - 10 < log.container.tables["Rpm"].rows <= whole
+    assert "bytes are damaged" in log.container.notes[0]
+
+
+def test_a_timetable_is_refused_with_what_to_save(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "t.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        data = file.create_dataset("T", data=np.zeros((1, 6), np.uint32))
+        data.attrs["MATLAB_object_decode"] = np.int32(3)
+    with path.open("r+b") as stream:
+        stream.write(b"MATLAB 7.3 MAT-file".ljust(128))
+    with pytest.raises(InputError) as caught:
+        open_logs(path)
+    assert "timetable" in str(caught.value) and "table2struct" in str(caught.value)
+
+
+def test_a_timetable_of_version_5_is_refused(tmp_path):
+    """An opaque element by hand: MATLAB's own form of objects in version 5."""
+
+    def element(kind, content):
+        return struct.pack("<II", kind, len(content)) + content + b"\0" * (-len(content) % 8)
+
+    flags = element(6, struct.pack("<II", 17, 0))
+    words = b"".join(element(1, word) for word in (b"T", b"MCOS", b"timetable"))
+    array = element(14, element(6, struct.pack("<II", 6, 0)) + element(5, struct.pack("<ii", 1, 1)))
+    head = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
+    path = tmp_path / "t.mat"
+    path.write_bytes(head + element(14, flags + words + array))
+    with pytest.raises(InputError) as caught:
+        open_logs(path)
+    assert "MAT" in str(caught.value)
+
+
+def test_cells_and_objects_are_told_beside_arrays(tmp_path):
+    from scipy.io import savemat
+
+    cells = np.empty(2, dtype=object)
+    cells[0], cells[1] = np.arange(3.0), "text"
+    structs = np.zeros(4, dtype=[("t", object), ("x", object)])
+    for k in range(4):
+        structs[k] = (float(k), np.arange(k + 1.0))
+    time = {"time_s": np.arange(5.0), "inner": {"u_mps": np.ones(5), "axes": np.ones((5, 3))}}
+    savemat(tmp_path / "a.mat", {"c": cells, "many": structs, "run": time})
+    logs = tables_in(tmp_path / "a.mat")
+    assert logs["run"].names == ("time_s", "inner.u_mps", *(f"inner.axes[{k}]" for k in range(3)))
+    told = " ".join(logs["run"].container.notes)
+    assert "c is a cell array" in told and "many.x" in told
+
+
+def test_links_out_of_an_hdf5_file_are_not_followed(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "secret.h5", "w") as file:
+        file["time_s"] = np.arange(3.0)
+    (tmp_path / "raw.bin").write_bytes(np.arange(8.0).tobytes())
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["x"] = np.arange(4.0)
+        file["out"] = h5py.ExternalLink(str(tmp_path / "secret.h5"), "/time_s")
+        file["soft"] = h5py.SoftLink("/x")
+        file.create_dataset("raw", (8,), "f8", external=[(str(tmp_path / "raw.bin"), 0, 64)])
+        layout = h5py.VirtualLayout((3,), "f8")
+        layout[:] = h5py.VirtualSource(str(tmp_path / "secret.h5"), "time_s", (3,))
+        file.create_virtual_dataset("virtual", layout)
+        file.create_group("loop")["back"] = file["/"]
+        file.create_dataset("large", (10**12,), "f8", chunks=(10**6,))
+        file["grid"] = np.zeros((4, 30))
+    logs = tables_in(tmp_path / "a.h5")
+    assert {name: log.names for name, log in logs.items()} == {"/": ("x",)}
+    told = logs["/"].container.notes
+    assert len(told) == 7, told
+
+
+def test_arrays_of_several_lengths_in_one_group_are_tables_of_their_own(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["nav/time_s"], file["nav/u_mps"] = np.arange(9.0), np.ones(9)
+        file["nav/imu/time_s"], file["nav/imu/r"] = np.arange(9.0) + 0.1, np.ones(9)
+        file["nav/imu/axes/x"] = np.ones(9)
+        file["nav/fix"] = np.ones(4)
+        both = np.zeros(5, dtype=[("time_s", "f8"), ("depth_m", "f8")])
+        file["depth"] = both
+    logs = {name: log.names for name, log in tables_in(tmp_path / "a.h5").items()}
+    assert logs == {
+        "depth": ("time_s", "depth_m"),
+        "nav/fix": ("fix",),
+        "nav/imu": ("axes.x", "r", "time_s"),
+        "nav/time_s": ("time_s", "u_mps"),
+    }
+
+
+@pytest.mark.parametrize(
+    ("unit", "values", "expected"),
+    [
+        ("seconds since 1970-01-01", np.array([1.7e9 + 0.25]), "2023-11-14T22:13:20.25"),
+        ("days since 2023-11-14 00:00:0.0 UTC", np.array([1, 2]), "2023-11-15"),
+        ("milliseconds since 2023-11-14T22:13:20Z", np.array([125]), "2023-11-14T22:13:20.125"),
+        ("hours since 2023-11-14 22:13:20 +02:00", np.array([0.5]), "2023-11-14T20:43:20"),
+    ],
+)
+def test_time_since_an_instant(unit, values, expected):
+    assert instants(values, unit, "a.nc")[0] == np.datetime64(expected)
+
+
+@pytest.mark.parametrize("unit", ["seconds since launch", "s since 99999-01-01", "s since "])
+def test_time_since_no_date_is_refused(unit):
+    with pytest.raises(InputError, match="does not count from a date"):
+        instants(np.arange(3.0), unit, "a.nc")
+
+
+def test_an_alog_that_is_something_else_is_refused(tmp_path):
+    path = tmp_path / "a.alog"
+    path.write_text("%% LOGSTART 1.7e9\n" + "one two\n" * 20)
+    with pytest.raises(InputError, match="20 of 20 lines"):
+        open_logs(path)
+
+
+def test_pairs_in_an_alog_are_columns_and_damaged_lines_are_told(tmp_path):
+    path = tmp_path / "a.alog"
+    lines = [f"{k / 10:.3f} NODE_REPORT pNode X={k},Y=-{k}.5,MODE=DRIVE" for k in range(100)]
+    lines[40] = "4.0 NODE"
+    path.write_text(f"%% LOGSTART {START_S}.25\n" + "\n".join(lines) + "\n10.0 DB_TIME db 1\n")
+    log = tables_in(path)["NODE_REPORT"]
+    assert log.names == ("timestamp_ns", "X", "Y", "MODE")
+    table = read_log(log, {"X": "number", "Y": "number", "timestamp_ns": None})
+    assert table.columns["Y"][7] == -7.5
+    assert table.columns["timestamp_ns"][0] == START_S * 10**9 + 250_000_000
+    assert "1 lines are damaged, the first is line 42" in log.container.notes[0]
+
+
+IVER = (
+    "Latitude;Longitude;Time;Date;C True Heading;Pitch Angle;DFS Depth (m);Vehicle Speed (kn);"
+    "Motor Speed CMD;Fin Yaw T\r\n"
+)
+
+
+def iver(path, rows=200, date="5/21/2024"):
+    lines = [
+        f"{41.5 + 1e-5 * k:.7f};{-71.3 - 2e-5 * k:.7f};"
+        f"23:{59 if k < 100 else 0}:{(k % 100) * 0.5:05.2f};{date};"
+        f"{270 + k / 10:.1f};1.5;{2 + k / 100:.2f};2.5;{140};{k % 20}"
+        for k in range(rows)
+    ]
+    path.write_text(IVER + "\r\n".join(lines) + "\r\n", newline="")
+    return path
+
+
+def test_date_and_time_of_day_are_one_stamp_and_fixes_are_metres(tmp_path):
+    path = iver(tmp_path / "mission.log", rows=100)
+    log = tables_in(path)["log"]
+    assert log.time == "timestamp"
+    assert log.unit_of("Vehicle Speed") == "kn"
+    wanted = dict.fromkeys(("timestamp", "north_m", "east_m", "DFS Depth"))
+    table = read_log(log, wanted).columns
+    assert table["timestamp"][0] == np.datetime64("2024-05-21T23:59:00")
+    assert table["timestamp"][99] == np.datetime64("2024-05-21T23:59:49.5")
+    # a degree of latitude at 41.5 N is 111 063 m, one of longitude 83 496 m (WGS 84 tables)
+    assert table["north_m"][-1] == pytest.approx(99e-5 * 111063, rel=1e-3)
+    assert table["east_m"][-1] == pytest.approx(-198e-5 * 83496, rel=1e-3)
+
+
+def test_dates_that_cannot_be_read_are_refused(tmp_path):
+    with pytest.raises(InputError, match="row 2"):
+        open_logs(iver(tmp_path / "mission.log", date="21st of May"))
+
+
+def test_other_text_named_log_is_read_as_before(tmp_path):
+    path = tmp_path / "wide.log"
+    path.write_text("time_s,u_mps\n" + "\n".join(f"{k},{k / 10}" for k in range(30)))
+    (log,) = open_logs(path)
+    assert log.layout is not None
+    with pytest.raises(InputError, match="v_mps"):
+        read_trials([path])
