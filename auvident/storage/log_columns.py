@@ -155,8 +155,8 @@ ALIASES: dict[str, tuple[str, ...]] = {
     "pitch": ("theta", "pitch_angle"),
     "heading": ("psi", "yaw", "hdg", "heading_true", "yaw_angle", "compass", "course_heading"),
     "depth": ("z", "depth_sensor", "pos_z"),
-    "north": ("x", "x0", "x_north", "pos_n", "pos_north", "northing", "ned_x", "pos_x", "y_utm"),
-    "east": ("y", "y0", "y_east", "pos_e", "pos_east", "easting", "ned_y", "pos_y", "x_utm"),
+    "north": ("x", "x_north", "pos_n", "pos_north", "northing", "ned_x", "pos_x", "y_utm", "x0"),
+    "east": ("y", "y_east", "pos_e", "pos_east", "easting", "ned_y", "pos_y", "x_utm", "y0"),
 }
 TIME_ALIASES = (
     "t",
