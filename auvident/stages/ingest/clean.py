@@ -8,9 +8,24 @@ from auvident.errors import InputError
 from auvident.schema.channels import BY_COLUMN, Channel
 from auvident.schema.logs import FIRST_FEW, Dropped, RawSensor, RawTrial
 from auvident.schema.vehicle import Vehicle
+from auvident.stages.ingest.drop_outs import find_drop_outs
+from auvident.stages.ingest.fill_values import (
+    fill_in_same_rows,
+    find_fills,
+    is_impossible,
+    is_sentinel,
+)
+from auvident.stages.ingest.flat import find_flat
 from auvident.stages.ingest.order import order_rows
 from auvident.stages.ingest.outliers import find_outliers, keep_one_of_held
+from auvident.stages.ingest.pace import Pace, pace_of
+from auvident.stages.ingest.remarks import NOT_A_FAULT
+from auvident.stages.ingest.spikes import find_spikes
 from auvident.stages.ingest.units import refuse_wrong_unit
+
+# Depth and position may stand still, angles of attitude are smoothed.
+LEAST_LEFT = 0.3  # of the samples of a needed channel
+FLAT_SENSORS = ("dvl", "gyro", "rudder", "elevator", "rpm")
 
 
 @dataclass(frozen=True)
@@ -29,15 +44,19 @@ class Series:
 
 @dataclass(frozen=True)
 class CleanSensor:
-    """Clean samples of one sensor; `time_s` holds the ticks with a sample of any channel."""
+    """Clean samples of one sensor; `time_s` holds the ticks with a sample of any channel.
+
+    `lost` has the channels without any sample left: what was dropped, by reason.
+    """
 
     raw: RawSensor
     series: dict[str, Series]
     time_s: np.ndarray
     dropped: dict[str, Dropped]
+    lost: dict[str, dict[str, Dropped]] = field(default_factory=dict)
 
 
-def clean_sensor(raw: RawSensor, vehicle: Vehicle) -> CleanSensor:
+def clean_sensor(raw: RawSensor, vehicle: Vehicle, pace: Pace) -> CleanSensor:
     """Order the rows of a sensor and clean each of its channels.
 
     Parameters
@@ -46,6 +65,8 @@ def clean_sensor(raw: RawSensor, vehicle: Vehicle) -> CleanSensor:
         As read.
     vehicle : Vehicle
         For the signs of the control angles.
+    pace : Pace
+        Of the vehicle, for what its readings can do.
 
     Raises
     ------
@@ -59,14 +80,17 @@ def clean_sensor(raw: RawSensor, vehicle: Vehicle) -> CleanSensor:
     if held is not None:
         dropped = _with(dropped, "held_copy", raw, keep[~held])
         keep = keep[held]
-    series = {}
+    filled = _fill_values(raw, keep, pace)
+    series, lost = {}, {}
     for column in raw.values:
-        clean = _clean_channel(raw, BY_COLUMN[column], keep, vehicle)
+        clean = _clean_channel(raw, BY_COLUMN[column], keep, filled[column], vehicle, pace)
         if clean.time_s.size:
             series[column] = clean
+        else:
+            lost[column] = clean.dropped
     times = [s.time_s for s in series.values()]
     ticks = np.unique(np.concatenate(times)) if times else np.empty(0)
-    return CleanSensor(raw, series, ticks, dropped)
+    return CleanSensor(raw, series, ticks, dropped, lost)
 
 
 def internal_sign(channel: Channel, vehicle: Vehicle) -> int:
@@ -94,7 +118,32 @@ def _with(
     return dropped | {reason: Dropped(count=int(which.size), first_times_s=times, first_rows=rows)}
 
 
-def _clean_channel(raw: RawSensor, channel: Channel, keep: np.ndarray, vehicle: Vehicle) -> Series:
+def _fill_values(raw: RawSensor, keep: np.ndarray, pace: Pace) -> dict[str, np.ndarray]:
+    """Which of the rows `keep` hold a fill value, for each channel of a sensor."""
+    filled, values = {}, {}
+    for column in raw.values:
+        channel = BY_COLUMN[column]
+        own = values[column] = raw.values[column][keep]
+        known = ~np.isnan(own)
+        filled[column] = np.zeros(keep.size, dtype=bool)
+        impossible = known.copy()
+        impossible[known] = is_impossible(own[known], channel)
+        filled[column][impossible] = is_sentinel(own[impossible], channel)
+        rest = np.flatnonzero(known & ~impossible)
+        find = find_fills if channel.kind == "measured" else find_drop_outs
+        filled[column][rest] = find(raw.time_s[keep][rest], own[rest], channel, pace)
+    fill_in_same_rows(filled, values)
+    return filled
+
+
+def _clean_channel(
+    raw: RawSensor,
+    channel: Channel,
+    keep: np.ndarray,
+    filled: np.ndarray,
+    vehicle: Vehicle,
+    pace: Pace,
+) -> Series:
     time, values = raw.time_s[keep], raw.values[channel.column][keep]
     index = np.arange(keep.size)
     dropped: dict[str, Dropped] = {}
@@ -106,11 +155,18 @@ def _clean_channel(raw: RawSensor, channel: Channel, keep: np.ndarray, vehicle: 
 
     drop("empty", np.isnan(values))
     drop("repeated_time", _repeated(time[index], keep_last=channel.kind == "input"))
+    drop("fill_value", filled[index])
     if not channel.is_angle:
         refuse_wrong_unit(raw, channel, values[index])
-        drop("implausible", np.abs(values[index]) > channel.plausible)
+    drop("implausible", is_impossible(values[index], channel))
+    if channel.sensor in FLAT_SENSORS:
+        saturated, stuck = find_flat(values[index], channel.kind == "input")
+        drop("saturated", saturated)
+        drop("stuck", stuck[~saturated])
     if channel.kind == "measured":
         drop("outlier", find_outliers(_unwrapped(values[index], channel)))
+        found = find_spikes(time[index], _unwrapped(values[index], channel), channel, pace)
+        drop("spike", found)
     clean = _unwrapped(values[index], channel) * internal_sign(channel, vehicle)
     return Series(channel, time[index], clean, raw.rows[keep][index], dropped)
 
@@ -137,7 +193,8 @@ def clean_trial(raw: RawTrial, vehicle: Vehicle, needed: tuple[str, ...]) -> dic
     InputError
         When a needed channel is missing or has no usable sample.
     """
-    clean = {name: clean_sensor(sensor, vehicle) for name, sensor in raw.sensors.items()}
+    pace = pace_of(raw.sensors, vehicle)
+    clean = {name: clean_sensor(sensor, vehicle, pace) for name, sensor in raw.sensors.items()}
     for column in needed:
         channel = BY_COLUMN[column]
         sensor = clean.get(channel.sensor)
@@ -148,15 +205,36 @@ def clean_trial(raw: RawTrial, vehicle: Vehicle, needed: tuple[str, ...]) -> dic
         if column not in sensor.series:
             raise InputError(
                 f"column {sensor.raw.columns[column]} ({channel.meaning}) has no usable sample: "
-                f"{_why_none(sensor)}",
+                f"{_why_none(sensor, column)}",
                 sensor.raw.file,
                 "Record it, or name another column in a map (--map).",
             )
+        _refuse_too_little(sensor, sensor.series[column])
     return clean
 
 
-def _why_none(sensor: CleanSensor) -> str:
-    reasons = [f"{d.count} {reason}" for reason, d in sensor.dropped.items()]
+def _why_none(sensor: CleanSensor, column: str) -> str:
+    counts = sensor.dropped | sensor.lost.get(column, {})
     return f"all {sensor.raw.rows_read} rows are empty or dropped" + (
-        f" ({', '.join(reasons)})" if reasons else ""
+        f" ({_reasons(counts)})" if counts else ""
     )
+
+
+def _refuse_too_little(sensor: CleanSensor, series: Series) -> None:
+    """Refuse a needed channel of which most samples are no measurements."""
+    faults = {why: d for why, d in series.dropped.items() if why not in NOT_A_FAULT}
+    lost = sum(d.count for d in faults.values())
+    left = series.time_s.size
+    if left < LEAST_LEFT * (left + lost):
+        first = min((d for d in faults.values()), key=lambda d: d.first_rows)
+        name = sensor.raw.columns[series.channel.column]
+        raise InputError(
+            f"{left} of {left + lost} samples of {name} ({series.channel.meaning}) are left: "
+            f"{_reasons(faults)}",
+            f"{sensor.raw.file}, row {first.first_rows[0]} on, column {name}",
+            "Repair the channel, or name another column in a map (--map).",
+        )
+
+
+def _reasons(counts: dict[str, Dropped]) -> str:
+    return ", ".join(f"{d.count} {reason}" for reason, d in counts.items())
