@@ -17,6 +17,7 @@ from auvident.schema.artifacts import Finding
 from auvident.schema.channels import BY_COLUMN, NEEDED, SENSORS
 from auvident.schema.logs import FIRST_FEW, ColumnMap, InputMap, RawSensor, RawTrial, SensorMap
 from auvident.storage.declared import parse, read_toml
+from auvident.storage.log_aside import blamed, open_usable, read_usable, set_aside
 from auvident.storage.log_columns import (
     LogColumn,
     missing_channel,
@@ -78,7 +79,7 @@ def read_trial(
     """Read one trial; parameters and errors as for `read_trials`."""
     column_map = column_map or ColumnMap()
     times = {t for t in (column_map.of(sensor).time for sensor in SENSORS) if t}
-    logs = {path: open_log(path, times) for path in source.files}
+    logs, faults = open_usable(source, needed, lambda path: open_log(path, times))
     columns: dict[str, dict[str, LogColumn]] = {}
     homes: dict[str, LogFile] = {}
     for sensor in SENSORS:
@@ -86,10 +87,14 @@ def read_trial(
         if log is not None:
             columns[sensor] = resolve(log, sensor, column_map.of(sensor))
             homes[sensor] = log
-    _refuse_missing(source, logs, columns, homes, needed)
+    with blamed(faults):
+        _refuse_missing(source, logs, columns, homes, needed)
     homes = {sensor: log for sensor, log in homes.items() if columns[sensor]}
-    sensors, origins = _read_sensors(homes, columns, column_map)
-    return _from_common_origin(source.name, sensors, origins, _unused(source, logs, homes))
+    sensors, origins = read_usable(
+        homes, needed, lambda own: _read_sensors(own, columns, column_map), faults
+    )
+    findings = (*_unused(source, logs, homes), *set_aside(faults))
+    return _from_common_origin(source.name, sensors, origins, findings)
 
 
 def _home(
