@@ -120,18 +120,17 @@ def _with(
 
 def _fill_values(raw: RawSensor, keep: np.ndarray, pace: Pace) -> dict[str, np.ndarray]:
     """Which of the rows `keep` hold a fill value, for each channel of a sensor."""
-    filled, values = {}, {}
+    filled, values, time = {}, {}, raw.time_s[keep]
     for column in raw.values:
         channel = BY_COLUMN[column]
         own = values[column] = raw.values[column][keep]
         known = ~np.isnan(own)
         filled[column] = np.zeros(keep.size, dtype=bool)
-        impossible = known.copy()
-        impossible[known] = is_impossible(own[known], channel)
+        impossible = known & is_impossible(own, channel)
         filled[column][impossible] = is_sentinel(own[impossible], channel)
-        rest = np.flatnonzero(known & ~impossible)
+        rest = known & ~impossible
         find = find_fills if channel.kind == "measured" else find_drop_outs
-        filled[column][rest] = find(raw.time_s[keep][rest], own[rest], channel, pace)
+        filled[column][rest] = find(time[rest], own[rest], channel, pace)
     fill_in_same_rows(filled, values)
     return filled
 
@@ -150,6 +149,8 @@ def _clean_channel(
 
     def drop(reason: str, bad: np.ndarray) -> None:
         nonlocal index, dropped
+        if not bad.any():
+            return
         dropped = _with(dropped, reason, raw, keep[index[bad]])
         index = index[~bad]
 

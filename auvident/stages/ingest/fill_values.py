@@ -47,7 +47,8 @@ def is_impossible(values: np.ndarray, channel: Channel) -> np.ndarray:
     size = np.abs(values)
     if not channel.is_angle:
         return size > channel.plausible
-    wrapped = np.count_nonzero(size <= FULL_TURN) >= WRAPPED_SHARE * size.size
+    known = np.count_nonzero(~np.isnan(size))
+    wrapped = np.count_nonzero(size <= FULL_TURN) >= WRAPPED_SHARE * known
     return size > (FULL_TURN if wrapped else MOST_TURNS * FULL_TURN)
 
 
@@ -89,13 +90,13 @@ def _jumped_runs(
     steps = np.diff(values)
     if channel.is_angle:
         steps = (steps + np.pi) % (2.0 * np.pi) - np.pi
-    edges = np.flatnonzero(steps != 0.0)
-    jumps = np.abs(steps[edges]) > limit.over(np.diff(time)[edges])
-    starts = np.concatenate(([0], edges + 1))
-    ends = np.concatenate((edges + 1, [values.size]))
-    entered, left = np.concatenate(([True], jumps)), np.concatenate((jumps, [True]))
-    both = entered & left & (ends - starts < values.size)
-    return starts[both], ends[both]
+    jumps = np.flatnonzero(np.abs(steps) > limit.least)
+    jumps = jumps[np.abs(steps[jumps]) > limit.over(time[jumps + 1] - time[jumps])]
+    starts = np.concatenate(([0], jumps + 1)) if jumps.size else np.empty(0, dtype=int)
+    ends = np.append(jumps + 1, values.size) if jumps.size else starts
+    changes = np.flatnonzero(steps) if jumps.size else jumps
+    one = np.searchsorted(changes, starts) == np.searchsorted(changes, ends - 1)
+    return starts[one], ends[one]
 
 
 def fill_in_same_rows(filled: dict[str, np.ndarray], values: dict[str, np.ndarray]) -> None:

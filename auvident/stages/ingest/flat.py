@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auvident.stages.ingest.outliers import STUCK_ROWS, STUCK_SHARE
+from auvident.stages.ingest.pace import excerpt
 
 SHORT_ROWS = 4  # runs of so many rows and more up to `STUCK_ROWS` are what smoothing leaves,
 SHORT_SHARE = 0.001  # of the rows; a share of p equal neighbours leaves 4 p^3 of them by chance
@@ -93,10 +94,11 @@ def _is_noisy(every: Runs, ends: set[float], stuck: Runs) -> bool:
 
 def _are_abrupt(values: np.ndarray, runs: Runs) -> np.ndarray:
     """Whether the steps before each run are about as large as anywhere."""
-    steps = np.abs(np.diff(values))
+    steps = np.abs(np.diff(excerpt(values)))
     moving = steps[steps > 0.0]
     usual = float(np.median(moving)) if moving.size else np.inf
     before = runs.start[:, None] - 1 - np.arange(BEFORE)
     inside = before >= 0
-    sums = np.where(inside, steps[np.maximum(before, 0)], 0.0).sum(axis=1)
+    at = np.maximum(before, 0)
+    sums = np.where(inside, np.abs(values[at + 1] - values[at]), 0.0).sum(axis=1)
     return sums > ABRUPT * usual * np.maximum(inside.sum(axis=1), 1)

@@ -13,6 +13,7 @@ from auvident.stages.ingest.outliers import MIN_SAMPLES, MIN_SIGMAS, noise_std, 
 
 LEAST_SHARE = 0.1  # of the usual speed: a vehicle at rest all the time has no pace
 SPEED_QUANTILE = 0.9  # of |u| over a trial with rests: the speed under way
+PIECES, PIECE_ROWS = 100, 2_000  # of a long channel
 USUAL_STEP_QUANTILE = 0.75  # of the steps: with one sample in ten wild, a fifth of them is
 USUAL_STEPS = 4.0  # times that step: what filters and coarse digits do
 RESOLUTIONS = 3.0  # of the smallest step
@@ -64,6 +65,14 @@ def pace_of(sensors: Mapping[str, RawSensor], vehicle: Vehicle) -> Pace:
     return Pace(vehicle.hull.length_m, max(fast, LEAST_SHARE * usual))
 
 
+def excerpt(values: np.ndarray) -> np.ndarray:
+    """Pieces from all over a long channel, enough to tell its noise and its usual steps."""
+    if values.size <= 2 * PIECES * PIECE_ROWS:
+        return values
+    first = np.linspace(0, values.size - PIECE_ROWS, PIECES).astype(int)
+    return np.concatenate([values[k : k + PIECE_ROWS] for k in first])
+
+
 @dataclass(frozen=True)
 class StepLimit:
     """Largest step between two samples that noise and motion explain."""
@@ -71,6 +80,11 @@ class StepLimit:
     noise: float
     usual: float
     per_s: float
+
+    @property
+    def least(self) -> float:
+        """The limit over no time at all."""
+        return max(self.noise, self.usual)
 
     def over(self, seconds: np.ndarray) -> np.ndarray:
         """The limit over intervals of time."""
@@ -88,6 +102,7 @@ def step_limit(values: np.ndarray, channel: Channel, pace: Pace) -> StepLimit | 
     fastest = pace.fastest(channel)
     if fastest is None or values.size < MIN_SAMPLES:
         return None
+    values = excerpt(values)
     usual = USUAL_STEPS * float(np.quantile(np.abs(np.diff(values)), USUAL_STEP_QUANTILE))
     sigmas = np.sqrt(2.0) * MIN_SIGMAS * noise_std(values)
     return StepLimit(max(sigmas, RESOLUTIONS * resolution(values)), usual, fastest)

@@ -41,6 +41,8 @@ def find_spikes(time_s: np.ndarray, values: np.ndarray, channel: Channel, pace: 
     limit = step_limit(values, channel, pace)
     if limit is None:
         return flags
+    if not (np.abs(np.diff(values)) > limit.least).any():
+        return flags
     for _ in range(ROUNDS):
         kept = np.flatnonzero(~flags)
         seconds = np.diff(time_s[kept])
