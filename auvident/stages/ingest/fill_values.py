@@ -10,7 +10,8 @@ from auvident.schema.channels import Channel
 from auvident.schema.logs import UNITS
 from auvident.stages.ingest.pace import Pace, StepLimit, step_limit
 
-LEAST_ROWS = 3  # equal to the last digit, in places where no motion leads
+LEAST_ROWS = 3  # equal to the last digit, in places where no motion leads,
+LEAST_SHARE = 1e-4  # and so many of the channel: in a long one some are equal by chance
 APART_SHARE = 0.8  # of the rows with this value are such; of zero, which means something else, too
 
 # What loggers write for "none", without the sign and in any decade; the largest numbers of two
@@ -76,7 +77,8 @@ def find_fills(time_s: np.ndarray, values: np.ndarray, channel: Channel, pace: P
     rows = np.bincount(kind, weights=ends - starts)
     place = np.minimum(np.searchsorted(kinds, values), kinds.size - 1)
     total = np.bincount(place[values == kinds[place]], minlength=kinds.size)
-    is_fill = (rows >= LEAST_ROWS) & ((rows >= APART_SHARE * total) | (kinds == 0.0))
+    least = max(LEAST_ROWS, LEAST_SHARE * values.size)
+    is_fill = (rows >= least) & ((rows >= APART_SHARE * total) | (kinds == 0.0))
     edges = np.zeros(values.size + 1, dtype=int)
     edges[starts[is_fill[kind]]] += 1
     edges[ends[is_fill[kind]]] -= 1
