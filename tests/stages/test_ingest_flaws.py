@@ -125,6 +125,20 @@ def test_what_is_planted_goes_and_the_rest_stays(name, kind):
         assert np.isin(good, left[column]).mean() >= stays, column
 
 
+@pytest.mark.parametrize("name", ["harbour_trial", "dive_trial"])
+def test_zeros_in_all_columns_are_no_copies_of_each_other(name):
+    raw, vehicle = logged(name)
+    dvl, rng = raw.sensors["dvl"], np.random.default_rng(4)
+    bad = runs_in(under_way(raw, dvl.time_s), 0.03, 16, rng)
+    zeros = {c: np.where(bad, 0.0, x) for c, x in dvl.values.items()}
+    sensors = clean_trial(with_values(raw, zeros), vehicle, NEEDED)
+    left, before = kept(sensors), kept_as_logged(name)
+    for column in zeros:
+        assert reasons(sensors, column)["fill_value"] >= 0.98 * bad.sum()
+        assert np.isin(dvl.rows[bad], left[column]).mean() <= 0.02
+        assert np.isin(np.setdiff1d(before[column], dvl.rows[bad]), left[column]).mean() >= 0.999
+
+
 def clipped(raw: RawTrial, column: str, share: float) -> tuple[RawTrial, np.ndarray]:
     """A trial with one channel cut off above a quantile of it; True where it was beyond."""
     (x,) = (s.values[column] for s in raw.sensors.values() if column in s.values)

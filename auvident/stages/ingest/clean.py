@@ -25,6 +25,7 @@ from auvident.stages.ingest.units import refuse_wrong_unit
 
 # Depth and position may stand still, angles of attitude are smoothed.
 LEAST_LEFT = 0.3  # of the samples of a needed channel
+FEW_COPIES = 0.8  # of the rows kept: a drop-out filled with copies, not a slow sensor
 FLAT_SENSORS = ("dvl", "gyro", "rudder", "elevator", "rpm")
 
 
@@ -76,10 +77,9 @@ def clean_sensor(raw: RawSensor, vehicle: Vehicle, pace: Pace) -> CleanSensor:
     ordered = order_rows(raw)
     keep = ordered.keep
     dropped = _with(_reader_drops(raw), "backward_time", raw, ordered.backward)
-    held = keep_one_of_held(raw, keep)
-    if held is not None:
-        dropped = _with(dropped, "held_copy", raw, keep[~held])
-        keep = keep[held]
+    copies = _copies(raw, keep, pace)
+    dropped = _with(dropped, "held_copy", raw, keep[copies])
+    keep = keep[~copies]
     filled = _fill_values(raw, keep, pace)
     series, lost = {}, {}
     for column in raw.values:
@@ -116,6 +116,19 @@ def _with(
     times = tuple(float(t) for t in raw.time_s[first])
     rows = tuple(int(row) for row in raw.rows[first])
     return dropped | {reason: Dropped(count=int(which.size), first_times_s=times, first_rows=rows)}
+
+
+def _copies(raw: RawSensor, keep: np.ndarray, pace: Pace) -> np.ndarray:
+    """Which of the rows `keep` repeat the one before them; zeros of a lost bottom are no copies."""
+    none = np.zeros(keep.size, dtype=bool)
+    held = keep_one_of_held(raw, keep)
+    if held is None or held.mean() < FEW_COPIES:
+        return none if held is None else ~held
+    lost = np.logical_or.reduce([*_fill_values(raw, keep, pace).values()])
+    held = keep_one_of_held(raw, keep[~lost])
+    if held is not None:
+        none[~lost] = ~held
+    return none
 
 
 def _fill_values(raw: RawSensor, keep: np.ndarray, pace: Pace) -> dict[str, np.ndarray]:

@@ -70,11 +70,11 @@ def find_fills(time_s: np.ndarray, values: np.ndarray, channel: Channel, pace: P
     limit = step_limit(np.unwrap(values) if channel.is_angle else values, channel, pace)
     if limit is None:
         return flags
-    starts, ends = _jumped_runs(time_s, values, channel, limit)
-    if not starts.size:
+    starts, ends, sure = _jumped_runs(time_s, values, channel, limit)
+    if not sure.any():
         return flags
     kinds, kind = np.unique(values[starts], return_inverse=True)
-    rows = np.bincount(kind, weights=ends - starts)
+    rows = np.bincount(kind[sure], weights=(ends - starts)[sure], minlength=kinds.size)
     place = np.minimum(np.searchsorted(kinds, values), kinds.size - 1)
     total = np.bincount(place[values == kinds[place]], minlength=kinds.size)
     least = max(LEAST_ROWS, LEAST_SHARE * values.size)
@@ -87,18 +87,25 @@ def find_fills(time_s: np.ndarray, values: np.ndarray, channel: Channel, pace: P
 
 def _jumped_runs(
     time: np.ndarray, values: np.ndarray, channel: Channel, limit: StepLimit
-) -> tuple[np.ndarray, np.ndarray]:
-    """Runs of one value, start and end, that are entered and left by an impossible step."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Runs of one value, start and end, that are entered or left by an impossible step.
+
+    True where both are; else the other is a step beyond noise, over a gap in time.
+    """
     steps = np.diff(values)
     if channel.is_angle:
         steps = (steps + np.pi) % (2.0 * np.pi) - np.pi
     jumps = np.flatnonzero(np.abs(steps) > limit.least)
-    jumps = jumps[np.abs(steps[jumps]) > limit.over(time[jumps + 1] - time[jumps])]
-    starts = np.concatenate(([0], jumps + 1)) if jumps.size else np.empty(0, dtype=int)
-    ends = np.append(jumps + 1, values.size) if jumps.size else starts
-    changes = np.flatnonzero(steps) if jumps.size else jumps
+    if not jumps.size:
+        return jumps, jumps, np.zeros(0, dtype=bool)
+    impossible = np.abs(steps[jumps]) > limit.over(time[jumps + 1] - time[jumps])
+    starts, ends = np.concatenate(([0], jumps + 1)), np.append(jumps + 1, values.size)
+    entered = np.concatenate(([True], impossible))
+    left = np.concatenate((impossible, [True]))
+    changes = np.flatnonzero(steps)
     one = np.searchsorted(changes, starts) == np.searchsorted(changes, ends - 1)
-    return starts[one], ends[one]
+    one &= entered | left
+    return starts[one], ends[one], (entered & left)[one]
 
 
 def fill_in_same_rows(filled: dict[str, np.ndarray], values: dict[str, np.ndarray]) -> None:
