@@ -273,6 +273,8 @@ def _parquet_column(
     kind_of = column.type
     if pa.types.is_timestamp(kind_of):
         return _instants(column)
+    if pa.types.is_duration(kind_of) and kind is None:
+        return column.to_numpy()
     if pa.types.is_integer(kind_of) and kind is None:
         return _counts(column)
     if pa.types.is_boolean(kind_of) or pa.types.is_integer(kind_of) or pa.types.is_null(kind_of):
@@ -297,11 +299,11 @@ def _floats(column: pa.ChunkedArray) -> np.ndarray:
 
 def _counts(column: pa.ChunkedArray) -> np.ndarray:
     """Integers as they are, for they may be stamps of nanoseconds that no float can hold."""
-    try:
-        whole = column.cast(pa.int64())
-    except pa.ArrowInvalid:  # unsigned, and beyond any time
-        return _floats(column)
-    return whole.fill_null(int(MISSING_COUNT)).to_numpy()
+    if pa.types.is_unsigned_integer(column.type):  # the largest numbers are fillers, no times
+        most = np.iinfo(np.int64).max
+        wide = column.cast(pa.uint64()).fill_null(2**64 - 1).to_numpy()
+        return np.where(wide > most, MISSING_COUNT, np.minimum(wide, most).astype(np.int64))
+    return column.cast(pa.int64()).fill_null(int(MISSING_COUNT)).to_numpy()
 
 
 def _instants(column: pa.ChunkedArray) -> np.ndarray:

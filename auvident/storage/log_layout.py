@@ -19,7 +19,12 @@ MISSING = frozenset((
     "nat", "n/a", "na", "#n/a", "inf", "-inf", "+inf", "infinity", "-infinity",
 ))
 # fmt: on
-TIME_NAMES = ("time_s", "timestamp", *(f"time_{unit}" for unit in TIME_UNITS if unit != "s"))
+TIME_NAMES = (
+    "time_s",
+    "timestamp",
+    *(f"time_{unit}" for unit in TIME_UNITS if unit != "s"),
+    *(f"timestamp_{unit}" for unit in TIME_UNITS),
+)
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?")
 INSTANT = re.compile(r"\d{4}-?\d\d-?\d\d([T ].*)?|\d\d?:\d\d(:\d\d([.,]\d+)?)?")
 BRACKETS = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]$")

@@ -12,8 +12,10 @@ from auvident.schema.logs import TIME_UNITS
 # before the year 5138 in the next smaller unit does not reach 1e11 of it.
 EPOCH_MAGNITUDES = (("ns", 1e17), ("us", 1e14), ("ms", 1e11))
 ABSOLUTE_S = 1e8  # a time beyond it (3 years in seconds) counts from 1970, not from switch-on
+BEYOND_S = 1e11  # the year 5138
 LEAST_EPOCH_S = 1e9  # 2001: whole numbers before it are counts of something else than seconds
 MOST_STEP_S = 60.0  # between rows; beyond it the unit of whole numbers is a finer one
+MOST_COUNT = 2**62  # half of what 64 bits hold, the year 2116 in ns: beyond it is a filler
 MISSING_COUNT = np.iinfo(np.int64).min  # an empty cell among integers; numpy's NaT is the same
 
 
@@ -41,8 +43,8 @@ def read_stamps(values: np.ndarray, unit: str | None, where: str, rows: np.ndarr
     Parameters
     ----------
     values : numpy.ndarray
-        Numbers, integers (`MISSING_COUNT` where empty), instants (``datetime64``) or texts in
-        ISO 8601, shape (n,).
+        Numbers, integers (`MISSING_COUNT` where empty), instants (``datetime64``), durations
+        (``timedelta64``) or texts in ISO 8601, shape (n,).
     unit : str or None
         ``s``, ``ms``, ``us``, ``ns``, ``iso``, or None: seconds unless the magnitude is that of
         an epoch in a finer unit.
@@ -65,17 +67,20 @@ def read_stamps(values: np.ndarray, unit: str | None, where: str, rows: np.ndarr
         values = _from_text(values, where, rows)
     if values.dtype.kind == "M":
         return _from_instants(values)
+    if values.dtype.kind == "m":
+        return _from_durations(values)
     if values.dtype.kind == "i":
         return _from_counts(values, _per_second(values, unit, where))
     numbers = np.where(np.isfinite(values), values, np.nan)
     factor = TIME_UNITS[unit] if unit in TIME_UNITS else _epoch_factor(numbers)
+    _refuse_finer(numbers * factor, where)
     return Stamps(numbers * factor, 0)
 
 
 def as_floats(values: np.ndarray) -> np.ndarray:
-    """Integers and instants of a column as floats, NaN where missing; others as they are."""
-    if values.dtype.kind == "M":
-        stamps = _from_instants(values)
+    """Integers, instants and durations as floats, NaN where missing; others as they are."""
+    if values.dtype.kind in "mM":
+        stamps = _from_instants(values) if values.dtype.kind == "M" else _from_durations(values)
         return stamps.time_s + stamps.origin_s
     if values.dtype.kind == "i":
         return np.where(values == MISSING_COUNT, np.nan, values.astype(float))
@@ -83,8 +88,14 @@ def as_floats(values: np.ndarray) -> np.ndarray:
 
 
 def _from_counts(counts: np.ndarray, per_second: int) -> Stamps:
-    """Integers as seconds, the whole ones of the earliest taken off before the division."""
-    known = counts != MISSING_COUNT
+    """Integers as seconds, the whole ones of the earliest taken off before the division.
+
+    A stamp that is none of a clock counts as missing: the largest and smallest numbers, and 0 or
+    less among instants since 1970, which a clock shows that has not been set.
+    """
+    known = (counts != MISSING_COUNT) & (counts > -MOST_COUNT) & (counts < MOST_COUNT)
+    if known.any() and np.median(counts[known]) >= LEAST_EPOCH_S * per_second:
+        known &= counts > 0
     if not known.any():
         return Stamps(np.full(counts.size, np.nan), 0)
     origin = int(counts[known].min()) // per_second
@@ -99,10 +110,18 @@ def _from_instants(instants: np.ndarray) -> Stamps:
     return _from_counts(instants.view(np.int64), round(1.0 / TIME_UNITS[unit]))
 
 
+def _from_durations(durations: np.ndarray) -> Stamps:
+    unit = np.datetime_data(durations.dtype)[0]
+    return _from_counts(durations.view(np.int64), round(1.0 / TIME_UNITS[unit]))
+
+
 def _per_second(counts: np.ndarray, unit: str | None, where: str) -> int:
     """How many of these counts make a second: as named, or by the magnitude of an epoch."""
     if unit in TIME_UNITS:
-        return round(1.0 / TIME_UNITS[unit])
+        per_second = round(1.0 / TIME_UNITS[unit])
+        seconds = as_floats(counts) / per_second
+        _refuse_finer(seconds, where, is_finer=unit == "s" and _usual_step(seconds) > MOST_STEP_S)
+        return per_second
     numbers = as_floats(counts)
     factor = _epoch_factor(numbers)
     known = numbers[np.isfinite(numbers)] * factor
@@ -116,6 +135,19 @@ def _per_second(counts: np.ndarray, unit: str | None, where: str) -> int:
             "a map (--map).",
         )
     return round(1.0 / factor)
+
+
+def _refuse_finer(seconds: np.ndarray, where: str, is_finer: bool = False) -> None:
+    """Refuse times beyond any epoch: counts of a finer unit than the column says."""
+    known = seconds[np.isfinite(seconds)]
+    if known.size and (is_finer or np.median(np.abs(known)) >= BEYOND_S):
+        raise InputError(
+            f"times from {known.min():.4g} to {known.max():.4g} s, {_usual_step(known):.3g} s "
+            "apart, are counts of a finer unit (ms, us, ns)",
+            where,
+            "Give the column the suffix of its unit (time_ns), name it timestamp, or set "
+            'time_unit = "ns" in a map (--map).',
+        )
 
 
 def _epoch_factor(numbers: np.ndarray) -> float:

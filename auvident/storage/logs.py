@@ -26,6 +26,7 @@ from auvident.schema.logs import (
     SensorMap,
 )
 from auvident.storage.declared import parse, read_toml, refuse_outside
+from auvident.storage.log_aside import blamed, open_usable, read_usable, set_aside
 from auvident.storage.log_columns import (
     LogColumn,
     listed,
@@ -95,7 +96,7 @@ def read_trial(
     """Read one trial; parameters and errors as for `read_trials`."""
     column_map = column_map or ColumnMap()
     times = {t for t in (column_map.of(sensor).time for sensor in SENSORS) if t}
-    logs = {path: open_logs(path, times) for path in source.files}
+    logs, faults = open_usable(source, needed, lambda path: open_logs(path, times))
     columns: dict[str, dict[str, LogColumn]] = {}
     homes: dict[str, LogFile] = {}
     for sensor in SENSORS:
@@ -105,10 +106,13 @@ def read_trial(
             homes[sensor] = log
     elsewhere = {*column_map.constants(), *column_map.derive.columns}
     logged = [column for column in needed if column not in elsewhere]
-    _refuse_missing(source, logs, columns, homes, logged)
+    with blamed(faults):
+        _refuse_missing(source, logs, columns, homes, logged)
     homes = {sensor: log for sensor, log in homes.items() if columns[sensor]}
-    sensors, origins = _read_sensors(homes, columns, column_map)
-    findings = (*_unused(source, logs, homes), *_damage(logs))
+    sensors, origins = read_usable(
+        homes, needed, lambda own: _read_sensors(own, columns, column_map), faults
+    )
+    findings = (*_unused(source, logs, homes), *set_aside(faults), *_damage(logs))
     raw = _from_common_origin(source.name, sensors, origins, findings)
     return replace(with_constants(raw, column_map), derive=column_map.derive)
 
@@ -119,10 +123,10 @@ def _home(
     """Table of a sensor: named by the map, of its name, or the only one with its columns."""
     topic = column_map.of(sensor).topic
     if sensor in source.assigned:
-        searched: Tables = logs[source.assigned[sensor]]
+        searched: Tables = logs.get(source.assigned[sensor], ())
     else:
         searched = tuple(log for tables in logs.values() for log in tables)
-    if topic is not None:
+    if topic is not None and searched:
         searched = _of_topic(searched, topic, sensor, source)
     if len(searched) == 1:
         return searched[0]

@@ -126,3 +126,51 @@ def test_inspect_shows_the_clock_of_integer_stamps(tmp_path):
     (file,) = inspect_log(tmp_path / "run.parquet").files
     assert file.rate_hz == pytest.approx(10.0, rel=1e-6)
     assert file.rows == len(table)
+
+
+@pytest.mark.parametrize("name", ["time_ns", "timestamp_ns"])
+@pytest.mark.parametrize("kind", [pa.int64(), pa.uint64()])
+def test_nanoseconds_since_switch_on(tmp_path, kind, name):
+    counts = stamps_ns() - START_NS + 5_000_000_000_000
+    found, origin = times(write(tmp_path / "run.parquet", pa.array(counts, kind), name))
+    assert origin == ""
+    np.testing.assert_allclose(found, counts / 1e9, rtol=1e-15)
+
+
+def test_durations(tmp_path):
+    column = pa.array(stamps_ns() - START_NS, pa.duration("ns"))
+    found, origin = times(write(tmp_path / "run.parquet", column))
+    assert origin == ""
+    np.testing.assert_array_equal(found, (stamps_ns() - START_NS) / 1e9)
+
+
+@pytest.mark.parametrize("filler", [0, -1, 2**63 - 1, -(2**63) + 5])
+def test_a_stamp_of_a_clock_that_was_not_set_is_missing(tmp_path, filler):
+    stamps = stamps_ns()
+    stamps[5] = filler
+    (trial,) = read_trials([write(tmp_path / "run.parquet", pa.array(stamps, pa.int64()))])
+    gyro = trial.sensors["gyro"]
+    assert gyro.dropped == {"no_time": 1}
+    assert trial.origin == "2024-05-01T10:00:00Z"
+    kept = np.delete(stamps_ns(), 5)
+    np.testing.assert_array_equal(gyro.time_s, (kept - START_NS // 10**9 * 10**9) / 1e9)
+
+
+def test_the_largest_unsigned_number_is_no_time(tmp_path):
+    stamps = stamps_ns().astype(np.uint64)
+    stamps[5] = 2**64 - 1
+    (trial,) = read_trials([write(tmp_path / "run.parquet", pa.array(stamps, pa.uint64()))])
+    assert trial.sensors["gyro"].dropped == {"no_time": 1}
+    kept = np.delete(stamps_ns(), 5)
+    expected = (kept - START_NS // 10**9 * 10**9) / 1e9
+    np.testing.assert_array_equal(trial.sensors["gyro"].time_s, expected)
+
+
+@pytest.mark.parametrize("first", [0, START_NS])
+def test_nanoseconds_in_a_column_of_seconds_are_refused(tmp_path, first):
+    column = pa.array(stamps_ns() - START_NS + first, pa.int64())
+    path = write(tmp_path / "run.parquet", column, "time_s")
+    with pytest.raises(InputError) as caught:
+        read_trials([path])
+    for word in (str(path), "column time_s", "finer unit", "time_ns"):
+        assert word in str(caught.value)

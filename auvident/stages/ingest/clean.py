@@ -8,9 +8,25 @@ from auvident.errors import InputError
 from auvident.schema.channels import BY_COLUMN, Channel
 from auvident.schema.logs import FIRST_FEW, Dropped, RawSensor, RawTrial
 from auvident.schema.vehicle import Vehicle
+from auvident.stages.ingest.drop_outs import find_drop_outs
+from auvident.stages.ingest.fill_values import (
+    fill_in_same_rows,
+    find_fills,
+    is_impossible,
+    is_sentinel,
+)
+from auvident.stages.ingest.flat import find_flat
 from auvident.stages.ingest.order import order_rows
 from auvident.stages.ingest.outliers import find_outliers, keep_one_of_held
+from auvident.stages.ingest.pace import Pace, pace_of
+from auvident.stages.ingest.remarks import NOT_A_FAULT
+from auvident.stages.ingest.spikes import find_spikes
 from auvident.stages.ingest.units import refuse_wrong_unit
+
+# Depth and position may stand still, angles of attitude are smoothed.
+LEAST_LEFT = 0.3  # of the samples of a needed channel
+FEW_COPIES = 0.8  # of the rows kept: a drop-out filled with copies, not a slow sensor
+FLAT_SENSORS = ("dvl", "gyro", "rudder", "elevator", "rpm")
 
 
 @dataclass(frozen=True)
@@ -45,15 +61,19 @@ class Series:
 
 @dataclass(frozen=True)
 class CleanSensor:
-    """Clean samples of one sensor; `time_s` holds the ticks with a sample of any channel."""
+    """Clean samples of one sensor; `time_s` holds the ticks with a sample of any channel.
+
+    `lost` has the channels without any sample left: what was dropped, by reason.
+    """
 
     raw: RawSensor
     series: dict[str, Series]
     time_s: np.ndarray
     dropped: dict[str, Dropped]
+    lost: dict[str, dict[str, Dropped]] = field(default_factory=dict)
 
 
-def clean_sensor(raw: RawSensor, vehicle: Vehicle) -> CleanSensor:
+def clean_sensor(raw: RawSensor, vehicle: Vehicle, pace: Pace) -> CleanSensor:
     """Order the rows of a sensor and clean each of its channels.
 
     Parameters
@@ -62,6 +82,8 @@ def clean_sensor(raw: RawSensor, vehicle: Vehicle) -> CleanSensor:
         As read.
     vehicle : Vehicle
         For the signs of the control angles.
+    pace : Pace
+        Of the vehicle, for what its readings can do.
 
     Raises
     ------
@@ -71,16 +93,18 @@ def clean_sensor(raw: RawSensor, vehicle: Vehicle) -> CleanSensor:
     ordered = order_rows(raw)
     keep = ordered.keep
     dropped = _with(_reader_drops(raw), "backward_time", raw, ordered.backward)
-    held = keep_one_of_held(raw, keep)
-    if held is not None:
-        dropped = _with(dropped, "held_copy", raw, keep[~held])
-        keep = keep[held]
-    series = {}
+    copies = _copies(raw, keep, pace)
+    dropped = _with(dropped, "held_copy", raw, keep[copies])
+    keep = keep[~copies]
+    filled = _fill_values(raw, keep, pace)
+    series, lost = {}, {}
     for column in raw.values:
-        clean = _clean_channel(raw, BY_COLUMN[column], keep, vehicle)
+        clean = _clean_channel(raw, BY_COLUMN[column], keep, filled[column], vehicle, pace)
         if clean.time_s.size:
             series[column] = clean
-    return CleanSensor(raw, series, _ticks([*series.values()]), dropped)
+        else:
+            lost[column] = clean.dropped
+    return CleanSensor(raw, series, _ticks([*series.values()]), dropped, lost)
 
 
 def _ticks(series: list[Series]) -> np.ndarray:
@@ -120,7 +144,46 @@ def _with(
     return dropped | {reason: Dropped(count=int(which.size), first_times_s=times, first_rows=rows)}
 
 
-def _clean_channel(raw: RawSensor, channel: Channel, keep: np.ndarray, vehicle: Vehicle) -> Series:
+def _copies(raw: RawSensor, keep: np.ndarray, pace: Pace) -> np.ndarray:
+    """Which of the rows `keep` repeat the one before them; zeros of a lost bottom are no copies."""
+    none = np.zeros(keep.size, dtype=bool)
+    held = keep_one_of_held(raw, keep)
+    if held is None or held.mean() < FEW_COPIES:
+        return none if held is None else ~held
+    lost = np.logical_or.reduce([*_fill_values(raw, keep, pace).values()])
+    held = keep_one_of_held(raw, keep[~lost])
+    if held is not None:
+        none[~lost] = ~held
+    return none
+
+
+def _fill_values(raw: RawSensor, keep: np.ndarray, pace: Pace) -> dict[str, np.ndarray]:
+    """Which of the rows `keep` hold a fill value, for each channel of a sensor."""
+    filled, values, time = {}, {}, raw.time_s[keep]
+    for column in raw.values:
+        channel = BY_COLUMN[column]
+        filled[column] = np.zeros(keep.size, dtype=bool)
+        own = values[column] = raw.values[column][keep]
+        if column in raw.not_logged:
+            continue
+        known = ~np.isnan(own)
+        impossible = known & is_impossible(own, channel)
+        filled[column][impossible] = is_sentinel(own[impossible], channel)
+        rest = known & ~impossible
+        find = find_fills if channel.kind == "measured" else find_drop_outs
+        filled[column][rest] = find(time[rest], own[rest], channel, pace)
+    fill_in_same_rows(filled, values)
+    return filled
+
+
+def _clean_channel(
+    raw: RawSensor,
+    channel: Channel,
+    keep: np.ndarray,
+    filled: np.ndarray,
+    vehicle: Vehicle,
+    pace: Pace,
+) -> Series:
     whole = keep.size == raw.time_s.size
     time, values = raw.time_s, raw.values[channel.column]
     if not whole:
@@ -137,11 +200,19 @@ def _clean_channel(raw: RawSensor, channel: Channel, keep: np.ndarray, vehicle: 
 
     drop("empty", np.isnan(values))
     drop("repeated_time", _repeated(time[index], keep_last=channel.kind == "input"))
+    drop("fill_value", filled[index])
     if not channel.is_angle:
         refuse_wrong_unit(raw, channel, values[index])
-        drop("implausible", np.abs(values[index]) > channel.plausible)
-    if channel.kind == "measured" and channel.column not in raw.not_logged:
-        drop("outlier", find_outliers(_unwrapped(values[index], channel)))
+    drop("implausible", is_impossible(values[index], channel))
+    if channel.column not in raw.not_logged:
+        if channel.sensor in FLAT_SENSORS:
+            saturated, stuck = find_flat(values[index], channel.kind == "input")
+            drop("saturated", saturated)
+            drop("stuck", stuck[~saturated])
+        if channel.kind == "measured":
+            drop("outlier", find_outliers(_unwrapped(values[index], channel)))
+            found = find_spikes(time[index], _unwrapped(values[index], channel), channel, pace)
+            drop("spike", found)
     sign = internal_sign(channel, vehicle)
     if channel.is_angle or sign < 0:
         clean = _unwrapped(values[index], channel) * sign
@@ -178,7 +249,8 @@ def clean_trial(raw: RawTrial, vehicle: Vehicle, needed: tuple[str, ...]) -> dic
     InputError
         When a needed channel is missing or has no usable sample.
     """
-    clean = {name: clean_sensor(sensor, vehicle) for name, sensor in raw.sensors.items()}
+    pace = pace_of(raw.sensors, vehicle)
+    clean = {name: clean_sensor(sensor, vehicle, pace) for name, sensor in raw.sensors.items()}
     for column in needed:
         channel = BY_COLUMN[column]
         sensor = clean.get(channel.sensor)
@@ -189,15 +261,36 @@ def clean_trial(raw: RawTrial, vehicle: Vehicle, needed: tuple[str, ...]) -> dic
         if column not in sensor.series:
             raise InputError(
                 f"column {sensor.raw.columns[column]} ({channel.meaning}) has no usable sample: "
-                f"{_why_none(sensor)}",
+                f"{_why_none(sensor, column)}",
                 sensor.raw.file,
                 "Record it, or name another column in a map (--map).",
             )
+        _refuse_too_little(sensor, sensor.series[column])
     return clean
 
 
-def _why_none(sensor: CleanSensor) -> str:
-    reasons = [f"{d.count} {reason}" for reason, d in sensor.dropped.items()]
+def _why_none(sensor: CleanSensor, column: str) -> str:
+    counts = sensor.dropped | sensor.lost.get(column, {})
     return f"all {sensor.raw.rows_read} rows are empty or dropped" + (
-        f" ({', '.join(reasons)})" if reasons else ""
+        f" ({_reasons(counts)})" if counts else ""
     )
+
+
+def _refuse_too_little(sensor: CleanSensor, series: Series) -> None:
+    """Refuse a needed channel of which most samples are no measurements."""
+    faults = {why: d for why, d in series.dropped.items() if why not in NOT_A_FAULT}
+    lost = sum(d.count for d in faults.values())
+    left = series.time_s.size
+    if left < LEAST_LEFT * (left + lost):
+        first = min((d for d in faults.values()), key=lambda d: d.first_rows)
+        name = sensor.raw.columns[series.channel.column]
+        raise InputError(
+            f"{left} of {left + lost} samples of {name} ({series.channel.meaning}) are left: "
+            f"{_reasons(faults)}",
+            f"{sensor.raw.file}, row {first.first_rows[0]} on, column {name}",
+            "Repair the channel, or name another column in a map (--map).",
+        )
+
+
+def _reasons(counts: dict[str, Dropped]) -> str:
+    return ", ".join(f"{d.count} {reason}" for reason, d in counts.items())

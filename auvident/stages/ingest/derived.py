@@ -19,6 +19,7 @@ from auvident.schema.channels import BY_COLUMN
 from auvident.schema.logs import DEG, NotLogged, RawSensor, RawTrial, TrialQuality
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.clean import clean_sensor
+from auvident.stages.ingest.pace import pace_of
 from auvident.stages.ingest.resample import gap_limit, median_period
 from auvident.stages.ingest.track import (
     LEAST_STEP_S,
@@ -159,7 +160,8 @@ def _series(raw: RawTrial, vehicle: Vehicle, column: str, max_gap_s: float) -> S
             f"trial {raw.name}",
             REMEDY,
         )
-    series = clean_sensor(sensor, vehicle).series.get(column)
+    clean = clean_sensor(sensor, vehicle, pace_of(raw.sensors, vehicle))
+    series = clean.series.get(column)
     count = 0 if series is None else series.time_s.size
     where = f"{sensor.file}, column {sensor.columns[column]}"
     if series is None or count < LEAST_SAMPLES:

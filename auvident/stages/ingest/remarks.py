@@ -13,6 +13,32 @@ REPEATED_SHARE = 0.02  # of the rows: stamps are then coarser than the samples
 JITTER_SHARE = 0.25  # of the period: stamps are then those of arrival, not of the sample
 DROPPED_SHARE = 0.10  # of the rows
 MISSING_SHARE = 0.05  # of the grid
+MUCH_SHARE = 0.30  # of a channel's samples that cleaning left out
+NOT_A_FAULT = ("empty", "repeated_time")  # of the sample that stands there
+
+# What cleaning found wrong with samples of a channel, by reason: code, words, remedy.
+FAULTS: dict[str, tuple[str, str, str]] = {
+    "saturated": (
+        "saturated",
+        "are at the end of the sensor's range, which cut the motion off",
+        "Widen the range of the sensor; what was beyond is a gap, not data.",
+    ),
+    "stuck": (
+        "channel_stuck",
+        "repeat the one before where the noise of the channel never does: it was stuck",
+        "Look at the sensor and its logger at this time.",
+    ),
+    "fill_value": (
+        "fill_values",
+        "are a number that stands for no value (a zero for lost bottom, an overflow)",
+        "Leave the cell empty where there is no value, or log a valid column.",
+    ),
+    "spike": (
+        "spikes",
+        "jump off the path of their neighbours faster than the vehicle can",
+        "Look for interference, multipath or a loose plug; smaller spikes may be left.",
+    ),
+}
 
 
 def sampling_findings(
@@ -20,11 +46,13 @@ def sampling_findings(
 ) -> list[Finding]:
     """Findings of one trial, from the quality of its sensors."""
     own = {BY_COLUMN[column].sensor for column in needed}
-    found = [*_spans([s for s in sensors if s.sensor in own and s.rows_read])]
+    found = [f for s in sensors for c in s.channels for f in _much_left_out(s, c)]
+    found += [*_spans([s for s in sensors if s.sensor in own and s.rows_read])]
     for sensor in sensors:
         found += [*_clock(sensor), *_losses(sensor), *_holds(sensor)]
         for channel in sensor.channels:
             found += [*_channel(sensor, channel, channel.column in needed)]
+            found += [*_faults(sensor, channel)]
     found += [*_absent(absent)]
     return [f if f.where else f.model_copy(update={"where": f"trial {trial}"}) for f in found]
 
@@ -140,6 +168,41 @@ def _channel(sensor: SensorQuality, channel: ChannelQuality, needed: bool) -> It
             message="the rudder never moves, so no turn can be identified",
             where=sensor.file,
             value=channel.minimum,
+        )
+
+
+def _much_left_out(sensor: SensorQuality, channel: ChannelQuality) -> Iterator[Finding]:
+    """A channel of which cleaning left little, with the counts by reason."""
+    counts = {why: d.count for why, d in channel.dropped.items() if why not in NOT_A_FAULT}
+    lost = sum(counts.values())
+    total = channel.samples + lost
+    if lost > MUCH_SHARE * total:
+        reasons = ", ".join(f"{count} {reason}" for reason, count in counts.items())
+        yield Finding(
+            code="much_left_out",
+            message=f"{100 * lost / total:.0f} % of the samples of {channel.log_column} are no "
+            f"measurements and were left out: {reasons}",
+            where=sensor.file,
+            value=lost / total,
+            threshold=MUCH_SHARE,
+            remedy="Look at this channel before any result that rests on it.",
+        )
+
+
+def _faults(sensor: SensorQuality, channel: ChannelQuality) -> Iterator[Finding]:
+    """What cleaning found wrong with samples of a channel: how many, and where first."""
+    for reason, (code, words, remedy) in FAULTS.items():
+        dropped = channel.dropped.get(reason)
+        if dropped is None:
+            continue
+        share = dropped.count / (channel.samples + dropped.count)
+        yield Finding(
+            code=code,
+            message=f"{dropped.count} samples of {channel.log_column} ({100 * share:.2g} %, the "
+            f"first at {dropped.first_times_s[0]:.2f} s, row {dropped.first_rows[0]}) {words}",
+            where=sensor.file,
+            value=share,
+            remedy=remedy,
         )
 
 

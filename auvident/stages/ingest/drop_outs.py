@@ -1,0 +1,75 @@
+"""Inputs that drop out for a row or two: a propeller at 600, 0 and 600 rpm in 0.2 s.
+
+What a motor or a fin cannot do in the time; a command that is given and taken back stays, as do
+the levels between which an autopilot switches.
+"""
+
+import numpy as np
+
+from auvident.schema.channels import Channel
+from auvident.stages.ingest.pace import Pace
+
+MOST_ROWS = 2  # in a row
+MOST_PASSAGES = 0.5  # lengths of way until the value is back: no vehicle has answered by then
+AGREE = 0.2  # of the jump: the value is back
+LEAST_SHARE = 0.3  # of the usual magnitude of the channel: the jump
+MOST_SHARE = 0.2  # of the rows: beyond it this is how the vehicle is steered
+SENTINEL_SHARE = 1.2  # of every other value: a fin angle that no fin has otherwise
+FEWEST = 2  # times
+
+
+def find_drop_outs(
+    time_s: np.ndarray, values: np.ndarray, channel: Channel, pace: Pace
+) -> np.ndarray:
+    """Rows of an input that jump to zero, or far beyond its range, and back.
+
+    Parameters
+    ----------
+    time_s, values : numpy.ndarray
+        Samples in ascending time, as logged, shape (n,).
+
+    Returns
+    -------
+    numpy.ndarray of bool
+        Shape (n,).
+    """
+    flags = np.zeros(values.size, dtype=bool)
+    usual = float(np.quantile(np.abs(values), 0.9)) if values.size else 0.0
+    for rows in range(1, MOST_ROWS + 1):
+        first = _brief_runs(time_s, values, rows, LEAST_SHARE * usual, pace)
+        value = values[first]
+        if channel.quantity == "rpm":
+            first = first[value == 0.0]
+        else:
+            first = first[_is_beyond(values, value)]
+        for k in range(rows):
+            flags[first + k] = True
+    if flags.sum() < FEWEST or flags.sum() > MOST_SHARE * values.size:
+        return np.zeros_like(flags)
+    return flags
+
+
+def _is_beyond(values: np.ndarray, found: np.ndarray) -> np.ndarray:
+    """Which of some values recur, and are far beyond every value that is none of them."""
+    if not found.size:
+        return np.zeros(0, dtype=bool)
+    kinds, counts = np.unique(found, return_counts=True)
+    candidates = kinds[counts >= FEWEST]
+    others = np.abs(values[~np.isin(values, candidates)])
+    reach = float(others.max()) if others.size else np.inf
+    return np.isin(found, candidates[np.abs(candidates) > SENTINEL_SHARE * reach])
+
+
+def _brief_runs(
+    time: np.ndarray, values: np.ndarray, rows: int, least: float, pace: Pace
+) -> np.ndarray:
+    """First rows of runs of one value, so many rows long, off the same value on either side."""
+    if values.size < rows + 2 or least <= 0.0:
+        return np.empty(0, dtype=int)
+    start = np.arange(1, values.size - rows)
+    left, right = values[start - 1], values[start + rows]
+    jump = np.minimum(np.abs(values[start] - left), np.abs(values[start] - right))
+    same = np.logical_and.reduce([values[start + k] == values[start] for k in range(rows)])
+    brief = time[start + rows] - time[start] <= MOST_PASSAGES * pace.passage_s
+    back = np.abs(right - left) <= AGREE * jump
+    return start[same & brief & back & (jump >= least)]

@@ -1,0 +1,256 @@
+"""What no vehicle does and no sensor measures goes, is counted by reason, and nothing else goes."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from auvident.errors import InputError
+from auvident.schema.channels import NEEDED
+from auvident.schema.logs import DEG, RawTrial
+from auvident.schema.vehicle import Vehicle
+from auvident.stages.ingest import ingest
+from auvident.stages.ingest.clean import CleanSensor, clean_trial
+from auvident.storage.logs import read_trials
+from auvident.storage.vehicle_file import load_vehicle
+
+SAMPLES = Path(__file__).parents[2] / "sample_logs"
+TRIALS = {"harbour_trial": "remus100", "bay_trial": "tern180", "dive_trial": "remus100"}
+REASONS = {"fill_value", "saturated", "stuck", "spike"}
+Plant = Callable[[np.ndarray, np.ndarray, np.random.Generator], np.ndarray]
+
+
+@cache
+def logged(name: str) -> tuple[RawTrial, Vehicle]:
+    (raw,) = read_trials([SAMPLES / name])
+    return raw, load_vehicle(SAMPLES / f"{TRIALS[name]}.toml")
+
+
+def kept(sensors: dict[str, CleanSensor]) -> dict[str, np.ndarray]:
+    """Rows of the log of which a sample is left, by channel."""
+    return {c: s.rows for sensor in sensors.values() for c, s in sensor.series.items()}
+
+
+@cache
+def kept_as_logged(name: str) -> dict[str, np.ndarray]:
+    raw, vehicle = logged(name)
+    return kept(clean_trial(raw, vehicle, NEEDED))
+
+
+def reasons(sensors: dict[str, CleanSensor], column: str) -> dict[str, int]:
+    found = [s.series[column].dropped for s in sensors.values() if column in s.series]
+    return {why: d.count for why, d in found[0].items()}
+
+
+def with_values(raw: RawTrial, changed: dict[str, np.ndarray]) -> RawTrial:
+    sensors = {
+        name: replace(s, values={c: changed.get(c, x) for c, x in s.values.items()})
+        for name, s in raw.sensors.items()
+    }
+    return replace(raw, sensors=sensors)
+
+
+def under_way(raw: RawTrial, time: np.ndarray) -> np.ndarray:
+    dvl = raw.sensors["dvl"]
+    known = np.isfinite(dvl.values["u_mps"])
+    return np.interp(time, dvl.time_s[known], dvl.values["u_mps"][known]) > 0.8
+
+
+def runs_in(where: np.ndarray, share: float, rows: int, rng: np.random.Generator) -> np.ndarray:
+    """Runs of so many rows that begin in some places, until they are a share of all."""
+    chosen = np.zeros(where.size, dtype=bool)
+    while chosen.sum() < share * where.size:
+        first = rng.choice(np.flatnonzero(where))
+        chosen[first : first + rows] = True
+    return chosen
+
+
+def spread_spikes(size: float) -> Plant:
+    def plant(x: np.ndarray, bad: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        off = rng.choice([-1.0, 1.0], x.size) * rng.uniform(0.6, 1.0, x.size) * size
+        return np.where(bad, x + off, x)
+
+    return plant
+
+
+def number(value: float) -> Plant:
+    return lambda x, bad, rng: np.where(bad, value, x)
+
+
+# columns, share of the rows, rows in a run, what is written, reason, share that has to go
+PLANTED = {
+    "zeros of a lost bottom": (("u_mps", "v_mps"), 0.03, 1, number(0.0), "fill_value", 0.99),
+    "zeros in long runs": (("u_mps", "v_mps"), 0.03, 20, number(0.0), "fill_value", 0.97),
+    "overflow of two bytes": (("u_mps",), 0.01, 3, number(-32.768), "fill_value", 1.0),
+    "minus 9.999": (("u_mps",), 0.01, 2, number(-9.999), "fill_value", 1.0),
+    "largest float": (("u_mps",), 0.01, 2, number(1.79e308), "fill_value", 1.0),
+    "overflow of the gyro": (("r_radps",), 0.01, 2, number(-32.768 * DEG), "fill_value", 1.0),
+    "heading of 9999": (("heading_rad",), 0.01, 2, number(9999 * DEG), "fill_value", 1.0),
+    "depth of zero": (("depth_m",), 0.02, 3, number(0.0), "fill_value", 0.85),
+    "one spike in ten": (("u_mps", "v_mps"), 0.1, 1, spread_spikes(1.2), "spike", 0.9),
+    "bursts of four": (("u_mps", "v_mps"), 0.03, 4, spread_spikes(1.2), "spike", 0.9),
+    "bursts of the gyro": (("r_radps",), 0.03, 4, spread_spikes(0.5), "spike", 0.94),
+}
+
+
+@pytest.mark.parametrize("name", TRIALS)
+def test_nothing_goes_from_a_log_without_such_flaws(name):
+    raw, vehicle = logged(name)
+    sensors = clean_trial(raw, vehicle, NEEDED)
+    for column in kept(sensors):
+        assert not REASONS & set(reasons(sensors, column)), column
+
+
+@pytest.mark.parametrize("kind", PLANTED)
+@pytest.mark.parametrize("name", ["harbour_trial", "bay_trial"])
+def test_what_is_planted_goes_and_the_rest_stays(name, kind):
+    columns, share, rows, plant, reason, power = PLANTED[kind]
+    raw, vehicle = logged(name)
+    (sensor,) = (s for s in raw.sensors.values() if columns[0] in s.values)
+    rng = np.random.default_rng(5)
+    bad = runs_in(under_way(raw, sensor.time_s), share, rows, rng)
+    values = {c: plant(sensor.values[c], bad, rng) for c in columns}
+    sensors = clean_trial(with_values(raw, values), vehicle, NEEDED)
+    left, before = kept(sensors), kept_as_logged(name)
+    planted = sensor.rows[bad]
+    for column in columns:
+        assert reason in reasons(sensors, column)
+        assert np.isin(planted, left[column]).mean() <= 1.0 - power + 1e-9
+    for column, good in before.items():
+        good = np.setdiff1d(good, planted) if column in sensor.values else good
+        stays = 0.99 if reason == "spike" and column in columns else 0.999  # good beside wild ones
+        assert np.isin(good, left[column]).mean() >= stays, column
+
+
+@pytest.mark.parametrize("name", ["harbour_trial", "dive_trial"])
+def test_zeros_in_all_columns_are_no_copies_of_each_other(name):
+    raw, vehicle = logged(name)
+    dvl, rng = raw.sensors["dvl"], np.random.default_rng(4)
+    bad = runs_in(under_way(raw, dvl.time_s), 0.03, 16, rng)
+    zeros = {c: np.where(bad, 0.0, x) for c, x in dvl.values.items()}
+    sensors = clean_trial(with_values(raw, zeros), vehicle, NEEDED)
+    left, before = kept(sensors), kept_as_logged(name)
+    for column in zeros:
+        assert reasons(sensors, column)["fill_value"] >= 0.98 * bad.sum()
+        assert np.isin(dvl.rows[bad], left[column]).mean() <= 0.02
+        assert np.isin(np.setdiff1d(before[column], dvl.rows[bad]), left[column]).mean() >= 0.999
+
+
+def clipped(raw: RawTrial, column: str, share: float) -> tuple[RawTrial, np.ndarray]:
+    """A trial with one channel cut off above a quantile of it; True where it was beyond."""
+    (x,) = (s.values[column] for s in raw.sensors.values() if column in s.values)
+    level = np.nanquantile(np.abs(x), share)
+    return with_values(raw, {column: np.clip(x, -level, level)}), np.abs(x) >= level
+
+
+@pytest.mark.parametrize(
+    ("name", "column"),
+    [("harbour_trial", "r_radps"), ("bay_trial", "v_mps"), ("dive_trial", "q_radps")],
+)
+def test_a_sensor_at_the_end_of_its_range_measures_nothing(name, column):
+    raw, vehicle = logged(name)
+    cut, beyond = clipped(raw, column, 0.9)
+    sensors = clean_trial(cut, vehicle, NEEDED)
+    (sensor,) = (s for s in sensors.values() if column in s.raw.values)
+    usable = np.isin(sensor.raw.rows, kept_as_logged(name)[column])
+    left = np.isin(sensor.raw.rows, sensor.series[column].rows)
+    assert not (left & beyond).any()
+    assert (left & usable & ~beyond).sum() >= 0.999 * (usable & ~beyond).sum()
+    assert reasons(sensors, column)["saturated"] >= (beyond & usable).sum()
+
+
+@pytest.mark.parametrize(
+    ("name", "column"),
+    [("harbour_trial", "v_mps"), ("bay_trial", "r_radps"), ("dive_trial", "u_mps")],
+)
+def test_one_stuck_column_is_a_gap_of_that_column(name, column):
+    raw, vehicle = logged(name)
+    (sensor,) = (s for s in raw.sensors.values() if column in s.values)
+    x, t = sensor.values[column].copy(), sensor.time_s
+    first = np.flatnonzero(under_way(raw, t) & np.isfinite(x) & (t > t[0] + 300.0))[0]
+    stuck = (t > t[first]) & (t < t[first] + 40.0)
+    x[stuck] = x[first]
+    sensors = clean_trial(with_values(raw, {column: x}), vehicle, NEEDED)
+    left, before = kept(sensors), kept_as_logged(name)
+    assert reasons(sensors, column)["stuck"] == pytest.approx(stuck.sum(), abs=0.02 * stuck.sum())
+    assert not np.isin(sensor.rows[stuck], left[column]).any()
+    for other, good in before.items():
+        good = np.setdiff1d(good, sensor.rows[stuck]) if other == column else good
+        assert np.isin(good, left[other]).all(), other
+
+
+def test_a_command_that_is_held_is_not_stuck_but_a_measured_fin_may_be():
+    raw, vehicle = logged("harbour_trial")
+    rudder, rng = raw.sensors["rudder"], np.random.default_rng(3)
+    measured = rudder.values["rudder_rad"] + 0.1 * DEG * rng.normal(size=rudder.time_s.size)
+    sensors = clean_trial(with_values(raw, {"rudder_rad": measured}), vehicle, NEEDED)
+    assert not REASONS & set(reasons(sensors, "rudder_rad"))
+    measured[4000:4800] = measured[4000]
+    sensors = clean_trial(with_values(raw, {"rudder_rad": measured}), vehicle, NEEDED)
+    assert reasons(sensors, "rudder_rad")["stuck"] == 799
+
+
+@pytest.mark.parametrize(("name", "digits"), [("harbour_trial", 1), ("bay_trial", 2)])
+def test_coarse_and_smoothed_channels_are_left_alone(name, digits):
+    raw, vehicle = logged(name)
+    coarse = {
+        c: np.round(x, digits)
+        for s in raw.sensors.values()
+        for c, x in s.values.items()
+        if c.endswith(("_mps", "_radps"))
+    }
+    width = 15
+    smooth = {c: np.round(np.convolve(x, np.ones(width) / width, "same"), 4)
+              for c, x in coarse.items() if c.endswith("_radps")}  # fmt: skip
+    for values in (coarse, smooth):
+        sensors = clean_trial(with_values(raw, values), vehicle, NEEDED)
+        for column in kept(sensors):
+            assert not {"saturated", "stuck", "spike"} & set(reasons(sensors, column)), column
+
+
+@pytest.mark.parametrize("name", ["bay_trial"])
+def test_a_propeller_that_stands_still_for_a_row_is_a_drop_out(name):
+    raw, vehicle = logged(name)
+    rpm = raw.sensors["rpm"].values["rpm"].copy()
+    running = np.convolve(rpm > 300.0, np.ones(3), "same") == 3
+    bad = np.random.default_rng(1).choice(np.flatnonzero(running), 20, replace=False)
+    rpm[bad] = 0.0
+    sensors = clean_trial(with_values(raw, {"rpm": rpm}), vehicle, NEEDED)
+    assert reasons(sensors, "rpm")["fill_value"] >= 18  # two side by side are no single row
+    rpm = raw.sensors["rpm"].values["rpm"].copy()
+    rpm[3000:3050] = 0.0  # 5 s: a stop
+    sensors = clean_trial(with_values(raw, {"rpm": rpm}), vehicle, NEEDED)
+    assert "fill_value" not in reasons(sensors, "rpm")
+
+
+def test_what_was_left_out_is_told_with_its_first_row():
+    raw, vehicle = logged("harbour_trial")
+    cut, _ = clipped(raw, "r_radps", 0.8)
+    _, quality = ingest(cut, vehicle)
+    (found,) = [f for f in quality.findings if f.code == "saturated"]
+    (channel,) = [c for s in quality.sensors for c in s.channels if c.column == "r_radps"]
+    dropped = channel.dropped["saturated"]
+    assert f"{dropped.count} samples of r_degps" in found.message
+    assert f"row {dropped.first_rows[0]}" in found.message
+    assert found.remedy
+    assert len(dropped.first_times_s) == len(dropped.first_rows) == 5
+
+
+def test_a_channel_that_lost_a_third_says_so_first():
+    raw, vehicle = logged("harbour_trial")
+    rng = np.random.default_rng(2)
+    u = raw.sensors["dvl"].values["u_mps"]
+    fast = under_way(raw, raw.sensors["dvl"].time_s)
+    lost = runs_in(fast, 0.4, 7, rng) & fast
+    _, quality = ingest(with_values(raw, {"u_mps": np.where(lost, 0.0, u)}), vehicle)
+    assert quality.findings[0].code == "much_left_out"
+    assert "fill_value" in quality.findings[0].message
+    lost = runs_in(fast, 0.75, 7, rng) & fast
+    with pytest.raises(InputError) as caught:
+        ingest(with_values(raw, {"u_mps": np.where(lost, 0.0, u)}), vehicle)
+    assert caught.value.exit_code == 3
+    for word in ("u_mps", "are left", "fill_value", "dvl.csv", "row"):
+        assert word in str(caught.value)
