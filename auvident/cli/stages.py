@@ -51,6 +51,12 @@ INGEST_OPTIONS = options(
         metavar="SECONDS",
         help="Longest gap between samples that is bridged.  [default: 5]",
     ),
+    click.option(
+        "--fix",
+        multiple=True,
+        metavar="NAME",
+        help="Apply the correction that the check NAME proposes; repeatable.",
+    ),
     KEEP_GOING,
 )
 SEGMENT_OPTIONS = options(
@@ -95,6 +101,7 @@ def ingest(
     map_: Path | None,
     rate_hz: float | None,
     max_gap_s: float | None,
+    fix: tuple[str, ...],
     keep_going: bool | None,
 ) -> int:
     """Read logs, bring all sensors to one clock, clean them, report their quality.
@@ -112,6 +119,7 @@ def ingest(
         map=map_,
         rate_hz=rate_hz,
         max_gap_s=max_gap_s,
+        fix=fix,
         keep_going=keep_going,
     )
     return exit_code(outputs)
@@ -188,6 +196,7 @@ def run(
     map_: Path | None,
     rate_hz: float | None,
     max_gap_s: float | None,
+    fix: tuple[str, ...],
     keep_going: bool | None,
     hold_out: tuple[str, ...],
     fail_above: tuple[str, ...],
@@ -211,6 +220,7 @@ def run(
             map=map_,
             rate_hz=rate_hz,
             max_gap_s=max_gap_s,
+            fix=fix,
             keep_going=keep_going,
         ),
         "segment": given(hold_out=hold_out),

@@ -40,8 +40,8 @@ LEAST_UNDER_WAY_MPS = 0.3  # slower samples do not belong to a run at speed
 def ingest(given: Given) -> dict[str, Any]:
     """Read the logs and the vehicle file, bring every trial to one clock."""
     from auvident.schema.logs import Quality
-    from auvident.stages.ingest import Fingerprint, fingerprint, refuse_copy
-    from auvident.stages.ingest import ingest as bring_to_one_clock
+    from auvident.stages.ingest import Fingerprint, fingerprint, refuse_copy, refuse_unproposed
+    from auvident.stages.ingest import ingest_fixed as bring_to_one_clock
     from auvident.storage.vehicle_file import load_vehicle
 
     vehicle = load_vehicle(Path(given.options["vehicle"]))
@@ -49,22 +49,29 @@ def ingest(given: Given) -> dict[str, Any]:
     outputs: dict[str, Any] = {}
     reports = []
     known: list[Fingerprint] = []
+    fixes, proposed = tuple(given.options.get("fix", ())), set[str]()
     for raw in _raw_trials(given, refused):
         try:
             own = fingerprint(raw)
             refuse_copy(own, known)
             _refuse_namesake(raw.name, known)
-            trial, quality = bring_to_one_clock(
-                raw, vehicle, rate_hz=given.options["rate_hz"], max_gap_s=given.options["max_gap_s"]
+            done = bring_to_one_clock(
+                raw,
+                vehicle,
+                fixes,
+                rate_hz=given.options["rate_hz"],
+                max_gap_s=given.options["max_gap_s"],
             )
         except InputError as error:
             _refuse(given, error, refused)
             continue
-        outputs[f"ingest/{trial.name}.parquet"] = trial.table
-        reports.append(quality)
+        outputs[f"ingest/{done.trial.name}.parquet"] = done.trial.table
+        reports.append(done.quality)
+        proposed |= done.proposed
         known.append(own)
     if not reports:
         raise refused[0]
+    refuse_unproposed(fixes, proposed)
     outputs["ingest/vehicle.json"] = vehicle
     outputs["ingest/quality.json"] = Quality.model_validate(
         {

@@ -95,6 +95,7 @@ STAGES: tuple[Stage, ...] = (
             "map": None,
             "rate_hz": 10.0,
             "max_gap_s": 5.0,
+            "fix": (),
         },
         sources=steps.ingest_sources,
         paths=("logs", "vehicle", "map"),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import RenderableType
 from rich.text import Text
 
-from auvident.report import console_loop, tables_model
+from auvident.report import check_words, console_loop, tables_model
 from auvident.report import tables_run as tables
 from auvident.report.ase_tables import ase_report
 from auvident.report.console_combined import combined_brief, combined_pieces
@@ -89,13 +89,23 @@ def frame_table(title: str, frame: "pd.DataFrame") -> RenderableType:
 
 def _ingest(outputs: Mapping[str, Any]) -> list[RenderableType]:
     quality: Quality = outputs["ingest/quality.json"]
-    pieces: list[RenderableType] = []
+    pieces = checks_first(quality)
     if len(quality.trials) > MOST_SENSOR_TABLES:
         pieces.append(rich_table(tables.trials(quality.trials)))
     else:
         pieces += [_sensors(trial) for trial in quality.trials]
-    findings = [f for trial in quality.trials for f in trial.findings]
+    told = {c.message for t in quality.trials for c in t.checks_made if c.outcome == "contradicts"}
+    findings = [f for t in quality.trials for f in t.findings if f.message not in told]
     return [*pieces, *findings_lines([*findings, *quality.findings])]
+
+
+def checks_first(quality: Quality) -> list[RenderableType]:
+    """What contradicts in the logs, and what nothing in them tests: before anything else."""
+    lines: list[RenderableType] = [
+        Text(line, style="bold red") for line in check_words.contradictions(quality.trials)
+    ]
+    left = check_words.untested(quality.trials)
+    return [*lines, *([Text(left, style="dim")] if left else [])]
 
 
 def _sensors(trial: TrialQuality) -> RenderableType:

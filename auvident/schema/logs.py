@@ -392,7 +392,7 @@ class CheckMade(Artifact):
 
 
 class TrialQuality(Artifact):
-    """Quality of one ingested trial."""
+    """Quality of one ingested trial; `fixed` has the corrections of ``--fix`` by check."""
 
     trial: str
     rate_hz: float
@@ -406,6 +406,7 @@ class TrialQuality(Artifact):
     alignment: tuple[Alignment, ...] = ()
     checks: dict[str, Any] = {}
     checks_made: tuple[CheckMade, ...] = ()
+    fixed: dict[str, str] = {}
     findings: tuple[Finding, ...] = ()
 
 

@@ -95,6 +95,46 @@ def held_rudder(trial: Trial, length_m: float, grip_mps: float) -> Held:
     return Held(_votes(turns, trial.rate_hz), _votes(steps, trial.rate_hz))
 
 
+@dataclass(frozen=True)
+class SettledHold:
+    """A stretch with the rudder held, once the turn has settled.
+
+    Attributes
+    ----------
+    start_s, end_s, angle : float
+        Times and mean angle (rad).
+    bend : float
+        Median of the curvature times length.
+    swing : float
+        Its range.
+    """
+
+    start_s: float
+    end_s: float
+    angle: float
+    bend: float
+    swing: float
+
+
+def settled_holds(trial: Trial, length_m: float, grip_mps: float) -> list[SettledHold]:
+    """Every stretch in which the rudder is held for long enough that the turn settles.
+
+    Parameters as of `held_rudder`.
+    """
+    found = []
+    for time, speed, rate, rudder in _pieces(trial, grip_mps):
+        curvature = _mean(rate * length_m / speed, round(MEAN_S * trial.rate_hz))
+        settles_s = max(LEAST_SETTLED_S, SETTLED_LENGTHS * length_m / float(np.median(speed)))
+        for hold in _holds(time, rudder):
+            rows = time[hold] >= time[hold.start] + settles_s
+            rows &= time[hold] <= time[hold.stop - 1] - MEAN_S
+            if rows.sum() > trial.rate_hz * HELD_S:
+                bend, angle = curvature[hold][rows], float(np.mean(rudder[hold]))
+                span = float(time[hold.start]), float(time[hold.stop - 1])
+                found.append(SettledHold(*span, angle, float(np.median(bend)), float(np.ptp(bend))))
+    return found
+
+
 def _votes(agreeing: list[np.ndarray], rate_hz: float) -> Votes:
     rows = sum(agrees.size for agrees in agreeing)
     contrary = sum(int(np.count_nonzero(~agrees)) for agrees in agreeing)

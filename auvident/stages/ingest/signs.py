@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auvident.errors import InputError
+from auvident.errors import ContradictionError, InputError
 from auvident.schema.artifacts import Finding
 from auvident.schema.logs import DEG, RawTrial
 from auvident.schema.planes import BY_FIN
 from auvident.schema.vehicle import Vehicle
+from auvident.stages.ingest.checks.correction import scaled
 from auvident.stages.ingest.held import Held, Votes
 from auvident.stages.ingest.response import Relation
 
@@ -23,7 +24,6 @@ SIGN_RESPONSE = 0.1
 # taken for such when so much
 AHEAD_S = 0.3
 AHEAD_EXPLAINED = 0.05  # more of it is explained that way
-GAIN_LIMIT = 0.1  # gyro against heading: no gyro has a scale error of 10 %
 UNIT_LIMIT = 0.25  # relative distance from a ratio of units that counts as that ratio
 
 
@@ -151,19 +151,22 @@ def _held_words(held: Votes) -> str:
     )
 
 
-def _contradiction(raw: RawTrial, vehicle: Vehicle, fin: str, shown: str) -> InputError:
+def _contradiction(raw: RawTrial, vehicle: Vehicle, fin: str, shown: str) -> ContradictionError:
     row = BY_FIN[fin]
     key, ways, rate = row.sign_key, row.sides, row.states[2].symbol
     said = str(getattr(vehicle.signs, key))
     other = ways[1] if said == ways[0] else ways[0]
     sensor = raw.sensors[fin]
     column = sensor.columns[f"{fin}_rad"]
-    return InputError(
+    return ContradictionError(
         f"the log's {fin} sign contradicts [signs] {key} = {said!r}: a positive {column} turns "
         f"the bow {other} ({shown})",
         f"{sensor.file}, column {column}",
         f"Set {key} = {other!r} in the vehicle file, or sign = -1 for the column in a map "
-        f"(--map); if the gyro has the wrong sign, set sign = -1 for {rate}.",
+        f"(--map), or give --fix {fin}_sign; if the gyro has the wrong sign, set sign = -1 for "
+        f"{rate}.",
+        f"{fin}_sign",
+        scaled(-1.0, f"{fin}_rad"),
     )
 
 
@@ -180,11 +183,13 @@ def refuse_heading(raw: RawTrial, found: Relation | None) -> None:
     )
     where = f"{attitude.file} and {gyro.file}"
     if gain < 0:
-        raise InputError(
+        raise ContradictionError(
             f"heading and yaw rate have opposite signs: {names}",
             where,
             "Heading is positive clockwise, r to starboard: set sign = -1 for the wrong one "
-            "in a map (--map), or leave the heading out.",
+            "in a map (--map), or leave the heading out; --fix yaw_rate_sign turns r.",
+            "yaw_rate_sign",
+            scaled(-1.0, "r_radps"),
         )
     for ratio in (1.0 / DEG, DEG):
         if abs(gain / ratio - 1.0) < UNIT_LIMIT:
@@ -193,25 +198,6 @@ def refuse_heading(raw: RawTrial, found: Relation | None) -> None:
                 where,
                 "One of them is in degrees but labelled rad, or the other way round.",
             )
-
-
-def gain_findings(raw: RawTrial, found: Relation | None) -> list[Finding]:
-    """Note a heading that changes at another rate than the gyro's."""
-    if found is None or found.explained < SIGN_EXPLAINED:
-        return []
-    gain, std = float(found.theta[0]), float(found.theta_std[0])
-    if abs(gain - 1.0) <= GAIN_LIMIT + SURE_STDS * std:
-        return []
-    return [
-        Finding(
-            code="heading_gyro_gain",
-            message=f"the heading changes at {gain:.2f} times the yaw rate",
-            where=f"trial {raw.name}",
-            value=gain,
-            threshold=GAIN_LIMIT,
-            remedy="Check units and scale of gyro and heading.",
-        )
-    ]
 
 
 def sign_findings(raw: RawTrial, found: Relation | None, rudder: RudderSign) -> list[Finding]:
