@@ -230,6 +230,8 @@ def run(
     _need(chosen["ingest"].get("logs", ()), chosen["ingest"].get("vehicle"))
     with output.watch(brief=True) as watch:
         result = run_all(run, chosen, seed=seed, observer=watch)
+        for piece in contradicted(run, result):
+            watch.show(piece)
         told = ended(run, result)
         for piece in discoveries([(plane, comparison) for plane, _, comparison in told]):
             watch.show(piece)
@@ -241,6 +243,24 @@ def run(
         raise result.failure
     check_planes([judged(metrics, comparison) for _, metrics, comparison in told], limits)
     return exit_code(result.outputs)
+
+
+def contradicted(run: Path, result: Any) -> list[Any]:
+    """What a run says before its results: contradictions in the logs and of the estimate."""
+    from auvident.report.console import checks_first, model_first
+    from auvident.schema.artifacts import IdentifiedModel
+    from auvident.schema.logs import Quality
+    from auvident.storage.artifacts import as_model
+
+    pieces: list[Any] = []
+    if "ingest" in result.mains:
+        quality = as_model(result.mains["ingest"], Quality, run / "ingest" / "quality.json")
+        pieces += checks_first(quality)
+    for mains in (result.mains, result.beside):
+        if "identify" in mains:
+            model = as_model(mains["identify"], IdentifiedModel, run / "identify" / "model.json")
+            pieces += model_first(model)
+    return pieces
 
 
 def ended(run: Path, result: Any) -> "list[tuple[str, Metrics, Comparison | None]]":

@@ -16,6 +16,7 @@ from auvident.report.held_out_words import beyond, why_held_out
 from auvident.report.numbers import TERMINAL
 from auvident.report.tables import Column, Fixed, Number, Rows, Table, columns
 from auvident.schema.artifacts import (
+    ESTIMATE_CONTRADICTED,
     IdentifiedModel,
     Maneuver,
     Metrics,
@@ -36,6 +37,7 @@ ROLES = {
     "validate": "Prediction of the held-out maneuvers",
 }
 HORIZONS = "The held-out maneuvers predicted from readings so many seconds before"
+LEADS = (ESTIMATE_CONTRADICTED,)  # findings on a model that are told before its coefficients
 MOST_SENSOR_TABLES = 3  # trials; more of them are shown with one row each
 
 
@@ -99,6 +101,15 @@ def _ingest(outputs: Mapping[str, Any]) -> list[RenderableType]:
     return [*pieces, *findings_lines([*findings, *quality.findings])]
 
 
+def model_first(model: IdentifiedModel) -> list[RenderableType]:
+    """That the model hardly is one of this vehicle, before its coefficients."""
+    return [
+        Text(f"{f.message[:1].upper()}{f.message[1:]}", style="bold red")
+        for f in model.findings
+        if f.code in LEADS
+    ]
+
+
 def checks_first(quality: Quality) -> list[RenderableType]:
     """What contradicts in the logs, and what nothing in them tests: before anything else."""
     lines: list[RenderableType] = [
@@ -131,8 +142,9 @@ def _ase(outputs: Mapping[str, Any]) -> list[RenderableType]:
 
 def _identify(outputs: Mapping[str, Any]) -> list[RenderableType]:
     model: IdentifiedModel = outputs["identify/model.json"]
+    first, rest = model_first(model), [f for f in model.findings if f.code not in LEADS]
     pieces = [rich_table(tables_model.sight(model)), rich_table(tables_model.coefficients(model))]
-    return [*pieces, *findings_lines(model.findings)]
+    return [*first, *pieces, *findings_lines(rest)]
 
 
 def _validate(outputs: Mapping[str, Any]) -> list[RenderableType]:

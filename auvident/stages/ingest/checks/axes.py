@@ -65,11 +65,12 @@ def _turned(rate: np.ndarray, starts: np.ndarray, ends: np.ndarray, hz: float) -
 
 def dvl_axes(seen: Seen) -> Verdict:
     """Whether u points ahead and v to starboard, by motion and, where logged, position."""
-    for test in (_earthly, _sideways, _vertical):
-        found = test(seen)
-        if found is not None:
-            return found
-    return _by_track(seen)
+    return _by_motion(seen) or _by_track(seen)
+
+
+def _by_motion(seen: Seen) -> Verdict | None:
+    """A contradiction of the axes that needs no position, or None."""
+    return _earthly(seen) or _sideways(seen) or _vertical(seen)
 
 
 def _earthly(seen: Seen) -> Verdict | None:
@@ -149,9 +150,7 @@ def _after_axes(test: Callable[[Seen], Verdict]) -> Callable[[Seen], Verdict]:
     """A test of one sign, where the axes as a whole are right."""
 
     def told(seen: Seen) -> Verdict:
-        if dvl_axes(seen).outcome == "contradicts":
-            return untested("see dvl_axes")
-        return test(seen)
+        return untested("see dvl_axes") if _by_motion(seen) else test(seen)
 
     return told
 

@@ -77,6 +77,8 @@ def heave_by_depth(seen: Seen) -> Verdict:
             "Heave w is positive down: sign = -1 in a map (--map) flips it.",
             scaled(-1.0, "w_mps"),
         )
+    if gain.value < SIGN_STDS * gain.std:
+        return untested("the depth hardly shows the heave")
     return gain.verdict("agrees", "the depth changes with the heave")
 
 

@@ -20,7 +20,7 @@ LEAST_EXPLAINED = 0.5  # of the variance of the yaw acceleration
 # Turning gain over that of the estimate, 140 drawn vehicles: median and standard deviation of
 # its logarithm; the estimate has fins that are deflected too effective by a third.
 USUAL_GAIN, GAIN_STD = 0.76, 0.29
-GAIN_LIMIT = 3.5 * GAIN_STD
+GAIN_LIMIT = 3.0 * GAIN_STD
 LEAST_DAMPING = 0.3  # of the estimate's: a hull that hardly holds its course tells nothing
 SCALES = {
     "twice the angle of the fins?": 0.5,
@@ -30,9 +30,9 @@ SCALES = {
 }
 NEAR_RATIO = 0.5  # logarithm, of a named scale
 ALIKE = 0.02  # of the largest angle: holds at one extreme
-LEAST_HOLDS = 4
-CUT_SPREAD = 1.6  # ratio of turns at one and the same rudder
-SWING = 0.4  # r L / u: a change of the turn that a rudder that is held does not make
+LEAST_HOLDS = 3
+CUT_SPREAD = 1.3  # ratio of turns at one and the same rudder; 1.06 at most of 15 trials
+SWING = 0.25  # r L / u: a change of the turn that a rudder that is held does not make
 BRISK = 2.0  # of the speed that counts as under way: a vehicle that coasts to rest swings
 
 
@@ -132,7 +132,7 @@ def rudder_cut(seen: Seen) -> Verdict:
     if len(alike) < LEAST_HOLDS:
         return untested("too few turns at the largest rudder")
     bends = np.sort([abs(h.bend) for h in alike])
-    ratio = float(bends[-2] / bends[0])
+    ratio = float(bends[-1] / bends[0])
     if ratio < CUT_SPREAD:
         return agrees("turns at the largest rudder are alike", ratio)
     return contradicts(

@@ -38,7 +38,7 @@ LEAST_WINDOW_S = 5.0
 
 @dataclass(frozen=True)
 class Window:
-    """A straight stretch at steady speed and propeller rate."""
+    """A straight stretch at steady speed and propeller rate, whatever the sign of that."""
 
     speed_mps: float
     rate_rps: float
@@ -118,7 +118,7 @@ class Seen:
         for first in range(0, u.size - size, max(size // 2, 1)):
             rows = slice(first, first + size)
             if self._steady(u[rows], r[rows], np.abs(rate[rows])):
-                found.append(Window(float(u[rows].mean()), float(rate[rows].mean())))
+                found.append(Window(float(u[rows].mean()), float(np.abs(rate[rows]).mean())))
         return found
 
     def _steady(self, u: Array, r: Array, rate: Array) -> bool:
