@@ -23,6 +23,7 @@ from auvident.storage.logs import read_trials
 from auvident.storage.vehicle_file import load_vehicle
 from tests.session import once
 
+Change = Callable[[np.ndarray], np.ndarray]
 SAMPLES = Path(__file__).resolve().parents[2] / "sample_logs"
 NAMES = [check.name for check in CHECKS]
 VELOCITIES = ("u_mps", "v_mps", "w_mps")
@@ -73,9 +74,7 @@ def rows(raw: RawTrial) -> dict[str, CheckMade]:
     return {c.name: c for c in ingest(raw, BOAT)[1].checks_made}
 
 
-def on_the_grid(
-    *absent: str, **changes: Callable[[np.ndarray], np.ndarray]
-) -> dict[str, CheckMade]:
+def on_the_grid(*absent: str, **changes: Change) -> dict[str, CheckMade]:
     """Rows of the ingested trial with channels changed, without the relations between sensors."""
     trial = ingested()[0]
     known = trial.table.drop(columns=list(absent))

@@ -41,6 +41,17 @@ def changed_gyro(raw: RawTrial, change) -> RawTrial:
     return replace(raw, sensors=raw.sensors | {"gyro": replace(s, values=values)})
 
 
+def piece(raw: RawTrial, start_s: float, seconds: float) -> RawTrial:
+    """So much of the trial, from a time after its first sample on."""
+    first = min(float(np.nanmin(s.time_s)) for s in raw.sensors.values()) + start_s
+    sensors = {}
+    for name, s in raw.sensors.items():
+        rows = (s.time_s >= first) & (s.time_s < first + seconds)
+        values = {c: x[rows] for c, x in s.values.items()}
+        sensors[name] = replace(s, time_s=s.time_s[rows], rows=s.rows[rows], values=values)
+    return replace(raw, sensors=sensors)
+
+
 def white(std: float, size: int) -> np.ndarray:
     return std * np.random.default_rng(5).standard_normal(size)
 
@@ -216,3 +227,13 @@ def test_one_turn_alone_is_no_proof():
     """A lone drift to one side with the helm held to the other may have many causes."""
     raw = nomoto(lambda t, psi, r, d: 0.12, 1.0, gain=-1.0, noise=0.05, duration_s=60.0)
     assert judged(raw, vehicle()) != "refused"
+
+
+def test_a_short_trial_with_two_holds_shows_the_sign(sea_trials):
+    """Two holds of ten seconds and an acceleration say together what neither says alone."""
+    raw = sea_trials["remus100", "both"]
+    boat = load_vehicle(SAMPLES / "remus100.toml")
+    found = {both_ways(piece(raw, start, 60.0), boat) for start in np.arange(150.0, 900.0, 50.0)}
+    assert ("right", "refused") in found
+    assert ("right", "undecided") not in found
+    assert not {way for way, _ in found} & {"refused"}

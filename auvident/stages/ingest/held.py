@@ -7,7 +7,7 @@ it has settled the path bends to that side. A helm that works with the motion is
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
@@ -64,6 +64,12 @@ class Held:
 
     turns: Votes
     steps: Votes
+
+    @property
+    def all(self) -> Votes:
+        """Both together."""
+        pairs = zip(astuple(self.turns), astuple(self.steps), strict=True)
+        return Votes(*(a + b for a, b in pairs))
 
 
 def held_rudder(trial: Trial, length_m: float, grip_mps: float) -> Held:

@@ -10,7 +10,7 @@ from auvident.schema.logs import DEG, RawTrial
 from auvident.schema.planes import BY_FIN
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.checks.correction import scaled
-from auvident.stages.ingest.held import Held, Votes
+from auvident.stages.ingest.held import LEAST_HOLDS, SURE_SHARE, Held, Votes
 from auvident.stages.ingest.response import Relation
 
 SURE_STDS = 3.0  # standard deviations beyond which a figure is not chance
@@ -88,8 +88,21 @@ def judge_rudder(
     if not sign.sign and found is not None:
         agrees = _in_stds(found) < -SURE_STDS
         sign = RudderSign(1 if opposite else -int(agrees), _response_words(found))
+    if not sign.sign and found is not None and _both_contradict(found, vehicle, held):
+        sign = RudderSign(1, f"{_held_words(held.all)}; {_response_words(found)}")
     few_turns = held.turns.holds > 1 and (held.turns.share - 0.5) * sign.sign < 0
     return RudderSign(0) if few_turns or _is_ahead(sign.sign, found, either_way) else sign
+
+
+def _both_contradict(found: Relation, vehicle: Vehicle, held: Held) -> bool:
+    """Whether few holds and an acceleration, neither sure enough alone, say the same together.
+
+    A trial of a minute or two has two holds of ten seconds in which every row contradicts, and an
+    acceleration three and a half standard deviations from zero: what agrees is taken from less.
+    """
+    votes = held.all
+    contrary = votes.holds >= LEAST_HOLDS and votes.share >= SURE_SHARE
+    return contrary and _is_opposite(found, vehicle, SURE_STDS)
 
 
 def _is_ahead(sign: int, found: Relation | None, either_way: Relation | None) -> bool:
@@ -129,12 +142,12 @@ def refuse_elevator_sign(
         raise _contradiction(raw, vehicle, "elevator", _response_words(found))
 
 
-def _is_opposite(found: Relation, vehicle: Vehicle) -> bool:
+def _is_opposite(found: Relation, vehicle: Vehicle, stds: float = SIGN_STDS) -> bool:
     """Whether the response to the internal angle is surely the opposite of what it should be."""
     if found.explained < SIGN_EXPLAINED or found.alone[0] < SIGN_SHARE:
         return False
     response = float(found.theta[0]) * vehicle.hull.length_m**2
-    return _in_stds(found) > SIGN_STDS and response >= SIGN_RESPONSE
+    return _in_stds(found) > stds and response >= SIGN_RESPONSE
 
 
 def _response_words(found: Relation) -> str:

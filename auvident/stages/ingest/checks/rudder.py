@@ -31,6 +31,7 @@ SCALES = {
 NEAR_RATIO = 0.5  # logarithm, of a named scale
 ALIKE = 0.02  # of the largest angle: holds at one extreme
 LEAST_HOLDS = 3
+SETTLED = 0.3  # range of the curvature of a turn over its median: zigzags of a slow ship have more
 CUT_SPREAD = 1.3  # ratio of turns at one and the same rudder; 1.06 at most of 15 trials
 SWING = 0.25  # r L / u: a change of the turn that a rudder that is held does not make
 BRISK = 2.0  # of the speed that counts as under way: a vehicle that coasts to rest swings
@@ -97,6 +98,8 @@ def steering(seen: Seen) -> Steering | None:
 
 def rudder_scale(seen: Seen) -> Verdict:
     """Turning gain, yaw acceleration by the rudder over that by the rate, against the estimate."""
+    if not seen.vehicle.hull.is_body_of_revolution:
+        return untested("fins are estimated from geometry for bodies of revolution only")
     own, found = steering(seen), seen.rudder
     if own is None or own.by_rudder == 0.0 or own.by_rate >= 0.0:
         return untested("no estimate of the fins from the vehicle file")
@@ -128,7 +131,8 @@ def rudder_cut(seen: Seen) -> Verdict:
     """At one and the same rudder all turns are alike; else the log has cut the angle off."""
     holds = [h for h in settled_holds(seen.trial, seen.length_m, seen.way_mps) if h.angle]
     top = max((abs(h.angle) for h in holds), default=0.0)
-    alike = [h for h in holds if abs(h.angle) >= (1.0 - ALIKE) * top and h.bend * h.angle < 0.0]
+    settled = [h for h in holds if h.swing <= SETTLED * abs(h.bend) and h.bend * h.angle < 0.0]
+    alike = [h for h in settled if abs(h.angle) >= (1.0 - ALIKE) * top]
     if len(alike) < LEAST_HOLDS:
         return untested("too few turns at the largest rudder")
     bends = np.sort([abs(h.bend) for h in alike])
