@@ -1,5 +1,7 @@
 """The table of checks of units, scales, signs and axes; one row is one test."""
 
+import math
+
 from auvident.schema.artifacts import Finding
 from auvident.schema.logs import CheckMade
 from auvident.stages.ingest.checks import axes, gyro, heave, rudder, speed
@@ -64,9 +66,9 @@ def run_checks(seen: Seen) -> tuple[tuple[CheckMade, ...], list[Finding]]:
                 what=check.what,
                 against=check.against,
                 outcome=said.outcome,
-                value=said.value,
-                low=said.low,
-                high=said.high,
+                value=_finite(said.value),
+                low=_finite(said.low),
+                high=_finite(said.high),
                 limit=check.limit,
                 message=said.message,
                 remedy=said.remedy,
@@ -76,6 +78,11 @@ def run_checks(seen: Seen) -> tuple[tuple[CheckMade, ...], list[Finding]]:
         if said.outcome == "contradicts":
             found.append(_finding(check, made[-1], seen.raw.name))
     return tuple(made), found
+
+
+def _finite(x: float | None) -> float | None:
+    """A number as the artifact may have it; what cannot be told is none."""
+    return float(x) if x is not None and math.isfinite(x) else None
 
 
 def _finding(check: Check, made: CheckMade, trial: str) -> Finding:
