@@ -12,6 +12,9 @@ from ingest_world import LENGTH_M, sensor, trial, vehicle
 from auvident.errors import InputError
 from auvident.schema.logs import DEG, RawTrial
 from auvident.stages.ingest import ingest
+from auvident.stages.ingest.held import Held, Votes
+from auvident.stages.ingest.response import Relation
+from auvident.stages.ingest.signs import judge_rudder
 from auvident.storage.logs import read_trials
 from auvident.storage.vehicle_file import load_vehicle
 from tests.session import once
@@ -39,17 +42,6 @@ def changed_gyro(raw: RawTrial, change) -> RawTrial:
     s = raw.sensors["gyro"]
     values = s.values | {"r_radps": change(s.time_s, s.values["r_radps"])}
     return replace(raw, sensors=raw.sensors | {"gyro": replace(s, values=values)})
-
-
-def piece(raw: RawTrial, start_s: float, seconds: float) -> RawTrial:
-    """So much of the trial, from a time after its first sample on."""
-    first = min(float(np.nanmin(s.time_s)) for s in raw.sensors.values()) + start_s
-    sensors = {}
-    for name, s in raw.sensors.items():
-        rows = (s.time_s >= first) & (s.time_s < first + seconds)
-        values = {c: x[rows] for c, x in s.values.items()}
-        sensors[name] = replace(s, time_s=s.time_s[rows], rows=s.rows[rows], values=values)
-    return replace(raw, sensors=sensors)
 
 
 def white(std: float, size: int) -> np.ndarray:
@@ -229,11 +221,21 @@ def test_one_turn_alone_is_no_proof():
     assert judged(raw, vehicle()) != "refused"
 
 
-def test_a_short_trial_with_two_holds_shows_the_sign(sea_trials):
-    """Two holds of ten seconds and an acceleration say together what neither says alone."""
-    raw = sea_trials["remus100", "both"]
-    boat = load_vehicle(SAMPLES / "remus100.toml")
-    found = {both_ways(piece(raw, start, 60.0), boat) for start in np.arange(150.0, 900.0, 50.0)}
-    assert ("right", "refused") in found
-    assert ("right", "undecided") not in found
-    assert not {way for way, _ in found} & {"refused"}
+@pytest.mark.parametrize(
+    ("turns", "steps", "stds", "sign"),
+    [
+        (Votes(), Votes(98, 98, 2, 9.8), 3.3, 1),
+        (Votes(45, 44, 1, 4.5), Votes(146, 143, 1, 14.6), 3.3, 1),
+        (Votes(), Votes(98, 98, 1, 9.8), 3.3, 0),  # one hold may be a drift
+        (Votes(), Votes(98, 98, 2, 9.8), 2.9, 0),
+        (Votes(), Votes(98, 60, 2, 9.8), 3.3, 0),
+        (Votes(), Votes(98, 0, 2, 9.8), -3.3, -1),
+    ],
+)
+def test_two_short_holds_and_an_acceleration_decide_together(turns, steps, stds, sign):
+    """As in a trial of a minute or two, in which neither is sure enough alone."""
+    response = np.array([0.3])
+    found = Relation(
+        0.0, 0.1, np.sign(stds) * response, response / abs(stds), 0.94, response, False
+    )
+    assert judge_rudder(vehicle(), found, None, Held(turns, steps)).sign == sign

@@ -46,6 +46,8 @@ class Check:
         Why so much.
     code : str
         Of the finding; that of the name unless given.
+    after : str
+        Check above it in the table that has to stand, or this one tests nothing.
     """
 
     name: str
@@ -55,6 +57,7 @@ class Check:
     limit: float | None
     reason: str
     code: str = ""
+    after: str = ""
 
     @property
     def finding(self) -> str:

@@ -5,7 +5,7 @@ import math
 from auvident.schema.artifacts import Finding
 from auvident.schema.logs import CheckMade
 from auvident.stages.ingest.checks import axes, gyro, heave, rudder, speed
-from auvident.stages.ingest.checks.row import Check
+from auvident.stages.ingest.checks.row import Check, untested
 from auvident.stages.ingest.checks.seen import Seen
 
 # fmt: off
@@ -14,13 +14,16 @@ CHECKS: tuple[Check, ...] = (
           "a wrong axis shows by a factor, not by shares"),
     Check("speed_by_position", "scale of the speed", "position", speed.by_position,
           speed.POSITION_LIMIT, "DVLs are good to 1 %; lever arms and currents that change",
-          "speed_position_ratio"),
+          "speed_position_ratio", after="dvl_axes"),
     Check("speed_scale", "scale of the speed", "thrust and drag", speed.by_propeller,
-          None, "three standard deviations of thrust and drag from geometry"),
+          None, "three standard deviations of thrust and drag from geometry",
+          after="dvl_axes"),
     Check("rpm_scale", "scale of rpm", "speed, thrust and drag", speed.rpm_by_speed,
-          None, "three standard deviations of thrust and drag from geometry"),
+          None, "three standard deviations of thrust and drag from geometry",
+          after="dvl_axes"),
     Check("speed_by_drift", "scale of speed over yaw rate", "drift in turns", speed.by_drift,
-          speed.PIVOT_LIMIT, "logarithm; more than the worst of 150 drawn vehicles"),
+          speed.PIVOT_LIMIT, "logarithm; more than the worst of 150 drawn vehicles",
+          after="dvl_axes"),
     Check("advance_ratio", "speed and rpm", "propeller diameter", speed.advance_ratio,
           speed.MAX_ADVANCE, "propellers give no thrust beyond u / (n D) = 1.5"),
     Check("rpm_sign", "sign of rpm", "speed ahead", speed.rpm_sign, speed.AHEAD_SHARE,
@@ -40,7 +43,8 @@ CHECKS: tuple[Check, ...] = (
     Check("rudder_unit", "unit of the rudder", "turns, and stops of fins", rudder.rudder_unit,
           rudder.MOST_RUDDER_RAD, "fins are stopped at 20 to 35 degrees"),
     Check("rudder_scale", "scale of the rudder", "fins of the vehicle file", rudder.rudder_scale,
-          rudder.GAIN_LIMIT, "logarithm; three standard deviations over drawn vehicles"),
+          rudder.GAIN_LIMIT, "logarithm; three standard deviations over drawn vehicles",
+          after="dvl_axes"),
     Check("rudder_cut", "range of the rudder", "turns at its largest angle", rudder.rudder_cut,
           rudder.CUT_SPREAD, "turns at one rudder are alike, but for current and sides"),
     Check("rudder_stuck", "the rudder where it stands still", "yaw rate", rudder.rudder_stuck,
@@ -57,9 +61,11 @@ CHECKS: tuple[Check, ...] = (
 
 def run_checks(seen: Seen) -> tuple[tuple[CheckMade, ...], list[Finding]]:
     """Every row of the table on one trial, and a finding for each contradiction."""
-    made, found = [], []
+    made: list[CheckMade] = []
+    found: list[Finding] = []
     for check in CHECKS:
-        said = check.test(seen)
+        wrong = {row.name for row in made if row.outcome == "contradicts"}
+        said = untested(f"see {check.after}") if check.after in wrong else check.test(seen)
         made.append(
             CheckMade(
                 name=check.name,
