@@ -55,6 +55,12 @@ INGEST_OPTIONS = options(
         help="Longest gap between samples that is bridged.  [default: 5]",
     ),
     ALLOW_OUTSIDE,
+    click.option(
+        "--fix",
+        multiple=True,
+        metavar="NAME",
+        help="Apply the correction that the check NAME proposes; repeatable.",
+    ),
     KEEP_GOING,
 )
 SEGMENT_OPTIONS = options(
@@ -100,6 +106,7 @@ def ingest(
     rate_hz: float | None,
     max_gap_s: float | None,
     allow_outside: bool | None,
+    fix: tuple[str, ...],
     keep_going: bool | None,
 ) -> int:
     """Read logs, bring all sensors to one clock, clean them, report their quality.
@@ -118,6 +125,7 @@ def ingest(
         rate_hz=rate_hz,
         max_gap_s=max_gap_s,
         allow_outside=allow_outside,
+        fix=fix,
         keep_going=keep_going,
     )
     return exit_code(outputs)
@@ -194,6 +202,7 @@ def run(
     rate_hz: float | None,
     max_gap_s: float | None,
     allow_outside: bool | None,
+    fix: tuple[str, ...],
     keep_going: bool | None,
     hold_out: tuple[str, ...],
     fail_above: tuple[str, ...],
@@ -218,6 +227,7 @@ def run(
             rate_hz=rate_hz,
             max_gap_s=max_gap_s,
             allow_outside=allow_outside,
+            fix=fix,
             keep_going=keep_going,
         ),
         "segment": given(hold_out=hold_out),
@@ -227,6 +237,8 @@ def run(
     _need(chosen["ingest"].get("logs", ()), chosen["ingest"].get("vehicle"))
     with output.watch(brief=True) as watch:
         result = run_all(run, chosen, seed=seed, observer=watch)
+        for piece in contradicted(run, result):
+            watch.show(piece)
         told = ended(run, result)
         for piece in discoveries([(plane, comparison) for plane, _, comparison in told]):
             watch.show(piece)
@@ -238,6 +250,24 @@ def run(
         raise result.failure
     check_planes([judged(metrics, comparison) for _, metrics, comparison in told], limits)
     return exit_code(result.outputs)
+
+
+def contradicted(run: Path, result: Any) -> list[Any]:
+    """What a run says before its results: contradictions in the logs and of the estimate."""
+    from auvident.report.console import checks_first, model_first
+    from auvident.schema.artifacts import IdentifiedModel
+    from auvident.schema.logs import Quality
+    from auvident.storage.artifacts import as_model
+
+    pieces: list[Any] = []
+    if "ingest" in result.mains:
+        quality = as_model(result.mains["ingest"], Quality, run / "ingest" / "quality.json")
+        pieces += checks_first(quality)
+    for mains in (result.mains, result.beside):
+        if "identify" in mains:
+            model = as_model(mains["identify"], IdentifiedModel, run / "identify" / "model.json")
+            pieces += model_first(model)
+    return pieces
 
 
 def ended(run: Path, result: Any) -> "list[tuple[str, Metrics, Comparison | None]]":

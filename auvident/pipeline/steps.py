@@ -45,7 +45,7 @@ LEAST_UNDER_WAY_MPS = 0.3  # slower samples do not belong to a run at speed
 def ingest(given: Given) -> dict[str, Any]:
     """Read the logs and the vehicle file, bring every trial to one clock."""
     from auvident.schema.logs import Quality
-    from auvident.stages.ingest import stated_noise_for
+    from auvident.stages.ingest import refuse_unproposed, stated_noise_for
     from auvident.storage.declared import outside_allowed
     from auvident.storage.vehicle_file import load_vehicle
 
@@ -59,6 +59,8 @@ def ingest(given: Given) -> dict[str, Any]:
             _add(given, vehicle, source, used, aside, alone=len(sources) == 1)
     if not used:
         raise aside.none_left()
+    proposed = {name for done in used.values() for name in done.proposed}
+    refuse_unproposed(tuple(given.options.get("fix", ())), proposed)
     outputs: dict[str, Any] = {
         f"ingest/{name}.parquet": done.trial.table for name, done in used.items()
     }
@@ -79,12 +81,13 @@ def ingest(given: Given) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class _Ingested:
-    """A trial in use, and what tells whether another one is the same."""
+    """A trial in use, what tells whether another one is the same, and corrections it proposes."""
 
     source: "TrialSource"
     trial: "Trial"
     quality: "TrialQuality"
     fingerprint: "Fingerprint | None"
+    proposed: frozenset[str]
 
 
 def _add(
@@ -97,8 +100,7 @@ def _add(
     alone: bool,
 ) -> None:
     """Read one trial, hold it against the others, bring it to one clock."""
-    from auvident.stages.ingest import fingerprint, without_copies
-    from auvident.stages.ingest import ingest as bring_to_one_clock
+    from auvident.stages.ingest import fingerprint, ingest_fixed, without_copies
     from auvident.storage.logs import read_trial
 
     given.observer.progress(f"reading {source.place}")
@@ -109,12 +111,16 @@ def _add(
     if own is not None:
         known = [done.fingerprint for done in used.values() if done.fingerprint is not None]
         raw, parts = without_copies(raw, own, known, replaceable=aside.may_lack(used))
-    trial, quality = bring_to_one_clock(
-        raw, vehicle, rate_hz=given.options["rate_hz"], max_gap_s=given.options["max_gap_s"]
+    done = ingest_fixed(
+        raw,
+        vehicle,
+        tuple(given.options.get("fix", ())),
+        rate_hz=given.options["rate_hz"],
+        max_gap_s=given.options["max_gap_s"],
     )
     for name in parts:
         aside.replaced(used.pop(name).source, raw.name)
-    used[trial.name] = _Ingested(source, trial, quality, own)
+    used[done.trial.name] = _Ingested(source, done.trial, done.quality, own, done.proposed)
 
 
 class _Aside:

@@ -96,6 +96,7 @@ STAGES: tuple[Stage, ...] = (
             "rate_hz": 10.0,
             "max_gap_s": 5.0,
             "allow_outside": None,
+            "fix": (),
         },
         sources=steps.ingest_sources,
         paths=("logs", "vehicle", "map"),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import RenderableType
 from rich.text import Text
 
-from auvident.report import console_loop, tables_model
+from auvident.report import check_words, console_loop, tables_model
 from auvident.report import tables_run as tables
 from auvident.report.ase_tables import ase_report
 from auvident.report.console_combined import combined_brief, combined_pieces
@@ -17,6 +17,7 @@ from auvident.report.numbers import TERMINAL
 from auvident.report.tables import Column, Fixed, Number, Rows, Table, columns
 from auvident.report.trial_words import set_aside
 from auvident.schema.artifacts import (
+    ESTIMATE_CONTRADICTED,
     IdentifiedModel,
     Maneuver,
     Metrics,
@@ -37,6 +38,7 @@ ROLES = {
     "validate": "Prediction of the held-out maneuvers",
 }
 HORIZONS = "The held-out maneuvers predicted from readings so many seconds before"
+LEADS = (ESTIMATE_CONTRADICTED,)  # findings on a model that are told before its coefficients
 MOST_SENSOR_TABLES = 3  # trials; more of them are shown with one row each
 
 
@@ -90,14 +92,33 @@ def frame_table(title: str, frame: "pd.DataFrame") -> RenderableType:
 
 def _ingest(outputs: Mapping[str, Any]) -> list[RenderableType]:
     quality: Quality = outputs["ingest/quality.json"]
-    pieces: list[RenderableType] = [Text(line) for line in set_aside(quality)]
+    pieces = [*checks_first(quality), *(Text(line) for line in set_aside(quality))]
     if len(quality.trials) > 1:
         pieces.append(rich_table(tables.trials(quality.trials)))
     if len(quality.trials) <= MOST_SENSOR_TABLES:
         pieces += [_sensors(trial) for trial in quality.trials]
-    findings = [f for trial in quality.trials for f in trial.findings]
+    told = {c.message for t in quality.trials for c in t.checks_made if c.outcome == "contradicts"}
+    findings = [f for t in quality.trials for f in t.findings if f.message not in told]
     others = [f for f in quality.findings if f.code != "log_refused"]  # told above
     return [*pieces, *findings_lines([*findings, *others])]
+
+
+def model_first(model: IdentifiedModel) -> list[RenderableType]:
+    """That the model hardly is one of this vehicle, before its coefficients."""
+    return [
+        Text(f"{f.message[:1].upper()}{f.message[1:]}", style="bold red")
+        for f in model.findings
+        if f.code in LEADS
+    ]
+
+
+def checks_first(quality: Quality) -> list[RenderableType]:
+    """What contradicts in the logs, and what nothing in them tests: before anything else."""
+    lines: list[RenderableType] = [
+        Text(line, style="bold red") for line in check_words.contradictions(quality.trials)
+    ]
+    left = check_words.untested(quality.trials)
+    return [*lines, *([Text(left, style="dim")] if left else [])]
 
 
 def _sensors(trial: TrialQuality) -> RenderableType:
@@ -125,8 +146,9 @@ def _ase(outputs: Mapping[str, Any]) -> list[RenderableType]:
 
 def _identify(outputs: Mapping[str, Any]) -> list[RenderableType]:
     model: IdentifiedModel = outputs["identify/model.json"]
+    first, rest = model_first(model), [f for f in model.findings if f.code not in LEADS]
     pieces = [rich_table(tables_model.sight(model)), rich_table(tables_model.coefficients(model))]
-    return [*pieces, *findings_lines(model.findings)]
+    return [*first, *pieces, *findings_lines(rest)]
 
 
 def _validate(outputs: Mapping[str, Any]) -> list[RenderableType]:

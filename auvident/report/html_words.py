@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from auvident.constants import NOT_BETTER
+from auvident.report import check_words
 from auvident.report.html_data import (
     DYNAMIC,
     ReportData,
@@ -16,6 +17,7 @@ from auvident.report.html_data import (
 from auvident.report.loop_words import unexplained_lines
 from auvident.report.tables_model import SIGHT
 from auvident.schema.artifacts import (
+    ESTIMATE_CONTRADICTED,
     ON_A_MODEL,
     PRIOR_WORDS,
     ChannelMetrics,
@@ -44,6 +46,26 @@ PARTLY = SIGHT[1][0]  # share of the certainty from which on a coefficient count
 MOST_NAMED = 4  # coefficients that a further maneuver would show
 STRONG_CORRELATION = 0.8
 SERIOUS = {
+    ESTIMATE_CONTRADICTED,
+    "advance_ratio",
+    "dvl_axes",
+    "heading_gyro_gain",
+    "heave_sign",
+    "pitch_rate_scale",
+    "pitch_sign",
+    "rpm_constant",
+    "rpm_scale",
+    "rpm_sign",
+    "rudder_cut",
+    "rudder_scale",
+    "rudder_stuck",
+    "rudder_unit",
+    "speed_by_drift",
+    "speed_position_ratio",
+    "speed_scale",
+    "surge_sign",
+    "sway_sign",
+    "yaw_rate_unit",
     "channel-ignored",
     "prediction-ran-away",
     "nothing_held_out",
@@ -137,12 +159,29 @@ def _gain_words(data: ReportData, role: str, pooled: dict[str, ChannelError]) ->
 def summary(data: ReportData) -> list[tuple[str, str]]:
     """What the report comes to, line by line: a word, and a sentence or two."""
     found = data.comparison or data.diagnosis
-    rows = [("Accuracy", verdict(data)[0]), ("Valid for", _range(data))]
+    rows = [("Contradicted", _contradicted(data)), ("Accuracy", verdict(data)[0])]
+    rows.append(("Valid for", _range(data)))
     if found is not None:
         rows += [("Missing effects", found.statement), ("With them", _added(data))]
         rows.append(("Unexplained", _rest(data)))
-    rows += [("Coefficients", _identified(data)), ("Next maneuver", _next(data))]
+    rows += [("Coefficients", _identified(data)), ("Untested", _untested(data))]
+    rows.append(("Next maneuver", _next(data)))
     return [(word, text) for word, text in rows if text]
+
+
+def _contradicted(data: ReportData) -> str:
+    """What contradicts in the logs, and a model that contradicts its estimate all over."""
+    lines = check_words.contradictions(data.quality.trials) if data.quality else []
+    model = data.final_model
+    led = [f for f in model.findings if f.code == ESTIMATE_CONTRADICTED] if model else []
+    return " ".join([*lines, *(f"{f.message[:1].upper()}{f.message[1:]}" for f in led)])
+
+
+def _untested(data: ReportData) -> str:
+    """What nothing in the logs tests."""
+    return (
+        check_words.untested(data.quality.trials).removeprefix("Untested: ") if data.quality else ""
+    )
 
 
 def _range(data: ReportData) -> str:

@@ -19,6 +19,7 @@ RAN_AWAY = "prediction-ran-away"  # code of a finding: a gate cannot be met with
 # Codes of findings on the errors of a model, and on a model: those on a refined one take the place
 # of those on the one before.
 ON_ERRORS = ("not-predicted", "no-better", "worse-than-prior")
+ESTIMATE_CONTRADICTED = "estimate-contradicted"  # by so much that another vehicle is likely
 ON_A_MODEL = (*ON_ERRORS, "rests-on-prior")
 PRIOR_WORDS = {
     "ASE": "the estimate from geometry (ASE)",

@@ -12,6 +12,9 @@ from ingest_world import LENGTH_M, sensor, trial, vehicle
 from auvident.errors import InputError
 from auvident.schema.logs import DEG, RawTrial
 from auvident.stages.ingest import ingest
+from auvident.stages.ingest.held import Held, Votes
+from auvident.stages.ingest.response import Relation
+from auvident.stages.ingest.signs import judge_rudder
 from auvident.storage.logs import read_trials
 from auvident.storage.vehicle_file import load_vehicle
 from tests.session import once
@@ -216,3 +219,23 @@ def test_one_turn_alone_is_no_proof():
     """A lone drift to one side with the helm held to the other may have many causes."""
     raw = nomoto(lambda t, psi, r, d: 0.12, 1.0, gain=-1.0, noise=0.05, duration_s=60.0)
     assert judged(raw, vehicle()) != "refused"
+
+
+@pytest.mark.parametrize(
+    ("turns", "steps", "stds", "sign"),
+    [
+        (Votes(), Votes(98, 98, 2, 9.8), 3.3, 1),
+        (Votes(45, 44, 1, 4.5), Votes(146, 143, 1, 14.6), 3.3, 1),
+        (Votes(), Votes(98, 98, 1, 9.8), 3.3, 0),  # one hold may be a drift
+        (Votes(), Votes(98, 98, 2, 9.8), 2.9, 0),
+        (Votes(), Votes(98, 60, 2, 9.8), 3.3, 0),
+        (Votes(), Votes(98, 0, 2, 9.8), -3.3, -1),
+    ],
+)
+def test_two_short_holds_and_an_acceleration_decide_together(turns, steps, stds, sign):
+    """As in a trial of a minute or two, in which neither is sure enough alone."""
+    response = np.array([0.3])
+    found = Relation(
+        0.0, 0.1, np.sign(stds) * response, response / abs(stds), 0.94, response, False
+    )
+    assert judge_rudder(vehicle(), found, None, Held(turns, steps)).sign == sign

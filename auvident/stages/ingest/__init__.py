@@ -2,6 +2,16 @@
 
 from auvident.stages.ingest.copies import Fingerprint, fingerprint, without_copies
 from auvident.stages.ingest.derived import stated_noise_for
+from auvident.stages.ingest.fixes import CorrectedTrial, ingest_fixed, refuse_unproposed
 from auvident.stages.ingest.stage import ingest
 
-__all__ = ["Fingerprint", "fingerprint", "ingest", "stated_noise_for", "without_copies"]
+__all__ = [
+    "CorrectedTrial",
+    "Fingerprint",
+    "fingerprint",
+    "ingest",
+    "ingest_fixed",
+    "refuse_unproposed",
+    "stated_noise_for",
+    "without_copies",
+]

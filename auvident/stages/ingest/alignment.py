@@ -14,8 +14,8 @@ from auvident.stages.ingest.response import Relation, Signals, fit_relation, shi
 from auvident.stages.ingest.signs import (
     AHEAD_S,
     SURE_STDS,
+    RudderSign,
     evidence,
-    gain_findings,
     judge_rudder,
     refuse_elevator_sign,
     refuse_heading,
@@ -51,6 +51,9 @@ class Aligned:
     alignment: tuple[Alignment, ...]
     checks: dict[str, dict[str, float]]
     findings: tuple[Finding, ...]
+    heading: Relation | None = None
+    rudder: Relation | None = None
+    sign: RudderSign | None = None
 
 
 def check_alignment(raw: RawTrial, trial: Trial, vehicle: Vehicle) -> Aligned:
@@ -85,9 +88,9 @@ def check_alignment(raw: RawTrial, trial: Trial, vehicle: Vehicle) -> Aligned:
     findings = [
         *_lag_findings(raw, told),
         *sign_findings(raw, sign, judged),
-        *gain_findings(raw, heading),
     ]
-    return Aligned(told, evidence(sign, held, pitching, heading), tuple(findings))
+    checks = evidence(sign, held, pitching, heading)
+    return Aligned(told, checks, tuple(findings), heading, sign, judged)
 
 
 def _told(found: Relation | None, passage_s: float) -> Relation | None:

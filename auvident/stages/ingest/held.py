@@ -7,7 +7,7 @@ it has settled the path bends to that side. A helm that works with the motion is
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
@@ -65,6 +65,12 @@ class Held:
     turns: Votes
     steps: Votes
 
+    @property
+    def all(self) -> Votes:
+        """Both together."""
+        pairs = zip(astuple(self.turns), astuple(self.steps), strict=True)
+        return Votes(*(a + b for a, b in pairs))
+
 
 def held_rudder(trial: Trial, length_m: float, grip_mps: float) -> Held:
     """Compare every held rudder with the turn that follows.
@@ -93,6 +99,46 @@ def held_rudder(trial: Trial, length_m: float, grip_mps: float) -> Held:
                 step = angles[k] - angles[k - 1]
                 steps += _step(time, curvature, holds[k - 1], holds[k], step, passage)
     return Held(_votes(turns, trial.rate_hz), _votes(steps, trial.rate_hz))
+
+
+@dataclass(frozen=True)
+class SettledHold:
+    """A stretch with the rudder held, once the turn has settled.
+
+    Attributes
+    ----------
+    start_s, end_s, angle : float
+        Times and mean angle (rad).
+    bend : float
+        Median of the curvature times length.
+    swing : float
+        Its range.
+    """
+
+    start_s: float
+    end_s: float
+    angle: float
+    bend: float
+    swing: float
+
+
+def settled_holds(trial: Trial, length_m: float, grip_mps: float) -> list[SettledHold]:
+    """Every stretch in which the rudder is held for long enough that the turn settles.
+
+    Parameters as of `held_rudder`.
+    """
+    found = []
+    for time, speed, rate, rudder in _pieces(trial, grip_mps):
+        curvature = _mean(rate * length_m / speed, round(MEAN_S * trial.rate_hz))
+        settles_s = max(LEAST_SETTLED_S, SETTLED_LENGTHS * length_m / float(np.median(speed)))
+        for hold in _holds(time, rudder):
+            rows = time[hold] >= time[hold.start] + settles_s
+            rows &= time[hold] <= time[hold.stop - 1] - MEAN_S
+            if rows.sum() > trial.rate_hz * HELD_S:
+                bend, angle = curvature[hold][rows], float(np.mean(rudder[hold]))
+                span = float(time[hold.start]), float(time[hold.stop - 1])
+                found.append(SettledHold(*span, angle, float(np.median(bend)), float(np.ptp(bend))))
+    return found
 
 
 def _votes(agreeing: list[np.ndarray], rate_hz: float) -> Votes:

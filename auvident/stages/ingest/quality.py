@@ -18,8 +18,8 @@ from auvident.schema.logs import (
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.alignment import check_alignment
+from auvident.stages.ingest.checks import Seen, run_checks
 from auvident.stages.ingest.clean import CleanSensor, Series
-from auvident.stages.ingest.consistency import check_consistency
 from auvident.stages.ingest.outliers import noise_std, resolution
 from auvident.stages.ingest.remarks import sampling_findings
 from auvident.stages.ingest.resample import Resampled, median_period
@@ -53,11 +53,14 @@ def report(
     own = tuple(_sensor(s, plans, columns) for s in sensors.values() if s.series)
     absent = tuple(c.column for c in CHANNELS if c.column not in columns)
     aligned = check_alignment(raw, trial, vehicle)
+    made, contradicted = run_checks(
+        Seen(raw, trial, vehicle, aligned.heading, aligned.rudder, aligned.sign)
+    )
     findings = (
+        *contradicted,
         *raw.findings,
         *sampling_findings(raw.name, own, needed, absent),
         *_unusable(sensors),
-        *check_consistency(raw, trial, vehicle),
         *aligned.findings,
     )
     return TrialQuality(
@@ -72,6 +75,7 @@ def report(
         records=_records(trial),
         alignment=aligned.alignment,
         checks=aligned.checks,
+        checks_made=made,
         findings=findings,
     )
 

@@ -4,12 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auvident.errors import InputError
+from auvident.errors import ContradictionError, InputError
 from auvident.schema.artifacts import Finding
 from auvident.schema.logs import DEG, RawTrial
 from auvident.schema.planes import BY_FIN
 from auvident.schema.vehicle import Vehicle
-from auvident.stages.ingest.held import Held, Votes
+from auvident.stages.ingest.checks.correction import scaled
+from auvident.stages.ingest.held import LEAST_HOLDS, SURE_SHARE, Held, Votes
 from auvident.stages.ingest.response import Relation
 
 SURE_STDS = 3.0  # standard deviations beyond which a figure is not chance
@@ -23,7 +24,6 @@ SIGN_RESPONSE = 0.1
 # taken for such when so much
 AHEAD_S = 0.3
 AHEAD_EXPLAINED = 0.05  # more of it is explained that way
-GAIN_LIMIT = 0.1  # gyro against heading: no gyro has a scale error of 10 %
 UNIT_LIMIT = 0.25  # relative distance from a ratio of units that counts as that ratio
 
 
@@ -88,8 +88,21 @@ def judge_rudder(
     if not sign.sign and found is not None:
         agrees = _in_stds(found) < -SURE_STDS
         sign = RudderSign(1 if opposite else -int(agrees), _response_words(found))
+    if not sign.sign and found is not None and _both_contradict(found, vehicle, held):
+        sign = RudderSign(1, f"{_held_words(held.all)}; {_response_words(found)}")
     few_turns = held.turns.holds > 1 and (held.turns.share - 0.5) * sign.sign < 0
     return RudderSign(0) if few_turns or _is_ahead(sign.sign, found, either_way) else sign
+
+
+def _both_contradict(found: Relation, vehicle: Vehicle, held: Held) -> bool:
+    """Whether few holds and an acceleration, neither sure enough alone, say the same together.
+
+    A trial of a minute or two has two holds of ten seconds in which every row contradicts, and an
+    acceleration three and a half standard deviations from zero: what agrees is taken from less.
+    """
+    votes = held.all
+    contrary = votes.holds >= LEAST_HOLDS and votes.share >= SURE_SHARE
+    return contrary and _is_opposite(found, vehicle, SURE_STDS)
 
 
 def _is_ahead(sign: int, found: Relation | None, either_way: Relation | None) -> bool:
@@ -129,12 +142,12 @@ def refuse_elevator_sign(
         raise _contradiction(raw, vehicle, "elevator", _response_words(found))
 
 
-def _is_opposite(found: Relation, vehicle: Vehicle) -> bool:
+def _is_opposite(found: Relation, vehicle: Vehicle, stds: float = SIGN_STDS) -> bool:
     """Whether the response to the internal angle is surely the opposite of what it should be."""
     if found.explained < SIGN_EXPLAINED or found.alone[0] < SIGN_SHARE:
         return False
     response = float(found.theta[0]) * vehicle.hull.length_m**2
-    return _in_stds(found) > SIGN_STDS and response >= SIGN_RESPONSE
+    return _in_stds(found) > stds and response >= SIGN_RESPONSE
 
 
 def _response_words(found: Relation) -> str:
@@ -151,19 +164,22 @@ def _held_words(held: Votes) -> str:
     )
 
 
-def _contradiction(raw: RawTrial, vehicle: Vehicle, fin: str, shown: str) -> InputError:
+def _contradiction(raw: RawTrial, vehicle: Vehicle, fin: str, shown: str) -> ContradictionError:
     row = BY_FIN[fin]
     key, ways, rate = row.sign_key, row.sides, row.states[2].symbol
     said = str(getattr(vehicle.signs, key))
     other = ways[1] if said == ways[0] else ways[0]
     sensor = raw.sensors[fin]
     column = sensor.columns[f"{fin}_rad"]
-    return InputError(
+    return ContradictionError(
         f"the log's {fin} sign contradicts [signs] {key} = {said!r}: a positive {column} turns "
         f"the bow {other} ({shown})",
         f"{sensor.file}, column {column}",
         f"Set {key} = {other!r} in the vehicle file, or sign = -1 for the column in a map "
-        f"(--map); if the gyro has the wrong sign, set sign = -1 for {rate}.",
+        f"(--map), or give --fix {fin}_sign; if the gyro has the wrong sign, set sign = -1 for "
+        f"{rate}.",
+        f"{fin}_sign",
+        scaled(-1.0, f"{fin}_rad"),
     )
 
 
@@ -180,11 +196,13 @@ def refuse_heading(raw: RawTrial, found: Relation | None) -> None:
     )
     where = f"{attitude.file} and {gyro.file}"
     if gain < 0:
-        raise InputError(
+        raise ContradictionError(
             f"heading and yaw rate have opposite signs: {names}",
             where,
             "Heading is positive clockwise, r to starboard: set sign = -1 for the wrong one "
-            "in a map (--map), or leave the heading out.",
+            "in a map (--map), or leave the heading out; --fix yaw_rate_sign turns r.",
+            "yaw_rate_sign",
+            scaled(-1.0, "r_radps"),
         )
     for ratio in (1.0 / DEG, DEG):
         if abs(gain / ratio - 1.0) < UNIT_LIMIT:
@@ -193,25 +211,6 @@ def refuse_heading(raw: RawTrial, found: Relation | None) -> None:
                 where,
                 "One of them is in degrees but labelled rad, or the other way round.",
             )
-
-
-def gain_findings(raw: RawTrial, found: Relation | None) -> list[Finding]:
-    """Note a heading that changes at another rate than the gyro's."""
-    if found is None or found.explained < SIGN_EXPLAINED:
-        return []
-    gain, std = float(found.theta[0]), float(found.theta_std[0])
-    if abs(gain - 1.0) <= GAIN_LIMIT + SURE_STDS * std:
-        return []
-    return [
-        Finding(
-            code="heading_gyro_gain",
-            message=f"the heading changes at {gain:.2f} times the yaw rate",
-            where=f"trial {raw.name}",
-            value=gain,
-            threshold=GAIN_LIMIT,
-            remedy="Check units and scale of gyro and heading.",
-        )
-    ]
 
 
 def sign_findings(raw: RawTrial, found: Relation | None, rudder: RudderSign) -> list[Finding]:

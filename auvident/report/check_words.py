@@ -1,0 +1,42 @@
+"""What the checks of a log say first: what contradicts, and what nothing tests."""
+
+from collections.abc import Sequence
+
+from auvident.schema.logs import CheckMade, TrialQuality
+
+MOST_TRIALS = 3  # named in one line
+
+
+def contradictions(trials: Sequence[TrialQuality]) -> list[str]:
+    """One sentence for each contradiction, with its fix and, of several trials, its trials."""
+    found: dict[str, list[tuple[CheckMade, str]]] = {}
+    for trial in trials:
+        for made in trial.checks_made:
+            if made.outcome == "contradicts":
+                found.setdefault(made.name, []).append((made, trial.trial))
+    return [_sentence(rows, len(trials)) for rows in found.values()]
+
+
+def _sentence(rows: list[tuple[CheckMade, str]], trials: int) -> str:
+    made = rows[0][0]
+    ending = "" if made.message.endswith("?") else "."
+    text = f"{made.what[:1].upper()}{made.what[1:]} contradicted: {made.message}{ending}"
+    if trials > 1:
+        names = ", ".join(name for _, name in rows[:MOST_TRIALS])
+        more = f" and {len(rows) - MOST_TRIALS} more" if len(rows) > MOST_TRIALS else ""
+        text += f" In {names}{more}."
+    return text + (f" Fix: --fix {made.name}." if made.fix else "")
+
+
+def untested(trials: Sequence[TrialQuality]) -> str:
+    """What no check of any trial could test, with the reasons; empty where all was tested."""
+    tested: set[str] = set()
+    reasons: dict[str, list[str]] = {}
+    for trial in trials:
+        for made in trial.checks_made:
+            if made.outcome != "untested":
+                tested.add(made.what)
+            elif made.message not in reasons.setdefault(made.what, []):
+                reasons[made.what].append(made.message)
+    left = [f"{what} ({'; '.join(why)})" for what, why in reasons.items() if what not in tested]
+    return f"Untested: {', '.join(left)}." if left else ""

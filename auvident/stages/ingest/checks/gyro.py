@@ -1,0 +1,77 @@
+"""Scale and sign of the yaw rate: against the heading, or against the course by position."""
+
+import numpy as np
+
+from auvident.schema.logs import DEG
+from auvident.stages.ingest.checks.correction import scaled
+from auvident.stages.ingest.checks.row import Figure, Verdict, agrees, contradicts, untested
+from auvident.stages.ingest.checks.seen import MIN_SPEED_MPS, Seen
+from auvident.stages.ingest.checks.speed import MIN_SAMPLES
+from auvident.stages.ingest.checks.track import course_gain
+
+GAIN_LIMIT = 0.1  # gyro against heading: no gyro has a scale error of 10 %; heel makes 2 to 6 %
+COURSE_LIMIT = 0.15  # against the course: the drift angle changes along a turn
+SURE_STDS = 3.0
+LEAST_EXPLAINED = 0.4  # of the variance of the rate of the heading
+MAX_YAW_RATE = 2.0  # r L / u: a turn on half a hull length; the tightest AUVs reach about 1.2
+MIN_YAW_RATE = 0.01  # r L / u of a circle of 100 lengths: less with a deflected rudder is no turn
+LARGE_RUDDER_RAD = 4.0 * DEG  # deflection that must turn it
+
+
+def by_heading(seen: Seen) -> Verdict:
+    """Rate of the heading over the yaw rate, else that of the course."""
+    found = seen.heading
+    if found is None or found.explained < LEAST_EXPLAINED:
+        return _by_course(seen)
+    gain = Figure(float(found.theta[0]), float(found.theta_std[0]))
+    if abs(gain.value - 1.0) <= GAIN_LIMIT + SURE_STDS * gain.std:
+        return gain.verdict("agrees", "the heading changes at the yaw rate")
+    return gain.verdict(
+        "contradicts",
+        f"the heading changes at {gain.value:.2f} times the yaw rate",
+        "Check units and scale of gyro and heading.",
+        scaled(gain.value, "r_radps"),
+    )
+
+
+def _by_course(seen: Seen) -> Verdict:
+    gain = course_gain(seen)
+    if gain is None:
+        return untested("no heading, and no turns with positions")
+    if abs(gain.value - 1.0) <= COURSE_LIMIT + SURE_STDS * gain.std:
+        told = 100.0 * (COURSE_LIMIT + SURE_STDS * gain.std)
+        return gain.verdict("agrees", f"the course turns at the yaw rate (tested to {told:.0f} %)")
+    return gain.verdict(
+        "contradicts",
+        f"the course by position turns at {gain.value:.2f} times the yaw rate",
+        "Check unit, sign and scale of r.",
+        scaled(gain.value, "r_radps"),
+    )
+
+
+def yaw_rate_unit(seen: Seen) -> Verdict:
+    """Turns are neither tighter than any vehicle's nor absent with the rudder laid."""
+    u, r, rudder = seen.columns("u_mps", "r_radps", "rudder_rad")
+    moving = np.abs(u) > MIN_SPEED_MPS
+    if moving.sum() < MIN_SAMPLES:
+        return untested("the vehicle hardly moves")
+    rate = np.abs(r[moving]) * seen.length_m / np.abs(u[moving])
+    most = float(np.quantile(rate, 0.95))
+    if most > MAX_YAW_RATE:
+        return contradicts(
+            f"yaw rates reach {most:.3g} speeds per hull length, more than in any "
+            "turn; r looks like degrees per second in a _radps column",
+            most,
+            "Give the column the suffix of its unit, or state the unit in a map (--map).",
+            scaled(DEG, "r_radps"),
+        )
+    laid = np.abs(rudder[moving]) > LARGE_RUDDER_RAD
+    if laid.sum() >= MIN_SAMPLES and np.quantile(rate[laid], 0.9) < MIN_YAW_RATE:
+        return contradicts(
+            "the vehicle hardly turns with the rudder deflected; r looks like rad/s in a "
+            "_degps column, or is not the yaw rate",
+            float(np.quantile(rate[laid], 0.9)),
+            "Check the unit and column of r, and the unit of the rudder.",
+            scaled(1.0 / DEG, "r_radps"),
+        )
+    return agrees("yaw rates are those of a vehicle that turns", most)

@@ -1,0 +1,106 @@
+"""Heave, pitch and depth against each other: d(depth)/dt = w cos(pitch) - u sin(pitch)."""
+
+import numpy as np
+
+from auvident.stages.ingest.checks.correction import scaled
+from auvident.stages.ingest.checks.row import Figure, Verdict, untested
+from auvident.stages.ingest.checks.seen import Seen
+from auvident.stages.ingest.response import Relation, Signals, fit_relation, smooth_records
+
+MARGIN_S = 2.0  # as in the checks of the horizontal plane
+LEAST_EXPLAINED = 0.6  # of the variance of the rate of depth
+LEAST_ALONE = 0.02  # of it by a term alone: a w of noise shows no sign
+SIGN_STDS = 4.0  # a contradiction is no chance
+FEET = 3.281  # depth in feet, or speeds in feet per second
+SCALE_LIMIT = 0.5  # the worst of 150 drawn trials is 40 % off; feet are a factor of 3.3
+RATE_LIMIT = 0.15  # gyro against pitch: roll and heel take part
+
+
+def sinking(seen: Seen) -> Relation | None:
+    """Rate of depth from pitch and heave; None without them."""
+    columns = {"u": "u_mps", "pitch": "pitch_rad", "depth": "depth_m"}
+    columns |= {"w": "w_mps"} if seen.has("w_mps") else {}
+    columns |= {"q": "q_radps"} if seen.has("q_radps") else {}
+    if not seen.has(*columns.values()):
+        return None
+    arm = seen.vehicle.dvl.x_m
+
+    def relation(s: Signals, lag: float) -> tuple[np.ndarray, np.ndarray]:
+        terms = [-s["u"] * np.sin(s["pitch"])]
+        if "w" in s:
+            heave = s["w"] + arm * s["q"] if "q" in s else s["w"]
+            terms.append(heave * np.cos(s["pitch"]))
+        return s["depth_dot"], np.column_stack((*terms, np.ones_like(s["u"])))
+
+    records = smooth_records(seen.trial, columns, MARGIN_S)
+    return fit_relation(records, relation, (0.0, 0.0), lambda s: np.abs(s["u"]) > seen.way_mps)
+
+
+def pitch_by_depth(seen: Seen) -> Verdict:
+    """Sign and scale of pitch against the rate of depth."""
+    found = sinking(seen)
+    if found is None:
+        return untested("no pitch, or no depth")
+    if found.explained < LEAST_EXPLAINED or found.alone[0] < LEAST_ALONE:
+        return untested("the depth hardly changes with the pitch")
+    gain = Figure(float(found.theta[0]), float(found.theta_std[0]))
+    if gain.value < -SIGN_STDS * gain.std:
+        return gain.verdict(
+            "contradicts",
+            f"the vehicle rises bow down ({gain.value:+.2f} of what the pitch says)",
+            "Pitch is positive bow up, depth positive down: sign = -1 in a map (--map) flips one.",
+            scaled(-1.0, "pitch_rad"),
+        )
+    if abs(gain.value - 1.0) > SCALE_LIMIT + SIGN_STDS * gain.std:
+        feet = min(abs(gain.value - FEET), abs(gain.value * FEET - 1.0) * FEET) < 0.4
+        return gain.verdict(
+            "contradicts",
+            f"the depth changes at {gain.value:.2f} times the rate of speed and pitch"
+            f"{'; feet logged as metres?' if feet else ''}",
+            "Check the units of depth, pitch and u.",
+        )
+    return gain.verdict("agrees", "the depth changes as speed and pitch say")
+
+
+def heave_by_depth(seen: Seen) -> Verdict:
+    """Sign of heave against the rate of depth."""
+    found = sinking(seen)
+    if found is None or found.theta.size < 3:
+        return untested("no heave, no pitch, or no depth")
+    if found.explained < LEAST_EXPLAINED or found.alone[1] < LEAST_ALONE:
+        return untested("the depth hardly shows the heave")
+    gain = Figure(float(found.theta[1]), float(found.theta_std[1]))
+    if gain.value < -SIGN_STDS * gain.std:
+        return gain.verdict(
+            "contradicts",
+            f"the depth changes against the heave ({gain.value:+.2f} of it)",
+            "Heave w is positive down: sign = -1 in a map (--map) flips it.",
+            scaled(-1.0, "w_mps"),
+        )
+    if gain.value < SIGN_STDS * gain.std:
+        return untested("the depth hardly shows the heave")
+    return gain.verdict("agrees", "the depth changes with the heave")
+
+
+def pitch_rate(seen: Seen) -> Verdict:
+    """Scale and sign of the pitch rate against the pitch."""
+    if not seen.has("q_radps", "pitch_rad"):
+        return untested("no pitch rate, or no pitch")
+
+    def relation(s: Signals, lag: float) -> tuple[np.ndarray, np.ndarray]:
+        return s["pitch_dot"], np.column_stack((s["q"], np.ones_like(s["q"])))
+
+    columns = {"q": "q_radps", "pitch": "pitch_rad", "u": "u_mps"}
+    records = smooth_records(seen.trial, columns, MARGIN_S)
+    found = fit_relation(records, relation, (0.0, 0.0), lambda s: np.abs(s["u"]) > seen.way_mps)
+    if found is None or found.explained < LEAST_EXPLAINED:
+        return untested("the pitch hardly changes")
+    gain = Figure(float(found.theta[0]), float(found.theta_std[0]))
+    if abs(gain.value - 1.0) <= RATE_LIMIT + SIGN_STDS * gain.std:
+        return gain.verdict("agrees", "the pitch changes at the pitch rate")
+    return gain.verdict(
+        "contradicts",
+        f"the pitch changes at {gain.value:.2f} times the pitch rate",
+        "Check units, signs and scales of q and pitch.",
+        scaled(gain.value, "q_radps"),
+    )

@@ -1,0 +1,164 @@
+"""Scale of the rudder, and rudders that are cut off or stuck, by what the vehicle does."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from auvident.schema.logs import DEG
+from auvident.stages.ingest.checks.correction import scaled
+from auvident.stages.ingest.checks.gyro import MAX_YAW_RATE
+from auvident.stages.ingest.checks.row import Ratio, Verdict, agrees, contradicts, untested
+from auvident.stages.ingest.checks.seen import MIN_SPEED_MPS, Seen
+from auvident.stages.ingest.checks.speed import MIN_SAMPLES
+from auvident.stages.ingest.held import SettledHold, settled_holds
+
+MIN_TURN_RATE = 0.1  # r L / u of a circle of 10 lengths: needs a rudder of some degrees
+SMALL_RUDDER_RAD = 1.5 * DEG  # largest deflection that can hardly turn a vehicle so
+MOST_RUDDER_RAD = 38.0 * DEG  # fins stall long before, and are stopped at 20 to 35 degrees
+LEAST_EXPLAINED = 0.5  # of the variance of the yaw acceleration
+# Turning gain over that of the estimate, 140 drawn vehicles: median and standard deviation of
+# its logarithm; the estimate has fins that are deflected too effective by a third.
+USUAL_GAIN, GAIN_STD = 0.76, 0.29
+GAIN_LIMIT = 3.0 * GAIN_STD
+LEAST_DAMPING = 0.3  # of the estimate's: a hull that hardly holds its course tells nothing
+SCALES = {
+    "twice the angle of the fins?": 0.5,
+    "half the angle of the fins?": 2.0,
+    "radians logged as degrees?": 1.0 / DEG,
+    "degrees logged as radians?": DEG,
+}
+NEAR_RATIO = 0.5  # logarithm, of a named scale
+ALIKE = 0.02  # of the largest angle: holds at one extreme
+LEAST_HOLDS = 3
+SETTLED = 0.3  # range of the curvature of a turn over its median: zigzags of a slow ship have more
+CUT_SPREAD = 1.3  # ratio of turns at one and the same rudder; 1.06 at most of 15 trials
+SWING = 0.25  # r L / u: a change of the turn that a rudder that is held does not make
+BRISK = 2.0  # of the speed that counts as under way: a vehicle that coasts to rest swings
+
+
+def rudder_unit(seen: Seen) -> Verdict:
+    """Turns need some degrees of rudder, and fins have stops."""
+    u, r, rudder = seen.columns("u_mps", "r_radps", "rudder_rad")
+    moving = np.abs(u) > MIN_SPEED_MPS
+    if moving.sum() < MIN_SAMPLES:
+        return untested("the vehicle hardly moves")
+    rate = np.abs(r[moving]) * seen.length_m / np.abs(u[moving])
+    most, largest = float(np.quantile(rate, 0.95)), float(np.abs(rudder[moving]).max())
+    if MIN_TURN_RATE < most <= MAX_YAW_RATE and largest < SMALL_RUDDER_RAD:
+        return contradicts(
+            f"the vehicle turns although the rudder stays within {largest / DEG:.2f} "
+            "degrees; rudder looks like radians in a _deg column",
+            largest,
+            "Give the column the suffix of its unit, or state the unit in a map (--map).",
+            scaled(1.0 / DEG, "rudder_rad"),
+        )
+    usual = float(np.quantile(np.abs(rudder[moving]), 0.98))
+    if usual > MOST_RUDDER_RAD:
+        return contradicts(
+            f"the rudder is laid to {usual / DEG:.0f} degrees; fins stall at 20 to 30: a servo's "
+            "angle or twice that of the fins?",
+            usual,
+            "Check unit and scale of the rudder.",
+        )
+    return agrees("the rudder has angles that fins have", largest)
+
+
+def rudder_sign(seen: Seen) -> Verdict:
+    """Which way the rudder turns the vehicle; the other way than stated has been refused."""
+    if seen.sign is None or seen.sign.sign >= 0:
+        return untested("no turns with the rudder held, or steps of it")
+    return agrees("the rudder turns the vehicle as [signs] says")
+
+
+@dataclass(frozen=True)
+class Steering:
+    """Yaw acceleration of the estimate, in lengths: by the rudder, and by the yaw rate."""
+
+    by_rudder: float
+    by_rate: float
+
+
+def steering(seen: Seen) -> Steering | None:
+    """What the coefficients from geometry make of a rudder; None without them."""
+    needed = {"Y_vdot", "Y_rdot", "N_vdot", "N_rdot", "Y_ur", "N_ur", "Y_uud", "N_uud"}
+    if seen.drawn is None or not needed <= set(seen.drawn):
+        return None
+    c: Mapping[str, float] = {symbol: float(seen.drawn[symbol][0]) for symbol in needed}
+    body = seen.vehicle.body
+    moment = body.mass_kg * body.x_g_m
+    mass = [
+        [body.mass_kg - c["Y_vdot"], moment - c["Y_rdot"]],
+        [moment - c["N_vdot"], body.izz_kgm2 - c["N_rdot"]],
+    ]
+    forces = [[c["Y_uud"], c["Y_ur"] - body.mass_kg], [c["N_uud"], c["N_ur"] - moment]]
+    rows = np.linalg.solve(np.array(mass), np.array(forces))[1]
+    return Steering(float(rows[0]), float(rows[1]))
+
+
+def rudder_scale(seen: Seen) -> Verdict:
+    """Turning gain, yaw acceleration by the rudder over that by the rate, against the estimate."""
+    if not seen.vehicle.hull.is_body_of_revolution:
+        return untested("fins are estimated from geometry for bodies of revolution only")
+    own, found = steering(seen), seen.rudder
+    if own is None or own.by_rudder == 0.0 or own.by_rate >= 0.0:
+        return untested("no estimate of the fins from the vehicle file")
+    if found is None or found.explained < LEAST_EXPLAINED:
+        return untested("no maneuvers that show what the rudder does")
+    if found.theta[1] / own.by_rate < LEAST_DAMPING or found.theta[0] / own.by_rudder <= 0.0:
+        return untested("a vehicle that hardly holds its course does not show it")
+    gain = found.theta[0] / found.theta[1] / (own.by_rudder / own.by_rate)
+    ratio = Ratio(float(gain) / USUAL_GAIN, GAIN_STD)
+    if abs(ratio.log) <= GAIN_LIMIT:
+        factor = np.exp(GAIN_LIMIT)
+        return ratio.verdict(
+            "agrees",
+            f"the rudder turns the vehicle as its fins should (to a factor of {factor:.1f})",
+        )
+    apart = {name: abs(np.log(ratio.value / scale)) for name, scale in SCALES.items()}
+    named = min(apart, key=lambda name: apart[name])
+    fix = scaled(SCALES[named], "rudder_rad") if apart[named] < NEAR_RATIO else ""
+    return ratio.verdict(
+        "contradicts",
+        f"the rudder turns the vehicle {ratio.value:.2f} times as much as the fins of the vehicle "
+        f"file should{f'; {named}' if fix else ''}",
+        "Check unit and scale of the rudder, and [[fin]] of the vehicle file.",
+        fix,
+    )
+
+
+def rudder_cut(seen: Seen) -> Verdict:
+    """At one and the same rudder all turns are alike; else the log has cut the angle off."""
+    holds = [h for h in settled_holds(seen.trial, seen.length_m, seen.way_mps) if h.angle]
+    top = max((abs(h.angle) for h in holds), default=0.0)
+    settled = [h for h in holds if h.swing <= SETTLED * abs(h.bend) and h.bend * h.angle < 0.0]
+    alike = [h for h in settled if abs(h.angle) >= (1.0 - ALIKE) * top]
+    if len(alike) < LEAST_HOLDS:
+        return untested("too few turns at the largest rudder")
+    bends = np.sort([abs(h.bend) for h in alike])
+    ratio = float(bends[-1] / bends[0])
+    if ratio < CUT_SPREAD:
+        return agrees("turns at the largest rudder are alike", ratio)
+    return contradicts(
+        f"turns at the same rudder of {top / DEG:.1f} degrees differ by a factor of {ratio:.2f}: "
+        "the log looks cut off there",
+        ratio,
+        "Check the range of the rudder's log; angles beyond it are lost.",
+    )
+
+
+def rudder_stuck(seen: Seen) -> Verdict:
+    """A rudder that is held makes one turn; a vehicle that swings on has another rudder."""
+    holds: list[SettledHold] = settled_holds(seen.trial, seen.length_m, BRISK * seen.way_mps)
+    if not holds:
+        return untested("the rudder is never held for long")
+    worst = max(holds, key=lambda h: h.swing)
+    if worst.swing < SWING:
+        return agrees("the vehicle does not swing while the rudder is held", worst.swing)
+    return contradicts(
+        f"the yaw rate swings by {worst.swing:.2f} u / L while the rudder stands at "
+        f"{worst.angle / DEG:.1f} degrees from {worst.start_s:.0f} to {worst.end_s:.0f} s: "
+        "the log of the rudder looks stuck",
+        worst.swing,
+        "Check the log of the rudder there, or leave the stretch out.",
+    )

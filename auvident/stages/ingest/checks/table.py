@@ -1,0 +1,104 @@
+"""The table of checks of units, scales, signs and axes; one row is one test."""
+
+import math
+
+from auvident.schema.artifacts import Finding
+from auvident.schema.logs import CheckMade
+from auvident.stages.ingest.checks import axes, gyro, heave, rudder, speed
+from auvident.stages.ingest.checks.row import Check, untested
+from auvident.stages.ingest.checks.seen import Seen
+
+# fmt: off
+CHECKS: tuple[Check, ...] = (
+    Check("dvl_axes", "axes of the DVL", "motion, heading and position", axes.dvl_axes, None,
+          "a wrong axis shows by a factor, not by shares"),
+    Check("speed_by_position", "scale of the speed", "position", speed.by_position,
+          speed.POSITION_LIMIT, "DVLs are good to 1 %; lever arms and currents that change",
+          "speed_position_ratio", after="dvl_axes"),
+    Check("speed_scale", "scale of the speed", "thrust and drag", speed.by_propeller,
+          None, "three standard deviations of thrust and drag from geometry",
+          after="dvl_axes"),
+    Check("rpm_scale", "scale of rpm", "speed, thrust and drag", speed.rpm_by_speed,
+          None, "three standard deviations of thrust and drag from geometry",
+          after="dvl_axes"),
+    Check("speed_by_drift", "scale of speed over yaw rate", "drift in turns", speed.by_drift,
+          speed.PIVOT_LIMIT, "logarithm; more than the worst of 150 drawn vehicles",
+          after="dvl_axes"),
+    Check("advance_ratio", "speed and rpm", "propeller diameter", speed.advance_ratio,
+          speed.MAX_ADVANCE, "propellers give no thrust beyond u / (n D) = 1.5"),
+    Check("rpm_sign", "sign of rpm", "speed ahead", speed.rpm_sign, speed.AHEAD_SHARE,
+          "share of the rows"),
+    Check("rpm_constant", "rpm", "steady speeds", speed.rpm_varies, speed.LEVELS,
+          "a current makes 20 to 30 % at most"),
+    Check("surge_sign", "sign of u", "rpm", axes.surge_sign, axes.MIN_SPEED_MPS,
+          "a speed that is no noise"),
+    Check("sway_sign", "sign of v", "yaw rate in turns", axes.sway_sign, axes.SWAY_SLOPE,
+          "hulls drift outward, by 0.2 to 0.5 r L"),
+    Check("yaw_rate_scale", "scale and sign of the yaw rate", "heading or course",
+          gyro.by_heading, gyro.GAIN_LIMIT, "no gyro is 10 % off", "heading_gyro_gain"),
+    Check("yaw_rate_unit", "unit of the yaw rate", "speed and hull length", gyro.yaw_rate_unit,
+          gyro.MAX_YAW_RATE, "the tightest AUVs turn at r L / u = 1.2"),
+    Check("rudder_sign", "sign of the rudder", "turns", rudder.rudder_sign, None,
+          "97 of 100 rows say the same where it is right"),
+    Check("rudder_unit", "unit of the rudder", "turns, and stops of fins", rudder.rudder_unit,
+          rudder.MOST_RUDDER_RAD, "fins are stopped at 20 to 35 degrees"),
+    Check("rudder_scale", "scale of the rudder", "fins of the vehicle file", rudder.rudder_scale,
+          rudder.GAIN_LIMIT, "logarithm; three standard deviations over drawn vehicles",
+          after="dvl_axes"),
+    Check("rudder_cut", "range of the rudder", "turns at its largest angle", rudder.rudder_cut,
+          rudder.CUT_SPREAD, "turns at one rudder are alike, but for current and sides"),
+    Check("rudder_stuck", "the rudder where it stands still", "yaw rate", rudder.rudder_stuck,
+          rudder.SWING, "a settled turn does not swing"),
+    Check("pitch_sign", "sign and scale of pitch and depth", "speed and rate of depth",
+          heave.pitch_by_depth, heave.SCALE_LIMIT, "the water and the roll take part"),
+    Check("heave_sign", "sign of w", "rate of depth", heave.heave_by_depth, None,
+          "four standard deviations"),
+    Check("pitch_rate_scale", "scale and sign of the pitch rate", "pitch", heave.pitch_rate,
+          heave.RATE_LIMIT, "roll takes part"),
+)
+# fmt: on
+
+
+def run_checks(seen: Seen) -> tuple[tuple[CheckMade, ...], list[Finding]]:
+    """Every row of the table on one trial, and a finding for each contradiction."""
+    made: list[CheckMade] = []
+    found: list[Finding] = []
+    for check in CHECKS:
+        wrong = {row.name for row in made if row.outcome == "contradicts"}
+        said = untested(f"see {check.after}") if check.after in wrong else check.test(seen)
+        made.append(
+            CheckMade(
+                name=check.name,
+                what=check.what,
+                against=check.against,
+                outcome=said.outcome,
+                value=_finite(said.value),
+                low=_finite(said.low),
+                high=_finite(said.high),
+                limit=check.limit,
+                message=said.message,
+                remedy=said.remedy,
+                fix=said.fix,
+            )
+        )
+        if said.outcome == "contradicts":
+            found.append(_finding(check, made[-1], seen.raw.name))
+    return tuple(made), found
+
+
+def _finite(x: float | None) -> float | None:
+    """A number as the artifact may have it; what cannot be told is none."""
+    return float(x) if x is not None and math.isfinite(x) else None
+
+
+def _finding(check: Check, made: CheckMade, trial: str) -> Finding:
+    """The finding of a contradiction, with the way out."""
+    fix = f" Fix: --fix {made.name}." if made.fix else ""
+    return Finding(
+        code=check.finding,
+        message=made.message,
+        where=f"trial {trial}",
+        value=made.value,
+        threshold=made.limit,
+        remedy=made.remedy + fix,
+    )

@@ -1,0 +1,84 @@
+"""Ingest with the corrections that the user asks for, each proposed by a check of the trial."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any
+
+from auvident.errors import ContradictionError, UsageError
+from auvident.schema.artifacts import Finding
+from auvident.schema.logs import RawTrial, TrialQuality
+from auvident.schema.trial import Trial
+from auvident.schema.vehicle import Vehicle
+from auvident.stages.ingest.checks import corrected
+from auvident.stages.ingest.stage import ingest
+
+
+@dataclass(frozen=True)
+class CorrectedTrial:
+    """An ingested trial, and the names of ``--fix`` that a check of it proposed."""
+
+    trial: Trial
+    quality: TrialQuality
+    proposed: frozenset[str]
+
+
+def ingest_fixed(
+    raw: RawTrial, vehicle: Vehicle, fixes: Collection[str] = (), **options: Any
+) -> CorrectedTrial:
+    """Bring a trial to one clock, corrected as asked.
+
+    Corrections are made one by one to what was logged, and the trial is ingested again after
+    each: what was right all along is proposed no more.
+
+    Parameters
+    ----------
+    raw, vehicle, **options
+        Of `ingest`.
+    fixes : collection of str
+        Names of checks.
+
+    Raises
+    ------
+    InputError
+        As `ingest`; a contradiction that is to be fixed is not refused.
+    """
+    done: dict[str, str] = {}
+    proposed: set[str] = set()
+    while True:
+        wanted = set(fixes) - set(done)
+        try:
+            trial, quality = ingest(raw, vehicle, **options)
+            found = {c.name: c.fix for c in quality.checks_made if c.fix and c.name in wanted}
+        except ContradictionError as error:
+            if error.check not in wanted or not error.fix:
+                raise
+            found = {error.check: error.fix}
+        proposed |= set(found)
+        if not found:
+            return CorrectedTrial(trial, _told(quality, done), frozenset(proposed))
+        name = next(iter(found))
+        raw, done = corrected(raw, found[name]), {**done, name: found[name]}
+
+
+def _told(quality: TrialQuality, done: dict[str, str]) -> TrialQuality:
+    """The quality with what was corrected."""
+    findings = [
+        Finding(
+            code="fixed",
+            message=f"corrected before anything else (--fix {name}): {fix}",
+            where=f"trial {quality.trial}",
+        )
+        for name, fix in done.items()
+    ]
+    return quality.model_copy(update={"fixed": done, "findings": (*findings, *quality.findings)})
+
+
+def refuse_unproposed(fixes: Collection[str], proposed: Collection[str]) -> None:
+    """Refuse a correction that no check of any trial proposes."""
+    left = [name for name in fixes if name not in proposed]
+    if left:
+        raise UsageError(
+            f"no check proposes a correction named {', '.join(left)}",
+            "--fix",
+            "`auvident ingest` without --fix says what contradicts and which name corrects it.",
+        )

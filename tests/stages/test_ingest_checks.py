@@ -1,0 +1,275 @@
+"""Units, scales, signs and axes of trials at sea: right ones agree, damaged ones contradict."""
+
+import pickle
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+
+from auvident.errors import InputError, UsageError
+from auvident.report.check_words import contradictions, untested
+from auvident.report.html_words import SERIOUS
+from auvident.schema.logs import DEG, CheckMade, RawTrial, TrialQuality
+from auvident.schema.trial import Trial
+from auvident.stages.ingest import ingest, ingest_fixed, refuse_unproposed
+from auvident.stages.ingest.checks import CHECKS, Seen, corrected, run_checks
+from auvident.stages.ingest.checks.correction import mixed, scaled
+from auvident.storage.logs import read_trials
+from auvident.storage.vehicle_file import load_vehicle
+from tests.session import once
+
+Change = Callable[[np.ndarray], np.ndarray]
+SAMPLES = Path(__file__).resolve().parents[2] / "sample_logs"
+NAMES = [check.name for check in CHECKS]
+VELOCITIES = ("u_mps", "v_mps", "w_mps")
+
+
+@once
+def sailed() -> RawTrial:
+    """A trial of the independent generator, with all sensors."""
+    sys.path.insert(0, str(SAMPLES))
+    from seatrial.trial import generate
+
+    schedule = {"straights": 2, "turns": 5, "zigzags_10": 0, "zigzags_20": 1}
+    with TemporaryDirectory() as folder:
+        place = Path(folder) / "trial"
+        recipe = {"name": "trial", "vehicle": "remus100", "seed": 21, "schedule": schedule}
+        generate(recipe, place)
+        (found,) = read_trials([place])
+    return found
+
+
+BOAT = load_vehicle(SAMPLES / "remus100.toml")
+
+
+@cache
+def ingested() -> tuple[Trial, TrialQuality]:
+    return ingest(sailed(), BOAT)
+
+
+@pytest.fixture(scope="module")
+def clean() -> TrialQuality:
+    return ingested()[1]
+
+
+def changed(raw: RawTrial, **changes: Callable[[np.ndarray], np.ndarray]) -> RawTrial:
+    """The trial with channels changed."""
+    sensors = dict(raw.sensors)
+    for name, sensor in raw.sensors.items():
+        own = {c: f(sensor.values[c]) for c, f in changes.items() if c in sensor.values}
+        sensors[name] = replace(sensor, values={**sensor.values, **own})
+    return replace(raw, sensors=sensors)
+
+
+def without(raw: RawTrial, *names: str) -> RawTrial:
+    return replace(raw, sensors={k: s for k, s in raw.sensors.items() if k not in names})
+
+
+def rows(raw: RawTrial) -> dict[str, CheckMade]:
+    return {c.name: c for c in ingest(raw, BOAT)[1].checks_made}
+
+
+def on_the_grid(*absent: str, **changes: Change) -> dict[str, CheckMade]:
+    """Rows of the ingested trial with channels changed, without the relations between sensors."""
+    trial = ingested()[0]
+    known = trial.table.drop(columns=list(absent))
+    table = known.assign(**{c: f(known[c].to_numpy()) for c, f in changes.items() if c in known})
+    return {c.name: c for c in run_checks(Seen(sailed(), replace(trial, table=table), BOAT))[0]}
+
+
+def times(factor: float, *columns: str) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
+    return {c: lambda x: factor * x for c in columns}
+
+
+def earthly(raw: RawTrial) -> RawTrial:
+    """u and v as north and east."""
+    dvl, attitude = raw.sensors["dvl"], raw.sensors["attitude"]
+    known = np.isfinite(attitude.values["heading_rad"])
+    time, first = np.unique(attitude.time_s[known], return_index=True)
+    heading = np.unwrap(attitude.values["heading_rad"][known][first])
+    at = np.interp(dvl.time_s, time, heading)
+    u, v = dvl.values["u_mps"], dvl.values["v_mps"]
+    turned = {"u_mps": u * np.cos(at) - v * np.sin(at), "v_mps": u * np.sin(at) + v * np.cos(at)}
+    new = replace(dvl, values={**dvl.values, **turned})
+    return replace(raw, sensors={**raw.sensors, "dvl": new})
+
+
+def stuck(raw: RawTrial) -> RawTrial:
+    """The rudder as it was, for 40 s in which it moves most."""
+    s = raw.sensors["rudder"]
+    values = s.values["rudder_rad"].copy()
+    starts = np.arange(s.time_s[0], s.time_s[-1] - 40.0, 5.0)
+    pieces = [(s.time_s >= t) & (s.time_s < t + 40.0) for t in starts]
+    worst = max(pieces, key=lambda rows: np.nanstd(values[rows]))
+    values[worst] = values[worst][0]
+    new = replace(s, values={"rudder_rad": values})
+    return replace(raw, sensors={**raw.sensors, "rudder": new})
+
+
+# --- what is right ------------------------------------------------------------------------
+
+
+def test_a_right_trial_contradicts_nothing_and_most_is_tested(clean):
+    assert [c.name for c in clean.checks_made] == NAMES
+    assert not contradictions([clean])
+    tested = {c.name for c in clean.checks_made if c.outcome == "agrees"}
+    assert tested >= set(NAMES) - {"pitch_rate_scale", "heave_sign", "pitch_sign", "rudder_cut"}
+
+
+def test_every_row_says_something(clean):
+    for made in clean.checks_made:
+        assert made.message and made.what and made.against
+        assert not made.fix
+
+
+def test_what_nothing_tests_is_said():
+    quality = ingest(without(sailed(), "attitude", "position", "depth"), BOAT)[1]
+    line = untested([quality])
+    assert line.startswith("Untested: ")
+    assert "scale and sign of the yaw rate (no heading, and no turns with positions)" in line
+    assert "scale of the speed" not in line  # thrust and drag test it, roughly
+    (row,) = [c for c in quality.checks_made if c.name == "speed_scale"]
+    assert "% only" in row.message
+
+
+def test_every_contradiction_is_serious_in_the_report():
+    assert {check.finding for check in CHECKS} - SERIOUS == {"rudder_sign"}  # refused before
+
+
+# --- what is wrong ------------------------------------------------------------------------
+
+KNOTS = 1.0 / 0.514444
+DAMAGED = {
+    "knots logged as m/s": (times(KNOTS, *VELOCITIES), "speed_by_position", True),
+    "m/s logged as knots": (times(1 / KNOTS, *VELOCITIES), "speed_scale", True),
+    "DVL x 1.1": (times(1.1, *VELOCITIES), "speed_by_position", True),
+    "rpm of the motor": (times(2.0, "rpm"), "rpm_scale", True),
+    "half of the rpm": (times(0.5, "rpm"), "rpm_scale", True),
+    "rpm negative": (times(-1.0, "rpm"), "rpm_sign", True),
+    "rpm constant": ({"rpm": lambda x: 0 * x + np.nanmedian(x)}, "rpm_constant", False),
+    "rpm in rev/s": (times(1 / 60, "rpm"), "advance_ratio", False),
+    "gyro x 1.3": (times(1.3, "r_radps"), "yaw_rate_scale", True),
+    "rudder x 4": (times(4.0, "rudder_rad"), "rudder_unit", False),
+    "rudder / 57": (times(DEG, "rudder_rad"), "rudder_unit", True),
+    "rudder / 4": (times(0.25, "rudder_rad"), "rudder_scale", False),
+    "rudder cut at 8 degrees": (
+        {"rudder_rad": lambda x: np.clip(x, -8 * DEG, 8 * DEG)},
+        "rudder_cut",
+        False,
+    ),
+    "u of the wrong sign": (times(-1.0, "u_mps"), "surge_sign", True),
+    "v of the wrong sign": (times(-1.0, "v_mps"), "sway_sign", True),
+    "DVL turned by 180 degrees": (times(-1.0, "u_mps", "v_mps"), "surge_sign", True),
+    "pitch of the wrong sign": (times(-1.0, "pitch_rad"), "pitch_sign", True),
+    "depth in feet": (times(3.281, "depth_m"), "pitch_sign", False),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGED)
+def test_a_damaged_trial_contradicts(damage):
+    changes, name, has_fix = DAMAGED[damage]
+    whole = name in ("yaw_rate_scale", "rudder_scale")
+    made = (rows(changed(sailed(), **changes)) if whole else on_the_grid(**changes))[name]
+    assert made.outcome == "contradicts", made.message
+    assert bool(made.fix) == has_fix
+    assert made.remedy
+
+
+AXES = {
+    "u and v swapped": {"u_mps": (1.0, "v_mps"), "v_mps": (1.0, "u_mps")},
+    "v and w swapped": {"w_mps": (1.0, "v_mps"), "v_mps": (1.0, "w_mps")},
+    "turned by 90 degrees": {"u_mps": (1.0, "v_mps"), "v_mps": (-1.0, "u_mps")},
+    "turned by -90 degrees": {"u_mps": (-1.0, "v_mps"), "v_mps": (1.0, "u_mps")},
+}
+
+
+@pytest.mark.parametrize("damage", AXES)
+def test_axes_are_named_and_the_correction_restores_them(damage):
+    wrong = corrected(sailed(), mixed(AXES[damage]))
+    made = rows(wrong)["dvl_axes"]
+    assert made.outcome == "contradicts"
+    back = corrected(wrong, made.fix).sensors["dvl"].values
+    for column in VELOCITIES:
+        np.testing.assert_array_equal(back[column], sailed().sensors["dvl"].values[column])
+
+
+def test_velocities_of_the_earth_are_turned_back():
+    made = rows(earthly(sailed()))["dvl_axes"]
+    assert made.value == pytest.approx(1.0, abs=0.1)
+    back = corrected(earthly(sailed()), made.fix).sensors["dvl"].values
+    here = np.isfinite(back["u_mps"]) & np.isfinite(sailed().sensors["dvl"].values["u_mps"])
+    np.testing.assert_allclose(
+        back["u_mps"][here], sailed().sensors["dvl"].values["u_mps"][here], atol=1e-9
+    )
+
+
+def test_a_heave_of_the_wrong_sign():
+    (dive,) = read_trials([SAMPLES / "dive_trial"])
+    made = rows(changed(dive, **times(-1.0, "w_mps")))["heave_sign"]
+    assert made.outcome == "contradicts"
+    assert made.fix == scaled(-1.0, "w_mps")
+
+
+def test_a_rudder_that_is_stuck():
+    made = rows(stuck(sailed()))["rudder_stuck"]
+    assert made.outcome == "contradicts"
+    assert "looks stuck" in made.message
+
+
+def test_without_position_the_drift_in_turns_tells_speed_from_rpm():
+    absent = ("north_m", "east_m")
+    fast = on_the_grid(*absent, **times(KNOTS, *VELOCITIES))
+    assert fast["speed_scale"].outcome == "contradicts"
+    assert fast["rpm_scale"].outcome == "agrees"
+    geared = on_the_grid(*absent, **times(2.0, "rpm"))
+    assert geared["rpm_scale"].outcome == "contradicts"
+    assert geared["speed_scale"].outcome == "agrees"
+
+
+def test_without_turns_either_may_be_off():
+    straight = times(1e-3, "r_radps", "rudder_rad") | times(2.0, "rpm")
+    found = on_the_grid("north_m", "east_m", "heading_rad", **straight)
+    assert found["speed_scale"].outcome == found["rpm_scale"].outcome == "contradicts"
+    assert "or the rpm is off" in found["speed_scale"].message
+
+
+# --- corrections --------------------------------------------------------------------------
+
+
+def test_a_correction_is_applied_and_recorded():
+    raw = changed(without(sailed(), "position"), **times(KNOTS, *VELOCITIES))
+    done = ingest_fixed(raw, BOAT, ["speed_scale"])
+    assert done.proposed == {"speed_scale"}
+    assert set(done.quality.fixed) == {"speed_scale"}
+    assert "fixed" in [f.code for f in done.quality.findings]
+    assert not contradictions([done.quality])
+    right = ingest(without(sailed(), "position"), BOAT)[0].table["u_mps"]
+    np.testing.assert_allclose(done.trial.table["u_mps"], right, rtol=2e-5, atol=1e-6)
+
+
+def test_a_rudder_of_the_wrong_sign_is_refused_until_it_is_fixed(clean):
+    raw = changed(sailed(), **times(-1.0, "rudder_rad"))
+    with pytest.raises(InputError, match="--fix rudder_sign"):
+        ingest_fixed(raw, BOAT)
+    done = ingest_fixed(raw, BOAT, ["rudder_sign"])
+    assert done.quality.fixed == {"rudder_sign": scaled(-1.0, "rudder_rad")}
+    assert done.quality.checks == clean.checks
+
+
+def test_a_correction_that_nothing_proposes_is_wrong_usage():
+    done = ingest_fixed(without(sailed(), "position"), BOAT, ["rpm_scale"])
+    assert not done.proposed and not done.quality.fixed
+    with pytest.raises(UsageError, match="rpm_scale"):
+        refuse_unproposed(["rpm_scale"], done.proposed)
+
+
+def test_raw_trials_are_left_as_they_are():
+    raw = sailed()
+    before = pickle.dumps(raw)
+    corrected(raw, scaled(2.0, "rpm"))
+    assert pickle.dumps(raw) == before
