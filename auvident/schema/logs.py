@@ -357,6 +357,40 @@ class Alignment(Artifact):
     explained: float
 
 
+class CheckMade(Artifact):
+    """One test of units, scales, signs, axes or clocks of a trial: what, against what, outcome.
+
+    Attributes
+    ----------
+    name : str
+        Of the row in the table of checks; also what ``--fix`` takes where `fix` is given.
+    what, against : str
+        The quantity that is tested and what it is held against, in words.
+    outcome : {"agrees", "contradicts", "untested"}
+    value, low, high : float or None
+        The figure with its 95 % interval.
+    limit : float or None
+        Distance from what is expected that counts as a contradiction.
+    message : str
+        A sentence; for an untested row, what would be needed.
+    remedy : str
+    fix : str
+        Value that ``ingest --fix NAME`` would apply; empty where there is none.
+    """
+
+    name: str
+    what: str
+    against: str
+    outcome: Literal["agrees", "contradicts", "untested"]
+    value: float | None = None
+    low: float | None = None
+    high: float | None = None
+    limit: float | None = None
+    message: str = ""
+    remedy: str = ""
+    fix: str = ""
+
+
 class TrialQuality(Artifact):
     """Quality of one ingested trial."""
 
@@ -371,6 +405,7 @@ class TrialQuality(Artifact):
     records: tuple[RecordSpan, ...] = ()
     alignment: tuple[Alignment, ...] = ()
     checks: dict[str, Any] = {}
+    checks_made: tuple[CheckMade, ...] = ()
     findings: tuple[Finding, ...] = ()
 
 
