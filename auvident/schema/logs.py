@@ -98,12 +98,16 @@ TimeUnit = Literal["s", "ms", "us", "ns", "iso"]
 
 
 class SensorMap(Declared):
-    """Where a sensor's samples stand; the tables of the sensors add their quantities."""
+    """Where a sensor's samples stand; the tables of the sensors add their quantities.
+
+    `time_offset_s` is added to its stamps, and `time_drift_ppm` per second from their median.
+    """
 
     file: str | None = None
     time: str | None = None
     time_unit: TimeUnit | None = None
     time_offset_s: float = 0.0
+    time_drift_ppm: float = 0.0
     valid: str | None = None
 
     def entries(self) -> dict[str, ColumnEntry]:
@@ -257,6 +261,18 @@ class RawSensor:
     dropped_rows: dict[str, tuple[int, ...]] = field(default_factory=dict)
     on_change: bool | None = None
     time_column: str = "time_s"
+
+
+def moved_stamps(time_s: "np.ndarray", offset_s: float, drift_ppm: float) -> "np.ndarray":
+    """Stamps with an offset added at their median, and a drift from there.
+
+    The median of a log depends on no single stamp, and an offset there hardly on the drift.
+    """
+    import numpy as np
+
+    if not drift_ppm or not np.isfinite(time_s).any():
+        return time_s + offset_s
+    return time_s + offset_s + 1e-6 * drift_ppm * (time_s - np.nanmedian(time_s))
 
 
 @dataclass(frozen=True)

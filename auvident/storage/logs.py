@@ -15,7 +15,15 @@ import numpy as np
 from auvident.errors import InputError
 from auvident.schema.artifacts import Finding
 from auvident.schema.channels import BY_COLUMN, NEEDED, SENSORS
-from auvident.schema.logs import FIRST_FEW, ColumnMap, InputMap, RawSensor, RawTrial, SensorMap
+from auvident.schema.logs import (
+    FIRST_FEW,
+    ColumnMap,
+    InputMap,
+    RawSensor,
+    RawTrial,
+    SensorMap,
+    moved_stamps,
+)
 from auvident.storage.declared import parse, read_toml
 from auvident.storage.log_columns import (
     LogColumn,
@@ -209,7 +217,7 @@ def _sensor(
     return RawSensor(
         sensor=sensor,
         file=str(log.path),
-        time_s=time_s[valid] + mapping.time_offset_s,
+        time_s=moved_stamps(time_s[valid], mapping.time_offset_s, mapping.time_drift_ppm),
         values={key: _finite(numbers[valid]) for key, numbers in values.items()},
         rows=table.rows[valid],
         columns={key: column.name for key, column in columns.items()},

@@ -14,7 +14,7 @@ from auvident.constants import NORMAL_95
 from auvident.errors import InputError
 from auvident.schema.artifacts import Finding
 from auvident.schema.channels import SENSORS
-from auvident.schema.logs import Alignment, CheckMade, RawTrial
+from auvident.schema.logs import Alignment, CheckMade, RawTrial, moved_stamps
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.clocks_estimate import Estimate, Lags, estimate_clocks, passage_s
@@ -260,15 +260,8 @@ def apply_clock(raw: RawTrial, sensor: str, offset_s: float, drift_ppm: float) -
         Added per s from there, in 1e-6 s.
     """
     own = raw.sensors[sensor]
-    moved = replace(own, time_s=corrected(own.time_s, offset_s, drift_ppm))
+    moved = replace(own, time_s=moved_stamps(own.time_s, offset_s, drift_ppm))
     return replace(raw, sensors={**raw.sensors, sensor: moved})
-
-
-def corrected(time_s: np.ndarray, offset_s: float, drift_ppm: float) -> np.ndarray:
-    """Stamps with an offset at their median and a drift from there."""
-    if not drift_ppm or not np.isfinite(time_s).any():
-        return time_s + offset_s
-    return time_s + offset_s + 1e-6 * drift_ppm * (time_s - np.nanmedian(time_s))
 
 
 def fix_clock(raw: RawTrial, check: CheckMade) -> RawTrial:

@@ -31,7 +31,8 @@ WIDEST_STD = 0.5  # s or L/U, the larger: a lag known no better is not worth tel
 SERVO_LENGTHS = 0.2  # a longer lag of the rudder is taken out before sway is compared
 APART_STDS = 3.0  # lags further apart are not of one clock
 ORDER = ("attitude", "rudder", "elevator", "dvl", "depth", "position")
-JUDGES_OF_GYRO = ("attitude", "rudder", "dvl", "elevator")
+JUDGES_OF_GYRO = ("attitude", "rudder", "dvl", "elevator", "position")
+LEAST_JUDGES = 2
 IsOff = Callable[[str, "Estimate", float], bool]
 
 
@@ -71,8 +72,8 @@ def passage_s(trial: Trial, vehicle: Vehicle) -> float:
 def estimate_clocks(raw: RawTrial, trial: Trial, vehicle: Vehicle, is_off: IsOff) -> Lags:
     """Lags of all sensors behind the gyro.
 
-    A sensor that is off is put right before others are held against it. Where all that can be
-    held against the gyro are off by the same, it is the gyro.
+    A sensor that is off is put right before others are held against it. Where two or more are
+    off by the same, and none contradicts that, it is the gyro.
 
     Parameters
     ----------
@@ -84,7 +85,8 @@ def estimate_clocks(raw: RawTrial, trial: Trial, vehicle: Vehicle, is_off: IsOff
     lags = _against_gyro(raw, trial, vehicle, is_off)
     judges = {s: lags.of[s] for s in JUDGES_OF_GYRO if s in lags.of}
     gyro = _common(tuple(judges.values()))
-    if gyro is None or not all(is_off(s, e, passage) for s, e in judges.items()):
+    off = sum(is_off(s, e, passage) for s, e in judges.items())
+    if gyro is None or off < LEAST_JUDGES:
         return lags
     own = replace(gyro.opposite(), against=tuple(sorted(judges)))
     moved = put_right(trial, "gyro", own)
@@ -94,10 +96,11 @@ def estimate_clocks(raw: RawTrial, trial: Trial, vehicle: Vehicle, is_off: IsOff
 
 def _common(found: Sequence[Estimate]) -> Estimate | None:
     """One lag for several sensors, if they have it in common."""
-    if len(found) < 2:
+    if len(found) < LEAST_JUDGES:
         return None
     both = _combined(found)
-    apart = [abs(e.lag_s - both.lag_s) > APART_STDS * e.std_s + FLOOR_S for e in found]
+    apart = [abs(e.lag_s - both.lag_s) > APART_STDS * e.std_s for e in found]
+    apart += [abs(e.gain_s - both.gain_s) > APART_STDS * e.gain_std_s for e in found]
     return None if any(apart) else both
 
 

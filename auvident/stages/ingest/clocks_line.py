@@ -22,13 +22,15 @@ WIDEST_S = 32.0  # of the wide scan, either way: GPS and UTC are 18 s apart
 WIDE_STEP = 0.4  # of the smoothing, so that no minimum is stepped over
 FINE_STEP = 0.1  # of the smoothing as well
 FINE_STEPS = 9  # on either side of the line of the wide scan: two of its steps
-STEEPEST = 2.5e-3  # drift of a clock that is scanned: 2500 ppm; quartz has below 100
+STEEPEST = 2.5e-3  # drift of a clock that is scanned: 2500 ppm; quartz has below 100 ...
+MOST_GAIN_S = 8.0  # ... which is this in a day, from the middle to the end
 WIDE_BLOCKS = 12
 FINE_BLOCK_S = 20.0  # about a zigzag leg; errors in one are not independent ...
 FINE_BLOCKS = (8, 48)  # ... fewer tell no spread, more tell it no better
 CLEARLY = 0.95  # of what a constant lag leaves unexplained: less speaks for a drift
 ELSEWHERE_STEPS = 8  # of the wide scan: three smoothings, beyond the valley of the best lag
 SAME_STEPS = 3  # of the wide scan: so close are the same lag
+ROWS_OF_BLOCK = 1000  # of longer ones a piece will do
 LEAST_OF_BLOCK = 5  # rows of a block on average
 LEAST_ROWS = 0.5  # of the most rows at any lag: with fewer a fit is good by chance
 RIDGE = 1e-9  # relative; keeps a regressor that is nowhere excited from dividing by zero
@@ -202,19 +204,23 @@ def _scan(
     if line.any():
         thin |= {n: np.interp(thin["time"] + lag, time, signals[n]) for n in question.own}
     most = max(2, round(reach_s / step_s))
+    rows, edge = _rows(thin["time"].size, blocks), most + 1
+    padded = {n: np.pad(x, edge, constant_values=np.nan) for n, x in thin.items()}
+    still = {n: padded[n][rows + edge] for n in thin if n not in question.own}
+    still["time"] = thin["time"][np.clip(rows, 0, thin["time"].size - 1)]
     shifts, found = np.arange(-most, most + 1), []
     for shift in shifts:
-        moved = thin | {n: _shifted(thin[n], int(shift)) for n in question.own}
+        moved = still | {n: padded[n][rows + (edge + shift)] for n in question.own}
         found.append(_grams(*question.equations(moved), blocks))
     grams = np.stack([g for g, _ in found])
-    rows = np.array([r for _, r in found])
-    enough = rows >= LEAST_ROWS * rows.max(initial=1)
-    if rows.max(initial=0) < LEAST_OF_BLOCK * blocks or enough.sum() < 3:
+    known = np.array([count for _, count in found])
+    enough = known >= LEAST_ROWS * known.max(initial=1)
+    if known.max(initial=0) < LEAST_OF_BLOCK * blocks or enough.sum() < 3:
         return None
     used = np.flatnonzero(enough)
     part = slice(used[0], used[-1] + 1)
     grams = _with_prior(
-        grams[part], rows[part], question.prior, PRIOR_SMOOTHINGS * question.smoothing_s / step_s
+        grams[part], known[part], question.prior, PRIOR_SMOOTHINGS * question.smoothing_s / step_s
     )
     return _Scan(shifts[part] * step_s, (2 * np.arange(blocks) + 1) / blocks - 1, grams)
 
@@ -230,27 +236,23 @@ def _with_prior(
     return np.asarray(grams + variance * weight * prior.gram() / grams.shape[1])
 
 
-def _shifted(values: np.ndarray, rows: int) -> np.ndarray:
-    """Values as they stand so many rows later."""
-    found = np.full_like(values, np.nan)
-    if rows >= 0:
-        found[: values.size - rows] = values[rows:]
-    else:
-        found[-rows:] = values[:rows]
-    return found
+def _rows(size: int, blocks: int) -> np.ndarray:
+    """Rows that are compared: all, or of a long trial an equal piece in the middle of each block.
+
+    Rows before the first and after the last are there in the padded signals, and unknown.
+    """
+    whole = size / blocks
+    each = int(min(np.ceil(whole), ROWS_OF_BLOCK))
+    first = np.floor(np.arange(blocks) * whole + (whole - each) / 2).astype(int)
+    return np.clip(first[:, None] + np.arange(each), -1, size).ravel()
 
 
 def _grams(y: np.ndarray, x: np.ndarray, blocks: int) -> tuple[np.ndarray, int]:
     """Grams of (X, y) of each block, and the number of rows in all."""
     both = np.concatenate((x, y[..., None]), axis=-1)
-    count = both.shape[-1]
     known = np.isfinite(both).all(axis=-1)
-    both = np.where(known[..., None], both, 0.0).reshape(both.shape[0], -1)
-    size = -(-both.shape[0] // blocks)
-    padded = np.zeros((blocks * size, both.shape[1]))
-    padded[: both.shape[0]] = both
-    stacked = padded.reshape(blocks, -1, count)
-    return stacked.transpose(0, 2, 1) @ stacked, int(known.sum())
+    both = np.where(known[..., None], both, 0.0).reshape(blocks, -1, both.shape[-1])
+    return both.transpose(0, 2, 1) @ both, int(known.sum())
 
 
 def _unexplained(grams: np.ndarray) -> np.ndarray:
@@ -270,17 +272,18 @@ def _widely(wide: _Scan, half_s: float) -> tuple[float, np.ndarray, float, bool]
     A drift has to leave clearly less unexplained than a constant lag. It is sure when without any
     one block the lag is the same.
     """
-    steepest = STEEPEST * half_s
+    steepest = min(STEEPEST * half_s, MOST_GAIN_S)
     count = int(np.ceil(steepest / wide.step_s))
     gains = np.linspace(-steepest, steepest, 2 * count + 1)
     lags = wide.lags_s
-    grams = wide.nearest(lags[:, None, None] + gains[:, None] * wide.tau)
-    left = _unexplained(grams.sum(axis=2))
+    lines = lags[:, None] + gains[:, None, None] * wide.tau
+    left = np.stack([_unexplained(wide.nearest(x).sum(axis=1)) for x in lines], axis=1)
     best = int(np.argmin(left[:, count]))
-    i, j = np.unravel_index(int(np.argmin(left)), left.shape)
+    i, j = (int(k) for k in np.unravel_index(int(np.argmin(left)), left.shape))
     if left[i, j] > CLEARLY * left[best, count]:
         i, j = best, count
-    others = grams[:, j].sum(axis=1)[:, None] - grams[:, j]
+    grams = wide.nearest(lines[j])
+    others = grams.sum(axis=1)[:, None] - grams
     without = lags[np.argmin(_unexplained(others), axis=0)]
     sure = bool(np.all(np.abs(without - lags[i]) <= SAME_STEPS * wide.step_s))
     elsewhere = left[np.abs(lags - lags[i]) > ELSEWHERE_STEPS * wide.step_s].min(initial=1.0)

@@ -72,6 +72,7 @@ def report(
         records=_records(trial),
         alignment=aligned.alignment,
         checks=aligned.checks,
+        checks_made=aligned.checks_made,
         findings=findings,
     )
 
