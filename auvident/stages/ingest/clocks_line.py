@@ -19,16 +19,16 @@ Signals = dict[str, np.ndarray]
 Equations = Callable[[Signals], tuple[np.ndarray, np.ndarray]]
 
 WIDEST_S = 32.0  # of the wide scan, either way: GPS and UTC are 18 s apart
-WIDE_STEP = 0.4  # of the smoothing, so that no minimum is stepped over
-FINE_STEP = 0.1  # of the smoothing as well
-FINE_STEPS = 9  # on either side of the line of the wide scan: two of its steps
+WIDE_STEP = 0.5  # of the smoothing, so that no minimum is stepped over
+FINE_STEP = 0.2  # of the smoothing as well
+FINE_STEPS = 6  # on either side of the line of the wide scan: two of its steps
 STEEPEST = 2.5e-3  # drift of a clock that is scanned: 2500 ppm; quartz has below 100 ...
 MOST_GAIN_S = 8.0  # ... which is this in a day, from the middle to the end
 WIDE_BLOCKS = 12
 FINE_BLOCK_S = 20.0  # about a zigzag leg; errors in one are not independent ...
 FINE_BLOCKS = (8, 48)  # ... fewer tell no spread, more tell it no better
 CLEARLY = 0.95  # of what a constant lag leaves unexplained: less speaks for a drift
-ELSEWHERE_STEPS = 8  # of the wide scan: three smoothings, beyond the valley of the best lag
+ELSEWHERE_STEPS = 6  # of the wide scan: three smoothings, beyond the valley of the best lag
 SAME_STEPS = 3  # of the wide scan: so close are the same lag
 ROWS_OF_BLOCK = 1000  # of longer ones a piece will do
 LEAST_OF_BLOCK = 5  # rows of a block on average
@@ -36,6 +36,7 @@ LEAST_ROWS = 0.5  # of the most rows at any lag: with fewer a fit is good by cha
 RIDGE = 1e-9  # relative; keeps a regressor that is nowhere excited from dividing by zero
 STEPS = 6  # of Newton, from the best line of the fine scan
 PRIOR_SMOOTHINGS = 7.0  # so much of the record weighs as much as the prior, in its smoothing
+TINY = 1e-200  # no power of a signal is smaller
 NINE = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)], dtype=float)
 
 
@@ -249,8 +250,8 @@ def _rows(size: int, blocks: int) -> np.ndarray:
 
 def _grams(y: np.ndarray, x: np.ndarray, blocks: int) -> tuple[np.ndarray, int]:
     """Grams of (X, y) of each block, and the number of rows in all."""
+    known = np.isfinite(y + x @ np.ones(x.shape[-1]))
     both = np.concatenate((x, y[..., None]), axis=-1)
-    known = np.isfinite(both).all(axis=-1)
     both = np.where(known[..., None], both, 0.0).reshape(blocks, -1, both.shape[-1])
     return both.transpose(0, 2, 1) @ both, int(known.sum())
 
@@ -258,12 +259,11 @@ def _grams(y: np.ndarray, x: np.ndarray, blocks: int) -> tuple[np.ndarray, int]:
 def _unexplained(grams: np.ndarray) -> np.ndarray:
     """Share of the variance of y that X does not explain, of Grams of shape (..., p + 1, p + 1)."""
     a, b, yy = grams[..., :-1, :-1], grams[..., :-1, -1], grams[..., -1, -1]
-    tiny = np.finfo(float).tiny
-    scale = np.sqrt(np.maximum(np.diagonal(a, axis1=-2, axis2=-1), tiny))
+    scale = np.sqrt(np.maximum(np.diagonal(a, axis1=-2, axis2=-1), TINY))
     unit = a / (scale[..., :, None] * scale[..., None, :]) + RIDGE * np.eye(scale.shape[-1])
     right = b / scale
     told = np.sum(right * np.linalg.solve(unit, right[..., None])[..., 0], axis=-1)
-    return np.clip(1.0 - told / np.maximum(yy, tiny), 0.0, 1.0)
+    return np.clip(1.0 - told / np.maximum(yy, TINY), 0.0, 1.0)
 
 
 def _widely(wide: _Scan, half_s: float) -> tuple[float, np.ndarray, float, bool]:
@@ -287,7 +287,7 @@ def _widely(wide: _Scan, half_s: float) -> tuple[float, np.ndarray, float, bool]
     without = lags[np.argmin(_unexplained(others), axis=0)]
     sure = bool(np.all(np.abs(without - lags[i]) <= SAME_STEPS * wide.step_s))
     elsewhere = left[np.abs(lags - lags[i]) > ELSEWHERE_STEPS * wide.step_s].min(initial=1.0)
-    rival = float(elsewhere / max(left[i, j], np.finfo(float).tiny))
+    rival = float(elsewhere / max(left[i, j], TINY))
     return float(lags[best]), np.array([lags[i], gains[j]]), rival, sure
 
 
@@ -296,7 +296,7 @@ def _descend(fine: _Scan, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, flo
     step = fine.step_s
     grid = np.linspace(-FINE_STEPS, FINE_STEPS, 2 * FINE_STEPS + 1) * step * 0.9
     lines = np.array([(a, c) for a in grid for c in grid * free[1]])
-    left = _unexplained(fine.at(lines[:, :1] + lines[:, 1:] * fine.tau).sum(axis=1))
+    left = _unexplained(fine.nearest(lines[:, :1] + lines[:, 1:] * fine.tau).sum(axis=1))
     line = lines[int(np.argmin(left))]
     for _ in range(STEPS):
         total = _around(fine, line, free).sum(axis=1)

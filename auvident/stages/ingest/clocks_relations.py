@@ -275,7 +275,7 @@ RELATIONS: tuple[ClockRelation, ...] = (
         _sway,
         usual_lengths=(0.0, 0.1),
         gain_lengths=0.03,
-        rival=4.5,
+        rival=2.5,
         widths=(1.0, 2.0),
         prior=SWAY,
     ),
