@@ -47,6 +47,19 @@ class InputError(AuvidentError):
     exit_code = 3
 
 
+class ContradictionError(InputError):
+    """What was logged contradicts the vehicle file or itself, beyond doubt.
+
+    `check` names what ``--fix`` takes, and `fix` the correction; empty where there is none.
+    """
+
+    def __init__(
+        self, problem: str, where: str = "", remedy: str = "", check: str = "", fix: str = ""
+    ) -> None:
+        super().__init__(problem, where, remedy)
+        self.check, self.fix = check, fix
+
+
 class StageError(AuvidentError):
     """A needed earlier stage is missing or stale."""
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from ingest_world import calm, vehicle
 
-from auvident.errors import InputError
+from auvident.errors import ContradictionError
 from auvident.schema.logs import CheckMade, RawTrial, moved_stamps
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest import ingest
@@ -57,7 +57,6 @@ def test_a_clean_trial_has_one_clock():
         ("dvl", -1.0, 0.0),
         ("dvl", 0.0, -2000.0),
         ("rudder", 1.0, 0.0),
-        ("attitude", 0.5, 0.0),
         ("position", 18.0, 1000.0),
         ("depth", -5.0, 0.0),
     ],
@@ -89,12 +88,17 @@ def test_the_gyro_is_named_when_all_others_agree_against_it():
 
 
 @pytest.mark.parametrize(("sensor", "late"), [("dvl", 18.0), ("rudder", 5.0)])
-def test_a_clock_that_leaves_nothing_to_identify_is_refused(sensor, late):
-    with pytest.raises(InputError) as caught:
-        made(stamped(harbour()[0], sensor, late))
-    assert caught.value.exit_code == 3
+def test_a_clock_that_leaves_nothing_to_identify_is_refused_unless_put_right(sensor, late):
+    raw = stamped(harbour()[0], sensor, late)
+    with pytest.raises(ContradictionError) as caught:
+        made(raw)
+    error = caught.value
+    assert error.exit_code == 3
     for word in (f"{sensor}.csv", "late", f"--fix clock_{sensor}", f"[{sensor}] time_offset_s = -"):
-        assert word in str(caught.value)
+        assert word in str(error)
+    offset_s, drift_ppm = (float(x) for x in error.fix.split(","))
+    right = apply_clock(raw, sensor, offset_s, drift_ppm)
+    assert made(right)[error.check].outcome == "agrees"
 
 
 def test_a_slow_servo_is_no_clock():

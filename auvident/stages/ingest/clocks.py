@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from auvident.constants import NORMAL_95
-from auvident.errors import InputError
+from auvident.errors import ContradictionError
 from auvident.schema.artifacts import Finding
 from auvident.schema.channels import SENSORS
 from auvident.schema.logs import Alignment, CheckMade, RawTrial, moved_stamps
@@ -87,7 +87,7 @@ def check_clocks(raw: RawTrial, trial: Trial, vehicle: Vehicle) -> Clocks:
             checks += made
             findings += _findings(raw, sensor, found, made, passage)
         elif sensor != "gyro":
-            checks.append(_untested(raw, sensor, lags))
+            checks.append(_untested(sensor, lags))
     return Clocks(tuple(checks), tuple(findings), _alignment(lags))
 
 
@@ -110,7 +110,7 @@ def refuse_clocks(raw: RawTrial, vehicle: Vehicle, trial: Trial, clocks: Clocks)
 
     Raises
     ------
-    InputError
+    ContradictionError
         With what would correct it.
     """
     limit = max(REFUSED_S, REFUSED_LENGTHS * passage_s(trial, vehicle))
@@ -120,7 +120,9 @@ def refuse_clocks(raw: RawTrial, vehicle: Vehicle, trial: Trial, clocks: Clocks)
             continue
         ends = [abs(x) for x in (check.low, check.high) if x is not None]
         if min(ends, default=0.0) > limit + (check.limit or 0.0):
-            raise InputError(check.message, raw.sensors[sensor].file, check.remedy)
+            raise ContradictionError(
+                check.message, raw.sensors[sensor].file, check.remedy, check.name, check.fix
+            )
 
 
 def _checks(raw: RawTrial, sensor: str, found: Estimate, passage: float) -> list[CheckMade]:
@@ -135,7 +137,7 @@ def _checks(raw: RawTrial, sensor: str, found: Estimate, passage: float) -> list
         low=found.lag_s - spread,
         high=found.lag_s + spread,
         limit=LIMITS[sensor].of(found.lag_s, passage),
-        message=_message(raw, sensor, found, off),
+        message=_message(sensor, found, off),
         remedy=_remedy(sensor, *fix) if off else "",
         fix=f"{fix[0]:.3f}, {fix[1]:.0f}" if off else "",
         **about,
@@ -151,7 +153,7 @@ def _checks(raw: RawTrial, sensor: str, found: Estimate, passage: float) -> list
         low=(found.gain_s - gain) * ppm,
         high=(found.gain_s + gain) * ppm,
         limit=DRIFT_S * ppm,
-        message=f"{raw.sensors[sensor].file} gains {found.gain_s * ppm:.0f} ppm on the gyro "
+        message=f"the {sensor} gains {found.gain_s * ppm:.0f} ppm on {_reference(sensor)} "
         f"(95 %: {(found.gain_s - gain) * ppm:.0f} to {(found.gain_s + gain) * ppm:.0f})",
         remedy=f"See {PREFIX + sensor}." if drifts else "",
         **about,
@@ -159,26 +161,28 @@ def _checks(raw: RawTrial, sensor: str, found: Estimate, passage: float) -> list
     return [offset, drift]
 
 
-def _message(raw: RawTrial, sensor: str, found: Estimate, off: bool) -> str:
+def _message(sensor: str, found: Estimate, off: bool) -> str:
     low, high = (found.lag_s + k * NORMAL_95 * found.std_s for k in (-1, 1))
-    file = raw.sensors[sensor].file
-    against = "those of the other sensors" if sensor == "gyro" else "those of the gyro"
     if not off:
         return (
-            f"{file} is on the clock of the gyro: {found.lag_s:+.2f} s (95 %: {low:+.2f} to "
+            f"the {sensor} is on the clock of the gyro: {found.lag_s:+.2f} s (95 %: {low:+.2f} to "
             f"{high:+.2f}); what is shorter than its limit the loop looks for as a delay"
         )
     if found.lag_s < 0.0:
         low, high = -high, -low
     side = "late" if found.lag_s >= 0.0 else "early"
     words = (
-        f"the stamps of {file} are {abs(found.lag_s):.2f} s {side} against {against} "
+        f"the stamps of the {sensor} are {abs(found.lag_s):.2f} s {side} against {_reference(sensor)} "
         f"(95 %: {low:.2f} to {high:.2f})"
     )
     if _drifts(found):
         ppm = 1e6 / found.half_s
         words += f" in the middle of the trial, and drift by {found.gain_s * ppm:+.0f} ppm"
     return words
+
+
+def _reference(sensor: str) -> str:
+    return "all other sensors" if sensor == "gyro" else "the gyro"
 
 
 def _remedy(sensor: str, offset_s: float, drift_ppm: float) -> str:
@@ -188,13 +192,13 @@ def _remedy(sensor: str, offset_s: float, drift_ppm: float) -> str:
     return f"Apply it with --fix {PREFIX}{sensor}, or in a map (--map): {table}."
 
 
-def _untested(raw: RawTrial, sensor: str, lags: Lags) -> CheckMade:
+def _untested(sensor: str, lags: Lags) -> CheckMade:
     return CheckMade(
         name=PREFIX + sensor,
         what=f"clock of the {sensor}",
         against="the gyro",
         outcome="untested",
-        message=f"{raw.sensors[sensor].file}: {lags.missing.get(sensor, 'nothing to compare')}",
+        message=f"the clock of the {sensor}: {lags.missing.get(sensor, 'nothing to compare')}",
     )
 
 
