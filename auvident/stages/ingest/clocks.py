@@ -172,8 +172,8 @@ def _message(sensor: str, found: Estimate, off: bool) -> str:
         low, high = -high, -low
     side = "late" if found.lag_s >= 0.0 else "early"
     words = (
-        f"the stamps of the {sensor} are {abs(found.lag_s):.2f} s {side} against {_reference(sensor)} "
-        f"(95 %: {low:.2f} to {high:.2f})"
+        f"the stamps of the {sensor} are {abs(found.lag_s):.2f} s {side} against "
+        f"{_reference(sensor)} (95 %: {low:.2f} to {high:.2f})"
     )
     if _drifts(found):
         ppm = 1e6 / found.half_s
