@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from auvident.constants import NORMAL_95
-from auvident.stages.ingest.clocks_line import Prior, Question, fit_line
+from auvident.stages.ingest.clocks_line import LikelyCoefficients, Question, fit_line
 
 RATE_HZ, SMOOTHING_S = 10.0, 1.0
 
@@ -108,7 +108,7 @@ def test_a_day_is_sampled():
 
 def test_a_prior_counts_where_the_data_say_little():
     """Two regressors that are alike: only their sum is known."""
-    prior = Prior(np.array([0.7, 0.3]), np.array([0.01, 0.01]))
+    prior = LikelyCoefficients(np.array([0.7, 0.3]), np.array([0.01, 0.01]))
     asked = question(0.4)
 
     def twice(s):

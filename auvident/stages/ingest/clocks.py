@@ -17,7 +17,7 @@ from auvident.schema.channels import SENSORS
 from auvident.schema.logs import Alignment, CheckMade, RawTrial, moved_stamps
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
-from auvident.stages.ingest.clocks_estimate import Estimate, Lags, estimate_clocks, passage_s
+from auvident.stages.ingest.clocks_estimate import ClockLag, Lags, estimate_clocks, passage_s
 
 PREFIX = "clock_"
 DRIFT_PREFIX = "drift_"
@@ -91,17 +91,17 @@ def check_clocks(raw: RawTrial, trial: Trial, vehicle: Vehicle) -> Clocks:
     return Clocks(tuple(checks), tuple(findings), _alignment(lags))
 
 
-def _is_off(sensor: str, found: Estimate, passage: float) -> bool:
+def _is_off(sensor: str, found: ClockLag, passage: float) -> bool:
     return _excess_s(sensor, found, passage) > 0.0 or _drifts(found)
 
 
-def _excess_s(sensor: str, found: Estimate, passage: float) -> float:
+def _excess_s(sensor: str, found: ClockLag, passage: float) -> float:
     """So far the interval of the lag lies beyond the limit [s]."""
     limit = LIMITS[sensor].of(found.lag_s, passage)
     return abs(found.lag_s) - NORMAL_95 * found.std_s - limit
 
 
-def _drifts(found: Estimate) -> bool:
+def _drifts(found: ClockLag) -> bool:
     return abs(found.gain_s) - NORMAL_95 * found.gain_std_s > DRIFT_S
 
 
@@ -125,7 +125,7 @@ def refuse_clocks(raw: RawTrial, vehicle: Vehicle, trial: Trial, clocks: Clocks)
             )
 
 
-def _checks(raw: RawTrial, sensor: str, found: Estimate, passage: float) -> list[CheckMade]:
+def _checks(raw: RawTrial, sensor: str, found: ClockLag, passage: float) -> list[CheckMade]:
     off = _is_off(sensor, found, passage)
     spread, gain = NORMAL_95 * found.std_s, NORMAL_95 * found.gain_std_s
     fix = correction(raw, sensor, found) if off else (0.0, 0.0)
@@ -161,7 +161,7 @@ def _checks(raw: RawTrial, sensor: str, found: Estimate, passage: float) -> list
     return [offset, drift]
 
 
-def _message(sensor: str, found: Estimate, off: bool) -> str:
+def _message(sensor: str, found: ClockLag, off: bool) -> str:
     low, high = (found.lag_s + k * NORMAL_95 * found.std_s for k in (-1, 1))
     if not off:
         return (
@@ -203,7 +203,7 @@ def _untested(sensor: str, lags: Lags) -> CheckMade:
 
 
 def _findings(
-    raw: RawTrial, sensor: str, found: Estimate, made: list[CheckMade], passage: float
+    raw: RawTrial, sensor: str, found: ClockLag, made: list[CheckMade], passage: float
 ) -> list[Finding]:
     check = made[0]
     noted = abs(found.lag_s) - NORMAL_95 * found.std_s > NOTED_S.get(sensor, np.inf)
@@ -243,7 +243,7 @@ def _alignment(lags: Lags) -> tuple[Alignment, ...]:
 # --- corrections --------------------------------------------------------------------------
 
 
-def correction(raw: RawTrial, sensor: str, found: Estimate) -> tuple[float, float]:
+def correction(raw: RawTrial, sensor: str, found: ClockLag) -> tuple[float, float]:
     """What has to be added to the stamps: offset in s at their median, and drift in ppm."""
     drift = -found.gain_s / found.half_s if _drifts(found) else 0.0
     stamps = raw.sensors[sensor].time_s

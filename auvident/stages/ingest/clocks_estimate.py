@@ -33,11 +33,11 @@ APART_STDS = 3.0  # lags further apart are not of one clock
 ORDER = ("attitude", "rudder", "elevator", "dvl", "depth", "position")
 JUDGES_OF_GYRO = ("attitude", "rudder", "dvl", "elevator", "position")
 LEAST_JUDGES = 2
-IsOff = Callable[[str, "Estimate", float], bool]
+IsOff = Callable[[str, "ClockLag", float], bool]
 
 
 @dataclass(frozen=True)
-class Estimate:
+class ClockLag:
     """Lag of one sensor: at the middle of the trial, and what it gains to its end."""
 
     lag_s: float
@@ -49,7 +49,7 @@ class Estimate:
     explained: float
     against: tuple[str, ...]
 
-    def opposite(self) -> "Estimate":
+    def opposite(self) -> "ClockLag":
         """The same of the other of the two sensors."""
         return replace(self, lag_s=-self.lag_s, gain_s=-self.gain_s)
 
@@ -58,7 +58,7 @@ class Estimate:
 class Lags:
     """Estimates by sensor, and why there is none."""
 
-    of: dict[str, Estimate] = field(default_factory=dict)
+    of: dict[str, ClockLag] = field(default_factory=dict)
     missing: dict[str, str] = field(default_factory=dict)
 
 
@@ -94,7 +94,7 @@ def estimate_clocks(raw: RawTrial, trial: Trial, vehicle: Vehicle, is_off: IsOff
     return Lags({"gyro": own, **rest.of}, rest.missing)
 
 
-def _common(found: Sequence[Estimate]) -> Estimate | None:
+def _common(found: Sequence[ClockLag]) -> ClockLag | None:
     """One lag for several sensors, if they have it in common."""
     if len(found) < LEAST_JUDGES:
         return None
@@ -124,7 +124,7 @@ def _against_gyro(raw: RawTrial, trial: Trial, vehicle: Vehicle, is_off: IsOff) 
     return lags
 
 
-def _without_rpm(found: list[Estimate], lags: Lags) -> list[Estimate]:
+def _without_rpm(found: list[ClockLag], lags: Lags) -> list[ClockLag]:
     """Estimates of the DVL that do not contradict each other, and the clock of the propeller.
 
     The surge equation knows the DVL against the propeller, the sway equation against the gyro.
@@ -151,7 +151,7 @@ def _without_rpm(found: list[Estimate], lags: Lags) -> list[Estimate]:
     return others if apart else found
 
 
-def _combined(found: Sequence[Estimate]) -> Estimate:
+def _combined(found: Sequence[ClockLag]) -> ClockLag:
     """Mean of several estimates by their weights; the scatter between them counts."""
     if len(found) == 1:
         return found[0]
@@ -159,7 +159,7 @@ def _combined(found: Sequence[Estimate]) -> Estimate:
     gain, gain_std = _mean([(e.gain_s, e.gain_std_s) for e in found])
     best = min(found, key=lambda e: e.std_s)
     against = tuple(a for e in found for a in e.against)
-    return Estimate(lag, std, gain, gain_std, best.at_s, best.half_s, best.explained, against)
+    return ClockLag(lag, std, gain, gain_std, best.at_s, best.half_s, best.explained, against)
 
 
 def _mean(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
@@ -172,7 +172,7 @@ def _mean(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
     return mean, float(np.sqrt(max(1.0, scatter) / weight.sum()))
 
 
-def put_right(trial: Trial, sensor: str, found: Estimate) -> Trial:
+def put_right(trial: Trial, sensor: str, found: ClockLag) -> Trial:
     """The trial with the columns of one sensor read at ``t + lag(t)``."""
     table = trial.table.copy()
     time = table["time_s"].to_numpy()
@@ -192,7 +192,7 @@ class _Bench:
         self.raw, self.trial, self.vehicle, self.passage = raw, trial, vehicle, passage
         self._signals: dict[float, Signals] = {}
 
-    def estimate(self, row: ClockRelation) -> Estimate | None:
+    def estimate(self, row: ClockRelation) -> ClockLag | None:
         """Lag by one relation, at the first of its widths at which it is distinct."""
         for factor in row.widths:
             width = factor * self._width_s(row)
@@ -242,7 +242,7 @@ def is_distinct(line: Line, row: ClockRelation) -> bool:
     return bool(known and line.explained >= MIN_EXPLAINED and line.rival >= row.rival)
 
 
-def _estimate(line: Line, row: ClockRelation, passage: float) -> Estimate | None:
+def _estimate(line: Line, row: ClockRelation, passage: float) -> ClockLag | None:
     """A line with what its relation leaves out counted in."""
     usual, spread = (passage * x for x in row.usual_lengths)
     gain_std = np.hypot(GAIN_SPREAD * line.gain_std_s, row.gain_lengths * passage)
@@ -253,7 +253,7 @@ def _estimate(line: Line, row: ClockRelation, passage: float) -> Estimate | None
     std = float(np.sqrt(lag_std**2 + spread**2 + FLOOR_S**2))
     if not std <= WIDEST_STD * max(1.0, passage):
         return None
-    return Estimate(
+    return ClockLag(
         lag_s=float(lag) - usual,
         std_s=std,
         gain_s=float(line.gain_s) if np.isfinite(gain_std) else 0.0,

@@ -87,7 +87,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Prior:
+class LikelyCoefficients:
     """Usual coefficients of a relation and their spread, shape (p,) each."""
 
     mean: np.ndarray
@@ -142,7 +142,7 @@ class Question:
         signals -> y of shape (n,) or (n, m) and X of shape (n, p) or (n, m, p).
     smoothing_s : float
         Over which the signals are averaged.
-    prior : Prior, optional
+    prior : LikelyCoefficients, optional
         Of the coefficients.
     """
 
@@ -150,7 +150,7 @@ class Question:
     own: Collection[str]
     equations: Equations
     smoothing_s: float
-    prior: Prior | None = None
+    prior: LikelyCoefficients | None = None
 
 
 def fit_line(question: Question) -> Line | None:
@@ -227,7 +227,7 @@ def _scan(
 
 
 def _with_prior(
-    grams: np.ndarray, rows: np.ndarray, prior: Prior | None, weight: float
+    grams: np.ndarray, rows: np.ndarray, prior: LikelyCoefficients | None, weight: float
 ) -> np.ndarray:
     """Grams to which the prior is added, a share to each block."""
     if prior is None:

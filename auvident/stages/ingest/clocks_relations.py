@@ -16,7 +16,7 @@ from auvident.constants import VehicleTime
 from auvident.schema.channels import CHANNELS
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
-from auvident.stages.ingest.clocks_line import Prior, Signals
+from auvident.stages.ingest.clocks_line import LikelyCoefficients, Signals
 
 SMOOTHING_S: VehicleTime = 1.0  # at the least; as in `response`
 SMOOTHING_LENGTHS = 0.6  # L/U: turbulence and noise of slow hulls out, zigzags left
@@ -43,7 +43,7 @@ SYMBOLS = {
 }
 # Coefficients of `_sway` over L and U, of the even seeds; in steady turns those of drift, yaw rate
 # and rudder stand in for each other, and for a lag.
-SWAY = Prior(
+SWAY = LikelyCoefficients(
     np.array([-0.75, -3.5, -0.3, 0.25, 0.0, 0.0, 0.0]),
     np.array([0.4, 1.5, 0.12, 0.1, 0.1, 0.05, 0.01]),
 )
@@ -73,7 +73,7 @@ class ClockRelation:
     widths : tuple of float
         Smoothing over the usual one, by turns until the lag is distinct; what the equations leave
         out grows with it.
-    prior : Prior, optional
+    prior : LikelyCoefficients, optional
     slow : bool
         Position fixes: wide smoothing.
     """
@@ -87,7 +87,7 @@ class ClockRelation:
     gain_lengths: float = 0.0
     rival: float = 1.5
     widths: tuple[float, ...] = (1.0,)
-    prior: Prior | None = None
+    prior: LikelyCoefficients | None = None
     slow: bool = False
 
 
