@@ -31,8 +31,7 @@ WIDEST_STD = 0.5  # s or L/U, the larger: a lag known no better is not worth tel
 SERVO_LENGTHS = 0.2  # a longer lag of the rudder is taken out before sway is compared
 APART_STDS = 3.0  # lags further apart are not of one clock
 ORDER = ("attitude", "rudder", "elevator", "dvl", "depth", "position")
-JUDGES_OF_GYRO = ("attitude", "rudder", "dvl", "elevator", "position")
-LEAST_JUDGES = 2
+JUDGES_OF_GYRO = ("attitude", "rudder", "dvl", "elevator", "position", "depth")
 IsOff = Callable[[str, "ClockLag", float], bool]
 
 
@@ -73,7 +72,7 @@ def estimate_clocks(raw: RawTrial, trial: Trial, vehicle: Vehicle, is_off: IsOff
     """Lags of all sensors behind the gyro.
 
     A sensor that is off is put right before others are held against it. Where two or more are
-    off by the same, and none contradicts that, it is the gyro.
+    off by the same, and fewer contradict that, it is the gyro.
 
     Parameters
     ----------
@@ -84,24 +83,29 @@ def estimate_clocks(raw: RawTrial, trial: Trial, vehicle: Vehicle, is_off: IsOff
     passage = passage_s(trial, vehicle)
     lags = _against_gyro(raw, trial, vehicle, is_off)
     judges = {s: lags.of[s] for s in JUDGES_OF_GYRO if s in lags.of}
-    gyro = _common(tuple(judges.values()))
-    off = sum(is_off(s, e, passage) for s, e in judges.items())
-    if gyro is None or off < LEAST_JUDGES:
+    off = {s for s, e in judges.items() if is_off(s, e, passage)}
+    agreed = _agreed(judges, off)
+    if not agreed:
         return lags
-    own = replace(gyro.opposite(), against=tuple(sorted(judges)))
-    moved = put_right(trial, "gyro", own)
-    rest = _against_gyro(raw, moved, vehicle, is_off)
-    return Lags({"gyro": own, **rest.of}, rest.missing)
+    gyro = replace(_combined([judges[s] for s in agreed]).opposite(), against=agreed)
+    rest = _against_gyro(raw, put_right(trial, "gyro", gyro), vehicle, is_off)
+    return Lags({"gyro": gyro, **rest.of}, rest.missing)
 
 
-def _common(found: Sequence[ClockLag]) -> ClockLag | None:
-    """One lag for several sensors, if they have it in common."""
-    if len(found) < LEAST_JUDGES:
-        return None
-    both = _combined(found)
-    apart = [abs(e.lag_s - both.lag_s) > APART_STDS * e.std_s for e in found]
-    apart += [abs(e.gain_s - both.gain_s) > APART_STDS * e.gain_std_s for e in found]
-    return None if any(apart) else both
+def _agreed(judges: dict[str, ClockLag], off: set[str]) -> tuple[str, ...]:
+    """Sensors that are off by the same as the best known one; none where as many are not."""
+    if not off:
+        return ()
+    best = judges[min(off, key=lambda s: judges[s].std_s)]
+    same = tuple(s for s, e in judges.items() if _is_same(e, best))
+    enough = len(off & set(same)) > 1 and 2 * len(same) > len(judges)
+    return same if enough else ()
+
+
+def _is_same(one: ClockLag, other: ClockLag) -> bool:
+    std = APART_STDS * float(np.hypot(one.std_s, other.std_s))
+    gain_std = APART_STDS * float(np.hypot(one.gain_std_s, other.gain_std_s))
+    return abs(one.lag_s - other.lag_s) <= std and abs(one.gain_s - other.gain_s) <= gain_std
 
 
 def _against_gyro(raw: RawTrial, trial: Trial, vehicle: Vehicle, is_off: IsOff) -> Lags:
