@@ -124,6 +124,7 @@ class SensorMap(Declared):
     """Where a sensor's samples stand; the tables of the sensors add their quantities.
 
     `topic` is the table of a container file (a ROS bag, an MCAP, a ULog) that has them.
+    `time_offset_s` is added to its stamps, and `time_drift_ppm` per second from their median.
     """
 
     file: str | None = None
@@ -131,6 +132,7 @@ class SensorMap(Declared):
     time: str | None = None
     time_unit: TimeUnit | None = None
     time_offset_s: float = 0.0
+    time_drift_ppm: float = 0.0
     valid: str | None = None
 
     def entries(self) -> dict[str, ColumnEntry]:
@@ -357,6 +359,18 @@ class RawSensor:
     time_column: str = "time_s"
     not_logged: dict[str, NotLogged] = field(default_factory=dict)
     std: dict[str, float] = field(default_factory=dict)
+
+
+def moved_stamps(time_s: "np.ndarray", offset_s: float, drift_ppm: float) -> "np.ndarray":
+    """Stamps with an offset added at their median, and a drift from there.
+
+    The median of a log depends on no single stamp, and an offset there hardly on the drift.
+    """
+    import numpy as np
+
+    if not drift_ppm or not np.isfinite(time_s).any():
+        return time_s + offset_s
+    return time_s + offset_s + 1e-6 * drift_ppm * (time_s - np.nanmedian(time_s))
 
 
 @dataclass(frozen=True)

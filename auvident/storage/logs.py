@@ -24,6 +24,7 @@ from auvident.schema.logs import (
     RawSensor,
     RawTrial,
     SensorMap,
+    moved_stamps,
 )
 from auvident.storage.declared import parse, read_toml, refuse_outside
 from auvident.storage.log_aside import blamed, open_usable, read_usable, set_aside
@@ -257,7 +258,7 @@ def _sensor(
     return RawSensor(
         sensor=sensor,
         file=log.where,
-        time_s=_chosen(time_s, valid) + mapping.time_offset_s,
+        time_s=moved_stamps(_chosen(time_s, valid), mapping.time_offset_s, mapping.time_drift_ppm),
         values={key: _finite(_chosen(numbers, valid)) for key, numbers in values.items()},
         rows=_chosen(table.rows, valid),
         columns={key: column.name for key, column in columns.items()},

@@ -53,6 +53,16 @@ def test_common_time_and_offset(tmp_path):
     np.testing.assert_allclose(trial.sensors["dvl"].time_s, expected - 0.25, atol=1e-9)
 
 
+def test_drift_counts_from_the_middle_of_the_stamps(tmp_path):
+    wide_table().to_csv(tmp_path / "run.csv", index=False)
+    text = "[dvl]\ntime_offset_s = -0.25\ntime_drift_ppm = 2000\n"
+    (trial,) = read_trials([tmp_path / "run.csv"], column_map(tmp_path, text))
+    stamps = wide_table()["time_s"].to_numpy()
+    expected = stamps - 0.25 + 2e-3 * (stamps - np.median(stamps))
+    np.testing.assert_allclose(trial.sensors["dvl"].time_s, expected, atol=1e-9)
+    np.testing.assert_allclose(trial.sensors["gyro"].time_s, stamps, atol=1e-9)
+
+
 def test_wide_files_of_a_folder_with_a_map(tmp_path):
     logs = tmp_path / "logs"
     logs.mkdir()

@@ -9,6 +9,7 @@ from auvident.schema.artifacts import Finding
 from auvident.schema.logs import RawTrial, TrialQuality
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
+from auvident.stages.ingest import clocks
 from auvident.stages.ingest.checks import corrected
 from auvident.stages.ingest.stage import ingest
 
@@ -57,7 +58,12 @@ def ingest_fixed(
         if not found:
             return CorrectedTrial(trial, _told(quality, done), frozenset(proposed))
         name = next(iter(found))
-        raw, done = corrected(raw, found[name]), {**done, name: found[name]}
+        raw, done = _corrected(raw, name, found[name]), {**done, name: found[name]}
+
+
+def _corrected(raw: RawTrial, name: str, fix: str) -> RawTrial:
+    """The trial with the correction that a check of a channel, or of a clock, proposes."""
+    return clocks.corrected(raw, name, fix) if name in clocks.FIXES else corrected(raw, fix)
 
 
 def _told(quality: TrialQuality, done: dict[str, str]) -> TrialQuality:

@@ -75,7 +75,7 @@ def report(
         records=_records(trial),
         alignment=aligned.alignment,
         checks=aligned.checks,
-        checks_made=made,
+        checks_made=(*made, *aligned.checks_made),
         findings=findings,
     )
 

@@ -1,0 +1,277 @@
+"""Clocks of the sensors against that of the gyro, from what the vehicle did.
+
+Signs: a lag above 0 says that the stamps of a sensor are late, what happened at t is stamped
+t + lag. A correction is what has to be added to the stamps, the negative of the lag, as
+``time_offset_s`` and ``time_drift_ppm`` of a map; the offset is that at the median of the stamps.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from auvident.constants import NORMAL_95
+from auvident.errors import ContradictionError
+from auvident.schema.artifacts import Finding
+from auvident.schema.channels import SENSORS
+from auvident.schema.logs import Alignment, CheckMade, RawTrial, moved_stamps
+from auvident.schema.trial import Trial
+from auvident.schema.vehicle import Vehicle
+from auvident.stages.ingest.clocks_estimate import ClockLag, Lags, estimate_clocks, passage_s
+
+PREFIX = "clock_"
+DRIFT_PREFIX = "drift_"
+DRIFT_S = 0.15  # gained from the middle to the end: 0.3 s over a trial, as `LATE_S`
+REFUSED = ("gyro", "dvl", "rudder", "elevator", "rpm")  # what the equations take
+# A lag of these that is longer leaves nothing to identify; what is shorter a delay in the model
+# of the sensors takes up.
+REFUSED_S, REFUSED_LENGTHS = 2.0, 1.5
+
+
+@dataclass(frozen=True)
+class Limit:
+    """Lags that are no fault of a clock: late, and early by a time and by L/U."""
+
+    late_s: float
+    early_s: float
+    early_lengths: float = 0.0
+
+    def of(self, lag_s: float, passage: float) -> float:
+        """Limit on the side of a lag."""
+        return self.late_s if lag_s >= 0 else self.early_s + self.early_lengths * passage
+
+
+# A command is early by the lag of its servo or motor; 0.6 s and L/U of a servo, two and a half of
+# a motor and its water jet are those that the diagnosis knows as effects.
+LIMITS: Mapping[str, Limit] = {
+    "gyro": Limit(0.3, 0.3),
+    "attitude": Limit(0.1, 0.1),  # pure kinematics: a step of a 10 Hz log
+    "dvl": Limit(0.3, 0.3),  # averaging and a bus take up to that
+    "rudder": Limit(0.3, 0.6, 1.0),
+    "elevator": Limit(0.3, 0.6, 1.0),
+    "rpm": Limit(0.6, 0.6, 2.5),
+    "depth": Limit(0.5, 0.5),  # filters of pressure gauges
+    "position": Limit(0.5, 0.5),  # travel time of the sound
+}
+NOTED_S = {"rudder": 0.6, "elevator": 0.6}  # a slow servo that is worth a line, of whatever cause
+
+
+@dataclass(frozen=True)
+class Clocks:
+    """What the trial says about the clocks of its sensors."""
+
+    checks: tuple[CheckMade, ...]
+    findings: tuple[Finding, ...]
+    alignment: tuple[Alignment, ...]
+
+
+def check_clocks(raw: RawTrial, trial: Trial, vehicle: Vehicle) -> Clocks:
+    """Offset and drift of the clock of each sensor; nothing is corrected.
+
+    Parameters
+    ----------
+    raw : RawTrial
+        For the names of files and the stamps.
+    trial : Trial
+        The same on one clock.
+    vehicle : Vehicle
+    """
+    lags = estimate_clocks(raw, trial, vehicle, _is_off)
+    passage = passage_s(trial, vehicle)
+    checks: list[CheckMade] = []
+    findings: list[Finding] = []
+    for sensor in (s for s in LIMITS if s in raw.sensors):
+        found = lags.of.get(sensor)
+        if found is not None:
+            made = _checks(raw, sensor, found, passage)
+            checks += made
+            findings += _findings(raw, sensor, found, made, passage)
+        elif sensor != "gyro":
+            checks.append(_untested(sensor, lags))
+    return Clocks(tuple(checks), tuple(findings), _alignment(lags))
+
+
+def _is_off(sensor: str, found: ClockLag, passage: float) -> bool:
+    return _excess_s(sensor, found, passage) > 0.0 or _drifts(found)
+
+
+def _excess_s(sensor: str, found: ClockLag, passage: float) -> float:
+    """So far the interval of the lag lies beyond the limit [s]."""
+    limit = LIMITS[sensor].of(found.lag_s, passage)
+    return abs(found.lag_s) - NORMAL_95 * found.std_s - limit
+
+
+def _drifts(found: ClockLag) -> bool:
+    return abs(found.gain_s) - NORMAL_95 * found.gain_std_s > DRIFT_S
+
+
+def refuse_clocks(raw: RawTrial, vehicle: Vehicle, trial: Trial, clocks: Clocks) -> None:
+    """Refuse a trial in which a sensor that the equations take is seconds off.
+
+    Raises
+    ------
+    ContradictionError
+        With what would correct it.
+    """
+    limit = max(REFUSED_S, REFUSED_LENGTHS * passage_s(trial, vehicle))
+    for check in clocks.checks:
+        sensor = check.name.removeprefix(PREFIX)
+        if sensor not in REFUSED or check.outcome != "contradicts":
+            continue
+        ends = [abs(x) for x in (check.low, check.high) if x is not None]
+        if min(ends, default=0.0) > limit + (check.limit or 0.0):
+            raise ContradictionError(
+                check.message, raw.sensors[sensor].file, check.remedy, check.name, check.fix
+            )
+
+
+def _checks(raw: RawTrial, sensor: str, found: ClockLag, passage: float) -> list[CheckMade]:
+    off = _is_off(sensor, found, passage)
+    spread, gain = NORMAL_95 * found.std_s, NORMAL_95 * found.gain_std_s
+    fix = correction(raw, sensor, found) if off else (0.0, 0.0)
+    about = {"what": f"clock of the {sensor}", "against": "; ".join(found.against)}
+    offset = CheckMade(
+        name=PREFIX + sensor,
+        outcome="contradicts" if off else "agrees",
+        value=found.lag_s,
+        low=found.lag_s - spread,
+        high=found.lag_s + spread,
+        limit=LIMITS[sensor].of(found.lag_s, passage),
+        message=_message(sensor, found, off),
+        remedy=_remedy(sensor, *fix) if off else "",
+        fix=f"{fix[0]:.3f}, {fix[1]:.0f}" if off else "",
+        **about,
+    )
+    if not np.isfinite(found.gain_std_s):
+        return [offset]
+    ppm = 1e6 / found.half_s
+    drifts = _drifts(found)
+    drift = CheckMade(
+        name=DRIFT_PREFIX + sensor,
+        outcome="contradicts" if drifts else "agrees",
+        value=found.gain_s * ppm,
+        low=(found.gain_s - gain) * ppm,
+        high=(found.gain_s + gain) * ppm,
+        limit=DRIFT_S * ppm,
+        message=f"the {sensor} gains {found.gain_s * ppm:.0f} ppm on {_reference(sensor)} "
+        f"(95 %: {(found.gain_s - gain) * ppm:.0f} to {(found.gain_s + gain) * ppm:.0f})",
+        remedy=f"See {PREFIX + sensor}." if drifts else "",
+        **about,
+    )
+    return [offset, drift]
+
+
+def _message(sensor: str, found: ClockLag, off: bool) -> str:
+    low, high = (found.lag_s + k * NORMAL_95 * found.std_s for k in (-1, 1))
+    if not off:
+        return (
+            f"the {sensor} is on the clock of the gyro: {found.lag_s:+.2f} s (95 %: {low:+.2f} to "
+            f"{high:+.2f}); what is shorter than its limit the loop looks for as a delay"
+        )
+    if found.lag_s < 0.0:
+        low, high = -high, -low
+    side = "late" if found.lag_s >= 0.0 else "early"
+    words = (
+        f"the stamps of the {sensor} are {abs(found.lag_s):.2f} s {side} against "
+        f"{_reference(sensor)} (95 %: {low:.2f} to {high:.2f})"
+    )
+    if _drifts(found):
+        ppm = 1e6 / found.half_s
+        words += f" in the middle of the trial, and drift by {found.gain_s * ppm:+.0f} ppm"
+    return words
+
+
+def _reference(sensor: str) -> str:
+    return "all other sensors" if sensor == "gyro" else "the gyro"
+
+
+def _remedy(sensor: str, offset_s: float, drift_ppm: float) -> str:
+    table = f"[{sensor}] time_offset_s = {offset_s:.3f}"
+    if drift_ppm:
+        table += f", time_drift_ppm = {drift_ppm:.0f}"
+    return f"Apply it with --fix {PREFIX}{sensor}, or in a map (--map): {table}."
+
+
+def _untested(sensor: str, lags: Lags) -> CheckMade:
+    return CheckMade(
+        name=PREFIX + sensor,
+        what=f"clock of the {sensor}",
+        against="the gyro",
+        outcome="untested",
+        message=f"the clock of the {sensor}: {lags.missing.get(sensor, 'nothing to compare')}",
+    )
+
+
+def _findings(
+    raw: RawTrial, sensor: str, found: ClockLag, made: list[CheckMade], passage: float
+) -> list[Finding]:
+    check = made[0]
+    noted = abs(found.lag_s) - NORMAL_95 * found.std_s > NOTED_S.get(sensor, np.inf)
+    if check.outcome != "contradicts" and not noted:
+        return []
+    command = sensor in ("rudder", "elevator", "rpm")
+    remedy = check.remedy or "A slow servo, or clocks that differ: the loop looks for both."
+    message = check.message if check.remedy else f"gyro lags {sensor} by {-found.lag_s:.2f} s"
+    return [
+        Finding(
+            code=f"gyro_lags_{sensor}" if command else f"{sensor}_lags_gyro",
+            message=message,
+            where=f"trial {raw.name}",
+            value=-found.lag_s if command else found.lag_s,
+            threshold=check.limit if check.remedy else NOTED_S[sensor],
+            remedy=remedy,
+        )
+    ]
+
+
+def _alignment(lags: Lags) -> tuple[Alignment, ...]:
+    found = []
+    for sensor, lag in lags.of.items():
+        command = sensor in ("rudder", "elevator", "rpm")
+        found.append(
+            Alignment(
+                first=sensor if command else "gyro",
+                second="gyro" if command else sensor,
+                lag_s=-lag.lag_s if command else lag.lag_s,
+                std_s=lag.std_s,
+                explained=lag.explained,
+            )
+        )
+    return tuple(found)
+
+
+# --- corrections --------------------------------------------------------------------------
+
+
+def correction(raw: RawTrial, sensor: str, found: ClockLag) -> tuple[float, float]:
+    """What has to be added to the stamps: offset in s at their median, and drift in ppm."""
+    drift = -found.gain_s / found.half_s if _drifts(found) else 0.0
+    stamps = raw.sensors[sensor].time_s
+    away = float(np.nanmedian(stamps)) - found.at_s
+    return -found.lag_s + drift * away, 1e6 * drift
+
+
+def apply_clock(raw: RawTrial, sensor: str, offset_s: float, drift_ppm: float) -> RawTrial:
+    """A trial with the stamps of one sensor moved.
+
+    Parameters
+    ----------
+    raw : RawTrial
+    sensor : str
+    offset_s : float
+        Added to the stamps, at their median.
+    drift_ppm : float
+        Added per s from there, in 1e-6 s.
+    """
+    own = raw.sensors[sensor]
+    moved = replace(own, time_s=moved_stamps(own.time_s, offset_s, drift_ppm))
+    return replace(raw, sensors={**raw.sensors, sensor: moved})
+
+
+def corrected(raw: RawTrial, name: str, fix: str) -> RawTrial:
+    """Apply the correction that a check of a clock proposes: its name, offset and drift."""
+    offset_s, drift_ppm = (float(x) for x in fix.split(","))
+    return apply_clock(raw, name.removeprefix(PREFIX), offset_s, drift_ppm)
+
+
+FIXES = frozenset(PREFIX + sensor for sensor in SENSORS)  # names of the checks with a correction

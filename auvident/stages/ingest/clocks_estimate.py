@@ -1,0 +1,269 @@
+"""Lag of each sensor behind the gyro from all relations that the trial allows."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from auvident.schema.channels import BY_COLUMN
+from auvident.schema.logs import RawTrial
+from auvident.schema.trial import Trial
+from auvident.schema.vehicle import Vehicle
+from auvident.stages.ingest.clocks_line import Line, Question, Signals, fit_line
+from auvident.stages.ingest.clocks_relations import (
+    RELATIONS,
+    SYMBOLS,
+    ClockRelation,
+    fix_smoothing_s,
+    smooth_signals,
+    smoothing_s,
+    symbols_of,
+    with_course,
+    with_derivatives,
+)
+from auvident.stages.ingest.resample import median_period
+
+MIN_SPEED_MPS = 0.1
+MIN_EXPLAINED = 0.3  # of the variance: below it the relation says nothing
+FLOOR_S = 0.01  # no lag is known better: stamps are rounded, rows interpolated
+GAIN_SPREAD = 1.5  # of errors in the drift over their jackknife deviation, even seeds
+WIDEST_STD = 0.5  # s or L/U, the larger: a lag known no better is not worth telling
+SERVO_LENGTHS = 0.2  # a longer lag of the rudder is taken out before sway is compared
+APART_STDS = 3.0  # lags further apart are not of one clock
+ORDER = ("attitude", "rudder", "elevator", "dvl", "depth", "position")
+JUDGES_OF_GYRO = ("attitude", "rudder", "dvl", "elevator", "position", "depth")
+IsOff = Callable[[str, "ClockLag", float], bool]
+
+
+@dataclass(frozen=True)
+class ClockLag:
+    """Lag of one sensor: at the middle of the trial, and what it gains to its end."""
+
+    lag_s: float
+    std_s: float
+    gain_s: float
+    gain_std_s: float
+    at_s: float
+    half_s: float
+    explained: float
+    against: tuple[str, ...]
+
+    def opposite(self) -> "ClockLag":
+        """The same of the other of the two sensors."""
+        return replace(self, lag_s=-self.lag_s, gain_s=-self.gain_s)
+
+
+@dataclass(frozen=True)
+class Lags:
+    """Estimates by sensor, and why there is none."""
+
+    of: dict[str, ClockLag] = field(default_factory=dict)
+    missing: dict[str, str] = field(default_factory=dict)
+
+
+def passage_s(trial: Trial, vehicle: Vehicle) -> float:
+    """Time in s in which the vehicle travels its length at the median of its speeds."""
+    speed = trial.table["u_mps"].to_numpy(dtype=float)
+    moving = speed[speed > MIN_SPEED_MPS]
+    return vehicle.hull.length_m / (float(np.median(moving)) if moving.size else MIN_SPEED_MPS)
+
+
+def estimate_clocks(raw: RawTrial, trial: Trial, vehicle: Vehicle, is_off: IsOff) -> Lags:
+    """Lags of all sensors behind the gyro.
+
+    A sensor that is off is put right before others are held against it. Where two or more are
+    off by the same, and fewer contradict that, it is the gyro.
+
+    Parameters
+    ----------
+    raw, trial, vehicle
+    is_off : callable
+        (sensor, estimate, L/U in s) -> whether its clock is at fault.
+    """
+    passage = passage_s(trial, vehicle)
+    lags = _against_gyro(raw, trial, vehicle, is_off)
+    judges = {s: lags.of[s] for s in JUDGES_OF_GYRO if s in lags.of}
+    off = {s for s, e in judges.items() if is_off(s, e, passage)}
+    agreed = _agreed(judges, off)
+    if not agreed:
+        return lags
+    gyro = replace(_combined([judges[s] for s in agreed]).opposite(), against=agreed)
+    rest = _against_gyro(raw, put_right(trial, "gyro", gyro), vehicle, is_off)
+    return Lags({"gyro": gyro, **rest.of}, rest.missing)
+
+
+def _agreed(judges: dict[str, ClockLag], off: set[str]) -> tuple[str, ...]:
+    """Sensors that are off by the same as the best known one; none where as many are not."""
+    if not off:
+        return ()
+    best = judges[min(off, key=lambda s: judges[s].std_s)]
+    same = tuple(s for s, e in judges.items() if _is_same(e, best))
+    enough = len(off & set(same)) > 1 and 2 * len(same) > len(judges)
+    return same if enough else ()
+
+
+def _is_same(one: ClockLag, other: ClockLag) -> bool:
+    std = APART_STDS * float(np.hypot(one.std_s, other.std_s))
+    gain_std = APART_STDS * float(np.hypot(one.gain_std_s, other.gain_std_s))
+    return abs(one.lag_s - other.lag_s) <= std and abs(one.gain_s - other.gain_s) <= gain_std
+
+
+def _against_gyro(raw: RawTrial, trial: Trial, vehicle: Vehicle, is_off: IsOff) -> Lags:
+    passage, lags = passage_s(trial, vehicle), Lags()
+    bench = _Bench(raw, trial, vehicle, passage)
+    for sensor in (s for s in ORDER if s in raw.sensors):
+        rows = [row for row in RELATIONS if row.sensor == sensor]
+        found = [e for e in (bench.estimate(row) for row in rows) if e is not None]
+        if sensor == "dvl":
+            found = _without_rpm(found, lags)
+        if not found:
+            lags.missing[sensor] = bench.why(rows)
+            continue
+        own = lags.of[sensor] = _combined(found)
+        servo = sensor == "rudder" and abs(own.lag_s) > SERVO_LENGTHS * passage
+        if is_off(sensor, own, passage) or servo:
+            bench = _Bench(raw, put_right(bench.trial, sensor, own), vehicle, passage)
+    if "rpm" in raw.sensors and "rpm" not in lags.of:
+        lags.missing["rpm"] = "needs thrust steps and turns, to hold u against both"
+    return lags
+
+
+def _without_rpm(found: list[ClockLag], lags: Lags) -> list[ClockLag]:
+    """Estimates of the DVL that do not contradict each other, and the clock of the propeller.
+
+    The surge equation knows the DVL against the propeller, the sway equation against the gyro.
+    Where they differ it is the propeller's clock, or its motor.
+    """
+    of_rpm = [e for e in found if any("propeller" in a for a in e.against)]
+    others = [e for e in found if e not in of_rpm]
+    if not of_rpm or not others:
+        return found
+    surge, rest = of_rpm[0], _combined(others)
+    std, gain_std = (
+        float(np.hypot(a, b))
+        for a, b in ((surge.std_s, rest.std_s), (surge.gain_std_s, rest.gain_std_s))
+    )
+    apart = abs(rest.lag_s - surge.lag_s) > APART_STDS * std
+    apart |= abs(rest.gain_s - surge.gain_s) > APART_STDS * gain_std
+    lags.of["rpm"] = replace(
+        surge,
+        lag_s=rest.lag_s - surge.lag_s,
+        std_s=std,
+        gain_s=rest.gain_s - surge.gain_s,
+        gain_std_s=gain_std,
+    )
+    return others if apart else found
+
+
+def _combined(found: Sequence[ClockLag]) -> ClockLag:
+    """Mean of several estimates by their weights; the scatter between them counts."""
+    if len(found) == 1:
+        return found[0]
+    lag, std = _mean([(e.lag_s, e.std_s) for e in found])
+    gain, gain_std = _mean([(e.gain_s, e.gain_std_s) for e in found])
+    best = min(found, key=lambda e: e.std_s)
+    against = tuple(a for e in found for a in e.against)
+    return ClockLag(lag, std, gain, gain_std, best.at_s, best.half_s, best.explained, against)
+
+
+def _mean(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    known = [(x, std) for x, std in pairs if np.isfinite(std)]
+    if not known:
+        return 0.0, float("inf")
+    x, weight = np.array([p[0] for p in known]), np.array([p[1] for p in known]) ** -2.0
+    mean = float(x @ weight / weight.sum())
+    scatter = float((x - mean) ** 2 @ weight) / max(len(known) - 1, 1)
+    return mean, float(np.sqrt(max(1.0, scatter) / weight.sum()))
+
+
+def put_right(trial: Trial, sensor: str, found: ClockLag) -> Trial:
+    """The trial with the columns of one sensor read at ``t + lag(t)``."""
+    table = trial.table.copy()
+    time = table["time_s"].to_numpy()
+    gain = found.gain_s if np.isfinite(found.gain_std_s) else 0.0
+    lag = found.lag_s + gain * (time - found.at_s) / found.half_s
+    for column in table.columns:
+        if column in BY_COLUMN and BY_COLUMN[column].sensor == sensor:
+            values = table[column].to_numpy(dtype=float)
+            table[column] = np.interp(time + lag, time, values, left=np.nan, right=np.nan)
+    return replace(trial, table=table)
+
+
+class _Bench:
+    """Signals of one trial, smoothed when they are first wanted."""
+
+    def __init__(self, raw: RawTrial, trial: Trial, vehicle: Vehicle, passage: float) -> None:
+        self.raw, self.trial, self.vehicle, self.passage = raw, trial, vehicle, passage
+        self._signals: dict[float, Signals] = {}
+
+    def estimate(self, row: ClockRelation) -> ClockLag | None:
+        """Lag by one relation, at the first of its widths at which it is distinct."""
+        for factor in row.widths:
+            width = factor * self._width_s(row)
+            line = self._line(row, width)
+            if line is not None and is_distinct(line, row):
+                return _estimate(line, row, factor * self.passage)
+        return None
+
+    def why(self, rows: Sequence[ClockRelation]) -> str:
+        """What is lacking for a test."""
+        lacking = {self._lacks(row) for row in rows}
+        if not all(lacking):
+            return "its maneuvers do not determine the lag (more turns, zigzags or steps would)"
+        return "needs " + ", or ".join(sorted(lacking))
+
+    def _lacks(self, row: ClockRelation) -> str:
+        names = [SYMBOLS[s] for s in (row.own[0], *row.others) if s in SYMBOLS]
+        return " and ".join(n for n in names if n not in self.trial.table)
+
+    def _width_s(self, row: ClockRelation) -> float:
+        if not row.slow:
+            return smoothing_s(self.passage)
+        stamps = self.raw.sensors[row.sensor].time_s
+        return fix_smoothing_s(self.passage, median_period(np.sort(stamps[np.isfinite(stamps)])))
+
+    def _line(self, row: ClockRelation, width: float) -> Line | None:
+        signals = self._smooth(width, row.slow)
+        if not {row.own[0], *row.others} <= set(signals):
+            return None
+        own = [n for n in with_derivatives(symbols_of(row.sensor)) if n in signals]
+        return fit_line(
+            Question(signals, own, lambda s: row.equations(s, self.vehicle), width, row.prior)
+        )
+
+    def _smooth(self, width: float, with_fixes: bool) -> Signals:
+        if width not in self._signals:
+            signals = smooth_signals(self.trial, width)
+            if with_fixes:
+                signals = with_course(signals, self.trial, self.vehicle, width)
+            self._signals[width] = signals
+        return self._signals[width]
+
+
+def is_distinct(line: Line, row: ClockRelation) -> bool:
+    """Whether a line is the only one that explains the relation."""
+    known = np.isfinite(line.lag_std_s) and line.alone and not line.at_edge
+    return bool(known and line.explained >= MIN_EXPLAINED and line.rival >= row.rival)
+
+
+def _estimate(line: Line, row: ClockRelation, passage: float) -> ClockLag | None:
+    """A line with what its relation leaves out counted in."""
+    usual, spread = (passage * x for x in row.usual_lengths)
+    gain_std = np.hypot(GAIN_SPREAD * line.gain_std_s, row.gain_lengths * passage)
+    drifts = line.gain_s**2 > (APART_STDS * gain_std) ** 2
+    lag, lag_std = (line.lag_s, line.lag_std_s)
+    if drifts:
+        lag, lag_std = line.middle_s, line.middle_std_s
+    std = float(np.sqrt(lag_std**2 + spread**2 + FLOOR_S**2))
+    if not std <= WIDEST_STD * max(1.0, passage):
+        return None
+    return ClockLag(
+        lag_s=float(lag) - usual,
+        std_s=std,
+        gain_s=float(line.gain_s) if np.isfinite(gain_std) else 0.0,
+        gain_std_s=float(np.hypot(gain_std, FLOOR_S)),
+        at_s=line.at_s,
+        half_s=line.half_s,
+        explained=float(line.explained_drifting if drifts else line.explained),
+        against=(row.against,),
+    )

@@ -1,0 +1,308 @@
+"""What holds between two sensors of a vehicle when their clocks agree.
+
+A relation is a row of `RELATIONS`. Where kinematics relates two sensors it does so whatever the
+vehicle; between rudder, yaw rate and velocities it is the dynamics of the hull, with coefficients
+that are estimated along. What these equations leave out passes for a lag: `usual_lengths` is its
+mean and standard deviation in L/U, from the clean trials of the even seeds of the drawn population
+(`sample_logs/seatrial/population`), sensors on one clock.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from auvident.constants import VehicleTime
+from auvident.schema.channels import CHANNELS
+from auvident.schema.trial import Trial
+from auvident.schema.vehicle import Vehicle
+from auvident.stages.ingest.clocks_line import LikelyCoefficients, Signals
+
+SMOOTHING_S: VehicleTime = 1.0  # at the least; as in `response`
+SMOOTHING_LENGTHS = 0.6  # L/U: turbulence and noise of slow hulls out, zigzags left
+FIX_PERIODS = 2.5  # position fixes are joined by straight lines: smoothing hides their corners
+FIX_LENGTHS, FIX_S = 3.0, 5.0
+SLOW_SHARE = 0.3  # of the 90 % quantile of the speed: below it a rudder has no grip
+# Symbols of the equations, their columns and the sensor that delivers them.
+SYMBOLS = {
+    "u": "u_mps",
+    "v": "v_mps",
+    "w": "w_mps",
+    "p": "p_radps",
+    "q": "q_radps",
+    "r": "r_radps",
+    "rudder": "rudder_rad",
+    "elevator": "elevator_rad",
+    "n": "rpm",
+    "roll": "roll_rad",
+    "pitch": "pitch_rad",
+    "heading": "heading_rad",
+    "z": "depth_m",
+    "north": "north_m",
+    "east": "east_m",
+}
+# Coefficients of `_sway` over L and U, of the even seeds; in steady turns those of drift, yaw rate
+# and rudder stand in for each other, and for a lag.
+SWAY = LikelyCoefficients(
+    np.array([-0.75, -3.5, -0.3, 0.25, 0.0, 0.0, 0.0]),
+    np.array([0.4, 1.5, 0.12, 0.1, 0.1, 0.05, 0.01]),
+)
+Equations = Callable[[Signals, Vehicle], tuple[np.ndarray, np.ndarray]]
+
+
+@dataclass(frozen=True)
+class ClockRelation:
+    """One relation.
+
+    Attributes
+    ----------
+    sensor : str
+        Whose clock it tests.
+    against : str
+        What with, in words.
+    own, others : tuple of str
+        Symbols of the sensor and of the others that the equations need.
+    equations : callable
+        (signals, vehicle) -> y and X of `fit_line`.
+    usual_lengths : (float, float)
+        Lag that it shows on one clock, in L/U: mean and standard deviation.
+    gain_lengths : float
+        Standard deviation of the change of it along a trial, to either end, in L/U.
+    rival : float
+        A lag elsewhere has to leave so many times more unexplained.
+    widths : tuple of float
+        Smoothing over the usual one, by turns until the lag is distinct; what the equations leave
+        out grows with it.
+    prior : LikelyCoefficients, optional
+    slow : bool
+        Position fixes: wide smoothing.
+    """
+
+    sensor: str
+    against: str
+    own: tuple[str, ...]
+    others: tuple[str, ...]
+    equations: Equations
+    usual_lengths: tuple[float, float] = (0.0, 0.0)
+    gain_lengths: float = 0.0
+    rival: float = 1.5
+    widths: tuple[float, ...] = (1.0,)
+    prior: LikelyCoefficients | None = None
+    slow: bool = False
+
+
+def smoothing_s(passage_s: float) -> float:
+    """Width of the moving average, applied twice, of all but position fixes."""
+    return max(SMOOTHING_S, SMOOTHING_LENGTHS * passage_s)
+
+
+def fix_smoothing_s(passage_s: float, period_s: float) -> float:
+    """The same for position fixes `period_s` apart."""
+    return max(FIX_PERIODS * period_s, FIX_LENGTHS * passage_s, FIX_S)
+
+
+def smooth_signals(trial: Trial, width_s: float) -> Signals:
+    """Smoothed signals of a trial and their derivatives (``<symbol>_dot``), NaN where unknown."""
+    time = trial.table["time_s"].to_numpy()
+    width = max(1, round(width_s * trial.rate_hz))
+    window = np.convolve(np.ones(width) / width, np.ones(width) / width)
+    found: Signals = {"time": time}
+    if time.size <= 2 * width:
+        return found
+    for symbol, column in SYMBOLS.items():
+        if column in trial.table:
+            values = np.full(time.size, np.nan)
+            raw = trial.table[column].to_numpy(dtype=float)
+            values[width - 1 : time.size - width + 1] = np.convolve(raw, window, mode="valid")
+            found[symbol] = values
+            found[symbol + "_dot"] = np.gradient(values, time)
+    if "u" in found and np.isfinite(found["u"]).any():
+        least = SLOW_SHARE * float(np.nanquantile(found["u"], 0.9))
+        found["u"] = np.where(found["u"] > least, found["u"], np.nan)
+    return found
+
+
+def with_derivatives(symbols: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of the signals of some symbols."""
+    return tuple(name for s in symbols for name in (s, s + "_dot"))
+
+
+def symbols_of(sensor: str) -> tuple[str, ...]:
+    """Symbols of all that a sensor measures."""
+    own = {c.column for c in CHANNELS if c.sensor == sensor}
+    return tuple(s for s, column in SYMBOLS.items() if column in own)
+
+
+def _columns(*columns: np.ndarray) -> np.ndarray:
+    return np.stack(columns, axis=-1)
+
+
+def _or_zero(s: Signals, name: str) -> np.ndarray:
+    return s[name] if name in s else np.zeros_like(s["time"])
+
+
+def _heading(s: Signals, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
+    """d(heading)/dt = k (q sin(roll) + r cos(roll)) / cos(pitch) + c."""
+    roll, pitch = _or_zero(s, "roll"), _or_zero(s, "pitch")
+    rate = (_or_zero(s, "q") * np.sin(roll) + s["r"] * np.cos(roll)) / np.cos(pitch)
+    return s["heading_dot"], _columns(rate, np.ones_like(rate))
+
+
+def _pitch(s: Signals, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
+    """d(pitch)/dt = k (q cos(roll) - r sin(roll)) + c."""
+    roll = _or_zero(s, "roll")
+    rate = s["q"] * np.cos(roll) - s["r"] * np.sin(roll)
+    return s["pitch_dot"], _columns(rate, np.ones_like(rate))
+
+
+def _yaw(s: Signals, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
+    """dr/dt = a u r + b r|r| + c u^2 rudder + d u^2."""
+    u, r = s["u"], s["r"]
+    return s["r_dot"], _columns(u * r, r * np.abs(r), u**2 * s["rudder"], u**2)
+
+
+def _pitching(s: Signals, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
+    """dq/dt = a u q + b q|q| + c u^2 elevator + d pitch + e u^2."""
+    u, q = s["u"], s["q"]
+    x = [u * q, q * np.abs(q), u**2 * s["elevator"], _or_zero(s, "pitch"), u**2]
+    return s["q_dot"], _columns(*x)
+
+
+def _sway(s: Signals, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
+    """The sway equation, of `SWAY`; the DVL reads v = v_D - x_D r at its place, and rolls."""
+    arm, length, u = vehicle.dvl.x_m, vehicle.hull.length_m, s["u"]
+    v = s["v"] - arm * s["r"]
+    x = [u * v / length, v * np.abs(v) / length, u * s["r"], u**2 * s["rudder"] / length]
+    x += [_or_zero(s, "p") * u, _or_zero(s, "p_dot") * length, u**2 / length]
+    return s["v_dot"] - arm * s["r_dot"], _columns(*x)
+
+
+def _surge(s: Signals, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
+    """du/dt = a u^2 + b n^2 + c u n + d r^2 + e: thrust steps, and the loss of speed in turns."""
+    u, n = s["u"], s["n"]
+    return s["u_dot"], _columns(u**2, n * np.abs(n), u * n, s["r"] ** 2, np.ones_like(u))
+
+
+def _depth(s: Signals, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
+    """d(depth)/dt of the velocities, turned by roll and pitch; a bias of the pitch left free."""
+    arm, roll, pitch = vehicle.dvl.x_m, _or_zero(s, "roll"), s["pitch"]
+    w = _or_zero(s, "w") + arm * _or_zero(s, "q")
+    v = s["v"] - arm * s["r"]
+    across = v * np.sin(roll) + w * np.cos(roll)
+    rate = across * np.cos(pitch) - s["u"] * np.sin(pitch)
+    return s["z_dot"], _columns(rate, s["u"], np.ones_like(rate))
+
+
+def _track(s: Signals, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
+    """Rates of the position from the velocities turned by the heading, and a current.
+
+    A bias and a drift of the heading are left free.
+    """
+    north, east = s["course_north"], s["course_east"]
+    tau = (s["time"] - s["time"][0]) / (s["time"][-1] - s["time"][0]) - 0.5
+    one, none = np.ones_like(north), np.zeros_like(north)
+    first = _columns(north, -east, tau * north, -tau * east, one, none)
+    second = _columns(east, north, tau * east, tau * north, none, one)
+    return _columns(s["north_dot"], s["east_dot"]), np.stack((first, second), axis=1)
+
+
+def with_course(s: Signals, trial: Trial, vehicle: Vehicle, width_s: float) -> Signals:
+    """Signals with the velocities in north and east, turned before they are smoothed."""
+    table = trial.table
+    names = {"u_mps", "v_mps", "r_radps"}
+    if not names <= set(table.columns) or "north" not in s:
+        return s
+    r = table["r_radps"].to_numpy(dtype=float)
+    if "heading_rad" in table:
+        heading = table["heading_rad"].to_numpy(dtype=float)
+    else:
+        heading = np.cumsum(np.nan_to_num(r)) / trial.rate_hz
+    u = table["u_mps"].to_numpy(dtype=float)
+    v = table["v_mps"].to_numpy(dtype=float) - vehicle.dvl.x_m * r
+    width = max(1, round(width_s * trial.rate_hz))
+    window = np.convolve(np.ones(width) / width, np.ones(width) / width)
+    sides = {
+        "course_north": u * np.cos(heading) - v * np.sin(heading),
+        "course_east": u * np.sin(heading) + v * np.cos(heading),
+    }
+    smooth = {name: np.full(u.size, np.nan) for name in sides}
+    for name, values in sides.items():
+        smooth[name][width - 1 : u.size - width + 1] = np.convolve(values, window, mode="valid")
+    return s | smooth
+
+
+RELATIONS: tuple[ClockRelation, ...] = (
+    ClockRelation(
+        "attitude",
+        "heading against yaw rate",
+        ("heading", "roll", "pitch"),
+        ("r",),
+        _heading,
+    ),
+    ClockRelation(
+        "attitude",
+        "pitch against pitch rate",
+        ("pitch", "roll"),
+        ("q",),
+        _pitch,
+    ),
+    ClockRelation(
+        "rudder",
+        "rudder against yaw acceleration",
+        ("rudder",),
+        ("u", "r"),
+        _yaw,
+        usual_lengths=(0.02, 0.07),
+        gain_lengths=0.04,
+        rival=5.0,
+        widths=(1.0, 2.0),
+    ),
+    ClockRelation(
+        "elevator",
+        "elevator against pitch acceleration",
+        ("elevator",),
+        ("u", "q"),
+        _pitching,
+        usual_lengths=(0.04, 0.08),
+        gain_lengths=0.04,
+        rival=4.0,
+    ),
+    ClockRelation(
+        "dvl",
+        "sway against yaw rate and rudder",
+        ("u", "v"),
+        ("r", "rudder"),
+        _sway,
+        usual_lengths=(0.0, 0.1),
+        gain_lengths=0.03,
+        rival=2.5,
+        widths=(1.0, 2.0),
+        prior=SWAY,
+    ),
+    ClockRelation(
+        "dvl",
+        "surge against propeller and yaw rate",
+        ("u",),
+        ("n", "r"),
+        _surge,
+        usual_lengths=(0.03, 0.06),
+        rival=2.0,
+    ),
+    ClockRelation(
+        "depth",
+        "depth rate against velocities and pitch",
+        ("z",),
+        ("u", "v", "r", "pitch"),
+        _depth,
+        usual_lengths=(0.0, 0.01),
+        gain_lengths=0.01,
+    ),
+    ClockRelation(
+        "position",
+        "position against velocities and heading",
+        ("north", "east"),
+        ("course_north", "course_east"),
+        _track,
+        slow=True,
+    ),
+)

@@ -1,0 +1,127 @@
+"""Clocks of the sensors of trials that the independent generator sailed, moved by known amounts."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ingest_world import calm, vehicle
+
+from auvident.errors import ContradictionError
+from auvident.schema.logs import CheckMade, RawTrial, moved_stamps
+from auvident.schema.vehicle import Vehicle
+from auvident.stages.ingest import ingest
+from auvident.stages.ingest.clocks import FIXES, LIMITS, apply_clock
+from auvident.storage.logs import read_trials
+from auvident.storage.vehicle_file import load_vehicle
+
+SAMPLES = Path(__file__).resolve().parents[2] / "sample_logs"
+TESTED = ("attitude", "dvl", "rudder", "depth", "position")
+
+
+@cache
+def harbour() -> tuple[RawTrial, Vehicle]:
+    (raw,) = read_trials([SAMPLES / "harbour_trial"])
+    return raw, load_vehicle(SAMPLES / "remus100.toml")
+
+
+def stamped(raw: RawTrial, sensor: str, late_s: float, ppm: float = 0.0) -> RawTrial:
+    """The trial with the stamps of one sensor late, and later as time goes on."""
+    own = raw.sensors[sensor]
+    late = late_s + 1e-6 * ppm * (own.time_s - np.median(own.time_s))
+    return replace(raw, sensors={**raw.sensors, sensor: replace(own, time_s=own.time_s + late)})
+
+
+def made(raw: RawTrial) -> dict[str, CheckMade]:
+    return {c.name: c for c in ingest(raw, harbour()[1])[1].checks_made}
+
+
+def test_a_clean_trial_has_one_clock():
+    checks = made(harbour()[0])
+    for sensor in TESTED:
+        check = checks[f"clock_{sensor}"]
+        assert check.outcome == "agrees"
+        assert check.fix == ""
+        assert check.low < 0.05  # hulls differ by a few hundredths of a second
+        assert check.high > -0.05
+        assert checks[f"drift_{sensor}"].outcome == "agrees"
+    assert checks["clock_elevator"].outcome == "untested"
+    assert "do not determine" in checks["clock_elevator"].message
+    assert "clock_gyro" not in checks
+
+
+@pytest.mark.parametrize(
+    ("sensor", "late", "ppm"),
+    [
+        ("dvl", -1.0, 0.0),
+        ("dvl", 0.0, -2000.0),
+        ("rudder", 1.0, 0.0),
+        ("position", 18.0, 1000.0),
+        ("depth", -5.0, 0.0),
+    ],
+)
+def test_an_offset_and_a_drift_are_told_and_put_right(sensor, late, ppm):
+    raw = stamped(harbour()[0], sensor, late, ppm)
+    checks = made(raw)
+    own = checks[f"clock_{sensor}"]
+    assert own.outcome == "contradicts"
+    assert own.low - 0.05 < late < own.high + 0.05
+    assert ("drift" in own.message) == bool(ppm)
+    drift = checks[f"drift_{sensor}"]
+    assert drift.low < ppm < drift.high
+    assert all(c.outcome != "contradicts" for n, c in checks.items() if sensor not in n)
+    offset_s, drift_ppm = (float(x) for x in own.fix.split(","))
+    assert f"time_offset_s = {offset_s:.3f}" in own.remedy
+    right = FIXES[own.name](raw, own).sensors[sensor].time_s
+    spread = (own.high - own.low) / 2.0
+    np.testing.assert_allclose(right, harbour()[0].sensors[sensor].time_s, atol=2 * spread + 0.1)
+    assert (drift_ppm != 0.0) == bool(ppm)
+
+
+def test_the_gyro_is_named_when_all_others_agree_against_it():
+    checks = made(stamped(harbour()[0], "gyro", 1.2))
+    assert checks["clock_gyro"].outcome == "contradicts"
+    assert checks["clock_gyro"].value == pytest.approx(1.2, abs=0.03)
+    for sensor in TESTED:
+        assert checks[f"clock_{sensor}"].outcome == "agrees"
+
+
+@pytest.mark.parametrize(("sensor", "late"), [("dvl", 18.0), ("rudder", 5.0)])
+def test_a_clock_that_leaves_nothing_to_identify_is_refused_unless_put_right(sensor, late):
+    raw = stamped(harbour()[0], sensor, late)
+    with pytest.raises(ContradictionError) as caught:
+        made(raw)
+    error = caught.value
+    assert error.exit_code == 3
+    for word in (f"{sensor}.csv", "late", f"--fix clock_{sensor}", f"[{sensor}] time_offset_s = -"):
+        assert word in str(error)
+    offset_s, drift_ppm = (float(x) for x in error.fix.split(","))
+    right = apply_clock(raw, sensor, offset_s, drift_ppm)
+    assert made(right)[error.check].outcome == "agrees"
+
+
+def test_a_slow_servo_is_no_clock():
+    """A rudder that acts half a second later than it is logged: the loop finds why."""
+    checks = made(stamped(harbour()[0], "rudder", -0.5))
+    assert checks["clock_rudder"].outcome == "agrees"
+
+
+def test_a_trial_without_maneuvers_tests_nothing():
+    _, quality = ingest(calm(duration_s=120.0), vehicle())
+    checks = {c.name: c.outcome for c in quality.checks_made}
+    assert checks == {"clock_dvl": "untested", "clock_rudder": "untested", "clock_rpm": "untested"}
+
+
+def test_stamps_are_moved_from_their_median():
+    t = np.array([10.0, 11.0, 12.0, np.nan, 0.0, 99.0])
+    np.testing.assert_array_equal(moved_stamps(t, 0.5, 0.0), t + 0.5)
+    drifted = moved_stamps(t, 0.5, 1e5)
+    np.testing.assert_allclose(drifted[:3], [10.5 - 0.1, 11.5, 12.5 + 0.1])
+    raw = apply_clock(calm(), "dvl", -0.25, 0.0)
+    np.testing.assert_allclose(raw.sensors["dvl"].time_s, calm().sensors["dvl"].time_s - 0.25)
+    assert raw.sensors["gyro"].time_s[0] == 0.0
+
+
+def test_every_clock_with_a_limit_has_a_fix():
+    assert {f"clock_{sensor}" for sensor in LIMITS} == set(FIXES)
