@@ -141,10 +141,21 @@ DOUBTS = (
     "prediction-ran-away",
     "against-physics",
 )
+# Counts and remarks, which blame nothing.
+REMARKS = (
+    "*contradict*",
+    "*cop*",
+    "*rate*",
+    "assumed_*",
+    "channels_absent",
+    "file_not_used",
+    "held_copies",
+    "many_rows_dropped",
+    "no_*",
+)
 # Names of some fault or other: with none of the right ones among them, a wrong name.
 ACCUSING = sorted(
-    {p for patterns in NAMES.values() for p in patterns if not p.startswith("dropped:")}
-    - {"*contradict*", "dropped:*", "held_copies", "file_not_used", "no_*", "assumed_*", "*cop*"}
+    {p.rstrip("@") for patterns in NAMES.values() for p in patterns if ":" not in p} - {*REMARKS}
 )
 
 
@@ -165,4 +176,4 @@ def mentions(telling: Mapping[str, Any], sensor: str) -> bool:
 
 def any_of(code: str, patterns: Iterable[str]) -> bool:
     """Whether a code is one of those."""
-    return any(fnmatch(code, pattern.rstrip("@")) for pattern in patterns)
+    return any(fnmatch(code, pattern) for pattern in patterns)

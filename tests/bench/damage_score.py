@@ -109,7 +109,7 @@ def _outcome(
         return "right" if naming or counted(evidence, clean) else "uncounted"
     if any(t["kind"] != "count" for t in naming):
         return "said"
-    if any(t["stage"] == "ingest" and any_of(t["code"], ACCUSING) for t in told):
+    if any(accuses(t) for t in told):
         return "misnamed"
     if any(any_of(t["code"], DOUBTS) for t in told):
         return "doubted"
@@ -117,6 +117,12 @@ def _outcome(
     if stds is not None and stds <= NEAR_STDS and ratio is not None and ratio <= HELD_OUT:
         return "near" if counted(evidence, clean) else "uncounted"
     return "counted" if naming else "quiet"
+
+
+def accuses(telling: Evidence) -> bool:
+    """Whether it blames something: a check or finding of the ingest, or an effect."""
+    found = telling["stage"] == "ingest" and any_of(telling["code"], ACCUSING)
+    return found or telling["kind"] == "effect"
 
 
 def failure(evidence: Evidence, named: bool) -> str:

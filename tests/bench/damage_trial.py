@@ -19,6 +19,7 @@ from auvident.pipeline.given import Given
 from auvident.report.console import stage_report
 from auvident.schema.artifacts import IdentifiedModel, Maneuvers
 from auvident.storage.run_directory import RunDirectory
+from tests.bench.damage_score import FAR_STDS, difference
 from tests.bench.effects_trial import WANTED
 from tests.bench.population_trial import _alarm
 from tests.engines.chain import SAMPLES
@@ -93,7 +94,8 @@ def outcome(
         except Exception:
             return {**found, "stage": "generator", "error": traceback.format_exc()}
         found |= chain(folder, log.logs, log.map, until, run, clean) | {"lost": log.lost}
-        if found.get("coefficients") and not found["unchanged"]:
+        stds, _ = difference(found, clean.evidence)
+        if stds is not None and stds > FAR_STDS:
             found["ratio"] = held_out_ratio(clean.folder / "run", folder / "run")
     return {**found, "took_s": round(perf_counter() - began, 1)}
 
