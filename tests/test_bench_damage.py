@@ -233,6 +233,9 @@ def judged(found: dict, kind: object = KNOTS, clean: dict | None = None):
     ("found", "outcome"),
     [
         (evidence(1.9), "right"),
+        (evidence(1.9, ratio=1.4), "quiet"),
+        (evidence(1.9, ratio=None), "quiet"),
+        (evidence(0.0, ratio=None), "right"),
         (evidence(2.1), "near"),
         (evidence(2.1, ratio=1.4), "quiet"),
         (evidence(4.1), "quiet"),
@@ -335,18 +338,29 @@ def test_evidence_in_a_file_is_judged_anew(tmp_path: Path, monkeypatch, capsys) 
     kept, page = tmp_path / "kept.jsonl", tmp_path / "damaged-logs.md"
     monkeypatch.setattr(damage_page, "PAGE", page)
     clean = {"key": "2/clean", "seed": 2, "damage": ["clean"]}
+    drawn = {"key": "2/as drawn", "seed": 2, "damage": ["as drawn"]}
     for found in (
+        evidence(case=drawn, told=[telling("dvl_lags_gyro")]),
         evidence(case=clean),
         evidence(9.0, case=case_of("knots")),
         evidence(case=case_of("tabs")),
     ):
         damage.append(kept, found)
-    arguments = ["damage", "--seeds", "2", "--score", str(kept), "--write"]
+    arguments = ["damage", "--seeds", "2", "--score", str(kept), "--write", "--clean", "2"]
     bench.main(arguments)
     assert "by family (2 trials)" in capsys.readouterr().out
     text = page.read_text(encoding="utf-8")
     assert "## Quietly wrong" in text and "| knots | speeds in knots" in text
-    assert text.count("\n## ") == 4  # outcomes, quietly wrong, and two families
+    assert text.count("\n## ") == 5  # outcomes, quietly wrong, two families and clean logs
+    assert "| dvl_lags_gyro | 1 | 1 | 2 |" in text
+
+
+def test_a_bug_stays_in_the_evidence_and_a_line_cut_short_does_not(tmp_path: Path) -> None:
+    path = tmp_path / "kept.jsonl"
+    damage.append(path, evidence(case=case_of("tabs"), error="Traceback: there"))
+    with path.open("a", encoding="utf-8") as stream:
+        stream.write('{"case": {"key": "2/kno')
+    assert list(damage.evidence_in(path)) == ["2/tabs"]
 
 
 def case_of(name: str) -> dict:
@@ -354,6 +368,6 @@ def case_of(name: str) -> dict:
 
 
 def test_the_page_explains_every_outcome() -> None:
-    text = damage_page.page([judged(evidence(1.0))], "how")
+    text = damage_page.page([judged(evidence(1.0))], [], "how")
     assert all(f"| `{outcome}` |" in text for outcome in OUTCOMES)
     assert {*WELL, *QUIETLY_WRONG} <= set(OUTCOMES)

@@ -12,6 +12,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
 from dataclasses import asdict
 from fnmatch import fnmatch
 from multiprocessing import get_context
@@ -23,10 +24,10 @@ import numpy as np
 
 from tests.bench import damage_page
 from tests.bench.damage_score import Row, false_alarms, judge
-from tests.bench.damage_trial import CLEAN, outcome
-from tests.bench.effects import ONE_THREAD, append, program, read_outcomes
+from tests.bench.damage_trial import AS_DRAWN, CLEAN, outcome
+from tests.bench.effects import ONE_THREAD, append, program
 from tests.bench.effects_trial import WANTED
-from tests.bench.halves import HALVES, seeds
+from tests.bench.halves import HALVES, measured, seeds
 
 Job = tuple[int, tuple[str, ...], str]
 Kept = dict[str, dict[str, Any]]
@@ -38,26 +39,20 @@ def main(arguments: list[str], show: Show) -> None:
     options = _options(arguments)
     for name in ONE_THREAD:
         os.environ[name] = "1"
-    if options.clean:
-        numbers = seeds(options.first, options.clean, options.half)
-        jobs = [(seed, (CLEAN,), "ingest") for seed in numbers]
-    else:
-        jobs = wanted(options)
-    kept = read_outcomes(options.score) if options.score else sail(jobs, options)
+    jobs = [*wanted(options), *clean_ones(options)]
+    kept = evidence_in(options.score) if options.score else sail(jobs, options)
     kept = {key_of(job): kept[key_of(job)] for job in jobs if key_of(job) in kept}
-    if options.clean:
-        for title, rows in alarms(kept).items():
-            show(title, rows)
-        return
-    rows = judged(kept)
-    tables = damage_page.tables(rows)
-    for title in ("by family", "not well"):
-        show(f"{title} ({len(rows)} trials)", tables[title])
+    rows, clean = judged(kept), alarms(kept)
+    tables = damage_page.tables(rows) | {"said of clean logs": clean}
+    for title in ("by family", "not well", "said of clean logs"):
+        if tables[title]:
+            show(f"{title} ({len(rows)} trials)" if rows else title, tables[title])
     if options.json is not None:
         found = {"rows": [asdict(row) for row in rows], **tables}
         options.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
     if options.write:
-        damage_page.write(rows, damage_page.measured(kept, options.half))
+        studied = [e for e in kept.values() if e["case"]["damage"] != [AS_DRAWN]]
+        damage_page.write(rows, clean, measured(studied, options.half))
 
 
 def wanted(options: argparse.Namespace) -> list[Job]:
@@ -70,6 +65,12 @@ def wanted(options: argparse.Namespace) -> list[Job]:
         sets = [(CLEAN,), *(() if options.fours_alone else ((n,) for n in names)), *together]
         jobs += [(seed, found, options.until) for found in sets]
     return jobs
+
+
+def clean_ones(options: argparse.Namespace) -> list[Job]:
+    """Clean trials with the sensors that were drawn, as far as the ingest."""
+    numbers = seeds(options.first, options.clean, options.half)
+    return [(seed, (AS_DRAWN,), "ingest") for seed in numbers]
 
 
 def chosen(patterns: Iterable[str], all_sizes: bool) -> list[str]:
@@ -111,7 +112,7 @@ def fours(names: list[str], number: int, seed: int) -> list[tuple[str, ...]]:
 def sail(jobs: list[Job], options: argparse.Namespace) -> Kept:
     """Evidence of all the trials; those of this very program are not run again."""
     version = program()
-    kept = {} if options.resume is None else read_outcomes(options.resume)
+    kept = {} if options.resume is None else evidence_in(options.resume)
     kept = {key: found for key, found in kept.items() if found.get("program") == version}
     missing = [job for job in jobs if key_of(job) not in kept]
     began = perf_counter()
@@ -122,6 +123,16 @@ def sail(jobs: list[Job], options: argparse.Namespace) -> Kept:
         left = (perf_counter() - began) / number * (len(missing) - number) / 60.0
         _tell(found, kept, f"{number}/{len(missing)}", left)
     return kept
+
+
+def evidence_in(path: Path) -> Kept:
+    """Evidence kept in a file, bugs among it; a line cut short is passed over."""
+    found: Kept = {}
+    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else ():
+        with suppress(json.JSONDecodeError):
+            evidence = json.loads(line)
+            found[evidence["case"]["key"]] = evidence
+    return found
 
 
 def outcomes(jobs: list[Job], workers: int) -> Iterator[dict[str, Any]]:
@@ -156,25 +167,24 @@ def judged_one(found: dict[str, Any], kept: Kept) -> Row | None:
 
     case = found["case"]
     clean = kept.get(f"{case['seed']}/{CLEAN}")
-    if case["damage"] == [CLEAN] or clean is None or clean.get("error"):
+    if case["damage"] in ([CLEAN], [AS_DRAWN]) or clean is None or clean.get("error"):
         return None
     return judge(found, clean, [CASES[name].kind for name in case["damage"]])
 
 
-def alarms(kept: Kept) -> dict[str, list[dict[str, Any]]]:
-    """What is said of clean logs."""
-    found = {key: false_alarms(evidence) for key, evidence in kept.items()}
-    codes = sorted({code for names in found.values() for code in names})
-    wrong = sum(bool(names) for names in found.values())
-    refused = [key for key, evidence in kept.items() if evidence.get("error")]
-    total = {"code": "any", "n": wrong, "of": len(found), "trials": ""}
+def alarms(kept: Kept) -> list[dict[str, Any]]:
+    """What is said of clean logs: how many have any false alarm, how many are refused, by code."""
+    clean = [e for e in kept.values() if e["case"]["damage"] == [AS_DRAWN]]
+    found = {e["case"]["seed"]: false_alarms(e) for e in clean}
+    groups = {"any": [seed for seed, codes in found.items() if codes]}
+    groups["refused"] = [e["case"]["seed"] for e in clean if e.get("error")]
+    for code in sorted({code for codes in found.values() for code in codes}):
+        groups[code] = [seed for seed, codes in found.items() if code in codes]
     rows = [
-        {"code": code, "n": len(keys), "of": len(found), "trials": " ".join(keys)}
-        for code in codes
-        for keys in [[key.partition("/")[0] for key, names in found.items() if code in names]]
+        {"code": code, "n": len(some), "of": len(clean), "seeds": " ".join(map(str, some))}
+        for code, some in groups.items()
     ]
-    lost = {"code": "refused", "n": len(refused), "of": len(found), "trials": " ".join(refused)}
-    return {"said of clean logs": [total, lost, *rows]}
+    return rows if clean else []
 
 
 def _tell(found: dict[str, Any], kept: Kept, number: str, left_min: float) -> None:
@@ -197,7 +207,7 @@ def _options(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--fours", type=int, default=0, help="sets of four kinds a vehicle")
     parser.add_argument("--fours-alone", action="store_true", help="no kind by itself")
     parser.add_argument("--until", choices=WANTED, default="validate", help="the last stage")
-    parser.add_argument("--clean", type=int, default=0, help="only false alarms, on so many trials")
+    parser.add_argument("--clean", type=int, default=0, help="false alarms, on so many clean logs")
     parser.add_argument("--workers", type=int, default=1, help="trials at a time")
     parser.add_argument("--resume", type=Path, help="file of evidence; what is in it is taken")
     parser.add_argument("--score", type=Path, help="run nothing, judge the evidence in a file")

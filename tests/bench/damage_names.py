@@ -24,6 +24,7 @@ SENSOR_WORDS = {
 ABOUT_A_SENSOR = (
     "many_rows_dropped@",
     "much_missing@",
+    "much_left_out@",
     "channel_unusable@",
     "sensor_set_aside@",
     "*set_aside*@",
@@ -47,7 +48,14 @@ SPEED = (
 )
 RPM = ("rpm*", "advance_ratio", "*thrust*", "*propeller*", "speed_rpm*", "speed_scale")
 RUDDER = ("rudder_unit", "rudder_scale*", "rudder_gain*", "*fin_force*", "turning_gain*")
-GYRO = ("heading_gyro_gain", "yaw_rate_unit", "gyro_scale*", "yaw_rate_scale*", "effect:gyro_scale")
+GYRO = (
+    "speed_by_drift",
+    "heading_gyro_gain",
+    "yaw_rate_unit",
+    "gyro_scale*",
+    "yaw_rate_scale*",
+    "effect:gyro_scale",
+)
 AXES = ("*axes*", "*swap*", "*turned*", "surge_sign", "dvl_yaw*", "*misalign*", "*earth*")
 HEADING = ("heading_*", "*heading")
 STAMPS = ("coarse_time", "jitter", "dropped:backward_time", "dropped:repeated_time", "clock_*")
@@ -66,7 +74,7 @@ WHOLE = ("*contradict*", "*vehicle_file*")  # the model against the estimate fro
 # Fault of a row -> patterns.
 NAMES: dict[str, tuple[str, ...]] = {
     "scale of the speed": SPEED,
-    "scale of v": ("sway*", "v_scale*", "*centripetal*", "*axes*"),
+    "scale of v": ("speed_by_drift", "sway*", "v_scale*", "*centripetal*", "*axes*"),
     "scale of rpm": RPM,
     "scale of the rudder": RUDDER,
     "scale of the gyro": GYRO,
@@ -75,7 +83,7 @@ NAMES: dict[str, tuple[str, ...]] = {
     "scale of the depth": ("depth*", "heave*"),
     "scale of the position": ("speed_position_ratio", "speed_scale*", "position*", "track*"),
     "unit of the time": ("*time*", "clock_*", "*rate*", "too_slow*"),
-    "sign of the rudder": ("rudder_sign", "rudder_sign_*contra*", "rudder_axes*"),
+    "sign of the rudder": ("rudder_sign", "rudder_sign_*contra*"),
     "sign of the elevator": ("elevator_sign*",),
     "sign of the yaw rate": ("yaw_rate_sign*", "gyro_sign*", "heading_gyro*", "rudder_sign"),
     "axes of the DVL": (*AXES, "sway_sign", "speed_position_ratio"),
@@ -92,10 +100,16 @@ NAMES: dict[str, tuple[str, ...]] = {
     "time stamps": STAMPS,
     "readings lost": ("cut_by_gap", "torn_by_dropout", "dropped:*"),
     "fill values": ("dropped:fill*", "fill*", "dropped:outlier", "dropped:implausible"),
-    "spikes": ("dropped:spike*", "dropped:outlier", "dropped:burst*", "dropped:implausible"),
+    "spikes": (
+        "spikes",
+        "dropped:spike*",
+        "dropped:outlier",
+        "dropped:burst*",
+        "dropped:implausible",
+    ),
     "stuck readings": STUCK,
     "saturated readings": ("dropped:saturat*", "*saturat*", "dropped:outlier"),
-    "clipped rudder": ("*clipp*", "*saturat*", "rudder_scale*", "rudder_gain*"),
+    "clipped rudder": ("rudder_cut", "*clipp*", "*saturat*", "rudder_scale*", "rudder_gain*"),
     "frozen rudder": ("*frozen*", "*stuck*", "rudder_constant*"),
     "frozen rpm": ("*frozen*", "*stuck*", "rpm_constant*"),
     "constant channel": ("constant_channel", "rudder_never_moves", "*constant*"),

@@ -1,12 +1,11 @@
 """Tables of the study of damaged logs, and the page of the documentation that they make."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from tests.bench.damage_score import OUTCOMES, QUIETLY_WRONG, WELL, Row
-from tests.bench.halves import measured as vehicles_measured
 from tests.bench.written import table
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "damaged-logs.md"
@@ -103,18 +102,15 @@ def shortened(text: str) -> str:
     return text if len(text) <= LONGEST_MESSAGE else text[: LONGEST_MESSAGE - 3] + "..."
 
 
-def measured(kept: Mapping[str, Mapping[str, Any]], half: str) -> str:
-    """Which program, how many trials, which seeds."""
-    return vehicles_measured(kept.values(), half)
-
-
-def page(rows: list[Row], how: str) -> str:
+def page(rows: list[Row], clean: Table, how: str) -> str:
     """The page as it should be."""
     from seatrial.damage import CASES, KINDS
 
     alone = [row for row in rows if len(row.damage) == 1]
     several = [row for row in rows if len(row.damage) > 1]
     wrong = [row for row in alone if row.outcome in QUIETLY_WRONG]
+    cases = len({row.damage for row in alone})
+    how += f" {cases} of the {len(CASES)} cases were run." * (cases < len(CASES))
     pieces = [
         HEAD.format(kinds=len(KINDS), cases=len(CASES), measured=how),
         table(by_family(rows)) + "\n\n",
@@ -125,6 +121,8 @@ def page(rows: list[Row], how: str) -> str:
     for family in dict.fromkeys(family_of(row) for row in alone):
         some = [row for row in alone if family_of(row) == family]
         pieces += _section(family.capitalize(), by_case(some))
+    if clean:
+        pieces += _section("Clean logs", clean)
     if several:
         pieces += _section("Several at once", by_case(several))
     return "".join(pieces)
@@ -135,6 +133,6 @@ def _section(title: str, rows: Table, nothing: str = "") -> Iterable[str]:
     return (f"\n## {title}\n\n", body, "\n")
 
 
-def write(rows: list[Row], how: str) -> None:
+def write(rows: list[Row], clean: Table, how: str) -> None:
     """Write the page."""
-    PAGE.write_text(page(rows, how), encoding="utf-8")
+    PAGE.write_text(page(rows, clean, how), encoding="utf-8")

@@ -25,12 +25,12 @@ MORE = 1.5  # times the figure of the clean log's finding: another finding
 # Every outcome, from good to bad, and what it means.
 OUTCOMES = {
     "right": "coefficients of the informed terms within 2 standard deviations of those of the "
-    "clean log; what was lost is counted",
+    "clean log, and the error on the clean log's held-out maneuvers within 1.3 times that of its "
+    "own model; what was lost is counted",
     "refused": "exit code 3, with a remedy",
     "said": "a finding, shown in the terminal and kept in the run directory, names channel and "
     "kind of the fault",
-    "near": "within 4 standard deviations, and the error on the clean log's held-out maneuvers "
-    "within 1.3 times that of the clean log's model; nothing is said",
+    "near": "the same within 4 standard deviations; nothing is said",
     "counted": "beyond that; most of the spoilt readings were dropped and counted, no finding says "
     "that the result is not to be trusted",
     "uncounted": "right, but rows were lost and nothing says so",
@@ -105,7 +105,7 @@ def _outcome(
 ) -> str:
     if evidence.get("error"):
         return failure(evidence, bool(naming))
-    if stds is not None and stds <= FAR_STDS:
+    if agrees(stds, evidence.get("ratio"), FAR_STDS):
         return "right" if naming or counted(evidence, clean) else "uncounted"
     if any(t["kind"] != "count" for t in naming):
         return "said"
@@ -113,10 +113,20 @@ def _outcome(
         return "misnamed"
     if any(any_of(t["code"], DOUBTS) for t in told):
         return "doubted"
-    ratio = evidence.get("ratio")
-    if stds is not None and stds <= NEAR_STDS and ratio is not None and ratio <= HELD_OUT:
+    if agrees(stds, evidence.get("ratio"), NEAR_STDS):
         return "near" if counted(evidence, clean) else "uncounted"
     return "counted" if naming else "quiet"
+
+
+def agrees(stds: float | None, ratio: float | None, limit: float) -> bool:
+    """Whether a model is that of the clean log: in its coefficients and in what it predicts.
+
+    A log that leaves much to the prior has wide standard deviations, in which a model may well
+    predict much worse; and a coefficient may move that no prediction hangs on.
+    """
+    if stds is None or stds > limit:
+        return False
+    return stds == 0.0 or (ratio is not None and ratio <= HELD_OUT)
 
 
 def accuses(telling: Evidence) -> bool:

@@ -19,15 +19,16 @@ from auvident.pipeline.given import Given
 from auvident.report.console import stage_report
 from auvident.schema.artifacts import IdentifiedModel, Maneuvers
 from auvident.storage.run_directory import RunDirectory
-from tests.bench.damage_score import FAR_STDS, difference
+from tests.bench.damage_score import difference
 from tests.bench.effects_trial import WANTED
-from tests.bench.population_trial import _alarm
+from tests.bench.population_trial import alarm
 from tests.engines.chain import SAMPLES
 
 if str(SAMPLES) not in sys.path:
     sys.path.insert(0, str(SAMPLES))
 
-CLEAN = "clean"
+CLEAN = "clean"  # every sensor on board
+AS_DRAWN = "as drawn"  # clean as well, with the sensors that the seed has drawn
 LONGEST_S = 300  # of the stages of one trial; what takes longer hangs
 ARTIFACTS = (
     "ase/coefficients.json",
@@ -55,17 +56,18 @@ class Base:
 
 
 @lru_cache(maxsize=1)
-def base(seed: int, until: str = "validate") -> Base:
-    """The clean trial of a seed: its vehicle carries every sensor, and nothing is planted."""
+def base(seed: int, until: str = "validate", name: str = CLEAN) -> Base:
+    """The clean trial of a seed, in which nothing is planted."""
     from seatrial.population import draw
 
     place = tempfile.TemporaryDirectory(prefix="auvident-damage-")
     folder = Path(place.name)
     drawn = draw(seed, True, planted=())
-    drawn = replace(drawn, equipment=replace(drawn.equipment, missing=()))
+    if name == CLEAN:
+        drawn = replace(drawn, equipment=replace(drawn.equipment, missing=()))
     drawn.write(drawn.sail(), folder / "trial", folder / "vehicle.toml")
     evidence = chain(folder, [folder / "trial"], None, until)
-    return Base(place, {"case": case_of(seed, CLEAN), **evidence})
+    return Base(place, {"case": case_of(seed, name), **evidence})
 
 
 def case_of(seed: int, *names: str) -> Evidence:
@@ -79,9 +81,9 @@ def outcome(
     """Evidence of a trial with some kinds of damage, or of the clean one."""
     from seatrial.damage import CASES, Log, damage
 
+    if names in ((CLEAN,), (AS_DRAWN,)):
+        return base(seed, until, *names).evidence
     clean = base(seed, until)
-    if names == (CLEAN,):
-        return clean.evidence
     began = perf_counter()
     found: Evidence = {"case": case_of(seed, *names)}
     with tempfile.TemporaryDirectory(prefix="auvident-damaged-") as name:
@@ -94,8 +96,7 @@ def outcome(
         except Exception:
             return {**found, "stage": "generator", "error": traceback.format_exc()}
         found |= chain(folder, log.logs, log.map, until, run, clean) | {"lost": log.lost}
-        stds, _ = difference(found, clean.evidence)
-        if stds is not None and stds > FAR_STDS:
+        if difference(found, clean.evidence)[0]:
             found["ratio"] = held_out_ratio(clean.folder / "run", folder / "run")
     return {**found, "took_s": round(perf_counter() - began, 1)}
 
@@ -116,7 +117,7 @@ def chain(
     options |= {} if column_map is None else {"map": column_map}
     found: Evidence = {}
     stage, shown, unchanged = "", "", False
-    _alarm(LONGEST_S)
+    alarm(LONGEST_S)
     try:
         for stage in WANTED[: WANTED.index(until) + 1]:
             outputs = run(stage, folder / "run", options if stage == "ingest" else None)
@@ -130,7 +131,7 @@ def chain(
     except Exception:
         found = {"stage": stage, "error": traceback.format_exc().replace(str(folder), "")}
     finally:
-        _alarm(0)
+        alarm(0)
     found |= {"unchanged": unchanged, **evidence_of(folder / "run", shown)}
     if unchanged and clean is not None:
         found |= {key: clean.evidence[key] for key in ("coefficients", "maneuvers", "effects")}
@@ -177,7 +178,8 @@ def evidence_of(run: Path, shown: str) -> Evidence:
     model = _json(run / "identify/model.json")
     maneuvers = _json(run / "segment/maneuvers.json") or []
     trials = quality.get("trials", []) if quality else []
-    tellings = [*_findings("ingest", quality or {}), *(f for t in trials for f in _of_trial(t))]
+    tellings = [*_findings("ingest", quality or {}), *_set_aside(quality or {})]
+    tellings += [*(f for t in trials for f in _of_trial(t))]
     for name in ARTIFACTS:
         tellings += _findings(name.partition("/")[0], _json(run / name) or {})
     for telling in tellings:
@@ -211,6 +213,13 @@ def _findings(stage: str, content: Mapping[str, Any]) -> list[Evidence]:
         }
         for f in content.get("findings", [])
     ]
+
+
+def _set_aside(quality: Mapping[str, Any]) -> list[Evidence]:
+    """Trials that were not used."""
+    told = {"stage": "ingest", "kind": "finding", "code": "set_aside", "value": None}
+    rows = quality.get("set_aside", [])
+    return [{**told, "message": r["reason"], "where": r.get("where", "")} for r in rows]
 
 
 def _of_trial(trial: Mapping[str, Any]) -> list[Evidence]:
