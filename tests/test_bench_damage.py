@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.bench import __main__ as bench
-from tests.bench import damage, damage_page, damage_trial
+from tests.bench import damage, damage_page, damage_trial, written
 from tests.bench.damage_names import ACCUSING, DOUBTS, NAMES, SENSOR_WORDS, any_of, names_it
 from tests.bench.damage_score import OUTCOMES, QUIETLY_WRONG, WELL, false_alarms, judge
 from tests.engines.chain import SAMPLES
@@ -337,6 +337,9 @@ def test_fours_end_with_the_text_and_are_the_same_for_a_seed() -> None:
 def test_evidence_in_a_file_is_judged_anew(tmp_path: Path, monkeypatch, capsys) -> None:
     kept, page = tmp_path / "kept.jsonl", tmp_path / "damaged-logs.md"
     monkeypatch.setattr(damage_page, "PAGE", page)
+    benchmarks = tmp_path / "benchmarks.md"
+    benchmarks.write_text("<!-- begin damage -->\n<!-- end damage -->\n", encoding="utf-8")
+    monkeypatch.setattr(written, "PAGE", benchmarks)
     clean = {"key": "2/clean", "seed": 2, "damage": ["clean"]}
     drawn = {"key": "2/as drawn", "seed": 2, "damage": ["as drawn"]}
     for found in (
@@ -352,7 +355,9 @@ def test_evidence_in_a_file_is_judged_anew(tmp_path: Path, monkeypatch, capsys) 
     text = page.read_text(encoding="utf-8")
     assert "## Quietly wrong" in text and "| knots | speeds in knots" in text
     assert text.count("\n## ") == 5  # outcomes, quietly wrong, two families and clean logs
-    assert "| dvl_lags_gyro | 1 | 1 | 2 |" in text
+    for file in (page, benchmarks):
+        assert "| dvl_lags_gyro | 1 | 1 | 2 |" in file.read_text(encoding="utf-8")
+    assert "| all | 2 | 1 | 1 | 50 | 50 |" in benchmarks.read_text(encoding="utf-8")
 
 
 def test_a_bug_stays_in_the_evidence_and_a_line_cut_short_does_not(tmp_path: Path) -> None:

@@ -52,7 +52,8 @@ def main(arguments: list[str], show: Show) -> None:
         options.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
     if options.write:
         studied = [e for e in kept.values() if e["case"]["damage"] != [AS_DRAWN]]
-        damage_page.write(rows, clean, measured(studied, options.half))
+        half = HALVES[options.seeds[0] % 2] if options.seeds else options.half
+        damage_page.write(rows, clean, measured(studied or kept.values(), half))
 
 
 def wanted(options: argparse.Namespace) -> list[Job]:
@@ -217,7 +218,11 @@ def _options(arguments: list[str]) -> argparse.Namespace:
 
 
 def _numbers(text: str) -> list[int]:
-    return [int(n) for n in text.split(",")]
+    """Seeds of one half: what is tuned on is not reported."""
+    found = [int(n) for n in text.split(",")]
+    if len({n % 2 for n in found}) > 1:
+        raise argparse.ArgumentTypeError("even and odd seeds together")
+    return found
 
 
 def _names(text: str) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from tests.bench import written
 from tests.bench.damage_score import OUTCOMES, QUIETLY_WRONG, WELL, Row
 from tests.bench.written import table
 
@@ -51,15 +52,16 @@ def by_family(rows: list[Row]) -> Table:
     for row in rows:
         groups.setdefault(family_of(row), []).append(row)
     groups["all"] = rows
-    return [{"family": name, **_counted(found)} for name, found in groups.items() if found]
+    seen = [o for o in OUTCOMES if any(row.outcome == o for row in rows)]
+    return [{"family": name, **_counted(found, seen)} for name, found in groups.items() if found]
 
 
-def _counted(rows: list[Row]) -> dict[str, Any]:
+def _counted(rows: list[Row], seen: list[str]) -> dict[str, Any]:
     counts = Counter(row.outcome for row in rows)
     well, wrong = (sum(counts[o] for o in some) for some in (WELL, QUIETLY_WRONG))
     return {
         "n": len(rows),
-        **{outcome: counts[outcome] for outcome in OUTCOMES},
+        **{outcome: counts[outcome] for outcome in seen},
         "well %": round(100 * well / len(rows)),
         "quietly wrong %": round(100 * wrong / len(rows), 1),
     }
@@ -134,5 +136,7 @@ def _section(title: str, rows: Table, nothing: str = "") -> Iterable[str]:
 
 
 def write(rows: list[Row], clean: Table, how: str) -> None:
-    """Write the page."""
+    """Write the page, and the section of the benchmarks."""
     PAGE.write_text(page(rows, clean, how), encoding="utf-8")
+    found = {"outcomes by family": by_family(rows), "said of clean logs": clean}
+    written.write("damage", how, {title: some for title, some in found.items() if some})
