@@ -69,7 +69,8 @@ CLOCKS = {
     "position": ("*position_lag*", "clock_position*"),
     "depth": ("*depth_lag*", "clock_depth*"),
 }
-WHOLE = ("*contradict*", "*vehicle_file*")  # the model against the estimate from geometry
+# The model against the estimate from geometry; one coefficient alone is no more than a remark.
+WHOLE = ("priors-contradicted", "estimate*contradict*", "*vehicle_file*")
 
 # Fault of a row -> patterns.
 NAMES: dict[str, tuple[str, ...]] = {
@@ -123,7 +124,7 @@ NAMES: dict[str, tuple[str, ...]] = {
     "rows that cannot be read": ("dropped:*", "many_rows_dropped"),
     "columns": ("file_not_used", "*column*"),
     "order of the rows": ("dropped:backward_time",),
-    "files": ("file_not_used", "*set_aside*", "*contradict*"),
+    "files": ("file_not_used", "*set_aside*"),
     "the same trial twice": ("*same_trial*", "*twice*", "*cop*", "*overlap*"),
     "vehicle file": WHOLE,
     "numbers of the vehicle file": (
@@ -143,12 +144,12 @@ NAMES: dict[str, tuple[str, ...]] = {
         "*axes*",
         "*misalign*",
     ),
-    "map": ("file_not_used", "*contradict*", "rudder_never_moves", "rudder_scale*"),
+    "map": ("file_not_used", "rudder_never_moves", "rudder_scale*"),
     **{f"clock of {sensor}": patterns for sensor, patterns in CLOCKS.items()},
 }
 # The model is said to be doubtful, but not why.
 DOUBTS = (
-    "*contradict*",
+    *WHOLE,
     "not-predicted",
     "worse-than-prior",
     "no-better",
@@ -157,7 +158,7 @@ DOUBTS = (
 )
 # Counts and remarks, which blame nothing.
 REMARKS = (
-    "*contradict*",
+    *WHOLE,
     "*cop*",
     "*rate*",
     "assumed_*",
