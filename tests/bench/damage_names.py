@@ -30,8 +30,6 @@ ABOUT_A_SENSOR = (
     "*set_aside*@",
     "*file_not_used*@",
     "constant_channel@",
-    "sensor_starts_late@",
-    "sensor_stops_early@",
     "clipped*@",
     "*saturat*@",
     "*stuck*@",
@@ -99,7 +97,13 @@ NAMES: dict[str, tuple[str, ...]] = {
     "sign of the depth": ("depth*", "heave*", "never_under*", "surface*"),
     "axes of the position": ("position*", "track*", "*axes*", "clock_position*", "speed_scale*"),
     "time stamps": STAMPS,
-    "readings lost": ("cut_by_gap", "torn_by_dropout", "dropped:*"),
+    "readings lost": (
+        "sensor_starts_late@",
+        "sensor_stops_early@",
+        "cut_by_gap",
+        "torn_by_dropout",
+        "dropped:*",
+    ),
     "fill values": ("dropped:fill*", "fill*", "dropped:outlier", "dropped:implausible"),
     "spikes": (
         "spikes",
@@ -163,10 +167,14 @@ REMARKS = (
     "*rate*",
     "assumed_*",
     "channels_absent",
+    "cut_by_gap",
     "file_not_used",
     "held_copies",
     "many_rows_dropped",
     "no_*",
+    "sensor_starts_late",
+    "sensor_stops_early",
+    "torn_by_dropout",
 )
 # Names of some fault or other: with none of the right ones among them, a wrong name.
 ACCUSING = sorted(

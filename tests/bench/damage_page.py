@@ -87,7 +87,7 @@ def _case(rows: list[Row]) -> dict[str, Any]:
         "outcome": ", ".join(f"{o} {n}" if len(rows) > 1 else o for o, n in counts.items()),
         "off [std]": "-" if stds is None else f"{stds:.1f}",
         "held-out error": "-" if ratio is None else f"x {ratio:.2f}",
-        "message": shortened(worst.message or " ".join(worst.named)),
+        "message": shortened(worst.message),
     }
 
 

@@ -80,7 +80,9 @@ def judge(evidence: Evidence, clean: Evidence, kinds: Iterable[Any]) -> Row:
     stds, worst = difference(evidence, clean)
     outcome = _outcome(evidence, clean, told, naming, stds)
     case = evidence["case"]
-    message = (naming or told or [{"message": ""}])[0]["message"]
+    blamed = [t for t in told if accuses(t)]
+    doubts = [t for t in told if any_of(t["code"], DOUBTS)]
+    message = (naming or blamed or doubts or [{"message": ""}])[0]["message"]
     return Row(
         key=case["key"],
         seed=case["seed"],
