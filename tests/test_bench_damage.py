@@ -358,7 +358,7 @@ def test_evidence_in_a_file_is_judged_anew(tmp_path: Path, monkeypatch, capsys) 
     assert text.count("\n## ") == 5  # outcomes, quietly wrong, two families and clean logs
     for file in (page, benchmarks):
         assert "| dvl_lags_gyro | 1 | 1 | 2 |" in file.read_text(encoding="utf-8")
-    assert "| all | 2 | 1 | 1 | 50 | 50 |" in benchmarks.read_text(encoding="utf-8")
+    assert "| all | 2 | 1 | 1 | 50 | 50 | 50 |" in benchmarks.read_text(encoding="utf-8")
 
 
 def test_a_bug_stays_in_the_evidence_and_a_line_cut_short_does_not(tmp_path: Path) -> None:

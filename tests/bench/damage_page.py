@@ -27,6 +27,12 @@ validation, and the coefficients were held against those of the clean log.
 OF_OUTCOMES = """## What the outcomes mean
 
 """
+SHARES = """
+*Well* is right, refused or said; *at best* is what no program could better (a log that can be read right
+is not refused); *quietly wrong* is misnamed or quiet. *Off* is the largest difference of an informed
+coefficient, the *held-out error* that of the damaged log's model on the clean log, over that of the clean
+log's own model; of several vehicles the worst.
+"""
 Table = list[dict[str, Any]]
 
 
@@ -47,7 +53,11 @@ def family_of(row: Row) -> str:
 
 
 def by_family(rows: list[Row]) -> Table:
-    """Counts of the outcomes, and the shares of what went well and of what is quietly wrong."""
+    """Counts of the outcomes, and shares.
+
+    Well is right, refused or said; at best is what no program could better (a log that could be
+    read right is not refused); quietly wrong is misnamed or quiet.
+    """
     groups: dict[str, list[Row]] = {}
     for row in rows:
         groups.setdefault(family_of(row), []).append(row)
@@ -63,6 +73,7 @@ def _counted(rows: list[Row], seen: list[str]) -> dict[str, Any]:
         "n": len(rows),
         **{outcome: counts[outcome] for outcome in seen},
         "well %": round(100 * well / len(rows)),
+        "at best %": round(100 * sum(row.as_best for row in rows) / len(rows)),
         "quietly wrong %": round(100 * wrong / len(rows), 1),
     }
 
@@ -118,6 +129,7 @@ def page(rows: list[Row], clean: Table, how: str) -> str:
         table(by_family(rows)) + "\n\n",
         OF_OUTCOMES,
         table([{"outcome": f"`{o}`", "means": text} for o, text in OUTCOMES.items()]) + "\n",
+        SHARES,
         *_section("Quietly wrong", by_case(wrong), "Nothing: every fault was said or harmless."),
     ]
     for family in dict.fromkeys(family_of(row) for row in alone):

@@ -17,6 +17,7 @@ INPUT_ERROR = 3  # exit code of a log or file that cannot be used
 INFORMED = 0.5  # share of the data in a coefficient, from which it is compared
 FAR_STDS, NEAR_STDS = 2.0, 4.0
 WIDENED = 2.0  # times its standard deviation: a log that lost maneuvers knows less
+NOT_IDENTIFIED = 99.0  # standard deviations, of a coefficient that is not identified any more
 HELD_OUT = 1.3  # times the error of the clean log's model
 FEW = 10  # rows that may go without a word
 COUNTED_SHARE = 0.5  # of the rows lost, dropped or in a gap
@@ -223,7 +224,7 @@ def difference(evidence: Evidence, clean: Evidence) -> tuple[float | None, str]:
         if share < INFORMED or not mine:
             continue
         if symbol not in mine:
-            return float("inf"), symbol
+            return NOT_IDENTIFIED, symbol
         scale = min(max(std, mine[symbol][1]), WIDENED * std)
         off = abs(mine[symbol][0] - value) / scale
         if worst is None or off > worst:

@@ -88,6 +88,36 @@ def with_quote(lines: list[str], first: float, last: float) -> list[str]:
     return lines
 
 
+def never_closed(log: Log, *_: object) -> None:
+    """All cells in quotes, one of which is not closed."""
+    quoted(log)
+    log.lost += 1
+
+    def opened(lines: list[str]) -> list[str]:
+        row = len(lines) // 2
+        lines[row] = lines[row].replace('","', ',"', 1)
+        return lines
+
+    log.edit_lines("dvl", opened)
+
+
+def quotes_scattered(log: Log, share: float, rng: np.random.Generator) -> None:
+    """A quote in the middle of a number, in some rows."""
+
+    def scattered(lines: list[str]) -> list[str]:
+        hit = rng.random(len(lines)) < share
+        hit[0] = False
+        log.lost += int(hit.sum())
+        return [x.replace(",", ',"', 1) if b else x for x, b in zip(lines, hit, strict=True)]
+
+    log.edit_lines("dvl", scattered)
+
+
+def quote_in_header(lines: list[str]) -> list[str]:
+    """A quote before a name."""
+    return [lines[0].replace(",", ',"', 1), *lines[1:]]
+
+
 def ragged(log: Log, share: float, rng: np.random.Generator) -> None:
     """Some rows end early."""
 
@@ -276,6 +306,33 @@ ROWS = family(
         "two quotes, a third of the DVL's file between them",
         RIGHT,
         stray(0.33, 0.66),
+        (),
+        "dvl",
+    ),
+    Kind(
+        "quote-not-closed",
+        ROWS_LOST,
+        "all cells of the DVL in quotes, one of them not closed",
+        RIGHT,
+        never_closed,
+        (),
+        "dvl",
+    ),
+    Kind(
+        "quotes-scattered",
+        ROWS_LOST,
+        "a stray quote in a share of {} of the DVL's rows",
+        RIGHT,
+        quotes_scattered,
+        (0.005, 0.05),
+        "dvl",
+    ),
+    Kind(
+        "quote-in-header",
+        COLUMNS,
+        "a stray quote in the header of the DVL's file",
+        REFUSED,
+        in_dvl(quote_in_header),
         (),
         "dvl",
     ),
