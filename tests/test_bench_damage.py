@@ -209,7 +209,7 @@ def test_a_bug_and_a_generator_that_fails_are_evidence(tmp_path: Path, monkeypat
 # --- the judge ----------------------------------------------------------------------------
 
 COEFFICIENTS = {"X_uu": [-10.0, 1.0, 0.9], "Y_uv": [-5.0, 1.0, 0.6], "N_rr": [3.0, 0.1, 0.2]}
-KNOTS, ZEROS, TERN = (CASES[n].kind for n in ("knots", "zeros:0.03", "vehicle-tern180"))
+KNOTS, ZEROS, TERN = (CASES[n] for n in ("knots", "zeros:0.03", "vehicle-tern180"))
 
 
 def telling(code: str, message: str = "", **more: object) -> dict:
@@ -225,8 +225,8 @@ def evidence(off: float = 0.0, **more: object) -> dict:
     return {**base, "coefficients": moved, "effects": [], "lost": 0, "ratio": 1.0, **more}
 
 
-def judged(found: dict, kind: object = KNOTS, clean: dict | None = None):
-    return judge({**evidence(), "coefficients": {}, **found}, clean or evidence(), [kind])
+def judged(found: dict, case: object = KNOTS, clean: dict | None = None):
+    return judge({**evidence(), "coefficients": {}, **found}, clean or evidence(), [case])
 
 
 @pytest.mark.parametrize(
@@ -294,11 +294,17 @@ def test_a_wrong_vehicle_is_named_by_the_contradiction() -> None:
 
 
 def test_an_effect_that_the_clean_log_has_not_is_news() -> None:
-    lag = CASES["averaged-dvl:10"].kind
+    lag = CASES["averaged-dvl:10"]
     assert judged(evidence(9.0, effects=["dvl_delay"]), lag).outcome == "said"
     assert judged(evidence(9.0, effects=["gyro_bias"]), lag).outcome == "misnamed"
     clean = evidence(effects=["dvl_delay"])
     assert judged(evidence(9.0, effects=["dvl_delay"]), lag, clean).outcome == "quiet"
+
+
+@pytest.mark.parametrize(("value", "outcome"), [(-4.3, "said"), (1.4, "misnamed")])
+def test_an_offset_has_to_be_told_with_its_figure(value: float, outcome: str) -> None:
+    told = [telling("dvl_lags_gyro", value=value)]
+    assert judged(evidence(9.0, told=told), CASES["shift-dvl:5"]).outcome == outcome
 
 
 def test_no_doubt_and_no_remark_is_an_accusation() -> None:

@@ -171,7 +171,7 @@ def judged_one(found: dict[str, Any], kept: Kept) -> Row | None:
     clean = kept.get(f"{case['seed']}/{CLEAN}")
     if case["damage"] in ([CLEAN], [AS_DRAWN]) or clean is None or clean.get("error"):
         return None
-    return judge(found, clean, [CASES[name].kind for name in case["damage"]])
+    return judge(found, clean, [CASES[name] for name in case["damage"]])
 
 
 def alarms(kept: Kept) -> list[dict[str, Any]]:

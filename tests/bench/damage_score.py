@@ -21,6 +21,7 @@ NOT_IDENTIFIED = 99.0  # standard deviations, of a coefficient that is not ident
 HELD_OUT = 1.3  # times the error of the clean log's model
 FEW = 10  # rows that may go without a word
 COUNTED_SHARE = 0.5  # of the rows lost, dropped or in a gap
+FIGURE_S, FIGURE_SHARE = 0.3, 0.2  # by which the offset of a clock may be told wrong
 MORE = 1.5  # times the figure of the clean log's finding: another finding
 
 # Every outcome, from good to bad, and what it means.
@@ -73,11 +74,11 @@ class Row:
         return self.outcome == self.best or self.outcome == "right"
 
 
-def judge(evidence: Evidence, clean: Evidence, kinds: Iterable[Any]) -> Row:
-    """Outcome of a trial with damage of some kinds."""
-    kinds = tuple(kinds)
+def judge(evidence: Evidence, clean: Evidence, cases: Iterable[Any]) -> Row:
+    """Outcome of a trial with damage of some cases."""
+    cases = tuple(cases)
     told = news(evidence, clean)
-    naming = [t for t in told if any(names_it(t, k.fault, k.sensor) for k in kinds)]
+    naming = [t for t in told if any(names(t, case) for case in cases)]
     stds, worst = difference(evidence, clean)
     outcome = _outcome(evidence, clean, told, naming, stds)
     case = evidence["case"]
@@ -89,7 +90,7 @@ def judge(evidence: Evidence, clean: Evidence, kinds: Iterable[Any]) -> Row:
         seed=case["seed"],
         damage=tuple(case["damage"]),
         outcome=outcome,
-        best=max((k.best for k in kinds), key=("right", "said", "refused").index),
+        best=max((c.kind.best for c in cases), key=("right", "said", "refused").index),
         named=tuple(dict.fromkeys(t["code"] for t in told)),
         message=last_line(evidence["error"]) if evidence.get("error") else message,
         stds=stds,
@@ -97,6 +98,16 @@ def judge(evidence: Evidence, clean: Evidence, kinds: Iterable[Any]) -> Row:
         ratio=evidence.get("ratio"),
         lost=evidence.get("lost", 0),
     )
+
+
+def names(telling: Evidence, case: Any) -> bool:
+    """Whether a finding names the fault, and not with a figure that misleads."""
+    if not names_it(telling, case.kind.fault, case.kind.sensor):
+        return False
+    if not case.kind.figure or telling["value"] is None:
+        return True
+    size = abs(case.size)
+    return bool(abs(abs(telling["value"]) - size) <= max(FIGURE_S, FIGURE_SHARE * size))
 
 
 def _outcome(

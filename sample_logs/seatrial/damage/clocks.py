@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -41,7 +42,8 @@ def shifted(sensor: str, *sizes: float) -> Kind:
     """Row: the clock of a sensor is off."""
     fault = clock_of(sensor)
     words = f"stamps of the {sensor} later by {{}} s"
-    return Kind(f"shift-{sensor}", fault, words, SAID, shift(sensor), sizes, sensor)
+    row = Kind(f"shift-{sensor}", fault, words, SAID, shift(sensor), sizes, sensor)
+    return replace(row, figure=True)
 
 
 def drifting(sensor: str, *sizes: float) -> Kind:

@@ -29,6 +29,7 @@ class Kind:
     sensor : whose file or channel is not to be trusted
     without : sensors that are taken out beforehand
     family : of the rows of one module
+    figure : whether what is told of it has the size as its figure, whatever the sign
     """
 
     id: str
@@ -40,6 +41,7 @@ class Kind:
     sensor: str = ""
     without: tuple[str, ...] = ()
     family: str = ""
+    figure: bool = False
 
     def cases(self) -> list[Case]:
         """The row with each of its sizes."""

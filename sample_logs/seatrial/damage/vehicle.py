@@ -357,6 +357,7 @@ MAP_ROWS = family(
         lambda log, s, _: log.write_map(f"[dvl]\ntime_offset_s = {s}\n"),
         (5.0,),
         "dvl",
+        figure=True,
     ),
     Kind("map-no-toml", MAP, "a map that is no TOML", REFUSED, mapped("[dvl\nu: v\n")),
     Kind("map-empty", MAP, "a map without a byte", RIGHT, mapped("")),
