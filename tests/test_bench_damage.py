@@ -367,6 +367,12 @@ def test_evidence_in_a_file_is_judged_anew(tmp_path: Path, monkeypatch, capsys) 
     assert "| all | 2 | 1 | 1 | 50 | 50 | 50 |" in benchmarks.read_text(encoding="utf-8")
 
 
+def test_kinds_that_exclude_each_other_are_no_outcome(tmp_path: Path) -> None:
+    kept = {"2/clean": evidence(case=damage_trial.case_of(2, "clean"))}
+    kept["2/west"] = {"case": case_of("west"), "stage": "generator", "error": "Traceback: x"}
+    assert damage.judged(kept) == []
+
+
 def test_a_bug_stays_in_the_evidence_and_a_line_cut_short_does_not(tmp_path: Path) -> None:
     path = tmp_path / "kept.jsonl"
     damage.append(path, evidence(case=case_of("tabs"), error="Traceback: there"))

@@ -171,6 +171,8 @@ def judged_one(found: dict[str, Any], kept: Kept) -> Row | None:
     clean = kept.get(f"{case['seed']}/{CLEAN}")
     if case["damage"] in ([CLEAN], [AS_DRAWN]) or clean is None or clean.get("error"):
         return None
+    if found.get("stage") == "generator":  # kinds that cannot be done to one log together
+        return None
     return judge(found, clean, [CASES[name] for name in case["damage"]])
 
 

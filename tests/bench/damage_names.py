@@ -128,7 +128,7 @@ NAMES: dict[str, tuple[str, ...]] = {
     "rows that cannot be read": ("dropped:*", "many_rows_dropped"),
     "columns": ("file_not_used", "*column*"),
     "order of the rows": ("dropped:backward_time",),
-    "files": ("file_not_used", "*set_aside*"),
+    "files": ("sensor_stops_early@", "file_not_used", "*set_aside*"),
     "the same trial twice": ("*same_trial*", "*twice*", "*cop*", "*overlap*"),
     "vehicle file": WHOLE,
     "numbers of the vehicle file": (

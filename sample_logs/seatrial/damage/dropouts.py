@@ -25,8 +25,13 @@ def within(log: Log, sensor: str, seconds: float, at: float = 0.5) -> np.ndarray
 
 
 def rows_gone(sensor: str):
-    """Apply: a share of the rows is not there."""
-    return lambda log, share, rng: log.drop(sensor, some(log, sensor, share, rng))
+    """Apply: a share of the rows is not there; what was never logged, nobody can count."""
+
+    def apply(log: Log, share: float, rng: np.random.Generator) -> None:
+        log.drop(sensor, some(log, sensor, share, rng))
+        log.lost = 0
+
+    return apply
 
 
 def gap(*sensors: str):
