@@ -14,7 +14,14 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-STUDIES = ("effects", "population", "totals", "evidence", "geometry")  # with options of their own
+STUDIES = (
+    "damage",
+    "effects",
+    "population",
+    "totals",
+    "evidence",
+    "geometry",
+)  # with options of their own
 PARTS = (
     "samples",
     "loop",

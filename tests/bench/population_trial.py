@@ -125,7 +125,7 @@ def chain(
     if plane != "horizontal":
         options["identify"] = {"plane": plane}
     found: Outcome = {}
-    _alarm(LONGEST_S)
+    alarm(LONGEST_S)
     try:
         for stage in WANTED[: WANTED.index(until) + 1]:
             run(stage, directory, options.get(stage), observer=clock)
@@ -135,13 +135,13 @@ def chain(
     except Exception:
         found = {"stage": stage, "error": traceback.format_exc().replace(str(folder), "")}
     finally:
-        _alarm(0)
+        alarm(0)
     found |= {Path(path).stem: artifact(directory, path) for path in (DIAGNOSIS, COMPARISON)}
     found |= held_out(directory, CHANNELS[plane])
     return {**found, "identifying_s": identifying(directory), "seconds": clock.seconds}
 
 
-def _alarm(seconds: int) -> None:
+def alarm(seconds: int) -> None:
     """Stop whatever runs after so many seconds; zero takes it back."""
 
     def late(*_: Any) -> None:
