@@ -1,4 +1,4 @@
-"""Samples of each channel that are fit for use: empty, repeated and implausible ones go."""
+"""Samples of each channel that are fit for use: empty, repeated and impossible ones go."""
 
 from dataclasses import dataclass, field, replace
 
@@ -247,7 +247,7 @@ def clean_trial(raw: RawTrial, vehicle: Vehicle, needed: tuple[str, ...]) -> dic
     Raises
     ------
     InputError
-        When a needed channel is missing or has no usable sample.
+        When a needed channel is missing, or hardly a sample of it is usable.
     """
     pace = pace_of(raw.sensors, vehicle)
     clean = {name: clean_sensor(sensor, vehicle, pace) for name, sensor in raw.sensors.items()}
