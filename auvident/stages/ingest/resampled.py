@@ -20,11 +20,11 @@ CLIP_STDS = 4.0  # an execute of the helm, alike in all flights, counts no more 
 MIN_SCORE = 6.0  # standard deviations of a chance agreement
 MOST_SHIFTS = 3  # that are looked at closely
 ORDER = 5  # of the differences that tell noise: motion cancels
-MOST_TAPS = 61  # readings in a weighted sum
+MOST_TAPS = 91  # readings in a weighted sum
 ROWS_PER_TAP, MOST_ROWS = 20, 4000
 FRACTIONS = 8  # of the period, for clocks between two readings
 # What is left over the noise let through: copies of clean trials leave 0.0 to 0.3, other flights
-# 0.9 and more (a second flight adds its own noise).
+# 1.6 and more (a second flight adds its own noise).
 LEFT_OVER = 0.5
 LEAST_NOISE = 3.0  # last digits: coarser logs have no noise that tells
 

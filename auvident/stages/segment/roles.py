@@ -11,7 +11,9 @@ moments). The largest fin angle of each kind and both sides identify as long as 
 spared. What overlaps with the maneuvers held out, in either plane, is settled in `split`.
 """
 
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -62,19 +64,55 @@ def _of_one_kind(maneuvers: Sequence[Maneuver], number: int, spare: Collection[s
     typical = float(np.mean(list(away.values())))
     remaining = sorted(maneuvers, key=lambda m: m.id)
     held: list[Maneuver] = []
-
-    def order(m: Maneuver) -> tuple[Any, ...]:
-        beyond = sum(away[x.id] - typical for x in (*held, m))
-        return *_losses(m, remaining, held), round(abs(beyond), DECIMALS), _amplitude(m), m.id
-
+    beyond, again = 0.0, dict.fromkeys(away, False)
     while len(held) < number and len(remaining) > 1:
         free = [m for m in remaining if m.id in spare]
         if not free:
             break
-        best = min(free, key=order)
+        left = _Left.of(remaining)
+        best = min(
+            free,
+            key=lambda m: (
+                *left.losses(m),
+                again[m.id],
+                round(abs(beyond + (away[m.id] - typical)), DECIMALS),
+                _amplitude(m),
+                m.id,
+            ),
+        )
         remaining.remove(best)
         held.append(best)
+        beyond += away[best.id] - typical
+        for m in remaining:
+            again[m.id] = again[m.id] or _alike(m, best)
     return {m.id for m in held}
+
+
+@dataclass(frozen=True)
+class _Left:
+    """What is left to identify, in figures that tell what it would lose without one of them."""
+
+    largest: float
+    next_largest: float
+    sides: Mapping[Any, int]
+
+    @classmethod
+    def of(cls, remaining: Sequence[Maneuver]) -> "_Left":
+        *_, second, first = sorted(_amplitude(m) for m in remaining)
+        return cls(first, second, Counter(_side(m) for m in remaining))
+
+    def losses(self, m: Maneuver) -> tuple[bool, ...]:
+        """What the identification would lose without `m`, the gravest loss first."""
+        amplitude = _amplitude(m)
+        others = self.next_largest if amplitude == self.largest else self.largest
+        side = self.sides[_side(m)] == 1 and sum(self.sides.values()) > 2
+        torn = int(m.features.get("parts", 1)) > 1  # an uninterrupted one tests the longer one
+        return amplitude > others + SAME_ANGLE_DEG, side, torn
+
+
+def _alike(m: Maneuver, x: Maneuver) -> bool:
+    """Whether one of two is held out again rather than another one."""
+    return abs(_amplitude(x) - _amplitude(m)) <= SAME_ANGLE_DEG and _side(x) == _side(m)
 
 
 def _off_middle(maneuvers: Sequence[Maneuver]) -> Array:
@@ -89,9 +127,11 @@ def _off_middle(maneuvers: Sequence[Maneuver]) -> Array:
 def _ranks(maneuvers: Sequence[Maneuver]) -> Array:
     """Ranks (n, 3) by fin angle, speed and rate of turn, 1 the smallest; equals share theirs."""
     values = np.array([[_amplitude(m), _speed(m), _rate(m)] for m in maneuvers])
-    below = (values[None] < values[:, None]).sum(axis=1)
-    equal = (values[None] == values[:, None]).sum(axis=1)
-    ranks: Array = below + 0.5 * (equal + 1)
+    ranks: Array = np.empty(values.shape)
+    for column, own in zip(values.T, ranks.T, strict=True):
+        _, place, equal = np.unique(column, return_inverse=True, return_counts=True)
+        below = np.cumsum(equal) - equal
+        own[:] = (below + 0.5 * (equal + 1))[place]
     return ranks
 
 
@@ -131,20 +171,6 @@ def _rate(m: Maneuver) -> float:
 
 def _side(m: Maneuver) -> Any:
     return m.features.get("side", m.features.get("first_side", ""))
-
-
-def _losses(
-    m: Maneuver, remaining: Sequence[Maneuver], held: Sequence[Maneuver]
-) -> tuple[bool, ...]:
-    """What the identification would lose without `m`, the gravest loss first."""
-    others = [x for x in remaining if x is not m]
-    largest = _amplitude(m) > max(_amplitude(x) for x in others) + SAME_ANGLE_DEG
-    side = all(_side(x) != _side(m) for x in others)
-    torn = int(m.features.get("parts", 1)) > 1  # an uninterrupted one tests the longer prediction
-    again = any(
-        abs(_amplitude(x) - _amplitude(m)) <= SAME_ANGLE_DEG and _side(x) == _side(m) for x in held
-    )
-    return largest, side and len(others) > 1, torn, again
 
 
 def part_id(whole: str, number: int) -> str:
