@@ -31,7 +31,11 @@ def logged(name: str) -> tuple[RawTrial, Vehicle]:
 
 def kept(sensors: dict[str, CleanSensor]) -> dict[str, np.ndarray]:
     """Rows of the log of which a sample is left, by channel."""
-    return {c: s.rows for sensor in sensors.values() for c, s in sensor.series.items()}
+    return {
+        c: sensor.raw.rows[np.isin(sensor.raw.time_s, s.time_s)]
+        for sensor in sensors.values()
+        for c, s in sensor.series.items()
+    }
 
 
 @cache
