@@ -20,8 +20,11 @@ from pathlib import Path
 
 from tests.command_line import ENVIRONMENT, PROGRAM, SAMPLES
 
-# In the report's table of stages: when one ended, and how long it took.
-WHEN = re.compile(rb'\d{4}-\d\d-\d\d \d\d:\d\d:\d\d</td>\s*<td class="n">[^<]*</td>')
+# In the report: when a stage ended, and how long it took; in the last line, when the run was.
+WHEN = re.compile(
+    rb'\d{4}-\d\d-\d\d \d\d:\d\d:\d\d</td>\s*<td class="n">[^<]*</td>'
+    rb"|run of \d{4}-\d\d-\d\d \d\d:\d\d UTC"
+)
 # Keys of the manifest; the hash of the report, which shows times, is one of them.
 TIMES = ("started_at", "ended_at", "created_at", "at", "report/report.html")
 WAITED_S = 900.0  # for a run that is not killed
