@@ -250,9 +250,12 @@ def main() -> None:
             child = fork.Process(target=batch, args=(asked.only or (), seed, asked.output, case))
             child.start()
             child.join(BATCH_S + 3 * SLOW_S)
-            if child.exitcode != 0:
+            if child.exitcode != 0 and not (case / "now").exists():
                 child.kill()
-                file = (case / "now").read_text()  # fails where not one case was begun
+                print("a child did not get as far as to read", flush=True)
+            elif child.exitcode != 0:
+                child.kill()
+                file = (case / "now").read_text()
                 shutil.copy(case / "case" / file, asked.output / f"crash-{seed}-{file}")
                 print(f"crash-{seed}-{file}: exit code {child.exitcode}", flush=True)
             else:
