@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from auvident.pipeline import steps
+from auvident.pipeline import ingesting, steps
 from auvident.pipeline.given import Given
 from auvident.pipeline.planes import FOUND
 from auvident.schema.coefficients import PLANES
@@ -88,7 +88,7 @@ STAGES: tuple[Stage, ...] = (
         reads=(),
         writes=("ingest/vehicle.json", "ingest/quality.json"),
         main="ingest/quality.json",
-        function=steps.ingest,
+        function=ingesting.ingest,
         options={
             "logs": (),
             "vehicle": None,
@@ -98,7 +98,7 @@ STAGES: tuple[Stage, ...] = (
             "allow_outside": None,
             "fix": (),
         },
-        sources=steps.ingest_sources,
+        sources=ingesting.ingest_sources,
         paths=("logs", "vehicle", "map"),
     ),
     Stage(
