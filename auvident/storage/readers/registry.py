@@ -7,6 +7,7 @@ from types import ModuleType
 
 from auvident.errors import InputError
 from auvident.storage.readers.interface import Container, LogReader
+from auvident.storage.regular import refuse_irregular
 
 GROUP = "auvident.readers"  # entry points: name is an ending (".svlog"), object is a LogReader
 HEAD = 512  # bytes that a reader may look at to know its format
@@ -85,6 +86,7 @@ def _load(point) -> LogReader:  # type: ignore[no-untyped-def]
 
 
 def _head(path: Path) -> bytes:
+    refuse_irregular(path)
     try:
         with path.open("rb") as stream:
             return stream.read(HEAD)
