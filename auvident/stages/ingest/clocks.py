@@ -198,7 +198,7 @@ def _untested(sensor: str, lags: Lags) -> CheckMade:
         what=f"clock of the {sensor}",
         against="the gyro",
         outcome="untested",
-        message=f"the clock of the {sensor}: {lags.missing.get(sensor, 'nothing to compare')}",
+        message=lags.missing.get(sensor, "nothing in the log to compare it with"),
     )
 
 
