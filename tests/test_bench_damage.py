@@ -243,6 +243,8 @@ def judged(found: dict, case: object = KNOTS, clean: dict | None = None):
         (evidence(9.0, told=[telling("speed_position_ratio", shown=False)]), "quiet"),
         (evidence(9.0, told=[telling("speed_scale", kind="check")]), "said"),
         (evidence(9.0, told=[telling("dvl_lags_gyro")]), "misnamed"),
+        (evidence(9.0, told=[telling("speed_by_position", kind="untested")]), "untested"),
+        (evidence(9.0, told=[telling("rudder_cut", kind="untested")]), "quiet"),
         (evidence(9.0, told=[telling("prior-contradicted", stage="identify")]), "quiet"),
         (evidence(9.0, told=[telling("priors-contradicted", stage="identify")]), "doubted"),
         (evidence(9.0, told=[telling("many_rows_dropped", "9 rows of dvl")]), "said"),

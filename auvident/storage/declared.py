@@ -26,6 +26,10 @@ Model = TypeVar("Model", bound=BaseModel)
 
 _OUTSIDE = ContextVar("paths in declared files may leave their folder", default=False)
 OUTSIDE_REMEDY = "Copy it there, or give --allow-outside."
+SYNTAX_REMEDY = (
+    "Correct it there: key = value on a line of its own, tables as [name], text in quotes, and "
+    "numbers with a decimal point."
+)
 
 
 @contextmanager
@@ -102,7 +106,8 @@ def read_toml(path: Path) -> dict:
     except UnicodeDecodeError as error:
         raise _no_utf8(content, error, path) from None
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"is not valid TOML: {clipped(str(error))}", str(path)) from error
+        problem = f"is not valid TOML: {clipped(str(error))}"
+        raise InputError(problem, str(path), SYNTAX_REMEDY) from error
     except RecursionError:
         raise InputError("is nested too deeply", str(path), "Check the brackets.") from None
     except ValueError as error:  # of a number with thousands of digits

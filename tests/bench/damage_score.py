@@ -32,7 +32,9 @@ OUTCOMES = {
     "refused": "exit code 3, with a remedy",
     "said": "a finding, shown in the terminal and kept in the run directory, names channel and "
     "kind of the fault",
-    "near": "the same within 4 standard deviations; nothing is said",
+    "untested": "wrong; the first line of the ingest names this quantity as one that nothing in "
+    "the log tests",
+    "near": "as right, but within 4 standard deviations; nothing is said",
     "counted": "beyond that; most of the spoilt readings were dropped and counted, no finding says "
     "that the result is not to be trusted",
     "uncounted": "right, but rows were lost and nothing says so",
@@ -43,7 +45,8 @@ OUTCOMES = {
     "quiet": "wrong, and nothing is said",
     "failed": "a traceback, or no end within 5 minutes",
 }
-WELL = ("right", "refused", "said")
+DOUBTFUL = ("near", "counted", "doubted", "quiet")  # better where the quantity was left open
+WELL = ("right", "refused", "said", "untested")
 QUIETLY_WRONG = ("misnamed", "quiet")
 
 
@@ -78,9 +81,13 @@ def judge(evidence: Evidence, clean: Evidence, cases: Iterable[Any]) -> Row:
     """Outcome of a trial with damage of some cases."""
     cases = tuple(cases)
     told = news(evidence, clean)
+    left_open = [t for t in told if t["kind"] == "untested" and names(t, cases[0])]
+    told = [t for t in told if t["kind"] != "untested"]
     naming = [t for t in told if any(names(t, case) for case in cases)]
     stds, worst = difference(evidence, clean)
     outcome = _outcome(evidence, clean, told, naming, stds)
+    if left_open and len(cases) == 1 and outcome in DOUBTFUL:
+        outcome, naming = "untested", left_open
     case = evidence["case"]
     blamed = [t for t in told if accuses(t)]
     doubts = [t for t in told if any_of(t["code"], DOUBTS)]
@@ -251,7 +258,8 @@ def last_line(text: str) -> str:
 
 def false_alarms(clean: Evidence) -> list[str]:
     """Checks that contradict, findings that accuse, and readings dropped for new reasons."""
-    told = [t["code"] for t in clean.get("told", []) if t["stage"] == "ingest"]
+    ingest = [t for t in clean.get("told", []) if t["stage"] == "ingest"]
+    told = [t["code"] for t in ingest if t["kind"] != "untested"]
     checks = {t["code"] for t in clean.get("told", []) if t["kind"] == "check"}
     reasons = {r for rows in clean.get("dropped", {}).values() for r in rows}
     new = reasons - {"empty", "repeated_time", "backward_time", "outlier", "marked_invalid"}

@@ -16,8 +16,10 @@ from typing import Any
 from auvident.errors import AuvidentError
 from auvident.pipeline import run_stage
 from auvident.pipeline.given import Given
+from auvident.report.check_words import untested
 from auvident.report.console import stage_report
 from auvident.schema.artifacts import IdentifiedModel, Maneuvers
+from auvident.schema.logs import TrialQuality
 from auvident.storage.run_directory import RunDirectory
 from tests.bench.damage_score import difference
 from tests.bench.effects_trial import WANTED
@@ -223,11 +225,13 @@ def _set_aside(quality: Mapping[str, Any]) -> list[Evidence]:
 
 
 def _of_trial(trial: Mapping[str, Any]) -> list[Evidence]:
-    """Findings of a trial, and the checks that contradict."""
+    """Findings of a trial, contradictions, and checks that the first line leaves open."""
+    kinds = {"contradicts": "check", "untested": "untested"}
+    first = untested([TrialQuality.model_validate(trial)])
     checks = [
         {
             "stage": "ingest",
-            "kind": "check",
+            "kind": kinds[c["outcome"]],
             "code": c["name"],
             "message": c["message"],
             "where": f"{c['what']} against {c['against']}",
@@ -235,6 +239,7 @@ def _of_trial(trial: Mapping[str, Any]) -> list[Evidence]:
         }
         for c in trial.get("checks_made", [])
         if c["outcome"] == "contradicts"
+        or (c["outcome"] == "untested" and f"{c['what']} (" in first)
     ]
     return [*_findings("ingest", trial), *checks]
 

@@ -160,7 +160,7 @@ def test_a_sensor_at_the_end_of_its_range_measures_nothing(name, column):
     sensors = clean_trial(cut, vehicle, NEEDED)
     (sensor,) = (s for s in sensors.values() if column in s.raw.values)
     usable = np.isin(sensor.raw.rows, kept_as_logged(name)[column])
-    left = np.isin(sensor.raw.rows, sensor.series[column].rows)
+    left = np.isin(sensor.raw.time_s, sensor.series[column].time_s)
     assert not (left & beyond).any()
     assert (left & usable & ~beyond).sum() >= 0.999 * (usable & ~beyond).sum()
     assert reasons(sensors, column)["saturated"] >= (beyond & usable).sum()

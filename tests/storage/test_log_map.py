@@ -103,7 +103,7 @@ def test_on_change_reaches_the_sensor(tmp_path):
         ("[rudder]\nrudder = { column = 'a', unit = 'kn' }\n", ("[rudder]", "'kn'", "deg")),
         ("[dvl]\nrudder = 'a'\n", ("[dvl] rudder", "unknown key")),
         ("[rudder]\ntime_offset_s = 'soon'\n", ("[rudder] time_offset_s", "soon")),
-        ("[rudder\n", ("not valid TOML", "line 1")),
+        ("[rudder\n", ("not valid TOML", "line 1", "tables as [name]")),
     ],
 )
 def test_faults_of_the_map(tmp_path, text, words):

@@ -17,7 +17,7 @@ from auvident.stages.ingest.fill_values import (
 )
 from auvident.stages.ingest.flat import find_flat
 from auvident.stages.ingest.order import order_rows
-from auvident.stages.ingest.outliers import find_outliers, keep_one_of_held
+from auvident.stages.ingest.outliers import find_outliers, keep_one_of_held, of_rows
 from auvident.stages.ingest.pace import Pace, pace_of
 from auvident.stages.ingest.remarks import NOT_A_FAULT
 from auvident.stages.ingest.spikes import find_spikes
@@ -95,7 +95,7 @@ def clean_sensor(raw: RawSensor, vehicle: Vehicle, pace: Pace) -> CleanSensor:
     dropped = _with(_reader_drops(raw), "backward_time", raw, ordered.backward)
     copies = _copies(raw, keep, pace)
     dropped = _with(dropped, "held_copy", raw, keep[copies])
-    keep = keep[~copies]
+    keep = keep[~copies] if copies.any() else keep
     filled = _fill_values(raw, keep, pace)
     series, lost = {}, {}
     for column in raw.values:
@@ -159,11 +159,11 @@ def _copies(raw: RawSensor, keep: np.ndarray, pace: Pace) -> np.ndarray:
 
 def _fill_values(raw: RawSensor, keep: np.ndarray, pace: Pace) -> dict[str, np.ndarray]:
     """Which of the rows `keep` hold a fill value, for each channel of a sensor."""
-    filled, values, time = {}, {}, raw.time_s[keep]
+    filled, values, time = {}, {}, of_rows(raw.time_s, keep)
     for column in raw.values:
         channel = BY_COLUMN[column]
         filled[column] = np.zeros(keep.size, dtype=bool)
-        own = values[column] = raw.values[column][keep]
+        own = values[column] = of_rows(raw.values[column], keep)
         if column in raw.not_logged:
             continue
         known = ~np.isnan(own)
@@ -171,7 +171,10 @@ def _fill_values(raw: RawSensor, keep: np.ndarray, pace: Pace) -> dict[str, np.n
         filled[column][impossible] = is_sentinel(own[impossible], channel)
         rest = known & ~impossible
         find = find_fills if channel.kind == "measured" else find_drop_outs
-        filled[column][rest] = find(time[rest], own[rest], channel, pace)
+        if rest.all():
+            filled[column] = find(time, own, channel, pace)
+        else:
+            filled[column][rest] = find(time[rest], own[rest], channel, pace)
     fill_in_same_rows(filled, values)
     return filled
 
@@ -185,40 +188,43 @@ def _clean_channel(
     pace: Pace,
 ) -> Series:
     whole = keep.size == raw.time_s.size
-    time, values = raw.time_s, raw.values[channel.column]
-    if not whole:
-        time, values = time[keep], values[keep]
-    index: np.ndarray | slice = slice(None)  # all of them, without a copy
+    time, values = of_rows(raw.time_s, keep), of_rows(raw.values[channel.column], keep)
+    used: np.ndarray | slice = slice(None)  # all of them, without a copy; else a mask
     dropped: dict[str, Dropped] = {}
 
     def drop(reason: str, bad: np.ndarray) -> None:
-        nonlocal index, dropped
+        nonlocal used, dropped
         if bad.any():
-            chosen = np.arange(keep.size)[index]
-            dropped = _with(dropped, reason, raw, keep[chosen[bad]])
-            index = chosen[~bad]
+            mask = np.ones(keep.size, dtype=bool) if isinstance(used, slice) else used
+            found = np.flatnonzero(mask)[bad]
+            dropped = _with(dropped, reason, raw, keep[found])
+            mask[found] = False
+            used = mask
 
     drop("empty", np.isnan(values))
-    drop("repeated_time", _repeated(time[index], keep_last=channel.kind == "input"))
-    drop("fill_value", filled[index])
+    drop("repeated_time", _repeated(time[used], keep_last=channel.kind == "input"))
+    drop("fill_value", filled[used])
     if not channel.is_angle:
-        refuse_wrong_unit(raw, channel, values[index])
-    drop("implausible", is_impossible(values[index], channel))
+        refuse_wrong_unit(raw, channel, values[used])
+    drop("implausible", is_impossible(values[used], channel))
     if channel.column not in raw.not_logged:
         if channel.sensor in FLAT_SENSORS:
-            saturated, stuck = find_flat(values[index], channel.kind == "input")
+            saturated, stuck = find_flat(values[used], channel.kind == "input")
             drop("saturated", saturated)
             drop("stuck", stuck[~saturated])
         if channel.kind == "measured":
-            drop("outlier", find_outliers(_unwrapped(values[index], channel)))
-            found = find_spikes(time[index], _unwrapped(values[index], channel), channel, pace)
+            drop("outlier", find_outliers(_unwrapped(values[used], channel)))
+            found = find_spikes(time[used], _unwrapped(values[used], channel), channel, pace)
             drop("spike", found)
     sign = internal_sign(channel, vehicle)
     if channel.is_angle or sign < 0:
-        clean = _unwrapped(values[index], channel) * sign
-        return Series(channel, time[index], clean, dropped=dropped)
-    used = None if whole and isinstance(index, slice) else _mask(raw.time_s.size, keep[index])
-    return Series(channel, raw.time_s, raw.values[channel.column], used, dropped)
+        clean = _unwrapped(values[used], channel) * sign
+        return Series(channel, time[used], clean, dropped=dropped)
+    if whole:
+        chosen = None if isinstance(used, slice) else used
+    else:
+        chosen = _mask(raw.time_s.size, keep[used])
+    return Series(channel, raw.time_s, raw.values[channel.column], chosen, dropped)
 
 
 def _mask(size: int, chosen: np.ndarray) -> np.ndarray:

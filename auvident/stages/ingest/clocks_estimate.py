@@ -233,6 +233,7 @@ class _Bench:
 
     def _smooth(self, width: float, with_fixes: bool) -> Signals:
         if width not in self._signals:
+            self._signals.clear()  # one width at a time: those of a day are large
             signals = smooth_signals(self.trial, width)
             if with_fixes:
                 signals = with_course(signals, self.trial, self.vehicle, width)

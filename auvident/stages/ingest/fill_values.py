@@ -95,14 +95,14 @@ def _jumped_runs(
     steps = np.diff(values)
     if channel.is_angle:
         steps = (steps + np.pi) % (2.0 * np.pi) - np.pi
-    jumps = np.flatnonzero(np.abs(steps) > limit.least)
+    changes = np.flatnonzero(steps)
+    jumps = np.flatnonzero(np.abs(steps, out=steps) > limit.least)
     if not jumps.size:
         return jumps, jumps, np.zeros(0, dtype=bool)
-    impossible = np.abs(steps[jumps]) > limit.over(time[jumps + 1] - time[jumps])
+    impossible = steps[jumps] > limit.over(time[jumps + 1] - time[jumps])
     starts, ends = np.concatenate(([0], jumps + 1)), np.append(jumps + 1, values.size)
     entered = np.concatenate(([True], impossible))
     left = np.concatenate((impossible, [True]))
-    changes = np.flatnonzero(steps)
     one = np.searchsorted(changes, starts) == np.searchsorted(changes, ends - 1)
     one &= entered | left
     return starts[one], ends[one], (entered & left)[one]

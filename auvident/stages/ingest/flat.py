@@ -22,7 +22,7 @@ FEW_HOLDS = 3  # a measured fin angle stands still so often at most; a command d
 
 @dataclass(frozen=True)
 class Runs:
-    """Stretches of equal values: first row, length, value."""
+    """Stretches of two and more equal values: first row, length, value."""
 
     start: np.ndarray
     length: np.ndarray
@@ -34,9 +34,12 @@ class Runs:
 
 
 def runs_of(values: np.ndarray) -> Runs:
-    """Stretches of equal values of a channel."""
-    start = np.concatenate(([0], np.flatnonzero(np.diff(values) != 0.0) + 1))
-    return Runs(start, np.diff(np.concatenate((start, [values.size]))), values[start])
+    """Stretches of equal values of a channel; a value that differs from its neighbours is none."""
+    repeats = np.zeros(values.size + 1, dtype=np.int8)
+    repeats[1:-1] = values[1:] == values[:-1]
+    edges = np.flatnonzero(np.diff(repeats))
+    start, last = edges[::2], edges[1::2]
+    return Runs(start, last - start + 1, values[start])
 
 
 def find_flat(values: np.ndarray, is_input: bool = False) -> tuple[np.ndarray, np.ndarray]:
@@ -67,7 +70,7 @@ def find_flat(values: np.ndarray, is_input: bool = False) -> tuple[np.ndarray, n
     stuck = runs.only((runs.length >= STUCK_ROWS) & ~np.isin(runs.value, list(ends)))
     if is_input and (stuck.start.size > FEW_HOLDS or ends):
         return none, none
-    if not (ends or stuck.start.size) or not _is_noisy(every, ends, stuck):
+    if not (ends or stuck.start.size) or not _is_noisy(values, every, ends, stuck):
         return none, none
     held = none.copy()
     for start, length in zip(stuck.start, stuck.length, strict=True):
@@ -81,15 +84,14 @@ def _is_wall(runs: Runs, end: float) -> bool:
     return bool(lengths.size >= FLAT_RUNS or (lengths >= LONE_ROWS).any())
 
 
-def _is_noisy(every: Runs, ends: set[float], stuck: Runs) -> bool:
+def _is_noisy(values: np.ndarray, every: Runs, ends: set[float], stuck: Runs) -> bool:
     """Whether values hardly repeat outside of what is set apart."""
-    apart = np.isin(every.start, stuck.start)
-    for end in ends:
-        apart |= every.value == end
+    apart = np.isin(every.start, stuck.start) | np.isin(every.value, list(ends))
     length = every.length[~apart]
+    rows = values.size - stuck.length.sum() - sum(np.count_nonzero(values == e) for e in ends)
     short = length[(length >= SHORT_ROWS) & (length < STUCK_ROWS)]
-    few = max(SHORT_SHARE * length.sum(), 2 * SHORT_ROWS)
-    return bool((length - 1).sum() <= STUCK_SHARE * length.sum() and short.sum() <= few)
+    few = max(SHORT_SHARE * rows, 2 * SHORT_ROWS)
+    return bool((length - 1).sum() <= STUCK_SHARE * rows and short.sum() <= few)
 
 
 def _are_abrupt(values: np.ndarray, runs: Runs) -> np.ndarray:

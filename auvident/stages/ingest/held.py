@@ -169,8 +169,11 @@ def _mean(values: np.ndarray, width: int) -> np.ndarray:
 def _holds(time: np.ndarray, rudder: np.ndarray) -> Iterator[slice]:
     """Stretches in which the rudder stays within a narrow band, from left to right."""
     start, low, high = 0, rudder[0], rudder[0]
-    for k, angle in enumerate(rudder.tolist()):
-        low, high = min(low, angle), max(high, angle)
+    for k, angle in enumerate(rudder.tolist()):  # a day of it: comparing is faster than calling
+        if angle < low:
+            low = angle
+        if angle > high:
+            high = angle
         if high - low > HELD_BAND_RAD:
             if time[k - 1] - time[start] >= HELD_S:
                 yield slice(start, k)

@@ -91,8 +91,10 @@ def noise_std(values: np.ndarray) -> float:
     """
     if values.size < MIN_SAMPLES:
         return 0.0
-    second = np.diff(values, 2)
-    second -= np.median(second)
+    second = np.empty(values.size - 2)
+    for k in range(0, second.size, BLOCK):
+        second[k : k + BLOCK] = np.diff(values[k : k + BLOCK + 2], 2)
+    second -= np.median(second, overwrite_input=True)  # their order does not matter below
     apart = np.median(np.abs(second, out=second), overwrite_input=True)
     return float(MEDIAN_OF_ABS_TO_STD * apart / np.sqrt(6.0))
 
@@ -125,7 +127,7 @@ def keep_one_of_held(raw: RawSensor, rows: np.ndarray) -> np.ndarray | None:
     """
     if raw.sensor not in HELD_SENSORS or rows.size <= MIN_HELD_RUNS:
         return None
-    columns = [_rows_of(raw.values[column], rows) for column in raw.values]
+    columns = [of_rows(raw.values[column], rows) for column in raw.values]
     starts = np.concatenate(([0], np.flatnonzero(_changes(columns)) + 1))
     lengths = np.diff(np.concatenate((starts, [rows.size])))
     first = np.zeros(rows.size, dtype=bool)
@@ -143,7 +145,7 @@ def keep_one_of_held(raw: RawSensor, rows: np.ndarray) -> np.ndarray | None:
     return first | ~np.repeat(stuck & known, lengths)
 
 
-def _rows_of(values: np.ndarray, rows: np.ndarray) -> np.ndarray:
+def of_rows(values: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Values of some ascending rows; without a copy when these are all."""
     return values if rows.size == values.size else values[rows]
 

@@ -128,7 +128,8 @@ def fit_relation(
     margin = max(abs(lags_s[0]), abs(lags_s[1]))
     whole = sum(float(s["time"][-1] - s["time"][0]) - 2 * margin for s in records)
     block = float(np.clip(whole / BLOCKS, *BLOCK_S))
-    grams = np.stack([_grams(records, relation, lag, margin, block, use) for lag in lags])
+    cut = [_cut(signals, margin, block, use) for signals in records]
+    grams = np.stack([_grams(records, relation, lag, cut) for lag in lags])
     if grams.shape[1] < MIN_BLOCKS:
         return None
     total = grams.sum(axis=1)
@@ -149,35 +150,43 @@ def fit_relation(
     )
 
 
+@dataclass(frozen=True)
+class _Blocks:
+    """Rows of each block of a record, filled up to one length, and which of them count."""
+
+    rows: np.ndarray
+    counts: np.ndarray
+
+
+def _cut(
+    signals: Signals, margin: float, block_s: float, use: Callable[[Signals], np.ndarray]
+) -> _Blocks:
+    """Blocks of a record in which any row counts."""
+    time = signals["time"]
+    counts = use(signals) & (time >= time[0] + margin) & (time <= time[-1] - margin)
+    block = ((time - time[0] - margin) // block_s).astype(int)
+    starts = np.concatenate(([0], np.flatnonzero(np.diff(block)) + 1))
+    lengths = np.diff(starts, append=time.size)
+    used = np.logical_or.reduceat(counts, starts)
+    within = np.arange(lengths.max())
+    rows = np.minimum(starts[used, None] + within, time.size - 1)
+    return _Blocks(rows, counts[rows] & (within < lengths[used, None]))
+
+
 def _grams(
     records: list[Signals],
     relation: Callable[[Signals, float], tuple[np.ndarray, np.ndarray]],
     lag: float,
-    margin: float,
-    block_s: float,
-    use: Callable[[Signals], np.ndarray],
+    cut: list[_Blocks],
 ) -> np.ndarray:
     """Gram matrix of (X, y) of each block, shape (blocks, p + 1, p + 1)."""
     found = []
-    for signals in records:
+    for signals, blocks in zip(records, cut, strict=True):
         y, x = relation(signals, lag)
-        time = signals["time"]
-        rows = use(signals) & (time >= time[0] + margin) & (time <= time[-1] - margin)
-        both = np.column_stack((x, y)) * rows[:, None]
-        block = ((time - time[0] - margin) // block_s).astype(int)
-        starts = np.concatenate(([0], np.flatnonzero(np.diff(block)) + 1))
-        used = np.logical_or.reduceat(rows, starts)
-        found.append(_block_grams(both, starts)[used])
+        both = np.column_stack((x, y))[blocks.rows]
+        both *= blocks.counts[..., None]
+        found.append(np.swapaxes(both, 1, 2) @ both)
     return np.concatenate(found) if found else np.empty((0, 2, 2))
-
-
-def _block_grams(both: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """Gram matrix of each block of rows; short blocks are filled up with rows of zeros."""
-    lengths = np.diff(starts, append=both.shape[0])
-    within = np.arange(lengths.max())
-    filled = both[np.minimum(starts[:, None] + within, both.shape[0] - 1)]
-    filled *= (within < lengths[:, None])[..., None]
-    return np.swapaxes(filled, 1, 2) @ filled
 
 
 def _solve(gram: np.ndarray) -> np.ndarray:

@@ -9,7 +9,8 @@ import numpy as np
 
 from auvident.constants import MEDIAN_OF_ABS_TO_STD
 from auvident.schema.channels import Channel
-from auvident.stages.ingest.pace import Pace, step_limit
+from auvident.stages.ingest.pace import Pace, StepLimit, step_limit
+from auvident.stages.ingest.resample import median_period
 
 REACH = 5  # samples on either side: four wild ones in a row are outvoted
 SPREADS = 4.0  # of the window's own spread: a ramp or a peak of motion has it, too
@@ -41,28 +42,28 @@ def find_spikes(time_s: np.ndarray, values: np.ndarray, channel: Channel, pace: 
     limit = step_limit(values, channel, pace)
     if limit is None:
         return flags
-    if not (np.abs(np.diff(values)) > limit.least).any():
-        return flags
     for _ in range(ROUNDS):
-        kept = np.flatnonzero(~flags)
-        seconds = np.diff(time_s[kept])
-        wild = np.abs(np.diff(values[kept])) > limit.over(seconds)
-        if not wild.any():
+        kept = np.flatnonzero(~flags) if flags.any() else slice(None)
+        time, x = time_s[kept], values[kept]
+        wild = _wild_steps(time, x, limit)
+        if not wild.size:
             break
-        least = float(limit.over(np.median(seconds)))
-        found = _far_from_middle(values[kept], _beside(wild), least)
+        least = float(limit.over(np.asarray(median_period(time))))
+        found = _far_from_middle(x, _around(wild, x.size), least)
         if not found.size:
             break
-        near = _around(found, kept.size)
-        flags[kept[found]] = True
-        flags[kept[_far_from_middle(values[kept], near, least * MILDER)]] = True
+        milder = _far_from_middle(x, _around(found, x.size), least * MILDER)
+        for rows in (found, milder):
+            flags[rows if isinstance(kept, slice) else kept[rows]] = True
     enough = flags.sum() >= max(LEAST, LEAST_SHARE * flags.size)
     return flags if enough else np.zeros_like(flags)
 
 
-def _beside(wild: np.ndarray) -> np.ndarray:
-    """Samples within a few rows of a wild step, as indices."""
-    return _around(np.flatnonzero(wild), wild.size + 1)
+def _wild_steps(time: np.ndarray, x: np.ndarray, limit: StepLimit) -> np.ndarray:
+    """Samples before steps that no motion explains, as indices; few come near the limit."""
+    steps = np.diff(x)
+    large = np.flatnonzero(np.abs(steps, out=steps) > limit.least)
+    return large[steps[large] > limit.over(time[large + 1] - time[large])]
 
 
 def _around(at: np.ndarray, size: int) -> np.ndarray:

@@ -8,8 +8,10 @@ plane counts a reading twice.
 
 from collections import Counter
 from collections.abc import Sequence
+from typing import TypeVar
 
 from auvident.schema.artifacts import Maneuver, Maneuvers
+from auvident.schema.base import Artifact
 from auvident.schema.planes import Plane
 from auvident.schema.trial import Trial
 from auvident.stages.segment.gaps import parts_of
@@ -23,6 +25,8 @@ from auvident.stages.segment.stage import (
     search_horizontally,
 )
 from auvident.stages.segment.vertical import search_vertically
+
+Said = TypeVar("Said", bound=Artifact)
 
 SAME_S = 5.0  # runs that begin and end this close are one: the searches look at different rows
 
@@ -57,13 +61,16 @@ def segment_both(trials: Sequence[Trial], hold_out: Sequence[str] = ()) -> Maneu
     wholes = numbered(merged(horizontal.wholes, vertical.wholes), trials)
     rejected = [*horizontal.rejected, *vertical.rejected]
     findings = [*horizontal.findings, *vertical.findings]
-    # models with dictionaries inside have no hash: compare by equality
-    both = Gathered(
-        wholes,
-        [r for i, r in enumerate(rejected) if r not in rejected[:i]],
-        [f for i, f in enumerate(findings) if f not in findings[:i]],
-    )
+    both = Gathered(wholes, _once(rejected), _once(findings))
     return finished(both, trials, hold_out)
+
+
+def _once(said: Sequence[Said]) -> list[Said]:
+    """Each of some models once; some have dictionaries inside and no hash."""
+    known: dict[str, Said] = {}
+    for model in said:
+        known.setdefault(model.model_dump_json(), model)
+    return list(known.values())
 
 
 def merged(horizontal: Sequence[Whole], vertical: Sequence[Whole]) -> list[Whole]:

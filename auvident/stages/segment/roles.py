@@ -135,15 +135,25 @@ def _ranks(maneuvers: Sequence[Maneuver]) -> Array:
     return ranks
 
 
-def why_held(m: Maneuver, maneuvers: Sequence[Maneuver]) -> str:
-    """Why the automatic choice holds out a maneuver, in words."""
-    same = [x for x in maneuvers if x.kind == m.kind and x.plane == m.plane]
-    row = _ranks(same)[[x.id for x in same].index(m.id)]
+def why_held(maneuvers: Sequence[Maneuver], held: Collection[str]) -> dict[str, str]:
+    """Why the automatic choice holds out each of some maneuvers, in words, by ID."""
+    kinds: dict[tuple[str, str], list[Maneuver]] = {}
+    for m in maneuvers:
+        kinds.setdefault((m.kind, m.plane), []).append(m)
+    return {
+        m.id: _typical(m, len(same), row)
+        for same in kinds.values()
+        for m, row in zip(same, _ranks(same), strict=True)
+        if m.id in held
+    }
+
+
+def _typical(m: Maneuver, of: int, row: Array) -> str:
     first = "thrust step" if m.kind == "straight" else f"{BY_PLANE[m.plane].fin} angle"
     last = "change of speed" if m.kind == "straight" else "rate of turn"
     names = (first, "speed", last)
     ranks = ", ".join(f"{n} {r:g}" for n, r in zip(names, row, strict=True))
-    return f"typical of {len(same)} of its kind, by rank from the smallest: {ranks}"
+    return f"typical of {of} of its kind, by rank from the smallest: {ranks}"
 
 
 def _amplitude(m: Maneuver) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 
 from auvident.physics.maneuvers.plateaus import (
     Plateau,
+    median,
     noise_std,
     odd_samples,
     plateaus,
@@ -115,7 +116,7 @@ def held_fins(piece: Piece, scales: Scales, least_rad: float = LEAST_FIN_RAD) ->
             continue
         if held and _same_hold(piece, held[-1], p, tolerance):
             start = held.pop().start
-            p = Plateau(start, p.stop, float(np.median(piece.fin[start : p.stop])))
+            p = Plateau(start, p.stop, median(piece.fin[start : p.stop]))
         held.append(p)
     return [p for i, p in enumerate(held) if not _passes_by(held[max(0, i - 1) : i + 2], p)]
 
@@ -130,7 +131,7 @@ def swept_fins(piece: Piece) -> list[Plateau]:
         p
         for sign in (1, -1)
         for start, stop in true_ranges(sign * piece.fin > 0)
-        if stop - start >= shortest
+        if stop - start >= shortest and np.abs(piece.fin[start:stop]).max() >= LEAST_FIN_RAD
         for part in _between_steps(piece, start, stop)
         for p in _swept(piece, *part)
     ]
@@ -147,7 +148,7 @@ def _swept(piece: Piece, start: int, stop: int) -> list[Plateau]:
     if beyond.size < HELD_SHARE * side.size:
         return []
     first, last = start + int(beyond[0]), start + int(beyond[-1]) + 1
-    return [Plateau(first, last, float(np.median(piece.fin[first:last])))]
+    return [Plateau(first, last, median(piece.fin[first:last]))]
 
 
 def _between_steps(piece: Piece, start: int, stop: int) -> list[tuple[int, int]]:

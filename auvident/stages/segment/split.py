@@ -55,10 +55,11 @@ def _reasons(
     maneuvers: Sequence[Maneuver], held: set[str], along: dict[str, str], asked: bool
 ) -> dict[str, str]:
     """Why each of them is held out, by ID."""
+    typical = {} if asked else roles.why_held(maneuvers, held)
     reasons = {name: f"lies within {cause}, which is held out" for name, cause in along.items()}
     for m in maneuvers:
         if m.id in held:
-            reasons[m.id] = "asked for with --hold-out" if asked else roles.why_held(m, maneuvers)
+            reasons[m.id] = "asked for with --hold-out" if asked else typical[m.id]
     return reasons
 
 
@@ -89,16 +90,29 @@ def _group(m: Maneuver) -> tuple[str | bool, ...]:
 
 def going_along(maneuvers: Sequence[Maneuver], held: Iterable[str]) -> dict[str, str]:
     """Maneuvers that lie within held-out ones over most of their length, by the ID of which."""
-    cause = {name: name for name in held}
+    cause, near = {name: name for name in held}, _overlapping(maneuvers)
     spread = True
     while spread:
         spread = False
         for m in maneuvers:
-            others = [x for x in maneuvers if x.id in cause and _common_s(x, m) > 0.0]
+            others = [x for x in near[m.id] if x.id in cause]
             if m.id not in cause and others and share_within(m, others) > MOST:
                 cause[m.id] = cause[max(others, key=lambda x: (_common_s(x, m), x.id)).id]
                 spread = True
     return {name: root for name, root in cause.items() if name != root}
+
+
+def _overlapping(maneuvers: Sequence[Maneuver]) -> dict[str, list[Maneuver]]:
+    """Those that have time in common with each other one, by the ID of that."""
+    near: dict[str, list[Maneuver]] = {m.id: [] for m in maneuvers}
+    going_on: list[Maneuver] = []
+    for m in sorted(maneuvers, key=lambda m: (m.trial, m.t_start_s)):
+        going_on = [x for x in going_on if x.trial == m.trial and x.t_end_s > m.t_start_s]
+        for x in (x for x in going_on if _common_s(x, m) > 0.0):
+            near[m.id].append(x)
+            near[x.id].append(m)
+        going_on.append(m)
+    return near
 
 
 def _common_s(a: Maneuver, b: Maneuver) -> float:

@@ -16,6 +16,7 @@ from auvident.stages.segment.gaps import parts_of, settle_cuts
 from auvident.stages.segment.level import level
 from auvident.stages.segment.pieces import Found, Piece, pieces_of
 from auvident.stages.segment.scales import LEAST_FIN_RAD, Scales, held_fins, scales_of
+from auvident.stages.segment.spans import Spans
 from auvident.stages.segment.split import split
 from auvident.stages.segment.straights import LONG_RUN_S, find_straights
 from auvident.stages.segment.turns import find_steady_turns, find_turns
@@ -84,7 +85,8 @@ def search_horizontal(
     """Turns first, then zigzags in the other rudder angles, then what else the rest has."""
     held = held_fins(piece, scales)
     turns, why_no_turn = find_turns(piece, scales, held)
-    others = [p for p in held if not any(t.start <= p.middle < t.stop for t in turns)]
+    circles = Spans((t.start, t.stop) for t in turns)
+    others = [p for p in held if not circles.holds(p.middle)]
     zigzags, why_no_zigzag = find_zigzags(piece, scales, others, taken=turns)
     steady = find_steady_turns(piece, scales, [*turns, *zigzags])
     refused = _outside(piece, [*why_no_turn, *why_no_zigzag], steady)
@@ -96,8 +98,8 @@ def search_horizontal(
 
 def _outside(piece: Piece, rejected: list[Rejected], found: Sequence[Found]) -> list[Rejected]:
     """What was refused, without what turned out to be part of a maneuver."""
-    spans = [(piece.time(f.start), piece.time(f.stop)) for f in found]
-    return [r for r in rejected if not any(r.t_start_s < b and a < r.t_end_s for a, b in spans)]
+    spans = Spans((piece.time(f.start), piece.time(f.stop)) for f in found)
+    return [r for r in rejected if not spans.meets(r.t_start_s, r.t_end_s)]
 
 
 def assemble(

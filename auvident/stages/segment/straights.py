@@ -21,6 +21,7 @@ from auvident.stages.segment.depth import sink_rate
 from auvident.stages.segment.helm import Level, split_by_other_helm, without_other_helm
 from auvident.stages.segment.pieces import MEAN_WINDOW_S, Found, Piece, true_ranges
 from auvident.stages.segment.scales import LEAST_FIN_RAD, Scales
+from auvident.stages.segment.spans import Spans
 
 FALLBACK_YAW_RATE_RADPS = np.radians(1.0)  # limit of straight where nothing was ever steered
 STEADY_EQUIVALENT_RAD = np.radians(3.0)  # straight: turning no faster than this rudder would turn
@@ -94,10 +95,10 @@ def steady_stretches(piece: Piece, scales: Scales, taken: Sequence[Found]) -> li
     steady = steady_mask(piece, scales)
     for other in taken:
         steady[other.start : other.stop] = False
-    ranges = true_ranges(steady)
+    ranges, others = true_ranges(steady), Spans((f.start, f.stop) for f in taken)
     joined: list[tuple[int, int]] = []
     for start, stop in ranges:
-        if joined and _bridged(piece, joined[-1][1], start, taken):
+        if joined and _bridged(piece, joined[-1][1], start, others):
             start = joined.pop()[0]
         joined.append((start, stop))
     return joined
@@ -134,11 +135,11 @@ def _at_rest(piece: Piece, scales: Scales) -> np.ndarray:
     return rest
 
 
-def _bridged(piece: Piece, end: int, start: int, taken: Sequence[Found]) -> bool:
+def _bridged(piece: Piece, end: int, start: int, others: Spans) -> bool:
     """Whether two steady ranges are one run with a short disturbance between them."""
     if start - end > piece.samples(BRIDGE_S):
         return False
-    if any(other.start < start and other.stop > end for other in taken):
+    if others.meets(end, start):
         return False
     return bool(np.ptp(piece.angle[end - 1 : start + 1]) <= BRIDGE_RAD)
 

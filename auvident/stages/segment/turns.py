@@ -5,11 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from auvident.constants import VehicleTime
-from auvident.physics.maneuvers.plateaus import Plateau, ramp_start
+from auvident.physics.maneuvers.plateaus import Array, Plateau, ramp_start
 from auvident.physics.maneuvers.straight import RPM_LEVEL_SHARE
 from auvident.schema.artifacts import Rejected
 from auvident.stages.segment.pieces import Found, Piece, true_ranges
 from auvident.stages.segment.scales import NOISE_BAND, Scales, swept_fins
+from auvident.stages.segment.spans import Spans
 
 LEAST_TURN_RAD = np.radians(165)  # a circle comes to 180 degrees; the rest is gyro drift and lag
 LOOKED_LIKE_RAD = np.radians(90)  # from here on a turn deserves a word when it is refused
@@ -27,6 +28,7 @@ ORDER_S = 2.0  # speed and rudder of a maneuver are ordered within this time
 SETTLED_S: VehicleTime = 5.0  # an autopilot on its course has kept the rudder small for this long
 LEAST_EASED_RAD = np.radians(345)  # two course orders to one side; the rest as for the circle
 LEAST_STEADY_RAD = np.pi  # at a steady rate this serves, however the rudder came and left
+NEAR_SAMPLES = 256  # looked at first for the end of a hold
 STEADY_SHARE = 0.2  # of the rate in the second half of a hold: within this it is steady
 
 TOO_LITTLE = "turn: too short, change of heading under constant rudder [deg]"
@@ -87,10 +89,11 @@ def find_steady_turns(piece: Piece, scales: Scales, taken: Sequence[Found]) -> l
     list of Found
         From rudder execute to rudder release, in time order.
     """
+    others = Spans((f.start, f.stop) for f in taken)
     return [
         Found("turn", piece, execute(piece, scales, p), p.stop, p.level)
         for p in swept_fins(piece)
-        if not any(f.start < p.stop and p.start < f.stop for f in taken)
+        if not others.meets(p.start, p.stop)
         and judge_turn(piece, scales, p, LEAST_TURN_RAD) is None
         and steady_heading(piece, scales, p) >= LEAST_STEADY_RAD
     ]
@@ -147,15 +150,26 @@ def eases_off(piece: Piece, scales: Scales, p: Plateau, start: int) -> bool:
     It then falls to half of the angle much slower than it came and without a rest on the way;
     a rest is the stop at which an autopilot holds the rudder after a release.
     """
-    rest = piece.fin[p.stop :] * np.sign(p.level)
-    below = np.flatnonzero(rest < HALF * abs(p.level))
-    if below.size == 0:
+    side = np.sign(p.level)
+    below = _first_below(piece.fin[p.stop :], side, HALF * abs(p.level))
+    if below is None:
         return False
-    path, second = rest[: below[0] + 1], piece.samples(1.0)
+    path, second = piece.fin[p.stop : p.stop + below + 1] * side, piece.samples(1.0)
     if path.size > second and np.min(np.abs(path[second:] - path[:-second])) < scales.tolerance_rad:
         return False
-    entry_s, exit_s = piece.seconds(start, p.start), piece.seconds(p.stop, p.stop + int(below[0]))
+    entry_s, exit_s = piece.seconds(start, p.start), piece.seconds(p.stop, p.stop + below)
     return exit_s > EASED_FACTOR * entry_s + EASED_S
+
+
+def _first_below(fin: Array, side: float, limit: float) -> int | None:
+    """First sample that is below a limit on a side; it is near as a rule, and the log is long."""
+    start, size = 0, NEAR_SAMPLES
+    while start < fin.size:
+        below = np.flatnonzero(fin[start : start + size] * side < limit)
+        if below.size:
+            return start + int(below[0])
+        start, size = start + size, 2 * size
+    return None
 
 
 def _without_course_order(piece: Piece, scales: Scales, p: Plateau) -> int:

@@ -5,6 +5,7 @@ heading is where it was at the last one or nearer to the course. A zigzag revers
 beyond the course, to the other side each time. That, not the look of the rudder, decides.
 """
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -25,6 +26,7 @@ from auvident.stages.segment.chains import (
 )
 from auvident.stages.segment.pieces import Found, Piece
 from auvident.stages.segment.scales import Scales, swept_fins
+from auvident.stages.segment.spans import Spans
 from auvident.stages.segment.turns import execute, too_slow
 
 PEAK_SHARE = 0.4  # of the amplitude: an autopilot's rudder before the execute is smaller
@@ -64,25 +66,27 @@ def find_zigzags(
         From first execute to last release, in time order; and what fell short: every stretch in
         which the fin is held to both sides has its reason.
     """
-    swept = [p for p in swept_fins(piece) if not any(t.start <= p.middle < t.stop for t in taken)]
+    circles = Spans((t.start, t.stop) for t in taken)
+    swept = [p for p in swept_fins(piece) if not circles.holds(p.middle)]
     sure, unsure = _search(piece, scales, held), _search(piece, scales, swept)
     zigzags = [c for c in sure if c.verdict is None]
-    for c in unsure:
-        rivals = [z for z in zigzags if _meets(c, [z])]
-        if c.verdict is None and c.executes > sum(z.executes for z in rivals):
-            zigzags = [*(z for z in zigzags if z not in rivals), c]
+    for c in (c for c in unsure if c.verdict is None):
+        rivals = [z for z in zigzags if z.start < c.stop and c.start < z.stop]
+        if c.executes > sum(z.executes for z in rivals):
+            zigzags = [*(z for z in zigzags if z not in rivals), c] if rivals else [*zigzags, c]
     zigzags.sort(key=lambda c: c.start)
+    begins = sorted(t.start for t in taken)
     found = [
-        Found("zigzag", piece, c.start, _before(taken, c), c.level_rad, plane) for c in zigzags
+        Found("zigzag", piece, c.start, _before(begins, c), c.level_rad, plane) for c in zigzags
     ]
     words = {"fin": BY_PLANE[plane].fin, "angle": BY_PLANE[plane].states[3].symbol}
     rejected: list[Rejected] = []
-    said: list[_Candidate | Found] = [*zigzags, *taken]
+    said = Spans([*((z.start, z.stop) for z in zigzags), *((t.start, t.stop) for t in taken)])
     for c in (*sure, *unsure, *_pairs(piece, scales, held)):
-        if c.verdict is not None and not _meets(c, said):
+        if c.verdict is not None and not said.meets(c.start, c.stop):
             reason, *evidence = c.verdict
             rejected.append(piece.rejected(c.start, c.stop, reason.format(**words), *evidence))
-            said.append(c)
+            said.add(c.start, c.stop)
     return found, sorted(rejected, key=lambda r: r.t_start_s)
 
 
@@ -97,14 +101,9 @@ class _Candidate:
     verdict: tuple[str, float, float] | None
 
 
-def _before(taken: Sequence[Found], c: _Candidate) -> int:
-    """End of a zigzag, at the latest where a turn begins without a rest."""
-    return min([c.stop, *(t.start for t in taken if c.start < t.start)])
-
-
-def _meets(one: _Candidate, others: Sequence[_Candidate | Found]) -> bool:
-    """Whether a range has samples in common with others."""
-    return any(o.start < one.stop and one.start < o.stop for o in others)
+def _before(begins: Sequence[int], c: _Candidate) -> int:
+    """End of a zigzag, at the latest where a turn begins without a rest; `begins` ascend."""
+    return min([c.stop, *begins[(k := bisect_right(begins, c.start)) : k + 1]])
 
 
 def _search(piece: Piece, scales: Scales, held: Sequence[Plateau]) -> list[_Candidate]:

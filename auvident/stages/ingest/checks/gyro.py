@@ -3,19 +3,54 @@
 import numpy as np
 
 from auvident.schema.logs import DEG
-from auvident.stages.ingest.checks.correction import scaled
+from auvident.stages.ingest.checks.correction import mixed, scaled
 from auvident.stages.ingest.checks.row import Figure, Verdict, agrees, contradicts, untested
 from auvident.stages.ingest.checks.seen import MIN_SPEED_MPS, Seen
 from auvident.stages.ingest.checks.speed import MIN_SAMPLES
 from auvident.stages.ingest.checks.track import course_gain
 
-GAIN_LIMIT = 0.1  # gyro against heading: no gyro has a scale error of 10 %; heel makes 2 to 6 %
+GAIN_LIMIT = 0.07  # gyro against heading: heel makes 2 to 6 %, drawn vehicles 1 % at most
 COURSE_LIMIT = 0.15  # against the course: the drift angle changes along a turn
 SURE_STDS = 3.0
 LEAST_EXPLAINED = 0.4  # of the variance of the rate of the heading
+LEAST_FOLLOWED, FOLLOWED = 0.3, 0.7  # of its turns, by the yaw rate, and by another rate instead
+OTHER_RATES = {"p_radps": "p and r", "q_radps": "q and r"}
 MAX_YAW_RATE = 2.0  # r L / u: a turn on half a hull length; the tightest AUVs reach about 1.2
 MIN_YAW_RATE = 0.01  # r L / u of a circle of 100 lengths: less with a deflected rudder is no turn
 LARGE_RUDDER_RAD = 4.0 * DEG  # deflection that must turn it
+
+
+def gyro_axes(seen: Seen) -> Verdict:
+    """The heading turns with r, not with another rate of the gyro."""
+    if not np.isfinite(seen.passage_s) or not seen.has("heading_rad"):
+        return untested("no heading, or the vehicle hardly moves")
+    own = _followed(seen, "r_radps")
+    if not own < LEAST_FOLLOWED:
+        return agrees("the heading turns with r", own)
+    others = {name: _followed(seen, name) for name in OTHER_RATES if seen.has(name)}
+    best = max(others, key=lambda name: others[name], default="")
+    if not others or not others[best] > FOLLOWED:
+        return untested("no rate of the gyro follows the heading")
+    return contradicts(
+        f"the heading turns with {best[0]}, not with r: {OTHER_RATES[best]} of the gyro look "
+        "exchanged",
+        own,
+        "Check the axes of the gyro; a map (--map) names other columns.",
+        mixed({"r_radps": (1.0, best), best: (1.0, "r_radps")}),
+    )
+
+
+def _followed(seen: Seen, name: str) -> float:
+    """Share of the variance of the turns by the heading that a rate explains; NaN without any."""
+    rate, heading = seen.whole(name), seen.whole("heading_rad")
+    step = max(round(seen.passage_s * seen.trial.rate_hz), 1)
+    size = (rate.size - 1) // step * step
+    by_rate = rate[:size].reshape(-1, step).mean(axis=1)
+    turned = np.angle(np.exp(1j * np.diff(heading[: size + 1 : step])))
+    known = np.isfinite(by_rate + turned)
+    if known.sum() < MIN_SAMPLES:
+        return np.nan
+    return float(np.corrcoef(by_rate[known], turned[known])[0, 1] ** 2)
 
 
 def by_heading(seen: Seen) -> Verdict:

@@ -15,11 +15,12 @@ from auvident.stages.ingest.checks.row import (
     untested,
 )
 from auvident.stages.ingest.checks.seen import MIN_SPEED_MPS, Seen
-from auvident.stages.ingest.checks.track import LEAST_EXPLAINED, TrackFit, track
+from auvident.stages.ingest.checks.track import LEAST_EXPLAINED, TrackFit, sway_gain, track
 
 MIN_RPM = 10.0  # a propeller that turns slower is stopped
 MIN_SAMPLES = 50  # fewer are no evidence
 POSITION_LIMIT = 0.05  # DVLs are good to 1 %, lever arms and changing currents add to it
+SWAY_LIMIT = 0.45  # sway of small, fast vehicles turns too much between two fixes to be seen
 PATH_LIMIT = 0.35  # ratio of the lengths of two tracks, which a current takes part in
 SURE_STDS = 3.0
 LEAST_BALANCE = 0.35  # logarithm: even a drag and a thrust that are known leave the current
@@ -69,6 +70,22 @@ def by_position(seen: Seen) -> Verdict:
         f"{f'; {named}?' if named else ', current taken out'}",
         "Check the units of u, v and of the position, and the DVL's sound speed.",
         scaled(factor, *_velocities(seen)),
+    )
+
+
+def sway_by_position(seen: Seen) -> Verdict:
+    """Sway of the DVL against position: what is far off, or of the wrong sign."""
+    found = sway_gain(seen) if tracked(seen) is not None else None
+    told = SWAY_LIMIT + SURE_STDS * found.std if found is not None else np.inf
+    if found is None or not told < 2.0:
+        return untested("no position log that shows the drift in turns")
+    if abs(found.value - 1.0) <= told:
+        return found.verdict("agrees", f"v fits the position (tested to {100 * told:.0f} %)")
+    return found.verdict(
+        "contradicts",
+        f"the vehicle drifts {found.value:+.2f} times as much by its position as by v",
+        "Check sign and scale of v, and [dvl] x_m; sign = -1 in a map (--map) flips a column.",
+        scaled(-1.0, "v_mps") if found.value < 0.0 else "",
     )
 
 
@@ -159,10 +176,10 @@ def _blamed(seen: Seen, ratio: Ratio) -> tuple[str, ...]:
     if found is not None:
         near = abs(np.log(found.scale.value)) < 0.2
         return ("rpm",) if near else ("speed",)
-    pivot = pivot_ratio(seen)
-    if pivot is None:
+    pivot, otherwise = pivot_ratio(seen), pivot_ratio(seen, 1.0 / ratio.value)
+    if pivot is None or otherwise is None:
         return ("speed", "rpm")
-    apart = (pivot.log**2 - (pivot.log - ratio.log) ** 2) / PIVOT_STD**2
+    apart = (pivot.log**2 - otherwise.log**2) / PIVOT_STD**2
     if abs(apart) < TOLD_APART:
         return ("speed", "rpm")
     return ("speed",) if apart > 0.0 else ("rpm",)
@@ -223,13 +240,20 @@ def _why_no_balance(seen: Seen) -> str:
     return "no straight stretch of ten lengths at steady speed and rpm"
 
 
-def pivot_ratio(seen: Seen) -> Ratio | None:
+def pivot_ratio(seen: Seen, factor: float = 1.0) -> Ratio | None:
     """Drift per yaw rate in turns, against the usual: the pivot is 0.35 lengths ahead of midships.
 
     What a hull drifts with in a turn hardly depends on it: speed over yaw rate shows its scale.
+
+    Parameters
+    ----------
+    seen : Seen
+    factor : float
+        By which the velocities are multiplied first, as read: the lever arm of the DVL is not.
     """
-    u, v, r = seen.columns("u_mps", "v_mps", "r_radps")
-    turning = (np.abs(r) * seen.length_m > TURNING * np.abs(u)) & (u > seen.way_mps)
+    names = ("u_mps", "v_mps", "r_radps")
+    u, v, r = (x * k for x, k in zip(seen.columns(*names), (factor, factor, 1.0), strict=True))
+    turning = (np.abs(r) * seen.length_m > TURNING * np.abs(u)) & (u > factor * seen.way_mps)
     if turning.sum() < MIN_SAMPLES:
         return None
     midships = seen.vehicle.body.origin_from_nose_m - 0.5 * seen.length_m
@@ -299,7 +323,9 @@ def advance_ratio(seen: Seen) -> Verdict:
     u, rpm = seen.columns("u_mps", "rpm")
     driven = (np.abs(rpm) > 1.0) & (np.abs(u) > MIN_SPEED_MPS)
     if seen.vehicle.propeller is None or driven.sum() < MIN_SAMPLES:
-        return untested("no [propeller] in the vehicle file, or the vehicle hardly moves")
+        return _at_rest(seen) or untested(
+            "no [propeller] in the vehicle file, or the vehicle hardly moves"
+        )
     turns = np.abs(rpm[driven]) / 60.0
     advance = float(np.median(np.abs(u[driven]) / (turns * seen.vehicle.propeller.diameter_m)))
     if MIN_ADVANCE <= advance <= MAX_ADVANCE:
@@ -311,6 +337,24 @@ def advance_ratio(seen: Seen) -> Verdict:
         f"u / (n D) is {advance:.3g}; looks like {fault}, or a wrong propeller diameter",
         advance,
         "Check the units of rpm and u and [propeller] diameter_m.",
+    )
+
+
+def _at_rest(seen: Seen) -> Verdict | None:
+    """A vehicle that never moves although its propeller turns, or None."""
+    u, rpm = (np.abs(x) for x in seen.columns("u_mps", "rpm"))
+    turning = rpm > MIN_RPM
+    if seen.vehicle.propeller is None or turning.sum() < MIN_SAMPLES:
+        return None
+    most = float(np.quantile(u[turning], 0.9))
+    advance = most / (np.median(rpm[turning]) / 60.0 * seen.vehicle.propeller.diameter_m)
+    if advance >= MIN_ADVANCE:
+        return None
+    return contradicts(
+        f"u stays below {most:.2g} m/s while the propeller turns; looks like m/s in a _cmps "
+        "column, or a DVL that measures nothing",
+        advance,
+        "Check unit and column of u.",
     )
 
 

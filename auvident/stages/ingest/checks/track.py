@@ -6,6 +6,7 @@ the DVL, its angle that by which the DVL is turned. A current and a scale are to
 on different headings.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,7 +35,7 @@ class TrackFit:
 
 def track(seen: Seen) -> TrackFit | None:
     """Fit of scale, angle and current; None without position, heading or enough way."""
-    moved, way, seconds = _pieces(seen)
+    moved, way, _, seconds = _pieces(seen)
     if moved.size < LEAST_PIECES:
         return None
     gain, current = _fit(moved, way, seconds)
@@ -57,24 +58,49 @@ def _fit(moved: npt.NDArray, way: npt.NDArray, seconds: npt.NDArray) -> tuple[co
     return complex(found[0]), complex(found[1])
 
 
-def _pieces(seen: Seen) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:
-    """Displacement by position, way by the DVL on the heading, and time of each piece."""
+def sway_gain(seen: Seen) -> Figure | None:
+    """Sway by position over that of the DVL, as read; None where nothing shows it."""
+    moved, way, sideways, seconds = _pieces(seen)
+    if moved.size < LEAST_PIECES:
+        return None
+    x = np.column_stack((way - sideways, sideways, seconds.astype(complex)))
+
+    def gain(rows: npt.NDArray) -> float:
+        found, *_ = np.linalg.lstsq(x[rows], moved[rows], rcond=None)
+        return float(np.real(found[1] / found[0])) if found[0] else np.nan
+
+    return _jackknife(gain, moved.size)
+
+
+def _jackknife(estimate: Callable[[npt.NDArray], float], size: int) -> Figure:
+    """An estimate from all rows, with its standard deviation from leaving out blocks of them."""
+    rows = np.arange(size)
+    blocks = np.array_split(rows, LEAVE_OUT)
+    others = np.array([estimate(np.setdiff1d(rows, block)) for block in blocks])
+    std = np.sqrt((LEAVE_OUT - 1) / LEAVE_OUT * np.sum((others - others.mean()) ** 2))
+    return Figure(estimate(rows), float(std))
+
+
+def _pieces(seen: Seen) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray, npt.NDArray]:
+    """Displacement by position, way by the DVL, that of sway alone, and time of each piece."""
     names = ("u_mps", "v_mps", "r_radps", "heading_rad", "north_m", "east_m")
     if not seen.has(*names):
-        return (np.empty(0, complex),) * 2 + (np.empty(0),)
+        return (np.empty(0, complex),) * 3 + (np.empty(0),)
     u, v, r, heading, north, east = (seen.whole(name) for name in names)
     pitch = np.nan_to_num(seen.whole("pitch_rad"))
     dvl = seen.vehicle.dvl
     body = (u + dvl.y_m * r) * np.cos(pitch) + 1j * (v - dvl.x_m * r)
     step = round(PIECE_S * seen.trial.rate_hz)
     first = np.arange(0, u.size - step, step)
-    turned = body * np.exp(1j * heading) / seen.trial.rate_hz
-    way = np.array([turned[k : k + step].sum() for k in first])
+    ahead = np.exp(1j * heading) / seen.trial.rate_hz
+    way, sideways = (
+        np.array([x[k : k + step].sum() for k in first]) for x in (body * ahead, 1j * v * ahead)
+    )
     level = np.array([abs(pitch[k : k + step].mean()) < LEVEL_RAD for k in first])
     place = north + 1j * east
     moved = place[first + step] - place[first] if first.size else np.empty(0, complex)
     good = np.isfinite(way) & np.isfinite(moved) & level if first.size else np.empty(0, bool)
-    return moved[good], way[good], np.full(int(good.sum()), PIECE_S)
+    return moved[good], way[good], sideways[good], np.full(int(good.sum()), PIECE_S)
 
 
 def course_gain(seen: Seen) -> Figure | None:
@@ -88,11 +114,7 @@ def course_gain(seen: Seen) -> Figure | None:
     def slope(rows: npt.NDArray) -> float:
         return float(turned[rows] @ course[rows] / (turned[rows] @ turned[rows]))
 
-    everything = np.arange(turned.size)
-    blocks = np.array_split(everything, LEAVE_OUT)
-    others = np.array([slope(np.setdiff1d(everything, block)) for block in blocks])
-    std = np.sqrt((LEAVE_OUT - 1) / LEAVE_OUT * np.sum((others - others.mean()) ** 2))
-    return Figure(slope(everything), float(std))
+    return _jackknife(slope, turned.size)
 
 
 def _courses(seen: Seen) -> tuple[npt.NDArray, npt.NDArray]:
