@@ -1,6 +1,7 @@
 """The command line: help, examples, output, exit codes."""
 
 import contextlib
+import hashlib
 import json
 import os
 import signal
@@ -189,7 +190,7 @@ def test_a_fault_of_the_program_asks_for_a_report(
     monkeypatch.setattr("auvident.pipeline.status", fail)
     called = auvident("status", demo)
     assert called.code == 70
-    assert "--verbose" in called.err
+    assert "with the file" in called.err
     assert "Traceback" not in called.err
     assert "Traceback" in auvident("status", demo, "--verbose").err
 
@@ -329,8 +330,15 @@ def test_a_run_that_is_worse_than_the_baseline_fails(
     shutil.copytree(demo, "runs/baseline")
     file = Path("runs/baseline/refine/comparison.json")
     content = json.loads(file.read_text())
-    content["held_out"]["after"]["r"]["rmse"] *= 0.8  # the baseline was better
-    file.write_text(json.dumps(content))
+    errors = content["held_out"]["after"]
+    errors["r"]["rmse"] *= 0.8  # the baseline was better
+    text = json.dumps(content).encode()
+    manifest = Path("runs/baseline/run.json")
+    known = manifest.read_text().replace(
+        hashlib.sha256(file.read_bytes()).hexdigest(), hashlib.sha256(text).hexdigest()
+    )
+    file.write_bytes(text)
+    manifest.write_text(known)
     gate = ("compare", demo, "runs/baseline", "--fail-if-worse")
     assert auvident(*gate, "26%").code == 0
     called = auvident(*gate, "0.24")

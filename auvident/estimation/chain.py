@@ -247,7 +247,7 @@ def course(chain: Chain, noise: Intensities) -> ChainEstimate:
     return ChainEstimate(mean, _covariances(factor, chain.d))
 
 
-class _Left(NamedTuple):
+class _OffCentre(NamedTuple):
     """What the centre leaves of a source or the readings: its square, and its pull."""
 
     power: float
@@ -260,7 +260,7 @@ def _centred(chain: Chain, centre: Array) -> Chain:
     return replace(chain, values=chain.values - read, centre=chain.centre + centre)
 
 
-def _left(chain: Chain) -> tuple[_Left, ...]:
+def _left(chain: Chain) -> tuple[_OffCentre, ...]:
     """What the centre leaves of each source, then of the readings."""
     missed = np.einsum("kij,kj->ki", chain.F, chain.centre[:-1]) - chain.centre[1:]
     found = []
@@ -269,20 +269,20 @@ def _left(chain: Chain) -> tuple[_Left, ...]:
         pull = np.zeros_like(chain.centre)
         pull[1:] += force
         pull[:-1] -= np.einsum("kij,ki->kj", chain.F, force)
-        found.append(_Left(float(np.sum(force * missed)), pull.ravel()))
+        found.append(_OffCentre(float(np.sum(force * missed)), pull.ravel()))
     pull = np.zeros_like(chain.centre)
     np.add.at(pull, chain.place, chain.rows * chain.values[:, None])
-    return (*found, _Left(float(chain.values @ chain.values), pull.ravel()))
+    return (*found, _OffCentre(float(chain.values @ chain.values), pull.ravel()))
 
 
-def _solution(chain: Chain, left: Sequence[_Left], theta: Sequence[float], r: float) -> Array:
+def _solution(chain: Chain, left: Sequence[_OffCentre], theta: Sequence[float], r: float) -> Array:
     """Most likely states (n, d), counted from the centre."""
     factor = cholesky_banded(_precision(chain, theta, r), lower=True)
     pull = _pull(left or _left(chain), theta, r)
     return cho_solve_banded((factor, True), pull).reshape(-1, chain.d)
 
 
-def _pull(left: Sequence[_Left], theta: Sequence[float], r: float) -> Array:
+def _pull(left: Sequence[_OffCentre], theta: Sequence[float], r: float) -> Array:
     return sum((own.pull / t for own, t in zip(left, (*theta, r), strict=True)), np.zeros(1))
 
 
@@ -293,7 +293,9 @@ def _precision(chain: Chain, theta: Sequence[float], r: float) -> Array:
     return band
 
 
-def _log_likelihood(chain: Chain, left: Sequence[_Left], theta: Sequence[float], r: float) -> float:
+def _log_likelihood(
+    chain: Chain, left: Sequence[_OffCentre], theta: Sequence[float], r: float
+) -> float:
     """Up to what only the readings decide; -inf where the precision has no factor left."""
     try:
         factor = cholesky_banded(_precision(chain, theta, r), lower=True)

@@ -12,13 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auvident.constants import VehicleTime
 from auvident.schema.channels import CHANNELS
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.clocks_line import LikelyCoefficients, Signals
+from auvident.stages.ingest.response import SMOOTHING_S
 
-SMOOTHING_S: VehicleTime = 1.0  # at the least; as in `response`
 SMOOTHING_LENGTHS = 0.6  # L/U: turbulence and noise of slow hulls out, zigzags left
 FIX_PERIODS = 2.5  # position fixes are joined by straight lines: smoothing hides their corners
 FIX_LENGTHS, FIX_S = 3.0, 5.0

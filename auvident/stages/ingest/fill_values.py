@@ -11,6 +11,7 @@ from auvident.schema.logs import UNITS
 from auvident.stages.ingest.pace import Pace, StepLimit, step_limit
 
 LEAST_ROWS = 3  # equal to the last digit, in places where no motion leads,
+LEAST_RUNS = 2  # apart from each other, of a number that nobody writes for "none"
 LEAST_SHARE = 1e-4  # and so many of the channel: in a long one some are equal by chance
 APART_SHARE = 0.8  # of the rows with this value are such; of zero, which means something else, too
 
@@ -78,7 +79,9 @@ def find_fills(time_s: np.ndarray, values: np.ndarray, channel: Channel, pace: P
     place = np.minimum(np.searchsorted(kinds, values), kinds.size - 1)
     total = np.bincount(place[values == kinds[place]], minlength=kinds.size)
     least = max(LEAST_ROWS, LEAST_SHARE * values.size)
-    is_fill = (rows >= least) & ((rows >= APART_SHARE * total) | (kinds == 0.0))
+    again = np.bincount(kind[sure], minlength=kinds.size) >= LEAST_RUNS  # a held fix comes once
+    again |= (kinds == 0.0) | is_sentinel(kinds, channel)
+    is_fill = again & (rows >= least) & ((rows >= APART_SHARE * total) | (kinds == 0.0))
     edges = np.zeros(values.size + 1, dtype=int)
     edges[starts[is_fill[kind]]] += 1
     edges[ends[is_fill[kind]]] -= 1

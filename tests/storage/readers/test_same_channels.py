@@ -104,4 +104,4 @@ def test_from_the_recording_to_the_ingested_trial(tmp_path, auvident):
     (trial,) = json.loads((run / "ingest" / "quality.json").read_text())["trials"]
     assert trial["trial"] == "night"
     files = {sensor["sensor"]: sensor["file"] for sensor in trial["sensors"]}
-    assert files["gyro"] == f"{path}, topic IMU[1]"
+    assert files["gyro"] == f"{path.parent.name}/night.bin, topic IMU[1]"
