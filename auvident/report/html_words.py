@@ -161,10 +161,12 @@ def _gain_words(data: ReportData, role: str, pooled: dict[str, ChannelError]) ->
 def summary(data: ReportData) -> list[tuple[str, str]]:
     """What the report comes to, line by line: a word, and a sentence or two."""
     found = data.comparison or data.diagnosis
-    rows = [("Contradicted", _contradicted(data)), ("Accuracy", verdict(data)[0])]
+    contradicted = _contradicted(data)
+    rows = [("Contradicted", contradicted), ("Accuracy", verdict(data)[0])]
     rows.append(("Valid for", _range(data)))
     if found is not None:
-        rows += [("Missing effects", found.statement), ("With them", _added(data))]
+        little = " This says little while the log is contradicted." if contradicted else ""
+        rows += [("Missing effects", found.statement + little), ("With them", _added(data))]
         rows.append(("Unexplained", _rest(data)))
     rows += [("Coefficients", _identified(data)), ("Untested", _untested(data))]
     rows.append(("Next maneuver", _next(data)))
@@ -181,9 +183,9 @@ def _contradicted(data: ReportData) -> str:
 
 def _untested(data: ReportData) -> str:
     """What nothing in the logs tests."""
-    return (
-        check_words.untested(data.quality.trials).removeprefix("Untested: ") if data.quality else ""
-    )
+    text = check_words.untested(data.quality.trials) if data.quality else ""
+    text = text.removeprefix("Untested: ")
+    return text[:1].upper() + text[1:]
 
 
 def _range(data: ReportData) -> str:
