@@ -18,6 +18,7 @@ from auvident.report.numbers import PAGE
 from auvident.report.tables import written
 from auvident.report.tables_model import combination, combinations
 from auvident.schema.artifacts import Combination, Finding, Maneuvers
+from auvident.schema.logs import CheckMade
 from auvident.stages.validate.findings import findings_of
 from auvident.storage.run_directory import RunDirectory
 from tests.report import drawings
@@ -263,6 +264,26 @@ def test_the_summary_says_how_good_where_and_what_next(data: ReportData) -> None
     assert data.plan and data.plan.candidates[0].what in told["Next maneuver"]
     bare = dict(summary(replace(data, plan=None, simulation=None, diagnosis=None, comparison=None)))
     assert not {"Valid for", "Missing effects", "Next maneuver"} & set(bare)
+
+
+def test_a_contradicted_log_stands_before_all_else(data: ReportData) -> None:
+    assert data.quality is not None
+    (trial,) = data.quality.trials
+    wrong = CheckMade(
+        name="speed_scale",
+        what="scale of the speed",
+        against="thrust and drag",
+        outcome="contradicts",
+        message="u is 1.96 times what the propeller drives this hull to; knots logged as m/s?",
+        fix="u_mps = 0.514444 u_mps",
+    )
+    bad = trial.model_copy(update={"checks_made": (wrong,)})
+    quality = data.quality.model_copy(update={"trials": (bad,)})
+    (word, text), *rest = summary(replace(data, quality=quality))
+    assert word == "Contradicted"
+    assert "1.96 times" in text and "--fix speed_scale" in text
+    assert dict(rest)["Missing effects"].endswith("while the log is contradicted.")
+    assert "Contradicted" not in dict(summary(data))
 
 
 def test_verdict_follows_the_worst_velocity(data: ReportData) -> None:
