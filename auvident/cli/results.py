@@ -261,21 +261,24 @@ def export(
 ) -> None:
     """Write the model for use elsewhere.
 
-    python and matlab are self-contained functions with the equations; toml is a [coefficients]
-    table for a vehicle file.
+    python and matlab are self-contained functions with the equations, servo and propeller, that
+    predict what auvident simulate does; toml is a [coefficients] table for a vehicle file.
     """
     from auvident.pipeline.predict import find_model
     from auvident.stages.export import export as as_text
+    from auvident.stages.export import remarks_on
     from auvident.storage.artifacts import write_bytes
 
     if form is None:
         form = FORM_OF_SUFFIX.get(file.suffix, "json") if file else "json"
     path, model = find_model(target, plane)
     text = as_text(model, form)
-    if file is not None:
-        write_bytes(file, text.encode())
-        with output.watch() as watch:
+    with output.watch() as watch:
+        if file is not None:
+            write_bytes(file, text.encode())
             watch.note(f"{path} written as {form} to {file}")
+        for line in remarks_on(model, form):
+            watch.note(line)
     if file is None and not output.json:
         output.text(text.rstrip("\n"))
     output.artifact(model, str(path))
