@@ -2,6 +2,7 @@
 
 import ast
 import csv
+import ctypes
 import inspect
 import io
 import shutil
@@ -26,7 +27,7 @@ from auvident.schema.effects import BY_ID, EFFECTS, UNEXPLAINED
 from auvident.schema.planes import PLANES, Plane
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ase import estimate
-from auvident.stages.export import EQUATION_FORMS, export, remarks_on
+from auvident.stages.export import EQUATION_FORMS, export, header_of, remarks_on
 from tests.engines.chain import identified, sample, setup_of
 from tests.engines.effects_world import DT, blank
 
@@ -40,6 +41,7 @@ INSTANTS = {"time_s": 208.0, "over_s": 3.7}  # within the records of `blank`, wh
 SIZES = (1025.0, 1.6, 1.4, 16.0)  # density, length, speed and propeller rate of these vehicles
 
 
+GCC = shutil.which("gcc") or shutil.which("cc")
 OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
 
 
@@ -138,6 +140,42 @@ def in_octave(cases: list[tuple[IdentifiedModel, Case]], folder: Path) -> list[n
     return [np.loadtxt(folder / str(k) / "states.txt") for k in range(len(cases))]
 
 
+class Options(ctypes.Structure):
+    """``auvident_options`` of the header."""
+
+    _fields_ = (
+        ("fin_given", ctypes.c_int),
+        ("fin", ctypes.c_double),
+        ("before", ctypes.c_size_t),
+        ("elapsed_s", ctypes.c_double),
+        *((n, ctypes.c_void_p) for n in ("speed_mps", "roll_rad", "pitch_rad", "depth_m")),
+    )
+
+
+def in_c(model: IdentifiedModel, case: Case, file: Path) -> np.ndarray:
+    """States as the exported functions predict them."""
+    file.write_text(export(model, "c"))
+    library, strict = file.with_suffix(".so"), ("-std=c99", "-pedantic", "-Wall", "-Wextra")
+    command = [GCC, *strict, "-Werror", "-shared", "-fPIC", "-o", library, file, "-lm"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    kept = {n: np.array(v) for n, v in case.series.items() if n != "elapsed_s"}
+    series = {n: v.ctypes.data for n, v in kept.items()}
+    elapsed = case.series["elapsed_s"]
+    options = Options(before=len(case.before), elapsed_s=elapsed, **series)
+    inputs, states = np.array([*case.before, *case.inputs]), np.zeros((len(case.inputs), 4))
+    start, pointer = np.array(case.start), ctypes.c_void_p
+    ctypes.CDLL(str(library)).auvident_simulate(
+        pointer(start.ctypes.data),
+        pointer(inputs.ctypes.data),
+        ctypes.c_size_t(len(states)),
+        ctypes.c_double(case.dt_s),
+        ctypes.byref(options),
+        pointer(states.ctypes.data),
+    )
+    return states
+
+
 def both_ways(model: IdentifiedModel, record: Record, dt_s: float) -> tuple[np.ndarray, ...]:
     """States as the exported module predicts them, and as the program does."""
     case = case_of(model, record, dt_s)
@@ -167,6 +205,29 @@ def test_the_matlab_form_predicts_as_the_program_does(tmp_path: Path) -> None:
             cases.append((model, case_of(model, blank(60), DT)))
     for states, (_, case) in zip(in_octave(cases, tmp_path), cases, strict=True):
         np.testing.assert_allclose(states, case.expected, rtol=0, atol=EQUAL)
+
+
+@pytest.mark.skipif(GCC is None, reason="no C compiler on this machine")
+@pytest.mark.parametrize("plane", PLANES)
+def test_the_c_form_predicts_as_the_program_does(plane: Plane, tmp_path: Path) -> None:
+    """Without effects, with a servo of each kind, with everything, and as identified."""
+    fin = "rudder" if plane == "horizontal" else "elevator"
+    every = [e for p, e in SINGLE if p == plane]
+    actuation = [e for e in every if BY_ID[e].enters == "input"]
+    kinds = ((), (f"{fin}_lag",), (f"{fin}_rate_limit", f"{fin}_delay"), actuation, every)
+    cases = [(m, case_of(m, blank(400), DT)) for m in (with_effects(plane, *k) for k in kinds)]
+    setup, model = setup_of(TRIAL_OF[plane], plane), identified(TRIAL_OF[plane], plane).model
+    record = next(r for kind, r in setup.records.values() if kind == "zigzag")
+    cases.append((model, case_of(model, record, setup.dt_s)))
+    for k, (model, case) in enumerate(cases):
+        states = in_c(model, case, tmp_path / f"model{k}.c")
+        np.testing.assert_allclose(states, case.expected, rtol=0, atol=EQUAL)
+
+
+def test_the_header_stands_in_the_c_file() -> None:
+    model = with_effects("vertical", "current", "vertical_current")
+    assert export(model, "c").startswith(header_of(model))
+    assert "auvident_over_ground" in header_of(model)
 
 
 SINGLE = [(plane, e.id) for plane in PLANES for e in (*EFFECTS, UNEXPLAINED) if plane in e.planes]
@@ -317,6 +378,16 @@ def test_no_name_becomes_matlab(name: str) -> None:
     assert lines[0] == "function out = auvident_model(x, inputs, dt_s, options)"
     assert lines[1].startswith("% ")
     assert lines[:1] + lines[2:] == plain[:1] + plain[2:]
+
+
+@with_each(NASTY)
+@given(NAMES)
+def test_no_name_becomes_c(name: str) -> None:
+    """Only the first line differs, a comment that does not go on in the next one."""
+    lines, plain = (export(named(n), "c").splitlines() for n in (name, "REMUS 100"))
+    assert lines[0].startswith("// ")
+    assert not lines[0].endswith(("\\", "??/"))
+    assert lines[1:] == plain[1:]
 
 
 @with_each(NASTY)

@@ -4,12 +4,13 @@ from collections.abc import Callable
 
 from auvident.errors import UsageError
 from auvident.schema.artifacts import IdentifiedModel
+from auvident.stages.export.c import as_c, header_of
 from auvident.stages.export.contents import remarks
 from auvident.stages.export.data import as_csv, as_json, as_toml
 from auvident.stages.export.matlab import as_matlab
 from auvident.stages.export.python import as_python
 
-__all__ = ["EQUATION_FORMS", "FORMS", "export", "remarks_on"]
+__all__ = ["EQUATION_FORMS", "FORMS", "export", "header_of", "remarks_on"]
 
 FORMS: dict[str, Callable[[IdentifiedModel], str]] = {
     "json": as_json,
@@ -17,8 +18,9 @@ FORMS: dict[str, Callable[[IdentifiedModel], str]] = {
     "csv": as_csv,
     "python": as_python,
     "matlab": as_matlab,
+    "c": as_c,
 }
-EQUATION_FORMS = ("python", "matlab")
+EQUATION_FORMS = ("python", "matlab", "c")
 
 
 def export(model: IdentifiedModel, form: str) -> str:

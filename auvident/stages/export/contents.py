@@ -229,8 +229,7 @@ def remarks(model: IdentifiedModel) -> tuple[str, ...]:
         (events, "Left out, as it belongs to one trial: {}."),
         (
             water,
-            "Off by default: {}. States are through the water; over_ground adds its velocity, "
-            "which WATER holds as identified.",
+            "Off by default: {}. States are through the water, until its velocity is given.",
         ),
     )
     return tuple(text.format(", ".join(names)) for names, text in lines if names)

@@ -249,7 +249,7 @@ def _values(contents: Contents) -> dict[str, str]:
         "water": "\n".join(f"{name} = {value!r}" for name, value in contents.water.items()),
         "down": ", down" if model.plane == "vertical" else "",
         "mass": "\n".join(f"    ({', '.join(row)})," for row in mass_expressions(structure)),
-        "forces": "\n".join(f"        {force}," for force in force_expressions(structure)),
+        "forces": "\n".join(_wrapped(f"{force},") for force in force_expressions(structure)),
         "names": "".join(f", {name}" for name in names),
         "defaults": "".join(f", {n}={'0.0' if n == 'elapsed_s' else 'None'}" for n in names),
         "logged": ", ".join(series),
@@ -263,6 +263,18 @@ def _expression(name: str, contents: Contents) -> str:
     own, other, rate = contents.inputs
     at_work = {own: "angle", other: "inputs[k][1]", rate: "rate"} | EXPRESSIONS
     return at_work.get(name, f"{name}[k]")
+
+
+def _wrapped(force: str) -> str:
+    """A sum of many terms over several lines."""
+    return textwrap.fill(
+        force,
+        WIDTH,
+        initial_indent=" " * 8,
+        subsequent_indent=" " * 12,
+        break_on_hyphens=False,
+        break_long_words=False,
+    )
 
 
 def _assignments(values: dict[str, float]) -> str:
