@@ -319,9 +319,12 @@ def test_effects_of_another_version_are_refused_by_name(form: str) -> None:
     with pytest.raises(UsageError, match="bow_thruster") as caught:
         export(model.model_copy(update={"effects": (*model.effects, odd)}), form)
     assert "rudder_lag" not in caught.value.problem
-    lost = {"id": "rudder_lag", "internal": {"rudder_lag.lag_s": float("nan")}}
-    with pytest.raises(UsageError, match=r"rudder_lag\.lag_s is no finite number"):
-        export(model.model_copy(update={"effects": (lost,)}), form)
+    for lost in (float("nan"), "1", None, 10**400):
+        effect = {"id": "rudder_lag", "internal": {"rudder_lag.lag_s": lost}}
+        with pytest.raises(UsageError, match=r"rudder_lag\.lag_s is no finite number"):
+            export(model.model_copy(update={"effects": (effect,)}), form)
+    with pytest.raises(UsageError, match="rudder_lag is no finite number"):
+        export(model.model_copy(update={"effects": ({"id": "rudder_lag"},)}), form)
 
 
 # What ends a string, a comment or a line somewhere, and what begins something.

@@ -1,8 +1,10 @@
 """What a program of a model holds: its equations, what acts on its inputs, what is left out."""
 
 import math
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from auvident.engines.carried import structure_behind, vector_behind
 from auvident.errors import UsageError
@@ -12,6 +14,7 @@ from auvident.physics.terms import Structure
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.effects import BY_ID
 from auvident.schema.planes import BY_PLANE, Plane
+from auvident.schema.quoting import clipped
 from auvident.stages.export.expressions import (
     OF_EFFECTS,
     parameter_name,
@@ -147,13 +150,29 @@ def contents_of(model: IdentifiedModel) -> Contents:
 
 
 def _refuse_unknown(model: IdentifiedModel) -> None:
-    unknown = [str(e.get("id", "")) for e in model.effects if e.get("id") not in BY_ID]
+    ids = [str(e.get("id", "")) for e in model.effects]
+    unknown = [name for name in ids if name not in BY_ID]
     if unknown:
         raise UsageError(
-            f"the effects {', '.join(unknown)} are unknown to this version",
+            f"the effects {clipped(', '.join(unknown))} are unknown to this version",
             "--format",
             "Use json, or the version of auvident that identified the model.",
         )
+
+
+def _refuse_damaged(model: IdentifiedModel) -> None:
+    """A value that is no number would be no program."""
+    found: dict[str, Any] = model.values() | model.rigid_body.model_dump()
+    for effect in model.effects:
+        internal = effect.get("internal")
+        found |= internal if isinstance(internal, dict) else {str(effect["id"]): internal}
+    for name, value in found.items():
+        if not isinstance(value, (int, float)) or not abs(value) <= sys.float_info.max:
+            raise UsageError(
+                f"{clipped(str(name))} is no finite number",
+                "--format",
+                "Use json, or identify the model again.",
+            )
 
 
 def _actuation(e: list[float], used: set[str]) -> tuple[frozenset[str], dict[str, float]]:
