@@ -81,13 +81,14 @@ def test_what_an_export_leaves_out_is_said(demo: Path, auvident: Callable[..., C
         internal = {f"{effect}.{name}": 0.01}
         model["effects"].append({"id": effect, "internal": internal})
     Path("with.json").write_text(json.dumps(model))
-    for file in ("model.py", "auvident_model.m"):
+    for file in ("model.py", "auvident_model.m", "model.c"):
         called = auvident("export", "with.json", "--output", file)
         assert called.code == 0, called.err
         line = "Left out, as sensors do not move the vehicle: gyro_bias."
         assert line in called.err
         assert line in Path(file).read_text()
         assert "FIN_OFFSET_RAD = 0.01" in Path(file).read_text()
+    assert Path("model.c").read_text().startswith(Path("model.h").read_text())
     assert "gyro_bias" not in auvident("export", "with.json", "--output", "model.toml").err
 
 

@@ -115,14 +115,8 @@ def contents_of(model: IdentifiedModel) -> Contents:
         An effect that the program does not know, or a value that is no number.
     """
     _refuse_unknown(model)
+    _refuse_damaged(model)
     structure, p = structure_behind(model), vector_behind(model)
-    if not all(math.isfinite(value) for value in p):
-        worst = next(
-            n for n, v in zip(structure.parameters, p, strict=True) if not math.isfinite(v)
-        )
-        raise UsageError(
-            f"{worst} is no finite number", "--format", "Use json, or identify the model again."
-        )
     e = act.command_values(model.plane, structure.parameters, p)
     used = used_variables(structure)
     at_work, actuation = _actuation(list(e), used)
