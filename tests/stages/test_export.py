@@ -22,12 +22,14 @@ from auvident.engines.carried import frame_of, over_ground, vector_behind
 from auvident.engines.prediction import at_effects, simulated
 from auvident.engines.records import Record, Source
 from auvident.errors import UsageError
+from auvident.physics.actuation import COMMAND
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.effects import BY_ID, EFFECTS, UNEXPLAINED
 from auvident.schema.planes import PLANES, Plane
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ase import estimate
 from auvident.stages.export import EQUATION_FORMS, export, header_of, remarks_on
+from auvident.stages.export.contents import ACTUATION
 from tests.engines.chain import identified, sample, setup_of
 from tests.engines.effects_world import DT, blank
 
@@ -257,6 +259,11 @@ def test_all_effects_together_act_as_in_the_program(plane: Plane) -> None:
     effects = [e.id for e in EFFECTS if plane in e.planes and e.enters == "input"]
     model = with_effects(plane, *effects)
     np.testing.assert_allclose(*both_ways(model, blank(1800), DT), rtol=0, atol=EQUAL)
+
+
+def test_everything_that_becomes_of_a_command_has_a_constant() -> None:
+    places = {place for _, _, place, _ in ACTUATION}
+    assert {name for k, name in enumerate(COMMAND) if k not in places} == {"T_nn", "T_nu"}
 
 
 def test_only_what_a_model_needs_is_written() -> None:
