@@ -45,10 +45,8 @@ def test_exported_python_reproduces_the_simulation(
 ) -> None:
     """To 1e-9: the same equations and steps in another order of floating-point operations."""
     model, inputs = exported(demo, auvident), inputs_of(demo)
-    fin = 0.0
-    for row in inputs_of(demo, 1363.0)[: -len(inputs)]:  # the servo is under way at the start
-        _, fin = model.servo(fin, row[0], 0.1)
-    states = model.simulate(simulated[STATES].iloc[0].tolist(), inputs, 0.1, fin)
+    before = inputs_of(demo, 1353.0)[: -len(inputs)]  # the servo is under way at the start
+    states = model.simulate(simulated[STATES].iloc[0].tolist(), inputs, 0.1, before=before)
     assert len(states) == len(simulated) == 750
     np.testing.assert_allclose(states, simulated[STATES].to_numpy(), rtol=0, atol=1e-9)
 
@@ -60,9 +58,11 @@ def test_exported_matlab_has_the_same_equations(
     auvident("export", demo, "--output", "auvident_model.m")
     state, inputs = (1.4, 0.1, -0.2, 0.3), (0.2, 0.05, 14.0)
     scope: dict = {"cos": math.cos, "sin": math.sin, "x": (None, *state), "inputs": (None, *inputs)}
-    for line in Path("auvident_model.m").read_text().replace("...\n", "").splitlines():
+    text = Path("auvident_model.m").read_text().replace("...\n", "")
+    _, _, equations = text.partition("function dx = derivative")
+    for line in equations.partition("\nend")[0].splitlines():
         name, equals, value = line.rstrip(";").partition(" = ")
-        if not equals or line.startswith(("%", "function", "dx")):
+        if not equals or line.startswith("dx"):
             continue
         if value.startswith("["):
             rows = value.strip("[]").split(";")
@@ -72,6 +72,24 @@ def test_exported_matlab_has_the_same_equations(
     rates = np.linalg.solve(scope["mass_matrix"], np.ravel(scope["force"]))
     expected = exported(demo, auvident).derivative(state, inputs)
     np.testing.assert_allclose([*rates, scope["r"]], expected, rtol=1e-12)
+
+
+def test_what_an_export_leaves_out_is_said(demo: Path, auvident: Callable[..., Called]) -> None:
+    """In the file and on standard error; the refined model keeps everything that acts."""
+    model = json.loads((demo / "refine" / "model.json").read_text())
+    for effect, name in (("gyro_bias", "bias_degps"), ("rudder_offset", "offset_deg")):
+        internal = {f"{effect}.{name}": 0.01}
+        model["effects"].append({"id": effect, "internal": internal})
+    Path("with.json").write_text(json.dumps(model))
+    for file in ("model.py", "auvident_model.m", "model.c"):
+        called = auvident("export", "with.json", "--output", file)
+        assert called.code == 0, called.err
+        line = "Left out, as sensors do not move the vehicle: gyro_bias."
+        assert line in called.err
+        assert line in Path(file).read_text()
+        assert "FIN_OFFSET_RAD = 0.01" in Path(file).read_text()
+    assert Path("model.c").read_text().startswith(Path("model.h").read_text())
+    assert "gyro_bias" not in auvident("export", "with.json", "--output", "model.toml").err
 
 
 def test_exported_toml_is_a_table_of_a_vehicle_file(

@@ -251,7 +251,7 @@ def _picture_form(figure: Path | None) -> str:
 @click.option(
     "--format",
     "form",
-    type=click.Choice(["json", "toml", "csv", "python", "matlab"]),
+    type=click.Choice(["json", "toml", "csv", "python", "matlab", "c"]),
     help="[default: by the suffix of --output, else json]",
 )
 @click.option("--output", "file", type=PATH, help="Output file.  [default: standard output]")
@@ -261,27 +261,40 @@ def export(
 ) -> None:
     """Write the model for use elsewhere.
 
-    python and matlab are self-contained functions with the equations; toml is a [coefficients]
-    table for a vehicle file.
+    python, matlab and c are self-contained functions with the equations, servo and propeller, that
+    predict what auvident simulate does; toml is a [coefficients] table for a vehicle file. c is a
+    source file that begins with its header, which FILE.c has beside it as FILE.h, too.
     """
     from auvident.pipeline.predict import find_model
     from auvident.stages.export import export as as_text
+    from auvident.stages.export import header_of, remarks_on
     from auvident.storage.artifacts import write_bytes
 
     if form is None:
         form = FORM_OF_SUFFIX.get(file.suffix, "json") if file else "json"
     path, model = find_model(target, plane)
     text = as_text(model, form)
-    if file is not None:
-        write_bytes(file, text.encode())
-        with output.watch() as watch:
+    with output.watch() as watch:
+        if file is not None:
+            write_bytes(file, text.encode())
             watch.note(f"{path} written as {form} to {file}")
+        if file is not None and form == "c" and file.suffix == ".c":
+            write_bytes(file.with_suffix(".h"), header_of(model).encode())
+        for line in remarks_on(model, form):
+            watch.note(line)
     if file is None and not output.json:
         output.text(text.rstrip("\n"))
     output.artifact(model, str(path))
 
 
-FORM_OF_SUFFIX = {".json": "json", ".toml": "toml", ".csv": "csv", ".py": "python", ".m": "matlab"}
+FORM_OF_SUFFIX = {
+    ".json": "json",
+    ".toml": "toml",
+    ".csv": "csv",
+    ".py": "python",
+    ".m": "matlab",
+    ".c": "c",
+}
 
 
 def read_share(ctx: click.Context, parameter: click.Parameter, text: str | None) -> float | None:
