@@ -28,7 +28,7 @@ OF_OUTCOMES = """## What the outcomes mean
 
 """
 SHARES = """
-*Well* is right, refused or said; *at best* is what no program could better (a log that can be read
+*Well* is right, refused, said or untested; *at best* is what no program could better (a log that can be read
 right is not refused); *quietly wrong* is misnamed or quiet. *Off* is the largest difference of an
 informed coefficient, the *held-out error* that of the damaged log's model on the clean log, over
 that of the clean log's own model; of several vehicles the worst.
@@ -55,7 +55,7 @@ def family_of(row: Row) -> str:
 def by_family(rows: list[Row]) -> Table:
     """Counts of the outcomes, and shares.
 
-    Well is right, refused or said; at best is what no program could better (a log that could be
+    Well is right, refused, said or untested; at best is what no program could better (a log that could be
     read right is not refused); quietly wrong is misnamed or quiet.
     """
     groups: dict[str, list[Row]] = {}

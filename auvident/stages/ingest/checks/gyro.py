@@ -27,7 +27,7 @@ def gyro_axes(seen: Seen) -> Verdict:
         return untested("no heading, or the vehicle hardly moves")
     own = _followed(seen, "r_radps")
     if not np.isfinite(own):
-        return untested("the heading hardly turns")
+        return untested("the heading hardly turns, or not for long")
     if own >= LEAST_FOLLOWED:
         return agrees("the heading turns with r", own)
     others = {name: _followed(seen, name) for name in OTHER_RATES if seen.has(name)}
