@@ -387,6 +387,13 @@ def case_of(name: str) -> dict:
     return damage_trial.case_of(2, name)
 
 
+def test_both_halves_of_the_seeds_are_told_apart() -> None:
+    found = [{"program": "p", "case": {"seed": seed, "damage": ["knots"]}} for seed in (16, 16, 1)]
+    even, odd, *vehicles = damage.studied_as(found).split(". ")
+    assert "2 trials, even" in even and "1 trials, odd" in odd
+    assert vehicles == ["Seed 16: units and scales 2", "Seed 1: units and scales 1."]
+
+
 def test_the_page_explains_every_outcome() -> None:
     text = damage_page.page([judged(evidence(1.0))], [], "how")
     assert all(f"| `{outcome}` |" in text for outcome in OUTCOMES)

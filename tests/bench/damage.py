@@ -10,6 +10,7 @@ import argparse
 import json
 import os
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
@@ -43,6 +44,7 @@ def main(arguments: list[str], show: Show) -> None:
     jobs = [*wanted(options), *clean_ones(options)]
     kept = evidence_in(options.score) if options.score else sail(jobs, options)
     kept = {key_of(job): kept[key_of(job)] for job in jobs if key_of(job) in kept}
+    kept |= evidence_in(options.also) if options.also else {}
     rows, clean = judged(kept), alarms(kept)
     tables = damage_page.tables(rows) | {"said of clean logs": clean}
     for title in ("by family", "not well", "said of clean logs"):
@@ -53,8 +55,24 @@ def main(arguments: list[str], show: Show) -> None:
         options.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
     if options.write:
         studied = [e for e in kept.values() if e["case"]["damage"] != [AS_DRAWN]]
-        half = HALVES[options.seeds[0] % 2] if options.seeds else options.half
-        damage_page.write(rows, clean, measured(studied or kept.values(), half))
+        damage_page.write(rows, clean, studied_as(studied or list(kept.values())))
+
+
+def studied_as(found: list[dict[str, Any]]) -> str:
+    """Which programs, trials and seeds of each half, and what was done to each vehicle."""
+    halves = [[e for e in found if e["case"]["seed"] % 2 == k] for k in range(len(HALVES))]
+    whole = [measured(some, half) for some, half in zip(halves, HALVES, strict=True) if some]
+    seeds_seen = dict.fromkeys(e["case"]["seed"] for e in found)
+    return " ".join([*whole, *(_done_to(seed, found) for seed in seeds_seen)])
+
+
+def _done_to(seed: int, found: list[dict[str, Any]]) -> str:
+    """Families of the kinds that one vehicle had, with their counts."""
+    from seatrial.damage import CASES
+
+    cases = [e["case"]["damage"] for e in found if e["case"]["seed"] == seed]
+    families = Counter(CASES[names[0]].kind.family for names in cases if names[0] in CASES)
+    return f"Seed {seed}: " + ", ".join(f"{name} {n}" for name, n in families.items()) + "."
 
 
 def wanted(options: argparse.Namespace) -> list[Job]:
@@ -215,6 +233,7 @@ def _options(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--workers", type=int, default=1, help="trials at a time")
     parser.add_argument("--resume", type=Path, help="file of evidence; what is in it is taken")
     parser.add_argument("--score", type=Path, help="run nothing, judge the evidence in a file")
+    parser.add_argument("--also", type=Path, help="evidence kept of other vehicles, put beside")
     parser.add_argument("--json", type=Path, help="file for the outcomes and tables")
     parser.add_argument("--write", action="store_true", help="write docs/damaged-logs.md")
     return parser.parse_args(arguments)

@@ -113,7 +113,7 @@ NAMES: dict[str, tuple[str, ...]] = {
         "dropped:implausible",
     ),
     "stuck readings": STUCK,
-    "saturated readings": ("dropped:saturat*", "*saturat*", "dropped:outlier"),
+    "saturated readings": ("gyro_axes", "dropped:saturat*", "*saturat*", "dropped:outlier"),
     "clipped rudder": ("rudder_cut", "*clipp*", "*saturat*", "rudder_scale*", "rudder_gain*"),
     "frozen rudder": ("*frozen*", "*stuck*", "rudder_constant*"),
     "frozen rpm": ("*frozen*", "*stuck*", "rpm_constant*"),

@@ -28,10 +28,10 @@ OF_OUTCOMES = """## What the outcomes mean
 
 """
 SHARES = """
-*Well* is right, refused or said; *at best* is what no program could better (a log that can be read
-right is not refused); *quietly wrong* is misnamed or quiet. *Off* is the largest difference of an
-informed coefficient, the *held-out error* that of the damaged log's model on the clean log, over
-that of the clean log's own model; of several vehicles the worst.
+*Well* is right, refused, said or untested; *at best* is what no program could better (a log that
+can be read right is not refused); *quietly wrong* is misnamed or quiet. *Off* is the largest
+difference of an informed coefficient, the *held-out error* that of the damaged log's model on the
+clean log, over that of the clean log's own model; of several vehicles the worst.
 """
 Table = list[dict[str, Any]]
 
@@ -55,8 +55,8 @@ def family_of(row: Row) -> str:
 def by_family(rows: list[Row]) -> Table:
     """Counts of the outcomes, and shares.
 
-    Well is right, refused or said; at best is what no program could better (a log that could be
-    read right is not refused); quietly wrong is misnamed or quiet.
+    Well is right, refused, said or untested; at best is what no program could better (a log that
+    could be read right is not refused); quietly wrong is misnamed or quiet.
     """
     groups: dict[str, list[Row]] = {}
     for row in rows:

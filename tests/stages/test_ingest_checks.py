@@ -259,6 +259,13 @@ def test_axes_of_the_gyro_that_are_exchanged(other):
     assert made.fix == mixed({"r_radps": (1.0, other), other: (1.0, "r_radps")})
 
 
+def test_a_gyro_that_does_not_follow_the_heading():
+    overflows = {"r_radps": lambda x: (x + 0.1) % 0.2 - 0.1}
+    made = on_the_grid(**overflows)["gyro_axes"]
+    assert made.outcome == "contradicts"
+    assert "overflows" in made.message and not made.fix
+
+
 def test_without_turns_either_may_be_off():
     straight = times(1e-3, "r_radps", "rudder_rad") | times(2.0, "rpm")
     found = on_the_grid("north_m", "east_m", "heading_rad", **straight)

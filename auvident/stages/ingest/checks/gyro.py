@@ -14,6 +14,7 @@ COURSE_LIMIT = 0.15  # against the course: the drift angle changes along a turn
 SURE_STDS = 3.0
 LEAST_EXPLAINED = 0.4  # of the variance of the rate of the heading
 LEAST_FOLLOWED, FOLLOWED = 0.3, 0.7  # of its turns, by the yaw rate, and by another rate instead
+LEAST_TURN = 0.05  # rad in the time of a length, standard deviation: less is noise
 OTHER_RATES = {"p_radps": "p and r", "q_radps": "q and r"}
 MAX_YAW_RATE = 2.0  # r L / u: a turn on half a hull length; the tightest AUVs reach about 1.2
 MIN_YAW_RATE = 0.01  # r L / u of a circle of 100 lengths: less with a deflected rudder is no turn
@@ -25,12 +26,19 @@ def gyro_axes(seen: Seen) -> Verdict:
     if not np.isfinite(seen.passage_s) or not seen.has("heading_rad"):
         return untested("no heading, or the vehicle hardly moves")
     own = _followed(seen, "r_radps")
-    if not own < LEAST_FOLLOWED:
+    if not np.isfinite(own):
+        return untested("the heading hardly turns, or not for long")
+    if own >= LEAST_FOLLOWED:
         return agrees("the heading turns with r", own)
     others = {name: _followed(seen, name) for name in OTHER_RATES if seen.has(name)}
     best = max(others, key=lambda name: others[name], default="")
     if not others or not others[best] > FOLLOWED:
-        return untested("no rate of the gyro follows the heading")
+        return contradicts(
+            f"the heading turns, but not with r (which explains {100 * own:.0f} % of it): one of "
+            "them overflows, is stuck, of another axis or seconds late",
+            own,
+            "Plot heading and r; leave the heading out if it is the one that is wrong.",
+        )
     return contradicts(
         f"the heading turns with {best[0]}, not with r: {OTHER_RATES[best]} of the gyro look "
         "exchanged",
@@ -41,14 +49,14 @@ def gyro_axes(seen: Seen) -> Verdict:
 
 
 def _followed(seen: Seen, name: str) -> float:
-    """Share of the variance of the turns by the heading that a rate explains; NaN without any."""
+    """Share of the variance of the turns by the heading that a rate explains; NaN without turns."""
     rate, heading = seen.whole(name), seen.whole("heading_rad")
     step = max(round(seen.passage_s * seen.trial.rate_hz), 1)
     size = (rate.size - 1) // step * step
     by_rate = rate[:size].reshape(-1, step).mean(axis=1)
     turned = np.angle(np.exp(1j * np.diff(heading[: size + 1 : step])))
     known = np.isfinite(by_rate + turned)
-    if known.sum() < MIN_SAMPLES:
+    if known.sum() < MIN_SAMPLES or np.std(turned[known]) < LEAST_TURN:
         return np.nan
     return float(np.corrcoef(by_rate[known], turned[known])[0, 1] ** 2)
 
