@@ -8,8 +8,9 @@ from scipy.stats import norm
 
 from auvident.schema.artifacts import Finding
 from auvident.stages.identify import Identification, identify
+from auvident.storage.logs import read_trials
 from tests.bench import __main__ as bench
-from tests.bench import left_out, recovery, speed
+from tests.bench import day, left_out, recovery, speed
 from tests.bench.world import equations, make_world
 from tests.engines.chain import chain_of, identified, plan_named, sample
 
@@ -19,6 +20,17 @@ def test_a_pass_is_compared_with_filterpy() -> None:
     assert [row["filter"] for row in rows] == ["ekf", "ukf"] * len(speed.PASSES)
     assert [row["states"] for row in rows[::2]] == [int(name.split()[0]) for name in speed.PASSES]
     assert all(row["ratio"] > 5.0 for row in rows)
+
+
+def test_a_tiled_log_is_read_and_its_growth_told(tmp_path) -> None:
+    base = day.generated(tmp_path)
+    log = day.tiled(base, 400.0, tmp_path / "log")
+    (trial,) = read_trials([log])
+    assert {s: x.time_s.size for s, x in trial.sensors.items()} == {
+        sensor: 400 * rate for sensor, rate in day.RATES_HZ.items()
+    }
+    found = day.measured(day.STAGE.format("ingest"), day.as_parquet(log, tmp_path / "other"), 1)
+    assert found["s"] > 0.0 and found["peak_mib"] > 0.0
 
 
 def test_recovery_is_summed_up() -> None:

@@ -34,6 +34,7 @@ PARTS = (
     "speed",
     "identify",
     "length",
+    "day",
     "whole",
 )
 # What is said of the measurement, behind the version of the program.
@@ -42,6 +43,7 @@ HOW = {
     "speed": "; medians of {repeats} repetitions",
     "identify": "; medians of {repeats} repetitions",
     "length": "; medians of {few} repetitions",
+    "day": "; medians of {few} repetitions",
     "splits": "; the first clean trials of even seeds, five random splits each",
     "whole": "; models of the harbour trial and of the dive trial, joined",
     "band": "; the first 29 clean trials of even seeds",
@@ -79,6 +81,7 @@ def main(arguments: list[str] | None = None) -> None:
 def _run(part: str, repeats: int, seeds: int) -> Any:
     from tests.bench import recovery, samples, speed
     from tests.bench.band import band
+    from tests.bench.day import day
     from tests.bench.left_out import left_out
     from tests.bench.length import length
     from tests.bench.splits import splits
@@ -96,6 +99,7 @@ def _run(part: str, repeats: int, seeds: int) -> Any:
         "splits": splits,
         "band": band,
         "whole": whole,
+        "day": lambda: day(min(repeats, 3)),
         "length": lambda: {"diagnosis by length of the log": length(min(repeats, 3))},
     }
     return work[part]()
