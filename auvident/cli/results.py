@@ -336,6 +336,8 @@ def compare(output: Output, runs: tuple[Path, ...], share: float | None) -> None
     with output.watch() as watch:
         for table in comparison_tables(comparison):
             watch.show(table)
+        if len({tuple(run["held_out"]) for run in comparison["runs"]}) > 1:
+            watch.note("Other maneuvers are held out in each run: their errors compare roughly.")
     output.artifact(comparison, "compare")
     if share is not None:
         check_not_worse(comparison, share)

@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from auvident.errors import GateError, UsageError
 from auvident.schema.artifacts import RAN_AWAY, Finding, Metrics
+from auvident.schema.planes import PLANE_ROWS
 
 if TYPE_CHECKING:
     from auvident.schema.diagnosis import Comparison
 
 
-VELOCITIES = frozenset("uvwqr")
+VELOCITIES = frozenset(state.symbol for row in PLANE_ROWS for state in row.states[:3])
 
 
 class Error(Protocol):

@@ -5,19 +5,18 @@ neither has to know the other's name.
 """
 
 import re
-import textwrap
 
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.quoting import comment
 from auvident.stages.export.contents import (
+    EXPRESSIONS,
     Contents,
-    acting_effects,
+    comment_lines,
     contents_of,
-    remarks,
     title,
 )
 from auvident.stages.export.expressions import force_expressions, mass_expressions
-from auvident.stages.export.template import filled
+from auvident.stages.export.template import assembled, filled
 
 WIDTH = 95
 HEADER = """// @title@
@@ -229,15 +228,13 @@ PARTS = (
     ("", SIMULATE),
     ("water", WATER),
 )
-# of an acting input, its expression where it is not its own series
-EXPRESSIONS = {"thrust_factor": "factor", "thrust_n": "thrust", "changed": "weight"}
 
 
 def as_c(model: IdentifiedModel) -> str:
     """The model as one C file, which begins with its header."""
     contents = contents_of(model)
     features = contents.features
-    template = "".join(part for feature, part in PARTS if not feature or feature in features)
+    template = assembled(PARTS, features)
     late = {"parameters": "@parameters@", "unpack": "@unpack@"}
     body = filled(template, features, _values(contents) | late)
     numbers = contents.parameters | contents.actuation
@@ -277,7 +274,7 @@ def _values(contents: Contents) -> dict[str, str]:
         "states": ", ".join(contents.states),
         "inputs": ", ".join(contents.inputs),
         "acting": ", ".join(contents.acting),
-        "remarks": _remarks(model),
+        "remarks": comment_lines(model, "// ", WIDTH),
         "water": _water(contents),
         "mass": "\n".join(mass),
         "columns": str(len(contents.acting)),
@@ -303,10 +300,3 @@ def _water(contents: Contents) -> str:
         f"{told},\n// changing by {texts['DRIFT']} per s (north and east before\n"
         "// the middle of the trial, then north and east after it)."
     )
-
-
-def _remarks(model: IdentifiedModel) -> str:
-    acting = ", ".join(acting_effects(model)) or "none"
-    lines = (f"Effects that act: {acting}.", *remarks(model))
-    wrapped = (textwrap.fill(line, WIDTH) for line in lines)
-    return "\n".join(f"// {part}" for line in wrapped for part in line.splitlines())

@@ -2,6 +2,7 @@
 
 import math
 import sys
+import textwrap
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -54,6 +55,8 @@ ACTUATION: tuple[tuple[str, str, int, Callable[[float], float]], ...] = (
     ("changed", "WEIGHT_CHANGE_TIME_S", act.CHANGE_TIME, _plain),
     ("changed", "WEIGHT_CHANGE_OVER_S", act.CHANGE_OVER, _plain),
 )
+# of an acting input, its expression in a program where it is not its own series
+EXPRESSIONS = {"thrust_factor": "factor", "thrust_n": "thrust", "changed": "weight"}
 LAGS = ("lag", "motor")  # act above zero alone
 OVER_GROUND = ("current.north_mps", "current.east_mps")
 WATER: dict[Plane, tuple[str, ...]] = {
@@ -246,6 +249,14 @@ def remarks(model: IdentifiedModel) -> tuple[str, ...]:
         ),
     )
     return tuple(text.format(", ".join(names)) for names, text in lines if names)
+
+
+def comment_lines(model: IdentifiedModel, mark: str, width: int) -> str:
+    """Effects that act, and what is left out, as lines of a comment."""
+    acting = ", ".join(acting_effects(model)) or "none"
+    lines = (f"Effects that act: {acting}.", *remarks(model))
+    wrapped = (textwrap.fill(line, width) for line in lines)
+    return "\n".join(f"{mark}{part}" for line in wrapped for part in line.splitlines())
 
 
 def acting_effects(model: IdentifiedModel) -> tuple[str, ...]:

@@ -1,18 +1,16 @@
 """The model as a MATLAB (or Octave) function file."""
 
-import textwrap
-
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.quoting import comment
 from auvident.stages.export.contents import (
+    EXPRESSIONS,
     Contents,
-    acting_effects,
+    comment_lines,
     contents_of,
-    remarks,
     title,
 )
 from auvident.stages.export.expressions import force_expressions, mass_expressions
-from auvident.stages.export.template import filled
+from auvident.stages.export.template import assembled, filled
 
 WIDTH = 96
 HEAD = """function out = auvident_model(x, inputs, dt_s, options)
@@ -247,8 +245,6 @@ PARTS = (
     ("", ACTING),
     ("water", WATER),
 )
-# of an acting input, its expression where it is not its own series
-EXPRESSIONS = {"thrust_factor": "factor", "thrust_n": "thrust", "changed": "weight"}
 USUAL = {"rate_rps": "14", "thrust_factor": "1"}  # of an example; the others are zero
 
 
@@ -257,7 +253,7 @@ def as_matlab(model: IdentifiedModel) -> str:
     contents = contents_of(model)
     features = contents.features | set(contents.logged)
     features |= {"heading"} if {"water", "vertical"} <= features else set()
-    template = "".join(part for feature, part in PARTS if not feature or feature in features)
+    template = assembled(PARTS, features)
     return filled(template, features, _values(contents))
 
 
@@ -276,7 +272,7 @@ def _values(contents: Contents) -> dict[str, str]:
         "inputs": " ".join(contents.inputs),
         "acting": " ".join(contents.acting),
         "example": f"[{' '.join(example)}]",
-        "remarks": _remarks(model),
+        "remarks": comment_lines(model, "% ", WIDTH),
         "water": _water(contents),
         "directions": " ".join(directions),
         "directions_count": str(len(directions)),
@@ -307,10 +303,3 @@ def _water(contents: Contents) -> str:
         f"{told},\n%   changing by {texts['DRIFT']} per s\n"
         "%   (north and east before the middle of the trial, then north and east after it)."
     )
-
-
-def _remarks(model: IdentifiedModel) -> str:
-    acting = ", ".join(acting_effects(model)) or "none"
-    lines = (f"Effects that act: {acting}.", *remarks(model))
-    wrapped = (textwrap.fill(line, WIDTH) for line in lines)
-    return "\n".join(f"% {part}" for line in wrapped for part in line.splitlines())

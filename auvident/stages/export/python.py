@@ -6,14 +6,14 @@ import textwrap
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.quoting import quoted
 from auvident.stages.export.contents import (
+    EXPRESSIONS,
     Contents,
-    acting_effects,
+    comment_lines,
     contents_of,
-    remarks,
     title,
 )
 from auvident.stages.export.expressions import force_expressions, mass_expressions
-from auvident.stages.export.template import filled
+from auvident.stages.export.template import assembled, filled
 
 WIDTH = 98
 FUNCTIONS = ("copysign", "cos", "exp", "floor", "sin", "sqrt")  # of the module math
@@ -214,8 +214,6 @@ PARTS = (
     ("water", WATER),
     ("drift", DRIFT),
 )
-# of an acting input, its expression where it is not its own series
-EXPRESSIONS = {"thrust_factor": "factor", "thrust_n": "thrust", "changed": "weight"}
 
 
 def as_python(model: IdentifiedModel) -> str:
@@ -224,7 +222,7 @@ def as_python(model: IdentifiedModel) -> str:
     features = set(contents.features)
     features |= {"series"} if contents.logged else set()
     features |= {"logged"} if set(contents.logged) - {"speed_mps"} else set()
-    template = "".join(part for feature, part in PARTS if not feature or feature in features)
+    template = assembled(PARTS, features)
     late = {"title": "@title@", "math": "@math@"}  # no name is read as a part
     body = filled(template, features, _values(contents) | late)
     used = [name for name in FUNCTIONS if re.search(rf"\b{name}\(", body)]
@@ -243,7 +241,7 @@ def _values(contents: Contents) -> dict[str, str]:
         "rate": contents.states[2],
         "inputs": ", ".join(contents.inputs),
         "acting": ", ".join(contents.acting),
-        "remarks": _remarks(model),
+        "remarks": comment_lines(model, "", WIDTH),
         "parameters": _assignments(contents.parameters),
         "actuation": _assignments(contents.actuation),
         "water": "\n".join(f"{name} = {value!r}" for name, value in contents.water.items()),
@@ -279,9 +277,3 @@ def _wrapped(force: str) -> str:
 
 def _assignments(values: dict[str, float]) -> str:
     return "\n".join(f"{name} = {value!r}" for name, value in values.items())
-
-
-def _remarks(model: IdentifiedModel) -> str:
-    acting = ", ".join(acting_effects(model)) or "none"
-    lines = (f"Effects that act: {acting}.", *remarks(model))
-    return "\n".join(textwrap.fill(line, WIDTH) for line in lines)

@@ -5,10 +5,15 @@ where it lacks it; ``@name@`` is replaced once, so that no text put in is read a
 """
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 MARK = re.compile(r"\[([!\w ]+)\]")
 PLACE = re.compile(r"@(\w+)@")
+
+
+def assembled(parts: Iterable[tuple[str, str]], features: Collection[str]) -> str:
+    """Those parts of a template whose feature a model has, or that every model needs."""
+    return "".join(part for feature, part in parts if not feature or feature in features)
 
 
 def filled(template: str, features: Collection[str], values: Mapping[str, str]) -> str:

@@ -11,7 +11,14 @@ from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.clocks import check_clocks, refuse_clocks
 from auvident.stages.ingest.held import held_rudder
-from auvident.stages.ingest.response import Relation, Signals, fit_relation, shifted, smooth_records
+from auvident.stages.ingest.response import (
+    SLOW_SHARE,
+    Relation,
+    Signals,
+    fit_relation,
+    shifted,
+    smooth_records,
+)
 from auvident.stages.ingest.signs import (
     RudderSign,
     evidence,
@@ -29,7 +36,6 @@ EITHER_WAY_S = (-MAX_LAG_S, MAX_LAG_S)
 # The sign is judged at lags of a rudder that acts on the vehicle; at negative ones a helm that
 # answers to the yaw rate would count as a rudder of the opposite sign.
 CAUSAL_LAGS_S = (0.0, 0.6)
-SLOW_SHARE = 0.3  # of the 90 % quantile of the speed: below it a rudder has no grip
 MIN_SPEED_MPS = 0.1
 
 

@@ -16,12 +16,11 @@ from auvident.schema.channels import CHANNELS
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.clocks_line import LikelyCoefficients, Signals
-from auvident.stages.ingest.response import SMOOTHING_S
+from auvident.stages.ingest.response import SLOW_SHARE, SMOOTHING_S
 
 SMOOTHING_LENGTHS = 0.6  # L/U: turbulence and noise of slow hulls out, zigzags left
 FIX_PERIODS = 2.5  # position fixes are joined by straight lines: smoothing hides their corners
 FIX_LENGTHS, FIX_S = 3.0, 5.0
-SLOW_SHARE = 0.3  # of the 90 % quantile of the speed: below it a rudder has no grip
 # Symbols of the equations, their columns and the sensor that delivers them.
 SYMBOLS = {
     "u": "u_mps",

@@ -16,6 +16,7 @@ from auvident.schema.trial import Trial
 
 # moving average, twice: shorter than any turn, longer than sensor noise
 SMOOTHING_S: VehicleTime = 1.0
+SLOW_SHARE = 0.3  # of the 90 % quantile of the speed: below it a rudder has no grip
 # about a zigzag leg, longer than the memory of residuals; short trials ...
 BLOCK_S: tuple[VehicleTime, VehicleTime] = (5.0, 20.0)
 BLOCKS = 8  # ... are cut into so many, but not shorter than turbulence lasts

@@ -66,7 +66,7 @@ def by_heading(seen: Seen) -> Verdict:
     found = seen.heading
     if found is None or found.explained < LEAST_EXPLAINED:
         return _by_course(seen)
-    gain = Figure(float(found.theta[0]), float(found.theta_std[0]))
+    gain = Figure.of(found)
     if abs(gain.value - 1.0) <= GAIN_LIMIT + SURE_STDS * gain.std:
         return gain.verdict("agrees", "the heading changes at the yaw rate")
     return gain.verdict(

@@ -43,7 +43,7 @@ def pitch_by_depth(seen: Seen) -> Verdict:
         return untested("no pitch, or no depth")
     if found.explained < LEAST_EXPLAINED or found.alone[0] < LEAST_ALONE:
         return untested("the depth hardly changes with the pitch")
-    gain = Figure(float(found.theta[0]), float(found.theta_std[0]))
+    gain = Figure.of(found)
     if gain.value < -SIGN_STDS * gain.std:
         return gain.verdict(
             "contradicts",
@@ -69,7 +69,7 @@ def heave_by_depth(seen: Seen) -> Verdict:
         return untested("no heave, no pitch, or no depth")
     if found.explained < LEAST_EXPLAINED or found.alone[1] < LEAST_ALONE:
         return untested("the depth hardly shows the heave")
-    gain = Figure(float(found.theta[1]), float(found.theta_std[1]))
+    gain = Figure.of(found, 1)
     if gain.value < -SIGN_STDS * gain.std:
         return gain.verdict(
             "contradicts",
@@ -95,7 +95,7 @@ def pitch_rate(seen: Seen) -> Verdict:
     found = fit_relation(records, relation, (0.0, 0.0), lambda s: np.abs(s["u"]) > seen.way_mps)
     if found is None or found.explained < LEAST_EXPLAINED:
         return untested("the pitch hardly changes")
-    gain = Figure(float(found.theta[0]), float(found.theta_std[0]))
+    gain = Figure.of(found)
     if abs(gain.value - 1.0) <= RATE_LIMIT + SIGN_STDS * gain.std:
         return gain.verdict("agrees", "the pitch changes at the pitch rate")
     return gain.verdict(

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
 
 from auvident.constants import NORMAL_95
+from auvident.stages.ingest.response import Relation
 
 if TYPE_CHECKING:
     from auvident.stages.ingest.checks.seen import Seen
@@ -71,6 +72,11 @@ class Figure:
 
     value: float
     std: float
+
+    @classmethod
+    def of(cls, found: Relation, term: int = 0) -> Self:
+        """Coefficient of one term of a relation."""
+        return cls(float(found.theta[term]), float(found.theta_std[term]))
 
     @property
     def interval(self) -> tuple[float, float]:
