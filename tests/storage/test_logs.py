@@ -295,7 +295,7 @@ def test_write_then_read_is_identity(tmp_path_factory, ending, values):
     np.testing.assert_array_equal(trial.sensors["dvl"].time_s, table["time_s"])
 
 
-def test_a_million_rows_take_about_a_second(tmp_path):
+def test_a_million_rows_take_seconds_at_most(tmp_path):
     import time
 
     t = np.arange(1_000_000) / 50.0
@@ -304,4 +304,4 @@ def test_a_million_rows_take_about_a_second(tmp_path):
     start = time.process_time()
     (trial,) = read_trials([tmp_path / "gyro.csv"], needed=("r_radps",))
     assert trial.sensors["gyro"].time_s.size == t.size
-    assert time.process_time() - start < 2.0  # takes 0.5 s, of all threads together
+    assert time.process_time() - start < 10.0  # takes 0.5 s, of all threads together
