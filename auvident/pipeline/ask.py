@@ -40,6 +40,33 @@ def finished(path: Path, stage: str) -> Given:
     return Given(run, manifest)
 
 
+def opened(path: Path) -> Given:
+    """The artifacts of a run as it is, with the stages that are up to date.
+
+    Raises
+    ------
+    StageError
+        There is no run.
+    """
+    run = RunDirectory(path)
+    manifest = run.existing()
+    done = frozenset(d.stage for d in judge_all(run, manifest) if d.state == "done")
+    planes = planes_of(run) if "identify" in manifest.stages else ()
+    return Given(run, manifest, also=done, planes=planes)
+
+
+def need(given: Given, stage: str) -> None:
+    """Refuse to go on with an opened run where a stage is not up to date.
+
+    Raises
+    ------
+    StageError
+        Names the command to run.
+    """
+    if stage not in given.also:
+        finished(given.run.path, stage)
+
+
 def in_plane(given: Given, plane: "Plane | None") -> Given:
     """The artifacts of a plane of the run; of the first one without a name."""
     planes = planes_of(given.run)

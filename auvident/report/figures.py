@@ -8,6 +8,7 @@ import io
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any
 
 import numpy as np
@@ -80,6 +81,35 @@ STYLE: Any = {
 }
 
 
+_TAKEN: ContextVar[list[Figure] | None] = ContextVar(
+    "figures handed over as they are", default=None
+)
+
+
+@contextmanager
+def taken() -> Iterator[list[Figure]]:
+    """Figures that are drawn inside are handed over as they are, and not written."""
+    found: list[Figure] = []
+    token = _TAKEN.set(found)
+    try:
+        yield found
+    finally:
+        _TAKEN.reset(token)
+
+
+def are_taken() -> bool:
+    """Whether somebody takes figures as they are."""
+    return _TAKEN.get() is not None
+
+
+def is_taken(figure: Figure) -> bool:
+    """Whether somebody takes the figure as it is, so that it need not be written."""
+    found = _TAKEN.get()
+    if found is not None:
+        found.append(figure)
+    return found is not None
+
+
 @contextmanager
 def style() -> Iterator[None]:
     """Style of the report, for figures made and drawn inside."""
@@ -105,6 +135,8 @@ def svg(figure: Figure, name: str, caption: str) -> str:
     caption : str
         What it shows, for those who cannot see it.
     """
+    if is_taken(figure):
+        return ""
     stream = io.StringIO()
     with rc_context({"svg.hashsalt": name}):
         figure.savefig(stream, format="svg", metadata={"Date": None})

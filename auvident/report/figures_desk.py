@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from auvident.report.figures import BLUE, INK, SOFT, new_figure, quiet, style
+from auvident.report.figures import BLUE, INK, SOFT, is_taken, new_figure, quiet, style
 from auvident.report.numbers import SHOWN_UNITS, unit_text
 from auvident.schema.channels import TIME_COLUMN
 from auvident.schema.desk import DeskCurve, DeskResult
@@ -68,6 +68,8 @@ def desk_figure(result: DeskResult, table: pd.DataFrame, ways: np.ndarray, form:
 
 
 def _bytes(figure: Figure, form: str) -> bytes:
+    if is_taken(figure):
+        return b""
     stream = io.BytesIO()
     told = {"Date": None} if form == "svg" else {}
     figure.savefig(stream, format=form, dpi=150, facecolor="white", metadata=told)

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from auvident.report import (
+    figures,
     figures_coefficients,
     figures_forces,
     figures_loop,
@@ -32,6 +33,8 @@ def remembered(draw: Callable[..., Any]) -> Callable[..., Any]:
 
     @wraps(draw)
     def figure(*arguments: Any, **named: Any) -> Any:
+        if figures.are_taken():
+            return draw(*arguments, **named)
         of = pickle.dumps((arguments, sorted(named.items())))
         key = draw.__name__, hashlib.sha256(of).hexdigest()
         if key not in drawn:
