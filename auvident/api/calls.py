@@ -152,7 +152,9 @@ def load_model(path: PathLike, plane: Plane | None = None) -> Model:
     return Model(artifact, file)
 
 
-def load_vehicle(vehicle: "PathLike | Mapping[str, Any] | Vehicle") -> "Vehicle":
+def load_vehicle(
+    vehicle: "PathLike | Mapping[str, Any] | Vehicle", *, allow_outside: bool = False
+) -> "Vehicle":
     """A vehicle from its file (TOML), or from the same tables as a dictionary.
 
     Parameters
@@ -160,13 +162,19 @@ def load_vehicle(vehicle: "PathLike | Mapping[str, Any] | Vehicle") -> "Vehicle"
     vehicle : path, mapping or Vehicle
         ``{"vehicle": {"mass_kg": 31.0, ...}, "hull": {...}, "fin": [{...}], ...}``; ``auvident
         new-vehicle`` prints a file with every key.
+    allow_outside : bool
+        Read a file of offsets outside of the folder of the vehicle file (of a dictionary: of the
+        current one).
 
     Raises
     ------
     InputError
         An unknown key, a wrong value, or impossible geometry; names table and key.
     """
-    return vehicle_of(vehicle)
+    from auvident.storage.declared import outside_allowed
+
+    with outside_allowed(allow_outside):
+        return vehicle_of(vehicle)
 
 
 def estimate_from_geometry(

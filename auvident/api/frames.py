@@ -10,6 +10,7 @@ from auvident.report.tables_model import SIGHT
 from auvident.schema.artifacts import (
     AseCoefficient,
     AseResult,
+    ChannelMetrics,
     Finding,
     IdentifiedModel,
     Maneuver,
@@ -17,6 +18,7 @@ from auvident.schema.artifacts import (
     ModelConstant,
 )
 from auvident.schema.coefficients import ESTIMATED
+from auvident.schema.diagnosis import ChannelError
 from auvident.schema.planes import Plane
 
 if TYPE_CHECKING:
@@ -122,10 +124,10 @@ def effect_frame(model: IdentifiedModel) -> pd.DataFrame:
 
 def correlation_frame(model: IdentifiedModel) -> pd.DataFrame:
     """Correlations of what was estimated together."""
+    from auvident.report.figures_coefficients import correlations_of
+
     symbols = list(model.covariance.get("symbols", ()))
-    matrix = np.asarray(model.covariance.get("matrix", np.zeros((0, 0))), float)
-    spread = np.sqrt(np.diag(matrix))
-    return pd.DataFrame(matrix / np.outer(spread, spread), index=symbols, columns=symbols)
+    return pd.DataFrame(correlations_of(model.covariance), index=symbols, columns=symbols)
 
 
 # --- geometry -----------------------------------------------------------------------------
@@ -173,7 +175,8 @@ def _held_out(data: "ReportData") -> list[dict[str, Any]]:
     refined = data.comparison if data.is_refined else None
     coverage = refined.coverage if refined else metrics.coverage
     for channel, own in metrics.summary["validate"].items():
-        errors = {"ase": before.get(channel), "identified": own}
+        errors: dict[str, ChannelMetrics | ChannelError | None] = {}
+        errors |= {"ase": before.get(channel), "identified": own}
         errors["refined"] = final.get(channel) if refined else None
         last = errors["refined"] or own
         row: dict[str, Any] = {"channel": channel, "plane": data.plane, "unit": own.unit}

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from auvident.schema.artifacts import IdentifiedModel
-    from auvident.stages.stepping import Stepper
+    from auvident.stages.stepping import ModelStepper
 
     Array = npt.NDArray[np.float64]
 State = Sequence[float] | Mapping[str, float]
@@ -275,7 +275,7 @@ class Model:
         return text
 
     @cached_property
-    def _stepper(self) -> "Stepper":
+    def _stepper(self) -> "ModelStepper":
         from auvident.stages.stepping import stepper_of
 
         return stepper_of(self.artifact)

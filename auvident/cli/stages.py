@@ -208,7 +208,8 @@ def run(
     The run ends with the effects that the model lacked and how the held-out errors changed.
     Without LOG, the logs, the vehicle file and the options of the last run are used.
     """
-    from auvident.pipeline.whole_run import check_run, ended, run_logs
+    from auvident.pipeline.gates import check_planes
+    from auvident.pipeline.whole_run import ended, judged, run_logs
     from auvident.report.console import discoveries
 
     limits = parse_limits(fail_above)
@@ -230,8 +231,8 @@ def run(
         result = run_logs(run, asked, seed=seed, observer=watch)
         for piece in contradicted(run, result):
             watch.show(piece)
-        planes = [(plane, comparison) for plane, _, comparison in ended(run, result)]
-        for piece in discoveries(planes):
+        told = ended(run, result)
+        for piece in discoveries([(plane, comparison) for plane, _, comparison in told]):
             watch.show(piece)
     if output.json:
         output.artifact(summary(run, result), "run")
@@ -239,7 +240,7 @@ def run(
         output.text(str(run / "report" / "report.html"))
     if result.failure is not None:
         raise result.failure
-    check_run(run, result, limits)
+    check_planes([judged(metrics, comparison) for _, metrics, comparison in told], limits)
     return exit_code(result.outputs)
 
 

@@ -8,7 +8,7 @@ from auvident.errors import StageError
 from auvident.pipeline.freshness import judge_all
 from auvident.pipeline.given import Given
 from auvident.pipeline.observer import Observer
-from auvident.pipeline.planes import planes_of
+from auvident.pipeline.planes import MODEL, planes_of
 from auvident.pipeline.run import command_of
 from auvident.pipeline.steps import announce_compilation
 from auvident.storage.run_directory import RunDirectory
@@ -51,7 +51,7 @@ def opened(path: Path) -> Given:
     run = RunDirectory(path)
     manifest = run.existing()
     done = frozenset(d.stage for d in judge_all(run, manifest) if d.state == "done")
-    planes = planes_of(run) if "identify" in manifest.stages else ()
+    planes = planes_of(run) if (run / MODEL).exists() else ()
     return Given(run, manifest, also=done, planes=planes)
 
 

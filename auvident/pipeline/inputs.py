@@ -1,6 +1,6 @@
 """A table of inputs as a trial, so that a model can be flown on what never was in a log."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -45,10 +45,10 @@ def trial_of(table: "pd.DataFrame", plane: Plane) -> Trial:
     for column in (TIME_COLUMN, CONTROL_COLUMNS[plane][0], "rpm"):
         _refuse_without(found, column)
     rate_hz = _rate_hz(found[TIME_COLUMN].to_numpy())
-    flags = {sampled_flag(c): True for c in found.columns if c in BY_COLUMN}
-    flags |= {c: table[c].to_numpy() for c in flags if c in table}
-    record = table[RECORD_COLUMN].to_numpy() if RECORD_COLUMN in table else 0
-    found = found.assign(**flags, **{RECORD_COLUMN: record}).reset_index(drop=True)
+    marks: dict[str, Any] = {sampled_flag(c): True for c in found.columns if c in BY_COLUMN}
+    marks[RECORD_COLUMN] = 0
+    marks |= {c: table[c].to_numpy() for c in marks if c in table}
+    found = found.assign(**marks).reset_index(drop=True)
     return Trial(NAME, _with_end(found, rate_hz), rate_hz)
 
 
@@ -92,8 +92,8 @@ def _rate_hz(time: "np.ndarray") -> float:
         raise InputError(
             f"there are {len(time)} rows", INPUTS, f"{FEWEST_ROWS} are the fewest to simulate."
         )
-    span = time[-1] - time[0]
-    rate = (len(time) - 1) / span if span > 0.0 else np.nan
+    step = float(np.median(np.diff(time)))
+    rate = 1.0 / step if step > 0.0 else np.nan
     off = np.abs((time - time[0]) * rate - np.arange(len(time)))
     if not (off <= UNEVEN).all():  # nor a NaN
         row = int(np.argmax(~(off <= UNEVEN)))

@@ -3,7 +3,6 @@
 The right-hand side, its step and the servo are those of every prediction.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,7 +35,7 @@ ACTIVE = np.ones(N_STATES, dtype=bool)
 
 
 @dataclass(frozen=True)
-class Stepper:
+class ModelStepper:
     """The equations of a model with its parameters.
 
     Attributes
@@ -54,7 +53,7 @@ class Stepper:
     commands: Array
     inverse: Array
 
-    def step(self, state: Sequence[float], fin_rad: float, rate_rps: float, dt_s: float) -> Array:
+    def step(self, state: Array, fin_rad: float, rate_rps: float, dt_s: float) -> Array:
         """State (4,) after a step with the fin and the propeller held.
 
         Raises
@@ -62,7 +61,7 @@ class Stepper:
         NumericsError
             The state is no longer finite.
         """
-        x, out = np.asarray(state, dtype=float), np.empty(N_STATES)
+        x, out = np.array(state, dtype=float), np.empty(N_STATES)
         acting = self._acting(fin_rad, rate_rps, float(x[0]))
         equations = self.structure.equations
         step(x, acting, x, x, dt_s, self.p, self.inverse, ACTIVE, equations, out)
@@ -77,12 +76,12 @@ class Stepper:
         return inputs
 
 
-def stepper_of(model: IdentifiedModel) -> Stepper:
+def stepper_of(model: IdentifiedModel) -> ModelStepper:
     """The equations of a model, ready to be stepped."""
     structure, p = structure_behind(model), vector_behind(model)
     inverse = np.empty((N_VELOCITIES, N_VELOCITIES))
     inverse_mass(p, structure.mass, structure.mass_weights, ACTIVE, inverse)
-    return Stepper(structure, p, command_values(model.plane, structure.parameters, p), inverse)
+    return ModelStepper(structure, p, command_values(model.plane, structure.parameters, p), inverse)
 
 
 def finite(state: Array) -> Array:
