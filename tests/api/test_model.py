@@ -41,22 +41,17 @@ def helm(time: Any) -> Any:
 # --- a whole simulation -------------------------------------------------------------------
 
 
-def test_a_log_gives_what_the_command_prints(demo: Path, auvident: Call) -> None:
+def test_a_log_gives_what_the_command_prints_and_so_do_the_signals(
+    demo: Path, auvident: Call
+) -> None:
     import auvident as interface
 
-    log = "sample_logs/harbour_trial"
-    shown = ("--inputs", log, "--from", 400, "--to", 470, "--samples", 5, "--json")
-    told = json.loads(auvident("simulate", demo, *shown).out)["columns"]
-    made = interface.load_run(demo).model.simulate(log, 5, from_s=400.0, to_s=470.0)
-    pd.testing.assert_frame_equal(made, pd.DataFrame(told))
-
-
-def test_signals_of_a_run_are_inputs(run: auvident.Run) -> None:
-    """Of a model the same motion as from the log, as far as both go."""
-    shown = {"draws": 0, "from_s": 400.0, "to_s": 420.0}
-    log = run.path.parents[1] / "sample_logs/harbour_trial"
-    a, b = run.model.simulate(run.signals, **shown), run.model.simulate(log, **shown)
-    pd.testing.assert_frame_equal(a, b)
+    log, run = "sample_logs/harbour_trial", interface.load_run(demo)
+    shown = ("--inputs", log, "--from", 400, "--to", 420, "--samples", 5, "--json")
+    told = pd.DataFrame(json.loads(auvident("simulate", demo, *shown).out)["columns"])
+    for inputs in (log, run.signals):
+        made = run.model.simulate(inputs, 5, from_s=400.0, to_s=420.0)
+        pd.testing.assert_frame_equal(made, told)
 
 
 def test_every_row_of_a_table_is_simulated_from_a_straight_run(model: auvident.Model) -> None:
