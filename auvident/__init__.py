@@ -51,10 +51,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from auvident.api.calls import (
+        combine,
         estimate_from_geometry,
         load_model,
         load_run,
         load_vehicle,
+        load_whole_model,
         run,
     )
     from auvident.api.geometry import GeometryEstimate
@@ -62,6 +64,7 @@ if TYPE_CHECKING:
     from auvident.api.model import Model, Simulation
     from auvident.api.plots import Panels, Plots
     from auvident.api.results import PlaneModels, Run
+    from auvident.api.whole import WholeModel
     from auvident.errors import (
         AuvidentError,
         ContradictionError,
@@ -83,11 +86,14 @@ _OFFERED = {
         "run",
         "load_run",
         "load_model",
+        "load_whole_model",
         "load_vehicle",
+        "combine",
         "estimate_from_geometry",
     ),
     "auvident.api.results": ("Run", "PlaneModels"),
     "auvident.api.model": ("Model", "Simulation"),
+    "auvident.api.whole": ("WholeModel",),
     "auvident.api.geometry": ("GeometryEstimate",),
     "auvident.api.maneuver": ("FlownManeuver",),
     "auvident.api.plots": ("Plots", "Panels"),
@@ -124,11 +130,14 @@ __all__ = [
     "StageError",
     "UsageError",
     "Vehicle",
+    "WholeModel",
     "__version__",
+    "combine",
     "estimate_from_geometry",
     "load_model",
     "load_run",
     "load_vehicle",
+    "load_whole_model",
     "run",
 ]
 

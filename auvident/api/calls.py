@@ -8,7 +8,8 @@ from auvident.api.geometry import GeometryEstimate, vehicle_of
 from auvident.api.model import Model
 from auvident.api.progress import Lines
 from auvident.api.results import Run
-from auvident.errors import UsageError
+from auvident.api.whole import WholeModel
+from auvident.errors import InputError, UsageError
 from auvident.pipeline.observer import Observer
 from auvident.schema.planes import Plane
 
@@ -147,9 +148,59 @@ def load_model(path: PathLike, plane: Plane | None = None) -> Model:
         There is no model, or it is of another plane.
     """
     from auvident.pipeline.predict import find_model
+    from auvident.pipeline.whole import is_whole
 
+    if is_whole(Path(path)):
+        raise InputError(
+            "is a model of six degrees of freedom or a vehicle file, and of no plane",
+            str(path),
+            "Use auvident.load_whole_model.",
+        )
     file, artifact = find_model(Path(path), plane)
     return Model(artifact, file)
+
+
+def load_whole_model(path: PathLike) -> WholeModel:
+    """A model of six degrees of freedom from its file.
+
+    Parameters
+    ----------
+    path : path
+        What ``auvident combine`` or a run of both planes has written, or a vehicle file (TOML),
+        which gives a model from geometry and its own ``[coefficients]`` alone.
+
+    Raises
+    ------
+    InputError, StageError
+        There is no such model.
+    """
+    from auvident.pipeline.whole import find_whole
+
+    file = Path(path)
+    artifact, vehicle = find_whole(file)
+    return WholeModel(artifact, file, vehicle)
+
+
+def combine(runs: "PathLike | Sequence[PathLike]", vehicle: PathLike | None = None) -> WholeModel:
+    """One model of six degrees of freedom from runs of both planes, as ``auvident combine`` does.
+
+    Parameters
+    ----------
+    runs : path or sequence of paths
+        Run directories, of one plane or of both, or files of models. A plane without a run is the
+        estimate from geometry, as is roll.
+    vehicle : path, optional
+        In place of the vehicle file of the runs; needed where no run is given.
+
+    Raises
+    ------
+    InputError, UsageError
+        Two models of one plane, or of different vehicles.
+    """
+    from auvident.pipeline.whole import combine_runs
+
+    artifact, _ = combine_runs(_paths(runs), _path(vehicle))
+    return WholeModel(artifact)
 
 
 def load_vehicle(

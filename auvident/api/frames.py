@@ -23,6 +23,7 @@ from auvident.schema.planes import Plane
 
 if TYPE_CHECKING:
     from auvident.report.html_data import ReportData
+    from auvident.schema.combined import CombinedModel
     from auvident.schema.desk import DeskFigure
 
 COEFFICIENTS = (
@@ -128,6 +129,13 @@ def correlation_frame(model: IdentifiedModel) -> pd.DataFrame:
 
     symbols = list(model.covariance.get("symbols", ()))
     return pd.DataFrame(correlations_of(model.covariance), index=symbols, columns=symbols)
+
+
+def whole_frame(model: "CombinedModel") -> pd.DataFrame:
+    """Coefficients and constants of a model of six degrees of freedom, by symbol."""
+    rows = [e.model_dump(exclude={"sign"}) for e in model.entries]
+    table = pd.DataFrame(rows).set_index("symbol").rename(columns={"origin": "source"})
+    return table.astype({"prime": float})
 
 
 # --- geometry -----------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from auvident.api.frames import coefficient_frame, correlation_frame, effect_fra
 from auvident.api.maneuver import FlownManeuver
 from auvident.errors import UsageError
 from auvident.pipeline.observer import Observer
-from auvident.schema.planes import STATE_COLUMNS, Plane
+from auvident.schema.planes import CONTROL_COLUMNS, STATE_COLUMNS, Plane
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -142,7 +142,7 @@ class Model:
         from auvident.pipeline.predict import log_of_inputs, predict_trial, vehicle_of
 
         if isinstance(inputs, pd.DataFrame):
-            trial = trial_of(inputs, self.plane)
+            trial = trial_of(inputs, (CONTROL_COLUMNS[self.plane][0], "rpm"))
         else:
             told = _path(vehicle)
             signs = vehicle_of(self.path, self.artifact, told, observer or Observer())

@@ -12,6 +12,7 @@ from auvident.api import frames
 from auvident.api.geometry import GeometryEstimate
 from auvident.api.model import Model
 from auvident.api.signals import predictions, with_smoothed
+from auvident.api.whole import WholeModel
 from auvident.pipeline.ask import need, opened
 from auvident.pipeline.given import Given
 from auvident.pipeline.observer import Observer
@@ -96,6 +97,15 @@ class Run:
     def model(self) -> Model:
         """The model that the run ends with; of a run of both planes that of the first one."""
         return next(iter(self.models.values())).final
+
+    @cached_property
+    def whole(self) -> WholeModel:
+        """The model of six degrees of freedom of a run of both planes."""
+        from auvident.pipeline.reporting import WHOLE
+        from auvident.schema.combined import CombinedModel
+
+        need(self._given, "combine")
+        return WholeModel(self._given.read(WHOLE, CombinedModel), self.path / WHOLE, self.vehicle)
 
     @cached_property
     def estimate(self) -> GeometryEstimate:

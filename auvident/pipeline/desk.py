@@ -12,6 +12,7 @@ from auvident.pipeline.predict import find_model, run_around
 from auvident.pipeline.steps import COMPILING, COMPILING_EACH_TIME
 from auvident.pipeline.table import BY_NAME
 from auvident.pipeline.whole import is_whole
+from auvident.schema.combined import CombinedModel
 from auvident.schema.desk import DeskOrder, desk_order
 from auvident.storage.artifacts import read_model
 from auvident.storage.run_directory import RunDirectory
@@ -69,8 +70,9 @@ def fly_on_desk(target: Path, maneuver: str, asked: Asked, observer: Observer) -
             "no such file", str(target), "Give a run directory, a model.json or a vehicle file."
         )
     if target.suffix != ".toml" and is_whole(target):
-        models, usual = _of_whole(target, order, asked), None
-    elif target.suffix == ".toml":
+        whole = read_model(target, CombinedModel)
+        return fly_whole(whole, str(target), order, asked, observer)
+    if target.suffix == ".toml":
         models, usual = _of_vehicle(target, order, asked)
     else:
         path, model = _model_for(target, order)
@@ -92,6 +94,16 @@ def fly_model(
         observer.note(SPEED_ASSUMED)
     models = identified_models(model, name, asked.samples, _rng(asked))
     return fly_models(models, usual, order, asked, observer)
+
+
+def fly_whole(
+    model: CombinedModel, name: str, order: DeskOrder, asked: Asked, observer: Observer
+) -> "Desk":
+    """Fly a maneuver with a model of six degrees of freedom, restricted to its plane."""
+    from auvident.stages.desk import combined_models
+
+    models = combined_models(model, order.row.plane, name, asked.samples, _rng(asked))
+    return fly_models(models, None, order, asked, observer)
 
 
 def fly_estimate(
@@ -153,15 +165,6 @@ def _estimated(
     plane = order.row.plane
     rigid = rigid_body(vehicle, plane)
     return estimated_models(ase, rigid, plane, name, asked.samples, _rng(asked))
-
-
-def _of_whole(target: Path, order: DeskOrder, asked: Asked) -> "DeskModel":
-    """A model of six degrees of freedom in the plane of the maneuver."""
-    from auvident.schema.combined import CombinedModel
-    from auvident.stages.desk import combined_models
-
-    model = read_model(target, CombinedModel)
-    return combined_models(model, order.row.plane, str(target), asked.samples, _rng(asked))
 
 
 def _speed_of_trial(path: Path) -> float | None:

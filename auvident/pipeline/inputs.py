@@ -1,5 +1,6 @@
 """A table of inputs as a trial, so that a model can be flown on what never was in a log."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +14,6 @@ from auvident.schema.channels import (
     sampled_flag,
 )
 from auvident.schema.logs import UNITS
-from auvident.schema.planes import CONTROL_COLUMNS, Plane
 from auvident.schema.trial import Trial
 
 if TYPE_CHECKING:
@@ -25,16 +25,17 @@ FEWEST_ROWS = 10  # `auvident simulate` wants so many of a log
 INPUTS = "the inputs"
 
 
-def trial_of(table: "pd.DataFrame", plane: Plane) -> Trial:
+def trial_of(table: "pd.DataFrame", needed: Sequence[str]) -> Trial:
     """A table of inputs as a trial.
 
     Parameters
     ----------
     table : pandas.DataFrame
-        ``time_s`` in equal steps, the fin of the plane (``rudder_rad`` or ``rudder_deg``, with the
-        signs of the axes) and ``rpm``; other channels of a trial as far as they are there, with
-        their unit as suffix. Further columns are left alone.
-    plane : str
+        ``time_s`` in equal steps, the inputs (``rudder_rad`` or ``rudder_deg``, with the signs of
+        the axes, ``rpm``); other channels of a trial as far as they are there, with their unit as
+        suffix. Further columns are left alone.
+    needed : sequence of str
+        Inputs that the model needs, as a trial names them.
 
     Raises
     ------
@@ -42,7 +43,7 @@ def trial_of(table: "pd.DataFrame", plane: Plane) -> Trial:
         A column is missing or no number, or the rows are not evenly spaced; names it.
     """
     found = _channels(table)
-    for column in (TIME_COLUMN, CONTROL_COLUMNS[plane][0], "rpm"):
+    for column in (TIME_COLUMN, *needed):
         _refuse_without(found, column)
     rate_hz = _rate_hz(found[TIME_COLUMN].to_numpy())
     marks: dict[str, Any] = {sampled_flag(c): True for c in found.columns if c in BY_COLUMN}
@@ -81,7 +82,7 @@ def _refuse_without(found: "pd.DataFrame", column: str) -> None:
         raise InputError(
             f"there is no column {column}",
             INPUTS,
-            "A simulation needs time_s, rpm and the fin of the plane: rudder_rad or rudder_deg, "
+            "A simulation needs time_s, rpm and the fin of its plane: rudder_rad or rudder_deg, "
             "elevator_rad or elevator_deg.",
         )
 

@@ -11,12 +11,21 @@ import auvident
 from tests.bench.written import table
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "api.md"
-FUNCTIONS = ("run", "load_run", "load_model", "load_vehicle", "estimate_from_geometry")
+FUNCTIONS = (
+    "run",
+    "load_run",
+    "load_model",
+    "load_whole_model",
+    "combine",
+    "load_vehicle",
+    "estimate_from_geometry",
+)
 CLASSES = (
     "Run",
     "PlaneModels",
     "Model",
     "Simulation",
+    "WholeModel",
     "FlownManeuver",
     "GeometryEstimate",
     "Plots",
