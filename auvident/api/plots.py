@@ -4,8 +4,11 @@ import io
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
+from matplotlib.figure import SubplotParams
+
 from auvident.errors import UsageError
-from auvident.report.figures import style, taken
+from auvident.report.figures import style
+from auvident.report.taken import taken
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -14,6 +17,7 @@ if TYPE_CHECKING:
     from auvident.report.html_data import ReportData
 
 DPI = 100
+MANY_NAMES = 15  # along an axis: they stand on end
 PAPER = "white"  # a notebook may be dark
 
 
@@ -33,7 +37,7 @@ class Panels(tuple["Axes", ...]):
     def _repr_png_(self) -> bytes:
         stream = io.BytesIO()
         with style():
-            self.figure.savefig(stream, format="png", dpi=DPI)
+            self.figure.savefig(stream, format="png", dpi=DPI, bbox_inches="tight")
         return stream.getvalue()
 
     def __repr__(self) -> str:
@@ -53,8 +57,24 @@ def drawn(draw: Callable[..., Any], *arguments: Any) -> Panels:
     if not figures:
         raise UsageError("there is nothing to draw", "plot", "The run has no such results.")
     figure = figures[0]
-    figure.set_facecolor(PAPER)
+    with style():
+        _lay_out(figure)
     return Panels(figure.axes)
+
+
+def _lay_out(figure: "Figure") -> None:
+    """Paper, and room for the words, which stand beside the panels on the page of the report."""
+    figure.set_facecolor(PAPER)
+    for axes in figure.axes:
+        if len(axes.get_xticks()) >= MANY_NAMES:
+            axes.tick_params(axis="x", labelrotation=90)
+    places = [axes.get_subplotspec() for axes in figure.axes]
+    tops = [place.get_topmost_subplotspec() for place in places if place is not None]
+    placed = any(top.get_gridspec().locally_modified_subplot_params() for top in tops)
+    moved = vars(figure.subplotpars) != vars(SubplotParams())
+    if len(tops) == len(places) and not placed and not moved:  # nobody has laid it out
+        figure.tight_layout()
+    figure.align_ylabels()
 
 
 class Plots:

@@ -8,7 +8,6 @@ import io
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from contextvars import ContextVar
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,8 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+
+from auvident.report.taken import is_taken
 
 Array = npt.NDArray[np.float64]
 
@@ -79,35 +80,6 @@ STYLE: Any = {
     "path.simplify": True,
     "path.simplify_threshold": 0.3,
 }
-
-
-_TAKEN: ContextVar[list[Figure] | None] = ContextVar(
-    "figures handed over as they are", default=None
-)
-
-
-@contextmanager
-def taken() -> Iterator[list[Figure]]:
-    """Figures that are drawn inside are handed over as they are, and not written."""
-    found: list[Figure] = []
-    token = _TAKEN.set(found)
-    try:
-        yield found
-    finally:
-        _TAKEN.reset(token)
-
-
-def are_taken() -> bool:
-    """Whether somebody takes figures as they are."""
-    return _TAKEN.get() is not None
-
-
-def is_taken(figure: Figure) -> bool:
-    """Whether somebody takes the figure as it is, so that it need not be written."""
-    found = _TAKEN.get()
-    if found is not None:
-        found.append(figure)
-    return found is not None
 
 
 @contextmanager

@@ -7,8 +7,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from auvident.report.figures import BLUE, INK, SOFT, is_taken, new_figure, quiet, style
+from auvident.report.figures import BLUE, INK, SOFT, new_figure, quiet, style
 from auvident.report.numbers import SHOWN_UNITS, unit_text
+from auvident.report.taken import is_taken
 from auvident.schema.channels import TIME_COLUMN
 from auvident.schema.desk import DeskCurve, DeskResult
 from auvident.schema.planes import BY_PLANE

@@ -12,8 +12,9 @@ from matplotlib.axes import Axes
 import auvident
 from auvident.pipeline.given import Given
 from auvident.pipeline.reporting import report_data
-from auvident.report.figures import svg, taken
+from auvident.report.figures import svg
 from auvident.report.html_words import summary
+from auvident.report.taken import taken
 from auvident.storage.run_directory import RunDirectory
 
 FIGURES = (

@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 
 from auvident.report import (
-    figures,
     figures_coefficients,
     figures_forces,
     figures_loop,
     figures_prediction,
     figures_trial,
 )
+from auvident.report.taken import are_taken
 
 FIGURES = {
     figures_coefficients: ("correlation_matrix", "forest", "history"),
@@ -33,7 +33,7 @@ def remembered(draw: Callable[..., Any]) -> Callable[..., Any]:
 
     @wraps(draw)
     def figure(*arguments: Any, **named: Any) -> Any:
-        if figures.are_taken():
+        if are_taken():
             return draw(*arguments, **named)
         of = pickle.dumps((arguments, sorted(named.items())))
         key = draw.__name__, hashlib.sha256(of).hexdigest()
