@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
 from matplotlib.figure import SubplotParams
+from matplotlib.gridspec import GridSpec
 
 from auvident.errors import UsageError
 from auvident.report.figures import style
@@ -70,7 +71,8 @@ def _lay_out(figure: "Figure") -> None:
             axes.tick_params(axis="x", labelrotation=90)
     places = [axes.get_subplotspec() for axes in figure.axes]
     tops = [place.get_topmost_subplotspec() for place in places if place is not None]
-    placed = any(top.get_gridspec().locally_modified_subplot_params() for top in tops)
+    grids = [top.get_gridspec() for top in tops]
+    placed = any(isinstance(g, GridSpec) and g.locally_modified_subplot_params() for g in grids)
     moved = vars(figure.subplotpars) != vars(SubplotParams())
     if len(tops) == len(places) and not placed and not moved:  # nobody has laid it out
         figure.tight_layout()
