@@ -49,6 +49,7 @@ bench-effects: $(VENV)/.installed-dev
 # that README.md shows.
 docs: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.bench.pages $(wildcard $(DEMO_BAY) $(TANKER))
+	$(BIN)/python -m tests.bench.interface
 
 clean:
 	rm -rf $(VENV) runs build *.egg-info .pytest_cache .mypy_cache .ruff_cache

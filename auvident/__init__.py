@@ -46,4 +46,109 @@ Vocabulary
         NRMSE                    RMSE over the standard deviation of the measured channel
 """
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from auvident.api.calls import (
+        combine,
+        estimate_from_geometry,
+        load_model,
+        load_run,
+        load_vehicle,
+        load_whole_model,
+        run,
+    )
+    from auvident.api.geometry import GeometryEstimate
+    from auvident.api.maneuver import FlownManeuver
+    from auvident.api.model import Model, Simulation
+    from auvident.api.plots import Panels, Plots
+    from auvident.api.results import PlaneModels, Run
+    from auvident.api.whole import WholeModel
+    from auvident.errors import (
+        AuvidentError,
+        ContradictionError,
+        GateError,
+        InputError,
+        InUseError,
+        NumericsError,
+        StageError,
+        UsageError,
+    )
+    from auvident.pipeline.observer import Observer
+    from auvident.schema.vehicle import Vehicle
+
 __version__ = "0.1.0"
+# module -> what it offers of the Python interface; loaded when it is first asked for, so that
+# `auvident --help` is there at once
+_OFFERED = {
+    "auvident.api.calls": (
+        "run",
+        "load_run",
+        "load_model",
+        "load_whole_model",
+        "load_vehicle",
+        "combine",
+        "estimate_from_geometry",
+    ),
+    "auvident.api.results": ("Run", "PlaneModels"),
+    "auvident.api.model": ("Model", "Simulation"),
+    "auvident.api.whole": ("WholeModel",),
+    "auvident.api.geometry": ("GeometryEstimate",),
+    "auvident.api.maneuver": ("FlownManeuver",),
+    "auvident.api.plots": ("Plots", "Panels"),
+    "auvident.schema.vehicle": ("Vehicle",),
+    "auvident.pipeline.observer": ("Observer",),
+    "auvident.errors": (
+        "AuvidentError",
+        "GateError",
+        "UsageError",
+        "InputError",
+        "ContradictionError",
+        "StageError",
+        "NumericsError",
+        "InUseError",
+    ),
+}
+_MODULE_OF = {name: module for module, names in _OFFERED.items() for name in names}
+__all__ = [
+    "AuvidentError",
+    "ContradictionError",
+    "FlownManeuver",
+    "GateError",
+    "GeometryEstimate",
+    "InUseError",
+    "InputError",
+    "Model",
+    "NumericsError",
+    "Observer",
+    "Panels",
+    "PlaneModels",
+    "Plots",
+    "Run",
+    "Simulation",
+    "StageError",
+    "UsageError",
+    "Vehicle",
+    "WholeModel",
+    "__version__",
+    "combine",
+    "estimate_from_geometry",
+    "load_model",
+    "load_run",
+    "load_vehicle",
+    "load_whole_model",
+    "run",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'auvident' has no attribute {name!r}")
+    found = getattr(import_module(_MODULE_OF[name]), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_MODULE_OF})

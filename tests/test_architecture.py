@@ -16,6 +16,8 @@ ALLOWED = {
     "report": {"schema"},
     "pipeline": {"schema", "physics", "stages", "storage", "report"},
     "cli": {"schema", "physics", "stages", "storage", "report", "pipeline"},
+    "api": {"schema", "stages", "storage", "report", "pipeline"},
+    "__init__": {"api", "pipeline", "schema"},  # only the names that it offers, when asked for
 }
 # Rooms of the diagnosis, from the one that knows least of the others.
 ROOMS = ("checks", "fit", "score", "select", "verdict")

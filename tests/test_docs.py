@@ -61,8 +61,14 @@ def test_paths_of_the_project_that_a_page_names_exist(page: Path) -> None:
 
 
 def test_every_page_is_within_reach_of_the_readme() -> None:
-    text = (ROOT / "README.md").read_text()
-    assert {p.name for p in PAGES[1:]} <= set(re.findall(r"\(docs/([\w-]+\.md)[#)]", text))
+    """By its links to other pages, and by theirs."""
+    reached, ahead = set(), {ROOT / "README.md"}
+    while ahead:
+        page = ahead.pop()
+        reached.add(page)
+        links = re.findall(r"\]\(([\w/-]+\.md)[#)]", page.read_text(encoding="utf-8"))
+        ahead |= {(page.parent / link).resolve() for link in links} - reached
+    assert set(PAGES) <= reached
 
 
 def test_the_citation_has_the_version_of_the_package() -> None:

@@ -1,7 +1,7 @@
 """The commands of the stages, and `auvident run`, which does them all."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -14,17 +14,11 @@ from auvident.cli.common import (
     SEED,
     Output,
     command,
-    given,
     options,
     parse_limits,
     run_one,
 )
 from auvident.schema.planes import PLANES
-
-if TYPE_CHECKING:
-    from auvident.pipeline.gates import Judged
-    from auvident.schema.artifacts import Metrics
-    from auvident.schema.diagnosis import Comparison
 
 LOGS = click.argument("logs", metavar="LOG...", nargs=-1, type=PATH)
 VEHICLE = click.option("--vehicle", type=PATH, help="Vehicle file (TOML).")
@@ -214,29 +208,27 @@ def run(
     The run ends with the effects that the model lacked and how the held-out errors changed.
     Without LOG, the logs, the vehicle file and the options of the last run are used.
     """
-    from auvident.pipeline import run_all
     from auvident.pipeline.gates import check_planes
+    from auvident.pipeline.whole_run import ended, judged, run_logs
     from auvident.report.console import discoveries
 
     limits = parse_limits(fail_above)
-    chosen: dict[str, dict[str, Any]] = {
-        "ingest": given(
-            logs=logs,
-            vehicle=vehicle,
-            map=map_,
-            rate_hz=rate_hz,
-            max_gap_s=max_gap_s,
-            allow_outside=allow_outside,
-            fix=fix,
-            keep_going=keep_going,
-        ),
-        "segment": given(hold_out=hold_out),
-        "identify": given(**identify),
+    if logs or vehicle is not None:
+        _need(logs, vehicle)
+    asked = {
+        "logs": logs,
+        "vehicle": vehicle,
+        "map": map_,
+        "rate_hz": rate_hz,
+        "max_gap_s": max_gap_s,
+        "allow_outside": allow_outside,
+        "fix": fix,
+        "keep_going": keep_going,
+        "hold_out": hold_out,
+        **identify,
     }
-    chosen = remembered(run, chosen) if not logs and vehicle is None else chosen
-    _need(chosen["ingest"].get("logs", ()), chosen["ingest"].get("vehicle"))
     with output.watch(brief=True) as watch:
-        result = run_all(run, chosen, seed=seed, observer=watch)
+        result = run_logs(run, asked, seed=seed, observer=watch)
         for piece in contradicted(run, result):
             watch.show(piece)
         told = ended(run, result)
@@ -270,34 +262,6 @@ def contradicted(run: Path, result: Any) -> list[Any]:
     return pieces
 
 
-def ended(run: Path, result: Any) -> "list[tuple[str, Metrics, Comparison | None]]":
-    """What a run ends with in each plane: its errors, and what the refinement changed."""
-    from auvident.schema.artifacts import Metrics
-    from auvident.schema.diagnosis import Comparison
-    from auvident.schema.places import BESIDE
-    from auvident.storage.artifacts import as_model
-
-    told = []
-    for plane, mains in (("", result.mains), (BESIDE, result.beside)):
-        if "validate" not in mains:
-            continue
-        place = run / "validate" / plane / "metrics.json"
-        metrics = as_model(mains["validate"], Metrics, place)
-        refined = "refine" not in result.left_out and "refine" in mains
-        place = run / "refine" / plane / "comparison.json"
-        told.append(
-            (plane, metrics, as_model(mains["refine"], Comparison, place) if refined else None)
-        )
-    return told
-
-
-def judged(metrics: "Metrics", comparison: "Comparison | None") -> "Judged":
-    """What the gates look at: the refined model where there is one."""
-    from auvident.pipeline.gates import predicted, refined
-
-    return refined(comparison, metrics) if comparison else predicted(metrics)
-
-
 def summary(run: Path, result: Any) -> dict[str, Any]:
     """What ``auvident run --json`` prints: the decisions and the main artifacts."""
     from auvident.pipeline.table import STAGES
@@ -311,14 +275,6 @@ def summary(run: Path, result: Any) -> dict[str, Any]:
         artifacts[name] = {**artifacts.get(name, {}), "planes": {BESIDE: tree}}
     found = {"decisions": decisions, "files": files, **artifacts}
     return {"schema": "auvident/summary/1", "run": str(run), **found}
-
-
-def remembered(path: Path, chosen: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """The options of the last run, with those that were given now."""
-    from auvident.pipeline.run import last_options
-
-    former = last_options(path)
-    return {name: {**former.get(name, {}), **chosen.get(name, {})} for name in former | chosen}
 
 
 @command(

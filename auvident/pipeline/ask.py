@@ -8,7 +8,7 @@ from auvident.errors import StageError
 from auvident.pipeline.freshness import judge_all
 from auvident.pipeline.given import Given
 from auvident.pipeline.observer import Observer
-from auvident.pipeline.planes import planes_of
+from auvident.pipeline.planes import MODEL, planes_of
 from auvident.pipeline.run import command_of
 from auvident.pipeline.steps import announce_compilation
 from auvident.storage.run_directory import RunDirectory
@@ -38,6 +38,33 @@ def finished(path: Path, stage: str) -> Given:
         if decision.stage == stage:
             break
     return Given(run, manifest)
+
+
+def opened(path: Path) -> Given:
+    """The artifacts of a run as it is, with the stages that are up to date.
+
+    Raises
+    ------
+    StageError
+        There is no run.
+    """
+    run = RunDirectory(path)
+    manifest = run.existing()
+    done = frozenset(d.stage for d in judge_all(run, manifest) if d.state == "done")
+    planes = planes_of(run) if (run / MODEL).exists() else ()
+    return Given(run, manifest, also=done, planes=planes)
+
+
+def need(given: Given, stage: str) -> None:
+    """Refuse to go on with an opened run where a stage is not up to date.
+
+    Raises
+    ------
+    StageError
+        Names the command to run.
+    """
+    if stage not in given.also:
+        finished(given.run.path, stage)
 
 
 def in_plane(given: Given, plane: "Plane | None") -> Given:

@@ -8,18 +8,20 @@ from auvident.constants import USUAL_SPEED_MPS
 from auvident.errors import InputError, StageError
 from auvident.pipeline.freshness import judge
 from auvident.pipeline.observer import Observer
-from auvident.pipeline.predict import find_model
+from auvident.pipeline.predict import find_model, run_around
 from auvident.pipeline.steps import COMPILING, COMPILING_EACH_TIME
 from auvident.pipeline.table import BY_NAME
 from auvident.pipeline.whole import is_whole
+from auvident.schema.combined import CombinedModel
 from auvident.schema.desk import DeskOrder, desk_order
 from auvident.storage.artifacts import read_model
-from auvident.storage.run_directory import MANIFEST, RunDirectory
+from auvident.storage.run_directory import RunDirectory
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from auvident.schema.artifacts import IdentifiedModel
+    from auvident.schema.artifacts import AseResult, IdentifiedModel
+    from auvident.schema.vehicle import Vehicle
     from auvident.stages.desk import Desk, DeskModel
 
 ESTIMATED = "ase/coefficients.json"
@@ -62,73 +64,127 @@ def fly_on_desk(target: Path, maneuver: str, asked: Asked, observer: Observer) -
     NumericsError
         The model cannot fly it.
     """
-    from auvident.jit import cache_is_writable, has_compiled
-
     order = desk_order(maneuver)
     if target.suffix != ".toml" and not (target.exists() or not target.suffix):
         raise InputError(
             "no such file", str(target), "Give a run directory, a model.json or a vehicle file."
         )
-    if not has_compiled("fleet._step"):
-        observer.note(COMPILING if cache_is_writable() else COMPILING_EACH_TIME)
-    import numpy as np
-
-    rng = np.random.default_rng(asked.seed)
     if target.suffix != ".toml" and is_whole(target):
-        models, usual = _of_whole(target, order, asked, rng), None
-    elif target.suffix == ".toml":
-        models, usual = _of_vehicle(target, order, asked, rng)
+        whole = read_model(target, CombinedModel)
+        return fly_whole(whole, str(target), order, asked, observer)
+    if target.suffix == ".toml":
+        models, usual = _of_vehicle(target, order, asked)
     else:
-        models, usual = _of_model(target, order, asked, rng)
-        if usual is None and asked.speed_mps is None and asked.rpm is None:
-            observer.note(SPEED_ASSUMED)
+        path, model = _model_for(target, order)
+        return fly_model(model, path, order, asked, observer)
+    return fly_models(models, usual, order, asked, observer)
+
+
+def fly_model(
+    model: "IdentifiedModel", path: Path | None, order: DeskOrder, asked: Asked, observer: Observer
+) -> "Desk":
+    """Fly a maneuver with an identified model; `path` is its file, where it has one."""
+    from auvident.stages.desk import identified_models
+
+    if model.plane != order.row.plane:
+        raise _of_other_plane(model, str(path or model.vehicle), order)
+    name = str(path) if path else f"model of {model.vehicle}"
+    usual = _speed_of_trial(path) if path else None
+    if usual is None and asked.speed_mps is None and asked.rpm is None:
+        observer.note(SPEED_ASSUMED)
+    models = identified_models(model, name, asked.samples, _rng(asked))
+    return fly_models(models, usual, order, asked, observer)
+
+
+def fly_whole(
+    model: CombinedModel, name: str, order: DeskOrder, asked: Asked, observer: Observer
+) -> "Desk":
+    """Fly a maneuver with a model of six degrees of freedom, restricted to its plane."""
+    from auvident.stages.desk import combined_models
+
+    models = combined_models(model, order.row.plane, name, asked.samples, _rng(asked))
+    return fly_models(models, None, order, asked, observer)
+
+
+def fly_estimate(
+    ase: "AseResult",
+    vehicle: "Vehicle",
+    name: str,
+    order: DeskOrder,
+    asked: Asked,
+    observer: Observer,
+) -> "Desk":
+    """Fly a maneuver with the estimate from geometry, with what the vehicle gives in its place."""
+    return fly_models(
+        _estimated(ase, vehicle, name, order, asked), ase.speed_mps, order, asked, observer
+    )
+
+
+def fly_models(
+    models: "DeskModel",
+    usual_mps: float | None,
+    order: DeskOrder,
+    asked: Asked,
+    observer: Observer,
+) -> "Desk":
+    """Fly a maneuver with models of its plane; `usual_mps` is the speed where none is asked for."""
+    from auvident.jit import cache_is_writable, has_compiled
     from auvident.stages.desk import Approach, fly_maneuver
 
+    if not has_compiled("fleet._step"):
+        observer.note(COMPILING if cache_is_writable() else COMPILING_EACH_TIME)
     approach = Approach(
-        asked.speed_mps, asked.rpm, asked.rudder_rate_degps, usual or USUAL_SPEED_MPS
+        asked.speed_mps, asked.rpm, asked.rudder_rate_degps, usual_mps or USUAL_SPEED_MPS
     )
     return fly_maneuver(models, order, approach, observer.progress)
 
 
-def _of_vehicle(
-    target: Path, order: DeskOrder, asked: Asked, rng: "np.random.Generator"
-) -> "tuple[DeskModel, float | None]":
+def _rng(asked: Asked) -> "np.random.Generator":
+    import numpy as np
+
+    return np.random.default_rng(asked.seed)
+
+
+def _of_vehicle(target: Path, order: DeskOrder, asked: Asked) -> "tuple[DeskModel, float | None]":
     """The estimate from a vehicle file, with what it gives, and its design speed."""
     from auvident.stages.ase import estimate
-    from auvident.stages.desk import estimated_models
-    from auvident.stages.identify.setup import rigid_body
     from auvident.storage.vehicle_file import load_vehicle
 
     vehicle = load_vehicle(target)
-    ase, plane = estimate(vehicle), order.row.plane
-    rigid = rigid_body(vehicle, plane)
-    return estimated_models(ase, rigid, plane, str(target), asked.samples, rng), ase.speed_mps
+    ase = estimate(vehicle)
+    return _estimated(ase, vehicle, str(target), order, asked), ase.speed_mps
 
 
-def _of_whole(
-    target: Path, order: DeskOrder, asked: Asked, rng: "np.random.Generator"
+def _estimated(
+    ase: "AseResult", vehicle: "Vehicle", name: str, order: DeskOrder, asked: Asked
 ) -> "DeskModel":
-    """A model of six degrees of freedom in the plane of the maneuver."""
-    from auvident.schema.combined import CombinedModel
-    from auvident.stages.desk import combined_models
+    """Models of an estimate in the plane of the maneuver."""
+    from auvident.stages.desk import estimated_models
+    from auvident.stages.identify.setup import rigid_body
 
-    model = read_model(target, CombinedModel)
-    return combined_models(model, order.row.plane, str(target), asked.samples, rng)
+    plane = order.row.plane
+    rigid = rigid_body(vehicle, plane)
+    return estimated_models(ase, rigid, plane, name, asked.samples, _rng(asked))
 
 
-def _of_model(
-    target: Path, order: DeskOrder, asked: Asked, rng: "np.random.Generator"
-) -> "tuple[DeskModel, float | None]":
-    """The identified model of the plane that is needed, and the speed of its trial."""
+def _speed_of_trial(path: Path) -> float | None:
+    """Speed that the estimate in the run around a model was made for."""
     from auvident.schema.artifacts import AseResult
-    from auvident.stages.desk import identified_models
 
-    path, model = _model_for(target, order)
-    run = next((p for p in path.resolve().parents[1:3] if (p / MANIFEST).exists()), None)
-    usual = None
-    if run is not None and (run / ESTIMATED).exists():
-        usual = read_model(run / ESTIMATED, AseResult).speed_mps
-    return identified_models(model, str(path), asked.samples, rng), usual
+    run = run_around(path)
+    if run is None or not (run / ESTIMATED).exists():
+        return None
+    return read_model(run / ESTIMATED, AseResult).speed_mps
+
+
+def _of_other_plane(model: "IdentifiedModel", where: str, order: DeskOrder) -> InputError:
+    needed = order.row.plane
+    return InputError(
+        f"is a model of the {model.plane} plane, and {order.row.name} needs one of the "
+        f"{needed} plane",
+        where,
+        f"Identify with `--plane {needed}`, or give the run directory or the vehicle file.",
+    )
 
 
 def _model_for(target: Path, order: DeskOrder) -> "tuple[Path, IdentifiedModel]":
@@ -138,12 +194,7 @@ def _model_for(target: Path, order: DeskOrder) -> "tuple[Path, IdentifiedModel]"
     if model.plane == needed:
         return path, model
     if path == target:
-        raise InputError(
-            f"is a model of the {model.plane} plane, and {order.row.name} needs one of the "
-            f"{needed} plane",
-            str(target),
-            f"Identify with `--plane {needed}`, or give the run directory or the vehicle file.",
-        )
+        raise _of_other_plane(model, str(target), order)
     second = _second_model(RunDirectory(target))
     if second is not None and second[1].plane == needed:
         return second

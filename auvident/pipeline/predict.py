@@ -98,8 +98,8 @@ def _names_of(run: RunDirectory, plane: str | None) -> tuple[str, str]:
     return beside(IDENTIFIED), beside(REFINED)
 
 
-def _vehicle_of(
-    model_file: Path, model: "IdentifiedModel", vehicle_file: Path | None, observer: Observer
+def vehicle_of(
+    model_file: Path | None, model: "IdentifiedModel", vehicle_file: Path | None, observer: Observer
 ) -> "Vehicle":
     """The vehicle: as given, or of the run directory that the model stands in."""
     from auvident.schema.vehicle import Vehicle
@@ -107,12 +107,18 @@ def _vehicle_of(
 
     if vehicle_file is not None:
         return load_vehicle(vehicle_file)
-    for run in model_file.resolve().parents[1:3]:  # one more above the model of a second plane
-        if (run / MANIFEST).exists() and (run / VEHICLE).exists():
-            return read_model(run / VEHICLE, Vehicle)
+    run = run_around(model_file) if model_file else None
+    if run is not None and (run / VEHICLE).exists():
+        return read_model(run / VEHICLE, Vehicle)
     observer.note(SIGNS_ASSUMED)
     rigid = model.rigid_body
     return bare_vehicle(model.vehicle, rigid.mass_kg, rigid.inertia_kgm2, model.length_m)
+
+
+def run_around(model_file: Path) -> Path | None:
+    """The run directory that a model stands in."""
+    folders = model_file.resolve().parents[1:3]  # one more above the model of a second plane
+    return next((folder for folder in folders if (folder / MANIFEST).exists()), None)
 
 
 def bare_vehicle(name: str, mass_kg: float, izz_kgm2: float, length_m: float) -> "Vehicle":
@@ -193,14 +199,28 @@ def predict(
         found = {"vehicle_file": vehicle_file, "column_map": column_map}
         given: dict[str, Any] = {**found, "rate_hz": rate_hz, "seed": seed, "options": options}
         return predict_whole(target, log, observer=observer, **given)
+    path, model = find_model(target, plane)
+    vehicle = vehicle_of(path, model, vehicle_file, observer)
+    trial = log_of_inputs(model, vehicle, log, column_map, rate_hz)
+    announce_compilation(observer)
+    return SimulatedTrial(trial.name, path, model, predict_trial(model, trial, seed, options))
+
+
+def log_of_inputs(
+    model: "IdentifiedModel", vehicle: "Vehicle", log: Path, column_map: Path | None, rate_hz: float
+) -> "Trial":
+    """The one trial of a log, with the inputs that a model needs."""
+    from auvident.stages.simulate import INPUT_COLUMNS
+
+    return read_inputs(vehicle, log, column_map, rate_hz, INPUT_COLUMNS[model.plane])
+
+
+def predict_trial(
+    model: "IdentifiedModel", trial: "Trial", seed: int, options: Mapping[str, Any]
+) -> "pd.DataFrame":
+    """Simulate a trial with a model; `options` as of `auvident.stages.simulate.simulate`."""
     import numpy as np
 
-    path, model = find_model(target, plane)
-    vehicle = _vehicle_of(path, model, vehicle_file, observer)
-    from auvident.stages.simulate import INPUT_COLUMNS, simulate
+    from auvident.stages.simulate import simulate
 
-    trial = read_inputs(vehicle, log, column_map, rate_hz, INPUT_COLUMNS[model.plane])
-    announce_compilation(observer)
-
-    table = simulate(model, trial, rng=np.random.default_rng(seed), **options)
-    return SimulatedTrial(trial.name, path, model, table)
+    return simulate(model, trial, rng=np.random.default_rng(seed), **options)

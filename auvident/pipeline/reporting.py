@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 WHOLE = "combine/model.json"
 
 
-def report_data(given: Given) -> "ReportData":
-    """Artifacts of all stages, of every plane of the run."""
-    first, *others = (_of_plane(view) for view in given.views())
+def report_data(given: Given, plans: bool = True) -> "ReportData":
+    """Artifacts of all stages, of every plane of the run; `plans`: with what to fly next."""
+    first, *others = (_of_plane(view, plans) for view in given.views())
     return replace(first, others=tuple(map(_own, others)), whole=_whole(given))
 
 
@@ -40,7 +40,7 @@ def _own(other: "ReportData") -> "ReportData":
     )
 
 
-def _of_plane(given: Given) -> "ReportData":
+def _of_plane(given: Given, plans: bool) -> "ReportData":
     """Artifacts of a plane; of those it can do without only where they are up to date."""
     from auvident.report.html_data import ReportData
 
@@ -63,7 +63,7 @@ def _of_plane(given: Given) -> "ReportData":
         refined=given.table("refine/simulation.parquet") if is_refined else None,
         refined_model=given.refined if is_refined else None,
         refined_history=given.table("refine/history.parquet") if is_refined else None,
-        plan=_plan(given),
+        plan=_plan(given) if plans else None,
     )
 
 

@@ -1,5 +1,6 @@
 """Run one stage, or all that are not up to date."""
 
+import threading
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
 OPTIONAL = frozenset(BY_NAME["report"].also)  # a run goes on when their numbers fail
 NOT_RECORDED = frozenset({"keep_going"})  # options that change no result
 SILENT = Observer()
+# Stages of several runs in the threads of one process wait for each other: the number of threads
+# of linear algebra is one for the whole process, and the first to leave would undo it for all.
+_ONE_AT_A_TIME = threading.Lock()
 
 
 @dataclass
@@ -309,7 +313,7 @@ def _with_seed(stage: Stage, wanted: Wanted, former: StageEntry | None) -> Wante
 def _call(stage: Stage, given: Given, wanted: Wanted) -> tuple[Outputs, dict[str, bytes]]:
     """The artifacts of a stage, and the content of their files; a failure is noted."""
     try:
-        with one_blas_thread():
+        with _ONE_AT_A_TIME, one_blas_thread():
             outputs = called(stage, given)
         return outputs, {name: _bytes(name, artifact) for name, artifact in outputs.items()}
     except NumericsError as error:

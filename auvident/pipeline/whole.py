@@ -20,6 +20,8 @@ from auvident.storage.artifacts import read_json, read_model
 from auvident.storage.run_directory import MANIFEST, RunDirectory
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from auvident.schema.artifacts import IdentifiedModel, Maneuvers
     from auvident.schema.trial import Trial
     from auvident.schema.vehicle import Vehicle
@@ -152,19 +154,35 @@ def predict_whole(
     options: Mapping[str, Any],
 ) -> SimulatedTrial:
     """Simulate a log in six degrees of freedom; see `auvident.pipeline.predict.predict`."""
-    import numpy as np
-
-    from auvident.stages.combine import INPUT_COLUMNS, simulate_whole
-
     model, vehicle = find_whole(target)
-    vehicle = _signs(target, model, vehicle, vehicle_file, observer)
-    trial = read_inputs(vehicle, log, column_map, rate_hz, INPUT_COLUMNS)
-    table = simulate_whole(model, trial, rng=np.random.default_rng(seed), **options)
+    vehicle = signs_of(target, model, vehicle, vehicle_file, observer)
+    trial = log_of_all_inputs(vehicle, log, column_map, rate_hz)
+    table = predict_whole_trial(model, trial, seed, options)
     return SimulatedTrial(trial.name, target, model, table)
 
 
-def _signs(
-    target: Path,
+def log_of_all_inputs(
+    vehicle: "Vehicle", log: Path, column_map: Path | None, rate_hz: float
+) -> "Trial":
+    """The one trial of a log, with the inputs of both planes."""
+    from auvident.stages.combine import INPUT_COLUMNS
+
+    return read_inputs(vehicle, log, column_map, rate_hz, INPUT_COLUMNS)
+
+
+def predict_whole_trial(
+    model: CombinedModel, trial: "Trial", seed: int, options: Mapping[str, Any]
+) -> "pd.DataFrame":
+    """Simulate a trial; `options` as of `auvident.stages.combine.simulate_whole`."""
+    import numpy as np
+
+    from auvident.stages.combine import simulate_whole
+
+    return simulate_whole(model, trial, rng=np.random.default_rng(seed), **options)
+
+
+def signs_of(
+    target: Path | None,
     model: "CombinedModel",
     own: "Vehicle | None",
     vehicle_file: Path | None,
@@ -178,7 +196,7 @@ def _signs(
         return load_vehicle(vehicle_file)
     if own is not None:
         return own
-    folders = [*list(target.resolve().parents)[1:2], *_folders(model)]
+    folders = [*(list(target.resolve().parents)[1:2] if target else ()), *_folders(model)]
     run = next((f for f in folders if (f / MANIFEST).exists() and (f / VEHICLE).exists()), None)
     if run is not None:
         return read_model(run / VEHICLE, Vehicle)

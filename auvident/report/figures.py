@@ -17,6 +17,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
+from auvident.report.taken import is_taken
+
 Array = npt.NDArray[np.float64]
 
 WIDTH_IN = 11.8  # of a figure over the whole page
@@ -105,6 +107,8 @@ def svg(figure: Figure, name: str, caption: str) -> str:
     caption : str
         What it shows, for those who cannot see it.
     """
+    if is_taken(figure):
+        return ""
     stream = io.StringIO()
     with rc_context({"svg.hashsalt": name}):
         figure.savefig(stream, format="svg", metadata={"Date": None})

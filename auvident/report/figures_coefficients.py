@@ -153,14 +153,24 @@ def _passes(table: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return joined[:, 0], joined[:, 1], joined[:, 2]
 
 
+def correlations_of(covariance: Mapping[str, Any]) -> np.ndarray:
+    """Correlations (n, n) of what was estimated together, as the fit left them.
+
+    Variances widened to the scatter between maneuvers no longer go with the covariances.
+    """
+    matrix = np.array(covariance.get("matrix", np.zeros((0, 0))), float)
+    variance = np.array(covariance.get("fitted_variance", np.diag(matrix)), float)
+    np.fill_diagonal(matrix, variance)
+    found: np.ndarray = matrix / np.sqrt(np.outer(variance, variance))
+    return found
+
+
 def correlation_matrix(covariance: Mapping[str, Any], name: str) -> str | None:
     """Posterior correlations of all pairs as a map; None without a covariance."""
     symbols = list(covariance.get("symbols", ()))
     if len(symbols) < 2:
         return None
-    matrix = np.asarray(covariance["matrix"], float)
-    spread = np.sqrt(np.diag(matrix))
-    matrix = matrix / np.outer(spread, spread)
+    matrix = correlations_of(covariance)
     size = 1.3 + 0.27 * len(symbols)
     figure = new_figure(size, width_in=size + 1.1)
     axes = figure.subplots()

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from auvident.report.figures import BLUE, INK, SOFT, new_figure, quiet, style
 from auvident.report.numbers import SHOWN_UNITS, unit_text
+from auvident.report.taken import is_taken
 from auvident.schema.channels import TIME_COLUMN
 from auvident.schema.desk import DeskCurve, DeskResult
 from auvident.schema.planes import BY_PLANE
@@ -68,6 +69,8 @@ def desk_figure(result: DeskResult, table: pd.DataFrame, ways: np.ndarray, form:
 
 
 def _bytes(figure: Figure, form: str) -> bytes:
+    if is_taken(figure):
+        return b""
     stream = io.BytesIO()
     told = {"Date": None} if form == "svg" else {}
     figure.savefig(stream, format=form, dpi=150, facecolor="white", metadata=told)

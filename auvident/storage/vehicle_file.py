@@ -1,7 +1,8 @@
 """The vehicle file: read, offsets resolved, impossible geometry refused with the reason."""
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +58,20 @@ def load_vehicle(path: Path) -> Vehicle:
         table and key, and the two numbers that contradict each other.
     """
     path = Path(path)
-    data = read_toml(path)
+    return vehicle_from(read_toml(path), path)
+
+
+def vehicle_from(tables: Mapping[str, Any], path: Path) -> Vehicle:
+    """A vehicle from the tables of its file, as `load_vehicle` reads it.
+
+    Parameters
+    ----------
+    tables : mapping
+        Table -> key -> value; left as it is.
+    path : Path
+        The file, for messages and for the folder of an offsets file.
+    """
+    data = deepcopy(dict(tables))
     _resolve_offsets(data, path)
     _refuse_many(data, path)
     vehicle = parse(Vehicle, data, path, REMEDY)

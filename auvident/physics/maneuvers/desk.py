@@ -279,7 +279,7 @@ def fly(
     states = np.where(run.found, run.states, np.nan)
     start, way = states[3].copy(), np.zeros((2, fleet.size))
     servos = Servos(fleet, run.angle.copy(), dt)
-    gone = _gone(fleet, states)
+    gone = made_good(fleet, states)
     rows: list[tuple[Any, ...]] = []
     ends, k = np.full(fleet.size, -1), 0
     with np.errstate(invalid="ignore", over="ignore"):
@@ -298,7 +298,7 @@ def fly(
             mean = servos.follow(order)
             fleet.step(states, fleet.felt(mean, run.rate_rps, states[0]), run.rate_rps, dt)
             states[:, ~(np.abs(states[:3]) < SPEED_LIMIT).all(axis=0)] = np.nan
-            before, gone = gone, _gone(fleet, states)
+            before, gone = gone, made_good(fleet, states)
             way = way + 0.5 * dt * (before + gone)
             k += 1
             if progress is not None and k % 1000 == 0:
@@ -313,7 +313,7 @@ def round_step(longest_s: float) -> float:
     return float(max(m for m in (1.0, 2.0, 5.0) if m * decade <= longest_s * (1.0 + 1e-9)) * decade)
 
 
-def _gone(fleet: Fleet, states: Array) -> Array:
+def made_good(fleet: Fleet, states: Array) -> Array:
     """Velocity (2, S) along the start and across it, to starboard or down."""
     u, a, _, angle = states
     cos, sin = np.cos(angle), np.sin(angle)

@@ -112,7 +112,7 @@ class Wave:
 
 
 @dataclass(frozen=True)
-class Run:
+class RunInBins:
     """One maneuver in bins: time (n,), way made good (n, 2), heading (n,), white (n, 3)."""
 
     time_s: Array
@@ -170,7 +170,7 @@ def threshold_of(runs: int) -> float:
 
 
 def wave_power(
-    runs: Sequence[Run],
+    runs: Sequence[RunInBins],
     frequencies: Array,
     directions: Array,
     columns: Sequence[int],
@@ -191,7 +191,7 @@ def wave_power(
     return power / len(runs)
 
 
-def _runs(piece: Residual) -> list[Run]:
+def _runs(piece: Residual) -> list[RunInBins]:
     """A maneuver in parts of about equal length, each averaged over bins."""
     bins = np.floor((piece.time_s - piece.time_s[0]) / BIN_S).astype(np.int64)
     count = max(math.ceil((bins[-1] + 1) * BIN_S / LONGEST_S), 1)
@@ -200,7 +200,7 @@ def _runs(piece: Residual) -> list[Run]:
     return [run for run in found if run is not None]
 
 
-def _run(piece: Residual, rows: Array) -> Run | None:
+def _run(piece: Residual, rows: Array) -> RunInBins | None:
     time, u, heading = piece.time_s[rows], piece.u_mps[rows], piece.heading_rad[rows]
     bins = np.floor((time - time[0]) / BIN_S + 1e-6).astype(np.int64)
     velocity = u[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
@@ -209,7 +209,7 @@ def _run(piece: Residual, rows: Array) -> Run | None:
     white = np.column_stack([_whitened(binned(x, bins)) for x in piece.values[rows, :3].T])
     if len(white) < LEAST_BINS or not white.any():
         return None
-    return Run(np.arange(len(white)) * BIN_S, way, np.arctan2(aside, ahead), white)
+    return RunInBins(np.arange(len(white)) * BIN_S, way, np.arctan2(aside, ahead), white)
 
 
 def binned(values: Array, bins: Array) -> Array:
