@@ -3,7 +3,7 @@
 import math
 import sys
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -64,6 +64,7 @@ WATER: dict[Plane, tuple[str, ...]] = {
     "vertical": (*OVER_GROUND, "vertical_current.down_mps"),
 }
 WATER_DRIFT = tuple(name for name in READING if name.startswith("current_drift."))
+IN_MOTION = ("input", "force")  # effects that move the vehicle enter there
 LOGGED = ("roll_rad", "pitch_rad", "depth_m")
 
 
@@ -236,7 +237,11 @@ def title(model: IdentifiedModel, escaped: Callable[[str], str]) -> str:
 def remarks(model: IdentifiedModel) -> tuple[str, ...]:
     """What of a model a program leaves out or has off, a line each."""
     _refuse_unknown(model)
-    ids = [str(effect["id"]) for effect in model.effects]
+    return remarks_on_effects([str(effect["id"]) for effect in model.effects])
+
+
+def remarks_on_effects(ids: Sequence[str]) -> tuple[str, ...]:
+    """What of these effects a program leaves out or has off, a line each."""
     water = [name for name in ids if _is_water(name)]
     sensors = [name for name in ids if BY_ID[name].enters == "reading" and name not in water]
     events = [name for name in ids if BY_ID[name].enters == "disturbance"]
@@ -253,13 +258,13 @@ def remarks(model: IdentifiedModel) -> tuple[str, ...]:
 
 def comment_lines(model: IdentifiedModel, mark: str, width: int) -> str:
     """Effects that act, and what is left out, as lines of a comment."""
-    acting = ", ".join(acting_effects(model)) or "none"
-    lines = (f"Effects that act: {acting}.", *remarks(model))
+    _refuse_unknown(model)
+    return acting_lines([str(effect["id"]) for effect in model.effects], mark, width)
+
+
+def acting_lines(ids: Sequence[str], mark: str, width: int) -> str:
+    """Which of these effects act, and what is left out, as lines of a comment."""
+    acting = ", ".join(name for name in ids if BY_ID[name].enters in IN_MOTION) or "none"
+    lines = (f"Effects that act: {acting}.", *remarks_on_effects(ids))
     wrapped = (textwrap.fill(line, width) for line in lines)
     return "\n".join(f"{mark}{part}" for line in wrapped for part in line.splitlines())
-
-
-def acting_effects(model: IdentifiedModel) -> tuple[str, ...]:
-    """Effects that act in a program."""
-    ids = (str(effect["id"]) for effect in model.effects)
-    return tuple(name for name in ids if BY_ID[name].enters in ("input", "force"))
