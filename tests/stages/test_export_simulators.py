@@ -6,13 +6,20 @@ import numpy as np
 import pytest
 
 from auvident.constants import GRAVITY_MPS2
+from auvident.errors import UsageError
 from auvident.physics.six_dof import rates_six_dof, state_of, system_of
 from auvident.physics.six_dof_terms import VELOCITIES, six_dof_structure
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.planes import BY_PLANE, PLANES, Plane
 from auvident.stages.export import export
 from auvident.stages.export.gz import as_gz, left_out_of_gz
-from auvident.stages.export.hull import body_of, coriolis_of_added_mass, hull_of, symmetric
+from auvident.stages.export.hull import (
+    body_of,
+    coriolis_of_added_mass,
+    fins_of,
+    hull_of,
+    symmetric,
+)
 from auvident.stages.export.simulators import ReadVehicle, fly_plane, read_gz, read_uuv
 from auvident.stages.export.uuv import as_uuv, left_out_of_uuv
 from auvident.stages.export.whole import whole_of
@@ -171,3 +178,39 @@ def test_the_added_mass_is_symmetric() -> None:
     whole = whole_of(with_values(planar("horizontal"), Y_rdot=4.0, N_vdot=2.0))
     assert symmetric(whole.added)[1, 5] == -3.0
     np.testing.assert_allclose(read_gz(as_gz(whole)).added, symmetric(whole.added), rtol=ROUNDED)
+
+
+@pytest.mark.parametrize("tool", SIMULATORS)
+def test_a_model_of_the_horizontal_plane_neither_sinks_nor_trims(tool: str) -> None:
+    """Whatever the vehicle file says of its ballast; and the rest of it stays at rest."""
+    write, read = SIMULATORS[tool]
+    whole = whole_of(planar("horizontal"))
+    assert whole.values["W-B"] != 0.0
+    vehicle = read(write(whole))
+    (weight, x, _), (buoyancy, x_b, _) = vehicle.weight, vehicle.buoyancy
+    assert buoyancy == pytest.approx(weight) and buoyancy * x_b == pytest.approx(weight * x)
+    away = np.array([0.0, 0.0, 0.1, 0.1, 0.1, 0.0])
+    assert (vehicle.hydrodynamics(away)[2:5] < 0.0).all()
+
+
+def test_a_fin_beyond_the_hull_keeps_its_moment() -> None:
+    whole = whole_of(with_values(planar("horizontal"), Y_uud=0.5, N_uud=-4.5))
+    (fin,) = fins_of(whole)
+    assert fin.station_m == -0.5 * whole.length_m
+    assert fin.force * fin.station_m == pytest.approx(-4.5)
+    assert "Y_uud" in left_out_of_gz(whole)[0] and "Y_uud" in left_out_of_uuv(whole)[0]
+
+
+def test_what_is_no_vehicle_is_refused() -> None:
+    model = planar("horizontal")
+    for odd in (
+        with_values(model, X_udot=100.0),
+        model.model_copy(update={"effects": ({"id": "bow_thruster", "internal": {}},)}),
+        with_values(model, X_uu=float("nan")),
+    ):
+        with pytest.raises(UsageError):
+            whole_of(odd)
+    whole = whole_vehicle()
+    entries = tuple(e.model_copy(update={"value": np.inf}) for e in whole.constants)
+    with pytest.raises(UsageError, match="no finite number"):
+        whole_of(whole.model_copy(update={"constants": entries}))

@@ -21,7 +21,7 @@ from auvident.schema.quoting import xml_comment
 from auvident.stages.export.hull import (
     HOLD_PER_S,
     Array,
-    Body,
+    SolidBody,
     Surface,
     body_of,
     commands_left_out,
@@ -138,7 +138,7 @@ def _model(world: ET.Element, whole: Whole) -> None:
     _thruster(model, whole)
 
 
-def _base_link(model: ET.Element, whole: Whole, body: Body) -> None:
+def _base_link(model: ET.Element, whole: Whole, body: SolidBody) -> None:
     link = ET.SubElement(model, "link", name="base_link")
     inertial = ET.SubElement(link, "inertial")
     x, _, z = body.centre_m
@@ -171,7 +171,7 @@ def _part(model: ET.Element, name: str, x: float, axis: str) -> None:
     put(ET.SubElement(joint, "axis"), xyz=axis)
 
 
-def _hydrodynamics(model: ET.Element, whole: Whole, body: Body) -> None:
+def _hydrodynamics(model: ET.Element, whole: Whole, body: SolidBody) -> None:
     """The hull, less the Coriolis forces of the added mass, which the engine adds."""
     hull = hull_of(whole)
     linear = hull.linear.copy()

@@ -20,7 +20,6 @@ OWN = {"vw": "", "qr": ""}  # a magnitude across the hull is that of the velocit
 FINS = {"rudder": ("Y_uud", "N_uud"), "elevator": ("Z_uud", "M_uud")}
 PROPELLER = ("T_nn", "T_nu")
 HOLD_PER_S = 10.0  # damping rate of what the model has no equations for, so that it stays at rest
-LEAST_LEVER = 1e-9
 ROLL_INERTIA_SHARE = 0.1  # of that in yaw, where no model tells of it: it stays at rest
 COMMANDS = (  # what becomes of a command, its place, words
     ("delay", act.DELAY, "delay of the {}"),
@@ -41,7 +40,7 @@ OF_PROPELLER = (
 
 
 @dataclass(frozen=True)
-class Body:
+class SolidBody:
     """Rigid body: mass, place of its centre of mass and of buoyancy, inertia about the former.
 
     Axes are forward, starboard, down, from the origin of the vehicle file.
@@ -56,16 +55,17 @@ class Body:
 
 @dataclass(frozen=True)
 class Surface:
-    """A fin as a force of speed squared times angle at a station."""
+    """A fin as a force of speed squared times angle at a station; ``lost`` is a force not held."""
 
     name: str
     force: float
     station_m: float
     drag: float
+    lost: str = ""
 
 
 @dataclass(frozen=True)
-class Hull:
+class HullForces:
     """Forces of the hull as sums of products of velocities, and what is none.
 
     Attributes
@@ -89,7 +89,7 @@ class Hull:
     across: bool
 
 
-def hull_of(whole: Whole) -> Hull:
+def hull_of(whole: Whole) -> HullForces:
     """Forces of the hull, the Coriolis forces of the added mass among them.
 
     What a simulator adds by itself has to be taken off: see `coriolis_of_added_mass`.
@@ -110,7 +110,7 @@ def hull_of(whole: Whole) -> Hull:
             absolute[(axis, *product[1:])] += term.value
     used = {v for term in whole.terms for v in term.variables}
     across = len(whole.planes) == len(PLANES) and bool(used & set(OWN))
-    return Hull(linear, products, absolute, tuple(others), across)
+    return HullForces(linear, products, absolute, tuple(others), across)
 
 
 def _of_parts() -> set[str]:
@@ -158,7 +158,7 @@ def symmetric(matrix: Array) -> Array:
     return np.asarray(0.5 * (matrix + matrix.T))
 
 
-def body_of(whole: Whole) -> Body:
+def body_of(whole: Whole) -> SolidBody:
     """The rigid body; without a model of a plane, what keeps it at rest there."""
     rigid = whole.mass - whole.added
     m = float(rigid[0, 0])
@@ -168,22 +168,26 @@ def body_of(whole: Whole) -> Body:
     about = [float(rigid[k, k]) for k in (3, 4, 5)]
     about = [about[0] or ROLL_INERTIA_SHARE * across, about[1] or across, about[2] or across]
     inertia = (about[0] - m * z * z, about[1] - m * (x * x + z * z), about[2] - m * x * x)
-    weight = m * GRAVITY_MPS2
-    buoyancy = weight - whole.values.get("W-B", 0.0)
-    lever = (x * weight - whole.values.get("x_GW", 0.0)) / buoyancy
-    return Body(m, (x, 0.0, z), inertia, buoyancy, lever)
+    trim = whole.values.get("x_GW", 0.0) if "vertical" in whole.planes else 0.0
+    lever = (x * m * GRAVITY_MPS2 - trim) / whole.buoyancy_n
+    return SolidBody(m, (x, 0.0, z), inertia, whole.buoyancy_n, lever)
 
 
 def fins_of(whole: Whole) -> tuple[Surface, ...]:
-    """Fins that steer in the planes of the model."""
+    """Fins that steer in the planes of the model.
+
+    One whose force and moment put it beyond the hull stands at its stern, with the moment right.
+    """
     found = []
     for fin, (force, moment) in FINS.items():
         if BY_FIN[fin].name not in whole.planes:
             continue
         side, turn = whole.values.get(force, 0.0), whole.values.get(moment, 0.0)
-        side = side if abs(side) > LEAST_LEVER else LEAST_LEVER
-        station = turn / side if fin == "rudder" else -turn / side
-        found.append(Surface(fin, side, station, whole.values.get(DRAG_OF[fin], 0.0)))
+        turn = turn if fin == "rudder" else -turn
+        station, beyond = -0.5 * whole.length_m, abs(turn) > abs(side) * whole.length_m
+        side, station = (turn / station, station) if beyond else (side, turn / side if side else 0)
+        drag = whole.values.get(DRAG_OF[fin], 0.0)
+        found.append(Surface(fin, side, station, drag, force if beyond else ""))
     return tuple(found)
 
 
@@ -199,5 +203,6 @@ def commands_left_out(whole: Whole, held: set[str]) -> list[str]:
 
 def effects_left_out(whole: Whole, lost: tuple[Term, ...]) -> list[str]:
     """Names of parameters whose terms have no place, each once."""
-    names = dict.fromkeys(term.parameter for term in lost)
+    names = [*dict.fromkeys(term.parameter for term in lost)]
+    names += [fin.lost for fin in fins_of(whole) if fin.lost]
     return [name if len(whole.planes) > 1 else name.rpartition(" ")[2] for name in names]

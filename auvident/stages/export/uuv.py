@@ -27,8 +27,8 @@ from auvident.stages.export.gz import (
 from auvident.stages.export.hull import (
     HOLD_PER_S,
     Array,
-    Body,
-    Hull,
+    HullForces,
+    SolidBody,
     Surface,
     body_of,
     commands_left_out,
@@ -90,7 +90,7 @@ def left_out_of_uuv(whole: Whole) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def _products_left_out(whole: Whole, hull: Hull) -> list[str]:
+def _products_left_out(whole: Whole, hull: HullForces) -> list[str]:
     """Products without a place; those of the added mass, which the simulator adds by itself."""
     products = hull.products - coriolis_of_added_mass(symmetric(whole.added))
     least = SMALL * np.abs(products).max(initial=1.0)
@@ -119,7 +119,7 @@ def _comment(whole: Whole, cost: tuple[str, ...]) -> str:
     return xml_comment("\n" + "\n".join(lines) + "\n")
 
 
-def _base_link(model: ET.Element, body: Body) -> None:
+def _base_link(model: ET.Element, body: SolidBody) -> None:
     link = ET.SubElement(model, "link", name="base_link")
     inertial = ET.SubElement(link, "inertial")
     x, _, z = body.centre_m
@@ -140,7 +140,7 @@ def _part(model: ET.Element, name: str, x: float, roll: float, axis: str) -> Non
     put(ET.SubElement(joint, "axis"), xyz=axis)
 
 
-def _hydrodynamics(model: ET.Element, whole: Whole, body: Body) -> None:
+def _hydrodynamics(model: ET.Element, whole: Whole, body: SolidBody) -> None:
     plugin = ET.SubElement(
         model, "plugin", name="hydrodynamics", filename="libuuv_underwater_object_ros_plugin.so"
     )
@@ -153,7 +153,7 @@ def _hydrodynamics(model: ET.Element, whole: Whole, body: Body) -> None:
     link = ET.SubElement(plugin, "link", name="base_link")
     put(
         link,
-        neutrally_buoyant="0",
+        neutrally_buoyant="0" if "vertical" in whole.planes else "1",
         volume=body.buoyancy_n / (GRAVITY_MPS2 * whole.density_kgpm3),
         center_of_buoyancy=f"{number(body.buoyancy_centre_m)} 0 0",
     )
@@ -170,7 +170,7 @@ def _hydrodynamics(model: ET.Element, whole: Whole, body: Body) -> None:
     )
 
 
-def _damping(whole: Whole, body: Body) -> tuple[Array, Array, Array]:
+def _damping(whole: Whole, body: SolidBody) -> tuple[Array, Array, Array]:
     """Damping: linear, linear and with the surge velocity, quadratic of the diagonal."""
     hull = hull_of(whole)
     linear = hull.linear.copy()

@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import GRAVITY_MPS2
 from auvident.engines.carried import structure_behind, vector_behind
+from auvident.errors import UsageError
 from auvident.physics import actuation as act
 from auvident.physics.six_dof_terms import (
     AXES,
@@ -25,6 +27,7 @@ from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.combined import CombinedModel
 from auvident.schema.planes import BY_PLANE, PLANES, Plane
 from auvident.schema.quoting import comment
+from auvident.stages.export.contents import refuse_damaged, refuse_unfit, refuse_unknown
 
 Array = npt.NDArray[Any]
 AnyModel = IdentifiedModel | CombinedModel
@@ -100,6 +103,12 @@ class Whole:
         return BY_PLANE[self.planes[0]].velocities
 
     @property
+    def buoyancy_n(self) -> float:
+        """Buoyancy; a model of the horizontal plane alone has that of its weight."""
+        excess = self.values.get("W-B", 0.0) if "vertical" in self.planes else 0.0
+        return self.values["m"] * GRAVITY_MPS2 - excess
+
+    @property
     def inverse(self) -> Array:
         """Inverse of the mass matrix among the moving velocities, zero elsewhere."""
         on = [VELOCITIES.index(name) for name in self.moving]
@@ -115,11 +124,28 @@ class Whole:
 
 
 def whole_of(model: AnyModel) -> Whole:
-    """A model as terms of six degrees of freedom."""
-    return _of_combined(model) if isinstance(model, CombinedModel) else _of_plane(model)
+    """A model as terms of six degrees of freedom.
+
+    Raises
+    ------
+    UsageError
+        An effect that this version does not know; a value that is no number, or none of a body in
+        water.
+    """
+    whole = _of_combined(model) if isinstance(model, CombinedModel) else _of_plane(model)
+    on = [VELOCITIES.index(name) for name in whole.moving]
+    mass = 0.5 * (whole.mass + whole.mass.T)[np.ix_(on, on)]
+    if not np.linalg.eigvalsh(mass).min() > 0.0 or not whole.buoyancy_n > 0.0:
+        raise UsageError(
+            "mass, added mass and buoyancy are not those of a body in water",
+            "--format",
+            "Use json, or identify the model again.",
+        )
+    return whole
 
 
 def _of_plane(model: IdentifiedModel) -> Whole:
+    refuse_unfit(model)
     plane, p, structure = model.plane, vector_behind(model), structure_behind(model)
     names = whole_names(plane, structure.effects)
     values = {names[n]: float(p[i]) for i, n in enumerate(structure.parameters)}
@@ -137,6 +163,8 @@ def _of_plane(model: IdentifiedModel) -> Whole:
 
 
 def _of_combined(model: CombinedModel) -> Whole:
+    refuse_unknown([e for plane in PLANES for e in model.effect_ids(plane)])
+    refuse_damaged(model.values())
     ids = {plane: model.effect_ids(plane) for plane in PLANES}
     structure = six_dof_structure(ids["horizontal"], ids["vertical"])
     values = {n: float(v) for n, v in model.values().items()}
