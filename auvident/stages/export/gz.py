@@ -9,6 +9,7 @@ which older versions have two elements wrong, are switched off.
 """
 
 import re
+import textwrap
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -34,6 +35,8 @@ from auvident.stages.export.hull import (
 from auvident.stages.export.whole import Whole
 
 SDF, STEP_S = "1.10", 0.001
+WIDTH = 98  # of a comment
+CANNOT = "What this simulator cannot hold:"
 # forward, left, up from forward, starboard, down
 TURNED = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
 OF_MATRIX = "xyzpqr"  # of `fluid_added_mass`
@@ -110,19 +113,24 @@ def name_of_model(whole: Whole) -> str:
 
 
 def _comment(whole: Whole, cost: tuple[str, ...]) -> str:
-    topic = f"  gz topic -m gz.msgs.Double -t /model/{name_of_model(whole)}/joint"
-    lines = (
+    topic = f"gz topic -m gz.msgs.Double -t /model/{name_of_model(whole)}/joint"
+    return written_comment(
         f"{whole.vehicle}: model identified by auvident, for gz-sim 8 and later with DART.",
         "Run: gz sim FILE. A joint turns as the fin does: a positive rudder turns to port, a "
         "positive elevator has its trailing edge down (rad). The propeller takes rad/s; publish "
         "its rate again and again, as the thrust follows the speed only then:",
         f"{topic}/propeller_joint/cmd_vel -p 'data: 95'",
         *(f"{topic}/{fin.name}_joint/0/cmd_pos -p 'data: 0.1'" for fin in fins_of(whole)),
-        "What this simulator cannot hold:",
-        *(f"  {line}" for line in left_out_of_gz(whole)),
+        CANNOT,
+        *left_out_of_gz(whole),
         *cost,
     )
-    return xml_comment("\n" + "\n".join(lines) + "\n")
+
+
+def written_comment(*lines: str) -> str:
+    """Lines of a comment at the beginning of a file; none of them ends it."""
+    parts = (textwrap.wrap(line, WIDTH, subsequent_indent="    ") for line in lines)
+    return xml_comment("\n".join(["", *(part for wrapped in parts for part in wrapped), ""]))
 
 
 def _model(world: ET.Element, whole: Whole) -> None:
@@ -273,4 +281,4 @@ def put(element: ET.Element, /, **values: float | str) -> None:
 
 def number(value: float) -> str:
     """A number with `ROUND` digits."""
-    return f"{float(value):.{ROUND}g}"
+    return f"{float(value) + 0.0:.{ROUND}g}"  # no minus zero

@@ -16,16 +16,18 @@ from auvident.constants import GRAVITY_MPS2
 from auvident.physics import actuation as act
 from auvident.physics.six_dof_terms import AXES, VELOCITIES
 from auvident.schema.planes import BY_FIN
-from auvident.schema.quoting import xml_comment
 from auvident.stages.export.gz import (
+    CANNOT,
     FIN_INERTIA,
     FIN_MASS_KG,
     name_of_model,
     number,
     put,
+    written_comment,
 )
 from auvident.stages.export.hull import (
     HOLD_PER_S,
+    PROPELLER,
     Array,
     HullForces,
     SolidBody,
@@ -77,7 +79,7 @@ def left_out_of_uuv(whole: Whole) -> tuple[str, ...]:
     lost = [name for name in lost if name != "lag of the propeller"]
     lost += _products_left_out(whole, hull)
     lines = [f"Left out: {', '.join(lost)}."] if lost else []
-    lines.append("T_nu: the thrust falls with the speed as on a straight run in balance only.")
+    lines.append("T_nu: the thrust falls with the speed as about a straight run in balance.")
     lines.append("Forces that go with the surge velocity squared are those of a vehicle ahead.")
     if whole.values.get("X_uudrdr") or whole.values.get("X_uudede"):
         lines.append(
@@ -108,15 +110,14 @@ def _products_left_out(whole: Whole, hull: HullForces) -> list[str]:
 
 
 def _comment(whole: Whole, cost: tuple[str, ...]) -> str:
-    lines = (
+    return written_comment(
         f"{whole.vehicle}: model identified by auvident, for uuv_simulator and Plankton.",
         "Fins take rad (a positive rudder turns to port, a positive elevator has its trailing "
         "edge down), the thruster rad/s.",
-        "What this simulator cannot hold:",
-        *(f"  {line}" for line in left_out_of_uuv(whole)),
+        CANNOT,
+        *left_out_of_uuv(whole),
         *cost,
     )
-    return xml_comment("\n" + "\n".join(lines) + "\n")
 
 
 def _base_link(model: ET.Element, body: SolidBody) -> None:
@@ -186,6 +187,7 @@ def _damping(whole: Whole, body: SolidBody) -> tuple[Array, Array, Array]:
     for fin in fins_of(whole):
         forward -= _lift_along(fin)
     quadratic = np.diag([hull.absolute[k, k, k] for k in range(len(AXES))])
+    quadratic[SURGE, SURGE] += _drag_for_thrust(whole)
     return linear, forward, quadratic
 
 
@@ -248,10 +250,23 @@ def _dynamics(plugin: ET.Element, lag: float) -> None:
 
 
 def _rotor_constant(whole: Whole) -> float:
-    """Thrust over rate squared on a straight run in balance, where the speed goes with the rate."""
-    values = whole.values
-    t_nn, t_nu, x_uu = (values.get(n, 0.0) for n in ("T_nn", "T_nu", "X_uu"))
-    roots = np.roots([x_uu, t_nu, t_nn])
+    """Thrust over rate squared, with half of its fall with the speed: see `_drag_for_thrust`."""
+    t_nn, t_nu = (whole.values.get(n, 0.0) for n in PROPELLER)
+    return (t_nn + 0.5 * t_nu * _speed_per_rate(whole)) / (2.0 * np.pi) ** 2
+
+
+def _drag_for_thrust(whole: Whole) -> float:
+    """Quadratic drag that stands for the other half of the fall of the thrust with the speed.
+
+    The simulator has thrust by rate alone. About a straight run in balance, where u = a n, the
+    product n u is (a n^2 + u^2 / a) / 2 to the first order in both.
+    """
+    speed = _speed_per_rate(whole)
+    return 0.5 * whole.values.get("T_nu", 0.0) / speed if speed > 0.0 else 0.0
+
+
+def _speed_per_rate(whole: Whole) -> float:
+    """Speed over rate on a straight run in balance [m per revolution]; zero without thrust."""
+    roots = np.roots([whole.values.get(n, 0.0) for n in ("X_uu", "T_nu", "T_nn")])
     speeds = roots.real[(np.abs(roots.imag) < 1e-12) & (roots.real > 0.0)]
-    speed = float(speeds.max()) if len(speeds) else 0.0
-    return (t_nn + t_nu * speed) / (2.0 * np.pi) ** 2
+    return float(speeds.max()) if len(speeds) else 0.0
