@@ -242,16 +242,33 @@ def _picture_form(figure: Path | None) -> str:
     return form
 
 
+class ExportForm(click.Choice[str]):
+    """A format of `export`; of one that cannot hold the model it says why."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """The format by its name."""
+        if str(value).lower() == "stonefish":
+            self.fail(NO_STONEFISH, param, ctx)
+        return super().convert(value, param, ctx)
+
+
+NO_STONEFISH = (
+    "Stonefish cannot hold the model: it computes drag and added mass itself from the shape of the "
+    "hull and takes no hydrodynamic derivatives. Use fmu, pvs, gz or uuv."
+)
+
+
 @command(
     "export",
     "auvident export runs/demo --format python --output remus100_model.py",
+    "auvident export runs/demo --format fmu --output remus100.fmu",
     "auvident export runs/demo --format toml",
 )
 @click.argument("target", metavar="RUN|MODEL", type=PATH)
 @click.option(
     "--format",
     "form",
-    type=click.Choice(["json", "toml", "csv", "python", "matlab", "c"]),
+    type=ExportForm(["json", "toml", "csv", "python", "matlab", "c", "fmu", "pvs", "gz", "uuv"]),
     help="[default: by the suffix of --output, else json]",
 )
 @click.option("--output", "file", type=PATH, help="Output file.  [default: standard output]")
@@ -263,28 +280,30 @@ def export(
 
     python, matlab and c are self-contained functions with the equations, servo and propeller, that
     predict what auvident simulate does; toml is a [coefficients] table for a vehicle file. c is a
-    source file that begins with its header, which FILE.c has beside it as FILE.h, too.
+    source file that begins with its header, which FILE.c has beside it as FILE.h, too. fmu is a
+    unit of FMI 2.0 for co-simulation.
+
+    pvs is a class for PythonVehicleSimulator, gz a world of gz-sim, uuv a model of uuv_simulator
+    and Plankton: of six degrees of freedom from a combined model, or from a run that has one,
+    unless --plane is given. What a simulator cannot hold is listed, and what it costs.
     """
-    from auvident.pipeline.predict import find_model
-    from auvident.stages.export import export as as_text
-    from auvident.stages.export import header_of, remarks_on
+    from auvident.pipeline.exporting import export_model
     from auvident.storage.artifacts import write_bytes
 
     if form is None:
         form = FORM_OF_SUFFIX.get(file.suffix, "json") if file else "json"
-    path, model = find_model(target, plane)
-    text = as_text(model, form)
     with output.watch() as watch:
+        made = export_model(target, form, plane, to_file=file is not None)
         if file is not None:
-            write_bytes(file, text.encode())
-            watch.note(f"{path} written as {form} to {file}")
-        if file is not None and form == "c" and file.suffix == ".c":
-            write_bytes(file.with_suffix(".h"), header_of(model).encode())
-        for line in remarks_on(model, form):
+            write_bytes(file, made.content)
+            watch.note(f"{made.source} written as {form} to {file}")
+            if made.header and file.suffix == ".c":
+                write_bytes(file.with_suffix(".h"), made.header)
+        for line in made.notes:
             watch.note(line)
     if file is None and not output.json:
-        output.text(text.rstrip("\n"))
-    output.artifact(model, str(path))
+        output.text(made.content.decode().rstrip("\n"))
+    output.artifact(made.model, str(made.source))
 
 
 FORM_OF_SUFFIX = {
@@ -294,6 +313,8 @@ FORM_OF_SUFFIX = {
     ".py": "python",
     ".m": "matlab",
     ".c": "c",
+    ".fmu": "fmu",
+    ".sdf": "gz",
 }
 
 

@@ -21,6 +21,12 @@ def comment(text: str) -> str:
     return "".join(c if c.isprintable() else _code(c) for c in text)
 
 
+def xml_comment(text: str) -> str:
+    """What stands in a comment of XML, which two hyphens would end; ends of lines stay."""
+    lines = (comment(line) for line in text.split("\n"))
+    return "\n".join(lines).replace("--", "-\u2010").replace("--", "-\u2010")
+
+
 def encodable(text: str) -> str:
     r"""A text with ``\udcXX`` for what no encoding has: bytes of a file name that are no UTF-8."""
     return text.encode(errors="backslashreplace").decode()

@@ -36,6 +36,7 @@ PARTS = (
     "length",
     "day",
     "whole",
+    "exports",
 )
 # What is said of the measurement, behind the version of the program.
 HOW = {
@@ -46,6 +47,7 @@ HOW = {
     "day": "; medians of {few} repetitions",
     "splits": "; the first clean trials of even seeds, five random splits each",
     "whole": "; models of the harbour trial and of the dive trial, joined",
+    "exports": "; models of the harbour trial and of the dive trial",
     "band": "; the first 29 clean trials of even seeds",
 }
 
@@ -82,6 +84,7 @@ def _run(part: str, repeats: int, seeds: int) -> Any:
     from tests.bench import recovery, samples, speed
     from tests.bench.band import band
     from tests.bench.day import day
+    from tests.bench.exports import exports
     from tests.bench.left_out import left_out
     from tests.bench.length import length
     from tests.bench.splits import splits
@@ -99,6 +102,7 @@ def _run(part: str, repeats: int, seeds: int) -> Any:
         "splits": splits,
         "band": band,
         "whole": whole,
+        "exports": exports,
         "day": lambda: day(min(repeats, 3)),
         "length": lambda: {"diagnosis by length of the log": length(min(repeats, 3))},
     }

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "benchmarks.md"
+ELSEWHERE = {"exports": "exports.md"}  # sections of other pages
 PLACE = r"(?<=<!-- begin {name} -->\n).*?(?=<!-- end {name} -->\n)"
 
 Rows = list[dict[str, Any]]
@@ -32,13 +33,14 @@ def write(name: str, measured: str, tables: Mapping[str, Rows]) -> None:
     ValueError
         When the page has no place for the section, or several.
     """
-    text = PAGE.read_text(encoding="utf-8")
+    page = PAGE.with_name(ELSEWHERE.get(name, PAGE.name))
+    text = page.read_text(encoding="utf-8")
     place = re.compile(PLACE.format(name=re.escape(name)), re.DOTALL)
     if len(place.findall(text)) != 1:
-        raise ValueError(f"{PAGE.name} needs one pair of marks 'begin {name}', 'end {name}'")
+        raise ValueError(f"{page.name} needs one pair of marks 'begin {name}', 'end {name}'")
     pieces = [measured, *(f"**{title}**\n\n{table(rows)}" for title, rows in tables.items())]
     body = "\n" + "\n\n".join(piece for piece in pieces if piece) + "\n\n"
-    PAGE.write_text(place.sub(lambda _: body, text), encoding="utf-8")
+    page.write_text(place.sub(lambda _: body, text), encoding="utf-8")
 
 
 def table(rows: Rows) -> str:

@@ -157,51 +157,82 @@ static double fallen(double since_s, double over_s)
     return since_s < 0.0 ? 0.0 : since_s < over_s ? since_s / over_s : 1.0;
 }
 """
+ACTING = """
+// What servo and propeller remember from one step to the next; zero before the first one.
+typedef struct {
+    double fin;     // angle of the servo
+[backlash]    double taken;   // order behind the play
+[motor]    double turning; // rate of the propeller
+    int fin_given;  // whether the angle of the servo before the first step is given
+    int begun;
+} memory;
+
+// What else the inputs depend on.
+typedef struct {
+    double time_s; // since the start of the trial
+    double speed_mps, roll_rad, pitch_rad, depth_m;
+} surroundings;
+
+// Inputs as they act over a step; order is that of the fin, after its delay.
+static void act(memory *m, double order, const double row[3], double dt_s, const surroundings *s,
+                double acting[@columns@])
+{
+    double angle, rate = row[2];
+[drive]    double thrust;
+[factor]    double factor = 1.0;
+[changed]    const double weight =
+[changed]        fallen(s->time_s - WEIGHT_CHANGE_TIME_S, WEIGHT_CHANGE_OVER_S);
+    (void)s;
+[deadband]    order = copysign(fmax(fabs(order) - FIN_DEADBAND_RAD, 0.0), order);
+[backlash]    if (m->begun)
+[backlash]        order = fmin(fmax(m->taken, order - FIN_BACKLASH_RAD), order + FIN_BACKLASH_RAD);
+[backlash]    m->taken = order;
+[asymmetry]    order *= order > 0.0 ? 1.0 + FIN_ASYMMETRY : 1.0 - FIN_ASYMMETRY;
+    if (!m->begun && !m->fin_given) m->fin = order;
+    angle = servo(&m->fin, order, dt_s);
+[motor]    if (!m->begun) m->turning = rate;
+[motor]    rate = propeller(&m->turning, rate, dt_s);
+    m->begun = 1;
+[drive]    thrust = T_nn * rate * fabs(rate) + T_nu * fabs(rate) * s->speed_mps;
+[sag]    factor -= THRUST_SAG * s->time_s / 1000.0;
+[thrust_step]    factor -=
+[thrust_step]        THRUST_STEP * fallen(s->time_s - THRUST_STEP_TIME_S, THRUST_STEP_OVER_S);
+[drive_factor]    thrust *= factor;
+[offset]    angle += FIN_OFFSET_RAD;
+[stall]    angle /= sqrt(1.0 + (angle / FIN_STALL_RAD) * (angle / FIN_STALL_RAD));
+[race]    angle *= 1.0 + RACE_M2PS2PN * thrust / pow(fmax(fabs(s->speed_mps), 0.2), 2.0);
+@row@
+}
+"""
 SIMULATE = """
 void auvident_simulate(const double x[4], const double *inputs, size_t rows, double dt_s,
                        const auvident_options *options, double *states)
 {
     static const auvident_options defaults = {0, 0.0, 0, 0.0, NULL, NULL, NULL, NULL};
     const auvident_options *o = options ? options : &defaults;
-    double fin = o->fin;
-[backlash]    double taken = 0.0;
-[motor]    double turning = 0.0;
+    static const memory nothing;
+    memory m = nothing;
     size_t i, k;
+    m.fin = o->fin;
+    m.fin_given = o->fin_given;
     for (i = 0; i < 4 && rows > 0; i++) states[i] = x[i];
     for (k = 0; k + 1 < o->before + rows; k++) {
-        const double *row = inputs + 3 * k;
-[!delay]        double order = row[0];
-[delay]        double order = delayed(inputs, o->before + rows, k, dt_s);
-        double angle, rate = row[2];
-[deadband]        order = copysign(fmax(fabs(order) - FIN_DEADBAND_RAD, 0.0), order);
-[backlash]        if (k > 0)
-[backlash]            order = fmin(fmax(taken, order - FIN_BACKLASH_RAD), order + FIN_BACKLASH_RAD);
-[backlash]        taken = order;
-[asymmetry]        order *= order > 0.0 ? 1.0 + FIN_ASYMMETRY : 1.0 - FIN_ASYMMETRY;
-        if (k == 0 && !o->fin_given) fin = order;
-        angle = servo(&fin, order, dt_s);
-[motor]        if (k == 0) turning = rate;
-[motor]        rate = propeller(&turning, rate, dt_s);
+[!delay]        const double order = inputs[3 * k];
+[delay]        const double order = delayed(inputs, o->before + rows, k, dt_s);
+        surroundings s = {0.0, 0.0, 0.0, 0.0, 0.0};
+        double acting[@columns@];
+        if (k >= o->before) {
+            i = k - o->before;
+            s.time_s = o->elapsed_s + (double)i * dt_s;
+            s.speed_mps = o->speed_mps ? o->speed_mps[i] : x[0];
+            s.roll_rad = o->roll_rad ? o->roll_rad[i] : 0.0;
+            s.pitch_rad = o->pitch_rad ? o->pitch_rad[i] : 0.0;
+            s.depth_m = o->depth_m ? o->depth_m[i] : 0.0;
+        }
+        act(&m, order, inputs + 3 * k, dt_s, &s, acting);
         if (k < o->before) continue;
         i = k - o->before;
-        {
-[timed]            const double time_s = o->elapsed_s + (double)i * dt_s;
-[drive]            const double speed = o->speed_mps ? o->speed_mps[i] : x[0];
-[drive]            double thrust = T_nn * rate * fabs(rate) + T_nu * fabs(rate) * speed;
-[factor]            double factor = 1.0;
-[changed]            const double since_s = time_s - WEIGHT_CHANGE_TIME_S;
-[changed]            const double weight = fallen(since_s, WEIGHT_CHANGE_OVER_S);
-            double acting[@columns@];
-[sag]            factor -= THRUST_SAG * time_s / 1000.0;
-[thrust_step]            factor -=
-[thrust_step]                THRUST_STEP * fallen(time_s - THRUST_STEP_TIME_S, THRUST_STEP_OVER_S);
-[drive_factor]            thrust *= factor;
-[offset]            angle += FIN_OFFSET_RAD;
-[stall]            angle /= sqrt(1.0 + (angle / FIN_STALL_RAD) * (angle / FIN_STALL_RAD));
-[race]            angle *= 1.0 + RACE_M2PS2PN * thrust / pow(fmax(fabs(speed), 0.2), 2.0);
-@row@
-            auvident_step(states + 4 * i, acting, dt_s, states + 4 * (i + 1));
-        }
+        auvident_step(states + 4 * i, acting, dt_s, states + 4 * (i + 1));
     }
 }
 """
@@ -225,6 +256,7 @@ PARTS = (
     ("", SERVO),
     ("motor", PROPELLER),
     ("fallen", FALLEN),
+    ("", ACTING),
     ("", SIMULATE),
     ("water", WATER),
 )
@@ -269,7 +301,7 @@ def _values(contents: Contents) -> dict[str, str]:
         for i, row in enumerate(mass_expressions(structure))
         for j, element in enumerate(row)
     ]
-    row = [f"            acting[{i}] = {_expression(n, i)};" for i, n in enumerate(contents.acting)]
+    row = [f"    acting[{i}] = {_expression(n, i)};" for i, n in enumerate(contents.acting)]
     return {f"f{i}": force for i, force in enumerate(forces)} | {
         "states": ", ".join(contents.states),
         "inputs": ", ".join(contents.inputs),
@@ -287,7 +319,7 @@ def _expression(name: str, place: int) -> str:
     of_row = ("angle", "row[1]", "rate")
     if place < len(of_row):
         return of_row[place]
-    return EXPRESSIONS.get(name, f"o->{name} ? o->{name}[i] : 0.0")
+    return EXPRESSIONS.get(name, f"s->{name}")
 
 
 def _water(contents: Contents) -> str:

@@ -3,7 +3,7 @@
 import math
 import sys
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -64,6 +64,7 @@ WATER: dict[Plane, tuple[str, ...]] = {
     "vertical": (*OVER_GROUND, "vertical_current.down_mps"),
 }
 WATER_DRIFT = tuple(name for name in READING if name.startswith("current_drift."))
+IN_MOTION = ("input", "force")  # effects that move the vehicle enter there
 LOGGED = ("roll_rad", "pitch_rad", "depth_m")
 
 
@@ -117,8 +118,7 @@ def contents_of(model: IdentifiedModel) -> Contents:
     UsageError
         An effect that the program does not know, or a value that is no number.
     """
-    _refuse_unknown(model)
-    _refuse_damaged(model)
+    refuse_unfit(model)
     structure, p = structure_behind(model), vector_behind(model)
     e = act.command_values(model.plane, structure.parameters, p)
     used = used_variables(structure)
@@ -146,8 +146,24 @@ def contents_of(model: IdentifiedModel) -> Contents:
     )
 
 
-def _refuse_unknown(model: IdentifiedModel) -> None:
-    ids = [str(e.get("id", "")) for e in model.effects]
+def refuse_unfit(model: IdentifiedModel) -> None:
+    """Refuse a model that is no program.
+
+    Raises
+    ------
+    UsageError
+        An effect that the program does not know, or a value that is no number.
+    """
+    refuse_unknown([str(e.get("id", "")) for e in model.effects])
+    found: dict[str, Any] = model.values() | model.rigid_body.model_dump()
+    for effect in model.effects:
+        internal = effect.get("internal")
+        found |= internal if isinstance(internal, dict) else {str(effect["id"]): internal}
+    refuse_damaged(found)
+
+
+def refuse_unknown(ids: Sequence[str]) -> None:
+    """Refuse effects that this version does not know."""
     unknown = [name for name in ids if name not in BY_ID]
     if unknown:
         raise UsageError(
@@ -157,12 +173,8 @@ def _refuse_unknown(model: IdentifiedModel) -> None:
         )
 
 
-def _refuse_damaged(model: IdentifiedModel) -> None:
-    """A value that is no number would be no program."""
-    found: dict[str, Any] = model.values() | model.rigid_body.model_dump()
-    for effect in model.effects:
-        internal = effect.get("internal")
-        found |= internal if isinstance(internal, dict) else {str(effect["id"]): internal}
+def refuse_damaged(found: Mapping[str, Any]) -> None:
+    """Refuse a value that is no number, which would be no program."""
     for name, value in found.items():
         if not isinstance(value, (int, float)) or not abs(value) <= sys.float_info.max:
             raise UsageError(
@@ -235,8 +247,13 @@ def title(model: IdentifiedModel, escaped: Callable[[str], str]) -> str:
 
 def remarks(model: IdentifiedModel) -> tuple[str, ...]:
     """What of a model a program leaves out or has off, a line each."""
-    _refuse_unknown(model)
-    ids = [str(effect["id"]) for effect in model.effects]
+    ids = [str(effect.get("id", "")) for effect in model.effects]
+    refuse_unknown(ids)
+    return remarks_on_effects(ids)
+
+
+def remarks_on_effects(ids: Sequence[str]) -> tuple[str, ...]:
+    """What of these effects a program leaves out or has off, a line each."""
     water = [name for name in ids if _is_water(name)]
     sensors = [name for name in ids if BY_ID[name].enters == "reading" and name not in water]
     events = [name for name in ids if BY_ID[name].enters == "disturbance"]
@@ -253,13 +270,12 @@ def remarks(model: IdentifiedModel) -> tuple[str, ...]:
 
 def comment_lines(model: IdentifiedModel, mark: str, width: int) -> str:
     """Effects that act, and what is left out, as lines of a comment."""
-    acting = ", ".join(acting_effects(model)) or "none"
-    lines = (f"Effects that act: {acting}.", *remarks(model))
+    return acting_lines([str(effect["id"]) for effect in model.effects], mark, width)
+
+
+def acting_lines(ids: Sequence[str], mark: str, width: int) -> str:
+    """Which of these effects act, and what is left out, as lines of a comment."""
+    acting = ", ".join(name for name in ids if BY_ID[name].enters in IN_MOTION) or "none"
+    lines = (f"Effects that act: {acting}.", *remarks_on_effects(ids))
     wrapped = (textwrap.fill(line, width) for line in lines)
     return "\n".join(f"{mark}{part}" for line in wrapped for part in line.splitlines())
-
-
-def acting_effects(model: IdentifiedModel) -> tuple[str, ...]:
-    """Effects that act in a program."""
-    ids = (str(effect["id"]) for effect in model.effects)
-    return tuple(name for name in ids if BY_ID[name].enters in ("input", "force"))

@@ -1,0 +1,174 @@
+"""A model for use elsewhere: found, written in its form, with what the form leaves out."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from auvident.errors import UsageError
+from auvident.pipeline.freshness import judge
+from auvident.pipeline.predict import find_model
+from auvident.pipeline.table import BY_NAME
+from auvident.pipeline.whole import find_whole, is_whole
+from auvident.storage.run_directory import MANIFEST, RunDirectory
+
+if TYPE_CHECKING:
+    from auvident.schema.artifacts import IdentifiedModel
+    from auvident.schema.combined import CombinedModel
+    from auvident.stages.export.cost import Cost
+    from auvident.stages.export.whole import Whole
+
+    AnyModel = IdentifiedModel | CombinedModel
+
+BINARY = ("fmu",)
+COMBINED = "combine/model.json"
+NO_RUN = "What that costs on held-out maneuvers is told for a model in a run directory."
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What an export writes.
+
+    Attributes
+    ----------
+    source : Path
+        File of the model.
+    model : IdentifiedModel or CombinedModel
+    content : bytes
+    notes : tuple of str
+        What the form leaves out, a line each.
+    header : bytes
+        Of the C form.
+    """
+
+    source: Path
+    model: "AnyModel"
+    content: bytes
+    notes: tuple[str, ...] = ()
+    header: bytes = b""
+
+
+def export_model(
+    target: Path, form: str, plane: str | None = None, *, to_file: bool = True
+) -> Exported:
+    """Write a model in a form.
+
+    Parameters
+    ----------
+    target : Path
+        Run directory or file of a model; for a simulator of six degrees of freedom also a combined
+        model, or a vehicle file for its estimate from geometry.
+    form : str
+    plane : str, optional
+        Of a run of both planes.
+    to_file : bool
+        Whether it goes to a file; standard output takes text only.
+
+    Raises
+    ------
+    UsageError
+        A binary form without a file; a form that the model does not fit.
+    """
+    if form in BINARY and not to_file:
+        raise UsageError(
+            f"{form} is a binary file, which no terminal shows", "--output", "Give --output FILE."
+        )
+    if form in WRITERS:
+        return WRITERS[form](*find_any_model(target, plane))
+    path, planar = find_model(target, plane)
+    if form == "fmu":
+        return _fmu(path, planar)
+    from auvident.stages.export import export, header_of, remarks_on
+
+    header = header_of(planar).encode() if form == "c" else b""
+    content = export(planar, form).encode()
+    return Exported(path, planar, content, remarks_on(planar, form), header)
+
+
+def find_any_model(target: Path, plane: str | None = None) -> "tuple[Path, AnyModel]":
+    """A model of six degrees of freedom where there is one, else that of a plane."""
+    if plane is None and is_whole(target):
+        return target, find_whole(target)[0]
+    if plane is None and target.is_dir() and (target / COMBINED).exists():
+        run = RunDirectory(target)
+        if judge(BY_NAME["combine"], run, run.existing()).state == "done":
+            return target / COMBINED, find_whole(target / COMBINED)[0]
+    return find_model(target, plane)
+
+
+def _fmu(path: Path, model: "IdentifiedModel") -> Exported:
+    from auvident.stages.export.fmu import SOURCE, fmu_files, library_name, remarks_of
+    from auvident.storage.fmu_file import packed, with_library
+
+    source = f"sources/{SOURCE}"
+    files, problem = with_library(fmu_files(model), source, library_name(model))
+    notes = list(remarks_of(model))
+    if problem:
+        notes.append(
+            f"The FMU has sources only, as {problem}. `fmpy compile FILE.fmu` adds the library."
+        )
+    return Exported(path, model, packed(files), tuple(notes))
+
+
+def _pvs(path: Path, model: "AnyModel") -> Exported:
+    from auvident.stages.export.contents import remarks_on_effects
+    from auvident.stages.export.pvs import as_pvs
+    from auvident.stages.export.whole import whole_of
+
+    return Exported(
+        path, model, as_pvs(model).encode(), remarks_on_effects(whole_of(model).effects)
+    )
+
+
+def _gz(path: Path, model: "AnyModel") -> Exported:
+    from auvident.stages.export.gz import as_gz, left_out_of_gz
+    from auvident.stages.export.simulators import read_gz
+
+    return _simulator(path, model, "gz-sim", as_gz, read_gz, left_out_of_gz)
+
+
+def _uuv(path: Path, model: "AnyModel") -> Exported:
+    from auvident.stages.export.simulators import read_uuv
+    from auvident.stages.export.uuv import as_uuv, left_out_of_uuv
+
+    return _simulator(path, model, "uuv_simulator", as_uuv, read_uuv, left_out_of_uuv)
+
+
+def _simulator(
+    path: Path,
+    model: "AnyModel",
+    tool: str,
+    write: "Callable[..., str]",
+    read: Callable[[str], Any],
+    left_out: "Callable[[Whole], tuple[str, ...]]",
+) -> Exported:
+    """The file of a simulator, with what it leaves out and what that costs."""
+    from auvident.stages.export.cost import lines_of
+    from auvident.stages.export.whole import whole_of
+
+    whole = whole_of(model)
+    costs = costs_in_run(path, model, read(write(whole)))
+    told = lines_of(costs, tool) if costs else (NO_RUN,)
+    return Exported(path, model, write(whole, told).encode(), (*left_out(whole), *told))
+
+
+def costs_in_run(path: Path, model: "AnyModel", vehicle: Any) -> "tuple[Cost, ...]":
+    """Errors on the held-out maneuvers of the run directory that a model stands in, if it does."""
+    from auvident.pipeline.given import Given
+    from auvident.stages.export.cost import costs_of
+    from auvident.stages.export.whole import whole_of
+
+    folders = path.resolve().parents[1:3]  # one more above the model of a second plane
+    run = next((folder for folder in folders if (folder / MANIFEST).exists()), None)
+    if run is None:
+        return ()
+    given = Given(RunDirectory(run))
+    return costs_of(model, whole_of(model), vehicle, given.trials, given.maneuvers)
+
+
+# of six degrees of freedom where there is such a model
+WRITERS: "dict[str, Callable[[Path, AnyModel], Exported]]" = {
+    "pvs": _pvs,
+    "gz": _gz,
+    "uuv": _uuv,
+}
