@@ -19,10 +19,9 @@ import click
 
 from auvident import __version__
 from auvident.cli.common import OPTIONS_OF_PROCESS
-from auvident.errors import AuvidentError, InputError
+from auvident.errors import BUG_EXIT_CODE, AuvidentError, InputError
 from auvident.schema.quoting import clipped, printable
 
-BUG_EXIT_CODE = 70  # EX_SOFTWARE of sysexits.h: the program is at fault, not its user
 LONGEST_MESSAGE = 4000  # characters; a name or value of a user's file may be of any length
 BESIDE = ("numpy", "scipy", "pandas", "pyarrow", "numba", "pydantic", "click", "rich")
 NO_MEMORY = InputError(
@@ -34,6 +33,11 @@ NO_MEMORY = InputError(
 def say(problem: str) -> None:
     """One error on standard error, as text that gives no orders to the terminal."""
     click.echo(f"Error: {printable(clipped(problem, LONGEST_MESSAGE))}", err=True)
+
+
+def warn(problem: str) -> None:
+    """One warning on standard error."""
+    click.echo(f"Warning: {printable(clipped(problem, LONGEST_MESSAGE))}", err=True)
 
 
 def told(error: AuvidentError) -> int:

@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from auvident.cli.common import MOST_SEED, OUTSIDE, PATH, RUN, Output, command, write_table
+from auvident.cli.ending import of_comparison, told_in_files
 from auvident.schema.places import BESIDE
 from auvident.schema.planes import PLANES, Plane
 
@@ -315,6 +316,7 @@ def read_share(ctx: click.Context, parameter: click.Parameter, text: str | None)
     "auvident compare runs/demo runs/other",
     "auvident compare runs/demo runs/other --fail-if-worse 10%",
 )
+@told_in_files(of_comparison)
 @click.argument("runs", metavar="RUN RUN...", nargs=-1, required=True, type=PATH)
 @click.option(
     "--fail-if-worse",
@@ -325,9 +327,12 @@ def read_share(ctx: click.Context, parameter: click.Parameter, text: str | None)
     "than this share of it (10% or 0.1).",
 )
 def compare(output: Output, runs: tuple[Path, ...], share: float | None) -> None:
-    """Show coefficients and held-out errors of several runs side by side."""
+    """Show coefficients and held-out errors of several runs side by side.
+
+    --fail-if-worse holds each run against the last one. It fails as well where they cannot be
+    compared: another vehicle or plane, no common maneuver held out, a prediction that diverges.
+    """
     from auvident.pipeline.compare import compare_runs
-    from auvident.pipeline.gates import check_not_worse
     from auvident.report.console import comparison_tables
 
     if len(runs) < 2:
@@ -336,11 +341,8 @@ def compare(output: Output, runs: tuple[Path, ...], share: float | None) -> None
     with output.watch() as watch:
         for table in comparison_tables(comparison):
             watch.show(table)
-        if len({tuple(run["held_out"]) for run in comparison["runs"]}) > 1:
-            watch.note("Other maneuvers are held out in each run: their errors compare roughly.")
     output.artifact(comparison, "compare")
-    if share is not None:
-        check_not_worse(comparison, share)
+    output.end.compare(comparison, share)
 
 
 @command("plan-trial", "auvident plan-trial runs/demo")
