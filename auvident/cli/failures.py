@@ -17,13 +17,11 @@ from pathlib import Path
 
 import click
 
-from auvident import __version__
 from auvident.cli.common import OPTIONS_OF_PROCESS
 from auvident.errors import BUG_EXIT_CODE, AuvidentError, InputError
 from auvident.schema.quoting import clipped, printable
 
 LONGEST_MESSAGE = 4000  # characters; a name or value of a user's file may be of any length
-BESIDE = ("numpy", "scipy", "pandas", "pyarrow", "numba", "pydantic", "click", "rich")
 NO_MEMORY = InputError(
     "the memory of this machine is not enough",
     remedy="Give a shorter log, a lower --rate or fewer --samples.",
@@ -93,15 +91,11 @@ def _crash_file(error: BaseException) -> Path:
 
 
 def _about() -> Iterator[str]:
-    import platform
-    from importlib.metadata import PackageNotFoundError, version
+    from auvident.versions import about
 
-    yield f"auvident {__version__}: {shlex.join(sys.argv)}"
+    yield shlex.join(sys.argv)
     yield f"in {os.getcwd()}"
-    yield f"Python {platform.python_version()}, {platform.platform()}"
-    for name in BESIDE:
-        with suppress(PackageNotFoundError):
-            yield f"{name} {version(name)}"
+    yield from about()
 
 
 def close_output() -> None:

@@ -22,9 +22,14 @@ PLANE = click.option(
 @command("status", "auvident status runs/demo")
 @RUN
 def status(output: Output, run: Path) -> None:
-    """Show which stages are done, stale, missing or not needed, and why."""
+    """Show which stages are done, stale, missing or not needed, and why.
+
+    With --verbose also where the libraries are no longer those that a stage was run with: results
+    are the same to the last bit only with the same ones.
+    """
     from auvident.pipeline import status as judge
     from auvident.report.console import status_table
+    from auvident.versions import changed
 
     decisions, manifest = judge(run)
     rows = []
@@ -38,11 +43,28 @@ def status(output: Output, run: Path) -> None:
                 "ended_at": entry.ended_at if entry else None,
                 "outputs": sorted(entry.outputs) if entry else [],
                 "failed": attempt,
+                "libraries_changed": changed(entry.libraries) if entry else {},
+                "libraries_known": bool(entry and entry.libraries),
             }
         )
     with output.watch() as watch:
         watch.show(status_table(run, rows))
+        if output.verbose:
+            for line in _other_libraries(rows):
+                watch.note(line)
     output.artifact({"schema": "auvident/status/1", "run": str(run), "stages": rows}, "status")
+
+
+def _other_libraries(rows: list[dict[str, Any]]) -> list[str]:
+    """Libraries that changed since stages were run, with the stages."""
+    stages: dict[str, list[str]] = {}
+    for row in rows:
+        for name, (old, new) in row["libraries_changed"].items():
+            stages.setdefault(f"{name} was {old}, is {new}", []).append(row["stage"])
+    unknown = [row["stage"] for row in rows if row["outputs"] and not row["libraries_known"]]
+    lines = [f"{text}: {', '.join(names)}" for text, names in stages.items()]
+    lines += [f"libraries not recorded: {', '.join(unknown)}"] if unknown else []
+    return lines or ["The libraries are those that the stages were run with."]
 
 
 @command(
