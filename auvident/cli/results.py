@@ -352,7 +352,7 @@ def compare(output: Output, runs: tuple[Path, ...], share: float | None) -> None
     """Show coefficients and held-out errors of several runs side by side.
 
     --fail-if-worse holds each run against the last one. It fails as well where they cannot be
-    compared: another vehicle or plane, no common maneuver held out, a prediction that diverges.
+    compared: another vehicle or plane, no held-out error, a prediction that diverges.
     """
     from auvident.pipeline.compare import compare_runs
     from auvident.report.console import comparison_tables
