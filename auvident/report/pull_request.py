@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from auvident import __version__
+from auvident.report.held_out_words import OTHERS_HELD_OUT
 from auvident.report.numbers import TERMINAL
 from auvident.schema.artifacts import Finding
 from auvident.schema.outcome import (
@@ -139,7 +140,7 @@ def _side_by_side(table: Mapping[str, Any]) -> str:
         rows.append([*cells, change])
     heads = ["RMSE, held out", "unit", *names, "first to last"]
     kinds = {tuple(run["held_out"]) for run in table["runs"]}
-    note = "\n\nOther maneuvers are held out in each run: their errors compare roughly."
+    note = f"\n\n{OTHERS_HELD_OUT}"
     plane = table["runs"][0]["plane"].capitalize()
     return f"**{plane} plane**\n\n{_table(heads, rows)}{note if len(kinds) > 1 else ''}"
 
