@@ -6,7 +6,7 @@ DEMO_RUN := runs/demo
 DEMO_BAY := runs/demo-bay
 TANKER := runs/tanker
 
-.PHONY: install demo test lint check bench bench-effects docs clean
+.PHONY: install demo test lint check bench bench-effects package docs clean
 .DELETE_ON_ERROR:
 
 $(VENV)/.installed: pyproject.toml
@@ -37,6 +37,11 @@ check: lint test
 # Figures go into docs/benchmarks.md, each part into its own section.
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.bench --write
+	$(MAKE) package
+
+# Wheel and source distribution, installed and run in a fresh environment of every Python there is.
+package:
+	PYTHON=$(PYTHON) .ci/package
 
 # Seeds of their own, not those of development; a run that was interrupted goes on where it was.
 EFFECTS_RUN := runs/bench-effects

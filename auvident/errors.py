@@ -4,6 +4,8 @@ Built-in exceptions that escape the library are bugs; everything a user can caus
 these. Library code never prints and never exits.
 """
 
+BUG_EXIT_CODE = 70  # EX_SOFTWARE of sysexits.h: the program is at fault, not its user
+
 
 class AuvidentError(Exception):
     """A problem that the user can do something about.

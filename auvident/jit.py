@@ -1,9 +1,10 @@
 """Compilation of the numerical kernels, cached on disk where that is possible.
 
-The cache lies beside the package, else in the user's cache folder, else (neither can be written)
-in a temporary folder of this process, and `cache_is_writable` says so. Its folder is named after
-the sources of all kernels together: numba itself looks only at the file of a function, and would
-go on using what was compiled with an older version of the functions it calls.
+The cache lies in the checkout that the package is used from, else in the user's cache folder, else
+(neither can be written) in a temporary folder of this process, and `cache_is_writable` says so. It
+is never one that belongs to another user: what is loaded from there is run. Its folder is named
+after numba and the sources of all kernels together: numba itself looks only at the file of a
+function, and would go on using what was compiled with an older version of the functions it calls.
 """
 
 import atexit
@@ -18,9 +19,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from numba import __version__ as numba_version
 from numba import njit
 from numba.core import config
 from numba.core.compiler import Compiler
+from platformdirs import user_cache_path
 
 PACKAGE = Path(__file__).resolve().parent
 KERNEL_MODULES = (
@@ -41,9 +44,12 @@ FOLDER = "auvident-kernels-"
 UNUSED_S = 30 * 86400.0  # a folder that no process used for a month belongs to a version long gone
 
 
-def _writable(folder: Path) -> bool:
+def _usable(folder: Path) -> bool:
+    """Whether a folder is ours, and can be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        if hasattr(os, "geteuid") and folder.stat().st_uid != os.geteuid():
+            return False
         with tempfile.TemporaryFile(dir=folder):
             return True
     except OSError:
@@ -51,22 +57,22 @@ def _writable(folder: Path) -> bool:
 
 
 def _candidates() -> list[Path]:
-    """Folders the cache may lie in: the one the user names, else the package's, the user's."""
-    sources = hashlib.sha256()
+    """Folders the cache may lie in: the one the user names, else the checkout's, the user's."""
+    sources = hashlib.sha256(numba_version.encode())
     for module in ("jit.py", *KERNEL_MODULES):  # how they are compiled counts as well
         sources.update((PACKAGE / module).read_bytes())
     name = FOLDER + sources.hexdigest()[:16]
     named = os.environ.get("NUMBA_CACHE_DIR")
     if named:
         return [Path(named) / name]
-    own = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-    return [PACKAGE / "__pycache__" / name, Path(own) / "auvident" / name]
+    checkout = [PACKAGE / "__pycache__"] if (PACKAGE.parent / "pyproject.toml").exists() else []
+    return [folder / name for folder in (*checkout, user_cache_path("auvident", appauthor=False))]
 
 
 @cache
 def _permanent() -> Path | None:
-    """The first folder that can be written; its date says when it was used last."""
-    folder = next((folder for folder in _candidates() if _writable(folder)), None)
+    """The first folder that can be used; its date says when it was used last."""
+    folder = next((folder for folder in _candidates() if _usable(folder)), None)
     if folder is not None:
         with suppress(OSError):  # another user's, whose date is not ours to change
             os.utime(folder)
@@ -89,6 +95,11 @@ def _temporary() -> Path:
     folder = Path(tempfile.mkdtemp(prefix=FOLDER))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return folder
+
+
+def cache_folder() -> Path | None:
+    """Where compiled kernels are kept; None where they do not outlive this process."""
+    return _permanent()
 
 
 def cache_is_writable() -> bool:

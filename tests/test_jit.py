@@ -85,6 +85,26 @@ def test_a_read_only_installation_is_cached_for_the_user(installed: Path, tmp_pa
     assert second[2] == 1 and second[3] == 1  # found, and loaded instead of compiled
 
 
+def test_an_installation_is_never_written_to(installed: Path, tmp_path: Path) -> None:
+    """Not even one that can be: what is compiled is of its user, and goes where XDG says."""
+    found = run_in(installed, tmp_path / "home", XDG_CACHE_HOME=str(tmp_path / "cache"))
+    assert found[0] and found[4].startswith(str(tmp_path / "cache" / "auvident"))
+    assert not list(installed.rglob("*.nbc"))
+
+
+def test_a_checkout_keeps_its_own(installed: Path, tmp_path: Path) -> None:
+    (installed / "pyproject.toml").touch()
+    found = run_in(installed, tmp_path / "home")
+    assert found[0] and found[4].startswith(str(installed / "auvident" / "__pycache__"))
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="users have no numbers here")
+def test_what_another_user_compiled_is_not_loaded(tmp_path: Path, monkeypatch) -> None:
+    assert jit._usable(tmp_path)
+    monkeypatch.setattr(os, "geteuid", lambda: tmp_path.stat().st_uid + 1)
+    assert not jit._usable(tmp_path)
+
+
 def test_nothing_writable_still_works_and_says_so(installed: Path, tmp_path: Path) -> None:
     home = tmp_path / "home"
     home.mkdir()

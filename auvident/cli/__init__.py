@@ -29,14 +29,37 @@ COMMANDS = {
 
 
 @click.group(cls=Group, sources=COMMANDS, epilog=EPILOG)
-@click.version_option(__version__, prog_name="auvident")
-def cli() -> None:
+@click.option(
+    "--version",
+    is_flag=True,
+    expose_value=False,
+    callback=lambda *given: _show_version(*given),
+    help="Show the version and exit; with --verbose also those of the libraries.",
+)
+@click.option("--verbose", is_flag=True, is_eager=True, hidden=True)
+def cli(verbose: bool) -> None:
     """Maneuvering models of autonomous underwater vehicles from their sea-trial logs.
 
     `auvident run` does everything; the other commands do one step each on its run directory.
     Exit codes: 0 done, 1 a gate was not met, 2 wrong usage, 3 unusable input, 4 an earlier stage
     is missing or stale, 5 numerical failure, 6 the run directory is in use by another process.
     """
+    if verbose:
+        raise click.UsageError("--verbose stands behind the command, or beside --version.")
+
+
+def _show_version(ctx: click.Context, parameter: click.Parameter, asked: bool) -> None:
+    """One line, or everything that a result or a fault may depend on."""
+    if not asked or ctx.resilient_parsing:
+        return
+    if ctx.params.get("verbose"):  # read before, as it is eager
+        from auvident.jit import cache_folder
+        from auvident.versions import about
+
+        click.echo("\n".join([*about(), f"compiled kernels in {cache_folder()}"]))
+    else:
+        click.echo(f"auvident, version {__version__}")
+    ctx.exit()
 
 
 def main(arguments: list[str] | None = None) -> None:

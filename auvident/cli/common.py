@@ -7,7 +7,7 @@ without numpy, pandas and rich.
 import importlib
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -18,6 +18,7 @@ from auvident.errors import UsageError
 if TYPE_CHECKING:
     import pandas as pd
 
+    from auvident.cli.ending import Ending
     from auvident.cli.watch import Watch
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -33,11 +34,14 @@ class Output:
         The main artifact on standard output.
     quiet, verbose : bool
         Nothing but errors; more than usual.
+    end : Ending
+        Of a command that tells in files how it came out.
     """
 
     json: bool = False
     quiet: bool = False
     verbose: bool = False
+    end: "Ending" = field(init=False)
 
     def watch(self, brief: bool = False) -> "Watch":
         """The console that follows the pipeline."""

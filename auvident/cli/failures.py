@@ -17,14 +17,11 @@ from pathlib import Path
 
 import click
 
-from auvident import __version__
 from auvident.cli.common import OPTIONS_OF_PROCESS
-from auvident.errors import AuvidentError, InputError
+from auvident.errors import BUG_EXIT_CODE, AuvidentError, InputError
 from auvident.schema.quoting import clipped, printable
 
-BUG_EXIT_CODE = 70  # EX_SOFTWARE of sysexits.h: the program is at fault, not its user
 LONGEST_MESSAGE = 4000  # characters; a name or value of a user's file may be of any length
-BESIDE = ("numpy", "scipy", "pandas", "pyarrow", "numba", "pydantic", "click", "rich")
 NO_MEMORY = InputError(
     "the memory of this machine is not enough",
     remedy="Give a shorter log, a lower --rate or fewer --samples.",
@@ -34,6 +31,11 @@ NO_MEMORY = InputError(
 def say(problem: str) -> None:
     """One error on standard error, as text that gives no orders to the terminal."""
     click.echo(f"Error: {printable(clipped(problem, LONGEST_MESSAGE))}", err=True)
+
+
+def warn(problem: str) -> None:
+    """One warning on standard error."""
+    click.echo(f"Warning: {printable(clipped(problem, LONGEST_MESSAGE))}", err=True)
 
 
 def told(error: AuvidentError) -> int:
@@ -89,15 +91,11 @@ def _crash_file(error: BaseException) -> Path:
 
 
 def _about() -> Iterator[str]:
-    import platform
-    from importlib.metadata import PackageNotFoundError, version
+    from auvident.versions import about
 
-    yield f"auvident {__version__}: {shlex.join(sys.argv)}"
+    yield shlex.join(sys.argv)
     yield f"in {os.getcwd()}"
-    yield f"Python {platform.python_version()}, {platform.platform()}"
-    for name in BESIDE:
-        with suppress(PackageNotFoundError):
-            yield f"{name} {version(name)}"
+    yield from about()
 
 
 def close_output() -> None:

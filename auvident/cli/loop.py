@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from auvident.cli.common import FAIL_ABOVE, RUN, SEED, Output, command, parse_limits, run_one
+from auvident.cli.ending import of_run, told_in_files
 
 
 @command("diagnose", "auvident diagnose runs/demo")
@@ -26,6 +27,7 @@ def diagnose(output: Output, run: Path, seed: int | None) -> None:
     "auvident refine runs/demo --fail-above u=0.2 --fail-above r=0.1",
     "auvident refine runs/demo --with-unexplained",
 )
+@told_in_files(of_run("refine", "refine"))
 @RUN
 @click.option(
     "--filter", type=click.Choice(["ekf", "ukf"]), help="[default: as in the identification]"
@@ -50,14 +52,14 @@ def refine(
     The plan is that of the identification. --fail-above applies to the refined model. A model
     that predicts the identifying maneuvers worse, each left out in turn, is not taken.
     """
-    from auvident.pipeline.gates import check_planes, refined
+    from auvident.pipeline.gates import refined
     from auvident.schema.places import by_plane
 
     limits = parse_limits(fail_above)
     force = with_unexplained or None
     outputs = run_one(output, "refine", run, seed, filter=filter, with_unexplained=force)
     planes = by_plane(outputs)
-    check_planes([refined(own["refine/comparison.json"]) for _, own in planes], limits)
+    output.end.check([refined(own["refine/comparison.json"]) for _, own in planes], limits)
 
 
 @command("report", "auvident report runs/demo")

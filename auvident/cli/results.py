@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from auvident.cli.common import MOST_SEED, OUTSIDE, PATH, RUN, Output, command, write_table
+from auvident.cli.ending import of_comparison, told_in_files
 from auvident.schema.places import BESIDE
 from auvident.schema.planes import PLANES, Plane
 
@@ -21,9 +22,14 @@ PLANE = click.option(
 @command("status", "auvident status runs/demo")
 @RUN
 def status(output: Output, run: Path) -> None:
-    """Show which stages are done, stale, missing or not needed, and why."""
+    """Show which stages are done, stale, missing or not needed, and why.
+
+    With --verbose also where the libraries are no longer those that a stage was run with: results
+    are the same to the last bit only with the same ones.
+    """
     from auvident.pipeline import status as judge
     from auvident.report.console import status_table
+    from auvident.versions import changed
 
     decisions, manifest = judge(run)
     rows = []
@@ -37,11 +43,28 @@ def status(output: Output, run: Path) -> None:
                 "ended_at": entry.ended_at if entry else None,
                 "outputs": sorted(entry.outputs) if entry else [],
                 "failed": attempt,
+                "libraries_changed": changed(entry.libraries) if entry else {},
+                "libraries_known": bool(entry and entry.libraries),
             }
         )
     with output.watch() as watch:
         watch.show(status_table(run, rows))
+        if output.verbose:
+            for line in _other_libraries(rows):
+                watch.note(line)
     output.artifact({"schema": "auvident/status/1", "run": str(run), "stages": rows}, "status")
+
+
+def _other_libraries(rows: list[dict[str, Any]]) -> list[str]:
+    """Libraries that changed since stages were run, with the stages."""
+    stages: dict[str, list[str]] = {}
+    for row in rows:
+        for name, (old, new) in row["libraries_changed"].items():
+            stages.setdefault(f"{name} was {old}, is {new}", []).append(row["stage"])
+    unknown = [row["stage"] for row in rows if row["outputs"] and not row["libraries_known"]]
+    lines = [f"{text}: {', '.join(names)}" for text, names in stages.items()]
+    lines += [f"libraries not recorded: {', '.join(unknown)}"] if unknown else []
+    return lines or ["The libraries are those that the stages were run with."]
 
 
 @command(
@@ -336,6 +359,7 @@ def read_share(ctx: click.Context, parameter: click.Parameter, text: str | None)
     "auvident compare runs/demo runs/other",
     "auvident compare runs/demo runs/other --fail-if-worse 10%",
 )
+@told_in_files(of_comparison)
 @click.argument("runs", metavar="RUN RUN...", nargs=-1, required=True, type=PATH)
 @click.option(
     "--fail-if-worse",
@@ -346,9 +370,12 @@ def read_share(ctx: click.Context, parameter: click.Parameter, text: str | None)
     "than this share of it (10% or 0.1).",
 )
 def compare(output: Output, runs: tuple[Path, ...], share: float | None) -> None:
-    """Show coefficients and held-out errors of several runs side by side."""
+    """Show coefficients and held-out errors of several runs side by side.
+
+    --fail-if-worse holds each run against the last one. It fails as well where they cannot be
+    compared: another vehicle or plane, no held-out error, a prediction that diverges.
+    """
     from auvident.pipeline.compare import compare_runs
-    from auvident.pipeline.gates import check_not_worse
     from auvident.report.console import comparison_tables
 
     if len(runs) < 2:
@@ -357,11 +384,8 @@ def compare(output: Output, runs: tuple[Path, ...], share: float | None) -> None
     with output.watch() as watch:
         for table in comparison_tables(comparison):
             watch.show(table)
-        if len({tuple(run["held_out"]) for run in comparison["runs"]}) > 1:
-            watch.note("Other maneuvers are held out in each run: their errors compare roughly.")
     output.artifact(comparison, "compare")
-    if share is not None:
-        check_not_worse(comparison, share)
+    output.end.compare(comparison, share)
 
 
 @command("plan-trial", "auvident plan-trial runs/demo")

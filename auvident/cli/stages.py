@@ -18,6 +18,7 @@ from auvident.cli.common import (
     parse_limits,
     run_one,
 )
+from auvident.cli.ending import of_run, told_in_files
 from auvident.schema.planes import PLANES
 
 LOGS = click.argument("logs", metavar="LOG...", nargs=-1, type=PATH)
@@ -158,7 +159,9 @@ def identify(output: Output, run: Path, **chosen: Any) -> None:
     "validate",
     "auvident validate runs/demo",
     "auvident validate runs/demo --fail-above u=0.2 --fail-above r=0.1",
+    "auvident validate runs/demo --fail-above r=0.1 --summary pull-request.md --junit gates.xml",
 )
+@told_in_files(of_run("validate", "validate"))
 @RUN
 @FAIL_ABOVE
 def validate(output: Output, run: Path, fail_above: tuple[str, ...]) -> None:
@@ -167,18 +170,19 @@ def validate(output: Output, run: Path, fail_above: tuple[str, ...]) -> None:
     The identification has not seen the held-out maneuvers. RMSE are in the unit of the channel:
     m/s, rad/s, rad, m.
     """
-    from auvident.pipeline.gates import check_planes, predicted
+    from auvident.pipeline.gates import predicted
     from auvident.schema.places import by_plane
 
     limits = parse_limits(fail_above)
     planes = by_plane(run_one(output, "validate", run))
-    check_planes([predicted(own["validate/metrics.json"]) for _, own in planes], limits)
+    output.end.check([predicted(own["validate/metrics.json"]) for _, own in planes], limits)
 
 
 @command(
     "run",
     "auvident run sample_logs/harbour_trial --vehicle sample_logs/remus100.toml --run runs/demo",
 )
+@told_in_files(of_run("run", "report"))
 @LOGS
 @VEHICLE
 @RUN_OPTION
@@ -208,7 +212,6 @@ def run(
     The run ends with the effects that the model lacked and how the held-out errors changed.
     Without LOG, the logs, the vehicle file and the options of the last run are used.
     """
-    from auvident.pipeline.gates import check_planes
     from auvident.pipeline.whole_run import ended, judged, run_logs
     from auvident.report.console import discoveries
 
@@ -240,7 +243,7 @@ def run(
         output.text(str(run / "report" / "report.html"))
     if result.failure is not None:
         raise result.failure
-    check_planes([judged(metrics, comparison) for _, metrics, comparison in told], limits)
+    output.end.check([judged(metrics, comparison) for _, metrics, comparison in told], limits)
     return exit_code(result.outputs)
 
 

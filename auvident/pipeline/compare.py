@@ -4,14 +4,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from auvident.pipeline.freshness import is_of_this_run
 from auvident.pipeline.given import Given
 from auvident.pipeline.planes import planes_of
 from auvident.pipeline.predict import REFINED, find_model
+from auvident.pipeline.table import BY_NAME
+from auvident.schema.artifacts import RAN_AWAY, Finding
 from auvident.schema.places import BESIDE
 from auvident.schema.planes import PLANES
 from auvident.storage.run_directory import RunDirectory
 
 METRICS = "validate/metrics.json"
+VALIDATE = BY_NAME["validate"]
 
 
 def compare_runs(paths: Sequence[Path]) -> dict[str, Any]:
@@ -25,8 +29,8 @@ def compare_runs(paths: Sequence[Path]) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``runs`` (path, vehicle, plane, filter, model file, maneuvers held out, verdict of the
-        refinement),
+        ``runs`` (path, vehicle, plane, filter, model file, maneuvers held out, those whose
+        prediction diverges, verdict of the refinement),
         ``coefficients`` (symbol, unit, and by run value and std; ``apart``: greatest difference
         from the first run in standard deviations of the difference), ``effects`` (the same of
         the parameters of effects that were added), ``held_out`` (channel, unit, and by run rmse
@@ -63,6 +67,7 @@ def _compared(paths: Sequence[Path], plane: str | None) -> dict[str, Any]:
                 "plan": model.plan,
                 "model": str(file),
                 "held_out": errors["maneuvers"],
+                "ran_away": errors.get("ran_away", []),
                 "verdict": errors.get("verdict"),
             }
             for path, (file, model), errors in zip(paths, models, held_out, strict=True)
@@ -81,15 +86,25 @@ def _held_out(path: Path, model_file: Path) -> dict[str, Any]:
         comparison = given.comparison
         return {
             "maneuvers": list(comparison.held_out.maneuvers),
+            "ran_away": _ran_away(comparison.findings),
             "channels": comparison.held_out.after,
             "verdict": comparison.verdict,
             "effects": {f"{e.id}.{p.symbol}": p for e in comparison.effects for p in e.parameters},
         }
-    if not given.has(METRICS):
+    if not given.has(METRICS) or not is_of_this_run(VALIDATE, given.run, given.run.existing()):
         return {"maneuvers": [], "channels": {}}
     metrics = given.metrics
     maneuvers = [m.id for m in metrics.maneuvers if m.role == "validate"]
-    return {"maneuvers": maneuvers, "channels": metrics.summary.get("validate", {})}
+    return {
+        "maneuvers": maneuvers,
+        "ran_away": _ran_away(metrics.findings),
+        "channels": metrics.summary.get("validate", {}),
+    }
+
+
+def _ran_away(findings: Sequence[Finding]) -> list[str]:
+    """Where the prediction diverges."""
+    return [f.where for f in findings if f.code == RAN_AWAY]
 
 
 def _rows(tables: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -71,6 +71,15 @@ def judge(
     return Decision(stage.name, "stale" if reason else "done", reason)
 
 
+def is_of_this_run(stage: Stage, run: RunDirectory, manifest: Manifest) -> bool:
+    """Whether the outputs of a stage were made from what the run has now.
+
+    Another version of the program may have made them: what a run ended with stays its result.
+    """
+    entry = manifest.stages.get(stage.name)
+    return bool(entry and not _inputs(stage, entry, run, manifest) and not _outputs(entry, run))
+
+
 def _program(entry: StageEntry) -> str:
     if entry.program_version == __version__:
         return ""

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from auvident.errors import GateError, UsageError
 from auvident.schema.artifacts import RAN_AWAY, Finding, Metrics
+from auvident.schema.outcome import GateResult
 from auvident.schema.planes import PLANE_ROWS
 
 if TYPE_CHECKING:
@@ -88,6 +89,26 @@ def check_planes(planes: Sequence[Judged], limits: Mapping[str, float]) -> None:
         _check(plane, own)
 
 
+def limit_gates(planes: Sequence[Judged], limits: Mapping[str, float]) -> list[GateResult]:
+    """Every gate of ``--fail-above`` by itself, met or not, as `check_planes` judges them."""
+    found = []
+    for plane in planes:
+        for channel, limit in limits.items():
+            if _concerns(channel, planes, plane):
+                found.append(_gate(plane, channel, limit))
+    return found
+
+
+def _gate(plane: Judged, channel: str, limit: float) -> GateResult:
+    error = plane.found.get(channel)
+    value, unit = (error.rmse, error.unit) if error else (None, "")
+    try:
+        _check(plane, {channel: limit})
+    except GateError as gate:
+        return GateResult(channel, limit, value, unit, unmet=gate.problem)
+    return GateResult(channel, limit, value, unit)
+
+
 def check_not_worse(comparison: Mapping[str, Any], share: float) -> None:
     """Hold the held-out errors of several runs against those of the last one, the baseline.
 
@@ -101,36 +122,77 @@ def check_not_worse(comparison: Mapping[str, Any], share: float) -> None:
     Raises
     ------
     GateError
-        A run is worse, or a channel that the baseline predicts is none of its; names them all.
+        A run is worse, or cannot be held against the baseline; names them all.
     """
-    tables = {"": comparison, **comparison.get("planes", {})}
-    failed = [text for table in tables.values() for text in _worse(table, share)]
+    failed = [f"{g.of}: {g.unmet}" for g in baseline_gates(comparison, share) if g.unmet]
     if failed:
         raise GateError(
-            f"the held-out error is above that of the baseline by more than {share:.3g} of it: "
-            + "; ".join(failed),
+            f"a held-out error is above that of the baseline by more than {share:.3g} of it, or "
+            "cannot be compared: " + "; ".join(failed),
             "--fail-if-worse",
         )
 
 
-def _worse(table: Mapping[str, Any], share: float) -> list[str]:
-    """Channels of runs that are worse than the last run of a table."""
-    names = [run["run"] for run in table["runs"]]
-    if not any(row["rmse"][-1] is not None for row in table["held_out"]):
-        return [f"{names[-1]}: no held-out error to compare with; run `auvident validate`"]
-    found = []
-    for row in table["held_out"]:
-        *others, limit = row["rmse"]
-        if limit is None:
+def baseline_gates(comparison: Mapping[str, Any], share: float) -> list[GateResult]:
+    """Every gate of ``--fail-if-worse`` by itself, in each plane that the baseline has."""
+    baseline = comparison["runs"][-1]["run"]
+    names = [run["run"] for run in comparison["runs"][:-1]]
+    beside = comparison.get("planes", {})
+    found = [gate for k, _ in enumerate(names) for gate in _against(comparison, k, share)]
+    for plane, table in beside.items():
+        own = [run["run"] for run in table["runs"]]
+        if baseline not in own:  # what it does not predict is no gate
             continue
-        for name, own in zip(names, others, strict=False):
-            if own is None:
-                if row["channel"] in VELOCITIES:  # of others only some stages tell the error
-                    found.append(f"{name}: no held-out maneuver measures {row['channel']}")
-            elif not own <= (1.0 + share) * limit:
-                rise = f"RMSE {own:.4g} {row['unit']}, baseline {limit:.4g}"
-                found.append(f"{name}: {row['channel']} {rise}")
+        for name in names:
+            if name in own:
+                found += _against(table, own.index(name), share)
+            else:
+                found.append(_unmet(name, f"it has no {plane} plane, which the baseline has"))
     return found
+
+
+def _unmet(of: str, why: str, channel: str = "") -> GateResult:
+    return GateResult(channel, None, of=of, unmet=why)
+
+
+def _against(table: Mapping[str, Any], k: int, share: float) -> list[GateResult]:
+    """The gates of one run against the last of a table."""
+    own, last = table["runs"][k], table["runs"][-1]
+    why = _incomparable(table, own, last)
+    if why:
+        return [_unmet(own["run"], why)]
+    rows = [row for row in table["held_out"] if row["rmse"][-1] is not None]
+    gates = [_no_worse(row, own["run"], row["rmse"][k], share) for row in rows]
+    return [gate for gate in gates if gate is not None]
+
+
+def _incomparable(table: Mapping[str, Any], own: Mapping[str, Any], last: Mapping[str, Any]) -> str:
+    """Why the errors of a run cannot be held against those of the baseline; empty if they can."""
+    if own["vehicle"] != last["vehicle"]:
+        return f"its vehicle is {own['vehicle']!r}, that of the baseline {last['vehicle']!r}"
+    if own["plane"] != last["plane"]:
+        return f"it is of the {own['plane']} plane, the baseline of the {last['plane']} plane"
+    if own.get("ran_away"):  # the pooled errors are without these maneuvers
+        return f"the prediction diverges in {', '.join(own['ran_away'])}"
+    for run in (last, own):
+        if not run["held_out"]:
+            return f"{run['run']} has no held-out error; run `auvident validate {run['run']}`"
+    return ""
+
+
+def _no_worse(
+    row: Mapping[str, Any], of: str, own: float | None, share: float
+) -> GateResult | None:
+    """The gate of one channel; None where only some stages tell its error."""
+    channel, unit, limit = row["channel"], row["unit"], row["rmse"][-1]
+    unmet = ""
+    if own is None:
+        if channel not in VELOCITIES:
+            return None
+        unmet = f"no held-out maneuver measures {channel}"
+    elif not own <= (1.0 + share) * limit:
+        unmet = f"{channel} RMSE {own:.4g} {unit}, baseline {limit:.4g}"
+    return GateResult(channel, (1.0 + share) * limit, own, unit, of, unmet)
 
 
 def _concerns(channel: str, planes: Sequence[Judged], plane: Judged) -> bool:

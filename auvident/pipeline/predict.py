@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from auvident.errors import InputError, StageError
-from auvident.pipeline.freshness import judge
+from auvident.pipeline.freshness import is_of_this_run
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.planes import planes_of
 from auvident.pipeline.steps import announce_compilation
@@ -80,7 +80,7 @@ def _model_of(run: RunDirectory, plane: str | None) -> Path:
             "there is no identified model", str(run.path), f"Run `auvident identify {run.path}`."
         )
     identified, refined = _names_of(run, plane)
-    is_refined = judge(BY_NAME["refine"], run, manifest).state == "done"
+    is_refined = is_of_this_run(BY_NAME["refine"], run, manifest)
     return run / (refined if is_refined and (run / refined).exists() else identified)
 
 

@@ -21,6 +21,7 @@ from auvident.schema.places import beside
 from auvident.schema.planes import PLANES, Plane
 from auvident.storage.artifacts import json_bytes, parquet_bytes, read_json, sha256_of
 from auvident.storage.run_directory import MANIFEST, PACKAGE, RunDirectory
+from auvident.versions import libraries
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -329,6 +330,7 @@ def _entry(wanted: Wanted, inputs: Mapping[str, str], started: str) -> StageEntr
         program_version=__version__,
         inputs={**inputs, **files},
         program_files=program,
+        libraries=dict(libraries()),
         options=dict(wanted.options),
         outputs={},
         seed=wanted.seed,

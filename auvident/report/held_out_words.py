@@ -15,6 +15,7 @@ WORDS = {
     "q": "of pitch rate",
 }
 DIGITS = 2
+OTHERS_HELD_OUT = "Other maneuvers are held out in each run: their errors compare roughly."
 
 
 def why_held_out(maneuvers: Sequence[Maneuver]) -> list[str]:

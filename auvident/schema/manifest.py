@@ -31,6 +31,9 @@ class StageEntry(Artifact):
         stages, and the user's files (logs, map, vehicle file, plan).
     program_files : dict of str to str
         sha256 of files that come with the program (built-in plans), by path in the package.
+    libraries : dict of str to str
+        Versions of Python and of the libraries that the numbers and bytes of the outputs depend
+        on, by name; empty in a run of a version that did not note them.
     options : dict
         Every option with its value, defaults included; those of ingest name the logs, the
         vehicle file and the map.
@@ -45,6 +48,7 @@ class StageEntry(Artifact):
     program_version: str
     inputs: dict[str, str] = {}
     program_files: dict[str, str] = {}
+    libraries: dict[str, str] = {}
     options: dict[str, Any] = {}
     outputs: dict[str, str]
     seed: int | None = None
