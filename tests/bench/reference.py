@@ -33,9 +33,9 @@ FINDINGS_HEAD = f"""# Findings
 
 {WRITTEN}
 
-A finding is something to know before a number is used. It stands on the terminal, in the report and in the
-artifact of its stage, with its code, where it holds, evidence, and what to do about it. "…" stands for what is
-filled in. None of them ends a run; what does is an error, below.
+A finding is something to know before a number is used. It stands on the terminal, in the report and
+in the artifact of its stage, with its code, where it holds, evidence, and what to do about it. "…"
+stands for what is filled in. None of them ends a run; what does is an error, below.
 """
 STAGE_OF = {  # by folder or module, where the name of the stage is not the one below `stages`
     "physics/ase": "ase",
@@ -179,12 +179,13 @@ def _from_tables() -> dict[str, list[tuple[str, str, str]]]:
         "ingest: f'gyro_lags_{sensor}' if command else f'{sensor}_lags_gyro'": [
             (code, f"{code.replace('_', ' ')} by … s", as_said) for code in clocks
         ],
-        "ingest: f'sensor_{code}'": [("sensor_starts_late", "", ""), ("sensor_stops_early", "", "")],
+        "ingest: f'sensor_{code}'": [
+            ("sensor_starts_late", "", ""),
+            ("sensor_stops_early", "", ""),
+        ],
         "segment: f'{fin}_sign'": [("rudder_sign", "", ""), ("elevator_sign", "", "")],
         "ase: f'no_{name}'": [("no_rudder", "", ""), ("no_elevator", "", "")],
-        "diagnose: code": [
-            (row.code, row.text.format(motion="in turns"), "") for row in TAKEN_UP
-        ],
+        "diagnose: code": [(row.code, row.text.format(motion="in turns"), "") for row in TAKEN_UP],
     }
 
 

@@ -162,7 +162,7 @@ def _record(raw: np.ndarray, start: np.ndarray) -> Record:
 
 
 @cache
-def _flown(group: str, effect: str, number: int) -> np.ndarray:
+def flown(group: str, effect: str, number: int) -> np.ndarray:
     """Readings with the effect less those without it."""
     plane, world = GROUPS[group].plane, _world(group, effect)
     record = _record(_commands(plane, number), _start(group, effect))
@@ -210,7 +210,7 @@ def picture(group: str) -> str:
     body = [*_legend(row), *_heads(maneuvers)]
     for i, (name, unit, factor) in enumerate(channels):
         lines = {
-            (e, j): factor * _flown(group, e, j)[:: N // POINTS, i]
+            (e, j): factor * flown(group, e, j)[:: N // POINTS, i]
             for e in row.effects
             for j in range(len(maneuvers))
         }
@@ -220,7 +220,8 @@ def picture(group: str) -> str:
             body += [_line(lines[effect, j] / most, i, j, k) for j in range(len(maneuvers))]
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" '
-        f'font-family="sans-serif" font-size="11" fill="#222">\n<title>{escape(alt(group))}</title>\n'
+        f'font-family="sans-serif" font-size="11" fill="#222">\n'
+        f"<title>{escape(alt(group))}</title>\n"
         f'<rect width="{width}" height="{height}" fill="#fff"/>\n' + "\n".join(body) + "\n</svg>\n"
     )
 
@@ -243,7 +244,9 @@ def _legend(row: Group) -> Iterator[str]:
 
 def _told(effect: str, sizes: Sizes) -> str:
     """Sizes with their units; a unit that several share stands once."""
-    own = [(f"{v:g}", parameter_of(f"{effect}.{k}").unit) for k, v in sizes.items() if k not in EVENT]
+    own = [
+        (f"{v:g}", parameter_of(f"{effect}.{k}").unit) for k, v in sizes.items() if k not in EVENT
+    ]
     if len({unit for _, unit in own}) == 1:
         own = [(", ".join(value for value, _ in own), own[0][1])]
     return ", ".join(f"{value} {unit}".removesuffix(" -") for value, unit in own)
