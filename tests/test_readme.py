@@ -16,10 +16,11 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
+import click
 import pandas as pd
 import pytest
 
-from auvident.cli import COMMANDS
+from auvident.cli import COMMANDS, cli
 from auvident.schema.logs import ColumnMap
 from auvident.schema.plan import Plan
 from auvident.schema.vehicle import Vehicle
@@ -189,13 +190,29 @@ def test_a_file_that_a_page_shows_can_be_read(page: str, declared: type) -> None
         parse(declared, tomllib.loads(text), Path(page), "")
 
 
+def shown_only() -> list[str]:
+    """Commands of the program that pages show without running them, or as part of a table."""
+    blocks = re.findall(r"^```sh\n(.*?)^```", EVERYTHING, re.MULTILINE | re.DOTALL)
+    lines = "\n".join(blocks).replace("\\\n", " ").splitlines()
+    cells = re.findall(r"^\| \d \| `(auvident [^`]+)`", EVERYTHING, re.MULTILINE)
+    return [line.partition(">")[0] for line in (*lines, *cells) if line.startswith("auvident ")]
+
+
+@pytest.mark.parametrize("command", dict.fromkeys(shown_only()))
+def test_a_command_that_is_only_shown_can_be_parsed(command: str) -> None:
+    """Its name, its options and their values; whether its files are there is another matter."""
+    _, name, *arguments = shlex.split(command)
+    found = cli.get_command(click.Context(cli), name)
+    assert found is not None
+    found.make_context(name, arguments)
+
+
 def test_commands_are_no_shell_riddles() -> None:
     for _, example in EXAMPLES:
         assert shlex.split(example.command)
 
 
 def test_every_exit_code_is_explained() -> None:
-    from auvident.cli import cli
     from auvident.errors import AuvidentError
 
     for code in {kind.exit_code for kind in AuvidentError.__subclasses__()}:

@@ -6,8 +6,10 @@ filled in at run time stands as "…". Codes that are themselves filled in come 
 
 import ast
 import inspect
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import click
@@ -45,6 +47,7 @@ STAGE_OF = {  # by folder or module, where the name of the stage is not the one 
     "storage": "ingest",
 }
 FILLED_IN = "…"
+Filled = dict[str, list[tuple[str, str, str]]]  # code, words, remedy by stage and expression
 # Words of findings that are put together elsewhere: what it says, what to do.
 ELSEWHERE = {
     "constant_input": ("an input was not logged: the map states it for the whole trial", ""),
@@ -57,6 +60,7 @@ ELSEWHERE = {
     ),
 }
 COMMANDED = ("rudder", "elevator", "rpm")
+BRACKETED = re.compile(r"\s*\[([^\[\]]+)\]")  # Markdown would take them for links
 OTHERS = ("dvl", "attitude", "depth", "position")
 
 
@@ -87,7 +91,7 @@ def _command(name: str, parent: click.Context) -> str:
     usage = " ".join(["auvident", name, *found.collect_usage_pieces(context)])
     records = [p.get_help_record(context) for p in found.get_params(context)]
     options = [
-        {"option": f"`{names}`", "meaning": said.replace("  [", " [")}
+        {"option": f"`{names}`", "meaning": BRACKETED.sub(r" (\1)", said).strip()}
         for names, said in filter(None, records)
     ]
     help_text = inspect.cleandoc(found.help or "").replace("\b\n", "")
@@ -135,9 +139,13 @@ def _kinds() -> Iterator[tuple[type[AuvidentError], str]]:
         yield kind, (inspect.getdoc(kind) or "").splitlines()[0].replace("``", "`")
 
 
-def findings() -> Iterator[Told]:
+@cache
+def findings() -> tuple[Told, ...]:
     """What the source declares, and the rows of tables that make codes."""
-    filled = _from_tables()
+    return tuple(_declared(_from_tables()))
+
+
+def _declared(filled: Filled) -> Iterator[Told]:
     for file in sorted(PACKAGE.rglob("*.py")):
         for call in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if not isinstance(call, ast.Call) or _name(call.func) != "Finding":
@@ -146,9 +154,7 @@ def findings() -> Iterator[Told]:
             yield from _told(_stage(file), given, filled)
 
 
-def _told(
-    stage: str, given: dict[str | None, ast.expr], filled: dict[str, list[tuple[str, str, str]]]
-) -> Iterator[Told]:
+def _told(stage: str, given: dict[str | None, ast.expr], filled: Filled) -> Iterator[Told]:
     message, remedy = (_text(given.get(key)) for key in ("message", "remedy"))
     remedy = "As the message says." if remedy == FILLED_IN else remedy
     code = given["code"]
@@ -160,7 +166,7 @@ def _told(
         yield Told(stage, own, said or message, advice or remedy)
 
 
-def _from_tables() -> dict[str, list[tuple[str, str, str]]]:
+def _from_tables() -> Filled:
     """Codes by stage and expression, each with words and remedy where the source has none."""
     clocks = [f"gyro_lags_{s}" for s in COMMANDED] + [f"{s}_lags_gyro" for s in OTHERS]
     as_said = "As the message says; `--fix NAME` where it names one."
