@@ -11,12 +11,14 @@ from urllib.parse import unquote
 import numpy as np
 import pandas as pd
 import pytest
+from PIL import Image
 
 import auvident
 from auvident.cli import COMMANDS
+from auvident.pipeline.table import STAGES
 from auvident.schema.coefficients import symbols_of
 from auvident.schema.effects import EFFECTS
-from tests.bench import pages, reference, signatures
+from tests.bench import pages, reference, report_picture, signatures
 from tests.command_line import ENVIRONMENT, ROOT, call
 from tests.engines.effects_world import HEADING
 
@@ -149,6 +151,11 @@ def test_findings_that_pages_send_people_to_are_listed() -> None:
         assert named <= codes | COMMANDS_OF_PROGRAM, page
 
 
+def test_every_artifact_is_in_the_table_of_the_run_directory() -> None:
+    text = (DOCS / "run-directory.md").read_text(encoding="utf-8")
+    assert all(f"`{file}`" in text for stage in STAGES for file in stage.writes)
+
+
 # --- pictures of effects --------------------------------------------------------------------
 
 
@@ -244,6 +251,21 @@ def test_pictures_are_small(file: Path) -> None:
 @pytest.mark.parametrize("name", ["held_out", *pages.PICTURES.values()])
 def test_there_is_a_picture(name: str) -> None:
     assert f"](docs/img/{name}.svg)" in (ROOT / "README.md").read_text()
+
+
+def test_the_report_has_a_picture() -> None:
+    assert "](docs/img/report.png)" in (ROOT / "README.md").read_text()
+    with Image.open(DOCS / "img" / "report.png") as image:
+        assert image.size == report_picture.SIZE
+
+
+@pytest.mark.skipif(report_picture.browser() is None, reason="no Chromium")
+def test_the_picture_of_a_report_is_drawn_by_a_browser(tmp_path: Path) -> None:
+    (tmp_path / "a page.html").write_text("<body style='background:#c00'><h1>Summary")
+    report_picture.write(tmp_path / "a page.html", tmp_path / "report.png")
+    with Image.open(tmp_path / "report.png") as image:
+        assert image.size == report_picture.SIZE
+        assert image.convert("RGB").getpixel((5, 5)) == (0xCC, 0, 0)
 
 
 def test_tables_and_columns_that_contributors_are_sent_to_exist() -> None:

@@ -124,6 +124,8 @@ def test_the_log_of_the_reader_is_read_as_the_sample_it_is(
     monkeypatch.chdir(tmp_path)
     page, log = OWN_LOG
     foreign_log.write(Path(log))
+    (shown,) = re.findall(r"^```text\n(.*?)^```", PAGES[page], re.MULTILINE | re.DOTALL)
+    assert set(shown.splitlines()) <= set(Path(log).read_text().splitlines())
     (own_map,) = re.findall(r"^```toml\n(.*?)^```", PAGES[page], re.MULTILINE | re.DOTALL)
     Path("map.toml").write_text(own_map)
     vehicle = ROOT / "sample_logs/remus100.toml"
