@@ -50,8 +50,7 @@ bench-effects: $(VENV)/.installed-dev
 docs: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.bench.pages $(wildcard $(DEMO_BAY) $(TANKER))
 
-# The documentation as a site that needs no network: open site/index.html. Its search needs a
-# server: `python3 -m http.server --directory site`.
+# The documentation as a site that needs neither a network nor a server: open site/index.html.
 site: $(VENV)/.installed-dev
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 	@echo site/index.html

@@ -115,6 +115,19 @@ def test_the_site_needs_no_network(site: Path) -> None:
         assert "url(http" not in style.read_text(encoding="utf-8")
 
 
+@pytest.mark.skipif(report_picture.browser() is None, reason="no Chromium")
+def test_the_search_works_from_a_disk(site: Path, tmp_path: Path) -> None:
+    """Where browsers start no worker: `docs/iframe-worker.js` stands in for one."""
+    page = f"{(site / 'index.html').as_uri()}?q=zigzag"
+    options = ("--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path}")
+    waited = ("--virtual-time-budget=15000", "--dump-dom", page)
+    done = subprocess.run(
+        [report_picture.browser() or "", *options, *waited], capture_output=True, text=True
+    )
+    (found,) = re.findall(r'search-result__meta">\s*(\d+) matching', done.stdout)
+    assert int(found) > 3
+
+
 def test_equations_are_drawn_by_the_browser(site: Path) -> None:
     text = (site / "equations.html").read_text(encoding="utf-8")
     source = (DOCS / "equations.md").read_text(encoding="utf-8")
