@@ -6,7 +6,7 @@ DEMO_RUN := runs/demo
 DEMO_BAY := runs/demo-bay
 TANKER := runs/tanker
 
-.PHONY: install demo test lint check bench bench-effects package docs clean
+.PHONY: install demo test lint check bench bench-effects package docs site clean
 .DELETE_ON_ERROR:
 
 $(VENV)/.installed: pyproject.toml
@@ -50,11 +50,16 @@ bench-effects: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.bench effects --seed-base 7000 \
 		--resume $(EFFECTS_RUN)/outcomes.jsonl --json $(EFFECTS_RUN)/found.json --write
 
-# The table of effects, and the figures of a finished `make demo` and of the run on measured data
-# that README.md shows.
+# Pages and pictures that the program makes: effects, commands, findings; and the figures and the
+# report of a finished `make demo` and of the run on measured data that README.md shows.
 docs: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.bench.pages $(wildcard $(DEMO_BAY) $(TANKER))
 	$(BIN)/python -m tests.bench.interface
 
+# The documentation as a site that needs neither a network nor a server: open site/index.html.
+site: $(VENV)/.installed-dev
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+	@echo site/index.html
+
 clean:
-	rm -rf $(VENV) runs build *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) runs build site *.egg-info .pytest_cache .mypy_cache .ruff_cache

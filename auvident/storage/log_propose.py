@@ -57,9 +57,34 @@ def propose_map(logs: Mapping[str, LogFile], values: Values) -> tuple[str, tuple
         for sensor in SENSORS
     ]
     text = HEADER + "\n".join(table for table in tables if table)
-    text += "".join(f"\n# No column found for {c}.\n" for c in unassigned)
+    text += _missing(unassigned, {p.channel.sensor for p in proposals}, chosen)
     text += _derive(found, unassigned)
     return (text, unassigned) if proposals else ("", unassigned)
+
+
+def _missing(
+    unassigned: Collection[str], begun: Collection[str], logs: Mapping[str, LogFile]
+) -> str:
+    """Needed channels without a column, as the lines that would name one."""
+    lines: list[str] = []
+    for sensor in SENSORS:
+        needed = [c for c in of_sensor(sensor) if c.column in unassigned]
+        if not needed:
+            continue
+        lines.append(f"in the table [{sensor}]:" if sensor in begun else f"[{sensor}]")
+        name = guess_time(next(iter(logs.values()))) if len(logs) == 1 else None
+        if name is not None and sensor not in begun:
+            lines.append(f"time = {json.dumps(name)}")
+        lines += [f'{c.quantity} = {{ column = "?", unit = "{_suffix(c)}" }}' for c in needed]
+    if not lines:
+        return ""
+    head = f"No column was recognised for {', '.join(unassigned)}. If the log has it, say where:"
+    return "\n" + "".join(f"# {line}\n" for line in (head, *lines))
+
+
+def _suffix(channel: Channel) -> str:
+    """The unit in which the program counts, as columns and maps spell it."""
+    return channel.column.rpartition("_")[2]
 
 
 def _first_of_alike(logs: Mapping[str, LogFile]) -> dict[str, LogFile]:

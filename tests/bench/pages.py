@@ -1,7 +1,8 @@
 """Pages and pictures of docs/ that the program makes: ``python -m tests.bench.pages [RUN ...]``.
 
-Without RUN only docs/effects.md is written; with the run directory of ``make demo`` on
-``bay_trial`` the first picture of the README, too, and with ``runs/tanker`` the second.
+Without RUN the pages of effects, commands and findings are written, and the pictures of effects;
+with the run directory of ``make demo`` on ``bay_trial`` the first picture of the README and that of
+its report, too, and with ``runs/tanker`` the second.
 """
 
 import io
@@ -15,6 +16,7 @@ from matplotlib.figure import Figure
 
 from auvident.report.figures import BLUE, INK, VERMILLION, new_figure, style
 from auvident.schema.effects import LENGTH, TIME
+from tests.bench import reference, report_picture, signatures
 from tests.bench.written import table
 from tests.command_line import call
 
@@ -31,7 +33,15 @@ $ auvident effects
 """
 NEXT = """```
 
-## Equations
+## What each does to the residuals
+
+Measured less predicted by a model without the effect, in three maneuvers of a vehicle of 1.6 m at
+1.4 m/s. Each effect has the size that stands beside its name. The coefficients are not fitted again
+here; a fit takes up what they can explain, and `diagnose` tells the effect by the rest. Effects in
+one picture look alike or act at the same place.
+
+"""
+EQUATIONS = """## Equations
 
 An effect that enters at the input changes what becomes of a command, a force stands in the
 equations of motion, a reading is what the sensor makes of the motion; a disturbance is named but
@@ -40,16 +50,24 @@ which it is adjusted along as a nuisance parameter, as no servo is without lag a
 asymmetry.
 
 """
+SIGNATURES = "img/effects"
 ENDS = {"input": "input", "force": "force", "reading": "reading", "disturbance": "no model"}
 
 
 def main(arguments: list[str]) -> None:
     """Write the page of effects, and a picture for each run directory that is given."""
-    (DOCS / "effects.md").write_text(effects_page(), encoding="utf-8")
-    for run in arguments:
-        (DOCS / "img").mkdir(exist_ok=True)
-        name = f"{PICTURES.get(Path(run).name, 'held_out')}.svg"
-        (DOCS / "img" / name).write_text(picture(Path(run)), encoding="utf-8")
+    (DOCS / SIGNATURES).mkdir(parents=True, exist_ok=True)
+    for page, made in WRITTEN_PAGES.items():
+        (DOCS / page).write_text(made(), encoding="utf-8")
+    for group in signatures.GROUPS:
+        text = signatures.picture(group)
+        (DOCS / SIGNATURES / f"{group}.svg").write_text(text, encoding="utf-8")
+    for run in map(Path, arguments):
+        name = PICTURES.get(run.name, OF_THE_DEMO)
+        (DOCS / "img" / f"{name}.svg").write_text(picture(run), encoding="utf-8")
+        report = run / "report" / "report.html"
+        if name == OF_THE_DEMO and report.exists():
+            report_picture.write(report, DOCS / "img" / "report.png")
 
 
 # --- effects ------------------------------------------------------------------------------
@@ -59,7 +77,13 @@ def effects_page() -> str:
     """The page of effects as it should be."""
     found = json.loads(call("effects", "--json").out)["effects"]
     rows = [_effect(effect) for effect in found]
-    return HEAD + call("effects").out + NEXT + table(rows) + "\n"
+    shown = "".join(
+        f"**{group.title}**\n\n![{signatures.alt(name)}]({SIGNATURES}/{name}.svg)\n\n"
+        for name, group in signatures.GROUPS.items()
+    )
+    without = "; ".join(f"`{effect}` {why}" for effect, why in signatures.NO_PICTURE.items())
+    pictures = f"{shown}Without a picture: {without}.\n\n"
+    return HEAD + call("effects").out + NEXT + pictures + EQUATIONS + table(rows) + "\n"
 
 
 def _effect(effect: dict[str, Any]) -> dict[str, str]:
@@ -75,6 +99,11 @@ def _effect(effect: dict[str, Any]) -> dict[str, str]:
     }
 
 
+WRITTEN_PAGES = {
+    "effects.md": effects_page,
+    "commands.md": reference.commands_page,
+    "findings.md": reference.findings_page,
+}
 OF_THE_VEHICLE = {TIME: "L/U", LENGTH: "L"}
 
 
@@ -101,6 +130,7 @@ LINES = (
     ("after", BLUE, "-", 1.2, 1.0, "with the effect it lacked"),
 )
 SIZE_IN = (9.6, 5.0)
+OF_THE_DEMO = "held_out"
 PICTURES = {"tanker": "tanker"}  # by run directory; of any other, the one of the demo
 WIDE = 3  # maneuvers side by side, above it a title takes two lines
 MOST_ROWS = 1500  # of a line; half of more are as many as can be seen

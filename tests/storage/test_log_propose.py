@@ -1,5 +1,7 @@
 """Maps that `inspect` proposes from values: knots by the position, files named after a sensor."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -7,6 +9,7 @@ from log_world import sensor_tables, write_folder
 
 from auvident.storage.log_inspect import inspect_log
 from auvident.storage.logs import read_column_map, read_trials
+from tests import foreign_log
 
 KNOT = 1852.0 / 3600.0  # m/s
 
@@ -81,3 +84,22 @@ def test_a_name_of_another_quantity_is_not_taken_for_a_misspelt_one(tmp_path):
     text = inspect_log(write_folder(tmp_path / "run", tables)).proposed_map
     assert 'rudder = { column = "rudder", unit = "deg" }' in text
     assert "[elevator]" not in text
+
+
+def test_needed_channels_without_a_column_are_lines_to_be_finished(tmp_path) -> None:
+    """Taken out of their comments, with the columns named, the map reads the log."""
+    foreign_log.write(tmp_path / "trial.csv")
+    report = inspect_log(tmp_path / "trial.csv")
+    assert report.unassigned == ("u_mps", "v_mps", "rpm")
+    recognised, _, missing = report.proposed_map.partition("# No column was recognised for ")
+    head, *lines = missing.splitlines()
+    assert head.startswith("u_mps, v_mps, rpm.")
+    named = iter(["Log fwd", "Log stbd", "Motor"])
+    finished = [
+        re.sub(r"\?", lambda _: next(named), line.removeprefix("# ")).replace("mps", "kn")
+        for line in lines[: lines.index("")]
+    ]
+    (tmp_path / "map.toml").write_text(recognised + "\n".join(finished))
+    (trial,) = read_trials([tmp_path / "trial.csv"], read_column_map(tmp_path / "map.toml"))
+    assert {"u_mps", "v_mps"} <= trial.sensors["dvl"].values.keys()
+    assert np.nanmax(trial.sensors["rpm"].values["rpm"]) == 1170.0
