@@ -4,9 +4,7 @@ A figure is drawn with fixed colours, each of which stands for a CSS variable of
 is readable on light and dark ground and in print. Text stays text.
 """
 
-import io
-import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -14,14 +12,15 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedFormatter, FixedLocator
 
 Array = npt.NDArray[np.float64]
 
 WIDTH_IN = 11.8  # of a figure over the whole page
 MOST_POINTS = 1600  # of a line: about twice the pixels of a panel
-COORDINATE_DIGITS = 2  # after the point, in SVG units of 1/72 inch
 
 # Colour in the drawing -> variable of the page. The first four are ink and paper; the others,
 # after Okabe and Ito, are told apart by all common kinds of colour vision.
@@ -95,7 +94,7 @@ def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
 
 
 def svg(figure: Figure, name: str, caption: str) -> str:
-    """A figure as an SVG element that may stand in an HTML page with others.
+    """A figure as an element that may stand in an HTML page with others.
 
     Parameters
     ----------
@@ -105,45 +104,9 @@ def svg(figure: Figure, name: str, caption: str) -> str:
     caption : str
         What it shows, for those who cannot see it.
     """
-    stream = io.StringIO()
-    with rc_context({"svg.hashsalt": name}):
-        figure.savefig(stream, format="svg", metadata={"Date": None})
-    text = stream.getvalue()
-    text = text[text.index("<svg") :]
-    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    text = re.sub(r'<g id="[^"]*"', "<g", text)  # the same in every figure
-    text = re.sub(r"<!--.*?-->\n?", "", text, flags=re.DOTALL)
-    text = text.replace("xlink:href", "href")
-    text = re.sub(r"<[^>]*>", lambda tag: _shorter(tag.group()), text)  # not what stands between
-    return re.sub(r"<svg[^>]*>", _opening(text, caption), text, count=1)
+    from auvident.report.page_figure import markup
 
-
-def _shorter(tag: str) -> str:
-    """A tag with short coordinates and the colours of the page."""
-    if "base64" in tag:
-        return tag
-    tag = re.sub(r"\d+\.\d{3,}", _short, tag)
-    for colour, variable in VARIABLES.items():
-        tag = tag.replace(colour, f"var({variable})")
-    return tag
-
-
-def _short(match: re.Match[str]) -> str:
-    return f"{float(match.group()):.{COORDINATE_DIGITS}f}".rstrip("0").rstrip(".")
-
-
-def _opening(text: str, caption: str) -> str:
-    """The svg tag: scales with the page, named for screen readers, no namespaces (HTML)."""
-    from markupsafe import escape
-
-    found = re.search(r'viewBox="([^"]*)"', text)
-    assert found is not None
-    width = found.group(1).split()[2]
-    label = str(escape(caption)).replace("\\", "\\\\")
-    return (
-        f'<svg viewBox="{found.group(1)}" role="img" aria-label="{label}" '
-        f'style="max-width:{width}pt">'
-    )
+    return markup(figure, name, caption)
 
 
 def thinned(t: Array, *columns: Array) -> tuple[Array, ...]:
@@ -196,6 +159,12 @@ def limits(inside: Array, beyond: Array, most: float = 0.6) -> tuple[float, floa
         high = min(max(high, float(beyond.max())), high + most * span)
     margin = 0.06 * (high - low + span)
     return low - margin, high + margin
+
+
+def categories(axis: Axis, names: Sequence[str]) -> None:
+    """Names in place of numbers at 0, 1, 2... of an axis."""
+    axis.set_major_locator(FixedLocator(range(len(names))))
+    axis.set_major_formatter(FixedFormatter(names))
 
 
 def quiet(axes: Axes) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from auvident import __version__
 from auvident.report import html_words as words
 from auvident.report import tables_figures, tables_model, tables_record, tables_run, tables_whole
+from auvident.report.contents import with_contents
 from auvident.report.finding_words import evidence
 from auvident.report.held_out_words import beyond, why_held_out
 from auvident.report.html_data import ReportData, number
@@ -50,7 +51,7 @@ def render(report: ReportData) -> str:
 
     with style():
         planes = [_plane(data, len(report.planes) > 1) for data in report.planes]
-        return _template().render(
+        page = _template().render(
             name=report.name,
             version=__version__,
             data=report,
@@ -63,6 +64,7 @@ def render(report: ReportData) -> str:
             whole=_whole(report.whole) if report.whole else None,
             **_tables(report),
         )
+    return with_contents(page)
 
 
 def _plane(report: ReportData, one_of_several: bool) -> dict[str, Any]:
