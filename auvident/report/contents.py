@@ -27,12 +27,14 @@ def with_contents(page: str) -> str:
         kind = _attribute(attributes, "class")
         starts = not begun and kind not in (FRONT, PLANE)
         begun |= starts
-        name = _attribute(attributes, "id") or _free(words, {e[0] for e in entries})
+        own = _attribute(attributes, "id")
+        name = own or _free(words, {e[0] for e in entries})
         entries.append((name, words, kind == PLANE))
-        classes = " ".join(filter(None, [kind, "appendix" if starts else ""]))
-        look = f' class="{classes}"' if classes else ""
+        look = ' class="appendix"' if starts else ""
+        place = "" if own else f' id="{name}"'
+        before = f"<a{place}{look}></a>" if place or look else ""
         up = '<a class="up" href="#contents" aria-label="to the contents">↑</a>'
-        return f'<h2 id="{name}"{look}>{words}{up}</h2>'
+        return f"{before}<h2{attributes}>{words}{up}</h2>"
 
     text = HEADING.sub(linked, page)
     items = "".join(

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
 from matplotlib.colors import ListedColormap, to_rgb
 from matplotlib.ticker import FixedFormatter, FixedLocator
 
@@ -42,12 +43,16 @@ def forest(coefficients: Sequence[ModelConstant], name: str) -> str:
     figure = new_figure(0.9 + 0.235 * len(rows))
     top = 1.0 - 0.45 / figure.get_figheight()
     left, right = figure.subplots(
-        1, 2, sharey=True, gridspec_kw={"width_ratios": [3.2, 1.0], "wspace": 0.04}
+        1, 2, sharey=True, gridspec_kw={"width_ratios": [2.6, 1.0], "wspace": 0.04}
     )
     figure.subplots_adjust(left=0.07, right=0.99, top=top, bottom=0.5 / figure.get_figheight())
-    for i, c in enumerate(rows):
-        _forest_row(left, i, c)
-        right.barh(i, 100.0 * c.data_share, color=ORIGIN_COLOURS[c.origin], height=0.62)
+    places = np.array([(c.value - c.prior) / c.prior_std for c in rows])
+    spreads = np.array([c.std / c.prior_std for c in rows])
+    origins = np.array([ORIGIN_COLOURS[c.origin] for c in rows])
+    for colour in dict.fromkeys(origins.tolist()):
+        dots(left, places, spreads, origins == colour, color=colour, ms=4.5, lw=1.6)
+    shares = [100.0 * c.data_share for c in rows]
+    right.barh(range(len(rows)), shares, color=origins.tolist(), height=0.62)
     left.axvspan(-1.0, 1.0, color=SKY, alpha=0.2, lw=0)
     left.axvline(0.0, color=SOFT, lw=0.8)
     left.set_xlim(-FOREST_REACH, FOREST_REACH)
@@ -69,23 +74,32 @@ def forest(coefficients: Sequence[ModelConstant], name: str) -> str:
     return svg(figure, name, caption.replace("-", "−"))
 
 
-def _forest_row(axes: Axes, i: int, c: ModelConstant) -> None:
-    place, spread = (c.value - c.prior) / c.prior_std, c.std / c.prior_std
-    colour = ORIGIN_COLOURS[c.origin]
-    if abs(place) > FOREST_REACH:
-        edge = np.sign(place) * (FOREST_REACH - 0.1)
-        axes.plot(edge, i, ">" if place > 0 else "<", color=VERMILLION, ms=6)
-        text = f"{place:+.1f} "
-        axes.text(
-            edge - 0.12 * np.sign(place),
-            i,
-            text,
-            va="center",
-            fontsize=8,
-            ha="right" if place > 0 else "left",
-        )
-        return
-    axes.errorbar(place, i, xerr=spread, fmt="o", color=colour, ms=4.5, lw=1.6, capsize=0)
+def dots(
+    axes: Axes, places: np.ndarray, spreads: np.ndarray, chosen: np.ndarray, **look: Any
+) -> None:
+    """Values with their standard deviations, one a row; an arrow and the distance beyond the axis.
+
+    Parameters
+    ----------
+    axes : Axes
+    places, spreads : (n,) array
+        In prior standard deviations.
+    chosen : (n,) array of bool
+        Rows that are drawn.
+    **look
+        Of the dots.
+    """
+    shift = look.pop("shift", 0.0)
+    near = np.flatnonzero(chosen & (np.abs(places) <= FOREST_REACH))
+    axes.errorbar(places[near], near + shift, xerr=spreads[near], fmt="o", capsize=0, **look)
+    for i in np.flatnonzero(chosen & (np.abs(places) > FOREST_REACH)).tolist():
+        side = float(np.sign(places[i]))
+        edge = side * (FOREST_REACH - 0.1)
+        axes.plot(edge, i + shift, ">" if side > 0 else "<", color=VERMILLION, ms=6)
+        if not shift:
+            anchor = "right" if side > 0 else "left"
+            text = f"{places[i]:+.1f} "
+            axes.text(edge - 0.12 * side, i, text, va="center", ha=anchor, fontsize=8)
 
 
 def history(table: pd.DataFrame, coefficients: Sequence[ModelConstant], name: str) -> str | None:
@@ -100,7 +114,7 @@ def history(table: pd.DataFrame, coefficients: Sequence[ModelConstant], name: st
     name : str
         Different for each figure of the page.
     """
-    there = set(table["symbol"])
+    there = set(table["symbol"].unique())
     rows = [c for c in coefficients if c.symbol in there]
     if not rows:
         return None
@@ -144,8 +158,18 @@ def _history_panel(
     axes.axhspan(*band, color=SKY, alpha=0.2, lw=0)
     axes.axhline(c.prior, color=SOFT, lw=0.7, ls=(0, (4, 2)))
     x, value, std = _passes(table)
-    axes.fill_between(x, value - std, value + std, color=BLUE, alpha=0.25, lw=0)
     seen = np.isfinite(value)
+    ends = np.flatnonzero(~seen)  # each pass ends in a row without a value
+    outline = [
+        np.concatenate(
+            [
+                np.column_stack([x[p], value[p] - std[p]]),
+                np.column_stack([x[p], value[p] + std[p]])[::-1],
+            ]
+        )
+        for p in (slice(a, b) for a, b in zip([0, *ends[:-1] + 1], ends, strict=True))
+    ]
+    axes.add_collection(PolyCollection(outline, color=BLUE, alpha=0.25, lw=0), autolim=False)
     axes.plot(x[seen], value[seen], color=BLUE, lw=0.6, ls=(0, (1, 2)))  # held between passes
     axes.plot(x, value, color=BLUE, lw=1.2)
     shown = np.concatenate([value[seen], [c.value - c.std, c.value + c.std, c.prior]])

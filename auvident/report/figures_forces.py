@@ -49,10 +49,11 @@ def unknown_force(table: pd.DataFrame, name: str) -> str | None:
     panels = figure.subplots(len(forces), len(against), squeeze=False, sharex="col")
     for i, force in enumerate(forces):
         _, axis, unit = str(force).split("_")
-        panels[i, 0].set_ylabel(f"{axis}, {UNITS[unit]}")
         for j, (x, label) in enumerate(against):
             _panel(panels[i, j], x, table[force].to_numpy(float))
-            panels[i, j].sharey(panels[i, 0]) if j else None
+            panels[i, j].set_ylabel(f"{axis}, {UNITS[unit]}")
+            if j:
+                panels[i, j].sharey(panels[i, 0])
             if i + 1 == len(forces):
                 panels[i, j].set_xlabel(label)
             else:

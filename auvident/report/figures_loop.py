@@ -25,7 +25,7 @@ from auvident.report.figures import (
     svg,
     thinned,
 )
-from auvident.report.figures_coefficients import FOREST_REACH
+from auvident.report.figures_coefficients import FOREST_REACH, dots
 from auvident.report.figures_prediction import BAND_OPACITY, covered
 from auvident.report.html_data import CHANNELS, number, percent
 from auvident.report.loop_words import ranked
@@ -53,10 +53,11 @@ def gains(candidates: Sequence[Candidate], name: str) -> str | None:
         return None
     figure = new_figure(0.75 + 0.24 * len(rows), width_in=8.2)
     axes = figure.subplots()
+    shown = [max(c.gain, LEAST_GAIN) for c in rows]
+    colours = [SOFT if c.rejected else BLUE for c in rows]
+    axes.barh(range(len(rows)), shown, color=colours, height=0.62)
     for i, c in enumerate(rows):
-        shown = max(c.gain, LEAST_GAIN)
-        axes.barh(i, shown, color=SOFT if c.rejected else BLUE, height=0.62)
-        axes.text(shown * 1.08, i, number(c.gain), va="center", fontsize=8)
+        axes.text(shown[i] * 1.08, i, number(c.gain), va="center", fontsize=8)
         if c.held_back_gain is not None and c.held_back_gain > LEAST_GAIN:
             axes.plot(c.held_back_gain, i, "D", color=GREEN, mec=PAPER, mew=0.8, ms=6)
     axes.set_xscale("log")
@@ -107,15 +108,19 @@ def before_after(
     )
     for j, maneuver in enumerate(maneuvers):
         rows = table[table["maneuver"] == maneuver]
+        first: Axes | None = None
         for i, column in enumerate(channels):
-            upper = figure.add_subplot(grid[2 * i, j])
+            upper = figure.add_subplot(grid[2 * i, j], sharex=first)
+            first = first or upper
             lower = figure.add_subplot(grid[2 * i + 1, j], sharex=upper)
             own = None if bands is None else bands[bands["maneuver"] == maneuver]
             share = _band(upper, own, column, BLUE if final else VERMILLION)
-            _panel(upper, lower, rows, column, first=j == 0)
+            _panel(upper, lower, rows, column)
             if share is not None:
                 upper.set_title(f"{percent(share)} in the band", loc="right")
             quiet(upper)
+            if i + 1 < len(channels):
+                quiet(lower)
             if i == 0:
                 upper.set_title(f"{maneuver} ({rows['role'].iloc[0]})")
         lower.set_xlabel("time from the start of the maneuver, s")
@@ -173,13 +178,14 @@ def most_affected(falls: pd.DataFrame, table: pd.DataFrame) -> tuple[list[str], 
     mean = falls.mean().abs().sort_values(ascending=False)  # where it got worse is told as well
     channels = [c for c in mean.index if mean[c] >= WORTH_DRAWING * mean.iloc[0]][:MOST_CHANNELS]
     best = falls[channels].sum(axis=1).abs().sort_values(ascending=False)
-    roles = dict(zip(table["maneuver"], table["role"], strict=True))
+    first = table.drop_duplicates("maneuver")
+    roles = dict(zip(first["maneuver"], first["role"], strict=True))
     firsts = [next((m for m in best.index if roles[m] == r), None) for r in ROLES]
     order = dict.fromkeys([*(m for m in firsts if m is not None), *best.index])
     return channels, list(order)[:MOST_MANEUVERS]
 
 
-def _panel(upper: Axes, lower: Axes, rows: pd.DataFrame, column: str, first: bool) -> None:
+def _panel(upper: Axes, lower: Axes, rows: pd.DataFrame, column: str) -> None:
     words, unit = next((w, u) for _, c, u, w in CHANNELS if c == column)
     shown, factor = SHOWN_UNITS.get(unit, (unit, 1.0))
     time = rows["time_s"].to_numpy(float) - float(rows["time_s"].iloc[0])
@@ -198,9 +204,8 @@ def _panel(upper: Axes, lower: Axes, rows: pd.DataFrame, column: str, first: boo
     upper.set_ylim(*limits(np.concatenate(list(values.values())), np.array([])))
     upper.set_xlim(time[0], max(time[-1], time[0] + 1e-9))
     lower.locator_params(axis="y", nbins=4)
-    if first:
-        upper.set_ylabel(f"{words}\n{shown}")
-        lower.set_ylabel(f"residual\n{shown}")
+    upper.set_ylabel(f"{words}\n{shown}")
+    lower.set_ylabel(f"residual\n{shown}")
 
 
 def _line(axes: Axes, time: np.ndarray, y: np.ndarray, look: tuple[Any, ...]) -> None:
@@ -232,9 +237,12 @@ def moves(coefficients: Sequence[CoefficientComparison], name: str) -> str | Non
         return None
     figure = new_figure(0.9 + 0.235 * len(rows), width_in=8.2)
     axes = figure.subplots()
-    for i, c in enumerate(rows):
-        _move(axes, i - 0.14, c, (c.before, c.before_std), {"color": VERMILLION, "mfc": "none"})
-        _move(axes, i + 0.14, c, (c.after, c.after_std), {"color": BLUE})
+    prior, unit = np.array([(c.prior, c.prior_std) for c in rows]).T
+    looks = (("before", {"color": VERMILLION, "mfc": "none"}), ("after", {"color": BLUE}))
+    for shift, (when, look) in zip((-0.14, 0.14), looks, strict=True):
+        value, std = (np.array([getattr(c, when + end) for c in rows]) for end in ("", "_std"))
+        whole = np.full(len(rows), True)
+        dots(axes, (value - prior) / unit, std / unit, whole, shift=shift, ms=4, lw=1.5, **look)
     axes.axvspan(-1.0, 1.0, color=SKY, alpha=0.2, lw=0)
     axes.axvline(0.0, color=SOFT, lw=0.8)
     axes.set_xlim(-FOREST_REACH, FOREST_REACH)
@@ -253,19 +261,3 @@ def moves(coefficients: Sequence[CoefficientComparison], name: str) -> str | Non
         f"{len(rows)} coefficients without and with the effects, in prior standard deviations "
         f"from the prior; farthest moved: {told}",
     )
-
-
-def _move(
-    axes: Axes,
-    y: float,
-    c: CoefficientComparison,
-    value: tuple[float, float],
-    look: dict[str, Any],
-) -> None:
-    """A dot with its standard deviation; an arrow where it is beyond the axis."""
-    place, spread = (value[0] - c.prior) / c.prior_std, value[1] / c.prior_std
-    if abs(place) > FOREST_REACH:
-        edge = float(np.sign(place)) * (FOREST_REACH - 0.1)
-        axes.plot(edge, y, ">" if place > 0 else "<", ms=5, **look)
-        return
-    axes.errorbar(place, y, xerr=spread, fmt="o", ms=4, lw=1.5, capsize=0, **look)

@@ -189,7 +189,7 @@ def _image(axes: Axes, image: AxesImage) -> str:
 
 def lower(axes: Axes) -> str:
     """Everything of a panel that stretches with it, in the order of drawing."""
-    found = [*axes.images, *axes.collections, *axes.lines]
+    found: list[Artist] = [*axes.images, *axes.collections, *axes.lines, *axes.artists]
     found += [p for p in axes.patches if not isinstance(p, Rectangle)]
     return "".join(_low(axes, a) for a in sorted(found, key=Artist.get_zorder) if a.get_visible())
 

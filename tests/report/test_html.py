@@ -23,7 +23,7 @@ from auvident.stages.validate.findings import findings_of
 from auvident.storage.run_directory import RunDirectory
 from tests.report import drawings
 
-MOST_BYTES = 4e6
+MOST_BYTES = 3e6
 VOID = {"meta", "br", "img", "link", "input", "hr"}
 NASTY = '<b>"A" & $B$</b>'
 
