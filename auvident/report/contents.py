@@ -33,7 +33,7 @@ def with_contents(page: str) -> str:
         look = ' class="appendix"' if starts else ""
         place = "" if own else f' id="{name}"'
         before = f"<a{place}{look}></a>" if place or look else ""
-        up = '<a class="up" href="#contents" aria-label="to the contents">↑</a>'
+        up = '<a class="up" href="#contents" title="to the contents">↑</a>'
         return f"{before}<h2{attributes}>{words}{up}</h2>"
 
     text = HEADING.sub(linked, page)

@@ -137,8 +137,6 @@ def history(table: pd.DataFrame, coefficients: Sequence[ModelConstant], name: st
     for i, c in enumerate(rows):
         axes = figure.add_subplot(grid[i // HISTORY_COLUMNS, i % HISTORY_COLUMNS])
         _history_panel(axes, groups[c.symbol], c, starts, len(passes))
-        if i + HISTORY_COLUMNS >= len(rows):
-            axes.set_xlabel("cycle")
     last = [groups[c.symbol]["value"].iloc[-1] - c.prior for c in rows if c.prior_std > 0.0]
     spread = [c.prior_std for c in rows if c.prior_std > 0.0]
     most = max((abs(x) / s for x, s in zip(last, spread, strict=True)), default=0.0)
