@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 OPTIONAL = frozenset(BY_NAME["report"].also)  # a run goes on when their numbers fail
-NOT_RECORDED = frozenset({"keep_going"})  # options that change no result
+NOT_RECORDED = frozenset({"interactive", "keep_going"})  # options that change no result
 SILENT = Observer()
 
 

@@ -6,6 +6,7 @@ is readable on light and dark ground and in print. Text stays text.
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any
 
 import numpy as np
@@ -79,11 +80,18 @@ STYLE: Any = {
 }
 
 
+LIVE = ContextVar("LIVE", default=False)  # whether figures are drawn by the browser
+
+
 @contextmanager
-def style() -> Iterator[None]:
-    """Style of the report, for figures made and drawn inside."""
-    with rc_context(STYLE):
-        yield
+def style(live: bool = False) -> Iterator[None]:
+    """Style of the report, for figures made and drawn inside; `live` for those of plotly."""
+    before = LIVE.set(live)
+    try:
+        with rc_context(STYLE):
+            yield
+    finally:
+        LIVE.reset(before)
 
 
 def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
@@ -104,9 +112,12 @@ def svg(figure: Figure, name: str, caption: str) -> str:
     caption : str
         What it shows, for those who cannot see it.
     """
-    from auvident.report.page_figure import markup
+    if LIVE.get():
+        from auvident.report.interactive import live_markup as write
+    else:
+        from auvident.report.page_figure import markup as write
 
-    return markup(figure, name, caption)
+    return write(figure, name, caption)
 
 
 def thinned(t: Array, *columns: Array) -> tuple[Array, ...]:

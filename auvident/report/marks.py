@@ -18,7 +18,7 @@ from matplotlib.collections import Collection, LineCollection, PathCollection
 from matplotlib.colors import to_hex, to_rgba
 from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.patches import Patch
 from matplotlib.text import Text
 
 from auvident.report.figures import VARIABLES
@@ -190,7 +190,7 @@ def _image(axes: Axes, image: AxesImage) -> str:
 def lower(axes: Axes) -> str:
     """Everything of a panel that stretches with it, in the order of drawing."""
     found: list[Artist] = [*axes.images, *axes.collections, *axes.lines, *axes.artists]
-    found += [p for p in axes.patches if not isinstance(p, Rectangle)]
+    found += [p for p in axes.patches if not is_box(p)]
     return "".join(_low(axes, a) for a in sorted(found, key=Artist.get_zorder) if a.get_visible())
 
 
@@ -241,11 +241,17 @@ class Hatches:
 
 def boxes(axes: Axes, hatches: Hatches) -> str:
     """Rectangles: bars and shades."""
-    found = [p for p in axes.patches if isinstance(p, Rectangle) and p.get_visible()]
+    found = [p for p in axes.patches if is_box(p) and p.get_visible()]
     return "".join(_box(axes, p, hatches) for p in sorted(found, key=Artist.get_zorder))
 
 
-def _box(axes: Axes, patch: Rectangle, hatches: Hatches) -> str:
+def is_box(patch: Patch) -> bool:
+    """Whether a patch is a rectangle along the axes; some versions make a polygon of a span."""
+    corners = np.asarray(patch.get_path().vertices)
+    return len(corners) == 5 and all(len(np.unique(corners[:, k])) <= 2 for k in (0, 1))
+
+
+def _box(axes: Axes, patch: Patch, hatches: Hatches) -> str:
     ends = np.clip(places(axes, patch, patch.get_path().vertices), 0.0, 1.0)
     (left, bottom), (right, top) = ends.min(axis=0), ends.max(axis=0)
     at = (

@@ -6,7 +6,7 @@ time. Here each panel becomes a picture in two layers (`marks`) that is as wide 
 it, and what stands around it is text of the page.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,7 +40,10 @@ class Ticks:
     labels: tuple[str, ...]
 
 
-def markup(figure: Figure, name: str, caption: str) -> str:
+Writer = Callable[[Sequence[Axes], Hatches], str]  # of panels above each other
+
+
+def markup(figure: Figure, name: str, caption: str, writer: Writer | None = None) -> str:
     """The figure as an element of an HTML page.
 
     Parameters
@@ -50,11 +53,14 @@ def markup(figure: Figure, name: str, caption: str) -> str:
         Different for each figure of the page: identifiers inside derive from it.
     caption : str
         What it shows, for those who cannot see it.
+    writer : callable, optional
+        Of panels above each other, instead of one that draws them.
     """
+    write = writer or _stack
     hatches = Hatches(name)
     stacks = _stacks(figure)
-    cells = "".join(_stack(stack, hatches) for stack in stacks)
-    head = "".join(_legend(legend, hatches) for legend in _legends(figure))
+    cells = "".join(write(stack, hatches) for stack in stacks)
+    head = "".join(_legend(legend, hatches) for legend in legends(figure))
     suptitle = figure.get_suptitle()
     title = f'<p class="title">{escape(suptitle)}</p>' if suptitle else ""
     look, columns = _columns(stacks, figure)
@@ -66,7 +72,8 @@ def markup(figure: Figure, name: str, caption: str) -> str:
     )
 
 
-def _legends(figure: Figure) -> list[Legend]:
+def legends(figure: Figure) -> list[Legend]:
+    """Legends of the figure, and of its panels."""
     own = [axes.get_legend() for axes in figure.axes]
     return [*figure.legends, *(legend for legend in own if legend is not None)]
 
