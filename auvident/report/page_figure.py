@@ -159,7 +159,7 @@ def _size(axes: Axes, x: Ticks, square: bool) -> str:
         most = min(MOST_SQUARE_PX, PX_PER_IN * box.width / axes.figure.dpi)
         return f"{room}aspect-ratio:{box.width / box.height:.3f};max-width:{most:.0f}px"
     high = max(PX_PER_IN * box.height / axes.figure.dpi, LEAST_HIGH_PX if axes.axison else 0.0)
-    return f"{room}height:{high:.0f}px"
+    return f"{room}--high:{high:.0f}px"
 
 
 def _head(axes: Axes) -> str:
