@@ -222,7 +222,7 @@ STAGES: tuple[Stage, ...] = (
         writes=("report/report.html",),
         main="report/report.html",
         function=steps.report,
-        options={"interactive": False},
+        options={"interactive": None},
         also=("diagnose", "refine", "combine"),
     ),
 )
