@@ -64,15 +64,24 @@ def refine(
 
 @command("report", "auvident report runs/demo")
 @RUN
-def report(output: Output, run: Path) -> None:
+@click.option(
+    "--interactive",
+    is_flag=True,
+    help="Also write interactive.html: hover, zoom; 6 MB, needs auvident[interactive].",
+)
+def report(output: Output, run: Path, interactive: bool) -> None:
     """Write a self-contained HTML report; print its path.
 
     It contains all figures, tables and findings, and needs neither other files nor a network.
     """
     from auvident.pipeline import run_stage
 
+    if interactive:
+        from auvident.report.interactive import require_plotly
+
+        require_plotly()
     with output.watch() as watch:
-        (name,) = run_stage("report", run, observer=watch)
+        *_, name = run_stage("report", run, {"interactive": interactive}, observer=watch)
     if output.json:
         output.artifact({"schema": "auvident/report/1", "file": str(run / name)}, name)
     else:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 OPTIONAL = frozenset(BY_NAME["report"].also)  # a run goes on when their numbers fail
-NOT_RECORDED = frozenset({"keep_going"})  # options that change no result
+NOT_RECORDED = frozenset({"interactive", "keep_going"})  # options that change no result
 SILENT = Observer()
 # Stages of several runs in the threads of one process wait for each other: the number of threads
 # of linear algebra is one for the whole process, and the first to leave would undo it for all.

@@ -321,4 +321,8 @@ def report(given: Given) -> dict[str, Any]:
     from auvident.pipeline.reporting import report_data
     from auvident.report.html import render
 
-    return {"report/report.html": render(report_data(given))}
+    data = report_data(given)
+    pages = {"report/report.html": render(data)}
+    if given.options["interactive"]:
+        pages["report/interactive.html"] = render(data, live=True)
+    return pages

@@ -222,6 +222,7 @@ STAGES: tuple[Stage, ...] = (
         writes=("report/report.html",),
         main="report/report.html",
         function=steps.report,
+        options={"interactive": None},
         also=("diagnose", "refine", "combine"),
     ),
 )

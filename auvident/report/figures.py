@@ -4,18 +4,19 @@ A figure is drawn with fixed colours, each of which stands for a CSS variable of
 is readable on light and dark ground and in print. Text stays text.
 """
 
-import io
-import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedFormatter, FixedLocator
 
 from auvident.report.taken import is_taken
 
@@ -23,7 +24,6 @@ Array = npt.NDArray[np.float64]
 
 WIDTH_IN = 11.8  # of a figure over the whole page
 MOST_POINTS = 1600  # of a line: about twice the pixels of a panel
-COORDINATE_DIGITS = 2  # after the point, in SVG units of 1/72 inch
 
 # Colour in the drawing -> variable of the page. The first four are ink and paper; the others,
 # after Okabe and Ito, are told apart by all common kinds of colour vision.
@@ -82,11 +82,18 @@ STYLE: Any = {
 }
 
 
+LIVE = ContextVar("LIVE", default=False)  # whether figures are drawn by the browser
+
+
 @contextmanager
-def style() -> Iterator[None]:
-    """Style of the report, for figures made and drawn inside."""
-    with rc_context(STYLE):
-        yield
+def style(live: bool = False) -> Iterator[None]:
+    """Style of the report, for figures made and drawn inside; `live` for those of plotly."""
+    before = LIVE.set(live)
+    try:
+        with rc_context(STYLE):
+            yield
+    finally:
+        LIVE.reset(before)
 
 
 def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
@@ -97,7 +104,7 @@ def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
 
 
 def svg(figure: Figure, name: str, caption: str) -> str:
-    """A figure as an SVG element that may stand in an HTML page with others.
+    """A figure as an element that may stand in an HTML page with others.
 
     Parameters
     ----------
@@ -109,45 +116,12 @@ def svg(figure: Figure, name: str, caption: str) -> str:
     """
     if is_taken(figure):
         return ""
-    stream = io.StringIO()
-    with rc_context({"svg.hashsalt": name}):
-        figure.savefig(stream, format="svg", metadata={"Date": None})
-    text = stream.getvalue()
-    text = text[text.index("<svg") :]
-    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    text = re.sub(r'<g id="[^"]*"', "<g", text)  # the same in every figure
-    text = re.sub(r"<!--.*?-->\n?", "", text, flags=re.DOTALL)
-    text = text.replace("xlink:href", "href")
-    text = re.sub(r"<[^>]*>", lambda tag: _shorter(tag.group()), text)  # not what stands between
-    return re.sub(r"<svg[^>]*>", _opening(text, caption), text, count=1)
+    if LIVE.get():
+        from auvident.report.interactive import live_markup as write
+    else:
+        from auvident.report.page_figure import markup as write
 
-
-def _shorter(tag: str) -> str:
-    """A tag with short coordinates and the colours of the page."""
-    if "base64" in tag:
-        return tag
-    tag = re.sub(r"\d+\.\d{3,}", _short, tag)
-    for colour, variable in VARIABLES.items():
-        tag = tag.replace(colour, f"var({variable})")
-    return tag
-
-
-def _short(match: re.Match[str]) -> str:
-    return f"{float(match.group()):.{COORDINATE_DIGITS}f}".rstrip("0").rstrip(".")
-
-
-def _opening(text: str, caption: str) -> str:
-    """The svg tag: scales with the page, named for screen readers, no namespaces (HTML)."""
-    from markupsafe import escape
-
-    found = re.search(r'viewBox="([^"]*)"', text)
-    assert found is not None
-    width = found.group(1).split()[2]
-    label = str(escape(caption)).replace("\\", "\\\\")
-    return (
-        f'<svg viewBox="{found.group(1)}" role="img" aria-label="{label}" '
-        f'style="max-width:{width}pt">'
-    )
+    return write(figure, name, caption)
 
 
 def thinned(t: Array, *columns: Array) -> tuple[Array, ...]:
@@ -200,6 +174,12 @@ def limits(inside: Array, beyond: Array, most: float = 0.6) -> tuple[float, floa
         high = min(max(high, float(beyond.max())), high + most * span)
     margin = 0.06 * (high - low + span)
     return low - margin, high + margin
+
+
+def categories(axis: Axis, names: Sequence[str]) -> None:
+    """Names in place of numbers at 0, 1, 2... of an axis."""
+    axis.set_major_locator(FixedLocator(range(len(names))))
+    axis.set_major_formatter(FixedFormatter(names))
 
 
 def quiet(axes: Axes) -> None:

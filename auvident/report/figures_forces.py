@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from auvident.report.figures import BLUE, SOFT, new_figure, quiet, svg
-from auvident.report.numbers import SHOWN_UNITS
+from auvident.report.numbers import PAGE, SHOWN_UNITS
 from auvident.schema.planes import HORIZONTAL, VERTICAL
 
 Array = npt.NDArray[np.float64]
@@ -46,19 +46,27 @@ def unknown_force(table: pd.DataFrame, name: str) -> str | None:
     if not forces or not against:
         return None
     figure = new_figure(0.6 + 1.55 * len(forces))
-    panels = figure.subplots(len(forces), len(against), squeeze=False, sharey="row", sharex="col")
+    panels = figure.subplots(len(forces), len(against), squeeze=False, sharex="col")
     for i, force in enumerate(forces):
         _, axis, unit = str(force).split("_")
-        panels[i, 0].set_ylabel(f"{axis}, {UNITS[unit]}")
         for j, (x, label) in enumerate(against):
             _panel(panels[i, j], x, table[force].to_numpy(float))
+            panels[i, j].set_ylabel(f"{axis}, {UNITS[unit]}")
+            if j:
+                panels[i, j].sharey(panels[i, 0])
             if i + 1 == len(forces):
                 panels[i, j].set_xlabel(label)
             else:
                 quiet(panels[i, j])
-    figure.tight_layout(h_pad=0.4, w_pad=0.6)
     drawn = ", ".join(label.partition(",")[0] for _, label in against)
-    return svg(figure, name, f"Smoothed unknown force against {drawn}")
+    told = ", ".join(_spread_told(str(f), table[f].to_numpy(float)) for f in forces)
+    return svg(figure, name, f"Smoothed unknown force against {drawn}; 95 % of it within {told}")
+
+
+def _spread_told(force: str, values: Array) -> str:
+    _, axis, unit = force.split("_")
+    low, high = np.nanquantile(values, (0.025, 0.975))
+    return f"{axis} {PAGE.interval(float(low), float(high))} {UNITS[unit]}"
 
 
 def _regressor(

@@ -8,6 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from auvident.report.figures import (
     BLUE,
@@ -17,19 +18,22 @@ from auvident.report.figures import (
     SKY,
     SOFT,
     VERMILLION,
+    categories,
     limits,
     new_figure,
     quiet,
     svg,
     thinned,
 )
-from auvident.report.figures_coefficients import FOREST_REACH
-from auvident.report.html_data import CHANNELS, number
+from auvident.report.figures_coefficients import FOREST_REACH, dots
+from auvident.report.figures_prediction import BAND_OPACITY, covered
+from auvident.report.html_data import CHANNELS, number, percent
 from auvident.report.loop_words import ranked
 from auvident.report.numbers import SHOWN_UNITS
 from auvident.schema.diagnosis import Candidate, CoefficientComparison
 
 MOST_BARS = 15
+MOST_TOLD = 4  # named in an alternative text
 LEAST_GAIN = 0.3  # nats, where the logarithmic axis begins: less is nothing
 MOST_CHANNELS, MOST_MANEUVERS = 3, 2  # drawn over time
 WORTH_DRAWING = 0.05  # of the greatest fall of the residual: channels below it are left out
@@ -49,10 +53,11 @@ def gains(candidates: Sequence[Candidate], name: str) -> str | None:
         return None
     figure = new_figure(0.75 + 0.24 * len(rows), width_in=8.2)
     axes = figure.subplots()
+    shown = [max(c.gain, LEAST_GAIN) for c in rows]
+    colours = [SOFT if c.rejected else BLUE for c in rows]
+    axes.barh(range(len(rows)), shown, color=colours, height=0.62)
     for i, c in enumerate(rows):
-        shown = max(c.gain, LEAST_GAIN)
-        axes.barh(i, shown, color=SOFT if c.rejected else BLUE, height=0.62)
-        axes.text(shown * 1.08, i, number(c.gain), va="center", fontsize=8)
+        axes.text(shown[i] * 1.08, i, number(c.gain), va="center", fontsize=8)
         if c.held_back_gain is not None and c.held_back_gain > LEAST_GAIN:
             axes.plot(c.held_back_gain, i, "D", color=GREEN, mec=PAPER, mew=0.8, ms=6)
     axes.set_xscale("log")
@@ -61,13 +66,16 @@ def gains(candidates: Sequence[Candidate], name: str) -> str | None:
     most = max(max(c.gain, c.held_back_gain or 0.0) for c in rows)
     axes.set_xlim(LEAST_GAIN, 3.0 * max(most, 10.0 * LEAST_GAIN))
     axes.set_ylim(len(rows) - 0.4, -0.6)
-    axes.set_yticks(range(len(rows)), [c.id for c in rows])
+    categories(axes.yaxis, [c.id for c in rows])
     axes.set_xlabel("gain in log-likelihood, nats (logarithmic)")
-    figure.tight_layout()
-    return svg(figure, name, "Gain in log-likelihood by each candidate effect")
+    told = ", ".join(f"{c.id} {number(c.gain)} nats" for c in rows[:MOST_TOLD])
+    accepted = ", ".join(c.id for c in rows if not c.rejected) or "none"
+    return svg(figure, name, f"Gain in log-likelihood by candidate: {told}; accepted: {accepted}")
 
 
-def before_after(table: pd.DataFrame, name: str) -> str | None:
+def before_after(
+    table: pd.DataFrame, name: str, bands: pd.DataFrame | None = None, final: bool = True
+) -> str | None:
     """The most affected channels in one or two maneuvers, with the residual below each.
 
     Parameters
@@ -76,6 +84,10 @@ def before_after(table: pd.DataFrame, name: str) -> str | None:
         ``diagnose/residuals.parquet``.
     name : str
         Different for each figure of the page.
+    bands : pandas.DataFrame or None
+        ``refine/simulation.parquet`` or ``validate/simulation.parquet``, for the 95 % band.
+    final : bool
+        Whether the band is that of the model with the effects.
     """
     falls = squared_falls(table)
     if falls.empty:
@@ -96,17 +108,49 @@ def before_after(table: pd.DataFrame, name: str) -> str | None:
     )
     for j, maneuver in enumerate(maneuvers):
         rows = table[table["maneuver"] == maneuver]
+        first: Axes | None = None
         for i, column in enumerate(channels):
-            upper = figure.add_subplot(grid[2 * i, j])
+            upper = figure.add_subplot(grid[2 * i, j], sharex=first)
+            first = first or upper
             lower = figure.add_subplot(grid[2 * i + 1, j], sharex=upper)
-            _panel(upper, lower, rows, column, first=j == 0)
+            own = None if bands is None else bands[bands["maneuver"] == maneuver]
+            share = _band(upper, own, column, BLUE if final else VERMILLION)
+            _panel(upper, lower, rows, column)
+            if share is not None:
+                upper.set_title(f"{percent(share)} in the band", loc="right")
             quiet(upper)
+            if i + 1 < len(channels):
+                quiet(lower)
             if i == 0:
                 upper.set_title(f"{maneuver} ({rows['role'].iloc[0]})")
         lower.set_xlabel("time from the start of the maneuver, s")
-    _legend(figure, any(f"{c}_after" in table for c in channels))
-    figure.align_ylabels()
-    return svg(figure, name, "Most affected channels, measured and predicted, with the residuals")
+    held = bands is not None and any(f"{c}_lo" in bands for c in channels)
+    _legend(figure, any(f"{c}_after" in table for c in channels), held, final)
+    return svg(figure, name, _falls_told(falls, channels, maneuvers))
+
+
+def _falls_told(falls: pd.DataFrame, channels: Sequence[str], maneuvers: Sequence[str]) -> str:
+    symbols = {column: symbol for symbol, column, _, _ in CHANNELS}
+    told = []
+    for maneuver in maneuvers:
+        own = (f"{symbols[c]} {number(float(falls[c][maneuver]), 2)}" for c in channels)
+        told.append(f"{maneuver}: {', '.join(own)}")
+    return (
+        "Most affected channels, measured and predicted, with the residuals; the mean squared "
+        f"residual falls, in variances of the channel, {'; '.join(told)}"
+    )
+
+
+def _band(axes: Axes, rows: pd.DataFrame | None, column: str, colour: str) -> float | None:
+    """The 95 % band of a channel; the share of the readings in it."""
+    if rows is None or f"{column}_lo" not in rows or rows.empty:
+        return None
+    factor = SHOWN_UNITS.get(next(u for _, c, u, _ in CHANNELS if c == column), ("", 1.0))[1]
+    time = rows["time_s"].to_numpy(float)
+    low, high = (factor * rows[f"{column}_{end}"].to_numpy(float) for end in ("lo", "hi"))
+    at, low, high = thinned(time - time[0], low, high)
+    axes.fill_between(at, low, high, color=colour, alpha=BAND_OPACITY, lw=0.0)
+    return covered(rows, [column])
 
 
 def squared_falls(table: pd.DataFrame) -> pd.DataFrame:
@@ -134,13 +178,14 @@ def most_affected(falls: pd.DataFrame, table: pd.DataFrame) -> tuple[list[str], 
     mean = falls.mean().abs().sort_values(ascending=False)  # where it got worse is told as well
     channels = [c for c in mean.index if mean[c] >= WORTH_DRAWING * mean.iloc[0]][:MOST_CHANNELS]
     best = falls[channels].sum(axis=1).abs().sort_values(ascending=False)
-    roles = dict(zip(table["maneuver"], table["role"], strict=True))
+    first = table.drop_duplicates("maneuver")
+    roles = dict(zip(first["maneuver"], first["role"], strict=True))
     firsts = [next((m for m in best.index if roles[m] == r), None) for r in ROLES]
     order = dict.fromkeys([*(m for m in firsts if m is not None), *best.index])
     return channels, list(order)[:MOST_MANEUVERS]
 
 
-def _panel(upper: Axes, lower: Axes, rows: pd.DataFrame, column: str, first: bool) -> None:
+def _panel(upper: Axes, lower: Axes, rows: pd.DataFrame, column: str) -> None:
     words, unit = next((w, u) for _, c, u, w in CHANNELS if c == column)
     shown, factor = SHOWN_UNITS.get(unit, (unit, 1.0))
     time = rows["time_s"].to_numpy(float) - float(rows["time_s"].iloc[0])
@@ -159,9 +204,8 @@ def _panel(upper: Axes, lower: Axes, rows: pd.DataFrame, column: str, first: boo
     upper.set_ylim(*limits(np.concatenate(list(values.values())), np.array([])))
     upper.set_xlim(time[0], max(time[-1], time[0] + 1e-9))
     lower.locator_params(axis="y", nbins=4)
-    if first:
-        upper.set_ylabel(f"{words}\n{shown}")
-        lower.set_ylabel(f"residual\n{shown}")
+    upper.set_ylabel(f"{words}\n{shown}")
+    lower.set_ylabel(f"residual\n{shown}")
 
 
 def _line(axes: Axes, time: np.ndarray, y: np.ndarray, look: tuple[Any, ...]) -> None:
@@ -171,14 +215,18 @@ def _line(axes: Axes, time: np.ndarray, y: np.ndarray, look: tuple[Any, ...]) ->
     axes.plot(*kept, color=colour, ls=dashes, lw=width, alpha=opacity)
 
 
-def _legend(figure: Figure, with_after: bool) -> None:
-    handles = [
+def _legend(figure: Figure, with_after: bool, with_band: bool, final: bool) -> None:
+    handles: list[Line2D | Patch] = [
         Line2D([], [], color=colour, ls=dashes, lw=width, alpha=opacity, label=words)
         for ending, colour, dashes, width, opacity, words in LINES
         if with_after or ending != "after"
     ]
+    if with_band:
+        words = f"95 % band of the {'final' if final else 'identified'} model"
+        colour = BLUE if final else VERMILLION
+        handles.append(Patch(color=colour, alpha=BAND_OPACITY, lw=0.0, label=words))
     figure.legend(
-        handles=handles, loc="upper left", ncols=3, bbox_to_anchor=(0.07, 1.0), borderaxespad=0.1
+        handles=handles, loc="upper left", ncols=4, bbox_to_anchor=(0.07, 1.0), borderaxespad=0.1
     )
 
 
@@ -189,30 +237,27 @@ def moves(coefficients: Sequence[CoefficientComparison], name: str) -> str | Non
         return None
     figure = new_figure(0.9 + 0.235 * len(rows), width_in=8.2)
     axes = figure.subplots()
-    for i, c in enumerate(rows):
-        _move(axes, i - 0.14, c, (c.before, c.before_std), {"color": VERMILLION, "mfc": "none"})
-        _move(axes, i + 0.14, c, (c.after, c.after_std), {"color": BLUE})
+    prior, unit = np.array([(c.prior, c.prior_std) for c in rows]).T
+    looks = (("before", {"color": VERMILLION, "mfc": "none"}), ("after", {"color": BLUE}))
+    for shift, (when, look) in zip((-0.14, 0.14), looks, strict=True):
+        value, std = (np.array([getattr(c, when + end) for c in rows]) for end in ("", "_std"))
+        whole = np.full(len(rows), True)
+        dots(axes, (value - prior) / unit, std / unit, whole, shift=shift, ms=4, lw=1.5, **look)
     axes.axvspan(-1.0, 1.0, color=SKY, alpha=0.2, lw=0)
     axes.axvline(0.0, color=SOFT, lw=0.8)
     axes.set_xlim(-FOREST_REACH, FOREST_REACH)
     axes.set_ylim(len(rows) - 0.4, -0.6)
-    axes.set_yticks(range(len(rows)), [c.symbol for c in rows])
+    categories(axes.yaxis, [c.symbol for c in rows])
     axes.set_xlabel("(value − prior) / prior standard deviation")
-    figure.tight_layout()
-    return svg(figure, name, "Coefficients before and after the refinement")
-
-
-def _move(
-    axes: Axes,
-    y: float,
-    c: CoefficientComparison,
-    value: tuple[float, float],
-    look: dict[str, Any],
-) -> None:
-    """A dot with its standard deviation; an arrow where it is beyond the axis."""
-    place, spread = (value[0] - c.prior) / c.prior_std, value[1] / c.prior_std
-    if abs(place) > FOREST_REACH:
-        edge = float(np.sign(place)) * (FOREST_REACH - 0.1)
-        axes.plot(edge, y, ">" if place > 0 else "<", ms=5, **look)
-        return
-    axes.errorbar(place, y, xerr=spread, fmt="o", ms=4, lw=1.5, capsize=0, **look)
+    far = sorted(rows, key=lambda c: -abs(c.after - c.before) / c.prior_std)[:MOST_TOLD]
+    told = ", ".join(
+        f"{c.symbol} from {number((c.before - c.prior) / c.prior_std, 2)} to "
+        f"{number((c.after - c.prior) / c.prior_std, 2)}"
+        for c in far
+    )
+    return svg(
+        figure,
+        name,
+        f"{len(rows)} coefficients without and with the effects, in prior standard deviations "
+        f"from the prior; farthest moved: {told}",
+    )

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from auvident.report.figures import (
@@ -20,7 +21,7 @@ from auvident.report.figures import (
     svg,
     thinned,
 )
-from auvident.report.html_data import CHANNELS, number, quantity
+from auvident.report.html_data import CHANNELS, number, percent, quantity
 from auvident.report.numbers import SHOWN_UNITS
 from auvident.schema.artifacts import ChannelMetrics, ManeuverMetrics
 from auvident.schema.planes import PLANE_ROWS
@@ -34,8 +35,10 @@ LINES = (
 )
 BAND_OPACITY = 0.18
 BAND_WORDS = "its 95 % band"
+ENDS = ("lo", "hi")
 MEASURED_OPACITY = 0.45  # so that the model on top of it is seen
 LEAST_HELM_DEG = 1.0  # span of the axis: a constant helm is no noise
+RIBBON_POINTS = 120
 WITH_TRACK = 0.64  # share of the width left to the channels
 
 
@@ -82,6 +85,7 @@ def prediction(
         axes.set_ylabel(f"{words}\n{SHOWN_UNITS.get(unit, (unit,))[0]}")
         final = _final_error(table, [column])
         _errors(axes, channel, after.channels, before.channels if before else {}, prior, final)
+        _add_coverage(axes, covered(table, [column]))
         if i + 1 < len(rows):
             quiet(axes)
     quiet(first)
@@ -91,8 +95,45 @@ def prediction(
         _track(figure, table, after, before, prior)
     ends = {str(c).rpartition("_")[2] for c in table.columns}
     _legend(figure, prior, "refined" in ends, "hi" in ends)
-    figure.align_ylabels()
-    return svg(figure, name, f"Maneuver {after.id}, measured and predicted")
+    return svg(figure, name, _caption(table, after, rows))
+
+
+def covered(table: pd.DataFrame, columns: Sequence[str]) -> float | None:
+    """Share of the readings of columns that lie within the band; None without a band."""
+    inside, seen = 0, 0
+    for column in columns:
+        if f"{column}_lo" not in table or f"{column}_measured" not in table:
+            continue
+        low, high = (table[f"{column}_{end}"].to_numpy(float) for end in ENDS)
+        y = table[f"{column}_measured"].to_numpy(float)
+        there = np.isfinite(y) & np.isfinite(low) & np.isfinite(high)
+        inside += int(((y >= low) & (y <= high) & there).sum())
+        seen += int(there.sum())
+    return inside / seen if seen else None
+
+
+def _add_coverage(axes: Axes, share: float | None) -> None:
+    text = axes.get_title("right")
+    if share is not None and text:
+        axes.set_title(f"{text} · {percent(share)} in the band", loc="right", fontsize=8.5, pad=3)
+
+
+def _caption(
+    table: pd.DataFrame, after: ManeuverMetrics, rows: Sequence[tuple[str, str, str, str]]
+) -> str:
+    """The errors in words."""
+    told = []
+    for channel, column, unit, _ in rows:
+        final = _final_error(table, [column])
+        error = after.channels[channel].rmse if channel in after.channels else None
+        error = error if final is None else final
+        if error is not None:
+            told.append(f"{channel} {quantity(error, unit, 2)}")
+    which = "Held-out" if after.role == "validate" else "Identifying"
+    errors = f"; RMSE {', '.join(told)}" if told else ""
+    share = covered(table, [column for _, column, _, _ in rows])
+    band = "" if share is None else f"; the 95 % band holds {percent(share)} of the readings"
+    return f"{which} {after.kind} {after.id}, {after.duration_s:.0f} s, predicted{errors}{band}"
 
 
 def _inputs(axes: Axes, time: np.ndarray, table: pd.DataFrame, metrics: ManeuverMetrics) -> None:
@@ -115,7 +156,7 @@ def _channel(axes: Axes, time: np.ndarray, table: pd.DataFrame, column: str, uni
     if column in ("heading_rad",):  # as turned since the start, not the compass
         start = factor * float(table[f"{column}_simulated"].iloc[0])
     if f"{column}_lo" in table:
-        low, high = (factor * table[f"{column}_{e}"].to_numpy(float) - start for e in ("lo", "hi"))
+        low, high = (factor * table[f"{column}_{e}"].to_numpy(float) - start for e in ENDS)
         band = np.concatenate([x[np.isfinite(x)] for x in (low, high)])
         at, low, high = thinned(time, low, high)
         axes.fill_between(at, low, high, color=_band_colour(table), alpha=BAND_OPACITY, lw=0.0)
@@ -189,6 +230,11 @@ def _track(
     prior: str,
 ) -> None:
     axes = figure.add_axes((WITH_TRACK + 0.075, 0.22, 0.995 - WITH_TRACK - 0.075, 0.6))
+    if {f"{axis}_m_{end}" for axis in ("north", "east") for end in ENDS} <= set(table):
+        band = PolyCollection(
+            list(_ribbon(table)), color=_band_colour(table), alpha=BAND_OPACITY, lw=0.0
+        )
+        axes.add_collection(band, autolim=False)
     for ending, colour, dashes, width, _ in LINES:
         if f"north_m_{ending}" in table:
             east, north = (table[f"{c}_m_{ending}"].to_numpy(float) for c in ("east", "north"))
@@ -212,6 +258,28 @@ def _track(
         if before and "track" in before.channels:
             text += f", {prior} {quantity(before.channels['track'].rmse, 'm')}"
         axes.set_title(text, fontsize=8.5)
+
+
+def _ribbon(table: pd.DataFrame) -> np.ndarray:
+    """The band across the track as quadrilaterals, shape (n, 4, 2), all turning the same way."""
+    kept = slice(None, None, max(len(table) // RIBBON_POINTS, 1))
+    low, high = (
+        np.column_stack([table[f"{a}_m_{end}"].to_numpy(float)[kept] for a in ("east", "north")])
+        for end in ENDS
+    )
+    seen = np.isfinite(low + high).all(axis=1)
+    middle, half = 0.5 * (low + high)[seen], 0.5 * (high - low)[seen]
+    if len(middle) < 2:
+        return np.empty((0, 4, 2))
+    along = np.gradient(middle, axis=0)
+    length = np.maximum(np.hypot(*along.T), 1e-12)
+    across = np.column_stack([-along[:, 1], along[:, 0]]) / length[:, None]
+    aside = across * np.hypot(*(half * across).T)[:, None]
+    left, right = middle + aside, middle - aside
+    quads = np.stack([left[:-1], left[1:], right[1:], right[:-1]], axis=1)
+    first, second = quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1]
+    turned = first[:, 0] * second[:, 1] < first[:, 1] * second[:, 0]
+    return np.where(turned[:, None, None], quads[:, ::-1], quads)
 
 
 def _square(axes: Axes, east: np.ndarray, north: np.ndarray) -> None:

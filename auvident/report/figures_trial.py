@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from auvident.report.figures import (
@@ -20,7 +21,7 @@ from auvident.report.figures import (
     thinned,
 )
 from auvident.report.figures_joined import joined
-from auvident.report.numbers import SHOWN_UNITS, unit_text
+from auvident.report.numbers import PAGE, SHOWN_UNITS, unit_text
 from auvident.schema.artifacts import Maneuver
 from auvident.schema.channels import BY_COLUMN, RECORD_COLUMN, TIME_COLUMN
 from auvident.schema.planes import PLANE_ROWS
@@ -42,6 +43,7 @@ OWN["vertical"].add("depth_m")
 SHADE = {"identify": 0.18, "validate": 0.42}  # opacity by role
 HATCH = {"identify": None, "validate": "////"}
 LABEL_SHARE = 0.022  # of the trial's length a maneuver needs for its label
+ROOMY_SHARE = 0.12  # the same where the page is narrow
 TRACK_IN, TRACK_WIDTH_IN = 5.0, 7.5
 HEAD_IN, HEAD_JOINED_IN, PANEL_IN = 1.0, 1.6, 1.05  # legend, names and axis; one panel
 LABEL_SLANT_DEG = 22  # where names are long
@@ -84,8 +86,32 @@ def timeline(trials: Sequence[Trial], maneuvers: Sequence[Maneuver], name: str) 
     time = trial.table[TIME_COLUMN]
     panels[-1].set_xlim(float(time.iloc[0]), float(time.iloc[-1]))
     figure.align_ylabels(panels)
-    _legend(figure, own, _interruptions(trial).size > 0)
-    return svg(figure, name, f"Trial {trial.name} over time with its maneuvers")
+    _legend(figure, own, _interruptions(trial).size > 0, any(len(c) > 1 for c, _ in rows))
+    return svg(figure, name, _told(trial, own, rows))
+
+
+def _told(
+    trial: Trial, maneuvers: Sequence[Maneuver], rows: Sequence[tuple[list[str], str]]
+) -> str:
+    """What was logged, in words."""
+    ranges = [
+        f"{BY_COLUMN[c].column.rpartition('_')[0] or c} {_range(trial, c)}"
+        for columns, _ in rows
+        for c in columns
+    ]
+    held = sum(m.role == "validate" for m in maneuvers)
+    time = trial.table[TIME_COLUMN]
+    gaps = len(_interruptions(trial))
+    return (
+        f"Trial {trial.name}, {float(time.iloc[-1] - time.iloc[0]):.0f} s: {', '.join(ranges)}; "
+        f"{len(maneuvers)} maneuvers, {held} held out; gaps: {gaps or 'none'}"
+    )
+
+
+def _range(trial: Trial, column: str) -> str:
+    unit, factor = SHOWN_UNITS.get(BY_COLUMN[column].unit, (BY_COLUMN[column].unit, 1.0))
+    values = trial.table[column].to_numpy(float) * factor
+    return f"{PAGE.interval(float(np.nanmin(values)), float(np.nanmax(values)))} {unit_text(unit)}"
 
 
 def _rows(trial: Trial, maneuvers: Sequence[Maneuver]) -> list[tuple[list[str], str]]:
@@ -110,7 +136,8 @@ def _label(m: Maneuver, trial: Trial) -> str:
 def _strip(axes: Axes, maneuvers: Sequence[Maneuver], trial: Trial, slanted: bool) -> None:
     """Bars with the names of the maneuvers above the panels."""
     time = trial.table[TIME_COLUMN]
-    shortest = LABEL_SHARE * float(time.iloc[-1] - time.iloc[0])
+    span = float(time.iloc[-1] - time.iloc[0])
+    shortest = LABEL_SHARE * span
     for m in maneuvers:
         length = m.t_end_s - m.t_start_s
         held = m.role == "validate"
@@ -137,6 +164,7 @@ def _strip(axes: Axes, maneuvers: Sequence[Maneuver], trial: Trial, slanted: boo
                 rotation_mode="anchor",
                 fontsize=8,
                 fontweight="bold" if held else None,
+                gid=None if length > ROOMY_SHARE * span and not slanted else "roomy",
             )
     axes.set_ylim(-0.5, 0.5)
     axes.set_axis_off()
@@ -153,8 +181,6 @@ def _channel(axes: Axes, trial: Trial, columns: Sequence[str], label: str) -> No
         axes.invert_yaxis()
     if len(columns) > 1:
         label = "fins"
-        for place, words, colour in ((0.005, "rudder", BLUE), (0.06, "elevator", ORANGE)):
-            axes.text(place, 0.05, words, color=colour, transform=axes.transAxes, fontsize=8)
     elif columns[0] == "elevator_rad":
         label = "elevator"
     axes.set_ylabel(f"{label}\n{unit_text(unit)}")
@@ -182,11 +208,16 @@ def _gaps(axes: Axes, trial: Trial) -> None:
         axes.axvspan(time[first], end, facecolor="none", edgecolor=SOFT, hatch="xxxx", lw=0)
 
 
-def _legend(figure: Figure, maneuvers: Sequence[Maneuver], gaps: bool) -> None:
+def _legend(figure: Figure, maneuvers: Sequence[Maneuver], gaps: bool, both_fins: bool) -> None:
     kinds = dict.fromkeys(m.kind for m in maneuvers)
-    handles = [Patch(color=KIND_COLOURS[k], alpha=0.4, label=k) for k in kinds]
+    handles: list[Patch | Line2D] = [
+        Patch(color=KIND_COLOURS[k], alpha=0.4, label=k) for k in kinds
+    ]
     handles.append(Patch(facecolor="none", edgecolor=SOFT, label="identifies"))
     handles.append(Patch(facecolor="none", edgecolor=INK, hatch="////", label="held out"))
+    if both_fins:
+        fins = (("rudder", BLUE), ("elevator", ORANGE))
+        handles += [Line2D([], [], color=colour, label=words) for words, colour in fins]
     if gaps:
         handles.append(Patch(facecolor="none", edgecolor=SOFT, hatch="xxxx", lw=0, label="gap"))
     figure.legend(
@@ -221,8 +252,14 @@ def track(trials: Sequence[Trial], maneuvers: Sequence[Maneuver], name: str) -> 
     axes.set_ylabel("north, m")
     how = " and ".join(dict.fromkeys(p[2] for _, p in found))
     axes.set_title(f"{how}; held-out maneuvers thick")
-    figure.tight_layout()
-    return svg(figure, name, f"Track of trial {', '.join(t.name for t, _ in found)}")
+    lengths = [np.nansum(np.hypot(np.diff(p[0]), np.diff(p[1]))) for _, p in found]
+    wide, high = axes.dataLim.width, axes.dataLim.height
+    return svg(
+        figure,
+        name,
+        f"Track of trial {', '.join(t.name for t, _ in found)}: {high:.0f} m from south to north, "
+        f"{wide:.0f} m from west to east, {sum(lengths):.0f} m long",
+    )
 
 
 def _one_track(
@@ -237,7 +274,7 @@ def _one_track(
     if not axes.texts:  # said once where several begin at the same place
         start = np.flatnonzero(np.isfinite(north))[0]
         axes.plot(east[start], north[start], "o", color=INK, ms=5)
-        axes.annotate("start", (east[start], north[start]), (6, 5), textcoords="offset points")
+        axes.text(float(east[start]), float(north[start]), "  start")
 
 
 def _positions(trial: Trial) -> tuple[Array, Array, str] | None:

@@ -1,4 +1,4 @@
-"""The HTML report: one file, nothing outside of it, no script."""
+"""The HTML report: one file, nothing outside of it; scripts only in the interactive one."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from auvident import __version__
 from auvident.report import html_words as words
 from auvident.report import tables_figures, tables_model, tables_record, tables_run, tables_whole
+from auvident.report.contents import with_contents
 from auvident.report.finding_words import evidence
 from auvident.report.held_out_words import beyond, why_held_out
 from auvident.report.html_data import ReportData, number
@@ -34,13 +35,15 @@ STRONG = 0.8  # correlation from which on a pair is listed
 MOST_PREDICTIONS = 10  # held-out maneuvers drawn; the errors of all are in a table
 
 
-def render(report: ReportData) -> str:
+def render(report: ReportData, live: bool = False) -> str:
     """The report as one self-contained HTML document.
 
     Parameters
     ----------
     report : ReportData
         Sections whose artifacts are missing say so, or are left out.
+    live : bool
+        Whether the figures are drawn by plotly in the browser, to hover and zoom.
 
     Returns
     -------
@@ -48,9 +51,9 @@ def render(report: ReportData) -> str:
     """
     from auvident.report.figures import style
 
-    with style():
+    with style(live):
         planes = [_plane(data, len(report.planes) > 1) for data in report.planes]
-        return _template().render(
+        page = _template().render(
             name=report.name,
             version=__version__,
             data=report,
@@ -61,8 +64,16 @@ def render(report: ReportData) -> str:
             left_out=_trials_left_out(report),
             evidence=evidence,
             whole=_whole(report.whole) if report.whole else None,
+            scripts=_scripts() if live else "",
             **_tables(report),
         )
+    return with_contents(page)
+
+
+def _scripts() -> "Markup":
+    from auvident.report.interactive import scripts
+
+    return scripts()
 
 
 def _plane(report: ReportData, one_of_several: bool) -> dict[str, Any]:

@@ -102,7 +102,9 @@ def figures(report: ReportData) -> dict[str, list[str | None]]:
     changed = report.comparison is not None and report.comparison.added
     return {
         "gains": [gains(found.candidates, f"gains{report.tag}")] if found else [],
-        "before_after": [before_after(table, f"beforeafter{report.tag}")]
+        "before_after": [
+            before_after(table, f"beforeafter{report.tag}", *_bands(report, bool(changed)))
+        ]
         if table is not None
         else [],
         "forces": [unknown_force(table, f"forces{report.tag}")] if table is not None else [],
@@ -110,6 +112,12 @@ def figures(report: ReportData) -> dict[str, list[str | None]]:
         if changed and report.comparison
         else [],
     }
+
+
+def _bands(report: ReportData, changed: bool) -> "tuple[pd.DataFrame | None, bool]":
+    """Predictions with a band, and whether they are those of the final model."""
+    is_final = changed and report.refined is not None
+    return (report.refined if is_final else report.simulation), is_final
 
 
 def with_refined(rows: "pd.DataFrame", report: ReportData, maneuver: str) -> "pd.DataFrame":

@@ -23,7 +23,7 @@ from auvident.stages.validate.findings import findings_of
 from auvident.storage.run_directory import RunDirectory
 from tests.report import drawings
 
-MOST_BYTES = 4e6
+MOST_BYTES = 3e6
 VOID = {"meta", "br", "img", "link", "input", "hr"}
 NASTY = '<b>"A" & $B$</b>'
 
@@ -59,7 +59,8 @@ class Page(HTMLParser):
         assert tag in VOID or self.open.pop() == tag
 
     def handle_data(self, data: str) -> None:
-        self.words.append(data)
+        if "nav" not in self.open:  # a heading that is linked to is not there yet
+            self.words.append(data)
 
 
 @pytest.fixture(scope="module")

@@ -109,7 +109,7 @@ def test_held_out_maneuvers_are_hatched() -> None:
     def hatches(role: str) -> int:
         with style():
             text = timeline([trial()], [maneuver(role=role)], "a")
-        return text.count("url(#h")
+        return text.count("url(#a-hatch")
 
     assert hatches("validate") == hatches("identify") + 1  # besides that of the legend
 
