@@ -6,12 +6,14 @@ from auvident.report import loop_words as words
 from auvident.report.tables import (
     Cell,
     Column,
+    Error,
     Fixed,
     Interval,
     Joined,
     Number,
     Rounded,
     Rows,
+    Share,
     Table,
     Unit,
     WithStd,
@@ -61,17 +63,16 @@ def held_out(found: HeldOut) -> Table:
     rows: list[list[Cell]] = []
     for channel, before in found.before.items():
         after, unit = found.after.get(channel), before.unit
-        rmse, nrmse = (after.rmse, after.nrmse) if after else (None, None)
         rows.append(
             [
                 channel,
                 Unit(unit, True),
-                Number(before.rmse, 3, unit),
-                Number(rmse, 3, unit),
+                Error(before),
+                Error(after),
                 *_difference(found.difference.get(channel), unit),
-                Number(before.nrmse),
-                Number(nrmse),
-                Fixed(_percent(before.rmse, rmse), "+.0f", " %"),
+                Share(channel, before),
+                Share(channel, after, before),
+                Fixed(_percent(before.rmse, after.rmse if after else None), "+.0f", " %"),
             ]
         )
     heads = (
@@ -207,8 +208,8 @@ def cross_validated(found: CrossValidated, title: str = CROSSED) -> Table:
             channel,
             Unit(before.unit, True),
             *(_error(row) for row in (before, after)),
-            Number(before.nrmse),
-            Number(after.nrmse if after else None),
+            Share(channel, before),
+            Share(channel, after, before),
             Fixed(_percent(before.rmse, after.rmse if after else None), "+.0f", " %"),
         ]
         for channel, before in found.before.items()

@@ -1,0 +1,192 @@
+"""Figures of what a coefficient rests on: prior, data and final value, and how it settled."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from auvident.report.figures import (
+    BLUE,
+    GREEN,
+    INK,
+    ORANGE,
+    SKY,
+    SOFT,
+    VERMILLION,
+    new_figure,
+    svg,
+)
+from auvident.report.tables_evidence import Way
+from auvident.report.verdict_rules import SETTLED
+from auvident.schema.artifacts import AgainstPrior, IdentifiedModel, ModelConstant
+
+ORIGIN_COLOURS = {"identified": BLUE, "kinematic": GREEN, "ase": SOFT, "given": SOFT}
+REACH = 4.5  # prior standard deviations shown on each side; farther ones get an arrow
+LEAST_MOVE = 1.0e-3  # standard deviations, where the logarithmic axis of the changes begins
+# height of the three in a row: data above, final, before below
+ABOVE, BELOW = -0.24, 0.24
+
+
+def evidence(
+    model: IdentifiedModel, before: IdentifiedModel | None, name: str, prior: str = "ASE"
+) -> str | None:
+    """Prior, data alone and final value of each coefficient, with the share from the data.
+
+    Parameters
+    ----------
+    model, before : IdentifiedModel
+        The final model, and the identified one where that is another.
+    name : str
+        Different for each figure of the page.
+    prior : str
+        What the prior is called.
+    """
+    rows = [c for c in model.estimates if c.prior_std > 0.0]
+    if not rows:
+        return None
+    told = model.prior_against_data
+    alone = {row.symbol: row for row in told.coefficients} if told else {}
+    earlier = {c.symbol: c for c in before.estimates} if before else {}
+    figure = new_figure(1.15 + 0.27 * len(rows))
+    height = figure.get_figheight()
+    left, right = figure.subplots(
+        1, 2, sharey=True, gridspec_kw={"width_ratios": [3.2, 1.0], "wspace": 0.04}
+    )
+    figure.subplots_adjust(left=0.07, right=0.99, top=1.0 - 0.62 / height, bottom=0.5 / height)
+    left.axvspan(-1.0, 1.0, color=SKY, alpha=0.2, lw=0)
+    left.axvline(0.0, color=SOFT, lw=0.8)
+    for i, c in enumerate(rows):
+        _row(left, i, c, alone.get(c.symbol), earlier.get(c.symbol))
+        right.barh(i, 100.0 * c.data_share, color=ORIGIN_COLOURS[c.origin], height=0.6)
+    left.set_xlim(-REACH, REACH)
+    left.set_ylim(len(rows) - 0.4, -0.6)
+    left.set_yticks(range(len(rows)), [c.symbol for c in rows])
+    left.set_xlabel("(value − prior) / prior standard deviation")
+    right.set_xlim(0.0, 100.0)
+    right.set_xlabel("% of the certainty")
+    right.set_title("from the data")
+    right.tick_params(left=False)
+    figure.legend(
+        handles=_handles(bool(alone), before is not None, prior),
+        loc="upper left",
+        ncols=4,
+        bbox_to_anchor=(0.062, 1.0),
+        borderaxespad=0.1,
+    )
+    return svg(figure, name, _told(model, before is not None))
+
+
+def _row(
+    axes: Axes,
+    i: int,
+    c: ModelConstant,
+    alone: AgainstPrior | None,
+    earlier: ModelConstant | None,
+) -> None:
+    """The three of one coefficient, in prior standard deviations."""
+    if alone is not None:
+        _mark(axes, i + ABOVE, c, (alone.data, alone.data_std), (ORANGE, "D", 3.2, 1.0))
+    _mark(axes, i, c, (c.value, c.std), (ORIGIN_COLOURS[c.origin], "o", 4.6, 1.8))
+    if earlier is not None:
+        _mark(axes, i + BELOW, c, (earlier.value, earlier.std), (VERMILLION, "s", 3.0, 1.0))
+
+
+def _mark(
+    axes: Axes,
+    y: float,
+    c: ModelConstant,
+    value: tuple[float, float],
+    look: tuple[str, str, float, float],
+) -> None:
+    """A value with its standard deviation; an arrow with its distance beyond the axis."""
+    colour, marker, size, width = look
+    place, spread = (value[0] - c.prior) / c.prior_std, value[1] / c.prior_std
+    if abs(place) > REACH:
+        side = 1.0 if place > 0.0 else -1.0
+        axes.plot(side * (REACH - 0.1), y, ">" if side > 0 else "<", color=colour, ms=5)
+        axes.text(
+            side * (REACH - 0.22),
+            y,
+            f"{place:+.1f}".replace("-", "−"),
+            va="center",
+            fontsize=8,
+            ha="right" if side > 0 else "left",
+        )
+        return
+    axes.errorbar(place, y, xerr=spread, fmt=marker, color=colour, ms=size, lw=width, capsize=0)
+
+
+def _handles(alone: bool, before: bool, prior: str) -> list[Line2D | Patch]:
+    """What the marks are, those that are there."""
+    found: list[Line2D | Patch] = [
+        Patch(color=SKY, alpha=0.2, label=f"prior ({prior}) ± std"),
+        Line2D([], [], color=BLUE, marker="o", ms=4.6, lw=1.8, label="final value ± std"),
+    ]
+    if alone:
+        found.append(
+            Line2D([], [], color=ORANGE, marker="D", ms=3.2, lw=1.0, label="data alone ± std")
+        )
+    if before:
+        found.append(
+            Line2D([], [], color=VERMILLION, marker="s", ms=3.0, lw=1.0, label="before refine")
+        )
+    return found
+
+
+def _told(model: IdentifiedModel, refined: bool) -> str:
+    """For those who cannot see it: what moved most, and what the data hardly touch."""
+    rows = [c for c in model.estimates if c.prior_std > 0.0]
+    most = max(rows, key=lambda c: abs(c.value - c.prior) / c.prior_std)
+    idle = [c.symbol for c in rows if c.data_share < 0.3]
+    text = (
+        f"Prior, data and {'final' if refined else 'identified'} value of {len(rows)} "
+        "coefficients; "
+        f"{most.symbol} is furthest from its prior, by "
+        f"{abs(most.value - most.prior) / most.prior_std:.1f} standard deviations"
+    )
+    return text + (f"; from the prior: {', '.join(idle)}" if idle else "")
+
+
+def settling(ways: Sequence[Way], heads: Sequence[str], name: str) -> str | None:
+    """How far each coefficient is from its final value after each round, logarithmic."""
+    if not ways or len(ways[0].values) < 2:
+        return None
+    figure = new_figure(2.6, width_in=8.2)
+    axes = figure.subplots()
+    places = np.arange(len(ways[0].values))
+    named: dict[str, float] = {}
+    for way in ways:
+        final = way.values[-1]
+        away = np.array([abs(v - final) for v in way.values]) / max(way.final.std, 1e-300)
+        shown = np.maximum(away[:-1], LEAST_MOVE)
+        restless = abs(way.moved) > SETTLED.words[0].limit
+        colour = VERMILLION if restless else BLUE
+        axes.plot(
+            places[:-1], shown, "o-", color=colour, lw=0.9, ms=3, alpha=0.9 if restless else 0.45
+        )
+        if restless:
+            named[way.symbol] = float(shown[-1])
+    limit = SETTLED.words[0].limit
+    axes.axhline(limit, color=INK, lw=0.9, ls=(0, (4, 2)))
+    axes.text(-0.12, limit * 1.12, f"{limit:g} std: settled below", fontsize=8)
+    _name(axes, named, float(places[-2]))
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter(lambda x, _: f"{x:g}")
+    axes.yaxis.set_minor_formatter(lambda x, _: "")
+    axes.set_xticks(places[:-1], heads[:-1])
+    axes.set_xlim(-0.15, len(places) - 1.6)
+    axes.set_ylabel("distance from the final value, std")
+    figure.tight_layout()
+    count = len(ways) - len(named)
+    return svg(figure, name, f"{count} of {len(ways)} coefficients have settled after {heads[-2]}")
+
+
+def _name(axes: Axes, found: Mapping[str, float], at: float) -> None:
+    """Symbols beside the ends of their lines, none over another."""
+    lowest = 0.0
+    for symbol, value in sorted(found.items(), key=lambda pair: pair[1]):
+        place = max(value, lowest)
+        axes.text(at + 0.04, place, symbol, fontsize=8, va="center", color=VERMILLION)
+        lowest = place * 1.45
