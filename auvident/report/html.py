@@ -238,11 +238,10 @@ def _innovations(report: ReportData) -> list[str | None]:
     """What the final model leaves of what was held out, else of what identified."""
     from auvident.report.figures_innovations import innovations
 
-    metrics, table = report.final_metrics, report.final_simulation
-    if metrics is None or table is None:
+    table = report.final_simulation
+    if table is None:
         return []
-    tests = metrics.residuals.get(report.role, {})
-    return [innovations(table, tests, report.role, f"innovations{report.tag}")]
+    return [innovations(table, report.final_tests, report.role, f"innovations{report.tag}")]
 
 
 def _trials_left_out(report: ReportData) -> list[str]:
@@ -298,9 +297,7 @@ def _plane_tables(report: ReportData) -> dict[str, Any]:
         else None,
         "residuals": tables_run.residuals(final) if final else None,
         "consistency": tables_consistency.consistency(final, model),
-        "consistency_words": tables_consistency.consistency_words(
-            final.residuals.get(report.role, {}) if final else {}
-        ),
+        "consistency_words": tables_consistency.consistency_words(report.final_tests),
         "model_sight": replace(tables_model.sight(model), title="") if model else None,
         "coefficients": tables_evidence.evidence(model, report.superseded) if model else None,
         "carried": nuisance_parameters(model.effects) if model else "",

@@ -16,6 +16,7 @@ from auvident.schema.artifacts import (
     ManeuverMetrics,
     Maneuvers,
     Metrics,
+    ResidualTests,
     Role,
     TrialPlan,
 )
@@ -142,6 +143,11 @@ class ReportData:
     def final_metrics(self) -> Metrics | None:
         """How well the final model predicts; of the identified one where it is not known."""
         return self.refined_metrics if self.is_refined and self.refined_metrics else self.metrics
+
+    @property
+    def final_tests(self) -> Mapping[str, ResidualTests]:
+        """Tests of what the final model leaves of the maneuvers that the errors are of."""
+        return self.final_metrics.residuals.get(self.role, {}) if self.final_metrics else {}
 
     @property
     def earlier(self) -> str:

@@ -6,7 +6,9 @@ from auvident.report import check_words
 from auvident.report import loop_words as words
 from auvident.report.html_data import DYNAMIC, ReportData, gain, number, percent, quantity
 from auvident.report.html_words import warnings
-from auvident.report.numbers import PAGE
+from auvident.report.loop_words import listed
+from auvident.report.numbers import NO_UNIT, PAGE
+from auvident.report.tables_consistency import not_white
 from auvident.report.tables_model import SIGHT
 from auvident.report.verdict_rules import BAND, ERROR, GAIN, Word, worst
 from auvident.schema.artifacts import (
@@ -15,8 +17,15 @@ from auvident.schema.artifacts import (
     TrialCandidate,
 )
 from auvident.schema.coefficients import ESTIMATED, Group
-from auvident.schema.diagnosis import ChannelError, Comparison, Difference, EffectFound
+from auvident.schema.diagnosis import (
+    ChannelError,
+    Comparison,
+    Difference,
+    EffectFound,
+    ParameterValue,
+)
 from auvident.schema.effects import DEGREES
+from auvident.schema.spin import share
 
 # what a model was identified from: column, words, unit, factor to it
 RANGES = (
@@ -43,7 +52,8 @@ NEEDED_FOR: dict[Group, str] = {
     "restoring": "trim and depth keeping",
 }
 # ends of the symbols of parameters, which stand beside their unit
-UNIT_ENDS = ("mps", "degps", "deg", "s", "m", "n", "rad", "rpm")
+UNIT_ENDS = ("mps", "degps", "deg", "s", "m", "n", "rad", "rpm", "m2ps2pn")
+ASYMMETRY = 0.05  # of an interval about its value, below which one ± tells it
 # rank of a finding, one of them, several
 COUNTED = (
     ("serious", "serious finding", "serious findings"),
@@ -87,7 +97,8 @@ def _judged(data: ReportData) -> tuple[Lines, str]:
         return [text], "none"
     if not metrics.summary:
         return ["Every prediction of the model diverges: it predicts nothing."], "poor"
-    errors = {k: e for k, e in data.final_errors().items() if k in DYNAMIC}
+    all_errors = data.final_errors()
+    errors = {k: e for k, e in all_errors.items() if k in DYNAMIC}
     if not errors:
         return ["No channel was measured to compare the predictions with."], "none"
     called = {name: ERROR.of(e.nrmse) for name, e in errors.items()}
@@ -96,8 +107,8 @@ def _judged(data: ReportData) -> tuple[Lines, str]:
     grades = [*(w.grade for w in called.values()), *better, *trusted]
     count = sum(m.role == data.role for m in metrics.maneuvers)
     which = "held-out maneuver" if data.role == "validate" else "maneuver used for identification"
-    text = f"{_which_model(data)} predicts {count} {_plural(which, count)} {_called(called)}: "
-    text += f"RMSE {_listed(errors)}.{gains}"
+    text = f"{_which_model(data)} predicts {count} {_plural(which, count)}{_called(called)}: "
+    text += f"RMSE {_errors(all_errors)}.{gains}"
     if data.role == "identify":
         grades.append("poor")
         text += " No maneuver was held out, so this says little about others."
@@ -105,16 +116,16 @@ def _judged(data: ReportData) -> tuple[Lines, str]:
 
 
 def _called(called: Mapping[str, Word]) -> str:
-    """``well``, or by channel where they differ: ``u, r well, v poorly``."""
+    """`` well``, or by channel where they differ: ``; u and r well, v poorly``."""
     groups: dict[str, list[str]] = {}
     for name, word in called.items():
         groups.setdefault(word.words, []).append(name)
     if len(groups) == 1:
-        return next(iter(groups))
-    return ", ".join(f"{' and '.join(names)} {word}" for word, names in groups.items())
+        return f" {next(iter(groups))}"
+    return f", {', '.join(f'{listed(names)} {word}' for word, names in groups.items())}"
 
 
-def _listed(errors: Mapping[str, ChannelError]) -> str:
+def _errors(errors: Mapping[str, ChannelError]) -> str:
     return ", ".join(f"{k} {quantity(e.rmse, e.unit, 2)}" for k, e in errors.items())
 
 
@@ -177,24 +188,28 @@ def _range(data: ReportData) -> Lines:
     pieces = []
     for column, what, unit, factor in RANGES:
         if column in rows and rows[column].notna().any():
-            low, high = (factor * float(rows[column].quantile(q)) for q in SPAN)
-            pieces.append(f"{what.format(fin=fin)} {number(low, 2)} to {number(high, 2)} {unit}")
+            ends = [number(factor * float(rows[column].quantile(q)), 2) for q in SPAN]
+            span = " to ".join(dict.fromkeys(ends))
+            pieces.append(f"{what.format(fin=fin)} {span} {unit}")
     return [f"{', '.join(pieces).capitalize()}: what it was identified from."] if pieces else []
 
 
 def _not_for(data: ReportData) -> Lines:
-    """Channels that it predicts badly, and motions whose coefficients rest on the prior."""
-    errors = data.final_errors() if data.metrics else {}
+    """What lies beyond, channels predicted badly, coefficients that rest on the prior."""
+    lines = []
+    if data.simulation is not None:
+        lines.append("Anything beyond that range.")
     bad = [
-        f"{k} (predicted {ERROR.of(e.nrmse).words})"
-        for k, e in errors.items()
-        if k in DYNAMIC and ERROR.of(e.nrmse).grade == "poor"
+        f"{k} ({ERROR.of(told).words})"
+        for k, e in (data.final_errors() if data.metrics else {}).items()
+        if (told := share(k, e.rmse, e.nrmse)) is not None and ERROR.of(told).grade == "poor"
     ]
-    pieces = [*bad, *_on_prior(data)]
-    range_known = data.simulation is not None
-    first = ["Anything beyond that range"] if range_known else []
-    text = "; ".join([*first, *pieces])
-    return [f"{text[:1].upper()}{text[1:]}."] if text else []
+    lines += [f"Predicted badly: {', '.join(bad)}."] if bad else []
+    unknown = ", ".join(_on_prior(data))
+    if unknown:
+        source = "geometry" if data.prior_name == "ASE" else "the given values"
+        lines.append(f"With caution, as known from {source} alone: {unknown}.")
+    return [" ".join(lines)] if lines else []
 
 
 def _on_prior(data: ReportData) -> Lines:
@@ -204,11 +219,7 @@ def _on_prior(data: ReportData) -> Lines:
     for c in model.estimates if model else ():
         if c.origin in ("identified", "kinematic") and c.data_share < PARTLY:
             groups.setdefault(NEEDED_FOR[ESTIMATED[c.symbol].group], []).append(c.symbol)
-    source = "geometry" if data.prior_name == "ASE" else "the given values"
-    return [
-        f"{what} where it matters ({', '.join(symbols)} from {source})"
-        for what, symbols in groups.items()
-    ]
+    return [f"{what} ({', '.join(symbols)})" for what, symbols in groups.items()]
 
 
 def _lacked(data: ReportData) -> Lines:
@@ -222,26 +233,36 @@ def _lacked(data: ReportData) -> Lines:
     if not effects:
         return [found.statement + little]
     lines = [_effect(e, comparison) for e in effects]
-    lines += [f"These data cannot tell apart {' and '.join(g)}." for g in found.ambiguous]
+    lines += [f"These data cannot tell apart {listed(g)}." for g in found.ambiguous]
     changed = _changed(comparison) if comparison and comparison.added else ""
     return [*lines[:-1], " ".join(x for x in (lines[-1], changed + little) if x)]
 
 
 def _effect(effect: EffectFound, comparison: Comparison | None) -> str:
-    """An effect in words with the intervals of its sizes."""
+    """An effect in words, with its sizes and their 95 % uncertainty."""
     text = effect.plain or effect.id
-    sizes = [
-        f"{_named(p.symbol)} {PAGE.signs(told)} {PAGE.written_unit(p.unit)}".strip()
-        for p in effect.parameters
-        if (told := words.interval_of(effect.id, p))
-    ]
-    text = f"{text[:1].upper()}{text[1:]}" + (f" (95 %: {', '.join(sizes)})" if sizes else "")
+    alone = len(effect.parameters) == 1
+    sizes = [told for p in effect.parameters if (told := _size(effect.id, p, alone))]
+    text = f"{text[:1].upper()}{text[1:]}" + (f" ({', '.join(sizes)}; 95\u00a0%)" if sizes else "")
     doubted = comparison is not None and effect in comparison.not_confirmed
     return f"{text}{', not confirmed' if doubted else ''}."
 
 
+def _size(effect: str, p: ParameterValue, alone: bool) -> str:
+    """``north 0.104 ± 0.001 m/s``; the interval where it is open or not symmetric."""
+    told = words.interval_of(effect, p)
+    if not told:
+        return ""
+    if p.interval is None or None not in p.interval:
+        low, high = words.interval(p)
+        if abs((high + low) / 2.0 - p.value) < ASYMMETRY * (high - low):
+            told = PAGE.with_std(p.value, (high - low) / 2.0)
+    unit = "" if p.unit in NO_UNIT else PAGE.written_unit(p.unit)
+    return " ".join(x for x in ("" if alone else _named(p.symbol), PAGE.signs(told), unit) if x)
+
+
 def _named(symbol: str) -> str:
-    """A parameter without the unit that its symbol ends in; empty for a bare unit."""
+    """A parameter without the unit that its symbol ends in."""
     stem, _, end = symbol.rpartition("_")
     return (stem if end in UNIT_ENDS else symbol).replace("_", " ")
 
@@ -273,14 +294,17 @@ def _remains(data: ReportData) -> Lines:
     found = data.comparison or data.diagnosis
     lines = list(words.unexplained_lines(found.unexplained)) if found else []
     lines = ["Unexplained residual: " + " ".join(lines)] if lines else []
+    if found is not None and not found.unexplained:
+        lines.append("No residual that calls for another effect.")
+    coloured = not_white(data.final_tests)
+    if coloured:
+        lines.append(f"The errors of {listed(coloured)} are not white: something small is left.")
     ranks = [w.rank for w in warnings(data)]
     counts = [
         f"{n} {one if n == 1 else many}" for rank, one, many in COUNTED if (n := ranks.count(rank))
     ]
     if counts:
-        lines.append(f"{' and '.join(counts)}, below.")
-    if found is not None and not found.unexplained:
-        lines.insert(0, "No residual that calls for another effect.")
+        lines.append(f"{listed(counts)} below.")
     return [" ".join(lines)] if lines else []
 
 
@@ -297,6 +321,6 @@ def _next(data: ReportData) -> Lines:
 def _maneuver(c: TrialCandidate) -> str:
     """A maneuver, what to do, and what it would do to the standard deviations."""
     named = list(c.shrinks.items())[:MOST_NAMED]
-    helps = ", ".join(f"{s} −{100.0 * (1.0 - f):.0f} %" for s, f in named)
-    gained = f"; expected standard deviations: {helps}" if helps else ""
+    helps = ", ".join(f"{s} by {100.0 * (1.0 - f):.0f} %" for s, f in named)
+    gained = f"; would cut the standard deviation of {helps}" if helps else ""
     return f"{c.name[0].upper()}{c.name[1:]}: {c.what}, {c.duration_s:.0f} s{gained}."

@@ -102,7 +102,7 @@ def cards(data: ReportData) -> list[dict[str, Any]]:
                 "grade": "none" if of_range is None else ERROR.of(of_range).grade,
                 "identified": _error(name, identified[name]),
                 "by_effects": _factor(by_effects),
-                "worse_by_effects": by_effects is not None and by_effects < NOT_BETTER,
+                "worse_by_effects": _surely_worse(data, name),
                 "before": _error(name, b),
                 "gain": _factor(ratio),
                 "worse": ratio is not None and ratio <= NOT_BETTER,
@@ -130,6 +130,14 @@ def coverage(data: ReportData) -> str:
 def untested(data: ReportData) -> str:
     """What nothing in the logs tests; empty where all was tested."""
     return check_words.untested(data.quality.trials) if data.quality else ""
+
+
+def _surely_worse(data: ReportData, channel: str) -> bool:
+    """Whether the effects made a held-out error larger by more than chance."""
+    if data.comparison is None or not data.is_refined:
+        return False
+    change = data.comparison.held_out.difference.get(channel)
+    return change is not None and change.low > 0.0
 
 
 def _error(channel: str, e: ChannelMetrics | ChannelError | None) -> str:

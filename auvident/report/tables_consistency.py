@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from auvident.report.loop_words import listed
 from auvident.report.tables import Cell, Column, Fixed, Interval, Number, Table, columns
 from auvident.report.verdict_rules import FAIL, LAGS, PASS
 
@@ -81,25 +82,27 @@ def _colour(white: "Autocorrelation | None") -> list[Cell]:
     ]
 
 
+def not_white(residuals: "Mapping[str, ResidualTests]") -> list[str]:
+    """Channels whose errors are correlated in time beyond what their noise model says."""
+    return [
+        channel
+        for channel, tests in residuals.items()
+        if tests.autocorrelation and LAGS.of(tests.autocorrelation.outside).words == FAIL
+    ]
+
+
 def consistency_words(residuals: "Mapping[str, ResidualTests]") -> str:
     """What the tests of the held-out maneuvers come to, in a sentence."""
-    tested = {k: t for k, t in residuals.items() if t.nis is not None}
+    tested = {k: t.nis for k, t in residuals.items() if t.nis is not None}
     if not tested:
         return ""
-    coloured = [
-        k
-        for k, t in tested.items()
-        if t.autocorrelation and LAGS.of(t.autocorrelation.outside).words == FAIL
-    ]
-    off = [k for k, t in tested.items() if t.nis and size_verdict(t.nis) == FAIL]
-    lines = []
+    off = [k for k, nis in tested.items() if size_verdict(nis) == FAIL]
+    coloured, lines = not_white(residuals), []
     if coloured:
         lines.append(
-            f"{', '.join(coloured)}: the errors are correlated in time, more than their noise "
-            "model says; something small is left that is no noise of a sensor."
+            f"Not entirely: the errors of {listed(coloured)} are correlated in time beyond "
+            "what their noise model says, so something other than sensor noise is left."
         )
     if off:
-        lines.append(
-            f"{', '.join(off)}: the errors do not have the size that the noise model says."
-        )
-    return " ".join(lines) or "What is left of the held-out maneuvers cannot be told from noise."
+        lines.append(f"Those of {listed(off)} do not have the size that it says.")
+    return " ".join(lines) or "Yes: the errors of the held-out maneuvers cannot be told from noise."

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 COVERAGE = 2.0  # k of an expanded uncertainty, GUM 6.2
 NOTHING_KNOWN = "says nothing"
+FITTED = "final, output error"  # where a fit of the free-running prediction came last
 WRONG_SIGN = " !"
 WRONG_SIGN_NOTE = "! marks a sign opposite to that expected of a streamlined hull."
 
@@ -184,27 +185,21 @@ class Way:
 
 
 def rounds(model: IdentifiedModel) -> list[str]:
-    """What each column of the ways is: cycles by the filter, then a fit where one came last."""
-    cycles = list(dict.fromkeys(s.cycle for s in model.stages if not s.fitted_noise))
+    """What each value of a way is: cycles by the filter, and what a fit made of the last one."""
+    cycles = dict.fromkeys(s.cycle for s in model.stages if not s.fitted_noise)
     named = [f"{model.filter.upper()}, cycle {c}" for c in cycles]
-    return [*named, "output error"] if any(s.fitted_noise for s in model.stages) else named
+    return [*named, FITTED] if any(s.fitted_noise for s in model.stages) else named
 
 
 def ways(model: IdentifiedModel, history: "pd.DataFrame") -> list[Way]:
     """Each coefficient at the end of each round of the plan."""
-    passes = dict(enumerate(model.stages))
-    fitted = {order for order, s in passes.items() if s.fitted_noise}
+    orders = [o for o, s in enumerate(model.stages) if not s.fitted_noise]
+    ends = list({model.stages[o].cycle: o for o in orders}.values())  # the last of each cycle
+    fitted = len(orders) < len(model.stages)
     last = history.groupby(["order", "symbol"], sort=False)["value"].last().unstack()
-    last = last.reindex(sorted(last.index))
-    cycles = {order: passes[order].cycle for order in last.index if order in passes}
-    ends: list[int] = []
-    for cycle in dict.fromkeys(cycles.values()):
-        own = [o for o, c in cycles.items() if c == cycle and o not in fitted]
-        ends += own[-1:]
-    ends += sorted(fitted)[-1:]
-    held = last.ffill().loc[ends]
+    held = last.reindex(range(len(model.stages))).ffill().loc[ends]
     return [
-        Way(c.symbol, tuple(held[c.symbol].tolist()), c)
+        Way(c.symbol, (*held[c.symbol].tolist(), *([c.value] if fitted else [])), c)
         for c in model.estimates
         if c.symbol in held.columns and not held[c.symbol].isna().any()
     ]

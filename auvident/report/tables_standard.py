@@ -116,6 +116,12 @@ def _caption(found: StandardManeuvers) -> str:
     if beyond:
         text += f" Beyond the {found.greatest_laid_deg:.0f} deg that it was identified with: "
         text += f"{', '.join(beyond)}."
+    index = next((f.value for f in first.figures if f.name == "stability_index"), None)
+    if index is not None and index < 0.0:
+        text += (
+            " The stability index is below zero: unstable on a straight course, so that K and T "
+        )
+        text += "are those of an unstable vehicle."
     lost = [f"{f.where} ({f.message})" for f in found.findings]
     return text + (f" Not flown: {'; '.join(lost)}." if lost else "")
 

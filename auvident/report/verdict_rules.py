@@ -55,7 +55,7 @@ ERROR = Rule(
         Word(0.1, "well", "good"),
         Word(0.3, "fairly well", "fair"),
         Word(1.0, "poorly", "poor"),
-        Word(NEVER, "worse than their mean would", "poor"),
+        Word(NEVER, "worse than a constant would", "poor"),
     ),
 )
 BAND = Rule(
