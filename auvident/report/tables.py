@@ -125,7 +125,7 @@ class AnyError(Protocol):
 
 
 @dataclass(frozen=True)
-class Error:
+class Rmse:
     """The root mean square error of a channel; its unit stands elsewhere in the row."""
 
     error: AnyError | None
@@ -137,7 +137,7 @@ class Error:
 
 
 @dataclass(frozen=True)
-class Share:
+class Nrmse:
     """The NRMSE of a channel; none of a heading that turned round and round.
 
     `other` is an error of the same channel over the standard deviation that counts, where its own

@@ -6,14 +6,14 @@ from auvident.report import loop_words as words
 from auvident.report.tables import (
     Cell,
     Column,
-    Error,
     Fixed,
     Interval,
     Joined,
+    Nrmse,
     Number,
+    Rmse,
     Rounded,
     Rows,
-    Share,
     Table,
     Unit,
     WithStd,
@@ -67,11 +67,11 @@ def held_out(found: HeldOut) -> Table:
             [
                 channel,
                 Unit(unit, True),
-                Error(before),
-                Error(after),
+                Rmse(before),
+                Rmse(after),
                 *_difference(found.difference.get(channel), unit),
-                Share(channel, before),
-                Share(channel, after, before),
+                Nrmse(channel, before),
+                Nrmse(channel, after, before),
                 Fixed(_percent(before.rmse, after.rmse if after else None), "+.0f", " %"),
             ]
         )
@@ -208,8 +208,8 @@ def cross_validated(found: CrossValidated, title: str = CROSSED) -> Table:
             channel,
             Unit(before.unit, True),
             *(_error(row) for row in (before, after)),
-            Share(channel, before),
-            Share(channel, after, before),
+            Nrmse(channel, before),
+            Nrmse(channel, after, before),
             Fixed(_percent(before.rmse, after.rmse if after else None), "+.0f", " %"),
         ]
         for channel, before in found.before.items()

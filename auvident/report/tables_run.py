@@ -6,13 +6,13 @@ from typing import Any
 from auvident.report.tables import (
     Cell,
     Column,
-    Error,
     Fixed,
     Joined,
+    Nrmse,
     Number,
     Quantity,
+    Rmse,
     Rows,
-    Share,
     Table,
     Unit,
     WithStd,
@@ -186,11 +186,11 @@ def errors_by_channel(
         [
             name,
             Unit(a.unit, True),
-            Error(b),
-            Error(a),
-            *([Error(crossed.get(name))] if crossed else ()),
-            Share(name, b),
-            Share(name, a),
+            Rmse(b),
+            Rmse(a),
+            *([Rmse(crossed.get(name))] if crossed else ()),
+            Nrmse(name, b),
+            Nrmse(name, a),
             Fixed(None if share(name, a.rmse, a.nrmse) is None else a.r2, ".3f"),
         ]
         for name, a in after.items()
@@ -209,8 +209,8 @@ def errors_by_horizon(metrics: Metrics, title: str = "") -> Table:
         [
             name,
             Unit(a.unit, True),
-            *(Error(c.get(name)) for c in columns_of),
-            *(Share(name, c.get(name), a) for c in columns_of),
+            *(Rmse(c.get(name)) for c in columns_of),
+            *(Nrmse(name, c.get(name), a) for c in columns_of),
         ]
         for name, a in free.items()
     ]

@@ -21,7 +21,7 @@ class Word:
 
 
 @dataclass(frozen=True)
-class Rule:
+class Called:
     """A figure and what it is called.
 
     Attributes
@@ -49,7 +49,7 @@ class Rule:
 
 
 NEVER = math.inf
-ERROR = Rule(
+ERROR = Called(
     "NRMSE of a velocity or rate over the held-out maneuvers",
     (
         Word(0.1, "well", "good"),
@@ -58,7 +58,7 @@ ERROR = Rule(
         Word(NEVER, "worse than a constant would", "poor"),
     ),
 )
-BAND = Rule(
+BAND = Called(
     "share of the held-out samples in the 95 % band",
     (
         Word(0.75, "too narrow: errors are larger than it says", "poor"),
@@ -66,7 +66,7 @@ BAND = Rule(
         Word(NEVER, "to be trusted", "good"),
     ),
 )
-GAIN = Rule(
+GAIN = Called(
     "RMSE of the estimate from geometry over that of the model",
     (
         Word(0.95, "worse than the estimate", "poor"),
@@ -74,7 +74,7 @@ GAIN = Rule(
         Word(NEVER, "better than the estimate", "good"),
     ),
 )
-SETTLED = Rule(
+SETTLED = Called(
     "last change of a coefficient over its standard deviation",
     (
         Word(0.5, "settled", "good"),
@@ -83,7 +83,7 @@ SETTLED = Rule(
     ),
 )
 PASS, FAIL = "pass", "fail"
-LAGS = Rule(
+LAGS = Called(
     "share of the lags of the autocorrelation outside their 95 % band",
     (Word(0.10, PASS, "good"), Word(NEVER, FAIL, "poor")),
 )

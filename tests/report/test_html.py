@@ -14,7 +14,7 @@ from auvident.pipeline.reporting import report_data
 from auvident.report.html import render
 from auvident.report.html_data import ReportData, number, quantity
 from auvident.report.html_summary import grade, summary, verdict_lines
-from auvident.report.html_words import warnings
+from auvident.report.html_words import cards, warnings
 from auvident.report.numbers import PAGE
 from auvident.report.tables import written
 from auvident.report.tables_model import combination, combinations
@@ -115,6 +115,31 @@ def test_held_out_errors_are_those_of_the_metrics(data: ReportData, page: Page) 
         u = maneuver.channels["u"]
         words = f"RMSE {quantity(u.rmse, 'm/s')} · NRMSE {number(u.nrmse, 2)}"
         assert words.replace("\u00a0", " ") in page.text
+
+
+def test_the_tables_of_the_field_are_in_it(data: ReportData, page: Page) -> None:
+    assert data.standard and data.model
+    for heading in (
+        "Standard maneuvers",
+        "Particulars of the vehicle",
+        "Uncertainty of the coefficients after GUM",
+        "Is what it leaves noise?",
+        "The rules behind the words",
+        "Values after each round",
+    ):
+        assert heading in page.text, heading
+    assert "Criteria of ships" not in page.text  # a body of revolution is none
+    for c in data.model.coefficients:
+        assert PAGE.with_std(c.value, c.std) in page.text
+
+
+def test_a_heading_that_spins_is_told_in_degrees_alone(data: ReportData) -> None:
+    """The held-out circle turns more than once round."""
+    assert data.metrics
+    heading = next(c for c in cards(data) if c["name"] == "heading")
+    assert heading["rmse"].endswith("\u00a0deg") and heading["nrmse"] == heading["r2"] == ""
+    assert "%" not in heading["before"] and heading["grade"] == "none"
+    assert all(c["nrmse"] for c in cards(data) if c["name"] != "heading")
 
 
 def test_it_needs_no_other_file_and_no_script(text: str, page: Page) -> None:

@@ -16,6 +16,7 @@ from auvident.report.html_data import ReportData, number, quantity
 from auvident.report.html_loop import lacks, with_refined
 from auvident.report.html_summary import summary, verdict_lines
 from auvident.report.html_words import cards, warnings
+from auvident.report.numbers import PAGE
 from auvident.schema.artifacts import Finding
 from auvident.schema.diagnosis import Comparison, Diagnosis, Difference
 from auvident.stages.refine.compare import worse_channels
@@ -111,6 +112,42 @@ def test_the_track_of_the_final_model_is_that_of_its_predictions(data: ReportDat
         table[f"{axis}_m_simulated"] = table[f"{axis}_m_measured"] + off
     found = replace(data, refined=table).final_errors()["track"]
     assert found.rmse == pytest.approx(5.0)
+
+
+def test_the_final_model_is_shown_with_the_earlier_one_beside_it(small: ReportData) -> None:
+    """Coefficients, figures of maneuvers, horizons and tests, all of the refined model."""
+    data = replace(small, residuals=None)
+    assert data.model and data.metrics
+    values = {c.symbol: 1.1 * c.value for c in data.model.coefficients}
+    final = data.model.model_copy(
+        update={
+            "coefficients": tuple(
+                c.model_copy(update={"value": values[c.symbol]}) for c in data.model.coefficients
+            )
+        }
+    )
+    turn = next(m for m in data.metrics.maneuvers if m.turn and m.role == "validate")
+    assert turn.turn
+    simulated = {**turn.turn["simulated"], "advance_m": 77.7}
+    other = turn.model_copy(update={"turn": {**turn.turn, "simulated": simulated}})
+    metrics = data.metrics.model_copy(
+        update={"maneuvers": tuple(other if m.id == turn.id else m for m in data.metrics.maneuvers)}
+    )
+    shown = replace(data, refined_model=final, refined_metrics=metrics, refined=None)
+    page = Page(render(shown)).text
+    assert "measured → final model" in page and "→ 77.7" in page
+    assert "predicted by the final model in windows" in page
+    assert "identified model" not in page[page.index("Standard maneuvers") : page.index(HEADING)]
+    row = page[page.index("axial drag (u|u|)") :]
+    before, after = (
+        PAGE.with_std(v, c.std)
+        for c in data.model.coefficients
+        if c.symbol == "X_uu"
+        for v in (c.value, values["X_uu"])
+    )
+    assert row.index(after) < row.index(before) < row.index("axial force")
+    earlier = Page(render(replace(shown, refined_metrics=None))).text  # of an earlier version
+    assert "measured → identified model" in earlier and "→ 77.7" not in earlier
 
 
 def test_a_run_that_added_nothing_has_one_model(data: ReportData) -> None:
