@@ -119,9 +119,9 @@ def _caption(found: StandardManeuvers) -> str:
     index = next((f.value for f in first.figures if f.name == "stability_index"), None)
     if index is not None and index < 0.0:
         text += (
-            " The stability index is below zero: unstable on a straight course, so that K and T "
+            " The stability index is below zero: it does not keep a straight course by itself, "
+            "and K and T are those of an unstable vehicle."
         )
-        text += "are those of an unstable vehicle."
     lost = [f"{f.where} ({f.message})" for f in found.findings]
     return text + (f" Not flown: {'; '.join(lost)}." if lost else "")
 

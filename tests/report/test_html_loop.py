@@ -146,8 +146,9 @@ def test_the_final_model_is_shown_with_the_earlier_one_beside_it(small: ReportDa
         for v in (c.value, values["X_uu"])
     )
     assert row.index(after) < row.index(before) < row.index("axial force")
-    earlier = Page(render(replace(shown, refined_metrics=None))).text  # of an earlier version
-    assert "measured → identified model" in earlier and "→ 77.7" not in earlier
+    assert shown.earlier == "" and other in shown.finally_held_out()
+    earlier = replace(shown, refined_metrics=None)  # a run of an earlier version
+    assert earlier.earlier == "identified " and turn in earlier.finally_held_out()
 
 
 def test_a_run_that_added_nothing_has_one_model(data: ReportData) -> None:
