@@ -313,7 +313,7 @@ def test_groups_and_what_is_left_are_named(small: ReportData) -> None:
         ambiguous=(("rudder_offset", "hull_asymmetry"),),
     )
     page = Page(render(replace(found, comparison=None))).text
-    assert "The yaw moment follows cos 2 heading (41 nats)." in page
+    assert "The remaining yaw moment follows cos 2 heading (41 nats)." in page
     assert "not confirmed: propeller_race." in page and "Affected channels: v, r." in page
     assert "Maneuvers that would: vary the speed" in page
 
