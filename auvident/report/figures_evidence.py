@@ -25,6 +25,7 @@ from auvident.schema.artifacts import AgainstPrior, IdentifiedModel, ModelConsta
 ORIGIN_COLOURS = {"identified": BLUE, "kinematic": GREEN, "ase": SOFT, "given": SOFT}
 REACH = 4.5  # prior standard deviations shown on each side; farther ones get an arrow
 LEAST_MOVE = 1.0e-3  # standard deviations, where the logarithmic axis of the changes begins
+TINY = 1.0e-300  # in place of no standard deviation
 # height of the three in a row: data above, final, before below
 ABOVE, BELOW = -0.24, 0.24
 
@@ -57,9 +58,17 @@ def evidence(
     figure.subplots_adjust(left=0.07, right=0.99, top=1.0 - 0.62 / height, bottom=0.5 / height)
     left.axvspan(-1.0, 1.0, color=SKY, alpha=0.2, lw=0)
     left.axvline(0.0, color=SOFT, lw=0.8)
-    for i, c in enumerate(rows):
-        _row(left, i, c, alone.get(c.symbol), earlier.get(c.symbol))
-        right.barh(i, 100.0 * c.data_share, color=ORIGIN_COLOURS[c.origin], height=0.6)
+    _marks(left, rows, alone, ABOVE, (ORANGE, "D", 3.2, 1.0))
+    for origin, colour in ORIGIN_COLOURS.items():
+        own = {c.symbol: c for c in rows if c.origin == origin}
+        _marks(left, rows, own, 0.0, (colour, "o", 4.6, 1.8))
+    _marks(left, rows, earlier, BELOW, (VERMILLION, "s", 3.0, 1.0))
+    right.barh(
+        range(len(rows)),
+        [100.0 * c.data_share for c in rows],
+        color=[ORIGIN_COLOURS[c.origin] for c in rows],
+        height=0.6,
+    )
     left.set_xlim(-REACH, REACH)
     left.set_ylim(len(rows) - 0.4, -0.6)
     left.set_yticks(range(len(rows)), [c.symbol for c in rows])
@@ -78,44 +87,52 @@ def evidence(
     return svg(figure, name, _told(model, before is not None))
 
 
-def _row(
+def _marks(
     axes: Axes,
-    i: int,
-    c: ModelConstant,
-    alone: AgainstPrior | None,
-    earlier: ModelConstant | None,
-) -> None:
-    """The three of one coefficient, in prior standard deviations."""
-    if alone is not None:
-        _mark(axes, i + ABOVE, c, (alone.data, alone.data_std), (ORANGE, "D", 3.2, 1.0))
-    _mark(axes, i, c, (c.value, c.std), (ORIGIN_COLOURS[c.origin], "o", 4.6, 1.8))
-    if earlier is not None:
-        _mark(axes, i + BELOW, c, (earlier.value, earlier.std), (VERMILLION, "s", 3.0, 1.0))
-
-
-def _mark(
-    axes: Axes,
-    y: float,
-    c: ModelConstant,
-    value: tuple[float, float],
+    rows: Sequence[ModelConstant],
+    found: Mapping[str, AgainstPrior | ModelConstant],
+    off: float,
     look: tuple[str, str, float, float],
 ) -> None:
-    """A value with its standard deviation; an arrow with its distance beyond the axis."""
+    """One of the three of every coefficient that has it, in prior standard deviations."""
     colour, marker, size, width = look
-    place, spread = (value[0] - c.prior) / c.prior_std, value[1] / c.prior_std
-    if abs(place) > REACH:
-        side = 1.0 if place > 0.0 else -1.0
-        axes.plot(side * (REACH - 0.1), y, ">" if side > 0 else "<", color=colour, ms=5)
-        axes.text(
-            side * (REACH - 0.22),
-            y,
-            f"{place:+.1f}".replace("-", "−"),
-            va="center",
-            fontsize=8,
-            ha="right" if side > 0 else "left",
-        )
-        return
-    axes.errorbar(place, y, xerr=spread, fmt=marker, color=colour, ms=size, lw=width, capsize=0)
+    at = [(i, c, found[c.symbol]) for i, c in enumerate(rows) if c.symbol in found]
+    values = np.array([_value(row) for _, _, row in at]).reshape(-1, 2)
+    prior = np.array([(c.prior, c.prior_std) for _, c, _ in at]).reshape(-1, 2)
+    place, spread = (values[:, 0] - prior[:, 0]) / prior[:, 1], values[:, 1] / prior[:, 1]
+    y = np.array([i + off for i, _, _ in at])
+    near = np.abs(place) <= REACH
+    axes.errorbar(
+        place[near],
+        y[near],
+        xerr=spread[near],
+        fmt=marker,
+        color=colour,
+        ms=size,
+        elinewidth=width,
+        capsize=0,
+    )
+    for x, height in zip(place[~near], y[~near], strict=True):
+        _far(axes, float(x), float(height), colour)
+
+
+def _value(row: AgainstPrior | ModelConstant) -> tuple[float, float]:
+    """What the data alone say, or the value, with its standard deviation."""
+    return (row.data, row.data_std) if isinstance(row, AgainstPrior) else (row.value, row.std)
+
+
+def _far(axes: Axes, place: float, y: float, colour: str) -> None:
+    """An arrow at the edge of the axis, with the distance."""
+    side = 1.0 if place > 0.0 else -1.0
+    axes.plot(side * (REACH - 0.1), y, ">" if side > 0 else "<", color=colour, ms=5)
+    axes.text(
+        side * (REACH - 0.22),
+        y,
+        f"{place:+.1f}".replace("-", "−"),
+        va="center",
+        fontsize=8.5,
+        ha="right" if side > 0 else "left",
+    )
 
 
 def _handles(alone: bool, before: bool, prior: str) -> list[Line2D | Patch]:
@@ -155,28 +172,26 @@ def settling(ways: Sequence[Way], heads: Sequence[str], name: str) -> str | None
         return None
     figure = new_figure(2.6, width_in=8.2)
     axes = figure.subplots()
-    places = np.arange(len(ways[0].values))
-    named: dict[str, float] = {}
-    for way in ways:
-        final = way.values[-1]
-        away = np.array([abs(v - final) for v in way.values]) / max(way.final.std, 1e-300)
-        shown = np.maximum(away[:-1], LEAST_MOVE)
-        restless = abs(way.moved) > SETTLED.words[0].limit
-        colour = VERMILLION if restless else BLUE
-        axes.plot(
-            places[:-1], shown, "o-", color=colour, lw=0.9, ms=3, alpha=0.9 if restless else 0.45
-        )
-        if restless:
-            named[way.symbol] = float(shown[-1])
+    values = np.array([way.values for way in ways])
+    spread = np.array([max(way.final.std, TINY) for way in ways])
+    away = np.abs(values[:, :-1] - values[:, -1:]) / spread[:, None]
+    shown = np.maximum(away, LEAST_MOVE)
+    places = np.arange(shown.shape[1])
+    restless = away[:, -1] > SETTLED.words[0].limit
+    for chosen, colour, opacity in ((~restless, BLUE, 0.45), (restless, VERMILLION, 0.9)):
+        y = np.column_stack([shown[chosen], np.full(chosen.sum(), np.nan)]).ravel()
+        x = np.tile(np.append(places, np.nan), chosen.sum())  # one line with holes: drawn quickly
+        axes.plot(x, y, "o-", color=colour, lw=0.9, ms=3, alpha=opacity)
+    named = {w.symbol: float(s[-1]) for w, s, r in zip(ways, shown, restless, strict=True) if r}
     limit = SETTLED.words[0].limit
     axes.axhline(limit, color=INK, lw=0.9, ls=(0, (4, 2)))
-    axes.text(-0.12, limit * 1.12, f"{limit:g} std: settled below", fontsize=8)
-    _name(axes, named, float(places[-2]))
+    axes.text(-0.12, limit * 1.12, f"{limit:g} std: settled below", fontsize=8.5)
+    _name(axes, named, float(places[-1]))
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter(lambda x, _: f"{x:g}")
     axes.yaxis.set_minor_formatter(lambda x, _: "")
-    axes.set_xticks(places[:-1], heads[:-1])
-    axes.set_xlim(-0.15, len(places) - 1.6)
+    axes.set_xticks(places, heads[:-1])
+    axes.set_xlim(-0.15, len(places) - 0.6)
     axes.set_ylabel("distance from the final value, std")
     figure.tight_layout()
     count = len(ways) - len(named)
@@ -188,5 +203,5 @@ def _name(axes: Axes, found: Mapping[str, float], at: float) -> None:
     lowest = 0.0
     for symbol, value in sorted(found.items(), key=lambda pair: pair[1]):
         place = max(value, lowest)
-        axes.text(at + 0.04, place, symbol, fontsize=8, va="center", color=VERMILLION)
+        axes.text(at + 0.04, place, symbol, fontsize=8.5, va="center", color=VERMILLION)
         lowest = place * 1.45
