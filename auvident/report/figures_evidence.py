@@ -24,7 +24,7 @@ from auvident.schema.artifacts import AgainstPrior, IdentifiedModel, ModelConsta
 
 ORIGIN_COLOURS = {"identified": BLUE, "kinematic": GREEN, "ase": SOFT, "given": SOFT}
 REACH = 4.5  # prior standard deviations shown on each side; farther ones get an arrow
-LEAST_MOVE = 1.0e-3  # standard deviations, where the logarithmic axis of the changes begins
+LEAST_MOVE = 1.0e-2  # standard deviations, where the logarithmic axis of the changes begins
 TINY = 1.0e-300  # in place of no standard deviation
 # height of the three in a row: data above, final, before below
 ABOVE, BELOW = -0.24, 0.24
@@ -138,7 +138,11 @@ def _far(axes: Axes, place: float, y: float, colour: str) -> None:
 def _handles(alone: bool, before: bool, prior: str) -> list[Line2D | Patch]:
     """What the marks are, those that are there."""
     found: list[Line2D | Patch] = [
-        Patch(color=SKY, alpha=0.2, label=f"prior ({prior}) ± std"),
+        Patch(
+            color=SKY,
+            alpha=0.2,
+            label=f"{'prior' if prior == 'prior' else f'prior ({prior})'} ± std",
+        ),
         Line2D([], [], color=BLUE, marker="o", ms=4.6, lw=1.8, label="final value ± std"),
     ]
     if alone:
@@ -182,11 +186,9 @@ def settling(ways: Sequence[Way], heads: Sequence[str], name: str) -> str | None
         y = np.column_stack([shown[chosen], np.full(chosen.sum(), np.nan)]).ravel()
         x = np.tile(np.append(places, np.nan), chosen.sum())  # one line with holes: drawn quickly
         axes.plot(x, y, "o-", color=colour, lw=0.9, ms=3, alpha=opacity)
-    named = {w.symbol: float(s[-1]) for w, s, r in zip(ways, shown, restless, strict=True) if r}
     limit = SETTLED.words[0].limit
     axes.axhline(limit, color=INK, lw=0.9, ls=(0, (4, 2)))
-    axes.text(-0.12, limit * 1.12, f"{limit:g} std: settled below", fontsize=8.5)
-    _name(axes, named, float(places[-1]))
+    axes.text(places[-1] + 0.06, limit / 1.15, f"settled: up to {limit:g}", fontsize=8.5, va="top")
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter(lambda x, _: f"{x:g}")
     axes.yaxis.set_minor_formatter(lambda x, _: "")
@@ -194,14 +196,6 @@ def settling(ways: Sequence[Way], heads: Sequence[str], name: str) -> str | None
     axes.set_xlim(-0.15, len(places) - 0.6)
     axes.set_ylabel("distance from the final value, std")
     figure.tight_layout()
-    count = len(ways) - len(named)
-    return svg(figure, name, f"{count} of {len(ways)} coefficients have settled after {heads[-2]}")
-
-
-def _name(axes: Axes, found: Mapping[str, float], at: float) -> None:
-    """Symbols beside the ends of their lines, none over another."""
-    lowest = 0.0
-    for symbol, value in sorted(found.items(), key=lambda pair: pair[1]):
-        place = max(value, lowest)
-        axes.text(at + 0.04, place, symbol, fontsize=8.5, va="center", color=VERMILLION)
-        lowest = place * 1.45
+    restless_names = [w.symbol for w, r in zip(ways, restless, strict=True) if r]
+    told = f"{len(ways) - len(restless_names)} of {len(ways)} coefficients have settled"
+    return svg(figure, name, f"{told}; not yet {', '.join(restless_names) or 'none'}")

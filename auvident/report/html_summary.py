@@ -7,7 +7,7 @@ from auvident.report import loop_words as words
 from auvident.report.html_data import DYNAMIC, ReportData, gain, number, percent, quantity
 from auvident.report.html_words import warnings
 from auvident.report.loop_words import listed
-from auvident.report.numbers import NO_UNIT, PAGE
+from auvident.report.numbers import NO_UNIT, PAGE, unit_text
 from auvident.report.tables_consistency import not_white
 from auvident.report.tables_model import SIGHT
 from auvident.report.verdict_rules import BAND, ERROR, GAIN, Word, worst
@@ -133,7 +133,8 @@ def _which_model(data: ReportData) -> str:
     if data.comparison is None or not data.is_refined:
         return "The identified model"
     added = " and ".join(
-        e.plain or e.id for e in (*data.comparison.effects, *data.comparison.not_confirmed)
+        unit_text(e.plain or e.id)
+        for e in (*data.comparison.effects, *data.comparison.not_confirmed)
     )
     return f"The final model, with {added}," if added else "The final, refined model"
 
@@ -240,7 +241,7 @@ def _lacked(data: ReportData) -> Lines:
 
 def _effect(effect: EffectFound, comparison: Comparison | None) -> str:
     """An effect in words, with its sizes and their 95 % uncertainty."""
-    text = effect.plain or effect.id
+    text = unit_text(effect.plain or effect.id)
     alone = len(effect.parameters) == 1
     sizes = [told for p in effect.parameters if (told := _size(effect.id, p, alone))]
     text = f"{text[:1].upper()}{text[1:]}" + (f" ({', '.join(sizes)}; 95\u00a0%)" if sizes else "")
@@ -298,7 +299,7 @@ def _remains(data: ReportData) -> Lines:
         lines.append("No residual that calls for another effect.")
     coloured = not_white(data.final_tests)
     if coloured:
-        lines.append(f"The errors of {listed(coloured)} are not white: something small is left.")
+        lines.append(f"The errors of {listed(coloured)} are not white: more than noise is left.")
     ranks = [w.rank for w in warnings(data)]
     counts = [
         f"{n} {one if n == 1 else many}" for rank, one, many in COUNTED if (n := ranks.count(rank))

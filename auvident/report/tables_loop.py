@@ -150,7 +150,6 @@ def candidates(found: Sequence[Candidate], caption: str = "") -> Table:
         [
             "accepted" if not c.rejected else "",
             c.id,
-            c.family,
             Words(words.sizes(c.id, c.parameters)),
             c.rejected,
             Number(c.gain),
@@ -163,10 +162,9 @@ def candidates(found: Sequence[Candidate], caption: str = "") -> Table:
     heads = (
         Column(on_page=True),
         Column("effect"),
-        Column("family", on_page=True),
         *columns(("size, 95 % interval", "rejected because"), ("gain, nats", "p")),
-        Column("gain in maneuvers left out, nats", numeric=True),
-        Column("of them improved", numeric=True, on_page=True),
+        Column("left out, nats", numeric=True),
+        Column("improved", numeric=True, on_page=True),
     )
     title = "Candidate effects, by their gain in log-likelihood"
     return Table(heads, rows, title, caption, mark="accepted")
