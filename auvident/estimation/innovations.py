@@ -21,6 +21,7 @@ TWO_SIDED_95 = 1.959964  # standard normal quantile of 97.5 %
 # none at odd lags
 ENOUGH_PAIRS = 0.1
 FLAT = 1.0e-9  # range over size of a series that does not vary
+VALUE_DIGITS = 4  # of an autocorrelation that is told at every lag
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,8 @@ class Whiteness:
         Share of the lags outside their band; 0.05 when white.
     p : float
         Of the sum over the lags (Ljung and Box 1978), small when not white.
+    lags, values : tuple
+        Every lag with enough pairs, in samples, and the autocorrelation there.
     """
 
     largest: float
@@ -98,6 +101,8 @@ class Whiteness:
     band: float
     outside: float
     p: float
+    lags: tuple[int, ...] = ()
+    values: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -194,6 +199,8 @@ def whiteness(pieces: Sequence[Array], lags: int) -> Whiteness | None:
         band=float(band[worst]),
         outside=float(np.mean(np.abs(found) > band)),
         p=float(chdtrc(len(lag), np.sum(count * found**2))),
+        lags=tuple(lag.tolist()),
+        values=tuple(np.round(found, VALUE_DIGITS).tolist()),
     )
 
 

@@ -9,6 +9,7 @@ from auvident.pipeline.freshness import judge_all
 from auvident.pipeline.given import Given
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.planes import MODEL, planes_of
+from auvident.pipeline.predict import find_model
 from auvident.pipeline.run import command_of
 from auvident.pipeline.steps import announce_compilation
 from auvident.storage.run_directory import RunDirectory
@@ -82,6 +83,8 @@ def in_plane(given: Given, plane: "Plane | None") -> Given:
 def plan_trial(path: Path, observer: Observer, plane: "Plane | None" = None) -> "TrialPlan":
     """Which maneuvers would add most to what the trials have told, in the first plane or another.
 
+    Judged with the model that the run ends with.
+
     Raises
     ------
     StageError
@@ -91,4 +94,5 @@ def plan_trial(path: Path, observer: Observer, plane: "Plane | None" = None) -> 
     announce_compilation(observer)
     from auvident.stages.plan_trial import plan_trial as rank
 
-    return rank(given.trials, given.maneuvers.maneuvers, given.model)
+    model = find_model(path, given.model.plane)[1]
+    return rank(given.trials, given.maneuvers.maneuvers, model)

@@ -4,12 +4,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from auvident.errors import NumericsError
-from auvident.pipeline.given import Given
+from auvident.pipeline.given import Given, Model
 from auvident.storage.artifacts import read_json
 
 if TYPE_CHECKING:
     from auvident.report.html_data import ReportData
-    from auvident.schema.artifacts import Maneuvers, TrialPlan
+    from auvident.schema.artifacts import IdentifiedModel, Maneuvers, TrialPlan
     from auvident.schema.combined import CombinedModel
 
 
@@ -43,10 +43,12 @@ def _own(other: "ReportData") -> "ReportData":
 def _of_plane(given: Given, plans: bool) -> "ReportData":
     """Artifacts of a plane; of those it can do without only where they are up to date."""
     from auvident.report.html_data import ReportData
+    from auvident.schema.artifacts import Metrics
+    from auvident.schema.desk import StandardManeuvers
 
     diagnosed = "diagnose" in given.also and given.has("diagnose/diagnosis.json")
     is_refined = "refine" in given.also and given.has("refine/comparison.json")
-    return ReportData(
+    data = ReportData(
         trials=given.trials,
         vehicle=given.vehicle,
         quality=given.quality,
@@ -63,18 +65,29 @@ def _of_plane(given: Given, plans: bool) -> "ReportData":
         refined=given.table("refine/simulation.parquet") if is_refined else None,
         refined_model=given.refined if is_refined else None,
         refined_history=given.table("refine/history.parquet") if is_refined else None,
-        plan=_plan(given) if plans else None,
+        refined_metrics=_of_run(given, "refine/metrics.json", Metrics) if is_refined else None,
+    )
+    last = "refine" if data.is_refined else "validate"
+    return replace(
+        data,
+        standard=_of_run(given, f"{last}/standard.json", StandardManeuvers),
+        plan=_plan(given, data.final_model) if plans else None,
     )
 
 
-def _plan(given: Given) -> "TrialPlan | None":
+def _of_run(given: Given, name: str, kind: type[Model]) -> Model | None:
+    """An artifact that a run of an earlier version does not have."""
+    return given.read(name, kind) if given.has(name) else None
+
+
+def _plan(given: Given, model: "IdentifiedModel | None") -> "TrialPlan | None":
     """What to fly next; None where no further maneuver can be simulated with the model."""
     from auvident.stages.plan_trial import plan_trial
 
-    if not given.model.covariance:
+    if model is None or not model.covariance:
         return None
     try:
-        return plan_trial(given.trials, given.maneuvers.maneuvers, given.model)
+        return plan_trial(given.trials, given.maneuvers.maneuvers, model)
     except NumericsError:
         return None
 

@@ -8,7 +8,7 @@ from pydantic.json_schema import JsonSchemaMode
 from auvident.schema.artifacts import AseResult, IdentifiedModel, Maneuver, Metrics, TrialPlan
 from auvident.schema.base import Declared
 from auvident.schema.combined import CombinedModel
-from auvident.schema.desk import DeskResult
+from auvident.schema.desk import DeskResult, StandardManeuvers
 from auvident.schema.diagnosis import Comparison, Diagnosis
 from auvident.schema.logs import ColumnMap, Quality
 from auvident.schema.manifest import Manifest
@@ -29,6 +29,7 @@ SCHEMAS: dict[str, tuple[str, Any]] = {
     "trial-plan": ("what plan-trial prints", TrialPlan),
     "desk": ("what simulate --maneuver prints", DeskResult),
     "metrics": ("validate/metrics.json", Metrics),
+    "standard": ("validate/standard.json", StandardManeuvers),
     "diagnosis": ("diagnose/diagnosis.json", Diagnosis),
     "comparison": ("refine/comparison.json", Comparison),
 }

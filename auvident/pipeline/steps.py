@@ -12,6 +12,7 @@ from auvident.pipeline.observer import Observer
 
 if TYPE_CHECKING:
     from auvident.schema.artifacts import IdentifiedModel
+    from auvident.schema.desk import StandardManeuvers
     from auvident.schema.diagnosis import Attempt, UnexplainedForce
     from auvident.schema.plan import Plan
     from auvident.schema.planes import Plane
@@ -147,7 +148,17 @@ def validate(given: Given) -> dict[str, Any]:
     return {
         "validate/metrics.json": result.metrics,
         "validate/simulation.parquet": result.simulation,
+        "validate/standard.json": _standard(given, given.model, result),
     }
+
+
+def _standard(given: Given, model: "IdentifiedModel", found: "Validation") -> "StandardManeuvers":
+    """The standard maneuvers of the field, flown with a model."""
+    from auvident.stages.desk import standard_maneuvers
+
+    return standard_maneuvers(
+        model, given.ase.speed_mps, found.simulation, is_ship=given.vehicle.is_ship
+    )
 
 
 # --- diagnose, refine ---------------------------------------------------------------------
@@ -205,7 +216,7 @@ def refine(given: Given) -> dict[str, Any]:
     from auvident.stages.refine import carried_of, choose, compare
     from auvident.stages.validate import validate as predict_again
 
-    before = predict_again(given.trials, given.maneuvers, given.model)
+    before = predict_again(given.trials, given.maneuvers, given.model, estimated=given.ase.applies)
     carried = carried_of(given.diagnosis)
     after: _Again | None = None
     tried: tuple[Attempt, ...] = ()
@@ -245,6 +256,8 @@ def refine(given: Given) -> dict[str, Any]:
         "refine/comparison.json": comparison,
         "refine/history.parquet": history,
         "refine/simulation.parquet": now.simulation,
+        "refine/metrics.json": now.metrics,
+        "refine/standard.json": _standard(given, model, now),
     }
 
 

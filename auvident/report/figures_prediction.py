@@ -25,6 +25,7 @@ from auvident.report.html_data import CHANNELS, number, percent, quantity
 from auvident.report.numbers import SHOWN_UNITS
 from auvident.schema.artifacts import ChannelMetrics, ManeuverMetrics
 from auvident.schema.planes import PLANE_ROWS
+from auvident.schema.spin import share
 
 # column ending, colour, line style, line width, words; drawn in this order
 LINES = (
@@ -199,7 +200,9 @@ def _errors(
             pad=3,
         )
         return
-    text = f"RMSE {quantity(found.rmse, found.unit)} · NRMSE {number(found.nrmse, 2)}"
+    text = f"RMSE {quantity(found.rmse, found.unit)}"
+    if share(channel, found.rmse, found.nrmse) is not None:
+        text += f" · NRMSE {number(found.nrmse, 2)}"
     if channel in before:
         text += f" ({prior} {quantity(before[channel].rmse, found.unit)})"
     axes.set_title(text, loc="right", fontsize=8.5, pad=3)

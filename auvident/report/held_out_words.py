@@ -34,7 +34,8 @@ def beyond(found: Mapping[str, Mapping[str, Extrapolation]]) -> list[str]:
 
 def _reached(quantity: str, e: Extrapolation) -> str:
     """How far it goes by one quantity, and the identifying ones do."""
-    value, known = (PAGE.quantity(x, e.unit, DIGITS) for x in (e.reaches, e.identified))
+    told = (PAGE.quantity(x, e.unit, DIGITS) for x in (e.reaches, e.identified))
+    value, known = (text.replace(PAGE.space, " ") for text in told)  # for the terminal too
     if quantity == "u_low":
         return f"slows to {value}, the identifying ones to {known}"
     return f"goes to {value} {WORDS[quantity]}, the identifying ones to {known}"

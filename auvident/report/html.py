@@ -7,8 +7,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from auvident import __version__
+from auvident.report import (
+    html_summary,
+    tables_consistency,
+    tables_evidence,
+    tables_figures,
+    tables_model,
+    tables_record,
+    tables_run,
+    tables_standard,
+    tables_whole,
+)
 from auvident.report import html_words as words
-from auvident.report import tables_figures, tables_model, tables_record, tables_run, tables_whole
 from auvident.report.contents import with_contents
 from auvident.report.finding_words import evidence
 from auvident.report.held_out_words import beyond, why_held_out
@@ -18,8 +28,10 @@ from auvident.report.html_loop import lacks, with_refined
 from auvident.report.numbers import PAGE
 from auvident.report.tables import Table, written
 from auvident.report.trial_words import set_aside
+from auvident.report.verdict_rules import table as rules
 from auvident.schema.artifacts import PRIOR_WORDS
 from auvident.schema.combined import CombinedModel
+from auvident.schema.effect_words import nuisance_parameters
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -89,8 +101,8 @@ def _plane(report: ReportData, one_of_several: bool) -> dict[str, Any]:
     return {
         "plane": report.plane,
         "title": f"{report.plane.capitalize()} plane",
-        "summary": words.summary(report),
-        "grade": words.verdict(report)[1],
+        "summary": html_summary.summary(report),
+        "grade": html_summary.grade(report),
         **sections,
     }
 
@@ -117,6 +129,8 @@ def _view(report: ReportData) -> dict[str, Any]:
         "held": bool(report.held_out()),
         "warnings": words.warnings(report),
         "coverage": words.coverage(report),
+        "untested": words.untested(report),
+        "rules": rules(tables_model.SIGHT_WORDS),
         "figures": _figures(report),
         **_plane_tables(report),
     }
@@ -163,8 +177,8 @@ def _figures(report: ReportData) -> "dict[str, list[Markup]]":
     """All figures of a plane."""
     return {
         "predictions": _safe(_predictions(report)),
-        "coefficients": _safe(_coefficients(report)),
-        "history": _safe(_history(report)),
+        **{name: _safe(found) for name, found in _coefficients(report).items()},
+        "innovations": _safe(_innovations(report)),
         **{name: _safe(found) for name, found in loop_figures(report).items()},
     }
 
@@ -212,25 +226,33 @@ def _predictions(report: ReportData) -> list[str]:
     ]
 
 
-def _coefficients(report: ReportData) -> list[str | None]:
-    from auvident.report.figures_coefficients import correlation_matrix, forest
+def _coefficients(report: ReportData) -> dict[str, list[str | None]]:
+    """Figures of the coefficients of the final model, and of the way to it."""
+    from auvident.report.figures_coefficients import correlation_matrix, history
+    from auvident.report.figures_evidence import evidence, settling
 
-    model = report.final_model
+    model, passes, tag = report.final_model, report.final_history, report.tag
     if model is None:
+        return {"evidence": [], "correlations": [], "history": [], "settling": []}
+    rounds = tables_evidence.rounds(model)
+    return {
+        "evidence": [evidence(model, report.superseded, f"evidence{tag}", report.prior_name)],
+        "correlations": [correlation_matrix(model.covariance, f"correlations{tag}")],
+        "history": [history(passes, model.estimates, f"history{tag}")]
+        if passes is not None
+        else [],
+        "settling": [settling(report.ways, rounds, f"settling{tag}")],
+    }
+
+
+def _innovations(report: ReportData) -> list[str | None]:
+    """What the final model leaves of what was held out, else of what identified."""
+    from auvident.report.figures_innovations import innovations
+
+    table = report.final_simulation
+    if table is None:
         return []
-    return [
-        forest(model.estimates, f"forest{report.tag}"),
-        correlation_matrix(model.covariance, f"correlations{report.tag}"),
-    ]
-
-
-def _history(report: ReportData) -> list[str | None]:
-    from auvident.report.figures_coefficients import history
-
-    model, passes = report.final_model, report.final_history
-    if model is None or passes is None:
-        return []
-    return [history(passes, model.estimates, f"history{report.tag}")]
+    return [innovations(table, report.final_tests, report.role, f"innovations{report.tag}")]
 
 
 def _trials_left_out(report: ReportData) -> list[str]:
@@ -272,24 +294,47 @@ def _trial_rows(report: ReportData) -> Table | None:
 
 def _plane_tables(report: ReportData) -> dict[str, Any]:
     """Tables of a plane by the names that the templates use; None where there is nothing."""
-    model, metrics = report.final_model, report.metrics
+    model, metrics, final = report.final_model, report.metrics, report.final_metrics
     return {
         "figure_tables": [
             table
             for kind in ("turn", "zigzag")
-            for table in tables_figures.figure_tables(report.held_out(), kind)
+            for table in tables_figures.figure_tables(report.finally_held_out(), kind)
         ],
-        "horizons": tables_run.errors_by_horizon(metrics) if metrics and metrics.horizons else None,
+        "horizons": tables_run.errors_by_horizon(final) if final and final.horizons else None,
         "beyond": beyond(metrics.extrapolation) if metrics else [],
         "errors": tables_run.errors_by_maneuver(metrics, report.refined_channels())
         if metrics
         else None,
-        "residuals": tables_run.residuals(metrics) if metrics else None,
-        "against_prior": tables_model.against_prior(model) if model else None,
+        "residuals": tables_run.residuals(final) if final else None,
+        "consistency": tables_consistency.consistency(final, model),
+        "consistency_words": tables_consistency.consistency_words(report.final_tests),
         "model_sight": replace(tables_model.sight(model), title="") if model else None,
-        "coefficients": replace(tables_model.coefficients(model), title="") if model else None,
+        "coefficients": tables_evidence.evidence(model, report.superseded) if model else None,
+        "carried": nuisance_parameters(model.effects) if model else "",
+        "uncertainty": tables_evidence.uncertainty(model) if model else None,
         "combinations": tables_model.combinations(model) if model else None,
         "pairs": tables_model.correlated(model.correlations, STRONG) if model else None,
         "passes": tables_model.passes(model) if model else None,
+        "convergence": tables_evidence.convergence(report.ways, tables_evidence.rounds(model))
+        if model
+        else None,
+        "convergence_words": tables_evidence.convergence_words(report.ways),
         "lacks": lacks(report),
+        **_standard(report),
+    }
+
+
+def _standard(report: ReportData) -> dict[str, Any]:
+    """Tables of the standard maneuvers; None where there are none."""
+    found, vehicle = report.standard, report.vehicle
+    if found is None:
+        return {"standard": None, "imo": None, "particulars": None}
+    is_ship = vehicle is not None and vehicle.is_ship
+    return {
+        "standard": tables_standard.standard(found),
+        "imo": tables_standard.imo(found) if is_ship else None,
+        "particulars": tables_standard.particulars(vehicle, report.final_model, found)
+        if vehicle
+        else None,
     }

@@ -3,24 +3,29 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from auvident.report.numbers import PAGE
+from auvident.report.tables_evidence import Way, ways
 from auvident.schema.artifacts import (
     AseResult,
     ChannelMetrics,
+    Coverage,
     IdentifiedModel,
     ManeuverMetrics,
     Maneuvers,
     Metrics,
+    ResidualTests,
     Role,
     TrialPlan,
 )
 from auvident.schema.combined import CombinedModel
+from auvident.schema.desk import StandardManeuvers
 from auvident.schema.diagnosis import ChannelError, Comparison, Diagnosis
 from auvident.schema.logs import Quality
 from auvident.schema.manifest import Manifest
-from auvident.schema.planes import PLANE_ROWS, STATES
+from auvident.schema.planes import BY_PLANE, PLANE_ROWS, STATES
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 
@@ -52,6 +57,10 @@ class ReportData:
         ``diagnose/residuals.parquet`` and ``refine/simulation.parquet``.
     refined_model, refined_history
         ``refine/model.json`` and ``refine/history.parquet``.
+    refined_metrics
+        ``refine/metrics.json``: how well the refined model predicts.
+    standard
+        Standard maneuvers flown with the model that the run ends with.
     plan
         What another maneuver would add.
     whole : CombinedModel or None
@@ -76,6 +85,8 @@ class ReportData:
     refined: "pd.DataFrame | None" = None
     refined_model: IdentifiedModel | None = None
     refined_history: "pd.DataFrame | None" = None
+    refined_metrics: Metrics | None = None
+    standard: StandardManeuvers | None = None
     plan: TrialPlan | None = None
     whole: CombinedModel | None = None
     others: "Sequence[ReportData]" = ()
@@ -89,6 +100,11 @@ class ReportData:
     def plane(self) -> str:
         """The plane of the model; empty without one."""
         return self.model.plane if self.model else ""
+
+    @property
+    def fin(self) -> str:
+        """The control surface that steers in its plane."""
+        return BY_PLANE[self.model.plane].fin if self.model else "control"
 
     @property
     def tag(self) -> str:
@@ -107,6 +123,39 @@ class ReportData:
         return self.refined_history if refined else self.history
 
     @property
+    def superseded(self) -> IdentifiedModel | None:
+        """The identified model, where the run ends with another."""
+        return self.model if self.final_model is not self.model else None
+
+    @property
+    def final_simulation(self) -> "pd.DataFrame | None":
+        """What the final model predicts; of the identified one where `final_metrics` is."""
+        of_final = self.is_refined and self.refined_metrics is not None
+        return self.refined if of_final and self.refined is not None else self.simulation
+
+    @cached_property
+    def ways(self) -> "list[Way]":
+        """How the coefficients of the final model came to their values."""
+        model, passes = self.final_model, self.final_history
+        return ways(model, passes) if model is not None and passes is not None else []
+
+    @property
+    def final_metrics(self) -> Metrics | None:
+        """How well the final model predicts; of the identified one where it is not known."""
+        return self.refined_metrics if self.is_refined and self.refined_metrics else self.metrics
+
+    @property
+    def final_tests(self) -> Mapping[str, ResidualTests]:
+        """Tests of what the final model leaves of the maneuvers that the errors are of."""
+        return self.final_metrics.residuals.get(self.role, {}) if self.final_metrics else {}
+
+    @property
+    def earlier(self) -> str:
+        """``identified `` where figures can only be those of the model before the final one."""
+        known = not self.is_refined or self.refined_metrics is not None
+        return "" if known else "identified "
+
+    @property
     def name(self) -> str:
         """Name of the vehicle, from whatever knows it."""
         for source in (self.model, self.ase, self.quality):
@@ -121,8 +170,11 @@ class ReportData:
 
     def held_out(self) -> tuple[ManeuverMetrics, ...]:
         """Predictions of the maneuvers that were held out."""
-        found = self.metrics.maneuvers if self.metrics else ()
-        return tuple(m for m in found if m.role == "validate")
+        return _held_out(self.metrics)
+
+    def finally_held_out(self) -> tuple[ManeuverMetrics, ...]:
+        """The same with the final model."""
+        return _held_out(self.final_metrics)
 
     def before(self, maneuver: str) -> ManeuverMetrics | None:
         """The same maneuver predicted by the estimate from geometry."""
@@ -169,6 +221,13 @@ class ReportData:
             if name in rmse and e.rmse > 0.0
         }
 
+    @property
+    def coverage(self) -> Mapping[str, Coverage]:
+        """Coverage of the band of the final model, by channel."""
+        if self.is_refined and self.comparison and self.comparison.coverage:
+            return self.comparison.coverage
+        return self.metrics.coverage if self.metrics else {}
+
     def refined_channels(self) -> dict[str, Mapping[str, ChannelMetrics | ChannelError]]:
         """Errors of every maneuver with the refined model; empty where there is none."""
         rows = self.comparison.maneuvers if self.comparison and self.is_refined else ()
@@ -192,6 +251,10 @@ class ReportData:
             {m.id for m in x.maneuvers if m.role == role} for x in (metrics, metrics.ase)
         )
         return metrics.ase.summary.get(role, {}) if after == before else {}
+
+
+def _held_out(metrics: Metrics | None) -> tuple[ManeuverMetrics, ...]:
+    return tuple(m for m in (metrics.maneuvers if metrics else ()) if m.role == "validate")
 
 
 def _with_rmse(e: ChannelMetrics | ChannelError, rmse: float) -> ChannelError:

@@ -44,7 +44,6 @@ class Lacks:
     force: str
     maneuvers: Table | None
     moved: Table | None
-    coefficients: Table | None
     candidates: Table
     others: Table
     sight: Table
@@ -77,7 +76,6 @@ def lacks(report: ReportData) -> Lacks | None:
         force=words.force(comparison) if comparison else "",
         maneuvers=tables.maneuvers(changed.maneuvers) if changed else None,
         moved=tables.moved(changed.coefficients) if changed else None,
-        coefficients=tables.coefficients(changed.coefficients) if changed else None,
         candidates=tables.candidates(words.ranked(found.candidates)[:MOST_CANDIDATES]),
         others=tables.candidates(words.ranked(found.candidates)[MOST_CANDIDATES:]),
         sight=replace(tables.sight(diagnosis), title=""),
@@ -95,11 +93,10 @@ def _nothing_known(found: Diagnosis | Comparison) -> Diagnosis:
 def figures(report: ReportData) -> dict[str, list[str | None]]:
     """Figures of the section by the names that the template uses."""
     from auvident.report.figures_forces import unknown_force
-    from auvident.report.figures_loop import before_after, gains, moves
+    from auvident.report.figures_loop import before_after, gains
 
     found = report.comparison or report.diagnosis
     table = report.residuals
-    changed = report.comparison is not None and report.comparison.added
     return {
         "gains": [gains(found.candidates, f"gains{report.tag}")] if found else [],
         "before_after": [
@@ -108,9 +105,6 @@ def figures(report: ReportData) -> dict[str, list[str | None]]:
         if table is not None
         else [],
         "forces": [unknown_force(table, f"forces{report.tag}")] if table is not None else [],
-        "moves": [moves(report.comparison.coefficients, f"moves{report.tag}")]
-        if changed and report.comparison
-        else [],
     }
 
 

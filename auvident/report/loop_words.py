@@ -59,6 +59,11 @@ class PooledResidual:
         return self.rms / self.noise_std if self.noise_std > 0.0 else None
 
 
+def listed(names: Sequence[str]) -> str:
+    """``u, v and r``."""
+    return " and ".join(x for x in (", ".join(names[:-1]), *names[-1:]) if x)
+
+
 def interval(p: ParameterValue) -> tuple[float, float]:
     """The 95 % interval: as stated, else from the standard deviation."""
     low = p.value - NORMAL_95 * p.std if p.low is None else p.low

@@ -12,6 +12,7 @@ SHOWN_UNITS: dict[str, tuple[str, float]] = {
     "rad": ("deg", 180.0 / math.pi),
     "rad/s": ("deg/s", 180.0 / math.pi),
 }
+ANGLE = "rad"  # in degrees wherever people read it
 NO_UNIT = ("", "-", "1")
 
 
@@ -26,7 +27,7 @@ class Style:
     minus, missing, space : str
         Sign; what stands for no value; what stands before a unit.
     degrees : bool
-        Whether angles are in degrees, units as people write them; else SI as in the artifacts.
+        Whether rates are in degrees too, units as people write them; else SI as in the artifacts.
     """
 
     padded: bool
@@ -78,12 +79,16 @@ class Style:
 
     def shown(self, value: float | None, unit: str) -> float | None:
         """A value in the unit that is shown."""
-        factor = SHOWN_UNITS.get(unit, ("", 1.0))[1] if self.degrees else 1.0
+        factor = SHOWN_UNITS.get(unit, ("", 1.0))[1] if self._converts(unit) else 1.0
         return None if value is None else value * factor
 
     def unit(self, unit: str) -> str:
         """The unit that values are shown in."""
-        return self.written_unit(SHOWN_UNITS.get(unit, (unit, 1.0))[0] if self.degrees else unit)
+        shown = SHOWN_UNITS.get(unit, (unit, 1.0))[0] if self._converts(unit) else unit
+        return self.written_unit(shown)
+
+    def _converts(self, unit: str) -> bool:
+        return self.degrees or unit == ANGLE
 
     def written_unit(self, unit: str) -> str:
         """A unit as it is, with the signs of the style."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from auvident.report.numbers import PAGE, Style
+from auvident.schema.spin import share
 
 
 class Value(Protocol):
@@ -105,6 +106,54 @@ class Interval:
         """Both ends, rounded to the width."""
         low, high = (style.shown(end, self.unit) for end in (self.low, self.high))
         return style.interval(low, high) + self.behind
+
+
+class AnyError(Protocol):
+    """An error of a channel, of whichever artifact."""
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square error."""
+
+    @property
+    def nrmse(self) -> float:
+        """It over the standard deviation of what was measured."""
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the first."""
+
+
+@dataclass(frozen=True)
+class Rmse:
+    """The root mean square error of a channel; its unit stands elsewhere in the row."""
+
+    error: AnyError | None
+
+    def text(self, style: Style) -> str:
+        """The number, in the unit that is shown."""
+        e = self.error
+        return style.missing if e is None else Number(e.rmse, 3, e.unit).text(style)
+
+
+@dataclass(frozen=True)
+class Nrmse:
+    """The NRMSE of a channel; none of a heading that turned round and round.
+
+    `other` is an error of the same channel over the standard deviation that counts, where its own
+    is that of something shorter.
+    """
+
+    channel: str
+    error: AnyError | None
+    other: AnyError | None = None
+
+    def text(self, style: Style) -> str:
+        """The number, or what stands for none."""
+        e, by = self.error, self.other or self.error
+        if e is None or by is None or share(self.channel, by.rmse, by.nrmse) is None:
+            return style.missing
+        return style.number(e.nrmse)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,9 @@ from auvident.report.tables import (
     Fixed,
     Interval,
     Joined,
+    Nrmse,
     Number,
+    Rmse,
     Rounded,
     Rows,
     Table,
@@ -61,17 +63,16 @@ def held_out(found: HeldOut) -> Table:
     rows: list[list[Cell]] = []
     for channel, before in found.before.items():
         after, unit = found.after.get(channel), before.unit
-        rmse, nrmse = (after.rmse, after.nrmse) if after else (None, None)
         rows.append(
             [
                 channel,
                 Unit(unit, True),
-                Number(before.rmse, 3, unit),
-                Number(rmse, 3, unit),
+                Rmse(before),
+                Rmse(after),
                 *_difference(found.difference.get(channel), unit),
-                Number(before.nrmse),
-                Number(nrmse),
-                Fixed(_percent(before.rmse, rmse), "+.0f", " %"),
+                Nrmse(channel, before),
+                Nrmse(channel, after, before),
+                Fixed(_percent(before.rmse, after.rmse if after else None), "+.0f", " %"),
             ]
         )
     heads = (
@@ -149,7 +150,6 @@ def candidates(found: Sequence[Candidate], caption: str = "") -> Table:
         [
             "accepted" if not c.rejected else "",
             c.id,
-            c.family,
             Words(words.sizes(c.id, c.parameters)),
             c.rejected,
             Number(c.gain),
@@ -162,10 +162,9 @@ def candidates(found: Sequence[Candidate], caption: str = "") -> Table:
     heads = (
         Column(on_page=True),
         Column("effect"),
-        Column("family", on_page=True),
         *columns(("size, 95 % interval", "rejected because"), ("gain, nats", "p")),
-        Column("gain in maneuvers left out, nats", numeric=True),
-        Column("of them improved", numeric=True, on_page=True),
+        Column("left out, nats", numeric=True),
+        Column("improved", numeric=True, on_page=True),
     )
     title = "Candidate effects, by their gain in log-likelihood"
     return Table(heads, rows, title, caption, mark="accepted")
@@ -207,8 +206,8 @@ def cross_validated(found: CrossValidated, title: str = CROSSED) -> Table:
             channel,
             Unit(before.unit, True),
             *(_error(row) for row in (before, after)),
-            Number(before.nrmse),
-            Number(after.nrmse if after else None),
+            Nrmse(channel, before),
+            Nrmse(channel, after, before),
             Fixed(_percent(before.rmse, after.rmse if after else None), "+.0f", " %"),
         ]
         for channel, before in found.before.items()

@@ -32,6 +32,10 @@ SIGHT = (
     (0.3, "partly identified"),
     (-1.0, "value from the prior"),
 )
+SIGHT_WORDS = "; ".join(
+    f"from {100.0 * below:.0f} %: {name}" if below > 0.0 else f"below: {name}"
+    for below, name in SIGHT
+)
 NEVER, HARDLY = "not identifiable", "hardly identifiable"
 MOST_SHARES = 5  # coefficients named of a combination; the artifact has all of them
 NO_INFORMATION = 1.0e-6  # beside the prior's: zero but for rounding
@@ -125,28 +129,6 @@ def _coefficient(c: ModelConstant, away: float | None) -> list[Cell]:
         Fixed(away, "+.1f"),
         f"{c.origin}, both planes" if c.shared_with else c.origin,
     ]
-
-
-def against_prior(model: IdentifiedModel) -> Table:
-    """What the data alone say of each coefficient, beside its prior."""
-    told = model.prior_against_data
-    rows: Rows = [
-        [
-            c.symbol,
-            WithStd(c.prior, c.prior_std),
-            WithStd(c.data, c.data_std),
-            Fixed(c.away, "+.1f"),
-        ]
-        for c in (told.coefficients if told else ())
-    ]
-    heads = columns(("",), ("prior, ± std", "data alone, ± std", "apart, std of both"))
-    caption = (
-        f"All together: chi-square {told.chi_square:.1f} in {told.directions} directions that the "
-        f"data see, probability {told.p:.2g}."
-        if told
-        else ""
-    )
-    return Table(heads, rows, caption=caption)
 
 
 def _has_wrong_sign(c: ModelConstant) -> bool:

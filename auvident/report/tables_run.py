@@ -8,8 +8,10 @@ from auvident.report.tables import (
     Column,
     Fixed,
     Joined,
+    Nrmse,
     Number,
     Quantity,
+    Rmse,
     Rows,
     Table,
     Unit,
@@ -27,6 +29,7 @@ from auvident.schema.artifacts import (
 from auvident.schema.diagnosis import ChannelError
 from auvident.schema.logs import SensorQuality, TrialQuality
 from auvident.schema.planes import BY_PLANE
+from auvident.schema.spin import share
 
 RESIDUALS_CAPTION = (
     "Bias, variance and covariance are shares of the squared error. NIS, KS and lags outside the "
@@ -183,16 +186,12 @@ def errors_by_channel(
         [
             name,
             Unit(a.unit, True),
-            Number(b.rmse if b else None, 3, a.unit),
-            Number(a.rmse, 3, a.unit),
-            *(
-                [Number(crossed[name].rmse if name in crossed else None, 3, a.unit)]
-                if crossed
-                else ()
-            ),
-            Number(b.nrmse if b else None),
-            Number(a.nrmse),
-            Fixed(a.r2, ".3f"),
+            Rmse(b),
+            Rmse(a),
+            *([Rmse(crossed.get(name))] if crossed else ()),
+            Nrmse(name, b),
+            Nrmse(name, a),
+            Fixed(None if share(name, a.rmse, a.nrmse) is None else a.r2, ".3f"),
         ]
         for name, a in after.items()
         for b in [before.get(name)]
@@ -210,8 +209,8 @@ def errors_by_horizon(metrics: Metrics, title: str = "") -> Table:
         [
             name,
             Unit(a.unit, True),
-            *(Number(c[name].rmse if name in c else None, 3, a.unit) for c in columns_of),
-            *(Number(c[name].nrmse if name in c else None) for c in columns_of),
+            *(Rmse(c.get(name)) for c in columns_of),
+            *(Nrmse(name, c.get(name), a) for c in columns_of),
         ]
         for name, a in free.items()
     ]

@@ -490,6 +490,7 @@ class Autocorrelation(Artifact):
     """Autocorrelation of whitened innovations: the largest, its 95 % band, and all lags.
 
     ``outside`` is the share of the lags outside their band, ``p`` that of Ljung and Box.
+    ``values`` are those at the lags ``lags_s``; empty in a file of an earlier version.
     """
 
     largest: float
@@ -497,6 +498,8 @@ class Autocorrelation(Artifact):
     band: float
     outside: float
     p: float
+    lags_s: tuple[float, ...] = ()
+    values: tuple[float, ...] = ()
 
 
 class InputCorrelation(Artifact):

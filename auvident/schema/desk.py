@@ -293,3 +293,19 @@ class DeskResult(Artifact):
     curves: tuple[DeskCurve, ...] = ()
     findings: tuple[Finding, ...] = ()
     columns: dict[str, tuple[float | None, ...]] = {}
+
+
+class StandardManeuvers(Artifact):
+    """``validate/standard.json``; ``refine/standard.json`` is that of the model it ends with.
+
+    Turning circle and zigzags as ITTC and IMO ask for them, flown with the model and models drawn
+    beside it; ``greatest_laid_deg`` is the angle that the fin was laid to in the maneuvers that
+    identify. ``findings`` names those that the model cannot fly.
+    """
+
+    schema_: str = Field(default="auvident/standard/1", alias="schema")
+    vehicle: str
+    plane: Plane
+    greatest_laid_deg: float
+    maneuvers: tuple[DeskResult, ...] = ()
+    findings: tuple[Finding, ...] = ()

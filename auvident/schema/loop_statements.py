@@ -8,7 +8,7 @@ from auvident.schema.diagnosis import Attempt, Detectable, EffectFound
 from auvident.schema.effect_words import words_of
 from auvident.schema.effects import BY_ID
 
-NAMED_EFFECTS = 6  # told in the statement that nothing was found
+NAMED_EFFECTS = 4  # told in the statement that nothing was found
 
 
 def statement(
@@ -114,6 +114,8 @@ def _where(unexplained: Mapping[str, Any]) -> str:
     return text
 
 
+LATE = "delayed "
+NAMED = ("rate", "heading", "rudder", "elevator", "yaw", "pitch")  # words, no formulas
 # force or moment on an axis, in words
 FORCES = {
     "X": "axial force",
@@ -126,14 +128,17 @@ FORCES = {
 
 
 def follows(correlate: Mapping[str, Any]) -> str:
-    """What an unexplained force follows: "the side force follows the delayed rudder angle"."""
+    """What an unexplained force follows: "the remaining side force follows the rudder, late"."""
     axis = str(correlate.get("axis", ""))
-    return f"the {FORCES.get(axis, 'force')} follows {_with_article(correlate['regressor'])}"
+    force = f"the remaining {FORCES.get(axis, 'force')}"
+    return f"{force} follows {_with_article(str(correlate['regressor']))}"
 
 
 def _with_article(regressor: str) -> str:
     """A regressor as a sentence names it; formulas as they are."""
-    named = regressor.startswith(("delayed", "rate", "heading", "rudder")) or regressor == "roll"
+    if regressor.startswith(LATE):
+        return f"{_with_article(regressor.removeprefix(LATE))} with a delay"
+    named = regressor.startswith(NAMED) or regressor == "roll"
     return f"the {regressor}" if named else regressor
 
 

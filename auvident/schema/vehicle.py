@@ -313,6 +313,12 @@ class Vehicle(Declared):
         return self
 
     @property
+    def is_ship(self) -> bool:
+        """Whether the criteria of ships apply: a hull by beam and draught, without an elevator."""
+        dives = any("elevator" in fin.commands for fin in self.fin)
+        return not self.hull.is_body_of_revolution and not dives
+
+    @property
     def rudder_sign(self) -> int:
         """Factor that turns a logged rudder angle into the internal one (positive to port)."""
         return 1 if self.signs.rudder_positive_turns == "port" else -1

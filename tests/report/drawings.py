@@ -11,7 +11,9 @@ import pytest
 
 from auvident.report import (
     figures_coefficients,
+    figures_evidence,
     figures_forces,
+    figures_innovations,
     figures_loop,
     figures_prediction,
     figures_trial,
@@ -19,9 +21,11 @@ from auvident.report import (
 from auvident.report.taken import are_taken
 
 FIGURES = {
-    figures_coefficients: ("correlation_matrix", "forest", "history"),
+    figures_coefficients: ("correlation_matrix", "history"),
+    figures_evidence: ("evidence", "settling"),
     figures_forces: ("unknown_force",),
-    figures_loop: ("before_after", "gains", "moves"),
+    figures_innovations: ("innovations",),
+    figures_loop: ("before_after", "gains"),
     figures_prediction: ("prediction",),
     figures_trial: ("timeline", "track"),
 }

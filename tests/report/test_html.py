@@ -13,7 +13,8 @@ from auvident.pipeline.given import Given
 from auvident.pipeline.reporting import report_data
 from auvident.report.html import render
 from auvident.report.html_data import ReportData, number, quantity
-from auvident.report.html_words import summary, verdict, warnings
+from auvident.report.html_summary import grade, summary, verdict_lines
+from auvident.report.html_words import cards, warnings
 from auvident.report.numbers import PAGE
 from auvident.report.tables import written
 from auvident.report.tables_model import combination, combinations
@@ -117,6 +118,31 @@ def test_held_out_errors_are_those_of_the_metrics(data: ReportData, page: Page) 
         assert words.replace("\u00a0", " ") in page.text
 
 
+def test_the_tables_of_the_field_are_in_it(data: ReportData, page: Page) -> None:
+    assert data.standard and data.model
+    for heading in (
+        "Standard maneuvers",
+        "Particulars of the vehicle",
+        "Uncertainty of the coefficients after GUM",
+        "Is what it leaves noise?",
+        "The rules behind the words",
+        "Values after each round",
+    ):
+        assert heading in page.text, heading
+    assert "Criteria of ships" not in page.text  # a body of revolution is none
+    for c in data.model.coefficients:
+        assert PAGE.with_std(c.value, c.std) in page.text
+
+
+def test_a_heading_that_spins_is_told_in_degrees_alone(data: ReportData) -> None:
+    """The held-out circle turns more than once round."""
+    assert data.metrics
+    heading = next(c for c in cards(data) if c["name"] == "heading")
+    assert heading["rmse"].endswith("\u00a0deg") and heading["nrmse"] == heading["r2"] == ""
+    assert "%" not in heading["before"] and heading["grade"] == "none"
+    assert all(c["nrmse"] for c in cards(data) if c["name"] != "heading")
+
+
 def test_it_needs_no_other_file_and_no_script(text: str, page: Page) -> None:
     assert "http:" not in text and "https:" not in text
     assert not {"script", "link", "iframe", "object"} & set(page.tags)
@@ -174,7 +200,7 @@ def test_missing_artifacts_leave_out_their_sections(
     sections = {
         "quality": "Data quality",
         "history": "Coefficients through the stages",
-        "model": "Coefficients before and after",
+        "model": "Coefficients: prior, data and",
         "metrics": "Error of every maneuver",
         "trials": "Trial at a glance",
         "manifest": "Record of the run",
@@ -211,7 +237,7 @@ def test_a_single_maneuver_that_identifies(data: ReportData) -> None:
     page = Page(render(single))
     assert "No maneuver was held out" in page.text
     assert one.id in page.text
-    assert verdict(single)[1] == "poor"
+    assert grade(single) == "poor"
 
 
 def test_names_are_escaped(data: ReportData) -> None:
@@ -254,17 +280,35 @@ def judged(data: ReportData, **update: Any) -> ReportData:
     return replace(data, metrics=metrics.model_copy(update={"findings": found}))
 
 
+def told(data: ReportData) -> dict[str, str]:
+    """The box at the top by its words."""
+    return {word: " ".join(lines) for word, lines in summary(data)}
+
+
+def verdict(data: ReportData) -> str:
+    return verdict_lines(data)[0]
+
+
 def test_the_summary_says_how_good_where_and_what_next(data: ReportData) -> None:
-    told = dict(summary(data))
-    assert told["Accuracy"] == verdict(data)[0] and "predicts" in told["Accuracy"]
-    assert told["Valid for"].startswith("speed ") and "control angle" in told["Valid for"]
-    assert (
-        told["Coefficients"].endswith(".")
-        and " of 22 determined at least in part" in told["Coefficients"]
-    )
-    assert data.plan and data.plan.candidates[0].what in told["Next maneuver"]
-    bare = dict(summary(replace(data, plan=None, simulation=None, diagnosis=None, comparison=None)))
-    assert not {"Valid for", "Missing effects", "Next maneuver"} & set(bare)
+    box = told(data)
+    assert list(box) == [
+        "Verdict",
+        "Use it for",
+        "Not for",
+        "It lacked",
+        "What remains",
+        "Fly next",
+    ]
+    assert "predicts 3 held-out maneuvers well: RMSE u " in box["Verdict"]
+    assert box["Use it for"].startswith("Speed ") and "rudder angle −20" in box["Use it for"]
+    assert "how quickly the speed follows the thrust (X_udot)" in box["Not for"]
+    assert data.plan
+    for i, c in enumerate(data.plan.candidates[:2], 1):
+        assert f"{i}. {c.name.capitalize()}: {c.what}" in box["Fly next"]
+        symbol, factor = next(iter(c.shrinks.items()))
+        assert f"{symbol} by {100 * (1 - factor):.0f} %" in box["Fly next"]
+    bare = told(replace(data, plan=None, simulation=None, diagnosis=None, comparison=None))
+    assert not {"Use it for", "It lacked", "Fly next"} & set(bare)
 
 
 def test_a_contradicted_log_stands_before_all_else(data: ReportData) -> None:
@@ -280,11 +324,13 @@ def test_a_contradicted_log_stands_before_all_else(data: ReportData) -> None:
     )
     bad = trial.model_copy(update={"checks_made": (wrong,)})
     quality = data.quality.model_copy(update={"trials": (bad,)})
-    (word, text), *rest = summary(replace(data, quality=quality))
+    doubted = replace(data, quality=quality)
+    (word, lines), *_ = summary(doubted)
     assert word == "Contradicted"
-    assert "1.96 times" in text and "--fix speed_scale" in text
-    assert dict(rest)["Missing effects"].endswith("while the log is contradicted.")
-    assert "Contradicted" not in dict(summary(data))
+    assert "1.96 times" in lines[0] and "--fix speed_scale" in lines[0]
+    assert told(doubted)["It lacked"].endswith("while the log is contradicted.")
+    assert grade(doubted) == "poor"
+    assert "Contradicted" not in told(data)
 
 
 def test_verdict_follows_the_worst_velocity(data: ReportData) -> None:
@@ -293,11 +339,26 @@ def test_verdict_follows_the_worst_velocity(data: ReportData) -> None:
         pooled["v"] = pooled["v"].model_copy(update={"nrmse": value})
         return judged(data, summary={"validate": pooled})
 
-    assert [verdict(with_nrmse(x))[1] for x in (0.09, 0.11, 0.31)] == ["good", "fair", "poor"]
-    assert "worse than their mean" in verdict(with_nrmse(1.2))[0]
+    assert [grade(with_nrmse(x)) for x in (0.09, 0.11, 0.31)] == ["good", "fair", "poor"]
+    assert "u and r well, v fairly well: RMSE" in verdict(with_nrmse(0.11))
+    assert "v worse than a constant would" in verdict(with_nrmse(1.2))
+    assert "v (worse than a constant would)" in told(with_nrmse(1.2))["Not for"]
     codes = {w.finding.code: w.rank for w in warnings(with_nrmse(1.2))}
     assert codes["not-predicted"] == "serious"
     assert "not-predicted" not in {w.finding.code for w in warnings(with_nrmse(0.3))}
+
+
+def test_a_band_that_is_too_narrow_spoils_the_verdict(data: ReportData) -> None:
+    assert data.metrics
+    found = data.metrics.coverage
+
+    def covered(share: float) -> ReportData:
+        r = found["r"].model_copy(update={"covered": share})
+        return judged(data, coverage={**found, "r": r})
+
+    assert grade(data) == grade(covered(0.91)) == "good"
+    assert (grade(covered(0.9)), grade(covered(0.75))) == ("fair", "poor")
+    assert "holds 75 to " in verdict(covered(0.75)) and "too narrow" in verdict(covered(0.75))
 
 
 def test_data_that_did_not_help_are_called_so(data: ReportData) -> None:
@@ -320,7 +381,7 @@ def test_a_prior_that_ran_away_is_not_compared(data: ReportData) -> None:
         }
     )
     changed = judged(data, ase=ase)
-    assert "factors" in verdict(data)[0] and "factors" not in verdict(changed)[0]
+    assert "factors" in verdict(data) and "factors" not in verdict(changed)
     assert gone in next(
         w.finding.where for w in warnings(changed) if w.finding.code == "prior-ran-away"
     )

@@ -14,7 +14,9 @@ from auvident.pipeline.reporting import report_data
 from auvident.report.html import render
 from auvident.report.html_data import ReportData, number, quantity
 from auvident.report.html_loop import lacks, with_refined
-from auvident.report.html_words import cards, verdict, warnings
+from auvident.report.html_summary import summary, verdict_lines
+from auvident.report.html_words import cards, warnings
+from auvident.report.numbers import PAGE
 from auvident.schema.artifacts import Finding
 from auvident.schema.diagnosis import Comparison, Diagnosis, Difference
 from auvident.stages.refine.compare import worse_channels
@@ -66,8 +68,8 @@ def with_diagnosis(data: ReportData, **update: Any) -> ReportData:
 def test_verdict_and_held_out_errors_stand_at_the_top_of_the_page(text: str) -> None:
     whole = Page(text).text
     top = whole[: whole.index("How far to trust it")]
-    assert loop_world.STATEMENT in top
-    assert "u 0.046 m/s → 0.0061 m/s" in top and "r 0.36 deg/s → 0.34 deg/s" in top
+    assert "A current of 0.15 m/s" in top
+    assert "held-out RMSE u 0.046 → 0.0061 m/s" in top and "r 0.36 → 0.34 deg/s" in top
 
 
 def test_the_cards_show_the_final_model_with_the_identified_one_beside_it(
@@ -82,7 +84,25 @@ def test_the_cards_show_the_final_model_with_the_identified_one_beside_it(
     assert u["by_effects"] == f"{number(1.0 / ratio, 2)} times smaller"
     whole = Page(text).text
     assert "The final model, with a current of 0.15 m/s" in whole
-    assert "The large numbers are those of the final model" in whole
+    assert "alone, with the final model, refine/model.json" in whole
+
+
+def test_what_may_be_chance_and_what_got_worse_is_said(data: ReportData) -> None:
+    assert data.comparison
+    held = data.comparison.held_out
+    changed = {
+        **held.difference,
+        "v": Difference(value=-0.01, low=-0.03, high=0.0),
+        "r": Difference(value=0.002, low=0.001, high=0.003),
+    }
+    compared = data.comparison.model_copy(
+        update={"held_out": held.model_copy(update={"difference": changed})}
+    )
+    doubted = replace(data, comparison=compared)
+    (lines,) = (lines for word, lines in summary(doubted) if word == "It lacked")
+    assert lines[0].count("(may be chance)") == 1 and lines[0].count("(worse)") == 1
+    worse = {c["name"] for c in cards(doubted) if c["worse_by_effects"]}
+    assert worse == {"r"} and not any(c["worse_by_effects"] for c in cards(data))
 
 
 def test_the_track_of_the_final_model_is_that_of_its_predictions(data: ReportData) -> None:
@@ -94,6 +114,43 @@ def test_the_track_of_the_final_model_is_that_of_its_predictions(data: ReportDat
     assert found.rmse == pytest.approx(5.0)
 
 
+def test_the_final_model_is_shown_with_the_earlier_one_beside_it(small: ReportData) -> None:
+    """Coefficients, figures of maneuvers, horizons and tests, all of the refined model."""
+    data = replace(small, residuals=None)
+    assert data.model and data.metrics
+    values = {c.symbol: 1.1 * c.value for c in data.model.coefficients}
+    final = data.model.model_copy(
+        update={
+            "coefficients": tuple(
+                c.model_copy(update={"value": values[c.symbol]}) for c in data.model.coefficients
+            )
+        }
+    )
+    turn = next(m for m in data.metrics.maneuvers if m.turn and m.role == "validate")
+    assert turn.turn
+    simulated = {**turn.turn["simulated"], "advance_m": 77.7}
+    other = turn.model_copy(update={"turn": {**turn.turn, "simulated": simulated}})
+    metrics = data.metrics.model_copy(
+        update={"maneuvers": tuple(other if m.id == turn.id else m for m in data.metrics.maneuvers)}
+    )
+    shown = replace(data, refined_model=final, refined_metrics=metrics, refined=None)
+    page = Page(render(shown)).text
+    assert "measured → final model" in page and "→ 77.7" in page
+    assert "predicted by the final model in windows" in page
+    assert "identified model" not in page[page.index("Standard maneuvers") : page.index(HEADING)]
+    row = page[page.index("axial drag (u|u|)") :]
+    before, after = (
+        PAGE.with_std(v, c.std)
+        for c in data.model.coefficients
+        if c.symbol == "X_uu"
+        for v in (c.value, values["X_uu"])
+    )
+    assert row.index(after) < row.index(before) < row.index("axial force")
+    assert shown.earlier == "" and other in shown.finally_held_out()
+    earlier = replace(shown, refined_metrics=None)  # a run of an earlier version
+    assert earlier.earlier == "identified " and turn in earlier.finally_held_out()
+
+
 def test_a_run_that_added_nothing_has_one_model(data: ReportData) -> None:
     assert data.comparison
     same = tuple(c.model_copy(update={"after": c.before}) for c in data.comparison.coefficients)
@@ -101,7 +158,7 @@ def test_a_run_that_added_nothing_has_one_model(data: ReportData) -> None:
         data, comparison=data.comparison.model_copy(update={"coefficients": same, "effects": ()})
     )
     assert alone.final_errors() == alone.identified_errors()
-    assert verdict(alone)[0].startswith("The identified model predicts")
+    assert verdict_lines(alone)[0].startswith("The identified model predicts")
 
 
 def with_findings(data: ReportData, name: str, *findings: Finding) -> ReportData:
@@ -182,16 +239,15 @@ def test_a_difference_that_may_be_none_has_no_star(data: ReportData) -> None:
     assert written(maneuvers([unsure]), PAGE).rows[0][3] == "0.0460 → 0.00610"
 
 
-def test_coefficients_that_moved_and_nuisances_are_in_it(section: str) -> None:
-    moved = section[section.index("Moved by more than two") : section.index("All coefficients")]
+def test_coefficients_that_moved_are_in_it(section: str) -> None:
+    moved = section[section.index("moved by more than two") :]
     assert "N_ur" in moved and "+4.0" in moved and "Y_ur" not in moved
-    assert "lag_s" in section[section.index("Nuisance parameters") :]
 
 
 def test_its_figures_are_drawn_and_well_formed(text: str) -> None:
     part = text[text.index(f"<h2>{HEADING}") : text.index(f"<h2>{NEXT}")]
     labels = re.findall(r'aria-label="([^"]*)"', part)
-    assert len(labels) == 4
+    assert len(labels) == 3
     for figure in re.findall(r"<svg.*?</svg>", part, flags=re.DOTALL):
         ElementTree.fromstring(figure)
 
@@ -212,7 +268,7 @@ def test_without_the_loop_there_is_no_section(small: ReportData) -> None:
 
 def test_a_diagnosis_alone_is_told(small: ReportData) -> None:
     page = Page(render(replace(small, comparison=None))).text
-    assert loop_world.STATEMENT in page and "Candidate effects" in page
+    assert "It lacked A current of 0.15 m/s" in page and "Candidate effects" in page
     assert "Held-out errors without and with the effects" not in page
 
 
@@ -232,7 +288,7 @@ def test_nothing_found_is_good_news_and_draws_no_change(small: ReportData) -> No
     assert told and (told.grade, told.held_out, told.maneuvers) == ("good", None, None)
     page = Page(render(found)).text
     assert loop_world.NONE in page
-    assert "Coefficients without and with the effects" not in page
+    assert "moved by more than two" not in page and "Candidate effects, none accepted" in page
 
 
 @pytest.mark.parametrize("verdict", ["none_found", "effect_found", "ambiguous", "unexplained"])
@@ -257,7 +313,7 @@ def test_groups_and_what_is_left_are_named(small: ReportData) -> None:
         ambiguous=(("rudder_offset", "hull_asymmetry"),),
     )
     page = Page(render(replace(found, comparison=None))).text
-    assert "The yaw moment follows cos 2 heading (41 nats)." in page
+    assert "The remaining yaw moment follows cos 2 heading (41 nats)." in page
     assert "not confirmed: propeller_race." in page and "Affected channels: v, r." in page
     assert "Maneuvers that would: vary the speed" in page
 

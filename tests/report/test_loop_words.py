@@ -105,7 +105,7 @@ def test_what_an_unexplained_residual_follows_in_whatever_form() -> None:
         "time",
     ]
     assert words.correlates({"correlates": rows}) == [
-        "the yaw moment follows cos 2 heading (41.3 nats)",
+        "the remaining yaw moment follows cos 2 heading (41.3 nats)",
         "Y, v|r|, 3",
         "time",
     ]

@@ -515,9 +515,8 @@ def test_effects_that_stand_beside_a_remainder_are_partly_an_explanation() -> No
     found = claimed(1.3, 0.05, verdict="partly_explained", unexplained=left)
     assert found.verdict == "partly_explained" and len(found.effects) == 1
     assert found.remaining == {"channels": ["v"], "correlates": left["correlates"]}
-    assert (
-        "residual remains in v; the side force follows the delayed rudder angle." in found.statement
-    )
+    left_over = "the remaining side force follows the rudder angle with a delay."
+    assert f"residual remains in v; {left_over}" in found.statement
     assert claimed(1.3, 0.05).remaining == {}
 
 

@@ -7,6 +7,7 @@ from auvident.stages.desk.models import (
     identified_models,
 )
 from auvident.stages.desk.stage import Approach, Desk, fly_maneuver
+from auvident.stages.desk.standard import standard_maneuvers
 
 __all__ = [
     "Approach",
@@ -16,4 +17,5 @@ __all__ = [
     "estimated_models",
     "fly_maneuver",
     "identified_models",
+    "standard_maneuvers",
 ]

@@ -35,6 +35,7 @@ from auvident.schema.artifacts import (
 from auvident.schema.planes import BY_PLANE, Plane
 
 Array = npt.NDArray[Any]
+LAG_DIGITS = 6  # of a second
 Pieces = Sequence[Array]
 
 
@@ -166,6 +167,8 @@ def _whiteness(white: Pieces, dt_s: float) -> Autocorrelation | None:
         band=found.band,
         outside=found.outside,
         p=found.p,
+        lags_s=tuple(round(lag * dt_s, LAG_DIGITS) for lag in found.lags),
+        values=found.values,
     )
 
 

@@ -118,22 +118,21 @@ RULES: tuple[Rule[Account], ...] = (
         "its fit has converged",
         lambda a: a.settled,
         1.0,
-        words="expected to gain only {promise:.0f} nats, far less than the best candidate; not "
-        "fitted to convergence",
+        words="promises too little beside the best candidate; its fit was stopped early",
     ),
     Rule(
         "gain",
         "its gain in likelihood is large enough",
         lambda a: a.gain,
         LEAST_GAIN,
-        words="gains next to nothing ({evidence:.0f} nats)",
+        words="evidence too weak ({evidence:.0f} nats)",
     ),
     Rule(
         "of-best",
         "it is not a by-product of another",
         lambda a: a.gain / a.best_gain,
         OF_BEST,
-        words="gains less than half as much as the best candidate",
+        words="explains less than half of what the best candidate does",
     ),
     Rule(
         "small",
@@ -147,14 +146,14 @@ RULES: tuple[Rule[Account], ...] = (
         "its size is possible",
         lambda a: not a.impossible,
         1.0,
-        words="ends at a size that is impossible",
+        words="would need an impossible size",
     ),
     Rule(
         "maneuvers",
         "there is another maneuver to try it on",
         lambda a: a.maneuvers,
         LEAST_MANEUVERS,
-        words="there is no other maneuver to test it on",
+        words="no second maneuver to test it on",
     ),
 )
 # ... and once it was tried on maneuvers left out of its fit
@@ -164,23 +163,23 @@ RULES_LEFT_OUT: tuple[Rule[Account], ...] = (
         "it helps most of the maneuvers left out",
         _share_helped,
         LEAST_SHARE,
-        words="improves only {share:.0f} % of the maneuvers left out",
+        words="helps only {share:.0f} % of the maneuvers left out",
     ),
     Rule(
         "evidence",
         "it helps them more than chance would",
         _standard_errors,
         LEAST_T,
-        words="evidence too weak: the maneuvers left out improve by {evidence:.1f} standard "
-        "errors, {least:.1f} needed",
+        words="evidence too weak: helps the maneuvers left out by {evidence:.1f} standard errors, "
+        "{least:.1f} needed",
     ),
     Rule(
         "explained",
         "it explains much of some residual",
         lambda a: a.helped.explained if a.helped else math.inf,
         LEAST_EXPLAINED,
-        words="explains too little: {evidence:.0%} of what the sensors' noise does not, in the "
-        "maneuvers left out, {least:.0%} needed",
+        words="hardly improves any channel: removes {evidence:.0%} of the error beyond the noise, "
+        "{least:.0%} needed",
     ),
 )
 ANOTHER = Refusal("another", "another candidate gains more")

@@ -1,0 +1,327 @@
+"""The box at the top of the report: how good, for what, not for what, what next."""
+
+from collections.abc import Mapping
+
+from auvident.report import check_words
+from auvident.report import loop_words as words
+from auvident.report.html_data import DYNAMIC, ReportData, gain, number, percent, quantity
+from auvident.report.html_words import warnings
+from auvident.report.loop_words import listed
+from auvident.report.numbers import NO_UNIT, PAGE, unit_text
+from auvident.report.tables_consistency import not_white
+from auvident.report.tables_model import SIGHT
+from auvident.report.verdict_rules import BAND, ERROR, GAIN, Word, worst
+from auvident.schema.artifacts import (
+    ESTIMATE_CONTRADICTED,
+    PRIOR_WORDS,
+    TrialCandidate,
+)
+from auvident.schema.coefficients import ESTIMATED, Group
+from auvident.schema.diagnosis import (
+    ChannelError,
+    Comparison,
+    Difference,
+    EffectFound,
+    ParameterValue,
+)
+from auvident.schema.effects import DEGREES
+from auvident.schema.spin import share
+
+# what a model was identified from: column, words, unit, factor to it
+RANGES = (
+    ("u_mps_measured", "speed", "m/s", 1.0),
+    ("control_rad", "{fin} angle", "deg", DEGREES),
+    ("r_radps_measured", "yaw rate", "deg/s", DEGREES),
+    ("q_radps_measured", "pitch rate", "deg/s", DEGREES),
+    ("rpm", "propeller", "rpm", 1.0),
+)
+SPAN = (0.01, 0.99)  # quantiles, so that no single noisy sample widens the range
+PARTLY = SIGHT[1][0]  # share of the certainty from which on a coefficient counts as identified
+MOST_NEXT = 2  # maneuvers to fly
+MOST_NAMED = 3  # coefficients that a further maneuver would show
+# what a prediction needs the coefficients of a group for
+NEEDED_FOR: dict[Group, str] = {
+    "surge_inertia": "how quickly the speed follows the thrust",
+    "drag": "speed at other thrust",
+    "thrust": "speed at other thrust",
+    "turning_drag": "loss of speed in turns",
+    "inertia": "quick changes of the helm",
+    "lift": "drift and damping in turns",
+    "cross_flow": "large drift angles and tight turns",
+    "control": "the effect of the fin",
+    "restoring": "trim and depth keeping",
+}
+# ends of the symbols of parameters, which stand beside their unit
+UNIT_ENDS = ("mps", "degps", "deg", "s", "m", "n", "rad", "rpm", "m2ps2pn")
+ASYMMETRY = 0.05  # of an interval about its value, below which one ± tells it
+# rank of a finding, one of them, several
+COUNTED = (
+    ("serious", "serious finding", "serious findings"),
+    ("caution", "caution", "cautions"),
+)
+Lines = list[str]
+
+
+def summary(data: ReportData) -> list[tuple[str, Lines]]:
+    """What the report comes to: a word, and what there is to say in a sentence or two."""
+    told = verdict_lines(data)
+    rows = [
+        ("Contradicted", _contradicted(data)),
+        ("Verdict", told),
+        ("Use it for", _range(data)),
+        ("Not for", _not_for(data)),
+        ("It lacked", _lacked(data)),
+        ("What remains", _remains(data)),
+        ("Fly next", _next(data)),
+    ]
+    return [(word, lines) for word, lines in rows if lines]
+
+
+def grade(data: ReportData) -> str:
+    """CSS class of the box: the worst of what the rules say."""
+    if _contradicted(data):
+        return "poor"
+    return _judged(data)[1]
+
+
+def verdict_lines(data: ReportData) -> Lines:
+    """How well the model predicts, beside the estimate from geometry, with its band."""
+    return _judged(data)[0]
+
+
+def _judged(data: ReportData) -> tuple[Lines, str]:
+    """The verdict, and its grade."""
+    metrics = data.metrics
+    if metrics is None or data.model is None:
+        text = "No model has been identified and validated yet; what follows is the input."
+        return [text], "none"
+    if not metrics.summary:
+        return ["Every prediction of the model diverges: it predicts nothing."], "poor"
+    all_errors = data.final_errors()
+    errors = {k: e for k, e in all_errors.items() if k in DYNAMIC}
+    if not errors:
+        return ["No channel was measured to compare the predictions with."], "none"
+    called = {name: ERROR.of(e.nrmse) for name, e in errors.items()}
+    gains, better = _gains(data, errors)
+    band, trusted = _band(data, errors)
+    grades = [*(w.grade for w in called.values()), *better, *trusted]
+    count = sum(m.role == data.role for m in metrics.maneuvers)
+    which = "held-out maneuver" if data.role == "validate" else "maneuver used for identification"
+    text = f"{_which_model(data)} predicts {count} {_plural(which, count)}{_called(called)}: "
+    text += f"RMSE {_errors(all_errors)}.{gains}"
+    if data.role == "identify":
+        grades.append("poor")
+        text += " No maneuver was held out, so this says little about others."
+    return [" ".join(x for x in (text, band) if x)], worst(grades)
+
+
+def _called(called: Mapping[str, Word]) -> str:
+    """`` well``, or by channel where they differ: ``; u and r well, v poorly``."""
+    groups: dict[str, list[str]] = {}
+    for name, word in called.items():
+        groups.setdefault(word.words, []).append(name)
+    if len(groups) == 1:
+        return f" {next(iter(groups))}"
+    return f", {', '.join(f'{listed(names)} {word}' for word, names in groups.items())}"
+
+
+def _errors(errors: Mapping[str, ChannelError]) -> str:
+    return ", ".join(f"{k} {quantity(e.rmse, e.unit, 2)}" for k, e in errors.items())
+
+
+def _which_model(data: ReportData) -> str:
+    if data.comparison is None or not data.is_refined:
+        return "The identified model"
+    added = " and ".join(
+        unit_text(e.plain or e.id)
+        for e in (*data.comparison.effects, *data.comparison.not_confirmed)
+    )
+    return f"The final model, with {added}," if added else "The final, refined model"
+
+
+def _plural(which: str, count: int) -> str:
+    return which if count == 1 else which.replace("maneuver", "maneuvers", 1)
+
+
+def _gains(data: ReportData, errors: Mapping[str, ChannelError]) -> tuple[str, list[str]]:
+    """How many times smaller the errors are than those of the prior, with grades."""
+    before = data.pooled_before(data.role)
+    ratios = {k: g for k, e in errors.items() if (g := gain(before.get(k), e)) is not None}
+    if not ratios:
+        return "", []
+    factors = ", ".join(f"{number(g, 2)} ({k})" for k, g in ratios.items())
+    text = f" With {PRIOR_WORDS[data.prior_name]} they are larger by the factors {factors}"
+    doubted = [f"{k} is {w.words}" for k, g in ratios.items() if (w := GAIN.of(g)).grade != "good"]
+    text += f": {', '.join(doubted)}" if doubted else ""
+    return f"{text}.", [GAIN.of(g).grade for g in ratios.values()]
+
+
+def _band(data: ReportData, errors: Mapping[str, ChannelError]) -> tuple[str, list[str]]:
+    """How much of what was held out the band holds, with grades."""
+    found = {k: c for k, c in data.coverage.items() if k in errors}
+    if not found or data.role == "identify":
+        return "", []
+    shares = [c.covered for c in found.values()]
+    low, high = percent(min(shares)), percent(max(shares))
+    span = low if low == high else f"{low.removesuffix(PAGE.space + '%')} to {high}"
+    nominal = percent(next(iter(found.values())).nominal)
+    words_of = BAND.of(min(shares)).words
+    return f"Its {nominal} band holds {span} of the samples: {words_of}.", [
+        BAND.of(min(shares)).grade
+    ]
+
+
+def _contradicted(data: ReportData) -> Lines:
+    """What contradicts in the logs, and a model that contradicts its estimate all over."""
+    lines = check_words.contradictions(data.quality.trials) if data.quality else []
+    model = data.final_model
+    led = [f for f in model.findings if f.code == ESTIMATE_CONTRADICTED] if model else []
+    return [*lines, *(f"{f.message[:1].upper()}{f.message[1:]}" for f in led)]
+
+
+def _range(data: ReportData) -> Lines:
+    """Speeds, angles and rates of the maneuvers that identified."""
+    table = data.simulation
+    if table is None:
+        return []
+    rows = table[table["role"] == "identify"]
+    fin = data.fin
+    pieces = []
+    for column, what, unit, factor in RANGES:
+        if column in rows and rows[column].notna().any():
+            ends = [number(factor * float(rows[column].quantile(q)), 2) for q in SPAN]
+            span = " to ".join(dict.fromkeys(ends))
+            pieces.append(f"{what.format(fin=fin)} {span} {unit}")
+    return [f"{', '.join(pieces).capitalize()}: what it was identified from."] if pieces else []
+
+
+def _not_for(data: ReportData) -> Lines:
+    """What lies beyond, channels predicted badly, coefficients that rest on the prior."""
+    lines = []
+    if data.simulation is not None:
+        lines.append("Anything beyond that range.")
+    bad = [
+        f"{k} ({ERROR.of(told).words})"
+        for k, e in (data.final_errors() if data.metrics else {}).items()
+        if (told := share(k, e.rmse, e.nrmse)) is not None and ERROR.of(told).grade == "poor"
+    ]
+    lines += [f"Predicted badly: {', '.join(bad)}."] if bad else []
+    unknown = ", ".join(_on_prior(data))
+    if unknown:
+        source = "geometry" if data.prior_name == "ASE" else "the given values"
+        lines.append(f"With caution, as known from {source} alone: {unknown}.")
+    return [" ".join(lines)] if lines else []
+
+
+def _on_prior(data: ReportData) -> Lines:
+    """What the coefficients are needed for that these data do not determine."""
+    model = data.final_model
+    groups: dict[str, list[str]] = {}
+    for c in model.estimates if model else ():
+        if c.origin in ("identified", "kinematic") and c.data_share < PARTLY:
+            groups.setdefault(NEEDED_FOR[ESTIMATED[c.symbol].group], []).append(c.symbol)
+    return [f"{what} ({', '.join(symbols)})" for what, symbols in groups.items()]
+
+
+def _lacked(data: ReportData) -> Lines:
+    """Each effect with its size, and what all of them did to the held-out errors."""
+    found = data.comparison or data.diagnosis
+    if found is None:
+        return []
+    little = " This says little while the log is contradicted." if _contradicted(data) else ""
+    comparison = data.comparison
+    effects = (*found.effects, *(comparison.not_confirmed if comparison else ()))
+    if not effects:
+        return [found.statement + little]
+    lines = [_effect(e, comparison) for e in effects]
+    lines += [f"These data cannot tell apart {listed(g)}." for g in found.ambiguous]
+    changed = _changed(comparison) if comparison and comparison.added else ""
+    return [*lines[:-1], " ".join(x for x in (lines[-1], changed + little) if x)]
+
+
+def _effect(effect: EffectFound, comparison: Comparison | None) -> str:
+    """An effect in words, with its sizes and their 95 % uncertainty."""
+    text = unit_text(effect.plain or effect.id)
+    alone = len(effect.parameters) == 1
+    sizes = [told for p in effect.parameters if (told := _size(effect.id, p, alone))]
+    text = f"{text[:1].upper()}{text[1:]}" + (f" ({', '.join(sizes)}; 95\u00a0%)" if sizes else "")
+    doubted = comparison is not None and effect in comparison.not_confirmed
+    return f"{text}{', not confirmed' if doubted else ''}."
+
+
+def _size(effect: str, p: ParameterValue, alone: bool) -> str:
+    """``north 0.104 ± 0.001 m/s``; the interval where it is open or not symmetric."""
+    told = words.interval_of(effect, p)
+    if not told:
+        return ""
+    if p.interval is None or None not in p.interval:
+        low, high = words.interval(p)
+        if abs((high + low) / 2.0 - p.value) < ASYMMETRY * (high - low):
+            told = PAGE.with_std(p.value, (high - low) / 2.0)
+    unit = "" if p.unit in NO_UNIT else PAGE.written_unit(p.unit)
+    return " ".join(x for x in ("" if alone else _named(p.symbol), PAGE.signs(told), unit) if x)
+
+
+def _named(symbol: str) -> str:
+    """A parameter without the unit that its symbol ends in."""
+    stem, _, end = symbol.rpartition("_")
+    return (stem if end in UNIT_ENDS else symbol).replace("_", " ")
+
+
+def _changed(found: Comparison) -> str:
+    """Held-out errors without and with the effects, and where the difference is no chance."""
+    pieces = []
+    for name, before in found.held_out.before.items():
+        after = found.held_out.after.get(name)
+        if after is None:
+            continue
+        first = number(PAGE.shown(before.rmse, before.unit), 2)
+        text = f"{name} {first} → {quantity(after.rmse, after.unit, 2)}"
+        pieces.append(text + _sureness(found.held_out.difference.get(name)))
+    return f"With that, held-out RMSE {', '.join(pieces)}." if pieces else ""
+
+
+def _sureness(difference: Difference | None) -> str:
+    """Says where a change may be chance, and where it is for the worse."""
+    if difference is None:
+        return ""
+    if difference.low <= 0.0 <= difference.high:
+        return " (may be chance)"
+    return " (worse)" if difference.low > 0.0 else ""
+
+
+def _remains(data: ReportData) -> Lines:
+    """An unexplained residual, and the findings to look at."""
+    found = data.comparison or data.diagnosis
+    lines = list(words.unexplained_lines(found.unexplained)) if found else []
+    lines = ["Unexplained residual: " + " ".join(lines)] if lines else []
+    if found is not None and not found.unexplained:
+        lines.append("No residual that calls for another effect.")
+    coloured = not_white(data.final_tests)
+    if coloured:
+        lines.append(f"The errors of {listed(coloured)} are not white: more than noise is left.")
+    ranks = [w.rank for w in warnings(data)]
+    counts = [
+        f"{n} {one if n == 1 else many}" for rank, one, many in COUNTED if (n := ranks.count(rank))
+    ]
+    if counts:
+        lines.append(f"{listed(counts)} below.")
+    return [" ".join(lines)] if lines else []
+
+
+def _next(data: ReportData) -> Lines:
+    """The maneuvers that would add most, and what would separate effects that look alike."""
+    found = data.comparison or data.diagnosis
+    lines = []
+    if found is not None and found.ambiguous and data.diagnosis:
+        lines.append(f"To tell the effects apart: {data.diagnosis.separate_by}.")
+    best = data.plan.candidates[:MOST_NEXT] if data.plan else ()
+    return [*lines, *(f"{i}. {_maneuver(c)}" for i, c in enumerate(best, 1))]
+
+
+def _maneuver(c: TrialCandidate) -> str:
+    """A maneuver, what to do, and what it would do to the standard deviations."""
+    named = list(c.shrinks.items())[:MOST_NAMED]
+    helps = ", ".join(f"{s} by {100.0 * (1.0 - f):.0f} %" for s, f in named)
+    gained = f"; would cut the standard deviation of {helps}" if helps else ""
+    return f"{c.name[0].upper()}{c.name[1:]}: {c.what}, {c.duration_s:.0f} s{gained}."
