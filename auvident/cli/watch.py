@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.progress import Progress, TaskID
 
-PLAIN_WIDTH = 140  # columns of a table that goes to a file or a pipe
-
 
 class Watch(Observer):
     """Prints what the pipeline tells.
@@ -79,9 +77,9 @@ class Watch(Observer):
         if self.quiet:
             return
         self._stop()
-        from auvident.report.console_style import console_for
+        from auvident.report.console_style import console_for, width_of
 
-        console_for(sys.stderr, None if sys.stderr.isatty() else PLAIN_WIDTH).print(piece)
+        console_for(sys.stderr, width_of(sys.stderr)).print(piece)
 
     def _line(self, text: str) -> None:
         self._stop()
