@@ -6,7 +6,17 @@ from typing import Any
 
 import click
 
-from auvident.cli.common import MOST_SEED, OUTSIDE, PATH, RUN, Output, command, write_table
+from auvident.cli.common import (
+    MOST_SEED,
+    OUTSIDE,
+    PATH,
+    RUN,
+    Natural,
+    Output,
+    command,
+    completing,
+    write_table,
+)
 from auvident.schema.places import BESIDE
 from auvident.schema.planes import PLANES, Plane
 
@@ -55,6 +65,7 @@ def status(output: Output, run: Path) -> None:
 @click.option(
     "--maneuver",
     metavar="NAME[:NUMBERS]",
+    shell_complete=completing("desk_maneuvers"),
     help="Standard maneuver: turning-circle:15, zigzag:10/10, spiral:25, pull-out:15, depth-step:5 "
     "or vertical-zigzag:10/5 (deg, m; the defaults).",
 )
@@ -92,20 +103,20 @@ def status(output: Output, run: Path) -> None:
     type=float,
     default=10.0,
     metavar="HZ",
-    help="Of the log on one clock.  [default: 10]",
+    help="Sampling rate of the log.  [default: 10]",
 )
 @click.option(
     "--samples",
-    type=click.IntRange(min=0, max=MOST_SAMPLES),
+    type=Natural(MOST_SAMPLES),
     default=100,
-    help="Models sampled for the uncertainty band.  [default: 100]",
+    help="Models sampled for the uncertainty band, at most 10000.  [default: 100]",
 )
 @OUTSIDE
 @click.option("--output", "file", type=PATH, help="Output file (.parquet or .csv).")
 @click.option("--figure", type=PATH, help="Picture of a maneuver (.svg or .png).")
 @click.option(
     "--seed",
-    type=click.IntRange(min=0, max=MOST_SEED),
+    type=Natural(MOST_SEED),
     default=0,
     help="Seed of the sampling.  [default: 0]",
 )
@@ -252,7 +263,7 @@ def _picture_form(figure: Path | None) -> str:
     "--format",
     "form",
     type=click.Choice(["json", "toml", "csv", "python", "matlab", "c"]),
-    help="[default: by the suffix of --output, else json]",
+    help="Form of the model.  [default: by the suffix of --output, else json]",
 )
 @click.option("--output", "file", type=PATH, help="Output file.  [default: standard output]")
 @PLANE

@@ -25,6 +25,8 @@ Justify = Literal["left", "right"]
 
 PLAIN_WIDTH = 140  # columns of a table that goes to a file or a pipe
 WHOLE = 8  # columns; a cell as short as that (a unit) is not broken
+WHOLE_NAME = 24  # the same for the first column, which has names
+ROOMY = 100  # columns; with less a table that would break its cells moves its columns closer
 # blanks that no line ends at: those within "0.7 deg", "24 kg m^2 s", "± std", "≥ 0.5"
 UNIT = r"(?:kg|N|m|s|deg|rad|Hz|rpm|nats|%)(?:[/^][\w/^]*)?(?![\w|])"
 GLUE = re.compile(
@@ -104,8 +106,10 @@ class Shown:
         if self.table.title:
             yield Text(self.table.title, style="italic")
         widths = [_widths(self.table, k) for k in range(len(self.table.heads))]
-        least = [w for w, _ in widths]
-        layout = WIDE if WIDE.taken(least) <= options.max_width else NARROW
+        least = [w for w, _, _ in widths]
+        full = [w for _, _, w in widths]
+        aired = least if options.max_width >= ROOMY else full
+        layout = WIDE if WIDE.taken(aired) <= options.max_width else NARROW
         keys = _keys(self.table, least, options.max_width)
         for block in in_blocks(least, options.max_width, layout, keys):
             given = fitted([widths[k] for k in block], options.max_width, layout)
@@ -186,16 +190,23 @@ def _keys(table: tables.Written, least: Sequence[int], room: int) -> int:
     return 1
 
 
-def _widths(table: tables.Written, k: int) -> tuple[int, int]:
-    """Least and full width of a column: of its longest word or number, of its longest line."""
+def _widths(table: tables.Written, k: int) -> tuple[int, int, int]:
+    """Least, compact and full width of a column.
+
+    That of its longest word or number; that with the head of numbers in two lines; that of its
+    longest line.
+    """
     cells = [row[k] for row in table.rows]
     texts = [table.heads[k], *cells]
-    whole = [cell for cell in cells if table.numeric[k] or cell_len(cell) <= WHOLE]
+    short = WHOLE if k else WHOLE_NAME
+    whole = [cell for cell in cells if table.numeric[k] or cell_len(cell) <= short]
     pieces = [*whole, *(word for text in texts for word in glued(text).split(" "))]
     words = max((cell_len(piece) for piece in pieces), default=1)
     lines = max(cell_len(line) for text in texts for line in (*text.splitlines(), ""))
     readable = 0 if table.numeric[k] else min(READABLE, (lines + 1) // 2)
-    return max(min(words, LONGEST_WORD), readable, 1), max(lines, 1)
+    least = max(min(words, LONGEST_WORD), readable, 1)
+    compact = max(least, (cell_len(table.heads[k]) + 3) // 2) if table.numeric[k] else lines
+    return least, compact, max(lines, least, 1)
 
 
 def in_blocks(least: Sequence[int], room: int, layout: Layout, keys: int = 1) -> list[list[int]]:
@@ -210,14 +221,14 @@ def in_blocks(least: Sequence[int], room: int, layout: Layout, keys: int = 1) ->
     return blocks
 
 
-def fitted(widths: Sequence[tuple[int, int]], room: int, layout: Layout) -> list[int]:
+def fitted(widths: Sequence[tuple[int, int, int]], room: int, layout: Layout) -> list[int]:
     """Width of every column: narrow ones get all they want first, wide ones share the rest."""
-    given = [least for least, _ in widths]
+    given = [least for least, _, _ in widths]
     rest = room - layout.taken(given)
-    order = sorted(range(len(widths)), key=lambda k: widths[k][1])
-    for k in order:
-        more = max(min(widths[k][1] - given[k], rest), 0)
-        given[k], rest = given[k] + more, rest - more
+    for want in (1, 2):
+        for k in sorted(range(len(widths)), key=lambda k: widths[k][want]):
+            more = max(min(widths[k][want] - given[k], rest), 0)
+            given[k], rest = given[k] + more, rest - more
     return given
 
 
