@@ -127,6 +127,8 @@ def new_vehicle(output: Output, file: Path | None) -> None:
         if file.exists():
             raise UsageError("is there already", str(file), "Choose a name for a new file.")
         write_bytes(file, text.encode())
+        with output.watch() as watch:
+            watch.note(f"written to {file}; once it has your numbers: auvident ase {file}")
     elif not output.json:
         output.text(text.rstrip("\n"))
     output.artifact({"schema": "auvident/new-vehicle/1", "toml": text}, "new-vehicle")

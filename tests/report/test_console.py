@@ -21,8 +21,8 @@ from auvident.schema.artifacts import Finding
 from auvident.storage.run_directory import RunDirectory
 
 
-def text_of(pieces: list[RenderableType]) -> str:
-    console = console_for(io.StringIO(), width=140)
+def text_of(pieces: list[RenderableType], width: int = 140) -> str:
+    console = console_for(io.StringIO(), width=width)
     for piece in pieces:
         console.print(piece)
     return console.file.getvalue()  # type: ignore[attr-defined]
