@@ -150,7 +150,7 @@ def test_status_says_what_is_stale_and_why(demo: Path, auvident: Callable[..., C
     stages = {s["stage"]: s for s in json.loads(called.out)["stages"]}
     assert stages["ingest"]["state"] == "done"
     assert stages["segment"]["state"] == "stale"
-    assert stages["segment"]["reason"] == "segment/maneuvers.json is not as it was written"
+    assert stages["segment"]["reason"] == "segment/maneuvers.json was changed after it was written"
     assert stages["identify"]["reason"] == "segment is stale"
 
 

@@ -152,8 +152,10 @@ def command(name: str, *examples: str) -> Callable[[Callable[..., Any]], click.C
 
 
 _OUTPUT_OPTIONS = (
-    click.option("--verbose", is_flag=True, help="More output; a traceback for bugs."),
-    click.option("--quiet", is_flag=True, help="No progress, no tables: only errors."),
+    click.option(
+        "--verbose", is_flag=True, help="More output, and a traceback if the program fails."
+    ),
+    click.option("--quiet", is_flag=True, help="No progress and no tables, only errors."),
     click.option("--json", "as_json", is_flag=True, help="Print the result as JSON."),
 )
 

@@ -26,7 +26,7 @@ BUG_EXIT_CODE = 70  # EX_SOFTWARE of sysexits.h: the program is at fault, not it
 LONGEST_MESSAGE = 4000  # characters; a name or value of a user's file may be of any length
 BESIDE = ("numpy", "scipy", "pandas", "pyarrow", "numba", "pydantic", "click", "rich")
 NO_MEMORY = InputError(
-    "the memory of this machine is not enough",
+    "this machine has too little memory",
     remedy="Give a shorter log, a lower --rate or fewer --samples.",
 )
 

@@ -77,21 +77,22 @@ def status(output: Output, run: Path) -> None:
     "speed_mps",
     type=float,
     metavar="MPS",
-    help="Start from a straight run at this speed instead of the measured state; of a maneuver "
-    "the approach.  [default of a maneuver: that of the trial, else of the vehicle file]",
+    help="With --inputs, start from a straight run at this speed, not from the measured state; "
+    "with --maneuver, speed of the approach.  [default: that of the trial, else of the vehicle "
+    "file]",
 )
 @click.option(
     "--rpm",
     type=float,
-    help="Propeller rate of a maneuver.  [default: as the speed needs]",
+    help="Propeller rate of the maneuver, 1/min.  [default: what the speed needs]",
 )
 @click.option(
     "--rudder-rate",
     "rudder_rate_degps",
     type=float,
     metavar="DEGPS",
-    help="How fast the fin turns in a maneuver.  [default: as in the model, else 25 deg/s, and no "
-    "more than 93 deg per L/U]",
+    help="Servo speed in the maneuver, deg/s.  [default: that of the model, else 25, at most 93 "
+    "deg in the time L/U]",
 )
 @click.option(
     "--vehicle", type=PATH, help="Vehicle file, for a MODEL that is not in a run directory."
@@ -179,7 +180,7 @@ def _refuse(given: dict[str, Any], other: str) -> None:
     """Options that only go with another one."""
     for name, value in given.items():
         if value is not None:
-            raise click.UsageError(f"{name} goes with {other} only.")
+            raise click.UsageError(f"{name} can only be used with {other}.")
 
 
 def _predict(
@@ -317,7 +318,7 @@ def read_share(ctx: click.Context, parameter: click.Parameter, text: str | None)
     except ValueError:
         share = math.nan
     if not 0.0 <= share < math.inf:
-        raise click.BadParameter(f"{text!r} is no share; say 10% or 0.1")
+        raise click.BadParameter(f"{text!r} is not a share: give 10% or 0.1")
     return share
 
 
@@ -332,8 +333,8 @@ def read_share(ctx: click.Context, parameter: click.Parameter, text: str | None)
     "share",
     metavar="SHARE",
     callback=read_share,
-    help="Exit with 1 where a held-out error is above that of the last run, the baseline, by more "
-    "than this share of it (10% or 0.1).",
+    help="Exit with code 1 if a held-out error exceeds that of the last run, the baseline, by "
+    "more than this share (10% or 0.1).",
 )
 def compare(output: Output, runs: tuple[Path, ...], share: float | None) -> None:
     """Show coefficients and held-out errors of several runs side by side."""
@@ -347,8 +348,6 @@ def compare(output: Output, runs: tuple[Path, ...], share: float | None) -> None
     with output.watch() as watch:
         for table in comparison_tables(comparison):
             watch.show(table)
-        if len({tuple(run["held_out"]) for run in comparison["runs"]}) > 1:
-            watch.note("Other maneuvers are held out in each run: their errors compare roughly.")
     output.artifact(comparison, "compare")
     if share is not None:
         check_not_worse(comparison, share)

@@ -125,7 +125,7 @@ def new_vehicle(output: Output, file: Path | None) -> None:
     text = vehicle_template()
     if file is not None:
         if file.exists():
-            raise UsageError("is there already", str(file), "Choose a name for a new file.")
+            raise UsageError("exists already", str(file), "Give the name of a new file.")
         write_bytes(file, text.encode())
         with output.watch() as watch:
             watch.note(f"written to {file}; once it has your numbers: auvident ase {file}")

@@ -145,7 +145,9 @@ class _Aside:
     def replaced(self, source: "TrialSource", by: str) -> None:
         """Set a trial aside that is a part of a longer one."""
         problem = f"trial {source.name} is a part of trial {by}, which is used"
-        remedy = "Leave it out: a maneuver of both would be held out in one and seen in the other."
+        remedy = (
+            "Leave it out: what is held out in one would be used for identification in the other."
+        )
         self.note(source.name, InputError(problem, str(source.place), remedy))
 
     def none_left(self) -> AuvidentError:

@@ -53,7 +53,11 @@ SPREAD_FACTS = (
 )
 DESIGN_FACTS = (
     ("vertical", "stable_below_mps", "vertical: stable below, m/s"),
-    ("horizontal", "linear_rate_per_speed_and_rudder_perm", "linear r/(u δ), 1/m"),
+    (
+        "horizontal",
+        "linear_rate_per_speed_and_rudder_perm",
+        "rate of turn per speed and rudder, 1/m",
+    ),
     ("speed", "speed_per_rate_m", "speed per propeller rate, m"),
     ("speed", "design_speed_rpm", "rpm at design speed"),
 )

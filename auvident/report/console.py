@@ -37,7 +37,7 @@ ROLES = {
     "identify": "Prediction of the maneuvers used for identification",
     "validate": "Prediction of the held-out maneuvers",
 }
-HORIZONS = "The held-out maneuvers predicted from readings so many seconds before"
+HORIZONS = "Prediction of the held-out maneuvers, restarted from the readings at these intervals"
 LEADS = (ESTIMATE_CONTRADICTED,)  # findings on a model that are told before its coefficients
 MOST_SENSOR_TABLES = 3  # trials; more of them are shown with one row each
 
@@ -133,7 +133,8 @@ def _segment(outputs: Mapping[str, Any]) -> list[RenderableType]:
     maneuvers: Sequence[Maneuver] = outputs["segment/maneuvers.json"]
     beside = outputs["segment/rejected.json"]
     table = rich_table(tables.maneuvers(maneuvers, "Maneuvers"))
-    note = f"{len(beside['rejected'])} candidates rejected; segment/rejected.json has the reasons"
+    rejected = len(beside["rejected"])
+    note = f"{rejected} candidate maneuvers rejected; the reasons are in segment/rejected.json"
     why: list[RenderableType] = [Text(line) for line in why_held_out(maneuvers)]
     if len({m.trial for m in maneuvers}) > 1:
         why = [rich_table(tables.maneuvers_by_trial(maneuvers)), *why]
@@ -182,7 +183,7 @@ def comparison_tables(comparison: Mapping[str, Any]) -> list[RenderableType]:
     """Several runs side by side."""
     pieces: list[RenderableType] = [rich_table(t) for t in tables.runs_side_by_side(comparison)]
     sets = {tuple(run["held_out"]) for run in comparison["runs"]}
-    note = "The runs hold out different maneuvers, so their errors are not comparable."
+    note = "The runs hold out different maneuvers: their errors compare only roughly."
     pieces += [Text(note, style="yellow")] if len(sets) > 1 else []
     for plane, beside in comparison.get("planes", {}).items():
         pieces += [plane_heading(plane), *comparison_tables(beside)]
@@ -229,7 +230,7 @@ def _log_columns(file: Any) -> RenderableType:
 
 def trial_plan_table(plan: TrialPlan) -> RenderableType:
     """Candidate maneuvers, best first."""
-    title = f"{plan.vehicle}, {plan.plane} plane: what another maneuver would add"
+    title = f"{plan.vehicle}, {plan.plane} plane: what one more maneuver would add"
     heads = columns(("maneuver", "what to do"), ("length, s", "gain, nats"))
     rows: Rows = [
         [

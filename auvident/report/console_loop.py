@@ -18,6 +18,7 @@ VERDICT_STYLES = {
     "partly_explained": "bold cyan",
     "unexplained": "bold yellow",
 }
+CANNOT_TELL = "These data cannot tell apart"
 MOST_CANDIDATES = 8  # rows of the ranking; the artifact has all of them
 SIGHT_STYLES = dict.fromkeys((tables.NOT_SHOWN, tables.ALIKE, tables.NOT_TESTED), "yellow")
 
@@ -98,15 +99,18 @@ def effect_lines(found: Diagnosis) -> list[RenderableType]:
     if found.effects:
         pieces.append(rich_table(tables.effects(found.effects)))
     pieces += _ambiguous_lines(found)
-    if found.separate_by:
-        pieces.append(Text(f"Maneuvers that would: {found.separate_by}", style="yellow"))
+    if found.separate_by and found.separate_by not in found.statement:
+        pieces.append(
+            Text(f"These maneuvers would tell them apart: {found.separate_by}", style="yellow")
+        )
     return pieces + _unexplained_lines(found)
 
 
 def _ambiguous_lines(found: Diagnosis | Comparison) -> list[RenderableType]:
     return [
-        Text(f"These data cannot tell apart {' and '.join(group)}", style="yellow")
+        Text(f"{CANNOT_TELL} {' and '.join(group)}", style="yellow")
         for group in found.ambiguous
+        if not found.statement.startswith(CANNOT_TELL)  # the verdict says it
     ]
 
 

@@ -12,17 +12,21 @@ WORDS = {
     "steady_r": "steady yaw rate",
     "steady_drift": "steady drift (bow inside)",
     "stability_index": "stability index G",
-    "nomoto_gain": "Nomoto K, linear",
-    "nomoto_time": "Nomoto T, linear",
-    "zigzag_gain": "Nomoto K, of the zigzag",
-    "zigzag_time": "Nomoto T, of the zigzag",
+    "nomoto_gain": "Nomoto K, linear model",
+    "nomoto_time": "Nomoto T, linear model",
+    "zigzag_gain": "Nomoto K, from the zigzag",
+    "zigzag_time": "Nomoto T, from the zigzag",
     "reach": "reach (back on the course)",
     "depth_overshoot": "depth overshoot",
     "r_from_starboard": "rate from starboard",
     "r_from_port": "rate from port",
-    "residual_starboard": "rate left after starboard",
-    "residual_port": "rate left after port",
-    "residual_difference": "rate left, difference",
+    "residual_starboard": "residual rate after starboard",
+    "residual_port": "residual rate after port",
+    "residual_difference": "residual rate, difference",
+    "time_to_90": "time to 90 deg of heading",
+    "time_to_180": "time to 180 deg of heading",
+    "steady_starboard": "steady rate to starboard",
+    "steady_port": "steady rate to port",
 }
 CURVE_TITLES = {
     "spiral": "Steady yaw rate by rudder; rates and rudder positive to starboard",
@@ -42,7 +46,9 @@ def desk_pieces(result: DeskResult) -> list[RenderableType]:
     pieces: list[RenderableType] = [rich_table(figure_table(result))]
     pieces += [rich_table(curve_table(curve)) for curve in result.curves]
     row = BY_MANEUVER[result.maneuver]
-    line = f"{row.steered}; {row.ends}. Fin: {result.servo}."
+    line = (
+        f"{row.steered[:1].upper()}{row.steered[1:]}; ends {row.ends}. Servo speed: {result.servo}."
+    )
     return [*pieces, Text(line, style="dim"), *findings_lines(result.findings)]
 
 
@@ -83,7 +89,7 @@ def _interval(f: DeskFigure) -> Cell:
         return ""
     told = Interval(f.low, f.high)
     if f.share is not None and f.share < 1.0:
-        return Joined((told, f"({f.share:.0%} of the models)"), " ")
+        return Joined((told, f"({f.share:.0%} of the sampled models)"), " ")
     return told
 
 

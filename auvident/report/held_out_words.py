@@ -35,5 +35,5 @@ def _reached(quantity: str, e: Extrapolation) -> str:
     """How far it goes by one quantity, and the identifying ones do."""
     value, known = (PAGE.quantity(x, e.unit, DIGITS) for x in (e.reaches, e.identified))
     if quantity == "u_low":
-        return f"slows to {value}, the identifying ones to {known}"
-    return f"goes to {value} {WORDS[quantity]}, the identifying ones to {known}"
+        return f"slows to {value}, the maneuvers used for identification to {known}"
+    return f"reaches {value} {WORDS[quantity]}, the maneuvers used for identification {known}"

@@ -168,7 +168,8 @@ def tried_comparison() -> Comparison:
         ),
     )
     force = UnexplainedForce(
-        added=True, statement="Unexplained, but predictable: left-out v 0.21 to 0.09 (NRMSE)."
+        added=True,
+        statement="An unnamed force improves the prediction: left-out v 0.21 to 0.09 (NRMSE).",
     )
     return loop_world.comparison(loop_world.diagnosis()).model_copy(
         update={
@@ -200,4 +201,6 @@ def test_the_cross_validation_of_the_final_model_stands_beside_that_of_the_first
 
 
 def test_a_force_without_a_name_is_told_as_what_it_is() -> None:
-    assert "Unexplained, but predictable: left-out v 0.21 to 0.09" in refined(tried_comparison())
+    assert "An unnamed force improves the prediction: left-out v 0.21 to 0.09" in refined(
+        tried_comparison()
+    )

@@ -118,22 +118,21 @@ RULES: tuple[Rule[Account], ...] = (
         "its fit has converged",
         lambda a: a.settled,
         1.0,
-        words="expected to gain only {promise:.0f} nats, far less than the best candidate; not "
-        "fitted to convergence",
+        words="expected gain of {promise:.0f} nats, far below the best",
     ),
     Rule(
         "gain",
         "its gain in likelihood is large enough",
         lambda a: a.gain,
         LEAST_GAIN,
-        words="gains next to nothing ({evidence:.0f} nats)",
+        words="negligible gain ({evidence:.0f} nats)",
     ),
     Rule(
         "of-best",
         "it is not a by-product of another",
         lambda a: a.gain / a.best_gain,
         OF_BEST,
-        words="gains less than half as much as the best candidate",
+        words="less than half the gain of the best",
     ),
     Rule(
         "small",
@@ -147,7 +146,7 @@ RULES: tuple[Rule[Account], ...] = (
         "its size is possible",
         lambda a: not a.impossible,
         1.0,
-        words="ends at a size that is impossible",
+        words="physically impossible size",
     ),
     Rule(
         "maneuvers",
@@ -171,16 +170,16 @@ RULES_LEFT_OUT: tuple[Rule[Account], ...] = (
         "it helps them more than chance would",
         _standard_errors,
         LEAST_T,
-        words="evidence too weak: the maneuvers left out improve by {evidence:.1f} standard "
-        "errors, {least:.1f} needed",
+        words="evidence too weak: maneuvers left out improve by {evidence:.1f} standard errors "
+        "({least:.1f} needed)",
     ),
     Rule(
         "explained",
         "it explains much of some residual",
         lambda a: a.helped.explained if a.helped else math.inf,
         LEAST_EXPLAINED,
-        words="explains too little: {evidence:.0%} of what the sensors' noise does not, in the "
-        "maneuvers left out, {least:.0%} needed",
+        words="hardly improves any channel: explains {evidence:.0%} of the residual above sensor "
+        "noise in maneuvers left out ({least:.0%} needed)",
     ),
 )
 ANOTHER = Refusal("another", "another candidate gains more")
