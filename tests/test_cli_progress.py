@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from auvident.cli.pace import Pace, about, took
+from auvident.cli.time_left import TimeLeft, about, took
 from auvident.cli.watch import Watch
 from auvident.stages.diagnose.select.telling import COMPARE, FIT, SETTLE, SHARES, Telling
 
@@ -22,7 +22,7 @@ class Clock:
 
 def test_the_rest_is_estimated_from_what_is_done() -> None:
     clock = Clock()
-    pace = Pace(clock)
+    pace = TimeLeft(clock)
     assert pace.left_s(0.0) is None
     clock.now = 1.0
     assert pace.left_s(0.1) is None  # too early to tell
@@ -33,7 +33,7 @@ def test_the_rest_is_estimated_from_what_is_done() -> None:
 
 def test_a_smaller_share_begins_something_new() -> None:
     clock = Clock()
-    pace = Pace(clock)
+    pace = TimeLeft(clock)
     pace.left_s(0.0)
     clock.now = 100.0
     assert pace.left_s(0.5) == pytest.approx(100.0, rel=0.1)
@@ -91,7 +91,7 @@ def watched(stream: io.StringIO, monkeypatch: pytest.MonkeyPatch, quiet: bool = 
     clock = Clock()
     with Watch(quiet) as watch:
         watch.started("diagnose")
-        watch._pace = Pace(clock)
+        watch._pace = TimeLeft(clock)
         for k, share in itertools.product(range(2), (0.1, 0.5)):
             clock.now += 10.0 * k + 1.0
             watch.progress("round 1: 1 of 2 effects, servo lag", share)

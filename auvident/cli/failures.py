@@ -19,6 +19,7 @@ import click
 
 from auvident import __version__
 from auvident.cli.common import OPTIONS_OF_PROCESS
+from auvident.cli.lines import in_lines
 from auvident.errors import AuvidentError, InputError
 from auvident.schema.quoting import clipped, printable
 
@@ -33,7 +34,7 @@ NO_MEMORY = InputError(
 
 def say(problem: str) -> None:
     """One error on standard error, as text that gives no orders to the terminal."""
-    click.echo(f"Error: {printable(clipped(problem, LONGEST_MESSAGE))}", err=True)
+    click.echo(in_lines(f"Error: {printable(clipped(problem, LONGEST_MESSAGE))}"), err=True)
 
 
 def told(error: AuvidentError) -> int:

@@ -143,15 +143,15 @@ def simulate(
     """Predict the motion from the inputs of a log, or fly a standard maneuver.
 
     With --inputs it starts from the measured state if the log has one, else on a straight run at
-    --speed or at the steady speed of the first propeller rate. The band is that of 95 % of the
+    --speed or at the steady speed of the first propeller rate. The band holds 95 % of the
     readings. The table is written to --output, else to RUN/simulate, else (MODEL) to standard
     output.
 
-    With --maneuver a helm on the desk steers: from a straight run in balance, with a RUN, a MODEL,
-    or a VEHICLE.toml, whose estimate from geometry is flown with its [coefficients] in place. An
-    angle on the command line is positive to starboard, or bow up; a depth, downwards. The intervals
-    hold 90 % of the models sampled. The table of the motion is written to --output, with the
-    signs of the axes (a positive rudder turns to port, a positive elevator down).
+    With --maneuver it starts from a steady straight run. A RUN, a MODEL or a VEHICLE.toml will do;
+    of the last its [coefficients] are used, the others are estimated from geometry. Angles on the
+    command line are positive to starboard, or bow up; depths, downwards. The intervals hold 90 %
+    of the sampled models. The table is written to --output, with the signs of the axes (a positive
+    rudder turns to port, a positive elevator pitches down).
     """
     if (log is None) == (maneuver is None):
         raise click.UsageError("Give either --inputs LOG or --maneuver NAME.")

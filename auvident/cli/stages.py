@@ -226,7 +226,8 @@ def run(
 ) -> int:
     """Run all stages in order; stages that are up to date are skipped.
 
-    The run ends with the effects that the model lacked and how the held-out errors changed.
+    The run ends with the effects that the model lacked, how the held-out errors changed, the path
+    of the report and the next command; with --quiet it prints one line, verdict and report.
     Without LOG, the logs, the vehicle file and the options of the last run are used.
     """
     from auvident.pipeline import run_all

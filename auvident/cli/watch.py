@@ -1,16 +1,14 @@
 """The console that follows the pipeline: decisions, progress and tables on standard error."""
 
-import os
-import shutil
 import sys
-import textwrap
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from auvident.cli.interrupt import raise_again
-from auvident.cli.pace import Pace, about, took
+from auvident.cli.lines import in_lines
+from auvident.cli.time_left import TimeLeft, about, took
 from auvident.pipeline.observer import Observer
 from auvident.schema.quoting import printable
 
@@ -36,7 +34,7 @@ class Watch(Observer):
     def __init__(self, quiet: bool = False, verbose: bool = False, brief: bool = False) -> None:
         self.quiet, self.verbose, self.brief = quiet, verbose, brief and not verbose
         self._bar: tuple[Progress, TaskID] | None = None
-        self._pace, self._stage, self._announced = Pace(), "", False
+        self._pace, self._stage, self._announced = TimeLeft(), "", False
 
     def decided(self, stage: str, sentence: str) -> None:
         """One line a stage."""
@@ -49,7 +47,7 @@ class Watch(Observer):
         raise_again()
         if not (self._announced or sys.stderr.isatty()):
             self._line(f"{stage}: started")
-        self._stage, self._pace, self._announced = stage, Pace(), False
+        self._stage, self._pace, self._announced = stage, TimeLeft(), False
 
     def note(self, text: str) -> None:
         """One line."""
@@ -58,7 +56,7 @@ class Watch(Observer):
     def refused(self, problem: str) -> None:
         """A warning; also with ``--quiet``."""
         self._stop()
-        click.echo(f"Warning: skipped: {printable(problem)}", err=True)
+        click.echo(in_lines(f"Warning: skipped: {printable(problem)}"), err=True)
 
     def progress(self, text: str, fraction: float | None = None) -> None:
         """A bar, on a terminal only."""
@@ -101,7 +99,7 @@ class Watch(Observer):
     def _line(self, text: str) -> None:
         self._stop()
         if not self.quiet:
-            click.echo(_in_lines(printable(text)), err=True)
+            click.echo(in_lines(printable(text)), err=True)
 
     def _stop(self) -> None:
         if self._bar is not None:
@@ -113,18 +111,6 @@ class Watch(Observer):
 
     def __exit__(self, *_: object) -> None:
         self._stop()
-
-
-def _in_lines(text: str) -> str:
-    """A text in lines that end between words, where there is a terminal; paths stay whole."""
-    if not (sys.stderr.isatty() or "COLUMNS" in os.environ):
-        return text
-    columns = shutil.get_terminal_size().columns
-    pieces = (
-        textwrap.wrap(line, columns, break_long_words=False, break_on_hyphens=False) or [""]
-        for line in text.split("\n")
-    )
-    return "\n".join(line for of in pieces for line in of)
 
 
 def _start_bar() -> "tuple[Progress, TaskID]":

@@ -1,6 +1,7 @@
 """Tables of every stage for people; the command line prints them on standard error."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ from auvident.report import tables_run as tables
 from auvident.report.ase_tables import ase_report
 from auvident.report.console_combined import combined_brief, combined_pieces
 from auvident.report.console_style import findings_lines, rich_table
-from auvident.report.held_out_words import beyond, why_held_out
+from auvident.report.held_out_words import OTHERS_HELD_OUT, beyond, why_held_out
 from auvident.report.numbers import TERMINAL
 from auvident.report.tables import Column, Fixed, Number, Rows, Table, columns
 from auvident.report.trial_words import set_aside
@@ -176,15 +177,21 @@ def status_table(run: Path, rows: Sequence[Mapping[str, Any]]) -> RenderableType
         for row in rows
     ]
     heads = columns(("stage", "state", "reason", "last failure"))
-    return rich_table(Table(heads, cells, f"Run directory {run}"), STATE_STYLES)
+    return rich_table(_without_empty(Table(heads, cells, f"Run directory {run}")), STATE_STYLES)
+
+
+def _without_empty(table: Table) -> Table:
+    """A table without its last column where that is empty."""
+    if any(row[-1] for row in table.rows):
+        return table
+    return replace(table, columns=table.columns[:-1], rows=[row[:-1] for row in table.rows])
 
 
 def comparison_tables(comparison: Mapping[str, Any]) -> list[RenderableType]:
     """Several runs side by side."""
     pieces: list[RenderableType] = [rich_table(t) for t in tables.runs_side_by_side(comparison)]
     sets = {tuple(run["held_out"]) for run in comparison["runs"]}
-    note = "The runs hold out different maneuvers: their errors compare only roughly."
-    pieces += [Text(note, style="yellow")] if len(sets) > 1 else []
+    pieces += [Text(OTHERS_HELD_OUT, style="yellow")] if len(sets) > 1 else []
     for plane, beside in comparison.get("planes", {}).items():
         pieces += [plane_heading(plane), *comparison_tables(beside)]
     return pieces
@@ -225,7 +232,7 @@ def _log_columns(file: Any) -> RenderableType:
         ]
         for c in file.columns
     ]
-    return rich_table(Table((*heads, Column("note")), rows))
+    return rich_table(_without_empty(Table((*heads, Column("note")), rows)))
 
 
 def trial_plan_table(plan: TrialPlan) -> RenderableType:

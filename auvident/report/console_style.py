@@ -119,7 +119,7 @@ class Shown:
         if self.table.caption:
             yield Text(self.table.caption, style="dim italic")
 
-    def _block(self, block: Sequence[int], widths: Sequence[int], layout: "Layout") -> Table:
+    def _block(self, block: Sequence[int], widths: Sequence[int], layout: "Spacing") -> Table:
         text = self.table
         shown = Table(box=box.SIMPLE_HEAD, show_edge=layout.edge > 0, padding=layout.padding)
         shown.pad_edge = False
@@ -138,7 +138,7 @@ class Shown:
 
 
 @dataclass(frozen=True)
-class Layout:
+class Spacing:
     """What stands at either edge of a table and between its columns; the padding that makes it."""
 
     edge: int
@@ -150,7 +150,7 @@ class Layout:
         return sum(widths) + 2 * self.edge + self.between * (len(widths) - 1)
 
 
-WIDE, NARROW = Layout(1, 3, (0, 1, 0, 1)), Layout(0, 2, (0, 1, 0, 0))
+WIDE, NARROW = Spacing(1, 3, (0, 1, 0, 1)), Spacing(0, 2, (0, 1, 0, 0))
 
 
 def _without_blanks(lines: Sequence[Sequence[Segment]]) -> Iterator[Segment]:
@@ -209,7 +209,7 @@ def _widths(table: tables.Written, k: int) -> tuple[int, int, int]:
     return least, compact, max(lines, least, 1)
 
 
-def in_blocks(least: Sequence[int], room: int, layout: Layout, keys: int = 1) -> list[list[int]]:
+def in_blocks(least: Sequence[int], room: int, layout: Spacing, keys: int = 1) -> list[list[int]]:
     """Columns that stand side by side: as many as there is room for, the keys in each."""
     first = list(range(keys))
     blocks = [first.copy()]
@@ -221,7 +221,7 @@ def in_blocks(least: Sequence[int], room: int, layout: Layout, keys: int = 1) ->
     return blocks
 
 
-def fitted(widths: Sequence[tuple[int, int, int]], room: int, layout: Layout) -> list[int]:
+def fitted(widths: Sequence[tuple[int, int, int]], room: int, layout: Spacing) -> list[int]:
     """Width of every column: narrow ones get all they want first, wide ones share the rest."""
     given = [least for least, _, _ in widths]
     rest = room - layout.taken(given)

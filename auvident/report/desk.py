@@ -4,7 +4,16 @@ from rich.console import RenderableType
 from rich.text import Text
 
 from auvident.report.console_style import findings_lines, rich_table
-from auvident.report.tables import Cell, Column, Interval, Joined, Number, Table, columns
+from auvident.report.tables import (
+    Cell,
+    Column,
+    Interval,
+    Joined,
+    Number,
+    Rounded,
+    Table,
+    columns,
+)
 from auvident.schema.desk import BY_MANEUVER, DeskCurve, DeskFigure, DeskResult
 
 # figures that do not say by their name what they are
@@ -38,6 +47,7 @@ SOURCES = {
     "given": "given coefficients",
 }
 INTERVAL_HEAD = "90 % interval"
+NORMAL_90 = 1.645  # standard deviations to either side that hold 90 % of a normal distribution
 SMALLEST = 4  # decimals of a curve: what is left of a rate that dies away is no rate
 
 
@@ -55,7 +65,7 @@ def desk_pieces(result: DeskResult) -> list[RenderableType]:
 def figure_table(result: DeskResult) -> Table:
     """Every figure with its interval."""
     rows: list[list[Cell]] = [
-        [_words(f), "" if f.unit == "-" else f.unit, Number(f.value, 4), _interval(f)]
+        [_words(f), "" if f.unit == "-" else f.unit, _value(f), _interval(f)]
         for f in result.figures
     ]
     numbers = "/".join(f"{v:g}" for v in result.parameters.values())
@@ -82,6 +92,13 @@ def curve_table(curve: DeskCurve) -> Table:
             cells += [Number(value, 3), Interval(f.low, f.high) if f.low is not None else ""]
         rows.append(cells)
     return Table(heads, rows, CURVE_TITLES[curve.name])
+
+
+def _value(f: DeskFigure) -> Cell:
+    """A figure, as exact as its interval is wide."""
+    if f.value is None or f.low is None or f.high is None or not f.low < f.high:
+        return Number(f.value, 4)
+    return Rounded(f.value, (f.high - f.low) / (2.0 * NORMAL_90))
 
 
 def _interval(f: DeskFigure) -> Cell:

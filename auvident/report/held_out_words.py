@@ -15,6 +15,7 @@ WORDS = {
     "q": "of pitch rate",
 }
 DIGITS = 2
+OTHERS_HELD_OUT = "The runs hold out different maneuvers: their errors compare only roughly."
 
 
 def why_held_out(maneuvers: Sequence[Maneuver]) -> list[str]:
@@ -33,7 +34,8 @@ def beyond(found: Mapping[str, Mapping[str, Extrapolation]]) -> list[str]:
 
 def _reached(quantity: str, e: Extrapolation) -> str:
     """How far it goes by one quantity, and the identifying ones do."""
-    value, known = (PAGE.quantity(x, e.unit, DIGITS) for x in (e.reaches, e.identified))
+    told = (PAGE.quantity(x, e.unit, DIGITS) for x in (e.reaches, e.identified))
+    value, known = (text.replace(PAGE.space, " ") for text in told)  # for the terminal too
     if quantity == "u_low":
         return f"slows to {value}, the maneuvers used for identification to {known}"
     return f"reaches {value} {WORDS[quantity]}, the maneuvers used for identification {known}"

@@ -93,7 +93,7 @@ def test_groups_and_what_is_left_are_named() -> None:
     )
     text = diagnosed(found)
     assert "These data cannot tell apart rudder_offset and hull_asymmetry" in text
-    assert "Maneuvers that would: vary the speed" in text
+    assert "These maneuvers would tell them apart: vary the speed" in text
     assert "Unexplained: The yaw moment follows the roll (12 nats)." in text
     ending = text_of(discovery(loop_world.comparison(found)))
     assert "cannot tell apart" in ending and "The yaw moment follows the roll (12 nats)." in ending

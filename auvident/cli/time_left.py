@@ -6,7 +6,7 @@ from collections.abc import Callable
 LEAST_DONE, LEAST_S = 0.03, 1.5  # share and time from which on the rest is estimated
 
 
-class Pace:
+class TimeLeft:
     """Follows the share that is done of a piece of work; a smaller share begins another piece."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
