@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from auvident.cli.lines import in_lines
 from auvident.cli.time_left import TimeLeft, about, took
 from auvident.cli.watch import Watch
 from auvident.stages.diagnose.select.telling import COMPARE, FIT, SETTLE, SHARES, Telling
@@ -120,3 +121,13 @@ def test_a_stage_in_a_pipe_has_a_line_at_its_start_and_at_its_end(demo: Path, au
     assert lines[0] == "segment: started"
     assert lines[-1].startswith("segment: done in ")
     assert auvident("segment", demo, "--json").out[0] == "["
+
+
+def test_a_message_breaks_between_words_and_keeps_paths(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = "Error: a rather long message\n  Run `auvident identify a/path/that/is/long/enough`."
+    assert in_lines(text) == text
+    monkeypatch.setenv("COLUMNS", "24")
+    lines = in_lines(text).splitlines()
+    assert lines[:2] == ["Error: a rather long", "message"]
+    assert lines[2] == "  Run `auvident identify"
+    assert lines[3] == "  a/path/that/is/long/enough`."

@@ -94,7 +94,8 @@ class Watch(Observer):
         self._stop()
         from auvident.report.console_style import console_for, width_of
 
-        console_for(sys.stderr, width_of(sys.stderr)).print(piece)
+        whole = getattr(piece, "no_wrap", None) is True  # a command or a path, to be copied
+        console_for(sys.stderr, width_of(sys.stderr)).print(piece, soft_wrap=whole)
 
     def _line(self, text: str) -> None:
         self._stop()
