@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[1]
 SAMPLES = ROOT / "sample_logs"
 PROGRAM = Path(sys.executable).with_name("auvident")
 ENVIRONMENT = {
-    **os.environ,
+    **{name: value for name, value in os.environ.items() if name != "COLUMNS"},
     "PYTHONPATH": str(ROOT),
     "PATH": f"{PROGRAM.parent}:{os.environ['PATH']}",
 }

@@ -14,6 +14,7 @@ from tests import loop_world, seeds, session
 from tests.command_line import SAMPLES, Called, call
 from tests.finished_run import Finished, finished_run
 
+os.environ.pop("COLUMNS", None)  # tables as they are in a pipe, whatever terminal this is
 seeds.move_all()
 # no test fails because the machine is busy
 hypothesis.settings.register_profile("unhurried", deadline=None)

@@ -16,6 +16,7 @@ import pytest
 
 from auvident.cli import COMMANDS, cli, interrupt
 from auvident.pipeline import STAGES
+from tests import loop_world
 from tests.command_line import ENVIRONMENT, PROGRAM, Called
 
 ALL = [name for names in COMMANDS.values() for name in names]
@@ -29,7 +30,7 @@ def command_of(name: str) -> click.Command:
 
 
 def examples_of(name: str) -> list[str]:
-    lines = (command_of(name).epilog or "").splitlines()
+    lines = (command_of(name).epilog or "").replace(" \\\n      ", " ").splitlines()
     return [line.strip() for line in lines if line.strip().startswith("auvident ")]
 
 
@@ -41,7 +42,8 @@ def test_every_command_has_help_that_ends_in_an_example(
     assert called.code == 0
     assert command_of(name).help
     assert examples_of(name)
-    assert called.out.strip().splitlines()[-1].strip() == examples_of(name)[-1]
+    flat = called.out.replace(" \\\n       ", "").strip()
+    assert flat.splitlines()[-1].strip() == examples_of(name)[-1]
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -119,8 +121,17 @@ def test_json_is_the_main_artifact_and_nothing_else(
 
 
 @pytest.mark.usefixtures("quick_loop")
-def test_quiet_says_nothing(demo: Path, auvident: Callable[..., Called]) -> None:
+def test_a_quiet_run_says_one_line(demo: Path, auvident: Callable[..., Called]) -> None:
     called = auvident("run", "--run", demo, "--rate", "5", "--quiet")
+    assert (called.code, called.err) == (0, "")
+    report = f"Report: {demo}/report/report.html"
+    assert called.out == f"{loop_world.NONE.split('. ')[0].rstrip('.')}. {report}\n"
+    called = auvident("run", "--run", demo, "--quiet", "--json")
+    assert json.loads(called.out)["run"] == str(demo) and called.err == ""
+
+
+def test_a_quiet_stage_says_nothing(demo: Path, auvident: Callable[..., Called]) -> None:
+    called = auvident("segment", demo, "--quiet")
     assert (called.code, called.out, called.err) == (0, "", "")
 
 
@@ -139,7 +150,7 @@ def test_status_says_what_is_stale_and_why(demo: Path, auvident: Callable[..., C
     stages = {s["stage"]: s for s in json.loads(called.out)["stages"]}
     assert stages["ingest"]["state"] == "done"
     assert stages["segment"]["state"] == "stale"
-    assert stages["segment"]["reason"] == "segment/maneuvers.json is not as it was written"
+    assert stages["segment"]["reason"] == "segment/maneuvers.json was changed after it was written"
     assert stages["identify"]["reason"] == "segment is stale"
 
 

@@ -176,8 +176,16 @@ def vertical(model: Path) -> str:
         ((VEHICLE, "--maneuver", "zigzag:1/1/1"), 2, "2 of them"),
         ((VEHICLE,), 2, "--inputs LOG or --maneuver"),
         ((VEHICLE, "--maneuver", "zigzag", "--inputs", "sample_logs/bay_trial"), 2, "either"),
-        ((VEHICLE, "--maneuver", "zigzag", "--from", "3"), 2, "--from goes with --inputs"),
-        (("runs/demo", "--inputs", "log", "--rpm", "900"), 2, "--rpm goes with --maneuver"),
+        (
+            (VEHICLE, "--maneuver", "zigzag", "--from", "3"),
+            2,
+            "--from can only be used with --inputs",
+        ),
+        (
+            ("runs/demo", "--inputs", "log", "--rpm", "900"),
+            2,
+            "--rpm can only be used with --maneuver",
+        ),
         ((VEHICLE, "--maneuver", "zigzag", "--figure", "f.pdf"), 2, ".svg or .png"),
         ((VEHICLE, "--maneuver", "zigzag", "--output", "f.txt"), 2, ".csv"),
         ((VEHICLE, "--maneuver", "zigzag", "--speed", "-1"), 2, "--speed"),

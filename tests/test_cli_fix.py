@@ -34,7 +34,7 @@ def test_the_contradiction_comes_first_and_its_fix_is_recorded(
     called = auvident("ingest", knots, *VEHICLE, "--run", run)
     assert called.code == 0, called.err
     said = " ".join(called.err.split())
-    assert said.startswith("Scale of the speed contradicted: u is 1.9")
+    assert said.startswith("ingest: started Scale of the speed contradicted: u is 1.9")
     assert "knots logged as m/s?" in said
     assert "Fix: --fix speed_scale." in said
 

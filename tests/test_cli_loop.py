@@ -94,8 +94,14 @@ def test_a_run_ends_with_the_discovery(run: Path, auvident: Callable[..., Called
     assert called.code == 0, called.err
     assert called.err.count(loop_world.STATEMENT) == 1
     assert called.err.index("report: runs again") < called.err.index(loop_world.STATEMENT)
-    ending = called.err[called.err.index(loop_world.STATEMENT) :]
+    ending = called.err[called.err.index("report: runs again") :]
     assert "-0.129 to -0.113" in ending
+    assert ending.splitlines()[-4:] == [
+        f"Verdict: {loop_world.STATEMENT}",
+        f"Report: {run}/report/report.html",
+        "Next, see which maneuver would tell most about the coefficients:",
+        f"  auvident plan-trial {run}",
+    ]
     assert "held-out maneuvers without and with the effects" in ending
     assert called.out.strip() == str(run / "report/report.html")
     assert "Effects that these maneuvers would and would not show" in called.err

@@ -10,14 +10,13 @@ import click
 
 from auvident import __version__
 from auvident.cli import failures, interrupt
-from auvident.cli.common import Group
+from auvident.cli.common import Group, ending
 from auvident.errors import AuvidentError
 
 INTERRUPTED_EXIT_CODE = 130  # 128 + SIGINT, as shells count
-EPILOG = """\b
-Example:
-  auvident run sample_logs/harbour_trial --vehicle sample_logs/remus100.toml --run runs/demo
-"""
+EPILOG = ending(
+    "auvident run sample_logs/harbour_trial --vehicle sample_logs/remus100.toml --run runs/demo"
+)
 # Modules with the commands, and the commands each holds, in the order of the help.
 COMMANDS = {
     "auvident.cli.stages": ("run", "ingest", "segment", "ase", "identify", "validate"),
@@ -25,6 +24,7 @@ COMMANDS = {
     "auvident.cli.results": ("status", "compare", "simulate", "plan-trial", "export"),
     "auvident.cli.combine": ("combine",),
     "auvident.cli.tables": ("new-vehicle", "inspect", "coefficients", "effects", "schema"),
+    "auvident.cli.completion": ("completion",),
 }
 
 

@@ -16,7 +16,7 @@ from auvident.cli.common import OUTSIDE, PATH, Output, command
     "--output", "file", type=PATH, help="Output file (.json).  [default: standard output]"
 )
 @click.option(
-    "--vehicle", type=PATH, help="Vehicle file, in place of that of the runs; for model files."
+    "--vehicle", type=PATH, help="Vehicle file in place of that of the runs; model files need one."
 )
 @OUTSIDE
 def combine(
@@ -38,7 +38,7 @@ def combine(
         if file is not None:
             write_combined(model, file)
             named = ", ".join(str(path) for path in files)
-            watch.note(f"six degrees of freedom written to {file} (models: {named})")
+            watch.note(f"model of six degrees of freedom written to {file} (from {named})")
     if file is None and not output.json:
         from auvident.storage.artifacts import json_bytes
 

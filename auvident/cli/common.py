@@ -6,7 +6,7 @@ without numpy, pandas and rich.
 
 import importlib
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -17,6 +17,7 @@ from auvident.errors import UsageError
 
 if TYPE_CHECKING:
     import pandas as pd
+    from rich.console import RenderableType
 
     from auvident.cli.ending import Ending
     from auvident.cli.watch import Watch
@@ -57,11 +58,19 @@ class Output:
             sys.stdout.buffer.write(json_bytes(artifact, name))
             sys.stdout.flush()
 
+    def last(self, pieces: "Sequence[RenderableType]") -> None:
+        """What a command leaves a person with."""
+        with self.watch() as watch:
+            for piece in pieces:
+                watch.show(piece)
+
     def text(self, text: str) -> None:
         """Print the result of a command that makes text; not part of progress."""
         click.echo(text)
 
 
+LONGEST_LINE = 76  # columns of an example in a help
+LONGEST_SENTENCE = 300  # columns of the first sentence of a help
 MOST_SEED = 2**63 - 1  # that a manifest can hold in every language
 OPTIONS_OF_PROCESS = Output()  # of the command that runs, for the report of a bug
 
@@ -85,6 +94,13 @@ class Group(click.Group):
         found: click.Command = getattr(importlib.import_module(module), cmd_name.replace("-", "_"))
         return found
 
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The first sentence of every command, whole, where click would cut it to one line."""
+        commands = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
+        rows = [(name, c.get_short_help_str(LONGEST_SENTENCE)) for name, c in commands if c]
+        with formatter.section("Commands"):
+            formatter.write_dl(rows)
+
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """As click does, with the closest name when there is no such command."""
         try:
@@ -98,13 +114,31 @@ class Group(click.Group):
             raise click.UsageError(f"{error.message} Did you mean {close[0]!r}?", ctx) from None
 
 
+def ending(*examples: str) -> str:
+    """The examples that end a help; of a long one the options stand in lines of their own."""
+    title = "Example:" if len(examples) == 1 else "Examples:"
+    return "\b\n" + "\n".join([title, *(f"  {_continued(example)}" for example in examples)])
+
+
+def _continued(example: str) -> str:
+    if len(example) <= LONGEST_LINE:
+        return example
+    pieces = example.split(" --")
+    lines = [pieces[0]]
+    for piece in pieces[1:]:
+        if len(lines[-1]) + len(piece) + 5 > LONGEST_LINE:
+            lines.append(f"--{piece}")
+        else:
+            lines[-1] += f" --{piece}"
+    return " \\\n      ".join(lines)
+
+
 def command(name: str, *examples: str) -> Callable[[Callable[..., Any]], click.Command]:
     """Declare a command with its output options and the examples that end its help.
 
     The function gets an `Output` first.
     """
-    title = "Example:" if len(examples) == 1 else "Examples:"
-    epilog = "\b\n" + "\n".join([title, *(f"  {example}" for example in examples)])
+    epilog = ending(*examples)
 
     def declare(function: Callable[..., Any]) -> click.Command:
         def call(as_json: bool, quiet: bool, verbose: bool, **kwargs: Any) -> Any:
@@ -122,9 +156,11 @@ def command(name: str, *examples: str) -> Callable[[Callable[..., Any]], click.C
 
 
 _OUTPUT_OPTIONS = (
-    click.option("--verbose", is_flag=True, help="More output; a traceback for bugs."),
-    click.option("--quiet", is_flag=True, help="Only errors on standard error."),
-    click.option("--json", "as_json", is_flag=True, help="Print the result on standard output."),
+    click.option(
+        "--verbose", is_flag=True, help="More output, and a traceback if the program fails."
+    ),
+    click.option("--quiet", is_flag=True, help="No progress and no tables, only errors."),
+    click.option("--json", "as_json", is_flag=True, help="Print the result as JSON."),
 )
 
 
@@ -137,6 +173,17 @@ def options(*decorators: Callable[[Function], Function]) -> Callable[[Function],
         return function
 
     return decorate
+
+
+def completing(name: str) -> Callable[..., Any]:
+    """A function of `auvident.cli.completion`, which is loaded when a shell asks for it."""
+
+    def complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> Any:
+        from auvident.cli import completion
+
+        return getattr(completion, name)(ctx, param, incomplete)
+
+    return complete
 
 
 def given(**values: Any) -> dict[str, Any]:
@@ -180,15 +227,31 @@ ALLOW_OUTSIDE = click.option("--allow-outside", is_flag=True, default=None, help
 OUTSIDE = click.option(
     "--allow-outside", is_flag=True, expose_value=False, callback=_allow, help=OUTSIDE_HELP
 )
+
+
+class Natural(click.ParamType):
+    """A whole number from zero; the help does without the largest one."""
+
+    name = "integer"
+
+    def __init__(self, most: int) -> None:
+        self.range = click.IntRange(min=0, max=most)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """The number; refused as click refuses one that is out of its range."""
+        return int(self.range.convert(value, param, ctx))
+
+
 FAIL_ABOVE = click.option(
     "--fail-above",
     multiple=True,
     metavar="CHANNEL=RMSE",
+    shell_complete=completing("channels"),
     help="Exit with code 1 if the held-out RMSE of a channel is larger; repeatable.",
 )
 SEED = click.option(
     "--seed",
-    type=click.IntRange(min=0, max=MOST_SEED),
+    type=Natural(MOST_SEED),
     help="Seed of the random numbers.  [default: that of the last run, initially 0]",
 )
 

@@ -18,19 +18,20 @@ from pathlib import Path
 import click
 
 from auvident.cli.common import OPTIONS_OF_PROCESS
+from auvident.cli.lines import in_lines
 from auvident.errors import BUG_EXIT_CODE, AuvidentError, InputError
 from auvident.schema.quoting import clipped, printable
 
 LONGEST_MESSAGE = 4000  # characters; a name or value of a user's file may be of any length
 NO_MEMORY = InputError(
-    "the memory of this machine is not enough",
+    "this machine has too little memory",
     remedy="Give a shorter log, a lower --rate or fewer --samples.",
 )
 
 
 def say(problem: str) -> None:
     """One error on standard error, as text that gives no orders to the terminal."""
-    click.echo(f"Error: {printable(clipped(problem, LONGEST_MESSAGE))}", err=True)
+    click.echo(in_lines(f"Error: {printable(clipped(problem, LONGEST_MESSAGE))}"), err=True)
 
 
 def warn(problem: str) -> None:

@@ -18,7 +18,12 @@ def diagnose(output: Output, run: Path, seed: int | None) -> None:
     `auvident effects` is tested, with one of these verdicts: an effect was found, several effects
     cannot be told apart, no listed effect explains the residual, or nothing is missing.
     """
-    run_one(output, "diagnose", run, seed)
+    from auvident.report.closing import after_diagnose
+    from auvident.schema.places import by_plane
+
+    planes = by_plane(run_one(output, "diagnose", run, seed))
+    verdicts = [own["diagnose/diagnosis.json"].verdict for _, own in planes]
+    output.last(after_diagnose(run, verdicts))
 
 
 @command(
@@ -30,12 +35,15 @@ def diagnose(output: Output, run: Path, seed: int | None) -> None:
 @told_in_files(of_run("refine", "refine"))
 @RUN
 @click.option(
-    "--filter", type=click.Choice(["ekf", "ukf"]), help="[default: as in the identification]"
+    "--filter",
+    type=click.Choice(["ekf", "ukf"]),
+    help="Extended or unscented Kalman filter.  [default: as in the identification]",
 )
 @click.option(
     "--with-unexplained",
     is_flag=True,
-    help="Add a force without a name where it predicts maneuvers left out in turn.",
+    help="Also add an unnamed force for what no effect explains, if it improves the prediction "
+    "of maneuvers left out in turn.",
 )
 @FAIL_ABOVE
 @SEED
@@ -53,12 +61,14 @@ def refine(
     that predicts the identifying maneuvers worse, each left out in turn, is not taken.
     """
     from auvident.pipeline.gates import refined
+    from auvident.report.closing import after_refine
     from auvident.schema.places import by_plane
 
     limits = parse_limits(fail_above)
     force = with_unexplained or None
     outputs = run_one(output, "refine", run, seed, filter=filter, with_unexplained=force)
     planes = by_plane(outputs)
+    output.last(after_refine(run))
     output.end.check([refined(own["refine/comparison.json"]) for _, own in planes], limits)
 
 

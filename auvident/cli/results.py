@@ -6,7 +6,17 @@ from typing import Any
 
 import click
 
-from auvident.cli.common import MOST_SEED, OUTSIDE, PATH, RUN, Output, command, write_table
+from auvident.cli.common import (
+    MOST_SEED,
+    OUTSIDE,
+    PATH,
+    RUN,
+    Natural,
+    Output,
+    command,
+    completing,
+    write_table,
+)
 from auvident.cli.ending import of_comparison, told_in_files
 from auvident.schema.places import BESIDE
 from auvident.schema.planes import PLANES, Plane
@@ -78,6 +88,7 @@ def _other_libraries(rows: list[dict[str, Any]]) -> list[str]:
 @click.option(
     "--maneuver",
     metavar="NAME[:NUMBERS]",
+    shell_complete=completing("desk_maneuvers"),
     help="Standard maneuver: turning-circle:15, zigzag:10/10, spiral:25, pull-out:15, depth-step:5 "
     "or vertical-zigzag:10/5 (deg, m; the defaults).",
 )
@@ -89,21 +100,22 @@ def _other_libraries(rows: list[dict[str, Any]]) -> list[str]:
     "speed_mps",
     type=float,
     metavar="MPS",
-    help="Start from a straight run at this speed instead of the measured state; of a maneuver "
-    "the approach.  [default of a maneuver: that of the trial, else of the vehicle file]",
+    help="With --inputs, start from a straight run at this speed, not from the measured state; "
+    "with --maneuver, speed of the approach.  [default: that of the trial, else of the vehicle "
+    "file]",
 )
 @click.option(
     "--rpm",
     type=float,
-    help="Propeller rate of a maneuver.  [default: as the speed needs]",
+    help="Propeller rate of the maneuver, 1/min.  [default: what the speed needs]",
 )
 @click.option(
     "--rudder-rate",
     "rudder_rate_degps",
     type=float,
     metavar="DEGPS",
-    help="How fast the fin turns in a maneuver.  [default: as in the model, else 25 deg/s, and no "
-    "more than 93 deg per L/U]",
+    help="Servo speed in the maneuver, deg/s.  [default: that of the model, else 25, at most 93 "
+    "deg in the time L/U]",
 )
 @click.option(
     "--vehicle", type=PATH, help="Vehicle file, for a MODEL that is not in a run directory."
@@ -115,20 +127,20 @@ def _other_libraries(rows: list[dict[str, Any]]) -> list[str]:
     type=float,
     default=10.0,
     metavar="HZ",
-    help="Of the log on one clock.  [default: 10]",
+    help="Sampling rate of the log.  [default: 10]",
 )
 @click.option(
     "--samples",
-    type=click.IntRange(min=0, max=MOST_SAMPLES),
+    type=Natural(MOST_SAMPLES),
     default=100,
-    help="Models sampled for the uncertainty band.  [default: 100]",
+    help="Models sampled for the uncertainty band, at most 10000.  [default: 100]",
 )
 @OUTSIDE
 @click.option("--output", "file", type=PATH, help="Output file (.parquet or .csv).")
 @click.option("--figure", type=PATH, help="Picture of a maneuver (.svg or .png).")
 @click.option(
     "--seed",
-    type=click.IntRange(min=0, max=MOST_SEED),
+    type=Natural(MOST_SEED),
     default=0,
     help="Seed of the sampling.  [default: 0]",
 )
@@ -154,15 +166,15 @@ def simulate(
     """Predict the motion from the inputs of a log, or fly a standard maneuver.
 
     With --inputs it starts from the measured state if the log has one, else on a straight run at
-    --speed or at the steady speed of the first propeller rate. The band is that of 95 % of the
+    --speed or at the steady speed of the first propeller rate. The band holds 95 % of the
     readings. The table is written to --output, else to RUN/simulate, else (MODEL) to standard
     output.
 
-    With --maneuver a helm on the desk steers: from a straight run in balance, with a RUN, a MODEL,
-    or a VEHICLE.toml, whose estimate from geometry is flown with its [coefficients] in place. An
-    angle on the command line is positive to starboard, or bow up; a depth, downwards. The intervals
-    hold 90 % of the models sampled. The table of the motion is written to --output, with the
-    signs of the axes (a positive rudder turns to port, a positive elevator down).
+    With --maneuver it starts from a steady straight run. A RUN, a MODEL or a VEHICLE.toml will do;
+    of the last its [coefficients] are used, the others are estimated from geometry. Angles on the
+    command line are positive to starboard, or bow up; depths, downwards. The intervals hold 90 %
+    of the sampled models. The table is written to --output, with the signs of the axes (a positive
+    rudder turns to port, a positive elevator pitches down).
     """
     if (log is None) == (maneuver is None):
         raise click.UsageError("Give either --inputs LOG or --maneuver NAME.")
@@ -191,7 +203,7 @@ def _refuse(given: dict[str, Any], other: str) -> None:
     """Options that only go with another one."""
     for name, value in given.items():
         if value is not None:
-            raise click.UsageError(f"{name} goes with {other} only.")
+            raise click.UsageError(f"{name} can only be used with {other}.")
 
 
 def _predict(
@@ -292,7 +304,7 @@ NO_STONEFISH = (
     "--format",
     "form",
     type=ExportForm(["json", "toml", "csv", "python", "matlab", "c", "fmu", "pvs", "gz", "uuv"]),
-    help="[default: by the suffix of --output, else json]",
+    help="Form of the model.  [default: by the suffix of --output, else json]",
 )
 @click.option("--output", "file", type=PATH, help="Output file.  [default: standard output]")
 @PLANE
@@ -350,7 +362,7 @@ def read_share(ctx: click.Context, parameter: click.Parameter, text: str | None)
     except ValueError:
         share = math.nan
     if not 0.0 <= share < math.inf:
-        raise click.BadParameter(f"{text!r} is no share; say 10% or 0.1")
+        raise click.BadParameter(f"{text!r} is not a share: give 10% or 0.1")
     return share
 
 
@@ -366,8 +378,8 @@ def read_share(ctx: click.Context, parameter: click.Parameter, text: str | None)
     "share",
     metavar="SHARE",
     callback=read_share,
-    help="Exit with 1 where a held-out error is above that of the last run, the baseline, by more "
-    "than this share of it (10% or 0.1).",
+    help="Exit with code 1 if a held-out error exceeds that of the last run, the baseline, by "
+    "more than this share (10% or 0.1).",
 )
 def compare(output: Output, runs: tuple[Path, ...], share: float | None) -> None:
     """Show coefficients and held-out errors of several runs side by side.

@@ -1,7 +1,8 @@
 """The commands of the stages, and `auvident run`, which does them all."""
 
+import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -14,12 +15,16 @@ from auvident.cli.common import (
     SEED,
     Output,
     command,
+    completing,
     options,
     parse_limits,
     run_one,
 )
 from auvident.cli.ending import of_run, told_in_files
 from auvident.schema.planes import PLANES
+
+if TYPE_CHECKING:
+    from auvident.schema.logs import Quality
 
 LOGS = click.argument("logs", metavar="LOG...", nargs=-1, type=PATH)
 VEHICLE = click.option("--vehicle", type=PATH, help="Vehicle file (TOML).")
@@ -54,7 +59,7 @@ INGEST_OPTIONS = options(
         "--fix",
         multiple=True,
         metavar="NAME",
-        help="Apply the correction that the check NAME proposes; repeatable.",
+        help="Apply the correction that the check NAME of the log proposes; repeatable.",
     ),
     KEEP_GOING,
 )
@@ -63,6 +68,7 @@ SEGMENT_OPTIONS = options(
         "--hold-out",
         multiple=True,
         metavar="ID",
+        shell_complete=completing("maneuvers"),
         help=(
             "Maneuver or trial to hold out for validation; repeatable; replaces the "
             "automatic choice."
@@ -70,16 +76,27 @@ SEGMENT_OPTIONS = options(
     )
 )
 IDENTIFY_OPTIONS = options(
-    click.option("--filter", type=click.Choice(["ekf", "ukf"]), help="[default: ekf]"),
     click.option(
-        "--engine", type=click.Choice(["compiled", "filterpy"]), help="[default: compiled]"
+        "--filter",
+        type=click.Choice(["ekf", "ukf"]),
+        help="Extended or unscented Kalman filter.  [default: ekf]",
+    ),
+    click.option(
+        "--engine",
+        type=click.Choice(["compiled", "filterpy"]),
+        help="Own compiled filters, or those of filterpy (slow, to compare).  [default: compiled]",
     ),
     click.option(
         "--plane",
         type=click.Choice([*PLANES, "both", "found"]),
         help="Plane of motion; `found`: those with maneuvers of their own.  [default: found]",
     ),
-    click.option("--plan", metavar="NAME|FILE", help="Identification plan.  [default: refined]"),
+    click.option(
+        "--plan",
+        metavar="NAME|FILE",
+        shell_complete=completing("plans"),
+        help="Identification plan: which coefficients in which order.  [default: refined]",
+    ),
 )
 
 
@@ -209,10 +226,12 @@ def run(
 ) -> int:
     """Run all stages in order; stages that are up to date are skipped.
 
-    The run ends with the effects that the model lacked and how the held-out errors changed.
+    The run ends with the effects that the model lacked, how the held-out errors changed, the path
+    of the report and the next command; with --quiet it prints one line, verdict and report.
     Without LOG, the logs, the vehicle file and the options of the last run are used.
     """
     from auvident.pipeline.whole_run import ended, judged, run_logs
+    from auvident.report.closing import REPORT, after_run, in_one_line
     from auvident.report.console import discoveries
 
     limits = parse_limits(fail_above)
@@ -237,10 +256,14 @@ def run(
         told = ended(run, result)
         for piece in discoveries([(plane, comparison) for plane, _, comparison in told]):
             watch.show(piece)
+    compared = [(plane, comparison) for plane, _, comparison in told]
+    output.last(after_run(run, [c for _, c in compared if c is not None], quality_of(run, result)))
     if output.json:
         output.artifact(summary(run, result), "run")
-    elif not output.quiet:
-        output.text(str(run / "report" / "report.html"))
+    elif output.quiet:
+        output.text(in_one_line(run, compared))
+    elif not (sys.stdout.isatty() and sys.stderr.isatty()):  # there it has just been told
+        output.text(str(run / REPORT))
     if result.failure is not None:
         raise result.failure
     output.end.check([judged(metrics, comparison) for _, metrics, comparison in told], limits)
@@ -251,18 +274,25 @@ def contradicted(run: Path, result: Any) -> list[Any]:
     """What a run says before its results: contradictions in the logs and of the estimate."""
     from auvident.report.console import checks_first, model_first
     from auvident.schema.artifacts import IdentifiedModel
-    from auvident.schema.logs import Quality
     from auvident.storage.artifacts import as_model
 
-    pieces: list[Any] = []
-    if "ingest" in result.mains:
-        quality = as_model(result.mains["ingest"], Quality, run / "ingest" / "quality.json")
-        pieces += checks_first(quality)
+    quality = quality_of(run, result)
+    pieces: list[Any] = checks_first(quality) if quality else []
     for mains in (result.mains, result.beside):
         if "identify" in mains:
             model = as_model(mains["identify"], IdentifiedModel, run / "identify" / "model.json")
             pieces += model_first(model)
     return pieces
+
+
+def quality_of(run: Path, result: Any) -> "Quality | None":
+    """What the checks of the logs said, where they are read."""
+    from auvident.schema.logs import Quality
+    from auvident.storage.artifacts import as_model
+
+    if "ingest" not in result.mains:
+        return None
+    return as_model(result.mains["ingest"], Quality, run / "ingest" / "quality.json")
 
 
 def summary(run: Path, result: Any) -> dict[str, Any]:

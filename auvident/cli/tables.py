@@ -1,11 +1,14 @@
 """Commands that look things up: what is in a log, and the program's own tables."""
 
+import os
+import sys
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
 import click
 
-from auvident.cli.common import PATH, Output, command
+from auvident.cli.common import PATH, Output, command, completing
 from auvident.errors import UsageError
 from auvident.schema.coefficients import CONSTANTS, ESTIMATED, PLANES
 from auvident.schema.effects import EFFECTS, FAMILIES, Effect
@@ -38,11 +41,9 @@ def coefficients(output: Output, plane: str | None) -> None:
         output.artifact({"schema": "auvident/coefficients/1", **listed}, "coefficients")
         return
     widths = {"symbol": 8, "equation": 8, "regressor": 21, "group": 13, "unit": 7, "sign": 4}
-    heads = [name.ljust(width) for name, width in widths.items()]
-    output.text("  ".join([*heads, "meaning"]).rstrip())
-    for row in rows:
-        cells = [str(row[name]).ljust(width) for name, width in widths.items()]
-        output.text("  ".join([*cells, str(row["meaning"])]))
+    heads = (*widths, "meaning")
+    cells = [[str(row[name]) for name in heads] for row in rows]
+    _list(output, heads, cells, tuple(widths.values()))
 
 
 @command("effects", "auvident effects --family actuation")
@@ -64,12 +65,22 @@ def effects(output: Output, family: str | None, plane: str | None) -> None:
         return
     heads = ("effect", "family", "parameters", "units")
     widths = [max(map(len, column)) for column in zip(heads, *map(_cells, EFFECTS), strict=True)]
-    for cells, last in [
-        (heads, "how it shows in the data"),
-        *((_cells(e), e.signature) for e in chosen),
-    ]:
-        padded = [cell.ljust(width) for cell, width in zip(cells, widths, strict=True)]
-        output.text("  ".join([*padded, last]))
+    shown = [[*_cells(e), e.signature] for e in chosen]
+    _list(output, (*heads, "how it shows in the data"), shown, widths)
+
+
+def _list(
+    output: Output, heads: Sequence[str], rows: Sequence[Sequence[str]], widths: Sequence[int]
+) -> None:
+    """A table on standard output: one row a line, or as wide as the terminal where it is one."""
+    if sys.stdout.isatty() or "COLUMNS" in os.environ:
+        from auvident.report.console_style import console_for, rich_table
+        from auvident.report.tables import Table, columns
+
+        return console_for(sys.stdout).print(rich_table(Table(columns(heads), rows)))
+    for cells in (heads, *rows):
+        padded = [cell.ljust(width) for cell, width in zip(cells, widths, strict=False)]
+        output.text("  ".join([*padded, cells[-1]]))
 
 
 def _cells(effect: Effect) -> tuple[str, ...]:
@@ -80,7 +91,7 @@ def _cells(effect: Effect) -> tuple[str, ...]:
 
 
 @command("schema", "auvident schema model")
-@click.argument("name", required=False)
+@click.argument("name", required=False, shell_complete=completing("schemas"))
 def schema(output: Output, name: str | None) -> None:
     """Print the JSON schema of an artifact or of a file that you write.
 
@@ -89,8 +100,10 @@ def schema(output: Output, name: str | None) -> None:
     from auvident.pipeline.schemas import ALIASES, SCHEMAS, json_schema
 
     if name is None:
-        output.text("\n".join(f"{key:12s} {file}" for key, (file, _) in SCHEMAS.items()))
-        return
+        listed = {key: file for key, (file, _) in SCHEMAS.items()}
+        if not output.json:
+            output.text("\n".join(f"{key:12s} {file}" for key, file in listed.items()))
+        return output.artifact({"schema": "auvident/schemas/1", "schemas": listed}, "schema")
     stem = name.removesuffix(".json").removesuffix(".toml")
     key = ALIASES.get(stem, stem)
     if key not in SCHEMAS:
@@ -112,8 +125,10 @@ def new_vehicle(output: Output, file: Path | None) -> None:
     text = vehicle_template()
     if file is not None:
         if file.exists():
-            raise UsageError("is there already", str(file), "Choose a name for a new file.")
+            raise UsageError("exists already", str(file), "Give the name of a new file.")
         write_bytes(file, text.encode())
+        with output.watch() as watch:
+            watch.note(f"written to {file}; once it has your numbers: auvident ase {file}")
     elif not output.json:
         output.text(text.rstrip("\n"))
     output.artifact({"schema": "auvident/new-vehicle/1", "toml": text}, "new-vehicle")

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from auvident.cli.interrupt import raise_again
+from auvident.cli.lines import in_lines
+from auvident.cli.time_left import TimeLeft, about, took
 from auvident.pipeline.observer import Observer
 from auvident.schema.quoting import printable
 
@@ -14,7 +16,8 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.progress import Progress, TaskID
 
-PLAIN_WIDTH = 140  # columns of a table that goes to a file or a pipe
+
+BAR_WIDTH = 8  # columns
 
 
 class Watch(Observer):
@@ -31,11 +34,20 @@ class Watch(Observer):
     def __init__(self, quiet: bool = False, verbose: bool = False, brief: bool = False) -> None:
         self.quiet, self.verbose, self.brief = quiet, verbose, brief and not verbose
         self._bar: tuple[Progress, TaskID] | None = None
+        self._pace, self._stage, self._announced = TimeLeft(), "", False
 
     def decided(self, stage: str, sentence: str) -> None:
         """One line a stage."""
         raise_again()
+        self._announced = True
         self._line(sentence)
+
+    def started(self, stage: str) -> None:
+        """One line where there will be no bar, unless the decision to run it was one."""
+        raise_again()
+        if not (self._announced or sys.stderr.isatty()):
+            self._line(f"{stage}: started")
+        self._stage, self._pace, self._announced = stage, TimeLeft(), False
 
     def note(self, text: str) -> None:
         """One line."""
@@ -44,7 +56,7 @@ class Watch(Observer):
     def refused(self, problem: str) -> None:
         """A warning; also with ``--quiet``."""
         self._stop()
-        click.echo(f"Warning: skipped: {printable(problem)}", err=True)
+        click.echo(in_lines(f"Warning: skipped: {printable(problem)}"), err=True)
 
     def progress(self, text: str, fraction: float | None = None) -> None:
         """A bar, on a terminal only."""
@@ -54,15 +66,17 @@ class Watch(Observer):
         if self._bar is None:
             self._bar = _start_bar()
         bar, task = self._bar
+        left = self._pace.left_s(fraction)
         bar.update(
             task,
-            description=printable(text),
+            description=printable(f"{self._stage}: {text}" if self._stage else text),
             completed=fraction,
             total=None if fraction is None else 1,
+            left="" if left is None else f"some {about(left)} left",
         )
 
     def finished(self, stage: str, outputs: Mapping[str, Any], seconds: float) -> None:
-        """The tables of the stage."""
+        """The tables of the stage, and how long it took."""
         raise_again()
         self._stop()
         if self.quiet:
@@ -71,22 +85,22 @@ class Watch(Observer):
 
         for piece in stage_report(stage, outputs, self.brief):
             self.show(piece)
-        if self.verbose:
-            self._line(f"{stage}: {seconds:.1f} s")
+        self._line(f"{stage}: done in {took(seconds)}")
 
     def show(self, piece: "RenderableType") -> None:
         """A table, with rules and colours where the terminal has them."""
         if self.quiet:
             return
         self._stop()
-        from auvident.report.console_style import console_for
+        from auvident.report.console_style import console_for, width_of
 
-        console_for(sys.stderr, None if sys.stderr.isatty() else PLAIN_WIDTH).print(piece)
+        whole = getattr(piece, "no_wrap", None) is True  # a command or a path, to be copied
+        console_for(sys.stderr, width_of(sys.stderr)).print(piece, soft_wrap=whole)
 
     def _line(self, text: str) -> None:
         self._stop()
         if not self.quiet:
-            click.echo(printable(text), err=True)
+            click.echo(in_lines(printable(text)), err=True)
 
     def _stop(self) -> None:
         if self._bar is not None:
@@ -101,12 +115,16 @@ class Watch(Observer):
 
 
 def _start_bar() -> "tuple[Progress, TaskID]":
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, Progress, TextColumn
+    from rich.table import Column
 
     from auvident.report.console_style import console_for
 
-    text = TextColumn("{task.description}", markup=False)
-    columns = (text, BarColumn(), TimeElapsedColumn())
-    bar = Progress(*columns, console=console_for(sys.stderr), transient=True)
+    what = TextColumn(
+        "{task.description}", markup=False, table_column=Column(overflow="fold", ratio=1)
+    )
+    left = TextColumn("{task.fields[left]}", markup=False, table_column=Column(no_wrap=True))
+    columns = (what, BarColumn(BAR_WIDTH), left)
+    bar = Progress(*columns, console=console_for(sys.stderr), transient=True, expand=True)
     bar.start()
-    return bar, bar.add_task("", total=None)
+    return bar, bar.add_task("", total=None, left="")

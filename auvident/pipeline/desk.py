@@ -28,7 +28,7 @@ ESTIMATED = "ase/coefficients.json"
 SECOND_PLANE = ("refine/vertical/model.json", "identify/vertical/model.json")
 SPEED_ASSUMED = (
     f"The speed of the approach is {USUAL_SPEED_MPS:g} m/s, as neither --speed nor --rpm is given "
-    "and the model is in no run directory."
+    "and the model is not in a run directory."
 )
 
 

@@ -31,7 +31,7 @@ class Decision:
         if self.state == "done":
             return f"{self.stage}: up to date"
         if self.state == "missing":
-            return f"{self.stage}: runs because {self.reason}"
+            return f"{self.stage}: first run"
         return f"{self.stage}: runs again because {self.reason}"
 
 
@@ -132,7 +132,7 @@ def _outputs(entry: StageEntry, run: RunDirectory) -> str:
         if run.link_on_the_way(name):
             return f"{name} is reached through a symbolic link"
         if now != old:
-            return f"{name} {'is missing' if now is None else 'is not as it was written'}"
+            return f"{name} {'is missing' if now is None else 'was changed after it was written'}"
     return ""
 
 

@@ -36,7 +36,10 @@ def ingest(given: Given) -> dict[str, Any]:
     aside = _Aside(given)
     used: dict[str, _Ingested] = {}
     sources = _trial_sources(given, aside)
-    for source in sources:
+    sizes = [_size(source) for source in sources]
+    for k, source in enumerate(sources):
+        done = sum(sizes[:k]) / max(sum(sizes), 1) if len(sources) > 1 else None
+        given.observer.progress(f"reading {source.place}", done)
         with aside.instead_of(source):
             _add(given, vehicle, source, used, aside, alone=len(sources) == 1)
     if not used:
@@ -85,7 +88,6 @@ def _add(
     from auvident.stages.ingest import fingerprint, ingest_fixed, without_copies
     from auvident.storage.logs import read_trial
 
-    given.observer.progress(f"reading {source.place}")
     raw = read_trial(source, _column_map(given.options))
     _refuse_namesake(raw.name, used)
     own = None if alone else fingerprint(raw)
@@ -103,6 +105,11 @@ def _add(
     for name in parts:
         aside.replaced(used.pop(name).source, raw.name)
     used[done.trial.name] = _Ingested(source, done.trial, done.quality, own, done.proposed)
+
+
+def _size(source: "TrialSource") -> int:
+    """Bytes of the files of a trial."""
+    return sum(file.stat().st_size for file in source.files if file.is_file())
 
 
 class _Aside:
@@ -138,7 +145,9 @@ class _Aside:
     def replaced(self, source: "TrialSource", by: str) -> None:
         """Set a trial aside that is a part of a longer one."""
         problem = f"trial {source.name} is a part of trial {by}, which is used"
-        remedy = "Leave it out: a maneuver of both would be held out in one and seen in the other."
+        remedy = (
+            "Leave it out: what is held out in one would be used for identification in the other."
+        )
         self.note(source.name, InputError(problem, str(source.place), remedy))
 
     def none_left(self) -> AuvidentError:

@@ -10,8 +10,14 @@ class Observer:
     def decided(self, stage: str, sentence: str) -> None:
         """A stage is up to date or runs, with the reason in one sentence."""
 
+    def started(self, stage: str) -> None:
+        """A stage begins."""
+
     def progress(self, text: str, fraction: float | None = None) -> None:
-        """A stage got so far, 0 to 1; None where the end is unknown."""
+        """A stage got so far, 0 to 1; None where the end is unknown.
+
+        A fraction that is smaller than the one before begins something new, as the text says.
+        """
 
     def finished(self, stage: str, outputs: Mapping[str, Any], seconds: float) -> None:
         """A stage has written its outputs, given by path in the run directory."""

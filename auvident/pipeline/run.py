@@ -256,6 +256,7 @@ def _execute(
 ) -> Outputs:
     """Call a stage and write what it returns: what is to come, the outputs, then the entry."""
     started, clock = _now(), time.perf_counter()
+    observer.started(stage.name)
     former = manifest.stages.get(stage.name) if manifest else None
     wanted = _with_seed(stage, wanted, former)
     inputs = {name: run.sha256(name) or "" for name in matching(manifest, stage.reads)}

@@ -102,7 +102,7 @@ def _one_vehicle(targets: Sequence[Path], vehicle_file: Path | None) -> "Vehicle
     vehicles = {t: read_model(t / VEHICLE, Vehicle) for t in targets if (t / VEHICLE).exists()}
     if not vehicles:
         raise InputError(
-            "there is no vehicle: a model file alone does not say what the other plane has",
+            "the vehicle is unknown: a model file does not describe the other plane",
             str(targets[0]),
             "Give the run directory, or --vehicle V.toml.",
         )

@@ -31,6 +31,14 @@ SIZES = (
     ("crossflow_reynolds", "cross-flow Reynolds number", ""),
     ("crossflow_cd", "cylinder C_dn", ""),
 )
+HEADS = {
+    "rudder_deg": "rudder, deg",
+    "rate_per_speed_degpm": "rate ÷ speed, deg/m",
+    "drift_deg": "drift angle, deg",
+    "diameter_m": "diameter, m",
+    "speed_ratio": "speed ÷ approach",
+    "speed_mps": "speed, m/s",
+}
 # figures with their spread; by group, key and words, with the rudder or the rate they are for
 SPREAD_FACTS = (
     ("horizontal", "G", "G horizontal (> 0 stable)"),
@@ -45,7 +53,11 @@ SPREAD_FACTS = (
 )
 DESIGN_FACTS = (
     ("vertical", "stable_below_mps", "vertical: stable below, m/s"),
-    ("horizontal", "linear_rate_per_speed_and_rudder_perm", "linear r/(u δ), 1/m"),
+    (
+        "horizontal",
+        "linear_rate_per_speed_and_rudder_perm",
+        "rate of turn per speed and rudder, 1/m",
+    ),
     ("speed", "speed_per_rate_m", "speed per propeller rate, m"),
     ("speed", "design_speed_rpm", "rpm at design speed"),
 )
@@ -229,7 +241,9 @@ def _row_table(title: str, rows: Sequence[dict[str, float]]) -> Table:
     """A table of dictionaries with equal keys."""
     keys = list(dict.fromkeys(key for row in rows for key in row))
     return Table(
-        columns(numbers=keys), [[_cell(row.get(key)) for key in keys] for row in rows], title
+        columns(numbers=[HEADS.get(key, key) for key in keys]),
+        [[_cell(row.get(key)) for key in keys] for row in rows],
+        title,
     )
 
 

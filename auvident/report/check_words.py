@@ -39,4 +39,4 @@ def untested(trials: Sequence[TrialQuality]) -> str:
             elif made.message not in reasons.setdefault(made.what, []):
                 reasons[made.what].append(made.message)
     left = [f"{what} ({'; '.join(why)})" for what, why in reasons.items() if what not in tested]
-    return f"Untested: {', '.join(left)}." if left else ""
+    return f"Not tested: {', '.join(left)}." if left else ""

@@ -1,6 +1,7 @@
 """Tables of every stage for people; the command line prints them on standard error."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,7 +38,7 @@ ROLES = {
     "identify": "Prediction of the maneuvers used for identification",
     "validate": "Prediction of the held-out maneuvers",
 }
-HORIZONS = "The held-out maneuvers predicted from readings so many seconds before"
+HORIZONS = "Prediction of the held-out maneuvers, restarted from the readings at these intervals"
 LEADS = (ESTIMATE_CONTRADICTED,)  # findings on a model that are told before its coefficients
 MOST_SENSOR_TABLES = 3  # trials; more of them are shown with one row each
 
@@ -133,7 +134,8 @@ def _segment(outputs: Mapping[str, Any]) -> list[RenderableType]:
     maneuvers: Sequence[Maneuver] = outputs["segment/maneuvers.json"]
     beside = outputs["segment/rejected.json"]
     table = rich_table(tables.maneuvers(maneuvers, "Maneuvers"))
-    note = f"{len(beside['rejected'])} candidates rejected; segment/rejected.json has the reasons"
+    rejected = len(beside["rejected"])
+    note = f"{rejected} candidate maneuvers rejected; the reasons are in segment/rejected.json"
     why: list[RenderableType] = [Text(line) for line in why_held_out(maneuvers)]
     if len({m.trial for m in maneuvers}) > 1:
         why = [rich_table(tables.maneuvers_by_trial(maneuvers)), *why]
@@ -175,7 +177,14 @@ def status_table(run: Path, rows: Sequence[Mapping[str, Any]]) -> RenderableType
         for row in rows
     ]
     heads = columns(("stage", "state", "reason", "last failure"))
-    return rich_table(Table(heads, cells, f"Run directory {run}"), STATE_STYLES)
+    return rich_table(_without_empty(Table(heads, cells, f"Run directory {run}")), STATE_STYLES)
+
+
+def _without_empty(table: Table) -> Table:
+    """A table without its last column where that is empty."""
+    if any(row[-1] for row in table.rows):
+        return table
+    return replace(table, columns=table.columns[:-1], rows=[row[:-1] for row in table.rows])
 
 
 def comparison_tables(comparison: Mapping[str, Any]) -> list[RenderableType]:
@@ -223,12 +232,12 @@ def _log_columns(file: Any) -> RenderableType:
         ]
         for c in file.columns
     ]
-    return rich_table(Table((*heads, Column("note")), rows))
+    return rich_table(_without_empty(Table((*heads, Column("note")), rows)))
 
 
 def trial_plan_table(plan: TrialPlan) -> RenderableType:
     """Candidate maneuvers, best first."""
-    title = f"{plan.vehicle}, {plan.plane} plane: what another maneuver would add"
+    title = f"{plan.vehicle}, {plan.plane} plane: what one more maneuver would add"
     heads = columns(("maneuver", "what to do"), ("length, s", "gain, nats"))
     rows: Rows = [
         [

@@ -4,7 +4,7 @@ from rich.console import RenderableType
 from rich.text import Text
 
 from auvident.report.console_style import findings_lines, rich_table
-from auvident.report.tables import Column, Number, Rows, Table, Unit, columns
+from auvident.report.tables import Column, Rows, Table, Unit, WithStd, columns
 from auvident.report.tables_whole import PLACE, rests_on
 from auvident.schema.combined import CombinedModel
 
@@ -13,16 +13,9 @@ def combined_pieces(model: CombinedModel) -> list[RenderableType]:
     """Coefficients and constants with their origin; what no data stand behind."""
     title = f"{model.vehicle}: six degrees of freedom"
     rows: Rows = [
-        [
-            e.symbol,
-            Number(e.value, 4),
-            Number(e.std, 2) if e.std > 0.0 else "",
-            Unit(e.unit),
-            e.origin,
-        ]
-        for e in model.entries
+        [e.symbol, Unit(e.unit), WithStd(e.value, e.std), e.origin] for e in model.entries
     ]
-    heads = (*columns(("symbol",), ("value", "std")), *columns(("unit",)), Column("origin"))
+    heads = (*columns(("symbol", "unit"), ("value ± std",)), Column("origin"))
     return [rich_table(Table(heads, rows, title)), *findings_lines(model.findings)]
 
 

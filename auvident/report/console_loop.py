@@ -18,20 +18,21 @@ VERDICT_STYLES = {
     "partly_explained": "bold cyan",
     "unexplained": "bold yellow",
 }
+CANNOT_TELL = "These data cannot tell apart"
 MOST_CANDIDATES = 8  # rows of the ranking; the artifact has all of them
 SIGHT_STYLES = dict.fromkeys((tables.NOT_SHOWN, tables.ALIKE, tables.NOT_TESTED), "yellow")
 
 
 def diagnose(outputs: Mapping[str, Any]) -> list[RenderableType]:
-    """First what can be seen at all, then the residual, the ranking and the verdict."""
+    """First what can be seen at all, then the residual and the ranking; last the verdict."""
     found: Diagnosis = outputs["diagnose/diagnosis.json"]
     pieces: list[RenderableType] = [sight(found)]
     if found.residuals:
         pieces.append(rich_table(tables.residuals(found)))
     if found.candidates:
         pieces.append(ranking(found.candidates))
-    pieces += verdict_lines(found)
-    return [*pieces, *findings_lines(found.findings)]
+    pieces += effect_lines(found)
+    return [*pieces, *findings_lines(found.findings), statement(found)]
 
 
 def diagnose_brief(outputs: Mapping[str, Any]) -> list[RenderableType]:
@@ -43,10 +44,10 @@ def diagnose_brief(outputs: Mapping[str, Any]) -> list[RenderableType]:
 def refine(outputs: Mapping[str, Any]) -> list[RenderableType]:
     """The effects with intervals, held-out errors, coefficients that moved."""
     found: Comparison = outputs["refine/comparison.json"]
-    pieces, moved = discovery(found), tables.moved(found.coefficients)
+    pieces, moved = changes(found), tables.moved(found.coefficients)
     if moved.rows:
         pieces.append(rich_table(moved))
-    return [*pieces, *findings_lines(found.findings)]
+    return [*pieces, *findings_lines(found.findings), statement(found)]
 
 
 def refine_brief(outputs: Mapping[str, Any]) -> list[RenderableType]:
@@ -55,8 +56,13 @@ def refine_brief(outputs: Mapping[str, Any]) -> list[RenderableType]:
 
 
 def discovery(found: Comparison) -> list[RenderableType]:
-    """What the model lacked, in plain words, and what adding it changed."""
-    pieces: list[RenderableType] = [statement(found)]
+    """What adding the effects changed, and last what the model lacked, in plain words."""
+    return [*changes(found), statement(found)]
+
+
+def changes(found: Comparison) -> list[RenderableType]:
+    """The effects, what they changed, and what is left."""
+    pieces: list[RenderableType] = []
     if found.added:
         pieces.append(rich_table(tables.effects((*found.effects, *found.not_confirmed))))
     pieces += [*_ambiguous_lines(found), *_unexplained_lines(found)]
@@ -87,21 +93,24 @@ def ranking(candidates: Sequence[Candidate]) -> RenderableType:
     return rich_table(tables.candidates(rows[:MOST_CANDIDATES], caption))
 
 
-def verdict_lines(found: Diagnosis) -> list[RenderableType]:
-    """The verdict, its effects, and what cannot be told apart or explained."""
-    pieces: list[RenderableType] = [statement(found)]
+def effect_lines(found: Diagnosis) -> list[RenderableType]:
+    """The effects, and what cannot be told apart or explained."""
+    pieces: list[RenderableType] = []
     if found.effects:
         pieces.append(rich_table(tables.effects(found.effects)))
     pieces += _ambiguous_lines(found)
-    if found.separate_by:
-        pieces.append(Text(f"Maneuvers that would: {found.separate_by}", style="yellow"))
+    if found.separate_by and found.separate_by not in found.statement:
+        pieces.append(
+            Text(f"These maneuvers would tell them apart: {found.separate_by}", style="yellow")
+        )
     return pieces + _unexplained_lines(found)
 
 
 def _ambiguous_lines(found: Diagnosis | Comparison) -> list[RenderableType]:
     return [
-        Text(f"These data cannot tell apart {' and '.join(group)}", style="yellow")
+        Text(f"{CANNOT_TELL} {' and '.join(group)}", style="yellow")
         for group in found.ambiguous
+        if not found.statement.startswith(CANNOT_TELL)  # the verdict says it
     ]
 
 

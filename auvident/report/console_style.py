@@ -1,6 +1,9 @@
 """House style of the console: tables and lines of findings."""
 
-from collections.abc import Mapping, Sequence
+import os
+import re
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import IO, Any, Literal
 
@@ -20,10 +23,26 @@ from auvident.schema.quoting import printable
 
 Justify = Literal["left", "right"]
 
+PLAIN_WIDTH = 140  # columns of a table that goes to a file or a pipe
+WHOLE = 8  # columns; a cell as short as that (a unit) is not broken
+WHOLE_NAME = 24  # the same for the first column, which has names
+ROOMY = 100  # columns; with less a table that would break its cells moves its columns closer
+# blanks that no line ends at: those within "0.7 deg", "24 kg m^2 s", "± std", "≥ 0.5"
+UNIT = r"(?:kg|N|m|s|deg|rad|Hz|rpm|nats|%)(?:[/^][\w/^]*)?(?![\w|])"
+GLUE = re.compile(
+    rf"(?<=[\d)]) (?={UNIT})|(?<=\bkg) (?={UNIT})|(?<=\bN) (?={UNIT})"
+    rf"|(?<=\^2) (?={UNIT})|(?<=[±≥≤÷]) "
+)
+GLUED = "\u00a0"
 MOST_PLACES = 6  # places named of a finding that several share
 READABLE = 18  # least width of a column of sentences
 LONGEST_WORD = 34  # columns; longer ones (names of files) go on in the next line
 MOST_FINDINGS = 12  # lines of findings a stage; the artifact has all of them
+
+
+def width_of(stream: IO[str]) -> int | None:
+    """Columns of a table: of COLUMNS or of the terminal (None), more in a file or a pipe."""
+    return None if stream.isatty() or "COLUMNS" in os.environ else PLAIN_WIDTH
 
 
 def console_for(stream: IO[str], width: int | None = None) -> Console:
@@ -74,73 +93,143 @@ def rich_table(table: tables.Table, accents: Mapping[str, str] | None = None) ->
 class Shown:
     """The house style: no vertical rules, title on the left, numbers on the right.
 
-    Nothing is cut. Where the terminal has no room for all columns, the others follow in a second
-    block, with the first column again.
+    Nothing is cut. Where the terminal has no room for all columns, they move closer together; where
+    that is not enough, the others follow in a second block, with the columns that tell the rows
+    apart again.
     """
 
     table: tables.Written
     accents: Mapping[str, str]
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """One block of columns after the other."""
+        """Title, one block of columns after the other, caption."""
+        if self.table.title:
+            yield Text(self.table.title, style="italic")
         widths = [_widths(self.table, k) for k in range(len(self.table.heads))]
-        blocks = in_blocks([least for least, _ in widths], options.max_width)
-        for b, block in enumerate(blocks):
-            given = fitted([widths[k] for k in block], options.max_width)
-            yield self._block(block, given, b == 0, b == len(blocks) - 1)
+        least = [w for w, _, _ in widths]
+        full = [w for _, _, w in widths]
+        aired = least if options.max_width >= ROOMY else full
+        layout = WIDE if WIDE.taken(aired) <= options.max_width else NARROW
+        keys = _keys(self.table, least, options.max_width)
+        for block in in_blocks(least, options.max_width, layout, keys):
+            given = fitted([widths[k] for k in block], options.max_width, layout)
+            shown = self._block(block, given, layout)
+            lines = console.render_lines(shown, options.update(height=None), pad=False)
+            yield from _without_blanks(lines)
+        if self.table.caption:
+            yield Text(self.table.caption, style="dim italic")
 
-    def _block(self, block: Sequence[int], widths: Sequence[int], first: bool, last: bool) -> Table:
+    def _block(self, block: Sequence[int], widths: Sequence[int], layout: "Spacing") -> Table:
         text = self.table
-        title = text.title if first else ""
-        shown = Table(title=title or None, title_justify="left", box=box.SIMPLE_HEAD)
+        shown = Table(box=box.SIMPLE_HEAD, show_edge=layout.edge > 0, padding=layout.padding)
         shown.pad_edge = False
         shown.show_header = any(text.heads[k] for k in block)
         for k, width in zip(block, widths, strict=True):
             justify: Justify = "right" if text.numeric[k] else "left"
-            shown.add_column(text.heads[k], justify=justify, width=width, overflow="fold")
+            head = broken(text.heads[k], width)
+            shown.add_column(head, justify=justify, width=width, overflow="fold")
         for row, marked in zip(text.rows, text.marked, strict=True):
-            cells = (Text(row[k], style=self.accents.get(row[k], "")) for k in block)
+            cells = (
+                Text(broken(row[k], width), style=self.accents.get(row[k], ""))
+                for k, width in zip(block, widths, strict=True)
+            )
             shown.add_row(*cells, style="cyan" if marked else "")
-        shown.caption, shown.caption_justify = (text.caption if last else None) or None, "left"
         return shown
 
 
-def _widths(table: tables.Written, k: int) -> tuple[int, int]:
-    """Least and full width of a column: of its longest word or number, of its longest line."""
+@dataclass(frozen=True)
+class Spacing:
+    """What stands at either edge of a table and between its columns; the padding that makes it."""
+
+    edge: int
+    between: int
+    padding: tuple[int, int, int, int]
+
+    def taken(self, widths: Sequence[int]) -> int:
+        """Width of a table with these columns."""
+        return sum(widths) + 2 * self.edge + self.between * (len(widths) - 1)
+
+
+WIDE, NARROW = Spacing(1, 3, (0, 1, 0, 1)), Spacing(0, 2, (0, 1, 0, 0))
+
+
+def _without_blanks(lines: Sequence[Sequence[Segment]]) -> Iterator[Segment]:
+    """Lines without the blanks at their ends and empty ones, and one empty one behind them."""
+    full = [line for line in lines if any(segment.text.strip() for segment in line)]
+    for line in [*full, []]:
+        kept = list(line)
+        while kept and not kept[-1].text.strip():
+            kept.pop()
+        if kept:
+            kept[-1] = kept[-1]._replace(text=kept[-1].text.rstrip())
+        yield from kept
+        yield Segment.line()
+
+
+def glued(text: str) -> str:
+    """A text whose numbers keep to their units."""
+    return GLUE.sub(GLUED, text)
+
+
+def broken(text: str, width: int) -> str:
+    """A text in lines of a width, numbers beside their units."""
+    lines = (
+        textwrap.wrap(glued(line), width, break_on_hyphens=False) or [""]
+        for line in text.split("\n")
+    )
+    return "\n".join(line for of in lines for line in of).replace(GLUED, " ")
+
+
+def _keys(table: tables.Written, least: Sequence[int], room: int) -> int:
+    """How many of the first columns tell the rows apart, if these leave half of the room."""
+    for keys in range(1, len(least) + 1):
+        if sum(least[:keys]) > room // 2:
+            return 1
+        if len({row[:keys] for row in table.rows}) == len(table.rows):
+            return keys
+    return 1
+
+
+def _widths(table: tables.Written, k: int) -> tuple[int, int, int]:
+    """Least, compact and full width of a column.
+
+    That of its longest word or number; that with the head of numbers in two lines; that of its
+    longest line.
+    """
     cells = [row[k] for row in table.rows]
-    texts, whole = [table.heads[k], *cells], cells if table.numeric[k] else []
-    pieces = [*whole, *(word for text in texts for word in text.split())]
+    texts = [table.heads[k], *cells]
+    short = WHOLE if k else WHOLE_NAME
+    whole = [cell for cell in cells if table.numeric[k] or cell_len(cell) <= short]
+    pieces = [*whole, *(word for text in texts for word in glued(text).split(" "))]
     words = max((cell_len(piece) for piece in pieces), default=1)
     lines = max(cell_len(line) for text in texts for line in (*text.splitlines(), ""))
-    readable = 0 if table.numeric[k] else min(READABLE, lines)
-    return max(min(words, LONGEST_WORD), readable, 1), max(lines, 1)
+    readable = 0 if table.numeric[k] else min(READABLE, (lines + 1) // 2)
+    least = max(min(words, LONGEST_WORD), readable, 1)
+    compact = max(least, (cell_len(table.heads[k]) + 3) // 2) if table.numeric[k] else lines
+    return least, compact, max(lines, least, 1)
 
 
-def in_blocks(least: Sequence[int], room: int) -> list[list[int]]:
-    """Columns that stand side by side: as many as there is room for, the first one in each."""
-    blocks = [[0]]
-    for k in range(1, len(least)):
+def in_blocks(least: Sequence[int], room: int, layout: Spacing, keys: int = 1) -> list[list[int]]:
+    """Columns that stand side by side: as many as there is room for, the keys in each."""
+    first = list(range(keys))
+    blocks = [first.copy()]
+    for k in range(keys, len(least)):
         block = [*blocks[-1], k]
-        if sum(least[c] for c in block) + _between(len(block)) > room and len(block) > 2:
-            blocks.append([0])
+        if layout.taken([least[c] for c in block]) > room and len(block) > keys + 1:
+            blocks.append(first.copy())
         blocks[-1].append(k)
     return blocks
 
 
-def fitted(widths: Sequence[tuple[int, int]], room: int) -> list[int]:
+def fitted(widths: Sequence[tuple[int, int, int]], room: int, layout: Spacing) -> list[int]:
     """Width of every column: narrow ones get all they want first, wide ones share the rest."""
-    given = [least for least, _ in widths]
-    rest = room - _between(len(widths)) - sum(given)
-    order = sorted(range(len(widths)), key=lambda k: widths[k][1])
-    for k in order:
-        more = max(min(widths[k][1] - given[k], rest), 0)
-        given[k], rest = given[k] + more, rest - more
+    given = [least for least, _, _ in widths]
+    rest = room - layout.taken(given)
+    for want in (1, 2):
+        for k in sorted(range(len(widths)), key=lambda k: widths[k][want]):
+            more = max(min(widths[k][want] - given[k], rest), 0)
+            given[k], rest = given[k] + more, rest - more
     return given
-
-
-def _between(columns: int) -> int:
-    """What stands at the edges and between columns."""
-    return 2 + 3 * (columns - 1)
 
 
 def findings_lines(findings: Sequence[Finding]) -> list[RenderableType]:
@@ -166,9 +255,9 @@ def findings_lines(findings: Sequence[Finding]) -> list[RenderableType]:
 def finding_line(finding: Finding) -> Text:
     """One finding with its place and remedy."""
     text = Text(f"{finding.where}: " if finding.where else "", style="yellow")
-    text.append(finding.message, style="default")
-    if finding.threshold is not None:
-        text.append(evidence(finding))
+    shown = evidence(finding) if finding.threshold is not None else ""
+    message = finding.message.rstrip(".") if shown else finding.message
+    text.append(f"{message}{shown}", style="default")
     if finding.remedy:
         stop = "" if text.plain.endswith(".") else "."
         text.append(f"{stop} {finding.remedy}", style="dim")

@@ -4,7 +4,16 @@ from rich.console import RenderableType
 from rich.text import Text
 
 from auvident.report.console_style import findings_lines, rich_table
-from auvident.report.tables import Cell, Column, Interval, Joined, Number, Table, columns
+from auvident.report.tables import (
+    Cell,
+    Column,
+    Interval,
+    Joined,
+    Number,
+    Rounded,
+    Table,
+    columns,
+)
 from auvident.schema.desk import BY_MANEUVER, DeskCurve, DeskFigure, DeskResult
 
 # figures that do not say by their name what they are
@@ -12,17 +21,21 @@ WORDS = {
     "steady_r": "steady yaw rate",
     "steady_drift": "steady drift (bow inside)",
     "stability_index": "stability index G",
-    "nomoto_gain": "Nomoto K, linear",
-    "nomoto_time": "Nomoto T, linear",
-    "zigzag_gain": "Nomoto K, of the zigzag",
-    "zigzag_time": "Nomoto T, of the zigzag",
+    "nomoto_gain": "Nomoto K, linear model",
+    "nomoto_time": "Nomoto T, linear model",
+    "zigzag_gain": "Nomoto K, from the zigzag",
+    "zigzag_time": "Nomoto T, from the zigzag",
     "reach": "reach (back on the course)",
     "depth_overshoot": "depth overshoot",
     "r_from_starboard": "rate from starboard",
     "r_from_port": "rate from port",
-    "residual_starboard": "rate left after starboard",
-    "residual_port": "rate left after port",
-    "residual_difference": "rate left, difference",
+    "residual_starboard": "residual rate after starboard",
+    "residual_port": "residual rate after port",
+    "residual_difference": "residual rate, difference",
+    "time_to_90": "time to 90 deg of heading",
+    "time_to_180": "time to 180 deg of heading",
+    "steady_starboard": "steady rate to starboard",
+    "steady_port": "steady rate to port",
 }
 CURVE_TITLES = {
     "spiral": "Steady yaw rate by rudder; rates and rudder positive to starboard",
@@ -34,6 +47,7 @@ SOURCES = {
     "given": "given coefficients",
 }
 INTERVAL_HEAD = "90 % interval"
+NORMAL_90 = 1.645  # standard deviations to either side that hold 90 % of a normal distribution
 SMALLEST = 4  # decimals of a curve: what is left of a rate that dies away is no rate
 
 
@@ -42,14 +56,16 @@ def desk_pieces(result: DeskResult) -> list[RenderableType]:
     pieces: list[RenderableType] = [rich_table(figure_table(result))]
     pieces += [rich_table(curve_table(curve)) for curve in result.curves]
     row = BY_MANEUVER[result.maneuver]
-    line = f"{row.steered}; {row.ends}. Fin: {result.servo}."
+    line = (
+        f"{row.steered[:1].upper()}{row.steered[1:]}; ends {row.ends}. Servo speed: {result.servo}."
+    )
     return [*pieces, Text(line, style="dim"), *findings_lines(result.findings)]
 
 
 def figure_table(result: DeskResult) -> Table:
     """Every figure with its interval."""
     rows: list[list[Cell]] = [
-        [_words(f), "" if f.unit == "-" else f.unit, Number(f.value, 4), _interval(f)]
+        [_words(f), "" if f.unit == "-" else f.unit, _value(f), _interval(f)]
         for f in result.figures
     ]
     numbers = "/".join(f"{v:g}" for v in result.parameters.values())
@@ -78,12 +94,19 @@ def curve_table(curve: DeskCurve) -> Table:
     return Table(heads, rows, CURVE_TITLES[curve.name])
 
 
+def _value(f: DeskFigure) -> Cell:
+    """A figure, as exact as its interval is wide."""
+    if f.value is None or f.low is None or f.high is None or not f.low < f.high:
+        return Number(f.value, 4)
+    return Rounded(f.value, (f.high - f.low) / (2.0 * NORMAL_90))
+
+
 def _interval(f: DeskFigure) -> Cell:
     if f.low is None or f.high is None:
         return ""
     told = Interval(f.low, f.high)
     if f.share is not None and f.share < 1.0:
-        return Joined((told, f"({f.share:.0%} of the models)"), " ")
+        return Joined((told, f"({f.share:.0%} of the sampled models)"), " ")
     return told
 
 

@@ -15,7 +15,7 @@ WORDS = {
     "q": "of pitch rate",
 }
 DIGITS = 2
-OTHERS_HELD_OUT = "Other maneuvers are held out in each run: their errors compare roughly."
+OTHERS_HELD_OUT = "The runs hold out different maneuvers: their errors compare only roughly."
 
 
 def why_held_out(maneuvers: Sequence[Maneuver]) -> list[str]:
@@ -37,5 +37,5 @@ def _reached(quantity: str, e: Extrapolation) -> str:
     told = (PAGE.quantity(x, e.unit, DIGITS) for x in (e.reaches, e.identified))
     value, known = (text.replace(PAGE.space, " ") for text in told)  # for the terminal too
     if quantity == "u_low":
-        return f"slows to {value}, the identifying ones to {known}"
-    return f"goes to {value} {WORDS[quantity]}, the identifying ones to {known}"
+        return f"slows to {value}, the maneuvers used for identification to {known}"
+    return f"reaches {value} {WORDS[quantity]}, the maneuvers used for identification {known}"

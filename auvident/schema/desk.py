@@ -91,7 +91,7 @@ MANEUVERS: tuple[DeskManeuver, ...] = (
         "turning-circle",
         "horizontal",
         (DeskParameter("rudder", "deg", 15.0, 0.1, 45.0, signed=True),),
-        "rudder laid and held, positive to starboard",
+        "rudder laid to one angle and held (positive: to starboard)",
         "after a turn of 540 deg",
         (
             "advance_m",
@@ -122,7 +122,7 @@ MANEUVERS: tuple[DeskManeuver, ...] = (
         "spiral",
         "horizontal",
         (DeskParameter("rudder", "deg", 25.0, 5.0, 45.0),),
-        "Dieudonne: rudder from starboard in steps to port and back, a steady turn at each",
+        "Dieudonné spiral: rudder from starboard in steps to port and back, a steady turn at each",
         "after the last step",
         ("loop_height_degps", "loop_width_deg", "steady_r_degps", *_STEERING),
     ),
@@ -231,9 +231,9 @@ def _value(text: str, row: DeskManeuver, parameter: DeskParameter, part: str) ->
         raise _wrong(text, row, f"{part!r} is not a number") from None
     if not parameter.least <= abs(value) <= parameter.most:  # nor a NaN
         size = f"{parameter.least:g} to {parameter.most:g} {parameter.unit}"
-        raise _wrong(text, row, f"{parameter.name} is to be {size}, not {part}")
+        raise _wrong(text, row, f"{parameter.name} must be {size}, not {part}")
     if value < 0.0 and not parameter.signed:
-        raise _wrong(text, row, f"{parameter.name} has no sign")
+        raise _wrong(text, row, f"{parameter.name} takes no sign")
     return value
 
 

@@ -102,7 +102,7 @@ def read_json(path: Path, remedy: str = "") -> Any:
 
 
 def _refuse_constant(name: str) -> None:
-    raise ValueError(f"{name} is no number of JSON")
+    raise ValueError(f"{name} is not a JSON number")
 
 
 def read_model(path: Path, model: type[Model], remedy: str = "") -> Model:

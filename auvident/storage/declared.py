@@ -64,10 +64,10 @@ def file_named_in(path: Path, name: str, key: str) -> Path:
         It is no name of a file, or lies outside of the folder.
     """
     if not name.strip() or "\0" in name:
-        raise InputError(f"{clipped(name)!r} is no name of a file", f"{path}: {key}")
+        raise InputError(f"{clipped(name)!r} is not a file name", f"{path}: {key}")
     found, folder = path.parent / name, path.parent.resolve()
     if not _OUTSIDE.get() and not found.resolve().is_relative_to(folder):
-        raise _is_outside(f"{clipped(name)!r} lies outside of the folder of this file", path, key)
+        raise _is_outside(f"{clipped(name)!r} is outside the folder of this file", path, key)
     return found
 
 

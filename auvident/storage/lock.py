@@ -120,7 +120,7 @@ def _open(file: Path) -> int:
     descriptor = os.open(file, flags, 0o644)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
-        raise OSError(errno.EINVAL, f"{file.name} is no file")
+        raise OSError(errno.EINVAL, f"{file.name} is not a file")
     return descriptor
 
 

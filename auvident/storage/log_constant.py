@@ -57,5 +57,5 @@ def _findings(trial: str, stated: dict[str, float]) -> Iterator[Finding]:
 
 def _consequence(channel: Channel) -> str:
     if channel.quantity == "rpm":
-        return "; thrust cannot be told from drag, whose sum alone follows from such a log"
+        return "; thrust and drag cannot be separated: such a log shows only their sum"
     return f"; nothing in the log shows what the {channel.quantity} does"

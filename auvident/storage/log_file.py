@@ -239,7 +239,7 @@ def _refuse_bomb(path: Path, wanted: Collection[str]) -> None:
             f"unpacks to {unpacked // MEGABYTE} MB, more than {MOST_TIMES} times its size, which "
             "no log does",
             str(path),
-            "Look what it holds: its columns repeat one value.",
+            "Check its content: its columns repeat one value.",
         )
 
 

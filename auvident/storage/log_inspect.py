@@ -148,12 +148,17 @@ def _notes_of(log: LogFile) -> tuple[str, ...]:
     return (*(log.container.notes if is_first else ()), *log.container.tables[log.topic].notes)
 
 
+def _counted(count: int, reason: str) -> str:
+    """Rows that were left out, with the reason."""
+    return f"{count} row{'s' * (count != 1)} left out: {reason.replace('_', ' ')}"
+
+
 def _read_all(log: LogFile) -> tuple[dict[str, np.ndarray], int, list[str]]:
     """All columns; where one is faulty, those that can be read, and the faults."""
     names = [name for name in dict.fromkeys(log.names) if name and log.names.count(name) == 1]
     try:
         table = read_log(log, dict.fromkeys(names))
-        notes = [f"{count} rows: {reason}" for reason, count in table.dropped.items()]
+        notes = [_counted(count, reason) for reason, count in table.dropped.items()]
         return table.columns, table.rows.size, notes
     except InputError as error:
         numbers: dict[str, np.ndarray] = {}

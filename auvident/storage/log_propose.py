@@ -106,7 +106,8 @@ def _derive(found: Collection[str], unassigned: Collection[str]) -> str:
     if not wanted:
         return ""
     lines = "".join(f"# {quantity} = true\n" for quantity in wanted)
-    return f"\n# Where nothing measured it, position and heading imply it:\n# [derive]\n{lines}"
+    why = "# Where it was not measured, it can be derived from position and heading:"
+    return f"\n{why}\n# [derive]\n{lines}"
 
 
 def _assign(logs: Mapping[str, LogFile], values: Values) -> list[Proposal]:
@@ -189,7 +190,7 @@ def _table(
         lines += _time_lines(log, values[home])
     lines += [_entry(p) for p in proposals if p.home == home]
     if of_sensor(sensor)[0].kind == "input":
-        lines.append("# add sign = -1 if it counts the other way than [signs] says")
+        lines.append("# add sign = -1 if its sign is opposite to [signs]")
     return "\n".join(lines) + "\n"
 
 

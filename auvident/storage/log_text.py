@@ -96,7 +96,7 @@ def _is_bomb(path: Path) -> InputError:
         f"unpacks to more than {MOST_UNPACKED // MEGABYTE} MB and {MOST_TIMES} times its size, "
         "which no log does",
         str(path),
-        "Unpack it, look what it holds, and give the unpacked file.",
+        "Unpack it, check its content, and give the unpacked file.",
     )
 
 

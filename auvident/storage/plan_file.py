@@ -21,7 +21,7 @@ def plan_path(name: str | Path) -> Path:
         raise InputError(
             "there is no such plan",
             str(name),
-            f"Give a TOML file or one of the built-in: {_known()}.",
+            f"Give a TOML file or one of the built-in plans: {_known()}.",
         )
     return Path(name)
 

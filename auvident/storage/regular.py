@@ -56,6 +56,6 @@ def read_small(path: Path, most_bytes: int, error: type[AuvidentError] = InputEr
         raise error(
             f"is larger than {most_bytes // MEGABYTE} MB",
             str(path),
-            "Check the path: such a file is shorter.",
+            "Check the path: files of this kind are smaller.",
         )
     return content

@@ -90,7 +90,9 @@ def _refuse_many(data: dict[str, Any], path: Path) -> None:
     name = body.get("name") if isinstance(body, dict) else None
     if isinstance(name, str) and len(name) > LONGEST_TEXT:
         raise InputError(
-            f"a name of {len(name)} characters", f"{path}: [vehicle] name", f"{LONGEST_TEXT} do."
+            f"a name of {len(name)} characters",
+            f"{path}: [vehicle] name",
+            f"Use at most {LONGEST_TEXT}.",
         )
     if isinstance(fins, list) and len(fins) > MOST_FINS:
         raise InputError(f"{len(fins)} sets of fins", f"{path}: [[fin]]", f"{MOST_FINS} at most.")

@@ -21,8 +21,8 @@ from auvident.schema.artifacts import Finding
 from auvident.storage.run_directory import RunDirectory
 
 
-def text_of(pieces: list[RenderableType]) -> str:
-    console = console_for(io.StringIO(), width=140)
+def text_of(pieces: list[RenderableType], width: int = 140) -> str:
+    console = console_for(io.StringIO(), width=width)
     for piece in pieces:
         console.print(piece)
     return console.file.getvalue()  # type: ignore[attr-defined]
@@ -106,7 +106,7 @@ def assert_verbatim(name: str, pieces: list[RenderableType], times: int = 1) -> 
 def test_names_of_the_user_stand_in_the_tables_as_they_are(name: str) -> None:
     """As title, head of a column, cell, caption and finding."""
     wide = "-" * 80  # so that no text is broken
-    heads = (Column(f"x {name} "), Column(wide), Column(f"y {name} ", numeric=True))
+    heads = (Column(f"x {name} ."), Column(wide), Column(f"y {name} .", numeric=True))
     rows = [[f"x {name} ", wide, f" {name} ."]]
     table = rich_table(Table(heads, rows, f"Run directory {name} .", f"and {name} more"))
     finding = Finding(code="a", message=f"{name} .", where=name)
@@ -179,5 +179,5 @@ def test_nothing_is_cut_whatever_the_width(width: int) -> None:
     assert "…" not in text
     assert all(len(line) <= width for line in text.splitlines())
     assert all(cell in text for cell in cells)
-    firsts = "".join(line[1:].split("  ")[0].strip() for line in text.splitlines())
+    firsts = "".join(line.strip().split("  ")[0] for line in text.splitlines())
     assert long in firsts.replace(" ", "")

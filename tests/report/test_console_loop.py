@@ -93,7 +93,7 @@ def test_groups_and_what_is_left_are_named() -> None:
     )
     text = diagnosed(found)
     assert "These data cannot tell apart rudder_offset and hull_asymmetry" in text
-    assert "Maneuvers that would: vary the speed" in text
+    assert "These maneuvers would tell them apart: vary the speed" in text
     assert "Unexplained: The remaining yaw moment follows the roll (12 nats)." in text
     ending = text_of(discovery(loop_world.comparison(found)))
     assert "cannot tell apart" in ending
@@ -169,7 +169,8 @@ def tried_comparison() -> Comparison:
         ),
     )
     force = UnexplainedForce(
-        added=True, statement="Unexplained, but predictable: left-out v 0.21 to 0.09 (NRMSE)."
+        added=True,
+        statement="An unnamed force improves the prediction: left-out v 0.21 to 0.09 (NRMSE).",
     )
     return loop_world.comparison(loop_world.diagnosis()).model_copy(
         update={
@@ -201,4 +202,6 @@ def test_the_cross_validation_of_the_final_model_stands_beside_that_of_the_first
 
 
 def test_a_force_without_a_name_is_told_as_what_it_is() -> None:
-    assert "Unexplained, but predictable: left-out v 0.21 to 0.09" in refined(tried_comparison())
+    assert "An unnamed force improves the prediction: left-out v 0.21 to 0.09" in refined(
+        tried_comparison()
+    )

@@ -30,7 +30,7 @@ def test_numbers_stand_behind_the_colon() -> None:
         ("zigzag:", "'' is not a number"),
         ("zigzag:nan", "0.1 to 45 deg"),
         ("zigzag:90/10", "0.1 to 45 deg"),
-        ("zigzag:10/-10", "heading has no sign"),
+        ("zigzag:10/-10", "heading takes no sign"),
         ("turning-circle:0", "0.1 to 45 deg"),
         ("spiral:-25", "no sign"),
     ],

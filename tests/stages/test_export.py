@@ -328,9 +328,9 @@ def test_effects_of_another_version_are_refused_by_name(form: str) -> None:
     assert "rudder_lag" not in caught.value.problem
     for lost in (float("nan"), "1", None, 10**400):
         effect = {"id": "rudder_lag", "internal": {"rudder_lag.lag_s": lost}}
-        with pytest.raises(UsageError, match=r"rudder_lag\.lag_s is no finite number"):
+        with pytest.raises(UsageError, match=r"rudder_lag\.lag_s is not a finite number"):
             export(model.model_copy(update={"effects": (effect,)}), form)
-    with pytest.raises(UsageError, match="rudder_lag is no finite number"):
+    with pytest.raises(UsageError, match="rudder_lag is not a finite number"):
         export(model.model_copy(update={"effects": ({"id": "rudder_lag"},)}), form)
 
 

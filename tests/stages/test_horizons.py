@@ -29,8 +29,8 @@ def test_a_held_out_maneuver_that_goes_further_says_by_what() -> None:
     assert (found["u_low"].reaches, found["u_low"].identified) == (1.0, 1.5)
     (line,) = beyond({"z": found, "within": {}})
     line = line.replace("\u00a0", " ")
-    assert "z goes to 25 deg of rudder, the identifying ones to 15 deg" in line
-    assert "slows to 1.0 m/s, the identifying ones to 1.5 m/s" in line
+    assert "z reaches 25 deg of rudder, the maneuvers used for identification 15 deg" in line
+    assert "slows to 1.0 m/s, the maneuvers used for identification to 1.5 m/s" in line
 
 
 def test_a_held_out_maneuver_within_the_range_says_nothing() -> None:

@@ -130,7 +130,7 @@ def test_every_row_says_something(clean):
 def test_what_nothing_tests_is_said():
     quality = ingest(without(sailed(), "attitude", "position", "depth"), BOAT)[1]
     line = untested([quality])
-    assert line.startswith("Untested: ")
+    assert line.startswith("Not tested: ")
     assert "scale and sign of the yaw rate (no heading, and no turns with positions)" in line
     assert "scale of the speed within 5 % (no position log, or too short)" in line
     assert "scale of the speed (" not in line  # thrust and drag test it, roughly

@@ -71,7 +71,7 @@ def test_it_predicts_a_force_that_no_effect_explains(found) -> None:
     assert force.left_out is not None and force.held_out is not None
     assert force.left_out.after["v"].rmse < 0.6 * force.left_out.before["v"].rmse
     assert force.held_out.after["v"].rmse == pytest.approx(new["v"].rmse)
-    assert force.statement.startswith("Unexplained, but predictable: left-out u ")
+    assert force.statement.startswith("An unnamed force improves the prediction: left-out u ")
     assert f"v {old['v'].nrmse:.2g} to {new['v'].nrmse:.2g}" in force.statement
 
 
@@ -136,7 +136,7 @@ def test_it_is_not_added_where_left_out_errors_do_not_fall() -> None:
     made, force = tried(alike(), alike(u=1.1), alike(), alike(r=2.0))
     assert made is None and not force.added and force.left_out is None
     assert [t.spread for t in force.tried] == list(SPREADS)
-    assert force.statement.startswith("No force without a name was added: it does not lower")
+    assert force.statement.startswith("No unnamed force was added: it does not lower")
 
 
 def test_too_few_maneuvers_tell_nothing_and_a_failure_is_an_attempt() -> None:

@@ -41,7 +41,9 @@ def test_a_channel_that_is_missed_by_its_own_variation_is_not_predicted() -> Non
     assert set(found) == {name for name, m in pooled.items() if m.nrmse >= 1.0} >= {"r"}
     assert found["r"].value == pooled["r"].nrmse
     assert found["r"].threshold == 1.0 and found["r"].remedy
-    assert found["r"].message == "r is not predicted: its error is as large as its variation"
+    assert (
+        found["r"].message == "not predicted: the error is as large as the variation of the channel"
+    )
 
 
 def test_data_that_made_a_channel_worse_are_called_so() -> None:
@@ -50,7 +52,7 @@ def test_data_that_made_a_channel_worse_are_called_so() -> None:
     after, before = metrics.summary["validate"]["u"], metrics.ase.summary["validate"]["u"]
     assert found["u"].value == pytest.approx((before.rmse / after.rmse) ** 2)
     assert found["u"].threshold == 1.0 and found["u"].remedy
-    words = "u of the held-out maneuvers is predicted no better than with"
+    words = "predicted no better in the held-out maneuvers than with"
     assert found["u"].message == f"{words} {ESTIMATE}"
     given = metrics_of(changed(true_prior(), X_uu=0.8 * base().values()["X_uu"]), estimated=False)
     assert f"{words} {GIVEN}" in {f.message for f in given.findings}
@@ -61,9 +63,7 @@ def test_single_maneuvers_that_are_predicted_worse_are_named_with_their_channels
     (found,) = said(metrics, "worse-than-prior")
     assert found.where.startswith("made-turn-1 (u")  # the zigzag identifies
     assert found.value < found.threshold == 1.0 and found.remedy
-    assert found.message == (
-        "some channels of single held-out maneuvers are predicted worse than with " + ESTIMATE
-    )
+    assert found.message == ("predicted worse than with " + ESTIMATE)
 
 
 def test_a_model_better_than_its_prior_has_no_such_finding() -> None:

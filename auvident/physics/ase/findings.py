@@ -67,7 +67,7 @@ def undecided(facts: Mapping[str, Any]) -> Iterator[Finding]:
             f"(G {with_std(index['value'], index['std'])}).",
             where="[[fin]]",
             value=chance,
-            remedy="A trial tells, with zigzags of small angles; larger tail fins stabilise.",
+            remedy="Zigzags of small angles at sea show it; larger tail fins stabilise.",
         )
 
 
@@ -77,7 +77,7 @@ def _hull_findings(vehicle: Vehicle, hull: HullGeometry, speed_mps: float) -> It
     if reynolds < LAMINAR_REYNOLDS:
         yield Finding(
             code="low_reynolds",
-            message="Long laminar runs are likely; the friction line is turbulent.",
+            message="Much of the boundary layer may be laminar; the drag assumes a turbulent one.",
             where="[vehicle] design_speed_mps",
             value=reynolds,
             threshold=LAMINAR_REYNOLDS,
@@ -121,8 +121,8 @@ def _fin_findings(vehicle: Vehicle, hull: HullGeometry) -> Iterator[Finding]:
             yield Finding(
                 code="fin_in_wake",
                 message="Much of the span lies in the wake of the hull, where the "
-                "formulas overestimate the measured lift 1.5 to 3 times (DARPA "
-                "SUBOFF); the standard deviations are accordingly wide.",
+                "formulas overestimate the lift by a factor of 1.5 to 3 (DARPA "
+                "SUBOFF); the standard deviations allow for it.",
                 where=where,
                 value=buried,
                 threshold=BURIED_LIMIT,
@@ -165,7 +165,7 @@ def _propeller_findings(vehicle: Vehicle, values: Mapping[str, float]) -> Iterat
     elif not speed_per_rate_m(values) > 0.0:
         yield Finding(
             code="no_steady_speed",
-            message="No forward speed balances the thrust.",
+            message="The thrust balances the drag at no forward speed.",
             where="[propeller]",
         )
     assumed = {"wake_fraction", "thrust_deduction"} - vehicle.propeller.model_fields_set

@@ -66,7 +66,9 @@ def _parse_values(values: str, text: str) -> np.ndarray:
             start, stop, count = values.split(":")
             if not 1 <= int(count) <= MOST_VARIANTS:
                 raise UsageError(
-                    f"the count {count} is not 1 to {MOST_VARIANTS}", f"--sweep {text}", EXAMPLE
+                    f"the count {count} is not between 1 and {MOST_VARIANTS}",
+                    f"--sweep {text}",
+                    EXAMPLE,
                 )
             numbers = np.linspace(float(start), float(stop), int(count))
     except ValueError:

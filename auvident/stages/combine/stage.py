@@ -285,8 +285,8 @@ def _findings(
     if not any(symbol in entries for symbol in TORQUE):
         yield Finding(
             code="no-torque",
-            message="the torque of the propeller is not known and does not act: the vehicle "
-            "runs without the heel it gives",
+            message="the propeller torque is unknown and left out: the simulated vehicle runs "
+            "without the heel it causes",
             where=", ".join(TORQUE),
         )
     yield Finding(

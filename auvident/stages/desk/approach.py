@@ -106,10 +106,10 @@ def _fin_rate(models: DeskModel, approach: Approach, speed: float) -> tuple[floa
         if e[SLOWNESS] > 0.0 or e[LAG] > 0.0:
             rate = f"{math.degrees(1.0 / e[SLOWNESS]):.3g} deg/s" if e[SLOWNESS] > 0.0 else ""
             lag = f"lag {e[LAG]:.2g} s" if e[LAG] > 0.0 else ""
-            return None, f"{' '.join(t for t in (rate, lag) if t)}, of the model"
+            return None, f"{' '.join(t for t in (rate, lag) if t)} (from the model)"
         asked = min(USUAL_RATE_DEGPS, USUAL_RATE_DEG * speed / models.length_m)
-        return math.radians(asked), f"{asked:.3g} deg/s, usual"
-    return math.radians(asked), f"{asked:.3g} deg/s, as stated"
+        return math.radians(asked), f"{asked:.3g} deg/s (typical)"
+    return math.radians(asked), f"{asked:.3g} deg/s (as given)"
 
 
 def _side(models: DeskModel, first: dict[str, float]) -> float:
@@ -133,7 +133,7 @@ def _not_held(models: DeskModel, speed: float) -> NumericsError:
         else "Give another --speed, or check the coefficients of drag and thrust."
     )
     return NumericsError(
-        f"no straight run at {speed:.3g} m/s holds its {why} with the fin below 45 deg",
+        f"at {speed:.3g} m/s no fin angle below 45 deg holds the {why}",
         models.name,
         remedy,
     )

@@ -148,21 +148,21 @@ def _refuse_lost(flight: DeskFlight, models: DeskModel, order: DeskOrder) -> Non
     lost = np.flatnonzero(~np.isfinite(flight.states[:, 0, 0]))
     if lost.size:
         raise NumericsError(
-            "the model runs away",
+            "the simulation diverges",
             f"{models.name}, {order.text}, {flight.time_s[lost[0]]:.1f} s",
-            "Such motion lies outside of what it was made from. Lay a smaller angle, give a lower "
-            "--speed, or check the damping in `auvident coefficients`.",
+            "The motion leaves the range of the data behind the model. Use a smaller angle or a "
+            "lower --speed, or check the damping coefficients of the model.",
         )
 
 
 def _comes_to_nothing(flight: DeskFlight, models: DeskModel, order: DeskOrder) -> NumericsError:
     turned = np.degrees(np.abs(flight.states[:, 3, 0] - flight.states[0, 3, 0]).max())
     return NumericsError(
-        f"the model comes to no figure of it within {flight.time_s[-1]:.0f} s; "
-        f"it turned by {turned:.3g} deg at the most",
+        f"none of its figures is reached within {flight.time_s[-1]:.0f} s; "
+        f"the vehicle turns by {turned:.3g} deg at most",
         f"{models.name}, {order.text}",
-        "Lay a larger angle, or a smaller switching angle; a fin too weak for the vehicle turns "
-        "it nowhere.",
+        "Use a larger fin angle or a smaller switching angle; the fin may be too weak to turn "
+        "this vehicle.",
     )
 
 

@@ -121,11 +121,11 @@ def findings_of(
             Finding(
                 code="drawn-models-run-away",
                 where=order.text,
-                message=f"{lost} of {drawn} drawn models run away or hold no straight run; "
+                message=f"{lost} of {drawn} sampled models diverge or cannot hold a straight run; "
                 "the intervals are those of the others",
                 value=lost / drawn,
                 threshold=MANY_LOST,
-                remedy="The model is known too badly for this maneuver.",
+                remedy="The model is too uncertain for this maneuver.",
             )
         )
     if flight.ends[0] < 0:
@@ -133,7 +133,7 @@ def findings_of(
             Finding(
                 code="maneuver-not-finished",
                 where=order.text,
-                message=f"not over within {flight.time_s[-1]:.0f} s ({order.row.ends})",
+                message=f"not finished within {flight.time_s[-1]:.0f} s ({order.row.ends})",
                 remedy="Another angle or speed may finish it.",
             )
         )

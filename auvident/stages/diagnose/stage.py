@@ -34,12 +34,13 @@ from auvident.stages.diagnose.select.candidates import Traced
 from auvident.stages.diagnose.select.instants import narrowed
 from auvident.stages.diagnose.select.search import Search
 from auvident.stages.diagnose.select.starts import baseline_of
+from auvident.stages.diagnose.select.telling import Telling, untold
 from auvident.stages.diagnose.verdict.document import diagnosis_of
 from auvident.stages.diagnose.verdict.evidence import Evidence
 from auvident.stages.diagnose.verdict.residuals import residual_table
 
 Array = npt.NDArray[Any]
-Progress = Callable[[str, float], None]
+Progress = Callable[[str, float | None], None]
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,8 @@ def diagnose(
     seed : int
         Of sign flips and bootstrap.
     progress : callable, optional
-        Called with a text and the fraction done.
+        Called with a text and the share of what the text speaks of that is done, None where
+        nobody knows.
 
     Raises
     ------
@@ -82,16 +84,12 @@ def diagnose(
         The model runs away in a maneuver.
     """
     try:
-        return _diagnosed(trials, maneuvers, vehicle, setup, model, seed, progress or _untold)
+        return _diagnosed(trials, maneuvers, vehicle, setup, model, seed, progress or untold)
     except np.linalg.LinAlgError as error:
         raise NumericsError(
             f"the fits of the residual are singular ({error})",
             remedy="Identify from more maneuvers, or set priors for the coefficients.",
         ) from None
-
-
-def _untold(text: str, share: float) -> None:
-    """Nobody listens."""
 
 
 def _diagnosed(
@@ -103,19 +101,18 @@ def _diagnosed(
     seed: int,
     tell: Progress,
 ) -> Diagnosed:
-    tell("consistency of the sensors", 0.0)
+    tell("sensors held against each other", None)
     case = case_of(setup, model, CHECKS[model.plane](trials, vehicle))
     there, missing = testable(setup, case.records)
     candidates = tuple(e.id for e in there if not e.nuisance)
-    search = Search(case, candidates, np.random.default_rng(seed))
+    search = Search(case, candidates, np.random.default_rng(seed), told=Telling(tell))
     headings = headings_of(case)
-    tell("one-off events", 0.1)
+    tell("residual of the model, one-off events", None)
     baseline, events = _without_events(search, headings)
-    tell("candidate effects", 0.2)
     traced = narrowed(search.trace(baseline), trials, maneuvers)
-    tell("forces without a named cause", 0.8)
+    tell("forces without a named cause", None)
     evidence = _evidence(traced, search, headings, events, missing)
-    tell("verdict", 1.0)
+    tell("verdict", None)
     return Diagnosed(diagnosis_of(evidence, model), residual_table(traced, maneuvers))
 
 

@@ -178,7 +178,7 @@ def refuse_damaged(found: Mapping[str, Any]) -> None:
     for name, value in found.items():
         if not isinstance(value, (int, float)) or not abs(value) <= sys.float_info.max:
             raise UsageError(
-                f"{clipped(str(name))} is no finite number",
+                f"{clipped(str(name))} is not a finite number",
                 "--format",
                 "Use json, or identify the model again.",
             )

@@ -64,7 +64,7 @@ def _lost(names: list[str], count: int) -> Finding:
         code="left-out-ran-away",
         where=", ".join(names),
         value=float(len(names)),
-        message=f"with {len(names)} of {count} maneuvers left out in turn the prediction of these "
-        "diverges, so their errors are not in the cross-validation",
+        message=f"the prediction of {len(names)} of {count} maneuvers diverges when each is left "
+        "out of the fit, so their errors are not in the cross-validation",
         remedy="The other maneuvers do not show what these do: add one like them.",
     )

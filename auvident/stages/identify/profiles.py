@@ -64,7 +64,7 @@ def _finding(row: ProfileInterval) -> Finding | None:
         where=row.symbol,
         value=differs,
         threshold=DIFFERS,
-        message=f"the likelihood is no Gaussian: its 95 % interval is {row.low:.4g} to "
+        message=f"the likelihood is not Gaussian: the 95 % interval is {row.low:.4g} to "
         f"{row.high:.4g}, not {row.gaussian_low:.4g} to {row.gaussian_high:.4g}",
-        remedy="Take the interval of the profile.",
+        remedy="Use the interval of the profile likelihood.",
     )

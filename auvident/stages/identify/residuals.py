@@ -89,7 +89,7 @@ def nis_findings(record: StageRecord) -> list[Finding]:
                     value=test.corrected,
                     threshold=test.high if test.corrected > 1.0 else test.low,
                     message="the innovations are not consistent with their covariance S",
-                    remedy="Standard deviations that rest on this channel are off accordingly.",
+                    remedy="Do not rely on standard deviations that this channel determines.",
                 )
             )
         if test.ks is not None and test.ks > LARGEST_KS and (test.ks_p or 0.0) < KS_P:
@@ -124,9 +124,9 @@ def scatter_claimed(
             code="noise-underclaimed",
             value=claim.ratio,
             threshold=CLAIM_FACTOR,
-            message="the maneuvers scatter more than the noise of the fit lets them (squared "
+            message="the maneuvers scatter more than the noise of the fit allows (squared "
             "ratio): the standard deviations of the coefficients are too small",
-            remedy=f"Take them for {claim.ratio**0.5:.1f} times as large; an effect that the model "
+            remedy=f"Multiply them by {claim.ratio**0.5:.1f}; an effect that the model "
             "lacks may act differently in the maneuvers.",
         )
     ]
@@ -154,7 +154,7 @@ def _ignored(plane: Plane, channel: int, ratio: float, noise: float, sensor: flo
         where=STATE_COLUMNS[plane][channel],
         value=ratio,
         threshold=AS_ITS_SPREAD,
-        message=f"the fit ignores this channel: it counts with a noise of {noise:.2g} for a sensor "
-        f"of {sensor:.2g}, as the residual is as large as the variation (ratio)",
+        message=f"the fit hardly uses this channel: its residual is as large as its variation "
+        f"(ratio), so its noise is taken as {noise:.2g}, not as the sensor's {sensor:.2g}",
         remedy=LATERAL_REMEDIES[plane] if channel else SURGE_REMEDY,
     )

@@ -368,8 +368,8 @@ def _findings(
                     where=row.symbol,
                     value=row.data_share,
                     threshold=NOT_MOVED,
-                    message="not identified: these maneuvers hardly show it, so its value "
-                    + ("comes from the prior" if row.symbol in BY_SYMBOL else RESTS_ON_FILE),
+                    message="not identified by these maneuvers: its value "
+                    + ("is that of the prior" if row.symbol in BY_SYMBOL else RESTS_ON_FILE),
                 )
             )
         if row.std_jackknife and row.std_filter and row.origin == "identified":
@@ -382,8 +382,8 @@ def _findings(
                         where=row.symbol,
                         value=ratio,
                         threshold=DISAGREE,
-                        message="the maneuvers disagree about it; its standard deviation was "
-                        "widened to their scatter",
+                        message="the maneuvers disagree about it: its standard deviation "
+                        "includes their scatter",
                         remedy="An effect that the model lacks may act differently in them.",
                     )
                 )
@@ -395,7 +395,7 @@ def _findings(
                     where=row.symbol,
                     value=row.value,
                     threshold=0.0,
-                    message="has the sign opposite to a streamlined hull's"
+                    message="its sign is opposite to that of a streamlined hull"
                     if row.symbol in BY_SYMBOL
                     else "the centre of gravity lies above that of buoyancy",
                     remedy="It may compensate for an effect that the model lacks.",
@@ -410,7 +410,7 @@ def _findings(
                 where=f"{symbols[i]}, {symbols[j]}",
                 value=float(matrix[i, j]),
                 threshold=CORRELATED,
-                message="can hardly be separated",
+                message="strongly correlated: only a combination of the two is determined",
             )
         )
     return found

@@ -56,7 +56,12 @@ from auvident.stages.identify.step_length import step_findings
 from auvident.stages.identify.warm_up import compile_first
 
 Array = npt.NDArray[Any]
-Progress = Callable[[str, float], None]
+Progress = Callable[[str, float | None], None]
+# [microseconds per sample] that a pass takes, measured on the samples harbour, bay and kvlcc2; and
+# how many times as long without the compiled EKF
+PASS_COST = {"surge": 5.0, "lateral": 9.0, "coupled": 16.0, "output_error": 250.0}
+SLOWER = {"ekf": 1.0, "ukf": 2.4}
+WITH_FILTERPY = 100.0
 
 OVERCLAIMED = 2.0  # variance that the readings allow over the one that is claimed
 LEAST_SPEED_MPS = 0.1  # by which a time of the vehicle is told
@@ -148,6 +153,8 @@ def identify(
     )
     compile_first(setup)
     runs = [_run(setup, factor, progress) for factor in plan.start]
+    if progress:
+        progress("what the maneuvers show of each coefficient", None)
     done, _ = runs[-1]
     means = [at_mean(setup, steps[-1].outcome, steps[-1].stage) for steps, _ in runs]
     findings = overlap_findings(trials, maneuvers, plane)
@@ -233,9 +240,10 @@ def _run(
     rounds = setup.plan.rounds()
     done: list[Step] = []
     findings: list[Finding] = []
+    costs = [_cost(setup, stage) for _, stage in rounds]
     for number, (cycle, stage) in enumerate(rounds):
         if progress:
-            progress(f"cycle {cycle}: {stage.name}", number / len(rounds))
+            progress(f"cycle {cycle}, {stage.name}", sum(costs[:number]) / sum(costs))
         if not stage_records(setup, stage) and number + 1 < len(rounds):
             if cycle == 1:
                 findings.append(_skipped(stage))
@@ -251,6 +259,15 @@ def _run(
         findings += told
         done.append(Step(cycle, factor, stage, outcome))
     return done, findings
+
+
+def _cost(setup: Setup, stage: PlanStage) -> float:
+    """About how long a pass takes, in any unit."""
+    samples = 1.0 + sum(len(record.time_s) for record in stage_records(setup, stage))
+    if stage.method == "output_error":
+        return samples * PASS_COST["output_error"]
+    slower = WITH_FILTERPY if setup.engine == "filterpy" else SLOWER[setup.filter]
+    return samples * PASS_COST.get(stage.system, PASS_COST["coupled"]) * slower
 
 
 def _outcome(setup: Setup, parameters: Array, stage: PlanStage) -> tuple[Outcome, list[Finding]]:

@@ -166,13 +166,13 @@ def _message(sensor: str, found: ClockLag, off: bool) -> str:
     if not off:
         return (
             f"the {sensor} is on the clock of the gyro: {found.lag_s:+.2f} s (95 %: {low:+.2f} to "
-            f"{high:+.2f}); what is shorter than its limit the loop looks for as a delay"
+            f"{high:+.2f}); smaller delays are left to the diagnosis"
         )
     if found.lag_s < 0.0:
         low, high = -high, -low
     side = "late" if found.lag_s >= 0.0 else "early"
     words = (
-        f"the stamps of the {sensor} are {abs(found.lag_s):.2f} s {side} against "
+        f"the time stamps of the {sensor} are {abs(found.lag_s):.2f} s {side} against "
         f"{_reference(sensor)} (95 %: {low:.2f} to {high:.2f})"
     )
     if _drifts(found):
@@ -210,7 +210,7 @@ def _findings(
     if check.outcome != "contradicts" and not noted:
         return []
     command = sensor in ("rudder", "elevator", "rpm")
-    remedy = check.remedy or "A slow servo, or clocks that differ: the loop looks for both."
+    remedy = check.remedy or "A slow servo, or clocks that differ: the diagnosis tests both."
     message = check.message if check.remedy else f"gyro lags {sensor} by {-found.lag_s:.2f} s"
     return [
         Finding(

@@ -209,7 +209,7 @@ class _Bench:
         """What is lacking for a test."""
         lacking = {self._lacks(row) for row in rows}
         if not all(lacking):
-            return "its maneuvers do not determine the lag (more turns, zigzags or steps would)"
+            return "the maneuvers do not determine the lag: more turns, zigzags or steps would"
         return "needs " + ", or ".join(sorted(lacking))
 
     def _lacks(self, row: ClockRelation) -> str:

@@ -30,7 +30,7 @@ FAULTS: dict[str, tuple[str, str, str]] = {
     ),
     "fill_value": (
         "fill_values",
-        "are a number that stands for no value (a zero for lost bottom, an overflow)",
+        "hold a number that stands for no value (a zero for lost bottom, an overflow)",
         "Leave the cell empty where there is no value, or log a valid column.",
     ),
     "spike": (
@@ -180,12 +180,12 @@ def _much_left_out(sensor: SensorQuality, channel: ChannelQuality) -> Iterator[F
         reasons = ", ".join(f"{count} {reason}" for reason, count in counts.items())
         yield Finding(
             code="much_left_out",
-            message=f"{100 * lost / total:.0f} % of the samples of {channel.log_column} are no "
+            message=f"{100 * lost / total:.0f} % of the samples of {channel.log_column} are not "
             f"measurements and were left out: {reasons}",
             where=sensor.file,
             value=lost / total,
             threshold=MUCH_SHARE,
-            remedy="Look at this channel before any result that rests on it.",
+            remedy="Check this channel before you rely on any result that depends on it.",
         )
 
 

@@ -151,7 +151,7 @@ def predictable(left_out: CrossValidated, held_out: HeldOut) -> str:
     pieces = [f"left-out {_changes(left_out.before, left_out.after)}"]
     if held_out.before and held_out.after:
         pieces.append(f"held-out {_changes(held_out.before, held_out.after)}")
-    return f"Unexplained, but predictable: {'; '.join(pieces)} (NRMSE)."
+    return f"An unnamed force improves the prediction: {'; '.join(pieces)} (NRMSE)."
 
 
 def _changes(
@@ -168,6 +168,6 @@ def not_added(compared: Sequence[bool]) -> str:
         "it does not lower the errors of the maneuvers used for identification, each left out in "
         "turn, by more than chance"
         if any(compared)
-        else "too few maneuvers can be left out in turn to tell whether it predicts"
+        else "too few maneuvers can be left out in turn to tell whether the prediction improves"
     )
-    return f"No force without a name was added: {why}."
+    return f"No unnamed force was added: {why}."

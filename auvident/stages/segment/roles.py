@@ -153,7 +153,7 @@ def _typical(m: Maneuver, of: int, row: Array) -> str:
     last = "change of speed" if m.kind == "straight" else "rate of turn"
     names = (first, "speed", last)
     ranks = ", ".join(f"{n} {r:g}" for n, r in zip(names, row, strict=True))
-    return f"typical of {of} of its kind (place among them, the smallest first: {ranks})"
+    return f"typical of its kind (rank among {of}, from the smallest: {ranks})"
 
 
 def _amplitude(m: Maneuver) -> float:

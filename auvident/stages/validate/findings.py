@@ -52,7 +52,7 @@ def _not_predicted(after: Channels) -> Iterator[Finding]:
                 where=name,
                 value=m.nrmse,
                 threshold=AS_ITS_VARIATION,
-                message=f"{name} is not predicted: its error is as large as its variation",
+                message="not predicted: the error is as large as the variation of the channel",
                 remedy=f"Do not use the model for {name}.",
             )
 
@@ -66,9 +66,7 @@ def _no_better(after: Channels, before: Channels, prior: str) -> Iterator[Findin
                 where=name,
                 value=ratio,
                 threshold=NOT_BETTER,
-                message=(
-                    f"{name} of the held-out maneuvers is predicted no better than with {prior}"
-                ),
+                message=f"predicted no better in the held-out maneuvers than with {prior}",
                 remedy=(
                     f"What was identified about {name} does not carry over to the held-out "
                     "maneuvers."
@@ -84,7 +82,7 @@ def _prior_ran_away(metrics: Metrics, prior: str) -> Iterator[Finding]:
                 where=f.where,
                 message=f"predictions with {prior} diverge, so their pooled errors are not "
                 "compared",
-                remedy="The gain from identification cannot be stated.",
+                remedy="What the identification has gained cannot be stated.",
             )
 
 
@@ -100,8 +98,7 @@ def _worse_than_prior(metrics: Metrics, prior: str) -> Iterator[Finding]:
                 where=f"{m.id} ({', '.join(worse)})",
                 value=min(worse.values()),
                 threshold=NOT_BETTER,
-                message="some channels of single held-out maneuvers are predicted worse than "
-                f"with {prior}",
+                message=f"predicted worse than with {prior}",
                 remedy="Compare their measured and predicted channels in the report.",
             )
 

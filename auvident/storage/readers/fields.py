@@ -120,7 +120,7 @@ def tree_of(path: Path, fields: Sequence[Field], root: str, mark: str, notes: li
     groups: dict[tuple[tuple[str, ...], str, int], list[Field]] = {}
     for one in fields:
         if len(one.shape) > 2 or (len(one.shape) == 2 and one.shape[1] > MOST_WIDE):
-            notes.append(f"{mark.join(one.path)} of shape {one.shape} is no column")
+            notes.append(f"{mark.join(one.path)} of shape {one.shape} is not a column")
         elif int(np.prod(one.shape)) > MOST_VALUES:
             notes.append(f"{mark.join(one.path)} is said to hold {np.prod(one.shape)} values")
         else:

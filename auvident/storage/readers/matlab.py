@@ -23,7 +23,7 @@ REMEDY = (
     "In MATLAB save structs of numbers: s = table2struct(timetable2table(T), 'ToScalar', true); "
     "s.time_s = seconds(T.Time - T.Time(1)); save('trial.mat', '-struct', 's')."
 )
-NOT_NUMBERS = {b"char": "is text", b"cell": "is a cell array, which is no column"}
+NOT_NUMBERS = {b"char": "is text", b"cell": "is a cell array, not a column"}
 
 
 def _refused_73(attributes: Any) -> str:
@@ -92,7 +92,7 @@ def _fields(value: Any, path: tuple[str, ...], notes: list[str]) -> Iterator[Fie
     elif value.dtype.kind in "biufU" and value.ndim and value.size:
         yield _field(value, path)
     elif value.dtype.kind == "O" and value.size:
-        notes.append(f"{place} is a cell array, which is no column")
+        notes.append(f"{place} is a cell array, not a column")
 
 
 def _struct(value: np.ndarray, path: tuple[str, ...], notes: list[str]) -> Iterator[Field]:

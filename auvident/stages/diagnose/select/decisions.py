@@ -47,7 +47,7 @@ def simplest(judged: Sequence[Judged]) -> list[Judged]:
         return list(judged)
     for account in (a for a, _ in judged if a.id != accepted.id):
         if passes(Beside(accepted, account), rules.SIMPLER):
-            text = f"{account.id} does as well with fewer parameters"
+            text = f"{account.id} explains as much with fewer parameters"
             instead: dict[str, Refusal | None] = {
                 accepted.id: Refusal("simpler", text),
                 account.id: None,

@@ -23,10 +23,16 @@ from auvident.stages.diagnose.select.candidates import Tried
 from auvident.stages.diagnose.select.decisions import judge
 from auvident.stages.diagnose.select.records import Account
 from auvident.stages.diagnose.select.rule import passes
+from auvident.stages.diagnose.select.telling import LEAVE_OUT, Telling
 
 
 def judged_with(
-    case: Case, before: Fitted, tried: Sequence[Tried], among: int, rng: np.random.Generator
+    case: Case,
+    before: Fitted,
+    tried: Sequence[Tried],
+    among: int,
+    rng: np.random.Generator,
+    told: Telling | None = None,
 ) -> list[Tried]:
     """What the rules say of the candidates of a round, those left out of their fit tried last.
 
@@ -38,11 +44,15 @@ def judged_with(
         Largest gain first.
     among : int
         Effects that the search chooses from.
+    told : Telling, optional
     """
+    told = told or Telling()
+    told.enter(LEAVE_OUT)
     fits = {t.id: t.fitted for t in tried}
     reference = cache(lambda: fits_without(case, before))
 
     def left_out(account: Account) -> Helped:
+        told.next(account.id)
         fitted = fits[account.id]
         old = seen_with(case, reference(), fitted.colours)
         new = leave_out(case, fitted, fitted.colours)

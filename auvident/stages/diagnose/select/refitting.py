@@ -23,19 +23,30 @@ from auvident.stages.diagnose.select.records import Begun, Rival
 from auvident.stages.diagnose.select.rule import passes, passes_any
 from auvident.stages.diagnose.select.screen import Screen
 from auvident.stages.diagnose.select.starts import at_far_sizes, at_typical_size
+from auvident.stages.diagnose.select.telling import COMPARE, FIT, SETTLE, Telling
 
 Array = npt.NDArray[Any]
 Fits = dict[str, Fitted]
 
 
-def refitted(case: Case, before: Fitted, screened: Screen) -> tuple[Fitted, list[Tried]]:
+def refitted(
+    case: Case, before: Fitted, screened: Screen, told: Telling | None = None
+) -> tuple[Fitted, list[Tried]]:
     """The model, fitted again where it was stuck, and the short list, largest gain first."""
-    found = side_by_side(
-        lambda c: begun(case, before, c, screened.scores[c].parameters), screened.short
-    )
+    told = told or Telling()
+    told.enter(FIT)
+
+    def first(candidate: str) -> Fitted:
+        fitted = begun(case, before, candidate, screened.scores[candidate].parameters)
+        told.one_of(len(screened.short), candidate)
+        return fitted
+
+    found = side_by_side(first, screened.short)
     # a fit that is not there yet may still become what the first-order step promises
     promise = {c: max(log_gain(before, f), screened.scores[c].gain) for c, f in found.items()}
-    finished = finish(case, before, found, promise)
+    told.enter(SETTLE)
+    finished = finish(case, before, found, promise, told.next)
+    told.enter(COMPARE)
     before, found = unstuck(case, before, {**found, **finished})
     found = side_by_side(lambda c: nested(case, before, found[c]), tuple(found))
     found, finished = leader_finished(case, found, finished)
@@ -61,8 +72,14 @@ def begun(case: Case, before: Fitted, candidate: str, scored: Array) -> Fitted:
     return nested(case, before, found or holding(case, before, effects))
 
 
-def finish(case: Case, before: Fitted, found: Fits, promise: dict[str, float]) -> Fits:
-    """Those that are fitted to the end, the most promising first."""
+def finish(
+    case: Case,
+    before: Fitted,
+    found: Fits,
+    promise: dict[str, float],
+    tell: Callable[[str], None] = lambda candidate: None,
+) -> Fits:
+    """Those that are fitted to the end, the most promising first; each is told when it begins."""
     order, finished = ranked(promise), Fits()
     beside = _beside_steady(promise)
     for place, c in enumerate(order):
@@ -70,6 +87,7 @@ def finish(case: Case, before: Fitted, found: Fits, promise: dict[str, float]) -
         best = max([rules.LEAST_GAIN, *(log_gain(before, f) for f in finished.values())])
         one = Begun(c, place, promise[c], promise[order[0]], gain, best, c in beside)
         if passes(one, rules.FINISH) or passes_any(one, rules.FINISH_ANYWAY):
+            tell(c)
             finished[c] = to_the_end(case, found[c], passes(one, rules.AFRESH))
     return finished
 

@@ -24,6 +24,7 @@ from auvident.stages.diagnose.select.records import Accepted, Containing
 from auvident.stages.diagnose.select.refitting import refitted
 from auvident.stages.diagnose.select.rule import passes
 from auvident.stages.diagnose.select.screen import screen
+from auvident.stages.diagnose.select.telling import Telling
 
 
 @dataclass
@@ -35,6 +36,7 @@ class Search:
     rng: np.random.Generator
     steps: list[str] = field(default_factory=list)
     unclaimed: list[str] = field(default_factory=list)
+    told: Telling = field(default_factory=Telling)
 
     def trace(self, baseline: Fitted) -> Traced:
         """Search until nothing more is accepted."""
@@ -51,10 +53,11 @@ class Search:
 
     def one_round(self, before: Fitted) -> Round:
         """Screen, refit and judge."""
+        self.told.begin(len(self.candidates))
         before = with_best_times(self.case, before, self.candidates)
         screened = screen(self.case, before, self.candidates)
-        before, tried = refitted(self.case, before, screened)
-        judged = judged_with(self.case, before, tried, len(self.candidates), self.rng)
+        before, tried = refitted(self.case, before, screened, self.told)
+        judged = judged_with(self.case, before, tried, len(self.candidates), self.rng, self.told)
         accepted = next((t for t in judged if t.refusal is None), None)
         alike = alike_of(screened.joint, self.candidates, accepted, judged)
         name = accepted.id if accepted else None

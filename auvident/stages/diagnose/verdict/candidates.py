@@ -27,7 +27,9 @@ def candidate_rows(rounds: Sequence[Round], case: Case) -> list[Candidate]:
 
 def _unlisted(name: str, gain: float) -> Candidate:
     family = BY_ID[name].family
-    return Candidate(id=name, family=family, gain=gain, rejected="a first look promised too little")
+    return Candidate(
+        id=name, family=family, gain=gain, rejected="not fitted: expected gain too small"
+    )
 
 
 def _row(case: Case, tried: Tried) -> Candidate:

@@ -85,7 +85,7 @@ def _by_checks(joint: Joint, position: int) -> float:
 def _why(kept: float, joint: Joint, effect: str) -> str:
     needs = BY_ID[effect].needs
     if kept < 0.05:
-        return "absorbed by the coefficients"
+        return "indistinguishable from the coefficients"
     if needs and not check_cost(joint.case, joint.fitted.parameters) and not joint.case.checks:
         return f"needs {', '.join(needs)} in the log"
     return "these maneuvers hardly excite it"

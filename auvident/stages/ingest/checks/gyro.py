@@ -35,7 +35,7 @@ def gyro_axes(seen: Seen) -> Verdict:
     if not others or not others[best] > FOLLOWED:
         return contradicts(
             f"the heading turns, but not with r (which explains {100 * own:.0f} % of it): one of "
-            "them overflows, is stuck, of another axis or seconds late",
+            "them overflows, is stuck, is of another axis or is seconds late",
             own,
             "Plot heading and r; leave the heading out if it is the one that is wrong.",
         )

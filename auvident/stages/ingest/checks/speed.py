@@ -66,7 +66,7 @@ def by_position(seen: Seen) -> Verdict:
     factor = UNITS[named] if named else scale.value
     return speed.verdict(
         "contradicts",
-        f"the DVL reads {speed.value:.3g} times the speed of the position"
+        f"the DVL reads {speed.value:.3g} times the speed by position"
         f"{f'; {named}?' if named else ', current taken out'}",
         "Check the units of u, v and of the position, and the DVL's sound speed.",
         scaled(factor, *_velocities(seen)),
@@ -218,7 +218,7 @@ def _held_against(
         )
     if own not in found.blamed:
         return found.ratio.verdict(
-            "agrees", f"{_words(found)}, and what else shows the {own} blames the {other}"
+            "agrees", f"{_words(found)}, and the other checks of the {own} point to the {other}"
         )
     wanted = 1.0 / found.ratio.value if scaled_speed else found.ratio.value
     named = _nearest(names, wanted, found.limit)

@@ -208,7 +208,7 @@ def test_a_rule_tells_its_evidence() -> None:
     chance = refusal_of(replace(GOOD, helped=left_out(t=1.2)), RULES_LEFT_OUT)
     assert chance is not None
     assert chance.text == (
-        "evidence too weak: the maneuvers left out improve by 1.2 standard errors, 2.5 needed"
+        "evidence too weak: maneuvers left out improve by 1.2 standard errors (2.5 needed)"
     )
 
 

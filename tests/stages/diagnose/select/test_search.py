@@ -149,7 +149,7 @@ def traced(monkeypatch: pytest.MonkeyPatch, *rounds: Round) -> Traced:
     """A search in which each round finds what it is told, and nothing more after the last."""
     left = list(rounds)
 
-    def refits(case: Any, before: Fitted, screened: Screen) -> tuple[Fitted, list[Tried]]:
+    def refits(case: Any, before: Fitted, *_: Any) -> tuple[Fitted, list[Tried]]:
         found = []
         for name, update in (left.pop(0) if left else {}).items():
             own = fitted(before.log_likelihood, *[0.0] * 5, effects=(*before.effects, name))
