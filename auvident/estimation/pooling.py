@@ -25,11 +25,15 @@ Array = npt.NDArray[Any]
 
 ROUNDING = 1.0e-9  # of the largest eigenvalue of an information; smaller ones are zero
 SEEN = 0.5  # information from which on a direction counts in tests, in units of the prior's
-WEAK = 1.0e-6  # information of a prior that only keeps sums invertible
+# Variance of a prior that says nothing of what the data see, and keeps what none of them sees where
+# it is: a wider one would let rounding move it far.
+WIDE = 100.0
+WEAK = 1.0e-6  # keeps the sum of two informations invertible
 # Probability of so much scatter by chance above which trials agree. Few trials see little of their
 # scatter: with 0.1 the squared errors of six trials were 1.12 times as large as claimed, so 1.03.
 AGREE = 0.3
 LEAST_FREEDOM = 3  # degrees of freedom of a scatter that are counted at least
+LEAST_TOLD = 0.5  # degrees of freedom below which a sum of squares says nothing
 ROUNDS = 4  # of weights and variances, which depend on each other
 CLIPPED = 2.0  # [std] beyond which a difference of neighbours counts no more
 OF_CLIPPED = 0.9205  # mean square of a standard normal variable that is clipped there
@@ -114,9 +118,9 @@ def pooled(
 
 
 def without_prior(trials: Sequence[Told], between: Array | None = None) -> Pooled:
-    """All trials, and of the prior as much as keeps the sum invertible."""
+    """All trials, with a prior so wide that it counts nowhere beside data."""
     n = len(trials[0].score)
-    return pooled(trials, np.zeros(n), np.full(n, 1.0 / WEAK), between)
+    return pooled(trials, np.zeros(n), np.full(n, WIDE), between)
 
 
 @dataclass(frozen=True)
@@ -129,7 +133,7 @@ class Agreement:
 
 
 def _agreement(q: float, freedom: float) -> Agreement:
-    p = float(chdtrc(freedom, q)) if freedom > 0.0 else 1.0
+    p = float(chdtrc(freedom, q)) if freedom > LEAST_TOLD else 1.0
     return Agreement(float(q), float(freedom), p)
 
 
@@ -262,13 +266,15 @@ class Distance:
 
 
 def distance(trial: Told, others: Sequence[Told], between: Array, most: int = 2) -> Distance:
-    """How far a trial is from what the others predict for it, along what it sees."""
-    whole = without_prior(others, between)
+    """How far a trial is from what the others and the prior N(0, 1) predict, along what it sees."""
+    n = len(trial.score)
+    whole = pooled(others, np.zeros(n), np.ones(n), between)
     axes = seen_axes(trial.information)
     left = axes.T @ (trial.score - trial.information @ whole.mean)
     along = axes.T @ trial.information
     spread = np.diag(between) + whole.covariance
-    inverse = np.linalg.inv(np.eye(axes.shape[1]) + along @ spread @ along.T)
+    values, vectors = np.linalg.eigh(along @ spread @ along.T)
+    inverse = (vectors / (1.0 + np.maximum(values, 0.0))) @ vectors.T
     square = float(left @ inverse @ left)
     chosen, rest = _explained(left, along, inverse, most)
     k = axes.shape[1]
