@@ -87,17 +87,17 @@ def _way(
     return carried
 
 
-def about_common(data: Collected) -> Collected:
-    """The trials about the coefficients that they have together."""
+def about_common(data: Collected, inside: Sequence[int] | None = None) -> Collected:
+    """The trials about the coefficients that they, or some of them, have together."""
     carry = carrier(data)
     n = len(data.names)
-    theta = np.mean(data.means, axis=0)
-    trials: Sequence[Told] = data.told
+    chosen = range(len(data.told)) if inside is None else inside
+    theta = np.median([data.means[k] for k in chosen], axis=0)
     for _ in range(ROUNDS):
         trials = carry(theta)
-        step = pooled(trials, np.zeros(n), np.ones(n)).mean - theta
+        step = pooled([trials[k] for k in chosen], np.zeros(n), np.ones(n)).mean - theta
         step *= min(1.0, FARTHEST / max(float(np.abs(step).max()), FARTHEST))
         theta = theta + step
         if np.abs(step).max() < SETTLED:
             break
-    return replace(data, told=tuple(carry(theta)))
+    return replace(data, told=carry(theta))

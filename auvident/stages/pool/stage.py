@@ -71,9 +71,12 @@ def pool(trials: Sequence[PoolTrial], *, keep: bool = False) -> PoolResult:
     """
     if not trials:
         raise InputError("there is no trial to pool", "", "Give run directories with a model.")
-    whole = about_common(collect(trials))
+    own = collect(trials)
+    whole = about_common(own)
     out = {} if keep else strangers(whole)
-    data = whole.among([k for k in range(len(trials)) if k not in out])
+    inside = [k for k in range(len(trials)) if k not in out]
+    whole = about_common(own, inside) if out else whole
+    data = whole.among(inside)
     between = for_few(between_trials(data.told), len(data.told))
     n = len(data.names)
     prior = np.zeros(n), np.ones(n)
