@@ -1,11 +1,15 @@
 """Commands for many trials: pool their models, run a campaign of them, compile beforehand."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from auvident.cli.common import PATH, SEED, Output, command
 from auvident.schema.planes import PLANES
+
+if TYPE_CHECKING:
+    from auvident.pipeline.campaign import CampaignPlan
 
 FALSE_ALARMS = click.option(
     "--false-alarms",
@@ -71,3 +75,106 @@ def pool(
     output.artifact(found.model, "pool")
     if fail_on_change:
         refuse_change(found.changes)
+
+
+@command("warm-up", "auvident warm-up")
+def warm_up(output: Output) -> None:
+    """Compile the numerical kernels, once on a machine, before the first run needs them.
+
+    Processes that want them at the same time wait for the one that compiles.
+    """
+    from auvident.pipeline.warming import warm_up as compile_all
+
+    with output.watch() as watch:
+        done = compile_all(watch)
+        watch.note("Kernels compiled." if done else "Kernels were compiled already.")
+    output.artifact({"schema": "auvident/warm-up/1", "compiled": done}, "warm-up")
+
+
+@command(
+    "campaign",
+    "auvident campaign sample_logs --vehicle sample_logs/remus100.toml --output campaign --dry-run",
+)
+@click.argument("sources", metavar="CAMPAIGN.toml | FOLDER...", nargs=-1, required=True, type=PATH)
+@click.option("--output", "folder", required=True, type=PATH, help="Folder of the results.")
+@click.option("--vehicle", type=PATH, help="Vehicle file of all folders (TOML).")
+@click.option(
+    "--jobs", type=click.IntRange(1, 1024), help="Trials at a time.  [default: one a processor]"
+)
+@click.option("--dry-run", is_flag=True, help="List the trials and what would be run, and stop.")
+@FALSE_ALARMS
+@FAIL_ON_CHANGE
+@SEED
+@click.option("--allow-outside", is_flag=True, help="Read files outside of the campaign's folder.")
+def campaign(
+    output: Output,
+    sources: tuple[Path, ...],
+    folder: Path,
+    vehicle: Path | None,
+    jobs: int | None,
+    dry_run: bool,
+    false_alarms: float | None,
+    fail_on_change: bool,
+    seed: int | None,
+    allow_outside: bool,
+) -> int:
+    """Run many trials, pool them by vehicle, say what changed; one page and Parquet tables.
+
+    Give a campaign file, or a folder of trials for each vehicle with its vehicle.toml in it. Each
+    trial gets a run directory OUTPUT/VEHICLE/TRIAL. Trials that are up to date are skipped; a trial
+    that fails is listed with its reason, and the exit code is then 3.
+    """
+    from auvident.pipeline.campaign import refuse_changes, run_campaign
+    from auvident.pipeline.campaign_page import write_page
+    from auvident.pipeline.warming import warm_for_runs
+    from auvident.report.console_campaign import campaign_pieces
+    from auvident.storage.declared import outside_allowed
+
+    with outside_allowed(allow_outside):
+        plan = _plan(sources, folder, vehicle, jobs, false_alarms, seed, allow_outside)
+    with output.watch() as watch:
+        done = run_campaign(plan, watch, dry_run=dry_run, warm=warm_for_runs)
+        page = None if dry_run else write_page(folder, done)
+        for piece in campaign_pieces(done.result):
+            watch.show(piece)
+    output.artifact(done.result, "campaign")
+    if page is not None and not output.json and not output.quiet:
+        output.text(str(page))
+    if fail_on_change:
+        refuse_changes(done.result)
+    return 3 if any(t.state == "failed" for t in done.result.trials) else 0
+
+
+def _plan(
+    sources: tuple[Path, ...],
+    folder: Path,
+    vehicle: Path | None,
+    jobs: int | None,
+    false_alarms: float | None,
+    seed: int | None,
+    allow_outside: bool,
+) -> "CampaignPlan":
+    """What is to be done, by the file or the folders."""
+    from auvident.pipeline.campaign import CampaignPlan, refuse_empty
+    from auvident.schema.campaign import Campaign, RunOptions
+    from auvident.storage.campaign_file import read_campaign, trials_in_folders
+
+    files = [s for s in sources if s.suffix == ".toml"]
+    if files and (len(sources) > 1 or vehicle is not None):
+        raise click.UsageError("Give either one campaign file or folders (with --vehicle).")
+    declared: Campaign | None = None
+    if files:
+        declared, trials = read_campaign(files[0])
+    else:
+        trials = trials_in_folders(sources, vehicle, RunOptions())  # type: ignore[call-arg]
+    refuse_empty(trials)
+    own = declared.campaign if declared else None
+    rate = own.false_alarms if own else 0.01
+    return CampaignPlan(
+        folder,
+        trials,
+        jobs or (own.jobs if own else None),
+        rate if false_alarms is None else false_alarms,
+        allow_outside,
+        seed or 0,
+    )

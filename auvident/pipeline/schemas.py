@@ -7,6 +7,7 @@ from pydantic.json_schema import JsonSchemaMode
 
 from auvident.schema.artifacts import AseResult, IdentifiedModel, Maneuver, Metrics, TrialPlan
 from auvident.schema.base import Declared
+from auvident.schema.campaign import Campaign, CampaignResult
 from auvident.schema.changes import Changes
 from auvident.schema.combined import CombinedModel
 from auvident.schema.desk import DeskResult
@@ -22,6 +23,8 @@ SCHEMAS: dict[str, tuple[str, Any]] = {
     "vehicle": ("the vehicle file (TOML)", Vehicle),
     "map": ("the column map (TOML)", ColumnMap),
     "plan": ("a plan of the identification (TOML)", Plan),
+    "campaign": ("a campaign file (TOML)", Campaign),
+    "campaign-result": ("campaign.json", CampaignResult),
     "run": ("run.json", Manifest),
     "quality": ("ingest/quality.json", Quality),
     "maneuvers": ("segment/maneuvers.json", list[Maneuver]),

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from auvident.report.tables import Column, Fixed, Number, Rows, Table, Unit, WithStd, columns
+from auvident.schema.campaign import CampaignResult, CampaignTrial
 from auvident.schema.changes import Changes
 from auvident.schema.pooled import PooledModel, PooledParameter, PooledTrial
 
@@ -111,3 +112,47 @@ def no_change(found: Changes) -> str:
         f"{NO_CHANGE} ({found.tests} tests over {len(found.trials)} trials; a false alarm in "
         f"{100.0 * found.false_alarms:g} % of such campaigns)."
     )
+
+
+def campaign_trials(result: CampaignResult) -> Table:
+    """Every trial: what came of it, its errors, whether it fits the others."""
+    channels = list(dict.fromkeys(c for t in result.trials for c in t.nrmse))[:4]
+    heads = (
+        *columns(("vehicle", "trial", "state", "began")),
+        Column("result"),
+        *columns(numbers=tuple(f"NRMSE {c}" for c in channels)),
+        *columns(numbers=("from data", "fits")),
+        Column("pooled"),
+    )
+    rows: Rows = [
+        [
+            t.vehicle,
+            t.trial,
+            t.state,
+            t.date.replace("T", " ")[:16],
+            outcome(t),
+            *(Number(t.nrmse.get(c), 2) for c in channels),
+            f"{t.from_data} of {t.coefficients}" if t.coefficients else "",
+            Number(t.fits, 2),
+            ("yes" if t.pooled else t.reason or "no") if t.verdict else "",
+        ]
+        for t in result.trials
+    ]
+    return Table(heads, rows, "Trials of the campaign")
+
+
+def outcome(t: CampaignTrial) -> str:
+    """Verdict of a trial with its effects, or why there is none."""
+    if t.problem and t.state == "failed":
+        return t.problem
+    words = t.verdict.replace("_", " ")
+    return f"{words}: {', '.join(t.effects)}" if t.effects else words
+
+
+def repeats(result: CampaignResult) -> Table:
+    """Which trials to repeat, and why."""
+    heads = (*columns(("vehicle", "trial")), Column("why"))
+    rows: Rows = [
+        [v.name, str(row["trial"]), str(row["why"])] for v in result.vehicles for row in v.repeat
+    ]
+    return Table(heads, rows, "Trials to repeat")

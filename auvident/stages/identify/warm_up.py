@@ -13,7 +13,7 @@ from auvident.engines.free_run import likelihood
 from auvident.engines.noise import effective_noise
 from auvident.engines.setup import Setup
 from auvident.engines.states import smoothed_states
-from auvident.first_use import Work, compile_side_by_side, is_first
+from auvident.first_use import Work, alone, compile_side_by_side, is_first
 from auvident.physics.terms import structure_of
 from auvident.schema.artifacts import ManeuverKind
 from auvident.schema.plan import PlanStage
@@ -28,7 +28,9 @@ ANY_TIME_S = 30.0  # process noise does not matter for it
 def compile_first(setup: Setup) -> None:
     """Compile what an identification needs, if no one has yet."""
     if setup.engine == "compiled" and is_first(setup.filter):
-        compile_side_by_side(pieces_of(setup))
+        with alone():
+            if is_first(setup.filter):  # else another process did while this one waited
+                compile_side_by_side(pieces_of(setup))
 
 
 def pieces_of(setup: Setup) -> tuple[Work, ...]:
