@@ -59,9 +59,7 @@ def pool(
     from auvident.report.console_campaign import pooled_pieces
     from auvident.storage.artifacts import json_bytes, write_bytes
 
-    found = pool_runs(
-        runs, plane=plane, keep=keep, false_alarms=false_alarms, seed=seed or 0
-    )
+    found = pool_runs(runs, plane=plane, keep=keep, false_alarms=false_alarms, seed=seed or 0)
     with output.watch() as watch:
         for piece in pooled_pieces(found.model, found.changes):
             watch.show(piece)

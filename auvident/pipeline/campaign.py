@@ -132,7 +132,9 @@ def run_campaign(
     """
     states = {_key(t): _state(plan, t) for t in plan.trials}
     if dry_run:
-        return CampaignRun(CampaignResult(program_version=__version__, trials=tuple(states.values())))
+        return CampaignRun(
+            CampaignResult(program_version=__version__, trials=tuple(states.values()))
+        )
     from auvident.storage.lock import locked
 
     with locked(plan.output):
@@ -140,9 +142,7 @@ def run_campaign(
         if waiting and warm is not None:
             warm(observer)
         own = runner or LocalProcesses(plan.jobs or processors())
-        jobs = [
-            Job(_key(t), arguments_of(t, plan.run_of(t), plan.allow_outside)) for t in waiting
-        ]
+        jobs = [Job(_key(t), arguments_of(t, plan.run_of(t), plan.allow_outside)) for t in waiting]
         for done in _followed(own, jobs, plan.jobs or processors(), observer):
             states[done.key] = _ended(states[done.key], done)
         return gathered(plan, states, observer)
@@ -156,9 +156,7 @@ def _state(plan: CampaignPlan, trial: PlannedTrial) -> CampaignTrial:
     """Whether a trial is up to date, or to be run."""
     run = plan.run_of(trial)
     try:
-        done = run.is_dir() and up_to_date(
-            run, options_of(trial, plan.allow_outside), seed=None
-        )
+        done = run.is_dir() and up_to_date(run, options_of(trial, plan.allow_outside), seed=None)
     except AuvidentError:  # the run says so itself
         done = False
     return CampaignTrial(
@@ -307,9 +305,7 @@ def _vehicle(
 
 def _to_repeat(found: PooledRuns) -> list[dict[str, Any]]:
     """Trials that say nothing of the vehicle, and changes that rest on a trial or two."""
-    rows = [
-        {"trial": t.trial, "why": t.reason} for t in found.model.pooling.trials if not t.used
-    ]
+    rows = [{"trial": t.trial, "why": t.reason} for t in found.model.pooling.trials if not t.used]
     names = found.changes.trials
     for change in found.changes.changes:
         since = len(names) - names.index(change.trial)
@@ -323,9 +319,7 @@ def _to_repeat(found: PooledRuns) -> list[dict[str, Any]]:
 # --- tables --------------------------------------------------------------------------------
 
 
-def write_tables(
-    output: Path, result: CampaignResult, pooled: Mapping[str, PooledRuns]
-) -> None:
+def write_tables(output: Path, result: CampaignResult, pooled: Mapping[str, PooledRuns]) -> None:
     """``campaign.json`` and one Parquet file each for trials, coefficients and effects."""
     program = {"program": f"auvident {__version__}"}
     for name, table in tables_of(result, pooled).items():
@@ -413,4 +407,3 @@ def refuse_empty(trials: Sequence[PlannedTrial]) -> None:
     """Refuse a campaign without a trial."""
     if not trials:
         raise UsageError("there is no trial", "", "Give a campaign file or folders of trials.")
-

@@ -192,8 +192,8 @@ def up_to_date(
     if manifest is None:
         return False
     needed = {d.stage for d in judge_all(run, manifest) if d.state != "not needed"}
-    wanted = {s: _wanted(s, run, options.get(s.name, {}), seed) for s in STAGES if s.name in needed}
-    return all(judge(s, run, manifest, w).state == "done" for s, w in wanted.items())
+    wanted = [(s, _wanted(s, run, options.get(s.name, {}), seed)) for s in STAGES]
+    return all(judge(s, run, manifest, w).state == "done" for s, w in wanted if s.name in needed)
 
 
 def status(path: Path) -> tuple[list[Decision], Manifest]:

@@ -32,7 +32,8 @@ class CampaignVehicle(Declared):
     name: Name = Field(description="its folder in the output")
     file: str = Field(description="vehicle file (TOML)")
     trials: tuple[str, ...] = Field(
-        min_length=1, description="log folders or files, with * and ?; of a folder of trials, folder/*"
+        min_length=1,
+        description="log folders or files, with * and ?; of a folder of trials, folder/*",
     )
     map: str | None = Field(None, description="column map (TOML)")
     run: RunOptions | None = Field(None, description="options in place of those of all")
@@ -41,7 +42,9 @@ class CampaignVehicle(Declared):
 class CampaignSettings(Declared):
     """``[campaign]``: how it runs and what it tests."""
 
-    jobs: int | None = Field(None, ge=1, le=1024, description="trials at a time; all cores if absent")
+    jobs: int | None = Field(
+        None, ge=1, le=1024, description="trials at a time; all cores if absent"
+    )
     false_alarms: float = Field(
         0.01, gt=0.0, le=0.5, description="probability of a change of a vehicle where there is none"
     )

@@ -11,7 +11,7 @@ from auvident.storage.log_find import Fault, find_trials
 
 REMEDY = "`auvident schema campaign` lists the tables and keys."
 VEHICLE = "vehicle.toml"
-TRIALS = "Give folders of trials, e.g. trials = [\"2026-05/*\"]."
+TRIALS = 'Give folders of trials, e.g. trials = ["2026-05/*"].'
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,10 @@ from auvident.stages.pool.collect import Collected
 Array = npt.NDArray[Any]
 
 UNSEEN = 1.0e-9  # singular values of the accelerations, of the largest: none to rounding
-ROUNDS, SETTLED = 30, 1.0e-6  # of the common coefficients, and their last move in units of the prior
+ROUNDS, SETTLED = (
+    30,
+    1.0e-6,
+)  # of the common coefficients, and their last move in units of the prior
 FARTHEST = 1.0  # move in one round, in units of the prior
 
 

@@ -199,7 +199,9 @@ class _Teller:
         if "." in name:
             declared = parameter_of(name)
             plain = declared.form == "plain"
-            return unit * (declared.factor if plain else 1.0), declared.unit if plain else "internal"
+            return unit * (
+                declared.factor if plain else 1.0
+            ), declared.unit if plain else "internal"
         std = float(np.sqrt(np.linalg.inv(self._information())[direction, direction])) * unit
         if abs(value) > CERTAIN * std:
             return unit / value, "-"
@@ -209,9 +211,7 @@ class _Teller:
         total: Array = np.eye(len(self.data.names)) + sum(t.information for t in self.data.told)
         return total
 
-    def _sentence(
-        self, found: Found, size: float, interval: tuple[float, float], unit: str
-    ) -> str:
+    def _sentence(self, found: Found, size: float, interval: tuple[float, float], unit: str) -> str:
         """As one would say it."""
         trials, n = self.data.trials, len(self.data.names)
         if unit == "-":

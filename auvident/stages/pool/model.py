@@ -66,9 +66,7 @@ class Together:
         return whole * np.outer(kept, kept)
 
 
-def model_of_all(
-    together: Together, pooling: Pooling, findings: Sequence[Finding]
-) -> PooledModel:
+def model_of_all(together: Together, pooling: Pooling, findings: Sequence[Finding]) -> PooledModel:
     """The model of all trials, within what physics knows."""
     first = _model(together, together.found.mean, pooling, findings)
     basis, constraints = _constraints(first, together)
@@ -81,9 +79,7 @@ def model_of_all(
     return _with_states(model, constraints, dict(costs))
 
 
-def _model(
-    t: Together, mean: Array, pooling: Pooling, findings: Sequence[Finding]
-) -> PooledModel:
+def _model(t: Together, mean: Array, pooling: Pooling, findings: Sequence[Finding]) -> PooledModel:
     """The model with a mean in units of the prior."""
     data = t.data
     newest = data.trials[-1].model
@@ -145,7 +141,9 @@ def _named(data: Collected) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _rows(newest: IdentifiedModel, t: Together, values: dict[str, float]) -> Iterator[ModelConstant]:
+def _rows(
+    newest: IdentifiedModel, t: Together, values: dict[str, float]
+) -> Iterator[ModelConstant]:
     """Coefficients and constants; what no trial estimated stays as the newest model has it."""
     data = t.data
     for c in newest.estimates:

@@ -52,4 +52,3 @@ def _often(data: Collected) -> npt.NDArray[np.bool_]:
 def maneuvers_of(model: IdentifiedModel) -> int:
     """Number of maneuvers that a model was identified from."""
     return len(model.stages[-1].maneuvers) if model.stages else 0
-
