@@ -26,7 +26,7 @@ KEEP = click.option(
 )
 
 
-@command("pool", "auvident pool runs/demo runs/second --output remus100_pooled.json")
+@command("pool", "auvident pool runs/demo runs/other --output remus100_pooled.json")
 @click.argument("runs", metavar="RUN...", nargs=-1, required=True, type=PATH)
 @click.option(
     "--output", "file", type=PATH, help="Output file (.json).  [default: standard output]"

@@ -1,6 +1,6 @@
 """Steps and drifts in parameters over a series of trials; it knows no vehicle.
 
-Trial t says J_t and h_t of n parameters (`pooling.Told`, scatter between trials included). Had
+Trial t says J_t and h_t of n parameters (`pooling.TrialData`, scatter between trials included). Had
 nothing changed, the scores h_t - J_t theta would be N(0, J_t) with one theta. A candidate moves the
 parameters along a direction d by an unknown size from one trial on, or in proportion to the time::
 
@@ -18,7 +18,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from auvident.estimation.pooling import WIDE, Told
+from auvident.estimation.pooling import WIDE, TrialData
 
 Array = npt.NDArray[Any]
 Kind = Literal["step", "drift"]
@@ -31,7 +31,7 @@ WITHIN = 3.84  # of the square: 95 % interval of the time of a step
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundChange:
     """A change.
 
     Attributes
@@ -64,13 +64,13 @@ class Found:
 
 
 @dataclass(frozen=True)
-class Search:
+class ChangeSearch:
     """Changes in the order in which they were found, and the score that chance reaches.
 
     ``tests`` is the number of candidates, ``theta`` the parameters without the changes.
     """
 
-    found: tuple[Found, ...]
+    found: tuple[FoundChange, ...]
     threshold: float
     tests: int
     theta: Array
@@ -79,7 +79,7 @@ class Search:
 class _Series:
     """Information and scores over the trials, and the candidates."""
 
-    def __init__(self, trials: Sequence[Told], directions: Array, times: Array) -> None:
+    def __init__(self, trials: Sequence[TrialData], directions: Array, times: Array) -> None:
         self.information = np.array([t.information for t in trials])
         self.scores = np.array([t.score for t in trials])
         self.directions = directions
@@ -118,18 +118,18 @@ class _Series:
 
 
 def search(
-    trials: Sequence[Told],
+    trials: Sequence[TrialData],
     directions: Array,
     times: Array,
     rng: np.random.Generator,
     false_alarms: float,
     most: int = 6,
-) -> Search:
+) -> ChangeSearch:
     """Look for changes until none stands out from chance.
 
     Parameters
     ----------
-    trials : sequence of Told
+    trials : sequence of TrialData
         In the order of time.
     directions : (d, n) array
         That parameters may change along.
@@ -144,7 +144,7 @@ def search(
     """
     n = directions.shape[1]
     if len(trials) < LEAST_TRIALS:
-        return Search((), np.inf, 0, np.zeros(n))
+        return ChangeSearch((), np.inf, 0, np.zeros(n))
     series = _Series(trials, directions, times)
     largest, tests = _by_chance(series, rng)
     threshold = float(np.quantile(largest, 1.0 - false_alarms))
@@ -157,7 +157,7 @@ def search(
             break
         chosen.append((int(c), int(d)))
         scores.append((z, float(z[c, d])))
-    return Search(
+    return ChangeSearch(
         tuple(_found(series, chosen, scores, largest)),
         threshold,
         tests,
@@ -208,7 +208,7 @@ def _found(
     chosen: Sequence[tuple[int, int]],
     scores: Sequence[tuple[Array, float]],
     largest: Array,
-) -> list[Found]:
+) -> list[FoundChange]:
     sizes, covariance = _fitted(series, chosen)
     n, found = series.directions.shape[1], []
     for k, ((c, d), (z, own)) in enumerate(zip(chosen, scores, strict=True)):
@@ -217,7 +217,7 @@ def _found(
         best = (z**2).max(axis=0)
         rivals = [int(r) for r in np.argsort(-best) if r != d and best[r] > own**2 - RIVAL]
         found.append(
-            Found(
+            FoundChange(
                 "drift" if drift else "step",
                 d,
                 0 if drift else c + 1,
@@ -235,7 +235,7 @@ def _found(
 
 
 def series_along(
-    trials: Sequence[Told], direction: Array, theta: Array
+    trials: Sequence[TrialData], direction: Array, theta: Array
 ) -> list[tuple[float, float]]:
     """Size of a change in each trial alone, the others at theta, with its standard deviation.
 

@@ -8,13 +8,14 @@ the data. Trials add up::
     P^-1 = V^-1 + sum J_t,   m = P (V^-1 m_0 + sum h_t)
 
 Between trials the parameters themselves scatter with a variance T, diagonal: ballast, temperature,
-repairs. The data of a trial then say less of the vehicle (J^-1 + T)^-1 = J - J (J + T^-1)^-1 J, also
-where J is singular. T is estimated by moments (DerSimonian and Laird 1986; several parameters at
+repairs. The data of a trial then say less of the vehicle, (J^-1 + T)^-1 = J - J (J + T^-1)^-1 J,
+also where J is singular. T is estimated by moments (DerSimonian and Laird 1986; several parameters at
 once as in Jackson, White and Riley 2013) and is zero where the trials agree (Cochran's Q).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -40,7 +41,7 @@ OF_CLIPPED = 0.9205  # mean square of a standard normal variable that is clipped
 
 
 @dataclass(frozen=True)
-class Told:
+class TrialData:
     """What the data of one trial say of n parameters.
 
     Attributes
@@ -58,7 +59,7 @@ class Told:
     clipped: float = 0.0
 
 
-def told_by(mean: Array, covariance: Array, prior_mean: Array, prior_variance: Array) -> Told:
+def told_by(mean: Array, covariance: Array, prior_mean: Array, prior_variance: Array) -> TrialData:
     """What the data say: the posterior without its prior.
 
     Where a posterior is wider than its prior, the data count as none; that is decided along the
@@ -72,17 +73,17 @@ def told_by(mean: Array, covariance: Array, prior_mean: Array, prior_variance: A
     away = inverse @ (mean / root) - prior_mean / root
     score = (seen @ (seen.T @ away)) / root
     information = (seen * kept) @ seen.T / np.outer(root, root)
-    return Told(information, score, max(0.0, -float(values[0])))
+    return TrialData(information, score, max(0.0, -float(values[0])))
 
 
-def spread_over(told: Told, at: Sequence[int], n: int) -> Told:
+def spread_over(told: TrialData, at: Sequence[int], n: int) -> TrialData:
     """The same among n parameters, at these places."""
     information, score = np.zeros((n, n)), np.zeros(n)
     information[np.ix_(at, at)], score[list(at)] = told.information, told.score
-    return Told(information, score, told.clipped)
+    return TrialData(information, score, told.clipped)
 
 
-def scattered(told: Told, between: Array) -> Told:
+def scattered(told: TrialData, between: Array) -> TrialData:
     """What a trial says of the vehicle, whose parameters scatter with variances between (n,)."""
     at = np.flatnonzero(between > 0.0)
     if not at.size:
@@ -106,7 +107,10 @@ class Pooled:
 
 
 def pooled(
-    trials: Sequence[Told], prior_mean: Array, prior_variance: Array, between: Array | None = None
+    trials: Sequence[TrialData],
+    prior_mean: Array,
+    prior_variance: Array,
+    between: Array | None = None,
 ) -> Pooled:
     """All trials and the prior once."""
     if between is not None:
@@ -117,7 +121,7 @@ def pooled(
     return Pooled(covariance @ score, 0.5 * (covariance + covariance.T))
 
 
-def without_prior(trials: Sequence[Told], between: Array | None = None) -> Pooled:
+def without_prior(trials: Sequence[TrialData], between: Array | None = None) -> Pooled:
     """All trials, with a prior so wide that it counts nowhere beside data."""
     n = len(trials[0].score)
     return pooled(trials, np.zeros(n), np.full(n, WIDE), between)
@@ -137,7 +141,7 @@ def _agreement(q: float, freedom: float) -> Agreement:
     return Agreement(float(q), float(freedom), p)
 
 
-def agreement(trials: Sequence[Told], between: Array | None = None) -> Agreement:
+def agreement(trials: Sequence[TrialData], between: Array | None = None) -> Agreement:
     """Of all parameters together, along what each trial sees."""
     if between is not None:
         trials = [scattered(t, between) for t in trials]
@@ -151,7 +155,7 @@ def agreement(trials: Sequence[Told], between: Array | None = None) -> Agreement
     return _agreement(q, freedom)
 
 
-def agreements(trials: Sequence[Told]) -> list[Agreement]:
+def agreements(trials: Sequence[TrialData]) -> list[Agreement]:
     """Of each parameter, the others at their pooled values."""
     scores, variances, _ = _residuals(trials)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -166,7 +170,7 @@ def seen_axes(information: Array) -> Array:
     return vectors[:, values > SEEN] / np.sqrt(values[values > SEEN])
 
 
-def _residuals(trials: Sequence[Told]) -> tuple[Array, tuple[Array, Array], Array]:
+def _residuals(trials: Sequence[TrialData]) -> tuple[Array, tuple[Array, Array], Array]:
     """Scores (trials, n) at the pooled values; their variances without pooling, and with it."""
     whole = without_prior(trials)
     scores = np.array([t.score - t.information @ whole.mean for t in trials])
@@ -177,7 +181,7 @@ def _residuals(trials: Sequence[Told]) -> tuple[Array, tuple[Array, Array], Arra
     return scores, (own, left), np.array([t.information for t in trials])
 
 
-def between_trials(trials: Sequence[Told]) -> Array:
+def between_trials(trials: Sequence[TrialData]) -> Array:
     """Variance (n,) of each parameter between trials; zero where they agree (`AGREE`).
 
     Every squared residual score is, on average, its own variance and, of every parameter that
@@ -200,18 +204,18 @@ def for_few(between: Array, count: int) -> Array:
     return between * freedom / (freedom - 2)
 
 
-def _disagree(trials: Sequence[Told]) -> bool:
+def _disagree(trials: Sequence[TrialData]) -> bool:
     each = [a.p for a in agreements(trials) if a.freedom > 0.0]
     return agreement(trials).p < AGREE or min(each, default=1.0) < AGREE / max(len(each), 1)
 
 
-def between_neighbours(trials: Sequence[Told]) -> Array:
+def between_neighbours(trials: Sequence[TrialData]) -> Array:
     """Variance (n,) between trials from the differences of each and the next.
 
     A step is in one of them, and a drift in none by much: this is the scatter that a change has to
     stand out from. Large differences are clipped.
     """
-    pairs = [_difference(a, b) for a, b in zip(trials, trials[1:], strict=False)]
+    pairs = [_difference(a, b) for a, b in pairwise(trials)]
     if not pairs:
         return np.zeros(len(trials[0].score))
     own = np.array([np.diag(k) for k, _ in pairs])
@@ -220,7 +224,7 @@ def between_neighbours(trials: Sequence[Told]) -> Array:
     return 0.5 * _moments(scores, own, own, np.array([k for k, _ in pairs]), clipped=True)
 
 
-def _difference(a: Told, b: Told) -> tuple[Array, Array]:
+def _difference(a: TrialData, b: TrialData) -> tuple[Array, Array]:
     """Information (J_a^-1 + J_b^-1)^-1 about the difference of two trials, and its score."""
     n = len(a.score)
     both = np.linalg.inv(a.information + b.information + WEAK * np.eye(n))
@@ -265,7 +269,9 @@ class Distance:
     parameters: tuple[int, ...]
 
 
-def distance(trial: Told, others: Sequence[Told], between: Array, most: int = 2) -> Distance:
+def distance(
+    trial: TrialData, others: Sequence[TrialData], between: Array, most: int = 2
+) -> Distance:
     """How far a trial is from what the others and the prior N(0, 1) predict, along what it sees."""
     n = len(trial.score)
     whole = pooled(others, np.zeros(n), np.ones(n), between)
@@ -300,7 +306,7 @@ def _left_with(left: Array, columns: Array, inverse: Array) -> float:
     return float(away @ inverse @ away)
 
 
-def shrunk(trial: Told, others: Pooled, between: Array) -> Pooled:
+def shrunk(trial: TrialData, others: Pooled, between: Array) -> Pooled:
     """A trial's own parameters: its data, and all others as far as trials agree."""
     prior = np.linalg.inv(others.covariance + np.diag(between))
     covariance = np.linalg.inv(prior + trial.information)

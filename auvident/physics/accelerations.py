@@ -1,10 +1,10 @@
-"""What motions tell of the coefficients: accelerations, M^-1 times the coefficients of each product.
+"""What motions tell of the coefficients: accelerations, M^-1 times those of each product.
 
 In the equations M d(u, a, b)/dt = C x, with x the products of velocities, controls and angles, a
-motion depends on M^-1 C alone: M and C times any matrix move alike (the mass matrix kept symmetric).
-Which changes of the coefficients leave every motion as it is therefore depends on the coefficients
-themselves. Two trials, each described about its own coefficients, can only be compared in M^-1 C:
-about different points, each would seem to see what neither of them can.
+motion depends on M^-1 C alone: M and C times any matrix move alike (as long as the mass matrix
+stays symmetric). Which changes of the coefficients leave every motion as it is therefore depends on
+the coefficients themselves. Two trials, each described about its own coefficients, can only be
+compared in M^-1 C: about two points, each would seem to see what neither of them can.
 """
 
 from collections.abc import Mapping, Sequence

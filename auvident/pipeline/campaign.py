@@ -213,8 +213,8 @@ def gathered(
     for name in dict.fromkeys(t.vehicle for t in plan.trials):
         own = [r for r in rows.values() if r.vehicle == name]
         observer.progress(f"pooling {name}", None)
-        found, result = _vehicle(plan, name, own)
-        vehicles.append(result)
+        found, of_vehicle = _vehicle(plan, name, own)
+        vehicles.append(of_vehicle)
         if found is not None:
             pooled[name] = found
             of = {t.trial: t for t in found.model.pooling.trials}

@@ -10,7 +10,7 @@ SECONDS, RATE_HZ = 60.0, 10.0
 
 
 def warm_up(observer: Observer, kinds: tuple[str, ...] = KINDS) -> bool:
-    """Compile what an identification needs, unless it is there; whether there was anything to do."""
+    """Compile what an identification needs, unless it is there; whether anything was to do."""
     from auvident.first_use import is_first
 
     waiting = [kind for kind in kinds if is_first(kind)]
@@ -30,13 +30,11 @@ def _compile(kind: str) -> None:
     import numpy as np
     import pandas as pd
 
-    from auvident.engines.carried import allowed
     from auvident.schema.artifacts import Maneuver, Maneuvers
     from auvident.schema.trial import Trial
     from auvident.schema.vehicle import Vehicle
     from auvident.stages.ase import estimate
-    from auvident.stages.identify import prepare
-    from auvident.stages.identify.warm_up import compile_first
+    from auvident.stages.identify.warm_up import compile_for
     from auvident.storage.plan_file import read_plan
     from auvident.storage.templates import vehicle_template
 
@@ -61,17 +59,11 @@ def _compile(kind: str) -> None:
         )
         for kind_of, start in (("zigzag", 0.1 * SECONDS), ("turn", 0.55 * SECONDS))
     )
-    plan, ase = read_plan("refined"), estimate(vehicle)
-    setup = prepare(
-        [Trial("made up", table, RATE_HZ)],
+    compile_for(
+        Trial("made up", table, RATE_HZ),
         Maneuvers(maneuvers=maneuvers),
-        ase,
+        estimate(vehicle),
         vehicle,
-        {"u_mps": 0.005, "v_mps": 0.005, "r_radps": 0.001, "heading_rad": 0.005},
-        plane="horizontal",
-        plan=plan,
-        filter=kind,
-        engine="compiled",
-        carried=allowed(plan.nuisance, "horizontal", ase.length_m, 1.5),
+        read_plan("refined"),
+        kind,
     )
-    compile_first(setup)

@@ -13,7 +13,7 @@ State = Literal["done", "up to date", "failed", "planned"]
 
 
 class RunOptions(Declared):
-    """``[run]``: options of ``auvident run``, the same for all trials unless a vehicle has its own."""
+    """``[run]``: options of ``auvident run`` for all trials, unless a vehicle has its own."""
 
     rate_hz: float | None = Field(None, gt=0.0, description="sampling rate after ingest [Hz]")
     max_gap_s: float | None = Field(None, gt=0.0, description="longest gap that is bridged [s]")

@@ -18,7 +18,7 @@ class SeriesPoint(Artifact):
     std: float | None = None
 
 
-class Change(Artifact):
+class VehicleChange(Artifact):
     """A step or a drift.
 
     ``what`` is a coefficient, a parameter of an effect, or a group of coefficients that change by
@@ -63,6 +63,6 @@ class Changes(Artifact):
     false_alarms: float
     threshold: float | None = None
     tests: int = 0
-    changes: tuple[Change, ...] = ()
+    changes: tuple[VehicleChange, ...] = ()
     series: dict[str, tuple[SeriesPoint, ...]] = {}
     findings: tuple[Finding, ...] = ()

@@ -1,4 +1,4 @@
-"""The model that trials of one vehicle make together: an identified model, and what went into it."""
+"""The model that trials of one vehicle make together: as identified, and what went into it."""
 
 from pydantic import Field
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from auvident.estimation.change import search, series_along
-from auvident.estimation.pooling import Told
+from auvident.estimation.pooling import TrialData
 
 N = 4
 
@@ -16,7 +16,7 @@ def series(rng, count, change=lambda k: np.zeros(N)):
         design = rng.normal(size=(6, N)) * np.array([5.0, 3.0, 2.0, 1.0])
         information = design.T @ design
         noise = design.T @ rng.normal(size=6)
-        found.append(Told(information, information @ (truth + change(k)) + noise))
+        found.append(TrialData(information, information @ (truth + change(k)) + noise))
     return found
 
 
@@ -67,7 +67,7 @@ def test_along_the_series_every_trial_shows_the_change() -> None:
     theta = looked(trials, rng).theta
     sizes = np.array([size for size, _ in series_along(trials, np.eye(N)[1], theta)])
     assert sizes[6:].mean() - sizes[:6].mean() == pytest.approx(3.0, abs=0.3)
-    blind = Told(np.zeros((N, N)), np.zeros(N))
+    blind = TrialData(np.zeros((N, N)), np.zeros(N))
     assert series_along([blind], np.eye(N)[0], theta) == [(0.0, np.inf)]
 
 

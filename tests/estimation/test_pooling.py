@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from auvident.estimation.pooling import (
-    Told,
+    TrialData,
     agreement,
     agreements,
     between_neighbours,
@@ -168,7 +168,7 @@ def test_a_trial_leans_on_the_others_where_it_sees_nothing_itself() -> None:
     rng = np.random.default_rng(10)
     _, trials = trials_of(rng, 8, rows=30)
     own = [told(*t) for t in trials]
-    blind = Told(np.diag([50.0, 0.0, 0.0, 0.0, 0.0]), np.array([50.0, 0.0, 0.0, 0.0, 0.0]))
+    blind = TrialData(np.diag([50.0, 0.0, 0.0, 0.0, 0.0]), np.array([50.0, 0.0, 0.0, 0.0, 0.0]))
     others = pooled(own, np.zeros(N), np.ones(N))
     between = np.array([4.0, 0.0, 0.0, 0.0, 0.0])
     found = shrunk(blind, others, between)

@@ -7,9 +7,10 @@ between its own coefficients m_t and others is::
 
     delta_t(theta) = A_t^+ (alpha(theta) - alpha(m_t)),   A_t = d alpha / d theta at m_t
 
-which is theta - m_t less what it cannot see. Its log likelihood is quadratic in delta_t; about theta
-its information is D' J D with D = A_t^+ A(theta). (In navigation the same is known as the spurious
-information that a filter gains by linearising about several estimates: Huang et al. 2010.)
+which is theta - m_t less what it cannot see. Its log likelihood is quadratic in delta_t; about
+theta its information is D' J D with D = A_t^+ A(theta). (In navigation the same is known as the
+spurious information that a filter gains by linearising about several estimates: Huang, Mourikis
+and Roumeliotis 2010.)
 """
 
 from collections.abc import Callable, Sequence
@@ -20,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.engines.carried import LEADERS
-from auvident.estimation.pooling import Told, pooled
+from auvident.estimation.pooling import TrialData, pooled
 from auvident.physics.accelerations import Accelerations, accelerations_of
 from auvident.physics.terms import parameter_vector, structure_of
 from auvident.schema.artifacts import IdentifiedModel
@@ -57,12 +58,12 @@ def _held(
     return held | {f: own[lead] for f, lead in followers.items() if lead in own}
 
 
-def carrier(data: Collected) -> Callable[[Array], tuple[Told, ...]]:
+def carrier(data: Collected) -> Callable[[Array], tuple[TrialData, ...]]:
     """Common coefficients (n,), in units of the prior, to what each trial says about them."""
     found = map_of(data)
     ways = [_way(found, one) for one in zip(data.told, data.means, data.at, strict=True)]
 
-    def carried(theta: Array) -> tuple[Told, ...]:
+    def carried(theta: Array) -> tuple[TrialData, ...]:
         alpha, slopes = found.at(theta), found.slopes(theta)
         return tuple(way(theta, alpha, slopes) for way in ways)
 
@@ -70,8 +71,8 @@ def carrier(data: Collected) -> Callable[[Array], tuple[Told, ...]]:
 
 
 def _way(
-    found: Accelerations, one: tuple[Told, Array, Array]
-) -> Callable[[Array, Array, Array], Told]:
+    found: Accelerations, one: tuple[TrialData, Array, Array]
+) -> Callable[[Array, Array, Array], TrialData]:
     """How a trial's information is carried over."""
     told, mean, at = one
     alpha, slopes = found.at(mean), found.slopes(mean)[:, at]
@@ -80,7 +81,7 @@ def _way(
     information = told.information[np.ix_(at, at)]
     pull = told.score[at] - information @ mean[at]
 
-    def carried(theta: Array, there: Array, slopes_there: Array) -> Told:
+    def carried(theta: Array, there: Array, slopes_there: Array) -> TrialData:
         away = back @ ((there - alpha) / size)
         turned = back @ (slopes_there / size[:, None])
         own = turned.T @ information @ turned

@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.constants import NORMAL_95
-from auvident.estimation.change import Found, search, series_along
+from auvident.estimation.change import FoundChange, search, series_along
 from auvident.estimation.pooling import between_neighbours, for_few, scattered
 from auvident.schema.artifacts import Finding
-from auvident.schema.changes import Change, Changes, SeriesPoint
+from auvident.schema.changes import Changes, SeriesPoint, VehicleChange
 from auvident.schema.coefficients import ESTIMATED
 from auvident.schema.effects import parameter_of
 from auvident.schema.planes import BY_PLANE
@@ -76,15 +76,16 @@ def changes_of(
     data, model = result.data, result.model
     names, dates = [t.name for t in data.trials], [t.date for t in data.trials]
     dated = all(dates)
-    head = {
-        "vehicle": model.vehicle,
-        "plane": model.plane,
-        "trials": tuple(names),
-        "dates": tuple(dates),
-        "dated": dated,
-        "false_alarms": false_alarms,
-        "findings": tuple(f for f in model.findings if f.code == "trial-fits-no-other"),
-    }
+    strange = tuple(f for f in model.findings if f.code == "trial-fits-no-other")
+    nothing = Changes(
+        vehicle=model.vehicle,
+        plane=model.plane,
+        trials=tuple(names),
+        dates=tuple(dates),
+        dated=dated,
+        false_alarms=false_alarms,
+        findings=strange,
+    )
     if len(names) < LEAST_TRIALS:
         few = Finding(
             code="few-trials",
@@ -92,7 +93,7 @@ def changes_of(
             threshold=float(LEAST_TRIALS),
             message=f"nothing is said of changes with fewer than {LEAST_TRIALS} trials that agree",
         )
-        return Changes(**{**head, "findings": (*head["findings"], few)})  # type: ignore[arg-type]
+        return nothing.model_copy(update={"findings": (*strange, few)})
     between = for_few(between_neighbours(data.told), len(names))
     trials = [scattered(t, between) for t in data.told]
     groups = quantities(data)
@@ -100,12 +101,13 @@ def changes_of(
     directions = np.vstack([np.eye(len(data.names)), *(_along(g, data, theta) for g in groups)])
     found = search(trials, directions, _times(dates, dated), rng, false_alarms)
     told = _Teller(data, groups, theta, dated)
-    return Changes(
-        **head,  # type: ignore[arg-type]
-        threshold=found.threshold,
-        tests=found.tests,
-        changes=tuple(told.change(f) for f in found.found),
-        series=told.series(trials, directions, found.theta),
+    return nothing.model_copy(
+        update={
+            "threshold": found.threshold,
+            "tests": found.tests,
+            "changes": tuple(told.change(f) for f in found.found),
+            "series": told.series(trials, directions, found.theta),
+        }
     )
 
 
@@ -144,7 +146,7 @@ class _Teller:
     theta: Array
     dated: bool
 
-    def change(self, found: Found) -> Change:
+    def change(self, found: FoundChange) -> VehicleChange:
         """A change as it stands in the artifact."""
         factor, unit = self._factor(found.direction)
         size, std = found.size * factor, found.std * abs(factor)
@@ -152,7 +154,7 @@ class _Teller:
             size, std = self._before(found, size, std, unit)
         low, high = sorted((size - NORMAL_95 * std, size + NORMAL_95 * std))
         trials = self.data.trials
-        return Change(
+        return VehicleChange(
             kind=found.kind,
             what=self.name(found.direction),
             symbols=self._symbols(found.direction),
@@ -171,7 +173,9 @@ class _Teller:
             rivals=tuple(self.name(r) for r in found.rivals),
         )
 
-    def _before(self, found: Found, size: float, std: float, unit: str) -> tuple[float, float]:
+    def _before(
+        self, found: FoundChange, size: float, std: float, unit: str
+    ) -> tuple[float, float]:
         """A share of the mean of all trials as one of those before the step."""
         if unit != "-":
             return size, std
@@ -211,7 +215,9 @@ class _Teller:
         total: Array = np.eye(len(self.data.names)) + sum(t.information for t in self.data.told)
         return total
 
-    def _sentence(self, found: Found, size: float, interval: tuple[float, float], unit: str) -> str:
+    def _sentence(
+        self, found: FoundChange, size: float, interval: tuple[float, float], unit: str
+    ) -> str:
         """As one would say it."""
         trials, n = self.data.trials, len(self.data.names)
         if unit == "-":

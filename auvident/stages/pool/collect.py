@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from auvident.engines.carried import fitted_covariance, internal_values
 from auvident.errors import InputError
-from auvident.estimation.pooling import Told, spread_over, told_by
+from auvident.estimation.pooling import TrialData, spread_over, told_by
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.effects import BY_ID
 
@@ -22,8 +22,8 @@ PRIOR_WIDER = 1.5  # ratio of standard deviations
 LEAST_SHARE = 0.5  # of the trials that have an effect: from which on it is the vehicle's
 SAME = ("vehicle", "plane", "length_m", "density_kgpm3", "rigid_body")
 ONE_VEHICLE = (
-    "Pool trials of one vehicle with the same vehicle file; leave the others out, or run them again "
-    "with it."
+    "Pool trials of one vehicle with the same vehicle file; leave the others out, or run them "
+    "again with it."
 )
 
 
@@ -50,7 +50,7 @@ class Collected:
         Standard deviation of the prior, the widest of the trials.
     origin : (n,) array
         Mean of the prior.
-    told : tuple of Told
+    told : tuple of TrialData
         What each trial's data say, in this unit from this origin on.
     means : tuple of (n,) array
         Where each trial was identified; zero where it has no such parameter.
@@ -70,7 +70,7 @@ class Collected:
     names: tuple[str, ...]
     unit: Array
     origin: Array
-    told: tuple[Told, ...]
+    told: tuple[TrialData, ...]
     means: tuple[Array, ...]
     at: tuple[npt.NDArray[np.int64], ...]
     widened: Array
@@ -220,7 +220,7 @@ def _posterior(trial: PoolTrial, names: Sequence[str]) -> _Posterior:
 
 @dataclass(frozen=True)
 class _InUnits:
-    told: Told
+    told: TrialData
     mean: Array
     widened: Array
     expected: Array

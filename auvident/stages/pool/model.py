@@ -91,19 +91,16 @@ def _model(t: Together, mean: Array, pooling: Pooling, findings: Sequence[Findin
         p.model_copy(update={"value": _shown_value(p.symbol, values[p.symbol])})
         for p in pooling.parameters
     )
-    fields = {
-        "vehicle": newest.vehicle,
-        "plane": newest.plane,
-        "filter": newest.filter,
-        "engine": newest.engine,
-        "plan": "pooled",
-        "length_m": newest.length_m,
-        "density_kgpm3": newest.density_kgpm3,
-        "rigid_body": newest.rigid_body,
-        "sensing": newest.sensing,
-    }
     return PooledModel(
-        **fields,
+        vehicle=newest.vehicle,
+        plane=newest.plane,
+        filter=newest.filter,
+        engine=newest.engine,
+        plan="pooled",
+        length_m=newest.length_m,
+        density_kgpm3=newest.density_kgpm3,
+        rigid_body=newest.rigid_body,
+        sensing=newest.sensing,
         coefficients=tuple(r for r in rows if isinstance(r, ModelCoefficient)),
         constants=tuple(r for r in rows if not isinstance(r, ModelCoefficient)),
         effects=effect_rows(structure, vector, _stds(t), {}, _named(data)),
@@ -153,7 +150,7 @@ def _rows(
             continue
         i = data.names.index(name)
         unit, share = float(data.unit[i]), float(1.0 - t.found.covariance[i, i])
-        update = {
+        update: dict[str, Any] = {
             "value": values[name],
             "std": unit * float(np.sqrt(t.claimed[i, i])),
             "prior": float(data.origin[i]) if c.symbol == name else c.prior,

@@ -13,7 +13,7 @@ from auvident.estimation.pooling import (
     Agreement,
     Distance,
     Pooled,
-    Told,
+    TrialData,
     agreement,
     agreements,
     between_trials,
@@ -72,9 +72,11 @@ def pool(trials: Sequence[PoolTrial], *, keep: bool = False) -> PoolResult:
     if not trials:
         raise InputError("there is no trial to pool", "", "Give run directories with a model.")
     own = collect(trials)
-    whole = about_common(own)
-    out = {} if keep else strangers(whole)
-    inside = [k for k in range(len(trials)) if k not in out]
+    twice = copies(trials)
+    first = [k for k in range(len(trials)) if k not in twice]
+    whole = about_common(own, first)
+    out = {} if keep else strangers(whole, first)
+    inside = [k for k in first if k not in out]
     whole = about_common(own, inside) if out else whole
     data = whole.among(inside)
     between = for_few(between_trials(data.told), len(data.told))
@@ -86,7 +88,7 @@ def pool(trials: Sequence[PoolTrial], *, keep: bool = False) -> PoolResult:
     agree = agreement(data.told)
     each = agreements(data.told)
     rows = tuple(_parameters(together, each))
-    told = tuple(_trials(whole, out, together))
+    told = tuple(_trials(whole, out, twice, together))
     findings = (*_strange(told), *_findings(together, agree, each))
     pooling = Pooling(
         trials=told,
@@ -99,7 +101,19 @@ def pool(trials: Sequence[PoolTrial], *, keep: bool = False) -> PoolResult:
     return PoolResult(model_of_all(together, pooling, findings), data, between)
 
 
-def strangers(data: Collected) -> dict[int, Distance]:
+def copies(trials: Sequence[PoolTrial]) -> dict[int, str]:
+    """Trials with the same model as an earlier one, and its name: their data count once."""
+    seen: dict[str, str] = {}
+    found = {}
+    for k, trial in enumerate(trials):
+        key = str(sorted(trial.model.values().items()))
+        if key in seen:
+            found[k] = seen[key]
+        seen.setdefault(key, trial.name)
+    return found
+
+
+def strangers(data: Collected, candidates: Sequence[int]) -> dict[int, Distance]:
     """Trials that fit no other, with their distance from those that stay.
 
     The farthest one goes first, until none is farther than chance lets it be. Of the last trial
@@ -107,9 +121,9 @@ def strangers(data: Collected) -> dict[int, Distance]:
     it stays.
     """
     out: dict[int, Distance] = {}
-    count = len(data.told)
+    count = len(candidates)
     while count - len(out) >= LEAST_TO_JUDGE and len(out) + 1 <= MOST_LEFT_OUT * count:
-        inside = [k for k in range(count) if k not in out]
+        inside = [k for k in candidates if k not in out]
         far = {k: found for k in inside if (found := _far(data, inside, k)) is not None}
         if not far:
             break
@@ -169,15 +183,17 @@ def _parameters(t: Together, each: Sequence[Agreement]) -> Iterator[PooledParame
         )
 
 
-def _share(told: Told) -> Array:
+def _share(told: TrialData) -> Array:
     """Share of the data in what a single trial knows."""
     n = len(told.score)
     return np.clip(1.0 - np.diag(np.linalg.inv(np.eye(n) + told.information)), 0.0, 1.0)
 
 
-def _trials(whole: Collected, out: dict[int, Distance], t: Together) -> Iterator[PooledTrial]:
+def _trials(
+    whole: Collected, out: dict[int, Distance], twice: dict[int, str], t: Together
+) -> Iterator[PooledTrial]:
     """Every trial with its distance from the others that stay."""
-    inside = [k for k in range(len(whole.told)) if k not in out]
+    inside = [k for k in range(len(whole.told)) if k not in out and k not in twice]
     n = len(whole.names)
     for k, trial in enumerate(whole.trials):
         others = [whole.told[j] for j in inside if j != k]
@@ -189,8 +205,10 @@ def _trials(whole: Collected, out: dict[int, Distance], t: Together) -> Iterator
             date=trial.date,
             file=trial.file,
             maneuvers=maneuvers_of(trial.model),
-            used=k not in out,
-            reason=_why(trial, whole, far, last=k == len(whole.told) - 1) if k in out else "",
+            used=k in inside,
+            reason=_why(trial, whole, far, last=k == len(whole.told) - 1)
+            if k in out
+            else (f"it is the same as {twice[k]}" if k in twice else ""),
             square=far.square if far else 0.0,
             directions=far.directions if far else 0,
             p=far.p if far else 1.0,
@@ -243,7 +261,9 @@ def _values(data: Collected, found: Pooled) -> dict[str, PooledValue]:
 
 def _strange(trials: Sequence[PooledTrial]) -> Iterator[Finding]:
     for t in trials:
-        if not t.used:
+        if not t.used and t.reason.startswith("it is the same"):
+            yield Finding(code="same-trial", where=t.trial, message=f"{t.reason} and counts once")
+        elif not t.used:
             yield Finding(
                 code="trial-fits-no-other",
                 where=t.trial,
