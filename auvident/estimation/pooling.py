@@ -9,8 +9,8 @@ the data. Trials add up::
 
 Between trials the parameters themselves scatter with a variance T, diagonal: ballast, temperature,
 repairs. The data of a trial then say less of the vehicle, (J^-1 + T)^-1 = J - J (J + T^-1)^-1 J,
-also where J is singular. T is estimated by moments (DerSimonian and Laird 1986; several parameters at
-once as in Jackson, White and Riley 2013) and is zero where the trials agree (Cochran's Q).
+also where J is singular. T is estimated by moments (DerSimonian and Laird 1986; several parameters
+at once as in Jackson, White and Riley 2013) and is zero where the trials agree (Cochran's Q).
 """
 
 from collections.abc import Sequence

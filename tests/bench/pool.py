@@ -11,8 +11,11 @@ from typing import Any
 import numpy as np
 
 from auvident.schema.artifacts import IdentifiedModel
+from auvident.estimation.pooling import seen_axes
 from auvident.stages.identify import identify
 from auvident.stages.pool import PoolTrial, pool
+from auvident.stages.pool.carry import carrier
+from auvident.stages.pool.collect import collect
 from tests.bench.recovery import NOISE, SEEN, vehicle_and_prior
 from tests.bench.world import PROGRAMME, World, draw_truth, make_world
 from tests.engines.chain import plan_named
@@ -38,14 +41,14 @@ def main(arguments: list[str], show: Callable[[str, list[dict[str, Any]]], None]
 
 
 def models_of_one(
-    seed: int, count: int, part: int = PART
+    seed: int, count: int, part: int = PART, plan: str = "refined"
 ) -> tuple[dict[str, float], list[IdentifiedModel]]:
     """Models of so many trials of one vehicle, and the truth."""
     vehicle, ase = vehicle_and_prior()
     truth = draw_truth(ase, vehicle, np.random.default_rng(seed))
     worlds = [world_of(truth, 1000 * seed + k, part) for k in range(count)]
     done = (
-        identify([w.trial], w.maneuvers, ase, vehicle, NOISE, plan=plan_named("refined"))
+        identify([w.trial], w.maneuvers, ase, vehicle, NOISE, plan=plan_named(plan))
         for w in worlds
     )
     return truth, [found.model for found in done]
@@ -72,23 +75,19 @@ def errors(models: list[IdentifiedModel], truth: dict[str, float]) -> Iterator[d
         if c.origin == "identified" and c.data_share > SEEN:
             z = (c.value - truth[c.symbol]) / c.std
             yield {"trials": len(models), "of": "coefficients", "z": z}
-    for z in along_seen(found, truth):
+    for z in along_seen(models, truth):
         yield {"trials": len(models), "of": "combinations", "z": z}
 
 
-def along_seen(model: IdentifiedModel, truth: dict[str, float]) -> list[float]:
-    """Errors over claims along the axes of the claimed covariance that the data told."""
-    from auvident.engines.carried import claimed_covariance
-
-    rows = {c.symbol: c for c in model.coefficients}
-    kept = [i for i, s in enumerate(model.covariance["symbols"]) if s in rows]
-    symbols = [model.covariance["symbols"][i] for i in kept]
-    prior = np.array([rows[s].prior_std for s in symbols])
-    error = np.array([rows[s].value - truth[s] for s in symbols]) / prior
-    claimed = claimed_covariance(model)[np.ix_(kept, kept)] / np.outer(prior, prior)
-    values, vectors = np.linalg.eigh(claimed)
-    seen_ones = values < 1.0 - SEEN
-    return list((vectors.T @ error / np.sqrt(values))[seen_ones])
+def along_seen(models: list[IdentifiedModel], truth: dict[str, float]) -> list[float]:
+    """Errors over claims of the data alone, along what they see about the true coefficients."""
+    data = collect([PoolTrial(f"trial-{k}", m) for k, m in enumerate(models)])
+    pairs = zip(data.names, data.origin, data.unit, strict=True)
+    theta = np.array([(truth.get(name, 0.0) - origin) / unit for name, origin, unit in pairs])
+    trials = carrier(data)(theta)
+    information = sum(t.information for t in trials)
+    axes = seen_axes(information)
+    return list(axes.T @ (sum(t.score for t in trials) - information @ theta))
 
 
 def seen(models: list[IdentifiedModel]) -> dict[str, float]:
