@@ -180,11 +180,8 @@ def _scale_gyro(log: Path, factor: float) -> None:
 
 
 def _campaign(boats: tuple[Boat, ...]) -> str:
-    tables = (
-        f'[[vehicle]]\nname = "{b.name}"\nfile = "{b.name}/vehicle.toml"\ntrials = ["{b.name}/2*"]\n'
-        for b in boats
-    )
-    return "\n".join(tables)
+    text = '[[vehicle]]\nname = "{0}"\nfile = "{0}/vehicle.toml"\ntrials = ["{0}/2*"]\n'
+    return "\n".join(text.format(boat.name) for boat in boats)
 
 
 def main() -> None:

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from auvident.schema.artifacts import IdentifiedModel
 from auvident.estimation.pooling import seen_axes
+from auvident.schema.artifacts import IdentifiedModel
 from auvident.stages.identify import identify
 from auvident.stages.pool import PoolTrial, pool
 from auvident.stages.pool.carry import carrier
@@ -48,8 +48,7 @@ def models_of_one(
     truth = draw_truth(ase, vehicle, np.random.default_rng(seed))
     worlds = [world_of(truth, 1000 * seed + k, part) for k in range(count)]
     done = (
-        identify([w.trial], w.maneuvers, ase, vehicle, NOISE, plan=plan_named(plan))
-        for w in worlds
+        identify([w.trial], w.maneuvers, ase, vehicle, NOISE, plan=plan_named(plan)) for w in worlds
     )
     return truth, [found.model for found in done]
 

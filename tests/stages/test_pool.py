@@ -1,6 +1,7 @@
 """Pooled models of trials that were simulated from known coefficients by equations of their own."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.effects import BY_ID, EFFECTS
 from auvident.stages.pool import PoolTrial, changes_of, pool
 from auvident.stages.pool.carry import about_common, carrier
+from auvident.stages.pool.changes import model_value, quantities
 from auvident.stages.pool.collect import collect
 from tests.bench import pool as bench
 from tests.session import once
@@ -118,8 +120,9 @@ def test_trials_of_different_vehicles_are_refused_with_what_differs() -> None:
         c.model_copy(update={"prior": c.prior + c.prior_std}) if c.symbol == "Y_uud" else c
         for c in second.coefficients
     )
+    other = second.model_copy(update={"coefficients": rows})
     with pytest.raises(InputError, match="its prior of Y_uud"):
-        pool([PoolTrial("a", first), PoolTrial("b", second.model_copy(update={"coefficients": rows}))])
+        pool([PoolTrial("a", first), PoolTrial("b", other)])
 
 
 def test_a_trial_of_another_vehicle_is_named_and_left_out() -> None:
@@ -151,6 +154,37 @@ def test_nothing_changed_and_that_is_said_with_its_rate_of_false_alarms() -> Non
     assert (found.false_alarms, found.dated, len(found.trials)) == (0.01, True, 4)
     assert found.tests > 50 and found.threshold is not None and found.threshold > 3.0
     json.loads(found.model_dump_json())
+
+
+@pytest.mark.parametrize(
+    ("what", "sentence"),
+    [
+        ("fin", r"since 3 May 2026 the rudder gives \d+ % less \(\d+ to \d+ %\)"),
+        ("thrust", r"since 3 May 2026 the propeller gives \d+ % less thrust"),
+    ],
+)
+def test_a_step_is_told_in_a_sentence_with_its_size(what: str, sentence: str) -> None:
+    result = pool(trials(models()))
+    data = result.data
+    (group,) = [g for g in quantities(data) if g.id == what]
+    values = np.array([model_value(result, name) for name in data.names])
+    along = np.array(
+        [v if n in group.symbols else 0.0 for n, v in zip(data.names, values, strict=True)]
+    )
+    moved = [
+        replace(t, score=t.score - 0.4 * (k >= 2) * t.information @ (along / data.unit))
+        for k, t in enumerate(data.told)
+    ]
+    found = changes_of(
+        replace(result, data=replace(data, told=tuple(moved))), np.random.default_rng(0)
+    )
+    change = found.changes[0]
+    assert change.trial == "trial-2" and change.p < 0.01
+    if change.what == what:  # else a coefficient of the group alone, with the group as a rival
+        assert re.match(sentence, change.sentence), change.sentence
+        assert change.low < -0.4 < change.high
+    else:
+        assert what in change.rivals or set(change.symbols) <= set(group.symbols)
 
 
 def test_of_three_trials_nothing_is_said() -> None:
