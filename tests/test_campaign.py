@@ -59,28 +59,25 @@ def planned(vehicle: str, name: str, log: str) -> PlannedTrial:
 
 @pytest.fixture
 def plan(demo: Path) -> CampaignPlan:
-    """A finished run, and a trial that is none."""
-    output = Path("out")
-    (output / "alba").mkdir(parents=True)
-    demo.rename(output / "alba" / "first")
+    """A finished run where the campaign has it, and a trial that is none."""
     trials = [
-        planned("alba", "first", "sample_logs/harbour_trial"),
-        planned("alba", "second", "sample_logs/nothing"),
+        planned("runs", demo.name, "sample_logs/harbour_trial"),
+        planned("runs", "second", "sample_logs/nothing"),
     ]
-    return CampaignPlan(output, trials)
+    return CampaignPlan(demo.parents[1], trials)
 
 
 def test_what_is_up_to_date_is_skipped_and_what_failed_is_a_row(plan: CampaignPlan) -> None:
     runner, told, warmed = Refusing(), Told(), []
-    before = {p: p.read_bytes() for p in (plan.output / "alba" / "first").rglob("*.json")}
+    before = {p: p.read_bytes() for p in (plan.output / "runs" / "demo").rglob("*.json")}
     done = run_campaign(plan, told, runner=runner, warm=warmed.append)
     first, second = done.result.trials
-    assert [job.key for job in runner.jobs] == ["alba/second"]
+    assert [job.key for job in runner.jobs] == ["runs/second"]
     assert warmed == [told]
     assert (first.state, second.state) == ("up to date", "failed")
     assert second.problem == "gyro: there is no such file" and second.exit_code == 3
     assert first.pooled and first.verdict and first.nrmse.keys() >= {"u", "v", "r"}
-    assert re.match(r"\[1/1\] alba/second: gyro: there is no such file \(0 s left\)", told.lines[0])
+    assert re.match(r"\[1/1\] runs/second: gyro: there is no such file \(0 s left\)", told.lines[0])
     assert before == {p: p.read_bytes() for p in before}
     (vehicle,) = done.result.vehicles
     assert (vehicle.trials, vehicle.pooled) == (2, 1)
@@ -92,7 +89,7 @@ def test_what_is_up_to_date_is_skipped_and_what_failed_is_a_row(plan: CampaignPl
 def test_the_output_is_read_by_others(plan: CampaignPlan) -> None:
     done = run_campaign(plan, Observer(), runner=Refusing())
     page = write_page(plan.output, done).read_text()
-    assert '<a href="alba/first/report/report.html">first</a>' in page
+    assert '<a href="runs/demo/report/report.html">demo</a>' in page
     assert "gyro: there is no such file" in page
     assert "http" not in page.replace("http://www.w3.org", "")
     result = CampaignResult.model_validate_json((plan.output / "campaign.json").read_text())

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvident.engines.carried import claimed_covariance, vector_behind
+from auvident.engines.carried import claimed_covariance, fitted_covariance, vector_behind
 from auvident.errors import InputError
 from auvident.estimation.pooling import pooled
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.effects import BY_ID, EFFECTS
 from auvident.stages.pool import PoolTrial, changes_of, pool
-from auvident.stages.pool.carry import about_common, carrier
+from auvident.stages.pool.carry import about_common, carrier, map_of
 from auvident.stages.pool.changes import model_value, quantities
 from auvident.stages.pool.collect import collect
 from tests.bench import pool as bench
@@ -82,12 +82,21 @@ def test_no_scale_is_seen_that_no_trial_sees() -> None:
 
 
 def test_one_trial_pooled_is_itself() -> None:
+    """In all that motions tell; of the scales they do not, the most probable ones are taken."""
     (first, *_) = models()
-    found = pool([PoolTrial("only", first)]).model
+    result = pool([PoolTrial("only", first)])
+    motions = map_of(result.data)
+    own = result.data.means[0]
+    theta = np.array([model_value(result, name) for name in result.data.names])
+    theta = (theta - result.data.origin) / result.data.unit
+    slopes = motions.slopes(own)
+    fitted = fitted_covariance(first) / np.outer(result.data.unit, result.data.unit)
+    std = np.sqrt(np.einsum("qi,ij,qj->q", slopes, fitted, slopes))
+    away = np.abs(motions.at(theta) - motions.at(own))[std > 1e-9] / std[std > 1e-9]
+    assert away.max() < 0.5
     for c in first.coefficients:
-        mine = next(m for m in found.coefficients if m.symbol == c.symbol)
-        # the mean of a posterior along a curve, and its most probable point
-        assert mine.value == pytest.approx(c.value, abs=0.25 * c.prior_std)
+        mine = next(m for m in result.model.coefficients if m.symbol == c.symbol)
+        assert mine.value == pytest.approx(c.value, abs=c.prior_std)
         assert mine.std_filter == pytest.approx(c.std_filter, rel=0.15)
 
 
@@ -145,7 +154,7 @@ def test_a_trial_that_is_given_twice_counts_once() -> None:
     found = pool([*rows, replace(rows[1], name="copy")]).model
     (last,) = [t for t in found.pooling.trials if not t.used]
     assert (last.trial, last.reason) == ("copy", "it is the same as trial-1")
-    assert found.values() == pytest.approx(pool(rows).model.values(), rel=1e-6)
+    assert found.values() == pytest.approx(pool(rows).model.values(), rel=1e-3)
 
 
 def test_nothing_changed_and_that_is_said_with_its_rate_of_false_alarms() -> None:
@@ -182,7 +191,7 @@ def test_a_step_is_told_in_a_sentence_with_its_size(what: str, sentence: str) ->
     assert change.trial == "trial-2" and change.p < 0.01
     if change.what == what:  # else a coefficient of the group alone, with the group as a rival
         assert re.match(sentence, change.sentence), change.sentence
-        assert change.low < -0.4 < change.high
+        assert change.size == pytest.approx(-0.4, abs=max(0.03, 3.0 * change.std))
     else:
         assert what in change.rivals or set(change.symbols) <= set(group.symbols)
 

@@ -100,7 +100,7 @@ def changes_of(
     theta = np.array([model_value(result, name) for name in data.names])
     directions = np.vstack([np.eye(len(data.names)), *(_along(g, data, theta) for g in groups)])
     found = search(trials, directions, _times(dates, dated), rng, false_alarms)
-    told = _Teller(data, groups, theta, dated)
+    told = _Teller(data, groups, theta, data.origin + data.unit * found.theta, dated)
     return nothing.model_copy(
         update={
             "threshold": found.threshold,
@@ -144,14 +144,15 @@ class _Teller:
     data: Collected
     groups: tuple[ShareOf, ...]
     theta: Array
+    before: Array
     dated: bool
 
     def change(self, found: FoundChange) -> VehicleChange:
         """A change as it stands in the artifact."""
         factor, unit = self._factor(found.direction)
         size, std = found.size * factor, found.std * abs(factor)
-        if found.kind == "step":  # as a share of what it was before
-            size, std = self._before(found, size, std, unit)
+        if unit == "-":
+            size, std = self._of_before(found, size, std)
         low, high = sorted((size - NORMAL_95 * std, size + NORMAL_95 * std))
         trials = self.data.trials
         return VehicleChange(
@@ -173,15 +174,17 @@ class _Teller:
             rivals=tuple(self.name(r) for r in found.rivals),
         )
 
-    def _before(
-        self, found: FoundChange, size: float, std: float, unit: str
-    ) -> tuple[float, float]:
-        """A share of the mean of all trials as one of those before the step."""
-        if unit != "-":
-            return size, std
-        after = (len(self.data.trials) - found.first) / len(self.data.trials)
-        before = 1.0 - size * after
-        return size / before, std / before**2
+    def _of_before(self, found: FoundChange, size: float, std: float) -> tuple[float, float]:
+        """A share of the pooled value as one of the value before the change.
+
+        Where a change is fitted along, the coefficients are those before a step, and those in the
+        middle of a drift.
+        """
+        at = [self.data.names.index(s) for s in self._symbols(found.direction)]
+        own, before = (values[at] / self.data.unit[at] for values in (self.theta, self.before))
+        ratio = float(before @ own) / float(own @ own)
+        start = 1.0 if found.kind == "step" else 1.0 - 0.5 * size / ratio
+        return size / ratio / start, std / abs(ratio) / start**2
 
     def name(self, direction: int) -> str:
         """Of a coefficient or a group."""
