@@ -8,17 +8,37 @@ the pieces are is up to those who know what will be called.
 import pickle
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 
-from auvident.jit import cache_is_writable, compiled_already, remove_unused
+from auvident.jit import _permanent, cache_is_writable, compiled_already, remove_unused
 
 Work = Callable[[], object]
+LOCK = ".compiling"
 
 
 def is_first(kind: str) -> bool:
     """Whether the kernels of a filter are still to be compiled, and are kept once they are."""
     return cache_is_writable() and not compiled_already(kind)
+
+
+@contextmanager
+def alone() -> Iterator[None]:
+    """Wait until no other process compiles; what it left need not be compiled again.
+
+    The system releases the lock when its process dies. Without locks (Windows, some network file
+    systems) nobody waits, and several may compile the same.
+    """
+    folder = _permanent()
+    if folder is None or sys.platform == "win32":
+        yield
+        return
+    import fcntl
+
+    with (folder / LOCK).open("a") as file:
+        with suppress(OSError):
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield
 
 
 def compile_side_by_side(pieces: Sequence[Work]) -> None:

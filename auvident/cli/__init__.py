@@ -23,6 +23,7 @@ COMMANDS = {
     "auvident.cli.loop": ("diagnose", "refine", "report"),
     "auvident.cli.results": ("status", "compare", "simulate", "plan-trial", "export"),
     "auvident.cli.combine": ("combine",),
+    "auvident.cli.campaign": ("pool", "campaign", "warm-up"),
     "auvident.cli.tables": ("new-vehicle", "inspect", "coefficients", "effects", "schema"),
     "auvident.cli.completion": ("completion",),
 }

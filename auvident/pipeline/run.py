@@ -188,6 +188,19 @@ def _left_out(stage: Stage, planes: Sequence[Plane], failure: NumericsError | No
     return "an earlier stage failed numerically" if failure and rests_on_it else ""
 
 
+def up_to_date(
+    path: Path, options: Mapping[str, Mapping[str, Any]], *, seed: int | None = None
+) -> bool:
+    """Whether `run_all` with these options would skip every stage."""
+    run = RunDirectory(path)
+    manifest = run.manifest()
+    if manifest is None:
+        return False
+    needed = {d.stage for d in judge_all(run, manifest) if d.state != "not needed"}
+    wanted = [(s, _wanted(s, run, options.get(s.name, {}), seed)) for s in STAGES]
+    return all(judge(s, run, manifest, w).state == "done" for s, w in wanted if s.name in needed)
+
+
 def status(path: Path) -> tuple[list[Decision], Manifest]:
     """State of every stage of an existing run directory, and its manifest."""
     run = RunDirectory(path)

@@ -7,12 +7,15 @@ from pydantic.json_schema import JsonSchemaMode
 
 from auvident.schema.artifacts import AseResult, IdentifiedModel, Maneuver, Metrics, TrialPlan
 from auvident.schema.base import Declared
+from auvident.schema.campaign import Campaign, CampaignResult
+from auvident.schema.changes import Changes
 from auvident.schema.combined import CombinedModel
 from auvident.schema.desk import DeskResult, StandardManeuvers
 from auvident.schema.diagnosis import Comparison, Diagnosis
 from auvident.schema.logs import ColumnMap, Quality
 from auvident.schema.manifest import Manifest
 from auvident.schema.plan import Plan
+from auvident.schema.pooled import PooledModel
 from auvident.schema.vehicle import Vehicle
 
 # Name -> file it describes and its class.
@@ -20,11 +23,15 @@ SCHEMAS: dict[str, tuple[str, Any]] = {
     "vehicle": ("the vehicle file (TOML)", Vehicle),
     "map": ("the column map (TOML)", ColumnMap),
     "plan": ("a plan of the identification (TOML)", Plan),
+    "campaign": ("a campaign file (TOML)", Campaign),
+    "campaign-result": ("campaign.json", CampaignResult),
     "run": ("run.json", Manifest),
     "quality": ("ingest/quality.json", Quality),
     "maneuvers": ("segment/maneuvers.json", list[Maneuver]),
     "ase": ("ase/coefficients.json", AseResult),
     "model": ("identify/model.json", IdentifiedModel),
+    "pooled": ("what pool writes", PooledModel),
+    "changes": ("what pool --changes writes", Changes),
     "combined": ("what combine writes", CombinedModel),
     "trial-plan": ("what plan-trial prints", TrialPlan),
     "desk": ("what simulate --maneuver prints", DeskResult),

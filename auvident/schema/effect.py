@@ -178,6 +178,9 @@ class Effect:
         A sensor shows what was a while ago.
     twin : str
         The same in the other plane, under its own name: of its fin, its gyro, its axes.
+    of_trial : bool
+        It belongs to a trial (its water, its ballast, its clocks, what a gyro has on a day), not
+        to the vehicle: trials that are pooled have it each on its own.
     """
 
     id: str
@@ -199,6 +202,7 @@ class Effect:
     nuisance: bool = False
     late: bool = False
     twin: str = ""
+    of_trial: bool = False
 
     def names(self, plane: Plane | None = None) -> tuple[str, ...]:
         """Names of its parameters in the parameter vector of a plane; without one, of all."""

@@ -194,10 +194,16 @@ def sail(c: dict[str, float], vehicle: Vehicle, kind: str, rudder_deg, switch_de
     return np.array(states[:-1]), np.array(inputs)
 
 
-def make_world(ase: AseResult, vehicle: Vehicle, seed: int, programme=PROGRAMME) -> World:
-    """A trial of the programme by a vehicle drawn from the prior."""
+def make_world(
+    ase: AseResult,
+    vehicle: Vehicle,
+    seed: int,
+    programme=PROGRAMME,
+    truth: dict[str, float] | None = None,
+) -> World:
+    """A trial of the programme by a vehicle drawn from the prior, or by a given one."""
     rng = np.random.default_rng(seed)
-    truth = draw_truth(ase, vehicle, rng)
+    truth = draw_truth(ase, vehicle, rng) if truth is None else truth
     tables, maneuvers, start = [], [], 0.0
     for number, (kind, rudder, switch, ratios) in enumerate(programme):
         states, inputs = sail(truth, vehicle, kind, rudder, switch, ratios)

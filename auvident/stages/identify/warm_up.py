@@ -8,27 +8,53 @@ from dataclasses import replace
 from functools import partial
 from typing import get_args
 
+from auvident.engines.carried import allowed
 from auvident.engines.estimator import filter_pass, task_of
 from auvident.engines.free_run import likelihood
 from auvident.engines.noise import effective_noise
 from auvident.engines.setup import Setup
 from auvident.engines.states import smoothed_states
-from auvident.first_use import Work, compile_side_by_side, is_first
+from auvident.first_use import Work, alone, compile_side_by_side, is_first
 from auvident.physics.terms import structure_of
-from auvident.schema.artifacts import ManeuverKind
-from auvident.schema.plan import PlanStage
+from auvident.schema.artifacts import AseResult, ManeuverKind, Maneuvers
+from auvident.schema.plan import Plan, PlanStage
+from auvident.schema.trial import Trial
+from auvident.schema.vehicle import Vehicle
+from auvident.stages.identify.setup import prepare
 
 EVERYTHING = PlanStage(
     name="first use", system="coupled", free=("all",), maneuvers=get_args(ManeuverKind)
 )
 FEW = 2  # maneuvers are enough to compile with
 ANY_TIME_S = 30.0  # process noise does not matter for it
+ANY_NOISE = {"u_mps": 0.005, "v_mps": 0.005, "r_radps": 0.001, "heading_rad": 0.005}
 
 
 def compile_first(setup: Setup) -> None:
     """Compile what an identification needs, if no one has yet."""
     if setup.engine == "compiled" and is_first(setup.filter):
-        compile_side_by_side(pieces_of(setup))
+        with alone():
+            if is_first(setup.filter):  # else another process did while this one waited
+                compile_side_by_side(pieces_of(setup))
+
+
+def compile_for(
+    trial: Trial, maneuvers: Maneuvers, ase: AseResult, vehicle: Vehicle, plan: Plan, kind: str
+) -> None:
+    """Compile what an identification of a trial in the horizontal plane would need."""
+    setup = prepare(
+        [trial],
+        maneuvers,
+        ase,
+        vehicle,
+        ANY_NOISE,
+        plane="horizontal",
+        plan=plan,
+        filter=kind,
+        engine="compiled",
+        carried=allowed(plan.nuisance, "horizontal", ase.length_m),
+    )
+    compile_first(setup)
 
 
 def pieces_of(setup: Setup) -> tuple[Work, ...]:

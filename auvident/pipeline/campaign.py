@@ -1,0 +1,409 @@
+"""A campaign: trials run one by one, pooled by vehicle, told in tables that others read."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from auvident import __version__
+from auvident.errors import AuvidentError, GateError, UsageError
+from auvident.pipeline.campaign_jobs import Job, JobDone, JobRunner, LocalProcesses, processors
+from auvident.pipeline.observer import Observer
+from auvident.pipeline.pooling import PooledRuns, date_of, pool_runs
+from auvident.pipeline.predict import find_model
+from auvident.pipeline.run import up_to_date
+from auvident.schema.campaign import (
+    CampaignResult,
+    CampaignTrial,
+    CampaignVehicleResult,
+    RunOptions,
+)
+from auvident.storage.artifacts import json_bytes, parquet_bytes, read_json, write_bytes
+from auvident.storage.campaign_file import PlannedTrial
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+RESULT, PAGE = "campaign.json", "campaign.html"
+METRICS, COMPARISON = "validate/metrics.json", "refine/comparison.json"
+POOLED, CHANGES = "pooled.json", "changes.json"
+MOSTLY = 0.5  # share of the data from which on a coefficient is said to come from them
+NEW = 2  # trials since a change, up to which it should be confirmed
+OPTION_NAMES = {
+    "rate_hz": "--rate",
+    "max_gap_s": "--max-gap",
+    "filter": "--filter",
+    "plane": "--plane",
+    "plan": "--plan",
+    "fix": "--fix",
+    "hold_out": "--hold-out",
+}
+STAGE_OF = {"rate_hz": "ingest", "max_gap_s": "ingest", "fix": "ingest", "hold_out": "segment"}
+
+
+@dataclass(frozen=True)
+class CampaignPlan:
+    """What a campaign is to do.
+
+    Attributes
+    ----------
+    output : Path
+    trials : sequence of PlannedTrial
+    jobs : int or None
+        Trials at a time; None for one a processor.
+    false_alarms : float
+        Probability of a change where there is none.
+    allow_outside : bool
+        Whether vehicle files may name files outside of their folder.
+    """
+
+    output: Path
+    trials: Sequence[PlannedTrial]
+    jobs: int | None = None
+    false_alarms: float = 0.01
+    allow_outside: bool = False
+    seed: int = 0
+
+    def run_of(self, trial: PlannedTrial) -> Path:
+        """Its run directory."""
+        return self.output / trial.vehicle / trial.name
+
+
+@dataclass
+class CampaignRun:
+    """The outcome of a campaign: its result, and the pooled runs by vehicle."""
+
+    result: CampaignResult
+    pooled: dict[str, PooledRuns] = field(default_factory=dict)
+
+
+def options_of(trial: PlannedTrial, allow_outside: bool) -> dict[str, dict[str, Any]]:
+    """Options by stage, as `run_all` takes them: of `auvident run` with the same arguments."""
+    stages: dict[str, dict[str, Any]] = {
+        "ingest": {"logs": (trial.log,), "vehicle": trial.vehicle_file},
+        "segment": {},
+        "identify": {},
+    }
+    if trial.column_map is not None:
+        stages["ingest"]["map"] = trial.column_map
+    if allow_outside:
+        stages["ingest"]["allow_outside"] = True
+    for key, value in _set(trial.options).items():
+        stages[STAGE_OF.get(key, "identify")][key] = value
+    return stages
+
+
+def _set(options: RunOptions) -> dict[str, Any]:
+    return {k: v for k, v in options.model_dump().items() if v not in (None, ())}
+
+
+def arguments_of(trial: PlannedTrial, run: Path, allow_outside: bool) -> tuple[str, ...]:
+    """The same as arguments of ``auvident``."""
+    found = ["run", str(trial.log), "--vehicle", str(trial.vehicle_file), "--run", str(run)]
+    found += ["--map", str(trial.column_map)] if trial.column_map is not None else []
+    found += ["--allow-outside"] if allow_outside else []
+    for key, value in _set(trial.options).items():
+        for one in value if isinstance(value, tuple) else (value,):
+            found += [OPTION_NAMES[key], str(one)]
+    return (*found, "--quiet")
+
+
+def run_campaign(
+    plan: CampaignPlan,
+    observer: Observer,
+    *,
+    dry_run: bool = False,
+    runner: JobRunner | None = None,
+    warm: Callable[[Observer], None] | None = None,
+) -> CampaignRun:
+    """Run every trial that is not up to date, pool them by vehicle, write the tables.
+
+    Parameters
+    ----------
+    plan : CampaignPlan
+    observer : Observer
+    dry_run : bool
+        Only say what would be run.
+    runner : JobRunner, optional
+        Where trials run; without it on all processors of this machine.
+    warm : callable, optional
+        Compiles the kernels before the first trial, so that not every one of them does.
+    """
+    states = {_key(t): _state(plan, t) for t in plan.trials}
+    if dry_run:
+        return CampaignRun(
+            CampaignResult(program_version=__version__, trials=tuple(states.values()))
+        )
+    from auvident.storage.lock import locked
+
+    with locked(plan.output):
+        waiting = [t for t in plan.trials if states[_key(t)].state == "planned"]
+        if waiting and warm is not None:
+            warm(observer)
+        own = runner or LocalProcesses(plan.jobs or processors())
+        jobs = [Job(_key(t), arguments_of(t, plan.run_of(t), plan.allow_outside)) for t in waiting]
+        for done in _followed(own, jobs, plan.jobs or processors(), observer):
+            states[done.key] = _ended(states[done.key], done)
+        return gathered(plan, states, observer)
+
+
+def _key(trial: PlannedTrial) -> str:
+    return f"{trial.vehicle}/{trial.name}"
+
+
+def _state(plan: CampaignPlan, trial: PlannedTrial) -> CampaignTrial:
+    """Whether a trial is up to date, or to be run."""
+    run = plan.run_of(trial)
+    try:
+        done = run.is_dir() and up_to_date(run, options_of(trial, plan.allow_outside), seed=None)
+    except AuvidentError:  # the run says so itself
+        done = False
+    return CampaignTrial(
+        vehicle=trial.vehicle,
+        trial=trial.name,
+        log=str(trial.log),
+        run=str(run),
+        state="up to date" if done else "planned",
+    )
+
+
+def _followed(
+    runner: JobRunner, jobs: Sequence[Job], at_once: int, observer: Observer
+) -> "Sequence[JobDone]":
+    """Trials as they end, each told with the time that is left."""
+    began, found = time.perf_counter(), []
+    observer.progress(f"0 of {len(jobs)} trials", 0.0)
+    for done in runner.each(jobs):
+        found.append(done)
+        share = len(found) / len(jobs)
+        left = (time.perf_counter() - began) * (1.0 / share - 1.0)
+        told = f"{len(found)} of {len(jobs)} trials, {_in_words(left)} left"
+        outcome = done.problem or f"done in {done.seconds:.0f} s"
+        observer.note(f"[{len(found)}/{len(jobs)}] {done.key}: {outcome} ({_in_words(left)} left)")
+        observer.progress(told, share)
+    return found
+
+
+def _in_words(seconds: float) -> str:
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+
+
+def _ended(row: CampaignTrial, done: JobDone) -> CampaignTrial:
+    """5: the numbers of a later stage failed; what stands up to there counts."""
+    failed = done.exit_code not in (0,) and not (Path(row.run) / METRICS).exists()
+    return row.model_copy(
+        update={
+            "state": "failed" if failed else "done",
+            "seconds": round(done.seconds, 1),
+            "exit_code": done.exit_code,
+            "problem": done.problem,
+        }
+    )
+
+
+def gathered(
+    plan: CampaignPlan, states: Mapping[str, CampaignTrial], observer: Observer
+) -> CampaignRun:
+    """What the runs say, pooled by vehicle; writes tables, models and the page."""
+    rows = {key: _told(row) for key, row in states.items()}
+    vehicles, pooled = [], {}
+    for name in dict.fromkeys(t.vehicle for t in plan.trials):
+        own = [r for r in rows.values() if r.vehicle == name]
+        observer.progress(f"pooling {name}", None)
+        found, of_vehicle = _vehicle(plan, name, own)
+        vehicles.append(of_vehicle)
+        if found is not None:
+            pooled[name] = found
+            of = {t.trial: t for t in found.model.pooling.trials}
+            rows |= {f"{name}/{r.trial}": _judged(r, of.get(r.trial)) for r in own}
+    result = CampaignResult(
+        program_version=__version__, trials=tuple(rows.values()), vehicles=tuple(vehicles)
+    )
+    write_tables(plan.output, result, pooled)
+    return CampaignRun(result, pooled)
+
+
+def _told(row: CampaignTrial) -> CampaignTrial:
+    """A row with what stands in its run directory."""
+    run = Path(row.run)
+    if row.state == "failed" or not (run / METRICS).exists():
+        state = "failed" if row.state == "planned" else row.state
+        return row.model_copy(update={"state": state})
+    try:
+        _, model = find_model(run)
+        metrics = read_json(run / METRICS)
+        comparison = read_json(run / COMPARISON) if (run / COMPARISON).exists() else {}
+    except AuvidentError as error:
+        return row.model_copy(update={"state": "failed", "problem": error.problem})
+    errors = dict(metrics.get("summary", {}).get("validate", {}))
+    errors |= comparison.get("held_out", {}).get("after", {})
+    return row.model_copy(
+        update={
+            "date": date_of(run),
+            "verdict": comparison.get("verdict", ""),
+            "effects": tuple(e["id"] for e in comparison.get("effects", ())),
+            "maneuvers": len(model.stages[-1].maneuvers) if model.stages else 0,
+            "rmse": {c: e["rmse"] for c, e in errors.items()},
+            "nrmse": {c: e["nrmse"] for c, e in errors.items() if "nrmse" in e},
+            "from_data": sum(c.data_share > MOSTLY for c in model.coefficients),
+            "coefficients": len(model.coefficients),
+        }
+    )
+
+
+def _judged(row: CampaignTrial, found: Any) -> CampaignTrial:
+    """A row with how it fits the others of its vehicle."""
+    if found is None:
+        return row
+    fits = (found.square / found.directions) ** 0.5 if found.directions else None
+    return row.model_copy(update={"fits": fits, "pooled": found.used, "reason": found.reason})
+
+
+def _vehicle(
+    plan: CampaignPlan, name: str, rows: Sequence[CampaignTrial]
+) -> tuple[PooledRuns | None, CampaignVehicleResult]:
+    """Pool the trials of a vehicle; what stands in the way is told, and stops no other."""
+    told = [r for r in rows if r.state != "failed"]
+    failed = [{"trial": r.trial, "why": r.problem} for r in rows if r.state == "failed"]
+    if not told:
+        problem = "no trial came to a model"
+        return None, CampaignVehicleResult(
+            name=name, plane="", trials=len(rows), problem=problem, repeat=tuple(failed)
+        )
+    folder = plan.output / name
+    try:
+        found = pool_runs(
+            [Path(r.run) for r in told], false_alarms=plan.false_alarms, seed=plan.seed
+        )
+    except AuvidentError as error:
+        return None, CampaignVehicleResult(
+            name=name,
+            plane="",
+            trials=len(rows),
+            problem=f"{error.where}: {error.problem}",
+            repeat=tuple(failed),
+        )
+    write_bytes(folder / POOLED, json_bytes(found.model, POOLED))
+    write_bytes(folder / CHANGES, json_bytes(found.changes, CHANGES))
+    from auvident.report.tables_campaign import seen
+
+    return found, CampaignVehicleResult(
+        name=name,
+        plane=found.model.plane,
+        model=str(folder / POOLED),
+        trials=len(rows),
+        pooled=sum(t.used for t in found.model.pooling.trials),
+        summary=seen(found.model),
+        changes=found.changes,
+        findings=found.model.findings,
+        repeat=(*failed, *_to_repeat(found)),
+    )
+
+
+def _to_repeat(found: PooledRuns) -> list[dict[str, Any]]:
+    """Trials that say nothing of the vehicle, and changes that rest on a trial or two."""
+    rows = [{"trial": t.trial, "why": t.reason} for t in found.model.pooling.trials if not t.used]
+    names = found.changes.trials
+    for change in found.changes.changes:
+        since = len(names) - names.index(change.trial)
+        if change.kind == "step" and since <= NEW:
+            rows.append(
+                {"trial": names[-1], "why": f"confirm that {change.sentence}: {since} since then"}
+            )
+    return rows
+
+
+# --- tables --------------------------------------------------------------------------------
+
+
+def write_tables(output: Path, result: CampaignResult, pooled: Mapping[str, PooledRuns]) -> None:
+    """``campaign.json`` and one Parquet file each for trials, coefficients and effects."""
+    program = {"program": f"auvident {__version__}"}
+    for name, table in tables_of(result, pooled).items():
+        write_bytes(output / f"{name}.parquet", parquet_bytes(table, program))
+    write_bytes(output / RESULT, json_bytes(result, RESULT))
+
+
+def tables_of(
+    result: CampaignResult, pooled: Mapping[str, PooledRuns]
+) -> "dict[str, pd.DataFrame]":
+    """Trials, coefficients and effects as long tables."""
+    import pandas as pd
+
+    return {
+        "trials": pd.DataFrame([_trial_row(t) for t in result.trials]),
+        "coefficients": pd.DataFrame(
+            [row for name, runs in pooled.items() for row in _coefficient_rows(name, runs)],
+            columns=list(COEFFICIENT_COLUMNS),
+        ),
+        "effects": pd.DataFrame(
+            [row for name, runs in pooled.items() for row in _effect_rows(name, runs)],
+            columns=list(EFFECT_COLUMNS),
+        ),
+    }
+
+
+COEFFICIENT_COLUMNS = (
+    "vehicle", "trial", "date", "symbol", "unit", "value", "std", "shrunk", "shrunk_std", "pooled",
+    "pooled_std", "prior", "prior_std", "data_share", "pooled_data_share", "between_std", "used",
+)  # fmt: skip
+EFFECT_COLUMNS = ("vehicle", "trial", "date", "effect", "parameter", "value", "std", "unit")
+
+
+def _trial_row(t: CampaignTrial) -> dict[str, Any]:
+    row = t.model_dump(exclude={"rmse", "nrmse", "effects"})
+    errors = {f"rmse_{c}": v for c, v in t.rmse.items()}
+    errors |= {f"nrmse_{c}": v for c, v in t.nrmse.items()}
+    return {**row, "effects": ",".join(t.effects), **errors}
+
+
+def _coefficient_rows(vehicle: str, runs: PooledRuns) -> list[dict[str, Any]]:
+    """A row for each trial and coefficient: as it says alone, with the others, and all together."""
+    rows = []
+    together = {p.symbol: p for p in runs.model.pooling.parameters}
+    for t in runs.model.pooling.trials:
+        for symbol, own in t.alone.items():
+            p, other = together[symbol], t.shrunk[symbol]
+            share = 1.0 - (own.std / p.prior_std) ** 2 if p.prior_std > 0.0 else 0.0
+            values = (
+                vehicle, t.trial, t.date, symbol, p.unit, own.value, own.std, other.value,
+                other.std, p.value, p.std, p.prior, p.prior_std, min(max(share, 0.0), 1.0),
+                p.share, p.between_std, t.used,
+            )  # fmt: skip
+            rows.append(dict(zip(COEFFICIENT_COLUMNS, values, strict=True)))
+    return rows
+
+
+def _effect_rows(vehicle: str, runs: PooledRuns) -> list[dict[str, Any]]:
+    """Effects that the model of a trial has by name: its own, and those of the vehicle."""
+    rows = []
+    for t in runs.model.pooling.trials:
+        for name, value in t.own.items():
+            effect, _, parameter = name.partition(".")
+            values = (vehicle, t.trial, t.date, effect, parameter, value.value, value.std)
+            rows.append(dict(zip(EFFECT_COLUMNS, (*values, value.unit), strict=True)))
+    return rows
+
+
+def refuse_changes(result: CampaignResult) -> None:
+    """The gate of ``--fail-on-change``.
+
+    Raises
+    ------
+    GateError
+        A vehicle changed, with what.
+    """
+    told = [
+        f"{v.name}: {c.sentence}" for v in result.vehicles if v.changes for c in v.changes.changes
+    ]
+    if told:
+        raise GateError("; ".join(told), "", "See the campaign page.")
+
+
+def refuse_empty(trials: Sequence[PlannedTrial]) -> None:
+    """Refuse a campaign without a trial."""
+    if not trials:
+        raise UsageError("there is no trial", "", "Give a campaign file or folders of trials.")

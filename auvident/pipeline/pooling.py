@@ -1,0 +1,151 @@
+"""Trials pooled from their run directories: models, dates and vehicle files are read, no log."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from auvident.errors import GateError, InputError
+from auvident.pipeline.predict import VEHICLE, find_model
+from auvident.storage.artifacts import json_bytes, read_json, write_bytes
+from auvident.storage.run_directory import MANIFEST
+
+if TYPE_CHECKING:
+    from auvident.schema.changes import Changes
+    from auvident.schema.pooled import PooledModel
+    from auvident.stages.pool import PoolTrial
+
+QUALITY = "ingest/quality.json"
+SAME_FILE = "Pool trials that were run with the same vehicle file; leave the others out."
+SHOWN = 3  # keys that differ
+
+
+@dataclass(frozen=True)
+class PooledRuns:
+    """The pooled model of runs, and what changed over them."""
+
+    model: "PooledModel"
+    changes: "Changes"
+
+
+def pool_runs(
+    targets: Sequence[Path],
+    *,
+    plane: str | None = None,
+    keep: bool = False,
+    false_alarms: float | None = None,
+    seed: int = 0,
+    names: Mapping[Path, str] | None = None,
+) -> PooledRuns:
+    """Pool the models of runs of one vehicle, in the order of their dates.
+
+    Parameters
+    ----------
+    targets : sequence of Path
+        Run directories, or files of models.
+    plane : str, optional
+        Of runs of both planes; without it the first one.
+    keep : bool
+        Whether a trial that fits no other goes in all the same.
+    false_alarms : float, optional
+        Probability of one change or more where there is none.
+    seed : int
+        Of the series drawn where nothing changes.
+    names : mapping, optional
+        What to call the trials; without it as their folders.
+
+    Raises
+    ------
+    InputError
+        They are of different vehicles, with what differs.
+    StageError
+        A run without a model.
+    """
+    import numpy as np
+
+    from auvident.stages.pool import changes_of, pool
+    from auvident.stages.pool.changes import FALSE_ALARMS
+
+    _refuse_other_files(targets)
+    trials = in_order([_trial(t, plane, (names or {}).get(t, t.name)) for t in targets])
+    result = pool(trials, keep=keep)
+    rate = FALSE_ALARMS if false_alarms is None else false_alarms
+    changes = changes_of(result, np.random.default_rng(seed), rate)
+    return PooledRuns(result.model, changes)
+
+
+def in_order(trials: "Sequence[PoolTrial]") -> "list[PoolTrial]":
+    """By date where every trial has one, else as given."""
+    if not all(t.date for t in trials):
+        return list(trials)
+    return sorted(trials, key=lambda t: datetime.fromisoformat(t.date))
+
+
+def _trial(target: Path, plane: str | None, name: str) -> "PoolTrial":
+    from auvident.stages.pool import PoolTrial
+
+    path, model = find_model(target, plane)
+    return PoolTrial(name, model, date_of(target), str(path))
+
+
+def date_of(run: Path) -> str:
+    """When the first trial of a run began (ISO 8601), empty where its log has no dates."""
+    file = run / QUALITY
+    if not run.is_dir() or not file.exists():
+        return ""
+    tree = read_json(file)
+    starts = [
+        datetime.fromisoformat(trial["origin"]) + timedelta(seconds=trial["t_start_s"])
+        for trial in tree.get("trials", ())
+        if trial.get("origin")
+    ]
+    return min(starts).isoformat(timespec="seconds") if starts else ""
+
+
+def _refuse_other_files(targets: Sequence[Path]) -> None:
+    """Refuse runs whose vehicle files differ, with the keys that do."""
+    told = [t for t in targets if (t / MANIFEST).exists() and (t / VEHICLE).exists()]
+    if not told:
+        return
+    first = _flat(read_json(told[0] / VEHICLE))
+    for other in told[1:]:
+        tree = _flat(read_json(other / VEHICLE))
+        keys = [k for k in {**first, **tree} if first.get(k) != tree.get(k)]
+        if keys:
+            pairs = (f"{k} {tree.get(k)} (there {first.get(k)})" for k in keys[:SHOWN])
+            more = f" and {len(keys) - SHOWN} more" if len(keys) > SHOWN else ""
+            raise InputError(
+                f"was run with another vehicle file than {told[0]}: {', '.join(pairs)}{more}",
+                str(other),
+                SAME_FILE,
+            )
+
+
+def _flat(tree: Any, at: str = "") -> dict[str, Any]:
+    """Keys with dots, and their values."""
+    if isinstance(tree, dict):
+        pairs = [_flat(value, f"{at}.{key}" if at else str(key)) for key, value in tree.items()]
+        return {k: v for pair in pairs for k, v in pair.items()}
+    return {at: tree}
+
+
+def write_pooled(model: "PooledModel", file: Path) -> None:
+    """Write a pooled model to a file."""
+    write_bytes(file, json_bytes(model, str(file)))
+
+
+def refuse_change(changes: "Changes") -> None:
+    """The gate of ``--fail-on-change``.
+
+    Raises
+    ------
+    GateError
+        Something changed, with what.
+    """
+    if changes.changes:
+        raise GateError(
+            "; ".join(change.sentence for change in changes.changes),
+            changes.vehicle,
+            f"Probability of such an alarm where nothing changed: {changes.false_alarms:g}.",
+        )

@@ -1,0 +1,158 @@
+"""Tables of trials pooled, of what changed, and of a campaign; for the terminal and the page."""
+
+from collections.abc import Sequence
+
+from auvident.report.tables import Column, Fixed, Number, Rows, Table, Unit, WithStd, columns
+from auvident.schema.campaign import CampaignResult, CampaignTrial
+from auvident.schema.changes import Changes
+from auvident.schema.pooled import PooledModel, PooledParameter, PooledTrial
+
+NO_CHANGE = "No change of the vehicle stands out from chance"
+DISAGREE = 0.01
+
+
+def pooled_parameters(model: PooledModel) -> Table:
+    """What the trials say together: value, shares of the data before and after, scatter."""
+    heads = (
+        *columns(("coefficient", "unit")),
+        *columns(numbers=("value ± std", "prior ± std", "from data, one trial", "best", "all")),
+        *columns(numbers=("between trials", "p that they agree")),
+    )
+    rows: Rows = [
+        [
+            p.symbol,
+            Unit(p.unit),
+            WithStd(p.value, p.std),
+            WithStd(p.prior, p.prior_std) if "." not in p.symbol else "",
+            Fixed(100.0 * p.share_alone, ".0f", " %"),
+            Fixed(100.0 * p.share_best, ".0f", " %"),
+            Fixed(100.0 * p.share, ".0f", " %"),
+            Number(p.between_std, 2) if p.between_std > 0.0 else "",
+            Number(p.p, 2) if p.freedom > 0.0 else "",
+        ]
+        for p in model.pooling.parameters
+    ]
+    return Table(heads, rows, title_of(model))
+
+
+def title_of(model: PooledModel) -> str:
+    """What was pooled, and whether it agrees."""
+    used = sum(t.used for t in model.pooling.trials)
+    word = "trial" if used == 1 else "trials"
+    agree = "agree" if model.pooling.p >= DISAGREE else "disagree"
+    text = f"{model.vehicle}, {model.plane} plane: {used} {word} pooled"
+    return text if used == 1 else f"{text}, which {agree} (p = {model.pooling.p:.2g})"
+
+
+def seen(model: PooledModel) -> str:
+    """What one trial leaves to the prior, and all together."""
+    own = [p for p in model.pooling.parameters if "." not in p.symbol]
+    return (
+        f"{_mostly(own, 'share_alone')} of {len(own)} coefficients come mostly from the data of a "
+        f"single trial in the mean, {_mostly(own, 'share')} from those of all together."
+    )
+
+
+def _mostly(rows: Sequence[PooledParameter], key: str) -> int:
+    return sum(getattr(p, key) > 0.5 for p in rows)
+
+
+def pooled_trials(trials: Sequence[PooledTrial]) -> Table:
+    """Every trial with its distance from the others."""
+    heads = (
+        *columns(("trial", "began")),
+        *columns(numbers=("maneuvers", "distance", "p")),
+        Column("went in"),
+    )
+    rows: Rows = [
+        [
+            t.trial,
+            t.date.replace("T", " ")[:16],
+            str(t.maneuvers) if t.maneuvers else "",
+            Number((t.square / t.directions) ** 0.5 if t.directions else None, 2),
+            Number(t.p, 2) if t.directions else "",
+            "yes" if t.used else f"no: {t.reason}",
+        ]
+        for t in trials
+    ]
+    return Table(heads, rows, "Trials, with their distance from the others (1 by chance)")
+
+
+def changes(found: Changes) -> Table:
+    """Steps and drifts."""
+    heads = (
+        Column("change"),
+        *columns(numbers=("size", "95 %", "p")),
+        Column("first trial"),
+        Column("or"),
+    )
+    rows: Rows = [
+        [
+            c.sentence,
+            _share(c.size, c.unit),
+            f"{_share(c.low, c.unit)} to {_share(c.high, c.unit)}",
+            Number(c.p, 2),
+            c.trial if c.earliest == c.latest else f"{c.trial} ({c.earliest} to {c.latest})",
+            ", ".join(c.rivals[:4]),
+        ]
+        for c in found.changes
+    ]
+    return Table(heads, rows, "Changes of the vehicle")
+
+
+def _share(value: float, unit: str) -> str:
+    return f"{100.0 * value:+.0f} %" if unit == "-" else f"{value:+.2g} {unit}"
+
+
+def no_change(found: Changes) -> str:
+    """That nothing changed, and how sure that is; nothing where too few trials were looked at."""
+    if found.changes or not found.tests:
+        return ""
+    return (
+        f"{NO_CHANGE} ({found.tests} tests over {len(found.trials)} trials; a false alarm in "
+        f"{100.0 * found.false_alarms:g} % of such campaigns)."
+    )
+
+
+def campaign_trials(result: CampaignResult) -> Table:
+    """Every trial: what came of it, its errors, whether it fits the others."""
+    channels = list(dict.fromkeys(c for t in result.trials for c in t.nrmse))[:4]
+    heads = (
+        *columns(("vehicle", "trial", "state", "began")),
+        Column("result"),
+        *columns(numbers=tuple(f"NRMSE {c}" for c in channels)),
+        *columns(numbers=("from data", "fits")),
+        Column("pooled"),
+    )
+    rows: Rows = [
+        [
+            t.vehicle,
+            t.trial,
+            t.state,
+            t.date.replace("T", " ")[:16],
+            outcome(t),
+            *(Number(t.nrmse.get(c), 2) for c in channels),
+            f"{t.from_data} of {t.coefficients}" if t.coefficients else "",
+            Number(t.fits, 2),
+            ("yes" if t.pooled else t.reason or "no") if t.verdict else "",
+        ]
+        for t in result.trials
+    ]
+    return Table(heads, rows, "Trials of the campaign")
+
+
+def outcome(t: CampaignTrial) -> str:
+    """Verdict of a trial with its effects, or why there is none."""
+    if t.problem and t.state == "failed":
+        return t.problem
+    words = t.verdict.replace("_", " ")
+    return f"{words}: {', '.join(t.effects)}" if t.effects else words
+
+
+def repeats(result: CampaignResult) -> Table:
+    """Which trials to repeat, and why."""
+    heads = (*columns(("vehicle", "trial")), Column("why"))
+    rows: Rows = [
+        [v.name, str(row["trial"]), str(row["why"])] for v in result.vehicles for row in v.repeat
+    ]
+    return Table(heads, rows, "Trials to repeat")

@@ -1,0 +1,270 @@
+"""What changed of the vehicle: steps and drifts of coefficients and of groups of them, in words."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from auvident.constants import NORMAL_95
+from auvident.estimation.change import FoundChange, search, series_along
+from auvident.estimation.pooling import between_neighbours, for_few, scattered
+from auvident.schema.artifacts import Finding
+from auvident.schema.changes import Changes, SeriesPoint, VehicleChange
+from auvident.schema.coefficients import ESTIMATED
+from auvident.schema.effects import parameter_of
+from auvident.schema.planes import BY_PLANE
+from auvident.stages.pool.collect import Collected
+from auvident.stages.pool.stage import PoolResult
+
+Array = npt.NDArray[Any]
+
+FALSE_ALARMS = 0.01
+LEAST_TRIALS = 4  # of three, one apart from the two others may be any of them
+CERTAIN = 2.0  # standard deviations of a value from zero, from which on its changes are shares
+DAY_S = 86_400.0
+
+
+@dataclass(frozen=True)
+class ShareOf:
+    """What may change at once by one share: words for people, with {fin} for that of the plane.
+
+    ``says`` is what is told of a share: "{more}" becomes "more" or "less", "{larger}" "larger" or
+    "smaller".
+    """
+
+    id: str
+    symbols: tuple[str, ...]
+    says: str
+
+
+def quantities(data: Collected) -> tuple[ShareOf, ...]:
+    """Groups of coefficients that a damage or a replacement changes by one share."""
+    plane = data.trials[0].model.plane
+    by_group: dict[str, list[str]] = {}
+    for name in data.names:
+        if name in ESTIMATED:
+            by_group.setdefault(ESTIMATED[name].group, []).append(name)
+    drag = [*by_group.get("drag", ()), *(n for n in data.names if n == "linear_drag.X_u")]
+    rows = (
+        ("fin", by_group.get("control", []), f"the {BY_PLANE[plane].fin} gives {{share}} {{more}}"),
+        ("drag", drag, "the drag is {share} {larger}"),
+        ("thrust", by_group.get("thrust", []), "the propeller gives {share} {more} thrust"),
+        ("lift", by_group.get("lift", []), "the lift of the hull is {share} {larger}"),
+        ("cross-flow", by_group.get("cross_flow", []), "the cross-flow drag is {share} {larger}"),
+    )
+    return tuple(ShareOf(id_, tuple(names), says) for id_, names, says in rows if names)
+
+
+def changes_of(
+    result: PoolResult,
+    rng: np.random.Generator,
+    false_alarms: float = FALSE_ALARMS,
+) -> Changes:
+    """Steps and drifts over the trials that fit each other.
+
+    Parameters
+    ----------
+    result : PoolResult
+    rng : Generator
+        For the series that are drawn where nothing changes.
+    false_alarms : float
+        Probability of one change or more where there is none.
+    """
+    data, model = result.data, result.model
+    names, dates = [t.name for t in data.trials], [t.date for t in data.trials]
+    dated = all(dates)
+    strange = tuple(f for f in model.findings if f.code == "trial-fits-no-other")
+    nothing = Changes(
+        vehicle=model.vehicle,
+        plane=model.plane,
+        trials=tuple(names),
+        dates=tuple(dates),
+        dated=dated,
+        false_alarms=false_alarms,
+        findings=strange,
+    )
+    if len(names) < LEAST_TRIALS:
+        few = Finding(
+            code="few-trials",
+            value=float(len(names)),
+            threshold=float(LEAST_TRIALS),
+            message=f"nothing is said of changes with fewer than {LEAST_TRIALS} trials that agree",
+        )
+        return nothing.model_copy(update={"findings": (*strange, few)})
+    between = for_few(between_neighbours(data.told), len(names))
+    trials = [scattered(t, between) for t in data.told]
+    groups = quantities(data)
+    theta = np.array([model_value(result, name) for name in data.names])
+    directions = np.vstack([np.eye(len(data.names)), *(_along(g, data, theta) for g in groups)])
+    found = search(trials, directions, _times(dates, dated), rng, false_alarms)
+    told = _Teller(data, groups, theta, data.origin + data.unit * found.theta, dated)
+    return nothing.model_copy(
+        update={
+            "threshold": found.threshold,
+            "tests": found.tests,
+            "changes": tuple(told.change(f) for f in found.found),
+            "series": told.series(trials, directions, found.theta),
+        }
+    )
+
+
+def model_value(result: PoolResult, name: str) -> float:
+    """Pooled value of a parameter, in the unit of the equations."""
+    model = result.model
+    if "." in name:
+        return float(next(e["internal"][name] for e in model.effects if name in e["internal"]))
+    return model.values()[name]
+
+
+def _along(group: ShareOf, data: Collected, theta: Array) -> Array:
+    """Direction of a group: all its coefficients by one share of their values."""
+    direction = np.zeros((1, len(data.names)))
+    for name in group.symbols:
+        i = data.names.index(name)
+        direction[0, i] = theta[i] / data.unit[i]
+    return direction
+
+
+def _times(dates: Sequence[str], dated: bool) -> Array:
+    """Days since the first trial, or its number."""
+    if not dated:
+        return np.arange(len(dates), dtype=float)
+    stamps = [datetime.fromisoformat(d).timestamp() / DAY_S for d in dates]
+    days = np.array(stamps) - stamps[0]
+    return days if days[-1] > days[0] else np.arange(len(dates), dtype=float)
+
+
+@dataclass(frozen=True)
+class _Teller:
+    """Numbers of a change to words."""
+
+    data: Collected
+    groups: tuple[ShareOf, ...]
+    theta: Array
+    before: Array
+    dated: bool
+
+    def change(self, found: FoundChange) -> VehicleChange:
+        """A change as it stands in the artifact."""
+        factor, unit = self._factor(found.direction)
+        size, std = found.size * factor, found.std * abs(factor)
+        if unit == "-":
+            size, std = self._of_before(found, size, std)
+        low, high = sorted((size - NORMAL_95 * std, size + NORMAL_95 * std))
+        trials = self.data.trials
+        return VehicleChange(
+            kind=found.kind,
+            what=self.name(found.direction),
+            symbols=self._symbols(found.direction),
+            sentence=self._sentence(found, size, (low, high), unit),
+            trial=trials[found.first].name,
+            date=trials[found.first].date,
+            earliest=trials[found.between[0]].name,
+            latest=trials[found.between[1]].name,
+            size=size,
+            std=std,
+            low=low,
+            high=high,
+            unit=unit,
+            score=found.z,
+            p=found.p,
+            rivals=tuple(self.name(r) for r in found.rivals),
+        )
+
+    def _of_before(self, found: FoundChange, size: float, std: float) -> tuple[float, float]:
+        """A share of the pooled value as one of the value before the change.
+
+        Where a change is fitted along, the coefficients are those before a step, and those in the
+        middle of a drift.
+        """
+        at = [self.data.names.index(s) for s in self._symbols(found.direction)]
+        own, before = (values[at] / self.data.unit[at] for values in (self.theta, self.before))
+        ratio = float(before @ own) / float(own @ own)
+        start = 1.0 if found.kind == "step" else 1.0 - 0.5 * size / ratio
+        return size / ratio / start, std / abs(ratio) / start**2
+
+    def name(self, direction: int) -> str:
+        """Of a coefficient or a group."""
+        n = len(self.data.names)
+        return self.data.names[direction] if direction < n else self.groups[direction - n].id
+
+    def _symbols(self, direction: int) -> tuple[str, ...]:
+        n = len(self.data.names)
+        one = direction < n
+        return (self.data.names[direction],) if one else self.groups[direction - n].symbols
+
+    def _factor(self, direction: int) -> tuple[float, str]:
+        """From the size along a direction to what is told, and its unit."""
+        n = len(self.data.names)
+        if direction >= n:
+            return 1.0, "-"
+        name, unit = self.data.names[direction], float(self.data.unit[direction])
+        value = float(self.theta[direction])
+        if "." in name:
+            declared = parameter_of(name)
+            plain = declared.form == "plain"
+            return unit * (
+                declared.factor if plain else 1.0
+            ), declared.unit if plain else "internal"
+        std = float(np.sqrt(np.linalg.inv(self._information())[direction, direction])) * unit
+        if abs(value) > CERTAIN * std:
+            return unit / value, "-"
+        return unit, ESTIMATED[name].unit
+
+    def _information(self) -> Array:
+        total: Array = np.eye(len(self.data.names)) + sum(t.information for t in self.data.told)
+        return total
+
+    def _sentence(
+        self, found: FoundChange, size: float, interval: tuple[float, float], unit: str
+    ) -> str:
+        """As one would say it."""
+        trials, n = self.data.trials, len(self.data.names)
+        if unit == "-":
+            ends = sorted(abs(100.0 * x) for x in interval)
+            share = f"{abs(100.0 * size):.0f} %"
+            of = f"({ends[0]:.0f} to {ends[1]:.0f} %)"
+        else:
+            share = f"{abs(size):.2g} {unit}"
+            of = f"({interval[0]:+.2g} to {interval[1]:+.2g} {unit})"
+        if found.direction >= n:
+            says = self.groups[found.direction - n].says
+        else:
+            says = f"{self.data.names[found.direction]} is {{share}} {{larger}}"
+        more, larger = ("more", "larger") if size > 0.0 else ("less", "smaller")
+        if found.kind == "drift":
+            first, last = self._when(0), self._when(len(trials) - 1)
+            text = says.format(share=share, more=more, larger=larger)
+            return f"from {first} to {last} it changed steadily: at the end {text} {of}"
+        text = says.format(share=share, more=more, larger=larger)
+        return f"since {self._when(found.first)} {text} {of}"
+
+    def _when(self, k: int) -> str:
+        trial = self.data.trials[k]
+        if not self.dated:
+            return trial.name
+        day = datetime.fromisoformat(trial.date)
+        return f"{day.day} {day:%B %Y}"
+
+    def series(
+        self, trials: Sequence[Any], directions: Array, theta: Array
+    ) -> dict[str, tuple[SeriesPoint, ...]]:
+        """Every quantity over the trials, as a difference from its common value."""
+        found = {}
+        for d in range(len(directions)):
+            factor, _ = self._factor(d)
+            found[self.name(d)] = tuple(
+                SeriesPoint(
+                    trial=t.name,
+                    date=t.date,
+                    value=size * factor,
+                    std=abs(std * factor) if np.isfinite(std) else None,
+                )
+                for t, (size, std) in zip(
+                    self.data.trials, series_along(trials, directions[d], theta), strict=True
+                )
+            )
+        return found

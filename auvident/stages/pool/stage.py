@@ -1,0 +1,328 @@
+"""Pool the models of trials: which fit each other, what they say together, as a model."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from auvident.constants import NORMAL_95
+from auvident.errors import InputError
+from auvident.estimation.pooling import (
+    Agreement,
+    Distance,
+    Pooled,
+    TrialData,
+    agreement,
+    agreements,
+    between_trials,
+    distance,
+    for_few,
+    pooled,
+    shrunk,
+)
+from auvident.schema.artifacts import ESTIMATE_CONTRADICTED, Finding
+from auvident.schema.coefficients import ESTIMATED
+from auvident.schema.effects import parameter_of
+from auvident.schema.pooled import PooledModel, PooledParameter, PooledTrial, PooledValue, Pooling
+from auvident.stages.pool.carry import about_common
+from auvident.stages.pool.collect import Collected, PoolTrial, collect
+from auvident.stages.pool.model import Together, model_of_all
+from auvident.stages.pool.structural import maneuvers_of, structural_covariance
+
+Array = npt.NDArray[Any]
+
+LEAST_TO_JUDGE = 4  # trials: of three nobody can say which one is off
+FITS_NONE = 1.0e-3  # probability of so large a distance by chance, over all trials
+FAR = 2.0  # mean square distance of a trial that fits no other, along what it sees
+MOST_LEFT_OUT = 1 / 3  # of the trials
+FEW_TRIALS = 5  # fewer say little of the scatter between trials
+DISAGREE = 0.01  # probability of so much scatter of one of the coefficients by chance
+CLIPPED = 0.1  # of the prior's information that was cut off, from which on it is told
+LAST_CHANGED = (
+    "Was it logged by another vehicle, or is the log damaged? It is left out of the pooled model."
+)
+
+
+@dataclass(frozen=True)
+class PoolResult:
+    """The pooled model, and what trials that went in said of what (for changes)."""
+
+    model: PooledModel
+    data: Collected
+    between: Array
+
+
+def pool(trials: Sequence[PoolTrial], *, keep: bool = False) -> PoolResult:
+    """Pool trials of one vehicle.
+
+    Parameters
+    ----------
+    trials : sequence of PoolTrial
+        In the order of their dates.
+    keep : bool
+        Whether a trial that fits no other goes in all the same.
+
+    Raises
+    ------
+    InputError
+        They are not of one vehicle.
+    """
+    if not trials:
+        raise InputError("there is no trial to pool", "", "Give run directories with a model.")
+    own = collect(trials)
+    twice = copies(trials)
+    first = [k for k in range(len(trials)) if k not in twice]
+    whole = about_common(own, first)
+    out = {} if keep else strangers(whole, first)
+    inside = [k for k in first if k not in out]
+    whole = about_common(own, inside) if out else whole
+    data = whole.among(inside)
+    between = for_few(between_trials(data.told), len(data.told))
+    n = len(data.names)
+    prior = np.zeros(n), np.ones(n)
+    found = pooled(data.told, *prior, between)
+    structural = structural_covariance(data, found, between)
+    together = Together(data, found, between, structural)
+    agree = agreement(data.told)
+    each = agreements(data.told)
+    rows = tuple(_parameters(together, each))
+    told = tuple(_trials(whole, out, twice, together))
+    findings = (*_strange(told), *_findings(together, agree, each))
+    pooling = Pooling(
+        trials=told,
+        parameters=rows,
+        q=agree.q,
+        freedom=agree.freedom,
+        p=agree.p,
+        clipped=max(t.clipped for t in data.told),
+    )
+    return PoolResult(model_of_all(together, pooling, findings), data, between)
+
+
+def copies(trials: Sequence[PoolTrial]) -> dict[int, str]:
+    """Trials with the same model as an earlier one, and its name: their data count once."""
+    seen: dict[str, str] = {}
+    found = {}
+    for k, trial in enumerate(trials):
+        key = str(sorted(trial.model.values().items()))
+        if key in seen:
+            found[k] = seen[key]
+        seen.setdefault(key, trial.name)
+    return found
+
+
+def strangers(data: Collected, candidates: Sequence[int]) -> dict[int, Distance]:
+    """Trials that fit no other, with their distance from those that stay.
+
+    The farthest one goes first, until none is farther than chance lets it be. Of the last trial
+    that differs in no more than two parameters nobody can say yet whether the vehicle changed:
+    it stays.
+    """
+    out: dict[int, Distance] = {}
+    count = len(candidates)
+    while count - len(out) >= LEAST_TO_JUDGE and len(out) + 1 <= MOST_LEFT_OUT * count:
+        inside = [k for k in candidates if k not in out]
+        far = {k: found for k in inside if (found := _far(data, inside, k)) is not None}
+        if not far:
+            break
+        worst = max(far, key=lambda k: far[k].square / far[k].directions)
+        out[worst] = far[worst]
+    return out
+
+
+def _far(data: Collected, inside: Sequence[int], k: int) -> Distance | None:
+    """Distance of a trial from the others, if it is one that none of them explains."""
+    others = [data.told[j] for j in inside if j != k]
+    found = distance(data.told[k], others, for_few(between_trials(others), len(others)))
+    least = max(_least(found.directions, FITS_NONE / len(data.told)), FAR * found.directions)
+    square = found.rest if k == inside[-1] else found.square
+    return found if found.directions and square > least else None
+
+
+def _least(directions: int, p: float) -> float:
+    from scipy.special import chdtri
+
+    return float(chdtri(directions, p)) if directions else 0.0
+
+
+def _unit_of(name: str) -> str:
+    return parameter_of(name).unit if "." in name else ESTIMATED[name].unit
+
+
+def _shown(name: str, value: float, std: float) -> tuple[float, float]:
+    """As artifacts have it: effects in the unit of their table."""
+    return parameter_of(name).shown(value, std) if "." in name else (value, std)
+
+
+def _parameters(t: Together, each: Sequence[Agreement]) -> Iterator[PooledParameter]:
+    """What is told of each parameter together."""
+    data = t.data
+    shares = np.array([_share(one) for one in data.told])
+    for i, name in enumerate(data.names):
+        unit = float(data.unit[i])
+        own = data.origin[i] + unit * t.found.mean[i]
+        value, std = _shown(name, own, unit * float(np.sqrt(t.claimed[i, i])))
+        prior, prior_std = _shown(name, float(data.origin[i]), unit)
+        yield PooledParameter(
+            symbol=name,
+            unit=_unit_of(name),
+            value=value,
+            std=std,
+            prior=prior,
+            prior_std=prior_std,
+            share_alone=float(shares[:, i].mean()),
+            share_best=float(shares[:, i].max()),
+            share=float(np.clip(1.0 - t.found.covariance[i, i], 0.0, 1.0)),
+            between_std=_shown(name, own, unit * float(np.sqrt(t.between[i])))[1],
+            structural_std=_shown(name, own, unit * float(np.sqrt(t.structural[i, i])))[1],
+            q=each[i].q,
+            freedom=each[i].freedom,
+            p=each[i].p,
+        )
+
+
+def _share(told: TrialData) -> Array:
+    """Share of the data in what a single trial knows."""
+    n = len(told.score)
+    return np.clip(1.0 - np.diag(np.linalg.inv(np.eye(n) + told.information)), 0.0, 1.0)
+
+
+def _trials(
+    whole: Collected, out: dict[int, Distance], twice: dict[int, str], t: Together
+) -> Iterator[PooledTrial]:
+    """Every trial with its distance from the others that stay."""
+    inside = [k for k in range(len(whole.told)) if k not in out and k not in twice]
+    n = len(whole.names)
+    for k, trial in enumerate(whole.trials):
+        others = [whole.told[j] for j in inside if j != k]
+        far = out.get(k) or (distance(whole.told[k], others, t.between) if others else None)
+        rest = pooled(others, np.zeros(n), np.ones(n), t.between)
+        alone = pooled([whole.told[k]], np.zeros(n), np.ones(n))
+        yield PooledTrial(
+            trial=trial.name,
+            date=trial.date,
+            file=trial.file,
+            maneuvers=maneuvers_of(trial.model),
+            used=k in inside,
+            reason=_why(trial, whole, far, last=k == len(whole.told) - 1)
+            if k in out
+            else (f"it is the same as {twice[k]}" if k in twice else ""),
+            square=far.square if far else 0.0,
+            directions=far.directions if far else 0,
+            p=far.p if far else 1.0,
+            clipped=whole.told[k].clipped,
+            own=_own(trial),
+            alone=_values(whole, alone),
+            shrunk=_values(whole, shrunk(whole.told[k], rest, t.between)),
+        )
+
+
+def _why(trial: PoolTrial, data: Collected, far: Distance | None, last: bool) -> str:
+    """Why a trial is left out."""
+    assert far is not None  # it is in `out`
+    most = ", ".join(data.names[i] for i in far.parameters)
+    times = np.sqrt(far.square / far.directions)
+    text = f"it fits no other trial: {times:.1f} times as far from them as chance lets it be, most "
+    text += f"in {most}"
+    if any(f.code == ESTIMATE_CONTRADICTED for f in trial.model.findings):
+        text += "; it contradicts the vehicle file as well"
+    return text + ("; a change of the vehicle would be another reason" if last else "")
+
+
+def _own(trial: PoolTrial) -> dict[str, PooledValue]:
+    """Effects of a trial's own, and those of the vehicle, as its model has them."""
+    return {
+        f"{effect['id']}.{row['symbol']}": PooledValue(
+            value=row["value"], std=row["std"], unit=row["unit"]
+        )
+        for effect in trial.model.effects
+        if not effect.get("nuisance")
+        for row in effect["parameters"]
+    }
+
+
+def _values(data: Collected, found: Pooled) -> dict[str, PooledValue]:
+    stds = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+    rows = {}
+    for i, name in enumerate(data.names):
+        value, std = _shown(
+            name,
+            float(data.origin[i] + data.unit[i] * found.mean[i]),
+            float(data.unit[i] * stds[i]),
+        )
+        rows[name] = PooledValue(value=value, std=std, unit=_unit_of(name))
+    return rows
+
+
+# --- findings ------------------------------------------------------------------------------
+
+
+def _strange(trials: Sequence[PooledTrial]) -> Iterator[Finding]:
+    for t in trials:
+        if not t.used and t.reason.startswith("it is the same"):
+            yield Finding(code="same-trial", where=t.trial, message=f"{t.reason} and counts once")
+        elif not t.used:
+            yield Finding(
+                code="trial-fits-no-other",
+                where=t.trial,
+                value=t.square,
+                threshold=_least(t.directions, FITS_NONE / len(trials)),
+                message=t.reason,
+                remedy=LAST_CHANGED,
+            )
+
+
+def _findings(t: Together, agree: Agreement, each: Sequence[Agreement]) -> Iterator[Finding]:
+    """What to know of the pooled coefficients."""
+    data = t.data
+    if 1 < len(data.trials) < FEW_TRIALS:
+        yield Finding(
+            code="few-trials",
+            value=float(len(data.trials)),
+            threshold=float(FEW_TRIALS),
+            message="so few trials say little of how much the vehicle differs between them; the "
+            "standard deviations may be too small where it does",
+        )
+    scattering = [i for i, one in enumerate(each) if one.p < DISAGREE / len(each)]
+    for i in scattering:
+        std = data.unit[i] * float(np.sqrt(t.between[i]))
+        yield Finding(
+            code="trials-disagree",
+            where=data.names[i],
+            value=each[i].p,
+            threshold=DISAGREE / len(each),
+            message=f"differs between trials by more than their errors (scatter {std:.2g} "
+            f"{_unit_of(data.names[i])}); its standard deviation contains that",
+            remedy="See whether it changed at one time: `auvident pool` tells.",
+        )
+    if agree.p < DISAGREE and not scattering:
+        yield Finding(
+            code="trials-disagree",
+            value=agree.p,
+            threshold=DISAGREE,
+            message="the trials differ by more than their errors, in no single coefficient",
+        )
+    for effect, names in data.partly.items():
+        yield Finding(
+            code="effect-in-some-trials",
+            where=effect,
+            message=f"was found in {len(names)} of {len(data.trials)} trials alone "
+            f"({', '.join(names[:5])}); the pooled model is without it",
+        )
+    for told, trial in zip(data.told, data.trials, strict=True):
+        if told.clipped > CLIPPED:
+            yield Finding(
+                code="wider-than-prior",
+                where=trial.name,
+                value=told.clipped,
+                threshold=CLIPPED,
+                message="its model knows a combination of coefficients worse than the prior; its "
+                "data count as none there",
+            )
+
+
+def interval(value: float, std: float) -> tuple[float, float]:
+    """95 % interval."""
+    return value - NORMAL_95 * std, value + NORMAL_95 * std

@@ -1,0 +1,54 @@
+"""What the equations lack in every trial: an error that does not average out.
+
+Maneuvers of one trial scatter by more than their noise where the equations lack something. Another
+trial flies the same kinds of maneuvers and is pulled the same way: what goes beyond noise counts as
+one and the same error of all trials, however many they are. It is seen from two sides: all
+parameters together by the squared scatter over that of noise (``noise_claim`` of a model), and
+single coefficients that a model widened to a scatter beyond chance.
+"""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import bdtrc, chdtri
+
+from auvident.estimation.pooling import Pooled, scattered
+from auvident.schema.artifacts import IdentifiedModel
+from auvident.stages.pool.collect import Collected
+
+Array = npt.NDArray[Any]
+
+# As in a single trial: a coefficient is widened where maneuvers scatter so in one case of twenty.
+BY_CHANCE = 0.05
+
+
+def structural_covariance(data: Collected, found: Pooled, between: Array) -> Array:
+    """Covariance (n, n) of an error common to all trials, in units of the prior."""
+    together = beyond_noise([t.model for t in data.trials])
+    information = sum(scattered(t, between).information for t in data.told)
+    covariance = found.covariance @ (together * len(data.told) * information) @ found.covariance
+    single = np.maximum(data.widened_variance - together * data.expected.mean(axis=0), 0.0)
+    return np.asarray(covariance + np.diag(np.where(_often(data), single, 0.0)))
+
+
+def beyond_noise(models: list[IdentifiedModel]) -> float:
+    """Squared scatter of maneuvers, as a share of that of noise, beyond it; zero within chance."""
+    claims = [m.noise_claim for m in models if m.noise_claim is not None]
+    freedom = sum(c.freedom for c in claims)
+    if freedom <= 0.0:
+        return 0.0
+    ratio = sum(c.ratio * c.freedom for c in claims) / freedom
+    return ratio - 1.0 if ratio > chdtri(freedom, BY_CHANCE) / freedom else 0.0
+
+
+def _often(data: Collected) -> npt.NDArray[np.bool_]:
+    """Coefficients that were widened in more trials than chance makes of it."""
+    count = data.widened.sum(axis=0)
+    chance = np.where(count > 0, bdtrc(count - 1, len(data.trials), BY_CHANCE), 1.0)
+    return np.asarray(chance <= BY_CHANCE + 1e-9)
+
+
+def maneuvers_of(model: IdentifiedModel) -> int:
+    """Number of maneuvers that a model was identified from."""
+    return len(model.stages[-1].maneuvers) if model.stages else 0

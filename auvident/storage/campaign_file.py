@@ -1,0 +1,105 @@
+"""The campaign file, and the trials that it (or a folder) means."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from auvident.errors import InputError, UsageError
+from auvident.schema.campaign import Campaign, CampaignVehicle, RunOptions
+from auvident.storage.declared import file_named_in, parse, read_toml, refuse_outside
+from auvident.storage.log_find import Fault, find_trials
+
+REMEDY = "`auvident schema campaign` lists the tables and keys."
+VEHICLE = "vehicle.toml"
+TRIALS = 'Give folders of trials, e.g. trials = ["2026-05/*"].'
+
+
+@dataclass(frozen=True)
+class PlannedTrial:
+    """A trial to run: its vehicle, name and log, the files it is read with, its options."""
+
+    vehicle: str
+    name: str
+    log: Path
+    vehicle_file: Path
+    column_map: Path | None
+    options: RunOptions
+
+
+def read_campaign(path: Path) -> tuple[Campaign, list[PlannedTrial]]:
+    """A campaign file and its trials, in the order of vehicles and names.
+
+    Raises
+    ------
+    InputError
+        Missing or unreadable file, unknown key, a pattern that no trial fits.
+    """
+    campaign = parse(Campaign, read_toml(path), path, REMEDY)
+    trials = [t for v in campaign.vehicle for t in _of_vehicle(v, campaign.run, path)]
+    return campaign, trials
+
+
+def _of_vehicle(vehicle: CampaignVehicle, common: RunOptions, path: Path) -> list[PlannedTrial]:
+    where = f"vehicle {vehicle.name}"
+    file = file_named_in(path, vehicle.file, f"{where}: file")
+    column_map = file_named_in(path, vehicle.map, f"{where}: map") if vehicle.map else None
+    refuse_outside({f"{where}: trials": pattern for pattern in vehicle.trials}, path)
+    logs = [log for pattern in vehicle.trials for log in _matching(path, pattern, where)]
+    options = vehicle.run or common
+    return _planned(vehicle.name, logs, file, column_map, options)
+
+
+def _matching(path: Path, pattern: str, where: str) -> list[Path]:
+    """Logs that a pattern means; hidden ones and what is no log in a folder are left out."""
+    found = sorted(p for p in path.parent.glob(pattern) if not p.name.startswith("."))
+    if not found:
+        raise InputError(f"no log fits {pattern!r}", f"{path}: {where}: trials", TRIALS)
+    several = any(mark in pattern for mark in "*?[")
+    return [p for p in found if not several or p.is_dir() or p.suffix not in (".toml", ".md")]
+
+
+def trials_in_folders(
+    folders: Sequence[Path], vehicle_file: Path | None, options: RunOptions
+) -> list[PlannedTrial]:
+    """Trials of folders, one vehicle each: that of the command, else ``vehicle.toml`` in it.
+
+    Raises
+    ------
+    InputError
+        A folder without a vehicle file or without a trial.
+    """
+    found: list[PlannedTrial] = []
+    for folder in folders:
+        if not folder.is_dir():
+            raise InputError("is no folder of trials", str(folder), TRIALS)
+        file = vehicle_file or folder / VEHICLE
+        if not file.exists():
+            raise InputError(
+                f"there is no {VEHICLE}", str(folder), "Put it there, or give --vehicle V.toml."
+            )
+        wrong: list[Fault] = []  # what is no trial is run as well: its row says why
+        logs = [s.place for s in find_trials([folder], faults=wrong)]
+        logs += [fault.path for fault in wrong]
+        name = folder.resolve().name
+        if any(t.vehicle == name for t in found):
+            raise UsageError(f"two folders are named {name}", str(folder), "Rename one of them.")
+        found += _planned(name, sorted(set(logs)), file, None, options)
+    return found
+
+
+def _planned(
+    vehicle: str,
+    logs: Sequence[Path],
+    file: Path,
+    column_map: Path | None,
+    options: RunOptions,
+) -> list[PlannedTrial]:
+    names: dict[str, Path] = {}
+    for log in dict.fromkeys(logs):
+        name = log.name.partition(".")[0] if log.is_file() else log.name
+        if name in names:
+            raise InputError(
+                f"two trials of {vehicle} are named {name}", f"{names[name]}, {log}", "Rename one."
+            )
+        names[name] = log
+    return [PlannedTrial(vehicle, n, log, file, column_map, options) for n, log in names.items()]

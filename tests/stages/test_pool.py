@@ -1,0 +1,208 @@
+"""Pooled models of trials that were simulated from known coefficients by equations of their own."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvident.engines.carried import claimed_covariance, fitted_covariance, vector_behind
+from auvident.errors import InputError
+from auvident.estimation.pooling import pooled
+from auvident.schema.artifacts import IdentifiedModel
+from auvident.schema.effects import BY_ID, EFFECTS
+from auvident.stages.pool import PoolTrial, changes_of, pool
+from auvident.stages.pool.carry import about_common, carrier, map_of
+from auvident.stages.pool.changes import model_value, quantities
+from auvident.stages.pool.collect import collect
+from tests.bench import pool as bench
+from tests.session import once
+
+PLAN, PART = "together", 3
+DAY = "2026-05-{:02d}T08:00:00"
+OF_THE_TRIAL = {
+    "current", "current_drift", "wave", "vertical_current", "one_off_event", "rudder_offset",
+    "elevator_offset", "thrust_sag", "thrust_step", "dvl_delay", "gyro_delay", "gyro_bias",
+    "q_bias", "pitch_bias", "weight_change", "buoyancy_gradient", "weight_excess",
+}  # fmt: skip
+
+
+@once
+def one_vehicle() -> tuple[dict[str, float], list[str]]:
+    """The truth, and the models of four trials of it."""
+    truth, models = bench.models_of_one(2, 4, PART, PLAN)
+    return truth, [m.model_dump_json(by_alias=True) for m in models]
+
+
+@once
+def another_vehicle() -> str:
+    """The model of a trial of another one."""
+    return bench.models_of_one(4, 1, PART, PLAN)[1][0].model_dump_json(by_alias=True)
+
+
+def models() -> list[IdentifiedModel]:
+    return [IdentifiedModel.model_validate_json(text) for text in one_vehicle()[1]]
+
+
+def trials(found: list[IdentifiedModel]) -> list[PoolTrial]:
+    return [PoolTrial(f"trial-{k}", m, DAY.format(k + 1)) for k, m in enumerate(found)]
+
+
+def test_the_claims_of_the_pooled_model_hold() -> None:
+    truth, found = one_vehicle()[0], pool(trials(models())).model
+    rows = [c for c in found.coefficients if c.origin == "identified" and c.data_share > 0.5]
+    z = np.array([(c.value - truth[c.symbol]) / c.std for c in rows])
+    assert len(z) > 10
+    assert np.mean(z**2) < 2.5  # its errors hang together through the scales that nobody sees
+    along = np.array(bench.along_seen(models(), truth))
+    assert 0.5 < np.mean(along**2) < 1.8  # 99.9 % of chi-square over its 18 directions
+    assert found.pooling.p > 1e-3
+
+
+def test_all_trials_see_more_than_any_of_them() -> None:
+    found = pool(trials(models())).model
+    for p in found.pooling.parameters:
+        assert p.share >= p.share_best - 0.05
+    left = [(1.0 - p.share) / (1.0 - p.share_best) for p in found.pooling.parameters]
+    assert sum(ratio < 0.95 for ratio in left) > 5
+
+
+def test_no_scale_is_seen_that_no_trial_sees() -> None:
+    own = collect(trials(models()))
+    n = len(own.names)
+    common = about_common(own)
+    hidden = np.linalg.eigvalsh(sum(t.information for t in common.told))[:4]
+    added = np.linalg.eigvalsh(sum(t.information for t in own.told))[:4]
+    assert np.all(np.abs(hidden) < 1e-3)
+    assert added[-1] > 1.0  # each about its own coefficients: a scale that is not there
+    theta = pooled(common.told, np.zeros(n), np.ones(n)).mean
+    again = carrier(own)(theta)
+    assert again[0].information == pytest.approx(common.told[0].information, rel=1e-2, abs=1.0)
+
+
+def test_one_trial_pooled_is_itself() -> None:
+    """In all that motions tell; of the scales they do not, the most probable ones are taken."""
+    (first, *_) = models()
+    result = pool([PoolTrial("only", first)])
+    motions = map_of(result.data)
+    own = result.data.means[0]
+    theta = np.array([model_value(result, name) for name in result.data.names])
+    theta = (theta - result.data.origin) / result.data.unit
+    slopes = motions.slopes(own)
+    fitted = fitted_covariance(first) / np.outer(result.data.unit, result.data.unit)
+    std = np.sqrt(np.einsum("qi,ij,qj->q", slopes, fitted, slopes))
+    away = np.abs(motions.at(theta) - motions.at(own))[std > 1e-9] / std[std > 1e-9]
+    assert away.max() < 0.5
+    for c in first.coefficients:
+        mine = next(m for m in result.model.coefficients if m.symbol == c.symbol)
+        assert mine.value == pytest.approx(c.value, abs=c.prior_std)
+        assert mine.std_filter == pytest.approx(c.std_filter, rel=0.15)
+
+
+def test_the_order_of_trials_does_not_matter() -> None:
+    rows = trials(models())
+    one, other = pool(rows).model, pool(rows[::-1]).model
+    for a, b in zip(one.coefficients, other.coefficients, strict=True):
+        assert a.value == pytest.approx(b.value, abs=1e-3 * a.prior_std)
+        assert a.std == pytest.approx(b.std, rel=1e-3)
+
+
+def test_it_is_a_model_like_any_other_within_what_physics_allows() -> None:
+    found = pool(trials(models())).model
+    read = IdentifiedModel.model_validate_json(found.model_dump_json(by_alias=True))
+    assert np.isfinite(vector_behind(read)).all()
+    assert np.linalg.eigvalsh(claimed_covariance(read)).min() > -1e-9
+    assert all(c.value >= -1e-9 for c in read.constraints)
+    assert {c.symbol for c in read.coefficients} == {c.symbol for c in models()[0].coefficients}
+    leader, follower = (read.values()[s] for s in ("Y_rdot", "N_vdot"))
+    assert leader == follower
+
+
+def test_trials_of_different_vehicles_are_refused_with_what_differs() -> None:
+    first, second = models()[:2]
+    heavier = second.rigid_body.model_copy(update={"mass_kg": 99.0})
+    other = second.model_copy(update={"rigid_body": heavier})
+    with pytest.raises(InputError, match=r"mass_kg is 99\.0, there 30\.48"):
+        pool([PoolTrial("a", first), PoolTrial("b", other)])
+    rows = tuple(
+        c.model_copy(update={"prior": c.prior + c.prior_std}) if c.symbol == "Y_uud" else c
+        for c in second.coefficients
+    )
+    other = second.model_copy(update={"coefficients": rows})
+    with pytest.raises(InputError, match="its prior of Y_uud"):
+        pool([PoolTrial("a", first), PoolTrial("b", other)])
+
+
+def test_a_trial_of_another_vehicle_is_named_and_left_out() -> None:
+    stranger = IdentifiedModel.model_validate_json(another_vehicle())
+    rows = trials([*models()[:2], stranger, *models()[2:]])
+    found = pool(rows).model
+    assert [t.trial for t in found.pooling.trials if not t.used] == ["trial-2"]
+    (finding,) = [f for f in found.findings if f.code == "trial-fits-no-other"]
+    assert finding.where == "trial-2"
+    without = pool([r for k, r in enumerate(rows) if k != 2]).model
+    for a, b in zip(found.coefficients, without.coefficients, strict=True):
+        assert a.value == pytest.approx(b.value, abs=1e-3 * a.prior_std)
+    kept = pool(rows, keep=True).model
+    assert all(t.used for t in kept.pooling.trials)
+    assert kept.pooling.p < 1e-6
+
+
+def test_a_trial_that_is_given_twice_counts_once() -> None:
+    rows = trials(models())
+    found = pool([*rows, replace(rows[1], name="copy")]).model
+    (last,) = [t for t in found.pooling.trials if not t.used]
+    assert (last.trial, last.reason) == ("copy", "it is the same as trial-1")
+    assert found.values() == pytest.approx(pool(rows).model.values(), rel=1e-3)
+
+
+def test_nothing_changed_and_that_is_said_with_its_rate_of_false_alarms() -> None:
+    found = changes_of(pool(trials(models())), np.random.default_rng(0))
+    assert found.changes == ()
+    assert (found.false_alarms, found.dated, len(found.trials)) == (0.01, True, 4)
+    assert found.tests > 50 and found.threshold is not None and found.threshold > 3.0
+    json.loads(found.model_dump_json())
+
+
+@pytest.mark.parametrize(
+    ("what", "sentence"),
+    [
+        ("fin", r"since 3 May 2026 the rudder gives \d+ % less \(\d+ to \d+ %\)"),
+        ("thrust", r"since 3 May 2026 the propeller gives \d+ % less thrust"),
+    ],
+)
+def test_a_step_is_told_in_a_sentence_with_its_size(what: str, sentence: str) -> None:
+    result = pool(trials(models()))
+    data = result.data
+    (group,) = [g for g in quantities(data) if g.id == what]
+    values = np.array([model_value(result, name) for name in data.names])
+    along = np.array(
+        [v if n in group.symbols else 0.0 for n, v in zip(data.names, values, strict=True)]
+    )
+    moved = [
+        replace(t, score=t.score - 0.4 * (k >= 2) * t.information @ (along / data.unit))
+        for k, t in enumerate(data.told)
+    ]
+    found = changes_of(
+        replace(result, data=replace(data, told=tuple(moved))), np.random.default_rng(0)
+    )
+    change = found.changes[0]
+    assert change.trial == "trial-2" and change.p < 0.01
+    if change.what == what:  # else a coefficient of the group alone, with the group as a rival
+        assert re.match(sentence, change.sentence), change.sentence
+        assert change.size == pytest.approx(-0.4, abs=max(0.03, 3.0 * change.std))
+    else:
+        assert what in change.rivals or set(change.symbols) <= set(group.symbols)
+
+
+def test_of_three_trials_nothing_is_said() -> None:
+    found = changes_of(pool(trials(models()[:3])), np.random.default_rng(0))
+    assert (found.changes, [f.code for f in found.findings]) == ((), ["few-trials"])
+
+
+def test_the_table_of_effects_says_what_belongs_to_a_trial() -> None:
+    assert {e.id for e in EFFECTS if e.of_trial} == OF_THE_TRIAL
+    for effect in EFFECTS:
+        if effect.twin in BY_ID:
+            assert effect.of_trial == BY_ID[effect.twin].of_trial

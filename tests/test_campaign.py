@@ -1,0 +1,292 @@
+"""A campaign: its file, its processes, what is skipped, and what stands in its output."""
+
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from auvident.errors import GateError, InputError, UsageError
+from auvident.pipeline.campaign import (
+    OPTION_NAMES,
+    CampaignPlan,
+    arguments_of,
+    options_of,
+    refuse_changes,
+    run_campaign,
+)
+from auvident.pipeline.campaign_jobs import Job, JobDone, LocalProcesses, problem_of
+from auvident.pipeline.campaign_page import write_page
+from auvident.pipeline.observer import Observer
+from auvident.pipeline.pooling import date_of, pool_runs, refuse_change
+from auvident.schema.artifacts import IdentifiedModel
+from auvident.schema.campaign import Campaign, CampaignResult, CampaignVehicleResult, RunOptions
+from auvident.schema.changes import Changes, VehicleChange
+from auvident.storage.campaign_file import PlannedTrial, read_campaign, trials_in_folders
+from tests.command_line import ROOT, SAMPLES, call
+
+OPTIONS = RunOptions()  # type: ignore[call-arg]
+
+
+class Told(Observer):
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def note(self, text: str) -> None:
+        self.lines.append(text)
+
+
+class Refusing:
+    """Every trial is one that cannot be read."""
+
+    def __init__(self) -> None:
+        self.jobs: list[Job] = []
+
+    def each(self, jobs: Sequence[Job]) -> Iterator[JobDone]:
+        self.jobs += jobs
+        for job in jobs:
+            yield JobDone(job.key, 3, "gyro: there is no such file", 0.1)
+
+
+def planned(vehicle: str, name: str, log: str) -> PlannedTrial:
+    file = Path("sample_logs/remus100.toml")
+    return PlannedTrial(vehicle, name, Path(log), file, None, OPTIONS)
+
+
+@pytest.fixture
+def plan(demo: Path) -> CampaignPlan:
+    """A finished run where the campaign has it, and a trial that is none."""
+    trials = [
+        planned("runs", demo.name, "sample_logs/harbour_trial"),
+        planned("runs", "second", "sample_logs/nothing"),
+    ]
+    return CampaignPlan(demo.parents[1], trials)
+
+
+def test_what_is_up_to_date_is_skipped_and_what_failed_is_a_row(plan: CampaignPlan) -> None:
+    runner, told, warmed = Refusing(), Told(), []
+    before = {p: p.read_bytes() for p in (plan.output / "runs" / "demo").rglob("*.json")}
+    done = run_campaign(plan, told, runner=runner, warm=warmed.append)
+    first, second = done.result.trials
+    assert [job.key for job in runner.jobs] == ["runs/second"]
+    assert warmed == [told]
+    assert (first.state, second.state) == ("up to date", "failed")
+    assert second.problem == "gyro: there is no such file" and second.exit_code == 3
+    assert first.pooled and first.verdict and first.nrmse.keys() >= {"u", "v", "r"}
+    assert re.match(r"\[1/1\] runs/second: gyro: there is no such file \(0 s left\)", told.lines[0])
+    assert before == {p: p.read_bytes() for p in before}
+    (vehicle,) = done.result.vehicles
+    assert (vehicle.trials, vehicle.pooled) == (2, 1)
+    assert vehicle.repeat == ({"trial": "second", "why": second.problem},)
+    model = IdentifiedModel.model_validate_json(Path(vehicle.model).read_text())
+    assert model.vehicle == "REMUS 100"
+
+
+def test_the_output_is_read_by_others(plan: CampaignPlan) -> None:
+    done = run_campaign(plan, Observer(), runner=Refusing())
+    page = write_page(plan.output, done).read_text()
+    assert '<a href="runs/demo/report/report.html">demo</a>' in page
+    assert "gyro: there is no such file" in page
+    assert "http" not in page.replace("http://www.w3.org", "")
+    result = CampaignResult.model_validate_json((plan.output / "campaign.json").read_text())
+    assert result == done.result
+    tables = {p.stem: pd.read_parquet(p) for p in plan.output.glob("*.parquet")}
+    assert set(tables) == {"trials", "coefficients", "effects"}
+    assert list(tables["trials"].state) == ["up to date", "failed"]
+    own = tables["coefficients"].set_index("symbol")
+    assert own.loc["Y_uud", "std"] < own.loc["Y_uud", "prior_std"]
+    assert 0.0 < own.loc["Y_uud", "pooled_data_share"] <= 1.0
+    queries_of_the_docs(plan.output)
+
+
+def queries_of_the_docs(output: Path) -> None:
+    """The examples of docs/campaigns.md, on this output."""
+    text = (ROOT / "docs" / "campaigns.md").read_text()
+    blocks = re.findall(r"```python\n(.*?)```", text, re.S)
+    assert len(blocks) == 3
+    for block in blocks:
+        code = block.replace('"campaign/', f'"{output}/').replace("'campaign/", f"'{output}/")
+        if "duckdb" in code:
+            try:
+                import duckdb  # noqa: F401
+            except ImportError:
+                continue
+        found: dict[str, object] = {}
+        exec(code, found)
+        assert found["answer"] is not None
+
+
+def test_a_dry_run_does_nothing(plan: CampaignPlan) -> None:
+    runner = Refusing()
+    done = run_campaign(plan, Observer(), dry_run=True, runner=runner)
+    assert [t.state for t in done.result.trials] == ["up to date", "planned"]
+    assert runner.jobs == [] and not (plan.output / "campaign.json").exists()
+
+
+def test_the_options_of_a_trial_are_those_of_a_single_run(demo: Path) -> None:
+    values = {"rate_hz": 5.0, "max_gap_s": 2.0, "filter": "ukf", "plane": "both", "plan": "likely"}
+    options = RunOptions(**values, fix=("gyro-scale",), hold_out=("a", "b"))
+    trial = PlannedTrial("v", "t", Path("log"), Path("v.toml"), Path("m.toml"), options)
+    arguments = arguments_of(trial, Path("out"), True)
+    assert set(OPTION_NAMES) == set(RunOptions.model_fields)
+    assert set(OPTION_NAMES.values()) <= set(arguments)
+    assert arguments.count("--hold-out") == 2
+    stages = options_of(trial, True)
+    assert stages["ingest"] == {
+        "logs": (Path("log"),), "vehicle": Path("v.toml"), "map": Path("m.toml"),
+        "allow_outside": True, "rate_hz": 5.0, "max_gap_s": 2.0, "fix": ("gyro-scale",),
+    }  # fmt: skip
+    assert stages["segment"] == {"hold_out": ("a", "b")}
+    called = call(*arguments)  # the command knows them all; the log is none
+    assert called.code == 3, called.err
+
+
+# --- processes ------------------------------------------------------------------------------
+
+
+def started(code: str):
+    """Processes that do something else than the program."""
+    calls: list[list[str]] = []
+
+    def start(command: list[str], **options: object) -> subprocess.Popen[str]:
+        calls.append(command)
+        own = [sys.executable, "-c", code, *command[3:]]
+        return subprocess.Popen(own, **options)  # type: ignore[call-overload]
+
+    return start, calls
+
+
+def test_each_trial_is_a_process_and_its_error_is_told() -> None:
+    code = "import sys; sys.stderr.write('Error: a: is empty\\n  Fill it.\\n'); sys.exit(3)"
+    start, calls = started(f"import sys\nif sys.argv[1] == 'bad':\n    {code}")
+    jobs = [Job("v/a", ("good",)), Job("v/b", ("bad",))]
+    found = {d.key: d for d in LocalProcesses(2, start).each(jobs)}
+    assert (found["v/a"].exit_code, found["v/a"].problem) == (0, "")
+    assert (found["v/b"].exit_code, found["v/b"].problem) == (3, "a: is empty Fill it.")
+    assert all(command[1:3] == ["-m", "auvident"] for command in calls)
+
+
+def test_a_process_that_is_killed_is_tried_again_and_then_told(tmp_path: Path) -> None:
+    kill = "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"
+    once = f"import pathlib\nf = pathlib.Path({str(tmp_path / 'there')!r})\n"
+    once += f"if not f.exists():\n    f.touch(); {kill}"
+    start, calls = started(once)
+    (done,) = LocalProcesses(1, start).each([Job("v/a", ())])
+    assert (done.exit_code, done.problem, len(calls)) == (0, "", 2)
+    start, calls = started(kill)
+    (done,) = LocalProcesses(1, start).each([Job("v/a", ())])
+    assert (done.problem, len(calls)) == ("its process was killed (signal 9)", 2)
+
+
+def test_whoever_gives_up_leaves_no_process_behind() -> None:
+    start, calls = started("import sys, time; time.sleep(0 if sys.argv[1] == 'short' else 60)")
+    jobs = [Job("v/short", ("short",)), *(Job(f"v/{k}", ("long",)) for k in range(3))]
+    running = LocalProcesses(2, start).each(jobs)
+    assert next(running).key == "v/short"
+    running.close()  # type: ignore[attr-defined]
+    assert len(calls) <= 3
+
+
+def test_the_problem_is_the_error_without_what_came_before() -> None:
+    assert problem_of("Warning: x\nError: y: z\n  Do it.\n") == "y: z Do it."
+    assert problem_of("") == ""
+
+
+# --- what is meant --------------------------------------------------------------------------
+
+
+def written(folder: Path, text: str) -> Path:
+    (folder / "boat.toml").write_text((SAMPLES / "remus100.toml").read_text())
+    for trial in ("a", "b", ".hidden"):
+        (folder / "logs" / trial).mkdir(parents=True)
+        (folder / "logs" / trial / "gyro.csv").write_text("time_s,r_degps\n")
+    (folder / "campaign.toml").write_text(text)
+    return folder / "campaign.toml"
+
+
+VEHICLE = '[[vehicle]]\nname = "boat"\nfile = "boat.toml"\ntrials = ["logs/*"]\n'
+
+
+def test_a_campaign_file_names_vehicles_trials_and_options(tmp_path: Path) -> None:
+    text = f'[campaign]\njobs = 3\n[run]\nplane = "both"\n{VEHICLE}'
+    campaign, trials = read_campaign(written(tmp_path, text))
+    assert (campaign.campaign.jobs, campaign.campaign.false_alarms) == (3, 0.01)
+    assert [(t.vehicle, t.name, t.options.plane) for t in trials] == [
+        ("boat", "a", "both"),
+        ("boat", "b", "both"),
+    ]
+    assert "campaign" in call("schema", "campaign").out
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (VEHICLE.replace("logs/*", "no/*"), "no log fits 'no/\\*'"),
+        (VEHICLE.replace("logs/*", "../*"), "leads out of the log folder"),
+        (VEHICLE + VEHICLE, "two vehicles are named boat"),
+        (VEHICLE.replace('"boat.toml"', '"/etc/boat.toml"'), "outside of the folder"),
+        (VEHICLE + "colour = 1\n", "unknown key"),
+        (VEHICLE.replace('"boat"', '"../boat"'), "name"),
+    ],
+)
+def test_what_is_wrong_in_a_campaign_file_is_told(tmp_path: Path, text: str, problem: str) -> None:
+    with pytest.raises(InputError, match=problem):
+        read_campaign(written(tmp_path, text))
+
+
+def test_a_folder_needs_a_vehicle(tmp_path: Path) -> None:
+    written(tmp_path, VEHICLE)
+    with pytest.raises(InputError, match=r"there is no vehicle\.toml"):
+        trials_in_folders([tmp_path / "logs"], None, OPTIONS)
+    found = trials_in_folders([tmp_path / "logs"], tmp_path / "boat.toml", OPTIONS)
+    assert [(t.vehicle, t.name) for t in found] == [("logs", "a"), ("logs", "b")]
+    both = [tmp_path / "logs", tmp_path / "logs"]
+    with pytest.raises(UsageError, match="two folders are named logs"):
+        trials_in_folders(both, tmp_path / "boat.toml", OPTIONS)
+    assert Campaign.model_json_schema()["required"] == ["vehicle"]
+
+
+# --- pooled runs ----------------------------------------------------------------------------
+
+
+def test_runs_are_pooled_without_their_logs(demo: Path, tmp_path: Path) -> None:
+    (tmp_path / "sample_logs").unlink()
+    found = pool_runs([demo, demo / "identify" / "model.json"])
+    assert [t.trial for t in found.model.pooling.trials] == ["demo", "model.json"]
+    assert date_of(demo) == ""
+
+
+def test_runs_with_other_vehicle_files_are_refused_with_the_keys(demo: Path) -> None:
+    import shutil
+
+    other = Path("runs/other")
+    shutil.copytree(demo, other)
+    file = other / "ingest" / "vehicle.json"
+    tree = json.loads(file.read_text())
+    tree["vehicle"]["mass_kg"] += 1.0
+    file.write_text(json.dumps(tree))
+    with pytest.raises(InputError, match=r"vehicle\.mass_kg 31\.48 \(there 30\.48\)"):
+        pool_runs([demo, other])
+
+
+def test_a_change_is_a_gate() -> None:
+    change = VehicleChange(
+        kind="step", what="fin", symbols=("Y_uud",), sentence="since b the rudder gives 18 % less",
+        trial="b", earliest="b", latest="b", size=-0.18, std=0.03, low=-0.24, high=-0.12, unit="-",
+        score=-6.0, p=0.0005,
+    )  # fmt: skip
+    found = Changes(
+        vehicle="boat", plane="horizontal", trials=("a", "b"), false_alarms=0.01, changes=(change,)
+    )
+    with pytest.raises(GateError, match="the rudder gives 18 % less") as caught:
+        refuse_change(found)
+    assert caught.value.exit_code == 1
+    vehicle = CampaignVehicleResult(name="boat", plane="horizontal", changes=found)
+    result = CampaignResult(program_version="0", trials=(), vehicles=(vehicle,))
+    with pytest.raises(GateError, match="boat: since b"):
+        refuse_changes(result)
+    refuse_change(found.model_copy(update={"changes": ()}))
