@@ -30,7 +30,7 @@ from tests.engines.whole_world import TRIALS, held_out, planar
 from tests.stages import test_export as programs
 
 Rows = list[dict[str, Any]]
-DEG = 57.29578
+DEG = float(np.degrees(1.0))
 SPEEDS = {"horizontal": ("u", "v", "r", "heading"), "vertical": ("u", "w", "q", "pitch")}
 STEPWISE = ("fmu", "pvs")
 SIMULATORS = {

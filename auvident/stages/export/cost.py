@@ -146,7 +146,8 @@ def _line(cost: Cost, tool: str) -> str:
     states = {state.symbol: state for state in BY_PLANE[cost.plane].states}
     parts = []
     for name, before in cost.own.items():
-        scale, unit = (57.29578, "deg") if states[name].unit == "rad" else (1.0, states[name].unit)
+        degrees = states[name].unit == "rad"
+        scale, unit = (float(np.degrees(1.0)), "deg") if degrees else (1.0, states[name].unit)
         after = cost.theirs[name]
         parts.append(f"{name} {scale * before:.2g} to {scale * after:.2g} {unit}")
     lost = f"; it diverges in {cost.ran_away} of them" if cost.ran_away else ""
