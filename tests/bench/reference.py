@@ -58,6 +58,7 @@ ELSEWHERE = {
         "the data contradict the prior of a coefficient, or what the vehicle file says",
         "As the message says, by the group of the coefficient.",
     ),
+    "standard-not-flown": ("a standard maneuver could not be flown with the model, and why", ""),
 }
 COMMANDED = ("rudder", "elevator", "rpm")
 BRACKETED = re.compile(r"\s*\[([^\[\]]+)\]")  # Markdown would take them for links
