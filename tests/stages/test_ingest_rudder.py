@@ -1,5 +1,6 @@
 """The sign of the rudder from simulated trials: right, reversed, and under what disturbs it."""
 
+import itertools
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -105,9 +106,14 @@ def sea_trials() -> dict[tuple[str, str], RawTrial]:
     return generated()
 
 
-@pytest.mark.parametrize("disturbed", DISTURBED)
-@pytest.mark.parametrize("kind", SCHEDULES)
-@pytest.mark.parametrize("boat", ["remus100", "tern180"])
+# each disturbance of each schedule, of one vehicle and the other in turn
+AT_SEA = [
+    (("remus100", "tern180")[k % 2], kind, disturbed)
+    for k, (kind, disturbed) in enumerate(itertools.product(SCHEDULES, DISTURBED))
+]
+
+
+@pytest.mark.parametrize(("boat", "kind", "disturbed"), AT_SEA)
 def test_a_trial_at_sea_shows_the_sign(sea_trials, boat, kind, disturbed):
     raw = DISTURBED[disturbed](sea_trials[boat, kind])
     assert both_ways(raw, load_vehicle(SAMPLES / f"{boat}.toml")) == ("right", "refused")
