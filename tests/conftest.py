@@ -86,3 +86,10 @@ def demo(completed: Path, tmp_path: Path) -> Iterator[Path]:
 def quick_loop(monkeypatch: pytest.MonkeyPatch) -> loop_world.HandMade:
     """`diagnose` and `refine` by hand-made stages that find nothing, for tests of the others."""
     return loop_world.put_in_place(monkeypatch, loop_world.nothing)
+
+
+@pytest.fixture
+def quick_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`report` by a page that says nothing, for tests that do not look at it."""
+    page = {"report/report.html": "<!DOCTYPE html><title>nothing</title>"}
+    loop_world.replace_stage(monkeypatch, "report", lambda given: page)

@@ -108,6 +108,7 @@ def test_help_is_there_at_once() -> None:
 OF_ONE_PLANE = [s for s in STAGES if s.name != "ingest" and not s.needs_both]
 
 
+@pytest.mark.usefixtures("quick_loop")
 @pytest.mark.parametrize("stage", OF_ONE_PLANE, ids=lambda s: s.name)
 def test_json_is_the_main_artifact_and_nothing_else(
     demo: Path, auvident: Callable[..., Called], stage: object
@@ -120,7 +121,7 @@ def test_json_is_the_main_artifact_and_nothing_else(
     assert called.out.encode() == (demo / main).read_bytes()
 
 
-@pytest.mark.usefixtures("quick_loop")
+@pytest.mark.usefixtures("quick_loop", "quick_report")
 def test_a_quiet_run_says_one_line(demo: Path, auvident: Callable[..., Called]) -> None:
     called = auvident("run", "--run", demo, "--rate", "5", "--quiet")
     assert (called.code, called.err) == (0, "")

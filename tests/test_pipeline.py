@@ -73,6 +73,7 @@ def test_a_second_run_skips_everything(demo: Path, auvident: Callable[..., Calle
     assert {p: p.stat().st_mtime_ns for p in demo.rglob("*")} == before
 
 
+@pytest.mark.usefixtures("quick_report")  # its bytes: tests/report/test_html.py
 def test_a_run_in_another_folder_gives_the_same_bytes(
     demo: Path, auvident: Callable[..., Called]
 ) -> None:
@@ -82,7 +83,7 @@ def test_a_run_in_another_folder_gives_the_same_bytes(
             assert path.read_bytes() == (Path("runs/again") / path.relative_to(demo)).read_bytes()
 
 
-@pytest.mark.usefixtures("quick_loop")
+@pytest.mark.usefixtures("quick_loop", "quick_report")
 def test_a_changed_option_runs_its_stage_and_says_why(
     demo: Path, auvident: Callable[..., Called]
 ) -> None:
@@ -91,7 +92,7 @@ def test_a_changed_option_runs_its_stage_and_says_why(
     assert said["ingest"] == said["segment"] == said["ase"] == "up to date"
 
 
-@pytest.mark.usefixtures("quick_loop")
+@pytest.mark.usefixtures("quick_loop", "quick_report")
 def test_without_logs_the_last_options_hold(demo: Path, auvident: Callable[..., Called]) -> None:
     auvident("segment", demo, "--hold-out", "harbour_trial-turn-4")
     called = auvident("run", "--run", demo)
@@ -101,7 +102,7 @@ def test_without_logs_the_last_options_hold(demo: Path, auvident: Callable[..., 
     assert said["segment"].endswith("option hold_out changed from harbour_trial-turn-4 to none")
 
 
-@pytest.mark.usefixtures("quick_loop")
+@pytest.mark.usefixtures("quick_loop", "quick_report")
 def test_a_changed_vehicle_file_makes_the_estimate_stale_but_not_the_maneuvers(
     demo: Path, auvident: Callable[..., Called]
 ) -> None:
@@ -121,7 +122,7 @@ def test_a_changed_vehicle_file_makes_the_estimate_stale_but_not_the_maneuvers(
     assert said["identify"].startswith("runs again")
 
 
-@pytest.mark.usefixtures("quick_loop")
+@pytest.mark.usefixtures("quick_loop", "quick_report")
 def test_a_damaged_artifact_is_made_again(demo: Path, auvident: Callable[..., Called]) -> None:
     whole = (demo / "identify" / "model.json").read_bytes()
     (demo / "identify" / "model.json").write_bytes(whole[:100])
@@ -270,7 +271,7 @@ def test_a_run_directory_that_cannot_be_written_is_named(
     assert auvident(*RUN, "file").code == 2
 
 
-@pytest.mark.usefixtures("quick_loop")
+@pytest.mark.usefixtures("quick_loop", "quick_report")
 def test_a_plan_of_the_user_is_an_input(demo: Path, auvident: Callable[..., Called]) -> None:
     import auvident as package
 

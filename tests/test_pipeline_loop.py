@@ -114,6 +114,7 @@ def test_a_changed_plan_refuses_them_until_it_is_identified_again(
         assert f"auvident identify {demo}" in called.err
 
 
+@pytest.mark.usefixtures("quick_report")
 def test_the_seed_is_kept_until_another_is_given(
     demo: Path, auvident: Callable[..., Called], found: loop_world.HandMade
 ) -> None:
@@ -165,6 +166,7 @@ def test_a_report_needs_no_diagnosis_but_shows_no_stale_one(
     assert "What the model lacks" not in (demo / "report/report.html").read_text()
 
 
+@pytest.mark.usefixtures("quick_report")
 def test_a_run_goes_on_without_stages_that_do_not_know_its_plane(
     demo: Path,
     auvident: Callable[..., Called],

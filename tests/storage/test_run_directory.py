@@ -42,10 +42,15 @@ OPTIONS = [
 ]
 
 
+known: dict[tuple[str, str, str], dict[str, Any]] = {}  # of all tests of this module
+
+
 @pytest.fixture
 def computed_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a stage computes from the same options and logs is computed once, and written often."""
-    known: dict[tuple[str, str, str], dict[str, Any]] = {}
+    """What a stage computes from the same options and logs is computed once, and written often.
+
+    Nothing waits for the disk: that is for power cuts, and no process here dies of one.
+    """
 
     def remembered(name: str, function: Callable[[Given], dict[str, Any]]) -> Callable[..., Any]:
         def outputs(given: Given) -> dict[str, Any]:
@@ -59,6 +64,7 @@ def computed_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
         return outputs
 
+    monkeypatch.setattr(os, "fsync", lambda descriptor: None)
     for name in FAST_STAGES:
         loop_world.replace_stage(monkeypatch, name, remembered(name, BY_NAME[name].function))
 
@@ -127,6 +133,7 @@ def test_a_first_run_killed_at_every_write(tmp_path: Path, when: str) -> None:
     assert step == 1 + 12  # six outputs, and for each of three stages the intent and the manifest
 
 
+@pytest.mark.usefixtures("computed_once")
 def test_what_a_killed_run_has_left_is_removed_when_it_is_no_output_any_more(
     tmp_path: Path,
 ) -> None:
