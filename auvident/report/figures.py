@@ -14,7 +14,6 @@ import numpy.typing as npt
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedFormatter, FixedLocator
 
@@ -97,10 +96,8 @@ def style(live: bool = False) -> Iterator[None]:
 
 
 def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
-    """An empty figure with its own canvas."""
-    figure = Figure(figsize=(width_in, height_in))
-    FigureCanvasSVG(figure)
-    return figure
+    """An empty figure."""
+    return Figure(figsize=(width_in, height_in))
 
 
 def svg(figure: Figure, name: str, caption: str) -> str:

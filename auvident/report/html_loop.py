@@ -100,18 +100,17 @@ def figures(report: ReportData) -> dict[str, list[str | None]]:
     changed = report.comparison is not None and report.comparison.added
     return {
         "gains": [gains(found.candidates, f"gains{report.tag}")] if found else [],
-        "before_after": [
-            before_after(table, f"beforeafter{report.tag}", *_bands(report, bool(changed)))
-        ]
+        "before_after": [before_after(table, f"beforeafter{report.tag}", *_bands(report))]
         if table is not None
         else [],
         "forces": [unknown_force(table, f"forces{report.tag}")] if table is not None else [],
     }
 
 
-def _bands(report: ReportData, changed: bool) -> "tuple[pd.DataFrame | None, bool]":
+def _bands(report: ReportData) -> "tuple[pd.DataFrame | None, bool]":
     """Predictions with a band, and whether they are those of the final model."""
-    is_final = changed and report.refined is not None
+    changed = report.comparison is not None and report.comparison.added
+    is_final = bool(changed) and report.refined is not None
     return (report.refined if is_final else report.simulation), is_final
 
 

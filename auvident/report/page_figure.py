@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.text import Text
 
 from auvident.report import marks
 from auvident.report.marks import ACROSS, CHARACTER_PX, DOWN, Hatches, colour, percent
@@ -164,15 +165,19 @@ def _size(axes: Axes, x: Ticks, square: bool) -> str:
 
 def _head(axes: Axes) -> str:
     """What is drawn, and how well it fits."""
-    name = axes.get_ylabel().replace("\n", ", ")
-    left, right = axes.get_title("left"), axes.get_title("right")
-    words = [w for w in (name, left, axes.get_title("center")) if w]
-    if not words and not right:
+    name = escape(axes.get_ylabel().replace("\n", ", "))
+    # matplotlib hands out the words of these titles, but not their colour
+    left, right = axes._left_title, axes._right_title  # type: ignore[attr-defined]
+    own = (f"<b>{name}</b>" if name else "") + _coloured(left) + _coloured(axes.title)
+    if not own and not right.get_text():
         return ""
-    own = "".join(
-        f"<b>{escape(w)}</b>" if w == name else f"<span>{escape(w)}</span>" for w in words
-    )
-    return f'<p class="head"><span>{own}</span><span>{escape(right)}</span></p>'
+    return f'<p class="head"><span>{own}</span>{_coloured(right)}</p>'
+
+
+def _coloured(title: Text) -> str:
+    words, hue = escape(title.get_text()), colour(title.get_color())
+    look = "" if hue == "var(--ink)" else f' style="color:{hue}"'
+    return f"<span{look}>{words}</span>" if words else ""
 
 
 def _ticks(axis: Axis) -> Ticks:

@@ -57,7 +57,7 @@ def drawn(**labels: str) -> str:
         second.text(5.0, 3.5, "<here> & there")
         first.set_xlim(0.0, 10.0)
         first.set_ylabel(labels.get("y", "speed\nm/s"))
-        first.set_title("RMSE 1 m/s", loc="right")
+        first.set_title("RMSE 1 m/s", loc="right", color=VERMILLION)
         second.set_xlabel("time, s")
         figure.legend(handles=first.lines[:1])
         return svg(figure, "some", 'a "caption"')
@@ -77,6 +77,7 @@ def test_words_and_numbers_stand_around_the_panels() -> None:
 
 def test_what_is_drawn_has_the_colours_of_the_page() -> None:
     text = drawn()
+    assert '<span style="color:var(--vermillion)">RMSE 1 m/s</span>' in text
     assert BLUE not in text and 'stroke="var(--blue)"' in text
     assert 'stroke-dasharray="10 5"' in text  # of 2 pt, in pixels
     assert 'fill="var(--vermillion)" fill-opacity="0.25"' in text

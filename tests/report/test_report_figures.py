@@ -9,7 +9,7 @@ import pytest
 from auvident.report.figures import MOST_POINTS, limits, new_figure, style, svg, thinned
 from auvident.report.figures_coefficients import forest
 from auvident.report.figures_joined import groups, joined
-from auvident.report.figures_prediction import prediction
+from auvident.report.figures_prediction import _ribbon, covered, prediction
 from auvident.report.figures_trial import timeline, track
 from auvident.schema.artifacts import (
     ChannelMetrics,
@@ -172,6 +172,33 @@ def test_numbers_in_a_figure_are_not_shortened_with_its_coordinates() -> None:
         text = prediction(simulation(), metrics(), None, "a")
     assert "RMSE 0.00474\u00a0m/s" in text
     assert not re.search(r'd="[^"]*\d\.\d{3}', text)
+
+
+def test_the_share_of_the_readings_in_the_band_is_told() -> None:
+    table = simulation()
+    table["u_mps_lo"], table["u_mps_hi"] = table["u_mps_measured"] - 0.1, table["u_mps_measured"]
+    table.loc[:149, "u_mps_measured"] += 0.2  # a quarter lies above the band
+    assert covered(table, ["u_mps"]) == 0.75
+    assert covered(table, ["v_mps"]) is None
+    table.loc[150:299, "u_mps_measured"] = np.nan  # what was not read is not counted
+    assert covered(table, ["u_mps"]) == pytest.approx(300 / 450)
+    with style():
+        text = prediction(table, metrics(), None, "a")
+    assert "67\u00a0% in the band" in text
+    label = text.split('aria-label="')[1].split('"')[0]
+    assert label.startswith("Held-out turn m, 60 s, predicted; RMSE u 0.0047")
+    assert "holds 67\u00a0% of the readings" in label
+
+
+def test_the_band_across_the_track_turns_one_way_and_is_as_wide_as_its_ends() -> None:
+    t = np.linspace(0.0, 20.0, 400)
+    table = pd.DataFrame({"north": 30.0 * np.sin(t), "east": 30.0 * np.cos(t)})
+    ends = {f"{a}_m_{e}": table[a] + s for a in table for e, s in (("lo", -2.0), ("hi", 2.0))}
+    quads = _ribbon(pd.DataFrame(ends))
+    first, second = quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1]
+    assert np.all(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0] >= 0.0)
+    radius = np.hypot(*quads.reshape(-1, 2).T)
+    np.testing.assert_allclose([radius.min(), radius.max()], [28.0, 32.0], atol=0.1)
 
 
 @pytest.mark.parametrize("wild", [np.nan, 1e200, np.inf])
