@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 import pandas as pd
@@ -250,29 +250,43 @@ class Model:
         told = observer or Observer()
         return FlownManeuver(fly_model(self.artifact, self.path, desk_order(order), asked, told))
 
-    def export(self, format: str = "json", path: "str | Path | None" = None) -> str:
-        """The model as text for use elsewhere, as ``auvident export`` writes it.
+    @overload
+    def export(self, format: str = "json", path: None = None) -> str: ...
+
+    @overload
+    def export(self, format: str, path: "str | Path") -> Path: ...
+
+    def export(self, format: str = "json", path: "str | Path | None" = None) -> str | Path:
+        """The model for use elsewhere, as ``auvident export`` writes it.
 
         Parameters
         ----------
         format : str
             As ``auvident export --format`` takes it: json, toml, csv, python, matlab, c, ...
         path : path, optional
-            Written to this file, too.
+            Write it to this file; of C its header is written beside it.
+
+        Returns
+        -------
+        str or Path
+            The text, or the file where one is given.
 
         Raises
         ------
         UsageError
             No such format, or one that cannot hold the model.
         """
-        from auvident.stages.export import export
+        from auvident.stages.export import export, header_of
+        from auvident.storage.artifacts import write_bytes
 
         text = export(self.artifact, format)
-        if path is not None:
-            from auvident.storage.artifacts import write_bytes
-
-            write_bytes(Path(path), text.encode())
-        return text
+        if path is None:
+            return text
+        file = Path(path)
+        write_bytes(file, text.encode())
+        if format == "c" and file.suffix == ".c":
+            write_bytes(file.with_suffix(".h"), header_of(self.artifact).encode())
+        return file
 
     @cached_property
     def _stepper(self) -> "ModelStepper":

@@ -82,8 +82,8 @@ def use(run: Path) -> None:
     """A stage that is run again, and most of what a notebook does with a run."""
     made = auvident.run(run=run, seed=0)
     pipeline_run.run_stage("ase", run)
-    made.plot.coefficients()._repr_png_()
-    made.model.simulate(made.signals, draws=2, to_s=430.0, from_s=400.0)
+    made.plot.track()._repr_png_()
+    made.model.simulate(made.signals, draws=2, to_s=410.0, from_s=400.0)
     made.model.start(speed_mps=1.0).step(0.1, 600.0)
 
 

@@ -19,7 +19,7 @@ def test_every_cell_runs(demo: Path) -> None:
         exec(compile(text, f"{FILE.name}, code cell {number}", "exec"), space)
     assert space["heading"] == pytest.approx(space["wanted"], abs=0.05)  # the controller gets there
     assert space["motion"]["r_radps"].iloc[-1] > 0.0  # a negative rudder turns to starboard
-    larger = space["large"].coefficients["value"] / space["small"].coefficients["value"]
+    larger = space["large"].coefficients["value"] / space["as_built"].coefficients["value"]
     assert larger["Y_uud"] > 1.3
     assert Path("runs/remus100_model.py").stat().st_size > 0
 
