@@ -44,13 +44,14 @@ NEEDED_FOR: dict[Group, str] = {
     "surge_inertia": "how quickly the speed follows the thrust",
     "drag": "speed at other thrust",
     "thrust": "speed at other thrust",
-    "turning_drag": "loss of speed in turns",
+    "turning_drag": "loss of speed in maneuvers",
     "inertia": "quick changes of the helm",
-    "lift": "drift and damping in turns",
-    "cross_flow": "large drift angles and tight turns",
+    "lift": "drift and damping",
+    "cross_flow": "large angles of incidence and tight turns",
     "control": "the effect of the fin",
     "restoring": "trim and depth keeping",
 }
+NOTHING = "The model lacks nothing"  # beside the words "It lacked"
 # ends of the symbols of parameters, which stand beside their unit
 UNIT_ENDS = ("mps", "degps", "deg", "s", "m", "n", "rad", "rpm", "m2ps2pn")
 ASYMMETRY = 0.05  # of an interval about its value, below which one ± tells it
@@ -232,7 +233,7 @@ def _lacked(data: ReportData) -> Lines:
     comparison = data.comparison
     effects = (*found.effects, *(comparison.not_confirmed if comparison else ()))
     if not effects:
-        return [found.statement + little]
+        return [found.statement.replace(NOTHING, "Nothing", 1) + little]
     lines = [_effect(e, comparison) for e in effects]
     lines += [f"These data cannot tell apart {listed(g)}." for g in found.ambiguous]
     changed = _changed(comparison) if comparison and comparison.added else ""

@@ -79,7 +79,7 @@ SETTLED = Called(
     (
         Word(0.5, "settled", "good"),
         Word(1.0, "nearly settled", "fair"),
-        Word(NEVER, "still moving", "poor"),
+        Word(NEVER, "moved in the last round", "poor"),
     ),
 )
 PASS, FAIL = "pass", "fail"

@@ -82,7 +82,7 @@ def test_a_way_ends_at_the_value_of_the_model(given: Given, model: IdentifiedMod
     for way in found:
         assert len(way.values) == len(heads) and way.values[-1] == way.final.value
     rows = written(convergence(found, heads), PAGE).rows
-    assert rows[0][-1] in ("settled", "nearly settled", "still moving")
+    assert rows[0][-1] in ("settled", "nearly settled", "moved in the last round")
 
 
 def test_a_way_takes_the_end_of_every_cycle(model: IdentifiedModel) -> None:
@@ -107,7 +107,7 @@ def test_what_still_moves_is_named(model: IdentifiedModel) -> None:
     quiet = Way("T_nn", (1.0, 1.5), c)
     assert still.moved == 1.25
     words = convergence_words([quiet, still])
-    assert words == "1 of 2 coefficients have settled; still moving: X_uu."
+    assert words == "1 of 2 coefficients have settled; moved in the last round: X_uu."
     assert convergence_words([quiet]).startswith("Every coefficient has settled")
     assert convergence_words([]) == ""
 
