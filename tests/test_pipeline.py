@@ -23,7 +23,7 @@ RUN = ("run", "sample_logs/harbour_trial", "--vehicle", "sample_logs/remus100.to
 def decisions(called: Called) -> dict[str, str]:
     """Sentence of each stage."""
     lines = [line.split(": ", 1) for line in called.err.splitlines() if ": " in line]
-    return {line[0]: line[1] for line in lines if line[0] in NAMES}
+    return {line[0]: line[1] for line in reversed(lines) if line[0] in NAMES}  # the first of each
 
 
 def states(run: Path) -> dict[str, str]:

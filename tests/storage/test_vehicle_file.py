@@ -236,7 +236,7 @@ def test_offsets_stay_in_the_folder_of_the_vehicle_file(tmp_path, name):
 @pytest.mark.parametrize("name", ["", " ", "\\u0000"])
 def test_a_name_that_is_none_is_no_offsets_file(tmp_path, name):
     text = with_offsets(tmp_path, GOOD).replace("hull.csv", name)
-    with pytest.raises(InputError, match=r"no name of a file"):
+    with pytest.raises(InputError, match=r"not a file name"):
         path = tmp_path / "v.toml"
         path.write_text(text)
         load_vehicle(path)
