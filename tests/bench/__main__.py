@@ -21,6 +21,8 @@ STUDIES = (
     "totals",
     "evidence",
     "geometry",
+    "pool",
+    "season",
 )  # with options of their own
 PARTS = (
     "samples",

@@ -76,14 +76,16 @@ def _way(
     """How a trial's information is carried over."""
     told, mean, at = one
     alpha, slopes = found.at(mean), found.slopes(mean)[:, at]
-    size = np.maximum(np.linalg.norm(slopes, axis=1), np.finfo(float).tiny)
-    back = np.linalg.pinv(slopes / size[:, None], rcond=UNSEEN)
+    size = np.linalg.norm(slopes, axis=1)
+    told_of = size > UNSEEN * size.max()  # a force that the trial's equations lack is not
+    unit = np.where(told_of, 1.0 / np.where(told_of, size, 1.0), 0.0)
+    back = np.linalg.pinv(slopes * unit[:, None], rcond=UNSEEN)
     information = told.information[np.ix_(at, at)]
     pull = told.score[at] - information @ mean[at]
 
     def carried(theta: Array, there: Array, slopes_there: Array) -> TrialData:
-        away = back @ ((there - alpha) / size)
-        turned = back @ (slopes_there / size[:, None])
+        away = back @ ((there - alpha) * unit)
+        turned = back @ (slopes_there * unit[:, None])
         own = turned.T @ information @ turned
         score = turned.T @ (pull - information @ away) + own @ theta
         return replace(told, information=0.5 * (own + own.T), score=score)
