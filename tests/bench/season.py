@@ -1,7 +1,7 @@
 """Are changes of a vehicle found, and no others? (``tests.bench season``)
 
-A season from the generator (`sample_logs/seatrial/season`), run as a campaign. Bent fin, fouling and
-new thruster are looked for among the changes of their vehicle; every other change is a false alarm,
+A season from the generator (`sample_logs/seatrial/season`), run as a campaign. Bent fin, fouling
+and new thruster are looked for among the changes of their vehicle; every other change is a false alarm,
 as is every change of a season in which nothing happens (``--steady``). The trial under the wrong
 name and the bad logs are looked for among the trials that failed or fit no other.
 """
@@ -85,7 +85,7 @@ def judged(result: CampaignResult, truth: dict[str, Any]) -> dict[str, list[dict
 
 
 def _of_vehicle(vehicle: Any, truth: dict[str, Any]) -> dict[str, Any]:
-    """Whether what happened is among the changes, within its interval; how many others there are."""
+    """Whether what happened is among the changes, with which size; what else is told."""
     told = vehicle.changes.changes if vehicle.changes else ()
     names = [t["trial"] for t in truth["trials"]]
     right = [c for c in told if _tells(c, truth, names)]
