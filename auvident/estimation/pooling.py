@@ -38,8 +38,10 @@ LEAST_TOLD = 0.5  # degrees of freedom below which a sum of squares says nothing
 ALIKE_ROUNDS = 30
 BEYOND_CHANCE = 1.0e-3  # probability of so large a difference of two trials by chance
 ROUNDS = 4  # of weights and variances, which depend on each other
-CLIPPED = 2.0  # [std] beyond which a difference of neighbours counts no more
-OF_CLIPPED = 0.9205  # mean square of a standard normal variable that is clipped there
+# [std] beyond which a difference of neighbours counts no more: so low that a step, one difference
+# in seven, makes the variance 1.5 times as large; beyond one in three it would pass for scatter.
+CLIPPED = 1.5
+OF_CLIPPED = 0.7785  # mean square of a standard normal variable that is clipped there
 
 
 @dataclass(frozen=True)

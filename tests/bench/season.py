@@ -1,9 +1,9 @@
 """Are changes of a vehicle found, and no others? (``tests.bench season``)
 
 A season from the generator (`sample_logs/seatrial/season`), run as a campaign. Bent fin, fouling
-and new thruster are looked for among the changes of their vehicle; every other change is a false alarm,
-as is every change of a season in which nothing happens (``--steady``). The trial under the wrong
-name and the bad logs are looked for among the trials that failed or fit no other.
+and new thruster are looked for among the changes of their vehicle; every other change is a false
+alarm, as is every change of a season in which nothing happens (``--steady``). The trial under the
+wrong name and the bad logs are looked for among the trials that failed or fit no other.
 """
 
 import argparse

@@ -22,7 +22,7 @@ from auvident.stages.pool.stage import PoolResult
 Array = npt.NDArray[Any]
 
 FALSE_ALARMS = 0.01
-LEAST_TRIALS = 4  # of three, one apart from the two others may be any of them
+LEAST_TRIALS = 5  # of fewer, a step may be as well what they scatter by
 CERTAIN = 2.0  # standard deviations of a value from zero, from which on its changes are shares
 DAY_S = 86_400.0
 
