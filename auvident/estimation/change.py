@@ -234,6 +234,14 @@ def _found(
     return found
 
 
+def course(found: FoundChange, k: int, times: Array) -> float:
+    """How much of a change a trial has: of a step none or all, of a drift from -1/2 to 1/2."""
+    if found.kind == "step":
+        return float(k >= found.first)
+    span = max(float(times[-1] - times[0]), np.finfo(float).tiny)
+    return float(times[k] - times[0]) / span - 0.5
+
+
 def series_along(
     trials: Sequence[TrialData], direction: Array, theta: Array
 ) -> list[tuple[float, float]]:

@@ -35,9 +35,13 @@ WEAK = 1.0e-6  # keeps the sum of two informations invertible
 AGREE = 0.3
 LEAST_FREEDOM = 3  # degrees of freedom of a scatter that are counted at least
 LEAST_TOLD = 0.5  # degrees of freedom below which a sum of squares says nothing
+ALIKE_ROUNDS = 30
+BEYOND_CHANCE = 1.0e-3  # probability of so large a difference of two trials by chance
 ROUNDS = 4  # of weights and variances, which depend on each other
-CLIPPED = 2.0  # [std] beyond which a difference of neighbours counts no more
-OF_CLIPPED = 0.9205  # mean square of a standard normal variable that is clipped there
+# [std] beyond which a difference of neighbours counts no more: so low that a step, one difference
+# in seven, makes the variance 1.5 times as large; beyond one in three it would pass for scatter.
+CLIPPED = 1.5
+OF_CLIPPED = 0.7785  # mean square of a standard normal variable that is clipped there
 
 
 @dataclass(frozen=True)
@@ -185,13 +189,42 @@ def between_trials(trials: Sequence[TrialData]) -> Array:
     """Variance (n,) of each parameter between trials; zero where they agree (`AGREE`).
 
     Every squared residual score is, on average, its own variance and, of every parameter that
-    scatters, the square of the information about both: non-negative least squares.
+    scatters, the square of the information about both: non-negative least squares. Where that
+    leaves too much, all parameters scatter alike on top of it (`_alike`).
     """
     n = len(trials[0].score)
     if len(trials) < 2 or not _disagree(trials):
         return np.zeros(n)
     scores, (own, left), informations = _residuals(trials)
-    return _moments(scores, own, left, informations)
+    return _with_alike(trials, _moments(scores, own, left, informations))
+
+
+def _with_alike(trials: Sequence[TrialData], between: Array) -> Array:
+    """Variances with as much of all parameters alike as neighbours ask for beyond them."""
+    rest = [scattered(t, between) for t in trials]
+    return between + _alike([_difference(a, b) for a, b in pairwise(rest)])
+
+
+def _alike(pairs: Sequence[tuple[Array, Array]]) -> float:
+    """Variance of all parameters alike, from differences of trials; zero where chance makes them.
+
+    Each direction that a pair sees is told by its precision, the best ones by what scatters alone:
+    a weighted mean in which all count the same. The median pair decides, as a step is in one.
+    """
+    found = []
+    for information, score in pairs:
+        axes = seen_axes(information)
+        squares = (axes.T @ score) ** 2
+        gains = 2.0 * ((information @ axes) ** 2).sum(axis=0)
+        if not squares.size or chdtrc(len(squares), squares.sum()) > BEYOND_CHANCE:
+            found.append(0.0)
+            continue
+        variance = 0.0
+        for _ in range(ALIKE_ROUNDS):
+            weight = gains / (1.0 + variance * gains) ** 2
+            variance = max(0.0, float(weight @ (squares - 1.0) / (weight @ gains)))
+        found.append(variance)
+    return float(np.median(found)) if found else 0.0
 
 
 def for_few(between: Array, count: int) -> Array:
@@ -218,10 +251,11 @@ def between_neighbours(trials: Sequence[TrialData]) -> Array:
     pairs = [_difference(a, b) for a, b in pairwise(trials)]
     if not pairs:
         return np.zeros(len(trials[0].score))
-    own = np.array([np.diag(k) for k, _ in pairs])
+    informations = np.array([k for k, _ in pairs])
+    own = np.array([np.diag(k) for k in informations])
     own = np.where(own > SEEN, own, 0.0)
     scores = np.array([q for _, q in pairs])
-    return 0.5 * _moments(scores, own, own, np.array([k for k, _ in pairs]), clipped=True)
+    return _with_alike(trials, 0.5 * _moments(scores, own, own, informations, clipped=True))
 
 
 def _difference(a: TrialData, b: TrialData) -> tuple[Array, Array]:
@@ -234,7 +268,11 @@ def _difference(a: TrialData, b: TrialData) -> tuple[Array, Array]:
 
 
 def _moments(
-    scores: Array, own: Array, left: Array, informations: Array, clipped: bool = False
+    scores: Array,
+    own: Array,
+    left: Array,
+    informations: Array,
+    clipped: bool = False,
 ) -> Array:
     """Variances (n,) that explain the squares of scores (k, n) best, none of them negative."""
     from scipy.optimize import nnls  # a quarter of a second to import

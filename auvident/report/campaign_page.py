@@ -103,7 +103,7 @@ def _line(t: Any, channels: Sequence[str]) -> TrialLine:
             *(PAGE.number(t.nrmse.get(c), 2) for c in channels),
             f"{t.from_data} of {t.coefficients}" if t.coefficients else "",
             PAGE.number(t.fits, 2),
-            "yes" if t.pooled else t.reason or ("" if failed else "no"),
+            "yes" if t.pooled else ("" if failed else "no"),
         ),
         failed,
     )

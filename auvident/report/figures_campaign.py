@@ -10,7 +10,7 @@ from auvident.schema.changes import Changes, SeriesPoint, VehicleChange
 
 USUAL = ("fin", "drag", "thrust", "lift", "cross-flow")  # drawn where nothing changed
 MOST = 8  # panels
-PANEL_IN = 1.45
+PANEL_IN = 1.7
 NAMES = {
     "fin": "fin force and moment",
     "drag": "drag",

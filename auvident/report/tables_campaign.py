@@ -9,6 +9,7 @@ from auvident.schema.pooled import PooledModel, PooledParameter, PooledTrial
 
 NO_CHANGE = "No change of the vehicle stands out from chance"
 DISAGREE = 0.01
+LONGEST = 120  # characters of a reason in a table
 
 
 def pooled_parameters(model: PooledModel) -> Table:
@@ -134,7 +135,7 @@ def campaign_trials(result: CampaignResult) -> Table:
             *(Number(t.nrmse.get(c), 2) for c in channels),
             f"{t.from_data} of {t.coefficients}" if t.coefficients else "",
             Number(t.fits, 2),
-            ("yes" if t.pooled else t.reason or "no") if t.verdict else "",
+            ("yes" if t.pooled else "no") if t.verdict else "",
         ]
         for t in result.trials
     ]
@@ -144,15 +145,22 @@ def campaign_trials(result: CampaignResult) -> Table:
 def outcome(t: CampaignTrial) -> str:
     """Verdict of a trial with its effects, or why there is none."""
     if t.problem and t.state == "failed":
-        return t.problem
+        return shortened(t.problem)
     words = t.verdict.replace("_", " ")
     return f"{words}: {', '.join(t.effects)}" if t.effects else words
+
+
+def shortened(text: str) -> str:
+    """The first words of a reason; the whole of it stands in ``campaign.json``."""
+    return text if len(text) <= LONGEST else f"{text[:LONGEST].rsplit(' ', 1)[0]} ..."
 
 
 def repeats(result: CampaignResult) -> Table:
     """Which trials to repeat, and why."""
     heads = (*columns(("vehicle", "trial")), Column("why"))
     rows: Rows = [
-        [v.name, str(row["trial"]), str(row["why"])] for v in result.vehicles for row in v.repeat
+        [v.name, str(row["trial"]), shortened(str(row["why"]))]
+        for v in result.vehicles
+        for row in v.repeat
     ]
     return Table(heads, rows, "Trials to repeat")

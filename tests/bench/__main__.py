@@ -22,6 +22,7 @@ STUDIES = (
     "evidence",
     "geometry",
 )  # with options of their own
+SEASONS = ("pool", "season")  # as well; their results depend on what they were asked for
 PARTS = (
     "samples",
     "loop",
@@ -55,7 +56,7 @@ HOW = {
 def main(arguments: list[str] | None = None) -> None:
     """Run the parts asked for, all of them but the study of effects by default."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    if arguments[:1] and arguments[0] in STUDIES:
+    if arguments[:1] and arguments[0] in (*STUDIES, *SEASONS):
         importlib.import_module(f"tests.bench.{arguments[0]}").main(arguments[1:], _print)
         return
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)

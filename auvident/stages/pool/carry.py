@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.engines.carried import LEADERS
-from auvident.estimation.pooling import TrialData, pooled
+from auvident.estimation.pooling import TrialData, between_trials, for_few, pooled
 from auvident.physics.accelerations import Accelerations, accelerations_of
 from auvident.physics.terms import parameter_vector, structure_of
 from auvident.schema.artifacts import IdentifiedModel
@@ -34,6 +34,7 @@ ROUNDS, SETTLED = (
     30,
     1.0e-6,
 )  # of the common coefficients, and their last move in units of the prior
+SCATTERING = 4  # rounds in which the scatter between trials is estimated as well
 FARTHEST = 1.0  # move in one round, in units of the prior
 
 
@@ -76,14 +77,16 @@ def _way(
     """How a trial's information is carried over."""
     told, mean, at = one
     alpha, slopes = found.at(mean), found.slopes(mean)[:, at]
-    size = np.maximum(np.linalg.norm(slopes, axis=1), np.finfo(float).tiny)
-    back = np.linalg.pinv(slopes / size[:, None], rcond=UNSEEN)
+    size = np.linalg.norm(slopes, axis=1)
+    told_of = size > UNSEEN * size.max()  # a force that the trial's equations lack is not
+    unit = np.where(told_of, 1.0 / np.where(told_of, size, 1.0), 0.0)
+    back = np.linalg.pinv(slopes * unit[:, None], rcond=UNSEEN)
     information = told.information[np.ix_(at, at)]
     pull = told.score[at] - information @ mean[at]
 
     def carried(theta: Array, there: Array, slopes_there: Array) -> TrialData:
-        away = back @ ((there - alpha) / size)
-        turned = back @ (slopes_there / size[:, None])
+        away = back @ ((there - alpha) * unit)
+        turned = back @ (slopes_there * unit[:, None])
         own = turned.T @ information @ turned
         score = turned.T @ (pull - information @ away) + own @ theta
         return replace(told, information=0.5 * (own + own.T), score=score)
@@ -95,11 +98,13 @@ def about_common(data: Collected, inside: Sequence[int] | None = None) -> Collec
     """The trials about the coefficients that they, or some of them, have together."""
     carry = carrier(data)
     n = len(data.names)
-    chosen = range(len(data.told)) if inside is None else inside
+    chosen = set(range(len(data.told)) if inside is None else inside)
     theta = np.median([data.means[k] for k in chosen], axis=0)
-    for _ in range(ROUNDS):
-        trials = carry(theta)
-        step = pooled([trials[k] for k in chosen], np.zeros(n), np.ones(n)).mean - theta
+    between = np.zeros(n)
+    for k in range(ROUNDS):
+        trials = [one for j, one in enumerate(carry(theta)) if j in chosen]
+        between = for_few(between_trials(trials), len(trials)) if k < SCATTERING else between
+        step = pooled(trials, np.zeros(n), np.ones(n), between).mean - theta
         step *= min(1.0, FARTHEST / max(float(np.abs(step).max()), FARTHEST))
         theta = theta + step
         if np.abs(step).max() < SETTLED:

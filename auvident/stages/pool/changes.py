@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.constants import NORMAL_95
-from auvident.estimation.change import FoundChange, search, series_along
+from auvident.estimation.change import ChangeSearch, FoundChange, course, search, series_along
 from auvident.estimation.pooling import between_neighbours, for_few, scattered
 from auvident.schema.artifacts import Finding
 from auvident.schema.changes import Changes, SeriesPoint, VehicleChange
@@ -22,7 +22,7 @@ from auvident.stages.pool.stage import PoolResult
 Array = npt.NDArray[Any]
 
 FALSE_ALARMS = 0.01
-LEAST_TRIALS = 4  # of three, one apart from the two others may be any of them
+LEAST_TRIALS = 5  # of fewer, a step may be as well what they scatter by
 CERTAIN = 2.0  # standard deviations of a value from zero, from which on its changes are shares
 DAY_S = 86_400.0
 
@@ -99,14 +99,15 @@ def changes_of(
     groups = quantities(data)
     theta = np.array([model_value(result, name) for name in data.names])
     directions = np.vstack([np.eye(len(data.names)), *(_along(g, data, theta) for g in groups)])
-    found = search(trials, directions, _times(dates, dated), rng, false_alarms)
+    times = _times(dates, dated)
+    found = search(trials, directions, times, rng, false_alarms)
     told = _Teller(data, groups, theta, data.origin + data.unit * found.theta, dated)
     return nothing.model_copy(
         update={
             "threshold": found.threshold,
             "tests": found.tests,
             "changes": tuple(told.change(f) for f in found.found),
-            "series": told.series(trials, directions, found.theta),
+            "series": told.series(trials, directions, found, times),
         }
     )
 
@@ -250,21 +251,24 @@ class _Teller:
         return f"{day.day} {day:%B %Y}"
 
     def series(
-        self, trials: Sequence[Any], directions: Array, theta: Array
+        self, trials: Sequence[Any], directions: Array, found: ChangeSearch, times: Array
     ) -> dict[str, tuple[SeriesPoint, ...]]:
-        """Every quantity over the trials, as a difference from its common value."""
-        found = {}
+        """Every quantity over the trials, as a difference from its common value.
+
+        The others are at theirs, with what changed of them.
+        """
+        rows = {}
         for d in range(len(directions)):
             factor, _ = self._factor(d)
-            found[self.name(d)] = tuple(
-                SeriesPoint(
-                    trial=t.name,
-                    date=t.date,
-                    value=size * factor,
-                    std=abs(std * factor) if np.isfinite(std) else None,
+            others = [f for f in found.found if f.direction != d]
+            points = []
+            for k, (t, own) in enumerate(zip(self.data.trials, trials, strict=True)):
+                moved = sum(
+                    (f.size * course(f, k, times) * directions[f.direction] for f in others),
+                    found.theta,
                 )
-                for t, (size, std) in zip(
-                    self.data.trials, series_along(trials, directions[d], theta), strict=True
-                )
-            )
-        return found
+                ((size, std),) = series_along([own], directions[d], moved)
+                seen = abs(std * factor) if np.isfinite(std) else None
+                points.append(SeriesPoint(trial=t.name, date=t.date, value=size * factor, std=seen))
+            rows[self.name(d)] = tuple(points)
+        return rows

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import bdtrc, chdtri
 
-from auvident.estimation.pooling import Pooled, scattered
+from auvident.estimation.pooling import Pooled, TrialData
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.stages.pool.collect import Collected
 
@@ -26,10 +26,18 @@ BY_CHANCE = 0.05
 def structural_covariance(data: Collected, found: Pooled, between: Array) -> Array:
     """Covariance (n, n) of an error common to all trials, in units of the prior."""
     together = beyond_noise([t.model for t in data.trials])
-    information = sum(scattered(t, between).information for t in data.told)
-    covariance = found.covariance @ (together * len(data.told) * information) @ found.covariance
+    gain = found.covariance @ sum(_weight(t, between) for t in data.told)
+    covariance = together * gain @ gain.T
     single = np.maximum(data.widened_variance - together * data.expected.mean(axis=0), 0.0)
     return np.asarray(covariance + np.diag(np.where(_often(data), single, 0.0)))
+
+
+def _weight(told: TrialData, between: Array) -> Array:
+    """(I + J T)^-1 J^1/2: how an error as large as a trial's own enters the sum of scores."""
+    values, vectors = np.linalg.eigh(told.information)
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+    weight = np.linalg.solve(np.eye(len(values)) + told.information * between, root)
+    return np.asarray(weight)
 
 
 def beyond_noise(models: list[IdentifiedModel]) -> float:

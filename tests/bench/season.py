@@ -1,0 +1,112 @@
+"""Are changes of a vehicle found, and no others? (``tests.bench season``)
+
+A season from the generator (`sample_logs/seatrial/season`), run as a campaign. Bent fin, fouling
+and new thruster are looked for among the changes of their vehicle; every other change is a false
+alarm, as is every change of a season in which nothing happens (``--steady``). The trial under the
+wrong name and the bad logs are looked for among the trials that failed or fit no other.
+"""
+
+import argparse
+import json
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from auvident.pipeline.campaign import CampaignPlan, run_campaign
+from auvident.pipeline.observer import Observer
+from auvident.pipeline.warming import warm_for_runs
+from auvident.schema.campaign import CampaignResult
+from auvident.storage.campaign_file import read_campaign
+from tests.engines.chain import SAMPLES
+
+if str(SAMPLES) not in sys.path:
+    sys.path.insert(0, str(SAMPLES))
+
+WITHIN = 3  # trials: so near to the true one a step counts as found
+# what happens, and the changes that tell of it: drag and thrust are known by their ratio best
+TELLS = {
+    "bent fin": {"fin", "Y_uud", "N_uud"},
+    "fouling": {"drag", "X_uu", "linear_drag.X_u", "thrust", "T_nn", "T_nu"},
+    "new thruster": {"thrust", "T_nn", "T_nu", "drag", "X_uu", "linear_drag.X_u"},
+}
+
+
+class _Told(Observer):
+    def note(self, text: str) -> None:
+        print(text, file=sys.stderr)
+
+
+def main(arguments: list[str], show: Callable[[str, list[dict[str, Any]]], None]) -> None:
+    """Make a season, run it, judge it and print."""
+    parser = argparse.ArgumentParser(prog="python -m tests.bench season", description=__doc__)
+    parser.add_argument("--trials", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--jobs", type=int)
+    parser.add_argument("--steady", action="store_true", help="nothing happens")
+    parser.add_argument("--folder", type=Path, help="keep it here, and go on where it was")
+    options = parser.parse_args(arguments)
+    with tempfile.TemporaryDirectory(prefix="auvident-season-") as name:
+        folder = options.folder or Path(name)
+        made(folder, options.trials, options.seed, options.steady)
+        _, trials = read_campaign(folder / "campaign.toml")
+        plan = CampaignPlan(folder / "out", trials, options.jobs)
+        done = run_campaign(plan, _Told(), warm=warm_for_runs)
+        truth = json.loads((folder / "truth.json").read_text(encoding="utf-8"))
+        for title, rows in judged(done.result, truth).items():
+            show(title, rows)
+
+
+def made(folder: Path, trials: int, seed: int, steady: bool) -> None:
+    """The season in a folder, unless it is there."""
+    from seatrial.season import BOATS, STEADY, season
+
+    if not (folder / "truth.json").exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        season(folder, trials, seed, STEADY if steady else BOATS, faults=not steady)
+
+
+def judged(result: CampaignResult, truth: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
+    """What happened beside what was said; trials that were spoilt beside what became of them."""
+    faults = truth.get("faults", {})
+    changes = [_of_vehicle(v, truth[v.name]) for v in result.vehicles]
+    rows = {(t.vehicle, t.trial): t for t in result.trials}
+    spoilt = []
+    for kind, key in faults.items():
+        t = rows[tuple(key)]
+        named = t.state == "failed" or not t.pooled
+        why = t.problem or t.reason
+        spoilt.append({"fault": kind, "trial": "/".join(key), "named": named, "why": why[:60]})
+    own = {tuple(key) for key in faults.values()}
+    others = [t for key, t in rows.items() if key not in own and not t.pooled]
+    lost = [{"trial": f"{t.vehicle}/{t.trial}", "why": t.problem or t.reason} for t in others]
+    return {"changes": changes, "spoilt trials": spoilt, "others left out": lost}
+
+
+def _of_vehicle(vehicle: Any, truth: dict[str, Any]) -> dict[str, Any]:
+    """Whether what happened is among the changes, with which size; what else is told."""
+    told = vehicle.changes.changes if vehicle.changes else ()
+    names = [t["trial"] for t in truth["trials"]]
+    right = [c for c in told if _tells(c, truth, names)]
+    size = f"{right[0].size:+.2f} ({right[0].low:+.2f} to {right[0].high:+.2f})" if right else "-"
+    return {
+        "vehicle": vehicle.name,
+        "happened": truth["happening"] or "nothing",
+        "size": truth["size"],
+        "since": truth["first"] or "-",
+        "found": "; ".join(c.sentence for c in right) or "-",
+        "found size": size,
+        "other changes": "; ".join(c.sentence for c in told if c not in right) or "-",
+    }
+
+
+def _tells(change: Any, truth: dict[str, Any], names: list[str]) -> bool:
+    """Whether a change tells what happened, in time."""
+    if truth["happening"] not in TELLS:
+        return False
+    if not {change.what, *change.symbols} & TELLS[truth["happening"]]:
+        return False
+    if truth["happening"] == "fouling":
+        return True
+    return abs(names.index(change.trial) - names.index(truth["first"])) <= WITHIN
