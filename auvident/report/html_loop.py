@@ -97,7 +97,6 @@ def figures(report: ReportData) -> dict[str, list[str | None]]:
 
     found = report.comparison or report.diagnosis
     table = report.residuals
-    changed = report.comparison is not None and report.comparison.added
     return {
         "gains": [gains(found.candidates, f"gains{report.tag}")] if found else [],
         "before_after": [before_after(table, f"beforeafter{report.tag}", *_bands(report))]
