@@ -21,6 +21,7 @@ from auvident.pipeline.campaign import (
 )
 from auvident.pipeline.campaign_jobs import Job, JobDone, LocalProcesses, problem_of
 from auvident.pipeline.campaign_page import write_page
+from auvident.pipeline.left_out_runs import left_out_errors
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.pooling import date_of, pool_runs, refuse_change
 from auvident.schema.artifacts import IdentifiedModel
@@ -258,6 +259,15 @@ def test_runs_are_pooled_without_their_logs(demo: Path, tmp_path: Path) -> None:
     found = pool_runs([demo, demo / "identify" / "model.json"])
     assert [t.trial for t in found.model.pooling.trials] == ["demo", "model.json"]
     assert date_of(demo) == ""
+
+
+def test_a_run_that_was_left_out_is_predicted_beside_its_own_model(demo: Path) -> None:
+    found = pool_runs([demo / "identify" / "model.json"])
+    rows = {row.channel: row for row in left_out_errors(found.model, [demo])}
+    assert rows.keys() >= {"u", "v", "r", "heading"}
+    assert all(0.0 < row.pooled < 20.0 * row.own for row in rows.values())
+    with pytest.raises(UsageError, match="went into the pooled model"):
+        left_out_errors(pool_runs([demo]).model, [demo])
 
 
 def test_runs_with_other_vehicle_files_are_refused_with_the_keys(demo: Path) -> None:

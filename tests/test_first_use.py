@@ -58,6 +58,13 @@ def test_a_helper_that_cannot_run_costs_nothing(cold, monkeypatch: pytest.Monkey
     assert [helper.returncode for helper in cold] == [1] * PIECES
 
 
+def test_whoever_waited_for_another_compiler_does_not_compile_again(cold, monkeypatch) -> None:
+    answers = iter([False, True])  # not compiled; then, with the lock, done by another process
+    monkeypatch.setattr(first_use, "compiled_already", lambda kind: next(answers))
+    compile_first(linear_setup())
+    assert cold == []
+
+
 def test_no_helper_once_compiled_nor_where_nothing_is_kept(cold, monkeypatch) -> None:
     compile_first(replace(linear_setup(), engine="filterpy"))
     monkeypatch.setattr(first_use, "cache_is_writable", lambda: False)

@@ -35,6 +35,14 @@ KEEP = click.option(
     "--changes", "changes_file", type=PATH, help="Also write what changed to this file (.json)."
 )
 @click.option("--plane", type=click.Choice(PLANES), help="Plane, for runs of both.")
+@click.option(
+    "--validate",
+    "left_out",
+    multiple=True,
+    type=PATH,
+    metavar="RUN",
+    help="Predict the held-out maneuvers of this run, which is not pooled; repeatable.",
+)
 @KEEP
 @FALSE_ALARMS
 @FAIL_ON_CHANGE
@@ -45,6 +53,7 @@ def pool(
     file: Path | None,
     changes_file: Path | None,
     plane: str | None,
+    left_out: tuple[Path, ...],
     keep: bool,
     false_alarms: float | None,
     fail_on_change: bool,
@@ -55,14 +64,19 @@ def pool(
     RUN is a run directory or its model.json; no log is read again. What one trial cannot show,
     all together may: the model is used as any other (`simulate`, `export`).
     """
+    from auvident.pipeline.left_out_runs import left_out_errors
     from auvident.pipeline.pooling import pool_runs, refuse_change, write_pooled
+    from auvident.report import tables_campaign as tables
     from auvident.report.console_campaign import pooled_pieces
+    from auvident.report.console_style import rich_table
     from auvident.storage.artifacts import json_bytes, write_bytes
 
     found = pool_runs(runs, plane=plane, keep=keep, false_alarms=false_alarms, seed=seed or 0)
     with output.watch() as watch:
         for piece in pooled_pieces(found.model, found.changes):
             watch.show(piece)
+        if left_out:
+            watch.show(rich_table(tables.left_out(left_out_errors(found.model, left_out))))
         if file is not None:
             write_pooled(found.model, file)
             watch.note(f"Pooled model written to {file}")

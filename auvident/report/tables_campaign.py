@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from auvident.report.tables import Column, Fixed, Number, Rows, Table, Unit, WithStd, columns
 from auvident.schema.campaign import CampaignResult, CampaignTrial
-from auvident.schema.changes import Changes
+from auvident.schema.changes import Changes, LeftOutTrialError
 from auvident.schema.pooled import PooledModel, PooledParameter, PooledTrial
 
 NO_CHANGE = "No change of the vehicle stands out from chance"
@@ -77,6 +77,15 @@ def pooled_trials(trials: Sequence[PooledTrial]) -> Table:
         for t in trials
     ]
     return Table(heads, rows, "Trials, with their distance from the others (1 by chance)")
+
+
+def left_out(found: Sequence[LeftOutTrialError]) -> Table:
+    """What the pooled model makes of trials that did not go into it."""
+    heads = (*columns(("trial", "channel", "unit")), *columns(numbers=("pooled", "own model")))
+    rows: Rows = [
+        [e.trial, e.channel, Unit(e.unit), Number(e.pooled, 3), Number(e.own, 3)] for e in found
+    ]
+    return Table(heads, rows, "RMSE on held-out maneuvers of trials that were left out")
 
 
 def changes(found: Changes) -> Table:

@@ -46,6 +46,16 @@ class VehicleChange(Artifact):
     rivals: tuple[str, ...] = ()
 
 
+class LeftOutTrialError(Artifact):
+    """RMSE of a channel on the held-out maneuvers of a trial that was not pooled, and its own."""
+
+    trial: str
+    channel: str
+    unit: str
+    pooled: float
+    own: float
+
+
 class Changes(Artifact):
     """What ``auvident pool`` and ``campaign`` say of a vehicle over its trials.
 
