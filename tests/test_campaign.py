@@ -229,7 +229,7 @@ def test_a_campaign_file_names_vehicles_trials_and_options(tmp_path: Path) -> No
         (VEHICLE.replace("logs/*", "no/*"), "no log fits 'no/\\*'"),
         (VEHICLE.replace("logs/*", "../*"), "leads out of the log folder"),
         (VEHICLE + VEHICLE, "two vehicles are named boat"),
-        (VEHICLE.replace('"boat.toml"', '"/etc/boat.toml"'), "outside of the folder"),
+        (VEHICLE.replace('"boat.toml"', '"/etc/boat.toml"'), "outside the folder"),
         (VEHICLE + "colour = 1\n", "unknown key"),
         (VEHICLE.replace('"boat"', '"../boat"'), "name"),
     ],

@@ -147,7 +147,9 @@ def test_the_log_of_the_reader_is_read_as_the_sample_it_is(
         assert abs(difference.median()) < 0.1 * noise, column
 
 
-@pytest.mark.parametrize("page", [p for p, text in PAGES.items() if "```python" in text])
+@pytest.mark.parametrize(
+    "page", [p for p, text in PAGES.items() if "```python" in text and p != "campaigns.md"]
+)  # tests/test_campaign.py runs those
 def test_the_python_of_a_page(folder_of, page: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder_of(page))
     for block in re.findall(r"^```python\n(.*?)^```", PAGES[page], re.MULTILINE | re.DOTALL):

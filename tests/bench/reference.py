@@ -58,6 +58,11 @@ ELSEWHERE = {
         "the data contradict the prior of a coefficient, or what the vehicle file says",
         "As the message says, by the group of the coefficient.",
     ),
+    "trial-fits-no-other": (
+        "a trial that contradicts all others of its vehicle is left out: another vehicle, or a log "
+        "that is wrong?",
+        "As the message says.",
+    ),
     "standard-not-flown": ("a standard maneuver could not be flown with the model, and why", ""),
 }
 COMMANDED = ("rudder", "elevator", "rpm")

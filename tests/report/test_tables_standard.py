@@ -77,7 +77,7 @@ def test_figures_are_told_in_lengths_and_times_of_the_hull(found: StandardManeuv
     rows = {row[1]: row for row in table.rows}
     assert rows["advance"][2:] == ("m", "300", "270 to 330", "3.00 L")
     assert rows["steady yaw rate"][5] == "0.524 U/L"  # 1.5 deg/s x 20 s in rad
-    assert rows["Nomoto K, linear"][5] == "1.00 U/L"
+    assert rows["Nomoto K, linear model"][5] == "1.00 U/L"
     assert rows["stability index G"][5] == ""
     assert "Beyond the 30 deg that it was identified with: turning circle 35." in table.caption
 

@@ -228,5 +228,5 @@ def test_what_is_no_vehicle_is_refused() -> None:
             whole_of(odd)
     whole = whole_vehicle()
     entries = tuple(e.model_copy(update={"value": np.inf}) for e in whole.constants)
-    with pytest.raises(UsageError, match="no finite number"):
+    with pytest.raises(UsageError, match="not a finite number"):
         whole_of(whole.model_copy(update={"constants": entries}))

@@ -208,7 +208,12 @@ def test_the_table_and_the_list_of_sensors_say_what_was_derived(tmp_path, auvide
     options = ("--vehicle", SAMPLES / "remus100.toml", "--map", tmp_path / "map.toml")
     done = auvident("ingest", folder, *options, "--run", tmp_path / "run")
     assert done.code == 0, done.err
-    for words in ("dvl (derived)", "gyro (derived)", "rpm (constant)", "thrust cannot be told"):
+    for words in (
+        "dvl (derived)",
+        "gyro (derived)",
+        "rpm (constant)",
+        "thrust and drag cannot be separated",
+    ):
         assert words in " ".join(done.err.split()), words
     about = parquet.read_schema(tmp_path / "run" / "ingest" / "harbour.parquet").metadata
     assert about[b"not_logged"] == (

@@ -37,7 +37,7 @@ def test_a_constant_takes_the_place_of_a_log(tmp_path):
     }
     (said,) = [f for f in quality.findings if f.code == "constant_input"]
     assert said.value == 600.0
-    assert "thrust cannot be told from drag" in said.message
+    assert "thrust and drag cannot be separated" in said.message
     assert not [f for f in quality.findings if f.code == "input_logged_on_change"]
 
 

@@ -204,11 +204,11 @@ def test_a_rule_tells_its_evidence() -> None:
     weak = refusal_of(replace(GOOD, gain=4.4, best_gain=4.4), RULES)
     assert weak == Refusal("gain", "evidence too weak (4 nats)", 4.4, LEAST_GAIN)
     few = refusal_of(replace(GOOD, helped=left_out(share=0.5, deciding=0.4)), RULES_LEFT_OUT)
-    assert few is not None and few.text == "improves only 50 % of the maneuvers left out"
+    assert few is not None and few.text == "helps only 50 % of the maneuvers left out"
     chance = refusal_of(replace(GOOD, helped=left_out(t=1.2)), RULES_LEFT_OUT)
     assert chance is not None
     assert chance.text == (
-        "evidence too weak: maneuvers left out improve by 1.2 standard errors (2.5 needed)"
+        "evidence too weak: helps the maneuvers left out by 1.2 standard errors, 2.5 needed"
     )
 
 
