@@ -31,7 +31,7 @@ if str(SAMPLES) not in sys.path:
 
 CLEAN = "clean"  # every sensor on board
 AS_DRAWN = "as drawn"  # clean as well, with the sensors that the seed has drawn
-LONGEST_S = 300  # of the stages of one trial; what takes longer hangs
+LONGEST_S = 300  # processor time of the stages of one trial; what takes longer hangs
 ARTIFACTS = (
     "ase/coefficients.json",
     "identify/model.json",
@@ -98,7 +98,7 @@ def outcome(
         except Exception:
             return {**found, "stage": "generator", "error": traceback.format_exc()}
         found |= chain(folder, log.logs, log.map, until, run, clean) | {"lost": log.lost}
-        if difference(found, clean.evidence)[0]:
+        if "error" not in clean.evidence and difference(found, clean.evidence)[0]:
             found["ratio"] = held_out_ratio(clean.folder / "run", folder / "run")
     return {**found, "took_s": round(perf_counter() - began, 1)}
 
