@@ -262,7 +262,8 @@ class Model:
         Parameters
         ----------
         format : str
-            As ``auvident export --format`` takes it: json, toml, csv, python, matlab, c, ...
+            As ``auvident export --format`` takes it: json, toml, csv, python, matlab, c, fmu, and
+            of this plane alone pvs, gz and uuv (`WholeModel.export` has those of both).
         path : path, optional
             Write it to this file; of C its header is written beside it.
 
@@ -274,19 +275,12 @@ class Model:
         Raises
         ------
         UsageError
-            No such format, or one that cannot hold the model.
+            No such format, one that cannot hold the model, or fmu, which is no text, without a
+            file.
         """
-        from auvident.stages.export import export, header_of
-        from auvident.storage.artifacts import write_bytes
+        from auvident.api.forms import exported
 
-        text = export(self.artifact, format)
-        if path is None:
-            return text
-        file = Path(path)
-        write_bytes(file, text.encode())
-        if format == "c" and file.suffix == ".c":
-            write_bytes(file.with_suffix(".h"), header_of(self.artifact).encode())
-        return file
+        return exported(self.artifact, self.path, format, path)
 
     @cached_property
     def _stepper(self) -> "ModelStepper":

@@ -2,7 +2,7 @@
 
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
 import pandas as pd
@@ -129,3 +129,32 @@ class WholeModel:
 
         write_combined(self.artifact, Path(path))
         return Path(path)
+
+    @overload
+    def export(self, format: str, path: None = None) -> str: ...
+
+    @overload
+    def export(self, format: str, path: "str | Path") -> Path: ...
+
+    def export(self, format: str, path: "str | Path | None" = None) -> str | Path:
+        """The model for a simulator of six degrees of freedom: pvs, gz or uuv.
+
+        Parameters
+        ----------
+        format : str
+        path : path, optional
+            Write it to this file.
+
+        Returns
+        -------
+        str or Path
+            The text, or the file where one is given.
+
+        Raises
+        ------
+        UsageError
+            No such format, or one of a plane.
+        """
+        from auvident.api.forms import exported
+
+        return exported(self.artifact, self.path, format, path)

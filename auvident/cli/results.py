@@ -322,18 +322,15 @@ def export(
     and Plankton: of six degrees of freedom from a combined model, or from a run that has one,
     unless --plane is given. What a simulator cannot hold is listed, and what it costs.
     """
-    from auvident.pipeline.exporting import export_model
-    from auvident.storage.artifacts import write_bytes
+    from auvident.pipeline.exporting import export_model, write_export
 
     if form is None:
         form = FORM_OF_SUFFIX.get(file.suffix, "json") if file else "json"
     with output.watch() as watch:
         made = export_model(target, form, plane, to_file=file is not None)
         if file is not None:
-            write_bytes(file, made.content)
+            write_export(made, form, file)
             watch.note(f"{made.source} written as {form} to {file}")
-            if made.header and file.suffix == ".c":
-                write_bytes(file.with_suffix(".h"), made.header)
         for line in made.notes:
             watch.note(line)
     if file is None and not output.json:

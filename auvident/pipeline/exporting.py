@@ -10,6 +10,7 @@ from auvident.pipeline.freshness import judge
 from auvident.pipeline.predict import find_model
 from auvident.pipeline.table import BY_NAME
 from auvident.pipeline.whole import find_whole, is_whole
+from auvident.storage.artifacts import write_bytes
 from auvident.storage.run_directory import MANIFEST, RunDirectory
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     AnyModel = IdentifiedModel | CombinedModel
 
 BINARY = ("fmu",)
+NOWHERE = Path()  # a model that was never in a file
 COMBINED = "combine/model.json"
 NO_RUN = "What that costs on held-out maneuvers is told for a model in a run directory."
 
@@ -73,16 +75,48 @@ def export_model(
         raise UsageError(
             f"{form} is a binary file, which no terminal shows", "--output", "Give --output FILE."
         )
+    found = find_any_model(target, plane) if form in WRITERS else find_model(target, plane)
+    return export_of(*found, form)
+
+
+def export_of(path: Path, model: "AnyModel", form: str) -> Exported:
+    """Write a model that was found.
+
+    Parameters
+    ----------
+    path : Path
+        Its file; `NOWHERE` where it has none, and what a simulator leaves out is not counted then.
+    model : IdentifiedModel or CombinedModel
+        Of six degrees of freedom for the forms of `WRITERS` alone.
+    form : str
+
+    Raises
+    ------
+    UsageError
+        No such form, or one that the model does not fit.
+    """
     if form in WRITERS:
-        return WRITERS[form](*find_any_model(target, plane))
-    path, planar = find_model(target, plane)
-    if form == "fmu":
-        return _fmu(path, planar)
+        return WRITERS[form](path, model)
+    from auvident.schema.combined import CombinedModel
     from auvident.stages.export import export, header_of, remarks_on
 
-    header = header_of(planar).encode() if form == "c" else b""
-    content = export(planar, form).encode()
-    return Exported(path, planar, content, remarks_on(planar, form), header)
+    if isinstance(model, CombinedModel):
+        raise UsageError(
+            f"{form} is no form of a model of six degrees of freedom",
+            "--format",
+            f"One of {', '.join(WRITERS)}, or export the model of one plane.",
+        )
+    if form == "fmu":
+        return _fmu(path, model)
+    header = header_of(model).encode() if form == "c" else b""
+    return Exported(path, model, export(model, form).encode(), remarks_on(model, form), header)
+
+
+def write_export(made: Exported, form: str, file: Path) -> None:
+    """Write the file, and of C its header beside it."""
+    write_bytes(file, made.content)
+    if made.header and file.suffix == ".c":
+        write_bytes(file.with_suffix(".h"), made.header)
 
 
 def find_any_model(target: Path, plane: str | None = None) -> "tuple[Path, AnyModel]":
@@ -158,6 +192,8 @@ def costs_in_run(path: Path, model: "AnyModel", vehicle: Any) -> "tuple[Cost, ..
     from auvident.stages.export.cost import costs_of
     from auvident.stages.export.whole import whole_of
 
+    if path == NOWHERE:
+        return ()
     folders = path.resolve().parents[1:3]  # one more above the model of a second plane
     run = next((folder for folder in folders if (folder / MANIFEST).exists()), None)
     if run is None:

@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -204,6 +205,31 @@ def test_an_export_is_that_of_the_command(
     assert again.artifact == model.artifact and "REMUS 100" in repr(again)
     with pytest.raises(interface.UsageError, match="there is no format"):
         model.export("word")
+
+
+@pytest.mark.parametrize("form", ["pvs", "gz", "uuv", "fmu"])
+def test_an_export_to_a_simulator_is_that_of_the_command(
+    demo: Path, auvident: Call, form: str
+) -> None:
+    import auvident as interface
+
+    auvident("export", demo, "--format", form, "--plane", "horizontal", "--output", "told")
+    told = Path("told").read_bytes()
+    model = interface.load_model(demo)
+    mine = model.export(form, "mine")
+    if form == "fmu":
+        with zipfile.ZipFile(mine) as made, zipfile.ZipFile("told") as shown:
+            assert made.namelist() == shown.namelist()
+        with pytest.raises(interface.UsageError, match="binary file"):
+            model.export(form)
+    else:
+        assert mine.read_bytes() == told and model.export(form) == told.decode()
+
+
+def test_a_model_without_a_file_is_exported_without_what_it_costs(model: auvident.Model) -> None:
+    apart = auvident.Model(model.artifact)
+    assert "held-out maneuvers" in model.export("gz")
+    assert "told for a model in a run directory" in apart.export("gz")
 
 
 def test_no_model_is_an_error(demo: Path) -> None:

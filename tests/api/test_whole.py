@@ -29,6 +29,10 @@ def test_it_is_made_flown_and_read_again_as_by_the_commands(
     figures = json.loads(auvident("simulate", "told.json", *shown).out)["figures"]
     flown = read.maneuver("zigzag:10/10", 0).figures["value"].to_dict()
     assert flown == pytest.approx({f["name"]: f["value"] for f in figures})
+    auvident("export", "made.json", "--format", "uuv", "--output", "told.xacro")
+    assert read.export("uuv", "mine.xacro").read_bytes() == Path("told.xacro").read_bytes()
+    with pytest.raises(interface.UsageError, match="no form of a model of six degrees"):
+        read.export("python")
     with pytest.raises(interface.InputError, match="load_whole_model"):
         interface.load_model("made.json")
 
