@@ -20,13 +20,15 @@ from auvident.physics.maneuvers.zigzag import reversals, zigzag_figures
 Array = npt.NDArray[Any]
 Figures = dict[str, float]
 
+FEWEST = 3  # rows of a flight that has figures; a model that is drawn may run away at once
 RISEN = 0.9  # of the step: what counts as risen
 LEAST_LOOP = 0.02  # of the greatest rate: what is smaller is a slow return, no loop
 
 
 def of_all(flight: DeskFlight, figures: Callable[[DeskFlight, int], Figures]) -> dict[str, Array]:
     """Figures (S,) of every model by name; NaN where a model does not come to one."""
-    found = [figures(flight, s) for s in range(flight.states.shape[2])]
+    models = range(flight.states.shape[2])
+    found = [figures(flight, s) if rows_of(flight, s).stop >= FEWEST else {} for s in models]
     names = dict.fromkeys(name for row in found for name in row)
     return {name: np.array([row.get(name, np.nan) for row in found]) for name in names}
 
@@ -52,8 +54,6 @@ def swing_figures(flight: DeskFlight, s: int) -> Figures:
     """Figures of a zigzag in either plane, see `maneuvers.zigzag`."""
     assert isinstance(flight.helm, ZigzagHelm)
     rows = rows_of(flight, s)
-    if rows.stop < 3:
-        return {}
     time, states = flight.time_s[rows], flight.states[rows, :, s]
     angle = states[:, 3] - states[0, 3]
     order = flight.order[rows, s]

@@ -1,5 +1,7 @@
 """Maneuvers on the desk: closed forms, mirror images, and what an unstable hull does."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -43,6 +45,20 @@ def test_every_figure_of_a_row_comes_out(row: object) -> None:
     assert all(f.value is not None for f in desk.result.figures)
     assert desk.table["time_s"].is_monotonic_increasing
     assert np.isfinite(desk.table.to_numpy()).all()
+
+
+@pytest.mark.parametrize("row", MANEUVERS, ids=lambda row: row.name)
+def test_a_drawn_model_that_runs_away_at_once_has_no_figures(row: object) -> None:
+    models = remus(row.plane)  # type: ignore[attr-defined]
+    damping = ("N_r|r|", "N_ur") if row.plane == "horizontal" else ("M_q|q|", "M_uq")  # type: ignore[attr-defined]
+    lost = models.vectors.copy()
+    for name in (*damping, "X_uu"):
+        lost[:, models.structure.index(name)] *= -1e12
+    beside = replace(models, vectors=np.concatenate([models.vectors, lost]))
+    with np.errstate(all="ignore"):
+        desk = flown(beside, row.usual, speed_mps=1.5)  # type: ignore[attr-defined]
+    assert desk.result.models_lost == 1
+    assert any(f.value is not None for f in desk.result.figures)
 
 
 def test_a_linear_hull_turns_by_the_gain_of_its_equations() -> None:
