@@ -69,6 +69,7 @@ CLOCKS = {
 }
 # The model against the estimate from geometry; one coefficient alone is no more than a remark.
 WHOLE = ("priors-contradicted", "estimate*contradict*", "*vehicle_file*")
+THRUST = ("speed_scale", "rpm_scale")  # these ask whether it is another vehicle's file
 
 # Fault of a row -> patterns.
 NAMES: dict[str, tuple[str, ...]] = {
@@ -79,7 +80,7 @@ NAMES: dict[str, tuple[str, ...]] = {
     "scale of the gyro": GYRO,
     "unit of the heading": HEADING,
     "unit of the pitch": ("pitch*",),
-    "scale of the depth": ("depth*", "heave*"),
+    "scale of the depth": ("depth*", "heave*", "pitch_sign"),  # the check of sign and scale
     "scale of the position": ("speed_position_ratio", "speed_scale*", "position*", "track*"),
     "unit of the time": ("*time*", "clock_*", "*rate*", "too_slow*"),
     "sign of the rudder": ("rudder_sign", "rudder_sign_*contra*"),
@@ -137,9 +138,10 @@ NAMES: dict[str, tuple[str, ...]] = {
     "order of the rows": ("dropped:backward_time",),
     "files": ("sensor_stops_early@", "file_not_used", "*set_aside*"),
     "the same trial twice": ("*same_trial*", "*twice*", "*cop*", "*overlap*"),
-    "vehicle file": WHOLE,
+    "vehicle file": (*WHOLE, *THRUST),
     "numbers of the vehicle file": (
         *WHOLE,
+        *THRUST,
         "mass_and_volume",
         "no_*",
         "fin_*",

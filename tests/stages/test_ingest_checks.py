@@ -185,6 +185,17 @@ def test_a_damaged_trial_contradicts(damage):
     assert made.remedy
 
 
+def test_a_unit_that_fits_is_named():
+    for damage, words in {
+        "depth in feet": "feet logged as metres?",
+        "half of the rpm": "Or another vehicle's file?",
+    }.items():
+        changes, name, _ = DAMAGED[damage]
+        assert words in on_the_grid(**changes)[name].message
+    pressure = on_the_grid(**times(9.9, "depth_m"))["pitch_sign"]
+    assert "pressure in kPa logged as depth?" in pressure.message
+
+
 AXES = {
     "u and v swapped": {"u_mps": (1.0, "v_mps"), "v_mps": (1.0, "u_mps")},
     "v and w swapped": {"w_mps": (1.0, "v_mps"), "v_mps": (1.0, "w_mps")},

@@ -11,7 +11,14 @@ MARGIN_S = 2.0  # as in the checks of the horizontal plane
 LEAST_EXPLAINED = 0.6  # of the variance of the rate of depth
 LEAST_ALONE = 0.02  # of it by a term alone: a w of noise shows no sign
 SIGN_STDS = 4.0  # a contradiction is no chance
-FEET = 3.281  # depth in feet, or speeds in feet per second
+# what the depth changes by over what it should, where a unit is another one
+SCALES = {
+    "feet logged as metres": 3.281,
+    "speeds in feet per second": 1 / 3.281,
+    "pressure in kPa logged as depth": 10.0,
+    "pressure in bar logged as depth": 0.1,
+}
+NEAR = 0.13  # share of such a number within which it is meant
 SCALE_LIMIT = 0.5  # the worst of 150 drawn trials is 40 % off; feet are a factor of 3.3
 RATE_LIMIT = 0.15  # gyro against pitch: roll and heel take part
 
@@ -52,11 +59,11 @@ def pitch_by_depth(seen: Seen) -> Verdict:
             scaled(-1.0, "pitch_rad"),
         )
     if abs(gain.value - 1.0) > SCALE_LIMIT + SIGN_STDS * gain.std:
-        feet = min(abs(gain.value - FEET), abs(gain.value * FEET - 1.0) * FEET) < 0.4
+        named = next((name for name, x in SCALES.items() if abs(gain.value / x - 1.0) < NEAR), "")
         return gain.verdict(
             "contradicts",
             f"the depth changes at {gain.value:.2f} times the rate of speed and pitch"
-            f"{'; feet logged as metres?' if feet else ''}",
+            f"{f'; {named}?' if named else ''}",
             "Check the units of depth, pitch and u.",
         )
     return gain.verdict("agrees", "the depth changes as speed and pitch say")

@@ -223,10 +223,11 @@ def _held_against(
     wanted = 1.0 / found.ratio.value if scaled_speed else found.ratio.value
     named = _nearest(names, wanted, found.limit)
     either = f" (or the {other} is off)" if len(found.blamed) > 1 else ""
+    guess = f"{named or 'a wrong unit, a gear'}? Or another vehicle's file?"
     columns = _velocities(seen) if scaled_speed else ["rpm"]
     return found.ratio.verdict(
         "contradicts",
-        f"{_words(found)}{f'; {named}?' if named else ''}{either}",
+        f"{_words(found)}; {guess}{either}",
         REMEDY,
         scaled(names[named], *columns) if named else "",
     )
