@@ -45,6 +45,7 @@ SERIOUS = {
     "surge_sign",
     "sway_by_position",
     "sway_sign",
+    "yaw_rate_offset",
     "yaw_rate_unit",
     "channel-ignored",
     "prediction-ran-away",

@@ -159,6 +159,7 @@ DAMAGED = {
     "v of the wrong sign, by position": (times(-1.0, "v_mps"), "sway_by_position", True),
     "gyro x 1.1": (times(1.1, "r_radps"), "yaw_rate_scale", True),
     "gyro x 1.3": (times(1.3, "r_radps"), "yaw_rate_scale", True),
+    "gyro + 2 deg/s": ({"r_radps": lambda x: x + 2 * DEG}, "yaw_rate_offset", True),
     "rudder x 4": (times(4.0, "rudder_rad"), "rudder_unit", False),
     "rudder / 57": (times(DEG, "rudder_rad"), "rudder_unit", True),
     "rudder / 4": (times(0.25, "rudder_rad"), "rudder_scale", False),
@@ -178,7 +179,7 @@ DAMAGED = {
 @pytest.mark.parametrize("damage", DAMAGED)
 def test_a_damaged_trial_contradicts(damage):
     changes, name, has_fix = DAMAGED[damage]
-    whole = name in ("yaw_rate_scale", "rudder_scale")
+    whole = name in ("yaw_rate_scale", "yaw_rate_offset", "rudder_scale")
     made = (rows(changed(sailed(), **changes)) if whole else on_the_grid(**changes))[name]
     assert made.outcome == "contradicts", made.message
     assert bool(made.fix) == has_fix
@@ -296,6 +297,15 @@ def test_a_correction_is_applied_and_recorded():
     assert not contradictions([done.quality])
     right = ingest(without(sailed(), "position"), BOAT)[0].table["u_mps"]
     np.testing.assert_allclose(done.trial.table["u_mps"], right, rtol=2e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("offset", [-2 * DEG, 3 * DEG])
+def test_an_offset_of_the_gyro_is_taken_off(offset):
+    raw = changed(sailed(), r_radps=lambda x: x + offset)
+    done = ingest_fixed(raw, BOAT, ["yaw_rate_offset"])
+    assert set(done.quality.fixed) == {"yaw_rate_offset"}
+    right = ingest(sailed(), BOAT)[0].table["r_radps"]
+    np.testing.assert_allclose(done.trial.table["r_radps"], right, atol=0.05 * DEG)
 
 
 def test_a_rudder_of_the_wrong_sign_is_refused_until_it_is_fixed(clean):

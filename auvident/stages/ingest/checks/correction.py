@@ -1,7 +1,8 @@
 """Corrections that a check proposes: channels of a sensor from those that it logged.
 
 A correction is written as text, for the record and for people: ``u_mps = 0.514444 u_mps; ...``,
-each channel a multiple of one channel of the same sensor. `EARTH` turns north and east into ahead
+each channel a multiple of one channel of the same sensor, or ``r_radps = 1 r_radps - 0.0123``, less
+an offset. `EARTH` turns north and east into ahead
 and starboard.
 """
 
@@ -30,6 +31,11 @@ def mixed(terms: Terms) -> str:
     return "; ".join(f"{to} = {factor:.6g} {of}" for to, (factor, of) in terms.items())
 
 
+def less(offset: float, column: str) -> str:
+    """Text of a correction that takes an offset off a channel."""
+    return f"{scaled(1.0, column)} {'-' if offset > 0.0 else '+'} {abs(offset):.6g}"
+
+
 def corrected(raw: RawTrial, fix: str) -> RawTrial:
     """The trial with a correction made to what was logged."""
     if fix in (EARTH, EARTH_SWAPPED):
@@ -37,11 +43,13 @@ def corrected(raw: RawTrial, fix: str) -> RawTrial:
     terms = {}
     for part in fix.split("; "):
         to, _, of = part.partition(" = ")
-        factor, column = of.split(" ")
-        terms[to] = (float(factor), column)
+        factor, column, *rest = of.split(" ")
+        terms[to] = (float(factor), column, float("".join(rest) or 0.0))
     sensor = raw.sensors[BY_COLUMN[next(iter(terms))].sensor]
     made = {
-        to: factor * sensor.values[of] for to, (factor, of) in terms.items() if of in sensor.values
+        to: factor * sensor.values[of] + offset
+        for to, (factor, of, offset) in terms.items()
+        if of in sensor.values
     }
     return _with(raw, replace(sensor, values={**sensor.values, **made}))
 

@@ -3,13 +3,14 @@
 import numpy as np
 
 from auvident.schema.logs import DEG
-from auvident.stages.ingest.checks.correction import mixed, scaled
+from auvident.stages.ingest.checks.correction import less, mixed, scaled
 from auvident.stages.ingest.checks.row import Figure, Verdict, agrees, contradicts, untested
 from auvident.stages.ingest.checks.seen import MIN_SPEED_MPS, Seen
 from auvident.stages.ingest.checks.speed import MIN_SAMPLES
 from auvident.stages.ingest.checks.track import course_gain
 
 GAIN_LIMIT = 0.07  # gyro against heading: heel makes 2 to 6 %, drawn vehicles 1 % at most
+OFFSET_LIMIT = 0.03  # of the largest yaw rate; 0.0006 is the worst of 30 drawn trials
 COURSE_LIMIT = 0.15  # against the course: the drift angle changes along a turn
 SURE_STDS = 3.0
 LEAST_EXPLAINED = 0.4  # of the variance of the rate of the heading
@@ -74,6 +75,25 @@ def by_heading(seen: Seen) -> Verdict:
         f"the heading changes at {gain.value:.2f} times the yaw rate",
         "Check units and scale of gyro and heading.",
         scaled(gain.value, "r_radps"),
+    )
+
+
+def offset_by_heading(seen: Seen) -> Verdict:
+    """Yaw rate of a vehicle whose heading stays."""
+    found = seen.heading
+    if found is None or found.explained < LEAST_EXPLAINED:
+        return untested("no heading, or it hardly turns")
+    gain, rest = found.theta
+    offset = Figure(-float(rest / gain), float(found.theta_std[1] / abs(gain)))
+    rate = np.abs(seen.columns("r_radps")[0])
+    limit = OFFSET_LIMIT * float(np.quantile(rate, 0.99)) + SURE_STDS * offset.std
+    if abs(offset.value) <= limit:
+        return offset.verdict("agrees", "the heading stays where the yaw rate is zero")
+    return offset.verdict(
+        "contradicts",
+        f"the yaw rate has an offset of {offset.value / DEG:+.2g} deg/s where the heading stays",
+        "Take the bias of the gyro off, as --fix does.",
+        less(offset.value, "r_radps"),
     )
 
 
