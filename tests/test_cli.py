@@ -14,7 +14,7 @@ import click
 import pandas as pd
 import pytest
 
-from auvident.cli import COMMANDS, cli, interrupt
+from auvident.cli import COLLECTED_AFTER, COMMANDS, cli, interrupt
 from auvident.pipeline import STAGES
 from tests import loop_world
 from tests.command_line import ENVIRONMENT, PROGRAM, Called
@@ -471,3 +471,13 @@ def test_plan_trial_needs_a_model_that_is_up_to_date(
     called = auvident("plan-trial", demo)
     assert called.code == 4
     assert f"auvident identify {demo}" in called.err
+
+
+def test_the_program_looks_for_cycles_of_garbage_less_often_than_python_does() -> None:
+    script = (
+        "import gc; from auvident.cli import _run; _run(['--version']); print(gc.get_threshold())"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], check=True, capture_output=True, text=True, env=ENVIRONMENT
+    )
+    assert str(COLLECTED_AFTER) in done.stdout
