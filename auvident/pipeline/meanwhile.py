@@ -3,18 +3,17 @@
 import os
 import pickle
 import sys
-import threading
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
+from pathlib import Path
 from typing import TypeVar
 
 from auvident.parallel import threads
 
 Result = TypeVar("Result")
-# libraries with threads of their own, which a copy of the process does not have: it might wait
-# for them for ever
-THREADED = frozenset({"pyarrow", "numba", "scipy.linalg"})
+# Of this process, those of libraries too; a copy lacks them, and might wait for them for ever.
+THREADS = Path("/proc/self/task")
 
 
 def meanwhile(work: Callable[[], Result]) -> Callable[[], Result]:
@@ -41,12 +40,7 @@ def meanwhile(work: Callable[[], Result]) -> Callable[[], Result]:
 
 def _can_copy() -> bool:
     """Whether nothing runs in this process but this thread, and another processor is free."""
-    return (
-        sys.platform == "linux"
-        and threads() > 1
-        and threading.active_count() == 1
-        and not THREADED & sys.modules.keys()
-    )
+    return sys.platform == "linux" and threads() > 1 and len(list(THREADS.iterdir())) == 1
 
 
 def _close_all_but(end: int) -> None:

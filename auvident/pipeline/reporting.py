@@ -21,6 +21,10 @@ WHOLE = "combine/model.json"
 
 def report_data(given: Given, plans: bool = True) -> "ReportData":
     """Artifacts of all stages, of every plane of the run; `plans`: with what to fly next."""
+    import pandas as pd  # noqa: F401 (once for this process and its copy)
+
+    import auvident.report.html_data  # noqa: F401
+
     views = given.views()
     planned = meanwhile(lambda: [_plan(view) for view in views]) if plans else None
     first, *others = (
