@@ -14,6 +14,7 @@ from auvident.parallel import threads
 Result = TypeVar("Result")
 # Of this process, those of libraries too; a copy lacks them, and might wait for them for ever.
 THREADS = Path("/proc/self/task")
+COPIED = "jemalloc_bg_thd"  # that of pyarrow's allocator, which is made to be copied
 
 
 def meanwhile(work: Callable[[], Result]) -> Callable[[], Result]:
@@ -40,7 +41,10 @@ def meanwhile(work: Callable[[], Result]) -> Callable[[], Result]:
 
 def _can_copy() -> bool:
     """Whether nothing runs in this process but this thread, and another processor is free."""
-    return sys.platform == "linux" and threads() > 1 and len(list(THREADS.iterdir())) == 1
+    if sys.platform != "linux" or threads() == 1:
+        return False
+    names = [(thread / "comm").read_text().strip() for thread in THREADS.iterdir()]
+    return sum(name != COPIED for name in names) == 1
 
 
 def _close_all_but(end: int) -> None:
