@@ -40,6 +40,8 @@ KERNEL_MODULES = (
     "physics/six_dof.py",
     "physics/term_tables.py",
 )
+# Without a wrapper that lets C call a kernel: nobody does, and it took a twentieth of compiling.
+ALWAYS: Any = {"cache": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
 FOLDER = "auvident-kernels-"
 UNUSED_S = 30 * 86400.0  # a folder that no process used for a month belongs to a version long gone
 
@@ -123,7 +125,7 @@ def _compiled_in(folder: Path, function: Callable[..., Any], **options: Any) -> 
     before = config.CACHE_DIR  # type: ignore[attr-defined]
     config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
     try:
-        return njit(cache=True, error_model="numpy", nogil=True, **options)(function)
+        return njit(**ALWAYS, **options)(function)
     finally:
         config.CACHE_DIR = before  # type: ignore[attr-defined]
 

@@ -21,6 +21,8 @@ Result = TypeVar("Result")
 # that many would only wait. More than two were not measured.
 MOST_THREADS = 4
 VARIABLE = "AUVIDENT_THREADS"
+# with all of them at one, linear algebra that is loaded later has one thread from the start
+BLAS_VARIABLES = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 _here = threading.local()  # whether this thread already does one of several pieces of work
 
 
@@ -79,8 +81,9 @@ def _at_work(function: Callable[[Item], Result], item: Item) -> Result:
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """Linear algebra of numpy and of scipy on one thread."""
-    import scipy.linalg  # noqa: F401 (what is not loaded yet cannot be limited)
     from threadpoolctl import threadpool_limits
 
+    if any(os.environ.get(name) != "1" for name in BLAS_VARIABLES):
+        import scipy.linalg  # noqa: F401 (what is not loaded yet cannot be limited)
     with threadpool_limits(1, user_api="blas"):
         yield

@@ -14,7 +14,7 @@ import click
 import pandas as pd
 import pytest
 
-from auvident.cli import COMMANDS, cli, interrupt
+from auvident.cli import COLLECTED_AFTER, COMMANDS, cli, interrupt
 from auvident.pipeline import STAGES
 from tests import loop_world
 from tests.command_line import ENVIRONMENT, PROGRAM, Called
@@ -96,12 +96,35 @@ def test_help_is_there_at_once() -> None:
         subprocess.run([PROGRAM, "--help"], check=True, capture_output=True, env=ENVIRONMENT)
         seconds.append(of_children() - before)
     assert 0.0 < min(seconds) < HELP_SECONDS
-    script = "import sys, auvident.cli; print(*sys.modules)"
-    done = subprocess.run(
-        [sys.executable, "-c", script], check=True, capture_output=True, text=True, env=ENVIRONMENT
+
+
+NUMBERS = {"scipy", "numba", "matplotlib", "jinja2"}
+TABLES = {"pandas", "pyarrow"}
+BASE = {"numpy", "pydantic", "rich"}
+SAMPLE = ("sample_logs/harbour_trial", "--vehicle", "sample_logs/remus100.toml", "--run")
+WITHOUT = [
+    (("--help",), BASE | TABLES | NUMBERS),
+    (("ingest", "--help"), BASE | TABLES | NUMBERS),
+    (("ase", "--vehicle", SAMPLE[2]), TABLES | NUMBERS),
+    (("ingest", *SAMPLE), NUMBERS),
+]
+
+
+@pytest.mark.parametrize(("arguments", "heavy"), WITHOUT, ids=lambda x: " ".join(list(x)[:2]))
+def test_a_command_loads_no_library_that_it_does_not_need(
+    arguments: tuple[str, ...], heavy: set[str], tmp_path: Path
+) -> None:
+    script = (
+        "import sys; from auvident.cli import _run\n"
+        "assert not _run(sys.argv[1:]); print('loaded', *sys.modules)"
     )
-    heavy = {"numpy", "pandas", "numba", "pydantic", "rich", "scipy", "pyarrow", "matplotlib"}
-    assert not heavy & set(done.stdout.split())
+    command = [*arguments, str(tmp_path / "run")] if "--run" in arguments else arguments
+    done = subprocess.run(
+        [sys.executable, "-c", script, *command],
+        check=True, capture_output=True, text=True, env=ENVIRONMENT,
+    )  # fmt: skip
+    loaded = done.stdout.rpartition("\nloaded")[2].split()
+    assert len(loaded) > 50 and not heavy & set(loaded)
 
 
 # `combine` of a run of one plane writes where it is told to: tests/test_cli_combine.py
@@ -471,3 +494,13 @@ def test_plan_trial_needs_a_model_that_is_up_to_date(
     called = auvident("plan-trial", demo)
     assert called.code == 4
     assert f"auvident identify {demo}" in called.err
+
+
+def test_the_program_looks_for_cycles_of_garbage_less_often_than_python_does() -> None:
+    script = (
+        "import gc; from auvident.cli import _run; _run(['--version']); print(gc.get_threshold())"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], check=True, capture_output=True, text=True, env=ENVIRONMENT
+    )
+    assert str(COLLECTED_AFTER) in done.stdout

@@ -1,5 +1,8 @@
 """Work side by side: in order, the same bytes, and linear algebra on one thread."""
 
+import os
+import subprocess
+import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -116,3 +119,17 @@ def test_what_is_asked_for_inside_is_done_by_the_same_thread(with_threads) -> No
     assert [len(found) for found in parallel.each(outer, range(4))] == [1, 1, 1, 1]
     both = threading.Barrier(2, timeout=10.0)  # and side by side again behind it
     assert sorted(parallel.each(lambda _: both.wait(), range(2))) == [0, 1]
+
+
+def test_linear_algebra_that_is_limited_already_is_not_loaded_to_limit_it() -> None:
+    script = (
+        "import sys; from auvident.parallel import one_blas_thread\n"
+        "with one_blas_thread(): print('scipy.linalg' in sys.modules)"
+    )
+    for number, loaded in (("1", "False"), ("2", "True")):
+        limited = dict.fromkeys(parallel.BLAS_VARIABLES, number)
+        done = subprocess.run(
+            [sys.executable, "-c", script],
+            check=True, capture_output=True, text=True, env={**os.environ, **limited},
+        )  # fmt: skip
+        assert done.stdout.strip() == loaded

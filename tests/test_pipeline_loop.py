@@ -11,7 +11,7 @@ import pytest
 
 from auvident.engines.setup import Setup
 from auvident.errors import NumericsError
-from auvident.pipeline import STAGES, status
+from auvident.pipeline import STAGES, run_stage, status
 from auvident.pipeline.predict import find_model
 from auvident.pipeline.table import BY_NAME
 from tests import loop_world
@@ -295,3 +295,11 @@ def test_findings_on_the_refined_model_reach_the_comparison(
     monkeypatch.setattr(steps, "_identified_again", lambda *parts: (result, after))
     comparison = steps.refine(given)["refine/comparison.json"]
     assert said in comparison.findings
+
+
+def test_a_refinement_by_itself_makes_the_bytes_that_it_makes_in_a_run(demo: Path) -> None:
+    """There it takes over what the validation predicted."""
+    made = {f: f.read_bytes() for f in (demo / "refine").iterdir()}
+    assert len(made) == len(BY_NAME["refine"].writes)
+    run_stage("refine", demo)
+    assert {f: f.read_bytes() for f in made} == made

@@ -17,8 +17,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
-from scipy.optimize import minimize
 
 Array = npt.NDArray[Any]
 
@@ -197,6 +195,7 @@ def banded(diagonal: Array, below: Array) -> Array:
 
 def most_likely(chain: Chain, theta: Sequence[float], r: float) -> Intensities:
     """Intensities with the largest likelihood, sought from some on (all above 0)."""
+    from scipy.optimize import minimize  # a third of a second to import, for logs without a DVL
 
     near = _centred(chain, _solution(chain, (), theta, r))
     left, least = _left(near), _least(chain)
@@ -243,7 +242,7 @@ def course(chain: Chain, noise: Intensities) -> ChainEstimate:
     """Means and covariances of the states given all readings."""
     near = _centred(chain, _solution(chain, (), noise.theta, noise.r))
     mean = near.centre + _solution(near, _left(near), noise.theta, noise.r)
-    factor = cholesky_banded(_precision(chain, noise.theta, noise.r), lower=True)
+    factor = _factor(chain, noise.theta, noise.r)
     return ChainEstimate(mean, _covariances(factor, chain.d))
 
 
@@ -277,9 +276,9 @@ def _left(chain: Chain) -> tuple[_OffCentre, ...]:
 
 def _solution(chain: Chain, left: Sequence[_OffCentre], theta: Sequence[float], r: float) -> Array:
     """Most likely states (n, d), counted from the centre."""
-    factor = cholesky_banded(_precision(chain, theta, r), lower=True)
+    factor = _factor(chain, theta, r)
     pull = _pull(left or _left(chain), theta, r)
-    return cho_solve_banded((factor, True), pull).reshape(-1, chain.d)
+    return _solved(factor, pull).reshape(-1, chain.d)
 
 
 def _pull(left: Sequence[_OffCentre], theta: Sequence[float], r: float) -> Array:
@@ -293,17 +292,33 @@ def _precision(chain: Chain, theta: Sequence[float], r: float) -> Array:
     return band
 
 
+def _factor(chain: Chain, theta: Sequence[float], r: float) -> Array:
+    """Cholesky factor of the precision, as a lower band."""
+    from scipy.linalg import cholesky_banded  # takes as long to import as `minimize`
+
+    factor: Array = cholesky_banded(_precision(chain, theta, r), lower=True)
+    return factor
+
+
+def _solved(factor: Array, pull: Array) -> Array:
+    """States (n d,) that a factor and a pull make."""
+    from scipy.linalg import cho_solve_banded
+
+    states: Array = cho_solve_banded((factor, True), pull)
+    return states
+
+
 def _log_likelihood(
     chain: Chain, left: Sequence[_OffCentre], theta: Sequence[float], r: float
 ) -> float:
     """Up to what only the readings decide; -inf where the precision has no factor left."""
     try:
-        factor = cholesky_banded(_precision(chain, theta, r), lower=True)
-    except LinAlgError:
+        factor = _factor(chain, theta, r)
+    except np.linalg.LinAlgError:
         return -np.inf
     pull = _pull(left, theta, r)
     misfit = sum(own.power / t for own, t in zip(left, (*theta, r), strict=True))
-    misfit -= float(pull @ cho_solve_banded((factor, True), pull))
+    misfit -= float(pull @ _solved(factor, pull))
     volume = 2.0 * float(np.sum(np.log(factor[0])))
     volume += sum(m * np.log(t) + v for (m, v), t in zip(chain.volumes, theta, strict=True))
     volume += 2.0 * int(chain.starts.sum()) * chain.d * np.log(FIRST_STD)

@@ -49,6 +49,7 @@ class Given:
     ``also`` are the stages that the stage shows where they are, and that are up to date.
     ``planes`` are those of the run, the first one first; ``plane`` is the one that is looked at,
     and ``former`` what the stage has made of the first plane when it comes to the other.
+    ``kept`` is what stages of one run leave for later ones, so that they need not make it again.
     """
 
     run: RunDirectory
@@ -60,6 +61,7 @@ class Given:
     planes: tuple[Plane, ...] = ()
     plane: Plane | None = None
     former: Mapping[str, Any] = field(default_factory=dict)
+    kept: dict[tuple[str, Plane | None], Any] = field(default_factory=dict)
 
     def within(self, plane: Plane, former: Mapping[str, Any] | None = None) -> "Given":
         """The same for one plane: its artifacts in place of those of the first."""

@@ -1,10 +1,13 @@
 """What the report stage reads: every artifact that the run has."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from auvident.errors import NumericsError
 from auvident.pipeline.given import Given, Model
+from auvident.pipeline.meanwhile import meanwhile
 from auvident.storage.artifacts import read_json
 
 if TYPE_CHECKING:
@@ -18,7 +21,16 @@ WHOLE = "combine/model.json"
 
 def report_data(given: Given, plans: bool = True) -> "ReportData":
     """Artifacts of all stages, of every plane of the run; `plans`: with what to fly next."""
-    first, *others = (_of_plane(view, plans) for view in given.views())
+    import pandas as pd  # noqa: F401 (once for this process and its copy)
+
+    import auvident.report.html_data  # noqa: F401
+
+    views = given.views()
+    planned = meanwhile(lambda: [_plan(view) for view in views]) if plans else None
+    first, *others = (
+        _of_plane(view, partial(_of, planned, i) if planned else None)
+        for i, view in enumerate(views)
+    )
     return replace(first, others=tuple(map(_own, others)), whole=_whole(given))
 
 
@@ -40,14 +52,20 @@ def _own(other: "ReportData") -> "ReportData":
     )
 
 
-def _of_plane(given: Given, plans: bool) -> "ReportData":
+def _of(planned: "Callable[[], list[TrialPlan | None]]", number: int) -> "TrialPlan | None":
+    return planned()[number]
+
+
+def _of_plane(
+    given: Given, planned: "Callable[[], TrialPlan | None] | None" = None
+) -> "ReportData":
     """Artifacts of a plane; of those it can do without only where they are up to date."""
     from auvident.report.html_data import ReportData
     from auvident.schema.artifacts import Metrics
     from auvident.schema.desk import StandardManeuvers
 
     diagnosed = "diagnose" in given.also and given.has("diagnose/diagnosis.json")
-    is_refined = "refine" in given.also and given.has("refine/comparison.json")
+    is_refined = _is_refined(given)
     data = ReportData(
         trials=given.trials,
         vehicle=given.vehicle,
@@ -71,8 +89,22 @@ def _of_plane(given: Given, plans: bool) -> "ReportData":
     return replace(
         data,
         standard=_of_run(given, f"{last}/standard.json", StandardManeuvers),
-        plan=_plan(given, data.final_model) if plans else None,
+        planned=planned,
     )
+
+
+def _is_refined(given: Given) -> bool:
+    return "refine" in given.also and given.has("refine/comparison.json")
+
+
+def _final_model(given: Given) -> "IdentifiedModel | None":
+    """The model that the report is about, read alone."""
+    from auvident.report.html_data import ReportData
+
+    if not _is_refined(given):
+        return given.model
+    data = ReportData(model=given.model, comparison=given.comparison, refined_model=given.refined)
+    return data.final_model
 
 
 def _of_run(given: Given, name: str, kind: type[Model]) -> Model | None:
@@ -80,10 +112,11 @@ def _of_run(given: Given, name: str, kind: type[Model]) -> Model | None:
     return given.read(name, kind) if given.has(name) else None
 
 
-def _plan(given: Given, model: "IdentifiedModel | None") -> "TrialPlan | None":
+def _plan(given: Given) -> "TrialPlan | None":
     """What to fly next; None where no further maneuver can be simulated with the model."""
     from auvident.stages.plan_trial import plan_trial
 
+    model = _final_model(given)
     if model is None or not model.covariance:
         return None
     try:

@@ -124,6 +124,7 @@ def run_all(
         where it was run: then it is returned.
     """
     run, result = RunDirectory(path), RunResult()
+    kept: dict[Any, Any] = {}
     with run.lock():
         wanted = {s.name: _wanted(s, run, options.get(s.name, {}), seed) for s in STAGES}
         planes = asked_for(str(wanted["identify"].options["plane"]))
@@ -153,6 +154,7 @@ def run_all(
                     wanted[stage.name],
                     options.get(stage.name, {}),
                     observer,
+                    kept,
                 )
             except NumericsError as error:
                 if stage.name not in OPTIONAL:
@@ -266,6 +268,7 @@ def _execute(
     wanted: Wanted,
     options: Mapping[str, Any],
     observer: Observer,
+    kept: dict[Any, Any] | None = None,
 ) -> Outputs:
     """Call a stage and write what it returns: what is to come, the outputs, then the entry."""
     started, clock = _now(), time.perf_counter()
@@ -275,7 +278,7 @@ def _execute(
     inputs = {name: run.sha256(name) or "" for name in matching(manifest, stage.reads)}
     also = frozenset(s for s in stage.also if judge(BY_NAME[s], run, manifest).state == "done")
     given = Given(run, manifest, {**stage.options, **options}, wanted.seed or 0, observer, also)
-    given = replace(given, planes=_planes(stage, given))
+    given = replace(given, planes=_planes(stage, given), kept={} if kept is None else kept)
     outputs, content = _call(stage, given, wanted)
     manifest = manifest or Manifest(program_version=__version__, created_at=started)
     manifest = _announce(run, manifest, stage.name, content)

@@ -29,6 +29,10 @@ COMPILING_EACH_TIME = (
 )
 DEFAULT_PLAN = "refined"
 LEAST_UNDER_WAY_MPS = 0.3  # slower samples do not belong to a run at speed
+PREDICTED = "prediction and standard maneuvers of the identified model"
+MOST_KEPT_BYTES = (
+    2**26
+)  # of a prediction, while the diagnosis runs: of an hour at 10 Hz it has 10 MB
 
 
 # --- segment, ase -------------------------------------------------------------------------
@@ -142,14 +146,22 @@ def _first_model(given: Given) -> "IdentifiedModel | None":
 def validate(given: Given) -> dict[str, Any]:
     """Re-simulate the maneuvers with the identified model and with the estimate."""
     announce_compilation(given.observer)
-    from auvident.stages.validate import validate as predict_again
-
-    result = predict_again(given.trials, given.maneuvers, given.model, estimated=given.ase.applies)
+    result = _predicted(given)
+    standard = _standard(given, given.model, result)
+    if result.simulation.memory_usage().sum() <= MOST_KEPT_BYTES:
+        given.kept[PREDICTED, given.plane] = result, standard
     return {
         "validate/metrics.json": result.metrics,
         "validate/simulation.parquet": result.simulation,
-        "validate/standard.json": _standard(given, given.model, result),
+        "validate/standard.json": standard,
     }
+
+
+def _predicted(given: Given) -> "Validation":
+    """The prediction with the identified model."""
+    from auvident.stages.validate import validate as predict_again
+
+    return predict_again(given.trials, given.maneuvers, given.model, estimated=given.ase.applies)
 
 
 def _standard(given: Given, model: "IdentifiedModel", found: "Validation") -> "StandardManeuvers":
@@ -214,9 +226,9 @@ def refine(given: Given) -> dict[str, Any]:
     announce_compilation(given.observer, filter)
     from auvident.schema.diagnosis import CrossValidated
     from auvident.stages.refine import carried_of, choose, compare
-    from auvident.stages.validate import validate as predict_again
 
-    before = predict_again(given.trials, given.maneuvers, given.model, estimated=given.ase.applies)
+    before, standard = given.kept.pop((PREDICTED, given.plane), (None, None))
+    before = before or _predicted(given)
     carried = carried_of(given.diagnosis)
     after: _Again | None = None
     tried: tuple[Attempt, ...] = ()
@@ -257,7 +269,7 @@ def refine(given: Given) -> dict[str, Any]:
         "refine/history.parquet": history,
         "refine/simulation.parquet": now.simulation,
         "refine/metrics.json": now.metrics,
-        "refine/standard.json": _standard(given, model, now),
+        "refine/standard.json": (after is None and standard) or _standard(given, model, now),
     }
 
 

@@ -17,7 +17,8 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedFormatter, FixedLocator
 
-from auvident.report.taken import is_taken
+from auvident.report.taken import are_taken, is_taken
+from auvident.report.unticked import Unticked
 
 Array = npt.NDArray[np.float64]
 
@@ -97,7 +98,9 @@ def style(live: bool = False) -> Iterator[None]:
 
 def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
     """An empty figure."""
-    return Figure(figsize=(width_in, height_in))
+    if are_taken():
+        return Figure(figsize=(width_in, height_in))
+    return Unticked(figsize=(width_in, height_in))
 
 
 def svg(figure: Figure, name: str, caption: str) -> str:

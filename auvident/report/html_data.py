@@ -1,7 +1,7 @@
 """What the HTML report is made of, and how its numbers are shown."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -61,8 +61,8 @@ class ReportData:
         ``refine/metrics.json``: how well the refined model predicts.
     standard
         Standard maneuvers flown with the model that the run ends with.
-    plan
-        What another maneuver would add.
+    planned : callable or None
+        What another maneuver would add, which takes a while to find out.
     whole : CombinedModel or None
         Of six degrees of freedom, from both planes.
     others : sequence of ReportData
@@ -87,7 +87,7 @@ class ReportData:
     refined_history: "pd.DataFrame | None" = None
     refined_metrics: Metrics | None = None
     standard: StandardManeuvers | None = None
-    plan: TrialPlan | None = None
+    planned: Callable[[], TrialPlan | None] | None = None
     whole: CombinedModel | None = None
     others: "Sequence[ReportData]" = ()
 
@@ -95,6 +95,11 @@ class ReportData:
     def planes(self) -> "list[ReportData]":
         """Every plane by itself, the first one first."""
         return [replace(self, others=()), *self.others]
+
+    @property
+    def plan(self) -> TrialPlan | None:
+        """What another maneuver would add."""
+        return self.planned() if self.planned else None
 
     @property
     def plane(self) -> str:

@@ -12,6 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
+import pyarrow
 
 from auvident.errors import InputError
 from auvident.schema.artifacts import Finding
@@ -115,6 +116,7 @@ def read_trial(
     )
     findings = (*_unused(source, logs, homes), *set_aside(faults), *_damage(logs))
     raw = _from_common_origin(source.name, sensors, origins, findings)
+    pyarrow.default_memory_pool().release_unused()  # it keeps a part of what reading took
     return replace(with_constants(raw, column_map), derive=column_map.derive)
 
 

@@ -307,7 +307,7 @@ def test_the_summary_says_how_good_where_and_what_next(data: ReportData) -> None
         assert f"{i}. {c.name.capitalize()}: {c.what}" in box["Fly next"]
         symbol, factor = next(iter(c.shrinks.items()))
         assert f"{symbol} by {100 * (1 - factor):.0f} %" in box["Fly next"]
-    bare = told(replace(data, plan=None, simulation=None, diagnosis=None, comparison=None))
+    bare = told(replace(data, planned=None, simulation=None, diagnosis=None, comparison=None))
     assert not {"Use it for", "It lacked", "Fly next"} & set(bare)
 
 

@@ -6,9 +6,11 @@ from xml.etree import ElementTree
 import matplotlib.artist
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 
 from auvident.report.figures import BLUE, VERMILLION, categories, new_figure, style, svg
 from auvident.report.marks import ACROSS, DOWN, trace
+from auvident.report.taken import taken
 
 
 def steps(d: str) -> np.ndarray:
@@ -118,3 +120,14 @@ def test_what_has_no_mark_is_not_left_out_silently() -> None:
 
 class Unknown(matplotlib.artist.Artist):
     pass
+
+
+def test_figures_of_a_page_make_no_ticks_but_those_that_are_asked_for() -> None:
+    with style():
+        axes = new_figure(2.0).subplots()
+        axes.plot([0.0, 10.0], [-2.0, 2.0])
+        axes.tick_params(labelbottom=False)
+        assert axes.xaxis.majorTicks == [] and axes.yaxis.minorTicks == []
+        assert "−1" in [t.get_text() for t in axes.get_yticklabels()]  # made when asked for
+        with taken():
+            assert type(new_figure(2.0).subplots()) is Axes  # as matplotlib makes it

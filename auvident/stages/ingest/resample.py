@@ -97,14 +97,17 @@ def resample_measured(
         found = _average(time_s, values, grid, limit_s)
     else:
         found = _interpolate(time_s, values, grid, limit_s)
-    return Resampled(found, _holding(np.rint(time_s * grid.rate_hz), grid) & np.isfinite(found))
+    ticks = time_s * grid.rate_hz
+    np.rint(ticks, out=ticks)
+    return Resampled(found, _holding(ticks, grid) & np.isfinite(found))
 
 
 def _holding(ticks: np.ndarray, grid: Grid) -> np.ndarray:
     """Whether a tick of the grid is among some of any grid, bool of shape (grid.size,)."""
     first, last = np.searchsorted(ticks, (grid.first, grid.first + grid.size))
     holding = np.zeros(grid.size, dtype=bool)
-    holding[ticks[first:last].astype(np.int64) - grid.first] = True
+    for k in range(first, last, BLOCK):
+        holding[ticks[k : min(k + BLOCK, last)].astype(np.int64) - grid.first] = True
     return holding
 
 
@@ -152,7 +155,8 @@ def _integral_of_line(
         x = values[k : k + BLOCK + 1] - middle
         areas[k : k + BLOCK] = 0.5 * np.diff(time[k : k + BLOCK + 1]) * (x[1:] + x[:-1])
     np.cumsum(areas, out=areas)
-    place = np.clip(np.searchsorted(time, at, side="right") - 1, 0, time.size - 2)
+    place = np.searchsorted(time, at, side="right")
+    place = np.clip(place - 1, 0, time.size - 2, out=place)
     x = np.clip(at, time[0], time[-1]) - time[place]
     left, right = values[place] - middle, values[place + 1] - middle
     slope = (right - left) / (time[place + 1] - time[place])

@@ -11,6 +11,7 @@ moments). The largest fin angle of each kind and both sides identify as long as 
 spared. What overlaps with the maneuvers held out, in either plane, is settled in `split`.
 """
 
+import heapq
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -62,8 +63,8 @@ def _of_one_kind(maneuvers: Sequence[Maneuver], number: int, spare: Collection[s
     """Those whose ranks lie as far from the middle as those of all, one after the other."""
     away = dict(zip((m.id for m in maneuvers), _off_middle(maneuvers), strict=True))
     typical = float(np.mean(list(away.values())))
-    remaining = sorted(maneuvers, key=lambda m: m.id)
-    held: list[Maneuver] = []
+    remaining = sorted(map(_Seen.of, maneuvers), key=lambda m: m.id)
+    held: list[_Seen] = []
     beyond, again = 0.0, dict.fromkeys(away, False)
     while len(held) < number and len(remaining) > 1:
         free = [m for m in remaining if m.id in spare]
@@ -76,7 +77,7 @@ def _of_one_kind(maneuvers: Sequence[Maneuver], number: int, spare: Collection[s
                 *left.losses(m),
                 again[m.id],
                 round(abs(beyond + (away[m.id] - typical)), DECIMALS),
-                _amplitude(m),
+                m.amplitude,
                 m.id,
             ),
         )
@@ -89,6 +90,20 @@ def _of_one_kind(maneuvers: Sequence[Maneuver], number: int, spare: Collection[s
 
 
 @dataclass(frozen=True)
+class _Seen:
+    """What the choice looks at of a maneuver, looked up once."""
+
+    id: str
+    amplitude: float
+    side: Any
+    torn: bool
+
+    @classmethod
+    def of(cls, m: Maneuver) -> "_Seen":
+        return cls(m.id, _amplitude(m), _side(m), int(m.features.get("parts", 1)) > 1)
+
+
+@dataclass(frozen=True)
 class _Left:
     """What is left to identify, in figures that tell what it would lose without one of them."""
 
@@ -97,22 +112,21 @@ class _Left:
     sides: Mapping[Any, int]
 
     @classmethod
-    def of(cls, remaining: Sequence[Maneuver]) -> "_Left":
-        *_, second, first = sorted(_amplitude(m) for m in remaining)
-        return cls(first, second, Counter(_side(m) for m in remaining))
+    def of(cls, remaining: Sequence[_Seen]) -> "_Left":
+        first, second = heapq.nlargest(2, (m.amplitude for m in remaining))
+        return cls(first, second, Counter(m.side for m in remaining))
 
-    def losses(self, m: Maneuver) -> tuple[bool, ...]:
+    def losses(self, m: _Seen) -> tuple[bool, ...]:
         """What the identification would lose without `m`, the gravest loss first."""
-        amplitude = _amplitude(m)
-        others = self.next_largest if amplitude == self.largest else self.largest
-        side = self.sides[_side(m)] == 1 and sum(self.sides.values()) > 2
-        torn = int(m.features.get("parts", 1)) > 1  # an uninterrupted one tests the longer one
-        return amplitude > others + SAME_ANGLE_DEG, side, torn
+        others = self.next_largest if m.amplitude == self.largest else self.largest
+        side = self.sides[m.side] == 1 and sum(self.sides.values()) > 2
+        # an uninterrupted one tests the longer one
+        return m.amplitude > others + SAME_ANGLE_DEG, side, m.torn
 
 
-def _alike(m: Maneuver, x: Maneuver) -> bool:
+def _alike(m: _Seen, x: _Seen) -> bool:
     """Whether one of two is held out again rather than another one."""
-    return abs(_amplitude(x) - _amplitude(m)) <= SAME_ANGLE_DEG and _side(x) == _side(m)
+    return abs(x.amplitude - m.amplitude) <= SAME_ANGLE_DEG and x.side == m.side
 
 
 def _off_middle(maneuvers: Sequence[Maneuver]) -> Array:

@@ -137,14 +137,14 @@ def _findings(
     maneuvers: Sequence[Maneuver], held: set[str], along: dict[str, str]
 ) -> list[Finding]:
     """That a maneuver is held out because of another."""
-    out = [m for m in maneuvers if m.id in held or m.id in along]
+    near = _overlapping([m for m in maneuvers if m.id in held or m.id in along])
     return [
         Finding(
             code="held_out_along",
             message=f"Most of it lies within the held-out {along[m.id]}, so it is held out as "
             "well: no part of a trial has both roles.",
             where=m.id,
-            value=round(share_within(m, [x for x in out if x.id != m.id]), 3),
+            value=round(share_within(m, near[m.id]), 3),
             threshold=MOST,
             remedy="To identify from it, hold out another maneuver with --hold-out ID.",
         )
