@@ -25,7 +25,7 @@ Array = npt.NDArray[Any]
 SUBSTEPS = 5  # of a step, for the servo: a fifth of a step is short beside any servo
 LEAST_SPEED_MPS = 0.2  # the race is not divided by less than this speed
 SAG_PERIOD_S = 1000.0  # the thrust sags by its fraction in this time
-# parameters in the order in which `actuate` takes them, in the horizontal plane
+# parameters in the order in which `actuate_steps` takes them, in the horizontal plane
 COMMAND = (
     "rudder_delay.delay_s",
     "rudder_deadband.deadband_deg",
@@ -53,6 +53,7 @@ SERVO = (DELAY, DEADBAND, BACKLASH, ASYMMETRY, LAG, SLOWNESS)
 # columns of the inputs
 CONTROL, OTHER, REVS, THRUST, DRIVE, CHANGED, ROLL, PITCH, DEPTH, FORCE = range(10)
 ACTED = CHANGED + 1  # so many columns come of the commands
+NOWHERE, NO_STEP = np.zeros(0, dtype=np.int64), np.zeros((0, 2))
 
 
 @kernel
@@ -163,32 +164,6 @@ def share_fallen(elapsed, time, undecided):
 
 
 @kernel
-def actuate(raw, elapsed, speed, dt, e, out):
-    """Inputs that act on the vehicle.
-
-    Parameters
-    ----------
-    raw : (n, 3) array
-        Own control, other control [rad], propeller rate [rev/s]; from a while before the
-        maneuver on, so that play and lags have settled.
-    elapsed : (n,) array
-        Time since the start of the trial [s].
-    speed : (n,) array
-        Measured surge velocity [m/s], for the thrust and the race.
-    dt : float
-    e : (18,) array
-        Internal values in the order of `COMMAND`.
-    out : (n, 12) array
-        Its first six columns are filled: controls, propeller rate, thrust factor, thrust, part of
-        the weight that has changed.
-    """
-    angle, rate = np.empty(raw.shape[0]), np.empty(raw.shape[0])
-    _turn_fin(raw, dt, e, angle)
-    _turn_propeller(raw, dt, e, rate)
-    _act(raw, elapsed, speed, e, angle, rate, out)
-
-
-@kernel
 def _turn_fin(raw, dt, e, angle):
     """Angle (n,) of the servo."""
     work = np.empty(raw.shape[0])
@@ -204,7 +179,7 @@ def _turn_propeller(raw, dt, e, rate):
 
 @kernel
 def _act(raw, elapsed, speed, e, angle, rate, out):
-    """What servo and propeller do to the vehicle; see `actuate`."""
+    """What servo and propeller do to the vehicle; see `actuate_steps`."""
     for k in range(raw.shape[0]):
         revs = rate[k]
         thrust = thrust_of(revs, speed[k], e)
@@ -232,29 +207,38 @@ def felt_angle(angle, thrust, factor, speed, e):
 
 
 @kernel
-def actuate_steps(raw, elapsed, speed, dt, e, places, steps, base, slopes):
-    """Slopes of the inputs by differences, one effect moved at a time.
+def actuate_steps(raw, elapsed, speed, dt, e, places, steps, whole, slopes):
+    """Inputs that act on the vehicle, and their slopes by differences, one effect at a time.
 
     Parameters
     ----------
-    raw, elapsed, speed, dt, e :
-        See `actuate`.
+    raw : (m + n, 3) array
+        Own control, other control [rad], propeller rate [rev/s]; from m rows before the
+        maneuver on, so that play and lags have settled.
+    elapsed : (m + n,) array
+        Time since the start of the trial [s].
+    speed : (m + n,) array
+        Measured surge velocity [m/s], for the thrust and the race.
+    dt : float
+    e : (18,) array
+        Internal values in the order of `COMMAND`.
     places : (k,) int array
         Of the values to move.
     steps : (k, 2) array
         How far each is moved, and what the difference is divided by.
-    base : (n, 12) array
-        Inputs at e, of the maneuver alone: the last n rows.
-    slopes : (n, 12, k) array
-        Its first six columns are filled.
+    whole : (m + n, 12) array
+        Its first six columns are filled: controls, propeller rate, thrust factor, thrust, part of
+        the weight that has changed.
+    slopes : (n, 6, k) array, filled
     """
-    n, rows = base.shape[0], raw.shape[0]
+    n, rows = slopes.shape[0], raw.shape[0]
     lead, out = rows - n, np.empty((rows, ACTED))
     angle, turned, rate, lagging = np.empty(rows), np.empty(rows), np.empty(rows), np.empty(rows)
     _turn_fin(raw, dt, e, angle)
     _turn_propeller(raw, dt, e, rate)
+    _act(raw, elapsed, speed, e, angle, rate, whole)
+    moved = e.copy()
     for k in range(places.shape[0]):
-        moved = e.copy()
         moved[places[k]] += steps[k, 0]
         at_fin, at_propeller = places[k] in SERVO, places[k] == MOTOR_LAG
         if at_fin:
@@ -270,9 +254,10 @@ def actuate_steps(raw, elapsed, speed, dt, e, places, steps, base, slopes):
             lagging if at_propeller else rate,
             out,
         )
+        moved[places[k]] = e[places[k]]
         for t in range(n):
             for i in range(ACTED):
-                slopes[t, i, k] = (out[lead + t, i] - base[t, i]) / steps[k, 1]
+                slopes[t, i, k] = (out[lead + t, i] - whole[lead + t, i]) / steps[k, 1]
 
 
 def command_values(plane: Plane, parameters: tuple[str, ...], p: Array) -> Array:
@@ -290,8 +275,25 @@ def acting_inputs(
     e: Array,
     depth: Array | float = 0.0,
 ) -> Array:
-    """Inputs (n, 12) of the equations of motion; see `actuate`. No free force acts."""
-    out = np.zeros((len(raw), N_INPUTS))
-    actuate(raw, elapsed, speed, dt, e, out)
+    """Inputs (n, 12) of the equations of motion; see `actuate_steps`. No free force acts."""
+    return acting_with_steps(raw, elapsed, speed, roll, pitch, dt, e, depth, 0, NOWHERE, NO_STEP)[0]
+
+
+def acting_with_steps(
+    raw: Array,
+    elapsed: Array,
+    speed: Array,
+    roll: Array,
+    pitch: Array,
+    dt: float,
+    e: Array,
+    depth: Array | float,
+    rows: int,
+    places: Array,
+    steps: Array,
+) -> tuple[Array, Array]:
+    """Inputs, and their slopes (rows, 6, k) in the last rows; see `actuate_steps`."""
+    out, slopes = np.zeros((len(raw), N_INPUTS)), np.empty((rows, ACTED, len(places)))
+    actuate_steps(raw, elapsed, speed, dt, e, places, steps, out, slopes)
     out[:, ROLL], out[:, PITCH], out[:, DEPTH] = roll, pitch, depth
-    return out
+    return out, slopes
