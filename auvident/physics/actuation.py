@@ -57,14 +57,19 @@ NOWHERE, NO_STEP = np.zeros(0, dtype=np.int64), np.zeros((0, 2))
 
 
 @kernel
+def delayed_at(command, k, whole, share):
+    """Step mean k of a held command that arrives `whole` steps and a share of one later."""
+    n = command.shape[0]
+    first, before = min(max(k - whole, 0), n - 1), min(max(k - whole - 1, 0), n - 1)
+    return (1.0 - share) * command[first] + share * command[before]
+
+
+@kernel
 def delayed(command, steps, out):
     """Step means of a held command that arrives `steps` (a fraction, either sign) later."""
-    n, whole = command.shape[0], math.floor(steps)
-    share = steps - whole
-    for k in range(n):
-        first = min(max(k - int(whole), 0), n - 1)
-        before = min(max(k - int(whole) - 1, 0), n - 1)
-        out[k] = (1.0 - share) * command[first] + share * command[before]
+    whole = math.floor(steps)
+    for k in range(command.shape[0]):
+        out[k] = delayed_at(command, k, whole, steps - whole)
 
 
 @kernel
@@ -127,10 +132,10 @@ def unequal(taken, asymmetry):
 @kernel
 def turned(target, angle, slowness, h, keep, most, trailing):
     """Mean angle of the servo over one step, and the angle that it comes to."""
-    short = 0.0
+    short, per_angle = 0.0, max(slowness, 0.0) / h
     for _ in range(SUBSTEPS):
         distance = target - angle
-        turning = abs(distance) * max(slowness, 0.0) / h
+        turning = abs(distance) * per_angle
         limited = 0.5 * turning if turning <= 1.0 else 1.0 - 0.5 / turning
         short += max(trailing, limited) * distance
         angle += min(max(distance * (1.0 - keep), -most), most)
@@ -164,31 +169,40 @@ def share_fallen(elapsed, time, undecided):
 
 
 @kernel
-def _turn_fin(raw, dt, e, angle):
-    """Angle (n,) of the servo."""
-    work = np.empty(raw.shape[0])
-    delayed(raw[:, CONTROL].copy(), e[DELAY] / dt, work)
-    servo_angle(work, e[LAG], e[SLOWNESS], e[DEADBAND], e[BACKLASH], e[ASYMMETRY], dt, angle)
+def _turn_fins(command, dt, e, angle):
+    """Angles (v, n) of the servo with each of some effects e (v, 18).
+
+    Row by row, as the processor works on several servos at a time but on one row of each.
+    """
+    count, constants = e.shape[0], np.empty((e.shape[0], 5))
+    taken, reached, whole = np.zeros(count), np.zeros(count), np.empty(count, np.int64)
+    for v in range(count):
+        h, keep, most, trailing = servo_constants(e[v, LAG], e[v, SLOWNESS], dt)
+        constants[v, 0], constants[v, 1], constants[v, 2], constants[v, 3] = h, keep, most, trailing
+        whole[v] = math.floor(e[v, DELAY] / dt)
+        constants[v, 4] = e[v, DELAY] / dt - whole[v]
+    for k in range(command.shape[0]):
+        for v in range(count):
+            h, keep, most = constants[v, 0], constants[v, 1], constants[v, 2]
+            trailing, share = constants[v, 3], constants[v, 4]
+            ordered = delayed_at(command, k, whole[v], share)
+            half_width = e[v, BACKLASH] if k > 0 else 0.0
+            taken[v] = taken_up(ordered, taken[v], e[v, DEADBAND], half_width)
+            target = unequal(taken[v], e[v, ASYMMETRY])
+            start = target if k == 0 else reached[v]
+            angle[v, k], reached[v] = turned(target, start, e[v, SLOWNESS], h, keep, most, trailing)
 
 
 @kernel
-def _turn_propeller(raw, dt, e, rate):
-    """Rate (n,) of the propeller."""
-    lagged(raw[:, REVS].copy(), e[MOTOR_LAG], dt, rate)
-
-
-@kernel
-def _act(raw, elapsed, speed, e, angle, rate, out):
-    """What servo and propeller do to the vehicle; see `actuate_steps`."""
-    for k in range(raw.shape[0]):
-        revs = rate[k]
-        thrust = thrust_of(revs, speed[k], e)
-        factor = 1.0 - e[SAG] * elapsed[k] / SAG_PERIOD_S
-        factor -= e[STEP] * share_fallen(elapsed[k], e[STEP_TIME], e[OVER])
-        out[k, CONTROL] = felt_angle(angle[k], thrust, factor, speed[k], e)
-        out[k, OTHER], out[k, REVS], out[k, THRUST] = raw[k, OTHER], revs, factor
-        out[k, DRIVE] = thrust * factor
-        out[k, CHANGED] = share_fallen(elapsed[k], e[CHANGE_TIME], e[CHANGE_OVER])
+def _act(raw, elapsed, speed, e, k, angle, revs, out):
+    """What servo and propeller do to the vehicle in row k; fills the first inputs in `out`."""
+    thrust = thrust_of(revs, speed[k], e)
+    factor = 1.0 - e[SAG] * elapsed[k] / SAG_PERIOD_S
+    factor -= e[STEP] * share_fallen(elapsed[k], e[STEP_TIME], e[OVER])
+    out[CONTROL] = felt_angle(angle, thrust, factor, speed[k], e)
+    out[OTHER], out[REVS], out[THRUST] = raw[k, OTHER], revs, factor
+    out[DRIVE] = thrust * factor
+    out[CHANGED] = share_fallen(elapsed[k], e[CHANGE_TIME], e[CHANGE_OVER])
 
 
 @kernel
@@ -231,33 +245,35 @@ def actuate_steps(raw, elapsed, speed, dt, e, places, steps, whole, slopes):
         the weight that has changed.
     slopes : (n, 6, k) array, filled
     """
-    n, rows = slopes.shape[0], raw.shape[0]
-    lead, out = rows - n, np.empty((rows, ACTED))
-    angle, turned, rate, lagging = np.empty(rows), np.empty(rows), np.empty(rows), np.empty(rows)
-    _turn_fin(raw, dt, e, angle)
-    _turn_propeller(raw, dt, e, rate)
-    _act(raw, elapsed, speed, e, angle, rate, whole)
-    moved = e.copy()
-    for k in range(places.shape[0]):
-        moved[places[k]] += steps[k, 0]
-        at_fin, at_propeller = places[k] in SERVO, places[k] == MOTOR_LAG
-        if at_fin:
-            _turn_fin(raw, dt, moved, turned)
+    n, rows, count = slopes.shape[0], raw.shape[0], places.shape[0]
+    lead, there, fins = rows - n, np.empty(ACTED), 1
+    moved, fin_of = np.empty((1 + count, e.shape[0])), np.zeros(1 + count, np.int64)
+    for v in range(1 + count):
+        moved[v] = e
+        if v > 0:
+            moved[v, places[v - 1]] += steps[v - 1, 0]
+            if places[v - 1] in SERVO:
+                fin_of[v], fins = fins, fins + 1
+    turning = np.empty((fins, e.shape[0]))
+    for v in range(1 + count):
+        turning[fin_of[v]] = moved[v]
+    turning[0] = e  # with which the others leave the fin
+    angle, rate, lagging = np.empty((fins, rows)), np.empty(rows), np.empty(rows)
+    _turn_fins(raw[:, CONTROL].copy(), dt, turning, angle)
+    command = raw[:, REVS].copy()
+    lagged(command, e[MOTOR_LAG], dt, rate)
+    for k in range(rows):
+        _act(raw, elapsed, speed, e, k, angle[0, k], rate[k], whole[k])
+    for v in range(1, 1 + count):
+        at_propeller = places[v - 1] == MOTOR_LAG
         if at_propeller:
-            _turn_propeller(raw, dt, moved, lagging)
-        _act(
-            raw,
-            elapsed,
-            speed,
-            moved,
-            turned if at_fin else angle,
-            lagging if at_propeller else rate,
-            out,
-        )
-        moved[places[k]] = e[places[k]]
+            lagged(command, moved[v, MOTOR_LAG], dt, lagging)
         for t in range(n):
+            k = lead + t
+            revs = lagging[k] if at_propeller else rate[k]
+            _act(raw, elapsed, speed, moved[v], k, angle[fin_of[v], k], revs, there)
             for i in range(ACTED):
-                slopes[t, i, k] = (out[lead + t, i] - whole[lead + t, i]) / steps[k, 1]
+                slopes[t, i, v - 1] = (there[i] - whole[k, i]) / steps[v - 1, 1]
 
 
 def command_values(plane: Plane, parameters: tuple[str, ...], p: Array) -> Array:

@@ -99,14 +99,17 @@ def _read(vertical, mount, e, states, angle, rates, dt, from_middle, heading, wo
     """Readings of the states; see `readings`. `work` is of the shape of `out`."""
     turn, matrix = np.empty((2, 2)), np.empty((N_CHANNELS, N_CHANNELS))
     _place_sensor(vertical, mount, e, turn, matrix)
+    late = e[DVL_DELAY] != 0.0 or e[GYRO_DELAY] != 0.0
+    into = work if late else out
     for k in range(out.shape[0]):
         for i in range(N_CHANNELS):
             total = 0.0
             for j in range(N_CHANNELS):
                 total += matrix[i, j] * states[k, j]
-            work[k, i] = total
-    add_offsets(vertical, turn, e, angle, rates, from_middle, heading, work)
-    _late(work, e[DVL_DELAY] / dt, e[GYRO_DELAY] / dt, out)
+            into[k, i] = total
+    add_offsets(vertical, turn, e, angle, rates, from_middle, heading, into)
+    if late:
+        _late(into, e[DVL_DELAY] / dt, e[GYRO_DELAY] / dt, out)
 
 
 @kernel
