@@ -53,12 +53,15 @@ class Whitening(NamedTuple):
     ----------
     active : (4,) bool array
     keep, white, slow : (4,) array
+    start : (4,) array
+        Inverse variances of the start; 1 for inactive states.
     """
 
     active: np.ndarray
     keep: np.ndarray
     white: np.ndarray
     slow: np.ndarray
+    start: np.ndarray
 
 
 @borrowing
@@ -191,7 +194,7 @@ def _eliminate(start_information, gram):
 
 
 @kernel
-def normal_equations(z, sees, readings, measured, noise, start_information, gram):
+def normal_equations(z, sees, readings, measured, noise, gram):
     """What a record adds to the likelihood, its start eliminated.
 
     Parameters
@@ -201,8 +204,6 @@ def normal_equations(z, sees, readings, measured, noise, start_information, gram
     readings, measured : (n, 4) array
         As predicted; as read, NaN where nothing was.
     noise : Whitening
-    start_information : (4,) array
-        Inverse variances of the start; 1 for inactive states.
     gram : (5 + m, 5 + m) array, filled
         Products of error and slopes: squared error at (0, 0), the gradient from (5, 0) on, the
         curvature from (5, 5) on. The rows of the start are of no use afterwards.
@@ -220,4 +221,4 @@ def normal_equations(z, sees, readings, measured, noise, start_information, gram
     for i in range(width):
         for j in range(width):
             gram[i, j] = sums[i, j]
-    return lost if _eliminate(start_information, gram) else -1
+    return lost if _eliminate(noise.start, gram) else -1

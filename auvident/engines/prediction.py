@@ -9,6 +9,7 @@ inputs and readings to first order about the parameters of their start.
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -99,23 +100,78 @@ class Free:
         return self.at(p, p[self.positions] + self.scale * by)
 
 
-def at_effects(frame: Frame, p: Array, record: Record) -> Record:
-    """The record as the effects at p make it: acting inputs, states behind the readings."""
-    return _acting(frame, p, record, Moves(NOWHERE, NOWHERE, NO_STEP))[0]
+NOTHING_FREE = Free(NOWHERE, NOWHERE, np.zeros(0))
+
+
+@dataclass(frozen=True)
+class At:
+    """A frame at a parameter vector of which some entries are free: what all records share.
+
+    Attributes
+    ----------
+    frame : Frame
+    p : (n_parameters,) array
+    free : Free
+    """
+
+    frame: Frame
+    p: Array
+    free: Free
+
+    @cached_property
+    def reading_effects(self) -> Array:
+        """Effects of the sensors in the order of `physics.sensing.READING`."""
+        return self.frame.reading_effects(self.p)
+
+    @cached_property
+    def command_effects(self) -> Array:
+        """Effects of servo and propeller in the order of `physics.actuation.COMMAND`."""
+        return self.frame.command_effects(self.p)
+
+    @cached_property
+    def moves(self) -> "Moves":
+        """The free effects on the inputs.
+
+        Slopes by them are differences: play, dead band and limits have no slope where they are
+        off, and take a step of the size to be expected there.
+        """
+        commands, e = COMMANDS[self.frame.structure.plane], self.command_effects
+        found = _columns_of(commands, self.frame.structure.parameters, self.free)
+        steps = np.zeros((len(found), 2))
+        for k, (column, place) in enumerate(found):
+            declared, scale = parameter_of(commands[place]).step, self.free.scale[column]
+            at_work = abs(e[place]) > SMALL * declared * scale
+            step = min(declared, SMALL_STEP) if at_work else declared
+            steps[k] = step * scale, step
+        return Moves(*_both(found), steps)
+
+    @cached_property
+    def reading_moves(self) -> "Moves":
+        """The free effects of the sensors."""
+        found = _columns_of(sense.READING, self.frame.structure.parameters, self.free)
+        columns, places = _both(found)
+        return Moves(columns, places, READING_STEP * self.free.scale[columns])
+
+    @cached_property
+    def matrix(self) -> Array:
+        """Sensor matrix (4, 4)."""
+        frame = self.frame
+        return sense.sensor_matrix(frame.structure.plane, frame.sensing, self.reading_effects)
 
 
 @dataclass(frozen=True)
 class Moves:
-    """Effects on the inputs that are free.
+    """Free effects by which slopes are differences.
 
     Attributes
     ----------
     columns : (k,) int array
         Among the free parameters.
     places : (k,) int array
-        In the order of `physics.actuation.COMMAND`.
-    steps : (k, 2) array
-        How far each is moved for its slope, and what the difference is divided by.
+        In the order of `physics.actuation.COMMAND` or of `physics.sensing.READING`.
+    steps : (k, 2) or (k,) array
+        How far each is moved for its slope, and what the difference is divided by where that is
+        not `READING_STEP`.
     """
 
     columns: npt.NDArray[np.int64]
@@ -123,30 +179,27 @@ class Moves:
     steps: Array
 
 
-def moves_of(frame: Frame, p: Array, free: Free) -> Moves:
-    """The free effects on the inputs.
+NO_MOVES = Moves(NOWHERE, NOWHERE, NO_STEP)
+NO_READING = Moves(NOWHERE, NOWHERE, np.zeros(0))
 
-    Slopes by them are differences: play, dead band and limits have no slope where they are off,
-    and take a step of the size to be expected there.
-    """
-    commands, e = COMMANDS[frame.structure.plane], frame.command_effects(p)
-    found = _columns_of(commands, frame.structure.parameters, free)
-    steps = np.zeros((len(found), 2))
-    for k, (column, place) in enumerate(found):
-        declared, scale = parameter_of(commands[place]).step, free.scale[column]
-        at_work = abs(e[place]) > SMALL * declared * scale
-        step = min(declared, SMALL_STEP) if at_work else declared
-        steps[k] = step * scale, step
+
+def _both(found: Sequence[tuple[int, int]]) -> tuple[Array, Array]:
+    """Columns (k,) and places (k,) of some effects."""
     columns, places = np.array(found, dtype=np.int64).reshape(-1, 2).T
-    return Moves(columns.copy(), places.copy(), steps)
+    return columns.copy(), places.copy()
 
 
-def _acting(frame: Frame, p: Array, record: Record, moves: Moves) -> tuple[Record, Array]:
+def at_effects(frame: Frame, p: Array, record: Record) -> Record:
+    """The record as the effects at p make it: acting inputs, states behind the readings."""
+    return _acting(At(frame, p, NOTHING_FREE), record, NO_MOVES)[0]
+
+
+def _acting(at: At, record: Record, moves: Moves) -> tuple[Record, Array]:
     """The record as the effects make it, and slopes (n, l, k) of its first inputs."""
-    source = record.source
+    source, frame = record.source, at.frame
     if source is None or not frame.structure.effects:
         return record, np.zeros((len(record.time_s), 0, len(moves.columns)))
-    e = frame.reading_effects(p)
+    e = at.reading_effects
     behind = whole.states_behind(
         frame.structure.plane,
         frame.sensing,
@@ -157,7 +210,7 @@ def _acting(frame: Frame, p: Array, record: Record, moves: Moves) -> tuple[Recor
         source.from_middle_s,
         source.heading,
     )
-    inputs, slopes = _inputs(frame, frame.command_effects(p), record, source, moves)
+    inputs, slopes = _inputs(frame, at.command_effects, record, source, moves)
     start = _start(frame, e, record, source)
     return replace(record, inputs=inputs, given=behind, start=start), slopes
 
@@ -201,17 +254,18 @@ def _inputs(
 def input_slopes(frame: Frame, p: Array, acting: Record, free: Free) -> tuple[Array, Array]:
     """Slopes (n, 12, k) of the inputs by the free parameters in columns (k,), per unit of scale.
 
-    By differences, see `moves_of`.
+    By differences, see `At.moves`.
 
     Parameters
     ----------
     acting : Record
         As `at_effects` returns it.
     """
-    moves, source = moves_of(frame, p, free), acting.source
+    at, source = At(frame, p, free), acting.source
+    moves = at.moves
     if not len(moves.columns) or source is None:
         return np.zeros((len(acting.time_s), N_INPUTS, 0)), NOWHERE
-    found = _inputs(frame, frame.command_effects(p), acting, source, moves)[1]
+    found = _inputs(frame, at.command_effects, acting, source, moves)[1]
     slopes = np.zeros((len(acting.time_s), N_INPUTS, len(moves.columns)))
     slopes[:, : found.shape[1]] = found
     return slopes, moves.columns
@@ -237,20 +291,18 @@ def simulated(frame: Frame, p: Array, record: Record, active: Array) -> Array:
 
 def readings(frame: Frame, p: Array, record: Record, states: Array) -> Array:
     """Readings (n, 4) that the sensors would give of the states."""
-    return _readings(frame, frame.reading_effects(p), record, states, (), np.zeros(0))[0]
+    return _readings(At(frame, p, NOTHING_FREE), record, states, NO_READING)[0]
 
 
-def _readings(
-    frame: Frame, e: Array, record: Record, states: Array, places: Sequence[int], steps: Array
-) -> tuple[Array, Array]:
-    """Readings (n, 4), and their slopes (n, 4, k) by the effects of the sensors at some places."""
-    source = record.source
+def _readings(at: At, record: Record, states: Array, moves: Moves) -> tuple[Array, Array]:
+    """Readings (n, 4), and their slopes (n, 4, k) by some effects of the sensors."""
+    source, frame = record.source, at.frame
     return whole.readings_with_steps(
         frame.structure.plane,
         frame.sensing,
-        e,
-        places,
-        steps,
+        at.reading_effects,
+        moves.places,
+        moves.steps,
         READING_STEP,
         states,
         states[:, 3],
@@ -297,32 +349,32 @@ class _Memory(threading.local):
 _memory = _Memory()
 
 
-def observed(
-    frame: Frame, p: Array, record: Record, active: Array, free: Free, gain: Array | None = None
-) -> Observed | None:
+def observed(at: At, record: Record, active: Array, gain: Array | None = None) -> Observed | None:
     """Predicted readings of a record with what their slopes are made of; None: it runs away.
 
     What is returned rests on working memory, and holds until this thread asks for more.
 
     Parameters
     ----------
+    at : At
     record : Record
-        As ingested; the effects at p are put in here.
+        As ingested; the effects are put in here.
+    active : (4,) bool array
     gain : (4,) array, optional
         Observer gain, see `physics.dynamics.simulate_with_sensitivities`.
     """
-    moves = moves_of(frame, p, free)
-    acting, slopes = _acting(frame, p, record, moves)
+    frame, free = at.frame, at.free
+    acting, slopes = _acting(at, record, at.moves)
     z = _memory.of(len(record.time_s), N_STATES, 1 + N_STATES + len(free.positions))
     if not simulate_with_sensitivities(
         acting.start,
         acting.inputs,
         slopes,
-        moves.columns,
+        at.moves.columns,
         acting.given,
         np.zeros(N_STATES) if gain is None else gain,
         frame.dt_s,
-        p,
+        at.p,
         active,
         frame.structure.equations,
         free.column,
@@ -330,26 +382,23 @@ def observed(
         z,
     ):
         return None
-    return _observed(frame, frame.reading_effects(p), record, free, z)
+    return _observed(at, record, z)
 
 
-def _observed(frame: Frame, e: Array, record: Record, free: Free, z: Array) -> Observed:
-    """A simulation as the sensors see it, with their effects e."""
-    plane, source = frame.structure.plane, record.source
-    pairs = np.array(_columns_of(sense.READING, frame.structure.parameters, free), dtype=np.int64)
-    columns, places = pairs.reshape(-1, 2).T
+def _observed(at: At, record: Record, z: Array) -> Observed:
+    """A simulation as the sensors see it, with their effects."""
+    e, source, dt_s = at.reading_effects, record.source, at.frame.dt_s
     states = np.ascontiguousarray(z[:, :, 0])
-    steps = READING_STEP * free.scale[columns]
-    found, slopes = _readings(frame, e, record, states, places.tolist(), steps)
+    found, slopes = _readings(at, record, states, at.reading_moves)
     by_pitch = NO_WATER
-    if plane == "vertical" and source is not None:
-        by_pitch = sense.water_by_pitch(frame.sensing, e, states[:, 3], source.heading)
+    if at.frame.structure.plane == "vertical" and source is not None:
+        by_pitch = sense.water_by_pitch(at.frame.sensing, e, states[:, 3], source.heading)
     sees = Sees(
-        sense.sensor_matrix(plane, frame.sensing, e),
+        at.matrix,
         np.ascontiguousarray(by_pitch),
-        e[sense.DVL_DELAY] / frame.dt_s,
-        e[sense.GYRO_DELAY] / frame.dt_s,
-        1 + N_STATES + columns,
+        e[sense.DVL_DELAY] / dt_s,
+        e[sense.GYRO_DELAY] / dt_s,
+        1 + N_STATES + at.reading_moves.columns,
         slopes,
     )
     return Observed(found, z, sees)
@@ -369,9 +418,14 @@ def readings_with_slopes(
 ) -> Slopes | None:
     """Predicted readings of a record with their slopes; None where the simulation runs away.
 
-    Parameters as of `observed`.
+    Parameters
+    ----------
+    record : Record
+        As ingested; the effects at p are put in here.
+    gain : (4,) array, optional
+        Observer gain, see `physics.dynamics.simulate_with_sensitivities`.
     """
-    found = observed(frame, p, record, active, free, gain)
+    found = observed(At(frame, p, free), record, active, gain)
     if found is None:
         return None
     slopes = np.empty(found.z.shape)
@@ -401,21 +455,18 @@ def linear_about(
     n : int
         Length that they are padded to.
     """
-    e, k = frame.reading_effects(p), len(records)
-    matrix = sense.sensor_matrix(frame.structure.plane, frame.sensing, e)
-    pairs = _columns_of(sense.READING, frame.structure.parameters, free)
-    places, steps = [place for _, place in pairs], READING_STEP * free.scale[[c for c, _ in pairs]]
-    offset, by_reading = np.zeros((k, n, 4)), np.zeros((k, n, 4, len(pairs)))
+    at, k = At(frame, p, free), len(records)
+    moves, matrix = at.reading_moves, at.matrix
+    offset, by_reading = np.zeros((k, n, 4)), np.zeros((k, n, 4, len(moves.columns)))
     inputs: list[Array] = []
     columns = np.zeros(0, dtype=np.int64)
     for j, record in enumerate(records):
         length, states = len(record.time_s), _smoothed(record.given, frame.dt_s)
-        base, by_reading[j, :length] = _readings(frame, e, record, states, places, steps)
+        base, by_reading[j, :length] = _readings(at, record, states, moves)
         offset[j, :length] = base - states @ matrix.T
         slope, columns = input_slopes(frame, p, record, free)
         inputs.append(np.concatenate([slope, np.zeros((n - length, *slope.shape[1:]))]))
-    reading_columns = np.array([column for column, _ in pairs], dtype=np.int64)
-    return Linear(columns, np.array(inputs), offset, reading_columns, by_reading), matrix
+    return Linear(columns, np.array(inputs), offset, moves.columns, by_reading), matrix
 
 
 def _smoothed(states: Array, dt_s: float) -> Array:

@@ -1,7 +1,6 @@
 """The readings of whole records: the equations of `sensing`, compiled, and the way back."""
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -32,6 +31,8 @@ from auvident.schema.artifacts import Sensing
 from auvident.schema.coefficients import Plane
 
 Array = npt.NDArray[Any]
+
+NOWHERE = np.zeros(0, dtype=np.int64)
 
 _place_sensor = kernel(sensing.place_sensor)
 _over_ground = kernel(sensing.water_over_ground)
@@ -221,14 +222,14 @@ def readings(
 ) -> Array:
     """Readings (n, 4) of the states (n, 4); see `offsets` and `late` for the rest."""
     args = (states, angle, rates, dt, from_middle_s, heading)
-    return readings_with_steps(plane, sensing, e, (), np.zeros(0), 1.0, *args)[0]
+    return readings_with_steps(plane, sensing, e, NOWHERE, np.zeros(0), 1.0, *args)[0]
 
 
 def readings_with_steps(
     plane: Plane,
     sensing: Sensing,
     e: Array,
-    places: Sequence[int],
+    places: Array,
     steps: Array,
     over: float,
     states: Array,
@@ -245,7 +246,7 @@ def readings_with_steps(
         plane == "vertical",
         mount_of(sensing),
         e,
-        np.array(places, dtype=np.int64),
+        places,
         steps,
         over,
         np.ascontiguousarray(states),
