@@ -27,6 +27,7 @@ from platformdirs import user_cache_path
 
 PACKAGE = Path(__file__).resolve().parent
 KERNEL_MODULES = (
+    "engines/accumulated.py",
     "engines/motion_pass.py",
     "engines/passes.py",
     "engines/sigma_points.py",
@@ -36,6 +37,8 @@ KERNEL_MODULES = (
     "physics/batch.py",
     "physics/dynamics.py",
     "physics/fleet.py",
+    "physics/readings.py",
+    "physics/sensing.py",
     "physics/sensitivity.py",
     "physics/six_dof.py",
     "physics/term_tables.py",

@@ -51,6 +51,7 @@ def each(
 
     A function that calls `each` again does what it asks for in its own thread: all threads might
     wait for each other otherwise, and the outer pieces keep them busy with fewer places to wait.
+    A single piece is done at once, and has all threads for what it asks for.
 
     Parameters
     ----------
@@ -61,7 +62,7 @@ def each(
         alone with one at the end.
     """
     every = list(items)
-    if threads() == 1 or getattr(_here, "at_work", False):
+    if len(every) < 2 or threads() == 1 or getattr(_here, "at_work", False):
         return [function(item) for item in every]
     order = list(range(len(every)))
     if effort is not None:

@@ -177,4 +177,9 @@ def test_every_kernel_module_is_in_the_name_of_the_cache() -> None:
         for path in PACKAGE.rglob("*.py")
         if re.search(r"^@(kernel|borrowing|loop|inlined)$", path.read_text(), re.MULTILINE)
     }
+    users |= {  # whose equations a neighbour compiles
+        str((path.parent / f"{module}.py").relative_to(PACKAGE))
+        for path in PACKAGE.rglob("*.py")
+        for module in re.findall(r"= kernel\((\w+)\.\w+\)$", path.read_text(), re.MULTILINE)
+    }
     assert users == set(KERNEL_MODULES)

@@ -24,11 +24,15 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.constants import FITTED_START_STD
+from auvident.engines import accumulated
+from auvident.engines.accumulated import LARGEST
 from auvident.engines.prediction import (
+    At,
     Frame,
     Free,
     Slopes,
     at_effects,
+    observed,
     readings,
     readings_with_slopes,
     seen_rows,
@@ -43,7 +47,6 @@ Array = npt.NDArray[Any]
 Colours = tuple[Colour, ...]
 Normal = tuple[float, Array, Array]  # half the squared error, its gradient, its curvature
 
-LARGEST = 1.0e20  # squared slopes in units of the noise beyond which a motion has run away
 NOTHING = np.zeros(0, dtype=np.int64)
 
 
@@ -223,17 +226,35 @@ def normal_equations(output: OutputError, p: Array, record: Record, free: Free) 
         Half the squared error; gradient and Gauss-Newton curvature by the free parameters, in
         units of their scale.
     """
-    found = innovations(output, p, record, free)
+    return _normal_equations(output, At(output.frame, p, free), _whitening(output), record)
+
+
+def _normal_equations(
+    output: OutputError, at: At, whitening: accumulated.Whitening, record: Record
+) -> Normal | None:
+    """`normal_equations` with what all records share."""
+    found = observed(at, record, output.active, output.gain)
     if found is None:
         return None
-    gram, k = found.white.T @ found.white, len(output.channels)
-    if not np.abs(gram).max() <= LARGEST:  # nor a NaN: not far enough away to be stopped
+    gram = np.empty((found.z.shape[2], found.z.shape[2]))
+    lost = accumulated.normal_equations(
+        found.z, found.sees, found.readings, record.measured, whitening, gram
+    )
+    if lost < 0:
         return None
-    g, h = gram[1:, 0], gram[1:, 1:]
-    start = best_start(output, h[:k, :k], np.column_stack([g[:k], h[:k, k:]]))
-    lost = lost_readings(record, found.seen, output.channels)
-    half = 0.5 * (float(gram[0, 0]) - float(g[:k] @ start[:, 0]) + lost)
-    return half, g[k:] - h[k:, :k] @ start[:, 0], h[k:, k:] - h[k:, :k] @ start[:, 1:]
+    first = 1 + N_STATES
+    return 0.5 * (float(gram[0, 0]) + lost), gram[first:, 0].copy(), gram[first:, first:].copy()
+
+
+def _whitening(output: OutputError) -> accumulated.Whitening:
+    """Noise of the channels as the kernels take it; there may be no colour of inactive ones."""
+    parts, start = np.zeros((3, N_STATES)), np.ones(N_STATES)
+    for c in output.channels:
+        colour = output.colours[c]
+        parts[:, c] = math.exp(-output.frame.dt_s / colour.time_s), colour.white, colour.slow
+    start[output.channels] = np.diag(output.start_information)
+    keep, white, slow = parts
+    return accumulated.Whitening(output.active, keep, white, slow, start)
 
 
 def knowing(output: OutputError, p: Array, free: Free) -> OutputError:
@@ -254,10 +275,12 @@ def _key(record: Record, p: Array) -> tuple[str, bytes]:
 def likelihood(output: OutputError, p: Array, free: Free) -> Normal:
     """Half the squared error of all records at p, gradient and curvature; see `summed`."""
 
+    at, whitening = At(output.frame, p, free), _whitening(output)
+
     def part(record: Record) -> Normal | None:
         key = _key(record, p)
         known = key in output.known
-        return output.known[key] if known else normal_equations(output, p, record, free)
+        return output.known[key] if known else _normal_equations(output, at, whitening, record)
 
     parts = each(part, output.records, len)
     half, gradient, curvature = summed(parts, len(free.positions))

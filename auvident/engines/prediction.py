@@ -6,18 +6,29 @@ Simulation, output error and the analysis of residuals run it; the filters take 
 inputs and readings to first order about the parameters of their start.
 """
 
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from auvident.constants import VehicleTime
+from auvident.engines.accumulated import Sees, place_slopes
 from auvident.engines.problem import Linear
 from auvident.engines.records import Record, Source
+from auvident.physics import readings as whole
 from auvident.physics import sensing as sense
-from auvident.physics.actuation import COMMANDS, FORCE, acting_inputs, actuate_steps, command_values
+from auvident.physics.actuation import (
+    COMMANDS,
+    FORCE,
+    NO_STEP,
+    NOWHERE,
+    acting_with_steps,
+    command_values,
+)
 from auvident.physics.dynamics import N_STATES, simulate_states, simulate_with_sensitivities
 from auvident.physics.term_tables import N_INPUTS
 from auvident.physics.terms import Structure
@@ -29,6 +40,8 @@ Array = npt.NDArray[Any]
 SMALL = 0.1  # an effect below this part of its step is not at work yet
 SMALL_STEP = 0.02  # [of the prior] longest step of a slope where an effect is at work already
 READING_STEP = 0.05  # [of the prior] step of a slope of the readings
+NO_WATER = np.zeros((0, 2))
+MOST_KEPT = 1 << 23  # [numbers, 64 MB] of working memory is used again; more is given back
 # readings are smoothed over this time before slopes are taken from them
 SMOOTHED_S: VehicleTime = 1.5
 
@@ -87,13 +100,107 @@ class Free:
         return self.at(p, p[self.positions] + self.scale * by)
 
 
+NOTHING_FREE = Free(NOWHERE, NOWHERE, np.zeros(0))
+
+
+@dataclass(frozen=True)
+class At:
+    """A frame at a parameter vector of which some entries are free: what all records share.
+
+    Attributes
+    ----------
+    frame : Frame
+    p : (n_parameters,) array
+    free : Free
+    """
+
+    frame: Frame
+    p: Array
+    free: Free
+
+    @cached_property
+    def reading_effects(self) -> Array:
+        """Effects of the sensors in the order of `physics.sensing.READING`."""
+        return self.frame.reading_effects(self.p)
+
+    @cached_property
+    def command_effects(self) -> Array:
+        """Effects of servo and propeller in the order of `physics.actuation.COMMAND`."""
+        return self.frame.command_effects(self.p)
+
+    @cached_property
+    def moves(self) -> "Moves":
+        """The free effects on the inputs.
+
+        Slopes by them are differences: play, dead band and limits have no slope where they are
+        off, and take a step of the size to be expected there.
+        """
+        commands, e = COMMANDS[self.frame.structure.plane], self.command_effects
+        found = _columns_of(commands, self.frame.structure.parameters, self.free)
+        steps = np.zeros((len(found), 2))
+        for k, (column, place) in enumerate(found):
+            declared, scale = parameter_of(commands[place]).step, self.free.scale[column]
+            at_work = abs(e[place]) > SMALL * declared * scale
+            step = min(declared, SMALL_STEP) if at_work else declared
+            steps[k] = step * scale, step
+        return Moves(*_both(found), steps)
+
+    @cached_property
+    def reading_moves(self) -> "Moves":
+        """The free effects of the sensors."""
+        found = _columns_of(sense.READING, self.frame.structure.parameters, self.free)
+        columns, places = _both(found)
+        return Moves(columns, places, READING_STEP * self.free.scale[columns])
+
+    @cached_property
+    def matrix(self) -> Array:
+        """Sensor matrix (4, 4)."""
+        frame = self.frame
+        return sense.sensor_matrix(frame.structure.plane, frame.sensing, self.reading_effects)
+
+
+@dataclass(frozen=True)
+class Moves:
+    """Free effects by which slopes are differences.
+
+    Attributes
+    ----------
+    columns : (k,) int array
+        Among the free parameters.
+    places : (k,) int array
+        In the order of `physics.actuation.COMMAND` or of `physics.sensing.READING`.
+    steps : (k, 2) or (k,) array
+        How far each is moved for its slope, and what the difference is divided by where that is
+        not `READING_STEP`.
+    """
+
+    columns: npt.NDArray[np.int64]
+    places: npt.NDArray[np.int64]
+    steps: Array
+
+
+NO_MOVES = Moves(NOWHERE, NOWHERE, NO_STEP)
+NO_READING = Moves(NOWHERE, NOWHERE, np.zeros(0))
+
+
+def _both(found: Sequence[tuple[int, int]]) -> tuple[Array, Array]:
+    """Columns (k,) and places (k,) of some effects."""
+    columns, places = np.array(found, dtype=np.int64).reshape(-1, 2).T
+    return columns.copy(), places.copy()
+
+
 def at_effects(frame: Frame, p: Array, record: Record) -> Record:
     """The record as the effects at p make it: acting inputs, states behind the readings."""
-    source = record.source
+    return _acting(At(frame, p, NOTHING_FREE), record, NO_MOVES)[0]
+
+
+def _acting(at: At, record: Record, moves: Moves) -> tuple[Record, Array]:
+    """The record as the effects make it, and slopes (n, l, k) of its first inputs."""
+    source, frame = record.source, at.frame
     if source is None or not frame.structure.effects:
-        return record
-    e = frame.reading_effects(p)
-    behind = sense.states_behind(
+        return record, np.zeros((len(record.time_s), 0, len(moves.columns)))
+    e = at.reading_effects
+    behind = whole.states_behind(
         frame.structure.plane,
         frame.sensing,
         e,
@@ -103,8 +210,9 @@ def at_effects(frame: Frame, p: Array, record: Record) -> Record:
         source.from_middle_s,
         source.heading,
     )
-    inputs = _inputs(frame, frame.command_effects(p), record)
-    return replace(record, inputs=inputs, given=behind, start=_start(frame, e, record, source))
+    inputs, slopes = _inputs(frame, at.command_effects, record, source, moves)
+    start = _start(frame, e, record, source)
+    return replace(record, inputs=inputs, given=behind, start=start), slopes
 
 
 def _start(frame: Frame, e: Array, record: Record, source: Source) -> Array:
@@ -113,17 +221,18 @@ def _start(frame: Frame, e: Array, record: Record, source: Source) -> Array:
     middle, heading = (None if x is None else x[:1] for x in (source.from_middle_s, source.heading))
     args = (source.start[None], source.rates[:1], frame.dt_s, middle, heading)
     here, without = (
-        sense.states_behind(plane, frame.sensing, values, *args)[0]
+        whole.states_behind(plane, frame.sensing, values, *args)[0]
         for values in (e, np.zeros_like(e))
     )
     start: Array = record.start + here - without
     return start
 
 
-def _inputs(frame: Frame, e: Array, record: Record) -> Array:
-    source = record.source
-    assert source is not None
-    whole = acting_inputs(
+def _inputs(
+    frame: Frame, e: Array, record: Record, source: Source, moves: Moves
+) -> tuple[Array, Array]:
+    """Inputs (n, 12) that act, and slopes (n, 6, k) of the first of them."""
+    acting, slopes = acting_with_steps(
         source.raw,
         source.elapsed_s,
         source.speed,
@@ -132,49 +241,34 @@ def _inputs(frame: Frame, e: Array, record: Record) -> Array:
         frame.dt_s,
         e,
         0.0 if source.depth is None else source.depth,
+        len(record.time_s),
+        moves.places,
+        moves.steps,
     )
-    inputs = whole[len(source.raw) - len(record.time_s) :]
+    inputs = acting[len(source.raw) - len(record.time_s) :]
     if source.free_force is not None:
         inputs[:, FORCE:] = source.free_force
-    return np.ascontiguousarray(inputs)
+    return inputs, slopes
 
 
 def input_slopes(frame: Frame, p: Array, acting: Record, free: Free) -> tuple[Array, Array]:
     """Slopes (n, 12, k) of the inputs by the free parameters in columns (k,), per unit of scale.
 
-    By differences: play, dead band and limits have no slope where they are off, and take a step
-    of the size to be expected there.
+    By differences, see `At.moves`.
 
     Parameters
     ----------
     acting : Record
         As `at_effects` returns it.
     """
-    commands, e = COMMANDS[frame.structure.plane], frame.command_effects(p)
-    found = _columns_of(commands, frame.structure.parameters, free)
-    source = acting.source
-    if not found or source is None:
-        return np.zeros((len(acting.time_s), N_INPUTS, 0)), np.zeros(0, dtype=np.int64)
-    columns, places = np.array(found, dtype=np.int64).T
-    steps = np.zeros((len(found), 2))
-    for k, place in enumerate(places):
-        declared, scale = parameter_of(commands[place]).step, free.scale[columns[k]]
-        at_work = abs(e[place]) > SMALL * declared * scale
-        step = min(declared, SMALL_STEP) if at_work else declared
-        steps[k] = step * scale, step
-    slopes = np.zeros((len(acting.time_s), N_INPUTS, len(found)))
-    actuate_steps(
-        source.raw,
-        source.elapsed_s,
-        source.speed,
-        frame.dt_s,
-        e,
-        places.copy(),
-        steps,
-        acting.inputs,
-        slopes,
-    )
-    return slopes, columns.copy()
+    at, source = At(frame, p, free), acting.source
+    moves = at.moves
+    if not len(moves.columns) or source is None:
+        return np.zeros((len(acting.time_s), N_INPUTS, 0)), NOWHERE
+    found = _inputs(frame, at.command_effects, acting, source, moves)[1]
+    slopes = np.zeros((len(acting.time_s), N_INPUTS, len(moves.columns)))
+    slopes[:, : found.shape[1]] = found
+    return slopes, moves.columns
 
 
 def _columns_of(
@@ -197,19 +291,117 @@ def simulated(frame: Frame, p: Array, record: Record, active: Array) -> Array:
 
 def readings(frame: Frame, p: Array, record: Record, states: Array) -> Array:
     """Readings (n, 4) that the sensors would give of the states."""
-    source = record.source
-    rates = np.zeros((len(states), 2)) if source is None else source.rates
-    return sense.readings(
+    return _readings(At(frame, p, NOTHING_FREE), record, states, NO_READING)[0]
+
+
+def _readings(at: At, record: Record, states: Array, moves: Moves) -> tuple[Array, Array]:
+    """Readings (n, 4), and their slopes (n, 4, k) by some effects of the sensors."""
+    source, frame = record.source, at.frame
+    return whole.readings_with_steps(
         frame.structure.plane,
         frame.sensing,
-        frame.reading_effects(p),
+        at.reading_effects,
+        moves.places,
+        moves.steps,
+        READING_STEP,
         states,
         states[:, 3],
-        rates,
+        np.zeros((len(states), 2)) if source is None else source.rates,
         frame.dt_s,
         None if source is None else source.from_middle_s,
         None if source is None else source.heading,
     )
+
+
+@dataclass(frozen=True)
+class Observed:
+    """A simulated record as the sensors see it.
+
+    Attributes
+    ----------
+    readings : (n, 4) array
+    z : (n, 4, 5 + n_free) array
+        States with their slopes, see `physics.dynamics.simulate_with_sensitivities`.
+    sees : Sees
+        How the sensors see the slopes.
+    """
+
+    readings: Array
+    z: Array
+    sees: Sees
+
+
+class _Memory(threading.local):
+    """Working memory of a thread: fresh memory from the system costs as much as the arithmetic."""
+
+    values = np.empty(0)
+
+    def of(self, *shape: int) -> Array:
+        """Memory of a shape, which holds until it is asked for again."""
+        size = int(np.prod(shape))
+        if size > MOST_KEPT:
+            return np.empty(shape)
+        if size > len(self.values):
+            self.values = np.empty(size)
+        return self.values[:size].reshape(shape)
+
+
+_memory = _Memory()
+
+
+def observed(at: At, record: Record, active: Array, gain: Array | None = None) -> Observed | None:
+    """Predicted readings of a record with what their slopes are made of; None: it runs away.
+
+    What is returned rests on working memory, and holds until this thread asks for more.
+
+    Parameters
+    ----------
+    at : At
+    record : Record
+        As ingested; the effects are put in here.
+    active : (4,) bool array
+    gain : (4,) array, optional
+        Observer gain, see `physics.dynamics.simulate_with_sensitivities`.
+    """
+    frame, free = at.frame, at.free
+    acting, slopes = _acting(at, record, at.moves)
+    z = _memory.of(len(record.time_s), N_STATES, 1 + N_STATES + len(free.positions))
+    if not simulate_with_sensitivities(
+        acting.start,
+        acting.inputs,
+        slopes,
+        at.moves.columns,
+        acting.given,
+        np.zeros(N_STATES) if gain is None else gain,
+        frame.dt_s,
+        at.p,
+        active,
+        frame.structure.equations,
+        free.column,
+        free.scale,
+        z,
+    ):
+        return None
+    return _observed(at, record, z)
+
+
+def _observed(at: At, record: Record, z: Array) -> Observed:
+    """A simulation as the sensors see it, with their effects."""
+    e, source, dt_s = at.reading_effects, record.source, at.frame.dt_s
+    states = np.ascontiguousarray(z[:, :, 0])
+    found, slopes = _readings(at, record, states, at.reading_moves)
+    by_pitch = NO_WATER
+    if at.frame.structure.plane == "vertical" and source is not None:
+        by_pitch = sense.water_by_pitch(at.frame.sensing, e, states[:, 3], source.heading)
+    sees = Sees(
+        at.matrix,
+        np.ascontiguousarray(by_pitch),
+        e[sense.DVL_DELAY] / dt_s,
+        e[sense.GYRO_DELAY] / dt_s,
+        1 + N_STATES + at.reading_moves.columns,
+        slopes,
+    )
+    return Observed(found, z, sees)
 
 
 @dataclass(frozen=True)
@@ -233,61 +425,12 @@ def readings_with_slopes(
     gain : (4,) array, optional
         Observer gain, see `physics.dynamics.simulate_with_sensitivities`.
     """
-    acting = at_effects(frame, p, record)
-    slopes, columns = input_slopes(frame, p, acting, free)
-    z = np.zeros((len(record.time_s), N_STATES, 1 + N_STATES + len(free.positions)))
-    if not simulate_with_sensitivities(
-        acting.start,
-        acting.inputs,
-        slopes,
-        columns,
-        acting.given,
-        np.zeros(N_STATES) if gain is None else gain,
-        frame.dt_s,
-        p,
-        active,
-        frame.structure.equations,
-        free.column,
-        free.scale,
-        z,
-    ):
+    found = observed(At(frame, p, free), record, active, gain)
+    if found is None:
         return None
-    states = z[:, :, 0].copy()
-    e = frame.reading_effects(p)
-    matrix = sense.sensor_matrix(frame.structure.plane, frame.sensing, e)
-    at_once = np.matmul(matrix, z)
-    if frame.structure.plane == "vertical" and record.source is not None:
-        by_pitch = sense.water_by_pitch(frame.sensing, e, states[:, 3], record.source.heading)
-        if by_pitch.any():  # the water moves
-            at_once[:, :2, 1:] += by_pitch[:, :, None] * z[:, None, 3, 1:]
-    read = sense.late(at_once, e, frame.dt_s)
-    found = readings(frame, p, record, states)
-    _add_reading_slopes(frame, e, record, states, found, free, read[:, :, 1:])
-    return Slopes(found, read[:, :, 1:], states)
-
-
-def _add_reading_slopes(
-    frame: Frame, e: Array, record: Record, states: Array, base: Array, free: Free, slopes: Array
-) -> None:
-    """Slopes of the readings by the effects of the sensors, by differences."""
-    source = record.source
-    assert source is not None or not frame.structure.effects
-    for column, place in _columns_of(sense.READING, frame.structure.parameters, free):
-        assert source is not None
-        moved = e.copy()
-        moved[place] += READING_STEP * free.scale[column]
-        there = sense.readings(
-            frame.structure.plane,
-            frame.sensing,
-            moved,
-            states,
-            states[:, 3],
-            source.rates,
-            frame.dt_s,
-            source.from_middle_s,
-            source.heading,
-        )
-        slopes[:, :, N_STATES + column] += (there - base) / READING_STEP
+    slopes = np.empty(found.z.shape)
+    place_slopes(found.sees, found.z, slopes)
+    return Slopes(found.readings, slopes[:, :, 1:], found.z[:, :, 0].copy())
 
 
 def seen_rows(frame: Frame, p: Array, record: Record, channels: Array) -> Array:
@@ -312,23 +455,18 @@ def linear_about(
     n : int
         Length that they are padded to.
     """
-    e, k = frame.reading_effects(p), len(records)
-    matrix = sense.sensor_matrix(frame.structure.plane, frame.sensing, e)
-    pairs = _columns_of(sense.READING, frame.structure.parameters, free)
-    offset, by_reading = np.zeros((k, n, 4)), np.zeros((k, n, 4, len(pairs)))
+    at, k = At(frame, p, free), len(records)
+    moves, matrix = at.reading_moves, at.matrix
+    offset, by_reading = np.zeros((k, n, 4)), np.zeros((k, n, 4, len(moves.columns)))
     inputs: list[Array] = []
     columns = np.zeros(0, dtype=np.int64)
     for j, record in enumerate(records):
         length, states = len(record.time_s), _smoothed(record.given, frame.dt_s)
-        base = readings(frame, p, record, states)
+        base, by_reading[j, :length] = _readings(at, record, states, moves)
         offset[j, :length] = base - states @ matrix.T
-        slopes = np.zeros((length, 4, N_STATES + len(free.positions)))
-        _add_reading_slopes(frame, e, record, states, base, free, slopes)
-        by_reading[j, :length] = slopes[:, :, [N_STATES + column for column, _ in pairs]]
         slope, columns = input_slopes(frame, p, record, free)
         inputs.append(np.concatenate([slope, np.zeros((n - length, *slope.shape[1:]))]))
-    reading_columns = np.array([column for column, _ in pairs], dtype=np.int64)
-    return Linear(columns, np.array(inputs), offset, reading_columns, by_reading), matrix
+    return Linear(columns, np.array(inputs), offset, moves.columns, by_reading), matrix
 
 
 def _smoothed(states: Array, dt_s: float) -> Array:

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.constants import VehicleTime
-from auvident.jit import kernel
+from auvident.jit import borrowing, kernel
 
 Array = npt.NDArray[Any]
 
@@ -48,6 +48,21 @@ class Colour:
     time_s: float
 
 
+@borrowing
+def whiten_row(row, state, gain, scale, keep):
+    """Innovations of a row (C,) over their standard deviation, in place; `state` (C,) goes on."""
+    for c in range(row.shape[0]):
+        innovation = row[c] - state[c]
+        row[c] = innovation * scale
+        state[c] = (state[c] + gain * innovation) * keep
+
+
+@kernel
+def next_variance(variance, gain, keep, slow):
+    """Variance of the disturbance one row later; a gain of zero saw nothing."""
+    return keep * keep * variance * (1.0 - gain) + (1.0 - keep * keep) * slow * slow
+
+
 @kernel
 def whiten(values, seen, keep, white, slow):
     """Innovations of the columns of `values` (n, C), in place, over their standard deviation.
@@ -69,20 +84,17 @@ def whiten(values, seen, keep, white, slow):
     n, columns = values.shape
     state, variance, total = np.zeros(columns), slow * slow, 0.0
     for k in range(n):
+        gain = 0.0
         if seen[k]:
             spread = variance + white * white
-            gain, scale = variance / spread, 1.0 / math.sqrt(spread)
+            gain = variance / spread
             total += math.log(spread)
-            for c in range(columns):
-                innovation = values[k, c] - state[c]
-                values[k, c] = innovation * scale
-                state[c] = (state[c] + gain * innovation) * keep
-            variance *= 1.0 - gain
+            whiten_row(values[k], state, gain, 1.0 / math.sqrt(spread), keep)
         else:
             for c in range(columns):
                 values[k, c] = 0.0
                 state[c] *= keep
-        variance = keep * keep * variance + (1.0 - keep * keep) * slow * slow
+        variance = next_variance(variance, gain, keep, slow)
     return total
 
 

@@ -25,7 +25,7 @@ Array = npt.NDArray[Any]
 SUBSTEPS = 5  # of a step, for the servo: a fifth of a step is short beside any servo
 LEAST_SPEED_MPS = 0.2  # the race is not divided by less than this speed
 SAG_PERIOD_S = 1000.0  # the thrust sags by its fraction in this time
-# parameters in the order in which `actuate` takes them, in the horizontal plane
+# parameters in the order in which `actuate_steps` takes them, in the horizontal plane
 COMMAND = (
     "rudder_delay.delay_s",
     "rudder_deadband.deadband_deg",
@@ -53,17 +53,23 @@ SERVO = (DELAY, DEADBAND, BACKLASH, ASYMMETRY, LAG, SLOWNESS)
 # columns of the inputs
 CONTROL, OTHER, REVS, THRUST, DRIVE, CHANGED, ROLL, PITCH, DEPTH, FORCE = range(10)
 ACTED = CHANGED + 1  # so many columns come of the commands
+NOWHERE, NO_STEP = np.zeros(0, dtype=np.int64), np.zeros((0, 2))
+
+
+@kernel
+def delayed_at(command, k, whole, share):
+    """Step mean k of a held command that arrives `whole` steps and a share of one later."""
+    n = command.shape[0]
+    first, before = min(max(k - whole, 0), n - 1), min(max(k - whole - 1, 0), n - 1)
+    return (1.0 - share) * command[first] + share * command[before]
 
 
 @kernel
 def delayed(command, steps, out):
     """Step means of a held command that arrives `steps` (a fraction, either sign) later."""
-    n, whole = command.shape[0], math.floor(steps)
-    share = steps - whole
-    for k in range(n):
-        first = min(max(k - int(whole), 0), n - 1)
-        before = min(max(k - int(whole) - 1, 0), n - 1)
-        out[k] = (1.0 - share) * command[first] + share * command[before]
+    whole = math.floor(steps)
+    for k in range(command.shape[0]):
+        out[k] = delayed_at(command, k, whole, steps - whole)
 
 
 @kernel
@@ -126,10 +132,10 @@ def unequal(taken, asymmetry):
 @kernel
 def turned(target, angle, slowness, h, keep, most, trailing):
     """Mean angle of the servo over one step, and the angle that it comes to."""
-    short = 0.0
+    short, per_angle = 0.0, max(slowness, 0.0) / h
     for _ in range(SUBSTEPS):
         distance = target - angle
-        turning = abs(distance) * max(slowness, 0.0) / h
+        turning = abs(distance) * per_angle
         limited = 0.5 * turning if turning <= 1.0 else 1.0 - 0.5 / turning
         short += max(trailing, limited) * distance
         angle += min(max(distance * (1.0 - keep), -most), most)
@@ -163,57 +169,40 @@ def share_fallen(elapsed, time, undecided):
 
 
 @kernel
-def actuate(raw, elapsed, speed, dt, e, out):
-    """Inputs that act on the vehicle.
+def _turn_fins(command, dt, e, angle):
+    """Angles (v, n) of the servo with each of some effects e (v, 18).
 
-    Parameters
-    ----------
-    raw : (n, 3) array
-        Own control, other control [rad], propeller rate [rev/s]; from a while before the
-        maneuver on, so that play and lags have settled.
-    elapsed : (n,) array
-        Time since the start of the trial [s].
-    speed : (n,) array
-        Measured surge velocity [m/s], for the thrust and the race.
-    dt : float
-    e : (18,) array
-        Internal values in the order of `COMMAND`.
-    out : (n, 12) array
-        Its first six columns are filled: controls, propeller rate, thrust factor, thrust, part of
-        the weight that has changed.
+    Row by row, as the processor works on several servos at a time but on one row of each.
     """
-    angle, rate = np.empty(raw.shape[0]), np.empty(raw.shape[0])
-    _turn_fin(raw, dt, e, angle)
-    _turn_propeller(raw, dt, e, rate)
-    _act(raw, elapsed, speed, e, angle, rate, out)
+    count, constants = e.shape[0], np.empty((e.shape[0], 5))
+    taken, reached, whole = np.zeros(count), np.zeros(count), np.empty(count, np.int64)
+    for v in range(count):
+        h, keep, most, trailing = servo_constants(e[v, LAG], e[v, SLOWNESS], dt)
+        constants[v, 0], constants[v, 1], constants[v, 2], constants[v, 3] = h, keep, most, trailing
+        whole[v] = math.floor(e[v, DELAY] / dt)
+        constants[v, 4] = e[v, DELAY] / dt - whole[v]
+    for k in range(command.shape[0]):
+        for v in range(count):
+            h, keep, most = constants[v, 0], constants[v, 1], constants[v, 2]
+            trailing, share = constants[v, 3], constants[v, 4]
+            ordered = delayed_at(command, k, whole[v], share)
+            half_width = e[v, BACKLASH] if k > 0 else 0.0
+            taken[v] = taken_up(ordered, taken[v], e[v, DEADBAND], half_width)
+            target = unequal(taken[v], e[v, ASYMMETRY])
+            start = target if k == 0 else reached[v]
+            angle[v, k], reached[v] = turned(target, start, e[v, SLOWNESS], h, keep, most, trailing)
 
 
 @kernel
-def _turn_fin(raw, dt, e, angle):
-    """Angle (n,) of the servo."""
-    work = np.empty(raw.shape[0])
-    delayed(raw[:, CONTROL].copy(), e[DELAY] / dt, work)
-    servo_angle(work, e[LAG], e[SLOWNESS], e[DEADBAND], e[BACKLASH], e[ASYMMETRY], dt, angle)
-
-
-@kernel
-def _turn_propeller(raw, dt, e, rate):
-    """Rate (n,) of the propeller."""
-    lagged(raw[:, REVS].copy(), e[MOTOR_LAG], dt, rate)
-
-
-@kernel
-def _act(raw, elapsed, speed, e, angle, rate, out):
-    """What servo and propeller do to the vehicle; see `actuate`."""
-    for k in range(raw.shape[0]):
-        revs = rate[k]
-        thrust = thrust_of(revs, speed[k], e)
-        factor = 1.0 - e[SAG] * elapsed[k] / SAG_PERIOD_S
-        factor -= e[STEP] * share_fallen(elapsed[k], e[STEP_TIME], e[OVER])
-        out[k, CONTROL] = felt_angle(angle[k], thrust, factor, speed[k], e)
-        out[k, OTHER], out[k, REVS], out[k, THRUST] = raw[k, OTHER], revs, factor
-        out[k, DRIVE] = thrust * factor
-        out[k, CHANGED] = share_fallen(elapsed[k], e[CHANGE_TIME], e[CHANGE_OVER])
+def _act(raw, elapsed, speed, e, k, angle, revs, out):
+    """What servo and propeller do to the vehicle in row k; fills the first inputs in `out`."""
+    thrust = thrust_of(revs, speed[k], e)
+    factor = 1.0 - e[SAG] * elapsed[k] / SAG_PERIOD_S
+    factor -= e[STEP] * share_fallen(elapsed[k], e[STEP_TIME], e[OVER])
+    out[CONTROL] = felt_angle(angle, thrust, factor, speed[k], e)
+    out[OTHER], out[REVS], out[THRUST] = raw[k, OTHER], revs, factor
+    out[DRIVE] = thrust * factor
+    out[CHANGED] = share_fallen(elapsed[k], e[CHANGE_TIME], e[CHANGE_OVER])
 
 
 @kernel
@@ -232,47 +221,59 @@ def felt_angle(angle, thrust, factor, speed, e):
 
 
 @kernel
-def actuate_steps(raw, elapsed, speed, dt, e, places, steps, base, slopes):
-    """Slopes of the inputs by differences, one effect moved at a time.
+def actuate_steps(raw, elapsed, speed, dt, e, places, steps, whole, slopes):
+    """Inputs that act on the vehicle, and their slopes by differences, one effect at a time.
 
     Parameters
     ----------
-    raw, elapsed, speed, dt, e :
-        See `actuate`.
+    raw : (m + n, 3) array
+        Own control, other control [rad], propeller rate [rev/s]; from m rows before the
+        maneuver on, so that play and lags have settled.
+    elapsed : (m + n,) array
+        Time since the start of the trial [s].
+    speed : (m + n,) array
+        Measured surge velocity [m/s], for the thrust and the race.
+    dt : float
+    e : (18,) array
+        Internal values in the order of `COMMAND`.
     places : (k,) int array
         Of the values to move.
     steps : (k, 2) array
         How far each is moved, and what the difference is divided by.
-    base : (n, 12) array
-        Inputs at e, of the maneuver alone: the last n rows.
-    slopes : (n, 12, k) array
-        Its first six columns are filled.
+    whole : (m + n, 12) array
+        Its first six columns are filled: controls, propeller rate, thrust factor, thrust, part of
+        the weight that has changed.
+    slopes : (n, 6, k) array, filled
     """
-    n, rows = base.shape[0], raw.shape[0]
-    lead, out = rows - n, np.empty((rows, ACTED))
-    angle, turned, rate, lagging = np.empty(rows), np.empty(rows), np.empty(rows), np.empty(rows)
-    _turn_fin(raw, dt, e, angle)
-    _turn_propeller(raw, dt, e, rate)
-    for k in range(places.shape[0]):
-        moved = e.copy()
-        moved[places[k]] += steps[k, 0]
-        at_fin, at_propeller = places[k] in SERVO, places[k] == MOTOR_LAG
-        if at_fin:
-            _turn_fin(raw, dt, moved, turned)
+    n, rows, count = slopes.shape[0], raw.shape[0], places.shape[0]
+    lead, there, fins = rows - n, np.empty(ACTED), 1
+    moved, fin_of = np.empty((1 + count, e.shape[0])), np.zeros(1 + count, np.int64)
+    for v in range(1 + count):
+        moved[v] = e
+        if v > 0:
+            moved[v, places[v - 1]] += steps[v - 1, 0]
+            if places[v - 1] in SERVO:
+                fin_of[v], fins = fins, fins + 1
+    turning = np.empty((fins, e.shape[0]))
+    for v in range(1 + count):
+        turning[fin_of[v]] = moved[v]
+    turning[0] = e  # with which the others leave the fin
+    angle, rate, lagging = np.empty((fins, rows)), np.empty(rows), np.empty(rows)
+    _turn_fins(raw[:, CONTROL].copy(), dt, turning, angle)
+    command = raw[:, REVS].copy()
+    lagged(command, e[MOTOR_LAG], dt, rate)
+    for k in range(rows):
+        _act(raw, elapsed, speed, e, k, angle[0, k], rate[k], whole[k])
+    for v in range(1, 1 + count):
+        at_propeller = places[v - 1] == MOTOR_LAG
         if at_propeller:
-            _turn_propeller(raw, dt, moved, lagging)
-        _act(
-            raw,
-            elapsed,
-            speed,
-            moved,
-            turned if at_fin else angle,
-            lagging if at_propeller else rate,
-            out,
-        )
+            lagged(command, moved[v, MOTOR_LAG], dt, lagging)
         for t in range(n):
+            k = lead + t
+            revs = lagging[k] if at_propeller else rate[k]
+            _act(raw, elapsed, speed, moved[v], k, angle[fin_of[v], k], revs, there)
             for i in range(ACTED):
-                slopes[t, i, k] = (out[lead + t, i] - base[t, i]) / steps[k, 1]
+                slopes[t, i, v - 1] = (there[i] - whole[k, i]) / steps[v - 1, 1]
 
 
 def command_values(plane: Plane, parameters: tuple[str, ...], p: Array) -> Array:
@@ -290,8 +291,25 @@ def acting_inputs(
     e: Array,
     depth: Array | float = 0.0,
 ) -> Array:
-    """Inputs (n, 12) of the equations of motion; see `actuate`. No free force acts."""
-    out = np.zeros((len(raw), N_INPUTS))
-    actuate(raw, elapsed, speed, dt, e, out)
+    """Inputs (n, 12) of the equations of motion; see `actuate_steps`. No free force acts."""
+    return acting_with_steps(raw, elapsed, speed, roll, pitch, dt, e, depth, 0, NOWHERE, NO_STEP)[0]
+
+
+def acting_with_steps(
+    raw: Array,
+    elapsed: Array,
+    speed: Array,
+    roll: Array,
+    pitch: Array,
+    dt: float,
+    e: Array,
+    depth: Array | float,
+    rows: int,
+    places: Array,
+    steps: Array,
+) -> tuple[Array, Array]:
+    """Inputs, and their slopes (rows, 6, k) in the last rows; see `actuate_steps`."""
+    out, slopes = np.zeros((len(raw), N_INPUTS)), np.empty((rows, ACTED, len(places)))
+    actuate_steps(raw, elapsed, speed, dt, e, places, steps, out, slopes)
     out[:, ROLL], out[:, PITCH], out[:, DEPTH] = roll, pitch, depth
-    return out
+    return out, slopes

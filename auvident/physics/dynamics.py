@@ -116,9 +116,9 @@ def _ran_away(x):
 
 @kernel
 def _moving(input_slopes):
-    """Inputs (12,) that have a slope anywhere."""
+    """Inputs (12,) that have a slope anywhere; only the first ones may be given."""
     moving = np.zeros(N_INPUTS, np.bool_)
-    for i in range(N_INPUTS):
+    for i in range(input_slopes.shape[1]):
         for k in range(input_slopes.shape[0]):
             for c in range(input_slopes.shape[2]):
                 if input_slopes[k, i, c] != 0.0:
@@ -151,9 +151,9 @@ def simulate_with_sensitivities(
     ----------
     x0 : (4,) array
     inputs : (n, 12) or (n, 3) array
-    input_slopes : (n, 12, k) array
-        Derivatives of the inputs by the parameters in the columns `input_columns` (k,), counted
-        among the free ones; in units of `scale`.
+    input_slopes : (n, l, k) array
+        Derivatives of the first l inputs by the parameters in the columns `input_columns` (k,),
+        counted among the free ones; in units of `scale`.
     measured_states : (n, 4) array
         Values of the inactive states; of the active ones where the gain pulls them.
     gain : (4,) array

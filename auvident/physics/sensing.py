@@ -6,6 +6,8 @@ motion hold for the velocity through the water, and the log over ground adds the
 position, in axes turned by its mounting angle. Readings may be late and off by a scale or a bias.
 The depth is no state: its lag and scale stand in no reading, and only its log against the other
 sensors tells of them.
+
+Equations of one moment take numbers or arrays: `readings` compiles them and goes through records.
 """
 
 import math
@@ -49,9 +51,8 @@ READING = (
     "depth_scale.fraction",
 )
 NORTH, EAST, YAW, SCALE, DX, DY, DZ, BIAS, GYRO_SCALE, DVL_DELAY, GYRO_DELAY = range(11)
-EARLY, LATER = slice(11, 13), slice(13, 15)  # rates of the current, north and east
+NORTH_EARLY, EAST_EARLY, NORTH_LATE, EAST_LATE = range(11, 15)  # rates of the current
 DOWN, DVL_PITCH, BELOW, Q_BIAS, Q_SCALE, PITCH_BIAS, PITCH_SCALE = range(15, 22)
-GYRO = {"horizontal": (BIAS, GYRO_SCALE), "vertical": (Q_BIAS, Q_SCALE)}  # that of the plane
 DRIFT_PERIOD_S = 1000.0  # the current changes by its rates in this time
 ROLL_RATE, PITCH_RATE = range(2)
 
@@ -59,6 +60,70 @@ ROLL_RATE, PITCH_RATE = range(2)
 def reading_values(parameters: tuple[str, ...], p: Array) -> Array:
     """Values in the order of `READING` from a parameter vector; absent ones are zero."""
     return values_of(READING, parameters, p)
+
+
+def place_sensor(vertical: bool, mount: Array, e: Array, turn: Array, matrix: Array) -> None:
+    """Fill the sensor matrix (4, 4), and the part (2, 2) of it that is the DVL's.
+
+    Parameters
+    ----------
+    vertical : bool
+        The plane.
+    mount : (4,) array
+        Position of the DVL [m] and its mounting angle to starboard [rad], see `mount_of`.
+    e : (24,) array
+        Effects in the order of `READING`.
+    turn : (2, 2) array, filled
+        From vehicle axes to those of the DVL, scaled as its readings are.
+    matrix : (4, 4) array, filled
+    """
+    scale = 1.0 + e[SCALE]
+    if vertical:  # from z, which points down, to x
+        c, s = math.cos(e[DVL_PITCH]), -math.sin(e[DVL_PITCH])
+        ahead, aside = mount[2] + e[BELOW], -(mount[0] + e[DX])
+    else:
+        yaw = mount[3] + e[YAW]
+        c, s = math.cos(yaw), math.sin(yaw)
+        ahead, aside = -(mount[1] + e[DY]), mount[0] + e[DX]
+    turn[0, 0], turn[0, 1], turn[1, 0], turn[1, 1] = scale * c, scale * s, -scale * s, scale * c
+    for i in range(N_CHANNELS):
+        for j in range(N_CHANNELS):
+            matrix[i, j] = 0.0
+    for i in range(2):
+        matrix[i, 0], matrix[i, 1] = turn[i, 0], turn[i, 1]
+        matrix[i, 2] = turn[i, 0] * ahead + turn[i, 1] * aside
+    matrix[2, 2] = 1.0 + (e[Q_SCALE] if vertical else e[GYRO_SCALE])
+    matrix[3, 3] = 1.0 + e[PITCH_SCALE]
+
+
+def water_over_ground(e: Array, from_middle: Any) -> tuple[Any, Any]:
+    """Velocity of the water, north and east, at times from the middle of the trial."""
+    before, after = np.minimum(from_middle, 0.0), np.maximum(from_middle, 0.0)
+    north = e[NORTH] + (before * e[NORTH_EARLY] + after * e[NORTH_LATE]) / DRIFT_PERIOD_S
+    east = e[EAST] + (before * e[EAST_EARLY] + after * e[EAST_LATE]) / DRIFT_PERIOD_S
+    return north, east
+
+
+def water_below(e: Array, along: Any, pitch: Any) -> tuple[Any, Any]:
+    """Velocity of the water ahead and below, of which so much is along the heading."""
+    c, s = np.cos(pitch), np.sin(pitch)
+    return along * c - e[DOWN] * s, along * s + e[DOWN] * c
+
+
+def water_along(e: Array, heading: Any) -> Any:
+    """Velocity of a steady current along a heading."""
+    return e[NORTH] * np.cos(heading) + e[EAST] * np.sin(heading)
+
+
+def is_known(k: Any, n: int, steps: Any) -> Any:
+    """Whether a late reading stems from the rows of its record."""
+    return (k - steps >= 0.0) & (k - steps <= n - 1.0)
+
+
+def mount_of(sensing: Sensing) -> Array:
+    """Position of the DVL [m] and its mounting angle [rad], as the kernels take them."""
+    place = sensing.dvl_x_m, sensing.dvl_y_m, sensing.dvl_z_m
+    return np.array([*place, sensing.dvl_mounting_yaw_rad])
 
 
 def sensor_matrix(plane: Plane, sensing: Sensing, e: Array | None = None) -> Array:
@@ -79,24 +144,14 @@ def sensor_matrix(plane: Plane, sensing: Sensing, e: Array | None = None) -> Arr
     (4, 4) array
         Reading = matrix @ (u, a, b, angle).
     """
-    e = np.zeros(len(READING)) if e is None else e
-    matrix = np.eye(N_CHANNELS)
-    matrix[2, 2], matrix[3, 3] = 1.0 + e[GYRO[plane][1]], 1.0 + e[PITCH_SCALE]
-    matrix[0, 2], matrix[1, 2] = -(sensing.dvl_y_m + e[DY]), sensing.dvl_x_m + e[DX]
-    if plane == "vertical":
-        matrix[0, 2], matrix[1, 2] = sensing.dvl_z_m + e[BELOW], -(sensing.dvl_x_m + e[DX])
-    matrix[:2] = (1.0 + e[SCALE]) * _turn(plane, sensing, e) @ matrix[:2]
-    return matrix
+    return _sensor(plane, sensing, np.zeros(len(READING)) if e is None else e)[1]
 
 
-def _turn(plane: Plane, sensing: Sensing, e: Array) -> Array:
-    """Rotation (2, 2) from vehicle axes to those of the DVL."""
-    if plane == "vertical":  # from z, which points down, to x
-        c, s = math.cos(e[DVL_PITCH]), math.sin(e[DVL_PITCH])
-        return np.array([[c, -s], [s, c]])
-    yaw = sensing.dvl_mounting_yaw_rad + e[YAW]
-    c, s = math.cos(yaw), math.sin(yaw)
-    return np.array([[c, s], [-s, c]])
+def _sensor(plane: Plane, sensing: Sensing, e: Array) -> tuple[Array, Array]:
+    """What `place_sensor` fills."""
+    turn, matrix = np.empty((2, 2)), np.empty((N_CHANNELS, N_CHANNELS))
+    place_sensor(plane == "vertical", mount_of(sensing), e, turn, matrix)
+    return turn, matrix
 
 
 def current(e: Array, from_middle_s: Array) -> Array:
@@ -105,137 +160,26 @@ def current(e: Array, from_middle_s: Array) -> Array:
     A current that changes over hours changes the motion through the water by nothing that
     matters: 0.2 m/s in 1000 s is 2e-4 m/s^2.
     """
-    before, after = np.minimum(from_middle_s, 0.0), np.maximum(from_middle_s, 0.0)
-    changed = np.outer(before, e[EARLY]) + np.outer(after, e[LATER])
-    return np.asarray(e[[NORTH, EAST]] + changed / DRIFT_PERIOD_S)
-
-
-def offsets(
-    plane: Plane,
-    sensing: Sensing,
-    e: Array,
-    angle: Array,
-    rates: Array,
-    from_middle_s: Array | None = None,
-    heading: Array | None = None,
-) -> Array:
-    """Part (n, 4) of the readings that does not depend on velocities.
-
-    Parameters
-    ----------
-    angle : (n,) array
-        Heading; in the vertical plane pitch.
-    rates : (n, 2) array
-        Roll and pitch rate, zero where not logged.
-    from_middle_s : (n,) array, optional
-        Time from the middle of the trial, which only a drifting current asks for.
-    heading : (n,) array, optional
-        In the vertical plane, where only a current over the ground asks for it.
-    """
-    out = np.zeros((len(angle), N_CHANNELS))
-    out[:, 2], out[:, 3] = e[GYRO[plane][0]], e[PITCH_BIAS]
-    if plane == "vertical":
-        turn = (1.0 + e[SCALE]) * _turn(plane, sensing, e)
-        out[:, :2] = water_in_vertical(e, angle, heading) @ turn.T
-        return out
-    if from_middle_s is None:
-        from_middle_s = np.zeros(len(angle))
-    water = current(e, from_middle_s)
-    if e[DZ] == 0.0 and not water.any():
-        return out
-    ahead, aside = rates[:, PITCH_RATE] * e[DZ], -rates[:, ROLL_RATE] * e[DZ]
-    if water.any():
-        c, s = np.cos(angle), np.sin(angle)
-        ahead = ahead + water[:, 0] * c + water[:, 1] * s
-        aside = aside + water[:, 1] * c - water[:, 0] * s
-    turn = (1.0 + e[SCALE]) * _turn(plane, sensing, e)
-    out[:, 0] = turn[0, 0] * ahead + turn[0, 1] * aside
-    out[:, 1] = turn[1, 0] * ahead + turn[1, 1] * aside
-    return out
+    return np.column_stack(water_over_ground(e, from_middle_s))
 
 
 def water_in_vertical(e: Array, pitch: Array, heading: Array | None) -> Array:
     """Velocity (n, 2) of the water ahead and below, in the axes of the vehicle."""
     if not e[[NORTH, EAST, DOWN]].any():
         return np.zeros((len(pitch), 2))
-    ahead, c, s = np.zeros(len(pitch)), np.cos(pitch), np.sin(pitch)
-    if heading is not None:
-        ahead = e[NORTH] * np.cos(heading) + e[EAST] * np.sin(heading)
-    return np.column_stack([ahead * c - e[DOWN] * s, ahead * s + e[DOWN] * c])
+    along = 0.0 if heading is None else water_along(e, heading)
+    return np.column_stack(water_below(e, along, pitch))
 
 
 def water_by_pitch(sensing: Sensing, e: Array, pitch: Array, heading: Array | None) -> Array:
     """Slope (n, 2) by the pitch of what moving water adds to the DVL in the vertical plane."""
     ahead, below = water_in_vertical(e, pitch, heading).T
-    turn = (1.0 + e[SCALE]) * _turn("vertical", sensing, e)
+    turn, _ = _sensor("vertical", sensing, e)
     return np.asarray(np.column_stack([-below, ahead]) @ turn.T)
-
-
-def late(values: Array, e: Array, dt: float) -> Array:
-    """Values (n, 4, ...) as the late sensors show them: those of a while ago.
-
-    Linear between rows; before the first row the first one is held.
-    """
-    dvl, gyro = e[DVL_DELAY] / dt, e[GYRO_DELAY] / dt
-    if dvl == 0.0 and gyro == 0.0:
-        return values
-    out = values.copy()
-    if dvl != 0.0:
-        out[:, :2] = _shifted(values[:, :2], dvl)
-    if gyro != 0.0:
-        out[:, 2] = _shifted(values[:, 2], gyro)
-    return out
-
-
-def _shifted(values: Array, steps: float) -> Array:
-    n, whole = len(values), math.floor(steps)
-    share = steps - whole
-    rows = np.arange(n) - whole
-    return (1.0 - share) * values[np.clip(rows, 0, n - 1)] + share * values[
-        np.clip(rows - 1, 0, n - 1)
-    ]
 
 
 def unknown_rows(e: Array, n: int, dt: float) -> Array:
     """Rows (n, 4) whose late reading stems from before the first or after the last row."""
     rows = np.arange(n)[:, None]
     steps = np.array([e[DVL_DELAY], e[DVL_DELAY], e[GYRO_DELAY], 0.0]) / dt
-    return (rows - steps < 0.0) | (rows - steps > n - 1.0)
-
-
-def readings(
-    plane: Plane,
-    sensing: Sensing,
-    e: Array,
-    states: Array,
-    angle: Array,
-    rates: Array,
-    dt: float,
-    from_middle_s: Array | None = None,
-    heading: Array | None = None,
-) -> Array:
-    """Readings (n, 4) of the states (n, 4); see `offsets` and `late` for the rest."""
-    at_once = states @ sensor_matrix(plane, sensing, e).T
-    return late(at_once + offsets(plane, sensing, e, angle, rates, from_middle_s, heading), e, dt)
-
-
-def states_behind(
-    plane: Plane,
-    sensing: Sensing,
-    e: Array,
-    measured: Array,
-    rates: Array,
-    dt: float,
-    from_middle_s: Array | None = None,
-    heading: Array | None = None,
-) -> Array:
-    """States (n, 4) that would give these readings: `readings` the other way round.
-
-    Of the current, which is turned by the angle as read, less its own errors.
-    """
-    early = e.copy()
-    early[DVL_DELAY], early[GYRO_DELAY] = -e[DVL_DELAY], -e[GYRO_DELAY]
-    at_once = late(measured, early, dt)
-    angle = (measured[:, 3] - e[PITCH_BIAS]) / (1.0 + e[PITCH_SCALE])
-    at_once = at_once - offsets(plane, sensing, e, angle, rates, from_middle_s, heading)
-    return at_once @ np.linalg.inv(sensor_matrix(plane, sensing, e)).T
+    return np.logical_not(is_known(rows, n, steps))

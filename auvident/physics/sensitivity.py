@@ -38,7 +38,7 @@ from auvident.physics.term_tables import (
     SLOPES,
     sort_masses,
     sort_slopes,
-    used_variables,
+    standing_in,
 )
 
 POINT_PLACES = SLOPES + N_VARIABLES * N_POWERS  # values of a point: powers, 1, their derivatives
@@ -55,7 +55,9 @@ class System(NamedTuple):
     ----------
     active : (4,) bool array
     used : (17,) bool array
-        From `term_tables.used_variables`.
+        From `term_tables.standing_in`.
+    moving : (12,) bool array
+        Inputs that stand in a term and depend on free parameters.
     table, weights, partials : arrays from `term_tables.sort_slopes`
     mass, mass_weights : arrays from `term_tables.sort_masses`
     coefficient : (m,) array
@@ -68,6 +70,7 @@ class System(NamedTuple):
 
     active: np.ndarray
     used: np.ndarray
+    moving: np.ndarray
     table: np.ndarray
     weights: np.ndarray
     partials: np.ndarray
@@ -129,9 +132,11 @@ def system_at(p, active, column, scale, moving, input_columns, equations):
     for k in range(table.shape[0]):
         coefficient[k] = weights[k, 0] * p[table[k, 1]]
     determinant = inverse_mass(p, equations.mass, equations.mass_weights, active, inverse)
+    used = standing_in(table)
     system = System(
         active,
-        used_variables(active, equations.terms),
+        used,
+        used[N_POSITIONS:] & moving,
         table,
         weights,
         partials,
@@ -190,7 +195,7 @@ def _place_inputs(inputs, used, moving, value):
             for point in range(N_POINTS):
                 here = value[point * POINT_PLACES :]
                 place_powers(N_POSITIONS + i, inputs[i], here)
-                if moving:
+                if moving[i]:
                     _place_slopes(N_POSITIONS + i, inputs[i], 1.0, here)
 
 
@@ -299,9 +304,9 @@ def _add_parameters(system, work, total):
 @borrowing
 def _add_inputs(system, input_slopes, f_x, total):
     """Derivatives by the parameters that inputs depend on; inputs hold over the step."""
-    active, used, input_columns = system.active, system.used, system.input_columns
+    active, moving, input_columns = system.active, system.moving, system.input_columns
     for l in range(N_INPUTS):  # noqa: E741
-        if used[N_POSITIONS + l]:
+        if moving[l]:
             for i in range(N_STATES):
                 if active[i]:
                     by = _by_input(l, i, active, f_x)
@@ -343,7 +348,7 @@ def step_with_jacobian(x, inputs, inactive0, inactive1, dt, input_slopes, system
         Of inactive states only the value is set, to the one at the end of the step.
     """
     active, stage, rate = system.active, work.stage, work.rate
-    _place_inputs(inputs, system.used, system.input_columns.shape[0] > 0, work.value)
+    _place_inputs(inputs, system.used, system.moving, work.value)
     for i in range(N_STATES):
         stage[i, 0] = x[i, 0] if active[i] else inactive0[i]
     for point in range(N_POINTS):

@@ -47,6 +47,17 @@ def used_variables(active, terms):
 
 
 @kernel
+def standing_in(table):
+    """Variables (17,) that stand in the terms at work, as `sort_slopes` sorted them."""
+    used = np.zeros(N_VARIABLES, np.bool_)
+    for k in range(table.shape[0]):
+        for c in range(3, 3 + N_FACTORS):
+            if table[k, c] != ONE:
+                used[table[k, c] // N_POWERS] = True
+    return used
+
+
+@kernel
 def sort_terms(active, moves, moving, terms, weights):
     """Sort the terms of the active equations for many points.
 

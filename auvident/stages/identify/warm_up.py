@@ -10,7 +10,7 @@ from typing import get_args
 
 from auvident.engines.carried import allowed
 from auvident.engines.estimator import filter_pass, task_of
-from auvident.engines.free_run import likelihood
+from auvident.engines.free_run import likelihood, residual_of
 from auvident.engines.noise import effective_noise
 from auvident.engines.setup import Setup
 from auvident.engines.states import smoothed_states
@@ -74,6 +74,7 @@ def simulate(setup: Setup) -> None:
     task = task_of(setup, EVERYTHING)
     effective_noise(task.output, setup.start, setup.sensor_std)
     likelihood(task.output, setup.start, task.free)
+    residual_of(task.output, setup.start, task.output.records[0])
     smoothed_states(
         setup.structure,
         setup.start,

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from auvident.constants import VehicleTime
 from auvident.engines.free_run import RecordResidual
 from auvident.engines.records import Record
+from auvident.parallel import each
 from auvident.physics.terms import EQUATIONS, FREE_FORCE, FREE_FORCES
 from auvident.schema.planes import HORIZONTAL, VERTICAL, Plane, PlaneRow
 from auvident.stages.diagnose.fit.case import Case
@@ -103,24 +104,23 @@ def free_forces(case: Case, fitted: Fitted) -> list[FreeForce]:
     """Free forces that explain most beside a fitted model, best first."""
     there = REGRESSORS[case.plane.name]
     cases = {name: _with_series(case, of, fitted.residuals) for name, of in there.items()}
-    gains = {}
-    for name, own in cases.items():
-        joint = joint_about(own, fitted, (FREE_FORCE,))
-        if joint is not None:
-            gains[name] = score(joint, (FREE_FORCE,))
+    joints = each(lambda own: joint_about(own, fitted, (FREE_FORCE,)), cases.values())
+    gains = {
+        name: score(joint, (FREE_FORCE,))
+        for name, joint in zip(cases, joints, strict=True)
+        if joint is not None
+    }
     best = sorted(gains, key=lambda name: -gains[name].gain)[:REFITTED]
-    found = []
-    for name in best:
-        after = fit_with(
-            cases[name],
-            (*fitted.effects, FREE_FORCE),
-            gains[name].parameters,
-            fitted.colours,
-            rounds=1,
-            steps=6,
-        )
-        if after is not None:
-            found.append(_described(cases[name], name, fitted, after))
+
+    def fit(name: str) -> Fitted | None:
+        effects, start = (*fitted.effects, FREE_FORCE), gains[name].parameters
+        return fit_with(cases[name], effects, start, fitted.colours, rounds=1, steps=6)
+
+    found = [
+        _described(cases[name], name, fitted, after)
+        for name, after in zip(best, each(fit, best), strict=True)
+        if after is not None
+    ]
     return sorted(found, key=lambda f: -f.gain)
 
 

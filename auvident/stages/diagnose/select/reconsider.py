@@ -11,6 +11,7 @@ in the other the pair had no misalignment of practical size.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from auvident.parallel import each
 from auvident.schema.effects import EFFECTS, parts_of
 from auvident.schema.likeness import partners
 from auvident.stages.diagnose.fit.case import Case
@@ -105,12 +106,16 @@ def _exchanged(
     case: Case, current: Fitted, wanted: Sequence[Exchange]
 ) -> tuple[Exchange, Fitted] | None:
     """The best exchange that is worth it, with its fit."""
-    found = []
-    for exchange in wanted:
+
+    def fit(exchange: Exchange) -> Fitted | None:
         effects = (*apart(current, exchange.out), *exchange.into)
-        fitted = from_both(case, effects, without(case, current.parameters, exchange.out), current)
-        if fitted is not None and _pays(case, current, fitted, exchange):
-            found.append((exchange, fitted))
+        return from_both(case, effects, without(case, current.parameters, exchange.out), current)
+
+    found = [
+        (exchange, fitted)
+        for exchange, fitted in zip(wanted, each(fit, wanted), strict=True)
+        if fitted is not None and _pays(case, current, fitted, exchange)
+    ]
     return max(found, key=lambda f: worth(case, f[1]), default=None)
 
 

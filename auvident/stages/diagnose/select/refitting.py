@@ -1,6 +1,7 @@
 """The short list refitted: a few steps for all, the best to the end, rivals from where it lies."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -79,16 +80,30 @@ def finish(
     promise: dict[str, float],
     tell: Callable[[str], None] = lambda candidate: None,
 ) -> Fits:
-    """Those that are fitted to the end, the most promising first; each is told when it begins."""
+    """Those that are fitted to the end, the most promising first; each is told when it begins.
+
+    What has to be finished whatever comes of the others is finished side by side.
+    """
     order, finished = ranked(promise), Fits()
     beside = _beside_steady(promise)
-    for place, c in enumerate(order):
-        gain = log_gain(before, found[c])
+
+    def asked(place: int) -> Begun:
+        c = order[place]
         best = max([rules.LEAST_GAIN, *(log_gain(before, f) for f in finished.values())])
-        one = Begun(c, place, promise[c], promise[order[0]], gain, best, c in beside)
-        if passes(one, rules.FINISH) or passes_any(one, rules.FINISH_ANYWAY):
+        gain, first = log_gain(before, found[c]), promise[order[0]]
+        return Begun(c, place, promise[c], first, gain, best, c in beside)
+
+    def ended(places: Sequence[int]) -> Fits:
+        afresh = {order[place]: passes(asked(place), rules.AFRESH) for place in places}
+        for c in afresh:
             tell(c)
-            finished[c] = to_the_end(case, found[c], passes(one, rules.AFRESH))
+        return side_by_side(lambda c: to_the_end(case, found[c], afresh[c]), tuple(afresh))
+
+    places = range(len(order))
+    finished |= ended([place for place in places if passes(asked(place), rules.FINISH)])
+    for place in (k for k in places if order[k] not in finished):
+        if passes_any(asked(place), rules.FINISH_ANYWAY):
+            finished |= ended([place])
     return finished
 
 
@@ -100,10 +115,10 @@ def _beside_steady(promise: dict[str, float]) -> set[str]:
 
 def to_the_end(case: Case, fitted: Fitted, afresh: bool) -> Fitted:
     """Until it gains no more, and if asked for from the analytical estimate as well."""
-    options: list[Fitted | None] = [settled(case, fitted)]
+    ways: list[Callable[[], Fitted | None]] = [partial(settled, case, fitted)]
     if afresh:
-        options.append(from_estimate(case, fitted.effects, fitted.parameters))
-    return best_of(options) or fitted
+        ways.append(partial(from_estimate, case, fitted.effects, fitted.parameters))
+    return best_of(each(lambda way: way(), ways)) or fitted
 
 
 def unstuck(case: Case, before: Fitted, found: Fits) -> tuple[Fitted, Fits]:
@@ -119,10 +134,13 @@ def unstuck(case: Case, before: Fitted, found: Fits) -> tuple[Fitted, Fits]:
     first = found[leader]
     polished = _polished(case, before, first, leader)
     moved, best_gain = log_gain(before, polished), log_gain(polished, first)
-    for place, c in enumerate(order[1:], start=1):
-        rival = Rival(log_gain(polished, found[c]), best_gain, moved)
-        if passes(place, rules.LEAD) and passes_any(rival, rules.AGAIN):
-            better[c] = _from_leader(case, before, first, leader, found[c], c)
+    rivals = [
+        c
+        for place, c in enumerate(order[1:], start=1)
+        if passes(place, rules.LEAD)
+        and passes_any(Rival(log_gain(polished, found[c]), best_gain, moved), rules.AGAIN)
+    ]
+    better |= side_by_side(lambda c: _from_leader(case, before, first, leader, found[c], c), rivals)
     return polished, better
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from auvident.parallel import each
 from auvident.schema.likeness import partners
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted
@@ -44,7 +45,7 @@ def screen(case: Case, before: Fitted, candidates: Sequence[str]) -> Screen:
     assert joint is not None  # the fit itself ran through
     fast = joint_about(case, before, candidates, FAST_GAIN)
     absent = [c for c in candidates if c not in before.effects]
-    scores = {c: _score(joint, c) for c in absent}
+    scores = dict(zip(absent, each(lambda c: _score(joint, c), absent), strict=True))
     quick = {c: score(fast, (c,)).gain for c in absent} if fast else {}
     gains = {c: s.gain for c, s in scores.items()}
     limits = filter(is_limit, absent)  # of which a score knows nothing

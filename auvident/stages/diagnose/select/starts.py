@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from auvident.engines.free_run import residual_of
 from auvident.errors import NumericsError
+from auvident.parallel import each
 from auvident.schema.effects import BY_ID
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, first_colours, fit_with, output_error
@@ -22,11 +23,12 @@ FAR = (2.0, 4.0)
 
 def baseline_of(case: Case) -> Fitted:
     """Best fit without any effect, from the identified model and from the estimate."""
-    found = []
-    for start in (case.identified, case.setup.prior):
+
+    def begun(start: Array) -> Fitted | None:
         p = case.at_rest(start)
-        fitted = fit_with(case, (), p, first_colours(case, p), rounds=3, steps=12)
-        found += [fitted] if fitted is not None else []
+        return fit_with(case, (), p, first_colours(case, p), rounds=3, steps=12)
+
+    found = [f for f in each(begun, (case.identified, case.setup.prior)) if f is not None]
     if not found:
         raise NumericsError(
             "the prediction of a maneuver used for identification diverges, both with "
