@@ -45,7 +45,7 @@ def campaign_cost(trials: int = TRIALS) -> dict[str, Rows]:
         warm_for_runs(Observer())
         parts = measured(folder, planned)
     return {
-        "a trial of 25 minutes, measured": [{k: _rounded(v) for k, v in parts.items()}],
+        "a trial, measured": [{k: _rounded(v) for k, v in parts.items()}],
         "calculated from that": [calculated(parts, count) for count in MANY],
     }
 
@@ -53,7 +53,9 @@ def campaign_cost(trials: int = TRIALS) -> dict[str, Rows]:
 def measured(folder: Path, planned: Sequence[PlannedTrial]) -> dict[str, float]:
     """Means over the trials."""
     count = len(planned)
-    single_s = _of_children(lambda: [_alone(t, folder / "alone" / t.name) for t in planned])
+    single_s = _of_children(
+        lambda: [_alone(t, folder / "alone" / t.vehicle / t.name) for t in planned]
+    )
     plan = CampaignPlan(folder / "out", planned)
     own_s = -process_time()
     campaign_s = _of_children(lambda: run_campaign(plan, Observer()))
@@ -66,6 +68,7 @@ def measured(folder: Path, planned: Sequence[PlannedTrial]) -> dict[str, float]:
     runs = [plan.run_of(t) for t in planned]
     models = [find_model(run)[0] for run in runs]
     return {
+        "minutes": sum(_minutes(t.log) for t in planned) / count,
         "alone s": single_s / count,
         "in a campaign s": (campaign_s + own_s) / count,
         "over alone": (campaign_s + own_s) / single_s,
@@ -93,6 +96,12 @@ def _of_children(work: Callable[[], Any]) -> float:
     before = now()
     work()
     return now() - before
+
+
+def _minutes(log: Path) -> float:
+    """How long a trial lasts, by its gyro."""
+    time_s = [float(line.partition(",")[0]) for line in (log / "gyro.csv").open() if line[0] != "t"]
+    return (time_s[-1] - time_s[0]) / 60.0
 
 
 def _bytes(place: Path) -> int:
@@ -141,4 +150,4 @@ def calculated(parts: dict[str, float], count: int) -> dict[str, Any]:
 
 
 def _rounded(value: float) -> str:
-    return f"{value:,.0f}" if value >= 100.0 else f"{value:.2g}"
+    return f"{value:,.0f}" if value >= 100.0 else f"{value:.3g}"
