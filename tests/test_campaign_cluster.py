@@ -175,7 +175,7 @@ def test_a_scheduler_that_does_not_answer_is_one_line(
     address: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr(campaign_cluster, "ANSWER_S", 0.3)
+    monkeypatch.setattr(campaign_cluster, "REPLY_S", 0.3)
     with pytest.raises(UsageError, match=said) as caught:
         list(ClusterWorkers(address, tmp_path).each([Job("v/a", ())]))
     assert (caught.value.exit_code, caught.value.where) == (2, f"--scheduler {address}")

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 INSTALL = "Install it: pip install 'auvident[dask]'."
 NO_ANSWER = "Check the address and that the scheduler runs; `dask scheduler` prints it."
-ANSWER_S = 10.0  # for a scheduler to answer the first time
+REPLY_S = 10.0  # for a scheduler to answer the first time
 RETURN_S = 60.0  # for one that was lost to be there again
 LOSSES = 3  # of the scheduler, one after the other without a trial that ended in between
 WAITING = 1000  # trials that the scheduler knows of at a time
@@ -110,7 +110,7 @@ class ClusterWorkers:
             No scheduler answers.
         """
         waiting, suspects = {job.key: job for job in jobs}, dict[str, Job]()
-        losses, patience = 0, ANSWER_S
+        losses, patience = 0, REPLY_S
         while (waiting or suspects) and losses <= LOSSES:
             try:
                 with self._connected(patience) as client:
@@ -118,7 +118,7 @@ class ClusterWorkers:
                         losses = 0
                         yield done
             except UsageError:
-                if patience == ANSWER_S:  # it never answered
+                if patience == REPLY_S:  # it never answered
                     raise
                 break
             losses, patience = losses + 1, RETURN_S
@@ -156,7 +156,7 @@ class ClusterWorkers:
             yield client
         finally:
             with suppress(Exception):  # of a connection that is lost
-                client.close(timeout=ANSWER_S)
+                client.close(timeout=REPLY_S)
 
     def _place(self) -> dict[str, Any]:
         if not self.address.endswith(".json"):
@@ -208,7 +208,7 @@ def _no_answer(error: Exception) -> str:
         return "there is no such file"
     if isinstance(error, ValueError):
         return f"is no address of a scheduler ({error})"
-    return f"no scheduler answers within {ANSWER_S:.0f} s"
+    return f"no scheduler answers within {REPLY_S:.0f} s"
 
 
 def _ended(job: Job, future: "Future[JobDone]") -> JobDone | None:
