@@ -113,6 +113,12 @@ def warm_up(output: Output) -> None:
 @click.option(
     "--jobs", type=click.IntRange(1, 1024), help="Trials at a time.  [default: one a processor]"
 )
+@click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Run the trials on the Dask cluster of this scheduler (tcp://HOST:PORT, or its scheduler "
+    "file); needs auvident[dask].",
+)
 @click.option("--dry-run", is_flag=True, help="List the trials and what would be run, and stop.")
 @FALSE_ALARMS
 @FAIL_ON_CHANGE
@@ -124,6 +130,7 @@ def campaign(
     folder: Path,
     vehicle: Path | None,
     jobs: int | None,
+    scheduler: str | None,
     dry_run: bool,
     false_alarms: float | None,
     fail_on_change: bool,
@@ -137,15 +144,20 @@ def campaign(
     that fails is listed with its reason, and the exit code is then 3.
     """
     from auvident.pipeline.campaign import refuse_changes, run_campaign
+    from auvident.pipeline.campaign_cluster import ClusterWorkers
     from auvident.pipeline.campaign_page import write_page
     from auvident.pipeline.warming import warm_for_runs
     from auvident.report.console_campaign import campaign_pieces
     from auvident.storage.declared import outside_allowed
 
+    if scheduler is not None and jobs is not None:
+        raise click.UsageError("Give either --jobs or --scheduler: a cluster has its own number.")
     with outside_allowed(allow_outside):
         plan = _plan(sources, folder, vehicle, jobs, false_alarms, seed, allow_outside)
     with output.watch() as watch:
-        done = run_campaign(plan, watch, dry_run=dry_run, warm=warm_for_runs)
+        runner = None if scheduler is None else ClusterWorkers(scheduler, folder, watch.note)
+        warm = None if runner else warm_for_runs  # workers see to it themselves
+        done = run_campaign(plan, watch, dry_run=dry_run, runner=runner, warm=warm)
         page = None if dry_run else write_page(folder, done)
         for piece in campaign_pieces(done.result):
             watch.show(piece)

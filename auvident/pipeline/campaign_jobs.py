@@ -16,11 +16,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from auvident.errors import InUseError
 from auvident.parallel import VARIABLE
+from auvident.pipeline.campaign_trial import STARTED_BY
 
+PROGRAM = ("-m", "auvident.pipeline.campaign_trial")
 ONE_THREAD = (VARIABLE, "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 ATTEMPTS = 2  # of a trial whose process was killed
 LONGEST_PROBLEM = 500  # characters
+LOOK_S = 0.5  # how often a trial that runs is asked whether it is still wanted
+# A run directory may still be held by the process of a campaign, or of a worker, that was killed.
+IN_USE_ATTEMPTS, IN_USE_PAUSE_S = 5, 2.0
+
+Start = Callable[..., "subprocess.Popen[str]"]
 
 
 @dataclass(frozen=True)
@@ -66,11 +74,8 @@ class LocalProcesses:
         How a process is started.
     """
 
-    def __init__(
-        self, count: int, start: Callable[..., subprocess.Popen[str]] = subprocess.Popen
-    ) -> None:
+    def __init__(self, count: int, start: Start = subprocess.Popen) -> None:
         self.count, self.start = count, start
-        self._alive: set[subprocess.Popen[str]] = set()
         self._stopped = threading.Event()
 
     def each(self, jobs: Sequence[Job]) -> Iterator[JobDone]:
@@ -84,46 +89,64 @@ class LocalProcesses:
                 self._stopped.set()
                 for future in pending:
                     future.cancel()
-                for process in list(self._alive):
-                    process.terminate()
                 raise
 
     def _run(self, job: Job) -> JobDone:
-        began = time.perf_counter()
-        code, said = 0, ""
-        for _ in range(ATTEMPTS):
-            code, said = self._once(job)
-            if code >= 0 or self._stopped.is_set():
-                break
-        problem = said if code else ""
-        if code < 0:
-            problem = f"its process was killed (signal {-code})"
-        return JobDone(job.key, code, problem[:LONGEST_PROBLEM], time.perf_counter() - began)
+        return run_job(job, lambda: not self._stopped.is_set(), self.start)
 
-    def _once(self, job: Job) -> tuple[int, str]:
-        process = self.start(
-            [sys.executable, "-m", "auvident", *job.arguments],
-            env=environment(),
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        self._alive.add(process)
+
+def run_job(job: Job, wanted: Callable[[], bool], start: Start = subprocess.Popen) -> JobDone:
+    """Run one trial as a process.
+
+    Parameters
+    ----------
+    job : Job
+    wanted : callable
+        Whether anybody still waits for it; where not, the process is ended.
+    start : callable, optional
+        How a process is started.
+    """
+    began = time.perf_counter()
+    killed = in_use = 0
+    while True:
+        code, said = _once(job, wanted, start)
+        killed, in_use = killed + (code < 0), in_use + (code == InUseError.exit_code)
+        again = code < 0 and killed < ATTEMPTS
+        if code == InUseError.exit_code and in_use < IN_USE_ATTEMPTS:
+            again = True
+            time.sleep(IN_USE_PAUSE_S)
+        if not (again and wanted()):
+            break
+    problem = said if code else ""
+    if code < 0:
+        problem = f"its process was killed (signal {-code})"
+    return JobDone(job.key, code, problem[:LONGEST_PROBLEM], time.perf_counter() - began)
+
+
+def _once(job: Job, wanted: Callable[[], bool], start: Start) -> tuple[int, str]:
+    process = start(
+        [sys.executable, *PROGRAM, *job.arguments],
+        env=environment(),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    while True:
         try:
-            if self._stopped.is_set():
+            _, said = process.communicate(timeout=LOOK_S)
+            return process.returncode, problem_of(said)
+        except subprocess.TimeoutExpired:
+            if not wanted():
                 process.terminate()
-            _, said = process.communicate()
-        finally:
-            self._alive.discard(process)
-        return process.returncode, problem_of(said)
 
 
 def environment() -> Mapping[str, str]:
     """Of a process for one trial: the processors are taken by other trials."""
     paths = [str(Path(__file__).resolve().parents[2]), os.environ.get("PYTHONPATH", "")]
     path = os.pathsep.join(p for p in paths if p)
-    return {**os.environ, "PYTHONPATH": path, **dict.fromkeys(ONE_THREAD, "1")}
+    own = {"PYTHONPATH": path, STARTED_BY: str(os.getpid())}
+    return {**os.environ, **own, **dict.fromkeys(ONE_THREAD, "1")}
 
 
 def problem_of(said: str) -> str:

@@ -22,7 +22,8 @@ STUDIES = (
     "evidence",
     "geometry",
 )  # with options of their own
-SEASONS = ("pool", "season")  # as well; their results depend on what they were asked for
+BY_HAND = ("casadi", "campaign-cost")  # what `make bench` leaves out: other libraries, or long
+SEASONS = ("pool", "season", "cluster")  # as well; their results depend on what they were asked for
 PARTS = (
     "samples",
     "loop",
@@ -46,6 +47,8 @@ HOW = {
     "identify": "; medians of {repeats} repetitions",
     "length": "; medians of {few} repetitions",
     "day": "; medians of {few} repetitions",
+    "campaign-cost": "; season of the generator in which nothing happens, seed 0; processor time",
+    "casadi": "; seconds of the processor, of auvident the median of {repeats} fits",
     "splits": "; the first clean trials of even seeds, five random splits each",
     "whole": "; models of the harbour trial and of the dive trial, joined",
     "exports": "; models of the harbour trial and of the dive trial",
@@ -60,15 +63,16 @@ def main(arguments: list[str] | None = None) -> None:
         importlib.import_module(f"tests.bench.{arguments[0]}").main(arguments[1:], _print)
         return
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
-    parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
+    parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join((*PARTS, *BY_HAND)))
     parser.add_argument("--seeds", type=int, default=200, help="trials of the recovery study")
     parser.add_argument("--repeats", type=int, default=5, help="repetitions behind each median")
     parser.add_argument("--json", action="store_true", help="results as JSON on standard output")
     parser.add_argument("--write", action="store_true", help="replace sections of the page")
     options = parser.parse_args(arguments)
-    unknown = set(options.parts) - set(PARTS)
+    known = (*PARTS, *BY_HAND)
+    unknown = set(options.parts) - set(known)
     if unknown:
-        parser.error(f"no such part: {', '.join(sorted(unknown))}; known: {', '.join(PARTS)}")
+        parser.error(f"no such part: {', '.join(sorted(unknown))}; known: {', '.join(known)}")
     results = {}
     for part in options.parts or PARTS:
         print(f"{part} ...", file=sys.stderr)
@@ -83,7 +87,9 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _run(part: str, repeats: int, seeds: int) -> Any:
     from tests.bench import recovery, samples, speed
+    from tests.bench.against_casadi import casadi
     from tests.bench.band import band
+    from tests.bench.campaign_cost import campaign_cost
     from tests.bench.day import day
     from tests.bench.exports import exports
     from tests.bench.left_out import left_out
@@ -104,8 +110,10 @@ def _run(part: str, repeats: int, seeds: int) -> Any:
         "band": band,
         "whole": whole,
         "exports": exports,
+        "casadi": lambda: casadi(repeats),
+        "campaign-cost": campaign_cost,
         "day": lambda: day(min(repeats, 3)),
-        "length": lambda: {"diagnosis by length of the log": length(min(repeats, 3))},
+        "length": lambda: length(min(repeats, 3)),
     }
     return work[part]()
 

@@ -1,4 +1,4 @@
-"""A day of a gyro at 100 Hz: reading, `ingest` and `segment` by the length of the log.
+"""A day and more of a gyro at 100 Hz: reading, `ingest` and `segment` by the length of the log.
 
 The log is a generated trial, tiled: motion and commands repeat, the noise of each sensor is drawn
 anew. Every figure is from a process of its own, as the peak of memory is that of a process; seconds
@@ -22,7 +22,7 @@ from pyarrow import csv, parquet
 from tests.bench.length import KINDS, SEED, VEHICLE
 from tests.engines.chain import SAMPLES
 
-HOURS = (0.55, 5.5, 24.0)  # 0.2, 2 and 8.6 million readings of the gyro
+HOURS = (0.55, 5.5, 24.0, 44.5)  # 0.2, 2, 8.6 and 16 million readings of the gyro
 RATES_HZ = {"gyro": 100.0, "dvl": 5.0, "rudder": 10.0, "rpm": 5.0}
 HELD = ("rudder", "rpm")  # commands, which stand until the next one
 NOISE = {"degps": 0.1, "mps": 0.005}

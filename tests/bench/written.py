@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "benchmarks.md"
-ELSEWHERE = {"exports": "exports.md"}  # sections of other pages
+ELSEWHERE = {"exports": "exports.md", "campaign-cost": "campaigns.md"}  # sections of other pages
 PLACE = r"(?<=<!-- begin {name} -->\n).*?(?=<!-- end {name} -->\n)"
 
 Rows = list[dict[str, Any]]
