@@ -14,6 +14,7 @@ UNSEEN_INFORMATION = 0.5
 # Eigenvalues this small beside the largest are zero to rounding: no data of any length or
 # quality would see the direction, it follows from the equations.
 STRUCTURAL_RATIO = 1.0e-10
+ROUNDED = 6  # decimals of shares that are compared: rounding must not choose
 SMALL_WEIGHT = 0.1  # components of a direction below this share of the largest are not named
 REPORTED_CORRELATION = 0.3
 
@@ -99,7 +100,7 @@ def unseen_directions(information: Array, blocks: Sequence[Sequence[int]]) -> li
     found = []
     for block in blocks:
         part, directions = np.linalg.eigh(symmetric[np.ix_(block, block)])
-        for vector in directions.T[part <= floor]:
+        for vector in _reduced(directions[:, part <= floor]).T:
             whole = np.zeros(len(symmetric))
             whole[list(block)] = vector
             found.append(_direction(whole, 0.0, True))
@@ -107,6 +108,22 @@ def unseen_directions(information: Array, blocks: Sequence[Sequence[int]]) -> li
         if floor < value < UNSEEN_INFORMATION:
             found.append(_direction(vector, float(value), False))
     return found
+
+
+def _reduced(basis: Array) -> Array:
+    """Of all bases of a space the one (n, k) with 1 in k chosen rows where the others have 0.
+
+    Eigenvectors of equal eigenvalues are any basis: rounding turns them. Chosen are, one after the
+    other, the rows that have most of the space, the first of equal ones.
+    """
+    projector, rows = basis @ basis.T, []
+    rest = projector.copy()
+    for _ in range(basis.shape[1]):
+        row = int(np.argmax(np.round(np.diag(rest), ROUNDED)))
+        rows.append(row)
+        rest -= np.outer(rest[:, row], rest[row]) / rest[row, row]
+    reduced: Array = projector[:, rows] @ np.linalg.inv(projector[np.ix_(rows, rows)])
+    return reduced
 
 
 def _direction(vector: Array, information: float, structural: bool) -> Direction:

@@ -85,3 +85,17 @@ def test_structural_directions_of_two_sets_of_equations_are_not_mixed() -> None:
     assert first.structural and second.structural
     np.testing.assert_allclose(first.weights, [0.75, 1.0, 0.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(np.abs(second.weights), [0.0, 0.0, 1.0, 1.0], atol=1e-12)
+
+
+def test_rounding_does_not_turn_the_structural_directions() -> None:
+    rng = np.random.default_rng(4)
+    hidden, _ = np.linalg.qr(rng.normal(size=(6, 3)))
+    seen = np.eye(6) - hidden @ hidden.T
+    found = []
+    for scale in (1.0, 3.0):  # another rounding of the same information
+        noise = 1e-14 * rng.normal(size=(6, 6))
+        directions = unseen_directions(scale * (seen + noise), [range(6)])
+        found.append(np.array([d.weights for d in directions]))
+    assert found[0].shape == (3, 6)
+    np.testing.assert_allclose(found[0], found[1], atol=1e-9)
+    np.testing.assert_allclose(seen @ found[0].T, 0.0, atol=1e-9)
