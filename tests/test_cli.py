@@ -110,7 +110,7 @@ WITHOUT = [
 ]
 
 
-@pytest.mark.parametrize(("arguments", "heavy"), WITHOUT, ids=lambda x: " ".join(list(x)[:2]))
+@pytest.mark.parametrize(("arguments", "heavy"), WITHOUT, ids=[" ".join(a[:2]) for a, _ in WITHOUT])
 def test_a_command_loads_no_library_that_it_does_not_need(
     arguments: tuple[str, ...], heavy: set[str], tmp_path: Path
 ) -> None:
