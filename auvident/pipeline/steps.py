@@ -30,9 +30,8 @@ COMPILING_EACH_TIME = (
 DEFAULT_PLAN = "refined"
 LEAST_UNDER_WAY_MPS = 0.3  # slower samples do not belong to a run at speed
 PREDICTED = "prediction and standard maneuvers of the identified model"
-MOST_KEPT_BYTES = (
-    2**26
-)  # of a prediction, while the diagnosis runs: of an hour at 10 Hz it has 10 MB
+# of a prediction, while the diagnosis runs: that of an hour at 10 Hz has 10 MB
+MOST_KEPT_BYTES = 2**26
 
 
 # --- segment, ase -------------------------------------------------------------------------
