@@ -21,7 +21,7 @@ from tests.engines.chain import Chain, chain_of
 DATA = SAMPLES / "kvlcc2"
 RAW = ROOT / "tests" / "data" / "kvlcc2"  # a few rows of two files of the basin
 FILES = 13
-RATE_HZ = 5.0  # of the loop: for a ship this slow it ends as at 10 Hz, in half the time
+RATE_HZ = 2.5  # of the loop: for a ship this slow it ends as at 10 Hz, in a quarter of the time
 CAUSES = {"propeller_race", "propeller_side_force"}  # which of them is hardly told apart
 SHOWN = re.compile(r"^auvident run sample_logs/kvlcc2 (?:.*\\\n)*.*", re.MULTILINE)
 

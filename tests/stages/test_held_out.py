@@ -52,6 +52,8 @@ def given(name: str, trials: list[Trial], **more: Any) -> Any:
         observer=Observer(),
         manifest=None,
         is_beside=False,
+        plane=None,
+        kept={},
         table=lambda name: pd.DataFrame(),
         **more,
     )
