@@ -17,7 +17,7 @@ from typing import TypeVar
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-# Two make a diagnosis 1.5 times as fast; what is not compiled waits for the interpreter's lock, so
+# Two make a diagnosis 1.3 times as fast; what is not compiled waits for the interpreter's lock, so
 # that many would only wait. More than two were not measured.
 MOST_THREADS = 4
 VARIABLE = "AUVIDENT_THREADS"
