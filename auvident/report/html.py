@@ -1,5 +1,6 @@
 """The HTML report: one file, nothing outside of it; scripts only in the interactive one."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -43,6 +44,7 @@ FOLDER = Path(__file__).resolve().parent
 MOST_TRIALS = 32  # drawn over time; of the others the table of maneuvers tells
 TRIALS_NAMED = 6  # in the head
 TRIALS_APART, TRIALS_TOGETHER = 2, 16  # a figure each up to so many; else so many in a figure
+IN_BACKTICKS = re.compile("`([^`]+)`")
 STRONG = 0.8  # correlation from which on a pair is listed
 MOST_PREDICTIONS = 10  # held-out maneuvers drawn; the errors of all are in a table
 
@@ -148,7 +150,15 @@ def _template(name: str = "template.html") -> "Template":
         lstrip_blocks=True,
     )
     environment.filters["written"] = lambda table: written(table, PAGE)
+    environment.filters["commands"] = _commands
     return environment.get_template(name)
+
+
+def _commands(text: str) -> "Markup":
+    """Text in which what stands between backticks is set as a command."""
+    from markupsafe import Markup, escape
+
+    return Markup(IN_BACKTICKS.sub(r"<code>\1</code>", str(escape(text))))  # escaped before
 
 
 def _subtitle(report: ReportData) -> list[str]:

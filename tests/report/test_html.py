@@ -11,7 +11,7 @@ import pytest
 
 from auvident.pipeline.given import Given
 from auvident.pipeline.reporting import report_data
-from auvident.report.html import render
+from auvident.report.html import _commands, render
 from auvident.report.html_data import ReportData, number, quantity
 from auvident.report.html_summary import grade, summary, verdict_lines
 from auvident.report.html_words import cards, warnings
@@ -395,6 +395,11 @@ def test_what_validation_says_of_its_run_stands_in_the_report_once(
     assert "rests-on-prior" in {f.code for f in data.metrics.findings}
     for message in {f.message for f in data.metrics.findings}:
         assert page.text.count(message) == 1
+
+
+def test_a_command_in_a_remedy_is_set_as_one_and_nothing_else_is_markup() -> None:
+    told = _commands("`auvident plan-trial RUN` ranks <them> & `more`")
+    assert told == "<code>auvident plan-trial RUN</code> ranks &lt;them&gt; &amp; <code>more</code>"
 
 
 def test_a_finding_of_several_places_has_no_value_of_one(data: ReportData) -> None:
