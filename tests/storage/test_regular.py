@@ -28,6 +28,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "inspect": inspect_log,
 }
 HEAD, ROW = b"time_s,u_mps,v_mps,r_radps,rudder_rad,rpm\n", b"0,1,0,0,0,900\n"
+DAMAGED = Path(__file__).resolve().parents[1] / "data/damaged/small.parquet"
 REPEATED = 400_000  # rows that are all the same: a few kilobytes
 
 
@@ -103,6 +104,15 @@ def test_a_file_that_is_written_by_hand_is_not_large(
     (tmp_path / "large").write_bytes(b" " * ((1 << 20) + 1))
     with pytest.raises(error, match="larger than 1 MB"):
         READERS[reader](tmp_path / "large")
+
+
+def test_parquet_with_a_damaged_column_is_refused_and_does_not_end_the_process() -> None:
+    """What fuzzing found: asked for the size of that column, pyarrow calls abort()."""
+    log = log_file.open_log(DAMAGED)
+    with pytest.raises(InputError, match="is damaged Parquet: Definition level"):
+        log_file.read_log(log, {"u_mps": "number"})
+    assert log_file.read_log(log, {"time_s": "number"}).rows_read == 30
+    assert inspect_log(DAMAGED)
 
 
 def test_parquet_with_a_name_that_is_no_utf_8_is_refused(tmp_path: Path) -> None:
