@@ -1,9 +1,8 @@
 """Corrections that a check proposes: channels of a sensor from those that it logged.
 
 A correction is written as text, for the record and for people: ``u_mps = 0.514444 u_mps; ...``,
-each channel a multiple of one channel of the same sensor, or ``r_radps = 1 r_radps - 0.0123``, less
-an offset. `EARTH` turns north and east into ahead
-and starboard.
+each channel a multiple of one channel of the same sensor, less an offset where it has one
+(``r_radps = 1 r_radps - 0.0123``). `EARTH` turns north and east into ahead and starboard.
 """
 
 from collections.abc import Mapping
