@@ -10,6 +10,7 @@ from tests import loop_world
 from tests.bench import __main__ as bench
 from tests.bench import halves, population
 from tests.bench.effects_truth import RATES, SPEEDS, cross_flow, planted_of
+from tests.bench.population_bars import bars
 from tests.bench.population_score import STATES, clean_state, is_wrong, last_line, scored, tables
 from tests.bench.population_trial import (
     CHANNELS,
@@ -95,6 +96,58 @@ def test_trials_of_the_same_program_are_not_sailed_again(tmp_path, monkeypatch, 
         population.main(["--count", str(count), "--resume", str(path)], lambda *_: None)
     assert sailed == [0, 2]
     assert "1/1" in capsys.readouterr().err
+
+
+# --- what the study is held to ------------------------------------------------------------
+
+
+def bar(what, *outcomes):
+    """The row of a bar whose name begins so."""
+    return next(r for r in bars([scored(o) for o in outcomes]) if r["what"].startswith(what))
+
+
+def taken(balance, interval):
+    """Changes to an outcome: an attempt taken, and the interval of the named size."""
+    made = outcome_with()
+    effect = made["comparison"]["effects"][0]
+    for parameter in effect["parameters"]:
+        parameter["interval"] = interval
+    made["comparison"]["attempts"] = [{"effects": ["x"], "taken": True, "balance": balance}]
+    return made
+
+
+def test_a_bar_is_told_with_what_so_many_trials_allow():
+    found = bar("nothing planted: a name", *[outcome_with(seed) for seed in (0, 2)])
+    assert (found["n"], found["found"], found["met"]) == (2, "100.0%", "NO")
+    low, high = (float(x.rstrip("%")) for x in found["95 %"].split(" to "))
+    assert low == pytest.approx(34.2, abs=0.1) and high == 100.0
+
+
+def test_a_bar_without_trials_is_neither_met_nor_missed():
+    found = bar("visible pairs", outcome_with())
+    assert (found["n"], found["found"], found["met"]) == (0, "-", "")
+
+
+def test_a_name_that_the_vehicle_has_is_not_false():
+    name = named(outcome_with())
+    own = outcome_with(own={name: {"visible": True}})
+    assert bar("nothing planted: a name", own)["met"] == "yes"
+
+
+def test_what_refine_ships_is_held_against_what_was_left_out():
+    worse, better = taken(0.1, [0.1, 0.2]), taken(-0.1, [-0.1, 0.2])
+    assert bar("refined model worse", worse, better)["found"] == "50.0%"
+    assert bar("named, and zero", worse, better)["found"] == "50.0%"
+
+
+def test_an_interval_covers_too_little_and_too_much():
+    current = {**LAG, "id": "current", "family": "environment"}
+    truth = {
+        p["symbol"]: p["value"] for p in outcome_with()["comparison"]["effects"][0]["parameters"]
+    }
+    right = outcome_with(planted=({**current, "parameters": truth},))
+    found = bar("size within", right)
+    assert (found["found"], found["bar"], found["met"]) == ("100.0%", ">= 90% and <= 98%", "NO")
 
 
 # --- one trial ----------------------------------------------------------------------------

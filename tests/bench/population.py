@@ -18,6 +18,7 @@ from typing import Any
 from tests.bench import written
 from tests.bench.effects import ONE_THREAD, append, program, read_outcomes
 from tests.bench.halves import measured, options_of, seeds
+from tests.bench.population_bars import bars
 from tests.bench.population_score import is_wrong, scored, tables
 from tests.bench.population_trial import CHANNELS, WANTED, key_of, outcome
 
@@ -41,7 +42,8 @@ def main(arguments: list[str], show: Show) -> None:
     keys = [key_of(seed, short, options.until, plane) for seed in wanted]
     scores = [scored(kept[key]) for key in keys if key in kept]
     whole = options.until == WANTED[-1]
-    found = tables(scores, CLASSES, with_seeds=options.half == "tune", whole=whole)
+    found = {"bars": bars(scores)} if whole else {}
+    found |= tables(scores, CLASSES, with_seeds=options.half == "tune", whole=whole)
     if options.json is not None:
         options.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
     for title, rows in found.items():

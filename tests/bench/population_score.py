@@ -26,7 +26,9 @@ class Drawn:
     not, or something without a name. ``shows``: every planted effect is visible by that rule.
     ``false``: names that are neither planted, nor alike to a planted one, nor the vehicle's own.
     The vehicle's own is what shows when it is taken away from the plant, and linear damping where
-    its share of the plant's damping is large (`population_trial._own`).
+    its share of the plant's damping is large (`population_trial._own`). ``zero_inside``: of each
+    named effect with intervals, whether zero lies in all of them; ``ships_worse``: the refined
+    model predicts the identifying maneuvers worse when they are left out.
     """
 
     seed: int
@@ -47,6 +49,8 @@ class Drawn:
     nrmse_ase: dict[str, float] = field(default_factory=dict)
     coverage: dict[str, float] = field(default_factory=dict)
     size: dict[str, float] = field(default_factory=dict)
+    zero_inside: tuple[bool, ...] = ()
+    ships_worse: bool = False
 
 
 Scores = Sequence[Drawn]
@@ -79,7 +83,25 @@ def scored(outcome: Row) -> Drawn:
         nrmse_ase=outcome.get("nrmse_ase", {}),
         coverage=outcome.get("coverage", {}),
         size=truth.get("size", {}),
+        zero_inside=zero_inside(outcome.get("comparison") or {}),
+        ships_worse=ships_worse(outcome.get("comparison") or {}),
     )
+
+
+def zero_inside(comparison: Row) -> tuple[bool, ...]:
+    """Of each effect named in the end: whether zero lies in the intervals of all its sizes."""
+    found = []
+    for effect in comparison.get("effects", []):
+        spans = [p["interval"] for p in effect["parameters"] if p.get("interval")]
+        if spans:
+            found.append(all(low <= 0.0 <= high for low, high in spans))
+    return tuple(found)
+
+
+def ships_worse(comparison: Row) -> bool:
+    """Whether the attempt taken has a larger error of maneuvers left out than the old model."""
+    taken = [a for a in comparison.get("attempts", []) if a["taken"] and a["effects"]]
+    return any((a.get("balance") or 0.0) > 0.0 for a in taken)
 
 
 def last_line(error: str | None) -> str:
