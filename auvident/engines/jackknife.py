@@ -22,6 +22,7 @@ Array = npt.NDArray[Any]
 LEAST_MANEUVERS = 3  # fewer say nothing about the scatter between maneuvers
 NORMAL_95_ONE_SIDED = 1.645
 ROUNDING = 1.0e-13  # of the largest eigenvalue; smaller ones are zero
+LEAST_FREEDOM_OF_T = 3  # fewer leave Student's t without a variance
 LEAST_FREEDOM = 1.0  # expected squares below which they say nothing
 
 
@@ -179,6 +180,17 @@ def jackknife_covariance(moves: dict[str, Array]) -> Array | None:
     table = np.array(list(moves.values()))
     table = table - table.mean(axis=0)
     return (len(table) - 1) / len(table) * table.T @ table
+
+
+def of_few(count: int) -> float:
+    """What a variance that so few maneuvers tell has to be multiplied with.
+
+    It is known to `count` - 1 degrees of freedom only: the error over its root is Student's t, of
+    variance n/(n - 2) with n degrees. The same factor makes the mean of the inverse, which is the
+    information that several trials add up, that of the true variance.
+    """
+    freedom = max(count - 1, LEAST_FREEDOM_OF_T)
+    return freedom / (freedom - 2.0)
 
 
 def expected_variance(curvatures: Sequence[Array], prior: Array) -> tuple[Array, Array]:

@@ -17,6 +17,7 @@ from auvident.engines.jackknife import (
     largest_by_chance,
     moves_without,
     noise_claim,
+    of_few,
     scatter_of,
 )
 from auvident.engines.noise import white
@@ -184,6 +185,28 @@ def test_the_limit_of_chance_is_that_of_chi_square() -> None:
     np.testing.assert_allclose(
         largest_by_chance(freedom), chi2.ppf(0.95, freedom) / freedom, rtol=0.03
     )
+
+
+@pytest.mark.parametrize("count", [6, 8, 12])
+def test_what_few_maneuvers_tell_of_a_variance_is_widened_to_student_s_t(count) -> None:
+    """Every maneuver alone pulls the mean of them elsewhere; moves are those of leaving one out."""
+    rng, squares, inverses = np.random.default_rng(count), [], []
+    for _ in range(4000):
+        own = rng.standard_normal(count)
+        without = {
+            str(i): np.array([(own.sum() - x) / (count - 1) - own.mean()])
+            for i, x in enumerate(own)
+        }
+        claimed = of_few(count) * jackknife_covariance(without)[0, 0]
+        squares.append(own.mean() ** 2 / claimed)
+        inverses.append(1.0 / claimed)
+    # the fourth moment of t is infinite at few degrees: the mean of few is known less well
+    assert np.mean(squares) == pytest.approx(1.0, rel=0.15)
+    assert np.mean(inverses) == pytest.approx(count, rel=0.1)
+
+
+def test_three_maneuvers_count_as_four() -> None:
+    assert of_few(3) == of_few(4) == 3.0
 
 
 def test_only_a_scatter_beyond_chance_widens_and_never_beyond_the_prior() -> None:

@@ -8,6 +8,7 @@ from auvident.engines.jackknife import (
     information_by_maneuver,
     jackknife_covariance,
     moves_without,
+    of_few,
     scatter_of,
 )
 from auvident.schema.artifacts import LeftOutError, LeftOutManeuver, LeftOutSummary
@@ -118,7 +119,8 @@ def test_the_scatter_between_maneuvers_stands_beside_the_covariance(monkeypatch)
     # a limit is a secant: the step without a maneuver means nothing along it
     unit = np.where([s == "rudder_rate_limit.rate_degps" for s in symbols], 0.0, scale)
     assert (unit == 0.0).sum() == 1
-    expected = jackknife_covariance(moves_without(*parts[0]))
+    moves = moves_without(*parts[0])
+    expected = of_few(len(moves)) * jackknife_covariance(moves)
     np.testing.assert_allclose(
         np.array(model.covariance["scatter"]), expected * np.outer(unit, unit), rtol=1e-9
     )

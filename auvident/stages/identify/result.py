@@ -11,7 +11,7 @@ import pandas as pd
 from auvident.constants import NORMAL_95
 from auvident.engines.carried import Carried, effect_rows
 from auvident.engines.free_run import NOTHING
-from auvident.engines.jackknife import Scatter, jackknife_covariance
+from auvident.engines.jackknife import Scatter, jackknife_covariance, of_few
 from auvident.engines.prediction import at_effects, linear_about
 from auvident.engines.records import STATE_COLUMNS
 from auvident.engines.setup import Outcome, Setup, active_states
@@ -185,13 +185,14 @@ def scatter_matrix(setup: Setup, final: Outcome, moves: Mapping[str, Array]) -> 
 
     What the equations lack pulls every maneuver elsewhere. At motions that drawn vehicles of other
     structure were in (`tests.bench.totals`) the accelerations of the model were off by more than
-    the readings alone allow for; with this covariance added the claims hold.
+    the readings alone allow for; with this covariance added, widened because few maneuvers tell
+    it, the claims hold.
     """
     covariance = jackknife_covariance(dict(moves))
     if covariance is None:
         return {}
     unit = setup.prior_std[final.free] * _smooth(setup.names(final.free))
-    return {"scatter": (covariance * np.outer(unit, unit)).tolist()}
+    return {"scatter": (of_few(len(moves)) * covariance * np.outer(unit, unit)).tolist()}
 
 
 def _combination(direction: Direction, symbols: Sequence[str]) -> Combination:
