@@ -99,7 +99,7 @@ def _run(part: str, repeats: int, seeds: int) -> Any:
 
     work: dict[str, Callable[[], Any]] = {
         "samples": lambda: {"held-out errors": samples.held_out()},
-        "loop": lambda: {"held-out errors before and after": samples.loop()},
+        "loop": samples.loop,
         "tanker": lambda: samples.tanker(),
         "speed": lambda: {"one pass": speed.passes(repeats)},
         "identify": lambda: {"identification": speed.whole(repeats), "memory": speed.memory()},

@@ -15,6 +15,8 @@ CLEAN = {"harbour_trial": "horizontal", "sound_trial": "horizontal", "dive_trial
 CHANNELS = ("u", "v", "w", "r", "q")
 LOOP = {"bay_trial": "tern180", "harbour_trial": "remus100", "sound_trial": "tern180"}
 LOOP_CHANNELS = ("u", "v", "r", "heading")
+DIVES = {"dive_trial": "remus100", "shelf_trial": "tern180"}
+DIVE_CHANNELS = ("u", "w", "q", "pitch")
 FOUR = ("hsva_Z_10_05", "hsva_Z_15_01", "hsva_Z_20_10_P", "hsva_Z_35_05")
 OVERSHOOTS = ("overshoot_1_deg", "overshoot_2_deg")
 
@@ -79,13 +81,23 @@ def _overshoots(maneuver: ManeuverMetrics) -> dict[str, Any]:
     }
 
 
-def loop() -> Rows:
+def loop() -> dict[str, Rows]:
     """Verdict of each trial, and its held-out errors before and after `refine`."""
     found = [_closed(SAMPLES / n, SAMPLES / f"{v}.toml") for n, v in LOOP.items()]
-    return [*found, _closed(KVLCC2, KVLCC2 / "vehicle.toml", FOUR)]
+    dives = [_closed(SAMPLES / n, SAMPLES / f"{v}.toml", DIVE_CHANNELS) for n, v in DIVES.items()]
+    tanker = _closed(KVLCC2, KVLCC2 / "vehicle.toml", LOOP_CHANNELS, FOUR)
+    return {
+        "held-out errors before and after": [*found, tanker],
+        "the same in the vertical plane": dives,
+    }
 
 
-def _closed(logs: Path, vehicle: Path, hold_out: tuple[str, ...] = ()) -> dict[str, Any]:
+def _closed(
+    logs: Path,
+    vehicle: Path,
+    channels: tuple[str, ...] = LOOP_CHANNELS,
+    hold_out: tuple[str, ...] = (),
+) -> dict[str, Any]:
     """Verdict and held-out errors of one run to its end."""
     found = _comparison(logs, vehicle, hold_out)
     before, after = found["held_out"]["before"], found["held_out"]["after"]
@@ -93,7 +105,7 @@ def _closed(logs: Path, vehicle: Path, hold_out: tuple[str, ...] = ()) -> dict[s
         "trial": logs.name,
         "verdict": found["verdict"],
         "used": " + ".join(e["id"] for e in (*found["effects"], *found["not_confirmed"])) or "-",
-        **{c: _both(before, after, c) for c in LOOP_CHANNELS},
+        **{c: _both(before, after, c) for c in channels},
     }
 
 
