@@ -112,7 +112,9 @@ def taken(balance, interval):
     effect = made["comparison"]["effects"][0]
     for parameter in effect["parameters"]:
         parameter["interval"] = interval
-    made["comparison"]["attempts"] = [{"effects": ["x"], "taken": True, "balance": balance}]
+    made["comparison"]["attempts"] = [
+        {"effects": ["x"], "taken": True, "balance": balance, "balance_se": 0.2}
+    ]
     return made
 
 
@@ -137,6 +139,7 @@ def test_a_name_that_the_vehicle_has_is_not_false():
 def test_what_refine_ships_is_held_against_what_was_left_out():
     worse, better = taken(0.1, [0.1, 0.2]), taken(-0.1, [-0.1, 0.2])
     assert bar("refined model worse", worse, better)["found"] == "50.0%"
+    assert bar("... by more than", worse, better)["found"] == "0.0%"
     assert bar("named, and zero", worse, better)["found"] == "50.0%"
 
 

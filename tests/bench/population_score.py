@@ -28,7 +28,8 @@ class Drawn:
     The vehicle's own is what shows when it is taken away from the plant, and linear damping where
     its share of the plant's damping is large (`population_trial._own`). ``zero_inside``: of each
     named effect with intervals, whether zero lies in all of them; ``ships_worse``: the refined
-    model predicts the identifying maneuvers worse when they are left out.
+    model predicts the identifying maneuvers worse when they are left out, ``surely_worse``: by
+    more than the standard error (None where nothing was refined).
     """
 
     seed: int
@@ -50,7 +51,8 @@ class Drawn:
     coverage: dict[str, float] = field(default_factory=dict)
     size: dict[str, float] = field(default_factory=dict)
     zero_inside: tuple[bool, ...] = ()
-    ships_worse: bool = False
+    ships_worse: bool | None = None
+    surely_worse: bool | None = None
 
 
 Scores = Sequence[Drawn]
@@ -84,7 +86,8 @@ def scored(outcome: Row) -> Drawn:
         coverage=outcome.get("coverage", {}),
         size=truth.get("size", {}),
         zero_inside=zero_inside(outcome.get("comparison") or {}),
-        ships_worse=ships_worse(outcome.get("comparison") or {}),
+        ships_worse=worse_by(outcome.get("comparison") or {}, errors=0.0),
+        surely_worse=worse_by(outcome.get("comparison") or {}, errors=1.0),
     )
 
 
@@ -98,10 +101,15 @@ def zero_inside(comparison: Row) -> tuple[bool, ...]:
     return tuple(found)
 
 
-def ships_worse(comparison: Row) -> bool:
-    """Whether the attempt taken has a larger error of maneuvers left out than the old model."""
-    taken = [a for a in comparison.get("attempts", []) if a["taken"] and a["effects"]]
-    return any((a.get("balance") or 0.0) > 0.0 for a in taken)
+def worse_by(comparison: Row, errors: float) -> bool | None:
+    """Whether the attempt taken leaves larger errors of maneuvers left out than the old model.
+
+    By more than so many standard errors; None where the old model stays, or none can be left out.
+    """
+    for attempt in comparison.get("attempts", []):
+        if attempt["taken"] and attempt["effects"] and attempt.get("balance") is not None:
+            return bool(attempt["balance"] > errors * attempt["balance_se"])
+    return None
 
 
 def last_line(error: str | None) -> str:
