@@ -18,7 +18,7 @@ from auvident.cli import COMMANDS
 from auvident.pipeline.table import STAGES
 from auvident.schema.coefficients import symbols_of
 from auvident.schema.effects import EFFECTS
-from tests.bench import pages, reference, report_picture, signatures
+from tests.bench import headline, pages, reference, report_picture, signatures
 from tests.command_line import ENVIRONMENT, ROOT, call
 from tests.engines.effects_world import HEADING
 
@@ -31,6 +31,11 @@ COMMANDS_OF_PROGRAM = {name for names in COMMANDS.values() for name in names}
 
 def test_the_readme_can_be_finished() -> None:
     assert len((ROOT / "README.md").read_text().splitlines()) <= MOST_LINES
+
+
+def test_what_the_readme_says_of_trust_is_what_the_studies_measured() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert headline.section() in text, "run `python -m tests.bench.headline`"
 
 
 def test_the_page_of_effects_is_what_the_program_prints() -> None:

@@ -20,8 +20,8 @@ On trials of an independent 6-DOF simulator, held-out errors fall from {before} 
 deviation (geometry alone) to {fast} in surge and yaw, {v} in sway, {q} in pitch, {w} in heave.
 """
 SHELF = """
-On `sample_logs/shelf_trial`, a dive with a fault that its vehicle file does not mention, the loop
-names it (`{used}`): held-out errors fall from {u} in surge, {w} in heave, {q} in pitch rate.
+On `sample_logs/shelf_trial`, a dive with a fault that nobody declared, the loop names it
+(`{used}`): errors fall from {u} in surge, {w} in heave, {q} in pitch rate.
 """
 POPULATION = """
 Of trials of vehicles drawn at random, on which nothing was tuned, {false} with nothing planted get
@@ -54,7 +54,7 @@ def tables(name: str) -> Tables:
 
 
 def _rows(body: str) -> list[Row]:
-    heads, _, *rows = (line.strip("| ").split(" | ") for line in body.strip().splitlines())
+    heads, _, *rows = (line[2:-2].split(" | ") for line in body.strip().splitlines())
     return [dict(zip(heads, row, strict=True)) for row in rows]
 
 
