@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from auvident.stages.diagnose.score.left_out import Helped
 from auvident.stages.diagnose.select import rules
-from auvident.stages.diagnose.select.records import Account, Beside, Nuisance, ratio_of
+from auvident.stages.diagnose.select.records import Account, Beside, Hiding, Nuisance, ratio_of
 from auvident.stages.diagnose.select.rule import Refusal, passes, refusal_of
 
 Judged = tuple[Account, Refusal | None]
@@ -87,3 +87,32 @@ def nuisance_of(
         unclaimed,
     )
     return first.id if passes(nuisance, rules.TAKE_ALONG) else None
+
+
+def hidden_among(judged: Sequence[Judged]) -> tuple[str, ...]:
+    """Candidates of a round in which none was accepted that another effect may hide, best first."""
+    found = [account.id for account, _ in judged if passes(_hiding(account), rules.HIDDEN)]
+    return tuple(found[: rules.MOST_HIDDEN])
+
+
+def _hiding(account: Account) -> Hiding:
+    fall = max(account.falls.values(), default=0.0)
+    t = account.helped.t if account.helped else 0.0
+    return Hiding(account.helped is not None, account.size, t, 1.0 - (1.0 - fall) ** 2)
+
+
+def shown_together(first: Account, both: Helped, beside: Callable[[], Account]) -> bool:
+    """Whether two effects are accepted together, the second of which was accepted beside the first.
+
+    Parameters
+    ----------
+    first : Account
+        The effect that was refused alone.
+    both : Helped
+        What the two do together.
+    beside : callable
+        What is known of the first one beside the second, worked out if need be.
+    """
+    if not passes(replace(first, helped=both), rules.RULES_LEFT_OUT):
+        return False
+    return passes(beside(), (*rules.RULES, *rules.RULES_BESIDE))

@@ -3,8 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from scipy.special import chdtrc
 
 from auvident.stages.diagnose.fit.case import Case
@@ -24,6 +26,8 @@ from auvident.stages.diagnose.select.decisions import judge
 from auvident.stages.diagnose.select.records import Account
 from auvident.stages.diagnose.select.rule import passes
 from auvident.stages.diagnose.select.telling import LEAVE_OUT, Telling
+
+Array = npt.NDArray[Any]
 
 
 def judged_with(
@@ -53,15 +57,29 @@ def judged_with(
 
     def left_out(account: Account) -> Helped:
         told.next(account.id)
-        fitted = fits[account.id]
-        old = seen_with(case, reference(), fitted.colours)
-        new = leave_out(case, fitted, fitted.colours)
-        found = helped(old, new, rng, noise_floor(case, fitted.colours))
-        found = with_sensors(case, before, fitted, found)
-        return replace(found, p=min(1.0, among * found.p))
+        return left_out_with(case, before, fits[account.id], among, rng, reference())
 
     accounts = judge([t.account for t in tried], left_out)
     return [Tried(fits[account.id], account, refusal) for account, refusal in accounts]
+
+
+def left_out_with(
+    case: Case,
+    before: Fitted,
+    after: Fitted,
+    among: int,
+    rng: np.random.Generator,
+    without: Array | None = None,
+) -> Helped:
+    """What a model does for the maneuvers left out, beside the one without its last effect.
+
+    `without` are the parameters of the fits of the latter without each maneuver, if known.
+    """
+    without = fits_without(case, before) if without is None else without
+    old, new = seen_with(case, without, after.colours), leave_out(case, after, after.colours)
+    found = helped(old, new, rng, noise_floor(case, after.colours))
+    found = with_sensors(case, before, after, found)
+    return replace(found, p=min(1.0, among * found.p))
 
 
 def with_sensors(case: Case, before: Fitted, fitted: Fitted, found: Helped) -> Helped:

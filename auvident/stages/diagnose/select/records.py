@@ -168,6 +168,29 @@ class Nuisance:
 
 
 @dataclass(frozen=True)
+class Hiding:
+    """A candidate of a round in which none was accepted, that another effect may hide.
+
+    Attributes
+    ----------
+    tried : bool
+        Whether maneuvers were left out of its fit, which is what it was refused for.
+    large : float
+        Its size [practical sizes].
+    t : float
+        Its gain in maneuvers left out, in standard errors.
+    explained : float
+        Share of the power of a residual that it explains where it was fitted, of the channel where
+        that is most.
+    """
+
+    tried: bool
+    large: float
+    t: float
+    explained: float
+
+
+@dataclass(frozen=True)
 class Accepted:
     """An effect that was accepted: its gain [nats] and how many effects were there before it."""
 

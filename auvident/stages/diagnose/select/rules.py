@@ -14,6 +14,7 @@ from auvident.stages.diagnose.select.records import (
     Beside,
     Containing,
     Exchanged,
+    Hiding,
     Nuisance,
     Rival,
     Screened,
@@ -93,6 +94,8 @@ LEAST_GAIN = 20.0
 # residual above the noise of the sensor that has to be explained in some channel. What other
 # thresholds and other kinds of evidence do: docs/benchmarks.md, evidence.
 LEAST_T, LEAST_EXPLAINED = 2.5, 0.3
+# ... of one of two effects that were looked for together, beside the other
+LEAST_T_BESIDE = 1.5
 # ... from which share on one bad place does not count against it: a step of thrust that explains
 # 82 % of u, and is off in the last run, has but 0.7 standard errors (population, seed 38)
 SURE_EXPLAINED = 0.8
@@ -156,32 +159,41 @@ RULES: tuple[Rule[Account], ...] = (
         words="no second maneuver to test it on",
     ),
 )
+
+
+def _left_out(least_t: float) -> tuple[Rule[Account], ...]:
+    """What an effect has to do for the maneuvers left out, by so many standard errors."""
+    return (
+        Rule(
+            "share-helped",
+            "it helps most of the maneuvers left out",
+            _share_helped,
+            LEAST_SHARE,
+            words="helps only {share:.0f} % of the maneuvers left out",
+        ),
+        Rule(
+            "evidence",
+            "it helps them more than chance would",
+            _standard_errors,
+            least_t,
+            words="evidence too weak: helps the maneuvers left out by {evidence:.1f} standard "
+            "errors, {least:.1f} needed",
+        ),
+        Rule(
+            "explained",
+            "it explains much of some residual",
+            lambda a: a.helped.explained if a.helped else math.inf,
+            LEAST_EXPLAINED,
+            words="hardly improves any channel: removes {evidence:.0%} of the error beyond the "
+            "noise, {least:.0%} needed",
+        ),
+    )
+
+
 # ... and once it was tried on maneuvers left out of its fit
-RULES_LEFT_OUT: tuple[Rule[Account], ...] = (
-    Rule(
-        "share-helped",
-        "it helps most of the maneuvers left out",
-        _share_helped,
-        LEAST_SHARE,
-        words="helps only {share:.0f} % of the maneuvers left out",
-    ),
-    Rule(
-        "evidence",
-        "it helps them more than chance would",
-        _standard_errors,
-        LEAST_T,
-        words="evidence too weak: helps the maneuvers left out by {evidence:.1f} standard errors, "
-        "{least:.1f} needed",
-    ),
-    Rule(
-        "explained",
-        "it explains much of some residual",
-        lambda a: a.helped.explained if a.helped else math.inf,
-        LEAST_EXPLAINED,
-        words="hardly improves any channel: removes {evidence:.0%} of the error beyond the noise, "
-        "{least:.0%} needed",
-    ),
-)
+RULES_LEFT_OUT = _left_out(LEAST_T)
+# ... beside another effect, where the two together have met the ones above
+RULES_BESIDE = _left_out(LEAST_T_BESIDE)
 ANOTHER = Refusal("another", "another candidate gains more")
 SENSORS: tuple[Rule[float], ...] = (
     Rule("reconciled", "sensors agree better with it [nats]", lambda gain: gain, CHECK_GAIN),
@@ -193,6 +205,7 @@ SIMPLE = 0.04  # an effect with fewer parameters may gain this share less
 ALIKE_SHARE = 0.12  # effects that gain all but this share of the best are not told apart
 RMS_ALIKE = 1.15  # ... and leave no residual larger by more
 CONTAINS = 0.98  # cosine from which on an effect is a special case of another with more parameters
+MOST_HIDDEN = 2  # candidates with which another effect is looked for, where none is accepted
 MOST_UNCLAIMED = 2  # effects taken along without a claim
 CLAIMED_FROM = 300.0  # [nats] from which on a term of higher order that comes first is claimed
 
@@ -221,6 +234,14 @@ TAKE_ALONG: tuple[Rule[Nuisance], ...] = (
     Rule("hides", "another stands behind it", lambda n: n.hidden_gain, LEAST_GAIN),
     Rule("rms", "no channel pays for it", lambda n: n.rms_ratio, most=RMS_ALIKE),
     Rule("evidence", "it helps maneuvers left out", lambda n: n.t, LEAST_T),
+)
+# a candidate that may help beside another effect only: what it explains where it was fitted is
+# what it would have to explain of what was left out
+HIDDEN: tuple[Rule[Hiding], ...] = (
+    Rule("tried", "it was tried on maneuvers left out", lambda h: h.tried, 1.0),
+    Rule("small", "it is large enough to matter", lambda h: h.large, 1.0),
+    Rule("helps", "it helps them rather than not", lambda h: h.t, 0.0),
+    Rule("explained", "it explains much of some residual", lambda h: h.explained, LEAST_EXPLAINED),
 )
 CLAIM: tuple[Rule[Accepted], ...] = (
     Rule(

@@ -12,7 +12,7 @@ import numpy as np
 from auvident.schema.effects import BY_ID
 from auvident.schema.likeness import partners
 from auvident.stages.diagnose.fit.case import Case
-from auvident.stages.diagnose.fit.fits import Fitted
+from auvident.stages.diagnose.fit.fits import Fitted, log_gain
 from auvident.stages.diagnose.score.first_order import Joint, cosine
 from auvident.stages.diagnose.select import rules
 from auvident.stages.diagnose.select.candidates import Round, Traced, Tried
@@ -25,6 +25,7 @@ from auvident.stages.diagnose.select.refitting import refitted
 from auvident.stages.diagnose.select.rule import passes
 from auvident.stages.diagnose.select.screen import screen
 from auvident.stages.diagnose.select.telling import Telling
+from auvident.stages.diagnose.select.together import Together, together
 
 
 @dataclass
@@ -45,8 +46,12 @@ class Search:
             rounds.append(self.one_round(current))
             following = self._after(rounds[-1])
             if following is None:
-                current = rounds[-1].before
-                break
+                pair = self._together(rounds[-1])
+                if pair is None:
+                    current = rounds[-1].before
+                    break
+                rounds[-1:] = [pair.first, pair.second]
+                following = self._reconsidered(pair.fitted)
             current = following
         steps, unclaimed = tuple(self.steps), tuple(self.unclaimed)
         return Traced(self.case, baseline, current, tuple(rounds), steps, unclaimed)
@@ -78,6 +83,15 @@ class Search:
             "too small to matter"
         )
         return weak.fitted
+
+    def _together(self, done: Round) -> Together | None:
+        """Two effects that hide each other, written down."""
+        among = len(self.candidates)
+        pair = together(self.case, done, self.one_round, among, self.rng)
+        if pair is not None:
+            gain = log_gain(done.before, pair.fitted)
+            self.steps.append(f"{' and '.join(pair.effects)} added together: {gain:.0f} nats")
+        return pair
 
     def _note(self, accepted: Tried, before: Fitted) -> None:
         """Write down what was added, and whether it is claimed."""

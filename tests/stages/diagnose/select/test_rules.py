@@ -22,6 +22,7 @@ from auvident.stages.diagnose.select.records import (
     Beside,
     Containing,
     Exchanged,
+    Hiding,
     Nuisance,
     Rival,
     Screened,
@@ -92,6 +93,14 @@ FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
             "explained": {"helped": left_out(explained=rules.LEAST_EXPLAINED - 0.01)},
         },
     ),
+    "RULES_BESIDE": (
+        replace(GOOD, helped=left_out(t=1.5)),
+        {
+            "share-helped": {"helped": left_out(t=1.5, share=0.5, deciding=0.4)},
+            "evidence": {"helped": left_out(t=1.4)},
+            "explained": {"helped": left_out(t=1.5, explained=rules.LEAST_EXPLAINED - 0.01)},
+        },
+    ),
     "SENSORS": (12.0, {"reconciled": 11.9}),
     "SIMPLER": (
         Beside(GOOD, SIMPLE),
@@ -118,6 +127,15 @@ FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
             "hides": {"hidden_gain": 19.0},
             "rms": {"rms_ratio": 1.2},
             "evidence": {"t": 2.4},
+        },
+    ),
+    "HIDDEN": (
+        Hiding(True, 1.0, 0.0, rules.LEAST_EXPLAINED),
+        {
+            "tried": {"tried": False},
+            "small": {"large": 0.9},
+            "helps": {"t": -0.1},
+            "explained": {"explained": rules.LEAST_EXPLAINED - 0.01},
         },
     ),
     "CLAIM": (

@@ -19,7 +19,14 @@ from auvident.stages.diagnose.select import (
     search,
 )
 from auvident.stages.diagnose.select.candidates import Round, Tried
-from auvident.stages.diagnose.select.decisions import judge, nuisance_of, simplest, told_apart_from
+from auvident.stages.diagnose.select.decisions import (
+    hidden_among,
+    judge,
+    nuisance_of,
+    shown_together,
+    simplest,
+    told_apart_from,
+)
 from auvident.stages.diagnose.select.reconsider import Exchange
 from auvident.stages.diagnose.select.records import Account
 from auvident.stages.diagnose.select.rule import Refusal
@@ -147,6 +154,20 @@ def taken(
     first = replace(GOOD, id="a", helped=replace(GOOD.helped, t=t), rms=(rms, rms, rms))
     pair = [(first, Refusal(code, "")), (replace(GOOD, id="b", gain=hidden), rules.ANOTHER)]
     return lambda patch: nuisance_of(pair, (1.0, 1.0, 1.0), unclaimed)
+
+
+def hidden(t: float = 1.0, **update: Any) -> Callable[[Patch], Any]:
+    """Whether another effect is looked for behind a candidate that was refused."""
+    assert GOOD.helped is not None
+    account = replace(GOOD, helped=replace(GOOD.helped, t=t))
+    return lambda patch: hidden_among([(replace(account, **update), Refusal("evidence", ""))])
+
+
+def beside(**update: Any) -> Callable[[Patch], Any]:
+    """Whether two effects are accepted that do enough together."""
+    assert GOOD.helped is not None
+    both, own = GOOD.helped, replace(GOOD, **update)
+    return lambda patch: shown_together(GOOD, both, lambda: own)
 
 
 def new_search(*effects: str) -> Search:
@@ -288,6 +309,13 @@ SCENARIOS: dict[str, dict[str, Callable[[Patch], Any]]] = {
     "RULES": {code: judged(**update) for code, update in FAILING["RULES"][1].items()},
     "RULES_LEFT_OUT": {
         code: judged(**update) for code, update in FAILING["RULES_LEFT_OUT"][1].items()
+    },
+    "RULES_BESIDE": {code: beside(**update) for code, update in FAILING["RULES_BESIDE"][1].items()},
+    "HIDDEN": {
+        "tried": hidden(helped=None),
+        "small": hidden(size=0.9),
+        "helps": hidden(t=-0.1),
+        "explained": hidden(falls={"v": 0.1}),
     },
     "SENSORS": {"reconciled": reconciled(11.0)},
     "SIMPLER": {

@@ -10,9 +10,11 @@ from auvident.stages.diagnose.fit.fits import Fitted, log_gain
 from auvident.stages.diagnose.score.first_order import Score
 from auvident.stages.diagnose.select import held_back, refitting, search
 from auvident.stages.diagnose.select.candidates import Traced, Tried
+from auvident.stages.diagnose.select.rule import Refusal
 from auvident.stages.diagnose.select.rules import STUCK
 from auvident.stages.diagnose.select.screen import Screen
 from auvident.stages.diagnose.select.search import Search
+from auvident.stages.diagnose.select.together import Together
 from tests.stages.diagnose.select.test_rules import GOOD
 
 PLACES = {"a": [2], "b": [3], "c": [4]}  # behind two coefficients
@@ -229,3 +231,30 @@ def test_a_term_of_higher_order_behind_another_is_not_claimed(monkeypatch) -> No
     found = traced(monkeypatch, {"current": {}}, {HIGHER: {}})
     assert (found.unclaimed, found.named) == ((HIGHER,), ("current",))
     assert traced(monkeypatch, {HIGHER: {}}).named == (HIGHER,)
+
+
+def test_where_none_is_accepted_two_that_hide_each_other_may_be(monkeypatch) -> None:
+    """The rounds that found them stand for the one in which none was."""
+    weak = {"current": {}, "gyro_bias": {}}
+
+    def pair_of(case, done, one_round, among, rng):
+        if done.before.effects:
+            return None
+        first, second = done.tried
+        both = replace(second.fitted, effects=(first.id, second.id), log_likelihood=900.0)
+        behind = replace(done, before=first.fitted, tried=(Tried(both, second.account),))
+        named = replace(done, accepted=first.id)
+        return Together(named, replace(behind, accepted=second.id))
+
+    monkeypatch.setattr(search, "together", pair_of)
+    monkeypatch.setattr(
+        search, "judged_with", lambda case, before, tried, *_: [refused(t) for t in tried]
+    )
+    found = traced(monkeypatch, weak)
+    assert found.named == found.final.effects == ("current", "gyro_bias")
+    assert found.steps == ("current and gyro_bias added together: 900 nats",)
+    assert [r.accepted for r in found.rounds] == ["current", "gyro_bias", None]
+
+
+def refused(tried: Tried) -> Tried:
+    return replace(tried, refusal=Refusal("evidence", "evidence too weak"))
