@@ -29,7 +29,9 @@ __all__ = [
 ]
 
 LEAD_IN_S = 20.0  # inputs before a maneuver, for what remembers them: lags, delays and play
-AUXILIARY = ("p_radps", "q_radps", "roll_rad", "pitch_rad", "depth_m", "heading_rad")
+NORTH = "north"  # what a logged heading counts from
+HEADING, ANGLE = "heading_rad", 3  # the angle of the horizontal plane, and its place
+AUXILIARY = ("p_radps", "q_radps", "roll_rad", "pitch_rad", "depth_m", HEADING)
 START_BEFORE_S: VehicleTime = 1.0  # window of the line that gives the state at the start ...
 START_AFTER_S: VehicleTime = 0.5  # ... and after it
 LINE_READINGS = 3  # through fewer no line is drawn
@@ -65,6 +67,9 @@ class Source:
         Zero where not logged; None counts as zero.
     heading : (n,) array or None
         Zero where not logged. None in the horizontal plane, where it is a reading.
+    frame : str
+        What the heading counts from: `NORTH`, or where it is not logged the bow at the start of
+        the trial, by its name; of the maneuver where the yaw rate has gaps.
     """
 
     raw: Array
@@ -79,6 +84,7 @@ class Source:
     from_middle_s: Array | None = None
     depth: Array | None = None
     heading: Array | None = None
+    frame: str = NORTH
 
 
 @dataclass(frozen=True)
@@ -119,11 +125,16 @@ def record_of(maneuver: Maneuver, trial: Trial, plane: Plane, sensor: Array) -> 
             readings[:, i] = table[column].to_numpy()[first:last]
             sampled = table[sampled_flag(column)].to_numpy()[first:last]
             measured[:, i] = np.where(sampled, readings[:, i], np.nan)
+    start, frame = _reading_at(trial, plane, int(first)), NORTH
+    if plane == "horizontal" and not trial.has_heading:
+        frame = maneuver.id
+        if trial.turned_rad is not None:
+            readings[:, ANGLE], frame = trial.turned_rad[first:last], trial.name
+            start[ANGLE] = trial.turned_rad[first]
     inverse = np.linalg.inv(sensor)
     lead = min(round(LEAD_IN_S * trial.rate_hz), int(first))
     raw = _raw_inputs(trial, plane, int(first) - lead, int(last))
     bridged = np.nan_to_num(readings)
-    start = _reading_at(trial, plane, int(first))
     extra = _columns(trial, AUXILIARY, int(first) - lead, int(last))
     speed = _columns(trial, STATE_COLUMNS[plane][:1], int(first) - lead, int(last))[:, 0]
     source = Source(
@@ -138,6 +149,7 @@ def record_of(maneuver: Maneuver, trial: Trial, plane: Plane, sensor: Array) -> 
         from_middle_s=time[first:last] - 0.5 * (time[0] + time[-1]),
         depth=extra[:, 4],
         heading=extra[lead:, 5] if plane == "vertical" else None,
+        frame=frame,
     )
     return Record(
         maneuver.id,

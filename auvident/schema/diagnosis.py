@@ -51,7 +51,8 @@ class EffectFound(Artifact):
 
     ``plain`` says it in words (a current in m/s and degrees, a side force in N at cruise).
     ``maneuver``, ``time_s`` and ``duration_s`` belong to a `one_off_event` or a `thrust_step`;
-    ``at_bound`` are the symbols of the parameters that are known to one side only.
+    ``at_bound`` are the symbols of the parameters that are known to one side only. ``frame`` is
+    what directions count from: north, or the bow at the start of the log where there is no heading.
     """
 
     id: str
@@ -61,6 +62,7 @@ class EffectFound(Artifact):
     maneuver: str | None = None
     time_s: float | None = None
     duration_s: float | None = None
+    frame: Literal["north", "bow"] = "north"
 
     @computed_field  # type: ignore[prop-decorator]
     @property

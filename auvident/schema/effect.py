@@ -181,6 +181,8 @@ class Effect:
     of_trial : bool
         It belongs to a trial (its water, its ballast, its clocks, what a gyro has on a day), not
         to the vehicle: trials that are pooled have it each on its own.
+    by_rate : bool
+        In the horizontal plane a heading that is summed up from the yaw rate will do.
     """
 
     id: str
@@ -203,6 +205,7 @@ class Effect:
     late: bool = False
     twin: str = ""
     of_trial: bool = False
+    by_rate: bool = False
 
     def names(self, plane: Plane | None = None) -> tuple[str, ...]:
         """Names of its parameters in the parameter vector of a plane; without one, of all."""

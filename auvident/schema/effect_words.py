@@ -46,6 +46,8 @@ NAMES = {
 
 BOUNDS: dict[Bound, str] = {"at least": "at least ", "at most": "no more than "}
 
+# behind a direction, what it counts from
+FROM = {"north": "", "bow": " from the bow at the start of the log"}
 DRIFT = "mps_per_1000_s"  # end of the symbols of rates of the current
 
 
@@ -68,14 +70,30 @@ class Told(float):
         return Told(self * factor, self.bound)
 
 
-def plain(effect: str, parameters: Sequence[ParameterValue], speed: float, rate: float) -> str:
-    """An effect in words; forces as they are at cruise (speed [m/s], propeller rate [rev/s])."""
+def plain(
+    effect: str,
+    parameters: Sequence[ParameterValue],
+    speed: float,
+    rate: float,
+    frame: str = "north",
+) -> str:
+    """An effect in words.
+
+    Parameters
+    ----------
+    effect : str
+    parameters : sequence of ParameterValue
+    speed, rate : float
+        Speed [m/s] and propeller rate [rev/s] of the cruise at which forces are told.
+    frame : str
+        What directions count from, see `EffectFound`.
+    """
     values = {p.symbol: Told(p.value, p.bound) for p in parameters}
     words = _words(BY_ID[effect], values)
     if BY_ID[effect].instant is not None:
         return _in(words, values) + _when(parameters)
     if effect == "current":
-        return f"a current of {_set(values['north_mps'], values['east_mps'], 'm/s')}"
+        return f"a current of {_set(values['north_mps'], values['east_mps'], 'm/s')}{FROM[frame]}"
     if effect == "current_drift":
         early, late = (
             _set(values[f"north_{half}_{DRIFT}"], values[f"east_{half}_{DRIFT}"], "m/s in 1000 s")

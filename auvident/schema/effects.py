@@ -170,7 +170,7 @@ EFFECTS: tuple[Effect, ...] = (
         P("east_mps", "m/s", 0.2, 0.033, -4.0, 4.0, powers=SPEED),
     ), "velocity over ground = velocity through the water + R(heading)' (north, east)",
         "u and v residuals that turn with the heading", ("heading_rad",), "Fossen (2021), 10.3",
-        of_trial=True),
+        of_trial=True, by_rate=True),
     Effect("current_drift", "environment", "reading", H, (
         P("north_early_mps_per_1000_s", "m/s in 1000 s", 0.2, 0.033, -4.0, 4.0, powers=SPEED),
         P("east_early_mps_per_1000_s", "m/s in 1000 s", 0.2, 0.033, -4.0, 4.0, powers=SPEED),

@@ -1,10 +1,19 @@
 """One ingested trial: every sensor on one clock."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from auvident.schema.channels import TIME_COLUMN
 
 if TYPE_CHECKING:
     import pandas as pd
+
+TURNED_COLUMN = "turned_rad"  # keeps `Trial.turned_rad` where readings are blanked
+BRIDGED_S = 2.0  # longest gap of the yaw rate over which a heading is summed up
 
 
 @dataclass(frozen=True)
@@ -28,3 +37,26 @@ class Trial:
     name: str
     table: "pd.DataFrame"
     rate_hz: float
+
+    @cached_property
+    def has_heading(self) -> bool:
+        """Whether a heading was logged."""
+        return "heading_rad" in self.table and bool(self.table["heading_rad"].notna().any())
+
+    @cached_property
+    def turned_rad(self) -> npt.NDArray[Any] | None:
+        """Heading (n,) since the first row as the gyro has it: the yaw rate summed up.
+
+        A bias of the gyro of 0.01 deg/s turns it by 12 deg in 20 minutes. None without a yaw rate,
+        and where it has a gap longer than `BRIDGED_S`.
+        """
+        if TURNED_COLUMN in self.table:
+            return self.table[TURNED_COLUMN].to_numpy(dtype=float)
+        time_s = self.table[TIME_COLUMN].to_numpy(dtype=float)
+        read = np.asarray(self.table.get("r_radps", np.full(len(time_s), np.nan)), dtype=float)
+        there = np.isfinite(read)
+        if there.sum() < 2 or np.diff(time_s[there]).max() > BRIDGED_S:
+            return None
+        rate = np.interp(time_s, time_s[there], read[there])
+        steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(time_s)
+        return np.concatenate([[0.0], np.cumsum(steps)])

@@ -86,6 +86,9 @@ def effects_page() -> str:
     return HEAD + call("effects").out + NEXT + pictures + EQUATIONS + table(rows) + "\n"
 
 
+OR_RATE = " or a yaw rate without gaps"
+
+
 def _effect(effect: dict[str, Any]) -> dict[str, str]:
     allowed = [_allowed(p) for p in effect["parameters"] if p["nuisance_std"] > 0.0]
     return {
@@ -93,7 +96,7 @@ def _effect(effect: dict[str, Any]) -> dict[str, str]:
         "enters": ENDS[effect["enters"]],
         "planes": ", ".join(effect["planes"]),
         "equation": effect["equation"],
-        "needs": ", ".join(f"`{column}`" for column in effect["needs"]),
+        "needs": ", ".join(f"`{c}`" for c in effect["needs"]) + OR_RATE * effect["by_rate"],
         "allowed": ", ".join(allowed),
         "source": effect["source"],
     }

@@ -6,7 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from auvident.engines.records import CONTROL_COLUMNS, STATE_COLUMNS, record_of, sensor_matrix
+from auvident.engines.records import (
+    CONTROL_COLUMNS,
+    NORTH,
+    STATE_COLUMNS,
+    record_of,
+    sensor_matrix,
+)
 from auvident.schema.artifacts import Maneuver, Sensing
 from auvident.schema.coefficients import PLANES
 from auvident.schema.trial import Trial
@@ -129,16 +135,13 @@ def test_given_states_are_at_the_origin() -> None:
     np.testing.assert_allclose(record.measured, read[50:100], atol=1e-15)
 
 
-@pytest.mark.parametrize("missing", ["heading_rad", "elevator_rad"])
-def test_a_channel_the_log_lacks_is_zero_and_not_measured(missing) -> None:
-    t = trial()
-    record = record_of(
-        maneuver(55.0, 60.0),
-        Trial("t", t.table.drop(columns=missing), RATE),
-        "horizontal",
-        np.eye(4),
-    )
-    if missing == "heading_rad":
+@pytest.mark.parametrize(
+    ("plane", "missing"), [("horizontal", "elevator_rad"), ("vertical", "pitch_rad")]
+)
+def test_a_channel_the_log_lacks_is_zero_and_not_measured(plane, missing) -> None:
+    bare = Trial("t", trial(plane).table.drop(columns=missing), RATE)
+    record = record_of(maneuver(55.0, 60.0), bare, plane, np.eye(4))
+    if missing == "pitch_rad":
         assert np.isnan(record.measured[:, 3]).all()
         assert (record.given[:, 3] == 0.0).all()
     else:
@@ -208,3 +211,47 @@ def test_start_at_the_beginning_of_the_log_has_rows_on_one_side() -> None:
     t = trial()
     found = record_of(maneuver(50.0, 60.0), t, "horizontal", np.eye(4)).start
     np.testing.assert_allclose(found, t.table[list(STATE_COLUMNS["horizontal"])].iloc[0], atol=1e-9)
+
+
+# --- without a compass ---------------------------------------------------------------------
+
+
+def without_compass(rate) -> Trial:
+    table = trial(r_radps=rate).table.drop(columns="heading_rad")
+    return Trial("t", table, RATE)
+
+
+def test_where_no_heading_is_logged_the_yaw_rate_is_summed_up() -> None:
+    seconds = np.arange(200) / RATE
+    found = without_compass(np.cos(seconds))
+    record = record_of(maneuver(55.0, 60.0), found, "horizontal", np.eye(4))
+    np.testing.assert_allclose(record.given[:, 3], np.sin(seconds[50:100]), atol=1e-3)
+    assert record.start[3] == pytest.approx(np.sin(5.0), abs=1e-3)
+    assert np.isnan(record.measured[:, 3]).all()  # nothing to be compared with
+    assert record.source is not None and record.source.frame == "t"
+
+
+def test_a_logged_heading_is_taken_as_it_is() -> None:
+    logged = trial()
+    record = record_of(maneuver(55.0, 60.0), logged, "horizontal", np.eye(4))
+    np.testing.assert_array_equal(record.given[:, 3], logged.table["heading_rad"][50:100])
+    assert record.source is not None and record.source.frame == NORTH
+
+
+@pytest.mark.parametrize(("lost", "known"), [(15, True), (25, False)])
+def test_a_gap_is_bridged_by_a_line_where_it_is_short(lost, known) -> None:
+    rate = np.linspace(0.0, 2.0, 200)
+    rate[60 : 60 + lost] = np.nan
+    found = without_compass(rate)
+    assert (found.turned_rad is not None) == known
+    record = record_of(maneuver(60.0, 65.0), found, "horizontal", np.eye(4))
+    assert record.source is not None
+    assert record.source.frame == ("t" if known else "t-turn-1")
+    if known:
+        assert found.turned_rad[-1] == pytest.approx(19.9, abs=1e-9)
+    else:
+        assert (record.given[:, 3] == 0.0).all()
+
+
+def test_without_a_yaw_rate_nobody_knows_which_way_it_lay() -> None:
+    assert without_compass(np.nan).turned_rad is None

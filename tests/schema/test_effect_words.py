@@ -19,6 +19,14 @@ def at(name: str, value: float, bound: Bound | None = None, half: float = 0.1) -
     return ParameterValue(symbol=symbol, value=value, std=0.05, unit=unit, bound=bound, **told)
 
 
+def test_without_a_compass_a_direction_counts_from_the_bow() -> None:
+    values = [at("current.north_mps", 0.0), at("current.east_mps", -0.2)]
+    assert plain("current", values, 2.0, 10.0) == "a current of 0.20 m/s towards 270 deg"
+    assert plain("current", values, 2.0, 10.0, "bow") == (
+        "a current of 0.20 m/s towards 270 deg from the bow at the start of the log"
+    )
+
+
 @pytest.mark.parametrize(
     ("effect", "parameters", "words"),
     [

@@ -14,7 +14,7 @@ from auvident.constants import ANSWER_S
 from auvident.schema.artifacts import Finding, Maneuver, Maneuvers
 from auvident.schema.channels import BY_COLUMN, TIME_COLUMN
 from auvident.schema.coefficients import Plane
-from auvident.schema.trial import Trial
+from auvident.schema.trial import TURNED_COLUMN, Trial
 
 
 def without_held_out(trial: Trial, maneuvers: Maneuvers, plane: Plane) -> Trial:
@@ -25,6 +25,8 @@ def without_held_out(trial: Trial, maneuvers: Maneuvers, plane: Plane) -> Trial:
     table = trial.table.copy()
     measured = [c for c in BY_COLUMN if c in table and BY_COLUMN[c].kind == "measured"]
     table.loc[_rows_of(trial, held), measured] = np.nan
+    if not trial.has_heading and trial.turned_rad is not None:
+        table[TURNED_COLUMN] = trial.turned_rad  # which way it lay, not how it moved
     return replace(trial, table=table)
 
 

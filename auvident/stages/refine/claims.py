@@ -145,7 +145,7 @@ def _with_final_values(
         p if parameter_of(f"{effect.id}.{p.symbol}").grid else _final_value(p, final[p.symbol])
         for p in effect.parameters
     ]
-    said = plain(effect.id, values, speed, rate)
+    said = plain(effect.id, values, speed, rate, effect.frame)
     return effect.model_copy(update={"parameters": tuple(values), "plain": said})
 
 

@@ -6,18 +6,19 @@ is looked at, so that they cannot choose.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from auvident.engines.records import Record
+from auvident.engines.records import HEADING, NORTH, Record
 from auvident.engines.setup import Setup
 from auvident.physics.terms import FREE_FORCE, parameter_vector, structure_of
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.coefficients import expand
 from auvident.schema.effects import BY_ID, Effect, EffectParameter, in_plane, parameter_of
-from auvident.schema.planes import BY_PLANE, STATE_COLUMNS, PlaneRow
+from auvident.schema.planes import BY_PLANE, STATE_COLUMNS, Plane, PlaneRow
 from auvident.stages.diagnose.checks.kinematics import SensorCheck
 
 Array = npt.NDArray[Any]
@@ -148,11 +149,29 @@ def testable(setup: Setup, records: Sequence[Record]) -> tuple[list[Effect], lis
     """Effects that the logs allow to test, and the columns whose absence hides others."""
     there, missing, plane = [], [], setup.structure.plane
     for effect in in_plane(plane):
-        lacking = [c for c in effect.needs if not _is_logged(c, records, STATE_COLUMNS[plane])]
+        logged = partial(_is_logged, records=records, states=STATE_COLUMNS[plane])
+        lacking = [c for c in effect.needs if not logged(c)]
+        if lacking == [HEADING] and effect.by_rate and in_one_frame(plane, records):
+            lacking = []
         missing += lacking
         if not lacking:
             there.append(effect)
     return there, list(dict.fromkeys(missing))
+
+
+def in_one_frame(plane: Plane, records: Sequence[Record]) -> bool:
+    """Whether headings that are not logged can be held against each other.
+
+    They count from the bow at the start of a trial whose yaw rate has no gap.
+    """
+    frames = {r.source.frame for r in records if r.source is not None}
+    return plane == "horizontal" and len(frames) == 1 and NORTH not in frames
+
+
+def counted_from(records: Sequence[Record]) -> Literal["north", "bow"]:
+    """What the directions of a case count from."""
+    known = all(r.source is None or r.source.frame == NORTH for r in records)
+    return "north" if known else "bow"
 
 
 def _is_logged(column: str, records: Sequence[Record], states: Sequence[str]) -> bool:

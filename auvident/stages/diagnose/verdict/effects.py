@@ -1,14 +1,16 @@
 """Effects of a diagnosis as its artifact has them: disturbances, claimed ones, and the rest."""
 
 from collections.abc import Mapping
+from typing import Literal
 
 import numpy as np
 
 from auvident.schema.diagnosis import EffectFound, ParameterValue
-from auvident.schema.effect_words import plain
+from auvident.schema.effect_words import FROM, plain
 from auvident.schema.effects import BY_ID, parameter_of
 from auvident.stages.diagnose.checks.events import Event
 from auvident.stages.diagnose.checks.waves import Wave
+from auvident.stages.diagnose.fit.case import counted_from
 from auvident.stages.diagnose.select.candidates import Traced
 from auvident.stages.diagnose.verdict.evidence import Evidence
 from auvident.stages.diagnose.verdict.uncertainty import effect_values, spreads, time_of
@@ -24,7 +26,7 @@ def disturbances(evidence: Evidence) -> list[EffectFound]:
     """One-off events and the wave."""
     found = [_event(e) for e in evidence.events]
     if evidence.wave is not None and evidence.wave.found:
-        found.append(_wave(evidence.wave))
+        found.append(_wave(evidence.wave, counted_from(evidence.traced.case.records)))
     return found
 
 
@@ -40,14 +42,15 @@ def _event(e: Event) -> EffectFound:
     )
 
 
-def _wave(wave: Wave) -> EffectFound:
+def _wave(wave: Wave, frame: Literal["north", "bow"]) -> EffectFound:
     degrees = float(np.degrees(wave.direction_rad))
     values = {"omega_radps": wave.frequency_radps, "direction_deg": degrees}
     return EffectFound(
         id="wave",
         family=BY_ID["wave"].family,
         parameters=_told("wave", values),
-        plain=f"a wave of {wave.frequency_radps:.2f} rad/s towards {degrees:.0f} deg",
+        plain=f"a wave of {wave.frequency_radps:.2f} rad/s towards {degrees:.0f} deg{FROM[frame]}",
+        frame=frame,
     )
 
 
@@ -72,7 +75,7 @@ def accepted(traced: Traced) -> list[EffectFound]:
     stds = spreads(case, traced.final)
     speed = float(np.median(np.concatenate([r.given[:, 0] for r in case.records])))
     rate = float(np.median(np.concatenate([r.inputs[:, 2] for r in case.records])))
-    found = []
+    found, frame = [], counted_from(case.records)
     for effect in traced.named:
         values, when = effect_values(case, effect, p, stds), time_of(case, effect, p)
         values = (*values, when) if when else values
@@ -81,8 +84,9 @@ def accepted(traced: Traced) -> list[EffectFound]:
                 id=effect,
                 family=BY_ID[effect].family,
                 parameters=values,
-                plain=plain(effect, values, speed, rate),
+                plain=plain(effect, values, speed, rate, frame),
                 time_s=when.value if when else None,
+                frame=frame,
             )
         )
     return found

@@ -12,6 +12,7 @@ from auvident.engines.free_run import (
     residuals_of,
     white_error,
 )
+from auvident.engines.records import NORTH
 from auvident.schema.effects import in_plane, parameter_of
 from auvident.stages.diagnose.checks.kinematics import SensorCheck
 from auvident.stages.diagnose.fit import case as cases
@@ -206,6 +207,32 @@ def test_effects_that_no_log_can_show_are_not_tried() -> None:
     assert {"current", "gyro_scale", "roll_coupling", "dvl_height", "weight_excess"} <= gone
     assert {"heading_rad", "roll_rad", "p_radps", "pitch_rad"} <= set(missing)
     assert "rudder_offset" in {e.id for e in there}
+
+
+@pytest.mark.parametrize(
+    ("frames", "shown"),
+    [(("trial",), True), (("trial", "another"), False), (("trial", NORTH), False)],
+)
+def test_a_current_is_tried_without_a_compass_where_all_headings_count_from_one_bow(
+    frames, shown
+) -> None:
+    setup, records = loop("harbour_trial").setup, []
+    for k, (_, r) in enumerate(setup.records.values()):
+        measured = r.measured.copy()
+        measured[:, 3] = np.nan
+        source = replace(r.source, frame=frames[k % len(frames)])
+        records.append(replace(r, measured=measured, source=source))
+    there, missing = cases.testable(setup, records)
+    ids = {e.id for e in there}
+    assert ("current" in ids) == shown
+    # what a gyro has turned tells neither its scale nor a slow change of the current
+    assert not {"gyro_scale", "current_drift", "wave"} & ids and "heading_rad" in missing
+    assert cases.counted_from(records) == "bow"
+
+
+def test_logged_headings_count_from_north() -> None:
+    records = [r for _, r in loop("harbour_trial").setup.records.values()]
+    assert cases.counted_from(records) == "north"
 
 
 def test_sizes_are_in_practical_units_beyond_what_is_expected() -> None:
