@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 from scipy.special import chdtrc
@@ -11,10 +10,9 @@ from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, check_cost
 from auvident.stages.diagnose.score.left_out import (
     LEAST_CHANCE,
+    FitsWithout,
     Helped,
-    fits_without,
     helped,
-    leave_out,
     noise_floor,
     seen_with,
 )
@@ -33,6 +31,7 @@ def judged_with(
     among: int,
     rng: np.random.Generator,
     told: Telling | None = None,
+    without: FitsWithout | None = None,
 ) -> list[Tried]:
     """What the rules say of the candidates of a round, those left out of their fit tried last.
 
@@ -45,17 +44,18 @@ def judged_with(
     among : int
         Effects that the search chooses from.
     told : Telling, optional
+    without : FitsWithout, optional
+        Fits of other rounds.
     """
-    told = told or Telling()
+    told, without = told or Telling(), without or FitsWithout()
     told.enter(LEAVE_OUT)
     fits = {t.id: t.fitted for t in tried}
-    reference = cache(lambda: fits_without(case, before))
 
     def left_out(account: Account) -> Helped:
         told.next(account.id)
         fitted = fits[account.id]
-        old = seen_with(case, reference(), fitted.colours)
-        new = leave_out(case, fitted, fitted.colours)
+        old = seen_with(case, without.of(case, before), fitted.colours)
+        new = seen_with(case, without.of(case, fitted), fitted.colours)
         found = helped(old, new, rng, noise_floor(case, fitted.colours))
         found = with_sensors(case, before, fitted, found)
         return replace(found, p=min(1.0, among * found.p))
