@@ -23,18 +23,16 @@ class Start:
     ----------
     promise : float
         What its first step lets one hope for [nats].
-    best_promise : float
-        That of the best candidate that is large enough to matter [nats].
+    gained : float
+        By the best of those that lead and are large enough to matter [nats].
     unseen : bool
-        To first order nothing is known of it: a limit that is reached.
-    beside_steady : bool
-        It shows in a straight run as one of the leading ones does.
+        To first order nothing is known of it: a limit that is reached, or what has left its mark
+        in the coefficients.
     """
 
     promise: float
-    best_promise: float
+    gained: float
     unseen: bool
-    beside_steady: bool
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from auvident.stages.diagnose.select.candidates import (
     size_of,
     steady,
 )
-from auvident.stages.diagnose.select.records import Begun, Rival, Start
+from auvident.stages.diagnose.select.records import Begun, Rival, Screened, Start
 from auvident.stages.diagnose.select.rule import passes, passes_any
 from auvident.stages.diagnose.select.screen import Screen
 from auvident.stages.diagnose.select.starts import Begin, starts_of
@@ -43,8 +43,7 @@ def refitted(
     told = told or Telling()
     told.enter(FIT)
 
-    starts = starts_worth(case, before, screened)
-    found = begun(case, before, starts, screened.ceiling, told.one_of)
+    found = first_steps(case, before, screened, partial(told.one_of, len(screened.short)))
     # a fit that is not there yet may still become what the first-order step promises
     promise = {c: max(log_gain(before, f), screened.scores[c].gain) for c, f in found.items()}
     told.enter(SETTLE)
@@ -66,19 +65,41 @@ def side_by_side(fit: Callable[[str], Fitted], candidates: Sequence[str]) -> Fit
     return dict(zip(candidates, each(fit, candidates), strict=True))
 
 
-def starts_worth(case: Case, before: Fitted, screened: Screen) -> dict[str, list[Begin]]:
-    """Of every candidate of the short list that is worth a few steps, where they begin."""
-    scores = {c: screened.scores[c] for c in screened.short}
-    promise = {c: s.gain for c, s in scores.items()}
-    beside = _beside_steady(promise)
+def first_steps(
+    case: Case, before: Fitted, screened: Screen, tell: Callable[[str], None] = lambda c: None
+) -> Fits:
+    """A few steps of what leads, then of what may gain enough beside it."""
+    order = ranked({c: screened.scores[c].gain for c in screened.short})
+    lead = [c for place, c in enumerate(order) if passes(Screened(c, 0.0, place), rules.ACCOMPANY)]
+    rest = [c for c in screened.short if c not in lead]
+
+    def begin(candidates: Sequence[str], gained: float) -> Fits:
+        starts = starts_worth(case, before, screened, candidates, gained)
+        return begun(case, before, starts, screened.ceiling, tell)
+
+    found = begin(lead, 0.0)
     # what is too small to matter may be taken along, and then the others have another round
-    large = [s for c, s in scores.items() if size_of(case, c, s.parameters) >= rules.LEAST_SIZE]
-    best = max((s.gain for s in large), default=0.0)
+    large = [f for c, f in found.items() if size_of(case, c, f.parameters) >= rules.LEAST_SIZE]
+    found |= begin(rest, max((log_gain(before, f) for f in large), default=0.0))
+    return {c: found[c] for c in screened.short if c in found}
+
+
+def starts_worth(
+    case: Case, before: Fitted, screened: Screen, candidates: Sequence[str], gained: float
+) -> dict[str, list[Begin]]:
+    """Where the first steps of some candidates begin, of those that are worth them.
+
+    Parameters
+    ----------
+    gained : float
+        By others [nats].
+    """
     found = {}
-    for c, scored in scores.items():
-        asked = starts_of(case, before, c, scored, screened.typical.get(c))
+    for c in candidates:
+        asked = starts_of(case, before, c, screened.scores[c], screened.typical.get(c))
+        marked = bool(steady(c))
         found[c] = [
-            b for b in asked if passes(Start(b.promise, best, b.unseen, c in beside), rules.BEGIN)
+            b for b in asked if passes(Start(b.promise, gained, b.unseen or marked), rules.BEGIN)
         ]
     return {c: starts for c, starts in found.items() if starts}
 
@@ -88,7 +109,7 @@ def begun(
     before: Fitted,
     starts: Mapping[str, Sequence[Begin]],
     ceiling: float,
-    tell: Callable[[int, str], None] = lambda total, candidate: None,
+    tell: Callable[[str], None] = lambda candidate: None,
 ) -> Fits:
     """A few steps from the starts of some candidates, and the best fit of each.
 
@@ -101,7 +122,7 @@ def begun(
         c, begin = start
         fitted = refit(case, (*before.effects, c), [begin.parameters], before, 1, 5, ceiling)
         if begin is starts[c][-1]:
-            tell(len(starts), c)
+            tell(c)
         return fitted
 
     fits = list(zip(every, each(steps, every), strict=True))

@@ -75,17 +75,13 @@ BEGIN: tuple[Rule[Start], ...] = (
     Rule(
         "gain",
         "it may gain enough",
-        lambda s: math.inf if s.unseen or s.beside_steady else MARGIN * s.promise,
+        lambda s: math.inf if s.unseen else MARGIN * s.promise,
         LEAST_GAIN,
     ),
     Rule(
         "of-best",
         "it may gain enough beside the best",
-        lambda s: (
-            math.inf
-            if s.unseen or s.beside_steady
-            else MARGIN * _share(s.promise, s.best_promise, 1.0)
-        ),
+        lambda s: math.inf if s.unseen else MARGIN * _share(s.promise, s.gained, 1.0),
         HOPELESS,
     ),
 )

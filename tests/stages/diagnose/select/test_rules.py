@@ -67,10 +67,10 @@ FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
     "SCREEN": (Screened("a", 8.0, 6), {"worth": {"gain": 7.9}, "place": {"place": 7}}),
     "SCREEN_FAST": (Screened("a", 8.0, 3), {"worth": {"gain": 7.9}, "place": {"place": 4}}),
     "BEGIN": (
-        Start(20.0 / 3.0 + 0.01, 60.0, False, False),
+        Start(20.0 / 3.0 + 0.01, 60.0, False),
         {
-            "gain": {"promise": 6.6, "best_promise": 0.0},
-            "of-best": {"promise": 7.0, "best_promise": 71.0},
+            "gain": {"promise": 6.6, "gained": 0.0},
+            "of-best": {"promise": 7.0, "gained": 71.0},
         },
     ),
     "ACCOMPANY": (Screened("a", 0.0, 1), {"place": {"place": 2}}),
@@ -212,10 +212,9 @@ def test_of_nothing_there_is_no_share() -> None:
 
 
 def test_of_what_first_order_says_nothing_a_fit_always_begins() -> None:
-    nothing = Start(-np.inf, 1000.0, False, False)
+    nothing = Start(-np.inf, 1000.0, False)
     assert not passes(nothing, rules.BEGIN)
     assert passes(replace(nothing, unseen=True), rules.BEGIN)
-    assert passes(replace(nothing, beside_steady=True), rules.BEGIN)
 
 
 def test_a_rule_tells_its_evidence() -> None:

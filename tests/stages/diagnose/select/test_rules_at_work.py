@@ -98,9 +98,12 @@ def began(scored: dict[str, tuple[float, float]]) -> Callable[[Patch], Any]:
     def run(patch: Patch) -> list[str]:
         patch.setattr(refitting, "size_of", lambda case, c, p: scored[c][1])
         patch.setattr(starts, "at_typical_size", lambda *_: None)
+        patch.setattr(
+            refitting, "refit", lambda case, effects, *_: fitted(scored[effects[-1]][0], *effects)
+        )
         scores = {c: Score(gain, BEFORE.parameters) for c, (gain, _) in scored.items()}
-        screened = Screen(None, scores, tuple(scores))  # type: ignore[arg-type]
-        return list(refitting.starts_worth(CASE, BEFORE, screened))
+        joint: Any = SimpleNamespace(half=1.0)
+        return list(refitting.first_steps(CASE, BEFORE, Screen(joint, scores, tuple(scores))))
 
     return run
 
@@ -322,7 +325,9 @@ SCENARIOS: dict[str, dict[str, Callable[[Patch], Any]]] = {
     },
     "BEGIN": {
         "gain": began({"current": (6.0, 0.5), "gyro_bias": (12.0, 0.5)}),
-        "of-best": began({"current": (400.0, 2.0), "gyro_bias": (39.0, 0.5)}),
+        "of-best": began(
+            {"current": (400.0, 2.0), "gyro_bias": (300.0, 2.0), "gyro_scale": (39.0, 2.0)}
+        ),
     },
     "ACCOMPANY": {
         "place": listed({LATE[0]: 50.0, LATE[1]: 40.0, FALLING[0]: 30.0, FALLING[1]: 1.0}, {})
