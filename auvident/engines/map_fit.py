@@ -67,6 +67,8 @@ class NoisePolicy:
         Of the parameters in each round, at most.
     tolerance : float
         Relative fall of the cost at which a round ends.
+    ceiling : float
+        Cost at which a start is given up, see `estimation.output_error.fit`.
     """
 
     update: Callable[[OutputError, Array], Noise]
@@ -74,6 +76,7 @@ class NoisePolicy:
     settled: float | None = None
     steps: int = MAX_ITERATIONS
     tolerance: float = COST_TOLERANCE
+    ceiling: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -126,11 +129,14 @@ def map_rounds(
     Raises
     ------
     NumericsError
-        The prediction runs away where a round begins or ends, or the curvature is singular.
+        The prediction runs away where a round begins or ends, the curvature is singular, or a
+        start leads nowhere.
     """
     p = start
     for _ in range(policy.rounds):
-        p, found = map_fit(output, free, prior(p), p, policy.steps, policy.tolerance)
+        p, found = map_fit(
+            output, free, prior(p), p, policy.steps, policy.tolerance, policy.ceiling
+        )
         noise = policy.update(output, p)
         yield FitRound(p, found, noise)
         if policy.settled is not None and _settled(output.colours, noise.colours, policy.settled):
@@ -139,7 +145,13 @@ def map_rounds(
 
 
 def map_fit(
-    output: OutputError, free: Free, prior: Prior, start: Array, steps: int, tolerance: float
+    output: OutputError,
+    free: Free,
+    prior: Prior,
+    start: Array,
+    steps: int,
+    tolerance: float,
+    ceiling: float = np.inf,
 ) -> tuple[Array, Fit]:
     """Most probable parameters with the noise held, and the fit in the units of the prior."""
     origin = _origin(free, prior)
@@ -156,6 +168,7 @@ def map_fit(
         steps,
         tolerance,
         in_units(prior.constraints, free, start, origin),
+        ceiling,
     )
     return at(found.theta), found
 

@@ -69,6 +69,7 @@ def fit(
     iterations: int = MAX_ITERATIONS,
     tolerance: float = COST_TOLERANCE,
     inequalities: Inequalities = within.none,
+    ceiling: float = np.inf,
 ) -> Fit:
     """Minimise whitened residuals and distance from the prior together.
 
@@ -92,11 +93,14 @@ def fit(
         Relative fall of the cost below which the fit has converged.
     inequalities : callable, optional
         Concave, at least zero in the set that no step leaves; a start outside is moved into it.
+    ceiling : float, optional
+        A fit is given up where the whole first step, within the bounds, promises no cost below it.
 
     Raises
     ------
     NumericsError
-        The prediction already runs away at the start, or the curvature is singular.
+        The prediction already runs away at the start, the curvature is singular, or the start
+        leads nowhere.
     """
     low, high = bounds or (np.full(len(start), -np.inf), np.full(len(start), np.inf))
     theta = within.nearest(inequalities, start.copy(), prior_information, low, high)
@@ -107,6 +111,10 @@ def fit(
             "the prediction diverges with the initial coefficients of the fit",
             remedy="Run the filter stages first, or check the priors and the mass properties.",
         )
+    if np.isfinite(ceiling):
+        step = bounded_step(curvature, gradient, low - theta, high - theta)
+        if cost - _promised(curvature, gradient, step) > ceiling:
+            raise NumericsError("the start of the fit leads nowhere")
     iteration, reach = 0, FIRST_REACH
     while iteration < iterations and reach > LEAST_REACH:
         ridge = RIDGE * np.diag(np.maximum(np.diag(curvature), np.diag(prior_information)))
@@ -115,7 +123,7 @@ def fit(
         step = within.kept(inequalities, theta, step, curvature + ridge, gradient, *room)
         trial = np.clip(theta + step, low, high)
         step = trial - theta
-        promised = -float(gradient @ step + 0.5 * step @ curvature @ step)
+        promised = _promised(curvature, gradient, step)
         if promised < WORTH_A_TRIAL * tolerance * max(cost, 1.0):
             break
         iteration += 1
@@ -131,6 +139,11 @@ def fit(
     covariance = _solved(curvature, np.eye(len(theta)))
     prices = within.prices(inequalities, theta, curvature, gradient, low, high)
     return Fit(theta, curvature - prior_information, covariance, cost, iteration, prices)
+
+
+def _promised(curvature: Array, gradient: Array, step: Array) -> float:
+    """Fall of the cost that a step promises."""
+    return -float(gradient @ step + 0.5 * step @ curvature @ step)
 
 
 def _next_reach(reach: float, size: float, kept: float) -> float:
@@ -162,8 +175,11 @@ def bounded_step(curvature: Array, gradient: Array, low: Array, high: Array) -> 
     NumericsError
         The curvature is not positive definite.
     """
-    held = np.zeros(len(gradient), dtype=np.int64)  # -1 at the low bound, 1 at the high one
-    for _ in range(MOST_SETS):
+    step = -_solved(curvature, gradient)
+    held = (step > high).astype(np.int64) - (step < low)  # 1 at the high bound, -1 at the low one
+    if not held.any():
+        return step
+    for _ in range(MOST_SETS - 1):
         step = np.where(held < 0, low, np.where(held > 0, high, 0.0))
         free = held == 0
         pull = gradient[free] + curvature[np.ix_(free, ~free)] @ step[~free]

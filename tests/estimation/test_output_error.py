@@ -208,6 +208,18 @@ def test_a_start_that_runs_away_is_an_error() -> None:
     assert caught.value.exit_code == 5
 
 
+def test_a_start_that_leads_to_no_less_than_asked_for_is_given_up() -> None:
+    """Of a linear problem the first step knows the least cost there is."""
+    likelihood, mean, information, best, *_ = linear(2)
+    start, least = best + 10.0, fit(likelihood, best, mean, information).cost
+    with pytest.raises(NumericsError, match="leads nowhere"):
+        fit(likelihood, start, mean, information, ceiling=least - 0.01)
+    free, found = (
+        fit(likelihood, start, mean, information, ceiling=c) for c in (np.inf, least + 0.01)
+    )
+    np.testing.assert_array_equal(found.theta, free.theta)  # and no other digit changes
+
+
 def test_a_singular_curvature_is_an_error() -> None:
     """The second parameter has neither data nor prior."""
 

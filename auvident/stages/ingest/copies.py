@@ -10,6 +10,7 @@ other way (`auvident.stages.ingest.resampled`).
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -72,6 +73,21 @@ class Readings:
     span_s: float
     resolution: float
     thinned: int = 1
+
+    @cached_property
+    def noise(self) -> float:
+        """Standard deviation of the noise."""
+        return noise_std(self.values)
+
+    @cached_property
+    def largest(self) -> float:
+        """Largest magnitude of a value."""
+        return float(np.abs(self.values).max(initial=0.0))
+
+    @cached_property
+    def step_s(self) -> float:
+        """Median time from one reading to the next."""
+        return float(np.median(np.diff(self.time_s)))
 
 
 @dataclass(frozen=True)
@@ -342,7 +358,7 @@ def _resampled(old: Fingerprint, new: Fingerprint, ahead: float | None) -> Span 
     least = min(MIN_COMMON_S, MIN_SHARE * min(a.span_s, b.span_s))
     if min(a.time_s.size, b.time_s.size) < RUN:
         return None
-    periods = [float(np.median(np.diff(r.time_s))) for r in (a, b)]
+    periods = [a.step_s, b.step_s]
     shifts = [] if ahead is None else [ahead]
     for shift in [*shifts, *likely_shifts(old.even, new.even, max(periods))]:
         forth = periods[0] <= periods[1]
@@ -380,8 +396,7 @@ def _equal(old: Readings, new: Readings, a: np.ndarray, b: np.ndarray) -> bool:
 
 def _rounding(old: Readings, new: Readings) -> float:
     """Largest difference of one reading in two files: half of the last digit."""
-    largest = float(np.abs(old.values).max(initial=0.0))
-    return 0.5 * max(old.resolution, new.resolution) + FLOAT_DIGITS * largest
+    return 0.5 * max(old.resolution, new.resolution) + FLOAT_DIGITS * old.largest
 
 
 def _equal_between(old: Readings, new: Readings, ahead: float) -> Span:
@@ -406,6 +421,6 @@ def _interpolated(source: Readings, other: Readings, ahead: float) -> tuple[floa
     inside = (t >= time[0]) & (t <= time[-1]) & (time[after] - time[after - 1] <= MAX_PERIOD_S)
     apart = np.abs(np.interp(t, time, x) - other.values)[inside]
     limit = _rounding(source, other)
-    if inside.sum() < MIN_RUNS or limit > NOISE_SHARE * noise_std(x):
+    if inside.sum() < MIN_RUNS or limit > NOISE_SHARE * source.noise:
         return 0.0, t[:0]
     return float(np.mean(apart <= limit)), other.time_s[inside]

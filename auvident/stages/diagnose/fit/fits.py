@@ -142,15 +142,19 @@ def fit_with(
     *,
     rounds: int = ROUNDS,
     steps: int = STEPS,
+    ceiling: float = np.inf,
 ) -> Fitted | None:
-    """Fit coefficients, nuisance parameters and effects; None where it runs away from the start."""
+    """Fit coefficients, nuisance parameters and effects.
+
+    None where it runs away from the start, or is given up there (see `NoisePolicy`).
+    """
 
     def left(output: OutputError, p: Array) -> Noise:
         return noise_of(case, residuals_or_raise(output, p))
 
     free = case.setup.free(case.with_baseline(effects))
     prior = prior_of(case, free.positions, case.positions(*effects))
-    policy, best = NoisePolicy(left, rounds, steps=steps, tolerance=TOLERANCE), None
+    policy, best = NoisePolicy(left, rounds, None, steps, TOLERANCE, ceiling), None
     with suppress(NumericsError):  # the rounds before it stand
         for done in map_rounds(output_error(case, colours), free, lambda _: prior, start, policy):
             best = done

@@ -34,10 +34,12 @@ def refit(
     like: Fitted,
     rounds: int = 2,
     steps: int = 8,
+    ceiling: float = np.inf,
 ) -> Fitted | None:
-    """Best fit with effects from several starts; None where all of them run away."""
+    """Best fit with effects from several starts; None where nothing comes of any of them."""
     fits = [
-        fit_with(case, effects, start, like.colours, rounds=rounds, steps=steps) for start in starts
+        fit_with(case, effects, start, like.colours, rounds=rounds, steps=steps, ceiling=ceiling)
+        for start in starts
     ]
     return best_of(fits)
 
@@ -92,8 +94,15 @@ def from_estimate(case: Case, effects: Sequence[str], sizes: Array) -> Fitted | 
 
 def from_both(case: Case, effects: Sequence[str], start: Array, like: Fitted) -> Fitted | None:
     """Best fit with effects from a start, and afresh with the sizes found."""
-    near = refit(case, effects, [start], like)
-    return best_of([near, from_estimate(case, effects, start if near is None else near.parameters)])
+    return afresh_too(case, effects, start, refit(case, effects, [start], like))
+
+
+def afresh_too(
+    case: Case, effects: Sequence[str], start: Array, near: Fitted | None
+) -> Fitted | None:
+    """The better of a fit from a start and of one from the estimate with the sizes found."""
+    sizes = start if near is None else near.parameters
+    return best_of([near, from_estimate(case, effects, sizes)])
 
 
 def without(case: Case, p: Array, effects: Sequence[str]) -> Array:

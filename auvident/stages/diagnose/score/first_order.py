@@ -32,6 +32,7 @@ from auvident.stages.diagnose.fit.fits import N_CHANNELS, Fitted, output_error, 
 Array = npt.NDArray[Any]
 
 SMALLEST = 1.0e-12
+NO_PRODUCTS = np.zeros((N_CHANNELS, 0, 0))  # of slopes, where nobody looks at them
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,25 @@ class Joint:
         return np.searchsorted(self.free, np.array(positions, dtype=np.int64))
 
 
+@dataclass(frozen=True)
+class Score:
+    """What adding an effect would bring to first order.
+
+    Attributes
+    ----------
+    gain : float
+        Rise of the log posterior [nats].
+    parameters : (n_parameters,) array
+        Where the first step leads.
+    cost : float
+        Negative log posterior before the step, up to a constant.
+    """
+
+    gain: float
+    parameters: Array
+    cost: float = 0.0
+
+
 def joint_about(
     case: Case, fitted: Fitted, effects: Sequence[str], gain: Array | None = None
 ) -> Joint | None:
@@ -97,53 +117,79 @@ def _slopes_of(
     if found is None:
         return None
     slopes, seen = found.predicted.slopes, found.seen
-    error, left = _without_start(output, found)
-    lost = lost_readings(record, seen, output.channels)
-    by_free = found.white[:, 1 + len(output.channels) :].T
     own = [slopes[seen[:, c], c, N_STATES:] for c in range(N_CHANNELS)]
     return (
-        (0.5 * (float(found.white[:, 0] @ error) + lost), by_free @ error, by_free @ left),
+        _normal_of(output, record, found, *_without_start(output, found)),
         np.array([part.T @ part for part in own]),
         np.array([float(len(part)) for part in own]),
     )
 
 
-def gains_of_absent(
-    case: Case, fitted: Fitted, effect: str, vectors: Sequence[Array]
-) -> list[float]:
-    """Gain of adding an effect, see `score`, for several of its forms.
+def _normal_of(
+    output: OutputError, record: Record, found: Innovations, error: Array, left: Array
+) -> Normal:
+    """What a record adds, given its errors and slopes without what the start takes up."""
+    lost = lost_readings(record, found.seen, output.channels)
+    by_free = found.white[:, 1 + len(output.channels) :].T
+    half = 0.5 * (float(found.white[:, 0] @ error) + lost)
+    return half, by_free @ error, by_free @ left
 
-    While the effect is absent its form changes neither the motion nor any slope but its own.
+
+@dataclass(frozen=True)
+class Form:
+    """What an absent effect would look like: parameters (n_parameters,) and records.
+
+    They are the model's own but for what gives the effect its form.
+    """
+
+    parameters: Array
+    records: Sequence[Record]
+
+
+def scores_of_forms(
+    case: Case, fitted: Fitted, effect: str, forms: Sequence[Form]
+) -> list[Score] | None:
+    """Scores of adding an effect, see `score`, for several of its forms.
+
+    While the effect is absent its form changes neither the motion nor any slope but its own, so
+    that the others are found once for all forms.
 
     Parameters
     ----------
     effect : str
         Not among those of the model; zero in its parameters.
-    vectors : sequence of (n_parameters,) array
-        The model's parameters, apart from those that give the effect its form.
+    forms : sequence of Form
 
     Returns
     -------
-    list of float
-        Zero where the simulation runs away.
+    list of Score, or None
+        None where the simulation runs away.
     """
-    about = joint_about(case, fitted, (effect,))
-    if about is None:
-        return [0.0] * len(vectors)
     own, output = case.positions(effect), output_error(case, fitted.colours)
-    both = case.setup.free(about.free), case.setup.free(np.array(own))
-    parts = each(
-        lambda r: _forms_of(output, fitted.parameters, r, both, vectors), case.records, len
-    )
-    at, found = about.columns(own), []
-    for shares in zip(*parts, strict=True):
-        gradient, curvature = about.gradient.copy(), about.curvature.copy()
-        gradient[at] = sum(share[0] for share in shares)
-        by_all = sum(share[1] for share in shares)
-        curvature[at], curvature[:, at] = by_all, by_all.T
-        curvature[np.ix_(at, at)] = sum(share[2] for share in shares)
-        found.append(score(replace(about, gradient=gradient, curvature=curvature), (effect,)).gain)
-    return found
+    every = case.setup.free(in_order(fitted.free, own))
+    both = every, case.setup.free(np.array(own))
+
+    def part(k: int) -> tuple[Normal, list[Normal]] | None:
+        seen = [(form.parameters, form.records[k]) for form in forms]
+        return _forms_of(output, fitted.parameters, case.records[k], both, seen)
+
+    parts = each(part, range(len(case.records)), lambda k: len(case.records[k]))
+    if any(p is None for p in parts):
+        return None
+    normal, shares = zip(*parts, strict=True)  # type: ignore[arg-type]
+    half, gradient, curvature = summed(normal, len(every.positions))
+    about = Joint(case, fitted, every.positions, half, gradient, curvature, NO_PRODUCTS)
+    return [score(_with_form(about, own, share), (effect,)) for share in zip(*shares, strict=True)]
+
+
+def _with_form(about: Joint, own: Sequence[int], shares: Sequence[Normal]) -> Joint:
+    """Slopes of the likelihood with another form of an effect."""
+    at, gradient, curvature = about.columns(own), about.gradient.copy(), about.curvature.copy()
+    gradient[at] = np.sum([share[1] for share in shares], axis=0)
+    by_all, k = np.sum([share[2] for share in shares], axis=0), len(at)
+    curvature[at], curvature[:, at] = by_all[:, k:], by_all[:, k:].T
+    curvature[np.ix_(at, at)] = by_all[:, :k]
+    return replace(about, gradient=gradient, curvature=curvature)
 
 
 def _forms_of(
@@ -151,20 +197,24 @@ def _forms_of(
     here: Array,
     record: Record,
     free: tuple[Free, Free],
-    vectors: Sequence[Array],
-) -> list[tuple[Array, Array, Array]]:
-    """For each form of an effect its gradient (k,), and its curvature (k, n) with all and own."""
+    forms: Sequence[tuple[Array, Record]],
+) -> tuple[Normal, list[Normal]] | None:
+    """What a record adds without the effect, and its slopes by each form of it.
+
+    Of a form: zero; its gradient (k,); its curvature (k, k + n) with itself and with all.
+    """
     every, own = free
     whole = finite_innovations(output, here, record, every)
-    assert whole is not None  # the joint one ran through
+    if whole is None:
+        return None
     error, base = _without_start(output, whole)
     found = []
-    for p in vectors:
-        form = finite_innovations(output, p, record, own)
+    for p, seen in forms:
+        form = finite_innovations(output, p, seen, own)
         assert form is not None  # the same motion
         slopes, left = form.white[:, 1 + len(output.channels) :].T, _without_start(output, form)[1]
-        found.append((slopes @ error, slopes @ base, slopes @ left))
-    return found
+        found.append((0.0, slopes @ error, np.hstack([slopes @ left, slopes @ base])))
+    return _normal_of(output, record, whole, error, base), found
 
 
 def _without_start(output: OutputError, found: Innovations) -> tuple[Array, Array]:
@@ -177,25 +227,6 @@ def _without_start(output: OutputError, found: Innovations) -> tuple[Array, Arra
     start = found.white[:, 1:n]
     left = found.white - start @ best_start(output, start.T @ start, start.T @ found.white)
     return left[:, 0], left[:, n:]
-
-
-@dataclass(frozen=True)
-class Score:
-    """What adding an effect would bring to first order.
-
-    Attributes
-    ----------
-    gain : float
-        Rise of the log posterior [nats].
-    parameters : (n_parameters,) array
-        Where the first step leads.
-    cost : float
-        Negative log posterior before the step, up to a constant.
-    """
-
-    gain: float
-    parameters: Array
-    cost: float = 0.0
 
 
 def score(joint: Joint, effects: Sequence[str]) -> Score:
@@ -214,19 +245,19 @@ def score(joint: Joint, effects: Sequence[str]) -> Score:
     return Score(float(gain), free.at(start, free.scale * (theta + step)), cost)
 
 
-def score_from(joint: Joint, effect: str, there: Array) -> Score:
+def score_from(joint: Joint, effect: str, there: Array) -> Score | None:
     """As `score`, with the step taken from an effect at another size `there`.
 
     For effects whose signature changes with their size: what a small one would do says little.
+    None where the simulation runs away.
     """
-    here = score(joint, (effect,))
     moved = replace(joint.fitted, parameters=there)
     other = joint_about(joint.case, moved, (effect,))
     if other is None:
-        return here
+        return None
     found = score(other, (effect,))
-    gain = here.cost - found.cost + found.gain
-    return Score(gain, found.parameters, found.cost) if gain > here.gain else here
+    gain = score(joint, (effect,)).cost - found.cost + found.gain
+    return Score(gain, found.parameters, found.cost)
 
 
 def unabsorbed(joint: Joint, positions: Sequence[int]) -> tuple[Array, Array, Array]:

@@ -21,7 +21,7 @@ from auvident.physics.terms import EQUATIONS, FREE_FORCE, FREE_FORCES
 from auvident.schema.planes import HORIZONTAL, VERTICAL, Plane, PlaneRow
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, fit_with, log_gain
-from auvident.stages.diagnose.score.first_order import joint_about, score
+from auvident.stages.diagnose.score.first_order import Form, scores_of_forms
 
 Array = npt.NDArray[Any]
 Regressor = Callable[[Array, Record, float], Array]
@@ -104,12 +104,9 @@ def free_forces(case: Case, fitted: Fitted) -> list[FreeForce]:
     """Free forces that explain most beside a fitted model, best first."""
     there = REGRESSORS[case.plane.name]
     cases = {name: _with_series(case, of, fitted.residuals) for name, of in there.items()}
-    joints = each(lambda own: joint_about(own, fitted, (FREE_FORCE,)), cases.values())
-    gains = {
-        name: score(joint, (FREE_FORCE,))
-        for name, joint in zip(cases, joints, strict=True)
-        if joint is not None
-    }
+    forms = [Form(fitted.parameters, own.records) for own in cases.values()]
+    scores = scores_of_forms(case, fitted, FREE_FORCE, forms)
+    gains = dict(zip(cases, scores or (), strict=scores is not None))
     best = sorted(gains, key=lambda name: -gains[name].gain)[:REFITTED]
 
     def fit(name: str) -> Fitted | None:

@@ -3,7 +3,7 @@
 The fit to the others begins at the fit to all; the maneuver left out is predicted by simulation.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from auvident.engines.free_run import (
     white_error,
 )
 from auvident.engines.records import Record
+from auvident.schema.effects import BY_ID
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import N_CHANNELS, Fitted, fits_to_others, output_error
 
@@ -54,6 +55,32 @@ class LeftOut:
     parameters: Array
     blocks: list[Array]
     power: Array
+
+
+@dataclass(frozen=True)
+class FitsWithout:
+    """Fits without each maneuver in turn of the models of a case, each made once.
+
+    What a candidate was tried with is what the next round compares others with, and the scatter
+    of the fits of the last model is part of how well its effects are known.
+    """
+
+    made: dict[tuple[object, ...], Array] = field(default_factory=dict)
+
+    def of(self, case: Case, fitted: Fitted) -> Array:
+        """Parameters (f, n_parameters), see `fits_without`."""
+        at_work = fitted.parameters[[_is_at_work(name, fitted) for name in case.names]]
+        key = (fitted.effects, fitted.colours, at_work.tobytes())
+        if key not in self.made:
+            self.made[key] = fits_without(case, fitted)
+        return self.made[key]
+
+
+def _is_at_work(name: str, fitted: Fitted) -> bool:
+    """Whether it has a part in the model: the time of an effect that is absent has none."""
+    effect, _, of_effect = name.partition(".")
+    timed = bool(of_effect) and effect in BY_ID and BY_ID[effect].instant is not None
+    return not timed or effect in fitted.effects
 
 
 def leave_out(case: Case, fitted: Fitted, colours: Colours) -> LeftOut:

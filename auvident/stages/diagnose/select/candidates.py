@@ -1,6 +1,6 @@
 """Candidates of a search: what was tried, what is known of it, and what looks like it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from auvident.schema.effects import BY_ID, EFFECTS, parameter_of
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, check_cost, log_gain
 from auvident.stages.diagnose.score.first_order import Joint
+from auvident.stages.diagnose.score.left_out import FitsWithout
 from auvident.stages.diagnose.select import rules
 from auvident.stages.diagnose.select.records import Account
 from auvident.stages.diagnose.select.rule import Refusal, passes
@@ -63,6 +64,7 @@ class Traced:
     rounds: tuple[Round, ...]
     steps: tuple[str, ...] = ()
     unclaimed: tuple[str, ...] = ()
+    without: FitsWithout = field(default_factory=FitsWithout)
 
     @property
     def named(self) -> tuple[str, ...]:

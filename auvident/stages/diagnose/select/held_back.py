@@ -2,21 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import chdtrc
 
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, check_cost
 from auvident.stages.diagnose.score.left_out import (
     LEAST_CHANCE,
+    FitsWithout,
     Helped,
-    fits_without,
     helped,
-    leave_out,
     noise_floor,
     seen_with,
 )
@@ -27,8 +23,6 @@ from auvident.stages.diagnose.select.records import Account
 from auvident.stages.diagnose.select.rule import passes
 from auvident.stages.diagnose.select.telling import LEAVE_OUT, Telling
 
-Array = npt.NDArray[Any]
-
 
 def judged_with(
     case: Case,
@@ -37,6 +31,7 @@ def judged_with(
     among: int,
     rng: np.random.Generator,
     told: Telling | None = None,
+    without: FitsWithout | None = None,
 ) -> list[Tried]:
     """What the rules say of the candidates of a round, those left out of their fit tried last.
 
@@ -49,15 +44,16 @@ def judged_with(
     among : int
         Effects that the search chooses from.
     told : Telling, optional
+    without : FitsWithout, optional
+        Fits of other rounds.
     """
-    told = told or Telling()
+    told, without = told or Telling(), without or FitsWithout()
     told.enter(LEAVE_OUT)
     fits = {t.id: t.fitted for t in tried}
-    reference = cache(lambda: fits_without(case, before))
 
     def left_out(account: Account) -> Helped:
         told.next(account.id)
-        return left_out_with(case, before, fits[account.id], among, rng, reference())
+        return left_out_with(case, before, fits[account.id], among, rng, without)
 
     accounts = judge([t.account for t in tried], left_out)
     return [Tried(fits[account.id], account, refusal) for account, refusal in accounts]
@@ -69,14 +65,11 @@ def left_out_with(
     after: Fitted,
     among: int,
     rng: np.random.Generator,
-    without: Array | None = None,
+    without: FitsWithout,
 ) -> Helped:
-    """What a model does for the maneuvers left out, beside the one without its last effect.
-
-    `without` are the parameters of the fits of the latter without each maneuver, if known.
-    """
-    without = fits_without(case, before) if without is None else without
-    old, new = seen_with(case, without, after.colours), leave_out(case, after, after.colours)
+    """What a model does for the maneuvers left out, beside the one without its last effect."""
+    old = seen_with(case, without.of(case, before), after.colours)
+    new = seen_with(case, without.of(case, after), after.colours)
     found = helped(old, new, rng, noise_floor(case, after.colours))
     found = with_sensors(case, before, after, found)
     return replace(found, p=min(1.0, among * found.p))

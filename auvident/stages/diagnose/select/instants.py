@@ -23,7 +23,7 @@ from auvident.schema.effects import BY_ID, TimeGrid
 from auvident.schema.trial import Trial
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, fit_with, output_error
-from auvident.stages.diagnose.score.first_order import gains_of_absent
+from auvident.stages.diagnose.score.first_order import Form, scores_of_forms
 from auvident.stages.diagnose.select.candidates import Traced
 
 Array = npt.NDArray[Any]
@@ -92,8 +92,9 @@ def _with_best_time(case: Case, fitted: Fitted, instant: Instant) -> Fitted:
 
 
 def _best(case: Case, fitted: Fitted, instant: Instant, times: Array) -> float:
-    forms = [instant.at(fitted.parameters, float(time)) for time in times]
-    return float(times[int(np.argmax(gains_of_absent(case, fitted, instant.effect, forms)))])
+    forms = [Form(instant.at(fitted.parameters, float(time)), case.records) for time in times]
+    scores = scores_of_forms(case, fitted, instant.effect, forms)
+    return float(times[int(np.argmax([s.gain for s in scores]))]) if scores else float(times[0])
 
 
 def span_of(record: Record) -> tuple[float, float]:

@@ -8,19 +8,29 @@ explanations was the better by 22 to 680 nats in 21 of 22 trials with asymmetrie
 in the other the pair had no misalignment of practical size.
 """
 
+import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from auvident.parallel import each
 from auvident.schema.effects import EFFECTS, parts_of
 from auvident.schema.likeness import partners
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, log_gain
-from auvident.stages.diagnose.fit.refits import apart, from_both, prior_cost, without
+from auvident.stages.diagnose.fit.refits import (
+    afresh_too,
+    apart,
+    from_both,
+    prior_cost,
+    refit,
+    without,
+)
+from auvident.stages.diagnose.score.first_order import joint_about, score, score_from
 from auvident.stages.diagnose.select import rules
-from auvident.stages.diagnose.select.candidates import impossible, size_of
-from auvident.stages.diagnose.select.records import Exchanged
+from auvident.stages.diagnose.select.candidates import impossible, size_of, steady
+from auvident.stages.diagnose.select.records import Exchanged, Replacing
 from auvident.stages.diagnose.select.rule import passes
+from auvident.stages.diagnose.select.starts import at_typical_size, is_limit
 
 
 @dataclass(frozen=True)
@@ -32,6 +42,38 @@ class Exchange:
 
     def __str__(self) -> str:
         return f"{' and '.join(self.out)} replaced by {' and '.join(self.into)}"
+
+
+@dataclass(frozen=True)
+class Less:
+    """A model without some of its effects: each fit is made once, whoever asks for it.
+
+    Attributes
+    ----------
+    case : Case
+    current : Fitted
+    made : dict
+        Fits by the effects that are out.
+    """
+
+    case: Case
+    current: Fitted
+    made: dict[tuple[str, ...], Fitted | None] = field(default_factory=dict)
+
+    def fit(self, out: tuple[str, ...]) -> Fitted | None:
+        """The model without these; None where it runs away."""
+        start = without(self.case, self.current.parameters, out)
+        return from_both(self.case, apart(self.current, out), start, self.current)
+
+    def at_once(self, outs: Sequence[tuple[str, ...]]) -> None:
+        """Make several of them, side by side."""
+        missing = [out for out in dict.fromkeys(outs) if out not in self.made]
+        self.made.update(zip(missing, each(self.fit, missing), strict=True))
+
+    def of(self, out: tuple[str, ...]) -> Fitted | None:
+        """As `fit`, if it was not made before."""
+        self.at_once([out])
+        return self.made[out]
 
 
 def reconsider(
@@ -55,17 +97,18 @@ def reconsider(
     list of str
         What was done, for people.
     """
-    newest, done = current.effects[-1:], list[Exchange]()
+    newest, done, less = current.effects[-1:], list[Exchange](), Less(case, current)
     while passes(len(done), rules.EXCHANGE_ON):
         settled = [effect for exchange in done for effect in exchange.into]
-        wanted = exchanges(current, candidates, (*unclaimed, *settled), () if done else newest)
-        found = _exchanged(case, current, list(wanted))
+        wanted = exchanges(less.current, candidates, (*unclaimed, *settled), () if done else newest)
+        found = _exchanged(less, list(wanted))
         if found is None:
             break
         done.append(found[0])
-        current = found[1]
+        less = Less(case, found[1])
+    current = less.current
     there = apart(current, unclaimed if done else (*unclaimed, *newest))
-    current, removed = _removed(case, current, there)
+    current, removed = _removed(less, there)
     return current, [*map(str, done), *removed]
 
 
@@ -86,37 +129,64 @@ def exchanges(
             yield Exchange(parts, (whole,))
 
 
-def _removed(case: Case, current: Fitted, effects: Sequence[str]) -> tuple[Fitted, list[str]]:
+def _removed(less: Less, effects: Sequence[str]) -> tuple[Fitted, list[str]]:
     """Take out those of some effects that are worth little beside the others."""
     steps = list[str]()
-    if not passes(len(current.effects), rules.RECONSIDER):
-        return current, steps
+    if not passes(len(less.current.effects), rules.RECONSIDER):
+        return less.current, steps
     for effect in effects:
-        rest = apart(current, (effect,))
-        less = from_both(case, rest, without(case, current.parameters, (effect,)), current)
-        if less is not None and not passes(log_gain(less, current), rules.STAY):
-            steps.append(
-                f"{effect} removed: it contributes only {log_gain(less, current):.0f} nats"
-            )
-            current = less
-    return current, steps
+        rest = less.of((effect,))
+        if rest is not None and not passes(log_gain(rest, less.current), rules.STAY):
+            gain = log_gain(rest, less.current)
+            steps.append(f"{effect} removed: it contributes only {gain:.0f} nats")
+            less = Less(less.case, rest)
+    return less.current, steps
 
 
-def _exchanged(
-    case: Case, current: Fitted, wanted: Sequence[Exchange]
-) -> tuple[Exchange, Fitted] | None:
+def _exchanged(less: Less, wanted: Sequence[Exchange]) -> tuple[Exchange, Fitted] | None:
     """The best exchange that is worth it, with its fit."""
-
-    def fit(exchange: Exchange) -> Fitted | None:
-        effects = (*apart(current, exchange.out), *exchange.into)
-        return from_both(case, effects, without(case, current.parameters, exchange.out), current)
-
+    case, current = less.case, less.current
+    less.at_once([exchange.out for exchange in wanted if not _marked(exchange)])
     found = [
         (exchange, fitted)
-        for exchange, fitted in zip(wanted, each(fit, wanted), strict=True)
+        for exchange, fitted in zip(wanted, each(lambda e: _fit(less, e), wanted), strict=True)
         if fitted is not None and _pays(case, current, fitted, exchange)
     ]
     return max(found, key=lambda f: worth(case, f[1]), default=None)
+
+
+def _marked(exchange: Exchange) -> bool:
+    """Whether coefficients fitted without the new effects take them up; see `steady`."""
+    return any(steady(effect) for effect in exchange.into)
+
+
+def _fit(less: Less, exchange: Exchange) -> Fitted | None:
+    """The model with effects exchanged; None where it runs away, or is not worth a fit.
+
+    A fit from the estimate is made where that from the model lets one hope for enough.
+    """
+    case, current, out = less.case, less.current, exchange.out
+    effects, start = (*apart(current, out), *exchange.into), without(case, current.parameters, out)
+    rest = None if _marked(exchange) else less.of(out)
+    if rest is None:
+        return from_both(case, effects, start, current)
+    of_out, unseen = log_gain(rest, current), any(is_limit(e) for e in exchange.into)
+    if not passes(Replacing(_promise(case, rest, exchange.into), of_out, unseen), rules.REPLACE):
+        return None
+    near = refit(case, effects, [start], current)
+    if near is not None and not passes(Replacing(log_gain(rest, near), of_out), rules.REPLACE):
+        return near
+    return afresh_too(case, effects, start, near)
+
+
+def _promise(case: Case, rest: Fitted, into: Sequence[str]) -> float:
+    """What effects would gain to first order [nats]; infinite where the simulation runs away."""
+    joint = joint_about(case, rest, into)
+    if joint is None:
+        return math.inf
+    there = at_typical_size(case, rest, into[0]) if len(into) == 1 else None
+    typical = None if there is None else score_from(joint, into[0], there)
+    return max(s.gain for s in (score(joint, into), typical) if s is not None)
 
 
 def _pays(case: Case, before: Fitted, after: Fitted, exchange: Exchange) -> bool:

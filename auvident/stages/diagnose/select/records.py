@@ -16,6 +16,26 @@ class Screened:
 
 
 @dataclass(frozen=True)
+class Start:
+    """Where the fit of a candidate may begin.
+
+    Attributes
+    ----------
+    promise : float
+        What its first step lets one hope for [nats].
+    gained : float
+        By the best of those that lead and are large enough to matter [nats].
+    unseen : bool
+        To first order nothing is known of it: a limit that is reached, or what has left its mark
+        in the coefficients.
+    """
+
+    promise: float
+    gained: float
+    unseen: bool
+
+
+@dataclass(frozen=True)
 class Begun:
     """A candidate after the first steps of its fit.
 
@@ -197,6 +217,25 @@ class Accepted:
     higher_order: bool
     gain: float
     before: int
+
+
+@dataclass(frozen=True)
+class Replacing:
+    """Effects that may explain what others explain.
+
+    Attributes
+    ----------
+    promise : float
+        What they let one hope for beside a model without those others [nats].
+    worth : float
+        What those gain [nats].
+    unseen : bool
+        To first order nothing is known of them: a limit that may be reached.
+    """
+
+    promise: float
+    worth: float
+    unseen: bool = False
 
 
 @dataclass(frozen=True)

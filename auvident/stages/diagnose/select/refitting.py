@@ -1,6 +1,6 @@
 """The short list refitted: a few steps for all, the best to the end, rivals from where it lies."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -19,11 +19,17 @@ from auvident.stages.diagnose.fit.refits import (
     settled,
 )
 from auvident.stages.diagnose.select import rules
-from auvident.stages.diagnose.select.candidates import Tried, account_of, ranked, steady
-from auvident.stages.diagnose.select.records import Begun, Rival
+from auvident.stages.diagnose.select.candidates import (
+    Tried,
+    account_of,
+    ranked,
+    size_of,
+    steady,
+)
+from auvident.stages.diagnose.select.records import Begun, Rival, Screened, Start
 from auvident.stages.diagnose.select.rule import passes, passes_any
 from auvident.stages.diagnose.select.screen import Screen
-from auvident.stages.diagnose.select.starts import at_far_sizes, at_typical_size
+from auvident.stages.diagnose.select.starts import Begin, starts_of
 from auvident.stages.diagnose.select.telling import COMPARE, FIT, SETTLE, Telling
 
 Array = npt.NDArray[Any]
@@ -37,12 +43,7 @@ def refitted(
     told = told or Telling()
     told.enter(FIT)
 
-    def first(candidate: str) -> Fitted:
-        fitted = begun(case, before, candidate, screened.scores[candidate].parameters)
-        told.one_of(len(screened.short), candidate)
-        return fitted
-
-    found = side_by_side(first, screened.short)
+    found = first_steps(case, before, screened, partial(told.one_of, len(screened.short)))
     # a fit that is not there yet may still become what the first-order step promises
     promise = {c: max(log_gain(before, f), screened.scores[c].gain) for c, f in found.items()}
     told.enter(SETTLE)
@@ -64,13 +65,78 @@ def side_by_side(fit: Callable[[str], Fitted], candidates: Sequence[str]) -> Fit
     return dict(zip(candidates, each(fit, candidates), strict=True))
 
 
-def begun(case: Case, before: Fitted, candidate: str, scored: Array) -> Fitted:
-    """A few steps from where the first-order step leads, and from sizes that it cannot know."""
-    effects, typical = (*before.effects, candidate), at_typical_size(case, before, candidate)
-    starts = [scored] if typical is None else [scored, typical]
-    starts += at_far_sizes(case, before, candidate)
-    found = refit(case, effects, starts, before, 1, 5)
-    return nested(case, before, found or holding(case, before, effects))
+def first_steps(
+    case: Case, before: Fitted, screened: Screen, tell: Callable[[str], None] = lambda c: None
+) -> Fits:
+    """A few steps of what leads, then of what may gain enough beside it."""
+    order = ranked({c: screened.scores[c].gain for c in screened.short})
+    lead = [c for place, c in enumerate(order) if passes(Screened(c, 0.0, place), rules.ACCOMPANY)]
+    rest = [c for c in screened.short if c not in lead]
+
+    def begin(candidates: Sequence[str], gained: float) -> Fits:
+        starts = starts_worth(case, before, screened, candidates, gained)
+        return begun(case, before, starts, screened.ceiling, tell)
+
+    found = begin(lead, 0.0)
+    # what is too small to matter may be taken along, and then the others have another round
+    large = [f for c, f in found.items() if size_of(case, c, f.parameters) >= rules.LEAST_SIZE]
+    found |= begin(rest, max((log_gain(before, f) for f in large), default=0.0))
+    return {c: found[c] for c in screened.short if c in found}
+
+
+def starts_worth(
+    case: Case, before: Fitted, screened: Screen, candidates: Sequence[str], gained: float
+) -> dict[str, list[Begin]]:
+    """Where the first steps of some candidates begin, of those that are worth them.
+
+    Parameters
+    ----------
+    gained : float
+        By others [nats].
+    """
+    found = {}
+    for c in candidates:
+        asked = starts_of(case, before, c, screened.scores[c], screened.typical.get(c))
+        marked = bool(steady(c))
+        found[c] = [
+            b for b in asked if passes(Start(b.promise, gained, b.unseen or marked), rules.BEGIN)
+        ]
+    return {c: starts for c, starts in found.items() if starts}
+
+
+def begun(
+    case: Case,
+    before: Fitted,
+    starts: Mapping[str, Sequence[Begin]],
+    ceiling: float,
+    tell: Callable[[str], None] = lambda candidate: None,
+) -> Fits:
+    """A few steps from the starts of some candidates, and the best fit of each.
+
+    All starts are equals, so that no thread is left alone with those of one candidate. One that
+    was begun as a limit that is reached only, and explains nothing, is left out.
+    """
+    every = [(c, begin) for c, own in starts.items() for begin in own]
+
+    def steps(start: tuple[str, Begin]) -> Fitted | None:
+        c, begin = start
+        fitted = refit(case, (*before.effects, c), [begin.parameters], before, 1, 5, ceiling)
+        if begin is starts[c][-1]:
+            tell(c)
+        return fitted
+
+    fits = list(zip(every, each(steps, every), strict=True))
+    best = {c: best_of([f for (of, _), f in fits if of == c]) for c in starts}
+    kept = [
+        c
+        for c, f in best.items()
+        if (f is not None and log_gain(before, f) > 0.0) or not all(b.unseen for b in starts[c])
+    ]
+
+    def whole(c: str) -> Fitted:
+        return nested(case, before, best[c] or holding(case, before, (*before.effects, c)))
+
+    return side_by_side(whole, kept)
 
 
 def finish(

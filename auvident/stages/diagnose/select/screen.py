@@ -1,7 +1,7 @@
 """The screen: what each effect would bring to first order, and which are worth a refit."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -32,11 +32,17 @@ class Screen:
     joint: Joint
     scores: dict[str, Score]
     short: tuple[str, ...]
+    typical: dict[str, Score] = field(default_factory=dict)  # from a size that is not none
 
     @property
     def gains(self) -> dict[str, float]:
         """To first order [nats], by candidate."""
         return {c: s.gain for c, s in self.scores.items()}
+
+    @property
+    def ceiling(self) -> float:
+        """Half the squared error at which the start of a fit is lost."""
+        return rules.LOST * self.joint.half
 
 
 def screen(case: Case, before: Fitted, candidates: Sequence[str]) -> Screen:
@@ -45,16 +51,22 @@ def screen(case: Case, before: Fitted, candidates: Sequence[str]) -> Screen:
     assert joint is not None  # the fit itself ran through
     fast = joint_about(case, before, candidates, FAST_GAIN)
     absent = [c for c in candidates if c not in before.effects]
-    scores = dict(zip(absent, each(lambda c: _score(joint, c), absent), strict=True))
+    pairs = dict(zip(absent, each(lambda c: _scores(joint, c), absent), strict=True))
+    scores = {c: max(pair, key=lambda s: s.gain) for c, pair in pairs.items()}
+    typical = {c: pair[1] for c, pair in pairs.items() if len(pair) > 1}
     quick = {c: score(fast, (c,)).gain for c in absent} if fast else {}
     gains = {c: s.gain for c, s in scores.items()}
     limits = filter(is_limit, absent)  # of which a score knows nothing
-    return Screen(joint, scores, tuple(dict.fromkeys([*short_list(gains, quick), *limits])))
+    short = tuple(dict.fromkeys([*short_list(gains, quick), *limits]))
+    return Screen(joint, scores, short, typical)
 
 
-def _score(joint: Joint, candidate: str) -> Score:
-    typical = at_typical_size(joint.case, joint.fitted, candidate)
-    return score(joint, (candidate,)) if typical is None else score_from(joint, candidate, typical)
+def _scores(joint: Joint, candidate: str) -> list[Score]:
+    """From nothing, and for some from a typical size."""
+    there = at_typical_size(joint.case, joint.fitted, candidate)
+    typical = None if there is None else score_from(joint, candidate, there)
+    here = score(joint, (candidate,))
+    return [here] if typical is None else [here, typical]
 
 
 def short_list(gains: dict[str, float], quick: dict[str, float]) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from auvident.schema.likeness import partners
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, log_gain
 from auvident.stages.diagnose.score.first_order import Joint, cosine
+from auvident.stages.diagnose.score.left_out import FitsWithout
 from auvident.stages.diagnose.select import rules
 from auvident.stages.diagnose.select.candidates import Round, Traced, Tried
 from auvident.stages.diagnose.select.decisions import nuisance_of, told_apart_from
@@ -38,6 +39,7 @@ class Search:
     steps: list[str] = field(default_factory=list)
     unclaimed: list[str] = field(default_factory=list)
     told: Telling = field(default_factory=Telling)
+    without: FitsWithout = field(default_factory=FitsWithout)
 
     def trace(self, baseline: Fitted) -> Traced:
         """Search until nothing more is accepted."""
@@ -54,7 +56,7 @@ class Search:
                 following = self._reconsidered(pair.fitted)
             current = following
         steps, unclaimed = tuple(self.steps), tuple(self.unclaimed)
-        return Traced(self.case, baseline, current, tuple(rounds), steps, unclaimed)
+        return Traced(self.case, baseline, current, tuple(rounds), steps, unclaimed, self.without)
 
     def one_round(self, before: Fitted) -> Round:
         """Screen, refit and judge."""
@@ -62,7 +64,9 @@ class Search:
         before = with_best_times(self.case, before, self.candidates)
         screened = screen(self.case, before, self.candidates)
         before, tried = refitted(self.case, before, screened, self.told)
-        judged = judged_with(self.case, before, tried, len(self.candidates), self.rng, self.told)
+        judged = judged_with(
+            self.case, before, tried, len(self.candidates), self.rng, self.told, self.without
+        )
         accepted = next((t for t in judged if t.refusal is None), None)
         alike = alike_of(screened.joint, self.candidates, accepted, judged)
         name = accepted.id if accepted else None
@@ -87,7 +91,7 @@ class Search:
     def _together(self, done: Round) -> Together | None:
         """Two effects that hide each other, written down."""
         among = len(self.candidates)
-        pair = together(self.case, done, self.one_round, among, self.rng)
+        pair = together(self.case, done, self.one_round, among, self.rng, self.without)
         if pair is not None:
             gain = log_gain(done.before, pair.fitted)
             self.steps.append(f"{' and '.join(pair.effects)} added together: {gain:.0f} nats")

@@ -1,6 +1,7 @@
 """Where the fit of a candidate begins."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from auvident.parallel import each
 from auvident.schema.effects import BY_ID
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, first_colours, fit_with, output_error
+from auvident.stages.diagnose.score.first_order import Score
 
 Array = npt.NDArray[Any]
 
@@ -59,6 +61,44 @@ def at_typical_size(case: Case, before: Fitted, candidate: str) -> Array | None:
     for i, name in zip(positions, names, strict=True):
         p[i] = known[name][0] if name in known else float(case.setup.prior_std[i])
     return p
+
+
+@dataclass(frozen=True)
+class Begin:
+    """Where the fit of a candidate may begin.
+
+    Attributes
+    ----------
+    parameters : (n_parameters,) array
+    promise : float
+        What the first step lets one hope for [nats].
+    unseen : bool
+        Nobody knows what is to be hoped for: a limit that is reached.
+    """
+
+    parameters: Array
+    promise: float
+    unseen: bool = False
+
+
+def starts_of(
+    case: Case, before: Fitted, candidate: str, scored: Score, typical: Score | None
+) -> list[Begin]:
+    """Where the first-order step leads, and sizes that it cannot know.
+
+    Parameters
+    ----------
+    scored : Score
+        The best one of the screen.
+    typical : Score or None
+        From a typical size; None for candidates that have none, or run away from it.
+    """
+    found = [Begin(scored.parameters, scored.gain)]
+    there = at_typical_size(case, before, candidate)
+    if there is not None and typical is not None:
+        found.append(Begin(there, typical.gain, is_limit(candidate)))
+    far = at_far_sizes(case, before, candidate)
+    return [*found, *(Begin(p, -np.inf, unseen=True) for p in far)]
 
 
 def is_limit(candidate: str) -> bool:

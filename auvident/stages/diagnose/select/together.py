@@ -15,6 +15,7 @@ import numpy as np
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, log_gain
 from auvident.stages.diagnose.fit.refits import apart, from_both, without
+from auvident.stages.diagnose.score.left_out import FitsWithout
 from auvident.stages.diagnose.select.candidates import Round, Tried, account_of
 from auvident.stages.diagnose.select.decisions import hidden_among, shown_together
 from auvident.stages.diagnose.select.held_back import left_out_with
@@ -43,7 +44,12 @@ class Together:
 
 
 def together(
-    case: Case, done: Round, search: Search, among: int, rng: np.random.Generator
+    case: Case,
+    done: Round,
+    search: Search,
+    among: int,
+    rng: np.random.Generator,
+    without: FitsWithout,
 ) -> Together | None:
     """Two effects that pass the rules together, and each beside the other; None without such.
 
@@ -57,6 +63,8 @@ def together(
     among : int
         Effects that the search chooses from.
     rng : numpy Generator
+    without : FitsWithout
+        Fits of other rounds.
     """
     tried = {t.id: t for t in done.tried}
     judged = [(t.account, t.refusal) for t in done.tried]
@@ -66,14 +74,21 @@ def together(
         if accepted is None:
             continue
         pair = accepted.fitted
-        both = left_out_with(case, done.before, pair, among, rng)
-        own = cache(partial(beside, case, first, pair, among, rng))
+        both = left_out_with(case, done.before, pair, among, rng, without)
+        own = cache(partial(beside, case, first, pair, among, rng, without))
         if shown_together(first.account, both, own):
             return Together(_accepting(done, first, own()), second)
     return None
 
 
-def beside(case: Case, first: Tried, pair: Fitted, among: int, rng: np.random.Generator) -> Account:
+def beside(
+    case: Case,
+    first: Tried,
+    pair: Fitted,
+    among: int,
+    rng: np.random.Generator,
+    fits: FitsWithout,
+) -> Account:
     """What is known of the first effect of a pair, beside the model with the second alone."""
     rest = apart(pair, (first.id,))
     alone = from_both(case, rest, without(case, pair.parameters, (first.id,)), pair)
@@ -82,7 +97,7 @@ def beside(case: Case, first: Tried, pair: Fitted, among: int, rng: np.random.Ge
     last = replace(pair, effects=(*rest, first.id))
     gain = log_gain(alone, last)
     account = account_of(case, alone, last, gain, True, gain)
-    return replace(account, helped=left_out_with(case, alone, last, among, rng))
+    return replace(account, helped=left_out_with(case, alone, last, among, rng, fits))
 
 
 def _accepting(done: Round, first: Tried, found: Account) -> Round:

@@ -72,7 +72,7 @@ def accepted(traced: Traced) -> list[EffectFound]:
     case, p = traced.case, traced.final.parameters
     if not traced.named:
         return []
-    stds = spreads(case, traced.final)
+    stds = spreads(case, traced.final, traced.without)
     speed = float(np.median(np.concatenate([r.given[:, 0] for r in case.records])))
     rate = float(np.median(np.concatenate([r.inputs[:, 2] for r in case.records])))
     found, frame = [], counted_from(case.records)

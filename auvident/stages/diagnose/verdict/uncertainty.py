@@ -12,7 +12,7 @@ from auvident.schema.diagnosis import Bound, ParameterValue, ends
 from auvident.schema.effects import BY_ID, EFFECTS, EffectParameter, parameter_of
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, output_error, prior_of
-from auvident.stages.diagnose.score.left_out import MOST_FITS, leave_out
+from auvident.stages.diagnose.score.left_out import MOST_FITS, FitsWithout
 from auvident.stages.diagnose.select.candidates import bounds_of, open_of
 from auvident.stages.diagnose.select.instants import instant_of, span_of
 
@@ -25,7 +25,7 @@ TIMED = tuple(
 TIMED_STD_S = 0.045  # nuisance lag and delay of a servo together
 
 
-def spreads(case: Case, fitted: Fitted) -> Array:
+def spreads(case: Case, fitted: Fitted, fits: FitsWithout) -> Array:
     """Standard deviation (n_parameters,) of the free parameters of a fit.
 
     The larger of what the curvature says and of the scatter when maneuvers are left out
@@ -44,7 +44,7 @@ def spreads(case: Case, fitted: Fitted) -> Array:
         if name in TIMED and i in free:  # the nuisances of a model may lend or take this much
             out[i] = math.hypot(out[i], TIMED_STD_S)
     if len(case.records) > 2:
-        without = leave_out(case, fitted, fitted.colours).parameters
+        without = fits.of(case, fitted)
         count, away = len(without), without - without.mean(0)
         scatter = np.sqrt((count - 1) / count * np.sum(away**2, axis=0))
         out = np.maximum(out, np.where(out > 0.0, scatter, 0.0))

@@ -12,11 +12,12 @@ from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import fit_with, log_gain, output_error, prior_of
 from auvident.stages.diagnose.fit.refits import best_of, from_estimate
 from auvident.stages.diagnose.score.first_order import (
+    Form,
     Joint,
     cosine,
-    gains_of_absent,
     joint_about,
     score,
+    scores_of_forms,
     unabsorbed,
 )
 from tests.stages.diagnose.loop_chain import small_case, small_fit
@@ -174,7 +175,8 @@ def test_forms_of_an_absent_effect_gain_what_a_whole_screen_says() -> None:
         p = fitted.parameters.copy()
         p[case.position(form)] = time
         vectors.append(p)
-    found = gains_of_absent(case, fitted, "thrust_step", vectors)
+    forms = [Form(p, case.records) for p in vectors]
+    found = [s.gain for s in scores_of_forms(case, fitted, "thrust_step", forms) or ()]
     for p, gain in zip(vectors, found, strict=True):
         whole = joint_about(case, replace(fitted, parameters=p), ("thrust_step",))
         assert whole is not None

@@ -11,8 +11,10 @@ from auvident.constants import INDEPENDENT_S
 from auvident.engines.free_run import residual_of, white_error
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import fit_with, output_error
+from auvident.stages.diagnose.score import left_out as module
 from auvident.stages.diagnose.score.left_out import (
     STEPS,
+    FitsWithout,
     Helped,
     LeftOut,
     chance_of,
@@ -89,6 +91,21 @@ def test_a_maneuver_left_out_is_predicted_worse_than_one_fitted() -> None:
         assert found is not None
         own += float(np.sum(white_error(found.error, fitted.colours, case.setup.dt_s) ** 2))
     assert sum(float(b.sum()) for b in left_out().blocks) > own
+
+
+def test_fits_without_maneuvers_are_made_once_for_each_model(monkeypatch) -> None:
+    case, fitted = small_case(), small_fit()
+    monkeypatch.setattr(module, "fits_without", lambda case, fitted: fitted.parameters.copy())
+    fits = FitsWithout()
+    first, p = fits.of(case, fitted), fitted.parameters.copy()
+    p[case.position("thrust_step.time_s")] += 10.0  # of a step that the model does not have
+    assert fits.of(case, replace(fitted, parameters=p)) is first
+    for other in (
+        replace(fitted, effects=(*fitted.effects, "thrust_step")),
+        replace(fitted, parameters=1.01 * fitted.parameters),
+        replace(fitted, colours=fitted.colours[::-1]),
+    ):
+        assert fits.of(case, other) is not first
 
 
 # --- comparison ----------------------------------------------------------------------------

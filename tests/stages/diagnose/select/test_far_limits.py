@@ -9,7 +9,7 @@ from auvident.pipeline.steps import identifying_plan
 from auvident.schema.effects import parameter_of
 from auvident.stages.diagnose.fit.case import case_of
 from auvident.stages.diagnose.fit.fits import log_gain
-from auvident.stages.diagnose.select.refitting import begun
+from auvident.stages.diagnose.select.refitting import first_steps
 from auvident.stages.diagnose.select.screen import screen
 from auvident.stages.diagnose.select.starts import baseline_of, is_limit
 from auvident.stages.identify import prepare
@@ -46,7 +46,7 @@ def test_a_limit_that_is_always_reached_is_found_from_afar(tmp_path: Path) -> No
     before = baseline_of(case)
     screened = screen(case, before, (LIMIT, "rudder_lag"))
     assert LIMIT in screened.short
-    found = begun(case, before, LIMIT, screened.scores[LIMIT].parameters)
+    found = first_steps(case, before, screened)[LIMIT]
     assert log_gain(before, found) > 1000.0  # 2,100 when fitted to the end
     declared, (own,) = parameter_of(f"{LIMIT}.rate_degps"), case.positions(LIMIT)
     rate = declared.shown(found.parameters[own], 0.0)[0]

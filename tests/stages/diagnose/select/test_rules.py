@@ -5,10 +5,11 @@ import inspect
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from auvident.stages.diagnose.score.left_out import Helped
-from auvident.stages.diagnose.select import decisions, rules
+from auvident.stages.diagnose.select import decisions, rules, screen
 from auvident.stages.diagnose.select.decisions import (
     judge,
     nuisance_of,
@@ -24,8 +25,10 @@ from auvident.stages.diagnose.select.records import (
     Exchanged,
     Hiding,
     Nuisance,
+    Replacing,
     Rival,
     Screened,
+    Start,
 )
 from auvident.stages.diagnose.select.rule import Refusal, Rule, passes, passes_any, refusal_of
 from auvident.stages.diagnose.select.rules import (
@@ -64,6 +67,13 @@ BEHIND = Begun("a", 5, 10.0, 100.0, 10.0, 100.0, False)
 FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
     "SCREEN": (Screened("a", 8.0, 6), {"worth": {"gain": 7.9}, "place": {"place": 7}}),
     "SCREEN_FAST": (Screened("a", 8.0, 3), {"worth": {"gain": 7.9}, "place": {"place": 4}}),
+    "BEGIN": (
+        Start(20.0 / 3.0 + 0.01, 60.0, False),
+        {
+            "gain": {"promise": 6.6, "gained": 0.0},
+            "of-best": {"promise": 7.0, "gained": 71.0},
+        },
+    ),
     "ACCOMPANY": (Screened("a", 0.0, 1), {"place": {"place": 2}}),
     "LEAD": (3, {"place": 4}),
     "FINISH": (
@@ -144,6 +154,7 @@ FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
     ),
     "GO_ON": (3, {"named": 4}),
     "EXCHANGE_ON": (1, {"done": 2}),
+    "REPLACE": (Replacing(34.0, 100.0), {"worth": {"promise": 33.0}}),
     "EXCHANGE": (
         Exchanged(1.0, False, 15.0, False),
         {
@@ -216,6 +227,12 @@ def test_of_nothing_there_is_no_share() -> None:
     assert passes(nothing, rules.FINISH)  # none is better
     # behind a model that has overtaken all of them there is no rival
     assert not passes_any(Rival(-5.0, -5.0, 0.0), rules.AGAIN)
+
+
+def test_of_what_first_order_says_nothing_a_fit_always_begins() -> None:
+    nothing = Start(-np.inf, 1000.0, False)
+    assert not passes(nothing, rules.BEGIN)
+    assert passes(replace(nothing, unseen=True), rules.BEGIN)
 
 
 def test_a_rule_tells_its_evidence() -> None:
@@ -356,7 +373,7 @@ def test_of_nothing_nothing_is_taken_along() -> None:
 @pytest.mark.parametrize("name", [n for n in dir(rules) if n.isupper() and n not in TABLES])
 def test_every_threshold_is_used(name) -> None:
     read: set[str] = set()
-    for module in (rules, decisions):
+    for module in (rules, decisions, screen):
         nodes = list(ast.walk(ast.parse(inspect.getsource(module))))
         read |= {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Load)}
         read |= {n.attr for n in nodes if isinstance(n, ast.Attribute)}

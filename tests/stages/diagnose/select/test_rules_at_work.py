@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from auvident.stages.diagnose.fit.fits import Fitted
+from auvident.stages.diagnose.score.first_order import Score
 from auvident.stages.diagnose.score.left_out import Helped
 from auvident.stages.diagnose.select import (
     candidates,
@@ -17,6 +18,7 @@ from auvident.stages.diagnose.select import (
     refitting,
     rules,
     search,
+    starts,
 )
 from auvident.stages.diagnose.select.candidates import Round, Tried
 from auvident.stages.diagnose.select.decisions import (
@@ -30,7 +32,7 @@ from auvident.stages.diagnose.select.decisions import (
 from auvident.stages.diagnose.select.reconsider import Exchange
 from auvident.stages.diagnose.select.records import Account
 from auvident.stages.diagnose.select.rule import Refusal
-from auvident.stages.diagnose.select.screen import short_list
+from auvident.stages.diagnose.select.screen import Screen, short_list
 from auvident.stages.diagnose.select.search import Search
 from tests.stages.diagnose.select.test_rules import FAILING, GOOD, MEETING, TABLES
 
@@ -93,6 +95,22 @@ def finished(promise: dict[str, float], gain: dict[str, float]) -> Callable[[Pat
         found = {c: fitted(gain.get(c, 0.0), c) for c in promise}
         refitting.finish(CASE, BEFORE, found, promise)
         return afresh
+
+    return run
+
+
+def began(scored: dict[str, tuple[float, float]]) -> Callable[[Patch], Any]:
+    """Which of some candidates with a first-order gain and a size are worth first steps."""
+
+    def run(patch: Patch) -> list[str]:
+        patch.setattr(refitting, "size_of", lambda case, c, p: scored[c][1])
+        patch.setattr(starts, "at_typical_size", lambda *_: None)
+        patch.setattr(
+            refitting, "refit", lambda case, effects, *_: fitted(scored[effects[-1]][0], *effects)
+        )
+        scores = {c: Score(gain, BEFORE.parameters) for c, (gain, _) in scored.items()}
+        joint: Any = SimpleNamespace(half=1.0)
+        return list(refitting.first_steps(CASE, BEFORE, Screen(joint, scores, tuple(scores))))
 
     return run
 
@@ -236,6 +254,46 @@ def exchanged(
     return run
 
 
+@pytest.mark.parametrize(
+    ("into", "promise", "near", "afresh"),
+    [
+        ("rudder_lag", 34.0, 34.0, True),
+        ("rudder_lag", 34.0, 33.0, False),  # its own fit has said more than the first order
+        ("rudder_stall", 0.0, 34.0, True),  # of a limit the first order says nothing
+        ("rudder_stall", 0.0, 0.0, False),
+        ("rudder_offset", 0.0, 0.0, True),  # the coefficients may have taken it up
+    ],
+)
+def test_a_second_start_is_for_what_may_explain_as_much(
+    into, promise, near, afresh, monkeypatch
+) -> None:
+    asked: list[str] = []
+    monkeypatch.setattr(reconsider, "_promise", lambda *_: promise)
+    monkeypatch.setattr(reconsider, "without", lambda *_: None)
+    monkeypatch.setattr(reconsider, "refit", lambda *_: fitted(near, into))
+    for name in ("afresh_too", "from_both"):
+        monkeypatch.setattr(reconsider, name, lambda *_: asked.append(into) or fitted(near, into))
+    less = reconsider.Less(CASE, fitted(100.0, "gyro_delay"), {("gyro_delay",): fitted(0.0)})
+    assert reconsider._fit(less, Exchange(("gyro_delay",), (into,))) is not None
+    assert bool(asked) == afresh
+
+
+def replaced(promise: float) -> Callable[[Patch], Any]:
+    """Whether a rudder that is late is fitted in place of a slow gyro that gains 100."""
+
+    def run(patch: Patch) -> bool:
+        current, rest = fitted(100.0, "gyro_delay"), fitted(0.0)
+        after, tried = fitted(99.0, "rudder_lag"), list[Fitted]()
+        patch.setattr(reconsider, "_promise", lambda *_: promise)
+        patch.setattr(reconsider, "without", lambda *_: None)
+        patch.setattr(reconsider, "refit", lambda *_: tried.append(after))
+        patch.setattr(reconsider, "afresh_too", lambda *_: after)
+        less = reconsider.Less(CASE, current, {("gyro_delay",): rest})
+        return reconsider._fit(less, Exchange(("gyro_delay",), ("rudder_lag",))) is not None
+
+    return run
+
+
 def removed(worth: float) -> Callable[[Patch], Any]:
     """What is left of two effects, the older of which is worth so much beside the newer."""
 
@@ -285,6 +343,12 @@ SCENARIOS: dict[str, dict[str, Callable[[Patch], Any]]] = {
     "SCREEN_FAST": {
         "worth": listed({}, {"current": 7.0}),
         "place": listed({}, dict(list(EIGHT.items())[:5])),
+    },
+    "BEGIN": {
+        "gain": began({"current": (6.0, 0.5), "gyro_bias": (12.0, 0.5)}),
+        "of-best": began(
+            {"current": (400.0, 2.0), "gyro_bias": (300.0, 2.0), "gyro_scale": (39.0, 2.0)}
+        ),
     },
     "ACCOMPANY": {
         "place": listed({LATE[0]: 50.0, LATE[1]: 40.0, FALLING[0]: 30.0, FALLING[1]: 1.0}, {})
@@ -336,6 +400,7 @@ SCENARIOS: dict[str, dict[str, Callable[[Patch], Any]]] = {
     "CLAIM": {"first": claimed(400.0, "current"), "gain": claimed(200.0)},
     "GO_ON": {"named": named},
     "EXCHANGE_ON": {"done": exchanges_made},
+    "REPLACE": {"worth": replaced(promise=33.0)},
     "EXCHANGE": {
         "small": exchanged(size=0.9),
         "impossible": exchanged(wrong=True),

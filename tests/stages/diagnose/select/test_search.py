@@ -1,6 +1,7 @@
 """What a search does with candidates: in valleys of their own, and from round to round."""
 
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -8,12 +9,14 @@ import pytest
 
 from auvident.stages.diagnose.fit.fits import Fitted, log_gain
 from auvident.stages.diagnose.score.first_order import Score
+from auvident.stages.diagnose.score.left_out import FitsWithout
 from auvident.stages.diagnose.select import held_back, refitting, search
 from auvident.stages.diagnose.select.candidates import Traced, Tried
 from auvident.stages.diagnose.select.rule import Refusal
 from auvident.stages.diagnose.select.rules import STUCK
 from auvident.stages.diagnose.select.screen import Screen
 from auvident.stages.diagnose.select.search import Search
+from auvident.stages.diagnose.select.starts import Begin
 from auvident.stages.diagnose.select.together import Together
 from tests.stages.diagnose.select.test_rules import GOOD
 
@@ -83,6 +86,21 @@ def test_beside_a_model_that_was_stuck_all_that_lead_are_fitted_again(monkeypatc
     assert found["c"].log_likelihood == 80.0
 
 
+@pytest.mark.parametrize("gained", [None, -3.0, 3.0])
+@pytest.mark.parametrize("unseen", [True, False])
+def test_only_a_limit_that_is_reached_is_dropped_where_it_explains_nothing(
+    monkeypatch, gained, unseen
+) -> None:
+    found = None if gained is None else fitted(gained, *[0.0] * 5, effects=("a",))
+    monkeypatch.setattr(refitting, "refit", lambda *_: found)
+    monkeypatch.setattr(refitting, "nested", lambda case, before, fit: fit)
+    monkeypatch.setattr(refitting, "holding", lambda case, before, effects: BEFORE)
+    begin = Begin(BEFORE.parameters, 10.0, unseen)
+    begun = refitting.begun(CASE, BEFORE, {"a": [begin]}, np.inf)
+    dropped = unseen and gained != 3.0
+    assert begun.get("a") is (None if dropped else found or BEFORE)
+
+
 def test_a_worse_fit_is_not_taken(monkeypatch) -> None:
     close = {**FOUND, "b": fitted(690.0, 1.1, 1.2, 0.0, 3.0, 0.0, effects=("b",))}
 
@@ -106,8 +124,9 @@ def test_the_short_list_is_fitted_to_the_end_and_held_against_the_polished_model
 
     polished = fitted(100.0, 1.0, 1.0, 0.0, 0.0, 0.0)
     score = Score(20.0, BEFORE.parameters)
-    screened = Screen(None, dict.fromkeys(FOUND, score), tuple(FOUND))  # type: ignore[arg-type]
-    monkeypatch.setattr(refitting, "begun", lambda case, before, c, scored: FOUND[c])
+    joint: Any = SimpleNamespace(half=100.0)
+    screened = Screen(joint, dict.fromkeys(FOUND, score), tuple(FOUND))
+    monkeypatch.setattr(refitting, "first_steps", lambda *_: FOUND)
     monkeypatch.setattr(refitting, "to_the_end", lambda case, fit, afresh: more(fit, "end"))
     monkeypatch.setattr(refitting, "unstuck", lambda case, before, found: (polished, found))
     monkeypatch.setattr(refitting, "nested", lambda case, before, fit: more(fit, "nested"))
@@ -164,7 +183,8 @@ def traced(monkeypatch: pytest.MonkeyPatch, *rounds: Round) -> Traced:
     monkeypatch.setattr(search, "refitted", refits)
     monkeypatch.setattr(search, "containing", lambda joint, c, effect: CONTAINED.get(effect, []))
     monkeypatch.setattr(search, "reconsider", seen_together)
-    for name in ("leave_out", "fits_without", "seen_with", "noise_floor"):
+    monkeypatch.setattr(FitsWithout, "of", lambda *_: None)
+    for name in ("seen_with", "noise_floor"):
         monkeypatch.setattr(held_back, name, lambda *_: None)
     monkeypatch.setattr(held_back, "check_cost", lambda *_: 0.0)
     monkeypatch.setattr(held_back, "helped", lambda *_: GOOD.helped)
@@ -237,7 +257,7 @@ def test_where_none_is_accepted_two_that_hide_each_other_may_be(monkeypatch) -> 
     """The rounds that found them stand for the one in which none was."""
     weak = {"current": {}, "gyro_bias": {}}
 
-    def pair_of(case, done, one_round, among, rng):
+    def pair_of(case, done, one_round, among, rng, without):
         if done.before.effects:
             return None
         first, second = done.tried

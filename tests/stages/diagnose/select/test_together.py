@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from auvident.stages.diagnose.fit.fits import Fitted
+from auvident.stages.diagnose.score.left_out import FitsWithout
 from auvident.stages.diagnose.select import rules, together
 from auvident.stages.diagnose.select.candidates import Round, Tried
 from auvident.stages.diagnose.select.records import Account
@@ -59,7 +60,7 @@ class World:
             return a_round(*([second] if second else []))
 
         rng = np.random.default_rng(0)
-        return together.together(None, done, search, 20, rng)  # type: ignore[arg-type]
+        return together.together(None, done, search, 20, rng, FitsWithout())  # type: ignore[arg-type]
 
 
 SECOND = tried("b", None, beside=("a",), helped=left_out())
