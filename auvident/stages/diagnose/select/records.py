@@ -26,8 +26,8 @@ class Start:
     gained : float
         By the best of those that lead and are large enough to matter [nats].
     unseen : bool
-        To first order nothing is known of it: a limit that is reached, or what has left its mark
-        in the coefficients.
+        To first order too little is known of it: a limit that is reached, what has left its mark
+        in the coefficients, or what looks like an effect that is too small to be named.
     """
 
     promise: float

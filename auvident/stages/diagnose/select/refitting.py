@@ -1,6 +1,6 @@
 """The short list refitted: a few steps for all, the best to the end, rivals from where it lies."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.parallel import each
+from auvident.schema.likeness import alike
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, fit_with, log_gain
 from auvident.stages.diagnose.fit.refits import (
@@ -73,19 +74,28 @@ def first_steps(
     lead = [c for place, c in enumerate(order) if passes(Screened(c, 0.0, place), rules.ACCOMPANY)]
     rest = [c for c in screened.short if c not in lead]
 
-    def begin(candidates: Sequence[str], gained: float) -> Fits:
-        starts = starts_worth(case, before, screened, candidates, gained)
+    def begin(candidates: Sequence[str], gained: float, marked: Collection[str]) -> Fits:
+        starts = starts_worth(case, before, screened, candidates, gained, marked)
         return begun(case, before, starts, screened.ceiling, tell)
 
-    found = begin(lead, 0.0)
+    worth = [c for c in lead if passes(Start(screened.scores[c].gain, 0.0, False), rules.BEGIN)]
+    found = begin(lead, 0.0, worth)  # from wherever one may begin
     # what is too small to matter may be taken along, and then the others have another round
-    large = [f for c, f in found.items() if size_of(case, c, f.parameters) >= rules.LEAST_SIZE]
-    found |= begin(rest, max((log_gain(before, f) for f in large), default=0.0))
+    sizes = {c: size_of(case, c, f.parameters) for c, f in found.items()}
+    large = [log_gain(before, found[c]) for c, size in sizes.items() if size >= rules.LEAST_SIZE]
+    behind = {c for small, size in sizes.items() if size < rules.LEAST_SIZE for c in alike(small)}
+    marked = behind | {c for c in rest if steady(c)}
+    found |= begin(rest, max(large, default=0.0), marked)
     return {c: found[c] for c in screened.short if c in found}
 
 
 def starts_worth(
-    case: Case, before: Fitted, screened: Screen, candidates: Sequence[str], gained: float
+    case: Case,
+    before: Fitted,
+    screened: Screen,
+    candidates: Sequence[str],
+    gained: float,
+    marked: Collection[str] = (),
 ) -> dict[str, list[Begin]]:
     """Where the first steps of some candidates begin, of those that are worth them.
 
@@ -93,13 +103,16 @@ def starts_worth(
     ----------
     gained : float
         By others [nats].
+    marked : collection of str
+        Candidates that are begun whatever they promise.
     """
     found = {}
     for c in candidates:
         asked = starts_of(case, before, c, screened.scores[c], screened.typical.get(c))
-        marked = bool(steady(c))
         found[c] = [
-            b for b in asked if passes(Start(b.promise, gained, b.unseen or marked), rules.BEGIN)
+            b
+            for b in asked
+            if passes(Start(b.promise, gained, b.unseen or c in marked), rules.BEGIN)
         ]
     return {c: starts for c, starts in found.items() if starts}
 

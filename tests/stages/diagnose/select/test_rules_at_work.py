@@ -255,6 +255,21 @@ def exchanged(
 
 
 @pytest.mark.parametrize(
+    ("scored", "begun"),
+    [
+        ({"current": (6.0, 2.0), "gyro_bias": (5.0, 2.0)}, []),  # a round without hope
+        ({"rudder_lag": (60.0, 1.5), "current": (50.0, 2.0), "dvl_delay": (1.0, 0.1)}, [0, 1]),
+        ({"rudder_lag": (60.0, 0.5), "current": (50.0, 2.0), "dvl_delay": (1.0, 0.1)}, [0, 1, 2]),
+        ({"current": (400.0, 2.0), "gyro_bias": (300.0, 2.0), STEADY[0]: (1.0, 0.1)}, [0, 1, 2]),
+    ],
+)
+def test_what_first_order_may_not_see_is_begun(scored, begun, monkeypatch) -> None:
+    """What looks like an effect too small to be named, or shows in a straight run."""
+    names = list(scored)
+    assert began(scored)(monkeypatch) == [names[k] for k in begun]
+
+
+@pytest.mark.parametrize(
     ("into", "promise", "near", "afresh"),
     [
         ("rudder_lag", 34.0, 34.0, True),
