@@ -249,3 +249,11 @@ def test_two_short_holds_and_an_acceleration_decide_together(turns, steps, stds,
         0.0, 0.1, np.sign(stds) * response, response / abs(stds), 0.94, response, False
     )
     assert judge_rudder(vehicle(), found, None, Held(turns, steps)).sign == sign
+
+
+@pytest.mark.parametrize("passages", [2.0, 8.0])
+def test_a_slow_vehicle_on_its_way_from_turn_to_turn_has_no_stuck_rudder(passages):
+    """Eight lengths after the rudder is reversed a turn still changes, to the rudder's side."""
+    _, quality = ingest(nomoto(lambda t, psi, r, d: steady(t, psi, r, d), passages), vehicle())
+    (made,) = [c for c in quality.checks_made if c.name == "rudder_stuck"]
+    assert made.outcome == "agrees", made.message
