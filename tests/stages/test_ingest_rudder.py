@@ -240,10 +240,13 @@ def test_one_turn_alone_is_no_proof():
         (Votes(), Votes(98, 98, 2, 9.8), 2.9, 0),
         (Votes(), Votes(98, 60, 2, 9.8), 3.3, 0),
         (Votes(), Votes(98, 0, 2, 9.8), -3.3, -1),
+        # a hull that stays in a turn against 24 degrees of rudder, all else being right
+        (Votes(1439, 1388, 9, 143.9), Votes(857, 165, 31, 85.7), -12.0, 0),
+        (Votes(1439, 1388, 9, 143.9), Votes(857, 692, 31, 85.7), -12.0, 1),
     ],
 )
 def test_two_short_holds_and_an_acceleration_decide_together(turns, steps, stds, sign):
-    """As in a trial of a minute or two, in which neither is sure enough alone."""
+    """As in a trial of a minute or two, in which neither is sure enough alone; or they do not."""
     response = np.array([0.3])
     found = Relation(
         0.0, 0.1, np.sign(stds) * response, response / abs(stds), 0.94, response, False

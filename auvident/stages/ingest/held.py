@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import astuple, dataclass
 
 import numpy as np
+import pandas as pd
 
 from auvident.schema.channels import RECORD_COLUMN
 from auvident.schema.logs import DEG
@@ -137,7 +138,8 @@ class SettledHold:
     swing : float
         Its range.
     contrary : float
-        Most that it grows to the side to which the rudder does not turn the vehicle.
+        Most that it grows, as quickly as after a step of a rudder, to the side to which this one
+        does not turn the vehicle.
     """
 
     start_s: float
@@ -156,30 +158,34 @@ def settled_holds(trial: Trial, length_m: float, grip_mps: float) -> list[Settle
     found = []
     for time, speed, rate, rudder in _pieces(trial, grip_mps):
         curvature = _mean(rate * length_m / speed, round(MEAN_S * trial.rate_hz))
-        settles_s = max(LEAST_SETTLED_S, SETTLED_LENGTHS * length_m / float(np.median(speed)))
+        passage = length_m / float(np.median(speed))
+        settles_s = max(LEAST_SETTLED_S, SETTLED_LENGTHS * passage)
+        answer = round(max(LEAST_STEP_S, LAST_LENGTHS * passage) * trial.rate_hz)
         for hold in _holds(time, rudder):
             rows = time[hold] >= time[hold.start] + settles_s
             rows &= time[hold] <= time[hold.stop - 1] - MEAN_S
             if rows.sum() > trial.rate_hz * HELD_S:
-                found.append(_settled(time[hold], curvature[hold][rows], rudder[hold]))
+                found.append(_settled(time[hold], curvature[hold][rows], rudder[hold], answer))
     return found
 
 
-def _settled(time: np.ndarray, bend: np.ndarray, rudder: np.ndarray) -> SettledHold:
+def _settled(time: np.ndarray, bend: np.ndarray, rudder: np.ndarray, answer: int) -> SettledHold:
     angle = float(np.mean(rudder))
-    figures = (angle, float(np.median(bend)), float(np.ptp(bend)), _contrary(bend, angle))
+    figures = (angle, float(np.median(bend)), float(np.ptp(bend)), _contrary(bend, angle, answer))
     return SettledHold(float(time[0]), float(time[-1]), *figures)
 
 
-def _contrary(bend: np.ndarray, angle: float) -> float:
+def _contrary(bend: np.ndarray, angle: float, answer: int) -> float:
     """Most that a bend grows to the side to which the rudder does not turn the vehicle.
 
     A slow hull that hardly holds its course takes ten lengths from one turn to that of the rudder:
     that a bend fades, or grows to the side of the rudder, says nothing against it. Amidships it
-    may not grow to either side.
+    may not grow to either side, within the rows of an answer to a rudder; such a hull slips into
+    a turn of its own in twenty lengths.
     """
     astray = np.maximum(bend * np.sign(angle), 0.0) if abs(angle) > HELD_BAND_RAD else np.abs(bend)
-    return float(np.max(astray - np.minimum.accumulate(astray)))
+    least = pd.Series(astray).rolling(answer, min_periods=1).min().to_numpy()
+    return float(np.max(astray - least))
 
 
 def _votes(agreeing: list[np.ndarray], rate_hz: float) -> Votes:

@@ -67,10 +67,11 @@ def judge_rudder(
 ) -> RudderSign:
     """Sign of the rudder from what shows it best.
 
-    Steady turns with the rudder held decide: they need neither a model nor a common clock. Without
-    them the steps of the rudder do, then the yaw acceleration; both can be upside down when the
-    rudder is stamped seconds late, which an acceleration shows that is ahead of the rudder, and
-    few turns that contradict.
+    Steady turns with the rudder held decide: they need neither a model nor a common clock. But a
+    hull that cannot hold its course stays in a turn against the rudder, which steps and the yaw
+    acceleration show: then nothing is sure. Without such turns the steps of the rudder decide, then
+    the yaw acceleration; both can be upside down when the rudder is stamped seconds late, which an
+    acceleration shows that is ahead of the rudder, and few turns that contradict.
 
     Parameters
     ----------
@@ -83,6 +84,8 @@ def judge_rudder(
     """
     opposite = found is not None and _is_opposite(found, vehicle)
     words = f"; {_response_words(found)}" if found is not None and opposite else ""
+    if held.turns.sign > 0 and found is not None and _others_agree(found, held):
+        return RudderSign(0)
     if held.turns.sign:
         return RudderSign(held.turns.sign, _held_words(held.turns) + words)
     sign = RudderSign(held.steps.sign, _held_words(held.steps) + words)
@@ -93,6 +96,13 @@ def judge_rudder(
         sign = RudderSign(1, f"{_held_words(held.all)}; {_response_words(found)}")
     few_turns = held.turns.holds > 1 and (held.turns.share - 0.5) * sign.sign < 0
     return RudderSign(0) if few_turns or _is_ahead(sign.sign, found, either_way) else sign
+
+
+def _others_agree(found: Relation, held: Held) -> bool:
+    """Whether steps of the rudder and the yaw acceleration say that the sign is right."""
+    steps = held.steps.holds >= LEAST_HOLDS and held.steps.share < 0.5
+    clear = found.explained >= SIGN_EXPLAINED and found.alone[0] >= SIGN_SHARE
+    return bool(steps and clear and _in_stds(found) < -SIGN_STDS)
 
 
 def _both_contradict(found: Relation, vehicle: Vehicle, held: Held) -> bool:
