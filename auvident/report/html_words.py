@@ -26,6 +26,7 @@ from auvident.schema.spin import share
 SERIOUS = {
     ESTIMATE_CONTRADICTED,
     "advance_ratio",
+    "dvl_averaged",
     "dvl_axes",
     "gyro_axes",
     "heading_gyro_gain",

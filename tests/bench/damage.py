@@ -196,7 +196,8 @@ def judged_one(found: dict[str, Any], kept: Kept) -> Row | None:
 
 def alarms(kept: Kept) -> list[dict[str, Any]]:
     """What is said of clean logs: how many have any false alarm, how many are refused, by code."""
-    clean = [e for e in kept.values() if e["case"]["damage"] == [AS_DRAWN]]
+    drawn = [e for e in kept.values() if e["case"]["damage"] == [AS_DRAWN]]
+    clean = [e for e in drawn if e.get("stage") != "generator"]
     found = {e["case"]["seed"]: false_alarms(e) for e in clean}
     groups = {"any": [seed for seed, codes in found.items() if codes]}
     groups["refused"] = [e["case"]["seed"] for e in clean if e.get("error")]

@@ -83,11 +83,15 @@ def outcome(
     """Evidence of a trial with some kinds of damage, or of the clean one."""
     from seatrial.damage import CASES, Log, damage
 
-    if names in ((CLEAN,), (AS_DRAWN,)):
-        return base(seed, until, *names).evidence
-    clean = base(seed, until)
-    began = perf_counter()
     found: Evidence = {"case": case_of(seed, *names)}
+    as_sailed = names in ((CLEAN,), (AS_DRAWN,))
+    try:
+        clean = base(seed, until, *names) if as_sailed else base(seed, until)
+    except FloatingPointError:  # a vehicle that was lost
+        return {**found, "stage": "generator", "error": traceback.format_exc()}
+    if as_sailed:
+        return clean.evidence
+    began = perf_counter()
     with tempfile.TemporaryDirectory(prefix="auvident-damaged-") as name:
         folder = Path(name)
         shutil.copytree(clean.folder / "trial", folder / "trial")

@@ -329,6 +329,16 @@ def test_stuck_sensor_and_coarse_stamps_are_noted():
     assert {"constant_channel", "coarse_time"} <= set(codes(quality))
 
 
+def test_a_jitter_that_no_motion_shows_is_no_finding():
+    rng = np.random.default_rng(2)
+    for period, jitter, found in ((0.01, 0.003, False), (0.1, 0.04, True)):
+        t = np.arange(0.0, 60.0, period)
+        stamps = np.sort(t + jitter * rng.standard_normal(t.size))
+        gyro = sensor("gyro", stamps, r_radps=1e-3 * np.sin(t) + 1e-5 * rng.standard_normal(t.size))
+        _, quality = ingest(with_sensor(calm(duration_s=60), gyro), vehicle())
+        assert ("jitter" in codes(quality)) == found
+
+
 def test_every_finding_says_where_and_all_numbers_are_finite():
     _, quality = ingest(moved(maneuvers(), "dvl", 0.8), vehicle())
     assert quality.findings

@@ -17,7 +17,7 @@ from auvident.report.html_words import SERIOUS
 from auvident.schema.logs import DEG, CheckMade, RawTrial, TrialQuality
 from auvident.schema.trial import Trial
 from auvident.stages.ingest import ingest, ingest_fixed, refuse_unproposed
-from auvident.stages.ingest.checks import CHECKS, Seen, corrected, run_checks
+from auvident.stages.ingest.checks import CHECKS, Seen, averaging, corrected, run_checks
 from auvident.stages.ingest.checks.correction import mixed, scaled
 from auvident.storage.logs import read_trials
 from auvident.storage.vehicle_file import load_vehicle
@@ -236,6 +236,63 @@ def test_a_rudder_that_is_stuck():
     made = rows(stuck(sailed()))["rudder_stuck"]
     assert made.outcome == "contradicts"
     assert "looks stuck" in made.message
+
+
+# --- a DVL that averages ------------------------------------------------------------------
+
+
+def averaged(count: int) -> RawTrial:
+    """u and v as means of the last samples."""
+    kernel = np.ones(count) / count
+
+    def mean(x: np.ndarray) -> np.ndarray:
+        known = np.isfinite(x)
+        whole = np.interp(np.arange(x.size), np.flatnonzero(known), x[known])
+        return np.convolve(np.pad(whole, (count - 1, 0), mode="edge"), kernel, mode="valid")
+
+    return changed(sailed(), u_mps=mean, v_mps=mean)
+
+
+def of_the_dvl(raw: RawTrial) -> CheckMade:
+    """The check of its samples; the trial on the grid is that of the log as it was."""
+    found = run_checks(Seen(raw, ingested()[0], BOAT))[0]
+    return {c.name: c for c in found}["dvl_averaged"]
+
+
+@pytest.mark.parametrize("count", [5, 10, 25])
+def test_a_dvl_that_averages_is_told_with_its_delay(count):
+    period = float(np.median(np.diff(sailed().sensors["dvl"].time_s)))
+    made = of_the_dvl(averaged(count))
+    assert made.outcome == "contradicts"
+    assert f"averages over {count} samples" in made.message
+    assert made.value == pytest.approx(0.5 * (count - 1) * period, rel=1e-3)
+    assert f"time_offset_s = {-made.value:.2f}" in made.remedy
+
+
+def test_a_short_average_and_copies_are_no_delay():
+    assert of_the_dvl(sailed()).outcome == "agrees"
+    long_boat = BOAT.model_copy(update={"hull": BOAT.hull.model_copy(update={"length_m": 60.0})})
+    seen = Seen(averaged(10), ingested()[0], long_boat)
+    assert averaging.dvl_averaged(seen).outcome == "agrees"
+    dvl = sailed().sensors["dvl"]
+    period = float(np.median(np.diff(dvl.time_s)))
+    again = replace(
+        dvl,
+        time_s=np.repeat(dvl.time_s, 5) + np.tile(np.arange(5) * period / 5, dvl.time_s.size),
+        values={c: np.repeat(x, 5) for c, x in dvl.values.items()},
+    )
+    assert of_the_dvl(replace(sailed(), sensors={**sailed().sensors, "dvl": again})).outcome == (
+        "agrees"
+    )
+
+
+def test_velocities_from_the_track_and_coarse_ones_have_no_noise_to_tell_by():
+    dvl = sailed().sensors["dvl"]
+    derived = replace(dvl, not_logged={"u_mps": "derived"})
+    coarse = replace(dvl, values={c: np.round(x) for c, x in dvl.values.items()})
+    for sensor in (derived, coarse):
+        raw = replace(sailed(), sensors={**sailed().sensors, "dvl": sensor})
+        assert of_the_dvl(raw).outcome == "untested"
 
 
 def test_without_position_the_drift_in_turns_tells_speed_from_rpm():

@@ -1,5 +1,6 @@
 """Clocks of the sensors of trials that the independent generator sailed, moved by known amounts."""
 
+import sys
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -99,6 +100,21 @@ def test_a_clock_that_leaves_nothing_to_identify_is_refused_unless_put_right(sen
     offset_s, drift_ppm = (float(x) for x in error.fix.split(","))
     right = apply_clock(raw, sensor, offset_s, drift_ppm)
     assert made(right)[error.check].outcome == "agrees"
+
+
+@pytest.mark.parametrize("seed", [156, 174])
+def test_a_lag_that_explains_hardly_more_accuses_no_clock(seed, tmp_path):
+    """Sway and yaw of these vehicles go hand in hand: a lag of 0.6 to 1 L/U fits a bit better."""
+    sys.path.insert(0, str(SAMPLES))
+    from seatrial.population import draw
+
+    drawn = draw(seed, planted=())
+    drawn.write(drawn.sail(), tmp_path / "trial", tmp_path / "vehicle.toml")
+    (raw,) = read_trials([tmp_path / "trial"])
+    own = load_vehicle(tmp_path / "vehicle.toml")
+    checks = {c.name: c for c in ingest(raw, own)[1].checks_made}
+    assert checks["clock_dvl"].outcome == checks["drift_dvl"].outcome == "untested"
+    assert "if that is not chance" in checks["clock_dvl"].message
 
 
 def test_a_slow_servo_is_no_clock():

@@ -53,6 +53,17 @@ def test_lag_and_drift_are_found_below_the_step(lag, gain):
         assert line.explained > 0.95  # but for the ends
 
 
+def test_what_a_right_clock_leaves_unexplained():
+    """Within the fine scan and beyond it; a clock that is right leaves no more than the best."""
+    assert fit_line(question(noise=0.3)).right == pytest.approx(1.0, abs=0.01)
+    shares = [fit_line(question(lag, noise=0.3)).right for lag in (0.3, 1.0, 5.0)]
+    assert 1.1 < shares[0] < shares[1] < shares[2]
+    white = question()
+    gone = {**white.signals, "second": smooth(motion(white.signals["time"] + 4.0))}
+    far = fit_line(Question(gone, white.own, white.equations, SMOOTHING_S))
+    assert far.right > 10.0
+
+
 def test_intervals_hold_the_truth():
     """Of 25 intervals of 95 % at least 20 do, with a probability of 0.998."""
     inside = {"lag": 0, "gain": 0}

@@ -4,11 +4,15 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from auvident.errors import InputError
 from auvident.schema.logs import RawTrial
 from auvident.stages.ingest import ingest
+from auvident.stages.ingest.held import held_steps
+from auvident.stages.ingest.response import Relation
+from auvident.stages.ingest.signs import LEAST_STEPS, refuse_elevator_sign
 from auvident.storage.logs import read_trials
 from auvident.storage.vehicle_file import load_vehicle
 
@@ -41,3 +45,24 @@ def test_an_autopilot_on_a_lively_vehicle_is_not_taken_for_a_reversed_elevator(s
     _, quality = ingest(raw, load_vehicle(tmp_path / "vehicle.toml"))
     seen = quality.checks["elevator_sign"]
     assert seen["response_1pm2"] > 4 * seen["std"]  # the half period later does look like one
+
+
+def test_only_an_elevator_that_is_stepped_shows_its_sign():
+    (dive,) = read_trials([SAMPLES / "dive_trial"])
+    (harbour,) = read_trials([SAMPLES / "harbour_trial"])
+    boat = load_vehicle(SAMPLES / "remus100.toml")
+    length = boat.hull.length_m
+    steps = [held_steps(ingest(r, boat)[0], "elevator_rad", length, 0.3) for r in (dive, harbour)]
+    assert steps[0] > 5 * LEAST_STEPS
+    assert steps[1] < LEAST_STEPS
+
+
+def test_an_elevator_that_is_not_stepped_is_not_refused():
+    """Where every relation says the opposite, but the autopilot may be the cause of it."""
+    (raw,) = read_trials([SAMPLES / "dive_trial"])
+    boat = load_vehicle(SAMPLES / "remus100.toml")
+    opposite = Relation(0.1, 0.1, np.array([2.0]), np.array([0.1]), 0.9, np.array([0.6]), False)
+    with pytest.raises(InputError, match="elevator sign contradicts"):
+        refuse_elevator_sign(raw, boat, opposite, opposite, LEAST_STEPS)
+    (told,) = refuse_elevator_sign(raw, boat, opposite, opposite, LEAST_STEPS - 1)
+    assert (told.name, told.outcome) == ("elevator_sign", "untested")

@@ -19,7 +19,7 @@ from auvident.storage.vehicle_file import load_vehicle
 
 SAMPLES = Path(__file__).parents[2] / "sample_logs"
 TRIALS = {"harbour_trial": "remus100", "bay_trial": "tern180", "dive_trial": "remus100"}
-REASONS = {"fill_value", "saturated", "stuck", "spike"}
+REASONS = {"fill_value", "overflow", "saturated", "stuck", "spike"}
 Plant = Callable[[np.ndarray, np.ndarray, np.random.Generator], np.ndarray]
 
 
@@ -164,6 +164,24 @@ def test_a_sensor_at_the_end_of_its_range_measures_nothing(name, column):
     assert not (left & beyond).any()
     assert (left & usable & ~beyond).sum() >= 0.999 * (usable & ~beyond).sum()
     assert reasons(sensors, column)["saturated"] >= (beyond & usable).sum()
+
+
+@pytest.mark.parametrize("share", [0.98, 0.7])
+@pytest.mark.parametrize(
+    ("name", "column"), [("harbour_trial", "r_radps"), ("bay_trial", "r_radps")]
+)
+def test_what_overflows_is_no_reading(name, column, share):
+    """The range of a gyro is passed in the hardest turns alone, or in most of them."""
+    raw, vehicle = logged(name)
+    x = raw.sensors["gyro"].values[column]
+    end = share * np.nanmax(np.abs(x))
+    wrapped = with_values(raw, {column: (x + end) % (2.0 * end) - end})
+    sensors = clean_trial(wrapped, vehicle, NEEDED)
+    left, before = kept(sensors), kept_as_logged(name)
+    beyond = raw.sensors["gyro"].rows[np.abs(x) > end]
+    assert reasons(sensors, column)["overflow"] >= np.isin(beyond, before[column]).sum() > 0
+    assert not np.isin(beyond, left[column]).any()
+    assert np.isin(np.setdiff1d(before[column], beyond), left[column]).mean() >= 0.999
 
 
 @pytest.mark.parametrize(

@@ -240,12 +240,23 @@ def test_one_turn_alone_is_no_proof():
         (Votes(), Votes(98, 98, 2, 9.8), 2.9, 0),
         (Votes(), Votes(98, 60, 2, 9.8), 3.3, 0),
         (Votes(), Votes(98, 0, 2, 9.8), -3.3, -1),
+        # a hull that stays in a turn against 24 degrees of rudder, all else being right
+        (Votes(1439, 1388, 9, 143.9), Votes(857, 165, 31, 85.7), -12.0, 0),
+        (Votes(1439, 1388, 9, 143.9), Votes(857, 692, 31, 85.7), -12.0, 1),
     ],
 )
 def test_two_short_holds_and_an_acceleration_decide_together(turns, steps, stds, sign):
-    """As in a trial of a minute or two, in which neither is sure enough alone."""
+    """As in a trial of a minute or two, in which neither is sure enough alone; or they do not."""
     response = np.array([0.3])
     found = Relation(
         0.0, 0.1, np.sign(stds) * response, response / abs(stds), 0.94, response, False
     )
     assert judge_rudder(vehicle(), found, None, Held(turns, steps)).sign == sign
+
+
+@pytest.mark.parametrize("passages", [2.0, 8.0])
+def test_a_slow_vehicle_on_its_way_from_turn_to_turn_has_no_stuck_rudder(passages):
+    """Eight lengths after the rudder is reversed a turn still changes, to the rudder's side."""
+    _, quality = ingest(nomoto(lambda t, psi, r, d: steady(t, psi, r, d), passages), vehicle())
+    (made,) = [c for c in quality.checks_made if c.name == "rudder_stuck"]
+    assert made.outcome == "agrees", made.message

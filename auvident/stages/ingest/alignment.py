@@ -10,7 +10,7 @@ from auvident.schema.logs import Alignment, CheckMade, RawTrial
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.clocks import check_clocks, refuse_clocks
-from auvident.stages.ingest.held import held_rudder
+from auvident.stages.ingest.held import held_rudder, held_steps
 from auvident.stages.ingest.response import (
     SLOW_SHARE,
     Relation,
@@ -77,13 +77,20 @@ def check_alignment(raw: RawTrial, trial: Trial, vehicle: Vehicle) -> Aligned:
     either_way = _rudder_to_gyro(records, grip, EITHER_WAY_S)
     judged = judge_rudder(vehicle, sign, either_way, held)
     refuse_rudder_sign(raw, vehicle, judged)
-    refuse_elevator_sign(raw, vehicle, pitching, _elevator_to_gyro(trial, EITHER_WAY_S))
+    untested = refuse_elevator_sign(
+        raw,
+        vehicle,
+        pitching,
+        _elevator_to_gyro(trial, EITHER_WAY_S),
+        _elevator_steps(trial, vehicle, grip),
+    )
     findings = [
         *clocks.findings,
         *sign_findings(raw, sign, judged),
     ]
     told = evidence(sign, held, pitching, heading)
-    return Aligned(clocks.alignment, told, tuple(findings), heading, sign, judged, clocks.checks)
+    made = (*clocks.checks, *untested)
+    return Aligned(clocks.alignment, told, tuple(findings), heading, sign, judged, made)
 
 
 def _grip(records: list[Signals]) -> float:
@@ -120,6 +127,12 @@ def _elevator_to_gyro(trial: Trial, lags_s: tuple[float, float]) -> Relation | N
         return s["q_dot"], np.column_stack(x)
 
     return fit_relation(records, relation, lags_s, lambda s: s["u"] > grip)
+
+
+def _elevator_steps(trial: Trial, vehicle: Vehicle, grip: float) -> int:
+    column = PITCHING["elevator"]
+    known = column in trial.table
+    return held_steps(trial, column, vehicle.hull.length_m, grip) if known else 0
 
 
 def _gyro_to_heading(trial: Trial) -> Relation | None:

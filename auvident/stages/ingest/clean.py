@@ -18,6 +18,7 @@ from auvident.stages.ingest.fill_values import (
 from auvident.stages.ingest.flat import find_flat
 from auvident.stages.ingest.order import order_rows
 from auvident.stages.ingest.outliers import find_outliers, keep_one_of_held, of_rows
+from auvident.stages.ingest.overflow import find_overflows
 from auvident.stages.ingest.pace import Pace, pace_of
 from auvident.stages.ingest.remarks import NOT_A_FAULT
 from auvident.stages.ingest.spikes import find_spikes
@@ -208,6 +209,8 @@ def _clean_channel(
         refuse_wrong_unit(raw, channel, values[used])
     drop("implausible", is_impossible(values[used], channel))
     if channel.column not in raw.not_logged:
+        if channel.sensor == "gyro":
+            drop("overflow", find_overflows(time[used], values[used], channel, pace))
         if channel.sensor in FLAT_SENSORS:
             saturated, stuck = find_flat(values[used], channel.kind == "input")
             drop("saturated", saturated)

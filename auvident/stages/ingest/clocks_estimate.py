@@ -9,9 +9,10 @@ from auvident.schema.channels import BY_COLUMN
 from auvident.schema.logs import RawTrial
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
-from auvident.stages.ingest.clocks_line import Line, Question, Signals, fit_line
+from auvident.stages.ingest.clocks_line import TINY, Line, Question, Signals, fit_line
 from auvident.stages.ingest.clocks_relations import (
     RELATIONS,
+    SMOOTHING_LENGTHS,
     SYMBOLS,
     ClockRelation,
     fix_smoothing_s,
@@ -37,15 +38,23 @@ IsOff = Callable[[str, "ClockLag", float], bool]
 
 @dataclass(frozen=True)
 class ClockLag:
-    """Lag of one sensor: at the middle of the trial, and what it gains to its end."""
+    """Lag of one sensor: at the middle of the trial, and what it gains to its end.
+
+    `sure_std_s` counts in that the equations leave out more where the smoothing is wide for the
+    vehicle. What a right clock, and one without drift, leave unexplained over what this one does
+    are `right` and `steady`.
+    """
 
     lag_s: float
     std_s: float
+    sure_std_s: float
     gain_s: float
     gain_std_s: float
     at_s: float
     half_s: float
     explained: float
+    right: float
+    steady: float
     against: tuple[str, ...]
 
     def opposite(self) -> "ClockLag":
@@ -149,6 +158,7 @@ def _without_rpm(found: list[ClockLag], lags: Lags) -> list[ClockLag]:
         surge,
         lag_s=rest.lag_s - surge.lag_s,
         std_s=std,
+        sure_std_s=float(np.hypot(surge.sure_std_s, rest.sure_std_s)),
         gain_s=rest.gain_s - surge.gain_s,
         gain_std_s=gain_std,
     )
@@ -156,14 +166,20 @@ def _without_rpm(found: list[ClockLag], lags: Lags) -> list[ClockLag]:
 
 
 def _combined(found: Sequence[ClockLag]) -> ClockLag:
-    """Mean of several estimates by their weights; the scatter between them counts."""
+    """Mean of several estimates by their weights; the scatter between them counts.
+
+    One of them that shows that a clock is wrong is enough evidence for those that agree with it.
+    """
     if len(found) == 1:
         return found[0]
     lag, std = _mean([(e.lag_s, e.std_s) for e in found])
     gain, gain_std = _mean([(e.gain_s, e.gain_std_s) for e in found])
     best = min(found, key=lambda e: e.std_s)
     against = tuple(a for e in found for a in e.against)
-    return ClockLag(lag, std, gain, gain_std, best.at_s, best.half_s, best.explained, against)
+    told = {"right": max(e.right for e in found), "steady": max(e.steady for e in found)}
+    told |= {"lag_s": lag, "std_s": std, "gain_s": gain, "gain_std_s": gain_std}
+    sure = _mean([(e.lag_s, e.sure_std_s) for e in found])[1]
+    return replace(best, sure_std_s=max(std, sure), against=against, **told)
 
 
 def _mean(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
@@ -202,7 +218,9 @@ class _Bench:
             width = factor * self._width_s(row)
             line = self._line(row, width)
             if line is not None and is_distinct(line, row):
-                return _estimate(line, row, factor * self.passage)
+                passage = factor * self.passage
+                usual = width if row.slow else SMOOTHING_LENGTHS * passage
+                return _estimate(line, row, passage, max(1.0, width / usual))
         return None
 
     def why(self, rows: Sequence[ClockRelation]) -> str:
@@ -247,8 +265,8 @@ def is_distinct(line: Line, row: ClockRelation) -> bool:
     return bool(known and line.explained >= MIN_EXPLAINED and line.rival >= row.rival)
 
 
-def _estimate(line: Line, row: ClockRelation, passage: float) -> ClockLag | None:
-    """A line with what its relation leaves out counted in."""
+def _estimate(line: Line, row: ClockRelation, passage: float, wide: float) -> ClockLag | None:
+    """A line with what its relation leaves out, at a smoothing `wide` times the usual."""
     usual, spread = (passage * x for x in row.usual_lengths)
     gain_std = np.hypot(GAIN_SPREAD * line.gain_std_s, row.gain_lengths * passage)
     drifts = line.gain_s**2 > (APART_STDS * gain_std) ** 2
@@ -261,10 +279,13 @@ def _estimate(line: Line, row: ClockRelation, passage: float) -> ClockLag | None
     return ClockLag(
         lag_s=float(lag) - usual,
         std_s=std,
+        sure_std_s=float(np.hypot(std, spread * np.sqrt(wide**2 - 1.0))),
         gain_s=float(line.gain_s) if np.isfinite(gain_std) else 0.0,
         gain_std_s=float(np.hypot(gain_std, FLOOR_S)),
         at_s=line.at_s,
         half_s=line.half_s,
         explained=float(line.explained_drifting if drifts else line.explained),
+        right=line.right,
+        steady=(1.0 - line.explained) / max(1.0 - line.explained_drifting, TINY),
         against=(row.against,),
     )

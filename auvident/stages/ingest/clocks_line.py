@@ -58,6 +58,8 @@ class Line:
         Share of the variance of y that is explained without drift (0 to 1).
     explained_drifting : float
         The same with it.
+    right : float
+        What a clock without lag leaves unexplained, over what the constant lag does.
     rival : float
         What the best lag elsewhere leaves unexplained, over what this one does (1 and more).
     alone : bool
@@ -76,6 +78,7 @@ class Line:
     half_s: float
     explained: float
     explained_drifting: float
+    right: float
     rival: float
     alone: bool
     at_edge: bool
@@ -180,10 +183,20 @@ def fit_line(question: Question) -> Line | None:
         half_s=half_s,
         explained=1.0 - share,
         explained_drifting=1.0 - drifting,
+        right=_over_right(steady, wide, first),
         rival=rival,
         alone=sure,
         at_edge=abs(first) > reach - wide.step_s,
     )
+
+
+def _over_right(fine: _Scan, wide: _Scan, first: float) -> float:
+    """What is left unexplained without lag over the least, in the fine scan if that is in it."""
+    for scan, lag in ((fine, -first), (wide, 0.0)):
+        if scan.lags_s[0] <= lag <= scan.lags_s[-1]:
+            left = _unexplained(scan.grams.sum(axis=1))
+            return float(np.interp(lag, scan.lags_s, left) / max(float(left.min()), TINY))
+    return float("inf")
 
 
 def _fine(question: Question, line: np.ndarray) -> _Scan | None:

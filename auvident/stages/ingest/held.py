@@ -6,10 +6,12 @@ turn that follows is its own: after a step the curvature of the path changes to 
 it has settled the path bends to that side. A helm that works with the motion is never held.
 """
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import astuple, dataclass
 
 import numpy as np
+import pandas as pd
 
 from auvident.schema.channels import RECORD_COLUMN
 from auvident.schema.logs import DEG
@@ -101,6 +103,28 @@ def held_rudder(trial: Trial, length_m: float, grip_mps: float) -> Held:
     return Held(_votes(turns, trial.rate_hz), _votes(steps, trial.rate_hz))
 
 
+def held_steps(trial: Trial, fin: str, length_m: float, grip_mps: float) -> int:
+    """How often a fin is stepped from one hold to another, each for the time of a hull length.
+
+    An autopilot that trims or keeps a depth hardly ever does that; a zigzag does at every execute.
+
+    Parameters
+    ----------
+    trial, length_m, grip_mps
+        As of `held_rudder`.
+    fin : str
+        Column of its angle.
+    """
+    count = 0
+    for time, speed, angle in _pieces(trial, grip_mps, (fin,)):
+        passage = length_m / float(np.median(speed))
+        holds = [h for h in _holds(time, angle) if time[h.stop - 1] - time[h.start] >= passage]
+        for before, hold in itertools.pairwise(holds):
+            quick = time[hold.start] - time[before.stop - 1] <= max(SLEW_S, passage)
+            count += int(quick and abs(angle[hold].mean() - angle[before].mean()) >= LEAST_RAD)
+    return count
+
+
 @dataclass(frozen=True)
 class SettledHold:
     """A stretch with the rudder held, once the turn has settled.
@@ -113,6 +137,9 @@ class SettledHold:
         Median of the curvature times length.
     swing : float
         Its range.
+    contrary : float
+        Most that it grows, as quickly as after a step of a rudder, to the side to which this one
+        does not turn the vehicle.
     """
 
     start_s: float
@@ -120,6 +147,7 @@ class SettledHold:
     angle: float
     bend: float
     swing: float
+    contrary: float
 
 
 def settled_holds(trial: Trial, length_m: float, grip_mps: float) -> list[SettledHold]:
@@ -130,15 +158,34 @@ def settled_holds(trial: Trial, length_m: float, grip_mps: float) -> list[Settle
     found = []
     for time, speed, rate, rudder in _pieces(trial, grip_mps):
         curvature = _mean(rate * length_m / speed, round(MEAN_S * trial.rate_hz))
-        settles_s = max(LEAST_SETTLED_S, SETTLED_LENGTHS * length_m / float(np.median(speed)))
+        passage = length_m / float(np.median(speed))
+        settles_s = max(LEAST_SETTLED_S, SETTLED_LENGTHS * passage)
+        answer = round(max(LEAST_STEP_S, LAST_LENGTHS * passage) * trial.rate_hz)
         for hold in _holds(time, rudder):
             rows = time[hold] >= time[hold.start] + settles_s
             rows &= time[hold] <= time[hold.stop - 1] - MEAN_S
             if rows.sum() > trial.rate_hz * HELD_S:
-                bend, angle = curvature[hold][rows], float(np.mean(rudder[hold]))
-                span = float(time[hold.start]), float(time[hold.stop - 1])
-                found.append(SettledHold(*span, angle, float(np.median(bend)), float(np.ptp(bend))))
+                found.append(_settled(time[hold], curvature[hold][rows], rudder[hold], answer))
     return found
+
+
+def _settled(time: np.ndarray, bend: np.ndarray, rudder: np.ndarray, answer: int) -> SettledHold:
+    angle = float(np.mean(rudder))
+    figures = (angle, float(np.median(bend)), float(np.ptp(bend)), _contrary(bend, angle, answer))
+    return SettledHold(float(time[0]), float(time[-1]), *figures)
+
+
+def _contrary(bend: np.ndarray, angle: float, answer: int) -> float:
+    """Most that a bend grows to the side to which the rudder does not turn the vehicle.
+
+    A slow hull that hardly holds its course takes ten lengths from one turn to that of the rudder:
+    that a bend fades, or grows to the side of the rudder, says nothing against it. Amidships it
+    may not grow to either side, within the rows of an answer to a rudder; such a hull slips into
+    a turn of its own in twenty lengths.
+    """
+    astray = np.maximum(bend * np.sign(angle), 0.0) if abs(angle) > HELD_BAND_RAD else np.abs(bend)
+    least = pd.Series(astray).rolling(answer, min_periods=1).min().to_numpy()
+    return float(np.max(astray - least))
 
 
 def _votes(agreeing: list[np.ndarray], rate_hz: float) -> Votes:
@@ -147,11 +194,12 @@ def _votes(agreeing: list[np.ndarray], rate_hz: float) -> Votes:
     return Votes(rows, contrary, len(agreeing), rows / rate_hz)
 
 
-def _pieces(trial: Trial, grip_mps: float) -> Iterator[tuple[np.ndarray, ...]]:
-    """Time, speed, yaw rate and rudder of each uninterrupted piece under way."""
+def _pieces(
+    trial: Trial, grip_mps: float, channels: tuple[str, ...] = ("r_radps", "rudder_rad")
+) -> Iterator[tuple[np.ndarray, ...]]:
+    """Time, speed and some channels of each uninterrupted piece under way."""
     table = trial.table
-    columns = ("time_s", "u_mps", "r_radps", "rudder_rad")
-    values = table[list(columns)].to_numpy(float)
+    values = table[["time_s", "u_mps", *channels]].to_numpy(float)
     good = np.isfinite(values).all(axis=1) & (values[:, 1] > grip_mps)
     record = np.where(good, table[RECORD_COLUMN].to_numpy(), -1)
     edges = np.flatnonzero(np.diff(record)) + 1

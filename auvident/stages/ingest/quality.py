@@ -21,6 +21,7 @@ from auvident.stages.ingest.alignment import check_alignment
 from auvident.stages.ingest.checks import Seen, run_checks
 from auvident.stages.ingest.clean import CleanSensor, Series
 from auvident.stages.ingest.outliers import noise_std, resolution
+from auvident.stages.ingest.pace import pace_of
 from auvident.stages.ingest.remarks import sampling_findings
 from auvident.stages.ingest.resample import Resampled, median_period
 
@@ -59,7 +60,7 @@ def report(
     findings = (
         *contradicted,
         *raw.findings,
-        *sampling_findings(raw.name, own, needed, absent),
+        *sampling_findings(raw.name, own, needed, absent, pace_of(raw.sensors, vehicle).passage_s),
         *_unusable(sensors),
         *aligned.findings,
     )

@@ -10,7 +10,10 @@ from auvident.schema.logs import ChannelQuality, SensorQuality
 
 LATE_S = 10.0  # a needed sensor that starts so late or stops so early costs part of the trial
 REPEATED_SHARE = 0.02  # of the rows: stamps are then coarser than the samples
-JITTER_SHARE = 0.25  # of the period: stamps are then those of arrival, not of the sample
+JITTER_SHARE = 0.25  # of the period: stamps are then those of arrival, not of the sample, ...
+# ... and of L/U: a vehicle that goes into a turn changes its yaw rate by less than 1 % of that of
+# the turn meanwhile; a fast gyro with stamps of whole milliseconds has nothing but a jitter of 3.
+JITTER_LENGTHS = 0.01
 DROPPED_SHARE = 0.10  # of the rows
 MISSING_SHARE = 0.05  # of the grid
 MUCH_SHARE = 0.30  # of a channel's samples that cleaning left out
@@ -21,6 +24,11 @@ FAULTS: dict[str, tuple[str, str, str]] = {
     "saturated": (
         "saturated",
         "are at the end of the sensor's range, which cut the motion off",
+        "Widen the range of the sensor; what was beyond is a gap, not data.",
+    ),
+    "overflow": (
+        "overflows",
+        "are beyond the sensor's range and came out at its other end",
         "Widen the range of the sensor; what was beyond is a gap, not data.",
     ),
     "stuck": (
@@ -42,14 +50,18 @@ FAULTS: dict[str, tuple[str, str, str]] = {
 
 
 def sampling_findings(
-    trial: str, sensors: Sequence[SensorQuality], needed: Sequence[str], absent: Sequence[str]
+    trial: str,
+    sensors: Sequence[SensorQuality],
+    needed: Sequence[str],
+    absent: Sequence[str],
+    passage_s: float,
 ) -> list[Finding]:
-    """Findings of one trial, from the quality of its sensors."""
+    """Findings of one trial, from the quality of its sensors and the time of a hull length."""
     own = {BY_COLUMN[column].sensor for column in needed}
     found = [f for s in sensors for c in s.channels for f in _much_left_out(s, c)]
     found += [*_spans([s for s in sensors if s.sensor in own and s.rows_read])]
     for sensor in sensors:
-        found += [*_clock(sensor), *_losses(sensor), *_holds(sensor)]
+        found += [*_clock(sensor, passage_s), *_losses(sensor), *_holds(sensor)]
         for channel in sensor.channels:
             found += [*_channel(sensor, channel, channel.column in needed)]
             found += [*_faults(sensor, channel)]
@@ -79,7 +91,7 @@ def _spans(sensors: Sequence[SensorQuality]) -> Iterator[Finding]:
                 )
 
 
-def _clock(sensor: SensorQuality) -> Iterator[Finding]:
+def _clock(sensor: SensorQuality, passage_s: float) -> Iterator[Finding]:
     repeated = max(
         (c.dropped["repeated_time"].count for c in sensor.channels if "repeated_time" in c.dropped),
         default=0,
@@ -94,15 +106,16 @@ def _clock(sensor: SensorQuality) -> Iterator[Finding]:
             threshold=REPEATED_SHARE,
             remedy="Log the time with more decimals.",
         )
-    if sensor.rate_hz and sensor.jitter_s and sensor.jitter_s * sensor.rate_hz > JITTER_SHARE:
-        if sensor.method == "on_change":
-            return
+    if not sensor.rate_hz or not sensor.jitter_s or sensor.method == "on_change":
+        return
+    most = max(JITTER_SHARE / sensor.rate_hz, JITTER_LENGTHS * passage_s)
+    if sensor.jitter_s > most:
         yield Finding(
             code="jitter",
             message=f"the time stamps of {sensor.sensor} jitter by {sensor.jitter_s:.3g} s",
             where=sensor.file,
             value=sensor.jitter_s,
-            threshold=JITTER_SHARE / sensor.rate_hz,
+            threshold=most,
             remedy="Log the time of sampling rather than of arrival.",
         )
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from auvident.errors import ContradictionError, InputError
 from auvident.schema.artifacts import Finding
-from auvident.schema.logs import DEG, RawTrial
+from auvident.schema.logs import DEG, CheckMade, RawTrial
 from auvident.schema.planes import BY_FIN
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.checks.correction import scaled
@@ -20,6 +20,7 @@ SIGN_EXPLAINED = 0.4  # and a relation that explains a fair part of it; true one
 # Angular acceleration over u^2 / L^2 and angle: 0.5 to 1.3 for torpedo and tanker alike; what is
 # far below it is no fin's doing.
 SIGN_RESPONSE = 0.1
+LEAST_STEPS = 4  # of an elevator: a zigzag; 2 at most of horizontal trials, 37 of vertical ones
 # What is so far ahead of the rudder is not due to it: no actuator does that. An acceleration is
 # taken for such when so much
 AHEAD_S = 0.3
@@ -66,10 +67,11 @@ def judge_rudder(
 ) -> RudderSign:
     """Sign of the rudder from what shows it best.
 
-    Steady turns with the rudder held decide: they need neither a model nor a common clock. Without
-    them the steps of the rudder do, then the yaw acceleration; both can be upside down when the
-    rudder is stamped seconds late, which an acceleration shows that is ahead of the rudder, and
-    few turns that contradict.
+    Steady turns with the rudder held decide: they need neither a model nor a common clock. But a
+    hull that cannot hold its course stays in a turn against the rudder, which steps and the yaw
+    acceleration show: then nothing is sure. Without such turns the steps of the rudder decide, then
+    the yaw acceleration; both can be upside down when the rudder is stamped seconds late, which an
+    acceleration shows that is ahead of the rudder, and few turns that contradict.
 
     Parameters
     ----------
@@ -82,6 +84,8 @@ def judge_rudder(
     """
     opposite = found is not None and _is_opposite(found, vehicle)
     words = f"; {_response_words(found)}" if found is not None and opposite else ""
+    if held.turns.sign > 0 and found is not None and _others_agree(found, held):
+        return RudderSign(0)
     if held.turns.sign:
         return RudderSign(held.turns.sign, _held_words(held.turns) + words)
     sign = RudderSign(held.steps.sign, _held_words(held.steps) + words)
@@ -92,6 +96,13 @@ def judge_rudder(
         sign = RudderSign(1, f"{_held_words(held.all)}; {_response_words(found)}")
     few_turns = held.turns.holds > 1 and (held.turns.share - 0.5) * sign.sign < 0
     return RudderSign(0) if few_turns or _is_ahead(sign.sign, found, either_way) else sign
+
+
+def _others_agree(found: Relation, held: Held) -> bool:
+    """Whether steps of the rudder and the yaw acceleration say that the sign is right."""
+    steps = held.steps.holds >= LEAST_HOLDS and held.steps.share < 0.5
+    clear = found.explained >= SIGN_EXPLAINED and found.alone[0] >= SIGN_SHARE
+    return bool(steps and clear and _in_stds(found) < -SIGN_STDS)
 
 
 def _both_contradict(found: Relation, vehicle: Vehicle, held: Held) -> bool:
@@ -120,13 +131,19 @@ def refuse_rudder_sign(raw: RawTrial, vehicle: Vehicle, rudder: RudderSign) -> N
 
 
 def refuse_elevator_sign(
-    raw: RawTrial, vehicle: Vehicle, found: Relation | None, either_way: Relation | None
-) -> None:
+    raw: RawTrial,
+    vehicle: Vehicle,
+    found: Relation | None,
+    either_way: Relation | None,
+    steps: int,
+) -> tuple[CheckMade, ...]:
     """Refuse a log whose elevator works the other way than the vehicle file says.
 
     An autopilot that holds the depth of a lively vehicle moves the elevator with the pitch, in
     oscillations of a second or two. Half a period later they look like those of an elevator of
-    the opposite sign: the scan of either way has to say the same.
+    the opposite sign: the scan of either way has to say the same. In a loop that is closed all
+    the time even both may do: only an elevator that is stepped and held is the cause of what
+    follows. Else the sign is left untested, which the check that is returned says.
 
     Parameters
     ----------
@@ -135,11 +152,22 @@ def refuse_elevator_sign(
         With the sign that it should be.
     found, either_way : Relation or None
         Pitch acceleration from the elevator before it, and from one that may also come after it.
+    steps : int
+        How often the elevator goes from one angle that is held to another.
     """
     if found is None or either_way is None or not _is_opposite(found, vehicle):
-        return
-    if float(either_way.theta[0]) > 0.0:
+        return ()
+    if float(either_way.theta[0]) > 0.0 and steps >= LEAST_STEPS:
         raise _contradiction(raw, vehicle, "elevator", _response_words(found))
+    return (
+        CheckMade(
+            name="elevator_sign",
+            what="sign of the elevator",
+            against="pitch",
+            outcome="untested",
+            message="it moves with the pitch; vertical zigzags or steps would show it",
+        ),
+    )
 
 
 def _is_opposite(found: Relation, vehicle: Vehicle, stds: float = SIGN_STDS) -> bool:

@@ -152,13 +152,13 @@ def rudder_stuck(seen: Seen) -> Verdict:
     holds: list[SettledHold] = settled_holds(seen.trial, seen.length_m, BRISK * seen.way_mps)
     if not holds:
         return untested("the rudder is never held for long")
-    worst = max(holds, key=lambda h: h.swing)
-    if worst.swing < SWING:
-        return agrees("the vehicle does not swing while the rudder is held", worst.swing)
+    worst = max(holds, key=lambda h: h.contrary)
+    if worst.contrary < SWING:
+        return agrees("the vehicle does not swing while the rudder is held", worst.contrary)
     return contradicts(
-        f"the yaw rate swings by {worst.swing:.2f} u / L while the rudder stands at "
+        f"the yaw rate swings by {worst.contrary:.2f} u / L while the rudder stands at "
         f"{worst.angle / DEG:.1f} degrees from {worst.start_s:.0f} to {worst.end_s:.0f} s: "
         "the log of the rudder looks stuck",
-        worst.swing,
+        worst.contrary,
         "Check the log of the rudder there, or leave the stretch out.",
     )

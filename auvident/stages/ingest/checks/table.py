@@ -5,7 +5,7 @@ import math
 from auvident.schema.artifacts import Finding
 from auvident.schema.channels import NEEDED
 from auvident.schema.logs import CheckMade
-from auvident.stages.ingest.checks import axes, gyro, heave, rudder, speed
+from auvident.stages.ingest.checks import averaging, axes, gyro, heave, rudder, speed
 from auvident.stages.ingest.checks.row import Check, untested
 from auvident.stages.ingest.checks.seen import Seen
 
@@ -13,6 +13,8 @@ from auvident.stages.ingest.checks.seen import Seen
 CHECKS: tuple[Check, ...] = (
     Check("dvl_axes", "axes of the DVL", "motion, heading and position", axes.dvl_axes, None,
           "a wrong axis shows by a factor, not by shares"),
+    Check("dvl_averaged", "samples of the DVL", "one another", averaging.dvl_averaged,
+          averaging.DELAY_S, "averaging and a bus take up to that; smaller delays are diagnosed"),
     Check("speed_by_position", "scale of the speed within 5 %", "position", speed.by_position,
           speed.POSITION_LIMIT, "DVLs are good to 1 %; lever arms and currents that change",
           "speed_position_ratio", after="dvl_axes"),
