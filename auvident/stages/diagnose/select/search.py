@@ -26,7 +26,7 @@ from auvident.stages.diagnose.select.refitting import refitted
 from auvident.stages.diagnose.select.rule import passes
 from auvident.stages.diagnose.select.screen import screen
 from auvident.stages.diagnose.select.telling import Telling
-from auvident.stages.diagnose.select.together import Together, together
+from auvident.stages.diagnose.select.together import Pair, together
 
 
 @dataclass
@@ -88,7 +88,7 @@ class Search:
         )
         return weak.fitted
 
-    def _together(self, done: Round) -> Together | None:
+    def _together(self, done: Round) -> Pair | None:
         """Two effects that hide each other, written down."""
         among = len(self.candidates)
         pair = together(self.case, done, self.one_round, among, self.rng, self.without)

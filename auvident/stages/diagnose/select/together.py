@@ -25,7 +25,7 @@ Search = Callable[[Fitted], Round]
 
 
 @dataclass(frozen=True)
-class Together:
+class Pair:
     """Two effects accepted together, in the rounds that say so of each."""
 
     first: Round
@@ -50,7 +50,7 @@ def together(
     among: int,
     rng: np.random.Generator,
     without: FitsWithout,
-) -> Together | None:
+) -> Pair | None:
     """Two effects that pass the rules together, and each beside the other; None without such.
 
     Parameters
@@ -77,7 +77,7 @@ def together(
         both = left_out_with(case, done.before, pair, among, rng, without)
         own = cache(partial(beside, case, first, pair, among, rng, without))
         if shown_together(first.account, both, own):
-            return Together(_accepting(done, first, own()), second)
+            return Pair(_accepting(done, first, own()), second)
     return None
 
 

@@ -17,7 +17,7 @@ from auvident.stages.diagnose.select.rules import STUCK
 from auvident.stages.diagnose.select.screen import Screen
 from auvident.stages.diagnose.select.search import Search
 from auvident.stages.diagnose.select.starts import Begin
-from auvident.stages.diagnose.select.together import Together
+from auvident.stages.diagnose.select.together import Pair
 from tests.stages.diagnose.select.test_rules import GOOD
 
 PLACES = {"a": [2], "b": [3], "c": [4]}  # behind two coefficients
@@ -264,7 +264,7 @@ def test_where_none_is_accepted_two_that_hide_each_other_may_be(monkeypatch) -> 
         both = replace(second.fitted, effects=(first.id, second.id), log_likelihood=900.0)
         behind = replace(done, before=first.fitted, tried=(Tried(both, second.account),))
         named = replace(done, accepted=first.id)
-        return Together(named, replace(behind, accepted=second.id))
+        return Pair(named, replace(behind, accepted=second.id))
 
     monkeypatch.setattr(search, "together", pair_of)
     monkeypatch.setattr(

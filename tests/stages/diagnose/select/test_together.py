@@ -52,7 +52,7 @@ class World:
             together, "from_both", lambda case, effects, *_: replace(BEFORE, effects=effects)
         )
 
-    def found(self, done: Round, second: Tried | None) -> together.Together | None:
+    def found(self, done: Round, second: Tried | None) -> together.Pair | None:
         """The pair of a round, where a search from any candidate accepts this second one."""
 
         def search(before: Fitted) -> Round:
