@@ -85,8 +85,9 @@ def before_and_after(cell: str) -> str:
 
 
 def of_100(percent: str) -> str:
-    """A share among a hundred."""
-    return f"{number(percent):.0f} of 100"
+    """A share among a hundred; of less than one its first digit."""
+    share = number(percent)
+    return f"{share:.1f} of 100" if 0.0 < share < 1.0 else f"{share:.0f} of 100"
 
 
 def sentences() -> Iterator[str]:
