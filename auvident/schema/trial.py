@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 TURNED_COLUMN = "turned_rad"  # keeps `Trial.turned_rad` where readings are blanked
-BRIDGED_S = 2.0  # longest gap of the yaw rate over which a heading is summed up
+LONGEST_UNREAD_S = 2.0  # longest gap of the yaw rate over which a heading is summed up
 
 
 @dataclass(frozen=True)
@@ -48,14 +48,14 @@ class Trial:
         """Heading (n,) since the first row as the gyro has it: the yaw rate summed up.
 
         A bias of the gyro of 0.01 deg/s turns it by 12 deg in 20 minutes. None without a yaw rate,
-        and where it has a gap longer than `BRIDGED_S`.
+        and where it has a gap longer than `LONGEST_UNREAD_S`.
         """
         if TURNED_COLUMN in self.table:
             return self.table[TURNED_COLUMN].to_numpy(dtype=float)
         time_s = self.table[TIME_COLUMN].to_numpy(dtype=float)
         read = np.asarray(self.table.get("r_radps", np.full(len(time_s), np.nan)), dtype=float)
         there = np.isfinite(read)
-        if there.sum() < 2 or np.diff(time_s[there]).max() > BRIDGED_S:
+        if there.sum() < 2 or np.diff(time_s[there]).max() > LONGEST_UNREAD_S:
             return None
         rate = np.interp(time_s, time_s[there], read[there])
         steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(time_s)
