@@ -24,6 +24,7 @@ from auvident.schema.diagnosis import (
     EffectFound,
     ParameterValue,
 )
+from auvident.schema.effect_words import AXES
 from auvident.schema.effects import DEGREES
 from auvident.schema.spin import share
 
@@ -244,15 +245,15 @@ def _effect(effect: EffectFound, comparison: Comparison | None) -> str:
     """An effect in words, with its sizes and their 95 % uncertainty."""
     text = unit_text(effect.plain or effect.id)
     alone = len(effect.parameters) == 1
-    sizes = [told for p in effect.parameters if (told := _size(effect.id, p, alone))]
+    sizes = [told for p in effect.parameters if (told := _size(effect, p, alone))]
     text = f"{text[:1].upper()}{text[1:]}" + (f" ({', '.join(sizes)}; 95\u00a0%)" if sizes else "")
     doubted = comparison is not None and effect in comparison.not_confirmed
     return f"{text}{', not confirmed' if doubted else ''}."
 
 
-def _size(effect: str, p: ParameterValue, alone: bool) -> str:
+def _size(effect: EffectFound, p: ParameterValue, alone: bool) -> str:
     """``north 0.104 ± 0.001 m/s``; the interval where it is open or not symmetric."""
-    told = words.interval_of(effect, p)
+    told = words.interval_of(effect.id, p)
     if not told:
         return ""
     if p.interval is None or None not in p.interval:
@@ -260,13 +261,15 @@ def _size(effect: str, p: ParameterValue, alone: bool) -> str:
         if abs((high + low) / 2.0 - p.value) < ASYMMETRY * (high - low):
             told = PAGE.with_std(p.value, (high - low) / 2.0)
     unit = "" if p.unit in NO_UNIT else PAGE.written_unit(p.unit)
-    return " ".join(x for x in ("" if alone else _named(p.symbol), PAGE.signs(told), unit) if x)
+    name = "" if alone else _named(p.symbol, effect.frame)
+    return " ".join(x for x in (name, PAGE.signs(told), unit) if x)
 
 
-def _named(symbol: str) -> str:
-    """A parameter without the unit that its symbol ends in."""
+def _named(symbol: str, frame: str) -> str:
+    """A parameter without the unit that its symbol ends in, its axis as directions are counted."""
     stem, _, end = symbol.rpartition("_")
-    return (stem if end in UNIT_ENDS else symbol).replace("_", " ")
+    name = (stem if end in UNIT_ENDS else symbol).replace("_", " ")
+    return AXES[frame].get(name, name)
 
 
 def _changed(found: Comparison) -> str:

@@ -48,6 +48,8 @@ BOUNDS: dict[Bound, str] = {"at least": "at least ", "at most": "no more than "}
 
 # behind a direction, what it counts from
 FROM = {"north": "", "bow": " from the bow at the start of the log"}
+# the axes of a horizontal velocity of the water, by what directions count from
+AXES = {"north": {}, "bow": {"north": "ahead", "east": "to starboard"}}
 DRIFT = "mps_per_1000_s"  # end of the symbols of rates of the current
 
 

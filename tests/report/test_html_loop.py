@@ -105,6 +105,16 @@ def test_what_may_be_chance_and_what_got_worse_is_said(data: ReportData) -> None
     assert worse == {"r"} and not any(c["worse_by_effects"] for c in cards(data))
 
 
+def test_without_a_compass_a_current_has_no_north(data: ReportData) -> None:
+    assert data.comparison
+    (current,) = data.comparison.effects
+    turned = current.model_copy(update={"frame": "bow"})
+    found = replace(data, comparison=data.comparison.model_copy(update={"effects": (turned,)}))
+    for told, axes in ((data, ("(north ", ", east ")), (found, ("(ahead ", ", to starboard "))):
+        (lines,) = (lines for word, lines in summary(told) if word == "It lacked")
+        assert all(axis in lines[0] for axis in axes)
+
+
 def test_the_track_of_the_final_model_is_that_of_its_predictions(data: ReportData) -> None:
     assert data.refined is not None or data.simulation is not None
     table = data.simulation.copy()  # type: ignore[union-attr]
