@@ -13,7 +13,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 TURNED_COLUMN = "turned_rad"  # keeps `Trial.turned_rad` where readings are blanked
-LONGEST_UNREAD_S = 2.0  # longest gap of the yaw rate over which a heading is summed up
+# longest gap of the yaw rate over which a heading is summed up: a turn at 10 deg/s that begins or
+# ends in it leaves the heading off by 10 deg, as the drift of a gyro does in 20 minutes
+LONGEST_UNREAD_S = 2.0
 
 
 @dataclass(frozen=True)

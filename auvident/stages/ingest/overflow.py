@@ -41,10 +41,7 @@ def find_overflows(
     limit = step_limit(values, channel, pace)
     if limit is None:
         return flags
-    steps = np.diff(values)
-    wild = np.flatnonzero(np.abs(steps) > limit.least)
-    wild = wild[np.abs(steps[wild]) > limit.over(time_s[wild + 1] - time_s[wild])]
-    jumps = _full_jumps(values, wild, limit.noise)
+    jumps = _full_jumps(values, limit.wild(time_s, values), limit.noise)
     if jumps.size < FEWEST:
         return flags
     return _between_pairs(values, jumps)

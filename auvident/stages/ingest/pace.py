@@ -90,6 +90,12 @@ class StepLimit:
         """The limit over intervals of time."""
         return np.maximum(self.noise + self.per_s * seconds, self.usual)
 
+    def wild(self, time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Samples before steps that no motion explains, as indices; few come near the limit."""
+        steps = np.diff(values)
+        large = np.flatnonzero(np.abs(steps, out=steps) > self.least)
+        return large[steps[large] > self.over(time_s[large + 1] - time_s[large])]
+
 
 def step_limit(values: np.ndarray, channel: Channel, pace: Pace) -> StepLimit | None:
     """Limit of the steps of a channel, or None where motion has none that can be stated.

@@ -9,7 +9,7 @@ import numpy as np
 
 from auvident.constants import MEDIAN_OF_ABS_TO_STD
 from auvident.schema.channels import Channel
-from auvident.stages.ingest.pace import Pace, StepLimit, step_limit
+from auvident.stages.ingest.pace import Pace, step_limit
 from auvident.stages.ingest.resample import median_period
 
 REACH = 5  # samples on either side: four wild ones in a row are outvoted
@@ -45,7 +45,7 @@ def find_spikes(time_s: np.ndarray, values: np.ndarray, channel: Channel, pace: 
     for _ in range(ROUNDS):
         kept = np.flatnonzero(~flags) if flags.any() else slice(None)
         time, x = time_s[kept], values[kept]
-        wild = _wild_steps(time, x, limit)
+        wild = limit.wild(time, x)
         if not wild.size:
             break
         least = float(limit.over(np.asarray(median_period(time))))
@@ -57,13 +57,6 @@ def find_spikes(time_s: np.ndarray, values: np.ndarray, channel: Channel, pace: 
             flags[rows if isinstance(kept, slice) else kept[rows]] = True
     enough = flags.sum() >= max(LEAST, LEAST_SHARE * flags.size)
     return flags if enough else np.zeros_like(flags)
-
-
-def _wild_steps(time: np.ndarray, x: np.ndarray, limit: StepLimit) -> np.ndarray:
-    """Samples before steps that no motion explains, as indices; few come near the limit."""
-    steps = np.diff(x)
-    large = np.flatnonzero(np.abs(steps, out=steps) > limit.least)
-    return large[steps[large] > limit.over(time[large + 1] - time[large])]
 
 
 def _around(at: np.ndarray, size: int) -> np.ndarray:

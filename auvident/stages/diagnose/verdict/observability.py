@@ -83,7 +83,7 @@ def _by_checks(joint: Joint, position: int) -> float:
 
 
 def _why(kept: float, joint: Joint, effect: str) -> str:
-    needs = BY_ID[effect].needs
+    needs = () if BY_ID[effect].by_rate else BY_ID[effect].needs  # it has the yaw rate
     if kept < 0.05:
         return "indistinguishable from the coefficients"
     if needs and not check_cost(joint.case, joint.fitted.parameters) and not joint.case.checks:
