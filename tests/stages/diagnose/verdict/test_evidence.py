@@ -14,6 +14,7 @@ from auvident.stages.diagnose.score.free_forces import FreeForce
 from auvident.stages.diagnose.score.left_out import Helped
 from auvident.stages.diagnose.select.candidates import Round, Traced, Tried
 from auvident.stages.diagnose.select.records import Account
+from auvident.stages.diagnose.verdict.carried import carried
 from auvident.stages.diagnose.verdict.document import diagnosis_of
 from auvident.stages.diagnose.verdict.evidence import Evidence
 from tests.stages.diagnose.loop_chain import loop, small_case, small_fit
@@ -85,6 +86,18 @@ def test_what_was_accepted_stands_beside_what_remains(more) -> None:
     assert found.remaining["correlates"][0]["regressor"] == "delayed u r"
     assert "lacks a gyro bias" in found.statement
     assert "An unexplained residual remains" in found.statement
+
+
+def test_what_every_model_is_allowed_is_kept_as_that_where_it_was_adjusted_along() -> None:
+    """The model before has a servo of finite rate; a little play it has not."""
+    along, traced = ("rudder_rate_limit", "rudder_deadband"), evidence().traced
+    final = replace(traced.final, effects=(*traced.final.effects, *along))
+    found = carried(replace(traced, final=final, unclaimed=along))
+    rate = traced.case.position("rudder_rate_limit.rate_degps")
+    kept = found["prior_std"]["rudder_rate_limit.rate_degps"]
+    assert kept == traced.case.nuisance_std[rate] < traced.case.setup.prior_std[rate]
+    assert not any(name.startswith("rudder_deadband") for name in found["start"])
+    assert "rudder_rate_limit.rate_degps" not in found["expected"]
 
 
 def test_a_residual_beside_what_was_accepted_makes_it_partly_an_explanation() -> None:
