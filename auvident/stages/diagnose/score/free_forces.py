@@ -22,11 +22,13 @@ from auvident.schema.planes import HORIZONTAL, VERTICAL, Plane, PlaneRow
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, fit_with, log_gain
 from auvident.stages.diagnose.score.first_order import Form, scores_of_forms
+from auvident.stages.diagnose.score.left_out import gains_of, leave_out, t_value
 
 Array = npt.NDArray[Any]
 Regressor = Callable[[Array, Record, float], Array]
 
 REFITTED = 2
+FREE_GAIN, FREE_FALL = 120.0, 0.2  # a free force that gains and explains so much may be something
 SLOW_S: VehicleTime = 4.0  # lags of the regressors with memory
 QUICK_S: VehicleTime = 1.5
 
@@ -90,6 +92,9 @@ class FreeForce:
         Rise of the log-likelihood [nats].
     falls : (3,) array
         Relative fall of the rms of each channel.
+    helps : float
+        What it brings to maneuvers left out of its fit, in standard errors; worked out only where
+        gain and fall are those of something, else zero.
     """
 
     regressor: str
@@ -97,7 +102,7 @@ class FreeForce:
     size: float
     gain: float
     falls: Array
-    log_likelihood: float
+    helps: float = 0.0
 
 
 def free_forces(case: Case, fitted: Fitted) -> list[FreeForce]:
@@ -137,11 +142,19 @@ def _described(case: Case, name: str, before: Fitted, after: Fitted) -> FreeForc
     sizes = {f[-1]: after.parameters[case.position(f)] for f in FREE_FORCES}
     stds = {f[-1]: case.setup.prior_std[case.position(f)] for f in FREE_FORCES}
     axis = max(sizes, key=lambda a: abs(sizes[a]) / stds[a])
+    gain, falls = log_gain(before, after), 1.0 - after.rms / before.rms
+    much = gain > FREE_GAIN and falls.max() > FREE_FALL
     return FreeForce(
         name,
         dict(zip(EQUATIONS, case.plane.axes, strict=True))[axis],
         float(sizes[axis]),
-        log_gain(before, after),
-        1.0 - after.rms / before.rms,
-        after.log_likelihood,
+        gain,
+        falls,
+        _helps(case, before, after) if much else 0.0,
     )
+
+
+def _helps(case: Case, before: Fitted, after: Fitted) -> float:
+    """What a force brings to maneuvers left out in turn, in standard errors."""
+    old, new = (leave_out(case, fitted, after.colours) for fitted in (before, after))
+    return t_value(np.concatenate(gains_of(old, new)))

@@ -51,6 +51,7 @@ def correlate(case: Case, force: FreeForce) -> dict[str, Any]:
         "axis": force.axis,
         "regressor": force.regressor,
         "gain": force.gain,
+        "helps": force.helps,
         "rms": force.size,
         "rms_fall": {n: float(f) for n, f in zip(case.channels, force.falls, strict=True)},
     }

@@ -54,8 +54,8 @@ def evidence() -> Evidence:
     return Evidence(traced, SEEN, (), None, (), None, ())
 
 
-def force(gain: float) -> FreeForce:
-    return FreeForce("delayed u r", "N", 0.3, gain, np.array([0.0, 0.0, 0.3]), 0.0)
+def force(gain: float, helps: float = 5.0) -> FreeForce:
+    return FreeForce("delayed u r", "N", 0.3, gain, np.array([0.0, 0.0, 0.3]), helps)
 
 
 def said(found: Evidence) -> Diagnosis:
@@ -126,3 +126,5 @@ def test_without_any_effect_a_remainder_is_unexplained_and_none_is_nothing() -> 
     assert said(nothing).false_alarm_p is None  # no alarm, so none that could be false
     something = said(replace(nothing, free=(force(700.0),)))
     assert (something.verdict, something.effects) == ("unexplained", ())
+    overfitted = said(replace(nothing, free=(force(700.0, helps=-1.0),)))
+    assert overfitted.verdict == "none_found"

@@ -1,0 +1,40 @@
+"""Forces without physics: what they bring to maneuvers left out of their fit."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from auvident.engines.records import Record
+from auvident.stages.diagnose.fit.fits import fit_with
+from auvident.stages.diagnose.score import free_forces as forces
+from auvident.stages.diagnose.verdict.evidence import FREE_HELPS
+from tests.stages.diagnose.loop_chain import small_case, small_fit
+
+
+def test_only_what_explains_much_is_left_out() -> None:
+    """It costs a fit for each maneuver, and changes no verdict for the others."""
+    found = forces.free_forces(small_case(), small_fit())
+    assert [f.helps for f in found] == [0.0] * forces.REFITTED
+    assert all(f.gain < forces.FREE_GAIN or f.falls.max() < forces.FREE_FALL for f in found)
+
+
+def test_a_force_that_is_there_helps_them() -> None:
+    """The readings of the sway velocity follow the yaw rate of a while ago as well."""
+    before = small_fit()
+    pairs = zip(small_case().records, before.residuals, strict=True)
+    moved = [pushed(record, residual.states) for record, residual in pairs]
+    case = replace(small_case(), records=tuple(moved))
+    after = fit_with(case, (), before.parameters, before.colours)
+    assert after is not None
+    best = forces.free_forces(case, after)[0]
+    assert best.gain > forces.FREE_GAIN
+    assert best.falls.max() > forces.FREE_FALL
+    assert best.helps > FREE_HELPS
+
+
+def pushed(record: Record, states: np.ndarray) -> Record:
+    """With what a force would leave that comes 4 s behind the yaw rate, 0.3 m/s at its most."""
+    behind = forces.lagged(states[:, 2], forces.SLOW_S, 0.1)
+    measured = record.measured.copy()
+    measured[:, 1] += 0.3 * behind / np.abs(behind).max()
+    return replace(record, measured=measured)
