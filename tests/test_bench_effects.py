@@ -329,7 +329,7 @@ def test_failed_trials_are_listed_with_the_reason() -> None:
 def test_an_interrupted_study_is_taken_up_again(monkeypatch, tmp_path, capsys) -> None:
     sailed: list[str] = []
 
-    def sail(wanted, workers):
+    def sail(outcome, wanted, workers):
         for case in wanted:
             sailed.append(case.key)
             planted = [] if case.kind == "none" else [{**LAG, "id": case.label, "parameters": {}}]
@@ -343,7 +343,7 @@ def test_an_interrupted_study_is_taken_up_again(monkeypatch, tmp_path, capsys) -
                 },
             }
 
-    monkeypatch.setattr(effects, "outcomes", sail)
+    monkeypatch.setattr(effects, "side_by_side", sail)
     kept, found = tmp_path / "kept.jsonl", tmp_path / "found.json"
     command = ["effects", "--only", "none,rudder_lag", "--resume", str(kept)]
     bench.main([*command, "--trials", "3"])
@@ -360,13 +360,15 @@ def test_outcomes_of_another_program_are_sailed_again_and_can_be_scored(
     kept, case = tmp_path / "kept.jsonl", cases(only=["none"])[0]
     old = outcome_with([], found=loop_world.nothing, kind="none")
     old["case"] |= {"key": case.key, "vehicle": case.vehicle}
-    monkeypatch.setattr(effects, "outcomes", lambda wanted, workers: [dict(old) for _ in wanted])
+    monkeypatch.setattr(
+        effects, "side_by_side", lambda outcome, wanted, workers: [dict(old) for _ in wanted]
+    )
     for version in ("old", "new", "new"):
         monkeypatch.setattr(effects, "program", lambda v=version: v)
         bench.main(["effects", "--only", "none", "--trials", "1", "--resume", str(kept)])
     assert len(kept.read_text().splitlines()) == 2
     capsys.readouterr()
-    monkeypatch.setattr(effects, "outcomes", lambda *_: pytest.fail("nothing is to be sailed"))
+    monkeypatch.setattr(effects, "side_by_side", lambda *_: pytest.fail("nothing is to sail"))
     bench.main(["effects", "--only", "none", "--trials", "1", "--score", str(kept)])
     assert "none_found 1" in capsys.readouterr().out
 

@@ -91,6 +91,7 @@ def test_trials_of_the_same_program_are_not_sailed_again(tmp_path, monkeypatch, 
         return outcome_with(seed)
 
     monkeypatch.setattr(population, "outcome", outcome)
+    monkeypatch.setattr(population, "side_by_side", lambda sail, seeds, workers: map(sail, seeds))
     path = tmp_path / "kept.jsonl"
     for count in (1, 2):
         population.main(["--count", str(count), "--resume", str(path)], lambda *_: None)

@@ -227,6 +227,7 @@ def test_a_campaign_file_names_vehicles_trials_and_options(tmp_path: Path) -> No
     ("text", "problem"),
     [
         (VEHICLE.replace("logs/*", "no/*"), "no log fits 'no/\\*'"),
+        (VEHICLE.replace("logs/*", "**logs"), "not a valid pattern"),
         (VEHICLE.replace("logs/*", "../*"), "leads out of the log folder"),
         (VEHICLE + VEHICLE, "two vehicles are named boat"),
         (VEHICLE.replace('"boat.toml"', '"/etc/boat.toml"'), "outside the folder"),

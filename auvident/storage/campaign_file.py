@@ -6,7 +6,8 @@ from pathlib import Path
 
 from auvident.errors import InputError, UsageError
 from auvident.schema.campaign import Campaign, CampaignVehicle, RunOptions
-from auvident.storage.declared import file_named_in, parse, read_toml, refuse_outside
+from auvident.schema.quoting import clipped
+from auvident.storage.declared import file_named_in, fitting, parse, read_toml, refuse_outside
 from auvident.storage.log_find import Fault, find_trials
 
 REMEDY = "`auvident schema campaign` lists the tables and keys."
@@ -51,9 +52,11 @@ def _of_vehicle(vehicle: CampaignVehicle, common: RunOptions, path: Path) -> lis
 
 def _matching(path: Path, pattern: str, where: str) -> list[Path]:
     """Logs that a pattern means; hidden ones and what is no log in a folder are left out."""
-    found = sorted(p for p in path.parent.glob(pattern) if not p.name.startswith("."))
+    place = f"{path}: {where}: trials"
+    fit = fitting(pattern, path.parent, place, '"2026-05/*"')
+    found = [p for p in fit if not p.name.startswith(".")]
     if not found:
-        raise InputError(f"no log fits {pattern!r}", f"{path}: {where}: trials", TRIALS)
+        raise InputError(f"no log fits {clipped(pattern)!r}", place, TRIALS)
     several = any(mark in pattern for mark in "*?[")
     return [p for p in found if not several or p.is_dir() or p.suffix not in (".toml", ".md")]
 

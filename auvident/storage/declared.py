@@ -85,6 +85,31 @@ def refuse_outside(patterns: Mapping[str, str], path: Path) -> None:
             raise _is_outside(problem, path, key)
 
 
+def fitting(pattern: str, folder: Path, where: str, example: str) -> list[Path]:
+    """Files and folders below a folder that a pattern means, in order.
+
+    Parameters
+    ----------
+    where : str
+        File and key, for the message.
+    example : str
+        A pattern as it should be.
+
+    Raises
+    ------
+    InputError
+        It is no pattern.
+    """
+    try:
+        return sorted(folder.glob(pattern))
+    except (ValueError, NotImplementedError, RecursionError) as error:
+        raise InputError(
+            f"{clipped(pattern)!r} is not a valid pattern: {error}",
+            where,
+            f"Give a name relative to the folder, e.g. {example}.",
+        ) from None
+
+
 def _is_outside(problem: str, path: Path, key: str) -> InputError:
     return InputError(problem, f"{path}: {key}", OUTSIDE_REMEDY)
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from auvident.errors import InputError
 from auvident.schema.channels import SENSORS
 from auvident.schema.logs import ColumnMap
+from auvident.storage.declared import fitting
 from auvident.storage.log_columns import resolve, time_column
 from auvident.storage.log_file import LogFile, is_container, looks_like_log, open_logs, stem
 from auvident.storage.log_own import (
@@ -318,15 +319,9 @@ def _group(path: Path, key: str, assigned: dict[str, Path]) -> TrialSource:
 
 def _matching(path: Path, sensor: str, pattern: str, column_map: ColumnMap) -> list[Path]:
     """Files that a pattern names; of several, those that have the sensor's columns."""
-    try:
-        found = sorted(p for p in path.glob(pattern) if p.is_file())
-    except (ValueError, NotImplementedError) as error:
-        raise InputError(
-            f"[{sensor}] file = {pattern!r} is not a valid pattern: {error}",
-            str(path),
-            'Give a name relative to the log folder, e.g. "*.csv".',
-        ) from error
-    found = not_own(path, [p for p in found if not p.name.startswith(".")])
+    fit = fitting(pattern, path, f"{path}: [{sensor}] file", '"*.csv"')
+    files = [p for p in fit if p.is_file() and not p.name.startswith(".")]
+    found = not_own(path, files)
     if len(found) <= 1:
         return found
     logs = [p for p in found if looks_like_log(p)] or found

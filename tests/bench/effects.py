@@ -15,7 +15,7 @@ from hashlib import sha256
 from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, TypeVar
 
 from tests.bench.effects_cases import (
     DEVELOPMENT,
@@ -39,6 +39,7 @@ LABELS = frozenset((*SINGLES, *LATER, *OUTSIDE, *("+".join(p) for p in PAIRS), "
 WRITTEN = "effects"  # section of the page, and its tables in order
 SECTION = ("bars", "by planted effect", "planted against named", "costs")
 
+Item = TypeVar("Item")
 Outcome = dict[str, Any]
 Show = Callable[[str, list[dict[str, Any]]], None]
 
@@ -76,7 +77,7 @@ def sail(wanted: list[Case], workers: int, resume: Path | None) -> dict[str, Out
     kept = {key: found for key, found in kept.items() if found.get("program") == version}
     missing = [case for case in wanted if case.key not in kept]
     started = perf_counter()
-    for number, found in enumerate(outcomes(missing, workers), 1):
+    for number, found in enumerate(side_by_side(outcome_of, missing, workers), 1):
         kept[found["case"]["key"]] = found = {**found, "program": version}
         if resume is not None:
             append(resume, found)
@@ -126,12 +127,14 @@ OPTIONS: dict[str, tuple[Callable[[str], Any], Any, str]] = {
 }
 
 
-def outcomes(cases: Iterable[Case], workers: int) -> Iterator[Outcome]:
+def side_by_side(
+    outcome: Callable[[Item], Outcome], items: Iterable[Item], workers: int
+) -> Iterator[Outcome]:
     """What the program says of each trial, as they come in; one thread a worker."""
     for name in ONE_THREAD:
         os.environ[name] = "1"
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        pending = [pool.submit(outcome_of, case) for case in cases]
+        pending = [pool.submit(outcome, item) for item in items]
         try:
             for done in as_completed(pending):
                 yield done.result()

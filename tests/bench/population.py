@@ -8,15 +8,15 @@ the odd ones and tells rates alone, so that nobody can tune to what is reported.
 
 import argparse
 import json
-import os
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 from tests.bench import written
-from tests.bench.effects import ONE_THREAD, append, program, read_outcomes
+from tests.bench.effects import append, program, read_outcomes, side_by_side
 from tests.bench.halves import measured, options_of, seeds
 from tests.bench.population_bars import bars
 from tests.bench.population_score import is_wrong, scored, tables
@@ -36,9 +36,8 @@ def main(arguments: list[str], show: Show) -> None:
     if options.score is not None:
         kept = read_outcomes(options.score)
     else:
-        for name in ONE_THREAD:
-            os.environ[name] = "1"
-        kept = sail(wanted, short, options.until, options.resume, plane)
+        sailed = partial(outcome, short=short, until=options.until, plane=plane)
+        kept = sail(wanted, sailed, options.workers, options.resume)
     keys = [key_of(seed, short, options.until, plane) for seed in wanted]
     scores = [scored(kept[key]) for key in keys if key in kept]
     whole = options.until == WANTED[-1]
@@ -61,24 +60,24 @@ def without_empty(found: dict[str, Any]) -> dict[str, Any]:
 
 
 def sail(
-    wanted: list[int], short: bool, until: str, resume: Path | None, plane: str = "horizontal"
+    wanted: list[int], outcome: partial[Outcome], workers: int, resume: Path | None
 ) -> dict[str, Outcome]:
     """Outcomes of all the trials wanted; those of this very program are not sailed again."""
     version = program()
     kept = {} if resume is None else read_outcomes(resume)
     kept = {key: found for key, found in kept.items() if found.get("program") == version}
-    missing = [seed for seed in wanted if key_of(seed, short, until, plane) not in kept]
-    for number, seed in enumerate(missing, 1):
-        began = perf_counter()
-        found = {**outcome(seed, short, until, plane), "program": version}
-        kept[key_of(seed, short, until, plane)] = found
+    missing = [seed for seed in wanted if key_of(seed, **outcome.keywords) not in kept]
+    began = perf_counter()
+    for number, found in enumerate(side_by_side(outcome, missing, workers), 1):
+        kept[found["case"]["key"]] = found = {**found, "program": version}
         if resume is not None:
             append(resume, found)
-        _tell(found, f"{number}/{len(missing)}", perf_counter() - began)
+        pace = (perf_counter() - began) / number
+        _tell(found, f"{number}/{len(missing)}", pace * (len(missing) - number))
     return kept
 
 
-def _tell(found: Outcome, number: str, took_s: float) -> None:
+def _tell(found: Outcome, number: str, left_s: float) -> None:
     """One line about a trial that is done."""
     s = scored(found)
     whole = found.get("comparison") is not None
@@ -87,11 +86,13 @@ def _tell(found: Outcome, number: str, took_s: float) -> None:
     said += f" missed: {' '.join(m['kind'] for m in s.missed)}" * bool(s.missed)
     mark = "look" if s.failed_at or s.missed or (whole and is_wrong(s)) else "good"
     planted = s.loop.label
-    print(f"{number} {mark} {s.seed} [{planted}]: {said} ({took_s:.0f} s)", file=sys.stderr)
+    left = f"{left_s / 60:.0f} min left"
+    print(f"{number} {mark} {s.seed} [{planted}]: {said} ({left})", file=sys.stderr)
 
 
 def _options(arguments: list[str]) -> argparse.Namespace:
     parser = options_of("population", __doc__, 30)
+    parser.add_argument("--workers", type=int, default=2, help="trials at a time")
     parser.add_argument("--until", choices=WANTED, default=WANTED[-1], help="the last stage")
     parser.add_argument("--plane", choices=CHANNELS, default="horizontal", help="of the maneuvers")
     parser.add_argument("--long", action="store_true", help="logs of 10 to 60 minutes")

@@ -206,5 +206,14 @@ def test_the_patterns_of_a_map_stay_in_the_log_folder(tmp_path, pattern, table):
         column_map(tmp_path, text)
 
 
+@pytest.mark.parametrize("pattern", ["**a", "a[/dev]" * 3000])
+def test_what_is_no_pattern_of_files_is_refused(tmp_path, pattern):
+    """The long one has more folders than Python's search is deep (found by the fuzzer)."""
+    mapping = column_map(tmp_path, f'[dvl]\nfile = "{pattern}"\n')
+    with pytest.raises(InputError, match="not a valid pattern") as refused:
+        read_trials([write_folder(tmp_path / "run")], mapping)
+    assert "[dvl] file" in str(refused.value) and len(str(refused.value)) < 1000
+
+
 def test_patterns_within_the_log_folder_may_have_folders(tmp_path):
     assert column_map(tmp_path, 'file = "day..1/*/x.csv"\n').file == "day..1/*/x.csv"
