@@ -4,6 +4,7 @@
 the SNAME non-dimensional value. Version numbers rise when a key is renamed or dropped.
 """
 
+from collections import Counter
 from typing import Any, Literal, Self
 
 from pydantic import Field, model_validator
@@ -427,6 +428,15 @@ class IdentifiedModel(Artifact):
                     f"the effect {name!r} does not act in the {self.plane} plane{twin}: the model "
                     "is of an earlier version; identify it again"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _each_stands_once(self) -> Self:
+        """A file that was changed by hand may have two values of one coefficient."""
+        named = [*(e.symbol for e in self.estimates), *(str(e.get("id")) for e in self.effects)]
+        twice = next((name for name, count in Counter(named).items() if count > 1), None)
+        if twice is not None:
+            raise ValueError(f"{twice!r} stands in it twice; identify the model again")
         return self
 
     def values(self) -> dict[str, float]:

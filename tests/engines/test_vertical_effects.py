@@ -26,6 +26,7 @@ from auvident.physics.term_tables import N_INPUTS
 from auvident.schema.artifacts import IdentifiedModel, Sensing
 from auvident.schema.effects import BY_ID, in_plane, parameter_of
 from auvident.storage.artifacts import as_model
+from tests.engines.chain import identified
 from tests.engines.effects_world import (
     FREELY,
     LEAD,
@@ -398,3 +399,14 @@ def test_a_model_of_an_earlier_version_whose_elevator_was_a_rudder_is_refused() 
         as_model(model("vertical", "rudder_lag"), IdentifiedModel, Path("model.json"))
     assert "it is 'elevator_lag' now" in told.value.problem
     assert "identify it again" in told.value.problem
+
+
+def test_a_model_in_which_something_stands_twice_is_refused() -> None:
+    """Changed by hand it may: no export has room for two values (found by the fuzzer)."""
+    sound = model("vertical", "elevator_lag")
+    twice = {**sound, "effects": [*sound["effects"], *sound["effects"]]}
+    with pytest.raises(StageError, match="'elevator_lag' stands in it twice"):
+        as_model(twice, IdentifiedModel, Path("model.json"))
+    row = identified("dive_trial", "vertical").model.coefficients[0].model_dump()
+    with pytest.raises(StageError, match=f"'{row['symbol']}' stands in it twice"):
+        as_model({**sound, "coefficients": [row, row]}, IdentifiedModel, Path("model.json"))
