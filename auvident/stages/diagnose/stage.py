@@ -169,7 +169,7 @@ def _evidence(
 ) -> Evidence:
     case = traced.case
     wave = find_wave(pieces_of(case, traced.final.residuals, headings), plane=case.plane)
-    free = free_forces(case, traced.final)
+    free = free_forces(case, traced.final, traced.without)
     rival = rival_of(traced)
     return Evidence(
         traced, search.candidates, tuple(events), wave, tuple(free), rival, tuple(missing)

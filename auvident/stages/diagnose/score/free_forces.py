@@ -22,7 +22,13 @@ from auvident.schema.planes import HORIZONTAL, VERTICAL, Plane, PlaneRow
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, fit_with, log_gain
 from auvident.stages.diagnose.score.first_order import Form, scores_of_forms
-from auvident.stages.diagnose.score.left_out import gains_of, leave_out, t_value
+from auvident.stages.diagnose.score.left_out import (
+    FitsWithout,
+    fits_without,
+    gains_of,
+    seen_with,
+    t_value,
+)
 
 Array = npt.NDArray[Any]
 Regressor = Callable[[Array, Record, float], Array]
@@ -92,9 +98,9 @@ class FreeForce:
         Rise of the log-likelihood [nats].
     falls : (3,) array
         Relative fall of the rms of each channel.
-    helps : float
-        What it brings to maneuvers left out of its fit, in standard errors; worked out only where
-        gain and fall are those of something, else zero.
+    helps : float or None
+        What it brings to maneuvers left out of its fit, in standard errors; None where that was
+        not worked out.
     """
 
     regressor: str
@@ -102,11 +108,20 @@ class FreeForce:
     size: float
     gain: float
     falls: Array
-    helps: float = 0.0
+    helps: float | None = None
 
 
-def free_forces(case: Case, fitted: Fitted) -> list[FreeForce]:
-    """Free forces that explain most beside a fitted model, best first."""
+def free_forces(case: Case, fitted: Fitted, without: FitsWithout | None = None) -> list[FreeForce]:
+    """Free forces that explain most beside a fitted model, best first.
+
+    Parameters
+    ----------
+    case : Case
+    fitted : Fitted
+    without : FitsWithout, optional
+        Fits of other models. With them the forces that explain as much as something does are tried
+        on maneuvers left out.
+    """
     there = REGRESSORS[case.plane.name]
     cases = {name: _with_series(case, of, fitted.residuals) for name, of in there.items()}
     forms = [Form(fitted.parameters, own.records) for own in cases.values()]
@@ -119,7 +134,7 @@ def free_forces(case: Case, fitted: Fitted) -> list[FreeForce]:
         return fit_with(cases[name], effects, start, fitted.colours, rounds=1, steps=6)
 
     found = [
-        _described(cases[name], name, fitted, after)
+        _described(cases[name], name, fitted, after, without)
         for name, after in zip(best, each(fit, best), strict=True)
         if after is not None
     ]
@@ -138,7 +153,9 @@ def _with_series(case: Case, regressor: Regressor, residuals: Sequence[RecordRes
     )
 
 
-def _described(case: Case, name: str, before: Fitted, after: Fitted) -> FreeForce:
+def _described(
+    case: Case, name: str, before: Fitted, after: Fitted, without: FitsWithout | None
+) -> FreeForce:
     sizes = {f[-1]: after.parameters[case.position(f)] for f in FREE_FORCES}
     stds = {f[-1]: case.setup.prior_std[case.position(f)] for f in FREE_FORCES}
     axis = max(sizes, key=lambda a: abs(sizes[a]) / stds[a])
@@ -150,11 +167,12 @@ def _described(case: Case, name: str, before: Fitted, after: Fitted) -> FreeForc
         float(sizes[axis]),
         gain,
         falls,
-        _helps(case, before, after) if much else 0.0,
+        _helps(case, before, after, without) if much and without is not None else None,
     )
 
 
-def _helps(case: Case, before: Fitted, after: Fitted) -> float:
+def _helps(case: Case, before: Fitted, after: Fitted, without: FitsWithout) -> float:
     """What a force brings to maneuvers left out in turn, in standard errors."""
-    old, new = (leave_out(case, fitted, after.colours) for fitted in (before, after))
+    old = seen_with(case, without.of(case, before), after.colours)
+    new = seen_with(case, fits_without(case, after), after.colours)
     return t_value(np.concatenate(gains_of(old, new)))

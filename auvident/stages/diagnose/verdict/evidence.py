@@ -79,7 +79,7 @@ def verdict_of(
 
 def something(evidence: Evidence) -> bool:
     """Whether a free force explains much of what is left, in maneuvers left out of its fit too."""
-    return any(f.helps >= FREE_HELPS for f in evidence.free)
+    return any(f.helps is not None and f.helps >= FREE_HELPS for f in evidence.free)
 
 
 def nested(group: Sequence[str]) -> bool:

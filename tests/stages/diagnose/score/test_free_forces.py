@@ -7,14 +7,15 @@ import numpy as np
 from auvident.engines.records import Record
 from auvident.stages.diagnose.fit.fits import fit_with
 from auvident.stages.diagnose.score import free_forces as forces
+from auvident.stages.diagnose.score.left_out import FitsWithout
 from auvident.stages.diagnose.verdict.evidence import FREE_HELPS
 from tests.stages.diagnose.loop_chain import small_case, small_fit
 
 
 def test_only_what_explains_much_is_left_out() -> None:
     """It costs a fit for each maneuver, and changes no verdict for the others."""
-    found = forces.free_forces(small_case(), small_fit())
-    assert [f.helps for f in found] == [0.0] * forces.REFITTED
+    found = forces.free_forces(small_case(), small_fit(), FitsWithout())
+    assert [f.helps for f in found] == [None] * forces.REFITTED
     assert all(f.gain < forces.FREE_GAIN or f.falls.max() < forces.FREE_FALL for f in found)
 
 
@@ -26,10 +27,12 @@ def test_a_force_that_is_there_helps_them() -> None:
     case = replace(small_case(), records=tuple(moved))
     after = fit_with(case, (), before.parameters, before.colours)
     assert after is not None
-    best = forces.free_forces(case, after)[0]
+    best = forces.free_forces(case, after, FitsWithout())[0]
     assert best.gain > forces.FREE_GAIN
     assert best.falls.max() > forces.FREE_FALL
     assert best.helps > FREE_HELPS
+    untried = forces.free_forces(case, after)[0]
+    assert (untried.gain, untried.helps) == (best.gain, None)
 
 
 def pushed(record: Record, states: np.ndarray) -> Record:
