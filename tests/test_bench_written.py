@@ -64,7 +64,7 @@ def test_a_page_without_the_one_place_is_left_as_it_is(page: Path, text: str) ->
 
 def test_every_part_has_its_section() -> None:
     page = ROOT / "docs" / "benchmarks.md"
-    parts = (*bench.PARTS, *bench.BY_HAND, *bench.STUDIES)
+    parts = (*bench.PARTS, *bench.BY_HAND, *bench.STUDIES, *bench.OF_A_STUDY)
     for name in parts:
         text = page.with_name(written.ELSEWHERE.get(name, page.name)).read_text()
         assert len(re.findall(written.PLACE.format(name=name), text, re.DOTALL)) == 1, name

@@ -38,7 +38,7 @@ def bars(scores: Scores) -> Table:
         _most("outside of the library: confident name", 0.10, [_confident(s) for s in outside]),
         _within("size within its 95 % interval", COVERS, sizes),
         _most("named, and zero in its interval", 0.0, names),
-        _most("u, v or r surely worse after", 0.01, [rises_surely(s.loop) for s in told]),
+        _most("a velocity surely worse after", 0.01, [rises_surely(s.loop) for s in told]),
         _most("refined model worse on what was left out", 0.0, _told(s.ships_worse for s in told)),
         _most("... by more than a standard error", 0.0, _told(s.surely_worse for s in told)),
         _least("shown: declared", None, [_said(s) for s in shown]),

@@ -85,7 +85,9 @@ def _with_best_time(case: Case, fitted: Fitted, instant: Instant) -> Fitted:
     starts, ends = zip(*(span_of(r) for r in case.records), strict=True)
     first, last = max(min(starts), instant.low_s), min(max(ends), instant.high_s)
     apart = max(instant.grid.apart_s, (last - first) / instant.grid.most)
-    best = _best(case, fitted, instant, np.arange(first, last, apart)[1:])
+    inside = np.arange(first, last, apart)[1:]
+    middle = np.array([0.5 * (first + last)])  # of what is shorter than a step of the grid
+    best = _best(case, fitted, instant, inside if len(inside) else middle)
     for reach in instant.grid.reach:
         best = _best(case, fitted, instant, best + reach * apart * np.linspace(-1, 1, 5))
     return replace(fitted, parameters=instant.at(fitted.parameters, best))

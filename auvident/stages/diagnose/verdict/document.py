@@ -29,7 +29,8 @@ def diagnosis_of(evidence: Evidence, model: IdentifiedModel) -> Diagnosis:
     """The artifact of a diagnosis."""
     traced, joint = evidence.traced, evidence.traced.rounds[0].joint
     effects = [*disturbances(evidence), *accepted(traced)]
-    left, nearest = left_channels(traced.case, traced.final), nearest_of(evidence)
+    left = left_channels(traced.case, traced.final, model.length_m)
+    nearest = nearest_of(evidence)
     groups = tuple(r.alike for r in traced.rounds if r.alike and r.accepted in traced.named)
     verdict = verdict_of(effects, evidence, left, nearest, groups)
     sees = detectable(joint, evidence.candidates)

@@ -26,6 +26,9 @@ DVL_NOISES = 3.0  # a residual beyond it means something is left
 # as it does yaw, but a dive pitches at a third of the rate that a turn has: six dives with nothing
 # missing, or with all of it found, left 0.04 to 0.08.
 RATE_NRMSE: dict[Plane, float] = {"horizontal": 0.06, "vertical": 0.12}
+# [L] ... or of the rate on a path of this radius: in a straight run or a steady turn alone the rate
+# varies by little more than turbulence stirs it (`harbour_trial`: 0.8 and 0.2 of it are left)
+GENTLE: dict[Plane, float] = {"horizontal": 10.0, "vertical": 30.0}
 
 
 @dataclass(frozen=True)
@@ -99,14 +102,25 @@ def nearest_of(evidence: Evidence) -> str | None:
     return named.id if beaten or beside else None
 
 
-def left_channels(case: Case, fitted: Fitted) -> list[str]:
-    """Channels whose residual is larger than any complete model leaves it."""
+def left_channels(case: Case, fitted: Fitted, length_m: float) -> list[str]:
+    """Channels whose residual is larger than any complete model leaves it.
+
+    Parameters
+    ----------
+    case : Case
+    fitted : Fitted
+        The model with all that was found.
+    length_m : float
+        Of the hull.
+    """
     found = [
         name
         for c, name in enumerate(case.channels[:2])
         if fitted.rms[c] > DVL_NOISES * case.setup.sensor_std[c]
     ]
     rate = np.concatenate([r.measured[:, 2] for r in case.records])
-    if fitted.rms[2] > RATE_NRMSE[case.plane.name] * float(np.nanstd(rate)):
+    speed = float(np.median(np.concatenate([r.given[:, 0] for r in case.records])))
+    usual = max(float(np.nanstd(rate)), speed / (GENTLE[case.plane.name] * length_m))
+    if fitted.rms[2] > RATE_NRMSE[case.plane.name] * usual:
         found.append(case.channels[2])
     return found

@@ -21,6 +21,7 @@ from auvident.stages.diagnose.select.instants import (
     instant_of,
     possible_times,
     records_between,
+    span_of,
     with_best_times,
 )
 from auvident.stages.diagnose.verdict.uncertainty import time_of
@@ -163,3 +164,16 @@ def test_the_interval_is_told_in_words() -> None:
         id=STEP, family="actuation", parameters=(size, told), plain=said, time_s=told.value
     )
     assert place(effect) == ""  # not the middle of the interval as well
+
+
+def test_a_maneuver_shorter_than_a_step_of_the_grid_is_searched_too() -> None:
+    """A log with one maneuver of a minute, which has no point of the grid within."""
+    one = next(r for r in case().records if r.id.endswith("turn-1"))
+    assert one.time_s[-1] - one.time_s[0] < instant().grid.apart_s
+    alone = replace(case(), records=(one,))
+    p = case().at_rest(case().identified)
+    own = fit_with(alone, (), p, first_colours(alone, p), rounds=1, steps=1)
+    assert own is not None
+    placed = with_best_times(alone, own, (STEP,)).parameters[instant().time]
+    first, last = (float(x) for x in span_of(one))
+    assert first < placed < last

@@ -8,7 +8,7 @@ import pytest
 
 from auvident.schema.diagnosis import Diagnosis
 from auvident.stages.diagnose.checks.waves import Wave
-from auvident.stages.diagnose.fit.fits import fit_with, log_gain
+from auvident.stages.diagnose.fit.fits import first_colours, fit_with, log_gain
 from auvident.stages.diagnose.score.first_order import joint_about
 from auvident.stages.diagnose.score.free_forces import FreeForce
 from auvident.stages.diagnose.score.left_out import Helped
@@ -16,7 +16,7 @@ from auvident.stages.diagnose.select.candidates import Round, Traced, Tried
 from auvident.stages.diagnose.select.records import Account
 from auvident.stages.diagnose.verdict.carried import carried
 from auvident.stages.diagnose.verdict.document import diagnosis_of
-from auvident.stages.diagnose.verdict.evidence import Evidence
+from auvident.stages.diagnose.verdict.evidence import RATE_NRMSE, Evidence, left_channels
 from tests.stages.diagnose.loop_chain import loop, small_case, small_fit
 
 SEEN = ("rudder_offset", "gyro_bias")
@@ -106,6 +106,20 @@ def test_a_residual_beside_what_was_accepted_makes_it_partly_an_explanation() ->
     found = said(replace(whole, traced=replace(whole.traced, final=final)))
     assert (found.verdict, found.remaining["channels"]) == ("partly_explained", ["u", "v", "r"])
     assert [e.id for e in found.effects] == ["gyro_bias"]
+
+
+def test_a_straight_run_alone_is_not_blamed_for_the_rate_it_does_not_have() -> None:
+    """Its rate varies by little more than what turbulence and the gyro make of it."""
+    straight = next(r for r in small_case().records if "straight" in r.id)
+    alone = replace(small_case(), records=(straight,))
+    p = alone.at_rest(alone.identified)
+    fitted = fit_with(alone, (), p, first_colours(alone, p))
+    assert fitted is not None
+    rate = float(np.nanstd(straight.measured[:, 2]))
+    assert fitted.rms[2] > RATE_NRMSE["horizontal"] * rate
+    length = loop("harbour_trial").model.length_m
+    assert left_channels(alone, fitted, length) == []
+    assert left_channels(alone, replace(fitted, rms=5.0 * fitted.rms), length) == ["u", "v", "r"]
 
 
 def test_what_a_wave_leaves_is_the_wave() -> None:
