@@ -36,6 +36,7 @@ from tests.engines.chain import SAMPLES
 
 ONE_THREAD = ("AUVIDENT_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 LABELS = frozenset((*SINGLES, *LATER, *OUTSIDE, *("+".join(p) for p in PAIRS), "none", *KINDS))
+GENERATOR = "generator"  # in place of a stage, where a trial could not be made
 WRITTEN = "effects"  # section of the page, and its tables in order
 SECTION = ("bars", "by planted effect", "planted against named", "costs")
 
@@ -149,15 +150,19 @@ def outcome_of(case: Case) -> Outcome:
     return outcome(case)
 
 
-def read_outcomes(path: Path) -> dict[str, Outcome]:
-    """Outcomes kept in a file; a line cut short and a trial that met a bug are sailed again."""
+def read_outcomes(path: Path, with_bugs: bool = False) -> dict[str, Outcome]:
+    """Outcomes kept in a file; a line cut short and a trial that met a bug are sailed again.
+
+    With `with_bugs` a trial that met one is an outcome, unless it never came to the program.
+    """
     found = {}
     for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else ():
         try:
             outcome = json.loads(line)
         except json.JSONDecodeError:
             continue
-        if not (outcome.get("error") or "").startswith("Traceback"):
+        met_a_bug = (outcome.get("error") or "").startswith("Traceback")
+        if not met_a_bug or (with_bugs and outcome.get("stage") != GENERATOR):
             found[outcome["case"]["key"]] = outcome
     return found
 

@@ -34,7 +34,7 @@ def main(arguments: list[str], show: Show) -> None:
     wanted = seeds(options.first, options.count, options.half)
     short, plane = not options.long, options.plane
     if options.score is not None:
-        kept = read_outcomes(options.score)
+        kept = read_outcomes(options.score, with_bugs=True)
     else:
         sailed = partial(outcome, short=short, until=options.until, plane=plane)
         kept = sail(wanted, sailed, options.workers, options.resume)
