@@ -3,7 +3,7 @@
 import codecs
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
@@ -17,6 +17,7 @@ from auvident.storage.regular import MEGABYTE, read_small
 
 MOST_BYTES = 4 * MEGABYTE  # 100,000 stations of a hull have 2 MB
 MOST_LEVELS = 100  # of a dotted key; each level costs the parser the whole key again
+MOST_FOLDERS = 100  # of a pattern; each goes one call deeper in the search of Python 3.11
 DOTTED_KEY = re.compile(
     r"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){""" + f"{MOST_LEVELS}}}"
 )
@@ -101,13 +102,22 @@ def fitting(pattern: str, folder: Path, where: str, example: str) -> list[Path]:
         It is no pattern.
     """
     try:
+        _check_parts(pattern.split("/"))
         return sorted(folder.glob(pattern))
-    except (ValueError, NotImplementedError, RecursionError) as error:
+    except (ValueError, NotImplementedError) as error:
         raise InputError(
             f"{clipped(pattern)!r} is not a valid pattern: {error}",
             where,
             f"Give a name relative to the folder, e.g. {example}.",
         ) from None
+
+
+def _check_parts(parts: Sequence[str]) -> None:
+    """Refuse what some versions of Python take for a pattern and others do not."""
+    if len(parts) > MOST_FOLDERS:
+        raise ValueError(f"more than {MOST_FOLDERS} folders")
+    if any("**" in part and part != "**" for part in parts):
+        raise ValueError("'**' stands for whole folders only")
 
 
 def _is_outside(problem: str, path: Path, key: str) -> InputError:

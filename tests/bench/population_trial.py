@@ -13,6 +13,7 @@ from typing import Any
 
 from auvident.errors import AuvidentError
 from auvident.pipeline import run_stage
+from tests.bench.effects import GENERATOR
 from tests.bench.effects_trial import (
     COMPARISON,
     DIAGNOSIS,
@@ -68,7 +69,7 @@ def outcome(
             if until == WANTED[-1]:
                 found |= _judged_by_rule(drawn, sailed)
         except Exception:
-            return {**found, "stage": "generator", "error": traceback.format_exc()}
+            return {**found, "stage": GENERATOR, "error": traceback.format_exc()}
         found["generator_s"] = round(perf_counter() - began, 1)
         found |= chain(folder, run, until, plane)
         found["segmentation"] = segmentation(folder / "run", truth, plane)
