@@ -21,6 +21,7 @@ from auvident.physics.terms import EQUATIONS, FREE_FORCE, FREE_FORCES
 from auvident.schema.planes import HORIZONTAL, VERTICAL, Plane, PlaneRow
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, fit_with, log_gain
+from auvident.stages.diagnose.fit.refits import holding, nested
 from auvident.stages.diagnose.score.first_order import Form, scores_of_forms
 from auvident.stages.diagnose.score.left_out import (
     FitsWithout,
@@ -129,14 +130,15 @@ def free_forces(case: Case, fitted: Fitted, without: FitsWithout | None = None) 
     gains = dict(zip(cases, scores or (), strict=scores is not None))
     best = sorted(gains, key=lambda name: -gains[name].gain)[:REFITTED]
 
-    def fit(name: str) -> Fitted | None:
-        effects, start = (*fitted.effects, FREE_FORCE), gains[name].parameters
-        return fit_with(cases[name], effects, start, fitted.colours, rounds=1, steps=6)
+    def fit(name: str) -> Fitted:
+        own, effects = cases[name], (*fitted.effects, FREE_FORCE)
+        start = gains[name].parameters
+        found = fit_with(own, effects, start, fitted.colours, rounds=1, steps=6)
+        return nested(own, fitted, found or holding(own, fitted, effects))
 
     found = [
         _described(cases[name], name, fitted, after, without)
         for name, after in zip(best, each(fit, best), strict=True)
-        if after is not None
     ]
     return sorted(found, key=lambda f: -f.gain)
 

@@ -1,10 +1,14 @@
 """Forces without physics: what they bring to maneuvers left out of their fit."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+import pytest
 
 from auvident.engines.records import Record
+from auvident.physics.terms import FREE_FORCE
+from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import fit_with
 from auvident.stages.diagnose.score import free_forces as forces
 from auvident.stages.diagnose.score.left_out import FitsWithout
@@ -41,3 +45,18 @@ def pushed(record: Record, states: np.ndarray) -> Record:
     measured = record.measured.copy()
     measured[:, 1] += 0.3 * behind / np.abs(behind).max()
     return replace(record, measured=measured)
+
+
+def test_a_force_is_never_worse_than_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its first-order size may be far off, and a few steps do not bring it back."""
+    exact = forces.scores_of_forms
+
+    def far_off(case: Case, *rest: Any) -> Any:
+        own, scores = case.positions(FREE_FORCE), exact(case, *rest)
+        for score in scores:
+            score.parameters[own] += 300.0 * case.setup.prior_std[own]
+        return scores
+
+    monkeypatch.setattr(forces, "scores_of_forms", far_off)
+    found = forces.free_forces(small_case(), small_fit())
+    assert [f.gain >= 0.0 for f in found] == [True] * forces.REFITTED
