@@ -16,6 +16,8 @@ from tests.finished_run import Finished, finished_run
 
 os.environ.pop("COLUMNS", None)  # tables as they are in a pipe, whatever terminal this is
 seeds.move_all()
+# A worker that begins one of these at the end lets the others wait.
+FIRST = ("test_kvlcc2.py", "test_vertical_diagnosis.py", "test_readme.py")
 # no test fails because the machine is busy
 hypothesis.settings.register_profile("unhurried", deadline=None)
 hypothesis.settings.load_profile("unhurried")
@@ -29,6 +31,11 @@ def pytest_xdist_setupnodes(specs: list[object]) -> None:
     warm()
     room = parallel.threads() // len(specs)
     os.environ.setdefault(parallel.VARIABLE, str(max(1, room)))
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What takes longest comes first; else the order stays."""
+    items.sort(key=lambda item: item.path.name not in FIRST)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -1,6 +1,7 @@
 """Planted effects of the vertical plane: each does what its row says."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -369,8 +370,14 @@ def test_the_linear_answer_to_the_elevator_is_that_of_the_plant(population):
         assert authority > slow > 0.0  # restoring moments weigh more at low speed
 
 
-def test_a_vertical_trial_is_sailed_and_its_autopilot_holds_it(population):
-    trial = draw(TUNED[0], planted=(), plane="vertical")
+@pytest.fixture(scope="module")
+def nothing_planted():
+    """The first trial without an effect; its draw takes as long as the rest of a test."""
+    return draw(TUNED[0], planted=(), plane="vertical")
+
+
+def test_a_vertical_trial_is_sailed_and_its_autopilot_holds_it(nothing_planted):
+    trial = nothing_planted
     sailed = trial.sail()
     truth = trial.truth(sailed)
     assert truth["plane"] == "vertical" and len(truth["maneuvers"]) == len(trial.notes)
@@ -396,9 +403,8 @@ def test_a_vertical_trial_is_sailed_and_its_autopilot_holds_it(population):
         ("depth_lag", {"lag_s": 5.0}, True),
     ],
 )
-def test_an_effect_is_visible_by_its_size(effect, size, shows):
-    trial = draw(TUNED[0], planted=(), plane="vertical")
-    trial.planted[effect] = size
+def test_an_effect_is_visible_by_its_size(nothing_planted, effect, size, shows):
+    trial = replace(nothing_planted, planted={effect: size})
     found = visible.visibility(trial, trial.sail())[effect]
     assert found["visible"] is shows
 
@@ -420,8 +426,8 @@ def test_the_ballast_is_stated_with_the_errors_people_make(population, tmp_path)
         assert body.z_g_m >= LEAST_HEIGHT_M
 
 
-def test_half_of_the_owners_say_how_well_they_know_the_ballast():
-    vehicle = draw(TUNED[0], planted=(), plane="vertical").vehicle
+def test_half_of_the_owners_say_how_well_they_know_the_ballast(nothing_planted):
+    vehicle = nothing_planted.vehicle
     true, weight = vehicle.file["vehicle"], vehicle.body.weight
     said, errors = [], []
     for seed in range(400):
