@@ -10,7 +10,7 @@ from auvident.schema.artifacts import Finding
 from auvident.stages.identify import Identification, identify
 from auvident.storage.logs import read_trials
 from tests.bench import __main__ as bench
-from tests.bench import day, left_out, recovery, speed
+from tests.bench import day, floor, left_out, recovery, speed
 from tests.bench.world import equations, make_world
 from tests.engines.chain import chain_of, identified, plan_named, sample
 
@@ -98,3 +98,19 @@ def test_a_filter_that_claims_more_than_its_readings_tell_is_found_out() -> None
     assert told.value > told.threshold
     assert told.where in {c.symbol for c in chain.ase.coefficients}
     assert not overclaims(chain.identify(plan=plan_named("refined")))
+
+
+def test_an_exact_model_leaves_what_turbulence_and_sensors_make() -> None:
+    """More than the noise of a sensor, and less than what a maneuver moves."""
+    chain = sample("harbour_trial")
+    held_out = [m for m in chain.maneuvers.maneuvers if m.role == "validate"]
+    least = floor.floor("harbour_trial", held_out)
+    assert 0.005 < least["u"] < 0.0055 and 0.005 < least["v"] < 0.0065
+    assert 0.0009 < least["r"] < 0.005
+    again = floor.floor("harbour_trial", held_out[:1])
+    assert again["v"] != least["v"] and again["v"] < 0.0065
+
+
+def test_an_exact_model_of_a_planted_effect_is_not_known() -> None:
+    with pytest.raises(ValueError, match="bay_trial"):
+        floor.floor("bay_trial", ())

@@ -17,7 +17,7 @@ A_NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 
 SAMPLES = """
 On trials of an independent 6-DOF simulator, held-out errors fall from {before} of the standard
-deviation (geometry alone) to {fast} in surge and yaw, {v} in sway, {q} in pitch, {w} in heave.
+deviation (geometry alone) to {fast} in surge and yaw, {v} in sway, {q} in pitch rate, {w} in heave.
 """
 SHELF = """
 On `sample_logs/shelf_trial`, a dive with a fault that nobody declared, the loop names it
