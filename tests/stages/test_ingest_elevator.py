@@ -10,7 +10,7 @@ import pytest
 from auvident.errors import InputError
 from auvident.schema.logs import RawTrial
 from auvident.stages.ingest import ingest
-from auvident.stages.ingest.held import held_steps
+from auvident.stages.ingest.held import Votes, held_steps
 from auvident.stages.ingest.response import Relation
 from auvident.stages.ingest.signs import LEAST_STEPS, refuse_elevator_sign
 from auvident.storage.logs import read_trials
@@ -63,6 +63,38 @@ def test_an_elevator_that_is_not_stepped_is_not_refused():
     boat = load_vehicle(SAMPLES / "remus100.toml")
     opposite = Relation(0.1, 0.1, np.array([2.0]), np.array([0.1]), 0.9, np.array([0.6]), False)
     with pytest.raises(InputError, match="elevator sign contradicts"):
-        refuse_elevator_sign(raw, boat, opposite, opposite, LEAST_STEPS)
-    (told,) = refuse_elevator_sign(raw, boat, opposite, opposite, LEAST_STEPS - 1)
+        refuse_elevator_sign(raw, boat, opposite, opposite, LEAST_STEPS, Votes())
+    (told,) = refuse_elevator_sign(raw, boat, opposite, opposite, LEAST_STEPS - 1, Votes())
     assert (told.name, told.outcome) == ("elevator_sign", "untested")
+
+
+@pytest.mark.parametrize(
+    ("contrary", "seconds", "outcome"),
+    [(90, 30.0, "refused"), (40, 30.0, "untested"), (2, 10.0, "untested"), (2, 30.0, "right")],
+)
+def test_what_follows_its_steps_decides(contrary, seconds, outcome):
+    (raw,) = read_trials([SAMPLES / "dive_trial"])
+    boat = load_vehicle(SAMPLES / "remus100.toml")
+    opposite = Relation(0.1, 0.1, np.array([2.0]), np.array([0.1]), 0.9, np.array([0.6]), False)
+    held = Votes(rows=100, contrary=contrary, holds=5, seconds=seconds)
+    if outcome == "refused":
+        with pytest.raises(InputError, match="elevator sign contradicts"):
+            refuse_elevator_sign(raw, boat, opposite, opposite, LEAST_STEPS, held)
+        return
+    made = refuse_elevator_sign(raw, boat, opposite, opposite, LEAST_STEPS, held)
+    assert [check.outcome for check in made] == ([outcome] if outcome == "untested" else [])
+
+
+def test_a_hull_that_answers_slowly_is_not_taken_for_a_reversed_elevator(tmp_path):
+    """Its pitch acceleration goes with the elevator, its pitch rate after every step does not."""
+    sys.path.insert(0, str(SAMPLES))
+    from seatrial.population import draw
+
+    drawn = draw(222, planted=(), plane="vertical")
+    drawn.write(drawn.sail(), tmp_path / "trial", tmp_path / "vehicle.toml")
+    (raw,) = read_trials([tmp_path / "trial"])
+    boat = load_vehicle(tmp_path / "vehicle.toml")
+    _, quality = ingest(raw, boat)
+    assert quality.checks["elevator_sign"]["response_1pm2"] > 0.0
+    with pytest.raises(InputError, match="elevator sign contradicts"):
+        ingest(reversed_elevator(raw), boat)

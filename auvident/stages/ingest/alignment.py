@@ -10,7 +10,8 @@ from auvident.schema.logs import Alignment, CheckMade, RawTrial
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.clocks import check_clocks, refuse_clocks
-from auvident.stages.ingest.held import held_rudder, held_steps
+from auvident.stages.ingest.held import PITCHING as HELD_IN_PITCH
+from auvident.stages.ingest.held import Votes, held_fin, held_steps
 from auvident.stages.ingest.response import (
     SLOW_SHARE,
     Relation,
@@ -73,22 +74,24 @@ def check_alignment(raw: RawTrial, trial: Trial, vehicle: Vehicle) -> Aligned:
     pitching = _elevator_to_gyro(trial, CAUSAL_LAGS_S)
     heading = _gyro_to_heading(trial)
     refuse_heading(raw, heading)
-    held = held_rudder(trial, vehicle.hull.length_m, grip)
+    held = held_fin(trial, vehicle.hull.length_m, grip)
     either_way = _rudder_to_gyro(records, grip, EITHER_WAY_S)
     judged = judge_rudder(vehicle, sign, either_way, held)
     refuse_rudder_sign(raw, vehicle, judged)
+    elevator = _held_elevator(trial, vehicle, grip)
     untested = refuse_elevator_sign(
         raw,
         vehicle,
         pitching,
         _elevator_to_gyro(trial, EITHER_WAY_S),
         _elevator_steps(trial, vehicle, grip),
+        elevator,
     )
     findings = [
         *clocks.findings,
         *sign_findings(raw, sign, judged),
     ]
-    told = evidence(sign, held, pitching, heading)
+    told = evidence(sign, held, pitching, heading, elevator)
     made = (*clocks.checks, *untested)
     return Aligned(clocks.alignment, told, tuple(findings), heading, sign, judged, made)
 
@@ -133,6 +136,13 @@ def _elevator_steps(trial: Trial, vehicle: Vehicle, grip: float) -> int:
     column = PITCHING["elevator"]
     known = column in trial.table
     return held_steps(trial, column, vehicle.hull.length_m, grip) if known else 0
+
+
+def _held_elevator(trial: Trial, vehicle: Vehicle, grip: float) -> Votes:
+    """What the pitch rate does after steps of the elevator."""
+    known = set(HELD_IN_PITCH) <= set(trial.table.columns)
+    held = held_fin(trial, vehicle.hull.length_m, grip, HELD_IN_PITCH) if known else None
+    return held.steps if held else Votes()
 
 
 def _gyro_to_heading(trial: Trial) -> Relation | None:

@@ -1,4 +1,4 @@
-"""Sign of the rudder from where it is held: the vehicle must turn the way it was put.
+"""Sign of a fin from where it is held: the vehicle must turn the way it was put.
 
 The yaw acceleration shows the rudder only while a turn begins or ends; in steady circles, with a
 noisy gyro or a slow vehicle it shows little. A rudder that is held answers to nothing, so that the
@@ -31,6 +31,7 @@ LEAST_SECONDS, LEAST_HOLDS = 20.0, 2  # in so much time and so often: one turn m
 # Curvature times length over rudder angle: 0.5 to 3 for torpedo and tanker; what is far below it
 # is no fin's doing.
 RESPONSE = 0.1
+YAWING, PITCHING = ("r_radps", "rudder_rad"), ("q_radps", "elevator_rad")  # rate and fin
 
 
 @dataclass(frozen=True)
@@ -74,21 +75,25 @@ class Held:
         return Votes(*(a + b for a, b in pairs))
 
 
-def held_rudder(trial: Trial, length_m: float, grip_mps: float) -> Held:
-    """Compare every held rudder with the turn that follows.
+def held_fin(
+    trial: Trial, length_m: float, grip_mps: float, channels: tuple[str, str] = YAWING
+) -> Held:
+    """Compare every held rudder, or elevator, with the turn that follows.
 
     Parameters
     ----------
     trial : Trial
-        With the internal sign of the rudder: positive turns to port, to negative yaw rates.
+        With the internal sign of the fin: positive turns to port or down, to negative rates.
     length_m : float
         Of the hull.
     grip_mps : float
-        Speed above which the rudder governs the motion.
+        Speed above which the fin governs the motion.
+    channels : pair of str
+        Columns of the rate and of the fin.
     """
     turns: list[np.ndarray] = []
     steps: list[np.ndarray] = []
-    for time, speed, rate, rudder in _pieces(trial, grip_mps):
+    for time, speed, rate, rudder in _pieces(trial, grip_mps, channels):
         curvature = _mean(rate * length_m / speed, round(MEAN_S * trial.rate_hz))
         passage = length_m / float(np.median(speed))
         held = _mean(rudder, round(RUDDER_MEAN_S * trial.rate_hz))
@@ -111,7 +116,7 @@ def held_steps(trial: Trial, fin: str, length_m: float, grip_mps: float) -> int:
     Parameters
     ----------
     trial, length_m, grip_mps
-        As of `held_rudder`.
+        As of `held_fin`.
     fin : str
         Column of its angle.
     """
@@ -153,7 +158,7 @@ class SettledHold:
 def settled_holds(trial: Trial, length_m: float, grip_mps: float) -> list[SettledHold]:
     """Every stretch in which the rudder is held for long enough that the turn settles.
 
-    Parameters as of `held_rudder`.
+    Parameters as of `held_fin`.
     """
     found = []
     for time, speed, rate, rudder in _pieces(trial, grip_mps):
@@ -195,7 +200,7 @@ def _votes(agreeing: list[np.ndarray], rate_hz: float) -> Votes:
 
 
 def _pieces(
-    trial: Trial, grip_mps: float, channels: tuple[str, ...] = ("r_radps", "rudder_rad")
+    trial: Trial, grip_mps: float, channels: tuple[str, ...] = YAWING
 ) -> Iterator[tuple[np.ndarray, ...]]:
     """Time, speed and some channels of each uninterrupted piece under way."""
     table = trial.table

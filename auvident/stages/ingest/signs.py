@@ -29,11 +29,19 @@ UNIT_LIMIT = 0.25  # relative distance from a ratio of units that counts as that
 
 
 def evidence(
-    sign: Relation | None, held: Held, pitching: Relation | None, heading: Relation | None
+    sign: Relation | None,
+    held: Held,
+    pitching: Relation | None,
+    heading: Relation | None,
+    elevator: Votes,
 ) -> dict[str, dict[str, float]]:
     """Responses to the internal rudder and elevator (negative as they should be), heading gain."""
     checks = {}
-    for name, votes in (("rudder_held_turns", held.turns), ("rudder_held_steps", held.steps)):
+    for name, votes in (
+        ("rudder_held_turns", held.turns),
+        ("rudder_held_steps", held.steps),
+        ("elevator_held_steps", elevator),
+    ):
         if votes.rows:
             checks[name] = {
                 "rows": float(votes.rows),
@@ -136,6 +144,7 @@ def refuse_elevator_sign(
     found: Relation | None,
     either_way: Relation | None,
     steps: int,
+    held: Votes,
 ) -> tuple[CheckMade, ...]:
     """Refuse a log whose elevator works the other way than the vehicle file says.
 
@@ -144,6 +153,11 @@ def refuse_elevator_sign(
     the opposite sign: the scan of either way has to say the same. In a loop that is closed all
     the time even both may do: only an elevator that is stepped and held is the cause of what
     follows. Else the sign is left untested, which the check that is returned says.
+
+    What follows such steps decides where there are enough of them: a hull that answers as slowly as
+    it is flown up and down has a pitch acceleration against its elevator most of the time. Of 53
+    drawn vertical trials 52 had 26 s of it or more and at most 3 % against, horizontal ones hardly
+    any.
 
     Parameters
     ----------
@@ -154,10 +168,15 @@ def refuse_elevator_sign(
         Pitch acceleration from the elevator before it, and from one that may also come after it.
     steps : int
         How often the elevator goes from one angle that is held to another.
+    held : Votes
+        What the pitch rate does after such steps.
     """
-    if found is None or either_way is None or not _is_opposite(found, vehicle):
+    if held.sign > 0:
+        raise _contradiction(raw, vehicle, "elevator", _held_words(held, "elevator"))
+    if held.sign < 0 or found is None or either_way is None or not _is_opposite(found, vehicle):
         return ()
-    if float(either_way.theta[0]) > 0.0 and steps >= LEAST_STEPS:
+    agrees = held.holds >= LEAST_HOLDS and held.share < 0.5
+    if float(either_way.theta[0]) > 0.0 and steps >= LEAST_STEPS and not agrees:
         raise _contradiction(raw, vehicle, "elevator", _response_words(found))
     return (
         CheckMade(
@@ -185,9 +204,9 @@ def _response_words(found: Relation) -> str:
     )
 
 
-def _held_words(held: Votes) -> str:
+def _held_words(held: Votes, fin: str = "rudder") -> str:
     return (
-        f"{100 * held.share:.0f} % of {held.rows} rows in which the rudder is held, "
+        f"{100 * held.share:.0f} % of {held.rows} rows in which the {fin} is held, "
         f"{held.holds} times"
     )
 
