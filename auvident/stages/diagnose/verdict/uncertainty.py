@@ -22,7 +22,6 @@ INTERVAL = 0.975
 TIMED = tuple(
     n for e in EFFECTS if e.alike == "late" for n in e.names() if parameter_of(n).unit == "s"
 )
-TIMED_STD_S = 0.045  # nuisance lag and delay of a servo together
 
 
 def spreads(case: Case, fitted: Fitted, fits: FitsWithout) -> Array:
@@ -40,15 +39,22 @@ def spreads(case: Case, fitted: Fitted, fits: FitsWithout) -> Array:
             curvature = curvature + parts[2]
     out = np.zeros(len(fitted.parameters))
     out[free] = np.sqrt(np.diag(np.linalg.inv(curvature))) * moving.scale
+    lent_s = lent(case)
     for i, name in enumerate(case.names):
-        if name in TIMED and i in free:  # the nuisances of a model may lend or take this much
-            out[i] = math.hypot(out[i], TIMED_STD_S)
+        if name in TIMED and i in free:
+            out[i] = math.hypot(out[i], lent_s)
     if len(case.records) > 2:
         without = fits.of(case, fitted)
         count, away = len(without), without - without.mean(0)
         scatter = np.sqrt((count - 1) / count * np.sum(away**2, axis=0))
         out = np.maximum(out, np.where(out > 0.0, scatter, 0.0))
     return out
+
+
+def lent(case: Case) -> float:
+    """What the nuisance lag and delay of the fin may lend to another time, or take [s]."""
+    own = [n for n in TIMED if n in case.names and n.startswith(case.plane.fin)]
+    return math.hypot(*(float(case.nuisance_std[case.position(n)]) for n in own))
 
 
 def effect_values(case: Case, effect: str, p: Array, stds: Array) -> tuple[ParameterValue, ...]:
