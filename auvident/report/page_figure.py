@@ -164,14 +164,26 @@ def _size(axes: Axes, x: Ticks, square: bool) -> str:
 
 
 def _head(axes: Axes) -> str:
-    """What is drawn, and how well it fits."""
+    """What is drawn, and how well it fits; an empty line beside a panel that has such words."""
+    words = _words(axes)
+    if not words and not any(map(_words, _beside(axes))):
+        return ""
+    return f'<p class="head">{words or "<span>&nbsp;</span>"}</p>'
+
+
+def _words(axes: Axes) -> str:
     name = escape(axes.get_ylabel().replace("\n", ", "))
     # matplotlib hands out the words of these titles, but not their colour
     left, right = axes._left_title, axes._right_title  # type: ignore[attr-defined]
     own = (f"<b>{name}</b>" if name else "") + _coloured(left) + _coloured(axes.title)
-    if not own and not right.get_text():
-        return ""
-    return f'<p class="head"><span>{own}</span>{_coloured(right)}</p>'
+    return f"<span>{own}</span>{_coloured(right)}" if own or right.get_text() else ""
+
+
+def _beside(axes: Axes) -> list[Axes]:
+    """Panels of the same rows: what stands above one of them moves them all down."""
+    bottom = axes.get_position(original=True).y0
+    shared = axes.get_shared_y_axes().get_siblings(axes)
+    return [a for a in shared if a.get_position(original=True).y0 == bottom]
 
 
 def _coloured(title: Text) -> str:

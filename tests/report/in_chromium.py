@@ -65,10 +65,14 @@ function look() {
   const lost = links.map(a => a.getAttribute("href").slice(1))
     .filter(name => !ids.has(name));
   const images = [...document.images].filter(i => !(i.complete && i.naturalWidth)).length;
+  const uneven = [...document.querySelectorAll(".cells.together")].filter(row => {
+    const tops = [...row.children].map(s => s.querySelector(".panel").getBoundingClientRect().top);
+    return Math.max(...tops) > Math.min(...tops) + 1;
+  }).map(row => row.parentElement.getAttribute("aria-label").slice(0, 60));
   const plots = [...document.querySelectorAll(".panel")].map(p => p.getBoundingClientRect());
   parent.postMessage({
     width: innerWidth, page: document.documentElement.scrollWidth, dark: matchMedia(
-    "(prefers-color-scheme: dark)").matches, words, errors, images, lost, wide: [...wide],
+    "(prefers-color-scheme: dark)").matches, words, errors, images, lost, uneven, wide: [...wide],
     small: [...small], faint: [...faint], panels: plots.length,
     flat: plots.filter(b => b.width < 60 || b.height < 20).length,
   }, "*");

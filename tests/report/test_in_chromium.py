@@ -18,7 +18,7 @@ def test_the_report_can_be_read_on_a_phone_and_on_a_desk(completed: Path, tmp_pa
     ]
     for view in found:
         assert view["page"] <= view["width"]  # nothing to scroll sideways
-        for nothing in ("errors", "small", "faint", "wide", "lost"):
+        for nothing in ("errors", "small", "faint", "wide", "lost", "uneven"):
             assert view[nothing] == [], (view["width"], view["dark"], nothing)
         assert (view["images"], view["flat"]) == (0, 0)
         assert view["panels"] > 30 and view["words"] > 1000

@@ -110,6 +110,23 @@ def test_columns_stand_side_by_side_and_maps_name_their_cells() -> None:
     assert text.count("◆") == 2
 
 
+def test_rows_that_panels_share_begin_at_one_height() -> None:
+    """Words above one of them alone would move its rows down."""
+    with style():
+        figure = new_figure(2.0)
+        left, right = figure.subplots(1, 2, sharey=True)
+        left.plot([0.0, 1.0], [0.0, 1.0])
+        right.barh([0.0, 1.0], [1.0, 2.0])
+        plain = svg(figure, "plain", "plain")
+        right.set_title("share")
+        text = svg(figure, "titled", "titled")
+    assert 'class="head"' not in plain
+    assert re.findall(r'<p class="head">(.*?)</p>', text) == [
+        "<span>&nbsp;</span>",
+        "<span><span>share</span></span>",
+    ]
+
+
 def test_what_has_no_mark_is_not_left_out_silently() -> None:
     with style():
         figure = new_figure(2.0)
