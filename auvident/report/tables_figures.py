@@ -31,7 +31,7 @@ ZIGZAG_FIGURES = {
     "rudder_deg": ("rudder or elevator angle", "deg"),
     "switch_deg": ("switching angle", "deg"),
     "initial_turning_time_s": ("initial turning time", "s"),
-    "time_to_check_yaw_s": ("time to check yaw", "s"),
+    "time_to_check_yaw_s": ("time to check yaw or pitch", "s"),
     "overshoot_1_deg": ("1st overshoot", "deg"),
     "overshoot_2_deg": ("2nd overshoot", "deg"),
     "later_overshoots_deg": ("later overshoots, mean", "deg"),

@@ -63,7 +63,8 @@ def zigzag_figures(
         ``rudder_deg`` (amplitude), ``executes`` (first included), ``switch_deg`` (mean
         deviation at the reversals), ``overshoot_1_deg``, ``overshoot_2_deg``, ... (heading
         beyond its value at which the rudder was reversed), ``time_to_second_execute_s``,
-        ``initial_turning_time_s`` (until the heading deviates by `switch_rad`),
+        ``initial_turning_time_s`` (until the heading deviates by `switch_rad`; absent where the
+        first swing does not),
         ``time_to_check_yaw_s`` (second execute to the first greatest deviation), ``reach_s``
         (first execute to the return to the original course), ``period_s`` (between reversals to
         the same side, mean).
@@ -84,7 +85,8 @@ def zigzag_figures(
     switch = float(np.mean(sides * deviation)) if switch_rad is None else switch_rad
     figures["switch_deg"] = float(np.degrees(np.mean(sides * deviation)))
     figures["time_to_second_execute_s"] = float(t[turn[0]] - t[0])
-    initial = first_crossing(t, first * psi, switch)
+    swing = slice(int(turn[1]) + 1) if turn.size > 1 else slice(None)
+    initial = first_crossing(t[swing], first * psi[swing], switch)
     if initial is not None:
         figures["initial_turning_time_s"] = initial - float(t[0])
     figures |= _overshoots(t, psi, turn, sides)

@@ -55,6 +55,15 @@ def test_overshoot_of_a_sine():
     assert figures["period_s"] == pytest.approx(2 * np.pi / w, abs=2 * DT)
 
 
+def test_a_first_swing_that_falls_short_has_no_initial_turning_time():
+    """Not that of a later swing, a period after it."""
+    t, psi, rudder = triangle_zigzag(np.radians(4), np.radians(10), np.radians(3), 5, 1)
+    assert zigzag_figures(t, psi, rudder)["initial_turning_time_s"] == pytest.approx(2.5, abs=0.02)
+    assert zigzag_figures(t, psi, rudder, switch_rad=np.radians(12))["initial_turning_time_s"] < 3.1
+    shrunk = np.where(t < 2 * 13 / 4, 0.6, 1.0) * psi  # 7.8 deg, then 13
+    assert "initial_turning_time_s" not in zigzag_figures(t, shrunk, rudder)
+
+
 def test_an_overshoot_that_the_record_cuts_is_absent():
     t, psi, rudder = triangle_zigzag(np.radians(4), np.radians(10), np.radians(3), 5, 1)
     last = reversals(rudder)[-1]
