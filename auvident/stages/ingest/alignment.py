@@ -10,8 +10,7 @@ from auvident.schema.logs import Alignment, CheckMade, RawTrial
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.clocks import check_clocks, refuse_clocks
-from auvident.stages.ingest.held import PITCHING as HELD_IN_PITCH
-from auvident.stages.ingest.held import Votes, held_fin, held_steps
+from auvident.stages.ingest.held import ELEVATOR, Votes, held_fin, held_steps
 from auvident.stages.ingest.response import (
     SLOW_SHARE,
     Relation,
@@ -140,8 +139,8 @@ def _elevator_steps(trial: Trial, vehicle: Vehicle, grip: float) -> int:
 
 def _held_elevator(trial: Trial, vehicle: Vehicle, grip: float) -> Votes:
     """What the pitch rate does after steps of the elevator."""
-    known = set(HELD_IN_PITCH) <= set(trial.table.columns)
-    held = held_fin(trial, vehicle.hull.length_m, grip, HELD_IN_PITCH) if known else None
+    known = set(ELEVATOR) <= set(trial.table.columns)
+    held = held_fin(trial, vehicle.hull.length_m, grip, ELEVATOR) if known else None
     return held.steps if held else Votes()
 
 

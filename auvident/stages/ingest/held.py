@@ -31,7 +31,7 @@ LEAST_SECONDS, LEAST_HOLDS = 20.0, 2  # in so much time and so often: one turn m
 # Curvature times length over rudder angle: 0.5 to 3 for torpedo and tanker; what is far below it
 # is no fin's doing.
 RESPONSE = 0.1
-YAWING, PITCHING = ("r_radps", "rudder_rad"), ("q_radps", "elevator_rad")  # rate and fin
+RUDDER, ELEVATOR = ("r_radps", "rudder_rad"), ("q_radps", "elevator_rad")  # rate and fin
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Held:
 
 
 def held_fin(
-    trial: Trial, length_m: float, grip_mps: float, channels: tuple[str, str] = YAWING
+    trial: Trial, length_m: float, grip_mps: float, channels: tuple[str, str] = RUDDER
 ) -> Held:
     """Compare every held rudder, or elevator, with the turn that follows.
 
@@ -200,7 +200,7 @@ def _votes(agreeing: list[np.ndarray], rate_hz: float) -> Votes:
 
 
 def _pieces(
-    trial: Trial, grip_mps: float, channels: tuple[str, ...] = YAWING
+    trial: Trial, grip_mps: float, channels: tuple[str, ...] = RUDDER
 ) -> Iterator[tuple[np.ndarray, ...]]:
     """Time, speed and some channels of each uninterrupted piece under way."""
     table = trial.table
