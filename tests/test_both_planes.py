@@ -359,7 +359,9 @@ def maneuver(kind: str, plane: str, role: str = "identify") -> Maneuver:
         ([("straight", "horizontal"), ("turn", "horizontal")], ("horizontal",)),
         ([("straight", "horizontal"), ("zigzag", "vertical")], ("vertical",)),
         ([("straight", "vertical")], ("vertical",)),  # depth steps
-        ([("zigzag", "horizontal"), ("straight", "vertical")], ("horizontal", "vertical")),
+        ([("zigzag", "horizontal"), ("straight", "vertical")], ("horizontal",)),
+        ([("zigzag", "horizontal"), *[("straight", "vertical")] * 2], ("horizontal", "vertical")),
+        ([("turn", "horizontal"), ("zigzag", "vertical")], ("horizontal", "vertical")),
         ([("zigzag", "horizontal"), ("zigzag", "vertical", "validate")], ("horizontal",)),
         ([("zigzag", "horizontal", "validate")], ("horizontal",)),
     ],

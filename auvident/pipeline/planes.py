@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 FOUND, BOTH = "found", "both"  # values of the option beside the planes themselves
 MODEL = "identify/model.json"
+LEAST_STEPS = 2  # depth steps that make a plane beside maneuvers of the other
 
 
 def asked_for(option: str) -> tuple[Plane, ...]:
@@ -30,10 +31,14 @@ def wanted_planes(option: str, maneuvers: "Sequence[Maneuver]") -> tuple[Plane, 
 def _with_maneuvers(maneuvers: "Sequence[Maneuver]") -> tuple[Plane, ...]:
     """Planes in which more than straight runs identify; the horizontal one where there is none.
 
-    A depth step is a straight run of the vertical plane: its elevator is what it shows.
+    A depth step is a straight run of the vertical plane: its elevator is what it shows. One alone
+    beside turns or zigzags is the autopilot keeping its depth, and no plane is known from it.
     """
-    own = {m.plane for m in maneuvers if m.role == "identify" and not _is_straight(m)}
-    return tuple(p for p in PLANES if p in own) or PLANES[:1]
+    own = [m for m in maneuvers if m.role == "identify" and not _is_straight(m)]
+    kinds = {p: [m.kind for m in own if m.plane == p] for p in PLANES}
+    found = tuple(p for p in PLANES if kinds[p])
+    alone = len(kinds["vertical"]) < LEAST_STEPS and "zigzag" not in kinds["vertical"]
+    return found[:1] if alone and len(found) > 1 else found or PLANES[:1]
 
 
 def _is_straight(m: "Maneuver") -> bool:
