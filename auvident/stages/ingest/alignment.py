@@ -7,10 +7,11 @@ import numpy as np
 from auvident.schema.artifacts import Finding
 from auvident.schema.channels import BY_QUANTITY
 from auvident.schema.logs import Alignment, CheckMade, RawTrial
+from auvident.schema.planes import VERTICAL
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.clocks import check_clocks, refuse_clocks
-from auvident.stages.ingest.held import ELEVATOR, Votes, held_fin, held_steps
+from auvident.stages.ingest.held import Votes, held_fin, held_steps
 from auvident.stages.ingest.response import (
     SLOW_SHARE,
     Relation,
@@ -139,9 +140,9 @@ def _elevator_steps(trial: Trial, vehicle: Vehicle, grip: float) -> int:
 
 def _held_elevator(trial: Trial, vehicle: Vehicle, grip: float) -> Votes:
     """What the pitch rate does after steps of the elevator."""
-    known = set(ELEVATOR) <= set(trial.table.columns)
-    held = held_fin(trial, vehicle.hull.length_m, grip, ELEVATOR) if known else None
-    return held.steps if held else Votes()
+    if not {PITCHING["q"], PITCHING["elevator"]} <= set(trial.table.columns):
+        return Votes()
+    return held_fin(trial, vehicle.hull.length_m, grip, VERTICAL).steps
 
 
 def _gyro_to_heading(trial: Trial) -> Relation | None:

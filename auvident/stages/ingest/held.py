@@ -15,6 +15,7 @@ import pandas as pd
 
 from auvident.schema.channels import RECORD_COLUMN
 from auvident.schema.logs import DEG
+from auvident.schema.planes import HORIZONTAL, PlaneRow
 from auvident.schema.trial import Trial
 
 HELD_BAND_RAD = 1.0 * DEG  # within which a rudder is held
@@ -31,7 +32,6 @@ LEAST_SECONDS, LEAST_HOLDS = 20.0, 2  # in so much time and so often: one turn m
 # Curvature times length over rudder angle: 0.5 to 3 for torpedo and tanker; what is far below it
 # is no fin's doing.
 RESPONSE = 0.1
-RUDDER, ELEVATOR = ("r_radps", "rudder_rad"), ("q_radps", "elevator_rad")  # rate and fin
 
 
 @dataclass(frozen=True)
@@ -75,9 +75,7 @@ class Held:
         return Votes(*(a + b for a, b in pairs))
 
 
-def held_fin(
-    trial: Trial, length_m: float, grip_mps: float, channels: tuple[str, str] = RUDDER
-) -> Held:
+def held_fin(trial: Trial, length_m: float, grip_mps: float, plane: PlaneRow = HORIZONTAL) -> Held:
     """Compare every held rudder, or elevator, with the turn that follows.
 
     Parameters
@@ -88,12 +86,12 @@ def held_fin(
         Of the hull.
     grip_mps : float
         Speed above which the fin governs the motion.
-    channels : pair of str
-        Columns of the rate and of the fin.
+    plane : PlaneRow
+        In which the fin steers.
     """
     turns: list[np.ndarray] = []
     steps: list[np.ndarray] = []
-    for time, speed, rate, rudder in _pieces(trial, grip_mps, channels):
+    for time, speed, rate, rudder in _pieces(trial, grip_mps, _rate_and_fin(plane)):
         curvature = _mean(rate * length_m / speed, round(MEAN_S * trial.rate_hz))
         passage = length_m / float(np.median(speed))
         held = _mean(rudder, round(RUDDER_MEAN_S * trial.rate_hz))
@@ -161,7 +159,7 @@ def settled_holds(trial: Trial, length_m: float, grip_mps: float) -> list[Settle
     Parameters as of `held_fin`.
     """
     found = []
-    for time, speed, rate, rudder in _pieces(trial, grip_mps):
+    for time, speed, rate, rudder in _pieces(trial, grip_mps, _rate_and_fin(HORIZONTAL)):
         curvature = _mean(rate * length_m / speed, round(MEAN_S * trial.rate_hz))
         passage = length_m / float(np.median(speed))
         settles_s = max(LEAST_SETTLED_S, SETTLED_LENGTHS * passage)
@@ -199,8 +197,12 @@ def _votes(agreeing: list[np.ndarray], rate_hz: float) -> Votes:
     return Votes(rows, contrary, len(agreeing), rows / rate_hz)
 
 
+def _rate_and_fin(plane: PlaneRow) -> tuple[str, str]:
+    return plane.columns[2], plane.control_columns[0]
+
+
 def _pieces(
-    trial: Trial, grip_mps: float, channels: tuple[str, ...] = RUDDER
+    trial: Trial, grip_mps: float, channels: tuple[str, ...]
 ) -> Iterator[tuple[np.ndarray, ...]]:
     """Time, speed and some channels of each uninterrupted piece under way."""
     table = trial.table
