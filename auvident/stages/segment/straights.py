@@ -110,7 +110,7 @@ def steady_mask(piece: Piece, scales: Scales) -> np.ndarray:
     small = np.abs(rudder) <= STEADY_RUDDER_RAD
     afloat = piece.speed >= AFLOAT_SPEED_SHARE * scales.speed_mps
     rate = np.abs(piece.rate_mean)
-    least, most = _rate_limits(scales)
+    least, most = rate_limits(scales)
     sea = float(np.median(rate[small & afloat])) if (small & afloat).any() else 0.0
     limit = np.clip(SEA_BAND * MEDIAN_OF_ABS_TO_STD * sea, least, most)
     steady = small & afloat & ((rate <= limit) | (_at_rest(piece, scales) & (rate <= most)))
@@ -118,7 +118,7 @@ def steady_mask(piece: Piece, scales: Scales) -> np.ndarray:
     return np.asarray(steady & ~dives)  # a rate that nothing tells is no dive
 
 
-def _rate_limits(scales: Scales) -> tuple[float, float]:
+def rate_limits(scales: Scales) -> tuple[float, float]:
     """Yaw rate that is straight in calm water, and at most [rad/s]."""
     per_rudder = scales.gain_radpm * scales.speed_mps
     least = per_rudder * STEADY_EQUIVALENT_RAD or FALLBACK_YAW_RATE_RADPS

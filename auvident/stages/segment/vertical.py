@@ -1,5 +1,6 @@
 """Maneuvers of the vertical plane: elevator zigzags, depth steps, and straight runs."""
 
+from bisect import bisect_right
 from collections.abc import Sequence
 
 import numpy as np
@@ -8,11 +9,13 @@ from auvident.constants import VehicleTime
 from auvident.physics.maneuvers.straight import rpm_levels
 from auvident.schema.artifacts import Maneuvers, Rejected
 from auvident.schema.trial import Trial
+from auvident.stages.segment.course import course_changes
 from auvident.stages.segment.depth import DIVE_WINDOW_S, sink_by_depth
 from auvident.stages.segment.elevators import find_elevator_zigzags, on_clock_of
 from auvident.stages.segment.level import level, usual_depth
 from auvident.stages.segment.pieces import Found, Piece, true_ranges
 from auvident.stages.segment.scales import Scales
+from auvident.stages.segment.spans import Spans
 from auvident.stages.segment.stage import Searched, assemble, search_trial
 from auvident.stages.segment.straights import find_straights
 
@@ -54,7 +57,14 @@ def segment_vertical(trials: Sequence[Trial], hold_out: Sequence[str] = ()) -> M
 
 def search_vertically(trial: Trial) -> Searched:
     """Vertical maneuvers of one trial, and its straight runs outside them."""
-    found, rejected, findings = search_trial(trial, "vertical", search_vertical)
+    turned = course_changes(trial)
+
+    def ordered(piece: Piece, scales: Scales) -> tuple[list[Found], list[Rejected]]:
+        """No depth step where the course changes."""
+        here = [on_clock_of(piece, f) for f in turned]
+        return search_vertical(piece, scales, [f for f in here if f.start < f.stop])
+
+    found, rejected, findings = search_trial(trial, "vertical", ordered)
     if not found and findings:
         return found, rejected, findings
 
@@ -70,15 +80,17 @@ def search_vertically(trial: Trial) -> Searched:
     return both, [*rejected, *no_runs], [*findings, *torn]
 
 
-def search_vertical(piece: Piece, scales: Scales) -> tuple[list[Found], list[Rejected]]:
-    """Elevator zigzags, and depth steps in the rest."""
+def search_vertical(
+    piece: Piece, scales: Scales, turned: Sequence[Found] = ()
+) -> tuple[list[Found], list[Rejected]]:
+    """Elevator zigzags, and depth steps in what they and changes of the course leave."""
     zigzags, no_zigzags = find_elevator_zigzags(piece, scales)
-    steps, no_steps = find_depth_steps(piece, scales, zigzags)
+    steps, no_steps = find_depth_steps(piece, scales, zigzags, turned)
     return [*zigzags, *steps], [*no_zigzags, *no_steps]
 
 
 def find_depth_steps(
-    piece: Piece, scales: Scales, taken: Sequence[Found]
+    piece: Piece, scales: Scales, taken: Sequence[Found], turned: Sequence[Found] = ()
 ) -> tuple[list[Found], list[Rejected]]:
     """Runs of ordered changes of depth, submerged from beginning to end.
 
@@ -90,6 +102,9 @@ def find_depth_steps(
         Yardsticks of the trial.
     taken : sequence of Found
         Zigzags of this piece.
+    turned : sequence of Found
+        Changes of its course: a change of depth that begins in one was not ordered, and one
+        that goes on in it is cut there.
 
     Returns
     -------
@@ -103,7 +118,7 @@ def find_depth_steps(
         return found, rejected
     usual = usual_depth(piece, scales)
     steps: list[tuple[int, int]] = []
-    for start, stop in depth_changes(piece, scales, taken):
+    for start, stop in _on_course(piece, depth_changes(piece, scales, taken), turned):
         depth = piece.depth[start:stop]
         if stop - start < piece.samples(DIVE_WINDOW_S):
             continue  # the ripple of depth-keeping
@@ -114,12 +129,26 @@ def find_depth_steps(
             rejected.append(piece.rejected(start, stop, TOO_SMALL, change, LEAST_STEP_M))
         else:
             steps.append((start, stop))
-    for start, stop in _joined(piece, scales, steps, taken):
+    for start, stop in _joined(piece, scales, steps, [*taken, *turned]):
         depth = piece.depth[start:stop]
         ends = [round(float(x), 3) for x in (np.nanmin(depth), np.nanmax(depth))]
         notes = {"maneuver": "depth_step", "depth_range_m": ends}
         found.append(Found("straight", piece, start, stop, plane="vertical", notes=notes))
     return found, rejected
+
+
+def _on_course(
+    piece: Piece, changes: Sequence[tuple[int, int]], turned: Sequence[Found]
+) -> list[tuple[int, int]]:
+    """Changes of depth that begin on a straight course, until that changes."""
+    settle = piece.samples(SETTLE_S)
+    turns = Spans((t.start, t.stop + settle) for t in turned)
+    borders = [*sorted(t.start for t in turned), piece.size]
+    return [
+        (start, min(stop, borders[bisect_right(borders, start)]))
+        for start, stop in changes
+        if not turns.holds(start)
+    ]
 
 
 def depth_changes(piece: Piece, scales: Scales, taken: Sequence[Found]) -> list[tuple[int, int]]:

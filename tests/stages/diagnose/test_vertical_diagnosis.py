@@ -32,7 +32,7 @@ FEW = (
     "vertical-zigzag-3",
     "vertical-zigzag-5",
     "vertical-straight-5",
-    "vertical-straight-7",
+    "vertical-straight-6",
 )
 Edit = Callable[[pd.DataFrame], None]
 
