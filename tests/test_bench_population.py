@@ -2,6 +2,8 @@
 
 import json
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from auvident.errors import InputError
@@ -200,7 +202,7 @@ def test_found_and_missed_maneuvers(tmp_path):
     told = segmentation(tmp_path, truth)
     assert told["true"] == {"turn": 1, "zigzag": 1}
     assert [m["why"] for m in told["missed"]] == [["zigzag: no: 2 against 3"]]
-    assert [m["kind"] for m in told["extra"]] == ["straight"]
+    assert [m["kind"] for m in told["extra"]] == ["straight", "depth_step"]
     rows = tables([scored(outcome_with(segmentation=told))], CLASSES, with_seeds=False)
     assert rows["why maneuvers were missed"] == [{"what": "zigzag of unequal executes: no", "n": 1}]
 
@@ -228,6 +230,20 @@ def test_maneuvers_of_the_vertical_plane_by_their_kinds(tmp_path):
         "why maneuvers were missed"
     ]
     assert why["what"] == "zigzag about an elevator kept: nothing said"
+
+
+def test_a_depth_step_that_nobody_flew_is_invented_where_the_vehicle_turns(tmp_path):
+    times = {"t_start_s": 10.0, "t_end_s": 20.0, "role": "identify"}
+    step = {"kind": "straight", **times, "features": {"plane": "vertical"}}
+    for folder in ("segment", "ingest"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "segment/maneuvers.json").write_text(json.dumps([step]))
+    log = pd.DataFrame({"time_s": np.arange(0.0, 30.0, 0.1)})
+    for rate, invented in ((0.0, 0), (0.05, 1), (-0.05, 1)):
+        log.assign(r_radps=rate).to_parquet(tmp_path / "ingest/trial.parquet")
+        assert len(segmentation(tmp_path, {"maneuvers": []}, "vertical")["extra"]) == invented
+    log.assign(r_radps=0.0).to_parquet(tmp_path / "ingest/trial.parquet")
+    assert len(segmentation(tmp_path, {"maneuvers": []})["extra"]) == 1  # of a horizontal trial
 
 
 def test_trials_of_the_planes_are_kept_apart():

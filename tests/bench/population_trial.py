@@ -11,6 +11,8 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+import pandas as pd
+
 from auvident.errors import AuvidentError
 from auvident.pipeline import run_stage
 from tests.bench.effects import GENERATOR
@@ -32,6 +34,7 @@ LONGEST_S = 1500  # of one trial; a program that has not ended by then has faile
 WAITING = 10  # a machine that does other work as well is no hang
 OVERLAP = 0.5  # of the true maneuver, from which a found one of its kind is that maneuver
 LINEAR_DAMPING, DEPTH_STEP = "linear_damping", "depth_step"
+TURNED_RAD = 0.35  # 20 degrees
 CHANNELS = {
     "horizontal": {"u": "u_mps", "v": "v_mps", "r": "r_radps"},
     "vertical": {"u": "u_mps", "w": "w_mps", "q": "q_radps"},
@@ -162,24 +165,38 @@ def segmentation(directory: Path, truth: Mapping[str, Any], plane: str = "horizo
     """True maneuvers found and missed, by kind, and maneuvers found where there was none.
 
     Straight runs with thrust steps are of either plane. Depths also change on the way back from a
-    zigzag: a depth step that is found there is not invented.
+    zigzag: a depth step that is found there is not invented, unless the vehicle turns in it. In a
+    trial of the horizontal plane every vertical maneuver is.
     """
     path = directory / "segment/maneuvers.json"
-    rows = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else []
-    rows = [{**m, "kind": _kind_of(m)} for m in rows]
-    rows = [m for m in rows if m["kind"] == "straight" or _plane_of(m) == plane]
+    found = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else []
+    found = [{**m, "kind": _kind_of(m)} for m in found]
+    rows = [m for m in found if m["kind"] == "straight" or _plane_of(m) == plane]
     rejected = directory / "segment/rejected.json"
     why = json.loads(rejected.read_text(encoding="utf-8")) if rejected.is_file() else {}
     true = [m for m in truth["maneuvers"] if m["t_end_s"] > m["t_start_s"]]
     missed = [m for m in true if not any(_is_same(m, row) for row in rows)]
     extra = [row for row in rows if not any(_touches(m, row) for m in true)]
     extra = [row for row in extra if row["kind"] != DEPTH_STEP]
+    extra += [m for m in found if m not in rows and plane == "horizontal"]
+    extra += [row for row in rows if row["kind"] == DEPTH_STEP and _turned(directory, row)]
     return {
         "true": _counted(m["kind"] for m in true),
         "missed": [{**m, "why": _reasons(m, why.get("rejected", []))} for m in missed],
         "extra": [{k: m[k] for k in ("kind", "t_start_s", "t_end_s")} for m in extra],
         "roles": _counted(f"{m['role']} {m['kind']}" for m in rows),
     }
+
+
+def _turned(directory: Path, row: Mapping[str, Any]) -> bool:
+    """Whether the course changes in a maneuver."""
+    path = directory / "ingest/trial.parquet"
+    if not path.is_file():
+        return False
+    table = pd.read_parquet(path, columns=["time_s", "r_radps"])
+    during = table[table["time_s"].between(row["t_start_s"], row["t_end_s"])]
+    turned = float(during["r_radps"].mean()) * (row["t_end_s"] - row["t_start_s"])
+    return abs(turned) > TURNED_RAD
 
 
 def _plane_of(maneuver: Mapping[str, Any]) -> str:
