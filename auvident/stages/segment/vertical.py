@@ -1,11 +1,11 @@
 """Maneuvers of the vertical plane: elevator zigzags, depth steps, and straight runs."""
 
-from bisect import bisect_right
 from collections.abc import Sequence
 
 import numpy as np
 
 from auvident.constants import VehicleTime
+from auvident.physics.maneuvers.plateaus import Array
 from auvident.physics.maneuvers.straight import rpm_levels
 from auvident.schema.artifacts import Maneuvers, Rejected
 from auvident.schema.trial import Trial
@@ -15,7 +15,6 @@ from auvident.stages.segment.elevators import find_elevator_zigzags, on_clock_of
 from auvident.stages.segment.level import level, usual_depth
 from auvident.stages.segment.pieces import Found, Piece, true_ranges
 from auvident.stages.segment.scales import Scales
-from auvident.stages.segment.spans import Spans
 from auvident.stages.segment.stage import Searched, assemble, search_trial
 from auvident.stages.segment.straights import find_straights
 
@@ -27,6 +26,7 @@ SUBMERGED_SHARE = 0.3  # of the usual depth: shallower is a dive from or a rise 
 
 SURFACE = "depth step: begins or ends near the surface, least depth [m]"
 TOO_SMALL = "depth step: too small, change of depth [m]"
+OFF_COURSE = "depth step: the course changes or has just changed, time since [s]"
 
 
 def segment_vertical(trials: Sequence[Trial], hold_out: Sequence[str] = ()) -> Maneuvers:
@@ -81,7 +81,7 @@ def search_vertically(trial: Trial) -> Searched:
 
 
 def search_vertical(
-    piece: Piece, scales: Scales, turned: Sequence[Found] = ()
+    piece: Piece, scales: Scales, turned: Sequence[Found]
 ) -> tuple[list[Found], list[Rejected]]:
     """Elevator zigzags, and depth steps in what they and changes of the course leave."""
     zigzags, no_zigzags = find_elevator_zigzags(piece, scales)
@@ -90,7 +90,7 @@ def search_vertical(
 
 
 def find_depth_steps(
-    piece: Piece, scales: Scales, taken: Sequence[Found], turned: Sequence[Found] = ()
+    piece: Piece, scales: Scales, taken: Sequence[Found], turned: Sequence[Found]
 ) -> tuple[list[Found], list[Rejected]]:
     """Runs of ordered changes of depth, submerged from beginning to end.
 
@@ -116,19 +116,22 @@ def find_depth_steps(
     rejected: list[Rejected] = []
     if piece.depth is None:
         return found, rejected
-    usual = usual_depth(piece, scales)
+    usual, on_course = usual_depth(piece, scales), _on_course_s(piece, turned)
     steps: list[tuple[int, int]] = []
-    for start, stop in _on_course(piece, depth_changes(piece, scales, taken), turned):
+    for start, stop in depth_changes(piece, scales, taken, turned):
         depth = piece.depth[start:stop]
         if stop - start < piece.samples(DIVE_WINDOW_S):
             continue  # the ripple of depth-keeping
-        change, least = float(np.ptp(depth)), SUBMERGED_SHARE * usual
-        if depth.min() < least:
-            rejected.append(piece.rejected(start, stop, SURFACE, float(depth.min()), least))
-        elif change < LEAST_STEP_M:
-            rejected.append(piece.rejected(start, stop, TOO_SMALL, change, LEAST_STEP_M))
-        else:
+        needed = (
+            (SURFACE, float(depth.min()), SUBMERGED_SHARE * usual),
+            (TOO_SMALL, float(np.ptp(depth)), LEAST_STEP_M),
+            (OFF_COURSE, float(on_course[start]), SETTLE_S),
+        )
+        short = next((why for why in needed if why[1] < why[2]), None)
+        if short is None:
             steps.append((start, stop))
+        else:
+            rejected.append(piece.rejected(start, stop, *short))
     for start, stop in _joined(piece, scales, steps, [*taken, *turned]):
         depth = piece.depth[start:stop]
         ends = [round(float(x), 3) for x in (np.nanmin(depth), np.nanmax(depth))]
@@ -137,25 +140,24 @@ def find_depth_steps(
     return found, rejected
 
 
-def _on_course(
-    piece: Piece, changes: Sequence[tuple[int, int]], turned: Sequence[Found]
+def _on_course_s(piece: Piece, turned: Sequence[Found]) -> Array:
+    """Time since the last change of the course for each sample [s]; infinite before the first."""
+    since = np.full(piece.size, np.inf)
+    for turn, stop in zip(turned, [*(t.start for t in turned[1:]), piece.size], strict=False):
+        since[turn.start : stop] = np.maximum(
+            piece.t[turn.start : stop] - piece.time(turn.stop), 0.0
+        )
+    return since
+
+
+def depth_changes(
+    piece: Piece, scales: Scales, taken: Sequence[Found], turned: Sequence[Found]
 ) -> list[tuple[int, int]]:
-    """Changes of depth that begin on a straight course, until that changes."""
-    settle = piece.samples(SETTLE_S)
-    turns = Spans((t.start, t.stop + settle) for t in turned)
-    borders = [*sorted(t.start for t in turned), piece.size]
-    return [
-        (start, min(stop, borders[bisect_right(borders, start)]))
-        for start, stop in changes
-        if not turns.holds(start)
-    ]
-
-
-def depth_changes(piece: Piece, scales: Scales, taken: Sequence[Found]) -> list[tuple[int, int]]:
-    """Half-open ranges in which the depth changes outside the zigzags."""
+    """Half-open ranges in which the depth changes outside the zigzags, cut where a turn begins."""
     changes = np.abs(sink_by_depth(piece)) > STEP_SLOPE * scales.speed_mps
     for other in taken:  # a zigzag swings the depth, and leaves one to recover from
         changes[other.start : other.stop + 2 * piece.samples(SETTLE_S)] = False
+    changes[[t.start for t in turned]] = False
     return true_ranges(changes)
 
 
