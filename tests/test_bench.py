@@ -1,6 +1,8 @@
 """The benchmarks still run, on small sizes; their figures are for `make bench`."""
 
 import json
+import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ from auvident.schema.artifacts import Finding
 from auvident.stages.identify import Identification, identify
 from auvident.storage.logs import read_trials
 from tests.bench import __main__ as bench
-from tests.bench import day, floor, left_out, recovery, speed
+from tests.bench import commands, day, floor, left_out, recovery, speed
 from tests.bench.world import equations, make_world
 from tests.engines.chain import chain_of, identified, plan_named, sample
 
@@ -20,6 +22,27 @@ def test_a_pass_is_compared_with_filterpy() -> None:
     assert [row["filter"] for row in rows] == ["ekf", "ukf"] * len(speed.PASSES)
     assert [row["states"] for row in rows[::2]] == [int(name.split()[0]) for name in speed.PASSES]
     assert all(row["ratio"] > 5.0 for row in rows)
+
+
+def test_commands_are_timed_whole(monkeypatch) -> None:
+    """The chain into a new directory every time, and no stage on what another made stale."""
+    real, called = commands.spent, []
+
+    def spent(command) -> commands.Spent:
+        called.append(tuple(map(str, command[1:])))
+        if command[1] == "run":
+            Path(command[-1]).mkdir(parents=True)  # fails where there is one
+        return commands.Spent(float(len(called)), 0.5)
+
+    monkeypatch.setattr(commands, "spent", spent)
+    (rows,) = commands.commands(3, ("bay_trial",)).values()
+    assert [row["command"] for row in rows][2:] == ["run", *commands.STAGES]
+    assert [c[0] for c in called[10:]] == [s for s in reversed(commands.STAGES) for _ in "abc"]
+    assert all(row["to"] - row["from"] == 2.0 and row["processor_s"] == 0.5 for row in rows)
+    monkeypatch.undo()
+    assert real((commands.PROGRAM, "--help")).processor_s > 0.0
+    with pytest.raises(subprocess.CalledProcessError):
+        real((commands.PROGRAM, "status", "nowhere"))
 
 
 def test_a_tiled_log_is_read_and_its_growth_told(tmp_path) -> None:

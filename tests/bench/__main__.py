@@ -36,6 +36,7 @@ PARTS = (
     "plans",
     "speed",
     "identify",
+    "commands",
     "length",
     "day",
     "whole",
@@ -46,6 +47,7 @@ HOW = {
     "recovery": "; {seeds} trials, seeds 0 to {last}",
     "speed": "; medians of {repeats} repetitions",
     "identify": "; medians of {repeats} repetitions",
+    "commands": "; medians of {repeats} repetitions, two cores with no other work",
     "length": "; medians of {few} repetitions",
     "day": "; medians of {few} repetitions",
     "campaign-cost": "; season of the generator in which nothing happens, seed 0; processor time",
@@ -91,6 +93,7 @@ def _run(part: str, repeats: int, seeds: int) -> Any:
     from tests.bench.against_casadi import casadi
     from tests.bench.band import band
     from tests.bench.campaign_cost import campaign_cost
+    from tests.bench.commands import commands
     from tests.bench.day import day
     from tests.bench.exports import exports
     from tests.bench.left_out import left_out
@@ -104,6 +107,7 @@ def _run(part: str, repeats: int, seeds: int) -> Any:
         "tanker": lambda: samples.tanker(),
         "speed": lambda: {"one pass": speed.passes(repeats)},
         "identify": lambda: {"identification": speed.whole(repeats), "memory": speed.memory()},
+        "commands": lambda: commands(repeats),
         "recovery": lambda: recovery.recovery(seeds),
         "plans": lambda: {"held-out errors": speed.plans()},
         "left-out": lambda: {"each zigzag of the KVLCC2 from the others": left_out()},
