@@ -57,22 +57,6 @@ NOWHERE, NO_STEP = np.zeros(0, dtype=np.int64), np.zeros((0, 2))
 
 
 @kernel
-def delayed_at(command, k, whole, share):
-    """Step mean k of a held command that arrives `whole` steps and a share of one later."""
-    n = command.shape[0]
-    first, before = min(max(k - whole, 0), n - 1), min(max(k - whole - 1, 0), n - 1)
-    return (1.0 - share) * command[first] + share * command[before]
-
-
-@kernel
-def delayed(command, steps, out):
-    """Step means of a held command that arrives `steps` (a fraction, either sign) later."""
-    whole = math.floor(steps)
-    for k in range(command.shape[0]):
-        out[k] = delayed_at(command, k, whole, steps - whole)
-
-
-@kernel
 def servo_angle(command, lag, slowness, deadband, half_width, asymmetry, dt, out):
     """Step means of the angle of a servo.
 
@@ -169,28 +153,81 @@ def share_fallen(elapsed, time, undecided):
 
 
 @kernel
+def servo_parts(e, dt, share, parts):
+    """Fill the constants (2, 4) of a servo with effects e (18,), see `follow`."""
+    for part in range(2):
+        lasts = dt * (1.0 - share if part else share)
+        if lasts > 0.0:
+            h, keep, most, trailing = servo_constants(e[LAG], e[SLOWNESS], lasts)
+            parts[part, 0], parts[part, 1], parts[part, 2], parts[part, 3] = h, keep, most, trailing
+
+
+@kernel
+def follow(before, order, share, parts, e, half_width, taken, angle):
+    """One step of a servo whose order arrives late.
+
+    For the first share of the step it goes after the order before, for the rest after the new one.
+    A servo that goes after their mean instead does not feel a small delay at all as long as it
+    turns as fast as it can, and a fit comes to rest where the delay is a whole number of steps.
+
+    Parameters
+    ----------
+    before, order : float
+        [rad]
+    share : float
+        Of the step, at which the order arrives.
+    parts : (2, 4) array
+        From `servo_parts`.
+    e : (18,) array
+        Internal values in the order of `COMMAND`.
+    half_width : float
+        Of the play [rad].
+    taken, angle : float
+        Order behind the play, and angle of the servo, when the step begins [rad].
+
+    Returns
+    -------
+    float
+        Mean angle over the step.
+    float, float
+        `taken` and `angle` at its end.
+    """
+    mean = 0.0
+    for part in range(2):
+        lasts = 1.0 - share if part else share
+        if lasts > 0.0:
+            taken = taken_up(order if part else before, taken, e[DEADBAND], half_width)
+            target = unequal(taken, e[ASYMMETRY])
+            h, keep, most, trailing = parts[part]
+            reached, angle = turned(target, angle, e[SLOWNESS], h, keep, most, trailing)
+            mean += lasts * reached
+    return mean, taken, angle
+
+
+@kernel
 def _turn_fins(command, dt, e, angle):
     """Angles (v, n) of the servo with each of some effects e (v, 18).
 
     Row by row, as the processor works on several servos at a time but on one row of each.
     """
-    count, constants = e.shape[0], np.empty((e.shape[0], 5))
+    count, parts, last = e.shape[0], np.ones((e.shape[0], 2, 4)), command.shape[0] - 1
     taken, reached, whole = np.zeros(count), np.zeros(count), np.empty(count, np.int64)
+    share = np.empty(count)
     for v in range(count):
-        h, keep, most, trailing = servo_constants(e[v, LAG], e[v, SLOWNESS], dt)
-        constants[v, 0], constants[v, 1], constants[v, 2], constants[v, 3] = h, keep, most, trailing
         whole[v] = math.floor(e[v, DELAY] / dt)
-        constants[v, 4] = e[v, DELAY] / dt - whole[v]
+        share[v] = e[v, DELAY] / dt - whole[v]
+        servo_parts(e[v], dt, share[v], parts[v])
     for k in range(command.shape[0]):
         for v in range(count):
-            h, keep, most = constants[v, 0], constants[v, 1], constants[v, 2]
-            trailing, share = constants[v, 3], constants[v, 4]
-            ordered = delayed_at(command, k, whole[v], share)
-            half_width = e[v, BACKLASH] if k > 0 else 0.0
-            taken[v] = taken_up(ordered, taken[v], e[v, DEADBAND], half_width)
-            target = unequal(taken[v], e[v, ASYMMETRY])
-            start = target if k == 0 else reached[v]
-            angle[v, k], reached[v] = turned(target, start, e[v, SLOWNESS], h, keep, most, trailing)
+            order = command[min(max(k - whole[v], 0), last)]
+            before = command[min(max(k - whole[v] - 1, 0), last)]
+            half_width = e[v, BACKLASH]
+            if k == 0:  # it has arrived, and the play is where the order left it
+                half_width, first = 0.0, before if share[v] > 0.0 else order
+                reached[v] = unequal(taken_up(first, 0.0, e[v, DEADBAND], 0.0), e[v, ASYMMETRY])
+            angle[v, k], taken[v], reached[v] = follow(
+                before, order, share[v], parts[v], e[v], half_width, taken[v], reached[v]
+            )
 
 
 @kernel

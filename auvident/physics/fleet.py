@@ -15,17 +15,13 @@ from auvident.jit import kernel
 from auvident.physics.actuation import (
     ASYMMETRY,
     BACKLASH,
-    DEADBAND,
     DELAY,
-    LAG,
     SLOWNESS,
     command_values,
     felt_angle,
-    servo_constants,
-    taken_up,
+    follow,
+    servo_parts,
     thrust_of,
-    turned,
-    unequal,
 )
 from auvident.physics.batch import (
     invert_masses,
@@ -74,13 +70,14 @@ def _rates(x, fin, revs, e, inputs, held, system, work, out):
 
 
 @kernel
-def _turn(ordered, dt, e, taken, angle, mean):
+def _turn(before, ordered, share, dt, e, taken, angle, mean):
     """Step means of the servo angles (S,); play and angle go on to the end of the step."""
+    parts = np.ones((2, 4))
     for s in range(ordered.shape[0]):
-        h, keep, most, trailing = servo_constants(e[s, LAG], e[s, SLOWNESS], dt)
-        taken[s] = taken_up(ordered[s], taken[s], e[s, DEADBAND], e[s, BACKLASH])
-        target = unequal(taken[s], e[s, ASYMMETRY])
-        mean[s], angle[s] = turned(target, angle[s], e[s, SLOWNESS], h, keep, most, trailing)
+        servo_parts(e[s], dt, share[s], parts)
+        mean[s], taken[s], angle[s] = follow(
+            before[s], ordered[s], share[s], parts, e[s], e[s, BACKLASH], taken[s], angle[s]
+        )
 
 
 @kernel
@@ -204,10 +201,11 @@ class Servos:
     def follow(self, order: Array) -> Array:
         """Mean angle (S,) over the step in which an order is given."""
         self._orders = [*self._orders[1:], order]
-        told, mean = order, np.empty(self.fleet.size)
+        before, told, mean = order, order, np.empty(self.fleet.size)
         if len(self._orders) > 2 or self._share.any():
             table, models = np.array(self._orders), np.arange(self.fleet.size)
             at = len(table) - 1 - self._whole
-            told = (1.0 - self._share) * table[at, models] + self._share * table[at - 1, models]
-        _turn(told, self.dt_s, self.fleet.command, self.taken, self.angle, mean)
+            before, told = table[at - 1, models], table[at, models]
+        own = self.fleet.command, self.taken, self.angle
+        _turn(before, told, self._share, self.dt_s, *own, mean)
         return mean

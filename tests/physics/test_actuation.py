@@ -346,3 +346,30 @@ def test_the_servo_does_not_care_for_the_step_of_the_log() -> None:
     fine = rudder(np.repeat(command, 2), dt=DT / 2, **ALL).reshape(-1, 2).mean(axis=1)
     # where the limit ends within a substep: at most half a substep of the slewing
     np.testing.assert_allclose(coarse, fine, atol=0.5 * DT / SUBSTEPS * np.radians(15.0))
+
+
+@pytest.mark.parametrize("delay_s", [0.01, 0.04, 0.05, 0.099, 0.1, 0.13, 0.37])
+@pytest.mark.parametrize(
+    "servo", [{}, {"rudder_lag__lag_s": 0.3}, {"rudder_rate_limit__rate_degps": 20.0}]
+)
+def test_a_servo_is_as_late_as_its_order(delay_s: float, servo: dict[str, float]) -> None:
+    """The area lost is the step times the delay, also where the servo turns as fast as it can.
+
+    A servo that went after the mean of the orders in a step would turn as far in it with a small
+    delay as without: the likelihood had an edge at every whole number of steps.
+    """
+    own = np.r_[np.zeros(20), np.full(100, 0.35)]
+    lost = DT * np.sum(rudder(own, **servo) - rudder(own, rudder_delay__delay_s=delay_s, **servo))
+    assert lost == pytest.approx(0.35 * delay_s, rel=1e-6)
+
+
+def test_a_delay_has_a_slope_on_both_sides() -> None:
+    """Where it is a whole number of steps as anywhere else."""
+    own, limit = helms(3), {"rudder_rate_limit__rate_degps": 30.0}
+
+    def angle(delay_s: float) -> np.ndarray:
+        return rudder(own, rudder_delay__delay_s=delay_s, **limit)
+
+    small = 1e-3
+    before, after = angle(0.2) - angle(0.2 - small), angle(0.2 + small) - angle(0.2)
+    assert np.abs(np.convolve(after - before, np.ones(8))).max() < 0.02 * np.abs(before).max() * 8

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auvident.physics.actuation import COMMAND, delayed, servo_angle
+from auvident.physics.actuation import COMMAND, acting_inputs
 from auvident.physics.batch import inverse_mass
 from auvident.physics.dynamics import N_STATES, step
 from auvident.physics.fleet import Fleet, Servos, possible
@@ -81,9 +81,8 @@ def test_the_servo_is_that_of_the_logged_inputs() -> None:
     orders[:10] = 0.0  # the servos begin amidships
     servos = Servos(fleet, np.zeros(2), dt)
     followed = np.array([servos.follow(np.full(2, order)) for order in orders])
-    late, expected = np.empty(200), np.empty(200)
-    delayed(orders, e[0] / dt, late)
-    servo_angle(late, 0.2, 2.0, 0.01, 0.02, 0.1, dt, expected)
+    raw, zero = np.column_stack([orders, 0.0 * orders, 0.0 * orders]), np.zeros(200)
+    expected = acting_inputs(raw, zero, zero, zero, zero, dt, e)[:, 0]
     np.testing.assert_allclose(followed[:, 1], expected, atol=1e-14)
     np.testing.assert_allclose(followed[:, 0], orders, atol=1e-14)  # a model without a servo
 

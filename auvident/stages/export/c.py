@@ -104,13 +104,14 @@ static size_t within(double row, size_t rows)
     return row < 0.0 ? 0 : row > (double)(rows - 1) ? rows - 1 : (size_t)row;
 }
 
-// Mean order of the fin over step k, the delay later.
-static double delayed(const double *orders, size_t rows, size_t k, double dt_s)
+// Mean angle of the fin over step k, in which an order arrives the delay later.
+static double delayed(memory *m, const double *orders, size_t rows, size_t k, double dt_s)
 {
     const double whole = floor(FIN_DELAY_S / dt_s), share = FIN_DELAY_S / dt_s - whole;
     const size_t first = within((double)k - whole, rows);
     const size_t before = within((double)k - whole - 1.0, rows);
-    return (1.0 - share) * orders[3 * first] + share * orders[3 * before];
+    const double early = share > 0.0 ? share * laid(m, orders[3 * before], share * dt_s) : 0.0;
+    return early + (1.0 - share) * laid(m, orders[3 * first], (1.0 - share) * dt_s);
 }
 """
 SERVO = """
@@ -157,7 +158,7 @@ static double fallen(double since_s, double over_s)
     return since_s < 0.0 ? 0.0 : since_s < over_s ? since_s / over_s : 1.0;
 }
 """
-ACTING = """
+MEMORY = """
 // What servo and propeller remember from one step to the next; zero before the first one.
 typedef struct {
     double fin;     // angle of the servo
@@ -166,30 +167,39 @@ typedef struct {
     int fin_given;  // whether the angle of the servo before the first step is given
     int begun;
 } memory;
-
+"""
+LAID = """
+// Mean angle of the fin while an order stands.
+static double laid(memory *m, double order, double lasts_s)
+{
+[deadband]    order = copysign(fmax(fabs(order) - FIN_DEADBAND_RAD, 0.0), order);
+[backlash]    if (m->begun)
+[backlash]        order = fmin(fmax(m->taken, order - FIN_BACKLASH_RAD), order + FIN_BACKLASH_RAD);
+[backlash]    m->taken = order;
+[asymmetry]    order *= order > 0.0 ? 1.0 + FIN_ASYMMETRY : 1.0 - FIN_ASYMMETRY;
+    if (!m->fin_given) m->fin = order;
+    m->fin_given = 1;
+    return servo(&m->fin, order, lasts_s);
+}
+"""
+ACTING = """
 // What else the inputs depend on.
 typedef struct {
     double time_s; // since the start of the trial
     double speed_mps, roll_rad, pitch_rad, depth_m;
 } surroundings;
 
-// Inputs as they act over a step; order is that of the fin, after its delay.
-static void act(memory *m, double order, const double row[3], double dt_s, const surroundings *s,
+// Inputs as they act over a step; angle is the mean of the servo, see laid.
+static void act(memory *m, double angle, const double row[3], double dt_s, const surroundings *s,
                 double acting[@columns@])
 {
-    double angle, rate = row[2];
+    double rate = row[2];
 [drive]    double thrust;
 [factor]    double factor = 1.0;
 [changed]    const double weight =
 [changed]        fallen(s->time_s - WEIGHT_CHANGE_TIME_S, WEIGHT_CHANGE_OVER_S);
     (void)s;
-[deadband]    order = copysign(fmax(fabs(order) - FIN_DEADBAND_RAD, 0.0), order);
-[backlash]    if (m->begun)
-[backlash]        order = fmin(fmax(m->taken, order - FIN_BACKLASH_RAD), order + FIN_BACKLASH_RAD);
-[backlash]    m->taken = order;
-[asymmetry]    order *= order > 0.0 ? 1.0 + FIN_ASYMMETRY : 1.0 - FIN_ASYMMETRY;
-    if (!m->begun && !m->fin_given) m->fin = order;
-    angle = servo(&m->fin, order, dt_s);
+[!motor]    (void)dt_s;
 [motor]    if (!m->begun) m->turning = rate;
 [motor]    rate = propeller(&m->turning, rate, dt_s);
     m->begun = 1;
@@ -217,8 +227,8 @@ void auvident_simulate(const double x[4], const double *inputs, size_t rows, dou
     m.fin_given = o->fin_given;
     for (i = 0; i < 4 && rows > 0; i++) states[i] = x[i];
     for (k = 0; k + 1 < o->before + rows; k++) {
-[!delay]        const double order = inputs[3 * k];
-[delay]        const double order = delayed(inputs, o->before + rows, k, dt_s);
+[!delay]        const double angle = laid(&m, inputs[3 * k], dt_s);
+[delay]        const double angle = delayed(&m, inputs, o->before + rows, k, dt_s);
         surroundings s = {0.0, 0.0, 0.0, 0.0, 0.0};
         double acting[@columns@];
         if (k >= o->before) {
@@ -229,7 +239,7 @@ void auvident_simulate(const double x[4], const double *inputs, size_t rows, dou
             s.pitch_rad = o->pitch_rad ? o->pitch_rad[i] : 0.0;
             s.depth_m = o->depth_m ? o->depth_m[i] : 0.0;
         }
-        act(&m, order, inputs + 3 * k, dt_s, &s, acting);
+        act(&m, angle, inputs + 3 * k, dt_s, &s, acting);
         if (k < o->before) continue;
         i = k - o->before;
         auvident_step(states + 4 * i, acting, dt_s, states + 4 * (i + 1));
@@ -252,8 +262,10 @@ WATER = """
 # feature without which a part is left out, and the part
 PARTS = (
     ("", MOTION),
-    ("delay", DELAYED),
+    ("", MEMORY),
     ("", SERVO),
+    ("", LAID),
+    ("delay", DELAYED),
     ("motor", PROPELLER),
     ("fallen", FALLEN),
     ("", ACTING),

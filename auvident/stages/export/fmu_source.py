@@ -98,10 +98,12 @@ static void velocity(const fmu *f, double out[2])
 }
 """
 DELAY = """
-// Mean order of the fin over a step that begins now, the delay later.
+// Mean angle of the fin over a step that begins now, in which orders arrive the delay later.
 static double arriving(fmu *f, double order, double dt_s)
 {
-    double wait = fmax(FIN_DELAY_S, 0.0), left = dt_s, sum = 0.0, oldest = order;
+    double wait = fmax(FIN_DELAY_S, 0.0), left = dt_s, angle = 0.0, oldest = order;
+    double told[ORDERS + 1], lasts[ORDERS + 1];
+    size_t parts = 0;
     const size_t at = f->orders++ % ORDERS, kept = f->orders < ORDERS ? f->orders : ORDERS;
     size_t k;
     f->order[at] = order;
@@ -115,11 +117,18 @@ static double arriving(fmu *f, double order, double dt_s)
             continue;
         }
         part = fmin(f->span[i] - wait, left);
-        sum += part * oldest;
+        told[parts] = oldest;
+        lasts[parts++] = part;
         left -= part;
         wait = 0.0;
     }
-    return (sum + fmax(left, 0.0) * oldest) / dt_s;
+    if (left > 0.0) {
+        told[parts] = oldest;
+        lasts[parts++] = left;
+    }
+    while (parts-- > 0)
+        angle += lasts[parts] / dt_s * laid(&f->servo, told[parts], lasts[parts]);
+    return angle;
 }
 """
 STEP = """
@@ -137,7 +146,7 @@ static void advance(fmu *f, double time_s, double dt_s)
 [pitch_rad]    s.pitch_rad = f->number[PITCH_RAD];
 [speed_mps]    if (f->flag[LOG_GIVEN]) s.speed_mps = f->number[LOG_SPEED_MPS];
 [depth_m]    if (f->flag[LOG_GIVEN]) s.depth_m = f->number[LOG_DEPTH_M];
-[!delay]    act(&f->servo, row[0], row, dt_s, &s, acting);
+[!delay]    act(&f->servo, laid(&f->servo, row[0], dt_s), row, dt_s, &s, acting);
 [delay]    act(&f->servo, arriving(f, row[0], dt_s), row, dt_s, &s, acting);
     velocity(f, before);
     auvident_step(f->x, acting, dt_s, next);

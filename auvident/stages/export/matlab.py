@@ -81,15 +81,20 @@ end
 end
 """
 DELAYED = """
-function order = delayed(orders, k, dt_s)
-% mean order of the fin over step k, the delay later
+function [told, lasts_s] = delayed(orders, k, dt_s)
+% orders of the fin that arrive in step k, the delay later, and how long each one stands
 FIN_DELAY_S = @FIN_DELAY_S@;
 whole = floor(FIN_DELAY_S / dt_s);
 share = FIN_DELAY_S / dt_s - whole;
 last = size(orders, 1);
 first = min(max(k - whole, 1), last);
 before = min(max(k - whole - 1, 1), last);
-order = (1.0 - share)*orders(first, 1) + share*orders(before, 1);
+told = [orders(before, 1), orders(first, 1)];
+lasts_s = [share, 1.0 - share]*dt_s;
+if share <= 0.0
+    told = told(2);
+    lasts_s = lasts_s(2);
+end
 end
 """
 SERVO = """
@@ -143,30 +148,43 @@ end
 end
 """
 ACTUATORS = """
-function moved = actuators(orders, dt_s, fin)
-% mean angle of the fin and mean rate of the propeller over every step of the orders
+function [angle, fin, taken] = laid(fin, taken, order, lasts_s)
+% mean angle of the fin while an order stands; then its angle and the order behind the play
 [deadband]FIN_DEADBAND_RAD = @FIN_DEADBAND_RAD@;
 [backlash]FIN_BACKLASH_RAD = @FIN_BACKLASH_RAD@;
 [asymmetry]FIN_ASYMMETRY = @FIN_ASYMMETRY@;
+[deadband]order = (1 - 2*(order < 0))*max(abs(order) - FIN_DEADBAND_RAD, 0.0);
+[backlash]if ~isempty(taken)
+[backlash]    order = min(max(taken, order - FIN_BACKLASH_RAD), order + FIN_BACKLASH_RAD);
+[backlash]end
+taken = order;
+[asymmetry]if order > 0.0
+[asymmetry]    order = order*(1.0 + FIN_ASYMMETRY);
+[asymmetry]else
+[asymmetry]    order = order*(1.0 - FIN_ASYMMETRY);
+[asymmetry]end
+if isempty(fin)
+    fin = order;
+end
+[angle, fin] = servo(fin, order, lasts_s);
+end
+
+function moved = actuators(orders, dt_s, fin)
+% mean angle of the fin and mean rate of the propeller over every step of the orders
 moved = zeros(size(orders, 1), 2);
+taken = [];
 [motor]rate = orders(1, 3);
 for k = 1:size(orders, 1)
-[!delay]    order = orders(k, 1);
-[delay]    order = delayed(orders, k, dt_s);
-[deadband]    order = (1 - 2*(order < 0))*max(abs(order) - FIN_DEADBAND_RAD, 0.0);
-[backlash]    if k > 1
-[backlash]        order = min(max(taken, order - FIN_BACKLASH_RAD), order + FIN_BACKLASH_RAD);
-[backlash]    end
-[backlash]    taken = order;
-[asymmetry]    if order > 0.0
-[asymmetry]        order = order*(1.0 + FIN_ASYMMETRY);
-[asymmetry]    else
-[asymmetry]        order = order*(1.0 - FIN_ASYMMETRY);
-[asymmetry]    end
-    if isempty(fin)
-        fin = order;
-    end
-    [moved(k, 1), fin] = servo(fin, order, dt_s);
+[!delay]    [moved(k, 1), fin, taken] = laid(fin, taken, orders(k, 1), dt_s);
+[delay]    [told, lasts_s] = delayed(orders, k, dt_s);
+[delay]    play = taken;
+[delay]    for part = 1:numel(told)
+[delay]        [mean_angle, fin, taken] = laid(fin, play, told(part), lasts_s(part));
+[delay]        moved(k, 1) = moved(k, 1) + lasts_s(part) / dt_s*mean_angle;
+[delay]        if k > 1
+[delay]            play = taken;
+[delay]        end
+[delay]    end
 [!motor]    moved(k, 2) = orders(k, 3);
 [motor]    [moved(k, 2), rate] = propeller(rate, orders(k, 3), dt_s);
 end

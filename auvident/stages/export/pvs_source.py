@@ -137,24 +137,34 @@ class Fin:
         self.orders, self.taken = [], None
 
     def arriving(self, order, dt):
-        """Mean order over a step that begins now, the delay later."""
+        """Orders that arrive in a step, the delay later, and how long each one stands."""
         self.orders.append((order, dt))
-        wait, left, total = self.delay, dt, 0.0
+        wait, left, told = self.delay, dt, []
         for k in range(len(self.orders) - 1, -1, -1):
             order, span = self.orders[k]
             if wait >= span:
                 wait -= span
                 continue
             part = min(span - wait, left)
-            total, left, wait = total + part * order, left - part, 0.0
+            told.append((order, part))
+            left, wait = left - part, 0.0
             if left <= 0.0:
                 del self.orders[:k]
                 break
-        return (total + max(left, 0.0) * order) / dt
+        if left > 0.0:
+            told.append((order, left))
+        return told[::-1]
 
     def turned(self, angle, order, dt):
         """Mean angle over a step from its angle at the start, and that at the end."""
-        order = self.arriving(order, dt)
+        mean = 0.0
+        for told, lasts in self.arriving(order, dt):
+            part, angle = self.laid(angle, told, lasts)
+            mean += lasts / dt * part
+        return mean, angle
+
+    def laid(self, angle, order, dt):
+        """The same while an order stands."""
         order = math.copysign(max(abs(order) - self.deadband, 0.0), order)
         if self.taken is not None:
             order = min(max(self.taken, order - self.backlash), order + self.backlash)

@@ -73,11 +73,12 @@ def step(state, inputs, dt_s):
 DELAYED = '''
 
 def delayed(orders, k, dt_s):
-    """Mean order of the fin over step k, the delay later."""
+    """Orders of the fin that arrive in step k, the delay later, and how long each one stands."""
     whole = floor(FIN_DELAY_S / dt_s)
     share, last = FIN_DELAY_S / dt_s - whole, len(orders) - 1
     first, before = min(max(k - whole, 0), last), min(max(k - whole - 1, 0), last)
-    return (1.0 - share) * orders[first][0] + share * orders[before][0]
+    now = (orders[first][0], (1.0 - share) * dt_s)
+    return [(orders[before][0], share * dt_s), now] if share > 0.0 else [now]
 '''
 SERVO = '''
 
@@ -119,19 +120,27 @@ def fallen(since_s, over_s):
 '''
 ACTUATORS = '''
 
+def laid(fin, taken, order, lasts_s):
+    """Mean angle of the fin while an order stands; then its angle and the order behind the play."""
+[deadband]    order = copysign(max(abs(order) - FIN_DEADBAND_RAD, 0.0), order)
+[backlash]    if taken is not None:
+[backlash]        order = min(max(taken, order - FIN_BACKLASH_RAD), order + FIN_BACKLASH_RAD)
+    taken = order
+[asymmetry]    order *= 1.0 + FIN_ASYMMETRY if order > 0.0 else 1.0 - FIN_ASYMMETRY
+    mean, fin = servo(order if fin is None else fin, order, lasts_s)
+    return mean, fin, taken
+
+
 def actuators(orders, dt_s, fin=None):
     """Mean angle of the fin and mean rate of the propeller over every step of the orders."""
-[!motor]    moved = []
-[motor]    moved, rate = [], orders[0][2]
+[!motor]    moved, taken = [], None
+[motor]    moved, taken, rate = [], None, orders[0][2]
     for k, row in enumerate(orders):
-[!delay]        order = row[0]
-[delay]        order = delayed(orders, k, dt_s)
-[deadband]        order = copysign(max(abs(order) - FIN_DEADBAND_RAD, 0.0), order)
-[backlash]        if k > 0:
-[backlash]            order = min(max(taken, order - FIN_BACKLASH_RAD), order + FIN_BACKLASH_RAD)
-[backlash]        taken = order
-[asymmetry]        order *= 1.0 + FIN_ASYMMETRY if order > 0.0 else 1.0 - FIN_ASYMMETRY
-        angle, fin = servo(order if fin is None else fin, order, dt_s)
+[!delay]        angle, fin, taken = laid(fin, taken, row[0], dt_s)
+[delay]        angle, play = 0.0, taken
+[delay]        for order, lasts_s in delayed(orders, k, dt_s):
+[delay]            mean, fin, taken = laid(fin, play, order, lasts_s)
+[delay]            angle, play = angle + lasts_s / dt_s * mean, taken if k > 0 else None
 [!motor]        moved.append((angle, row[2]))
 [motor]        mean, rate = propeller(rate, row[2], dt_s)
 [motor]        moved.append((angle, mean))
