@@ -38,7 +38,11 @@ def statement(
         ``remaining`` of the artifacts: see `remaining_of`.
     """
     pieces = {
-        "none_found": lambda: [nothing_found(sees), too_little(left.get("sizes", ()))],
+        "none_found": lambda: [
+            nothing_found(sees),
+            too_little(left.get("sizes", ())),
+            too_weak(left.get("nearest")),
+        ],
         "effect_found": lambda: [found(effects)],
         "ambiguous": lambda: [found(effects), alike(groups, separate_by)],
         "partly_explained": lambda: [
@@ -52,9 +56,12 @@ def statement(
 
 
 def remaining_of(
-    verdict: Verdict, unexplained: Mapping[str, Any], sizes: Sequence[Mapping[str, Any]]
+    verdict: Verdict,
+    unexplained: Mapping[str, Any],
+    sizes: Sequence[Mapping[str, Any]],
+    nearest: str | None = None,
 ) -> dict[str, Any]:
-    """What ``remaining`` says: beside effects that stand, or too small to be anything.
+    """What ``remaining`` says: beside effects that stand, or too little to be anything.
 
     Parameters
     ----------
@@ -63,13 +70,23 @@ def remaining_of(
     sizes : sequence of mapping
         ``channel``, ``noises`` (the residual over the noise of the sensor) and ``share`` (over the
         standard deviation of the channel) of what is more than a complete model leaves.
+    nearest : str, optional
+        The effect that came closest, where nothing was found.
     """
     if verdict == "none_found":
-        return {"channels": [], "correlates": [], "sizes": list(sizes)} if sizes else {}
+        nothing = {"channels": [], "correlates": [], "sizes": list(sizes), "nearest": nearest}
+        return nothing if sizes or nearest else {}
     if verdict != "partly_explained":
         return {}
     named = {key: unexplained.get(key) or [] for key in ("channels", "correlates")}
     return {**named, "sizes": list(sizes)}
+
+
+def too_weak(nearest: str | None) -> str:
+    """The statement that the evidence for an effect was too weak; empty where there is none."""
+    if not nearest:
+        return ""
+    return f"Closest came {words_of(nearest)}, on evidence too weak to claim it."
 
 
 def too_little(sizes: Sequence[Mapping[str, Any]]) -> str:

@@ -56,7 +56,8 @@ def claims_of(
     unexplained = {} if verdict == "none_found" else dict(diagnosis.unexplained)
     if doubted and verdict == "unexplained":
         unexplained["nearest"] = ", ".join(e.id for e in doubted)
-    remaining = remaining_of(verdict, unexplained, diagnosis.remaining.get("sizes", ()))
+    left = diagnosis.remaining
+    remaining = remaining_of(verdict, unexplained, left.get("sizes", ()), left.get("nearest"))
     by, sees = diagnosis.separate_by, diagnosis.sees
     said = statement(verdict, effects, groups, by, sees, unexplained, remaining)
     candidates = (_final_candidate(c, final, doubts.get(c.id, "")) for c in diagnosis.candidates)

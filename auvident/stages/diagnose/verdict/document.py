@@ -14,6 +14,7 @@ from auvident.stages.diagnose.verdict.checks import checks, correlate
 from auvident.stages.diagnose.verdict.effects import accepted, disturbances, nuisances
 from auvident.stages.diagnose.verdict.evidence import (
     Evidence,
+    closest_of,
     mattering,
     nearest_of,
     remainders,
@@ -41,8 +42,9 @@ def diagnosis_of(evidence: Evidence, model: IdentifiedModel) -> Diagnosis:
     sees = detectable(joint, evidence.candidates)
     named = [e for g in groups for e in g]
     by = separated_by(named, traced.case.plane.name) if groups else ""
-    unexplained = _remainder(evidence, left, nearest) if verdict in WITH_REMAINDER else {}
-    remaining = remaining_of(verdict, unexplained, [r.as_told() for r in rest])
+    closest = nearest if effects else nearest or closest_of(evidence)
+    unexplained = _remainder(evidence, left, closest) if verdict in WITH_REMAINDER else {}
+    remaining = remaining_of(verdict, unexplained, [r.as_told() for r in rest], closest)
     return Diagnosis(
         plane=model.plane,
         verdict=verdict,

@@ -17,6 +17,7 @@ from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted
 from auvident.stages.diagnose.score.free_forces import FREE_GAIN, FreeForce
 from auvident.stages.diagnose.select.candidates import Traced
+from auvident.stages.diagnose.select.rules import RULES_LEFT_OUT
 
 Array = npt.NDArray[np.float64]
 
@@ -108,6 +109,18 @@ def nearest_of(evidence: Evidence) -> str | None:
     beaten = rival.gain > BEATEN * named.gain and rival.gain > FREE_GAIN
     beside = something(evidence) and max(f.gain for f in evidence.free) > 0.5 * named.gain
     return named.id if beaten or beside else None
+
+
+def closest_of(evidence: Evidence) -> str | None:
+    """The candidate of most gain that was sound but for what it does to maneuvers left out.
+
+    Where nothing is named it is what a user looks at next. A hull with linear damping was told
+    that it lacks nothing, with that damping refused at its true size for helping half of them.
+    """
+    last, by = evidence.traced.rounds[-1], {rule.code for rule in RULES_LEFT_OUT}
+    refused = [t for t in last.tried if t.refusal is not None and t.refusal.code in by]
+    best = max(refused, key=lambda t: t.gain, default=None)
+    return best.id if best is not None else None
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from auvident.stages.diagnose.score.free_forces import FreeForce
 from auvident.stages.diagnose.score.left_out import Helped
 from auvident.stages.diagnose.select.candidates import Round, Traced, Tried
 from auvident.stages.diagnose.select.records import Account
+from auvident.stages.diagnose.select.rule import Refusal
 from auvident.stages.diagnose.verdict.carried import carried
 from auvident.stages.diagnose.verdict.document import diagnosis_of
 from auvident.stages.diagnose.verdict.evidence import (
@@ -163,7 +164,23 @@ def test_without_any_effect_a_remainder_is_unexplained_and_none_is_nothing() -> 
     nothing = replace(whole, traced=traced)
     assert said(nothing).verdict == "none_found"
     assert said(nothing).false_alarm_p is None  # no alarm, so none that could be false
+    assert (said(nothing).remaining, "Closest" in said(nothing).statement) == ({}, False)
     something = said(replace(nothing, free=(force(700.0),)))
     assert (something.verdict, something.effects) == ("unexplained", ())
     overfitted = said(replace(nothing, free=(force(700.0, helps=-1.0),)))
     assert overfitted.verdict == "none_found"
+
+
+@pytest.mark.parametrize(("code", "named"), [("evidence", True), ("small", False)])
+def test_what_came_closest_is_told_where_nothing_is_named(code: str, named: bool) -> None:
+    """If it was refused for the maneuvers left out alone, and not for its size."""
+    whole = evidence()
+    refused = replace(whole.traced.rounds[0].tried[0], refusal=Refusal(code, ""))
+    bare = replace(whole.traced.rounds[0], tried=(refused,), accepted=None)
+    traced = replace(whole.traced, final=whole.traced.baseline, rounds=(bare,))
+    quiet = said(replace(whole, traced=traced))
+    assert quiet.verdict == "none_found"
+    assert ("Closest came gyro bias, on evidence too weak" in quiet.statement) == named
+    assert (quiet.remaining.get("nearest") == "gyro_bias") == named
+    loud = said(replace(whole, traced=traced, free=(force(700.0),)))
+    assert (loud.verdict, loud.unexplained["nearest"] == "gyro_bias") == ("unexplained", named)
