@@ -49,6 +49,14 @@ class InputError(AuvidentError):
     exit_code = 3
 
 
+class MissingChannelError(InputError):
+    """A log lacks a channel that is needed; `column` names it."""
+
+    def __init__(self, problem: str, where: str = "", remedy: str = "", column: str = "") -> None:
+        super().__init__(problem, where, remedy)
+        self.column = column
+
+
 class ContradictionError(InputError):
     """What was logged contradicts the vehicle file or itself, beyond doubt.
 

@@ -154,11 +154,13 @@ def predict_whole(
     options: Mapping[str, Any],
 ) -> SimulatedTrial:
     """Simulate a log in six degrees of freedom; see `auvident.pipeline.predict.predict`."""
+    from auvident.stages.combine import of_coefficients_alone
+
     model, vehicle = find_whole(target)
     vehicle = signs_of(target, model, vehicle, vehicle_file, observer)
     trial = log_of_all_inputs(vehicle, log, column_map, rate_hz)
     table = predict_whole_trial(model, trial, seed, options)
-    return SimulatedTrial(trial.name, target, model, table)
+    return SimulatedTrial(trial.name, target, model, table, of_coefficients_alone(model))
 
 
 def log_of_all_inputs(
