@@ -115,6 +115,12 @@ def test_one_run_takes_the_other_plane_from_geometry(
     assert "horizontal plane" in called.err
 
 
+def test_a_vehicle_file_is_not_combined(auvident: Callable[..., Called]) -> None:
+    called = auvident("combine", VEHICLE)
+    assert called.code == 3
+    assert "is a vehicle file, not a run or a model" in called.err and "--vehicle" in called.err
+
+
 def test_a_run_of_both_planes_serves_alone(
     auvident: Callable[..., Called], runs: dict[str, Path], tmp_path: Path
 ) -> None:

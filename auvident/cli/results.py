@@ -18,6 +18,7 @@ from auvident.cli.common import (
     write_table,
 )
 from auvident.cli.ending import of_comparison, told_in_files
+from auvident.constants import BAND_SHARE
 from auvident.schema.places import BESIDE
 from auvident.schema.planes import PLANES, Plane
 
@@ -255,12 +256,10 @@ def _predict(
 
 def _band_of(made: "SimulatedTrial") -> dict[str, Any]:
     """What the band of each column holds a share of: readings, or the models drawn."""
-    from auvident.engines.predictive import NOMINAL
-
     banded = [c for c in made.table if f"{c}_low" in made.table]
     readings = [c for c in banded if c not in made.of_coefficients]
     models = [c for c in banded if c in made.of_coefficients]
-    return {"share": NOMINAL, "of_readings": readings, "of_sampled_models": models}
+    return {"share": BAND_SHARE, "of_readings": readings, "of_sampled_models": models}
 
 
 def _fly(

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import stdtrit
 
+from auvident.constants import BAND_SHARE
 from auvident.engines.carried import (
     frame_of,
     free_behind,
@@ -36,7 +37,7 @@ from auvident.schema.planes import BY_PLANE, Plane
 
 Array = npt.NDArray[Any]
 
-NOMINAL = 0.95  # share of the samples that a band is to hold
+NOMINAL = BAND_SHARE
 # of the models drawn, where a model tells of nothing but its coefficients
 OF_DRAWS = (50.0 * (1.0 - NOMINAL), 50.0 * (1.0 + NOMINAL))  # percentiles
 TRACK = "track"

@@ -38,7 +38,7 @@ SIGNS_ASSUMED = (
 class SimulatedTrial:
     """A simulation and what it was made from.
 
-    The band of the columns `of_coefficients` holds `auvident.engines.predictive.NOMINAL` of the
+    The band of the columns `of_coefficients` holds `auvident.constants.BAND_SHARE` of the
     models drawn, that of the others as much of the readings.
     """
 

@@ -48,7 +48,7 @@ def combine_runs(
     UsageError
         Two models of one plane.
     InputError
-        Models of different vehicles; no vehicle file.
+        Models of different vehicles; no vehicle file; a vehicle file in place of a model.
     StageError
         A run without a model.
     """
@@ -82,6 +82,13 @@ def models_of(target: Path) -> "list[tuple[Path, IdentifiedModel]]":
     """The models of a run, that of the other plane where it has one, or that of a file."""
     from auvident.schema.artifacts import IdentifiedModel
 
+    if target.suffix == ".toml":
+        raise InputError(
+            "is a vehicle file, not a run or a model",
+            str(target),
+            "Give run directories or files of models; a vehicle file goes with --vehicle. "
+            "`auvident simulate` flies one as it is.",
+        )
     path, model = find_model(target)
     found = [(path, model)]
     other = path.parent / BESIDE / path.name

@@ -106,7 +106,11 @@ def _run(part: str, repeats: int, seeds: int) -> Any:
         "loop": samples.loop,
         "tanker": lambda: samples.tanker(),
         "speed": lambda: {"one pass": speed.passes(repeats)},
-        "identify": lambda: {"identification": speed.whole(repeats), "memory": speed.memory()},
+        "identify": lambda: {
+            "identification": speed.whole(repeats),
+            "both planes": speed.both_planes(repeats),
+            "memory": speed.memory(),
+        },
         "commands": lambda: commands(repeats),
         "recovery": lambda: recovery.recovery(seeds),
         "plans": lambda: {"held-out errors": speed.plans()},
