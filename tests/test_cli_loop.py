@@ -149,7 +149,7 @@ def test_compare_takes_the_refined_model_and_its_errors(
 def test_effects_of_a_plane_are_told_in_its_terms(auvident: Callable[..., Called]) -> None:
     up, aside = (auvident("effects", "--plane", p).out for p in ("vertical", "horizontal"))
     assert "Z_0, M_0" in up and "Y_0" not in up and "N_vvr" not in up and "dy_m" not in up
-    assert "Y_0, N_0" in aside and "Z_0" not in aside and "dz_m" not in aside
+    assert "Y_0, N_0" in aside and "M_0" not in aside and "N_vvr, N_rrr" in aside
     assert "u and v" not in up and "u residual that turns with the heading" in up
     heads, *lines = up.splitlines()
     assert all(line[heads.index("how it shows") - 1] == " " for line in lines)

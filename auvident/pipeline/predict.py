@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from auvident.errors import InputError, MissingChannelError, StageError
+from auvident.errors import InputError, StageError
 from auvident.pipeline.freshness import is_of_this_run
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.planes import planes_of
@@ -211,7 +211,7 @@ def predict(
     if whole is not None:
         try:
             made = predict_whole(whole, log, observer=observer, **given)
-        except MissingChannelError as error:
+        except InputError as error:
             _without_other_fin(target, error, observer)
         else:
             observer.note(f"The whole vehicle is flown ({whole}); --plane chooses a plane.")
@@ -233,15 +233,15 @@ def _whole_of(target: Path, observer: Observer) -> Path | None:
     return None
 
 
-def _without_other_fin(target: Path, error: MissingChannelError, observer: Observer) -> None:
+def _without_other_fin(target: Path, error: InputError, observer: Observer) -> None:
     """Say that a plane is flown alone, as the log lacks an input of the other; else it is wrong."""
     from auvident.stages.simulate import INPUT_COLUMNS
 
     first = planes_of(RunDirectory(target))[0]
-    if error.column in INPUT_COLUMNS[first]:
+    if not error.lacks or error.lacks in INPUT_COLUMNS[first]:
         raise error
     observer.note(
-        f"The log has no {error.column}, which the whole vehicle needs: the model of the {first} "
+        f"The log has no {error.lacks}, which the whole vehicle needs: the model of the {first} "
         "plane is flown."
     )
 

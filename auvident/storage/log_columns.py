@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auvident.errors import InputError, MissingChannelError
+from auvident.errors import InputError
 from auvident.schema.channels import BY_QUANTITY, CHANNELS, Channel
 from auvident.schema.logs import (
     PERCENT,
@@ -378,7 +378,7 @@ def guess_column(channel: Channel, names: Sequence[str]) -> str | None:
 
 def missing_channel(
     channel: Channel, where: str, columns: Mapping[str, Sequence[str]]
-) -> MissingChannelError:
+) -> InputError:
     """Error for a needed channel that no file has, with what was found and a map entry.
 
     Parameters
@@ -396,13 +396,13 @@ def missing_channel(
     suffixes = " or ".join(_log_names(channel))
     entry = entry_text(channel, name or "your_column")
     place = f'[{channel.sensor}] file = "{file}", ' + entry.split("] ")[1]
-    return MissingChannelError(
+    return InputError(
         f"no column {suffixes} ({channel.meaning}) for {channel.sensor}; "
         f"found {found or 'nothing'}",
         where,
         f"Name the column in a map (--map; `auvident inspect` proposes one): {place}"
         + _without(channel),
-        channel.column,
+        lacks=channel.column,
     )
 
 
@@ -418,16 +418,16 @@ def _without(channel: Channel) -> str:
     return ""
 
 
-def missing_topic(channel: Channel, where: str, topics: Sequence[str]) -> MissingChannelError:
+def missing_topic(channel: Channel, where: str, topics: Sequence[str]) -> InputError:
     """Error for a needed channel that no topic of a container has under its own name."""
     names = " or ".join(_log_names(channel))
-    return MissingChannelError(
+    return InputError(
         f"no topic has {names} ({channel.meaning}) for {channel.sensor}; found {listed(topics)}",
         where,
         "Run `auvident inspect` on it, which proposes a map: "
         f'[{channel.sensor}] topic = "...", {channel.quantity} = '
         f'{{ column = "...", unit = "{USUAL_UNIT[channel.unit]}" }}',
-        channel.column,
+        lacks=channel.column,
     )
 
 

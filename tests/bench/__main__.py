@@ -46,7 +46,7 @@ PARTS = (
 HOW = {
     "recovery": "; {seeds} trials, seeds 0 to {last}",
     "speed": "; medians of {repeats} repetitions",
-    "identify": "; medians of {repeats} repetitions",
+    "identify": "; processor time, medians of {repeats} repetitions once compiled",
     "commands": "; medians of {repeats} repetitions, two cores with no other work",
     "length": "; medians of {few} repetitions",
     "day": "; medians of {few} repetitions",

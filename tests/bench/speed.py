@@ -139,7 +139,7 @@ def whole(repeats: int = 3, shares=(0.5, 1.0), plan: str = "refined") -> list[di
             m for m in chain.maneuvers.maneuvers if m.role == "identify" and m.shows("horizontal")
         ]
         for kind in ("ekf", "ukf"):
-            took = seconds(
+            took = processor_seconds(
                 lambda c=chain, k=kind: c.identify(filter=k, plan=plan_named(plan)), repeats
             )
             found.append(
@@ -149,7 +149,7 @@ def whole(repeats: int = 3, shares=(0.5, 1.0), plan: str = "refined") -> list[di
                     "maneuvers": len(used),
                     "trial_min": len(chain.trials[0].table) / chain.trials[0].rate_hz / 60.0,
                     "data_s": sum(m.t_end_s - m.t_start_s for m in used),
-                    "seconds": took,
+                    "processor_s": took,
                 }
             )
     return found
