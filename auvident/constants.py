@@ -38,3 +38,4 @@ FITTED_START_STD = 30.0
 DIAGNOSED_START_STD = 5.0
 
 NOT_BETTER = 1.0  # ratio of squared errors below which the data did not help
+BAND_SHARE = 0.95  # of the readings, that the band of a prediction is to hold

@@ -44,9 +44,16 @@ class UsageError(AuvidentError):
 
 
 class InputError(AuvidentError):
-    """A log, vehicle, map or plan file cannot be used."""
+    """A log, vehicle, map or plan file cannot be used.
+
+    `lacks` is the column of a needed channel that a log has not; else empty.
+    """
 
     exit_code = 3
+
+    def __init__(self, problem: str, where: str = "", remedy: str = "", lacks: str = "") -> None:
+        super().__init__(problem, where, remedy)
+        self.lacks = lacks
 
 
 class ContradictionError(InputError):

@@ -1,6 +1,8 @@
 """The benchmarks write their own sections of docs/benchmarks.md, and nothing else."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -152,3 +154,9 @@ def test_left_out_errors_stand_with_their_standard_errors() -> None:
     told = {"before": {"v": row, "track": row}, "after": {"v": row | {"nrmse": 0.2}}}
     (found,) = samples._crossed({"cross_validation": told})
     assert found == {"channel": "v", "before": "0.250 ± 0.050", "after": "0.200 ± 0.040"}
+
+
+def test_the_bench_of_the_whole_vehicle_needs_no_pytest() -> None:
+    code = "import sys; sys.modules['pytest'] = None; import tests.bench.whole"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

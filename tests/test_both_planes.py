@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from auvident.errors import GateError, NumericsError, UsageError
@@ -187,6 +188,39 @@ def test_commands_look_at_the_plane_that_is_named(whole: Path, tmp_path: Path) -
     assert "q_radps" in table.read_text().splitlines()[0]
     file = whole / "identify/vertical/model.json"
     assert call("export", file, "--plane", "horizontal").code == 3
+
+
+FLOWN = ("simulate", RUN, "--from", "770", "--to", "780", "--samples", "4", "--inputs")
+
+
+def test_a_log_is_flown_by_the_whole_vehicle(run: Path) -> None:
+    done = call(*FLOWN, "sample_logs/dive_trial")
+    assert done.code == 0, done.err
+    assert f"The whole vehicle is flown ({run}/combine/model.json)" in done.err
+    table = pd.read_parquet(run / "simulate/dive_trial-whole.parquet")
+    assert {"q_radps_low", "r_radps_low", "roll_rad"} <= set(table)
+    assert "not of the readings" in done.err and "of p_radps, roll_rad." in done.err
+    tree = json.loads(call(*FLOWN, "sample_logs/dive_trial", "--json").out)
+    assert tree["band"]["of_sampled_models"] == ["p_radps", "roll_rad"]
+    assert tree["band"]["share"] == 0.95 and "q_radps" in tree["band"]["of_readings"]
+
+
+def test_a_log_without_an_elevator_is_flown_in_the_first_plane(run: Path, tmp_path: Path) -> None:
+    log = tmp_path / "bare"
+    shutil.copytree(SAMPLES / "dive_trial", log, ignore=shutil.ignore_patterns("elevator*"))
+    done = call(*FLOWN, log)
+    assert done.code == 0, done.err
+    assert "The log has no elevator_rad" in done.err and "whole vehicle is flown" not in done.err
+    assert "r_radps" in pd.read_parquet(run / "simulate/bare.parquet")
+
+
+def test_a_whole_vehicle_out_of_date_is_not_flown(run: Path) -> None:
+    file = run / "combine/model.json"
+    file.write_text(file.read_text() + "\n")
+    done = call(*FLOWN, "sample_logs/dive_trial")
+    assert done.code == 0, done.err
+    assert "combine/model.json is out of date" in done.err
+    assert (run / "simulate/dive_trial.parquet").exists()
 
 
 def test_a_plane_that_a_run_has_not_is_refused(run: Path) -> None:

@@ -100,6 +100,8 @@ def test_a_vehicle_file_is_flown_from_its_geometry(auvident: Callable[..., Calle
     columns = json.loads(called.out)["columns"]
     wide = columns["pitch_rad_high"][-1] - columns["pitch_rad_low"][-1]
     assert wide > 0.0
+    assert "95 % of the sampled models, not of the readings" in called.err
+    assert json.loads(called.out)["band"]["of_readings"] == []
 
 
 def test_one_run_takes_the_other_plane_from_geometry(
@@ -111,6 +113,12 @@ def test_one_run_takes_the_other_plane_from_geometry(
     origin = {e.symbol: e.origin for e in model.entries}
     assert (origin["Y_uv"], origin["Z_uw"]) == ("geometry", "identified, vertical")
     assert "horizontal plane" in called.err
+
+
+def test_a_vehicle_file_is_not_combined(auvident: Callable[..., Called]) -> None:
+    called = auvident("combine", VEHICLE)
+    assert called.code == 3
+    assert "is a vehicle file, not a run or a model" in called.err and "--vehicle" in called.err
 
 
 def test_a_run_of_both_planes_serves_alone(

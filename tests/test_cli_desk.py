@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -82,6 +83,31 @@ def test_every_maneuver_is_told_and_drawn(samples: Path, auvident: Call, maneuve
     assert called.code == 0, called.err
     assert Path("f.svg").stat().st_size > 10_000
     assert "stability index G" in called.err
+
+
+def test_figures_of_the_vertical_plane_are_told_in_its_words(samples: Path, auvident: Call) -> None:
+    words = ("time to check yaw", "back on the course")
+    up = auvident("simulate", VEHICLE, "--maneuver", "vertical-zigzag:10/5").err
+    assert "time to check pitch" in up and not any(word in up for word in words)
+    aside = auvident("simulate", VEHICLE, "--maneuver", "zigzag").err
+    assert all(word in aside for word in words)
+
+
+@pytest.mark.parametrize("maneuver", ["spiral:20", "pull-out"])
+def test_what_has_died_away_is_zero_without_a_sign(
+    samples: Path, auvident: Call, maneuver: str
+) -> None:
+    told = auvident("simulate", VEHICLE, "--maneuver", maneuver, "--samples", "10").err
+    assert not re.search(r"[-−]0(\.0*)?(?![\d.])|e[-−]\d", told), told
+
+
+def test_a_bare_number_is_no_coefficient(samples: Path, auvident: Call) -> None:
+    Path("v.toml").write_text(Path(VEHICLE).read_text() + "\n[coefficients]\nY_uv = -28.6\n")
+    called = auvident("simulate", "v.toml", "--maneuver", "zigzag")
+    assert called.code == 3
+    assert called.err.count("{ value = ..., std = ... }") == 1
+    assert "[coefficients] Y_uv: -28.6 has no standard deviation" in called.err
+    assert "Known" not in called.err
 
 
 def test_a_seed_repeats_and_samples_can_be_left_out(samples: Path, auvident: Call) -> None:

@@ -146,6 +146,15 @@ def test_compare_takes_the_refined_model_and_its_errors(
     assert "current.north_mps" in called.err and "-0.1210 ± 0.0040" in called.err
 
 
+def test_effects_of_a_plane_are_told_in_its_terms(auvident: Callable[..., Called]) -> None:
+    up, aside = (auvident("effects", "--plane", p).out for p in ("vertical", "horizontal"))
+    assert "Z_0, M_0" in up and "Y_0" not in up and "N_vvr" not in up and "dy_m" not in up
+    assert "Y_0, N_0" in aside and "M_0" not in aside and "N_vvr, N_rrr" in aside
+    assert "u and v" not in up and "u residual that turns with the heading" in up
+    heads, *lines = up.splitlines()
+    assert all(line[heads.index("how it shows") - 1] == " " for line in lines)
+
+
 def test_effects_are_listed_from_the_table(auvident: Callable[..., Called]) -> None:
     lines = auvident("effects").out.splitlines()
     assert len(lines) == len(EFFECTS) + 1

@@ -80,7 +80,8 @@ class WholeModel:
         -------
         pandas.DataFrame
             ``time_s``, ``stretch``, inputs, velocities through the water, roll, pitch, heading,
-            way from the start, depth; ``..._low`` and ``..._high``: 5 and 95 % of the models drawn.
+            way from the start, depth; ``..._low`` and ``..._high``: band of 95 % of the
+            readings, or of the models drawn where the model tells of no errors of a channel.
 
         Raises
         ------

@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -18,15 +18,29 @@ from auvident.cli.common import (
     write_table,
 )
 from auvident.cli.ending import of_comparison, told_in_files
+from auvident.constants import BAND_SHARE
 from auvident.schema.places import BESIDE
 from auvident.schema.planes import PLANES, Plane
 
+if TYPE_CHECKING:
+    from auvident.pipeline.predict import SimulatedTrial
+
 MOST_SAMPLES = 10_000  # of a band: its edge is then known to 1 % of its width
-PLANE = click.option(
-    "--plane",
-    type=click.Choice(PLANES),
-    help="Plane of a run that has both.  [default: the first]",
+# of the files in RUN/simulate, by the folder that the model stands in
+MADE_OF = {BESIDE: f"-{BESIDE}", "combine": "-whole"}
+OF_MODELS_ALONE = (
+    "The band holds 95 % of the sampled models, not of the readings (no maneuver left out tells of "
+    "the errors of sensors and equations), of "
 )
+
+
+def plane_option(default: str = "the first") -> Any:
+    """``--plane`` of a command; `default` is what is taken without it."""
+    words = f"Plane of a run that has both.  [default: {default}]"
+    return click.option("--plane", type=click.Choice(PLANES), help=words)
+
+
+PLANE = plane_option()
 
 
 @command("status", "auvident status runs/demo")
@@ -92,7 +106,7 @@ def _other_libraries(rows: list[dict[str, Any]]) -> list[str]:
     help="Standard maneuver: turning-circle:15, zigzag:10/10, spiral:25, pull-out:15, depth-step:5 "
     "or vertical-zigzag:10/5 (deg, m; the defaults).",
 )
-@PLANE
+@plane_option("the whole vehicle, else the first")
 @click.option("--from", "from_s", type=float, metavar="SECONDS", help="Start of the simulation.")
 @click.option("--to", "to_s", type=float, metavar="SECONDS", help="End of the simulation.")
 @click.option(
@@ -166,9 +180,11 @@ def simulate(
     """Predict the motion from the inputs of a log, or fly a standard maneuver.
 
     With --inputs it starts from the measured state if the log has one, else on a straight run at
-    --speed or at the steady speed of the first propeller rate. The band holds 95 % of the
-    readings. The table is written to --output, else to RUN/simulate, else (MODEL) to standard
-    output.
+    --speed or at the steady speed of the first propeller rate. A RUN of both planes
+    flies the whole vehicle, unless --plane is given. The band holds 95 % of the readings; where the
+    errors of a model are not known (from geometry, of few maneuvers, roll), it holds 95 % of the
+    sampled models, and that is said. The table is written to --output, else to RUN/simulate, else
+    (MODEL) to standard output.
 
     With --maneuver it starts from a steady straight run. A RUN, a MODEL or a VEHICLE.toml will do;
     of the last its [coefficients] are used, the others are estimated from geometry. Angles on the
@@ -220,19 +236,30 @@ def _predict(
     with output.watch() as watch:
         made = predict(target, log, observer=watch, options=options, **data)
         if file is None and target.is_dir():
-            of = f"-{BESIDE}" if made.model_file.parent.name == BESIDE else ""
+            of = MADE_OF.get(made.model_file.parent.name, "")
             name = f"simulate/{made.trial}{of}.parquet"
             RunDirectory(target).refuse_link(name)
             file = target / name
         if file is not None:
             write_table(made.table, file)
             watch.note(f"{len(made.table)} rows written to {file} (model: {made.model_file})")
+        bare = [c for c in made.of_coefficients if f"{c}_low" in made.table]
+        if bare:
+            watch.note(f"{OF_MODELS_ALONE}{', '.join(bare)}.")
     if output.json:
         columns = {name: values.tolist() for name, values in made.table.items()}
         simulation = {"schema": "auvident/simulation/1", "trial": made.trial, "columns": columns}
-        output.artifact(simulation, "simulation")
+        output.artifact(simulation | {"band": _band_of(made)}, "simulation")
     elif file is None:
         output.text(made.table.to_csv(index=False).rstrip("\n"))
+
+
+def _band_of(made: "SimulatedTrial") -> dict[str, Any]:
+    """What the band of each column holds a share of: readings, or the models drawn."""
+    banded = [c for c in made.table if f"{c}_low" in made.table]
+    readings = [c for c in banded if c not in made.of_coefficients]
+    models = [c for c in banded if c in made.of_coefficients]
+    return {"share": BAND_SHARE, "of_readings": readings, "of_sampled_models": models}
 
 
 def _fly(

@@ -160,7 +160,10 @@ def exit_code(outputs: Any) -> int:
 @RUN
 @SEGMENT_OPTIONS
 def segment(output: Output, run: Path, hold_out: tuple[str, ...]) -> None:
-    """Find straight runs, turns and zigzags; choose which to identify from, which to hold out."""
+    """Find straight runs, turns, zigzags and depth steps; choose which to hold out.
+
+    A depth step is a straight run of which the depth changes: kind `straight` in the artifact.
+    """
     run_one(output, "segment", run, hold_out=hold_out)
 
 

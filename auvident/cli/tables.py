@@ -11,7 +11,7 @@ import click
 from auvident.cli.common import PATH, Output, command, completing
 from auvident.errors import UsageError
 from auvident.schema.effect import FAMILIES, Effect
-from auvident.schema.planes import PLANES
+from auvident.schema.planes import PLANES, Plane
 
 SIGNS = {1: "+", -1: "-", 0: "±"}
 
@@ -51,7 +51,7 @@ def coefficients(output: Output, plane: str | None) -> None:
 @command("effects", "auvident effects --family actuation")
 @click.option("--family", type=click.Choice(FAMILIES), help="Only the effects of this family.")
 @click.option("--plane", type=click.Choice(PLANES), help="Only the effects of this plane.")
-def effects(output: Output, family: str | None, plane: str | None) -> None:
+def effects(output: Output, family: str | None, plane: Plane | None) -> None:
     """List the effects that a model may lack: family, parameters with units, how each shows.
 
     `auvident diagnose` tests each of them; --json also has the equations, bounds and sources.
@@ -68,8 +68,9 @@ def effects(output: Output, family: str | None, plane: str | None) -> None:
         output.artifact({"schema": "auvident/effects/1", "effects": rows}, "effects")
         return
     heads = ("effect", "family", "parameters", "units")
-    widths = [max(map(len, column)) for column in zip(heads, *map(_cells, EFFECTS), strict=True)]
-    shown = [[*_cells(e), e.signature] for e in chosen]
+    listed = [heads, *(_cells(e, plane) for e in (chosen if plane else EFFECTS))]
+    widths = [max(map(len, column)) for column in zip(*listed, strict=True)]
+    shown = [[*_cells(e, plane), e.of_plane(plane)[1]] for e in chosen]
     _list(output, (*heads, "how it shows in the data"), shown, widths)
 
 
@@ -87,10 +88,11 @@ def _list(
         output.text("  ".join([*padded, cells[-1]]))
 
 
-def _cells(effect: Effect) -> tuple[str, ...]:
-    """First columns of an effect: name, family, parameters and their units."""
-    symbols = ", ".join(p.symbol for p in effect.parameters)
-    units = ", ".join(dict.fromkeys(p.unit for p in effect.parameters))
+def _cells(effect: Effect, plane: Plane | None = None) -> tuple[str, ...]:
+    """First columns of an effect: name, family, parameters (in a plane) and their units."""
+    parameters, _ = effect.of_plane(plane)
+    symbols = ", ".join(p.symbol for p in parameters)
+    units = ", ".join(dict.fromkeys(p.unit for p in parameters))
     return effect.id, effect.family, symbols, units
 
 

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import stdtrit
 
+from auvident.constants import BAND_SHARE
 from auvident.engines.carried import (
     frame_of,
     free_behind,
@@ -36,7 +37,9 @@ from auvident.schema.planes import BY_PLANE, Plane
 
 Array = npt.NDArray[Any]
 
-NOMINAL = 0.95  # share of the samples that a band is to hold
+NOMINAL = BAND_SHARE
+# of the models drawn, where a model tells of nothing but its coefficients
+OF_DRAWS = (50.0 * (1.0 - NOMINAL), 50.0 * (1.0 + NOMINAL))  # percentiles
 TRACK = "track"
 # Power of the time in the model error. A heading is the sum of errors of the rate, of which some
 # come and go (a random walk, 1/2) and some stay (1); a track is the sum of headings that are off
@@ -264,10 +267,15 @@ def half_widths(
     found = {}
     for name, e in errors.items():
         if name in variance:
-            known = variance[name] + noise.get(name, 0.0) ** 2
-            total = with_model_error(known, e.std**2, grown_by(elapsed_s, e.growth))
-            found[name] = e.factor * np.sqrt(total)
+            found[name] = half_width(e, noise.get(name, 0.0), variance[name], elapsed_s)
     return found
+
+
+def half_width(error: ModelError, noise_std: float, variance: Array, elapsed_s: Array) -> Array:
+    """Half width (n,) of the band of a channel; see `half_widths`."""
+    grown = grown_by(elapsed_s, error.growth)
+    total = with_model_error(variance + noise_std**2, error.std**2, grown)
+    return np.asarray(error.factor * np.sqrt(total))
 
 
 def band_of(model: IdentifiedModel, record: Record, dt_s: float) -> dict[str, Array]:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 REFINED = "refine/model.json"  # goes first, unless what it rests on has changed since
 IDENTIFIED = "identify/model.json"
+WHOLE = "combine/model.json"  # of a run of both planes
 VEHICLE = "ingest/vehicle.json"
 USUAL_FINENESS = 8.0  # length over diameter of a survey AUV
 SIGNS_ASSUMED = (
@@ -35,12 +36,17 @@ SIGNS_ASSUMED = (
 
 @dataclass(frozen=True)
 class SimulatedTrial:
-    """A simulation and what it was made from."""
+    """A simulation and what it was made from.
+
+    The band of the columns `of_coefficients` holds `auvident.constants.BAND_SHARE` of the
+    models drawn, that of the others as much of the readings.
+    """
 
     trial: str
     model_file: Path
     model: "IdentifiedModel | CombinedModel"
     table: "pd.DataFrame"
+    of_coefficients: tuple[str, ...] = ()
 
 
 def find_model(target: Path, plane: str | None = None) -> "tuple[Path, IdentifiedModel]":
@@ -177,12 +183,14 @@ def predict(
     Parameters
     ----------
     target : Path
-        Run directory or ``model.json``; a combined model, or a vehicle file for its estimate
-        from geometry, is flown in six degrees of freedom.
+        Run directory or ``model.json``; a combined model (of a run of both planes, unless it is out
+        of date), or a vehicle file for its estimate from geometry, is flown in six degrees of
+        freedom.
     log : Path
         With the inputs, and the initial state if there is one.
     plane : str, optional
-        Of a run of both planes; without it the first one.
+        Of a run of both planes; without it the whole vehicle, and the first one where there is no
+        model of that, or the log lacks the fin of the other.
     vehicle_file : Path, optional
         For the signs, where the model stands in no run directory.
     column_map : Path, optional
@@ -195,15 +203,70 @@ def predict(
     """
     from auvident.pipeline.whole import is_whole, predict_whole
 
+    found = {"vehicle_file": vehicle_file, "column_map": column_map}
+    given: dict[str, Any] = {**found, "rate_hz": rate_hz, "seed": seed, "options": options}
     if is_whole(target):
-        found = {"vehicle_file": vehicle_file, "column_map": column_map}
-        given: dict[str, Any] = {**found, "rate_hz": rate_hz, "seed": seed, "options": options}
         return predict_whole(target, log, observer=observer, **given)
+    whole = None if plane else _whole_of(target, observer)
+    if whole is not None:
+        try:
+            made = predict_whole(whole, log, observer=observer, **given)
+        except InputError as error:
+            _without_other_fin(target, error, observer)
+        else:
+            observer.note(f"The whole vehicle is flown ({whole}); --plane chooses a plane.")
+            return made
+    return _predict_plane(target, log, plane, observer, **given)
+
+
+def _whole_of(target: Path, observer: Observer) -> Path | None:
+    """The model of the whole vehicle in a run directory, made from what the run has now."""
+    if not (target.is_dir() and (target / WHOLE).exists()):
+        return None
+    run = RunDirectory(target)
+    if is_of_this_run(BY_NAME["combine"], run, run.existing()):
+        return target / WHOLE
+    observer.note(
+        f"{target / WHOLE} is out of date: the model of one plane is flown. "
+        f"`auvident combine {target} --output FILE.json` makes a new one."
+    )
+    return None
+
+
+def _without_other_fin(target: Path, error: InputError, observer: Observer) -> None:
+    """Say that a plane is flown alone, as the log lacks an input of the other; else it is wrong."""
+    from auvident.stages.simulate import INPUT_COLUMNS
+
+    first = planes_of(RunDirectory(target))[0]
+    if not error.lacks or error.lacks in INPUT_COLUMNS[first]:
+        raise error
+    observer.note(
+        f"The log has no {error.lacks}, which the whole vehicle needs: the model of the {first} "
+        "plane is flown."
+    )
+
+
+def _predict_plane(
+    target: Path,
+    log: Path,
+    plane: str | None,
+    observer: Observer,
+    *,
+    vehicle_file: Path | None,
+    column_map: Path | None,
+    rate_hz: float,
+    seed: int,
+    options: Mapping[str, Any],
+) -> SimulatedTrial:
+    """Simulate a log with the model of a plane."""
+    from auvident.stages.simulate import of_coefficients_alone
+
     path, model = find_model(target, plane)
     vehicle = vehicle_of(path, model, vehicle_file, observer)
     trial = log_of_inputs(model, vehicle, log, column_map, rate_hz)
     announce_compilation(observer)
-    return SimulatedTrial(trial.name, path, model, predict_trial(model, trial, seed, options))
+    table = predict_trial(model, trial, seed, options)
+    return SimulatedTrial(trial.name, path, model, table, of_coefficients_alone(model))
 
 
 def log_of_inputs(

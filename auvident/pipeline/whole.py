@@ -48,7 +48,7 @@ def combine_runs(
     UsageError
         Two models of one plane.
     InputError
-        Models of different vehicles; no vehicle file.
+        Models of different vehicles; no vehicle file; a vehicle file in place of a model.
     StageError
         A run without a model.
     """
@@ -82,6 +82,13 @@ def models_of(target: Path) -> "list[tuple[Path, IdentifiedModel]]":
     """The models of a run, that of the other plane where it has one, or that of a file."""
     from auvident.schema.artifacts import IdentifiedModel
 
+    if target.suffix == ".toml":
+        raise InputError(
+            "is a vehicle file, not a run or a model",
+            str(target),
+            "Give run directories or files of models; a vehicle file goes with --vehicle. "
+            "`auvident simulate` flies one as it is.",
+        )
     path, model = find_model(target)
     found = [(path, model)]
     other = path.parent / BESIDE / path.name
@@ -154,11 +161,13 @@ def predict_whole(
     options: Mapping[str, Any],
 ) -> SimulatedTrial:
     """Simulate a log in six degrees of freedom; see `auvident.pipeline.predict.predict`."""
+    from auvident.stages.combine import of_coefficients_alone
+
     model, vehicle = find_whole(target)
     vehicle = signs_of(target, model, vehicle, vehicle_file, observer)
     trial = log_of_all_inputs(vehicle, log, column_map, rate_hz)
     table = predict_whole_trial(model, trial, seed, options)
-    return SimulatedTrial(trial.name, target, model, table)
+    return SimulatedTrial(trial.name, target, model, table, of_coefficients_alone(model))
 
 
 def log_of_all_inputs(

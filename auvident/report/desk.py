@@ -15,6 +15,7 @@ from auvident.report.tables import (
     columns,
 )
 from auvident.schema.desk import BY_MANEUVER, DeskCurve, DeskFigure, DeskResult
+from auvident.schema.planes import Plane
 
 # figures that do not say by their name what they are
 WORDS = {
@@ -37,6 +38,11 @@ WORDS = {
     "steady_starboard": "steady rate to starboard",
     "steady_port": "steady rate to port",
 }
+# of names that both planes have, what they are in the vertical one
+WORDS_VERTICAL = {
+    "time_to_check_yaw": "time to check pitch",
+    "reach": "reach (back at the first pitch)",
+}
 CURVE_TITLES = {
     "spiral": "Steady yaw rate by rudder; rates and rudder positive to starboard",
     "trim": "Elevator (positive up) and pitch that hold the depth, by speed",
@@ -49,6 +55,7 @@ SOURCES = {
 INTERVAL_HEAD = "90 % interval"
 NORMAL_90 = 1.645  # standard deviations to either side that hold 90 % of a normal distribution
 SMALLEST = 4  # decimals of a curve: what is left of a rate that dies away is no rate
+NOTHING = 5e-7  # in the unit of any figure, no size at all: a rate that has died away
 
 
 def desk_pieces(result: DeskResult) -> list[RenderableType]:
@@ -65,8 +72,8 @@ def desk_pieces(result: DeskResult) -> list[RenderableType]:
 def figure_table(result: DeskResult) -> Table:
     """Every figure with its interval."""
     rows: list[list[Cell]] = [
-        [_words(f), "" if f.unit == "-" else f.unit, _value(f), _interval(f)]
-        for f in result.figures
+        [_words(f, result.plane), "" if f.unit == "-" else f.unit, _value(f), _interval(f)]
+        for f in map(_without_traces, result.figures)
     ]
     numbers = "/".join(f"{v:g}" for v in result.parameters.values())
     speed = f"{result.speed_mps:.3g} m/s"
@@ -88,10 +95,22 @@ def curve_table(curve: DeskCurve) -> Table:
     for at, figures in zip(curve.at, curve.figures, strict=True):
         cells: list[Cell] = [Number(at, 4)]
         for f in figures:
-            value = None if f.value is None else round(f.value, SMALLEST)
-            cells += [Number(value, 3), Interval(f.low, f.high) if f.low is not None else ""]
+            value, low, high = (_rounded(x) for x in (f.value, f.low, f.high))
+            cells += [Number(value, 3), Interval(low, high) if low is not None else ""]
         rows.append(cells)
     return Table(heads, rows, CURVE_TITLES[curve.name])
+
+
+def _rounded(value: float | None) -> float | None:
+    """As many decimals as a curve shows; a zero has no sign."""
+    return None if value is None else round(value, SMALLEST) + 0.0
+
+
+def _without_traces(f: DeskFigure) -> DeskFigure:
+    """A figure in which what is no size at all is zero, without a sign."""
+    ends = {"value": f.value, "low": f.low, "high": f.high}
+    told = {k: 0.0 if x is not None and abs(x) < NOTHING else x for k, x in ends.items()}
+    return f.model_copy(update=told)
 
 
 def _value(f: DeskFigure) -> Cell:
@@ -110,5 +129,6 @@ def _interval(f: DeskFigure) -> Cell:
     return told
 
 
-def _words(f: DeskFigure) -> str:
-    return WORDS.get(f.name, f.name.replace("_", " "))
+def _words(f: DeskFigure, plane: Plane = "horizontal") -> str:
+    own = WORDS_VERTICAL if plane == "vertical" else {}
+    return own.get(f.name) or WORDS.get(f.name, f.name.replace("_", " "))

@@ -134,7 +134,7 @@ def _maneuver(m: Maneuver) -> list[Cell]:
     rate = excitation.get(f"{BY_PLANE[m.plane].velocities[2]}_std_degps")
     return [
         m.id,
-        m.kind,
+        _kind(m),
         m.role,
         _what(m),
         f"{m.t_start_s:.1f}",
@@ -143,6 +143,11 @@ def _maneuver(m: Maneuver) -> list[Cell]:
         Number(excitation.get("u_std_mps"), 2),
         Number(rate, 2),
     ]
+
+
+def _kind(m: Maneuver) -> str:
+    """Its kind; a straight run that changes the depth by its other name."""
+    return "depth step" if m.features.get("maneuver") == "depth_step" else m.kind
 
 
 def _what(m: Maneuver) -> Joined:

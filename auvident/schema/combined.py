@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from auvident.schema.artifacts import Finding, Sensing
+from auvident.schema.artifacts import Finding, ModelError, Sensing
 from auvident.schema.base import Artifact
 from auvident.schema.planes import Plane
 
@@ -48,12 +48,24 @@ class CombinedSource(Artifact):
     file: str = ""
 
 
+class ChannelBand(ModelError):
+    """What makes the band of a channel beside the coefficients, from the model of a ``plane``.
+
+    ``noise_std`` is that of its sensor; the others come from maneuvers left out in turn.
+    """
+
+    plane: Plane
+    noise_std: float
+
+
 class CombinedModel(Artifact):
     """A model of six degrees of freedom: ``combine/model.json``, or what `combine` writes.
 
     ``constants`` are mass, inertia and what weight and buoyancy do: ``W-B`` [N], trim moment
     ``x_GW`` = x_G W - x_B B and righting moment ``z_GW`` [N m]. ``effects`` are those of the
     models, by plane, ``parameters`` the value of each of their parameters in the equations.
+    ``band`` is by channel: of those that it lacks (nothing was left out in turn, or the file is of
+    an earlier version) no more than the scatter of the coefficients is known.
     """
 
     schema_: str = Field(default=COMBINED, alias="schema")
@@ -67,6 +79,7 @@ class CombinedModel(Artifact):
     effects: dict[Plane, tuple[dict[str, Any], ...]] = {}
     parameters: dict[str, float] = {}
     sensing: dict[Plane, Sensing] = {}
+    band: dict[str, ChannelBand] = {}
     models: tuple[CombinedSource, ...] = ()
     findings: tuple[Finding, ...] = ()
 

@@ -184,6 +184,9 @@ class Effect:
         to the vehicle: trials that are pooled have it each on its own.
     by_rate : bool
         In the horizontal plane a heading that is summed up from the yaw rate will do.
+    shows : tuple of str
+        How it shows in each plane, in the order of `PLANES`, where that differs; `signature` is
+        of both.
     """
 
     id: str
@@ -207,11 +210,19 @@ class Effect:
     twin: str = ""
     of_trial: bool = False
     by_rate: bool = False
+    shows: tuple[str, ...] = ()
 
     def names(self, plane: Plane | None = None) -> tuple[str, ...]:
         """Names of its parameters in the parameter vector of a plane; without one, of all."""
         stand = (p for p in self.parameters if plane is None or plane in p.planes)
         return tuple(f"{self.id}.{p.symbol}" for p in stand)
+
+    def of_plane(self, plane: Plane | None) -> tuple[tuple[EffectParameter, ...], str]:
+        """Parameters that stand in a plane, and how it shows there; without one, of all."""
+        if plane is None:
+            return self.parameters, self.signature
+        stand = tuple(p for p in self.parameters if plane in p.planes)
+        return stand, self.shows[PLANES.index(plane)] if self.shows else self.signature
 
     @property
     def instant(self) -> EffectParameter | None:

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from auvident.schema.base import Declared
 from auvident.schema.coefficients import ESTIMATED
+from auvident.schema.quoting import clipped
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
@@ -234,6 +235,16 @@ class Known(Declared):
 
     value: float
     std: NonNegative
+
+    @model_validator(mode="before")
+    @classmethod
+    def _has_a_deviation(cls, data: Any) -> Any:
+        """A bare number does not say how well it is known, and what weight it has."""
+        if isinstance(data, dict | cls):
+            return data
+        raise ValueError(
+            f"{clipped(repr(data))} has no standard deviation: write {{ value = ..., std = ... }}"
+        )
 
 
 class AseOptions(Declared):

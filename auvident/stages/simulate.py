@@ -9,7 +9,7 @@ import pandas as pd
 from auvident.engines.carried import frame_of, over_ground, vector_behind
 from auvident.engines.draws import drawn_vectors
 from auvident.engines.prediction import at_effects, simulated
-from auvident.engines.predictive import half_widths
+from auvident.engines.predictive import OF_DRAWS, half_widths
 from auvident.engines.records import Record, record_of, sensor_matrix
 from auvident.engines.stretches import as_maneuver, uninterrupted
 from auvident.errors import NumericsError
@@ -22,8 +22,7 @@ from auvident.schema.trial import Trial
 
 Array = npt.NDArray[np.float64]
 
-BAND = (5.0, 95.0)  # percentiles of the models drawn, where a model tells of nothing else
-SAMPLES = 100  # models drawn for it: its edges then rest on some five models each
+SAMPLES = 100  # models drawn for the band: their variance is then known to a seventh
 INPUT_COLUMNS = {row.name: (row.control_columns[0], "rpm") for row in PLANE_ROWS}
 
 
@@ -62,7 +61,7 @@ def simulate(
         in the horizontal plane north and east from the start, and ``..._low``, ``..._high`` of
         each state: where a reading is expected in 95 of 100 cases, from the models drawn, the
         noise of the sensors and the errors of maneuvers left out; for a model that does not tell
-        of these, the 5 and 95 % points of the models drawn.
+        of these, 95 of 100 of the models drawn.
 
     Raises
     ------
@@ -79,6 +78,12 @@ def simulate(
         table.insert(1, "stretch", number)
         tables.append(table)
     return pd.concat(tables, ignore_index=True)
+
+
+def of_coefficients_alone(model: IdentifiedModel) -> tuple[str, ...]:
+    """Columns of which the band is the scatter of the models drawn, and nothing else."""
+    told = model.left_out.model_error if model.left_out else {}
+    return tuple(s.column for s in BY_PLANE[model.plane].states if s.symbol not in told)
 
 
 def _stretches(
@@ -157,7 +162,7 @@ def _band(
     model: IdentifiedModel, record: Record, states: Array, drawn: Array
 ) -> tuple[Array, Array]:
     """Ends (n, 4) of the band about predicted states, from those of the models drawn."""
-    low, high = np.percentile(drawn, BAND, axis=0)
+    low, high = np.percentile(drawn, OF_DRAWS, axis=0)
     symbols = [state.symbol for state in BY_PLANE[model.plane].states]
     variance = dict(zip(symbols, np.mean((drawn - states) ** 2, axis=0).T, strict=True))
     for name, half in half_widths(model, variance, record.time_s - record.time_s[0]).items():

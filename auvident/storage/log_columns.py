@@ -402,6 +402,7 @@ def missing_channel(
         where,
         f"Name the column in a map (--map; `auvident inspect` proposes one): {place}"
         + _without(channel),
+        lacks=channel.column,
     )
 
 
@@ -426,6 +427,7 @@ def missing_topic(channel: Channel, where: str, topics: Sequence[str]) -> InputE
         "Run `auvident inspect` on it, which proposes a map: "
         f'[{channel.sensor}] topic = "...", {channel.quantity} = '
         f'{{ column = "...", unit = "{USUAL_UNIT[channel.unit]}" }}',
+        lacks=channel.column,
     )
 
 

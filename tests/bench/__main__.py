@@ -46,7 +46,7 @@ PARTS = (
 HOW = {
     "recovery": "; {seeds} trials, seeds 0 to {last}",
     "speed": "; medians of {repeats} repetitions",
-    "identify": "; medians of {repeats} repetitions",
+    "identify": "; processor time, medians of {repeats} repetitions once compiled",
     "commands": "; medians of {repeats} repetitions, two cores with no other work",
     "length": "; medians of {few} repetitions",
     "day": "; medians of {few} repetitions",
@@ -106,7 +106,11 @@ def _run(part: str, repeats: int, seeds: int) -> Any:
         "loop": samples.loop,
         "tanker": lambda: samples.tanker(),
         "speed": lambda: {"one pass": speed.passes(repeats)},
-        "identify": lambda: {"identification": speed.whole(repeats), "memory": speed.memory()},
+        "identify": lambda: {
+            "identification": speed.whole(repeats),
+            "both planes": speed.both_planes(repeats),
+            "memory": speed.memory(),
+        },
         "commands": lambda: commands(repeats),
         "recovery": lambda: recovery.recovery(seeds),
         "plans": lambda: {"held-out errors": speed.plans()},

@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from statistics import median
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,10 @@ from auvident.engines.estimator import free_positions
 from auvident.engines.problem import FilterProblem
 from auvident.engines.records import Record, stack
 from auvident.engines.setup import active_states
+from auvident.pipeline.steps import DEFAULT_PLAN
 from auvident.schema.plan import PlanStage
+from auvident.schema.planes import PLANES
+from auvident.stages.identify import shared_of
 from auvident.storage.plan_file import PLANS
 from tests.engines.chain import SAMPLES, Chain, chain_of, plan_named, sample
 
@@ -111,13 +114,18 @@ def passes(repeats: int = 5, rows: int = 600) -> list[dict[str, Any]]:
 
 def long_trial(share: float = 1.0) -> Chain:
     """A trial of 30 minutes with 12 maneuvers, from the independent generator of the samples."""
-    sys.path.insert(0, str(SAMPLES))
-    from seatrial.trial import generate
-
     recipe = tomllib.loads((TRUTH / "harbour_trial.toml").read_text())
     count = {"straights": 2, "turns": 4, "zigzags_10": 3, "zigzags_20": 3}
     recipe |= {"name": "long", "schedule": {k: round(v * share) or 1 for k, v in count.items()}}
-    folder = Path(tempfile.mkdtemp(prefix="auvident-bench-")) / "long"
+    return generated(recipe)
+
+
+def generated(recipe: dict[str, Any]) -> Chain:
+    """A trial of the generator of the samples, up to its identification."""
+    sys.path.insert(0, str(SAMPLES))
+    from seatrial.trial import generate
+
+    folder = Path(tempfile.mkdtemp(prefix="auvident-bench-")) / recipe["name"]
     generate(recipe, folder)
     return chain_of([folder], SAMPLES / "remus100.toml")
 
@@ -131,7 +139,7 @@ def whole(repeats: int = 3, shares=(0.5, 1.0), plan: str = "refined") -> list[di
             m for m in chain.maneuvers.maneuvers if m.role == "identify" and m.shows("horizontal")
         ]
         for kind in ("ekf", "ukf"):
-            took = seconds(
+            took = processor_seconds(
                 lambda c=chain, k=kind: c.identify(filter=k, plan=plan_named(plan)), repeats
             )
             found.append(
@@ -141,10 +149,54 @@ def whole(repeats: int = 3, shares=(0.5, 1.0), plan: str = "refined") -> list[di
                     "maneuvers": len(used),
                     "trial_min": len(chain.trials[0].table) / chain.trials[0].rate_hz / 60.0,
                     "data_s": sum(m.t_end_s - m.t_start_s for m in used),
-                    "seconds": took,
+                    "processor_s": took,
                 }
             )
     return found
+
+
+BOTH = {  # some 40 minutes with maneuvers of both planes
+    "name": "both",
+    "vehicle": "remus100",
+    "seed": 5,
+    "plane": "both",
+    "schedule": {"turns": 5, "zigzags_10": 3, "zigzags_20": 3, "vertical_zigzags": 6},
+}
+
+
+def both_planes(repeats: int = 3) -> list[dict[str, Any]]:
+    """Processor time of what `identify` computes of a long trial with maneuvers of both planes."""
+    chain = generated(BOTH)
+    found = []
+    for kind in ("ekf", "ukf"):
+        took = processor_seconds(lambda k=kind: _identify_both(chain, k), repeats)
+        minutes = len(chain.trials[0].table) / chain.trials[0].rate_hz / 60.0
+        counts = {
+            f"{plane} maneuvers": sum(
+                m.role == "identify" and m.shows(plane) for m in chain.maneuvers.maneuvers
+            )
+            for plane in PLANES
+        }
+        found.append({"filter": kind, "trial_min": minutes, **counts, "processor_s": took})
+    return found
+
+
+def _identify_both(chain: Chain, kind: str) -> None:
+    """The horizontal plane, then the vertical one with what they share, as a run does."""
+    plan = plan_named(DEFAULT_PLAN)
+    first = chain.identify("horizontal", kind, plan=plan).model
+    chain.identify("vertical", kind, plan=plan, shared=shared_of(first))
+
+
+def processor_seconds(work: Callable[[], Any], repeats: int) -> float:
+    """Median processor time of a piece of work, its threads included, once it is compiled."""
+    work()
+    times = []
+    for _ in range(repeats):
+        start = process_time()
+        work()
+        times.append(process_time() - start)
+    return median(times)
 
 
 MEMORY = """

@@ -19,6 +19,7 @@ from tests.engines.whole_world import (
     planar,
     rms,
     spiral_descents,
+    turning_dives,
     whole_vehicle,
 )
 
@@ -27,6 +28,8 @@ COLUMNS = {  # title: factor, by plane
     "horizontal": {"u mm/s": MILLI, "v mm/s": MILLI, "r mrad/s": MILLI, "heading deg": 57.29578},
     "vertical": {"u mm/s": MILLI, "w mm/s": MILLI, "q mrad/s": MILLI, "pitch deg": 57.29578},
 }
+# of both planes at once: the rudder held on the steepest slope; rudder and elevator laid and held
+COUPLED = {"spiral descents": spiral_descents, "turning dives": turning_dives}
 
 Rows = list[dict[str, Any]]
 
@@ -34,13 +37,15 @@ Rows = list[dict[str, Any]]
 def whole() -> dict[str, Rows]:
     """RMSE of maneuvers that identified nothing, by plane: its own model, and the whole one."""
     with tempfile.TemporaryDirectory(prefix="auvident-whole-") as name:
-        trial, times = spiral_descents(Path(name))
+        coupled = {title: make(Path(name)) for title, make in COUPLED.items()}
     found = {}
     for plane in PLANES:
         (own,) = sample(TRIALS[plane]).trials
         rows = _compared(plane, TRIALS[plane], own, held_out(plane))
-        descents = [as_maneuver(trial, plane, *span) for span in times]
-        found[f"{plane} plane"] = [*rows, *_compared(plane, "spiral descents", trial, descents)]
+        for title, (trial, times) in coupled.items():
+            flown = [as_maneuver(trial, plane, *span) for span in times]
+            rows += _compared(plane, title, trial, flown)
+        found[f"{plane} plane"] = rows
     return found
 
 

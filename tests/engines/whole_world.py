@@ -1,12 +1,15 @@
-"""One model of the whole vehicle out of two sample trials, and spiral descents of that vehicle."""
+"""One model of the whole vehicle out of two sample trials, and its maneuvers in both planes."""
 
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import numpy.typing as npt
-import pytest
 
 from auvident.engines.carried import Course, frame_of, predicted_course, vector_behind
 from auvident.engines.prediction import readings
@@ -23,6 +26,16 @@ from auvident.storage.logs import read_trials
 from tests.engines.chain import SAMPLES, identified, sample
 
 Array = npt.NDArray[Any]
+VEHICLE = {"vehicle": "remus100"}
+OTHER_MANEUVERS = (
+    "straights",
+    "turns",
+    "zigzags_10",
+    "zigzags_20",
+    "vertical_zigzags",
+    "depth_steps",
+)
+DIVES = 4
 TRIALS = {"horizontal": "harbour_trial", "vertical": "dive_trial"}
 EVERY = np.ones(4, dtype=bool)
 
@@ -87,25 +100,53 @@ def spiral_descents(folder: Path) -> tuple[Trial, list[tuple[float, float]]]:
     list of tuple of float
         Beginning and end of each descent.
     """
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(SAMPLES))
-        from seatrial import helm, schedule, trial
+    with _generator() as trial, patch.object(trial, "random_schedule", _day_of_descents):
+        truth = trial.generate(
+            {**VEHICLE, "name": "helix_trial", "seed": 7}, folder / "helix_trial"
+        )
+    return _ingested(folder / "helix_trial"), _spans(truth["maneuvers"])
 
-        def day(plane: str, cruise_rpm: float, rng: np.random.Generator, options: dict) -> Any:
-            p = schedule.Programme(cruise_rpm, 8.0, rng)
-            schedule.surface_start(p)
-            for rudder_deg in (-9.0, 12.0, -14.0, 10.0):
-                schedule.transit(p)
-                number = p.note(kind="coupled", rudder_deg=rudder_deg)
-                fin = np.radians(rudder_deg)
-                p.add(helm.FIXED, 30.0, p.speed(0.95, 1.1), 60.0, maneuver=number, fin=fin)
-                p.add(helm.TRANSIT, 40.0, p.speed(1.0, 1.05))
-            schedule.surface_end(p)
-            return np.array(p.legs), p.notes
 
-        patch.setattr(trial, "random_schedule", day)
-        case = {"name": "helix_trial", "vehicle": "remus100", "seed": 7}
-        truth = trial.generate(case, folder / "helix_trial")
-    (raw,) = read_trials([folder / "helix_trial"])
-    found, _ = ingest(raw, sample("harbour_trial").vehicle)
-    return found, [(m["t_start_s"], m["t_end_s"]) for m in truth["maneuvers"]]
+def turning_dives(folder: Path) -> tuple[Trial, list[tuple[float, float]]]:
+    """A day of turning dives of that vehicle: rudder and elevator laid at once; see above."""
+    few = dict.fromkeys(OTHER_MANEUVERS, 0) | {"coupled": 2 * DIVES}
+    case = {**VEHICLE, "name": "turning_trial", "seed": 11, "plane": "both", "schedule": few}
+    with _generator() as trial:
+        truth = trial.generate(case, folder / "turning_trial")
+    dives = [m for m in truth["maneuvers"] if m["way"] == "turning dive"]
+    return _ingested(folder / "turning_trial"), _spans(dives)
+
+
+def _day_of_descents(
+    plane: str, cruise_rpm: float, rng: np.random.Generator, options: dict
+) -> tuple[Array, list]:
+    from seatrial import helm, schedule
+
+    p = schedule.Programme(cruise_rpm, 8.0, rng)
+    schedule.surface_start(p)
+    for rudder_deg in (-9.0, 12.0, -14.0, 10.0):
+        schedule.transit(p)
+        number = p.note(kind="coupled", rudder_deg=rudder_deg)
+        fin = np.radians(rudder_deg)
+        p.add(helm.FIXED, 30.0, p.speed(0.95, 1.1), 60.0, maneuver=number, fin=fin)
+        p.add(helm.TRANSIT, 40.0, p.speed(1.0, 1.05))
+    schedule.surface_end(p)
+    return np.array(p.legs), p.notes
+
+
+@contextmanager
+def _generator() -> Iterator[Any]:
+    """The module that sails a trial; it stands among the samples, not in a package."""
+    with patch.object(sys, "path", [str(SAMPLES), *sys.path]):
+        from seatrial import trial
+
+        yield trial
+
+
+def _ingested(folder: Path) -> Trial:
+    (raw,) = read_trials([folder])
+    return ingest(raw, sample("harbour_trial").vehicle)[0]
+
+
+def _spans(maneuvers: list[dict]) -> list[tuple[float, float]]:
+    return [(m["t_start_s"], m["t_end_s"]) for m in maneuvers]

@@ -23,6 +23,8 @@ from auvident.report.tables import (
     written,
 )
 from auvident.report.tables_loop import effects, held_out
+from auvident.report.tables_run import maneuvers
+from auvident.schema.artifacts import Maneuver
 from auvident.schema.diagnosis import ChannelError, EffectFound, HeldOut, ParameterValue
 from tests.report.test_console import text_of
 
@@ -90,3 +92,16 @@ def test_both_show_the_same_held_out_errors_in_their_units() -> None:
     page = written(table, PAGE)
     assert page.rows[0][:4] == ("r", "deg/s", "5.73", "5.73")
     assert page.heads[-1] == "change of RMSE" and page.rows[0][-1] == "+0 %"
+
+
+def test_a_depth_step_is_called_one_though_its_kind_is_straight() -> None:
+    span = {"trial": "both", "t_start_s": 0.0, "t_end_s": 30.0, "role": "identify"}
+    step = {"maneuver": "depth_step", "depth_range_m": [2.0, 5.0]}
+    told = {"kind": "straight", "plane": "vertical", "planes": ("vertical",), **span}
+    rows = maneuvers(
+        [
+            Maneuver(id="both-vertical-straight-1", features=step, **told),
+            Maneuver(id="both-vertical-straight-2", **told),
+        ]
+    ).rows
+    assert [row[1] for row in rows] == ["depth step", "straight"]

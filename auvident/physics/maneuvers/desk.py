@@ -30,6 +30,7 @@ SETTLED_MODELS = 0.9  # of the drawn models, and the first
 # degrees; a pitch error for 1.5 times as much elevator, less L/U times the pitch rate, at most 20
 # degrees. So chosen that the stable REMUS 100 and the unstable SUBOFF (G_V = -1.16) both settle.
 DEPTH_GAIN, PITCH_GAIN, RATE_GAIN = 0.2, 1.5, 1.0
+UPRIGHT_RAD = 0.5 * np.pi  # a pitch beyond is a loop, no maneuver about a level run
 PITCH_LIMIT, ELEVATOR_LIMIT = np.radians(20.0), np.radians(20.0)
 DEPTH_REACHED, DEPTH_HELD, MOST_DEPTH = 0.05, 10.0, 150.0  # share of the step; L/U; L/U
 
@@ -297,7 +298,7 @@ def fly(
                 break
             mean = servos.follow(order)
             fleet.step(states, fleet.felt(mean, run.rate_rps, states[0]), run.rate_rps, dt)
-            states[:, ~(np.abs(states[:3]) < SPEED_LIMIT).all(axis=0)] = np.nan
+            states[:, ~within_reach(fleet, states)] = np.nan
             before, gone = gone, made_good(fleet, states)
             way = way + 0.5 * dt * (before + gone)
             k += 1
@@ -305,6 +306,14 @@ def fly(
                 progress(k * dt)
     time, seen, gone_by, orders, fins = (np.array(column) for column in zip(*rows, strict=True))
     return DeskFlight(time, seen, gone_by, orders, fins, ends, side, setting, helm)
+
+
+def within_reach(fleet: Fleet, states: Array) -> npt.NDArray[np.bool_]:
+    """Which models (S,) have not run away: no speed is absurd, no pitch beyond the vertical."""
+    found = (np.abs(states[:3]) < SPEED_LIMIT).all(axis=0)
+    if fleet.structure.plane == "vertical":
+        found &= np.abs(states[3]) < UPRIGHT_RAD
+    return np.asarray(found)
 
 
 def round_step(longest_s: float) -> float:

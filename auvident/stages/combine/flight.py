@@ -9,6 +9,7 @@ import pandas as pd
 
 from auvident.engines.carried import CURRENTS, OF_THRUST, with_speed
 from auvident.engines.prediction import Frame, at_effects
+from auvident.engines.predictive import OF_DRAWS, half_width
 from auvident.engines.records import Record, record_of, sensor_matrix
 from auvident.engines.stretches import as_maneuver, uninterrupted
 from auvident.errors import NumericsError
@@ -33,17 +34,17 @@ from auvident.physics.six_dof_terms import (
 from auvident.physics.terms import INPUTS as PLANAR_INPUTS
 from auvident.physics.terms import structure_of
 from auvident.schema.channels import BY_QUANTITY, TIME_COLUMN
-from auvident.schema.combined import CombinedModel
+from auvident.schema.combined import ChannelBand, CombinedModel
 from auvident.schema.planes import BY_PLANE, HORIZONTAL, PLANES, VERTICAL, Plane
 from auvident.schema.trial import Trial
 
 Array = npt.NDArray[np.float64]
 
-BAND = (5.0, 95.0)  # percentiles of the models drawn
-SAMPLES = 100  # models drawn for it: its edges then rest on some five models each
+SAMPLES = 100  # models drawn for the band: their variance is then known to a seventh
 INPUT_COLUMNS = (*HORIZONTAL.control_columns, "rpm")
 ANGLES = ("roll", "pitch", "heading")
-STATE_COLUMNS = tuple(BY_QUANTITY[name].column for name in (*VELOCITIES, *ANGLES))
+CHANNELS = (*VELOCITIES, *ANGLES)
+STATE_COLUMNS = tuple(BY_QUANTITY[name].column for name in CHANNELS)
 TRACK_COLUMNS = tuple(BY_QUANTITY[name].column for name in ("north", "east", "depth"))
 # effects of the propeller: one acts on it, whichever plane showed it
 OF_PROPELLER = frozenset({"propeller_lag", "thrust_sag", "thrust_step"})
@@ -104,8 +105,10 @@ def simulate_whole(
     -------
     pandas.DataFrame
         ``time_s``, ``stretch``, the inputs, velocities through the water, roll, pitch, heading,
-        north and east from the start, depth; ``..._low`` and ``..._high`` are the 5 and 95 %
-        points of the models drawn.
+        north and east from the start, depth; ``..._low`` and ``..._high`` of each state: where a
+        reading is expected in 95 of 100 cases, from the models drawn, the noise of the sensors and
+        the errors of maneuvers left out; of a channel of which the model does not tell these
+        (`of_coefficients_alone`), 95 of 100 of the models drawn.
 
     Raises
     ------
@@ -120,10 +123,15 @@ def simulate_whole(
     tables = []
     for number, (start_s, end_s) in enumerate(uninterrupted(trial, INPUT_COLUMNS, window_s)):
         flight = flight_of(model, trial, system, start_s, end_s, speed_mps)
-        table = _predict(flight, trial.name, system, drawn, dt_s)
+        table = _predict(flight, trial.name, system, drawn, model.band, dt_s)
         table.insert(1, "stretch", number)
         tables.append(table)
     return pd.concat(tables, ignore_index=True)
+
+
+def of_coefficients_alone(model: CombinedModel) -> tuple[str, ...]:
+    """Columns of which the band is the scatter of the models drawn, and nothing else."""
+    return tuple(BY_QUANTITY[name].column for name in CHANNELS if name not in model.band)
 
 
 def structure_behind_whole(model: CombinedModel) -> SixDofStructure:
@@ -242,7 +250,7 @@ def _rpm(records: Mapping[Plane, Record]) -> Array:
 def _start(trial: Trial, acting: Mapping[Plane, Record]) -> Array:
     """Velocities (6,), roll, pitch and heading, position (3,) from the readings at the start."""
     start = np.zeros(12)
-    names = (*VELOCITIES, *ANGLES)
+    names = CHANNELS
     for plane in (VERTICAL, HORIZONTAL):  # the speed is that of the horizontal one
         for state, value in zip(plane.states, acting[plane.name].start, strict=True):
             start[names.index(state.symbol)] = value
@@ -281,7 +289,12 @@ def _drift(model: CombinedModel, record: Record, dt_s: float) -> Array:
 
 
 def _predict(
-    flight: Flight, name: str, system: SixDofSystem, drawn: list[SixDofSystem], dt_s: float
+    flight: Flight,
+    name: str,
+    system: SixDofSystem,
+    drawn: list[SixDofSystem],
+    band: Mapping[str, ChannelBand],
+    dt_s: float,
 ) -> pd.DataFrame:
     states = simulate_six_dof(flight.start, flight.inputs, dt_s, system)
     if not np.isfinite(states).all():
@@ -293,17 +306,31 @@ def _predict(
         )
     columns = {TIME_COLUMN: flight.time_s}
     columns |= dict(zip(INPUT_COLUMNS, flight.logged.T, strict=True))
-    columns |= dict(zip(STATE_COLUMNS, _shown(states, flight.heading_rad).T, strict=True))
+    shown = _shown(states, flight.heading_rad)
+    columns |= dict(zip(STATE_COLUMNS, shown.T, strict=True))
     track = states[:, POSITION].copy()
     track[:, :2] += flight.drift
     columns |= dict(zip(TRACK_COLUMNS, track.T, strict=True))
     runs = (simulate_six_dof(flight.start, flight.inputs, dt_s, one) for one in drawn)
     stable = [_shown(run, flight.heading_rad) for run in runs if np.isfinite(run).all()]
     if stable:
-        low, high = np.percentile(stable, BAND, axis=0)
+        low, high = _band(band, flight.time_s - flight.time_s[0], shown, np.array(stable))
         for i, column in enumerate(STATE_COLUMNS):
             columns |= {f"{column}_low": low[:, i], f"{column}_high": high[:, i]}
     return pd.DataFrame(columns)
+
+
+def _band(
+    band: Mapping[str, ChannelBand], elapsed_s: Array, shown: Array, drawn: Array
+) -> tuple[Array, Array]:
+    """Ends (n, 9) of the band about predicted states, from those of the models drawn."""
+    low, high = np.percentile(drawn, OF_DRAWS, axis=0)
+    variance = np.mean((drawn - shown) ** 2, axis=0)
+    for name, row in band.items():
+        c = CHANNELS.index(name)
+        half = half_width(row, row.noise_std, variance[:, c], elapsed_s)
+        low[:, c], high[:, c] = shown[:, c] - half, shown[:, c] + half
+    return low, high
 
 
 def _shown(states: Array, heading: float) -> Array:

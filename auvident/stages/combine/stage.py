@@ -27,6 +27,7 @@ from auvident.schema.combined import (
 )
 from auvident.schema.planes import PLANES
 from auvident.schema.vehicle import Vehicle
+from auvident.stages.combine.band import band_of_planes
 from auvident.stages.combine.roll import Logs, with_roll
 from auvident.stages.combine.shared import JointPosterior, followed, join
 
@@ -92,6 +93,7 @@ def combine(
         effects={m.plane: m.effects for m in models},
         parameters=_effect_parameters(models, joined),
         sensing={p: _sensing(vehicle) for p in PLANES} | {m.plane: m.sensing for m in models},
+        band=band_of_planes(models),
         models=tuple(_source(m) for m in models),
         findings=(*joined.findings, *_findings(models, entries)),
     )

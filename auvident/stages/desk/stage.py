@@ -147,8 +147,9 @@ def _refuse_lost(flight: DeskFlight, models: DeskModel, order: DeskOrder) -> Non
     """Stop where the best model ran away before the maneuver was over."""
     lost = np.flatnonzero(~np.isfinite(flight.states[:, 0, 0]))
     if lost.size:
+        beyond = " or pitches beyond 90 deg" if models.plane == "vertical" else ""
         raise NumericsError(
-            "the simulation diverges",
+            f"the simulation diverges{beyond}",
             f"{models.name}, {order.text}, {flight.time_s[lost[0]]:.1f} s",
             "The motion leaves the range of the data behind the model. Use a smaller angle or a "
             "lower --speed, or check the damping coefficients of the model.",

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from auvident.errors import NumericsError
 from auvident.physics.ase.stability import linear_turning_gain, steady_turn, turning_table
 from auvident.physics.maneuvers.desk import round_step
 from auvident.physics.maneuvers.desk_figures import FIGURES, nomoto_from
@@ -162,6 +163,14 @@ def test_a_depth_step_ends_at_the_depth() -> None:
         assert told["settling_time"] > told["rise_time"] * 0.5 > 0.0
         assert np.sign(told["greatest_pitch"]) == -np.sign(depth)
         assert abs(told["greatest_elevator"]) <= 20.0 + 1e-9
+
+
+def test_a_depth_step_that_loops_is_refused() -> None:
+    """Damped in speed, unstable in pitch: it turned over and over within the limits of speed."""
+    loose = changed(remus("vertical"), M_uw=300.0, M_uq=0.0)
+    with pytest.raises(NumericsError, match="pitches beyond 90 deg") as caught:
+        flown(loose, "depth-step:5", speed_mps=1.5)
+    assert "depth-step:5" in caught.value.where and " s" in caught.value.where
 
 
 def test_a_vertical_zigzag_puts_the_bow_up_first() -> None:
