@@ -2,8 +2,9 @@
 
 ``python -m tests.bench.fuzz --budget 1800`` damages what users write and what the program keeps
 (logs of every format, map, vehicle, plan, run.json, model.json) again and again, each time in
-another way, and reads it. What escapes is kept with the file that did it, in the folder that ``--output`` names.
-A child process does the reading, so that a crash of a library is a finding as well.
+another way, and reads it. What escapes is kept with the file that did it, in the folder that
+``--output`` names. A child process does the reading, so that a crash of a
+library is a finding as well.
 """
 
 import argparse
