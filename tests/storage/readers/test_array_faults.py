@@ -13,8 +13,10 @@ from auvident.storage.log_time import MISSING_COUNT
 from auvident.storage.logs import read_trials
 from auvident.storage.readers.fields import instants
 from auvident.storage.readers.interface import ns_of_counts
+from auvident.storage.readers.mat5 import check
 from tests.storage.readers.array_world import (
     START_S,
+    tables,
     write_alog,
     write_hdf5,
     write_lsf,
@@ -293,3 +295,39 @@ def test_counts_beyond_any_clock_are_no_time(unit):
 def test_whole_counts_beyond_64_bits_are_no_time():
     found = ns_of_counts(np.array([5, 2**63], np.uint64), 1000)
     assert found.tolist() == [5000, MISSING_COUNT]
+
+
+@pytest.mark.parametrize("kind", [48905, 200, 14, 0])
+def test_a_mat_file_with_a_type_that_there_is_not_is_refused(tmp_path, kind):
+    """Found by the fuzzer: scipy took the number for an index, and the process ended."""
+    path = write_mat_5(tmp_path / "a.mat")
+    content = bytearray(path.read_bytes())
+    tag = struct.pack("<II", 9, 8 * len(tables()["attitude"]))  # the data of an array of doubles
+    at = content.find(tag)
+    assert at > 0
+    content[at : at + 4] = struct.pack("<I", kind)
+    path.write_bytes(bytes(content))
+    with pytest.raises(InputError, match=f"an element of type {kind} ") as told:
+        open_logs(path)
+    assert told.value.remedy
+
+
+def test_mat_files_of_all_kinds_of_variables_pass_the_check(tmp_path):
+    from scipy.io import savemat
+    from scipy.sparse import csr_array
+
+    cells = np.empty(2, dtype=object)
+    cells[:] = [np.arange(3), "text"]
+    held = {
+        "a": np.arange(5.0),
+        "c": np.array([1j, 2]),
+        "s": {"x": np.arange(4), "t": "äöü", "deep": {"y": np.ones((2, 3), np.uint8)}},
+        "cells": cells,
+        "sparse": csr_array(np.eye(3)),
+        "flag": np.array([True, False]),
+        "none": np.zeros((0, 0)),
+    }
+    for packed in (False, True):
+        savemat(tmp_path / "a.mat", held, do_compression=packed)
+        check((tmp_path / "a.mat").read_bytes())
+        assert open_logs(tmp_path / "a.mat")
