@@ -120,6 +120,10 @@ NotLogged = Literal["constant", "derived"]  # where a channel comes from that no
 TimeUnit = Literal["s", "ms", "us", "ns", "iso"]
 
 
+MOST_OFFSET_S = 1e10  # from switch-on to 1970 and back
+MOST_DRIFT_PPM = 1e5  # ten times what a clock without a crystal drifts by
+
+
 class SensorMap(Declared):
     """Where a sensor's samples stand; the tables of the sensors add their quantities.
 
@@ -131,8 +135,8 @@ class SensorMap(Declared):
     topic: str | None = None
     time: str | None = None
     time_unit: TimeUnit | None = None
-    time_offset_s: float = 0.0
-    time_drift_ppm: float = 0.0
+    time_offset_s: float = Field(default=0.0, ge=-MOST_OFFSET_S, le=MOST_OFFSET_S)
+    time_drift_ppm: float = Field(default=0.0, ge=-MOST_DRIFT_PPM, le=MOST_DRIFT_PPM)
     valid: str | None = None
 
     def entries(self) -> dict[str, ColumnEntry]:
@@ -344,6 +348,8 @@ class RawSensor:
         Columns that no sensor logged: ``constant`` or ``derived``.
     std : dict of str to float
         Noise of a derived column that the identification counts with.
+    remarks : tuple of Finding
+        What the reader noticed.
     """
 
     sensor: str
@@ -359,6 +365,7 @@ class RawSensor:
     time_column: str = "time_s"
     not_logged: dict[str, NotLogged] = field(default_factory=dict)
     std: dict[str, float] = field(default_factory=dict)
+    remarks: "tuple[Finding, ...]" = ()
 
 
 def moved_stamps(time_s: "np.ndarray", offset_s: float, drift_ppm: float) -> "np.ndarray":

@@ -7,6 +7,7 @@ import numpy as np
 
 from auvident.errors import InputError
 from auvident.schema.channels import Channel
+from auvident.schema.holding import seems_on_change
 from auvident.schema.logs import KNOT, UNITS, SensorMap, unit_name
 from auvident.storage.log_columns import guess_time, split_unit, time_unit
 from auvident.storage.log_file import LogFile
@@ -104,6 +105,15 @@ def in_knots(
         replace(p, unit="kn", guessed=False, remark=remark) if p.channel.sensor == "dvl" else p
         for p in proposals
     ]
+
+
+def may_be_on_change(proposal: Proposal, logs: Mapping[str, LogFile], values: Values) -> bool:
+    """Whether an input seems to be logged only when it changes, and would be taken for polled."""
+    if proposal.channel.kind != "input":
+        return False
+    time, numbers = _track(proposal, logs, values)
+    apart = np.append(np.diff(time) > 0, True)
+    return seems_on_change(time[apart], numbers[apart])
 
 
 def _track(

@@ -18,7 +18,14 @@ from auvident.storage.log_columns import (
     time_column,
 )
 from auvident.storage.log_file import LogFile
-from auvident.storage.log_proposal import Proposal, Values, in_knots, one_unit, unit_of
+from auvident.storage.log_proposal import (
+    Proposal,
+    Values,
+    in_knots,
+    may_be_on_change,
+    one_unit,
+    unit_of,
+)
 from auvident.storage.log_propose_topics import assign_topics, is_generic, topic_lines
 
 USUAL_STEP_S = 5.0  # a median step above it means that the time is not in seconds
@@ -50,7 +57,8 @@ def propose_map(logs: Mapping[str, LogFile], values: Values) -> tuple[str, tuple
     proposals = in_knots(one_unit(assigned), chosen, values)
     found = {p.channel.column for p in proposals}
     unassigned = tuple(c.column for c in CHANNELS if c.needed and c.column not in found)
-    if _reads_without(chosen, proposals):
+    silent = any(may_be_on_change(p, chosen, values) for p in proposals)
+    if not silent and _reads_without(chosen, proposals):
         return "", unassigned
     tables = [
         _table(sensor, [p for p in proposals if p.channel.sensor == sensor], chosen, values)
@@ -190,6 +198,8 @@ def _table(
         lines += _time_lines(log, values[home])
     lines += [_entry(p) for p in proposals if p.home == home]
     if of_sensor(sensor)[0].kind == "input":
+        if any(may_be_on_change(p, logs, values) for p in proposals if p.home == home):
+            lines.append("on_change = true  # rows differ, with silences between: check")
         lines.append("# add sign = -1 if its sign is opposite to [signs]")
     return "\n".join(lines) + "\n"
 

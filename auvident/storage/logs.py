@@ -42,10 +42,10 @@ from auvident.storage.log_constant import with_constants
 from auvident.storage.log_csv import Kind, LogTable
 from auvident.storage.log_file import LogFile, open_logs, read_log
 from auvident.storage.log_find import TrialSource, find_trials, has_sensor
-from auvident.storage.log_time import ABSOLUTE_S, Stamps, as_floats, read_stamps
+from auvident.storage.log_time import ABSOLUTE_S, Stamps, read_stamps
+from auvident.storage.log_valid import marked
 
 Tables = tuple[LogFile, ...]
-FALSE_WORDS = frozenset(("0", "0.0", "false", "f", "no", "n", "invalid", "bad", "nok"))
 MAP_REMEDY = (
     'A table per sensor, e.g. [rudder] file = "*.csv", time = "t", '
     'rudder = { column = "delta_cmd", unit = "deg", sign = -1 }.'
@@ -114,7 +114,8 @@ def read_trial(
     sensors, origins = read_usable(
         homes, needed, lambda own: _read_sensors(own, columns, column_map), faults
     )
-    findings = (*_unused(source, logs, homes), *set_aside(faults), *_damage(logs))
+    remarks = (remark for sensor in sensors.values() for remark in sensor.remarks)
+    findings = (*remarks, *_unused(source, logs, homes), *set_aside(faults), *_damage(logs))
     raw = _from_common_origin(source.name, sensors, origins, findings)
     pyarrow.default_memory_pool().release_unused()  # it keeps a part of what reading took
     return replace(with_constants(raw, column_map), derive=column_map.derive)
@@ -249,9 +250,11 @@ def _sensor(
     mapping, time_s = column_map.of(sensor), stamps.time_s
     valid = np.isfinite(time_s)
     dropped, dropped_rows = dict(table.dropped), dict(table.dropped_rows)
+    remarks: tuple[Finding, ...] = ()
     _note(dropped, dropped_rows, "no_time", table.rows[~valid])
     if flag is not None:
-        false = _is_false(table.columns[flag]) & valid
+        false, remarks = marked(table.columns[flag], flag, log.where)
+        false &= valid
         _note(dropped, dropped_rows, "marked_invalid", table.rows[false])
         valid &= ~false
     values = {key: column.in_si(table.columns[column.name]) for key, column in columns.items()}
@@ -269,6 +272,7 @@ def _sensor(
         dropped_rows=dropped_rows,
         on_change=mapping.on_change if isinstance(mapping, InputMap) else None,
         time_column=time_column(log, mapping),
+        remarks=remarks,
     )
 
 
@@ -299,13 +303,6 @@ def _note(
     if rows.size:
         dropped[reason] = int(rows.size)
         dropped_rows[reason] = tuple(int(row) for row in rows[:FIRST_FEW])
-
-
-def _is_false(flags: np.ndarray) -> np.ndarray:
-    """Samples that their flag calls invalid; an empty flag says nothing."""
-    if flags.dtype != object:
-        return as_floats(flags) == 0
-    return np.array([str(flag).strip().lower() in FALSE_WORDS for flag in flags], dtype=bool)
 
 
 def _unused(

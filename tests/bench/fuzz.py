@@ -1,9 +1,10 @@
 """Damaged files against the readers: only errors of the family may escape, and none may hang.
 
 ``python -m tests.bench.fuzz --budget 1800`` damages what users write and what the program keeps
-(logs, map, vehicle, plan, run.json, model.json) again and again, each time in another way, and
-reads it. What escapes is kept with the file that did it, in the folder that ``--output`` names.
-A child process does the reading, so that a crash of a library is a finding as well.
+(logs of every format, map, vehicle, plan, run.json, model.json) again and again, each time in
+another way, and reads it. What escapes is kept with the file that did it, in the folder that
+``--output`` names. A child process does the reading, so that a crash of a
+library is a finding as well.
 """
 
 import argparse
@@ -20,6 +21,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from tests.bench.fuzz_containers import NAMES, containers, overwritten
 from tests.command_line import SAMPLES
 
 PIECES = (
@@ -92,11 +94,19 @@ def _splice(content: bytes, others: Sequence[bytes], rng: random.Random) -> byte
     return content[: rng.randint(0, len(content))] + other[rng.randint(0, len(other)) :]
 
 
-DAMAGES = (_cut, _insert, _insert, _repeat, _flip, _number, _number, _splice)
+DAMAGES = (_cut, _insert, _insert, _repeat, _flip, overwritten, _number, _number, _splice)
 
 
-def targets(work: Path) -> list[Target]:
-    """Everything that is read, with a run in a folder that some of it stands in."""
+def targets(work: Path, only: Sequence[str]) -> list[Target]:
+    """What is read: of these names, or all of it."""
+    found = [Target(*parts) for parts in containers(work, only)]
+    if not only or set(only) - set(NAMES):
+        found += [t for t in _texts(work) if not only or t.name in only]
+    return found
+
+
+def _texts(work: Path) -> list[Target]:
+    """Text, Parquet and artifacts, with a run in a folder that some of it stands in."""
     import pandas as pd
 
     from auvident.pipeline import run_all
@@ -206,7 +216,7 @@ def batch(only: Sequence[str], seed: int, output: Path, case: Path) -> None:
     import warnings
 
     warnings.simplefilter("ignore")
-    found = [t for t in targets(case) if not only or t.name in only]
+    found = targets(case, only)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     signal.signal(signal.SIGALRM, _slow)
     (case / "case").mkdir()

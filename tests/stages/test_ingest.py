@@ -168,6 +168,20 @@ def test_commands_written_on_change_are_held_and_this_is_said():
     assert held[0].value == pytest.approx(24.8)
 
 
+def test_steps_by_hand_that_are_taken_for_polled_are_said_with_the_remedy():
+    raw = calm(duration_s=700)
+    times = np.cumsum([1, 20, 60, 35, 80, 25, 45, 90, 30, 70, 40, 55, 28, 66])
+    rpm = sensor("rpm", times.astype(float), rpm=np.resize([600.0, 1200.0, 900.0], times.size))
+    _, quality = ingest(with_sensor(raw, rpm), vehicle())
+    (said,) = [f for f in quality.findings if f.code == "input_seems_on_change"]
+    assert "on_change = true in [rpm] of a map" in said.remedy
+    assert not [f for f in quality.findings if f.code == "jitter"]
+    told = with_sensor(raw, replace(rpm, on_change=True))
+    codes = [f.code for f in ingest(told, vehicle())[1].findings]
+    assert "input_seems_on_change" not in codes
+    assert "input_logged_on_change" in codes
+
+
 def test_a_slow_clock_is_refused_with_the_likely_cause():
     raw = calm()
     with pytest.raises(InputError, match="milliseconds"):

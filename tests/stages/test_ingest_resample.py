@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from auvident.schema.holding import hold_rule
 from auvident.stages.ingest.resample import (
     Grid,
     gap_limit,
-    hold_rule,
     resample_input,
     resample_measured,
 )

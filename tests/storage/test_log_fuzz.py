@@ -1,6 +1,9 @@
 """Damaged files: whatever the bytes, they are read or refused with an error of the family."""
 
+import random
+
 import pandas as pd
+import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from log_world import wide_table
@@ -8,6 +11,8 @@ from log_world import wide_table
 from auvident.errors import AuvidentError
 from auvident.storage.log_inspect import inspect_log
 from auvident.storage.logs import read_trials
+from tests.bench.fuzz import damaged as spoilt
+from tests.bench.fuzz_containers import NAMES, containers
 
 FUZZ = settings(
     max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
@@ -114,3 +119,22 @@ def test_a_proposed_map_is_valid_whatever_the_columns(tmp_path, names):
     text = inspect_log(tmp_path / "run.csv").proposed_map
     (tmp_path / "MAP.toml").write_text(text)
     read_column_map(tmp_path / "MAP.toml")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_damaged_logs_of_many_tables(name, tmp_path):
+    """A taste of ``python -m tests.bench.fuzz``: sound files are read, others refused."""
+    found = [*containers(tmp_path, (name,))]
+    if not found:
+        pytest.skip("its library is not installed")
+    ((_, file, sound, read),) = found
+    rng = random.Random(7)
+    cases = [*sound, *(spoilt(rng.choice(sound), sound, rng) for _ in range(6))]
+    for k, content in enumerate(cases):
+        path = tmp_path / file
+        path.write_bytes(content)
+        try:
+            read(path)
+        except AuvidentError as error:
+            assert error.problem
+            assert k >= len(sound), f"a sound file is refused: {error}"

@@ -103,6 +103,8 @@ def test_on_change_reaches_the_sensor(tmp_path):
         ("[rudder]\nrudder = { column = 'a', unit = 'kn' }\n", ("[rudder]", "'kn'", "deg")),
         ("[dvl]\nrudder = 'a'\n", ("[dvl] rudder", "unknown key")),
         ("[rudder]\ntime_offset_s = 'soon'\n", ("[rudder] time_offset_s", "soon")),
+        ("[dvl]\ntime_offset_s = 1e300\n", ("[dvl] time_offset_s", "1e+300")),
+        ("[dvl]\ntime_drift_ppm = -1e300\n", ("[dvl] time_drift_ppm", "-1e+300")),
         ("[rudder\n", ("not valid TOML", "line 1", "tables as [name]")),
     ],
 )

@@ -103,3 +103,19 @@ def test_needed_channels_without_a_column_are_lines_to_be_finished(tmp_path) -> 
     (trial,) = read_trials([tmp_path / "trial.csv"], read_column_map(tmp_path / "map.toml"))
     assert {"u_mps", "v_mps"} <= trial.sensors["dvl"].values.keys()
     assert np.nanmax(trial.sensors["rpm"].values["rpm"]) == 1170.0
+
+
+def test_an_input_that_may_be_written_on_change_is_proposed_so(tmp_path):
+    columns = {"dvl": "u_mps,v_mps", "gyro": "r_degps", "rudder": "rudder_deg"}
+    for name, heads in columns.items():
+        values = ",".join(["1.5"] * len(heads.split(",")))
+        rows = "".join(f"{k / 5},{values}\n" for k in range(3000))
+        (tmp_path / f"{name}.csv").write_text(f"time_s,{heads}\n{rows}")
+    times = (1, 21, 81, 116, 196, 221, 266, 356, 386, 456, 496, 551, 579)
+    rows = "".join(f"{t},{600 + 100 * (k % 3)}\n" for k, t in enumerate(times))
+    (tmp_path / "rpm.csv").write_text("time_s,rpm\n" + rows)
+    text = inspect_log(tmp_path).proposed_map
+    assert text.count("on_change = true") == 1
+    assert "on_change = true" in text.split("[rpm]")[1]
+    (tmp_path / "MAP.toml").write_text(text)
+    assert read_column_map(tmp_path / "MAP.toml").rpm.on_change is True

@@ -173,6 +173,32 @@ def test_valid_zero_is_dropped_and_counted(tmp_path):
     assert dvl.rows_read == len(tables["dvl"])
 
 
+def test_valid_of_nmea(tmp_path):
+    tables = sensor_tables()
+    tables["dvl"]["valid"] = "A"
+    tables["dvl"].loc[[3, 7], "valid"] = ["V", ""]
+    (trial,) = read_trials([write_folder(tmp_path / "log", tables)])
+    assert trial.sensors["dvl"].dropped == {"marked_invalid": 1}
+    assert trial.findings == ()
+
+
+@pytest.mark.parametrize(
+    ("values", "shown", "count", "invalid"),
+    [((4, 2, 0, -1), "4, 2, -1", 3, 1), (("ok", "Q3", "bad", "V"), "q3, v", 2, 1)],
+)
+def test_valid_that_is_neither_true_nor_false_is_said(tmp_path, values, shown, count, invalid):
+    tables = sensor_tables()
+    tables["dvl"]["valid"] = values[0] if isinstance(values[0], str) else 1
+    tables["dvl"].loc[range(10, 10 + len(values)), "valid"] = values
+    (trial,) = read_trials([write_folder(tmp_path / "log", tables)])
+    (said,) = trial.findings
+    assert said.code == "valid_not_understood"
+    assert f"{count} values of valid" in said.message
+    assert f"({shown})" in said.message
+    assert said.remedy
+    assert trial.sensors["dvl"].dropped == {"marked_invalid": invalid}
+
+
 def test_valid_of_a_wide_file_is_the_dvls(tmp_path):
     table = wide_table().assign(valid=["false"] + ["true"] * (len(wide_table()) - 1))
     table.to_csv(tmp_path / "run.csv", index=False)

@@ -8,6 +8,7 @@ import numpy as np
 from auvident.constants import MEDIAN_OF_ABS_TO_STD
 from auvident.schema.artifacts import Finding
 from auvident.schema.channels import CHANNELS, RECORD_COLUMN, TIME_COLUMN
+from auvident.schema.holding import seems_on_change
 from auvident.schema.logs import (
     ChannelQuality,
     RawTrial,
@@ -60,7 +61,14 @@ def report(
     findings = (
         *contradicted,
         *raw.findings,
-        *sampling_findings(raw.name, own, needed, absent, pace_of(raw.sensors, vehicle).passage_s),
+        *sampling_findings(
+            raw.name,
+            own,
+            needed,
+            absent,
+            pace_of(raw.sensors, vehicle).passage_s,
+            silent_inputs(sensors),
+        ),
         *_unusable(sensors),
         *aligned.findings,
     )
@@ -78,6 +86,21 @@ def report(
         checks=aligned.checks,
         checks_made=(*made, *aligned.checks_made),
         findings=findings,
+    )
+
+
+def silent_inputs(sensors: Mapping[str, CleanSensor]) -> tuple[str, ...]:
+    """Inputs that are taken for polled and seem to be logged only when they change."""
+    gyro = sensors.get("gyro")
+    others = gyro.time_s if gyro is not None else None
+    return tuple(
+        name
+        for name, sensor in sensors.items()
+        if sensor.raw.on_change is None
+        and any(
+            series.channel.kind == "input" and seems_on_change(series.time_s, series.values, others)
+            for series in sensor.series.values()
+        )
     )
 
 

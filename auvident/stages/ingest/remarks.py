@@ -1,6 +1,6 @@
 """Findings on how the sensors sampled: late starts, gaps, coarse clocks, losses."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -55,13 +55,20 @@ def sampling_findings(
     needed: Sequence[str],
     absent: Sequence[str],
     passage_s: float,
+    silent: Collection[str] = (),
 ) -> list[Finding]:
-    """Findings of one trial, from the quality of its sensors and the time of a hull length."""
+    """Findings of one trial, from the quality of its sensors and the time of a hull length.
+
+    `silent` names inputs that are taken for polled, and seem to be logged only on change.
+    """
     own = {BY_COLUMN[column].sensor for column in needed}
     found = [f for s in sensors for c in s.channels for f in _much_left_out(s, c)]
     found += [*_spans([s for s in sensors if s.sensor in own and s.rows_read])]
     for sensor in sensors:
-        found += [*_clock(sensor, passage_s), *_losses(sensor), *_holds(sensor)]
+        is_silent = sensor.sensor in silent
+        found += [*_silences(sensor)] if is_silent else []
+        found += [*_clock(sensor, np.inf if is_silent else passage_s)]
+        found += [*_losses(sensor), *_holds(sensor)]
         for channel in sensor.channels:
             found += [*_channel(sensor, channel, channel.column in needed)]
             found += [*_faults(sensor, channel)]
@@ -155,6 +162,22 @@ def _holds(sensor: SensorQuality) -> Iterator[Finding]:
             value=longest,
             remedy="If it is polled and these are drop-outs, set on_change = false in a map.",
         )
+
+
+def _silences(sensor: SensorQuality) -> Iterator[Finding]:
+    longest = max((c.longest_gap_s for c in sensor.channels), default=0.0)
+    gaps = sum(c.gaps for c in sensor.channels)
+    left = f", and {gaps} silences count as gaps" if gaps else ""
+    yield Finding(
+        code="input_seems_on_change",
+        message=f"{sensor.sensor} may be logged only when it changes: hardly a row repeats the one "
+        f"before, and it is silent for up to {longest:.1f} s at a time; it was taken for polled"
+        f"{left}",
+        where=sensor.file,
+        value=longest,
+        remedy=f"If each value was held until the next, set on_change = true in [{sensor.sensor}] "
+        "of a map (--map).",
+    )
 
 
 def _channel(sensor: SensorQuality, channel: ChannelQuality, needed: bool) -> Iterator[Finding]:

@@ -9,17 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from auvident.schema.holding import median_period
+
 AVERAGE_BELOW = 0.75  # of the step: a sensor with a shorter period is averaged, else interpolated
 TICK_TOLERANCE = 1e-6  # of the step: rounding of time stamps in files
 BLOCK = 1 << 18  # samples worked on together, for the sake of memory
 ENOUGH_PERIODS = 2.5  # a single lost sample leaves a gap of two periods; jitter adds a bit
-HOLD_MIN_S = 2.0  # a polled command is held so long: slower vehicles poll at 1 Hz
-HOLD_PERIODS = 5.0  # and at least over so many of its periods
-ON_CHANGE_EQUAL = 0.05  # equal successive values: a command polled at a fixed rate has more
-ON_CHANGE_SPREAD = 5.0  # 95 % quantile over median of the intervals: far from a fixed rate
-HEARTBEAT_ROWS = 5  # so many long intervals ...
-HEARTBEAT_SPREAD = 1.3  # ... alike within this factor are a heartbeat, no drop-outs
-HEARTBEAT_MARGIN = 1.5  # times the heartbeat is held
 
 
 @dataclass(frozen=True)
@@ -54,13 +49,6 @@ class Resampled:
 
     values: np.ndarray
     sampled: np.ndarray
-
-
-def median_period(time_s: np.ndarray) -> float:
-    """Median interval between samples in s; 0 for fewer than two."""
-    if time_s.size < 2:
-        return 0.0
-    return float(np.median(np.diff(time_s), overwrite_input=True))
 
 
 def is_averaged(time_s: np.ndarray, step_s: float) -> bool:
@@ -164,49 +152,6 @@ def _integral_of_line(
 
 
 # --- inputs -------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Hold:
-    """How long a command is held: `limit_s` after a sample, and which rule said so."""
-
-    limit_s: float
-    rule: str
-
-
-def hold_rule(time_s: np.ndarray, values: np.ndarray, on_change: bool | None) -> Hold:
-    """How long a logged command holds when none follows.
-
-    A command polled at a fixed rate is held over `HOLD_MIN_S` or `HOLD_PERIODS` of its periods;
-    a longer silence is a drop-out. A log that is written only when the command changes shows
-    hardly any equal successive values at very unequal intervals: there silence means that
-    nothing changed, and the command holds until the next one.
-
-    Parameters
-    ----------
-    time_s, values : numpy.ndarray
-        Samples in ascending time, shape (n,).
-    on_change : bool or None
-        The user's word on it; None: decide from the data.
-    """
-    if on_change or (on_change is None and _is_on_change(time_s, values)):
-        return Hold(np.inf, "on_change")
-    limit = max(HOLD_MIN_S, HOLD_PERIODS * median_period(time_s))
-    steps = np.diff(time_s)
-    long = steps[steps > limit] if on_change is None else steps[:0]
-    if long.size >= HEARTBEAT_ROWS and long.max() <= HEARTBEAT_SPREAD * np.median(long):
-        return Hold(HEARTBEAT_MARGIN * float(np.median(long)), "heartbeat")
-    return Hold(limit, "polled")
-
-
-def _is_on_change(time: np.ndarray, values: np.ndarray) -> bool:
-    if time.size < 2:
-        return True
-    equal = float(np.mean(np.diff(values) == 0))
-    steps = np.diff(time)
-    spread = float(np.quantile(steps, 0.95) / np.median(steps))
-    few = time.size < 2 * HEARTBEAT_ROWS  # a handful of rows in a trial is a list of commands
-    return equal <= ON_CHANGE_EQUAL and (spread > ON_CHANGE_SPREAD or few)
 
 
 def resample_input(time_s: np.ndarray, values: np.ndarray, grid: Grid, limit_s: float) -> Resampled:

@@ -17,21 +17,19 @@ from auvident.schema.channels import (
     SENSORS,
     TIME_COLUMN,
 )
+from auvident.schema.holding import Hold, hold_rule, median_period
 from auvident.schema.logs import RawTrial, TrialQuality
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.clean import CleanSensor, Series, clean_trial
 from auvident.stages.ingest.derived import with_derived
 from auvident.stages.ingest.dvl_roll import without_roll
-from auvident.stages.ingest.quality import report
+from auvident.stages.ingest.quality import report, silent_inputs
 from auvident.stages.ingest.resample import (
     Grid,
-    Hold,
     Resampled,
     gap_limit,
-    hold_rule,
     is_averaged,
-    median_period,
     resample_input,
     resample_measured,
 )
@@ -106,9 +104,24 @@ def ingest(
     sensors = {name: _only(k, columns) for name, k in sensors.items()}
     table = _table(grid, columns, needed)
     trial = Trial(raw.name, _marked(table, sensors), rate_hz)
-    quality = report(raw, trial, vehicle, sensors, plans, columns, needed)
+    try:
+        quality = report(raw, trial, vehicle, sensors, plans, columns, needed)
+    except InputError as error:
+        raise _perhaps_on_change(error, silent_inputs(sensors)) from error
     update = {"findings": (*quality.findings, *done), "checks": quality.checks | facts}
     return trial, quality.model_copy(update=update)
+
+
+def _perhaps_on_change(error: InputError, silent: Collection[str]) -> InputError:
+    """The same, where an input is full of silences that may be what contradicts."""
+    if not silent:
+        return error
+    tables = " and ".join(f"[{name}]" for name in silent)
+    remedy = (
+        f"First of all: {' and '.join(silent)} may be logged only on change; if so, set "
+        f"on_change = true in {tables} of a map (--map). {error.remedy}"
+    )
+    return InputError(error.problem, error.where, remedy.strip())
 
 
 def _series(sensors: dict[str, CleanSensor]) -> list[tuple[str, Series, CleanSensor]]:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from auvident.errors import InputError
-from auvident.storage.readers.interface import STAMP, ColumnHead, TableHead
+from auvident.storage.readers.interface import STAMP, ColumnHead, TableHead, ns_of_counts
 
 MAGIC = b"\xa3\x95"
 FMT = 128  # number of the messages that describe messages
@@ -167,7 +167,7 @@ class DataFlash:
         found: dict[str, np.ndarray] = {}
         time = next((c for c in kind.columns if c in TIMES), None)
         if time is not None:
-            found[STAMP] = table[time].astype(np.int64) * TIMES[time]
+            found[STAMP] = ns_of_counts(table[time], TIMES[time])
         for column, letter in zip(kind.columns, kind.letters, strict=True):
             found |= _column(column, table[column], FORMATS[letter][1])
         return found

@@ -11,7 +11,8 @@ from auvident.errors import InputError
 from auvident.schema.logs import TIME_UNITS
 from auvident.storage.log_columns import TIME_ALIASES
 from auvident.storage.log_layout import TIME_NAMES
-from auvident.storage.readers.interface import ColumnHead, TableHead
+from auvident.storage.log_time import MISSING_COUNT, MOST_COUNT
+from auvident.storage.readers.interface import ColumnHead, TableHead, ns_of_counts, ns_of_seconds
 
 MOST_VALUES = 200_000_000  # of one array: three weeks at 100 Hz; more is no log, or damage
 MOST_WIDE = 16  # numbers in a row of an array: vectors and small matrices are columns, images not
@@ -208,21 +209,20 @@ def instants(values: np.ndarray, unit: str, where: str) -> np.ndarray:
     start = _instant(origin.strip(), unit, where)
     size = UNIT_WORDS[word.strip().lower()]
     if values.dtype.kind in "iu" and round(size * 1e9) == size * 1e9:
-        return start + (values.astype(np.int64) * round(size * 1e9)).astype("timedelta64[ns]")
-    known = np.isfinite(values.astype(float))
-    # whole seconds and the rest apart: a float of nanoseconds since 1970 is short of digits
-    seconds = np.where(known, values, 0.0) * size
-    whole = np.floor(seconds)
-    ns = whole.astype(np.int64) * 10**9 + np.rint((seconds - whole) * 1e9).astype(np.int64)
-    found = start + ns.astype("timedelta64[ns]")
-    found[~known] = np.datetime64("NaT")
+        ns = ns_of_counts(values, round(size * 1e9))
+    else:
+        ns = ns_of_seconds(values.astype(float) * size)
+    found = start + np.where(ns == MISSING_COUNT, 0, ns).astype("timedelta64[ns]")
+    found[ns == MISSING_COUNT] = np.datetime64("NaT")
     return found
 
 
 def _instant(text: str, unit: str, where: str) -> np.datetime64:
     try:
-        found = pd.to_datetime(text, utc=True)
-        return np.datetime64(found.tz_convert(None), "ns")
+        found = np.datetime64(pd.to_datetime(text, utc=True).tz_convert(None), "ns")
+        if abs(found.astype(np.int64)) > MOST_COUNT:
+            raise OverflowError("beyond what counts of ns since 1970 hold")
+        return found
     except (ValueError, TypeError, OverflowError) as error:
         raise InputError(
             f"the time unit {unit!r} does not count from a date that can be read",

@@ -7,7 +7,10 @@ from typing import Protocol
 
 import numpy as np
 
+from auvident.storage.log_time import MISSING_COUNT, MOST_COUNT
+
 STAMP = "timestamp_ns"  # of a table: when the container says that a row was written, int64
+MOST_S = MOST_COUNT // 10**9  # the year 2116: a stamp beyond it is none
 
 
 @dataclass(frozen=True)
@@ -180,3 +183,22 @@ def in_memory(
         for name, table in columns.items()
     }
     return Tables(tables, {name: dict(table) for name, table in columns.items()}, notes)
+
+
+def ns_of_seconds(seconds: np.ndarray, start_s: int = 0) -> np.ndarray:
+    """Stamps in s, after a whole second, as int64 counts of ns; none where no clock shows that.
+
+    The whole seconds and the rest apart: a float of nanoseconds since 1970 is short of digits.
+    """
+    known = np.abs(seconds) <= MOST_S
+    safe = np.where(known, seconds, 0.0)
+    whole = np.floor(safe)
+    rest = np.rint((safe - whole) * 1e9).astype(np.int64)
+    return np.where(known, (whole.astype(np.int64) + start_s) * 10**9 + rest, MISSING_COUNT)
+
+
+def ns_of_counts(counts: np.ndarray, ns_each: int) -> np.ndarray:
+    """Whole counts of so many ns each as int64 counts of ns; none where 64 bits do not hold it."""
+    most = MOST_COUNT // ns_each
+    known = (counts <= most) & (counts >= -most)
+    return np.where(known, np.where(known, counts, 0).astype(np.int64) * ns_each, MISSING_COUNT)

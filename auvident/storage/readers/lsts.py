@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from auvident.errors import InputError
-from auvident.storage.readers.interface import STAMP, Tables, in_memory
+from auvident.storage.readers.interface import STAMP, Tables, in_memory, ns_of_seconds
 from auvident.storage.readers.registry import need
 
 SYNC = struct.pack("<H", 0xFE54)
@@ -151,9 +151,7 @@ def _parts(name: str, own: Rows) -> dict[str, Rows]:
 
 
 def _table(own: Rows) -> dict[str, np.ndarray]:
-    time = np.array([row[0] for row in own])
-    whole = np.floor(time)
-    ns = whole.astype(np.int64) * 10**9 + np.rint((time - whole) * 1e9).astype(np.int64)
+    ns = ns_of_seconds(np.array([row[0] for row in own], dtype=float))
     columns = {name: np.array([row[2][name] for row in own]) for name in own[0][2]}
     return {STAMP: ns, **columns}
 

@@ -13,6 +13,7 @@ import numpy as np
 from auvident.errors import InputError
 from auvident.storage.readers.fields import MOST_VALUES, Field, Tree, tree_of
 from auvident.storage.readers.hdf5 import Hdf5Style, open_hdf5
+from auvident.storage.readers.mat5 import check
 
 VERSION_73 = b"MATLAB 7.3 MAT-file"
 VERSION_5 = b"MATLAB 5.0 MAT-file"
@@ -23,6 +24,7 @@ REMEDY = (
     "In MATLAB save structs of numbers: s = table2struct(timetable2table(T), 'ToScalar', true); "
     "s.time_s = seconds(T.Time - T.Time(1)); save('trial.mat', '-struct', 's')."
 )
+DAMAGED_REMEDY = "Copy the file again from where it was written, or save it again."
 NOT_NUMBERS = {b"char": "is text", b"cell": "is a cell array, not a column"}
 
 
@@ -65,12 +67,13 @@ def _open_5(path: Path) -> Tree:
 
     notes: list[str] = []
     try:
+        check(path.read_bytes())
         shapes = whosmat(path)
         kept = [name for name, shape, _ in shapes if np.prod(shape, dtype=float) <= MOST_VALUES]
         held = loadmat(path, variable_names=kept, squeeze_me=True) if kept else {}
     except Exception as error:  # at damaged files the library raises whatever it runs into
         told = str(error) or type(error).__name__
-        raise InputError(f"is a damaged MAT file: {told}", str(path)) from error
+        raise InputError(f"is a damaged MAT file: {told}", str(path), DAMAGED_REMEDY) from error
     notes += [f"{name} is said to be {shape}" for name, shape, _ in shapes if name not in kept]
     fields: list[Field] = []
     for name, value in held.items():

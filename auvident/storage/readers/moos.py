@@ -12,12 +12,13 @@ import numpy as np
 
 from auvident.errors import InputError
 from auvident.storage.log_time import ABSOLUTE_S
-from auvident.storage.readers.interface import STAMP, Tables, in_memory
+from auvident.storage.readers.interface import MOST_S, STAMP, Tables, in_memory, ns_of_seconds
 
-START = re.compile(rb"^%+\s*LOG ?START\s+(?P<start>[-+0-9.eE]+)", re.MULTILINE)
+START = re.compile(rb"^%+\s*LOG ?START\s+(?P<start>\S+)", re.MULTILINE)
 SECONDS = "time_s"
 PAIRS = re.compile(r"^\s*\w+\s*=[^=,]*(,\s*\w+\s*=[^=,]*)*$")
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+MOST_SHOWN = 40  # characters of a start that is none
 MOST_FAULTS = 0.05  # share of lines that are none; beyond it the file is something else
 Line = tuple[float, str, str, str]
 
@@ -35,14 +36,13 @@ class MoosReader:
     def open(self, path: Path) -> Tables:
         """Read the log."""
         content = path.read_bytes()
-        found = START.search(content)
-        start = float(found["start"]) if found else 0.0
+        start = _start(content, path)
         lines, faults = _lines(content)
         if not lines or len(faults) > MOST_FAULTS * (len(lines) + len(faults)):
             row = f", row {faults[0]}" if faults else ""
             raise InputError(
                 f"{len(faults)} of {len(lines) + len(faults)} lines are not "
-                '"time variable source value"',
+                '"time variable source value", the time in s',
                 f"{path}{row}",
                 "Give the .alog as pLogger wrote it.",
             )
@@ -50,6 +50,23 @@ class MoosReader:
             (f"{len(faults)} lines are damaged, the first is line {faults[0]}",) if faults else ()
         )
         return in_memory(_tables(lines, start), notes=notes, time=_times(lines, start))
+
+
+def _start(content: bytes, path: Path) -> float:
+    """Seconds since 1970 at which the log starts, by its banner; 0 where it says nothing."""
+    found = START.search(content)
+    if found is None:
+        return 0.0
+    text = found["start"].decode(errors="replace")
+    if NUMBER.fullmatch(text) and 0.0 <= float(text) <= MOST_S:
+        return float(text)
+    line = content.count(b"\n", 0, found.start("start")) + 1
+    raise InputError(
+        f"LOGSTART {text[:MOST_SHOWN]!r} is not a time in seconds since 1970",
+        f"{path}, row {line}",
+        "Write it as pLogger does (%% LOGSTART 1714564800.0), or remove the line: the times then "
+        "count from the start of the log.",
+    )
 
 
 def _lines(content: bytes) -> tuple[list[Line], list[int]]:
@@ -61,7 +78,7 @@ def _lines(content: bytes) -> tuple[list[Line], list[int]]:
         if not text or text.startswith("%"):
             continue
         parts = text.split(None, 3)
-        if len(parts) < 3 or not NUMBER.fullmatch(parts[0]):
+        if len(parts) < 3 or not NUMBER.fullmatch(parts[0]) or abs(float(parts[0])) > MOST_S:
             faults.append(number)
             continue
         found.append((float(parts[0]), parts[1], parts[2], parts[3] if len(parts) > 3 else ""))
@@ -94,8 +111,7 @@ def _stamps(lines: list[Line], start: float) -> dict[str, np.ndarray]:
     if start <= ABSOLUTE_S:
         return {SECONDS: time + start}
     whole = int(start)
-    rest = np.rint((time + (start - whole)) * 1e9).astype(np.int64)
-    return {STAMP: rest + whole * 10**9}
+    return {STAMP: ns_of_seconds(time + (start - whole), whole)}
 
 
 def _values(texts: list[str]) -> dict[str, np.ndarray]:

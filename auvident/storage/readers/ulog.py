@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from auvident.errors import InputError
-from auvident.storage.readers.interface import STAMP, Tables, in_memory
+from auvident.storage.readers.interface import STAMP, Tables, in_memory, ns_of_counts
 from auvident.storage.readers.quaternions import ANGLES, angles, quaternions_in
 from auvident.storage.readers.registry import need
 
@@ -79,7 +79,7 @@ def _columns(data: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         found |= {f"{base}.{angle}": values for angle, values in turned.items()}
     if TIME not in found:
         return found
-    return {STAMP: found[TIME].astype(np.int64) * NS_PER_US, **found}
+    return {STAMP: ns_of_counts(found[TIME], NS_PER_US), **found}
 
 
 def _notes(log: Any) -> tuple[str, ...]:

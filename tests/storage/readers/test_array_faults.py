@@ -9,10 +9,14 @@ import pytest
 
 from auvident.errors import InputError
 from auvident.storage.log_file import open_logs, read_log
+from auvident.storage.log_time import MISSING_COUNT
 from auvident.storage.logs import read_trials
 from auvident.storage.readers.fields import instants
+from auvident.storage.readers.interface import ns_of_counts
+from auvident.storage.readers.mat5 import check
 from tests.storage.readers.array_world import (
     START_S,
+    tables,
     write_alog,
     write_hdf5,
     write_lsf,
@@ -254,3 +258,76 @@ def test_other_text_named_log_is_read_as_before(tmp_path):
     assert log.layout is not None
     with pytest.raises(InputError, match="v_mps"):
         read_trials([path])
+
+
+@pytest.mark.parametrize("start", ["2024-05-01", "1e400", "1e300", "-5", "nan"])
+def test_a_start_of_a_moos_log_that_is_no_time_is_refused_with_its_line(tmp_path, start):
+    path = tmp_path / "a.alog"
+    path.write_text(f"%% LOG FILE: a.alog\n%% LOGSTART {start}\n1.0 NAV_X iX 3\n")
+    with pytest.raises(InputError, match="is not a time in seconds since 1970") as told:
+        open_logs(path)
+    assert str(path) in told.value.where
+    assert "row 2" in told.value.where
+    assert "1714564800.0" in told.value.remedy
+
+
+@pytest.mark.parametrize("time", ["1e300", "1e400", "-1e12"])
+def test_a_moos_line_at_no_time_of_a_clock_is_damaged(tmp_path, time):
+    path = tmp_path / "a.alog"
+    lines = [f"{k}.5 NAV_X iX {k}" for k in range(40)]
+    path.write_text("\n".join([f"%% LOGSTART {START_S}", *lines, f"{time} NAV_X iX 7"]))
+    (log,) = open_logs(path)
+    assert log.container.notes == ("1 lines are damaged, the first is line 42",)
+    stamps = read_log(log, {"timestamp_ns": None}).columns["timestamp_ns"]
+    assert stamps.tolist() == [(START_S + k) * 10**9 + 5 * 10**8 for k in range(40)]
+    path.write_text(f"%% LOGSTART {START_S}\n{time} NAV_X iX 7\n")
+    with pytest.raises(InputError, match="the time in s") as told:
+        open_logs(path)
+    assert "row 2" in told.value.where
+
+
+@pytest.mark.parametrize("unit", ["days since 1970-01-01", "ns since 2023-01-01"])
+def test_counts_beyond_any_clock_are_no_time(unit):
+    found = instants(np.array([1.0, 1e300, np.nan, -1e300]), unit, "a.h5")
+    assert np.isnat(found).tolist() == [False, True, True, True]
+
+
+def test_whole_counts_beyond_64_bits_are_no_time():
+    found = ns_of_counts(np.array([5, 2**63], np.uint64), 1000)
+    assert found.tolist() == [5000, MISSING_COUNT]
+
+
+@pytest.mark.parametrize("kind", [48905, 200, 14, 0])
+def test_a_mat_file_with_a_type_that_there_is_not_is_refused(tmp_path, kind):
+    """Found by the fuzzer: scipy took the number for an index, and the process ended."""
+    path = write_mat_5(tmp_path / "a.mat")
+    content = bytearray(path.read_bytes())
+    tag = struct.pack("<II", 9, 8 * len(tables()["attitude"]))  # the data of an array of doubles
+    at = content.find(tag)
+    assert at > 0
+    content[at : at + 4] = struct.pack("<I", kind)
+    path.write_bytes(bytes(content))
+    with pytest.raises(InputError, match=f"an element of type {kind} ") as told:
+        open_logs(path)
+    assert told.value.remedy
+
+
+def test_mat_files_of_all_kinds_of_variables_pass_the_check(tmp_path):
+    from scipy.io import savemat
+    from scipy.sparse import csr_array
+
+    cells = np.empty(2, dtype=object)
+    cells[:] = [np.arange(3), "text"]
+    held = {
+        "a": np.arange(5.0),
+        "c": np.array([1j, 2]),
+        "s": {"x": np.arange(4), "t": "äöü", "deep": {"y": np.ones((2, 3), np.uint8)}},
+        "cells": cells,
+        "sparse": csr_array(np.eye(3)),
+        "flag": np.array([True, False]),
+        "none": np.zeros((0, 0)),
+    }
+    for packed in (False, True):
+        savemat(tmp_path / "a.mat", held, do_compression=packed)
+        check((tmp_path / "a.mat").read_bytes())
+        assert open_logs(tmp_path / "a.mat")
