@@ -82,15 +82,21 @@ def with_best_times(case: Case, fitted: Fitted, candidates: Sequence[str]) -> Fi
 
 
 def _with_best_time(case: Case, fitted: Fitted, instant: Instant) -> Fitted:
+    best = _searched(case, instant, lambda times: _best(case, fitted, instant, times))
+    return replace(fitted, parameters=instant.at(fitted.parameters, best))
+
+
+def _searched(case: Case, instant: Instant, best_of: Callable[[Array], float]) -> float:
+    """The best time by a grid over all maneuvers, and by closer ones about the best so far."""
     starts, ends = zip(*(span_of(r) for r in case.records), strict=True)
     first, last = max(min(starts), instant.low_s), min(max(ends), instant.high_s)
     apart = max(instant.grid.apart_s, (last - first) / instant.grid.most)
     inside = np.arange(first, last, apart)[1:]
     middle = np.array([0.5 * (first + last)])  # of what is shorter than a step of the grid
-    best = _best(case, fitted, instant, inside if len(inside) else middle)
+    best = best_of(inside if len(inside) else middle)
     for reach in instant.grid.reach:
-        best = _best(case, fitted, instant, best + reach * apart * np.linspace(-1, 1, 5))
-    return replace(fitted, parameters=instant.at(fitted.parameters, best))
+        best = best_of(best + reach * apart * np.linspace(-1, 1, 5))
+    return best
 
 
 def _best(case: Case, fitted: Fitted, instant: Instant, times: Array) -> float:
@@ -120,9 +126,39 @@ def narrowed(traced: Traced, trials: Sequence[Trial], maneuvers: Maneuvers) -> T
     instants = [instant_of(case, effect) for effect in traced.final.effects]
     for instant in (i for i in instants if i is not None):
         between = [r for t in trials for r in records_between(case, t, maneuvers)]
-        low, high = possible_times(case, traced.final, instant, between)
-        traced = replace(traced, final=_over(case, traced.final, instant, low, high))
+        placed = placed_again(case, traced.final, instant, between)
+        low, high = possible_times(case, placed, instant, between)
+        traced = replace(traced, final=_over(case, placed, instant, low, high))
     return traced
+
+
+def placed_again(case: Case, fitted: Fitted, instant: Instant, between: Sequence[Record]) -> Fitted:
+    """The model fitted again with its step at each time of a grid, where it explains most.
+
+    To first order a step lies where the model without it leaves most; what the coefficients had
+    taken up of it moves it. A thrust that fell in a zigzag was put 50 s before it, and fitted
+    there with 60 nats less.
+    """
+    made: dict[float, tuple[float, Fitted]] = {}
+
+    def add(time: float, found: Fitted | None) -> None:
+        if found is not None:
+            seen = replace(found, colours=fitted.colours)
+            beside = sum(_cost_of(case, seen, instant, record)(time) for record in between)
+            made[time] = (found.log_likelihood - beside, found)
+
+    def again(time: float) -> Fitted | None:
+        p = instant.at(fitted.parameters, time)
+        return fit_with(case, fitted.effects, p, fitted.colours, rounds=1)
+
+    def best_of(times: Array) -> float:
+        for time in (float(t) for t in times):
+            if time not in made:
+                add(time, again(time))
+        return max(made, key=lambda time: made[time][0])
+
+    add(float(fitted.parameters[instant.time]), fitted)
+    return made[_searched(case, instant, best_of)][1]
 
 
 def _over(case: Case, fitted: Fitted, instant: Instant, low: float, high: float) -> Fitted:

@@ -19,6 +19,7 @@ from auvident.stages.diagnose.fit.fits import Fitted, first_colours, fit_with
 from auvident.stages.diagnose.select.instants import (
     Instant,
     instant_of,
+    placed_again,
     possible_times,
     records_between,
     span_of,
@@ -177,3 +178,20 @@ def test_a_maneuver_shorter_than_a_step_of_the_grid_is_searched_too() -> None:
     placed = with_best_times(alone, own, (STEP,)).parameters[instant().time]
     first, last = (float(x) for x in span_of(one))
     assert first < placed < last
+
+
+def test_a_step_that_was_put_elsewhere_is_found_once_all_else_is_fitted_again() -> None:
+    """To first order it was put three maneuvers off, and the coefficients took up what they can."""
+    truth, off = maneuvers("identify")[1], maneuvers("identify")[-1]
+    time = 0.5 * (truth.t_start_s + truth.t_end_s)
+    p = fitted().parameters.copy()
+    p[case().position(f"{STEP}.fraction")], p[instant().time] = FRACTION, time
+    stepped = replace(case(), records=with_step(case().records, p))
+    start = instant().at(p, 0.5 * (off.t_start_s + off.t_end_s))
+    there = fit_with(stepped, (STEP,), start, fitted().colours, rounds=1)
+    assert there is not None
+    beside = with_step(between(), p)
+    found = placed_again(stepped, there, instant(), beside)
+    assert found.log_likelihood > there.log_likelihood + 10.0
+    low, high = possible_times(stepped, found, instant(), beside)
+    assert low <= time <= high and high - low < 10 * FINE_S
