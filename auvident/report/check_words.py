@@ -30,6 +30,15 @@ def _sentence(rows: list[tuple[CheckMade, str]], trials: int) -> str:
 
 def untested(trials: Sequence[TrialQuality]) -> str:
     """What no check of any trial could test, with the reasons; empty where all was tested."""
+    groups: dict[str, list[str]] = {}
+    for what, why in left_open(trials).items():
+        groups.setdefault(why, []).append(what)
+    left = [f"{_listed(names)} ({why})" for why, names in groups.items()]
+    return f"Not tested: {', '.join(left)}." if left else ""
+
+
+def left_open(trials: Sequence[TrialQuality]) -> dict[str, str]:
+    """Every quantity that no check of any trial could test, with the reasons."""
     tested: set[str] = set()
     reasons: dict[str, list[str]] = {}
     for trial in trials:
@@ -38,5 +47,8 @@ def untested(trials: Sequence[TrialQuality]) -> str:
                 tested.add(made.what)
             elif made.message not in reasons.setdefault(made.what, []):
                 reasons[made.what].append(made.message)
-    left = [f"{what} ({'; '.join(why)})" for what, why in reasons.items() if what not in tested]
-    return f"Not tested: {', '.join(left)}." if left else ""
+    return {what: "; ".join(why) for what, why in reasons.items() if what not in tested}
+
+
+def _listed(names: list[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)

@@ -47,8 +47,8 @@ class Check:
         Why so much.
     code : str
         Of the finding; that of the name unless given.
-    after : str
-        Check above it in the table that has to stand, or this one tests nothing.
+    after : tuple of str
+        Checks above it in the table that have to stand, or this one tests nothing.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Check:
     limit: float | None
     reason: str
     code: str = ""
-    after: str = ""
+    after: tuple[str, ...] = ()
 
     @property
     def finding(self) -> str:

@@ -20,6 +20,7 @@ from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.schema.vehicle_checks import contradictions
 from auvident.stages.ingest.checks.row import Ratio
+from auvident.stages.ingest.pitching import Pitching, pitching
 from auvident.stages.ingest.response import Relation
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ Array = npt.NDArray[np.float64]
 
 MIN_SPEED_MPS = 0.2  # ratios to a smaller speed are noise
 UNDER_WAY = 0.3  # of the 90 % quantile of the speed: slower is manoeuvring, dive and drift
+BRISK = 2.0  # of the speed that counts as under way: a vehicle that coasts to rest swings
 ROOTS = ("X_uu", "T_nu", "T_nn")
 PASSAGES = 10.0  # lengths of way of a window: thrust and drag have settled by its end
 STEADY, STEADY_RPM = 0.04, 0.05  # changes of speed and rpm in it, of their mean
@@ -105,6 +107,11 @@ class Seen:
         u = np.abs(self.whole("u_mps"))
         moving = u[u > self.way_mps]
         return self.length_m / float(np.median(moving)) if moving.size else np.inf
+
+    @cached_property
+    def pitching(self) -> Pitching | None:
+        """Balance of the moments of pitch, at speeds at which the elevator governs it."""
+        return pitching(self.trial, self.vehicle, BRISK * self.way_mps, self.passage_s)
 
     @cached_property
     def windows(self) -> list[Window]:
