@@ -31,6 +31,7 @@ LAGS_S = (0.0, 1.0)  # of a servo, and of the velocities behind it
 MARGIN_S = 2.0  # for shifting, and as in the other checks
 MOVED_LENGTHS, MOVED_S = 5.0, 5.0  # of way, time, since the elevator was moved: tells its terms
 SETTLE_LENGTHS, SETTLE_S = 0.3, 1.5  # after a step a servo and the smoothing are through
+LEAST_S = 0.5  # that is left of a hold
 END_S = 1.0  # of a hold, which the smoothing mixes with the next
 PART_LENGTHS, PART_S = 1.0, 3.0  # of a hold, over which an angle is averaged
 USUAL_RAD = 12.0 * DEG  # range of an elevator that is steered: what is held is a share of its own
@@ -150,8 +151,8 @@ def _held(s: Signals, by: _Solve) -> Iterator[HeldElevator]:
             inside = time[hold] >= time[hold.start] + first_s
             inside &= time[hold] <= time[hold.stop - 1] - END_S
             angles = shown[rows][hold][inside]
-            if angles.size >= part:
-                parts = np.array_split(angles, angles.size // part)
+            if angles.size >= LEAST_S * by.rate_hz:
+                parts = np.array_split(angles, max(angles.size // part, 1))
                 means = np.array([p.mean() for p in parts])
                 angle = float(np.median(fin[hold][inside]))
                 yield HeldElevator(

@@ -112,7 +112,7 @@ def heave_scale(seen: Seen) -> Verdict:
 
 
 def _sinking_aside(seen: Seen) -> Relation | None:
-    """Rate of depth, less that of speed and pitch, from what is across; None without them."""
+    """Rate of depth from w, less that of all others at the DVL's place; None without them."""
     columns = {"u": "u_mps", "v": "v_mps", "w": "w_mps", "pitch": "pitch_rad", "depth": "depth_m"}
     columns |= {"q": "q_radps", "r": "r_radps"}
     if not seen.has(*columns.values()):
@@ -122,9 +122,10 @@ def _sinking_aside(seen: Seen) -> Relation | None:
 
     def relation(s: Signals, lag: float) -> tuple[np.ndarray, np.ndarray]:
         roll = s["roll"] if "roll" in s else np.zeros_like(s["u"])
-        down = (s["w"] + arm * s["q"]) * np.cos(roll) + (s["v"] - arm * s["r"]) * np.sin(roll)
-        x = (down * np.cos(s["pitch"]), s["u"], np.ones_like(roll))  # a pitch that is off besides
-        return s["depth_dot"] + s["u"] * np.sin(s["pitch"]), np.column_stack(x)
+        rest = arm * s["q"] * np.cos(roll) + (s["v"] - arm * s["r"]) * np.sin(roll)
+        rate = s["depth_dot"] + s["u"] * np.sin(s["pitch"]) - rest * np.cos(s["pitch"])
+        x = (s["w"] * np.cos(roll) * np.cos(s["pitch"]), s["u"], np.ones_like(roll))
+        return rate, np.column_stack(x)  # with a pitch that is off
 
     records = smooth_records(seen.trial, columns, MARGIN_S)
     return fit_relation(records, relation, (0.0, 0.0), lambda s: np.abs(s["u"]) > seen.way_mps)
