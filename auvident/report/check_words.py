@@ -29,12 +29,24 @@ def _sentence(rows: list[tuple[CheckMade, str]], trials: int) -> str:
 
 
 def untested(trials: Sequence[TrialQuality]) -> str:
-    """What no check of any trial could test, with the reasons; empty where all was tested."""
+    """What no check of any trial could test, with the reasons, and what was tested coarsely.
+
+    Empty where all was tested.
+    """
     groups: dict[str, list[str]] = {}
     for what, why in left_open(trials).items():
         groups.setdefault(why, []).append(what)
     left = [f"{_listed(names)} ({why})" for why, names in groups.items()]
-    return f"Not tested: {', '.join(left)}." if left else ""
+    coarse = [f"{what} ({only})" for what, only in _coarse(trials).items()]
+    texts = {"Not tested": left, "Tested only coarsely": coarse}
+    return " ".join(f"{words}: {', '.join(rows)}." for words, rows in texts.items() if rows)
+
+
+def _coarse(trials: Sequence[TrialQuality]) -> dict[str, str]:
+    """Every quantity that was tested, but by no trial more than coarsely, and how coarsely."""
+    made = [c for t in trials for c in t.checks_made if c.outcome != "untested"]
+    fine = {c.what for c in made if not c.only}
+    return {c.what: c.only for c in made if c.only and c.what not in fine}
 
 
 def left_open(trials: Sequence[TrialQuality]) -> dict[str, str]:

@@ -9,7 +9,14 @@ import numpy as np
 from auvident.schema.logs import DEG
 from auvident.schema.planes import VERTICAL
 from auvident.stages.ingest.checks.correction import scaled
-from auvident.stages.ingest.checks.row import Ratio, Verdict, agrees, contradicts, untested
+from auvident.stages.ingest.checks.row import (
+    Ratio,
+    Verdict,
+    agrees,
+    coarsely,
+    contradicts,
+    untested,
+)
 from auvident.stages.ingest.checks.rudder import (
     MOST_RUDDER_RAD,
     NEAR_RATIO,
@@ -94,11 +101,9 @@ def elevator_scale(seen: Seen) -> Verdict:
         return untested("the elevator pitches the vehicle the other way")
     ratio = Ratio(gain / USUAL_GAIN, GAIN_STD)
     if abs(ratio.log) <= GAIN_LIMIT:
-        return ratio.verdict(
-            "agrees",
-            "the elevator pitches the vehicle as its fins should "
-            f"(to a factor of {np.exp(GAIN_LIMIT):.1f})",
-        )
+        factor = f"to a factor of {np.exp(GAIN_LIMIT):.1f}"
+        words = f"the elevator pitches the vehicle as its fins should ({factor})"
+        return coarsely(ratio.verdict("agrees", words), factor)
     apart = {name: abs(np.log(ratio.value / scale)) for name, scale in SCALES.items()}
     named = min(apart, key=lambda name: apart[name])
     fix = scaled(SCALES[named], "elevator_rad") if apart[named] < NEAR_RATIO else ""

@@ -5,7 +5,14 @@ import numpy as np
 from auvident.schema.logs import DEG
 from auvident.stages.ingest.checks.correction import scaled
 from auvident.stages.ingest.checks.gyro import MAX_YAW_RATE
-from auvident.stages.ingest.checks.row import Ratio, Verdict, agrees, contradicts, untested
+from auvident.stages.ingest.checks.row import (
+    Ratio,
+    Verdict,
+    agrees,
+    coarsely,
+    contradicts,
+    untested,
+)
 from auvident.stages.ingest.checks.seen import BRISK, MIN_SPEED_MPS, Seen
 from auvident.stages.ingest.checks.speed import MIN_SAMPLES
 from auvident.stages.ingest.checks.steering import steering
@@ -82,11 +89,9 @@ def rudder_scale(seen: Seen) -> Verdict:
     gain = found.theta[0] / found.theta[1] / (own.by_fin / own.by_rate)
     ratio = Ratio(float(gain) / USUAL_GAIN, GAIN_STD)
     if abs(ratio.log) <= GAIN_LIMIT:
-        factor = np.exp(GAIN_LIMIT)
-        return ratio.verdict(
-            "agrees",
-            f"the rudder turns the vehicle as its fins should (to a factor of {factor:.1f})",
-        )
+        factor = f"to a factor of {np.exp(GAIN_LIMIT):.1f}"
+        words = f"the rudder turns the vehicle as its fins should ({factor})"
+        return coarsely(ratio.verdict("agrees", words), factor)
     apart = {name: abs(np.log(ratio.value / scale)) for name, scale in SCALES.items()}
     named = min(apart, key=lambda name: apart[name])
     fix = scaled(SCALES[named], "rudder_rad") if apart[named] < NEAR_RATIO else ""

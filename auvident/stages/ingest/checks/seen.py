@@ -44,6 +44,8 @@ class Window:
 
     speed_mps: float
     rate_rps: float
+    heading_rad: float  # NaN where it is not known
+    unrest: float  # standard deviation of the speed from quarter to quarter, of its mean
 
 
 @dataclass(frozen=True)
@@ -119,13 +121,17 @@ class Seen:
         if not np.isfinite(self.passage_s):
             return []
         u, r, rate = self.whole("u_mps"), self.whole("r_radps"), self.whole("rpm") / 60.0
+        heading = self.whole("heading_rad")
         steady_s = max(LEAST_WINDOW_S, PASSAGES * self.passage_s)
         size = round(steady_s * self.trial.rate_hz)
         found = []
         for first in range(0, u.size - size, max(size // 2, 1)):
             rows = slice(first, first + size)
             if self._steady(u[rows], r[rows], np.abs(rate[rows])):
-                found.append(Window(float(u[rows].mean()), float(np.abs(rate[rows]).mean())))
+                mean = float(u[rows].mean())
+                unrest = float(np.std([q.mean() for q in np.array_split(u[rows], 4)])) / mean
+                course = float(np.angle(np.exp(1j * heading[rows]).mean()))
+                found.append(Window(mean, float(np.abs(rate[rows]).mean()), course, unrest))
         return found
 
     def _steady(self, u: Array, r: Array, rate: Array) -> bool:

@@ -31,8 +31,8 @@ CHECKS: tuple[Check, ...] = (
           speed.MAX_ADVANCE, "propellers give no thrust beyond u / (n D) = 1.5"),
     Check("rpm_sign", "sign of rpm", "speed ahead", speed.rpm_sign, speed.AHEAD_SHARE,
           "share of the rows"),
-    Check("rpm_constant", "rpm", "steady speeds", speed.rpm_varies, speed.LEVELS,
-          "a current makes 20 to 30 % at most"),
+    Check("rpm_constant", "rpm", "steady speeds", speed.rpm_varies, None,
+          "10 % or eight times their unrest; 30 % where a current may add to them"),
     Check("surge_sign", "sign of u", "rpm", axes.surge_sign, axes.MIN_SPEED_MPS,
           "a speed that is no noise"),
     Check("sway_sign", "sign of v", "yaw rate in turns", axes.sway_sign, axes.SWAY_SLOPE,
@@ -116,6 +116,7 @@ def run_checks(seen: Seen) -> tuple[tuple[CheckMade, ...], list[Finding]]:
                 message=said.message,
                 remedy=said.remedy,
                 fix=said.fix,
+                only=said.only,
             )
         )
         if said.outcome == "contradicts":
