@@ -29,7 +29,28 @@ def _sentence(rows: list[tuple[CheckMade, str]], trials: int) -> str:
 
 
 def untested(trials: Sequence[TrialQuality]) -> str:
-    """What no check of any trial could test, with the reasons; empty where all was tested."""
+    """What no check of any trial could test, with the reasons, and what was tested coarsely.
+
+    Empty where all was tested.
+    """
+    groups: dict[str, list[str]] = {}
+    for what, why in left_open(trials).items():
+        groups.setdefault(why, []).append(what)
+    left = [f"{_listed(names)} ({why})" for why, names in groups.items()]
+    coarse = [f"{what} ({only})" for what, only in _coarse(trials).items()]
+    texts = {"Not tested": left, "Tested only coarsely": coarse}
+    return " ".join(f"{words}: {', '.join(rows)}." for words, rows in texts.items() if rows)
+
+
+def _coarse(trials: Sequence[TrialQuality]) -> dict[str, str]:
+    """Every quantity that was tested, but by no trial more than coarsely, and how coarsely."""
+    made = [c for t in trials for c in t.checks_made if c.outcome != "untested"]
+    fine = {c.what for c in made if not c.only}
+    return {c.what: c.only for c in made if c.only and c.what not in fine}
+
+
+def left_open(trials: Sequence[TrialQuality]) -> dict[str, str]:
+    """Every quantity that no check of any trial could test, with the reasons."""
     tested: set[str] = set()
     reasons: dict[str, list[str]] = {}
     for trial in trials:
@@ -38,5 +59,8 @@ def untested(trials: Sequence[TrialQuality]) -> str:
                 tested.add(made.what)
             elif made.message not in reasons.setdefault(made.what, []):
                 reasons[made.what].append(made.message)
-    left = [f"{what} ({'; '.join(why)})" for what, why in reasons.items() if what not in tested]
-    return f"Not tested: {', '.join(left)}." if left else ""
+    return {what: "; ".join(why) for what, why in reasons.items() if what not in tested}
+
+
+def _listed(names: list[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)

@@ -502,6 +502,8 @@ class CheckMade(Artifact):
     remedy : str
     fix : str
         Value that ``ingest --fix NAME`` would apply; empty where there is none.
+    only : str
+        How coarsely it was tested, where that is not fine enough to rely on.
     """
 
     name: str
@@ -515,6 +517,7 @@ class CheckMade(Artifact):
     message: str = ""
     remedy: str = ""
     fix: str = ""
+    only: str = ""
 
 
 class TrialQuality(Artifact):

@@ -16,7 +16,7 @@ from typing import Any
 from auvident.errors import AuvidentError
 from auvident.pipeline import run_stage
 from auvident.pipeline.given import Given
-from auvident.report.check_words import untested
+from auvident.report.check_words import left_open
 from auvident.report.console import stage_report
 from auvident.schema.artifacts import IdentifiedModel, Maneuvers
 from auvident.schema.logs import TrialQuality
@@ -231,7 +231,7 @@ def _set_aside(quality: Mapping[str, Any]) -> list[Evidence]:
 def _of_trial(trial: Mapping[str, Any]) -> list[Evidence]:
     """Findings of a trial, contradictions, and checks that the first line leaves open."""
     kinds = {"contradicts": "check", "untested": "untested"}
-    first = untested([TrialQuality.model_validate(trial)])
+    first = left_open([TrialQuality.model_validate(trial)])
     checks = [
         {
             "stage": "ingest",
@@ -242,8 +242,7 @@ def _of_trial(trial: Mapping[str, Any]) -> list[Evidence]:
             "value": c["value"],
         }
         for c in trial.get("checks_made", [])
-        if c["outcome"] == "contradicts"
-        or (c["outcome"] == "untested" and f"{c['what']} (" in first)
+        if c["outcome"] == "contradicts" or (c["outcome"] == "untested" and c["what"] in first)
     ]
     return [*_findings("ingest", trial), *checks]
 

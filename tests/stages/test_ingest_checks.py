@@ -118,7 +118,8 @@ def test_a_right_trial_contradicts_nothing_and_most_is_tested(clean):
     assert [c.name for c in clean.checks_made][: len(NAMES)] == NAMES  # clocks stand behind
     assert not contradictions([clean])
     tested = {c.name for c in clean.checks_made if c.outcome == "agrees"}
-    assert tested >= set(NAMES) - {"pitch_rate_scale", "heave_sign", "pitch_sign", "rudder_cut"}
+    vertical = {n for n in NAMES if n.startswith(("elevator", "heave", "pitch"))}
+    assert tested >= set(NAMES) - vertical - {"rudder_cut"}
 
 
 def test_every_row_says_something(clean):
@@ -195,6 +196,54 @@ def test_a_unit_that_fits_is_named():
         assert words in on_the_grid(**changes)[name].message
     pressure = on_the_grid(**times(9.9, "depth_m"))["pitch_sign"]
     assert "pressure in kPa logged as depth?" in pressure.message
+
+
+def reckoned(raw: RawTrial, gyro: float) -> RawTrial:
+    """Heading and position computed from gyro and DVL, as a vehicle without aids does."""
+    dvl, attitude, gyros, fixes = (
+        raw.sensors[name] for name in ("dvl", "attitude", "gyro", "position")
+    )
+    rate = gyro * np.nan_to_num(gyros.values["r_radps"])
+    time, first = np.unique(gyros.time_s, return_index=True)
+    heading = np.concatenate(([0.0], np.cumsum(np.diff(time) * rate[first][1:])))
+    new = np.interp(attitude.time_s, time, heading)
+    known = np.isfinite(dvl.values["u_mps"] + dvl.values["v_mps"])
+    at, first = np.unique(dvl.time_s[known], return_index=True)
+    u, v = (dvl.values[c][known][first] for c in ("u_mps", "v_mps"))
+    velocity = (u + 1j * v) * np.exp(1j * np.interp(at, time, heading))
+    place = np.concatenate(([0.0], np.cumsum(np.diff(at) * velocity[1:])))
+    track = np.interp(fixes.time_s, at, place.real), np.interp(fixes.time_s, at, place.imag)
+    sensors = {
+        "attitude": replace(attitude, values={**attitude.values, "heading_rad": new}),
+        "gyro": replace(gyros, values={**gyros.values, "r_radps": gyro * gyros.values["r_radps"]}),
+        "position": replace(fixes, values=dict(zip(("north_m", "east_m"), track, strict=True))),
+    }
+    return replace(raw, sensors={**raw.sensors, **sensors})
+
+
+def test_what_is_computed_from_a_sensor_does_not_test_it():
+    slow = changed(sailed(), **times(0.8, *VELOCITIES))
+    made = rows(reckoned(slow, 1.2))
+    for name, source in {
+        "speed_by_position": "the position is computed from the DVL",
+        "sway_by_position": "the position is computed from the DVL",
+        "yaw_rate_scale": "the heading is computed from the gyro",
+        "yaw_rate_offset": "the heading is computed from the gyro",
+    }.items():
+        assert (made[name].outcome, made[name].message) == ("untested", source)
+
+
+def test_one_rate_throughout_tells_no_thrust():
+    made = on_the_grid(rpm=lambda x: 0 * x + 900.0)["rpm_constant"]
+    assert made.outcome == "contradicts"
+    assert "differ by a factor" in made.message
+    level = on_the_grid(rpm=lambda x: 0 * x + 900.0, u_mps=lambda x: 0 * x + 1.5)["rpm_constant"]
+    assert level.outcome == "untested"
+    assert level.message == "rpm never changes: thrust and drag cannot be told apart"
+
+
+def test_what_is_tested_coarsely_is_said(clean):
+    assert "Tested only coarsely: scale of the rudder (to a factor of 2.4)." in untested([clean])
 
 
 AXES = {

@@ -95,14 +95,14 @@ def held_fin(trial: Trial, length_m: float, grip_mps: float, plane: PlaneRow = H
         curvature = _mean(rate * length_m / speed, round(MEAN_S * trial.rate_hz))
         passage = length_m / float(np.median(speed))
         held = _mean(rudder, round(RUDDER_MEAN_S * trial.rate_hz))
-        holds = list(_holds(time, held))
-        angles = [float(np.mean(held[hold])) for hold in holds]
-        for hold, angle in zip(holds, angles, strict=True):
+        stood = list(holds(time, held))
+        angles = [float(np.mean(held[hold])) for hold in stood]
+        for hold, angle in zip(stood, angles, strict=True):
             turns += _turn(time, curvature, hold, angle, passage)
-        for k in range(1, len(holds)):
-            if time[holds[k].start] - time[holds[k - 1].stop - 1] <= SLEW_S:
+        for k in range(1, len(stood)):
+            if time[stood[k].start] - time[stood[k - 1].stop - 1] <= SLEW_S:
                 step = angles[k] - angles[k - 1]
-                steps += _step(time, curvature, holds[k - 1], holds[k], step, passage)
+                steps += _step(time, curvature, stood[k - 1], stood[k], step, passage)
     return Held(_votes(turns, trial.rate_hz), _votes(steps, trial.rate_hz))
 
 
@@ -121,8 +121,8 @@ def held_steps(trial: Trial, fin: str, length_m: float, grip_mps: float) -> int:
     count = 0
     for time, speed, angle in _pieces(trial, grip_mps, (fin,)):
         passage = length_m / float(np.median(speed))
-        holds = [h for h in _holds(time, angle) if time[h.stop - 1] - time[h.start] >= passage]
-        for before, hold in itertools.pairwise(holds):
+        long = [h for h in holds(time, angle) if time[h.stop - 1] - time[h.start] >= passage]
+        for before, hold in itertools.pairwise(long):
             quick = time[hold.start] - time[before.stop - 1] <= max(SLEW_S, passage)
             count += int(quick and abs(angle[hold].mean() - angle[before].mean()) >= LEAST_RAD)
     return count
@@ -164,7 +164,7 @@ def settled_holds(trial: Trial, length_m: float, grip_mps: float) -> list[Settle
         passage = length_m / float(np.median(speed))
         settles_s = max(LEAST_SETTLED_S, SETTLED_LENGTHS * passage)
         answer = round(max(LEAST_STEP_S, LAST_LENGTHS * passage) * trial.rate_hz)
-        for hold in _holds(time, rudder):
+        for hold in holds(time, rudder):
             rows = time[hold] >= time[hold.start] + settles_s
             rows &= time[hold] <= time[hold.stop - 1] - MEAN_S
             if rows.sum() > trial.rate_hz * HELD_S:
@@ -221,7 +221,7 @@ def _mean(values: np.ndarray, width: int) -> np.ndarray:
     return np.convolve(values, ones, "same") / np.convolve(np.ones(values.size), ones, "same")
 
 
-def _holds(time: np.ndarray, rudder: np.ndarray) -> Iterator[slice]:
+def holds(time: np.ndarray, rudder: np.ndarray) -> Iterator[slice]:
     """Stretches in which the rudder stays within a narrow band, from left to right."""
     start, low, high = 0, rudder[0], rudder[0]
     for k, angle in enumerate(rudder.tolist()):  # a day of it: comparing is faster than calling

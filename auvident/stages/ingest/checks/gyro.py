@@ -4,6 +4,7 @@ import numpy as np
 
 from auvident.schema.logs import DEG
 from auvident.stages.ingest.checks.correction import less, mixed, scaled
+from auvident.stages.ingest.checks.reckoned import HEADING, is_integrated, is_reckoned
 from auvident.stages.ingest.checks.row import Figure, Verdict, agrees, contradicts, untested
 from auvident.stages.ingest.checks.seen import MIN_SPEED_MPS, Seen
 from auvident.stages.ingest.checks.speed import MIN_SAMPLES
@@ -67,6 +68,9 @@ def by_heading(seen: Seen) -> Verdict:
     found = seen.heading
     if found is None or found.explained < LEAST_EXPLAINED:
         return _by_course(seen)
+    if is_integrated(found):
+        course = untested(HEADING) if is_reckoned(seen) else _by_course(seen)
+        return untested(HEADING) if course.outcome == "untested" else course
     gain = Figure.of(found)
     if abs(gain.value - 1.0) <= GAIN_LIMIT + SURE_STDS * gain.std:
         return gain.verdict("agrees", "the heading changes at the yaw rate")
@@ -83,6 +87,8 @@ def offset_by_heading(seen: Seen) -> Verdict:
     found = seen.heading
     if found is None or found.explained < LEAST_EXPLAINED:
         return untested("no heading, or it hardly turns")
+    if is_integrated(found):
+        return untested(HEADING)
     gain, rest = found.theta
     offset = Figure(-float(rest / gain), float(found.theta_std[1] / abs(gain)))
     rate = np.abs(seen.columns("r_radps")[0])

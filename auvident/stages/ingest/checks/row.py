@@ -1,7 +1,7 @@
 """What a row of the table of checks is, and what its test says."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
@@ -26,6 +26,7 @@ class Verdict:
     high: float | None = None
     remedy: str = ""
     fix: str = ""
+    only: str = ""
 
 
 @dataclass(frozen=True)
@@ -47,8 +48,8 @@ class Check:
         Why so much.
     code : str
         Of the finding; that of the name unless given.
-    after : str
-        Check above it in the table that has to stand, or this one tests nothing.
+    after : tuple of str
+        Checks above it in the table that have to stand, or this one tests nothing.
     """
 
     name: str
@@ -58,7 +59,7 @@ class Check:
     limit: float | None
     reason: str
     code: str = ""
-    after: str = ""
+    after: tuple[str, ...] = ()
 
     @property
     def finding(self) -> str:
@@ -109,6 +110,11 @@ class Ratio:
     def verdict(self, outcome: Outcome, message: str, remedy: str = "", fix: str = "") -> Verdict:
         """A verdict with this ratio."""
         return Verdict(outcome, message, self.value, *self.interval, remedy=remedy, fix=fix)
+
+
+def coarsely(said: Verdict, only: str) -> Verdict:
+    """A verdict of a test that leaves much open: how much, in words."""
+    return replace(said, only=only)
 
 
 def untested(message: str) -> Verdict:

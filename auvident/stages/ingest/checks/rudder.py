@@ -1,16 +1,21 @@
 """Scale of the rudder, and rudders that are cut off or stuck, by what the vehicle does."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-
 import numpy as np
 
 from auvident.schema.logs import DEG
 from auvident.stages.ingest.checks.correction import scaled
 from auvident.stages.ingest.checks.gyro import MAX_YAW_RATE
-from auvident.stages.ingest.checks.row import Ratio, Verdict, agrees, contradicts, untested
-from auvident.stages.ingest.checks.seen import MIN_SPEED_MPS, Seen
+from auvident.stages.ingest.checks.row import (
+    Ratio,
+    Verdict,
+    agrees,
+    coarsely,
+    contradicts,
+    untested,
+)
+from auvident.stages.ingest.checks.seen import BRISK, MIN_SPEED_MPS, Seen
 from auvident.stages.ingest.checks.speed import MIN_SAMPLES
+from auvident.stages.ingest.checks.steering import steering
 from auvident.stages.ingest.held import SettledHold, settled_holds
 
 MIN_TURN_RATE = 0.1  # r L / u of a circle of 10 lengths: needs a rudder of some degrees
@@ -34,7 +39,6 @@ LEAST_HOLDS = 3
 SETTLED = 0.3  # range of the curvature of a turn over its median: zigzags of a slow ship have more
 CUT_SPREAD = 1.3  # ratio of turns at one and the same rudder; 1.06 at most of 15 trials
 SWING = 0.25  # r L / u: a change of the turn that a rudder that is held does not make
-BRISK = 2.0  # of the speed that counts as under way: a vehicle that coasts to rest swings
 
 
 def rudder_unit(seen: Seen) -> Verdict:
@@ -71,50 +75,23 @@ def rudder_sign(seen: Seen) -> Verdict:
     return agrees("the rudder turns the vehicle as [signs] says")
 
 
-@dataclass(frozen=True)
-class Steering:
-    """Yaw acceleration of the estimate, in lengths: by the rudder, and by the yaw rate."""
-
-    by_rudder: float
-    by_rate: float
-
-
-def steering(seen: Seen) -> Steering | None:
-    """What the coefficients from geometry make of a rudder; None without them."""
-    needed = {"Y_vdot", "Y_rdot", "N_vdot", "N_rdot", "Y_ur", "N_ur", "Y_uud", "N_uud"}
-    if seen.drawn is None or not needed <= set(seen.drawn):
-        return None
-    c: Mapping[str, float] = {symbol: float(seen.drawn[symbol][0]) for symbol in needed}
-    body = seen.vehicle.body
-    moment = body.mass_kg * body.x_g_m
-    mass = [
-        [body.mass_kg - c["Y_vdot"], moment - c["Y_rdot"]],
-        [moment - c["N_vdot"], body.izz_kgm2 - c["N_rdot"]],
-    ]
-    forces = [[c["Y_uud"], c["Y_ur"] - body.mass_kg], [c["N_uud"], c["N_ur"] - moment]]
-    rows = np.linalg.solve(np.array(mass), np.array(forces))[1]
-    return Steering(float(rows[0]), float(rows[1]))
-
-
 def rudder_scale(seen: Seen) -> Verdict:
     """Turning gain, yaw acceleration by the rudder over that by the rate, against the estimate."""
     if not seen.vehicle.hull.is_body_of_revolution:
         return untested("fins are estimated from geometry for bodies of revolution only")
     own, found = steering(seen), seen.rudder
-    if own is None or own.by_rudder == 0.0 or own.by_rate >= 0.0:
+    if own is None or own.by_fin == 0.0 or own.by_rate >= 0.0:
         return untested("no estimate of the fins from the vehicle file")
     if found is None or found.explained < LEAST_EXPLAINED:
         return untested("no maneuvers that show what the rudder does")
-    if found.theta[1] / own.by_rate < LEAST_DAMPING or found.theta[0] / own.by_rudder <= 0.0:
+    if found.theta[1] / own.by_rate < LEAST_DAMPING or found.theta[0] / own.by_fin <= 0.0:
         return untested("a vehicle that hardly holds its course does not show it")
-    gain = found.theta[0] / found.theta[1] / (own.by_rudder / own.by_rate)
+    gain = found.theta[0] / found.theta[1] / (own.by_fin / own.by_rate)
     ratio = Ratio(float(gain) / USUAL_GAIN, GAIN_STD)
     if abs(ratio.log) <= GAIN_LIMIT:
-        factor = np.exp(GAIN_LIMIT)
-        return ratio.verdict(
-            "agrees",
-            f"the rudder turns the vehicle as its fins should (to a factor of {factor:.1f})",
-        )
+        factor = f"to a factor of {np.exp(GAIN_LIMIT):.1f}"
+        words = f"the rudder turns the vehicle as its fins should ({factor})"
+        return coarsely(ratio.verdict("agrees", words), factor)
     apart = {name: abs(np.log(ratio.value / scale)) for name, scale in SCALES.items()}
     named = min(apart, key=lambda name: apart[name])
     fix = scaled(SCALES[named], "rudder_rad") if apart[named] < NEAR_RATIO else ""

@@ -20,6 +20,7 @@ from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.schema.vehicle_checks import contradictions
 from auvident.stages.ingest.checks.row import Ratio
+from auvident.stages.ingest.pitching import Pitching, pitching
 from auvident.stages.ingest.response import Relation
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ Array = npt.NDArray[np.float64]
 
 MIN_SPEED_MPS = 0.2  # ratios to a smaller speed are noise
 UNDER_WAY = 0.3  # of the 90 % quantile of the speed: slower is manoeuvring, dive and drift
+BRISK = 2.0  # of the speed that counts as under way: a vehicle that coasts to rest swings
 ROOTS = ("X_uu", "T_nu", "T_nn")
 PASSAGES = 10.0  # lengths of way of a window: thrust and drag have settled by its end
 STEADY, STEADY_RPM = 0.04, 0.05  # changes of speed and rpm in it, of their mean
@@ -42,6 +44,8 @@ class Window:
 
     speed_mps: float
     rate_rps: float
+    heading_rad: float  # NaN where it is not known
+    unrest: float  # standard deviation of the speed from quarter to quarter, of its mean
 
 
 @dataclass(frozen=True)
@@ -107,18 +111,27 @@ class Seen:
         return self.length_m / float(np.median(moving)) if moving.size else np.inf
 
     @cached_property
+    def pitching(self) -> Pitching | None:
+        """Balance of the moments of pitch, at speeds at which the elevator governs it."""
+        return pitching(self.trial, self.vehicle, BRISK * self.way_mps, self.passage_s)
+
+    @cached_property
     def windows(self) -> list[Window]:
         """Straight stretches at steady speed and propeller rate."""
         if not np.isfinite(self.passage_s):
             return []
         u, r, rate = self.whole("u_mps"), self.whole("r_radps"), self.whole("rpm") / 60.0
+        heading = self.whole("heading_rad")
         steady_s = max(LEAST_WINDOW_S, PASSAGES * self.passage_s)
         size = round(steady_s * self.trial.rate_hz)
         found = []
         for first in range(0, u.size - size, max(size // 2, 1)):
             rows = slice(first, first + size)
             if self._steady(u[rows], r[rows], np.abs(rate[rows])):
-                found.append(Window(float(u[rows].mean()), float(np.abs(rate[rows]).mean())))
+                mean = float(u[rows].mean())
+                unrest = float(np.std([q.mean() for q in np.array_split(u[rows], 4)])) / mean
+                course = float(np.angle(np.exp(1j * heading[rows]).mean()))
+                found.append(Window(mean, float(np.abs(rate[rows]).mean()), course, unrest))
         return found
 
     def _steady(self, u: Array, r: Array, rate: Array) -> bool:

@@ -6,6 +6,7 @@ import numpy as np
 
 from auvident.schema.logs import KNOT
 from auvident.stages.ingest.checks.correction import VELOCITIES, scaled
+from auvident.stages.ingest.checks.reckoned import POSITION, is_reckoned
 from auvident.stages.ingest.checks.row import (
     Figure,
     Ratio,
@@ -37,20 +38,27 @@ GEARS = {
     "rpm of a motor before a gear of 3": 1.0 / 3.0,
     "rpm that counts every second turn": 2.0,
 }
-LEVELS = 1.3  # ratio of steady speeds that one propeller rate does not make
+ONE_RATE = "rpm never changes: thrust and drag cannot be told apart"
+LEVELS = 1.3  # ratio of steady speeds over ground that one propeller rate does not make
+# Where the current is taken out or does not count: a speed settles within 4 % either way, and in
+# so many standard deviations of it from quarter to quarter.
+SETTLED_SPREAD, UNRESTS = 0.1, 8.0
+WINDOWS_OF_A_CURRENT = 6  # tell a speed and two components of the current
 CONSTANT_RPM = 0.01  # of its mean
 WINDOW_COUNT = 4
 AHEAD_SHARE = 0.9  # of the rows under way
 
 
 def tracked(seen: Seen) -> TrackFit | None:
-    """The fit of the track where the position follows the DVL at all."""
-    found = track(seen)
+    """The fit of the track where the position follows the DVL at all, and is not made of it."""
+    found = None if is_reckoned(seen) else track(seen)
     return found if found is not None and found.explained >= LEAST_EXPLAINED else None
 
 
 def by_position(seen: Seen) -> Verdict:
     """Speed of the DVL against position, the current estimated along."""
+    if is_reckoned(seen):
+        return untested(POSITION)
     found = tracked(seen)
     if found is None:
         return _by_path(seen)
@@ -78,6 +86,8 @@ def sway_by_position(seen: Seen) -> Verdict:
     found = sway_gain(seen) if tracked(seen) is not None else None
     told = SWAY_LIMIT + SURE_STDS * found.std if found is not None else np.inf
     if found is None or not told < 2.0:
+        if is_reckoned(seen):
+            return untested(POSITION)
         return untested("no position log that shows the drift in turns")
     if abs(found.value - 1.0) <= told:
         return found.verdict("agrees", f"v fits the position (tested to {100 * told:.0f} %)")
@@ -304,19 +314,36 @@ def rpm_varies(seen: Seen) -> Verdict:
     """Speeds of one propeller rate are one speed."""
     rpm = seen.whole("rpm")
     known = rpm[np.isfinite(rpm)]
-    if len(seen.windows) < WINDOW_COUNT or known.size == 0:
-        return untested("too few straight stretches at steady speed")
-    if np.ptp(known) > CONSTANT_RPM * abs(known.mean()):
-        return agrees("rpm changes")
-    speeds = [w.speed_mps for w in seen.windows]
+    if known.size == 0 or np.ptp(known) > CONSTANT_RPM * abs(known.mean()):
+        few = len(seen.windows) < WINDOW_COUNT or known.size == 0
+        words = "too few straight stretches at steady speed"
+        return untested(words) if few else agrees("rpm changes")
+    if len(seen.windows) < WINDOW_COUNT:
+        return untested(ONE_RATE)
+    speeds, limit = _of_one_rate(seen)
     ratio = float(np.quantile(speeds, 0.95) / np.quantile(speeds, 0.05))
-    if ratio < LEVELS:
-        return agrees("rpm is constant, and so is the steady speed", ratio)
+    if ratio < limit:
+        return untested(ONE_RATE)
     return contradicts(
-        f"rpm never changes, but steady speeds on straight runs differ by a factor of {ratio:.2f}",
+        f"rpm never changes, but steady speeds on straight runs differ by a factor of {ratio:.2f}, "
+        f"more than {limit:.2f}",
         ratio,
         "Log the rate of the propeller; a constant in its place identifies no thrust.",
     )
+
+
+def _of_one_rate(seen: Seen) -> tuple[np.ndarray, float]:
+    """Speeds of the steady windows without what a current adds over ground, and their limit."""
+    speeds = np.array([w.speed_mps for w in seen.windows])
+    limit = 1.0 + max(SETTLED_SPREAD, UNRESTS * float(np.median([w.unrest for w in seen.windows])))
+    if seen.vehicle.dvl.reference == "water":
+        return speeds, limit
+    course = np.array([w.heading_rad for w in seen.windows])
+    if speeds.size < WINDOWS_OF_A_CURRENT or not np.isfinite(course).all():
+        return speeds, max(LEVELS, limit)
+    x = np.column_stack((np.ones_like(course), np.cos(course), np.sin(course)))
+    theta, *_ = np.linalg.lstsq(x, speeds, rcond=None)
+    return speeds - x[:, 1:] @ theta[1:], limit
 
 
 def advance_ratio(seen: Seen) -> Verdict:

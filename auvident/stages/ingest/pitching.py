@@ -1,0 +1,160 @@
+"""What the elevator must have been for the vehicle to pitch as it did.
+
+A steady elevator gives a steady pitch, not a rate, and a hull that swings about it goes on for a
+while: only the balance of moments shows the elevator. With its terms estimated,
+
+    dq/dt = a u^2 elevator + b u q + c u w + d sin(pitch) + e u^2,
+
+it is solved for the elevator at every moment. The terms are taken from where the elevator was
+moved not long before: a stretch in which its log stands still does not spoil them.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from auvident.schema.logs import DEG
+from auvident.schema.planes import VERTICAL
+from auvident.schema.trial import Trial
+from auvident.schema.vehicle import Vehicle
+from auvident.stages.ingest.held import holds
+from auvident.stages.ingest.response import (
+    Relation,
+    Signals,
+    fit_relation,
+    shifted,
+    smooth_records,
+)
+
+LAGS_S = (0.0, 1.0)  # of a servo, and of the velocities behind it
+MARGIN_S = 2.0  # for shifting, and as in the other checks
+MOVED_LENGTHS, MOVED_S = 5.0, 5.0  # of way, time, since the elevator was moved: tells its terms
+SETTLE_LENGTHS, SETTLE_S = 0.3, 1.5  # after a step a servo and the smoothing are through
+LEAST_S = 0.5  # that is left of a hold
+END_S = 1.0  # of a hold, which the smoothing mixes with the next
+PART_LENGTHS, PART_S = 1.0, 3.0  # of a hold, over which an angle is averaged
+USUAL_RAD = 12.0 * DEG  # range of an elevator that is steered: what is held is a share of its own
+COLUMNS = dict(zip(("u", "w", "q", "pitch"), VERTICAL.columns, strict=True)) | {
+    "fin": VERTICAL.control_columns[0]
+}
+
+
+@dataclass(frozen=True)
+class HeldElevator:
+    """A stretch in which the elevator is held, once its servo has arrived.
+
+    Attributes
+    ----------
+    start_s, end_s : float
+    angle : float
+        As logged (rad).
+    shown : numpy.ndarray
+        As the moments show it, of one part after another (rad).
+    """
+
+    start_s: float
+    end_s: float
+    angle: float
+    shown: np.ndarray
+
+
+@dataclass(frozen=True)
+class Pitching:
+    """The balance of moments, first the elevator's, and what it shows of each hold."""
+
+    relation: Relation
+    holds: tuple[HeldElevator, ...]
+
+
+def pitching(trial: Trial, vehicle: Vehicle, grip_mps: float, passage_s: float) -> Pitching | None:
+    """Balance of the moments of pitch; None without its channels, or too little of them.
+
+    Parameters
+    ----------
+    trial : Trial
+    vehicle : Vehicle
+    grip_mps : float
+        Speed above which the fins govern the motion.
+    passage_s : float
+        Time of a hull length of way.
+    """
+    if not set(COLUMNS.values()) <= set(trial.table.columns) or not np.isfinite(passage_s):
+        return None
+    records = smooth_records(trial, COLUMNS, MARGIN_S)
+    time, fin = (trial.table[c].to_numpy(float) for c in ("time_s", COLUMNS["fin"]))
+    known = fin[np.isfinite(fin)]
+    usual = float(np.quantile(np.abs(known - np.median(known)), 0.95)) if known.size else 0.0
+    if usual == 0.0:
+        return None
+    scale = USUAL_RAD / usual
+    moved = _lately_moved(time, scale * fin, max(MOVED_S, MOVED_LENGTHS * passage_s))
+    arm = vehicle.dvl.x_m
+
+    def relation(s: Signals, lag: float) -> tuple[np.ndarray, np.ndarray]:
+        return s["q_dot"], np.column_stack((s["u"] ** 2 * shifted(s, "fin", lag), _rest(s, arm)))
+
+    def use(s: Signals) -> np.ndarray:
+        return (s["u"] > grip_mps) & moved[np.searchsorted(time, s["time"])]
+
+    found = fit_relation(records, relation, LAGS_S, use)
+    if found is None or found.theta[0] == 0.0:
+        return None
+    solve = _Solve(found, arm, grip_mps, passage_s, trial.rate_hz, scale)
+    held = [h for s in records for h in _held(s, solve)]
+    return Pitching(found, tuple(held))
+
+
+def _rest(s: Signals, arm: float) -> np.ndarray:
+    """What else than the elevator pitches the vehicle; the DVL is `arm` ahead of the origin."""
+    u, w = s["u"], s["w"] + arm * s["q"]
+    return np.column_stack((u * s["q"], u * w, np.sin(s["pitch"]), u**2))
+
+
+def _lately_moved(time: np.ndarray, fin: np.ndarray, within_s: float) -> np.ndarray:
+    """Rows in which the elevator has not been held for long."""
+    lately = np.isfinite(fin)
+    for rows in _known(lately):
+        for hold in holds(time[rows], fin[rows]):
+            own = time[rows][hold]
+            lately[rows][hold] = own < own[0] + within_s
+    return lately
+
+
+def _known(known: np.ndarray) -> Iterator[slice]:
+    """Stretches without gaps."""
+    edges = np.flatnonzero(np.diff(known.astype(int), prepend=0, append=0))
+    yield from (slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True))
+
+
+@dataclass(frozen=True)
+class _Solve:
+    """What the balance is solved for the elevator with."""
+
+    found: Relation
+    arm: float
+    grip: float
+    passage_s: float
+    rate_hz: float
+    scale: float
+
+
+def _held(s: Signals, by: _Solve) -> Iterator[HeldElevator]:
+    """Each hold of a record under way, with the angle that the moments show."""
+    force = by.found.theta[0] * np.maximum(s["u"], by.grip) ** 2
+    shown = (s["q_dot"] - _rest(s, by.arm) @ by.found.theta[1:]) / force
+    first_s = max(SETTLE_S, SETTLE_LENGTHS * by.passage_s) + by.found.lag_s
+    part = max(round(min(PART_S, PART_LENGTHS * by.passage_s) * by.rate_hz), 1)
+    for rows in _known(s["u"] > by.grip):
+        time, fin = s["time"][rows], s["fin"][rows]
+        for hold in holds(time, by.scale * fin):
+            inside = time[hold] >= time[hold.start] + first_s
+            inside &= time[hold] <= time[hold.stop - 1] - END_S
+            angles = shown[rows][hold][inside]
+            if angles.size >= LEAST_S * by.rate_hz:
+                parts = np.array_split(angles, max(angles.size // part, 1))
+                means = np.array([p.mean() for p in parts])
+                angle = float(np.median(fin[hold][inside]))
+                yield HeldElevator(
+                    float(time[hold.start]), float(time[hold.stop - 1]), angle, means
+                )

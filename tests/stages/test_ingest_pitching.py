@@ -1,0 +1,100 @@
+"""Elevator and heave of a vertical trial: right ones agree, damaged ones contradict."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from auvident.report.check_words import left_open
+from auvident.schema.logs import DEG, CheckMade, TrialQuality
+from auvident.schema.trial import Trial
+from auvident.stages.ingest import ingest
+from auvident.stages.ingest.checks import Seen, run_checks
+from auvident.stages.ingest.checks.elevator import elevator_cut
+from auvident.stages.ingest.pitching import HeldElevator
+from auvident.storage.logs import read_trials
+from auvident.storage.vehicle_file import load_vehicle
+
+Change = Callable[[np.ndarray, np.ndarray], np.ndarray]
+SAMPLES = Path(__file__).resolve().parents[2] / "sample_logs"
+BOAT = load_vehicle(SAMPLES / "remus100.toml")
+NAMES = ("elevator_unit", "elevator_scale", "elevator_cut", "elevator_stuck", "heave_scale")
+
+
+@cache
+def ingested(name: str) -> tuple[Trial, TrialQuality]:
+    (raw,) = read_trials([SAMPLES / name])
+    return ingest(raw, BOAT)
+
+
+def checks(changes: dict[str, Change]) -> dict[str, CheckMade]:
+    """Checks of the dive with channels changed, given their time."""
+    (raw,) = read_trials([SAMPLES / "dive_trial"])
+    trial = ingested("dive_trial")[0]
+    time = trial.table["time_s"].to_numpy()
+    made = {c: f(time, trial.table[c].to_numpy().copy()) for c, f in changes.items()}
+    table = trial.table.assign(**made)
+    return {c.name: c for c in run_checks(Seen(raw, replace(trial, table=table), BOAT))[0]}
+
+
+def times(factor: float) -> Change:
+    return lambda _, x: factor * x
+
+
+def frozen(time: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """The elevator as it is in the middle of its largest minute, for a minute."""
+    starts = np.arange(time[0], time[-1] - 60.0, 5.0)
+    stretches = [(time >= t) & (time < t + 60.0) for t in starts]
+    worst = max(stretches, key=lambda rows: np.nanstd(x[rows]))
+    x[worst] = x[worst][0]
+    return x
+
+
+def test_a_right_dive_contradicts_nothing():
+    made = {c.name: c for c in ingested("dive_trial")[1].checks_made}
+    assert {name for name in NAMES if made[name].outcome != "agrees"} == {"elevator_cut"}
+    assert made["elevator_cut"].message == "too few moves to the largest elevator"
+
+
+DAMAGED: dict[str, tuple[dict[str, Change], str]] = {
+    "elevator / 57": ({"elevator_rad": times(DEG)}, "elevator_unit"),
+    "elevator that stays": ({"elevator_rad": times(0.0)}, "elevator_unit"),
+    "elevator x 6": ({"elevator_rad": times(6.0)}, "elevator_unit"),
+    "elevator x 3": ({"elevator_rad": times(3.0)}, "elevator_scale"),
+    "elevator / 6": ({"elevator_rad": times(1 / 6)}, "elevator_scale"),
+    "elevator that stands still": ({"elevator_rad": frozen}, "elevator_stuck"),
+    "w x 1.4": ({"w_mps": times(1.4)}, "heave_scale"),
+    "w x 0.5": ({"w_mps": times(0.5)}, "heave_scale"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGED)
+def test_a_damaged_dive_contradicts(damage):
+    changes, name = DAMAGED[damage]
+    made = checks(changes)[name]
+    assert made.outcome == "contradicts", made.message
+    assert made.remedy
+
+
+@pytest.mark.parametrize("most, outcome", [(1.0, "agrees"), (2.0, "contradicts")])
+def test_moments_at_the_largest_elevator_are_alike(most, outcome):
+    (raw,) = read_trials([SAMPLES / "dive_trial"])
+    seen = Seen(raw, ingested("dive_trial")[0], BOAT)
+    angles = 5 * DEG * np.linspace(1.0, most, 9) * np.tile([1, -1], 5)[:9]
+    held = [HeldElevator(0.0, 9.0, 5 * DEG * np.sign(a), np.array([a])) for a in angles]
+    assert seen.pitching is not None
+    vars(seen)["pitching"] = replace(seen.pitching, holds=tuple(held))
+    assert elevator_cut(seen).outcome == outcome
+
+
+def test_a_scale_of_w_has_its_fix():
+    assert checks({"w_mps": times(0.5)})["heave_scale"].fix.startswith("w_mps = 2.")
+
+
+def test_an_elevator_that_only_keeps_the_depth_is_left_open():
+    left = left_open([ingested("harbour_trial")[1]])
+    assert "scale of the elevator" in left
+    assert "unit of the elevator" in left
