@@ -5,6 +5,8 @@ Nothing heavy is imported here; `auvident --help` is there at once.
 
 import os
 import sys
+from contextlib import suppress
+from typing import NoReturn
 
 import click
 
@@ -70,7 +72,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the command line and leave with its exit code."""
     code = _run(arguments)
     if arguments is None:  # the process of a command, which ends now
-        _leave_garbage()
+        _leave(code)
     sys.exit(code)
 
 
@@ -131,9 +133,15 @@ def _collect_rarely() -> None:
     gc.set_threshold(*COLLECTED_AFTER)
 
 
-def _leave_garbage() -> None:
-    """Let the end of the process look for no cycles: that took as long as reading a log."""
-    import gc
+def _leave(code: int) -> NoReturn:
+    """End the process, and let the system take back its memory at once.
 
-    gc.freeze()
-    gc.disable()
+    To take apart all modules and objects first took as long as reading a log.
+    """
+    import atexit
+
+    atexit._run_exitfuncs()  # what was to be done at the end is done
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):  # closed, or its reader has left
+            stream.flush()
+    os._exit(code)

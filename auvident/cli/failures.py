@@ -8,11 +8,8 @@ import io
 import os
 import shlex
 import sys
-import tempfile
-import traceback
 from collections.abc import Iterator
 from contextlib import suppress
-from datetime import UTC, datetime
 from pathlib import Path
 
 import click
@@ -66,6 +63,8 @@ def from_outside(error: OSError) -> int:
 
 def bug(error: BaseException) -> int:
     """What was not foreseen: one line, and a file to send; with --verbose the traceback as well."""
+    import traceback
+
     if OPTIONS_OF_PROCESS.verbose:
         click.echo(printable("".join(traceback.format_exception(error))), err=True)
     say(f"unexpected {type(error).__name__}: {clipped(str(error))}\n  {_what_to_do(error)}")
@@ -84,6 +83,10 @@ def _what_to_do(error: BaseException) -> str:
 
 def _crash_file(error: BaseException) -> Path:
     """Write what is needed to find a bug; it has no data of a log but what the traceback quotes."""
+    import tempfile
+    import traceback
+    from datetime import UTC, datetime
+
     stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S")
     number, name = tempfile.mkstemp(".txt", f"auvident-crash-{stamp}-")
     with open(number, "w", encoding="utf-8", errors="backslashreplace") as stream:

@@ -10,9 +10,8 @@ import click
 
 from auvident.cli.common import PATH, Output, command, completing
 from auvident.errors import UsageError
-from auvident.schema.coefficients import CONSTANTS, ESTIMATED, PLANES
-from auvident.schema.effects import EFFECTS, FAMILIES, Effect
-from auvident.schema.planes import Plane
+from auvident.schema.effect import FAMILIES, Effect
+from auvident.schema.planes import PLANES, Plane
 
 SIGNS = {1: "+", -1: "-", 0: "±"}
 
@@ -21,6 +20,8 @@ SIGNS = {1: "+", -1: "-", 0: "±"}
 @click.option("--plane", type=click.Choice(PLANES), help="Only the coefficients of this plane.")
 def coefficients(output: Output, plane: str | None) -> None:
     """List coefficients and constants: symbol, what each multiplies, unit, expected sign."""
+    from auvident.schema.coefficients import CONSTANTS, ESTIMATED
+
     chosen = [c for c in ESTIMATED.values() if plane is None or plane in c.planes]
     rows = [
         {
@@ -55,6 +56,8 @@ def effects(output: Output, family: str | None, plane: Plane | None) -> None:
 
     `auvident diagnose` tests each of them; --json also has the equations, bounds and sources.
     """
+    from auvident.schema.effects import EFFECTS
+
     chosen = [
         effect
         for effect in EFFECTS

@@ -119,6 +119,8 @@ def turned(target, angle, slowness, h, keep, most, trailing):
     short, per_angle = 0.0, max(slowness, 0.0) / h
     for _ in range(SUBSTEPS):
         distance = target - angle
+        if distance == 0.0:  # mostly at once: without a lag only the longest turns take a step
+            break
         turning = abs(distance) * per_angle
         limited = 0.5 * turning if turning <= 1.0 else 1.0 - 0.5 / turning
         short += max(trailing, limited) * distance

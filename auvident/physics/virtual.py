@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.physics.batch import inverse_mass
-from auvident.physics.dynamics import N_STATES, N_VELOCITIES, step
+from auvident.physics.dynamics import N_STATES, N_VELOCITIES, simulate_states, step
 from auvident.physics.term_tables import N_INPUTS
 from auvident.physics.terms import Structure
 
@@ -18,6 +18,7 @@ Array = npt.NDArray[Any]
 Helm = Callable[[float, float, float], tuple[float, float]]
 
 ACTIVE = np.array([True, True, True, True])
+APPROACH_STEP_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -98,26 +99,17 @@ def run_virtual(
     inverse = np.empty((N_VELOCITIES, N_VELOCITIES))
     inverse_mass(p, structure.mass, structure.mass_weights, ACTIVE, inverse)
     states, inputs = [np.asarray(start, dtype=float)], []
+    acting, equations = healthy(np.zeros(3)), structure.equations
     command = control = 0.0
     for k in range(round(duration_s / dt_s)):
         x, out = states[-1], np.empty(N_STATES)
         command, ratio = helm(k * dt_s, x[3] - start[3], command)
         move = rate_limit_radps * dt_s
         control += min(max(command - control, -move), move)
-        inputs.append(np.array([control, 0.0, n_rps * ratio]))
-        step(
-            x,
-            healthy(inputs[-1]),
-            x,
-            x,
-            dt_s,
-            p,
-            inverse,
-            ACTIVE,
-            structure.equations,
-            out,
-        )
-        if not np.isfinite(out).all():
+        acting[0], acting[2] = control, n_rps * ratio
+        inputs.append(acting[:3].copy())
+        step(x, acting, x, x, dt_s, p, inverse, ACTIVE, equations, out)
+        if not all(map(math.isfinite, out)):
             break
         states.append(out)
     n = min(len(inputs), len(states))
@@ -131,24 +123,9 @@ def healthy(inputs: Array) -> Array:
 
 def steady_approach(structure: Structure, p: Array, n_rps: float, settle_s: float = 60.0) -> Array:
     """State (4,) of a straight run at a propeller rate, lateral motion held at zero."""
-    active = np.array([True, False, False, False])
-    inverse = np.empty((N_VELOCITIES, N_VELOCITIES))
-    inverse_mass(p, structure.mass, structure.mass_weights, active, inverse)
-    x, given = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(N_STATES)
-    inputs = healthy(np.array([0.0, 0.0, n_rps]))
-    for _ in range(round(settle_s / 0.1)):
-        out = np.empty(N_STATES)
-        step(
-            x,
-            inputs,
-            given,
-            given,
-            0.1,
-            p,
-            inverse,
-            active,
-            structure.equations,
-            out,
-        )
-        x = out
-    return x
+    active, rows = np.array([True, False, False, False]), 1 + round(settle_s / APPROACH_STEP_S)
+    start, still = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros((rows, N_STATES))
+    inputs = np.tile(healthy(np.array([0.0, 0.0, n_rps])), (rows, 1))
+    states = simulate_states(start, inputs, still, APPROACH_STEP_S, p, active, structure.equations)
+    settled: Array = states[-1]
+    return settled

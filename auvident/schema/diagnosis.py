@@ -152,8 +152,10 @@ class Diagnosis(Artifact):
     (``start``) of all effects that a refined model takes along, and ``prior`` and ``prior_std`` of
     those estimated again. ``unexplained`` has ``correlates`` (axis,
     regressor, gain), ``nearest`` and ``channels`` where something is left; ``remaining`` has its
-    ``channels`` and ``correlates`` where effects stand beside it. ``false_alarm_p`` is the ``p``
-    of the effect that was accepted first, None where none was.
+    ``channels`` and ``correlates`` where effects stand beside it, and its ``sizes`` against noise
+    and variation, there and where it is too little to matter. ``without_effects`` is the verdict
+    if no effect stands in the end: whether the model before leaves anything that matters.
+    ``false_alarm_p`` is the ``p`` of the effect that was accepted first, None where none was.
     """
 
     schema_: str = Field(default="auvident/diagnosis/1", alias="schema")
@@ -165,6 +167,7 @@ class Diagnosis(Artifact):
     ambiguous: tuple[tuple[str, ...], ...] = ()
     unexplained: dict[str, Any] = {}
     remaining: dict[str, Any] = {}
+    without_effects: Verdict = "unexplained"
     sees: tuple[Detectable, ...] = ()
     lookalikes: tuple[Lookalikes, ...] = ()
     separate_by: str = ""

@@ -2,11 +2,12 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from auvident.schema.planes import PLANES, Plane
 
 EffectFamily = Literal["environment", "actuation", "sensing", "hydrodynamics"]
+FAMILIES: tuple[EffectFamily, ...] = get_args(EffectFamily)
 # where an effect enters: before the equations of motion, in them, after them, or in no model (a
 # disturbance of one trial, which is named and masked)
 Enters = Literal["input", "force", "reading", "disturbance"]

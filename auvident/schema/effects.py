@@ -10,14 +10,21 @@ means off.
 
 import math
 from dataclasses import replace
-from typing import Any, get_args
+from typing import Any
 
 from auvident.schema.coefficients import HV, H, V
-from auvident.schema.effect import NOTHING, Effect, EffectFamily, EffectParameter, TimeGrid
+from auvident.schema.effect import (
+    FAMILIES,
+    NOTHING,
+    Effect,
+    EffectFamily,
+    EffectParameter,
+    TimeGrid,
+)
 from auvident.schema.planes import HORIZONTAL, VERTICAL, Plane, PlaneRow, symbol_in
 from auvident.schema.unexplained import NAME, PRODUCTS
 
-__all__ = ["NOTHING", "Effect", "EffectFamily", "EffectParameter", "TimeGrid"]
+__all__ = ["FAMILIES", "NOTHING", "Effect", "EffectFamily", "EffectParameter", "TimeGrid"]
 
 DEGREES = 180.0 / math.pi
 LONGEST_TRIAL_S = 7.0 * 86_400.0  # bound of a time in a trial
@@ -398,7 +405,6 @@ UNEXPLAINED = Effect(
     nuisance=True,
 )
 
-FAMILIES: tuple[EffectFamily, ...] = get_args(EffectFamily)
 BY_ID: dict[str, Effect] = {effect.id: effect for effect in (*EFFECTS, UNEXPLAINED)}
 
 

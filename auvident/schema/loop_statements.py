@@ -18,6 +18,7 @@ def statement(
     separate_by: str,
     sees: Sequence[Detectable],
     unexplained: Mapping[str, Any],
+    left: Mapping[str, Any],
 ) -> str:
     """The verdict in words.
 
@@ -33,9 +34,15 @@ def statement(
     sees : sequence of Detectable
     unexplained : mapping
         As in the artifacts: ``correlates``, ``nearest``, ``channels``.
+    left : mapping
+        ``remaining`` of the artifacts: see `remaining_of`.
     """
     pieces = {
-        "none_found": lambda: [nothing_found(sees)],
+        "none_found": lambda: [
+            nothing_found(sees),
+            too_little(left.get("sizes", ())),
+            too_weak(left.get("nearest")),
+        ],
         "effect_found": lambda: [found(effects)],
         "ambiguous": lambda: [found(effects), alike(groups, separate_by)],
         "partly_explained": lambda: [
@@ -48,11 +55,48 @@ def statement(
     return " ".join(piece for piece in pieces if piece)
 
 
-def remaining_of(verdict: Verdict, unexplained: Mapping[str, Any]) -> dict[str, Any]:
-    """What ``remaining`` says beside effects that stand; empty for the other verdicts."""
+def remaining_of(
+    verdict: Verdict,
+    unexplained: Mapping[str, Any],
+    sizes: Sequence[Mapping[str, Any]],
+    nearest: str | None = None,
+) -> dict[str, Any]:
+    """What ``remaining`` says: beside effects that stand, or too little to be anything.
+
+    Parameters
+    ----------
+    verdict : str
+    unexplained : mapping
+    sizes : sequence of mapping
+        ``channel``, ``noises`` (the residual over the noise of the sensor) and ``share`` (over the
+        standard deviation of the channel) of what is more than a complete model leaves.
+    nearest : str, optional
+        The effect that came closest, where nothing was found.
+    """
+    if verdict == "none_found":
+        nothing = {"channels": [], "correlates": [], "sizes": list(sizes), "nearest": nearest}
+        return nothing if sizes or nearest else {}
     if verdict != "partly_explained":
         return {}
-    return {key: unexplained.get(key) or [] for key in ("channels", "correlates")}
+    named = {key: unexplained.get(key) or [] for key in ("channels", "correlates")}
+    return {**named, "sizes": list(sizes)}
+
+
+def too_weak(nearest: str | None) -> str:
+    """The statement that the evidence for an effect was too weak; empty where there is none."""
+    if not nearest:
+        return ""
+    return f"Closest came {words_of(nearest)}, on evidence too weak to claim it."
+
+
+def too_little(sizes: Sequence[Mapping[str, Any]]) -> str:
+    """The statement that a residual beyond the noise is too small to matter; empty without one."""
+    told = [
+        f"{row['channel']} is off by {row['noises']:.1f} times the noise of its sensor, "
+        f"{row['share']:.1%} of its standard deviation"
+        for row in sizes
+    ]
+    return f"What remains is too little to matter: {'; '.join(told)}." if told else ""
 
 
 def nothing_found(sees: Sequence[Detectable]) -> str:

@@ -493,6 +493,14 @@ def test_a_size_whose_interval_holds_zero_is_not_confirmed_anywhere() -> None:
     assert not both.unexplained
 
 
+@pytest.mark.parametrize("tried", [TAKEN, KEPT])
+def test_a_doubt_is_nothing_where_the_model_before_leaves_nothing_that_matters(tried) -> None:
+    found = claimed(0.9, 0.6, tried, without_effects="none_found")
+    assert (found.verdict, found.effects, found.unexplained) == ("none_found", (), {})
+    assert "no known effect explains" not in found.statement
+    assert found.candidates[0].rejected
+
+
 def test_where_the_model_before_is_kept_nothing_is_claimed() -> None:
     found = claimed(1.3, 0.05, KEPT)
     assert (found.verdict, found.effects, found.not_confirmed) == ("unexplained", (), ())
@@ -514,7 +522,7 @@ def test_effects_that_stand_beside_a_remainder_are_partly_an_explanation() -> No
     }
     found = claimed(1.3, 0.05, verdict="partly_explained", unexplained=left)
     assert found.verdict == "partly_explained" and len(found.effects) == 1
-    assert found.remaining == {"channels": ["v"], "correlates": left["correlates"]}
+    assert found.remaining == {"channels": ["v"], "correlates": left["correlates"], "sizes": []}
     left_over = "the remaining side force follows the rudder angle with a delay."
     assert f"residual remains in v; {left_over}" in found.statement
     assert claimed(1.3, 0.05).remaining == {}

@@ -27,9 +27,8 @@ def reversals(rudder_rad: ArrayLike) -> NDArray[np.int64]:
 def _departure(x: Array, last: int) -> int:
     """First sample of the move that leaves the level held before sample `last`."""
     sign = np.sign(x[last])
-    begin = last
-    while begin > 0 and sign * x[begin - 1] > 0:
-        begin -= 1
+    other = np.flatnonzero(~(sign * x[:last] > 0))  # not on this side
+    begin = int(other[-1]) + 1 if other.size else 0
     held = float(np.median(x[begin : last + 1]))
     on_level = np.flatnonzero(sign * x[begin : last + 1] >= 0.9 * abs(held))
     return begin + int(on_level[-1]) + 1 if on_level.size else last + 1

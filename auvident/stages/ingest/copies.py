@@ -20,7 +20,14 @@ from auvident.schema.artifacts import Finding
 from auvident.schema.channels import BY_COLUMN
 from auvident.schema.logs import FIRST_FEW, RawSensor, RawTrial
 from auvident.stages.ingest.outliers import noise_std
-from auvident.stages.ingest.resampled import LEFT_OVER, Even, evenly, left_over, likely_shifts
+from auvident.stages.ingest.resampled import (
+    LEFT_OVER,
+    Even,
+    Signal,
+    evenly,
+    left_over,
+    likely_shifts,
+)
 
 Span = tuple[float, float, float]  # seconds in common, from when, to when
 NOTHING: Span = (0.0, 0.0, 0.0)
@@ -85,9 +92,9 @@ class Readings:
         return float(np.abs(self.values).max(initial=0.0))
 
     @cached_property
-    def step_s(self) -> float:
-        """Median time from one reading to the next."""
-        return float(np.median(np.diff(self.time_s)))
+    def signal(self) -> Signal:
+        """The readings as those of a resampled log are held against them."""
+        return Signal(self.time_s, self.values)
 
 
 @dataclass(frozen=True)
@@ -358,17 +365,13 @@ def _resampled(old: Fingerprint, new: Fingerprint, ahead: float | None) -> Span 
     least = min(MIN_COMMON_S, MIN_SHARE * min(a.span_s, b.span_s))
     if min(a.time_s.size, b.time_s.size) < RUN:
         return None
-    periods = [a.step_s, b.step_s]
+    periods = [a.signal.step_s, b.signal.step_s]
     shifts = [] if ahead is None else [ahead]
     for shift in [*shifts, *likely_shifts(old.even, new.even, max(periods))]:
         forth = periods[0] <= periods[1]
         source, other = (a, b) if forth else (b, a)
-        share, times = left_over(
-            (source.time_s, source.values),
-            (other.time_s, other.values),
-            shift if forth else -shift,
-            MAX_PERIOD_S,
-        )
+        ahead_s = shift if forth else -shift
+        share, times = left_over(source.signal, other.signal, ahead_s, MAX_PERIOD_S)
         if share < LEFT_OVER and np.ptp(times) >= least:
             back = 0.0 if forth else shift
             return float(np.ptp(times)), float(times[0] + back), float(times[-1] + back)
@@ -415,12 +418,14 @@ def _interpolated(source: Readings, other: Readings, ahead: float) -> tuple[floa
     """Share of the readings that lie on the line between two of the source, and their times."""
     time, x = source.time_s, source.values
     t = other.time_s - ahead
+    limit = _rounding(source, other)
+    if limit > NOISE_SHARE * source.noise:
+        return 0.0, t[:0]
     after = np.clip(np.searchsorted(time, t), 1, max(time.size - 1, 1))
     if time.size < 2 or not t.size:
         return 0.0, t[:0]
     inside = (t >= time[0]) & (t <= time[-1]) & (time[after] - time[after - 1] <= MAX_PERIOD_S)
     apart = np.abs(np.interp(t, time, x) - other.values)[inside]
-    limit = _rounding(source, other)
-    if inside.sum() < MIN_RUNS or limit > NOISE_SHARE * source.noise:
+    if inside.sum() < MIN_RUNS:
         return 0.0, t[:0]
     return float(np.mean(apart <= limit)), other.time_s[inside]

@@ -52,11 +52,14 @@ def claims_of(
     doubted = [e for e in in_model if doubts[e.id]]
     effects = tuple(e for e in final if e not in doubted)
     groups = tuple(g for g in diagnosis.ambiguous if {e.id for e in effects} & set(g))
-    unexplained = dict(diagnosis.unexplained)
-    if doubted and not effects:
+    verdict = _verdict(diagnosis, effects, groups, bool(doubted))
+    unexplained = {} if verdict == "none_found" else dict(diagnosis.unexplained)
+    if doubted and verdict == "unexplained":
         unexplained["nearest"] = ", ".join(e.id for e in doubted)
-    verdict = _verdict(diagnosis.verdict, effects, groups, bool(doubted))
-    said = statement(verdict, effects, groups, diagnosis.separate_by, diagnosis.sees, unexplained)
+    left = diagnosis.remaining
+    remaining = remaining_of(verdict, unexplained, left.get("sizes", ()), left.get("nearest"))
+    by, sees = diagnosis.separate_by, diagnosis.sees
+    said = statement(verdict, effects, groups, by, sees, unexplained, remaining)
     candidates = (_final_candidate(c, final, doubts.get(c.id, "")) for c in diagnosis.candidates)
     return {
         "verdict": verdict,
@@ -66,7 +69,7 @@ def claims_of(
         "not_confirmed": () if kept else tuple(doubted),
         "candidates": tuple(candidates),
         "unexplained": unexplained,
-        "remaining": remaining_of(verdict, unexplained),
+        "remaining": remaining,
     }
 
 
@@ -97,17 +100,21 @@ def _refused(attempts: Sequence[Attempt]) -> Attempt:
 
 
 def _verdict(
-    verdict: Verdict,
+    diagnosis: Diagnosis,
     effects: Sequence[EffectFound],
     groups: Sequence[Sequence[str]],
     doubted: bool,
 ) -> Verdict:
-    """The verdict of the diagnosis with the effects that are left of it."""
+    """The verdict of the diagnosis with the effects that are left of it.
+
+    Where none is left it hangs on what the model before leaves: an effect that is not told from
+    nothing, and without which nothing that matters is unexplained, is nothing.
+    """
     if not effects:
-        return "unexplained" if doubted else verdict
-    if verdict == "ambiguous" and not groups:
+        return diagnosis.without_effects if doubted else diagnosis.verdict
+    if diagnosis.verdict == "ambiguous" and not groups:
         return "effect_found"
-    return verdict
+    return diagnosis.verdict
 
 
 def _doubt(effect: EffectFound, kept: bool) -> str:

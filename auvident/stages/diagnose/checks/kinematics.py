@@ -29,6 +29,7 @@ from auvident.schema.effects import parameter_of
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Dvl
 from auvident.stages.diagnose.checks.paired_logs import (
+    ANGLES,
     MARGIN_S,
     Stretch,
     fit_windows,
@@ -143,10 +144,10 @@ def heading_against_gyro(trials: Sequence[Trial]) -> SensorCheck | None:
 
 def heading_change(stretch: Stretch, x: Array) -> Array:
     """Heading log minus integrated gyro (n, 1) in rad at x = (bias, scale, delay)."""
-    s = stretch.signals
+    s, ((cr, sr), (cp, _)) = stretch.signals, (stretch.cosines[k] for k in ANGLES[:2])
     r = (late(s["r_radps"], x[2], stretch.dt_s) - x[0]) / (1.0 + x[1])
     q = late(s["q_radps"], x[2], stretch.dt_s)
-    rate = (q * np.sin(s["roll_rad"]) + r * np.cos(s["roll_rad"])) / np.cos(s["pitch_rad"])
+    rate = (q * sr + r * cr) / cp
     return (s["heading_rad"] - integral(rate, stretch.dt_s))[:, None]
 
 
@@ -221,21 +222,20 @@ def position_change(stretch: Stretch, x: Array, dvl: Dvl) -> Array:
         v - r * dvl.x_m,  # p * dvl.z_m is taken out where the log is read
         w - p * dvl.y_m + q * dvl.x_m,
     )
-    over_ground = _north_east(s, at_origin)
+    over_ground = _north_east(stretch, at_origin)
     if len(x) > 6:
         over_ground = over_ground + x[6:8]
     track = np.column_stack([integral(over_ground[:, i], dt) for i in range(2)])
-    beside = _north_east(s, (np.full(len(u), x[1]), np.full(len(u), x[2]), np.zeros(len(u))))
+    beside = _north_east(stretch, (np.full(len(u), x[1]), np.full(len(u), x[2]), np.zeros(len(u))))
     expected = track - x[0] * over_ground + beside
     return np.column_stack([s["north_m"], s["east_m"]]) - expected
 
 
-def _north_east(s: dict[str, Array], vector: tuple[Array, Array, Array]) -> Array:
+def _north_east(stretch: Stretch, vector: tuple[Array, Array, Array]) -> Array:
     """North and east parts (n, 2) of a vector in vehicle axes; Fossen (2021), 2.18."""
     a, b, c = vector
-    cr, sr, cp, sp = (f(s[k]) for k in ("roll_rad", "pitch_rad") for f in (np.cos, np.sin))
+    (cr, sr), (cp, sp), (ch, sh) = (stretch.cosines[k] for k in ANGLES)
     ahead, aside = a * cp + (b * sr + c * cr) * sp, b * cr - c * sr
-    ch, sh = np.cos(s["heading_rad"]), np.sin(s["heading_rad"])
     return np.column_stack([ch * ahead - sh * aside, sh * ahead + ch * aside])
 
 

@@ -11,6 +11,7 @@ by chance.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,7 @@ MARGIN_S = 2.5  # rows at the ends of a stretch that a delay may reach beyond
 OUTLIER_STDS = 5.0
 WEAK = 30.0  # information of so many priors' width keeps what is not excited finite
 ITERATIONS = 3
+ANGLES = ("roll_rad", "pitch_rad", "heading_rad")
 
 Predict = Callable[["Stretch", Array], Array]
 
@@ -55,6 +57,12 @@ class Stretch:
     rows: Array
     window: Array
     cluster: Array
+
+    @cached_property
+    def cosines(self) -> dict[str, tuple[Array, Array]]:
+        """Cosine and sine (n,) of the angles, for which a fit asks at each of its parameters."""
+        there = (name for name in ANGLES if name in self.signals)
+        return {name: (np.cos(self.signals[name]), np.sin(self.signals[name])) for name in there}
 
 
 def stretches_of(

@@ -10,7 +10,7 @@ in the other the pair had no misalignment of practical size.
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from auvident.parallel import each
 from auvident.schema.effects import EFFECTS, parts_of
@@ -145,12 +145,12 @@ def _removed(less: Less, effects: Sequence[str]) -> tuple[Fitted, list[str]]:
 
 def _exchanged(less: Less, wanted: Sequence[Exchange]) -> tuple[Exchange, Fitted] | None:
     """The best exchange that is worth it, with its fit."""
-    case, current = less.case, less.current
+    case = less.case
     less.at_once([exchange.out for exchange in wanted if not _marked(exchange)])
     found = [
         (exchange, fitted)
         for exchange, fitted in zip(wanted, each(lambda e: _fit(less, e), wanted), strict=True)
-        if fitted is not None and _pays(case, current, fitted, exchange)
+        if fitted is not None and _pays(less, fitted, exchange)
     ]
     return max(found, key=lambda f: worth(case, f[1]), default=None)
 
@@ -189,16 +189,26 @@ def _promise(case: Case, rest: Fitted, into: Sequence[str]) -> float:
     return max(s.gain for s in (score(joint, into), typical) if s is not None)
 
 
-def _pays(case: Case, before: Fitted, after: Fitted, exchange: Exchange) -> bool:
-    """Whether an exchange gains enough, with effects of practical and plausible size."""
-    p = after.parameters
+def _pays(less: Less, after: Fitted, exchange: Exchange) -> bool:
+    """Whether an exchange gains enough, with effects of practical and plausible size.
+
+    More parameters have to gain as much as tells them from what they replace: a rudder offset
+    of 722 nats at its true size gave way to an asymmetric hull, of which it is a part.
+    """
+    case, before, p = less.case, less.current, after.parameters
+    added = len(case.positions(*exchange.into)) - len(case.positions(*exchange.out))
     exchanged = Exchanged(
         size=min(size_of(case, e, p) for e in exchange.into),
         impossible=any(impossible(case, e, p) for e in exchange.into),
         gain=worth(case, after) - worth(case, before),
-        fewer=len(after.free) < len(before.free),
+        fewer=added < 0,
     )
-    return passes(exchanged, rules.EXCHANGE)
+    if added <= 0 or not passes(exchanged, rules.EXCHANGE):
+        return passes(exchanged, rules.EXCHANGE)
+    rest = less.of(exchange.out)
+    of_out = math.inf if rest is None else worth(case, before) - worth(case, rest)
+    share = exchanged.gain / of_out if of_out > 0.0 else math.inf
+    return passes(replace(exchanged, share=share), rules.EXCHANGE)
 
 
 def worth(case: Case, fitted: Fitted) -> float:

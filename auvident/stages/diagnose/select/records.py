@@ -1,5 +1,6 @@
 """What the rules of the search look at: one plain record for each decision."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -252,12 +253,16 @@ class Exchanged:
         Rise of the logarithm of likelihood and prior [nats].
     fewer : bool
         It has fewer parameters.
+    share : float
+        The gain, as a share of what the effects taken out are worth; infinite where no parameter
+        is added for it.
     """
 
     size: float
     impossible: bool
     gain: float
     fewer: bool
+    share: float = math.inf
 
 
 def ratio_of(rms: tuple[float, ...], other: tuple[float, ...]) -> float:

@@ -323,6 +323,12 @@ EXCHANGE: tuple[Rule[Exchanged], ...] = (
         lambda e: e.gain if e.fewer else math.inf,
         -FEWER,
     ),
+    Rule(
+        "more",
+        "what has more parameters is told apart from what it replaces",
+        lambda e: e.share,
+        ALIKE_SHARE,
+    ),
 )
 RECONSIDER: tuple[Rule[int], ...] = (
     Rule("others", "there are others beside it", lambda effects: effects, 2),

@@ -14,8 +14,10 @@ from auvident.stages.diagnose.verdict.checks import checks, correlate
 from auvident.stages.diagnose.verdict.effects import accepted, disturbances, nuisances
 from auvident.stages.diagnose.verdict.evidence import (
     Evidence,
-    left_channels,
+    closest_of,
+    mattering,
     nearest_of,
+    remainders,
     verdict_of,
 )
 from auvident.stages.diagnose.verdict.observability import detectable, lookalikes
@@ -29,23 +31,30 @@ def diagnosis_of(evidence: Evidence, model: IdentifiedModel) -> Diagnosis:
     """The artifact of a diagnosis."""
     traced, joint = evidence.traced, evidence.traced.rounds[0].joint
     effects = [*disturbances(evidence), *accepted(traced)]
-    left = left_channels(traced.case, traced.final, model.length_m)
+    rest, rest_before = (
+        remainders(traced.case, fitted, model.length_m)
+        for fitted in (traced.final, traced.baseline)
+    )
+    left = mattering(rest)
     nearest = nearest_of(evidence)
     groups = tuple(r.alike for r in traced.rounds if r.alike and r.accepted in traced.named)
     verdict = verdict_of(effects, evidence, left, nearest, groups)
     sees = detectable(joint, evidence.candidates)
     named = [e for g in groups for e in g]
     by = separated_by(named, traced.case.plane.name) if groups else ""
-    unexplained = _remainder(evidence, left, nearest) if verdict in WITH_REMAINDER else {}
+    closest = nearest if effects else nearest or closest_of(evidence)
+    unexplained = _remainder(evidence, left, closest) if verdict in WITH_REMAINDER else {}
+    remaining = remaining_of(verdict, unexplained, [r.as_told() for r in rest], closest)
     return Diagnosis(
         plane=model.plane,
         verdict=verdict,
-        statement=statement(verdict, effects, groups, by, sees, unexplained),
+        statement=statement(verdict, effects, groups, by, sees, unexplained, remaining),
         effects=tuple(effects),
         candidates=tuple(candidate_rows(traced.rounds, traced.case)),
         ambiguous=groups,
         unexplained=unexplained,
-        remaining=remaining_of(verdict, unexplained),
+        remaining=remaining,
+        without_effects=verdict_of((), evidence, mattering(rest_before), None, ()),
         sees=sees,
         lookalikes=lookalikes(joint, evidence.candidates),
         separate_by=by,

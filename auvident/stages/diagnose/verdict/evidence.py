@@ -2,8 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from auvident.schema.artifacts import Verdict
 from auvident.schema.diagnosis import EffectFound
@@ -15,6 +17,9 @@ from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted
 from auvident.stages.diagnose.score.free_forces import FREE_GAIN, FreeForce
 from auvident.stages.diagnose.select.candidates import Traced
+from auvident.stages.diagnose.select.rules import RULES_LEFT_OUT
+
+Array = npt.NDArray[np.float64]
 
 # [standard errors] A free force that explains much is something where it brings so much to what is
 # left out. The vehicle of seed 28 lacks nothing, and two forces that gain 574 and 354 nats in its
@@ -22,6 +27,10 @@ from auvident.stages.diagnose.select.candidates import Traced
 FREE_HELPS = 2.0
 BEATEN = 1.08  # a free force that gains so many times what the named effect does beats it
 DVL_NOISES = 3.0  # a residual beyond it means something is left
+# ... which matters to a prediction from this share of the standard deviation on. The hull of seed
+# 818 lacks nothing; its sway is off by 3.1 times the noise of a good DVL, 2 % of what it varies,
+# and its held-out maneuvers are predicted to 4 %.
+VELOCITY_NRMSE = 0.05
 # ... and one of the rate beyond this share of the rate's standard deviation. Turbulence stirs pitch
 # as it does yaw, but a dive pitches at a third of the rate that a turn has: six dives with nothing
 # missing, or with all of it found, left 0.04 to 0.08.
@@ -102,7 +111,44 @@ def nearest_of(evidence: Evidence) -> str | None:
     return named.id if beaten or beside else None
 
 
-def left_channels(case: Case, fitted: Fitted, length_m: float) -> list[str]:
+def closest_of(evidence: Evidence) -> str | None:
+    """The candidate of most gain that was sound but for what it does to maneuvers left out.
+
+    Where nothing is named it is what a user looks at next. A hull with linear damping was told
+    that it lacks nothing, with that damping refused at its true size for helping half of them.
+    """
+    last, by = evidence.traced.rounds[-1], {rule.code for rule in RULES_LEFT_OUT}
+    refused = [t for t in last.tried if t.refusal is not None and t.refusal.code in by]
+    best = max(refused, key=lambda t: t.gain, default=None)
+    return best.id if best is not None else None
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What is left of a channel, where that is more than a complete model leaves.
+
+    Attributes
+    ----------
+    channel : str
+    noises : float
+        The residual over the noise of the sensor.
+    share : float
+        The residual over the standard deviation of the channel in these maneuvers.
+    matters : bool
+        Whether a prediction would be the better for it by a share worth having.
+    """
+
+    channel: str
+    noises: float
+    share: float
+    matters: bool
+
+    def as_told(self) -> dict[str, Any]:
+        """As the artifact has it."""
+        return {"channel": self.channel, "noises": self.noises, "share": self.share}
+
+
+def remainders(case: Case, fitted: Fitted, length_m: float) -> list[Remainder]:
     """Channels whose residual is larger than any complete model leaves it.
 
     Parameters
@@ -113,14 +159,27 @@ def left_channels(case: Case, fitted: Fitted, length_m: float) -> list[str]:
     length_m : float
         Of the hull.
     """
-    found = [
-        name
+    noises = fitted.rms[:3] / case.setup.sensor_std[:3]
+    shares = fitted.rms[:3] / _variation(case, length_m)
+    velocities = [
+        Remainder(name, float(noises[c]), float(shares[c]), bool(shares[c] > VELOCITY_NRMSE))
         for c, name in enumerate(case.channels[:2])
-        if fitted.rms[c] > DVL_NOISES * case.setup.sensor_std[c]
+        if noises[c] > DVL_NOISES
     ]
-    rate = np.concatenate([r.measured[:, 2] for r in case.records])
+    if shares[2] <= RATE_NRMSE[case.plane.name]:
+        return velocities
+    return [*velocities, Remainder(case.channels[2], float(noises[2]), float(shares[2]), True)]
+
+
+def mattering(rest: Sequence[Remainder]) -> list[str]:
+    """Channels in which what is left matters."""
+    return [r.channel for r in rest if r.matters]
+
+
+def _variation(case: Case, length_m: float) -> Array:
+    """Standard deviations (3,) of velocities and rate; of the rate at least a gentle turn's."""
+    measured = np.concatenate([r.measured[:, :3] for r in case.records])
     speed = float(np.median(np.concatenate([r.given[:, 0] for r in case.records])))
-    usual = max(float(np.nanstd(rate)), speed / (GENTLE[case.plane.name] * length_m))
-    if fitted.rms[2] > RATE_NRMSE[case.plane.name] * usual:
-        found.append(case.channels[2])
-    return found
+    varies: Array = np.nanstd(measured, axis=0)
+    varies[2] = max(varies[2], speed / (GENTLE[case.plane.name] * length_m))
+    return varies

@@ -162,6 +162,7 @@ FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
             "impossible": {"impossible": True},
             "swap": {"gain": 14.0},
             "fewer": {"gain": -5.0, "fewer": True},
+            "more": {"share": 0.11},
         },
     ),
     "RECONSIDER": (2, {"others": 1}),

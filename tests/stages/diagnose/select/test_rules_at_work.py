@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from auvident.schema.effects import BY_ID
 from auvident.stages.diagnose.fit.fits import Fitted
 from auvident.stages.diagnose.score.first_order import Score
 from auvident.stages.diagnose.score.left_out import Helped
@@ -62,7 +63,16 @@ class Places:
         return [(*ALONE, *STEADY, "hull_asymmetry").index(effect) for effect in effects]
 
 
+@dataclass(frozen=True)
+class Counted(Places):
+    """The same, with as many parameters as the table of effects has."""
+
+    def positions(self, *effects: str) -> list[int]:
+        return [0 for effect in effects for _ in BY_ID[effect].names("horizontal")]
+
+
 CASE: Any = Places()
+COUNTED: Any = Counted()
 N = 11
 
 
@@ -236,20 +246,23 @@ def exchanges_made(patch: Patch) -> int:
 
 
 def exchanged(
-    size: float = 1.0, wrong: bool = False, gain: float = 20.0, fewer: bool = False
+    size: float = 1.0,
+    wrong: bool = False,
+    gain: float = 20.0,
+    of: str = "propeller_side_force",
+    into: str = "hull_asymmetry",
 ) -> Callable[[Patch], Any]:
-    """Whether one effect is exchanged for another."""
+    """Whether one effect, worth 700 nats, is exchanged for another."""
 
     def run(patch: Patch) -> tuple[str, ...]:
-        before = fitted(0.0, "hull_asymmetry", "current", free=2)
-        after = fitted(gain, "current", "rudder_offset", free=1 if fewer else 2)
+        before, after = fitted(0.0, of, "current"), fitted(gain, "current", into)
         patch.setattr(reconsider, "size_of", lambda *_: size)
         patch.setattr(reconsider, "impossible", lambda *_: wrong)
         patch.setattr(reconsider, "prior_cost", lambda *_: 0.0)
         patch.setattr(reconsider, "without", lambda *_: None)
-        fits = {after.effects: after}
+        fits = {after.effects: after, ("current",): fitted(-700.0, "current")}
         patch.setattr(reconsider, "from_both", lambda case, effects, *_: fits.get(effects))
-        return reconsider.reconsider(CASE, ("rudder_offset",), before, ("current",))[0].effects
+        return reconsider.reconsider(COUNTED, (into,), before, ("current",))[0].effects
 
     return run
 
@@ -420,7 +433,8 @@ SCENARIOS: dict[str, dict[str, Callable[[Patch], Any]]] = {
         "small": exchanged(size=0.9),
         "impossible": exchanged(wrong=True),
         "swap": exchanged(gain=14.0),
-        "fewer": exchanged(gain=-5.0, fewer=True),
+        "fewer": exchanged(gain=-5.0, of="hull_asymmetry", into="rudder_offset"),
+        "more": exchanged(of="rudder_offset"),
     },
     "RECONSIDER": {"others": lone(30.0)},
     "STAY": {"removal": removed(30.0)},

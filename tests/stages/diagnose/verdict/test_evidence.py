@@ -14,9 +14,15 @@ from auvident.stages.diagnose.score.free_forces import FreeForce
 from auvident.stages.diagnose.score.left_out import Helped
 from auvident.stages.diagnose.select.candidates import Round, Traced, Tried
 from auvident.stages.diagnose.select.records import Account
+from auvident.stages.diagnose.select.rule import Refusal
 from auvident.stages.diagnose.verdict.carried import carried
 from auvident.stages.diagnose.verdict.document import diagnosis_of
-from auvident.stages.diagnose.verdict.evidence import RATE_NRMSE, Evidence, left_channels
+from auvident.stages.diagnose.verdict.evidence import (
+    RATE_NRMSE,
+    VELOCITY_NRMSE,
+    Evidence,
+    remainders,
+)
 from tests.stages.diagnose.loop_chain import loop, small_case, small_fit
 
 SEEN = ("rudder_offset", "gyro_bias")
@@ -67,6 +73,7 @@ def test_an_effect_that_stands_alone_is_found() -> None:
     found = said(evidence())
     assert (found.verdict, [e.id for e in found.effects]) == ("effect_found", ["gyro_bias"])
     assert (found.unexplained, found.remaining) == ({}, {})
+    assert found.without_effects == "none_found"  # the healthy trial leaves nothing that matters
     assert found.false_alarm_p == 0.02
 
 
@@ -118,8 +125,27 @@ def test_a_straight_run_alone_is_not_blamed_for_the_rate_it_does_not_have() -> N
     rate = float(np.nanstd(straight.measured[:, 2]))
     assert fitted.rms[2] > RATE_NRMSE["horizontal"] * rate
     length = loop("harbour_trial").model.length_m
-    assert left_channels(alone, fitted, length) == []
-    assert left_channels(alone, replace(fitted, rms=5.0 * fitted.rms), length) == ["u", "v", "r"]
+    assert remainders(alone, fitted, length) == []
+    left = remainders(alone, replace(fitted, rms=5.0 * fitted.rms), length)
+    assert [(r.channel, r.matters) for r in left] == [("u", True), ("v", True), ("r", True)]
+
+
+def test_a_remainder_beyond_a_good_sensor_is_nothing_where_a_prediction_is_none_the_worse() -> None:
+    """Sway off by five times the noise of its DVL, and by three hundredths of what it varies."""
+    whole = evidence()
+    case, before = whole.traced.case, whole.traced.baseline
+    varies = np.nanstd(np.concatenate([r.measured[:, 1] for r in case.records]))
+    noise, rms = case.setup.sensor_std.copy(), before.rms.copy()
+    rms[1] = 0.6 * VELOCITY_NRMSE * varies
+    noise[1] = rms[1] / 5.0
+    quiet = replace(case, setup=replace(case.setup, sensor_std=noise))
+    fitted = replace(before, rms=rms)
+    traced = replace(whole.traced, case=quiet, baseline=fitted, final=fitted)
+    bare = replace(traced.rounds[0], accepted=None)
+    found = said(replace(whole, traced=replace(traced, rounds=(bare,))))
+    assert (found.verdict, found.unexplained) == ("none_found", {})
+    assert [row["channel"] for row in found.remaining["sizes"]] == ["v"]
+    assert "v is off by 5.0 times the noise of its sensor, 3.0% of" in found.statement
 
 
 def test_what_a_wave_leaves_is_the_wave() -> None:
@@ -138,7 +164,23 @@ def test_without_any_effect_a_remainder_is_unexplained_and_none_is_nothing() -> 
     nothing = replace(whole, traced=traced)
     assert said(nothing).verdict == "none_found"
     assert said(nothing).false_alarm_p is None  # no alarm, so none that could be false
+    assert (said(nothing).remaining, "Closest" in said(nothing).statement) == ({}, False)
     something = said(replace(nothing, free=(force(700.0),)))
     assert (something.verdict, something.effects) == ("unexplained", ())
     overfitted = said(replace(nothing, free=(force(700.0, helps=-1.0),)))
     assert overfitted.verdict == "none_found"
+
+
+@pytest.mark.parametrize(("code", "named"), [("evidence", True), ("small", False)])
+def test_what_came_closest_is_told_where_nothing_is_named(code: str, named: bool) -> None:
+    """If it was refused for the maneuvers left out alone, and not for its size."""
+    whole = evidence()
+    refused = replace(whole.traced.rounds[0].tried[0], refusal=Refusal(code, ""))
+    bare = replace(whole.traced.rounds[0], tried=(refused,), accepted=None)
+    traced = replace(whole.traced, final=whole.traced.baseline, rounds=(bare,))
+    quiet = said(replace(whole, traced=traced))
+    assert quiet.verdict == "none_found"
+    assert ("Closest came gyro bias, on evidence too weak" in quiet.statement) == named
+    assert (quiet.remaining.get("nearest") == "gyro_bias") == named
+    loud = said(replace(whole, traced=traced, free=(force(700.0),)))
+    assert (loud.verdict, loud.unexplained["nearest"] == "gyro_bias") == ("unexplained", named)
