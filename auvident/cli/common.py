@@ -5,6 +5,7 @@ without numpy, pandas and rich.
 """
 
 import importlib
+import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -280,13 +281,16 @@ def parse_limits(texts: tuple[str, ...]) -> dict[str, float]:
     for text in texts:
         channel, equals, number = text.partition("=")
         try:
-            limits[channel.strip()] = float(number)
+            limit = float(number)
         except ValueError:
-            equals = ""
-        if not equals or not channel.strip():
+            equals, limit = "", 0.0
+        if not equals or not channel.strip() or not 0.0 < limit < math.inf:
             raise UsageError(
-                f"{text!r} is not CHANNEL=RMSE", "--fail-above", "For example --fail-above u=0.05."
+                f"{text!r} is not CHANNEL=RMSE, a number above 0",
+                "--fail-above",
+                "For example --fail-above u=0.05.",
             )
+        limits[channel.strip()] = limit
     return limits
 
 

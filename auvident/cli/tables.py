@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from auvident.cli.common import PATH, Output, command, completing
-from auvident.errors import UsageError
+from auvident.errors import InputError, UsageError
 from auvident.schema.effect import FAMILIES, Effect
 from auvident.schema.planes import PLANES, Plane
 
@@ -157,10 +157,15 @@ def inspect(output: Output, log: Path, file: Path | None) -> None:
     from auvident.storage.log_inspect import inspect_log
 
     report = inspect_log(log)
+    faulty = [f for f in report.files if f.fault]
+    if len(faulty) == len(report.files):
+        raise InputError(faulty[0].fault, faulty[0].file, faulty[0].remedy)
     with output.watch() as watch:
         for piece in log_tables(report):
             watch.show(piece)
-        if not report.proposed_map:
+        if faulty:
+            watch.note(f"{len(faulty)} of {len(report.files)} files cannot be read; see above.")
+        elif not report.proposed_map and not report.unassigned:
             watch.note("The log can be read as it is, without a map.")
     if file is not None:
         write_bytes(file, report.proposed_map.encode())

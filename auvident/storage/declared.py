@@ -147,7 +147,9 @@ def read_toml(path: Path) -> dict:
         raise InputError("is nested too deeply", str(path), "Check the brackets.") from None
     except ValueError as error:  # of a number with thousands of digits
         raise InputError(
-            f"has a number that cannot be read: {clipped(str(error))}", str(path)
+            f"has a number that cannot be read: {clipped(str(error))}",
+            str(path),
+            "Correct it: no number here needs more than twenty digits.",
         ) from None
 
 

@@ -14,7 +14,7 @@ from auvident.storage.log_csv import Kind, LogTable, read_csv
 from auvident.storage.log_layout import MISSING, TIME_NAMES, Layout, find_layout
 from auvident.storage.log_text import HEAD_BYTES, LONG_HEAD_BYTES, read_text
 from auvident.storage.log_time import MISSING_COUNT
-from auvident.storage.readers.interface import Container, LogReader, TableHead
+from auvident.storage.readers.interface import DAMAGED_REMEDY, Container, LogReader, TableHead
 from auvident.storage.readers.registry import container_suffixes, find_reader, open_container
 from auvident.storage.regular import MEGABYTE, refuse_irregular
 
@@ -126,7 +126,8 @@ def open_logs(path: Path, time_names: Collection[str] = ()) -> tuple[LogFile, ..
     container = open_container(path, reader)
     if not container.tables:
         told = "; ".join(container.notes)
-        raise InputError(f"has no table that can be read{told and f': {told}'}", str(path))
+        problem = f"has no table that can be read{told and f': {told}'}"
+        raise InputError(problem, str(path), DAMAGED_REMEDY)
     return tuple(_table_of(path, container, head) for head in container.tables.values())
 
 

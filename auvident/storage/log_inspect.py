@@ -32,7 +32,10 @@ class ColumnReport(Artifact):
 
 
 class FileReport(Artifact):
-    """A file, or a topic of it and the type of its messages: its clock and its columns."""
+    """A file, or a topic of it and the type of its messages: its clock and its columns.
+
+    `fault` and `remedy` say why nothing of a file can be read.
+    """
 
     file: str
     kind: str = ""
@@ -47,6 +50,8 @@ class FileReport(Artifact):
     repeated: int = 0
     columns: tuple[ColumnReport, ...] = ()
     notes: tuple[str, ...] = ()
+    fault: str = ""
+    remedy: str = ""
 
 
 class LogReport(Artifact):
@@ -84,7 +89,12 @@ def inspect_log(path: Path) -> LogReport:
         try:
             tables = open_logs(file)
         except InputError as error:
-            reports.append(FileReport(file=str(file), notes=(error.problem,)))
+            notes = tuple(text for text in (error.problem, error.remedy) if text)
+            reports.append(
+                FileReport(
+                    file=str(file), notes=notes, fault=error.problem, remedy=error.remedy or ""
+                )
+            )
             continue
         for log in tables:
             opened[log.where] = log

@@ -7,10 +7,18 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from auvident.errors import InputError, StageError
-from auvident.schema.channels import BY_COLUMN
+from auvident.schema.channels import BY_COLUMN, SENSORS
 from auvident.schema.coefficients import BY_SYMBOL
 from auvident.storage.artifacts import read_json
-from auvident.storage.log_file import PARQUET_SUFFIXES, is_container, looks_like_log, open_log
+from auvident.storage.log_file import (
+    LOG_SUFFIXES,
+    PARQUET_SUFFIXES,
+    is_container,
+    looks_like_log,
+    open_log,
+    stem,
+)
+from auvident.storage.regular import refuse_irregular
 from auvident.storage.run_directory import MANIFEST
 
 OURS, HEAD_BYTES = b'"auvident/run/', 200  # in the first bytes of a manifest
@@ -70,7 +78,16 @@ def _program(path: Path) -> str:
 
 
 def logs_in(folder: Path) -> tuple[Path, ...]:
-    """Files of a folder that are taken for logs, in order."""
+    """Files of a folder that are taken for logs, in order.
+
+    Raises
+    ------
+    InputError
+        A device, a pipe or a socket has the name of a sensor.
+    """
+    for p in folder.iterdir():
+        if p.name.lower().endswith(LOG_SUFFIXES) and stem(p).lower() in SENSORS:
+            refuse_irregular(p)
     files = sorted(p for p in folder.iterdir() if looks_like_log(p))
     return tuple(p for p in files if not own_output(p))
 

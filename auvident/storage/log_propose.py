@@ -13,6 +13,7 @@ from auvident.storage.log_columns import (
     guess_column,
     guess_time,
     of_sensor,
+    quantity_of,
     resolve,
     split_unit,
     time_column,
@@ -130,7 +131,9 @@ def _assign(logs: Mapping[str, LogFile], values: Values) -> list[Proposal]:
                 names = [
                     name
                     for name, numbers in values[key].items()
-                    if numbers.dtype != object and (key, name) not in used | times
+                    if numbers.dtype != object
+                    and (key, name) not in used | times
+                    and (quantity_of(name) or np.any(numbers[np.isfinite(numbers)]))
                 ]
                 name = _named(channel, logs[key], names, exact)
                 if name is not None:
@@ -227,4 +230,6 @@ def _entry(proposal: Proposal) -> str:
     )
     remarks = [proposal.remark] if proposal.remark else []
     remarks += ["unit guessed from the values: check"] if proposal.guessed else []
-    return text + (f"  # {'; '.join(remarks)}" if remarks else "")
+    # names of other topics are in it, and no control character may stand in TOML
+    said = "".join(c if c.isprintable() else "?" for c in "; ".join(remarks))
+    return text + (f"  # {said}" if remarks else "")

@@ -15,6 +15,9 @@ ABSOLUTE_S = 1e8  # a time beyond it (3 years in seconds) counts from 1970, not 
 BEYOND_S = 1e11  # the year 5138
 LEAST_EPOCH_S = 1e9  # 2001: whole numbers before it are counts of something else than seconds
 MOST_STEP_S = 60.0  # between rows; beyond it the unit of whole numbers is a finer one
+# Dates of 1982 to 2119 as numbers of days: of spreadsheets, and of MATLAB (datenum).
+DAYS = {"Excel": (3e4, 8e4), "MATLAB": (7.24e5, 7.74e5)}
+MOST_DAY_STEP = 2e-4  # mean distance of rows: 17 s in days; in seconds faster than any sensor
 MOST_COUNT = 2**62  # half of what 64 bits hold, the year 2116 in ns: beyond it is a filler
 MISSING_COUNT = np.iinfo(np.int64).min  # an empty cell among integers; numpy's NaT is the same
 
@@ -74,6 +77,8 @@ def read_stamps(values: np.ndarray, unit: str | None, where: str, rows: np.ndarr
     numbers = np.where(np.isfinite(values), values, np.nan)
     factor = TIME_UNITS[unit] if unit in TIME_UNITS else _epoch_factor(numbers)
     _refuse_finer(numbers * factor, where)
+    if unit in (None, "s"):
+        _refuse_days(numbers, where)
     return Stamps(numbers * factor, 0)
 
 
@@ -135,6 +140,23 @@ def _per_second(counts: np.ndarray, unit: str | None, where: str) -> int:
             "a map (--map).",
         )
     return round(1.0 / factor)
+
+
+def _refuse_days(numbers: np.ndarray, where: str) -> None:
+    """Refuse dates as days, which would be a trial of a fraction of a second."""
+    known = numbers[np.isfinite(numbers)]
+    if known.size < 2 or not 0.0 < np.ptp(known) < MOST_DAY_STEP * known.size:
+        return
+    middle = float(np.median(known))
+    for program, (least, most) in DAYS.items():
+        if least <= middle <= most:
+            raise InputError(
+                f"times from {known.min():.6f} to {known.max():.6f}, {_usual_step(known):.2g} "
+                f"apart, are days as {program} counts them, not seconds",
+                where,
+                "Export the time as text in ISO 8601 (column timestamp), or multiply it by 86400 "
+                "(column time_s).",
+            )
 
 
 def _refuse_finer(seconds: np.ndarray, where: str, is_finer: bool = False) -> None:

@@ -128,6 +128,14 @@ def test_velocities_are_those_at_the_dvl_from_an_antenna_elsewhere():
     assert np.median(found.sensors["gyro"].values["r_radps"]) == pytest.approx(r, abs=0.001)
 
 
+@pytest.mark.parametrize("where", [{"x_m": 1e300}, {"y_m": -40.0}])
+def test_an_antenna_that_is_not_on_the_vehicle_is_refused(where):
+    raw = replace(straight_circle()[0], derive=Derive(u=True, v=True, r=True, **where))
+    with pytest.raises(InputError, match="the position is taken") as told:
+        with_derived(raw, vehicle(), 10.0, 5.0)
+    assert "[derive] x_m" in told.value.where
+
+
 def test_a_gap_stays_a_gap():
     raw, (u, _, _) = straight_circle()
     position = raw.sensors["position"]

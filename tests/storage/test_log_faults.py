@@ -1,5 +1,7 @@
 """Each wrong input ends in one clear message: file, row, column, what to do, exit code 3."""
 
+import os
+
 import numpy as np
 import pytest
 from log_world import sensor_tables, wide_table, write_folder
@@ -183,3 +185,28 @@ def test_two_clocks_in_one_trial(tmp_path):
     gyro["timestamp"] += 1.7e9
     folder = write_folder(tmp_path / "run", tables | {"gyro": gyro})
     refused(folder, "different clocks", "gyro.csv", "timestamp", "100.000 s")
+
+
+@pytest.mark.parametrize(("start", "program"), [(45413.5, "Excel"), (739373.5, "MATLAB")])
+def test_days_are_told_from_seconds(tmp_path, start, program):
+    tables = sensor_tables()
+    for table in tables.values():
+        table["time_s"] = start + table["time_s"] / 86400.0
+    with pytest.raises(InputError, match=f"are days as {program} counts them") as told:
+        read_trials([write_folder(tmp_path / "log", tables)])
+    assert "86400" in told.value.remedy
+
+
+def test_a_long_count_of_seconds_is_no_days(tmp_path):
+    tables = sensor_tables(origin_s=45413.5)
+    (trial,) = read_trials([write_folder(tmp_path / "log", tables)])
+    assert trial.sensors["gyro"].time_s[0] == 45413.5
+
+
+def test_a_pipe_named_after_a_sensor_is_refused_by_its_name(tmp_path):
+    folder = write_folder(tmp_path / "log")
+    (folder / "dvl.csv").unlink()
+    os.mkfifo(folder / "dvl.csv")
+    with pytest.raises(InputError, match="is a pipe, not a file") as told:
+        read_trials([folder])
+    assert told.value.where.endswith("dvl.csv")

@@ -105,6 +105,8 @@ def test_on_change_reaches_the_sensor(tmp_path):
         ("[rudder]\ntime_offset_s = 'soon'\n", ("[rudder] time_offset_s", "soon")),
         ("[dvl]\ntime_offset_s = 1e300\n", ("[dvl] time_offset_s", "1e+300")),
         ("[dvl]\ntime_drift_ppm = -1e300\n", ("[dvl] time_drift_ppm", "-1e+300")),
+        ("[dvl]\ntime_offset_s = true\n", ("a number is asked for, not true",)),
+        (f"[dvl]\ntime_offset_s = {'1' * 100_000}\n", ("cannot be read", "twenty digits")),
         ("[rudder\n", ("not valid TOML", "line 1", "tables as [name]")),
     ],
 )
@@ -190,7 +192,8 @@ def test_inspect_does_not_stop_at_a_broken_file(tmp_path):
     text = (folder / "dvl.csv").read_text().replace("\n101.0,1", "\n101.0,X1", 1)
     (folder / "dvl.csv").write_text(text)
     files = {f.file.rsplit("/")[-1]: f for f in inspect_log(folder).files}
-    assert files["depth.csv"].notes == ("is empty",)
+    assert files["depth.csv"].notes == ("is empty", files["depth.csv"].remedy)
+    assert files["depth.csv"].remedy
     assert "row 7" in files["dvl.csv"].notes[0]
     assert files["dvl.csv"].columns[2].maximum is not None
 

@@ -119,3 +119,20 @@ def test_an_input_that_may_be_written_on_change_is_proposed_so(tmp_path):
     assert "on_change = true" in text.split("[rpm]")[1]
     (tmp_path / "MAP.toml").write_text(text)
     assert read_column_map(tmp_path / "MAP.toml").rpm.on_change is True
+
+
+def test_a_column_of_zeros_is_not_proposed_for_a_guess(tmp_path):
+    table = pd.DataFrame({"time": np.arange(50.0), "speed": 2.0, "thruster": 0.0})
+    table.to_csv(tmp_path / "run.csv", index=False)
+    text = inspect_log(tmp_path / "run.csv").proposed_map
+    assert "thruster" not in text
+    assert "speed" in text
+
+
+def test_an_input_without_a_clock_is_proposed_without_one(tmp_path):
+    pd.DataFrame({"vx": [0.0, 0.5, 1.0], "delta": [1.0, 1.5, 2.0]}).to_csv(
+        tmp_path / "run.csv", index=False
+    )
+    text = inspect_log(tmp_path / "run.csv").proposed_map
+    assert 'time = "?"' in text
+    assert "on_change" not in text

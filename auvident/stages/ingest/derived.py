@@ -47,6 +47,9 @@ SLOWEST_S = 5.0  # a compass or a position that is slower shows no maneuver
 REMEDY = "Log it, name its column in a map (--map), or leave out [derive]."
 
 
+MOST_LENGTHS = 2.0  # from the origin to an antenna: one behind the vehicle tows along
+
+
 @dataclass(frozen=True)
 class Samples:
     """Clean samples (n,) that something is derived from, and their lines in the file."""
@@ -91,6 +94,14 @@ def with_derived(
     asked = raw.derive.columns
     if not asked:
         return raw, {}
+    furthest = max(abs(raw.derive.x_m), abs(raw.derive.y_m))
+    if furthest > MOST_LENGTHS * vehicle.hull.length_m:
+        raise InputError(
+            f"the position is taken {furthest:g} m from the origin of a vehicle of "
+            f"{vehicle.hull.length_m:g} m",
+            "[derive] x_m, y_m",
+            "Give the place of the antenna or transponder in vehicle axes, in m.",
+        )
     compass = _series(raw, vehicle, "heading_rad", max_gap_s)
     passage = vehicle.hull.length_m / _speed(raw, vehicle)
     turn = turning(compass.time_s, compass.values, _nodes(compass, max_gap_s), passage)

@@ -14,7 +14,13 @@ from pathlib import Path
 import numpy as np
 
 from auvident.errors import InputError
-from auvident.storage.readers.interface import STAMP, ColumnHead, TableHead, ns_of_counts
+from auvident.storage.readers.interface import (
+    DAMAGED_REMEDY,
+    STAMP,
+    ColumnHead,
+    TableHead,
+    ns_of_counts,
+)
 
 MAGIC = b"\xa3\x95"
 FMT = 128  # number of the messages that describe messages
@@ -130,7 +136,9 @@ class DataFlash:
     def _index(self) -> Index:
         found = _scan(self._data)
         if not found.formats:
-            raise InputError("is a damaged DataFlash log: describes no message", str(self.path))
+            raise InputError(
+                "is a damaged DataFlash log: describes no message", str(self.path), DAMAGED_REMEDY
+            )
         return found
 
     @cached_property

@@ -12,7 +12,13 @@ from auvident.schema.logs import TIME_UNITS
 from auvident.storage.log_columns import TIME_ALIASES
 from auvident.storage.log_layout import TIME_NAMES
 from auvident.storage.log_time import MISSING_COUNT, MOST_COUNT
-from auvident.storage.readers.interface import ColumnHead, TableHead, ns_of_counts, ns_of_seconds
+from auvident.storage.readers.interface import (
+    DAMAGED_REMEDY,
+    ColumnHead,
+    TableHead,
+    ns_of_counts,
+    ns_of_seconds,
+)
 
 MOST_VALUES = 200_000_000  # of one array: three weeks at 100 Hz; more is no log, or damage
 MOST_WIDE = 16  # numbers in a row of an array: vectors and small matrices are columns, images not
@@ -100,7 +106,9 @@ class Tree:
             raise
         except Exception as error:  # the libraries raise whatever a damaged file leads them into
             told = str(error) or type(error).__name__
-            raise InputError(f"is damaged: {told}", f"{self.path}, {table}") from error
+            raise InputError(
+                f"is damaged: {told}", f"{self.path}, {table}", DAMAGED_REMEDY
+            ) from error
 
 
 def tree_of(path: Path, fields: Sequence[Field], root: str, mark: str, notes: list[str]) -> Tree:

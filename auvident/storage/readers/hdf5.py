@@ -18,6 +18,7 @@ from auvident.storage.readers.fields import (
     is_time_unit,
     tree_of,
 )
+from auvident.storage.readers.interface import DAMAGED_REMEDY
 from auvident.storage.readers.registry import need
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -77,7 +78,7 @@ def open_hdf5(path: Path, style: Hdf5Style) -> Tree:
     except InputError:
         raise
     except Exception as error:  # the library raises whatever a damaged file leads it into
-        raise InputError(f"is damaged HDF5: {error}", str(path)) from error
+        raise InputError(f"is damaged HDF5: {error}", str(path), DAMAGED_REMEDY) from error
     return tree_of(path, fields, style.root, style.mark, notes)
 
 

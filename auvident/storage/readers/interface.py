@@ -10,6 +10,7 @@ import numpy as np
 from auvident.storage.log_time import MISSING_COUNT, MOST_COUNT
 
 STAMP = "timestamp_ns"  # of a table: when the container says that a row was written, int64
+DAMAGED_REMEDY = "Copy the file again from where it was written, or export it again."
 MOST_S = MOST_COUNT // 10**9  # the year 2116: a stamp beyond it is none
 
 

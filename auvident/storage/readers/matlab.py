@@ -13,6 +13,7 @@ import numpy as np
 from auvident.errors import InputError
 from auvident.storage.readers.fields import MOST_VALUES, Field, Tree, tree_of
 from auvident.storage.readers.hdf5 import Hdf5Style, open_hdf5
+from auvident.storage.readers.interface import DAMAGED_REMEDY
 from auvident.storage.readers.mat5 import check
 
 VERSION_73 = b"MATLAB 7.3 MAT-file"
@@ -24,7 +25,6 @@ REMEDY = (
     "In MATLAB save structs of numbers: s = table2struct(timetable2table(T), 'ToScalar', true); "
     "s.time_s = seconds(T.Time - T.Time(1)); save('trial.mat', '-struct', 's')."
 )
-DAMAGED_REMEDY = "Copy the file again from where it was written, or save it again."
 NOT_NUMBERS = {b"char": "is text", b"cell": "is a cell array, not a column"}
 
 

@@ -20,6 +20,7 @@ from auvident.storage.readers.fields import (
     tree_of,
 )
 from auvident.storage.readers.hdf5 import MAGIC
+from auvident.storage.readers.interface import DAMAGED_REMEDY
 from auvident.storage.readers.registry import need
 
 CLASSIC = (b"CDF\x01", b"CDF\x02")
@@ -60,7 +61,7 @@ class NetcdfReader:
             raise
         except Exception as error:  # the libraries raise whatever a damaged file leads them into
             told = str(error) or type(error).__name__
-            raise InputError(f"is damaged NetCDF: {told}", str(path)) from error
+            raise InputError(f"is damaged NetCDF: {told}", str(path), DAMAGED_REMEDY) from error
         fields = [_field(path, one) for one in variables if _is_series(one, notes)]
         return tree_of(path, fields, ROOT, "/", notes)
 

@@ -10,7 +10,13 @@ from typing import Any
 import numpy as np
 
 from auvident.errors import InputError
-from auvident.storage.readers.interface import STAMP, Tables, in_memory, ns_of_counts
+from auvident.storage.readers.interface import (
+    DAMAGED_REMEDY,
+    STAMP,
+    Tables,
+    in_memory,
+    ns_of_counts,
+)
 from auvident.storage.readers.quaternions import ANGLES, angles, quaternions_in
 from auvident.storage.readers.registry import need
 
@@ -43,7 +49,7 @@ class ULogReader:
                 log = pyulog.ULog(again)
         except Exception as error:  # at damaged files the library raises whatever it runs into
             told = str(error) or type(error).__name__
-            raise InputError(f"is a damaged ULog: {told}", str(path)) from error
+            raise InputError(f"is a damaged ULog: {told}", str(path), DAMAGED_REMEDY) from error
         several = {data.name for data in log.data_list if data.multi_id}
         columns = {_name(data, several): _columns(data.data) for data in log.data_list}
         time = {name: STAMP for name, table in columns.items() if STAMP in table}

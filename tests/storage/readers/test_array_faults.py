@@ -9,8 +9,9 @@ import pytest
 
 from auvident.errors import InputError
 from auvident.storage.log_file import open_logs, read_log
+from auvident.storage.log_inspect import inspect_log
 from auvident.storage.log_time import MISSING_COUNT
-from auvident.storage.logs import read_trials
+from auvident.storage.logs import read_column_map, read_trials
 from auvident.storage.readers.fields import instants
 from auvident.storage.readers.interface import ns_of_counts
 from auvident.storage.readers.mat5 import check
@@ -331,3 +332,14 @@ def test_mat_files_of_all_kinds_of_variables_pass_the_check(tmp_path):
         savemat(tmp_path / "a.mat", held, do_compression=packed)
         check((tmp_path / "a.mat").read_bytes())
         assert open_logs(tmp_path / "a.mat")
+
+
+def test_a_proposed_map_is_valid_where_a_rival_has_a_name_that_does_not_print(tmp_path):
+    """Found by the fuzzer: the comment named the other topic as it stands in the file."""
+    path = tmp_path / "a.alog"
+    rows = [f"{k}.0 {n} i{n} {k}.5" for k in range(40) for n in ("YAW_RATE", "YAW_RATE\x0e")]
+    path.write_text(f"%% LOGSTART {START_S}\n" + "\n".join(rows))
+    text = inspect_log(path).proposed_map
+    assert "also in YAW_RATE" in text
+    (tmp_path / "MAP.toml").write_text(text)
+    assert read_column_map(tmp_path / "MAP.toml").gyro.r is not None
