@@ -46,7 +46,6 @@ SPEED = (
 )
 RPM = ("rpm*", "advance_ratio", "*thrust*", "*propeller*", "speed_rpm*", "speed_scale")
 RUDDER = ("rudder_unit", "rudder_scale*", "rudder_gain*", "*fin_force*", "turning_gain*")
-ELEVATOR = ("elevator_unit", "elevator_scale*", "*never_moves*", "*fin_force*")
 GYRO = (
     "speed_by_drift",
     "heading_gyro_gain",
@@ -78,8 +77,6 @@ NAMES: dict[str, tuple[str, ...]] = {
     "scale of v": ("speed_by_drift", "sway*", "v_scale*", "*centripetal*", "*axes*"),
     "scale of rpm": RPM,
     "scale of the rudder": RUDDER,
-    "scale of the elevator": ELEVATOR,
-    "scale of w": ("heave_scale", "*axes*"),
     "scale of the gyro": GYRO,
     "unit of the heading": HEADING,
     "unit of the pitch": ("pitch*",),
@@ -126,11 +123,9 @@ NAMES: dict[str, tuple[str, ...]] = {
         "dropped:outlier",
     ),
     "clipped rudder": ("rudder_cut", "*clipp*", "*saturat*", "rudder_scale*", "rudder_gain*"),
-    "clipped elevator": ("elevator_cut", "elevator_scale*", "*clipp*"),
-    "frozen elevator": ("*frozen*", "*stuck*", "elevator_unit"),
     "frozen rudder": ("*frozen*", "*stuck*", "rudder_constant*"),
     "frozen rpm": ("*frozen*", "*stuck*", "rpm_constant*"),
-    "constant channel": ("constant_channel", "rudder_never_moves", "*constant*"),
+    "constant channel": ("constant_channel", "rudder_never_moves", "elevator_unit", "*constant*"),
     "constant rpm": ("rpm*", "*constant*"),
     "coarse digits": ("*coarse*", "*resolution*"),
     "noise of the DVL": ("noise*", "*noise"),
@@ -164,6 +159,7 @@ NAMES: dict[str, tuple[str, ...]] = {
         "advance_ratio",
         "speed*",
         "rudder_scale*",
+        "elevator_scale*",
         "*thrust*",
         "sway_sign",
         "*axes*",

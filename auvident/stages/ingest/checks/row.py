@@ -48,6 +48,8 @@ class Check:
         Why so much.
     code : str
         Of the finding; that of the name unless given.
+    channel : str
+        Without it in the trial there is nothing to test, and no row.
     after : tuple of str
         Checks above it in the table that have to stand, or this one tests nothing.
     """
@@ -60,6 +62,7 @@ class Check:
     reason: str
     code: str = ""
     after: tuple[str, ...] = ()
+    channel: str = ""
 
     @property
     def finding(self) -> str:

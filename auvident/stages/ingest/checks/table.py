@@ -72,20 +72,22 @@ CHECKS: tuple[Check, ...] = (
           after=("dvl_axes", "pitch_sign", "speed_by_position")),
     Check("elevator_unit", "unit of the elevator", "pitch rates, and stops of fins",
           elevator.elevator_unit, elevator.MOST_RUDDER_RAD,
-          "fins are stopped at 20 to 35 degrees"),
+          "fins are stopped at 20 to 35 degrees", channel="elevator_rad"),
     Check("elevator_scale", "scale of the elevator", "fins of the vehicle file",
           elevator.elevator_scale, elevator.GAIN_LIMIT,
           "logarithm; three standard deviations over drawn vehicles",
           after=("dvl_axes", "speed_by_position", "pitch_sign", "pitch_rate_scale",
-                 "elevator_unit")),
+                 "elevator_unit"), channel="elevator_rad"),
     Check("elevator_cut", "range of the elevator", "moments at its largest angle",
           elevator.elevator_cut, elevator.CUT_SPREAD,
           "moments at one elevator are alike; 1.11 at most of 30 drawn trials",
-          after=("dvl_axes", "pitch_sign", "pitch_rate_scale", "elevator_unit")),
+          after=("dvl_axes", "pitch_sign", "pitch_rate_scale", "elevator_unit"),
+          channel="elevator_rad"),
     Check("elevator_stuck", "the elevator where it stands still", "moments of pitch",
           elevator.elevator_stuck, elevator.STUCK_SHARE,
           "share of its usual range; 0.22 at most of 30 drawn trials",
-          after=("dvl_axes", "pitch_sign", "pitch_rate_scale", "elevator_unit")),
+          after=("dvl_axes", "pitch_sign", "pitch_rate_scale", "elevator_unit"),
+          channel="elevator_rad"),
 )
 # fmt: on
 
@@ -100,6 +102,8 @@ def run_checks(seen: Seen) -> tuple[tuple[CheckMade, ...], list[Finding]]:
     made: list[CheckMade] = []
     found: list[Finding] = []
     for check in CHECKS:
+        if check.channel and not seen.has(check.channel):
+            continue
         wrong = {row.name for row in made if row.outcome == "contradicts"}
         before = next((name for name in check.after if name in wrong), "")
         said = untested(f"see {before}") if before else check.test(seen)
