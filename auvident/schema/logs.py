@@ -494,7 +494,9 @@ class CheckMade(Artifact):
         A sentence; for an untested row, what would be needed.
     remedy : str
     fix : str
-        Value that ``ingest --fix NAME`` would apply; empty where there is none.
+        Value that ``ingest --fix NAME`` would apply; empty where none is proposed.
+    fix_if_asked : str
+        The same where the check does not propose it, and only applies it when told to.
     """
 
     name: str
@@ -508,6 +510,7 @@ class CheckMade(Artifact):
     message: str = ""
     remedy: str = ""
     fix: str = ""
+    fix_if_asked: str = ""
 
 
 class TrialQuality(Artifact):
