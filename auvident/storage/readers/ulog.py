@@ -1,6 +1,7 @@
 """PX4 ULog, by the library pyulog."""
 
 import io
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ EXTRA = "px4"
 TIME = "timestamp"  # of every message, microseconds since the start of the controller
 NS_PER_US = 1000
 MOST_DEPTH, MOST_FIELDS = 24, 20_000  # of a format; those of PX4 have a few hundred fields
+MOST_RETURNS = 100  # to one place of a file
 QUATERNIONS = ("q", "q_d")  # arrays of four that are attitudes: of the body (FRD) in NED
 TURNED = tuple(f"{name}.{angle}" for name in QUATERNIONS for angle in ANGLES)
 
@@ -44,7 +46,7 @@ class ULogReader:
         pyulog = need("pyulog", EXTRA, path)
         said = io.StringIO()
         try:
-            with redirect_stdout(said), path.open("rb") as stream, path.open("rb") as again:
+            with redirect_stdout(said), _Forward(path) as stream, _Forward(path) as again:
                 _refuse_endless(pyulog.ULog(stream, parse_header_only=True).message_formats)
                 log = pyulog.ULog(again)
         except Exception as error:  # at damaged files the library raises whatever it runs into
@@ -55,6 +57,29 @@ class ULogReader:
         time = {name: STAMP for name, table in columns.items() if STAMP in table}
         units = {(t, c): "rad" for t in columns for c in columns[t] if c.endswith(TURNED)}
         return in_memory(columns, time, units, _notes(log))
+
+
+class _EndlessError(Exception):
+    """The library reads the same bytes again and again; it catches no error of this kind."""
+
+
+class _Forward(io.BufferedReader):
+    """A file in which the library may go back, but not to one place for ever.
+
+    It goes back by the length that a message states, of which the end of a file that is cut off
+    may hold less.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(io.FileIO(path))
+        self._returns = Counter[int]()
+
+    def seek(self, offset: int, whence: int = 0, /) -> int:
+        place = super().seek(offset, whence)
+        self._returns[place] += 1
+        if self._returns[place] > MOST_RETURNS:
+            raise _EndlessError(f"what stands at byte {place} is no message")
+        return place
 
 
 def _refuse_endless(formats: Mapping[str, Any]) -> None:

@@ -201,3 +201,16 @@ def test_a_definition_that_cannot_be_parsed_costs_its_own_topic(tmp_path):
     assert "angular_velocity.z" in logs["/imu/data"].names
     (report,) = [f for f in inspect_log(path).files if f.file.endswith("topic /dvl")]
     assert "cannot be read" in report.notes[0]
+
+
+def test_a_ulog_at_whose_end_the_library_turns_in_circles(tmp_path):
+    """Found by the fuzzer: it goes back by a length of which the file holds less."""
+    pytest.importorskip("pyulog", reason="needs pyulog")
+    content = b"ULog\x01\x12\x35\x01" + bytes(8)
+    text = b"a:uint64_t timestamp;"
+    message = struct.pack("<HB", len(text), ord("F")) + text
+    # a message of no type, as long as leads back to the beginning of the one before
+    (tmp_path / "a.ulg").write_bytes(content + message + struct.pack("<HB", len(message) + 1, 0))
+    with pytest.raises(InputError, match="is no message") as told:
+        open_logs(tmp_path / "a.ulg")
+    assert told.value.remedy
