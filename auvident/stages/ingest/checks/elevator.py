@@ -41,6 +41,9 @@ SURE_SHARE = 0.3  # standard deviation of the response, of itself: a larger one 
 # the estimate has them.
 USUAL_GAIN, GAIN_STD = 0.64, 0.27
 GAIN_LIMIT = 3.0 * GAIN_STD
+# What pitches less may be damped more: a hull with the published coefficients of the REMUS, which
+# are quadratic in the pitch rate, answers with 0.2 of the estimate, the sample of it with 0.5.
+LEAST_GAIN = 0.12
 ALIKE = 0.02  # of the largest angle: holds at one extreme
 LEAST_HOLDS = 6
 CUT_SPREAD = (
@@ -106,11 +109,16 @@ def elevator_scale(seen: Seen) -> Verdict:
         return coarsely(ratio.verdict("agrees", words), factor)
     apart = {name: abs(np.log(ratio.value / scale)) for name, scale in SCALES.items()}
     named = min(apart, key=lambda name: apart[name])
+    words = (
+        f"the elevator pitches the vehicle {ratio.value:.2f} times as much as the fins of the "
+        "vehicle file should"
+    )
+    if LEAST_GAIN < ratio.value < 1.0:
+        return untested(f"{words}: its damping, [[fin]], or the scale of the elevator?")
     fix = scaled(SCALES[named], "elevator_rad") if apart[named] < NEAR_RATIO else ""
     return ratio.verdict(
         "contradicts",
-        f"the elevator pitches the vehicle {ratio.value:.2f} times as much as the fins of the "
-        f"vehicle file should{f'; {named}' if fix else ''}",
+        f"{words}{f'; {named}' if fix else ''}",
         "Check unit and scale of the elevator, and [[fin]] of the vehicle file.",
         fix,
     )
