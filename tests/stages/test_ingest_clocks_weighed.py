@@ -10,8 +10,8 @@ from ingest_world import calm, vehicle
 
 from auvident.schema.trial import Trial
 from auvident.stages.ingest.clocks import _checks, _is_off, _may_be_off
-from auvident.stages.ingest.clocks_estimate import ClockLag
-from auvident.stages.ingest.clocks_judged import _agreed, _doubted, estimate_clocks
+from auvident.stages.ingest.clocks_estimate import ClockLag, Lags
+from auvident.stages.ingest.clocks_judged import _agreed, _doubted, _with_doubt, estimate_clocks
 from auvident.stages.ingest.clocks_relations import smooth_signals
 
 RATE_HZ, SECONDS, SPEED = 10.0, 900.0, 1.5
@@ -145,6 +145,22 @@ def test_an_attitude_that_agrees_with_the_gyro_outweighs_a_majority():
     assert _agreed(without, {"dvl", "depth"}) == ()  # the position weighs as well
     off = judges | {"attitude": lag(-0.67, 0.012), "position": lag(-0.65, 0.017)}
     assert "attitude" in _agreed(off, {"dvl", "depth", "attitude"})
+
+
+@pytest.mark.parametrize(("rudder", "instead"), [(-0.2, ""), (-1.1, "gyro")])
+def test_attitude_or_gyro_is_for_another_sensor_to_tell(rudder, instead):
+    """A rudder that is a second early fits either; one that is on the gyro's clock does not."""
+    judges = {"attitude": lag(-1.0, 0.01, kinematic=True), "rudder": lag(rudder, 0.1, sure_s=0.3)}
+    lags = _with_doubt(Lags(dict(judges)), judges, {"attitude"}).of
+    assert lags["attitude"].instead == instead
+    check = _checks(calm(), "dvl", lags["attitude"], 1.0)[0]
+    assert bool(check.fix) == (not instead)
+    assert ("check how both are stamped" in check.remedy) == bool(instead)
+
+
+def test_filters_of_sensors_do_not_hide_a_gyro_that_is_off():
+    judges = {"attitude": lag(-1.0, 0.01, kinematic=True), "depth": lag(-1.12, 0.02)}
+    assert _agreed(judges, {"attitude", "depth"}) == ("attitude", "depth")
 
 
 def test_a_correction_is_proposed_where_kinematics_measured_it():

@@ -68,6 +68,10 @@ TO_CHECK = (
     "Only the equations of motion say so: check how the {0} is stamped. If its clock is wrong, a "
     "map puts it right: "
 )
+EITHER = (
+    "It may as well be the {1}, which nothing in the log tells: check how both are stamped. If it "
+    "is the {0}, a map puts it right: "
+)
 NOTED_S = {"rudder": 0.6, "elevator": 0.6}  # a slow servo that is worth a line, of whatever cause
 
 
@@ -172,7 +176,7 @@ def _checks(raw: RawTrial, sensor: str, found: ClockLag, passage: float) -> list
         limit=LIMITS[sensor].of(found.lag_s, passage),
         message=_message(sensor, found, off or unsure) + (_not_sure(found) if unsure else ""),
         remedy=_remedy(sensor, found, *fix) if off else "",
-        fix=value if found.kinematic else "",
+        fix=value if found.kinematic and not found.instead else "",
         fix_if_asked=value,
         **about,
     )
@@ -237,6 +241,8 @@ def _remedy(sensor: str, found: ClockLag, offset_s: float, drift_ppm: float) -> 
     table = f"[{sensor}] time_offset_s = {offset_s:.3f}"
     if drift_ppm:
         table += f", time_drift_ppm = {drift_ppm:.0f}"
+    if found.instead:
+        return EITHER.format(sensor, found.instead) + table + "."
     if not found.kinematic:
         return TO_CHECK.format(sensor) + table + "."
     return f"Apply it with --fix {PREFIX}{sensor}, or in a map (--map): {table}."

@@ -39,7 +39,8 @@ class ClockLag:
     `sure_std_s` and `sure_gain_std_s` count in that the equations leave out more where the
     smoothing is wide for the vehicle, and on hulls unlike those of the population. What a right
     clock, and one without drift, leave unexplained over what this one does are `right` and
-    `steady`. It is `kinematic` where it holds whatever the vehicle.
+    `steady`. It is `kinematic` where it holds whatever the vehicle; `instead` is a sensor that
+    may as well be the one that is off.
     """
 
     lag_s: float
@@ -55,6 +56,7 @@ class ClockLag:
     steady: float
     against: tuple[str, ...]
     kinematic: bool
+    instead: str = ""
 
     def opposite(self) -> "ClockLag":
         """The same of the other of the two sensors."""
@@ -85,15 +87,21 @@ def combined(found: Sequence[ClockLag]) -> ClockLag:
         return found[0]
     lag, std = _mean([(e.lag_s, e.std_s) for e in found])
     gain, gain_std = _mean([(e.gain_s, e.gain_std_s) for e in found])
-    best = min(found, key=lambda e: e.std_s)
-    against = tuple(a for e in found for a in e.against)
-    told = {"right": max(e.right for e in found), "steady": max(e.steady for e in found)}
-    told |= {"lag_s": lag, "std_s": std, "gain_s": gain, "gain_std_s": gain_std}
     sure = _mean([(e.lag_s, e.sure_std_s) for e in found])[1]
     sure_gain = _mean([(e.gain_s, e.sure_gain_std_s) for e in found])[1]
-    told |= {"sure_std_s": max(std, sure), "sure_gain_std_s": max(gain_std, sure_gain)}
-    kinematic = any(e.kinematic for e in found)
-    return replace(best, kinematic=kinematic, against=against, **told)
+    return replace(
+        min(found, key=lambda e: e.std_s),
+        lag_s=lag,
+        std_s=std,
+        sure_std_s=max(std, sure),
+        gain_s=gain,
+        gain_std_s=gain_std,
+        sure_gain_std_s=max(gain_std, sure_gain),
+        right=max(e.right for e in found),
+        steady=max(e.steady for e in found),
+        against=tuple(a for e in found for a in e.against),
+        kinematic=any(e.kinematic for e in found),
+    )
 
 
 def _mean(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:

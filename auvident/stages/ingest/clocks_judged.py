@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from auvident.constants import NORMAL_95
 from auvident.schema.logs import RawTrial
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
@@ -26,6 +27,7 @@ PARTNERS = ("depth", "position")  # sensors that kinematics relates to the DVL
 CLEARER = 0.9
 WORSE = 1.05  # a DVL put right leaves no more of depth and position unexplained than before
 JUDGES_OF_GYRO = ("attitude", "rudder", "dvl", "elevator", "position", "depth")
+SAME_S = 0.2  # on one clock filters and buses delay sensors by so much more than others
 MOST_WEIGHT = 2.0 / 3.0  # of all judges, of those that agree on the gyro
 IsOff = Callable[[str, "ClockLag", float], bool]
 
@@ -49,7 +51,7 @@ def estimate_clocks(raw: RawTrial, trial: Trial, vehicle: Vehicle, is_off: IsOff
     off = {s for s, e in judges.items() if is_off(s, e, passage)}
     agreed = _agreed(judges, off)
     if not agreed:
-        return lags
+        return _with_doubt(lags, judges, off)
     gyro = replace(combined([judges[s] for s in agreed]).opposite(), against=agreed)
     rest = _Hearing(raw, put_right(trial, "gyro", gyro), vehicle, is_off).lags()
     return Lags({"gyro": gyro, **rest.of}, rest.missing)
@@ -64,15 +66,35 @@ def _agreed(judges: dict[str, ClockLag], off: set[str]) -> tuple[str, ...]:
     if not off:
         return ()
     best = judges[min(off, key=lambda s: judges[s].sure_std_s)]
-    same = tuple(s for s, e in judges.items() if _is_same(e, best))
+    same = tuple(s for s, e in judges.items() if _is_same(e, best, SAME_S))
     if len(off & set(same)) < 2 or ("attitude" in judges and "attitude" not in same):
         return ()
     weights = {s: e.sure_std_s**-2.0 for s, e in judges.items()}
     return same if sum(weights[s] for s in same) > MOST_WEIGHT * sum(weights.values()) else ()
 
 
-def _is_same(one: ClockLag, other: ClockLag) -> bool:
-    std = APART_STDS * float(np.hypot(one.std_s, other.std_s))
+def _with_doubt(lags: Lags, judges: dict[str, ClockLag], off: set[str]) -> Lags:
+    """The same; an attitude that is off may be a gyro that is, unless another sensor tells.
+
+    That is one that is on the clock of the gyro, and would not be on that of the attitude.
+    """
+    if "attitude" not in off:
+        return lags
+    own = judges["attitude"]
+    others = [e for s, e in judges.items() if s != "attitude" and s not in off]
+    if not any(_excludes(e, own) for e in others):
+        lags.of["attitude"] = replace(own, instead="gyro")
+    return lags
+
+
+def _excludes(one: ClockLag, other: ClockLag) -> bool:
+    """Whether a lag is not that of the other, whatever the hull."""
+    apart = abs(one.lag_s - other.lag_s) > NORMAL_95 * one.sure_std_s + SAME_S
+    return apart or abs(one.gain_s - other.gain_s) > NORMAL_95 * one.sure_gain_std_s + SAME_S
+
+
+def _is_same(one: ClockLag, other: ClockLag, delay_s: float = 0.0) -> bool:
+    std = delay_s + APART_STDS * float(np.hypot(one.std_s, other.std_s))
     gain_std = APART_STDS * float(np.hypot(one.gain_std_s, other.gain_std_s))
     return abs(one.lag_s - other.lag_s) <= std and abs(one.gain_s - other.gain_s) <= gain_std
 
