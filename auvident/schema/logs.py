@@ -501,9 +501,7 @@ class CheckMade(Artifact):
         A sentence; for an untested row, what would be needed.
     remedy : str
     fix : str
-        Value that ``ingest --fix NAME`` would apply; empty where none is proposed.
-    fix_if_asked : str
-        The same where the check does not propose it, and only applies it when told to.
+        Value that ``ingest --fix NAME`` would apply; empty where there is none.
     only : str
         How coarsely it was tested, where that is not fine enough to rely on.
     """
@@ -519,7 +517,6 @@ class CheckMade(Artifact):
     message: str = ""
     remedy: str = ""
     fix: str = ""
-    fix_if_asked: str = ""
     only: str = ""
 
 
