@@ -59,21 +59,6 @@ LIMITS: Mapping[str, Limit] = {
     "position": Limit(0.5, 0.5),  # travel time of the sound
 }
 NOT_SURE = ", if that is not chance: more turns, zigzags or steps would tell"
-<<<<<<< HEAD
-NOT_KINEMATIC = (
-    ", if that is not chance or a hull that answers otherwise than most: more turns and zigzags, "
-    "or position or depth in the log, would tell"
-)
-TO_CHECK = (
-    "Only the equations of motion say so: check how the {0} is stamped. If its clock is wrong, a "
-    "map puts it right: "
-)
-EITHER = (
-    "It may as well be the {1}, which nothing in the log tells: check how both are stamped. If it "
-    "is the {0}, a map puts it right: "
-)
-=======
->>>>>>> parent of 5c5ebd0 (Merge: sound clocks are not called wrong)
 NOTED_S = {"rudder": 0.6, "elevator": 0.6}  # a slow servo that is worth a line, of whatever cause
 
 
@@ -170,16 +155,9 @@ def _checks(raw: RawTrial, sensor: str, found: ClockLag, passage: float) -> list
         low=found.lag_s - spread,
         high=found.lag_s + spread,
         limit=LIMITS[sensor].of(found.lag_s, passage),
-<<<<<<< HEAD
-        message=_message(sensor, found, off or unsure) + (_not_sure(found) if unsure else ""),
-        remedy=_remedy(sensor, found, *fix) if off else "",
-        fix=value if found.kinematic and not found.instead else "",
-        fix_if_asked=value,
-=======
         message=_message(sensor, found, off or unsure) + (NOT_SURE if unsure else ""),
         remedy=_remedy(sensor, *fix) if off else "",
         fix=f"{fix[0]:.3f}, {fix[1]:.0f}" if off else "",
->>>>>>> parent of 5c5ebd0 (Merge: sound clocks are not called wrong)
         **about,
     )
     if not np.isfinite(found.gain_std_s):
@@ -235,13 +213,6 @@ def _remedy(sensor: str, offset_s: float, drift_ppm: float) -> str:
     table = f"[{sensor}] time_offset_s = {offset_s:.3f}"
     if drift_ppm:
         table += f", time_drift_ppm = {drift_ppm:.0f}"
-<<<<<<< HEAD
-    if found.instead:
-        return EITHER.format(sensor, found.instead) + table + "."
-    if not found.kinematic:
-        return TO_CHECK.format(sensor) + table + "."
-=======
->>>>>>> parent of 5c5ebd0 (Merge: sound clocks are not called wrong)
     return f"Apply it with --fix {PREFIX}{sensor}, or in a map (--map): {table}."
 
 

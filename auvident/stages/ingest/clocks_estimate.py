@@ -40,17 +40,9 @@ IsOff = Callable[[str, "ClockLag", float], bool]
 class ClockLag:
     """Lag of one sensor: at the middle of the trial, and what it gains to its end.
 
-<<<<<<< HEAD
-    `sure_std_s` and `sure_gain_std_s` count in that the equations leave out more where the
-    smoothing is wide for the vehicle, and on hulls unlike those of the population. What a right
-    clock, and one without drift, leave unexplained over what this one does are `right` and
-    `steady`. It is `kinematic` where it holds whatever the vehicle; `instead` is a sensor that
-    may as well be the one that is off.
-=======
     `sure_std_s` counts in that the equations leave out more where the smoothing is wide for the
     vehicle. What a right clock, and one without drift, leave unexplained over what this one does
     are `right` and `steady`.
->>>>>>> parent of 5c5ebd0 (Merge: sound clocks are not called wrong)
     """
 
     lag_s: float
@@ -64,11 +56,6 @@ class ClockLag:
     right: float
     steady: float
     against: tuple[str, ...]
-<<<<<<< HEAD
-    kinematic: bool
-    instead: str = ""
-=======
->>>>>>> parent of 5c5ebd0 (Merge: sound clocks are not called wrong)
 
     def opposite(self) -> "ClockLag":
         """The same of the other of the two sensors."""
@@ -187,25 +174,12 @@ def _combined(found: Sequence[ClockLag]) -> ClockLag:
         return found[0]
     lag, std = _mean([(e.lag_s, e.std_s) for e in found])
     gain, gain_std = _mean([(e.gain_s, e.gain_std_s) for e in found])
+    best = min(found, key=lambda e: e.std_s)
+    against = tuple(a for e in found for a in e.against)
+    told = {"right": max(e.right for e in found), "steady": max(e.steady for e in found)}
+    told |= {"lag_s": lag, "std_s": std, "gain_s": gain, "gain_std_s": gain_std}
     sure = _mean([(e.lag_s, e.sure_std_s) for e in found])[1]
-<<<<<<< HEAD
-    sure_gain = _mean([(e.gain_s, e.sure_gain_std_s) for e in found])[1]
-    return replace(
-        min(found, key=lambda e: e.std_s),
-        lag_s=lag,
-        std_s=std,
-        sure_std_s=max(std, sure),
-        gain_s=gain,
-        gain_std_s=gain_std,
-        sure_gain_std_s=max(gain_std, sure_gain),
-        right=max(e.right for e in found),
-        steady=max(e.steady for e in found),
-        against=tuple(a for e in found for a in e.against),
-        kinematic=any(e.kinematic for e in found),
-    )
-=======
     return replace(best, sure_std_s=max(std, sure), against=against, **told)
->>>>>>> parent of 5c5ebd0 (Merge: sound clocks are not called wrong)
 
 
 def _mean(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
