@@ -37,7 +37,7 @@ def test_commands_are_timed_whole(monkeypatch) -> None:
     monkeypatch.setattr(commands, "spent", spent)
     (rows,) = commands.commands(3, ("bay_trial",)).values()
     assert [row["command"] for row in rows][2:] == ["run", *commands.STAGES]
-    assert [c[0] for c in called[10:]] == [s for s in reversed(commands.STAGES) for _ in "abc"]
+    assert [c[0] for c in called[11:]] == [s for s in reversed(commands.STAGES) for _ in "abc"]
     assert all(row["to"] - row["from"] == 2.0 and row["processor_s"] == 0.5 for row in rows)
     monkeypatch.undo()
     assert real((commands.PROGRAM, "--help")).processor_s > 0.0
