@@ -129,6 +129,8 @@ def test_where_surge_contradicts_sway_neither_accuses_the_dvl():
     assert own.lag_s == -2.0
     assert not _is_off("dvl", own, 1.0)
     assert _may_be_off("dvl", own, 1.0)
+    assert _doubted(sway, replace(surge, lag_s=-5.0)) == sway
+    assert _doubted(sway, replace(surge, lag_s=-0.1)).lag_s == -0.1
 
 
 def test_an_attitude_that_agrees_with_the_gyro_outweighs_a_majority():

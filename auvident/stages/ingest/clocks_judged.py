@@ -76,12 +76,13 @@ def _agreed(judges: dict[str, ClockLag], off: set[str]) -> tuple[str, ...]:
 def _with_doubt(lags: Lags, judges: dict[str, ClockLag], off: set[str]) -> Lags:
     """The same; an attitude that is off may be a gyro that is, unless another sensor tells.
 
-    That is one that is on the clock of the gyro, and would not be on that of the attitude.
+    That is one that is on the clock of the gyro, and would not be on that of the attitude. Depth
+    and position know the DVL's, not the gyro's.
     """
     if "attitude" not in off:
         return lags
     own = judges["attitude"]
-    others = [e for s, e in judges.items() if s != "attitude" and s not in off]
+    others = [e for s, e in judges.items() if s not in {"attitude", *PARTNERS, *off}]
     if not any(_excludes(e, own) for e in others):
         lags.of["attitude"] = replace(own, instead="gyro")
     return lags
@@ -217,8 +218,10 @@ def _doubted(sway: ClockLag, surge: ClockLag) -> ClockLag:
     """A clock of the DVL by sway that surge contradicts.
 
     It may be the propeller's clock or motor, or a hull that answers otherwise than the equation:
-    the difference counts as not known.
+    the difference counts as not known. Where both say late, or early, the shorter lag stands.
     """
+    if sway.lag_s * surge.lag_s > 0.0:
+        return min(sway, surge, key=lambda e: abs(e.lag_s))
     sure = float(np.hypot(sway.sure_std_s, sway.lag_s - surge.lag_s))
     gain = float(np.hypot(sway.sure_gain_std_s, sway.gain_s - surge.gain_s))
     return replace(sway, sure_std_s=sure, sure_gain_std_s=gain)
