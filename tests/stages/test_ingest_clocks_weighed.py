@@ -10,9 +10,9 @@ from ingest_world import calm, vehicle
 
 from auvident.schema.trial import Trial
 from auvident.stages.ingest.clocks import _checks, _is_off, _may_be_off
-from auvident.stages.ingest.clocks_estimate import ClockLag, Lags
+from auvident.stages.ingest.clocks_estimate import Bench, ClockLag, Lags, passage_s
 from auvident.stages.ingest.clocks_judged import _agreed, _doubted, _with_doubt, estimate_clocks
-from auvident.stages.ingest.clocks_relations import smooth_signals
+from auvident.stages.ingest.clocks_relations import RELATIONS, smooth_signals, without_current
 
 RATE_HZ, SECONDS, SPEED = 10.0, 900.0, 1.5
 EARLY_S = 1.0
@@ -80,6 +80,21 @@ def test_a_current_is_taken_out_of_the_velocities(current):
     axes = np.column_stack((s["cos_heading"], s["sin_heading"]))[known]
     found, *_ = np.linalg.lstsq(axes, s["current_u"][known])
     np.testing.assert_allclose(found, current, atol=0.05)  # of drift it keeps a little
+
+
+def test_a_current_is_taken_out_where_the_equation_explains_more_so():
+    """The drift of a hull in turns feigns a little of one, which would spoil its sway."""
+    shares = {}
+    for current in ((0.0, 0.0), (0.25, -0.2)):
+        trial = swinging(current=current, vertical=False)
+        raw = SimpleNamespace(sensors={"dvl": None})
+        bench = Bench(raw, trial, vehicle(), passage_s(trial, vehicle()))
+        (row,) = (r for r in RELATIONS if r.against.startswith("sway"))
+        s = smooth_signals(trial, 1.0)
+        still = bench._fit(row, without_current(s), 1.0)
+        shares[current] = bench._line(row, 1.0).explained, still.explained
+    assert shares[0.0, 0.0][0] >= shares[0.0, 0.0][1]
+    assert shares[0.25, -0.2][0] > shares[0.25, -0.2][1]
 
 
 def test_on_one_heading_nothing_passes_for_a_current():

@@ -20,6 +20,7 @@ from auvident.stages.ingest.clocks_relations import (
     symbols_of,
     with_course,
     with_derivatives,
+    without_current,
 )
 from auvident.stages.ingest.resample import median_period
 
@@ -175,6 +176,11 @@ class Bench:
         signals = self._smooth(width, row.slow)
         if not {row.own[0], *row.others} <= set(signals):
             return None
+        both = (signals, without_current(signals)) if row.in_water else (signals,)
+        lines = (self._fit(row, s, width) for s in both)
+        return max((x for x in lines if x is not None), key=lambda x: x.explained, default=None)
+
+    def _fit(self, row: ClockRelation, signals: Signals, width: float) -> Line | None:
         own = [n for n in with_derivatives(symbols_of(row.sensor)) if n in signals]
         return fit_line(
             Question(signals, own, lambda s: row.equations(s, self.vehicle), width, row.prior)

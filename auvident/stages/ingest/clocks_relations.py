@@ -79,6 +79,9 @@ class ClockRelation:
         Position fixes: wide smoothing.
     kinematic : bool
         It holds whatever the vehicle.
+    in_water : bool
+        It holds for the velocities through the water. What is estimated of a current is taken out
+        if the relation explains more so: a hull that drifts in turns feigns a little of one.
     unlike_lengths : float
         Standard deviation of the lag on hulls that are not of the population, in L/U.
     """
@@ -95,6 +98,7 @@ class ClockRelation:
     prior: LikelyCoefficients | None = None
     slow: bool = False
     kinematic: bool = False
+    in_water: bool = False
     unlike_lengths: float = 0.0
 
 
@@ -149,6 +153,11 @@ def _current(s: Signals) -> Signals:
     north, east = _shrunk(x, y)[-2:] if known.any() else (0.0, 0.0)
     found = {"current_u": north * cos + east * sin, "current_v": east * cos - north * sin}
     return found | {k + "_dot": np.gradient(c, s["time"]) for k, c in found.items()}
+
+
+def without_current(s: Signals) -> Signals:
+    """The same signals in still water."""
+    return {n: np.zeros_like(x) if n.startswith("current_") else x for n, x in s.items()}
 
 
 def _shrunk(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -357,6 +366,7 @@ RELATIONS: tuple[ClockRelation, ...] = (
         ("u", "v"),
         ("r", "rudder"),
         _sway,
+        in_water=True,
         unlike_lengths=0.5,
         usual_lengths=(0.0, 0.1),
         gain_lengths=0.03,
@@ -370,6 +380,7 @@ RELATIONS: tuple[ClockRelation, ...] = (
         ("u",),
         ("n", "r"),
         _surge,
+        in_water=True,
         unlike_lengths=0.4,
         usual_lengths=(0.03, 0.06),
         gain_lengths=0.05,
