@@ -11,7 +11,6 @@ import click
 from auvident.cli.common import PATH, Output, command, completing
 from auvident.errors import InputError, UsageError
 from auvident.schema.effect import FAMILIES, Effect
-from auvident.schema.effects import EFFECTS
 from auvident.schema.planes import PLANES, Plane
 
 SIGNS = {1: "+", -1: "-", 0: "±"}
@@ -57,6 +56,8 @@ def effects(output: Output, family: str | None, plane: Plane | None) -> None:
 
     `auvident diagnose` tests each of them; --json also has the equations, bounds and sources.
     """
+    from auvident.schema.effects import EFFECTS
+
     chosen = [
         effect
         for effect in EFFECTS

@@ -145,8 +145,7 @@ def test_effects_of_the_lateral_motion_are_not_freed_by_the_surge_equation(wake)
     assert coupled - set(expand(["all"], "horizontal")) == set(wake.every_effect())
 
 
-def test_a_new_effect_is_in_the_table_for_users(wake, monkeypatch) -> None:
-    monkeypatch.setattr("auvident.cli.tables.EFFECTS", effects.EFFECTS)
+def test_a_new_effect_is_in_the_table_for_users(wake) -> None:
     shown = call("effects", "--json")
     assert shown.code == 0
     assert "wake_drag" in shown.out

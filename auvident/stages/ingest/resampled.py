@@ -30,8 +30,6 @@ LEFT_OVER = 0.5
 # Of all fractions two are tried first, as they hardly differ: copies leave 0.22 at most with the
 # better of them, other flights 1.0 and more. What leaves more than so much is not looked at closer.
 FAR_FROM = 2.0 * LEFT_OVER
-# Before all rows a few are tried, just enough to determine the weights, in a tenth of the time: of
-# copies they leave no more than all rows do (0.22 at most).
 LEAST_NOISE = 3.0  # last digits: coarser logs have no noise that tells
 
 
@@ -152,6 +150,8 @@ def left_over(
         at = times[some] - ahead_s + period * part / FRACTIONS
         return _rest(source, at, other.values[some], lags)
 
+    # A few rows first, just enough to determine the weights, in a tenth of the time: of copies they
+    # leave no more than all rows do, in the tests of copies 0.22 at most.
     halves = (0, FRACTIONS // 2)
     least = min(rest(part, ROWS_PER_TAP * taps) for part in halves)
     if least < FAR_FROM:

@@ -42,8 +42,10 @@ SURE_SHARE = 0.3  # standard deviation of the response, of itself: a larger one 
 USUAL_GAIN, GAIN_STD = 0.64, 0.27
 GAIN_LIMIT = 3.0 * GAIN_STD
 # What pitches less may be damped more: a hull with the published coefficients of the REMUS, which
-# are quadratic in the pitch rate, answers with 0.2 of the estimate, the sample of it with 0.5.
-LEAST_GAIN = 0.12
+# are quadratic in the pitch rate, answers with 0.2 of what is usual, the sample of it with 0.5.
+# Only what lies two standard deviations below the first is accused.
+DAMPED_GAIN = 0.2
+LEAST_GAIN = float(np.exp(np.log(DAMPED_GAIN) - 2.0 * GAIN_STD))
 ALIKE = 0.02  # of the largest angle: holds at one extreme
 LEAST_HOLDS = 6
 CUT_SPREAD = (
