@@ -501,7 +501,9 @@ class CheckMade(Artifact):
         A sentence; for an untested row, what would be needed.
     remedy : str
     fix : str
-        Value that ``ingest --fix NAME`` would apply; empty where there is none.
+        Value that ``ingest --fix NAME`` would apply; empty where none is proposed.
+    fix_if_asked : str
+        The same where the check does not propose it, and only applies it when told to.
     only : str
         How coarsely it was tested, where that is not fine enough to rely on.
     """
@@ -517,6 +519,7 @@ class CheckMade(Artifact):
     message: str = ""
     remedy: str = ""
     fix: str = ""
+    fix_if_asked: str = ""
     only: str = ""
 
 

@@ -18,7 +18,8 @@ from auvident.schema.channels import SENSORS
 from auvident.schema.logs import Alignment, CheckMade, RawTrial, moved_stamps
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
-from auvident.stages.ingest.clocks_estimate import ClockLag, Lags, estimate_clocks, passage_s
+from auvident.stages.ingest.clocks_estimate import ClockLag, Lags, passage_s
+from auvident.stages.ingest.clocks_judged import estimate_clocks
 
 PREFIX = "clock_"
 DRIFT_PREFIX = "drift_"
@@ -59,6 +60,18 @@ LIMITS: Mapping[str, Limit] = {
     "position": Limit(0.5, 0.5),  # travel time of the sound
 }
 NOT_SURE = ", if that is not chance: more turns, zigzags or steps would tell"
+NOT_KINEMATIC = (
+    ", if that is not chance or a hull that answers otherwise than most: more turns and zigzags, "
+    "or position or depth in the log, would tell"
+)
+TO_CHECK = (
+    "Only the equations of motion say so: check how the {0} is stamped. If its clock is wrong, a "
+    "map puts it right: "
+)
+EITHER = (
+    "It may as well be the {1}, which nothing in the log tells: check how both are stamped. If it "
+    "is the {0}, a map puts it right: "
+)
 NOTED_S = {"rudder": 0.6, "elevator": 0.6}  # a slow servo that is worth a line, of whatever cause
 
 
@@ -99,7 +112,8 @@ def check_clocks(raw: RawTrial, trial: Trial, vehicle: Vehicle) -> Clocks:
 
 def _may_be_off(sensor: str, found: ClockLag, passage: float) -> bool:
     """Whether the interval of the offset, or that of the drift, lies beyond its limit."""
-    return _excess_s(sensor, found, passage, found.std_s) > 0.0 or _drifts(found)
+    late = _excess_s(sensor, found, passage, found.std_s) > 0.0
+    return late or _drifts(found, found.gain_std_s)
 
 
 def _is_off(sensor: str, found: ClockLag, passage: float) -> bool:
@@ -109,7 +123,8 @@ def _is_off(sensor: str, found: ClockLag, passage: float) -> bool:
     little better with a lag, and every block of the trial says so.
     """
     late = _excess_s(sensor, found, passage, found.sure_std_s) > 0.0 and found.right >= EVIDENT
-    return late or (_drifts(found) and found.steady >= EVIDENT_DRIFT)
+    drifts = _drifts(found, found.sure_gain_std_s)
+    return late or (drifts and found.steady >= EVIDENT_DRIFT)
 
 
 def _excess_s(sensor: str, found: ClockLag, passage: float, std_s: float) -> float:
@@ -118,8 +133,8 @@ def _excess_s(sensor: str, found: ClockLag, passage: float, std_s: float) -> flo
     return abs(found.lag_s) - NORMAL_95 * std_s - limit
 
 
-def _drifts(found: ClockLag) -> bool:
-    return abs(found.gain_s) - NORMAL_95 * found.gain_std_s > DRIFT_S
+def _drifts(found: ClockLag, std_s: float) -> bool:
+    return abs(found.gain_s) - NORMAL_95 * std_s > DRIFT_S
 
 
 def refuse_clocks(raw: RawTrial, vehicle: Vehicle, trial: Trial, clocks: Clocks) -> None:
@@ -137,8 +152,11 @@ def refuse_clocks(raw: RawTrial, vehicle: Vehicle, trial: Trial, clocks: Clocks)
             continue
         ends = [abs(x) for x in (check.low, check.high) if x is not None]
         if min(ends, default=0.0) > limit + (check.limit or 0.0):
+            remedy = check.remedy
+            if not check.fix:
+                remedy += f" --fix {check.name} does the same."
             raise ContradictionError(
-                check.message, raw.sensors[sensor].file, check.remedy, check.name, check.fix
+                check.message, raw.sensors[sensor].file, remedy, check.name, check.fix_if_asked
             )
 
 
@@ -147,6 +165,7 @@ def _checks(raw: RawTrial, sensor: str, found: ClockLag, passage: float) -> list
     unsure = not off and _may_be_off(sensor, found, passage)
     spread, gain = NORMAL_95 * found.std_s, NORMAL_95 * found.gain_std_s
     fix = correction(raw, sensor, found) if off else (0.0, 0.0)
+    value = f"{fix[0]:.3f}, {fix[1]:.0f}" if off else ""
     about = {"what": f"clock of the {sensor}", "against": "; ".join(found.against)}
     offset = CheckMade(
         name=PREFIX + sensor,
@@ -155,15 +174,16 @@ def _checks(raw: RawTrial, sensor: str, found: ClockLag, passage: float) -> list
         low=found.lag_s - spread,
         high=found.lag_s + spread,
         limit=LIMITS[sensor].of(found.lag_s, passage),
-        message=_message(sensor, found, off or unsure) + (NOT_SURE if unsure else ""),
-        remedy=_remedy(sensor, *fix) if off else "",
-        fix=f"{fix[0]:.3f}, {fix[1]:.0f}" if off else "",
+        message=_message(sensor, found, off or unsure) + (_not_sure(found) if unsure else ""),
+        remedy=_remedy(sensor, found, *fix) if off else "",
+        fix=value if found.kinematic and not found.instead else "",
+        fix_if_asked=value,
         **about,
     )
     if not np.isfinite(found.gain_std_s):
         return [offset]
     ppm = 1e6 / found.half_s
-    drifts = off and _drifts(found)
+    drifts = off and _drifts(found, found.sure_gain_std_s)
     drift = CheckMade(
         name=DRIFT_PREFIX + sensor,
         outcome=_outcome(drifts, unsure),
@@ -199,7 +219,7 @@ def _message(sensor: str, found: ClockLag, off: bool) -> str:
         f"the time stamps of the {sensor} are {abs(found.lag_s):.2f} s {side} against "
         f"{_reference(sensor)} (95 %: {low:.2f} to {high:.2f})"
     )
-    if _drifts(found):
+    if _drifts(found, found.gain_std_s):
         ppm = 1e6 / found.half_s
         words += f" in the middle of the trial, and drift by {found.gain_s * ppm:+.0f} ppm"
     return words
@@ -209,10 +229,22 @@ def _reference(sensor: str) -> str:
     return "all other sensors" if sensor == "gyro" else "the gyro"
 
 
-def _remedy(sensor: str, offset_s: float, drift_ppm: float) -> str:
+def _not_sure(found: ClockLag) -> str:
+    return NOT_SURE if found.kinematic else NOT_KINEMATIC
+
+
+def _remedy(sensor: str, found: ClockLag, offset_s: float, drift_ppm: float) -> str:
+    """A correction is proposed where kinematics has measured it; else the clock is to be looked at.
+
+    What a hull outside of the population does looks like a lag, and a correction spoils its model.
+    """
     table = f"[{sensor}] time_offset_s = {offset_s:.3f}"
     if drift_ppm:
         table += f", time_drift_ppm = {drift_ppm:.0f}"
+    if found.instead:
+        return EITHER.format(sensor, found.instead) + table + "."
+    if not found.kinematic:
+        return TO_CHECK.format(sensor) + table + "."
     return f"Apply it with --fix {PREFIX}{sensor}, or in a map (--map): {table}."
 
 
@@ -269,7 +301,7 @@ def _alignment(lags: Lags) -> tuple[Alignment, ...]:
 
 def correction(raw: RawTrial, sensor: str, found: ClockLag) -> tuple[float, float]:
     """What has to be added to the stamps: offset in s at their median, and drift in ppm."""
-    drift = -found.gain_s / found.half_s if _drifts(found) else 0.0
+    drift = -found.gain_s / found.half_s if _drifts(found, found.gain_std_s) else 0.0
     stamps = raw.sensors[sensor].time_s
     away = float(np.nanmedian(stamps)) - found.at_s
     return -found.lag_s + drift * away, 1e6 * drift

@@ -1,6 +1,6 @@
-"""Lag of each sensor behind the gyro from all relations that the trial allows."""
+"""Lag of a sensor by one relation, or by several."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,7 +11,6 @@ from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.clocks_line import TINY, Line, Question, Signals, fit_line
 from auvident.stages.ingest.clocks_relations import (
-    RELATIONS,
     SMOOTHING_LENGTHS,
     SYMBOLS,
     ClockRelation,
@@ -21,6 +20,7 @@ from auvident.stages.ingest.clocks_relations import (
     symbols_of,
     with_course,
     with_derivatives,
+    without_current,
 )
 from auvident.stages.ingest.resample import median_period
 
@@ -29,20 +29,19 @@ MIN_EXPLAINED = 0.3  # of the variance: below it the relation says nothing
 FLOOR_S = 0.01  # no lag is known better: stamps are rounded, rows interpolated
 GAIN_SPREAD = 1.5  # of errors in the drift over their jackknife deviation, even seeds
 WIDEST_STD = 0.5  # s or L/U, the larger: a lag known no better is not worth telling
-SERVO_LENGTHS = 0.2  # a longer lag of the rudder is taken out before sway is compared
 APART_STDS = 3.0  # lags further apart are not of one clock
-ORDER = ("attitude", "rudder", "elevator", "dvl", "depth", "position")
-JUDGES_OF_GYRO = ("attitude", "rudder", "dvl", "elevator", "position", "depth")
-IsOff = Callable[[str, "ClockLag", float], bool]
+UNLIKE_GAIN = 0.3  # of the lag of an unlike hull, what changes along a trial
 
 
 @dataclass(frozen=True)
 class ClockLag:
     """Lag of one sensor: at the middle of the trial, and what it gains to its end.
 
-    `sure_std_s` counts in that the equations leave out more where the smoothing is wide for the
-    vehicle. What a right clock, and one without drift, leave unexplained over what this one does
-    are `right` and `steady`.
+    `sure_std_s` and `sure_gain_std_s` count in that the equations leave out more where the
+    smoothing is wide for the vehicle, and on hulls unlike those of the population. What a right
+    clock, and one without drift, leave unexplained over what this one does are `right` and
+    `steady`. It is `kinematic` where it holds whatever the vehicle; `instead` is a sensor that
+    may as well be the one that is off.
     """
 
     lag_s: float
@@ -50,12 +49,15 @@ class ClockLag:
     sure_std_s: float
     gain_s: float
     gain_std_s: float
+    sure_gain_std_s: float
     at_s: float
     half_s: float
     explained: float
     right: float
     steady: float
     against: tuple[str, ...]
+    kinematic: bool
+    instead: str = ""
 
     def opposite(self) -> "ClockLag":
         """The same of the other of the two sensors."""
@@ -77,95 +79,7 @@ def passage_s(trial: Trial, vehicle: Vehicle) -> float:
     return vehicle.hull.length_m / (float(np.median(moving)) if moving.size else MIN_SPEED_MPS)
 
 
-def estimate_clocks(raw: RawTrial, trial: Trial, vehicle: Vehicle, is_off: IsOff) -> Lags:
-    """Lags of all sensors behind the gyro.
-
-    A sensor that is off is put right before others are held against it. Where two or more are
-    off by the same, and fewer contradict that, it is the gyro.
-
-    Parameters
-    ----------
-    raw, trial, vehicle
-    is_off : callable
-        (sensor, estimate, L/U in s) -> whether its clock is at fault.
-    """
-    passage = passage_s(trial, vehicle)
-    lags = _against_gyro(raw, trial, vehicle, is_off)
-    judges = {s: lags.of[s] for s in JUDGES_OF_GYRO if s in lags.of}
-    off = {s for s, e in judges.items() if is_off(s, e, passage)}
-    agreed = _agreed(judges, off)
-    if not agreed:
-        return lags
-    gyro = replace(_combined([judges[s] for s in agreed]).opposite(), against=agreed)
-    rest = _against_gyro(raw, put_right(trial, "gyro", gyro), vehicle, is_off)
-    return Lags({"gyro": gyro, **rest.of}, rest.missing)
-
-
-def _agreed(judges: dict[str, ClockLag], off: set[str]) -> tuple[str, ...]:
-    """Sensors that are off by the same as the best known one; none where as many are not."""
-    if not off:
-        return ()
-    best = judges[min(off, key=lambda s: judges[s].std_s)]
-    same = tuple(s for s, e in judges.items() if _is_same(e, best))
-    enough = len(off & set(same)) > 1 and 2 * len(same) > len(judges)
-    return same if enough else ()
-
-
-def _is_same(one: ClockLag, other: ClockLag) -> bool:
-    std = APART_STDS * float(np.hypot(one.std_s, other.std_s))
-    gain_std = APART_STDS * float(np.hypot(one.gain_std_s, other.gain_std_s))
-    return abs(one.lag_s - other.lag_s) <= std and abs(one.gain_s - other.gain_s) <= gain_std
-
-
-def _against_gyro(raw: RawTrial, trial: Trial, vehicle: Vehicle, is_off: IsOff) -> Lags:
-    passage, lags = passage_s(trial, vehicle), Lags()
-    bench = _Bench(raw, trial, vehicle, passage)
-    for sensor in (s for s in ORDER if s in raw.sensors):
-        rows = [row for row in RELATIONS if row.sensor == sensor]
-        found = [e for e in (bench.estimate(row) for row in rows) if e is not None]
-        if sensor == "dvl":
-            found = _without_rpm(found, lags)
-        if not found:
-            lags.missing[sensor] = bench.why(rows)
-            continue
-        own = lags.of[sensor] = _combined(found)
-        servo = sensor == "rudder" and abs(own.lag_s) > SERVO_LENGTHS * passage
-        if is_off(sensor, own, passage) or servo:
-            bench = _Bench(raw, put_right(bench.trial, sensor, own), vehicle, passage)
-    if "rpm" in raw.sensors and "rpm" not in lags.of:
-        lags.missing["rpm"] = "needs thrust steps and turns, to hold u against both"
-    return lags
-
-
-def _without_rpm(found: list[ClockLag], lags: Lags) -> list[ClockLag]:
-    """Estimates of the DVL that do not contradict each other, and the clock of the propeller.
-
-    The surge equation knows the DVL against the propeller, the sway equation against the gyro.
-    Where they differ it is the propeller's clock, or its motor.
-    """
-    of_rpm = [e for e in found if any("propeller" in a for a in e.against)]
-    others = [e for e in found if e not in of_rpm]
-    if not of_rpm or not others:
-        return found
-    surge, rest = of_rpm[0], _combined(others)
-    std, gain_std = (
-        float(np.hypot(a, b))
-        for a, b in ((surge.std_s, rest.std_s), (surge.gain_std_s, rest.gain_std_s))
-    )
-    apart = abs(rest.lag_s - surge.lag_s) > APART_STDS * std
-    apart |= abs(rest.gain_s - surge.gain_s) > APART_STDS * gain_std
-    lags.of["rpm"] = replace(
-        surge,
-        lag_s=rest.lag_s - surge.lag_s,
-        std_s=std,
-        sure_std_s=float(np.hypot(surge.sure_std_s, rest.sure_std_s)),
-        gain_s=rest.gain_s - surge.gain_s,
-        gain_std_s=gain_std,
-    )
-    return others if apart else found
-
-
-def _combined(found: Sequence[ClockLag]) -> ClockLag:
+def combined(found: Sequence[ClockLag]) -> ClockLag:
     """Mean of several estimates by their weights; the scatter between them counts.
 
     One of them that shows that a clock is wrong is enough evidence for those that agree with it.
@@ -174,12 +88,21 @@ def _combined(found: Sequence[ClockLag]) -> ClockLag:
         return found[0]
     lag, std = _mean([(e.lag_s, e.std_s) for e in found])
     gain, gain_std = _mean([(e.gain_s, e.gain_std_s) for e in found])
-    best = min(found, key=lambda e: e.std_s)
-    against = tuple(a for e in found for a in e.against)
-    told = {"right": max(e.right for e in found), "steady": max(e.steady for e in found)}
-    told |= {"lag_s": lag, "std_s": std, "gain_s": gain, "gain_std_s": gain_std}
     sure = _mean([(e.lag_s, e.sure_std_s) for e in found])[1]
-    return replace(best, sure_std_s=max(std, sure), against=against, **told)
+    sure_gain = _mean([(e.gain_s, e.sure_gain_std_s) for e in found])[1]
+    return replace(
+        min(found, key=lambda e: e.std_s),
+        lag_s=lag,
+        std_s=std,
+        sure_std_s=max(std, sure),
+        gain_s=gain,
+        gain_std_s=gain_std,
+        sure_gain_std_s=max(gain_std, sure_gain),
+        right=max(e.right for e in found),
+        steady=max(e.steady for e in found),
+        against=tuple(a for e in found for a in e.against),
+        kinematic=any(e.kinematic for e in found),
+    )
 
 
 def _mean(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
@@ -205,12 +128,21 @@ def put_right(trial: Trial, sensor: str, found: ClockLag) -> Trial:
     return replace(trial, table=table)
 
 
-class _Bench:
+class Bench:
     """Signals of one trial, smoothed when they are first wanted."""
 
     def __init__(self, raw: RawTrial, trial: Trial, vehicle: Vehicle, passage: float) -> None:
         self.raw, self.trial, self.vehicle, self.passage = raw, trial, vehicle, passage
         self._signals: dict[float, Signals] = {}
+
+    def with_trial(self, trial: Trial) -> "Bench":
+        """The same on other signals."""
+        return Bench(self.raw, trial, self.vehicle, self.passage)
+
+    def unexplained(self, row: ClockRelation) -> float | None:
+        """Share that the best lag leaves; None where a relation cannot be judged."""
+        line = self._line(row, row.widths[0] * self._width_s(row))
+        return None if line is None or line.explained < MIN_EXPLAINED else 1.0 - line.explained
 
     def estimate(self, row: ClockRelation) -> ClockLag | None:
         """Lag by one relation, at the first of its widths at which it is distinct."""
@@ -235,15 +167,20 @@ class _Bench:
         return " and ".join(n for n in names if n not in self.trial.table)
 
     def _width_s(self, row: ClockRelation) -> float:
-        if not row.slow:
+        if not row.slow or "position" not in self.raw.sensors:
             return smoothing_s(self.passage)
-        stamps = self.raw.sensors[row.sensor].time_s
+        stamps = self.raw.sensors["position"].time_s
         return fix_smoothing_s(self.passage, median_period(np.sort(stamps[np.isfinite(stamps)])))
 
     def _line(self, row: ClockRelation, width: float) -> Line | None:
         signals = self._smooth(width, row.slow)
         if not {row.own[0], *row.others} <= set(signals):
             return None
+        both = (signals, without_current(signals)) if row.in_water else (signals,)
+        lines = (self._fit(row, s, width) for s in both)
+        return max((x for x in lines if x is not None), key=lambda x: x.explained, default=None)
+
+    def _fit(self, row: ClockRelation, signals: Signals, width: float) -> Line | None:
         own = [n for n in with_derivatives(symbols_of(row.sensor)) if n in signals]
         return fit_line(
             Question(signals, own, lambda s: row.equations(s, self.vehicle), width, row.prior)
@@ -276,16 +213,20 @@ def _estimate(line: Line, row: ClockRelation, passage: float, wide: float) -> Cl
     std = float(np.sqrt(lag_std**2 + spread**2 + FLOOR_S**2))
     if not std <= WIDEST_STD * max(1.0, passage):
         return None
+    unlike = passage * row.unlike_lengths
+    gain_std = float(np.hypot(gain_std, FLOOR_S))
     return ClockLag(
         lag_s=float(lag) - usual,
         std_s=std,
-        sure_std_s=float(np.hypot(std, spread * np.sqrt(wide**2 - 1.0))),
+        sure_std_s=float(np.sqrt(std**2 + spread**2 * (wide**2 - 1.0) + unlike**2)),
         gain_s=float(line.gain_s) if np.isfinite(gain_std) else 0.0,
-        gain_std_s=float(np.hypot(gain_std, FLOOR_S)),
+        gain_std_s=gain_std,
+        sure_gain_std_s=float(np.hypot(gain_std, UNLIKE_GAIN * unlike)),
         at_s=line.at_s,
         half_s=line.half_s,
         explained=float(line.explained_drifting if drifts else line.explained),
         right=line.right,
         steady=(1.0 - line.explained) / max(1.0 - line.explained_drifting, TINY),
         against=(row.against,),
+        kinematic=row.kinematic,
     )

@@ -4,7 +4,8 @@ A relation is a row of `RELATIONS`. Where kinematics relates two sensors it does
 vehicle; between rudder, yaw rate and velocities it is the dynamics of the hull, with coefficients
 that are estimated along. What these equations leave out passes for a lag: `usual_lengths` is its
 mean and standard deviation in L/U, from the clean trials of the even seeds of the drawn population
-(`sample_logs/seatrial/population`), sensors on one clock.
+(`sample_logs/seatrial/population`), sensors on one clock. Hulls are not all drawn from there:
+`unlike_lengths` is what a lag has to exceed besides before it accuses a clock.
 """
 
 from collections.abc import Callable
@@ -15,12 +16,14 @@ import numpy as np
 from auvident.schema.channels import CHANNELS
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
-from auvident.stages.ingest.clocks_line import LikelyCoefficients, Signals
+from auvident.stages.ingest.clocks_line import RIDGE, LikelyCoefficients, Signals
 from auvident.stages.ingest.response import SLOW_SHARE, SMOOTHING_S
 
 SMOOTHING_LENGTHS = 0.6  # L/U: turbulence and noise of slow hulls out, zigzags left
 FIX_PERIODS = 2.5  # position fixes are joined by straight lines: smoothing hides their corners
 FIX_LENGTHS, FIX_S = 3.0, 5.0
+CURRENT_RIDGE = 0.05  # of its power in turns: on a steady heading it passes for way or drift
+FIXES = ("north_m", "east_m")
 # Symbols of the equations, their columns and the sensor that delivers them.
 SYMBOLS = {
     "u": "u_mps",
@@ -74,6 +77,13 @@ class ClockRelation:
     prior : LikelyCoefficients, optional
     slow : bool
         Position fixes: wide smoothing.
+    kinematic : bool
+        It holds whatever the vehicle.
+    in_water : bool
+        It holds for the velocities through the water. What is estimated of a current is taken out
+        if the relation explains more so: a hull that drifts in turns feigns a little of one.
+    unlike_lengths : float
+        Standard deviation of the lag on hulls that are not of the population, in L/U.
     """
 
     sensor: str
@@ -87,6 +97,9 @@ class ClockRelation:
     widths: tuple[float, ...] = (1.0,)
     prior: LikelyCoefficients | None = None
     slow: bool = False
+    kinematic: bool = False
+    in_water: bool = False
+    unlike_lengths: float = 0.0
 
 
 def smoothing_s(passage_s: float) -> float:
@@ -102,22 +115,83 @@ def fix_smoothing_s(passage_s: float, period_s: float) -> float:
 def smooth_signals(trial: Trial, width_s: float) -> Signals:
     """Smoothed signals of a trial and their derivatives (``<symbol>_dot``), NaN where unknown."""
     time = trial.table["time_s"].to_numpy()
-    width = max(1, round(width_s * trial.rate_hz))
-    window = np.convolve(np.ones(width) / width, np.ones(width) / width)
+    average = _Average(width_s, trial)
     found: Signals = {"time": time}
-    if time.size <= 2 * width:
+    if time.size <= 2 * average.width:
         return found
     for symbol, column in SYMBOLS.items():
         if column in trial.table:
-            values = np.full(time.size, np.nan)
-            raw = trial.table[column].to_numpy(dtype=float)
-            values[width - 1 : time.size - width + 1] = np.convolve(raw, window, mode="valid")
+            values = average(trial.table[column].to_numpy(dtype=float))
             found[symbol] = values
             found[symbol + "_dot"] = np.gradient(values, time)
+    if "r" in found:
+        heading = _heading_of(trial)
+        found["cos_heading"] = average(np.cos(heading))
+        found["sin_heading"] = average(np.sin(heading))
+    if {"u", "v", "r"} <= set(found):
+        found |= _current(found)
     if "u" in found and np.isfinite(found["u"]).any():
         least = SLOW_SHARE * float(np.nanquantile(found["u"], 0.9))
         found["u"] = np.where(found["u"] > least, found["u"], np.nan)
     return found
+
+
+def _current(s: Signals) -> Signals:
+    """A steady current in the axes of the vehicle, as far as it shows in turns.
+
+    What the velocities over ground have in common with the heading, besides thrust, the loss of
+    speed in turns and the drift in them; where the heading hardly changes it stays near 0.
+    """
+    u, v, r, cos, sin = (s[k] for k in ("u", "v", "r", "cos_heading", "sin_heading"))
+    one, none, n = np.ones_like(u), np.zeros_like(u), s.get("n", np.zeros_like(u))
+    size = float(np.nanmax(np.abs(n), initial=0.0)) or 1.0
+    along = (one, n / size, (n / size) ** 2, r**2, np.abs(r), none, none, none, cos, sin)
+    across = (none, none, none, none, none, one, r, r * np.abs(r), -sin, cos)
+    known = np.isfinite(u + v + r + n + cos)
+    x = np.concatenate((_columns(*along)[known], _columns(*across)[known]))
+    y = np.concatenate((u[known], v[known]))
+    north, east = _shrunk(x, y)[-2:] if known.any() else (0.0, 0.0)
+    found = {"current_u": north * cos + east * sin, "current_v": east * cos - north * sin}
+    return found | {k + "_dot": np.gradient(c, s["time"]) for k, c in found.items()}
+
+
+def without_current(s: Signals) -> Signals:
+    """The same signals in still water."""
+    return {n: np.zeros_like(x) if n.startswith("current_") else x for n, x in s.items()}
+
+
+def _shrunk(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Least squares; the last two coefficients give way where others explain as much."""
+    scale = np.sqrt(np.sum(x**2, axis=0))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    unit, ridge = x / scale, np.full(scale.size, RIDGE)
+    ridge[-2:] = CURRENT_RIDGE
+    gram = unit.T @ unit + np.diag(ridge)
+    return np.asarray(np.linalg.solve(gram, unit.T @ y) / scale)
+
+
+class _Average:
+    """Moving average, applied twice; NaN at the ends."""
+
+    def __init__(self, width_s: float, trial: Trial) -> None:
+        self.width = max(1, round(width_s * trial.rate_hz))
+        box = np.ones(self.width) / self.width
+        self.window = np.convolve(box, box)
+
+    def __call__(self, values: np.ndarray) -> np.ndarray:
+        smooth = np.full(values.size, np.nan)
+        inside = slice(self.width - 1, values.size - self.width + 1)
+        smooth[inside] = np.convolve(values, self.window, mode="valid")
+        return smooth
+
+
+def _heading_of(trial: Trial) -> np.ndarray:
+    """Heading of a trial, or where none was logged the sum of the yaw rates."""
+    table = trial.table
+    if "heading_rad" in table:
+        return table["heading_rad"].to_numpy(dtype=float)
+    r = table["r_radps"].to_numpy(dtype=float)
+    return np.asarray(np.cumsum(np.nan_to_num(r)) / trial.rate_hz)
 
 
 def with_derivatives(symbols: tuple[str, ...]) -> tuple[str, ...]:
@@ -167,18 +241,23 @@ def _pitching(s: Signals, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _sway(s: Signals, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
-    """The sway equation, of `SWAY`; the DVL reads v = v_D - x_D r at its place, and rolls."""
-    arm, length, u = vehicle.dvl.x_m, vehicle.hull.length_m, s["u"]
-    v = s["v"] - arm * s["r"]
+    """The sway equation, of `SWAY`; the DVL reads v = v_D - x_D r at its place, and rolls.
+
+    The hull feels the water: velocities are those through it, less the steady current.
+    """
+    arm, length, u = vehicle.dvl.x_m, vehicle.hull.length_m, s["u"] - s["current_u"]
+    v = s["v"] - s["current_v"] - arm * s["r"]
     x = [u * v / length, v * np.abs(v) / length, u * s["r"], u**2 * s["rudder"] / length]
     x += [_or_zero(s, "p") * u, _or_zero(s, "p_dot") * length, u**2 / length]
-    return s["v_dot"] - arm * s["r_dot"], _columns(*x)
+    return s["v_dot"] - s["current_v_dot"] - arm * s["r_dot"], _columns(*x)
 
 
 def _surge(s: Signals, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
     """du/dt = a u^2 + b n^2 + c u n + d r^2 + e: thrust steps, and the loss of speed in turns."""
-    u, n = s["u"], s["n"]
-    return s["u_dot"], _columns(u**2, n * np.abs(n), u * n, s["r"] ** 2, np.ones_like(u))
+    u, n = s["u"] - s["current_u"], s["n"]
+    return s["u_dot"] - s["current_u_dot"], _columns(
+        u**2, n * np.abs(n), u * n, s["r"] ** 2, np.ones_like(u)
+    )
 
 
 def _depth(s: Signals, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
@@ -204,29 +283,41 @@ def _track(s: Signals, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
     return _columns(s["north_dot"], s["east_dot"]), np.stack((first, second), axis=1)
 
 
+def _carried(s: Signals, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
+    """The track in the axes of the vehicle, of the velocities; as `_track`, for their clock.
+
+    The heading is that of the track's side: only the velocities are moved.
+    """
+    tau = (s["time"] - s["time"][0]) / (s["time"][-1] - s["time"][0]) - 0.5
+    u, v = s["u"], s["v"] - vehicle.dvl.x_m * s["r"]
+    cos, sin = s["cos_heading"], s["sin_heading"]
+    first = _columns(u, -v, tau * u, -tau * v, cos, sin)
+    second = _columns(v, u, tau * v, tau * u, -sin, cos)
+    return _columns(s["track_u"], s["track_v"]), np.stack((first, second), axis=1)
+
+
 def with_course(s: Signals, trial: Trial, vehicle: Vehicle, width_s: float) -> Signals:
-    """Signals with the velocities in north and east, turned before they are smoothed."""
+    """Signals with the velocities in north and east, and the track's in the vehicle's axes.
+
+    They are turned before they are smoothed.
+    """
     table = trial.table
     names = {"u_mps", "v_mps", "r_radps"}
     if not names <= set(table.columns) or "north" not in s:
         return s
-    r = table["r_radps"].to_numpy(dtype=float)
-    if "heading_rad" in table:
-        heading = table["heading_rad"].to_numpy(dtype=float)
-    else:
-        heading = np.cumsum(np.nan_to_num(r)) / trial.rate_hz
+    heading, average = _heading_of(trial), _Average(width_s, trial)
+    cos, sin = np.cos(heading), np.sin(heading)
     u = table["u_mps"].to_numpy(dtype=float)
-    v = table["v_mps"].to_numpy(dtype=float) - vehicle.dvl.x_m * r
-    width = max(1, round(width_s * trial.rate_hz))
-    window = np.convolve(np.ones(width) / width, np.ones(width) / width)
-    sides = {
-        "course_north": u * np.cos(heading) - v * np.sin(heading),
-        "course_east": u * np.sin(heading) + v * np.cos(heading),
+    v = table["v_mps"].to_numpy(dtype=float)
+    v = v - vehicle.dvl.x_m * table["r_radps"].to_numpy(dtype=float)
+    north, east = (np.gradient(table[c].to_numpy(dtype=float), s["time"]) for c in FIXES)
+    turned = {
+        "course_north": u * cos - v * sin,
+        "course_east": u * sin + v * cos,
+        "track_u": north * cos + east * sin,
+        "track_v": east * cos - north * sin,
     }
-    smooth = {name: np.full(u.size, np.nan) for name in sides}
-    for name, values in sides.items():
-        smooth[name][width - 1 : u.size - width + 1] = np.convolve(values, window, mode="valid")
-    return s | smooth
+    return s | {name: average(values) for name, values in turned.items()}
 
 
 RELATIONS: tuple[ClockRelation, ...] = (
@@ -236,6 +327,7 @@ RELATIONS: tuple[ClockRelation, ...] = (
         ("heading", "roll", "pitch"),
         ("r",),
         _heading,
+        kinematic=True,
     ),
     ClockRelation(
         "attitude",
@@ -243,6 +335,7 @@ RELATIONS: tuple[ClockRelation, ...] = (
         ("pitch", "roll"),
         ("q",),
         _pitch,
+        kinematic=True,
     ),
     ClockRelation(
         "rudder",
@@ -250,6 +343,7 @@ RELATIONS: tuple[ClockRelation, ...] = (
         ("rudder",),
         ("u", "r"),
         _yaw,
+        unlike_lengths=0.15,
         usual_lengths=(0.02, 0.07),
         gain_lengths=0.04,
         rival=5.0,
@@ -261,6 +355,7 @@ RELATIONS: tuple[ClockRelation, ...] = (
         ("elevator",),
         ("u", "q"),
         _pitching,
+        unlike_lengths=0.15,
         usual_lengths=(0.04, 0.08),
         gain_lengths=0.04,
         rival=4.0,
@@ -271,6 +366,8 @@ RELATIONS: tuple[ClockRelation, ...] = (
         ("u", "v"),
         ("r", "rudder"),
         _sway,
+        in_water=True,
+        unlike_lengths=0.5,
         usual_lengths=(0.0, 0.1),
         gain_lengths=0.03,
         rival=2.5,
@@ -283,7 +380,10 @@ RELATIONS: tuple[ClockRelation, ...] = (
         ("u",),
         ("n", "r"),
         _surge,
+        in_water=True,
+        unlike_lengths=0.4,
         usual_lengths=(0.03, 0.06),
+        gain_lengths=0.05,
         rival=2.0,
     ),
     ClockRelation(
@@ -294,6 +394,17 @@ RELATIONS: tuple[ClockRelation, ...] = (
         _depth,
         usual_lengths=(0.0, 0.01),
         gain_lengths=0.01,
+        kinematic=True,
+    ),
+    ClockRelation(
+        "dvl",
+        "velocities against depth rate and pitch",
+        ("w", "u", "v"),
+        ("z", "r", "pitch"),
+        _depth,
+        usual_lengths=(0.02, 0.05),
+        gain_lengths=0.02,
+        kinematic=True,
     ),
     ClockRelation(
         "position",
@@ -302,5 +413,17 @@ RELATIONS: tuple[ClockRelation, ...] = (
         ("course_north", "course_east"),
         _track,
         slow=True,
+        kinematic=True,
+    ),
+    ClockRelation(
+        "dvl",
+        "velocities against position and heading",
+        ("u", "v"),
+        ("track_u", "track_v"),
+        _carried,
+        usual_lengths=(0.0, 0.05),
+        gain_lengths=0.02,
+        slow=True,
+        kinematic=True,
     ),
 )
