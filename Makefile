@@ -6,7 +6,7 @@ DEMO_RUN := runs/demo
 DEMO_BAY := runs/demo-bay
 TANKER := runs/tanker
 
-.PHONY: install demo test lint check bench bench-effects package docs site clean
+.PHONY: install demo test test-long lint check bench bench-effects package docs site clean
 .DELETE_ON_ERROR:
 
 $(VENV)/.installed: pyproject.toml
@@ -27,6 +27,10 @@ demo: $(VENV)/.installed
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest --numprocesses auto --dist worksteal
 
+# What takes long and has a stand-in among the others (tests/long_tests.py).
+test-long: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest --long --numprocesses auto --dist worksteal
+
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
@@ -35,7 +39,7 @@ lint: $(VENV)/.installed-dev
 check: lint test
 
 # Figures go into docs/benchmarks.md, each part into its own section.
-bench: $(VENV)/.installed-dev
+bench: $(VENV)/.installed-dev test-long
 	$(BIN)/python -m tests.bench --write
 	$(MAKE) package
 

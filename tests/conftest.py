@@ -13,6 +13,7 @@ from auvident import parallel
 from tests import loop_world, seeds, session
 from tests.command_line import SAMPLES, Called, call
 from tests.finished_run import Finished, finished_run
+from tests.long_tests import is_long, unknown
 
 os.environ.pop("COLUMNS", None)  # tables as they are in a pipe, whatever terminal this is
 seeds.move_all()
@@ -33,9 +34,18 @@ def pytest_xdist_setupnodes(specs: list[object]) -> None:
     os.environ.setdefault(parallel.VARIABLE, str(max(1, room)))
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What takes longest comes first; else the order stays."""
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--long", action="store_true", help="run the long tests, and none else")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """What takes longest comes first, the long tests by themselves; else the order stays."""
     items.sort(key=lambda item: item.path.name not in FIRST)
+    if config.option.file_or_dir == [] and (stale := unknown(i.nodeid for i in items)):
+        raise pytest.UsageError(f"tests/long_tests.py: no test is called {stale[0]}")
+    chosen = [i for i in items if is_long(i.nodeid) == config.option.long]
+    config.hook.pytest_deselected(items=[i for i in items if i not in set(chosen)])
+    items[:] = chosen
 
 
 @pytest.fixture(scope="session", autouse=True)
