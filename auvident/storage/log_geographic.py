@@ -8,7 +8,6 @@ of the meridians: 0.13 m at 1 km by 1 km and 40 degrees.
 import numpy as np
 
 from auvident.schema.channels import BY_QUANTITY
-from auvident.schema.logs import units_of
 
 # Names of the columns, by the quantity that is made of them.
 NAMES: dict[str, tuple[str, ...]] = {
@@ -22,11 +21,8 @@ ROUNDING = 1e-7  # of the largest angle: a float of four bytes
 FAR_RAD = np.deg2rad(1.0)  # in latitude, from the middle of a trial: a wild reading
 
 
-def quantity_by_name(name: str, unit: str | None) -> str | None:
-    """``north`` of a latitude, ``east`` of a longitude, in a unit of angles; else None."""
-    if unit not in units_of("rad"):
-        return None
-    stem = name.strip().lower().removesuffix(f"_{unit}")
+def quantity_named(stem: str) -> str | None:
+    """``north`` of the name of a latitude, ``east`` of a longitude, without its unit; else None."""
     return next((quantity for quantity, names in NAMES.items() if stem in names), None)
 
 
@@ -39,6 +35,11 @@ def is_impossible(lat_rad: np.ndarray, lon_rad: np.ndarray) -> np.ndarray:
     """Where a latitude is beyond 90 degrees, or a longitude beyond 180."""
     most_lat, most_lon = ((1.0 + ROUNDING) * most for most in MOST_RAD)
     return (np.abs(lat_rad) > most_lat) | (np.abs(lon_rad) > most_lon)
+
+
+def faults_of(lat_rad: np.ndarray, lon_rad: np.ndarray) -> dict[str, np.ndarray]:
+    """Which readings are none, by the reason under which they are counted."""
+    return {"no_fix": is_no_fix(lat_rad, lon_rad), "implausible": is_impossible(lat_rad, lon_rad)}
 
 
 def from_first_fix(lat_rad: np.ndarray, lon_rad: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -113,9 +113,7 @@ def _column(texts: pd.Series) -> np.ndarray:
     return texts.to_numpy(dtype=object)
 
 
-def _metres(
-    columns: dict[str, np.ndarray], names: list[tuple[str, str]]
-) -> dict[str, np.ndarray]:
+def _metres(columns: dict[str, np.ndarray], names: list[tuple[str, str]]) -> dict[str, np.ndarray]:
     """North and east in m, where there are latitude and longitude in degrees."""
     own = [_find(names, wanted) for wanted in NAMES.values()]
     if None in own or any(columns[name or ""].dtype == object for name in own):
