@@ -1,7 +1,7 @@
 """A proposed ``MAP.toml`` for files with other names: aliases for columns, ranges for units."""
 
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from auvident.schema.channels import CHANNELS, SENSORS, Channel
 from auvident.schema.logs import TIME_UNITS, SensorMap, unit_name
 from auvident.storage.log_columns import (
     ALIASES,
+    angle_of,
     guess_column,
     guess_time,
     of_sensor,
@@ -195,9 +196,18 @@ def _reads_without(logs: Mapping[str, LogFile], proposals: list[Proposal]) -> bo
             time_column(log, SensorMap())
         except InputError:
             return False
-        if columns.get(proposal.channel.column) is None:
+        column = columns.get(proposal.channel.column)
+        if column is None or (column.is_angle and _has_rivals(log, logs, proposals)):
             return False
     return True
+
+
+def _has_rivals(fixes: LogFile, logs: Mapping[str, LogFile], proposals: Sequence[Proposal]) -> bool:
+    """Whether another table of the same trial has latitude and longitude: none is read then."""
+    if fixes.stem.lower() == "position" or len({p.home for p in proposals}) == 1:
+        return False
+    others = (log for log in logs.values() if log.where != fixes.where)
+    return any(angle_of(n, log.unit_of(n)) for log in others for n in log.names)
 
 
 def _table(

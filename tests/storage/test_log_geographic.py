@@ -275,6 +275,9 @@ def test_of_several_tables_of_fixes_none_is_taken_without_a_map(tmp_path):
     assert "gps.csv, usbl.csv" in finding.message
     assert '[position] file = "gps.csv"' in finding.remedy
     assert_is_circle(read(folder, '[position]\nfile = "gps.csv"\n'))
+    proposed = inspect_log(folder).proposed_map
+    assert '[position]\nfile = "gps.csv"' in proposed
+    assert_is_circle(read(folder, proposed))
 
 
 def test_columns_of_fixes_alone_are_read_where_they_stand(tmp_path):
