@@ -49,6 +49,10 @@ UNIT_SPELLINGS: dict[str, str] = {
     "degrees": "deg",
     "radian": "rad",
     "radians": "rad",
+    "degrees_north": "deg",
+    "degree_north": "deg",
+    "degrees_east": "deg",
+    "degree_east": "deg",
     "rad/s": "radps",
     "deg/s": "degps",
     "°/s": "degps",
@@ -68,6 +72,11 @@ PERCENT_REMEDY = (
     "a throttle in percent needs scale, the rpm of one percent: "
     '{ column = "throttle", unit = "percent", scale = 12.5 }'
 )
+AS_ANGLES = ("north", "east")  # also of latitude and longitude, always both
+LONE_ANGLE = (
+    "{0} alone is an angle; latitude and longitude go together: "
+    'north = {{ column = "lat", unit = "deg" }}, east = {{ column = "lon", unit = "deg" }}'
+)
 TIME_UNITS: dict[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -81,6 +90,17 @@ def unit_name(text: str) -> str | None:
 def units_of(dimension: str) -> tuple[str, ...]:
     """Names of the units that a channel of this unit may be logged in."""
     return tuple(name for name, (fits, _) in UNITS.items() if fits == dimension)
+
+
+def units_for(quantity: str) -> tuple[str, ...]:
+    """Names of the units of a quantity; north and east may be angles, latitude and longitude."""
+    own = units_of(BY_QUANTITY[quantity].unit)
+    return own + units_of("rad") if quantity in AS_ANGLES else own
+
+
+def is_angle_for(quantity: str, unit: str | None) -> bool:
+    """Whether a unit makes a latitude or longitude of the column of a position."""
+    return quantity in AS_ANGLES and unit in units_of("rad")
 
 
 # --- the map file -------------------------------------------------------------------------
@@ -147,13 +167,12 @@ class SensorMap(Declared):
     @model_validator(mode="after")
     def _units_fit(self) -> Self:
         for quantity, entry in self.entries().items():
-            dimension = BY_QUANTITY[quantity].unit
             _check_constant(quantity, entry)
             if _is_percent(quantity, entry):
                 continue
             name = unit_name(entry.unit) if entry.unit is not None else None
-            if entry.unit is not None and (name is None or UNITS[name][0] != dimension):
-                allowed = ", ".join(units_of(dimension))
+            if entry.unit is not None and name not in units_for(quantity):
+                allowed = ", ".join(units_for(quantity))
                 raise ValueError(f"unit {entry.unit!r} of {quantity} is not one of {allowed}")
         return self
 
@@ -236,10 +255,18 @@ class DepthMap(SensorMap):
 
 
 class PositionMap(SensorMap):
-    """``[position]``."""
+    """``[position]``: north and east, or as them latitude and longitude in deg or rad."""
 
     north: Entry = None
     east: Entry = None
+
+    @model_validator(mode="after")
+    def _both_angles(self) -> Self:
+        found = {q: unit_name(e.unit) if e.unit else None for q, e in self.entries().items()}
+        angles = [q for q, unit in found.items() if is_angle_for(q, unit)]
+        if len(angles) == 1 and (len(found) == 1 or None not in found.values()):
+            raise ValueError(LONE_ANGLE.format(*angles))
+        return self
 
 
 class Derive(Declared):

@@ -9,16 +9,20 @@ import numpy as np
 from auvident.errors import InputError
 from auvident.schema.channels import BY_QUANTITY, CHANNELS, Channel
 from auvident.schema.logs import (
+    LONE_ANGLE,
     PERCENT,
     TIME_UNITS,
     UNITS,
     ColumnEntry,
     Derive,
     SensorMap,
+    is_angle_for,
     unit_name,
+    units_for,
     units_of,
 )
 from auvident.storage.log_file import LogFile
+from auvident.storage.log_geographic import quantity_named
 from auvident.storage.log_layout import TIME_NAMES
 
 RPM_STEMS = ("n", "prop", "propeller", "propeller_rate", "shaft", "thruster", "motor")
@@ -185,12 +189,16 @@ TIME_REMEDY = "Name it time_s (seconds) or timestamp (ISO 8601 or epoch)"
 
 @dataclass(frozen=True)
 class LogColumn:
-    """A column of a file that holds a channel: SI value = `factor` times the number + `offset`."""
+    """A column of a file that holds a channel: SI value = `factor` times the number + `offset`.
+
+    Of a latitude or longitude (`is_angle`) that is in rad; both become north and east.
+    """
 
     channel: Channel
     name: str
     factor: float
     offset: float = 0.0
+    is_angle: bool = False
 
     def in_si(self, numbers: np.ndarray) -> np.ndarray:
         """Numbers of the file in the unit of the channel."""
@@ -218,6 +226,15 @@ def quantity_of(name: str) -> str | None:
     if base in BY_QUANTITY:
         return base
     return "rpm" if base in RPM_STEMS and unit in ("rpm", "rps") else None
+
+
+def angle_of(name: str, label: str) -> str | None:
+    """Quantity of a column that is called latitude or longitude and says its unit, or None."""
+    stem, suffix = split_unit(name)
+    stated = {unit for unit in (suffix, unit_name(label)) if unit is not None}
+    found = quantity_named(stem)
+    is_angle = found and stated and all(is_angle_for(found, unit) for unit in stated)
+    return found if is_angle else None
 
 
 def time_column(log: LogFile, mapping: SensorMap) -> str:
@@ -273,8 +290,8 @@ def resolve(log: LogFile, sensor: str, mapping: SensorMap) -> dict[str, LogColum
     Raises
     ------
     InputError
-        When a mapped column is missing, a quantity has no unit or one that does not fit, or two
-        columns hold the same quantity.
+        When a mapped column is missing, a quantity has no unit or one that does not fit, two
+        columns hold the same quantity, or a latitude has no longitude.
     """
     entries = mapping.entries()
     found = {}
@@ -285,7 +302,30 @@ def resolve(log: LogFile, sensor: str, mapping: SensorMap) -> dict[str, LogColum
         column = _mapped(log, channel, entry) if entry else _by_name(log, channel)
         if column is not None:
             found[channel.column] = column
-    return found
+    return _as_angles(log, found) if sensor == "position" else found
+
+
+def _as_angles(log: LogFile, found: dict[str, LogColumn]) -> dict[str, LogColumn]:
+    """Columns of a position, with latitude and longitude where nothing is in m."""
+    if any(not column.is_angle for column in found.values()):
+        both = found
+    else:
+        absent = [c for c in of_sensor("position") if c.column not in found]
+        named = {c.column: _angle_by_name(log, c) for c in absent}
+        both = found | {key: column for key, column in named.items() if column is not None}
+    angles = [column for column in both.values() if column.is_angle]
+    if len(angles) == 1:
+        (lone,) = angles
+        alone = LONE_ANGLE.format(f"{lone.channel.quantity} (column {lone.name})")
+        problem, _, remedy = alone.partition("; ")
+        raise InputError(problem, log.where, f"{remedy[:1].upper()}{remedy[1:]} in [position].")
+    return both
+
+
+def _angle_by_name(log: LogFile, channel: Channel) -> LogColumn | None:
+    return _only_one(
+        log, channel, [n for n in log.names if angle_of(n, log.unit_of(n)) == channel.quantity]
+    )
 
 
 def _mapped(log: LogFile, channel: Channel, entry: ColumnEntry) -> LogColumn:
@@ -294,8 +334,10 @@ def _mapped(log: LogFile, channel: Channel, entry: ColumnEntry) -> LogColumn:
     if name is None:
         what = f"the map's column {wanted!r} for {channel.quantity}"
         raise _missing(log, what, wanted)
-    factor = entry.sign * _factor(log, name, channel, _unit_of_entry(log, name, channel, entry))
-    return LogColumn(channel, name, factor * entry.scale, factor * entry.offset)
+    unit = _unit_of_entry(log, name, channel, entry)
+    factor = entry.sign * _factor(log, name, channel, unit)
+    is_angle = is_angle_for(channel.quantity, unit)
+    return LogColumn(channel, name, factor * entry.scale, factor * entry.offset, is_angle)
 
 
 def _unit_of_entry(log: LogFile, name: str, channel: Channel, entry: ColumnEntry) -> str | None:
@@ -309,6 +351,17 @@ def _unit_of_entry(log: LogFile, name: str, channel: Channel, entry: ColumnEntry
 
 def _by_name(log: LogFile, channel: Channel) -> LogColumn | None:
     names = [name for name in log.names if quantity_of(name) == channel.quantity]
+    return _only_one(log, channel, names)
+
+
+def _only_one(log: LogFile, channel: Channel, names: Sequence[str]) -> LogColumn | None:
+    """The column of a channel among some, the one whose unit is stated; None where there is none.
+
+    Raises
+    ------
+    InputError
+        When none has a unit that fits, or two have.
+    """
     stated = [name for name in names if _stated_unit(log, name, channel) is not None]
     if len(stated) > 1:
         raise InputError(
@@ -319,7 +372,9 @@ def _by_name(log: LogFile, channel: Channel) -> LogColumn | None:
     if not names:
         return None
     name = stated[0] if stated else names[0]
-    return LogColumn(channel, name, _factor(log, name, channel, _stated_unit(log, name, channel)))
+    unit = _stated_unit(log, name, channel)
+    factor = _factor(log, name, channel, unit)
+    return LogColumn(channel, name, factor, is_angle=is_angle_for(channel.quantity, unit))
 
 
 def _stated_unit(log: LogFile, name: str, channel: Channel) -> str | None:
@@ -337,7 +392,7 @@ def _stated_unit(log: LogFile, name: str, channel: Channel) -> str | None:
 
 
 def _factor(log: LogFile, name: str, channel: Channel, unit: str | None) -> float:
-    if unit is not None and UNITS[unit][0] == channel.unit:
+    if unit is not None and unit in units_for(channel.quantity):
         return UNITS[unit][1]
     allowed = units_of(channel.unit)
     stem = channel.quantity if channel.quantity != "rpm" else "n"
@@ -353,7 +408,9 @@ def _factor(log: LogFile, name: str, channel: Channel, unit: str | None) -> floa
 def entry_text(channel: Channel, name: str, unit: str | None = None) -> str:
     """Line of a map for a column, e.g. ``[rudder] rudder = { column = "x", unit = "deg" }``."""
     unit = unit or split_unit(name)[1]
-    fits = unit if unit and UNITS[unit][0] == channel.unit else USUAL_UNIT[channel.unit]
+    is_angle = quantity_named(split_unit(name)[0]) == channel.quantity
+    usual = "deg" if is_angle else USUAL_UNIT[channel.unit]
+    fits = unit if unit in units_for(channel.quantity) else usual
     return f'[{channel.sensor}] {channel.quantity} = {{ column = "{name}", unit = "{fits}" }}'
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from auvident.errors import InputError
 from auvident.schema.base import Artifact
 from auvident.schema.logs import SensorMap
-from auvident.storage.log_columns import guess_time, quantity_of, time_unit
+from auvident.storage.log_columns import angle_of, guess_time, quantity_of, time_unit
 from auvident.storage.log_file import LogFile, open_logs, read_log
 from auvident.storage.log_find import LAYOUT_REMEDY
 from auvident.storage.log_own import MAX_DEPTH, folders_in, logs_in
@@ -213,7 +213,7 @@ def _column(log: LogFile, name: str, values: np.ndarray | None) -> ColumnReport:
     return ColumnReport(
         name=name,
         unit=unit,
-        quantity=quantity_of(name),
+        quantity=quantity_of(name) or angle_of(name, unit),
         minimum=float(known.min()) if known.size else None,
         maximum=float(known.max()) if known.size else None,
         empty=int(values.size - known.size),

@@ -8,12 +8,14 @@ import numpy as np
 from auvident.errors import InputError
 from auvident.schema.channels import Channel
 from auvident.schema.holding import seems_on_change
-from auvident.schema.logs import KNOT, UNITS, SensorMap, unit_name
+from auvident.schema.logs import KNOT, UNITS, SensorMap, is_angle_for, unit_name
 from auvident.storage.log_columns import guess_time, split_unit, time_unit
 from auvident.storage.log_file import LogFile
+from auvident.storage.log_geographic import from_first_fix
 from auvident.storage.log_time import to_seconds
 
 Values = Mapping[str, Mapping[str, np.ndarray]]  # columns of tables by `LogFile.where`
+Track = tuple[np.ndarray, np.ndarray]  # times in s, and values
 
 # A value beyond the limit is taken for the second unit. A rudder of 2 rad or a yaw rate of 1 rad/s
 # does not occur; whole circles tell degrees of heading; propellers of AUVs turn faster than 40 rpm.
@@ -49,6 +51,8 @@ class Proposal:
         -1 where the axes of the log point the other way.
     remark : str
         Why, for the reader of the map.
+    scale : float
+        What one of the column is in the unit.
     """
 
     channel: Channel
@@ -58,6 +62,7 @@ class Proposal:
     guessed: bool
     sign: int = 1
     remark: str = ""
+    scale: float = 1.0
 
 
 def one_unit(proposals: list[Proposal]) -> list[Proposal]:
@@ -97,6 +102,8 @@ def in_knots(
     if any(p is None for p in wanted) or not (wanted[0] and wanted[0].guessed):
         return proposals
     u, north, east = (_track(p, logs, values) for p in wanted if p is not None)
+    if wanted[1] and is_angle_for("north", wanted[1].unit):
+        north, east = _in_metres(north, east)
     share = _share(u, north, east)
     if share is None or abs(share - KNOT) > KNOTS_WITHIN:
         return proposals
@@ -118,9 +125,7 @@ def may_be_on_change(proposal: Proposal, logs: Mapping[str, LogFile], values: Va
     return seems_on_change(time[apart], numbers[apart])
 
 
-def _track(
-    proposal: Proposal, logs: Mapping[str, LogFile], values: Values
-) -> tuple[np.ndarray, np.ndarray]:
+def _track(proposal: Proposal, logs: Mapping[str, LogFile], values: Values) -> Track:
     """Times in s and values of a proposed column, in order; empty where there is no clock."""
     log, table = logs[proposal.home], values[proposal.home]
     name = guess_time(log)
@@ -134,13 +139,26 @@ def _track(
         return none, none
     good = np.isfinite(time) & np.isfinite(table[proposal.name])
     order = np.argsort(time[good], kind="stable")
-    return time[good][order], table[proposal.name][good][order]
+    numbers = table[proposal.name][good][order]
+    if is_angle_for(proposal.channel.quantity, proposal.unit):
+        numbers = proposal.scale * UNITS[proposal.unit][1] * numbers
+    return time[good][order], numbers
+
+
+def _in_metres(lat_rad: Track, lon_rad: Track) -> tuple[Track, Track]:
+    """North and east of a track in latitude and longitude; empty where these are not in pairs."""
+    none = np.empty(0)
+    if not np.array_equal(lat_rad[0], lon_rad[0]):
+        return (none, none), (none, none)
+    north, east = from_first_fix(lat_rad[1], lon_rad[1])
+    known = np.isfinite(north)
+    return (lat_rad[0][known], north[known]), (lat_rad[0][known], east[known])
 
 
 def _share(
-    u: tuple[np.ndarray, np.ndarray],
-    north: tuple[np.ndarray, np.ndarray],
-    east: tuple[np.ndarray, np.ndarray],
+    u: Track,
+    north: Track,
+    east: Track,
 ) -> float | None:
     """Speed of the position over the logged one, the median of chords; None where too few."""
     if min(u[0].size, north[0].size, east[0].size) < FEWEST_CHORDS:

@@ -1,7 +1,7 @@
 """A proposed ``MAP.toml`` for files with other names: aliases for columns, ranges for units."""
 
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from auvident.schema.channels import CHANNELS, SENSORS, Channel
 from auvident.schema.logs import TIME_UNITS, SensorMap, unit_name
 from auvident.storage.log_columns import (
     ALIASES,
+    angle_of,
     guess_column,
     guess_time,
     of_sensor,
@@ -27,6 +28,7 @@ from auvident.storage.log_proposal import (
     one_unit,
     unit_of,
 )
+from auvident.storage.log_propose_angles import angle_proposals, find_angles
 from auvident.storage.log_propose_topics import assign_topics, is_generic, topic_lines
 
 USUAL_STEP_S = 5.0  # a median step above it means that the time is not in seconds
@@ -141,7 +143,21 @@ def _assign(logs: Mapping[str, LogFile], values: Values) -> list[Proposal]:
                     found[channel.column] = Proposal(channel, key, name, unit, guessed)
                     used.add((key, name))
                     break
-    return list(found.values())
+    return _with_angles(found, logs, values)
+
+
+def _with_angles(
+    found: dict[str, Proposal], logs: Mapping[str, LogFile], values: Values
+) -> list[Proposal]:
+    """The proposals, latitude and longitude among them where no position in m is."""
+    others = [p for p in found.values() if p.channel.sensor != "position"]
+    position = [p for p in found.values() if p.channel.sensor == "position"]
+    home = _home(of_sensor("position")[0], logs)
+    for key in [] if len(position) == 2 else ([home] if home else list(logs)):
+        angles = find_angles(logs[key], values[key])
+        if angles is not None:
+            return others + angle_proposals(key, angles)
+    return others + position
 
 
 def _home(channel: Channel, logs: Mapping[str, LogFile]) -> str | None:
@@ -180,9 +196,18 @@ def _reads_without(logs: Mapping[str, LogFile], proposals: list[Proposal]) -> bo
             time_column(log, SensorMap())
         except InputError:
             return False
-        if columns.get(proposal.channel.column) is None:
+        column = columns.get(proposal.channel.column)
+        if column is None or (column.is_angle and _has_rivals(log, logs, proposals)):
             return False
     return True
+
+
+def _has_rivals(fixes: LogFile, logs: Mapping[str, LogFile], proposals: Sequence[Proposal]) -> bool:
+    """Whether another table of the same trial has latitude and longitude: none is read then."""
+    if fixes.stem.lower() == "position" or len({p.home for p in proposals}) == 1:
+        return False
+    others = (log for log in logs.values() if log.where != fixes.where)
+    return any(angle_of(n, log.unit_of(n)) for log in others for n in log.names)
 
 
 def _table(
@@ -222,11 +247,17 @@ def _time_lines(log: LogFile, values: Mapping[str, np.ndarray]) -> list[str]:
     return lines
 
 
+def _plain(number: float) -> str:
+    """A power of ten as people write it: 1e-7."""
+    return f"{number:g}".replace("e-0", "e-")
+
+
 def _entry(proposal: Proposal) -> str:
     sign = ", sign = -1" if proposal.sign < 0 else ""
+    scale = "" if proposal.scale == 1.0 else f", scale = {_plain(proposal.scale)}"
     text = (
         f"{proposal.channel.quantity} = "
-        f'{{ column = {json.dumps(proposal.name)}, unit = "{proposal.unit}"{sign} }}'
+        f'{{ column = {json.dumps(proposal.name)}, unit = "{proposal.unit}"{scale}{sign} }}'
     )
     remarks = [proposal.remark] if proposal.remark else []
     remarks += ["unit guessed from the values: check"] if proposal.guessed else []

@@ -10,7 +10,9 @@ import numpy as np
 from auvident.schema.channels import CHANNELS, SENSORS, Channel
 from auvident.storage.log_columns import ALIASES, of_sensor, split_unit
 from auvident.storage.log_file import LogFile
+from auvident.storage.log_geographic import COLUMNS
 from auvident.storage.log_proposal import Proposal, Values, unit_of
+from auvident.storage.log_propose_angles import angle_proposals, find_angles
 from auvident.storage.readers.interface import STAMP
 from auvident.storage.readers.quaternions import ANGLES
 
@@ -39,7 +41,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     "rpm": ("rpm", "thrust", "prop", "motor", "esc"),
     "attitude": ("attitude", "att", "ahrs", "orientation", "imu"),
     "depth": ("depth", "dpth", "pressure"),
-    "position": ("position", "pose", "pos", "odom", "gps", "usbl"),
+    "position": ("position", "pose", "pos", "odom", "gps", "gnss", "fix", "usbl"),
 }
 # Parts of a name that say that a field is no measurement of its quantity.
 OTHERS = frozenset(("covariance", "cov", "std", "variance", "bias", "error", "limit", "ref"))
@@ -61,26 +63,49 @@ def is_generic(name: str) -> bool:
 def assign_topics(logs: Mapping[str, LogFile], values: Values) -> list[Proposal]:
     """One table for each sensor: that with most of its channels, named after it, with most rows."""
     matches = {key: _matches(log, values[key]) for key, log in logs.items()}
+    angles = {
+        key: pair
+        for key, log in logs.items()
+        if not {*COLUMNS} <= {*matches[key]} and (pair := find_angles(log, values[key]))
+    }
+    for key, pair in angles.items():
+        matches[key] |= dict(zip(COLUMNS, pair.names, strict=True))
     found: list[Proposal] = []
     for sensor in SENSORS:
-        best = max(logs, key=lambda key: _rank(sensor, logs[key], matches[key], values[key]))
-        if not any(_rank(sensor, logs[best], matches[best], values[best])[:2]):
+        of_angles = angles if sensor == "position" else {}
+        ranks = {
+            key: _rank(sensor, log, matches[key], values[key], key in of_angles)
+            for key, log in logs.items()
+        }
+        best = max(logs, key=lambda key: ranks[key])
+        if not any(ranks[best][:2]):
             continue
         rivals = [
-            logs[key].topic
-            for key in logs
-            if key != best
-            and _rank(sensor, logs[key], matches[key], values[key])[:4]
-            == _rank(sensor, logs[best], matches[best], values[best])[:4]
+            logs[key].topic for key in logs if key != best and ranks[key][:5] == ranks[best][:5]
         ]
-        found += _proposals(sensor, best, logs[best], matches[best], values[best], rivals)
+        if best in of_angles:
+            found += angle_proposals(best, of_angles[best], _also_in(rivals))
+        else:
+            found += _proposals(sensor, best, logs[best], matches[best], values[best], rivals)
     return found
 
 
+def _also_in(rivals: list[str]) -> str:
+    return f"also in {', '.join(rivals)}" if rivals else ""
+
+
 def _rank(
-    sensor: str, log: LogFile, matches: Mapping[str, str], values: Mapping[str, np.ndarray]
-) -> tuple[int, int, int, int, int]:
-    """How much speaks for a table: channels, needed and all, its name, what changes, its rows."""
+    sensor: str,
+    log: LogFile,
+    matches: Mapping[str, str],
+    values: Mapping[str, np.ndarray],
+    of_angles: bool,
+) -> tuple[int, int, int, int, int, int]:
+    """How much speaks for a table.
+
+    Channels, needed and all, its name, that it is not of latitude and longitude, what changes,
+    its rows.
+    """
     channels = [c for c in of_sensor(sensor) if c.column in matches]
     needed = sum(c.needed for c in channels)
     words = _words(log.topic)
@@ -88,7 +113,8 @@ def _rank(
     no_reading = channels and channels[0].kind == "measured" and WANTED & {*words.split("_")}
     rows = max((v.size for v in values.values()), default=0)
     moving = sum(bool(np.nanstd(values[matches[c.column]])) for c in channels)
-    return (0,) * 5 if no_reading else (needed, len(channels), int(named), moving, rows)
+    metric = int(moving > 0 and not of_angles)
+    return (0,) * 6 if no_reading else (needed, len(channels), int(named), metric, moving, rows)
 
 
 @dataclass(frozen=True)
@@ -176,7 +202,7 @@ def _proposals(
         against = _axes(log) == "flu" and channel.column in AGAINST_FLU
         unit, guessed = unit_of(channel, log, name, values[name])
         remarks = [FLU_REMARK] if against else []
-        remarks += [f"also in {', '.join(rivals)}"] if rivals else []
+        remarks += [_also_in(rivals)] if rivals else []
         found.append(
             Proposal(channel, home, name, unit, guessed, -1 if against else 1, "; ".join(remarks))
         )

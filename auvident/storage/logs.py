@@ -42,6 +42,7 @@ from auvident.storage.log_constant import with_constants
 from auvident.storage.log_csv import Kind, LogTable
 from auvident.storage.log_file import LogFile, open_logs, read_log
 from auvident.storage.log_find import TrialSource, find_trials, has_sensor
+from auvident.storage.log_geographic import COLUMNS, faults_of, from_first_fix
 from auvident.storage.log_time import ABSOLUTE_S, Stamps, read_stamps
 from auvident.storage.log_valid import marked
 
@@ -114,8 +115,14 @@ def read_trial(
     sensors, origins = read_usable(
         homes, needed, lambda own: _read_sensors(own, columns, column_map), faults
     )
+    undecided = _undecided(source, logs, homes, column_map)
     remarks = (remark for sensor in sensors.values() for remark in sensor.remarks)
-    findings = (*remarks, *_unused(source, logs, homes), *set_aside(faults), *_damage(logs))
+    findings = (
+        *remarks,
+        *_unused(source, logs, homes, undecided),
+        *set_aside(faults),
+        *_damage(logs),
+    )
     raw = _from_common_origin(source.name, sensors, origins, findings)
     pyarrow.default_memory_pool().release_unused()  # it keeps a part of what reading took
     return replace(with_constants(raw, column_map), derive=column_map.derive)
@@ -137,7 +144,7 @@ def _home(
     named = [log for log in searched if not log.topic and log.stem.lower() == sensor]
     if named:
         return named[0]
-    having = [log for log in searched if has_sensor(log, sensor, column_map)]
+    having = _having(searched, sensor, column_map)[0]
     if len(having) > 1:
         names = " and ".join(log.label for log in having)
         key = "topic" if having[0].topic else "file"
@@ -147,6 +154,23 @@ def _home(
             f'Name the {key} in a map (--map): [{sensor}] {key} = "{having[0].label}"',
         )
     return having[0] if having else None
+
+
+def _having(searched: Tables, sensor: str, column_map: ColumnMap) -> tuple[Tables, Tables]:
+    """Tables that have a sensor, and those left alone: latitude and longitude, unless they are all.
+
+    Loggers hold these in many tables, and nothing that the user wrote says which is meant.
+    """
+    mapping = column_map.of(sensor)
+    found = tuple(log for log in searched if has_sensor(log, sensor, column_map))
+    if sensor != "position" or mapping.entries():
+        return found, ()
+    angles = tuple(
+        log for log in found if any(c.is_angle for c in resolve(log, sensor, mapping).values())
+    )
+    if len(angles) == len(found) == 1:
+        return found, ()
+    return tuple(log for log in found if log not in angles), angles
 
 
 def _of_topic(searched: Tables, topic: str, sensor: str, source: TrialSource) -> Tables:
@@ -258,13 +282,21 @@ def _sensor(
         _note(dropped, dropped_rows, "marked_invalid", table.rows[false])
         valid &= ~false
     values = {key: column.in_si(table.columns[column.name]) for key, column in columns.items()}
+    of_angles = any(column.is_angle for column in columns.values())
+    faults = faults_of(*(values[key] for key in COLUMNS)) if of_angles else {}
+    for reason, wrong in faults.items():
+        _note(dropped, dropped_rows, reason, table.rows[valid & wrong])
+        valid &= ~wrong
     if isinstance(mapping, AttitudeMap) and mapping.frame == "enu":
         values = _to_ned(values)
+    values = {key: _finite(_chosen(numbers, valid)) for key, numbers in values.items()}
+    if of_angles:
+        values = dict(zip(COLUMNS, from_first_fix(*(values[key] for key in COLUMNS)), strict=True))
     return RawSensor(
         sensor=sensor,
         file=log.where,
         time_s=moved_stamps(_chosen(time_s, valid), mapping.time_offset_s, mapping.time_drift_ppm),
-        values={key: _finite(_chosen(numbers, valid)) for key, numbers in values.items()},
+        values=values,
         rows=_chosen(table.rows, valid),
         columns={key: column.name for key, column in columns.items()},
         rows_read=table.rows_read,
@@ -305,10 +337,27 @@ def _note(
         dropped_rows[reason] = tuple(int(row) for row in rows[:FIRST_FEW])
 
 
+def _undecided(
+    source: TrialSource,
+    logs: dict[Path, Tables],
+    homes: dict[str, LogFile],
+    column_map: ColumnMap,
+) -> Tables:
+    """Tables of which each has latitude and longitude, where no other has a position."""
+    mapping = column_map.of("position")
+    if "position" in homes or "position" in source.assigned or mapping.topic is not None:
+        return ()
+    tables = tuple(log for own in logs.values() for log in own)
+    return _having(tables, "position", column_map)[1]
+
+
 def _unused(
-    source: TrialSource, logs: dict[Path, Tables], homes: dict[str, LogFile]
+    source: TrialSource,
+    logs: dict[Path, Tables],
+    homes: dict[str, LogFile],
+    undecided: Tables,
 ) -> tuple[Finding, ...]:
-    used = {log.path for log in homes.values()}
+    used = {log.path for log in (*homes.values(), *undecided)}
     aside = tuple(
         Finding(
             code="file_not_used",
@@ -318,6 +367,16 @@ def _unused(
         )
         for path in source.aside
     )
+    if undecided:
+        labels = listed([log.label for log in undecided])
+        key = "topic" if undecided[0].topic else "file"
+        finding = Finding(
+            code="file_not_used",
+            message=f"latitude and longitude are in each of {labels}, and not read",
+            where=str(source.place),
+            remedy=f'Choose in a map (--map): [position] {key} = "{undecided[0].label}".',
+        )
+        aside = (*aside, finding)
     return aside + tuple(
         Finding(
             code="file_not_used",

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from auvident.errors import InputError
+from auvident.storage.log_geographic import NAMES, from_first_fix
 from auvident.storage.log_layout import BRACKETS
 from auvident.storage.log_text import read_text
 from auvident.storage.readers.interface import Tables, in_memory
@@ -19,12 +20,10 @@ from auvident.storage.readers.interface import Tables, in_memory
 TABLE = "log"
 STAMP_COLUMN = "timestamp"
 DATE, TIME = ("date", "utc date", "gps date"), ("time", "utc time", "gps time", "time of day")
-LATITUDE, LONGITUDE = ("latitude", "lat"), ("longitude", "lon", "long")
 DELIMITERS = (";", ",", "\t")
 CLOCK = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:\.\d+)?)")
 DATES = ("%m/%d/%Y", "%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%m/%d/%y")
 LEAST_READ = 0.9  # share of the rows whose date and time can be read
-EARTH_M, FLATTENING = 6378137.0, 1 / 298.257223563  # WGS 84
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ class DatedReader:
         }
         columns = {STAMP_COLUMN: _stamps(texts, names, path)}
         columns |= {name: _column(text) for name, text in texts.items()}
-        columns |= _from_first_fix(columns, names)
+        columns |= _metres(columns, names)
         units = {(TABLE, name): unit for name, unit in names}
         units |= dict.fromkeys([(TABLE, "north_m"), (TABLE, "east_m")], "m")
         notes = (f"{lost} lines do not have the fields of the first one",) if lost else ()
@@ -114,28 +113,13 @@ def _column(texts: pd.Series) -> np.ndarray:
     return texts.to_numpy(dtype=object)
 
 
-def _from_first_fix(
-    columns: dict[str, np.ndarray], names: list[tuple[str, str]]
-) -> dict[str, np.ndarray]:
-    """North and east in m by the radii of curvature at the first fix (WGS 84)."""
-    own = [_find(names, wanted) for wanted in (LATITUDE, LONGITUDE)]
+def _metres(columns: dict[str, np.ndarray], names: list[tuple[str, str]]) -> dict[str, np.ndarray]:
+    """North and east in m, where there are latitude and longitude in degrees."""
+    own = [_find(names, wanted) for wanted in NAMES.values()]
     if None in own or any(columns[name or ""].dtype == object for name in own):
         return {}
-    lat, lon = (columns[name or ""] for name in own)
-    fixed = np.isfinite(lat) & np.isfinite(lon) & ((lat != 0) | (lon != 0))  # 0, 0: no fix
-    if not fixed.any():
-        return {}
-    first = int(np.argmax(fixed))
-    e2 = FLATTENING * (2.0 - FLATTENING)
-    w = 1.0 - e2 * np.sin(np.deg2rad(lat[first])) ** 2
-    meridian, across = EARTH_M * (1.0 - e2) / w**1.5, EARTH_M / np.sqrt(w)
-    ahead = np.deg2rad(lat - lat[first]) * meridian
-    turn = (lon - lon[first] + 180.0) % 360.0 - 180.0
-    aside = np.deg2rad(turn) * across * np.cos(np.deg2rad(lat[first]))
-    return {
-        "north_m": np.where(fixed, ahead, np.nan),
-        "east_m": np.where(fixed, aside, np.nan),
-    }
+    north, east = from_first_fix(*(np.deg2rad(columns[name or ""]) for name in own))
+    return {} if np.isnan(north).all() else {"north_m": north, "east_m": east}
 
 
 READER = DatedReader()

@@ -41,6 +41,7 @@ UNITS = {  # of the fields that maneuvering needs, as the IMC definition has the
     "SetServoPosition": {"value": "rad"},
     "Rpm": {"value": "rpm"},
     "Depth": {"value": "m"},
+    "GpsFix": dict.fromkeys(("lat", "lon"), "rad"),
 }
 
 

@@ -9,7 +9,8 @@ from container_world import write_csv
 from auvident.errors import InputError
 from auvident.schema.logs import ColumnMap
 from auvident.storage.log_file import looks_like_log, open_logs, stem
-from auvident.storage.logs import read_trials
+from auvident.storage.log_inspect import inspect_log
+from auvident.storage.logs import read_column_map, read_trials
 from auvident.storage.readers import registry
 from auvident.storage.readers.interface import in_memory
 
@@ -179,3 +180,48 @@ def test_a_recording_beside_its_tables_is_left_aside_and_told(lab):
         table.rename(folder / f"offsets_{table.name}").write_text("x,y\n1,2\n")
     (trial,) = read_trials([folder], ColumnMap.model_validate(MAP))
     assert trial.name == path.stem
+
+
+LAT, LON = 36.8 + 1e-5 * np.arange(150), -121.9 + 1e-5 * np.arange(150)
+FIX = {"timestamp_ns": START_NS + np.arange(150) * 200_000_000}
+
+
+@pytest.mark.parametrize(
+    ("topic", "fields", "scale"),
+    [
+        ("/gps/fix", ("latitude", "longitude"), 1.0),  # sensor_msgs/NavSatFix
+        ("/odometry", ("pose.position.latitude", "pose.position.longitude"), 1.0),
+        ("vehicle_gps_position", ("lat", "lon"), 1e7),  # PX4 before 1.14
+        ("GPS[0]", ("Lat", "Lng"), 1.0),
+        ("nav", ("NAV_LAT", "NAV_LONG"), 1.0),
+    ],
+)
+def test_a_topic_of_fixes_is_proposed_as_the_position(lab, tmp_path, topic, fields, scale):
+    path, reader = lab
+    columns = {fields[0]: np.rint(scale * LAT) if scale > 1 else LAT}
+    columns[fields[1]] = np.rint(scale * LON) if scale > 1 else LON
+    reader.content[topic] = FIX | columns
+    (tmp_path / "MAP.toml").write_text(inspect_log(path).proposed_map)
+    mapping = read_column_map(tmp_path / "MAP.toml")
+    assert mapping.position.topic == topic
+    (trial,) = read_trials([path], mapping, needed=())
+    north = trial.sensors["position"].values["north_m"]
+    assert north[-1] == pytest.approx(149e-5 * 110974, abs=0.05)  # a degree at 36.8 N
+
+
+def test_a_position_in_metres_is_proposed_before_fixes(lab):
+    path, reader = lab
+    reader.content["/gps/fix"] = FIX | {"latitude": LAT, "longitude": LON}
+    metres = FIX | {"position.x": np.arange(150.0), "position.y": np.arange(150.0)}
+    reader.content["/pose"] = {key: values[::2] for key, values in metres.items()}
+    assert 'topic = "/pose"' in inspect_log(path).proposed_map
+
+
+def test_fixes_in_several_topics_are_left_alone_and_told(lab):
+    path, reader = lab
+    for topic in ("sensor_gps", "vehicle_gps_position"):
+        reader.content[topic] = FIX | {"latitude_deg": LAT, "longitude_deg": LON}
+    (trial,) = read_trials([path], ColumnMap.model_validate(MAP))
+    assert "position" not in trial.sensors
+    (finding,) = trial.findings
+    assert '[position] topic = "sensor_gps"' in finding.remedy
