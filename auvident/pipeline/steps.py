@@ -132,10 +132,7 @@ def _shared(first: "IdentifiedModel | None") -> "Shared | None":
 
 
 def _first_model(given: Given) -> "IdentifiedModel | None":
-    """The identified model of the first plane of the run, None in that plane.
-
-    Also for the refinement, so that a model before and after it differ in the effects alone.
-    """
+    """The identified model of the first plane of the run, None in that plane."""
     return given.within(given.planes[0]).model if given.is_beside else None
 
 
@@ -189,8 +186,11 @@ def diagnose(given: Given) -> dict[str, Any]:
     """Trace what the model does not explain to an effect that it lacks."""
     announce_compilation(given.observer, given.model.filter)
     from auvident.stages.diagnose import diagnose as trace
+    from auvident.stages.diagnose import told_by
     from auvident.stages.identify import prepare, without_held_out
 
+    first = given.former.get("diagnose/diagnosis.json") if given.is_beside else None
+    told = told_by(first, given.maneuvers) if first else []
     setup = prepare(
         given.trials,
         given.maneuvers,
@@ -201,7 +201,8 @@ def diagnose(given: Given) -> dict[str, Any]:
         plan=identifying_plan(given),
         filter=given.model.filter,
         engine=given.model.engine,
-        shared=_shared(_first_model(given)),
+        # a model that lacks what was found has it in its drag and thrust
+        shared=None if told else _shared(_first_model(given)),
     )
     seen = [without_held_out(t, given.maneuvers, given.model.plane) for t in given.trials]
     result = trace(
@@ -210,6 +211,7 @@ def diagnose(given: Given) -> dict[str, Any]:
         given.vehicle,
         setup,
         given.model,
+        told=told,
         seed=given.seed or 0,
         progress=given.observer.progress,
     )
@@ -306,7 +308,7 @@ def _identified_again(given: Given, filter: str, carried: Any) -> "_Again":
         filter=filter,
         engine=given.model.engine,
         carried=carried,
-        shared=_shared(_first_model(given)),
+        shared=_shared(given.former.get("refine/model.json") or _first_model(given)),
         progress=given.observer.progress,
     )
     return result, predict_again(

@@ -52,6 +52,7 @@ def given(name: str, trials: list[Trial], **more: Any) -> Any:
         observer=Observer(),
         manifest=None,
         is_beside=False,
+        former={},
         plane=None,
         kept={},
         table=lambda name: pd.DataFrame(),

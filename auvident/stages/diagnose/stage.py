@@ -58,6 +58,7 @@ def diagnose(
     setup: Setup,
     model: IdentifiedModel,
     *,
+    told: Sequence[SensorCheck] = (),
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Diagnosed:
@@ -72,6 +73,8 @@ def diagnose(
     setup : Setup
         Of the identification.
     model : IdentifiedModel
+    told : sequence of SensorCheck
+        What was found of effects in the other plane (`told_by`).
     seed : int
         Of sign flips and bootstrap.
     progress : callable, optional
@@ -83,8 +86,11 @@ def diagnose(
     NumericsError
         The model runs away in a maneuver.
     """
+    tell = progress or untold
+    tell("sensors held against each other", None)
     try:
-        return _diagnosed(trials, maneuvers, vehicle, setup, model, seed, progress or untold)
+        case = case_of(setup, model, [*told, *CHECKS[model.plane](trials, vehicle)])
+        return _diagnosed(trials, maneuvers, case, model, seed, tell)
     except np.linalg.LinAlgError as error:
         raise NumericsError(
             f"the fits of the residual are singular ({error})",
@@ -95,15 +101,12 @@ def diagnose(
 def _diagnosed(
     trials: Sequence[Trial],
     maneuvers: Maneuvers,
-    vehicle: Vehicle,
-    setup: Setup,
+    case: Case,
     model: IdentifiedModel,
     seed: int,
     tell: Progress,
 ) -> Diagnosed:
-    tell("sensors held against each other", None)
-    case = case_of(setup, model, CHECKS[model.plane](trials, vehicle))
-    there, missing = testable(setup, case.records)
+    there, missing = testable(case.setup, case.records)
     candidates = tuple(e.id for e in there if not e.nuisance)
     search = Search(case, candidates, np.random.default_rng(seed), told=Telling(tell))
     headings = headings_of(case)
