@@ -8,6 +8,7 @@ from auvident.schema.diagnosis import Diagnosis
 from auvident.schema.likeness import separated_by
 from auvident.schema.loop_statements import remaining_of, statement
 from auvident.stages.diagnose.select.candidates import Traced
+from auvident.stages.diagnose.select.rules import LEAST_GAIN
 from auvident.stages.diagnose.verdict.candidates import candidate_rows
 from auvident.stages.diagnose.verdict.carried import carried
 from auvident.stages.diagnose.verdict.checks import checks, correlate
@@ -71,10 +72,11 @@ def diagnosis_of(evidence: Evidence, model: IdentifiedModel) -> Diagnosis:
 
 
 def _remainder(evidence: Evidence, left: Sequence[str], nearest: str | None) -> dict[str, Any]:
-    """What is left, and what it follows."""
-    forces = [f for f in (evidence.rival, *evidence.free) if f is not None and f.gain > 0.0]
+    """What is left, and what it follows: forces that an effect would be asked for, each once."""
+    tried = [f for f in (evidence.rival, *evidence.free) if f is not None]
+    forces = {(f.axis, f.regressor): f for f in reversed(tried) if f.gain >= LEAST_GAIN}
     return {
-        "correlates": [correlate(evidence.traced.case, f) for f in forces],
+        "correlates": [correlate(evidence.traced.case, f) for f in reversed(forces.values())],
         "nearest": nearest,
         "channels": list(left),
     }

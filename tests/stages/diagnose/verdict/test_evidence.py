@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +18,7 @@ from auvident.stages.diagnose.select.candidates import Round, Traced, Tried
 from auvident.stages.diagnose.select.records import Account
 from auvident.stages.diagnose.select.rule import Refusal
 from auvident.stages.diagnose.verdict.carried import carried
-from auvident.stages.diagnose.verdict.document import diagnosis_of
+from auvident.stages.diagnose.verdict.document import _remainder, diagnosis_of
 from auvident.stages.diagnose.verdict.evidence import (
     RATE_NRMSE,
     VELOCITY_NRMSE,
@@ -184,3 +186,11 @@ def test_what_came_closest_is_told_where_nothing_is_named(code: str, named: bool
     assert (quiet.remaining.get("nearest") == "gyro_bias") == named
     loud = said(replace(whole, traced=traced, free=(force(700.0),)))
     assert (loud.verdict, loud.unexplained["nearest"] == "gyro_bias") == ("unexplained", named)
+
+
+def test_what_is_left_follows_each_thing_once_and_nothing_of_a_few_nats() -> None:
+    forces = [force(930.0), replace(force(500.0), axis="Y"), replace(force(3.0), axis="X")]
+    traced: Any = SimpleNamespace(case=SimpleNamespace(channels=("u", "v", "r")))
+    evidence: Any = SimpleNamespace(rival=force(700.0), free=forces, traced=traced)
+    rows = _remainder(evidence, ["r"], None)["correlates"]
+    assert [(r["axis"], r["gain"]) for r in rows] == [("N", 700.0), ("Y", 500.0)]
