@@ -248,7 +248,8 @@ FAIL_ABOVE = click.option(
     multiple=True,
     metavar="CHANNEL=RMSE",
     shell_complete=completing("channels"),
-    help="Exit with code 1 if the held-out RMSE of a channel is larger; repeatable.",
+    help="Exit with code 1 if the held-out RMSE of a channel is larger; in SI units, also "
+    "heading and pitch (rad); repeatable.",
 )
 SEED = click.option(
     "--seed",

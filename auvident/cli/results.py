@@ -29,8 +29,8 @@ MOST_SAMPLES = 10_000  # of a band: its edge is then known to 1 % of its width
 # of the files in RUN/simulate, by the folder that the model stands in
 MADE_OF = {BESIDE: f"-{BESIDE}", "combine": "-whole"}
 OF_MODELS_ALONE = (
-    "The band holds 95 % of the sampled models, not of the readings (no maneuver left out tells of "
-    "the errors of sensors and equations), of "
+    "the band holds 95 % of the sampled models, not of the readings: no maneuver left out tells of "
+    "the errors of sensors and equations."
 )
 
 
@@ -245,7 +245,7 @@ def _predict(
             watch.note(f"{len(made.table)} rows written to {file} (model: {made.model_file})")
         bare = [c for c in made.of_coefficients if f"{c}_low" in made.table]
         if bare:
-            watch.note(f"{OF_MODELS_ALONE}{', '.join(bare)}.")
+            watch.note(f"{', '.join(bare)}: {OF_MODELS_ALONE}")
     if output.json:
         columns = {name: values.tolist() for name, values in made.table.items()}
         simulation = {"schema": "auvident/simulation/1", "trial": made.trial, "columns": columns}

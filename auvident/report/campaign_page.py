@@ -76,7 +76,7 @@ def _vehicle(
         "parameters": tables.pooled_parameters(model) if model else None,
         "findings": vehicle.findings,
         "heads": ("trial", "began", "result", *(f"NRMSE {c}" for c in channels), "from data",
-                  "fits", "pooled"),
+                  "distance", "pooled"),
         "lines": [_line(t, channels) for t in own],
     }  # fmt: skip
 

@@ -213,9 +213,15 @@ def _log_title(file: Any) -> str:
     clock = f"time in {file.time_column!r}" if file.time_column else "no time column"
     rate = f", {number(file.rate_hz, 4)} Hz" if file.rate_hz else ""
     span = "" if file.start_s is None else f", {file.start_s:.1f} to {file.end_s:.1f} s"
-    gaps = f", {file.gaps} gaps of up to {file.longest_gap_s:.3g} s" if file.gaps else ""
+    gaps = f", {_gaps(file.gaps, file.longest_gap_s)}" if file.gaps else ""
     kind = f" ({file.kind})" if file.kind else ""
     return f"{file.file}{kind}: {file.rows} rows, {clock}{rate}{span}{gaps}"
+
+
+def _gaps(count: int, longest_s: float) -> str:
+    return (
+        f"1 gap of {longest_s:.3g} s" if count == 1 else f"{count} gaps of up to {longest_s:.3g} s"
+    )
 
 
 def _log_columns(file: Any) -> RenderableType:

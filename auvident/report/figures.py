@@ -24,6 +24,7 @@ Array = npt.NDArray[np.float64]
 
 WIDTH_IN = 11.8  # of a figure over the whole page
 MOST_POINTS = 1600  # of a line: about twice the pixels of a panel
+LONGEST_STEPS = 3.5  # of a sensor that a line bridges: three lost samples are a hole
 
 # Colour in the drawing -> variable of the page. The first four are ink and paper; the others,
 # after Okabe and Ito, are told apart by all common kinds of colour vision.
@@ -152,6 +153,21 @@ def thinned(t: Array, *columns: Array) -> tuple[Array, ...]:
     rows = np.unique(np.concatenate([[0, n - 1], low, high, *holes]))
     rows = rows[rows < n].astype(int)
     return (t[rows], *(c[rows] for c in columns))
+
+
+def unbridged(t: Array, y: Array) -> tuple[Array, Array]:
+    """A line over its finite points, with a hole where the readings pause.
+
+    A sensor slower than the rows leaves empty rows between its samples; those are passed over.
+    A pause of more than `LONGEST_STEPS` of its steps gets a nan, which breaks the line.
+    """
+    seen = np.isfinite(y)
+    t, y = t[seen], y[seen]
+    steps = np.diff(t)
+    if not steps.size:
+        return t, y
+    breaks = np.flatnonzero(steps > LONGEST_STEPS * np.median(steps)) + 1
+    return np.insert(t, breaks, t[breaks - 1]), np.insert(y, breaks, np.nan)
 
 
 def limits(inside: Array, beyond: Array, most: float = 0.6) -> tuple[float, float]:

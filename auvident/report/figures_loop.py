@@ -24,6 +24,7 @@ from auvident.report.figures import (
     quiet,
     svg,
     thinned,
+    unbridged,
 )
 from auvident.report.figures_coefficients import FOREST_REACH, dots
 from auvident.report.figures_prediction import BAND_OPACITY, covered
@@ -74,7 +75,11 @@ def gains(candidates: Sequence[Candidate], name: str) -> str | None:
 
 
 def before_after(
-    table: pd.DataFrame, name: str, bands: pd.DataFrame | None = None, final: bool = True
+    table: pd.DataFrame,
+    name: str,
+    bands: pd.DataFrame | None = None,
+    final: bool = True,
+    effects: bool = True,
 ) -> str | None:
     """The most affected channels in one or two maneuvers, with the residual below each.
 
@@ -88,10 +93,14 @@ def before_after(
         ``refine/simulation.parquet`` or ``validate/simulation.parquet``, for the 95 % band.
     final : bool
         Whether the band is that of the model with the effects.
+    effects : bool
+        Whether there are any; the prediction with them is not drawn where there are none.
     """
     falls = squared_falls(table)
     if falls.empty:
         return None
+    if not effects:
+        table = table.drop(columns=[c for c in table.columns if str(c).endswith("_after")])
     channels, maneuvers = most_affected(falls, table)
     figure = new_figure(0.7 + 2.1 * len(channels))
     height = figure.get_figheight()
@@ -209,10 +218,8 @@ def _panel(upper: Axes, lower: Axes, rows: pd.DataFrame, column: str) -> None:
 
 
 def _line(axes: Axes, time: np.ndarray, y: np.ndarray, look: tuple[Any, ...]) -> None:
-    seen = np.isfinite(y)  # a sensor slower than the rows leaves holes between its samples
     colour, dashes, width, opacity = look
-    kept = thinned(time[seen], y[seen])
-    axes.plot(*kept, color=colour, ls=dashes, lw=width, alpha=opacity)
+    axes.plot(*thinned(*unbridged(time, y)), color=colour, ls=dashes, lw=width, alpha=opacity)
 
 
 def _legend(figure: Figure, with_after: bool, with_band: bool, final: bool) -> None:

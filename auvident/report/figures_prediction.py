@@ -20,6 +20,7 @@ from auvident.report.figures import (
     quiet,
     svg,
     thinned,
+    unbridged,
 )
 from auvident.report.html_data import CHANNELS, number, percent, quantity
 from auvident.report.numbers import SHOWN_UNITS
@@ -40,6 +41,8 @@ ENDS = ("lo", "hi")
 MEASURED_OPACITY = 0.45  # so that the model on top of it is seen
 LEAST_HELM_DEG = 1.0  # span of the axis: a constant helm is no noise
 RIBBON_POINTS = 120
+FULL_TURN_RAD = 2.0 * np.pi
+ONCE_ROUND_WORDS = " (of the track: its first turn)"
 WITH_TRACK = 0.64  # share of the width left to the channels
 
 
@@ -95,7 +98,9 @@ def prediction(
     if has_track:
         _track(figure, table, after, before, prior)
     ends = {str(c).rpartition("_")[2] for c in table.columns}
-    _legend(figure, prior, "refined" in ends, "hi" in ends)
+    cut = has_track and not _once_round(table).all()
+    words = BAND_WORDS + ONCE_ROUND_WORDS * cut if "hi" in ends else ""
+    _legend(figure, prior, "refined" in ends, words)
     return svg(figure, name, _caption(table, after, rows))
 
 
@@ -167,9 +172,9 @@ def _channel(axes: Axes, time: np.ndarray, table: pd.DataFrame, column: str, uni
             continue
         y = table[f"{column}_{ending}"].to_numpy(float) * factor - start
         values[ending] = y
-        seen = np.isfinite(y)  # a sensor slower than the rows leaves holes between its samples
         opacity = MEASURED_OPACITY if ending == "measured" else 1.0
-        axes.plot(*thinned(time[seen], y[seen]), color=colour, ls=dashes, lw=width, alpha=opacity)
+        line = thinned(*unbridged(time, y))
+        axes.plot(*line, color=colour, ls=dashes, lw=width, alpha=opacity)
     inside = np.concatenate([band, *(values[e] for e in values if e != "ase")])
     axes.set_ylim(*limits(inside, values.get("ase", np.array([]))))
     axes.locator_params(axis="y", nbins=5)
@@ -235,7 +240,10 @@ def _track(
     axes = figure.add_axes((WITH_TRACK + 0.075, 0.22, 0.995 - WITH_TRACK - 0.075, 0.6))
     if {f"{axis}_m_{end}" for axis in ("north", "east") for end in ENDS} <= set(table):
         band = PolyCollection(
-            list(_ribbon(table)), color=_band_colour(table), alpha=BAND_OPACITY, lw=0.0
+            list(_ribbon(table[_once_round(table)])),
+            color=_band_colour(table),
+            alpha=BAND_OPACITY,
+            lw=0.0,
         )
         axes.add_collection(band, autolim=False)
     for ending, colour, dashes, width, _ in LINES:
@@ -261,6 +269,15 @@ def _track(
         if before and "track" in before.channels:
             text += f", {prior} {quantity(before.channels['track'].rmse, 'm')}"
         axes.set_title(text, fontsize=8.5)
+
+
+def _once_round(table: pd.DataFrame) -> np.ndarray:
+    """Rows of a track up to its first full turn; a band that goes on would lie over itself."""
+    heading = "heading_rad_simulated"
+    if heading not in table:
+        return np.ones(len(table), dtype=bool)
+    turned = np.abs(table[heading] - table[heading].iloc[0]).to_numpy(float)
+    return np.maximum.accumulate(np.nan_to_num(turned)) <= FULL_TURN_RAD
 
 
 def _ribbon(table: pd.DataFrame) -> np.ndarray:
@@ -296,7 +313,7 @@ def _square(axes: Axes, east: np.ndarray, north: np.ndarray) -> None:
     axes.locator_params(nbins=6)
 
 
-def _legend(figure: Figure, prior: str, refined: bool, band: bool) -> None:
+def _legend(figure: Figure, prior: str, refined: bool, band: str) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -315,7 +332,7 @@ def _legend(figure: Figure, prior: str, refined: bool, band: bool) -> None:
     ]
     if band:
         colour = GREEN if refined else BLUE
-        patch = Patch(color=colour, alpha=BAND_OPACITY, lw=0.0, label=BAND_WORDS)
+        patch = Patch(color=colour, alpha=BAND_OPACITY, lw=0.0, label=band)
         handles.insert(3 if refined else 2, patch)  # behind the line that it is about
     figure.legend(
         handles=handles,

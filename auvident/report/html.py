@@ -309,7 +309,9 @@ def _plane_tables(report: ReportData) -> dict[str, Any]:
         "figure_tables": [
             table
             for kind in ("turn", "zigzag")
-            for table in tables_figures.figure_tables(report.finally_held_out(), kind)
+            for table in tables_figures.figure_tables(
+                report.finally_held_out(), kind, model.plane if model else "horizontal"
+            )
         ],
         "horizons": tables_run.errors_by_horizon(final) if final and final.horizons else None,
         "beyond": beyond(metrics.extrapolation) if metrics else [],

@@ -97,9 +97,10 @@ def figures(report: ReportData) -> dict[str, list[str | None]]:
 
     found = report.comparison or report.diagnosis
     table = report.residuals
+    named = found is not None and bool(found.effects or found.ambiguous)
     return {
         "gains": [gains(found.candidates, f"gains{report.tag}")] if found else [],
-        "before_after": [before_after(table, f"beforeafter{report.tag}", *_bands(report))]
+        "before_after": [before_after(table, f"beforeafter{report.tag}", *_bands(report), named)]
         if table is not None
         else [],
         "forces": [unknown_force(table, f"forces{report.tag}")] if table is not None else [],

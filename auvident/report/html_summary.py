@@ -46,7 +46,7 @@ NEEDED_FOR: dict[Group, str] = {
     "drag": "speed at other thrust",
     "thrust": "speed at other thrust",
     "turning_drag": "loss of speed in maneuvers",
-    "inertia": "quick changes of the helm",
+    "inertia": "quick moves of the fin",
     "lift": "drift and damping",
     "cross_flow": "large angles of incidence and tight turns",
     "control": "the effect of the fin",

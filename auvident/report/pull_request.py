@@ -20,6 +20,7 @@ from auvident.schema.outcome import (
     severity,
 )
 from auvident.schema.quoting import clipped, comment
+from auvident.schema.spin import share
 
 ENDS = {
     0: "passed",
@@ -117,7 +118,10 @@ def _row(e: HeldOutError, limit: float | None, refined: bool, limited: bool) -> 
     last = e.identified if e.refined is None else e.refined
     cells = [escaped(e.channel), escaped(e.unit), number(e.geometry), number(e.identified)]
     cells += [number(e.refined)] * refined
-    cells += [number(e.nrmse), "" if e.covered is None else f"{100.0 * e.covered:.0f} %"]
+    cells += [
+        number(share(e.channel, last, e.nrmse)),
+        "" if e.covered is None else f"{100.0 * e.covered:.0f} %",
+    ]
     met = limit is not None and last is not None and last <= limit
     shown = "" if limit is None else f"{limit:g}" if met else f"**{limit:g}, not met**"
     return cells + [shown] * limited

@@ -6,6 +6,7 @@ from auvident.report.tables import Column, Fixed, Number, Rows, Table, Unit, Wit
 from auvident.schema.campaign import CampaignResult, CampaignTrial
 from auvident.schema.changes import Changes, LeftOutTrialError
 from auvident.schema.pooled import PooledModel, PooledParameter, PooledTrial
+from auvident.schema.spin import share
 
 NO_CHANGE = "No change of the vehicle stands out from chance"
 DISAGREE = 0.01
@@ -126,12 +127,14 @@ def no_change(found: Changes) -> str:
 
 def campaign_trials(result: CampaignResult) -> Table:
     """Every trial: what came of it, its errors, whether it fits the others."""
-    channels = list(dict.fromkeys(c for t in result.trials for c in t.nrmse))[:4]
+    shares = [_shares(t) for t in result.trials]
+    channels = list(dict.fromkeys(c for own in shares for c in own))[:4]
+    dated = any(t.date for t in result.trials)
     heads = (
-        *columns(("vehicle", "trial", "state", "began")),
+        *columns(("vehicle", "trial", "state", *("began",) * dated)),
         Column("result"),
         *columns(numbers=tuple(f"NRMSE {c}" for c in channels)),
-        *columns(numbers=("from data", "fits")),
+        *columns(numbers=("from data", "distance (1 by chance)")),
         Column("pooled"),
     )
     rows: Rows = [
@@ -139,16 +142,22 @@ def campaign_trials(result: CampaignResult) -> Table:
             t.vehicle,
             t.trial,
             t.state,
-            t.date.replace("T", " ")[:16],
+            *(t.date.replace("T", " ")[:16],) * dated,
             outcome(t),
-            *(Number(t.nrmse.get(c), 2) for c in channels),
+            *(Number(own.get(c), 2) for c in channels),
             f"{t.from_data} of {t.coefficients}" if t.coefficients else "",
             Number(t.fits, 2),
             ("yes" if t.pooled else "no") if t.verdict else "",
         ]
-        for t in result.trials
+        for t, own in zip(result.trials, shares, strict=True)
     ]
     return Table(heads, rows, "Trials of the campaign")
+
+
+def _shares(t: CampaignTrial) -> dict[str, float]:
+    """The NRMSE of a trial by channel; not that of a heading that turned round and round."""
+    found = {c: share(c, t.rmse.get(c), value) for c, value in t.nrmse.items()}
+    return {c: value for c, value in found.items() if value is not None}
 
 
 def outcome(t: CampaignTrial) -> str:

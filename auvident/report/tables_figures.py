@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from auvident.report.numbers import Style
 from auvident.report.tables import Cell, Rows, Table, columns
 from auvident.schema.artifacts import ManeuverMetrics
+from auvident.schema.planes import BY_PLANE, Plane
 
 MOST_COLUMNS = 5  # maneuvers side by side in one table of figures
 OVERSHOOTS_SHOWN = 2  # the others of a long zigzag as their mean
@@ -28,10 +29,10 @@ TURN_FIGURES = {
     "heading_change_deg": ("change of heading", "deg"),
 }
 ZIGZAG_FIGURES = {
-    "rudder_deg": ("rudder or elevator angle", "deg"),
+    "rudder_deg": ("{fin} angle", "deg"),
     "switch_deg": ("switching angle", "deg"),
     "initial_turning_time_s": ("initial turning time", "s"),
-    "time_to_check_yaw_s": ("time to check yaw or pitch", "s"),
+    "time_to_check_yaw_s": ("time to check {turn}", "s"),
     "overshoot_1_deg": ("1st overshoot", "deg"),
     "overshoot_2_deg": ("2nd overshoot", "deg"),
     "later_overshoots_deg": ("later overshoots, mean", "deg"),
@@ -40,14 +41,17 @@ ZIGZAG_FIGURES = {
 }
 
 
-def figure_tables(metrics: Sequence[ManeuverMetrics], kind: str) -> Iterator[Table]:
+def figure_tables(
+    metrics: Sequence[ManeuverMetrics], kind: str, plane: Plane = "horizontal"
+) -> Iterator[Table]:
     """Figures of turns or zigzags, measured and simulated, maneuvers side by side."""
     words = TURN_FIGURES if kind == "turn" else ZIGZAG_FIGURES
+    own = {"fin": BY_PLANE[plane].fin, "turn": "yaw" if plane == "horizontal" else "pitch"}
     found = [(m.id, getattr(m, kind)) for m in metrics if m.kind == kind and getattr(m, kind)]
     for start in range(0, len(found), MOST_COLUMNS):
         piece = [(i, _condensed(f)) for i, f in found[start : start + MOST_COLUMNS]]
         rows: Rows = [
-            [label, unit, *(Change.of(figures, name) for _, figures in piece)]
+            [label.format(**own), unit, *(Change.of(figures, name) for _, figures in piece)]
             for name, (label, unit) in words.items()
             if any(name in side for _, figures in piece for side in figures.values())
         ]

@@ -303,7 +303,9 @@ def runs_side_by_side(compared: Mapping[str, Any]) -> list[Table]:
         for r in compared["coefficients"]
     ]
     effects: Rows = [[r["symbol"], r["unit"], *_values(r)] for r in compared["effects"]]
-    errors: Rows = [[r["channel"], r["unit"], *_errors(r)] for r in compared["held_out"]]
+    errors: Rows = [
+        [r["channel"], Unit(r["unit"], converted=True), *_errors(r)] for r in compared["held_out"]
+    ]
     heads = columns(("", "unit"), names)
     first = Table(
         (*heads, *columns(numbers=("difference, std",))), values, "Coefficients (value ± std)"
@@ -324,4 +326,10 @@ def _values(row: Mapping[str, Any]) -> list[Cell]:
 def _errors(row: Mapping[str, Any]) -> list[Cell]:
     """Error and normalised error of every run; empty where it has none."""
     pairs = zip(row["rmse"], row["nrmse"], strict=True)
-    return ["" if rmse is None else beside(rmse, nrmse) for rmse, nrmse in pairs]
+    return ["" if rmse is None else _error(row, rmse, nrmse) for rmse, nrmse in pairs]
+
+
+def _error(row: Mapping[str, Any], rmse: float, nrmse: float | None) -> Cell:
+    """``RMSE (NRMSE)`` of a channel; the first alone for a heading that turned round and round."""
+    own, part = Number(rmse, 3, row["unit"]), share(row["channel"], rmse, nrmse)
+    return own if part is None else Joined((own, Number(part, 3, before="(", behind=")")), " ")

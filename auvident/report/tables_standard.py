@@ -105,8 +105,8 @@ def _caption(found: StandardManeuvers) -> str:
     first = found.maneuvers[0]
     text = (
         f"Flown with the final model from a straight run at {first.speed_mps:.3g} m/s, L = "
-        f"{first.length_m:.4g} m; fin: {first.servo}. Intervals: {first.models_drawn} models drawn "
-        "from its covariance."
+        f"{first.length_m:.4g} m; servo of the fin: {first.servo}. Intervals: "
+        f"{first.models_drawn} models drawn from its covariance."
     )
     beyond = [
         _order(r)

@@ -70,7 +70,11 @@ def test_without_a_change_the_largest_residual_is_drawn(table: pd.DataFrame) -> 
     bare = table.drop(columns=[c for c in table if c.endswith("_after")])
     with style():
         text = before_after(bare, "figure")
+        none_named = before_after(table, "figure", effects=False)
+        named = before_after(table, "figure")
     assert text and "predicted, identified model" in text and "with the effects" not in text
+    assert none_named and "with the effects" not in none_named
+    assert named and "with the effects" in named
 
 
 def test_holes_and_foreign_columns_do_no_harm(table: pd.DataFrame) -> None:

@@ -6,10 +6,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from auvident.report.figures import MOST_POINTS, limits, new_figure, style, svg, thinned
+from auvident.report.figures import (
+    MOST_POINTS,
+    limits,
+    new_figure,
+    style,
+    svg,
+    thinned,
+    unbridged,
+)
 from auvident.report.figures_coefficients import forest
 from auvident.report.figures_joined import groups, joined
-from auvident.report.figures_prediction import _ribbon, covered, prediction
+from auvident.report.figures_prediction import _once_round, _ribbon, covered, prediction
 from auvident.report.figures_trial import timeline, track
 from auvident.schema.artifacts import (
     ChannelMetrics,
@@ -67,6 +75,24 @@ def test_thinning_keeps_ends_and_extremes() -> None:
     assert (values.max(), values.min()) == (9.0, -9.0)
     assert np.all(np.diff(kept) > 0.0)
     np.testing.assert_array_equal(other, 2.0 * values)
+
+
+def test_a_line_is_broken_where_the_readings_pause_and_not_between_slow_ones() -> None:
+    t = np.arange(100) / 10.0
+    y = np.where(np.arange(100) % 2, np.nan, 1.0)  # every other row
+    y[40] = np.nan  # one lost sample
+    y[60:72] = np.nan
+    at, line = unbridged(t, y)
+    assert np.flatnonzero(np.isnan(line)).tolist() == [29]
+    assert (at[28], at[30]) == (5.8, 7.2)
+    assert all(len(x) == 0 for x in unbridged(t, np.full(100, np.nan)))
+
+
+def test_the_band_of_the_track_ends_with_its_first_turn() -> None:
+    turning = pd.DataFrame({"heading_rad_simulated": 3.0 + 0.1 * np.arange(200)})
+    assert _once_round(turning).sum() == 63  # 2 pi / 0.1
+    assert _once_round(-turning).sum() == 63
+    assert _once_round(pd.DataFrame({"time_s": range(5)})).all()
 
 
 def test_thinning_keeps_holes() -> None:

@@ -113,7 +113,7 @@ def _findings(
         value=found.p,
         threshold=UNLIKELY,
         message=f"the data and the prior contradict each other: chi-square {found.chi_square:.0f} "
-        f"with {found.directions} degrees of freedom (probability)",
+        f"with {found.directions} degrees of freedom",
         remedy="Check the vehicle file, or give the coefficients that are surely off a larger "
         "standard deviation under [coefficients].",
     )

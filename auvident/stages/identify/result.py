@@ -207,8 +207,9 @@ def _combination(direction: Direction, symbols: Sequence[str]) -> Combination:
             "identifiable, from any trial; the prior sets the scale"
         )
     else:
+        pair = "heave and pitch" if equations & {"Z", "M"} else "sway and yaw"
         meaning = (
-            "linear combination of the two lateral equations (any matrix times the mass "
+            f"linear combination of the {pair} equations (any matrix times the mass "
             "matrix): not identifiable from any trial; its value comes from the prior"
         )
     return Combination(
@@ -369,7 +370,7 @@ def _findings(
                     where=row.symbol,
                     value=row.data_share,
                     threshold=NOT_MOVED,
-                    message="not identified by these maneuvers: its value "
+                    message="not identified by these maneuvers: the value "
                     + ("is that of the prior" if row.symbol in BY_SYMBOL else RESTS_ON_FILE),
                 )
             )
@@ -383,7 +384,7 @@ def _findings(
                         where=row.symbol,
                         value=ratio,
                         threshold=DISAGREE,
-                        message="the maneuvers disagree about it: its standard deviation "
+                        message="the maneuvers disagree: the standard deviation "
                         "includes their scatter",
                         remedy="An effect that the model lacks may act differently in them.",
                     )
