@@ -122,3 +122,12 @@ def test_readings_in_a_gap_of_the_roll_rate_stay_as_logged():
     assert v[within] == pytest.approx(logged[within], abs=1e-9)
     expected = np.interp(t, still.time_s, still.values["v_mps"])
     assert v[away] == pytest.approx(expected[away], abs=1e-9)
+
+
+def test_a_sway_that_never_changes_is_told_and_not_made_to_move():
+    raw, own, _ = rolling()
+    dvl = raw.sensors["dvl"]
+    stuck = sensor("dvl", dvl.time_s, **{**dvl.values, "v_mps": np.full(dvl.time_s.size, 0.02)})
+    trial, quality = ingest(with_sensor(raw, stuck), own)
+    assert "constant_channel" in {f.code for f in quality.findings}
+    assert set(trial.table["v_mps"].dropna()) == {0.02}

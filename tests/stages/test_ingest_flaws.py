@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 from auvident.errors import InputError
-from auvident.schema.channels import NEEDED
+from auvident.schema.channels import BY_COLUMN, NEEDED
 from auvident.schema.logs import DEG, RawTrial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest import ingest
 from auvident.stages.ingest.clean import CleanSensor, clean_trial
+from auvident.stages.ingest.fill_values import find_fills
+from auvident.stages.ingest.pace import Pace
 from auvident.storage.logs import read_trials
 from auvident.storage.vehicle_file import load_vehicle
 
@@ -246,6 +248,45 @@ def test_a_propeller_that_stands_still_for_a_row_is_a_drop_out(name):
     rpm[3000:3050] = 0.0  # 5 s: a stop
     sensors = clean_trial(with_values(raw, {"rpm": rpm}), vehicle, NEEDED)
     assert "fill_value" not in reasons(sensors, "rpm")
+
+
+@pytest.mark.parametrize("name", ["harbour_trial", "bay_trial"])
+def test_a_fin_that_is_at_no_fin_angle_for_a_row_has_spikes(name):
+    raw, vehicle = logged(name)
+    rudder = raw.sensors["rudder"]
+    angle, rng = rudder.values["rudder_rad"].copy(), np.random.default_rng(1)
+    bad = rng.choice(angle.size // 3, angle.size // 100, replace=False) * 3 + 1
+    angle[bad] += 6.0 * np.nanstd(angle) * rng.choice([-1.0, 1.0], bad.size)
+    usual = np.nanmax(np.abs(rudder.values["rudder_rad"]))
+    far = np.count_nonzero(np.abs(angle[bad]) > 1.3 * usual)
+    sensors = clean_trial(with_values(raw, {"rudder_rad": angle}), vehicle, NEEDED)
+    assert reasons(sensors, "rudder_rad")["spike"] >= 0.97 * far  # one may stand in a step
+    assert far >= 0.6 * bad.size
+    good = np.setdiff1d(kept_as_logged(name)["rudder_rad"], rudder.rows[bad])
+    assert np.isin(good, kept(sensors)["rudder_rad"]).all()
+
+
+@pytest.mark.parametrize("name", ["harbour_trial", "bay_trial"])
+def test_commands_that_are_given_and_taken_back_are_no_spikes(name):
+    raw, vehicle = logged(name)
+    angle = raw.sensors["rudder"].values["rudder_rad"].copy()
+    most = np.nanmax(np.abs(angle))
+    angle[300:2000:40] = most  # pulses within the range that it has otherwise
+    sensors = clean_trial(with_values(raw, {"rudder_rad": angle}), vehicle, NEEDED)
+    assert "spike" not in reasons(sensors, "rudder_rad")
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_spike_while_at_rest_makes_no_fill_values_of_its_zeros(turned):
+    t = np.arange(0.0, 400.0, 0.2)
+    u = np.round(np.clip((t - 60.0) * 0.05, 0.0, 1.2), 1)  # at rest for a minute, coarse digits
+    u[100] = 0.9
+    u = u[::-1] if turned else u
+    pace = Pace(length_m=1.5, speed_mps=1.2)
+    assert not find_fills(t, u, BY_COLUMN["u_mps"], pace).any()
+    lost = u.copy()
+    lost[1000:1010] = lost[1200:1210] = 0.0
+    assert find_fills(t, lost, BY_COLUMN["u_mps"], pace)[1000:1010].all()
 
 
 def test_what_was_left_out_is_told_with_its_first_row():

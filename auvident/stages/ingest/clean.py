@@ -8,7 +8,7 @@ from auvident.errors import InputError
 from auvident.schema.channels import BY_COLUMN, Channel
 from auvident.schema.logs import FIRST_FEW, Dropped, RawSensor, RawTrial
 from auvident.schema.vehicle import Vehicle
-from auvident.stages.ingest.drop_outs import find_drop_outs
+from auvident.stages.ingest.drop_outs import find_drop_outs, find_pulses
 from auvident.stages.ingest.fill_values import (
     fill_in_same_rows,
     find_fills,
@@ -219,6 +219,8 @@ def _clean_channel(
             drop("outlier", find_outliers(_unwrapped(values[used], channel)))
             found = find_spikes(time[used], _unwrapped(values[used], channel), channel, pace)
             drop("spike", found)
+        else:
+            drop("spike", find_pulses(time[used], values[used], channel, pace))
     sign = internal_sign(channel, vehicle)
     if channel.is_angle or sign < 0:
         clean = _unwrapped(values[used], channel) * sign

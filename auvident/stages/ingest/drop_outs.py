@@ -1,4 +1,4 @@
-"""Inputs that drop out for a row or two: a propeller at 600, 0 and 600 rpm in 0.2 s.
+"""Inputs off for a row or two: a propeller at 600, 0 and 600 rpm in 0.2 s, a fin at 3, 50, 3 deg.
 
 What a motor or a fin cannot do in the time; a command that is given and taken back stays, as do
 the levels between which an autopilot switches.
@@ -16,6 +16,8 @@ LEAST_SHARE = 0.3  # of the usual magnitude of the channel: the jump
 MOST_SHARE = 0.2  # of the rows: beyond it this is how the vehicle is steered
 SENTINEL_SHARE = 1.2  # of every other value: a fin angle that no fin has otherwise
 FEWEST = 2  # times
+FEWEST_PULSES = 5  # times: a few may have been commanded
+REACHED = 0.99  # of the rows: two pulses in a row are among the others
 
 
 def find_drop_outs(
@@ -47,6 +49,33 @@ def find_drop_outs(
     if flags.sum() < FEWEST or flags.sum() > MOST_SHARE * values.size:
         return np.zeros_like(flags)
     return flags
+
+
+def find_pulses(
+    time_s: np.ndarray, values: np.ndarray, channel: Channel, pace: Pace
+) -> np.ndarray:
+    """Lone rows of an input far beyond all that is held or passed through otherwise.
+
+    Parameters
+    ----------
+    time_s, values : numpy.ndarray
+        Samples in ascending time without drop-outs, shape (n,).
+
+    Returns
+    -------
+    numpy.ndarray of bool
+        Shape (n,).
+    """
+    flags = np.zeros(values.size, dtype=bool)
+    usual = float(np.quantile(np.abs(values), 0.9)) if values.size else 0.0
+    lone = _brief_runs(time_s, values, 1, LEAST_SHARE * usual, pace)
+    others = np.abs(np.delete(values, lone))
+    if not lone.size or not others.size:
+        return flags
+    reach = float(np.quantile(others, REACHED))
+    flags[lone[np.abs(values[lone]) > SENTINEL_SHARE * reach]] = True
+    few = flags.sum() < FEWEST_PULSES or flags.sum() > MOST_SHARE * values.size
+    return np.zeros_like(flags) if few else flags
 
 
 def _is_beyond(values: np.ndarray, found: np.ndarray) -> np.ndarray:

@@ -42,6 +42,8 @@ def without_roll(
     own = next((k for k in sensors.values() if ASIDE in k.series), None)
     if dvl.z_m == 0.0 or rate is None or own is None or ASIDE in own.raw.not_logged:
         return dict(sensors), ()
+    if not np.ptp(own.series[ASIDE].values):  # stands still: nothing was measured
+        return dict(sensors), ()
     yaw, series = math.radians(dvl.mounting_yaw_deg), dict(own.series)
     for column, share in ((AHEAD, math.sin(yaw)), (ASIDE, math.cos(yaw))):
         if column in series:

@@ -24,6 +24,7 @@ HUGE = 1e15  # a number beyond it is a fill value of a float: 1e30, 9.97e36, 1.8
 FULL_TURN = 2.02 * np.pi  # with some rounding
 WRAPPED_SHARE = 0.9  # of the samples within a turn: the log counts no turns
 MOST_TURNS = 1e4  # that a heading without wrap counts in a trial
+SPIKE_ROWS = 2  # of wild samples in a row; more are a stretch of their own
 DECADES = 10.0 ** np.arange(-4, 5)
 TOLERANCE = 1e-6  # of the number: it came through a conversion and a text
 
@@ -104,11 +105,27 @@ def _jumped_runs(
         return jumps, jumps, np.zeros(0, dtype=bool)
     impossible = steps[jumps] > limit.over(time[jumps + 1] - time[jumps])
     starts, ends = np.concatenate(([0], jumps + 1)), np.append(jumps + 1, values.size)
-    entered = np.concatenate(([True], impossible))
-    left = np.concatenate((impossible, [True]))
+    entered = np.concatenate(([not _is_left_for_a_spike(values, starts, ends)], impossible))
+    left = np.concatenate(
+        (impossible, [not _is_left_for_a_spike(values[::-1], *_reversed(values.size, starts, ends))])
+    )
     one = np.searchsorted(changes, starts) == np.searchsorted(changes, ends - 1)
     one &= entered | left
     return starts[one], ends[one], (entered & left)[one]
+
+
+def _is_left_for_a_spike(values: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> bool:
+    """Whether the first stretch goes on behind a few wild samples: a vehicle still at rest."""
+    if starts.size < 3 or ends[1] - starts[1] > SPIKE_ROWS:
+        return False
+    return bool(values[starts[2]] == values[ends[0] - 1])
+
+
+def _reversed(
+    size: int, starts: np.ndarray, ends: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same stretches counted from the end."""
+    return size - ends[::-1], size - starts[::-1]
 
 
 def fill_in_same_rows(filled: dict[str, np.ndarray], values: dict[str, np.ndarray]) -> None:

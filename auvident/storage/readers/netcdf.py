@@ -4,6 +4,7 @@ A table is what has one dimension of records; its time is the coordinate of that
 """
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -107,13 +108,24 @@ def _text(value: Any) -> str:
     return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
 
 
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """A file of version 4.
+
+    h5py opens it first: an h5netcdf file that cannot be opened leaves an object that complains on
+    standard error when it is collected.
+    """
+    h5netcdf, h5py = need("h5netcdf", EXTRA, path), need("h5py", EXTRA, path)
+    with h5py.File(path, "r") as bare, h5netcdf.File(bare, "r") as file:
+        yield file
+
+
 def _version_4(path: Path) -> list[Variable]:
-    h5netcdf = need("h5netcdf", EXTRA, path)
-    with h5netcdf.File(path, "r") as file:
-        return list(_group(h5netcdf, path, file, ()))
+    with _opened(path) as file:
+        return list(_group(path, file, ()))
 
 
-def _group(h5netcdf: Any, path: Path, group: Any, above: tuple[str, ...]) -> Iterator[Variable]:
+def _group(path: Path, group: Any, above: tuple[str, ...]) -> Iterator[Variable]:
     for name, found in group.variables.items():
         own = (*above, name)
         if len(found.shape) != len(found.dimensions):
@@ -124,15 +136,15 @@ def _group(h5netcdf: Any, path: Path, group: Any, above: tuple[str, ...]) -> Ite
             tuple(int(n) for n in found.shape),
             np.dtype(found.dtype),
             {key: found.attrs[key] for key in found.attrs},
-            _loader(h5netcdf, path, "/".join(own)),
+            _loader(path, "/".join(own)),
         )
     for name, below in group.groups.items():
-        yield from _group(h5netcdf, path, below, (*above, name))
+        yield from _group(path, below, (*above, name))
 
 
-def _loader(h5netcdf: Any, path: Path, place: str) -> Callable[[], np.ndarray]:
+def _loader(path: Path, place: str) -> Callable[[], np.ndarray]:
     def load() -> np.ndarray:
-        with h5netcdf.File(path, "r") as file:
+        with _opened(path) as file:
             return np.asarray(file[place][...])
 
     return load
