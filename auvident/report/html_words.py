@@ -45,6 +45,7 @@ SERIOUS = {
     "rudder_scale",
     "rudder_stuck",
     "rudder_unit",
+    "speed_by_depth",
     "speed_by_drift",
     "speed_position_ratio",
     "speed_scale",

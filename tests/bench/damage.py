@@ -30,7 +30,7 @@ from tests.bench.effects import ONE_THREAD, append, program
 from tests.bench.effects_trial import WANTED
 from tests.bench.halves import HALVES, measured, seeds
 
-JUDGED = WANTED[WANTED.index("identify") :]  # there is nothing to compare before
+JUDGED = WANTED[WANTED.index("validate") :]  # there is nothing to compare before
 Job = tuple[int, tuple[str, ...], str]
 Kept = dict[str, dict[str, Any]]
 Show = Callable[[str, list[dict[str, Any]]], None]

@@ -266,7 +266,7 @@ def main() -> None:
             child.join(BATCH_S + 3 * SLOW_S)
             if child.exitcode != 0 and not (case / "now").exists():
                 child.kill()
-                print("a child did not get as far as to read", flush=True)
+                raise SystemExit("a child did not get as far as to read: nothing is fuzzed")
             elif child.exitcode != 0:
                 child.kill()
                 file = (case / "now").read_text()

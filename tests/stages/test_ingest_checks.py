@@ -133,7 +133,7 @@ def test_what_nothing_tests_is_said():
     line = untested([quality])
     assert line.startswith("Not tested: ")
     assert "scale and sign of the yaw rate (no heading, and no turns with positions)" in line
-    assert "scale of the speed within 5 % (no position log, or too short)" in line
+    assert "scale of the speed within 5 % (no position log, or too short; no heave, no" in line
     assert "scale of the speed (" not in line  # thrust and drag test it, roughly
     (row,) = [c for c in quality.checks_made if c.name == "speed_scale"]
     assert "% only" in row.message
@@ -386,9 +386,16 @@ def test_a_gyro_that_does_not_follow_the_heading():
 
 def test_without_turns_either_may_be_off():
     straight = times(1e-3, "r_radps", "rudder_rad") | times(2.0, "rpm")
-    found = on_the_grid("north_m", "east_m", "heading_rad", **straight)
+    found = on_the_grid("north_m", "east_m", "heading_rad", "depth_m", **straight)
     assert found["speed_scale"].outcome == found["rpm_scale"].outcome == "contradicts"
     assert "or the rpm is off" in found["speed_scale"].message
+
+
+def test_without_turns_and_positions_a_dive_tells_which():
+    straight = times(1e-3, "r_radps", "rudder_rad") | times(2.0, "rpm")
+    found = on_the_grid("north_m", "east_m", "heading_rad", **straight)
+    assert found["speed_by_depth"].outcome == found["speed_scale"].outcome == "agrees"
+    assert found["rpm_scale"].outcome == "contradicts"
 
 
 # --- corrections --------------------------------------------------------------------------

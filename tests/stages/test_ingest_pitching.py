@@ -21,7 +21,9 @@ from auvident.storage.vehicle_file import load_vehicle
 Change = Callable[[np.ndarray, np.ndarray], np.ndarray]
 SAMPLES = Path(__file__).resolve().parents[2] / "sample_logs"
 BOAT = load_vehicle(SAMPLES / "remus100.toml")
-NAMES = ("elevator_unit", "elevator_scale", "elevator_cut", "elevator_stuck", "heave_scale")
+NAMES = ("elevator_unit", "elevator_scale", "elevator_cut", "elevator_stuck", "speed_by_depth",
+         "heave_scale")  # fmt: skip
+NO_POSITION: dict[str, Change] = dict.fromkeys(("north_m", "east_m"), lambda _, x: x * np.nan)
 
 
 @cache
@@ -97,6 +99,27 @@ def test_moments_at_the_largest_elevator_are_alike(most, outcome):
 
 def test_a_scale_of_w_has_its_fix():
     assert checks({"w_mps": times(0.5)})["heave_scale"].fix.startswith("w_mps = 2.")
+
+
+@pytest.mark.parametrize("factor", [0.8, 1.1, 1.94])
+def test_a_dive_tells_the_scale_of_the_speed_without_a_position(factor):
+    made = checks(dict.fromkeys(("u_mps", "v_mps", "w_mps"), times(factor)) | NO_POSITION)
+    assert made["speed_by_position"].outcome == "untested"
+    found = made["speed_by_depth"]
+    assert found.outcome == "contradicts" and 1.0 / found.value == pytest.approx(factor, rel=0.02)
+    assert found.fix.startswith(f"u_mps = {found.value:.6g} u_mps")
+    assert made["heave_scale"].outcome == "untested"
+
+
+def test_a_wrong_w_is_not_told_as_a_wrong_speed():
+    made = checks({"w_mps": times(1.4)})
+    assert made["speed_by_depth"].outcome != "contradicts"
+
+
+def test_a_trial_at_one_depth_tells_no_scale_of_the_speed():
+    still = np.random.default_rng(1).normal(10.0, 0.02, len(ingested("dive_trial")[0].table))
+    made = checks({"depth_m": lambda _, x: np.where(np.isfinite(x), still, x)} | NO_POSITION)
+    assert made["speed_by_depth"].outcome == "untested"
 
 
 def test_an_elevator_that_only_keeps_the_depth_is_left_open():

@@ -51,9 +51,7 @@ def find_drop_outs(
     return flags
 
 
-def find_pulses(
-    time_s: np.ndarray, values: np.ndarray, channel: Channel, pace: Pace
-) -> np.ndarray:
+def find_pulses(time_s: np.ndarray, values: np.ndarray, channel: Channel, pace: Pace) -> np.ndarray:
     """Lone rows of an input far beyond all that is held or passed through otherwise.
 
     Parameters

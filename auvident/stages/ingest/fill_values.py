@@ -107,7 +107,10 @@ def _jumped_runs(
     starts, ends = np.concatenate(([0], jumps + 1)), np.append(jumps + 1, values.size)
     entered = np.concatenate(([not _is_left_for_a_spike(values, starts, ends)], impossible))
     left = np.concatenate(
-        (impossible, [not _is_left_for_a_spike(values[::-1], *_reversed(values.size, starts, ends))])
+        (
+            impossible,
+            [not _is_left_for_a_spike(values[::-1], *_reversed(values.size, starts, ends))],
+        )
     )
     one = np.searchsorted(changes, starts) == np.searchsorted(changes, ends - 1)
     one &= entered | left
@@ -121,9 +124,7 @@ def _is_left_for_a_spike(values: np.ndarray, starts: np.ndarray, ends: np.ndarra
     return bool(values[starts[2]] == values[ends[0] - 1])
 
 
-def _reversed(
-    size: int, starts: np.ndarray, ends: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _reversed(size: int, starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The same stretches counted from the end."""
     return size - ends[::-1], size - starts[::-1]
 

@@ -17,7 +17,7 @@ from auvident.storage.readers.interface import MOST_S, STAMP, Tables, in_memory,
 START = re.compile(rb"^%+\s*LOG ?START\s+(?P<start>\S+)", re.MULTILINE)
 SECONDS = "time_s"
 PAIRS = re.compile(r"^\s*\w+\s*=[^=,]*(,\s*\w+\s*=[^=,]*)*$")
-NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?")
 MOST_SHOWN = 40  # characters of a start that is none
 MOST_FAULTS = 0.05  # share of lines that are none; beyond it the file is something else
 Line = tuple[float, str, str, str]

@@ -3,6 +3,7 @@
 import gzip
 import pickle
 import struct
+import time
 
 import numpy as np
 import pytest
@@ -270,6 +271,15 @@ def test_a_start_of_a_moos_log_that_is_no_time_is_refused_with_its_line(tmp_path
     assert str(path) in told.value.where
     assert "row 2" in told.value.where
     assert "1714564800.0" in told.value.remedy
+
+
+def test_a_moos_value_of_many_digits_is_no_endless_search(tmp_path):
+    path = tmp_path / "a.alog"
+    path.write_text(f"%% LOGSTART {START_S}\n1.0 NAV_X iX 1.5\n1.5 NAV_X iX {'9' * 100_000} 2\n")
+    began = time.process_time()
+    (log,) = open_logs(path)
+    assert log.names == ("timestamp_ns", "value")
+    assert time.process_time() - began < 10.0
 
 
 @pytest.mark.parametrize("time", ["1e300", "1e400", "-1e12"])

@@ -1,5 +1,8 @@
 """Heave, pitch and depth against each other: d(depth)/dt = w cos(pitch) - u sin(pitch)."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 
 from auvident.stages.ingest.checks.correction import scaled
@@ -21,6 +24,9 @@ SCALES = {
 }
 NEAR = 0.13  # share of such a number within which it is meant
 SCALE_LIMIT = 0.5  # the worst of 150 drawn trials is 40 % off; feet are a factor of 3.3
+SPEED_LIMIT = 0.05  # 0.024 is the worst of 24 drawn clean logs, as in `speed_by_position`
+MOST_TOLD = 0.15  # what is told no better is no test
+CLEARLY = 0.95  # of the sum of squares: less speaks for one of two readings
 HEAVE_LIMIT = 0.2  # 0.08 is the worst of 30 drawn vertical trials, of the smallest vehicle
 HEAVE_STD = 0.1  # less sure it tells no scale
 RATE_LIMIT = 0.15  # gyro against pitch: roll and heel take part
@@ -92,11 +98,37 @@ def heave_by_depth(seen: Seen) -> Verdict:
     return gain.verdict("agrees", "the depth changes with the heave")
 
 
+def speed_by_depth(seen: Seen) -> Verdict:
+    """Scale of all speeds of the DVL against the rate of depth: a dive needs no position."""
+    both = _sinking_by_dvl(seen)
+    if both is None:
+        return untested("no heave, no pitch, or no depth")
+    gain = Figure.of(both.speeds)
+    told = SPEED_LIMIT + SIGN_STDS * gain.std
+    if both.speeds.alone[0] < LEAST_ASIDE or not told < MOST_TOLD:
+        return untested("no dives that show the speed in the rate of depth")
+    if abs(gain.value - 1.0) <= told:
+        return gain.verdict(
+            "agrees", f"the speed agrees with the rate of depth (tested to {100 * told:.0f} %)"
+        )
+    if both.heave_left < CLEARLY * both.speeds_left:
+        return untested("w does not fit the rate of depth")
+    either = CLEARLY * both.heave_left < both.speeds_left
+    other = f", or w alone {1.0 / both.heave.theta[0]:.2f} times" if either else ""
+    return gain.verdict(
+        "contradicts",
+        f"the DVL reads {1.0 / gain.value:.3g} times the speed by depth and pitch{other}",
+        "Check the units of u, v, w, depth and pitch, and the DVL's sound speed.",
+        scaled(gain.value, "u_mps", "v_mps", "w_mps") if not either else "",
+    )
+
+
 def heave_scale(seen: Seen) -> Verdict:
     """Scale of heave: what sinks the vehicle besides its speed along the pitch."""
-    found = _sinking_aside(seen)
-    if found is None:
+    both = _sinking_by_dvl(seen)
+    if both is None:
         return untested("no heave, no pitch, or no depth")
+    found = both.heave
     gain = Figure.of(found)
     if found.alone[0] < LEAST_ASIDE or gain.std > HEAVE_STD * max(abs(gain.value), 1.0):
         return untested("the depth hardly shows the heave")
@@ -111,8 +143,26 @@ def heave_scale(seen: Seen) -> Verdict:
     )
 
 
-def _sinking_aside(seen: Seen) -> Relation | None:
-    """Rate of depth from w, less that of all others at the DVL's place; None without them."""
+@dataclass(frozen=True)
+class Sinking:
+    """The rate of depth by the DVL: with w at fault, and with all of its speeds.
+
+    Attributes
+    ----------
+    heave, speeds : Relation
+        The first coefficient is what the depth changes by over what w, or all speeds, say.
+    heave_left, speeds_left : float
+        Sum of squares that each leaves, (m/s)^2.
+    """
+
+    heave: Relation
+    speeds: Relation
+    heave_left: float
+    speeds_left: float
+
+
+def _sinking_by_dvl(seen: Seen) -> Sinking | None:
+    """Both readings of the rate of depth at the DVL's place; None without all that it takes."""
     columns = {"u": "u_mps", "v": "v_mps", "w": "w_mps", "pitch": "pitch_rad", "depth": "depth_m"}
     columns |= {"q": "q_radps", "r": "r_radps"}
     if not seen.has(*columns.values()):
@@ -120,15 +170,46 @@ def _sinking_aside(seen: Seen) -> Relation | None:
     columns |= {"roll": "roll_rad"} if seen.has("roll_rad") else {}
     arm = seen.vehicle.dvl.x_m
 
-    def relation(s: Signals, lag: float) -> tuple[np.ndarray, np.ndarray]:
+    def terms(s: Signals) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Rate of depth at the DVL; parts of it by w and by u and v; u, of a pitch that is off."""
         roll = s["roll"] if "roll" in s else np.zeros_like(s["u"])
-        rest = arm * s["q"] * np.cos(roll) + (s["v"] - arm * s["r"]) * np.sin(roll)
-        rate = s["depth_dot"] + s["u"] * np.sin(s["pitch"]) - rest * np.cos(s["pitch"])
-        x = (s["w"] * np.cos(roll) * np.cos(s["pitch"]), s["u"], np.ones_like(roll))
-        return rate, np.column_stack(x)  # with a pitch that is off
+        level = np.cos(s["pitch"])
+        turning = arm * (s["q"] * np.cos(roll) - s["r"] * np.sin(roll)) * level
+        by_heave = s["w"] * np.cos(roll) * level
+        aside = -s["u"] * np.sin(s["pitch"]) + s["v"] * np.sin(roll) * level
+        return s["depth_dot"] - turning, by_heave, aside, s["u"]
+
+    def heave(s: Signals, lag: float) -> tuple[np.ndarray, np.ndarray]:
+        rate, by_heave, aside, u = terms(s)
+        return rate - aside, np.column_stack((by_heave, u, np.ones_like(u)))
+
+    def speeds(s: Signals, lag: float) -> tuple[np.ndarray, np.ndarray]:
+        rate, by_heave, aside, u = terms(s)
+        return rate, np.column_stack((by_heave + aside, u, np.ones_like(u)))
+
+    def under_way(s: Signals) -> np.ndarray:
+        return np.abs(s["u"]) > seen.way_mps
 
     records = smooth_records(seen.trial, columns, MARGIN_S)
-    return fit_relation(records, relation, (0.0, 0.0), lambda s: np.abs(s["u"]) > seen.way_mps)
+    found = [fit_relation(records, f, (0.0, 0.0), under_way) for f in (heave, speeds)]
+    if found[0] is None or found[1] is None:
+        return None
+    left = [
+        sum(float(np.sum(_left(f, s, fit.theta)[under_way(s)] ** 2)) for s in records)
+        for f, fit in zip((heave, speeds), found, strict=True)
+        if fit is not None
+    ]
+    return Sinking(found[0], found[1], left[0], left[1])
+
+
+def _left(
+    relation: Callable[[Signals, float], tuple[np.ndarray, np.ndarray]],
+    s: Signals,
+    theta: np.ndarray,
+) -> np.ndarray:
+    """What a relation leaves of the rate of depth, shape (n,)."""
+    rate, parts = relation(s, 0.0)
+    return np.asarray(rate - parts @ theta)
 
 
 def pitch_rate(seen: Seen) -> Verdict:

@@ -6,6 +6,7 @@ import numpy as np
 
 from auvident.schema.logs import KNOT
 from auvident.stages.ingest.checks.correction import VELOCITIES, scaled
+from auvident.stages.ingest.checks.heave import speed_by_depth
 from auvident.stages.ingest.checks.reckoned import POSITION, is_reckoned
 from auvident.stages.ingest.checks.row import (
     Figure,
@@ -181,11 +182,14 @@ def balance(seen: Seen) -> Balance | None:
 
 
 def _blamed(seen: Seen, ratio: Ratio) -> tuple[str, ...]:
-    """Which of speed and propeller rate is off: position tells, else the drift in turns."""
+    """Which of speed and propeller rate is off: position or depth tell, else the drift in turns."""
     found = tracked(seen)
     if found is not None:
         near = abs(np.log(found.scale.value)) < 0.2
         return ("rpm",) if near else ("speed",)
+    by_depth = speed_by_depth(seen)
+    if by_depth.outcome != "untested":
+        return ("rpm",) if by_depth.outcome == "agrees" else ("speed",)
     pivot, otherwise = pivot_ratio(seen), pivot_ratio(seen, 1.0 / ratio.value)
     if pivot is None or otherwise is None:
         return ("speed", "rpm")
