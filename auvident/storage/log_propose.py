@@ -29,7 +29,7 @@ from auvident.storage.log_proposal import (
     unit_of,
 )
 from auvident.storage.log_propose_angles import angle_proposals, find_angles
-from auvident.storage.log_propose_topics import assign_topics, is_generic, topic_lines
+from auvident.storage.log_propose_topics import assign_topics, flag_lines, is_generic, topic_lines
 
 USUAL_STEP_S = 5.0  # a median step above it means that the time is not in seconds
 HEADER = (
@@ -83,14 +83,20 @@ def _missing(
         if not needed:
             continue
         lines.append(f"in the table [{sensor}]:" if sensor in begun else f"[{sensor}]")
-        name = guess_time(next(iter(logs.values()))) if len(logs) == 1 else None
-        if name is not None and sensor not in begun:
-            lines.append(f"time = {json.dumps(name)}")
+        if sensor not in begun:
+            lines += [] if len(logs) == 1 else ['file = "?"']
+            lines.append(f"time = {json.dumps(_common_time(logs) or '?')}")
         lines += [f'{c.quantity} = {{ column = "?", unit = "{_suffix(c)}" }}' for c in needed]
     if not lines:
         return ""
     head = f"No column was recognised for {', '.join(unassigned)}. If the log has it, say where:"
     return "\n" + "".join(f"# {line}\n" for line in (head, *lines))
+
+
+def _common_time(logs: Mapping[str, LogFile]) -> str | None:
+    """The time column of all tables, if they have one of the same name."""
+    names = {guess_time(log) for log in logs.values()}
+    return names.pop() if len(names) == 1 else None
 
 
 def _suffix(channel: Channel) -> str:
@@ -224,6 +230,7 @@ def _table(
         if len(logs) > 1 and log.stem.lower() != sensor:
             lines.append(f"file = {json.dumps(log.path.name)}")
         lines += _time_lines(log, values[home])
+        lines += flag_lines(sensor, values[home])
     lines += [_entry(p) for p in proposals if p.home == home]
     if of_sensor(sensor)[0].kind == "input":
         if any(may_be_on_change(p, logs, values) for p in proposals if p.home == home):

@@ -50,7 +50,10 @@ WANTED = frozenset(("cmd", "command", "setpoint", "sp", "target", "desired", "re
 SWAPPED = {"x": "y", "y": "x"}
 AGAINST_FLU = ("v_mps", "w_mps", "q_radps", "r_radps")
 FLU_REMARK = "axes of REP 103, y to port and z up"
-FLAGS = ("valid", "is_valid", "velocity_valid", "bottom_lock", "lock", "locked")
+FLAGS = (
+    *("valid", "is_valid", "dvl_valid", "velocity_valid", "bottom_lock", "lock", "locked"),
+    *("ok", "dvl_ok", "good", "dvl_good"),
+)
 STAMPED = "stamp_ns"
 MOST_LATE_S = 60.0  # of a stamp by the sensor against that of the recording
 
@@ -219,13 +222,29 @@ def topic_lines(
         lines.append(f"time = {json.dumps(stamp)}")
     elif not log.time:
         lines.append('time = "?"  # no time column was recognised')
-    flags = (n for n, v in values.items() if n.lower() in FLAGS and set(np.unique(v)) <= {0.0, 1.0})
-    flag = next(flags, None)
-    lines += [f"valid = {json.dumps(flag)}"] if flag and sensor == "dvl" else []
+    lines += flag_lines(sensor, values)
     turned = any(p.name.endswith(ANGLES) and "." in p.name for p in proposals)
     if sensor == "attitude" and _axes(log) == "flu" and turned:
         lines.append('frame = "enu"  # axes of REP 103; "ned" if the driver has its own')
     return lines
+
+
+def flag_lines(sensor: str, values: Mapping[str, np.ndarray]) -> list[str]:
+    """The line that names the column in which a DVL marks its readings as valid, if there is one.
+
+    A flag of another sensor is left alone: `valid` is read without a map, and others mean much.
+    """
+    named = [n for n in values if n.strip().lower() in FLAGS] if sensor == "dvl" else []
+    flag = next((n for n in named if _is_flag(values[n])), None)
+    return [f"valid = {json.dumps(flag)}"] if flag else []
+
+
+def _is_flag(values: np.ndarray) -> bool:
+    """Whether a column holds both 0 and 1 or only 1, or empty cells beside."""
+    if values.dtype == object:
+        return False
+    kinds = set(np.unique(values[np.isfinite(values)]))
+    return kinds in ({0.0, 1.0}, {1.0})
 
 
 def _is_clock(stamp: np.ndarray | None, recorded: np.ndarray | None) -> bool:

@@ -105,6 +105,36 @@ def test_needed_channels_without_a_column_are_lines_to_be_finished(tmp_path) -> 
     assert np.nanmax(trial.sensors["rpm"].values["rpm"]) == 1170.0
 
 
+def test_the_file_and_the_clock_of_a_sensor_without_a_column_are_asked_for(tmp_path):
+    tables = sensor_tables(0.0)
+    tables["motor"] = tables.pop("rpm").rename(columns={"rpm": "Motor"})
+    tables["motor"]["Motor"] = 0.0  # of which nothing can be guessed
+    tables["dvl"] = tables["dvl"].rename(columns={"u_mps": "vx", "v_mps": "vy"})
+    text = inspect_log(write_folder(tmp_path / "run", tables)).proposed_map
+    head, _, missing = text.partition("# No column was recognised for rpm.")
+    asked = [line.removeprefix("# ") for line in missing.splitlines()[1:] if line]
+    time = next(c for c in tables["motor"] if c.startswith("time"))
+    assert asked == [
+        "[rpm]",
+        'file = "?"',
+        f'time = "{time}"',
+        'rpm = { column = "?", unit = "rpm" }',
+    ]
+
+
+@pytest.mark.parametrize("name", ["ok", "Bottom_Lock"])
+def test_a_column_that_marks_lost_bottom_is_proposed_as_valid(tmp_path, name):
+    tables = sensor_tables(0.0)
+    lost = np.arange(len(tables["dvl"])) % 7 == 3
+    tables["dvl"] = tables["dvl"].rename(columns={"u_mps": "vx", "v_mps": "vy"})
+    tables["dvl"][name] = (~lost).astype(int)
+    text = inspect_log(write_folder(tmp_path / "run", tables)).proposed_map
+    assert f'valid = "{name}"' in text
+    tables["dvl"][name] = np.arange(len(lost)) % 5  # a count of beams
+    text = inspect_log(write_folder(tmp_path / "other", tables)).proposed_map
+    assert "valid" not in text
+
+
 def test_an_input_that_may_be_written_on_change_is_proposed_so(tmp_path):
     columns = {"dvl": "u_mps,v_mps", "gyro": "r_degps", "rudder": "rudder_deg"}
     for name, heads in columns.items():
