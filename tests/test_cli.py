@@ -355,6 +355,8 @@ def test_gates_decide_by_the_held_out_error(demo: Path, auvident: Callable[..., 
     assert auvident("run", "--run", demo, "--fail-above", "u=9").code == 0
     for wrong in ("nothing=1", "u", "u=x", "=1"):
         assert auvident("validate", demo, "--fail-above", wrong).code == 2
+    early = auvident("run", "no", "--vehicle", "no.toml", "--run", "r", "--fail-above", "x=1")
+    assert early.code == 2 and "One of u, v, w, r, q, heading, pitch, track." in early.err
 
 
 def test_a_run_that_is_worse_than_the_baseline_fails(

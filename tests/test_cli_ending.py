@@ -151,7 +151,7 @@ def test_unusable_input_is_an_error_of_ingest(tmp_path: Path, auvident: Auvident
 
 
 def test_what_is_no_fault_of_a_stage_is_one_of_the_command(demo: Path, auvident: Auvident) -> None:
-    called = auvident("run", "--run", demo, "--fail-above", "nothing=1", "--junit", "told.xml")
+    called = auvident("run", "--run", demo, "--fail-above", "q=1", "--junit", "told.xml")
     assert called.code == 2
     root = read(Path("told.xml"))
     assert next(root.iter("testcase")).attrib["classname"] == "auvident.command"

@@ -278,6 +278,8 @@ RUN = click.argument("run", metavar="RUN", type=PATH)
 
 def parse_limits(texts: tuple[str, ...]) -> dict[str, float]:
     """``u=0.05`` -> {"u": 0.05}, for ``--fail-above``."""
+    from auvident.schema.planes import JUDGED
+
     limits = {}
     for text in texts:
         channel, equals, number = text.partition("=")
@@ -290,6 +292,12 @@ def parse_limits(texts: tuple[str, ...]) -> dict[str, float]:
                 f"{text!r} is not CHANNEL=RMSE, a number above 0",
                 "--fail-above",
                 "For example --fail-above u=0.05.",
+            )
+        if channel.strip() not in JUDGED:
+            raise UsageError(
+                f"there is no channel {channel.strip()!r}",
+                "--fail-above",
+                f"One of {', '.join(JUDGED)}.",
             )
         limits[channel.strip()] = limit
     return limits

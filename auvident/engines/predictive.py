@@ -33,14 +33,13 @@ from auvident.physics.dynamics import N_STATES
 from auvident.physics.maneuvers import dead_reckoning, heading_from_rate, headings_from_start
 from auvident.physics.sensing import sensor_matrix
 from auvident.schema.artifacts import IdentifiedModel, ModelError, Sensing
-from auvident.schema.planes import BY_PLANE, Plane
+from auvident.schema.planes import BY_PLANE, TRACK, Plane
 
 Array = npt.NDArray[Any]
 
 NOMINAL = BAND_SHARE
 # of the models drawn, where a model tells of nothing but its coefficients
 OF_DRAWS = (50.0 * (1.0 - NOMINAL), 50.0 * (1.0 + NOMINAL))  # percentiles
-TRACK = "track"
 # Power of the time in the model error. A heading is the sum of errors of the rate, of which some
 # come and go (a random walk, 1/2) and some stay (1); a track is the sum of headings that are off
 # times the speed, one power more. Others are held by damping.

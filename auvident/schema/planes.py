@@ -137,6 +137,10 @@ STATES: tuple[State, ...] = tuple(
     dict.fromkeys(s for pair in zip(*(row.states for row in PLANE_ROWS), strict=True) for s in pair)
 )
 
+TRACK = "track"  # north and east, reckoned from the states; predicted in the horizontal plane
+# what an error of prediction is told of, in either plane
+JUDGED = (*(s.symbol for s in STATES), TRACK)
+
 
 def symbol_in(plane: Plane, generic: str) -> str:
     """Coefficient symbol of a plane from its generic name, e.g. ``B_ua`` -> ``N_uv``."""

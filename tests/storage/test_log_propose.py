@@ -111,7 +111,7 @@ def test_the_file_and_the_clock_of_a_sensor_without_a_column_are_asked_for(tmp_p
     tables["motor"]["Motor"] = 0.0  # of which nothing can be guessed
     tables["dvl"] = tables["dvl"].rename(columns={"u_mps": "vx", "v_mps": "vy"})
     text = inspect_log(write_folder(tmp_path / "run", tables)).proposed_map
-    head, _, missing = text.partition("# No column was recognised for rpm.")
+    missing = text.partition("# No column was recognised for rpm.")[2]
     asked = [line.removeprefix("# ") for line in missing.splitlines()[1:] if line]
     time = next(c for c in tables["motor"] if c.startswith("time"))
     assert asked == [

@@ -5,9 +5,9 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 import numpy.typing as npt
 
-from auvident.engines.predictive import NOMINAL, TRACK
+from auvident.engines.predictive import NOMINAL
 from auvident.schema.artifacts import Coverage, CrossValidation, IdentifiedModel
-from auvident.schema.planes import BY_PLANE
+from auvident.schema.planes import BY_PLANE, TRACK
 
 Array = npt.NDArray[np.float64]
 FLAT = 1.0e-9  # least standard deviation to compare with: a constant channel is never predicted

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from auvident.engines.carried import frame_of, predicted_course, structure_behind, vector_behind
-from auvident.engines.predictive import TRACK, band_of, measured_channels, measured_track, track_of
+from auvident.engines.predictive import band_of, measured_channels, measured_track, track_of
 from auvident.engines.records import Record, record_of, sensor_matrix
 from auvident.physics.maneuvers import (
     headings_from_start,
@@ -30,7 +30,7 @@ from auvident.schema.artifacts import (
     Metrics,
     ResidualTests,
 )
-from auvident.schema.planes import BY_PLANE, STATE_COLUMNS, Plane
+from auvident.schema.planes import BY_PLANE, STATE_COLUMNS, TRACK, Plane
 from auvident.schema.trial import Trial
 from auvident.stages.validate.band import FLAT, coverage_of, cross_validation_of
 from auvident.stages.validate.extrapolation import extrapolation_of
@@ -246,7 +246,7 @@ def channel_pairs(p: Prediction, plane: Plane) -> Iterable[tuple[str, str, Array
             measured, simulated = headings_from_start(measured, simulated)
         yield state.symbol, state.unit, measured, simulated
     if plane == "horizontal":
-        yield "track", "m", *tracks(p)
+        yield TRACK, "m", *tracks(p)
 
 
 def tracks(p: Prediction) -> tuple[Array, Array]:
