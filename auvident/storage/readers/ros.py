@@ -31,6 +31,7 @@ BATCH = 1 << 26  # bytes of messages that are in memory at a time
 MOST_CHUNK = 1 << 28  # bytes that a compressed chunk of ROS 1 may unpack to; 768 kB is usual
 AXES = "flu"  # convention of ROS (REP 103); not every driver keeps to it
 STAMPED = ".stamp_ns"
+NAMELESS = "(no name)"  # a topic of a damaged recording
 REMEDY = (
     "A recording that was not closed is repaired by `rosbag reindex` (ROS 1), "
     "`ros2 bag reindex` or `mcap recover` (ROS 2)."
@@ -116,7 +117,8 @@ class RosBag:
     def _topics(self) -> dict[str, Topic]:
         by_name: dict[str, list[Any]] = {}
         for connection in self._reader.connections:
-            by_name.setdefault(connection.topic, []).append(connection)
+            name = connection.topic if isinstance(connection.topic, str) else NAMELESS
+            by_name.setdefault(name, []).append(connection)
         return {name: self._topic(name, found) for name, found in by_name.items()}
 
     @cached_property
@@ -147,8 +149,8 @@ class RosBag:
         return {}
 
     def _topic(self, name: str, connections: Sequence[Any]) -> Topic:
-        kind = connections[0].msgtype
-        alike = tuple(c for c in connections if c.msgtype == kind)
+        kind = str(connections[0].msgtype)
+        alike = tuple(c for c in connections if str(c.msgtype) == kind)
         notes = []
         if len(alike) < len(connections):
             notes.append("messages of other types under the same name are left out")

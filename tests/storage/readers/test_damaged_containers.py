@@ -1,6 +1,7 @@
 """Containers that are cut off, damaged or hostile: an error or a finding, never a traceback."""
 
 import shutil
+import sqlite3
 import struct
 
 import numpy as np
@@ -82,6 +83,23 @@ def test_inspect_tells_what_is_wrong(whole, tmp_path):
     cut.write_bytes(content[: len(content) // 2] + bytes(200))
     report = inspect_log(cut)
     assert any(file.notes for file in report.files) or path.suffix == ".ulg"
+
+
+@pytest.mark.parametrize("column", ["name", "type"])
+@pytest.mark.parametrize("value", [None, 7, b"\xff"])
+def test_a_topic_whose_name_or_type_is_gone_leaves_the_others(tmp_path, column, value):
+    pytest.importorskip("rosbags")
+    path = write_ros(tmp_path / "trial", "sqlite3")
+    with sqlite3.connect(path) as data:
+        data.executescript(
+            "CREATE TABLE bare AS SELECT * FROM topics; DROP TABLE topics;"
+            "ALTER TABLE bare RENAME TO topics"  # without the constraints, which a disk knows not
+        )
+        first = data.execute("SELECT min(id) FROM topics").fetchone()
+        data.execute(f"UPDATE topics SET {column} = ? WHERE id = ?", (value, *first))
+    count = len(inspect_log(path).files)
+    assert count == len(open_logs(path)) > 1
+    assert read_all(path) > 0
 
 
 def test_a_file_of_another_kind_is_no_container(tmp_path):
