@@ -89,6 +89,7 @@ def number(value: float) -> Plant:
 # columns, share of the rows, rows in a run, what is written, reason, share that has to go
 PLANTED = {
     "zeros of a lost bottom": (("u_mps", "v_mps"), 0.03, 1, number(0.0), "fill_value", 0.99),
+    "zeros in a fifth of the rows": (("u_mps", "v_mps"), 0.2, 1, number(0.0), "fill_value", 0.95),
     "zeros in long runs": (("u_mps", "v_mps"), 0.03, 20, number(0.0), "fill_value", 0.97),
     "overflow of two bytes": (("u_mps",), 0.01, 3, number(-32.768), "fill_value", 1.0),
     "minus 9.999": (("u_mps",), 0.01, 2, number(-9.999), "fill_value", 1.0),

@@ -69,7 +69,8 @@ def find_fills(time_s: np.ndarray, values: np.ndarray, channel: Channel, pace: P
         Shape (n,).
     """
     flags = np.zeros(values.size, dtype=bool)
-    limit = step_limit(np.unwrap(values) if channel.is_angle else values, channel, pace)
+    others = values[values != 0.0]  # a fifth of zeros would make jumps the usual step
+    limit = step_limit(np.unwrap(others) if channel.is_angle else others, channel, pace)
     if limit is None:
         return flags
     starts, ends, sure = _jumped_runs(time_s, values, channel, limit)
