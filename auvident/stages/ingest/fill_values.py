@@ -8,7 +8,7 @@ import numpy as np
 
 from auvident.schema.channels import Channel
 from auvident.schema.logs import UNITS
-from auvident.stages.ingest.pace import Pace, StepLimit, step_limit
+from auvident.stages.ingest.pace import Pace, StepLimit, excerpt, step_limit
 
 LEAST_ROWS = 3  # equal to the last digit, in places where no motion leads,
 LEAST_RUNS = 2  # apart from each other, of a number that nobody writes for "none"
@@ -69,7 +69,8 @@ def find_fills(time_s: np.ndarray, values: np.ndarray, channel: Channel, pace: P
         Shape (n,).
     """
     flags = np.zeros(values.size, dtype=bool)
-    others = values[values != 0.0]  # a fifth of zeros would make jumps the usual step
+    some = excerpt(values)
+    others = some[some != 0.0]  # a fifth of zeros would make jumps the usual step
     limit = step_limit(np.unwrap(others) if channel.is_angle else others, channel, pace)
     if limit is None:
         return flags
