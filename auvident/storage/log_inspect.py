@@ -171,15 +171,21 @@ def _read_all(log: LogFile) -> tuple[dict[str, np.ndarray], int, list[str]]:
         notes = [_counted(count, reason) for reason, count in table.dropped.items()]
         return table.columns, table.rows.size, notes
     except InputError as error:
-        numbers: dict[str, np.ndarray] = {}
-        notes, rows = [str(error).split("\n")[0]], 0
-    for name in names:
-        try:
-            table = read_log(log, {name: None})
-        except InputError:
-            continue
-        numbers[name], rows = table.columns[name], table.rows.size
-    return numbers, rows, notes
+        notes = [str(error).split("\n")[0]]
+    readable = [name for name in names if _is_readable(log, name)]
+    try:  # once more, together: a line that is empty but for other columns counts in each
+        table = read_log(log, dict.fromkeys(readable))
+    except InputError:
+        return {}, 0, notes
+    return table.columns, table.rows.size, notes
+
+
+def _is_readable(log: LogFile, name: str) -> bool:
+    try:
+        read_log(log, {name: None})
+    except InputError:
+        return False
+    return True
 
 
 def _clock(time: np.ndarray) -> dict[str, float | int | None]:

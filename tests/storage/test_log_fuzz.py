@@ -138,3 +138,16 @@ def test_damaged_logs_of_many_tables(name, tmp_path):
         except AuvidentError as error:
             assert error.problem
             assert k >= len(sound), f"a sound file is refused: {error}"
+
+
+def test_a_line_that_only_some_columns_skip_is_skipped_by_all(tmp_path):
+    lines = wide_table().head(60).to_csv(index=False).splitlines()
+    lines[20] = "#" + lines[20][1:]  # a remark, to whoever reads its first column
+    cells = lines[40].split(",")
+    cells[2] += "x"  # no number: the columns are read one by one
+    lines[40] = ",".join(cells)
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(lines))
+    (file,) = inspect_log(path).files
+    assert file.rows == 59
+    assert any("is not a number" in note for note in file.notes)
