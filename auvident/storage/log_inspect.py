@@ -173,6 +173,8 @@ def _read_all(log: LogFile) -> tuple[dict[str, np.ndarray], int, list[str]]:
     except InputError as error:
         notes = [str(error).split("\n")[0]]
     readable = [name for name in names if _is_readable(log, name)]
+    if not readable:
+        return {}, 0, notes
     try:  # once more, together: a line that is empty but for other columns counts in each
         table = read_log(log, dict.fromkeys(readable))
     except InputError:
