@@ -255,7 +255,7 @@ def _why_no_balance(seen: Seen) -> str:
     return "no straight stretch of ten lengths at steady speed and rpm"
 
 
-def pivot_ratio(seen: Seen, factor: float = 1.0) -> Ratio | None:
+def pivot_ratio(seen: Seen, factor: float = 1.0, side: float = 1.0) -> Ratio | None:
     """Drift per yaw rate in turns, against the usual: the pivot is 0.35 lengths ahead of midships.
 
     What a hull drifts with in a turn hardly depends on it: speed over yaw rate shows its scale.
@@ -265,9 +265,11 @@ def pivot_ratio(seen: Seen, factor: float = 1.0) -> Ratio | None:
     seen : Seen
     factor : float
         By which the velocities are multiplied first, as read: the lever arm of the DVL is not.
+    side : float
+        -1 for a sway of the other sign.
     """
-    names = ("u_mps", "v_mps", "r_radps")
-    u, v, r = (x * k for x, k in zip(seen.columns(*names), (factor, factor, 1.0), strict=True))
+    names, factors = ("u_mps", "v_mps", "r_radps"), (factor, side * factor, 1.0)
+    u, v, r = (x * k for x, k in zip(seen.columns(*names), factors, strict=True))
     turning = (np.abs(r) * seen.length_m > TURNING * np.abs(u)) & (u > factor * seen.way_mps)
     if turning.sum() < MIN_SAMPLES:
         return None
@@ -288,12 +290,17 @@ def by_drift(seen: Seen) -> Verdict:
         return pivot.verdict(
             "agrees", f"the drift in turns fits speed and yaw rate (to {share:.0f} % only)"
         )
-    named = _nearest(UNITS, 1.0 / pivot.value, PIVOT_LIMIT)
+    flipped = pivot_ratio(seen, side=-1.0)
+    suspects = [
+        _nearest(UNITS, 1.0 / pivot.value, PIVOT_LIMIT),
+        "v of the other sign" if flipped and abs(flipped.log) <= PIVOT_LIMIT else "",
+        "a scale of v or of the yaw rate, or [dvl] x_m",
+    ]
     return pivot.verdict(
         "contradicts",
         f"the drift in turns is {pivot.value:.2f} times the usual for this yaw rate; "
-        f"{f'{named}, ' if named else ''}a scale of the yaw rate, or [dvl] x_m?",
-        "Check the units of v and r, [dvl] x_m and origin_from_nose_m.",
+        f"{', '.join(s for s in suspects if s)}?",
+        "Check the units of v and r, the sign of v, [dvl] x_m and origin_from_nose_m.",
     )
 
 
