@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -200,17 +201,16 @@ class DataFlash:
     def _stated(self) -> dict[int, tuple[str, str]]:
         """Letters of the units and multipliers of each kind of message."""
         rows = self._all("FMTU", ("FmtType", "UnitIds", "MultIds"))
-        return {int(number): (str(units), str(by)) for number, units, by in rows}
+        known = ((_number(number), units, by) for number, units, by in rows)
+        return {int(n): (str(units), str(by)) for n, units, by in known if np.isfinite(n)}
 
     @cached_property
     def _labels(self) -> dict[str, str]:
-        return {
-            chr(int(letter)): str(label) for letter, label in self._all("UNIT", ("Id", "Label"))
-        }
+        return {_letter(one): str(label) for one, label in self._all("UNIT", ("Id", "Label"))}
 
     @cached_property
     def _multipliers(self) -> dict[str, float]:
-        return {chr(int(letter)): float(by) for letter, by in self._all("MULT", ("Id", "Mult"))}
+        return {_letter(one): _number(by) for one, by in self._all("MULT", ("Id", "Mult"))}
 
     def _all(self, name: str, columns: Sequence[str]) -> list[tuple]:
         for number, kind in self._index.formats.items():
@@ -222,6 +222,20 @@ class DataFlash:
                 values = self._values(number)
                 return list(zip(*(values[column] for column in columns), strict=True))
         return []
+
+
+def _number(value: Any) -> float:
+    """A number of a message; NaN where a damaged definition makes it something else."""
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return float("nan")
+
+
+def _letter(code: Any) -> str:
+    """The letter of a unit or multiplier by its code; "" where it is none."""
+    number = _number(code)
+    return chr(int(number)) if 0.0 <= number < 128.0 else ""
 
 
 def _column(name: str, values: np.ndarray, scale: float) -> dict[str, np.ndarray]:

@@ -112,12 +112,14 @@ def _text(value: Any) -> str:
 def _opened(path: Path) -> Iterator[Any]:
     """A file of version 4.
 
-    h5py opens it first: an h5netcdf file that cannot be opened leaves an object that complains on
-    standard error when it is collected.
+    h5py opens it first, and reads its attributes: where these are damaged, h5netcdf leaves an
+    object that complains on standard error when it is collected.
     """
     h5netcdf, h5py = need("h5netcdf", EXTRA, path), need("h5py", EXTRA, path)
-    with h5py.File(path, "r") as bare, h5netcdf.File(bare, "r") as file:
-        yield file
+    with h5py.File(path, "r") as bare:
+        bare.attrs.get("_nc3_strict")  # as h5netcdf does next
+        with h5netcdf.File(bare, "r") as file:
+            yield file
 
 
 def _version_4(path: Path) -> list[Variable]:

@@ -111,6 +111,17 @@ def test_a_file_of_another_kind_is_no_container(tmp_path):
             open_logs(path)
 
 
+@pytest.mark.parametrize("kind", [130, 131])
+def test_units_of_letters_that_there_are_not_are_none(tmp_path, kind):
+    path = write_dataflash(tmp_path / "trial.bin")
+    content = bytearray(path.read_bytes())
+    row = content.find(bytes((0xA3, 0x95, kind)))
+    content[row + 3 + 8] = 0xF9  # the letter, behind the time: -7
+    path.write_bytes(content)
+    assert read_all(path) > 0
+    inspect_log(path)
+
+
 def test_bytes_between_messages_are_a_finding(tmp_path):
     path = write_dataflash(tmp_path / "trial.bin")
     content = path.read_bytes()
