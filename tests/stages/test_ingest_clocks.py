@@ -18,7 +18,7 @@ from auvident.storage.logs import read_trials
 from auvident.storage.vehicle_file import load_vehicle
 
 SAMPLES = Path(__file__).resolve().parents[2] / "sample_logs"
-TESTED = ("attitude", "dvl", "rudder", "depth", "position")
+TESTED = ("attitude", "dvl", "rudder", "rpm", "depth", "position")
 
 
 @cache
@@ -58,6 +58,7 @@ def test_a_clean_trial_has_one_clock():
         ("dvl", -1.0, 0.0),
         ("dvl", 0.0, -2000.0),
         ("rudder", 1.0, 0.0),
+        ("rpm", 2.5, 0.0),
         ("position", 18.0, 1000.0),
         ("depth", -5.0, 0.0),
     ],
@@ -88,14 +89,16 @@ def test_the_gyro_is_named_when_all_others_agree_against_it():
         assert checks[f"clock_{sensor}"].outcome == "agrees"
 
 
-@pytest.mark.parametrize(("sensor", "late"), [("dvl", 18.0), ("rudder", 5.0)])
+@pytest.mark.parametrize(("sensor", "late"), [("dvl", 18.0), ("rudder", 5.0), ("rpm", -18.0)])
 def test_a_clock_that_leaves_nothing_to_identify_is_refused_unless_put_right(sensor, late):
     raw = stamped(harbour()[0], sensor, late)
     with pytest.raises(ContradictionError) as caught:
         made(raw)
     error = caught.value
     assert error.exit_code == 3
-    for word in (f"{sensor}.csv", "late", f"--fix clock_{sensor}", f"[{sensor}] time_offset_s = -"):
+    side, sign = ("late", "-") if late > 0.0 else ("early", "")
+    where = f"[{sensor}] time_offset_s = {sign}"
+    for word in (f"{sensor}.csv", side, f"--fix clock_{sensor}", where):
         assert word in str(error)
     offset_s, drift_ppm = (float(x) for x in error.fix.split(","))
     right = apply_clock(raw, sensor, offset_s, drift_ppm)

@@ -122,8 +122,8 @@ class _Hearing:
             self._dynamics()
         self._hear("depth")
         self._hear("position")
-        if "rpm" in self.raw.sensors and "rpm" not in self.found.of:
-            self.found.missing["rpm"] = "needs thrust steps and turns, to hold u against both"
+        if "rpm" in self.raw.sensors:
+            self._propeller()
         return self.found
 
     def _hear(self, sensor: str) -> None:
@@ -158,26 +158,32 @@ class _Hearing:
         return found
 
     def _dynamics(self) -> None:
-        """Clocks of the DVL, if kinematics does not place it, and of the propeller."""
+        """Clock of the DVL, if kinematics does not place it."""
+        if "dvl" in self.found.of:
+            return
         rows = [row for row in _rows("dvl") if not row.kinematic]
         found = [e for e in (self.bench.estimate(row) for row in rows) if e is not None]
         of_rpm = [e for e in found if any("propeller" in a for a in e.against)]
-        if "dvl" in self.found.of:
-            placed = self.found.of["dvl"]
-            if self.is_off("dvl", placed, self.passage):  # was put right
-                placed = replace(placed, lag_s=0.0, gain_s=0.0)
-            for surge in of_rpm:
-                self.found.of["rpm"] = _of_rpm(surge, placed)
-        elif found:
+        if found:
             self._settle_by_dynamics(of_rpm, [e for e in found if e not in of_rpm])
         else:
             self.found.missing["dvl"] = self.bench.why(_rows("dvl"))
+
+    def _propeller(self) -> None:
+        """Clock of the propeller, from that of the DVL as it was put right or not."""
+        dvl = self.found.of.get("dvl")
+        own = None if dvl is None else self.bench.estimate(*_rows("rpm"))
+        if dvl is None or own is None:
+            self.found.missing["rpm"] = "needs thrust steps, and a DVL whose clock is known"
+            return
+        if self.is_off("dvl", dvl, self.passage):
+            dvl = replace(dvl, lag_s=0.0, gain_s=0.0)
+        self.found.of["rpm"] = _behind(own, dvl)
 
     def _settle_by_dynamics(self, of_rpm: list[ClockLag], others: list[ClockLag]) -> None:
         own = combined([*others, *of_rpm])
         if of_rpm and others:
             surge, rest = of_rpm[0], combined(others)
-            self.found.of["rpm"] = _of_rpm(surge, rest)
             if not _is_same(surge, rest):
                 own = _doubted(rest, surge)
         if self.is_off("dvl", own, self.passage):
@@ -201,16 +207,16 @@ def _rows(sensor: str) -> list[ClockRelation]:
     return [row for row in RELATIONS if row.sensor == sensor]
 
 
-def _of_rpm(surge: ClockLag, dvl: ClockLag) -> ClockLag:
-    """Clock of the propeller: the surge equation knows the DVL's against it."""
+def _behind(rpm: ClockLag, dvl: ClockLag) -> ClockLag:
+    """Clock of the propeller: the surge equation knows it against that of the DVL."""
     return replace(
-        surge,
-        lag_s=dvl.lag_s - surge.lag_s,
-        std_s=float(np.hypot(surge.std_s, dvl.std_s)),
-        sure_std_s=float(np.hypot(surge.sure_std_s, dvl.sure_std_s)),
-        gain_s=dvl.gain_s - surge.gain_s,
-        gain_std_s=float(np.hypot(surge.gain_std_s, dvl.gain_std_s)),
-        sure_gain_std_s=float(np.hypot(surge.sure_gain_std_s, dvl.sure_gain_std_s)),
+        rpm,
+        lag_s=dvl.lag_s + rpm.lag_s,
+        std_s=float(np.hypot(rpm.std_s, dvl.std_s)),
+        sure_std_s=float(np.hypot(rpm.sure_std_s, dvl.sure_std_s)),
+        gain_s=dvl.gain_s + rpm.gain_s,
+        gain_std_s=float(np.hypot(rpm.gain_std_s, dvl.gain_std_s)),
+        sure_gain_std_s=float(np.hypot(rpm.sure_gain_std_s, dvl.sure_gain_std_s)),
     )
 
 

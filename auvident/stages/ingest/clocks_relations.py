@@ -387,6 +387,18 @@ RELATIONS: tuple[ClockRelation, ...] = (
         rival=2.0,
     ),
     ClockRelation(
+        "rpm",
+        "propeller against surge and yaw rate",
+        ("n",),
+        ("u", "r"),
+        _surge,
+        in_water=True,
+        unlike_lengths=0.4,
+        usual_lengths=(0.0, 0.06),
+        gain_lengths=0.05,
+        rival=1.2,
+    ),
+    ClockRelation(
         "depth",
         "depth rate against velocities and pitch",
         ("z",),
