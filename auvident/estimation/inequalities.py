@@ -172,6 +172,7 @@ def quadratic_step(
     size = max(float(np.abs(distance).max()), np.finfo(float).tiny)
     matrix = np.vstack([away, distance / size])
     length = np.linalg.norm(matrix, axis=0)
+    length[length == 0.0] = 1.0  # an inequality that nothing free has a part in, at its edge
     matrix = matrix / length
     aim = np.zeros(n + 1)
     aim[n] = 1.0

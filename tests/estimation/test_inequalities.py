@@ -52,6 +52,17 @@ def problem(seed: int):
     )
 
 
+@pytest.mark.parametrize("least", [0.0, -1e-9])
+def test_an_inequality_without_anything_free_holds_nothing(least) -> None:
+    """At its edge the row is all zeros."""
+    gradient, free = np.array([1.0, -2.0, 0.0]), np.full(3, np.inf)
+    tangents = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    bound = np.array([least, 0.0])
+    step, pull = quadratic_step(np.eye(3), gradient, -free, free, tangents, bound)
+    np.testing.assert_allclose(step, [0.0, 2.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(pull, [0.0, 1.0], atol=1e-12)
+
+
 @pytest.mark.parametrize("seed", range(40))
 def test_a_quadratic_step_fulfils_the_conditions_of_optimality(seed) -> None:
     curvature, gradient, low, high, tangents, least = problem(seed)
