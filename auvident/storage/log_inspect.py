@@ -1,12 +1,15 @@
 """What is in a log, and a map that would read it: the data behind ``auvident inspect``."""
 
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from pydantic import AfterValidator
 
 from auvident.errors import InputError
 from auvident.schema.base import Artifact
 from auvident.schema.logs import SensorMap
+from auvident.schema.quoting import encodable
 from auvident.storage.log_columns import angle_of, guess_time, quantity_of, time_unit
 from auvident.storage.log_file import LogFile, open_logs, read_log
 from auvident.storage.log_find import LAYOUT_REMEDY
@@ -15,14 +18,15 @@ from auvident.storage.log_propose import propose_map
 from auvident.storage.log_time import as_floats, to_seconds
 from auvident.storage.regular import refuse_irregular
 
+Text = Annotated[str, AfterValidator(encodable)]  # of a damaged file, to be written as JSON
 GAP_PERIODS = 5.0  # an interval of so many periods is shown as a gap
 
 
 class ColumnReport(Artifact):
     """A column: what it was taken for, its range and its empty cells."""
 
-    name: str
-    unit: str = ""
+    name: Text
+    unit: Text = ""
     quantity: str | None = None
     minimum: float | None = None
     maximum: float | None = None
@@ -37,10 +41,10 @@ class FileReport(Artifact):
     `fault` and `remedy` say why nothing of a file can be read.
     """
 
-    file: str
-    kind: str = ""
+    file: Text
+    kind: Text = ""
     rows: int = 0
-    time_column: str | None = None
+    time_column: Text | None = None
     start_s: float | None = None
     end_s: float | None = None
     rate_hz: float | None = None
@@ -49,9 +53,9 @@ class FileReport(Artifact):
     backward: int = 0
     repeated: int = 0
     columns: tuple[ColumnReport, ...] = ()
-    notes: tuple[str, ...] = ()
-    fault: str = ""
-    remedy: str = ""
+    notes: tuple[Text, ...] = ()
+    fault: Text = ""
+    remedy: Text = ""
 
 
 class LogReport(Artifact):
@@ -61,9 +65,9 @@ class LogReport(Artifact):
     `unassigned` names needed channels for which no column was found.
     """
 
-    path: str
+    path: Text
     files: tuple[FileReport, ...]
-    proposed_map: str = ""
+    proposed_map: Text = ""
     unassigned: tuple[str, ...] = ()
 
 

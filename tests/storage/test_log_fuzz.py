@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from log_world import wide_table
 
 from auvident.errors import AuvidentError
-from auvident.storage.log_inspect import inspect_log
+from auvident.storage.log_inspect import ColumnReport, LogReport, inspect_log
 from auvident.storage.logs import read_trials
 from tests.bench.fuzz import damaged as spoilt
 from tests.bench.fuzz_containers import NAMES, containers
@@ -151,3 +151,16 @@ def test_a_line_that_only_some_columns_skip_is_skipped_by_all(tmp_path):
     (file,) = inspect_log(path).files
     assert file.rows == 59
     assert any("is not a number" in note for note in file.notes)
+
+
+def test_what_is_no_text_in_a_file_can_be_written_as_json(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "log.h5"
+    with h5py.File(path, "w") as file:
+        for name, values in wide_table().head(60).items():
+            file[f"dvl/{name}"] = values.to_numpy()
+        file["dvl/u_mps"].attrs.create("units", "m\udc9cu".encode(errors="surrogateescape"))
+    report = inspect_log(path)
+    assert LogReport.model_validate_json(report.model_dump_json()) == report
+    odd = ColumnReport(name="a\udc9c", unit="m\udc9cu")
+    assert odd.name == "a\\udc9c" and "udc9cu" in odd.model_dump_json()
