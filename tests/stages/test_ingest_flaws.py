@@ -272,9 +272,12 @@ def test_commands_that_are_given_and_taken_back_are_no_spikes(name):
     raw, vehicle = logged(name)
     angle = raw.sensors["rudder"].values["rudder_rad"].copy()
     most = np.nanmax(np.abs(angle))
-    angle[300:2000:40] = most  # pulses within the range that it has otherwise
-    sensors = clean_trial(with_values(raw, {"rudder_rad": angle}), vehicle, NEEDED)
-    assert "spike" not in reasons(sensors, "rudder_rad")
+    inside, few = angle.copy(), angle.copy()
+    inside[300:2000:40] = most  # pulses within the range that it has otherwise
+    few[300:2000:300] = 2.0 * most  # beyond it, but few
+    for pulses in (inside, few):
+        sensors = clean_trial(with_values(raw, {"rudder_rad": pulses}), vehicle, NEEDED)
+        assert "spike" not in reasons(sensors, "rudder_rad")
 
 
 @pytest.mark.parametrize("turned", [False, True])

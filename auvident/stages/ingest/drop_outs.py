@@ -16,7 +16,8 @@ LEAST_SHARE = 0.3  # of the usual magnitude of the channel: the jump
 MOST_SHARE = 0.2  # of the rows: beyond it this is how the vehicle is steered
 SENTINEL_SHARE = 1.2  # of every other value: a fin angle that no fin has otherwise
 FEWEST = 2  # times
-FEWEST_PULSES = 5  # times: a few may have been commanded
+# so many, and share of the rows, as of spikes of other sensors: a few may have been commanded
+FEWEST_PULSES, PULSE_SHARE = 8, 0.002
 REACHED = 0.99  # of the rows: two pulses in a row are among the others
 
 
@@ -72,8 +73,9 @@ def find_pulses(time_s: np.ndarray, values: np.ndarray, channel: Channel, pace: 
         return flags
     reach = float(np.quantile(others, REACHED))
     flags[lone[np.abs(values[lone]) > SENTINEL_SHARE * reach]] = True
-    few = flags.sum() < FEWEST_PULSES or flags.sum() > MOST_SHARE * values.size
-    return np.zeros_like(flags) if few else flags
+    least = max(FEWEST_PULSES, PULSE_SHARE * values.size)
+    usual_way = not least <= flags.sum() <= MOST_SHARE * values.size
+    return np.zeros_like(flags) if usual_way else flags
 
 
 def _is_beyond(values: np.ndarray, found: np.ndarray) -> np.ndarray:
