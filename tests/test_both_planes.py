@@ -199,7 +199,10 @@ def test_a_log_is_flown_by_the_whole_vehicle(run: Path) -> None:
     assert f"The whole vehicle is flown ({run}/combine/model.json)" in done.err
     table = pd.read_parquet(run / "simulate/dive_trial-whole.parquet")
     assert {"q_radps_low", "r_radps_low", "roll_rad"} <= set(table)
-    assert "p_radps, roll_rad: the band holds 95 % of the sampled models, not of the" in done.err
+    assert (
+        "p_radps, roll_rad: the band holds 95 % of the sampled models, not of the readings"
+        in done.err
+    )
     tree = json.loads(call(*FLOWN, "sample_logs/dive_trial", "--json").out)
     assert tree["band"]["of_sampled_models"] == ["p_radps", "roll_rad"]
     assert tree["band"]["share"] == 0.95 and "q_radps" in tree["band"]["of_readings"]

@@ -13,6 +13,7 @@ MOST_ROWS = 2  # in a row
 MOST_PASSAGES = 0.5  # lengths of way until the value is back: no vehicle has answered by then
 AGREE = 0.2  # of the jump: the value is back
 LEAST_SHARE = 0.3  # of the usual magnitude of the channel: the jump
+USUAL = 0.9  # quantile of the magnitudes
 MOST_SHARE = 0.2  # of the rows: beyond it this is how the vehicle is steered
 SENTINEL_SHARE = 1.2  # of every other value: a fin angle that no fin has otherwise
 FEWEST = 2  # times
@@ -37,9 +38,8 @@ def find_drop_outs(
         Shape (n,).
     """
     flags = np.zeros(values.size, dtype=bool)
-    usual = float(np.quantile(np.abs(values), 0.9)) if values.size else 0.0
     for rows in range(1, MOST_ROWS + 1):
-        first = _brief_runs(time_s, values, rows, LEAST_SHARE * usual, pace)
+        first = _brief_runs(time_s, values, rows, pace)
         value = values[first]
         if channel.quantity == "rpm":
             first = first[value == 0.0]
@@ -66,8 +66,7 @@ def find_pulses(time_s: np.ndarray, values: np.ndarray, channel: Channel, pace: 
         Shape (n,).
     """
     flags = np.zeros(values.size, dtype=bool)
-    usual = float(np.quantile(np.abs(values), 0.9)) if values.size else 0.0
-    lone = _brief_runs(time_s, values, 1, LEAST_SHARE * usual, pace)
+    lone = _brief_runs(time_s, values, 1, pace)
     others = np.abs(np.delete(values, lone))
     if not lone.size or not others.size:
         return flags
@@ -89,10 +88,9 @@ def _is_beyond(values: np.ndarray, found: np.ndarray) -> np.ndarray:
     return np.isin(found, candidates[np.abs(candidates) > SENTINEL_SHARE * reach])
 
 
-def _brief_runs(
-    time: np.ndarray, values: np.ndarray, rows: int, least: float, pace: Pace
-) -> np.ndarray:
+def _brief_runs(time: np.ndarray, values: np.ndarray, rows: int, pace: Pace) -> np.ndarray:
     """First rows of runs of one value, so many rows long, off the same value on either side."""
+    least = LEAST_SHARE * float(np.quantile(np.abs(values), USUAL)) if values.size else 0.0
     if values.size < rows + 2 or least <= 0.0:
         return np.empty(0, dtype=int)
     start = np.arange(1, values.size - rows)

@@ -68,7 +68,7 @@ CHECKS: tuple[Check, ...] = (
     Check("pitch_rate_scale", "scale and sign of the pitch rate", "pitch", heave.pitch_rate,
           heave.RATE_LIMIT, "roll takes part"),
     Check("speed_by_depth", "scale of the speed within 5 %", "rate of depth", heave.speed_by_depth,
-          heave.SPEED_LIMIT, "twice the worst of 24 drawn clean logs",
+          heave.SPEED_LIMIT, "twice the worst of 21 drawn clean logs",
           after=("dvl_axes", "speed_by_position", "pitch_sign", "heave_sign", "pitch_rate_scale")),
     Check("heave_scale", "scale of w", "rate of depth", heave.heave_scale, heave.HEAVE_LIMIT,
           "more than twice the worst of 30 drawn vertical trials",
