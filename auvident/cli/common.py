@@ -278,9 +278,7 @@ RUN = click.argument("run", metavar="RUN", type=PATH)
 
 def parse_limits(texts: tuple[str, ...]) -> dict[str, float]:
     """``u=0.05`` -> {"u": 0.05}, for ``--fail-above``."""
-    from auvident.schema.planes import JUDGED
-
-    limits = {}
+    limits: dict[str, float] = {}
     for text in texts:
         channel, equals, number = text.partition("=")
         try:
@@ -293,13 +291,11 @@ def parse_limits(texts: tuple[str, ...]) -> dict[str, float]:
                 "--fail-above",
                 "For example --fail-above u=0.05.",
             )
-        if channel.strip() not in JUDGED:
-            raise UsageError(
-                f"there is no channel {channel.strip()!r}",
-                "--fail-above",
-                f"One of {', '.join(JUDGED)}.",
-            )
         limits[channel.strip()] = limit
+    if limits:
+        from auvident.pipeline.gates import refuse_unknown
+
+        refuse_unknown(limits)
     return limits
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from auvident.errors import GateError, UsageError
 from auvident.schema.artifacts import RAN_AWAY, Finding, Metrics
 from auvident.schema.outcome import GateResult
-from auvident.schema.planes import PLANE_ROWS
+from auvident.schema.planes import JUDGED, PLANE_ROWS
 
 if TYPE_CHECKING:
     from auvident.schema.diagnosis import Comparison
@@ -83,7 +83,7 @@ def check_planes(planes: Sequence[Judged], limits: Mapping[str, float]) -> None:
     """
     if not limits:
         return
-    _refuse_unknown(limits, sorted({channel for p in planes for channel in p.known}))
+    refuse_unknown(limits, sorted({channel for p in planes for channel in p.known}))
     for plane in planes:
         own = {c: limit for c, limit in limits.items() if _concerns(c, planes, plane)}
         _check(plane, own)
@@ -225,7 +225,14 @@ def _check(plane: Judged, limits: Mapping[str, float]) -> None:
         raise GateError("the held-out error is above the limit: " + "; ".join(failed), "gate")
 
 
-def _refuse_unknown(limits: Mapping[str, float], known: Sequence[str]) -> None:
+def refuse_unknown(limits: Mapping[str, float], known: Sequence[str] = JUDGED) -> None:
+    """Refuse limits of channels that there are not; before a run, of those that no run has.
+
+    Raises
+    ------
+    UsageError
+        With those that there are.
+    """
     for channel in limits:
         if known and channel not in known:
             raise UsageError(

@@ -1,6 +1,5 @@
 """Heave, pitch and depth against each other: d(depth)/dt = w cos(pitch) - u sin(pitch)."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -170,48 +169,44 @@ def _sinking_by_dvl(seen: Seen) -> Sinking | None:
     if not seen.has(*columns.values()):
         return None
     columns |= {"roll": "roll_rad"} if seen.has("roll_rad") else {}
-    arm = seen.vehicle.dvl.x_m
+    records = smooth_records(seen.trial, columns, MARGIN_S)
+    heave, heave_left = _fitted(seen, records, of_all=False)
+    speeds, speeds_left = _fitted(seen, records, of_all=True)
+    if heave is None or speeds is None:
+        return None
+    return Sinking(heave, speeds, heave_left, speeds_left)
 
-    def terms(s: Signals) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Rate of depth at the DVL; parts of it by w and by u and v; u, of a pitch that is off."""
-        roll = s["roll"] if "roll" in s else np.zeros_like(s["u"])
-        level = np.cos(s["pitch"])
-        turning = arm * (s["q"] * np.cos(roll) - s["r"] * np.sin(roll)) * level
-        by_heave = s["w"] * np.cos(roll) * level
-        aside = -s["u"] * np.sin(s["pitch"]) + s["v"] * np.sin(roll) * level
-        return s["depth_dot"] - turning, by_heave, aside, s["u"]
 
-    def heave(s: Signals, lag: float) -> tuple[np.ndarray, np.ndarray]:
-        rate, by_heave, aside, u = terms(s)
-        return rate - aside, np.column_stack((by_heave, u, np.ones_like(u)))
+def _fitted(seen: Seen, records: list[Signals], *, of_all: bool) -> tuple[Relation | None, float]:
+    """Relation of the rate of depth to w, or to all speeds, and the sum of squares it leaves."""
 
-    def speeds(s: Signals, lag: float) -> tuple[np.ndarray, np.ndarray]:
-        rate, by_heave, aside, u = terms(s)
-        return rate, np.column_stack((by_heave + aside, u, np.ones_like(u)))
+    def relation(s: Signals, lag: float) -> tuple[np.ndarray, np.ndarray]:
+        rate, by_heave, aside = _parts_of_sinking(s, seen.vehicle.dvl.x_m)
+        own = by_heave + aside if of_all else by_heave
+        x = np.column_stack((own, s["u"], np.ones_like(own)))  # u: with a pitch that is off
+        return (rate if of_all else rate - aside), x
 
     def under_way(s: Signals) -> np.ndarray:
         return np.abs(s["u"]) > seen.way_mps
 
-    records = smooth_records(seen.trial, columns, MARGIN_S)
-    found = [fit_relation(records, f, (0.0, 0.0), under_way) for f in (heave, speeds)]
-    if found[0] is None or found[1] is None:
-        return None
-    left = [
-        sum(float(np.sum(_left(f, s, fit.theta)[under_way(s)] ** 2)) for s in records)
-        for f, fit in zip((heave, speeds), found, strict=True)
-        if fit is not None
-    ]
-    return Sinking(found[0], found[1], left[0], left[1])
+    found = fit_relation(records, relation, (0.0, 0.0), under_way)
+    if found is None:
+        return None, 0.0
+    left = 0.0
+    for s in records:
+        rate, x = relation(s, 0.0)
+        left += float(np.sum((rate - x @ found.theta)[under_way(s)] ** 2))
+    return found, left
 
 
-def _left(
-    relation: Callable[[Signals, float], tuple[np.ndarray, np.ndarray]],
-    s: Signals,
-    theta: np.ndarray,
-) -> np.ndarray:
-    """What a relation leaves of the rate of depth, shape (n,)."""
-    rate, parts = relation(s, 0.0)
-    return np.asarray(rate - parts @ theta)
+def _parts_of_sinking(s: Signals, arm_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rate of depth of the DVL's place; parts of it by w, and by u and v, as it reads them."""
+    roll = s["roll"] if "roll" in s else np.zeros_like(s["u"])
+    level = np.cos(s["pitch"])
+    turning = arm_m * (s["q"] * np.cos(roll) - s["r"] * np.sin(roll)) * level
+    by_heave = s["w"] * np.cos(roll) * level
+    aside = -s["u"] * np.sin(s["pitch"]) + s["v"] * np.sin(roll) * level
+    return s["depth_dot"] - turning, by_heave, aside
 
 
 def pitch_rate(seen: Seen) -> Verdict:
