@@ -396,7 +396,7 @@ RELATIONS: tuple[ClockRelation, ...] = (
         unlike_lengths=0.4,
         usual_lengths=(0.0, 0.06),
         gain_lengths=0.05,
-        rival=1.2,
+        rival=1.2,  # few thrust steps: 1.26 is the least of even trials that know their lag
     ),
     ClockRelation(
         "depth",
