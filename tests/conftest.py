@@ -76,10 +76,25 @@ def auvident(figures_drawn_once: None) -> Callable[..., Called]:
 
 
 @pytest.fixture(scope="session")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Finished:
+def folder_of(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Callable[[str], contextlib.AbstractContextManager[Path]]:
+    """A folder of this name that the workers share; the others wait while one fills it."""
+
+    @contextlib.contextmanager
+    def shared(name: str) -> Iterator[Path]:
+        folder = (session.folder or tmp_path_factory.getbasetemp()) / name
+        with session.locked(folder.with_suffix(".lock")):
+            folder.mkdir(exist_ok=True)
+            yield folder
+
+    return shared
+
+
+@pytest.fixture(scope="session")
+def finished(folder_of: Callable[[str], contextlib.AbstractContextManager[Path]]) -> Finished:
     """The first run of the README; of several workers one makes it."""
-    folder = (session.folder or tmp_path_factory.getbasetemp()) / "completed"
-    with session.locked(folder.with_suffix(".lock")):
+    with folder_of("completed") as folder:
         return finished_run(folder)
 
 

@@ -33,7 +33,6 @@ def finished_run(folder: Path) -> Finished:
     """The run in this folder; made if it is not there. The caller holds a lock."""
     said = folder / SAID
     if not said.exists():
-        folder.mkdir()
         (folder / "sample_logs").symlink_to(SAMPLES)
         (folder / "README.md").symlink_to(ROOT / "README.md")
         said.write_text(json.dumps(asdict(shell(COMMAND, folder))))

@@ -3,7 +3,8 @@
 import contextlib
 import json
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -30,15 +31,24 @@ AS_GOOD = 1.05
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Called]:
+def made(
+    folder_of: Callable[[str], contextlib.AbstractContextManager[Path]],
+) -> tuple[Path, Called]:
     """A folder with the run of a horizontal and a vertical trial of one vehicle."""
-    folder = tmp_path_factory.mktemp("both")
+    with folder_of("both") as folder:
+        said = folder / "said.json"
+        if not said.exists():
+            said.write_text(json.dumps(asdict(run_of_both(folder))))
+        return folder, Called(**json.loads(said.read_text()))
+
+
+def run_of_both(folder: Path) -> Called:
     (folder / "sample_logs").symlink_to(SAMPLES)
     with pytest.MonkeyPatch.context() as patch, contextlib.chdir(folder):
         loop_world.put_in_place(patch, loop_world.nothing)
         called = call(*COMMAND, "--json")
     assert called.code == 0, called.err
-    return folder, called
+    return called
 
 
 @pytest.fixture(scope="module")

@@ -3,6 +3,7 @@
 import json
 import shutil
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pandas as pd
@@ -15,8 +16,10 @@ VEHICLE = SAMPLES / "remus100.toml"
 
 
 def made(folder: Path, trial: str, plane: str) -> Path:
-    """A run up to its model."""
+    """A run up to its model, if it is not there."""
     run = folder / trial.removesuffix("_trial")
+    if (run / "identify" / "model.json").exists():
+        return run
     steps = (
         ("ingest", SAMPLES / trial, "--vehicle", VEHICLE, "--run", run),
         ("segment", run),
@@ -30,10 +33,10 @@ def made(folder: Path, trial: str, plane: str) -> Path:
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    folder = tmp_path_factory.mktemp("runs")
+def runs(folder_of: Callable[[str], AbstractContextManager[Path]]) -> dict[str, Path]:
     trials = {"horizontal": "harbour_trial", "vertical": "dive_trial"}
-    return {plane: made(folder, trial, plane) for plane, trial in trials.items()}
+    with folder_of("to-combine") as folder:
+        return {plane: made(folder, trial, plane) for plane, trial in trials.items()}
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,8 @@ import os
 import subprocess
 import sys
 
+import numpy as np
+
 from auvident.jit import cache_is_writable, compiled_already
 from tests.command_line import ROOT, SAMPLES
 
@@ -37,13 +39,22 @@ def simulation() -> None:
     simulate(setup_of())
 
 
+def actuation() -> None:
+    """The inputs that act, as tests call them outside of a simulation."""
+    from auvident.physics.actuation import COMMAND, acting_inputs
+
+    still, time = np.zeros((2, 3)), np.arange(2.0)
+    acting_inputs(still, time, time, time, time, 0.1, np.zeros(len(COMMAND)))
+
+
 # what one process compiles after the other, of about equal length
-SHARES = ("ekf generator", "ukf simulation")
+SHARES = ("ekf generator", "ukf simulation actuation")
 PARTS = {
     "ekf": lambda: filter_of("ekf"),
     "ukf": lambda: filter_of("ukf"),
     "simulation": simulation,
     "generator": generator,
+    "actuation": actuation,
 }
 
 

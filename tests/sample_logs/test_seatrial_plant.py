@@ -74,7 +74,9 @@ def test_energy_is_kept_without_forces_and_damping(name):
 
 @pytest.mark.parametrize("name", VEHICLES)
 def test_damping_takes_energy_with_the_propeller_off(name):
-    body = load_vehicle(name).body._replace(kt=np.zeros(3), kq=np.zeros(3), weight=0.0, buoyancy=0)
+    body = load_vehicle(name).body._replace(
+        kt=np.zeros(3), kq=np.zeros(3), weight=0.0, buoyancy=0.0
+    )
     state = moving()
     state[1:6] = 0.2, -0.1, 0.3, 0.1, -0.2
     nu = sail_for(body, 20.0, 0.0, state)[:, :6]

@@ -124,7 +124,7 @@ def test_effects_are_those_of_the_plane(name: str) -> None:
 
 
 def test_residuals_and_forces_stand_in_columns_of_the_plane() -> None:
-    table = diagnosed("clean").residuals
+    table = diagnosed("pitch and elevator").residuals
     assert {"w_mps_before", "q_radps_after", "pitch_rad", "force_Z_n", "force_M_nm"} <= set(table)
     assert "heading_rad" not in table and "force_Y_n" not in table
 
