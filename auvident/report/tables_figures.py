@@ -25,7 +25,7 @@ TURN_FIGURES = {
     "steady_r_degps": ("steady yaw rate", "deg/s"),
     "steady_speed_mps": ("steady speed", "m/s"),
     "steady_drift_deg": ("steady drift angle", "deg"),
-    "speed_loss": ("speed loss", ""),
+    "speed_loss": ("speed loss, of the approach speed", ""),
     "heading_change_deg": ("change of heading", "deg"),
 }
 ZIGZAG_FIGURES = {

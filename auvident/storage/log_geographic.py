@@ -16,7 +16,8 @@ NAMES: dict[str, tuple[str, ...]] = {
 }
 COLUMNS = tuple(BY_QUANTITY[quantity].column for quantity in NAMES)
 EARTH_M, FLATTENING = 6378137.0, 1 / 298.257223563  # WGS 84
-MOST_RAD = (np.pi / 2, np.pi)  # of latitude and longitude
+MOST_RAD = (np.pi / 2, np.pi)  # of latitude and longitude, either way
+WHOLE_TURN_RAD = 2.0 * np.pi  # of a longitude that is counted eastward all around
 ROUNDING = 1e-7  # of the largest angle: a float of four bytes
 FAR_RAD = np.deg2rad(1.0)  # in latitude, from the middle of a trial: a wild reading
 
@@ -32,9 +33,9 @@ def is_no_fix(lat_rad: np.ndarray, lon_rad: np.ndarray) -> np.ndarray:
 
 
 def is_impossible(lat_rad: np.ndarray, lon_rad: np.ndarray) -> np.ndarray:
-    """Where a latitude is beyond 90 degrees, or a longitude beyond 180."""
-    most_lat, most_lon = ((1.0 + ROUNDING) * most for most in MOST_RAD)
-    return (np.abs(lat_rad) > most_lat) | (np.abs(lon_rad) > most_lon)
+    """Where a latitude is beyond 90 degrees, or a longitude neither in -180 to 180 nor to 360."""
+    most_lat, west, east = ((1.0 + ROUNDING) * most for most in (*MOST_RAD, WHOLE_TURN_RAD))
+    return (np.abs(lat_rad) > most_lat) | (lon_rad < -west) | (lon_rad > east)
 
 
 def faults_of(lat_rad: np.ndarray, lon_rad: np.ndarray) -> dict[str, np.ndarray]:

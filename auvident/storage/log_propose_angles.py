@@ -8,15 +8,15 @@ import numpy as np
 from auvident.schema.logs import unit_name, units_of
 from auvident.storage.log_columns import of_sensor, split_unit
 from auvident.storage.log_file import LogFile
-from auvident.storage.log_geographic import MOST_RAD, quantity_named
+from auvident.storage.log_geographic import MOST_RAD, WHOLE_TURN_RAD, quantity_named
 from auvident.storage.log_proposal import Proposal
 
 # What may stand before the name: gps_lat, NAV_LONG.
 PREFIXES = ("gps", "gnss", "nav", "pos", "position", "fix", "ins", "usbl")
 LEAST_WITHIN = 0.9  # share of the values that are on the globe; fillers are not
 TENTHS_OF_MICRODEGREES = 1e-7  # integers of GPS receivers
-MOST_DEG = tuple(np.degrees(MOST_RAD))
-LEAST_DEG = 1e-3  # in 1e-7 degrees; a smaller number beyond 180 is something else
+MOST_DEG = tuple(np.degrees((MOST_RAD[0], WHOLE_TURN_RAD)))  # of magnitudes
+LEAST_DEG = 1e-3  # in 1e-7 degrees; a smaller number beyond 360 is something else
 
 
 class Angles(NamedTuple):

@@ -12,11 +12,9 @@ import os
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict
 from fnmatch import fnmatch
-from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -26,7 +24,7 @@ import numpy as np
 from tests.bench import damage_page
 from tests.bench.damage_score import Row, false_alarms, judge
 from tests.bench.damage_trial import AS_DRAWN, CLEAN, outcome
-from tests.bench.effects import ONE_THREAD, append, program
+from tests.bench.effects import ONE_THREAD, append, processes, program
 from tests.bench.effects_trial import WANTED
 from tests.bench.halves import HALVES, measured, seeds
 
@@ -160,7 +158,7 @@ def outcomes(jobs: list[Job], workers: int) -> Iterator[dict[str, Any]]:
     if workers < 2:
         yield from map(outcome_of, jobs)
         return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with processes(workers) as pool:
         yield from pool.map(outcome_of, jobs)
 
 

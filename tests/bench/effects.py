@@ -17,6 +17,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, TypeVar
 
+from auvident.pipeline.campaign_trial import STARTED_BY, end_with_starter
 from tests.bench.effects_cases import (
     DEVELOPMENT,
     KINDS,
@@ -134,13 +135,19 @@ def side_by_side(
     """What the program says of each trial, as they come in; one thread a worker."""
     for name in ONE_THREAD:
         os.environ[name] = "1"
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with processes(workers) as pool:
         pending = [pool.submit(outcome, item) for item in items]
         try:
             for done in as_completed(pending):
                 yield done.result()
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
+
+
+def processes(workers: int) -> ProcessPoolExecutor:
+    """Workers that end with this process, also if it is killed (on Linux)."""
+    os.environ[STARTED_BY] = str(os.getpid())
+    return ProcessPoolExecutor(workers, get_context("spawn"), initializer=end_with_starter)
 
 
 def outcome_of(case: Case) -> Outcome:

@@ -203,6 +203,17 @@ def test_the_date_line(tmp_path, lon):
     assert_is_circle(read(folder), at)
 
 
+@pytest.mark.parametrize("lon", [-122.0, 0.0, 20.0])
+def test_a_longitude_that_is_counted_eastward_all_around(tmp_path, lon):
+    at = (36.8, lon)
+    position = fixes(at=at)
+    position["longitude_deg"] %= 360.0
+    folder = folder_with(tmp_path / "run", position)
+    trial = read(folder)
+    assert trial.sensors["position"].dropped == {}
+    assert_is_circle(trial, at)
+
+
 def test_rows_without_a_fix_and_beyond_the_globe_are_left_out_and_counted(tmp_path):
     position = fixes()
     position.loc[[0, 1, 30], DEG] = 0.0

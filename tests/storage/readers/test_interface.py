@@ -209,6 +209,12 @@ def test_a_topic_of_fixes_is_proposed_as_the_position(lab, tmp_path, topic, fiel
     assert north[-1] == pytest.approx(149e-5 * 110974, abs=0.05)  # a degree at 36.8 N
 
 
+def test_a_longitude_that_is_counted_eastward_all_around_is_proposed(lab):
+    path, reader = lab
+    reader.content["/gps/fix"] = FIX | {"latitude": LAT, "longitude": LON % 360.0}
+    assert 'topic = "/gps/fix"' in inspect_log(path).proposed_map
+
+
 def test_a_position_in_metres_is_proposed_before_fixes(lab):
     path, reader = lab
     reader.content["/gps/fix"] = FIX | {"latitude": LAT, "longitude": LON}
