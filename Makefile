@@ -6,6 +6,9 @@ DEMO_RUN := runs/demo
 DEMO_BAY := runs/demo-bay
 TANKER := runs/tanker
 
+# Tests start the program some hundred times: compiled once, wherever that is switched off.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: install demo test test-long lint check bench bench-effects package docs site clean
 .DELETE_ON_ERROR:
 
@@ -14,9 +17,11 @@ $(VENV)/.installed: pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
 	touch $@
 
-$(VENV)/.installed-dev: pyproject.toml $(VENV)/.installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
-	touch $@
+# All at once; modules are compiled when they are imported, and most never are.
+$(VENV)/.installed-dev: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --editable ".[dev]"
+	touch $@ $(VENV)/.installed
 
 install: $(VENV)/.installed
 
