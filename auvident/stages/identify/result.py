@@ -1,6 +1,6 @@
 """The identified model and its history from the stages that were run."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -361,61 +361,75 @@ def _findings(
     rows: Sequence[ModelConstant], final: Outcome, symbols: Sequence[str], by_chance: set[str]
 ) -> list[Finding]:
     """Warnings about coefficients and constants, each with its evidence."""
-    found = []
-    for row in rows:
-        if row.origin == "identified" and row.data_share < NOT_MOVED:
-            found.append(
-                Finding(
-                    code="not-seen",
-                    where=row.symbol,
-                    value=row.data_share,
-                    threshold=NOT_MOVED,
-                    message="not identified by these maneuvers: the value "
-                    + ("is that of the prior" if row.symbol in BY_SYMBOL else RESTS_ON_FILE),
-                )
-            )
-        if row.std_jackknife and row.std_filter and row.origin == "identified":
-            ratio = row.std_jackknife / row.std_filter
-            wider = row.std > row.std_filter and row.symbol not in by_chance
-            if wider and ratio > DISAGREE and row.data_share > NOT_MOVED:
-                found.append(
-                    Finding(
-                        code="maneuvers-disagree",
-                        where=row.symbol,
-                        value=ratio,
-                        threshold=DISAGREE,
-                        message="the maneuvers disagree: the standard deviation "
-                        "includes their scatter",
-                        remedy="An effect that the model lacks may act differently in them.",
-                    )
-                )
-        expected = ESTIMATED[row.symbol].sign
-        if expected and row.value * expected < 0.0 and abs(row.value) > 2.0 * row.std:
-            found.append(
-                Finding(
-                    code="wrong-sign",
-                    where=row.symbol,
-                    value=row.value,
-                    threshold=0.0,
-                    message="its sign is opposite to that of a streamlined hull"
-                    if row.symbol in BY_SYMBOL
-                    else "the centre of gravity lies above that of buoyancy",
-                    remedy="It may compensate for an effect that the model lacks.",
-                )
-            )
-    spread = np.sqrt(np.diag(final.covariance))
-    matrix = final.covariance / np.outer(spread, spread)
+    of_rows = (
+        finding
+        for row in rows
+        for finding in (_not_seen(row), _scattered(row, by_chance), _of_wrong_sign(row))
+        if finding is not None
+    )
+    return [*of_rows, *_correlated(final.covariance, symbols)]
+
+
+def _not_seen(row: ModelConstant) -> Finding | None:
+    if row.origin != "identified" or row.data_share >= NOT_MOVED:
+        return None
+    rests = "the value is that of the prior" if row.symbol in BY_SYMBOL else RESTS_ON_FILE
+    return Finding(
+        code="not-seen",
+        where=row.symbol,
+        value=row.data_share,
+        threshold=NOT_MOVED,
+        message=f"not identified by these maneuvers: {rests}",
+    )
+
+
+def _scattered(row: ModelConstant, by_chance: set[str]) -> Finding | None:
+    """Maneuvers that ask for other values, by more than the scatter of so few has by chance."""
+    if row.origin != "identified" or not (row.std_jackknife and row.std_filter):
+        return None
+    ratio = row.std_jackknife / row.std_filter
+    is_wider = row.std > row.std_filter and row.symbol not in by_chance
+    if not is_wider or ratio <= DISAGREE or row.data_share <= NOT_MOVED:
+        return None
+    return Finding(
+        code="maneuvers-disagree",
+        where=row.symbol,
+        value=ratio,
+        threshold=DISAGREE,
+        message="the maneuvers disagree: the standard deviation includes their scatter",
+        remedy="An effect that the model lacks may act differently in them.",
+    )
+
+
+def _of_wrong_sign(row: ModelConstant) -> Finding | None:
+    """A sign other than that of a streamlined hull, by two standard deviations."""
+    expected = ESTIMATED[row.symbol].sign
+    if not expected or row.value * expected >= 0.0 or abs(row.value) <= 2.0 * row.std:
+        return None
+    return Finding(
+        code="wrong-sign",
+        where=row.symbol,
+        value=row.value,
+        threshold=0.0,
+        message="its sign is opposite to that of a streamlined hull"
+        if row.symbol in BY_SYMBOL
+        else "the centre of gravity lies above that of buoyancy",
+        remedy="It may compensate for an effect that the model lacks.",
+    )
+
+
+def _correlated(covariance: Array, symbols: Sequence[str]) -> Iterator[Finding]:
+    """Pairs of which the data determine a combination alone."""
+    spread = np.sqrt(np.diag(covariance))
+    matrix = covariance / np.outer(spread, spread)
     for i, j in zip(*np.where(np.triu(np.abs(matrix), 1) > CORRELATED), strict=True):
-        found.append(
-            Finding(
-                code="correlated",
-                where=f"{symbols[i]}, {symbols[j]}",
-                value=float(matrix[i, j]),
-                threshold=CORRELATED,
-                message="strongly correlated: only a combination of the two is determined",
-            )
+        yield Finding(
+            code="correlated",
+            where=f"{symbols[i]}, {symbols[j]}",
+            value=float(matrix[i, j]),
+            threshold=CORRELATED,
+            message="strongly correlated: only a combination of the two is determined",
         )
-    return found
 
 
 def history_of(setup: Setup, done: Sequence[Step]) -> pd.DataFrame:

@@ -18,6 +18,7 @@ from auvident.schema.artifacts import (
     AseResult,
     Finding,
     Maneuver,
+    ManeuverKind,
     Maneuvers,
     RigidBody,
     Sensing,
@@ -60,15 +61,7 @@ def prepare(
     structure = carried.structure(plane)
     sensing = sensing_of(vehicle, noise, plane)
     sensor = sensor_matrix(plane, sensing)
-    by_name = {trial.name: without_held_out(trial, maneuvers, plane) for trial in trials}
-    chosen = identifying(trials, maneuvers, plane)
-    if not chosen:
-        raise _nothing_identifies(maneuvers, plane)
-    records = {m.id: (m.kind, record_of(m, by_name[m.trial], plane, sensor)) for m in chosen}
-    records = {name: (kind, _masked(r, carried)) for name, (kind, r) in records.items()}
-    records = {name: row for name, row in records.items() if np.isfinite(row[1].measured).any()}
-    if not records:
-        raise _nothing_is_read(chosen)
+    records, rate_hz = _records_of(trials, maneuvers, plane, sensor, carried)
     values, stds = priors(ase, plane)
     if shared:
         values, stds = {**values, **shared.values}, {**stds, **shared.stds}
@@ -82,19 +75,15 @@ def prepare(
     followers = np.array(
         [[structure.index(symbol_in(plane, "B_adot")), structure.index(symbol_in(plane, "A_bdot"))]]
     )
-    rate_hz = by_name[chosen[0].trial].rate_hz
+    floors = [carried.least_noise.get(column, 0.0) for column in STATE_COLUMNS[plane]]
+    noise_std = [sensing.noise_std[column] for column in STATE_COLUMNS[plane]]
     return Setup(
         structure=structure,
         plan=plan,
         records=records,
         dt_s=1.0 / rate_hz,
         sensing=sensing,
-        sensor_std=np.array(
-            [
-                max(sensing.noise_std[c], carried.least_noise.get(c, 0.0))
-                for c in STATE_COLUMNS[plane]
-            ]
-        ),
+        sensor_std=np.maximum(noise_std, floors),
         prior=prior,
         prior_std=prior_std,
         followers=followers,
@@ -114,6 +103,24 @@ def friction_share(ase: AseResult) -> float:
     (row,) = (c for c in ase.coefficients if c.symbol == "X_uu")
     omitted = row.parts.get(OMITTED, 0.0)
     return float(np.clip(1.0 - omitted / row.value, 0.0, 1.0)) if row.value else 1.0
+
+
+def _records_of(
+    trials: Sequence[Trial], maneuvers: Maneuvers, plane: Plane, sensor: Array, carried: Carried
+) -> tuple[dict[str, tuple[ManeuverKind, Record]], float]:
+    """Maneuvers that identify and have a reading, by id with their kind; their rate [Hz]."""
+    by_name = {trial.name: without_held_out(trial, maneuvers, plane) for trial in trials}
+    chosen = identifying(trials, maneuvers, plane)
+    if not chosen:
+        raise _nothing_identifies(maneuvers, plane)
+    records = {}
+    for m in chosen:
+        record = _masked(record_of(m, by_name[m.trial], plane, sensor), carried)
+        if np.isfinite(record.measured).any():
+            records[m.id] = (m.kind, record)
+    if not records:
+        raise _nothing_is_read(chosen)
+    return records, by_name[chosen[0].trial].rate_hz
 
 
 def _masked(record: Record, carried: Carried) -> Record:

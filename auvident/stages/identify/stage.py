@@ -25,9 +25,7 @@ from auvident.engines.jackknife import (
 )
 from auvident.engines.setup import Outcome, Setup
 from auvident.errors import NumericsError
-from auvident.estimation.identifiability import (
-    unseen_directions,
-)
+from auvident.estimation.identifiability import Direction, unseen_directions
 from auvident.schema.artifacts import (
     AseResult,
     Finding,
@@ -155,34 +153,70 @@ def identify(
     runs = [_run(setup, factor, progress) for factor in plan.start]
     if progress:
         progress("what the maneuvers show of each coefficient", None)
-    done, _ = runs[-1]
-    means = [at_mean(setup, steps[-1].outcome, steps[-1].stage) for steps, _ in runs]
+    end = _concluded(setup, runs)
     findings = overlap_findings(trials, maneuvers, plane)
     findings += unread_findings(trials, maneuvers, plane, setup)
-    findings += dict.fromkeys(finding for _, told in runs for finding in told)
-    findings += _disagreement(means, setup)
-    final = _average(setup, means)
-    information = data_information(setup, final, done[-1].stage)
-    unseen = unseen_directions(information, _equations(setup, final))
-    prior = task_about(setup, final, done[-1].stage).information
-    final, told = _as_the_readings_tell(setup, final, information + prior)
-    findings += [*told, *step_findings(setup, final.parameters)]
-    done = [*done[:-1], replace(done[-1], outcome=final)]
-    by_maneuver = information_by_maneuver(setup, final, done[-1].stage)
-    left_out, told = left_out_of(setup, left_out_courses(setup, final, *by_maneuver))
-    findings += told
+    model = _judged(setup, end, ase, vehicle, carried, [*findings, *end.findings])
+    model = with_both(model, shared, ase) if shared else model
+    history = history_of(setup, [step for steps, _ in runs for step in steps])
+    return Identification(model, history, states_of(setup, end.outcome.parameters))
+
+
+@dataclass(frozen=True)
+class _Concluded:
+    """Where an estimation ended: the steps of the last start, the last with the final outcome."""
+
+    steps: tuple[Step, ...]
+    unseen: Sequence[Direction]
+    findings: tuple[Finding, ...]
+
+    @property
+    def outcome(self) -> Outcome:
+        return self.steps[-1].outcome
+
+    @property
+    def stage(self) -> PlanStage:
+        return self.steps[-1].stage
+
+
+def _concluded(setup: Setup, runs: Sequence[tuple[list[Step], list[Finding]]]) -> _Concluded:
+    """The mean over the starts, with a covariance that the readings allow."""
+    steps, _ = runs[-1]
+    stage = steps[-1].stage
+    means = [at_mean(setup, done[-1].outcome, done[-1].stage) for done, _ in runs]
+    mean = _average(setup, means)
+    information = data_information(setup, mean, stage)
+    unseen = unseen_directions(information, _equations(setup, mean))
+    posterior = information + task_about(setup, mean, stage).information
+    final, overclaimed = _as_the_readings_tell(setup, mean, posterior)
+    findings = (
+        *dict.fromkeys(finding for _, told in runs for finding in told),
+        *_disagreement(means, setup),
+        *overclaimed,
+        *step_findings(setup, final.parameters),
+    )
+    return _Concluded((*steps[:-1], replace(steps[-1], outcome=final)), unseen, findings)
+
+
+def _judged(
+    setup: Setup,
+    end: _Concluded,
+    ase: AseResult,
+    vehicle: Vehicle,
+    carried: Carried,
+    findings: Sequence[Finding],
+) -> IdentifiedModel:
+    """The model with what single maneuvers, the prior and its likelihood say of it."""
+    final, stage = end.outcome, end.stage
+    by_maneuver = information_by_maneuver(setup, final, stage)
+    left_out, moved = left_out_of(setup, left_out_courses(setup, final, *by_maneuver))
     scatter = scatter_of(*by_maneuver)
-    claim, told = scatter_claimed(*by_maneuver[:2])
+    claim, disputed = scatter_claimed(*by_maneuver[:2])
     against, contradicted = prior_against_data(setup, final, *by_maneuver, ase)
-    profiled, bent = profiles_of(setup, final, done[-1].stage, carried.effects)
-    findings = [
-        *ignored_channels(setup, final, done[-1].stage),
-        *contradicted,
-        *findings,
-        *told,
-        *bent,
-    ]
-    model = model_of(setup, ase, vehicle, done, unseen, scatter, findings, carried)
+    profiled, bent = profiles_of(setup, final, stage, carried.effects)
+    ignored = ignored_channels(setup, final, stage)
+    told = [*ignored, *contradicted, *findings, *moved, *disputed, *bent]
+    model = model_of(setup, ase, vehicle, end.steps, end.unseen, scatter, told, carried)
     moves = moves_without(*by_maneuver)
     beside: dict[str, Any] = {
         "left_out": left_out,
@@ -191,10 +225,7 @@ def identify(
         "noise_claim": claim,
         "profile": profiled,
     }
-    model = model.model_copy(update=beside)
-    model = with_both(model, shared, ase) if shared else model
-    history = history_of(setup, [step for run in runs for step in run[0]])
-    return Identification(model, history, states_of(setup, final.parameters))
+    return model.model_copy(update=beside)
 
 
 def _as_the_readings_tell(

@@ -180,6 +180,42 @@ def _fill_values(raw: RawSensor, keep: np.ndarray, pace: Pace) -> dict[str, np.n
     return filled
 
 
+class _Used:
+    """Readings of a channel that are left, and those dropped, by reason."""
+
+    def __init__(self, raw: RawSensor, column: str, keep: np.ndarray) -> None:
+        self.raw, self.keep = raw, keep
+        self._time, self._values = of_rows(raw.time_s, keep), of_rows(raw.values[column], keep)
+        self.left: np.ndarray | slice = slice(None)  # all of them, without a copy; else a mask
+        self.dropped: dict[str, Dropped] = {}
+
+    @property
+    def time(self) -> np.ndarray:
+        return self._time[self.left]
+
+    @property
+    def values(self) -> np.ndarray:
+        return self._values[self.left]
+
+    def drop(self, reason: str, bad: np.ndarray) -> None:
+        """Leave out some of those that are left."""
+        if bad.any():
+            mask = (
+                np.ones(self.keep.size, dtype=bool) if isinstance(self.left, slice) else self.left
+            )
+            found = np.flatnonzero(mask)[bad]
+            self.dropped = _with(self.dropped, reason, self.raw, self.keep[found])
+            mask[found] = False
+            self.left = mask
+
+    def rows(self) -> np.ndarray | None:
+        """Which rows of the sensor are left; None for all."""
+        size = self.raw.time_s.size
+        if self.keep.size != size:
+            return _mask(size, self.keep[self.left])
+        return None if isinstance(self.left, slice) else self.left
+
+
 def _clean_channel(
     raw: RawSensor,
     channel: Channel,
@@ -188,48 +224,36 @@ def _clean_channel(
     vehicle: Vehicle,
     pace: Pace,
 ) -> Series:
-    whole = keep.size == raw.time_s.size
-    time, values = of_rows(raw.time_s, keep), of_rows(raw.values[channel.column], keep)
-    used: np.ndarray | slice = slice(None)  # all of them, without a copy; else a mask
-    dropped: dict[str, Dropped] = {}
-
-    def drop(reason: str, bad: np.ndarray) -> None:
-        nonlocal used, dropped
-        if bad.any():
-            mask = np.ones(keep.size, dtype=bool) if isinstance(used, slice) else used
-            found = np.flatnonzero(mask)[bad]
-            dropped = _with(dropped, reason, raw, keep[found])
-            mask[found] = False
-            used = mask
-
-    drop("empty", np.isnan(values))
-    drop("repeated_time", _repeated(time[used], keep_last=channel.kind == "input"))
-    drop("fill_value", filled[used])
+    used = _Used(raw, channel.column, keep)
+    used.drop("empty", np.isnan(used.values))
+    used.drop("repeated_time", _repeated(used.time, keep_last=channel.kind == "input"))
+    used.drop("fill_value", filled[used.left])
     if not channel.is_angle:
-        refuse_wrong_unit(raw, channel, values[used])
-    drop("implausible", is_impossible(values[used], channel))
+        refuse_wrong_unit(raw, channel, used.values)
+    used.drop("implausible", is_impossible(used.values, channel))
     if channel.column not in raw.not_logged:
-        if channel.sensor == "gyro":
-            drop("overflow", find_overflows(time[used], values[used], channel, pace))
-        if channel.sensor in FLAT_SENSORS:
-            saturated, stuck = find_flat(values[used], channel.kind == "input")
-            drop("saturated", saturated)
-            drop("stuck", stuck[~saturated])
-        if channel.kind == "measured":
-            drop("outlier", find_outliers(_unwrapped(values[used], channel)))
-            found = find_spikes(time[used], _unwrapped(values[used], channel), channel, pace)
-            drop("spike", found)
-        else:
-            drop("spike", find_pulses(time[used], values[used], channel, pace))
+        _drop_faults(used, channel, pace)
     sign = internal_sign(channel, vehicle)
     if channel.is_angle or sign < 0:
-        clean = _unwrapped(values[used], channel) * sign
-        return Series(channel, time[used], clean, dropped=dropped)
-    if whole:
-        chosen = None if isinstance(used, slice) else used
+        clean = _unwrapped(used.values, channel) * sign
+        return Series(channel, used.time, clean, dropped=used.dropped)
+    return Series(channel, raw.time_s, raw.values[channel.column], used.rows(), used.dropped)
+
+
+def _drop_faults(used: _Used, channel: Channel, pace: Pace) -> None:
+    """What a sensor says while it fails, and single readings that no vehicle makes."""
+    if channel.sensor == "gyro":
+        used.drop("overflow", find_overflows(used.time, used.values, channel, pace))
+    if channel.sensor in FLAT_SENSORS:
+        saturated, stuck = find_flat(used.values, channel.kind == "input")
+        used.drop("saturated", saturated)
+        used.drop("stuck", stuck[~saturated])
+    if channel.kind == "measured":
+        used.drop("outlier", find_outliers(_unwrapped(used.values, channel)))
+        spikes = find_spikes(used.time, _unwrapped(used.values, channel), channel, pace)
     else:
-        chosen = _mask(raw.time_s.size, keep[used])
-    return Series(channel, raw.time_s, raw.values[channel.column], chosen, dropped)
+        spikes = find_pulses(used.time, used.values, channel, pace)
+    used.drop("spike", spikes)
 
 
 def _mask(size: int, chosen: np.ndarray) -> np.ndarray:
