@@ -76,7 +76,7 @@ def auvident(figures_drawn_once: None) -> Callable[..., Called]:
 
 
 @pytest.fixture(scope="session")
-def folder_of(
+def common_folder(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Callable[[str], contextlib.AbstractContextManager[Path]]:
     """A folder of this name that the workers share; the others wait while one fills it."""
@@ -92,9 +92,9 @@ def folder_of(
 
 
 @pytest.fixture(scope="session")
-def finished(folder_of: Callable[[str], contextlib.AbstractContextManager[Path]]) -> Finished:
+def finished(common_folder: Callable[[str], contextlib.AbstractContextManager[Path]]) -> Finished:
     """The first run of the README; of several workers one makes it."""
-    with folder_of("completed") as folder:
+    with common_folder("completed") as folder:
         return finished_run(folder)
 
 

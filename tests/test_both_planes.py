@@ -32,10 +32,10 @@ AS_GOOD = 1.05
 
 @pytest.fixture(scope="module")
 def made(
-    folder_of: Callable[[str], contextlib.AbstractContextManager[Path]],
+    common_folder: Callable[[str], contextlib.AbstractContextManager[Path]],
 ) -> tuple[Path, Called]:
     """A folder with the run of a horizontal and a vertical trial of one vehicle."""
-    with folder_of("both") as folder:
+    with common_folder("both") as folder:
         said = folder / "said.json"
         if not said.exists():
             said.write_text(json.dumps(asdict(run_of_both(folder))))

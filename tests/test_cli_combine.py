@@ -33,9 +33,9 @@ def made(folder: Path, trial: str, plane: str) -> Path:
 
 
 @pytest.fixture(scope="module")
-def runs(folder_of: Callable[[str], AbstractContextManager[Path]]) -> dict[str, Path]:
+def runs(common_folder: Callable[[str], AbstractContextManager[Path]]) -> dict[str, Path]:
     trials = {"horizontal": "harbour_trial", "vertical": "dive_trial"}
-    with folder_of("to-combine") as folder:
+    with common_folder("to-combine") as folder:
         return {plane: made(folder, trial, plane) for plane, trial in trials.items()}
 
 
