@@ -373,13 +373,13 @@ def _findings(
 def _not_seen(row: ModelConstant) -> Finding | None:
     if row.origin != "identified" or row.data_share >= NOT_MOVED:
         return None
-    rests = "the value is that of the prior" if row.symbol in BY_SYMBOL else RESTS_ON_FILE
     return Finding(
         code="not-seen",
         where=row.symbol,
         value=row.data_share,
         threshold=NOT_MOVED,
-        message=f"not identified by these maneuvers: {rests}",
+        message="not identified by these maneuvers: "
+        + ("the value is that of the prior" if row.symbol in BY_SYMBOL else RESTS_ON_FILE),
     )
 
 
