@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auvident.physics.actuation import COMMAND, COMMANDS
@@ -278,6 +278,7 @@ def test_bounds_are_wider_than_any_plausible_vehicle() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
+@settings(max_examples=15)
 @given(shown=st.floats(1e-3, 1e3))
 def test_shown_and_internal_values_are_inverse(name, shown) -> None:
     p = parameter_of(name)
