@@ -23,6 +23,7 @@ from auvident.schema.artifacts import (
 from auvident.schema.diagnosis import ChannelError
 from auvident.schema.spin import share
 
+SAME = 0.05  # a ratio of errors nearer to one is not told in digits
 SERIOUS = {
     ESTIMATE_CONTRADICTED,
     "advance_ratio",
@@ -109,10 +110,10 @@ def cards(data: ReportData) -> list[dict[str, Any]]:
                 "r2": "" if of_range is None else number(1.0 - of_range**2),
                 "grade": "none" if of_range is None else ERROR.of(of_range).grade,
                 "identified": _error(name, identified[name]),
-                "by_effects": _factor(by_effects),
+                "by_effects": factor(by_effects),
                 "worse_by_effects": _surely_worse(data, name),
                 "before": _error(name, b),
-                "gain": _factor(ratio),
+                "gain": factor(ratio),
                 "worse": ratio is not None and ratio <= NOT_BETTER,
             }
         )
@@ -155,10 +156,12 @@ def _error(channel: str, e: ChannelMetrics | ChannelError | None) -> str:
     return quantity(e.rmse, e.unit) + ("" if of_range is None else f", {percent(of_range)}")
 
 
-def _factor(ratio: float | None) -> str:
+def factor(ratio: float | None) -> str:
     """A ratio of errors in words."""
     if ratio is None or ratio <= 0.0:
         return "–"
+    if abs(ratio - 1.0) < SAME:
+        return "about the same"
     if ratio >= NOT_BETTER:
         return f"{number(ratio, 2)} times smaller"
     return f"{number(1.0 / ratio, 2)} times larger"

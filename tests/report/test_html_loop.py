@@ -15,7 +15,7 @@ from auvident.report.html import render
 from auvident.report.html_data import ReportData, number, quantity
 from auvident.report.html_loop import lacks, with_refined
 from auvident.report.html_summary import summary, verdict_lines
-from auvident.report.html_words import cards, warnings
+from auvident.report.html_words import cards, factor, warnings
 from auvident.report.numbers import PAGE
 from auvident.schema.artifacts import Finding
 from auvident.schema.diagnosis import Comparison, Diagnosis, Difference
@@ -85,6 +85,14 @@ def test_the_cards_show_the_final_model_with_the_identified_one_beside_it(
     whole = Page(text).text
     assert "The final model, with a current of 0.15 m/s" in whole
     assert "alone, with the final model, refine/model.json" in whole
+
+
+@pytest.mark.parametrize(
+    ("ratio", "words"),
+    [(2.04, "2.0 times smaller"), (0.5, "2.0 times larger"), (0.96, "about the same"), (None, "–")],
+)
+def test_a_ratio_of_errors_in_words(ratio: float | None, words: str) -> None:
+    assert factor(ratio) == words
 
 
 def test_what_may_be_chance_and_what_got_worse_is_said(data: ReportData) -> None:
