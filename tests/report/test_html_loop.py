@@ -12,7 +12,7 @@ import pytest
 from auvident.pipeline.given import Given
 from auvident.pipeline.reporting import report_data
 from auvident.report.html import render
-from auvident.report.html_data import ReportData, number, quantity
+from auvident.report.html_data import ReportData, quantity
 from auvident.report.html_loop import lacks, with_refined
 from auvident.report.html_summary import summary, verdict_lines
 from auvident.report.html_words import cards, factor, warnings
