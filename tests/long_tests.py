@@ -16,9 +16,9 @@ LONG: dict[str, str] = {
     r"(run-directory|six-degrees-of-freedom|desk-maneuvers|exports|plans|logs|own-log)\.md\]": (
         "other pages, and the tests of these commands"
     ),
-    r"test_vertical_diagnosis\.py::test_a_pitched_dvl": "a pitch bias with an elevator offset",
-    r"test_vertical_diagnosis\.py::test_nothing_is_found": "these two, and no effect beside them",
-    r"test_vertical_diagnosis\.py::.*\[(clean|dvl and delay)\]": "the other log",
+    r"test_vertical_diagnosis\.py::.*_are_found_together": "a pitch bias alone",
+    r"test_vertical_diagnosis\.py::test_nothing_is_found": "a pitch bias, and nothing beside it",
+    r"test_vertical_diagnosis\.py::.*\[(clean|pitch and|dvl and)": "the other log",
     r"test_identify\.py::test_with_the_default_plan_as_well\[.*-ukf\]": "the same with the ekf",
     r"test_identify\.py::test_with_the_default_plan_as_well\[(dive|sound)": "the harbour",
     r"test_identify\.py::test_held_out_maneuvers_are_predicted\[(sound|dive)_trial-ukf\]": (
@@ -57,6 +57,11 @@ LONG: dict[str, str] = {
     r"test_constants_estimated\.py::test_a_wrong_file_costs.*\[(as shipped|two \w+ off)\]": (
         "buoyancy omitted, and z_G"
     ),
+    r"test_both_planes\.py::test_each_plane_predicts_as_well": "bench whole",
+    r"test_desk_models\.py::test_published_coefficients_are_flown": "bench published",
+    r"test_pool\.py::test_the_claims_of_the_pooled": "bench pool",
+    r"test_ingest_elevator\.py::test_a_hull_that_answers_slowly": "a lively one",
+    r"test_docs\.py::test_(the_site|the_search|equations_are_drawn)": "links of the pages",
     r"test_constants_estimated\.py::test_on_another_vehicle": "a wrong file of this vehicle",
     r"test_ingest_logs\.py::test_trials_of_one_vehicle.*tern180\]": "the other vehicle",
     r"test_segment_samples\.py::test_fresh_trials\[tern180": "the other vehicle",

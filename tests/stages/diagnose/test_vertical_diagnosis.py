@@ -58,9 +58,13 @@ def elevator_is_late(table: pd.DataFrame) -> None:
 
 EDITS: dict[str, tuple[Edit, ...]] = {
     "clean": (),
+    "pitch": (pitch_reads_too_much,),
     "pitch and elevator": (pitch_reads_too_much, elevator_stands_elsewhere),
     "dvl and delay": (dvl_is_pitched, elevator_is_late),
 }
+
+
+OF_FEW = ("pitch", "dvl and delay")
 
 
 def edited(name: str) -> Chain:
@@ -70,7 +74,7 @@ def edited(name: str) -> Chain:
     for edit in EDITS[name]:
         edit(table)
     few = tuple(m for m in chain.maneuvers.maneuvers if m.id.removeprefix(f"{TRIAL}-") in FEW)
-    update = {"maneuvers": few} if elevator_is_late in EDITS[name] else {}
+    update = {"maneuvers": few} if name in OF_FEW else {}
     maneuvers = chain.maneuvers.model_copy(update=update)
     return replace(chain, trials=(replace(trial, table=table),), maneuvers=maneuvers)
 
@@ -100,6 +104,12 @@ def test_nothing_is_found_in_the_dive() -> None:
     assert {r.channel for r in found.residuals} == {"u", "w", "q"}
 
 
+def test_a_pitch_bias_is_found() -> None:
+    effects = named(diagnosed("pitch").diagnosis)
+    assert set(effects) == {"pitch_bias"}
+    assert is_within(effects["pitch_bias"], 2.0)
+
+
 def test_a_pitch_bias_and_an_elevator_offset_are_found_together() -> None:
     """An offset of the elevator is no trim moment: it grows with the speed."""
     effects = named(diagnosed("pitch and elevator").diagnosis)
@@ -124,14 +134,14 @@ def test_effects_are_those_of_the_plane(name: str) -> None:
 
 
 def test_residuals_and_forces_stand_in_columns_of_the_plane() -> None:
-    table = diagnosed("pitch and elevator").residuals
+    table = diagnosed("pitch").residuals
     assert {"w_mps_before", "q_radps_after", "pitch_rad", "force_Z_n", "force_M_nm"} <= set(table)
     assert "heading_rad" not in table and "force_Y_n" not in table
 
 
 def test_what_the_depth_told_is_known_before_the_refinement() -> None:
     """The bias of the pitch is carried with what the depth says of it, no DVL pitched beside it."""
-    carried = carried_of(diagnosed("pitch and elevator").diagnosis)
+    carried = carried_of(diagnosed("pitch").diagnosis)
     assert carried is not None
     assert carried.prior["pitch_bias.bias_deg"] == pytest.approx(TILT, abs=2e-3)
     assert carried.prior_std["pitch_bias.bias_deg"] < 2e-3
