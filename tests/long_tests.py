@@ -24,6 +24,7 @@ LONG: dict[str, str] = {
     r"test_identify\.py::test_held_out_maneuvers_are_predicted\[(sound|dive)_trial-ukf\]": (
         "the ekf; the ukf in the harbour"
     ),
+    r"test_identify\.py::test_held_out_maneuvers_are_predicted\[sound_trial-ekf\]": "the dive",
     r"test_identify_shared\.py::test_both_engines_take": "each by itself, and their agreement",
     r"test_identify\.py::test_priors_off_by_half.*\[trial[1-3]-": "priors all down, all up",
     r"test_ingest_rudder\.py::test_a_trial_at_sea_shows_the_sign\[\w+-(circles|zigzags)-": (
@@ -54,8 +55,8 @@ LONG: dict[str, str] = {
     r"test_run_directory\.py::test_a_first_run_killed_at_every_write": "a later run, and at random",
     r"test_run_directory\.py::test_the_program_killed_at_random": "at every write; bench kills",
     r"test_run_directory\.py::test_killed_at_every_write\[after": "killed before every write",
-    r"test_constants_estimated\.py::test_a_wrong_file_costs.*\[(as shipped|two \w+ off)\]": (
-        "buoyancy omitted, and z_G"
+    r"test_constants_estimated\.py::test_a_wrong_file_costs.*\[(as shipped|two \w+ off|z_G.*)\]": (
+        "buoyancy omitted"
     ),
     r"test_both_planes\.py::test_each_plane_predicts_as_well": "bench whole",
     r"test_desk_models\.py::test_published_coefficients_are_flown": "bench published",
@@ -77,6 +78,12 @@ LONG: dict[str, str] = {
     r"test_bench_effects\.py::test_a_trial_goes_through": "bench effects",
     r"test_bench_written\.py::test_the_loop_on_a_trial": "bench loop",
     r"test_bench\.py::test_a_tiled_log": "bench length",
+    r"test_bench\.py::test_a_filter_claims": "bench recovery",
+    r"test_bench\.py::test_a_log_is_predicted_by": "bench left-out",
+    r"test_instants\.py::test_a_step_that_was_put_elsewhere": "a limit that is found from afar",
+    r"test_held_out\.py::test_the_diagnosis_is_the_same": "the refined model, which rests on it",
+    r"test_combine_flight\.py::test_held_out_maneuvers_of_a_plane.*horizontal": "the vertical",
+    r"test_ingest_clocks\.py::test_a_lag_that_explains_hardly_more.*156": "another vehicle",
     r"test_constants_estimated\.py::test_the_ukf_finds_the_same": "the ekf, and ekf against ukf",
 }
 # of each row: the files it is about, and the tests in them
