@@ -23,7 +23,7 @@ from auvident.schema.artifacts import (
 from auvident.schema.diagnosis import ChannelError
 from auvident.schema.spin import share
 
-SAME = 0.05  # a ratio of errors nearer to one is not told in digits
+SAME = 0.05  # nearer to one, the two digits of a ratio say 1.0
 SERIOUS = {
     ESTIMATE_CONTRADICTED,
     "advance_ratio",

@@ -134,7 +134,7 @@ def test_a_constant_that_no_maneuver_shows_rests_on_the_file() -> None:
     (row,) = (r for r in model.constants if r.symbol == "z_GW")
     assert row.data_share < 0.05 and row.value == pytest.approx(row.prior, rel=0.02)
     (told,) = (f for f in model.findings if (f.code, f.where) == ("not-seen", "z_GW"))
-    assert "rests on the vehicle file" in told.message
+    assert "the value rests on the vehicle file" in told.message
 
 
 def test_a_standard_deviation_of_zero_holds_the_file() -> None:

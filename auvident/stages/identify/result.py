@@ -378,8 +378,8 @@ def _not_seen(row: ModelConstant) -> Finding | None:
         where=row.symbol,
         value=row.data_share,
         threshold=NOT_MOVED,
-        message="not identified by these maneuvers: "
-        + ("the value is that of the prior" if row.symbol in BY_SYMBOL else RESTS_ON_FILE),
+        message="not identified by these maneuvers: the value "
+        + ("is that of the prior" if row.symbol in BY_SYMBOL else RESTS_ON_FILE),
     )
 
 

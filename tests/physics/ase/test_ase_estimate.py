@@ -116,7 +116,7 @@ def test_numbers_are_finite_for_a_hull_alone():
         assert np.isfinite([row.value, row.std, row.prime]).all()
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=40, deadline=None)
 @example(0.609375, 12.0, 0.0, 0.0625, 0.2, 90.0, 1, "datcom")  # a rudder that lies flat: no turn
 @given(
     length=st.floats(0.6, 12.0),

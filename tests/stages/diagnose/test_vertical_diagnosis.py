@@ -62,8 +62,6 @@ EDITS: dict[str, tuple[Edit, ...]] = {
     "pitch and elevator": (pitch_reads_too_much, elevator_stands_elsewhere),
     "dvl and delay": (dvl_is_pitched, elevator_is_late),
 }
-
-
 OF_FEW = ("pitch", "dvl and delay")
 
 
