@@ -86,7 +86,11 @@ def common_folder(
         folder = (session.folder or tmp_path_factory.getbasetemp()) / name
         with session.locked(folder.with_suffix(".lock")):
             folder.mkdir(exist_ok=True)
-            yield folder
+            try:
+                yield folder
+            except BaseException:
+                shutil.rmtree(folder)  # half a run is none: the next one fills it anew
+                raise
 
     return shared
 

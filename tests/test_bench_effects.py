@@ -2,6 +2,8 @@
 
 import json
 import math
+import subprocess
+import sys
 from collections import Counter
 from itertools import islice
 
@@ -33,6 +35,7 @@ from tests.bench.effects_score import compared, is_visible, score
 from tests.bench.effects_summary import as_json, by_effect, confusion, failures, is_good, tables
 from tests.bench.effects_trial import outcome
 from tests.bench.effects_truth import cross_flow, planted_of, translate
+from tests.command_line import ENVIRONMENT
 
 CURRENT = {
     "id": "current",
@@ -409,3 +412,18 @@ def test_a_refusal_of_the_program_is_an_outcome() -> None:
 def test_the_program_knows_the_symbols_that_are_compared() -> None:
     names = {name for e in in_plane("horizontal") for name in e.names()}
     assert {"current.north_mps", "rudder_lag.lag_s"} <= names
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux ends them")
+def test_workers_end_with_the_bench_that_is_killed() -> None:
+    """They hold its standard output as long as they are there; these would for a minute."""
+    bench_at_work = (
+        "import os, time; from tests.bench.effects import processes\n"
+        "pool = processes(1); print(pool.submit(os.getpid).result(), flush=True)\n"
+        "pool.submit(time.sleep, 60).result()"
+    )
+    command = [sys.executable, "-c", bench_at_work]
+    first = subprocess.Popen(command, env=ENVIRONMENT, stdout=subprocess.PIPE)
+    assert first.stdout is not None and int(first.stdout.readline()) != first.pid
+    first.kill()
+    first.communicate(timeout=30)
