@@ -37,5 +37,6 @@ FILTER_START_STD = 3.0
 FITTED_START_STD = 30.0
 DIAGNOSED_START_STD = 5.0
 
+NOT_MOVED = 0.05  # data share below which a coefficient stayed where the prior put it
 NOT_BETTER = 1.0  # ratio of squared errors below which the data did not help
 BAND_SHARE = 0.95  # of the readings, that the band of a prediction is to hold

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from auvident.constants import NORMAL_95
+from auvident.constants import NORMAL_95, NOT_MOVED
 from auvident.engines.carried import Carried, effect_rows
 from auvident.engines.free_run import NOTHING
 from auvident.engines.jackknife import Scatter, jackknife_covariance, of_few
@@ -52,7 +52,6 @@ from auvident.stages.identify.setup import rigid_body
 Array = npt.NDArray[Any]
 
 HISTORY_PERIOD_S = 0.5  # the history of the coefficients is stored this often
-NOT_MOVED = 0.05  # data share below which a coefficient stayed where the prior put it
 CORRELATED = 0.95
 RESTS_ON_FILE = "rests on the vehicle file"
 # scatter between maneuvers, where it is beyond chance, over the filter's own standard deviation

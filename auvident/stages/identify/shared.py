@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import NOT_MOVED
 from auvident.engines.carried import claimed_covariance
 from auvident.engines.records import Record
 from auvident.engines.setup import Correlated
 from auvident.schema.artifacts import AseResult, Finding, IdentifiedModel, ModelCoefficient
 from auvident.schema.coefficients import BY_SYMBOL, Coefficient, Group
 from auvident.schema.planes import PLANES, Plane
-from auvident.stages.identify.result import NOT_MOVED
 
 Array = npt.NDArray[Any]
 

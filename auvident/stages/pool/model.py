@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.constants import NORMAL_95, USUAL_SPEED_MPS
+from auvident.constants import NORMAL_95, NOT_MOVED, USUAL_SPEED_MPS
 from auvident.engines.carried import LEADERS, effect_rows, free_behind
 from auvident.engines.constraints import by_constraint, in_units
 from auvident.estimation.identifiability import correlations
@@ -32,7 +32,6 @@ from auvident.stages.pool.collect import Collected
 
 Array = npt.NDArray[Any]
 
-NOT_SEEN = 0.05  # share of the data below which a coefficient rests on the prior
 BEYOND_CHANCE = 0.5 * NORMAL_95**2  # [nats]
 # Drift a / u and turn b L / u of moderate maneuvers, in which no hull gains energy; ahead at first.
 # The states that were flown stand in the logs, which are not read again.
@@ -275,12 +274,12 @@ def _against_physics(costs: Any) -> Iterator[Finding]:
 
 def _not_seen(rows: Sequence[ModelConstant]) -> Iterator[Finding]:
     for row in rows:
-        if row.origin == "identified" and row.data_share < NOT_SEEN:
+        if row.origin == "identified" and row.data_share < NOT_MOVED:
             yield Finding(
                 code="not-seen",
                 where=row.symbol,
                 value=row.data_share,
-                threshold=NOT_SEEN,
+                threshold=NOT_MOVED,
                 message="not identified: all trials together hardly show it, so its value comes "
                 "from the prior",
             )
