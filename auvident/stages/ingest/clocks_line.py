@@ -170,8 +170,8 @@ def fit_line(question: Question) -> Line | None:
     moving = steady if line[1] == 0.0 else _fine(question, line)
     if steady is None or moving is None:
         return None
-    lag, lag_std, share = _descend(steady, np.array([1.0, 0.0]))
-    both, both_std, drifting = _descend(moving, np.array([1.0, 1.0]))
+    lag, lag_std, share = _descend(steady, drifting=False)
+    both, both_std, drifting = _descend(moving, drifting=True)
     return Line(
         lag_s=first + lag[0],
         lag_std_s=lag_std[0],
@@ -304,22 +304,23 @@ def _widely(wide: _Scan, half_s: float) -> tuple[float, np.ndarray, float, bool]
     return float(lags[best]), np.array([lags[i], gains[j]]), rival, sure
 
 
-def _descend(fine: _Scan, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+def _descend(fine: _Scan, drifting: bool) -> tuple[np.ndarray, np.ndarray, float]:
     """Line of least unexplained share near that of the scan, its jackknife deviation, the share."""
     step = fine.step_s
     grid = np.linspace(-FINE_STEPS, FINE_STEPS, 2 * FINE_STEPS + 1) * step * 0.9
-    lines = np.array([(a, c) for a in grid for c in grid * free[1]])
+    gains = grid if drifting else np.zeros(1)
+    lines = np.array([(a, c) for a in grid for c in gains])
     left = _unexplained(fine.nearest(lines[:, :1] + lines[:, 1:] * fine.tau).sum(axis=1))
     line = lines[int(np.argmin(left))]
     for _ in range(STEPS):
-        total = _around(fine, line, free).sum(axis=1)
-        ahead = np.nan_to_num(_step(_unexplained(total), step, free))
+        total = _around(fine, line, drifting).sum(axis=1)
+        ahead = np.nan_to_num(_step(_unexplained(total), step, drifting))
         line = line + np.clip(ahead, -2.0 * step, 2.0 * step)
     reach = float(fine.lags_s[-1]) - step
-    grams = _around(fine, line, free)
+    grams = _around(fine, line, drifting)
     total = grams.sum(axis=1)
     others = _unexplained(total[:, None] - grams)
-    steps = np.stack([_step(share, step, free) for share in others.T])
+    steps = _step(others, step, drifting)
     count = steps.shape[0]
     std = np.sqrt((count - 1) / count * ((steps - steps.mean(axis=0)) ** 2).sum(axis=0))
     lost = np.abs(line) > reach  # no minimum in the scan
@@ -327,23 +328,25 @@ def _descend(fine: _Scan, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, flo
     return line, std, float(_unexplained(total)[4])
 
 
-def _around(fine: _Scan, line: np.ndarray, free: np.ndarray) -> np.ndarray:
+def _around(fine: _Scan, line: np.ndarray, drifting: bool) -> np.ndarray:
     """Grams of the blocks at nine lines about one, shape (9, blocks, p + 1, p + 1)."""
-    near = line + NINE * free * fine.step_s
+    near = line + NINE * (1.0, float(drifting)) * fine.step_s
     return fine.at(near[:, :1] + near[:, 1:] * fine.tau)
 
 
-def _step(share: np.ndarray, step_s: float, free: np.ndarray) -> np.ndarray:
-    """To the minimum of the parabola through nine shares; NaN where it has none."""
-    s = share.reshape(3, 3)
-    slope = np.array([s[2, 1] - s[0, 1], s[1, 2] - s[1, 0]]) / 2.0
+def _step(share: np.ndarray, step_s: float, drifting: bool) -> np.ndarray:
+    """To the minimum of the parabola through nine shares; NaN where it has none.
+
+    Shares of shape (9, ...), steps of shape (..., 2).
+    """
+    s = share.reshape(3, 3, *share.shape[1:])
+    lag, gain = (s[2, 1] - s[0, 1]) / 2.0, (s[1, 2] - s[1, 0]) / 2.0  # slopes
+    lag_lag, gain_gain = s[2, 1] - 2 * s[1, 1] + s[0, 1], s[1, 2] - 2 * s[1, 1] + s[1, 0]
     cross = (s[2, 2] - s[2, 0] - s[0, 2] + s[0, 0]) / 4.0
-    bent = np.array(
-        [[s[2, 1] - 2 * s[1, 1] + s[0, 1], cross], [cross, s[1, 2] - 2 * s[1, 1] + s[1, 0]]]
-    )
-    use = free > 0
-    own = bent[np.ix_(use, use)]
-    step = np.where(use, np.nan, 0.0)
-    if np.linalg.eigvalsh(own)[0] > 0.0:
-        step[use] = -np.linalg.solve(own, slope[use]) * step_s
-    return step
+    if not drifting:
+        lag_lag = np.where(lag_lag > 0.0, lag_lag, np.nan)
+        return np.stack((-lag / lag_lag, np.zeros_like(lag)), axis=-1) * step_s
+    area = lag_lag * gain_gain - cross**2
+    area = np.where((area > 0.0) & (lag_lag > 0.0), area, np.nan)
+    steps = (cross * gain - gain_gain * lag, cross * lag - lag_lag * gain)
+    return np.stack(steps, axis=-1) / area[..., None] * step_s
