@@ -10,7 +10,15 @@ import pytest
 
 from tests.bench import __main__ as bench
 from tests.bench import damage, damage_page, damage_trial, written
-from tests.bench.damage_names import ACCUSING, DOUBTS, NAMES, SENSOR_WORDS, any_of, names_it
+from tests.bench.damage_names import (
+    ACCUSING,
+    DOUBTS,
+    NAMES,
+    SENSOR_WORDS,
+    TESTED_BY,
+    any_of,
+    names_it,
+)
 from tests.bench.damage_score import OUTCOMES, QUIETLY_WRONG, WELL, false_alarms, judge
 from tests.engines.chain import SAMPLES
 from tests.session import once
@@ -266,6 +274,53 @@ def test_what_is_said_of_the_clean_log_as_well_names_nothing() -> None:
     far = evidence(9.0, told=[telling("advance_ratio", "u / (n D) is 4.2", value=4.2)])
     assert judged(near, clean=clean).outcome == "quiet"
     assert judged(far, clean=clean).outcome == "said"
+
+
+SWAY, LATE, DRIFTS = (CASES[n] for n in ("v-scale:0.5", "shift-rpm:5", "drift-rpm:2000"))
+
+
+def coarse(code: str, within: float | None) -> dict:
+    return telling(code, kind="coarse", value=within)
+
+
+@pytest.mark.parametrize(
+    ("case", "told", "outcome"),
+    [
+        (SWAY, coarse("sway_by_position", 2.4), "untested"),
+        (SWAY, coarse("sway_by_position", None), "untested"),
+        (SWAY, coarse("sway_by_position", 1.8), "quiet"),
+        (SWAY, coarse("rudder_scale", 2.4), "quiet"),
+        (LATE, coarse("clock_rpm", 6.0), "untested"),
+        (LATE, coarse("clock_rpm", 4.0), "quiet"),
+        (LATE, coarse("drift_rpm", 6000.0), "quiet"),
+        (DRIFTS, coarse("drift_rpm", 3000.0), "untested"),
+        (DRIFTS, coarse("drift_rpm", 1000.0), "quiet"),
+        (DRIFTS, coarse("drift_rudder", 3000.0), "quiet"),
+        (DRIFTS, coarse("clock_rpm", 3000.0), "quiet"),
+        (KNOTS, {**coarse("speed_scale", 4.0), "shown": False}, "quiet"),
+    ],
+)
+def test_a_fault_within_what_a_coarse_test_leaves_open_is_said(case, told, outcome) -> None:
+    """The first line says so of the clean log as well: what a log can test hangs on no fault."""
+    clean = evidence(told=[told])
+    assert judged(evidence(9.0, told=[told]), case, clean).outcome == outcome
+    assert judged(evidence(1.0, told=[told]), case, clean).outcome == "right"
+
+
+def test_a_pattern_with_words_counts_where_the_message_has_them() -> None:
+    sign = CASES["v-sign"]
+    for words, outcome in (("v of the other sign, or x_m?", "said"), ("[dvl] x_m?", "misnamed")):
+        found = evidence(9.0, told=[telling("speed_by_drift", words)])
+        assert judged(found, sign).outcome == outcome
+
+
+def test_checks_that_test_a_fault_are_those_of_the_table() -> None:
+    from auvident.stages.ingest.checks import CHECKS
+    from auvident.stages.ingest.clocks import DRIFT_PREFIX, LIMITS, PREFIX
+
+    known = {c.name for c in CHECKS} | {p + s for p in (PREFIX, DRIFT_PREFIX) for s in LIMITS}
+    assert {name for names in TESTED_BY.values() for name in names} <= known
+    assert set(TESTED_BY) <= {case.kind.fault for case in CASES.values()}
 
 
 def test_rows_that_are_lost_have_to_be_counted() -> None:

@@ -37,12 +37,12 @@ def untested(trials: Sequence[TrialQuality]) -> str:
     for what, why in left_open(trials).items():
         groups.setdefault(why, []).append(what)
     left = [f"{_listed(names)} ({why})" for why, names in groups.items()]
-    coarse = [f"{what} ({only})" for what, only in _coarse(trials).items()]
-    texts = {"Not tested": left, "Tested only coarsely": coarse}
+    coarsely = [f"{what} ({only})" for what, only in coarse(trials).items()]
+    texts = {"Not tested": left, "Tested only coarsely": coarsely}
     return " ".join(f"{words}: {', '.join(rows)}." for words, rows in texts.items() if rows)
 
 
-def _coarse(trials: Sequence[TrialQuality]) -> dict[str, str]:
+def coarse(trials: Sequence[TrialQuality]) -> dict[str, str]:
     """Every quantity that was tested, but by no trial more than coarsely, and how coarsely."""
     made = [c for t in trials for c in t.checks_made if c.outcome != "untested"]
     fine = {c.what for c in made if not c.only}

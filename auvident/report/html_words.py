@@ -29,6 +29,7 @@ SERIOUS = {
     "advance_ratio",
     "dvl_averaged",
     "dvl_axes",
+    "dvl_yaw",
     "elevator_cut",
     "elevator_scale",
     "elevator_stuck",

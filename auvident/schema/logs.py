@@ -533,6 +533,9 @@ class CheckMade(Artifact):
         The same where the check does not propose it, and only applies it when told to.
     only : str
         How coarsely it was tested, where that is not fine enough to rely on.
+    within : float or None
+        The same as a figure, a factor, or s or ppm of a clock: a fault up to so much is not told.
+        None where it was tested closely, and where nothing is too large.
     """
 
     name: str
@@ -548,6 +551,7 @@ class CheckMade(Artifact):
     fix: str = ""
     fix_if_asked: str = ""
     only: str = ""
+    within: float | None = None
 
 
 class TrialQuality(Artifact):

@@ -3,7 +3,7 @@
 A row of the generator has a fault in words; here stand the patterns (`fnmatch`) of what the
 program may call it. ``dropped:REASON`` is a reason under which readings of the sensor went,
 ``effect:ID`` an effect that `diagnose` names. A pattern with ``@`` behind it counts where message
-or place name the sensor of the row as well.
+or place name the sensor of the row as well, one with ``~`` and words where the message has them.
 """
 
 from collections.abc import Iterable, Mapping
@@ -59,13 +59,13 @@ HEADING = ("heading_*", "*heading")
 STAMPS = ("coarse_time", "jitter", "dropped:backward_time", "dropped:repeated_time", "clock_*")
 STUCK = ("dropped:stuck*", "dropped:held_copy", "held_copies@", "*frozen*@", "*stuck*@")
 CLOCKS = {
-    "dvl": ("dvl_lags_*", "clock_dvl*"),
-    "gyro": ("*_lags_gyro", "gyro_lags_*", "clock_*"),  # the others are measured by the gyro
-    "rudder": ("gyro_lags_rudder", "rudder_lags_*", "clock_rudder*"),
-    "rpm": ("*rpm_lag*", "clock_rpm*"),
-    "attitude": ("attitude_lags_*", "clock_attitude*", "clock_heading*"),
-    "position": ("*position_lag*", "clock_position*"),
-    "depth": ("*depth_lag*", "clock_depth*"),
+    "dvl": ("dvl_lags_*", "clock_dvl*", "drift_dvl"),
+    "gyro": ("*_lags_gyro", "gyro_lags_*", "clock_*", "drift_*"),  # what others are measured by
+    "rudder": ("gyro_lags_rudder", "rudder_lags_*", "clock_rudder*", "drift_rudder"),
+    "rpm": ("*rpm_lag*", "clock_rpm*", "drift_rpm"),
+    "attitude": ("attitude_lags_*", "clock_attitude*", "clock_heading*", "drift_attitude"),
+    "position": ("*position_lag*", "clock_position*", "drift_position"),
+    "depth": ("*depth_lag*", "clock_depth*", "drift_depth"),
 }
 # The model against the estimate from geometry; one coefficient alone is no more than a remark.
 WHOLE = ("priors-contradicted", "estimate*contradict*", "*vehicle_file*")
@@ -87,7 +87,7 @@ NAMES: dict[str, tuple[str, ...]] = {
     "sign of the elevator": ("elevator_sign*",),
     "sign of the yaw rate": ("yaw_rate_sign*", "gyro_sign*", "heading_gyro*", "rudder_sign"),
     "axes of the DVL": (*AXES, "sway_*", "speed_position_ratio"),
-    "sign of v": ("sway_*", "*axes*", "v_sign*"),
+    "sign of v": ("sway_*", "*axes*", "v_sign*", "speed_by_drift~v of the other sign"),
     "heave axis of the DVL": ("heave*", "w_sign*", "*axes*"),
     "axes of the gyro": ("yaw_rate_unit", "gyro_axes*", "heading_gyro_gain", "gyro_scale*"),
     "sign of rpm": ("rpm*", "surge_sign"),
@@ -168,6 +168,32 @@ NAMES: dict[str, tuple[str, ...]] = {
     "map": ("file_not_used", "rudder_never_moves", "rudder_scale*"),
     **{f"clock of {sensor}": patterns for sensor, patterns in CLOCKS.items()},
 }
+# Fault of a row -> checks that would test it. The first line of the ingest says of a quantity that
+# nothing tests it only where none of its checks could.
+TESTED_BY: dict[str, tuple[str, ...]] = {
+    "scale of the speed": ("speed_by_position", "speed_by_depth", "speed_scale"),
+    "scale of v": ("sway_by_position",),
+    "scale of rpm": ("rpm_scale",),
+    "scale of the rudder": ("rudder_scale",),
+    "scale of the gyro": ("yaw_rate_scale",),
+    "scale of the position": ("speed_by_position",),
+    "scale of the depth": ("pitch_sign",),
+    "unit of the pitch": ("pitch_sign",),
+    "sign of v": ("sway_by_position",),
+    "sign of the rudder": ("rudder_sign",),
+    "sign of the yaw rate": ("yaw_rate_scale",),
+    "sign of the pitch": ("pitch_sign",),
+    "sign of the depth": ("pitch_sign",),
+    "sign of rpm": ("rpm_sign",),
+    "axes of the DVL": ("dvl_axes", "dvl_yaw"),
+    "axes of the gyro": ("gyro_axes",),
+    "heave axis of the DVL": ("heave_sign",),
+    "offset": ("yaw_rate_offset",),
+    "clipped rudder": ("rudder_cut",),
+    "frozen rudder": ("rudder_stuck",),
+    "constant rpm": ("rpm_constant",),
+    **{f"clock of {sensor}": (f"clock_{sensor}", f"drift_{sensor}") for sensor in CLOCKS},
+}
 # The model is said to be doubtful, but not why.
 DOUBTS = (
     *WHOLE,
@@ -195,14 +221,21 @@ REMARKS = (
 )
 # Names of some fault or other: with none of the right ones among them, a wrong name.
 ACCUSING = sorted(
-    {p.rstrip("@") for patterns in NAMES.values() for p in patterns if ":" not in p} - {*REMARKS}
+    {
+        p.rstrip("@").partition("~")[0]
+        for patterns in NAMES.values()
+        for p in patterns
+        if ":" not in p
+    }
+    - {*REMARKS}
 )
 
 
 def names_it(telling: Mapping[str, Any], fault: str, sensor: str) -> bool:
     """Whether a finding, check or reason names the fault of a row."""
-    if any(fnmatch(telling["code"], p.rstrip("@")) for p in NAMES[fault] if not p.endswith("@")):
-        return True
+    for pattern, _, words in (p.partition("~") for p in NAMES[fault] if not p.endswith("@")):
+        if fnmatch(telling["code"], pattern) and words in telling["message"]:
+            return True
     generic = (*(p for p in NAMES[fault] if p.endswith("@")), *ABOUT_A_SENSOR)
     about = any(fnmatch(telling["code"], pattern.rstrip("@")) for pattern in generic)
     return about and mentions(telling, sensor)

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from tests.bench.damage_names import ACCUSING, DOUBTS, any_of, names_it
+from tests.bench.damage_names import ACCUSING, DOUBTS, TESTED_BY, any_of, names_it
 
 Evidence = Mapping[str, Any]
 
@@ -33,7 +33,7 @@ OUTCOMES = {
     "said": "a finding, shown in the terminal and kept in the run directory, names channel and "
     "kind of the fault",
     "untested": "wrong; the first line of the ingest names this quantity as one that nothing in "
-    "the log tests",
+    "the log tests, or not as closely as the fault is small",
     "near": "as right, but within 4 standard deviations; nothing is said",
     "counted": "beyond that; most of the spoilt readings were dropped and counted, no finding says "
     "that the result is not to be trusted",
@@ -45,6 +45,8 @@ OUTCOMES = {
     "quiet": "wrong, and nothing is said",
     "failed": "a traceback, or no end within 5 minutes",
 }
+LIMITS_OF_TESTS = ("untested", "coarse")  # what the first line says of its own tests
+UNTOLD = {"shift": "clock_", "drift": "drift_"}  # kinds whose sizes these checks have
 DOUBTFUL = ("near", "counted", "doubted", "quiet")  # better where the quantity was left open
 WELL = ("right", "refused", "said", "untested")
 QUIETLY_WRONG = ("misnamed", "quiet")
@@ -80,9 +82,8 @@ class Row:
 def judge(evidence: Evidence, clean: Evidence, cases: Iterable[Any]) -> Row:
     """Outcome of a trial with damage of some cases."""
     cases = tuple(cases)
-    told = news(evidence, clean)
-    left_open = [t for t in told if t["kind"] == "untested" and names(t, cases[0])]
-    told = [t for t in told if t["kind"] != "untested"]
+    told = [t for t in news(evidence, clean) if t["kind"] not in LIMITS_OF_TESTS]
+    left_open = [t for t in evidence.get("told", []) if t["shown"] and leaves_open(t, cases[0])]
     naming = [t for t in told if any(names(t, case) for case in cases)]
     stds, worst = difference(evidence, clean)
     outcome = _outcome(evidence, clean, told, naming, stds)
@@ -105,6 +106,34 @@ def judge(evidence: Evidence, clean: Evidence, cases: Iterable[Any]) -> Row:
         ratio=evidence.get("ratio"),
         lost=evidence.get("lost", 0),
     )
+
+
+def leaves_open(telling: Evidence, case: Any) -> bool:
+    """Whether the first line says that the quantity is not tested, or not as closely as that.
+
+    What a log can test does not hang on its faults: it is said of the clean log as well.
+    """
+    if telling["kind"] not in LIMITS_OF_TESTS:
+        return False
+    if telling["code"] not in TESTED_BY.get(case.kind.fault, ()):
+        return False
+    return telling["kind"] == "untested" or _is_within(telling, case)
+
+
+def _is_within(telling: Evidence, case: Any) -> bool:
+    """Whether a fault is so small that a coarse test does not tell it.
+
+    Seconds of a clock, ppm of one, a factor; None where nothing is too large.
+    """
+    size = abs(case.size or 0.0)
+    unit = next((k for k, start in UNTOLD.items() if telling["code"].startswith(start)), "")
+    if unit and not case.kind.id.startswith(unit):
+        return False
+    if not unit:
+        if size == 0.0 or not case.kind.fault.startswith("scale"):
+            return False
+        size = max(size, 1.0 / size)
+    return telling["value"] is None or size <= telling["value"]
 
 
 def names(telling: Evidence, case: Any) -> bool:

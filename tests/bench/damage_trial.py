@@ -16,7 +16,7 @@ from typing import Any
 from auvident.errors import AuvidentError
 from auvident.pipeline import run_stage
 from auvident.pipeline.given import Given
-from auvident.report.check_words import left_open
+from auvident.report.check_words import coarse, left_open
 from auvident.report.console import stage_report
 from auvident.schema.artifacts import IdentifiedModel, Maneuvers
 from auvident.schema.logs import TrialQuality
@@ -230,21 +230,19 @@ def _set_aside(quality: Mapping[str, Any]) -> list[Evidence]:
 
 def _of_trial(trial: Mapping[str, Any]) -> list[Evidence]:
     """Findings of a trial, contradictions, and checks that the first line leaves open."""
-    kinds = {"contradicts": "check", "untested": "untested"}
-    first = left_open([TrialQuality.model_validate(trial)])
-    checks = [
-        {
-            "stage": "ingest",
-            "kind": kinds[c["outcome"]],
-            "code": c["name"],
-            "message": c["message"],
-            "where": f"{c['what']} against {c['against']}",
-            "value": c["value"],
-        }
-        for c in trial.get("checks_made", [])
-        if c["outcome"] == "contradicts" or (c["outcome"] == "untested" and c["what"] in first)
-    ]
-    return [*_findings("ingest", trial), *checks]
+    read = TrialQuality.model_validate(trial)
+    first, roughly = left_open([read]), coarse([read])
+    told = []
+    for c in read.checks_made:
+        where = f"{c.what} against {c.against}"
+        row = {"stage": "ingest", "code": c.name, "where": where, "value": c.value}
+        if c.outcome == "contradicts":
+            told.append({**row, "kind": "check", "message": c.message})
+        elif c.outcome == "untested" and c.what in first:
+            told.append({**row, "kind": "untested", "message": c.message})
+        elif c.only and c.what in roughly:
+            told.append({**row, "kind": "coarse", "message": c.only, "value": c.within})
+    return [*_findings("ingest", trial), *told]
 
 
 def _dropped(trials: list[Any]) -> dict[str, dict[str, int]]:

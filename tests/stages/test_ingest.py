@@ -362,6 +362,20 @@ def test_stuck_sensor_and_coarse_stamps_are_noted():
     assert {"constant_channel", "coarse_time"} <= set(codes(quality))
 
 
+@pytest.mark.parametrize(("steps", "found"), [(200, False), (20, True)])
+def test_a_channel_of_few_digits_is_noted(steps, found):
+    raw = maneuvers(duration_s=200)
+    values = raw.sensors["gyro"].values
+    step = np.ptp(values["r_radps"]) / steps
+    coarse = values | {"r_radps": np.round(values["r_radps"] / step) * step}
+    _, quality = ingest(changed(raw, "gyro", values=coarse), vehicle())
+    told = [f for f in quality.findings if f.code == "coarse_channel"]
+    assert bool(told) == found
+    for finding in told:
+        assert finding.value == pytest.approx(1 / steps, rel=0.1)
+        assert "r_radps comes in steps" in finding.message
+
+
 def test_a_jitter_that_no_motion_shows_is_no_finding():
     rng = np.random.default_rng(2)
     for period, jitter, found in ((0.01, 0.003, False), (0.1, 0.04, True)):

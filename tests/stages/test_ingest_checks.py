@@ -17,7 +17,14 @@ from auvident.report.html_words import SERIOUS
 from auvident.schema.logs import DEG, CheckMade, RawTrial, TrialQuality
 from auvident.schema.trial import Trial
 from auvident.stages.ingest import ingest, ingest_fixed, refuse_unproposed
-from auvident.stages.ingest.checks import CHECKS, Seen, averaging, corrected, run_checks
+from auvident.stages.ingest.checks import (
+    CHECKS,
+    Seen,
+    averaging,
+    corrected,
+    rudder,
+    run_checks,
+)
 from auvident.stages.ingest.checks.correction import mixed, scaled
 from auvident.storage.logs import read_trials
 from auvident.storage.vehicle_file import load_vehicle
@@ -99,12 +106,12 @@ def earthly(raw: RawTrial) -> RawTrial:
     return replace(raw, sensors={**raw.sensors, "dvl": new})
 
 
-def stuck(raw: RawTrial) -> RawTrial:
-    """The rudder as it was, for 40 s in which it moves most."""
+def stuck(raw: RawTrial, seconds: float = 40.0) -> RawTrial:
+    """The rudder as it was, for so long where it moves most."""
     s = raw.sensors["rudder"]
     values = s.values["rudder_rad"].copy()
-    starts = np.arange(s.time_s[0], s.time_s[-1] - 40.0, 5.0)
-    pieces = [(s.time_s >= t) & (s.time_s < t + 40.0) for t in starts]
+    starts = np.arange(s.time_s[0], s.time_s[-1] - seconds, 5.0)
+    pieces = [(s.time_s >= t) & (s.time_s < t + seconds) for t in starts]
     worst = max(pieces, key=lambda rows: np.nanstd(values[rows]))
     values[worst] = values[worst][0]
     new = replace(s, values={"rudder_rad": values})
@@ -243,7 +250,43 @@ def test_one_rate_throughout_tells_no_thrust():
 
 
 def test_what_is_tested_coarsely_is_said(clean):
-    assert "Tested only coarsely: scale of the rudder (to a factor of 2.4)." in untested([clean])
+    line = untested([clean])
+    assert "Tested only coarsely: scale and sign of v (to a factor of " in line
+    assert "scale of the rudder (to a factor of 2.5), clock of the rudder (to 1.9 s and" in line
+    assert "clock of the attitude" not in line
+    coarse = {c.name: c.within for c in clean.checks_made if c.only}
+    assert coarse["clock_rudder"] == pytest.approx(1.9, abs=0.05)
+    assert coarse["drift_rudder"] == pytest.approx(588.0, abs=50.0)
+    assert {c.within for c in clean.checks_made if not c.only} == {None}
+
+
+@pytest.mark.parametrize("degrees", [10.0, -25.0])
+def test_a_dvl_that_is_turned_is_told_without_a_position(degrees):
+    """A DVL turned to starboard reads a v to port on straight ways, whatever the course."""
+    c, s = np.cos(degrees * DEG), np.sin(degrees * DEG)
+    turned = {"u_mps": (c, s), "v_mps": (-s, c)}
+    dvl = sailed().sensors["dvl"]
+    u, v = dvl.values["u_mps"], dvl.values["v_mps"]
+    values = dvl.values | {n: a * u + b * v for n, (a, b) in turned.items()}
+    raw = replace(sailed(), sensors={**sailed().sensors, "dvl": replace(dvl, values=values)})
+    made = rows(without(raw, "position"))
+    assert made["dvl_yaw"].outcome == "contradicts"
+    assert made["dvl_yaw"].value == pytest.approx(degrees, abs=0.5)
+    assert f"(here {made['dvl_yaw'].value:.1f}, positive to starboard)" in made["dvl_yaw"].remedy
+    assert made["speed_by_drift"].outcome == "untested"  # nothing else is accused of it
+    stated = BOAT.model_copy(
+        update={"dvl": BOAT.dvl.model_copy(update={"mounting_yaw_deg": degrees})}
+    )
+    quality = ingest(without(raw, "position"), stated)[1]
+    assert {c.name: c.outcome for c in quality.checks_made}["dvl_yaw"] == "agrees"
+
+
+def test_one_course_does_not_tell_a_turned_dvl_from_a_current():
+    made = on_the_grid(heading_rad=lambda x: 0 * x + 0.3)["dvl_yaw"]
+    assert (made.outcome, made.message) == (
+        "untested",
+        "needs straight stretches on several courses",
+    )
 
 
 AXES = {
@@ -281,10 +324,20 @@ def test_a_heave_of_the_wrong_sign():
     assert made.fix == scaled(-1.0, "w_mps")
 
 
-def test_a_rudder_that_is_stuck():
-    made = rows(stuck(sailed()))["rudder_stuck"]
+@pytest.mark.parametrize("seconds", [15.0, 40.0])
+def test_a_rudder_that_is_stuck(seconds):
+    made = rows(stuck(sailed(), seconds))["rudder_stuck"]
     assert made.outcome == "contradicts"
     assert "looks stuck" in made.message
+
+
+def test_moments_of_yaw_show_a_rudder_that_is_stuck_and_no_settled_turn(monkeypatch):
+    monkeypatch.setattr(rudder, "SWING", np.inf)
+    assert rows(sailed())["rudder_stuck"].outcome == "agrees"
+    made = rows(stuck(sailed(), 15.0))["rudder_stuck"]
+    assert made.outcome == "contradicts" and "turns as if the rudder were at" in made.message
+    monkeypatch.setattr(rudder, "LEAST_BALANCED", 1.0)  # a balance that explains little
+    assert rows(stuck(sailed(), 15.0))["rudder_stuck"].outcome == "agrees"
 
 
 # --- a DVL that averages ------------------------------------------------------------------

@@ -72,6 +72,7 @@ EITHER = (
     "It may as well be the {1}, which nothing in the log tells: check how both are stamped. If it "
     "is the {0}, a map puts it right: "
 )
+CLOSELY_S = 0.6  # a clock known to that is tested; the diagnosis estimates delays
 NOTED_S = {"rudder": 0.6, "elevator": 0.6}  # a slow servo that is worth a line, of whatever cause
 
 
@@ -167,6 +168,8 @@ def _checks(raw: RawTrial, sensor: str, found: ClockLag, passage: float) -> list
     fix = correction(raw, sensor, found) if off else (0.0, 0.0)
     value = f"{fix[0]:.3f}, {fix[1]:.0f}" if off else ""
     about = {"what": f"clock of the {sensor}", "against": "; ".join(found.against)}
+    lag_s, ppm = _untold(sensor, found, passage)
+    only = _coarsely(lag_s, ppm, found.half_s)
     offset = CheckMade(
         name=PREFIX + sensor,
         outcome=_outcome(off, unsure),
@@ -178,25 +181,44 @@ def _checks(raw: RawTrial, sensor: str, found: ClockLag, passage: float) -> list
         remedy=_remedy(sensor, found, *fix) if off else "",
         fix=value if found.kinematic and not found.instead else "",
         fix_if_asked=value,
+        only=only,
+        within=lag_s if only and np.isfinite(lag_s) else None,
         **about,
     )
     if not np.isfinite(found.gain_std_s):
         return [offset]
-    ppm = 1e6 / found.half_s
+    to_ppm = 1e6 / found.half_s
     drifts = off and _drifts(found, found.sure_gain_std_s)
     drift = CheckMade(
         name=DRIFT_PREFIX + sensor,
         outcome=_outcome(drifts, unsure),
-        value=found.gain_s * ppm,
-        low=(found.gain_s - gain) * ppm,
-        high=(found.gain_s + gain) * ppm,
-        limit=DRIFT_S * ppm,
-        message=f"the {sensor} gains {found.gain_s * ppm:.0f} ppm on {_reference(sensor)} "
-        f"(95 %: {(found.gain_s - gain) * ppm:.0f} to {(found.gain_s + gain) * ppm:.0f})",
+        value=found.gain_s * to_ppm,
+        low=(found.gain_s - gain) * to_ppm,
+        high=(found.gain_s + gain) * to_ppm,
+        limit=DRIFT_S * to_ppm,
+        message=f"the {sensor} gains {found.gain_s * to_ppm:.0f} ppm on {_reference(sensor)} "
+        f"(95 %: {(found.gain_s - gain) * to_ppm:.0f} to {(found.gain_s + gain) * to_ppm:.0f})",
         remedy=f"See {PREFIX + sensor}." if drifts else "",
+        only=only,
+        within=ppm if only and np.isfinite(ppm) else None,
         **about,
     )
     return [offset, drift]
+
+
+def _untold(sensor: str, found: ClockLag, passage: float) -> tuple[float, float]:
+    """Lag (s) and drift (ppm) of a clock up to which nothing would be said."""
+    limit = max(LIMITS[sensor].of(side, passage) for side in (-1.0, 1.0))
+    gain_s = DRIFT_S + NORMAL_95 * found.sure_gain_std_s
+    return limit + NORMAL_95 * found.sure_std_s, 1e6 * gain_s / found.half_s
+
+
+def _coarsely(lag_s: float, ppm: float, half_s: float) -> str:
+    """How coarsely a clock was tested, in words; empty where closely."""
+    if max(lag_s, 1e-6 * ppm * half_s) <= CLOSELY_S:
+        return ""
+    drift = f"{ppm:.0f} ppm" if np.isfinite(ppm) else "any drift"
+    return f"to {lag_s:.1f} s and {drift}" if np.isfinite(lag_s) else "only what is far off"
 
 
 def _outcome(off: bool, unsure: bool) -> Literal["agrees", "contradicts", "untested"]:

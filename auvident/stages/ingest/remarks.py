@@ -17,6 +17,10 @@ JITTER_LENGTHS = 0.01
 DROPPED_SHARE = 0.10  # of the rows
 MISSING_SHARE = 0.05  # of the grid
 MUCH_SHARE = 0.30  # of a channel's samples that cleaning left out
+# Digits of a channel of the motion, of its range: in steps of 1 to 20 the answer to a rudder is
+# a stair, and the noise that the filter counts with is none.
+COARSE_SHARE = 0.03
+MOTION = ("u_mps", "v_mps", "w_mps", "q_radps", "r_radps")
 NOT_A_FAULT = ("empty", "repeated_time")  # of the sample that stands there
 
 # What cleaning found wrong with samples of a channel, by reason: code, words, remedy.
@@ -198,6 +202,10 @@ def _channel(sensor: SensorQuality, channel: ChannelQuality, needed: bool) -> It
             where=sensor.file,
             value=channel.minimum,
         )
+    span = channel.maximum - channel.minimum
+    coarse = channel.resolution is not None and channel.resolution > COARSE_SHARE * span
+    if coarse and not constant and channel.column in MOTION:
+        yield _coarse(sensor, channel, span)
     if constant and channel.column == "rudder_rad":
         yield Finding(
             code="rudder_never_moves",
@@ -205,6 +213,19 @@ def _channel(sensor: SensorQuality, channel: ChannelQuality, needed: bool) -> It
             where=sensor.file,
             value=channel.minimum,
         )
+
+
+def _coarse(sensor: SensorQuality, channel: ChannelQuality, span: float) -> Finding:
+    assert channel.resolution is not None
+    return Finding(
+        code="coarse_channel",
+        message=f"{channel.log_column} comes in steps of {channel.resolution:.3g} {channel.unit}, "
+        f"{100 * channel.resolution / span:.0f} % of its range; what moves less is lost",
+        where=sensor.file,
+        value=channel.resolution / span,
+        threshold=COARSE_SHARE,
+        remedy="Log it with more digits, or set the sensor to a narrower range.",
+    )
 
 
 def _much_left_out(sensor: SensorQuality, channel: ChannelQuality) -> Iterator[Finding]:

@@ -4,10 +4,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from auvident.schema.logs import DEG
 from auvident.stages.ingest.checks.correction import EARTH, EARTH_SWAPPED, mixed
-from auvident.stages.ingest.checks.row import Verdict, agrees, contradicts, untested
+from auvident.stages.ingest.checks.row import Figure, Verdict, agrees, contradicts, untested
 from auvident.stages.ingest.checks.seen import MIN_SPEED_MPS, Seen
-from auvident.stages.ingest.checks.speed import MIN_RPM, MIN_SAMPLES, tracked
+from auvident.stages.ingest.checks.speed import MIN_RPM, MIN_SAMPLES, SURE_STDS, tracked
 
 SIDEWAYS = 1.5  # |v| over |u| of a vehicle whose long axis is not where the log has it
 PIECE_LENGTHS = 4.0  # of way, over which the velocity turns with the heading
@@ -17,6 +18,12 @@ TURNING = 0.1  # r L / u: a circle of ten lengths
 SWAY_SLOPE = 0.1  # v / (r L): hulls drift outward in a turn, about -0.2 to -0.5
 # As read at the DVL, over r L: a column without the yaw rate, one that has clearly more, the usual
 STILL, CLEARLY, USUAL_DRIFT = 0.08, 3.0, -0.3
+LEAST_STRAIGHTS = 6
+STRAIGHTS = "needs straight stretches on several courses"
+SURE_SHARE = 0.03  # standard deviation of v / u
+ONE_COURSE = 10.0  # condition of the equations: on one course a current looks the same
+HALVES = 2.0  # the stretches overlap by half
+YAW_LIMIT_DEG = 6.0  # what is smaller the diagnosis estimates
 TURNED_LIMIT = np.radians(20.0)  # no DVL is mounted so far off unless it says so
 REMEDY = (
     "Check the axes of the DVL (u forward, v starboard, w down); a map (--map) names other "
@@ -143,6 +150,34 @@ def _by_track(seen: Seen) -> Verdict:
         f"the track by the DVL is turned by {degrees:+.0f} degrees against that by position",
         degrees,
         "Check the mounting of the DVL ([dvl] mounting_yaw_deg), the heading and its reference.",
+    )
+
+
+def dvl_yaw(seen: Seen) -> Verdict:
+    """A DVL that is turned has a share of u in v on straight stretches, whatever the course.
+
+    v = e u + c_east cos(heading) - c_north sin(heading): a current changes with the course.
+    """
+    known = [w for w in seen.windows if np.isfinite(w.heading_rad + w.sway_mps)]
+    if len(known) < LEAST_STRAIGHTS:
+        return untested(STRAIGHTS)
+    u, v, heading = np.array([(w.speed_mps, w.sway_mps, w.heading_rad) for w in known]).T
+    rows = np.column_stack((u, np.cos(heading), -np.sin(heading)))
+    inverse = np.linalg.pinv(rows.T @ rows)
+    share, *current = (float(x) for x in inverse @ rows.T @ v)
+    left = v - rows @ (share, *current)
+    std = float(np.sqrt(HALVES * (left @ left) / (v.size - 3) * inverse[0, 0]))
+    if std > SURE_SHARE or np.linalg.cond(rows / np.array([u.mean(), 1.0, 1.0])) > ONE_COURSE:
+        return untested(STRAIGHTS)
+    turned = Figure(-float(np.arctan(share)) / DEG - seen.vehicle.dvl.mounting_yaw_deg, std / DEG)
+    if abs(turned.value) <= YAW_LIMIT_DEG + SURE_STDS * turned.std:
+        return turned.verdict("agrees", "v fades on straight stretches, as it should")
+    return turned.verdict(
+        "contradicts",
+        f"v is {share:+.2f} u on straight stretches of all courses: the DVL looks turned by "
+        f"{turned.value:+.0f} degrees against its mounting",
+        "Check the mounting of the DVL; [dvl] mounting_yaw_deg in the vehicle file states it "
+        f"(here {seen.vehicle.dvl.mounting_yaw_deg + turned.value:.1f}, positive to starboard).",
     )
 
 

@@ -1,7 +1,7 @@
 """Unit and scale of the elevator, and elevators that are cut off or stuck, by the moments.
 
 What the rudder's checks read from turns is read here from the balance of moments, of
-`auvident.stages.ingest.pitching`.
+`auvident.stages.ingest.moments`.
 """
 
 import numpy as np
@@ -26,7 +26,7 @@ from auvident.stages.ingest.checks.rudder import (
 from auvident.stages.ingest.checks.seen import BRISK, Array, Seen
 from auvident.stages.ingest.checks.speed import MIN_SAMPLES, TURNING
 from auvident.stages.ingest.checks.steering import steering
-from auvident.stages.ingest.pitching import HeldElevator
+from auvident.stages.ingest.moments import HeldFin
 
 NO_STEPS = "no vertical zigzags or steps that show the elevator"
 # q L / u, 95 % quantile on straight ways: 0.12 at least of 38 drawn vertical trials, 0.05 at most
@@ -106,9 +106,8 @@ def elevator_scale(seen: Seen) -> Verdict:
         return untested("the elevator pitches the vehicle the other way")
     ratio = Ratio(gain / USUAL_GAIN, GAIN_STD)
     if abs(ratio.log) <= GAIN_LIMIT:
-        factor = f"to a factor of {np.exp(GAIN_LIMIT):.1f}"
-        words = f"the elevator pitches the vehicle as its fins should ({factor})"
-        return coarsely(ratio.verdict("agrees", words), factor)
+        words = "the elevator pitches the vehicle as its fins should"
+        return coarsely(ratio.verdict("agrees", words), ratio.untold(GAIN_LIMIT))
     apart = {name: abs(np.log(ratio.value / scale)) for name, scale in SCALES.items()}
     named = min(apart, key=lambda name: apart[name])
     words = (
@@ -170,10 +169,8 @@ def elevator_stuck(seen: Seen) -> Verdict:
     long = [h for h in seen.pitching.holds if h.end_s - h.start_s >= least_s and h.shown.size > 1]
     if not long:
         return untested("the elevator is never held for long")
-    angles = seen.columns("elevator_rad")[0]
-    usual = float(np.quantile(np.abs(angles - np.median(angles)), 0.95))
     worst = max(long, key=_swing)
-    share = _swing(worst) / usual
+    share = _swing(worst) / seen.pitching.usual
     if share < STUCK_SHARE:
         return agrees("the moments do not swing while the elevator is held", share)
     return contradicts(
@@ -185,5 +182,5 @@ def elevator_stuck(seen: Seen) -> Verdict:
     )
 
 
-def _swing(hold: HeldElevator) -> float:
+def _swing(hold: HeldFin) -> float:
     return float(np.ptp(hold.shown))

@@ -27,6 +27,7 @@ class Verdict:
     remedy: str = ""
     fix: str = ""
     only: str = ""
+    within: float | None = None
 
 
 @dataclass(frozen=True)
@@ -110,14 +111,19 @@ class Ratio:
         """Natural logarithm of the value."""
         return float(np.log(self.value))
 
+    def untold(self, limit: float) -> float:
+        """Largest factor on either side that would have left the logarithm within its limit."""
+        return float(np.exp(limit + abs(self.log)))
+
     def verdict(self, outcome: Outcome, message: str, remedy: str = "", fix: str = "") -> Verdict:
         """A verdict with this ratio."""
         return Verdict(outcome, message, self.value, *self.interval, remedy=remedy, fix=fix)
 
 
-def coarsely(said: Verdict, only: str) -> Verdict:
-    """A verdict of a test that leaves much open: how much, in words."""
-    return replace(said, only=only)
+def coarsely(said: Verdict, factor: float) -> Verdict:
+    """A verdict of a test of a scale that leaves much open: a factor up to so much is not told."""
+    only = f"to a factor of {factor:.1f}" if np.isfinite(factor) else "only what is far off"
+    return replace(said, only=only, within=factor)
 
 
 def untested(message: str) -> Verdict:

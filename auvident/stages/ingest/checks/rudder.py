@@ -17,6 +17,7 @@ from auvident.stages.ingest.checks.seen import BRISK, MIN_SPEED_MPS, Seen
 from auvident.stages.ingest.checks.speed import MIN_SAMPLES
 from auvident.stages.ingest.checks.steering import steering
 from auvident.stages.ingest.held import SettledHold, settled_holds
+from auvident.stages.ingest.moments import HeldFin
 
 MIN_TURN_RATE = 0.1  # r L / u of a circle of 10 lengths: needs a rudder of some degrees
 SMALL_RUDDER_RAD = 1.5 * DEG  # largest deflection that can hardly turn a vehicle so
@@ -38,6 +39,12 @@ ALIKE = 0.02  # of the largest angle: holds at one extreme
 LEAST_HOLDS = 3
 SETTLED = 0.3  # range of the curvature of a turn over its median: zigzags of a slow ship have more
 CUT_SPREAD = 1.3  # ratio of turns at one and the same rudder; 1.06 at most of 15 trials
+LEAST_BALANCED = 0.6  # of the variance of the yaw acceleration
+LEAST_HELD_S = 4.0  # shorter is what a smoothed zigzag leaves of a leg
+# Rudder that the moments show beside the one that is held, of its usual range: 0.22 at most of 22
+# drawn clean trials, 0.5 to 4 where the log stands still for 40 s while the vehicle turns.
+STUCK_SHARE = 0.5
+STUCK_REMEDY = "Check the log of the rudder there, or leave the stretch out."
 SWING = 0.25  # r L / u: a change of the turn that a rudder that is held does not make
 
 
@@ -89,9 +96,8 @@ def rudder_scale(seen: Seen) -> Verdict:
     gain = found.theta[0] / found.theta[1] / (own.by_fin / own.by_rate)
     ratio = Ratio(float(gain) / USUAL_GAIN, GAIN_STD)
     if abs(ratio.log) <= GAIN_LIMIT:
-        factor = f"to a factor of {np.exp(GAIN_LIMIT):.1f}"
-        words = f"the rudder turns the vehicle as its fins should ({factor})"
-        return coarsely(ratio.verdict("agrees", words), factor)
+        words = "the rudder turns the vehicle as its fins should"
+        return coarsely(ratio.verdict("agrees", words), ratio.untold(GAIN_LIMIT))
     apart = {name: abs(np.log(ratio.value / scale)) for name, scale in SCALES.items()}
     named = min(apart, key=lambda name: apart[name])
     fix = scaled(SCALES[named], "rudder_rad") if apart[named] < NEAR_RATIO else ""
@@ -125,17 +131,42 @@ def rudder_cut(seen: Seen) -> Verdict:
 
 
 def rudder_stuck(seen: Seen) -> Verdict:
-    """A rudder that is held makes one turn; a vehicle that swings on has another rudder."""
+    """A rudder that is held makes one turn; a vehicle that turns otherwise has another rudder."""
     holds: list[SettledHold] = settled_holds(seen.trial, seen.length_m, BRISK * seen.way_mps)
-    if not holds:
+    worst = max(holds, key=lambda h: h.contrary, default=None)
+    if worst is not None and worst.contrary >= SWING:
+        return contradicts(
+            f"the yaw rate swings by {worst.contrary:.2f} u / L while the rudder stands at "
+            f"{worst.angle / DEG:.1f} degrees from {worst.start_s:.0f} to {worst.end_s:.0f} s: "
+            "the log of the rudder looks stuck",
+            worst.contrary,
+            STUCK_REMEDY,
+        )
+    shown = _stuck_by_moments(seen)
+    if shown is not None:
+        return shown
+    if worst is None:
         return untested("the rudder is never held for long")
-    worst = max(holds, key=lambda h: h.contrary)
-    if worst.contrary < SWING:
-        return agrees("the vehicle does not swing while the rudder is held", worst.contrary)
+    return agrees("the vehicle does not swing while the rudder is held", worst.contrary)
+
+
+def _stuck_by_moments(seen: Seen) -> Verdict | None:
+    """A hold in which the moments of yaw show another rudder; None where there is none."""
+    if seen.yawing is None or seen.yawing.relation.explained < LEAST_BALANCED:
+        return None
+    long = [h for h in seen.yawing.holds if h.end_s - h.start_s >= LEAST_HELD_S and h.shown.size]
+    worst = max(long, key=_away, default=None)
+    if worst is None or _away(worst) < STUCK_SHARE * seen.yawing.usual:
+        return None
+    angle = worst.shown[int(np.argmax(np.abs(worst.shown - worst.angle)))]
     return contradicts(
-        f"the yaw rate swings by {worst.contrary:.2f} u / L while the rudder stands at "
-        f"{worst.angle / DEG:.1f} degrees from {worst.start_s:.0f} to {worst.end_s:.0f} s: "
-        "the log of the rudder looks stuck",
-        worst.contrary,
-        "Check the log of the rudder there, or leave the stretch out.",
+        f"the vehicle turns as if the rudder were at {angle / DEG:.0f} degrees while it stands at "
+        f"{worst.angle / DEG:.1f} degrees from {worst.start_s:.0f} to {worst.end_s:.0f} s: the log "
+        "of the rudder looks stuck",
+        _away(worst) / seen.yawing.usual,
+        STUCK_REMEDY,
     )
+
+
+def _away(hold: HeldFin) -> float:
+    return float(np.max(np.abs(hold.shown - hold.angle)))

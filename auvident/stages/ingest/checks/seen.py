@@ -20,7 +20,7 @@ from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.schema.vehicle_checks import contradictions
 from auvident.stages.ingest.checks.row import Ratio
-from auvident.stages.ingest.pitching import Pitching, pitching
+from auvident.stages.ingest.moments import PITCH, YAW, Balance, Moments, moments
 from auvident.stages.ingest.response import Relation
 
 if TYPE_CHECKING:
@@ -43,8 +43,9 @@ class Window:
     """A straight stretch at steady speed and propeller rate, whatever the sign of that."""
 
     speed_mps: float
+    sway_mps: float  # NaN where it is not known, as the heading
     rate_rps: float
-    heading_rad: float  # NaN where it is not known
+    heading_rad: float
     unrest: float  # standard deviation of the speed from quarter to quarter, of its mean
 
 
@@ -111,17 +112,25 @@ class Seen:
         return self.length_m / float(np.median(moving)) if moving.size else np.inf
 
     @cached_property
-    def pitching(self) -> Pitching | None:
+    def pitching(self) -> Moments | None:
         """Balance of the moments of pitch, at speeds at which the elevator governs it."""
-        return pitching(self.trial, self.vehicle, BRISK * self.way_mps, self.passage_s)
+        return self._moments(PITCH)
+
+    @cached_property
+    def yawing(self) -> Moments | None:
+        """Balance of the moments of yaw, at speeds at which the rudder governs it."""
+        return self._moments(YAW)
+
+    def _moments(self, balance: Balance) -> Moments | None:
+        return moments(self.trial, self.vehicle, balance, BRISK * self.way_mps, self.passage_s)
 
     @cached_property
     def windows(self) -> list[Window]:
         """Straight stretches at steady speed and propeller rate."""
         if not np.isfinite(self.passage_s):
             return []
-        u, r, rate = self.whole("u_mps"), self.whole("r_radps"), self.whole("rpm") / 60.0
-        heading = self.whole("heading_rad")
+        u, v, r = (self.whole(name) for name in ("u_mps", "v_mps", "r_radps"))
+        rate, heading = self.whole("rpm") / 60.0, self.whole("heading_rad")
         steady_s = max(LEAST_WINDOW_S, PASSAGES * self.passage_s)
         size = round(steady_s * self.trial.rate_hz)
         found = []
@@ -131,7 +140,8 @@ class Seen:
                 mean = float(u[rows].mean())
                 unrest = float(np.std([q.mean() for q in np.array_split(u[rows], 4)])) / mean
                 course = float(np.angle(np.exp(1j * heading[rows]).mean()))
-                found.append(Window(mean, float(np.abs(rate[rows]).mean()), course, unrest))
+                turns = float(np.abs(rate[rows]).mean())
+                found.append(Window(mean, float(v[rows].mean()), turns, course, unrest))
         return found
 
     def _steady(self, u: Array, r: Array, rate: Array) -> bool:

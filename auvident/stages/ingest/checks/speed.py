@@ -13,6 +13,7 @@ from auvident.stages.ingest.checks.row import (
     Ratio,
     Verdict,
     agrees,
+    coarsely,
     contradicts,
     untested,
 )
@@ -91,7 +92,10 @@ def sway_by_position(seen: Seen) -> Verdict:
             return untested(POSITION)
         return untested("no position log that shows the drift in turns")
     if abs(found.value - 1.0) <= told:
-        return found.verdict("agrees", f"v fits the position (tested to {100 * told:.0f} %)")
+        said = found.verdict("agrees", f"v fits the position (tested to {100 * told:.0f} %)")
+        smaller = found.value / (1.0 - told) if told < 1.0 else np.inf
+        larger = (1.0 + told) / found.value if found.value > 0.0 else np.inf
+        return coarsely(said, max(larger, smaller))
     return found.verdict(
         "contradicts",
         f"the vehicle drifts {found.value:+.2f} times as much by its position as by v",

@@ -13,6 +13,9 @@ from auvident.stages.ingest.checks.seen import Seen
 CHECKS: tuple[Check, ...] = (
     Check("dvl_axes", "axes of the DVL", "motion, heading and position", axes.dvl_axes, None,
           "a wrong axis shows by a factor, not by shares"),
+    Check("dvl_yaw", "mounting of the DVL", "v on straight stretches", axes.dvl_yaw,
+          axes.YAW_LIMIT_DEG, "degrees; what is smaller the diagnosis estimates",
+          after=("dvl_axes",)),
     Check("dvl_averaged", "samples of the DVL", "one another", averaging.dvl_averaged,
           averaging.DELAY_S, "averaging and a bus take up to that; smaller delays are diagnosed"),
     Check("speed_by_position", "scale of the speed within 5 %", "position", speed.by_position,
@@ -26,7 +29,7 @@ CHECKS: tuple[Check, ...] = (
           after=("dvl_axes",)),
     Check("speed_by_drift", "scale of speed over yaw rate", "drift in turns", speed.by_drift,
           speed.PIVOT_LIMIT, "logarithm; more than the worst of 150 drawn vehicles",
-          after=("dvl_axes",)),
+          after=("dvl_axes", "dvl_yaw")),
     Check("advance_ratio", "speed and rpm", "propeller diameter", speed.advance_ratio,
           speed.MAX_ADVANCE, "propellers give no thrust beyond u / (n D) = 1.5"),
     Check("rpm_sign", "sign of rpm", "speed ahead", speed.rpm_sign, speed.AHEAD_SHARE,
@@ -124,6 +127,7 @@ def run_checks(seen: Seen) -> tuple[tuple[CheckMade, ...], list[Finding]]:
                 remedy=said.remedy,
                 fix=said.fix,
                 only=said.only,
+                within=_finite(said.within),
             )
         )
         if said.outcome == "contradicts":

@@ -1,21 +1,23 @@
-"""What the elevator must have been for the vehicle to pitch as it did.
+"""What a fin must have been for the vehicle to turn or pitch as it did.
 
 A steady elevator gives a steady pitch, not a rate, and a hull that swings about it goes on for a
-while: only the balance of moments shows the elevator. With its terms estimated,
+while; a rudder that stands for ten seconds leaves no settled turn. Only the balance of moments
+shows the fin at every moment. With its terms estimated,
 
+    dr/dt = a u^2 rudder + b u r + c u v + d r |r| + e u^2,
     dq/dt = a u^2 elevator + b u q + c u w + d sin(pitch) + e u^2,
 
-it is solved for the elevator at every moment. The terms are taken from where the elevator was
-moved not long before: a stretch in which its log stands still does not spoil them.
+it is solved for the fin. The terms are taken from where the fin was moved not long before: a
+stretch in which its log stands still does not spoil them.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from auvident.schema.logs import DEG
-from auvident.schema.planes import VERTICAL
+from auvident.schema.planes import HORIZONTAL, VERTICAL, PlaneRow
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.held import holds
@@ -29,20 +31,49 @@ from auvident.stages.ingest.response import (
 
 LAGS_S = (0.0, 1.0)  # of a servo, and of the velocities behind it
 MARGIN_S = 2.0  # for shifting, and as in the other checks
-MOVED_LENGTHS, MOVED_S = 5.0, 5.0  # of way, time, since the elevator was moved: tells its terms
+MOVED_LENGTHS, MOVED_S = 5.0, 5.0  # of way, time, since the fin was moved: tells its terms
 SETTLE_LENGTHS, SETTLE_S = 0.3, 1.5  # after a step a servo and the smoothing are through
 LEAST_S = 0.5  # that is left of a hold
 END_S = 1.0  # of a hold, which the smoothing mixes with the next
 PART_LENGTHS, PART_S = 1.0, 3.0  # of a hold, over which an angle is averaged
-USUAL_RAD = 12.0 * DEG  # range of an elevator that is steered: what is held is a share of its own
-COLUMNS = dict(zip(("u", "w", "q", "pitch"), VERTICAL.columns, strict=True)) | {
-    "fin": VERTICAL.control_columns[0]
-}
+USUAL_RAD = 12.0 * DEG  # range of a fin that is steered: what is held is a share of its own
+STATES = ("u", "side", "rate", "angle")  # of either plane, in the order of its columns
 
 
 @dataclass(frozen=True)
-class HeldElevator:
-    """A stretch in which the elevator is held, once its servo has arrived.
+class Balance:
+    """The moments of one plane: its row, the states that they need, what else than the fin turns.
+
+    `rest` takes smoothed signals and the place of the DVL ahead of the origin (m); shape (n, p).
+    """
+
+    plane: PlaneRow
+    states: int
+    rest: Callable[[Signals, float], np.ndarray]
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """Column by name of the signal."""
+        named = zip(STATES[: self.states], self.plane.columns, strict=False)
+        return dict(named) | {"fin": self.plane.control_columns[0]}
+
+
+def _yaw_rest(s: Signals, arm: float) -> np.ndarray:
+    u, v, r = s["u"], s["side"] - arm * s["rate"], s["rate"]
+    return np.column_stack((u * r, u * v, r * np.abs(r), u**2))
+
+
+def _pitch_rest(s: Signals, arm: float) -> np.ndarray:
+    u, w = s["u"], s["side"] + arm * s["rate"]
+    return np.column_stack((u * s["rate"], u * w, np.sin(s["angle"]), u**2))
+
+
+YAW, PITCH = Balance(HORIZONTAL, 3, _yaw_rest), Balance(VERTICAL, 4, _pitch_rest)
+
+
+@dataclass(frozen=True)
+class HeldFin:
+    """A stretch in which the fin is held, once its servo has arrived.
 
     Attributes
     ----------
@@ -60,29 +91,37 @@ class HeldElevator:
 
 
 @dataclass(frozen=True)
-class Pitching:
-    """The balance of moments, first the elevator's, and what it shows of each hold."""
+class Moments:
+    """The balance of moments, first the fin's, and what it shows of each hold.
+
+    `usual` is the range of the fin to one side (rad).
+    """
 
     relation: Relation
-    holds: tuple[HeldElevator, ...]
+    holds: tuple[HeldFin, ...]
+    usual: float
 
 
-def pitching(trial: Trial, vehicle: Vehicle, grip_mps: float, passage_s: float) -> Pitching | None:
-    """Balance of the moments of pitch; None without its channels, or too little of them.
+def moments(
+    trial: Trial, vehicle: Vehicle, balance: Balance, grip_mps: float, passage_s: float
+) -> Moments | None:
+    """Balance of the moments of one plane; None without its channels, or too little of them.
 
     Parameters
     ----------
     trial : Trial
     vehicle : Vehicle
+    balance : Balance
     grip_mps : float
         Speed above which the fins govern the motion.
     passage_s : float
         Time of a hull length of way.
     """
-    if not set(COLUMNS.values()) <= set(trial.table.columns) or not np.isfinite(passage_s):
+    columns = balance.columns
+    if not set(columns.values()) <= set(trial.table.columns) or not np.isfinite(passage_s):
         return None
-    records = smooth_records(trial, COLUMNS, MARGIN_S)
-    time, fin = (trial.table[c].to_numpy(float) for c in ("time_s", COLUMNS["fin"]))
+    records = smooth_records(trial, columns, MARGIN_S)
+    time, fin = (trial.table[c].to_numpy(float) for c in ("time_s", columns["fin"]))
     known = fin[np.isfinite(fin)]
     usual = float(np.quantile(np.abs(known - np.median(known)), 0.95)) if known.size else 0.0
     if usual == 0.0:
@@ -92,7 +131,8 @@ def pitching(trial: Trial, vehicle: Vehicle, grip_mps: float, passage_s: float) 
     arm = vehicle.dvl.x_m
 
     def relation(s: Signals, lag: float) -> tuple[np.ndarray, np.ndarray]:
-        return s["q_dot"], np.column_stack((s["u"] ** 2 * shifted(s, "fin", lag), _rest(s, arm)))
+        by_fin = s["u"] ** 2 * shifted(s, "fin", lag)
+        return s["rate_dot"], np.column_stack((by_fin, balance.rest(s, arm)))
 
     def use(s: Signals) -> np.ndarray:
         return (s["u"] > grip_mps) & moved[np.searchsorted(time, s["time"])]
@@ -100,19 +140,13 @@ def pitching(trial: Trial, vehicle: Vehicle, grip_mps: float, passage_s: float) 
     found = fit_relation(records, relation, LAGS_S, use)
     if found is None or found.theta[0] == 0.0:
         return None
-    solve = _Solve(found, arm, grip_mps, passage_s, trial.rate_hz, scale)
+    solve = _Solve(found, balance, arm, grip_mps, passage_s, trial.rate_hz, scale)
     held = [h for s in records for h in _held(s, solve)]
-    return Pitching(found, tuple(held))
-
-
-def _rest(s: Signals, arm: float) -> np.ndarray:
-    """What else than the elevator pitches the vehicle; the DVL is `arm` ahead of the origin."""
-    u, w = s["u"], s["w"] + arm * s["q"]
-    return np.column_stack((u * s["q"], u * w, np.sin(s["pitch"]), u**2))
+    return Moments(found, tuple(held), usual)
 
 
 def _lately_moved(time: np.ndarray, fin: np.ndarray, within_s: float) -> np.ndarray:
-    """Rows in which the elevator has not been held for long."""
+    """Rows in which the fin has not been held for long."""
     lately = np.isfinite(fin)
     for rows in _known(lately):
         for hold in holds(time[rows], fin[rows]):
@@ -129,9 +163,10 @@ def _known(known: np.ndarray) -> Iterator[slice]:
 
 @dataclass(frozen=True)
 class _Solve:
-    """What the balance is solved for the elevator with."""
+    """What the balance is solved for the fin with."""
 
     found: Relation
+    balance: Balance
     arm: float
     grip: float
     passage_s: float
@@ -139,10 +174,10 @@ class _Solve:
     scale: float
 
 
-def _held(s: Signals, by: _Solve) -> Iterator[HeldElevator]:
+def _held(s: Signals, by: _Solve) -> Iterator[HeldFin]:
     """Each hold of a record under way, with the angle that the moments show."""
     force = by.found.theta[0] * np.maximum(s["u"], by.grip) ** 2
-    shown = (s["q_dot"] - _rest(s, by.arm) @ by.found.theta[1:]) / force
+    shown = (s["rate_dot"] - by.balance.rest(s, by.arm) @ by.found.theta[1:]) / force
     first_s = max(SETTLE_S, SETTLE_LENGTHS * by.passage_s) + by.found.lag_s
     part = max(round(min(PART_S, PART_LENGTHS * by.passage_s) * by.rate_hz), 1)
     for rows in _known(s["u"] > by.grip):
@@ -155,6 +190,4 @@ def _held(s: Signals, by: _Solve) -> Iterator[HeldElevator]:
                 parts = np.array_split(angles, max(angles.size // part, 1))
                 means = np.array([p.mean() for p in parts])
                 angle = float(np.median(fin[hold][inside]))
-                yield HeldElevator(
-                    float(time[hold.start]), float(time[hold.stop - 1]), angle, means
-                )
+                yield HeldFin(float(time[hold.start]), float(time[hold.stop - 1]), angle, means)
