@@ -73,6 +73,8 @@ LONG: dict[str, str] = {
     r"test_ingest_rudder\.py::test_a_trial_at_sea.*-(waves|a gyro of much noise)\]": (
         "a gyro with a bias, and none of these"
     ),
+    r"test_ingest_rudder\.py::test_slow_vehicles.*\[0\.1-.*-[24]\.0\]": "faster and slower ones",
+    r"test_ase_spread\.py::test_maneuvers_are_those.*\[0\.5\]": "rudders as the formulas have them",
     r"test_ingest_rudder\.py::test_zigzags_alone_with_clocks.*\[tern180": "the other vehicle",
     r"test_lock\.py::test_two_runs_started_together_on_a_new_directory\[[1-9]": "the first try",
     r"test_bench_effects\.py::test_a_trial_goes_through": "bench effects",

@@ -74,9 +74,10 @@ def test_each_effect_changes_the_log(trial, name):
     effects = drawn(name)
     if name == "weight_change":
         effects[name]["time_s"] = 200.0  # the trial is short
+    both = [logged(trial, **e) for e in ({}, effects)]
     sizes = []
     for sensor, column in (*CHANNELS, ("depth", "depth")):
-        logs = [logged(trial, **e)[sensor][column] for e in ({}, effects)]
+        logs = [log[sensor][column] for log in both]
         n = min(map(len, logs))
         difference = logs[0][:n] - logs[1][:n]
         sizes.append(np.sqrt(np.nanmean(difference**2)) / np.nanstd(logs[0]))
