@@ -145,7 +145,7 @@ NAMES: dict[str, tuple[str, ...]] = {
     "order of the rows": ("dropped:backward_time",),
     "files": ("sensor_stops_early@", "file_not_used", "*set_aside*"),
     "the same trial twice": ("*same_trial*", "*twice*", "*cop*", "*overlap*"),
-    "vehicle file": (*WHOLE, *THRUST),
+    "vehicle file": (*WHOLE, *THRUST, "speed_by_drift~vehicle's file"),
     "numbers of the vehicle file": (
         *WHOLE,
         *THRUST,

@@ -298,13 +298,14 @@ def by_drift(seen: Seen) -> Verdict:
     suspects = [
         _nearest(UNITS, 1.0 / pivot.value, PIVOT_LIMIT),
         "v of the other sign" if flipped and abs(flipped.log) <= PIVOT_LIMIT else "",
-        "a scale of v or of the yaw rate, or [dvl] x_m",
+        "a scale of v or of the yaw rate, or lengths of another vehicle's file",
     ]
     return pivot.verdict(
         "contradicts",
         f"the drift in turns is {pivot.value:.2f} times the usual for this yaw rate; "
         f"{', '.join(s for s in suspects if s)}?",
-        "Check the units of v and r, the sign of v, [dvl] x_m and origin_from_nose_m.",
+        "Check the units of v and r, the sign of v, and in the vehicle file length_m, "
+        "origin_from_nose_m and [dvl] x_m.",
     )
 
 
