@@ -169,7 +169,7 @@ def _checks(raw: RawTrial, sensor: str, found: ClockLag, passage: float) -> list
     value = f"{fix[0]:.3f}, {fix[1]:.0f}" if off else ""
     about = {"what": f"clock of the {sensor}", "against": "; ".join(found.against)}
     lag_s, ppm = _untold(sensor, found, passage)
-    only = _coarsely(lag_s, ppm, found.half_s)
+    only = "" if off else _coarsely(lag_s, ppm, found.half_s)
     offset = CheckMade(
         name=PREFIX + sensor,
         outcome=_outcome(off, unsure),

@@ -20,7 +20,7 @@ SWAY_SLOPE = 0.1  # v / (r L): hulls drift outward in a turn, about -0.2 to -0.5
 STILL, CLEARLY, USUAL_DRIFT = 0.08, 3.0, -0.3
 LEAST_STRAIGHTS = 6
 STRAIGHTS = "needs straight stretches on several courses"
-SURE_SHARE = 0.03  # standard deviation of v / u
+SURE_SHARE = 0.03  # standard deviation of v / u: 2 degrees
 ONE_COURSE = 10.0  # condition of the equations: on one course a current looks the same
 HALVES = 2.0  # the stretches overlap by half
 YAW_LIMIT_DEG = 6.0  # what is smaller the diagnosis estimates
@@ -166,7 +166,7 @@ def dvl_yaw(seen: Seen) -> Verdict:
     inverse = np.linalg.pinv(rows.T @ rows)
     share, *current = (float(x) for x in inverse @ rows.T @ v)
     left = v - rows @ (share, *current)
-    std = float(np.sqrt(HALVES * (left @ left) / (v.size - 3) * inverse[0, 0]))
+    std = float(np.sqrt(HALVES * (left @ left) / np.subtract(*rows.shape) * inverse[0, 0]))
     if std > SURE_SHARE or np.linalg.cond(rows / np.array([u.mean(), 1.0, 1.0])) > ONE_COURSE:
         return untested(STRAIGHTS)
     turned = Figure(-float(np.arctan(share)) / DEG - seen.vehicle.dvl.mounting_yaw_deg, std / DEG)
