@@ -7,7 +7,6 @@ t + lag. A correction is what has to be added to the stamps, the negative of the
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from auvident.schema.channels import SENSORS
 from auvident.schema.logs import Alignment, CheckMade, RawTrial, moved_stamps
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
+from auvident.stages.ingest.checks.row import Outcome
 from auvident.stages.ingest.clocks_estimate import ClockLag, Lags, passage_s
 from auvident.stages.ingest.clocks_judged import estimate_clocks
 
@@ -164,14 +164,14 @@ def refuse_clocks(raw: RawTrial, vehicle: Vehicle, trial: Trial, clocks: Clocks)
 def _checks(raw: RawTrial, sensor: str, found: ClockLag, passage: float) -> list[CheckMade]:
     off = _is_off(sensor, found, passage)
     unsure = not off and _may_be_off(sensor, found, passage)
-    spread, gain = NORMAL_95 * found.std_s, NORMAL_95 * found.gain_std_s
-    fix = correction(raw, sensor, found) if off else (0.0, 0.0)
-    value = f"{fix[0]:.3f}, {fix[1]:.0f}" if off else ""
-    about = {"what": f"clock of the {sensor}", "against": "; ".join(found.against)}
     lag_s, ppm = _untold(sensor, found, passage)
     only = "" if off else _coarsely(lag_s, ppm, found.half_s)
+    spread, fix = NORMAL_95 * found.std_s, correction(raw, sensor, found) if off else (0.0, 0.0)
+    value = f"{fix[0]:.3f}, {fix[1]:.0f}" if off else ""
     offset = CheckMade(
         name=PREFIX + sensor,
+        what=f"clock of the {sensor}",
+        against="; ".join(found.against),
         outcome=_outcome(off, unsure),
         value=found.lag_s,
         low=found.lag_s - spread,
@@ -183,27 +183,34 @@ def _checks(raw: RawTrial, sensor: str, found: ClockLag, passage: float) -> list
         fix_if_asked=value,
         only=only,
         within=lag_s if only and np.isfinite(lag_s) else None,
-        **about,
     )
     if not np.isfinite(found.gain_std_s):
         return [offset]
-    to_ppm = 1e6 / found.half_s
     drifts = off and _drifts(found, found.sure_gain_std_s)
-    drift = CheckMade(
+    within = ppm if only and np.isfinite(ppm) else None
+    return [offset, _drift_check(sensor, found, _outcome(drifts, unsure), only, within)]
+
+
+def _drift_check(
+    sensor: str, found: ClockLag, outcome: Outcome, only: str, within: float | None
+) -> CheckMade:
+    ppm = 1e6 / found.half_s
+    low, high = (found.gain_s + k * NORMAL_95 * found.gain_std_s for k in (-1, 1))
+    return CheckMade(
         name=DRIFT_PREFIX + sensor,
-        outcome=_outcome(drifts, unsure),
-        value=found.gain_s * to_ppm,
-        low=(found.gain_s - gain) * to_ppm,
-        high=(found.gain_s + gain) * to_ppm,
-        limit=DRIFT_S * to_ppm,
-        message=f"the {sensor} gains {found.gain_s * to_ppm:.0f} ppm on {_reference(sensor)} "
-        f"(95 %: {(found.gain_s - gain) * to_ppm:.0f} to {(found.gain_s + gain) * to_ppm:.0f})",
-        remedy=f"See {PREFIX + sensor}." if drifts else "",
+        what=f"clock of the {sensor}",
+        against="; ".join(found.against),
+        outcome=outcome,
+        value=found.gain_s * ppm,
+        low=low * ppm,
+        high=high * ppm,
+        limit=DRIFT_S * ppm,
+        message=f"the {sensor} gains {found.gain_s * ppm:.0f} ppm on {_reference(sensor)} "
+        f"(95 %: {low * ppm:.0f} to {high * ppm:.0f})",
+        remedy=f"See {PREFIX + sensor}." if outcome == "contradicts" else "",
         only=only,
-        within=ppm if only and np.isfinite(ppm) else None,
-        **about,
+        within=within,
     )
-    return [offset, drift]
 
 
 def _untold(sensor: str, found: ClockLag, passage: float) -> tuple[float, float]:
@@ -221,7 +228,7 @@ def _coarsely(lag_s: float, ppm: float, half_s: float) -> str:
     return f"to {lag_s:.1f} s and {drift}" if np.isfinite(lag_s) else "only what is far off"
 
 
-def _outcome(off: bool, unsure: bool) -> Literal["agrees", "contradicts", "untested"]:
+def _outcome(off: bool, unsure: bool) -> Outcome:
     if off:
         return "contradicts"
     return "untested" if unsure else "agrees"

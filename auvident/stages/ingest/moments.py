@@ -41,7 +41,7 @@ STATES = ("u", "side", "rate", "angle")  # of either plane, in the order of its 
 
 
 @dataclass(frozen=True)
-class Balance:
+class MomentsRow:
     """The moments of one plane: its row, the states that they need, what else than the fin turns.
 
     `rest` takes smoothed signals and the place of the DVL ahead of the origin (m); shape (n, p).
@@ -68,7 +68,7 @@ def _pitch_rest(s: Signals, arm: float) -> np.ndarray:
     return np.column_stack((u * s["rate"], u * w, np.sin(s["angle"]), u**2))
 
 
-YAW, PITCH = Balance(HORIZONTAL, 3, _yaw_rest), Balance(VERTICAL, 4, _pitch_rest)
+YAW, PITCH = MomentsRow(HORIZONTAL, 3, _yaw_rest), MomentsRow(VERTICAL, 4, _pitch_rest)
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class Moments:
 
 
 def moments(
-    trial: Trial, vehicle: Vehicle, balance: Balance, grip_mps: float, passage_s: float
+    trial: Trial, vehicle: Vehicle, balance: MomentsRow, grip_mps: float, passage_s: float
 ) -> Moments | None:
     """Balance of the moments of one plane; None without its channels, or too little of them.
 
@@ -111,7 +111,7 @@ def moments(
     ----------
     trial : Trial
     vehicle : Vehicle
-    balance : Balance
+    balance : MomentsRow
     grip_mps : float
         Speed above which the fins govern the motion.
     passage_s : float
@@ -166,7 +166,7 @@ class _Solve:
     """What the balance is solved for the fin with."""
 
     found: Relation
-    balance: Balance
+    balance: MomentsRow
     arm: float
     grip: float
     passage_s: float

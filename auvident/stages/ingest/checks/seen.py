@@ -20,7 +20,7 @@ from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.schema.vehicle_checks import contradictions
 from auvident.stages.ingest.checks.row import Ratio
-from auvident.stages.ingest.moments import PITCH, YAW, Balance, Moments, moments
+from auvident.stages.ingest.moments import PITCH, YAW, Moments, MomentsRow, moments
 from auvident.stages.ingest.response import Relation
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ class Seen:
         """Balance of the moments of yaw, at speeds at which the rudder governs it."""
         return self._moments(YAW)
 
-    def _moments(self, balance: Balance) -> Moments | None:
+    def _moments(self, balance: MomentsRow) -> Moments | None:
         return moments(self.trial, self.vehicle, balance, BRISK * self.way_mps, self.passage_s)
 
     @cached_property
