@@ -36,6 +36,7 @@ SERIOUS = {
     "elevator_unit",
     "gyro_axes",
     "heading_gyro_gain",
+    "heading_unit",
     "heave_scale",
     "heave_sign",
     "pitch_rate_scale",

@@ -260,6 +260,18 @@ def test_what_is_tested_coarsely_is_said(clean):
     assert {c.within for c in clean.checks_made if not c.only} == {None}
 
 
+def test_a_heading_of_radians_in_a_column_of_degrees():
+    assert rows(sailed())["heading_unit"].value == pytest.approx(1.0, abs=0.05)
+    attitude = sailed().sensors["attitude"]
+    heading = attitude.values["heading_rad"] * DEG
+    wrong = replace(attitude, values=attitude.values | {"heading_rad": heading})
+    raw = replace(sailed(), sensors={**sailed().sensors, "attitude": wrong})
+    made = rows(raw)["heading_unit"]
+    assert made.outcome == "contradicts" and "radians logged as degrees?" in made.message
+    back = corrected(raw, made.fix).sensors["attitude"].values["heading_rad"]
+    assert np.allclose(back, attitude.values["heading_rad"], equal_nan=True)
+
+
 @pytest.mark.parametrize("degrees", [10.0, -25.0])
 def test_a_dvl_that_is_turned_is_told_without_a_position(degrees):
     """A DVL turned to starboard reads a v to port on straight ways, whatever the course."""

@@ -17,6 +17,8 @@ SURE_STDS = 3.0
 LEAST_EXPLAINED = 0.4  # of the variance of the rate of the heading
 LEAST_FOLLOWED, FOLLOWED = 0.3, 0.7  # of its turns, by the yaw rate, and by another rate instead
 LEAST_TURN = 0.05  # rad in the time of a length, standard deviation: less is noise
+CLEAR_TURN = 0.1  # the same by the yaw rate
+STILL_SHARE = 0.3  # of it by the heading; 1.00 to 1.03 of 24 drawn trials, 0.05 to 0.13 in radians
 OTHER_RATES = {"p_radps": "p and r", "q_radps": "q and r"}
 MAX_YAW_RATE = 2.0  # r L / u: a turn on half a hull length; the tightest AUVs reach about 1.2
 MIN_YAW_RATE = 0.01  # r L / u of a circle of 100 lengths: less with a deflected rudder is no turn
@@ -52,15 +54,42 @@ def gyro_axes(seen: Seen) -> Verdict:
 
 def _followed(seen: Seen, name: str) -> float:
     """Share of the variance of the turns by the heading that a rate explains; NaN without turns."""
+    by_rate, turned = _turns(seen, name)
+    if turned.size < MIN_SAMPLES or np.std(turned) < LEAST_TURN:
+        return np.nan
+    return float(np.corrcoef(by_rate, turned)[0, 1] ** 2)
+
+
+def _turns(seen: Seen, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Angles turned in the times of a length of way, by a rate and by the heading (rad)."""
     rate, heading = seen.whole(name), seen.whole("heading_rad")
     step = max(round(seen.passage_s * seen.trial.rate_hz), 1)
     size = (rate.size - 1) // step * step
-    by_rate = rate[:size].reshape(-1, step).mean(axis=1)
+    by_rate = rate[:size].reshape(-1, step).mean(axis=1) * step / seen.trial.rate_hz
     turned = np.angle(np.exp(1j * np.diff(heading[: size + 1 : step])))
     known = np.isfinite(by_rate + turned)
-    if known.sum() < MIN_SAMPLES or np.std(turned[known]) < LEAST_TURN:
-        return np.nan
-    return float(np.corrcoef(by_rate[known], turned[known])[0, 1] ** 2)
+    return by_rate[known], turned[known]
+
+
+def heading_unit(seen: Seen) -> Verdict:
+    """A heading that hardly turns while the gyro does is of another unit."""
+    if not np.isfinite(seen.passage_s) or not seen.has("heading_rad"):
+        return untested("no heading, or the vehicle hardly moves")
+    by_rate, turned = _turns(seen, "r_radps")
+    if turned.size < MIN_SAMPLES or np.std(by_rate) < CLEAR_TURN:
+        return untested("the vehicle hardly turns, or not for long")
+    share = float(np.std(turned) / np.std(by_rate))
+    if share >= STILL_SHARE:
+        return agrees("the heading turns with the vehicle", share)
+    slope = float(by_rate @ turned / (by_rate @ by_rate))  # noise and wraps leave it as it is
+    radians = 0.5 * DEG < slope < 2.0 * DEG
+    return contradicts(
+        f"the heading turns by {slope:.3f} of what the yaw rate says"
+        f"{'; radians logged as degrees?' if radians else ''}",
+        share,
+        "Give the heading the suffix of its unit, or state the unit in a map (--map).",
+        scaled(1.0 / DEG, "heading_rad") if radians else "",
+    )
 
 
 def by_heading(seen: Seen) -> Verdict:

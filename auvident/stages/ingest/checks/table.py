@@ -43,6 +43,8 @@ CHECKS: tuple[Check, ...] = (
     Check("sway_by_position", "scale and sign of v", "position", speed.sway_by_position,
           speed.SWAY_LIMIT, "short turns between two fixes make 0.41 at most of 22 drawn vehicles",
           after=("dvl_axes",)),
+    Check("heading_unit", "unit of the heading", "yaw rate", gyro.heading_unit, gyro.STILL_SHARE,
+          "share of the turns by the yaw rate; no gyro is off by a factor of three"),
     Check("gyro_axes", "axes of the gyro", "heading", gyro.gyro_axes, gyro.LEAST_FOLLOWED,
           "share of the turns by the heading; heel and pitch take a few per cent"),
     Check("yaw_rate_scale", "scale and sign of the yaw rate", "heading or course",
