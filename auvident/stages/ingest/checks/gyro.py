@@ -81,10 +81,11 @@ def heading_unit(seen: Seen) -> Verdict:
     share = float(np.std(turned) / np.std(by_rate))
     if share >= STILL_SHARE:
         return agrees("the heading turns with the vehicle", share)
-    slope = float(by_rate @ turned / (by_rate @ by_rate))  # noise and wraps leave it as it is
-    radians = 0.5 * DEG < slope < 2.0 * DEG
+    clear = np.abs(by_rate) > CLEAR_TURN
+    usual = float(np.median(turned[clear] / by_rate[clear]))  # few of them have a wrap in them
+    radians = 0.5 * DEG < usual < 2.0 * DEG
     return contradicts(
-        f"the heading turns by {slope:.3f} of what the yaw rate says"
+        f"the heading turns by {usual:.3f} of what the yaw rate says"
         f"{'; radians logged as degrees?' if radians else ''}",
         share,
         "Give the heading the suffix of its unit, or state the unit in a map (--map).",
