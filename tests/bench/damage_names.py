@@ -243,6 +243,11 @@ def names_it(telling: Mapping[str, Any], fault: str, sensor: str) -> bool:
     return about and mentions(telling, sensor)
 
 
+def may_name(code: str, fault: str) -> bool:
+    """Whether a code is one that a fault may be called by."""
+    return any(fnmatch(code, p.partition("~")[0].rstrip("@")) for p in NAMES[fault])
+
+
 def mentions(telling: Mapping[str, Any], sensor: str) -> bool:
     """Whether message or place name the sensor, or one of its channels."""
     text = f"{telling['message']} {telling['where']} {telling['code']}".lower()

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.bench import written
+from tests.bench.damage_names import may_name
 from tests.bench.damage_score import OUTCOMES, QUIETLY_WRONG, WELL, Row
 from tests.bench.written import table
 
@@ -32,6 +33,10 @@ SHARES = """
 can be read right is not refused); *quietly wrong* is misnamed or quiet. *Off* is the largest
 difference of an informed coefficient, the *held-out error* that of the damaged log's model on the
 clean log, over that of the clean log's own model; of several vehicles the worst.
+"""
+OF_CHECKS = """
+Of the faults that a check may name, alone in a log: how many it told, how many were refused (by it
+or by another), and how many did no harm; several checks may name one fault.
 """
 Table = list[dict[str, Any]]
 
@@ -76,6 +81,35 @@ def _counted(rows: list[Row], seen: list[str]) -> dict[str, Any]:
         "at best %": round(100 * sum(row.as_best for row in rows) / len(rows)),
         "quietly wrong %": round(100 * wrong / len(rows), 1),
     }
+
+
+def by_check(rows: list[Row], clean: Table) -> Table:
+    """What each check did for the faults that it may name, and how often it cried wolf."""
+    from auvident.stages.ingest.checks import CHECKS
+    from auvident.stages.ingest.clocks import LIMITS, PREFIX
+    from seatrial.damage import CASES
+
+    logs = next((row["of"] for row in clean if row["code"] == "any"), 0)
+    alarms = {row["code"]: row["n"] for row in clean}
+    codes = {check.name: {check.name, check.finding} for check in CHECKS}
+    codes |= {PREFIX + sensor: {PREFIX + sensor} for sensor in LIMITS}
+    alone = [(row, CASES[row.damage[0]].kind.fault) for row in rows if len(row.damage) == 1]
+    found = []
+    for name, own in codes.items():
+        faults = [row for row, fault in alone if may_name(name, fault)]
+        counts = Counter(row.outcome for row in faults)
+        found.append(
+            {
+                "check": f"`{name}`",
+                "faults": len(faults),
+                "told by it": sum(bool(own & set(row.named)) for row in faults),
+                "refused": counts["refused"],
+                "harmless": counts["right"],
+                "quietly wrong": sum(counts[o] for o in QUIETLY_WRONG),
+                f"false alarms of {logs}": max((alarms.get(code, 0) for code in own), default=0),
+            }
+        )
+    return found
 
 
 def by_case(rows: list[Row]) -> Table:
@@ -136,6 +170,7 @@ def page(rows: list[Row], clean: Table, how: str) -> str:
         some = [row for row in alone if family_of(row) == family]
         pieces += _section(family.capitalize(), by_case(some))
     if clean:
+        pieces += [*_section("Checks", by_check(rows, clean)), OF_CHECKS]
         pieces += _section("Clean logs", clean)
     if several:
         pieces += _section("Several at once", by_case(several))

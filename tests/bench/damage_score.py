@@ -288,7 +288,7 @@ def last_line(text: str) -> str:
 def false_alarms(clean: Evidence) -> list[str]:
     """Checks that contradict, findings that accuse, and readings dropped for new reasons."""
     ingest = [t for t in clean.get("told", []) if t["stage"] == "ingest"]
-    told = [t["code"] for t in ingest if t["kind"] != "untested"]
+    told = [t["code"] for t in ingest if t["kind"] not in LIMITS_OF_TESTS]
     checks = {t["code"] for t in clean.get("told", []) if t["kind"] == "check"}
     reasons = {r for rows in clean.get("dropped", {}).values() for r in rows}
     new = reasons - {"empty", "repeated_time", "backward_time", "outlier", "marked_invalid"}
