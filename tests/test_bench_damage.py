@@ -407,7 +407,7 @@ def test_evidence_in_a_file_is_judged_anew(tmp_path: Path, monkeypatch, capsys) 
     clean = {"key": "2/clean", "seed": 2, "damage": ["clean"]}
     drawn = {"key": "2/as drawn", "seed": 2, "damage": ["as drawn"]}
     for found in (
-        evidence(case=drawn, told=[telling("dvl_lags_gyro")]),
+        evidence(case=drawn, told=[telling("dvl_lags_gyro"), coarse("clock_dvl", 2.0)]),
         evidence(case=clean),
         evidence(9.0, case=case_of("knots")),
         evidence(case=case_of("tabs")),
@@ -418,7 +418,9 @@ def test_evidence_in_a_file_is_judged_anew(tmp_path: Path, monkeypatch, capsys) 
     assert "by family (2 trials)" in capsys.readouterr().out
     text = page.read_text(encoding="utf-8")
     assert "## Quietly wrong" in text and "| knots | speeds in knots" in text
-    assert text.count("\n## ") == 5  # outcomes, quietly wrong, two families and clean logs
+    assert text.count("\n## ") == 6  # outcomes, quietly wrong, two families, checks and clean logs
+    assert "| `speed_scale` | 1 | 0 | 0 | 0 | 1 | 0 |" in text  # knots, that nothing was said of
+    assert "| `clock_dvl` | 0 | 0 | 0 | 0 | 0 | 0 |" in text
     for file in (page, benchmarks):
         assert "| dvl_lags_gyro | 1 | 1 | 2 |" in file.read_text(encoding="utf-8")
     assert "| all | 2 | 1 | 1 | 50 | 50 | 50 |" in benchmarks.read_text(encoding="utf-8")

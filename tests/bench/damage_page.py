@@ -85,9 +85,10 @@ def _counted(rows: list[Row], seen: list[str]) -> dict[str, Any]:
 
 def by_check(rows: list[Row], clean: Table) -> Table:
     """What each check did for the faults that it may name, and how often it cried wolf."""
+    from seatrial.damage import CASES
+
     from auvident.stages.ingest.checks import CHECKS
     from auvident.stages.ingest.clocks import LIMITS, PREFIX
-    from seatrial.damage import CASES
 
     logs = next((row["of"] for row in clean if row["code"] == "any"), 0)
     alarms = {row["code"]: row["n"] for row in clean}
