@@ -23,6 +23,7 @@ SMOOTHING_LENGTHS = 0.6  # L/U: turbulence and noise of slow hulls out, zigzags 
 FIX_PERIODS = 2.5  # position fixes are joined by straight lines: smoothing hides their corners
 FIX_LENGTHS, FIX_S = 3.0, 5.0
 CURRENT_RIDGE = 0.05  # of its power in turns: on a steady heading it passes for way or drift
+ROWS_OF_CURRENT = 100_000  # that tell it: of a day at 10 Hz each eighth
 FIXES = ("north_m", "east_m")
 # Symbols of the equations, their columns and the sensor that delivers them.
 SYMBOLS = {
@@ -142,8 +143,10 @@ def _current(s: Signals) -> Signals:
     What the velocities over ground have in common with the heading, besides thrust, the loss of
     speed in turns and the drift in them; where the heading hardly changes it stays near 0.
     """
-    u, v, r, cos, sin = (s[k] for k in ("u", "v", "r", "cos_heading", "sin_heading"))
-    one, none, n = np.ones_like(u), np.zeros_like(u), s.get("n", np.zeros_like(u))
+    thin = slice(None, None, max(1, s["u"].size // ROWS_OF_CURRENT))
+    u, v, r, cos, sin = (s[k][thin] for k in ("u", "v", "r", "cos_heading", "sin_heading"))
+    one, none = np.ones_like(u), np.zeros_like(u)
+    n = s["n"][thin] if "n" in s else none
     size = float(np.nanmax(np.abs(n), initial=0.0)) or 1.0
     along = (one, n / size, (n / size) ** 2, r**2, np.abs(r), none, none, none, cos, sin)
     across = (none, none, none, none, none, one, r, r * np.abs(r), -sin, cos)
@@ -151,6 +154,7 @@ def _current(s: Signals) -> Signals:
     x = np.concatenate((_columns(*along)[known], _columns(*across)[known]))
     y = np.concatenate((u[known], v[known]))
     north, east = _shrunk(x, y)[-2:] if known.any() else (0.0, 0.0)
+    cos, sin = s["cos_heading"], s["sin_heading"]
     found = {"current_u": north * cos + east * sin, "current_v": east * cos - north * sin}
     return found | {k + "_dot": np.gradient(c, s["time"]) for k, c in found.items()}
 
