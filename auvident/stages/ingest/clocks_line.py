@@ -218,13 +218,13 @@ def _scan(
     if line.any():
         thin |= {n: np.interp(thin["time"] + lag, time, signals[n]) for n in question.own}
     most = max(2, round(reach_s / step_s))
-    rows, edge = _rows(thin["time"].size, blocks), most + 1
-    padded = {n: np.pad(x, edge, constant_values=np.nan) for n, x in thin.items()}
-    still = {n: padded[n][rows + edge] for n in thin if n not in question.own}
+    rows = _rows(thin["time"].size, blocks)
+    own = {n: thin[n] for n in question.own}
+    still = _read({n: x for n, x in thin.items() if n not in own}, rows)
     still["time"] = thin["time"][np.clip(rows, 0, thin["time"].size - 1)]
     shifts, found = np.arange(-most, most + 1), []
     for shift in shifts:
-        moved = still | {n: padded[n][rows + (edge + shift)] for n in question.own}
+        moved = still | _read(own, rows + shift)
         found.append(_grams(*question.equations(moved), blocks))
     grams = np.stack([g for g, _ in found])
     known = np.array([count for _, count in found])
@@ -253,12 +253,23 @@ def _with_prior(
 def _rows(size: int, blocks: int) -> np.ndarray:
     """Rows that are compared: all, or of a long trial an equal piece in the middle of each block.
 
-    Rows before the first and after the last are there in the padded signals, and unknown.
+    Rows before the first and after the last are unknown.
     """
     whole = size / blocks
     each = int(min(np.ceil(whole), ROWS_OF_BLOCK))
     first = np.floor(np.arange(blocks) * whole + (whole - each) / 2).astype(int)
     return np.clip(first[:, None] + np.arange(each), -1, size).ravel()
+
+
+def _read(signals: Signals, rows: np.ndarray) -> Signals:
+    """Some rows of signals, unknown before the first and after the last."""
+    last = next(iter(signals.values())).size - 1 if signals else 0
+    outside = np.flatnonzero((rows < 0) | (rows > last))
+    inside = np.clip(rows, 0, last)
+    found = {n: x[inside] for n, x in signals.items()}
+    for values in found.values():
+        values[outside] = np.nan
+    return found
 
 
 def _grams(y: np.ndarray, x: np.ndarray, blocks: int) -> tuple[np.ndarray, int]:
