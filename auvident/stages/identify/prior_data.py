@@ -33,7 +33,7 @@ CONTRADICTED = 2.5  # [std of both]; one of eighty by chance
 # has a coefficient 4.8 standard deviations away, or more than five that are contradicted.
 OTHER_VEHICLE, OTHER_VEHICLE_COUNT = 6.0, 8
 UNLIKELY = 0.01  # probability of all distances together
-# Of 189 drawn clean trials one is below 9e-7, of 24 with the file of another vehicle 7 below this.
+# Of 189 drawn clean trials one is below 9e-7, of 24 with the file of another vehicle 8 below this.
 OTHER_VEHICLE_P = 1e-7
 REMEDIES: dict[Group, str] = {
     "surge_inertia": "Check mass and hull in the vehicle file.",

@@ -42,7 +42,7 @@ CUT_SPREAD = 1.3  # ratio of turns at one and the same rudder; 1.06 at most of 1
 LEAST_BALANCED = 0.6  # of the variance of the yaw acceleration
 LEAST_HELD_S = 4.0  # shorter is what a smoothed zigzag leaves of a leg
 # Way of the rudder by the moments from the one that is held, of its usual range: 0.22 at most of 29
-# drawn clean trials, 0.7 to 2.6 in 20 of 30 whose log stands still for 40 s.
+# drawn clean trials, 0.7 to 2.6 in 21 of 30 whose log stands still for 40 s.
 STUCK_SHARE = 0.4
 STUCK_REMEDY = "Check the log of the rudder there, or leave the stretch out."
 SWING = 0.25  # r L / u: a change of the turn that a rudder that is held does not make
