@@ -307,6 +307,13 @@ def test_a_fault_within_what_a_coarse_test_leaves_open_is_said(case, told, outco
     assert judged(evidence(1.0, told=[told]), case, clean).outcome == "right"
 
 
+@pytest.mark.parametrize("kind", ["v-offset:0.3", "rudder-offset:0.2"])
+def test_an_offset_of_the_gyro_that_nothing_tests_leaves_no_other_open(kind) -> None:
+    where = "offset of the yaw rate against heading"
+    told = telling("yaw_rate_offset", kind="untested", where=where)
+    assert judged(evidence(9.0, told=[told]), CASES[kind]).outcome == "quiet"
+
+
 def test_a_pattern_with_words_counts_where_the_message_has_them() -> None:
     sign = CASES["v-sign"]
     for words, outcome in (("v of the other sign, or x_m?", "said"), ("[dvl] x_m?", "misnamed")):
@@ -319,7 +326,7 @@ def test_checks_that_test_a_fault_are_those_of_the_table() -> None:
     from auvident.stages.ingest.clocks import DRIFT_PREFIX, LIMITS, PREFIX
 
     known = {c.name for c in CHECKS} | {p + s for p in (PREFIX, DRIFT_PREFIX) for s in LIMITS}
-    assert {name for names in TESTED_BY.values() for name in names} <= known
+    assert {name.rstrip("@") for names in TESTED_BY.values() for name in names} <= known
     assert set(TESTED_BY) <= {case.kind.fault for case in CASES.values()}
 
 

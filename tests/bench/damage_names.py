@@ -164,13 +164,12 @@ NAMES: dict[str, tuple[str, ...]] = {
         "sway_sign",
         "*axes*",
         "*misalign*",
-        "dvl_yaw~against its mounting",
     ),
     "map": ("file_not_used", "rudder_never_moves", "rudder_scale*"),
     **{f"clock of {sensor}": patterns for sensor, patterns in CLOCKS.items()},
 }
 # Fault of a row -> checks that would test it. The first line of the ingest says of a quantity that
-# nothing tests it only where none of its checks could.
+# nothing tests it only where none of its checks could. ``@`` as in `NAMES`.
 TESTED_BY: dict[str, tuple[str, ...]] = {
     "scale of the speed": ("speed_by_position", "speed_by_depth", "speed_scale"),
     "scale of v": ("sway_by_position",),
@@ -187,10 +186,10 @@ TESTED_BY: dict[str, tuple[str, ...]] = {
     "sign of the pitch": ("pitch_sign",),
     "sign of the depth": ("pitch_sign",),
     "sign of rpm": ("rpm_sign",),
-    "axes of the DVL": ("dvl_axes", "dvl_yaw"),
+    "axes of the DVL": ("dvl_axes",),
     "axes of the gyro": ("gyro_axes",),
     "heave axis of the DVL": ("heave_sign",),
-    "offset": ("yaw_rate_offset",),
+    "offset": ("yaw_rate_offset@",),  # of the gyro alone
     "clipped rudder": ("rudder_cut",),
     "frozen rudder": ("rudder_stuck",),
     "constant rpm": ("rpm_constant",),

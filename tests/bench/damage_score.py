@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from tests.bench.damage_names import ACCUSING, DOUBTS, TESTED_BY, any_of, names_it
+from tests.bench.damage_names import ACCUSING, DOUBTS, TESTED_BY, any_of, mentions, names_it
 
 Evidence = Mapping[str, Any]
 
@@ -115,7 +115,9 @@ def leaves_open(telling: Evidence, case: Any) -> bool:
     """
     if telling["kind"] not in LIMITS_OF_TESTS:
         return False
-    if telling["code"] not in TESTED_BY.get(case.kind.fault, ()):
+    tests = TESTED_BY.get(case.kind.fault, ())
+    about = f"{telling['code']}@" in tests and mentions(telling, case.kind.sensor)
+    if telling["code"] not in tests and not about:
         return False
     return telling["kind"] == "untested" or _is_within(telling, case)
 

@@ -17,7 +17,7 @@ from auvident.schema.channels import SENSORS
 from auvident.schema.logs import Alignment, CheckMade, RawTrial, moved_stamps
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
-from auvident.stages.ingest.checks.row import Outcome
+from auvident.stages.ingest.checks.row import FAR_OFF, Outcome
 from auvident.stages.ingest.clocks_estimate import ClockLag, Lags, passage_s
 from auvident.stages.ingest.clocks_judged import estimate_clocks
 
@@ -225,7 +225,7 @@ def _coarsely(lag_s: float, ppm: float, half_s: float) -> str:
     if max(lag_s, 1e-6 * ppm * half_s) <= CLOSELY_S:
         return ""
     drift = f"{ppm:.0f} ppm" if np.isfinite(ppm) else "any drift"
-    return f"to {lag_s:.1f} s and {drift}" if np.isfinite(lag_s) else "only what is far off"
+    return f"to {lag_s:.1f} s and {drift}" if np.isfinite(lag_s) else FAR_OFF
 
 
 def _outcome(off: bool, unsure: bool) -> Outcome:

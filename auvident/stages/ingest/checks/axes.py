@@ -18,7 +18,7 @@ TURNING = 0.1  # r L / u: a circle of ten lengths
 SWAY_SLOPE = 0.1  # v / (r L): hulls drift outward in a turn, about -0.2 to -0.5
 # As read at the DVL, over r L: a column without the yaw rate, one that has clearly more, the usual
 STILL, CLEARLY, USUAL_DRIFT = 0.08, 3.0, -0.3
-LEAST_STRAIGHTS = 6
+LEAST_STRAIGHTS = 6  # twice as many as unknowns: a share of u and two components of a current
 STRAIGHTS = "needs straight stretches on several courses"
 SURE_SHARE = 0.03  # standard deviation of v / u: 2 degrees
 ONE_COURSE = 10.0  # condition of the equations: on one course a current looks the same

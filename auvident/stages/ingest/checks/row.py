@@ -12,6 +12,7 @@ from auvident.stages.ingest.response import Relation
 if TYPE_CHECKING:
     from auvident.stages.ingest.checks.seen import Seen
 
+FAR_OFF = "only what is far off"  # how coarsely a test was made that no size limits
 Outcome = Literal["agrees", "contradicts", "untested"]
 
 
@@ -122,7 +123,7 @@ class Ratio:
 
 def coarsely(said: Verdict, factor: float) -> Verdict:
     """A verdict of a test of a scale that leaves much open: a factor up to so much is not told."""
-    only = f"to a factor of {factor:.1f}" if np.isfinite(factor) else "only what is far off"
+    only = f"to a factor of {factor:.1f}" if np.isfinite(factor) else FAR_OFF
     return replace(said, only=only, within=factor)
 
 
