@@ -330,9 +330,15 @@ def _lines(body: bytes, layout: Layout, rows: int) -> np.ndarray:
     first = layout.data_line + 1
     total = body.count(b"\n") + (not body.endswith(b"\n"))
     if total == rows:
-        return np.arange(first, first + rows)
+        return numbered(first, rows)
     good = [k for k, line in enumerate(body.split(b"\n")) if _is_row(line, layout)]
     return first + np.asarray(good[:rows] if len(good) >= rows else np.arange(rows))
+
+
+def numbered(first: int, count: int) -> np.ndarray:
+    """Row numbers, shape (count,), in four bytes each where they fit: a day has millions."""
+    narrow = first + count <= np.iinfo(np.int32).max
+    return np.arange(first, first + count, dtype=np.int32 if narrow else np.int64)
 
 
 def _is_row(line: bytes, layout: Layout) -> bool:

@@ -10,7 +10,7 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from auvident.errors import InputError
-from auvident.storage.log_csv import Kind, LogTable, read_csv
+from auvident.storage.log_csv import Kind, LogTable, numbered, read_csv
 from auvident.storage.log_layout import MISSING, TIME_NAMES, Layout, find_layout
 from auvident.storage.log_text import HEAD_BYTES, LONG_HEAD_BYTES, read_text
 from auvident.storage.log_time import MISSING_COUNT
@@ -221,7 +221,7 @@ def _read_parquet(log: LogFile, wanted: Mapping[str, Kind | None]) -> LogTable:
         columns[name] = _parquet_column(table.column(name), kind, name, log.path)
         del table
         pa.default_memory_pool().release_unused()
-    return LogTable(columns, np.arange(1, rows + 1), rows)
+    return LogTable(columns, numbered(1, rows), rows)
 
 
 def _refuse_bomb(path: Path, wanted: Collection[str]) -> None:

@@ -164,6 +164,7 @@ NAMES: dict[str, tuple[str, ...]] = {
         "sway_sign",
         "*axes*",
         "*misalign*",
+        "dvl_yaw~against its mounting",
     ),
     "map": ("file_not_used", "rudder_never_moves", "rudder_scale*"),
     **{f"clock of {sensor}": patterns for sensor, patterns in CLOCKS.items()},

@@ -13,9 +13,9 @@ from auvident.schema.channels import BY_COLUMN, NEEDED
 from auvident.schema.logs import DEG, RawTrial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest import ingest
-from auvident.stages.ingest.clean import CleanSensor, clean_trial
+from auvident.stages.ingest.clean import CleanSensor, clean_sensor, clean_trial
 from auvident.stages.ingest.fill_values import find_fills
-from auvident.stages.ingest.pace import Pace
+from auvident.stages.ingest.pace import Pace, pace_of
 from auvident.storage.logs import read_trials
 from auvident.storage.vehicle_file import load_vehicle
 
@@ -291,6 +291,20 @@ def test_a_spike_while_at_rest_makes_no_fill_values_of_its_zeros(turned):
     lost = u.copy()
     lost[1000:1010] = lost[1200:1210] = 0.0
     assert find_fills(t, lost, BY_COLUMN["u_mps"], pace)[1000:1010].all()
+
+
+def test_ticks_are_those_of_any_channel_and_no_copy_where_that_is_all_of_them():
+    raw, vehicle = logged("bay_trial")
+    gyro, dvl = raw.sensors["gyro"], raw.sensors["dvl"]
+    time, size = dvl.time_s[:500], {"time_s": dvl.time_s[:500], "rows": dvl.rows[:500]}
+    u, v = 1.0 + 0.1 * np.sin(time), 0.1 * np.cos(time)
+    u[100], v[200] = np.nan, np.nan
+    pace = pace_of({"gyro": gyro}, vehicle)
+    found = clean_sensor(replace(dvl, values={"u_mps": u, "v_mps": v}, **size), vehicle, pace)
+    assert found.time_s is found.raw.time_s
+    v[100] = np.nan
+    found = clean_sensor(replace(dvl, values={"u_mps": u, "v_mps": v}, **size), vehicle, pace)
+    np.testing.assert_array_equal(found.time_s, np.delete(time, 100))
 
 
 def test_what_was_left_out_is_told_with_its_first_row():

@@ -109,3 +109,10 @@ def test_a_long_log_is_never_in_memory_as_a_whole(tmp_path, monkeypatch, name):
         monkeypatch.setattr(module, "BLOCK_BYTES", 37_000)
     monkeypatch.setattr(log_csv, "_body", refuse)
     assert len(outcome(path)) > 1
+
+
+def test_row_numbers_are_narrow_until_they_do_not_fit():
+    last = np.iinfo(np.int32).max
+    np.testing.assert_array_equal(log_csv.numbered(2, 3), [2, 3, 4])
+    assert log_csv.numbered(2, 3).dtype == np.int32
+    np.testing.assert_array_equal(log_csv.numbered(last - 1, 3), [last - 1, last, last + 1])

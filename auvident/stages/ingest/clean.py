@@ -113,7 +113,10 @@ def _ticks(series: list[Series]) -> np.ndarray:
     used = [s.used for s in series if s.used is not None]
     if series and all(s.all_times_s is series[0].all_times_s for s in series):
         all_times_s = series[0].all_times_s
-        return all_times_s[np.logical_or.reduce(used)] if len(used) == len(series) else all_times_s
+        if len(used) < len(series):
+            return all_times_s
+        every = np.logical_or.reduce(used)
+        return all_times_s if every.all() else all_times_s[every]
     ticks = np.empty(0)
     for s in series:
         ticks = np.union1d(ticks, s.time_s) if ticks.size else s.time_s

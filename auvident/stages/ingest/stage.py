@@ -103,6 +103,8 @@ def ingest(
     columns = {c: x for c, x in columns.items() if c in needed or np.isfinite(x.values).any()}
     sensors = {name: _only(k, columns) for name, k in sensors.items()}
     table = _table(grid, columns, needed)
+    # those of the table, so that a long log is not in memory twice
+    columns = {c: replace(found, values=table[c].to_numpy()) for c, found in columns.items()}
     trial = Trial(raw.name, _marked(table, sensors), rate_hz)
     try:
         quality = report(raw, trial, vehicle, sensors, plans, columns, needed)
