@@ -115,9 +115,14 @@ def _rank(
     named = any(word in words for word in WORDS[sensor])
     no_reading = channels and channels[0].kind == "measured" and WANTED & {*words.split("_")}
     rows = max((v.size for v in values.values()), default=0)
-    moving = sum(bool(np.nanstd(values[matches[c.column]])) for c in channels)
+    moving = sum(_moves(values[matches[c.column]]) for c in channels)
     metric = int(moving > 0 and not of_angles)
     return (0,) * 6 if no_reading else (needed, len(channels), int(named), metric, moving, rows)
+
+
+def _moves(values: np.ndarray) -> bool:
+    known = values[np.isfinite(values)]
+    return bool(known.size and known.min() < known.max())
 
 
 @dataclass(frozen=True)

@@ -54,6 +54,7 @@ FORMATS: dict[str, tuple[str, float]] = {
 }
 TIMES = {"TimeUS": 1_000, "TimeMS": 1_000_000}  # column of the time since switch-on -> ns
 UNITS = {"degheading": "deg", "deglatitude": "deg", "deglongitude": "deg"}
+WHOLE = "iu"  # kinds of numpy type of a time and of the number of a sensor
 INSTANCE = "#"  # unit of the column that tells one of several equal sensors
 NO_MULTIPLIER = ("-", "?", "")
 
@@ -88,6 +89,10 @@ class Format:
         return np.dtype(
             [(c, FORMATS[x][0]) for c, x in zip(self.columns, self.letters, strict=True)]
         )
+
+    def of_kind(self, kinds: str) -> tuple[str, ...]:
+        """Columns of one value each, of these kinds of numpy type."""
+        return tuple(c for c in self.columns if self.dtype[c].kind in kinds)
 
 
 @dataclass
@@ -147,7 +152,8 @@ class DataFlash:
         tables: dict[str, tuple[TableHead, int, np.ndarray | None]] = {}
         for number, offsets in self._index.offsets.items():
             kind = self._index.formats[number]
-            instance = next((c for c, u in self._units(number).items() if u == INSTANCE), None)
+            units, ids = self._units(number), kind.of_kind(WHOLE)
+            instance = next((c for c in ids if units.get(c) == INSTANCE), None)
             which = self._values(number)[instance] if instance else np.zeros(len(offsets))
             for one in np.unique(which):
                 rows = np.flatnonzero(which == one) if instance else None
@@ -174,7 +180,7 @@ class DataFlash:
         raw = b"".join(data[o + HEADER : o + kind.length] for o in offsets)
         table = np.frombuffer(raw, kind.dtype)
         found: dict[str, np.ndarray] = {}
-        time = next((c for c in kind.columns if c in TIMES), None)
+        time = next((c for c in kind.of_kind(WHOLE) if c in TIMES), None)
         if time is not None:
             found[STAMP] = ns_of_counts(table[time], TIMES[time])
         for column, letter in zip(kind.columns, kind.letters, strict=True):
@@ -214,12 +220,10 @@ class DataFlash:
 
     def _all(self, name: str, columns: Sequence[str]) -> list[tuple]:
         for number, kind in self._index.formats.items():
-            if (
-                kind.name == name
-                and number in self._index.offsets
-                and {*columns} <= {*kind.columns}
-            ):
-                values = self._values(number)
+            if kind.name != name or number not in self._index.offsets:
+                continue
+            values = self._values(number)
+            if {*columns} <= {*values}:
                 return list(zip(*(values[column] for column in columns), strict=True))
         return []
 
@@ -278,7 +282,7 @@ def _describe(index: Index, lengths: dict[int, int], raw: bytes) -> None:
     if number in lengths and number != FMT:
         return  # described before; a log that is appended to describes everything again
     names = tuple(columns.split(",")) if columns else ()
-    known = set(letters) <= set(FORMATS) and len(names) == len(letters) == len(set(names))
+    known = set(letters) <= set(FORMATS) and len(names) == len(letters) == len({*names} - {""})
     if known and Format(name, 0, names, letters).dtype.itemsize == about["length"] - HEADER:
         index.formats[number] = Format(name, int(about["length"]), names, letters)
     elif letters:

@@ -53,7 +53,7 @@ class DatedReader:
             for k, (name, _) in enumerate(names)
             if name
         }
-        columns = {STAMP_COLUMN: _stamps(texts, names, path)}
+        columns = {STAMP_COLUMN: _stamps(*_clock(texts, names, path), path)}
         columns |= {name: _column(text) for name, text in texts.items()}
         columns |= _metres(columns, names)
         units = {(TABLE, name): unit for name, unit in names}
@@ -79,11 +79,25 @@ def _find(names: list[tuple[str, str]], wanted: tuple[str, ...]) -> str | None:
     return next((name for name, _ in names if name.lower() in wanted), None)
 
 
-def _stamps(texts: dict[str, pd.Series], names: list[tuple[str, str]], path: Path) -> np.ndarray:
+def _clock(
+    texts: dict[str, pd.Series], names: list[tuple[str, str]], path: Path
+) -> tuple[pd.Series, pd.Series]:
+    """Texts of the date and of the time of day."""
+    date, time = (_find(names, wanted) for wanted in (DATE, TIME))
+    if date is None or time is None:  # a bare carriage return ends a line, too
+        raise InputError(
+            "is damaged: its first line ends before the columns of date and time of day",
+            f"{path}, row 1",
+            "Repair the first line.",
+        )
+    return texts[date], texts[time]
+
+
+def _stamps(date: pd.Series, time: pd.Series, path: Path) -> np.ndarray:
     """Date and time of day as ``datetime64[ns]``; NaT where they cannot be read."""
-    clock = texts[_find(names, TIME) or ""].str.extract(CLOCK).astype(float)
+    clock = time.str.extract(CLOCK).astype(float)
     seconds = 3600.0 * clock[0] + 60.0 * clock[1] + clock[2]
-    days = _days(texts[_find(names, DATE) or ""])
+    days = _days(date)
     known = (seconds.notna() & days.notna()).to_numpy()
     if known.mean() < LEAST_READ:
         row = int(np.flatnonzero(~known)[0]) + 2

@@ -1,5 +1,6 @@
 """Containers that are cut off, damaged or hostile: an error or a finding, never a traceback."""
 
+import re
 import shutil
 import sqlite3
 import struct
@@ -21,6 +22,7 @@ from auvident.storage.log_file import looks_like_log, open_logs, read_log
 from auvident.storage.log_inspect import inspect_log
 from auvident.storage.logs import read_column_map, read_trials
 from auvident.storage.readers import ros
+from auvident.storage.readers.dataflash import Format
 
 KINDS = {
     "bag": ("rosbags", lambda f: write_ros(f / "trial.bag")),
@@ -120,6 +122,47 @@ def test_units_of_letters_that_there_are_not_are_none(tmp_path, kind):
     path.write_bytes(content)
     assert read_all(path) > 0
     inspect_log(path)
+
+
+@pytest.mark.parametrize("names", [b"TimeUS,,E", b",N,E\0\0\0\0\0"])
+def test_a_message_with_a_column_without_a_name_is_not_known(tmp_path, names):
+    path = write_dataflash(tmp_path / "trial.bin")
+    whole, before = path.read_bytes(), read_all(path)
+    assert whole.count(b"TimeUS,N,E") == 1
+    path.write_bytes(whole.replace(b"TimeUS,N,E", names.ljust(10, b"\0")))
+    assert 0 < read_all(path) < before
+    assert any("not known: POS" in note for f in inspect_log(path).files for note in f.notes)
+
+
+@pytest.mark.parametrize("first", ["date\r,time,rpm", "date,\rtime,rpm", "\rdate,time,rpm"])
+def test_a_first_line_that_ends_early_has_no_clock(tmp_path, first):
+    path = tmp_path / "mission.log"
+    rows = [f"2024-05-01,12:00:{k:02d}.5,{k}" for k in range(30)]
+    path.write_bytes("\n".join([first, *rows]).encode())
+    with pytest.raises(InputError, match=r"damaged|no data") as refused:
+        open_logs(path)
+    assert str(path) in str(refused.value)
+
+
+@pytest.mark.parametrize("letter", ["a", "d", "n"])  # of an array, a number, a text
+@pytest.mark.parametrize("name", [b"FMTU", b"UNIT", b"MULT", b"IMU\0", b"POS\0"])
+def test_definitions_of_other_types(tmp_path, name, letter):
+    """One letter of a definition is another, and its length that of the other type."""
+    path = write_dataflash(tmp_path / "trial.bin")
+    whole = path.read_bytes()
+    for found in re.finditer(rb"\xa3\x95\x80(?=.." + name + b")", whole, re.DOTALL):
+        at = found.end()  # number, length, name, letters
+        for k, old in enumerate(whole[at + 6 : at + 22].rstrip(b"\0").decode()):
+            length = whole[at + 1] + size_of(letter) - size_of(old)
+            if length < 256:
+                content = bytearray(whole)
+                content[at + 6 + k], content[at + 1] = ord(letter), length
+                path.write_bytes(content)
+                assert read_all(path) > 0
+
+
+def size_of(letter: str) -> int:
+    return Format("", 0, ("x",), letter).dtype.itemsize
 
 
 def test_bytes_between_messages_are_a_finding(tmp_path):
