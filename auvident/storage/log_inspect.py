@@ -19,6 +19,7 @@ from auvident.storage.log_time import as_floats, to_seconds
 from auvident.storage.regular import refuse_irregular
 
 Text = Annotated[str, AfterValidator(encodable)]  # of a damaged file, to be written as JSON
+LEAST_PERIOD_S = 1e-9  # between rows; less is no clock
 GAP_PERIODS = 5.0  # an interval of so many periods is shown as a gap
 
 
@@ -199,12 +200,12 @@ def _clock(time: np.ndarray) -> dict[str, float | int | None]:
     if not known.size:
         return {}
     steps = np.diff(known)
-    ahead = steps[steps > 0]
+    ahead = steps[(steps > 0) & np.isfinite(steps)]  # damaged stamps may be too far apart for one
     period = float(np.median(ahead)) if ahead.size else 0.0
     return {
         "start_s": float(known.min()),
         "end_s": float(known.max()),
-        "rate_hz": 1.0 / period if period > 0 else None,
+        "rate_hz": 1.0 / period if period > LEAST_PERIOD_S else None,
         "gaps": int(np.sum(ahead > GAP_PERIODS * period)),
         "longest_gap_s": float(ahead.max()) if ahead.size else None,
         "backward": int(np.sum(steps < 0)),

@@ -144,6 +144,16 @@ def test_durations(tmp_path):
     np.testing.assert_array_equal(found, (stamps_ns() - START_NS) / 1e9)
 
 
+@pytest.mark.parametrize(
+    "times", [["0", "5e-324", "1e-323"], ["-1.7e308", "1.7e308"], ["0", "1e308", "1.7e308"]]
+)
+def test_inspect_shows_stamps_that_make_no_rate(tmp_path, times):
+    rows = "".join(f"{time},1.5\n" for time in times)
+    (tmp_path / "rpm.csv").write_text("time_s,rpm\n" + rows)
+    (file,) = inspect_log(tmp_path).files
+    assert file.rate_hz is None or file.rate_hz < 1e-300
+
+
 @pytest.mark.parametrize("filler", [0, -1, 2**63 - 1, -(2**63) + 5])
 def test_a_stamp_of_a_clock_that_was_not_set_is_missing(tmp_path, filler):
     stamps = stamps_ns()

@@ -4,6 +4,7 @@ scipy takes the number of a type from the file as an index and ends the process 
 no such type. Format: MathWorks, MAT-File Format, chapter 1.
 """
 
+import math
 import struct
 import zlib
 
@@ -13,10 +14,15 @@ INT8, INT32, UINT32, MATRIX, COMPRESSED, UTF8 = 1, 5, 6, 14, 15, 16
 NUMBERS = frozenset((1, 2, 3, 4, 5, 6, 7, 9, 12, 13))
 TEXT = NUMBERS | {16, 17, 18}
 KNOWN = TEXT | {MATRIX}
-CHAR, OPAQUE = 4, 17  # classes of arrays
+CELL, STRUCT, OBJECT, CHAR, OPAQUE = 1, 2, 3, 4, 17  # classes of arrays
 NUMERIC = frozenset((5, *range(6, 16)))  # sparse, double, single and whole numbers
+SPARSE, SPARSE_PARTS = 5, 5  # dimensions, name, rows, columns, values
+PLAIN_PARTS = 3  # dimensions, name, values
+COMPLEX = 0x800  # a flag: an imaginary part follows
 DEEPEST = 60  # structs in structs
 MOST_UNPACKED = 1 << 31  # bytes of one compressed variable
+
+Part = tuple[int, int, int]  # type of an element, where its data begin and end
 
 
 def check(content: bytes) -> None:
@@ -79,17 +85,56 @@ def _array(data: memoryview, at: int, end: int, kind: int, order: str, depth: in
     flags, start, stop, at = _element(data, at, end, order)
     if flags != UINT32 or stop - start != 8:
         raise ValueError(f"an array without flags before byte {start}")
-    kind_of = struct.unpack_from(f"{order}I", data, start)[0] & 0xFF
-    first = 0
+    stated = struct.unpack_from(f"{order}I", data, start)[0]
+    parts: list[Part] = []
     while at < end:
         kind, start, stop, at = _element(data, at, end, order)
-        allowed = TEXT if kind_of == CHAR else NUMBERS if kind_of in NUMERIC else KNOWN
-        if first == 0 and kind_of != OPAQUE:
-            allowed = frozenset((INT32, UINT32))  # the second is written by other programs
-        elif first == 1 or kind_of == OPAQUE:
-            allowed = allowed | {INT8, UTF8}
-        if kind not in allowed:
+        if kind not in _allowed(stated & 0xFF, len(parts)):
             raise ValueError(f"an element of type {kind} before byte {start}")
         if kind == MATRIX:
             _array(data, start, stop, kind, order, depth + 1)
-        first += 1
+        parts.append((kind, start, stop))
+    if stated & 0xFF != OPAQUE:
+        _refuse_missing(data, parts, stated, order, end)
+
+
+def _allowed(class_: int, place: int) -> frozenset[int]:
+    """Types of the element at a place behind the flags."""
+    if class_ == OPAQUE:
+        return KNOWN | {INT8, UTF8}
+    if place == 0:
+        return frozenset((INT32, UINT32))  # the second is written by other programs
+    allowed = TEXT if class_ == CHAR else NUMBERS if class_ in NUMERIC else KNOWN
+    return allowed | {INT8, UTF8} if place == 1 else allowed
+
+
+def _refuse_missing(data: memoryview, parts: list[Part], flags: int, order: str, end: int) -> None:
+    """Refuse an array of which something is missing: scipy takes what follows for it."""
+    wanted = f"an array that ends before byte {end} has not all of its parts"
+    if not parts or (parts[0][2] - parts[0][1]) % 4 or parts[0][2] - parts[0][1] < 8:
+        raise ValueError(f"an array that ends before byte {end} has no dimensions")
+    size = math.prod(_whole(data, parts[0], order))
+    class_ = flags & 0xFF
+    if class_ in (CHAR, *NUMERIC):
+        least = SPARSE_PARTS if class_ == SPARSE else PLAIN_PARTS
+        if len(parts) < least + (class_ != CHAR and bool(flags & COMPLEX)):
+            raise ValueError(wanted)
+    if class_ in (STRUCT, OBJECT):
+        size *= _fields(data, parts[3 if class_ == OBJECT else 2 :], order, end)
+    if class_ in (CELL, STRUCT, OBJECT) and sum(kind == MATRIX for kind, *_ in parts) < size:
+        raise ValueError(wanted)
+
+
+def _fields(data: memoryview, parts: list[Part], order: str, end: int) -> int:
+    """Number of fields of a struct, by the length of a name and that of all."""
+    if len(parts) < 2 or parts[0][0] != INT32 or parts[0][2] - parts[0][1] != 4:
+        raise ValueError(f"a struct that ends before byte {end} has no fields")
+    (length,) = _whole(data, parts[0], order)
+    if length <= 0:
+        raise ValueError(f"a struct that ends before byte {end} has names of {length} letters")
+    return (parts[1][2] - parts[1][1]) // length
+
+
+def _whole(data: memoryview, part: Part, order: str) -> tuple[int, ...]:
+    _, start, stop = part
+    return struct.unpack_from(f"{order}{(stop - start) // 4}i", data, start)

@@ -323,6 +323,46 @@ def test_a_mat_file_with_a_type_that_there_is_not_is_refused(tmp_path, kind):
     assert told.value.remedy
 
 
+def mat_with(path, held, *changes):
+    """A file that scipy wrote, with bytes changed that follow a mark."""
+    from scipy.io import savemat
+
+    savemat(path, held)
+    content = bytearray(path.read_bytes())
+    for mark, offset, new in changes:
+        at = content.find(mark) + offset
+        assert at > offset
+        content[at : at + len(new)] = new
+    path.write_bytes(bytes(content))
+    return path
+
+
+FLAGS = struct.pack("<II", 6, 8)
+DIMENSIONS = struct.pack("<II", 5, 8)
+TWO_CELLS = np.array([np.arange(3.0), "text"], dtype=object)
+
+
+@pytest.mark.parametrize(
+    ("held", "change", "words"),
+    [
+        ({"a": np.arange(5.0)}, (FLAGS, 9, b"\x08"), "not all of its parts"),  # complex
+        ({"a": np.arange(5.0)}, (FLAGS, 8, b"\x05"), "not all of its parts"),  # sparse
+        ({"a": np.arange(5.0)}, (DIMENSIONS, 4, b"\x00"), "no dimensions"),
+        ({"a": np.arange(5.0)}, (DIMENSIONS, 4, b"\x03"), "no dimensions"),
+        ({"a": TWO_CELLS}, (DIMENSIONS, 10, b"\x01"), "not all of its parts"),
+        ({"a": {"x": 1.0}}, (DIMENSIONS, 12, b"\x02"), "not all of its parts"),
+        ({"a": {"x": 1.0}}, (b"\x05\0\x04\0", 4, b"\0\0\0\0"), "names of 0 letters"),
+        ({"a": {"x": 1.0}}, (b"\x05\0\x04\0", 4, b"\xff\xff\xff\xff"), "of -1 letters"),
+        ({"a": {"x": 1.0}}, (b"\x05\0\x04\0", 0, b"\x06"), "no fields"),
+    ],
+)
+def test_a_mat_file_that_says_more_than_it_holds_is_refused(tmp_path, held, change, words):
+    """Found by the fuzzer: scipy took for the rest what followed, and the process ended."""
+    path = mat_with(tmp_path / "a.mat", held, change)
+    with pytest.raises(InputError, match=f"damaged MAT file: .* {words}"):
+        open_logs(path)
+
+
 def test_mat_files_of_all_kinds_of_variables_pass_the_check(tmp_path):
     from scipy.io import savemat
     from scipy.sparse import csr_array
@@ -337,6 +377,8 @@ def test_mat_files_of_all_kinds_of_variables_pass_the_check(tmp_path):
         "sparse": csr_array(np.eye(3)),
         "flag": np.array([True, False]),
         "none": np.zeros((0, 0)),
+        "structs": np.array([(1, 2), (3, 4)], dtype=[("x", object), ("y", object)]),
+        "no_cells": np.zeros((0, 3), dtype=object),
     }
     for packed in (False, True):
         savemat(tmp_path / "a.mat", held, do_compression=packed)
