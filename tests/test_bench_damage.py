@@ -307,6 +307,16 @@ def test_a_fault_within_what_a_coarse_test_leaves_open_is_said(case, told, outco
     assert judged(evidence(1.0, told=[told]), case, clean).outcome == "right"
 
 
+@pytest.mark.parametrize(
+    ("here", "of_clean", "outcome"),
+    [(5.0, 1.9, "quiet"), (5.0, 2.1, "untested"), (1.9, 2.1, "quiet"), (None, 1.9, "quiet")],
+)
+def test_a_fault_does_not_widen_what_is_left_open(here, of_clean, outcome) -> None:
+    clean = evidence(told=[coarse("sway_by_position", of_clean)])
+    found = evidence(9.0, told=[coarse("sway_by_position", here)])
+    assert judged(found, SWAY, clean).outcome == outcome
+
+
 @pytest.mark.parametrize("kind", ["v-offset:0.3", "rudder-offset:0.2"])
 def test_an_offset_of_the_gyro_that_nothing_tests_leaves_no_other_open(kind) -> None:
     where = "offset of the yaw rate against heading"

@@ -83,7 +83,8 @@ def judge(evidence: Evidence, clean: Evidence, cases: Iterable[Any]) -> Row:
     """Outcome of a trial with damage of some cases."""
     cases = tuple(cases)
     told = [t for t in news(evidence, clean) if t["kind"] not in LIMITS_OF_TESTS]
-    left_open = [t for t in evidence.get("told", []) if t["shown"] and leaves_open(t, cases[0])]
+    shown = [t for t in evidence.get("told", []) if t["shown"]]
+    left_open = [t for t in shown if leaves_open(t, cases[0], clean)]
     naming = [t for t in told if any(names(t, case) for case in cases)]
     stds, worst = difference(evidence, clean)
     outcome = _outcome(evidence, clean, told, naming, stds)
@@ -108,10 +109,11 @@ def judge(evidence: Evidence, clean: Evidence, cases: Iterable[Any]) -> Row:
     )
 
 
-def leaves_open(telling: Evidence, case: Any) -> bool:
+def leaves_open(telling: Evidence, case: Any, clean: Evidence) -> bool:
     """Whether the first line says that the quantity is not tested, or not as closely as that.
 
-    What a log can test does not hang on its faults: it is said of the clean log as well.
+    What a log can test does not hang on its faults: it is said of the clean log as well, and
+    where that says how closely, the fault has no say in it.
     """
     if telling["kind"] not in LIMITS_OF_TESTS:
         return False
@@ -119,7 +121,18 @@ def leaves_open(telling: Evidence, case: Any) -> bool:
     about = f"{telling['code']}@" in tests and mentions(telling, case.kind.sensor)
     if telling["code"] not in tests and not about:
         return False
-    return telling["kind"] == "untested" or _is_within(telling, case)
+    return telling["kind"] == "untested" or _is_within(_closest(telling, clean), case)
+
+
+def _closest(telling: Evidence, clean: Evidence) -> Evidence:
+    """What is said of a coarse test, here or of the clean log, whichever is closer."""
+    alike = [t for t in clean.get("told", []) if _is_same_test(t, telling)]
+    values = [t["value"] for t in (telling, *alike) if t["value"] is not None]
+    return {**telling, "value": min(values, default=None)}
+
+
+def _is_same_test(one: Evidence, other: Evidence) -> bool:
+    return (one["kind"], one["code"]) == (other["kind"], other["code"])
 
 
 def _is_within(telling: Evidence, case: Any) -> bool:
