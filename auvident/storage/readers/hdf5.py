@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from auvident.errors import InputError
+from auvident.storage.readers import hdf5_heap
 from auvident.storage.readers.fields import (
     Field,
     Tree,
@@ -73,6 +74,7 @@ def open_hdf5(path: Path, style: Hdf5Style) -> Tree:
     h5py = need("h5py", style.extra, path)
     notes: list[str] = []
     try:
+        hdf5_heap.check(path)
         with h5py.File(path, "r") as file:
             fields = list(_fields(file, (), Looked(h5py, path, style, notes), {hash(file.id)}))
     except InputError:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from auvident.errors import InputError
+from auvident.storage.readers import hdf5_heap
 from auvident.storage.readers.fields import (
     MOST_VALUES,
     Field,
@@ -123,6 +124,7 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 def _version_4(path: Path) -> list[Variable]:
+    hdf5_heap.check(path)
     with _opened(path) as file:
         return list(_group(path, file, ()))
 

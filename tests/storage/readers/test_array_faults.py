@@ -323,6 +323,33 @@ def test_a_mat_file_with_a_type_that_there_is_not_is_refused(tmp_path, kind):
     assert told.value.remedy
 
 
+def write_units(path):
+    """A unit of any length, which stands in a heap."""
+    import h5py
+
+    with h5py.File(path, "w") as file:
+        for column in ("time_s", "rpm"):
+            file[f"rpm/{column}"] = np.arange(30.0)
+            file[f"rpm/{column}"].attrs["units"] = column.rpartition("_")[-1]
+    return path
+
+
+@pytest.mark.parametrize(("name", "write"), [("b.nc", write_netcdf_4), ("a.h5", write_units)])
+@pytest.mark.parametrize("length", [0, 2**64 - 16])
+def test_a_heap_at_which_hdf5_turns_in_circles_is_refused(name, write, length, tmp_path):
+    """Found by the fuzzer: an entry without number and length, which the library never passes."""
+    pytest.importorskip(WRITERS[name][0])
+    path = write(tmp_path / name)
+    assert open_logs(path)
+    content = bytearray(path.read_bytes())
+    at = content.find(b"GCOL")
+    assert at > 0, "the writer makes no heap"
+    content[at + 16 : at + 32] = struct.pack("<HHIQ", int(length > 0), 0, 0, length)
+    path.write_bytes(bytes(content))
+    with pytest.raises(InputError, match=f"heap at byte {at} has an entry of no length"):
+        open_logs(path)
+
+
 def mat_with(path, held, *changes):
     """A file that scipy wrote, with bytes changed that follow a mark."""
     from scipy.io import savemat
