@@ -144,6 +144,7 @@ def test_durations(tmp_path):
     np.testing.assert_array_equal(found, (stamps_ns() - START_NS) / 1e9)
 
 
+@pytest.mark.filterwarnings("ignore:overflow:RuntimeWarning")
 @pytest.mark.parametrize(
     "times", [["0", "5e-324", "1e-323"], ["-1.7e308", "1.7e308"], ["0", "1e308", "1.7e308"]]
 )
