@@ -392,6 +392,15 @@ def test_false_alarms_are_checks_accusations_and_new_reasons() -> None:
     assert false_alarms(found) == ["dropped:stuck", "dvl_lags_gyro", "x"]
 
 
+@pytest.mark.parametrize(
+    ("remedy", "code"),
+    [("Turn it, or give --fix rudder_sign; or not.", "rudder_sign"), ("", "refused")],
+)
+def test_a_clean_log_that_is_refused_is_a_false_alarm(remedy, code) -> None:
+    found = {**evidence(), "error": "the rudder contradicts", "remedy": remedy}
+    assert false_alarms(found) == [code]
+
+
 # --- the study ----------------------------------------------------------------------------
 
 

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from tests.bench import damage_page
-from tests.bench.damage_score import Row, false_alarms, judge
+from tests.bench.damage_score import REFUSED, Row, false_alarms, judge
 from tests.bench.damage_trial import AS_DRAWN, CLEAN, outcome
 from tests.bench.effects import ONE_THREAD, append, processes, program
 from tests.bench.effects_trial import WANTED
@@ -52,16 +52,22 @@ def main(arguments: list[str], show: Show) -> None:
         found = {"rows": [asdict(row) for row in rows], **tables}
         options.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
     if options.write:
-        studied = [e for e in kept.values() if e["case"]["damage"] != [AS_DRAWN]]
-        damage_page.write(rows, clean, studied_as(studied or list(kept.values())))
+        damage_page.write(rows, clean, studied_as(list(kept.values())))
 
 
 def studied_as(found: list[dict[str, Any]]) -> str:
     """Which programs, trials and seeds of each half, and what was done to each vehicle."""
+    clean = [e for e in found if e["case"]["damage"] == [AS_DRAWN]]
+    damaged = [e for e in found if e["case"]["damage"] != [AS_DRAWN]]
+    seeds_seen = dict.fromkeys(e["case"]["seed"] for e in damaged)
+    told = [*_by_half(damaged), *(_done_to(seed, damaged) for seed in seeds_seen)]
+    return " ".join([*told, *(f"Clean logs: {words}" for words in _by_half(clean))])
+
+
+def _by_half(found: list[dict[str, Any]]) -> list[str]:
+    """Programs, trials and seeds of the halves that there are."""
     halves = [[e for e in found if e["case"]["seed"] % 2 == k] for k in range(len(HALVES))]
-    whole = [measured(some, half) for some, half in zip(halves, HALVES, strict=True) if some]
-    seeds_seen = dict.fromkeys(e["case"]["seed"] for e in found)
-    return " ".join([*whole, *(_done_to(seed, found) for seed in seeds_seen)])
+    return [measured(some, half) for some, half in zip(halves, HALVES, strict=True) if some]
 
 
 def _done_to(seed: int, found: list[dict[str, Any]]) -> str:
@@ -198,8 +204,8 @@ def alarms(kept: Kept) -> list[dict[str, Any]]:
     clean = [e for e in drawn if e.get("stage") != "generator"]
     found = {e["case"]["seed"]: false_alarms(e) for e in clean}
     groups = {"any": [seed for seed, codes in found.items() if codes]}
-    groups["refused"] = [e["case"]["seed"] for e in clean if e.get("error")]
-    for code in sorted({code for codes in found.values() for code in codes}):
+    groups[REFUSED] = [e["case"]["seed"] for e in clean if e.get("error")]
+    for code in sorted({code for codes in found.values() for code in codes} - {REFUSED}):
         groups[code] = [seed for seed, codes in found.items() if code in codes]
     rows = [
         {"code": code, "n": len(some), "of": len(clean), "seeds": " ".join(map(str, some))}

@@ -47,6 +47,7 @@ OUTCOMES = {
 }
 LIMITS_OF_TESTS = ("untested", "coarse")  # what the first line says of its own tests
 UNTOLD = {"shift": "clock_", "drift": "drift_"}  # kinds whose sizes these checks have
+REFUSED = "refused"
 DOUBTFUL = ("near", "counted", "doubted", "quiet")  # better where the quantity was left open
 WELL = ("right", "refused", "said", "untested")
 QUIETLY_WRONG = ("misnamed", "quiet")
@@ -301,7 +302,13 @@ def last_line(text: str) -> str:
 
 
 def false_alarms(clean: Evidence) -> list[str]:
-    """Checks that contradict, findings that accuse, and readings dropped for new reasons."""
+    """Checks that contradict, findings that accuse, and readings dropped for new reasons.
+
+    Of a log that is refused the check that its remedy would silence, or that it is refused.
+    """
+    if clean.get("error"):
+        fix = re.search(r"--fix (\w+)", clean.get("remedy") or "")
+        return [fix[1] if fix else REFUSED]
     ingest = [t for t in clean.get("told", []) if t["stage"] == "ingest"]
     told = [t["code"] for t in ingest if t["kind"] not in LIMITS_OF_TESTS]
     checks = {t["code"] for t in clean.get("told", []) if t["kind"] == "check"}
