@@ -45,6 +45,7 @@ SERIOUS = {
     "rpm_scale",
     "rpm_sign",
     "rudder_cut",
+    "rudder_offset",
     "rudder_scale",
     "rudder_stuck",
     "rudder_unit",

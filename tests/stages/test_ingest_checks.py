@@ -166,8 +166,10 @@ DAMAGED = {
     "v x 0.4": (times(0.4, "v_mps"), "sway_by_position", False),
     "v of the wrong sign, by position": (times(-1.0, "v_mps"), "sway_by_position", True),
     "gyro x 1.1": (times(1.1, "r_radps"), "yaw_rate_scale", True),
+    "gyro x 1.05": (times(1.05, "r_radps"), "yaw_rate_scale", True),
     "gyro x 1.3": (times(1.3, "r_radps"), "yaw_rate_scale", True),
     "gyro + 2 deg/s": ({"r_radps": lambda x: x + 2 * DEG}, "yaw_rate_offset", True),
+    "rudder + 4 deg": ({"rudder_rad": lambda x: x + 4 * DEG}, "rudder_offset", True),
     "rudder x 4": (times(4.0, "rudder_rad"), "rudder_unit", False),
     "rudder / 57": (times(DEG, "rudder_rad"), "rudder_unit", True),
     "rudder / 4": (times(0.25, "rudder_rad"), "rudder_scale", False),
@@ -187,7 +189,7 @@ DAMAGED = {
 @pytest.mark.parametrize("damage", DAMAGED)
 def test_a_damaged_trial_contradicts(damage):
     changes, name, has_fix = DAMAGED[damage]
-    whole = name in ("yaw_rate_scale", "yaw_rate_offset", "rudder_scale")
+    whole = name in ("yaw_rate_scale", "yaw_rate_offset", "rudder_scale", "rudder_offset")
     made = (rows(changed(sailed(), **changes)) if whole else on_the_grid(**changes))[name]
     assert made.outcome == "contradicts", made.message
     assert bool(made.fix) == has_fix
@@ -350,6 +352,29 @@ def test_moments_of_yaw_show_a_rudder_that_is_stuck_and_no_settled_turn(monkeypa
     assert made.outcome == "contradicts" and "turns as if the rudder were at" in made.message
     monkeypatch.setattr(rudder, "LEAST_BALANCED", 1.0)  # a balance that explains little
     assert rows(stuck(sailed(), 15.0))["rudder_stuck"].outcome == "agrees"
+
+
+@pytest.mark.parametrize("side", ["port", "starboard"])
+def test_a_rudder_whose_zero_is_off_is_set_right_by_its_fix(side):
+    signs = BOAT.signs.model_copy(update={"rudder_positive_turns": side})
+    boat = BOAT.model_copy(update={"signs": signs})
+    own = times(float(boat.rudder_sign * BOAT.rudder_sign), "rudder_rad")
+    off = changed(changed(sailed(), **own), rudder_rad=lambda x: x - 4 * DEG)
+    made = {m.name: m for m in ingest(off, boat)[1].checks_made}
+    found = made["rudder_offset"]
+    assert found.outcome == "contradicts" and found.value == pytest.approx(-4 * DEG, abs=0.3 * DEG)
+    assert made["rudder_cut"].message == "see rudder_offset"
+    right = ingest(corrected(off, found.fix), boat)[1].checks_made
+    assert {m.outcome for m in right if m.name == "rudder_offset"} == {"agrees"}
+
+
+def test_a_small_scale_of_the_gyro_needs_roll_and_pitch():
+    slow = times(1.05, "r_radps")
+    assert rows(changed(sailed(), **slow))["yaw_rate_scale"].value == pytest.approx(1 / 1.05, 0.01)
+    flat = {c: lambda x: np.full_like(x, np.nan) for c in ("roll_rad", "q_radps")}
+    assert rows(changed(sailed(), **slow, **flat))["yaw_rate_scale"].outcome == "agrees"
+    turned = changed(sailed(), **times(-1.0, "roll_rad"))
+    assert rows(turned)["yaw_rate_scale"].outcome == "agrees"
 
 
 # --- a DVL that averages ------------------------------------------------------------------

@@ -91,7 +91,7 @@ def test_moments_at_the_largest_elevator_are_alike(most, outcome):
     (raw,) = read_trials([SAMPLES / "dive_trial"])
     seen = Seen(raw, ingested("dive_trial")[0], BOAT)
     angles = 5 * DEG * np.linspace(1.0, most, 9) * np.tile([1, -1], 5)[:9]
-    held = [HeldFin(0.0, 9.0, 5 * DEG * np.sign(a), np.array([a])) for a in angles]
+    held = [HeldFin(0.0, 9.0, 5 * DEG * np.sign(a), np.array([a]), np.zeros(1)) for a in angles]
     assert seen.pitching is not None
     vars(seen)["pitching"] = replace(seen.pitching, holds=tuple(held))
     assert elevator_cut(seen).outcome == outcome

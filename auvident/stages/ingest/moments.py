@@ -13,6 +13,7 @@ stretch in which its log stands still does not spoil them.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -82,12 +83,15 @@ class HeldFin:
         As logged (rad).
     shown : numpy.ndarray
         As the moments show it, of one part after another (rad).
+    shown_std : numpy.ndarray
+        Jackknife standard deviation of each.
     """
 
     start_s: float
     end_s: float
     angle: float
     shown: np.ndarray
+    shown_std: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -176,8 +180,9 @@ class _Solve:
 
 def _held(s: Signals, by: _Solve) -> Iterator[HeldFin]:
     """Each hold of a record under way, with the angle that the moments show."""
-    force = by.found.theta[0] * np.maximum(s["u"], by.grip) ** 2
-    shown = (s["rate_dot"] - by.balance.rest(s, by.arm) @ by.found.theta[1:]) / force
+    # The angle is linear in these, whatever the coefficients are.
+    per = np.column_stack((s["rate_dot"], by.balance.rest(s, by.arm)))
+    per /= np.maximum(s["u"], by.grip)[:, None] ** 2
     first_s = max(SETTLE_S, SETTLE_LENGTHS * by.passage_s) + by.found.lag_s
     part = max(round(min(PART_S, PART_LENGTHS * by.passage_s) * by.rate_hz), 1)
     for rows in _known(s["u"] > by.grip):
@@ -185,9 +190,17 @@ def _held(s: Signals, by: _Solve) -> Iterator[HeldFin]:
         for hold in holds(time, by.scale * fin):
             inside = time[hold] >= time[hold.start] + first_s
             inside &= time[hold] <= time[hold.stop - 1] - END_S
-            angles = shown[rows][hold][inside]
-            if angles.size >= LEAST_S * by.rate_hz:
-                parts = np.array_split(angles, max(angles.size // part, 1))
-                means = np.array([p.mean() for p in parts])
+            terms = per[rows][hold][inside]
+            if len(terms) >= LEAST_S * by.rate_hz:
+                parts = np.array_split(terms, max(len(terms) // part, 1))
+                means = np.array([p.mean(axis=0) for p in parts])
+                shown, std = by.found.derived(partial(_angles, means))
                 angle = float(np.median(fin[hold][inside]))
-                yield HeldFin(float(time[hold.start]), float(time[hold.stop - 1]), angle, means)
+                yield HeldFin(
+                    float(time[hold.start]), float(time[hold.stop - 1]), angle, shown, std
+                )
+
+
+def _angles(means: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """Angles of the fin, shape (..., parts), of means (parts, 1 + terms) and coefficients."""
+    return (means[:, 0] - theta[..., 1:] @ means[:, 1:].T) / theta[..., :1]

@@ -6,7 +6,7 @@ formulas miss: turbulence, waves, and that samples of one turn are not independe
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -44,6 +44,8 @@ class Relation:
         Share of the variance that is lost without each regressor, shape (p,).
     at_edge : bool
         The best lag is the first or last of the scan: it is not determined.
+    left_out : numpy.ndarray
+        Coefficients without each block in turn, shape (blocks, p).
     """
 
     lag_s: float
@@ -53,6 +55,11 @@ class Relation:
     explained: float
     alone: np.ndarray
     at_edge: bool
+    left_out: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+
+    def derived(self, of: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """A function of the coefficients (..., p), and its jackknife standard deviation."""
+        return of(self.theta), _jackknife_std(of(self.left_out))
 
 
 def smooth_records(trial: Trial, columns: dict[str, str], margin_s: float) -> list[Signals]:
@@ -148,6 +155,7 @@ def fit_relation(
         1.0 - float(_sse(total[best])) / variance,
         _alone(total[best]),
         at_edge,
+        spread,
     )
 
 

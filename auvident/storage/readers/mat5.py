@@ -110,7 +110,7 @@ def _allowed(class_: int, place: int) -> frozenset[int]:
 
 def _refuse_missing(data: memoryview, parts: list[Part], flags: int, order: str, end: int) -> None:
     """Refuse an array of which something is missing: scipy takes what follows for it."""
-    wanted = f"an array that ends before byte {end} has not all of its parts"
+    cut_short = f"an array that ends before byte {end} has not all of its parts"
     if not parts or (parts[0][2] - parts[0][1]) % 4 or parts[0][2] - parts[0][1] < 8:
         raise ValueError(f"an array that ends before byte {end} has no dimensions")
     size = math.prod(_whole(data, parts[0], order))
@@ -118,11 +118,11 @@ def _refuse_missing(data: memoryview, parts: list[Part], flags: int, order: str,
     if class_ in (CHAR, *NUMERIC):
         least = SPARSE_PARTS if class_ == SPARSE else PLAIN_PARTS
         if len(parts) < least + (class_ != CHAR and bool(flags & COMPLEX)):
-            raise ValueError(wanted)
+            raise ValueError(cut_short)
     if class_ in (STRUCT, OBJECT):
         size *= _fields(data, parts[3 if class_ == OBJECT else 2 :], order, end)
     if class_ in (CELL, STRUCT, OBJECT) and sum(kind == MATRIX for kind, *_ in parts) < size:
-        raise ValueError(wanted)
+        raise ValueError(cut_short)
 
 
 def _fields(data: memoryview, parts: list[Part], order: str, end: int) -> int:
