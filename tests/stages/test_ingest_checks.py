@@ -377,6 +377,14 @@ def test_a_small_scale_of_the_gyro_needs_roll_and_pitch():
     assert rows(turned)["yaw_rate_scale"].outcome == "agrees"
 
 
+@pytest.mark.parametrize("course", [0.0, 90 * DEG])
+def test_a_heading_that_stands_still_corrects_no_gyro(course):
+    made = rows(changed(sailed(), heading_rad=lambda x: np.full_like(x, course)))
+    assert made["heading_unit"].outcome == "contradicts"
+    for name in ("yaw_rate_scale", "yaw_rate_offset"):
+        assert (made[name].message, made[name].fix) == ("see heading_unit", "")
+
+
 # --- a DVL that averages ------------------------------------------------------------------
 
 

@@ -17,7 +17,7 @@ from auvident.schema.channels import CHANNELS
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.clocks_line import RIDGE, LikelyCoefficients, Signals
-from auvident.stages.ingest.response import SLOW_SHARE, SMOOTHING_S
+from auvident.stages.ingest.response import SLOW_SHARE, SMOOTHING_S, heading_rate
 
 SMOOTHING_LENGTHS = 0.6  # L/U: turbulence and noise of slow hulls out, zigzags left
 FIX_PERIODS = 2.5  # position fixes are joined by straight lines: smoothing hides their corners
@@ -220,7 +220,7 @@ def _or_zero(s: Signals, name: str) -> np.ndarray:
 def _heading(s: Signals, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
     """d(heading)/dt = k (q sin(roll) + r cos(roll)) / cos(pitch) + c."""
     roll, pitch = _or_zero(s, "roll"), _or_zero(s, "pitch")
-    rate = (_or_zero(s, "q") * np.sin(roll) + s["r"] * np.cos(roll)) / np.cos(pitch)
+    rate = heading_rate(_or_zero(s, "q"), s["r"], roll, pitch)
     return s["heading_dot"], _columns(rate, np.ones_like(rate))
 
 

@@ -39,7 +39,7 @@ class Relation:
     theta, theta_std : numpy.ndarray
         Coefficients there, shape (p,).
     explained : float
-        Share of the variance of y that the relation explains (0 to 1).
+        Share of the variance of y that the relation explains (0 to 1); 0 of a y that stays zero.
     alone : numpy.ndarray
         Share of the variance that is lost without each regressor, shape (p,).
     at_edge : bool
@@ -108,6 +108,13 @@ def shifted(signals: Signals, name: str, lag_s: float) -> np.ndarray:
     return np.interp(signals["time"] - lag_s, signals["time"], signals[name])
 
 
+def heading_rate(
+    q: np.ndarray | float, r: np.ndarray, roll: np.ndarray | float, pitch: np.ndarray | float
+) -> np.ndarray:
+    """d(heading)/dt = (q sin(roll) + r cos(roll)) / cos(pitch), rad/s, of rates and angles."""
+    return np.asarray((q * np.sin(roll) + r * np.cos(roll)) / np.cos(pitch))
+
+
 def fit_relation(
     records: list[Signals],
     relation: Callable[[Signals, float], tuple[np.ndarray, np.ndarray]],
@@ -152,7 +159,7 @@ def fit_relation(
         float(_jackknife_std(others)),
         _solve(total[best]),
         _jackknife_std(spread),
-        1.0 - float(_sse(total[best])) / variance,
+        1.0 - float(_sse(total[best])) / variance if total[best, -1, -1] > 0.0 else 0.0,
         _alone(total[best]),
         at_edge,
         spread,

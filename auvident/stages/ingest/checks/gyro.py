@@ -13,6 +13,7 @@ from auvident.stages.ingest.response import (
     Relation,
     Signals,
     fit_relation,
+    heading_rate,
     shifted,
     smooth_records,
 )
@@ -142,7 +143,7 @@ def _turning(seen: Seen, lag_s: float) -> Relation | None:
 
     def relation(s: Signals, lag: float) -> tuple[np.ndarray, np.ndarray]:
         q, r = (shifted(s, name, lag) for name in ("q", "r"))
-        rate = (q * np.sin(s["roll"]) + r * np.cos(s["roll"])) / np.cos(s["pitch"])
+        rate = heading_rate(q, r, s["roll"], s["pitch"])
         return s["heading_dot"], np.column_stack((rate, np.ones_like(rate)))
 
     def use(s: Signals) -> np.ndarray:
