@@ -323,7 +323,7 @@ def _plane_tables(report: ReportData) -> dict[str, Any]:
         "consistency_words": tables_consistency.consistency_words(report.final_tests),
         "model_sight": replace(tables_model.sight(model), title="") if model else None,
         "coefficients": tables_evidence.evidence(model, report.superseded) if model else None,
-        "carried": nuisance_parameters(model.effects) if model else "",
+        "carried": PAGE.signs(nuisance_parameters(model.effects)) if model else "",
         "uncertainty": tables_evidence.uncertainty(model) if model else None,
         "combinations": tables_model.combinations(model) if model else None,
         "pairs": tables_model.correlated(model.correlations, STRONG) if model else None,

@@ -26,6 +26,7 @@ from auvident.stages.ingest.checks import (
     run_checks,
 )
 from auvident.stages.ingest.checks.correction import mixed, scaled
+from auvident.stages.ingest.still import OF_MOTION
 from auvident.storage.logs import read_trials
 from auvident.storage.vehicle_file import load_vehicle
 from tests.session import once
@@ -362,7 +363,7 @@ def test_a_rudder_whose_zero_is_off_is_set_right_by_its_fix(side):
     off = changed(changed(sailed(), **own), rudder_rad=lambda x: x - 4 * DEG)
     made = {m.name: m for m in ingest(off, boat)[1].checks_made}
     found = made["rudder_offset"]
-    assert found.outcome == "contradicts" and found.value == pytest.approx(-4 * DEG, abs=0.3 * DEG)
+    assert found.outcome == "contradicts" and found.value == pytest.approx(-4.0, abs=0.3)
     assert made["rudder_cut"].message == "see rudder_offset"
     right = ingest(corrected(off, found.fix), boat)[1].checks_made
     assert {m.outcome for m in right if m.name == "rudder_offset"} == {"agrees"}
@@ -480,6 +481,32 @@ def test_a_gyro_that_does_not_follow_the_heading():
     made = on_the_grid(**overflows)["gyro_axes"]
     assert made.outcome == "contradicts"
     assert "overflows" in made.message and not made.fix
+
+
+def test_a_gyro_that_stands_still_does_not_follow_the_heading():
+    made = on_the_grid(r_radps=lambda x: np.full_like(x, 0.01))["gyro_axes"]
+    assert made.outcome == "contradicts" and made.value == 0.0
+
+
+@pytest.mark.parametrize("column", OF_MOTION)
+@pytest.mark.parametrize("value", [0.0, 0.1])
+def test_a_channel_that_stands_still_corrects_no_other(column, value):
+    made = rows(changed(sailed(), **{column: lambda x: np.full_like(x, value)}))
+    assert {c.name: c.fix for c in made.values() if c.outcome == "contradicts"} == {}
+
+
+@pytest.mark.parametrize(
+    ("column", "name"), [("r_radps", "yaw_rate_unit"), ("rudder_rad", "rudder_unit")]
+)
+def test_what_is_not_connected_has_no_wrong_unit(column, name):
+    found = on_the_grid(**times(0.0, column))[name]
+    assert found.outcome == "contradicts" and "not connected" in found.message
+    assert not found.fix
+
+
+def test_a_wrong_sign_of_u_is_not_told_as_one_of_pitch():
+    found = on_the_grid(**times(-1.0, "u_mps"))
+    assert found["surge_sign"].fix and found["pitch_sign"].outcome == "untested"
 
 
 def test_without_turns_either_may_be_off():

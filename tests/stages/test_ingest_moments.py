@@ -12,7 +12,7 @@ from auvident.report.check_words import left_open
 from auvident.schema.logs import DEG, CheckMade, TrialQuality
 from auvident.schema.trial import Trial
 from auvident.stages.ingest import ingest
-from auvident.stages.ingest.checks import Seen, run_checks
+from auvident.stages.ingest.checks import Seen, heave, run_checks
 from auvident.stages.ingest.checks.elevator import elevator_cut
 from auvident.stages.ingest.moments import HeldFin
 from auvident.storage.logs import read_trials
@@ -95,6 +95,26 @@ def test_moments_at_the_largest_elevator_are_alike(most, outcome):
     assert seen.pitching is not None
     vars(seen)["pitching"] = replace(seen.pitching, holds=tuple(held))
     assert elevator_cut(seen).outcome == outcome
+
+
+def test_where_the_depth_hardly_shows_the_heave_w_has_neither_sign_nor_scale(monkeypatch):
+    monkeypatch.setattr(heave, "LEAST_ALONE", 1.0)
+    made = checks({"w_mps": times(0.5)})
+    assert {made[name].message for name in ("heave_sign", "heave_scale")} == {heave.LITTLE_HEAVE}
+    assert {made[name].outcome for name in ("heave_sign", "heave_scale")} == {"untested"}
+
+
+@pytest.mark.parametrize("still", [(), ("w_mps",)])
+def test_a_height_in_the_column_of_the_depth(still):
+    gone = dict.fromkeys(still, times(0.0))
+    made = checks({"depth_m": times(-1.0)} | gone)
+    assert made["pitch_sign"].fix == "depth_m = -1 depth_m"
+    assert made["heave_sign"].message == made["pitch_rate_scale"].message == "see pitch_sign"
+
+
+def test_a_pitch_of_the_wrong_sign():
+    made = checks({"pitch_rad": times(-1.0)})
+    assert made["pitch_sign"].fix == "pitch_rad = -1 pitch_rad"
 
 
 def test_a_scale_of_w_has_its_fix():

@@ -18,6 +18,7 @@ from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.clocks_line import RIDGE, LikelyCoefficients, Signals
 from auvident.stages.ingest.response import SLOW_SHARE, SMOOTHING_S, heading_rate
+from auvident.stages.ingest.still import still_channels
 
 SMOOTHING_LENGTHS = 0.6  # L/U: turbulence and noise of slow hulls out, zigzags left
 FIX_PERIODS = 2.5  # position fixes are joined by straight lines: smoothing hides their corners
@@ -120,8 +121,9 @@ def smooth_signals(trial: Trial, width_s: float) -> Signals:
     found: Signals = {"time": time}
     if time.size <= 2 * average.width:
         return found
+    still = still_channels(trial.table)
     for symbol, column in SYMBOLS.items():
-        if column in trial.table:
+        if column in trial.table and column not in still:
             values = average(trial.table[column].to_numpy(dtype=float))
             found[symbol] = values
             found[symbol + "_dot"] = np.gradient(values, time)
@@ -307,7 +309,7 @@ def with_course(s: Signals, trial: Trial, vehicle: Vehicle, width_s: float) -> S
     """
     table = trial.table
     names = {"u_mps", "v_mps", "r_radps"}
-    if not names <= set(table.columns) or "north" not in s:
+    if not names <= set(table.columns) or not {"north", "east"} <= set(s):
         return s
     heading, average = _heading_of(trial), _Average(width_s, trial)
     cos, sin = np.cos(heading), np.sin(heading)

@@ -27,6 +27,7 @@ from auvident.stages.ingest.checks.seen import BRISK, Array, Seen
 from auvident.stages.ingest.checks.speed import MIN_SAMPLES, TURNING
 from auvident.stages.ingest.checks.steering import steering
 from auvident.stages.ingest.moments import HeldFin
+from auvident.stages.ingest.still import is_still
 
 NO_STEPS = "no vertical zigzags or steps that show the elevator"
 # q L / u, 95 % quantile on straight ways: 0.12 at least of 38 drawn vertical trials, 0.05 at most
@@ -64,13 +65,14 @@ def elevator_unit(seen: Seen) -> Verdict:
         return untested(NO_STEPS)
     most = float(np.quantile(rate, 0.95))
     largest, usual = float(angles.max()), float(np.quantile(angles, 0.98))
+    moves = not is_still(seen.columns("elevator_rad")[0])
     if MIN_PITCH_RATE < most <= MOST_PITCH_RATE and largest < SMALL_RUDDER_RAD:
         return contradicts(
             f"the vehicle pitches although the elevator stays within {largest / DEG:.2f} degrees; "
             "it looks stuck, or like radians in a _deg column",
             largest,
             "Give the column the suffix of its unit, or state the unit in a map (--map).",
-            scaled(1.0 / DEG, "elevator_rad") if largest else "",
+            scaled(1.0 / DEG, "elevator_rad") if moves else "",
         )
     if usual > MOST_RUDDER_RAD:
         return contradicts(

@@ -17,6 +17,7 @@ from auvident.stages.ingest.response import (
     shifted,
     smooth_records,
 )
+from auvident.stages.ingest.still import is_still
 
 GAIN_LIMIT = 0.07  # gyro against heading: heel makes 2 to 6 %, drawn vehicles 1 % at most
 # ... with roll, pitch and q taken into account: 0.7 % is the worst of 43 drawn clean trials
@@ -69,6 +70,8 @@ def _followed(seen: Seen, name: str) -> float:
     by_rate, turned = _turns(seen, name)
     if turned.size < MIN_SAMPLES or np.std(turned) < LEAST_TURN:
         return np.nan
+    if is_still(by_rate):  # a rate that stands still explains nothing
+        return 0.0
     return float(np.corrcoef(by_rate, turned)[0, 1] ** 2)
 
 
@@ -206,12 +209,24 @@ def yaw_rate_unit(seen: Seen) -> Verdict:
             scaled(DEG, "r_radps"),
         )
     laid = np.abs(rudder[moving]) > LARGE_RUDDER_RAD
-    if laid.sum() >= MIN_SAMPLES and np.quantile(rate[laid], 0.9) < MIN_YAW_RATE:
-        return contradicts(
-            "the vehicle hardly turns with the rudder deflected; r looks like rad/s in a "
-            "_degps column, or is not the yaw rate",
-            float(np.quantile(rate[laid], 0.9)),
-            "Check the unit and column of r, and the unit of the rudder.",
-            scaled(1.0 / DEG, "r_radps"),
-        )
+    share = float(np.quantile(rate[laid], 0.9)) if laid.sum() >= MIN_SAMPLES else np.inf
+    if share < MIN_YAW_RATE:
+        return _hardly_turns(share, stands=is_still(r))
     return agrees("yaw rates are those of a vehicle that turns", most)
+
+
+def _hardly_turns(share: float, *, stands: bool) -> Verdict:
+    if stands:
+        return contradicts(
+            "the yaw rate stands still while the rudder is deflected: the log of the gyro looks "
+            "stuck, or is not connected",
+            share,
+            "Check the log of the gyro.",
+        )
+    return contradicts(
+        "the vehicle hardly turns with the rudder deflected; r looks like rad/s in a "
+        "_degps column, or is not the yaw rate",
+        share,
+        "Check the unit and column of r, and the unit of the rudder.",
+        scaled(1.0 / DEG, "r_radps"),
+    )

@@ -13,6 +13,7 @@ MARGIN_S = 2.0  # as in the checks of the horizontal plane
 LEAST_EXPLAINED = 0.6  # of the variance of the rate of depth
 LEAST_ALONE = 0.02  # of it by a term alone: a w of noise shows no sign
 LEAST_ASIDE = 0.1  # of the variance of the depth rate that speed and pitch leave
+LITTLE_HEAVE = "the depth hardly shows the heave"
 SIGN_STDS = 4.0  # a contradiction is no chance
 # what the depth changes by over what it should, where a unit is another one
 SCALES = {
@@ -62,6 +63,15 @@ def pitch_by_depth(seen: Seen) -> Verdict:
         return untested("the depth hardly changes with the pitch")
     gain = Figure.of(found)
     if gain.value < -SIGN_STDS * gain.std:
+        if _is_depth(seen, found):
+            return gain.verdict(
+                "contradicts",
+                f"the depth changes against speed, pitch and what else tells ({gain.value:+.2f} of "
+                "what they say): it looks like a height, or all of them like axes forward-left-up",
+                "Depth and w are positive down, pitch and q bow up: sign = -1 in a map (--map) "
+                "flips one.",
+                scaled(-1.0, "depth_m"),
+            )
         return gain.verdict(
             "contradicts",
             f"the vehicle rises bow down ({gain.value:+.2f} of what the pitch says)",
@@ -79,13 +89,22 @@ def pitch_by_depth(seen: Seen) -> Verdict:
     return gain.verdict("agrees", "the depth changes as speed and pitch say")
 
 
+def _is_depth(seen: Seen, found: Relation) -> bool:
+    """Whether the depth has the wrong sign: the heave, else the pitch rate, sides with pitch."""
+    if found.theta.size > 2 and _shows_heave(found):
+        heave = Figure.of(found, 1)
+        if abs(heave.value) >= SIGN_STDS * heave.std:
+            return heave.value < 0.0
+    return pitch_rate(seen).outcome == "agrees"
+
+
 def heave_by_depth(seen: Seen) -> Verdict:
     """Sign of heave against the rate of depth."""
     found = sinking(seen)
     if found is None or found.theta.size < 3:
         return untested("no heave, no pitch, or no depth")
-    if found.explained < LEAST_EXPLAINED or found.alone[1] < LEAST_ALONE:
-        return untested("the depth hardly shows the heave")
+    if not _shows_heave(found):
+        return untested(LITTLE_HEAVE)
     gain = Figure.of(found, 1)
     if gain.value < -SIGN_STDS * gain.std:
         return gain.verdict(
@@ -95,8 +114,12 @@ def heave_by_depth(seen: Seen) -> Verdict:
             scaled(-1.0, "w_mps"),
         )
     if gain.value < SIGN_STDS * gain.std:
-        return untested("the depth hardly shows the heave")
+        return untested(LITTLE_HEAVE)
     return gain.verdict("agrees", "the depth changes with the heave")
+
+
+def _shows_heave(found: Relation) -> bool:
+    return found.explained >= LEAST_EXPLAINED and bool(found.alone[1] >= LEAST_ALONE)
 
 
 def speed_by_depth(seen: Seen) -> Verdict:
@@ -126,13 +149,14 @@ def speed_by_depth(seen: Seen) -> Verdict:
 
 def heave_scale(seen: Seen) -> Verdict:
     """Scale of heave: what sinks the vehicle besides its speed along the pitch."""
-    both = _sinking_by_dvl(seen)
-    if both is None:
+    both, simply = _sinking_by_dvl(seen), sinking(seen)
+    if both is None or simply is None:
         return untested("no heave, no pitch, or no depth")
     found = both.heave
     gain = Figure.of(found)
-    if found.alone[0] < LEAST_ASIDE or gain.std > HEAVE_STD * max(abs(gain.value), 1.0):
-        return untested("the depth hardly shows the heave")
+    sure = gain.std <= HEAVE_STD * max(abs(gain.value), 1.0)
+    if not sure or found.alone[0] < LEAST_ASIDE or not _shows_heave(simply):
+        return untested(LITTLE_HEAVE)
     told = HEAVE_LIMIT + SIGN_STDS * gain.std
     if abs(gain.value - 1.0) <= told:
         return gain.verdict("agrees", f"w fits the depth (tested to {100 * told:.0f} %)")

@@ -19,6 +19,7 @@ from auvident.stages.ingest.checks.speed import MIN_SAMPLES
 from auvident.stages.ingest.checks.steering import steering
 from auvident.stages.ingest.held import SettledHold, settled_holds
 from auvident.stages.ingest.moments import HeldFin
+from auvident.stages.ingest.still import is_still
 
 MIN_TURN_RATE = 0.1  # r L / u of a circle of 10 lengths: needs a rudder of some degrees
 SMALL_RUDDER_RAD = 1.5 * DEG  # largest deflection that can hardly turn a vehicle so
@@ -43,12 +44,12 @@ CUT_SPREAD = 1.3  # ratio of turns at one and the same rudder; 1.06 at most of 1
 LEAST_BALANCED = 0.6  # of the variance of the yaw acceleration
 # Rudder at which the moments of yaw vanish: 0.22 degrees at most of 40 drawn clean trials; a single
 # propeller and a hull that is not symmetric need one or two. The diagnosis estimates what is less.
-OFFSET_LIMIT = 2.5 * DEG
+OFFSET_LIMIT_DEG = 2.5
 SURE_STDS = 3.0
 LEAST_HELD_S = 4.0  # shorter is what a smoothed zigzag leaves of a leg
-# Way of the rudder by the moments from the one that is held, of its usual range: 0.22 at most of 29
+# Way of the rudder by the moments from the one that is held, of its usual range: 0.43 at most of 150
 # drawn clean trials, 0.7 to 2.6 in 21 of 30 whose log stands still for 40 s.
-STUCK_SHARE = 0.4
+STUCK_SHARE = 0.5
 STUCK_REMEDY = "Check the log of the rudder there, or leave the stretch out."
 SWING = 0.25  # r L / u: a change of the turn that a rudder that is held does not make
 
@@ -62,13 +63,7 @@ def rudder_unit(seen: Seen) -> Verdict:
     rate = np.abs(r[moving]) * seen.length_m / np.abs(u[moving])
     most, largest = float(np.quantile(rate, 0.95)), float(np.abs(rudder[moving]).max())
     if MIN_TURN_RATE < most <= MAX_YAW_RATE and largest < SMALL_RUDDER_RAD:
-        return contradicts(
-            f"the vehicle turns although the rudder stays within {largest / DEG:.2f} "
-            "degrees; rudder looks like radians in a _deg column",
-            largest,
-            "Give the column the suffix of its unit, or state the unit in a map (--map).",
-            scaled(1.0 / DEG, "rudder_rad"),
-        )
+        return _turns_without(largest, stands=is_still(rudder))
     usual = float(np.quantile(np.abs(rudder[moving]), 0.98))
     if usual > MOST_RUDDER_RAD:
         return contradicts(
@@ -78,6 +73,23 @@ def rudder_unit(seen: Seen) -> Verdict:
             "Check unit and scale of the rudder.",
         )
     return agrees("the rudder has angles that fins have", largest)
+
+
+def _turns_without(largest: float, *, stands: bool) -> Verdict:
+    if stands:
+        return contradicts(
+            f"the vehicle turns although the rudder stands at {largest / DEG:.2f} degrees "
+            "throughout: the log of the rudder looks stuck, or is not connected",
+            largest,
+            "Check the log of the rudder.",
+        )
+    return contradicts(
+        f"the vehicle turns although the rudder stays within {largest / DEG:.2f} "
+        "degrees; rudder looks like radians in a _deg column",
+        largest,
+        "Give the column the suffix of its unit, or state the unit in a map (--map).",
+        scaled(1.0 / DEG, "rudder_rad"),
+    )
 
 
 def rudder_sign(seen: Seen) -> Verdict:
@@ -120,15 +132,17 @@ def rudder_offset(seen: Seen) -> Verdict:
     if seen.yawing is None or seen.yawing.relation.explained < LEAST_EXPLAINED:
         return untested("no maneuvers that show what the rudder does")
     angle, std = seen.yawing.relation.derived(lambda theta: -theta[..., -1] / theta[..., 0])
-    offset = Figure(seen.vehicle.rudder_sign * float(angle), float(std))
-    if abs(offset.value) <= OFFSET_LIMIT + SURE_STDS * offset.std:
+    offset = Figure(seen.vehicle.rudder_sign * float(angle) / DEG, float(std) / DEG)
+    if not np.isfinite(offset.value + offset.std):
+        return untested("the rudder does not show in the moments")
+    if abs(offset.value) <= OFFSET_LIMIT_DEG + SURE_STDS * offset.std:
         return offset.verdict("agrees", "the vehicle runs straight with the rudder amidships")
     return offset.verdict(
         "contradicts",
-        f"the vehicle runs straight with the rudder at {offset.value / DEG:+.1f} degrees",
+        f"the vehicle runs straight with the rudder at {offset.value:+.1f} degrees",
         "Check the zero of the rudder and the trim of the vehicle; --fix takes the angle off the "
         "log, the diagnosis estimates it as rudder offset.",
-        less(offset.value, "rudder_rad"),
+        less(offset.value * DEG, "rudder_rad"),
     )
 
 

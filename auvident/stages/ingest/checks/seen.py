@@ -22,6 +22,7 @@ from auvident.schema.vehicle_checks import contradictions
 from auvident.stages.ingest.checks.row import Ratio
 from auvident.stages.ingest.moments import PITCH, YAW, Moments, MomentsRow, moments
 from auvident.stages.ingest.response import Relation
+from auvident.stages.ingest.still import still_channels
 
 if TYPE_CHECKING:
     from auvident.stages.ingest.signs import RudderSign
@@ -80,11 +81,15 @@ class Seen:
         return self.vehicle.hull.length_m
 
     def has(self, *names: str) -> bool:
-        """Whether the trial has all of these channels."""
-        return set(names) <= set(self.trial.table.columns)
+        """Whether the trial has all of these channels, none of motion that stands still."""
+        return set(names) <= self._shown
+
+    @cached_property
+    def _shown(self) -> set[str]:
+        return set(self.trial.table.columns) - still_channels(self.trial.table)
 
     def whole(self, name: str) -> Array:
-        """One channel, NaN where it is unknown or absent."""
+        """One channel, NaN where it is unknown, and of one that the trial `has` not."""
         if not self.has(name):
             return np.full(len(self.trial.table), np.nan)
         return self.trial.table[name].to_numpy(dtype=float)
