@@ -47,8 +47,8 @@ LEAST_BALANCED = 0.6  # of the variance of the yaw acceleration
 OFFSET_LIMIT_DEG = 2.5
 SURE_STDS = 3.0
 LEAST_HELD_S = 4.0  # shorter is what a smoothed zigzag leaves of a leg
-# Way of the rudder by the moments from the one that is held, of its usual range: 0.43 at most of 150
-# drawn clean trials, 0.7 to 2.6 in 21 of 30 whose log stands still for 40 s.
+# Way of the rudder by the moments from the one that is held, of its usual range: 0.43 at most of
+# 150 drawn clean trials, 0.7 to 2.6 in 21 of 30 whose log stands still for 40 s.
 STUCK_SHARE = 0.5
 STUCK_REMEDY = "Check the log of the rudder there, or leave the stretch out."
 SWING = 0.25  # r L / u: a change of the turn that a rudder that is held does not make
