@@ -223,8 +223,10 @@ def test_a_fault_of_the_program_asks_for_a_report(
         raise KeyError("oops")
 
     monkeypatch.setattr("auvident.pipeline.status", fail)
+    monkeypatch.setattr("tempfile.tempdir", str(demo))
     called = auvident("status", demo)
     assert called.code == 70
+    assert len(list(demo.glob("auvident-crash-*.txt"))) == 1
     assert "with the file" in called.err
     assert "Traceback" not in called.err
     assert "Traceback" in auvident("status", demo, "--verbose").err
