@@ -25,6 +25,10 @@ Array = npt.NDArray[Any]
 MARGIN = 1.3  # stated sizes leave room for the scatter of an estimate
 # ... and for that of the standard errors that are reached, which is one: 19 in 20 are above
 MARGIN_LEFT_OUT = (LEAST_T + 1.645) / LEAST_T
+# What first order, and a model that is wrong in other places as well, leave out: of 33 planted
+# effects above their sizes, in 117 trials of even seeds, three were missed or had another name, at
+# 1.01 to 1.16 of these; all at more than 1.2 had theirs.
+UNFORESEEN = 1.25
 PLAUSIBLE = 3.0  # an effect that must exceed so many priors to be seen is not visible
 ABSORBED = 0.015  # of the signature left by the coefficients: no size is stated
 SEPARABLE = 0.98  # cosine from which on two effects are not told apart
@@ -45,8 +49,8 @@ def _row(joint: Joint, effect: str, i: int, left: Unabsorbed, k: int) -> Detecta
     """One parameter, by its position, with what the fitted model cannot take up of it."""
     declared, kept = parameter_of(joint.case.names[i]), float(left.kept[k])
     unit = joint.case.setup.prior_std[i] / declared.prior  # internal value of one table unit
-    size = _by_rules(joint, left, k) * declared.prior
-    size = max(min(size, _by_checks(joint, i)), declared.practical)
+    size = UNFORESEEN * min(_by_rules(joint, left, k) * declared.prior, _by_checks(joint, i))
+    size = max(size, declared.practical)
     told = kept > ABSORBED or bool(np.isfinite(_by_checks(joint, i)))
     visible = bool(size < PLAUSIBLE * declared.prior and told)
     return Detectable(
