@@ -19,8 +19,8 @@ from auvident.schema.diagnosis import (
     ResidualRow,
 )
 from auvident.schema.effect_words import holds_nothing
-from auvident.schema.effects import BY_ID, FAMILIES
-from auvident.schema.loop_statements import follows
+from auvident.schema.effects import FAMILIES
+from auvident.schema.loop_statements import follows, is_limit, seen_last
 
 number, with_unit = TERMINAL.number, TERMINAL.quantity
 MOVED = 2.0  # standard deviations before, from which on a coefficient is said to have moved
@@ -118,20 +118,11 @@ def place(effect: EffectFound) -> str:
 
 def detectable_text(rows: Sequence[Detectable]) -> str:
     """Smallest size of one effect that would show in all its parameters of a unit."""
-    worst: dict[tuple[str, str], Detectable] = {}
-    for row in rows:
-        key = (bound(row), row.unit)
-        least, most = sorted((row, worst.get(key, row)), key=lambda r: r.size)
-        worst[key] = most if bound(row) == "≥" else least
-    pieces = [f"{sign} {with_unit(row.size, row.unit, 2)}" for (sign, _), row in worst.items()]
+    pieces = [
+        f"{'≤' if is_limit(row) else '≥'} {with_unit(row.size, row.unit, 2)}"
+        for row in seen_last(rows)
+    ]
     return f"{rows[0].id} {', '.join(pieces)}"
-
-
-def bound(row: Detectable) -> str:
-    """A limit shows from some size downwards, everything else upwards."""
-    declared = BY_ID[row.id].parameters if row.id in BY_ID else ()
-    form = next((p.form for p in declared if p.symbol == row.symbol), "plain")
-    return "≥" if form == "plain" else "≤"
 
 
 def visible_by_family(sees: Sequence[Detectable]) -> dict[str, list[str]]:

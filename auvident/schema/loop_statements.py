@@ -102,21 +102,40 @@ def too_little(sizes: Sequence[Mapping[str, Any]]) -> str:
 def nothing_found(sees: Sequence[Detectable]) -> str:
     """The statement that nothing is missing, with what would have been noticed."""
     text = "The model lacks nothing that these maneuvers would show."
-    sizes: dict[str, list[str]] = {}
+    rows: dict[str, list[Detectable]] = {}
     for row in (row for row in sees if row.visible):
-        sizes.setdefault(row.id, []).append(_least(row))
-    named = [f"{words_of(e)} {' or '.join(dict.fromkeys(s))}" for e, s in sizes.items()]
+        rows.setdefault(row.id, []).append(row)
+    sizes = {effect: [_least(row) for row in seen_last(own)] for effect, own in rows.items()}
+    named = [f"{words_of(effect)} {' or '.join(own)}" for effect, own in sizes.items()]
     if not named:
         return text
     listed = "; ".join(named[:NAMED_EFFECTS])
     return f"{text} Among others, these would have been noticed: {listed}."
 
 
+def seen_last(rows: Sequence[Detectable]) -> list[Detectable]:
+    """Of one effect, the parameter of each unit that has to be furthest off to show.
+
+    A limit shows from some size downwards.
+    """
+    last: dict[tuple[bool, str], Detectable] = {}
+    for row in rows:
+        key = (is_limit(row), row.unit)
+        small, large = sorted((row, last.get(key, row)), key=lambda r: r.size)
+        last[key] = small if is_limit(row) else large
+    return list(last.values())
+
+
+def is_limit(row: Detectable) -> bool:
+    """Whether a parameter shows from some size downwards, everything else upwards."""
+    declared = BY_ID[row.id].parameters if row.id in BY_ID else ()
+    return any(p.form != "plain" for p in declared if p.symbol == row.symbol)
+
+
 def _least(row: Detectable) -> str:
     """The size from which on an effect is noticed; a limit from there downwards."""
-    form = next((p.form for p in BY_ID[row.id].parameters if p.symbol == row.symbol), "plain")
     unit = "" if row.unit == "-" else f" {row.unit}"
-    return f"{'above' if form == 'plain' else 'below'} {row.size:.2g}{unit}"
+    return f"{'below' if is_limit(row) else 'above'} {row.size:.2g}{unit}"
 
 
 def found(effects: Sequence[EffectFound]) -> str:

@@ -19,6 +19,7 @@ MOST_FINS = 50  # sets of equal fins
 # model of a few centimetres to the largest ship, so that no formula over- or underflows.
 LIMITS = (
     ("length_m", 1e-4, 1e4),
+    ("tail_base_diameter_m", 0.0, 1e3),  # some tails end in a point, or nearly so
     ("diameter_m", 1e-4, 1e3),
     ("chord_m", 1e-4, 1e3),
     ("span_m", 1e-4, 1e3),

@@ -192,6 +192,13 @@ def test_numbers_that_no_vehicle_has_are_refused_before_they_overflow(tmp_path, 
     assert "is not between" in message
 
 
+@pytest.mark.parametrize("base", ["0.0", "7e-5", "1e-200"])
+def test_a_tail_may_end_in_a_point(tmp_path, base):
+    path = tmp_path / "vehicle.toml"
+    path.write_text(REMUS.replace("[hull]", f"[hull]\ntail_base_diameter_m = {base}"))
+    assert load_vehicle(path).hull.tail_base_diameter_m == float(base)
+
+
 def test_a_propeller_of_another_world_is_refused(tmp_path):
     text = (
         f"{REMUS.split('[propeller]')[0]}[propeller]\ndiameter_m = 1e200\nkt0 = 0.4\nkt1 = -0.4\n"

@@ -33,6 +33,7 @@ Array = npt.NDArray[Any]
 
 SMALLEST = 1.0e-12
 NO_PRODUCTS = np.zeros((N_CHANNELS, 0, 0))  # of slopes, where nobody looks at them
+NO_RECORDS = np.zeros((0, 0, 0))
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,8 @@ class Joint:
         Summed over the maneuvers, starts eliminated.
     raw : (3, n, n) array
         Mean products of the unwhitened slopes of each channel.
+    by_record : (m, n, n) array
+        The curvature that each maneuver adds; none where nobody looks at them.
     """
 
     case: Case
@@ -61,6 +64,7 @@ class Joint:
     gradient: Array
     curvature: Array
     raw: Array
+    by_record: Array
 
     def columns(self, positions: Sequence[int] | Array) -> Array:
         """Columns of parameters."""
@@ -106,7 +110,8 @@ def joint_about(
     normal, raw, count = zip(*parts, strict=True)  # type: ignore[arg-type]
     half, gradient, curvature = summed(normal, len(free.positions))
     mean = sum(raw) / np.maximum(sum(count), 1.0)[:, None, None]
-    return Joint(case, fitted, free.positions, half, gradient, curvature, mean)
+    own = np.array([curvature for _, _, curvature in normal])
+    return Joint(case, fitted, free.positions, half, gradient, curvature, mean, own)
 
 
 def _slopes_of(
@@ -178,7 +183,8 @@ def scores_of_forms(
         return None
     normal, shares = zip(*parts, strict=True)  # type: ignore[arg-type]
     half, gradient, curvature = summed(normal, len(every.positions))
-    about = Joint(case, fitted, every.positions, half, gradient, curvature, NO_PRODUCTS)
+    slopes = half, gradient, curvature
+    about = Joint(case, fitted, every.positions, *slopes, NO_PRODUCTS, NO_RECORDS)
     return [score(_with_form(about, own, share), (effect,)) for share in zip(*shares, strict=True)]
 
 
@@ -260,18 +266,30 @@ def score_from(joint: Joint, effect: str, there: Array) -> Score | None:
     return Score(gain, found.parameters, found.cost)
 
 
-def unabsorbed(joint: Joint, positions: Sequence[int]) -> tuple[Array, Array, Array]:
+@dataclass(frozen=True)
+class Unabsorbed:
     """What of the signature of parameters the fitted model cannot take up.
 
-    Returns
-    -------
+    Attributes
+    ----------
     information : (k, k) array
         Of the parameters, in units of their prior, the others adjusting.
     kept : (k,) array
         Share of each one's signature (0: the coefficients absorb it, 1: nothing hides it).
     rms : (k, 3) array
         Root mean square in each channel, per unit of prior.
+    by_record : (k, m) array
+        Information of each parameter from each maneuver.
     """
+
+    information: Array
+    kept: Array
+    rms: Array
+    by_record: Array
+
+
+def unabsorbed(joint: Joint, positions: Sequence[int]) -> Unabsorbed:
+    """What of the signature of parameters the fitted model cannot take up."""
     own = joint.columns(positions)
     # nuisance parameters are bounded, and an effect worth a word exceeds them
     base = joint.columns(
@@ -290,13 +308,14 @@ def unabsorbed(joint: Joint, positions: Sequence[int]) -> tuple[Array, Array, Ar
     transform[own, np.arange(len(own))] = 1.0
     transform[base] = -share
     power = np.einsum("ik,cij,jk->kc", transform, joint.raw, transform)
-    return left, kept, np.sqrt(np.maximum(power, 0.0))
+    own_of = np.einsum("ik,mij,jk->km", transform, joint.by_record, transform, optimize=True)
+    return Unabsorbed(left, kept, np.sqrt(np.maximum(power, 0.0)), np.maximum(own_of, 0.0))
 
 
 def cosine(joint: Joint, a: Sequence[int], b: Sequence[int]) -> float:
     """Likeness of two effects: largest canonical correlation of what is not absorbed of them."""
     both = [*a, *b]
-    left, _, _ = unabsorbed(joint, both)
+    left = unabsorbed(joint, both).information
     k = len(a)
     aa, bb, ab = left[:k, :k], left[k:, k:], left[:k, k:]
     return _canonical(aa, bb, ab)

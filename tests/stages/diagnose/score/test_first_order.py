@@ -157,12 +157,18 @@ def test_an_offset_is_a_special_case_of_an_asymmetric_hull() -> None:
 def test_what_coefficients_take_up_is_not_kept() -> None:
     """A scale of the DVL is in every coefficient: without a position nothing shows it."""
     case = small_case()
-    _, scale, _ = unabsorbed(joint(), case.positions("dvl_scale"))
-    _, bias, rms = unabsorbed(joint(), case.positions("gyro_bias"))
-    assert scale[0] < 0.1
-    assert bias[0] > 0.3
-    assert ((bias >= 0.0) & (bias <= 1.0)).all()
-    assert rms.shape == (1, 3)
+    scale = unabsorbed(joint(), case.positions("dvl_scale"))
+    bias = unabsorbed(joint(), case.positions("gyro_bias"))
+    assert scale.kept[0] < 0.1
+    assert bias.kept[0] > 0.3
+    assert ((bias.kept >= 0.0) & (bias.kept <= 1.0)).all()
+    assert bias.rms.shape == (1, 3)
+
+
+def test_the_information_of_the_maneuvers_adds_up():
+    found = unabsorbed(joint(), small_case().positions("gyro_bias"))
+    assert found.by_record.shape == (1, len(small_case().records))
+    assert found.by_record.sum() == pytest.approx(found.information[0, 0], rel=0.05)
 
 
 # --- forms of an absent effect -------------------------------------------------------------

@@ -1,0 +1,32 @@
+"""Sizes that are stated to be seen."""
+
+import numpy as np
+import pytest
+
+from auvident.stages.diagnose.score.left_out import t_value
+from auvident.stages.diagnose.select.rules import LEAST_T
+from auvident.stages.diagnose.verdict.observability import MARGIN_LEFT_OUT, _by_left_out
+
+MANEUVERS = 12
+BLOCKS = np.full(MANEUVERS, 4.0)
+
+
+def reached(information: np.ndarray, size: float) -> float:
+    """How often an effect of some size reaches `LEAST_T`, with gains drawn block by block."""
+    rng = np.random.default_rng(1)
+    mean = 0.5 * size**2 * np.repeat(information / BLOCKS, 4)
+    gains = mean + np.sqrt(2.0 * mean) * rng.normal(size=(2000, mean.size))
+    return float(np.mean([t_value(g) >= LEAST_T for g in gains]))
+
+
+@pytest.mark.parametrize("shares", [np.ones(MANEUVERS), np.arange(1.0, MANEUVERS + 1.0)])
+def test_an_effect_of_the_stated_size_reaches_the_rule_half_of_the_time(shares):
+    size = _by_left_out(shares, BLOCKS)
+    assert 0.35 < reached(shares, size) < 0.65
+    assert reached(shares, MARGIN_LEFT_OUT * size) > 0.94
+
+
+def test_what_shows_in_one_maneuver_alone_is_seen_at_no_size():
+    alone = np.zeros(MANEUVERS)
+    alone[0] = 1.0
+    assert _by_left_out(alone, BLOCKS) == np.inf
