@@ -20,6 +20,7 @@ MEDIAN_OF_ABS_TO_STD = 1.4826  # standard deviation over median absolute deviati
 # Standard deviations on each side of a 95 % interval. The bounds of
 # `auvident.estimation.innovations` take the quantile with all its digits.
 NORMAL_95 = 1.96
+NORMAL_90 = 1.645  # the same of a 90 % interval: 19 of 20 lie above its lower end
 
 # A DVL loses the bottom for a few seconds now and then; a maneuver is not lost with it, a longer
 # gap may hide a swing or a turn. The rows between are interpolated, flagged and carry no weight

@@ -3,6 +3,7 @@
 from rich.console import RenderableType
 from rich.text import Text
 
+from auvident.constants import NORMAL_90
 from auvident.report.console_style import findings_lines, rich_table
 from auvident.report.tables import (
     Cell,
@@ -53,7 +54,6 @@ SOURCES = {
     "given": "given coefficients",
 }
 INTERVAL_HEAD = "90 % interval"
-NORMAL_90 = 1.645  # standard deviations to either side that hold 90 % of a normal distribution
 SMALLEST = 4  # decimals of a curve: what is left of a rate that dies away is no rate
 NOTHING = 5e-7  # in the unit of any figure, no size at all: a rate that has died away
 

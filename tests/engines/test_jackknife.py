@@ -6,15 +6,17 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from auvident.engines import estimator
-from auvident.engines.estimator import run_stage
+from auvident.engines import estimator, jackknife
+from auvident.engines.estimator import run_stage, task_about
 from auvident.engines.jackknife import (
     Scatter,
+    _fitted_without,
     centred,
     expected_variance,
     information_by_maneuver,
     jackknife_covariance,
     largest_by_chance,
+    left_out_courses,
     moves_without,
     noise_claim,
     of_few,
@@ -22,6 +24,7 @@ from auvident.engines.jackknife import (
 )
 from auvident.engines.noise import white
 from auvident.engines.setup import Setup
+from auvident.estimation.output_error import fit
 from auvident.schema.plan import Tuning
 from auvident.stages.identify.result import widening
 from tests.engines.test_estimator import linear_setup, stage
@@ -59,6 +62,45 @@ def test_a_newton_step_without_a_maneuver_of_a_linear_problem_is_leaving_it_out(
         np.abs(move / np.sqrt(np.diag(whole.covariance))).max() for move in moves.values()
     )
     assert largest > 0.5  # some maneuver does matter
+
+
+def test_a_fit_without_a_maneuver_comes_back_from_a_step_that_goes_too_far() -> None:
+    setup, how = linear_setup(), stage(**EVERY)
+    whole = run_stage(setup, setup.prior, how)
+    parts, task = information_by_maneuver(setup, whole, how), task_about(setup, whole, how)
+    every, room = sum(parts[0].values()), task.prior_about(whole.parameters)
+    spread = np.sqrt(np.diag(whole.covariance))
+    for name, move in moves_without(*parts).items():
+        for start in (move, 30.0 * move):
+            found = _fitted_without(name, task, whole.parameters, room, start, every)
+            np.testing.assert_allclose(found / spread, move / spread, atol=0.02)
+
+
+def test_where_the_others_run_away_the_step_remains(monkeypatch) -> None:
+    setup, how = linear_setup(), stage(**EVERY)
+    whole = run_stage(setup, setup.prior, how)
+    parts, task = information_by_maneuver(setup, whole, how), task_about(setup, whole, how)
+    every, room = sum(parts[0].values()), task.prior_about(whole.parameters)
+    name, move = next(iter(moves_without(*parts).items()))
+    lost = np.inf, np.zeros(len(move)), np.zeros((len(move), len(move)))
+    monkeypatch.setattr(jackknife, "likelihood", lambda *a: lost)
+    assert _fitted_without(name, task, whole.parameters, room, move, every) is move
+
+
+def test_a_long_step_is_replaced_by_a_fit(monkeypatch) -> None:
+    """With no step short enough the courses of a linear problem are those of the fits: the same."""
+    setup, how = linear_setup(), stage(**EVERY)
+    whole = run_stage(setup, setup.prior, how)
+    parts = information_by_maneuver(setup, whole, how)
+    by_step = left_out_courses(setup, whole, how, *parts)
+    fits = []
+    monkeypatch.setattr(jackknife, "LONG_STEP", -1.0)
+    monkeypatch.setattr(jackknife, "fit", lambda *a: fits.append(1) or fit(*a))
+    by_fit = left_out_courses(setup, whole, how, *parts)
+    assert len(fits) == len(setup.records)
+    for name, course in by_step.items():
+        for symbol, error in course.error.items():
+            np.testing.assert_allclose(by_fit[name].error[symbol], error, rtol=0.02, atol=1e-4)
 
 
 def test_scatter_of_the_moves_by_hand() -> None:

@@ -278,14 +278,14 @@ class Unabsorbed:
         Share of each one's signature (0: the coefficients absorb it, 1: nothing hides it).
     rms : (k, 3) array
         Root mean square in each channel, per unit of prior.
-    by_record : (k, m) array
-        Information of each parameter from each maneuver.
+    along : (n, k) array
+        How all parameters move with a unit of each, the others adjusting.
     """
 
     information: Array
     kept: Array
     rms: Array
-    by_record: Array
+    along: Array
 
 
 def unabsorbed(joint: Joint, positions: Sequence[int]) -> Unabsorbed:
@@ -304,12 +304,17 @@ def unabsorbed(joint: Joint, positions: Sequence[int]) -> Unabsorbed:
     share = np.linalg.solve(h[np.ix_(base, base)] + prior.information, h[np.ix_(base, own)])
     left = h[np.ix_(own, own)] - h[np.ix_(own, base)] @ share
     kept = np.diag(left) / np.maximum(np.diag(h)[own], SMALLEST)
-    transform = np.zeros((len(h), len(own)))
-    transform[own, np.arange(len(own))] = 1.0
-    transform[base] = -share
-    power = np.einsum("ik,cij,jk->kc", transform, joint.raw, transform)
-    own_of = np.einsum("ik,mij,jk->km", transform, joint.by_record, transform, optimize=True)
-    return Unabsorbed(left, kept, np.sqrt(np.maximum(power, 0.0)), np.maximum(own_of, 0.0))
+    along = np.zeros((len(h), len(own)))
+    along[own, np.arange(len(own))] = 1.0
+    along[base] = -share
+    power = np.einsum("ik,cij,jk->kc", along, joint.raw, along)
+    return Unabsorbed(left, kept, np.sqrt(np.maximum(power, 0.0)), along)
+
+
+def information_by_record(joint: Joint, left: Unabsorbed) -> Array:
+    """Information (k, m) of each parameter from each maneuver, in units of its prior."""
+    found = np.einsum("ik,mij,jk->km", left.along, joint.by_record, left.along, optimize=True)
+    return np.asarray(np.maximum(found, 0.0))
 
 
 def cosine(joint: Joint, a: Sequence[int], b: Sequence[int]) -> float:

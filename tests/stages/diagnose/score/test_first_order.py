@@ -15,6 +15,7 @@ from auvident.stages.diagnose.score.first_order import (
     Form,
     Joint,
     cosine,
+    information_by_record,
     joint_about,
     score,
     scores_of_forms,
@@ -166,9 +167,10 @@ def test_what_coefficients_take_up_is_not_kept() -> None:
 
 
 def test_the_information_of_the_maneuvers_adds_up():
-    found = unabsorbed(joint(), small_case().positions("gyro_bias"))
-    assert found.by_record.shape == (1, len(small_case().records))
-    assert found.by_record.sum() == pytest.approx(found.information[0, 0], rel=0.05)
+    left = unabsorbed(joint(), small_case().positions("gyro_bias"))
+    found = information_by_record(joint(), left)
+    assert found.shape == (1, len(small_case().records))
+    assert found.sum() == pytest.approx(left.information[0, 0], rel=0.05)
 
 
 # --- forms of an absent effect -------------------------------------------------------------
