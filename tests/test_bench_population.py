@@ -1,6 +1,7 @@
 """The study of drawn vehicles: its halves, its scoring and its tables."""
 
 import json
+import math
 
 import numpy as np
 import pandas as pd
@@ -18,6 +19,7 @@ from tests.bench.population_trial import (
     CHANNELS,
     band_coverage,
     chain,
+    from_the_bow,
     held_out,
     key_of,
     segmentation,
@@ -382,3 +384,13 @@ def test_a_hidden_effect_is_not_missed():
     assert is_wrong(scored(quiet))
     quiet["visible"]["rudder_lag"]["visible"] = False
     assert not is_wrong(scored(quiet))
+
+
+def test_without_a_heading_the_truth_counts_from_the_bow():
+    """A current to the east is ahead of a vehicle that heads east."""
+    planted = {"id": "current", "parameters": {"north_mps": 0.0, "east_mps": 0.3}}
+    found = from_the_bow(planted, math.pi / 2.0)["parameters"]
+    assert found == pytest.approx({"north_mps": 0.3, "east_mps": 0.0}, abs=1e-12)
+    drift = {"parameters": {"north_late_mps_per_1000_s": 0.2, "east_late_mps_per_1000_s": 0.0}}
+    behind = from_the_bow(drift, math.pi)["parameters"]
+    assert behind["north_late_mps_per_1000_s"] == pytest.approx(-0.2)

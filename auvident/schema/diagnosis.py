@@ -238,9 +238,9 @@ class Attempt(Artifact):
     those of the model before, by channel, what is masked apart. ``ran_away`` says that it leaves
     every bound in one of them. ``left_out`` are the ratios for these maneuvers left out in turn,
     which decide; empty where too few are left out. ``left_out_se`` are the standard errors of
-    their logarithms over maneuvers; ``balance`` is the mean logarithm over the channels, with its
-    standard error. ``keeps`` names channels for whose sake the others counted less, ``failed`` says
-    why an attempt came to no model.
+    their logarithms over maneuvers; ``balance`` is the mean logarithm of the ratio over maneuvers,
+    in each the mean over its channels, with its standard error. ``keeps`` names channels for whose
+    sake the others counted less, ``failed`` says why an attempt came to no model.
     """
 
     effects: tuple[str, ...]

@@ -1,5 +1,6 @@
 """One trial of a drawn vehicle: sail it, run the program's stages, keep what they say."""
 
+import cmath
 import json
 import signal
 import sys
@@ -35,6 +36,7 @@ WAITING = 10  # a machine that does other work as well is no hang
 OVERLAP = 0.5  # of the true maneuver, from which a found one of its kind is that maneuver
 LINEAR_DAMPING, DEPTH_STEP = "linear_damping", "depth_step"
 TURNED_RAD = 0.35  # 20 degrees
+HEADING = 11  # column of the generator's record
 CHANNELS = {
     "horizontal": {"u": "u_mps", "v": "v_mps", "r": "r_radps"},
     "vertical": {"u": "u_mps", "w": "w_mps", "q": "q_radps"},
@@ -68,6 +70,8 @@ def outcome(
             drawn.write(sailed, folder / "trial", folder / "vehicle.toml")
             truth = drawn.truth(sailed)
             planted = [asdict(p) for p in planted_of(truth, drawn.vehicle)]
+            if "attitude" in drawn.equipment.missing:
+                planted = [from_the_bow(p, float(sailed.record[0, HEADING])) for p in planted]
             found["truth"] = {**truth, "planted": planted}
             if until == WANTED[-1]:
                 found |= _judged_by_rule(drawn, sailed)
@@ -78,6 +82,16 @@ def outcome(
         found["segmentation"] = segmentation(folder / "run", truth, plane)
         found["own"] = _own(drawn, sailed, found)
     return found
+
+
+def from_the_bow(planted: Mapping[str, Any], heading_rad: float) -> dict[str, Any]:
+    """Directions from the bow at the start of the log, as the program has them without a heading."""
+    told = dict(planted["parameters"])
+    for name in [name for name in told if name.startswith("north")]:
+        east = name.replace("north", "east", 1)
+        along = complex(told[name], told[east]) * cmath.exp(-1j * heading_rad)
+        told[name], told[east] = along.real, along.imag
+    return {**planted, "parameters": told}
 
 
 def key_of(seed: int, short: bool, until: str, plane: str = "horizontal") -> str:
