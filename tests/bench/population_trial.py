@@ -85,7 +85,7 @@ def outcome(
 
 
 def from_the_bow(planted: Mapping[str, Any], heading_rad: float) -> dict[str, Any]:
-    """Directions from the bow at the start of the log, as the program has them without a heading."""
+    """Directions from the bow at the start of a log without a heading, as the program has them."""
     told = dict(planted["parameters"])
     for name in [name for name in told if name.startswith("north")]:
         east = name.replace("north", "east", 1)
