@@ -8,7 +8,7 @@ from tests.bench.totals import STEP_S, motion_of, states_of, summary, true_rates
 
 
 def record(n: int = 400) -> np.ndarray:
-    """Half of it ahead at two speeds, half turning to either side."""
+    """Half of it ahead at two speeds, half turning to either side, at last against the rudder."""
     from seatrial.simulate import RECORD_COLUMNS, REVS, RUDDER
 
     rows = np.zeros((n, RECORD_COLUMNS))
@@ -18,6 +18,8 @@ def record(n: int = 400) -> np.ndarray:
     for first, sign in ((2 * quarter, 1.0), (3 * quarter, -1.0)):
         part = slice(first, first + quarter)
         rows[part, 1], rows[part, 5], rows[part, RUDDER] = -0.1 * sign, 0.2 * sign, 0.26 * sign
+        rows[part.stop - 5 : part.stop, 5] = 0.15 * sign
+        rows[part.stop - 5 : part.stop, RUDDER] = -0.26 * sign
     return rows
 
 
@@ -26,6 +28,7 @@ def test_states_are_those_that_were_flown() -> None:
     assert found["ahead, slow"][0] == pytest.approx([1.0, 0.0, 0.0])
     assert found["ahead, fast"][2] == pytest.approx(20.0)
     assert found["turning to port"][0] == pytest.approx([1.5, 0.1, -0.2])
+    assert found["rudder against the turn to port"][0] == pytest.approx([1.5, 0.1, -0.15])
     assert found["rudder against the turn to port"][1] == pytest.approx(0.26)
     assert found["rudder put over to starboard"][1] == pytest.approx(0.26)
 

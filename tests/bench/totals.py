@@ -4,7 +4,7 @@ A drawn vehicle (`sample_logs/seatrial/population`) has other terms than the mod
 cubic damping, roll. What the two have in common are total forces over total masses, that is the
 accelerations in a given state of motion. Here they are compared at states that the vehicle was in
 while it was identified, with nothing planted: ahead at two speeds, turning to both sides, rudder
-put over ahead, rudder against the turn. The claim is that of the readings and the prior, alone and
+put over ahead, rudder laid against the turn. The claim is that of the readings and the prior, alone and
 with the scatter between maneuvers. Even seeds choose, odd seeds report, as in `population`.
 """
 
@@ -150,10 +150,20 @@ def states_of(rows: Array) -> Iterator[tuple[str, Motion, tuple[int, ...]]]:
     for side, sign in (("to starboard", 1.0), ("to port", -1.0)):
         own = turns[turns[:, PLANAR[YAW]] * sign > 0.0]
         if len(own):
-            state, rudder, rps = motion_of(own)
-            yield f"turning {side}", (state, rudder, rps), (SURGE, SWAY, YAW)
-            yield f"rudder against the turn {side}", (state, -rudder, rps), (SWAY, YAW)
+            yield f"turning {side}", motion_of(own), (SURGE, SWAY, YAW)
+            against = against_the_turn(rows[rows[:, PLANAR[YAW]] * sign > 0.0], own, helm)
+            if len(against):
+                yield f"rudder against the turn {side}", motion_of(against), (SWAY, YAW)
         yield f"rudder put over {side}", (np.array([u, 0.0, 0.0]), sign * helm, revs), (SWAY, YAW)
+
+
+def against_the_turn(rows: Array, turning: Array, helm: float) -> Array:
+    """The faster half of the rows of one side in which the rudder is laid against the turn."""
+    from seatrial.simulate import RUDDER
+
+    against = -np.sign(turning[:, RUDDER].mean()) * rows[:, RUDDER]
+    found = rows[against > 0.5 * helm]
+    return found[_half(np.abs(found[:, PLANAR[YAW]]), True)] if len(found) else found
 
 
 def _half(values: Array, above: bool) -> Array:
