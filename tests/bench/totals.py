@@ -4,8 +4,8 @@ A drawn vehicle (`sample_logs/seatrial/population`) has other terms than the mod
 cubic damping, roll. What the two have in common are total forces over total masses, that is the
 accelerations in a given state of motion. Here they are compared at states that the vehicle was in
 while it was identified, with nothing planted: ahead at two speeds, turning to both sides, rudder
-put over ahead, rudder laid against the turn. The claim is that of the readings and the prior, alone and
-with the scatter between maneuvers. Even seeds choose, odd seeds report, as in `population`.
+put over ahead, rudder laid against the turn. The claim is that of the readings and the prior, alone
+and with the scatter between maneuvers. Even seeds choose, odd seeds report, as in `population`.
 """
 
 import json
