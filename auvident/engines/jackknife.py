@@ -227,6 +227,55 @@ def jackknife_covariance(moves: dict[str, Array]) -> Array | None:
     return (len(table) - 1) / len(table) * table.T @ table
 
 
+def structural_covariance(
+    gradients: Mapping[str, Array],
+    curvatures: Mapping[str, Array],
+    prior: Array,
+    kinds: Mapping[str, str],
+) -> Array | None:
+    """Covariance of the coefficients by what the equations lack; None with too few maneuvers.
+
+    That pulls maneuvers of one kind the same way: only those of another kind, a zigzag beside a
+    turn, tell how far. To the scatter between maneuvers comes that between kinds, each left out
+    as a whole,
+
+        (K - 1)/K times the sum over the K kinds of the outer products of the moves,
+
+    about the estimate: of two or three kinds there is no mean worth centring at. With one kind
+    there is the scatter between maneuvers alone, widened as in `of_few`.
+
+    Parameters
+    ----------
+    gradients, curvatures : mapping
+        Of each maneuver, see `information_by_maneuver`.
+    prior : (n, n) array
+        Its information.
+    kinds : mapping
+        Kind of each maneuver.
+
+    Returns
+    -------
+    (n, n) array or None
+        In units of the prior standard deviations.
+    """
+    moves = moves_without(gradients, curvatures, prior)
+    covariance, count = jackknife_covariance(moves), len(set(kinds.values()))
+    if covariance is None or count < 2:
+        return None if covariance is None else of_few(len(moves)) * covariance
+    whole = moves_without(by_kind(gradients, kinds), by_kind(curvatures, kinds), prior)
+    table = np.array(list(whole.values()))
+    found: Array = covariance + (count - 1) / count * table.T @ table
+    return found
+
+
+def by_kind(parts: Mapping[str, Array], kinds: Mapping[str, str]) -> dict[str, Array]:
+    """Sums of what maneuvers add over those of each kind."""
+    found: dict[str, Array] = {}
+    for name, part in parts.items():
+        found[kinds[name]] = found.get(kinds[name], np.zeros_like(part)) + part
+    return found
+
+
 def of_few(count: int) -> float:
     """What a variance that so few maneuvers tell has to be multiplied with.
 

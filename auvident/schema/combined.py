@@ -109,15 +109,18 @@ class CombinedModel(Artifact):
         """Deviations of the entries, drawn from the covariance."""
         drawn: list[dict[str, float]] = [{} for _ in range(count)]
         for block in self.covariance:
+            matrix = np.array(block.matrix)
+            # In units of each one's own deviation: what rounding adds is small beside each of them.
+            spread = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
             # eigenvalues may be rounded below zero; the method takes them as zero
             rows = rng.multivariate_normal(
-                np.zeros(len(block.symbols)),
-                np.array(block.matrix),
+                np.zeros(len(spread)),
+                matrix / np.outer(spread, spread),
                 size=count,
                 method="eigh",
                 check_valid="ignore",
             )
-            for moved, row in zip(drawn, rows, strict=True):
+            for moved, row in zip(drawn, spread * rows, strict=True):
                 moved |= dict(zip(block.symbols, row.tolist(), strict=True))
         return [self._with_signs(moved) for moved in drawn]
 

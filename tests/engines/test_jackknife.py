@@ -21,6 +21,7 @@ from auvident.engines.jackknife import (
     noise_claim,
     of_few,
     scatter_of,
+    structural_covariance,
 )
 from auvident.engines.noise import white
 from auvident.engines.setup import Setup
@@ -245,6 +246,29 @@ def test_what_few_maneuvers_tell_of_a_variance_is_widened_to_student_s_t(count) 
     # the fourth moment of t is infinite at few degrees: the mean of few is known less well
     assert np.mean(squares) == pytest.approx(1.0, rel=0.15)
     assert np.mean(inverses) == pytest.approx(count, rel=0.1)
+
+
+PULLS = {"turn-1": 1.0, "turn-2": 1.0, "zigzag-1": -1.0, "zigzag-2": -1.0}
+
+
+def test_what_pulls_a_kind_of_maneuvers_alike_shows_beside_another_kind() -> None:
+    """Curvatures of 1: moves of g/3 without a maneuver, of 2 g/2 without a kind."""
+    gradients = {name: np.array([g]) for name, g in PULLS.items()}
+    curvatures = dict.fromkeys(PULLS, np.eye(1))
+    kinds = {name: name.split("-")[0] for name in PULLS}
+    found = structural_covariance(gradients, curvatures, np.zeros((1, 1)), kinds)
+    between_maneuvers, between_kinds = 3 / 4 * 4 * (1 / 3) ** 2, 1 / 2 * (1.0 + 1.0)
+    assert found == pytest.approx(np.array([[between_maneuvers + between_kinds]]))
+    alike = structural_covariance(
+        gradients, curvatures, np.zeros((1, 1)), dict.fromkeys(PULLS, "turn")
+    )
+    assert alike == pytest.approx(np.array([[of_few(4) * between_maneuvers]]))
+
+
+def test_two_maneuvers_of_two_kinds_tell_nothing_of_what_the_equations_lack() -> None:
+    parts = {"turn": np.ones(1), "zigzag": -np.ones(1)}
+    curvatures = dict.fromkeys(parts, np.eye(1))
+    assert structural_covariance(parts, curvatures, np.eye(1), {k: k for k in parts}) is None
 
 
 def test_three_maneuvers_count_as_four() -> None:

@@ -6,10 +6,8 @@ import pytest
 from auvident.engines.carried import claimed_covariance, free_behind
 from auvident.engines.jackknife import (
     information_by_maneuver,
-    jackknife_covariance,
-    moves_without,
-    of_few,
     scatter_of,
+    structural_covariance,
 )
 from auvident.schema.artifacts import LeftOutError, LeftOutManeuver, LeftOutSummary
 from auvident.stages.identify import stage
@@ -119,8 +117,9 @@ def test_the_scatter_between_maneuvers_stands_beside_the_covariance(monkeypatch)
     # a limit is a secant: the step without a maneuver means nothing along it
     unit = np.where([s == "rudder_rate_limit.rate_degps" for s in symbols], 0.0, scale)
     assert (unit == 0.0).sum() == 1
-    moves = moves_without(*parts[0])
-    expected = of_few(len(moves)) * jackknife_covariance(moves)
+    kinds = {name: name.split("-")[1] for name in parts[0][0]}
+    assert set(kinds.values()) == {"straight", "turn", "zigzag"}
+    expected = structural_covariance(*parts[0], kinds)
     np.testing.assert_allclose(
         np.array(model.covariance["scatter"]), expected * np.outer(unit, unit), rtol=1e-9
     )

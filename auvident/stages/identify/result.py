@@ -11,7 +11,7 @@ import pandas as pd
 from auvident.constants import NORMAL_95, NOT_MOVED
 from auvident.engines.carried import Carried, effect_rows
 from auvident.engines.free_run import NOTHING
-from auvident.engines.jackknife import Scatter, jackknife_covariance, of_few
+from auvident.engines.jackknife import Scatter, structural_covariance
 from auvident.engines.prediction import at_effects, linear_about
 from auvident.engines.records import STATE_COLUMNS
 from auvident.engines.setup import Outcome, Setup, active_states
@@ -179,19 +179,25 @@ def _smooth(names: Sequence[str]) -> npt.NDArray[np.bool_]:
     return np.array(["." not in n or parameter_of(n).step < SECANT for n in names])
 
 
-def scatter_matrix(setup: Setup, final: Outcome, moves: Mapping[str, Array]) -> dict[str, Any]:
+def scatter_matrix(
+    setup: Setup,
+    final: Outcome,
+    gradients: Mapping[str, Array],
+    curvatures: Mapping[str, Array],
+    prior: Array,
+) -> dict[str, Any]:
     """Covariance of the estimates by the scatter between maneuvers, dimensional, as an entry.
 
-    What the equations lack pulls every maneuver elsewhere. At motions that drawn vehicles of other
-    structure were in (`tests.bench.totals`) the accelerations of the model were off by more than
-    the readings alone allow for; with this covariance added, widened because few maneuvers tell
-    it, the claims hold.
+    What the equations lack pulls every maneuver elsewhere, and every kind of them. At motions that
+    drawn vehicles of other structure were in (`tests.bench.totals`) the accelerations of the model
+    were off by more than the readings alone allow for; with this covariance added the claims hold.
     """
-    covariance = jackknife_covariance(dict(moves))
+    kinds = {name: setup.records[name][0] for name in gradients}
+    covariance = structural_covariance(gradients, curvatures, prior, kinds)
     if covariance is None:
         return {}
     unit = setup.prior_std[final.free] * _smooth(setup.names(final.free))
-    return {"scatter": (of_few(len(moves)) * covariance * np.outer(unit, unit)).tolist()}
+    return {"scatter": (covariance * np.outer(unit, unit)).tolist()}
 
 
 def _combination(direction: Direction, symbols: Sequence[str]) -> Combination:

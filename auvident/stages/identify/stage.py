@@ -20,7 +20,6 @@ from auvident.engines.estimator import (
 from auvident.engines.jackknife import (
     information_by_maneuver,
     left_out_courses,
-    moves_without,
     scatter_of,
 )
 from auvident.engines.setup import Outcome, Setup
@@ -217,10 +216,9 @@ def _judged(
     ignored = ignored_channels(setup, final, stage)
     told = [*ignored, *contradicted, *findings, *moved, *disputed, *bent]
     model = model_of(setup, ase, vehicle, end.steps, end.unseen, scatter, told, carried)
-    moves = moves_without(*by_maneuver)
     beside: dict[str, Any] = {
         "left_out": left_out,
-        "covariance": model.covariance | scatter_matrix(setup, final, moves),
+        "covariance": model.covariance | scatter_matrix(setup, final, *by_maneuver),
         "prior_against_data": against,
         "noise_claim": claim,
         "profile": profiled,
