@@ -38,7 +38,7 @@ fault was said; {quiet} gave a wrong model without a word.
 """
 INTERVALS = """
 Stated 95 % intervals cover {own} % of coefficients where the vehicle is as the equations say,
-{other} % of steady motions of vehicles that are not, and fewer under a rudder put hard over.
+{other} % of steady motions of vehicles that are not, {helm} % of those with the rudder put over.
 """
 
 Row = dict[str, str]
@@ -122,9 +122,11 @@ def sentences() -> Iterator[str]:
     )
     (plans,), (totals,) = tables("recovery").values(), tables("totals").values()
     flown = row_of(totals, "total", "ahead and turning")
+    put_over = row_of(totals, "total", "rudder put over")
     yield INTERVALS.format(
         own=f"{number(plans[0]['95 % covers']):.0f}",
         other=f"{number(flown['95 % covers']):.0f}",
+        helm=f"{number(put_over['95 % covers']):.0f}",
     )
 
 
