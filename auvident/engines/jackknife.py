@@ -27,8 +27,8 @@ LEAST_MANEUVERS = 3  # fewer say nothing about the scatter between maneuvers
 # of it; one of 485 (the only run with steps of thrust was left out) lost 8,250, where a fit
 # found 69.
 LONG_STEP = 7.0
-MOST_STEPS = 10  # of a fit to the others: a diagnosis of them is not asked for
-ENOUGH = 1.0e-5  # relative fall of the cost below which it has converged
+MOST_STEPS = 10  # of a fit to the others; on these trials those that converge take seven at most
+ENOUGH = 1.0e-5  # relative fall of the cost below which it has converged: some tenths of a nat
 ROUNDING = 1.0e-13  # of the largest eigenvalue; smaller ones are zero
 LEAST_FREEDOM_OF_T = 3  # fewer leave Student's t without a variance
 LEAST_FREEDOM = 1.0  # expected squares below which they say nothing
@@ -202,12 +202,20 @@ def _fitted_without(
         away = move - room.mean
         return of_others(move)[0] + 0.5 * float(away @ room.information @ away)
 
-    start = min((step, np.zeros(len(step))), key=cost)
-    if not np.isfinite(cost(start)):  # a filter may end where the prediction runs away
+    starts = step, np.zeros(len(step))
+    costs = [cost(start) for start in starts]
+    if not np.isfinite(min(costs)):  # a filter may end where the prediction runs away
         return step
-    inside = in_units(room.constraints, task.free, p)
-    bounds, prior = (room.low, room.high), (room.mean, room.information)
-    return fit(of_others, start, *prior, bounds, MOST_STEPS, ENOUGH, inside).theta
+    return fit(
+        of_others,
+        starts[int(np.argmin(costs))],
+        room.mean,
+        room.information,
+        (room.low, room.high),
+        MOST_STEPS,
+        ENOUGH,
+        in_units(room.constraints, task.free, p),
+    ).theta
 
 
 def jackknife_covariance(moves: dict[str, Array]) -> Array | None:
@@ -260,8 +268,10 @@ def structural_covariance(
     """
     moves = moves_without(gradients, curvatures, prior)
     covariance, count = jackknife_covariance(moves), len(set(kinds.values()))
-    if covariance is None or count < 2:
-        return None if covariance is None else of_few(len(moves)) * covariance
+    if covariance is None:
+        return None
+    if count < 2:
+        return of_few(len(moves)) * covariance
     whole = moves_without(by_kind(gradients, kinds), by_kind(curvatures, kinds), prior)
     table = np.array(list(whole.values()))
     found: Array = covariance + (count - 1) / count * table.T @ table

@@ -31,7 +31,7 @@ from auvident.stages.diagnose.fit.fits import N_CHANNELS, Fitted, output_error, 
 
 Array = npt.NDArray[Any]
 
-SMALLEST = 1.0e-12
+SMALLEST = 1.0e-12  # information that counts as some
 NO_PRODUCTS = np.zeros((N_CHANNELS, 0, 0))  # of slopes, where nobody looks at them
 NO_RECORDS = np.zeros((0, 0, 0))
 

@@ -12,6 +12,7 @@ from auvident.schema.diagnosis import Detectable, Lookalikes
 from auvident.schema.effects import BY_ID, BY_MANEUVERS, parameter_of
 from auvident.stages.diagnose.fit.fits import check_cost
 from auvident.stages.diagnose.score.first_order import (
+    SMALLEST,
     Joint,
     Unabsorbed,
     cosine,
@@ -37,7 +38,6 @@ MARGIN_LEFT_OUT = (LEAST_T + NORMAL_90) / LEAST_T
 # 1.01 to 1.16 of these; all at more than 1.2 had theirs. Of 15 trials before, two were missed at
 # 1.5 and 3.1, which no margin of use would mend.
 UNFORESEEN = 1.25
-SMALLEST = 1e-12  # information that counts as some
 PLAUSIBLE = 3.0  # an effect that must exceed so many priors to be seen is not visible
 ABSORBED = 0.015  # of the signature left by the coefficients: no size is stated
 SEPARABLE = 0.98  # cosine from which on two effects are not told apart

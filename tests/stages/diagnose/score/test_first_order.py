@@ -170,7 +170,8 @@ def test_the_information_of_the_maneuvers_adds_up():
     left = unabsorbed(joint(), small_case().positions("gyro_bias"))
     found = information_by_record(joint(), left)
     assert found.shape == (1, len(small_case().records))
-    assert found.sum() == pytest.approx(left.information[0, 0], rel=0.05)
+    # less what the prior of the others holds while they adjust: 5 % at most
+    assert 0.95 * left.information[0, 0] < found.sum() <= left.information[0, 0] * (1.0 + 1e-9)
 
 
 # --- forms of an absent effect -------------------------------------------------------------
