@@ -234,15 +234,15 @@ def test_one_turn_alone_is_no_proof():
 @pytest.mark.parametrize(
     ("turns", "steps", "stds", "sign"),
     [
-        (Votes(), Votes(98, 98, 2, 9.8), 3.3, 1),
-        (Votes(45, 44, 1, 4.5), Votes(146, 143, 1, 14.6), 3.3, 1),
+        (Votes(), Votes(98, 98, 2, 9.8, 2), 3.3, 1),
+        (Votes(45, 44, 1, 4.5, 1), Votes(146, 143, 1, 14.6, 1), 3.3, 1),
         (Votes(), Votes(98, 98, 1, 9.8), 3.3, 0),  # one hold may be a drift
         (Votes(), Votes(98, 98, 2, 9.8), 2.9, 0),
         (Votes(), Votes(98, 60, 2, 9.8), 3.3, 0),
         (Votes(), Votes(98, 0, 2, 9.8), -3.3, -1),
         # a hull that stays in a turn against 24 degrees of rudder, all else being right
-        (Votes(1439, 1388, 9, 143.9), Votes(857, 165, 31, 85.7), -12.0, 0),
-        (Votes(1439, 1388, 9, 143.9), Votes(857, 692, 31, 85.7), -12.0, 1),
+        (Votes(1439, 1388, 9, 143.9, 8), Votes(857, 165, 31, 85.7, 6), -12.0, 0),
+        (Votes(1439, 1388, 9, 143.9, 8), Votes(857, 692, 31, 85.7, 25), -12.0, 1),
     ],
 )
 def test_two_short_holds_and_an_acceleration_decide_together(turns, steps, stds, sign):

@@ -7,7 +7,7 @@ it has settled the path bends to that side. A helm that works with the motion is
 """
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import astuple, dataclass
 
 import numpy as np
@@ -36,12 +36,16 @@ RESPONSE = 0.1
 
 @dataclass(frozen=True)
 class Votes:
-    """Rows that show the sign of the rudder: how many, how many contradict, of how many holds."""
+    """Rows that show the sign of the rudder: how many, how many contradict, of how many holds.
+
+    ``against`` are the holds of which most rows contradict.
+    """
 
     rows: int = 0
     contrary: int = 0
     holds: int = 0
     seconds: float = 0.0
+    against: int = 0
 
     @property
     def share(self) -> float:
@@ -51,11 +55,12 @@ class Votes:
     @property
     def sign(self) -> int:
         """-1 when the rudder works as it should, 1 the other way, 0 when that is not sure."""
-        if self.seconds < LEAST_SECONDS or self.holds < LEAST_HOLDS:
+        if self.seconds < LEAST_SECONDS:
             return 0
-        if self.share >= SURE_SHARE:
+        if self.share >= SURE_SHARE and self.against >= LEAST_HOLDS:
             return 1
-        return -1 if self.share <= 1.0 - SURE_SHARE else 0
+        sure = self.share <= 1.0 - SURE_SHARE and self.holds - self.against >= LEAST_HOLDS
+        return -1 if sure else 0
 
 
 @dataclass(frozen=True)
@@ -89,7 +94,7 @@ def held_fin(trial: Trial, length_m: float, grip_mps: float, plane: PlaneRow = H
     plane : PlaneRow
         In which the fin steers.
     """
-    turns: list[np.ndarray] = []
+    turns: list[_Turn] = []
     steps: list[np.ndarray] = []
     for time, speed, rate, rudder in _pieces(trial, grip_mps, _rate_and_fin(plane)):
         curvature = _mean(rate * length_m / speed, round(MEAN_S * trial.rate_hz))
@@ -103,7 +108,8 @@ def held_fin(trial: Trial, length_m: float, grip_mps: float, plane: PlaneRow = H
             if time[stood[k].start] - time[stood[k - 1].stop - 1] <= SLEW_S:
                 step = angles[k] - angles[k - 1]
                 steps += _step(time, curvature, stood[k - 1], stood[k], step, passage)
-    return Held(_votes(turns, trial.rate_hz), _votes(steps, trial.rate_hz))
+    once = _each_once(trial, turns, plane.columns[2])
+    return Held(_votes(once, trial.rate_hz), _votes(steps, trial.rate_hz))
 
 
 def held_steps(trial: Trial, fin: str, length_m: float, grip_mps: float) -> int:
@@ -193,8 +199,9 @@ def _contrary(bend: np.ndarray, angle: float, answer: int) -> float:
 
 def _votes(agreeing: list[np.ndarray], rate_hz: float) -> Votes:
     rows = sum(agrees.size for agrees in agreeing)
-    contrary = sum(int(np.count_nonzero(~agrees)) for agrees in agreeing)
-    return Votes(rows, contrary, len(agreeing), rows / rate_hz)
+    contrary = [int(np.count_nonzero(~agrees)) for agrees in agreeing]
+    against = sum(2 * n > agrees.size for n, agrees in zip(contrary, agreeing, strict=True))
+    return Votes(rows, sum(contrary), len(agreeing), rows / rate_hz, against)
 
 
 def _rate_and_fin(plane: PlaneRow) -> tuple[str, str]:
@@ -237,15 +244,48 @@ def holds(time: np.ndarray, rudder: np.ndarray) -> Iterator[slice]:
         yield slice(start, time.size)
 
 
+@dataclass(frozen=True)
+class _Turn:
+    """Rows of a hold that bend clearly once the turn has settled: whether as the rudder says."""
+
+    start_s: float
+    end_s: float
+    agrees: np.ndarray
+
+
 def _turn(
     time: np.ndarray, curvature: np.ndarray, hold: slice, angle: float, passage_s: float
-) -> list[np.ndarray]:
-    """Whether the path bends as the rudder says once it has settled, by row with a clear bend."""
+) -> list[_Turn]:
+    """The turn of a hold, if its angle is large enough and the path bends clearly."""
     first = time[hold.start] + max(LEAST_SETTLED_S, SETTLED_LENGTHS * passage_s)
     settled = (time[hold] >= first) & (time[hold] <= time[hold.stop - 1] - CLOCK_S)
-    bend = curvature[hold][settled]
+    bend, when = curvature[hold][settled], time[hold][settled]
     clear = np.abs(bend) >= RESPONSE * abs(angle)
-    return [bend[clear] * angle < 0] if abs(angle) >= LEAST_RAD and clear.any() else []
+    if abs(angle) < LEAST_RAD or not clear.any():
+        return []
+    return [_Turn(float(when[clear][0]), float(when[clear][-1]), bend[clear] * angle < 0)]
+
+
+def _each_once(trial: Trial, turns: Sequence[_Turn], column: str) -> list[np.ndarray]:
+    """Rows of each turn: holds between which the rate never changes sign are one and the same.
+
+    A bluff hull may stay for the rest of a trial in a turn that no rudder ends (population, seeds
+    3192 and 5070): however often the helm was moved, that is one turn against the rudder.
+    """
+    time, record = (trial.table[c].to_numpy() for c in ("time_s", RECORD_COLUMN))
+    smooth = trial.table[column].rolling(round(MEAN_S * trial.rate_hz), center=True, min_periods=1)
+    side = np.sign(smooth.mean().to_numpy())
+    found: list[list[np.ndarray]] = []
+    last_s = -np.inf
+    for turn in turns:
+        since = (time >= last_s) & (time <= turn.end_s)
+        one = np.nanmin(side[since]) == np.nanmax(side[since]) and np.ptp(record[since]) == 0
+        if found and one:
+            found[-1].append(turn.agrees)
+        else:
+            found.append([turn.agrees])
+        last_s = turn.end_s
+    return [np.concatenate(parts) for parts in found]
 
 
 def _step(
