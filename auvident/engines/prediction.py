@@ -244,6 +244,7 @@ def _inputs(
         len(record.time_s),
         moves.places,
         moves.steps,
+        source.past,
     )
     inputs = acting[len(source.raw) - len(record.time_s) :]
     if source.free_force is not None:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from auvident.constants import VehicleTime
 from auvident.engines.problem import Records
+from auvident.physics.actuation import NO_PAST, turning_points
 from auvident.physics.dynamics import N_STATES
 from auvident.physics.sensing import sensor_matrix
 from auvident.schema.artifacts import Maneuver
@@ -28,7 +29,7 @@ __all__ = [
     "stack",
 ]
 
-LEAD_IN_S = 20.0  # inputs before a maneuver, for what remembers them: lags, delays and play
+LEAD_IN_S = 20.0  # inputs before a maneuver, for what remembers them: lags and delays
 NORTH = "north"  # what a logged heading counts from
 HEADING, ANGLE = "heading_rad", 3  # the angle of the horizontal plane, and its place
 AUXILIARY = ("p_radps", "q_radps", "roll_rad", "pitch_rad", "depth_m", HEADING)
@@ -47,6 +48,8 @@ class Source:
     ----------
     raw : (m + n, 3) array
         Logged inputs: own control, other control [rad], propeller rate [rev/s].
+    past : (p,) array
+        Own control [rad] before that: its turning points, as far as a play remembers them.
     elapsed_s : (m + n,) array
         Time since the start of the trial.
     speed : (m + n,) array
@@ -73,6 +76,7 @@ class Source:
     """
 
     raw: Array
+    past: Array
     elapsed_s: Array
     speed: Array
     roll: Array
@@ -139,6 +143,7 @@ def record_of(maneuver: Maneuver, trial: Trial, plane: Plane, sensor: Array) -> 
     speed = _columns(trial, STATE_COLUMNS[plane][:1], int(first) - lead, int(last))[:, 0]
     source = Source(
         raw,
+        _past_of(trial, plane, int(first) - lead),
         time[first - lead : last] - time[0],
         speed,
         extra[:, 2],
@@ -166,6 +171,14 @@ def _raw_inputs(trial: Trial, plane: Plane, first: int, last: int) -> Array:
     """Logged inputs (n, 3), zero where there are none."""
     columns = (*CONTROL_COLUMNS[plane], "rpm")
     return _columns(trial, columns, first, last) / np.array([1.0, 1.0, 60.0])
+
+
+def _past_of(trial: Trial, plane: Plane, end: int) -> Array:
+    """Turning points of the own control before a row: a play remembers them however long ago."""
+    column = CONTROL_COLUMNS[plane][0]
+    if column not in trial.table:
+        return NO_PAST
+    return turning_points(trial.table[column].to_numpy(float)[:end])
 
 
 def _columns(trial: Trial, names: Sequence[str], first: int, last: int) -> Array:

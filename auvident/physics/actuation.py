@@ -53,7 +53,7 @@ SERVO = (DELAY, DEADBAND, BACKLASH, ASYMMETRY, LAG, SLOWNESS)
 # columns of the inputs
 CONTROL, OTHER, REVS, THRUST, DRIVE, CHANGED, ROLL, PITCH, DEPTH, FORCE = range(10)
 ACTED = CHANGED + 1  # so many columns come of the commands
-NOWHERE, NO_STEP = np.zeros(0, dtype=np.int64), np.zeros((0, 2))
+NOWHERE, NO_STEP, NO_PAST = np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros(0)
 
 
 @kernel
@@ -207,7 +207,46 @@ def follow(before, order, share, parts, e, half_width, taken, angle):
 
 
 @kernel
-def _turn_fins(command, dt, e, angle):
+def play_after(past, order, e):
+    """Order behind the play (rad), with effects e (18,), after past orders (k,) and then another.
+
+    Nothing is known of the time before them: the play is where the first one leaves it.
+    """
+    taken = taken_up(past[0] if past.shape[0] > 0 else order, 0.0, e[DEADBAND], 0.0)
+    for before in past:
+        taken = taken_up(before, taken, e[DEADBAND], e[BACKLASH])
+    return taken_up(order, taken, e[DEADBAND], e[BACKLASH])
+
+
+@kernel
+def turning_points(values):
+    """What a play remembers of past orders (n,): their turning points, each swing within the last.
+
+    A swing that a later one exceeds leaves no trace (the return-point memory of hysteresis;
+    Mayergoyz 1991): hours of steering leave a few points. What is not finite is left out.
+    """
+    kept, count = np.empty(values.shape[0]), 0
+    for value in values:
+        if not math.isfinite(value) or (count > 0 and value == kept[count - 1]):
+            continue
+        if count > 1 and (kept[count - 1] - kept[count - 2]) * (value - kept[count - 1]) > 0.0:
+            count -= 1  # it goes on as before
+        while count > 2 and _is_wiped_out(kept[count - 3 : count], value):
+            count -= 2
+        kept[count] = value
+        count += 1
+    return kept[:count].copy()
+
+
+@kernel
+def _is_wiped_out(points, value):
+    """Whether the second swing of three points lies within the first, and an order exceeds it."""
+    swing = abs(points[2] - points[1])
+    return abs(points[1] - points[0]) >= swing and abs(value - points[2]) >= swing
+
+
+@kernel
+def _turn_fins(past, command, dt, e, angle):
     """Angles (v, n) of the servo with each of some effects e (v, 18).
 
     Row by row, as the processor works on several servos at a time but on one row of each.
@@ -224,9 +263,10 @@ def _turn_fins(command, dt, e, angle):
             order = command[min(max(k - whole[v], 0), last)]
             before = command[min(max(k - whole[v] - 1, 0), last)]
             half_width = e[v, BACKLASH]
-            if k == 0:  # it has arrived, and the play is where the order left it
-                half_width, first = 0.0, before if share[v] > 0.0 else order
-                reached[v] = unequal(taken_up(first, 0.0, e[v, DEADBAND], 0.0), e[v, ASYMMETRY])
+            if k == 0:  # it has arrived, and the play is where the orders before it left it
+                first = before if share[v] > 0.0 else order
+                taken[v] = play_after(past, first, e[v])
+                reached[v] = unequal(taken[v], e[v, ASYMMETRY])
             angle[v, k], taken[v], reached[v] = follow(
                 before, order, share[v], parts[v], e[v], half_width, taken[v], reached[v]
             )
@@ -260,14 +300,16 @@ def felt_angle(angle, thrust, factor, speed, e):
 
 
 @kernel
-def actuate_steps(raw, elapsed, speed, dt, e, places, steps, whole, slopes):
+def actuate_steps(past, raw, elapsed, speed, dt, e, places, steps, whole, slopes):
     """Inputs that act on the vehicle, and their slopes by differences, one effect at a time.
 
     Parameters
     ----------
+    past : (p,) array
+        Own control before that, as far as a play remembers it (`turning_points`) [rad].
     raw : (m + n, 3) array
         Own control, other control [rad], propeller rate [rev/s]; from m rows before the
-        maneuver on, so that play and lags have settled.
+        maneuver on, so that lags have settled.
     elapsed : (m + n,) array
         Time since the start of the trial [s].
     speed : (m + n,) array
@@ -298,7 +340,7 @@ def actuate_steps(raw, elapsed, speed, dt, e, places, steps, whole, slopes):
         turning[fin_of[v]] = moved[v]
     turning[0] = e  # with which the others leave the fin
     angle, rate, lagging = np.empty((fins, rows)), np.empty(rows), np.empty(rows)
-    _turn_fins(raw[:, CONTROL].copy(), dt, turning, angle)
+    _turn_fins(past, raw[:, CONTROL].copy(), dt, turning, angle)
     command = raw[:, REVS].copy()
     lagged(command, e[MOTOR_LAG], dt, rate)
     for k in range(rows):
@@ -346,9 +388,10 @@ def acting_with_steps(
     rows: int,
     places: Array,
     steps: Array,
+    past: Array = NO_PAST,
 ) -> tuple[Array, Array]:
     """Inputs, and their slopes (rows, 6, k) in the last rows; see `actuate_steps`."""
     out, slopes = np.zeros((len(raw), N_INPUTS)), np.empty((rows, ACTED, len(places)))
-    actuate_steps(raw, elapsed, speed, dt, e, places, steps, out, slopes)
+    actuate_steps(past, raw, elapsed, speed, dt, e, places, steps, out, slopes)
     out[:, ROLL], out[:, PITCH], out[:, DEPTH] = roll, pitch, depth
     return out, slopes

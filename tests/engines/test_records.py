@@ -102,6 +102,17 @@ def test_rows_and_columns_of_a_maneuver(plane) -> None:
     np.testing.assert_array_equal(record.given, record.measured)
 
 
+@pytest.mark.parametrize("plane", ["horizontal", "vertical"])
+def test_turning_points_of_the_own_control_lead_in(plane) -> None:
+    """Of all that was ordered before the rows that lead in; a gap in the log is no order."""
+    ordered = np.zeros(900)
+    ordered[100:200], ordered[200:300], ordered[300:320] = 0.2, -0.1, np.nan
+    t = trial(plane, 900, **{CONTROL_COLUMNS[plane][0]: ordered})
+    record = record_of(maneuver(130.0, 135.0), t, plane, np.eye(4))
+    np.testing.assert_array_equal(record.source.past, [0.0, 0.2, -0.1, 0.0])
+    assert record_of(maneuver(55.0, 59.0), t, plane, np.eye(4)).source.past.size == 0
+
+
 def test_maneuvers_that_touch_share_no_row() -> None:
     first, second = (
         record_of(maneuver(*span), trial(), "horizontal", np.eye(4))

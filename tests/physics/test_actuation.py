@@ -11,12 +11,17 @@ from auvident.physics.actuation import (
     COMMAND,
     FORCE,
     LEAST_SPEED_MPS,
+    NO_STEP,
+    NOWHERE,
     PITCH,
     ROLL,
     SUBSTEPS,
     THRUST,
     acting_inputs,
+    acting_with_steps,
     command_values,
+    play_after,
+    turning_points,
 )
 from auvident.physics.terms import structure_of
 from auvident.schema.effects import parameter_of
@@ -238,6 +243,33 @@ def test_backlash_opens_a_loop_of_its_width() -> None:
     np.testing.assert_allclose(down[20:], up[::-1][20:] + width, atol=1e-12)
     np.testing.assert_allclose(again[20:], up[20:] - width, atol=1e-12)
     assert found.max() == pytest.approx(0.3 - width, abs=1e-12)
+
+
+@given(seeds, st.floats(0.0, 20.0), st.floats(0.0, 3.0))
+@settings(max_examples=60, deadline=None)
+def test_turning_points_are_all_that_a_play_remembers(seed, degrees, dead) -> None:
+    rng = np.random.default_rng(seed)
+    past = np.round(rng.normal(scale=0.2, size=rng.integers(1, 300)), 2)
+    past[rng.random(len(past)) < 0.1] = np.nan
+    points, whole = turning_points(past), past[np.isfinite(past)]
+    e = effects(rudder_backlash__half_width_deg=degrees, rudder_deadband__deadband_deg=dead)
+    assert play_after(points, 0.1, e) == play_after(whole, 0.1, e)
+    assert len(points) <= 40
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.15])
+def test_a_play_is_where_the_orders_before_the_record_left_it(delay_s) -> None:
+    """A rudder that was last put back from starboard stays to starboard, however long ago."""
+    command = np.concatenate([np.zeros(5), np.full(50, 0.2), np.zeros(400), helms(3)])
+    shown = {"rudder_backlash__half_width_deg": 3.0, "rudder_delay__delay_s": delay_s}
+    whole, first = rudder(command, **shown), 300
+    assert whole[first] == pytest.approx(math.radians(3.0))
+    raw, zero = inputs(command[first:]), np.zeros(len(command) - first)
+    given = (raw, zero, zero + 1.0, zero, zero, DT, effects(**shown), 0.0, 0, NOWHERE, NO_STEP)
+    found, _ = acting_with_steps(*given, turning_points(command[:first]))
+    np.testing.assert_allclose(found[:, 0], whole[first:], atol=1e-14)
+    forgotten, _ = acting_with_steps(*given)
+    assert forgotten[0, 0] == 0.0
 
 
 def test_commands_within_the_play_or_the_dead_band_move_nothing() -> None:
