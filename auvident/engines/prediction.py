@@ -24,6 +24,7 @@ from auvident.physics import sensing as sense
 from auvident.physics.actuation import (
     COMMANDS,
     FORCE,
+    NO_PAST,
     NO_STEP,
     NOWHERE,
     acting_with_steps,
@@ -244,7 +245,7 @@ def _inputs(
         len(record.time_s),
         moves.places,
         moves.steps,
-        source.past,
+        NO_PAST if source.past is None else source.past,
     )
     inputs = acting[len(source.raw) - len(record.time_s) :]
     if source.free_force is not None:

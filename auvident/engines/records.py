@@ -48,8 +48,6 @@ class Source:
     ----------
     raw : (m + n, 3) array
         Logged inputs: own control, other control [rad], propeller rate [rev/s].
-    past : (p,) array
-        Own control [rad] before that: its turning points, as far as a play remembers them.
     elapsed_s : (m + n,) array
         Time since the start of the trial.
     speed : (m + n,) array
@@ -68,6 +66,9 @@ class Source:
         Time from the middle of the trial; None counts as zero.
     depth : (m + n,) array or None
         Zero where not logged; None counts as zero.
+    past : (p,) array or None
+        Own control [rad] before all of these rows: its turning points, as far as a play remembers
+        them; None counts as none.
     heading : (n,) array or None
         Zero where not logged. None in the horizontal plane, where it is a reading.
     frame : str
@@ -76,7 +77,6 @@ class Source:
     """
 
     raw: Array
-    past: Array
     elapsed_s: Array
     speed: Array
     roll: Array
@@ -87,6 +87,7 @@ class Source:
     free_force: Array | None = None
     from_middle_s: Array | None = None
     depth: Array | None = None
+    past: Array | None = None
     heading: Array | None = None
     frame: str = NORTH
 
@@ -143,7 +144,6 @@ def record_of(maneuver: Maneuver, trial: Trial, plane: Plane, sensor: Array) -> 
     speed = _columns(trial, STATE_COLUMNS[plane][:1], int(first) - lead, int(last))[:, 0]
     source = Source(
         raw,
-        _past_of(trial, plane, int(first) - lead),
         time[first - lead : last] - time[0],
         speed,
         extra[:, 2],
@@ -153,6 +153,7 @@ def record_of(maneuver: Maneuver, trial: Trial, plane: Plane, sensor: Array) -> 
         start,
         from_middle_s=time[first:last] - 0.5 * (time[0] + time[-1]),
         depth=extra[:, 4],
+        past=_past_of(trial, plane, int(first) - lead),
         heading=extra[lead:, 5] if plane == "vertical" else None,
         frame=frame,
     )

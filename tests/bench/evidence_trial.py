@@ -121,7 +121,10 @@ def _left_out(case: Case, before: Fitted, without: Array, tried: Tried) -> Outco
     own = fits_without(case, tried.fitted)
     found: Outcome = {}
     for name, colours in (("before", before.colours), ("own", tried.fitted.colours)):
-        pair = [seen_with(case, p, colours) for p in (without, own)]
+        pair = [
+            seen_with(case, fitted, p, colours)
+            for fitted, p in ((before, without), (tried.fitted, own))
+        ]
         found[f"blocks_{name}"] = gains(*pair)
         found[f"power_{name}"] = [_finite(p.power) for p in pair]
     found["readings"] = [

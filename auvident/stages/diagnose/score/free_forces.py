@@ -29,6 +29,7 @@ from auvident.stages.diagnose.score.left_out import (
     gains_of,
     seen_with,
     t_value,
+    telling,
 )
 
 Array = npt.NDArray[Any]
@@ -175,6 +176,8 @@ def _described(
 
 def _helps(case: Case, before: Fitted, after: Fitted, without: FitsWithout) -> float:
     """What a force brings to maneuvers left out in turn, in standard errors."""
-    old = seen_with(case, without.of(case, before), after.colours)
-    new = seen_with(case, fits_without(case, after), after.colours)
-    return t_value(np.concatenate(gains_of(old, new)))
+    old = seen_with(case, before, without.of(case, before), after.colours)
+    new = seen_with(case, after, fits_without(case, after), after.colours)
+    tell = telling(old, new, log_gain(before, after))
+    gains = [g for g, tells in zip(gains_of(old, new), tell, strict=True) if tells]
+    return t_value(np.concatenate(gains))

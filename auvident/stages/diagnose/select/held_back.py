@@ -7,7 +7,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from auvident.stages.diagnose.fit.case import Case
-from auvident.stages.diagnose.fit.fits import Fitted, check_cost
+from auvident.stages.diagnose.fit.fits import Fitted, check_cost, log_gain
 from auvident.stages.diagnose.score.left_out import (
     LEAST_CHANCE,
     FitsWithout,
@@ -68,9 +68,10 @@ def left_out_with(
     without: FitsWithout,
 ) -> Helped:
     """What a model does for the maneuvers left out, beside the one without its last effect."""
-    old = seen_with(case, without.of(case, before), after.colours)
-    new = seen_with(case, without.of(case, after), after.colours)
-    found = helped(old, new, rng, noise_floor(case, after.colours))
+    old = seen_with(case, before, without.of(case, before), after.colours)
+    new = seen_with(case, after, without.of(case, after), after.colours)
+    floor = noise_floor(case, after.colours)
+    found = helped(old, new, rng, log_gain(before, after), floor)
     found = with_sensors(case, before, after, found)
     return replace(found, p=min(1.0, among * found.p))
 

@@ -24,6 +24,7 @@ from auvident.stages.diagnose.score.left_out import (
     noise_floor,
     seen_with,
     t_value,
+    telling,
 )
 from auvident.stages.diagnose.select.records import Account
 from auvident.stages.diagnose.select.rules import RULES_LEFT_OUT
@@ -111,10 +112,10 @@ def test_fits_without_maneuvers_are_made_once_for_each_model(monkeypatch) -> Non
 # --- comparison ----------------------------------------------------------------------------
 
 
-def made(*blocks: list[float]) -> LeftOut:
-    return LeftOut(
-        np.zeros((len(blocks), 1)), [np.array(b) for b in blocks], np.ones((len(blocks), 3))
-    )
+def made(*blocks: list[float], excess: list[float] | None = None) -> LeftOut:
+    own = [np.array(b) for b in blocks]
+    power = np.ones((len(blocks), 3))
+    return LeftOut(np.zeros((len(blocks), 1)), own, power, np.array(excess or [0.0] * len(blocks)))
 
 
 def test_the_gain_is_half_the_fall_of_the_squares() -> None:
@@ -150,6 +151,36 @@ def test_maneuvers_that_hardly_change_do_not_decide() -> None:
     assert "40 %" in unhelpful(worse)
     same = helped(before, before, np.random.default_rng(0))
     assert (same.share, same.deciding) == (0.0, 0.0) and unhelpful(same)
+
+
+LOST = [900.0] * 4, [40.0] * 4, [50.0]  # the first is predicted badly, whatever the model
+
+
+def test_a_maneuver_that_no_fit_to_the_others_predicts_says_nothing() -> None:
+    before, after = made(*LOST, excess=[500.0, 30.0, 9.0]), made(*LOST, excess=[400.0, 2.0, 9.0])
+    np.testing.assert_array_equal(telling(before, after, 100.0), [False, True, True])
+    np.testing.assert_array_equal(telling(before, after, 1.0), [True] * 3)  # or else none would
+    # one that is lost with the effect alone is the effect's doing, and counts
+    np.testing.assert_array_equal(telling(made(*LOST), after, 100.0), [True] * 3)
+
+
+def test_what_says_nothing_has_no_part_in_what_an_effect_helps() -> None:
+    before = made(*LOST, excess=[500.0, 30.0, 9.0])
+    after = made([990.0] * 4, [20.0] * 4, [48.0], excess=[680.0, 2.0, 8.0])
+    rest = helped(made(*LOST[1:]), made([20.0] * 4, [48.0]), np.random.default_rng(0))
+    assert helped(before, after, np.random.default_rng(0), 100.0) == rest
+    assert rest.t > 2.0 > helped(before, after, np.random.default_rng(0)).t
+
+
+def test_the_excess_is_what_leaving_a_maneuver_out_costs() -> None:
+    case, fitted, found = small_case(), small_fit(), left_out()
+    at_all = np.tile(fitted.parameters, (len(found.parameters), 1))
+    own = seen_with(case, fitted, at_all, fitted.colours)
+    starts = 2.0  # [nats] the residuals of a fit start where the noise of its last step has it
+    np.testing.assert_allclose(own.excess, 0.0, atol=starts)
+    sums = [[b.sum() for b in seen.blocks] for seen in (found, own)]
+    np.testing.assert_allclose(found.excess, 0.5 * np.subtract(*sums), atol=starts)
+    assert (found.excess > starts).all()
 
 
 def test_a_prediction_that_runs_away_is_bad_but_finite() -> None:
@@ -208,10 +239,10 @@ def test_the_floor_is_the_noise_of_the_sensors_as_stated_or_as_seen() -> None:
 
 def test_other_colours_need_no_other_fits() -> None:
     case, fitted, found = small_case(), small_fit(), left_out()
-    again = seen_with(case, found.parameters, fitted.colours)
+    again = seen_with(case, fitted, found.parameters, fitted.colours)
     np.testing.assert_array_equal(again.power, found.power)
     wider = tuple(replace(c, white=2.0 * c.white, slow=2.0 * c.slow) for c in fitted.colours)
-    other = seen_with(case, found.parameters, wider)
+    other = seen_with(case, fitted, found.parameters, wider)
     for one, two in zip(other.blocks, found.blocks, strict=True):
         np.testing.assert_allclose(4.0 * one, two, rtol=0.05)  # but for the starts
 

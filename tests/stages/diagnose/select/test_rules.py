@@ -99,7 +99,7 @@ FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
         GOOD,
         {
             "share-helped": {"helped": left_out(share=0.5, deciding=0.4)},
-            "evidence": {"helped": left_out(t=2.4)},
+            "evidence": {"helped": left_out(t=1.9)},
             "explained": {"helped": left_out(explained=rules.LEAST_EXPLAINED - 0.01)},
         },
     ),
@@ -257,6 +257,12 @@ def test_one_bad_place_does_not_count_where_nearly_everything_is_explained() -> 
     for explained, refused in ((0.79, True), (0.8, False)):
         few = replace(GOOD, helped=left_out(t=0.7, explained=explained))
         assert (refusal_of(few, RULES_LEFT_OUT) is not None) == refused
+
+
+def test_where_half_is_explained_fewer_standard_errors_do() -> None:
+    for t, explained, refused in ((2.0, 0.5, False), (1.9, 0.5, True), (2.4, 0.49, True)):
+        short = replace(GOOD, helped=left_out(t=t, explained=explained))
+        assert (refusal_of(short, RULES_LEFT_OUT) is not None) == refused
 
 
 def test_what_a_nat_is_worth_decides_nothing() -> None:

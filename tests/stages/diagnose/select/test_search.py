@@ -186,7 +186,8 @@ def traced(monkeypatch: pytest.MonkeyPatch, *rounds: Round) -> Traced:
     monkeypatch.setattr(FitsWithout, "of", lambda *_: None)
     for name in ("seen_with", "noise_floor"):
         monkeypatch.setattr(held_back, name, lambda *_: None)
-    monkeypatch.setattr(held_back, "check_cost", lambda *_: 0.0)
+    for name in ("check_cost", "log_gain"):
+        monkeypatch.setattr(held_back, name, lambda *_: 0.0)
     monkeypatch.setattr(held_back, "helped", lambda *_: GOOD.helped)
     own = Search(CASE, ("a", "b", "c"), np.random.default_rng(0))
     return own.trace(BEFORE)

@@ -80,7 +80,7 @@ def test_two_that_help_together_and_each_beside_the_other_are_accepted(monkeypat
 @pytest.mark.parametrize(
     ("says", "second"),
     [
-        ({"both": {"t": 2.4}, "a": {"t": 1.9}}, SECOND),  # together within chance
+        ({"both": {"t": 1.9}, "a": {"t": 1.9}}, SECOND),  # together within chance
         ({"both": {"t": 2.8}, "a": {"t": 1.4}}, SECOND),  # the first does nothing beside it
         ({"both": {"t": 2.8}, "a": {"t": 1.9, "explained": 0.2}}, SECOND),
         ({"both": {"t": 2.8, "explained": 0.2}, "a": {"t": 1.9}}, SECOND),
