@@ -9,7 +9,7 @@ import shutil
 import subprocess
 import tomllib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
 
@@ -25,7 +25,7 @@ from auvident.errors import UsageError
 from auvident.physics.actuation import COMMAND
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.effects import BY_ID, EFFECTS, UNEXPLAINED
-from auvident.schema.planes import PLANES, Plane
+from auvident.schema.planes import BY_PLANE, PLANES, Plane
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ase import estimate
 from auvident.stages.export import EQUATION_FORMS, export, header_of, remarks_on
@@ -104,7 +104,9 @@ def case_of(model: IdentifiedModel, record: Record, dt_s: float) -> Case:
     assert np.isfinite(expected).all()
     lead, rows = len(source.raw) - len(record.time_s), source.raw.tolist()
     series = series_of(source, lead)
-    return Case(acting.start.tolist(), rows[lead:], rows[:lead], dt_s, series, expected)
+    turned_back = [[angle, *rows[0][1:]] for angle in ([] if source.past is None else source.past)]
+    before = turned_back + rows[:lead]
+    return Case(acting.start.tolist(), rows[lead:], before, dt_s, series, expected)
 
 
 def in_python(model: IdentifiedModel, case: Case) -> np.ndarray:
@@ -259,6 +261,18 @@ def test_all_effects_together_act_as_in_the_program(plane: Plane) -> None:
     effects = [e.id for e in EFFECTS if plane in e.planes and e.enters == "input"]
     model = with_effects(plane, *effects)
     np.testing.assert_allclose(*both_ways(model, blank(1800), DT), rtol=0, atol=EQUAL)
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_a_play_remembers_where_the_fin_was_turned_back_before_the_log_leads_in(plane) -> None:
+    model, record = with_effects(plane, f"{BY_PLANE[plane].fins[0]}_backlash"), blank(400)
+    assert record.source is not None
+    amidships = record.source.raw * np.array([0.0, 1.0, 1.0])
+    record = replace(record, source=replace(record.source, raw=amidships))
+    past = replace(record, source=replace(record.source, past=np.array([0.0, 0.3, 0.0])))
+    states, expected = both_ways(model, past, DT)
+    np.testing.assert_allclose(states, expected, rtol=0, atol=EQUAL)
+    assert np.abs(states - both_ways(model, record, DT)[0]).max() > 1e-3
 
 
 def test_everything_that_becomes_of_a_command_has_a_constant() -> None:

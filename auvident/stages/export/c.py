@@ -36,7 +36,8 @@ typedef struct {
     int fin_given;            // whether the angle of the servo at the start is given ...
     double fin;               // ... and it; by default what the first row orders
     size_t before;            // rows of inputs before the start, which servo, delay and play
-                              // remember; "auvident simulate" takes those of 20 s
+                              // remember; "auvident simulate" takes those of 20 s, and before
+                              // them, for a play, the angles at which the fin was turned back
     double elapsed_s;         // time of the first row after these since the start of the trial
     const double *speed_mps;  // surge velocity as logged, for the thrust that meets the fin; NULL
                               // for that of the start, as where no speed was logged

@@ -28,7 +28,8 @@ HEAD = """function out = auvident_model(x, inputs, dt_s, options)
 %   inputs: one row [@inputs@] a step, as ordered.
 %   options.fin: angle of the servo at the start of the first row; by default what that row orders.
 %   options.before: rows of inputs before the start, which servo, delay and play remember;
-%   "auvident simulate" takes those of 20 s. options.fin is then the angle before them.
+%   "auvident simulate" takes those of 20 s, and before them, for a play, the angles at which the
+%   fin was turned back. options.fin is then the angle before them.
 [timed]%   options.elapsed_s: time of the first row since the start of the trial; by default 0.
 [drive]%   options.speed_mps: surge velocity as logged, one a row, for the thrust that meets the
 [drive]%   fin; by default that of the start, as "auvident simulate" has it where none was logged.

@@ -173,7 +173,8 @@ def simulate(state, inputs, dt_s, fin=None, before=()@defaults@):
     inputs: one row (@inputs@) a step, as ordered.
     fin: angle of the servo at the start of the first row; by default what that row orders.
     before: rows of inputs before the start, which servo, delay and play remember; `auvident
-    simulate` takes those of 20 s, as far as there are any. `fin` is then the angle before them.
+    simulate` takes those of 20 s, as far as there are any, and before them, for a play, the
+    angles at which the fin was turned back. `fin` is then the angle before them.
 [timed]    elapsed_s: time of the first row since the start of the trial.
 [drive]    speed_mps: surge velocity as logged, one a row, for the thrust that meets the fin; by
 [drive]    default that of the start, as `auvident simulate` has it where no speed was logged.
