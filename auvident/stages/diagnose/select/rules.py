@@ -129,7 +129,7 @@ LEAST_T_BESIDE = 1.5
 SURE_EXPLAINED = 0.8
 # ... and from half of it on so many standard errors do: an effect that acts for seconds after each
 # execute shows in so few blocks of time that more cannot be had (even seed 5324: a servo lag at its
-# size, 65 % of r, 2.2). In 50 clean trials of even seeds no false effect lies between.
+# size, 65 % of r, 2.2). In 72 clean trials of even seeds no false effect lies between.
 MUCH_EXPLAINED, LEAST_T_MUCH = 0.5, 2.0
 SUFFICES = ((SURE_EXPLAINED, -math.inf), (MUCH_EXPLAINED, LEAST_T_MUCH))  # share, standard errors
 CHECK_GAIN = 12.0  # [nats] a sensor check that is reconciled counts as a channel
