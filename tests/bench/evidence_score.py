@@ -30,7 +30,7 @@ from auvident.stages.diagnose.select.rules import (
     LEAST_SHARE,
     LEAST_T,
     OF_BEST,
-    SURE_EXPLAINED,
+    SUFFICES,
 )
 
 Array = npt.NDArray[Any]
@@ -239,7 +239,9 @@ def now(trials: Sequence[Row]) -> dict[str, Any]:
 
 def standard_errors(row: Row) -> float:
     """As the search counts them: what explains nearly everything has more than enough."""
-    return float("inf") if share(row) >= SURE_EXPLAINED else over_blocks(row)
+    t, explained = over_blocks(row), share(row)
+    enough = any(explained >= least and t >= fewer for least, fewer in SUFFICES)
+    return float("inf") if enough else t
 
 
 RULES: dict[str, Callable[[Sequence[Row]], dict[str, Any]]] = {

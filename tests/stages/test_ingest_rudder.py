@@ -7,13 +7,16 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import pandas as pd
 import pytest
 from ingest_world import LENGTH_M, sensor, trial, vehicle
 
 from auvident.errors import InputError
+from auvident.schema.channels import RECORD_COLUMN
 from auvident.schema.logs import DEG, RawTrial
+from auvident.schema.trial import Trial
 from auvident.stages.ingest import ingest
-from auvident.stages.ingest.held import Held, Votes
+from auvident.stages.ingest.held import Held, Votes, held_fin
 from auvident.stages.ingest.response import Relation
 from auvident.stages.ingest.signs import judge_rudder
 from auvident.storage.logs import read_trials
@@ -28,6 +31,7 @@ SCHEDULES = {
     "zigzags": NONE | {"zigzags_10": 2, "zigzags_20": 2},
 }
 SPEED_MPS = 1.5
+RATE_HZ = 10.0
 PASSAGE_S = LENGTH_M / SPEED_MPS
 
 
@@ -252,6 +256,26 @@ def test_two_short_holds_and_an_acceleration_decide_together(turns, steps, stds,
         0.0, 0.1, np.sign(stds) * response, response / abs(stds), 0.94, response, False
     )
     assert judge_rudder(vehicle(), found, None, Held(turns, steps)).sign == sign
+
+
+def turning(rate: np.ndarray, rudder: np.ndarray, record: np.ndarray) -> Trial:
+    time = np.arange(len(rate)) / RATE_HZ
+    table = {"time_s": time, "u_mps": SPEED_MPS, "r_radps": rate, "rudder_rad": rudder}
+    return Trial("t", pd.DataFrame(table | {RECORD_COLUMN: record}), RATE_HZ)
+
+
+@pytest.mark.parametrize(
+    ("between_radps", "records", "turns", "sign"),
+    [(0.1, 1, 1, 0), (-0.1, 1, 6, 1), (0.1, 6, 6, 1)],
+)
+def test_a_turn_that_no_rudder_ends_is_one_turn(between_radps, records, turns, sign):
+    """However often the helm is moved in it, unless the log breaks off: then nobody knows."""
+    held, eased = round(25.0 * RATE_HZ), round(5.0 * RATE_HZ)
+    rudder = np.tile(np.repeat([12 * DEG, 0.0], [held, eased]), 6)
+    rate = np.tile(np.repeat([0.2, between_radps], [held, eased]), 6)  # to starboard: against it
+    record = np.arange(len(rudder)) * records // len(rudder)
+    found = held_fin(turning(rate, rudder, record), LENGTH_M, 0.3)
+    assert (found.turns.holds, found.turns.against, found.turns.sign) == (turns, turns, sign)
 
 
 @pytest.mark.parametrize("passages", [2.0, 8.0])
