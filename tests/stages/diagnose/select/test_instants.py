@@ -16,6 +16,7 @@ from auvident.schema.diagnosis import EffectFound, ParameterValue
 from auvident.schema.effect_words import plain
 from auvident.stages.diagnose.fit.case import ACTIVE, Case, case_of
 from auvident.stages.diagnose.fit.fits import Fitted, first_colours, fit_with
+from auvident.stages.diagnose.select import instants
 from auvident.stages.diagnose.select.instants import (
     Instant,
     instant_of,
@@ -195,3 +196,22 @@ def test_a_step_that_was_put_elsewhere_is_found_once_all_else_is_fitted_again() 
     assert found.log_likelihood > there.log_likelihood + 10.0
     low, high = possible_times(stepped, found, instant(), beside)
     assert low <= time <= high and high - low < 10 * FINE_S
+
+
+@pytest.mark.parametrize(("fraction", "moves"), [(0.5 * FRACTION, True), (-FRACTION, False)])
+def test_a_fall_that_is_placed_again_does_not_become_a_rise(monkeypatch, fraction, moves) -> None:
+    """However much better that fits: it is another effect than the one that was accepted."""
+    where, p = case().position(f"{STEP}.fraction"), instant().at(fitted().parameters, 300.0)
+    p[where] = FRACTION
+    accepted = replace(fitted(), effects=(STEP,), parameters=p)
+
+    def better(case: Case, effects: Sequence[str], start: np.ndarray, *_, **__) -> Fitted:
+        q = start.copy()
+        q[where] = fraction
+        likelihood = accepted.log_likelihood + 100.0
+        return replace(accepted, parameters=q, log_likelihood=likelihood)
+
+    monkeypatch.setattr(instants, "fit_with", better)
+    found = placed_again(case(), accepted, instant(), [])
+    assert (found.log_likelihood > accepted.log_likelihood) == moves
+    assert (found.parameters[instant().time] == 300.0) == (not moves)
