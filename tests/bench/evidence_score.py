@@ -30,7 +30,7 @@ from auvident.stages.diagnose.select.rules import (
     LEAST_SHARE,
     LEAST_T,
     OF_BEST,
-    SUFFICES,
+    suffices,
 )
 
 Array = npt.NDArray[Any]
@@ -239,9 +239,8 @@ def now(trials: Sequence[Row]) -> dict[str, Any]:
 
 def standard_errors(row: Row) -> float:
     """As the search counts them: what explains nearly everything has more than enough."""
-    t, explained = over_blocks(row), share(row)
-    enough = any(explained >= least and t >= fewer for least, fewer in SUFFICES)
-    return float("inf") if enough else t
+    t = over_blocks(row)
+    return float("inf") if suffices(share(row), t) else t
 
 
 RULES: dict[str, Callable[[Sequence[Row]], dict[str, Any]]] = {

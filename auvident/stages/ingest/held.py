@@ -38,7 +38,7 @@ RESPONSE = 0.1
 class Votes:
     """Rows that show the sign of the rudder: how many, how many contradict, of how many holds.
 
-    ``against`` are the holds of which most rows contradict.
+    Holds in one and the same turn count once. ``against`` are those of which most rows contradict.
     """
 
     rows: int = 0
@@ -248,7 +248,6 @@ def holds(time: np.ndarray, rudder: np.ndarray) -> Iterator[slice]:
 class _Turn:
     """Rows of a hold that bend clearly once the turn has settled: whether as the rudder says."""
 
-    start_s: float
     end_s: float
     agrees: np.ndarray
 
@@ -263,7 +262,7 @@ def _turn(
     clear = np.abs(bend) >= RESPONSE * abs(angle)
     if abs(angle) < LEAST_RAD or not clear.any():
         return []
-    return [_Turn(float(when[clear][0]), float(when[clear][-1]), bend[clear] * angle < 0)]
+    return [_Turn(float(when[clear][-1]), bend[clear] * angle < 0)]
 
 
 def _each_once(trial: Trial, turns: Sequence[_Turn], column: str) -> list[np.ndarray]:
@@ -275,16 +274,13 @@ def _each_once(trial: Trial, turns: Sequence[_Turn], column: str) -> list[np.nda
     time, record = (trial.table[c].to_numpy() for c in ("time_s", RECORD_COLUMN))
     smooth = trial.table[column].rolling(round(MEAN_S * trial.rate_hz), center=True, min_periods=1)
     side = np.sign(smooth.mean().to_numpy())
-    found: list[list[np.ndarray]] = []
-    last_s = -np.inf
-    for turn in turns:
-        since = (time >= last_s) & (time <= turn.end_s)
-        one = np.nanmin(side[since]) == np.nanmax(side[since]) and np.ptp(record[since]) == 0
-        if found and one:
+    found = [[turn.agrees] for turn in turns[:1]]
+    for last, turn in itertools.pairwise(turns):
+        since = (time >= last.end_s) & (time <= turn.end_s)
+        if np.nanmin(side[since]) == np.nanmax(side[since]) and np.ptp(record[since]) == 0:
             found[-1].append(turn.agrees)
         else:
             found.append([turn.agrees])
-        last_s = turn.end_s
     return [np.concatenate(parts) for parts in found]
 
 

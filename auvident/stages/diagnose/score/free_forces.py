@@ -26,10 +26,9 @@ from auvident.stages.diagnose.score.first_order import Form, scores_of_forms
 from auvident.stages.diagnose.score.left_out import (
     FitsWithout,
     fits_without,
-    gains_of,
+    gains_told,
     seen_with,
     t_value,
-    telling,
 )
 
 Array = npt.NDArray[Any]
@@ -178,6 +177,4 @@ def _helps(case: Case, before: Fitted, after: Fitted, without: FitsWithout) -> f
     """What a force brings to maneuvers left out in turn, in standard errors."""
     old = seen_with(case, before, without.of(case, before), after.colours)
     new = seen_with(case, after, fits_without(case, after), after.colours)
-    tell = telling(old, new, log_gain(before, after))
-    gains = [g for g, tells in zip(gains_of(old, new), tell, strict=True) if tells]
-    return t_value(np.concatenate(gains))
+    return t_value(np.concatenate(gains_told(old, new, log_gain(before, after))))

@@ -197,8 +197,7 @@ def helped(
     floor : (m, 3) array, optional
         Power that the noise of the sensors alone would have, see `noise_floor`.
     """
-    tell = telling(before, after, gain)
-    gains = [g for g, tells in zip(gains_of(before, after), tell, strict=True) if tells]
+    gains = gains_told(before, after, gain)
     whole = np.concatenate(gains)
     drawn = rng.choice(whole, size=(DRAWS, len(whole))).sum(axis=1)
     sums = np.array([g.sum() for g in gains])
@@ -206,6 +205,7 @@ def helped(
     deciding = float(np.mean(decided > 0.0)) if len(decided) else 0.0
     low = float(np.quantile(drawn, LOWER))
     p = chance_of(whole, rng)
+    tell = telling(before, after, gain)
     least = np.broadcast_to(floor, before.power.shape)
     return Helped(
         float(whole.sum()),
@@ -228,6 +228,12 @@ def telling(before: LeftOut, after: LeftOut, gain: float) -> npt.NDArray[np.bool
     """
     lost = np.minimum(before.excess, after.excess) > gain
     return ~lost if not lost.all() else np.ones_like(lost)
+
+
+def gains_told(before: LeftOut, after: LeftOut, gain: float) -> list[Array]:
+    """Gains as of `gains_of`, of the maneuvers that say something alone; see `telling`."""
+    tell = telling(before, after, gain)
+    return [g for g, tells in zip(gains_of(before, after), tell, strict=True) if tells]
 
 
 def gains_of(before: LeftOut, after: LeftOut) -> list[Array]:

@@ -137,12 +137,15 @@ LEAST_MANEUVERS = 2  # without which none can be left out
 LEAST_SHARE = 0.6  # of the maneuvers left out that an effect has to help
 
 
+def suffices(explained: float, t: float) -> bool:
+    """Whether so few standard errors do, so much being explained."""
+    return any(explained >= share and t >= least for share, least in SUFFICES)
+
+
 def _standard_errors(account: Account) -> float:
     """By which what was left out improves; infinite where fewer do, so much being explained."""
     found = account.helped
-    if found is None or any(found.explained >= share and found.t >= t for share, t in SUFFICES):
-        return math.inf
-    return found.t
+    return math.inf if found is None or suffices(found.explained, found.t) else found.t
 
 
 def _share_helped(account: Account) -> float:
