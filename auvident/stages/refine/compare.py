@@ -224,17 +224,38 @@ def _error(errors: Array, spread: float, unit: str) -> ChannelError | None:
 def _difference(
     parts: Sequence[tuple[Array, Array, Array]], step_s: float, rng: np.random.Generator
 ) -> Difference | None:
-    """RMSE after minus before, with an interval from a bootstrap over blocks of time."""
-    rows = [row for part in parts for row in _block_sums(part, step_s)]
-    if not rows:
+    """RMSE after minus before, with an interval from a bootstrap over maneuvers, then over blocks.
+
+    A model that is off in one kind of maneuver is off in all of its blocks: these are no
+    independent votes on the next trial (one straight run of three maneuvers made an error "surely"
+    larger that the other two made smaller).
+    """
+    sums = [np.array(rows) for part in parts if (rows := _block_sums(part, step_s))]
+    if not sums:
         return None
-    sums = np.array(rows)  # count, squares before, squares after
-    drawn = sums[rng.integers(0, len(sums), size=(DRAWS, len(sums)))].sum(axis=1)
+    drawn = _drawn(sums, rng)
     spread = np.sqrt(drawn[:, 2] / drawn[:, 0]) - np.sqrt(drawn[:, 1] / drawn[:, 0])
-    count, a, b = sums.sum(axis=0)
+    count, a, b = np.concatenate(sums).sum(axis=0)
     low, high = np.percentile(spread, INTERVAL)
     value = float(np.sqrt(b / count) - np.sqrt(a / count))
     return Difference(value=value, low=float(low), high=float(high))
+
+
+def _drawn(sums: Sequence[Array], rng: np.random.Generator) -> Array:
+    """Sums (draws, 3) of as many maneuvers, drawn with replacement, and blocks drawn in each.
+
+    Parameters
+    ----------
+    sums : sequence of (b, 3) array
+        Of the blocks of each maneuver: readings, squares before, squares after.
+    """
+    out = np.zeros((DRAWS, 3))
+    for _ in sums:
+        chosen = rng.integers(0, len(sums), size=DRAWS)
+        for k, own in enumerate(sums):
+            rows = np.flatnonzero(chosen == k)
+            out[rows] += own[rng.integers(0, len(own), size=(len(rows), len(own)))].sum(axis=1)
+    return out
 
 
 def _block_sums(part: tuple[Array, Array, Array], step_s: float) -> list[tuple]:
