@@ -31,6 +31,7 @@ DRAWS = 400
 # [nats] a maneuver that an effect changes by less says nothing about it: a steady turn hardly shows
 # a late rudder (seed 1519: three zigzags gain 120 and more, three turns lose 3 to 6)
 INDIFFERENT = 10.0
+LEAST_TELLING = 2  # maneuvers: what one says is no evidence
 LOWER = 0.025
 LEAST_ERROR = 1.0e-9  # [nats] of a gain: less is none
 LEAST_ABOVE = 0.05  # of the power of a residual, above the noise of its sensor, to be looked at
@@ -219,15 +220,15 @@ def helped(
 
 
 def telling(before: LeftOut, after: LeftOut, gain: float) -> npt.NDArray[np.bool_]:
-    """Which maneuvers (m,), left out, say something about an effect: all, where none would.
+    """Which maneuvers (m,), left out, say something about an effect: all, where one or none would.
 
     Without the only run that shows a coefficient the others predict it thousands of nats off, with
     an effect of 50 or without it (population, even seeds 3022, 5134 and 5252). What is off by more
     than the effect explains altogether is off for another reason, and which of the two fits is
     further off says nothing.
     """
-    lost = np.minimum(before.excess, after.excess) > gain
-    return ~lost if not lost.all() else np.ones_like(lost)
+    tells = np.minimum(before.excess, after.excess) <= gain
+    return tells if tells.sum() >= LEAST_TELLING else np.ones_like(tells)
 
 
 def gains_told(before: LeftOut, after: LeftOut, gain: float) -> list[Array]:

@@ -159,7 +159,8 @@ LOST = [900.0] * 4, [40.0] * 4, [50.0]  # the first is predicted badly, whatever
 def test_a_maneuver_that_no_fit_to_the_others_predicts_says_nothing() -> None:
     before, after = made(*LOST, excess=[500.0, 30.0, 9.0]), made(*LOST, excess=[400.0, 2.0, 9.0])
     np.testing.assert_array_equal(telling(before, after, 100.0), [False, True, True])
-    np.testing.assert_array_equal(telling(before, after, 1.0), [True] * 3)  # or else none would
+    for gain in (5.0, 1.0):  # one or none would
+        np.testing.assert_array_equal(telling(before, after, gain), [True] * 3)
     # one that is lost with the effect alone is the effect's doing, and counts
     np.testing.assert_array_equal(telling(made(*LOST), after, 100.0), [True] * 3)
 
