@@ -247,8 +247,11 @@ def _effect(effect: EffectFound, comparison: Comparison | None) -> str:
     alone = len(effect.parameters) == 1
     sizes = [told for p in effect.parameters if (told := _size(effect, p, alone))]
     text = f"{text[:1].upper()}{text[1:]}" + (f" ({', '.join(sizes)}; 95\u00a0%)" if sizes else "")
-    doubted = comparison is not None and effect in comparison.not_confirmed
-    return f"{text}{', not confirmed' if doubted else ''}."
+    if comparison is not None and effect in comparison.not_confirmed:
+        text += ", not confirmed"
+    elif comparison is not None and comparison.is_kept and effect.by_sensors:
+        text += ", shown by the logs of the sensors and not in the model"
+    return f"{text}."
 
 
 def _size(effect: EffectFound, p: ParameterValue, alone: bool) -> str:

@@ -53,6 +53,7 @@ class EffectFound(Artifact):
     ``maneuver``, ``time_s`` and ``duration_s`` belong to a `one_off_event` or a `thrust_step`;
     ``at_bound`` are the symbols of the parameters that are known to one side only. ``frame`` is
     what directions count from: north, or the bow at the start of the log where there is no heading.
+    ``by_sensors``: logs held against each other show it, whatever the model.
     """
 
     id: str
@@ -63,6 +64,7 @@ class EffectFound(Artifact):
     time_s: float | None = None
     duration_s: float | None = None
     frame: Literal["north", "bow"] = "north"
+    by_sensors: bool = False
 
     @computed_field  # type: ignore[prop-decorator]
     @property
@@ -191,7 +193,11 @@ class ChannelError(Artifact):
 
 
 class Difference(Artifact):
-    """After minus before of an RMSE, with the 95 % interval of a block bootstrap."""
+    """After minus before of an RMSE, with a 95 % interval.
+
+    From a bootstrap over maneuvers, and over blocks of time in each: two or three maneuvers are
+    few, and where they differ it still is too narrow.
+    """
 
     value: float
     low: float
@@ -324,7 +330,12 @@ class Comparison(Artifact):
     findings: tuple[Finding, ...] = ()
 
     @property
+    def is_kept(self) -> bool:
+        """Whether no effect was added, as the model before predicts better."""
+        return any(a.taken for a in self.attempts[:1])
+
+    @property
     def added(self) -> bool:
         """Whether anything is said to be in the model that was not in the one before."""
         force = self.unexplained_force is not None and self.unexplained_force.added
-        return bool(self.effects or self.not_confirmed) or force
+        return (bool(self.effects or self.not_confirmed) and not self.is_kept) or force

@@ -219,6 +219,14 @@ def not_added(refused: Attempt) -> str:
     )
 
 
+def shown_by_sensors(effects: Sequence[EffectFound]) -> str:
+    """The statement that logs alone show what is not in the model; empty where they do not."""
+    if not effects:
+        return ""
+    listed = " and ".join(words_of(e.id) for e in effects)
+    return f"Logs held against each other show the {listed}, whatever the model."
+
+
 def not_confirmed(effects: Sequence[EffectFound]) -> str:
     """What a model predicts with although its size is not told from zero; empty for nothing."""
     if not effects:

@@ -23,6 +23,7 @@ from auvident.schema.loop_statements import (
     not_added,
     not_confirmed,
     remaining_of,
+    shown_by_sensors,
     statement,
 )
 
@@ -43,7 +44,8 @@ def claims_of(
 ) -> dict[str, Any]:
     """Verdict, statement and effects as the refined model has them, all in its sizes.
 
-    An effect stands when some size of it is told from nothing, in the model that was taken.
+    An effect stands when some size of it is told from nothing, in the model that was taken. One
+    that sensors held against each other show is a fact about the logs, whichever that model is.
     """
     kept = any(a.taken for a in attempts[:1])  # the model before is the best
     final = [e if kept else _with_final_values(e, after, speed, rate) for e in diagnosis.effects]
@@ -79,19 +81,18 @@ def _with_doubts(
     doubted: Sequence[EffectFound],
     refused: Attempt | None,
 ) -> str:
-    """The statement with what became of the effects that are not claimed.
+    """The statement with what became of the effects that are not claimed, or not in the model.
 
     Parameters
     ----------
     refused : Attempt or None
         Where the model before was taken: see `_refused`.
     """
-    if not doubted:
-        return said
     if refused is None:
-        return f"{said} {not_confirmed(doubted)}"
-    why = not_added(refused)
-    return f"{found(effects)} {why}" if effects else why
+        return f"{said} {not_confirmed(doubted)}" if doubted else said
+    stands = said if not doubted else found(effects) if effects else ""
+    shown = shown_by_sensors([e for e in effects if e.by_sensors])
+    return " ".join(text for text in (stands, shown, not_added(refused)) if text)
 
 
 def _refused(attempts: Sequence[Attempt]) -> Attempt:
@@ -120,7 +121,7 @@ def _verdict(
 def _doubt(effect: EffectFound, kept: bool) -> str:
     """Why an effect is not claimed, by a code of `DOUBTS`; empty where it is."""
     if kept:
-        return NOT_ADDED
+        return "" if effect.by_sensors else NOT_ADDED
     return "" if is_confirmed(effect) else NOT_CONFIRMED
 
 

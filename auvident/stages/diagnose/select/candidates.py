@@ -9,10 +9,11 @@ import numpy.typing as npt
 from auvident.schema.effects import BY_ID, EFFECTS, parameter_of
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, check_cost, log_gain
+from auvident.stages.diagnose.fit.refits import without
 from auvident.stages.diagnose.score.first_order import Joint
 from auvident.stages.diagnose.score.left_out import FitsWithout
 from auvident.stages.diagnose.select import rules
-from auvident.stages.diagnose.select.records import Account
+from auvident.stages.diagnose.select.records import Account, Reconciled
 from auvident.stages.diagnose.select.rule import Refusal, passes
 
 Array = npt.NDArray[Any]
@@ -114,6 +115,13 @@ def falls_of(case: Case, before: Fitted, after: Fitted) -> dict[str, float]:
     if passes(old - new, rules.SENSORS):
         found["sensors"] = 1.0 - float(np.sqrt(new / old))
     return found
+
+
+def by_sensors(case: Case, effect: str, p: Array) -> bool:
+    """Whether sensors held against each other show an effect, whatever the model."""
+    old, new = check_cost(case, without(case, p, [effect])), check_cost(case, p)
+    share = (old - new) / old if old > 0.0 else 0.0
+    return passes(Reconciled(old - new, share), rules.BY_SENSORS)
 
 
 def size_of(case: Case, effect: str, p: Array) -> float:

@@ -189,6 +189,22 @@ class Nuisance:
 
 
 @dataclass(frozen=True)
+class Reconciled:
+    """An effect, by what sensors held against each other say without any model.
+
+    Attributes
+    ----------
+    gain : float
+        Rise of the likelihood of what they say with it [nats].
+    share : float
+        Of their disagreement without it that it takes away.
+    """
+
+    gain: float
+    share: float
+
+
+@dataclass(frozen=True)
 class Hiding:
     """A candidate of a round in which none was accepted, that another effect may hide.
 

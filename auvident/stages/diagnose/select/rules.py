@@ -16,6 +16,7 @@ from auvident.stages.diagnose.select.records import (
     Exchanged,
     Hiding,
     Nuisance,
+    Reconciled,
     Replacing,
     Rival,
     Screened,
@@ -235,6 +236,13 @@ RULES_BESIDE = _left_out(LEAST_T_BESIDE)
 ANOTHER = Refusal("another", "another candidate gains more")
 SENSORS: tuple[Rule[float], ...] = (
     Rule("reconciled", "sensors agree better with it [nats]", lambda gain: gain, CHECK_GAIN),
+)
+# ... so that it needs no model to be known. In 35 clean trials of even seeds sensors disagreed by
+# 13 nats at most, in 70 with something planted that is no fault of theirs by 18; of 19 faults that
+# were named, by 31 and more, 18 of them by more than 60.
+BY_SENSORS: tuple[Rule[Reconciled], ...] = (
+    Rule("reconciled", "sensors agree much better with it [nats]", lambda r: r.gain, 40.0),
+    Rule("share", "they hardly disagree any more", lambda r: r.share, SURE_EXPLAINED),
 )
 
 # --- what is accepted in its place, cannot be told from it, or is taken along -------------------

@@ -119,10 +119,11 @@ def at_far_sizes(case: Case, before: Fitted, candidate: str) -> list[Array]:
 
 
 def known_to_sensors(case: Case, effects: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Mean and standard deviation by name, as far as the sensors' checks have them."""
+    """Mean and standard deviation by name, from the check of the sensors that knows it best."""
     there = {name for effect in effects for name in BY_ID[effect].names()}
-    return {
-        name: (float(mean), float(std))
+    told = [
+        (name, float(mean), float(std))
         for c in (check.with_only(there) for check in case.checks)
         for name, mean, std in zip(c.names, c.mean, np.sqrt(np.diag(c.covariance)), strict=True)
-    }
+    ]
+    return {name: (mean, std) for name, mean, std in sorted(told, key=lambda t: -t[2])}

@@ -11,7 +11,7 @@ from auvident.schema.effects import BY_ID, parameter_of
 from auvident.stages.diagnose.checks.events import Event
 from auvident.stages.diagnose.checks.waves import Wave
 from auvident.stages.diagnose.fit.case import counted_from
-from auvident.stages.diagnose.select.candidates import Traced
+from auvident.stages.diagnose.select.candidates import Traced, by_sensors
 from auvident.stages.diagnose.verdict.evidence import Evidence
 from auvident.stages.diagnose.verdict.uncertainty import effect_values, spreads, time_of
 
@@ -87,6 +87,7 @@ def accepted(traced: Traced) -> list[EffectFound]:
                 plain=plain(effect, values, speed, rate, frame),
                 time_s=when.value if when else None,
                 frame=frame,
+                by_sensors=by_sensors(case, effect, p),
             )
         )
     return found

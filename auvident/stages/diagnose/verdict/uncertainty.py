@@ -1,6 +1,7 @@
 """How well the sizes of effects are known: from the curvature and from the scatter of maneuvers."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,10 +16,12 @@ from auvident.stages.diagnose.fit.fits import Fitted, output_error, prior_of
 from auvident.stages.diagnose.score.left_out import MOST_FITS, FitsWithout
 from auvident.stages.diagnose.select.candidates import bounds_of, open_of
 from auvident.stages.diagnose.select.instants import instant_of, span_of
+from auvident.stages.diagnose.select.starts import known_to_sensors
 
 Array = npt.NDArray[Any]
 
 INTERVAL = 0.975
+INFORMED = 0.5  # of the share of the data in a parameter
 TIMED = tuple(
     n for e in EFFECTS if e.alike == "late" for n in e.names() if parameter_of(n).unit == "s"
 )
@@ -28,26 +31,65 @@ def spreads(case: Case, fitted: Fitted, fits: FitsWithout) -> Array:
     """Standard deviation (n_parameters,) of the free parameters of a fit.
 
     The larger of what the curvature says and of the scatter when maneuvers are left out
-    (jackknife).
+    (jackknife); no more than what sensors held against each other leave open.
     """
     free, moving = fitted.free, case.setup.free(fitted.free)
-    output = output_error(case, fitted.colours)
-    curvature = prior_of(case, free, open_of(case, fitted)).information
-    for record in case.records:
-        parts = normal_equations(output, fitted.parameters, record, moving)
-        if parts is not None:
-            curvature = curvature + parts[2]
+    prior, of_record = _information(case, fitted)
+    whole = prior + of_record.sum(axis=0)
     out = np.zeros(len(fitted.parameters))
-    out[free] = np.sqrt(np.diag(np.linalg.inv(curvature))) * moving.scale
+    out[free] = np.sqrt(np.diag(np.linalg.inv(whole))) * moving.scale
     lent_s = lent(case)
     for i, name in enumerate(case.names):
         if name in TIMED and i in free:
             out[i] = math.hypot(out[i], lent_s)
     if len(case.records) > 2:
-        without = fits.of(case, fitted)
-        count, away = len(without), without - without.mean(0)
-        scatter = np.sqrt((count - 1) / count * np.sum(away**2, axis=0))
-        out = np.maximum(out, np.where(out > 0.0, scatter, 0.0))
+        groups = [
+            of_record[k::MOST_FITS].sum(axis=0) for k in range(min(len(of_record), MOST_FITS))
+        ]
+        known = _informed(prior, whole, groups)
+        out[free] = np.maximum(out[free], scatter(fits.of(case, fitted)[:, free], known))
+    return np.minimum(out, known_by_sensors(case, fitted))
+
+
+def _information(case: Case, fitted: Fitted) -> tuple[Array, Array]:
+    """Information of the prior (k, k) and of each maneuver (m, k, k) on the free parameters."""
+    output, moving = output_error(case, fitted.colours), case.setup.free(fitted.free)
+    prior = prior_of(case, fitted.free, open_of(case, fitted)).information
+    parts = (normal_equations(output, fitted.parameters, r, moving) for r in case.records)
+    return prior, np.array([np.zeros_like(prior) if p is None else p[2] for p in parts])
+
+
+def _informed(prior: Array, whole: Array, groups: Sequence[Array]) -> npt.NDArray[np.bool_]:
+    """Which parameters (k,) each fit (f, k) without some maneuvers is told of by the others.
+
+    Half of the share that the data have of them at least. Without the only maneuver after a step
+    of thrust its size is that of the prior, which is no scatter (even seed 5190).
+    """
+    of_prior = np.diag(np.linalg.inv(prior))
+    shares = [
+        1.0 - np.diag(np.linalg.inv(whole - own)) / of_prior for own in (0.0 * whole, *groups)
+    ]
+    return np.array(shares[1:]) >= INFORMED * shares[0]
+
+
+def scatter(fits: Array, known: npt.NDArray[np.bool_]) -> Array:
+    """Jackknife standard deviations (k,) of parameters (f, k), of the fits that know of each."""
+    count = known.sum(axis=0)
+    away = fits - np.sum(np.where(known, fits, 0.0), axis=0) / np.maximum(count, 1)
+    squares = np.sum(np.where(known, away**2, 0.0), axis=0)
+    return np.asarray(np.sqrt(np.maximum(count - 1, 0) / np.maximum(count, 1) * squares))
+
+
+def known_by_sensors(case: Case, fitted: Fitted) -> Array:
+    """How well sensors held against each other know the parameters (n_parameters,) of a fit.
+
+    Root of the sum of squares of what they leave open and of how far the fit is from what they
+    say; infinite where they say nothing.
+    """
+    out = np.full(len(fitted.parameters), np.inf)
+    for name, (mean, std) in known_to_sensors(case, fitted.effects).items():
+        i = case.position(name)
+        out[i] = math.hypot(std, fitted.parameters[i] - mean)
     return out
 
 

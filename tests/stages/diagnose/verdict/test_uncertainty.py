@@ -6,8 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvident.stages.diagnose.verdict.uncertainty import effect_values, lent
-from tests.stages.diagnose.loop_chain import small_case
+from auvident.stages.diagnose.checks.kinematics import SensorCheck
+from auvident.stages.diagnose.select.candidates import by_sensors
+from auvident.stages.diagnose.verdict.uncertainty import (
+    _informed,
+    effect_values,
+    known_by_sensors,
+    lent,
+    scatter,
+)
+from tests.stages.diagnose.loop_chain import small_case, small_fit
 
 
 @pytest.mark.parametrize(
@@ -36,3 +44,69 @@ def test_what_a_servo_may_lend_to_another_delay_is_a_share_of_the_time_for_a_len
     slower = replace(case, nuisance_std=3.0 * case.nuisance_std)  # as of L/U three times as long
     assert lent(slower) == pytest.approx(3.0 * lent(case))
     assert 0.02 < lent(case) / (1.3327 / 1.5) < 0.06
+
+
+# --- what sensors held against each other know ---------------------------------------------
+
+BIAS = "gyro_bias.bias_degps"
+
+
+def checked(mean: float, std: float):
+    """The case with a sensor check that knows the bias of the gyro."""
+    check = SensorCheck((BIAS,), np.array([mean]), np.array([[std**2]]), 100, 0.001, "made up")
+    return replace(small_case(), checks=(check,))
+
+
+def with_bias(value: float):
+    p = small_fit().parameters.copy()
+    p[small_case().position(BIAS)] = value
+    return replace(small_fit(), effects=("gyro_bias",), parameters=p)
+
+
+def test_a_size_is_known_as_well_as_the_sensors_know_it() -> None:
+    """A gyro delay that two logs know to 0.03 s was not confirmed for the scatter of maneuvers."""
+    known = known_by_sensors(checked(0.02, 3e-4), with_bias(0.0204))
+    at = small_case().position(BIAS)
+    assert known[at] == pytest.approx(5e-4)  # what they leave open, and how far the fit is off
+    assert np.isinf(np.delete(known, at)).all()
+    assert np.isinf(known_by_sensors(small_case(), with_bias(0.02))).all()
+
+
+@pytest.mark.parametrize(
+    ("mean", "std", "size", "shown"),
+    [
+        (0.02, 1e-3, 0.02, True),  # 200 nats, nothing left
+        (0.02, 3e-3, 0.02, False),  # 22 nats
+        (0.02, 1e-3, 0.01, False),  # 150 of 200 nats
+        (0.02, 1e-3, 0.0, False),
+    ],
+)
+def test_sensors_show_an_effect_that_makes_them_agree(mean, std, size, shown) -> None:
+    assert by_sensors(checked(mean, std), "gyro_bias", with_bias(size).parameters) == shown
+    assert not by_sensors(small_case(), "gyro_bias", with_bias(size).parameters)
+
+
+# --- scatter between maneuvers -------------------------------------------------------------
+
+
+def test_a_fit_that_is_told_nothing_of_a_size_is_no_scatter() -> None:
+    """A step of thrust of 28 % with 1,472 nats was not confirmed: without the only maneuver after
+    it nothing is left of it (even seed 5190)."""
+    fits = np.array([[0.20, 1.0], [0.21, 1.2], [0.19, 0.9], [0.0, 1.1]])
+    known = np.array([[True, True]] * 3 + [[False, True]])
+    found = scatter(fits, known)
+    for k, rows in enumerate((fits[:3, 0], fits[:, 1])):
+        count = len(rows)
+        expected = np.sqrt((count - 1) / count * np.sum((rows - rows.mean()) ** 2))
+        assert found[k] == pytest.approx(expected)
+    assert scatter(fits, np.zeros_like(known)).tolist() == [0.0, 0.0]
+
+
+def test_a_fit_is_told_of_a_size_by_the_share_that_the_others_have_in_it() -> None:
+    prior, own = np.eye(2), [np.diag([8.0, 4.0]), np.diag([1.0, 4.0]), np.diag([0.0, 4.0])]
+    known = _informed(prior, prior + np.sum(own, axis=0), own)
+    # shares of the data in the first: 0.90 of all; 0.5 without the one that shows it, 0.45 is half
+    assert known.tolist() == [[True, True]] * 3
+    own[1] = np.diag([0.5, 4.0])  # 0.33 of 0.89 is left
+    known = _informed(prior, prior + np.sum(own, axis=0), own)
+    assert known.tolist() == [[False, True], [True, True], [True, True]]
