@@ -1,8 +1,8 @@
 """Effects that look like each other, and what tells them apart."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
-from auvident.schema.effects import BY_ID, BY_MANEUVERS, EFFECTS
+from auvident.schema.effects import BY_ID, BY_MANEUVERS, EFFECTS, parts_of
 from auvident.schema.planes import Plane
 
 TELLS_MOST = (
@@ -20,6 +20,12 @@ def alike(effect: str) -> tuple[str, ...]:
 def partners(effect: str) -> tuple[str, ...]:
     """Effects that look like one."""
     return tuple(other for other in alike(effect) if other != effect)
+
+
+def nested(group: Sequence[str]) -> bool:
+    """Whether the effect named is a special case of all others of its group."""
+    named, *others = group
+    return all(any(named in parts for parts in parts_of(other)) for other in others)
 
 
 def separated_by(ids: Iterable[str], plane: Plane = "horizontal") -> str:

@@ -7,6 +7,7 @@ from auvident.schema.artifacts import Verdict
 from auvident.schema.diagnosis import Attempt, Detectable, EffectFound
 from auvident.schema.effect_words import words_of
 from auvident.schema.effects import BY_ID
+from auvident.schema.likeness import nested
 
 NAMED_EFFECTS = 4  # told in the statement that nothing was found
 
@@ -43,7 +44,10 @@ def statement(
             too_little(left.get("sizes", ())),
             too_weak(left.get("nearest")),
         ],
-        "effect_found": lambda: [found(effects)],
+        "effect_found": lambda: [
+            found(effects),
+            alike([group for group in groups if not nested(group)], separate_by),
+        ],
         "ambiguous": lambda: [found(effects), alike(groups, separate_by)],
         "partly_explained": lambda: [
             found(effects),

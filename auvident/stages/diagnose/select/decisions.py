@@ -62,6 +62,11 @@ def told_apart_from(accepted: Account, accounts: Sequence[Account]) -> tuple[str
     return tuple(a.id for a in others if passes(Beside(accepted, a), rules.ALIKE))
 
 
+def left_to_the_motion(accepted: Account, rivals: Sequence[Account]) -> tuple[str, ...]:
+    """Candidates that sensors take for the accepted one, and the motion hardly tells from it."""
+    return tuple(a.id for a in rivals if passes(Beside(accepted, a), rules.ALIKE_TO_SENSORS))
+
+
 def nuisance_of(
     judged: Sequence[Judged], rms_before: Sequence[float], unclaimed: int
 ) -> str | None:

@@ -142,6 +142,11 @@ class Beside:
         return self.other.gain / self.accepted.gain
 
     @property
+    def gain_lost(self) -> float:
+        """By how much it gains less than the accepted one [nats]."""
+        return self.accepted.gain - self.other.gain
+
+    @property
     def rms_ratio(self) -> float:
         """Largest ratio of its residual to that of the accepted one, over the channels."""
         return ratio_of(self.other.rms, self.accepted.rms)

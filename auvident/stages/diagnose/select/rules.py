@@ -250,6 +250,7 @@ BY_SENSORS: tuple[Rule[Reconciled], ...] = (
 SIMPLE = 0.04  # an effect with fewer parameters may gain this share less
 ALIKE_SHARE = 0.12  # effects that gain all but this share of the best are not told apart
 RMS_ALIKE = 1.15  # ... and leave no residual larger by more
+SWAP = 15.0  # [nats] by which one explanation is better than another
 CONTAINS = 0.98  # cosine from which on an effect is a special case of another with more parameters
 MOST_HIDDEN = 2  # candidates with which another effect is looked for, where none is accepted
 MOST_UNCLAIMED = 2  # effects taken along without a claim
@@ -269,6 +270,12 @@ ALIKE: tuple[Rule[Beside], ...] = (
     Rule("gain", "it gains about as much", lambda b: b.gain_share, 1.0 - ALIKE_SHARE),
     Rule("small", "it is large enough to matter", lambda b: b.other.size, LEAST_SIZE),
     Rule("rms", "it leaves no residual larger", lambda b: b.rms_ratio, most=RMS_ALIKE),
+)
+# ... of those that sensors held against each other cannot tell apart (a depth that reads too
+# little, a DVL that reads too much), whatever both gain there: 30.9 and 27.1 nats (even seed 6182)
+ALIKE_TO_SENSORS: tuple[Rule[Beside], ...] = (
+    Rule("swap", "the motion hardly tells it [nats]", lambda b: b.gain_lost, most=SWAP),
+    *ALIKE[1:],
 )
 CONTAIN: tuple[Rule[Containing], ...] = (
     Rule("further", "it has more parameters", lambda c: c.further, 1.0),
@@ -309,7 +316,6 @@ CLAIM: tuple[Rule[Accepted], ...] = (
 MOST_EFFECTS = 4
 MOST_EXCHANGES = 2
 REMOVAL = 40.0  # [nats] an accepted effect that is worth less is taken out again
-SWAP = 15.0  # [nats] others in its place have to gain so much
 FEWER = 4.0  # ... and may lose so much when they have fewer parameters
 
 GO_ON: tuple[Rule[int], ...] = (

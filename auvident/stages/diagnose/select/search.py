@@ -17,7 +17,11 @@ from auvident.stages.diagnose.score.first_order import Joint, cosine
 from auvident.stages.diagnose.score.left_out import FitsWithout
 from auvident.stages.diagnose.select import rules
 from auvident.stages.diagnose.select.candidates import Round, Traced, Tried
-from auvident.stages.diagnose.select.decisions import nuisance_of, told_apart_from
+from auvident.stages.diagnose.select.decisions import (
+    left_to_the_motion,
+    nuisance_of,
+    told_apart_from,
+)
 from auvident.stages.diagnose.select.held_back import judged_with
 from auvident.stages.diagnose.select.instants import with_best_times
 from auvident.stages.diagnose.select.reconsider import reconsider
@@ -68,7 +72,7 @@ class Search:
             self.case, before, tried, len(self.candidates), self.rng, self.told, self.without
         )
         accepted = next((t for t in judged if t.refusal is None), None)
-        alike = alike_of(screened.joint, self.candidates, accepted, judged)
+        alike = alike_of(self.case, screened.joint, self.candidates, accepted, judged)
         name = accepted.id if accepted else None
         return Round(before, screened.joint, tuple(judged), screened.gains, alike, name)
 
@@ -119,14 +123,29 @@ def weak_of(done: Round, unclaimed: int) -> Tried | None:
 
 
 def alike_of(
-    joint: Joint, candidates: Sequence[str], accepted: Tried | None, judged: Sequence[Tried]
+    case: Case,
+    joint: Joint,
+    candidates: Sequence[str],
+    accepted: Tried | None,
+    judged: Sequence[Tried],
 ) -> tuple[str, ...]:
     """The accepted effect with those that explain the data as well; empty without any."""
     if accepted is None:
         return ()
     others = list(told_apart_from(accepted.account, [t.account for t in judged]))
+    rivals = [t.account for t in judged if as_one_to_sensors(case, accepted.id, t.id)]
+    others += [c for c in left_to_the_motion(accepted.account, rivals) if c not in others]
     others += [c for c in containing(joint, candidates, accepted.id) if c not in others]
     return (accepted.id, *others) if others else ()
+
+
+def as_one_to_sensors(case: Case, effect: str, other: str) -> bool:
+    """Whether sensors held against each other cannot tell two effects apart."""
+    ones = [
+        {name.partition(".")[0] for name in check.one_of if name in check.names}
+        for check in case.checks
+    ]
+    return effect != other and any({effect, other} <= one for one in ones)
 
 
 def containing(joint: Joint, candidates: Sequence[str], effect: str) -> list[str]:

@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from auvident.schema.artifacts import Verdict
 from auvident.schema.diagnosis import EffectFound
-from auvident.schema.effects import BY_ID, parts_of
+from auvident.schema.effects import BY_ID
+from auvident.schema.likeness import nested
 from auvident.schema.planes import Plane
 from auvident.stages.diagnose.checks.events import Event
 from auvident.stages.diagnose.checks.waves import Wave
@@ -92,12 +93,6 @@ def verdict_of(
 def something(evidence: Evidence) -> bool:
     """Whether a free force explains much of what is left, in maneuvers left out of its fit too."""
     return any(f.helps is not None and f.helps >= FREE_HELPS for f in evidence.free)
-
-
-def nested(group: Sequence[str]) -> bool:
-    """Whether the effect named is a special case of all others of its group."""
-    named, *others = group
-    return all(any(named in parts for parts in parts_of(other)) for other in others)
 
 
 def nearest_of(evidence: Evidence) -> str | None:

@@ -25,6 +25,7 @@ from auvident.stages.diagnose.select.records import (
     Exchanged,
     Hiding,
     Nuisance,
+    Reconciled,
     Replacing,
     Rival,
     Screened,
@@ -112,6 +113,10 @@ FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
         },
     ),
     "SENSORS": (12.0, {"reconciled": 11.9}),
+    "BY_SENSORS": (
+        Reconciled(40.0, 0.8),
+        {"reconciled": {"gain": 39.9}, "share": {"share": 0.79}},
+    ),
     "SIMPLER": (
         Beside(GOOD, SIMPLE),
         {
@@ -124,6 +129,14 @@ FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
         Beside(GOOD, replace(SIMPLE, gain=705.0)),
         {
             "gain": {"other": replace(SIMPLE, gain=703.0)},
+            "small": {"other": replace(SIMPLE, size=0.9)},
+            "rms": {"other": replace(SIMPLE, rms=(0.01, 0.02, 0.0024))},
+        },
+    ),
+    "ALIKE_TO_SENSORS": (
+        Beside(GOOD, replace(SIMPLE, gain=785.0)),
+        {
+            "swap": {"other": replace(SIMPLE, gain=784.9)},
             "small": {"other": replace(SIMPLE, size=0.9)},
             "rms": {"other": replace(SIMPLE, rms=(0.01, 0.02, 0.0024))},
         },

@@ -25,6 +25,7 @@ from auvident.stages.diagnose.select.candidates import Round, Tried
 from auvident.stages.diagnose.select.decisions import (
     hidden_among,
     judge,
+    left_to_the_motion,
     nuisance_of,
     shown_together,
     simplest,
@@ -363,6 +364,18 @@ def reconciled(gained: float) -> Callable[[Patch], Any]:
     return run
 
 
+def shown(without: float, with_it: float) -> Callable[[Patch], Any]:
+    """Whether sensors that disagree by so much show an effect."""
+
+    def run(patch: Patch) -> bool:
+        costs = iter((without, with_it))
+        patch.setattr(candidates, "without", lambda *_: None)
+        patch.setattr(candidates, "check_cost", lambda *_: next(costs))
+        return candidates.by_sensors(CASE, "current", np.zeros(1))
+
+    return run
+
+
 EIGHT = {name: 50.0 - k for k, name in enumerate(ALONE)}
 FIVE = {name: 100.0 - k for k, name in enumerate(ALONE[:5])}
 LATE, FALLING = ("rudder_lag", "rudder_stall"), ("thrust_sag", "thrust_step")
@@ -410,12 +423,17 @@ SCENARIOS: dict[str, dict[str, Callable[[Patch], Any]]] = {
         "explained": hidden(falls={"v": 0.1}),
     },
     "SENSORS": {"reconciled": reconciled(11.0)},
+    "BY_SENSORS": {"reconciled": shown(42.0, 3.0), "share": shown(1000.0, 210.0)},
     "SIMPLER": {
         code: accepted_of(update["other"]) for code, update in FAILING["SIMPLER"][1].items()
     },
     "ALIKE": {
         code: lambda patch, other=update["other"]: told_apart_from(GOOD, [GOOD, other])
         for code, update in FAILING["ALIKE"][1].items()
+    },
+    "ALIKE_TO_SENSORS": {
+        code: lambda patch, other=update["other"]: left_to_the_motion(GOOD, [other])
+        for code, update in FAILING["ALIKE_TO_SENSORS"][1].items()
     },
     "CONTAIN": {"further": contained(0, 0.99), "cosine": contained(1, 0.97)},
     "TAKE_ALONG": {

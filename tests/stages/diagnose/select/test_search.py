@@ -21,11 +21,14 @@ from auvident.stages.diagnose.select.together import Pair
 from tests.stages.diagnose.select.test_rules import GOOD
 
 PLACES = {"a": [2], "b": [3], "c": [4]}  # behind two coefficients
+SEEN_AS_ONE = ("gyro_bias.bias_degps", "gyro_scale.fraction")
 
 
 @dataclass(frozen=True)
 class Places:
     """As much of a case as is asked for."""
+
+    checks = (SimpleNamespace(names=SEEN_AS_ONE, one_of=SEEN_AS_ONE),)
 
     def positions(self, effect: str) -> list[int]:
         return PLACES[effect]
@@ -234,6 +237,12 @@ def test_what_explains_the_data_as_well_stands_beside_what_is_accepted(monkeypat
     found = traced(monkeypatch, {"current": {}, "gyro_bias": {"gain": 790.0}})
     assert found.rounds[0].alike == ("current", "gyro_bias")
     assert traced(monkeypatch, {"current": {}}).rounds[0].alike == ()
+    # sensors do not tell these two apart, and the motion by 4 of 30 nats
+    first, second = {"gain": 30.0, "best_gain": 30.0}, {"gain": 26.0, "best_gain": 30.0}
+    found = traced(monkeypatch, {"gyro_bias": first, "gyro_scale": second})
+    assert found.rounds[0].alike == ("gyro_bias", "gyro_scale")
+    found = traced(monkeypatch, {"gyro_bias": first, "current": second})
+    assert found.rounds[0].alike == ()
     special = traced(monkeypatch, {"rudder_offset": {}})
     assert special.rounds[0].alike == ("rudder_offset", "hull_asymmetry")
 
