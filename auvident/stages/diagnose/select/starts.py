@@ -119,11 +119,19 @@ def at_far_sizes(case: Case, before: Fitted, candidate: str) -> list[Array]:
 
 
 def known_to_sensors(case: Case, effects: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Mean and standard deviation by name, from the check of the sensors that knows it best."""
+    """Mean and standard deviation by name, of all checks of the sensors that have it."""
     there = {name for effect in effects for name in BY_ID[effect].names()}
-    told = [
-        (name, float(mean), float(std))
-        for c in (check.with_only(there) for check in case.checks)
-        for name, mean, std in zip(c.names, c.mean, np.sqrt(np.diag(c.covariance)), strict=True)
-    ]
-    return {name: (mean, std) for name, mean, std in sorted(told, key=lambda t: -t[2])}
+    told: dict[str, list[tuple[float, float]]] = {}
+    for check in (check.with_only(there) for check in case.checks):
+        variances = np.diag(check.covariance)
+        for name, mean, variance in zip(check.names, check.mean, variances, strict=True):
+            told.setdefault(name, []).append((float(mean), float(variance)))
+    return {name: _weighted(*np.array(values).T) for name, values in told.items()}
+
+
+def _weighted(means: Array, variances: Array) -> tuple[float, float]:
+    """Weighted mean and its standard deviation, wider where they disagree (Birge 1932)."""
+    weights = 1.0 / variances
+    mean = float(weights @ means / weights.sum())
+    disagree = float(weights @ (means - mean) ** 2) / max(len(means) - 1, 1)
+    return mean, float(np.sqrt(max(disagree, 1.0) / weights.sum()))
