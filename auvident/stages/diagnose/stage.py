@@ -27,7 +27,7 @@ from auvident.stages.diagnose.checks.vertical import (
     position_in_dives,
 )
 from auvident.stages.diagnose.checks.waves import Residual, find_wave
-from auvident.stages.diagnose.fit.case import Case, case_of, testable
+from auvident.stages.diagnose.fit.case import Case, case_of, sizes_of, testable
 from auvident.stages.diagnose.fit.fits import Fitted
 from auvident.stages.diagnose.score.free_forces import FreeForce, free_forces
 from auvident.stages.diagnose.select.candidates import Traced
@@ -111,7 +111,8 @@ def _diagnosed(
     search = Search(case, candidates, np.random.default_rng(seed), told=Telling(tell))
     headings = headings_of(case)
     tell("residual of the model, one-off events", None)
-    baseline, events = _without_events(search, headings)
+    hull_time_s = model.length_m / sizes_of(model, case.records)[0]
+    baseline, events = _without_events(search, headings, hull_time_s)
     traced = narrowed(search.trace(baseline), trials, maneuvers)
     tell("forces without a named cause", None)
     evidence = _evidence(traced, search, headings, events, missing)
@@ -149,12 +150,14 @@ def headings_of(case: Case) -> dict[str, Array]:
     return found
 
 
-def _without_events(search: Search, headings: Mapping[str, Array]) -> tuple[Fitted, list[Event]]:
+def _without_events(
+    search: Search, headings: Mapping[str, Array], hull_time_s: float
+) -> tuple[Fitted, list[Event]]:
     """The fit without any effect, one-off events masked."""
     baseline = baseline_of(search.case)
     noise = search.case.setup.sensor_std[:3]
     pieces = pieces_of(search.case, baseline.residuals, headings)
-    events = find_events(pieces, noise, search.case.plane)
+    events = find_events(pieces, noise, search.case.plane, hull_time_s)
     if not events:
         return baseline, []
     search.case = search.case.masked(

@@ -15,11 +15,8 @@ from auvident.stages.diagnose.select.candidates import Traced, by_sensors
 from auvident.stages.diagnose.verdict.evidence import Evidence
 from auvident.stages.diagnose.verdict.uncertainty import effect_values, spreads, time_of
 
-# errors on generated trials (`waves`, `events`): 0.006 rad/s and 2.6 deg at most, about a second
-STDS = {
-    "one_off_event": {"time_s": 1.0, "duration_s": 1.0},
-    "wave": {"omega_radps": 0.02, "direction_deg": 5.0},
-}
+# errors on generated trials (`waves`): 0.006 rad/s and 2.6 deg at most
+WAVE_STDS = {"omega_radps": 0.02, "direction_deg": 5.0}
 
 
 def disturbances(evidence: Evidence) -> list[EffectFound]:
@@ -34,7 +31,11 @@ def _event(e: Event) -> EffectFound:
     return EffectFound(
         id="one_off_event",
         family=BY_ID["one_off_event"].family,
-        parameters=_told("one_off_event", {"time_s": e.time_s, "duration_s": e.duration_s}),
+        parameters=_told(
+            "one_off_event",
+            {"time_s": e.time_s, "duration_s": e.duration_s},
+            dict.fromkeys(("time_s", "duration_s"), e.resolution_s),
+        ),
         plain=f"a one-off event in {e.maneuver} at {e.time_s:.0f} s (masked)",
         maneuver=e.maneuver,
         time_s=e.time_s,
@@ -48,19 +49,21 @@ def _wave(wave: Wave, frame: Literal["north", "bow"]) -> EffectFound:
     return EffectFound(
         id="wave",
         family=BY_ID["wave"].family,
-        parameters=_told("wave", values),
+        parameters=_told("wave", values, WAVE_STDS),
         plain=f"a wave of {wave.frequency_radps:.2f} rad/s towards {degrees:.0f} deg{FROM[frame]}",
         frame=frame,
     )
 
 
-def _told(effect: str, values: Mapping[str, float]) -> tuple[ParameterValue, ...]:
+def _told(
+    effect: str, values: Mapping[str, float], stds: Mapping[str, float]
+) -> tuple[ParameterValue, ...]:
     """Parameters of a disturbance, in the units of the table of effects."""
     return tuple(
         ParameterValue(
             symbol=symbol,
             value=value,
-            std=STDS[effect][symbol],
+            std=stds[symbol],
             unit=parameter_of(f"{effect}.{symbol}").unit,
         )
         for symbol, value in values.items()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from auvident.schema.planes import VERTICAL
-from auvident.stages.diagnose.checks.events import BIN_S, Event, find_events
+from auvident.stages.diagnose.checks.events import BIN, Event, find_events
 from auvident.stages.diagnose.checks.waves import Residual
 
 NOISE = np.array([0.005, 0.005, 0.0009, 0.005])
@@ -78,11 +78,26 @@ def test_a_push_is_found_in_its_place(at: float, size: float) -> None:
         (event,) = found(seed, push={3: (at, size)}, helm=0.4)
         assert event.maneuver == "m3"
         begin, end = event.time_s - 300.0, event.time_s - 300.0 + event.duration_s
-        assert begin <= at + BIN_S and at - begin < 4.0  # it grows from nothing in its first bin
+        assert begin <= at + BIN and at - begin < 4.0  # it grows from nothing in its first bin
         assert min(at + 3.0, 84.0) <= end < at + 20.0
         assert {"v", "r"} & set(event.channels)
         early += begin <= at + 0.5
     assert early >= 5  # of 8; 56 of 60 seeds where it is least
+
+
+def test_a_push_is_as_long_as_the_vehicle_is_slow() -> None:
+    """Four times slower, all rates a quarter: on a bulk carrier's model a push lasts 12 s."""
+    what = {"push": {3: (37.0, 1.0)}, "helm": 0.4}
+    (event,) = found(1, **what)
+    slow = [
+        replace(p, time_s=4.0 * p.time_s, values=p.values * [1.0, 1.0, 0.25, 1.0])
+        for p in pieces_of(1, **what)  # type: ignore[arg-type]
+    ]
+    (longer,) = find_events(slow, NOISE[:3] * [1.0, 1.0, 0.25], hull_time_s=4.0)
+    assert longer.time_s == pytest.approx(4.0 * event.time_s)
+    assert longer.duration_s == pytest.approx(4.0 * event.duration_s)
+    assert longer.ratio == pytest.approx(event.ratio)
+    assert (event.resolution_s, longer.resolution_s) == (1.0, 4.0)
 
 
 def test_heading_that_a_push_leaves_behind_is_told() -> None:
