@@ -72,6 +72,26 @@ DAMAGED: dict[str, tuple[dict[str, Change], str]] = {
 }
 
 
+def at_the_end(time: np.ndarray) -> np.ndarray:
+    return time > time[-1] - 60.0
+
+
+def waves(time: np.ndarray, q: np.ndarray) -> np.ndarray:
+    return np.where(at_the_end(time), 0.08 * np.sin(0.8 * time), q)
+
+
+@pytest.mark.parametrize(("depth_m", "outcome"), [(0.2, "agrees"), (20.0, "contradicts")])
+def test_what_waves_do_at_the_surface_is_no_stuck_elevator(depth_m, outcome):
+    """A vehicle that waits at the surface after its last dive pitches with its elevator still."""
+    changes: dict[str, Change] = {
+        "q_radps": waves,
+        "elevator_rad": lambda time, x: np.where(at_the_end(time), 0.0, x),
+        "u_mps": lambda time, x: np.where(at_the_end(time), 1.4, x),
+        "depth_m": lambda time, x: np.where(at_the_end(time), depth_m, x),
+    }
+    assert checks(changes)["elevator_stuck"].outcome == outcome
+
+
 @pytest.mark.parametrize("damage", DAMAGED)
 def test_a_damaged_dive_contradicts(damage):
     changes, name = DAMAGED[damage]

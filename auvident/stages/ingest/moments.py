@@ -5,10 +5,12 @@ while; a rudder that stands for ten seconds leaves no settled turn. Only the bal
 shows the fin at every moment. With its terms estimated,
 
     dr/dt = a u^2 rudder + b u r + c u v + d r |r| + e u^2,
-    dq/dt = a u^2 elevator + b u q + c u w + d sin(pitch) + e u^2,
+    dq/dt = a u^2 elevator + b u q + c u w + d sin(pitch) + e u^2 + f,
 
-it is solved for the fin. The terms are taken from where the fin was moved not long before: a
-stretch in which its log stands still does not spoil them.
+it is solved for the fin; f is a trim by weight, of which a slower vehicle shows more. What is
+shallower than half its length is not looked at, as waves turn it too. The terms are taken from
+where the fin was moved not long before: a stretch in which its log stands still does not spoil
+them.
 """
 
 from collections.abc import Callable, Iterator
@@ -38,6 +40,7 @@ LEAST_S = 0.5  # that is left of a hold
 END_S = 1.0  # of a hold, which the smoothing mixes with the next
 PART_LENGTHS, PART_S = 1.0, 3.0  # of a hold, over which an angle is averaged
 USUAL_RAD = 12.0 * DEG  # range of a fin that is steered: what is held is a share of its own
+SURFACED = 0.5  # [L] depth within which it is at the surface
 STATES = ("u", "side", "rate", "angle")  # of either plane, in the order of its columns
 
 
@@ -66,7 +69,7 @@ def _yaw_rest(s: Signals, arm: float) -> np.ndarray:
 
 def _pitch_rest(s: Signals, arm: float) -> np.ndarray:
     u, w = s["u"], s["side"] + arm * s["rate"]
-    return np.column_stack((u * s["rate"], u * w, np.sin(s["angle"]), u**2))
+    return np.column_stack((u * s["rate"], u * w, np.sin(s["angle"]), u**2, np.ones_like(u)))
 
 
 YAW, PITCH = MomentsRow(HORIZONTAL, 3, _yaw_rest), MomentsRow(VERTICAL, 4, _pitch_rest)
@@ -132,21 +135,33 @@ def moments(
         return None
     scale = USUAL_RAD / usual
     moved = _lately_moved(time, scale * fin, max(MOVED_S, MOVED_LENGTHS * passage_s))
+    dived = _dived(trial, vehicle.hull.length_m)
     arm = vehicle.dvl.x_m
 
     def relation(s: Signals, lag: float) -> tuple[np.ndarray, np.ndarray]:
         by_fin = s["u"] ** 2 * shifted(s, "fin", lag)
         return s["rate_dot"], np.column_stack((by_fin, balance.rest(s, arm)))
 
+    def under_way(s: Signals) -> np.ndarray:
+        return (s["u"] > grip_mps) & dived[np.searchsorted(time, s["time"])]
+
     def use(s: Signals) -> np.ndarray:
-        return (s["u"] > grip_mps) & moved[np.searchsorted(time, s["time"])]
+        return under_way(s) & moved[np.searchsorted(time, s["time"])]
 
     found = fit_relation(records, relation, LAGS_S, use)
     if found is None or found.theta[0] == 0.0:
         return None
     solve = _Solve(found, balance, arm, grip_mps, passage_s, trial.rate_hz, scale)
-    held = [h for s in records for h in _held(s, solve)]
+    held = [h for s in records for h in _held(s, under_way(s), solve)]
     return Moments(found, tuple(held), usual)
+
+
+def _dived(trial: Trial, length_m: float) -> np.ndarray:
+    """Rows in which a vehicle that dives is not at the surface."""
+    rows = np.ones(len(trial.table), dtype=bool)
+    depth = trial.table["depth_m"].to_numpy(float) if "depth_m" in trial.table.columns else rows
+    surfaced = depth < SURFACED * length_m
+    return ~surfaced if 2 * np.count_nonzero(surfaced) < surfaced.size else rows
 
 
 def _lately_moved(time: np.ndarray, fin: np.ndarray, within_s: float) -> np.ndarray:
@@ -178,14 +193,14 @@ class _Solve:
     scale: float
 
 
-def _held(s: Signals, by: _Solve) -> Iterator[HeldFin]:
+def _held(s: Signals, under_way: np.ndarray, by: _Solve) -> Iterator[HeldFin]:
     """Each hold of a record under way, with the angle that the moments show."""
     # The angle is linear in these, whatever the coefficients are.
     per = np.column_stack((s["rate_dot"], by.balance.rest(s, by.arm)))
     per /= np.maximum(s["u"], by.grip)[:, None] ** 2
     first_s = max(SETTLE_S, SETTLE_LENGTHS * by.passage_s) + by.found.lag_s
     part = max(round(min(PART_S, PART_LENGTHS * by.passage_s) * by.rate_hz), 1)
-    for rows in _known(s["u"] > by.grip):
+    for rows in _known(under_way):
         time, fin = s["time"][rows], s["fin"][rows]
         for hold in holds(time, by.scale * fin):
             inside = time[hold] >= time[hold.start] + first_s
