@@ -1,5 +1,6 @@
 """Artifacts of the residual loop: what the model lacks, and what adding it changed."""
 
+from collections.abc import Sequence
 from typing import Any, Literal
 
 from pydantic import Field, computed_field
@@ -299,6 +300,11 @@ class UnexplainedForce(Artifact):
     held_out: HeldOut | None = None
 
 
+def keeps(attempts: Sequence[Attempt]) -> bool:
+    """Whether the first of some attempts, the model before, was taken."""
+    return any(a.taken for a in attempts[:1])
+
+
 class Comparison(Artifact):
     """``refine/comparison.json``.
 
@@ -332,7 +338,7 @@ class Comparison(Artifact):
     @property
     def is_kept(self) -> bool:
         """Whether no effect was added, as the model before predicts better."""
-        return any(a.taken for a in self.attempts[:1])
+        return keeps(self.attempts)
 
     @property
     def added(self) -> bool:

@@ -14,7 +14,7 @@ from auvident.schema.trial import Trial
 from auvident.stages.ingest import ingest
 from auvident.stages.ingest.checks import Seen, heave, run_checks
 from auvident.stages.ingest.checks.elevator import elevator_cut
-from auvident.stages.ingest.moments import HeldFin
+from auvident.stages.ingest.moments import PITCH, HeldFin
 from auvident.storage.logs import read_trials
 from auvident.storage.vehicle_file import load_vehicle
 
@@ -90,6 +90,13 @@ def test_what_waves_do_at_the_surface_is_no_stuck_elevator(depth_m, outcome):
         "depth_m": lambda time, x: np.where(at_the_end(time), depth_m, x),
     }
     assert checks(changes)["elevator_stuck"].outcome == outcome
+
+
+def test_a_trim_by_weight_stands_in_the_balance_at_every_speed():
+    rng = np.random.default_rng(0)
+    signals = {name: rng.uniform(0.5, 2.0, 50) for name in ("u", "side", "rate", "angle")}
+    terms = PITCH.rest(signals, 0.3)  # a constant moment is among them, whatever the speed
+    assert np.linalg.lstsq(terms, np.full(50, 0.2), rcond=None)[1] == pytest.approx(0.0, abs=1e-20)
 
 
 @pytest.mark.parametrize("damage", DAMAGED)

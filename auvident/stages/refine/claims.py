@@ -15,6 +15,7 @@ from auvident.schema.diagnosis import (
     ParameterValue,
     Refused,
     ends,
+    keeps,
 )
 from auvident.schema.effect_words import is_confirmed, plain
 from auvident.schema.effects import BY_ID, parameter_of
@@ -47,7 +48,7 @@ def claims_of(
     An effect stands when some size of it is told from nothing, in the model that was taken. One
     that sensors held against each other show is a fact about the logs, whichever that model is.
     """
-    kept = any(a.taken for a in attempts[:1])  # the model before is the best
+    kept = keeps(attempts)
     final = [e if kept else _with_final_values(e, after, speed, rate) for e in diagnosis.effects]
     in_model = [e for e in final if BY_ID[e.id].enters != "disturbance"]
     doubts = {e.id: _doubt(e, kept) for e in in_model}
