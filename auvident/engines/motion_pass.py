@@ -55,7 +55,7 @@ def motion_pass(
         first row.
     P : (m + k, m + k) array
         Its covariance.
-    inputs : (n, 12) or, without forces, (n, 3) array
+    inputs : (n, 15) or, without forces, (n, 3) array
         The first k forces are those that are followed.
     measured_states : (n, 4) array
         Values of the inactive states.

@@ -60,9 +60,9 @@ class Logs(NamedTuple):
     Attributes
     ----------
     lengths : (k,) int array
-    inputs : (k, n, 12) or (k, n, 3) array
+    inputs : (k, n, 15) or (k, n, 3) array
         u, at theta = 0.
-    input_slopes : (k, n, 12, a) array
+    input_slopes : (k, n, 15, a) array
         du/dtheta, by the columns `Parameters.input_columns`.
     measured_states : (k, n, 4) array
         Values of the inactive states.

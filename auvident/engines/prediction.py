@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.constants import VehicleTime
 from auvident.engines.accumulated import Sees, place_slopes
 from auvident.engines.problem import Linear
 from auvident.engines.records import Record, Source
+from auvident.engines.smoothing import smoothed
 from auvident.physics import readings as whole
 from auvident.physics import sensing as sense
 from auvident.physics.actuation import (
@@ -27,6 +27,9 @@ from auvident.physics.actuation import (
     NO_PAST,
     NO_STEP,
     NOWHERE,
+    RACE,
+    T_NN,
+    T_NU,
     acting_with_steps,
     command_values,
 )
@@ -43,8 +46,6 @@ SMALL_STEP = 0.02  # [of the prior] longest step of a slope where an effect is a
 READING_STEP = 0.05  # [of the prior] step of a slope of the readings
 NO_WATER = np.zeros((0, 2))
 MOST_KEPT = 1 << 23  # [numbers, 64 MB] of working memory is used again; more is given back
-# readings are smoothed over this time before slopes are taken from them
-SMOOTHED_S: VehicleTime = 1.5
 
 
 @dataclass(frozen=True)
@@ -138,9 +139,11 @@ class At:
         """
         commands, e = COMMANDS[self.frame.structure.plane], self.command_effects
         found = _columns_of(commands, self.frame.structure.parameters, self.free)
+        if e[RACE] == 0.0:  # the thrust turns no fin
+            found = [(column, place) for column, place in found if place not in (T_NN, T_NU)]
         steps = np.zeros((len(found), 2))
         for k, (column, place) in enumerate(found):
-            declared, scale = parameter_of(commands[place]).step, self.free.scale[column]
+            declared, scale = _step_of(commands[place]), self.free.scale[column]
             at_work = abs(e[place]) > SMALL * declared * scale
             step = min(declared, SMALL_STEP) if at_work else declared
             steps[k] = step * scale, step
@@ -232,7 +235,7 @@ def _start(frame: Frame, e: Array, record: Record, source: Source) -> Array:
 def _inputs(
     frame: Frame, e: Array, record: Record, source: Source, moves: Moves
 ) -> tuple[Array, Array]:
-    """Inputs (n, 12) that act, and slopes (n, 6, k) of the first of them."""
+    """Inputs (n, 15) that act, and slopes (n, 9, k) of the first of them."""
     acting, slopes = acting_with_steps(
         source.raw,
         source.elapsed_s,
@@ -254,7 +257,7 @@ def _inputs(
 
 
 def input_slopes(frame: Frame, p: Array, acting: Record, free: Free) -> tuple[Array, Array]:
-    """Slopes (n, 12, k) of the inputs by the free parameters in columns (k,), per unit of scale.
+    """Slopes (n, 15, k) of the inputs by the free parameters in columns (k,), per unit of scale.
 
     By differences, see `At.moves`.
 
@@ -273,6 +276,11 @@ def input_slopes(frame: Frame, p: Array, acting: Record, free: Free) -> tuple[Ar
     return slopes, moves.columns
 
 
+def _step_of(name: str) -> float:
+    """Step for a slope by a difference, in units of scale."""
+    return parameter_of(name).step if "." in name else SMALL_STEP
+
+
 def _columns_of(
     effects: tuple[str, ...], names: tuple[str, ...], free: Free
 ) -> list[tuple[int, int]]:
@@ -280,7 +288,7 @@ def _columns_of(
     return [
         (column, effects.index(names[i]))
         for column, i in enumerate(free.positions)
-        if "." in names[i] and names[i] in effects
+        if names[i] in effects
     ]
 
 
@@ -463,30 +471,9 @@ def linear_about(
     inputs: list[Array] = []
     columns = np.zeros(0, dtype=np.int64)
     for j, record in enumerate(records):
-        length, states = len(record.time_s), _smoothed(record.given, frame.dt_s)
+        length, states = len(record.time_s), smoothed(record.given, frame.dt_s)
         base, by_reading[j, :length] = _readings(at, record, states, moves)
         offset[j, :length] = base - states @ matrix.T
         slope, columns = input_slopes(frame, p, record, free)
         inputs.append(np.concatenate([slope, np.zeros((n - length, *slope.shape[1:]))]))
     return Linear(columns, np.array(inputs), offset, moves.columns, by_reading), matrix
-
-
-def _smoothed(states: Array, dt_s: float) -> Array:
-    """States without their fastest noise."""
-    window = 2 * round(0.5 * SMOOTHED_S / dt_s) + 1
-    return states if len(states) < window or window < 5 else local_parabolas(states, window)
-
-
-def local_parabolas(values: Array, window: int) -> Array:
-    """Values (n, m) of parabolas fitted to `window` (odd) rows each (Savitzky and Golay 1964).
-
-    The first and last rows lie on the first and last parabola. What scipy.signal returns; to
-    import that takes half as long as an identification.
-    """
-    half = window // 2
-    powers = np.vander(np.arange(-half, half + 1.0), 3)
-    hat = powers @ np.linalg.pinv(powers)
-    middle = np.lib.stride_tricks.sliding_window_view(values, window, axis=0) @ hat[half]
-    ends = hat[:half] @ values[:window], hat[half + 1 :] @ values[-window:]
-    smooth: Array = np.concatenate([ends[0], middle, ends[1]])
-    return smooth

@@ -47,7 +47,7 @@ class Linear:
     ----------
     input_columns : (a,) int array
         Free parameters that the inputs depend on.
-    input_slopes : (k, n, 12, a) array
+    input_slopes : (k, n, 15, a) array
         In units of the free parameters' scale.
     offset : (k, n, 4) array
         Reading = sensor @ state + offset + slopes @ theta.

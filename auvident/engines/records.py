@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from auvident.constants import VehicleTime
 from auvident.engines.problem import Records
+from auvident.engines.smoothing import smoothed
 from auvident.physics.actuation import NO_PAST, turning_points
 from auvident.physics.dynamics import N_STATES
 from auvident.physics.sensing import sensor_matrix
@@ -51,7 +52,7 @@ class Source:
     elapsed_s : (m + n,) array
         Time since the start of the trial.
     speed : (m + n,) array
-        Measured surge velocity.
+        Measured surge velocity, smoothed.
     roll, pitch : (m + n,) array
         Zero where not logged.
     rates : (n, 2) array
@@ -141,7 +142,7 @@ def record_of(maneuver: Maneuver, trial: Trial, plane: Plane, sensor: Array) -> 
     raw = _raw_inputs(trial, plane, int(first) - lead, int(last))
     bridged = np.nan_to_num(readings)
     extra = _columns(trial, AUXILIARY, int(first) - lead, int(last))
-    speed = _columns(trial, STATE_COLUMNS[plane][:1], int(first) - lead, int(last))[:, 0]
+    speed = _speed(trial, int(first) - lead, int(last))
     source = Source(
         raw,
         time[first - lead : last] - time[0],
@@ -166,6 +167,20 @@ def record_of(maneuver: Maneuver, trial: Trial, plane: Plane, sensor: Array) -> 
         inverse @ start,
         source,
     )
+
+
+def _speed(trial: Trial, first: int, last: int) -> Array:
+    """Surge velocity (n,), smoothed, gaps bridged; zero where it is not logged.
+
+    The thrust follows from it, and that moves a fin in its race: noise in it is noise in the yaw.
+    """
+    column = STATE_COLUMNS["horizontal"][0]
+    values = trial.table[column].to_numpy(float)[first:last] if column in trial.table else None
+    if values is None or not (seen := np.isfinite(values)).any():
+        return np.zeros(last - first)
+    rows = np.arange(len(values))
+    bridged = np.interp(rows, rows[seen], values[seen])
+    return smoothed(bridged[:, None], 1.0 / trial.rate_hz)[:, 0]
 
 
 def _raw_inputs(trial: Trial, plane: Plane, first: int, last: int) -> Array:

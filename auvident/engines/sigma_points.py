@@ -75,11 +75,11 @@ def place_inputs(count, u, slopes, columns, moving, sigma, rows):
 
     Parameters
     ----------
-    u : (12,) array
+    u : (15,) array
         At theta = 0.
-    slopes : (12, a) array
+    slopes : (15, a) array
         du/dtheta, by the columns `columns` (a,).
-    moving : (12,) bool array
+    moving : (15,) bool array
     rows : (n_rows, >= count) array
     """
     upper, scaling = sigma.upper, sigma.scaling

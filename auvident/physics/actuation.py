@@ -2,10 +2,10 @@
 
 The input side of the prediction. Logged commands are held until the next one and given as means
 over each step. In order: a delay; dead band, play and unequal gain between command and servo; a
-first-order servo with a slew limit; an offset of the fin; separation of the flow; the propeller
-race, which makes a fin in it act as if it were laid further. The propeller follows its command
-with a lag, and the thrust may fall through the trial; so may a weight at one time. Without effects
-the inputs pass unchanged. The fin is that of the plane: rudder or elevator.
+first-order servo with a slew limit; an offset of the fin; separation of the flow. The propeller
+follows its command with a lag, and the thrust may fall through the trial; so may a weight at one
+time. The race behind it makes the flow past a fin faster. Without effects the inputs pass
+unchanged. The fin is that of the plane: rudder or elevator.
 """
 
 import math
@@ -23,7 +23,6 @@ from auvident.schema.planes import PLANES, Plane
 Array = npt.NDArray[Any]
 
 SUBSTEPS = 5  # of a step, for the servo: a fifth of a step is short beside any servo
-LEAST_SPEED_MPS = 0.2  # the race is not divided by less than this speed
 SAG_PERIOD_S = 1000.0  # the thrust sags by its fraction in this time
 # parameters in the order in which `actuate_steps` takes them, in the horizontal plane
 COMMAND = (
@@ -45,14 +44,16 @@ COMMAND = (
     "weight_change.over_s",
     "T_nn",
     "T_nu",
+    "x_fin",
 )
 COMMANDS = {plane: tuple(name_in(plane, name) for name in COMMAND) for plane in PLANES}
 DELAY, DEADBAND, BACKLASH, ASYMMETRY, LAG, SLOWNESS, OFFSET, STALL, RACE = range(9)
-MOTOR_LAG, SAG, STEP, STEP_TIME, OVER, CHANGE_TIME, CHANGE_OVER, T_NN, T_NU = range(9, 18)
+MOTOR_LAG, SAG, STEP, STEP_TIME, OVER, CHANGE_TIME, CHANGE_OVER, T_NN, T_NU, X_FIN = range(9, 19)
 SERVO = (DELAY, DEADBAND, BACKLASH, ASYMMETRY, LAG, SLOWNESS)
 # columns of the inputs
-CONTROL, OTHER, REVS, THRUST, DRIVE, CHANGED, ROLL, PITCH, DEPTH, FORCE = range(10)
-ACTED = CHANGED + 1  # so many columns come of the commands
+CONTROL, OTHER, REVS, THRUST, DRIVE, CHANGED, RACED, FLOW, REACH = range(9)
+ROLL, PITCH, DEPTH, FORCE = range(9, 13)
+ACTED = REACH + 1  # so many columns come of the commands
 NOWHERE, NO_STEP, NO_PAST = np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros(0)
 
 
@@ -156,7 +157,7 @@ def share_fallen(elapsed, time, undecided):
 
 @kernel
 def servo_parts(e, dt, share, parts):
-    """Fill the constants (2, 4) of a servo with effects e (18,), see `follow`."""
+    """Fill the constants (2, 4) of a servo with effects e (19,), see `follow`."""
     for part in range(2):
         lasts = dt * (1.0 - share if part else share)
         if lasts > 0.0:
@@ -180,7 +181,7 @@ def follow(before, order, share, parts, e, half_width, taken, angle):
         Of the step, at which the order arrives.
     parts : (2, 4) array
         From `servo_parts`.
-    e : (18,) array
+    e : (19,) array
         Internal values in the order of `COMMAND`.
     half_width : float
         Of the play [rad].
@@ -208,7 +209,7 @@ def follow(before, order, share, parts, e, half_width, taken, angle):
 
 @kernel
 def play_after(past, order, e):
-    """Order behind the play (rad), with effects e (18,), after past orders (k,) and then another.
+    """Order behind the play (rad), with effects e (19,), after past orders (k,) and then another.
 
     Nothing is known of the time before them: the play is where the first one leaves it.
     """
@@ -247,7 +248,7 @@ def _is_wiped_out(points, value):
 
 @kernel
 def _turn_fins(past, command, dt, e, angle):
-    """Angles (v, n) of the servo with each of some effects e (v, 18).
+    """Angles (v, n) of the servo with each of some effects e (v, 19).
 
     Row by row, as the processor works on several servos at a time but on one row of each.
     """
@@ -278,10 +279,13 @@ def _act(raw, elapsed, speed, e, k, angle, revs, out):
     thrust = thrust_of(revs, speed[k], e)
     factor = 1.0 - e[SAG] * elapsed[k] / SAG_PERIOD_S
     factor -= e[STEP] * share_fallen(elapsed[k], e[STEP_TIME], e[OVER])
-    out[CONTROL] = felt_angle(angle, thrust, factor, speed[k], e)
+    out[CONTROL] = felt_angle(angle, e)
     out[OTHER], out[REVS], out[THRUST] = raw[k, OTHER], revs, factor
     out[DRIVE] = thrust * factor
     out[CHANGED] = share_fallen(elapsed[k], e[CHANGE_TIME], e[CHANGE_OVER])
+    out[RACED] = e[RACE] * out[DRIVE]
+    out[FLOW] = race_flow(out[RACED], speed[k])
+    out[REACH] = out[FLOW] * e[X_FIN]
 
 
 @kernel
@@ -291,12 +295,20 @@ def thrust_of(revs, speed, e):
 
 
 @kernel
-def felt_angle(angle, thrust, factor, speed, e):
-    """Angle that acts: with its offset, as far as the flow follows it, and in the race."""
+def felt_angle(angle, e):
+    """Angle that acts: with its offset, as far as the flow follows it."""
     turned = angle + e[OFFSET]
-    turned /= math.sqrt(1.0 + max(e[STALL], 0.0) * turned * turned)
-    u = max(abs(speed), LEAST_SPEED_MPS)
-    return turned * (1.0 + e[RACE] * thrust * factor / (u * u))
+    return turned / math.sqrt(1.0 + max(e[STALL], 0.0) * turned * turned)
+
+
+@kernel
+def race_flow(race, speed):
+    """Speed by which a race faster by `race` [m^2/s^2] in its square exceeds that of the vehicle.
+
+    The square alone acts on the angle of the fin: a speed of a noisy log that it is divided by
+    would lay the fin anew with every reading.
+    """
+    return math.sqrt(max(speed * speed + race, 0.0)) - abs(speed)
 
 
 @kernel
@@ -315,16 +327,17 @@ def actuate_steps(past, raw, elapsed, speed, dt, e, places, steps, whole, slopes
     speed : (m + n,) array
         Measured surge velocity [m/s], for the thrust and the race.
     dt : float
-    e : (18,) array
+    e : (19,) array
         Internal values in the order of `COMMAND`.
     places : (k,) int array
         Of the values to move.
     steps : (k, 2) array
         How far each is moved, and what the difference is divided by.
-    whole : (m + n, 12) array
-        Its first six columns are filled: controls, propeller rate, thrust factor, thrust, part of
-        the weight that has changed.
-    slopes : (n, 6, k) array, filled
+    whole : (m + n, 15) array
+        Its first nine columns are filled: controls, propeller rate, thrust factor, thrust, part of
+        the weight that has changed; of the race the square of the flow that it adds, the flow,
+        and the flow times the station of the fin.
+    slopes : (n, 9, k) array, filled
     """
     n, rows, count = slopes.shape[0], raw.shape[0], places.shape[0]
     lead, there, fins = rows - n, np.empty(ACTED), 1
@@ -372,7 +385,7 @@ def acting_inputs(
     e: Array,
     depth: Array | float = 0.0,
 ) -> Array:
-    """Inputs (n, 12) of the equations of motion; see `actuate_steps`. No free force acts."""
+    """Inputs (n, 15) of the equations of motion; see `actuate_steps`. No free force acts."""
     return acting_with_steps(raw, elapsed, speed, roll, pitch, dt, e, depth, 0, NOWHERE, NO_STEP)[0]
 
 
@@ -390,7 +403,7 @@ def acting_with_steps(
     steps: Array,
     past: Array = NO_PAST,
 ) -> tuple[Array, Array]:
-    """Inputs, and their slopes (rows, 6, k) in the last rows; see `actuate_steps`."""
+    """Inputs, and their slopes (rows, 9, k) in the last rows; see `actuate_steps`."""
     out, slopes = np.zeros((len(raw), N_INPUTS)), np.empty((rows, ACTED, len(places)))
     actuate_steps(past, raw, elapsed, speed, dt, e, places, steps, out, slopes)
     out[:, ROLL], out[:, PITCH], out[:, DEPTH] = roll, pitch, depth

@@ -46,7 +46,7 @@ class PointSystem(NamedTuple):
     active : (4,) bool array
     moves : (n_parameters,) bool array
         Parameters that differ from point to point.
-    moving : (12,) bool array
+    moving : (15,) bool array
         Inputs that do.
     used : (17,) bool array
         From `term_tables.used_variables`.
@@ -323,7 +323,7 @@ def step_points(count, inputs, inactive0, inactive1, dt, system, work, x):
     Parameters
     ----------
     count : int
-    inputs : (12,) or (3,) array
+    inputs : (15,) or (3,) array
         Held over the step; those that differ from point to point stand in `work.rows` already.
     inactive0, inactive1 : (4,) array
         Values of the inactive states at the beginning and the end of the step.

@@ -37,7 +37,7 @@ def step(x, inputs, inactive0, inactive1, dt, p, inverse, active, equations, out
     ----------
     x : (4,) array
         u, a [m/s], b [rad/s], angle [rad].
-    inputs : (12,) array
+    inputs : (15,) array
         Constant over the step: step means.
     inactive0, inactive1 : (4,) array
         Values of the inactive states at the beginning and the end of the step.
@@ -80,7 +80,7 @@ def step_with_sensitivities(
 ):
     """One RK4 step and the exact derivative of the step; arguments as of `step`.
 
-    `input_slopes` (12, k) are the derivatives of the inputs by the free parameters
+    `input_slopes` (15, k) are the derivatives of the inputs by the free parameters
     `input_columns` (k,).
 
     `s_x` (4, 4 + n_free) comes in as d x/d(x_start, p_free) and leaves as the same after the
@@ -116,7 +116,7 @@ def _ran_away(x):
 
 @kernel
 def _moving(input_slopes):
-    """Inputs (12,) that have a slope anywhere; only the first ones may be given."""
+    """Inputs (15,) that have a slope anywhere; only the first ones may be given."""
     moving = np.zeros(N_INPUTS, np.bool_)
     for i in range(input_slopes.shape[1]):
         for k in range(input_slopes.shape[0]):
@@ -150,7 +150,7 @@ def simulate_with_sensitivities(
     Parameters
     ----------
     x0 : (4,) array
-    inputs : (n, 12) or (n, 3) array
+    inputs : (n, 15) or (n, 3) array
     input_slopes : (n, l, k) array
         Derivatives of the first l inputs by the parameters in the columns `input_columns` (k,),
         counted among the free ones; in units of `scale`.
@@ -240,7 +240,7 @@ def simulate_states(
     Parameters
     ----------
     x0 : (4,) array
-    inputs : (n, 12) or (n, 3) array
+    inputs : (n, 15) or (n, 3) array
     measured_states : (n, 4) array
         Values of the inactive states (ignored for active ones).
     dt, p, active, equations :

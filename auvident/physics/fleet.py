@@ -16,10 +16,13 @@ from auvident.physics.actuation import (
     ASYMMETRY,
     BACKLASH,
     DELAY,
+    RACE,
     SLOWNESS,
+    X_FIN,
     command_values,
     felt_angle,
     follow,
+    race_flow,
     servo_parts,
     thrust_of,
 )
@@ -37,15 +40,20 @@ from auvident.physics.terms import INPUTS, Structure
 Array = npt.NDArray[Any]
 
 FIN, REVS, FACTOR, THRUST = (INPUTS.index(name) for name in ("d", "n", "thrust", "T"))
+OF_RACE = tuple(INPUTS.index(name) for name in ("race", "flow", "reach"))
 FIN_ROW, REVS_ROW, THRUST_ROW = ((N_POSITIONS + i) * N_POWERS for i in (FIN, REVS, THRUST))
+RACE_ROW, FLOW_ROW, REACH_ROW = ((N_POSITIONS + i) * N_POWERS for i in OF_RACE)
 
 
 @kernel
 def _fill(fin, revs, speed, e, rows):
-    """Fin, propeller rate and thrust (S,) of every model into their rows."""
+    """Fin, propeller rate, thrust and race (S,) of every model into their rows."""
     for s in range(fin.shape[0]):
         rows[FIN_ROW, s], rows[REVS_ROW, s] = fin[s], revs[s]
         rows[THRUST_ROW, s] = thrust_of(revs[s], speed[s], e[s])
+        rows[RACE_ROW, s] = e[s, RACE] * rows[THRUST_ROW, s]
+        rows[FLOW_ROW, s] = race_flow(rows[RACE_ROW, s], speed[s])
+        rows[REACH_ROW, s] = rows[FLOW_ROW, s] * e[s, X_FIN]
 
 
 @kernel
@@ -81,11 +89,10 @@ def _turn(before, ordered, share, dt, e, taken, angle, mean):
 
 
 @kernel
-def _felt(angle, revs, speed, e, out):
+def _felt(angle, e, out):
     """Angles (S,) that act on the vehicle."""
     for s in range(angle.shape[0]):
-        thrust = thrust_of(revs[s], speed[s], e[s])
-        out[s] = felt_angle(angle[s], thrust, 1.0, speed[s], e[s])
+        out[s] = felt_angle(angle[s], e[s])
 
 
 class Fleet:
@@ -113,7 +120,7 @@ class Fleet:
         self.held_speed_mps, self.size = held_speed_mps, len(vectors)
         active = np.array([held_speed_mps is None, True, True, True])
         moves, moving = (vectors != vectors[0]).any(axis=0), np.zeros(N_INPUTS, dtype=bool)
-        moving[[FIN, REVS, THRUST]] = True
+        moving[[FIN, REVS, THRUST, *OF_RACE]] = True
         self._system = point_system(active, moves, moving, structure.equations)
         self._work = point_work(vectors[0], self.size)
         for position in np.flatnonzero(moves):
@@ -135,16 +142,16 @@ class Fleet:
     def rates(self, states: Array, angle: Array, revs: Array) -> Array:
         """Rates (4, S) of the states with the fins at an angle (S,)."""
         out = np.empty((N_STATES, self.size))
-        fin = self.felt(angle, revs, states[0])
+        fin = self.felt(angle)
         _rates(
             states, fin, revs, self.command, self._inputs, self._held, self._system, self._work, out
         )
         return out
 
-    def felt(self, angle: Array, revs: Array, speed: Array) -> Array:
-        """Angle (S,) that acts: offset, separation and propeller race of each model."""
+    def felt(self, angle: Array) -> Array:
+        """Angle (S,) that acts: offset and separation of each model."""
         out = np.empty(self.size)
-        _felt(angle, revs, speed, self.command, out)
+        _felt(angle, self.command, out)
         return out
 
     def step(self, states: Array, fin: Array, revs: Array, dt_s: float) -> None:

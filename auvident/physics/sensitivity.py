@@ -56,7 +56,7 @@ class System(NamedTuple):
     active : (4,) bool array
     used : (17,) bool array
         From `term_tables.standing_in`.
-    moving : (12,) bool array
+    moving : (15,) bool array
         Inputs that stand in a term and depend on free parameters.
     table, weights, partials : arrays from `term_tables.sort_slopes`
     mass, mass_weights : arrays from `term_tables.sort_masses`
@@ -333,13 +333,13 @@ def step_with_jacobian(x, inputs, inactive0, inactive1, dt, input_slopes, system
     Parameters
     ----------
     x : (4, >= 1) array
-    inputs : (12,) or (3,) array
+    inputs : (15,) or (3,) array
         Held over the step.
     inactive0, inactive1 : (4,) array
         Values of the inactive states at the beginning and the end of the step.
     dt : float
         [s]
-    input_slopes : (12, k) array
+    input_slopes : (15, k) array
         Derivatives of the inputs by the parameters in the columns `system.input_columns`.
     system : System
     work : StepWork

@@ -219,7 +219,7 @@ def fly(x0, inputs, dt, substeps, system, out):
     Parameters
     ----------
     x0 : (13,) array
-    inputs : (n, 4) or (n, 6) array
+    inputs : (n, 4) or (n, 12) array
         Held until the next row.
     dt : float
         [s]
@@ -295,7 +295,7 @@ def variables_of(velocities: Array, angles: Array, inputs: Array) -> Array:
             np.zeros(len(velocities)),
             inputs,
             np.ones(len(velocities)),
-            np.zeros((len(velocities), 2)),
+            np.zeros((len(velocities), N_INPUTS - 4)),
         ]
     )
 

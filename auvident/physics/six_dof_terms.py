@@ -31,17 +31,22 @@ import numpy.typing as npt
 from auvident.physics.terms import POWERS, Structure, structure_of
 from auvident.physics.terms import VARIABLES as PLANAR
 from auvident.schema.coefficients import BY_SYMBOL
-from auvident.schema.planes import BY_PLANE, HORIZONTAL, PLANES, VERTICAL, Plane
+from auvident.schema.planes import BY_PLANE, HORIZONTAL, PLANE_ROWS, PLANES, VERTICAL, Plane
 
 AXES = ("X", "Y", "Z", "K", "M", "N")
 VELOCITIES = ("u", "v", "w", "p", "q", "r")
 # what a factor may be a power of: velocities, their magnitudes across the hull, the direction of
 # gravity in body axes (sine of the pitch; cosine of it times sine and cosine of the roll), sine
 # and cosine of the heading, angles, depth; fins, propeller rate [rev/s], a factor on the thrust,
-# the thrust itself [N], the part of a change of weight that has been made
+# the thrust itself [N], the part of a change of weight that has been made, what the propeller race
+# adds at each fin
 ACROSS = {"v": "vw", "w": "vw", "q": "qr", "r": "qr"}
 OF_ATTITUDE = ("sin", "side", "cos", "heading sin", "heading cos", "roll", "pitch")
-INPUTS = ("rudder", "elevator", "n", "thrust", "T", "changed")
+OF_RACE = ("race", "flow", "reach")
+INPUTS = (
+    *("rudder", "elevator", "n", "thrust", "T", "changed"),
+    *(f"{name} {plane.fin}" for plane in PLANE_ROWS for name in OF_RACE),
+)
 VARIABLES = (*VELOCITIES, "vw", "qr", *OF_ATTITUDE, "depth", *INPUTS)
 # what an angle of a plane is among them
 ANGLE = {"horizontal": {"sin": "heading sin", "cos": "heading cos"}, "vertical": {}}
@@ -49,7 +54,11 @@ ANGLE = {"horizontal": {"sin": "heading sin", "cos": "heading cos"}, "vertical":
 STAND_INS = ("weight_excess.",)
 FACTORS_PER_TERM = 4
 SURGE_ALONE = {"u", "n", "thrust"}  # what depends on these alone is in both planes the same
-INERTIA = {"horizontal": "I_zz", "vertical": "I_yy"}  # the planes call both I
+# what the planes call the same: inertia and the station of their fin
+OF_PLANE = {
+    "horizontal": {"I": "I_zz", "x_fin": "x_rudder"},
+    "vertical": {"I": "I_yy", "x_fin": "x_elevator"},
+}
 FIN_DRAG = "X_uudd"  # of a plane, for whichever fin is deflected
 DRAG_OF = {"rudder": "X_uudrdr", "elevator": "X_uudede"}
 
@@ -143,11 +152,11 @@ class SixDofStructure:
 def whole_name(plane: Plane, name: str, equation: str = "", factors: Factors = ()) -> str:
     """Name in six degrees of freedom of a parameter of a plane.
 
-    Coefficients and constants keep theirs, but for inertia and drag of a fin; an effect belongs to
-    its plane, unless it acts on the surge alone: there is one hull and one propeller.
+    Coefficients and constants keep theirs, but for inertia, station and drag of a fin; an effect
+    belongs to its plane, unless it acts on the surge alone: there is one hull and one propeller.
     """
-    if name == "I":
-        return INERTIA[plane]
+    if name in OF_PLANE[plane]:
+        return OF_PLANE[plane][name]
     if name == FIN_DRAG:
         deflected = {variable for variable, _ in factors} & set(DRAG_OF)
         return DRAG_OF[deflected.pop() if deflected else BY_PLANE[plane].fin]
@@ -176,6 +185,7 @@ def _whole(plane: Plane, structure: Structure, term: npt.NDArray[np.int64], weig
     """One term of a plane among those of the whole vehicle."""
     row = BY_PLANE[plane]
     turned = {**row.names, **ANGLE[plane], "d": row.fins[0], "e": row.fins[1]}
+    turned |= {name: f"{name} {row.fin}" for name in OF_RACE}
     parameter, factors = structure.parameters[term[1]], []
     for variable, power in zip(term[2::2], term[3::2], strict=True):
         name = turned.get(PLANAR[variable], PLANAR[variable])

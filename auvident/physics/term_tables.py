@@ -14,8 +14,8 @@ from auvident.jit import kernel
 
 N_STATES = 4
 N_VELOCITIES = 3
-N_VARIABLES = 17
-N_INPUTS = 12  # the last variables: control surfaces, propeller rate and what effects need
+N_VARIABLES = 20
+N_INPUTS = 15  # the last variables: control surfaces, propeller rate and what effects need
 N_POWERS = 5
 N_POSITIONS = 5  # variables that depend on the state: u, a, b, sine and cosine of the angle
 N_FACTORS = 3  # of a term
@@ -29,7 +29,7 @@ LEAD = 1 + N_STATES  # columns of a step before those of the parameters: state, 
 
 @kernel
 def varies(variable, active, moving):
-    """Whether a variable of a term differs from point to point (moving: inputs (12,) that do)."""
+    """Whether a variable of a term differs from point to point (moving: inputs (15,) that do)."""
     if variable < N_POSITIONS:
         return active[min(variable, N_STATES - 1)]
     return moving[variable - N_POSITIONS]
@@ -37,7 +37,7 @@ def varies(variable, active, moving):
 
 @kernel
 def used_variables(active, terms):
-    """Variables (17,) that stand in the terms of the active equations."""
+    """Variables (20,) that stand in the terms of the active equations."""
     used = np.zeros(N_VARIABLES, np.bool_)
     for k in range(terms.shape[0]):
         for c in range(2, terms.shape[1], 2):
@@ -48,7 +48,7 @@ def used_variables(active, terms):
 
 @kernel
 def standing_in(table):
-    """Variables (17,) that stand in the terms at work, as `sort_slopes` sorted them."""
+    """Variables (20,) that stand in the terms at work, as `sort_slopes` sorted them."""
     used = np.zeros(N_VARIABLES, np.bool_)
     for k in range(table.shape[0]):
         for c in range(3, 3 + N_FACTORS):
@@ -66,7 +66,7 @@ def sort_terms(active, moves, moving, terms, weights):
     active : (4,) bool array
     moves : (n_parameters,) bool array
         Whether a parameter differs from point to point.
-    moving : (12,) bool array
+    moving : (15,) bool array
         Whether an input does.
     terms, weights : arrays of `terms.Structure`
 
@@ -125,7 +125,7 @@ def sort_slopes(active, p, column, scale, moving, terms, weights):
         Terms of parameters that are zero and not free are left out.
     column, scale : (n_parameters,) int array, (n_free,) array
         Column of each parameter, or -1 when it is not free; unit of each column.
-    moving : (12,) bool array
+    moving : (15,) bool array
         Inputs that depend on free parameters.
     terms, weights : arrays of `terms.Structure`
 

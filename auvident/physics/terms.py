@@ -43,12 +43,16 @@ EQUATIONS = ("X", "A", "B")
 # variables a factor may be a power of: states, sine and cosine of the angle, own control
 # surface d (rudder; elevator in the vertical plane), the other one e, propeller rate n in rev/s;
 # with effects also a factor on the thrust, the thrust itself, the part of a change of weight that
-# has been made, roll, pitch and depth as logged, and free forces
-INPUTS = ("d", "e", "n", "thrust", "T", "changed", "roll", "pitch", "depth", "X", "A", "B")
+# has been made, what the propeller race adds at the fin (to the square of the flow, to the flow,
+# and to the flow times the station of the fin), roll, pitch and depth as logged, and free forces
+INPUTS = (
+    *("d", "e", "n", "thrust", "T", "changed", "race", "flow", "reach", "roll", "pitch", "depth"),
+    *("X", "A", "B"),
+)
 VARIABLES = ("u", "a", "b", "sin", "cos", *INPUTS)
 POWERS = ("x", "|x|", "x^2", "x|x|", "x^3")
 # known; then those that the data may change
-CONSTANTS = ("m", "m x_G", "I", *(c.symbol for c in ESTIMATED_CONSTANTS))
+CONSTANTS = ("m", "m x_G", "I", "x_fin", *(c.symbol for c in ESTIMATED_CONSTANTS))
 PER_G = 1.0 / GRAVITY_MPS2  # from z_G W to m z_G
 FACTORS_PER_TERM = 3
 PLANE_NAMES = {row.name: row.names for row in PLANE_ROWS}
@@ -103,6 +107,24 @@ EFFECT_FORCES: tuple[tuple[Any, ...], ...] = (
     ("roll_coupling.N_uuphi", "B", +1, ("u", "x^2"), ("roll", "x")),
     ("weight_excess.W-B_n", "X", -1, ("pitch", "x")),
     *((f"{NAME}.{q.generic}", q.equation, +1, *q.factors) for q in PRODUCTS),
+)
+# A fin in the propeller race meets a flow of V^2 = u^2 + c T. Its lift without the race,
+# A_uud (u^2 d - sigma k u (a + l b)) with the second part within A_ua and A_ub, becomes
+# A_uud (V^2 d - sigma k V (a + l b)), and its drag that of V^2; l = sigma x_fin is its station.
+# Without the damping a race is found at half its size (population, even seeds 5184 and 5270).
+RACE = "propeller_race"
+# k: lift slope of a fin at incidence over that when it is deflected, K_B(W) + K_W(B) over K_W(B)
+# (1.2 to 1.4 of a tail fin) over the effectiveness of the flap (1 of an all-moving fin, 0.5 of one
+# with a third of its chord moving; theory 5, Molland and Turnock 2007, 5.4)
+RACE_DAMPING = 1.5
+RACE_FORCES = (  # equation, coefficient, weight, whether sigma turns it, factors
+    ("X", "X_uudd", 1.0, False, ("race", "x"), ("d", "x^2")),
+    ("A", "A_uud", 1.0, False, ("race", "x"), ("d", "x")),
+    ("B", "B_uud", 1.0, False, ("race", "x"), ("d", "x")),
+    ("A", "A_uud", -RACE_DAMPING, True, ("flow", "x"), ("a", "x")),
+    ("B", "B_uud", -RACE_DAMPING, True, ("flow", "x"), ("a", "x")),
+    ("A", "A_uud", -RACE_DAMPING, False, ("reach", "x"), ("b", "x")),
+    ("B", "B_uud", -RACE_DAMPING, False, ("reach", "x"), ("b", "x")),
 )
 THRUST_EFFECTS = ("thrust_sag", "thrust_step")  # they multiply the thrust by a factor
 # forces that come as a series in time, each with a factor as its parameter
@@ -240,6 +262,9 @@ def _force_rows(plane: Plane, effects: tuple[str, ...], names: tuple[str, ...]) 
         yield equation, symbol_in(plane, generic), 1.0, tuple(factors)
     for equation, constant, weight, *factors in RIGID[plane]:
         yield equation, constant, weight, tuple(factors)
+    for equation, generic, weight, turns, *factors in RACE_FORCES if RACE in effects else ():
+        sign = SIGMA[plane] if turns else 1.0
+        yield equation, symbol_in(plane, generic), sign * weight, tuple(factors)
     for generic, equation, weight, *factors in EFFECT_FORCES:
         name = force_name(plane, generic)
         if name in names:
@@ -283,6 +308,7 @@ def parameter_vector(
         "m": rigid.mass_kg,
         "m x_G": rigid.mass_kg * rigid.x_g_m,
         "I": rigid.inertia_kgm2,
+        "x_fin": rigid.fin_x_m,
         **rigid.constants(),
     }
     values = {**constants, **coefficients, **(effects or {})}

@@ -117,7 +117,7 @@ def run_virtual(
 
 
 def healthy(inputs: Array) -> Array:
-    """Inputs (12,) of the equations when the controls (3,) act as ordered and nothing else does."""
+    """Inputs (15,) of the equations when the controls (3,) act as ordered and nothing else does."""
     return np.concatenate([inputs, [1.0], np.zeros(N_INPUTS - 4)])
 
 

@@ -249,7 +249,7 @@ def _effect(effect: EffectFound, comparison: Comparison | None) -> str:
     text = f"{text[:1].upper()}{text[1:]}" + (f" ({', '.join(sizes)}; 95\u00a0%)" if sizes else "")
     if comparison is not None and effect in comparison.not_confirmed:
         text += ", not confirmed"
-    elif comparison is not None and comparison.is_kept and effect.by_sensors:
+    elif comparison is not None and effect.id in comparison.outside:
         text += ", shown by the logs of the sensors and not in the model"
     return f"{text}."
 

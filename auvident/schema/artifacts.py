@@ -204,7 +204,10 @@ class Combination(Artifact):
 
 
 class RigidBody(Artifact):
-    """Mass, its moment arms and inertia, weight and buoyancy, as the vehicle file has them."""
+    """Mass, its moment arms and inertia, weight, buoyancy and fins, as the vehicle file has them.
+
+    ``fin_x_m`` is the station of the fins that steer in the plane.
+    """
 
     mass_kg: float
     x_g_m: float
@@ -213,6 +216,7 @@ class RigidBody(Artifact):
     weight_n: float
     buoyancy_n: float
     trim_moment_nm: float = 0.0  # x_G W - x_B B; a vehicle is ballasted to lie level
+    fin_x_m: float = 0.0
 
     def constants(self) -> dict[str, float]:
         """Value of each constant that the data may change, by symbol."""

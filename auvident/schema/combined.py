@@ -63,7 +63,8 @@ class CombinedModel(Artifact):
 
     ``constants`` are mass, inertia and what weight and buoyancy do: ``W-B`` [N], trim moment
     ``x_GW`` = x_G W - x_B B and righting moment ``z_GW`` [N m]. ``effects`` are those of the
-    models, by plane, ``parameters`` the value of each of their parameters in the equations.
+    models, by plane, ``parameters`` the value of each of their parameters in the equations;
+    ``fin_x_m`` the station of rudder and elevator.
     ``band`` is by channel: of those that it lacks (nothing was left out in turn, or the file is of
     an earlier version) no more than the scatter of the coefficients is known.
     """
@@ -73,6 +74,7 @@ class CombinedModel(Artifact):
     length_m: float
     density_kgpm3: float
     x_g_m: float
+    fin_x_m: dict[str, float] = {}
     coefficients: tuple[CombinedEntry, ...]
     constants: tuple[CombinedEntry, ...]
     covariance: tuple[CovarianceBlock, ...] = ()
@@ -103,7 +105,8 @@ class CombinedModel(Artifact):
         values = {entry.symbol: entry.value for entry in self.entries} | self.parameters
         for name, by in (moved or {}).items():
             values[name] += by
-        return values | {"m x_G": values["m"] * self.x_g_m}
+        stations = {f"x_{fin}": x for fin, x in self.fin_x_m.items()}
+        return values | stations | {"m x_G": values["m"] * self.x_g_m}
 
     def draws(self, count: int, rng: np.random.Generator) -> list[dict[str, float]]:
         """Deviations of the entries, drawn from the covariance."""

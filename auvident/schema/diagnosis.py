@@ -1,6 +1,6 @@
 """Artifacts of the residual loop: what the model lacks, and what adding it changed."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Literal
 
 from pydantic import Field, computed_field
@@ -305,6 +305,12 @@ def keeps(attempts: Sequence[Attempt]) -> bool:
     return any(a.taken for a in attempts[:1])
 
 
+def left_outside(effects: Iterable[str], attempts: Sequence[Attempt]) -> frozenset[str]:
+    """Those of some effects that the model taken has not; none where nothing was tried."""
+    taken = next((a for a in attempts if a.taken), None)
+    return frozenset() if taken is None else frozenset(effects) - set(taken.effects)
+
+
 class Comparison(Artifact):
     """``refine/comparison.json``.
 
@@ -339,6 +345,11 @@ class Comparison(Artifact):
     def is_kept(self) -> bool:
         """Whether no effect was added, as the model before predicts better."""
         return keeps(self.attempts)
+
+    @property
+    def outside(self) -> frozenset[str]:
+        """Effects that logs alone show and that the model taken is without."""
+        return left_outside((e.id for e in self.effects if e.by_sensors), self.attempts)
 
     @property
     def added(self) -> bool:

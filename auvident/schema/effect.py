@@ -70,6 +70,8 @@ class EffectParameter:
     nuisance_std : float
         Standard deviation as a nuisance parameter of every model: no real servo is without
         lag and no hull without asymmetry. Zero for most.
+    stated_std : float, optional
+        The same where the vehicle file states what the parameter deviates from.
     grid : TimeGrid, optional
         Of a time since the start of the trial.
     width_of : str
@@ -89,6 +91,7 @@ class EffectParameter:
     step: float = 0.02
     powers: tuple[int, int, int, int] = (0, 0, 0, 0)
     nuisance_std: float = 0.0
+    stated_std: float | None = None
     grid: TimeGrid | None = None
     width_of: str = ""
     planes: tuple[Plane, ...] = PLANES

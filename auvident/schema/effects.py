@@ -259,7 +259,8 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("dvl_lever_arm", "sensing", "reading", HV, (
         P("dx_m", "m", 0.12, 0.03, -1.0, 1.0, powers=LENGTH),
         P("dy_m", "m", 0.06, 0.018, -1.0, 1.0, powers=LENGTH, planes=H),
-        P("dz_m", "m", 0.09, 0.06, -1.0, 1.0, nuisance_std=0.09, powers=LENGTH, planes=V),
+        P("dz_m", "m", 0.09, 0.06, -1.0, 1.0, nuisance_std=0.09, stated_std=0.015, powers=LENGTH,
+          planes=V),
     ), "v + r dx, u - r dy; w - q dx, u + q dz",
         "u differs in port and starboard turns (dy), while pitching up and down (dz)", (), SENSOR,
         words=(

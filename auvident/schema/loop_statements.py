@@ -223,6 +223,18 @@ def not_added(refused: Attempt) -> str:
     )
 
 
+def also_refused(effects: Sequence[EffectFound]) -> str:
+    """The statement that only a part of what was found was added; empty where all was."""
+    if not effects:
+        return ""
+    listed = " and ".join(words_of(e.id) for e in effects)
+    them = "it" if len(effects) == 1 else "them"
+    return (
+        f"Not added: {listed}, because with {them} the prediction of the maneuvers used for "
+        "identification is no better."
+    )
+
+
 def shown_by_sensors(effects: Sequence[EffectFound]) -> str:
     """The statement that logs alone show what is not in the model; empty where they do not."""
     if not effects:

@@ -209,6 +209,11 @@ class Dvl(Declared):
     std_mps: Positive | None = None
     reference: Literal["ground", "water"] = "ground"
 
+    @property
+    def states_height(self) -> bool:
+        """Whether the file says how deep it sits."""
+        return "z_m" in self.model_fields_set
+
 
 class Gyro(Declared):
     """``[gyro]``: accuracy."""
@@ -328,6 +333,12 @@ class Vehicle(Declared):
         """Whether the criteria of ships apply: a hull by beam and draught, without an elevator."""
         dives = any("elevator" in fin.commands for fin in self.fin)
         return not self.hull.is_body_of_revolution and not dives
+
+    def station_of(self, command: str) -> float:
+        """Mean station of the fins that a command deflects, by area [m]; 0 without any."""
+        own = [fin for fin in self.fin if command in fin.commands]
+        areas = [f.count * f.exposed_span_m * (f.root_chord_m + f.tip_chord_m) for f in own]
+        return sum(f.x_m * a for f, a in zip(own, areas, strict=True)) / sum(areas) if own else 0.0
 
     @property
     def rudder_sign(self) -> int:

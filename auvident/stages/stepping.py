@@ -14,11 +14,17 @@ from auvident.errors import NumericsError
 from auvident.physics.actuation import (
     CONTROL,
     DRIVE,
+    FLOW,
     MOTOR_LAG,
+    RACE,
+    RACED,
+    REACH,
     REVS,
     THRUST,
+    X_FIN,
     command_values,
     felt_angle,
+    race_flow,
     thrust_of,
 )
 from auvident.physics.batch import inverse_mass
@@ -42,7 +48,7 @@ class ModelStepper:
     ----------
     structure : Structure
     p : (n_parameters,) array
-    commands : (18,) array
+    commands : (19,) array
         Effects of servo and propeller in the order of `physics.actuation.COMMAND`.
     inverse : (3, 3) array
         Inverse mass matrix.
@@ -68,11 +74,14 @@ class ModelStepper:
         return finite(out)
 
     def _acting(self, fin_rad: float, rate_rps: float, speed_mps: float) -> Array:
-        """Inputs (12,) of the equations: what fin and propeller do at a speed."""
+        """Inputs (15,) of the equations: what fin and propeller do at a speed."""
         thrust = thrust_of(rate_rps, speed_mps, self.commands)
         inputs = np.zeros(N_INPUTS)
-        inputs[CONTROL] = felt_angle(fin_rad, thrust, 1.0, speed_mps, self.commands)
+        inputs[CONTROL] = felt_angle(fin_rad, self.commands)
         inputs[REVS], inputs[THRUST], inputs[DRIVE] = rate_rps, 1.0, thrust
+        inputs[RACED] = self.commands[RACE] * thrust
+        inputs[FLOW] = race_flow(inputs[RACED], speed_mps)
+        inputs[REACH] = inputs[FLOW] * self.commands[X_FIN]
         return inputs
 
 
@@ -142,7 +151,7 @@ class SteppedFleet:
         """State (4,) one step later, with fin and propeller ordered so for the whole of it."""
         revs = np.array([self._turned(rate_rps)])
         mean = self._servos.follow(np.array([float(order_rad)]))
-        felt, before = self._fleet.felt(mean, revs, self._states[0]), self._gone()
+        felt, before = self._fleet.felt(mean), self._gone()
         self._fleet.step(self._states, felt, revs, self._dt_s)
         self.way_m = self.way_m + 0.5 * self._dt_s * (before + self._gone())
         return finite(self.state)

@@ -13,13 +13,13 @@ from auvident.engines.prediction import (
     at_effects,
     input_slopes,
     linear_about,
-    local_parabolas,
     readings,
     readings_with_slopes,
     seen_rows,
     simulated,
 )
 from auvident.engines.records import Record
+from auvident.engines.smoothing import local_parabolas, smoothed
 from auvident.physics.actuation import COMMAND
 from auvident.physics.sensing import READING
 from auvident.schema.effects import in_plane, parameter_of
@@ -119,7 +119,7 @@ EXACT = [n for n in NAMES if n not in COMMAND and n not in READING]
 
 @pytest.mark.parametrize("name", EXACT)
 def test_slopes_by_coefficients_and_forces_are_differences(fitted, name) -> None:
-    h = 1e-4
+    h = 1e-5
     expected = (held(moved(name, h)) - held(moved(name, -h))) / (2 * h)
     found = slopes_of(name, fitted)
     assert np.abs(found).max() > 1e-5
@@ -229,11 +229,9 @@ def test_effects_at_zero_change_nothing() -> None:
 
 def linear_readings(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Readings to first order, and exact, of the smoothed states behind the log."""
-    from auvident.engines.prediction import _smoothed
-
     acting = at_effects(WORLD.frame, WORLD.p, TRUTH)
     linear, matrix = linear_about(WORLD.frame, WORLD.p, [acting], FREE, len(TRUTH.time_s))
-    states = _smoothed(acting.given, WORLD.frame.dt_s)
+    states = smoothed(acting.given, WORLD.frame.dt_s)
     first = states @ matrix.T + linear.offset[0]
     first = first + linear.reading_slopes[0] @ theta[linear.reading_columns]
     p = WORLD.p.copy()

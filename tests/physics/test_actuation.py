@@ -9,11 +9,13 @@ from hypothesis import strategies as st
 
 from auvident.physics.actuation import (
     COMMAND,
+    FLOW,
     FORCE,
-    LEAST_SPEED_MPS,
     NO_STEP,
     NOWHERE,
     PITCH,
+    RACED,
+    REACH,
     ROLL,
     SUBSTEPS,
     THRUST,
@@ -21,6 +23,7 @@ from auvident.physics.actuation import (
     acting_with_steps,
     command_values,
     play_after,
+    race_flow,
     turning_points,
 )
 from auvident.physics.terms import structure_of
@@ -37,7 +40,7 @@ def effects(**shown: float) -> np.ndarray:
     e[COMMAND.index("T_nn")], e[COMMAND.index("T_nu")] = T_NN, T_NU
     for key, value in shown.items():
         name = key.replace("__", ".")
-        e[COMMAND.index(name)] = parameter_of(name).internal(value)
+        e[COMMAND.index(name)] = parameter_of(name).internal(value) if "." in name else value
     return e
 
 
@@ -86,7 +89,9 @@ def test_values_come_by_name_and_absent_ones_are_zero() -> None:
     structure = structure_of("horizontal", ("rudder_lag", "current"))
     p = np.arange(1.0, len(structure.parameters) + 1.0)
     found = dict(zip(COMMAND, command_values("horizontal", structure.parameters, p), strict=True))
-    there = {name: p[structure.index(name)] for name in ("rudder_lag.lag_s", "T_nn", "T_nu")}
+    there = {
+        name: p[structure.index(name)] for name in ("rudder_lag.lag_s", "T_nn", "T_nu", "x_fin")
+    }
     assert found == dict.fromkeys(COMMAND, 0.0) | there
 
 
@@ -311,15 +316,22 @@ def test_a_stalled_rudder_at_its_angle_acts_as_one_laid_by_seven_tenths() -> Non
 
 
 @pytest.mark.parametrize("speed", [1.3, -0.8, 0.05])
-def test_the_race_strengthens_the_rudder_by_the_thrust(speed) -> None:
+def test_the_race_adds_the_thrust_to_the_square_of_the_flow(speed) -> None:
     n, revs, c = 5, 15.0, 0.02
     raw = inputs(np.full(n, 0.2), revs)
     zero = np.zeros(n)
-    e = effects(propeller_race__c_m2ps2pn=c, thrust_step__fraction=0.25)
-    found = acting_inputs(raw, zero, np.full(n, speed), zero, zero, DT, e)[:, 0]
+    e = effects(propeller_race__c_m2ps2pn=c, thrust_step__fraction=0.25, x_fin=-0.7)
+    found = acting_inputs(raw, zero, np.full(n, speed), zero, zero, DT, e)
     thrust = 0.75 * (T_NN * revs**2 + T_NU * revs * speed)
-    square = max(speed**2, LEAST_SPEED_MPS**2)
-    np.testing.assert_allclose(found, 0.2 * (square + c * thrust) / square, rtol=1e-13)
+    flow = math.sqrt(speed**2 + c * thrust) - abs(speed)
+    np.testing.assert_array_equal(found[:, 0], 0.2)
+    np.testing.assert_allclose(found[:, RACED], c * thrust, rtol=1e-13)
+    np.testing.assert_allclose(found[:, FLOW], flow, rtol=1e-12)
+    np.testing.assert_allclose(found[:, REACH], -0.7 * flow, rtol=1e-12)
+
+
+def test_a_race_that_would_turn_the_flow_stops_it() -> None:
+    assert race_flow(-5.0, 1.3) == -1.3
 
 
 def test_the_thrust_sags_through_the_trial_and_steps_once() -> None:

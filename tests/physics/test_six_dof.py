@@ -31,7 +31,7 @@ from auvident.physics.six_dof_terms import (
     whole_name,
     whole_names,
 )
-from auvident.physics.terms import structure_of
+from auvident.physics.terms import RACE, structure_of
 from auvident.schema.coefficients import BY_SYMBOL, PLANES
 from auvident.schema.effects import in_plane
 from auvident.schema.planes import BY_PLANE
@@ -387,7 +387,9 @@ def test_an_effect_acts_on_the_whole_as_in_its_plane(plane: str, effect: str) ->
     internal = {n: float(rng.uniform(0.5, 2.0)) for n in structure.parameters if "." in n}
     thrust, changed, roll, depth = 7.0, 0.4, 0.3, 2.5
     pitch = x[3] if plane == "vertical" else 0.0
-    acting = np.concatenate([inputs, [1.0, thrust, changed, roll, pitch, depth, 0.0, 0.0, 0.0]])
+    acting = np.concatenate(
+        [inputs, [1.0, thrust, changed, *np.zeros(3), roll, pitch, depth, *np.zeros(3)]]
+    )
     inverse, active = np.empty((3, 3)), np.ones(4, dtype=bool)
 
     def planar(more: dict[str, float]) -> np.ndarray:
@@ -411,3 +413,34 @@ def test_an_effect_acts_on_the_whole_as_in_its_plane(plane: str, effect: str) ->
     by_effect = planar(internal) - planar({})
     assert np.abs(by_effect).max() > 1e-3
     np.testing.assert_allclose(together(internal) - together({}), by_effect, rtol=1e-9, atol=1e-10)
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_the_race_acts_on_the_whole_as_in_its_plane(plane: str) -> None:
+    own, values, x, inputs = case(plane, 7)
+    inputs[1] = 0.0  # the other fin is at rest
+    structure, row = structure_of(plane, (RACE,)), BY_PLANE[plane]
+    race = np.array([0.8, 0.21, -0.17])
+    p = np.array([own.get(name, 0.0) for name in structure.parameters])
+    inverse, active = np.empty((3, 3)), np.ones(4, dtype=bool)
+    inverse_mass(p, structure.mass, structure.mass_weights, active, inverse)
+    whole = six_dof_structure((RACE,), (RACE,))
+    system = system_of(whole, whole.vector(values), row.velocities)
+    moving = [VELOCITIES.index(name) for name in row.velocities]
+    state, fins = in_the_plane(plane, x, inputs)
+
+    def rates(acting: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        planar = np.concatenate([inputs, [1.0, 0.0, 0.0], acting, np.zeros(6)])
+        by_fin = {row.fin: acting}
+        both = [by_fin.get(fin, np.zeros(3)) for fin in ("rudder", "elevator")]
+        together = np.concatenate([fins, np.zeros(2), *both])
+        return (
+            right_hand_side(structure, active, x, planar, p, inverse)[:3],
+            rates_six_dof(state, together, system)[moving],
+        )
+
+    (plane_raced, whole_raced), (plane_still, whole_still) = rates(race), rates(np.zeros(3))
+    assert np.abs(plane_raced - plane_still).max() > 1e-3
+    np.testing.assert_allclose(
+        whole_raced - whole_still, plane_raced - plane_still, rtol=1e-9, atol=1e-10
+    )

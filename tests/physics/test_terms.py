@@ -1,5 +1,6 @@
 """The table of terms: complete, without strangers, and each term what the schema declares."""
 
+import math
 import re
 
 import numpy as np
@@ -9,6 +10,9 @@ from auvident.physics.terms import (
     CONSTANTS,
     HYDRODYNAMIC,
     MASS,
+    RACE,
+    RACE_DAMPING,
+    SIGMA,
     parameter_vector,
     structure_of,
     symbol_in,
@@ -56,6 +60,7 @@ def test_arrays_use_every_parameter(plane) -> None:
     unused = {structure.parameters[i] for i in set(range(len(structure.parameters))) - used}
     # the horizontal plane has no restoring force and y_G = 0: these constants have no place in it
     expected = {"W-B", "z_GW", "x_GW"} if plane == "horizontal" else set()
+    expected |= {"x_fin"}  # which the race needs, in the inputs
     assert unused == expected
     assert len(structure.terms) == len(structure.weights)
     assert len(structure.mass) == len(structure.mass_weights)
@@ -96,13 +101,19 @@ def test_symbols_of_a_plane(plane, generic, symbol) -> None:
 
 def test_parameter_vector_has_coefficients_then_constants() -> None:
     body = RigidBody(
-        mass_kg=30.0, x_g_m=0.1, z_g_m=0.02, inertia_kgm2=3.0, weight_n=300.0, buoyancy_n=306.0
+        mass_kg=30.0,
+        x_g_m=0.1,
+        z_g_m=0.02,
+        inertia_kgm2=3.0,
+        weight_n=300.0,
+        buoyancy_n=306.0,
+        fin_x_m=-0.7,
     )
     structure = structure_of("vertical")
     p = parameter_vector("vertical", {"M_uq": -4.0}, body)
     found = dict(zip(structure.parameters, p, strict=True))
     assert found.pop("M_uq") == -4.0
-    constants = {"m": 30.0, "m x_G": 3.0, "I": 3.0, "W-B": -6.0}
+    constants = {"m": 30.0, "m x_G": 3.0, "I": 3.0, "x_fin": -0.7, "W-B": -6.0}
     constants |= {"z_GW": 6.0, "x_GW": 0.0}
     assert {name: found.pop(name) for name in CONSTANTS} == pytest.approx(constants)
     assert set(found.values()) == {0.0}  # what is not given counts as zero
@@ -115,3 +126,32 @@ def test_an_identified_constant_takes_the_place_of_the_vehicle_files() -> None:
     p = parameter_vector("vertical", {"W-B": -1.0, "x_GW": 0.2}, body)
     found = dict(zip(structure_of("vertical").parameters, p, strict=True))
     assert [found[s] for s in ("W-B", "x_GW", "z_GW")] == [-1.0, 0.2, pytest.approx(6.0)]
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_a_fin_in_the_race_lifts_as_in_a_faster_flow(plane) -> None:
+    """Molland and Turnock (2007), 3.6: at (V, angle of the flow) for what it does at (u, ...)."""
+    structure, sigma = structure_of(plane, (RACE,)), SIGMA[plane]
+    x, inputs, u, d, x_fin, c_t = (
+        np.array([*STATE.values(), 0.4]),
+        np.zeros(15),
+        1.7,
+        0.19,
+        -0.8,
+        2.1,
+    )
+    p = np.zeros(len(structure.parameters))
+    coefficients = {"X": ("X_uudd", -7.0), "A": ("A_uud", 9.0 * sigma), "B": ("B_uud", -7.2)}
+    for generic, value in coefficients.values():
+        p[structure.index(symbol_in(plane, generic))] = value
+    flow = math.sqrt(u**2 + c_t)
+    inputs[0], inputs[6:9] = d, (c_t, flow - u, x_fin * (flow - u))
+    found = right_hand_side(structure, ALL, x, inputs, p, np.eye(3))[:3]
+    side = STATE["a"] + sigma * x_fin * STATE["b"]  # v + x r, w - x q
+
+    def lift(speed: float) -> float:
+        return speed**2 * d - sigma * RACE_DAMPING * speed * side
+
+    more = lift(flow) - lift(u) + u**2 * d  # without the race, the damping is that of A_ua, A_ub
+    np.testing.assert_allclose(found[1:], [9.0 * sigma * more, -7.2 * more], rtol=1e-12)
+    np.testing.assert_allclose(found[0], -7.0 * flow**2 * d**2, rtol=1e-12)

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from auvident.engines.carried import Carried, effect_rows
+from auvident.engines.carried import Carried, allowed, effect_rows
 from auvident.errors import GateError
 from auvident.physics.terms import structure_of
 from auvident.pipeline.gates import check_refined
@@ -21,6 +21,7 @@ from auvident.schema.diagnosis import (
     HeldOut,
     ParameterValue,
 )
+from auvident.schema.effects import BY_ID
 from auvident.stages.identify.setup import prepare
 from auvident.stages.refine import carried_of, choose, compare
 from auvident.stages.refine.attempts import (
@@ -28,6 +29,7 @@ from auvident.stages.refine.attempts import (
     TriedModel,
     attempts,
     best_of,
+    fewer,
     findings_of,
     tried_with,
 )
@@ -668,3 +670,41 @@ def test_findings_on_the_refined_model_are_handed_on() -> None:
         NONE, MANEUVERS, model(), doubled(), predicted(0), predicted(0), predicted=ON_THE_REFINED
     )
     assert found.findings == (ON_THE_REFINED[0], ON_THE_REFINED[2])  # the other is said already
+
+
+TWO = (
+    Attempt(effects=()),
+    Attempt(effects=("rudder_offset", "gyro_bias"), ratios={"r": 1.4}),
+    Attempt(effects=("rudder_offset",), ratios={"r": 0.4}, taken=True),
+)
+
+
+def test_what_spoils_a_right_effect_is_left_out_and_said() -> None:
+    """A side force of the propeller at its size was refused for a step of thrust beside it, with
+    which the error of u doubled (population, even seed 5504)."""
+    found = claimed(1.3, 0.05, TWO, effects=(OFFSET, BESIDE))
+    assert found.verdict == "effect_found" and [e.id for e in found.effects] == ["rudder_offset"]
+    assert not found.not_confirmed and found.added and not found.is_kept
+    first, second = found.statement.split(". ")
+    assert first == "The model lacks a rudder offset of 1.3 deg"
+    assert second.startswith("Not added: gyro bias, because with it the prediction")
+    assert {c.id: c.refusal.code if c.refusal else "" for c in found.candidates} == {
+        "rudder_offset": "",
+        "gyro_bias": "",  # refused by the diagnosis for another reason
+    }
+
+
+def test_effects_are_left_out_from_the_last_one_on() -> None:
+    before = identified("harbour_trial").model
+    has = [str(e["id"]) for e in before.effects]
+    every = ("rudder_offset", "rudder_rate_limit", "current")
+    names = {e: BY_ID[e].names("horizontal") for e in every}
+    own = {n: 0.1 for rows in names.values() for n in rows} | {"Y_uv": -20.0}
+    carried = Carried(every, own, dict(own), dict.fromkeys(own, 0.2), expected=dict(own))
+    less, least = fewer(carried, before, 1.4)
+    assert (less.effects, least.effects) == (every[:2], every[:1])
+    assert less.start == {n: v for n, v in own.items() if not n.startswith("current")}
+    # what every model is allowed of an effect stays with it
+    assert has == ["rudder_rate_limit"] and least.start["Y_uv"] == -20.0
+    usual, name = allowed(has, "horizontal", before.length_m, 1.4), "rudder_rate_limit.rate_degps"
+    assert least.prior_std[name] == usual.prior_std[name] and least.prior[name] == 0.0

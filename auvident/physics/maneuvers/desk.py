@@ -297,7 +297,7 @@ def fly(
             if last:
                 break
             mean = servos.follow(order)
-            fleet.step(states, fleet.felt(mean, run.rate_rps, states[0]), run.rate_rps, dt)
+            fleet.step(states, fleet.felt(mean), run.rate_rps, dt)
             states[:, ~within_reach(fleet, states)] = np.nan
             before, gone = gone, made_good(fleet, states)
             way = way + 0.5 * dt * (before + gone)

@@ -26,6 +26,7 @@ from auvident.physics.six_dof import (
     system_of,
 )
 from auvident.physics.six_dof_terms import (
+    OF_RACE,
     VELOCITIES,
     SixDofStructure,
     six_dof_structure,
@@ -59,7 +60,7 @@ class Flight:
     ----------
     time_s : (n,) array
     start : (13,) array
-    inputs : (n, 6) array
+    inputs : (n, 12) array
         As they act; see `physics.six_dof`.
     logged : (n, 3) array
         Rudder, elevator [rad], rpm.
@@ -201,7 +202,7 @@ def flight_of(
 def _inputs_at(
     model: CombinedModel, records: Mapping[Plane, Record], speed: Array, dt_s: float
 ) -> Array:
-    """Inputs (n, 6) as they act at speeds (n,)."""
+    """Inputs (n, 12) as they act at speeds (n,)."""
     at_speed = {plane: with_speed(record, speed) for plane, record in records.items()}
     return _inputs(model, _acting(model, at_speed, dt_s))
 
@@ -217,7 +218,7 @@ def _acting(
 
 
 def _inputs(model: CombinedModel, acting: Mapping[Plane, Record]) -> Array:
-    """Inputs (n, 6) as they act; see `physics.six_dof`."""
+    """Inputs (n, 12) as they act; see `physics.six_dof`."""
     turning = next((p for p in PLANES if OF_PROPELLER & set(model.effect_ids(p))), PLANES[0])
     own = {BY_PLANE[plane].fin: record.inputs[:, 0] for plane, record in acting.items()}
     propeller, vertical = acting[turning].inputs, acting[VERTICAL.name].inputs
@@ -229,6 +230,7 @@ def _inputs(model: CombinedModel, acting: Mapping[Plane, Record]) -> Array:
             _column(propeller, "thrust", 1.0),
             _column(vertical, "T", 0.0),
             _column(vertical, "changed", 0.0),
+            *(_column(acting[plane].inputs, name, 0.0) for plane in PLANES for name in OF_RACE),
         ]
     )
 

@@ -25,7 +25,7 @@ from auvident.schema.combined import (
     CombinedSource,
     CovarianceBlock,
 )
-from auvident.schema.planes import PLANES
+from auvident.schema.planes import BY_FIN, PLANES
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.combine.band import band_of_planes
 from auvident.stages.combine.roll import Logs, with_roll
@@ -87,6 +87,7 @@ def combine(
         length_m=ase.length_m,
         density_kgpm3=ase.density_kgpm3,
         x_g_m=vehicle.body.x_g_m,
+        fin_x_m={fin: vehicle.station_of(fin) for fin in BY_FIN},
         coefficients=tuple(known),
         constants=tuple(entries[s] for s in (*INERTIAS, *BALLAST)),
         covariance=tuple(_blocks(entries, joined, ase)),

@@ -40,6 +40,7 @@ from auvident.stages.diagnose.verdict.evidence import Evidence
 from auvident.stages.diagnose.verdict.residuals import residual_table
 
 Array = npt.NDArray[Any]
+DVL_HEIGHT = "dvl_lever_arm.dz_m"
 Progress = Callable[[str, float | None], None]
 
 
@@ -89,7 +90,8 @@ def diagnose(
     tell = progress or untold
     tell("sensors held against each other", None)
     try:
-        case = case_of(setup, model, [*told, *CHECKS[model.plane](trials, vehicle)])
+        stated = (DVL_HEIGHT,) if vehicle.dvl.states_height else ()
+        case = case_of(setup, model, [*told, *CHECKS[model.plane](trials, vehicle)], stated)
         return _diagnosed(trials, maneuvers, case, model, seed, tell)
     except np.linalg.LinAlgError as error:
         raise NumericsError(

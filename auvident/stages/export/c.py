@@ -196,6 +196,7 @@ static void act(memory *m, double angle, const double row[3], double dt_s, const
 {
     double rate = row[2];
 [drive]    double thrust;
+[race]    double race, flow;
 [factor]    double factor = 1.0;
 [changed]    const double weight =
 [changed]        fallen(s->time_s - WEIGHT_CHANGE_TIME_S, WEIGHT_CHANGE_OVER_S);
@@ -211,7 +212,8 @@ static void act(memory *m, double angle, const double row[3], double dt_s, const
 [drive_factor]    thrust *= factor;
 [offset]    angle += FIN_OFFSET_RAD;
 [stall]    angle /= sqrt(1.0 + (angle / FIN_STALL_RAD) * (angle / FIN_STALL_RAD));
-[race]    angle *= 1.0 + RACE_M2PS2PN * thrust / pow(fmax(fabs(s->speed_mps), 0.2), 2.0);
+[race]    race = RACE_M2PS2PN * thrust;
+[race]    flow = sqrt(fmax(s->speed_mps * s->speed_mps + race, 0.0)) - fabs(s->speed_mps);
 @row@
 }
 """

@@ -47,6 +47,7 @@ ACTUATION: tuple[tuple[str, str, int, Callable[[float], float]], ...] = (
     ("offset", "FIN_OFFSET_RAD", act.OFFSET, _plain),
     ("stall", "FIN_STALL_RAD", act.STALL, _inverse_root),
     ("race", "RACE_M2PS2PN", act.RACE, _plain),
+    ("race", "FIN_STATION_M", act.X_FIN, _plain),
     ("motor", "PROPELLER_LAG_S", act.MOTOR_LAG, _plain),
     ("sag", "THRUST_SAG", act.SAG, _plain),
     ("thrust_step", "THRUST_STEP", act.STEP, _plain),
@@ -56,7 +57,14 @@ ACTUATION: tuple[tuple[str, str, int, Callable[[float], float]], ...] = (
     ("changed", "WEIGHT_CHANGE_OVER_S", act.CHANGE_OVER, _plain),
 )
 # of an acting input, its expression in a program where it is not its own series
-EXPRESSIONS = {"thrust_factor": "factor", "thrust_n": "thrust", "changed": "weight"}
+EXPRESSIONS = {
+    "thrust_factor": "factor",
+    "thrust_n": "thrust",
+    "changed": "weight",
+    "race_m2ps2": "race",
+    "race_flow_mps": "flow",
+    "race_reach_m2ps": "FIN_STATION_M * flow",
+}
 LAGS = ("lag", "motor")  # act above zero alone
 OVER_GROUND = ("current.north_mps", "current.east_mps")
 WATER: dict[Plane, tuple[str, ...]] = {
@@ -122,18 +130,18 @@ def contents_of(model: IdentifiedModel) -> Contents:
     structure, p = structure_behind(model), vector_behind(model)
     e = act.command_values(model.plane, structure.parameters, p)
     used = used_variables(structure)
-    at_work, actuation = _actuation(list(e), used)
-    features = at_work | _derived(at_work, used) | {model.plane}
+    features, actuation = _actuation(list(e), used)
+    features = features | _derived(features, used) | {model.plane}
     water = _water(model, structure, list(reading_values(structure.parameters, p)))
     of_effects = tuple(name for variable, name in OF_EFFECTS.items() if variable in used)
-    equations = set(structure.terms[:, 1])
+    at_work = {*structure.terms[:, 1], *structure.mass[:, 2]}
     return Contents(
         model,
         structure,
         {
             parameter_name(name): float(p[i])
             for i, name in enumerate(structure.parameters)
-            if "." not in name or i in equations
+            if i in at_work
         },
         actuation,
         water,
@@ -193,7 +201,8 @@ def _actuation(e: list[float], used: set[str]) -> tuple[frozenset[str], dict[str
         and math.isfinite(value(e[place]))
     }
     found -= set() if e[act.STEP] else {"thrust_step"}
-    found = found | {"changed"} if "changed" in used else found - {"changed"}
+    for name in ("changed", "race"):
+        found = found | {name} if name in used else found - {name}
     constants = {
         name: float(value(e[place]))
         for feature, name, place, value in ACTUATION

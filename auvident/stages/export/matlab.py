@@ -203,6 +203,7 @@ function acting = acting_inputs(x, inputs, dt_s, options)
 [offset]FIN_OFFSET_RAD = @FIN_OFFSET_RAD@;
 [stall]FIN_STALL_RAD = @FIN_STALL_RAD@;
 [race]RACE_M2PS2PN = @RACE_M2PS2PN@;
+[race]FIN_STATION_M = @FIN_STATION_M@;
 [changed]WEIGHT_CHANGE_TIME_S = @WEIGHT_CHANGE_TIME_S@;
 [changed]WEIGHT_CHANGE_OVER_S = @WEIGHT_CHANGE_OVER_S@;
 size_ = size(inputs, 1);
@@ -227,7 +228,8 @@ for k = 1:size_
 [drive_factor]    thrust = thrust*factor;
 [offset]    angle = angle + FIN_OFFSET_RAD;
 [stall]    angle = angle / sqrt(1.0 + (angle / FIN_STALL_RAD)^2);
-[race]    angle = angle*(1.0 + RACE_M2PS2PN*thrust / max(abs(speed_mps(k)), 0.2)^2);
+[race]    race = RACE_M2PS2PN*thrust;
+[race]    flow = sqrt(max(speed_mps(k)^2 + race, 0.0)) - abs(speed_mps(k));
 [changed]    weight = fallen(time_s - WEIGHT_CHANGE_TIME_S, WEIGHT_CHANGE_OVER_S);
     acting(k, :) = [@row@];
 end

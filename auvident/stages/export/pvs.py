@@ -2,13 +2,14 @@
 
 import re
 import textwrap
+from collections.abc import Sequence
 
 import numpy as np
 
 from auvident.constants import USUAL_SPEED_MPS
 from auvident.physics import actuation as act
 from auvident.physics.six_dof import SUBSTEPS
-from auvident.physics.six_dof_terms import AXES, INPUTS
+from auvident.physics.six_dof_terms import AXES, INPUTS, OF_RACE
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.planes import BY_FIN, BY_PLANE
 from auvident.schema.quoting import quoted
@@ -34,6 +35,9 @@ ACTED = {
     "thrust_factor": "factor",
     "thrust_n": "thrust",
     "changed": "weight",
+    "race_m2ps2": "race",
+    "race_flow_mps": "flow",
+    "race_reach_m2ps": "reach",
     "roll_rad": "roll_angle",
     "pitch_rad": "pitch_angle",
     "depth_m": "down",
@@ -45,7 +49,7 @@ OF_INPUT = {
     "thrust": "thrust_factor",
     "T": "thrust_n",
     "changed": "changed",
-}
+} | {f"{name} {fin}": f"{name}_{fin}" for fin in BY_FIN for name in OF_RACE}
 # what a variable of six degrees of freedom is called, and its expression where it is no state
 NAMES = {
     "vw": ("across", ""),
@@ -68,6 +72,7 @@ FIN_ARGUMENTS = (
     ("lag", act.LAG),
     ("offset", act.OFFSET),
     ("race", act.RACE),
+    ("station", act.X_FIN),
 )
 
 
@@ -119,6 +124,7 @@ def _planar(model: IdentifiedModel) -> tuple[tuple[str, ...], dict[str, str]]:
         "b": b,
         "nu": f"[{', '.join(moved.get(name, '0.0') for name in PLACE)}]",
         "row": ", ".join(ACTED[name] for name in contents.acting),
+        "raced": _raced(row.fin, OF_RACE),
     }
 
 
@@ -141,8 +147,14 @@ def _whole(whole: Whole) -> tuple[tuple[str, ...], dict[str, str]]:
         "acting": ", ".join(OF_INPUT[name] for name in INPUTS),
         "variables": "\n".join(f"    {name} = {text}" for name, text in needed),
         "forces": "\n".join(_wrapped(f"{_force(whole, axis)},") for axis in AXES),
-        "row": ", ".join(ACTED[OF_INPUT[name]] for name in INPUTS),
+        "row": ", ".join(ACTED.get(OF_INPUT[name], OF_INPUT[name]) for name in INPUTS),
+        "raced": "\n".join(_raced(fin, [f"{name}_{fin}" for name in OF_RACE]) for fin in BY_FIN),
     }
+
+
+def _raced(fin: str, names: Sequence[str]) -> str:
+    """The line that says what the race adds at a fin."""
+    return f"        {', '.join(names)} = self.{fin}.raced(thrust, speed)"
 
 
 def name_of(parameter: str) -> str:

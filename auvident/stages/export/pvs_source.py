@@ -130,10 +130,10 @@ class Fin:
     """What becomes of the order of a fin: delay, dead band, play, gain, servo; offset, stall."""
 
     def __init__(self, delay=0.0, deadband=0.0, backlash=0.0, asymmetry=0.0, lag=0.0,
-                 slew=math.inf, offset=0.0, stall=math.inf, race=0.0):
+                 slew=math.inf, offset=0.0, stall=math.inf, race=0.0, station=0.0):
         self.delay, self.deadband, self.backlash = max(delay, 0.0), deadband, backlash
         self.asymmetry, self.lag, self.slew = asymmetry, lag, slew
-        self.offset, self.stall, self.race = offset, stall, race
+        self.offset, self.stall, self.race, self.station = offset, stall, race, station
         self.orders, self.taken = [], None
 
     def arriving(self, order, dt):
@@ -182,11 +182,16 @@ class Fin:
             angle += min(max(distance * (1.0 - keep), -most), most)
         return order - short / 5, angle
 
-    def felt(self, angle, thrust, speed):
-        """Angle that acts: with its offset, as far as the flow follows it, and in the race."""
+    def felt(self, angle):
+        """Angle that acts: with its offset, as far as the flow follows it."""
         angle += self.offset
-        angle /= math.sqrt(1.0 + (angle / self.stall) ** 2)
-        return angle * (1.0 + self.race * thrust / max(abs(speed), 0.2) ** 2)
+        return angle / math.sqrt(1.0 + (angle / self.stall) ** 2)
+
+    def raced(self, thrust, speed):
+        """What the race adds to the square of the flow, to the flow, and times the station."""
+        race = self.race * thrust
+        flow = math.sqrt(max(speed * speed + race, 0.0)) - abs(speed)
+        return race, flow, self.station * flow
 
 
 def lagging(rate, ordered, lag, dt):
@@ -247,8 +252,8 @@ class @class_name@:
         factor -= @fall@ * fallen(self.elapsed - @fall_time@, @fall_over@)
         weight = fallen(self.elapsed - @change_time@, @change_over@)
         thrust = (T_nn * rate * abs(rate) + T_nu * abs(rate) * speed) * factor
-        rudder = self.rudder.felt(rudder, thrust, speed)
-        elevator = self.elevator.felt(elevator, thrust, speed)
+        rudder, elevator = self.rudder.felt(rudder), self.elevator.felt(elevator)
+@raced@
         roll_angle, pitch_angle, down = eta[3], eta[4], eta[2]
         moved = np.array([-next_rudder, next_elevator, 60.0 * next_rate])
         return (@row@), moved

@@ -160,7 +160,8 @@ def acting_inputs(inputs, dt_s, fin, before@names@):
 [drive_factor]        thrust *= factor
 [offset]        angle += FIN_OFFSET_RAD
 [stall]        angle /= sqrt(1.0 + (angle / FIN_STALL_RAD) ** 2)
-[race]        angle *= 1.0 + RACE_M2PS2PN * thrust / max(abs(speed_mps[k]), 0.2) ** 2
+[race]        race = RACE_M2PS2PN * thrust
+[race]        flow = sqrt(max(speed_mps[k] ** 2 + race, 0.0)) - abs(speed_mps[k])
 [changed]        weight = fallen(time_s - WEIGHT_CHANGE_TIME_S, WEIGHT_CHANGE_OVER_S)
         acting.append((@row@))
     return acting

@@ -26,6 +26,7 @@ from auvident.schema.artifacts import (
 from auvident.schema.channels import BY_COLUMN
 from auvident.schema.coefficients import Plane, constants_of, symbols_of
 from auvident.schema.plan import Plan
+from auvident.schema.planes import BY_PLANE
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.identify.held_out import identifying, without_held_out
@@ -194,6 +195,7 @@ def rigid_body(vehicle: Vehicle, plane: Plane) -> RigidBody:
         inertia_kgm2=inertia,
         weight_n=weight,
         buoyancy_n=body.buoyancy_n or weight,
+        fin_x_m=vehicle.station_of(BY_PLANE[plane].fin),
     )
 
 

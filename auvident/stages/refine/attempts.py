@@ -1,18 +1,18 @@
 """What to identify with, and which of the models to take: the one before is one of them."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Generic, Protocol, TypeVar
 
 import pandas as pd
 
-from auvident.engines.carried import Carried
+from auvident.engines.carried import Carried, allowed
 from auvident.errors import NumericsError
 from auvident.schema.artifacts import Finding, IdentifiedModel, LeftOutSummary
 from auvident.schema.diagnosis import Attempt, Diagnosis
 from auvident.schema.effects import BY_ID, EFFECTS
-from auvident.stages.refine.errors import channels_of, rms_of
+from auvident.stages.refine.errors import channels_of, cruise_of, rms_of
 from auvident.stages.refine.left_out import (
     CHANNELS,
     RISE,
@@ -65,6 +65,28 @@ def attempts(carried: Carried, before: IdentifiedModel) -> tuple[Carried, ...]:
     """
     lean = carried.only({*carried.effects, *(str(e["id"]) for e in before.effects)})
     return (carried,) if lean == carried else (carried, lean)
+
+
+def fewer(carried: Carried, before: IdentifiedModel, speed_mps: float) -> Iterator[Carried]:
+    """What was found without the effects that were accepted last: one less each time, down to one.
+
+    An effect that is not there spoils what a right one beside it gains (population, even seed
+    5504: a side force of the propeller at its size, refused for a step of thrust with which the
+    error of u doubled). Of what is taken out as much is left as every model is allowed.
+    """
+    for n in range(len(carried.effects) - 1, 0, -1):
+        out = set(carried.effects[n:])
+        has = [str(e["id"]) for e in before.effects if e["id"] in out]
+        usual = allowed(has, before.plane, before.length_m, speed_mps)
+        rest = carried.only({name.partition(".")[0] for name in carried.start} - out)
+        yield replace(
+            rest,
+            effects=carried.effects[:n],
+            start={**rest.start, **usual.start},
+            prior={**rest.prior, **usual.prior},
+            prior_std={**rest.prior_std, **usual.prior_std},
+            expected={**rest.expected, **usual.expected},
+        )
 
 
 @dataclass(frozen=True)
@@ -267,19 +289,34 @@ def choose(
     tuple of Attempt
         What was tried, the model before first, and which of them was taken.
     """
-    made: list[Made[Model, Prediction]] = []
-    for attempt in attempts(carried, model):
-        made.append(make(attempt, model, before.simulation, again))
-        if made[-1].tried.is_good:
-            break
-    else:
-        last = keeping([(one.carried, one.tried) for one in made], before.simulation)
-        if last is not None:
-            made.append(make(last, model, before.simulation, again))
+    made = _with_all(carried, model, before, again)
+    if best_of([one.tried for one in made]) is None:
+        for less in fewer(carried, model, cruise_of(before.simulation)[0]):
+            made.append(make(less, model, before.simulation, again))
+            if made[-1].tried.is_better:
+                break
     best = best_of([one.tried for one in made])
     rows = [Attempt(effects=(), taken=best is None)]
     rows += [_attempt(one.tried, k == best) for k, one in enumerate(made)]
     return (None if best is None else made[best]), tuple(rows)
+
+
+def _with_all(
+    carried: Carried,
+    model: IdentifiedModel,
+    before: Predicted,
+    again: Callable[[Carried], tuple[Model, Prediction]],
+) -> list[Made[Model, Prediction]]:
+    """Attempts with everything that was found, until one is good."""
+    made: list[Made[Model, Prediction]] = []
+    for attempt in attempts(carried, model):
+        made.append(make(attempt, model, before.simulation, again))
+        if made[-1].tried.is_good:
+            return made
+    last = keeping([(one.carried, one.tried) for one in made], before.simulation)
+    if last is not None:
+        made.append(make(last, model, before.simulation, again))
+    return made
 
 
 def keeping(made: Sequence[tuple[Carried, TriedModel]], before: pd.DataFrame) -> Carried | None:

@@ -1,9 +1,7 @@
 """What a refined model confirms of a diagnosis, in its own sizes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
-
-import pandas as pd
 
 from auvident.constants import NORMAL_95
 from auvident.schema.artifacts import IdentifiedModel, Verdict
@@ -16,10 +14,12 @@ from auvident.schema.diagnosis import (
     Refused,
     ends,
     keeps,
+    left_outside,
 )
 from auvident.schema.effect_words import is_confirmed, plain
 from auvident.schema.effects import BY_ID, parameter_of
 from auvident.schema.loop_statements import (
+    also_refused,
     found,
     not_added,
     not_confirmed,
@@ -48,11 +48,14 @@ def claims_of(
     An effect stands when some size of it is told from nothing, in the model that was taken. One
     that sensors held against each other show is a fact about the logs, whichever that model is.
     """
-    kept = keeps(attempts)
-    final = [e if kept else _with_final_values(e, after, speed, rate) for e in diagnosis.effects]
-    in_model = [e for e in final if BY_ID[e.id].enters != "disturbance"]
-    doubts = {e.id: _doubt(e, kept) for e in in_model}
-    doubted = [e for e in in_model if doubts[e.id]]
+    moving = [e.id for e in diagnosis.effects if BY_ID[e.id].enters != "disturbance"]
+    outside = left_outside(moving, attempts)
+    final = [
+        e if e.id in outside else _with_final_values(e, after, speed, rate)
+        for e in diagnosis.effects
+    ]
+    doubts = {e.id: _doubt(e, e.id in outside) for e in final if e.id in moving}
+    doubted = [e for e in final if doubts.get(e.id)]
     effects = tuple(e for e in final if e not in doubted)
     groups = tuple(g for g in diagnosis.ambiguous if {e.id for e in effects} & set(g))
     verdict = _verdict(diagnosis, effects, groups, bool(doubted))
@@ -66,10 +69,10 @@ def claims_of(
     candidates = (_final_candidate(c, final, doubts.get(c.id, "")) for c in diagnosis.candidates)
     return {
         "verdict": verdict,
-        "statement": _with_doubts(said, effects, doubted, _refused(attempts) if kept else None),
+        "statement": _with_doubts(said, effects, doubted, outside, attempts),
         "effects": effects,
         "ambiguous": groups,
-        "not_confirmed": () if kept else tuple(doubted),
+        "not_confirmed": tuple(e for e in doubted if e.id not in outside),
         "candidates": tuple(candidates),
         "unexplained": unexplained,
         "remaining": remaining,
@@ -80,20 +83,21 @@ def _with_doubts(
     said: str,
     effects: Sequence[EffectFound],
     doubted: Sequence[EffectFound],
-    refused: Attempt | None,
+    outside: Collection[str],
+    attempts: Sequence[Attempt],
 ) -> str:
-    """The statement with what became of the effects that are not claimed, or not in the model.
+    """The statement with what became of the effects that are not claimed, or not in the model."""
+    shown = shown_by_sensors([e for e in effects if e.id in outside])
+    if keeps(attempts):
+        stands = said if not doubted else found(effects) if effects else ""
+        return _joined(stands, shown, not_added(_refused(attempts)))
+    unsure = [e for e in doubted if e.id not in outside]
+    refused = [e for e in doubted if e.id in outside]
+    return _joined(said, not_confirmed(unsure), shown, also_refused(refused))
 
-    Parameters
-    ----------
-    refused : Attempt or None
-        Where the model before was taken: see `_refused`.
-    """
-    if refused is None:
-        return f"{said} {not_confirmed(doubted)}" if doubted else said
-    stands = said if not doubted else found(effects) if effects else ""
-    shown = shown_by_sensors([e for e in effects if e.by_sensors])
-    return " ".join(text for text in (stands, shown, not_added(refused)) if text)
+
+def _joined(*texts: str) -> str:
+    return " ".join(text for text in texts if text)
 
 
 def _refused(attempts: Sequence[Attempt]) -> Attempt:
@@ -119,9 +123,15 @@ def _verdict(
     return diagnosis.verdict
 
 
-def _doubt(effect: EffectFound, kept: bool) -> str:
-    """Why an effect is not claimed, by a code of `DOUBTS`; empty where it is."""
-    if kept:
+def _doubt(effect: EffectFound, outside: bool) -> str:
+    """Why an effect is not claimed, by a code of `DOUBTS`; empty where it is.
+
+    Parameters
+    ----------
+    outside : bool
+        Whether the model that was taken is without it.
+    """
+    if outside:
         return "" if effect.by_sensors else NOT_ADDED
     return "" if is_confirmed(effect) else NOT_CONFIRMED
 
@@ -172,8 +182,3 @@ def _final_value(p: ParameterValue, final: Mapping[str, Any]) -> ParameterValue:
         bound=p.bound,
         **ends(value, half, p.bound),
     )
-
-
-def cruise_of(table: pd.DataFrame) -> tuple[float, float]:
-    """Median speed [m/s] and propeller rate [rev/s] of the maneuvers."""
-    return float(table["u_mps_measured"].median()), float(table["rpm"].median()) / 60.0

@@ -30,8 +30,8 @@ from auvident.schema.diagnosis import (
     UnexplainedForce,
 )
 from auvident.stages.refine.attempts import findings_of
-from auvident.stages.refine.claims import claims_of, cruise_of
-from auvident.stages.refine.errors import channels_of, rms_of
+from auvident.stages.refine.claims import claims_of
+from auvident.stages.refine.errors import channels_of, cruise_of, rms_of
 
 Array = npt.NDArray[Any]
 DRAWS = 1000

@@ -23,3 +23,8 @@ def rms_of(rows: pd.DataFrame, column: str) -> float:
         return math.nan
     error = simulated[seen] - measured[seen]
     return float(np.sqrt(np.mean(error**2))) if np.isfinite(error).all() else math.inf
+
+
+def cruise_of(table: pd.DataFrame) -> tuple[float, float]:
+    """Median speed [m/s] and propeller rate [rev/s] of the maneuvers."""
+    return float(table["u_mps_measured"].median()), float(table["rpm"].median()) / 60.0

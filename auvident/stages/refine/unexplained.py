@@ -18,8 +18,8 @@ from auvident.schema.diagnosis import (
 from auvident.schema.effects import UNEXPLAINED, parameter_of
 from auvident.schema.unexplained import products_of
 from auvident.stages.refine.attempts import GUARDED, Identified, Made, make
-from auvident.stages.refine.claims import cruise_of
 from auvident.stages.refine.compare import pooled
+from auvident.stages.refine.errors import cruise_of
 from auvident.stages.refine.left_out import as_told
 
 # Tried for the smallest left-out errors, in units of the prior of each product: from a force that

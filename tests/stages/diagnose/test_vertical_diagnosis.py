@@ -23,6 +23,7 @@ from tests.session import once
 
 TRIAL = "dive_trial"
 TILT = math.radians(2.0)
+DEEPER_M, STATED_M = 0.15, 0.07  # where the DVL of the dive sits
 OFFSET_DEG, LATE_S = 2.5, 0.4  # late by about L / (2 U)
 # Enough of the dive to tell a DVL and a delay: thrust steps, zigzags of two sizes, depth steps. An
 # offset of the elevator is told from an asymmetric hull by all of it.
@@ -56,13 +57,19 @@ def elevator_is_late(table: pd.DataFrame) -> None:
     table["elevator_rad"] = np.append(table["elevator_rad"].to_numpy()[rows:], np.zeros(rows))
 
 
+def dvl_sits_deeper(table: pd.DataFrame) -> None:
+    table["u_mps"] += table["q_radps"] * DEEPER_M
+
+
 EDITS: dict[str, tuple[Edit, ...]] = {
     "clean": (),
     "pitch": (pitch_reads_too_much,),
     "pitch and elevator": (pitch_reads_too_much, elevator_stands_elsewhere),
     "dvl and delay": (dvl_is_pitched, elevator_is_late),
+    "deeper": (dvl_sits_deeper,),
+    "deeper than stated": (dvl_sits_deeper,),
 }
-OF_FEW = ("pitch", "dvl and delay")
+OF_FEW = ("pitch", "dvl and delay", "deeper", "deeper than stated")
 
 
 def edited(name: str) -> Chain:
@@ -74,7 +81,11 @@ def edited(name: str) -> Chain:
     few = tuple(m for m in chain.maneuvers.maneuvers if m.id.removeprefix(f"{TRIAL}-") in FEW)
     update = {"maneuvers": few} if name in OF_FEW else {}
     maneuvers = chain.maneuvers.model_copy(update=update)
-    return replace(chain, trials=(replace(trial, table=table),), maneuvers=maneuvers)
+    vehicle = chain.vehicle
+    if name == "deeper than stated":
+        vehicle = vehicle.model_copy(update={"dvl": vehicle.dvl.model_copy(update={"z_m": STATED_M})})
+    trials = (replace(trial, table=table),)
+    return replace(chain, trials=trials, maneuvers=maneuvers, vehicle=vehicle)
 
 
 @once
@@ -121,6 +132,22 @@ def test_a_pitched_dvl_and_a_late_elevator_are_found_together() -> None:
     assert set(effects) == {"dvl_pitch", "elevator_delay"}
     assert is_within(effects["dvl_pitch"], 2.0)
     assert is_within(effects["elevator_delay"], LATE_S)
+
+
+def test_a_dvl_deeper_than_the_vehicle_file_states_is_found() -> None:
+    """Every model took the depth along that no file states, and one of 2,800 nats in a file that
+    states it was never said (population, even seed 6478)."""
+    effects = named(diagnosed("deeper than stated").diagnosis)
+    assert set(effects) == {"dvl_lever_arm"}
+    (deep,) = (p for p in effects["dvl_lever_arm"].parameters if p.symbol == "dz_m")
+    assert deep.low is not None and deep.high is not None and deep.low <= DEEPER_M <= deep.high
+
+
+def test_a_depth_of_the_dvl_that_the_file_does_not_state_is_taken_along() -> None:
+    found = diagnosed("deeper").diagnosis
+    assert "dvl_lever_arm" not in named(found)
+    (row,) = (r for r in found.sees if (r.id, r.symbol) == ("dvl_lever_arm", "dz_m"))
+    assert not row.visible and row.why.endswith("the vehicle file does not state it")
 
 
 @pytest.mark.parametrize("name", list(EDITS))

@@ -4,7 +4,7 @@ Only maneuvers that identify are here; readings in the held-out ones are blanked
 is looked at, so that they cannot choose.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal
@@ -191,7 +191,12 @@ def _is_logged(column: str, records: Sequence[Record], states: Sequence[str]) ->
     return True  # position logs are looked for by the checks that use them
 
 
-def case_of(setup: Setup, model: IdentifiedModel, checks: Sequence[SensorCheck]) -> Case:
+def case_of(
+    setup: Setup,
+    model: IdentifiedModel,
+    checks: Sequence[SensorCheck],
+    stated: Collection[str] = (),
+) -> Case:
     """The case of an identification and its model.
 
     Parameters
@@ -200,6 +205,8 @@ def case_of(setup: Setup, model: IdentifiedModel, checks: Sequence[SensorCheck])
         As `stages.identify.prepare` makes it.
     model : IdentifiedModel
     checks : sequence of SensorCheck
+    stated : collection of str
+        Parameters that deviate from what the vehicle file states.
     """
     plane = setup.structure.plane
     structure = structure_of(plane, (*(e.id for e in in_plane(plane)), FREE_FORCE))
@@ -215,6 +222,8 @@ def case_of(setup: Setup, model: IdentifiedModel, checks: Sequence[SensorCheck])
             declared = parameter_of(name)
             scale = size_unit(declared, model, unit)
             stds[i], nuisance[i] = declared.prior * scale, declared.nuisance_std * scale
+            if name in stated and declared.stated_std is not None:
+                nuisance[i] = declared.stated_std * scale
             low[i], high[i] = declared.low * scale, declared.high * scale
         elif name in setup.structure.parameters:
             stds[i] = setup.prior_std[setup.structure.index(name)]

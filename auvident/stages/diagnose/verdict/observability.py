@@ -79,7 +79,8 @@ def _row(joint: Joint, effect: str, left: Unabsorbed, sizes: Array, k: int) -> D
     size = UNFORESEEN * min(float(sizes[k]) * declared.prior, checked)
     size = max(size, declared.practical)
     told = kept > ABSORBED or bool(np.isfinite(checked))
-    visible = bool(size < PLAUSIBLE * declared.prior and told)
+    taken_along = joint.case.nuisance_std[i] >= joint.case.setup.prior_std[i]
+    visible = bool(size < PLAUSIBLE * declared.prior and told and not taken_along)
     return Detectable(
         id=effect,
         family=BY_ID[effect].family,
@@ -88,7 +89,7 @@ def _row(joint: Joint, effect: str, left: Unabsorbed, sizes: Array, k: int) -> D
         unit=declared.unit,
         visible=visible,
         kept=float(np.clip(kept, 0.0, 1.0)),
-        why="" if visible else _why(joint, effect, kept, bool(np.isfinite(size))),
+        why="" if visible else _why(joint, i, kept, bool(np.isfinite(size))),
     )
 
 
@@ -149,11 +150,14 @@ def _by_checks(joint: Joint, position: int) -> float:
     return float("inf")
 
 
-def _why(joint: Joint, effect: str, kept: float, finite: bool) -> str:
+def _why(joint: Joint, position: int, kept: float, finite: bool) -> str:
+    case, effect = joint.case, joint.case.names[position].partition(".")[0]
+    if case.nuisance_std[position] >= case.setup.prior_std[position]:
+        return "estimated along, as the vehicle file does not state it"
     needs = () if BY_ID[effect].by_rate else BY_ID[effect].needs  # it has the yaw rate
     if kept < 0.05:
         return "indistinguishable from the coefficients"
-    if needs and not check_cost(joint.case, joint.fitted.parameters) and not joint.case.checks:
+    if needs and not check_cost(case, joint.fitted.parameters) and not case.checks:
         return f"needs {', '.join(needs)} in the log"
     if not finite:
         return "shows in too few maneuvers for the others to confirm it"
