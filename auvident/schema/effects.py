@@ -212,9 +212,12 @@ EFFECTS: tuple[Effect, ...] = (
         words="a propeller lag of {lag_s:.2f} s", surge_alone=True,
         curved=True),
     Effect("propeller_race", "actuation", "input", HV, (
-        P("c_m2ps2pn", "m^2/s^2/N", 100.0, 50.0, -1000.0, 1000.0, powers=(-1, -2, 0, 0),
+        # momentum theory: 8 / (pi density D^2) in a race that has developed, 130 to 260 of these
+        # units for a propeller of a tenth to a fourteenth of the length
+        P("c_m2ps2pn", "m^2/s^2/N", 200.0, 50.0, -1000.0, 1000.0, powers=(-1, -2, 0, 0),
           nuisance_std=15.0),
-    ), "fin sees u^2 + c T", "fin effectiveness depends on propeller loading", (),
+    ), "fin meets V^2 = u^2 + c T; its lift is A_uud (V^2 d - k V (v + x_fin r)), k = 1.5",
+        "fin effectiveness depends on propeller loading", (),
         "Molland and Turnock (2007), 3.6",
         words="propeller race on the fin, {c_m2ps2pn:.4f} m^2/s^2 per N",
         alike="large helms"),

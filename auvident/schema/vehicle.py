@@ -200,19 +200,22 @@ class Propeller(Declared):
 
 
 class Dvl(Declared):
-    """``[dvl]``: position in body axes, mounting angle, accuracy, reference."""
+    """``[dvl]``: position in body axes, mounting angle, accuracy, reference.
+
+    Where ``z_m`` is not stated, how deep it sits is estimated along.
+    """
 
     x_m: float = 0.0
     y_m: float = 0.0
-    z_m: float = 0.0
+    z_m: float | None = None
     mounting_yaw_deg: float = 0.0
     std_mps: Positive | None = None
     reference: Literal["ground", "water"] = "ground"
 
     @property
-    def states_height(self) -> bool:
-        """Whether the file says how deep it sits."""
-        return "z_m" in self.model_fields_set
+    def down_m(self) -> float:
+        """How deep it sits; on the axis where the file does not say."""
+        return self.z_m or 0.0
 
 
 class Gyro(Declared):

@@ -259,7 +259,7 @@ def _sensing(vehicle: Vehicle) -> Sensing:
     return Sensing(
         dvl_x_m=dvl.x_m,
         dvl_y_m=dvl.y_m,
-        dvl_z_m=dvl.z_m,
+        dvl_z_m=dvl.down_m,
         dvl_mounting_yaw_rad=math.radians(dvl.mounting_yaw_deg),
         noise_std={},
     )

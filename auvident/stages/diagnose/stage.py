@@ -90,7 +90,7 @@ def diagnose(
     tell = progress or untold
     tell("sensors held against each other", None)
     try:
-        stated = (DVL_HEIGHT,) if vehicle.dvl.states_height else ()
+        stated = (DVL_HEIGHT,) if vehicle.dvl.z_m is not None else ()
         case = case_of(setup, model, [*told, *CHECKS[model.plane](trials, vehicle)], stated)
         return _diagnosed(trials, maneuvers, case, model, seed, tell)
     except np.linalg.LinAlgError as error:

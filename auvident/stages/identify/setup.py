@@ -209,7 +209,7 @@ def sensing_of(vehicle: Vehicle, noise: Mapping[str, float], plane: Plane) -> Se
     return Sensing(
         dvl_x_m=vehicle.dvl.x_m,
         dvl_y_m=vehicle.dvl.y_m,
-        dvl_z_m=vehicle.dvl.z_m,
+        dvl_z_m=vehicle.dvl.down_m,
         dvl_mounting_yaw_rad=math.radians(vehicle.dvl.mounting_yaw_deg),
         noise_std=stds,
     )

@@ -315,7 +315,7 @@ def _as_read(
     sensing = Sensing(
         dvl_x_m=dvl.x_m,
         dvl_y_m=dvl.y_m,
-        dvl_z_m=dvl.z_m,
+        dvl_z_m=dvl.down_m,
         dvl_mounting_yaw_rad=dvl.mounting_yaw_deg * DEG,
         noise_std={},
     )

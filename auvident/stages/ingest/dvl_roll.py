@@ -40,7 +40,7 @@ def without_roll(
     """
     rate = next((k.series[ROLL_RATE] for k in sensors.values() if ROLL_RATE in k.series), None)
     own = next((k for k in sensors.values() if ASIDE in k.series), None)
-    if dvl.z_m == 0.0 or rate is None or own is None or ASIDE in own.raw.not_logged:
+    if dvl.down_m == 0.0 or rate is None or own is None or ASIDE in own.raw.not_logged:
         return dict(sensors), ()
     if not np.ptp(own.series[ASIDE].values):  # stands still: nothing was measured
         return dict(sensors), ()
@@ -48,7 +48,7 @@ def without_roll(
     for column, share in ((AHEAD, math.sin(yaw)), (ASIDE, math.cos(yaw))):
         if column in series:
             read = series[column]
-            added = share * dvl.z_m * np.nan_to_num(_at(rate, read.time_s, max_gap_s))
+            added = share * dvl.down_m * np.nan_to_num(_at(rate, read.time_s, max_gap_s))
             series[column] = read.changed_by(added)
     roll = _at(rate, own.series[ASIDE].time_s, max_gap_s)
     moved = replace(own, series=series)
@@ -66,14 +66,14 @@ def _at(rate: Series, time_s: np.ndarray, max_gap_s: float) -> np.ndarray:
 def _done(own: CleanSensor, dvl: Dvl, roll: np.ndarray) -> Finding:
     """The line of the record."""
     known = np.isfinite(roll)
-    most = abs(dvl.z_m) * float(np.max(np.abs(roll[known]), initial=0.0))
-    side = "below" if dvl.z_m > 0.0 else "above"
+    most = abs(dvl.down_m) * float(np.max(np.abs(roll[known]), initial=0.0))
+    side = "below" if dvl.down_m > 0.0 else "above"
     left = (
         f"; {np.sum(~known)} readings without a roll rate are as logged" if not all(known) else ""
     )
     return Finding(
         code="dvl_roll_removed",
-        message=f"the DVL sits {abs(dvl.z_m):g} m {side} the origin: its velocity aside is "
+        message=f"the DVL sits {abs(dvl.down_m):g} m {side} the origin: its velocity aside is "
         f"corrected for the logged roll rate (v + z p), by up to {most:.2g} m/s{left}",
         where=own.raw.file,
         value=most,

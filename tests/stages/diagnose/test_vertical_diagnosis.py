@@ -83,7 +83,8 @@ def edited(name: str) -> Chain:
     maneuvers = chain.maneuvers.model_copy(update=update)
     vehicle = chain.vehicle
     if name == "deeper than stated":
-        vehicle = vehicle.model_copy(update={"dvl": vehicle.dvl.model_copy(update={"z_m": STATED_M})})
+        dvl = vehicle.dvl.model_copy(update={"z_m": STATED_M})
+        vehicle = vehicle.model_copy(update={"dvl": dvl})
     trials = (replace(trial, table=table),)
     return replace(chain, trials=trials, maneuvers=maneuvers, vehicle=vehicle)
 

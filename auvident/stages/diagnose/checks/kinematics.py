@@ -218,8 +218,8 @@ def position_change(stretch: Stretch, x: Array, dvl: Dvl) -> Array:
     u, v = math.cos(yaw) * u - math.sin(yaw) * v, math.sin(yaw) * u + math.cos(yaw) * v
     p, q, r = s["p_radps"], s["q_radps"], s["r_radps"]
     at_origin = (
-        u - q * dvl.z_m + r * dvl.y_m,
-        v - r * dvl.x_m,  # p * dvl.z_m is taken out where the log is read
+        u - q * dvl.down_m + r * dvl.y_m,
+        v - r * dvl.x_m,  # p * dvl.down_m is taken out where the log is read
         w - p * dvl.y_m + q * dvl.x_m,
     )
     over_ground = _north_east(stretch, at_origin)
