@@ -113,9 +113,9 @@ EFFECT_FORCES: tuple[tuple[Any, ...], ...] = (
 # A_uud (V^2 d - sigma k V (a + l b)), and its drag that of V^2; l = sigma x_fin is its station.
 # Without the damping a race is found at half its size (population, even seeds 5184 and 5270).
 RACE = "propeller_race"
-# k: lift slope of a fin at incidence over that when it is deflected, K_B(W) + K_W(B) over K_W(B)
-# (1.2 to 1.4 of a tail fin) over the effectiveness of the flap (1 of an all-moving fin, 0.5 of one
-# with a third of its chord moving; theory 5, Molland and Turnock 2007, 5.4)
+# k: lift slope of a fin at incidence over that when it is deflected: K_B(W) + K_W(B) over K_W(B)
+# (1.2 to 1.4 of a tail fin), over the effectiveness of a flap where not the whole fin moves (0.7
+# with a third of the chord, 0.5 with a sixth: thin aerofoil, Glauert 1926)
 RACE_DAMPING = 1.5
 RACE_FORCES = (  # equation, coefficient, weight, whether sigma turns it, factors
     ("X", "X_uudd", 1.0, False, ("race", "x"), ("d", "x^2")),
