@@ -107,9 +107,9 @@ def test_the_loop_finds_the_propeller(compared: Comparison) -> None:
 
 
 def test_what_the_loop_found_predicts_the_held_out_zigzags_better(compared: Comparison) -> None:
-    # measured u 0.125, v 0.176, r 0.150 with the propeller race alone, as the maneuvers left out
-    # speak for no more; before 0.156, 0.255, 0.235
+    # measured u 0.055, v 0.161, r 0.113 with the propeller race alone, as the maneuvers left out
+    # speak for no more; before 0.156, 0.256, 0.236
     before, after = compared.held_out.before, compared.held_out.after
-    for channel, bound in (("u", 0.13), ("v", 0.19), ("r", 0.16)):
+    for channel, bound in (("u", 0.08), ("v", 0.187), ("r", 0.133)):
         assert after[channel].nrmse <= bound
         assert after[channel].rmse < before[channel].rmse
