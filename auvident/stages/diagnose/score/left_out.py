@@ -115,9 +115,11 @@ def seen_with(case: Case, fitted: Fitted, parameters: Array, colours: Colours) -
         for record in group
     }
     found = [by_record[record.id] for record in case.records]
+    # both starts of a record are found with this noise: that of the fit may be another by now
+    with_all = [residual_of(output, fitted.parameters, record) for record in case.records]
     blocks, own = (
         [_blocks(output, r, record) for r, record in zip(residuals, case.records, strict=True)]
-        for residuals in (found, fitted.residuals)
+        for residuals in (found, with_all)
     )
     excess = [0.5 * float(b.sum() - o.sum()) for b, o in zip(blocks, own, strict=True)]
     return LeftOut(parameters, blocks, np.array([_power(r) for r in found]), np.array(excess))
