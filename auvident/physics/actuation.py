@@ -283,9 +283,7 @@ def _act(raw, elapsed, speed, e, k, angle, revs, out):
     out[OTHER], out[REVS], out[THRUST] = raw[k, OTHER], revs, factor
     out[DRIVE] = thrust * factor
     out[CHANGED] = share_fallen(elapsed[k], e[CHANGE_TIME], e[CHANGE_OVER])
-    out[RACED] = e[RACE] * out[DRIVE]
-    out[FLOW] = race_flow(out[RACED], speed[k])
-    out[REACH] = out[FLOW] * e[X_FIN]
+    out[RACED], out[FLOW], out[REACH] = race_at_fin(out[DRIVE], speed[k], e)
 
 
 @kernel
@@ -309,6 +307,14 @@ def race_flow(race, speed):
     would lay the fin anew with every reading.
     """
     return math.sqrt(max(speed * speed + race, 0.0)) - abs(speed)
+
+
+@kernel
+def race_at_fin(thrust, speed, e):
+    """What the race adds at the fin: square of the flow, flow, and flow times the station."""
+    race = e[RACE] * thrust
+    flow = race_flow(race, speed)
+    return race, flow, flow * e[X_FIN]
 
 
 @kernel

@@ -16,13 +16,11 @@ from auvident.physics.actuation import (
     ASYMMETRY,
     BACKLASH,
     DELAY,
-    RACE,
     SLOWNESS,
-    X_FIN,
     command_values,
     felt_angle,
     follow,
-    race_flow,
+    race_at_fin,
     servo_parts,
     thrust_of,
 )
@@ -51,9 +49,8 @@ def _fill(fin, revs, speed, e, rows):
     for s in range(fin.shape[0]):
         rows[FIN_ROW, s], rows[REVS_ROW, s] = fin[s], revs[s]
         rows[THRUST_ROW, s] = thrust_of(revs[s], speed[s], e[s])
-        rows[RACE_ROW, s] = e[s, RACE] * rows[THRUST_ROW, s]
-        rows[FLOW_ROW, s] = race_flow(rows[RACE_ROW, s], speed[s])
-        rows[REACH_ROW, s] = rows[FLOW_ROW, s] * e[s, X_FIN]
+        race, flow, reach = race_at_fin(rows[THRUST_ROW, s], speed[s], e[s])
+        rows[RACE_ROW, s], rows[FLOW_ROW, s], rows[REACH_ROW, s] = race, flow, reach
 
 
 @kernel

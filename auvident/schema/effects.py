@@ -262,6 +262,7 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("dvl_lever_arm", "sensing", "reading", HV, (
         P("dx_m", "m", 0.12, 0.03, -1.0, 1.0, powers=LENGTH),
         P("dy_m", "m", 0.06, 0.018, -1.0, 1.0, powers=LENGTH, planes=H),
+        # stated: read off a drawing, 2 cm of 1.3 m
         P("dz_m", "m", 0.09, 0.06, -1.0, 1.0, nuisance_std=0.09, stated_std=0.015, powers=LENGTH,
           planes=V),
     ), "v + r dx, u - r dy; w - q dx, u + q dz",

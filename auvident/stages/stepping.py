@@ -16,15 +16,13 @@ from auvident.physics.actuation import (
     DRIVE,
     FLOW,
     MOTOR_LAG,
-    RACE,
     RACED,
     REACH,
     REVS,
     THRUST,
-    X_FIN,
     command_values,
     felt_angle,
-    race_flow,
+    race_at_fin,
     thrust_of,
 )
 from auvident.physics.batch import inverse_mass
@@ -79,9 +77,7 @@ class ModelStepper:
         inputs = np.zeros(N_INPUTS)
         inputs[CONTROL] = felt_angle(fin_rad, self.commands)
         inputs[REVS], inputs[THRUST], inputs[DRIVE] = rate_rps, 1.0, thrust
-        inputs[RACED] = self.commands[RACE] * thrust
-        inputs[FLOW] = race_flow(inputs[RACED], speed_mps)
-        inputs[REACH] = inputs[FLOW] * self.commands[X_FIN]
+        inputs[[RACED, FLOW, REACH]] = race_at_fin(thrust, speed_mps, self.commands)
         return inputs
 
 

@@ -79,8 +79,8 @@ def _row(joint: Joint, effect: str, left: Unabsorbed, sizes: Array, k: int) -> D
     size = UNFORESEEN * min(float(sizes[k]) * declared.prior, checked)
     size = max(size, declared.practical)
     told = kept > ABSORBED or bool(np.isfinite(checked))
-    taken_along = joint.case.nuisance_std[i] >= joint.case.setup.prior_std[i]
-    visible = bool(size < PLAUSIBLE * declared.prior and told and not taken_along)
+    own = told and not _is_taken_along(joint, i)
+    visible = bool(size < PLAUSIBLE * declared.prior and own)
     return Detectable(
         id=effect,
         family=BY_ID[effect].family,
@@ -150,9 +150,15 @@ def _by_checks(joint: Joint, position: int) -> float:
     return float("inf")
 
 
+def _is_taken_along(joint: Joint, position: int) -> bool:
+    """Whether every model is allowed as much of it as an effect could be."""
+    case = joint.case
+    return bool(case.nuisance_std[position] >= case.setup.prior_std[position])
+
+
 def _why(joint: Joint, position: int, kept: float, finite: bool) -> str:
     case, effect = joint.case, joint.case.names[position].partition(".")[0]
-    if case.nuisance_std[position] >= case.setup.prior_std[position]:
+    if _is_taken_along(joint, position):
         return "estimated along, as the vehicle file does not state it"
     needs = () if BY_ID[effect].by_rate else BY_ID[effect].needs  # it has the yaw rate
     if kept < 0.05:
