@@ -349,8 +349,16 @@ def test_a_name_that_is_the_vehicles_own_is_no_false_alarm():
     assert scored(alarm).clean == "named" and scored(alarm).false == (name,)
     own = scored(outcome_with(own={name: {"visible": True}}))
     assert own.clean == "own" and own.false == () and not is_wrong(own)
-    faint = scored(outcome_with(own={name: {"visible": False}}))
+    faint = scored(outcome_with(own={name: {"visible": False, "explained": None}}))
     assert faint.clean == "named"
+
+
+@pytest.mark.parametrize(("explained", "is_own"), [(0.9, True), (0.4, False), (-2.0, False)])
+def test_what_stands_for_a_part_of_the_vehicle_is_its_own_however_faint(explained, is_own):
+    name = named(outcome_with())
+    found = scored(outcome_with(own={name: {"visible": False, "explained": explained}}))
+    assert (found.own, found.faint) == (((name,), (name,)) if is_own else ((), ()))
+    assert bool(found.false) is not is_own
 
 
 def test_states_of_a_clean_trial():

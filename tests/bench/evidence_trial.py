@@ -76,7 +76,7 @@ def _round_of(drawn: Any, folder: Path) -> Outcome:
 
     with patch.object(Search, "trace", first_round), suppress(Enough):
         run_stage("diagnose", folder / "run")
-    named = {row["id"] for row in rows} - set(planted)
+    named: Outcome = {row["id"]: {} for row in rows if row["id"] not in planted}
     found["own"] = own_effects(drawn, sailed, named)
     return {**found, "candidates": rows}
 

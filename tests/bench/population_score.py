@@ -11,6 +11,9 @@ from tests.bench.effects_score import Score, score
 
 ALL = "all"
 VELOCITIES = ("u", "v", "w", "q", "r")
+# Of the power of what a part of the vehicle changes, the share that an effect as it is said has to
+# make good to stand for it: so it has the right form, the right sign and about the right size.
+STANDS_FOR = 0.5
 STATES = ("failed", "none", "own", "named", "unexplained")
 
 Table = list[dict[str, Any]]
@@ -25,8 +28,10 @@ class Drawn:
     named, only what the vehicle has of itself by the rule of visibility, something that it has
     not, or something without a name. ``shows``: every planted effect is visible by that rule.
     ``false``: names that are neither planted, nor alike to a planted one, nor the vehicle's own.
-    The vehicle's own is what shows when it is taken away from the plant, and linear damping where
-    its share of the plant's damping is large (`population_trial._own`). ``zero_inside``: of each
+    The vehicle's own is what shows when it is taken away from the plant, linear damping where
+    its share of the plant's damping is large (`population_trial._own`), and what stands for a part
+    of the plant at the size that is said of it (`STANDS_FOR`); ``faint`` are those which only the
+    last rule makes its own. ``zero_inside``: of each
     named effect with intervals, whether zero lies in all of them; ``ships_worse``: the refined
     model predicts the identifying maneuvers worse when they are left out, ``surely_worse``: by
     more than the standard error (None where nothing was refined).
@@ -42,6 +47,7 @@ class Drawn:
     shows: bool | None
     own: tuple[str, ...]
     false: tuple[str, ...]
+    faint: tuple[str, ...] = ()
     missed: tuple[Row, ...] = ()
     extra_maneuvers: int = 0
     true_maneuvers: int = 0
@@ -61,7 +67,9 @@ Scores = Sequence[Drawn]
 def scored(outcome: Row) -> Drawn:
     """Score of one outcome."""
     loop, truth = score(outcome), outcome["truth"]
-    own = tuple(n for n in loop.named if (outcome.get("own") or {}).get(n, {}).get("visible"))
+    plant = outcome.get("own") or {}
+    shows = [n for n in loop.named if plant.get(n, {}).get("visible")]
+    own = tuple(n for n in loop.named if n in shows or _stands(plant.get(n, {})))
     false = tuple(n for n in loop.extra if n not in own)
     segmentation = outcome.get("segmentation") or {}
     visible = outcome.get("visible") or {}
@@ -77,6 +85,7 @@ def scored(outcome: Row) -> Drawn:
         shows=all(visible.get(n, {}).get("visible") for n in planted) if planted else None,
         own=own,
         false=false,
+        faint=tuple(n for n in own if n not in shows),
         missed=tuple(segmentation.get("missed", ())),
         extra_maneuvers=len(segmentation.get("extra", ())),
         true_maneuvers=sum(segmentation.get("true", {}).values()),
@@ -89,6 +98,11 @@ def scored(outcome: Row) -> Drawn:
         ships_worse=worse_by(outcome.get("comparison") or {}, errors=0.0),
         surely_worse=worse_by(outcome.get("comparison") or {}, errors=1.0),
     )
+
+
+def _stands(own: Row) -> bool:
+    explained = own.get("explained")
+    return explained is not None and explained >= STANDS_FOR
 
 
 def zero_inside(comparison: Row) -> tuple[bool, ...]:

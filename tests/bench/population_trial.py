@@ -120,8 +120,13 @@ def _own(drawn: Any, sailed: Any, found: Outcome) -> Outcome:
     from seatrial.population.drawn import LINEAR_SHARE
     from seatrial.population.visible import own_effects
 
-    named = {e["id"] for part in ("diagnosis", "comparison") for e in _effects(found.get(part))}
-    own: Outcome = own_effects(drawn, sailed, named - set(drawn.planted))
+    named = {
+        e["id"]: {p["symbol"]: p["value"] for p in e["parameters"]}
+        for part in ("diagnosis", "comparison")
+        for e in _effects(found.get(part))
+        if e["id"] not in drawn.planted
+    }
+    own: Outcome = own_effects(drawn, sailed, named)
     share = max(drawn.damping_shares(0))
     if LINEAR_DAMPING in own and share > LINEAR_SHARE:
         own[LINEAR_DAMPING] = {**own[LINEAR_DAMPING], "visible": True, "share": share}

@@ -419,7 +419,25 @@ def test_an_event_does_not_make_another_effect_visible():
 
 def test_what_the_vehicle_has_of_itself(small):
     trial, sailed = small
-    found = visible.own_effects(trial, sailed, {"linear_damping", "rudder_lag", "current"})
+    asked = {"linear_damping": {}, "rudder_lag": {"lag_s": 1.0}, "current": {}}
+    found = visible.own_effects(trial, sailed, asked)
     assert set(found) == {"linear_damping", "rudder_lag"}
     assert found["linear_damping"]["visible"]  # of this vehicle: its class says so
     assert "linear damping" in trial.classes
+
+
+def test_a_stated_size_is_held_against_what_the_vehicle_has(small):
+    """The servo of the plant is a little slow: as slow as it is stands for it, thrice so not."""
+    trial, sailed = small
+    lag = trial.equipment.rudder.lag
+
+    def explained(said: dict) -> float | None:
+        return visible.own_effects(trial, sailed, said)[next(iter(said))]["explained"]
+
+    quick = trial.equipment.rudder.rate_limit / DEGREE
+    late = {"rudder_delay": {"delay_s": trial.equipment.rudder.delay}}
+    whole = {"rudder_lag": {"lag_s": lag}, "rudder_rate_limit": {"rate_degps": quick}} | late
+    assert explained(whole) == pytest.approx(1.0, abs=1e-6)
+    slow = {"rudder_lag": {"lag_s": 3.0 * lag}, "rudder_rate_limit": {"rate_degps": quick / 3.0}}
+    assert explained(slow) < 0.0 < explained({"rudder_lag": {"lag_s": lag}}) < 1.0
+    assert explained({"yaw_cross_flow": {"N_r|v|": 1.0}}) is None  # not a size of the recipe

@@ -98,15 +98,15 @@ class Drawn:
 
     def rudder(self, planted: dict) -> Servo:
         """The rudder servo with its faults, drawn and planted."""
-        return _with(self.equipment.rudder, fin_servo("rudder", planted))
+        return with_faults(self.equipment.rudder, fin_servo("rudder", planted))
 
     def elevator(self, planted: dict) -> Servo:
         """The elevator servo with its faults, drawn and planted."""
-        return _with(self.equipment.elevator, fin_servo("elevator", planted))
+        return with_faults(self.equipment.elevator, fin_servo("elevator", planted))
 
     def drive(self, planted: dict) -> Drive:
         """The motor with its faults, drawn and planted."""
-        return _with(self.equipment.drive, motor_drive(planted))
+        return with_faults(self.equipment.drive, motor_drive(planted))
 
     @cached_property
     def classes(self) -> tuple[str, ...]:
@@ -214,7 +214,7 @@ class Drawn:
         }
 
 
-def _with(base, made):
+def with_faults(base, made):
     """`base` with the fields of `made` that are not those of a healthy part."""
     healthy = type(base)()._asdict()
     return base._replace(**{k: v for k, v in made._asdict().items() if v != healthy[k]})

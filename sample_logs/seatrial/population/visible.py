@@ -21,8 +21,14 @@ import numpy as np
 
 from seatrial.actuators import Servo, felt_angle, motor_step, servo_step, servo_target
 from seatrial.plant import STATES, PlantEffects, rk4_step, workspace
-from seatrial.planting import plant_effects, vertical_water, with_weight
-from seatrial.population.drawn import Drawn, Sailed
+from seatrial.planting import (
+    fin_servo,
+    motor_drive,
+    plant_effects,
+    vertical_water,
+    with_weight,
+)
+from seatrial.population.drawn import Drawn, Sailed, with_faults
 from seatrial.sensors import attitude, depth, dvl, gyro
 from seatrial.simulate import (
     ELEVATOR,
@@ -207,21 +213,57 @@ def visibility(drawn: Drawn, sailed: Sailed) -> dict[str, dict]:
     return _judged(drawn, sailed, found)
 
 
-def own_effects(drawn: Drawn, sailed: Sailed, asked: set[str]) -> dict[str, dict]:
+def own_effects(drawn: Drawn, sailed: Sailed, asked: dict[str, dict]) -> dict[str, dict]:
     """What the drawn vehicle itself has of the effects asked for, as `visibility` puts it.
 
-    Some are taken away together: what their change says holds for each of them.
+    `asked` holds the sizes that are said of each, by the parameters of the recipe. Some are taken
+    away together: what their change says holds for each of them. ``explained`` is the share of that
+    change, in power over the noise, that the effects as they are said make good in a vehicle from
+    which its own have been taken; None where the recipe does not know them by these sizes.
     """
     as_it_is = variant(drawn, drawn.planted)
-    found = {}
+    found, explained = {}, {}
     for names, changes in without(drawn, as_it_is).items():
-        if not asked & set(names):
+        said = {name: sizes for name, sizes in asked.items() if name in names}
+        if not said:
             continue
-        base = motion(drawn, sailed, as_it_is)
-        other = motion(drawn, sailed, variant(drawn, drawn.planted, **changes))
-        pair = [measured(drawn, record, drawn.planted) for record in (base, other)]
-        found |= dict.fromkeys(asked & set(names), pair)
-    return _judged(drawn, sailed, found)
+        others = [variant(drawn, drawn.planted, **changes), instead(drawn, changes, said)]
+        base, bare, *instead_of = (
+            measured(drawn, motion(drawn, sailed, one), drawn.planted)
+            for one in (as_it_is, *others)
+            if one is not None
+        )
+        found |= dict.fromkeys(said, (base, bare))
+        explained |= dict.fromkeys(said, (base, bare, *instead_of))
+    judged = _judged(drawn, sailed, found)
+    return {name: row | _explained(drawn, sailed, explained[name]) for name, row in judged.items()}
+
+
+def instead(drawn: Drawn, changes: dict, said: dict[str, dict]) -> Variant | None:
+    """A vehicle without its own parts and with the effects that are said of it."""
+    planted = drawn.planted | said
+    try:
+        parts = dict(changes)
+        for fin in ("rudder", "elevator"):
+            if fin in parts:
+                parts[fin] = with_faults(parts[fin], fin_servo(fin, said))
+        if "drive" in parts:
+            parts["drive"] = with_faults(parts["drive"], motor_drive(said))
+        return variant(drawn, planted, **parts)
+    except KeyError:  # the recipe has other parameters
+        return None
+
+
+def _explained(drawn: Drawn, sailed: Sailed, seen: tuple[dict, ...]) -> dict[str, float | None]:
+    base, bare, *instead_of = seen
+    if not instead_of:
+        return {"explained": None}
+    noise, within = background(drawn, sailed), spans(drawn, sailed)
+    left, whole = (
+        sum((change(base, other, within)[c] / noise[c]) ** 2 for c in CHANNELS[drawn.plane])
+        for other in (instead_of[0], bare)
+    )
+    return {"explained": round(1.0 - left / whole, 3) if whole > 0.0 else None}
 
 
 def without(drawn: Drawn, as_it_is: Variant) -> dict[tuple[str, ...], dict]:

@@ -7,11 +7,13 @@ which effects these maneuvers can show at all, and which look alike.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from auvident.constants import INDEPENDENT_S
 from auvident.engines.free_run import (
     Innovations,
     Normal,
@@ -33,7 +35,27 @@ Array = npt.NDArray[Any]
 
 SMALLEST = 1.0e-12  # information that counts as some
 NO_PRODUCTS = np.zeros((N_CHANNELS, 0, 0))  # of slopes, where nobody looks at them
-NO_RECORDS = np.zeros((0, 0, 0))
+MOST_BLOCKS = 8  # of a maneuver, so that long ones need no more memory
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Slopes of the likelihood by blocks of time of at least `INDEPENDENT_S`.
+
+    Attributes
+    ----------
+    record : (b,) int array
+        Place of the maneuver that each lies in.
+    gradient : (b, n) array
+    curvature : (b, n, n) array
+    """
+
+    record: npt.NDArray[np.int64]
+    gradient: Array
+    curvature: Array
+
+
+NO_BLOCKS = Blocks(np.zeros(0, np.int64), np.zeros((0, 0)), np.zeros((0, 0, 0)))
 
 
 @dataclass(frozen=True)
@@ -53,8 +75,8 @@ class Joint:
         Summed over the maneuvers, starts eliminated.
     raw : (3, n, n) array
         Mean products of the unwhitened slopes of each channel.
-    by_record : (m, n, n) array
-        The curvature that each maneuver adds; none where nobody looks at them.
+    blocks : Blocks
+        What each block of time adds; none where nobody looks at them.
     """
 
     case: Case
@@ -64,7 +86,7 @@ class Joint:
     gradient: Array
     curvature: Array
     raw: Array
-    by_record: Array
+    blocks: Blocks
 
     def columns(self, positions: Sequence[int] | Array) -> Array:
         """Columns of parameters."""
@@ -107,27 +129,51 @@ def joint_about(
     parts = each(lambda r: _slopes_of(output, fitted.parameters, r, free), case.records, len)
     if any(part is None for part in parts):
         return None
-    normal, raw, count = zip(*parts, strict=True)  # type: ignore[arg-type]
+    normal, raw, count, own = zip(*parts, strict=True)  # type: ignore[arg-type]
     half, gradient, curvature = summed(normal, len(free.positions))
     mean = sum(raw) / np.maximum(sum(count), 1.0)[:, None, None]
-    own = np.array([curvature for _, _, curvature in normal])
-    return Joint(case, fitted, free.positions, half, gradient, curvature, mean, own)
+    slopes = half, gradient, curvature
+    return Joint(case, fitted, free.positions, *slopes, mean, _joined(own))
+
+
+def _joined(parts: Sequence[tuple[Array, Array]]) -> Blocks:
+    """Blocks of all records."""
+    gradient, curvature = (np.concatenate(found) for found in zip(*parts, strict=True))
+    return Blocks(np.repeat(np.arange(len(parts)), [len(g) for g, _ in parts]), gradient, curvature)
 
 
 def _slopes_of(
     output: OutputError, p: Array, record: Record, free: Free
-) -> tuple[Normal, Array, Array] | None:
+) -> tuple[Normal, Array, Array, tuple[Array, Array]] | None:
     """Share of a record in what `Joint` holds, with the count of its readings (3,)."""
     found = finite_innovations(output, p, record, free)
     if found is None:
         return None
     slopes, seen = found.predicted.slopes, found.seen
     own = [slopes[seen[:, c], c, N_STATES:] for c in range(N_CHANNELS)]
+    error, left = _without_start(output, found)
     return (
-        _normal_of(output, record, found, *_without_start(output, found)),
+        _normal_of(output, record, found, error, left),
         np.array([part.T @ part for part in own]),
         np.array([float(len(part)) for part in own]),
+        _by_time(error, left, len(record), output.frame.dt_s),
     )
+
+
+def _by_time(error: Array, left: Array, rows: int, dt_s: float) -> tuple[Array, Array]:
+    """Gradient (b, n) and curvature (b, n, n) of the blocks of a record.
+
+    Of what the start cannot take up, so that each block holds its own share of it.
+    """
+    count = int(np.clip(rows * dt_s // INDEPENDENT_S, 1, MOST_BLOCKS))
+    ends = np.arange(count + 1) * rows // count
+    by_channel = np.column_stack([error, left]).reshape(-1, rows, 1 + left.shape[1])
+    gram = []
+    for first, last in pairwise(ends):
+        part = by_channel[:, first:last].reshape(-1, 1 + left.shape[1])
+        gram.append(part.T @ part)
+    found = np.array(gram)
+    return found[:, 0, 1:], found[:, 1:, 1:]
 
 
 def _normal_of(
@@ -184,7 +230,7 @@ def scores_of_forms(
     normal, shares = zip(*parts, strict=True)  # type: ignore[arg-type]
     half, gradient, curvature = summed(normal, len(every.positions))
     slopes = half, gradient, curvature
-    about = Joint(case, fitted, every.positions, *slopes, NO_PRODUCTS, NO_RECORDS)
+    about = Joint(case, fitted, every.positions, *slopes, NO_PRODUCTS, NO_BLOCKS)
     return [score(_with_form(about, own, share), (effect,)) for share in zip(*shares, strict=True)]
 
 
@@ -311,10 +357,31 @@ def unabsorbed(joint: Joint, positions: Sequence[int]) -> Unabsorbed:
     return Unabsorbed(left, kept, np.sqrt(np.maximum(power, 0.0)), along)
 
 
+def information_by_block(joint: Joint, left: Unabsorbed) -> Array:
+    """Information (k, b) of each parameter from each block of time, in units of its prior."""
+    along, own = left.along, joint.blocks.curvature
+    return np.asarray(np.einsum("ik,bij,jk->kb", along, own, along, optimize=True))
+
+
 def information_by_record(joint: Joint, left: Unabsorbed) -> Array:
     """Information (k, m) of each parameter from each maneuver, in units of its prior."""
-    found = np.einsum("ik,mij,jk->km", left.along, joint.by_record, left.along, optimize=True)
-    return np.asarray(np.maximum(found, 0.0))
+    own, record = information_by_block(joint, left), joint.blocks.record
+    return np.array([np.bincount(record, weights=row) for row in own])
+
+
+def excess_variance(joint: Joint, left: Unabsorbed) -> Array:
+    """Variance (k,) of the score of each parameter over its information.
+
+    One where the model is right but for the parameter; more where its residual drifts with the
+    signature in some blocks of time and against it in others. The estimate of the parameter is
+    then so much less certain than its information says (the sandwich of robust regression).
+    """
+    own = information_by_block(joint, left)
+    slopes = (joint.blocks.gradient @ left.along).T
+    whole = np.maximum(own.sum(axis=1, keepdims=True), SMALLEST)
+    free = 1.0 - np.sum((own / whole) ** 2, axis=1)  # of the scatter, what the estimate leaves
+    scatter = slopes - own * slopes.sum(axis=1, keepdims=True) / whole
+    return np.sum(scatter**2, axis=1) / np.maximum(whole[:, 0] * free, SMALLEST)
 
 
 def cosine(joint: Joint, a: Sequence[int], b: Sequence[int]) -> float:

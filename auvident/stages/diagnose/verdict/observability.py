@@ -16,6 +16,7 @@ from auvident.stages.diagnose.score.first_order import (
     Joint,
     Unabsorbed,
     cosine,
+    excess_variance,
     information_by_record,
     unabsorbed,
 )
@@ -67,12 +68,21 @@ def detectable(joint: Joint, candidates: Sequence[str]) -> tuple[Detectable, ...
 
 def _rows(joint: Joint, bars: _Bars, effect: str) -> list[Detectable]:
     left = unabsorbed(joint, joint.case.positions(effect))
-    sizes = _by_rules(bars, left, information_by_record(joint, left))
-    return [_row(joint, effect, left, sizes, k) for k in range(len(sizes))]
+    excess, by_record = excess_variance(joint, left), information_by_record(joint, left)
+    sizes, alone = (
+        _by_rules(bars, left, by_record, e) for e in (np.maximum(excess, 1.0), np.ones_like(excess))
+    )
+    return [_row(joint, effect, left, (sizes, alone), k) for k in range(len(sizes))]
 
 
-def _row(joint: Joint, effect: str, left: Unabsorbed, sizes: Array, k: int) -> Detectable:
-    """One parameter, by its place in the effect, with the size that the rules ask for."""
+def _row(
+    joint: Joint, effect: str, left: Unabsorbed, by_rules: tuple[Array, Array], k: int
+) -> Detectable:
+    """One parameter, by its place in the effect, with the size that the rules ask for.
+
+    And that which they would ask for if the model were right but for the effect.
+    """
+    sizes, alone = by_rules
     i, kept = joint.case.positions(effect)[k], float(left.kept[k])
     declared, checked = parameter_of(joint.case.names[i]), _by_checks(joint, i)
     unit = joint.case.setup.prior_std[i] / declared.prior  # internal value of one table unit
@@ -89,18 +99,20 @@ def _row(joint: Joint, effect: str, left: Unabsorbed, sizes: Array, k: int) -> D
         unit=declared.unit,
         visible=visible,
         kept=float(np.clip(kept, 0.0, 1.0)),
-        why="" if visible else _why(joint, i, kept, bool(np.isfinite(size))),
+        why="" if visible else _why(joint, i, kept, (float(sizes[k]), float(alone[k]))),
     )
 
 
-def _by_rules(bars: _Bars, left: Unabsorbed, by_record: Array) -> Array:
+def _by_rules(bars: _Bars, left: Unabsorbed, by_record: Array, excess: Array) -> Array:
     """Sizes (k,), in units of the prior, from which on the rules of the search are sure to accept.
 
-    The maneuvers left out do not have to agree on what explains nearly all of a channel.
+    The maneuvers left out do not have to agree on what explains nearly all of a channel. What they
+    gain scatters as the score does, see `excess_variance`.
     """
     by_gain = MARGIN * np.sqrt(2.0 * LEAST_GAIN / np.maximum(np.diag(left.information), SMALLEST))
     enough, sure = (MARGIN * _by_share(bars, left, s) for s in (LEAST_EXPLAINED, SURE_EXPLAINED))
-    by_left_out = [MARGIN_LEFT_OUT * _by_left_out(own, bars.blocks) for own in by_record]
+    alone = [_by_left_out(own, bars.blocks) for own in by_record]
+    by_left_out = MARGIN_LEFT_OUT * np.sqrt(excess) * alone
     return np.maximum(np.maximum(by_gain, enough), np.minimum(by_left_out, sure))
 
 
@@ -156,7 +168,9 @@ def _is_taken_along(joint: Joint, position: int) -> bool:
     return bool(case.nuisance_std[position] >= case.setup.prior_std[position])
 
 
-def _why(joint: Joint, position: int, kept: float, finite: bool) -> str:
+def _why(joint: Joint, position: int, kept: float, sizes: tuple[float, float]) -> str:
+    """Why a parameter is not visible: its size by the rules, and if the model were right else."""
+    (size, alone), most = sizes, PLAUSIBLE / UNFORESEEN
     case, effect = joint.case, joint.case.names[position].partition(".")[0]
     if _is_taken_along(joint, position):
         return "estimated along, as the vehicle file does not state it"
@@ -165,7 +179,9 @@ def _why(joint: Joint, position: int, kept: float, finite: bool) -> str:
         return "indistinguishable from the coefficients"
     if needs and not check_cost(case, joint.fitted.parameters) and not case.checks:
         return f"needs {', '.join(needs)} in the log"
-    if not finite:
+    if alone < most <= size:
+        return "hidden by what else the model lacks"
+    if not np.isfinite(size):
         return "shows in too few maneuvers for the others to confirm it"
     return "these maneuvers hardly excite it"
 

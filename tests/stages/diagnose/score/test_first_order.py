@@ -12,9 +12,11 @@ from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import fit_with, log_gain, output_error, prior_of
 from auvident.stages.diagnose.fit.refits import best_of, from_estimate
 from auvident.stages.diagnose.score.first_order import (
+    Blocks,
     Form,
     Joint,
     cosine,
+    excess_variance,
     information_by_record,
     joint_about,
     score,
@@ -172,6 +174,41 @@ def test_the_information_of_the_maneuvers_adds_up():
     assert found.shape == (1, len(small_case().records))
     # less what the prior of the others holds while they adjust: 5 % at most
     assert 0.95 * left.information[0, 0] < found.sum() <= left.information[0, 0] * (1.0 + 1e-9)
+
+
+def drawn_blocks(about: Joint, excess: float, count: int) -> Joint:
+    """Blocks of equal information whose gradients scatter by it, or by more."""
+    n = len(about.free)
+    own = np.eye(n) * 4.0
+    drawn = np.random.default_rng(3).normal(0.0, np.sqrt(4.0 * excess), (count, n))
+    blocks = Blocks(np.zeros(count, np.int64), drawn, np.repeat(own[None], count, axis=0))
+    return replace(about, blocks=blocks)
+
+
+@pytest.mark.parametrize("excess", [1.0, 9.0])
+def test_scores_that_scatter_more_than_they_should_are_told(excess):
+    about = drawn_blocks(joint(), excess, 4000)
+    left = unabsorbed(about, small_case().positions("gyro_bias"))
+    assert excess_variance(about, left) == pytest.approx([excess], rel=0.1)
+
+
+def test_an_effect_that_is_there_is_no_excess():
+    """What all blocks say alike is the effect's size, not its scatter."""
+    about = drawn_blocks(joint(), 1.0, 4000)
+    left = unabsorbed(about, small_case().positions("gyro_bias"))
+    pull = 50.0 * np.einsum("bij,j->bi", about.blocks.curvature, left.along[:, 0])
+    there = replace(about, blocks=replace(about.blocks, gradient=about.blocks.gradient - pull))
+    assert excess_variance(there, left) == pytest.approx(excess_variance(about, left))
+
+
+def test_the_blocks_of_a_screen_add_up_to_it():
+    found = joint()
+    assert len(found.blocks.record) == len(found.blocks.gradient) > len(small_case().records)
+    assert set(found.blocks.record) == set(range(len(small_case().records)))
+    # but for what the prior of the starts takes, which is of the whole record
+    scale = np.sqrt(np.diag(found.curvature))
+    off = (found.blocks.curvature.sum(axis=0) - found.curvature) / np.outer(scale, scale)
+    assert np.abs(off).max() < 0.02
 
 
 # --- forms of an absent effect -------------------------------------------------------------
