@@ -28,6 +28,7 @@ from auvident.engines.records import Record
 from auvident.estimation.output_error import bounded_step
 from auvident.parallel import each
 from auvident.physics.dynamics import N_STATES
+from auvident.schema.effects import BY_ID, own_in, parameter_of
 from auvident.stages.diagnose.fit.case import Case, in_order
 from auvident.stages.diagnose.fit.fits import N_CHANNELS, Fitted, output_error, prior_of
 
@@ -382,6 +383,36 @@ def excess_variance(joint: Joint, left: Unabsorbed) -> Array:
     free = 1.0 - np.sum((own / whole) ** 2, axis=1)  # of the scatter, what the estimate leaves
     scatter = slopes - own * slopes.sum(axis=1, keepdims=True) / whole
     return np.sum(scatter**2, axis=1) / np.maximum(whole[:, 0] * free, SMALLEST)
+
+
+def in_parts(case: Case, fitted: Fitted, effect: str) -> Array | None:
+    """What stands for each parameter of an effect among those that together do what it does.
+
+    A side force and moment turn a hull that stands as stiff as its lift and damping make it; what
+    they amount to is the offset of the rudder, and of the drift angle, that show as they do.
+
+    Returns
+    -------
+    (k, n) array, or None
+        Practical sizes of the k parameters of its parts for a unit of the prior of each of its
+        own n. None where it has no parts (`Effect.parts`), or the simulation runs away.
+    """
+    parts = [own_in(case.plane.name, part) for part in BY_ID[effect].parts]
+    if not parts:
+        return None
+    of_parts, own = case.positions(*parts), case.positions(effect)
+    free = case.setup.free(np.array(sorted([*of_parts, *own])))
+    output = output_error(case, fitted.colours)
+    found = each(lambda r: finite_innovations(output, fitted.parameters, r, free), case.records)
+    if any(one is None for one in found):
+        return None
+    left = [_without_start(output, one)[1] for one in found if one is not None]
+    at, of = (np.searchsorted(free.positions, np.array(who)) for who in (of_parts, own))
+    sought = np.concatenate([white[:, at] for white in left])
+    given = np.concatenate([white[:, of] for white in left])
+    practical = [parameter_of(case.names[i]) for i in of_parts]
+    units = np.array([declared.practical / declared.prior for declared in practical])
+    return np.linalg.lstsq(sought, given)[0] / units[:, None]
 
 
 def cosine(joint: Joint, a: Sequence[int], b: Sequence[int]) -> float:

@@ -10,7 +10,7 @@ from auvident.schema.effects import BY_ID, EFFECTS, parameter_of
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, check_cost, log_gain
 from auvident.stages.diagnose.fit.refits import without
-from auvident.stages.diagnose.score.first_order import Joint
+from auvident.stages.diagnose.score.first_order import Joint, in_parts
 from auvident.stages.diagnose.score.left_out import FitsWithout
 from auvident.stages.diagnose.select import rules
 from auvident.stages.diagnose.select.records import Account, Reconciled
@@ -97,7 +97,7 @@ def account_of(
         gain=log_gain(before, fitted),
         best_gain=best_gain,
         parameters=len(case.positions(effect)),
-        size=size_of(case, effect, p),
+        size=size_of(case, effect, fitted),
         falls=falls_of(case, before, fitted),
         rms=tuple(fitted.rms.tolist()),
         impossible=impossible(case, effect, p),
@@ -124,14 +124,18 @@ def by_sensors(case: Case, effect: str, p: Array) -> bool:
     return passes(Reconciled(old - new, share), rules.BY_SENSORS)
 
 
-def size_of(case: Case, effect: str, p: Array) -> float:
-    """Size of an effect beyond what every model is expected to have, in practical sizes."""
-    total = 0.0
-    for i in case.positions(effect):
-        declared = parameter_of(case.names[i])
-        unit = case.setup.prior_std[i] / declared.prior
-        total += ((p[i] - case.setup.prior[i]) / (declared.practical * unit)) ** 2
-    return float(np.sqrt(total))
+def size_of(case: Case, effect: str, fitted: Fitted) -> float:
+    """Size of an effect beyond what every model is expected to have, in practical sizes.
+
+    Of a force that bears no size for itself: of what does the same, see `in_parts`.
+    """
+    own = case.positions(effect)
+    size = (fitted.parameters[own] - case.setup.prior[own]) / case.setup.prior_std[own]
+    by_parts = in_parts(case, fitted, effect)
+    if by_parts is not None:
+        return float(np.linalg.norm(by_parts @ size))
+    declared = [parameter_of(case.names[i]) for i in own]
+    return float(np.linalg.norm(size * [d.prior / d.practical for d in declared]))
 
 
 def bounds_of(case: Case, effect: str, p: Array) -> dict[int, float]:

@@ -198,7 +198,7 @@ def _pays(less: Less, after: Fitted, exchange: Exchange) -> bool:
     case, before, p = less.case, less.current, after.parameters
     added = len(case.positions(*exchange.into)) - len(case.positions(*exchange.out))
     exchanged = Exchanged(
-        size=min(size_of(case, e, p) for e in exchange.into),
+        size=min(size_of(case, e, after) for e in exchange.into),
         impossible=any(impossible(case, e, p) for e in exchange.into),
         gain=worth(case, after) - worth(case, before),
         fewer=added < 0,

@@ -81,7 +81,7 @@ def first_steps(
     worth = [c for c in lead if passes(Start(screened.scores[c].gain, 0.0, False), rules.BEGIN)]
     found = begin(lead, 0.0, worth)  # from wherever one may begin
     # what is too small to matter may be taken along, and then the others have another round
-    sizes = {c: size_of(case, c, f.parameters) for c, f in found.items()}
+    sizes = {c: size_of(case, c, f) for c, f in found.items()}
     large = [log_gain(before, found[c]) for c, size in sizes.items() if size >= rules.LEAST_SIZE]
     behind = {c for small, size in sizes.items() if size < rules.LEAST_SIZE for c in alike(small)}
     marked = behind | {c for c in rest if steady(c)}

@@ -17,6 +17,7 @@ from auvident.stages.diagnose.score.first_order import (
     Unabsorbed,
     cosine,
     excess_variance,
+    in_parts,
     information_by_record,
     unabsorbed,
 )
@@ -72,11 +73,26 @@ def _rows(joint: Joint, bars: _Bars, effect: str) -> list[Detectable]:
     sizes, alone = (
         _by_rules(bars, left, by_record, e) for e in (np.maximum(excess, 1.0), np.ones_like(excess))
     )
-    return [_row(joint, effect, left, (sizes, alone), k) for k in range(len(sizes))]
+    least = _practical(joint, effect)
+    return [_row(joint, effect, left, (sizes, alone), least, k) for k in range(len(sizes))]
+
+
+def _practical(joint: Joint, effect: str) -> Array:
+    """Sizes (k,) that each parameter alone must have to matter, in table units."""
+    declared = [parameter_of(joint.case.names[i]) for i in joint.case.positions(effect)]
+    by_parts = in_parts(joint.case, joint.fitted, effect)
+    if by_parts is None:
+        return np.array([d.practical for d in declared])
+    return np.array([d.prior for d in declared]) / np.linalg.norm(by_parts, axis=0)
 
 
 def _row(
-    joint: Joint, effect: str, left: Unabsorbed, by_rules: tuple[Array, Array], k: int
+    joint: Joint,
+    effect: str,
+    left: Unabsorbed,
+    by_rules: tuple[Array, Array],
+    practical: Array,
+    k: int,
 ) -> Detectable:
     """One parameter, by its place in the effect, with the size that the rules ask for.
 
@@ -87,7 +103,7 @@ def _row(
     declared, checked = parameter_of(joint.case.names[i]), _by_checks(joint, i)
     unit = joint.case.setup.prior_std[i] / declared.prior  # internal value of one table unit
     size = UNFORESEEN * min(float(sizes[k]) * declared.prior, checked)
-    size = max(size, declared.practical)
+    size = max(size, float(practical[k]))
     told = kept > ABSORBED or bool(np.isfinite(checked))
     own = told and not _is_taken_along(joint, i)
     visible = bool(size < PLAUSIBLE * declared.prior and own)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from auvident.engines.free_run import (
+    RecordResidual,
     likelihood,
     normal_equations,
     residual_of,
@@ -27,6 +28,7 @@ from auvident.stages.diagnose.fit.fits import (
     prior_of,
 )
 from auvident.stages.diagnose.fit.refits import SETTLED, nested, refit, settled
+from auvident.stages.diagnose.score.first_order import in_parts
 from auvident.stages.diagnose.select.candidates import bounds_of, impossible, size_of
 from tests.stages.diagnose.loop_chain import loop, small_case, small_fit
 
@@ -235,18 +237,53 @@ def test_logged_headings_count_from_north() -> None:
     assert cases.counted_from(records) == "north"
 
 
+def residuals_at(case: cases.Case, base: Fitted, p: np.ndarray) -> list[RecordResidual]:
+    found = [residual_of(output_error(case, base.colours), p, r) for r in case.records]
+    return [one for one in found if one is not None]
+
+
 def test_sizes_are_in_practical_units_beyond_what_is_expected() -> None:
-    case = small_case()
+    case, base = small_case(), small_fit()
     p = case.at_rest(case.setup.prior)
-    for effect in ("current", "rudder_offset", "hull_asymmetry", "linear_drag"):
+    for effect in ("current", "rudder_offset", "dvl_misalignment", "linear_drag"):
         q = p.copy()
         positions = case.positions(effect)
         for i in positions:
             declared = parameter_of(case.names[i])
             unit = case.setup.prior_std[i] / declared.prior
             q[i] = case.setup.prior[i] + declared.practical * unit
-        assert size_of(case, effect, q) == pytest.approx(np.sqrt(len(positions)))
-    assert size_of(case, "linear_drag", p) == pytest.approx(0.0)
+        assert size_of(case, effect, replace(base, parameters=q)) == pytest.approx(
+            np.sqrt(len(positions))
+        )
+    assert size_of(case, "linear_drag", replace(base, parameters=p)) == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("name", ["hull_asymmetry", "propeller_side_force"])
+def test_a_force_is_as_large_as_what_it_does(name) -> None:
+    """An offset of the rudder is a side force and a moment: it is as large by either name."""
+    case, base = small_case(), small_fit()
+    own, offset = case.positions(name), case.positions("rudder_offset")
+    by_parts = in_parts(case, base, name)
+    assert by_parts is not None and by_parts.shape == (2, len(own))
+    # so much of both that the rudder is laid by three practical sizes, and nothing drifts
+    sizes = np.linalg.solve(by_parts, [3.0, 0.0])
+    p = base.parameters.copy()
+    p[own] = case.setup.prior[own] + sizes * case.setup.prior_std[own]
+    assert size_of(case, name, replace(base, parameters=p)) == pytest.approx(3.0, rel=0.05)
+    q = base.parameters.copy()
+    declared = parameter_of("rudder_offset.offset_deg")
+    q[offset] = 3.0 * declared.practical * case.setup.prior_std[offset] / declared.prior
+    by_offset, by_force, straight = (
+        np.concatenate([r.error[:, 1:3] for r in residuals_at(case, base, x)])
+        for x in (q, p, base.parameters)
+    )
+    one, other = by_offset - straight, by_force - straight
+    seen = np.isfinite(one) & np.isfinite(other)
+    left = [
+        1.0 - np.sum((one - other)[:, k][seen[:, k]] ** 2) / np.sum(one[:, k][seen[:, k]] ** 2)
+        for k in range(2)
+    ]
+    assert min(left) > 0.8
 
 
 def test_only_bounds_other_than_off_are_bounds() -> None:
