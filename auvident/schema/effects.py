@@ -112,7 +112,7 @@ def of_fin(own: PlaneRow, other: PlaneRow) -> tuple[Effect, ...]:
             "d' = (d_command - d) / lag",
             f"residual after every {fin} movement, decaying", SERVO,
             words=f"{servo} lag of {{lag_s:.2f}} s", alike="late", curved=True),
-        row("rate_limit", P("rate_degps", "deg/s", 2.6, 2.3, 0.0, 50.0, DEGREES, "inverse",
+        row("rate_limit", P("rate_degps", "deg/s", 2.6, 2.0, 0.0, 50.0, DEGREES, "inverse",
                             step=0.3, nuisance_std=0.26, powers=TIME),
             "|d'| <= rate",
             f"residual after every {fin} movement, longer after larger ones", SERVO,

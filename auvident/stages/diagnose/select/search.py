@@ -42,6 +42,7 @@ class Search:
     rng: np.random.Generator
     steps: list[str] = field(default_factory=list)
     unclaimed: list[str] = field(default_factory=list)
+    put_back: list[str] = field(default_factory=list)  # accepted, and taken out at once
     told: Telling = field(default_factory=Telling)
     without: FitsWithout = field(default_factory=FitsWithout)
 
@@ -65,14 +66,15 @@ class Search:
     def one_round(self, before: Fitted) -> Round:
         """Screen, refit and judge."""
         self.told.begin(len(self.candidates))
-        before = with_best_times(self.case, before, self.candidates)
-        screened = screen(self.case, before, self.candidates)
+        candidates = [c for c in self.candidates if c not in self.put_back]
+        before = with_best_times(self.case, before, candidates)
+        screened = screen(self.case, before, candidates)
         before, tried = refitted(self.case, before, screened, self.told)
         judged = judged_with(
             self.case, before, tried, len(self.candidates), self.rng, self.told, self.without
         )
         accepted = next((t for t in judged if t.refusal is None), None)
-        alike = alike_of(self.case, screened.joint, self.candidates, accepted, judged)
+        alike = alike_of(self.case, screened.joint, candidates, accepted, judged)
         name = accepted.id if accepted else None
         return Round(before, screened.joint, tuple(judged), screened.gains, alike, name)
 
@@ -110,8 +112,11 @@ class Search:
 
     def _reconsidered(self, current: Fitted) -> Fitted:
         """The model with the effects seen together."""
+        newest = current.effects[-1]
         current, steps = reconsider(self.case, self.candidates, current, self.unclaimed)
         self.steps += steps
+        if newest not in current.effects:
+            self.put_back.append(newest)
         return current
 
 

@@ -336,6 +336,52 @@ def removed(worth: float) -> Callable[[Patch], Any]:
     return run
 
 
+@pytest.mark.parametrize(
+    ("older", "newer", "ahead", "left"),
+    [
+        ("dvl_misalignment", "propeller_side_force", 13.0, "dvl_misalignment"),
+        ("dvl_misalignment", "propeller_side_force", 600.0, "propeller_side_force"),
+        ("hull_asymmetry", "propeller_side_force", 13.0, "propeller_side_force"),
+    ],
+)
+def test_what_has_more_parameters_puts_nothing_out_for_little(
+    older, newer, ahead, left, monkeypatch
+) -> None:
+    """Of two of which both together gain little more than either: which one stays?"""
+    both = fitted(900.0 + ahead + 30.0, older, newer)
+    fits = {
+        (newer,): fitted(900.0 + ahead, newer),
+        (older,): fitted(900.0, older),
+        (): fitted(0.0),
+    }
+    monkeypatch.setattr(reconsider, "size_of", lambda *_: 2.0)
+    monkeypatch.setattr(reconsider, "impossible", lambda *_: False)
+    monkeypatch.setattr(reconsider, "prior_cost", lambda *_: 0.0)
+    monkeypatch.setattr(reconsider, "without", lambda *_: None)
+    monkeypatch.setattr(reconsider, "from_both", lambda case, effects, *_: fits[tuple(effects)])
+    found, steps = reconsider.reconsider(COUNTED, (), both, ())
+    assert found.effects == (left,) and len(steps) == 1 and "removed" in steps[0]
+
+
+def test_what_is_taken_out_at_once_is_not_tried_again(monkeypatch) -> None:
+    class Asked(Exception):
+        pass
+
+    def screened(case: object, before: Fitted, candidates: list[str]) -> None:
+        raise Asked(*candidates)
+
+    own = new_search()
+    monkeypatch.setattr(search, "reconsider", lambda case, c, current, unclaimed: (BEFORE, []))
+    monkeypatch.setattr(search, "with_best_times", lambda case, before, c: before)
+    monkeypatch.setattr(search, "screen", screened)
+    tried = Tried(fitted(1e3, "current"), replace(GOOD, id="current", gain=1e3))
+    own._after(Round(BEFORE, None, (tried,), {}, (), "current"))  # type: ignore[arg-type]
+    with pytest.raises(Asked) as asked:
+        own.one_round(BEFORE)
+    assert own.put_back == ["current"] and "current" in own.candidates
+    assert asked.value.args == tuple(c for c in own.candidates if c != "current")
+
+
 def lone(worth: float) -> Callable[[Patch], Any]:
     """What is left of a single effect, as after an exchange."""
 
