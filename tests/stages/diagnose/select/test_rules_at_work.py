@@ -370,7 +370,7 @@ def test_what_is_taken_out_at_once_is_not_tried_again(monkeypatch) -> None:
     def screened(case: object, before: Fitted, candidates: list[str]) -> None:
         raise Asked(*candidates)
 
-    own = new_search()
+    own = new_search("current", "gyro_bias")
     monkeypatch.setattr(search, "reconsider", lambda case, c, current, unclaimed: (BEFORE, []))
     monkeypatch.setattr(search, "with_best_times", lambda case, before, c: before)
     monkeypatch.setattr(search, "screen", screened)
