@@ -22,6 +22,7 @@ from tests.bench.population_trial import (
     from_the_bow,
     held_out,
     key_of,
+    outcome,
     segmentation,
 )
 
@@ -90,7 +91,7 @@ def test_outcomes_of_the_other_half_are_not_scored(half, tmp_path, capsys):
 def test_trials_of_the_same_program_are_not_sailed_again(tmp_path, monkeypatch, capsys):
     sailed = []
 
-    def outcome(seed, short, until, plane):
+    def outcome(seed, short, until, plane, planted=None):
         sailed.append(seed)
         return outcome_with(seed)
 
@@ -341,6 +342,16 @@ def test_a_survey_of_the_first_stages_tells_of_maneuvers_alone(tmp_path):
 
 
 # --- scores -------------------------------------------------------------------------------
+
+
+def test_trials_with_an_effect_that_is_asked_for_are_others():
+    def refused(stage: str, *_: object, **more: object) -> None:
+        raise InputError(stage)
+
+    drift = ("current_drift",)
+    assert key_of(4, True, "refine") != key_of(4, True, "refine", planted=drift)
+    found = outcome(4, until="refine", planted=drift, run=refused)
+    assert found["case"]["planted"] == ["current_drift"] and found["case"]["kind"] == "single"
 
 
 def test_a_name_that_is_the_vehicles_own_is_no_false_alarm():

@@ -33,12 +33,13 @@ def main(arguments: list[str], show: Show) -> None:
     options = _options(arguments)
     wanted = seeds(options.first, options.count, options.half)
     short, plane = not options.long, options.plane
+    planted = tuple(options.planted) or None
     if options.score is not None:
         kept = read_outcomes(options.score, with_bugs=True)
     else:
-        sailed = partial(outcome, short=short, until=options.until, plane=plane)
+        sailed = partial(outcome, short=short, until=options.until, plane=plane, planted=planted)
         kept = sail(wanted, sailed, options.workers, options.resume)
-    keys = [key_of(seed, short, options.until, plane) for seed in wanted]
+    keys = [key_of(seed, short, options.until, plane, planted) for seed in wanted]
     scores = [scored(kept[key]) for key in keys if key in kept]
     whole = options.until == WANTED[-1]
     found = {"bars": bars(scores)} if whole else {}
@@ -50,8 +51,8 @@ def main(arguments: list[str], show: Show) -> None:
             show(f"{title} ({options.half}, {len(scores)} trials)", rows)
     if options.write:
         sailed = [kept[key] for key in keys if key in kept]
-        name = "population" if plane == "horizontal" else f"population-{plane}"
-        written.write(name, measured(sailed, options.half), without_empty(found))
+        ways = ["population", *([plane] if plane != "horizontal" else []), *options.planted]
+        written.write("-".join(ways), measured(sailed, options.half), without_empty(found))
 
 
 def without_empty(found: dict[str, Any]) -> dict[str, Any]:
@@ -95,6 +96,7 @@ def _options(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--workers", type=int, default=2, help="trials at a time")
     parser.add_argument("--until", choices=WANTED, default=WANTED[-1], help="the last stage")
     parser.add_argument("--plane", choices=CHANNELS, default="horizontal", help="of the maneuvers")
+    parser.add_argument("--planted", nargs="+", default=[], help="effects, in place of drawn ones")
     parser.add_argument("--long", action="store_true", help="logs of 10 to 60 minutes")
     parser.add_argument("--score", type=Path, help="sail nothing, score the outcomes in a file")
     parser.add_argument("--json", type=Path, help="file for the tables")

@@ -51,20 +51,22 @@ def outcome(
     short: bool = True,
     until: str = WANTED[-1],
     plane: str = "horizontal",
+    planted: tuple[str, ...] | None = None,
     run: Callable[..., Any] = run_stage,
 ) -> Outcome:
     """What the program says of a trial; a refusal is an outcome, and so is a bug.
 
-    With `until` the chain ends behind that stage, and the effects are not looked at.
+    With `until` the chain ends behind that stage, and the effects are not looked at. `planted`
+    takes the place of what is drawn.
     """
     from seatrial.population import draw
 
-    key = key_of(seed, short, until, plane)
+    key = key_of(seed, short, until, plane, planted)
     began, found = perf_counter(), _case(seed, key, "none", ())
     with tempfile.TemporaryDirectory(prefix="auvident-population-") as name:
         folder = Path(name)
         try:
-            drawn = draw(seed, short, plane=plane)
+            drawn = draw(seed, short, planted, plane=plane)
             found = _case(seed, key, drawn.kind, tuple(drawn.planted))
             sailed = drawn.sail()
             drawn.write(sailed, folder / "trial", folder / "vehicle.toml")
@@ -94,10 +96,16 @@ def from_the_bow(planted: Mapping[str, Any], heading_rad: float) -> dict[str, An
     return {**planted, "parameters": told}
 
 
-def key_of(seed: int, short: bool, until: str, plane: str = "horizontal") -> str:
+def key_of(
+    seed: int,
+    short: bool,
+    until: str,
+    plane: str = "horizontal",
+    planted: tuple[str, ...] | None = None,
+) -> str:
     """Name of a trial in the file of outcomes."""
     ways = {plane: plane != "horizontal", "long": not short, until: until != WANTED[-1]}
-    return "-".join([str(seed), *(way for way, told in ways.items() if told)])
+    return "-".join([str(seed), *(way for way, told in ways.items() if told), *(planted or ())])
 
 
 def _case(seed: int, key: str, kind: str, planted: tuple[str, ...]) -> Outcome:
