@@ -22,7 +22,10 @@ STUDIES = (
     "evidence",
     "geometry",
 )  # with options of their own
-OF_A_STUDY = ("population-vertical", "population-current_drift")  # sections besides the one of its name
+OF_A_STUDY = (
+    "population-vertical",
+    "population-current_drift",
+)  # sections besides the one of its name
 BY_HAND = ("casadi", "campaign-cost")  # what `make bench` leaves out: other libraries, or long
 SEASONS = ("pool", "season", "cluster")  # as well; their results depend on what they were asked for
 PARTS = (

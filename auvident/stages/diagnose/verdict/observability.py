@@ -83,7 +83,8 @@ def _practical(joint: Joint, effect: str) -> Array:
     by_parts = in_parts(joint.case, joint.fitted, effect)
     if by_parts is None:
         return np.array([d.practical for d in declared])
-    return np.array([d.prior for d in declared]) / np.linalg.norm(by_parts, axis=0)
+    amounts = np.maximum(np.linalg.norm(by_parts, axis=0), SMALLEST)
+    return np.array([d.prior for d in declared]) / amounts
 
 
 def _row(

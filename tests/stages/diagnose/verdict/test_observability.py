@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
+from auvident.stages.diagnose.score.first_order import joint_about
 from auvident.stages.diagnose.score.left_out import t_value
 from auvident.stages.diagnose.select.rules import LEAST_T
+from auvident.stages.diagnose.verdict import observability
 from auvident.stages.diagnose.verdict.observability import MARGIN_LEFT_OUT, _by_left_out
+from tests.stages.diagnose.loop_chain import small_case, small_fit
 
 MANEUVERS = 12
 BLOCKS = np.full(MANEUVERS, 4.0)
@@ -30,3 +33,14 @@ def test_what_shows_in_one_maneuver_alone_is_seen_at_no_size():
     alone = np.zeros(MANEUVERS)
     alone[0] = 1.0
     assert _by_left_out(alone, BLOCKS) == np.inf
+
+
+def test_a_force_that_lays_no_fin_matters_at_no_size(monkeypatch):
+    """As that of a propeller that stands still: nothing is divided by it."""
+    about = joint_about(small_case(), small_fit(), ("propeller_side_force",))
+    assert about is not None
+    with np.errstate(divide="raise"):
+        every = observability._practical(about, "propeller_side_force")
+        monkeypatch.setattr(observability, "in_parts", lambda *_: np.array([[2.0, 0.0]] * 2))
+        none = observability._practical(about, "propeller_side_force")
+    assert np.all(np.isfinite(every)) and none[1] > 1e6 * none[0] > 0.0
