@@ -213,7 +213,8 @@ EFFECTS: tuple[Effect, ...] = (
         curved=True),
     Effect("propeller_race", "actuation", "input", HV, (
         # momentum theory: 8 / (pi density D^2) in a race that has developed, 130 to 260 of these
-        # units for a propeller of a tenth to a fourteenth of the length; no thrust slows the flow
+        # units for a propeller of a tenth to a fourteenth of the length; no thrust slows the flow,
+        # and what stands at the lower bound, a practical size of that, is impossible
         P("c_m2ps2pn", "m^2/s^2/N", 200.0, 50.0, -50.0, 1000.0, powers=(-1, -2, 0, 0),
           nuisance_std=15.0),
     ), "fin meets V^2 = u^2 + c T; its lift is A_uud (V^2 d - k V (v + x_fin r)), k = 1.5",

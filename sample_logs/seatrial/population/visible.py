@@ -20,6 +20,7 @@ import numba as nb
 import numpy as np
 
 from seatrial.actuators import Servo, felt_angle, motor_step, servo_step, servo_target
+from seatrial.effects import PLANTED
 from seatrial.plant import STATES, PlantEffects, rk4_step, workspace
 from seatrial.planting import (
     fin_servo,
@@ -227,43 +228,44 @@ def own_effects(drawn: Drawn, sailed: Sailed, asked: dict[str, dict]) -> dict[st
         said = {name: sizes for name, sizes in asked.items() if name in names}
         if not said:
             continue
-        others = [variant(drawn, drawn.planted, **changes), instead(drawn, changes, said)]
-        base, bare, *instead_of = (
+        base, bare = (
             measured(drawn, motion(drawn, sailed, one), drawn.planted)
-            for one in (as_it_is, *others)
-            if one is not None
+            for one in (as_it_is, variant(drawn, drawn.planted, **changes))
         )
         found |= dict.fromkeys(said, (base, bare))
-        explained |= dict.fromkeys(said, (base, bare, *instead_of))
+        share = None
+        if is_known(said, drawn.plane):
+            record = motion(drawn, sailed, instead(drawn, changes, said))
+            share = made_good(drawn, sailed, base, bare, measured(drawn, record, drawn.planted))
+        explained |= {name: {"explained": share} for name in said}
     judged = _judged(drawn, sailed, found)
-    return {name: row | _explained(drawn, sailed, explained[name]) for name, row in judged.items()}
+    return {name: row | explained[name] for name, row in judged.items()}
 
 
-def instead(drawn: Drawn, changes: dict, said: dict[str, dict]) -> Variant | None:
+def is_known(said: dict[str, dict], plane: str) -> bool:
+    """Whether the recipe has effects by the sizes that are said of them."""
+    return all(set(PLANTED[plane][name].units) == set(sizes) for name, sizes in said.items())
+
+
+def instead(drawn: Drawn, changes: dict, said: dict[str, dict]) -> Variant:
     """A vehicle without its own parts and with the effects that are said of it."""
-    planted = drawn.planted | said
-    try:
-        parts = dict(changes)
-        for fin in ("rudder", "elevator"):
-            if fin in parts:
-                parts[fin] = with_faults(parts[fin], fin_servo(fin, said))
-        if "drive" in parts:
-            parts["drive"] = with_faults(parts["drive"], motor_drive(said))
-        return variant(drawn, planted, **parts)
-    except KeyError:  # the recipe has other parameters
-        return None
+    parts = dict(changes)
+    for fin in ("rudder", "elevator"):
+        if fin in parts:
+            parts[fin] = with_faults(parts[fin], fin_servo(fin, said))
+    if "drive" in parts:
+        parts["drive"] = with_faults(parts["drive"], motor_drive(said))
+    return variant(drawn, drawn.planted | said, **parts)
 
 
-def _explained(drawn: Drawn, sailed: Sailed, seen: tuple[dict, ...]) -> dict[str, float | None]:
-    base, bare, *instead_of = seen
-    if not instead_of:
-        return {"explained": None}
+def made_good(drawn: Drawn, sailed: Sailed, base: dict, bare: dict, other: dict) -> float | None:
+    """Share of what lies between `base` and `bare` that `other` makes good; None without any."""
     noise, within = background(drawn, sailed), spans(drawn, sailed)
     left, whole = (
-        sum((change(base, other, within)[c] / noise[c]) ** 2 for c in CHANNELS[drawn.plane])
-        for other in (instead_of[0], bare)
+        sum((change(base, one, within)[c] / noise[c]) ** 2 for c in CHANNELS[drawn.plane])
+        for one in (other, bare)
     )
-    return {"explained": round(1.0 - left / whole, 3) if whole > 0.0 else None}
+    return round(1.0 - left / whole, 3) if whole > 0.0 else None
 
 
 def without(drawn: Drawn, as_it_is: Variant) -> dict[tuple[str, ...], dict]:
