@@ -10,6 +10,8 @@ from itertools import islice
 import pytest
 
 from auvident.schema.effects import BY_ID, EFFECTS, in_plane
+from auvident.schema.planes import HORIZONTAL
+from auvident.stages.diagnose.verdict.observability import detectable_push
 from tests import loop_world
 from tests.bench import __main__ as bench
 from tests.bench import effects
@@ -257,6 +259,17 @@ def test_an_event_between_the_maneuvers_that_identify_cannot_be_seen() -> None:
     for spans, visible in (([[40.0, 51.0]], True), ([[10.0, 49.0], [54.0, 60.0]], False)):
         assert score({**outcome, "identifying_s": spans}).visible is visible
     assert score(outcome).visible  # of a study that did not keep the maneuvers
+
+
+def test_a_push_is_seen_where_it_shows_in_sway_and_yaw() -> None:
+    rows = detectable_push((0.08, 0.02), HORIZONTAL)
+    sees = [row.model_dump() for row in rows]
+    event = {**CURRENT, "id": "one_off_event"}
+    for v, r, seen in ((0.2, 3, True), (0.2, 1, False), (0.05, 3, False)):
+        assert is_visible({**event, "parameters": {"v_mps": v, "r_degps": r}}, sees) is seen
+    assert is_visible({**event, "parameters": {}}, sees)  # its size is not known
+    none = [row.model_dump() for row in detectable_push(None, HORIZONTAL)]
+    assert not is_visible({**event, "parameters": {"v_mps": 9.0, "r_degps": 90.0}}, none)
 
 
 def test_both_of_a_pair_are_asked_for() -> None:

@@ -20,7 +20,7 @@ from auvident.schema.diagnosis import (
 )
 from auvident.schema.effect_words import holds_nothing
 from auvident.schema.effects import FAMILIES
-from auvident.schema.loop_statements import follows, is_limit, seen_last
+from auvident.schema.loop_statements import TOGETHER, follows, is_limit, seen_last
 
 number, with_unit = TERMINAL.number, TERMINAL.quantity
 MOVED = 2.0  # standard deviations before, from which on a coefficient is said to have moved
@@ -122,7 +122,8 @@ def detectable_text(rows: Sequence[Detectable]) -> str:
         f"{'≤' if is_limit(row) else '≥'} {with_unit(row.size, row.unit, 2)}"
         for row in seen_last(rows)
     ]
-    return f"{rows[0].id} {', '.join(pieces)}"
+    effect = rows[0].id
+    return f"{effect} {(' and ' if effect in TOGETHER else ', ').join(pieces)}"
 
 
 def visible_by_family(sees: Sequence[Detectable]) -> dict[str, list[str]]:

@@ -10,6 +10,7 @@ from auvident.schema.effects import BY_ID, Effect, parameter_of
 # where an id with spaces for its bars is not what an engineer says
 NAMES = {
     "current_drift": "change of the current",
+    "one_off_event": "one-off push",
     "rudder_rate_limit": "servo speed limit",
     "rudder_lag": "servo lag",
     "elevator_rate_limit": "elevator speed limit",

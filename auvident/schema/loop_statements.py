@@ -10,6 +10,7 @@ from auvident.schema.effects import BY_ID
 from auvident.schema.likeness import nested
 
 NAMED_EFFECTS = 4  # told in the statement that nothing was found
+TOGETHER = ("one_off_event",)  # effects of which all sizes have to be exceeded, not one
 
 
 def statement(
@@ -110,7 +111,10 @@ def nothing_found(sees: Sequence[Detectable]) -> str:
     for row in (row for row in sees if row.visible):
         rows.setdefault(row.id, []).append(row)
     sizes = {effect: [_least(row) for row in seen_last(own)] for effect, own in rows.items()}
-    named = [f"{words_of(effect)} {' or '.join(own)}" for effect, own in sizes.items()]
+    named = [
+        f"{words_of(effect)} {(' and ' if effect in TOGETHER else ' or ').join(own)}"
+        for effect, own in sizes.items()
+    ]
     if not named:
         return text
     listed = "; ".join(named[:NAMED_EFFECTS])

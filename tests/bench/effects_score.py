@@ -140,17 +140,19 @@ def happened_in(planted: Row, spans: Spans) -> bool:
 def is_visible(planted: Row, sees: Iterable[Row]) -> bool:
     """Whether the planted size is above the one that the program says it would see.
 
-    Of several parameters one is enough; of a limit the smaller is the stronger.
+    Of several parameters one is enough, but a push has to show in sway and in yaw; of a limit the
+    smaller is the stronger.
     """
     rows = [row for row in sees if row["id"] == planted["id"]]
     if not rows:
         return planted["id"] in SEARCHED
-    return any(_is_above(planted, row) for row in rows if row["visible"])
+    seen = [_is_above(planted, row) for row in rows if row["visible"]]
+    return all(seen) and bool(seen) if planted["id"] == EVENT else any(seen)
 
 
 def _is_above(planted: Row, row: Row) -> bool:
     size = planted["parameters"].get(row["symbol"])
-    if size is None or planted["id"] in SEARCHED:
+    if size is None:
         return True
     if _is_limit(planted["id"], row["symbol"]):
         return bool(abs(size) <= row["size"])

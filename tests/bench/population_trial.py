@@ -2,6 +2,7 @@
 
 import cmath
 import json
+import math
 import signal
 import sys
 import tempfile
@@ -17,6 +18,7 @@ import pandas as pd
 from auvident.errors import AuvidentError
 from auvident.pipeline import run_stage
 from tests.bench.effects import GENERATOR
+from tests.bench.effects_score import EVENT
 from tests.bench.effects_trial import (
     COMPARISON,
     DIAGNOSIS,
@@ -77,6 +79,7 @@ def outcome(
             found["truth"] = {**truth, "planted": planted}
             if until == WANTED[-1]:
                 found |= _judged_by_rule(drawn, sailed)
+                found["truth"]["planted"] = [_with_size(p, found["sudden"]) for p in planted]
         except Exception:
             return {**found, "stage": GENERATOR, "error": traceback.format_exc()}
         found["generator_s"] = round(perf_counter() - began, 1)
@@ -114,9 +117,18 @@ def _case(seed: int, key: str, kind: str, planted: tuple[str, ...]) -> Outcome:
 
 
 def _judged_by_rule(drawn: Any, sailed: Any) -> Outcome:
-    from seatrial.population.visible import visibility
+    from seatrial.population.visible import sudden, visibility
 
-    return {"visible": visibility(drawn, sailed)}
+    return {"visible": visibility(drawn, sailed), "sudden": sudden(drawn, sailed)}
+
+
+def _with_size(planted: Outcome, sudden: Mapping[str, float]) -> Outcome:
+    """A push with the changes that it makes, by the symbols and in the units of `sees`."""
+    if planted["id"] != EVENT:
+        return planted
+    told = {name.replace("radps", "degps"): size for name, size in sudden.items()}
+    told |= {name: math.degrees(size) for name, size in told.items() if name.endswith("degps")}
+    return {**planted, "parameters": {**planted["parameters"], **told}}
 
 
 def _own(drawn: Any, sailed: Any, found: Outcome) -> Outcome:

@@ -4,6 +4,9 @@ import pytest
 
 from auvident.report import loop_words as words
 from auvident.schema.diagnosis import Detectable, Lookalikes, ParameterValue
+from auvident.schema.loop_statements import nothing_found
+from auvident.schema.planes import HORIZONTAL
+from auvident.stages.diagnose.verdict.observability import detectable_push
 from tests import loop_world
 
 
@@ -148,3 +151,9 @@ def test_coefficients_that_moved_by_more_than_two_of_their_deviations() -> None:
 )
 def test_numbers_are_plain_where_they_can_be(value: float | None, shown: str) -> None:
     assert words.number(value, 2) == shown
+
+
+def test_a_push_has_to_exceed_all_of_its_sizes() -> None:
+    rows = detectable_push((0.04, 0.02), HORIZONTAL)
+    assert words.detectable_text(rows) == "one_off_event ≥ 0.05 m/s and ≥ 1.4 deg/s"
+    assert "one-off push above 0.05 m/s and above 1.4 deg/s" in nothing_found(rows)

@@ -441,3 +441,17 @@ def test_a_stated_size_is_held_against_what_the_vehicle_has(small):
     slow = {"rudder_lag": {"lag_s": 3.0 * lag}, "rudder_rate_limit": {"rate_degps": quick / 3.0}}
     assert explained(slow) < 0.0 < explained({"rudder_lag": {"lag_s": lag}}) < 1.0
     assert explained({"yaw_cross_flow": {"N_r|v|": 1.0}}) is None  # not a size of the recipe
+
+
+def test_a_push_changes_sway_and_yaw_by_its_size():
+    trial = draw(SMALL, planted=("one_off_event",))
+    found = visible.sudden(trial, trial.sail())
+    trial.planted["one_off_event"] = {
+        k: v * (0.5 if k in ("force_n", "moment_nm") else 1.0)
+        for k, v in trial.planted["one_off_event"].items()
+    }
+    half = visible.sudden(trial, trial.sail())
+    assert set(found) == {"v_mps", "r_radps"}
+    for channel, size in found.items():
+        assert 0.35 * size < half[channel] < 0.65 * size
+    assert visible.sudden(draw(SMALL, planted=()), None) == {}

@@ -1,7 +1,7 @@
 """Diagnosis: what the identified model does not explain, traced to the effect it lacks."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from auvident.schema.diagnosis import Diagnosis
 from auvident.schema.planes import Plane
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
-from auvident.stages.diagnose.checks.events import Event, find_events
+from auvident.stages.diagnose.checks.events import Event, find_events, smallest_push
 from auvident.stages.diagnose.checks.kinematics import (
     SensorCheck,
     heading_against_gyro,
@@ -118,6 +118,9 @@ def _diagnosed(
     traced = narrowed(search.trace(baseline), trials, maneuvers)
     tell("forces without a named cause", None)
     evidence = _evidence(traced, search, headings, events, missing)
+    evidence = replace(
+        evidence, least_push=_least_push(search.case, baseline, headings, hull_time_s)
+    )
     tell("verdict", None)
     return Diagnosed(diagnosis_of(evidence, model), residual_table(traced, maneuvers))
 
@@ -166,6 +169,13 @@ def _without_events(
         [(e.maneuver, e.time_s, e.time_s + e.duration_s) for e in events]
     )
     return baseline_of(search.case), events
+
+
+def _least_push(
+    case: Case, baseline: Fitted, headings: Mapping[str, Array], hull_time_s: float
+) -> tuple[float, float] | None:
+    pieces = pieces_of(case, baseline.residuals, headings)
+    return smallest_push(pieces, case.setup.sensor_std[:3], hull_time_s)
 
 
 def _evidence(

@@ -48,10 +48,14 @@ from seatrial.vehicles import FIN_STALL, Body
 
 VISIBLE = 1.0
 WINDOW = 15.0  # [L/U]
+OTHER_WINDOW = 17.0  # [L/U] what happens where one begins anew is seen in the other
 CHANNELS = {"horizontal": ("u", "v", "r"), "vertical": ("u", "w", "q", "pitch")}
+# columns of the record: what a push changes at once, in m/s and rad/s
+PUSHED = {"horizontal": {"v_mps": 1, "r_radps": 5}, "vertical": {"w_mps": 2, "q_radps": 4}}
+PUSH = "one_off_event"
 DEPTH_FAULTS = ("depth_lag", "depth_scale")
 # What happens in the record alone: following it has no legs, and no memory of its own.
-NOT_AGAIN = ("one_off_event", "memory_force", "roll_mode", "stuck_elevator")
+NOT_AGAIN = (PUSH, "memory_force", "roll_mode", "stuck_elevator")
 
 
 @dataclass(frozen=True)
@@ -138,16 +142,35 @@ def variant(drawn: Drawn, planted: dict, **changed) -> Variant:
     return Variant(**{**parts, **changed})
 
 
-def motion(drawn: Drawn, sailed: Sailed, other: Variant, noise=None) -> np.ndarray:
-    """Record of the variant along the sailed one."""
+def motion(drawn: Drawn, sailed: Sailed, other: Variant, noise=None, window=WINDOW) -> np.ndarray:
+    """Record of the variant along the sailed one, from that anew every `window` L/U."""
     calm = sailed.sea
     if "wave" not in other.planted:
         calm = calm._replace(swell_force=0.0, swell_moment=0.0)
     calm = with_weight(other.planted, vertical_water(other.planted, calm))
-    window = round(WINDOW * drawn.size.time / STEP_S)
+    steps = round(window * drawn.size.time / STEP_S)
     parts = (other.body, other.effects, other.rudder, other.elevator, other.drive, calm)
     gusts = sailed.noise if noise is None else noise
-    return follow(sailed.record, window, *parts, gusts, workspace())
+    return follow(sailed.record, steps, *parts, gusts, workspace())
+
+
+def sudden(drawn: Drawn, sailed: Sailed) -> dict[str, float]:
+    """Largest change within L/U that the planted push makes of sway and yaw (heave and pitch).
+
+    In m/s and rad/s, against the same record without it; empty where none is planted.
+    """
+    if PUSH not in drawn.planted:
+        return {}
+    left = {k: v for k, v in drawn.planted.items() if k != PUSH}
+    lag, columns = max(round(drawn.size.time / STEP_S), 1), PUSHED[drawn.plane]
+    found = np.zeros(len(columns))
+    for window in (WINDOW, OTHER_WINDOW):
+        other = motion(drawn, sailed, variant(drawn, left), window=window)
+        pushed = (sailed.record - other)[:, list(columns.values())]
+        part = np.arange(len(pushed)) // round(window * drawn.size.time / STEP_S)
+        within = part[lag:] == part[:-lag]
+        found = np.maximum(found, np.abs(pushed[lag:] - pushed[:-lag])[within].max(axis=0))
+    return dict(zip(columns, found.tolist(), strict=True))
 
 
 def measured(drawn: Drawn, record: np.ndarray, planted: dict) -> dict:

@@ -108,10 +108,9 @@ def find_events(
     list of Event
         At most `MOST_EVENTS`; empty with fewer than two maneuvers that can be used.
     """
-    dt_s = float(np.diff(pieces[0].time_s[:2])[0]) if pieces else 1.0
-    bin_s = max(round(BIN * hull_time_s / dt_s), 1) * dt_s
+    bin_s = _bin_s(pieces, hull_time_s)
     tracks = _tracks(pieces, bin_s)
-    if sum(len(t.energy) > 0 for t in tracks) < 2:
+    if not _can_be_compared(tracks):
         return []
     places = _places(tracks)
     for count in range(min(MOST_EVENTS, len(places) - 1), 0, -1):
@@ -125,6 +124,46 @@ def find_events(
             ]
             return [event for event in events if event.duration_s < LONGEST_BINS * bin_s]
     return []
+
+
+def smallest_push(
+    pieces: Sequence[Residual], noise: Array, hull_time_s: float = 1.0
+) -> tuple[float, float] | None:
+    """Changes of sway (heave) and yaw (pitch) within L/U that would be an event together.
+
+    They stand out from the worst place in this residual, in each channel, even where half of the
+    change falls into either of two bins: a window then has an eighth of its square.
+
+    Parameters
+    ----------
+    pieces : sequence of Residual
+        As `find_events` takes them, the rows of events that were found not known.
+    noise : (3,) or (4,) array
+        Standard deviation of one sample of u, v (m/s), r (rad/s).
+    hull_time_s : float
+        L/U of the vehicle [s].
+
+    Returns
+    -------
+    (float, float) or None
+        In m/s and rad/s; None where no two maneuvers can be compared.
+    """
+    tracks = _tracks(pieces, _bin_s(pieces, hull_time_s))
+    if not _can_be_compared(tracks):
+        return None
+    highest = np.max([t.energy.max(axis=0) for t in tracks if len(t.energy)], axis=0)
+    audible = (LEAST_OVER_NOISE * np.asarray(noise)[:N_CHANNELS]) ** 2
+    sway, yaw = np.sqrt(2 * WINDOW_BINS * np.maximum(THRESHOLD * highest, audible))[list(DECISIVE)]
+    return float(sway), float(yaw)
+
+
+def _bin_s(pieces: Sequence[Residual], hull_time_s: float) -> float:
+    dt_s = float(np.diff(pieces[0].time_s[:2])[0]) if pieces else 1.0
+    return max(round(BIN * hull_time_s / dt_s), 1) * dt_s
+
+
+def _can_be_compared(tracks: Sequence[Track]) -> bool:
+    return sum(len(t.energy) > 0 for t in tracks) >= 2
 
 
 def _tracks(pieces: Sequence[Residual], bin_s: float) -> list[Track]:

@@ -21,7 +21,11 @@ from auvident.stages.diagnose.verdict.evidence import (
     remainders,
     verdict_of,
 )
-from auvident.stages.diagnose.verdict.observability import detectable, lookalikes
+from auvident.stages.diagnose.verdict.observability import (
+    detectable,
+    detectable_push,
+    lookalikes,
+)
 from auvident.stages.diagnose.verdict.residuals import residual_rows
 from auvident.stages.diagnose.verdict.taken_up import coefficient_findings
 
@@ -40,7 +44,8 @@ def diagnosis_of(evidence: Evidence, model: IdentifiedModel) -> Diagnosis:
     nearest = nearest_of(evidence)
     groups = tuple(r.alike for r in traced.rounds if r.alike and r.accepted in traced.named)
     verdict = verdict_of(effects, evidence, left, nearest, groups)
-    sees = detectable(joint, evidence.candidates)
+    pushes = detectable_push(evidence.least_push, traced.case.plane)
+    sees = (*detectable(joint, evidence.candidates), *pushes)
     named = [e for g in groups for e in g]
     by = separated_by(named, traced.case.plane.name) if groups else ""
     closest = nearest if effects else nearest or closest_of(evidence)

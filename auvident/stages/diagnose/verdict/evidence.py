@@ -59,6 +59,8 @@ class Evidence:
         The best of them in place of the effect accepted last.
     missing : tuple of str
         Columns whose absence hides effects.
+    least_push : (float, float), optional
+        Changes of sway and yaw within L/U that would be an event together; see `smallest_push`.
     """
 
     traced: Traced
@@ -68,6 +70,7 @@ class Evidence:
     free: tuple[FreeForce, ...]
     rival: FreeForce | None
     missing: tuple[str, ...]
+    least_push: tuple[float, float] | None = None
 
 
 def verdict_of(

@@ -1,5 +1,6 @@
 """What these maneuvers can show, cannot show and cannot separate; no residual is looked at."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +11,7 @@ import numpy.typing as npt
 from auvident.constants import INDEPENDENT_S, NORMAL_90
 from auvident.schema.diagnosis import Detectable, Lookalikes
 from auvident.schema.effects import BY_ID, BY_MANEUVERS, parameter_of
+from auvident.schema.planes import PlaneRow
 from auvident.stages.diagnose.fit.fits import check_cost
 from auvident.stages.diagnose.score.first_order import (
     SMALLEST,
@@ -39,6 +41,7 @@ MARGIN_LEFT_OUT = (LEAST_T + NORMAL_90) / LEAST_T
 # planted effects above these sizes were declared, and 18 of 21 between three quarters and once.
 UNFORESEEN = 1.25
 PLAUSIBLE = 3.0  # an effect that must exceed so many priors to be seen is not visible
+BEYOND = 1e3  # so many priors stand for any size
 ABSORBED = 0.015  # of the signature left by the coefficients: no size is stated
 SEPARABLE = 0.98  # cosine from which on two effects are not told apart
 
@@ -63,6 +66,33 @@ def detectable(joint: Joint, candidates: Sequence[str]) -> tuple[Detectable, ...
     """Smallest size of each parameter of each effect that would be declared."""
     bars = _Bars(_above_noise(joint), _blocks_of(joint))
     return tuple(row for effect in candidates for row in _rows(joint, bars, effect))
+
+
+def detectable_push(sizes: tuple[float, float] | None, plane: PlaneRow) -> tuple[Detectable, ...]:
+    """Changes of sway and yaw (heave and pitch) within L/U that would be a one-off event together.
+
+    Parameters
+    ----------
+    sizes : (float, float) or None
+        In m/s and rad/s; None where no maneuver can be compared with another.
+    plane : PlaneRow
+    """
+    event, (_, sway, yaw) = BY_ID["one_off_event"], plane.velocities
+    v, r = sizes or (BEYOND, BEYOND)
+    units = ((f"{sway}_mps", "m/s", v), (f"{yaw}_degps", "deg/s", math.degrees(r)))
+    return tuple(
+        Detectable(
+            id=event.id,
+            family=event.family,
+            symbol=symbol,
+            size=UNFORESEEN * size,
+            unit=unit,
+            visible=sizes is not None,
+            kept=1.0,
+            why="" if sizes else "fewer than two maneuvers to hold against each other",
+        )
+        for symbol, unit, size in units
+    )
 
 
 def _rows(joint: Joint, bars: _Bars, effect: str) -> list[Detectable]:
@@ -110,7 +140,7 @@ def _row(
         id=effect,
         family=BY_ID[effect].family,
         symbol=declared.symbol,
-        size=declared.shown(min(size, 1e3 * declared.prior) * unit)[0],
+        size=declared.shown(min(size, BEYOND * declared.prior) * unit)[0],
         unit=declared.unit,
         visible=visible,
         kept=float(np.clip(kept, 0.0, 1.0)),

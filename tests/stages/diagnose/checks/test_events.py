@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from auvident.schema.planes import VERTICAL
-from auvident.stages.diagnose.checks.events import BIN, Event, find_events
+from auvident.stages.diagnose.checks.events import BIN, Event, find_events, smallest_push
 from auvident.stages.diagnose.checks.waves import Residual
 
 NOISE = np.array([0.005, 0.005, 0.0009, 0.005])
@@ -150,3 +150,26 @@ def test_a_prediction_that_runs_away_is_no_event() -> None:
 def test_one_maneuver_alone_tells_nothing() -> None:
     assert find_events(pieces_of(6, push={0: (30.0, 2.0)})[:1], NOISE) == []
     assert find_events([], NOISE) == []
+
+
+def test_the_smallest_push_is_one_that_is_found() -> None:
+    """Changes of v and r within L/U as large as is said stand out, half as large ones do not."""
+    quiet = pieces_of(7, helm=0.4)
+    sway, yaw = smallest_push(quiet, NOISE) or (0.0, 0.0)
+    for size, count in ((1.25, 1), (0.5, 0)):
+        for number, at in ((1, 300), (4, 505), (6, 700)):
+            pushed = list(quiet)
+            values = quiet[number].values.copy()
+            fading = np.exp(-np.arange(850 - at) / 20.0)[:, None]
+            values[at:, 1:3] += size * fading * [sway, -yaw]
+            pushed[number] = replace(quiet[number], values=values)
+            assert len(find_events(pushed, NOISE)) == count
+
+
+def test_a_push_has_to_be_louder_than_the_sensors_and_than_what_repeats() -> None:
+    small, loud = (smallest_push(pieces_of(8, helm=h), NOISE) for h in (0.2, 1.0))
+    deaf = smallest_push(pieces_of(8, helm=0.2), 10.0 * NOISE)
+    assert small and loud and deaf
+    assert np.all(np.array(small) < loud)
+    assert deaf == pytest.approx(tuple(math.sqrt(8.0) * 2.0 * 10.0 * NOISE[1:3]))
+    assert smallest_push(pieces_of(8)[:1], NOISE) is None

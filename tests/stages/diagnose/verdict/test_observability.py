@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from auvident.schema.planes import HORIZONTAL, VERTICAL
 from auvident.stages.diagnose.score.first_order import joint_about
 from auvident.stages.diagnose.score.left_out import t_value
 from auvident.stages.diagnose.select.rules import LEAST_T
@@ -44,3 +45,19 @@ def test_a_force_that_lays_no_fin_matters_at_no_size(monkeypatch):
         monkeypatch.setattr(observability, "in_parts", lambda *_: np.array([[2.0, 0.0]] * 2))
         none = observability._practical(about, "propeller_side_force")
     assert np.all(np.isfinite(every)) and none[1] > 1e6 * none[0] > 0.0
+
+
+def test_a_push_is_stated_in_the_channels_of_the_plane():
+    rows = observability.detectable_push((0.04, 0.02), VERTICAL)
+    assert [(r.symbol, r.unit, r.visible) for r in rows] == [
+        ("w_mps", "m/s", True),
+        ("q_degps", "deg/s", True),
+    ]
+    sizes = [r.size / observability.UNFORESEEN for r in rows]
+    assert sizes == pytest.approx([0.04, np.degrees(0.02)])
+
+
+def test_without_a_second_maneuver_no_push_is_seen():
+    rows = observability.detectable_push(None, HORIZONTAL)
+    assert [r.symbol for r in rows] == ["v_mps", "r_degps"]
+    assert not any(r.visible for r in rows) and all(np.isfinite(r.size) and r.why for r in rows)
