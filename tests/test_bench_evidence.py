@@ -24,7 +24,7 @@ def candidate(name: str = "current", **changes: Any) -> dict[str, Any]:
     return {
         "id": name,
         "gain": 60.0,
-        "best_gain": 60.0,
+        "by_others": 60.0,
         "size": 2.0,
         "parameters": 2,
         "falls": {"u": 0.0, "v": 0.3, "r": 0.0},
@@ -84,8 +84,8 @@ def test_the_first_that_passes_is_named_and_told_from_what_was_planted() -> None
 
 
 def test_a_threshold_names_nothing_false_but_once() -> None:
-    clean = [trial(candidate(gain=g, best_gain=g), seed=2 * k) for k, g in enumerate((40.0, 90.0))]
-    found = [trial(candidate(gain=80.0, best_gain=80.0), planted=("current",))]
+    clean = [trial(candidate(gain=g, by_others=g), seed=2 * k) for k, g in enumerate((40.0, 90.0))]
+    found = [trial(candidate(gain=80.0, by_others=80.0), planted=("current",))]
     threshold = evidence_score.least([*clean, *found], KINDS["gain, nats"])
     assert threshold == pytest.approx(40.0, rel=1e-3)
     assert outcome_of([*clean, *found], [(KINDS["gain, nats"], threshold)]) == {

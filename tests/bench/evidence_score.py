@@ -126,7 +126,7 @@ def eligible(row: Row) -> bool:
     told = sums[np.abs(sums) > INDIFFERENT]
     helps = max(np.mean(sums > 0.0), np.mean(told > 0.0) if len(told) else 0.0)
     sensed = row["checks"][0] - row["checks"][1] >= CHECK_GAIN
-    large = row["size"] >= 1.0 and row["gain"] >= max(OF_BEST * row["best_gain"], LEAST_GAIN)
+    large = row["size"] >= 1.0 and row["gain"] >= max(OF_BEST * row["by_others"], LEAST_GAIN)
     return bool(large and not row.get("impossible") and (sensed or helps >= LEAST_SHARE))
 
 

@@ -100,7 +100,7 @@ def _known(case: Case, before: Fitted, tried: Tried) -> Outcome:
     """What the fit to everything says of a candidate."""
     account, fitted = tried.account, tried.fitted
     costs = [check_cost(case, f.parameters) for f in (before, fitted)]
-    names = ("gain", "best_gain", "size", "impossible", "parameters", "maneuvers")
+    names = ("gain", "by_others", "size", "impossible", "parameters", "maneuvers")
     return {
         "id": tried.id,
         "family": BY_ID[tried.id].family,

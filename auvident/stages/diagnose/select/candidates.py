@@ -88,14 +88,14 @@ def ranked(values: dict[str, float]) -> list[str]:
 
 
 def account_of(
-    case: Case, before: Fitted, fitted: Fitted, best_gain: float, settled: bool, promise: float
+    case: Case, before: Fitted, fitted: Fitted, by_others: float, settled: bool, promise: float
 ) -> Account:
     """What is known of a candidate, the last effect of a fit; see `Account`."""
     effect, p = fitted.effects[-1], fitted.parameters
     return Account(
         id=effect,
         gain=log_gain(before, fitted),
-        best_gain=best_gain,
+        by_others=by_others,
         parameters=len(case.positions(effect)),
         size=size_of(case, effect, fitted),
         falls=falls_of(case, before, fitted),

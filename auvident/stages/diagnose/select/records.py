@@ -47,6 +47,8 @@ class Begun:
         How many promise more.
     promise, best_promise : float
         The most that the first steps let one hope for, and that of the best [nats].
+    by_others : float
+        The most of its promise that it may have as a by-product of another [nats].
     gain, best_gain : float
         Rise of the log-likelihood, and that of the best that is finished [nats].
     beside_steady : bool
@@ -57,6 +59,7 @@ class Begun:
     place: int
     promise: float
     best_promise: float
+    by_others: float
     gain: float
     best_gain: float
     beside_steady: bool
@@ -88,8 +91,8 @@ class Account:
     id : str
     gain : float
         Rise of the log-likelihood [nats].
-    best_gain : float
-        That of the best candidate of the round [nats].
+    by_others : float
+        The most that it would gain as a by-product of another candidate of the round [nats].
     parameters : int
         How many it has.
     size : float
@@ -112,7 +115,7 @@ class Account:
 
     id: str
     gain: float
-    best_gain: float
+    by_others: float
     parameters: int
     size: float
     falls: Mapping[str, float]

@@ -48,14 +48,15 @@ def refitted(
     # a fit that is not there yet may still become what the first-order step promises
     promise = {c: max(log_gain(before, f), screened.scores[c].gain) for c, f in found.items()}
     told.enter(SETTLE)
-    finished = finish(case, before, found, promise, told.next)
+    finished = finish(case, before, found, promise, screened.by_others(promise), told.next)
     told.enter(COMPARE)
     before, found = unstuck(case, before, {**found, **finished})
     found = side_by_side(lambda c: nested(case, before, found[c]), tuple(found))
     found, finished = leader_finished(case, found, finished)
-    best = max((log_gain(before, f) for f in found.values()), default=0.0)
+    gains = {c: log_gain(before, f) for c, f in found.items()}
+    others = screened.by_others(gains)
     tried = [
-        Tried(f, account_of(case, before, f, best, c in finished, promise[c]))
+        Tried(f, account_of(case, before, f, others[c], c in finished, promise[c]))
         for c, f in found.items()
     ]
     return before, sorted(tried, key=lambda t: -t.gain)
@@ -157,6 +158,7 @@ def finish(
     before: Fitted,
     found: Fits,
     promise: dict[str, float],
+    by_others: Mapping[str, float],
     tell: Callable[[str], None] = lambda candidate: None,
 ) -> Fits:
     """Those that are fitted to the end, the most promising first; each is told when it begins.
@@ -170,7 +172,7 @@ def finish(
         c = order[place]
         best = max([rules.LEAST_GAIN, *(log_gain(before, f) for f in finished.values())])
         gain, first = log_gain(before, found[c]), promise[order[0]]
-        return Begun(c, place, promise[c], first, gain, best, c in beside)
+        return Begun(c, place, promise[c], first, by_others[c], gain, best, c in beside)
 
     def ended(places: Sequence[int]) -> Fits:
         afresh = {order[place]: passes(asked(place), rules.AFRESH) for place in places}

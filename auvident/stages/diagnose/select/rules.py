@@ -31,7 +31,9 @@ SCREENED, SCREENED_FAST = 7, 4  # so many of each list
 ACCOMPANIED = 2  # what looks like so many of the best is refitted with them
 REFITTED = 4  # to the end
 HOPELESS = 0.3  # a candidate with less than this share of the best one's promise is not finished
-OF_BEST = 0.5  # a candidate must gain this share of the best one's
+# A candidate must gain this share of what it would as the by-product of another: its square of the
+# cosine. What acts on surge alone is none of what is wrong with the rudder.
+OF_BEST = 0.5
 # What is promised to first order is no upper bound: so many times as much may come of it. Of 226
 # candidates of 44 development trials that promised less than a third of `LEAST_GAIN` four came to
 # more than that, 23 to 56 nats, each with a sixth of a practical size or less.
@@ -100,6 +102,12 @@ FINISH: tuple[Rule[Begun], ...] = (
 FINISH_ANYWAY: tuple[Rule[Begun], ...] = (
     Rule("steady", "it shows as a leading one does", lambda b: b.beside_steady, 1.0),
     Rule("rival", "it gains already", lambda b: _share(b.gain, b.best_gain, 0.0), OF_BEST),
+    Rule(
+        "apart",
+        "no other may explain what it promises",
+        lambda b: b.promise / max(b.by_others, LEAST_GAIN / OF_BEST),
+        OF_BEST,
+    ),
 )
 AFRESH: tuple[Rule[Begun], ...] = (
     Rule("worth-a-start", "the best promises much", lambda b: b.best_promise, WORTH_A_START),
@@ -172,9 +180,9 @@ RULES: tuple[Rule[Account], ...] = (
     Rule(
         "of-best",
         "it is not a by-product of another",
-        lambda a: a.gain / a.best_gain,
+        lambda a: _share(a.gain, a.by_others, 1.0),
         OF_BEST,
-        words="explains less than half of what the best candidate does",
+        words="explains less than half of what another does that looks like it",
     ),
     Rule(
         "small",

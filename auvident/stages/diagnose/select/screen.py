@@ -1,7 +1,8 @@
 """The screen: what each effect would bring to first order, and which are worth a refit."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from auvident.stages.diagnose.fit.fits import Fitted
 from auvident.stages.diagnose.score.first_order import (
     Joint,
     Score,
+    cosine,
     joint_about,
     score,
     score_from,
@@ -38,6 +40,30 @@ class Screen:
     def gains(self) -> dict[str, float]:
         """To first order [nats], by candidate."""
         return {c: s.gain for c, s in self.scores.items()}
+
+    def by_others(self, gains: Mapping[str, float]) -> dict[str, float]:
+        """Of what each candidate gains, the most that it would as the by-product of another.
+
+        An effect that is there lets another gain its own gain times the square of their cosine. Of
+        a limit no signature is known, so that it may stand for anything.
+
+        Parameters
+        ----------
+        gains : mapping of str to float
+            By candidate [nats].
+        """
+        case = self.joint.case
+
+        def share(one: str, other: str) -> float:
+            if is_limit(one) or is_limit(other):
+                return 1.0
+            return cosine(self.joint, case.positions(one), case.positions(other)) ** 2
+
+        pairs = {frozenset(p): share(*p) for p in combinations(gains, 2)}
+        return {
+            c: max((pairs[frozenset((c, o))] * gains[o] for o in gains if o != c), default=0.0)
+            for c in gains
+        }
 
     @property
     def ceiling(self) -> float:

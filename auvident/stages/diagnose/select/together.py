@@ -96,7 +96,7 @@ def beside(
         return first.account
     last = replace(pair, effects=(*rest, first.id))
     gain = log_gain(alone, last)
-    account = account_of(case, alone, last, gain, True, gain)
+    account = account_of(case, alone, last, 0.0, True, gain)
     return replace(account, helped=left_out_with(case, alone, last, among, rng, fits))
 
 

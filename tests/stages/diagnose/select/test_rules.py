@@ -43,7 +43,7 @@ from auvident.stages.diagnose.select.rules import (
 GOOD = Account(
     id="current",
     gain=800.0,
-    best_gain=800.0,
+    by_others=800.0,
     parameters=2,
     size=3.0,
     falls={"u": 0.5, "v": 0.1, "r": 0.0},
@@ -63,7 +63,7 @@ def left_out(**changes: float) -> Helped:
 
 
 SIMPLE = replace(GOOD, id="simple", gain=790.0, parameters=1, helped=None)
-BEHIND = Begun("a", 5, 10.0, 100.0, 10.0, 100.0, False)
+BEHIND = Begun("a", 5, 10.0, 100.0, 60.0, 10.0, 100.0, False)
 # a record that meets every rule of a table, and what makes it fail one rule and no other
 FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
     "SCREEN": (Screened("a", 8.0, 6), {"worth": {"gain": 7.9}, "place": {"place": 7}}),
@@ -89,8 +89,8 @@ FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
         GOOD,
         {
             "unsettled": {"settled": False},
-            "gain": {"gain": 19.0, "best_gain": 19.0},
-            "of-best": {"best_gain": 1700.0},
+            "gain": {"gain": 19.0, "by_others": 19.0},
+            "of-best": {"by_others": 1700.0},
             "small": {"size": 0.9},
             "impossible": {"impossible": True},
             "maneuvers": {"maneuvers": 1},
@@ -183,7 +183,14 @@ FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
 }
 # a record that meets no rule of a table, and what makes it meet one and no other
 MEETING: dict[str, tuple[Any, dict[str, Any]]] = {
-    "FINISH_ANYWAY": (BEHIND, {"steady": {"beside_steady": True}, "rival": {"gain": 50.0}}),
+    "FINISH_ANYWAY": (
+        BEHIND,
+        {
+            "steady": {"beside_steady": True},
+            "rival": {"gain": 50.0},
+            "apart": {"promise": 30.0},
+        },
+    ),
     "AGAIN": (Rival(40.0, 100.0, 10.0), {"stuck": {"moved": 20.0}, "rival": {"gain": 50.0}}),
 }
 TABLES = {
@@ -250,7 +257,7 @@ def test_of_what_first_order_says_nothing_a_fit_always_begins() -> None:
 
 
 def test_a_rule_tells_its_evidence() -> None:
-    weak = refusal_of(replace(GOOD, gain=4.4, best_gain=4.4), RULES)
+    weak = refusal_of(replace(GOOD, gain=4.4, by_others=4.4), RULES)
     assert weak == Refusal("gain", "evidence too weak (4 nats)", 4.4, LEAST_GAIN)
     few = refusal_of(replace(GOOD, helped=left_out(share=0.5, deciding=0.4)), RULES_LEFT_OUT)
     assert few is not None and few.text == "helps only 50 % of the maneuvers left out"
@@ -281,7 +288,7 @@ def test_where_half_is_explained_fewer_standard_errors_do() -> None:
 def test_what_a_nat_is_worth_decides_nothing() -> None:
     """A short log of a noisy sensor: all nats are a tenth, what they say is the same."""
     for scale in (1.0, 0.1):
-        few = replace(GOOD, gain=scale * GOOD.gain, best_gain=scale * GOOD.gain)
+        few = replace(GOOD, gain=scale * GOOD.gain, by_others=scale * GOOD.by_others)
         few = replace(few, helped=left_out(gain=scale * 500.0, low=scale * 300.0))
         assert refusal_of(few, (*RULES, *RULES_LEFT_OUT)) is None
 

@@ -92,7 +92,9 @@ def listed(gains: dict[str, float], quick: dict[str, float]) -> Callable[[Patch]
     return lambda patch: short_list(gains, quick)
 
 
-def finished(promise: dict[str, float], gain: dict[str, float]) -> Callable[[Patch], Any]:
+def finished(
+    promise: dict[str, float], gain: dict[str, float], by_others: float = 1000.0
+) -> Callable[[Patch], Any]:
     """Which of some candidates are fitted to the end, and which of them afresh as well."""
 
     def run(patch: Patch) -> dict[str, bool]:
@@ -104,7 +106,7 @@ def finished(promise: dict[str, float], gain: dict[str, float]) -> Callable[[Pat
 
         patch.setattr(refitting, "to_the_end", to_the_end)
         found = {c: fitted(gain.get(c, 0.0), c) for c in promise}
-        refitting.finish(CASE, BEFORE, found, promise)
+        refitting.finish(CASE, BEFORE, found, promise, dict.fromkeys(promise, by_others))
         return afresh
 
     return run
@@ -448,6 +450,7 @@ SCENARIOS: dict[str, dict[str, Callable[[Patch], Any]]] = {
     "FINISH_ANYWAY": {
         "steady": finished({STEADY[0]: 100.0, STEADY[1]: 20.0}, {}),
         "rival": finished({"current": 1000.0, "gyro_bias": 200.0}, {"gyro_bias": 90.0}),
+        "apart": finished({"current": 1000.0, "gyro_bias": 200.0}, {}, by_others=50.0),
     },
     "AFRESH": {
         "worth-a-start": finished({"current": 29.0}, {}),

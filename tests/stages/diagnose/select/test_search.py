@@ -134,19 +134,20 @@ def test_the_short_list_is_fitted_to_the_end_and_held_against_the_polished_model
     monkeypatch.setattr(refitting, "unstuck", lambda case, before, found: (polished, found))
     monkeypatch.setattr(refitting, "nested", lambda case, before, fit: more(fit, "nested"))
     monkeypatch.setattr(refitting, "steady", lambda effect: ())
+    monkeypatch.setattr(Screen, "by_others", lambda self, gains: dict.fromkeys(gains, 600.0))
     told: dict[str, tuple[float, ...]] = {}
 
-    def account_of(case, before, fit, best, settled, promise):
-        told[fit.effects[-1]] = (log_gain(before, fit), best, settled, promise)
+    def account_of(case, before, fit, others, settled, promise):
+        told[fit.effects[-1]] = (log_gain(before, fit), others, settled, promise)
         return replace(GOOD, id=fit.effects[-1], gain=log_gain(before, fit))
 
     monkeypatch.setattr(refitting, "account_of", account_of)
     before, tried = refitting.refitted(CASE, BEFORE, screened)
     assert before is polished and [t.id for t in tried] == ["a", "b", "c"]
     assert told == {
-        "a": (643.0, 643.0, True, 700.0),
-        "b": (343.0, 643.0, True, 400.0),
-        "c": (-67.0, 643.0, False, 30.0),  # hopeless, and not finished
+        "a": (643.0, 600.0, True, 700.0),
+        "b": (343.0, 600.0, True, 400.0),
+        "c": (-67.0, 600.0, False, 30.0),  # hopeless, and not finished
     }
 
 
@@ -238,7 +239,7 @@ def test_what_explains_the_data_as_well_stands_beside_what_is_accepted(monkeypat
     assert found.rounds[0].alike == ("current", "gyro_bias")
     assert traced(monkeypatch, {"current": {}}).rounds[0].alike == ()
     # sensors do not tell these two apart, and the motion by 4 of 30 nats
-    first, second = {"gain": 30.0, "best_gain": 30.0}, {"gain": 26.0, "best_gain": 30.0}
+    first, second = {"gain": 30.0, "by_others": 30.0}, {"gain": 26.0, "by_others": 30.0}
     found = traced(monkeypatch, {"gyro_bias": first, "gyro_scale": second})
     assert found.rounds[0].alike == ("gyro_bias", "gyro_scale")
     found = traced(monkeypatch, {"gyro_bias": first, "current": second})
