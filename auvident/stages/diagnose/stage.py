@@ -1,7 +1,7 @@
 """Diagnosis: what the identified model does not explain, traced to the effect it lacks."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from auvident.schema.diagnosis import Diagnosis
 from auvident.schema.planes import Plane
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
-from auvident.stages.diagnose.checks.events import Event, find_events, smallest_push
+from auvident.stages.diagnose.checks.events import Event
 from auvident.stages.diagnose.checks.kinematics import (
     SensorCheck,
     heading_against_gyro,
@@ -26,14 +26,19 @@ from auvident.stages.diagnose.checks.vertical import (
     pitch_against_gyro,
     position_in_dives,
 )
-from auvident.stages.diagnose.checks.waves import Residual, find_wave
+from auvident.stages.diagnose.checks.waves import find_wave
 from auvident.stages.diagnose.fit.case import Case, case_of, sizes_of, testable
 from auvident.stages.diagnose.fit.fits import Fitted
 from auvident.stages.diagnose.score.free_forces import FreeForce, free_forces
 from auvident.stages.diagnose.select.candidates import Traced
+from auvident.stages.diagnose.select.events_aside import (
+    Pushes,
+    headings_of,
+    pieces_of,
+    traced_without_events,
+)
 from auvident.stages.diagnose.select.instants import narrowed
 from auvident.stages.diagnose.select.search import Search
-from auvident.stages.diagnose.select.starts import baseline_of
 from auvident.stages.diagnose.select.telling import Telling, untold
 from auvident.stages.diagnose.verdict.document import diagnosis_of
 from auvident.stages.diagnose.verdict.evidence import Evidence
@@ -110,17 +115,17 @@ def _diagnosed(
 ) -> Diagnosed:
     there, missing = testable(case.setup, case.records)
     candidates = tuple(e.id for e in there if not e.nuisance)
-    search = Search(case, candidates, np.random.default_rng(seed), told=Telling(tell))
-    headings = headings_of(case)
+    pushes = Pushes(case, headings_of(case), model.length_m / sizes_of(model, case.records)[0])
+
+    def trace(seen: Case, baseline: Fitted) -> Traced:
+        rng = np.random.default_rng(seed)
+        return Search(seen, candidates, rng, told=Telling(tell)).trace(baseline)
+
     tell("residual of the model, one-off events", None)
-    hull_time_s = model.length_m / sizes_of(model, case.records)[0]
-    baseline, events = _without_events(search, headings, hull_time_s)
-    traced = narrowed(search.trace(baseline), trials, maneuvers)
+    traced, events = traced_without_events(pushes, trace)
+    traced = narrowed(traced, trials, maneuvers)
     tell("forces without a named cause", None)
-    evidence = _evidence(traced, search, headings, events, missing)
-    evidence = replace(
-        evidence, least_push=_least_push(search.case, baseline, headings, hull_time_s)
-    )
+    evidence = _evidence(traced, candidates, pushes, events, missing)
     tell("verdict", None)
     return Diagnosed(diagnosis_of(evidence, model), residual_table(traced, maneuvers))
 
@@ -146,51 +151,23 @@ CHECKS: dict[Plane, Callable[[Sequence[Trial], Vehicle], list[SensorCheck]]] = {
 }
 
 
-def headings_of(case: Case) -> dict[str, Array]:
-    """Heading (n,) of each record; of the vertical plane as logged, zero where it is not."""
-    found = {}
-    for record in case.records:
-        logged = record.source.heading if record.source is not None else None
-        found[record.id] = record.given[:, 3] if logged is None else logged
-    return found
-
-
-def _without_events(
-    search: Search, headings: Mapping[str, Array], hull_time_s: float
-) -> tuple[Fitted, list[Event]]:
-    """The fit without any effect, one-off events masked."""
-    baseline = baseline_of(search.case)
-    noise = search.case.setup.sensor_std[:3]
-    pieces = pieces_of(search.case, baseline.residuals, headings)
-    events = find_events(pieces, noise, search.case.plane, hull_time_s)
-    if not events:
-        return baseline, []
-    search.case = search.case.masked(
-        [(e.maneuver, e.time_s, e.time_s + e.duration_s) for e in events]
-    )
-    return baseline_of(search.case), events
-
-
-def _least_push(
-    case: Case, baseline: Fitted, headings: Mapping[str, Array], hull_time_s: float
-) -> tuple[float, float] | None:
-    pieces = pieces_of(case, baseline.residuals, headings)
-    return smallest_push(pieces, case.setup.sensor_std[:3], hull_time_s)
-
-
 def _evidence(
     traced: Traced,
-    search: Search,
-    headings: Mapping[str, Array],
+    candidates: tuple[str, ...],
+    pushes: Pushes,
     events: Sequence[Event],
     missing: Sequence[str],
 ) -> Evidence:
-    case = traced.case
-    wave = find_wave(pieces_of(case, traced.final.residuals, headings), plane=case.plane)
-    free = free_forces(case, traced.final, traced.without)
-    rival = rival_of(traced)
+    case, final = traced.case, traced.final
     return Evidence(
-        traced, search.candidates, tuple(events), wave, tuple(free), rival, tuple(missing)
+        traced,
+        candidates,
+        tuple(events),
+        wave=find_wave(pieces_of(case, final.residuals, pushes.headings), plane=case.plane),
+        free=tuple(free_forces(case, final, traced.without)),
+        rival=rival_of(traced),
+        missing=tuple(missing),
+        least_push=pushes.smallest(final),
     )
 
 
@@ -201,13 +178,3 @@ def rival_of(traced: Traced) -> FreeForce | None:
         return None
     found = free_forces(traced.case, accepted[-1].before)
     return found[0] if found else None
-
-
-def pieces_of(
-    case: Case, residuals: Sequence[Any], headings: Mapping[str, Array]
-) -> list[Residual]:
-    """Residuals as the searches for waves and events take them."""
-    return [
-        Residual(r.id, r.time_s, r.error, record.given[:, 0], headings[r.id], record.given[:, 3])
-        for r, record in zip(residuals, case.records, strict=True)
-    ]

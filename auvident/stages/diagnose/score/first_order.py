@@ -93,6 +93,11 @@ class Joint:
         """Columns of parameters."""
         return np.searchsorted(self.free, np.array(positions, dtype=np.int64))
 
+    def lacks(self, effect: str) -> bool:
+        """Whether it has the slopes of an effect that the model does not have."""
+        own = self.case.positions(effect)
+        return effect not in self.fitted.effects and bool(np.isin(own, self.free).all())
+
 
 @dataclass(frozen=True)
 class Score:

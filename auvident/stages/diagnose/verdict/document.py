@@ -45,7 +45,8 @@ def diagnosis_of(evidence: Evidence, model: IdentifiedModel) -> Diagnosis:
     groups = tuple(r.alike for r in traced.rounds if r.alike and r.accepted in traced.named)
     verdict = verdict_of(effects, evidence, left, nearest, groups)
     pushes = detectable_push(evidence.least_push, traced.case.plane)
-    sees = (*detectable(joint, evidence.candidates), *pushes)
+    last = traced.rounds[-1].joint
+    sees = (*detectable(joint, last, evidence.candidates), *pushes)
     named = [e for g in groups for e in g]
     by = separated_by(named, traced.case.plane.name) if groups else ""
     closest = nearest if effects else nearest or closest_of(evidence)

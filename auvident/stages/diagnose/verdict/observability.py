@@ -62,10 +62,18 @@ class _Bars:
     blocks: Array
 
 
-def detectable(joint: Joint, candidates: Sequence[str]) -> tuple[Detectable, ...]:
-    """Smallest size of each parameter of each effect that would be declared."""
-    bars = _Bars(_above_noise(joint), _blocks_of(joint))
-    return tuple(row for effect in candidates for row in _rows(joint, bars, effect))
+def detectable(first: Joint, last: Joint, candidates: Sequence[str]) -> tuple[Detectable, ...]:
+    """Smallest size of each parameter of each effect that would be declared.
+
+    Parameters
+    ----------
+    first, last : Joint
+        About the model without any effect, and about that with all that were found: beside these
+        another shows that they hid before. What was found itself showed in the first.
+    candidates : sequence of str
+    """
+    about = [(joint, _Bars(_above_noise(joint), _blocks_of(joint))) for joint in (first, last)]
+    return tuple(row for effect in candidates for row in _rows(*about[last.lacks(effect)], effect))
 
 
 def detectable_push(sizes: tuple[float, float] | None, plane: PlaneRow) -> tuple[Detectable, ...]:
