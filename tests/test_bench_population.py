@@ -159,6 +159,16 @@ def test_an_interval_covers_too_little_and_too_much():
     assert (found["found"], found["bar"], found["met"]) == ("100.0%", ">= 90% and <= 98%", "NO")
 
 
+def test_a_band_is_held_to_the_mean_share_of_its_samples():
+    """Three trials in four are covered whole, one by half: no median tells that."""
+    shares = (1.0, 1.0, 1.0, 0.5)
+    found = bar("band of r", *(outcome_with(coverage={"u": 0.9, "r": share}) for share in shares))
+    assert (found["n"], found["found"], found["met"]) == (4, "87.5%", "NO")
+    assert found["95 %"] == "63.0% to 100.0%"
+    assert bar("band of u", *(outcome_with(coverage={"u": 0.95}) for _ in shares))["met"] == "yes"
+    assert bar("band of u", outcome_with(coverage={"u": 0.95}))["found"] == "-"
+
+
 # --- one trial ----------------------------------------------------------------------------
 
 

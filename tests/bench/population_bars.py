@@ -1,12 +1,15 @@
 """The figures that the study on drawn vehicles is held to, as well as so many trials know them."""
 
+import math
 from collections.abc import Iterable, Sequence
+from statistics import mean, stdev
 from typing import Any
 
 from scipy.stats import binomtest
 
+from auvident.constants import NORMAL_95
 from tests.bench.effects_bars import rises_surely
-from tests.bench.population_score import Drawn, Scores, Table, is_wrong_name
+from tests.bench.population_score import Drawn, Scores, Table, channels_of, is_wrong_name
 
 SAYS_SOMETHING = ("effect_found", "ambiguous", "partly_explained")
 DRIFT = "current_drift"
@@ -38,6 +41,7 @@ def bars(scores: Scores) -> Table:
         _most("outside of the library: confident name", 0.10, [_confident(s) for s in outside]),
         _within("size within its 95 % interval", COVERS, sizes),
         _most("named, and zero in its interval", 0.0, names),
+        *(_covered(c, [s.coverage[c] for s in told if c in s.coverage]) for c in channels_of(told)),
         _most("a velocity surely worse after", 0.01, [rises_surely(s.loop) for s in told]),
         _most("refined model worse on what was left out", 0.0, _told(s.ships_worse for s in told)),
         _most("... by more than a standard error", 0.0, _told(s.surely_worse for s in told)),
@@ -81,6 +85,19 @@ def _most(what: str, bar: float | None, flags: Sequence[bool]) -> dict[str, Any]
 
 def _within(what: str, bar: tuple[float, float], flags: Sequence[bool]) -> dict[str, Any]:
     return _row(what, flags, bar)
+
+
+def _covered(channel: str, shares: Sequence[float]) -> dict[str, Any]:
+    """Mean share of the held-out samples of a channel within its band, with its 95 % interval."""
+    low, high = COVERS
+    row = {"what": f"band of {channel}: held-out samples inside", "n": len(shares)}
+    row |= {"found": "-", "95 %": "-", "bar": f">= {low:.0%} and <= {high:.0%}", "met": ""}
+    if len(shares) < 2:
+        return row
+    share, error = mean(shares), stdev(shares) / math.sqrt(len(shares))
+    ends = (max(share - NORMAL_95 * error, 0.0), min(share + NORMAL_95 * error, 1.0))
+    row |= {"found": f"{share:.1%}", "95 %": f"{ends[0]:.1%} to {ends[1]:.1%}"}
+    return row | {"met": "yes" if low <= share <= high else "NO"}
 
 
 def _row(
