@@ -113,7 +113,8 @@ class Detectable(Artifact):
     """Smallest size of an effect that these maneuvers would show.
 
     ``visible`` is false where that is beyond any plausible size, with the reason in ``why``;
-    ``kept`` is the share of its signature that the coefficients cannot take up.
+    ``kept`` is the share of its signature that the coefficients cannot take up. A one-off event has
+    a size in sway and one in yaw (heave and pitch), and shows where it exceeds both.
     """
 
     id: str
