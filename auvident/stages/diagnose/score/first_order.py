@@ -7,7 +7,7 @@ which effects these maneuvers can show at all, and which look alike.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
@@ -427,6 +427,20 @@ def cosine(joint: Joint, a: Sequence[int], b: Sequence[int]) -> float:
     k = len(a)
     aa, bb, ab = left[:k, :k], left[k:, k:], left[:k, k:]
     return _canonical(aa, bb, ab)
+
+
+def cosines(joint: Joint, effects: Sequence[str]) -> dict[frozenset[str], float]:
+    """Likeness of each pair of effects that the model lacks, see `cosine`, all at once."""
+    own = [joint.case.positions(effect) for effect in effects]
+    left = unabsorbed(joint, [i for positions in own for i in positions]).information
+    ends = np.cumsum([0, *(len(positions) for positions in own)])
+    at = [slice(first, last) for first, last in pairwise(ends)]
+    return {
+        frozenset((effects[j], effects[k])): _canonical(
+            left[at[j], at[j]], left[at[k], at[k]], left[at[j], at[k]]
+        )
+        for j, k in combinations(range(len(effects)), 2)
+    }
 
 
 def _canonical(aa: Array, bb: Array, ab: Array) -> float:

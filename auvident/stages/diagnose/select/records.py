@@ -17,6 +17,14 @@ class Screened:
 
 
 @dataclass(frozen=True)
+class Apart:
+    """What a candidate gains, and the most that it would as a by-product of another [nats]."""
+
+    gain: float
+    by_others: float
+
+
+@dataclass(frozen=True)
 class Start:
     """Where the fit of a candidate may begin.
 

@@ -10,6 +10,7 @@ import math
 from auvident.stages.diagnose.select.records import (
     Accepted,
     Account,
+    Apart,
     Begun,
     Beside,
     Containing,
@@ -68,6 +69,11 @@ SCREEN_FAST: tuple[Rule[Screened], ...] = (
     _WORTH_A_REFIT,
     Rule("place", "it is among the best", lambda s: s.place, most=SCREENED_FAST - 1),
 )
+# ... or one that no other may explain
+SCREEN_APART: tuple[Rule[Apart], ...] = (
+    Rule("gain", "it gains enough", lambda a: a.gain, LEAST_GAIN),
+    Rule("apart", "it is no by-product", lambda a: _share(a.gain, a.by_others, 1.0), OF_BEST),
+)
 ACCOMPANY: tuple[Rule[Screened], ...] = (
     Rule("place", "it leads the short list", lambda s: s.place, most=ACCOMPANIED - 1),
 )
@@ -105,8 +111,8 @@ FINISH_ANYWAY: tuple[Rule[Begun], ...] = (
     Rule(
         "apart",
         "no other may explain what it promises",
-        lambda b: b.promise / max(b.by_others, LEAST_GAIN / OF_BEST),
-        OF_BEST,
+        lambda b: passes(Apart(b.promise, b.by_others), SCREEN_APART),
+        1.0,
     ),
 )
 AFRESH: tuple[Rule[Begun], ...] = (

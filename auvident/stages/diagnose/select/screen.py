@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import combinations
 
 import numpy as np
 
@@ -13,28 +12,34 @@ from auvident.stages.diagnose.fit.fits import Fitted
 from auvident.stages.diagnose.score.first_order import (
     Joint,
     Score,
-    cosine,
+    cosines,
     joint_about,
     score,
     score_from,
 )
 from auvident.stages.diagnose.select import rules
 from auvident.stages.diagnose.select.candidates import ranked, steady
-from auvident.stages.diagnose.select.records import Screened
+from auvident.stages.diagnose.select.records import Apart, Screened
 from auvident.stages.diagnose.select.rule import Rule, passes
 from auvident.stages.diagnose.select.starts import at_typical_size, is_limit
+
+Shares = Mapping[frozenset[str], float]
 
 FAST_GAIN = np.array([0.1, 0.1, 0.1, 0.0])  # observer gain of the screen for what is fast
 
 
 @dataclass(frozen=True)
 class Screen:
-    """First-order scores of all candidates about a model, and the short list, best first."""
+    """First-order scores of all candidates about a model, and the short list, best first.
+
+    ``shares``: of what one candidate gains, the share that another would gain as its by-product.
+    """
 
     joint: Joint
     scores: dict[str, Score]
     short: tuple[str, ...]
     typical: dict[str, Score] = field(default_factory=dict)  # from a size that is not none
+    shares: Shares = field(default_factory=dict)
 
     @property
     def gains(self) -> dict[str, float]:
@@ -42,28 +47,8 @@ class Screen:
         return {c: s.gain for c, s in self.scores.items()}
 
     def by_others(self, gains: Mapping[str, float]) -> dict[str, float]:
-        """Of what each candidate gains, the most that it would as the by-product of another.
-
-        An effect that is there lets another gain its own gain times the square of their cosine. Of
-        a limit no signature is known, so that it may stand for anything.
-
-        Parameters
-        ----------
-        gains : mapping of str to float
-            By candidate [nats].
-        """
-        case = self.joint.case
-
-        def share(one: str, other: str) -> float:
-            if is_limit(one) or is_limit(other):
-                return 1.0
-            return cosine(self.joint, case.positions(one), case.positions(other)) ** 2
-
-        pairs = {frozenset(p): share(*p) for p in combinations(gains, 2)}
-        return {
-            c: max((pairs[frozenset((c, o))] * gains[o] for o in gains if o != c), default=0.0)
-            for c in gains
-        }
+        """Of what each candidate gains, the most that it would as the by-product of another."""
+        return by_others(self.shares, gains)
 
     @property
     def ceiling(self) -> float:
@@ -83,8 +68,34 @@ def screen(case: Case, before: Fitted, candidates: Sequence[str]) -> Screen:
     quick = {c: score(fast, (c,)).gain for c in absent} if fast else {}
     gains = {c: s.gain for c, s in scores.items()}
     limits = filter(is_limit, absent)  # of which a score knows nothing
-    short = tuple(dict.fromkeys([*short_list(gains, quick), *limits]))
-    return Screen(joint, scores, short, typical)
+    shares = shares_of(joint, absent)
+    short = [*short_list(gains, quick), *apart(gains, by_others(shares, gains)), *limits]
+    return Screen(joint, scores, tuple(dict.fromkeys(short)), typical, shares)
+
+
+def shares_of(joint: Joint, candidates: Sequence[str]) -> Shares:
+    """Of what one candidate gains, the share that another would gain as its by-product.
+
+    The square of the cosine of their signatures. Of a limit none is known: it may stand for
+    anything.
+    """
+    return {
+        pair: 1.0 if any(is_limit(c) for c in pair) else value**2
+        for pair, value in cosines(joint, candidates).items()
+    }
+
+
+def by_others(shares: Shares, gains: Mapping[str, float]) -> dict[str, float]:
+    """Of what each candidate gains, the most that it would as the by-product of another [nats]."""
+    return {
+        c: max((shares[frozenset((c, o))] * gains[o] for o in gains if o != c), default=0.0)
+        for c in gains
+    }
+
+
+def apart(gains: Mapping[str, float], others: Mapping[str, float]) -> list[str]:
+    """Candidates of which no other may explain what they gain."""
+    return [c for c in gains if passes(Apart(gains[c], others[c]), rules.SCREEN_APART)]
 
 
 def _scores(joint: Joint, candidate: str) -> list[Score]:

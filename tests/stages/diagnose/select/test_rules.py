@@ -19,6 +19,7 @@ from auvident.stages.diagnose.select.decisions import (
 from auvident.stages.diagnose.select.records import (
     Accepted,
     Account,
+    Apart,
     Begun,
     Beside,
     Containing,
@@ -68,6 +69,10 @@ BEHIND = Begun("a", 5, 10.0, 100.0, 60.0, 10.0, 100.0, False)
 FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
     "SCREEN": (Screened("a", 8.0, 6), {"worth": {"gain": 7.9}, "place": {"place": 7}}),
     "SCREEN_FAST": (Screened("a", 8.0, 3), {"worth": {"gain": 7.9}, "place": {"place": 4}}),
+    "SCREEN_APART": (
+        Apart(20.0, 40.0),
+        {"gain": {"gain": 19.0, "by_others": 0.0}, "apart": {"by_others": 41.0}},
+    ),
     "BEGIN": (
         Start(20.0 / 3.0 + 0.01, 60.0, False),
         {

@@ -34,7 +34,7 @@ from auvident.stages.diagnose.select.decisions import (
 from auvident.stages.diagnose.select.reconsider import Exchange
 from auvident.stages.diagnose.select.records import Account
 from auvident.stages.diagnose.select.rule import Refusal
-from auvident.stages.diagnose.select.screen import Screen, short_list
+from auvident.stages.diagnose.select.screen import Screen, apart, short_list
 from auvident.stages.diagnose.select.search import Search
 from tests.stages.diagnose.select.test_rules import FAILING, GOOD, MEETING, TABLES
 
@@ -432,6 +432,10 @@ SCENARIOS: dict[str, dict[str, Callable[[Patch], Any]]] = {
     "SCREEN_FAST": {
         "worth": listed({}, {"current": 7.0}),
         "place": listed({}, dict(list(EIGHT.items())[:5])),
+    },
+    "SCREEN_APART": {
+        "gain": lambda patch: apart({"linear_drag": 19.0}, {"linear_drag": 0.0}),
+        "apart": lambda patch: apart({"linear_drag": 50.0}, {"linear_drag": 101.0}),
     },
     "BEGIN": {
         "gain": began({"current": (6.0, 0.5), "gyro_bias": (12.0, 0.5)}),
