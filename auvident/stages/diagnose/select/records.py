@@ -36,7 +36,8 @@ class Start:
         By the best of those that lead and are large enough to matter [nats].
     unseen : bool
         To first order too little is known of it: a limit that is reached, what has left its mark
-        in the coefficients, or what looks like an effect that is too small to be named.
+        in the coefficients, what looks like an effect that is too small to be named, or what no
+        other may explain.
     """
 
     promise: float

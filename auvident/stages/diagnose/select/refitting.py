@@ -85,7 +85,7 @@ def first_steps(
     sizes = {c: size_of(case, c, f) for c, f in found.items()}
     large = [log_gain(before, found[c]) for c, size in sizes.items() if size >= rules.LEAST_SIZE]
     behind = {c for small, size in sizes.items() if size < rules.LEAST_SIZE for c in alike(small)}
-    marked = behind | {c for c in rest if steady(c)}
+    marked = behind | {c for c in rest if steady(c)} | set(screened.apart)
     found |= begin(rest, max(large, default=0.0), marked)
     return {c: found[c] for c in screened.short if c in found}
 

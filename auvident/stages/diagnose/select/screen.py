@@ -51,6 +51,11 @@ class Screen:
         return by_others(self.shares, gains)
 
     @property
+    def apart(self) -> list[str]:
+        """Candidates of which no other may explain what they gain to first order."""
+        return apart(self.gains, self.by_others(self.gains))
+
+    @property
     def ceiling(self) -> float:
         """Half the squared error at which the start of a fit is lost."""
         return rules.LOST * self.joint.half
@@ -87,10 +92,11 @@ def shares_of(joint: Joint, candidates: Sequence[str]) -> Shares:
 
 def by_others(shares: Shares, gains: Mapping[str, float]) -> dict[str, float]:
     """Of what each candidate gains, the most that it would as the by-product of another [nats]."""
-    return {
-        c: max((shares[frozenset((c, o))] * gains[o] for o in gains if o != c), default=0.0)
-        for c in gains
-    }
+
+    def of(candidate: str, other: str) -> float:
+        return shares.get(frozenset((candidate, other)), 1.0) * gains[other]
+
+    return {c: max((of(c, o) for o in gains if o != c), default=0.0) for c in gains}
 
 
 def apart(gains: Mapping[str, float], others: Mapping[str, float]) -> list[str]:

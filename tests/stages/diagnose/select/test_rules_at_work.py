@@ -112,7 +112,9 @@ def finished(
     return run
 
 
-def began(scored: dict[str, tuple[float, float]]) -> Callable[[Patch], Any]:
+def began(
+    scored: dict[str, tuple[float, float]], shares: dict[frozenset[str], float] | None = None
+) -> Callable[[Patch], Any]:
     """Which of some candidates with a first-order gain and a size are worth first steps."""
 
     def run(patch: Patch) -> list[str]:
@@ -123,7 +125,8 @@ def began(scored: dict[str, tuple[float, float]]) -> Callable[[Patch], Any]:
         )
         scores = {c: Score(gain, BEFORE.parameters) for c, (gain, _) in scored.items()}
         joint: Any = SimpleNamespace(half=1.0)
-        return list(refitting.first_steps(CASE, BEFORE, Screen(joint, scores, tuple(scores))))
+        screened = Screen(joint, scores, tuple(scores), {}, shares or {})
+        return list(refitting.first_steps(CASE, BEFORE, screened))
 
     return run
 
@@ -511,6 +514,15 @@ SCENARIOS: dict[str, dict[str, Callable[[Patch], Any]]] = {
     "STAY": {"removal": removed(30.0)},
 }
 ROWS = [(name, code) for name, own in SCENARIOS.items() for code in own]
+
+
+def test_what_no_other_may_explain_is_begun_whatever_the_best_gains(monkeypatch) -> None:
+    scored = {"current": (400.0, 2.0), "gyro_bias": (300.0, 2.0), "linear_drag": (25.0, 2.0)}
+    shares = {frozenset({c, "linear_drag"}): 0.2 for c in ("current", "gyro_bias")}
+    assert began(scored)(monkeypatch) == ["current", "gyro_bias"]
+    assert began(scored, shares)(monkeypatch) == ["current", "gyro_bias"]  # 25 of 80 nats
+    shares = dict.fromkeys(shares, 0.0)
+    assert began(scored, shares)(monkeypatch) == ["current", "gyro_bias", "linear_drag"]
 
 
 def test_every_rule_has_its_scenario() -> None:
