@@ -78,6 +78,7 @@ NOTES = {
     "assumed_section",
     "assumed_propulsion_factor",
     "input_logged_on_change",
+    "input_sampled",
     "coarse_time",
     "jitter",
     "own_outputs_left_out",

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+POLLED = "polled"  # rule: written at a fixed rate, each row a change or no change
+SAMPLED = "sampled"  # ... or a sample of what changed at any time since the row before
 HOLD_MIN_S = 2.0  # a polled command is held so long: slower vehicles poll at 1 Hz
 HOLD_PERIODS = 5.0  # and at least over so many of its periods
 ON_CHANGE_EQUAL = 0.05  # equal successive values: a command polled at a fixed rate has more
@@ -55,7 +57,7 @@ def hold_rule(time_s: np.ndarray, values: np.ndarray, on_change: bool | None) ->
     long = steps[steps > limit] if on_change is None else steps[:0]
     if long.size >= HEARTBEAT_ROWS and long.max() <= HEARTBEAT_SPREAD * np.median(long):
         return Hold(HEARTBEAT_MARGIN * float(np.median(long)), "heartbeat")
-    return Hold(limit, "polled")
+    return Hold(limit, POLLED)
 
 
 def _is_on_change(time: np.ndarray, values: np.ndarray) -> bool:
@@ -85,7 +87,7 @@ def seems_on_change(
         Times in ascending order of a sensor that is written at a fixed rate: silences that it
         shares are the logger's.
     """
-    if time_s.size < 2 * HEARTBEAT_ROWS or hold_rule(time_s, values, None).rule != "polled":
+    if time_s.size < 2 * HEARTBEAT_ROWS or hold_rule(time_s, values, None).rule != POLLED:
         return False
     equal = float(np.mean(np.diff(values) == 0))
     steps, period = np.diff(time_s), median_period(time_s)

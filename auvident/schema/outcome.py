@@ -34,6 +34,7 @@ SEVERITIES: dict[str, Severity] = {
     "held_copies": "note",
     "held_out_along": "note",
     "input_logged_on_change": "note",
+    "input_sampled": "note",
     "no-torque": "note",
     "own_outputs_left_out": "note",
     "plane-from-geometry": "note",

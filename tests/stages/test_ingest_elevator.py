@@ -17,12 +17,19 @@ from auvident.storage.logs import read_trials
 from auvident.storage.vehicle_file import load_vehicle
 
 SAMPLES = Path(__file__).resolve().parents[2] / "sample_logs"
+INPUTS = ("rudder", "elevator", "rpm")
 
 
 def reversed_elevator(raw: RawTrial) -> RawTrial:
     s = raw.sensors["elevator"]
     turned = replace(s, values={"elevator_rad": -s.values["elevator_rad"]})
     return replace(raw, sensors=raw.sensors | {"elevator": turned})
+
+
+def held(raw: RawTrial) -> RawTrial:
+    """The same where each row of an input is said to be a change."""
+    inputs = {n: replace(s, on_change=True) for n, s in raw.sensors.items() if n in INPUTS}
+    return replace(raw, sensors=raw.sensors | inputs)
 
 
 def test_vertical_maneuvers_show_the_sign():
@@ -42,8 +49,10 @@ def test_an_autopilot_on_a_lively_vehicle_is_not_taken_for_a_reversed_elevator(s
     drawn = draw(seed)
     drawn.write(drawn.sail(), tmp_path / "trial", tmp_path / "vehicle.toml")
     (raw,) = read_trials([tmp_path / "trial"])
-    _, quality = ingest(raw, load_vehicle(tmp_path / "vehicle.toml"))
-    seen = quality.checks["elevator_sign"]
+    vehicle = load_vehicle(tmp_path / "vehicle.toml")
+    seen = ingest(raw, vehicle)[1].checks["elevator_sign"]
+    assert seen["response_1pm2"] < -4 * seen["std"]
+    seen = ingest(held(raw), vehicle)[1].checks["elevator_sign"]
     assert seen["response_1pm2"] > 4 * seen["std"]  # the half period later does look like one
 
 

@@ -36,6 +36,31 @@ def test_integral_of_a_command_is_kept(seed):
     assert found.values.sum() / 10.0 == pytest.approx(integral, abs=ROUNDING)
 
 
+def test_samples_of_a_command_lie_on_lines():
+    """A ramp between two rows a step and a half apart, held before a gap and at the end."""
+    time, values = np.array([0.0, 1.5, 3.0, 9.0]), np.array([0.0, 3.0, 0.0, 1.0])
+    found = resample_input(time, values, Grid(0, 10, 1.0), 2.0, sampled=True).values
+    expected = [1.0, 2.5, 1.0, 0.0, 0.0, np.nan, np.nan, np.nan, np.nan, 1.0]
+    np.testing.assert_allclose(found, expected, atol=ROUNDING)
+
+
+@settings(max_examples=30, deadline=None)
+@given(phase=st.floats(0.0, 0.18), seed=st.integers(0, 1000))
+def test_samples_come_without_delay(phase, seed):
+    """Of a command that changes at any time, sampled at 5 Hz: its integral is kept in the mean."""
+    rng = np.random.default_rng(seed)
+    changes = np.sort(rng.uniform(1.0, 199.0, 200))
+    time = np.arange(phase, 200.0, 0.2)
+    values = np.searchsorted(changes, time, side="right") / 200.0
+    grid = Grid(2, 1990, 10.0)
+    true = 199.2 - np.mean(np.clip(changes, 0.2, 199.2))
+    found = resample_input(time, values, grid, 2.0, sampled=True).values
+    assert np.isfinite(found[:-10]).all()
+    held = resample_input(time, values, grid, 2.0).values
+    late = (true - np.nansum(held) / 10.0, true - np.nansum(found) / 10.0)
+    assert late[0] == pytest.approx(0.1, abs=0.02) and abs(late[1]) < 0.02
+
+
 def test_command_on_the_ticks_comes_out_unchanged():
     time = np.arange(200) * 0.1
     values = np.random.default_rng(0).normal(1000.0, 5.0, 200)

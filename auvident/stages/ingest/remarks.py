@@ -6,6 +6,7 @@ import numpy as np
 
 from auvident.schema.artifacts import Finding
 from auvident.schema.channels import BY_COLUMN, CHANNELS
+from auvident.schema.holding import SAMPLED
 from auvident.schema.logs import ChannelQuality, SensorQuality
 
 LATE_S = 10.0  # a needed sensor that starts so late or stops so early costs part of the trial
@@ -165,6 +166,16 @@ def _holds(sensor: SensorQuality) -> Iterator[Finding]:
             where=sensor.file,
             value=longest,
             remedy="If it is polled and these are drop-outs, set on_change = false in a map.",
+        )
+
+    if logged and sensor.method == SAMPLED:
+        yield Finding(
+            code="input_sampled",
+            message=f"the vehicle answers to an input before its row: rows of {sensor.sensor} were "
+            "taken for samples, with the input on the line between two of them",
+            where=sensor.file,
+            value=sensor.rate_hz,
+            remedy="If each row is the time of a change, set on_change = true in a map.",
         )
 
 

@@ -1,8 +1,8 @@
 """Samples at any ticks brought to a uniform grid without delay and without invention.
 
 Measured channels are values at instants: a faster sensor is averaged over the step centred on the
-tick, a slower one interpolated. Inputs are held until the next command: their value at a tick
-is the exact mean over the step that follows.
+tick, a slower one interpolated. Inputs are held until the next command, or lie on the line between
+two samples of it: their value at a tick is the exact mean over the step that follows.
 """
 
 from dataclasses import dataclass
@@ -154,8 +154,10 @@ def _integral_of_line(
 # --- inputs -------------------------------------------------------------------------------
 
 
-def resample_input(time_s: np.ndarray, values: np.ndarray, grid: Grid, limit_s: float) -> Resampled:
-    """Bring a command to the grid: exact mean of the held value over [tick, tick + step).
+def resample_input(
+    time_s: np.ndarray, values: np.ndarray, grid: Grid, limit_s: float, sampled: bool = False
+) -> Resampled:
+    """Bring a command to the grid: exact mean over [tick, tick + step).
 
     Parameters
     ----------
@@ -165,6 +167,9 @@ def resample_input(time_s: np.ndarray, values: np.ndarray, grid: Grid, limit_s: 
         The ticks.
     limit_s : float
         Longest hold; may be infinite. A step that is not fully held is NaN.
+    sampled : bool
+        The rows are samples of a command that changed at any time between two of them: the mean of
+        all these times is the line through both. Where none follows in time it is held.
     """
     starts, slack = grid.time_s, TICK_TOLERANCE * grid.step_s
     ends = np.concatenate((starts[1:], [(grid.first + grid.size) / grid.rate_hz]))
@@ -174,13 +179,28 @@ def resample_input(time_s: np.ndarray, values: np.ndarray, grid: Grid, limit_s: 
     knots = np.column_stack((time_s, until)).ravel()
     held = np.column_stack((until - time_s, np.zeros_like(time_s))).ravel()[:-1]
     covered = _between(knots, held, starts, ends)
-    area = _between(knots, held * np.repeat(values, 2)[:-1], starts, ends)
-    first = np.searchsorted(time_s, starts + slack, side="right") - 1
-    last = np.searchsorted(time_s, ends - slack, side="left") - 1
-    mean = np.where(first == last, values[np.maximum(first, 0)], area / np.maximum(covered, slack))
+    if sampled:
+        mean = _on_lines(time_s, values, until, np.append(starts, ends[-1:])) / grid.step_s
+    else:
+        area = _between(knots, held * np.repeat(values, 2)[:-1], starts, ends)
+        first = np.searchsorted(time_s, starts + slack, side="right") - 1
+        last = np.searchsorted(time_s, ends - slack, side="left") - 1
+        held_on = values[np.maximum(first, 0)]
+        mean = np.where(first == last, held_on, area / np.maximum(covered, slack))
     found = np.where(covered >= grid.step_s - 2 * slack, mean, np.nan)
     ticks = np.floor(time_s * grid.rate_hz + TICK_TOLERANCE)
     return Resampled(found, _holding(ticks, grid) & np.isfinite(found))
+
+
+def _on_lines(
+    time: np.ndarray, values: np.ndarray, until: np.ndarray, edges: np.ndarray
+) -> np.ndarray:
+    """Integrals between edges of the lines through samples; before a gap the last one is held."""
+    alone = np.append(until[:-1] < time[1:], until[-1] > time[-1])
+    at, line = np.append(time, until[alone]), np.append(values, values[alone])
+    order, middle = np.argsort(at, kind="stable"), float(np.mean(values))
+    area = np.diff(_integral_of_line(at[order], line[order], middle, edges))
+    return np.asarray(area + middle * np.diff(edges))
 
 
 def _between(

@@ -17,13 +17,14 @@ from auvident.schema.channels import (
     SENSORS,
     TIME_COLUMN,
 )
-from auvident.schema.holding import Hold, hold_rule, median_period
+from auvident.schema.holding import POLLED, SAMPLED, Hold, hold_rule, median_period
 from auvident.schema.logs import RawTrial, TrialQuality
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.clean import CleanSensor, Series, clean_trial
 from auvident.stages.ingest.derived import with_derived
 from auvident.stages.ingest.dvl_roll import without_roll
+from auvident.stages.ingest.polled import has_samples
 from auvident.stages.ingest.quality import report, silent_inputs
 from auvident.stages.ingest.resample import (
     Grid,
@@ -97,7 +98,8 @@ def ingest(
     sensors = clean_trial(raw, vehicle, needed)
     sensors, done = without_roll(sensors, vehicle.dvl, max_gap_s)
     _refuse_too_slow(sensors, needed)
-    plans = {c: _plan(s, k, rate_hz, max_gap_s) for c, s, k in _series(sensors)}
+    sampled = has_samples({c: (s.time_s, s.values) for c, s, _ in _series(sensors)})
+    plans = {c: _plan(s, k, rate_hz, max_gap_s, sampled) for c, s, k in _series(sensors)}
     grid = _common_grid(raw, plans, needed, rate_hz)
     columns = {c: _resample(series, plans[c], grid) for c, series, _ in _series(sensors)}
     columns = {c: x for c, x in columns.items() if c in needed or np.isfinite(x.values).any()}
@@ -148,13 +150,16 @@ def _refuse_too_slow(sensors: dict[str, CleanSensor], needed: tuple[str, ...]) -
             )
 
 
-def _plan(series: Series, sensor: CleanSensor, rate_hz: float, max_gap_s: float) -> Resampling:
+def _plan(
+    series: Series, sensor: CleanSensor, rate_hz: float, max_gap_s: float, sampled: bool
+) -> Resampling:
     time, step = series.time_s, 1.0 / rate_hz
     if series.channel.kind == "input":
         hold: Hold = hold_rule(time, series.values, sensor.raw.on_change)
         last = time[-1] + min(hold.limit_s, median_period(time))
         end = np.inf if hold.rule == "on_change" else last - step
-        return Resampling(hold.limit_s, hold.rule, float(time[0]), float(end))
+        rule = SAMPLED if sampled and hold.rule == POLLED else hold.rule
+        return Resampling(hold.limit_s, rule, float(time[0]), float(end))
     limit = gap_limit(time, max_gap_s)
     if is_averaged(time, step):
         return Resampling(limit, "averaged", float(time[0] + step / 2), float(time[-1] - step / 2))
@@ -192,7 +197,8 @@ def _common_grid(
 
 def _resample(series: Series, plan: Resampling, grid: Grid) -> Resampled:
     if series.channel.kind == "input":
-        return resample_input(series.time_s, series.values, grid, plan.limit_s)
+        by_line = plan.method == SAMPLED
+        return resample_input(series.time_s, series.values, grid, plan.limit_s, by_line)
     return resample_measured(series.time_s, series.values, grid, plan.limit_s)
 
 
