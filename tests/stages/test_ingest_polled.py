@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auvident.stages.ingest.polled import Share, has_samples, share_before
+from auvident.stages.ingest.polled import Share, sampled_inputs, share_before
 
 STEP_S, PERIOD_S, LAST_S = 0.005, 0.2, 600.0
 DRAG = 0.8  # [1/s] of the rate
@@ -42,7 +42,7 @@ def test_rows_that_are_changes_are_answered_behind_them(lag_s: float, seed: int)
     share = share_before("rudder_rad", signals)
     assert share is not None and share.std < 0.1
     assert abs(share.value) < max(3.0 * share.std, 0.02)
-    assert not has_samples(signals)
+    assert sampled_inputs(signals, 1.0) == ()
 
 
 @pytest.mark.parametrize(("lag_s", "least"), [(0.0, 0.4), (0.05, 0.25), (0.15, 0.15)])
@@ -51,7 +51,16 @@ def test_samples_are_answered_before_their_rows(lag_s: float, least: float, seed
     signals = signals_of(sampled=True, lag_s=lag_s, seed=seed)
     share = share_before("rudder_rad", signals)
     assert share is not None and least < share.value < 0.7
-    assert has_samples(signals)
+    assert sampled_inputs(signals, 1.0) == ("rudder_rad",)
+    assert sampled_inputs(signals, 2.0) == ()  # half a period is nothing to a slower vehicle
+
+
+def test_what_one_input_tells_holds_for_those_of_its_logger() -> None:
+    signals = signals_of(sampled=True)
+    rpm_s = np.arange(0.0, LAST_S, 0.5)
+    signals |= {"rpm": (rpm_s, np.full(rpm_s.size, 900.0))}
+    assert sampled_inputs(signals, 1.0) == ("rudder_rad", "rpm")
+    assert sampled_inputs(signals, 4.0) == ("rpm",)
 
 
 def test_a_noisy_gyro_tells_nothing() -> None:

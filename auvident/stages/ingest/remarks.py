@@ -77,7 +77,7 @@ def sampling_findings(
         for channel in sensor.channels:
             found += [*_channel(sensor, channel, channel.column in needed)]
             found += [*_faults(sensor, channel)]
-    found += [*_absent(absent)]
+    found += [*_samples(sensors), *_absent(absent)]
     return [f if f.where else f.model_copy(update={"where": f"trial {trial}"}) for f in found]
 
 
@@ -168,13 +168,15 @@ def _holds(sensor: SensorQuality) -> Iterator[Finding]:
             remedy="If it is polled and these are drop-outs, set on_change = false in a map.",
         )
 
-    if logged and sensor.method == SAMPLED:
+
+def _samples(sensors: Sequence[SensorQuality]) -> Iterator[Finding]:
+    """Inputs of which the rows are samples, not changes."""
+    names = [s.sensor for s in sensors if s.method == SAMPLED]
+    if names:
         yield Finding(
             code="input_sampled",
-            message=f"the vehicle answers to an input before its row: rows of {sensor.sensor} were "
-            "taken for samples, with the input on the line between two of them",
-            where=sensor.file,
-            value=sensor.rate_hz,
+            message=f"rows of {' and '.join(names)} were taken for samples, with the input on the "
+            "line between two of them: the vehicle answers before them",
             remedy="If each row is the time of a change, set on_change = true in a map.",
         )
 

@@ -24,7 +24,8 @@ from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.clean import CleanSensor, Series, clean_trial
 from auvident.stages.ingest.derived import with_derived
 from auvident.stages.ingest.dvl_roll import without_roll
-from auvident.stages.ingest.polled import has_samples
+from auvident.stages.ingest.pace import pace_of
+from auvident.stages.ingest.polled import sampled_inputs
 from auvident.stages.ingest.quality import report, silent_inputs
 from auvident.stages.ingest.resample import (
     Grid,
@@ -98,8 +99,9 @@ def ingest(
     sensors = clean_trial(raw, vehicle, needed)
     sensors, done = without_roll(sensors, vehicle.dvl, max_gap_s)
     _refuse_too_slow(sensors, needed)
-    sampled = has_samples({c: (s.time_s, s.values) for c, s, _ in _series(sensors)})
-    plans = {c: _plan(s, k, rate_hz, max_gap_s, sampled) for c, s, k in _series(sensors)}
+    signals = {c: (s.time_s, s.values) for c, s, _ in _series(sensors)}
+    sampled = sampled_inputs(signals, pace_of(raw.sensors, vehicle).passage_s)
+    plans = {c: _plan(s, k, rate_hz, max_gap_s, c in sampled) for c, s, k in _series(sensors)}
     grid = _common_grid(raw, plans, needed, rate_hz)
     columns = {c: _resample(series, plans[c], grid) for c, series, _ in _series(sensors)}
     columns = {c: x for c, x in columns.items() if c in needed or np.isfinite(x.values).any()}
