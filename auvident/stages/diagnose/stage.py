@@ -172,8 +172,8 @@ def _evidence(
 
 
 def rival_of(traced: Traced) -> FreeForce | None:
-    """The best free force in place of the last effect that was accepted."""
-    accepted = [r for r in traced.rounds if r.accepted is not None]
+    """The best free force in place of the last effect that was accepted and is claimed."""
+    accepted = traced.claimed
     if not accepted:
         return None
     found = free_forces(traced.case, accepted[-1].before)

@@ -72,6 +72,11 @@ class Traced:
         """Effects that are claimed."""
         return tuple(e for e in self.final.effects if e not in self.unclaimed)
 
+    @property
+    def claimed(self) -> list[Round]:
+        """Rounds in which an effect was accepted that is claimed, or gave way to one that is."""
+        return [r for r in self.rounds if r.accepted and r.accepted not in self.unclaimed]
+
 
 def steady(effect: str) -> tuple[str, ...]:
     """Effects that show in a straight run as one does, itself with them; none for the others.

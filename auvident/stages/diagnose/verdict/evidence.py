@@ -99,8 +99,11 @@ def something(evidence: Evidence) -> bool:
 
 
 def nearest_of(evidence: Evidence) -> str | None:
-    """The named effect, if a free force in its place does clearly better."""
-    rival, accepted = evidence.rival, [r for r in evidence.traced.rounds if r.accepted]
+    """The named effect, if a free force in its place does clearly better.
+
+    What is taken along without a claim is not held against any: that it is small was said.
+    """
+    rival, accepted = evidence.rival, evidence.traced.claimed
     if rival is None or not accepted:
         return None
     named = next(t for t in accepted[-1].tried if t.id == accepted[-1].accepted)
@@ -149,6 +152,9 @@ class Remainder:
 def remainders(case: Case, fitted: Fitted, length_m: float) -> list[Remainder]:
     """Channels whose residual is larger than any complete model leaves it.
 
+    Of a velocity it is held against the noise of its sensor and what it varies; of the rate what
+    is beyond the noise of the gyro is held against what the rate varies.
+
     Parameters
     ----------
     case : Case
@@ -157,8 +163,10 @@ def remainders(case: Case, fitted: Fitted, length_m: float) -> list[Remainder]:
     length_m : float
         Of the hull.
     """
-    noises = fitted.rms[:3] / case.setup.sensor_std[:3]
-    shares = fitted.rms[:3] / _variation(case, length_m)
+    rms, noise = fitted.rms[:3].copy(), case.setup.sensor_std[:3]
+    noises = rms / noise
+    rms[2] = np.sqrt(max(rms[2] ** 2 - noise[2] ** 2, 0.0))
+    shares = rms / _variation(case, length_m)
     velocities = [
         Remainder(name, float(noises[c]), float(shares[c]), bool(shares[c] > VELOCITY_NRMSE))
         for c, name in enumerate(case.channels[:2])

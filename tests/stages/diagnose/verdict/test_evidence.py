@@ -194,3 +194,22 @@ def test_what_is_left_follows_each_thing_once_and_nothing_of_a_few_nats() -> Non
     evidence: Any = SimpleNamespace(rival=force(700.0), free=forces, traced=traced)
     rows = _remainder(evidence, ["r"], None)["correlates"]
     assert [(r["axis"], r["gain"]) for r in rows] == [("N", 700.0), ("Y", 500.0)]
+
+
+def test_what_is_taken_along_without_a_claim_is_not_beaten_by_a_free_force() -> None:
+    whole = evidence()
+    along = replace(whole.traced, unclaimed=("gyro_bias",))
+    assert whole.traced.claimed and not along.claimed
+    found = said(replace(whole, traced=along, rival=force(1300.0)))
+    assert (found.verdict, found.effects) == ("none_found", ())
+
+
+def test_a_noisy_gyro_leaves_nothing_of_the_rate() -> None:
+    """A residual that is all noise of the sensor, however large beside what the rate varies."""
+    whole = evidence().traced
+    noise = whole.case.setup.sensor_std.copy()
+    loud = replace(whole.final, rms=np.array([0.0, 0.0, 50.0 * noise[2]]))
+    assert [r.channel for r in remainders(whole.case, loud, 1.6)] == ["r"]
+    noise[2] *= 50.0
+    setup = replace(whole.case.setup, sensor_std=noise)
+    assert remainders(replace(whole.case, setup=setup), loud, 1.6) == []
