@@ -446,3 +446,9 @@ def test_half_of_the_owners_say_how_well_they_know_the_ballast(nothing_planted):
             assert 0.0007 < table["x_g_std_m"] < 0.007 and table["z_g_std_m"] > 0.0
     assert 0.4 < np.mean(said) < 0.6  # 4 standard deviations of 400 draws
     assert 0.8 < np.std(errors) < 1.4  # of some 200, each rated 0.7 to 1.4 of the true one
+
+
+def test_a_push_changes_heave_and_pitch_while_it_pushes():
+    trial = draw(2, True, ("one_off_event",), plane="vertical")
+    found = visible.sudden(trial, trial.sail())
+    assert found == pytest.approx({"w_mps": 0.160, "q_radps": 0.097}, abs=0.001)

@@ -129,6 +129,13 @@ def follow(record, window, body, effects, rudder_servo, elevator_servo, drive, s
     return found
 
 
+def pushed_s(drawn: Drawn, sailed: Sailed) -> tuple[float, float]:
+    """Start and end of the planted push on the clock of the record [s]."""
+    effects = drawn.truth(sailed)["effects"]
+    start, end = next(e["log_time_s"] for e in effects if e["id"] == PUSH)
+    return start - drawn.origin, end - drawn.origin
+
+
 def variant(drawn: Drawn, planted: dict, **changed) -> Variant:
     """The vehicle with other planted effects, or other parts."""
     parts = {
@@ -157,19 +164,22 @@ def motion(drawn: Drawn, sailed: Sailed, other: Variant, noise=None, window=WIND
 def sudden(drawn: Drawn, sailed: Sailed) -> dict[str, float]:
     """Largest change within L/U that the planted push makes of sway and yaw (heave and pitch).
 
-    In m/s and rad/s, against the same record without it; empty where none is planted.
+    In m/s and rad/s, against the same record without it, while it pushes; empty where none is
+    planted.
     """
     if PUSH not in drawn.planted:
         return {}
     left = {k: v for k, v in drawn.planted.items() if k != PUSH}
     lag, columns = max(round(drawn.size.time / STEP_S), 1), PUSHED[drawn.plane]
-    found = np.zeros(len(columns))
+    found, (start, end) = np.zeros(len(columns)), pushed_s(drawn, sailed)
+    during = slice(max(round(start / STEP_S) - lag, 0), round(end / STEP_S) + lag)
     for window in (WINDOW, OTHER_WINDOW):
         other = motion(drawn, sailed, variant(drawn, left), window=window)
         pushed = (sailed.record - other)[:, list(columns.values())]
         part = np.arange(len(pushed)) // round(window * drawn.size.time / STEP_S)
         within = part[lag:] == part[:-lag]
-        found = np.maximum(found, np.abs(pushed[lag:] - pushed[:-lag])[within].max(axis=0))
+        changes = np.abs(pushed[lag:] - pushed[:-lag]) * within[:, None]
+        found = np.maximum(found, changes[during].max(axis=0))
     return dict(zip(columns, found.tolist(), strict=True))
 
 
