@@ -117,37 +117,16 @@ def unequal(taken, asymmetry):
 @kernel
 def turned(target, angle, slowness, h, keep, most, trailing):
     """Mean angle of the servo over one step, and the angle that it comes to."""
-    distance = target - angle
-    if distance == 0.0:
-        return target, angle
-    per_angle = max(slowness, 0.0) / h
-    if trailing >= _limited(distance, per_angle) and abs(distance) * (1.0 - keep) <= most:
-        return _by_lag_alone(target, distance, keep, trailing)
-    short = 0.0
+    short, per_angle = 0.0, max(slowness, 0.0) / h
     for _ in range(SUBSTEPS):
         distance = target - angle
         if distance == 0.0:  # mostly at once: without a lag only the longest turns take a step
             break
-        short += max(trailing, _limited(distance, per_angle)) * distance
+        turning = abs(distance) * per_angle
+        limited = 0.5 * turning if turning <= 1.0 else 1.0 - 0.5 / turning
+        short += max(trailing, limited) * distance
         angle += min(max(distance * (1.0 - keep), -most), most)
     return target - short / SUBSTEPS, angle
-
-
-@kernel
-def _limited(distance, per_angle):
-    """Share of the distance by which the mean of a substep lies short of it, by the slew limit."""
-    turning = abs(distance) * per_angle
-    return 0.5 * turning if turning <= 1.0 else 1.0 - 0.5 / turning
-
-
-@kernel
-def _by_lag_alone(target, distance, keep, trailing):
-    """As `turned` where the limit never rules: what rules at first, at the most, does so later."""
-    left, short = 1.0, 0.0
-    for _ in range(SUBSTEPS):
-        short += left
-        left *= keep
-    return target - trailing * short / SUBSTEPS * distance, target - left * distance
 
 
 @kernel
