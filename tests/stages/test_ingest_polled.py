@@ -73,7 +73,7 @@ def test_what_one_input_tells_holds_for_those_of_its_logger() -> None:
     rpm_s = np.arange(0.0, LAST_S, 0.5)
     signals |= {"rpm": (rpm_s, np.full(rpm_s.size, 900.0))}
     assert sampled_inputs(signals, 1.0) == ("rudder_rad", "rpm")
-    assert sampled_inputs(signals, 4.0) == ("rpm",)
+    assert sampled_inputs(signals, 3.0) == ("rpm",)
 
 
 def test_a_noisy_gyro_tells_nothing() -> None:
