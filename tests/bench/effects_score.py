@@ -7,6 +7,7 @@ from typing import Any
 
 from auvident.constants import NORMAL_95
 from auvident.schema.effects import BY_ID, parameter_of
+from auvident.schema.loop_statements import TOGETHER
 from tests.bench.effects_truth import FINDING_OF
 
 CONFIDENT = ("effect_found", "ambiguous")  # with nothing said to remain
@@ -147,7 +148,7 @@ def is_visible(planted: Row, sees: Iterable[Row]) -> bool:
     if not rows:
         return planted["id"] in SEARCHED
     seen = [_is_above(planted, row) for row in rows if row["visible"]]
-    return all(seen) and bool(seen) if planted["id"] == EVENT else any(seen)
+    return all(seen) and bool(seen) if planted["id"] in TOGETHER else any(seen)
 
 
 def _is_above(planted: Row, row: Row) -> bool:

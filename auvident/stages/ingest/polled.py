@@ -26,7 +26,7 @@ LEAST_SHARE = 0.1  # ... and by so much
 MOST_SHARE = 1.0  # of more the clocks are wrong: that is told elsewhere
 # [L/U] half a period: what comes late by less is little beside a servo's own lag. Held-out errors
 # of r fell by 29 and 55 % where it was 0.12 and 0.13, by -8 to 20 % where it was 0.05 to 0.06 (five
-# drawn vehicles of even seeds, u better in two of them).
+# drawn vehicles of even seeds, u better in two of them): the limit lies between.
 LEAST_LATE_LENGTHS = 0.08
 UNEVEN = 1.5  # intervals longer by this factor than the usual one are left out
 LEAST_ROWS = 50

@@ -78,11 +78,15 @@ def test_every_candidate_and_every_size_is_of_the_table(name) -> None:
         assert not BY_ID[c.id].nuisance
         assert c.family == BY_ID[c.id].family
         assert math.isfinite(c.gain)
-    for row in (row for row in found.sees if BY_ID[row.id].enters != "disturbance"):
-        declared = parameter_of(f"{row.id}.{row.symbol}")
-        assert row.unit == declared.unit
+    pushes = [row for row in found.sees if row.id == "one_off_event"]
+    assert [(row.symbol, row.unit) for row in pushes] == [("v_mps", "m/s"), ("r_degps", "deg/s")]
+    assert all(0.0 < row.size < 60.0 for row in pushes)
+    for row in found.sees:
         assert 0.0 <= row.kept <= 1.0
         assert row.visible == (row.why == "")
+    for row in (row for row in found.sees if row not in pushes):
+        declared = parameter_of(f"{row.id}.{row.symbol}")
+        assert row.unit == declared.unit
         if declared.form == "plain" and not any(declared.powers):
             assert row.size >= declared.practical * declared.factor * (1 - 1e-9)
 

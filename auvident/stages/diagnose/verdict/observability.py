@@ -41,7 +41,7 @@ MARGIN_LEFT_OUT = (LEAST_T + NORMAL_90) / LEAST_T
 # planted effects above these sizes were declared, and 18 of 21 between three quarters and once.
 UNFORESEEN = 1.25
 PLAUSIBLE = 3.0  # an effect that must exceed so many priors to be seen is not visible
-BEYOND = 1e3  # so many priors stand for any size
+BEYOND = 1e3  # so many priors, or m/s and rad/s of a push, stand for any size
 ABSORBED = 0.015  # of the signature left by the coefficients: no size is stated
 SEPARABLE = 0.98  # cosine from which on two effects are not told apart
 
@@ -78,6 +78,9 @@ def detectable(first: Joint, last: Joint, candidates: Sequence[str]) -> tuple[De
 
 def detectable_push(sizes: tuple[float, float] | None, plane: PlaneRow) -> tuple[Detectable, ...]:
     """Changes of sway and yaw (heave and pitch) within L/U that would be a one-off event together.
+
+    With the room that every stated size has: of 21 pushes planted in even trials all six above
+    both sizes were found.
 
     Parameters
     ----------
