@@ -11,6 +11,8 @@ the rows before and after,
 and h(-1) / (h(-1) + h(0)) is the share of a step that acts in the interval before its row: none
 where rows are changes, whatever the servo, half where they are samples and the servo is quick.
 Of ten drawn vehicles whose log tells it to 0.06 it was 0.08 to 0.57; their rows are samples.
+Logged at the ticks of the controller, where rows are changes, it was -0.24 to 0.06 in the six of 40
+drawn vehicles that tell it to 0.1, and none is taken for samples.
 """
 
 from collections.abc import Mapping

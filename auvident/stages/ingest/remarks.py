@@ -175,7 +175,7 @@ def _samples(sensors: Sequence[SensorQuality]) -> Iterator[Finding]:
     if names:
         yield Finding(
             code="input_sampled",
-            message=f"rows of {' and '.join(names)} were taken for samples, with the input on the "
+            message=f"rows of {', '.join(names)} were taken for samples, with the input on the "
             "line between two of them: the vehicle answers before them",
             remedy="If each row is the time of a change, set on_change = true in a map.",
         )
