@@ -7,13 +7,17 @@ import numpy as np
 import pytest
 
 from auvident.stages.diagnose.checks.kinematics import SensorCheck
+from auvident.stages.diagnose.fit.fits import fit_with
+from auvident.stages.diagnose.score.left_out import FitsWithout
 from auvident.stages.diagnose.select.candidates import by_sensors
 from auvident.stages.diagnose.verdict.uncertainty import (
     _informed,
     effect_values,
     known_by_sensors,
     lent,
+    of_every_vehicle,
     scatter,
+    spreads,
 )
 from tests.stages.diagnose.loop_chain import small_case, small_fit
 
@@ -44,6 +48,20 @@ def test_what_a_servo_may_lend_to_another_delay_is_a_share_of_the_time_for_a_len
     slower = replace(case, nuisance_std=3.0 * case.nuisance_std)  # as of L/U three times as long
     assert lent(slower) == pytest.approx(3.0 * lent(case))
     assert 0.02 < lent(case) / (1.3327 / 1.5) < 0.06
+
+
+def test_drag_beyond_the_friction_line_is_known_no_better_than_the_line() -> None:
+    """Four drags in proportion to u that were planted lay 2.2 to 4.8 of their deviations off."""
+    case, at = small_case(), small_case().position("linear_drag.X_u")
+    known = of_every_vehicle(case, at)
+    assert known >= 0.5 * abs(case.setup.prior[at]) > 0.0
+    found = fit_with(case, ("linear_drag",), small_fit().parameters, small_fit().colours)
+    assert found is not None
+    sure = replace(case, nuisance_std=0.0 * case.nuisance_std)
+    stds = [float(spreads(c, found, FitsWithout())[at]) for c in (case, sure)]
+    assert stds[0] >= known > stds[1] > 0.0
+    for other in ("X_uu", "propeller_race.c_m2ps2pn"):
+        assert of_every_vehicle(case, case.position(other)) == 0.0
 
 
 # --- what sensors held against each other know ---------------------------------------------
