@@ -55,7 +55,7 @@ def of_every_vehicle(case: Case, i: int) -> float:
 
     Of times what the fin may lend (`lent`). Of drag in proportion to u what the friction line
     makes of it: the size of the effect is what is beyond, and the line is known no better (four
-    planted drags of even seeds were off by 2.2 to 4.8 of their deviations, and are by 0.5 to 2.8).
+    planted drags of even seeds were off by 2.2 to 4.8 of their deviations, and are by 0.4 to 2.6).
     """
     name = case.names[i]
     if name in TIMED:
