@@ -247,6 +247,9 @@ def test_one_turn_alone_is_no_proof():
         # a hull that stays in a turn against 24 degrees of rudder, all else being right
         (Votes(1439, 1388, 9, 143.9, 8), Votes(857, 165, 31, 85.7, 6), -12.0, 0),
         (Votes(1439, 1388, 9, 143.9, 8), Votes(857, 692, 31, 85.7, 25), -12.0, 1),
+        # ... for minutes, so that most rows contradict but few turns (population, seed 4059)
+        (Votes(14725, 13460, 10, 1472.5, 4), Votes(991, 516, 9, 99.1, 5), -5.1, 0),
+        (Votes(14725, 1265, 10, 1472.5, 6), Votes(991, 475, 9, 99.1, 4), 5.1, 0),  # reversed
     ],
 )
 def test_two_short_holds_and_an_acceleration_decide_together(turns, steps, stds, sign):

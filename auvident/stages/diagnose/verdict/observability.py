@@ -1,4 +1,7 @@
-"""What these maneuvers can show, cannot show and cannot separate; no residual is looked at."""
+"""What these maneuvers can show, cannot show and cannot separate.
+
+Of the residual only its size counts, and how it scatters from block to block.
+"""
 
 import math
 from collections.abc import Sequence
