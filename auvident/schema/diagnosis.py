@@ -197,8 +197,8 @@ class ChannelError(Artifact):
 class Difference(Artifact):
     """After minus before of an RMSE, with a 95 % interval.
 
-    From a bootstrap over maneuvers, and over blocks of time in each: two or three maneuvers are
-    few, and where they differ it still is too narrow.
+    From a bootstrap over maneuvers, and over blocks of time in each, as wide as so few maneuvers
+    ask for (Student's t).
     """
 
     value: float

@@ -41,7 +41,7 @@ from auvident.stages.diagnose.select.instants import narrowed
 from auvident.stages.diagnose.select.search import Search
 from auvident.stages.diagnose.select.telling import Telling, untold
 from auvident.stages.diagnose.verdict.document import diagnosis_of
-from auvident.stages.diagnose.verdict.evidence import Evidence
+from auvident.stages.diagnose.verdict.evidence import Evidence, mattering, remainders
 from auvident.stages.diagnose.verdict.residuals import residual_table
 
 Array = npt.NDArray[Any]
@@ -117,9 +117,12 @@ def _diagnosed(
     candidates = tuple(e.id for e in there if not e.nuisance)
     pushes = Pushes(case, headings_of(case), model.length_m / sizes_of(model, case.records)[0])
 
+    def wanting(fitted: Fitted) -> bool:
+        return bool(mattering(remainders(case, fitted, model.length_m)))
+
     def trace(seen: Case, baseline: Fitted) -> Traced:
         rng = np.random.default_rng(seed)
-        return Search(seen, candidates, rng, told=Telling(tell)).trace(baseline)
+        return Search(seen, candidates, rng, told=Telling(tell), wanting=wanting).trace(baseline)
 
     tell("residual of the model, one-off events", None)
     traced, events = traced_without_events(pushes, trace)

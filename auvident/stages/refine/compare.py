@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
+from scipy.special import stdtrit
 
-from auvident.constants import INDEPENDENT_S
+from auvident.constants import INDEPENDENT_S, NORMAL_95
 from auvident.physics.maneuvers import headings_from_start
 from auvident.schema.artifacts import (
     ON_A_MODEL,
@@ -36,6 +37,7 @@ from auvident.stages.refine.errors import channels_of, cruise_of, rms_of
 Array = npt.NDArray[Any]
 DRAWS = 1000
 INTERVAL = (2.5, 97.5)
+SMALLEST = float(np.finfo(float).tiny)
 HEADING = "heading_rad"  # counts from the start of each maneuver
 
 
@@ -228,17 +230,39 @@ def _difference(
 
     A model that is off in one kind of maneuver is off in all of its blocks: these are no
     independent votes on the next trial (one straight run of three maneuvers made an error "surely"
-    larger that the other two made smaller).
+    larger that the other two made smaller). The ratio is drawn, in which maneuvers agree that are
+    not equally hard to predict. Of few, draws scatter by too little: see `_for_few`. None where
+    there is but one block, which tells nothing of chance.
     """
     sums = [np.array(rows) for part in parts if (rows := _block_sums(part, step_s))]
     if not sums:
         return None
-    drawn = _drawn(sums, rng)
-    spread = np.sqrt(drawn[:, 2] / drawn[:, 0]) - np.sqrt(drawn[:, 1] / drawn[:, 0])
-    count, a, b = np.concatenate(sums).sum(axis=0)
-    low, high = np.percentile(spread, INTERVAL)
-    value = float(np.sqrt(b / count) - np.sqrt(a / count))
-    return Difference(value=value, low=float(low), high=float(high))
+    votes = len(sums) if len(sums) > 1 else len(sums[0])
+    if votes == 1:
+        return None
+    count, *squares = np.concatenate(sums).sum(axis=0)
+    first, second = (math.sqrt(square / count) for square in squares)
+    told = float(_ratio(np.array([squares]))[0])
+    spread = np.percentile(_ratio(_drawn(sums, rng)[:, 1:]), INTERVAL) - told
+    low, high = first * (told - 1.0 + _for_few(votes) * spread)
+    return Difference(value=second - first, low=float(low), high=float(high))
+
+
+def _ratio(squares: Array) -> Array:
+    """The RMSE after over the one before (n,), from sums (n, 2)."""
+    before, after = squares.T
+    return np.asarray(np.sqrt(after / np.maximum(before, SMALLEST)))
+
+
+def _for_few(votes: int) -> float:
+    """Factor by which an interval from the draws of few is widened (Cameron et al. 2008).
+
+    Draws of m scatter by (m - 1) / m of the variance, and what is known from m alone has the
+    quantiles of Student's t. With before and after exchanged at random in three held-out maneuvers
+    each of 46 drawn trials, where nothing is better or worse, 24.5 % of the intervals without
+    this factor leave zero out, and 3.4 % with it.
+    """
+    return math.sqrt(votes / (votes - 1)) * float(stdtrit(votes - 1, 0.975)) / NORMAL_95
 
 
 def _drawn(sums: Sequence[Array], rng: np.random.Generator) -> Array:

@@ -75,6 +75,14 @@ class Begun:
 
 
 @dataclass(frozen=True)
+class Afresh:
+    """A candidate fitted from the estimate, and what it had come to from the model [nats]."""
+
+    gain: float
+    near: float
+
+
+@dataclass(frozen=True)
 class Rival:
     """A candidate behind the best one, both against the model fitted again from where that lies.
 

@@ -35,16 +35,25 @@ from auvident.stages.diagnose.select.telling import COMPARE, FIT, SETTLE, Tellin
 
 Array = npt.NDArray[Any]
 Fits = dict[str, Fitted]
+NO_FITS: Mapping[str, Fitted] = {}
 
 
 def refitted(
-    case: Case, before: Fitted, screened: Screen, told: Telling | None = None
+    case: Case,
+    before: Fitted,
+    screened: Screen,
+    told: Telling | None = None,
+    fits: Mapping[str, Fitted] = NO_FITS,
 ) -> tuple[Fitted, list[Tried]]:
-    """The model, fitted again where it was stuck, and the short list, largest gain first."""
+    """The model, fitted again where it was stuck, and the short list, largest gain first.
+
+    With the fits of other candidates that are there already, each if it is the better one.
+    """
     told = told or Telling()
     told.enter(FIT)
 
     found = first_steps(case, before, screened, partial(told.one_of, len(screened.short)))
+    found |= {c: best_of([found.get(c), f]) or f for c, f in fits.items()}
     # a fit that is not there yet may still become what the first-order step promises
     promise = {c: max(log_gain(before, f), screened.scores[c].gain) for c, f in found.items()}
     told.enter(SETTLE)
@@ -65,6 +74,19 @@ def refitted(
 def side_by_side(fit: Callable[[str], Fitted], candidates: Sequence[str]) -> Fits:
     """A fit of each candidate, several at a time."""
     return dict(zip(candidates, each(fit, candidates), strict=True))
+
+
+def from_estimates(case: Case, before: Fitted, candidates: Sequence[str]) -> Fits:
+    """Candidates beside a model, each fitted from the analytical estimate; without what ran away.
+
+    They begin at no size: from the estimate that is no worse than any other.
+    """
+
+    def begin(c: str) -> Fitted | None:
+        return from_estimate(case, (*before.effects, c), before.parameters)
+
+    found = zip(candidates, each(begin, candidates), strict=True)
+    return {c: f for c, f in found if f is not None}
 
 
 def first_steps(

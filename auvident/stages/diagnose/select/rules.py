@@ -10,6 +10,7 @@ import math
 from auvident.stages.diagnose.select.records import (
     Accepted,
     Account,
+    Afresh,
     Apart,
     Begun,
     Beside,
@@ -123,6 +124,11 @@ AFRESH: tuple[Rule[Begun], ...] = (
         lambda b: -1 if b.beside_steady else b.place,
         most=SECOND_STARTS - 1,
     ),
+)
+# where a model leaves much that nothing explains: which fits from the estimate are looked into
+LEFT_BEHIND: tuple[Rule[Afresh], ...] = (
+    Rule("gain", "it gains enough", lambda a: a.gain, LEAST_GAIN),
+    Rule("stuck", "it was stuck", lambda a: a.gain - a.near, STUCK),
 )
 # one of these, to be fitted again from where the best one lies
 AGAIN: tuple[Rule[Rival], ...] = (
