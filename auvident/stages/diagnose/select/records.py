@@ -76,7 +76,10 @@ class Begun:
 
 @dataclass(frozen=True)
 class Afresh:
-    """A candidate fitted from the estimate, and what it had come to from the model [nats]."""
+    """Gain of a candidate fitted from the estimate, and what it had come to elsewhere [nats].
+
+    `near` is that of its fit from the model, zero where there is none.
+    """
 
     gain: float
     near: float

@@ -127,8 +127,7 @@ AFRESH: tuple[Rule[Begun], ...] = (
 )
 # where a model leaves much that nothing explains: which fits from the estimate are looked into
 LEFT_BEHIND: tuple[Rule[Afresh], ...] = (
-    Rule("gain", "it gains enough", lambda a: a.gain, LEAST_GAIN),
-    Rule("stuck", "it was stuck", lambda a: a.gain - a.near, STUCK),
+    Rule("stuck", "it leaves the model and its other fit behind", lambda a: a.gain - a.near, STUCK),
 )
 # one of these, to be fitted again from where the best one lies
 AGAIN: tuple[Rule[Rival], ...] = (

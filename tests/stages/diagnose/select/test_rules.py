@@ -19,6 +19,7 @@ from auvident.stages.diagnose.select.decisions import (
 from auvident.stages.diagnose.select.records import (
     Accepted,
     Account,
+    Afresh,
     Apart,
     Begun,
     Beside,
@@ -146,6 +147,7 @@ FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
             "rms": {"other": replace(SIMPLE, rms=(0.01, 0.02, 0.0024))},
         },
     ),
+    "LEFT_BEHIND": (Afresh(60.0, 40.0), {"stuck": {"near": 41.0}}),
     "CONTAIN": (Containing(1, 0.98), {"further": {"further": 0}, "cosine": {"cosine": 0.97}}),
     "TAKE_ALONG": (
         Nuisance("small", 4.0, 150.0, 1.1, 1),

@@ -208,6 +208,19 @@ def new_search(*effects: str) -> Search:
     return Search(CASE, effects, np.random.default_rng(0))
 
 
+def left_behind(near: float, gain: float) -> Callable[[Patch], Any]:
+    """Which fits from the estimate are looked into, beside one from the model that gains less."""
+
+    def run(patch: Patch) -> list[str]:
+        own = replace(new_search("current"), wanting=lambda model: True)
+        fits = {"current": fitted(gain, "current")}
+        patch.setattr(search, "from_estimates", lambda *_: fits)
+        tried = Tried(fitted(near, "current"), replace(GOOD, id="current", gain=near))
+        return list(own._afresh(Round(BEFORE, None, (tried,), {})))  # type: ignore[arg-type]
+
+    return run
+
+
 def claimed(gain: float, *before: str) -> Callable[[Patch], Any]:
     """What stays without a claim, of a term of higher order that is accepted."""
 
@@ -463,6 +476,7 @@ SCENARIOS: dict[str, dict[str, Callable[[Patch], Any]]] = {
         "worth-a-start": finished({"current": 29.0}, {}),
         "place": finished(dict(list(FIVE.items())[:3]), {}),
     },
+    "LEFT_BEHIND": {"stuck": left_behind(7.0, 26.0)},
     "AGAIN": {
         "stuck": again({"current": 200.0, "gyro_bias": 60.0}, 30.0),
         "rival": again({"current": 200.0, "gyro_bias": 150.0}, 0.0),

@@ -170,12 +170,24 @@ def seen_together(
     return replace(current, effects=swapped), ["swapped"] * (swapped != current.effects)
 
 
-def traced(monkeypatch: pytest.MonkeyPatch, *rounds: Round) -> Traced:
-    """A search in which each round finds what it is told, and nothing more after the last."""
+def traced(
+    monkeypatch: pytest.MonkeyPatch, *rounds: Round, wanting: bool = False, far: float = 0.0
+) -> Traced:
+    """A search in which each round finds what it is told, and nothing more after the last.
+
+    `far` is what a current gains from the estimate, which the next round is told of.
+    """
     left = list(rounds)
 
-    def refits(case: Any, before: Fitted, *_: Any) -> tuple[Fitted, list[Tried]]:
-        found = []
+    def estimates(case: Any, before: Fitted, candidates: Any) -> dict[str, Fitted]:
+        return {"current": fitted(far, *[0.0] * 5, effects=(*before.effects, "current"))}
+
+    def refits(
+        case: Any, before: Fitted, screened: Any, told: Any, fits: Any
+    ) -> tuple[Fitted, list[Tried]]:
+        found = [
+            Tried(fit, replace(GOOD, id=c, gain=fit.log_likelihood)) for c, fit in fits.items()
+        ]
         for name, update in (left.pop(0) if left else {}).items():
             own = fitted(before.log_likelihood, *[0.0] * 5, effects=(*before.effects, name))
             account = replace(GOOD, id=name, helped=None, rms=(1.0, 1.0, 1.0), **update)
@@ -193,7 +205,8 @@ def traced(monkeypatch: pytest.MonkeyPatch, *rounds: Round) -> Traced:
     for name in ("check_cost", "log_gain"):
         monkeypatch.setattr(held_back, name, lambda *_: 0.0)
     monkeypatch.setattr(held_back, "helped", lambda *_: GOOD.helped)
-    own = Search(CASE, ("a", "b", "c"), np.random.default_rng(0))
+    monkeypatch.setattr(search, "from_estimates", estimates)
+    own = Search(CASE, ("a", "b", "c"), np.random.default_rng(0), wanting=lambda model: wanting)
     return own.trace(BEFORE)
 
 
@@ -262,6 +275,15 @@ def test_a_term_of_higher_order_behind_another_is_not_claimed(monkeypatch) -> No
     found = traced(monkeypatch, {"current": {}}, {HIGHER: {}})
     assert (found.unclaimed, found.named) == ((HIGHER,), ("current",))
     assert traced(monkeypatch, {HIGHER: {}}).named == (HIGHER,)
+
+
+def test_a_model_that_leaves_much_has_its_candidates_fitted_from_the_estimate(monkeypatch) -> None:
+    """A rudder that turned twice as well to one side was stuck at 7 nats of 575 (seed 6182)."""
+    found = traced(monkeypatch, {}, wanting=True, far=575.0)
+    assert found.named == ("current",)
+    assert found.steps == ("current added: 575 nats",)
+    assert traced(monkeypatch, {}, wanting=False, far=575.0).named == ()
+    assert traced(monkeypatch, {}, wanting=True, far=19.0).named == ()  # no better than the model
 
 
 def test_where_none_is_accepted_two_that_hide_each_other_may_be(monkeypatch) -> None:
