@@ -245,7 +245,7 @@ def _difference(
     told = float(_ratio(np.array([squares]))[0])
     spread = np.percentile(_ratio(_drawn(sums, rng)[:, 1:]), INTERVAL) - told
     low, high = first * (told - 1.0 + _for_few(votes) * spread)
-    return Difference(value=second - first, low=float(low), high=float(high))
+    return Difference(value=second - first, low=max(float(low), -first), high=float(high))
 
 
 def _ratio(squares: Array) -> Array:
