@@ -36,7 +36,7 @@ from auvident.stages.refine.errors import channels_of, cruise_of, rms_of
 
 Array = npt.NDArray[Any]
 DRAWS = 1000
-INTERVAL = (2.5, 97.5)
+INTERVAL = (2.5, 97.5)  # percentiles of the draws
 SMALLEST = float(np.finfo(float).tiny)
 HEADING = "heading_rad"  # counts from the start of each maneuver
 
@@ -262,7 +262,7 @@ def _for_few(votes: int) -> float:
     each of 46 drawn trials, where nothing is better or worse, 24.1 % of the intervals without
     this factor leave zero out, and 4.3 % with it.
     """
-    return math.sqrt(votes / (votes - 1)) * float(stdtrit(votes - 1, 0.975)) / NORMAL_95
+    return math.sqrt(votes / (votes - 1)) * float(stdtrit(votes - 1, INTERVAL[1] / 100.0)) / NORMAL_95
 
 
 def _drawn(sums: Sequence[Array], rng: np.random.Generator) -> Array:
