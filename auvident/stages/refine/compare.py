@@ -262,7 +262,8 @@ def _for_few(votes: int) -> float:
     each of 46 drawn trials, where nothing is better or worse, 24.1 % of the intervals without
     this factor leave zero out, and 4.3 % with it.
     """
-    return math.sqrt(votes / (votes - 1)) * float(stdtrit(votes - 1, INTERVAL[1] / 100.0)) / NORMAL_95
+    student = float(stdtrit(votes - 1, INTERVAL[1] / 100.0))
+    return math.sqrt(votes / (votes - 1)) * student / NORMAL_95
 
 
 def _drawn(sums: Sequence[Array], rng: np.random.Generator) -> Array:
