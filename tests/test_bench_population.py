@@ -406,6 +406,14 @@ def test_tables_count_by_class():
     assert json.loads(json.dumps(found)) == found
 
 
+def test_what_the_generator_could_not_sail_is_no_trial():
+    lost = {**outcome_with(4), "stage": "generator", "error": "Traceback\nRefused: rolls over"}
+    found = tables([scored(outcome_with(0)), scored(lost)], CLASSES, with_seeds=True)
+    assert found["could not be sailed"] == [{"what": "Refused: rolls over", "n": 1}]
+    assert found["nothing planted"][0]["n"] == found["maneuvers and failures"][0]["trials"] == 1
+    assert "generator" not in json.dumps(found)
+
+
 def test_a_hidden_effect_is_not_missed():
     quiet = outcome_with(planted=(LAG,), found=loop_world.diagnosis)
     quiet["diagnosis"] |= {"effects": [], "verdict": "none_found"}

@@ -10,9 +10,10 @@ import numpy.typing as npt
 from auvident.constants import NORMAL_90
 from auvident.engines.constraints import in_units
 from auvident.engines.estimator import Task, task_about
+from auvident.engines.falling import PushesAlong, fallen_variance, hardly_keeps_course, pushes_of
 from auvident.engines.free_run import likelihood
 from auvident.engines.map_fit import Prior
-from auvident.engines.predictive import LeftOutCourse, left_out_course
+from auvident.engines.predictive import LeftOutCourse, left_out_course, noise_of, widened
 from auvident.engines.setup import Outcome, Setup
 from auvident.estimation.identifiability import UNSEEN_INFORMATION
 from auvident.estimation.inequalities import kept
@@ -151,8 +152,12 @@ def left_out_courses(
     gradients: Mapping[str, Array],
     curvatures: Mapping[str, Array],
     prior: Array,
-) -> dict[str, LeftOutCourse | None]:
-    """Each maneuver predicted without it: None where that runs away.
+    length_m: float,
+) -> tuple[dict[str, LeftOutCourse | None], PushesAlong | None]:
+    """Each maneuver predicted without it, None where that runs away; pushes, see `falling`.
+
+    There are pushes where the hull hardly keeps its course, and the courses have the variance that
+    comes of them.
 
     The parameters are those of one Newton step within bounds and constraints, or of a fit to the
     others where that step is a long one. Beside an identification without the maneuver the errors
@@ -163,16 +168,25 @@ def left_out_courses(
     room = task.prior_about(p)
     room = replace(room, low=np.minimum(room.low, 0.0), high=np.maximum(room.high, 0.0))
     whole, every = prior + sum(curvatures.values()), np.sum(list(gradients.values()), axis=0)
-    found = {}
+    models, found = {}, {}
     for name, gradient in gradients.items():
         others = whole - curvatures[name]
         step = _newton_step(task, p, room, gradient, others)
         if gradient @ step - 0.5 * step @ others @ step > LONG_STEP:
             step = _fitted_without(name, task, p, room, step, every)
         without, covariance = task.free.moved(p, step), np.linalg.inv(others)
-        record = setup.records[name][1]
-        found[name] = left_out_course(setup.frame, without, record, task.free, covariance)
-    return found
+        models[name] = without, setup.records[name][1], task.free, covariance
+        found[name] = left_out_course(setup.frame, *models[name])
+    if not hardly_keeps_course(setup.structure, p, length_m):
+        return found, None
+    plane = setup.structure.plane
+    noise = noise_of(setup.sensing, plane)
+    left = [course.beyond(noise) for course in found.values() if course is not None]
+    pushes = pushes_of(left, plane, length_m)
+    return {
+        name: course and widened(course, fallen_variance(setup.frame, *models[name], pushes))
+        for name, course in found.items()
+    }, pushes
 
 
 def _newton_step(task: Task, p: Array, room: Prior, gradient: Array, others: Array) -> Array:

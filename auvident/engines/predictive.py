@@ -11,7 +11,7 @@ maneuvers that were left out of the identification in turn (`errors_of`).
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,7 @@ from auvident.engines.carried import (
     predicted_course,
     vector_behind,
 )
+from auvident.engines.falling import PushesAlong, fallen_variance
 from auvident.engines.prediction import Frame, Free, readings_with_slopes
 from auvident.engines.records import Record
 from auvident.physics.dynamics import N_STATES
@@ -45,6 +46,8 @@ OF_DRAWS = (50.0 * (1.0 - NOMINAL), 50.0 * (1.0 + NOMINAL))  # percentiles
 # times the speed, one power more. Others are held by damping.
 HEADING_GROWTH, TRACK_GROWTH = 0.75, 1.75
 ALL = np.ones(N_STATES, dtype=bool)
+LEAST = 1.0e-30  # variance
+MOST_STEPS, CONVERGED = 60, 1.0e-9
 
 
 def growths(plane: Plane) -> dict[str, float]:
@@ -143,6 +146,21 @@ class LeftOutCourse:
     variance: dict[str, Array]
     measured: dict[str, Array]
 
+    def beyond(self, noise: Mapping[str, float]) -> dict[str, float]:
+        """Mean square error beyond the coefficients and some noise, by channel measured."""
+        found = {}
+        for name, error in self.error.items():
+            seen = np.isfinite(error)
+            if seen.any():
+                left = error[seen] ** 2 - self.variance[name][seen] - noise.get(name, 0.0) ** 2
+                found[name] = float(np.mean(left))
+        return found
+
+
+def widened(course: LeftOutCourse, variance: Mapping[str, Array]) -> LeftOutCourse:
+    """The course with at least such a variance (n,) in each channel; it may lack some."""
+    return replace(course, variance=at_least(course.variance, variance))
+
 
 def left_out_course(
     frame: Frame, p: Array, record: Record, free: Free, covariance: Array
@@ -202,9 +220,8 @@ def errors_of(
         if not seen.any() or level > 1.0:
             continue
         square = error[seen] ** 2
-        left = max(float(np.mean((square - known) / grown)), 0.0)
-        least = np.finfo(float).tiny
-        ratio = square / np.maximum(with_model_error(known, left, grown), least)
+        left = model_error(square, known, grown)
+        ratio = square / np.maximum(with_model_error(known, left, grown), LEAST)
         factor = drifting(ratio, whose[seen], level) if growth else _conformal(ratio, level)
         factor *= math.sqrt(1.0 + 1.0 / len(courses))
         if math.isfinite(factor):
@@ -229,6 +246,32 @@ def drifting(ratio: Array, whose: Array, level: float) -> float:
     """
     own = [float(np.mean(ratio[whose == number])) for number in np.unique(whose)]
     return float(stdtrit(len(own), 0.5 * (1.0 + level))) * math.sqrt(float(np.mean(own)))
+
+
+def model_error(square: Array, known: Array, grown: Array) -> float:
+    """Square of the model error with which errors are as large as they are taken for.
+
+    The root of mean(square / (known + e^2 grown)) = 1 (Paule and Mandel 1982), zero where errors
+    are smaller without one: what is known to be far off, as a hull that may have fallen to the
+    other side, weighs no more than the rest.
+
+    Parameters
+    ----------
+    square, known : (n,) array
+        Squared errors, and their variance without a model error.
+    grown : (n,) array
+        By how much the square of the model error has grown.
+    """
+    left = float(np.mean(square / grown))
+    if np.mean(square / np.maximum(known, LEAST)) <= 1.0:
+        return 0.0
+    for _ in range(MOST_STEPS):  # of Newton: convex, so that it comes from below
+        whole = np.maximum(with_model_error(known, left, grown), LEAST)
+        beyond = float(np.mean(square / whole)) - 1.0
+        if abs(beyond) < CONVERGED:
+            break
+        left = max(left + beyond / float(np.mean(square * grown / whole**2)), 0.5 * left)
+    return left
 
 
 def grown_by(elapsed_s: Array, growth: float) -> Array:
@@ -285,7 +328,24 @@ def band_of(model: IdentifiedModel, record: Record, dt_s: float) -> dict[str, Ar
     found = parameter_variance(frame, p, record, *free_behind(model))
     lost = np.full(len(record), np.nan)
     variance = found or dict.fromkeys(growths(model.plane), lost)
+    pushes = pushes_behind(model)
+    if found and pushes:
+        fallen = fallen_variance(frame, p, record, *free_behind(model), pushes)
+        variance = at_least(found, fallen)
     return half_widths(model, variance, record.time_s - record.time_s[0])
+
+
+def pushes_behind(model: IdentifiedModel) -> PushesAlong | None:
+    """Pushes to a model that hardly keeps its course; None where it does, or does not tell."""
+    if not model.left_out or not model.left_out.push:
+        return None
+    std = [model.left_out.push.get(s.symbol, 0.0) for s in BY_PLANE[model.plane].states]
+    return PushesAlong(np.array(std), model.length_m)
+
+
+def at_least(variance: Mapping[str, Array], other: Mapping[str, Array]) -> dict[str, Array]:
+    """The larger one of two variances (n,) of each channel; the other may lack some."""
+    return {name: np.maximum(v, other.get(name, v)) for name, v in variance.items()}
 
 
 def noise_of(sensing: Sensing, plane: Plane) -> dict[str, float]:

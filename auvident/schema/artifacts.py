@@ -355,11 +355,12 @@ class ModelError(Artifact):
 
 
 class LeftOutSummary(Artifact):
-    """Identifying maneuvers left out in turn; ``spread`` is the standard deviation measured."""
+    """Maneuvers left out in turn: ``spread`` measured, ``push`` to a hull (`engines.falling`)."""
 
     maneuvers: tuple[LeftOutManeuver, ...]
     spread: dict[str, float]
     model_error: dict[str, ModelError]
+    push: dict[str, float] = {}
 
 
 class ProfileInterval(Artifact):

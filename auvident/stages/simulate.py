@@ -8,8 +8,9 @@ import pandas as pd
 
 from auvident.engines.carried import frame_of, over_ground, vector_behind
 from auvident.engines.draws import drawn_vectors
-from auvident.engines.prediction import at_effects, simulated
-from auvident.engines.predictive import OF_DRAWS, half_widths
+from auvident.engines.falling import simulated_pushed
+from auvident.engines.prediction import Frame, at_effects, simulated
+from auvident.engines.predictive import OF_DRAWS, half_widths, pushes_behind
 from auvident.engines.records import Record, record_of, sensor_matrix
 from auvident.engines.stretches import as_maneuver, uninterrupted
 from auvident.errors import NumericsError
@@ -74,7 +75,7 @@ def simulate(
     draws = drawn_vectors(model, samples, rng)
     tables = []
     for number, record in enumerate(records):
-        table = _predict(model, record, draws, 1.0 / trial.rate_hz)
+        table = _predict(model, record, draws, 1.0 / trial.rate_hz, rng)
         table.insert(1, "stretch", number)
         tables.append(table)
     return pd.concat(tables, ignore_index=True)
@@ -128,10 +129,15 @@ def steady_speed(model: IdentifiedModel, rate_rps: float) -> float:
 
 
 def _predict(
-    model: IdentifiedModel, record: Record, draws: list[Array], dt_s: float
+    model: IdentifiedModel,
+    record: Record,
+    draws: list[Array],
+    dt_s: float,
+    rng: np.random.Generator,
 ) -> pd.DataFrame:
     frame, active = frame_of(model, dt_s), np.ones(N_STATES, dtype=bool)
-    runs = [simulated(frame, p, record, active) for p in draws]
+    runs = [simulated(frame, draws[0], record, active)]
+    runs += _drawn_runs(model, frame, record, draws[1:], rng)
     if not np.isfinite(runs[0]).all():
         row = int(np.argmin(np.isfinite(runs[0]).all(axis=1)))
         raise NumericsError(
@@ -156,6 +162,21 @@ def _predict(
         for i, name in enumerate(names):
             columns |= {f"{name}_low": low[:, i], f"{name}_high": high[:, i]}
     return pd.DataFrame(columns)
+
+
+def _drawn_runs(
+    model: IdentifiedModel,
+    frame: Frame,
+    record: Record,
+    draws: list[Array],
+    rng: np.random.Generator,
+) -> list[Array]:
+    """States (n, 4) of the models drawn, pushed along the way where they hardly keep a course."""
+    active, pushes = np.ones(N_STATES, dtype=bool), pushes_behind(model)
+    if pushes is None:
+        return [simulated(frame, p, record, active) for p in draws]
+    rows = pushes.rows(record, frame.dt_s)
+    return [simulated_pushed(frame, p, record, rows, pushes.drawn(len(rows), rng)) for p in draws]
 
 
 def _band(

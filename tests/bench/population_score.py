@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from statistics import mean, median
 from typing import Any
 
+from tests.bench.effects import GENERATOR
 from tests.bench.effects_bars import rises_surely
 from tests.bench.effects_score import Score, score
 
@@ -156,12 +157,16 @@ def tables(
 ) -> dict[str, Table]:
     """Everything that is printed, in order; single trials only where they may be looked at.
 
-    Of a chain that was not run to its end (`whole` is false) there are the maneuvers alone.
+    Of a chain that was not run to its end (`whole` is false) there are the maneuvers alone. What
+    the generator could not sail is no trial.
     """
+    lost = [s for s in scores if s.failed_at == GENERATOR]
+    scores = [s for s in scores if s.failed_at != GENERATOR]
     groups = by_class(scores, classes)
     found = loop_tables(groups, scores) if whole else {}
     found["maneuvers and failures"] = [{"class": n, **chain_row(g)} for n, g in groups.items()]
     found["why maneuvers were missed"] = counted(w for s in scores for w in missed_reasons(s))
+    found["could not be sailed"] = counted(s.error for s in lost)
     found["refused draws"] = counted(reason for s in scores for reason in s.refused)
     if with_seeds:
         wrong = [s for s in scores if (is_wrong(s) if whole else s.failed_at or s.missed)]

@@ -93,11 +93,11 @@ def test_a_long_step_is_replaced_by_a_fit(monkeypatch) -> None:
     setup, how = linear_setup(), stage(**EVERY)
     whole = run_stage(setup, setup.prior, how)
     parts = information_by_maneuver(setup, whole, how)
-    by_step = left_out_courses(setup, whole, how, *parts)
+    by_step = left_out_courses(setup, whole, how, *parts, 2.0)[0]
     fits = []
     monkeypatch.setattr(jackknife, "LONG_STEP", -1.0)
     monkeypatch.setattr(jackknife, "fit", lambda *a: fits.append(1) or fit(*a))
-    by_fit = left_out_courses(setup, whole, how, *parts)
+    by_fit = left_out_courses(setup, whole, how, *parts, 2.0)[0]
     assert len(fits) == len(setup.records)
     for name, course in by_step.items():
         for symbol, error in course.error.items():

@@ -11,6 +11,7 @@ from auvident.engines.predictive import (
     drifting,
     errors_of,
     left_out_course,
+    model_error,
     parameter_variance,
     track_of,
 )
@@ -49,6 +50,14 @@ def course(rng: np.random.Generator, std: float, spread: float, n: int = 400) ->
     error = {name: np.abs(white[i]) for i, name in enumerate(names)} | {"track": np.abs(drift)}
     variance = {name: np.full(n, spread**2) for name in names} | {"track": np.zeros(n)}
     return LeftOutCourse("made", elapsed, error, variance, {})
+
+
+def test_what_is_left_of_a_course_beyond_coefficients_and_noise() -> None:
+    """Of squares 4, 16 and one reading that is not there: 10 - 1 - 3^2 = 0."""
+    error, variance = {"v": np.array([2.0, np.nan, 4.0])}, {"v": np.array([0.5, 9.0, 1.5])}
+    made = LeftOutCourse("made", np.arange(3.0), error, variance, {})
+    assert made.beyond({"v": 3.0}) == pytest.approx({"v": 0.0})
+    assert made.beyond({}) == pytest.approx({"v": 9.0})
 
 
 def test_model_error_and_factor_of_drawn_errors() -> None:
@@ -97,6 +106,16 @@ def test_drifts_from_few_maneuvers_hold_what_comes_in_the_mean() -> None:
         half = error.factor * error.std * (1.0 + new.elapsed_s) ** TRACK_GROWTH
         inside.append(np.mean(new.error["track"] <= half))
     assert 0.92 < np.mean(inside) < 0.985  # its standard error is near 0.015
+
+
+def test_what_is_known_to_be_far_off_says_nothing_of_the_model_error() -> None:
+    """Three errors of one about what is known exactly, and one of ten where ten was expected."""
+    square, known = np.array([1.0, 1.0, 1.0, 100.0]), np.array([0.0, 0.0, 0.0, 100.0])
+    found = model_error(square, known, np.ones(4))
+    # (3 / x + 100 / (100 + x)) / 4 = 1, by hand: x^2 + 74.25 x - 75 = 0
+    assert found == pytest.approx((np.sqrt(74.25**2 + 300.0) - 74.25) / 2.0, rel=1e-8)
+    assert model_error(square, 200.0 + known, np.ones(4)) == 0.0
+    assert model_error(np.zeros(4), known, np.ones(4)) == 0.0
 
 
 def test_more_than_a_twentieth_lost_leaves_no_band() -> None:

@@ -55,13 +55,13 @@ def test_cross_validation_by_hand() -> None:
 
 def test_a_maneuver_that_runs_away_when_left_out_is_named() -> None:
     setup = setup_of("harbour_trial")
-    found, told = left_out_of(setup, dict.fromkeys(setup.records))
+    found, told = left_out_of(setup, dict.fromkeys(setup.records), None)
     assert found is not None
     assert not found.model_error
     assert all(not m.channels for m in found.maneuvers)
     assert [f.code for f in told] == ["left-out-ran-away"]
     few = dict.fromkeys(list(setup.records)[:2])
-    assert left_out_of(setup, few) == (None, [])
+    assert left_out_of(setup, few, None) == (None, [])
 
 
 def test_coverage_is_that_of_the_table() -> None:

@@ -5,16 +5,18 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from auvident.engines.falling import PushesAlong
 from auvident.engines.jackknife import LEAST_MANEUVERS
 from auvident.engines.predictive import LeftOutCourse, errors_of, noise_of
 from auvident.engines.setup import Setup
 from auvident.schema.artifacts import Finding, LeftOutError, LeftOutManeuver, LeftOutSummary
+from auvident.schema.planes import BY_PLANE, Plane
 
 Array = npt.NDArray[np.float64]
 
 
 def left_out_of(
-    setup: Setup, courses: Mapping[str, LeftOutCourse | None]
+    setup: Setup, courses: Mapping[str, LeftOutCourse | None], pushes: PushesAlong | None
 ) -> tuple[LeftOutSummary | None, list[Finding]]:
     """Errors of maneuvers left out in turn; None with fewer than `LEAST_MANEUVERS`."""
     if len(courses) < LEAST_MANEUVERS:
@@ -28,8 +30,15 @@ def left_out_of(
         maneuvers=tuple(_maneuver(name, course) for name, course in courses.items()),
         spread=_spread(good),
         model_error=error,
+        push=_by_state(pushes, plane) if pushes else {},
     )
     return found, [_lost(lost, len(courses))] if lost else []
+
+
+def _by_state(pushes: PushesAlong, plane: Plane) -> dict[str, float]:
+    """Pushes of the two states that are pushed."""
+    states = [state.symbol for state in BY_PLANE[plane].states[1:3]]
+    return dict(zip(states, pushes.std[1:3].tolist(), strict=True))
 
 
 def _maneuver(name: str, course: LeftOutCourse | None) -> LeftOutManeuver:

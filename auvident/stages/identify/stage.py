@@ -208,7 +208,8 @@ def _judged(
     """The model with what single maneuvers, the prior and its likelihood say of it."""
     final, stage = end.outcome, end.stage
     by_maneuver = information_by_maneuver(setup, final, stage)
-    left_out, moved = left_out_of(setup, left_out_courses(setup, final, stage, *by_maneuver))
+    courses, pushes = left_out_courses(setup, final, stage, *by_maneuver, ase.length_m)
+    left_out, moved = left_out_of(setup, courses, pushes)
     scatter = scatter_of(*by_maneuver)
     claim, disputed = scatter_claimed(*by_maneuver[:2])
     against, contradicted = prior_against_data(setup, final, *by_maneuver, ase)

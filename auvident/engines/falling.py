@@ -1,0 +1,158 @@
+"""How far a hull that hardly keeps its course may leave the one that is predicted for it.
+
+Where a straight course is not stable, a push too small for any sensor grows until the hull turns to
+one side or the other, and what is linear about the predicted course (`engines.predictive`) knows
+nothing of the other side. There the spread is that of models drawn from the covariance of the
+coefficients, each pushed along the way as much as predictions of maneuvers left out were off.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from auvident.engines.carried import free_running, over_ground
+from auvident.engines.prediction import Frame, Free, at_effects, readings
+from auvident.engines.records import Record
+from auvident.physics.ase.stability import eigenvalues_per_metre
+from auvident.physics.dynamics import N_STATES, simulate_states
+from auvident.physics.maneuvers import dead_reckoning
+from auvident.physics.terms import Structure
+from auvident.schema.planes import BY_PLANE, TRACK, Plane
+
+Array = npt.NDArray[Any]
+
+# Rate at which a push dies away on a straight course [1/hull length]; what forgets it more slowly
+# hardly keeps its course.
+HARDLY = 0.25
+MEMBERS = 64  # drawn: a share of 0.05 that falls to the other side is known to 0.03
+SLOWEST_MPS = 1.0e-3
+ALL = np.ones(N_STATES, dtype=bool)
+
+
+@dataclass(frozen=True)
+class PushesAlong:
+    """Pushes of sway and yaw (heave and pitch) along the way, one each hull length.
+
+    Attributes
+    ----------
+    std : (4,) array
+        Standard deviation of the change of each state.
+    length_m : float
+    """
+
+    std: Array
+    length_m: float
+
+    def rows(self, record: Record, dt_s: float) -> npt.NDArray[np.int64]:
+        """Rows of a record at which the hull is pushed; the first is its start."""
+        speed = max(abs(float(record.start[0])), SLOWEST_MPS)
+        every = max(round(self.length_m / (speed * dt_s)), 1)
+        return np.arange(0, max(len(record) - 1, 1), every)
+
+    def drawn(self, count: int, rng: np.random.Generator) -> Array:
+        """Some pushes (count, 4)."""
+        return self.std * rng.standard_normal((count, N_STATES))
+
+
+def hardly_keeps_course(structure: Structure, p: Array, length_m: float) -> bool:
+    """Whether a push grows on a straight course, or dies away slowly."""
+    c = dict(zip(structure.parameters, p, strict=True))
+    body = c["m"], c["I"], c["m x_G"] / c["m"]
+    growth = eigenvalues_per_metre(c, *body, structure.plane).real.max()
+    return bool(growth * length_m > -HARDLY)
+
+
+def pushes_of(left: Iterable[Mapping[str, float]], plane: Plane, length_m: float) -> PushesAlong:
+    """As large as predictions of maneuvers left out are off, where none has fallen.
+
+    A few that fell are far off, hence the median.
+
+    Parameters
+    ----------
+    left : iterable of mapping
+        Mean square error of each maneuver that was left out beyond what coefficients and sensor
+        explain, by channel.
+    """
+    rows, std = list(left), np.zeros(N_STATES)
+    for i, state in enumerate(BY_PLANE[plane].states[1:3], 1):
+        own = [row[state.symbol] for row in rows if state.symbol in row]
+        std[i] = max(float(np.median(own)), 0.0) ** 0.5 if own else 0.0
+    return PushesAlong(std, length_m)
+
+
+def fallen_variance(
+    frame: Frame, p: Array, record: Record, free: Free, covariance: Array, pushes: PushesAlong
+) -> dict[str, Array]:
+    """Mean square (n,) by which models drawn and pushed are off the predicted course.
+
+    Parameters
+    ----------
+    covariance : (k, k) array
+        Of the free parameters, in units of their scale.
+
+    Returns
+    -------
+    dict
+        By channel, as of `engines.predictive.parameter_variance`; empty where all run away.
+    """
+    rng, rows = np.random.default_rng(0), pushes.rows(record, frame.dt_s)
+    drawn = rng.multivariate_normal(
+        np.zeros(len(covariance)), covariance, MEMBERS, method="eigh", check_valid="ignore"
+    )
+    about = _course(frame, p, record, rows, np.zeros((len(rows), N_STATES)))
+    square: dict[str, list[Array]] = {name: [] for name in about}
+    for by in drawn:
+        course = _course(frame, free.moved(p, by), record, rows, pushes.drawn(len(rows), rng))
+        if all(np.isfinite(values).all() for values in course.values()):
+            for name, values in course.items():
+                distance = (values - about[name]).reshape(len(record), -1)
+                square[name].append(np.sum(distance**2, axis=1))
+    return {name: np.mean(found, axis=0) for name, found in square.items() if found}
+
+
+def simulated_pushed(
+    frame: Frame, p: Array, acting: Record, rows: npt.NDArray[np.int64], push: Array
+) -> Array:
+    """States (n, 4) of the free-running simulation of a record that is pushed at some rows.
+
+    Parameters
+    ----------
+    acting : Record
+        As the effects make it, see `at_effects`.
+    rows : (m,) int array
+        The first is 0.
+    push : (m, 4) array
+    """
+    states, now = np.empty((len(acting), N_STATES)), acting.start
+    for by, (first, last) in zip(push, pairwise([*rows, len(acting) - 1]), strict=True):
+        part = slice(first, last + 1)
+        states[part] = simulate_states(
+            now + by,
+            acting.inputs[part],
+            acting.given[part],
+            frame.dt_s,
+            p,
+            ALL,
+            frame.structure.equations,
+        )
+        now = states[last]
+    return states
+
+
+def _course(
+    frame: Frame, p: Array, record: Record, rows: npt.NDArray[np.int64], push: Array
+) -> dict[str, Array]:
+    """Readings (n,) by channel of a pushed simulation, and the track (n, 2) where there is one."""
+    record = free_running(frame, p, record, ALL)
+    states = simulated_pushed(frame, p, at_effects(frame, p, record), rows, push)
+    names = [state.symbol for state in BY_PLANE[frame.structure.plane].states]
+    found = dict(zip(names, readings(frame, p, record, states).T, strict=True))
+    if frame.structure.plane == "horizontal":
+        ground = over_ground(frame, p, record, states)
+        track = dead_reckoning(record.time_s, ground[:, 0], ground[:, 1], ground[:, 3])
+        found[TRACK] = np.column_stack(track)
+    return found

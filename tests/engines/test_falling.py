@@ -1,0 +1,115 @@
+"""How far a hull may leave its predicted course that hardly keeps one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvident.engines.carried import frame_of, free_behind, vector_behind
+from auvident.engines.falling import (
+    ALL,
+    PushesAlong,
+    fallen_variance,
+    hardly_keeps_course,
+    pushes_of,
+    simulated_pushed,
+)
+from auvident.engines.prediction import Frame, at_effects, simulated
+from auvident.engines.predictive import band_of, parameter_variance
+from auvident.engines.records import Record
+from tests.engines.chain import identified, setup_of
+
+LENGTH_M = identified("harbour_trial").model.length_m
+NO_PUSH = PushesAlong(np.zeros(4), LENGTH_M)
+
+
+def harbour(kind: str = "zigzag") -> tuple[Frame, np.ndarray, Record]:
+    model, setup = identified("harbour_trial").model, setup_of("harbour_trial")
+    record = next(r for what, r in setup.records.values() if what == kind)
+    return frame_of(model, setup.dt_s), vector_behind(model), record
+
+
+def unstable() -> tuple[Frame, np.ndarray]:
+    """The hull of `harbour_trial` with so much more Munk moment that it does not keep a course."""
+    frame, p, _ = harbour()
+    p[frame.structure.index("N_uv")] *= 10.0
+    assert hardly_keeps_course(frame.structure, p, LENGTH_M)
+    return frame, p
+
+
+def amidships(record: Record) -> Record:
+    """A minute straight ahead with the fin amidships at the speed and rpm of a record."""
+    rows = np.zeros(600, dtype=int)
+    inputs = record.inputs[rows].copy()
+    inputs[:, 0] = 0.0
+    start = np.array([record.start[0], 0.0, 0.0, 0.0])
+    given = np.tile(start, (600, 1))
+    time = np.arange(600) * (record.time_s[1] - record.time_s[0])
+    measured = np.full((600, 4), np.nan)
+    return Record("ahead", time, inputs, given, measured, start, None)
+
+
+def test_a_stable_hull_keeps_its_course_and_one_with_more_munk_moment_does_not() -> None:
+    frame, p, _ = harbour()
+    assert not hardly_keeps_course(frame.structure, p, LENGTH_M)
+    unstable()
+
+
+def test_without_a_push_the_simulation_is_the_usual_one() -> None:
+    frame, p, record = harbour()
+    acting, rows = at_effects(frame, p, record), NO_PUSH.rows(record, frame.dt_s)
+    pushed = simulated_pushed(frame, p, acting, rows, np.zeros((len(rows), 4)))
+    np.testing.assert_allclose(pushed, simulated(frame, p, acting, ALL), rtol=1e-12, atol=1e-12)
+
+
+def test_a_hull_is_pushed_at_its_start_and_once_each_length() -> None:
+    frame, _, record = harbour()
+    rows = NO_PUSH.rows(record, frame.dt_s)
+    assert rows[0] == 0 and rows[-1] < len(record) - 1
+    metres = np.diff(rows) * frame.dt_s * record.start[0]
+    np.testing.assert_allclose(metres, LENGTH_M, atol=frame.dt_s * record.start[0])
+
+
+def test_pushes_are_what_most_maneuvers_left_out_were_off() -> None:
+    left = [{"v": 16e-4, "r": 144e-6}, {"v": 16e-4, "r": 144e-6}, {"v": 4.0, "r": 1.0}, {"r": -1.0}]
+    found = pushes_of(left, "horizontal", 2.0)
+    np.testing.assert_allclose(found.std, [0.0, 0.04, 0.012, 0.0], rtol=1e-12)
+    assert not pushes_of([], "horizontal", 2.0).std.any()
+    assert not pushes_of([{"v": -1.0}], "horizontal", 2.0).std.any()
+
+
+def test_models_drawn_spread_as_the_covariance_says_where_the_course_is_kept() -> None:
+    frame, p, record = harbour()
+    free, covariance = free_behind(identified("harbour_trial").model)
+    linear = parameter_variance(frame, p, record, free, covariance)
+    drawn = fallen_variance(frame, p, record, free, covariance, NO_PUSH)
+    assert set(drawn) == set(linear)
+    for name, variance in drawn.items():  # 64 draws: 18 % of the mean square
+        assert np.mean(variance) == pytest.approx(np.mean(linear[name]), rel=0.5), name
+
+
+def test_a_hull_that_may_fall_to_either_side_is_off_by_the_way_to_the_other() -> None:
+    """It turns one way in the prediction; of those pushed, about half turn the other way."""
+    frame, p = unstable()
+    record = amidships(harbour()[2])
+    record = replace(record, start=np.array([record.start[0], 0.0, 1.0e-4, 0.0]))
+    free, covariance = free_behind(identified("harbour_trial").model)
+    turning = simulated(frame, p, at_effects(frame, p, record), ALL)[-1, 2]
+    assert abs(turning) > 0.3
+    pushes = PushesAlong(np.array([0.0, 1.0e-3, 1.0e-3, 0.0]), LENGTH_M)
+    found = fallen_variance(frame, p, record, free, 1.0e-6 * covariance, pushes)
+    other = 2.0 * abs(turning)
+    assert 0.3 < found["r"][-1] / other**2 < 0.7  # 64 coins: 0.5 +- 0.06
+    assert found["r"][0] < 1.0e-5
+
+
+def test_the_band_of_a_hull_that_may_fall_reaches_the_other_side() -> None:
+    model, (_, _, record) = identified("harbour_trial").model, harbour("straight")
+    dt_s = setup_of("harbour_trial").dt_s
+    assert model.left_out is not None and model.left_out.push == {}
+    told = model.left_out.model_copy(update={"push": {"v": 0.01, "r": 0.01}})
+    usual, pushed = (
+        band_of(m, record, dt_s) for m in (model, model.model_copy(update={"left_out": told}))
+    )
+    assert all((pushed[name] >= usual[name]).all() for name in usual)
+    assert pushed["r"].mean() > usual["r"].mean()
