@@ -31,7 +31,7 @@ from auvident.engines.falling import PushesAlong, fallen_variance
 from auvident.engines.prediction import Frame, Free, readings_with_slopes
 from auvident.engines.records import Record
 from auvident.physics.dynamics import N_STATES
-from auvident.physics.maneuvers import dead_reckoning, heading_from_rate, headings_from_start
+from auvident.physics.maneuvers import heading_from_rate, headings_from_start, track_of
 from auvident.physics.sensing import sensor_matrix
 from auvident.schema.artifacts import IdentifiedModel, ModelError, Sensing
 from auvident.schema.planes import BY_PLANE, TRACK, Plane
@@ -46,8 +46,8 @@ OF_DRAWS = (50.0 * (1.0 - NOMINAL), 50.0 * (1.0 + NOMINAL))  # percentiles
 # times the speed, one power more. Others are held by damping.
 HEADING_GROWTH, TRACK_GROWTH = 0.75, 1.75
 ALL = np.ones(N_STATES, dtype=bool)
-LEAST = 1.0e-30  # variance
-MOST_STEPS, CONVERGED = 60, 1.0e-9
+LEAST = 1.0e-30  # variance, so that errors without one can be divided by it
+MOST_STEPS, CONVERGED = 60, 1.0e-9  # of the mean square that is to be one
 
 
 def growths(plane: Plane) -> dict[str, float]:
@@ -110,12 +110,6 @@ def measured_channels(record: Record, dt_s: float) -> Array:
         steps = np.cumsum(record.given[:-1, 2] + record.given[1:, 2]) * dt_s / 2.0
         measured[:, 3] = record.start[3] + np.concatenate([[0.0], steps])
     return measured
-
-
-def track_of(time_s: Array, states: Array) -> Array:
-    """Dead-reckoned track (n, 2), north and east from the start [m]."""
-    north, east = dead_reckoning(time_s, states[:, 0], states[:, 1], states[:, 3])
-    return np.column_stack([north, east])
 
 
 def measured_track(record: Record, measured: Array) -> Array:

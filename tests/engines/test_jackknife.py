@@ -104,6 +104,22 @@ def test_a_long_step_is_replaced_by_a_fit(monkeypatch) -> None:
             np.testing.assert_allclose(by_fit[name].error[symbol], error, rtol=0.02, atol=1e-4)
 
 
+def test_courses_of_a_hull_that_may_fall_are_known_less_well(monkeypatch) -> None:
+    setup, how = linear_setup(), stage(**EVERY)
+    whole = run_stage(setup, setup.prior, how)
+    parts = information_by_maneuver(setup, whole, how)
+    kept, none = left_out_courses(setup, whole, how, *parts, 2.0)
+    monkeypatch.setattr(jackknife, "hardly_keeps_course", lambda *a: True)
+    falls, pushes = left_out_courses(setup, whole, how, *parts, 2.0)
+    assert none is None and pushes is not None and pushes.length_m == 2.0
+    assert kept.keys() == falls.keys()
+    for name, course in falls.items():
+        for symbol, variance in course.variance.items():
+            assert (variance >= kept[name].variance[symbol]).all()
+            np.testing.assert_array_equal(course.error[symbol], kept[name].error[symbol])
+    assert any((c.variance["r"] > kept[name].variance["r"]).any() for name, c in falls.items())
+
+
 def test_scatter_of_the_moves_by_hand() -> None:
     moves = {"a": np.array([1.0, 0.0]), "b": np.array([-1.0, 0.0]), "c": np.array([3.0, 6.0])}
     # means 1 and 2; (F - 1)/F of the sums of squares 0 + 4 + 4, 4 + 4 + 16, product 0 + 4 + 8

@@ -13,8 +13,8 @@ from auvident.engines.predictive import (
     left_out_course,
     model_error,
     parameter_variance,
-    track_of,
 )
+from auvident.physics.maneuvers import track_of
 from tests.engines.chain import identified, setup_of
 
 

@@ -49,6 +49,19 @@ def test_an_offset_of_the_rudder_is_a_rudder_laid_by_so_much(given: Given) -> No
     assert not np.allclose(found["r_radps"], run(given.model, trial)["r_radps"], atol=0.01)
 
 
+def test_models_of_a_hull_that_may_fall_are_pushed_and_its_prediction_is_not(given: Given) -> None:
+    trial, left = given.trials[0], given.model.left_out
+    assert left is not None
+    pushed = left.model_copy(update={"push": {"v": 0.02, "r": 0.02}})
+    usual, found = (
+        run(given.model.model_copy(update={"left_out": told}), trial, samples=20)
+        for told in (left, pushed)
+    )
+    pd.testing.assert_frame_equal(found[STATES], usual[STATES])
+    width, before = ((t["r_radps_high"] - t["r_radps_low"]).mean() for t in (found, usual))
+    assert width > 1.2 * before
+
+
 def test_a_current_moves_the_start_and_the_track_but_no_maneuver(given: Given) -> None:
     trial = given.trials[0]
     north, east = 0.2, -0.1

@@ -14,6 +14,7 @@ from auvident.physics.maneuvers.track import (
     first_crossing,
     heading_from_rate,
     headings_from_start,
+    track_of,
 )
 from auvident.physics.maneuvers.turn import turn_figures
 from auvident.physics.maneuvers.zigzag import reversals, zigzag_figures
@@ -26,6 +27,7 @@ __all__ = [
     "reversals",
     "rpm_levels",
     "straight_figures",
+    "track_of",
     "turn_figures",
     "zigzag_figures",
 ]

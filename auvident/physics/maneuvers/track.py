@@ -25,6 +25,12 @@ def dead_reckoning(
     )
 
 
+def track_of(time_s: Array, states: Array) -> Array:
+    """Dead-reckoned track (n, 2) of planar states (n, 4), north and east from the start [m]."""
+    north, east = dead_reckoning(time_s, states[:, 0], states[:, 1], states[:, 3])
+    return np.column_stack([north, east])
+
+
 def first_crossing(t: Array, x: Array, value: float) -> float | None:
     """Time at which `x` first reaches `value` from below, interpolated; None if it does not."""
     above = np.flatnonzero(x >= value)

@@ -10,10 +10,11 @@ import numpy.typing as npt
 import pandas as pd
 
 from auvident.engines.carried import frame_of, predicted_course, structure_behind, vector_behind
-from auvident.engines.predictive import band_of, measured_channels, measured_track, track_of
+from auvident.engines.predictive import band_of, measured_channels, measured_track
 from auvident.engines.records import Record, record_of, sensor_matrix
 from auvident.physics.maneuvers import (
     headings_from_start,
+    track_of,
     turn_figures,
     zigzag_figures,
 )
