@@ -389,13 +389,14 @@ def test_outcomes_of_another_program_are_sailed_again_and_can_be_scored(
     assert "none_found 1" in capsys.readouterr().out
 
 
-def test_a_bug_of_the_program_is_scored_and_one_of_the_generator_is_not(tmp_path) -> None:
+def test_trials_that_met_a_bug_are_sailed_again_and_scored_where_asked(tmp_path) -> None:
     path = tmp_path / "kept.jsonl"
     for stage in ("generator", "diagnose", "refine"):
         bug = "Traceback ..." if stage != "refine" else ""
         effects.append(path, {"case": {"key": stage}, "stage": stage, "error": bug})
     assert set(effects.read_outcomes(path)) == {"refine"}
-    assert set(effects.read_outcomes(path, with_bugs=True)) == {"diagnose", "refine"}
+    every = {"generator", "diagnose", "refine"}
+    assert set(effects.read_outcomes(path, with_bugs=True)) == every
 
 
 def test_unknown_effects_are_refused(capsys) -> None:

@@ -414,6 +414,19 @@ def test_what_the_generator_could_not_sail_is_no_trial():
     assert "generator" not in json.dumps(found)
 
 
+def test_what_the_generator_could_not_sail_is_in_no_bar_of_a_file_that_is_scored(tmp_path, capsys):
+    path, table = tmp_path / "kept.jsonl", tmp_path / "tables.json"
+    population.append(path, outcome_with(0))
+    lost = {"stage": "generator", "error": "Traceback\nRefused: rolls over"}
+    population.append(path, {**outcome_with(2), **lost})
+    bench.main(["population", "--count", "2", "--score", str(path), "--json", str(table)])
+    assert "(tune, 1 trials)" in capsys.readouterr().out
+    found = json.loads(table.read_text())
+    assert found["could not be sailed"] == [{"what": "Refused: rolls over", "n": 1}]
+    (ended,) = (row for row in found["bars"] if row["what"] == "the chain did not end")
+    assert (ended["n"], ended["found"]) == (1, "0.0%")
+
+
 def test_a_hidden_effect_is_not_missed():
     quiet = outcome_with(planted=(LAG,), found=loop_world.diagnosis)
     quiet["diagnosis"] |= {"effects": [], "verdict": "none_found"}

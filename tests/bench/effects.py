@@ -160,7 +160,7 @@ def outcome_of(case: Case) -> Outcome:
 def read_outcomes(path: Path, with_bugs: bool = False) -> dict[str, Outcome]:
     """Outcomes kept in a file; a line cut short and a trial that met a bug are sailed again.
 
-    With `with_bugs` a trial that met one is an outcome, unless it never came to the program.
+    With `with_bugs` a trial that met one is an outcome.
     """
     found = {}
     for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else ():
@@ -169,7 +169,7 @@ def read_outcomes(path: Path, with_bugs: bool = False) -> dict[str, Outcome]:
         except json.JSONDecodeError:
             continue
         met_a_bug = (outcome.get("error") or "").startswith("Traceback")
-        if not met_a_bug or (with_bugs and outcome.get("stage") != GENERATOR):
+        if with_bugs or not met_a_bug:
             found[outcome["case"]["key"]] = outcome
     return found
 

@@ -16,7 +16,7 @@ from time import perf_counter
 from typing import Any
 
 from tests.bench import written
-from tests.bench.effects import append, program, read_outcomes, side_by_side
+from tests.bench.effects import GENERATOR, append, program, read_outcomes, side_by_side
 from tests.bench.halves import measured, options_of, seeds
 from tests.bench.population_bars import bars
 from tests.bench.population_score import is_wrong, scored, tables
@@ -41,18 +41,20 @@ def main(arguments: list[str], show: Show) -> None:
         kept = sail(wanted, sailed, options.workers, options.resume)
     keys = [key_of(seed, short, options.until, plane, planted) for seed in wanted]
     scores = [scored(kept[key]) for key in keys if key in kept]
+    trials = [s for s in scores if s.failed_at != GENERATOR]
     whole = options.until == WANTED[-1]
-    found = {"bars": bars(scores)} if whole else {}
+    found = {"bars": bars(trials)} if whole else {}
     found |= tables(scores, CLASSES, with_seeds=options.half == "tune", whole=whole)
     if options.json is not None:
         options.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
     for title, rows in found.items():
         if rows:
-            show(f"{title} ({options.half}, {len(scores)} trials)", rows)
+            show(f"{title} ({options.half}, {len(trials)} trials)", rows)
     if options.write:
-        sailed = [kept[key] for key in keys if key in kept]
+        every = [kept[key] for key in keys if key in kept]
+        done = [one for one in every if one.get("stage") != GENERATOR]
         ways = ["population", *([plane] if plane != "horizontal" else []), *options.planted]
-        written.write("-".join(ways), measured(sailed, options.half), without_empty(found))
+        written.write("-".join(ways), measured(done, options.half), without_empty(found))
 
 
 def without_empty(found: dict[str, Any]) -> dict[str, Any]:
