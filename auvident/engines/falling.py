@@ -59,12 +59,19 @@ class PushesAlong:
         return self.std * rng.standard_normal((count, N_STATES))
 
 
-def hardly_keeps_course(structure: Structure, p: Array, length_m: float) -> bool:
-    """Whether a push grows on a straight course, or dies away slowly."""
+def growth_of_push(structure: Structure, p: Array, length_m: float) -> float:
+    """Rate at which a push grows on a straight course [1/hull length]; negative: it dies away.
+
+    Of a vertical plane without the righting moment, which fades in comparison with speed.
+    """
     c = dict(zip(structure.parameters, p, strict=True))
     body = c["m"], c["I"], c["m x_G"] / c["m"]
-    growth = eigenvalues_per_metre(c, *body, structure.plane).real.max()
-    return bool(growth * length_m > -HARDLY)
+    return float(eigenvalues_per_metre(c, *body, structure.plane).real.max()) * length_m
+
+
+def hardly_keeps_course(structure: Structure, p: Array, length_m: float) -> bool:
+    """Whether a push grows on a straight course, or dies away slowly."""
+    return growth_of_push(structure, p, length_m) > -HARDLY
 
 
 def pushes_of(left: Iterable[Mapping[str, float]], plane: Plane, length_m: float) -> PushesAlong:

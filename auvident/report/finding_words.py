@@ -11,6 +11,7 @@ QUANTITY = {
     "maneuvers-disagree": "scatter over that of the fit",
     "fin_in_wake": "share of the span",
     "few-trials": "trials",
+    "hardly-keeps-course": "growth over a hull length",
 }
 
 

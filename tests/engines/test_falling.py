@@ -10,6 +10,7 @@ from auvident.engines.falling import (
     ALL,
     PushesAlong,
     fallen_variance,
+    growth_of_push,
     hardly_keeps_course,
     pushes_of,
     simulated_pushed,
@@ -53,6 +54,19 @@ def test_a_stable_hull_keeps_its_course_and_one_with_more_munk_moment_does_not()
     frame, p, _ = harbour()
     assert not hardly_keeps_course(frame.structure, p, LENGTH_M)
     unstable()
+
+
+def test_a_push_grows_as_the_simulation_of_it_does() -> None:
+    frame, p = unstable()
+    record, rows = amidships(harbour()[2]), np.array([0])
+    acting = at_effects(frame, p, record)
+    push = np.array([[0.0, 0.0, 1.0e-7, 0.0]])
+    left, without = (simulated_pushed(frame, p, acting, rows, by) for by in (push, 0.0 * push))
+    away = np.abs(left - without)[:, 2]
+    lengths = np.cumsum(without[:, 0]) * frame.dt_s / LENGTH_M
+    part = (lengths > 4.0) & (lengths < 8.0)  # the quicker motion has died away
+    rate, _ = np.polyfit(lengths[part], np.log(away[part]), 1)
+    assert rate == pytest.approx(growth_of_push(frame.structure, p, LENGTH_M), rel=0.02)
 
 
 def test_without_a_push_the_simulation_is_the_usual_one() -> None:

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from auvident.engines.carried import claimed_covariance, free_behind
+from auvident.engines.carried import claimed_covariance, frame_of, free_behind, vector_behind
+from auvident.engines.falling import growth_of_push
 from auvident.engines.jackknife import (
     information_by_maneuver,
     scatter_of,
@@ -11,7 +12,7 @@ from auvident.engines.jackknife import (
 )
 from auvident.schema.artifacts import LeftOutError, LeftOutManeuver, LeftOutSummary
 from auvident.stages.identify import stage
-from auvident.stages.identify.left_out import left_out_of
+from auvident.stages.identify.left_out import course_findings, left_out_of
 from auvident.stages.validate.band import coverage_of, cross_validation_of
 from tests.engines.chain import identified, plan_named, sample, setup_of, validated
 
@@ -62,6 +63,29 @@ def test_a_maneuver_that_runs_away_when_left_out_is_named() -> None:
     assert [f.code for f in told] == ["left-out-ran-away"]
     few = dict.fromkeys(list(setup.records)[:2])
     assert left_out_of(setup, few, None) == (None, [])
+
+
+def test_a_hull_that_hardly_keeps_its_course_is_told() -> None:
+    model = identified("harbour_trial").model
+    structure, p = frame_of(model, 0.1).structure, vector_behind(model)
+    assert course_findings(structure, p, model.length_m) == []
+    assert "hardly-keeps-course" not in [finding.code for finding in model.findings]
+    for munk, says in ((4.0, "dies away by only"), (10.0, "grows by")):
+        q = p.copy()
+        q[structure.index("N_uv")] *= munk
+        (told,) = course_findings(structure, q, model.length_m)
+        assert (told.code, told.where) == ("hardly-keeps-course", "course")
+        assert told.value == growth_of_push(structure, q, model.length_m)
+        assert says in told.message and "righting" not in told.message
+
+
+def test_a_dive_is_told_of_its_pitch() -> None:
+    model = identified("dive_trial", "vertical").model
+    structure, p = frame_of(model, 0.1).structure, vector_behind(model)
+    assert course_findings(structure, p, model.length_m) == []
+    p[structure.index("M_uw")] *= 10.0
+    (told,) = course_findings(structure, p, model.length_m)
+    assert told.where == "pitch" and "righting moment aside" in told.message
 
 
 def test_coverage_is_that_of_the_table() -> None:

@@ -1,18 +1,26 @@
 """What the identifying maneuvers, left out in turn, say about the errors of a prediction."""
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
 
-from auvident.engines.falling import PushesAlong
+from auvident.engines.falling import HARDLY, PushesAlong, growth_of_push
 from auvident.engines.jackknife import LEAST_MANEUVERS
 from auvident.engines.predictive import LeftOutCourse, errors_of, noise_of
 from auvident.engines.setup import Setup
+from auvident.physics.terms import Structure
 from auvident.schema.artifacts import Finding, LeftOutError, LeftOutManeuver, LeftOutSummary
 from auvident.schema.planes import BY_PLANE, Plane
 
 Array = npt.NDArray[np.float64]
+
+# What a hull keeps of itself, or does not, and what is left out of the question whether it does.
+KEPT: dict[Plane, tuple[str, str]] = {
+    "horizontal": ("course", ""),
+    "vertical": ("pitch", ", its righting moment aside"),
+}
 
 
 def left_out_of(
@@ -66,6 +74,29 @@ def _measured(course: LeftOutCourse, channel: str) -> Array:
     values = course.measured[channel]
     values = values.reshape(len(values), -1)
     return values[np.isfinite(values).all(axis=1)]
+
+
+def course_findings(structure: Structure, p: Array, length_m: float) -> list[Finding]:
+    """What is to be known of a model that hardly keeps its course, see `engines.falling`."""
+    growth = growth_of_push(structure, p, length_m)
+    if growth <= -HARDLY:
+        return []
+    share = 100.0 * math.expm1(growth)
+    push = f"grows by {share:.0f} %" if share >= 0.0 else f"dies away by only {-share:.0f} %"
+    keeps, aside = KEPT[structure.plane]
+    return [
+        Finding(
+            code="hardly-keeps-course",
+            where=keeps,
+            value=growth,
+            threshold=-HARDLY,
+            message=f"the identified hull hardly keeps its {keeps}{aside}: steering straight "
+            f"ahead, a push {push} with each hull length, so that a prediction from the logged "
+            "angles may turn to the side that the vehicle did not. The band reaches both",
+            remedy="Trust the band rather than the line in its middle, and errors at horizons of "
+            "5 and 20 s rather than those of whole maneuvers; larger tail fins stabilise.",
+        )
+    ]
 
 
 def _lost(names: list[str], count: int) -> Finding:

@@ -36,7 +36,7 @@ from auvident.schema.plan import Plan, PlanStage
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.identify.held_out import overlap_findings, without_held_out
-from auvident.stages.identify.left_out import left_out_of
+from auvident.stages.identify.left_out import course_findings, left_out_of
 from auvident.stages.identify.prior_data import prior_against_data
 from auvident.stages.identify.profiles import profiles_of
 from auvident.stages.identify.residuals import ignored_channels, scatter_claimed
@@ -215,7 +215,8 @@ def _judged(
     against, contradicted = prior_against_data(setup, final, *by_maneuver, ase)
     profiled, bent = profiles_of(setup, final, stage, carried.effects)
     ignored = ignored_channels(setup, final, stage)
-    told = [*ignored, *contradicted, *findings, *moved, *disputed, *bent]
+    unsteady = course_findings(setup.structure, final.parameters, ase.length_m)
+    told = [*ignored, *contradicted, *findings, *moved, *disputed, *bent, *unsteady]
     model = model_of(setup, ase, vehicle, end.steps, end.unseen, scatter, told, carried)
     beside: dict[str, Any] = {
         "left_out": left_out,
