@@ -6,7 +6,12 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from auvident.engines.falling import HARDLY, PushesAlong, growth_of_push
+from auvident.engines.falling import (
+    HARDLY,
+    PushesAlong,
+    growth_of_push,
+    hardly_keeps_course,
+)
 from auvident.engines.jackknife import LEAST_MANEUVERS
 from auvident.engines.predictive import LeftOutCourse, errors_of, noise_of
 from auvident.engines.setup import Setup
@@ -78,9 +83,9 @@ def _measured(course: LeftOutCourse, channel: str) -> Array:
 
 def course_findings(structure: Structure, p: Array, length_m: float) -> list[Finding]:
     """What is to be known of a model that hardly keeps its course, see `engines.falling`."""
-    growth = growth_of_push(structure, p, length_m)
-    if growth <= -HARDLY:
+    if not hardly_keeps_course(structure, p, length_m):
         return []
+    growth = growth_of_push(structure, p, length_m)
     share = 100.0 * math.expm1(growth)
     push = f"grows by {share:.0f} %" if share >= 0.0 else f"dies away by only {-share:.0f} %"
     keeps, aside = KEPT[structure.plane]
@@ -92,9 +97,10 @@ def course_findings(structure: Structure, p: Array, length_m: float) -> list[Fin
             threshold=-HARDLY,
             message=f"the identified hull hardly keeps its {keeps}{aside}: steering straight "
             f"ahead, a push {push} with each hull length, so that a prediction from the logged "
-            "angles may turn to the side that the vehicle did not. The band reaches both",
-            remedy="Trust the band rather than the line in its middle, and errors at horizons of "
-            "5 and 20 s rather than those of whole maneuvers; larger tail fins stabilise.",
+            "angles may turn to the side that the vehicle did not",
+            remedy="The band, where there is one, reaches both sides: trust it rather than the "
+            "line in its middle, and errors at horizons of 5 and 20 s rather than those of whole "
+            "maneuvers. Larger tail fins stabilise.",
         )
     ]
 
