@@ -174,8 +174,11 @@ def _accumulate(z, sees, readings, measured, noise, states, variance, rows, gram
 
 
 @borrowing
-def _eliminate(start_information, gram):
-    """Take out of gram (C, C) what the start takes up; False where the motion ran away."""
+def _eliminate(start_information, moved, gram):
+    """Take out of gram (C, C) what the start takes up; False where the motion ran away.
+
+    The start is expected where it was before it was moved.
+    """
     size = gram.shape[0]
     for i in range(size):
         for j in range(i, size):
@@ -183,6 +186,10 @@ def _eliminate(start_information, gram):
                 return False
             gram[j, i] = gram[i, j]
     for s in range(N_STATES):
+        pull = start_information[s] * moved[s]
+        gram[0, 0] += pull * moved[s]
+        gram[0, 1 + s] += pull
+        gram[1 + s, 0] += pull
         gram[1 + s, 1 + s] += start_information[s]
     for s in range(1, LEAD):
         for i in range(size):
@@ -194,7 +201,7 @@ def _eliminate(start_information, gram):
 
 
 @kernel
-def normal_equations(z, sees, readings, measured, noise, gram):
+def normal_equations(z, sees, readings, measured, noise, moved, gram):
     """What a record adds to the likelihood, its start eliminated.
 
     Parameters
@@ -204,6 +211,8 @@ def normal_equations(z, sees, readings, measured, noise, gram):
     readings, measured : (n, 4) array
         As predicted; as read, NaN where nothing was.
     noise : Whitening
+    moved : (4,) array
+        How far the start has been moved from where it is expected.
     gram : (5 + m, 5 + m) array, filled
         Products of error and slopes: squared error at (0, 0), the gradient from (5, 0) on, the
         curvature from (5, 5) on. The rows of the start are of no use afterwards.
@@ -221,4 +230,4 @@ def normal_equations(z, sees, readings, measured, noise, gram):
     for i in range(width):
         for j in range(width):
             gram[i, j] = sums[i, j]
-    return lost if _eliminate(noise.start, gram) else -1
+    return lost if _eliminate(noise.start, moved, gram) else -1

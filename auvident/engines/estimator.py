@@ -14,7 +14,7 @@ import numpy.typing as npt
 from auvident.constants import FILTER_START_STD, VehicleTime
 from auvident.engines import compiled
 from auvident.engines.constraints import by_constraint, in_units
-from auvident.engines.free_run import OutputError, likelihood
+from auvident.engines.free_run import OutputError, likelihood, well_started
 from auvident.engines.map_fit import NoisePolicy, Prior, map_rounds
 from auvident.engines.noise import Noise, coloured_noise, effective_noise, white
 from auvident.engines.prediction import Free, at_effects, linear_about
@@ -326,7 +326,8 @@ def _calm(output: OutputError, parameters: Array, other: Array) -> Array:
 def task_about(setup: Setup, outcome: Outcome, stage: PlanStage) -> Task:
     """The task of a stage with what its outcome estimated, and with the noise of it."""
     task = task_of(setup, stage, outcome.free)
-    return replace(task, output=replace(task.output, colours=outcome.colours))
+    output = replace(task.output, colours=outcome.colours)
+    return replace(task, output=well_started(output, outcome.parameters))
 
 
 def data_information(setup: Setup, outcome: Outcome, stage: PlanStage) -> Array:

@@ -13,6 +13,8 @@ its slopes into white innovations e, E by the start and J by the free parameters
 
 The start is a nuisance parameter: linear in d, it is eliminated in closed form. `normal_equations`
 is what one record adds to value, gradient and curvature, `likelihood` their sum over the records.
+E depends on theta as well, and the gradient leaves that out: it is exact where d is zero. So the
+records of a fit begin where d had come to, and d counts on from there (`well_started`).
 """
 
 import math
@@ -207,6 +209,38 @@ def best_start(output: OutputError, own: Array, others: Array) -> Array:
     return share
 
 
+def pull_of_start(output: OutputError, record: Record) -> Array:
+    """What a moved start (k,) is pulled back with: to be added to its products with the error."""
+    pull: Array = output.start_information @ record.moved[output.active]
+    return pull
+
+
+def _taken_up(output: OutputError, record: Record, found: Innovations) -> Array:
+    """What the start takes up (k,) of the error of a record, no parameter being free."""
+    white, by_start = found.white[:, 0], found.white[:, 1:]
+    pulled = by_start.T @ white + pull_of_start(output, record)
+    return best_start(output, by_start.T @ by_start, pulled)
+
+
+def well_started(output: OutputError, p: Array) -> OutputError:
+    """The likelihood with each record begun where its readings are predicted best at p.
+
+    Its value there is the same to first order; its gradient is exact.
+    """
+    records = each(lambda record: _moved(output, p, record), output.records, len)
+    return replace(output, records=tuple(records), known={})
+
+
+def _moved(output: OutputError, p: Array, record: Record) -> Record:
+    """A record with its start moved; as it was where the prediction runs away."""
+    found = finite_innovations(output, p, record, output.no_parameter)
+    if found is None:
+        return record
+    by = np.zeros(N_STATES)
+    by[output.active] = -_taken_up(output, record, found)
+    return replace(record, start=record.start + by, moved=record.moved + by)
+
+
 def lost_readings(record: Record, seen: Array, channels: Array) -> int:
     """Readings that a prediction cannot be compared with, as a late sensor's first ones.
 
@@ -238,7 +272,7 @@ def _normal_equations(
         return None
     gram = np.empty((found.z.shape[2], found.z.shape[2]))
     lost = accumulated.normal_equations(
-        found.z, found.sees, found.readings, record.measured, whitening, gram
+        found.z, found.sees, found.readings, record.measured, whitening, record.moved, gram
     )
     if lost < 0:
         return None
@@ -324,8 +358,7 @@ def residual_of(output: OutputError, p: Array, record: Record) -> RecordResidual
     found = finite_innovations(output, p, record, output.no_parameter)
     if found is None:
         return None
-    there, white, by_start = found.predicted, found.white[:, 0], found.white[:, 1:]
-    start = best_start(output, by_start.T @ by_start, by_start.T @ white)
+    there, start = found.predicted, _taken_up(output, record, found)
     error = np.where(found.seen, record.measured - there.readings, np.nan)
     error[:, output.active] += there.slopes[:, output.active][:, :, output.channels] @ start
     return RecordResidual(record.id, record.time_s, error, there.states)

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.engines.constraints import in_units
-from auvident.engines.free_run import Colours, OutputError, likelihood
+from auvident.engines.free_run import Colours, OutputError, likelihood, well_started
 from auvident.engines.noise import Noise
 from auvident.engines.prediction import Free
 from auvident.estimation.output_error import COST_TOLERANCE, MAX_ITERATIONS, Fit, fit
@@ -117,6 +117,8 @@ def map_rounds(
 ) -> Iterator[FitRound]:
     """Rounds of a fit from a start, each with the noise that the last one left.
 
+    Each begins its records where the last one had come to.
+
     Parameters
     ----------
     output : OutputError
@@ -134,6 +136,7 @@ def map_rounds(
     """
     p = start
     for _ in range(policy.rounds):
+        output = well_started(output, p)
         p, found = map_fit(
             output, free, prior(p), p, policy.steps, policy.tolerance, policy.ceiling
         )

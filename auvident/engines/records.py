@@ -1,7 +1,7 @@
 """From tables on one clock to the arrays of a filter pass or a simulation."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -95,7 +95,13 @@ class Source:
 
 @dataclass(frozen=True)
 class Record:
-    """One maneuver as arrays; see `Records` for shapes without the leading axis."""
+    """One maneuver as arrays; see `Records` for shapes without the leading axis.
+
+    Attributes
+    ----------
+    moved : (4,) array
+        How far a fit has moved the start from the line through the readings.
+    """
 
     id: str
     time_s: Array
@@ -104,6 +110,7 @@ class Record:
     measured: Array
     start: Array
     source: Source | None = None
+    moved: Array = field(default_factory=lambda: np.zeros(N_STATES))
 
     def __len__(self) -> int:
         """Number of rows."""

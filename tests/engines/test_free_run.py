@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from auvident.engines.estimator import run_stage
-from auvident.engines.free_run import OutputError, normal_equations, predicted
+from auvident.engines.free_run import (
+    OutputError,
+    likelihood,
+    normal_equations,
+    predicted,
+    well_started,
+)
 from auvident.engines.noise import coloured_noise, white
 from auvident.engines.setup import Setup, active_states
 from auvident.errors import NumericsError
@@ -76,6 +82,56 @@ def test_with_a_known_start_the_gradient_is_the_slope_of_the_cost() -> None:
     found = [(parts(step * e)[0] - parts(-step * e)[0]) / (2 * step) for e in np.eye(3)]
     # second order in the step, rounding of costs of some 1e4 over it, kinks of |v| and |r|
     np.testing.assert_allclose(found, parts(np.zeros(3))[1], rtol=1e-4)
+
+
+def free_start(setup):
+    """A record whose start is free, with what moves in it, and an error of the model."""
+    record = cut(next(iter(setup.records.values()))[1], 150)
+    record = replace(record, start=record.start + np.array([0.02, 0.02, 0.01, 0.0]))
+    colours = tuple(Colour(s, 3.0 * s, 1.0) for s in setup.sensor_std)
+    moving = setup.free(np.array([setup.structure.index(s) for s in ("X_uu", "Y_uv", "N_uud")]))
+    return OutputError(setup.frame, (record,), COUPLED, colours), moving
+
+
+def test_with_a_free_start_the_gradient_is_the_slope_where_the_start_has_been_moved() -> None:
+    setup = setup_of()
+    output, moving = free_start(setup)
+
+    def off(begun) -> float:
+        def half(theta):
+            return likelihood(begun, moving.moved(setup.prior, theta), moving)
+
+        step = 1e-4
+        slopes = [(half(step * e)[0] - half(-step * e)[0]) / (2 * step) for e in np.eye(3)]
+        _, gradient, curvature = half(np.zeros(3))
+        return float(np.abs((gradient - slopes) / np.sqrt(np.diag(curvature))).max())
+
+    moved = well_started(well_started(output, setup.prior), setup.prior)
+    assert off(output) > 0.05  # in standard deviations
+    assert off(moved) < 1e-3
+
+
+def test_a_start_that_has_been_moved_is_still_expected_where_it_was() -> None:
+    setup = setup_of()
+    output, moving = free_start(setup)
+    once = well_started(output, setup.prior)
+    twice = well_started(once, setup.prior)
+    before, here, there = (likelihood(o, setup.prior, moving)[0] for o in (output, once, twice))
+    np.testing.assert_allclose(
+        once.records[0].moved, once.records[0].start - output.records[0].start
+    )
+    assert np.abs(once.records[0].moved[:3]).max() > 0.005  # most of what was added comes off again
+    # the motion bends a little on the way, and no more does the cost change
+    assert abs(here - before) < 0.05 * before
+    assert abs(there - here) < 0.02 * abs(here - before) + 1e-6 * here
+
+
+def test_a_record_that_runs_away_keeps_its_start() -> None:
+    setup = setup_of()
+    output, _ = free_start(setup)
+    p = setup.prior.copy()
+    p[setup.structure.index("X_uu")] = 60.0
+    assert well_started(output, p).records[0] is output.records[0]
 
 
 def test_the_noise_of_a_residual_is_found() -> None:

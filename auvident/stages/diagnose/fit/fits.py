@@ -14,7 +14,14 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.constants import DIAGNOSED_START_STD
-from auvident.engines.free_run import Colours, OutputError, RecordResidual, knowing, residuals_of
+from auvident.engines.free_run import (
+    Colours,
+    OutputError,
+    RecordResidual,
+    knowing,
+    residuals_of,
+    well_started,
+)
 from auvident.engines.map_fit import Estimate, NoisePolicy, Prior, beginning, map_fit, map_rounds
 from auvident.engines.noise import Noise, most_likely_colours, residuals_or_raise
 from auvident.engines.records import Record
@@ -28,6 +35,7 @@ Array = npt.NDArray[Any]
 N_CHANNELS = 3
 ROUNDS, STEPS = 2, 8  # rounds of fixed weights, steps in each
 TOLERANCE = 1.0e-4  # relative fall of the cost at which a round ends
+SETTLED = 0.01  # relative change of the noise below which another round changes nothing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,11 +162,17 @@ def fit_with(
 
     free = case.setup.free(case.with_baseline(effects))
     prior = prior_of(case, free.positions, case.positions(*effects))
-    policy, best = NoisePolicy(left, rounds, None, steps, TOLERANCE, ceiling), None
+    policy, best = NoisePolicy(left, rounds, SETTLED, steps, TOLERANCE, ceiling), None
     with suppress(NumericsError):  # the rounds before it stand
         for done in map_rounds(output_error(case, colours), free, lambda _: prior, start, policy):
             best = done
     return None if best is None else fitted_of(case, effects, best.parameters, best.noise)
+
+
+def started(case: Case, fitted: Fitted) -> Case:
+    """The case with each record begun where a fit predicts it best (`free_run.well_started`)."""
+    output = well_started(output_error(case, fitted.colours), fitted.parameters)
+    return replace(case, records=output.records)
 
 
 def fits_to_others(
@@ -170,7 +184,7 @@ def fits_to_others(
     """
     free = case.setup.free(case.with_baseline(fitted.effects))
     prior = prior_of(case, free.positions, case.positions(*fitted.effects))
-    whole = output_error(case, fitted.colours)
+    whole = well_started(output_error(case, fitted.colours), fitted.parameters)
     whole = knowing(whole, beginning(free, prior, fitted.parameters), free)
 
     def without(group: Sequence[Record]) -> Array:

@@ -55,8 +55,11 @@ def nested(case: Case, before: Fitted, fitted: Fitted) -> Fitted:
     One that does has lost its way: it begins again at the model, with its own effect off and at
     the size it had come to, and at the worst it stays there.
     """
-    if log_gain(before, fitted) > 0.0:
+    gained = log_gain(before, fitted)
+    if gained > 0.0:
         return fitted
+    if gained > -SETTLED:  # there is nothing to be gained
+        return holding(case, before, fitted.effects)
     sized, own = before.parameters.copy(), case.positions(fitted.effects[-1])
     sized[own] = fitted.parameters[own]
     again = refit(case, fitted.effects, [before.parameters, sized], before, 1, 5)

@@ -21,6 +21,7 @@ from auvident.engines.free_run import (
     best_start,
     finite_innovations,
     lost_readings,
+    pull_of_start,
     summed,
 )
 from auvident.engines.prediction import Free
@@ -157,9 +158,9 @@ def _slopes_of(
         return None
     slopes, seen = found.predicted.slopes, found.seen
     own = [slopes[seen[:, c], c, N_STATES:] for c in range(N_CHANNELS)]
-    error, left = _without_start(output, found)
+    error, left, pulled = _without_start(output, record, found)
     return (
-        _normal_of(output, record, found, error, left),
+        _normal_of(output, record, found, error, left, pulled),
         np.array([part.T @ part for part in own]),
         np.array([float(len(part)) for part in own]),
         _by_time(error, left, len(record), output.frame.dt_s),
@@ -183,12 +184,17 @@ def _by_time(error: Array, left: Array, rows: int, dt_s: float) -> tuple[Array, 
 
 
 def _normal_of(
-    output: OutputError, record: Record, found: Innovations, error: Array, left: Array
+    output: OutputError,
+    record: Record,
+    found: Innovations,
+    error: Array,
+    left: Array,
+    pulled: float,
 ) -> Normal:
     """What a record adds, given its errors and slopes without what the start takes up."""
     lost = lost_readings(record, found.seen, output.channels)
     by_free = found.white[:, 1 + len(output.channels) :].T
-    half = 0.5 * (float(found.white[:, 0] @ error) + lost)
+    half = 0.5 * (float(found.white[:, 0] @ error) + pulled + lost)
     return half, by_free @ error, by_free @ left
 
 
@@ -265,26 +271,32 @@ def _forms_of(
     whole = finite_innovations(output, here, record, every)
     if whole is None:
         return None
-    error, base = _without_start(output, whole)
+    error, base, pulled = _without_start(output, record, whole)
     found = []
     for p, seen in forms:
         form = finite_innovations(output, p, seen, own)
         assert form is not None  # the same motion
-        slopes, left = form.white[:, 1 + len(output.channels) :].T, _without_start(output, form)[1]
+        slopes = form.white[:, 1 + len(output.channels) :].T
+        left = _without_start(output, seen, form)[1]
         found.append((0.0, slopes @ error, np.hstack([slopes @ left, slopes @ base])))
-    return _normal_of(output, record, whole, error, base), found
+    return _normal_of(output, record, whole, error, base, pulled), found
 
 
-def _without_start(output: OutputError, found: Innovations) -> tuple[Array, Array]:
-    """Errors and slopes with what the start can take up removed.
+def _without_start(
+    output: OutputError, record: Record, found: Innovations
+) -> tuple[Array, Array, float]:
+    """Errors and slopes with what the start can take up removed, and what moving it costs.
 
     Row by row: forms of an effect need what is left of the others, and the step of a score, which
     is no part of a fit that would converge, is better conditioned.
     """
     n = 1 + len(output.channels)
     start = found.white[:, 1:n]
-    left = found.white - start @ best_start(output, start.T @ start, start.T @ found.white)
-    return left[:, 0], left[:, n:]
+    products, pull = start.T @ found.white, pull_of_start(output, record)
+    products[:, 0] += pull
+    up = best_start(output, start.T @ start, products)
+    left = found.white - start @ up
+    return left[:, 0], left[:, n:], float(pull @ (record.moved[output.active] - up[:, 0]))
 
 
 def score(joint: Joint, effects: Sequence[str]) -> Score:
@@ -411,7 +423,11 @@ def in_parts(case: Case, fitted: Fitted, effect: str) -> Array | None:
     found = each(lambda r: finite_innovations(output, fitted.parameters, r, free), case.records)
     if any(one is None for one in found):
         return None
-    left = [_without_start(output, one)[1] for one in found if one is not None]
+    left = [
+        _without_start(output, record, one)[1]
+        for record, one in zip(case.records, found, strict=True)
+        if one is not None
+    ]
     at, of = (np.searchsorted(free.positions, np.array(who)) for who in (of_parts, own))
     sought = np.concatenate([white[:, at] for white in left])
     given = np.concatenate([white[:, of] for white in left])

@@ -12,7 +12,7 @@ import numpy as np
 from auvident.schema.effects import BY_ID
 from auvident.schema.likeness import partners
 from auvident.stages.diagnose.fit.case import Case
-from auvident.stages.diagnose.fit.fits import Fitted, log_gain
+from auvident.stages.diagnose.fit.fits import Fitted, log_gain, started
 from auvident.stages.diagnose.score.first_order import Joint, cosine
 from auvident.stages.diagnose.score.left_out import FitsWithout
 from auvident.stages.diagnose.select import rules
@@ -71,6 +71,7 @@ class Search:
     def one_round(self, before: Fitted, fits: Mapping[str, Fitted] = NO_FITS) -> Round:
         """Screen, refit and judge; with fits of some candidates that are there already."""
         self.told.begin(len(self.candidates))
+        self.case = started(self.case, before)
         candidates = [c for c in self.candidates if c not in self.put_back]
         before = with_best_times(self.case, before, candidates)
         screened = screen(self.case, before, candidates)

@@ -26,13 +26,14 @@ from auvident.stages.diagnose.fit.fits import (
     noise_of,
     output_error,
     prior_of,
+    started,
 )
 from auvident.stages.diagnose.fit.refits import SETTLED, nested, refit, settled
 from auvident.stages.diagnose.score.first_order import in_parts
 from auvident.stages.diagnose.select.candidates import bounds_of, impossible, size_of
 from tests.stages.diagnose.loop_chain import loop, small_case, small_fit
 
-LAG = "rudder_lag.lag_s"
+LAG, LIMIT = "rudder_lag.lag_s", "rudder_rate_limit.rate_degps"
 BIAS = "gyro_bias.bias_degps"
 
 
@@ -311,6 +312,43 @@ def test_a_bound_is_of_the_wrong_kind_where_sizes_end_sooner() -> None:
         assert impossible(case, "rudder_delay", p) == wrong
 
 
+def slopes_of(case, fitted, p, step=1e-5):
+    """Slopes of the cost at p by differences and as the fit takes them, and its curvature."""
+    output, free = output_error(case, fitted.colours), case.setup.free(fitted.free)
+
+    def half(by):
+        return likelihood(output, free.moved(p, by), free)
+
+    axes = step * np.eye(len(fitted.free))
+    found = np.array([(half(e)[0] - half(-e)[0]) / (2 * step) for e in axes])
+    return found, *half(np.zeros(len(axes)))
+
+
+def test_slopes_of_the_servo_are_those_of_the_cost() -> None:
+    fitted = small_fit()
+    p, at = fitted.parameters.copy(), [small_case().position(name) for name in (LAG, LIMIT)]
+    p[at] = (0.4, 0.5) * small_case().setup.prior_std[at]
+    case = started(small_case(), replace(fitted, parameters=p))
+    slopes, _, gradient, curvature = slopes_of(case, fitted, p)
+    own = np.searchsorted(fitted.free, at)
+    # in standard deviations
+    assert np.abs((gradient - slopes) / np.sqrt(np.diag(curvature)))[own].max() < 0.2
+
+
+def test_a_fit_ends_where_its_cost_is_least() -> None:
+    """What its slopes by differences promise is a small part of a nat."""
+    fitted = settled(small_case(), small_fit())
+    case = started(small_case(), fitted)
+    prior = prior_of(case, fitted.free, case.positions(*fitted.effects))
+    theta = fitted.parameters[fitted.free] / case.setup.prior_std[fitted.free]
+    inside = (theta > prior.low + 1e-4) & (theta < prior.high - 1e-4)
+    assert LAG in {case.names[i] for i in fitted.free[inside]}
+    slopes, _, _, curvature = slopes_of(case, fitted, fitted.parameters)
+    downhill = (slopes + prior.information @ (theta - prior.mean))[inside]
+    whole = (curvature + prior.information)[np.ix_(inside, inside)]
+    assert 0.5 * downhill @ np.linalg.solve(whole, downhill) < 0.05
+
+
 # --- sensors that are late -----------------------------------------------------------------
 
 
@@ -322,7 +360,8 @@ LIKE_OTHERS = 2.5
 @pytest.mark.parametrize("late", [-0.3, -1e-6, 1e-6, 0.3])
 def test_a_late_sensor_gains_nothing_by_the_readings_it_loses(name, late) -> None:
     """A reading from before its record is lost; it must count neither for nor against a delay."""
-    case, fitted = small_case(), small_fit()
+    fitted = small_fit()
+    case = started(small_case(), fitted)
     p = fitted.parameters.copy()
     p[case.position(name)] = late
     found = residuals_of(output_error(case, fitted.colours), p)

@@ -391,6 +391,7 @@ def test_what_is_taken_out_at_once_is_not_tried_again(monkeypatch) -> None:
     own = new_search("current", "gyro_bias")
     monkeypatch.setattr(search, "reconsider", lambda case, c, current, unclaimed: (BEFORE, []))
     monkeypatch.setattr(search, "with_best_times", lambda case, before, c: before)
+    monkeypatch.setattr(search, "started", lambda case, before: case)
     monkeypatch.setattr(search, "screen", screened)
     tried = Tried(fitted(1e3, "current"), replace(GOOD, id="current", gain=1e3))
     own._after(Round(BEFORE, None, (tried,), {}, (), "current"))  # type: ignore[arg-type]

@@ -194,6 +194,7 @@ def traced(
             found.append(Tried(own, account))
         return before, found
 
+    monkeypatch.setattr(search, "started", lambda case, fit: case)
     monkeypatch.setattr(search, "with_best_times", lambda case, fit, c: replace(fit, rms=TIMED))
     monkeypatch.setattr(search, "screen", lambda *_: Screen(None, {}, ()))  # type: ignore[arg-type]
     monkeypatch.setattr(search, "refitted", refits)
