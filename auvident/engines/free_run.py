@@ -50,6 +50,9 @@ Colours = tuple[Colour, ...]
 Normal = tuple[float, Array, Array]  # half the squared error, its gradient, its curvature
 
 NOTHING = np.zeros(0, dtype=np.int64)
+# A start that moves by so many standard deviations of the noise is not tried first; of one that
+# moves further the whole way is tried, then a part of it.
+NEAR, SHARES = 0.3, (1.0, 0.25)
 
 
 @dataclass(frozen=True)
@@ -222,25 +225,6 @@ def _taken_up(output: OutputError, record: Record, found: Innovations) -> Array:
     return best_start(output, by_start.T @ by_start, pulled)
 
 
-def well_started(output: OutputError, p: Array) -> OutputError:
-    """The likelihood with each record begun where its readings are predicted best at p.
-
-    Its value there is the same to first order; its gradient is exact.
-    """
-    records = each(lambda record: _moved(output, p, record), output.records, len)
-    return replace(output, records=tuple(records), known={})
-
-
-def _moved(output: OutputError, p: Array, record: Record) -> Record:
-    """A record with its start moved; as it was where the prediction runs away."""
-    found = finite_innovations(output, p, record, output.no_parameter)
-    if found is None:
-        return record
-    by = np.zeros(N_STATES)
-    by[output.active] = -_taken_up(output, record, found)
-    return replace(record, start=record.start + by, moved=record.moved + by)
-
-
 def lost_readings(record: Record, seen: Array, channels: Array) -> int:
     """Readings that a prediction cannot be compared with, as a late sensor's first ones.
 
@@ -344,13 +328,22 @@ class RecordResidual:
     error : (n, 4) array
         Measured minus predicted; NaN where there is no reading.
     states : (n, 4) array
-        Predicted from the line through the readings.
+        Predicted from where the record begins.
+    moved : (4,) array
+        Where that is (`Record.moved`).
+    away : (4,) array
+        How far from there the best start lies, to first order.
+    cost : float
+        What the prediction from where the record begins costs, and having moved that [nats].
     """
 
     id: str
     time_s: Array
     error: Array
     states: Array
+    moved: Array
+    away: Array
+    cost: float
 
 
 def residual_of(output: OutputError, p: Array, record: Record) -> RecordResidual | None:
@@ -361,7 +354,15 @@ def residual_of(output: OutputError, p: Array, record: Record) -> RecordResidual
     there, start = found.predicted, _taken_up(output, record, found)
     error = np.where(found.seen, record.measured - there.readings, np.nan)
     error[:, output.active] += there.slopes[:, output.active][:, :, output.channels] @ start
-    return RecordResidual(record.id, record.time_s, error, there.states)
+    away = np.zeros(N_STATES)
+    away[output.active] = -start
+    cost = _cost_of(output, record, found)
+    return RecordResidual(record.id, record.time_s, error, there.states, record.moved, away, cost)
+
+
+def _cost_of(output: OutputError, record: Record, found: Innovations) -> float:
+    white, moved = found.white[:, 0], record.moved[output.active]
+    return 0.5 * float(white @ white + pull_of_start(output, record) @ moved)
 
 
 def residuals_of(output: OutputError, p: Array) -> tuple[RecordResidual, ...] | None:
@@ -369,3 +370,47 @@ def residuals_of(output: OutputError, p: Array) -> tuple[RecordResidual, ...] | 
     found = each(lambda record: residual_of(output, p, record), output.records, len)
     whole = tuple(residual for residual in found if residual is not None)
     return whole if len(whole) == len(found) else None
+
+
+def beginning_at(record: Record, moved: Array) -> Record:
+    """A record with its start so far (4,) from the line through its readings."""
+    return replace(record, start=record.start + moved - record.moved, moved=moved)
+
+
+def well_started(
+    output: OutputError, p: Array, residuals: Sequence[RecordResidual] = ()
+) -> OutputError:
+    """The likelihood with each record begun where its readings are predicted best at p.
+
+    Its value there is the same to first order; its gradient is exact. A record begins as it did
+    where it runs away, or where it is predicted worse from the new start, as the motion bends.
+
+    Parameters
+    ----------
+    residuals : sequence of RecordResidual
+        What is left at p, where that is known already.
+    """
+    found: Sequence[RecordResidual | None] = residuals
+    found = found or each(lambda r: residual_of(output, p, r), output.records, len)
+    records = [
+        record if left is None else _begun(output, p, record, left)
+        for record, left in zip(output.records, found, strict=True)
+    ]
+    return replace(output, records=tuple(records), known={})
+
+
+def _begun(output: OutputError, p: Array, record: Record, left: RecordResidual) -> Record:
+    """A record at its best start; a part of the way or none where the whole leads too far."""
+    here = beginning_at(record, left.moved)
+    near = NEAR * np.array([start_std(colour, 1.0) for colour in output.colours])
+    if (np.abs(left.away[: len(near)]) <= near).all():
+        return beginning_at(here, left.moved + left.away)
+    cost = _cost_from(output, p, here)
+    tried = (beginning_at(here, left.moved + share * left.away) for share in SHARES)
+    return next((moved for moved in tried if _cost_from(output, p, moved) < cost), here)
+
+
+def _cost_from(output: OutputError, p: Array, record: Record) -> float:
+    """What the prediction from where a record begins costs; infinite where it runs away."""
+    left = residual_of(output, p, record)
+    return np.inf if left is None else left.cost

@@ -135,8 +135,8 @@ def map_rounds(
         start leads nowhere.
     """
     p = start
+    output = well_started(output, p)
     for _ in range(policy.rounds):
-        output = well_started(output, p)
         p, found = map_fit(
             output, free, prior(p), p, policy.steps, policy.tolerance, policy.ceiling
         )
@@ -144,7 +144,7 @@ def map_rounds(
         yield FitRound(p, found, noise)
         if policy.settled is not None and _settled(output.colours, noise.colours, policy.settled):
             return
-        output = replace(output, colours=noise.colours)
+        output = well_started(replace(output, colours=noise.colours), p, noise.residuals)
 
 
 def map_fit(

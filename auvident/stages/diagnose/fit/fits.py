@@ -171,8 +171,9 @@ def fit_with(
 
 def started(case: Case, fitted: Fitted) -> Case:
     """The case with each record begun where a fit predicts it best (`free_run.well_started`)."""
-    output = well_started(output_error(case, fitted.colours), fitted.parameters)
-    return replace(case, records=output.records)
+    output = output_error(case, fitted.colours)
+    begun = well_started(output, fitted.parameters, fitted.residuals)
+    return replace(case, records=begun.records)
 
 
 def fits_to_others(
@@ -184,7 +185,7 @@ def fits_to_others(
     """
     free = case.setup.free(case.with_baseline(fitted.effects))
     prior = prior_of(case, free.positions, case.positions(*fitted.effects))
-    whole = well_started(output_error(case, fitted.colours), fitted.parameters)
+    whole = output_error(started(case, fitted), fitted.colours)
     whole = knowing(whole, beginning(free, prior, fitted.parameters), free)
 
     def without(group: Sequence[Record]) -> Array:

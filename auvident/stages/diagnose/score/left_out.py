@@ -20,7 +20,13 @@ from auvident.engines.free_run import (
 from auvident.engines.records import Record
 from auvident.schema.effects import BY_ID
 from auvident.stages.diagnose.fit.case import Case
-from auvident.stages.diagnose.fit.fits import N_CHANNELS, Fitted, fits_to_others, output_error
+from auvident.stages.diagnose.fit.fits import (
+    N_CHANNELS,
+    Fitted,
+    fits_to_others,
+    output_error,
+    started,
+)
 
 Array = npt.NDArray[Any]
 
@@ -108,6 +114,7 @@ def seen_with(case: Case, fitted: Fitted, parameters: Array, colours: Colours) -
         Of the fits without some of them, see `fits_without`.
     colours : tuple of Colour
     """
+    case = started(case, fitted)
     output = output_error(case, colours)
     by_record = {
         record.id: residual_of(output, p, record)

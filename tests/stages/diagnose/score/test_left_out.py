@@ -9,8 +9,9 @@ import pytest
 
 from auvident.constants import INDEPENDENT_S
 from auvident.engines.free_run import residual_of, white_error
+from auvident.engines.map_fit import map_fit
 from auvident.stages.diagnose.fit.case import Case
-from auvident.stages.diagnose.fit.fits import fit_with, output_error
+from auvident.stages.diagnose.fit.fits import TOLERANCE, output_error, prior_of, started
 from auvident.stages.diagnose.score import left_out as module
 from auvident.stages.diagnose.score.left_out import (
     STEPS,
@@ -76,11 +77,13 @@ def test_every_fit_moves_and_every_maneuver_is_scored() -> None:
 
 def test_a_fit_to_others_knows_nothing_that_a_fit_without_the_rest_does_not() -> None:
     """What all fits find where they begin is found once; it changes no digit."""
-    case, fitted, out = small_case(), small_fit(), POISONED
+    fitted, out = small_fit(), POISONED
+    case = started(small_case(), fitted)
     rest = replace(case, records=(*case.records[:out], *case.records[out + 1 :]))
-    again = fit_with(rest, fitted.effects, fitted.parameters, fitted.colours, rounds=1, steps=STEPS)
-    assert again is not None
-    np.testing.assert_array_equal(left_out().parameters[out], again.parameters)
+    free, prior = case.setup.free(fitted.free), prior_of(case, fitted.free, ())
+    output = output_error(rest, fitted.colours)
+    again = map_fit(output, free, prior, fitted.parameters, STEPS, TOLERANCE)[0]
+    np.testing.assert_array_equal(left_out().parameters[out], again)
 
 
 def test_a_maneuver_left_out_is_predicted_worse_than_one_fitted() -> None:
