@@ -35,7 +35,7 @@ Array = npt.NDArray[Any]
 N_CHANNELS = 3
 ROUNDS, STEPS = 2, 8  # rounds of fixed weights, steps in each
 TOLERANCE = 1.0e-4  # relative fall of the cost at which a round ends
-SETTLED = 0.01  # relative change of the noise below which another round changes nothing
+NOISE_SETTLED = 0.01  # relative change of the noise below which another round changes nothing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,7 +162,7 @@ def fit_with(
 
     free = case.setup.free(case.with_baseline(effects))
     prior = prior_of(case, free.positions, case.positions(*effects))
-    policy, best = NoisePolicy(left, rounds, SETTLED, steps, TOLERANCE, ceiling), None
+    policy, best = NoisePolicy(left, rounds, NOISE_SETTLED, steps, TOLERANCE, ceiling), None
     with suppress(NumericsError):  # the rounds before it stand
         for done in map_rounds(output_error(case, colours), free, lambda _: prior, start, policy):
             best = done
