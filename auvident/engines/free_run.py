@@ -52,7 +52,7 @@ Normal = tuple[float, Array, Array]  # half the squared error, its gradient, its
 NOTHING = np.zeros(0, dtype=np.int64)
 # A start that moves by so many standard deviations of the noise is not tried first; of one that
 # moves further the whole way is tried, then a part of it.
-NEAR, SHARES = 0.3, (1.0, 0.25)
+NEAR, PART = 1.0, 0.25
 
 
 @dataclass(frozen=True)
@@ -388,7 +388,7 @@ def well_started(
     Parameters
     ----------
     residuals : sequence of RecordResidual
-        What is left at p, where that is known already.
+        What is left at p with this noise, where that is known already.
     """
     found: Sequence[RecordResidual | None] = residuals
     found = found or each(lambda r: residual_of(output, p, r), output.records, len)
@@ -401,13 +401,13 @@ def well_started(
 
 def _begun(output: OutputError, p: Array, record: Record, left: RecordResidual) -> Record:
     """A record at its best start; a part of the way or none where the whole leads too far."""
-    here = beginning_at(record, left.moved)
+    whole = beginning_at(record, left.moved + left.away)
     near = NEAR * np.array([start_std(colour, 1.0) for colour in output.colours])
     if (np.abs(left.away[: len(near)]) <= near).all():
-        return beginning_at(here, left.moved + left.away)
-    cost = _cost_from(output, p, here)
-    tried = (beginning_at(here, left.moved + share * left.away) for share in SHARES)
-    return next((moved for moved in tried if _cost_from(output, p, moved) < cost), here)
+        return whole
+    part = beginning_at(record, left.moved + PART * left.away)
+    better = (m for m in (whole, part) if _cost_from(output, p, m) < left.cost)
+    return next(better, beginning_at(record, left.moved))
 
 
 def _cost_from(output: OutputError, p: Array, record: Record) -> float:

@@ -144,7 +144,7 @@ def map_rounds(
         yield FitRound(p, found, noise)
         if policy.settled is not None and _settled(output.colours, noise.colours, policy.settled):
             return
-        output = well_started(replace(output, colours=noise.colours), p, noise.residuals)
+        output = replace(well_started(output, p, noise.residuals), colours=noise.colours)
 
 
 def map_fit(

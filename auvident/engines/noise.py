@@ -12,6 +12,7 @@ from auvident.engines.free_run import (
     Colours,
     OutputError,
     RecordResidual,
+    beginning_at,
     predicted,
     residuals_of,
 )
@@ -72,7 +73,8 @@ def effective_noise(output: OutputError, p: Array, sensor_std: Array) -> Array:
     longest = round(LONGEST_CORRELATION_S / output.frame.dt_s)
     power, times, count = np.zeros(N_STATES), np.zeros(N_STATES), np.zeros(N_STATES)
     for record in output.records:
-        residual = record.measured - predicted(output.frame, p, record, output.active)
+        from_line = beginning_at(record, np.zeros(N_STATES))  # as what is held out is predicted
+        residual = record.measured - predicted(output.frame, p, from_line, output.active)
         for c in output.channels:
             values = _with_escapes(record, int(c), residual)
             power[c] += float(values @ values)
