@@ -51,7 +51,8 @@ Normal = tuple[float, Array, Array]  # half the squared error, its gradient, its
 
 NOTHING = np.zeros(0, dtype=np.int64)
 # A start that moves by so many standard deviations of the noise is not tried first; of one that
-# moves further the whole way is tried, then a part of it.
+# moves further the whole way is tried, then a part of it. Chosen to save passes: on `bay_trial`
+# 0.3 in place of 1 took as many evaluations within 3 %.
 NEAR, PART = 1.0, 0.25
 # [nats a reading] What leaves more is far from the end of a fit, and its starts would suit what is
 # wrong: a limit begun far from its size then gained 5 to 1,400 nats of 1,700 in the first steps.

@@ -44,7 +44,7 @@ Array = npt.NDArray[Any]
 SMALL = 0.1  # an effect below this part of its step is not at work yet
 # [of the prior] longest step of a slope where an effect is at work already. With 0.02 the slope by
 # a limit of the rudder's rate was off by 1.3 deviations, and fits of `bay_trial` ended 20 to 40
-# nats above their optimum; with this one 0.2 at most.
+# nats above their optimum; with this one those that converged end within 0.2.
 SMALL_STEP = 1.0e-3
 READING_STEP = 0.05  # [of the prior] step of a slope of the readings
 NO_WATER = np.zeros((0, 2))

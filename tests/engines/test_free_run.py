@@ -11,6 +11,7 @@ from auvident.engines.free_run import (
     likelihood,
     normal_equations,
     predicted,
+    residual_of,
     well_started,
 )
 from auvident.engines.noise import coloured_noise, white
@@ -132,6 +133,27 @@ def test_a_record_that_runs_away_keeps_its_start() -> None:
     p = setup.prior.copy()
     p[setup.structure.index("X_uu")] = 60.0
     assert well_started(output, p).records[0] is output.records[0]
+
+
+def test_what_is_far_from_being_predicted_keeps_its_start() -> None:
+    setup = setup_of()
+    output, _ = free_start(setup)
+    assert np.abs(well_started(output, setup.prior).records[0].moved).max() > 0.0
+    finer = tuple(replace(c, white=c.white / 50.0, slow=c.slow / 50.0) for c in output.colours)
+    sharp = well_started(replace(output, colours=finer), setup.prior)
+    np.testing.assert_array_equal(sharp.records[0].start, output.records[0].start)
+
+
+def test_a_start_that_predicts_worse_is_not_taken() -> None:
+    setup = setup_of()
+    output, _ = free_start(setup)
+    record = output.records[0]
+    left = residual_of(output, setup.prior, record)
+    assert left is not None
+    for wrong in (-50.0, 50.0):  # further than any line leads
+        misled = replace(left, away=wrong * left.away)
+        kept = well_started(output, setup.prior, [misled])
+        np.testing.assert_array_equal(kept.records[0].start, record.start)
 
 
 def test_the_noise_of_a_residual_is_found() -> None:
