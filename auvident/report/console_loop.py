@@ -96,8 +96,8 @@ def ranking(candidates: Sequence[Candidate]) -> RenderableType:
 def effect_lines(found: Diagnosis) -> list[RenderableType]:
     """The effects, and what cannot be told apart or explained."""
     pieces: list[RenderableType] = []
-    if found.effects:
-        pieces.append(rich_table(tables.effects(found.effects)))
+    if found.to_try:
+        pieces.append(rich_table(tables.effects(found.to_try)))
     pieces += _ambiguous_lines(found)
     if found.separate_by and found.separate_by not in found.statement:
         pieces.append(

@@ -65,7 +65,7 @@ def lacks(report: ReportData) -> Lacks | None:
         grade=GRADES[found.verdict],
         statement=found.statement,
         false_alarm_p="" if found.false_alarm_p is None else number(found.false_alarm_p, 2),
-        effects=tables.effects((*found.effects, *(comparison.not_confirmed if comparison else ()))),
+        effects=tables.effects((*found.effects, *found.not_confirmed)),
         attempts=tables.attempts(comparison) if comparison else None,
         nuisance=tables.effects(diagnosis.nuisance),
         ambiguous=tuple(" and ".join(group) for group in found.ambiguous),

@@ -20,6 +20,7 @@ from auvident.schema.coefficients import ESTIMATED, Group
 from auvident.schema.diagnosis import (
     ChannelError,
     Comparison,
+    Diagnosis,
     Difference,
     EffectFound,
     ParameterValue,
@@ -232,24 +233,24 @@ def _lacked(data: ReportData) -> Lines:
         return []
     little = " This says little while the log is contradicted." if _contradicted(data) else ""
     comparison = data.comparison
-    effects = (*found.effects, *(comparison.not_confirmed if comparison else ()))
+    effects = (*found.effects, *found.not_confirmed)
     if not effects:
         return [found.statement.replace(NOTHING, "Nothing", 1) + little]
-    lines = [_effect(e, comparison) for e in effects]
+    lines = [_effect(e, found) for e in effects]
     lines += [f"These data cannot tell apart {listed(g)}." for g in found.ambiguous]
     changed = _changed(comparison) if comparison and comparison.added else ""
     return [*lines[:-1], " ".join(x for x in (lines[-1], changed + little) if x)]
 
 
-def _effect(effect: EffectFound, comparison: Comparison | None) -> str:
+def _effect(effect: EffectFound, found: Diagnosis | Comparison) -> str:
     """An effect in words, with its sizes and their 95 % uncertainty."""
     text = unit_text(effect.plain or effect.id)
     alone = len(effect.parameters) == 1
     sizes = [told for p in effect.parameters if (told := _size(effect, p, alone))]
     text = f"{text[:1].upper()}{text[1:]}" + (f" ({', '.join(sizes)}; 95\u00a0%)" if sizes else "")
-    if comparison is not None and effect in comparison.not_confirmed:
+    if effect in found.not_confirmed:
         text += ", not confirmed"
-    elif comparison is not None and effect.id in comparison.outside:
+    elif isinstance(found, Comparison) and effect.id in found.outside:
         text += ", shown by the logs of the sensors and not in the model"
     return f"{text}."
 

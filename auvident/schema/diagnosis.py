@@ -154,7 +154,8 @@ class Diagnosis(Artifact):
     effects estimated along in every model (servo lag and the like), with what they took up.
     ``steps`` tells in order what was added, tested and removed. ``carried`` has the internal values
     (``start``) of all effects that a refined model takes along, and ``prior`` and ``prior_std`` of
-    those estimated again. ``unexplained`` has ``correlates`` (axis,
+    those estimated again. ``not_confirmed`` are effects that fit better although the intervals of
+    their sizes contain zero: a refinement tries them too. ``unexplained`` has ``correlates`` (axis,
     regressor, gain), ``nearest`` and ``channels`` where something is left; ``remaining`` has its
     ``channels`` and ``correlates`` where effects stand beside it, and its ``sizes`` against noise
     and variation, there and where it is too little to matter. ``without_effects`` is the verdict
@@ -167,6 +168,7 @@ class Diagnosis(Artifact):
     verdict: Verdict
     statement: str
     effects: tuple[EffectFound, ...] = ()
+    not_confirmed: tuple[EffectFound, ...] = ()
     candidates: tuple[Candidate, ...] = ()
     ambiguous: tuple[tuple[str, ...], ...] = ()
     unexplained: dict[str, Any] = {}
@@ -184,6 +186,11 @@ class Diagnosis(Artifact):
     false_alarm_p: float | None = None
     identify_maneuvers: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
+
+    @property
+    def to_try(self) -> tuple[EffectFound, ...]:
+        """Effects that a refinement tries: those that are claimed, and then those that are not."""
+        return (*self.effects, *self.not_confirmed)
 
 
 class ChannelError(Artifact):

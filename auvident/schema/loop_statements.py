@@ -11,6 +11,12 @@ from auvident.schema.likeness import nested
 
 NAMED_EFFECTS = 4  # told in the statement that nothing was found
 TOGETHER = ("one_off_event",)  # effects of which all sizes have to be exceeded, not one
+# why an effect that was accepted is not claimed after all
+NOT_ADDED, NOT_CONFIRMED = "not-added", "not-confirmed"
+DOUBTS = {
+    NOT_ADDED: "a model with it does not predict the maneuvers used for identification better",
+    NOT_CONFIRMED: "not confirmed: the interval of its size contains zero",
+}
 
 
 def statement(
@@ -249,11 +255,17 @@ def shown_by_sensors(effects: Sequence[EffectFound]) -> str:
 
 def not_confirmed(effects: Sequence[EffectFound]) -> str:
     """What a model predicts with although its size is not told from zero; empty for nothing."""
+    return _unconfirmed("Used for prediction", effects)
+
+
+def fits_better(effects: Sequence[EffectFound]) -> str:
+    """What a diagnosis fits better with although its size is not told from zero."""
+    return _unconfirmed("Fits the data better", effects)
+
+
+def _unconfirmed(serves: str, effects: Sequence[EffectFound]) -> str:
     if not effects:
         return ""
     listed = " and ".join(e.plain or e.id for e in effects)
-    return (
-        f"Used for prediction, but not confirmed because its interval contains zero: {listed}."
-        if len(effects) == 1
-        else f"Used for prediction, but not confirmed because the intervals contain zero: {listed}."
-    )
+    zero = "its interval contains" if len(effects) == 1 else "the intervals contain"
+    return f"{serves}, but not confirmed because {zero} zero: {listed}."

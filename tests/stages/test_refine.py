@@ -560,6 +560,13 @@ def test_a_size_whose_interval_holds_zero_is_not_confirmed_anywhere() -> None:
     assert not both.unexplained
 
 
+def test_what_a_diagnosis_did_not_confirm_is_used_and_stays_in_doubt() -> None:
+    found = claimed(1.3, 0.05, effects=(), not_confirmed=(OFFSET,), verdict="unexplained")
+    assert (found.verdict, found.effects) == ("unexplained", ())
+    assert [e.id for e in found.not_confirmed] == ["rudder_offset"] and found.added
+    assert found.candidates[0].rejected.startswith("not confirmed")
+
+
 @pytest.mark.parametrize("tried", [TAKEN, KEPT])
 def test_a_doubt_is_nothing_where_the_model_before_leaves_nothing_that_matters(tried) -> None:
     found = claimed(0.9, 0.6, tried, without_effects="none_found")

@@ -37,7 +37,7 @@ def carried_of(diagnosis: Diagnosis) -> Carried | None:
 
     With an event and no effect these are the windows to leave out, and the nuisance parameters.
     """
-    modelled = [e.id for e in diagnosis.effects if BY_ID[e.id].enters != "disturbance"]
+    modelled = [e.id for e in diagnosis.to_try if BY_ID[e.id].enters != "disturbance"]
     windows = tuple(
         (e.maneuver, e.time_s, e.time_s + (e.duration_s or 0.0))
         for e in diagnosis.effects

@@ -19,6 +19,9 @@ from auvident.schema.diagnosis import (
 from auvident.schema.effect_words import is_confirmed, plain
 from auvident.schema.effects import BY_ID, parameter_of
 from auvident.schema.loop_statements import (
+    DOUBTS,
+    NOT_ADDED,
+    NOT_CONFIRMED,
     also_refused,
     found,
     not_added,
@@ -27,13 +30,6 @@ from auvident.schema.loop_statements import (
     shown_by_sensors,
     statement,
 )
-
-# why an effect that a diagnosis accepted is not claimed after all
-NOT_ADDED, NOT_CONFIRMED = "not-added", "not-confirmed"
-DOUBTS = {
-    NOT_ADDED: "a model with it does not predict the maneuvers used for identification better",
-    NOT_CONFIRMED: "not confirmed: the interval of its size contains zero",
-}
 
 
 def claims_of(
@@ -48,13 +44,14 @@ def claims_of(
     An effect stands when some size of it is told from nothing, in the model that was taken. One
     that sensors held against each other show is a fact about the logs, whichever that model is.
     """
-    moving = [e.id for e in diagnosis.effects if BY_ID[e.id].enters != "disturbance"]
+    moving = [e.id for e in diagnosis.to_try if BY_ID[e.id].enters != "disturbance"]
     outside = left_outside(moving, attempts)
     final = [
         e if e.id in outside else _with_final_values(e, after, speed, rate)
-        for e in diagnosis.effects
+        for e in diagnosis.to_try
     ]
-    doubts = {e.id: _doubt(e, e.id in outside) for e in final if e.id in moving}
+    unsure = {e.id for e in diagnosis.not_confirmed}
+    doubts = {e.id: _doubt(e, e.id in outside, unsure) for e in final if e.id in moving}
     doubted = [e for e in final if doubts.get(e.id)]
     effects = tuple(e for e in final if e not in doubted)
     groups = tuple(g for g in diagnosis.ambiguous if {e.id for e in effects} & set(g))
@@ -123,17 +120,19 @@ def _verdict(
     return diagnosis.verdict
 
 
-def _doubt(effect: EffectFound, outside: bool) -> str:
+def _doubt(effect: EffectFound, outside: bool, unsure: Collection[str]) -> str:
     """Why an effect is not claimed, by a code of `DOUBTS`; empty where it is.
 
     Parameters
     ----------
     outside : bool
         Whether the model that was taken is without it.
+    unsure : collection of str
+        Effects that the diagnosis did not confirm.
     """
     if outside:
         return "" if effect.by_sensors else NOT_ADDED
-    return "" if is_confirmed(effect) else NOT_CONFIRMED
+    return "" if is_confirmed(effect) and effect.id not in unsure else NOT_CONFIRMED
 
 
 def _final_candidate(candidate: Candidate, effects: Sequence[EffectFound], doubt: str) -> Candidate:

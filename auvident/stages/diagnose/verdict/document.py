@@ -4,9 +4,16 @@ from collections.abc import Sequence
 from typing import Any
 
 from auvident.schema.artifacts import IdentifiedModel, Verdict
-from auvident.schema.diagnosis import Diagnosis
+from auvident.schema.diagnosis import Candidate, Diagnosis, EffectFound, Refused
+from auvident.schema.effect_words import is_confirmed
 from auvident.schema.likeness import separated_by
-from auvident.schema.loop_statements import remaining_of, statement
+from auvident.schema.loop_statements import (
+    DOUBTS,
+    NOT_CONFIRMED,
+    fits_better,
+    remaining_of,
+    statement,
+)
 from auvident.stages.diagnose.select.candidates import Traced
 from auvident.stages.diagnose.select.rules import LEAST_GAIN
 from auvident.stages.diagnose.verdict.candidates import candidate_rows
@@ -35,29 +42,35 @@ WITH_REMAINDER: tuple[Verdict, ...] = ("unexplained", "partly_explained")
 def diagnosis_of(evidence: Evidence, model: IdentifiedModel) -> Diagnosis:
     """The artifact of a diagnosis."""
     traced, joint = evidence.traced, evidence.traced.rounds[0].joint
-    effects = [*disturbances(evidence), *accepted(traced)]
+    claimed = accepted(traced)
+    doubted = [e for e in claimed if not is_confirmed(e)]
+    effects = [*disturbances(evidence), *(e for e in claimed if e not in doubted)]
     rest, rest_before = (
         remainders(traced.case, fitted, model.length_m)
         for fitted in (traced.final, traced.baseline)
     )
-    left = mattering(rest)
+    # what only an effect in doubt takes away is there still
+    left = mattering(rest if effects or not doubted else rest_before)
     nearest = nearest_of(evidence)
-    groups = tuple(r.alike for r in traced.rounds if r.alike and r.accepted in traced.named)
+    named = {e.id for e in effects}
+    groups = tuple(r.alike for r in traced.rounds if r.alike and r.accepted in named)
     verdict = verdict_of(effects, evidence, left, nearest, groups)
     pushes = detectable_push(evidence.least_push, traced.case.plane)
     last = traced.rounds[-1].joint
     sees = (*detectable(joint, last, evidence.candidates), *pushes)
-    named = [e for g in groups for e in g]
-    by = separated_by(named, traced.case.plane.name) if groups else ""
-    closest = nearest if effects else nearest or closest_of(evidence)
+    alike = [e for g in groups for e in g]
+    by = separated_by(alike, traced.case.plane.name) if groups else ""
+    closest = nearest if effects else nearest or _listed(doubted) or closest_of(evidence)
     unexplained = _remainder(evidence, left, closest) if verdict in WITH_REMAINDER else {}
     remaining = remaining_of(verdict, unexplained, [r.as_told() for r in rest], closest)
+    said = statement(verdict, effects, groups, by, sees, unexplained, remaining)
     return Diagnosis(
         plane=model.plane,
         verdict=verdict,
-        statement=statement(verdict, effects, groups, by, sees, unexplained, remaining),
+        statement=f"{said} {fits_better(doubted)}".strip(),
         effects=tuple(effects),
-        candidates=tuple(candidate_rows(traced.rounds, traced.case)),
+        not_confirmed=tuple(doubted),
+        candidates=tuple(_doubting(candidate_rows(traced.rounds, traced.case), doubted)),
         ambiguous=groups,
         unexplained=unexplained,
         remaining=remaining,
@@ -71,7 +84,7 @@ def diagnosis_of(evidence: Evidence, model: IdentifiedModel) -> Diagnosis:
         residuals=tuple(residual_rows(traced)),
         checks=checks(evidence),
         missing=evidence.missing,
-        false_alarm_p=_false_alarm_p(traced),
+        false_alarm_p=_false_alarm_p(traced, effects),
         identify_maneuvers=tuple(r.id for r in traced.case.records),
         findings=tuple(coefficient_findings(traced)),
     )
@@ -88,10 +101,22 @@ def _remainder(evidence: Evidence, left: Sequence[str], nearest: str | None) -> 
     }
 
 
-def _false_alarm_p(traced: Traced) -> float | None:
+def _listed(effects: Sequence[EffectFound]) -> str:
+    return ", ".join(e.id for e in effects)
+
+
+def _doubting(rows: Sequence[Candidate], doubted: Sequence[EffectFound]) -> list[Candidate]:
+    """Candidates with what became of those that are not confirmed."""
+    update = {"rejected": DOUBTS[NOT_CONFIRMED], "refusal": Refused(code=NOT_CONFIRMED)}
+    out = {e.id for e in doubted}
+    return [c.model_copy(update=update) if c.id in out and not c.rejected else c for c in rows]
+
+
+def _false_alarm_p(traced: Traced, effects: Sequence[EffectFound]) -> float | None:
     """How often a search finds as much by chance as the first effect named; None without one."""
-    first = next((r for r in traced.rounds if r.accepted in traced.named), None)
+    named = {e.id for e in effects}
+    first = next((r for r in traced.rounds if r.accepted in named), None)
     if first is None:
         return None
-    named = next(t for t in first.tried if t.id == first.accepted)
-    return named.account.helped.p if named.account.helped else None
+    helped = next(t for t in first.tried if t.id == first.accepted).account.helped
+    return helped.p if helped else None

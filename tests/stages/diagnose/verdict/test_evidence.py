@@ -28,6 +28,7 @@ from auvident.stages.diagnose.verdict.evidence import (
 from tests.stages.diagnose.loop_chain import loop, small_case, small_fit
 
 SEEN = ("rudder_offset", "gyro_bias")
+BIAS = np.radians(1.0)  # far beyond what is left of it in a healthy trial
 
 
 @cache
@@ -38,7 +39,9 @@ def evidence() -> Evidence:
     found = fit_with(case, effects, before.parameters, before.colours)
     joint = joint_about(case, before, SEEN)
     assert found is not None and joint is not None
-    found = replace(found, log_likelihood=before.log_likelihood + 1000.0)
+    there = found.parameters.copy()
+    there[case.position("gyro_bias.bias_degps")] = BIAS
+    found = replace(found, log_likelihood=before.log_likelihood + 1000.0, parameters=there)
     falls = {"u": 0.0, "v": 0.0, "r": 0.5}
     helped = Helped(900.0, 1.0, 800.0, p=0.02)
     gain = log_gain(before, found)
@@ -77,6 +80,32 @@ def test_an_effect_that_stands_alone_is_found() -> None:
     assert (found.unexplained, found.remaining) == ({}, {})
     assert found.without_effects == "none_found"  # the healthy trial leaves nothing that matters
     assert found.false_alarm_p == 0.02
+
+
+def without_a_size() -> Evidence:
+    """The same with next to no bias, so that its interval contains zero."""
+    whole, there = evidence(), evidence().traced.final.parameters.copy()
+    there[whole.traced.case.position("gyro_bias.bias_degps")] = 1e-6
+    final = replace(whole.traced.final, parameters=there)
+    return replace(whole, traced=replace(whole.traced, final=final))
+
+
+def test_an_effect_whose_interval_contains_zero_is_tried_and_not_claimed() -> None:
+    found = said(without_a_size())
+    assert (found.verdict, found.effects, found.false_alarm_p) == ("none_found", (), None)
+    assert [e.id for e in found.not_confirmed] == ["gyro_bias"]
+    assert found.to_try == found.not_confirmed and "gyro_bias.bias_degps" in found.carried["start"]
+    assert "Fits the data better, but not confirmed because its interval" in found.statement
+    assert found.candidates[0].rejected.startswith("not confirmed")
+    assert found.candidates[0].refusal and found.candidates[0].refusal.code == "not-confirmed"
+
+
+def test_what_only_an_effect_in_doubt_takes_away_is_unexplained() -> None:
+    whole = without_a_size()
+    before = replace(whole.traced.baseline, rms=10.0 * whole.traced.baseline.rms)
+    found = said(replace(whole, traced=replace(whole.traced, baseline=before)))
+    assert (found.verdict, found.unexplained["nearest"]) == ("unexplained", "gyro_bias")
+    assert found.unexplained["channels"] == ["u", "v", "r"]
 
 
 @pytest.mark.parametrize(
