@@ -18,6 +18,7 @@ from auvident.engines.free_run import (
     Colours,
     OutputError,
     RecordResidual,
+    beginning_at,
     knowing,
     residuals_of,
     well_started,
@@ -171,9 +172,10 @@ def fit_with(
 
 def started(case: Case, fitted: Fitted) -> Case:
     """The case with each record begun where a fit predicts it best (`free_run.well_started`)."""
-    output = output_error(case, fitted.colours)
-    begun = well_started(output, fitted.parameters, fitted.residuals)
-    return replace(case, records=begun.records)
+    moved = {residual.id: residual.moved for residual in fitted.residuals}
+    begun = tuple(beginning_at(record, moved[record.id]) for record in case.records)
+    output = replace(output_error(case, fitted.colours), records=begun)
+    return replace(case, records=well_started(output, fitted.parameters).records)
 
 
 def fits_to_others(
