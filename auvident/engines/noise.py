@@ -12,6 +12,7 @@ from auvident.engines.free_run import (
     Colours,
     OutputError,
     RecordResidual,
+    beginning_at,
     predicted,
     residuals_of,
 )
@@ -62,10 +63,7 @@ def effective_noise(output: OutputError, p: Array, sensor_std: Array) -> Array:
     residual takes the place of the sensor noise where it is larger. And a residual correlated
     over n samples says as little as one of n: times the square root of its correlation time.
     So a channel stirred by turbulence does not bend the coefficients to explain what is random,
-    nor drown the prior, nor is it claimed as certainty afterwards. Records are predicted from
-    where they begin: of a hull that hardly keeps its course the error of a start outgrows all that
-    the parameters are told by, and is none of their doing. A start that was fitted has taken one
-    independent reading of each channel.
+    nor drown the prior, nor is it claimed as certainty afterwards.
 
     Returns
     -------
@@ -73,19 +71,18 @@ def effective_noise(output: OutputError, p: Array, sensor_std: Array) -> Array:
         Effective standard deviation of each channel; the sensor's own where it is inactive.
     """
     longest = round(LONGEST_CORRELATION_S / output.frame.dt_s)
-    power, times, count, taken = np.zeros((4, N_STATES))
+    power, times, count = np.zeros(N_STATES), np.zeros(N_STATES), np.zeros(N_STATES)
     for record in output.records:
-        residual = record.measured - predicted(output.frame, p, record, output.active)
+        from_line = beginning_at(record, np.zeros(N_STATES))  # as what is held out is predicted
+        residual = record.measured - predicted(output.frame, p, from_line, output.active)
         for c in output.channels:
             values = _with_escapes(record, int(c), residual)
             power[c] += float(values @ values)
-            correlated = correlation_time(values, longest)
             count[c] += values.size
-            times[c] += values.size * correlated
-            taken[c] += correlated * record.moved.any()
+            times[c] += values.size * correlation_time(values, longest)
     noise = sensor_std.copy()
     used = count > 0
-    rms = np.sqrt(power[used] / np.maximum(count - taken, count / 2.0)[used])
+    rms = np.sqrt(power[used] / count[used])
     noise[used] = np.maximum(rms, noise[used]) * np.sqrt(times[used] / count[used])
     return noise
 

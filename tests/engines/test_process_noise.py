@@ -6,16 +6,13 @@ import numpy as np
 import pytest
 
 from auvident.engines.estimator import OBSERVER_TIMES_S, filter_pass, run_stage, task_of
-from auvident.engines.free_run import beginning_at, predicted
 from auvident.engines.noise import effective_noise
 from auvident.engines.setup import Setup
 from auvident.estimation.coloured import Colour
 from auvident.estimation.innovations import most_likely
-from auvident.estimation.output_error import correlation_time
-from auvident.physics.dynamics import N_STATES
 from auvident.schema.plan import PlanStage
 from tests.engines.chain import plan_named, setup_of
-from tests.engines.test_free_run import COUPLED, noisy, output_of
+from tests.engines.test_free_run import noisy
 
 EVERYTHING = PlanStage(name="all", system="coupled", free=("all",))
 
@@ -98,28 +95,3 @@ def test_a_channel_without_readings_has_no_part_in_it() -> None:
     values[:, :, 1] = np.nan
     alone = most_likely(values[:, :, :1], -10.0)
     assert most_likely(values, -10.0) == alone
-
-
-def test_a_start_that_was_fitted_has_taken_one_independent_reading() -> None:
-    setup = with_noise(1.0, 20.0)
-    output = output_of(setup)
-    hardly = np.full(N_STATES, 1e-9)
-    begun = tuple(beginning_at(record, hardly) for record in output.records)
-    line = effective_noise(output, setup.prior, setup.sensor_std)
-    fitted = effective_noise(replace(output, records=begun), setup.prior, setup.sensor_std)
-    errors = [r.measured - predicted(setup.frame, setup.prior, r, COUPLED) for r in begun]
-    for c in range(3):
-        read = [error[np.isfinite(error[:, c]), c] for error in errors]
-        taken = sum(correlation_time(values, 600) for values in read) / sum(map(len, read))
-        assert 0.001 < taken < 0.5
-        assert (line[c] / fitted[c]) ** 2 == pytest.approx(1.0 - taken, rel=1e-6)
-
-
-def test_the_noise_is_that_of_the_prediction_from_where_a_record_begins() -> None:
-    setup = with_noise(1.0, 0.0)
-    output = output_of(setup)
-    off = np.array([0.1, 0.0, 0.0, 0.0])
-    begun = tuple(beginning_at(record, off) for record in output.records)
-    line = effective_noise(output, setup.prior, setup.sensor_std)
-    wrong = effective_noise(replace(output, records=begun), setup.prior, setup.sensor_std)
-    assert wrong[0] > 2.0 * line[0]
