@@ -42,6 +42,10 @@ class Carried:
         What every model is expected to have of an effect; its size is told beyond that.
     least_noise : mapping
         Channels (by column) that count no more than with this standard deviation.
+    own_starts : bool
+        Readings count by what a fit leaves of them with the starts fitted, not by what is left from
+        the line through the first readings. Of a hull that hardly keeps its course errors of
+        starts outgrow all else, and a fit lets go of the maneuvers that told it most.
     """
 
     effects: tuple[str, ...] = ()
@@ -51,6 +55,7 @@ class Carried:
     windows: tuple[tuple[str, float, float], ...] = ()
     expected: Mapping[str, float] = field(default_factory=dict)
     least_noise: Mapping[str, float] = field(default_factory=dict)
+    own_starts: bool = False
 
     def ids(self, plane: Plane) -> tuple[str, ...]:
         """All effects with a value, estimated or given, in the order of the table."""

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from auvident.constants import FILTER_START_STD, VehicleTime
 from auvident.engines import compiled
 from auvident.engines.constraints import by_constraint, in_units
-from auvident.engines.free_run import OutputError, likelihood, well_started
+from auvident.engines.free_run import OutputError, from_line, likelihood, well_started
 from auvident.engines.map_fit import NoisePolicy, Prior, map_rounds
 from auvident.engines.noise import Noise, coloured_noise, effective_noise, white
 from auvident.engines.prediction import Free, at_effects, linear_about
@@ -297,11 +297,16 @@ def _fitted(task: Task, parameters: Array, noise: Array, coloured: bool) -> Outc
 
 
 def _noise_update(task: Task, coloured: bool) -> Callable[[OutputError, Array], Noise]:
-    """Coloured noise, or white noise as large as the residual counts for."""
+    """Coloured noise, or white noise as large as the residual counts for.
+
+    From the line through the first readings, as what is held out is predicted; or from the starts
+    of the fit, where the setup asks for that.
+    """
     least = task.setup.sensor_std
     if coloured:
         return lambda output, p: Noise(coloured_noise(output, p, least))
-    return lambda output, p: Noise(white(effective_noise(output, p, least)))
+    begun = (lambda output: output) if task.setup.own_starts else from_line
+    return lambda output, p: Noise(white(effective_noise(begun(output), p, least)))
 
 
 def _readings(record: Record, active: Array) -> int:

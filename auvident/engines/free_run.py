@@ -386,6 +386,12 @@ def beginning_at(record: Record, moved: Array) -> Record:
     return replace(record, start=record.start + moved - record.moved, moved=moved)
 
 
+def from_line(output: OutputError) -> OutputError:
+    """The likelihood with each record begun at the line through its readings."""
+    line = np.zeros(N_STATES)
+    return replace(output, records=tuple(beginning_at(r, line) for r in output.records), known={})
+
+
 def well_started(
     output: OutputError, p: Array, residuals: Sequence[RecordResidual] = ()
 ) -> OutputError:

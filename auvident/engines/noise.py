@@ -12,7 +12,6 @@ from auvident.engines.free_run import (
     Colours,
     OutputError,
     RecordResidual,
-    beginning_at,
     predicted,
     residuals_of,
 )
@@ -63,7 +62,8 @@ def effective_noise(output: OutputError, p: Array, sensor_std: Array) -> Array:
     residual takes the place of the sensor noise where it is larger. And a residual correlated
     over n samples says as little as one of n: times the square root of its correlation time.
     So a channel stirred by turbulence does not bend the coefficients to explain what is random,
-    nor drown the prior, nor is it claimed as certainty afterwards.
+    nor drown the prior, nor is it claimed as certainty afterwards. Records are predicted from
+    where they begin.
 
     Returns
     -------
@@ -73,8 +73,7 @@ def effective_noise(output: OutputError, p: Array, sensor_std: Array) -> Array:
     longest = round(LONGEST_CORRELATION_S / output.frame.dt_s)
     power, times, count = np.zeros(N_STATES), np.zeros(N_STATES), np.zeros(N_STATES)
     for record in output.records:
-        from_line = beginning_at(record, np.zeros(N_STATES))  # as what is held out is predicted
-        residual = record.measured - predicted(output.frame, p, from_line, output.active)
+        residual = record.measured - predicted(output.frame, p, record, output.active)
         for c in output.channels:
             values = _with_escapes(record, int(c), residual)
             power[c] += float(values @ values)

@@ -55,6 +55,8 @@ class Setup:
         Share of the drag of the estimate that falls with the Reynolds number.
     joint : Correlated or None
         Correlations of the prior; None where all is independent.
+    own_starts : bool
+        Whether the noise of a fit is what is left from fitted starts, see `Carried`.
     """
 
     structure: Structure
@@ -71,6 +73,7 @@ class Setup:
     start: Array
     friction: float = 1.0
     joint: Correlated | None = None
+    own_starts: bool = False
 
     @property
     def frame(self) -> Frame:

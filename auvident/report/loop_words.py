@@ -220,6 +220,8 @@ def attempt_words(attempt: Attempt) -> tuple[str, str]:
     name = " + ".join(attempt.effects)
     if attempt.keeps:
         name += f" (for the sake of {', '.join(attempt.keeps)})"
+    if attempt.own_starts:
+        name += " (with fitted starts)"
     ends = {"adopted": attempt.taken, "failed": attempt.failed, "diverges": attempt.ran_away}
     return name, next((words for words, so in ends.items() if so), "")
 

@@ -255,7 +255,8 @@ class Attempt(Artifact):
     which decide; empty where too few are left out. ``left_out_se`` are the standard errors of
     their logarithms over maneuvers; ``balance`` is the mean logarithm of the ratio over maneuvers,
     in each the mean over its channels, with its standard error. ``keeps`` names channels for whose
-    sake the others counted less, ``failed`` says why an attempt came to no model.
+    sake the others counted less, ``own_starts`` says that readings counted by what is left of them
+    with the starts fitted, ``failed`` why an attempt came to no model.
     """
 
     effects: tuple[str, ...]
@@ -267,6 +268,7 @@ class Attempt(Artifact):
     balance: float | None = None
     balance_se: float | None = None
     keeps: tuple[str, ...] = ()
+    own_starts: bool = False
     failed: str = ""
 
 

@@ -13,7 +13,7 @@ from auvident.engines.estimator import (
     run_stage,
     stage_records,
 )
-from auvident.engines.free_run import OutputError, likelihood, predicted
+from auvident.engines.free_run import OutputError, beginning_at, likelihood, predicted
 from auvident.engines.noise import effective_noise, white
 from auvident.engines.setup import Setup, active_states
 from auvident.errors import NumericsError
@@ -208,6 +208,19 @@ def test_a_prediction_that_ran_away_is_far_out_but_finite() -> None:
     spread = np.nanstd(np.concatenate([r.measured for r in records])[:, 0])
     assert np.isfinite(noise).all()
     assert noise[0] > 5 * spread
+
+
+def test_readings_count_by_what_is_left_from_the_line_or_from_the_starts_of_the_fit() -> None:
+    """The starts of a fit are made wrong here, so that the two differ."""
+    setup = with_residual(setup_of(), lambda number, n: np.zeros((n, 4)))
+    p, off = setup.prior, np.array([0.1, 0.0, 0.0, 0.0])
+    for own_starts in (False, True):
+        task = estimator.task_of(replace(setup, own_starts=own_starts), stage(maneuvers=("turn",)))
+        begun = tuple(beginning_at(record, off) for record in task.output.records)
+        update = estimator._noise_update(task, False)
+        noise = update(replace(task.output, records=begun), p).colours[0].white
+        line = effective_noise(task.output, p, setup.sensor_std)[0]
+        assert noise > 2.0 * line if own_starts else noise == line
 
 
 def test_missing_readings_do_not_make_a_residual_white() -> None:

@@ -1,5 +1,6 @@
 """What a refinement changed: errors in closed form, intervals, and what is handed on."""
 
+from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 
@@ -438,7 +439,7 @@ def test_leaving_an_event_out_claims_nothing_and_is_always_done() -> None:
 
 
 @pytest.mark.parametrize(
-    ("r", "flags"), [(0.004, [False, True]), (0.012, [True, False, False, False])]
+    ("r", "flags"), [(0.004, [False, True]), (0.012, [True, False, False, False, False])]
 )
 def test_attempts_are_made_until_one_is_good_and_the_model_before_is_one(r, flags) -> None:
     """With too few maneuvers to leave any out."""
@@ -456,6 +457,8 @@ def test_attempts_are_made_until_one_is_good_and_the_model_before_is_one(r, flag
     assert [row.taken for row in rows] == flags
     assert len(asked) == len(flags) - 1
     assert (found is None) == flags[0]
+    assert [one.own_starts for one in asked] == [row.own_starts for row in rows[1:]]
+    assert [one.own_starts for one in asked] == [False, False, True, False][: len(asked)]
     assert rows[1].ratios["r"] == pytest.approx(r / OFF["r_radps"][0])
 
 
@@ -484,12 +487,13 @@ def test_what_is_masked_chooses_nothing() -> None:
 def test_the_second_attempt_has_the_nuisances_of_the_model_before() -> None:
     before = model()
     assert [e["id"] for e in before.effects] == ["rudder_rate_limit"]
-    whole, lean = attempts(carried_effects("current"), before)
+    whole, lean, own = attempts(carried_effects("current"), before)
+    assert own == replace(whole, own_starts=True)
     assert "rudder_lag.lag_s" in whole.start and "rudder_lag.lag_s" not in lean.start
     for values in (lean.prior, lean.prior_std):
         assert set(values) == {"current.north_mps", "rudder_rate_limit.rate_degps"}
     assert lean.start["Y_uv"] == -20.0
-    assert attempts(lean, before) == (lean,)
+    assert attempts(lean, before) == (lean, replace(lean, own_starts=True))
 
 
 def test_a_rise_that_remains_is_a_finding() -> None:

@@ -93,6 +93,7 @@ def prepare(
         start=start,
         friction=friction_share(ase),
         joint=shared.joint if shared else None,
+        own_starts=carried.own_starts,
     )
 
 
