@@ -213,9 +213,10 @@ def test_a_prediction_that_ran_away_is_far_out_but_finite() -> None:
 def test_readings_count_by_what_is_left_from_the_line_or_from_the_starts_of_the_fit() -> None:
     """The starts of a fit are made wrong here, so that the two differ."""
     setup = with_residual(setup_of(), lambda number, n: np.zeros((n, 4)))
+    turns = stage(system="coupled", maneuvers=("turn",))
     p, off = setup.prior, np.array([0.1, 0.0, 0.0, 0.0])
     for own_starts in (False, True):
-        task = estimator.task_of(replace(setup, own_starts=own_starts), stage(maneuvers=("turn",)))
+        task = estimator.task_of(replace(setup, own_starts=own_starts), turns)
         begun = tuple(beginning_at(record, off) for record in task.output.records)
         update = estimator._noise_update(task, False)
         noise = update(replace(task.output, records=begun), p).colours[0].white
