@@ -50,7 +50,7 @@ LONG: dict[str, str] = {
     r"test_cli\.py::test_every_example_works\[auvident diagnose runs/demo\]": "the README's",
     r"test_diagnosis\.py::test_nothing_is_found_with_the_second": "the harbour",
     r"test_segment_elevator\.py::test_zigzags_of_drawn_vehicles_are_found\[12\]": "other seeds",
-    r"test_segment_both\.py::test_.*\[3(03|07|13|16)\]": "other seeds",
+    r"test_segment_both\.py::test_.*\[(3(03|07|13|16)|\w+-3(03|07|13))\]": "other seeds",
     r"test_pipeline\.py::test_a_run_in_another_folder": "the same input twice in one folder",
     r"test_run_directory\.py::test_a_first_run_killed_at_every_write": "a later run, and at random",
     r"test_run_directory\.py::test_the_program_killed_at_random": "at every write; bench kills",
@@ -87,6 +87,16 @@ LONG: dict[str, str] = {
     r"test_combine_flight\.py::test_held_out_maneuvers_of_a_plane.*horizontal": "the vertical",
     r"test_ingest_clocks\.py::test_a_lag_that_explains_hardly_more.*156": "another vehicle",
     r"test_constants_estimated\.py::test_the_ukf_finds_the_same": "the ekf, and ekf against ukf",
+    r"test_constants_estimated\.py::test_the_constants_hold.*\[(two newtons|z_G)": "two percent",
+    r"test_vertical_diagnosis\.py::test_a_(dvl_deeper|depth_of_the_dvl)": "what the depth told",
+    r"test_seatrial_population\.py::test_a_stated_size_is_held": "bench population",
+    r"test_seatrial_vertical\.py::test_a_push_changes_heave": "a push in sway and yaw",
+    r"test_pool\.py::test_all_trials_see_more": "bench pool; one trial pooled is itself",
+    r"test_refine\.py::test_what_holds_in_no_maneuver_is_seldom": "its interval, as often as it says",
+    r"test_unknown_forces\.py::test_forces_are_recovered.*\[1-1": "no force gives nothing",
+    r"test_innovations\.py::test_two_series_that_have": "a late answer, and a constant input",
+    r"test_agreement\.py::test_the_problem_is_as_hard.*\[(effects|vertical)-ukf": "the ekf",
+    r"test_cli_names\.py::test_a_name_that_looks_like_markup_is_shown\[\[/dev": "another name",
 }
 # of each row: the files it is about, and the tests in them
 _ROWS = [

@@ -62,7 +62,8 @@ def diagnosis_of(evidence: Evidence, model: IdentifiedModel) -> Diagnosis:
     by = separated_by(alike, traced.case.plane.name) if groups else ""
     closest = nearest if effects else nearest or _listed(doubted) or closest_of(evidence)
     unexplained = _remainder(evidence, left, closest) if verdict in WITH_REMAINDER else {}
-    remaining = remaining_of(verdict, unexplained, [r.as_told() for r in rest], closest)
+    sizes = [r.as_told() for r in rest]
+    remaining = remaining_of(verdict, unexplained, sizes, None if doubted else closest)
     said = statement(verdict, effects, groups, by, sees, unexplained, remaining)
     return Diagnosis(
         plane=model.plane,
