@@ -180,19 +180,27 @@ def refined(*outcomes: LeftOutSummary | None):
 
 
 def test_a_channel_that_rises_is_kept_by_the_next_attempt() -> None:
-    made, rows, asked = refined(alike(u=0.3, r=1.3), alike(u=0.5, r=1.2), alike(u=0.6, v=0.9))
-    assert [row.keeps for row in rows] == [(), (), (), ("r",)]
-    assert made is not None and made.carried == asked[2] and rows[3].taken
-    # it starts from the better of the two, and u and v count as if they were as far off as before
-    assert asked[2].start == asked[0].start
-    assert asked[2].least_noise == pytest.approx({"u_mps": 0.03, "v_mps": 0.02})
-    assert rows[3].left_out == pytest.approx({"u": 0.6, "v": 0.9, "r": 1.0})
-    assert rows[3].balance == pytest.approx(math.log(0.54) / 3.0) and rows[3].balance_se is not None
+    rising = [alike(u=0.3, r=1.3), alike(u=0.5, r=1.2), alike(u=0.4, r=1.3)]
+    made, rows, asked = refined(*rising, alike(u=0.6, v=0.9))
+    assert [row.keeps for row in rows] == [(), (), (), (), ("r",)]
+    assert [row.own_starts for row in rows] == [False, False, False, True, False]
+    assert made is not None and made.carried == asked[3] and rows[4].taken
+    # it starts from the best of them, and u and v count as if they were as far off as before
+    assert asked[3].start == asked[0].start
+    assert asked[3].least_noise == pytest.approx({"u_mps": 0.03, "v_mps": 0.02})
+    assert rows[4].left_out == pytest.approx({"u": 0.6, "v": 0.9, "r": 1.0})
+    assert rows[4].balance == pytest.approx(math.log(0.54) / 3.0) and rows[4].balance_se is not None
+
+
+def test_with_fitted_starts_no_channel_may_rise_and_then_that_is_taken() -> None:
+    made, rows, asked = refined(alike(u=0.3, r=1.3), alike(u=0.5, r=1.2), alike(u=0.6))
+    assert made is not None and made.carried == asked[2] and asked[2].own_starts
+    assert [row.taken for row in rows] == [False, False, False, True]
 
 
 def test_the_best_is_taken_where_no_attempt_keeps_the_channel() -> None:
-    made, rows, _ = refined(*[alike(u=u, r=1.3) for u in (0.3, 0.2, 0.5)])
-    assert made is not None and [row.taken for row in rows] == [False, False, True, False]
+    made, rows, _ = refined(*[alike(u=u, r=1.3) for u in (0.3, 0.2, 0.4, 0.5)])
+    assert made is not None and [row.taken for row in rows] == [False, False, True, False, False]
     (finding,) = findings_of(rows)
     assert finding.code == "error-rises" and "left out in turn, by 30 %" in finding.message
 
@@ -211,9 +219,9 @@ def test_an_attempt_that_fails_leaves_the_others_and_the_model_before() -> None:
     assert [row.taken for row in rows] == [False, False, True]
     (finding,) = findings_of(rows)
     assert (finding.code, finding.where) == ("attempt-failed", "current")
-    made, rows, _ = refined(None, None)
-    assert made is None and [row.taken for row in rows] == [True, False, False]
-    assert [f.code for f in findings_of(rows)] == ["attempt-failed", "attempt-failed"]
+    made, rows, _ = refined(None, None, None)
+    assert made is None and [row.taken for row in rows] == [True, False, False, False]
+    assert [f.code for f in findings_of(rows)] == 3 * ["attempt-failed"]
 
 
 # --- what is said --------------------------------------------------------------------------
