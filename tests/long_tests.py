@@ -93,7 +93,7 @@ LONG: dict[str, str] = {
     r"test_seatrial_vertical\.py::test_a_push_changes_heave": "a push in sway and yaw",
     r"test_pool\.py::test_all_trials_see_more": "bench pool; one trial pooled is itself",
     r"test_refine\.py::test_what_holds_in_no_maneuver_is_seldom": "how often its interval holds",
-    r"test_unknown_forces\.py::test_forces_are_recovered.*\[1-1": "no force gives nothing",
+    r"test_unknown_forces\.py::test_forces_are_recovered.*\[1-1": "other seeds",
     r"test_innovations\.py::test_two_series_that_have": "a late answer, and a constant input",
     r"test_agreement\.py::test_the_problem_is_as_hard.*\[(effects|vertical)-ukf": "the ekf",
     r"test_cli_names\.py::test_a_name_that_looks_like_markup_is_shown\[\[/dev": "another name",

@@ -283,13 +283,17 @@ def _fitted(task: Task, parameters: Array, noise: Array, coloured: bool) -> Outc
     start = _calm(output, parameters, task.setup.start)
     output = replace(output, colours=policy.update(output, start).colours)
     *_, last = map_rounds(output, task.free, task.prior_about, start, policy)
+    if coloured:
+        noise = effective_noise(output, last.parameters, task.setup.sensor_std)
+    else:
+        noise = np.array([colour.white for colour in last.noise.colours])
     return Outcome(
         parameters=last.parameters,
         free=task.positions,
         colours=last.noise.colours,
         log_likelihood=-last.fit.cost,
         covariance=last.fit.covariance,
-        noise=effective_noise(output, last.parameters, task.setup.sensor_std),
+        noise=noise,
         ids=tuple(record.id for record in output.records),
         samples=sum(_readings(record, output.active) for record in output.records),
         prices=by_constraint(task.setup.constraints, last.fit.prices),

@@ -222,6 +222,10 @@ def test_readings_count_by_what_is_left_from_the_line_or_from_the_starts_of_the_
         noise = update(replace(task.output, records=begun), p).colours[0].white
         line = effective_noise(task.output, p, setup.sensor_std)[0]
         assert noise > 2.0 * line if own_starts else noise == line
+        outcome = estimator.run_stage(
+            task.setup, p, turns.model_copy(update={"method": "output_error"})
+        )
+        np.testing.assert_array_equal(outcome.noise, [c.white for c in outcome.colours])
 
 
 def test_missing_readings_do_not_make_a_residual_white() -> None:
