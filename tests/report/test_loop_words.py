@@ -155,5 +155,5 @@ def test_numbers_are_plain_where_they_can_be(value: float | None, shown: str) ->
 
 def test_a_push_has_to_exceed_all_of_its_sizes() -> None:
     rows = detectable_push((0.04, 0.02), HORIZONTAL)
-    assert words.detectable_text(rows) == "one_off_event ≥ 0.05 m/s and ≥ 1.4 deg/s"
-    assert "one-off push above 0.05 m/s and above 1.4 deg/s" in nothing_found(rows)
+    assert words.detectable_text(rows) == "one_off_event ≥ 0.056 m/s and ≥ 1.6 deg/s"
+    assert "one-off push above 0.056 m/s and above 1.6 deg/s" in nothing_found(rows)

@@ -56,8 +56,8 @@ def diagnosis_of(evidence: Evidence, model: IdentifiedModel) -> Diagnosis:
     groups = tuple(r.alike for r in traced.rounds if r.alike and r.accepted in named)
     verdict = verdict_of(effects, evidence, left, nearest, groups)
     pushes = detectable_push(evidence.least_push, traced.case.plane)
-    last = traced.rounds[-1].joint
-    sees = (*detectable(joint, last, evidence.candidates), *pushes)
+    last = traced.rounds[-1]
+    sees = (*detectable(joint, last.joint, evidence.candidates, last.tried), *pushes)
     alike = [e for g in groups for e in g]
     by = separated_by(alike, traced.case.plane.name) if groups else ""
     closest = nearest if effects else nearest or _listed(doubted) or closest_of(evidence)

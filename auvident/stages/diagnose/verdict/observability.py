@@ -4,7 +4,7 @@ Of the residual only its size counts, and how it scatters from block to block.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +27,7 @@ from auvident.stages.diagnose.score.first_order import (
     unabsorbed,
 )
 from auvident.stages.diagnose.score.left_out import LEAST_ABOVE, noise_floor, readings_of
+from auvident.stages.diagnose.select.candidates import Tried
 from auvident.stages.diagnose.select.rules import (
     CHECK_GAIN,
     LEAST_EXPLAINED,
@@ -40,11 +41,12 @@ Array = npt.NDArray[Any]
 MARGIN = 1.3  # stated sizes leave room for the scatter of an estimate
 # ... and for that of the standard errors that are reached, which is one: 19 in 20 are above
 MARGIN_LEFT_OUT = (LEAST_T + NORMAL_90) / LEAST_T
-# What first order leaves out. On even seeds, with the scatter of the residual as it is, 55 of 58
-# planted effects above these sizes were declared, and 18 of 21 between three quarters and once. A
-# practical size as well has to come out of a fit: of 109 planted ones of one parameter (even seeds)
-# nine in ten came out at 0.85 of their size and more, 19 in 20 at 0.72.
-UNFORESEEN = 1.25
+# What first order leaves out, and that a practical size as well has to come out of a fit: of 109
+# planted ones of one parameter (even seeds) 19 in 20 came out at 0.72 of their size and more. With
+# 1.25 all but two of 63 planted effects above these sizes were declared on even seeds; on others
+# that chose nothing, all but five of 65.
+UNFORESEEN = 1.4
+WEAK = ("gain", "share-helped", "evidence", "explained")  # refusals of what shows too little
 PLAUSIBLE = 3.0  # an effect that must exceed so many priors to be seen is not visible
 BEYOND = 1e3  # so many priors, or m/s and rad/s of a push, stand for any size
 ABSORBED = 0.015  # of the signature left by the coefficients: no size is stated
@@ -67,7 +69,9 @@ class _Bars:
     blocks: Array
 
 
-def detectable(first: Joint, last: Joint, candidates: Sequence[str]) -> tuple[Detectable, ...]:
+def detectable(
+    first: Joint, last: Joint, candidates: Sequence[str], tried: Sequence[Tried] = ()
+) -> tuple[Detectable, ...]:
     """Smallest size of each parameter of each effect that would be declared.
 
     Parameters
@@ -76,9 +80,28 @@ def detectable(first: Joint, last: Joint, candidates: Sequence[str]) -> tuple[De
         About the model without any effect, and about that with all that were found: beside these
         another shows that they hid before. What was found itself showed in the first.
     candidates : sequence of str
+    tried : sequence of Tried, optional
+        Fits beside the last model; see `_shown_in_vain`.
     """
     about = [(joint, _Bars(_above_noise(joint), _blocks_of(joint))) for joint in (first, last)]
-    return tuple(row for effect in candidates for row in _rows(*about[last.lacks(effect)], effect))
+    in_vain = _shown_in_vain(last, tried)
+    return tuple(
+        row for effect in candidates for row in _rows(*about[last.lacks(effect)], effect, in_vain)
+    )
+
+
+def _shown_in_vain(last: Joint, tried: Sequence[Tried]) -> Mapping[str, Array]:
+    """Sizes (k,), in table units, at which effects came out of a fit and were refused.
+
+    What shows too little there says what first order cannot: no smaller size would be declared.
+    """
+    case, found = last.case, {}
+    for one in (t for t in tried if t.refusal and t.refusal.code in WEAK and last.lacks(t.id)):
+        places = case.positions(one.id)
+        declared = [parameter_of(case.names[i]).prior for i in places]
+        sizes = np.abs(one.fitted.parameters[places]) / case.setup.prior_std[places]
+        found[one.id] = np.array(declared) * sizes
+    return found
 
 
 def detectable_push(sizes: tuple[float, float] | None, plane: PlaneRow) -> tuple[Detectable, ...]:
@@ -111,13 +134,13 @@ def detectable_push(sizes: tuple[float, float] | None, plane: PlaneRow) -> tuple
     )
 
 
-def _rows(joint: Joint, bars: _Bars, effect: str) -> list[Detectable]:
+def _rows(joint: Joint, bars: _Bars, effect: str, in_vain: Mapping[str, Array]) -> list[Detectable]:
     left = unabsorbed(joint, joint.case.positions(effect))
     excess, by_record = excess_variance(joint, left), information_by_record(joint, left)
     sizes, alone = (
         _by_rules(bars, left, by_record, e) for e in (np.maximum(excess, 1.0), np.ones_like(excess))
     )
-    least = _practical(joint, effect)
+    least = np.maximum(_practical(joint, effect), in_vain.get(effect, 0.0))
     return [_row(joint, effect, left, (sizes, alone), least, k) for k in range(len(sizes))]
 
 
@@ -136,7 +159,7 @@ def _row(
     effect: str,
     left: Unabsorbed,
     by_rules: tuple[Array, Array],
-    practical: Array,
+    least: Array,
     k: int,
 ) -> Detectable:
     """One parameter, by its place in the effect, with the size that the rules ask for.
@@ -147,7 +170,7 @@ def _row(
     i, kept = joint.case.positions(effect)[k], float(left.kept[k])
     declared, checked = parameter_of(joint.case.names[i]), _by_checks(joint, i)
     unit = joint.case.setup.prior_std[i] / declared.prior  # internal value of one table unit
-    size = max(min(float(sizes[k]) * declared.prior, checked), float(practical[k]))
+    size = max(min(float(sizes[k]) * declared.prior, checked), float(least[k]))
     size *= UNFORESEEN
     told = kept > ABSORBED or bool(np.isfinite(checked))
     own = told and not _is_taken_along(joint, i)

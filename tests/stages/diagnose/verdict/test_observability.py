@@ -1,11 +1,16 @@
 """Sizes that are stated to be seen."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from auvident.schema.planes import HORIZONTAL, VERTICAL
-from auvident.stages.diagnose.score.first_order import joint_about
+from auvident.stages.diagnose.score.first_order import Joint, joint_about
 from auvident.stages.diagnose.score.left_out import t_value
+from auvident.stages.diagnose.select.candidates import Tried
+from auvident.stages.diagnose.select.records import Account
+from auvident.stages.diagnose.select.rule import Refusal
 from auvident.stages.diagnose.select.rules import LEAST_T
 from auvident.stages.diagnose.verdict import observability
 from auvident.stages.diagnose.verdict.observability import MARGIN_LEFT_OUT, _by_left_out
@@ -61,3 +66,28 @@ def test_without_a_second_maneuver_no_push_is_seen():
     rows = observability.detectable_push(None, HORIZONTAL)
     assert [r.symbol for r in rows] == ["v_mps", "r_degps"]
     assert not any(r.visible for r in rows) and all(np.isfinite(r.size) and r.why for r in rows)
+
+
+def told(refusal: Refusal | None, delay_s: float) -> tuple[Tried, Joint]:
+    """A late rudder as it came out of a fit, and what became of it."""
+    about = joint_about(small_case(), small_fit(), ("rudder_delay",))
+    assert about is not None
+    p = about.fitted.parameters.copy()
+    p[about.case.positions("rudder_delay")] = delay_s
+    account = Account("rudder_delay", 100.0, 0.0, 1, 9.0, {}, (), False, True, 100.0, 5)
+    return Tried(replace(about.fitted, parameters=p), account, refusal), about
+
+
+@pytest.mark.parametrize(("code", "raised"), [("evidence", True), ("of-best", False)])
+def test_no_size_is_stated_at_which_the_effect_was_tried_and_refused(code, raised):
+    tried, about = told(Refusal(code, "too weak"), 5.0)
+    every = [observability.detectable(about, about, ("rudder_delay",), f) for f in ((), (tried,))]
+    (before,), (after,) = every
+    assert before.size < 5.0
+    expected = observability.UNFORESEEN * 5.0 if raised else before.size
+    assert after.size == pytest.approx(expected)
+
+
+def test_an_effect_that_was_accepted_keeps_the_size_of_the_rules():
+    tried, about = told(None, 5.0)
+    assert not observability._shown_in_vain(about, (tried,))
