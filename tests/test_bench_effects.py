@@ -389,6 +389,22 @@ def test_outcomes_of_another_program_are_sailed_again_and_can_be_scored(
     assert "none_found 1" in capsys.readouterr().out
 
 
+def test_what_shows_artifacts_is_no_part_of_the_program_that_makes_them(tmp_path) -> None:
+    for name in ("auvident/stages/a.py", "auvident/report/b.py", "sample_logs/c.py"):
+        (tmp_path / name).parent.mkdir(parents=True)
+        (tmp_path / name).touch()
+
+    def changed(name: str) -> tuple[bool, bool]:
+        before = [effects.program(whole, tmp_path) for whole in (False, True)]
+        (tmp_path / name).write_text("x")
+        after = [effects.program(whole, tmp_path) for whole in (False, True)]
+        return before[0] != after[0], before[1] != after[1]
+
+    assert changed("auvident/report/b.py") == (False, True)
+    assert changed("auvident/stages/a.py") == (True, True)
+    assert changed("sample_logs/c.py") == (True, True)
+
+
 def test_trials_that_met_a_bug_are_sailed_again_and_scored_where_asked(tmp_path) -> None:
     path = tmp_path / "kept.jsonl"
     for stage in ("generator", "diagnose", "refine"):

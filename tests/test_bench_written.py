@@ -79,7 +79,7 @@ def test_a_part_writes_its_tables_and_with_what(page: Path, monkeypatch, capsys)
     bench.main(["speed", "--repeats", "3", "--write"])
     assert "a|b" in capsys.readouterr().out
     text = page.read_text()
-    assert effects.program() in text and "medians of 3 repetitions" in text
+    assert effects.program(whole=True) in text and "medians of 3 repetitions" in text
     assert "| pass | ratio | bar |" in text
 
 

@@ -158,7 +158,7 @@ def _write(part: str, result: dict[str, Any], options: argparse.Namespace) -> No
         repeats=options.repeats,
         few=min(options.repeats, 3),
     )
-    written.write(part, f"Program `{program()}`{how}.", result)
+    written.write(part, f"Program `{program(whole=True)}`{how}.", result)
 
 
 def _print(title: str, rows: list[dict[str, Any]]) -> None:

@@ -38,6 +38,7 @@ from tests.engines.chain import SAMPLES
 ONE_THREAD = ("AUVIDENT_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 LABELS = frozenset((*SINGLES, *LATER, *OUTSIDE, *("+".join(p) for p in PAIRS), "none", *KINDS))
 GENERATOR = "generator"  # in place of a stage, where a trial could not be made
+SHOWN = ("api", "cli", "report")  # packages that show artifacts and make none
 WRITTEN = "effects"  # section of the page, and its tables in order
 SECTION = ("bars", "by planted effect", "planted against named", "costs")
 
@@ -88,12 +89,17 @@ def sail(wanted: list[Case], workers: int, resume: Path | None) -> dict[str, Out
     return kept
 
 
-def program() -> str:
-    """Hash of everything that an outcome hangs on: the program and the generator."""
-    root, digest = SAMPLES.parent, sha256()
+def program(whole: bool = False, root: Path = SAMPLES.parent) -> str:
+    """Hash of everything that an outcome hangs on: the program and the generator.
+
+    What people see of artifacts is no part of it: no stage may use it (`test_architecture`). With
+    `whole` it is, as for times of commands.
+    """
+    digest = sha256()
     for folder in ("auvident", "sample_logs"):
         for path in sorted(p for s in ("py", "toml") for p in (root / folder).rglob(f"*.{s}")):
-            digest.update(path.read_bytes())
+            if whole or path.relative_to(root).parts[1] not in SHOWN:
+                digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
 
