@@ -309,6 +309,23 @@ def test_nothing_found_is_good_news_and_draws_no_change(small: ReportData) -> No
     assert "moved by more than two" not in page and "Candidate effects, none accepted" in page
 
 
+def test_what_only_fits_better_is_told_before_a_refinement_as_well(small: ReportData) -> None:
+    wide = loop_world.CURRENT.model_copy(
+        update={
+            "parameters": tuple(
+                p.model_copy(update={"interval": (-1.0, 1.0)})
+                for p in loop_world.CURRENT.parameters
+            )
+        }
+    )
+    none = loop_world.nothing().model_copy(update={"not_confirmed": (wide,)})
+    found = replace(small, diagnosis=none, comparison=None)
+    told = lacks(found)
+    assert told and told.grade == "good" and len(told.effects.rows) == len(wide.parameters)
+    assert "not confirmed" in str(summary(found))
+    assert "not confirmed" in Page(render(found)).text
+
+
 @pytest.mark.parametrize("verdict", ["none_found", "effect_found", "ambiguous", "unexplained"])
 def test_every_verdict_has_words(data: ReportData, verdict: str) -> None:
     assert data.diagnosis
