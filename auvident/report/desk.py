@@ -29,6 +29,7 @@ WORDS = {
     "zigzag_time": "Nomoto T, from the zigzag",
     "reach": "reach (back on the course)",
     "depth_overshoot": "depth overshoot",
+    "greatest_pitch": "greatest change of pitch",
     "r_from_starboard": "rate from starboard",
     "r_from_port": "rate from port",
     "residual_starboard": "residual rate after starboard",

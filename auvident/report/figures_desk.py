@@ -17,6 +17,7 @@ from auvident.schema.planes import BY_PLANE
 BAND_OPACITY, WAY_OPACITY = 0.22, 0.3
 WITH_TRACK = 0.62  # share of the width left to the channels
 WAYS = {"horizontal": ("east_m", "north_m"), "vertical": ("along_m", "depth_m")}
+TOWARDS = {"horizontal": "to starboard", "vertical": "bow up"}  # of a positive angle of the fin
 WAY_WORDS = {
     "horizontal": ("to starboard of the first course, m", "along the first course, m"),
     "vertical": ("along, m", "depth, m"),
@@ -45,7 +46,7 @@ def desk_figure(result: DeskResult, table: pd.DataFrame, ways: np.ndarray, form:
         )
         time = table[TIME_COLUMN].to_numpy(float)
         first = figure.add_subplot(grid[0])
-        _helm(first, time, table, row.control_columns[0], row.fin)
+        _helm(first, time, table, row.control_columns[0], f"{row.fin}, {TOWARDS[row.name]}")
         for i, (column, unit, words) in enumerate(channels):
             axes = figure.add_subplot(grid[i + 1], sharex=first)
             _channel(axes, time, table, column, unit, words)
@@ -77,11 +78,20 @@ def _bytes(figure: Figure, form: str) -> bytes:
     return stream.getvalue()
 
 
-def _helm(axes: Axes, time: np.ndarray, table: pd.DataFrame, column: str, fin: str) -> None:
-    order = np.degrees(table[column.replace("_rad", "_order_rad")].to_numpy(float))
+def helm_lines(table: pd.DataFrame, column: str) -> tuple[np.ndarray, np.ndarray]:
+    """Order and angle (n,) of a fin in degrees, positive to starboard or with the bow up.
+
+    The table has the signs of the axes: there a positive angle turns to port, or puts the bow down.
+    """
+    order = table[column.replace("_rad", "_order_rad")].to_numpy(float)
+    return -np.degrees(order), -np.degrees(table[column].to_numpy(float))
+
+
+def _helm(axes: Axes, time: np.ndarray, table: pd.DataFrame, column: str, words: str) -> None:
+    order, angle = helm_lines(table, column)
     axes.plot(time, order, color=SOFT, drawstyle="steps-post", lw=0.9)
-    axes.plot(time, np.degrees(table[column].to_numpy(float)), color=INK)
-    axes.set_ylabel(f"{fin}\ndeg")
+    axes.plot(time, angle, color=INK)
+    axes.set_ylabel(f"{words}\ndeg")
 
 
 def _channel(

@@ -20,6 +20,9 @@ ZIGZAG_DEG = 10.0  # rudder and heading of the zigzag 10/10 (IMO MSC.137(76))
 OVERSHOOTS = 2
 STEP = 0.1  # of L/U
 LONGEST = 60.0  # L/U: to turn by 180 degrees at 15 degrees of rudder takes 5 to 30
+# Rate of a fin that nothing tells of: that of a small vehicle's servo, or 93 deg in the time L/U
+# where that is slower: 65 deg in 28 s (SOLAS II-1/29) with the L/U of 40 s of a tanker
+USUAL_RATE_DEGPS, USUAL_RATE_DEG = 25.0, 93.0
 POWER: dict[str, Callable[[Array], Array]] = {
     "x": lambda x: x,
     "|x|": np.abs,
@@ -108,7 +111,7 @@ class _Circle:
 
 @dataclass
 class _Zigzag:
-    """Rudder of a zigzag, and the overshoot after each of its reversals."""
+    """Order to the rudder of a zigzag, and the overshoot after each of its reversals."""
 
     rudder: Array
     overshoots: Array
@@ -134,10 +137,21 @@ class _Zigzag:
         self.peak = np.where(back, size, np.where(same, np.maximum(self.peak, size), self.peak))
 
 
+def usual_rate_degps(speed_mps: float, length_m: float) -> float:
+    """How fast a fin turns, where nothing tells."""
+    return min(USUAL_RATE_DEGPS, USUAL_RATE_DEG * speed_mps / length_m)
+
+
 def maneuver_figures(
-    drawn: Mapping[str, Array], body: Body, length_m: float, speed: Array, rate_rps: float
+    drawn: Mapping[str, Array],
+    body: Body,
+    length_m: float,
+    speed: Array,
+    rate_rps: float,
+    *,
+    fin_radps: float,
 ) -> dict[str, Array]:
-    """Figures of a turning circle and of a zigzag, the rudder without delay.
+    """Figures of a turning circle and of a zigzag.
 
     Parameters
     ----------
@@ -149,6 +163,8 @@ def maneuver_figures(
         Approach, m/s.
     rate_rps : float
         Propeller rate, held; with 0 the speed is held instead.
+    fin_radps : float
+        How fast the rudder turns.
 
     Returns
     -------
@@ -161,12 +177,15 @@ def maneuver_figures(
     circle = _Circle(np.zeros(n), np.full(n, np.nan))
     zigzag = _Zigzag(np.full(n, np.radians(ZIGZAG_DEG)), np.full((OVERSHOOTS, n), np.nan))
     states, dt = np.zeros((4, 2 * n)), STEP * length_m / float(np.nanmedian(speed))
+    laid, most = np.zeros(2 * n), fin_radps * dt
     states[0] = np.where(models.possible, np.tile(speed, 2), np.nan)
     with np.errstate(invalid="ignore", over="ignore"):
         for _ in range(round(LONGEST / STEP)):
             zigzag.see(states[3, n:])
-            rudder = np.concatenate([np.full(n, np.radians(CIRCLE_DEG)), zigzag.rudder])
-            after = models.step(states, rudder, dt)
+            order = np.concatenate([np.full(n, np.radians(CIRCLE_DEG)), zigzag.rudder])
+            turned = np.clip(order - laid, -most, most)
+            mean = laid + turned * (1.0 - 0.5 * np.abs(turned) / most)  # over the step
+            after, laid = models.step(states, mean, dt), laid + turned
             circle.see(states[:, :n], after[:, :n], dt)
             states = after
             if np.all(

@@ -1,5 +1,6 @@
 """What the uncertain coefficients leave open: stability, turning, overshoots and speed by draws."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -8,7 +9,12 @@ import numpy.typing as npt
 
 from auvident.physics.ase import stability
 from auvident.physics.ase.draws import DRAWS, drawn_coefficients
-from auvident.physics.ase.motion import CIRCLE_DEG, ZIGZAG_DEG, maneuver_figures
+from auvident.physics.ase.motion import (
+    CIRCLE_DEG,
+    ZIGZAG_DEG,
+    maneuver_figures,
+    usual_rate_degps,
+)
 from auvident.schema.coefficients import symbols_of
 from auvident.schema.planes import Plane
 from auvident.schema.vehicle import Vehicle
@@ -93,10 +99,13 @@ def _maneuvers(
     vehicle: Vehicle, drawn: Mapping[str, Array], speed: Array, rate_rps: float
 ) -> dict[str, Any]:
     """Turning circle and zigzag."""
-    own = {symbol: drawn[symbol] for symbol in symbols_of("horizontal")}
-    found = maneuver_figures(own, vehicle.body, vehicle.hull.length_m, speed, rate_rps)
+    own, length = {s: drawn[s] for s in symbols_of("horizontal")}, vehicle.hull.length_m
+    servo = usual_rate_degps(float(np.nanmedian(speed)), length)
+    turns = math.radians(servo)
+    found = maneuver_figures(own, vehicle.body, length, speed, rate_rps, fin_radps=turns)
     figures: dict[str, Any] = {name: _figure(x) for name, x in found.items()}
-    return {"circle_rudder_deg": CIRCLE_DEG, "zigzag_rudder_deg": ZIGZAG_DEG, **figures}
+    orders = {"circle_rudder_deg": CIRCLE_DEG, "zigzag_rudder_deg": ZIGZAG_DEG}
+    return {**orders, "servo_degps": servo, **figures}
 
 
 def _figure(x: Array) -> dict[str, float]:

@@ -158,7 +158,7 @@ def turning_table(c: Values, mass: float, x_g: float) -> list[dict[str, float]]:
     list of dict
         Empty where nothing steers; else ``rudder_deg``, ``rate_per_speed_degpm`` (deg turned per
         metre, negative to port), ``drift_deg``, ``diameter_m``, ``speed_ratio`` of turn to
-        straight run at equal rpm.
+        straight run at equal rpm; speeds are those along the path.
     """
     if c["Y_uud"] == c["N_uud"] == 0.0:
         return []
@@ -178,19 +178,20 @@ def _turn_row(
 ) -> dict[str, float]:
     """One row of the turning table."""
     v, r = (float(x) for x in state)
+    speed = float(np.hypot(1.0, v))  # along the path, over u
     row = {
         "rudder_deg": degrees,
-        "rate_per_speed_degpm": float(np.degrees(r)),
+        "rate_per_speed_degpm": float(np.degrees(r)) / speed,
         "drift_deg": float(np.degrees(np.arctan(v))),
     }
     if abs(r) > NEWTON_TOLERANCE:  # else it is zero, as far as the solution tells
-        row["diameter_m"] = float(2.0 * np.hypot(1.0, v) / abs(r))
+        row["diameter_m"] = 2.0 * speed / abs(r)
     drag = c["X_uu"] + c["X_vv"] * v**2 + (c["X_vr"] + mass) * v * r
     drag = drag + (c["X_rr"] + mass * x_g) * r**2 + c["X_uudd"] * np.radians(degrees) ** 2
     straight = speed_per_rate_m(c)
     turning = speed_per_rate_m({**c, "X_uu": drag})
     if np.isfinite(straight) and np.isfinite(turning):
-        row["speed_ratio"] = turning / straight
+        row["speed_ratio"] = speed * turning / straight
     return row
 
 

@@ -98,18 +98,27 @@ def nomoto_from(time_s: Array, r: Array, heading_rad: Array, order_rad: Array) -
 
 
 def vertical_swing_figures(flight: DeskFlight, s: int) -> Figures:
-    """Figures of a vertical zigzag, with how far the depth goes on after each reversal."""
+    """Figures of a vertical zigzag, with how far the depth goes on after each reversal.
+
+    A small vehicle reverses so fast that the depth may still go the other way for a moment.
+    """
     found = swing_figures(flight, s)
     rows = rows_of(flight, s)
     turn = reversals(flight.order[rows, s])
     depth = flight.way[rows, 1, s]
     for k, begin in enumerate(turn.tolist()):
         side = np.sign(flight.states[begin, 3, s] - flight.states[0, 3, s])
-        beyond = side * (depth[begin] - depth[begin:])  # bow up: the depth falls
-        back = np.flatnonzero(np.diff(beyond) <= 0.0)
-        if back.size:
-            found[f"depth_overshoot_{k + 1}_m"] = float(beyond[back[0]])
+        beyond = gone_on(side * (depth[begin] - depth[begin:]))  # bow up: the depth falls
+        if beyond is not None:
+            found[f"depth_overshoot_{k + 1}_m"] = beyond
     return found
+
+
+def gone_on(way: Array) -> float | None:
+    """How far a way (n,) from zero goes on before it turns back; None where it does not turn."""
+    rises = np.diff(way) > 0.0
+    back = np.flatnonzero(~rises & np.maximum.accumulate(rises))
+    return max(float(way[back[0]]), 0.0) if back.size else None
 
 
 def depth_figures(flight: DeskFlight, s: int) -> Figures:

@@ -6,16 +6,13 @@ from dataclasses import dataclass
 from auvident.constants import USUAL_SPEED_MPS
 from auvident.errors import InputError, NumericsError, UsageError
 from auvident.physics.actuation import LAG, SLOWNESS, command_values
+from auvident.physics.ase.motion import usual_rate_degps
 from auvident.physics.ase.stability import speed_per_rate_m
 from auvident.physics.fleet import Fleet
 from auvident.physics.steady import SteadyRun, Unknown, steady_run
 from auvident.physics.terms import symbol_in
 from auvident.schema.planes import BY_PLANE
 from auvident.stages.desk.models import DeskModel
-
-# Rate of the fin where the model tells of none: that of a small vehicle's servo, or 93 deg in the
-# time L/U where that is slower: 65 deg in 28 s (SOLAS II-1/29) with the L/U of 40 s of a tanker
-USUAL_RATE_DEGPS, USUAL_RATE_DEG = 25.0, 93.0
 
 
 @dataclass(frozen=True)
@@ -107,7 +104,7 @@ def _fin_rate(models: DeskModel, approach: Approach, speed: float) -> tuple[floa
             rate = f"{math.degrees(1.0 / e[SLOWNESS]):.3g} deg/s" if e[SLOWNESS] > 0.0 else ""
             lag = f"lag {e[LAG]:.2g} s" if e[LAG] > 0.0 else ""
             return None, f"{' '.join(t for t in (rate, lag) if t)} (from the model)"
-        asked = min(USUAL_RATE_DEGPS, USUAL_RATE_DEG * speed / models.length_m)
+        asked = usual_rate_degps(speed, models.length_m)
         return math.radians(asked), f"{asked:.3g} deg/s (typical)"
     return math.radians(asked), f"{asked:.3g} deg/s (as given)"
 

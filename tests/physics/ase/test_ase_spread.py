@@ -65,7 +65,7 @@ def test_maneuvers_are_those_of_the_program_itself(efficiency):
     rate = result.speed_mps / stability.speed_per_rate_m(c)
     drawn = {symbol: np.full(3, value) for symbol, value in c.items()}
     found = maneuver_figures(
-        drawn, vehicle.body, result.length_m, np.full(3, result.speed_mps), rate
+        drawn, vehicle.body, result.length_m, np.full(3, result.speed_mps), rate, fin_radps=np.inf
     )
     structure = structure_of("horizontal")
     p = parameter_vector("horizontal", c, rigid_body(vehicle, "horizontal"))

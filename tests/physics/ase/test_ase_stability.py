@@ -77,7 +77,8 @@ def test_steady_turn_is_where_a_simulated_turn_ends():
     end = solve_ivp(rate, (0, 200), [0.0, 0.0], rtol=1e-10, atol=1e-12).y[:, -1]
     rows = {row["rudder_deg"]: row for row in stability.turning_table(c, m, 0.0)}
     found = rows[10.0]
-    assert np.radians(found["rate_per_speed_degpm"]) == pytest.approx(end[1], rel=1e-6)
+    rate = end[1] / np.hypot(1.0, end[0])  # along the path
+    assert np.radians(found["rate_per_speed_degpm"]) == pytest.approx(rate, rel=1e-6)
     assert np.tan(np.radians(found["drift_deg"])) == pytest.approx(end[0], rel=1e-6)
     assert found["rate_per_speed_degpm"] < 0.0  # a positive rudder turns to port
     assert 0.5 < found["speed_ratio"] < 1.0

@@ -8,10 +8,13 @@ import pytest
 from auvident.errors import NumericsError
 from auvident.physics.ase.stability import linear_turning_gain, steady_turn, turning_table
 from auvident.physics.maneuvers.desk import round_step
-from auvident.physics.maneuvers.desk_figures import FIGURES, nomoto_from
+from auvident.physics.maneuvers.desk_figures import FIGURES, gone_on, nomoto_from
 from auvident.schema.desk import MANEUVERS, desk_order
+from auvident.stages.ase import estimate
 from auvident.stages.desk import Approach, Desk, DeskModel, fly_maneuver
 from auvident.stages.desk.stage import HELMS
+from auvident.storage.vehicle_file import load_vehicle
+from tests.command_line import SAMPLES
 from tests.physics.desk_models import changed, linear, remus, stated
 
 MASS_KG = 30.48
@@ -79,8 +82,8 @@ def test_a_steady_turn_is_that_of_newtons_method() -> None:
     starboard = figures(flown(models, "turning-circle:15", speed_mps=1.5))
     port = figures(flown(models, "turning-circle:-15", speed_mps=1.5))
     assert starboard["steady_diameter"] == pytest.approx(row["diameter_m"], rel=1e-3)
-    ratio = row["speed_ratio"] * np.hypot(1.0, np.tan(np.radians(row["drift_deg"])))
-    assert 1.0 - starboard["speed_loss"] == pytest.approx(ratio, rel=1e-3)
+    assert 1.0 - starboard["speed_loss"] == pytest.approx(row["speed_ratio"], rel=1e-3)
+    assert 2.0 / abs(np.radians(row["rate_per_speed_degpm"])) == pytest.approx(row["diameter_m"])
     assert starboard["steady_r"] > 0.0
     for name in ("advance", "transfer", "tactical_diameter", "time_to_90"):
         assert port[name] == pytest.approx(starboard[name], rel=1e-9)
@@ -178,6 +181,28 @@ def test_a_vertical_zigzag_puts_the_bow_up_first() -> None:
     assert desk.table["elevator_order_rad"][0] < 0.0  # trailing edge up
     assert desk.table["pitch_rad"][20] > desk.table["pitch_rad"][0]
     assert figures(desk)["depth_overshoot_1"] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("way", "expected"),
+    [
+        ([0.0, 0.1, 0.3, 0.2], 0.3),
+        ([0.0, -0.02, 0.1, 0.28, 0.2, 0.4], 0.28),  # it still went the other way at the reversal
+        ([0.0, 0.1, 0.2], None),
+        ([0.0, -0.1, -0.2], None),
+    ],
+)
+def test_the_depth_goes_on_to_where_it_turns_back(way: list[float], expected: float | None) -> None:
+    assert gone_on(np.array(way)) == expected
+
+
+def test_the_estimate_and_the_desk_fly_one_zigzag() -> None:
+    """With the servo of the desk the two ways to fly the estimate differ by steps alone."""
+    told = estimate(load_vehicle(SAMPLES / "remus100.toml")).facts["spread"]["horizontal"]
+    desk = figures(flown(remus("horizontal"), "zigzag:10/10", speed_mps=1.5))
+    for k in (1, 2):
+        value = told[f"overshoot_{k}_deg"]["value"]
+        assert value == pytest.approx(desk[f"overshoot_{k}"], abs=0.5)
 
 
 @pytest.mark.parametrize(
