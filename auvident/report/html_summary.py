@@ -1,6 +1,6 @@
 """The box at the top of the report: how good, for what, not for what, what next."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from auvident.report import check_words
 from auvident.report import loop_words as words
@@ -21,12 +21,12 @@ from auvident.schema.diagnosis import (
     ChannelError,
     Comparison,
     Diagnosis,
-    Difference,
     EffectFound,
     ParameterValue,
 )
-from auvident.schema.effect_words import AXES
+from auvident.schema.effect_words import AXES, words_of
 from auvident.schema.effects import DEGREES
+from auvident.schema.planes import TRACK
 from auvident.schema.spin import share
 
 # what a model was identified from: column, words, unit, factor to it
@@ -55,7 +55,7 @@ NEEDED_FOR: dict[Group, str] = {
 }
 NOTHING = "The model lacks nothing"  # beside the words "It lacked"
 # ends of the symbols of parameters, which stand beside their unit
-UNIT_ENDS = ("mps", "degps", "deg", "s", "m", "n", "rad", "rpm", "m2ps2pn")
+UNIT_ENDS = ("mps", "degps", "deg", "s", "m", "n", "nm", "npm", "rad", "rpm", "m2ps2pn")
 ASYMMETRY = 0.05  # of an interval about its value, below which one ± tells it
 # rank of a finding, one of them, several
 COUNTED = (
@@ -104,9 +104,10 @@ def _judged(data: ReportData) -> tuple[Lines, str]:
     errors = {k: e for k, e in all_errors.items() if k in DYNAMIC}
     if not errors:
         return ["No channel was measured to compare the predictions with."], "none"
-    called = {name: ERROR.of(e.nrmse) for name, e in errors.items()}
+    told = {k: e for k, e in all_errors.items() if k != TRACK}  # a position has no usual spread
+    called = {name: ERROR.of(e.nrmse) for name, e in told.items()}
     gains, better = _gains(data, errors)
-    band, trusted = _band(data, errors)
+    band, trusted = _band(data, told)
     grades = [*(w.grade for w in called.values()), *better, *trusted]
     count = sum(m.role == data.role for m in metrics.maneuvers)
     which = "held-out maneuver" if data.role == "validate" else "maneuver used for identification"
@@ -160,18 +161,27 @@ def _gains(data: ReportData, errors: Mapping[str, ChannelError]) -> tuple[str, l
 
 
 def _band(data: ReportData, errors: Mapping[str, ChannelError]) -> tuple[str, list[str]]:
-    """How much of what was held out the band holds, with grades."""
+    """How much of what was held out the band holds, with grades; channels by what it is called."""
     found = {k: c for k, c in data.coverage.items() if k in errors}
     if not found or data.role == "identify":
         return "", []
-    shares = [c.covered for c in found.values()]
-    low, high = percent(min(shares)), percent(max(shares))
-    span = low if low == high else f"{low.removesuffix(PAGE.space + '%')} to {high}"
+    groups: dict[Word, list[str]] = {}
+    for name, c in found.items():
+        groups.setdefault(BAND.of(c.covered), []).append(name)
     nominal = percent(next(iter(found.values())).nominal)
-    words_of = BAND.of(min(shares)).words
-    return f"Its {nominal} band holds {span} of the samples: {words_of}.", [
-        BAND.of(min(shares)).grade
+    spans = [(_span([found[n].covered for n in names]), listed(names)) for names in groups.values()]
+    of = ("the samples", *("those" for _ in spans[1:]))
+    parts = [
+        f"{span} of {samples} of {names}: {w.words}"
+        for w, samples, (span, names) in zip(groups, of, spans, strict=True)
     ]
+    return f"Its {nominal} band holds {'; '.join(parts)}.", [w.grade for w in groups]
+
+
+def _span(shares: Sequence[float]) -> str:
+    """``93 to 98 %``."""
+    low, high = percent(min(shares)), percent(max(shares))
+    return low if low == high else f"{low.removesuffix(PAGE.space + '%')} to {high}"
 
 
 def _contradicted(data: ReportData) -> Lines:
@@ -237,14 +247,16 @@ def _lacked(data: ReportData) -> Lines:
     if not effects:
         return [found.statement.replace(NOTHING, "Nothing", 1) + little]
     lines = [_effect(e, found) for e in effects]
-    lines += [f"These data cannot tell apart {listed(g)}." for g in found.ambiguous]
+    alike = [listed([words_of(e) for e in group]) for group in found.ambiguous]
+    lines += [f"These data cannot tell apart {group}." for group in alike]
     changed = _changed(comparison) if comparison and comparison.added else ""
     return [*lines[:-1], " ".join(x for x in (lines[-1], changed + little) if x)]
 
 
 def _effect(effect: EffectFound, found: Diagnosis | Comparison) -> str:
     """An effect in words, with its sizes and their 95 % uncertainty."""
-    text = unit_text(effect.plain or effect.id)
+    listed_there = any(f"({p.symbol} " in effect.plain for p in effect.parameters)
+    text = unit_text(words_of(effect.id) if listed_there else effect.plain or effect.id)
     alone = len(effect.parameters) == 1
     sizes = [told for p in effect.parameters if (told := _size(effect, p, alone))]
     text = f"{text[:1].upper()}{text[1:]}" + (f" ({', '.join(sizes)}; 95\u00a0%)" if sizes else "")
@@ -271,31 +283,38 @@ def _size(effect: EffectFound, p: ParameterValue, alone: bool) -> str:
 
 def _named(symbol: str, frame: str) -> str:
     """A parameter without the unit that its symbol ends in, its axis as directions are counted."""
+    if symbol[:1].isupper():  # a coefficient: Y_v, N_nn
+        return symbol
     stem, _, end = symbol.rpartition("_")
     name = (stem if end in UNIT_ENDS else symbol).replace("_", " ")
     return AXES[frame].get(name, name)
 
 
 def _changed(found: Comparison) -> str:
-    """Held-out errors without and with the effects, and where the difference is no chance."""
-    pieces = []
+    """Held-out errors without and with the effects, and which differences may be chance."""
+    pieces, doubted = [], []
     for name, before in found.held_out.before.items():
         after = found.held_out.after.get(name)
         if after is None:
             continue
         first = number(PAGE.shown(before.rmse, before.unit), 2)
-        text = f"{name} {first} → {quantity(after.rmse, after.unit, 2)}"
-        pieces.append(text + _sureness(found.held_out.difference.get(name)))
-    return f"With that, held-out RMSE {', '.join(pieces)}." if pieces else ""
-
-
-def _sureness(difference: Difference | None) -> str:
-    """Says where a change may be chance, and where it is for the worse."""
-    if difference is None:
+        difference = found.held_out.difference.get(name)
+        worse = " (worse)" if difference is not None and difference.low > 0.0 else ""
+        pieces.append(f"{name} {first} → {quantity(after.rmse, after.unit, 2)}{worse}")
+        if difference is not None and difference.low <= 0.0 <= difference.high:
+            doubted.append(name)
+    if not pieces:
         return ""
-    if difference.low <= 0.0 <= difference.high:
-        return " (may be chance)"
-    return " (worse)" if difference.low > 0.0 else ""
+    return f"With that, held-out RMSE {', '.join(pieces)}.{_doubt(found, doubted)}"
+
+
+def _doubt(found: Comparison, channels: Sequence[str]) -> str:
+    """That so few maneuvers do not tell a difference from chance."""
+    if not channels:
+        return ""
+    count = sum(m.role == "validate" for m in found.maneuvers)
+    which = "maneuver" if count == 1 else "maneuvers"
+    return f" With {count} held-out {which} chance is not excluded for {listed(channels)}."
 
 
 def _remains(data: ReportData) -> Lines:

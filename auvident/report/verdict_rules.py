@@ -50,7 +50,7 @@ class Called:
 
 NEVER = math.inf
 ERROR = Called(
-    "NRMSE of a velocity or rate over the held-out maneuvers",
+    "NRMSE of a channel over the held-out maneuvers",
     (
         Word(0.1, "well", "good"),
         Word(0.3, "fairly well", "fair"),

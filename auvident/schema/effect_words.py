@@ -55,7 +55,10 @@ DRIFT = "mps_per_1000_s"  # end of the symbols of rates of the current
 
 
 class Told(float):
-    """A value that says, wherever it is written, that it is known to one side only."""
+    """A value that says, wherever it is written, that it is known to one side only.
+
+    Written as ``grows|falls`` it is the word for its sign, as ``abs`` and a format its size.
+    """
 
     def __new__(cls, value: float, bound: Bound | None = None) -> "Told":
         """A value, with the side that it is known to."""
@@ -66,7 +69,11 @@ class Told(float):
     bound: Bound | None
 
     def __format__(self, spec: str) -> str:
-        return (BOUNDS[self.bound] if self.bound else "") + super().__format__(spec)
+        if "|" in spec:
+            return spec.split("|")[self < 0.0]
+        value = abs(float(self)) if spec.startswith("abs") else float(self)
+        text = format(value, spec.removeprefix("abs"))
+        return (BOUNDS[self.bound] if self.bound else "") + text
 
     def times(self, factor: float) -> "Told":
         """The value in another unit, by a factor above zero."""

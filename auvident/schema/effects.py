@@ -225,14 +225,17 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("thrust_sag", "actuation", "input", HV, (
         P("fraction_per_1000_s", "-", 0.15, 0.05, -0.9, 0.9),
     ), "thrust (1 - fraction t / 1000 s)", "u falls slowly through the trial",
-        words="thrust that declines by {fraction_per_1000_s:.1%} in 1000 s", alike="falling thrust",
+        words="thrust that {fraction_per_1000_s:declines|rises} by {fraction_per_1000_s:abs.1%} "
+        "in 1000 s",
+        alike="falling thrust",
         surge_alone=True, of_trial=True),
     Effect("thrust_step", "actuation", "input", HV, (
         P("fraction", "-", 0.15, 0.05, -0.9, 0.9),
         *ONCE,
     ), "thrust (1 - fraction) from one time on, spread over its uncertainty",
         "u drops at one time and stays low",
-        words="thrust that drops by {fraction:.1%}", alike="falling thrust", surge_alone=True,
+        words="thrust that {fraction:drops|rises} by {fraction:abs.1%}", alike="falling thrust",
+        surge_alone=True,
         of_trial=True),
     Effect("dvl_delay", "sensing", "reading", HV, (
         P("delay_s", "s", 0.22, 0.09, -2.5, 5.0, powers=TIME),
@@ -368,13 +371,15 @@ EFFECTS: tuple[Effect, ...] = (
     ), "W-B + weight and x_GW + moment from one time on, spread over its uncertainty",
         "Z and M residuals that set in at one time and stay, whatever the speed", (),
         "Fossen (2021), 4.1",
-        words="weight that grows by {weight_n:.1f} N and a bow-down moment by {moment_nm:.2f} N m",
+        words="weight that {weight_n:grows|falls} by {weight_n:abs.1f} N and a bow-down moment "
+        "that {moment_nm:grows|falls} by {moment_nm:abs.2f} N m",
         alike="weight", of_trial=True),
     Effect("buoyancy_gradient", "environment", "force", V, (
         P("gradient_npm", "N/m", 4e-4, 8e-5, -0.02, 0.02, powers=(1, 1, 2, 0)),
     ), "W-B + gradient depth", "Z residual that follows the depth", ("depth_m",),
         "Fossen (2021), 4.1",
-        words="weight minus buoyancy that grows by {gradient_npm:.2f} N per m of depth",
+        words="weight minus buoyancy that {gradient_npm:grows|falls} by {gradient_npm:abs.2f} N "
+        "per m of depth",
         alike="weight", of_trial=True),
     Effect("dvl_height", "sensing", "reading", H, (
         P("dz_m", "m", 0.09, 0.06, -1.0, 1.0, nuisance_std=0.09, powers=LENGTH),

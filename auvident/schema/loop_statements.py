@@ -161,7 +161,7 @@ def alike(groups: Sequence[Sequence[str]], separate_by: str) -> str:
     """What explains the data alike, and what would tell it apart; empty where nothing does."""
     if not groups:
         return ""
-    listed = "; ".join(" or ".join(group) for group in groups)
+    listed = "; ".join(" and ".join(words_of(e) for e in group) for group in groups)
     return f"These data cannot tell apart {listed}. These maneuvers would: {separate_by}."
 
 

@@ -340,7 +340,7 @@ def test_verdict_follows_the_worst_velocity(data: ReportData) -> None:
         return judged(data, summary={"validate": pooled})
 
     assert [grade(with_nrmse(x)) for x in (0.09, 0.11, 0.31)] == ["good", "fair", "poor"]
-    assert "u and r well, v fairly well: RMSE" in verdict(with_nrmse(0.11))
+    assert "u, r and heading well, v fairly well: RMSE" in verdict(with_nrmse(0.11))
     assert "v worse than a constant would" in verdict(with_nrmse(1.2))
     assert "v (worse than a constant would)" in told(with_nrmse(1.2))["Not for"]
     codes = {w.finding.code: w.rank for w in warnings(with_nrmse(1.2))}
@@ -358,7 +358,9 @@ def test_a_band_that_is_too_narrow_spoils_the_verdict(data: ReportData) -> None:
 
     assert grade(data) == grade(covered(0.91)) == "good"
     assert (grade(covered(0.9)), grade(covered(0.75))) == ("fair", "poor")
-    assert "holds 75 to " in verdict(covered(0.75)) and "too narrow" in verdict(covered(0.75))
+    told = verdict(covered(0.75))
+    assert "of the samples of u, v and heading: to be trusted; 75" in told
+    assert "of those of r: too narrow" in told
 
 
 def test_data_that_did_not_help_are_called_so(data: ReportData) -> None:

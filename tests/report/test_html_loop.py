@@ -108,7 +108,7 @@ def test_what_may_be_chance_and_what_got_worse_is_said(data: ReportData) -> None
     )
     doubted = replace(data, comparison=compared)
     (lines,) = (lines for word, lines in summary(doubted) if word == "It lacked")
-    assert lines[0].count("(may be chance)") == 1 and lines[0].count("(worse)") == 1
+    assert lines[0].count("chance is not excluded for v.") == 1 and lines[0].count("(worse)") == 1
     worse = {c["name"] for c in cards(doubted) if c["worse_by_effects"]}
     assert worse == {"r"} and not any(c["worse_by_effects"] for c in cards(data))
 

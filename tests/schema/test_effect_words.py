@@ -98,3 +98,30 @@ def test_an_effect_tells_which_parameters_are_at_a_bound_and_its_table_shows_it(
         ("0.100", "0 to 0.2, not confirmed"),
     ]
     assert loop_words.sizes(found.id, pair).startswith("dx_m ≥ 1 m (≥ 0.9)")
+
+
+@pytest.mark.parametrize(
+    ("effect", "sizes", "says"),
+    [
+        (
+            "weight_change",
+            (-22.5, 0.3),
+            "weight that falls by 22.5 N and a bow-down moment that grows",
+        ),
+        (
+            "buoyancy_gradient",
+            (-0.25,),
+            "weight minus buoyancy that falls by 0.25 N per m of depth",
+        ),
+        ("thrust_sag", (0.1,), "thrust that declines by 10.0% in 1000 s"),
+        ("thrust_sag", (-0.1,), "thrust that rises by 10.0% in 1000 s"),
+        ("thrust_step", (-0.2,), "thrust that rises by 20.0%"),
+    ],
+)
+def test_what_falls_is_not_said_to_grow_by_less_than_nothing(effect, sizes, says):
+    symbols = [p.symbol for p in BY_ID[effect].parameters]
+    values = [
+        ParameterValue(symbol=s, value=x, std=0.0, unit="-")
+        for s, x in zip(symbols, sizes, strict=False)
+    ]
+    assert plain(effect, values, 1.5, 20.0).startswith(says)
