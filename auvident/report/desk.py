@@ -73,7 +73,7 @@ def desk_pieces(result: DeskResult) -> list[RenderableType]:
 def figure_table(result: DeskResult) -> Table:
     """Every figure with its interval."""
     rows: list[list[Cell]] = [
-        [_words(f, result.plane), "" if f.unit == "-" else f.unit, _value(f), _interval(f)]
+        [_words(f, result.plane), "" if f.unit == "-" else f.unit, figure_value(f), _interval(f)]
         for f in map(_without_traces, result.figures)
     ]
     numbers = "/".join(f"{v:g}" for v in result.parameters.values())
@@ -114,7 +114,7 @@ def _without_traces(f: DeskFigure) -> DeskFigure:
     return f.model_copy(update=told)
 
 
-def _value(f: DeskFigure) -> Cell:
+def figure_value(f: DeskFigure) -> Cell:
     """A figure, as exact as its interval is wide."""
     if f.value is None or f.low is None or f.high is None or not f.low < f.high:
         return Number(f.value, 4)

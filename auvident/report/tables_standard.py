@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from auvident.constants import GRAVITY_MPS2
-from auvident.report.desk import WORDS
+from auvident.report.desk import WORDS, figure_value
 from auvident.report.tables import Cell, Interval, Number, Quantity, Rows, Table, columns
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.desk import DeskFigure, DeskResult, StandardManeuvers
@@ -75,7 +75,7 @@ def _figures(result: DeskResult, names: tuple[str, ...]) -> list[DeskFigure]:
 def _figure(f: DeskFigure, of: DeskResult) -> list[Cell]:
     told: Cell = Interval(f.low, f.high) if f.low is not None else ""
     unit = "" if f.unit == "-" else f.unit
-    return [_words(f.name), unit, Number(f.value), told, _without_unit(f, of)]
+    return [_words(f.name), unit, figure_value(f), told, _without_unit(f, of)]
 
 
 def _words(name: str) -> str:
@@ -122,6 +122,8 @@ def _caption(found: StandardManeuvers) -> str:
             " The stability index is below zero: it does not keep a straight course by itself, "
             "and K and T are those of an unstable vehicle."
         )
+    doubts = [f"{_order(r)}: {f.message}." for r in found.maneuvers for f in r.findings]
+    text = " ".join([text, *(f"{d[:1].upper()}{d[1:]}" for d in doubts)])
     lost = [f"{f.where} ({f.message})" for f in found.findings]
     return text + (f" Not flown: {'; '.join(lost)}." if lost else "")
 

@@ -7,6 +7,7 @@ import pytest
 from auvident.report.numbers import PAGE
 from auvident.report.tables import written
 from auvident.report.tables_standard import CRITERIA, OPEN, imo, judged, particulars, standard
+from auvident.schema.artifacts import Finding
 from auvident.schema.desk import DeskFigure, DeskResult, StandardManeuvers
 from auvident.storage.vehicle_file import load_vehicle
 from tests.command_line import SAMPLES
@@ -80,6 +81,15 @@ def test_figures_are_told_in_lengths_and_times_of_the_hull(found: StandardManeuv
     assert rows["Nomoto K, linear model"][5] == "1.00 U/L"
     assert rows["stability index G"][5] == ""
     assert "Beyond the 30 deg that it was identified with: turning circle 35." in table.caption
+
+
+def test_what_is_doubtful_about_a_maneuver_stands_below(found: StandardManeuvers) -> None:
+    lost = Finding(code="drawn-models-run-away", message="5 of 40 models diverge", where="x")
+    circle, zigzag = found.maneuvers
+    doubted = zigzag.model_copy(update={"findings": (lost,)})
+    told = standard(found.model_copy(update={"maneuvers": (circle, doubted)}))
+    assert "Zigzag 10/10: 5 of 40 models diverge." in told.caption
+    assert "diverge" not in standard(found).caption
 
 
 def test_an_unstable_ship_is_called_so(found: StandardManeuvers) -> None:

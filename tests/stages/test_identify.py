@@ -9,6 +9,7 @@ import pytest
 
 from auvident.engines.records import LEAD_IN_S
 from auvident.errors import NumericsError
+from auvident.estimation.identifiability import Direction
 from auvident.pipeline.steps import DEFAULT_PLAN
 from auvident.schema.artifacts import AseResult, IdentifiedModel
 from auvident.schema.channels import BY_COLUMN
@@ -17,6 +18,7 @@ from auvident.schema.plan import Plan
 from auvident.schema.planes import BY_PLANE
 from auvident.schema.trial import Trial
 from auvident.stages.identify import stage as stage_module
+from auvident.stages.identify.result import _combination
 from auvident.stages.identify.setup import prepare, sensing_of
 from tests.engines.chain import identified, plan_named, sample, validated
 
@@ -328,6 +330,21 @@ def test_what_no_data_can_show_is_reported(trial, filter) -> None:
         assert c.weights[0] == 1.0 == max(abs(w) for w in c.weights)
         assert c.information >= 0.0
         assert c.meaning
+
+
+@pytest.mark.parametrize(
+    ("symbols", "structural", "says"),
+    [
+        (("X_uu", "T_nn"), True, "scale of the surge equation"),
+        (("Y_uv", "N_uv"), True, "sway and yaw equations"),
+        # an effect that is carried along and not there: no equation hides it
+        (("rudder_delay.delay_s", "rudder_lag.lag_s"), False, "these maneuvers hardly show"),
+    ],
+)
+def test_only_equations_hide_what_no_trial_can_show(symbols, structural, says) -> None:
+    unseen = Direction(weights=np.array([1.0, -0.5]), information=0.0, structural=True)
+    told = _combination(unseen, symbols)
+    assert told.structural is structural and says in told.meaning
 
 
 @pytest.mark.parametrize("trial", TRIALS, ids=lambda t: t[0])

@@ -204,7 +204,9 @@ def _combination(direction: Direction, symbols: Sequence[str]) -> Combination:
     """A direction the data cannot see, in words."""
     named = direction.named(symbols)
     equations = {ESTIMATED[symbol].equation for symbol, _ in named if symbol in ESTIMATED}
-    if not direction.structural:
+    # what is carried along (a servo's delay) may not show where it is; no equation hides it
+    structural = direction.structural and bool(equations)
+    if not structural:
         meaning = "combination that these maneuvers hardly show: its value comes from the prior"
     elif equations == {"X"}:
         meaning = (
@@ -221,7 +223,7 @@ def _combination(direction: Direction, symbols: Sequence[str]) -> Combination:
         symbols=tuple(symbol for symbol, _ in named),
         weights=tuple(weight for _, weight in named),
         information=direction.information,
-        structural=direction.structural,
+        structural=structural,
         meaning=meaning,
     )
 
