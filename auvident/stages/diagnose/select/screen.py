@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from auvident.errors import NumericsError
 from auvident.parallel import each
 from auvident.schema.likeness import partners
 from auvident.stages.diagnose.fit.case import Case
@@ -62,9 +63,21 @@ class Screen:
 
 
 def screen(case: Case, before: Fitted, candidates: Sequence[str]) -> Screen:
-    """Score the candidates that a model does not have."""
+    """Score the candidates that a model does not have.
+
+    Raises
+    ------
+    NumericsError
+        If the simulation runs away close to the fitted model.
+    """
     joint = joint_about(case, before, candidates)
-    assert joint is not None  # the fit itself ran through
+    if joint is None:
+        raise NumericsError(
+            "a prediction diverges as soon as a coefficient of the fitted model is changed a little",
+            ", ".join(record.id for record in case.records),
+            "Look at what `auvident ingest` says of the channels: one that never changes (a v that "
+            "is filled up with zeros) bends the model until it does.",
+        )
     fast = joint_about(case, before, candidates, FAST_GAIN)
     absent = [c for c in candidates if c not in before.effects]
     pairs = dict(zip(absent, each(lambda c: _scores(joint, c), absent), strict=True))

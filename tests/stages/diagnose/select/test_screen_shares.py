@@ -4,8 +4,9 @@ from itertools import combinations
 
 import pytest
 
+from auvident.errors import NumericsError
 from auvident.stages.diagnose.score.first_order import cosine, cosines, joint_about
-from auvident.stages.diagnose.select.screen import apart, by_others, shares_of
+from auvident.stages.diagnose.select.screen import apart, by_others, screen, shares_of
 from tests.stages.diagnose.loop_chain import small_case, small_fit
 
 SHARES = {
@@ -46,3 +47,11 @@ def test_a_limit_may_stand_for_anything_and_surge_is_apart_from_the_gyro() -> No
     shares = shares_of(joint, EFFECTS)
     assert all(share == 1.0 for pair, share in shares.items() if "rudder_rate_limit" in pair)
     assert shares[frozenset({"linear_drag", "gyro_bias"})] < 0.1
+
+
+def test_a_model_at_the_edge_of_running_away_is_told(monkeypatch) -> None:
+    """As one that was bent by a channel that never changes: nothing can be scored about it."""
+    monkeypatch.setattr("auvident.stages.diagnose.select.screen.joint_about", lambda *_: None)
+    with pytest.raises(NumericsError, match="diverges") as caught:
+        screen(small_case(), small_fit(), EFFECTS)
+    assert "auvident ingest" in caught.value.remedy and "turn" in caught.value.where
