@@ -73,7 +73,7 @@ def screen(case: Case, before: Fitted, candidates: Sequence[str]) -> Screen:
     joint = joint_about(case, before, candidates)
     if joint is None:
         raise NumericsError(
-            "a prediction diverges as soon as a coefficient of the fitted model is changed a little",
+            "a prediction diverges as soon as the fitted model is changed a little",
             ", ".join(record.id for record in case.records),
             "Look at what `auvident ingest` says of the channels: one that never changes (a v that "
             "is filled up with zeros) bends the model until it does.",
