@@ -4,9 +4,11 @@ import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from auvident.cli import stages
 from tests.command_line import Called
 
 SAMPLES = Path(__file__).parents[1] / "sample_logs"
@@ -59,6 +61,18 @@ def test_a_bad_trial_of_a_folder_is_set_aside(
     assert said in aside["reason"]
     assert [trial["trial"] for trial in found["trials"]] == ["sound_trial"]
     assert found["findings"][0]["code"] == "log_refused"
+
+
+def test_a_run_that_need_not_read_the_logs_again_still_says_what_is_set_aside(
+    campaign: Path, auvident: Callable[..., Called]
+) -> None:
+    """A retry of a job ends as the job did."""
+    empty(campaign / "bay_trial")
+    run = campaign.parent / "run"
+    auvident("ingest", campaign, *VEHICLE, "--run", run)
+    later = SimpleNamespace(mains={"ingest": quality(run)}, beside={}, outputs={})
+    assert stages.exit_code(stages.quality_of(run, later)) == 3
+    assert "Set aside: 1 of 2 trials" in [str(p) for p in stages.contradicted(run, later)]
 
 
 def test_logs_named_one_by_one_are_refused_together(

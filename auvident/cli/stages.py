@@ -140,7 +140,7 @@ def ingest(
         fix=fix,
         keep_going=keep_going,
     )
-    return exit_code(outputs)
+    return exit_code(outputs.get("ingest/quality.json"))
 
 
 def _need(logs: tuple[Path, ...], vehicle: Path | None) -> None:
@@ -150,9 +150,8 @@ def _need(logs: tuple[Path, ...], vehicle: Path | None) -> None:
         raise click.UsageError("Missing option '--vehicle'.")
 
 
-def exit_code(outputs: Any) -> int:
-    """3 when a trial was set aside, else 0."""
-    quality = outputs.get("ingest/quality.json")
+def exit_code(quality: "Quality | None") -> int:
+    """3 when a trial was set aside, now or when the logs were read, else 0."""
     return 3 if quality and quality.set_aside else 0
 
 
@@ -260,7 +259,8 @@ def run(
         for piece in discoveries([(plane, comparison) for plane, _, comparison in told]):
             watch.show(piece)
     compared = [(plane, comparison) for plane, _, comparison in told]
-    output.last(after_run(run, [c for _, c in compared if c is not None], quality_of(run, result)))
+    quality = quality_of(run, result)
+    output.last(after_run(run, [c for _, c in compared if c is not None], quality))
     if output.json:
         output.artifact(summary(run, result), "run")
     elif output.quiet:
@@ -270,17 +270,22 @@ def run(
     if result.failure is not None:
         raise result.failure
     output.end.check([judged(metrics, comparison) for _, metrics, comparison in told], limits)
-    return exit_code(result.outputs)
+    return exit_code(quality)
 
 
 def contradicted(run: Path, result: Any) -> list[Any]:
     """What a run says before its results: contradictions in the logs and of the estimate."""
+    from rich.text import Text
+
     from auvident.report.console import checks_first, model_first
+    from auvident.report.trial_words import set_aside
     from auvident.schema.artifacts import IdentifiedModel
     from auvident.storage.artifacts import as_model
 
     quality = quality_of(run, result)
     pieces: list[Any] = checks_first(quality) if quality else []
+    if quality and "ingest/quality.json" not in result.outputs:  # the stage has not said it now
+        pieces += [Text(line) for line in set_aside(quality)]
     for mains in (result.mains, result.beside):
         if "identify" in mains:
             model = as_model(mains["identify"], IdentifiedModel, run / "identify" / "model.json")
