@@ -244,7 +244,9 @@ def sight(found: Diagnosis) -> Table:
     """What the maneuvers can and cannot show, before any verdict; sizes are the smallest."""
     seen = words.visible_by_family(found.sees).items()
     rows: list[list[Cell]] = [[family, Words(", ".join(names))] for family, names in seen]
-    for why, names in words.blind_by_reason(found.sees).items():
+    named = {e.id for e in found.effects}  # whatever could be expected of them, they have shown
+    unseen = [row for row in found.sees if row.id not in named]
+    for why, names in words.blind_by_reason(unseen).items():
         rows.append([NOT_SHOWN, f"{', '.join(names)}: {why}"])
     for same in words.alike(found.lookalikes):
         remedy = f"; separated by {same.separate_by}" if same.separate_by else ""

@@ -3,6 +3,7 @@
 import pytest
 
 from auvident.report import loop_words as words
+from auvident.report.tables_loop import sight
 from auvident.schema.diagnosis import Detectable, Lookalikes, ParameterValue
 from auvident.schema.loop_statements import nothing_found
 from auvident.schema.planes import HORIZONTAL
@@ -157,3 +158,12 @@ def test_a_push_has_to_exceed_all_of_its_sizes() -> None:
     rows = detectable_push((0.04, 0.02), HORIZONTAL)
     assert words.detectable_text(rows) == "one_off_event ≥ 0.056 m/s and ≥ 1.6 deg/s"
     assert "one-off push above 0.056 m/s and above 1.6 deg/s" in nothing_found(rows)
+
+
+def test_what_was_found_is_not_told_to_be_hidden() -> None:
+    hidden = loop_world.sees()[0].model_copy(update={"visible": False, "why": "hidden"})
+    found, none = loop_world.diagnosis(sees=(hidden,)), loop_world.nothing()
+    assert hidden.id in {e.id for e in found.effects}
+    assert not any("hidden" in str(row) for row in sight(found).rows)
+    other = none.model_copy(update={"sees": (hidden,)})
+    assert any("hidden" in str(row) for row in sight(other).rows)
