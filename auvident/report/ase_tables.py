@@ -1,6 +1,5 @@
 """The estimate for people: one vehicle with parts and facts, or several designs side by side."""
 
-import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -46,12 +45,9 @@ SPREAD_FACTS = (
     ("horizontal", "unstable_probability", "probability of being directionally unstable"),
     ("horizontal", "weathercock_probability", "probability of N_uv > 0 (bow into the flow)"),
     ("horizontal", "tactical_diameter_m", "tactical diameter at {circle_rudder_deg:g}° rudder, m"),
-    (
-        "horizontal",
-        "overshoot_1_deg",
-        "first overshoot of a zigzag at {zigzag_rudder_deg:g}°, deg (servo {servo_degps:.3g}°/s)",
-    ),
+    ("horizontal", "overshoot_1_deg", "first overshoot of a zigzag at {zigzag_rudder_deg:g}°, deg"),
     ("horizontal", "overshoot_2_deg", "second overshoot, deg"),
+    ("horizontal", "servo_degps", "with a servo of, deg/s"),
     ("vertical", "G", "G vertical (> 0 stable)"),
     ("vertical", "unstable_probability", "probability of G vertical < 0"),
     ("speed", "speed_mps", "speed at {rpm:.0f} rpm, m/s"),
@@ -183,9 +179,7 @@ def _spread_rows(results: Sequence[AseResult]) -> list[Sequence[Cell]]:
         groups = [r.facts.get("spread", {}).get(group, {}) for r in results]
         own = next((g for g in groups if key in g), None)
         if own is not None:
-            # in an artifact without it the rudder moved at once
-            numbers = {"servo_degps": math.inf}
-            numbers |= {k: v for k, v in own.items() if isinstance(v, float)}
+            numbers = {k: v for k, v in own.items() if isinstance(v, float)}
             rows.append([words.format(**numbers), *(_spread_cell(g.get(key)) for g in groups)])
     return rows
 
