@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import numpy as np
+
 from auvident.physics.ase.drag import LAMINAR_REYNOLDS
 from auvident.physics.ase.fins import aspect_ratio, buried_share
 from auvident.physics.ase.geometry import HullGeometry
@@ -53,6 +55,33 @@ def findings(
                 remedy=f"Add a [[fin]] of kind {name!r} if the vehicle has one.",
             )
     yield from _propeller_findings(vehicle, values)
+    yield from _mass_findings(vehicle, values)
+
+
+def _mass_findings(vehicle: Vehicle, values: Mapping[str, float]) -> Iterator[Finding]:
+    """Added masses, given in the vehicle file, with which nothing can be accelerated."""
+    body = vehicle.body
+    mass, moment = body.mass_kg, body.mass_kg * body.x_g_m
+    for row in PLANE_ROWS:
+        across, about = row.axes[1:]
+        sway, turn = (f"{v}dot" for v in row.velocities[1:])
+        sign = 1.0 if row.name == "horizontal" else -1.0  # the bow goes with +v, against +w
+        inertia = body.izz_kgm2 if row.name == "horizontal" else body.iyy_kgm2 or body.izz_kgm2
+        named = [f"{a}_{b}" for a in (across, about) for b in (sway, turn)]
+        added = np.array([values[s] for s in named]).reshape(2, 2)
+        matrix = np.array([[mass, sign * moment], [sign * moment, inertia]]) - added
+        least = float(np.linalg.eigvalsh(0.5 * (matrix + matrix.T)).min())
+        if min(least, mass - values["X_udot"]) <= 0.0:
+            yield Finding(
+                code="impossible_mass",
+                message=f"With these added masses the mass matrix of the {row.name} plane is not "
+                "positive definite: nothing can be simulated or identified.",
+                where="[coefficients]",
+                value=least,
+                threshold=0.0,
+                remedy=f"Check {', '.join(['X_udot', *named])}: added masses are negative here, "
+                "as X = X_udot du/dt.",
+            )
 
 
 def undecided(facts: Mapping[str, Any]) -> Iterator[Finding]:

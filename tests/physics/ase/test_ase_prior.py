@@ -66,3 +66,20 @@ def test_every_accuracy_has_an_effect_and_a_source():
         seen |= set(estimate(changed(suboff, **tables)).accuracy_effects)
     assert seen == {a.name for a in ACCURACIES}
     assert all(a.source and a.sigma > 0.0 for a in ACCURACIES)
+
+
+@pytest.mark.parametrize(
+    ("given", "plane"),
+    [
+        ({"Y_vdot": 5000.0}, "horizontal"),
+        ({"M_qdot": 100.0}, "vertical"),
+        ({"Z_qdot": 60.0, "M_wdot": 60.0}, "vertical"),  # the diagonal is possible
+        ({}, None),
+    ],
+)
+def test_added_masses_with_which_nothing_can_move_are_told(given, plane):
+    known = {symbol: {"value": value, "std": 1.0} for symbol, value in given.items()}
+    result = estimate(changed(load("remus"), coefficients=known))
+    found = [f.message for f in result.findings if f.code == "impossible_mass"]
+    assert len(found) == (plane is not None)
+    assert all(f"the {plane} plane" in message for message in found)
