@@ -189,7 +189,11 @@ def hostile() -> CommandOutcome:
         [ResultCase("checks", HOSTILE, "failed", HOSTILE, HOSTILE, HOSTILE)],
         [
             {
-                "runs": [{"run": HOSTILE, "plane": "horizontal", "held_out": ["a"]}] * 2,
+                "runs": [
+                    {"run": HOSTILE, "vehicle": name, "length_m": 1.0}
+                    | {"plane": "horizontal", "held_out": ["a"]}
+                    for name in (HOSTILE, "B")
+                ],
                 "held_out": [{"channel": HOSTILE, "unit": "m", "rmse": [1.0, None]}],
             }
         ],
@@ -222,7 +226,8 @@ def test_severities_are_of_codes_that_the_program_has() -> None:
 
 def table(**last: object) -> dict:
     """Two runs alike, the second of which is the baseline."""
-    run = {"run": "new", "vehicle": "A", "plane": "horizontal", "held_out": ["z-1"], "ran_away": []}
+    run = {"run": "new", "vehicle": "A", "length_m": 2.0, "plane": "horizontal"}
+    run |= {"held_out": ["z-1"], "ran_away": []}
     rows = [("u", 0.1, 0.1), ("r", 0.01, 0.01), ("track", None, 3.0)]
     return {
         "runs": [run, {**run, "run": "old", **last}],

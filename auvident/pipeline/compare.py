@@ -29,8 +29,8 @@ def compare_runs(paths: Sequence[Path]) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``runs`` (path, vehicle, plane, filter, model file, maneuvers held out, those whose
-        prediction diverges, verdict of the refinement),
+        ``runs`` (path, vehicle, its length, plane, filter, model file, maneuvers held out, those
+        whose prediction diverges, verdict of the refinement),
         ``coefficients`` (symbol, unit, and by run value and std; ``apart``: greatest difference
         from the first run in standard deviations of the difference), ``effects`` (the same of
         the parameters of effects that were added), ``held_out`` (channel, unit, and by run rmse
@@ -61,6 +61,7 @@ def _compared(paths: Sequence[Path], plane: str | None) -> dict[str, Any]:
             {
                 "run": str(path),
                 "vehicle": model.vehicle,
+                "length_m": model.length_m,
                 "plane": model.plane,
                 "filter": model.filter,
                 "engine": model.engine,

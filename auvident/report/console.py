@@ -13,7 +13,7 @@ from auvident.report import tables_run as tables
 from auvident.report.ase_tables import ase_report
 from auvident.report.console_combined import combined_brief, combined_pieces
 from auvident.report.console_style import findings_lines, rich_table
-from auvident.report.held_out_words import OTHERS_HELD_OUT, beyond, why_held_out
+from auvident.report.held_out_words import beyond, doubts_of, why_held_out
 from auvident.report.numbers import TERMINAL
 from auvident.report.tables import Column, Fixed, Number, Rows, Table, columns
 from auvident.report.trial_words import set_aside
@@ -190,8 +190,7 @@ def _without_empty(table: Table) -> Table:
 def comparison_tables(comparison: Mapping[str, Any]) -> list[RenderableType]:
     """Several runs side by side."""
     pieces: list[RenderableType] = [rich_table(t) for t in tables.runs_side_by_side(comparison)]
-    sets = {tuple(run["held_out"]) for run in comparison["runs"]}
-    pieces += [Text(OTHERS_HELD_OUT, style="yellow")] if len(sets) > 1 else []
+    pieces += [Text(line, style="yellow") for line in doubts_of(comparison)]
     for plane, beside in comparison.get("planes", {}).items():
         pieces += [plane_heading(plane), *comparison_tables(beside)]
     return pieces

@@ -1,6 +1,7 @@
 """What stands beside the errors of held-out maneuvers: why these, and what they go beyond."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from auvident.report.numbers import PAGE
 from auvident.schema.artifacts import Extrapolation, Maneuver
@@ -16,6 +17,15 @@ WORDS = {
 }
 DIGITS = 2
 OTHERS_HELD_OUT = "The runs hold out different maneuvers: their errors compare only roughly."
+
+
+def doubts_of(comparison: Mapping[str, Any]) -> list[str]:
+    """What runs side by side differ in, so that their numbers compare only roughly."""
+    hulls = (f"{run['vehicle']} ({run['length_m']:.4g} m)" for run in comparison["runs"])
+    vehicles = list(dict.fromkeys(hulls))
+    lines = [f"The runs are of different vehicles: {', '.join(vehicles)}."]
+    sets = {tuple(run["held_out"]) for run in comparison["runs"]}
+    return lines * (len(vehicles) > 1) + [OTHERS_HELD_OUT] * (len(sets) > 1)
 
 
 def why_held_out(maneuvers: Sequence[Maneuver]) -> list[str]:

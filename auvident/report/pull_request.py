@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from auvident import __version__
-from auvident.report.held_out_words import OTHERS_HELD_OUT
+from auvident.report.held_out_words import doubts_of
 from auvident.report.numbers import TERMINAL
 from auvident.schema.artifacts import Finding
 from auvident.schema.outcome import (
@@ -143,10 +143,9 @@ def _side_by_side(table: Mapping[str, Any]) -> str:
         cells = [escaped(row["channel"]), escaped(row["unit"]), *(number(x) for x in row["rmse"])]
         rows.append([*cells, change])
     heads = ["RMSE, held out", "unit", *names, "first to last"]
-    kinds = {tuple(run["held_out"]) for run in table["runs"]}
-    note = f"\n\n{OTHERS_HELD_OUT}"
+    note = "".join(f"\n\n{escaped(line)}" for line in doubts_of(table))
     plane = table["runs"][0]["plane"].capitalize()
-    return f"**{plane} plane**\n\n{_table(heads, rows)}{note if len(kinds) > 1 else ''}"
+    return f"**{plane} plane**\n\n{_table(heads, rows)}{note}"
 
 
 def _checks(outcome: CommandOutcome) -> Iterator[str]:

@@ -3,6 +3,7 @@
 import io
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from auvident.pipeline.given import Given
 from auvident.report import console_style
 from auvident.report.console import findings_lines, stage_report
 from auvident.report.console_style import console_for, rich_table
+from auvident.report.held_out_words import doubts_of
 from auvident.report.numbers import TERMINAL
 from auvident.report.tables import Column, Table
 from auvident.schema.artifacts import Finding
@@ -181,3 +183,22 @@ def test_nothing_is_cut_whatever_the_width(width: int) -> None:
     assert all(cell in text for cell in cells)
     firsts = "".join(line.strip().split("  ")[0] for line in text.splitlines())
     assert long in firsts.replace(" ", "")
+
+
+def side_by_side(*vehicles: str, held: Sequence[tuple[str, ...]] = ((), ())) -> dict[str, Any]:
+    rows = zip(vehicles, held, strict=True)
+    return {"runs": [{"vehicle": v, "length_m": 2.0, "held_out": list(h)} for v, h in rows]}
+
+
+@pytest.mark.parametrize(
+    ("comparison", "said"),
+    [
+        (side_by_side("A", "A"), ()),
+        (side_by_side("A", "B"), ("different vehicles: A (2 m), B (2 m)",)),
+        (side_by_side("A", "A", held=(("x",), ("y",))), ("different maneuvers",)),
+        (side_by_side("A", "B", held=(("x",), ("y",))), ("different vehicles", "different man")),
+    ],
+)
+def test_runs_side_by_side_say_in_what_they_differ(comparison, said) -> None:
+    lines = doubts_of(comparison)
+    assert len(lines) == len(said) and all(s in line for s, line in zip(said, lines, strict=True))
