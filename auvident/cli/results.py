@@ -106,7 +106,7 @@ def _other_libraries(rows: list[dict[str, Any]]) -> list[str]:
     help="Standard maneuver: turning-circle:15, zigzag:10/10, spiral:25, pull-out:15, depth-step:5 "
     "or vertical-zigzag:10/5 (deg, m; the defaults).",
 )
-@plane_option("the whole vehicle, else the first")
+@plane_option("with --inputs the whole vehicle, else the first; a maneuver is of one")
 @click.option("--from", "from_s", type=float, metavar="SECONDS", help="Start of the simulation.")
 @click.option("--to", "to_s", type=float, metavar="SECONDS", help="End of the simulation.")
 @click.option(

@@ -87,7 +87,7 @@ def plain(
     rate: float,
     frame: str = "north",
 ) -> str:
-    """An effect in words.
+    """An effect in words, without sizes that cannot be told from none where others can.
 
     Parameters
     ----------
@@ -99,7 +99,9 @@ def plain(
         What directions count from, see `EffectFound`.
     """
     values = {p.symbol: Told(p.value, p.bound) for p in parameters}
-    words = _words(BY_ID[effect], values)
+    surely = [p for p in parameters if not holds_nothing(effect, p)] or parameters
+    words = _words(BY_ID[effect], {p.symbol: values[p.symbol] for p in surely})
+    words = words or _words(BY_ID[effect], values)
     if BY_ID[effect].instant is not None:
         return _in(words, values) + _when(parameters)
     if effect == "current":
@@ -118,7 +120,7 @@ def plain(
     if effect == "propeller_side_force":
         y, n = (values[symbol].times(rate**2) for symbol in ("Y_nn", "N_nn"))
         return f"a propeller side force of {y:.2f} N and {n:.2f} N m at {60 * rate:.0f} rpm"
-    listed = ", ".join(f"{p.symbol} {values[p.symbol]:.3g} {p.unit}" for p in parameters)
+    listed = ", ".join(f"{p.symbol} {values[p.symbol]:.3g} {p.unit}" for p in surely)
     return f"{words_of(effect)} ({listed})"
 
 

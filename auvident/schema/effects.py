@@ -371,8 +371,12 @@ EFFECTS: tuple[Effect, ...] = (
     ), "W-B + weight and x_GW + moment from one time on, spread over its uncertainty",
         "Z and M residuals that set in at one time and stay, whatever the speed", (),
         "Fossen (2021), 4.1",
-        words="weight that {weight_n:grows|falls} by {weight_n:abs.1f} N and a bow-down moment "
-        "that {moment_nm:grows|falls} by {moment_nm:abs.2f} N m",
+        words=(
+            "weight that {weight_n:grows|falls} by {weight_n:abs.1f} N and a bow-down moment "
+            "that {moment_nm:grows|falls} by {moment_nm:abs.2f} N m",
+            "weight that {weight_n:grows|falls} by {weight_n:abs.1f} N",
+            "a bow-down moment that {moment_nm:grows|falls} by {moment_nm:abs.2f} N m",
+        ),
         alike="weight", of_trial=True),
     Effect("buoyancy_gradient", "environment", "force", V, (
         P("gradient_npm", "N/m", 4e-4, 8e-5, -0.02, 0.02, powers=(1, 1, 2, 0)),

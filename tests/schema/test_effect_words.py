@@ -125,3 +125,17 @@ def test_what_falls_is_not_said_to_grow_by_less_than_nothing(effect, sizes, says
         for s, x in zip(symbols, sizes, strict=False)
     ]
     assert plain(effect, values, 1.5, 20.0).startswith(says)
+
+
+def test_a_size_that_cannot_be_told_from_none_is_not_in_the_sentence():
+    weight = at("weight_change.weight_n", -22.5, half=2.9)
+    moment = at("weight_change.moment_nm", -0.34, half=4.9)
+    assert plain("weight_change", [weight, moment], 1.5, 20.0).startswith(
+        "weight that falls by 22.5 N at"
+    )
+    side, turn = (
+        at("roll_coupling.Y_uuphi", -13.0, half=10.0),
+        at("roll_coupling.N_uuphi", 4.8, half=9.8),
+    )
+    assert plain("roll_coupling", [side, turn], 1.5, 20.0) == "force due to roll (Y_uuphi -13 kg/m)"
+    assert "N_uuphi" in plain("roll_coupling", [turn], 1.5, 20.0)  # nothing is told from none

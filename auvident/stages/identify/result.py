@@ -386,7 +386,7 @@ def _not_seen(row: ModelConstant) -> Finding | None:
         value=row.data_share,
         threshold=NOT_MOVED,
         message="not identified by these maneuvers: the value "
-        + ("is that of the prior" if row.symbol in BY_SYMBOL else RESTS_ON_FILE),
+        + ("rests on the prior" if row.symbol in BY_SYMBOL else RESTS_ON_FILE),
     )
 
 
