@@ -97,7 +97,9 @@ def size(effect: str, p: ParameterValue) -> str:
     """A parameter with its interval, if it has one: ``lag_s 0.38 s (0.33 to 0.43)``."""
     bounds = f" ({interval_of(effect, p)})" if interval_text(p) else ""
     side = f"{SIDES[p.bound]} " if p.bound else ""
-    return f"{p.symbol} {side}{with_unit(p.value, p.unit)}{bounds}"
+    # a time of the log has as many digits as the log is long
+    told = f"{p.value:.1f} {p.unit}" if p.symbol == "time_s" else with_unit(p.value, p.unit)
+    return f"{p.symbol} {side}{told}{bounds}"
 
 
 def sizes(effect: str, parameters: Iterable[ParameterValue]) -> str:

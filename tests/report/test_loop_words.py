@@ -25,6 +25,8 @@ def test_a_size_has_unit_and_interval() -> None:
     assert words.size("rudder_asymmetry", bare) == "gain 0.2 (0.18 to 0.22)"
     screened = bare.model_copy(update={"std": 0.0})  # a size without an interval
     assert words.size("rudder_asymmetry", screened) == "gain 0.2"
+    late = ParameterValue(symbol="time_s", value=1358.5, std=0.5, unit="s", low=1357.5, high=1359.5)
+    assert words.size("weight_change", late) == "time_s 1358.5 s (1357.5 to 1359.5)"
 
 
 def test_the_place_of_an_effect_of_one_time() -> None:
