@@ -52,7 +52,7 @@ def _not_predicted(after: Channels) -> Iterator[Finding]:
                 where=name,
                 value=m.nrmse,
                 threshold=AS_ITS_VARIATION,
-                message="not predicted: the error is as large as the variation of the channel",
+                message="not predicted: the error is no smaller than the variation of the channel",
                 remedy=f"Do not use the model for {name}.",
             )
 
