@@ -19,6 +19,11 @@ SHORTEST_FINENESS = 1.2  # length over diameter: below it no formula of the meth
 OFFSET_LENGTH_TOLERANCE = 0.02  # of the length, between the offsets and length_m
 OFFSET_DIAMETER_TOLERANCE = 0.03  # of the diameter, between the offsets and diameter_m
 STATION_TOLERANCE = 0.02  # of the length: a rudder stock may stand a little behind the hull
+# Radii of gyration that no vehicle comes down to, of the length about y and z and of the largest
+# radius about x: all of the mass as steel (7.8 times as dense as water), a slab across the middle
+# (1 / 7.8 / sqrt(12) = 0.037) or a rod in the axis (1 / sqrt(2 * 7.8) = 0.25). Vehicles have 0.25
+# and 0.7 or so.
+LEAST_GYRADIUS, LEAST_ROLL_GYRADIUS = 0.037, 0.25
 VOLUME_STATIONS = 400  # of the trapezoid sum behind the mass check: error below 1 %
 
 
@@ -324,13 +329,17 @@ def _masses(vehicle: Vehicle) -> Iterator[Contradiction]:
 
 
 def _inertias(vehicle: Vehicle) -> Iterator[Contradiction]:
-    """Radii of gyration against the reach of the hull from O."""
+    """Radii of gyration against the reach of the hull from O, and against its length."""
     body, length = vehicle.body, np.asarray(vehicle.hull.length_m, float)
     origin = np.asarray(body.origin_from_nose_m, float)
     radius = hull_shape(vehicle.hull).max_radius_m
     whole = np.maximum(origin, length - origin) + radius
-    stated = (("izz_kgm2", body.izz_kgm2, whole), ("iyy_kgm2", body.iyy_kgm2, whole))
-    for name, inertia, reach in (*stated, ("ixx_kgm2", body.ixx_kgm2, radius)):
+    least = LEAST_GYRADIUS * length
+    for name, inertia, reach, low in (
+        ("izz_kgm2", body.izz_kgm2, whole, least),
+        ("iyy_kgm2", body.iyy_kgm2, whole, least),
+        ("ixx_kgm2", body.ixx_kgm2, radius, LEAST_ROLL_GYRADIUS * radius),
+    ):
         if inertia is None:
             continue
         gyradius = np.sqrt(np.asarray(inertia, float) / np.asarray(body.mass_kg, float))
@@ -344,6 +353,17 @@ def _inertias(vehicle: Vehicle) -> Iterator[Contradiction]:
             "Inertia is about O, in kg m^2.",
             gyradius,
             reach,
+        )
+        yield _say(
+            gyradius < low,
+            f"[vehicle] {name}",
+            lambda k, le: (
+                f"the radius of gyration, {k:.3g} m, is smaller than {le:.3g} m, that of this mass "
+                "as a block of steel in the middle of the hull"
+            ),
+            "Inertia is about O, in kg m^2.",
+            gyradius,
+            low,
         )
 
 

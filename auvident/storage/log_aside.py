@@ -11,6 +11,7 @@ from auvident.schema.channels import BY_COLUMN, SENSORS
 from auvident.schema.logs import RawSensor
 from auvident.storage.log_file import stem
 from auvident.storage.log_find import TrialSource
+from auvident.storage.log_text import OR_WITHOUT
 
 Read = tuple[dict[str, RawSensor], dict[str, int]]
 Faults = dict[Path, InputError]
@@ -67,12 +68,22 @@ def open_usable(
         try:
             opened[path] = open_one(path)
         except InputError as error:
-            if path in named or stem(path).lower() in needed_sensors or len(source.files) == 1:
+            if path in named or stem(path).lower() in needed_sensors:
+                raise _of_needed(error) from error
+            if len(source.files) == 1:
                 raise
             faults[path] = error
     if not opened:
         raise next(iter(faults.values()))
     return opened, faults
+
+
+def _of_needed(error: InputError) -> InputError:
+    """The fault of a file that a trial cannot do without: leaving it out is no way out."""
+    remedy = error.remedy
+    if remedy == OR_WITHOUT:
+        remedy = "Export it again; a trial needs this sensor."
+    return InputError(error.problem, error.where, remedy)
 
 
 @contextmanager

@@ -11,7 +11,14 @@ from pyarrow import parquet
 
 from auvident.errors import InputError
 from auvident.storage.log_csv import Kind, LogTable, numbered, read_csv
-from auvident.storage.log_layout import MISSING, TIME_NAMES, Layout, find_layout
+from auvident.storage.log_layout import (
+    MISSING,
+    NUMBER,
+    TIME_NAMES,
+    Layout,
+    find_layout,
+    is_missing,
+)
 from auvident.storage.log_text import HEAD_BYTES, LONG_HEAD_BYTES, read_text
 from auvident.storage.log_time import MISSING_COUNT
 from auvident.storage.readers.interface import DAMAGED_REMEDY, Container, LogReader, TableHead
@@ -261,7 +268,7 @@ def _stored(values: np.ndarray, kind: Kind | None, name: str, log: LogFile) -> n
         return values.astype(np.int64)
     if letter in "OUS":
         texts = pd.Series(values, dtype=object).fillna("").astype(str)
-        return _numbers(texts, name, log.path) if kind == "number" else texts.to_numpy(object)
+        return _of_texts(texts, kind, name, log.path)
     if letter in "biuf":
         return values.astype(float)
     raise InputError(f"column {name} holds {values.dtype}, not numbers", log.where)
@@ -285,7 +292,7 @@ def _parquet_column(
         column, kind_of = column.cast(kind_of.value_type), kind_of.value_type
     if pa.types.is_string(kind_of) or pa.types.is_large_string(kind_of):
         texts = column.to_pandas().astype(object).fillna("")
-        return _numbers(texts, name, path) if kind == "number" else texts.to_numpy(object)
+        return _of_texts(texts, kind, name, path)
     raise InputError(
         f"column {name} holds {kind_of}, not numbers", str(path), "Store it as numbers."
     )
@@ -309,6 +316,14 @@ def _counts(column: pa.ChunkedArray) -> np.ndarray:
 def _instants(column: pa.ChunkedArray) -> np.ndarray:
     """Instants as ``datetime64`` in UTC; those without a zone are taken for UTC."""
     return column.cast(pa.timestamp(column.type.unit)).to_numpy()
+
+
+def _of_texts(texts: pd.Series, kind: Kind | None, name: str, path: Path) -> np.ndarray:
+    """Numbers where they are wanted, or where all of the text is numbers; else the text."""
+    if kind is None:
+        known = (text.strip() for text in texts.tolist() if not is_missing(text))
+        kind = "number" if all(map(NUMBER.fullmatch, known)) else "text"
+    return _numbers(texts, name, path) if kind == "number" else texts.to_numpy(object)
 
 
 def _numbers(texts: pd.Series, name: str, path: Path) -> np.ndarray:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from auvident.errors import InputError
 from auvident.schema.logs import TIME_UNITS, unit_name
 from auvident.storage.log_quotes import closes
+from auvident.storage.log_text import OR_WITHOUT
 
 HEADER_LINES = 400  # a longer preamble is no log of ours
 COMMENT_MARKS = ("#", "//", "%")
@@ -106,7 +107,7 @@ def find_layout(text: str, where: str, time_names: Collection[str]) -> Layout:
         units = _merge_units(units, split(lines[start], delimiter), where, start + 1)
         start = _next_content(lines, start + 1)
     if start is None:
-        raise InputError("has column names but no data", where, "Export it again, or leave it out.")
+        raise InputError("has column names but no data", where, OR_WITHOUT)
     extra = len(split(lines[start], delimiter)) - len(names)
     if extra == 1 and split(lines[start], delimiter)[-1] == "":  # rows end in a delimiter
         names, units = (*names, ""), (*units, "")

@@ -25,6 +25,7 @@ OTHER_FORMATS: dict[bytes, str] = {
 MAX_CONTROL_SHARE = 0.02  # of the first bytes; text logs have none but line ends and tabs
 TEXT_CONTROLS = b"\t\n\r\f\x1a"
 CONTROLS = bytes(c for c in (*range(32), 0x7F) if c not in TEXT_CONTROLS)
+OR_WITHOUT = "Export it again, or leave it out."
 REMEDY = "Give CSV (plain or gzip) or Parquet files with one row of column names."
 
 
@@ -52,7 +53,7 @@ def read_text(path: Path, limit: int | None = None) -> tuple[bytes, bool]:
     """
     raw, cut = _read_bytes(path, limit)
     if not raw.strip(b"\x00 \t\r\n\xef\xbb\xbf"):
-        raise InputError("is empty", str(path), "Leave the file out, or export it again.")
+        raise InputError("is empty", str(path), OR_WITHOUT)
     _refuse_other_formats(raw, path)
     text = _to_utf8(raw)
     stripped = text.rstrip(b"\x00")

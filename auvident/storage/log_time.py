@@ -190,10 +190,12 @@ def _from_text(values: np.ndarray, where: str, rows: np.ndarray) -> np.ndarray:
     empty = texts == ""
     instants = pd.to_datetime(texts.mask(empty), format="ISO8601", utc=True, errors="coerce")
     wrong = np.flatnonzero(np.asarray(instants.isna() & ~empty))
-    if wrong.size:
+    if wrong.size:  # among seconds stored as text, the word that made a text of them
+        words = wrong[pd.to_numeric(texts.iloc[wrong], errors="coerce").isna()]
+        first = (words if words.size else wrong)[0]
         raise InputError(
-            f"{values[wrong[0]]!r} is not an ISO 8601 time (2024-05-01T12:00:00.100Z)",
-            f"{where}, row {rows[wrong[0]]}",
+            f"{values[first]!r} is not an ISO 8601 time (2024-05-01T12:00:00.100Z)",
+            f"{where}, row {rows[first]}",
             "Write seconds in a column time_s, or ISO 8601 or epoch counts in timestamp.",
         )
     return instants.dt.tz_convert(None).to_numpy()

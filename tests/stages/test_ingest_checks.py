@@ -252,6 +252,18 @@ def test_one_rate_throughout_tells_no_thrust():
     assert level.message == "rpm never changes: thrust and drag cannot be told apart"
 
 
+@pytest.mark.parametrize(("most", "told"), [(0.0, "stands at 0"), (0.5, "stands within 0.5")])
+def test_rpm_that_stays_at_zero_under_way_looks_stuck(most, told):
+    made = on_the_grid(rpm=lambda x: most * np.cos(x))
+    assert made["rpm_constant"].outcome == "contradicts"
+    assert f"m/s although rpm {told} throughout" in made["rpm_constant"].message
+    assert "looks stuck, or is not connected" in made["rpm_constant"].message
+    assert made["advance_ratio"].message == "the propeller hardly turns"
+    still = on_the_grid(rpm=lambda x: 0 * x, u_mps=lambda x: 0 * x, v_mps=lambda x: 0 * x)
+    assert still["rpm_constant"].outcome == "untested"
+    assert still["advance_ratio"].message == "the vehicle hardly moves"
+
+
 def test_what_is_tested_coarsely_is_said(clean):
     line = untested([clean])
     assert "Tested only coarsely: scale and sign of v (to a factor of " in line

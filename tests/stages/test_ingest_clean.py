@@ -42,6 +42,21 @@ def test_glitches_are_dropped_and_nothing_else(rows, stamps):
     assert found.keep.size >= 100 - len(rows)
 
 
+@pytest.mark.parametrize("rows", [[31], [35, 36], [35, 37], [38, 39], [35, 65, 66]])
+def test_a_step_back_of_stamps_in_whole_seconds_is_a_glitch(rows):
+    """The stamp that returns is equal to the one before: nothing stays back."""
+    time = np.floor(TICKS)
+    time[rows] -= 1.0
+    found = ordered(time)
+    assert found.backward.size == len(rows) and np.all(np.diff(time[found.keep]) >= 0)
+
+
+@pytest.mark.parametrize("back_s", [2.0, 5.0])
+def test_a_clock_in_whole_seconds_that_is_set_back_is_refused(back_s):
+    with pytest.raises(InputError, match="time goes backward and stays there"):
+        ordered(np.floor(np.concatenate((TICKS, TICKS + 10.0 - back_s))))
+
+
 @pytest.mark.parametrize(
     ("time", "row"),
     [

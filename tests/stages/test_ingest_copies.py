@@ -280,6 +280,26 @@ def test_another_flight_of_the_same_program_is_no_resampled_copy(raw, noise, for
         refuse_copy(fingerprint(second), [first])
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_stamps_of_whole_seconds_are_compared(raw, turned):
+    """Most stamps repeat: the median of their steps is no period."""
+    coarse, fine = each(raw, in_whole_seconds), maneuvers(seed=2, duration_s=300.0)
+    for other in (fine, each(fine, in_whole_seconds)):
+        old, new = (other, coarse) if turned else (coarse, other)
+        refuse_copy(fingerprint(new), [fingerprint(renamed(old, "first"))])
+    with pytest.raises(InputError, match="contains the readings of trial first"):
+        refuse_copy(fingerprint(coarse), [fingerprint(renamed(coarse, "first"))])
+
+
+def test_stamps_that_never_advance_are_compared(raw):
+    stopped = each(raw, lambda s: replace(s, time_s=np.zeros(s.time_s.size)))
+    refuse_copy(fingerprint(stopped), [fingerprint(renamed(maneuvers(seed=2), "first"))])
+
+
+def in_whole_seconds(s):
+    return replace(s, time_s=np.floor(s.time_s))
+
+
 def test_a_long_log_is_compared_by_some_of_its_runs(raw, monkeypatch):
     monkeypatch.setattr(copies, "MOST_RUNS", 2000)
     monkeypatch.setattr(copies, "MOST_READINGS", 4000)

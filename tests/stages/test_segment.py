@@ -297,6 +297,23 @@ def test_a_log_of_rest_says_that_nothing_was_a_candidate():
         segment([s.trial()])
 
 
+def test_rpm_that_stays_at_zero_under_way_is_the_reason_that_is_named():
+    trial, _ = random_trial(AUV, 4)
+    dead = replace(trial, table=trial.table.assign(rpm=0.0))
+    with pytest.raises(InputError, match="No candidate") as caught:
+        segment([dead])
+    assert "The propeller never turns (rpm is 0 throughout, at a usual speed of" in str(
+        caught.value
+    )
+    assert "looks stuck, or is not connected" in str(caught.value)
+    assert "fins" not in str(caught.value)
+    s = Sail(AUV, np.random.default_rng(0))
+    s.fixed(20, 900)
+    with pytest.raises(InputError, match="the fins are never held") as caught:
+        segment([dead, s.trial("quay")])
+    assert "The propeller never turns" in str(caught.value)
+
+
 def test_excitation_ranks_as_the_method_expects():
     """Thrust steps excite surge, zigzags steering; a steady circle neither."""
     s = sail()

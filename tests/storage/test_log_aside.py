@@ -64,6 +64,22 @@ def test_needed_for_the_vertical_plane(tmp_path):
         read_trials([folder], needed=("u_mps", "r_radps", "elevator_rad"))
 
 
+@pytest.mark.parametrize("content", [b"", b"time_s,r_degps\n"])
+def test_leaving_out_a_needed_file_is_not_advised(tmp_path, content):
+    folder = write_folder(tmp_path / "run")
+    for name, out in (("gyro.csv", False), ("depth.csv", True)):
+        (folder / name).write_bytes(content)
+        if out:
+            (finding,) = read_trials([folder])[0].findings
+            remedy = finding.remedy
+        else:
+            with pytest.raises(InputError) as caught:
+                read_trials([folder])
+            remedy = caught.value.remedy
+            write_folder(folder)
+        assert remedy.startswith("Export it again") and ("leave it out" in remedy) == out
+
+
 def test_a_file_that_may_have_had_what_is_missing_is_named(tmp_path):
     tables = sensor_tables()
     del tables["rudder"]

@@ -54,6 +54,19 @@ def test_every_format_reads_the_same(tmp_path, ending):
     same_values(only(folder), reference)
 
 
+def test_numbers_that_parquet_stores_as_text_are_read_as_those_of_a_csv(tmp_path):
+    reference = only(write_folder(tmp_path / "a"))
+    (tmp_path / "b").mkdir()
+    for sensor, table in sensor_tables().items():
+        table.astype(str).to_parquet(tmp_path / "b" / f"{sensor}.parquet")
+    same_values(only(tmp_path / "b"), reference)
+    worded = sensor_tables()["gyro"].astype(str)
+    worded.loc[3, "time_s"] = "noon"
+    worded.to_parquet(tmp_path / "b" / "gyro.parquet")
+    with pytest.raises(InputError, match="column time_s, row 4: 'noon' is not an ISO 8601"):
+        only(tmp_path / "b")
+
+
 def test_wide_file_and_its_name(tmp_path):
     path = write_gzip(tmp_path / "zig20.csv.gz", wide_table().to_csv(index=False))
     trial = only(path)

@@ -174,7 +174,7 @@ def settled_holds(trial: Trial, length_m: float, grip_mps: float) -> list[Settle
         curvature = _mean(rate * length_m / speed, round(MEAN_S * trial.rate_hz))
         passage = length_m / float(np.median(speed))
         settles_s = max(LEAST_SETTLED_S, SETTLED_LENGTHS * passage)
-        answer = round(max(LEAST_STEP_S, LAST_LENGTHS * passage) * trial.rate_hz)
+        answer = max(round(max(LEAST_STEP_S, LAST_LENGTHS * passage) * trial.rate_hz), 1)
         for hold in holds(time, rudder):
             rows = time[hold] >= time[hold.start] + settles_s
             rows &= time[hold] <= time[hold.stop - 1] - MEAN_S
@@ -277,7 +277,8 @@ def _each_once(trial: Trial, turns: Sequence[_Turn], column: str) -> list[np.nda
     3192 and 5070): however often the helm was moved, that is one turn against the rudder.
     """
     time, record = (trial.table[c].to_numpy() for c in ("time_s", RECORD_COLUMN))
-    smooth = trial.table[column].rolling(round(MEAN_S * trial.rate_hz), center=True, min_periods=1)
+    width = max(round(MEAN_S * trial.rate_hz), 1)
+    smooth = trial.table[column].rolling(width, center=True, min_periods=1)
     side = np.sign(smooth.mean().to_numpy())
     found = [[turn.agrees] for turn in turns[:1]]
     for last, turn in itertools.pairwise(turns):

@@ -9,7 +9,7 @@ from auvident.schema.logs import RawSensor
 
 GLITCH_ROWS = 3  # a longer run of rows out of order is no glitch but another clock
 MAX_GLITCHES = 200  # runs of 2 or 3 rows out of order; more mean the clock is not usable
-STAYED_PERIODS = 1.5  # a clock that lost more than this over a glitch has been set back
+STAYED_TICKS = 1.5  # a clock that lost more than this over a glitch has been set back
 MAX_PAUSE_S = 6 * 3600.0  # a pause within a trial; beyond it there are two trials
 MIN_PERIOD_ROWS = 10  # fewer rows have no typical period
 
@@ -58,7 +58,8 @@ def _drop_isolated(time: np.ndarray, keep: np.ndarray) -> None:
 def _drop_runs(sensor: RawSensor, keep: np.ndarray) -> None:
     time = sensor.time_s
     steps = np.diff(time)
-    period = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
+    tick = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
+    period = tick * np.count_nonzero(steps) / steps.size  # several rows bear one whole second
     for _ in range(MAX_GLITCHES):
         rows = np.flatnonzero(keep)
         back = np.flatnonzero(np.diff(time[rows]) < 0)
@@ -71,8 +72,9 @@ def _drop_runs(sensor: RawSensor, keep: np.ndarray) -> None:
         if _written_before(sensor, before, too_early):
             keep[too_early] = False
             continue
+        too_early = too_early[time[too_early] < time[before[-1]]]  # an equal stamp is in order
         run = too_early if too_early.size <= too_late.size else too_late
-        if run.size > GLITCH_ROWS or _stayed(time, rows, run, period):
+        if run.size > GLITCH_ROWS or _stayed(time, rows, run, tick, period):
             raise _backward(sensor, before[-1], after[0])
         keep[run] = False
     raise _backward(sensor, before[-1], after[0])
@@ -91,14 +93,15 @@ def _written_before(sensor: RawSensor, before: np.ndarray, again: np.ndarray) ->
     return all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
 
 
-def _stayed(time: np.ndarray, rows: np.ndarray, run: np.ndarray, period: float) -> bool:
+def _stayed(
+    time: np.ndarray, rows: np.ndarray, run: np.ndarray, tick: float, period: float
+) -> bool:
     """Whether less time has passed across a dropped run than its rows took."""
-    first = int(np.searchsorted(rows, run[0]))
-    last = first + run.size
+    first, last = np.searchsorted(rows, (run[0], run[-1] + 1))
     if run.size < 2 or first == 0 or last >= rows.size or rows.size < MIN_PERIOD_ROWS:
         return False
     elapsed = time[rows[last]] - time[rows[first - 1]]
-    return bool((run.size + 1) * period - elapsed > STAYED_PERIODS * period)
+    return bool((last - first + 1) * period - elapsed > STAYED_TICKS * tick)
 
 
 def _backward(sensor: RawSensor, last: int, first: int) -> InputError:

@@ -42,7 +42,7 @@ class Signal:
 
     @cached_property
     def step_s(self) -> float:
-        """Median time from one reading to the next."""
+        """Median time from one reading to the next; 0 where most stamps repeat."""
         return float(np.median(np.diff(self.time_s)))
 
     @cached_property
@@ -136,6 +136,8 @@ def left_over(
         Times of the other log that were compared.
     """
     times, period = other.time_s, source.step_s
+    if period <= 0.0:  # whole seconds: the stamps do not tell when a reading was taken
+        return np.inf, times[:0]
     reach = int(np.ceil((other.step_s + 1.0 / EVEN_HZ) / period))
     taps = 2 * reach + 1
     if taps > MOST_TAPS or source.white_noise < LEAST_NOISE * source.digit:

@@ -38,6 +38,7 @@ from auvident.stages.ingest.resample import (
 
 MAX_RATE_HZ = 1000.0
 MAX_PERIOD_S: VehicleTime = 5.0  # slower velocities or yaw rates do not show a maneuver
+MIN_RATE_HZ = 1.0 / MAX_PERIOD_S  # nor does a slower grid
 MAX_TICKS = 20_000_000  # some days at 100 Hz; more is a corrupt time stamp
 
 
@@ -88,11 +89,12 @@ def ingest(
         When a needed channel is missing or empty, time goes backward, sensors never overlap, a
         unit is impossible or the rudder's sign contradicts the vehicle file.
     """
-    if not 0 < rate_hz <= MAX_RATE_HZ or not 0 < max_gap_s < np.inf:
+    if not MIN_RATE_HZ <= rate_hz <= MAX_RATE_HZ or not 0 < max_gap_s < np.inf:
         raise UsageError(
             f"rate {rate_hz:g} Hz, longest gap {max_gap_s:g} s",
             "ingest",
-            f"Give a rate of 0 to {MAX_RATE_HZ:g} Hz and a gap above 0.",
+            f"Give a rate of {MIN_RATE_HZ:g} to {MAX_RATE_HZ:g} Hz (a slower one does not show a "
+            "maneuver) and a gap above 0.",
         )
     needed = tuple(needed)
     raw, facts = with_derived(raw, vehicle, rate_hz, max_gap_s)

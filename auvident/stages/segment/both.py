@@ -57,7 +57,7 @@ def segment_both(trials: Sequence[Trial], hold_out: Sequence[str] = ()) -> Maneu
     if not any(f.plane == "vertical" for _, f in vertical.wholes):
         vertical = Gathered()  # most trials have none; identifying in that plane says so
     if not horizontal.wholes and not vertical.wholes:
-        raise nothing_found(trials, "horizontal", horizontal.rejected)
+        raise nothing_found(trials, "horizontal", horizontal)
     wholes = numbered(merged(horizontal.wholes, vertical.wholes), trials)
     rejected = [*horizontal.rejected, *vertical.rejected]
     findings = [*horizontal.findings, *vertical.findings]

@@ -27,13 +27,18 @@ def sink_rate(piece: Piece) -> Array:
     return np.where(np.isfinite(by_depth), by_depth, by_motion)
 
 
+def least_rows(piece: Piece) -> int:
+    """Rows of a stretch whose rate of sinking is told; a rate takes two, however slow the log."""
+    return max(2, piece.samples(DIVE_WINDOW_S))
+
+
 def sink_by_depth(piece: Piece) -> Array:
     """Rate at which the depth rises [m/s], NaN where there is none."""
     rate = np.full(piece.size, np.nan)
     if piece.depth is None:
         return rate
     for start, stop in true_ranges(np.isfinite(piece.depth)):
-        if stop - start >= piece.samples(DIVE_WINDOW_S):
+        if stop - start >= least_rows(piece):
             rate[start:stop] = np.gradient(piece.depth[start:stop], piece.t[start:stop])
     return _averaged(piece, rate)
 

@@ -23,6 +23,7 @@ from auvident.stages.segment.turns import find_steady_turns, find_turns
 from auvident.stages.segment.zigzags import find_zigzags
 
 CLOSEST = 8  # rejected candidates named when nothing was found
+NOT_SEARCHED = ("never_under_way", "no_record")  # findings of a trial that was not looked at
 
 Search = Callable[[Piece, Scales], tuple[list[Found], list[Rejected]]]
 Searched = tuple[list[Found], list[Rejected], list[Finding]]
@@ -111,7 +112,7 @@ def assemble(
     """Search every trial and give roles to what is found; arguments as for `segment`."""
     gathered = gather(trials, search)
     if not gathered.wholes:
-        raise nothing_found(trials, plane, gathered.rejected)
+        raise nothing_found(trials, plane, gathered)
     return finished(gathered, trials, hold_out)
 
 
@@ -164,7 +165,7 @@ def search_trial(trial: Trial, plane: Plane, search: Search) -> Searched:
         return [], [], [_no_record(trial, plane)]
     scales = scales_of(pieces)
     if scales.rpm <= 0:
-        return [], [], [_never_under_way(trial)]
+        return [], [], [_never_under_way(trial, scales.speed_mps)]
     found: list[Found] = []
     rejected: list[Rejected] = []
     for piece in pieces:
@@ -216,13 +217,15 @@ def _no_record(trial: Trial, plane: Plane) -> Finding:
     )
 
 
-def _never_under_way(trial: Trial) -> Finding:
+def _never_under_way(trial: Trial, speed_mps: float) -> Finding:
     return Finding(
         code="never_under_way",
-        message="The propeller never turns: the trial has no maneuvers.",
+        message=f"The propeller never turns (rpm is 0 throughout, at a usual speed of "
+        f"{speed_mps:.2g} m/s): the trial has no maneuvers.",
         where=trial.name,
         value=0.0,
-        remedy="Check the rpm channel, or leave this trial out.",
+        remedy="Check the rpm channel: it looks stuck, or is not connected, where the vehicle "
+        "makes way. Or leave this trial out.",
     )
 
 
@@ -236,11 +239,9 @@ def _wrong_sign(trial: Trial, plane: Plane) -> Finding:
     )
 
 
-def nothing_found(
-    trials: Sequence[Trial], plane: Plane, rejected: Sequence[Rejected]
-) -> InputError:
+def nothing_found(trials: Sequence[Trial], plane: Plane, gathered: Gathered) -> InputError:
     """What came closest, and why each failed."""
-    longest = sorted(rejected, key=lambda r: r.t_start_s - r.t_end_s)[:CLOSEST]
+    longest = sorted(gathered.rejected, key=lambda r: r.t_start_s - r.t_end_s)[:CLOSEST]
     lines = [
         f"{r.trial}, {r.t_start_s:.1f} to {r.t_end_s:.1f} s: {r.reason}: {r.value:g}, "
         f"needed {r.threshold:g}"
@@ -250,14 +251,23 @@ def nothing_found(
     closest = (
         "\n  ".join(["Closest candidates:", *lines])
         if lines
-        else (
-            "No candidate either: the fins are never held at an angle of "
-            f"{math.degrees(LEAST_FIN_RAD):.0f} degrees or more, and no straight stretch of "
-            f"{LONG_RUN_S:.0f} s was run. Check the units and names of the channels."
-        )
+        else "\n  ".join(["No candidate either:", *_why_no_candidate(trials, gathered)])
     )
     return InputError(
         f"no {plane} maneuver (straight run with thrust steps, turning circle, zigzag) was found",
         where=", ".join(trial.name for trial in trials),
         remedy=closest,
     )
+
+
+def _why_no_candidate(trials: Sequence[Trial], gathered: Gathered) -> list[str]:
+    """Why there was nothing to look at in a trial, and of those with something what it lacks."""
+    still = [f for f in gathered.findings if f.code in NOT_SEARCHED]
+    said = [f"{f.where}: {f.message} {f.remedy}".rstrip() for f in still]
+    if len({f.where for f in still}) < len(trials):
+        said.append(
+            "the fins are never held at an angle of "
+            f"{math.degrees(LEAST_FIN_RAD):.0f} degrees or more, and no straight stretch of "
+            f"{LONG_RUN_S:.0f} s was run. Check the units and names of the channels."
+        )
+    return said

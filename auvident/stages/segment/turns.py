@@ -154,7 +154,7 @@ def eases_off(piece: Piece, scales: Scales, p: Plateau, start: int) -> bool:
     below = _first_below(piece.fin[p.stop :], side, HALF * abs(p.level))
     if below is None:
         return False
-    path, second = piece.fin[p.stop : p.stop + below + 1] * side, piece.samples(1.0)
+    path, second = piece.fin[p.stop : p.stop + below + 1] * side, max(1, piece.samples(1.0))
     if path.size > second and np.min(np.abs(path[second:] - path[:-second])) < scales.tolerance_rad:
         return False
     entry_s, exit_s = piece.seconds(start, p.start), piece.seconds(p.stop, p.stop + below)

@@ -10,7 +10,7 @@ from auvident.physics.maneuvers.straight import rpm_levels
 from auvident.schema.artifacts import Maneuvers, Rejected
 from auvident.schema.trial import Trial
 from auvident.stages.segment.course import course_changes
-from auvident.stages.segment.depth import DIVE_WINDOW_S, sink_by_depth
+from auvident.stages.segment.depth import least_rows, sink_by_depth
 from auvident.stages.segment.elevators import find_elevator_zigzags, on_clock_of
 from auvident.stages.segment.level import level, usual_depth
 from auvident.stages.segment.pieces import Found, Piece, true_ranges
@@ -120,7 +120,7 @@ def find_depth_steps(
     steps: list[tuple[int, int]] = []
     for start, stop in depth_changes(piece, scales, taken, turned):
         depth = piece.depth[start:stop]
-        if stop - start < piece.samples(DIVE_WINDOW_S):
+        if stop - start < least_rows(piece):
             continue  # the ripple of depth-keeping
         needed = (
             (SURFACE, float(depth.min()), SUBMERGED_SHARE * usual),
@@ -171,7 +171,7 @@ def _joined(
         (max(start, a), min(stop, b))
         for start, stop in steps
         for a, b, _ in levels
-        if min(stop, b) - max(start, a) >= piece.samples(DIVE_WINDOW_S)
+        if min(stop, b) - max(start, a) >= least_rows(piece)
     ]
     borders = sorted([*(t.start for t in taken), *(a for a, _, _ in levels)])
     runs: list[tuple[int, int]] = []

@@ -151,7 +151,7 @@ def first_execute(piece: Piece, scales: Scales, chain: Sequence[Plateau]) -> tup
     start = execute(piece, scales, chain[0])
     peak = float(piece.fin[max(0, start - 1)])
     small = peak * chain[0].level >= 0 or abs(peak) < PEAK_SHARE * abs(chain[0].level)
-    before = piece.fin[max(0, start - piece.samples(HELD_S)) : start]
+    before = piece.fin[max(0, start - max(1, piece.samples(HELD_S))) : start]
     if start == 0 or small or float(np.ptp(before)) <= scales.tolerance_rad:
         return start, 0  # an angle that was held is another maneuver's
     return execute(piece, scales, Plateau(start - 1, start, peak)), 1

@@ -48,6 +48,18 @@ def test_impossible_variants_say_why():
     assert table["Y_uv"].isna().tolist() == [False, True, True, True]
 
 
+@pytest.mark.parametrize(
+    ("key", "least", "words"),
+    [("izz_kgm2", 0.0738, "0.0492 m"), ("iyy_kgm2", 0.0738, "0.0492 m"), ("ixx_kgm2", 0.01737, "")],
+)
+def test_inertia_of_a_block_of_steel_amidships_is_the_least(key, least, words):
+    """30.48 kg as a slab of 0.171 m, of 1.33 m, or as a rod of 34 mm radius in the axis."""
+    table = sweep(load("remus"), {f"vehicle.{key}": [0.98 * least, 1.02 * least]})
+    assert f"[vehicle] {key}: the radius of gyration, " in table["problem"][0]
+    assert f"is smaller than {words}" in table["problem"][0]
+    assert table["problem"][1] == ""
+
+
 def test_design_speed_and_propeller_can_be_swept():
     table = sweep(load("remus"), {"vehicle.design_speed_mps": [1.0, 2.0]})
     assert abs(table["X_uu"][1]) < abs(table["X_uu"][0])  # friction falls with Reynolds number

@@ -31,7 +31,11 @@ from auvident.schema.planes import HORIZONTAL, Plane, PlaneRow
 Array = npt.NDArray[Any]
 
 THRESHOLD = 14.0  # with many maneuvers; see `threshold_of`
-BIN_S = 0.4  # residuals are averaged over it: the fastest wave sought has eight bins a period
+# Residuals are averaged over it, or over a step where that is longer: the fastest wave sought has
+# eight bins a period. A log so slow that a wave has fewer than `LEAST_A_PERIOD` does not show it:
+# bins average it away, and met from ahead it has half as many.
+BIN_S = 0.4
+LEAST_A_PERIOD = 4
 LONGEST_S = 120.0  # longer maneuvers are cut: an unknown phase each, less to ask of the track
 LEAST_BINS = 40
 FREQUENCIES_RADPS = np.arange(0.4, 2.0001, 0.025)
@@ -139,17 +143,19 @@ def find_wave(
     Returns
     -------
     Wave or None
-        The strongest one, to be asked whether it is `Wave.found`; None with too little data.
+        The strongest one, to be asked whether it is `Wave.found`; None with too little data, or
+        at a rate that shows no wave.
     """
     runs = [run for piece in pieces for run in _runs(piece)]
-    if not runs:
+    sought = _shown(pieces)
+    if not runs or not sought.size:
         return None
     channels, weights = channels or plane.velocities, WEIGHTS[plane.name]
     columns = [plane.velocities.index(c) for c in channels]
-    power = wave_power(runs, FREQUENCIES_RADPS, DIRECTIONS_RAD, columns, weights)
+    power = wave_power(runs, sought, DIRECTIONS_RAD, columns, weights)
     i, j = np.unravel_index(int(power.mean(axis=2).argmax()), power.shape[:2])
     step_w, step_b = np.diff(FREQUENCIES_RADPS)[0], np.diff(DIRECTIONS_RAD)[0]
-    frequencies = FREQUENCIES_RADPS[i] + np.linspace(-step_w, step_w, FINE)
+    frequencies = sought[i] + np.linspace(-step_w, step_w, FINE)
     directions = DIRECTIONS_RAD[j] + np.linspace(-step_b, step_b, FINE)
     power = wave_power(runs, frequencies, directions, columns, weights)
     i, j = np.unravel_index(int(power.mean(axis=2).argmax()), power.shape[:2])
@@ -191,25 +197,37 @@ def wave_power(
     return power / len(runs)
 
 
+def _bin_s(piece: Residual) -> float:
+    """Length of a bin: none may be empty, or the way made good is lost in it."""
+    return max(BIN_S, float(np.median(np.diff(piece.time_s)))) if len(piece.time_s) > 1 else BIN_S
+
+
+def _shown(pieces: Sequence[Residual]) -> Array:
+    """Frequencies of waves that the rate of all the logs shows."""
+    longest_s = max(map(_bin_s, pieces), default=BIN_S)
+    return FREQUENCIES_RADPS[LEAST_A_PERIOD * longest_s * FREQUENCIES_RADPS <= 2.0 * math.pi]
+
+
 def _runs(piece: Residual) -> list[RunInBins]:
     """A maneuver in parts of about equal length, each averaged over bins."""
-    bins = np.floor((piece.time_s - piece.time_s[0]) / BIN_S).astype(np.int64)
-    count = max(math.ceil((bins[-1] + 1) * BIN_S / LONGEST_S), 1)
+    bin_s = _bin_s(piece)
+    bins = np.floor((piece.time_s - piece.time_s[0]) / bin_s).astype(np.int64)
+    count = max(math.ceil((bins[-1] + 1) * bin_s / LONGEST_S), 1)
     part = bins * count // (bins[-1] + 1)
-    found = [_run(piece, part == k) for k in range(count)]
+    found = [_run(piece, part == k, bin_s) for k in range(count)]
     return [run for run in found if run is not None]
 
 
-def _run(piece: Residual, rows: Array) -> RunInBins | None:
+def _run(piece: Residual, rows: Array, bin_s: float) -> RunInBins | None:
     time, u, heading = piece.time_s[rows], piece.u_mps[rows], piece.heading_rad[rows]
-    bins = np.floor((time - time[0]) / BIN_S + 1e-6).astype(np.int64)
+    bins = np.floor((time - time[0]) / bin_s + 1e-6).astype(np.int64)
     velocity = u[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
     ahead, aside = binned(np.cos(heading), bins), binned(np.sin(heading), bins)
-    way = np.cumsum(np.column_stack([binned(x, bins) for x in velocity.T]), axis=0) * BIN_S
+    way = np.cumsum(np.column_stack([binned(x, bins) for x in velocity.T]), axis=0) * bin_s
     white = np.column_stack([_whitened(binned(x, bins)) for x in piece.values[rows, :3].T])
     if len(white) < LEAST_BINS or not white.any():
         return None
-    return RunInBins(np.arange(len(white)) * BIN_S, way, np.arctan2(aside, ahead), white)
+    return RunInBins(np.arange(len(white)) * bin_s, way, np.arctan2(aside, ahead), white)
 
 
 def binned(values: Array, bins: Array) -> Array:

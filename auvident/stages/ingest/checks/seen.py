@@ -37,6 +37,7 @@ PASSAGES = 10.0  # lengths of way of a window: thrust and drag have settled by i
 STEADY, STEADY_RPM = 0.04, 0.05  # changes of speed and rpm in it, of their mean
 STRAIGHT = 0.05  # r L / u: a circle of 40 lengths
 LEAST_WINDOW_S = 5.0
+QUARTERS = 4  # of a window, each of one row at least: they tell the unrest
 
 
 @dataclass(frozen=True)
@@ -137,13 +138,13 @@ class Seen:
         u, v, r = (self.whole(name) for name in ("u_mps", "v_mps", "r_radps"))
         rate, heading = self.whole("rpm") / 60.0, self.whole("heading_rad")
         steady_s = max(LEAST_WINDOW_S, PASSAGES * self.passage_s)
-        size = round(steady_s * self.trial.rate_hz)
+        size = max(round(steady_s * self.trial.rate_hz), QUARTERS)
         found = []
         for first in range(0, u.size - size, max(size // 2, 1)):
             rows = slice(first, first + size)
             if self._steady(u[rows], r[rows], np.abs(rate[rows])):
                 mean = float(u[rows].mean())
-                unrest = float(np.std([q.mean() for q in np.array_split(u[rows], 4)])) / mean
+                unrest = float(np.std([q.mean() for q in np.array_split(u[rows], QUARTERS)])) / mean
                 course = float(np.angle(np.exp(1j * heading[rows]).mean()))
                 turns = float(np.abs(rate[rows]).mean())
                 found.append(Window(mean, float(v[rows].mean()), turns, course, unrest))

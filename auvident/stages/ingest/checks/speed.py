@@ -21,6 +21,7 @@ from auvident.stages.ingest.checks.seen import MIN_SPEED_MPS, Seen
 from auvident.stages.ingest.checks.track import LEAST_EXPLAINED, TrackFit, sway_gain, track
 
 MIN_RPM = 10.0  # a propeller that turns slower is stopped
+STANDS_RPM = 1.0  # rev/s of a propeller that drives a hull are more
 MIN_SAMPLES = 50  # fewer are no evidence
 POSITION_LIMIT = 0.05  # DVLs are good to 1 %, lever arms and changing currents add to it
 SWAY_LIMIT = 0.45  # sway of small, fast vehicles turns too much between two fixes to be seen
@@ -327,9 +328,13 @@ def rpm_sign(seen: Seen) -> Verdict:
 
 
 def rpm_varies(seen: Seen) -> Verdict:
-    """Speeds of one propeller rate are one speed."""
+    """Speeds of one propeller rate are one speed, and without a propeller there is none."""
     rpm = seen.whole("rpm")
     known = rpm[np.isfinite(rpm)]
+    ahead = seen.whole("u_mps")[np.isfinite(rpm)]
+    ahead = ahead[ahead > seen.way_mps]
+    if known.size and np.abs(known).max() <= STANDS_RPM and ahead.size >= MIN_SAMPLES:
+        return _drives_without(float(np.abs(known).max()), float(np.median(ahead)))
     if known.size == 0 or np.ptp(known) > CONSTANT_RPM * abs(known.mean()):
         few = len(seen.windows) < WINDOW_COUNT or known.size == 0
         words = "too few straight stretches at steady speed"
@@ -345,6 +350,16 @@ def rpm_varies(seen: Seen) -> Verdict:
         f"more than {limit:.2f}",
         ratio,
         "Log the rate of the propeller; a constant in its place identifies no thrust.",
+    )
+
+
+def _drives_without(most: float, speed_mps: float) -> Verdict:
+    stands = f"at {most:.3g}" if most == 0.0 else f"within {most:.2g}"
+    return contradicts(
+        f"the vehicle makes {speed_mps:.2g} m/s although rpm stands {stands} throughout: the log "
+        "of the propeller looks stuck, or is not connected",
+        speed_mps,
+        "Check the log of rpm; a map (--map) names another column.",
     )
 
 
@@ -365,11 +380,13 @@ def _of_one_rate(seen: Seen) -> tuple[np.ndarray, float]:
 def advance_ratio(seen: Seen) -> Verdict:
     """u / (n D) of a propeller that drives a hull."""
     u, rpm = seen.columns("u_mps", "rpm")
-    driven = (np.abs(rpm) > 1.0) & (np.abs(u) > MIN_SPEED_MPS)
-    if seen.vehicle.propeller is None or driven.sum() < MIN_SAMPLES:
-        return _at_rest(seen) or untested(
-            "no [propeller] in the vehicle file, or the vehicle hardly moves"
-        )
+    driven = (np.abs(rpm) > STANDS_RPM) & (np.abs(u) > MIN_SPEED_MPS)
+    if seen.vehicle.propeller is None:
+        return untested("no [propeller] in the vehicle file")
+    if driven.sum() < MIN_SAMPLES:
+        moves = (np.abs(u) > MIN_SPEED_MPS).sum() >= MIN_SAMPLES
+        why = "the propeller hardly turns" if moves else "the vehicle hardly moves"
+        return _at_rest(seen) or untested(why)
     turns = np.abs(rpm[driven]) / 60.0
     advance = float(np.median(np.abs(u[driven]) / (turns * seen.vehicle.propeller.diameter_m)))
     if MIN_ADVANCE <= advance <= MAX_ADVANCE:
@@ -388,7 +405,7 @@ def _at_rest(seen: Seen) -> Verdict | None:
     """A vehicle that never moves although its propeller turns, or None."""
     u, rpm = (np.abs(x) for x in seen.columns("u_mps", "rpm"))
     turning = rpm > MIN_RPM
-    if seen.vehicle.propeller is None or turning.sum() < MIN_SAMPLES:
+    if turning.sum() < MIN_SAMPLES or seen.vehicle.propeller is None:
         return None
     most = float(np.quantile(u[turning], 0.9))
     advance = most / (np.median(rpm[turning]) / 60.0 * seen.vehicle.propeller.diameter_m)

@@ -28,6 +28,7 @@ def piece_of(
     size: float = 0.0,
     duration_s: float = 90.0,
     vertical: bool = False,
+    every: int = 1,
 ) -> Residual:
     """A turn, a zigzag or a straight run with coloured noise and, possibly, a wave on it."""
     t = rng.uniform(0.0, 900.0) + np.arange(0.0, duration_s, 0.1)
@@ -44,7 +45,8 @@ def piece_of(
     values = noise + size * NOISE * weights * np.sin(phase)[:, None]
     values[::2, :2] = np.nan  # a DVL at half the rate
     values[rng.integers(0, len(t) - 30) :][:25, :2] = np.nan  # and a drop-out
-    return Residual(f"m{number}", t, values, u, heading)
+    kept = slice(None, None, every)
+    return Residual(f"m{number}", t[kept], values[kept], u[kept], heading[kept])
 
 
 def searched(seed: int, count: int = 9, **wave: float) -> Wave:
@@ -108,6 +110,25 @@ def test_one_channel_alone_can_be_searched() -> None:
     pieces = [piece_of(rng, k, omega=0.9, direction=1.0, size=1.5) for k in range(9)]
     wave = find_wave(pieces, ("u",))
     assert wave is not None and wave.channel == "u" and wave.found
+
+
+@pytest.mark.parametrize("every", [5, 10, 12])
+def test_a_wave_is_found_in_a_log_slower_than_the_bins(every: int) -> None:
+    """At 2 Hz every fifth bin of 0.4 s would be empty: no way made good, no power, no number."""
+    rng = np.random.default_rng(3)
+    planted = {"omega": 0.7, "direction": 0.5, "size": 3.0}  # fewer readings, more noise
+    pieces = [piece_of(rng, k, every=every, **planted) for k in range(9)]  # type: ignore[arg-type]
+    wave = find_wave(pieces, ("r",))
+    assert wave is not None and wave.found
+    assert wave.frequency_radps == pytest.approx(0.7, abs=0.015)
+    clean = find_wave([piece_of(rng, k, every=every) for k in range(9)])
+    assert clean is not None and not clean.found and math.isfinite(clean.power_ratio)
+
+
+def test_a_log_too_slow_for_any_wave_shows_none() -> None:
+    rng = np.random.default_rng(3)
+    pieces = [piece_of(rng, k, omega=0.7, size=1.5, duration_s=250.0, every=40) for k in range(9)]
+    assert find_wave(pieces) is None
 
 
 def test_too_short_pieces_give_nothing() -> None:
