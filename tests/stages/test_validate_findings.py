@@ -41,8 +41,8 @@ def test_a_channel_that_is_missed_by_its_own_variation_is_not_predicted() -> Non
     assert set(found) == {name for name, m in pooled.items() if m.nrmse >= 1.0} >= {"r"}
     assert found["r"].value == pooled["r"].nrmse
     assert found["r"].threshold == 1.0 and found["r"].remedy
-    said = "not predicted: the error is no smaller than the variation of the channel"
-    assert found["r"].message == said
+    expected = "not predicted: the error is no smaller than the variation of the channel"
+    assert found["r"].message == expected
 
 
 def test_data_that_made_a_channel_worse_are_called_so() -> None:
