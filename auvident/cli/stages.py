@@ -45,7 +45,7 @@ INGEST_OPTIONS = options(
         "rate_hz",
         type=float,
         metavar="HZ",
-        help="Sampling rate after ingest.  [default: 10]",
+        help="Sampling rate after ingest, 0.2 to 1000.  [default: 10]",
     ),
     click.option(
         "--max-gap",
