@@ -34,9 +34,9 @@ OF_MODELS_ALONE = (
 )
 
 
-def plane_option(default: str = "the first") -> Any:
-    """``--plane`` of a command; `default` is what is taken without it."""
-    words = f"Plane of a run that has both.  [default: {default}]"
+def plane_option(default: str = "the first", only: str = "") -> Any:
+    """``--plane`` of a command; `default` is what is taken without it, `only` where it serves."""
+    words = f"Plane of a run that has both{only}.  [default: {default}]"
     return click.option("--plane", type=click.Choice(PLANES), help=words)
 
 
@@ -106,7 +106,7 @@ def _other_libraries(rows: list[dict[str, Any]]) -> list[str]:
     help="Standard maneuver: turning-circle:15, zigzag:10/10, spiral:25, pull-out:15, depth-step:5 "
     "or vertical-zigzag:10/5 (deg, m; the defaults).",
 )
-@plane_option("with --inputs the whole vehicle, else the first; a maneuver is of one")
+@plane_option("the whole vehicle, else the first", only=", for --inputs")
 @click.option("--from", "from_s", type=float, metavar="SECONDS", help="Start of the simulation.")
 @click.option("--to", "to_s", type=float, metavar="SECONDS", help="End of the simulation.")
 @click.option(
