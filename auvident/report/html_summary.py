@@ -105,7 +105,8 @@ def _judged(data: ReportData) -> tuple[Lines, str]:
     if not errors:
         return ["No channel was measured to compare the predictions with."], "none"
     told = {k: e for k, e in all_errors.items() if k != TRACK}  # a position has no usual spread
-    called = {name: ERROR.of(e.nrmse) for name, e in told.items()}
+    shares = {k: share(k, e.rmse, e.nrmse) for k, e in told.items()}
+    called = {k: ERROR.of(x) for k, x in shares.items() if x is not None}
     gains, better = _gains(data, errors)
     band, trusted = _band(data, told)
     grades = [*(w.grade for w in called.values()), *better, *trusted]

@@ -340,12 +340,24 @@ def test_verdict_follows_the_worst_velocity(data: ReportData) -> None:
         return judged(data, summary={"validate": pooled})
 
     assert [grade(with_nrmse(x)) for x in (0.09, 0.11, 0.31)] == ["good", "fair", "poor"]
-    assert "u, r and heading well, v fairly well: RMSE" in verdict(with_nrmse(0.11))
+    assert "u and r well, v fairly well: RMSE" in verdict(with_nrmse(0.11))
     assert "v worse than a constant would" in verdict(with_nrmse(1.2))
     assert "v (worse than a constant would)" in told(with_nrmse(1.2))["Not for"]
     codes = {w.finding.code: w.rank for w in warnings(with_nrmse(1.2))}
     assert codes["not-predicted"] == "serious"
     assert "not-predicted" not in {w.finding.code for w in warnings(with_nrmse(0.3))}
+
+
+def test_a_heading_that_ran_round_and_round_is_neither_well_nor_badly_predicted(
+    data: ReportData,
+) -> None:
+    def turned(nrmse: float, rmse: float) -> str:
+        pooled = dict(data.metrics.summary["validate"])  # type: ignore[union-attr]
+        heading = pooled["heading"].model_copy(update={"nrmse": nrmse, "rmse": rmse})
+        return verdict(judged(data, summary={"validate": {**pooled, "heading": heading}}))
+
+    assert "heading fairly well" in turned(0.2, 0.1)
+    assert "predicts 3 held-out maneuvers well" in turned(0.2, 2.0)  # of a spread of 10 rad
 
 
 def test_a_band_that_is_too_narrow_spoils_the_verdict(data: ReportData) -> None:
