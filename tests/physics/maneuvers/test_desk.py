@@ -9,7 +9,9 @@ from auvident.errors import NumericsError
 from auvident.physics.ase.stability import linear_turning_gain, steady_turn, turning_table
 from auvident.physics.maneuvers.desk import round_step
 from auvident.physics.maneuvers.desk_figures import FIGURES, gone_on, nomoto_from
+from auvident.report.figures_desk import helm_lines
 from auvident.schema.desk import MANEUVERS, desk_order
+from auvident.schema.planes import BY_PLANE
 from auvident.stages.ase import estimate
 from auvident.stages.desk import Approach, Desk, DeskModel, fly_maneuver
 from auvident.stages.desk.stage import HELMS
@@ -181,6 +183,15 @@ def test_a_vertical_zigzag_puts_the_bow_up_first() -> None:
     assert desk.table["elevator_order_rad"][0] < 0.0  # trailing edge up
     assert desk.table["pitch_rad"][20] > desk.table["pitch_rad"][0]
     assert figures(desk)["depth_overshoot_1"] > 0.0
+
+
+def test_a_figure_has_the_signs_of_the_command_line() -> None:
+    """To starboard, or bow up: against the axes, whose signs the table has."""
+    for plane, text in (("horizontal", "turning-circle:15"), ("vertical", "vertical-zigzag:10/5")):
+        desk, row = flown(remus(plane), text, speed_mps=1.5), BY_PLANE[plane]
+        order, angle = helm_lines(desk.table, row.control_columns[0])
+        first = next(iter(desk.result.parameters.values()))
+        assert order[1] == pytest.approx(first, abs=1.5) and 0.0 < angle.max() < first + 1.5
 
 
 @pytest.mark.parametrize(
