@@ -33,7 +33,7 @@ from auvident.physics.batch import (
     step_points,
 )
 from auvident.physics.term_tables import N_INPUTS, N_POSITIONS, N_POWERS, N_STATES, P_ROWS
-from auvident.physics.terms import INPUTS, Structure
+from auvident.physics.terms import INPUTS, Structure, mass_matrices
 
 Array = npt.NDArray[Any]
 
@@ -170,9 +170,7 @@ class Fleet:
 
 def possible(structure: Structure, vectors: Array) -> Array:
     """Models (S,) whose mass matrix is positive definite, by its leading minors."""
-    mass = np.zeros((len(vectors), 3, 3))
-    for (i, j, k), weight in zip(structure.mass, structure.mass_weights, strict=True):
-        mass[:, i, j] += weight * vectors[:, k]
+    mass = mass_matrices(structure, vectors.T)
     minors = [np.linalg.det(mass[:, :n, :n]) for n in (1, 2, 3)]
     found: Array = np.min(minors, axis=0) > 0.0
     return found

@@ -278,6 +278,14 @@ def _parameter(plane: Plane, name: str) -> str:
     return name if name in CONSTANTS else symbol_in(plane, name)
 
 
+def mass_matrices(structure: Structure, p: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    """Mass matrices (n, 3, 3), rigid body and added mass, of parameters (n_parameters, n)."""
+    mass = np.zeros((p.shape[1], 3, 3))
+    for (i, j, k), weight in zip(structure.mass, structure.mass_weights, strict=True):
+        mass[:, i, j] += weight * p[k]
+    return mass
+
+
 def parameter_vector(
     plane: Plane,
     coefficients: Mapping[str, float],

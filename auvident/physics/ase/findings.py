@@ -8,9 +8,12 @@ import numpy as np
 from auvident.physics.ase.drag import LAMINAR_REYNOLDS
 from auvident.physics.ase.fins import aspect_ratio, buried_share
 from auvident.physics.ase.geometry import HullGeometry
+from auvident.physics.ase.motion import rigid_constants
 from auvident.physics.ase.propeller import thrust_line
 from auvident.physics.ase.stability import speed_per_rate_m
+from auvident.physics.terms import mass_matrices, structure_of
 from auvident.schema.artifacts import Finding
+from auvident.schema.coefficients import symbols_of
 from auvident.schema.effect_words import with_std
 from auvident.schema.planes import PLANE_ROWS
 from auvident.schema.vehicle import Vehicle
@@ -60,18 +63,14 @@ def findings(
 
 def _mass_findings(vehicle: Vehicle, values: Mapping[str, float]) -> Iterator[Finding]:
     """Added masses, given in the vehicle file, with which nothing can be accelerated."""
-    body = vehicle.body
-    mass, moment = body.mass_kg, body.mass_kg * body.x_g_m
     for row in PLANE_ROWS:
-        across, about = row.axes[1:]
-        sway, turn = (f"{v}dot" for v in row.velocities[1:])
-        sign = 1.0 if row.name == "horizontal" else -1.0  # the bow goes with +v, against +w
-        inertia = body.izz_kgm2 if row.name == "horizontal" else body.iyy_kgm2 or body.izz_kgm2
-        named = [f"{a}_{b}" for a in (across, about) for b in (sway, turn)]
-        added = np.array([values[s] for s in named]).reshape(2, 2)
-        matrix = np.array([[mass, sign * moment], [sign * moment, inertia]]) - added
-        least = float(np.linalg.eigvalsh(0.5 * (matrix + matrix.T)).min())
-        if min(least, mass - values["X_udot"]) <= 0.0:
+        structure = structure_of(row.name)
+        known = {**rigid_constants(vehicle.body, row.name), **values}
+        p = np.array([[known[name]] for name in structure.parameters])
+        (mass,) = mass_matrices(structure, p)
+        least = float(np.linalg.eigvalsh(0.5 * (mass + mass.T)).min())
+        if least <= 0.0:
+            added = ", ".join(s for s in symbols_of(row.name) if s.endswith("dot"))
             yield Finding(
                 code="impossible_mass",
                 message=f"With these added masses the mass matrix of the {row.name} plane is not "
@@ -79,8 +78,7 @@ def _mass_findings(vehicle: Vehicle, values: Mapping[str, float]) -> Iterator[Fi
                 where="[coefficients]",
                 value=least,
                 threshold=0.0,
-                remedy=f"Check {', '.join(['X_udot', *named])}: added masses are negative here, "
-                "as X = X_udot du/dt.",
+                remedy=f"Check {added}: added masses are negative here, as X = X_udot du/dt.",
             )
 
 

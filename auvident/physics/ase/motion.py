@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from auvident.physics.terms import CONSTANTS, POWERS, VARIABLES, structure_of
+from auvident.physics.terms import CONSTANTS, POWERS, VARIABLES, mass_matrices, structure_of
+from auvident.schema.planes import Plane
 from auvident.schema.vehicle import Body
 
 Array = npt.NDArray[np.float64]
@@ -31,6 +32,13 @@ POWER: dict[str, Callable[[Array], Array]] = {
 }
 
 
+def rigid_constants(body: Body, plane: Plane = "horizontal") -> dict[str, float]:
+    """Mass, its moment and inertia in the equations of a plane; the other constants are zero."""
+    inertia = body.izz_kgm2 if plane == "horizontal" else body.iyy_kgm2 or body.izz_kgm2
+    known = {"m": body.mass_kg, "m x_G": body.mass_kg * body.x_g_m, "I": inertia}
+    return {name: known.get(name, 0.0) for name in CONSTANTS}
+
+
 class Models:
     """The equations of the horizontal plane of n models.
 
@@ -45,13 +53,10 @@ class Models:
 
     def __init__(self, drawn: Mapping[str, Array], body: Body, rate_rps: float) -> None:
         structure = structure_of("horizontal")
-        rigid = {"m": body.mass_kg, "m x_G": body.mass_kg * body.x_g_m, "I": body.izz_kgm2}
         n = len(next(iter(drawn.values())))
-        constants = {name: np.full(n, rigid.get(name, 0.0)) for name in CONSTANTS}
-        p = [{**constants, **drawn}[name] for name in structure.parameters]
-        mass = np.zeros((n, 3, 3))
-        for (i, j, k), weight in zip(structure.mass, structure.mass_weights, strict=True):
-            mass[:, i, j] += weight * p[k]
+        constants = {c: np.full(n, value) for c, value in rigid_constants(body).items()}
+        p = np.array([{**constants, **drawn}[name] for name in structure.parameters])
+        mass = mass_matrices(structure, p)
         self.possible = np.linalg.eigvalsh(mass).min(axis=-1) > 0.0
         mass[~self.possible] = np.eye(3)
         self.inverse = np.linalg.inv(mass)

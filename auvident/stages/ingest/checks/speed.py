@@ -21,7 +21,7 @@ from auvident.stages.ingest.checks.seen import MIN_SPEED_MPS, Seen
 from auvident.stages.ingest.checks.track import LEAST_EXPLAINED, TrackFit, sway_gain, track
 
 MIN_RPM = 10.0  # a propeller that turns slower is stopped
-STANDS_RPM = 1.0  # rev/s of a propeller that drives a hull are more
+STANDS_RPM = 1.0  # a propeller that drives a hull turns faster, also where rev/s were logged
 MIN_SAMPLES = 50  # fewer are no evidence
 POSITION_LIMIT = 0.05  # DVLs are good to 1 %, lever arms and changing currents add to it
 SWAY_LIMIT = 0.45  # sway of small, fast vehicles turns too much between two fixes to be seen
