@@ -39,6 +39,7 @@ REASONS = {
     DIVERGED: "the state diverged",
     SINGULAR: "the mass matrix is not positive definite",
 }
+COARSE_S = 0.2  # of a longer step the grid itself may be what ends a filter
 SIGMA_POINT_SCALING = 1.0  # sigma points at one standard deviation: within the range of the prior
 
 
@@ -163,8 +164,7 @@ def raise_fault(problem: FilterProblem, fault: np.ndarray) -> None:
     where = f"maneuver {problem.records.ids[record]}, {time:.1f} s after its start"
     if reason == DIVERGED:
         where += f", state {STATES[state]}"
-    raise NumericsError(
-        f"the filter stopped: {REASONS[reason]}",
-        where,
-        "Check this maneuver in the ingested log, narrow the prior, or hold the maneuver out.",
-    )
+    advice = "Check this maneuver in the ingested log, narrow the prior, or hold the maneuver out"
+    if problem.records.dt_s > COARSE_S:
+        advice = f"Give ingest a faster --rate than {1.0 / problem.records.dt_s:g} Hz. {advice}"
+    raise NumericsError(f"the filter stopped: {REASONS[reason]}", where, f"{advice}.")

@@ -33,6 +33,9 @@ FREE_GROUPS = ("drag", "thrust", "turning_drag", "lift", "cross_flow", "control"
 FRICTION_SLOPE = 0.17
 FRICTION_UNSURE = 0.5  # of it: how much of a drag is friction is known no better
 FRICTION = "linear_drag.X_u"
+# A change of an input is known to the step of the grid in which it falls, not where in it: a delay
+# or lag below this share of a step is none. At 1 Hz `harbour_trial` showed one of -0.14 s.
+STEP_UNSURE = 0.5
 FREE_SIZE = (0.005, 0.005, 0.002)  # prior of a free force on X, A, B [density/2 L^2 U^2, N: L^3]
 
 
@@ -89,6 +92,14 @@ class Case:
     def positions(self, *effects: str) -> list[int]:
         """Positions of the parameters of effects that are estimated."""
         return [i for effect in effects for i in self._own(effect)]
+
+    def practical(self, positions: Sequence[int]) -> Array:
+        """Sizes (k,) from which on parameters matter, in standard deviations of their priors."""
+        declared = [parameter_of(self.names[i]) for i in positions]
+        sizes = np.array([d.practical / d.prior for d in declared])
+        steps = STEP_UNSURE * self.setup.dt_s / self.setup.prior_std[list(positions)]
+        times = np.array([d.unit == "s" for d in declared])
+        return np.where(times & (sizes > 0.0), np.maximum(sizes, steps), sizes)
 
     def _own(self, effect: str) -> list[int]:
         if effect.startswith(FREE_FORCE):

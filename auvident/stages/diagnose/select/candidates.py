@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.schema.effects import BY_ID, EFFECTS, parameter_of
+from auvident.schema.effects import BY_ID, EFFECTS
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, check_cost, log_gain
 from auvident.stages.diagnose.fit.refits import without
@@ -139,8 +139,7 @@ def size_of(case: Case, effect: str, fitted: Fitted) -> float:
     by_parts = in_parts(case, fitted, effect)
     if by_parts is not None:
         return float(np.linalg.norm(by_parts @ size))
-    declared = [parameter_of(case.names[i]) for i in own]
-    return float(np.linalg.norm(size * [d.prior / d.practical for d in declared]))
+    return float(np.linalg.norm(size / case.practical(own)))
 
 
 def bounds_of(case: Case, effect: str, p: Array) -> dict[int, float]:

@@ -146,12 +146,12 @@ def _rows(joint: Joint, bars: _Bars, effect: str, in_vain: Mapping[str, Array]) 
 
 def _practical(joint: Joint, effect: str) -> Array:
     """Sizes (k,) that each parameter alone must have to matter, in table units."""
-    declared = [parameter_of(joint.case.names[i]) for i in joint.case.positions(effect)]
+    own = joint.case.positions(effect)
+    priors = np.array([parameter_of(joint.case.names[i]).prior for i in own])
     by_parts = in_parts(joint.case, joint.fitted, effect)
     if by_parts is None:
-        return np.array([d.practical for d in declared])
-    amounts = np.maximum(np.linalg.norm(by_parts, axis=0), SMALLEST)
-    return np.array([d.prior for d in declared]) / amounts
+        return priors * joint.case.practical(own)
+    return priors / np.maximum(np.linalg.norm(by_parts, axis=0), SMALLEST)
 
 
 def _row(

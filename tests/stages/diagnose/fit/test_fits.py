@@ -259,6 +259,21 @@ def test_sizes_are_in_practical_units_beyond_what_is_expected() -> None:
     assert size_of(case, "linear_drag", replace(base, parameters=p)) == pytest.approx(0.0)
 
 
+@pytest.mark.parametrize("effect", ["rudder_delay", "rudder_lag", "dvl_delay"])
+def test_a_time_within_half_a_step_of_the_grid_is_too_small(effect: str) -> None:
+    case, base = small_case(), small_fit()
+    (i,) = case.positions(effect)
+    coarse = replace(case, setup=replace(case.setup, dt_s=1.0))
+    found = replace(base, parameters=case.setup.prior.copy())
+    found.parameters[i] += 0.49
+    assert size_of(case, effect, found) > 1.0 > size_of(coarse, effect, found)
+    found.parameters[i] += 0.02
+    assert size_of(coarse, effect, found) > 1.0
+    assert coarse.practical([case.position("current.north_mps")]) == pytest.approx(
+        case.practical([case.position("current.north_mps")])
+    )
+
+
 @pytest.mark.parametrize("name", ["hull_asymmetry", "propeller_side_force"])
 def test_a_force_is_as_large_as_what_it_does(name) -> None:
     """An offset of the rudder is a side force and a moment: it is as large by either name."""
