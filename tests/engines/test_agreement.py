@@ -1,5 +1,6 @@
 """The compiled engine against filterpy's, on pieces of two sample maneuvers."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -113,9 +114,26 @@ def test_the_problem_is_as_hard_as_it_should_be(system, kind) -> None:
 
 # Both do the same arithmetic in another order over 420 steps. Agreement is asked for in each
 # quantity's own size, which for one that may be zero, as every effect, is its prior standard
-# deviation. Conditions of 1e5 leave 5e-11 of 1e-16 in the EKF; in the UKF the weight of the centre,
-# 1 - n = -27, cancels against the others and leaves up to 9e-9 (with other noise 3e-8).
-RELATIVE = {"ekf": 1e-9, "ukf": 1e-8}
+# deviation. Conditions of 1e5 leave 5e-11 of 1e-16 in the EKF. In the UKF the weight of the centre,
+# 1 - n = -27, cancels against the others: how far, hangs on the processor, and the reference can
+# be held to no less than it agrees with itself where its readings are rounded otherwise (1.7e-8).
+EXACT = 1e-9
+ROUNDED = 1e-15
+OWN_ROUNDING = 4.0
+
+
+@cache
+def relative(system: str, kind: str) -> float:
+    """Tolerance of a comparison: what the rounding of the reference leaves, a few times."""
+    if kind == "ekf":
+        return EXACT
+    p, (_, expected) = problem(system), both(system, kind)
+    draws = np.random.default_rng(0).standard_normal(p.records.measured.shape)
+    records = replace(p.records, measured=p.records.measured * (1.0 + ROUNDED * draws))
+    again = reference.run(replace(p, records=records), kind)
+    own = float(np.nanmax(np.abs(again.whitened - expected.whitened)))
+    assert own < 1e-7
+    return max(EXACT, OWN_ROUNDING * own)
 
 
 @pytest.mark.parametrize(("system", "kind"), CASES)
@@ -123,7 +141,7 @@ def test_parameters_agree(system, kind) -> None:
     p, (found, expected) = problem(system), both(system, kind)
     size = np.abs(expected.parameters)
     size[p.free] = np.maximum(size[p.free], p.scale)
-    assert (np.abs(found.parameters - expected.parameters) <= RELATIVE[kind] * size).all()
+    assert (np.abs(found.parameters - expected.parameters) <= relative(system, kind) * size).all()
 
 
 @pytest.mark.parametrize(("system", "kind"), CASES)
@@ -134,14 +152,16 @@ def test_covariances_agree(system, kind) -> None:
         found.theta_covariance / np.outer(spread, spread),
         expected.theta_covariance / np.outer(spread, spread),
         rtol=0.0,
-        atol=RELATIVE[kind],
+        atol=relative(system, kind),
     )
 
 
 @pytest.mark.parametrize(("system", "kind"), CASES)
 def test_log_likelihoods_agree(system, kind) -> None:
     found, expected = both(system, kind)
-    assert found.log_likelihood == pytest.approx(expected.log_likelihood, rel=RELATIVE[kind])
+    assert found.log_likelihood == pytest.approx(
+        expected.log_likelihood, rel=relative(system, kind)
+    )
 
 
 @pytest.mark.parametrize(("system", "kind"), CASES)
@@ -150,10 +170,10 @@ def test_histories_agree(system, kind) -> None:
     np.testing.assert_allclose(
         found.history / p.scale,
         expected.history / p.scale,
-        rtol=RELATIVE[kind],
-        atol=RELATIVE[kind],
+        rtol=relative(system, kind),
+        atol=relative(system, kind),
     )
-    np.testing.assert_allclose(found.history_std, expected.history_std, rtol=RELATIVE[kind])
+    np.testing.assert_allclose(found.history_std, expected.history_std, rtol=relative(system, kind))
     np.testing.assert_array_equal(found.history[-1], found.parameters[p.free])
 
 
@@ -161,10 +181,10 @@ def test_histories_agree(system, kind) -> None:
 def test_states_and_whitened_innovations_agree(system, kind) -> None:
     p, (found, expected) = problem(system), both(system, kind)
     np.testing.assert_allclose(
-        found.states, expected.states, rtol=RELATIVE[kind], atol=RELATIVE[kind]
+        found.states, expected.states, rtol=relative(system, kind), atol=relative(system, kind)
     )
     np.testing.assert_allclose(
-        found.whitened, expected.whitened, rtol=RELATIVE[kind], atol=RELATIVE[kind]
+        found.whitened, expected.whitened, rtol=relative(system, kind), atol=relative(system, kind)
     )
     measured = np.isfinite(p.records.measured) & p.channels
     np.testing.assert_array_equal(np.isfinite(found.whitened), measured)
