@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -155,6 +156,20 @@ def test_runs_and_models(demo: Path, auvident: Call) -> None:
     assert result_of(called)["model"] == "alone.json"
 
 
+def test_a_maneuver_beyond_what_was_flown_says_by_what(demo: Path, auvident: Call) -> None:
+    """The trial has 20 deg of rudder; what is estimated from geometry was never flown."""
+    near = result_of(auvident("simulate", demo, "--maneuver", "zigzag:10/10", "--json"))
+    assert near["extrapolation"] == {}
+    called = auvident("simulate", demo, "--maneuver", "turning-circle:30", "--json")
+    rudder = result_of(called)["extrapolation"]["rudder"]
+    assert np.degrees(rudder["reaches"]) == pytest.approx(30.0)
+    assert np.degrees(rudder["identified"]) == pytest.approx(20.0, abs=0.5)
+    told = " ".join(called.err.split())
+    assert "beyond the maneuvers used for identification: 30 deg of rudder (20 deg there)" in told
+    vehicle = ("simulate", "sample_logs/remus100.toml", "--maneuver", "turning-circle:30", "--json")
+    assert result_of(auvident(*vehicle))["extrapolation"] == {}
+
+
 def test_a_run_may_have_a_model_of_each_plane(demo: Path, auvident: Call) -> None:
     """The model of the second plane stands beside the first one's."""
     called = auvident("simulate", demo, "--maneuver", "depth-step:3")
@@ -190,7 +205,7 @@ def vertical(model: Path) -> str:
         if axis in "YNX" and symbol not in ("X_udot", "X_uu", "X_uudd"):
             rest = rest if rest.endswith("uud") else "".join(names.get(c, c) for c in rest)
             row["symbol"] = f"{names.get(axis, axis)}_{rest}"
-    found |= {"plane": "vertical", "effects": [], "covariance": {}}
+    found |= {"plane": "vertical", "effects": [], "covariance": {}, "flown": {}}
     return json.dumps(found)
 
 

@@ -162,6 +162,21 @@ def test_inputs_alone_start_on_a_straight_run(
     assert table.u_mps[0] == 0.5
 
 
+def test_a_motion_beyond_what_was_flown_says_by_what(
+    demo: Path, auvident: Callable[..., Called]
+) -> None:
+    base = ("simulate", demo, "--inputs", "sample_logs/harbour_trial", *WINDOW, "--json")
+    within = auvident(*base)
+    assert json.loads(within.out)["extrapolation"] == {}
+    assert "goes beyond" not in within.err
+    flown = json.loads((demo / "refine" / "model.json").read_text())["flown"]
+    slow = auvident(*base, "--speed", "0.2")
+    found = json.loads(slow.out)["extrapolation"]
+    assert found["u_low"]["identified"] == pytest.approx(flown["u_low"])
+    assert 0.19 < found["u_low"]["reaches"] < 0.9 * flown["u_low"]
+    assert "goes beyond the maneuvers used for identification: " in slow.err
+
+
 def _stream(text: str) -> object:
     import io
 

@@ -231,6 +231,7 @@ def _predict(
     file: Path | None,
 ) -> None:
     from auvident.pipeline.predict import predict
+    from auvident.report.held_out_words import beyond
     from auvident.storage.run_directory import RunDirectory
 
     with output.watch() as watch:
@@ -246,10 +247,14 @@ def _predict(
         bare = [c for c in made.of_coefficients if f"{c}_low" in made.table]
         if bare:
             watch.note(f"{', '.join(bare)}: {OF_MODELS_ALONE}")
+        for line in beyond({made.trial: made.extrapolation}):
+            watch.note(line)
     if output.json:
         columns = {name: values.tolist() for name, values in made.table.items()}
         simulation = {"schema": "auvident/simulation/1", "trial": made.trial, "columns": columns}
-        output.artifact(simulation | {"band": _band_of(made)}, "simulation")
+        far = {name: e.model_dump() for name, e in made.extrapolation.items()}
+        told = {"band": _band_of(made), "extrapolation": far}
+        output.artifact(simulation | told, "simulation")
     elif file is None:
         output.text(made.table.to_csv(index=False).rstrip("\n"))
 

@@ -1,7 +1,7 @@
 """Simulation of a log with the model of a run directory, or of a model file."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ from auvident.storage.run_directory import MANIFEST, RunDirectory
 if TYPE_CHECKING:
     import pandas as pd
 
-    from auvident.schema.artifacts import IdentifiedModel
+    from auvident.schema.artifacts import Extrapolation, IdentifiedModel
     from auvident.schema.combined import CombinedModel
     from auvident.schema.trial import Trial
     from auvident.schema.vehicle import Vehicle
@@ -39,7 +39,8 @@ class SimulatedTrial:
     """A simulation and what it was made from.
 
     The band of the columns `of_coefficients` holds `auvident.constants.BAND_SHARE` of the
-    models drawn, that of the others as much of the readings.
+    models drawn, that of the others as much of the readings. `extrapolation` is where the motion
+    leaves the range that the model was identified from.
     """
 
     trial: str
@@ -47,6 +48,7 @@ class SimulatedTrial:
     model: "IdentifiedModel | CombinedModel"
     table: "pd.DataFrame"
     of_coefficients: tuple[str, ...] = ()
+    extrapolation: "Mapping[str, Extrapolation]" = field(default_factory=dict)
 
 
 def find_model(target: Path, plane: str | None = None) -> "tuple[Path, IdentifiedModel]":
@@ -259,14 +261,15 @@ def _predict_plane(
     options: Mapping[str, Any],
 ) -> SimulatedTrial:
     """Simulate a log with the model of a plane."""
-    from auvident.stages.simulate import of_coefficients_alone
+    from auvident.stages.simulate import beyond_range, of_coefficients_alone
 
     path, model = find_model(target, plane)
     vehicle = vehicle_of(path, model, vehicle_file, observer)
     trial = log_of_inputs(model, vehicle, log, column_map, rate_hz)
     announce_compilation(observer)
     table = predict_trial(model, trial, seed, options)
-    return SimulatedTrial(trial.name, path, model, table, of_coefficients_alone(model))
+    far = beyond_range(table, model.flown, model.plane)
+    return SimulatedTrial(trial.name, path, model, table, of_coefficients_alone(model), far)
 
 
 def log_of_inputs(

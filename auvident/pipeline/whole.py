@@ -22,7 +22,7 @@ from auvident.storage.run_directory import MANIFEST, RunDirectory
 if TYPE_CHECKING:
     import pandas as pd
 
-    from auvident.schema.artifacts import IdentifiedModel, Maneuvers
+    from auvident.schema.artifacts import Extrapolation, IdentifiedModel, Maneuvers
     from auvident.schema.trial import Trial
     from auvident.schema.vehicle import Vehicle
 
@@ -162,12 +162,16 @@ def predict_whole(
 ) -> SimulatedTrial:
     """Simulate a log in six degrees of freedom; see `auvident.pipeline.predict.predict`."""
     from auvident.stages.combine import of_coefficients_alone
+    from auvident.stages.simulate import beyond_range
 
     model, vehicle = find_whole(target)
     vehicle = signs_of(target, model, vehicle, vehicle_file, observer)
     trial = log_of_all_inputs(vehicle, log, column_map, rate_hz)
     table = predict_whole_trial(model, trial, seed, options)
-    return SimulatedTrial(trial.name, target, model, table, of_coefficients_alone(model))
+    far: dict[str, Extrapolation] = {}
+    for plane, flown in model.flown.items():
+        far |= beyond_range(table, flown, plane)
+    return SimulatedTrial(trial.name, target, model, table, of_coefficients_alone(model), far)
 
 
 def log_of_all_inputs(

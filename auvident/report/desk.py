@@ -5,6 +5,7 @@ from rich.text import Text
 
 from auvident.constants import NORMAL_90
 from auvident.report.console_style import findings_lines, rich_table
+from auvident.report.held_out_words import beyond
 from auvident.report.tables import (
     Cell,
     Column,
@@ -67,7 +68,8 @@ def desk_pieces(result: DeskResult) -> list[RenderableType]:
     line = (
         f"{row.steered[:1].upper()}{row.steered[1:]}; ends {row.ends}. Servo speed: {result.servo}."
     )
-    return [*pieces, Text(line, style="dim"), *findings_lines(result.findings)]
+    far = [Text(t, style="yellow") for t in beyond({"The maneuver": result.extrapolation})]
+    return [*pieces, Text(line, style="dim"), *far, *findings_lines(result.findings)]
 
 
 def figure_table(result: DeskResult) -> Table:

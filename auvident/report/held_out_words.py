@@ -34,9 +34,10 @@ def why_held_out(maneuvers: Sequence[Maneuver]) -> list[str]:
 
 
 def beyond(found: Mapping[str, Mapping[str, Extrapolation]]) -> list[str]:
-    """One line for each held-out maneuver that leaves the range of those that identify."""
+    """One line for each motion that leaves the range of the maneuvers that identify."""
     return [
-        f"{name} {' and '.join(_reached(q, e) for q, e in rows.items())}"
+        f"{name} goes beyond the maneuvers used for identification: "
+        + ", ".join(_reached(q, e) for q, e in rows.items())
         for name, rows in found.items()
         if rows
     ]
@@ -47,5 +48,5 @@ def _reached(quantity: str, e: Extrapolation) -> str:
     told = (PAGE.quantity(x, e.unit, DIGITS) for x in (e.reaches, e.identified))
     value, known = (text.replace(PAGE.space, " ") for text in told)  # for the terminal too
     if quantity == "u_low":
-        return f"slows to {value}, the maneuvers used for identification to {known}"
-    return f"reaches {value} {WORDS[quantity]}, the maneuvers used for identification {known}"
+        return f"slows to {value} ({known} there)"
+    return f"{value} {WORDS[quantity]} ({known} there)"

@@ -396,7 +396,8 @@ class IdentifiedModel(Artifact):
     """``identify/model.json`` (and ``refine/model.json``).
 
     ``rigid_body`` is that of the vehicle file; where ``constants`` names what it holds as well, the
-    equations take that.
+    equations take that. ``flown`` is what the maneuvers behind it reach, see
+    `auvident.engines.flown.reached`; empty in a model of an earlier version.
     """
 
     schema_: str = Field(default="auvident/model/1", alias="schema")
@@ -409,6 +410,7 @@ class IdentifiedModel(Artifact):
     density_kgpm3: float
     rigid_body: RigidBody
     sensing: Sensing
+    flown: dict[str, float] = {}
     coefficients: tuple[ModelCoefficient, ...]
     constants: tuple[ModelConstant, ...] = ()
     effects: tuple[dict[str, Any], ...] = ()
@@ -571,7 +573,7 @@ class CrossValidation(Artifact):
 
 
 class Extrapolation(Artifact):
-    """What a held-out maneuver reaches of a quantity, and those that identify do at the most."""
+    """What a motion reaches of a quantity, and the maneuvers that identify do at the most."""
 
     reaches: float
     identified: float

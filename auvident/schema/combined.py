@@ -64,7 +64,7 @@ class CombinedModel(Artifact):
     ``constants`` are mass, inertia and what weight and buoyancy do: ``W-B`` [N], trim moment
     ``x_GW`` = x_G W - x_B B and righting moment ``z_GW`` [N m]. ``effects`` are those of the
     models, by plane, ``parameters`` the value of each of their parameters in the equations;
-    ``fin_x_m`` the station of rudder and elevator.
+    ``fin_x_m`` the station of rudder and elevator, ``flown`` the range of each model.
     ``band`` is by channel: of those that it lacks (nothing was left out in turn, or the file is of
     an earlier version) no more than the scatter of the coefficients is known.
     """
@@ -81,6 +81,7 @@ class CombinedModel(Artifact):
     effects: dict[Plane, tuple[dict[str, Any], ...]] = {}
     parameters: dict[str, float] = {}
     sensing: dict[Plane, Sensing] = {}
+    flown: dict[Plane, dict[str, float]] = {}
     band: dict[str, ChannelBand] = {}
     models: tuple[CombinedSource, ...] = ()
     findings: tuple[Finding, ...] = ()

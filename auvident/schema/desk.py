@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from auvident.errors import UsageError
-from auvident.schema.artifacts import Finding
+from auvident.schema.artifacts import Extrapolation, Finding
 from auvident.schema.base import Artifact
 from auvident.schema.planes import Plane
 
@@ -271,7 +271,8 @@ class DeskResult(Artifact):
     """What ``auvident simulate --maneuver`` prints.
 
     ``source`` says where the model is from: identified, estimated from geometry, or with given
-    coefficients (``given`` names them). ``columns`` are those of the table of the motion.
+    coefficients (``given`` names them); ``extrapolation`` where the motion leaves the range that it
+    was identified from. ``columns`` are those of the table of the motion.
     """
 
     schema_: str = Field(default="auvident/desk/1", alias="schema")
@@ -291,6 +292,7 @@ class DeskResult(Artifact):
     models_lost: int = 0
     figures: tuple[DeskFigure, ...]
     curves: tuple[DeskCurve, ...] = ()
+    extrapolation: dict[str, Extrapolation] = {}
     findings: tuple[Finding, ...] = ()
     columns: dict[str, tuple[float | None, ...]] = {}
 

@@ -1,5 +1,6 @@
 """Prediction with an identified model: from the inputs of a log to the motion, with a band."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import pandas as pd
 from auvident.engines.carried import frame_of, over_ground, vector_behind
 from auvident.engines.draws import drawn_vectors
 from auvident.engines.falling import simulated_pushed
+from auvident.engines.flown import beyond, reached
 from auvident.engines.prediction import Frame, at_effects, simulated
 from auvident.engines.predictive import OF_DRAWS, half_widths, pushes_behind
 from auvident.engines.records import Record, record_of, sensor_matrix
@@ -16,9 +18,9 @@ from auvident.engines.stretches import as_maneuver, uninterrupted
 from auvident.errors import NumericsError
 from auvident.physics.dynamics import N_STATES
 from auvident.physics.maneuvers.track import dead_reckoning
-from auvident.schema.artifacts import IdentifiedModel
+from auvident.schema.artifacts import Extrapolation, IdentifiedModel
 from auvident.schema.channels import TIME_COLUMN
-from auvident.schema.planes import BY_PLANE, PLANE_ROWS, STATE_COLUMNS
+from auvident.schema.planes import BY_PLANE, PLANE_ROWS, STATE_COLUMNS, Plane
 from auvident.schema.trial import Trial
 
 Array = npt.NDArray[np.float64]
@@ -79,6 +81,15 @@ def simulate(
         table.insert(1, "stretch", number)
         tables.append(table)
     return pd.concat(tables, ignore_index=True)
+
+
+def beyond_range(
+    table: pd.DataFrame, flown: Mapping[str, float], plane: Plane
+) -> dict[str, Extrapolation]:
+    """Where a simulated motion leaves the range that its model was identified from."""
+    fin, _ = INPUT_COLUMNS[plane]
+    velocities = table[list(STATE_COLUMNS[plane][:3])].to_numpy()
+    return beyond(reached(table[fin].to_numpy(), velocities, plane), flown, plane)
 
 
 def of_coefficients_alone(model: IdentifiedModel) -> tuple[str, ...]:

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from auvident.engines.flown import beyond_in_turn
 from auvident.engines.records import Record
 from auvident.report.held_out_words import beyond
 from auvident.schema.artifacts import Maneuver, Maneuvers
-from auvident.stages.validate.extrapolation import extrapolation_of
 from auvident.stages.validate.horizons import windows_of
 from tests.engines.chain import sample, validated
 
@@ -22,22 +22,23 @@ def record(name: str, rudder_deg: float, rate_degps: float, speed: float) -> Rec
 
 def test_a_held_out_maneuver_that_goes_further_says_by_what() -> None:
     others = [record("a", 15.0, 4.0, 1.5), record("b", 10.0, 5.0, 2.0)]
-    found = extrapolation_of([record("z", 25.0, 5.1, 1.0)], others, "horizontal")["z"]
+    found = beyond_in_turn([record("z", 25.0, 5.1, 1.0)], others, "horizontal")["z"]
     assert set(found) == {"rudder", "u_low"}  # 2 % more of the rate is the same
     assert np.degrees(found["rudder"].reaches) == pytest.approx(25.0)
     assert np.degrees(found["rudder"].identified) == pytest.approx(15.0)
     assert (found["u_low"].reaches, found["u_low"].identified) == (1.0, 1.5)
     (line,) = beyond({"z": found, "within": {}})
-    line = line.replace("\u00a0", " ")
-    assert "z reaches 25 deg of rudder, the maneuvers used for identification 15 deg" in line
-    assert "slows to 1.0 m/s, the maneuvers used for identification to 1.5 m/s" in line
+    assert line.replace("\u00a0", " ") == (
+        "z goes beyond the maneuvers used for identification: 25 deg of rudder (15 deg there), "
+        "slows to 1.0 m/s (1.5 m/s there)"
+    )
 
 
 def test_a_held_out_maneuver_within_the_range_says_nothing() -> None:
     others = [record("a", 15.0, 4.0, 1.5), record("b", 10.0, 5.0, 2.0)]
-    assert extrapolation_of([record("z", 12.0, 4.5, 1.8)], others, "horizontal") == {"z": {}}
+    assert beyond_in_turn([record("z", 12.0, 4.5, 1.8)], others, "horizontal") == {"z": {}}
     assert beyond({"z": {}}) == []
-    assert extrapolation_of(others, [], "horizontal") == {}
+    assert beyond_in_turn(others, [], "horizontal") == {}
 
 
 def test_windows_cover_the_held_out_maneuvers_and_leave_the_rest() -> None:

@@ -94,6 +94,7 @@ def combine(
         effects={m.plane: m.effects for m in models},
         parameters=_effect_parameters(models, joined),
         sensing={p: _sensing(vehicle) for p in PLANES} | {m.plane: m.sensing for m in models},
+        flown={m.plane: m.flown for m in models if m.flown},
         band=band_of_planes(models),
         models=tuple(_source(m) for m in models),
         findings=(*joined.findings, *_findings(models, entries)),

@@ -1,6 +1,6 @@
 """Models of one plane to fly on the desk: identified ones, and those from a vehicle file."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,8 @@ class DeskModel:
     length_m : float
     given : tuple of str
         Coefficients that a vehicle file states.
+    flown : dict
+        Range that the models were identified from; empty where it is not known.
     """
 
     vehicle: str
@@ -47,6 +49,7 @@ class DeskModel:
     vectors: Array
     length_m: float
     given: tuple[str, ...] = ()
+    flown: dict[str, float] = field(default_factory=dict)
 
     @property
     def plane(self) -> Plane:
@@ -69,7 +72,8 @@ def identified_models(
     """An identified model, and some drawn from the covariance that it claims."""
     vectors = np.array(drawn_vectors(model, samples, rng, claimed_covariance))
     structure = structure_behind(model)
-    return DeskModel(model.vehicle, name, "identified", structure, vectors, model.length_m)
+    length, flown = model.length_m, model.flown
+    return DeskModel(model.vehicle, name, "identified", structure, vectors, length, flown=flown)
 
 
 def estimated_models(
@@ -123,7 +127,8 @@ def combined_models(
     source: ModelSource = (
         "identified" if any(m.plane == plane for m in model.models) else "estimated"
     )
-    return DeskModel(model.vehicle, name, source, structure, vectors, model.length_m)
+    flown = model.flown.get(plane, {})
+    return DeskModel(model.vehicle, name, source, structure, vectors, model.length_m, flown=flown)
 
 
 def possible_models(models: DeskModel) -> DeskModel:

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from auvident.engines.flown import beyond, reached
 from auvident.errors import NumericsError
 from auvident.physics.maneuvers.desk import (
     CircleHelm,
@@ -20,6 +21,7 @@ from auvident.physics.maneuvers.desk import (
     setting_of,
 )
 from auvident.physics.maneuvers.desk_figures import FIGURES, of_all, rows_of
+from auvident.schema.artifacts import Extrapolation
 from auvident.schema.channels import TIME_COLUMN
 from auvident.schema.desk import DeskOrder, DeskResult
 from auvident.schema.planes import CONTROL_COLUMNS, STATE_COLUMNS
@@ -137,10 +139,18 @@ def fly_maneuver(
         models_lost=lost,
         figures=figures,
         curves=curves_of(flight, begun, order, setting.speed_mps),
+        extrapolation=_beyond_range(flight, models),
         findings=tuple(findings_of(flight, models, order, lost)),
     )
     ways = flight.way[rows_of(flight, 0)][:, :, 1 : 1 + MOST_WAYS]
     return Desk(result, _table(flight, begun, models), ways)
+
+
+def _beyond_range(flight: DeskFlight, models: DeskModel) -> dict[str, Extrapolation]:
+    """Where the motion of the best model leaves the range that it was identified from."""
+    rows = rows_of(flight, 0)
+    motion = reached(flight.fin[rows, 0], flight.states[rows, :3, 0], models.plane)
+    return beyond(motion, models.flown, models.plane)
 
 
 def _refuse_lost(flight: DeskFlight, models: DeskModel, order: DeskOrder) -> None:

@@ -10,6 +10,7 @@ import pandas as pd
 
 from auvident.constants import NORMAL_95, NOT_MOVED
 from auvident.engines.carried import Carried, effect_rows
+from auvident.engines.flown import range_of
 from auvident.engines.free_run import NOTHING
 from auvident.engines.jackknife import Scatter, structural_covariance
 from auvident.engines.prediction import at_effects, linear_about
@@ -109,6 +110,7 @@ def model_of(
         density_kgpm3=ase.density_kgpm3,
         rigid_body=rigid_body(vehicle, plane),
         sensing=setup.sensing,
+        flown=range_of([record for _, record in setup.records.values()], plane),
         coefficients=tuple(row for row in rows if isinstance(row, ModelCoefficient)),
         constants=tuple(row for row in rows if not isinstance(row, ModelCoefficient)),
         effects=_effects(setup, final, widen, carried),

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from auvident.constants import NORMAL_95, NOT_MOVED, USUAL_SPEED_MPS
 from auvident.engines.carried import LEADERS, effect_rows, free_behind
 from auvident.engines.constraints import by_constraint, in_units
+from auvident.engines.flown import joined
 from auvident.estimation.identifiability import correlations
 from auvident.estimation.inequalities import nearest
 from auvident.estimation.pooling import Pooled
@@ -100,6 +101,7 @@ def _model(t: Together, mean: Array, pooling: Pooling, findings: Sequence[Findin
         density_kgpm3=newest.density_kgpm3,
         rigid_body=newest.rigid_body,
         sensing=newest.sensing,
+        flown=joined([t.model.flown for t in data.trials if t.model.flown]),
         coefficients=tuple(r for r in rows if isinstance(r, ModelCoefficient)),
         constants=tuple(r for r in rows if not isinstance(r, ModelCoefficient)),
         effects=effect_rows(structure, vector, _stds(t), {}, _named(data)),

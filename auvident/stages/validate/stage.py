@@ -10,6 +10,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from auvident.engines.carried import frame_of, predicted_course, structure_behind, vector_behind
+from auvident.engines.flown import beyond_in_turn
 from auvident.engines.predictive import band_of, measured_channels, measured_track
 from auvident.engines.records import Record, record_of, sensor_matrix
 from auvident.physics.maneuvers import (
@@ -34,7 +35,6 @@ from auvident.schema.artifacts import (
 from auvident.schema.planes import BY_PLANE, STATE_COLUMNS, TRACK, Plane
 from auvident.schema.trial import Trial
 from auvident.stages.validate.band import FLAT, coverage_of, cross_validation_of
-from auvident.stages.validate.extrapolation import extrapolation_of
 from auvident.stages.validate.findings import findings_of
 from auvident.stages.validate.horizons import HORIZONS_S, over_the_same_spread, windows_of
 from auvident.stages.validate.residuals import Compared, residuals_of
@@ -119,7 +119,7 @@ def validate(
             "cross_validation": cross_validation_of(model),
             "residuals": _residuals(after, model, min(dts.values())),
             "horizons": _at_horizons(trials, maneuvers, model, metrics),
-            "extrapolation": extrapolation_of(
+            "extrapolation": beyond_in_turn(
                 [p.record for p in after if p.maneuver.role == "validate"],
                 [p.record for p in after if p.maneuver.role == "identify"],
                 model.plane,
