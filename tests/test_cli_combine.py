@@ -79,7 +79,15 @@ def test_the_model_is_flown_from_the_inputs_of_a_log(
     assert {"w_mps", "p_radps", "q_radps", "roll_rad", "pitch_rad", "depth_m"} <= set(table)
     assert (table.pitch_rad_low <= table.pitch_rad_high).all()
     again = auvident("simulate", model_file, "--inputs", log, *window, "--json")
-    assert json.loads(again.out)["columns"]["q_radps"] == pytest.approx(table.q_radps.tolist())
+    found = json.loads(again.out)
+    assert found["columns"]["q_radps"] == pytest.approx(table.q_radps.tolist())
+    assert found["extrapolation"] == {}
+    begun = ("--inputs", log, "--speed", "0.2", *window, "--json")
+    slow = json.loads(auvident("simulate", model_file, *begun).out)
+    known = json.loads(model_file.read_text())["flown"]
+    lowest = min(flown["u_low"] for flown in known.values())
+    assert slow["extrapolation"]["u_low"]["identified"] == pytest.approx(lowest)
+    assert set(known) == {"horizontal", "vertical"}
 
 
 def test_a_model_elsewhere_takes_the_signs_of_its_runs(
