@@ -4,14 +4,16 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
 from auvident.engines.records import Record
 from auvident.schema.artifacts import Extrapolation
-from auvident.schema.planes import BY_PLANE, Plane
+from auvident.schema.planes import BY_PLANE, CONTROL_COLUMNS, STATE_COLUMNS, Plane
 
 Array = npt.NDArray[np.float64]
 
 NEAR = 0.05  # of the size reached: noise and an execute that overshoots go no further
+SPEEDS = ("u", "u_low")  # highest and lowest
 MOST = 0.99  # quantile of the size: a spike of a sensor is no range
 
 
@@ -44,6 +46,12 @@ def reached(fin: Array, velocities: Array, plane: Plane) -> dict[str, float]:
     found = {name: float(np.quantile(np.abs(x), MOST)) for name, x in size.items()}
     low, high = np.quantile(speed, [1.0 - MOST, MOST])
     return {**found, "u": float(high), "u_low": float(low)}
+
+
+def reached_in(table: pd.DataFrame, plane: Plane) -> dict[str, float]:
+    """What a simulated motion reaches, from its table of inputs and states."""
+    fin, velocities = CONTROL_COLUMNS[plane][0], list(STATE_COLUMNS[plane][:3])
+    return reached(table[fin].to_numpy(), table[velocities].to_numpy(), plane)
 
 
 def beyond(

@@ -268,7 +268,7 @@ def _predict_plane(
     trial = log_of_inputs(model, vehicle, log, column_map, rate_hz)
     announce_compilation(observer)
     table = predict_trial(model, trial, seed, options)
-    far = beyond_range(table, model.flown, model.plane)
+    far = beyond_range(model, table)
     return SimulatedTrial(trial.name, path, model, table, of_coefficients_alone(model), far)
 
 

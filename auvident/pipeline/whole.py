@@ -22,7 +22,7 @@ from auvident.storage.run_directory import MANIFEST, RunDirectory
 if TYPE_CHECKING:
     import pandas as pd
 
-    from auvident.schema.artifacts import Extrapolation, IdentifiedModel, Maneuvers
+    from auvident.schema.artifacts import IdentifiedModel, Maneuvers
     from auvident.schema.trial import Trial
     from auvident.schema.vehicle import Vehicle
 
@@ -161,26 +161,14 @@ def predict_whole(
     options: Mapping[str, Any],
 ) -> SimulatedTrial:
     """Simulate a log in six degrees of freedom; see `auvident.pipeline.predict.predict`."""
-    from auvident.stages.combine import of_coefficients_alone
+    from auvident.stages.combine import beyond_ranges, of_coefficients_alone
 
     model, vehicle = find_whole(target)
     vehicle = signs_of(target, model, vehicle, vehicle_file, observer)
     trial = log_of_all_inputs(vehicle, log, column_map, rate_hz)
     table = predict_whole_trial(model, trial, seed, options)
-    far = _beyond_ranges(table, model)
+    far = beyond_ranges(model, table)
     return SimulatedTrial(trial.name, target, model, table, of_coefficients_alone(model), far)
-
-
-def _beyond_ranges(table: "pd.DataFrame", model: CombinedModel) -> "dict[str, Extrapolation]":
-    """Where a motion leaves the range of a plane's model; a speed that either knows is known."""
-    from auvident.engines.flown import joined
-    from auvident.stages.simulate import beyond_range
-
-    speeds = joined([{n: flown[n] for n in ("u", "u_low")} for flown in model.flown.values()])
-    far: dict[str, Extrapolation] = {}
-    for plane, flown in model.flown.items():
-        far |= beyond_range(table, {**flown, **speeds}, plane)
-    return far
 
 
 def log_of_all_inputs(

@@ -1,6 +1,5 @@
 """Prediction with an identified model: from the inputs of a log to the motion, with a band."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,7 @@ import pandas as pd
 from auvident.engines.carried import frame_of, over_ground, vector_behind
 from auvident.engines.draws import drawn_vectors
 from auvident.engines.falling import simulated_pushed
-from auvident.engines.flown import beyond, reached
+from auvident.engines.flown import beyond, reached_in
 from auvident.engines.prediction import Frame, at_effects, simulated
 from auvident.engines.predictive import OF_DRAWS, half_widths, pushes_behind
 from auvident.engines.records import Record, record_of, sensor_matrix
@@ -20,7 +19,7 @@ from auvident.physics.dynamics import N_STATES
 from auvident.physics.maneuvers.track import dead_reckoning
 from auvident.schema.artifacts import Extrapolation, IdentifiedModel
 from auvident.schema.channels import TIME_COLUMN
-from auvident.schema.planes import BY_PLANE, PLANE_ROWS, STATE_COLUMNS, Plane
+from auvident.schema.planes import BY_PLANE, PLANE_ROWS, STATE_COLUMNS
 from auvident.schema.trial import Trial
 
 Array = npt.NDArray[np.float64]
@@ -83,13 +82,9 @@ def simulate(
     return pd.concat(tables, ignore_index=True)
 
 
-def beyond_range(
-    table: pd.DataFrame, flown: Mapping[str, float], plane: Plane
-) -> dict[str, Extrapolation]:
+def beyond_range(model: IdentifiedModel, table: pd.DataFrame) -> dict[str, Extrapolation]:
     """Where a simulated motion leaves the range that its model was identified from."""
-    fin, _ = INPUT_COLUMNS[plane]
-    velocities = table[list(STATE_COLUMNS[plane][:3])].to_numpy()
-    return beyond(reached(table[fin].to_numpy(), velocities, plane), flown, plane)
+    return beyond(reached_in(table, model.plane), model.flown, model.plane)
 
 
 def of_coefficients_alone(model: IdentifiedModel) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from auvident.stages.combine.flight import (
     INPUT_COLUMNS,
     STATE_COLUMNS,
+    beyond_ranges,
     of_coefficients_alone,
     simulate_whole,
 )
@@ -11,6 +12,7 @@ from auvident.stages.combine.stage import combine
 __all__ = [
     "INPUT_COLUMNS",
     "STATE_COLUMNS",
+    "beyond_ranges",
     "combine",
     "of_coefficients_alone",
     "simulate_whole",

@@ -8,6 +8,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from auvident.engines.carried import CURRENTS, OF_THRUST, with_speed
+from auvident.engines.flown import SPEEDS, beyond, joined, reached_in
 from auvident.engines.prediction import Frame, at_effects
 from auvident.engines.predictive import OF_DRAWS, half_width
 from auvident.engines.records import Record, record_of, sensor_matrix
@@ -34,6 +35,7 @@ from auvident.physics.six_dof_terms import (
 )
 from auvident.physics.terms import INPUTS as PLANAR_INPUTS
 from auvident.physics.terms import structure_of
+from auvident.schema.artifacts import Extrapolation
 from auvident.schema.channels import BY_QUANTITY, TIME_COLUMN
 from auvident.schema.combined import ChannelBand, CombinedModel
 from auvident.schema.planes import BY_PLANE, HORIZONTAL, PLANES, VERTICAL, Plane
@@ -128,6 +130,15 @@ def simulate_whole(
         table.insert(1, "stretch", number)
         tables.append(table)
     return pd.concat(tables, ignore_index=True)
+
+
+def beyond_ranges(model: CombinedModel, table: pd.DataFrame) -> dict[str, Extrapolation]:
+    """Where a motion leaves the range of a plane's model; a speed that either knows is known."""
+    speeds = joined([{name: flown[name] for name in SPEEDS} for flown in model.flown.values()])
+    far: dict[str, Extrapolation] = {}
+    for plane, flown in model.flown.items():
+        far |= beyond(reached_in(table, plane), {**flown, **speeds}, plane)
+    return far
 
 
 def of_coefficients_alone(model: CombinedModel) -> tuple[str, ...]:
