@@ -1,10 +1,13 @@
 """What a trial of a drawn vehicle says: pure functions from outcomes to scores and tables."""
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from statistics import mean, median
 from typing import Any
+
+from scipy.stats import kstest
 
 from tests.bench.effects import GENERATOR
 from tests.bench.effects_bars import rises_surely
@@ -35,7 +38,8 @@ class Drawn:
     last rule makes its own. ``zero_inside``: of each
     named effect with intervals, whether zero lies in all of them; ``ships_worse``: the refined
     model predicts the identifying maneuvers worse when they are left out, ``surely_worse``: by
-    more than the standard error (None where nothing was refined).
+    more than the standard error (None where nothing was refined). ``chance`` is the least ``p`` of
+    the candidates that are large enough and that the vehicle has not of itself; 1 without any.
     """
 
     seed: int
@@ -60,6 +64,7 @@ class Drawn:
     zero_inside: tuple[bool, ...] = ()
     ships_worse: bool | None = None
     surely_worse: bool | None = None
+    chance: float = 1.0
 
 
 Scores = Sequence[Drawn]
@@ -98,12 +103,27 @@ def scored(outcome: Row) -> Drawn:
         zero_inside=zero_inside(outcome.get("comparison") or {}),
         ships_worse=worse_by(outcome.get("comparison") or {}, errors=0.0),
         surely_worse=worse_by(outcome.get("comparison") or {}, errors=1.0),
+        chance=least_chance(outcome.get("diagnosis") or {}, plant),
     )
 
 
 def _stands(own: Row) -> bool:
     explained = own.get("explained")
     return explained is not None and explained >= STANDS_FOR
+
+
+def least_chance(diagnosis: Row, plant: Row) -> float:
+    """Least ``p`` of the candidates that would be a false name."""
+    return min(
+        (
+            c["p"]
+            for c in diagnosis.get("candidates", [])
+            if c.get("p") is not None
+            and not plant.get(c["id"], {}).get("visible")
+            and (c.get("refusal") or {}).get("code") != "small"
+        ),
+        default=1.0,
+    )
 
 
 def zero_inside(comparison: Row) -> tuple[bool, ...]:
@@ -178,6 +198,9 @@ def loop_tables(groups: Mapping[str, Scores], scores: Scores) -> dict[str, Table
     """What was named and how well the models predict."""
     return {
         "nothing planted": [{"class": n, **clean_row(rows)} for n, rows in groups.items()],
+        "nothing planted: chance of the best candidate": [
+            {"class": n, **chance_row(rows)} for n, rows in groups.items()
+        ],
         "planted": [{"class": n, **planted_row(rows)} for n, rows in groups.items()],
         "prediction": [{"class": n, **prediction_row(rows)} for n, rows in groups.items()],
         "named and not there": counted(name for s in scores for name in s.false),
@@ -188,6 +211,21 @@ def clean_row(rows: Scores) -> dict[str, Any]:
     """Counts of the states of the trials with nothing planted."""
     states = Counter(s.clean for s in rows if s.kind == "none")
     return {"n": states.total(), **{state: states[state] for state in STATES}}
+
+
+def chance_row(rows: Scores) -> dict[str, Any]:
+    """Whether `least_chance` is uniform, or cautious; as `evidence_score.uniform` has it."""
+    values = [s.chance for s in rows if s.kind == "none" and s.clean != "failed"]
+    if not values:
+        return {"n": 0, "below 0.05": "-", "excess": "-", "p": "-"}
+    found = kstest(values, "uniform", alternative="greater")
+    below = sum(v < 0.05 for v in values)
+    return {
+        "n": len(values),
+        "below 0.05": below,
+        "excess": float(found.statistic),
+        "p": float(found.pvalue),
+    }
 
 
 def planted_row(rows: Scores) -> dict[str, Any]:
@@ -234,7 +272,7 @@ def prediction_row(rows: Scores) -> dict[str, Any]:
     channels = channels_of(rows)
     for channel in channels:
         found[f"nrmse {channel}"] = _median(s.nrmse[channel] for s in rows if channel in s.nrmse)
-    worse = [s for s in rows if any(s.nrmse[c] > s.nrmse_ase[c] for c in s.nrmse_ase)]
+    worse = [s for s in rows if any(_exceeds(s, c) for c in s.nrmse_ase)]
     found["worse than ase"] = len(worse)
     found["ratio if named"] = _median(worst_ratio(s) for s in named)
     found["rises surely"] = sum(rises_surely(s.loop) for s in refined)
@@ -242,6 +280,11 @@ def prediction_row(rows: Scores) -> dict[str, Any]:
         told = [s.coverage[channel] for s in rows if channel in s.coverage]
         found[f"cover {channel}"] = mean(told) if told else "-"
     return found
+
+
+def _exceeds(s: Drawn, channel: str) -> bool:
+    """Whether a model predicts worse than the estimate; it may run away where that does not."""
+    return s.nrmse.get(channel, math.inf) > s.nrmse_ase[channel]
 
 
 def channels_of(rows: Scores) -> list[str]:
