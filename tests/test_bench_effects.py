@@ -33,7 +33,7 @@ from tests.bench.effects_cases import (
     cases,
     endless,
 )
-from tests.bench.effects_score import compared, is_visible, score
+from tests.bench.effects_score import compared, is_visible, least_chance, score, uniformity
 from tests.bench.effects_summary import as_json, by_effect, confusion, failures, is_good, tables
 from tests.bench.effects_trial import outcome
 from tests.bench.effects_truth import cross_flow, planted_of, translate
@@ -457,3 +457,25 @@ def test_workers_end_with_the_bench_that_is_killed() -> None:
     assert first.stdout is not None and int(first.stdout.readline()) != first.pid
     first.kill()
     first.communicate(timeout=30)
+
+
+def test_the_least_chance_is_that_of_a_false_name_that_is_large_enough() -> None:
+    rows = [
+        {"id": "current", "p": 0.001},
+        {"id": "dvl_delay", "p": 0.01, "refusal": {"code": "small"}},
+        {"id": "gyro_bias", "p": 0.2, "refusal": {"code": "steady"}},
+        {"id": "wave", "p": None},
+    ]
+    assert least_chance({"candidates": rows}) == 0.001
+    assert least_chance({"candidates": rows}, own=["current"]) == 0.2
+    assert least_chance({"candidates": rows[3:]}) == least_chance({}) == 1.0
+
+
+def test_chances_that_are_too_small_too_often_are_not_uniform() -> None:
+    even = [(i + 0.5) / 40 for i in range(40)]
+    assert uniformity(even)["p"] > 0.5
+    assert uniformity([1.0] * 40)["p"] > 0.5  # cautious
+    small = uniformity([0.01] * 10 + even)
+    assert small["p"] < 0.05
+    assert (small["n"], small["below 0.05"]) == (50, 12)
+    assert uniformity([])["n"] == 0

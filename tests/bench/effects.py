@@ -31,7 +31,7 @@ from tests.bench.effects_cases import (
 )
 from tests.bench.effects_cases import cases as listed
 from tests.bench.effects_score import score
-from tests.bench.effects_summary import as_json, is_good, tables
+from tests.bench.effects_summary import CHANCE, as_json, is_good, tables
 from tests.bench.written import write
 from tests.engines.chain import SAMPLES
 
@@ -40,7 +40,7 @@ LABELS = frozenset((*SINGLES, *LATER, *OUTSIDE, *("+".join(p) for p in PAIRS), "
 GENERATOR = "generator"  # in place of a stage, where a trial could not be made
 SHOWN = ("api", "cli", "report")  # packages that show artifacts and make none
 WRITTEN = "effects"  # section of the page, and its tables in order
-SECTION = ("bars", "by planted effect", "planted against named", "costs")
+SECTION = ("bars", CHANCE, "by planted effect", "planted against named", "costs")
 
 Item = TypeVar("Item")
 Outcome = dict[str, Any]

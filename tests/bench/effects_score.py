@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
+from scipy.stats import kstest
+
 from auvident.constants import NORMAL_95
 from auvident.schema.effects import BY_ID, parameter_of
 from auvident.schema.loop_statements import TOGETHER
@@ -42,7 +44,8 @@ class Score:
     ``extra`` are the names that are neither planted nor in a group with a planted one.
     ``by_finding``: a finding on the coefficients says it. ``visible`` is None with nothing planted,
     and true where there is no diagnosis: a failure is not excused.
-    ``off_s``: how far outside of the planted time a named event or step lies.
+    ``off_s``: how far outside of the planted time a named event or step lies. ``chance``: see
+    `least_chance`.
     """
 
     key: str
@@ -67,6 +70,35 @@ class Score:
     seconds: dict[str, float] = field(default_factory=dict)
     peak_mb: float = 0.0
     why: str = ""
+    chance: float = 1.0
+
+
+def least_chance(diagnosis: Row, own: Iterable[str] = ()) -> float:
+    """Least ``p`` of the candidates that are large enough; 1 where there is none.
+
+    What the vehicle has of itself (`own`) is left out: the others would be false names.
+    """
+    told = [
+        c["p"]
+        for c in diagnosis.get("candidates", [])
+        if c.get("p") is not None and c["id"] not in own
+        if (c.get("refusal") or {}).get("code") != "small"
+    ]
+    return min(told, default=1.0)
+
+
+def uniformity(chances: Sequence[float]) -> dict[str, Any]:
+    """Whether chances of trials with nothing to find are uniform, or cautious.
+
+    ``excess`` is how far the share of trials below some chance exceeds that chance at most
+    (Kolmogorov and Smirnov, to the side that would be a false alarm); ``p`` how often that much is
+    chance.
+    """
+    if not chances:
+        return {"n": 0, "below 0.05": "-", "excess": "-", "p": "-"}
+    found = kstest(chances, "uniform", alternative="greater")
+    told = {"excess": float(found.statistic), "p": float(found.pvalue)}
+    return {"n": len(chances), "below 0.05": sum(c < 0.05 for c in chances), **told}
 
 
 def score(outcome: Row) -> Score:
@@ -95,6 +127,7 @@ def score(outcome: Row) -> Score:
         right_family=family,
         wrong_name=bool(named) and not any(_family_named(p, effects, groups) for p in planted),
         by_finding=by_finding,
+        chance=least_chance(diagnosis),
         extra=tuple(n for n in named if not any(_in_group(n, [i], groups) for i in ids)),
         sizes=tuple(sizes(planted, effects)),
         off_s=time_off(planted, effects),

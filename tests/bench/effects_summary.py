@@ -14,7 +14,9 @@ from tests.bench.effects_bars import (
     clean_errors,
     stated,
 )
-from tests.bench.effects_score import Score, Size
+from tests.bench.effects_score import Score, Size, uniformity
+
+CHANCE = "nothing planted: chance of the best candidate"
 
 
 def tables(scores: Scores) -> dict[str, Table]:
@@ -23,6 +25,7 @@ def tables(scores: Scores) -> dict[str, Table]:
         "planted against named": confusion(scores),
         "by planted effect": by_effect(scores),
         "bars": bars(scores),
+        CHANCE: [uniformity([s.chance for s in scores if s.kind == "none"])],
         "costs": costs(scores),
     }
 

@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 from statistics import mean, median
 from typing import Any
 
-from scipy.stats import kstest
-
 from tests.bench.effects import GENERATOR
 from tests.bench.effects_bars import rises_surely
-from tests.bench.effects_score import Score, score
+from tests.bench.effects_score import Score, least_chance, score, uniformity
+from tests.bench.effects_summary import CHANCE
 
 ALL = "all"
 VELOCITIES = ("u", "v", "w", "q", "r")
@@ -103,27 +102,15 @@ def scored(outcome: Row) -> Drawn:
         zero_inside=zero_inside(outcome.get("comparison") or {}),
         ships_worse=worse_by(outcome.get("comparison") or {}, errors=0.0),
         surely_worse=worse_by(outcome.get("comparison") or {}, errors=1.0),
-        chance=least_chance(outcome.get("diagnosis") or {}, plant),
+        chance=least_chance(
+            outcome.get("diagnosis") or {}, [n for n in plant if plant[n].get("visible")]
+        ),
     )
 
 
 def _stands(own: Row) -> bool:
     explained = own.get("explained")
     return explained is not None and explained >= STANDS_FOR
-
-
-def least_chance(diagnosis: Row, plant: Row) -> float:
-    """Least ``p`` of the candidates that would be a false name."""
-    return min(
-        (
-            c["p"]
-            for c in diagnosis.get("candidates", [])
-            if c.get("p") is not None
-            and not plant.get(c["id"], {}).get("visible")
-            and (c.get("refusal") or {}).get("code") != "small"
-        ),
-        default=1.0,
-    )
 
 
 def zero_inside(comparison: Row) -> tuple[bool, ...]:
@@ -198,9 +185,7 @@ def loop_tables(groups: Mapping[str, Scores], scores: Scores) -> dict[str, Table
     """What was named and how well the models predict."""
     return {
         "nothing planted": [{"class": n, **clean_row(rows)} for n, rows in groups.items()],
-        "nothing planted: chance of the best candidate": [
-            {"class": n, **chance_row(rows)} for n, rows in groups.items()
-        ],
+        CHANCE: [{"class": n, **chance_row(rows)} for n, rows in groups.items()],
         "planted": [{"class": n, **planted_row(rows)} for n, rows in groups.items()],
         "prediction": [{"class": n, **prediction_row(rows)} for n, rows in groups.items()],
         "named and not there": counted(name for s in scores for name in s.false),
@@ -214,18 +199,8 @@ def clean_row(rows: Scores) -> dict[str, Any]:
 
 
 def chance_row(rows: Scores) -> dict[str, Any]:
-    """Whether `least_chance` is uniform, or cautious; as `evidence_score.uniform` has it."""
-    values = [s.chance for s in rows if s.kind == "none" and s.clean != "failed"]
-    if not values:
-        return {"n": 0, "below 0.05": "-", "excess": "-", "p": "-"}
-    found = kstest(values, "uniform", alternative="greater")
-    below = sum(v < 0.05 for v in values)
-    return {
-        "n": len(values),
-        "below 0.05": below,
-        "excess": float(found.statistic),
-        "p": float(found.pvalue),
-    }
+    """Whether `least_chance` is uniform, or cautious; see `effects_score.uniformity`."""
+    return uniformity([s.chance for s in rows if s.kind == "none" and s.clean != "failed"])
 
 
 def planted_row(rows: Scores) -> dict[str, Any]:
