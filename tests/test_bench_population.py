@@ -406,6 +406,14 @@ def test_tables_count_by_class():
     assert json.loads(json.dumps(found)) == found
 
 
+def test_a_model_that_runs_away_predicts_worse_than_the_estimate():
+    better = {"nrmse": {"u": 0.1}, "nrmse_ase": {"u": 0.9}}
+    away = {**better, "nrmse": {}}
+    rows = [scored(outcome_with(0, **better)), scored(outcome_with(2, **away))]
+    found = tables(rows, CLASSES, with_seeds=False)["prediction"][0]
+    assert (found["worse than ase"], found["nrmse u"]) == (1, 0.1)
+
+
 def test_what_the_generator_could_not_sail_is_no_trial():
     lost = {**outcome_with(4), "stage": "generator", "error": "Traceback\nRefused: rolls over"}
     found = tables([scored(outcome_with(0)), scored(lost)], CLASSES, with_seeds=True)
