@@ -1,6 +1,6 @@
 """What artifacts hold as data frames, one row a coefficient, channel, maneuver or finding."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from auvident.schema.artifacts import (
     AseCoefficient,
     AseResult,
     ChannelMetrics,
+    Extrapolation,
     Finding,
     IdentifiedModel,
     Maneuver,
@@ -241,3 +242,10 @@ def figure_frame(figures: Iterable["DeskFigure"]) -> pd.DataFrame:
     """Figures of a maneuver by name: value, 90 % interval, unit."""
     rows = [f.model_dump(include={"name", "value", "low", "high", "unit"}) for f in figures]
     return pd.DataFrame(rows, columns=["name", "value", "low", "high", "unit"]).set_index("name")
+
+
+def range_frame(found: Mapping[str, Extrapolation]) -> pd.DataFrame:
+    """Quantities by which a motion leaves what was flown: reaches, identified, unit."""
+    rows = [{"quantity": name, **far.model_dump()} for name, far in found.items()]
+    columns = ["quantity", "reaches", "identified", "unit"]
+    return pd.DataFrame(rows, columns=columns).set_index("quantity")

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from auvident.api.frames import figure_frame, finding_frame
+from auvident.api.frames import figure_frame, finding_frame, range_frame
 
 if TYPE_CHECKING:
     from auvident.api.plots import Panels
@@ -44,6 +44,11 @@ class FlownManeuver:
         """What to know before the figures are trusted."""
         told = self.result.findings
         return finding_frame(("simulate", self.result.plane, finding) for finding in told)
+
+    @cached_property
+    def beyond(self) -> pd.DataFrame:
+        """Where it leaves the range that its model was identified from, as of `Model.beyond`."""
+        return range_frame(self.result.extrapolation)
 
     def plot(self) -> "Panels":
         """Fin, states and track with the band of the models drawn.

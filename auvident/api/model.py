@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 import pandas as pd
 
-from auvident.api.frames import coefficient_frame, correlation_frame, effect_frame
+from auvident.api.frames import coefficient_frame, correlation_frame, effect_frame, range_frame
 from auvident.api.maneuver import FlownManeuver
 from auvident.errors import UsageError
 from auvident.pipeline.observer import Observer
@@ -150,6 +150,27 @@ class Model:
         window = (-np.inf if from_s is None else from_s, np.inf if to_s is None else to_s)
         options = {"window_s": window, "speed_mps": speed_mps, "samples": draws}
         return predict_trial(self.artifact, trial, seed, options)
+
+    def beyond(self, motion: pd.DataFrame) -> pd.DataFrame:
+        """Where a motion leaves the range of the maneuvers that the model was identified from.
+
+        Nothing tells how the vehicle behaves there, and no band covers it.
+
+        Parameters
+        ----------
+        motion : pandas.DataFrame
+            As `simulate` returns it.
+
+        Returns
+        -------
+        pandas.DataFrame
+            By quantity (``rudder``, ``u``, ``v``, ``r``; ``u_low`` is the lowest speed;
+            ``elevator``, ``w``, ``q``): ``reaches``, ``identified``, ``unit``. Empty within the
+            range, and of a model that does not know its own.
+        """
+        from auvident.stages.simulate import beyond_range
+
+        return range_frame(beyond_range(self.artifact, motion))
 
     def step(self, state: State, rudder_rad: float, rpm: float, dt_s: float) -> "Array":
         """State after one step of the equations of motion, fin and propeller held.

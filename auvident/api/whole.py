@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, overload
 import numpy as np
 import pandas as pd
 
-from auvident.api.frames import finding_frame, whole_frame
+from auvident.api.frames import finding_frame, range_frame, whole_frame
 from auvident.api.maneuver import FlownManeuver
 from auvident.pipeline.observer import Observer
 
@@ -104,6 +104,20 @@ class WholeModel:
         window = (-np.inf if from_s is None else from_s, np.inf if to_s is None else to_s)
         options = {"window_s": window, "speed_mps": speed_mps, "samples": draws}
         return predict_whole_trial(self.artifact, trial, seed, options)
+
+    def beyond(self, motion: pd.DataFrame) -> pd.DataFrame:
+        """Where a motion leaves what the models of both planes were identified from.
+
+        As of `Model.beyond`; a speed that either plane knows is known.
+
+        Parameters
+        ----------
+        motion : pandas.DataFrame
+            As `simulate` returns it.
+        """
+        from auvident.stages.combine import beyond_ranges
+
+        return range_frame(beyond_ranges(self.artifact, motion))
 
     def maneuver(
         self,

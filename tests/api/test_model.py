@@ -162,6 +162,16 @@ def test_a_model_goes_to_other_processes(model: auvident.Model) -> None:
     )
 
 
+def test_a_motion_beyond_what_was_flown_says_by_what(model: auvident.Model) -> None:
+    """The trial has 20 deg of rudder."""
+    assert model.beyond(model.simulate(inputs(helm), 0)).empty
+    far = model.beyond(model.simulate(inputs(lambda t: helm(t) * 3.0), 0)).loc["rudder"]
+    assert far["unit"] == "rad" and far["reaches"] == pytest.approx(0.51)
+    assert far["identified"] == pytest.approx(np.radians(20.0), abs=0.01)
+    assert list(model.maneuver("turning-circle:30", 0).beyond.index[:1]) == ["rudder"]
+    assert model.maneuver("zigzag:10/10", 0).beyond.empty
+
+
 # --- maneuvers, exports, files ------------------------------------------------------------
 
 

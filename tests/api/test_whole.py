@@ -44,6 +44,9 @@ def test_on_a_table_it_turns_as_the_model_of_its_plane(demo: Path) -> None:
     plane = run.model.simulate(table, 0, speed_mps=1.4)
     assert len(whole) == len(plane) == len(table)
     assert whole["r_radps"].iloc[-1] == pytest.approx(plane["r_radps"].iloc[-1], rel=0.1)
+    assert auvident.combine(demo).beyond(whole).empty
+    fast = auvident.combine(demo).simulate(table, 0, speed_mps=4.0)
+    assert auvident.combine(demo).beyond(fast).loc["u", "reaches"] > 2.0
     with pytest.raises(auvident.InputError, match="elevator_rad"):
         auvident.combine(demo).simulate(table.drop(columns="elevator_deg"))
 
