@@ -390,16 +390,17 @@ def test_a_run_that_is_worse_than_the_baseline_fails(
 
 def test_a_gate_with_nothing_held_out_is_not_met(demo: Path) -> None:
     from auvident.errors import GateError
-    from auvident.pipeline.gates import check_gates
+    from auvident.pipeline.gates import check_planes, predicted
     from auvident.schema.artifacts import Finding, Metrics
 
     metrics = Metrics.model_validate_json((demo / "validate" / "metrics.json").read_bytes())
     identify = {"identify": metrics.summary["identify"]}
     with pytest.raises(GateError, match="no held-out maneuver measures"):
-        check_gates(metrics.model_copy(update={"summary": identify}), {"u": 9.0})
+        check_planes([predicted(metrics.model_copy(update={"summary": identify}))], {"u": 9.0})
     escaped = Finding(code="prediction-ran-away", message="", where="zigzag-9")
     with pytest.raises(GateError, match="diverges"):
-        check_gates(metrics.model_copy(update={"findings": (escaped,)}), {"u": 9.0})
+        lost = metrics.model_copy(update={"findings": (escaped,)})
+        check_planes([predicted(lost)], {"u": 9.0})
 
 
 def test_json_of_a_whole_run_has_the_main_artifacts(

@@ -71,22 +71,24 @@ def test_the_gate_of_a_run_is_that_of_the_model_it_leaves(
 
     assert code(f"u={1.01 * loop_world.AFTER['u']}") == 0
     assert code(f"u={0.99 * loop_world.AFTER['u']}") == 1
-    assert (code("track=1000"), code("track=0.001")) == (0, 1)  # only the validation has it
+    far = loop_world.TRACK_M * loop_world.AFTER["u"]
+    assert metrics["track"]["rmse"] > 1.01 * far
+    assert (code(f"track={1.01 * far}"), code(f"track={0.99 * far}")) == (0, 1)
 
 
 def test_gates_of_a_refinement_that_ran_away_or_held_nothing_out() -> None:
     from auvident.errors import GateError
-    from auvident.pipeline.gates import check_refined
+    from auvident.pipeline.gates import check_planes, refined
     from auvident.schema.artifacts import Finding
 
     compared = loop_world.comparison(loop_world.diagnosis())
-    check_refined(compared, {})
+    check_planes([refined(compared)], {})
     away = Finding(code="prediction-ran-away", message="", where="zigzag-9")
     with pytest.raises(GateError, match="diverges"):
-        check_refined(compared.model_copy(update={"findings": (away,)}), {"u": 9.0})
+        check_planes([refined(compared.model_copy(update={"findings": (away,)}))], {"u": 9.0})
     empty = compared.held_out.model_copy(update={"after": {}, "maneuvers": ()})
     with pytest.raises(GateError, match="no held-out maneuver measures"):
-        check_refined(compared.model_copy(update={"held_out": empty}), {"u": 9.0})
+        check_planes([refined(compared.model_copy(update={"held_out": empty}))], {"u": 9.0})
 
 
 def test_a_run_ends_with_the_discovery(run: Path, auvident: Callable[..., Called]) -> None:

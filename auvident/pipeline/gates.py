@@ -43,25 +43,10 @@ def predicted(metrics: Metrics) -> Judged:
     return Judged(metrics.summary.get("validate", {}), known, metrics.findings)
 
 
-def refined(comparison: "Comparison", metrics: Metrics | None = None) -> Judged:
-    """Errors of a refined model; those of `metrics` for channels that the comparison lacks."""
-    after: dict[str, Error] = {}
-    after.update(metrics.summary.get("validate", {}) if metrics else {})
-    after.update(comparison.held_out.after)
-    known = frozenset({*after, *comparison.identify.after})
-    return Judged(after, known, comparison.findings)
-
-
-def check_gates(metrics: Metrics, limits: Mapping[str, float]) -> None:
-    """The gates of one plane; see `check_planes`."""
-    check_planes([predicted(metrics)], limits)
-
-
-def check_refined(
-    comparison: "Comparison", limits: Mapping[str, float], metrics: Metrics | None = None
-) -> None:
-    """The gates of one plane with its refined model; see `check_planes`."""
-    check_planes([refined(comparison, metrics)], limits)
+def refined(comparison: "Comparison") -> Judged:
+    """Errors of the model that a refinement ends with."""
+    after = comparison.held_out.after
+    return Judged(after, frozenset({*after, *comparison.identify.after}), comparison.findings)
 
 
 def check_planes(planes: Sequence[Judged], limits: Mapping[str, float]) -> None:

@@ -97,4 +97,4 @@ def ended(run: Path, result: RunResult) -> Ended:
 
 def judged(metrics: "Metrics", comparison: "Comparison | None") -> Judged:
     """What the gates look at: the refined model where there is one."""
-    return refined(comparison, metrics) if comparison else predicted(metrics)
+    return refined(comparison) if comparison else predicted(metrics)

@@ -160,7 +160,9 @@ def _validate(outputs: Mapping[str, Any]) -> list[RenderableType]:
         if role in metrics.summary:
             before = metrics.ase.summary.get(role, {}) if metrics.ase else {}
             crossed = metrics.cross_validation if role == "validate" else {}
-            errors = tables.errors_by_channel(title, metrics.summary[role], before, crossed)
+            prior = "ASE" if metrics.estimated else "prior"
+            own = metrics.summary[role]
+            errors = tables.errors_by_channel(title, own, before, crossed, prior)
             pieces.append(rich_table(errors))
     if metrics.horizons:
         pieces.append(rich_table(tables.errors_by_horizon(metrics, HORIZONS)))

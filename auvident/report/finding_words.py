@@ -3,7 +3,17 @@
 from auvident.schema.artifacts import Finding
 
 # codes whose value means nothing beside the sentence (a share of information, a ratio of errors)
-SAID = frozenset({"not-seen", "rests-on-prior", "worse-than-prior", "worse-refined", "error-rises"})
+SAID = frozenset(
+    {
+        "not-seen",
+        "rests-on-prior",
+        "worse-than-prior",
+        "worse-refined",
+        "error-rises",
+        "channels_absent",
+        "stability_undecided",
+    }
+)
 IN_THE_MESSAGE = frozenset({"prior-contradicted"})  # of which the limit alone is told
 # what the value of a code is, where the message does not say
 QUANTITY = {
@@ -11,6 +21,7 @@ QUANTITY = {
     "maneuvers-disagree": "scatter over that of the fit",
     "fin_in_wake": "share of the span",
     "few-trials": "trials",
+    "no-better": "ratio of squared errors",
     "hardly-keeps-course": "growth over a hull length",
 }
 

@@ -1,6 +1,5 @@
 """What the HTML report is made of, and how its numbers are shown."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -217,9 +216,6 @@ class ReportData:
         held = self.role == "validate"
         pooled = (self.comparison.held_out if held else self.comparison.identify).after
         rmse = {name: e.rmse for name, e in pooled.items()}
-        if self.refined is not None and self.metrics and "track" in errors:
-            same = [m.id for m in self.metrics.maneuvers if m.role == self.role]
-            rmse["track"] = _track_error(self.refined, same)
         return {
             name: _with_rmse(e, rmse[name])
             for name, e in errors.items()
@@ -236,16 +232,7 @@ class ReportData:
     def refined_channels(self) -> dict[str, Mapping[str, ChannelMetrics | ChannelError]]:
         """Errors of every maneuver with the refined model; empty where there is none."""
         rows = self.comparison.maneuvers if self.comparison and self.is_refined else ()
-        found: dict[str, Mapping[str, ChannelMetrics | ChannelError]] = {
-            m.id: m.after for m in rows
-        }
-        if self.refined is None or "north_m_simulated" not in self.refined:
-            return found
-        for m in self.metrics.maneuvers if self.metrics else ():
-            if m.id in found and "track" in m.channels:
-                track = _with_rmse(m.channels["track"], _track_error(self.refined, [m.id]))
-                found[m.id] = {**found[m.id], "track": track}
-        return found
+        return {m.id: m.after for m in rows}
 
     def pooled_before(self, role: str) -> Mapping[str, ChannelMetrics]:
         """Pooled errors of the prior; empty when it did not predict the same maneuvers."""
@@ -266,15 +253,6 @@ def _with_rmse(e: ChannelMetrics | ChannelError, rmse: float) -> ChannelError:
     """Another error of the same channel, over the same standard deviation."""
     nrmse = e.nrmse * rmse / e.rmse if e.rmse > 0.0 else 0.0
     return ChannelError(rmse=rmse, nrmse=nrmse, unit=e.unit)
-
-
-def _track_error(table: "pd.DataFrame", maneuvers: Sequence[str]) -> float:
-    """Root mean square distance between the measured and the predicted track [m]."""
-    rows = table[table["maneuver"].isin(maneuvers)]
-    north, east = (
-        rows[f"{axis}_m_simulated"] - rows[f"{axis}_m_measured"] for axis in ("north", "east")
-    )
-    return math.sqrt(float((north**2 + east**2).mean()))
 
 
 def percent(share: float) -> str:

@@ -87,7 +87,7 @@ def lacks(report: ReportData) -> Lacks | None:
 
 def _nothing_known(found: Diagnosis | Comparison) -> Diagnosis:
     """A diagnosis that says no more than the comparison does."""
-    return Diagnosis(plane="", verdict=found.verdict, statement=found.statement)
+    return Diagnosis(plane="horizontal", verdict=found.verdict, statement=found.statement)
 
 
 def figures(report: ReportData) -> dict[str, list[str | None]]:

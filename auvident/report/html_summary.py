@@ -214,17 +214,24 @@ def _not_for(data: ReportData) -> Lines:
     lines = []
     if data.simulation is not None:
         lines.append("Anything beyond that range.")
-    bad = [
-        f"{k} ({ERROR.of(told).words})"
-        for k, e in (data.final_errors() if data.metrics else {}).items()
-        if (told := share(k, e.rmse, e.nrmse)) is not None and ERROR.of(told).grade == "poor"
-    ]
-    lines += [f"Predicted badly: {', '.join(bad)}."] if bad else []
+    lines += _badly(data)
     unknown = ", ".join(_on_prior(data))
     if unknown:
         source = "geometry" if data.prior_name == "ASE" else "the given values"
         lines.append(f"With caution, as known from {source} alone: {unknown}.")
     return [" ".join(lines)] if lines else []
+
+
+def _badly(data: ReportData) -> Lines:
+    """Channels predicted badly; the noise of a sensor alone is no error of the prediction."""
+    noise = {r.channel: r.noise_std for r in data.diagnosis.residuals} if data.diagnosis else {}
+    groups: dict[str, list[str]] = {}
+    for name, e in (data.final_errors() if data.metrics else {}).items():
+        told = share(name, e.rmse, e.nrmse)
+        called = None if told is None or e.rmse <= noise.get(name, 0.0) else ERROR.of(told)
+        if called is not None and called.grade == "poor":
+            groups.setdefault(called.words, []).append(name)
+    return [f"Predicted {how}: {', '.join(names)}." for how, names in groups.items()]
 
 
 def _on_prior(data: ReportData) -> Lines:
@@ -257,7 +264,8 @@ def _lacked(data: ReportData) -> Lines:
 def _effect(effect: EffectFound, found: Diagnosis | Comparison) -> str:
     """An effect in words, with its sizes and their 95 % uncertainty."""
     listed_there = any(f"({p.symbol} " in effect.plain for p in effect.parameters)
-    text = unit_text(words_of(effect.id) if listed_there else effect.plain or effect.id)
+    text = words_of(effect.id) if listed_there else effect.plain or effect.id
+    text = PAGE.signs(unit_text(text))
     alone = len(effect.parameters) == 1
     sizes = [told for p in effect.parameters if (told := _size(effect, p, alone))]
     text = f"{text[:1].upper()}{text[1:]}" + (f" ({', '.join(sizes)}; 95\u00a0%)" if sizes else "")
@@ -270,16 +278,17 @@ def _effect(effect: EffectFound, found: Diagnosis | Comparison) -> str:
 
 def _size(effect: EffectFound, p: ParameterValue, alone: bool) -> str:
     """``north 0.104 ± 0.001 m/s``; the interval where it is open or not symmetric."""
-    told = words.interval_of(effect.id, p)
+    told = words.interval_text(p)
     if not told:
         return ""
+    doubt = words.interval_of(effect.id, p).removeprefix(told)  # ", not confirmed"
     if p.interval is None or None not in p.interval:
         low, high = words.interval(p)
         if abs((high + low) / 2.0 - p.value) < ASYMMETRY * (high - low):
             told = PAGE.with_std(p.value, (high - low) / 2.0)
     unit = "" if p.unit in NO_UNIT else PAGE.written_unit(p.unit)
     name = "" if alone else _named(p.symbol, effect.frame)
-    return " ".join(x for x in (name, PAGE.signs(told), unit) if x)
+    return " ".join(x for x in (name, PAGE.signs(told), unit) if x) + doubt
 
 
 def _named(symbol: str, frame: str) -> str:

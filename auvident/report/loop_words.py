@@ -20,7 +20,7 @@ from auvident.schema.diagnosis import (
 )
 from auvident.schema.effect_words import holds_nothing
 from auvident.schema.effects import FAMILIES
-from auvident.schema.loop_statements import TOGETHER, follows, is_limit, seen_last
+from auvident.schema.loop_statements import TOGETHER, follows, is_limit, largest_fall, seen_last
 
 number, with_unit = TERMINAL.number, TERMINAL.quantity
 MOVED = 2.0  # standard deviations before, from which on a coefficient is said to have moved
@@ -258,5 +258,7 @@ def _correlate(row: object) -> str:
     if not isinstance(row, Mapping) or "regressor" not in row:
         return plain(row)
     gain = row.get("gain")
-    evidence = f" ({number(float(gain))} nats)" if isinstance(gain, int | float) else ""
-    return follows(row) + evidence
+    if not isinstance(gain, int | float):
+        return follows(row)
+    fall = number(100.0 * max(largest_fall(row), 0.0), 2)
+    return f"{follows(row)} ({number(float(gain))} nats, {fall} % off the residual)"

@@ -1,5 +1,6 @@
 """Tables of the residual loop, from its artifacts; for the terminal and for the page."""
 
+import math
 from collections.abc import Sequence
 
 from auvident.report import loop_words as words
@@ -35,6 +36,7 @@ from auvident.schema.diagnosis import (
     ManeuverComparison,
     ParameterValue,
 )
+from auvident.schema.effects import in_plane
 
 
 def effects(found: Sequence[EffectFound]) -> Table:
@@ -146,12 +148,14 @@ def moved(found: Sequence[CoefficientComparison]) -> Table:
 
 def candidates(found: Sequence[Candidate], caption: str = "") -> Table:
     """Candidates in their order; accepted ones are marked."""
+    later = any(c.beside for c in found)
     rows: Rows = [
         [
             "accepted" if not c.rejected else "",
             c.id,
             Words(words.sizes(c.id, c.parameters)),
             c.rejected,
+            *([Words(", ".join(c.beside))] if later else ()),
             Number(c.gain),
             Number(c.p, 2),
             Number(c.held_back_gain),
@@ -162,7 +166,10 @@ def candidates(found: Sequence[Candidate], caption: str = "") -> Table:
     heads = (
         Column(on_page=True),
         Column("effect"),
-        *columns(("size, 95 % interval", "rejected because"), ("gain, nats", "p")),
+        *columns(
+            ("size, 95 % interval", "rejected because", *(["beside"] if later else ())),
+            ("gain, nats", "p"),
+        ),
         Column("left out, nats", numeric=True),
         Column("improved", numeric=True, on_page=True),
     )
@@ -175,17 +182,28 @@ def attempts(found: Comparison) -> Table:
     tried = found.attempts[1:]
     fitted = list(dict.fromkeys(c for a in tried for c in a.ratios))
     crossed = list(dict.fromkeys(c for a in tried for c in a.left_out))
+    decided = any(a.balance is not None for a in tried)
     cells: Rows = [
         [
             *words.attempt_words(a),
+            *([_together(a)] if decided else ()),
             *(_left_out_ratio(a, c) for c in crossed),
             *(Number(a.ratios.get(c)) for c in fitted),
         ]
         for a in tried
     ]
-    heads = [f"left-out RMSE of {c}, with ÷ without" for c in crossed]
+    heads = ["left-out errors of all, with ÷ without"] if decided else []
+    heads += [f"left-out RMSE of {c}, with ÷ without" for c in crossed]
     heads += [f"RMSE of {c}, with ÷ without" for c in fitted]
     return Table(columns(("model with", ""), heads), cells)
+
+
+def _together(attempt: Attempt) -> Cell:
+    """Ratio of the left-out errors, mean over maneuvers and channels, with its standard error."""
+    if attempt.balance is None:
+        return Number(None)
+    ratio = math.exp(attempt.balance)
+    return WithStd(ratio, ratio * (attempt.balance_se or 0.0))
 
 
 def _left_out_ratio(attempt: Attempt, channel: str) -> Cell:
@@ -233,7 +251,18 @@ def residuals(found: Diagnosis) -> Table:
         rows.append([r.channel, Unit(r.unit, True), *sizes, *after, time])
     added = ["with the effects"] if found.effects else []
     heads = ("residual, rms", "sensor noise", "ratio", *added, "correlation time, s")
-    return Table(columns(("channel", "unit"), heads), rows, "Residual of the identified model")
+    return Table(
+        columns(("channel", "unit"), heads),
+        rows,
+        "Residual of the fit of the diagnosis, without effects",
+    )
+
+
+def _untested(found: Diagnosis, column: str) -> str:
+    """Effects that need a column which is not in the log."""
+    seen = {row.id for row in found.sees}
+    lacking = [e.id for e in in_plane(found.plane) if column in e.needs and e.id not in seen]
+    return f"{', '.join(lacking)}: {column} is not in the log" if lacking else column
 
 
 NOT_SHOWN, ALIKE, NOT_TESTED = "not shown", "look alike", "not tested"
@@ -252,5 +281,5 @@ def sight(found: Diagnosis) -> Table:
         remedy = f"; separated by {same.separate_by}" if same.separate_by else ""
         text = f"{', '.join(same.ids)} (correlation {same.cosine:.3f}){remedy}"
         rows.append([ALIKE, text])
-    rows += [[NOT_TESTED, missing] for missing in found.missing]
+    rows += [[NOT_TESTED, _untested(found, column)] for column in found.missing]
     return Table(columns(("", "")), rows, SIGHT_TITLE)

@@ -179,6 +179,7 @@ def errors_by_channel(
     after: Mapping[str, ChannelMetrics],
     before: Mapping[str, ChannelMetrics],
     crossed: Mapping[str, CrossValidation] | None = None,
+    prior: str = "ASE",
 ) -> Table:
     """Errors of the prediction by channel: estimate from geometry, identified model.
 
@@ -186,6 +187,8 @@ def errors_by_channel(
     ----------
     crossed : mapping, optional
         Errors of the identifying maneuvers left out in turn, for a column beside.
+    prior : str
+        What it is compared with, a key of `PRIOR_WORDS`.
     """
     rows: Rows = [
         [
@@ -201,7 +204,7 @@ def errors_by_channel(
         for name, a in after.items()
         for b in [before.get(name)]
     ]
-    heads = ["RMSE, ASE", "RMSE, identified", "NRMSE, ASE", "NRMSE, identified", "R²"]
+    heads = [f"RMSE, {prior}", "RMSE, identified", f"NRMSE, {prior}", "NRMSE, identified", "R²"]
     heads[2:2] = ["RMSE, cross-validation"] if crossed else []
     return Table(columns(("channel", "unit"), heads), rows, title)
 

@@ -22,10 +22,7 @@ RAN_AWAY = "prediction-ran-away"  # code of a finding: a gate cannot be met with
 ON_ERRORS = ("not-predicted", "no-better", "worse-than-prior")
 ESTIMATE_CONTRADICTED = "estimate-contradicted"  # by so much that another vehicle is likely
 ON_A_MODEL = (*ON_ERRORS, "rests-on-prior")
-PRIOR_WORDS = {
-    "ASE": "the estimate from geometry (ASE)",
-    "prior": "the given coefficients (prior)",
-}
+PRIOR_WORDS = {"ASE": "the estimate from geometry (ASE)", "prior": "the given coefficients (prior)"}
 
 
 class Finding(Artifact):
@@ -581,8 +578,9 @@ class Extrapolation(Artifact):
 
 
 class Metrics(Artifact):
-    """``validate/metrics.json``; ``ase`` holds the same for the ASE model alone, without band.
+    """``validate/metrics.json``; ``ase`` holds the same for the prior alone, without band.
 
+    The prior is the estimate from geometry (ASE) where ``estimated``, else given coefficients.
     ``horizons`` has the errors of the held-out maneuvers predicted in windows of so many seconds,
     each from the readings at its start. ``extrapolation`` says by held-out maneuver and quantity
     where it leaves the range of those that identify.
@@ -597,4 +595,5 @@ class Metrics(Artifact):
     horizons: dict[str, dict[str, ChannelMetrics]] = {}
     extrapolation: dict[str, dict[str, Extrapolation]] = {}
     ase: "Metrics | None" = None
+    estimated: bool = True
     findings: tuple[Finding, ...] = ()

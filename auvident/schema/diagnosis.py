@@ -7,6 +7,7 @@ from pydantic import Field, computed_field
 
 from auvident.schema.artifacts import Coverage, CrossValidation, Finding, Verdict
 from auvident.schema.base import Artifact
+from auvident.schema.planes import Plane
 
 Bound = Literal["at least", "at most"]
 
@@ -93,12 +94,14 @@ class Candidate(Artifact):
     ``improved`` the share of them that it helps, ``rms_fall`` the relative fall of the residual
     by channel. ``refitted`` is false where ``gain`` is only what the first steps promise.
     ``rejected`` says in words which test it failed, empty for an accepted one, and ``refusal`` by
-    which rule.
+    which rule. ``beside`` are the effects that the model had already: gains beside others are no
+    gains of the same model.
     """
 
     id: str
     family: str
     gain: float
+    beside: tuple[str, ...] = ()
     p: float | None = None
     parameters: tuple[ParameterValue, ...] = ()
     held_back_gain: float | None = None
@@ -164,7 +167,7 @@ class Diagnosis(Artifact):
     """
 
     schema_: str = Field(default="auvident/diagnosis/1", alias="schema")
-    plane: str
+    plane: Plane
     verdict: Verdict
     statement: str
     effects: tuple[EffectFound, ...] = ()

@@ -188,19 +188,31 @@ def with_std(value: float, std: float) -> str:
 
 
 def nuisance_parameters(effects: Sequence[Mapping[str, Any]]) -> str:
-    """What a model adjusts along with its coefficients, from the rows of its artifact."""
-    needed, idle = [], []
+    """What a model adjusts along with its coefficients, from the rows of its artifact.
+
+    A limit whose inverse may as well be zero is not known by the size that is shown.
+    """
+    needed, idle, unknown = [], [], []
     for e in (e for e in effects if e.get("nuisance")):
         for p in e["parameters"]:
             internal = f"{e['id']}.{p['symbol']}"
             name = words_of(e["id"], p["symbol"])
-            if parameter_of(internal).is_nothing(e["internal"][internal]):
+            declared = parameter_of(internal)
+            if declared.is_nothing(e["internal"][internal]):
                 idle.append(name)
+            elif declared.form != "plain" and p["std"] >= p["value"]:
+                unknown.append(name)
             else:
                 needed.append(f"{name} {with_std(p['value'], p['std'])} {p['unit']}")
     found = f"Adjusted along with the coefficients: {', '.join(needed)}." if needed else ""
-    spare = f"{', '.join(idle).capitalize()}: not needed." if idle else ""
-    return " ".join(text for text in (found, spare) if text)
+    spare = f"{_upper(', '.join(idle))}: not needed." if idle else ""
+    open_ = f"{_upper(', '.join(unknown))}: not determined by these data." if unknown else ""
+    return " ".join(text for text in (found, open_, spare) if text)
+
+
+def _upper(text: str) -> str:
+    """A text with its first letter large, the others as they are."""
+    return f"{text[:1].upper()}{text[1:]}"
 
 
 def words_of(effect: str, symbol: str = "") -> str:

@@ -169,15 +169,23 @@ def remaining(unexplained: Mapping[str, Any]) -> str:
     """The statement that something is left beside what was found."""
     text = f"An unexplained residual remains{_where(unexplained)}"
     if unexplained.get("nearest"):
-        text += f"; of the known effects {unexplained['nearest']} comes closest, but fits too badly"
+        closest, several = _closest(unexplained["nearest"])
+        text += f"; of the known effects {closest}, but {'fit' if several else 'fits'} too badly"
     return text + "."
+
+
+def _closest(nearest: str) -> tuple[str, bool]:
+    """``hull_asymmetry comes closest``, and whether there are several."""
+    several = "," in nearest
+    return f"{nearest} {'come' if several else 'comes'} closest", several
 
 
 def nothing_known(unexplained: Mapping[str, Any]) -> str:
     """The statement that something is there which no effect explains."""
     text = f"There is a residual that no known effect explains{_where(unexplained)}"
     if unexplained.get("nearest"):
-        text += f"; {unexplained['nearest']} comes closest, but is not confirmed"
+        closest, several = _closest(unexplained["nearest"])
+        text += f"; {closest}, but {'are' if several else 'is'} not confirmed"
     return text + "."
 
 
@@ -186,12 +194,14 @@ def _where(unexplained: Mapping[str, Any]) -> str:
     channels, text = unexplained.get("channels"), ""
     if channels:
         text += f" in {', '.join(channels)}"
-    if unexplained.get("correlates"):
-        text += f"; {follows(unexplained['correlates'][0])}"
+    first = next(iter(unexplained.get("correlates") or ()), None)
+    if first and largest_fall(first) >= LEAST_FALL:
+        text += f"; {follows(first)}"
     return text
 
 
 LATE = "delayed "
+LEAST_FALL = 0.02  # of a residual: what takes less off it explains nothing of it
 NAMED = ("rate", "heading", "rudder", "elevator", "yaw", "pitch")  # words, no formulas
 # force or moment on an axis, in words
 FORCES = {
@@ -202,6 +212,11 @@ FORCES = {
     "M": "pitch moment",
     "N": "yaw moment",
 }
+
+
+def largest_fall(correlate: Mapping[str, Any]) -> float:
+    """Share by which a force lowers the residual of the channel that it lowers most."""
+    return max(correlate.get("rms_fall", {}).values(), default=0.0)
 
 
 def follows(correlate: Mapping[str, Any]) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from auvident.engines.carried import frame_of, over_ground, vector_behind
+from auvident.engines.carried import frame_of, over_ground, structure_behind, vector_behind
 from auvident.engines.draws import drawn_vectors
 from auvident.engines.falling import simulated_pushed
 from auvident.engines.flown import beyond, reached_in
@@ -25,6 +25,7 @@ from auvident.schema.trial import Trial
 Array = npt.NDArray[np.float64]
 
 SAMPLES = 100  # models drawn for the band: their variance is then known to a seventh
+LINEAR_DRAG = "linear_drag.X_u"
 INPUT_COLUMNS = {row.name: (row.control_columns[0], "rpm") for row in PLANE_ROWS}
 
 
@@ -124,12 +125,13 @@ def _acting(model: IdentifiedModel, record: Record, rate_hz: float) -> Record:
 
 def steady_speed(model: IdentifiedModel, rate_rps: float) -> float:
     """Speed at which thrust and drag balance on a straight run ahead [m/s]; 0 without thrust."""
-    values = model.values()
-    if rate_rps <= 0.0 or values["X_uu"] >= 0.0:
+    known = dict(zip(structure_behind(model).parameters, vector_behind(model), strict=True))
+    if rate_rps <= 0.0 or known["X_uu"] >= 0.0:
         return 0.0
+    slope = known.get(LINEAR_DRAG, 0.0) + known["T_nu"] * rate_rps
     roots = np.roots(
-        [values["X_uu"], values["T_nu"] * rate_rps, values["T_nn"] * rate_rps**2]
-    )  # X_uu u^2 + T_nu n u + T_nn n^2 = 0
+        [known["X_uu"], slope, known["T_nn"] * rate_rps**2]
+    )  # X_uu u^2 + (X_u + T_nu n) u + T_nn n^2 = 0
     real = roots.real[np.abs(roots.imag) < 1e-12]
     return float(max(real.max(initial=0.0), 0.0))
 

@@ -51,7 +51,7 @@ def test_what_can_be_seen_stands_before_the_verdict() -> None:
         "current ≥ 0.014 m/s",
         "no position was logged",
         "look alike",
-        "Residual of the identified model",
+        "Residual of the fit of the diagnosis",
         "Candidate effects",
         "Verdict: ",
     ]
@@ -89,15 +89,20 @@ def test_groups_and_what_is_left_are_named() -> None:
         verdict="unexplained",
         ambiguous=(("rudder_offset", "hull_asymmetry"),),
         separate_by="vary the speed",
-        unexplained={"correlates": [{"axis": "N", "regressor": "roll", "gain": 12.0}]},
+        unexplained={
+            "correlates": [{"axis": "N", "regressor": "roll", "gain": 12.0, "rms_fall": {"r": 0.3}}]
+        },
     )
     text = diagnosed(found)
     assert "These data cannot tell apart rudder_offset and hull_asymmetry" in text
     assert "These maneuvers would tell them apart: vary the speed" in text
-    assert "Unexplained: The remaining yaw moment follows the roll (12 nats)." in text
+    assert (
+        "Unexplained: The remaining yaw moment follows the roll (12 nats, 30 % off the residual)."
+        in text
+    )
     ending = text_of(discovery(loop_world.comparison(found)))
     assert "cannot tell apart" in ending
-    assert "The remaining yaw moment follows the roll (12 nats)." in ending
+    assert "The remaining yaw moment follows the roll (12 nats, 30 % off the residual)." in ending
 
 
 def test_held_out_errors_before_and_after_with_the_interval_of_the_difference() -> None:

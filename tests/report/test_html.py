@@ -342,7 +342,12 @@ def test_verdict_follows_the_worst_velocity(data: ReportData) -> None:
     assert [grade(with_nrmse(x)) for x in (0.09, 0.11, 0.31)] == ["good", "fair", "poor"]
     assert "u and r well, v fairly well: RMSE" in verdict(with_nrmse(0.11))
     assert "v worse than a constant would" in verdict(with_nrmse(1.2))
-    assert "v (worse than a constant would)" in told(with_nrmse(1.2))["Not for"]
+    assert "Predicted worse than a constant would: v." in told(with_nrmse(1.2))["Not for"]
+    assert data.diagnosis
+    row = data.diagnosis.residuals[0].model_copy(update={"channel": "v", "noise_std": 1.0})
+    loud = data.diagnosis.model_copy(update={"residuals": (row,)})
+    noisy = replace(with_nrmse(1.2), diagnosis=loud)  # the reading is off by less than its noise
+    assert "constant would" not in told(noisy)["Not for"]
     codes = {w.finding.code: w.rank for w in warnings(with_nrmse(1.2))}
     assert codes["not-predicted"] == "serious"
     assert "not-predicted" not in {w.finding.code for w in warnings(with_nrmse(0.3))}

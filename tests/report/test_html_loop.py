@@ -124,12 +124,10 @@ def test_without_a_compass_a_current_has_no_north(data: ReportData) -> None:
 
 
 def test_the_track_of_the_final_model_is_that_of_its_predictions(data: ReportData) -> None:
-    assert data.refined is not None or data.simulation is not None
-    table = data.simulation.copy()  # type: ignore[union-attr]
-    for axis, off in (("north", 3.0), ("east", 4.0)):
-        table[f"{axis}_m_simulated"] = table[f"{axis}_m_measured"] + off
-    found = replace(data, refined=table).final_errors()["track"]
-    assert found.rmse == pytest.approx(5.0)
+    assert data.comparison and data.is_refined
+    assert data.final_errors()["track"].rmse == data.comparison.held_out.after["track"].rmse
+    (first, *_) = data.comparison.maneuvers
+    assert data.refined_channels()[first.id]["track"] == first.after["track"]
 
 
 def test_the_final_model_is_shown_with_the_earlier_one_beside_it(small: ReportData) -> None:
@@ -336,7 +334,9 @@ def test_every_verdict_has_words(data: ReportData, verdict: str) -> None:
 
 def test_groups_and_what_is_left_are_named(small: ReportData) -> None:
     rest = {
-        "correlates": [{"axis": "N", "regressor": "cos 2 heading", "gain": 41.0}],
+        "correlates": [
+            {"axis": "N", "regressor": "cos 2 heading", "gain": 41.0, "rms_fall": {"r": 0.12}}
+        ],
         "nearest": "propeller_race",
         "channels": ["v", "r"],
     }
@@ -348,7 +348,9 @@ def test_groups_and_what_is_left_are_named(small: ReportData) -> None:
         ambiguous=(("rudder_offset", "hull_asymmetry"),),
     )
     page = Page(render(replace(found, comparison=None))).text
-    assert "The remaining yaw moment follows cos 2 heading (41 nats)." in page
+    assert (
+        "The remaining yaw moment follows cos 2 heading (41 nats, 12 % off the residual)." in page
+    )
     assert "not confirmed: propeller_race." in page and "Affected channels: v, r." in page
     assert "Maneuvers that would: vary the speed" in page
 

@@ -106,12 +106,12 @@ def test_residuals_are_pooled_as_root_mean_squares() -> None:
 
 def test_what_an_unexplained_residual_follows_in_whatever_form() -> None:
     rows = [
-        {"axis": "N", "regressor": "cos 2 heading", "gain": 41.27},
+        {"axis": "N", "regressor": "cos 2 heading", "gain": 41.27, "rms_fall": {"r": -0.1}},
         ["Y", "v|r|", 3.0],
         "time",
     ]
     assert words.correlates({"correlates": rows}) == [
-        "the remaining yaw moment follows cos 2 heading (41.3 nats)",
+        "the remaining yaw moment follows cos 2 heading (41.3 nats, 0 % off the residual)",
         "Y, v|r|, 3",
         "time",
     ]

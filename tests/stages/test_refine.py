@@ -11,7 +11,7 @@ import pytest
 from auvident.engines.carried import Carried, allowed, effect_rows
 from auvident.errors import GateError
 from auvident.physics.terms import structure_of
-from auvident.pipeline.gates import check_refined
+from auvident.pipeline import gates
 from auvident.schema.artifacts import Finding, IdentifiedModel, Maneuvers
 from auvident.schema.diagnosis import (
     Attempt,
@@ -611,7 +611,12 @@ def test_effects_that_stand_beside_a_remainder_are_partly_an_explanation() -> No
         "channels": ["v"],
         "nearest": None,
         "correlates": [
-            {"axis": "Y", "regressor": "delayed rudder angle", "gain": 300.0},
+            {
+                "axis": "Y",
+                "regressor": "delayed rudder angle",
+                "gain": 300.0,
+                "rms_fall": {"v": 0.3},
+            },
         ],
     }
     found = claimed(1.3, 0.05, verdict="partly_explained", unexplained=left)
@@ -620,6 +625,44 @@ def test_effects_that_stand_beside_a_remainder_are_partly_an_explanation() -> No
     left_over = "the remaining side force follows the rudder angle with a delay."
     assert f"residual remains in v; {left_over}" in found.statement
     assert claimed(1.3, 0.05).remaining == {}
+
+
+# --- the track ------------------------------------------------------------------------------
+
+
+def with_track(table: pd.DataFrame, north: float, east: float) -> pd.DataFrame:
+    """The table with a measured track, and one that is off by so much at every moment."""
+    time = table["time_s"].to_numpy()
+    off = {"north_m": north, "east_m": east}
+    for axis, away in off.items():
+        table[f"{axis}_measured"] = np.cos(0.05 * time) if axis == "north_m" else 2.0 * time
+        table[f"{axis}_simulated"] = table[f"{axis}_measured"] + away
+    return table
+
+
+def test_the_error_of_the_track_is_a_distance_and_may_rise_beyond_chance() -> None:
+    tables = with_track(predicted(0), 3.0, 4.0), with_track(predicted(1), 6.0, 8.0)
+    other = [c.model_copy(update={"value": 1.1 * c.value}) for c in model().coefficients]
+    after = model().model_copy(update={"coefficients": tuple(other)})
+    found = compare(NONE, MANEUVERS, model(), after, *tables)
+    held, own = found.held_out, found.identify
+    assert (held.before["track"].rmse, held.after["track"].rmse) == pytest.approx((5.0, 10.0))
+    assert own.after["track"].rmse == pytest.approx(10.0)
+    assert held.difference["track"].low == pytest.approx(5.0)
+    rows = with_track(predicted(0), 0.0, 0.0)
+    rows = rows[rows["role"] == "validate"]
+    spread = np.hypot(*(np.std(rows[f"{a}_measured"]) for a in ("north_m", "east_m")))
+    assert held.before["track"].nrmse == pytest.approx(5.0 / spread)
+    assert "track" in {f.where.split()[0] for f in found.findings if f.code == "worse-refined"}
+
+
+def test_the_track_leaves_the_draws_of_the_other_channels_alone() -> None:
+    alone = compared(predicted(0, 0.01), predicted(1, 0.01))
+    tracked = compared(
+        with_track(predicted(0, 0.01), 1.0, 0.0), with_track(predicted(1, 0.01), 2.0, 0.0)
+    )
+    for one, other in ((alone.held_out, tracked.held_out), (alone.identify, tracked.identify)):
+        assert {k: v for k, v in other.difference.items() if k != "track"} == one.difference
 
 
 # --- the gate ------------------------------------------------------------------------------
@@ -632,8 +675,8 @@ def test_a_refined_prediction_that_is_lost_in_one_maneuver_meets_no_gate() -> No
     found = compared(predicted(0), after)
     assert [(f.code, f.where) for f in found.findings] == [("prediction-ran-away", "turn-1")]
     with pytest.raises(GateError, match="diverges"):
-        check_refined(found, {"u": 1e6})
-    check_refined(compared(predicted(0), predicted(1)), {"u": 1e6})
+        gates.check_planes([gates.refined(found)], {"u": 1e6})
+    gates.check_planes([gates.refined(compared(predicted(0), predicted(1)))], {"u": 1e6})
 
 
 def test_a_refined_prediction_of_which_nothing_is_left_has_no_error() -> None:
@@ -649,7 +692,7 @@ def test_a_refined_prediction_of_which_nothing_is_left_has_no_error() -> None:
         "zigzag-1",
     }
     with pytest.raises(GateError, match="diverges"):
-        check_refined(found, {"r": 1e6})
+        gates.check_planes([gates.refined(found)], {"r": 1e6})
 
 
 # --- what is said against the refined model ------------------------------------------------

@@ -34,7 +34,6 @@ AnyModel = IdentifiedModel | CombinedModel
 
 INERTIAS = ("I_xx", "I_yy", "I_zz")
 RIGID = {*CONSTANTS, *INERTIAS}  # of the body itself: mass, its place, inertia, weight
-MASS_MOMENTS = ("m", "m x_G", "z_GW", *INERTIAS)  # of the mass matrix
 
 
 @dataclass(frozen=True)

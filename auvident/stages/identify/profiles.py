@@ -8,6 +8,7 @@ from auvident.constants import NORMAL_95
 from auvident.engines.profile import profile_of
 from auvident.engines.setup import Outcome, Setup
 from auvident.schema.artifacts import Finding, ProfileInterval
+from auvident.schema.coefficients import ESTIMATED
 from auvident.schema.effects import parameter_of
 from auvident.schema.plan import PlanStage
 
@@ -64,7 +65,17 @@ def _finding(row: ProfileInterval) -> Finding | None:
         where=row.symbol,
         value=differs,
         threshold=DIFFERS,
-        message=f"the likelihood is not Gaussian: the 95 % interval is {row.low:.4g} to "
-        f"{row.high:.4g}, not {row.gaussian_low:.4g} to {row.gaussian_high:.4g}",
+        message=f"the likelihood is not Gaussian: the 95 % interval is "
+        f"{_shown(row.symbol, row.low, row.high)}, not "
+        f"{_shown(row.symbol, row.gaussian_low, row.gaussian_high)}",
         remedy="Use the interval of the profile likelihood.",
     )
+
+
+def _shown(symbol: str, low: float, high: float) -> str:
+    """An interval of internal values as people read it: angles in degrees, limits upside up."""
+    if "." not in symbol:
+        return f"{low:.4g} to {high:.4g} {ESTIMATED[symbol].unit}"
+    declared = parameter_of(symbol)
+    least, most = sorted(declared.shown(end)[0] for end in (low, high))
+    return f"{least:.4g} to {most:.4g} {declared.unit}".removesuffix(" -")

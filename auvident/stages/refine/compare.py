@@ -30,6 +30,7 @@ from auvident.schema.diagnosis import (
     ManeuverComparison,
     UnexplainedForce,
 )
+from auvident.schema.planes import TRACK
 from auvident.stages.refine.attempts import findings_of
 from auvident.stages.refine.claims import claims_of
 from auvident.stages.refine.errors import channels_of, cruise_of, rms_of
@@ -39,6 +40,7 @@ DRAWS = 1000
 INTERVAL = (2.5, 97.5)  # percentiles of the draws
 SMALLEST = float(np.finfo(float).tiny)
 HEADING = "heading_rad"  # counts from the start of each maneuver
+AXES = ("north_m", "east_m")  # of the track
 
 
 def escapes(table: pd.DataFrame) -> tuple[Finding, ...]:
@@ -163,8 +165,20 @@ def _pairs(before: pd.DataFrame, after: pd.DataFrame) -> dict[str, Any]:
     }
 
 
+def _channels(rows: pd.DataFrame) -> list[tuple[str, str, str]]:
+    """Column, name and unit of the channels in a table, its track last."""
+    has_track = all(f"{axis}_measured" in rows for axis in AXES)
+    return channels_of(rows) + [(TRACK, TRACK, "m")] * has_track
+
+
 def _errors(name: str, pairs: dict[str, Any], column: str) -> tuple[Array, Array, Array]:
-    """Errors before and after, and readings, of one channel of one maneuver."""
+    """Errors before and after, and readings, of one channel of one maneuver.
+
+    Those of the track are distances, and its readings have two columns.
+    """
+    if column == TRACK:
+        (north, *far), (east, *off) = (_errors(name, pairs, axis) for axis in AXES)
+        return np.hypot(north, east), np.hypot(far[0], off[0]), np.column_stack([far[1], off[1]])
     before, after = pairs[name]
     measured, first = (before[f"{column}_{k}"].to_numpy() for k in ("measured", "simulated"))
     errors = first - measured, after[f"{column}_simulated"].to_numpy() - measured
@@ -181,7 +195,7 @@ def _pooled(names: Sequence[str], pairs: dict[str, Any], rng: np.random.Generato
     before: dict[str, ChannelError] = {}
     after: dict[str, ChannelError] = {}
     difference: dict[str, Difference] = {}
-    for column, channel, unit in channels_of(next(iter(pairs.values()))[0]):
+    for column, channel, unit in _channels(next(iter(pairs.values()))[0]):
         parts = [_errors(name, pairs, column) for name in names]
         parts = [p for p in parts if np.isfinite(p[2]).any()]
         if not parts:
@@ -191,7 +205,8 @@ def _pooled(names: Sequence[str], pairs: dict[str, Any], rng: np.random.Generato
             found = _error(np.concatenate([p[k] for p in parts]), spread, unit)
             errors |= {channel: found} if found else {}
         step = float(np.median(np.diff(pairs[names[0]][0]["time_s"].to_numpy())))
-        changed = _difference(parts, step, rng)
+        # with draws of its own the track leaves those of the other channels as they are
+        changed = _difference(parts, step, rng.spawn(1)[0] if column == TRACK else rng)
         difference |= {channel: changed} if changed else {}
     return HeldOut(maneuvers=tuple(names), before=before, after=after, difference=difference)
 
@@ -212,7 +227,7 @@ def _one(
 
 
 def _spread(values: Array) -> float:
-    return max(float(np.nanstd(values)), 1e-9)
+    return max(float(np.sqrt(np.sum(np.nanvar(values, axis=0)))), 1e-9)
 
 
 def _error(errors: Array, spread: float, unit: str) -> ChannelError | None:
@@ -285,7 +300,8 @@ def _drawn(sums: Sequence[Array], rng: np.random.Generator) -> Array:
 
 def _block_sums(part: tuple[Array, Array, Array], step_s: float) -> list[tuple]:
     before, after, measured = part
-    seen = np.isfinite(before) & np.isfinite(after) & np.isfinite(measured)
+    there = np.isfinite(measured.reshape(len(measured), -1)).all(axis=1)
+    seen = np.isfinite(before) & np.isfinite(after) & there
     number = (np.arange(len(seen)) * step_s // INDEPENDENT_S).astype(int)
     return [
         (int(rows.sum()), float(np.sum(before[rows] ** 2)), float(np.sum(after[rows] ** 2)))

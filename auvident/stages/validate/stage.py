@@ -104,7 +104,8 @@ def validate(
     after = predict_all(trials, maneuvers, model, identified)
     before = predict_all(trials, maneuvers, bare, estimate)
     metrics = _metrics(after, structure, identified)
-    metrics = metrics.model_copy(update={"ase": _metrics(before, plain, estimate)})
+    prior = {"ase": _metrics(before, plain, estimate), "estimated": estimated}
+    metrics = metrics.model_copy(update=prior)
     findings = (*metrics.findings, *findings_of(metrics, model, estimated))
     metrics = metrics.model_copy(update={"findings": findings})
     dts = {trial.name: 1.0 / trial.rate_hz for trial in trials}

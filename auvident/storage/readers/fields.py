@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 
 from auvident.errors import InputError
-from auvident.schema.logs import TIME_UNITS
 from auvident.storage.log_columns import TIME_ALIASES
 from auvident.storage.log_layout import TIME_NAMES
 from auvident.storage.log_time import MISSING_COUNT, MOST_COUNT
@@ -237,8 +236,3 @@ def _instant(text: str, unit: str, where: str) -> np.datetime64:
             where,
             'Write "seconds since 1970-01-01T00:00:00Z", or seconds.',
         ) from error
-
-
-def seconds_per(unit: str) -> float | None:
-    """Seconds of a plain unit of time (``ms``), or None."""
-    return TIME_UNITS.get(unit.strip().lower())

@@ -17,22 +17,25 @@ def candidate_rows(rounds: Sequence[Round], case: Case) -> list[Candidate]:
     rows: dict[str, Candidate] = {}
     for done in rounds:
         for name, gain in done.screened.items():
-            rows.setdefault(name, _unlisted(name, gain))
+            rows.setdefault(name, _unlisted(name, gain, done.before.effects))
         for tried in done.tried:
             known = rows.get(tried.id)
             if known is None or not known.refitted or tried.refusal is None:
-                rows[tried.id] = _row(case, tried)
+                rows[tried.id] = _row(case, tried, done.before.effects)
     return sorted(rows.values(), key=lambda c: -c.gain)
 
 
-def _unlisted(name: str, gain: float) -> Candidate:
-    family = BY_ID[name].family
+def _unlisted(name: str, gain: float, beside: tuple[str, ...]) -> Candidate:
     return Candidate(
-        id=name, family=family, gain=gain, rejected="not fitted: expected gain too small"
+        id=name,
+        family=BY_ID[name].family,
+        gain=gain,
+        beside=beside,
+        rejected="not fitted: expected gain too small",
     )
 
 
-def _row(case: Case, tried: Tried) -> Candidate:
+def _row(case: Case, tried: Tried, beside: tuple[str, ...]) -> Candidate:
     nothing = np.zeros(len(tried.fitted.parameters))
     values = effect_values(case, tried.id, tried.fitted.parameters, nothing)
     helped, refusal = tried.account.helped, tried.refusal
@@ -40,6 +43,7 @@ def _row(case: Case, tried: Tried) -> Candidate:
         id=tried.id,
         family=BY_ID[tried.id].family,
         gain=tried.gain,
+        beside=beside,
         p=helped.p if helped else None,
         parameters=tuple(v.model_copy(update={"low": None, "high": None}) for v in values),
         held_back_gain=helped.gain if helped else None,

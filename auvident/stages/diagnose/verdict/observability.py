@@ -260,7 +260,8 @@ def _why(joint: Joint, position: int, kept: float, sizes: tuple[float, float]) -
         return "estimated along, as the vehicle file does not state it"
     needs = () if BY_ID[effect].by_rate else BY_ID[effect].needs  # it has the yaw rate
     if kept < 0.05:
-        return "indistinguishable from the coefficients"
+        others = " and what was found" if joint.fitted.effects else ""
+        return f"indistinguishable from the coefficients{others}"
     if needs and not check_cost(case, joint.fitted.parameters) and not case.checks:
         return f"needs {', '.join(needs)} in the log"
     if alone < most <= size:

@@ -47,7 +47,7 @@ TWICE = 1.7  # ... and how many times the estimate
 
 
 def coefficient_findings(traced: Traced) -> list[Finding]:
-    """Findings on the coefficients of the final model."""
+    """Findings on the coefficients of the fit that the diagnosis ends with."""
     found = []
     for row in TAKEN_UP:
         symbols = [symbol_in(traced.case.plane.name, generic) for generic in row.generic]
@@ -74,6 +74,6 @@ def _finding(code: str, text: str, ratios: dict[str, float]) -> Finding:
         where=", ".join(ratios),
         value=min(ratios.values()),
         threshold=TWICE,
-        message=f"{text}: {listed}",
-        remedy="The coefficients account for it; no effect needs to be added.",
+        message=f"{text}: in the fit of the diagnosis {listed}",
+        remedy="The coefficients of the model account for it; no effect needs to be added.",
     )
