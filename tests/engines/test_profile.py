@@ -10,7 +10,7 @@ from auvident.engines.noise import white
 from auvident.engines.profile import MOVES, _crossing, profile_of
 from auvident.schema.artifacts import ProfileInterval
 from auvident.schema.effects import BY_ID, parameter_of
-from auvident.stages.identify.profiles import _finding, profiles_of
+from auvident.stages.identify.profiles import _finding, _shown, profiles_of
 from tests.engines.chain import setup_of
 from tests.engines.test_estimator import linear_setup, stage
 
@@ -70,3 +70,17 @@ def test_an_interval_that_differs_by_more_than_a_third_is_told() -> None:
     assert _finding(interval(-2.6, 1.5)) is None
     told = _finding(interval(-2.8, 2.0))
     assert told.code == "not-gaussian" and told.value == pytest.approx(0.4)
+    assert "-2.8 to 2 kg/m, not -2 to 2 kg/m" in told.message
+
+
+@pytest.mark.parametrize(
+    ("symbol", "low", "high", "words"),
+    [
+        ("rudder_offset.offset_deg", 0.01, 0.04, "0.573 to 2.292 deg"),
+        ("rudder_rate_limit.rate_degps", 1.0, 2.0, "28.65 to 57.3 deg/s"),
+        ("dvl_scale.fraction", -0.01, 0.02, "-0.01 to 0.02"),
+    ],
+)
+def test_an_interval_of_an_effect_is_told_in_its_unit(symbol, low, high, words) -> None:
+    """Internal values are radians and, of a limit, its inverse."""
+    assert _shown(symbol, low, high) == words

@@ -328,6 +328,9 @@ def test_a_nuisance_parameter_without_effect_is_told_as_not_needed(
     row = {"id": name, "parameters": [parameter], "internal": {f"{name}.rate_degps": slowness}}
     assert nuisance_parameters([{**row, "nuisance": True}]) == words
     assert nuisance_parameters([{**row, "nuisance": False}]) == ""
+    parameter["std"] = 2.0 * value
+    unknown = nuisance_parameters([{**row, "nuisance": True}])
+    assert ("not determined by these data" in unknown) == (slowness > 0.0)
 
 
 @pytest.mark.parametrize(

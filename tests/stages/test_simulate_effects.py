@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from auvident.pipeline.given import Given
+from auvident.pipeline.inputs import trial_of
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.trial import Trial
 from auvident.stages.simulate import simulate
@@ -60,6 +61,17 @@ def test_models_of_a_hull_that_may_fall_are_pushed_and_its_prediction_is_not(giv
     pd.testing.assert_frame_equal(found[STATES], usual[STATES])
     width, before = ((t["r_radps_high"] - t["r_radps_low"]).mean() for t in (found, usual))
     assert width > 1.2 * before
+
+
+def test_a_run_that_begins_in_balance_stays_there_also_with_linear_drag(given: Given) -> None:
+    """The friction of a refined model counts in the balance that a simulation begins with."""
+    time = np.arange(300) * 0.1
+    table = pd.DataFrame({"time_s": time, "rudder_rad": 0.0, "rpm": 700.0})
+    model = with_effects(given.model, linear_drag={"X_u": -0.5})
+    trial, options = trial_of(table, ("rudder_rad", "rpm")), {"window_s": (-np.inf, np.inf)}
+    found, without = (run(m, trial, **options) for m in (model, given.model))
+    assert found["u_mps"].iloc[-1] == pytest.approx(found["u_mps"].iloc[0], rel=1e-4)
+    assert found["u_mps"].iloc[0] < 0.97 * without["u_mps"].iloc[0]
 
 
 def test_a_current_moves_the_start_and_the_track_but_no_maneuver(given: Given) -> None:
