@@ -104,6 +104,36 @@ def test_a_model_elsewhere_takes_the_signs_of_its_runs(
     assert "assumed" in called.err
 
 
+def test_the_signs_are_not_those_of_another_vehicle_at_the_same_path(
+    auvident: Callable[..., Called], model_file: Path, tmp_path: Path
+) -> None:
+    """A run of that name may be of another vehicle by now, whose rudder turns the other way."""
+    arguments = ("--inputs", SAMPLES / "dive_trial", "--from", 800, "--to", 805, "--json")
+    tree = json.loads(model_file.read_text())
+    runs = [Path(source["file"]).parents[1] for source in tree["models"]]
+    for k, (run, source) in enumerate(zip(runs, tree["models"], strict=True)):
+        other = tmp_path / f"run{k}"
+        (other / "ingest").mkdir(parents=True)
+        (other / "run.json").write_bytes((run / "run.json").read_bytes())
+        vehicle = json.loads((run / "ingest/vehicle.json").read_text())
+        vehicle["vehicle"]["name"] = "another"
+        (other / "ingest/vehicle.json").write_text(json.dumps(vehicle))
+        source["file"] = str(other / "identify/model.json")
+    (tmp_path / "moved.json").write_text(json.dumps(tree))
+    assert "assumed" in auvident("simulate", tmp_path / "moved.json", *arguments).err
+
+
+def test_what_no_flight_begins_with_is_refused(
+    auvident: Callable[..., Called], model_file: Path
+) -> None:
+    arguments = ("simulate", model_file, "--inputs", SAMPLES / "dive_trial")
+    assert auvident(*arguments, "--speed", "-1").code == 2
+    assert auvident(*arguments, "--speed", "nan").code == 2
+    assert auvident(*arguments, "--samples", "-1").code == 2
+    called = auvident(*arguments, "--plane", "vertical")
+    assert called.code == 2 and "as a whole" in called.err
+
+
 def test_a_vehicle_file_is_flown_from_its_geometry(auvident: Callable[..., Called]) -> None:
     arguments = ("--inputs", SAMPLES / "dive_trial", "--from", 800, "--to", 805, "--json")
     called = auvident("simulate", VEHICLE, *arguments)

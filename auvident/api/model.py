@@ -149,7 +149,7 @@ class Model:
             trial = log_of_inputs(self.artifact, signs, Path(inputs), _path(map), rate_hz)
         window = (-np.inf if from_s is None else from_s, np.inf if to_s is None else to_s)
         options = {"window_s": window, "speed_mps": speed_mps, "samples": draws}
-        return predict_trial(self.artifact, trial, seed, options)
+        return predict_trial(self.artifact, trial, seed, options, observer or Observer())
 
     def beyond(self, motion: pd.DataFrame) -> pd.DataFrame:
         """Where a motion leaves the range of the maneuvers that the model was identified from.
@@ -200,6 +200,7 @@ class Model:
         NumericsError
             The motion diverges.
         """
+        _refuse_step(dt_s)
         return self._stepper.step(self._state(state), float(rudder_rad), rpm / 60.0, float(dt_s))
 
     def start(
@@ -327,6 +328,11 @@ class Model:
         return {"artifact": self.artifact, "path": self.path}
 
 
+def _refuse_step(dt_s: float) -> None:
+    if not 0.0 < dt_s < np.inf:
+        raise UsageError(f"a step of {dt_s:g} s", "dt_s", "Give a positive number of seconds.")
+
+
 def _path(path: "str | Path | None") -> Path | None:
     return None if path is None else Path(path)
 
@@ -347,8 +353,7 @@ class Simulation:
     ) -> None:
         from auvident.stages.stepping import SteppedFleet
 
-        if not 0.0 < dt_s < np.inf:
-            raise UsageError(f"a step of {dt_s:g} s", "dt_s", "Give a positive number of seconds.")
+        _refuse_step(dt_s)
         self._fleet: SteppedFleet = SteppedFleet(
             model.artifact, state, rudder_rad, rpm / 60.0, dt_s
         )

@@ -94,16 +94,17 @@ class WholeModel:
         from auvident.pipeline.whole import log_of_all_inputs, predict_whole_trial, signs_of
         from auvident.stages.combine import INPUT_COLUMNS
 
+        told = observer or Observer()
         if isinstance(inputs, pd.DataFrame):
             trial = trial_of(inputs, INPUT_COLUMNS)
         else:
-            told, file = observer or Observer(), None if vehicle is None else Path(vehicle)
+            file = None if vehicle is None else Path(vehicle)
             signs = signs_of(self.path, self.artifact, self._vehicle, file, told)
             column_map = None if map is None else Path(map)
             trial = log_of_all_inputs(signs, Path(inputs), column_map, rate_hz)
         window = (-np.inf if from_s is None else from_s, np.inf if to_s is None else to_s)
         options = {"window_s": window, "speed_mps": speed_mps, "samples": draws}
-        return predict_whole_trial(self.artifact, trial, seed, options)
+        return predict_whole_trial(self.artifact, trial, seed, options, told)
 
     def beyond(self, motion: pd.DataFrame) -> pd.DataFrame:
         """Where a motion leaves what the models of both planes were identified from.

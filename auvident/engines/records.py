@@ -233,6 +233,17 @@ def _reading_at(trial: Trial, plane: Plane, row: int) -> Array:
     return reading
 
 
+def is_read_at(trial: Trial, plane: Plane, time_s: float) -> bool:
+    """Whether every velocity of a plane has a reading from which a motion can begin at a time."""
+    times = trial.table[TIME_COLUMN].to_numpy()
+    near, _ = _rows_near(trial, plane, int(np.searchsorted(times, time_s - 0.5 / trial.rate_hz)))
+    velocities = STATE_COLUMNS[plane][:3]
+    return all(
+        column in trial.table and bool(np.isfinite(trial.table[column].to_numpy()[near]).any())
+        for column in velocities
+    )
+
+
 def _rows_near(
     trial: Trial, plane: Plane, row: int
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:

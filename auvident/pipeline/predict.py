@@ -1,11 +1,12 @@
 """Simulation of a log with the model of a run directory, or of a model file."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from auvident.errors import InputError, StageError
+from auvident.errors import InputError, StageError, UsageError
 from auvident.pipeline.freshness import is_of_this_run
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.planes import planes_of
@@ -208,6 +209,9 @@ def predict(
     found = {"vehicle_file": vehicle_file, "column_map": column_map}
     given: dict[str, Any] = {**found, "rate_hz": rate_hz, "seed": seed, "options": options}
     if is_whole(target):
+        if plane:
+            what = "is flown as a whole: --plane is for the model of a plane"
+            raise UsageError(what, str(target), "Leave out --plane.")
         return predict_whole(target, log, observer=observer, **given)
     whole = None if plane else _whole_of(target, observer)
     if whole is not None:
@@ -267,7 +271,7 @@ def _predict_plane(
     vehicle = vehicle_of(path, model, vehicle_file, observer)
     trial = log_of_inputs(model, vehicle, log, column_map, rate_hz)
     announce_compilation(observer)
-    table = predict_trial(model, trial, seed, options)
+    table = predict_trial(model, trial, seed, options, observer)
     far = beyond_range(model, table)
     return SimulatedTrial(trial.name, path, model, table, of_coefficients_alone(model), far)
 
@@ -282,11 +286,37 @@ def log_of_inputs(
 
 
 def predict_trial(
-    model: "IdentifiedModel", trial: "Trial", seed: int, options: Mapping[str, Any]
+    model: "IdentifiedModel",
+    trial: "Trial",
+    seed: int,
+    options: Mapping[str, Any],
+    observer: Observer,
 ) -> "pd.DataFrame":
     """Simulate a trial with a model; `options` as of `auvident.stages.simulate.simulate`."""
     import numpy as np
 
-    from auvident.stages.simulate import simulate
+    from auvident.stages.simulate import simulate, unread_starts
 
+    refuse_nonsense(options)
+    tell_unread(unread_starts(model, trial, **options), observer)
     return simulate(model, trial, rng=np.random.default_rng(seed), **options)
+
+
+def refuse_nonsense(options: Mapping[str, Any]) -> None:
+    """Refuse a speed that no simulation begins at, and a number of models that is none."""
+    speed, samples = options.get("speed_mps"), options.get("samples", 0)
+    if speed is not None and not 0.0 <= speed < math.inf:
+        raise UsageError(
+            f"{speed:g} m/s", "--speed", "Give a speed ahead, or 0 for a start at rest."
+        )
+    if samples < 0:
+        raise UsageError(f"{samples} models", "--samples", "Give 0, or how many to draw.")
+
+
+def tell_unread(starts: Sequence[float], observer: Observer) -> None:
+    """Say where a motion begins on a straight run although velocities are logged."""
+    for start in starts:
+        observer.note(
+            f"No velocity is known about {start:.1f} s: the motion begins there on a straight run "
+            "at the speed that the propeller keeps. --from begins elsewhere, --speed at a speed."
+        )

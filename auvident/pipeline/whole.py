@@ -13,6 +13,8 @@ from auvident.pipeline.predict import (
     bare_vehicle,
     find_model,
     read_inputs,
+    refuse_nonsense,
+    tell_unread,
 )
 from auvident.schema.combined import COMBINED, CombinedModel
 from auvident.schema.planes import PLANES
@@ -166,7 +168,7 @@ def predict_whole(
     model, vehicle = find_whole(target)
     vehicle = signs_of(target, model, vehicle, vehicle_file, observer)
     trial = log_of_all_inputs(vehicle, log, column_map, rate_hz)
-    table = predict_whole_trial(model, trial, seed, options)
+    table = predict_whole_trial(model, trial, seed, options, observer)
     far = beyond_ranges(model, table)
     return SimulatedTrial(trial.name, target, model, table, of_coefficients_alone(model), far)
 
@@ -181,13 +183,19 @@ def log_of_all_inputs(
 
 
 def predict_whole_trial(
-    model: CombinedModel, trial: "Trial", seed: int, options: Mapping[str, Any]
+    model: CombinedModel,
+    trial: "Trial",
+    seed: int,
+    options: Mapping[str, Any],
+    observer: Observer,
 ) -> "pd.DataFrame":
     """Simulate a trial; `options` as of `auvident.stages.combine.simulate_whole`."""
     import numpy as np
 
-    from auvident.stages.combine import simulate_whole
+    from auvident.stages.combine import simulate_whole, unread_starts
 
+    refuse_nonsense(options)
+    tell_unread(unread_starts(trial, **options), observer)
     return simulate_whole(model, trial, rng=np.random.default_rng(seed), **options)
 
 
@@ -207,9 +215,11 @@ def signs_of(
     if own is not None:
         return own
     folders = [*(list(target.resolve().parents)[1:2] if target else ()), *_folders(model)]
-    run = next((f for f in folders if (f / MANIFEST).exists() and (f / VEHICLE).exists()), None)
-    if run is not None:
-        return read_model(run / VEHICLE, Vehicle)
+    runs = [f for f in folders if (f / MANIFEST).exists() and (f / VEHICLE).exists()]
+    vehicles = [read_model(run / VEHICLE, Vehicle) for run in runs]
+    for found in vehicles:  # another run may stand at that path by now
+        if (found.body.name, found.hull.length_m) == (model.vehicle, model.length_m):
+            return found
     observer.note(SIGNS_ASSUMED)
     values = model.values()
     return bare_vehicle(model.vehicle, values["m"], values["I_zz"], model.length_m)

@@ -12,7 +12,7 @@ from auvident.engines.falling import simulated_pushed
 from auvident.engines.flown import beyond, reached_in
 from auvident.engines.prediction import Frame, at_effects, simulated
 from auvident.engines.predictive import OF_DRAWS, half_widths, pushes_behind
-from auvident.engines.records import Record, record_of, sensor_matrix
+from auvident.engines.records import Record, is_read_at, record_of, sensor_matrix
 from auvident.engines.stretches import as_maneuver, uninterrupted
 from auvident.errors import NumericsError
 from auvident.physics.dynamics import N_STATES
@@ -94,6 +94,25 @@ def of_coefficients_alone(model: IdentifiedModel) -> tuple[str, ...]:
     return tuple(s.column for s in BY_PLANE[model.plane].states if s.symbol not in told)
 
 
+def unread_starts(
+    model: IdentifiedModel,
+    trial: Trial,
+    *,
+    window_s: tuple[float, float] = (-np.inf, np.inf),
+    speed_mps: float | None = None,
+    **_: object,
+) -> list[float]:
+    """Times [s] at which a simulation begins on a straight run, as no reading is there.
+
+    None where a speed is given, or the velocities are not in the log at all. Options as of
+    `simulate`.
+    """
+    if speed_mps is not None or not set(STATE_COLUMNS[model.plane][:3]) <= set(trial.table):
+        return []
+    begun = uninterrupted(trial, INPUT_COLUMNS[model.plane], window_s)
+    return [start for start, _ in begun if not is_read_at(trial, model.plane, start)]
+
+
 def _stretches(
     model: IdentifiedModel, trial: Trial, window_s: tuple[float, float], speed: float | None
 ) -> list[Record]:
@@ -107,15 +126,15 @@ def _stretch(
 ) -> Record:
     maneuver = as_maneuver(trial, model.plane, start_s, end_s)
     record = record_of(maneuver, trial, model.plane, sensor_matrix(model.plane, model.sensing))
-    measured = all(c in trial.table for c in STATE_COLUMNS[model.plane][:3])
-    if speed is None and measured and np.isfinite(record.start).all():
+    if speed is None and is_read_at(trial, model.plane, start_s):
         return _acting(model, record, trial.rate_hz)
-    start = np.zeros(N_STATES)
-    start[0] = steady_speed(model, record.inputs[0, 2]) if speed is None else speed
-    if record.source is not None and not measured:  # no speed was logged
-        source = replace(record.source, speed=np.full_like(record.source.speed, start[0]))
-        record = replace(record, source=source)
-    return replace(_acting(model, record, trial.rate_hz), start=start)
+    begun = np.zeros(N_STATES)
+    begun[0] = steady_speed(model, record.inputs[0, 2]) if speed is None else speed
+    if record.source is not None:
+        logged = record.source.speed
+        known = np.where(logged == 0.0, begun[0], logged)  # zero where it is not logged
+        record = replace(record, source=replace(record.source, speed=known))
+    return replace(_acting(model, record, trial.rate_hz), start=begun)
 
 
 def _acting(model: IdentifiedModel, record: Record, rate_hz: float) -> Record:

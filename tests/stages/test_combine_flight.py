@@ -21,6 +21,7 @@ from auvident.stages.combine import (
     combine,
     of_coefficients_alone,
     simulate_whole,
+    unread_starts,
 )
 from auvident.stages.combine.flight import flight_of, structure_behind_whole
 from tests.engines.chain import SAMPLES, sample
@@ -200,6 +201,22 @@ def test_inputs_alone_start_on_a_level_run_in_balance(whole: CombinedModel) -> N
     fast = flight_table(whole, trial=Trial("plan", table, trial.rate_hz), samples=0, speed_mps=2.5)
     assert fast.u_mps[0] == 2.5
     assert fast.u_mps.iloc[-1] < 2.0
+
+
+def test_where_nothing_is_read_a_flight_begins_in_balance(whole: CombinedModel) -> None:
+    """Not at rest with the attitude of the log, which nobody has measured to go together."""
+    (trial,) = sample("dive_trial").trials
+    table = trial.table.copy()
+    gap = table["time_s"].between(790.0, 815.0)
+    table.loc[gap, ["u_mps", "v_mps", "w_mps"]] = np.nan
+    deaf = Trial(trial.name, table, trial.rate_hz)
+    window = (800.0, 805.0)
+    found = flight_table(whole, trial=deaf, samples=0, window_s=window)
+    assert found.u_mps[0] > 1.0 and found.pitch_rad[0] == 0.0
+    (start,) = unread_starts(deaf, window_s=window)
+    assert start == pytest.approx(800.0, abs=0.1)
+    assert not unread_starts(trial, window_s=window)
+    assert not unread_starts(deaf, window_s=window, speed_mps=1.0)
 
 
 def test_a_log_without_an_elevator_is_refused(whole: CombinedModel) -> None:

@@ -11,7 +11,7 @@ from auvident.pipeline.given import Given
 from auvident.pipeline.inputs import trial_of
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.trial import Trial
-from auvident.stages.simulate import simulate
+from auvident.stages.simulate import simulate, steady_speed, unread_starts
 from auvident.storage.run_directory import RunDirectory
 from tests import loop_world
 
@@ -71,7 +71,20 @@ def test_a_run_that_begins_in_balance_stays_there_also_with_linear_drag(given: G
     trial, options = trial_of(table, ("rudder_rad", "rpm")), {"window_s": (-np.inf, np.inf)}
     found, without = (run(m, trial, **options) for m in (model, given.model))
     assert found["u_mps"].iloc[-1] == pytest.approx(found["u_mps"].iloc[0], rel=1e-4)
-    assert found["u_mps"].iloc[0] < 0.97 * without["u_mps"].iloc[0]
+    assert found["u_mps"].iloc[0] < 0.98 * without["u_mps"].iloc[0]
+
+
+def test_where_nothing_is_read_a_motion_begins_in_balance(given: Given) -> None:
+    trial = given.trials[0]
+    gap = trial.table["time_s"].between(WINDOW[0] - 10.0, WINDOW[0] + 10.0)
+    deaf = changed(trial, **{c: trial.table[c].mask(gap) for c in ("u_mps", "v_mps")})
+    found, model = run(given.model, deaf), given.model
+    rate = trial.table["rpm"][trial.table["time_s"] >= WINDOW[0]].iloc[0] / 60.0
+    assert found["u_mps"].iloc[0] == pytest.approx(steady_speed(model, rate), rel=1e-3)
+    assert found[STATES].iloc[0, 1:].eq(0.0).all()
+    assert unread_starts(model, deaf, window_s=WINDOW) == pytest.approx([WINDOW[0]], abs=0.1)
+    assert not unread_starts(model, trial, window_s=WINDOW)
+    assert not unread_starts(model, deaf, window_s=WINDOW, speed_mps=1.0)
 
 
 def test_a_current_moves_the_start_and_the_track_but_no_maneuver(given: Given) -> None:

@@ -6,6 +6,7 @@ from auvident.stages.combine.flight import (
     beyond_ranges,
     of_coefficients_alone,
     simulate_whole,
+    unread_starts,
 )
 from auvident.stages.combine.stage import combine
 
@@ -16,4 +17,5 @@ __all__ = [
     "combine",
     "of_coefficients_alone",
     "simulate_whole",
+    "unread_starts",
 ]

@@ -11,7 +11,7 @@ from auvident.engines.carried import CURRENTS, OF_THRUST, with_speed
 from auvident.engines.flown import SPEEDS, beyond, joined, reached_in
 from auvident.engines.prediction import Frame, at_effects
 from auvident.engines.predictive import OF_DRAWS, half_width
-from auvident.engines.records import Record, record_of, sensor_matrix
+from auvident.engines.records import Record, is_read_at, record_of, sensor_matrix
 from auvident.engines.stretches import as_maneuver, uninterrupted
 from auvident.errors import NumericsError
 from auvident.physics.maneuvers.track import heading_from_rate
@@ -132,6 +132,37 @@ def simulate_whole(
     return pd.concat(tables, ignore_index=True)
 
 
+def unread_planes(trial: Trial, time_s: float) -> list[Plane]:
+    """Planes of which the log has no reading of the velocities about a time.
+
+    The heave and the pitch rate need not be logged: they are small at a start.
+    """
+    there = [p for p in PLANES if p == HORIZONTAL.name or _has_velocities(trial, p)]
+    return [p for p in there if not is_read_at(trial, p, time_s)]
+
+
+def unread_starts(
+    trial: Trial,
+    *,
+    window_s: tuple[float, float] = (-np.inf, np.inf),
+    speed_mps: float | None = None,
+    **_: object,
+) -> list[float]:
+    """Times [s] at which a flight begins on a straight run, as no reading is there.
+
+    None where a speed is given, or the velocities of the horizontal plane are not in the log.
+    Options as of `simulate_whole`.
+    """
+    if speed_mps is not None or not _has_velocities(trial, HORIZONTAL.name):
+        return []
+    begun = uninterrupted(trial, INPUT_COLUMNS, window_s)
+    return [start for start, _ in begun if unread_planes(trial, start)]
+
+
+def _has_velocities(trial: Trial, plane: Plane) -> bool:
+    return all(c in trial.table for c in BY_PLANE[plane].columns[:3])
+
+
 def beyond_ranges(model: CombinedModel, table: pd.DataFrame) -> dict[str, Extrapolation]:
     """Where a motion leaves the range of a plane's model; a speed that either knows is known."""
     speeds = joined([{name: flown[name] for name in SPEEDS} for flown in model.flown.values()])
@@ -189,7 +220,7 @@ def flight_of(
         records[plane] = record_of(as_maneuver(trial, plane, start_s, end_s), trial, plane, sensor)
     acting = _acting(model, records, dt_s)
     start = _start(trial, acting)
-    measured = all(c in trial.table for c in HORIZONTAL.columns[:3])
+    measured = not unread_planes(trial, start_s)
     if speed_mps is not None or not measured:
         first = _inputs(model, acting)[0]
         start[:9] = 0.0
