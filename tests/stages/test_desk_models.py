@@ -23,6 +23,7 @@ from auvident.stages.desk import (
 )
 from auvident.stages.identify.setup import rigid_body
 from auvident.storage.vehicle_file import load_vehicle
+from tests import loop_world
 from tests.command_line import ROOT, SAMPLES
 from tests.physics.desk_models import changed, remus
 
@@ -200,6 +201,24 @@ def harbour(completed: Path) -> DeskModel:
     text = (completed / "runs" / "demo" / "refine" / "model.json").read_text()
     model = IdentifiedModel.model_validate_json(text)
     return identified_models(model, "model.json", 100, np.random.default_rng(0))
+
+
+def test_the_linear_damping_counts_in_the_stability_index(completed: Path) -> None:
+    """Y_v / U acts at a speed as Y_uv does, which the Nomoto figures beside it have too."""
+    text = (completed / "runs" / "demo" / "refine" / "model.json").read_text()
+    model = IdentifiedModel.model_validate_json(text)
+    damped = loop_world.model_effects({"linear_damping": {"Y_v": -20.0, "N_r": -4.0}})
+    speed, rng, c = 1.4, np.random.default_rng(0), model.values()
+    found = {}
+    for name, effects in (("without", ()), ("with", damped)):
+        own = model.model_copy(update={"effects": (*model.effects, *effects)})
+        desk = identified_models(own, "model.json", 0, rng)
+        flown = fly_maneuver(desk, desk_order("zigzag:10/10"), Approach(speed_mps=speed))
+        found[name] = told(flown)["stability_index"].value
+    cross = c["N_uv"] * (c["Y_ur"] - c["m"])
+    straight = c["N_ur"] - 4.0 / speed - c["m x_G"]
+    expected = 1.0 - cross / ((c["Y_uv"] - 20.0 / speed) * straight)
+    assert found["with"] == pytest.approx(expected, abs=1e-6) != found["without"]
 
 
 def within(figure: Any, truth: float, relative: float) -> bool:

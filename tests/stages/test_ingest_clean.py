@@ -9,11 +9,26 @@ from hypothesis import strategies as st
 from ingest_world import calm, changed, maneuvers, sensor, vehicle
 
 from auvident.errors import InputError
+from auvident.schema.channels import BY_COLUMN
 from auvident.stages.ingest import ingest
+from auvident.stages.ingest.clean import internal_sign
 from auvident.stages.ingest.order import order_rows
 from auvident.stages.ingest.outliers import find_outliers, keep_one_of_held, noise_std
 
 TICKS = np.arange(100) * 0.1
+
+
+def test_a_log_of_fins_ahead_of_the_origin_is_refused():
+    """The other sign would be told by it: a positive angle of them turns to starboard."""
+    fins = {"kind": "rudder", "count": 2, "exposed_span_m": 0.1, "root_chord_m": 0.1}
+    for station, ahead in ((-0.8, False), (0.5, True)):
+        own = vehicle(fin=[{**fins, "tip_chord_m": 0.1, "x_m": station}])
+        assert internal_sign(BY_COLUMN["elevator_rad"], own) == 1
+        if ahead:
+            with pytest.raises(InputError, match="rudder stands"):
+                internal_sign(BY_COLUMN["rudder_rad"], own)
+        else:
+            assert internal_sign(BY_COLUMN["rudder_rad"], own) == 1
 
 
 def ordered(time):

@@ -11,9 +11,10 @@ from auvident.physics.ase import stability
 from auvident.physics.fleet import Fleet
 from auvident.physics.maneuvers.desk import DeskFlight
 from auvident.physics.maneuvers.desk_figures import spiral_branches
-from auvident.physics.steady import Unknown, linear_steering, steady_run
+from auvident.physics.steady import SteadyRun, Unknown, linear_steering, steady_run
 from auvident.schema.artifacts import Finding
 from auvident.schema.desk import DeskCurve, DeskFigure, DeskOrder
+from auvident.schema.planes import BY_PLANE
 from auvident.stages.desk.approach import Approached
 from auvident.stages.desk.models import DeskModel
 
@@ -34,7 +35,7 @@ def of_equations(begun: Approached, models: DeskModel) -> dict[str, Array]:
     """Figures (S,) that need no maneuver: stability index, Nomoto's K and T, the trim."""
     fleet, run = begun.fleet, begun.run
     mass = fleet.parameter("m")
-    own = {s: fleet.parameter(s) for s in models.structure.parameters}
+    own = _with_linear(models, {s: fleet.parameter(s) for s in models.structure.parameters}, run)
     with np.errstate(divide="ignore", invalid="ignore"):
         found = {"stability_index": G_OF[models.plane](own, mass, own["m x_G"] / mass)}
     if models.plane == "horizontal":
@@ -44,6 +45,17 @@ def of_equations(begun: Approached, models: DeskModel) -> dict[str, Array]:
     else:
         found |= _trim(run.states[3], begun.side * run.angle)
     return {name: np.where(run.found, x, np.nan) for name, x in found.items()}
+
+
+def _with_linear(models: DeskModel, own: dict[str, Array], run: SteadyRun) -> dict[str, Array]:
+    """Coefficients of the lift with the linear damping, which at a speed acts like them."""
+    row, speed = BY_PLANE[models.plane], np.maximum(run.states[0], np.finfo(float).tiny)
+    found = dict(own)
+    for axis, velocity in zip(row.axes[1:], (row.names["a"], row.names["b"]), strict=True):
+        linear = own.get(f"linear_damping.{axis}_{velocity}")
+        if linear is not None:
+            found[f"{axis}_u{velocity}"] = own[f"{axis}_u{velocity}"] + linear / speed
+    return found
 
 
 def _trim(pitch: Array, angle: Array) -> dict[str, Array]:

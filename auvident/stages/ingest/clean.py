@@ -124,9 +124,21 @@ def _ticks(series: list[Series]) -> np.ndarray:
 
 
 def internal_sign(channel: Channel, vehicle: Vehicle) -> int:
-    """Factor from the log's sign of a control angle to the internal one."""
+    """Factor from the log's sign of a control angle to the internal one.
+
+    The one that turns to port is positive because it pushes the stern to starboard: a fin ahead
+    of the origin turns the vehicle by the other sign.
+    """
     signs = {"rudder": vehicle.rudder_sign, "elevator": vehicle.elevator_sign}
-    return signs.get(channel.quantity, 1)
+    fin = channel.quantity
+    if fin in signs and (ahead := vehicle.station_of(fin)) > 0.0:
+        raise InputError(
+            f"the {fin} stands {ahead:.2g} m ahead of the origin",
+            f"{vehicle.body.name}: [[fin]] x_m",
+            "x_m is measured from O, forward positive: a stern fin has x_m < 0. Logs of a vehicle "
+            "that steers with bow planes alone cannot be used.",
+        )
+    return signs.get(fin, 1)
 
 
 def _reader_drops(raw: RawSensor) -> dict[str, Dropped]:
