@@ -2,9 +2,10 @@
 
 import json
 import re
+import shutil
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -53,6 +54,27 @@ class Refusing:
             yield JobDone(job.key, 3, "gyro: there is no such file", 0.1)
 
 
+class Runs:
+    """Every trial as its process would run it, in this one."""
+
+    def each(self, jobs: Sequence[Job]) -> Iterator[JobDone]:
+        for job in jobs:
+            called = call(*job.arguments)
+            yield JobDone(job.key, called.code, problem_of(called.err), 0.1)
+
+
+class Ends:
+    """Every trial ends with this code, after something was done."""
+
+    def __init__(self, code: int, does: Callable[[], object]) -> None:
+        self.code, self.does = code, does
+
+    def each(self, jobs: Sequence[Job]) -> Iterator[JobDone]:
+        for job in jobs:
+            self.does()
+            yield JobDone(job.key, self.code, "its reason", 0.1)
+
+
 def planned(vehicle: str, name: str, log: str) -> PlannedTrial:
     file = Path("sample_logs/remus100.toml")
     return PlannedTrial(vehicle, name, Path(log), file, None, OPTIONS)
@@ -85,6 +107,61 @@ def test_what_is_up_to_date_is_skipped_and_what_failed_is_a_row(plan: CampaignPl
     assert vehicle.repeat == ({"trial": "second", "why": second.problem},)
     model = IdentifiedModel.model_validate_json(Path(vehicle.model).read_text())
     assert model.vehicle == "REMUS 100"
+
+
+def only(demo: Path) -> CampaignPlan:
+    """A campaign of the finished run alone."""
+    return CampaignPlan(demo.parents[1], [planned("runs", demo.name, "sample_logs/harbour_trial")])
+
+
+def test_results_of_an_earlier_run_do_not_stand_for_one_that_fails(demo: Path) -> None:
+    samples = Path("sample_logs")
+    samples.unlink()
+    shutil.copytree(SAMPLES / "harbour_trial", samples / "harbour_trial")
+    shutil.copy(SAMPLES / "remus100.toml", samples)
+    assert run_campaign(only(demo), Observer(), runner=Runs()).result.trials[0].pooled
+    (samples / "harbour_trial" / "rudder.csv").unlink()
+    done = run_campaign(only(demo), Observer(), runner=Runs()).result
+    (trial,), (vehicle,) = done.trials, done.vehicles
+    assert (trial.state, trial.exit_code) == ("failed", 3)
+    assert "rudder_rad" in trial.problem
+    assert (trial.verdict, trial.rmse, trial.pooled) == ("", {}, False)
+    assert (vehicle.pooled, vehicle.problem) == (0, "no trial came to a model")
+
+
+def nothing() -> None:
+    """Leave the run as it is."""
+
+
+@pytest.mark.parametrize("code", [1, 2, 3, 4, 6, 70, 130, -9])
+def test_a_trial_that_did_not_come_to_its_end_is_failed(demo: Path, code: int) -> None:
+    """A full disk ends a run with 3 as a refused log does, a program that cannot start with 1."""
+    (demo / "report" / "report.html").unlink()
+    (trial,) = run_campaign(only(demo), Observer(), runner=Ends(code, nothing)).result.trials
+    assert (trial.state, trial.problem, trial.nrmse) == ("failed", "its reason", {})
+
+
+@pytest.mark.parametrize("code", [1, 3])
+def test_a_gate_or_a_log_set_aside_is_told_of_a_run_that_stands(demo: Path, code: int) -> None:
+    page = demo / "report" / "report.html"
+    text = page.read_bytes()
+    page.unlink()
+    runner = Ends(code, lambda: page.write_bytes(text))
+    (trial,) = run_campaign(only(demo), Observer(), runner=runner).result.trials
+    assert (trial.state, trial.exit_code, trial.pooled) == ("done", code, True)
+    assert trial.verdict and trial.nrmse
+
+
+def test_where_the_numbers_of_a_later_stage_fail_the_errors_count(demo: Path) -> None:
+    """What an earlier run refined of other diagnosis is not its verdict."""
+    (demo / "diagnose" / "diagnosis.json").write_text("{}")
+    (trial,) = run_campaign(only(demo), Observer(), runner=Ends(5, nothing)).result.trials
+    assert (trial.state, trial.pooled, trial.verdict) == ("done", True, "")
+    metrics = json.loads((demo / "validate" / "metrics.json").read_text())
+    assert trial.rmse["r"] == metrics["summary"]["validate"]["r"]["rmse"]
+    (demo / "validate" / "metrics.json").write_text("{}")
+    (trial,) = run_campaign(only(demo), Observer(), runner=Ends(5, nothing)).result.trials
+    assert trial.state == "failed"
 
 
 def test_the_output_is_read_by_others(plan: CampaignPlan) -> None:
@@ -272,8 +349,6 @@ def test_a_run_that_was_left_out_is_predicted_beside_its_own_model(demo: Path) -
 
 
 def test_runs_with_other_vehicle_files_are_refused_with_the_keys(demo: Path) -> None:
-    import shutil
-
     other = Path("runs/other")
     shutil.copytree(demo, other)
     file = other / "ingest" / "vehicle.json"
