@@ -363,7 +363,7 @@ def test_a_change_is_a_gate() -> None:
     change = VehicleChange(
         kind="step", what="fin", symbols=("Y_uud",), sentence="since b the rudder gives 18 % less",
         trial="b", earliest="b", latest="b", size=-0.18, std=0.03, low=-0.24, high=-0.12, unit="-",
-        score=-6.0, p=0.0005,
+        share=True, score=-6.0, p=0.0005,
     )  # fmt: skip
     found = Changes(
         vehicle="boat", plane="horizontal", trials=("a", "b"), false_alarms=0.01, changes=(change,)
