@@ -24,10 +24,12 @@ from auvident.pipeline.campaign_jobs import PROGRAM, Job, JobDone, LocalProcesse
 from auvident.pipeline.campaign_page import write_page
 from auvident.pipeline.left_out_runs import left_out_errors
 from auvident.pipeline.observer import Observer
-from auvident.pipeline.pooling import date_of, pool_runs, refuse_change
+from auvident.pipeline.pooling import date_of, logs_behind, pool_runs, refuse_change
+from auvident.pipeline.predict import find_model
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.campaign import Campaign, CampaignResult, CampaignVehicleResult, RunOptions
 from auvident.schema.changes import Changes, VehicleChange
+from auvident.storage.artifacts import sha256_of
 from auvident.storage.campaign_file import PlannedTrial, read_campaign, trials_in_folders
 from tests.command_line import ROOT, SAMPLES, call
 
@@ -337,6 +339,40 @@ def test_runs_are_pooled_without_their_logs(demo: Path, tmp_path: Path) -> None:
     found = pool_runs([demo, demo / "identify" / "model.json"])
     assert [t.trial for t in found.model.pooling.trials] == ["demo", "model.json"]
     assert date_of(demo) == ""
+
+
+def another_model_of_the_same_log(run: Path, other: Path) -> None:
+    """A copy of a run whose model came out a little otherwise."""
+    shutil.copytree(run, other)
+    file = other / "identify" / "model.json"
+    tree = json.loads(file.read_text())
+    (row,) = [c for c in tree["coefficients"] if c["symbol"] == "Y_uud"]
+    row["value"] *= 1.001
+    file.write_text(json.dumps(tree))
+
+
+def test_two_runs_of_one_log_count_once_though_their_models_differ(demo: Path) -> None:
+    another_model_of_the_same_log(demo, Path("runs/other"))
+    found = pool_runs([demo, Path("runs/other")]).model
+    first, second = found.pooling.trials
+    assert (first.used, second.used) == (True, False)
+    assert second.reason == "its log harbour_trial is in demo too"
+    assert [f.where for f in found.findings if f.code == "same-log"] == ["other"]
+
+
+def test_the_logs_behind_a_model_are_told_by_their_gyros(demo: Path) -> None:
+    file, model = find_model(demo)
+    gyro = sha256_of(SAMPLES / "harbour_trial" / "gyro.csv")
+    assert logs_behind(file, model) == {gyro: "harbour_trial"}
+    manifest, quality = demo / "run.json", demo / "ingest" / "quality.json"
+    # through a link of another name, beside a trial that the model is not from
+    manifest.write_text(manifest.read_text().replace("harbour_trial/", "latest/"))
+    tree = json.loads(quality.read_text())
+    tree["trials"].append({**tree["trials"][0], "trial": "dive"})
+    quality.write_text(json.dumps(tree))
+    assert logs_behind(file, model) == {gyro: "harbour_trial"}
+    shutil.copy(file, "model.json")
+    assert logs_behind(Path("model.json"), model) == {}
 
 
 def test_a_run_that_was_left_out_is_predicted_beside_its_own_model(demo: Path) -> None:

@@ -160,6 +160,21 @@ def test_a_trial_that_is_given_twice_counts_once() -> None:
     assert found.values() == pytest.approx(pool(rows).model.values(), rel=1e-3)
 
 
+def test_a_log_that_two_runs_have_counts_once() -> None:
+    """The run with more logs has the other one's as well, though it comes later."""
+    rows = trials(models())
+    rows[1] = replace(rows[1], logs={"aa": "first_log"})
+    rows[2] = replace(rows[2], logs={"aa": "first_log", "bb": "second_log"})
+    rows[3] = replace(rows[3], logs={"cc": "first_log"})  # another log of the same name
+    found = pool(rows).model
+    (last,) = [t for t in found.pooling.trials if not t.used]
+    assert (last.trial, last.reason) == ("trial-1", "its log first_log is in trial-2 too")
+    (finding,) = [f for f in found.findings if f.code == "same-log"]
+    assert finding.where == "trial-1" and "no log in common" in finding.remedy
+    without = pool([rows[0], *rows[2:]]).model
+    assert found.values() == pytest.approx(without.values(), rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("what", "sentence"),
     [
