@@ -2,9 +2,10 @@
 
 import json
 import re
+import shutil
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -23,10 +24,12 @@ from auvident.pipeline.campaign_jobs import PROGRAM, Job, JobDone, LocalProcesse
 from auvident.pipeline.campaign_page import write_page
 from auvident.pipeline.left_out_runs import left_out_errors
 from auvident.pipeline.observer import Observer
-from auvident.pipeline.pooling import date_of, pool_runs, refuse_change
+from auvident.pipeline.pooling import date_of, logs_behind, pool_runs, refuse_change
+from auvident.pipeline.predict import find_model
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.campaign import Campaign, CampaignResult, CampaignVehicleResult, RunOptions
 from auvident.schema.changes import Changes, VehicleChange
+from auvident.storage.artifacts import sha256_of
 from auvident.storage.campaign_file import PlannedTrial, read_campaign, trials_in_folders
 from tests.command_line import ROOT, SAMPLES, call
 
@@ -51,6 +54,27 @@ class Refusing:
         self.jobs += jobs
         for job in jobs:
             yield JobDone(job.key, 3, "gyro: there is no such file", 0.1)
+
+
+class Runs:
+    """Every trial as its process would run it, in this one."""
+
+    def each(self, jobs: Sequence[Job]) -> Iterator[JobDone]:
+        for job in jobs:
+            called = call(*job.arguments)
+            yield JobDone(job.key, called.code, problem_of(called.err), 0.1)
+
+
+class Ends:
+    """Every trial ends with this code, after something was done."""
+
+    def __init__(self, code: int, does: Callable[[], object]) -> None:
+        self.code, self.does = code, does
+
+    def each(self, jobs: Sequence[Job]) -> Iterator[JobDone]:
+        for job in jobs:
+            self.does()
+            yield JobDone(job.key, self.code, "its reason", 0.1)
 
 
 def planned(vehicle: str, name: str, log: str) -> PlannedTrial:
@@ -85,6 +109,61 @@ def test_what_is_up_to_date_is_skipped_and_what_failed_is_a_row(plan: CampaignPl
     assert vehicle.repeat == ({"trial": "second", "why": second.problem},)
     model = IdentifiedModel.model_validate_json(Path(vehicle.model).read_text())
     assert model.vehicle == "REMUS 100"
+
+
+def only(demo: Path) -> CampaignPlan:
+    """A campaign of the finished run alone."""
+    return CampaignPlan(demo.parents[1], [planned("runs", demo.name, "sample_logs/harbour_trial")])
+
+
+def test_results_of_an_earlier_run_do_not_stand_for_one_that_fails(demo: Path) -> None:
+    samples = Path("sample_logs")
+    samples.unlink()
+    shutil.copytree(SAMPLES / "harbour_trial", samples / "harbour_trial")
+    shutil.copy(SAMPLES / "remus100.toml", samples)
+    assert run_campaign(only(demo), Observer(), runner=Runs()).result.trials[0].pooled
+    (samples / "harbour_trial" / "rudder.csv").unlink()
+    done = run_campaign(only(demo), Observer(), runner=Runs()).result
+    (trial,), (vehicle,) = done.trials, done.vehicles
+    assert (trial.state, trial.exit_code) == ("failed", 3)
+    assert "rudder_rad" in trial.problem
+    assert (trial.verdict, trial.rmse, trial.pooled) == ("", {}, False)
+    assert (vehicle.pooled, vehicle.problem) == (0, "no trial came to a model")
+
+
+def nothing() -> None:
+    """Leave the run as it is."""
+
+
+@pytest.mark.parametrize("code", [1, 2, 3, 4, 6, 70, 130, -9])
+def test_a_trial_that_did_not_come_to_its_end_is_failed(demo: Path, code: int) -> None:
+    """A full disk ends a run with 3 as a refused log does, a program that cannot start with 1."""
+    (demo / "report" / "report.html").unlink()
+    (trial,) = run_campaign(only(demo), Observer(), runner=Ends(code, nothing)).result.trials
+    assert (trial.state, trial.problem, trial.nrmse) == ("failed", "its reason", {})
+
+
+@pytest.mark.parametrize("code", [1, 3])
+def test_a_gate_or_a_log_set_aside_is_told_of_a_run_that_stands(demo: Path, code: int) -> None:
+    page = demo / "report" / "report.html"
+    text = page.read_bytes()
+    page.unlink()
+    runner = Ends(code, lambda: page.write_bytes(text))
+    (trial,) = run_campaign(only(demo), Observer(), runner=runner).result.trials
+    assert (trial.state, trial.exit_code, trial.pooled) == ("done", code, True)
+    assert trial.verdict and trial.nrmse
+
+
+def test_where_the_numbers_of_a_later_stage_fail_the_errors_count(demo: Path) -> None:
+    """What an earlier run refined of other diagnosis is not its verdict."""
+    (demo / "diagnose" / "diagnosis.json").write_text("{}")
+    (trial,) = run_campaign(only(demo), Observer(), runner=Ends(5, nothing)).result.trials
+    assert (trial.state, trial.pooled, trial.verdict) == ("done", True, "")
+    metrics = json.loads((demo / "validate" / "metrics.json").read_text())
+    assert trial.rmse["r"] == metrics["summary"]["validate"]["r"]["rmse"]
+    (demo / "validate" / "metrics.json").write_text("{}")
+    (trial,) = run_campaign(only(demo), Observer(), runner=Ends(5, nothing)).result.trials
+    assert trial.state == "failed"
 
 
 def test_the_output_is_read_by_others(plan: CampaignPlan) -> None:
@@ -262,6 +341,40 @@ def test_runs_are_pooled_without_their_logs(demo: Path, tmp_path: Path) -> None:
     assert date_of(demo) == ""
 
 
+def another_model_of_the_same_log(run: Path, other: Path) -> None:
+    """A copy of a run whose model came out a little otherwise."""
+    shutil.copytree(run, other)
+    file = other / "identify" / "model.json"
+    tree = json.loads(file.read_text())
+    (row,) = [c for c in tree["coefficients"] if c["symbol"] == "Y_uud"]
+    row["value"] *= 1.001
+    file.write_text(json.dumps(tree))
+
+
+def test_two_runs_of_one_log_count_once_though_their_models_differ(demo: Path) -> None:
+    another_model_of_the_same_log(demo, Path("runs/other"))
+    found = pool_runs([demo, Path("runs/other")]).model
+    first, second = found.pooling.trials
+    assert (first.used, second.used) == (True, False)
+    assert second.reason == "its log harbour_trial is in demo too"
+    assert [f.where for f in found.findings if f.code == "same-log"] == ["other"]
+
+
+def test_the_logs_behind_a_model_are_told_by_their_gyros(demo: Path) -> None:
+    file, model = find_model(demo)
+    gyro = sha256_of(SAMPLES / "harbour_trial" / "gyro.csv")
+    assert logs_behind(file, model) == {gyro: "harbour_trial"}
+    manifest, quality = demo / "run.json", demo / "ingest" / "quality.json"
+    # through a link of another name, beside a trial that the model is not from
+    manifest.write_text(manifest.read_text().replace("harbour_trial/", "latest/"))
+    tree = json.loads(quality.read_text())
+    tree["trials"].append({**tree["trials"][0], "trial": "dive"})
+    quality.write_text(json.dumps(tree))
+    assert logs_behind(file, model) == {gyro: "harbour_trial"}
+    shutil.copy(file, "model.json")
+    assert logs_behind(Path("model.json"), model) == {}
+
+
 def test_a_run_that_was_left_out_is_predicted_beside_its_own_model(demo: Path) -> None:
     found = pool_runs([demo / "identify" / "model.json"])
     rows = {row.channel: row for row in left_out_errors(found.model, [demo])}
@@ -272,8 +385,6 @@ def test_a_run_that_was_left_out_is_predicted_beside_its_own_model(demo: Path) -
 
 
 def test_runs_with_other_vehicle_files_are_refused_with_the_keys(demo: Path) -> None:
-    import shutil
-
     other = Path("runs/other")
     shutil.copytree(demo, other)
     file = other / "ingest" / "vehicle.json"
@@ -288,7 +399,7 @@ def test_a_change_is_a_gate() -> None:
     change = VehicleChange(
         kind="step", what="fin", symbols=("Y_uud",), sentence="since b the rudder gives 18 % less",
         trial="b", earliest="b", latest="b", size=-0.18, std=0.03, low=-0.24, high=-0.12, unit="-",
-        score=-6.0, p=0.0005,
+        share=True, score=-6.0, p=0.0005,
     )  # fmt: skip
     found = Changes(
         vehicle="boat", plane="horizontal", trials=("a", "b"), false_alarms=0.01, changes=(change,)

@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from auvident import __version__
-from auvident.errors import AuvidentError, GateError, UsageError
+from auvident.errors import AuvidentError, GateError, InputError, NumericsError, UsageError
 from auvident.pipeline.campaign_jobs import Job, JobDone, JobRunner, LocalProcesses, processors
+from auvident.pipeline.freshness import is_of_this_run
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.pooling import PooledRuns, date_of, pool_runs
 from auvident.pipeline.predict import find_model
 from auvident.pipeline.run import up_to_date
+from auvident.pipeline.table import BY_NAME
 from auvident.schema.campaign import (
     CampaignResult,
     CampaignTrial,
@@ -21,6 +23,7 @@ from auvident.schema.campaign import (
 )
 from auvident.storage.artifacts import json_bytes, parquet_bytes, read_json, write_bytes
 from auvident.storage.campaign_file import PlannedTrial
+from auvident.storage.run_directory import RunDirectory
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,6 +41,15 @@ OPTION_NAMES = {
     "plan": "--plan",
     "fix": "--fix",
     "hold_out": "--hold-out",
+}
+# Up to where a run must be up to date for its trial to count though its process ended with this
+# code. A gate, or a log that was set aside, is told when the whole run stands; where the numbers
+# of a stage fail that the report can do without, what stands up to the errors counts. After any
+# other end (a refused log, a full disk, a kill, a bug) what stands there may be of an earlier run.
+STANDS_UP_TO = {
+    GateError.exit_code: "report",
+    InputError.exit_code: "report",
+    NumericsError.exit_code: "validate",
 }
 STAGE_OF = {"rate_hz": "ingest", "max_gap_s": "ingest", "fix": "ingest", "hold_out": "segment"}
 
@@ -130,7 +142,8 @@ def run_campaign(
     warm : callable, optional
         Compiles the kernels before the first trial, so that not every one of them does.
     """
-    states = {_key(t): _state(plan, t) for t in plan.trials}
+    trials = {_key(t): t for t in plan.trials}
+    states = {key: _state(plan, t) for key, t in trials.items()}
     if dry_run:
         return CampaignRun(
             CampaignResult(program_version=__version__, trials=tuple(states.values()))
@@ -144,7 +157,8 @@ def run_campaign(
         own = runner or LocalProcesses(plan.jobs or processors())
         jobs = [Job(_key(t), arguments_of(t, plan.run_of(t), plan.allow_outside)) for t in waiting]
         for done in _followed(own, jobs, plan.jobs or processors(), observer):
-            states[done.key] = _ended(states[done.key], done)
+            counts = _counts(plan, trials[done.key], done.exit_code)
+            states[done.key] = _ended(states[done.key], done, counts)
         return gathered(plan, states, observer)
 
 
@@ -154,18 +168,30 @@ def _key(trial: PlannedTrial) -> str:
 
 def _state(plan: CampaignPlan, trial: PlannedTrial) -> CampaignTrial:
     """Whether a trial is up to date, or to be run."""
-    run = plan.run_of(trial)
-    try:
-        done = run.is_dir() and up_to_date(run, options_of(trial, plan.allow_outside), seed=None)
-    except AuvidentError:  # the run says so itself
-        done = False
     return CampaignTrial(
         vehicle=trial.vehicle,
         trial=trial.name,
         log=str(trial.log),
-        run=str(run),
-        state="up to date" if done else "planned",
+        run=str(plan.run_of(trial)),
+        state="up to date" if _stands(plan, trial) else "planned",
     )
+
+
+def _stands(plan: CampaignPlan, trial: PlannedTrial, until: str | None = None) -> bool:
+    """Whether the run of a trial is what it would be made to now, up to a stage."""
+    run = plan.run_of(trial)
+    try:
+        return run.is_dir() and up_to_date(run, options_of(trial, plan.allow_outside), until=until)
+    except AuvidentError:  # the run says so itself
+        return False
+
+
+def _counts(plan: CampaignPlan, trial: PlannedTrial, exit_code: int) -> bool:
+    """Whether a trial has a result, by how its process ended and what that left."""
+    if exit_code == 0:
+        return True
+    until = STANDS_UP_TO.get(exit_code)
+    return until is not None and _stands(plan, trial, until)
 
 
 def _followed(
@@ -191,12 +217,10 @@ def _in_words(seconds: float) -> str:
     return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
 
 
-def _ended(row: CampaignTrial, done: JobDone) -> CampaignTrial:
-    """5: the numbers of a later stage failed; what stands up to there counts."""
-    failed = done.exit_code not in (0,) and not (Path(row.run) / METRICS).exists()
+def _ended(row: CampaignTrial, done: JobDone, counts: bool) -> CampaignTrial:
     return row.model_copy(
         update={
-            "state": "failed" if failed else "done",
+            "state": "done" if counts else "failed",
             "seconds": round(done.seconds, 1),
             "exit_code": done.exit_code,
             "problem": done.problem,
@@ -229,13 +253,14 @@ def gathered(
 def _told(row: CampaignTrial) -> CampaignTrial:
     """A row with what stands in its run directory."""
     run = Path(row.run)
-    if row.state == "failed" or not (run / METRICS).exists():
-        state = "failed" if row.state == "planned" else row.state
-        return row.model_copy(update={"state": state})
+    if row.state in ("failed", "planned"):  # what stands there may be of an earlier run
+        return row.model_copy(update={"state": "failed"})
+    if not (run / METRICS).exists():
+        return row
     try:
         _, model = find_model(run)
         metrics = read_json(run / METRICS)
-        comparison = read_json(run / COMPARISON) if (run / COMPARISON).exists() else {}
+        comparison = _comparison(run)
     except AuvidentError as error:
         return row.model_copy(update={"state": "failed", "problem": error.problem})
     errors = dict(metrics.get("summary", {}).get("validate", {}))
@@ -252,6 +277,14 @@ def _told(row: CampaignTrial) -> CampaignTrial:
             "coefficients": len(model.coefficients),
         }
     )
+
+
+def _comparison(run: Path) -> dict[str, Any]:
+    """What the refinement changed; nothing where it is of other logs or of another model."""
+    directory = RunDirectory(run)
+    if not is_of_this_run(BY_NAME["refine"], directory, directory.existing()):
+        return {}
+    return read_json(run / COMPARISON) if (run / COMPARISON).exists() else {}
 
 
 def _judged(row: CampaignTrial, found: Any) -> CampaignTrial:

@@ -3,20 +3,22 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from auvident.errors import GateError, InputError
-from auvident.pipeline.predict import VEHICLE, find_model
+from auvident.pipeline.predict import VEHICLE, find_model, run_around
 from auvident.storage.artifacts import json_bytes, read_json, write_bytes
-from auvident.storage.run_directory import MANIFEST
+from auvident.storage.run_directory import MANIFEST, RunDirectory
 
 if TYPE_CHECKING:
+    from auvident.schema.artifacts import IdentifiedModel
     from auvident.schema.changes import Changes
     from auvident.schema.pooled import PooledModel
     from auvident.stages.pool import PoolTrial
 
-QUALITY = "ingest/quality.json"
+QUALITY, MANEUVERS = "ingest/quality.json", "segment/maneuvers.json"
 SAME_FILE = "Pool trials that were run with the same vehicle file; leave the others out."
 SHOWN = 3  # keys that differ
 
@@ -86,7 +88,38 @@ def _trial(target: Path, plane: str | None, name: str) -> "PoolTrial":
     from auvident.stages.pool import PoolTrial
 
     path, model = find_model(target, plane)
-    return PoolTrial(name, model, date_of(target), str(path))
+    return PoolTrial(name, model, date_of(target), str(path), logs_behind(path, model))
+
+
+def logs_behind(file: Path, model: "IdentifiedModel") -> dict[str, str]:
+    """Trials that a model was identified from, by the hash of the log of their gyro.
+
+    The noise of a gyro is that of one trial alone; a file of orders may be that of many. Empty for
+    a model outside of a run directory.
+    """
+    run = run_around(file)
+    if run is None or not (run / QUALITY).exists() or not (run / MANEUVERS).exists():
+        return {}
+    entry = RunDirectory(run).existing().stages.get("ingest")
+    own = {m for stage in model.stages for m in stage.maneuvers}
+    flown = {m["trial"] for m in read_json(run / MANEUVERS) if m["id"] in own}
+    trials = [t for t in read_json(run / QUALITY).get("trials", ()) if t["trial"] in flown]
+    hashes = {_hash(_gyro_of(t), entry.inputs if entry else {}): t["trial"] for t in trials}
+    return {digest: trial for digest, trial in hashes.items() if digest}
+
+
+def _gyro_of(trial: Mapping[str, Any]) -> Path:
+    """File of the gyro as the report names it, without the table of a container."""
+    files = [s["file"] for s in trial["sensors"] if s["sensor"] == "gyro"]
+    return Path(str(files[0]).partition(", topic ")[0] if files else "")
+
+
+def _hash(file: Path, inputs: Mapping[str, str]) -> str:
+    """Hash of the input whose path ends most like that of a file; empty where that is in doubt."""
+    alike = {name: _alike(file, Path(name)) for name in inputs}
+    most = max(alike.values(), default=0)
+    found = {inputs[name] for name, count in alike.items() if count == most > 0}
+    return found.pop() if len(found) == 1 else ""
 
 
 def date_of(run: Path) -> str:
@@ -101,6 +134,12 @@ def date_of(run: Path) -> str:
         if trial.get("origin")
     ]
     return min(starts).isoformat(timespec="seconds") if starts else ""
+
+
+def _alike(one: Path, other: Path) -> int:
+    """How many parts two paths have in common, from their ends on."""
+    pairs = zip(one.parts[::-1], other.parts[::-1], strict=False)
+    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
 
 
 def _refuse_other_files(targets: Sequence[Path]) -> None:

@@ -128,7 +128,7 @@ def run_all(
     with run.lock():
         wanted = {s.name: _wanted(s, run, options.get(s.name, {}), seed) for s in STAGES}
         planes = asked_for(str(wanted["identify"].options["plane"]))
-        stages = STAGES[: STAGES.index(BY_NAME[until]) + 1] if until is not None else STAGES
+        stages = _up_to(until)
         asked = [s for s in stages if not _left_out(s, planes, None)]
         _refuse_foreign(run, run.manifest(), asked)
         for stage in stages:
@@ -167,6 +167,11 @@ def run_all(
     return result
 
 
+def _up_to(until: str | None) -> Sequence[Stage]:
+    """Stages in their order, all without a last one."""
+    return STAGES if until is None else STAGES[: STAGES.index(BY_NAME[until]) + 1]
+
+
 def _mains(run: RunDirectory, names: Mapping[str, str]) -> dict[str, Any]:
     """Main artifacts by stage."""
     there = {stage: name for stage, name in names.items() if (run / name).exists()}
@@ -191,15 +196,19 @@ def _left_out(stage: Stage, planes: Sequence[Plane], failure: NumericsError | No
 
 
 def up_to_date(
-    path: Path, options: Mapping[str, Mapping[str, Any]], *, seed: int | None = None
+    path: Path,
+    options: Mapping[str, Mapping[str, Any]],
+    *,
+    seed: int | None = None,
+    until: str | None = None,
 ) -> bool:
-    """Whether `run_all` with these options would skip every stage."""
+    """Whether `run_all` with these options would skip every stage, or those up to `until`."""
     run = RunDirectory(path)
     manifest = run.manifest()
     if manifest is None:
         return False
     needed = {d.stage for d in judge_all(run, manifest) if d.state != "not needed"}
-    wanted = [(s, _wanted(s, run, options.get(s.name, {}), seed)) for s in STAGES]
+    wanted = [(s, _wanted(s, run, options.get(s.name, {}), seed)) for s in _up_to(until)]
     return all(judge(s, run, manifest, w).state == "done" for s, w in wanted if s.name in needed)
 
 

@@ -22,7 +22,8 @@ NAMES = {
 
 def over_trials(found: Changes) -> str:
     """Quantities over the trials, each with what chance lets it be and its change."""
-    wanted = dict.fromkeys([*(c.what for c in found.changes), *USUAL])
+    changed = {c.what: c for c in found.changes}
+    wanted = dict.fromkeys([*changed, *USUAL])
     names = [n for n in wanted if n in found.series][:MOST]
     if not names or len(found.trials) < 2:
         return ""
@@ -30,13 +31,13 @@ def over_trials(found: Changes) -> str:
     axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     x, labels = _abscissa(found)
     for axis, name in zip(axes, names, strict=True):
-        _panel(axis, found.series[name], x)
+        _panel(axis, found.series[name], x, changed.get(name))
         for change in (c for c in found.changes if c.what == name):
             _mark(axis, change, found, x)
         axis.set_title(NAMES.get(name, name))
     axes[-1].set_xlabel(labels)
-    changed = ", ".join(c.what for c in found.changes) or "nothing"
-    text = f"{found.vehicle} over {len(found.trials)} trials: {changed} changed"
+    told = ", ".join(c.what for c in found.changes) or "nothing"
+    text = f"{found.vehicle} over {len(found.trials)} trials: {told} changed"
     return figures.svg(figure, f"changes-{found.vehicle}", text)
 
 
@@ -47,25 +48,43 @@ def _abscissa(found: Changes) -> tuple[np.ndarray, str]:
     return np.arange(1.0, len(found.trials) + 1.0), "trial"
 
 
-def _panel(axis: figures.Axes, points: Sequence[SeriesPoint], x: np.ndarray) -> None:
+def _panel(
+    axis: figures.Axes,
+    points: Sequence[SeriesPoint],
+    x: np.ndarray,
+    change: VehicleChange | None,
+) -> None:
+    """A quantity over the trials; what is drawn without a change is one share of a group."""
     seen = [k for k, p in enumerate(points) if p.std is not None]
-    share = 100.0
-    values = np.array([share * points[k].value for k in seen])
-    stds = np.array([share * (points[k].std or 0.0) for k in seen])
+    factor = _factor(change)
+    values = np.array([factor * points[k].value for k in seen])
+    stds = np.array([factor * (points[k].std or 0.0) for k in seen])
     axis.axhline(0.0, color=figures.GRID)
     axis.errorbar(
         x[seen], values, 1.96 * stds, fmt="o", ms=4, color=figures.BLUE, ecolor=figures.SKY, lw=1.0
     )
-    axis.set_ylabel("% of common")
+    axis.set_ylabel(_label(change))
     if len(seen):
         reach = max(float(np.quantile(np.abs(values) + 2.0 * stds, 0.9)), 1e-9)
         axis.set_ylim(-1.4 * reach, 1.4 * reach)
 
 
+def _factor(change: VehicleChange | None) -> float:
+    """From a size to what is drawn: shares in per cent."""
+    return 100.0 if change is None or change.share else 1.0
+
+
+def _label(change: VehicleChange | None) -> str:
+    if change is None or change.share:
+        return "% of common"
+    return "difference" if change.unit == "-" else f"difference [{change.unit}]"
+
+
 def _mark(axis: figures.Axes, change: VehicleChange, found: Changes, x: np.ndarray) -> None:
     """Where a step set in, or the line of a drift."""
     if change.kind == "drift":
-        axis.plot(x[[0, -1]], [-50.0 * change.size, 50.0 * change.size], color=figures.VERMILLION)
+        ends = 0.5 * _factor(change) * change.size * np.array([-1.0, 1.0])
+        axis.plot(x[[0, -1]], ends, color=figures.VERMILLION)
         return
     first, early, late = (
         found.trials.index(n) for n in (change.trial, change.earliest, change.latest)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from auvident.report.tables import Column, Fixed, Number, Rows, Table, Unit, WithStd, columns
 from auvident.schema.campaign import CampaignResult, CampaignTrial
-from auvident.schema.changes import Changes, LeftOutTrialError
+from auvident.schema.changes import Changes, LeftOutTrialError, VehicleChange
 from auvident.schema.pooled import PooledModel, PooledParameter, PooledTrial
 from auvident.schema.spin import share
 
@@ -100,8 +100,8 @@ def changes(found: Changes) -> Table:
     rows: Rows = [
         [
             c.sentence,
-            _share(c.size, c.unit),
-            f"{_share(c.low, c.unit)} to {_share(c.high, c.unit)}",
+            _size(c.size, c),
+            f"{_size(c.low, c)} to {_size(c.high, c)}",
             Number(c.p, 2),
             c.trial if c.earliest == c.latest else f"{c.trial} ({c.earliest} to {c.latest})",
             ", ".join(c.rivals[:4]),
@@ -111,8 +111,10 @@ def changes(found: Changes) -> Table:
     return Table(heads, rows, "Changes of the vehicle")
 
 
-def _share(value: float, unit: str) -> str:
-    return f"{100.0 * value:+.0f} %" if unit == "-" else f"{value:+.2g} {unit}"
+def _size(value: float, change: VehicleChange) -> str:
+    if change.share:
+        return f"{100.0 * value:+.0f} %"
+    return f"{value:+.2g}" if change.unit == "-" else f"{value:+.2g} {change.unit}"
 
 
 def no_change(found: Changes) -> str:

@@ -22,10 +22,11 @@ class VehicleChange(Artifact):
     """A step or a drift.
 
     ``what`` is a coefficient, a parameter of an effect, or a group of coefficients that change by
-    one share; ``size`` is a share of the value before where ``unit`` is "-". ``trial`` is the first
-    one with it, ``earliest`` and ``latest`` those that the data allow as well. ``p`` is the
-    probability of as large a score anywhere in the series if nothing changed. ``rivals`` explain
-    the same data as well.
+    one share; ``size`` is a share of the value before where ``share`` says so, else a difference in
+    ``unit`` ("-" where it has none, as a scale error). ``trial`` is the first one with it,
+    ``earliest`` and ``latest`` those that the data allow as well. ``p`` is the probability of as
+    large a score anywhere in the series if nothing changed. ``rivals`` explain the same data as
+    well.
     """
 
     kind: Literal["step", "drift"]
@@ -41,6 +42,7 @@ class VehicleChange(Artifact):
     low: float
     high: float
     unit: str
+    share: bool
     score: float
     p: float
     rivals: tuple[str, ...] = ()

@@ -24,6 +24,7 @@ from auvident.stages.combine import (
     unread_starts,
 )
 from auvident.stages.combine.flight import flight_of, structure_behind_whole
+from auvident.stages.combine.roll import roll_period_s, with_roll
 from tests.engines.chain import SAMPLES, sample
 from tests.engines.whole_world import (
     EVERY,
@@ -341,3 +342,30 @@ def test_logs_without_roll_leave_it_to_the_geometry() -> None:
     plain = combine(models, before.vehicle, before.ase)
     assert plain == combine(models, before.vehicle, before.ase, logs=[([bare], before.maneuvers)])
     assert "roll-from-geometry" in {f.code for f in plain.findings}
+
+
+def test_pieces_shorter_than_a_slow_roll_leave_it_to_the_geometry() -> None:
+    """With hardly a righting moment the vehicle rolls so slowly that no maneuver shows it."""
+    before = sample("harbour_trial")
+    plain = combine([planar("horizontal")], before.vehicle, before.ase)
+    constants = tuple(
+        c.model_copy(update={"value": 1e-8 * c.value}) if c.symbol == "z_GW" else c
+        for c in plain.constants
+    )
+    slow = plain.model_copy(update={"constants": constants})
+    assert roll_period_s(slow) > 5000.0
+    assert with_roll(slow, before.vehicle, [(before.trials, before.maneuvers)]) == slow
+
+
+def test_logs_of_different_rates_each_have_their_own_lag() -> None:
+    """Half a period is half as many rows at half the rate, whichever log comes first."""
+    before = sample("harbour_trial")
+    (trial,) = before.trials
+    plain = combine([planar("horizontal")], before.vehicle, before.ase)
+    halved = Trial(trial.name, trial.table.iloc[::2].reset_index(drop=True), 0.5 * trial.rate_hz)
+    logs = [([one], before.maneuvers) for one in (trial, halved)]
+    found = [with_roll(plain, before.vehicle, rows) for rows in (logs, logs[::-1])]
+    one, other = ({e.symbol: e for e in model.entries} for model in found)
+    assert one["I_xx"].origin == "identified, roll"
+    for symbol, e in one.items():
+        assert e.value == pytest.approx(other[symbol].value, rel=1e-3)

@@ -6,10 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 from auvident.engines.carried import claimed_covariance, fitted_covariance, vector_behind
 from auvident.errors import InputError
 from auvident.estimation.pooling import pooled
+from auvident.report.figures_campaign import over_trials
+from auvident.report.tables_campaign import changes as changes_table
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.effects import BY_ID, EFFECTS
 from auvident.stages.pool import PoolResult, PoolTrial, changes_of, pool
@@ -157,6 +160,21 @@ def test_a_trial_that_is_given_twice_counts_once() -> None:
     assert found.values() == pytest.approx(pool(rows).model.values(), rel=1e-3)
 
 
+def test_a_log_that_two_runs_have_counts_once() -> None:
+    """The run with more logs has the other one's as well, though it comes later."""
+    rows = trials(models())
+    rows[1] = replace(rows[1], logs={"aa": "first_log"})
+    rows[2] = replace(rows[2], logs={"aa": "first_log", "bb": "second_log"})
+    rows[3] = replace(rows[3], logs={"cc": "first_log"})  # another log of the same name
+    found = pool(rows).model
+    (last,) = [t for t in found.pooling.trials if not t.used]
+    assert (last.trial, last.reason) == ("trial-1", "its log first_log is in trial-2 too")
+    (finding,) = [f for f in found.findings if f.code == "same-log"]
+    assert finding.where == "trial-1" and "no log in common" in finding.remedy
+    without = pool([rows[0], *rows[2:]]).model
+    assert found.values() == pytest.approx(without.values(), rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("what", "sentence"),
     [
@@ -202,6 +220,48 @@ def series() -> PoolResult:
         replace(data.trials[k % 4], name=f"trial-{k}", date=DAY.format(k + 1)) for k in range(12)
     ]
     return replace(result, data=replace(data, told=tuple(told), trials=tuple(own)))
+
+
+def with_dvl_scale(result: PoolResult, fractions: list[float], std: float) -> PoolResult:
+    """The same trials with a DVL scale error, of which each knows a size of its own."""
+    name, unit = "dvl_scale.fraction", 0.03
+    row = {"id": "dvl_scale", "internal": {name: float(np.mean(fractions))}}
+    information = (unit / std) ** 2
+    told = tuple(
+        replace(
+            t,
+            information=block_diag(t.information, information),
+            score=np.append(t.score, information * fraction / unit),
+        )
+        for t, fraction in zip(result.data.told, fractions, strict=True)
+    )
+    data = replace(
+        result.data,
+        names=(*result.data.names, name),
+        unit=np.append(result.data.unit, unit),
+        origin=np.append(result.data.origin, 0.0),
+        told=told,
+    )
+    model = result.model.model_copy(update={"effects": (*result.model.effects, row)})
+    return replace(result, model=model, data=data)
+
+
+def test_a_scale_error_changes_by_a_difference_though_it_has_no_unit() -> None:
+    """0.01 to 0.03 is 0.02 more, not two hundred per cent, nor a share of a share."""
+    noise = 0.001 * np.random.default_rng(3).normal(size=12)
+    fractions = [float(0.01 + 0.02 * (k >= 6) + noise[k]) for k in range(12)]
+    found = changes_of(with_dvl_scale(series(), fractions, 0.001), np.random.default_rng(0))
+    (change,) = [c for c in found.changes if c.what == "dvl_scale.fraction"]
+    assert (change.unit, change.share, change.trial) == ("-", False, "trial-6")
+    assert change.size == pytest.approx(0.02, abs=3.0 * change.std)
+    # noise alone leaves 0.0006; the scatter between neighbours has the step in it
+    assert 0.0005 < change.std < 0.003
+    told = r"since 7 May 2026 dvl_scale\.fraction is 0\.0\d+ larger \(\+0\.0\d+ to \+0\.0\d+\)"
+    assert re.fullmatch(told, change.sentence), change.sentence
+    row = changes_table(found).rows[0]
+    assert re.fullmatch(r"\+0\.0\d+", str(row[1])) and "%" not in str(row[2])
+    figure = over_trials(found)
+    assert "difference" in figure and "% of common" in figure
 
 
 def test_nothing_changed_and_that_is_said_with_its_rate_of_false_alarms() -> None:

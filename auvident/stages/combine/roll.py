@@ -55,6 +55,27 @@ PASSES, SETTLED = 20, 1e-6
 
 
 @dataclass(frozen=True)
+class RollPiece:
+    """Uninterrupted rows of the balance of the roll equation.
+
+    Attributes
+    ----------
+    rows : (n, n_parameters) array
+        What each parameter is multiplied by; the sum is the torque of the unknown.
+    lag : int
+        Rows back that predict what is `DRIVEN`.
+    """
+
+    rows: Array
+    lag: int
+
+    @property
+    def is_long(self) -> bool:
+        """Whether half of its rows or more have one that predicts them."""
+        return len(self.rows) > 2 * self.lag
+
+
+@dataclass(frozen=True)
 class RollFit:
     """Values of the free terms, their covariance and the share of the data in each."""
 
@@ -74,16 +95,18 @@ def with_roll(model: CombinedModel, vehicle: Vehicle, logs: Logs) -> CombinedMod
         Of each run.
     """
     structure, prior, period = six_dof_structure(), _priors(model, vehicle), roll_period_s(model)
-    cut = list(_pieces(logs)) if np.isfinite(period) else []
-    if not cut:
-        return model
+    cut = _pieces(logs) if np.isfinite(period) else ()
     pieces = [
-        _smoothed(balance(structure, "K", *_motion(piece, model, dt_s, period)))
+        RollPiece(
+            _smoothed(balance(structure, "K", *_motion(piece, model, dt_s, period))),
+            max(round(INSTRUMENT_LAG * period / dt_s), 1),
+        )
         for piece, dt_s in cut
     ]
-    lag = max(round(INSTRUMENT_LAG * period / cut[0][1]), 1)
-    long = [piece for piece in pieces if len(piece) > 2 * lag]
-    return _updated(model, prior, fitted(structure, model.values(), prior, long, lag))
+    long = [piece for piece in pieces if piece.is_long]
+    if not long:
+        return model
+    return _updated(model, prior, fitted(structure, model.values(), prior, long))
 
 
 def roll_period_s(model: CombinedModel) -> float:
@@ -176,8 +199,7 @@ def fitted(
     structure: SixDofStructure,
     values: Mapping[str, float],
     prior: Mapping[str, tuple[float, float]],
-    pieces: Sequence[Array],
-    lag: int,
+    pieces: Sequence[RollPiece],
 ) -> RollFit:
     """Least squares of the balance of the roll equation.
 
@@ -188,24 +210,25 @@ def fitted(
         Of every other parameter.
     prior : mapping
         Value and standard deviation of each free one.
-    pieces : sequence of (n, n_parameters) array
-        What each parameter is multiplied by, row by row; the sum is the torque of the unknown.
-    lag : int
-        Rows back that predict what is `DRIVEN`.
+    pieces : sequence of RollPiece
+        At least one, each long enough for its lag.
     """
     names = tuple(prior)
     free = [structure.parameters.index(name) for name in names]
     known = structure.vector(values)
     known[free] = [prior[name][0] for name in names]
     scale = np.array([prior[name][1] for name in names])
-    slopes = [piece[:, free] * scale for piece in pieces]
-    left = [-(piece @ known) for piece in pieces]
+    lags = [piece.lag for piece in pieces]
+    slopes = [piece.rows[:, free] * scale for piece in pieces]
+    left = [-(piece.rows @ known) for piece in pieces]
     driven = [k for k, name in enumerate(names) if name in DRIVEN]
     memory, found = 0.0, np.zeros(len(free))
     for _ in range(PASSES):
         white = [x[1:] - memory * x[:-1] for x in slopes]
-        a, before = (np.vstack([x[k : len(x) + k - lag] for x in white]) for k in (lag, 0))
-        y = np.concatenate([x[1 + lag :] - memory * x[lag:-1] for x in left])
+        a = np.vstack([x[lag:] for x, lag in zip(white, lags, strict=True)])
+        before = np.vstack([x[:-lag] for x, lag in zip(white, lags, strict=True)])
+        pairs = zip(left, lags, strict=True)
+        y = np.concatenate([x[1 + lag :] - memory * x[lag:-1] for x, lag in pairs])
         variance = float(np.mean((y - a @ found) ** 2)) * _repeats(y - a @ found)
         a = _predicted(a, before, driven)
         information = a.T @ a / variance + np.eye(len(free))

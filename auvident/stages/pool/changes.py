@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -138,6 +138,17 @@ def _times(dates: Sequence[str], dated: bool) -> Array:
     return days if days[-1] > days[0] else np.arange(len(dates), dtype=float)
 
 
+class _Measure(NamedTuple):
+    """From sizes along a direction to what is told: ``share`` if they become shares of a value.
+
+    The unit does not say it: that of a share is "-", and so is that of a scale error.
+    """
+
+    factor: float
+    unit: str
+    share: bool
+
+
 @dataclass(frozen=True)
 class _Teller:
     """Numbers of a change to words."""
@@ -150,9 +161,9 @@ class _Teller:
 
     def change(self, found: FoundChange) -> VehicleChange:
         """A change as it stands in the artifact."""
-        factor, unit = self._factor(found.direction)
-        size, std = found.size * factor, found.std * abs(factor)
-        if unit == "-":
+        measure = self._measure(found.direction)
+        size, std = found.size * measure.factor, found.std * abs(measure.factor)
+        if measure.share:
             size, std = self._of_before(found, size, std)
         low, high = sorted((size - NORMAL_95 * std, size + NORMAL_95 * std))
         trials = self.data.trials
@@ -160,7 +171,7 @@ class _Teller:
             kind=found.kind,
             what=self.name(found.direction),
             symbols=self._symbols(found.direction),
-            sentence=self._sentence(found, size, (low, high), unit),
+            sentence=self._sentence(found, size, (low, high), measure),
             trial=trials[found.first].name,
             date=trials[found.first].date,
             earliest=trials[found.between[0]].name,
@@ -169,7 +180,8 @@ class _Teller:
             std=std,
             low=low,
             high=high,
-            unit=unit,
+            unit=measure.unit,
+            share=measure.share,
             score=found.z,
             p=found.p,
             rivals=tuple(self.name(r) for r in found.rivals),
@@ -197,40 +209,40 @@ class _Teller:
         one = direction < n
         return (self.data.names[direction],) if one else self.groups[direction - n].symbols
 
-    def _factor(self, direction: int) -> tuple[float, str]:
-        """From the size along a direction to what is told, and its unit."""
+    def _measure(self, direction: int) -> _Measure:
+        """How sizes along a direction are told."""
         n = len(self.data.names)
         if direction >= n:
-            return 1.0, "-"
+            return _Measure(1.0, "-", share=True)
         name, unit = self.data.names[direction], float(self.data.unit[direction])
         value = float(self.theta[direction])
         if "." in name:
             declared = parameter_of(name)
-            plain = declared.form == "plain"
-            return unit * (
-                declared.factor if plain else 1.0
-            ), declared.unit if plain else "internal"
+            if declared.form != "plain":
+                return _Measure(unit, "internal", share=False)
+            return _Measure(unit * declared.factor, declared.unit, share=False)
         std = float(np.sqrt(np.linalg.inv(self._information())[direction, direction])) * unit
         if abs(value) > CERTAIN * std:
-            return unit / value, "-"
-        return unit, ESTIMATED[name].unit
+            return _Measure(unit / value, "-", share=True)
+        return _Measure(unit, ESTIMATED[name].unit, share=False)
 
     def _information(self) -> Array:
         total: Array = np.eye(len(self.data.names)) + sum(t.information for t in self.data.told)
         return total
 
     def _sentence(
-        self, found: FoundChange, size: float, interval: tuple[float, float], unit: str
+        self, found: FoundChange, size: float, interval: tuple[float, float], measure: _Measure
     ) -> str:
         """As one would say it."""
         trials, n = self.data.trials, len(self.data.names)
-        if unit == "-":
+        if measure.share:
             ends = sorted(abs(100.0 * x) for x in interval)
             share = f"{abs(100.0 * size):.0f} %"
             of = f"({ends[0]:.0f} to {ends[1]:.0f} %)"
         else:
-            share = f"{abs(size):.2g} {unit}"
-            of = f"({interval[0]:+.2g} to {interval[1]:+.2g} {unit})"
+            unit = "" if measure.unit == "-" else f" {measure.unit}"
+            share = f"{abs(size):.2g}{unit}"
+            of = f"({interval[0]:+.2g} to {interval[1]:+.2g}{unit})"
         if found.direction >= n:
             says = self.groups[found.direction - n].says
         else:
@@ -259,7 +271,7 @@ class _Teller:
         """
         rows = {}
         for d in range(len(directions)):
-            factor, _ = self._factor(d)
+            factor = self._measure(d).factor
             others = [f for f in found.found if f.direction != d]
             points = []
             for k, (t, own) in enumerate(zip(self.data.trials, trials, strict=True)):

@@ -1,7 +1,7 @@
 """What the models of several trials say of the parameters that are the vehicle's."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -29,12 +29,16 @@ ONE_VEHICLE = (
 
 @dataclass(frozen=True)
 class PoolTrial:
-    """A trial to be pooled: its name and model, when it was (ISO 8601) and where its model is."""
+    """A trial to be pooled: its name and model, when it was (ISO 8601) and where its model is.
+
+    ``logs`` are the names of the logs behind it by what tells each from all others (a hash).
+    """
 
     name: str
     model: IdentifiedModel
     date: str = ""
     file: str = ""
+    logs: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

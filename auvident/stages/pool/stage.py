@@ -1,8 +1,8 @@
 """Pool the models of trials: which fit each other, what they say together, as a model."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -43,6 +43,13 @@ CLIPPED = 0.1  # of the prior's information that was cut off, from which on it i
 LAST_CHANGED = (
     "Was it logged by another vehicle, or is the log damaged? It is left out of the pooled model."
 )
+
+
+class Copy(NamedTuple):
+    """Why the data of a trial are those of another one, and if they are so as a whole."""
+
+    reason: str
+    whole: bool
 
 
 @dataclass(frozen=True)
@@ -89,7 +96,7 @@ def pool(trials: Sequence[PoolTrial], *, keep: bool = False) -> PoolResult:
     each = agreements(data.told)
     rows = tuple(_parameters(together, each))
     told = tuple(_trials(whole, out, twice, together))
-    findings = (*_strange(told), *_findings(together, agree, each))
+    findings = (*_strange(told, twice), *_findings(together, agree, each))
     pooling = Pooling(
         trials=told,
         parameters=rows,
@@ -101,15 +108,24 @@ def pool(trials: Sequence[PoolTrial], *, keep: bool = False) -> PoolResult:
     return PoolResult(model_of_all(together, pooling, findings), data, between)
 
 
-def copies(trials: Sequence[PoolTrial]) -> dict[int, str]:
-    """Trials with the same model as an earlier one, and its name: their data count once."""
-    seen: dict[str, str] = {}
+def copies(trials: Sequence[PoolTrial]) -> dict[int, Copy]:
+    """Trials with the model of another one, or with a log of it: their data count once.
+
+    Of two runs with a log in common the one with more logs stays, else the first.
+    """
+    models: dict[str, str] = {}
+    logs: dict[str, str] = {}
     found = {}
-    for k, trial in enumerate(trials):
-        key = str(sorted(trial.model.values().items()))
-        if key in seen:
-            found[k] = seen[key]
-        seen.setdefault(key, trial.name)
+    for k in sorted(range(len(trials)), key=lambda k: -len(trials[k].logs)):
+        trial, key = trials[k], str(sorted(trials[k].model.values().items()))
+        common = next((log for log in trial.logs if log in logs), None)
+        if key in models:
+            found[k] = Copy(f"it is the same as {models[key]}", whole=True)
+        elif common is not None:
+            found[k] = Copy(f"its log {trial.logs[common]} is in {logs[common]} too", whole=False)
+        else:
+            models[key] = trial.name
+            logs |= dict.fromkeys(trial.logs, trial.name)
     return found
 
 
@@ -190,7 +206,7 @@ def _share(told: TrialData) -> Array:
 
 
 def _trials(
-    whole: Collected, out: dict[int, Distance], twice: dict[int, str], t: Together
+    whole: Collected, out: dict[int, Distance], twice: dict[int, Copy], t: Together
 ) -> Iterator[PooledTrial]:
     """Every trial with its distance from the others that stay."""
     inside = [k for k in range(len(whole.told)) if k not in out and k not in twice]
@@ -208,7 +224,7 @@ def _trials(
             used=k in inside,
             reason=_why(trial, whole, far, last=k == len(whole.told) - 1)
             if k in out
-            else (f"it is the same as {twice[k]}" if k in twice else ""),
+            else (twice[k].reason if k in twice else ""),
             square=far.square if far else 0.0,
             directions=far.directions if far else 0,
             p=far.p if far else 1.0,
@@ -259,10 +275,18 @@ def _values(data: Collected, found: Pooled) -> dict[str, PooledValue]:
 # --- findings ------------------------------------------------------------------------------
 
 
-def _strange(trials: Sequence[PooledTrial]) -> Iterator[Finding]:
-    for t in trials:
-        if not t.used and t.reason.startswith("it is the same"):
+def _strange(trials: Sequence[PooledTrial], twice: Mapping[int, Copy]) -> Iterator[Finding]:
+    for k, t in enumerate(trials):
+        if k in twice and twice[k].whole:
             yield Finding(code="same-trial", where=t.trial, message=f"{t.reason} and counts once")
+        elif k in twice:
+            yield Finding(
+                code="same-log",
+                where=t.trial,
+                message=f"{t.reason} and counts once: this run is left out",
+                remedy="Pool runs that have no log in common; run by themselves the logs that only "
+                "this one has.",
+            )
         elif not t.used:
             yield Finding(
                 code="trial-fits-no-other",
