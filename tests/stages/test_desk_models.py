@@ -208,15 +208,16 @@ def test_the_linear_damping_counts_in_the_stability_index(completed: Path) -> No
     text = (completed / "runs" / "demo" / "refine" / "model.json").read_text()
     model = IdentifiedModel.model_validate_json(text)
     damped = loop_world.model_effects({"linear_damping": {"Y_v": -20.0, "N_r": -4.0}})
-    speed, rng, c = 1.4, np.random.default_rng(0), model.values()
+    speed, rng = 1.4, np.random.default_rng(0)
+    c, rigid = model.values(), model.rigid_body
     found = {}
     for name, effects in (("without", ()), ("with", damped)):
         own = model.model_copy(update={"effects": (*model.effects, *effects)})
         desk = identified_models(own, "model.json", 0, rng)
         flown = fly_maneuver(desk, desk_order("zigzag:10/10"), Approach(speed_mps=speed))
         found[name] = told(flown)["stability_index"].value
-    cross = c["N_uv"] * (c["Y_ur"] - c["m"])
-    straight = c["N_ur"] - 4.0 / speed - c["m x_G"]
+    cross = c["N_uv"] * (c["Y_ur"] - rigid.mass_kg)
+    straight = c["N_ur"] - 4.0 / speed - rigid.mass_kg * rigid.x_g_m
     expected = 1.0 - cross / ((c["Y_uv"] - 20.0 / speed) * straight)
     assert found["with"] == pytest.approx(expected, abs=1e-6) != found["without"]
 
