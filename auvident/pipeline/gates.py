@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from auvident.errors import GateError, UsageError
 from auvident.schema.artifacts import RAN_AWAY, Finding, Metrics
 from auvident.schema.outcome import GateResult
-from auvident.schema.planes import JUDGED, PLANE_ROWS
+from auvident.schema.planes import JUDGED, PLANE_ROWS, Plane
 
 if TYPE_CHECKING:
     from auvident.schema.diagnosis import Comparison
@@ -35,6 +35,16 @@ class Judged:
     found: Mapping[str, Error]
     known: frozenset[str]
     findings: Sequence[Finding]
+
+    @property
+    def plane(self) -> Plane:
+        """The plane, by its channels."""
+        return "vertical" if "w" in self.known else "horizontal"
+
+    @property
+    def ran_away(self) -> list[str]:
+        """Maneuvers in which the prediction diverges."""
+        return [f.where for f in self.findings if f.code == RAN_AWAY]
 
 
 def predicted(metrics: Metrics) -> Judged:
@@ -69,9 +79,18 @@ def check_planes(planes: Sequence[Judged], limits: Mapping[str, float]) -> None:
     if not limits:
         return
     refuse_unknown(limits, sorted({channel for p in planes for channel in p.known}))
+    unmet = []
     for plane in planes:
         own = {c: limit for c, limit in limits.items() if _concerns(c, planes, plane)}
-        _check(plane, own)
+        try:
+            _check(plane, own)
+        except GateError as gate:
+            unmet.append((plane.plane, gate))
+    if len(unmet) == 1:
+        raise unmet[0][1]
+    if unmet:
+        told = "; ".join(f"{plane} plane: {gate.problem}" for plane, gate in unmet)
+        raise GateError(told, "gates of both planes")
 
 
 def limit_gates(planes: Sequence[Judged], limits: Mapping[str, float]) -> list[GateResult]:
@@ -161,7 +180,10 @@ def _incomparable(table: Mapping[str, Any], own: Mapping[str, Any], last: Mappin
         return f"the prediction diverges in {', '.join(own['ran_away'])}"
     for run in (last, own):
         if not run["held_out"]:
-            return f"{run['run']} has no held-out error; run `auvident validate {run['run']}`"
+            return (
+                f"{run['run']} has no held-out error; hold out a maneuver (`auvident segment "
+                f"{run['run']} --hold-out ID`), or run `auvident validate {run['run']}`"
+            )
     return ""
 
 
@@ -181,18 +203,22 @@ def _no_worse(
 
 
 def _concerns(channel: str, planes: Sequence[Judged], plane: Judged) -> bool:
-    """Whether a plane has a channel; one that none has concerns the first."""
-    return channel in plane.known or (
-        plane is planes[0] and not any(channel in p.known for p in planes)
-    )
+    """Whether a plane is judged by a channel; one that none has concerns the first.
+
+    Of planes that know it, those that have it held out; a plane whose prediction diverges there
+    is not excused by the other.
+    """
+    knowing = [p for p in planes if channel in p.known]
+    judging = [p for p in knowing if channel in p.found or p.ran_away]
+    return any(p is plane for p in judging or knowing or planes[:1])
 
 
 def _check(plane: Judged, limits: Mapping[str, float]) -> None:
     if not limits:
         return
-    escaped = [f.where for f in plane.findings if f.code == RAN_AWAY]
-    if escaped:
-        raise GateError("the prediction diverges", ", ".join(escaped), "The model is unstable.")
+    if plane.ran_away:
+        where = ", ".join(plane.ran_away)
+        raise GateError("the prediction diverges", where, "The model is unstable.")
     missing = [channel for channel in limits if channel not in plane.found]
     if missing:
         raise GateError(
