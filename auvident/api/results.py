@@ -13,6 +13,7 @@ from auvident.api.geometry import GeometryEstimate
 from auvident.api.model import Model
 from auvident.api.signals import predictions, with_smoothed
 from auvident.api.whole import WholeModel
+from auvident.errors import StageError
 from auvident.pipeline.ask import need, opened
 from auvident.pipeline.given import Given
 from auvident.pipeline.observer import Observer
@@ -104,6 +105,13 @@ class Run:
         from auvident.pipeline.reporting import WHOLE
         from auvident.schema.combined import CombinedModel
 
+        if len(self.planes) == 1:
+            raise StageError(
+                f"the run has a model of the {self.planes[0]} plane alone",
+                str(self.path),
+                f'`auvident.combine("{self.path}")` makes one of the whole vehicle, with the other '
+                "plane from geometry.",
+            )
         need(self._given, "combine")
         return WholeModel(self._given.read(WHOLE, CombinedModel), self.path / WHOLE, self.vehicle)
 

@@ -7,6 +7,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from auvident.engines.records import Record
+from auvident.errors import InputError
 from auvident.schema.artifacts import Extrapolation
 from auvident.schema.planes import BY_PLANE, CONTROL_COLUMNS, STATE_COLUMNS, Plane
 
@@ -49,8 +50,21 @@ def reached(fin: Array, velocities: Array, plane: Plane) -> dict[str, float]:
 
 
 def reached_in(table: pd.DataFrame, plane: Plane) -> dict[str, float]:
-    """What a simulated motion reaches, from its table of inputs and states."""
+    """What a simulated motion reaches, from its table of inputs and states.
+
+    Raises
+    ------
+    InputError
+        The table is of another plane.
+    """
     fin, velocities = CONTROL_COLUMNS[plane][0], list(STATE_COLUMNS[plane][:3])
+    missing = [name for name in (fin, *velocities) if name not in table]
+    if missing:
+        raise InputError(
+            f"there is no column {missing[0]}",
+            "the motion",
+            f"Give a motion of the {plane} plane, as `simulate` returns it.",
+        )
     return reached(table[fin].to_numpy(), table[velocities].to_numpy(), plane)
 
 

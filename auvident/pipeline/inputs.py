@@ -71,6 +71,8 @@ def _channels(table: "pd.DataFrame") -> "pd.DataFrame":
 
 
 def _numbers(table: "pd.DataFrame", name: str, factor: float) -> "np.ndarray":
+    if table[name].dtype.kind in "mM":  # their numbers are nanoseconds
+        raise InputError(f"column {name} is of dates", INPUTS, "Give it in seconds, as floats.")
     try:
         return factor * table[name].to_numpy(dtype=float, na_value=np.nan)
     except (TypeError, ValueError):

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from auvident.errors import InputError
+from auvident.errors import InputError, UsageError
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.predict import (
     SIGNS_ASSUMED,
@@ -48,7 +48,7 @@ def combine_runs(
     Raises
     ------
     UsageError
-        Two models of one plane.
+        Nothing to combine; two models of one plane.
     InputError
         Models of different vehicles; no vehicle file; a vehicle file in place of a model.
     StageError
@@ -58,6 +58,8 @@ def combine_runs(
     from auvident.stages.ase import estimate
     from auvident.stages.combine import combine
 
+    if not targets and vehicle_file is None:
+        raise UsageError("there is nothing to combine", "runs", "Name run directories or models.")
     found = [pair for target in targets for pair in models_of(target)]
     vehicle = _one_vehicle(targets, vehicle_file)
     runs = [] if vehicle_file else [t for t in targets if (t / ESTIMATE).exists()]
@@ -148,6 +150,12 @@ def find_whole(target: Path) -> "tuple[CombinedModel, Vehicle | None]":
     if target.suffix == ".toml":
         vehicle = load_vehicle(target)
         return combine([], vehicle, estimate(vehicle)), vehicle
+    if target.exists() and not is_whole(target):
+        raise InputError(
+            "is no model of six degrees of freedom",
+            str(target),
+            "`auvident combine` makes one of run directories and of models of a plane.",
+        )
     return read_model(target, CombinedModel), None
 
 

@@ -94,6 +94,7 @@ def test_degrees_and_other_columns_do_no_harm(model: auvident.Model) -> None:
         (lambda t: t.iloc[::-1], "not evenly spaced"),
         (lambda t: t.assign(time_s=np.nan), "not evenly spaced"),
         (lambda t: t.iloc[:3], "there are 3 rows"),
+        (lambda t: t.assign(time_s=pd.to_datetime(t["time_s"], unit="s")), "time_s is of dates"),
     ],
 )
 def test_a_table_that_cannot_be_flown_says_why(change, said, model: auvident.Model) -> None:

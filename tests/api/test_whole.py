@@ -52,7 +52,15 @@ def test_on_a_table_it_turns_as_the_model_of_its_plane(demo: Path) -> None:
 
 
 def test_a_run_of_one_plane_has_none_and_a_vehicle_file_has(demo: Path) -> None:
-    with pytest.raises(auvident.StageError, match="combine"):
+    with pytest.raises(auvident.StageError, match=r"auvident\.combine\("):
         _ = auvident.load_run(demo).whole
+    with pytest.raises(auvident.UsageError, match="nothing to combine"):
+        auvident.combine([])
+    for wrong in (demo, demo / "refine/model.json"):
+        with pytest.raises(auvident.InputError, match="no model of six degrees of freedom"):
+            auvident.load_whole_model(wrong)
+    motion = auvident.load_run(demo).signals.drop(columns="rudder_rad")
+    with pytest.raises(auvident.InputError, match="no column rudder_rad"):
+        auvident.load_run(demo).model.beyond(motion)
     found = auvident.load_whole_model(SAMPLES / "remus100.toml")
     assert set(found.coefficients["source"]) <= {"geometry", "vehicle file"}
