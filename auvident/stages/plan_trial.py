@@ -36,6 +36,7 @@ LEVEL_S: VehicleTime = 35.0
 ZIGZAGS_DEG = ((10, 10), (20, 20), (20, 5), (30, 10))
 CIRCLES_DEG = (-20, -10, 10, 20)
 NAMED = 4  # coefficients named per candidate
+ONE_RATE, STEP_DOWN = 1.05, 0.2  # rates up to this ratio are one; the step down from it
 LEAST_NAMED = 0.05  # a standard deviation that falls by less is not worth naming
 VELOCITIES = np.array([True, True, True, False])
 
@@ -130,7 +131,11 @@ def _circles(low: float, cruise: float, high: float) -> list[ManeuverDesign]:
 def rpm_levels(
     trials: Sequence[Trial], maneuvers: Sequence[Maneuver]
 ) -> tuple[float, float, float]:
-    """Low, middle and high rpm within the maneuvers of the trial."""
+    """Low, middle and high rpm within the maneuvers of the trial.
+
+    Of a trial at one rate the low one is a fifth lower, which every propeller can do: thrust steps
+    are what such a trial lacks.
+    """
     by_name = {trial.name: trial.table for trial in trials}
     used = []
     for m in maneuvers:
@@ -139,6 +144,8 @@ def rpm_levels(
         used.append(table["rpm"].to_numpy()[inside.to_numpy()])
     rpm = np.concatenate(used)
     low, middle, high = np.nanquantile(rpm[rpm > 0], [0.05, 0.5, 0.95])
+    if high < ONE_RATE * low:
+        low = (1.0 - STEP_DOWN) * low
     return float(low), float(middle), float(high)
 
 
