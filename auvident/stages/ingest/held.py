@@ -154,6 +154,8 @@ class SettledHold:
     contrary : float
         Most that it grows, as quickly as after a step of a rudder, to the side to which this one
         does not turn the vehicle.
+    rate : float
+        Median of the yaw rate [rad/s], which no current changes.
     """
 
     start_s: float
@@ -162,6 +164,7 @@ class SettledHold:
     bend: float
     swing: float
     contrary: float
+    rate: float
 
 
 def settled_holds(trial: Trial, length_m: float, grip_mps: float) -> list[SettledHold]:
@@ -179,14 +182,17 @@ def settled_holds(trial: Trial, length_m: float, grip_mps: float) -> list[Settle
             rows = time[hold] >= time[hold.start] + settles_s
             rows &= time[hold] <= time[hold.stop - 1] - MEAN_S
             if rows.sum() > trial.rate_hz * HELD_S:
-                found.append(_settled(time[hold], curvature[hold][rows], rudder[hold], answer))
+                turn = curvature[hold][rows], float(np.median(rate[hold][rows]))
+                found.append(_settled(time[hold], *turn, rudder[hold], answer))
     return found
 
 
-def _settled(time: np.ndarray, bend: np.ndarray, rudder: np.ndarray, answer: int) -> SettledHold:
+def _settled(
+    time: np.ndarray, bend: np.ndarray, rate: float, rudder: np.ndarray, answer: int
+) -> SettledHold:
     angle = float(np.mean(rudder))
     figures = (angle, float(np.median(bend)), float(np.ptp(bend)), _contrary(bend, angle, answer))
-    return SettledHold(float(time[0]), float(time[-1]), *figures)
+    return SettledHold(float(time[0]), float(time[-1]), *figures, rate)
 
 
 def _contrary(bend: np.ndarray, angle: float, answer: int) -> float:

@@ -147,15 +147,23 @@ def rudder_offset(seen: Seen) -> Verdict:
 
 
 def rudder_cut(seen: Seen) -> Verdict:
-    """At one and the same rudder all turns are alike; else the log has cut the angle off."""
+    """At one and the same rudder all turns are alike; else the log has cut the angle off.
+
+    Over ground a current bends the path of one turn more than that of another, while the yaw
+    rates are alike. Where the angle was cut off they differ, too, if by less: a vehicle that turns
+    more tightly goes more slowly.
+    """
     holds = [h for h in settled_holds(seen.trial, seen.length_m, seen.way_mps) if h.angle]
     top = max((abs(h.angle) for h in holds), default=0.0)
     settled = [h for h in holds if h.swing <= SETTLED * abs(h.bend) and h.bend * h.angle < 0.0]
     alike = [h for h in settled if abs(h.angle) >= (1.0 - ALIKE) * top]
     if len(alike) < LEAST_HOLDS:
         return untested("too few turns at the largest rudder")
-    bends = np.sort([abs(h.bend) for h in alike])
-    ratio = float(bends[-1] / bends[0])
+    least, *_, most = sorted(alike, key=lambda h: abs(h.bend))
+    ratio = abs(most.bend / least.bend)
+    over_ground = seen.vehicle.dvl.reference == "ground"
+    if over_ground and abs(most.rate) < np.sqrt(ratio) * abs(least.rate):
+        return agrees("turns at the largest rudder have yaw rates that are alike", ratio)
     if ratio < CUT_SPREAD:
         return agrees("turns at the largest rudder are alike", ratio)
     return contradicts(
