@@ -1,6 +1,6 @@
 """Forces without physics: does one explain more than every named effect?
 
-A force on surge, sway and yaw follows a regressor that belongs to no effect of the table: a
+A force on an axis of the plane follows a regressor that belongs to no effect of the table: a
 function of the heading or of the pitch, or of the motion a while ago. Regressors are made of
 simulated states; measured ones are stirred by the same turbulence as the residual. Each is fitted
 like an effect; a first-order gain says little here.

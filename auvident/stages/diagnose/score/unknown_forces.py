@@ -1,6 +1,6 @@
 """The unknown forces that would make a prediction follow the readings.
 
-The motion, and a force on surge, sway and yaw that walks at random, are estimated by an extended
+The motion, and a force on each axis of the plane that walks at random, are estimated by an extended
 Kalman filter with the equations of the model, and smoothed. Drawn against heading, rate of turn
 and time the forces show what the model lacks (Kristensen, Madsen and Jorgensen 2004); they are
 for the eye, no verdict rests on them.
