@@ -1,6 +1,7 @@
 """Models on the desk against other sources: a published hull, and the generator of trials."""
 
 import math
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from auvident.stages.identify.setup import rigid_body
 from auvident.storage.vehicle_file import load_vehicle
 from tests.command_line import ROOT, SAMPLES
 from tests.physics.desk_models import changed, remus
+from tests.stages.test_export import with_effects
 
 SUBOFF = ROOT / "tests" / "data" / "vehicles" / "suboff.toml"
 # Roddy 1990, table 4, fully appended: prime values by symbol (theory 8.1)
@@ -118,6 +120,9 @@ def test_what_cannot_be_flown_says_so() -> None:
     models, order = remus("horizontal"), desk_order("turning-circle:15")
     with pytest.raises(InputError, match="no rudder: N_uud is 0"):
         fly_maneuver(changed(models, N_uud=0.0), order, Approach())
+    vertical = changed(remus("vertical"), M_uud=0.0, Z_uud=0.0)
+    with pytest.raises(InputError, match="no elevator: M_uud is 0"):
+        fly_maneuver(vertical, desk_order("depth-step"), Approach(speed_mps=1.5))
     weak = changed(models, N_uud=1e-4, Y_uud=1e-4)
     with pytest.raises(NumericsError, match="none of its figures"):
         fly_maneuver(weak, order, Approach(speed_mps=1.5))
@@ -149,6 +154,14 @@ def test_a_slower_fin_goes_further_before_it_turns() -> None:
     assert told(slow)["advance"].value > told(fast)["advance"].value
     assert "2 deg/s (as given)" in slow.result.servo
     assert "typical" in fly_maneuver(remus("horizontal"), order, Approach()).result.servo
+
+
+def test_a_servo_has_its_rate_and_its_lag() -> None:
+    """Told as what they are, each after the other."""
+    servo = with_effects("horizontal", "rudder_lag", "rudder_rate_limit")
+    models = identified_models(servo, "model.json", 0, np.random.default_rng(0))
+    found = fly_maneuver(models, desk_order("zigzag"), Approach(speed_mps=1.5)).result.servo
+    assert re.fullmatch(r"[\d.]+ deg/s, lag [\d.]+ s \(from the model\)", found)
 
 
 # --- against the generator ----------------------------------------------------------------
