@@ -164,13 +164,10 @@ def _fmu(path: Path, model: "IdentifiedModel") -> Exported:
 
 
 def _pvs(path: Path, model: "AnyModel") -> Exported:
-    from auvident.stages.export.contents import remarks_on_effects
-    from auvident.stages.export.pvs import as_pvs
+    from auvident.stages.export.pvs import as_pvs, left_out_of_pvs
     from auvident.stages.export.whole import whole_of
 
-    return Exported(
-        path, model, as_pvs(model).encode(), remarks_on_effects(whole_of(model).effects)
-    )
+    return Exported(path, model, as_pvs(model).encode(), left_out_of_pvs(whole_of(model)))
 
 
 def _gz(path: Path, model: "AnyModel") -> Exported:
