@@ -65,6 +65,26 @@ def test_a_vehicle_file_is_exported_by_its_geometry(
     assert "rudder_joint" in file.read_text() and "elevator_joint" in file.read_text()
 
 
+@pytest.mark.parametrize("form", ["pvs", "gz", "uuv"])
+def test_a_file_says_whether_its_model_was_identified(
+    form: str, completed: Path, whole: Path, tmp_path: Path, auvident: Callable[..., Called]
+) -> None:
+    """Behind that of a vehicle file is no trial; what the file states is told apart."""
+    vehicle, given = completed / "sample_logs" / "remus100.toml", tmp_path / "given.toml"
+    stated = "\n[coefficients]\nN_uud = { value = -9.0, std = 0.1 }\n"
+    given.write_text(vehicle.read_text() + stated)
+    for target, words in (
+        (vehicle, "estimated from geometry by auvident"),
+        (given, "estimated from geometry and given coefficients by auvident"),
+        (whole, "identified by auvident"),
+        (completed / "runs" / "demo", "identified by auvident"),
+    ):
+        called = auvident("export", target, "--format", form)
+        assert called.code == 0, called.err
+        assert words in " ".join(called.out.split())
+        assert ("identified" in called.out) is words.startswith("identified")
+
+
 @pytest.fixture
 def whole(completed: Path, tmp_path: Path, auvident: Callable[..., Called]) -> Path:
     """A combined model in a file."""

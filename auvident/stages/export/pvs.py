@@ -92,7 +92,7 @@ def as_pvs(model: AnyModel) -> str:
     return filled(
         text,
         (),
-        {"title": f"{vehicle}: {_kind(whole)}, identified by auvident.", "vehicle": vehicle},
+        {"title": f"{vehicle}: {_kind(whole)}, {whole.made}.", "vehicle": vehicle},
     )
 
 
