@@ -167,6 +167,13 @@ def test_a_servo_has_its_rate_and_its_lag() -> None:
 # --- against the generator ----------------------------------------------------------------
 
 
+SAID = re.compile(
+    r"zigzag 20/20 the vehicle has overshoots of ([\d.]+) and ([\d.]+) deg and a period of "
+    r"([\d.]+) s, the model ([\d.]+) \(([\d.]+) to ([\d.]+)\), "
+    r"([\d.]+) \(([\d.]+) to ([\d.]+)\) and ([\d.]+) s \(([\d.]+) to ([\d.]+)\)"
+)
+
+
 def sailed(legs: list[list[float]]) -> dict[str, np.ndarray]:
     """The last leg in still water, from the generator: time, states, orders."""
     if str(SAMPLES) not in sys.path:
@@ -247,3 +254,18 @@ def test_a_zigzag_is_that_of_the_vehicle(harbour: DeskModel, degrees: int) -> No
         assert within(told(desk)[name], truth[f"{name}_deg"], 0.05), name
     assert within(told(desk)["period"], truth["period_s"], 0.03)
     assert within(told(desk)["initial_turning_time"], truth["initial_turning_time_s"], 0.03)
+
+
+def test_the_page_has_the_zigzag_of_vehicle_and_model(harbour: DeskModel) -> None:
+    """To the digit that it gives; the ends of intervals move a little with the libraries."""
+    page = " ".join((ROOT / "docs" / "desk-maneuvers.md").read_text(encoding="utf-8").split())
+    sys.path.insert(0, str(SAMPLES))
+    angle, found = math.radians(20.0), SAID.search(page)
+    s = sailed(legs_of(4, fin=-angle, switch=angle, count=5))
+    truth = zigzag_figures(s["time"], s["heading"], s["rudder"], 0.0, angle)
+    figures = told(fly_maneuver(harbour, desk_order("zigzag:20/20"), Approach(rpm=RPM)))
+    rows = [figures[name] for name in ("overshoot_1", "overshoot_2", "period")]
+    expected = [truth[name] for name in ("overshoot_1_deg", "overshoot_2_deg", "period_s")]
+    expected += [x for row in rows for x in (row.value, row.low, row.high)]
+    assert found
+    assert [float(text) for text in found.groups()] == pytest.approx(expected, abs=0.1)
