@@ -11,6 +11,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import auvident as interface
+from auvident.pipeline.desk import SPEED_ASSUMED
+from auvident.pipeline.observer import Observer
 from tests.command_line import SAMPLES, Called
 
 VEHICLE = "sample_logs/remus100.toml"
@@ -141,7 +144,7 @@ def test_given_coefficients_take_the_place_of_the_estimate(samples: Path, auvide
 
 
 def test_runs_and_models(demo: Path, auvident: Call) -> None:
-    """The model of a run, at the speed of its trial; alone at the usual one, which is said."""
+    """The model of a run, at the speed of its trial; alone at one of its own, which is said."""
     base = ("--maneuver", "zigzag:10/10", "--json")
     found = result_of(auvident("simulate", demo, *base))
     assert found["source"] == "identified"
@@ -151,9 +154,80 @@ def test_runs_and_models(demo: Path, auvident: Call) -> None:
     assert result_of(auvident("simulate", demo / "refine" / "model.json", *base)) == found
     shutil.copy(demo / "refine" / "model.json", "alone.json")
     called = auvident("simulate", "alone.json", *base)
-    assert "--speed" in called.err
+    middle = middle_flown(json.loads(Path("alone.json").read_text())["flown"])
+    assert result_of(called)["speed_mps"] == pytest.approx(middle)
+    assert f"{middle:.3g} m/s" in called.err and "--speed" in called.err
     assert "--speed" not in auvident("simulate", "alone.json", *base, "--rpm", "900").err
     assert result_of(called)["model"] == "alone.json"
+
+
+def trial_at(run: Path, speed_mps: float) -> None:
+    """A run whose trial was sailed at this speed: not the usual one, nor that of the sample."""
+    file = run / "ase" / "coefficients.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"speed_mps": speed_mps}))
+
+
+def middle_flown(flown: dict[str, float]) -> float:
+    return 0.5 * (flown["u"] + flown["u_low"])
+
+
+def test_a_combined_model_flies_at_the_speed_of_its_trial(demo: Path, auvident: Call) -> None:
+    """Without the run at one that it was identified at, and at the usual one last: both are said.
+
+    The plane that was estimated has no trial of its own, and takes that of the other.
+    """
+    trial_at(demo, 1.4)
+    assert auvident("combine", demo, "--output", "whole.json").code == 0
+    base = ("simulate", "whole.json", "--samples", "0", "--json", "--maneuver")
+    for maneuver in ("zigzag:10/10", "vertical-zigzag:10/5"):
+        called = auvident(*base, maneuver)
+        assert result_of(called)["speed_mps"] == pytest.approx(1.4)
+        assert "--speed" not in called.err
+    Path("runs").rename("elsewhere")
+    tree = json.loads(Path("whole.json").read_text())
+    middle = middle_flown(tree["flown"]["horizontal"])
+    for speed, words in ((middle, f"{middle:.3g} m/s, the middle"), (1.5, SPEED_ASSUMED)):
+        called = auvident(*base, "zigzag:10/10")
+        assert result_of(called)["speed_mps"] == pytest.approx(speed)
+        assert words in " ".join(called.err.split())
+        assert "--speed" not in auvident(*base, "zigzag:10/10", "--speed", "1.3").err
+        Path("whole.json").write_text(json.dumps(tree | {"flown": {}}))
+
+
+def test_a_run_of_another_vehicle_tells_no_speed(demo: Path, auvident: Call) -> None:
+    """Where a combined model was taken to, its run may have the name of one that is there."""
+    assert auvident("combine", demo, "--output", "whole.json").code == 0
+    trial_at(demo, 1.4)
+    file = demo / "ase" / "coefficients.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"vehicle": "another"}))
+    called = auvident("simulate", "whole.json", "--maneuver", "zigzag", "--samples", "0", "--json")
+    assert result_of(called)["speed_mps"] != pytest.approx(1.4)
+    assert "the middle of those" in " ".join(called.err.split())
+
+
+class Noted(Observer):
+    """Keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def note(self, text: str) -> None:
+        """Keep a line."""
+        self.lines.append(text)
+
+
+def test_a_vehicle_file_is_flown_at_its_design_speed(samples: Path, auvident: Call) -> None:
+    """By the command and by the interface; without one at the usual speed, which is said."""
+    stated, text = "design_speed_mps = 1.5", Path(VEHICLE).read_text()
+    for line, speed, is_said in (("design_speed_mps = 1.9", 1.9, False), ("", 1.5, True)):
+        Path("v.toml").write_text(text.replace(stated, line))
+        flown = ("simulate", "v.toml", "--maneuver", "zigzag:10/10", "--samples", "0", "--json")
+        called, told = auvident(*flown), Noted()
+        assert result_of(called)["speed_mps"] == pytest.approx(speed)
+        assert (SPEED_ASSUMED in " ".join(called.err.split())) is is_said
+        whole = interface.load_whole_model("v.toml").maneuver("zigzag:10/10", 0, observer=told)
+        assert whole.result.speed_mps == pytest.approx(speed)
+        assert (SPEED_ASSUMED in told.lines) is is_said
 
 
 def test_a_maneuver_beyond_what_was_flown_says_by_what(demo: Path, auvident: Call) -> None:

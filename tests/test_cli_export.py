@@ -63,3 +63,58 @@ def test_a_vehicle_file_is_exported_by_its_geometry(
     assert called.code == 0, called.err
     assert "in a run directory" in " ".join(called.err.split())
     assert "rudder_joint" in file.read_text() and "elevator_joint" in file.read_text()
+
+
+@pytest.mark.parametrize("form", ["pvs", "gz", "uuv"])
+def test_a_file_says_whether_its_model_was_identified(
+    form: str, completed: Path, whole: Path, tmp_path: Path, auvident: Callable[..., Called]
+) -> None:
+    """Behind that of a vehicle file is no trial; what the file states is told apart."""
+    vehicle, given = completed / "sample_logs" / "remus100.toml", tmp_path / "given.toml"
+    stated = "\n[coefficients]\nN_uud = { value = -9.0, std = 0.1 }\n"
+    given.write_text(vehicle.read_text() + stated)
+    for target, words in (
+        (vehicle, "estimated from geometry by auvident"),
+        (given, "estimated from geometry and given coefficients by auvident"),
+        (whole, "identified by auvident"),
+        (completed / "runs" / "demo", "identified by auvident"),
+    ):
+        called = auvident("export", target, "--format", form)
+        assert called.code == 0, called.err
+        assert words in " ".join(called.out.split())
+        assert ("identified" in called.out) is words.startswith("identified")
+
+
+@pytest.fixture
+def whole(completed: Path, tmp_path: Path, auvident: Callable[..., Called]) -> Path:
+    """A combined model in a file."""
+    file = tmp_path / "whole.json"
+    assert auvident("combine", completed / "runs" / "demo", "--output", file).code == 0
+    return file
+
+
+def test_a_model_of_both_planes_is_in_no_form_of_one(
+    whole: Path, completed: Path, auvident: Callable[..., Called]
+) -> None:
+    """Neither a combined model nor a vehicle file; the forms that there are, are named."""
+    for target in (whole, completed / "sample_logs" / "remus100.toml"):
+        for options, form in (
+            (("--format", "python"), "python"),
+            (("--format", "fmu"), "fmu"),
+            (("--format", "toml", "--plane", "horizontal"), "toml"),
+            ((), "json"),
+        ):
+            called = auvident("export", target, *options)
+            assert called.code == 2, called.err
+            assert f"{form} is no form of a model of six degrees of freedom" in called.err
+            assert "One of pvs, gz, uuv" in called.err
+        called = auvident("export", target, "--format", "gz", "--plane", "vertical")
+        assert called.code == 2 and "is exported whole" in called.err and "--plane" in called.err
+
+
+def test_a_combined_model_is_not_combined_again(
+    whole: Path, auvident: Callable[..., Called]
+) -> None:
+    called = auvident("combine", whole)
+    assert called.code == 3
+    assert "is a combined model already" in called.err and "Give run directories" in called.err

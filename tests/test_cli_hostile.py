@@ -244,6 +244,7 @@ def test_files_outside_are_read_when_that_is_allowed(
         ("ase", "--vehicle", far_hull),
         ("ingest", short_log, "--vehicle", far_hull, "--run", run),
         ("simulate", far_hull, "--maneuver", "turning-circle:15", "--samples", "0"),
+        ("export", far_hull, "--format", "pvs"),
     ):
         called = auvident(*words)
         assert called.code == 3, called.err

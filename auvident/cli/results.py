@@ -331,7 +331,7 @@ NO_STONEFISH = (
     "auvident export runs/demo --format fmu --output remus100.fmu",
     "auvident export runs/demo --format toml",
 )
-@click.argument("target", metavar="RUN|MODEL", type=PATH)
+@click.argument("target", metavar="RUN|MODEL|VEHICLE.toml", type=PATH)
 @click.option(
     "--format",
     "form",
@@ -340,6 +340,7 @@ NO_STONEFISH = (
 )
 @click.option("--output", "file", type=PATH, help="Output file.  [default: standard output]")
 @PLANE
+@OUTSIDE
 def export(
     output: Output, target: Path, form: str | None, file: Path | None, plane: str | None
 ) -> None:
@@ -352,7 +353,8 @@ def export(
 
     pvs is a class for PythonVehicleSimulator, gz a world of gz-sim, uuv a model of uuv_simulator
     and Plankton: of six degrees of freedom from a combined model, or from a run that has one,
-    unless --plane is given. What a simulator cannot hold is listed, and what it costs.
+    unless --plane is given, and of a VEHICLE.toml its estimate from geometry. What a simulator
+    cannot hold is listed, and what it costs.
     """
     from auvident.pipeline.exporting import export_model, write_export
 

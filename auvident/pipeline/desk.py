@@ -1,5 +1,6 @@
 """Standard maneuvers on the desk: the model of a run, of a file, or of a vehicle file."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,7 +29,11 @@ ESTIMATED = "ase/coefficients.json"
 SECOND_PLANE = ("refine/vertical/model.json", "identify/vertical/model.json")
 SPEED_ASSUMED = (
     f"The speed of the approach is {USUAL_SPEED_MPS:g} m/s, as neither --speed nor --rpm is given "
-    "and the model is not in a run directory."
+    "and neither a run directory nor design_speed_mps of a vehicle file tells another."
+)
+SPEED_OF_MODEL = (
+    "The speed of the approach is {:.3g} m/s, the middle of those that the model was identified "
+    "from, as neither --speed nor --rpm is given and its run directory is not found."
 )
 
 
@@ -73,7 +78,7 @@ def fly_on_desk(target: Path, maneuver: str, asked: Asked, observer: Observer) -
         whole = read_model(target, CombinedModel)
         return fly_whole(whole, str(target), order, asked, observer)
     if target.suffix == ".toml":
-        models, usual = _of_vehicle(target, order, asked)
+        models, usual = _of_vehicle(target, order, asked, observer)
     else:
         path, model = _model_for(target, order)
         return fly_model(model, path, order, asked, observer)
@@ -89,9 +94,8 @@ def fly_model(
     if model.plane != order.row.plane:
         raise _of_other_plane(model, str(path or model.vehicle), order)
     name = str(path) if path else f"model of {model.vehicle}"
-    usual = _speed_of_trial(path) if path else None
-    if usual is None and asked.speed_mps is None and asked.rpm is None:
-        observer.note(SPEED_ASSUMED)
+    usual = _speed_of_trial(path, model.vehicle) if path else None
+    usual = usual or _speed_of_model(model.flown, asked, observer)
     models = identified_models(model, name, asked.samples, _rng(asked))
     return fly_models(models, usual, order, asked, observer)
 
@@ -99,11 +103,19 @@ def fly_model(
 def fly_whole(
     model: CombinedModel, name: str, order: DeskOrder, asked: Asked, observer: Observer
 ) -> "Desk":
-    """Fly a maneuver with a model of six degrees of freedom, restricted to its plane."""
+    """Fly a maneuver with a model of six degrees of freedom, restricted to its plane.
+
+    `name` is its file, or the vehicle file that it was estimated from; else that of the vehicle.
+    """
     from auvident.stages.desk import combined_models
 
-    models = combined_models(model, order.row.plane, name, asked.samples, _rng(asked))
-    return fly_models(models, None, order, asked, observer)
+    plane = order.row.plane
+    models = combined_models(model, plane, name, asked.samples, _rng(asked))
+    usual = _speed_of_whole(model, Path(name), plane)
+    if usual is None:
+        flown = model.flown.get(plane) or next(iter(model.flown.values()), {})
+        usual = _speed_of_model(flown, asked, observer)
+    return fly_models(models, usual, order, asked, observer)
 
 
 def fly_estimate(
@@ -145,14 +157,16 @@ def _rng(asked: Asked) -> "np.random.Generator":
     return np.random.default_rng(asked.seed)
 
 
-def _of_vehicle(target: Path, order: DeskOrder, asked: Asked) -> "tuple[DeskModel, float | None]":
+def _of_vehicle(
+    target: Path, order: DeskOrder, asked: Asked, observer: Observer
+) -> "tuple[DeskModel, float]":
     """The estimate from a vehicle file, with what it gives, and its design speed."""
     from auvident.stages.ase import estimate
     from auvident.storage.vehicle_file import load_vehicle
 
     vehicle = load_vehicle(target)
-    ase = estimate(vehicle)
-    return _estimated(ase, vehicle, str(target), order, asked), ase.speed_mps
+    usual = vehicle.body.design_speed_mps or _speed_of_model({}, asked, observer)
+    return _estimated(estimate(vehicle), vehicle, str(target), order, asked), usual
 
 
 def _estimated(
@@ -167,14 +181,36 @@ def _estimated(
     return estimated_models(ase, rigid, plane, name, asked.samples, _rng(asked))
 
 
-def _speed_of_trial(path: Path) -> float | None:
-    """Speed that the estimate in the run around a model was made for."""
+def _speed_of_trial(path: Path, vehicle: str) -> float | None:
+    """Speed that the estimate in the run around a model was made for, if it is of its vehicle."""
     from auvident.schema.artifacts import AseResult
 
     run = run_around(path)
     if run is None or not (run / ESTIMATED).exists():
         return None
-    return read_model(run / ESTIMATED, AseResult).speed_mps
+    found = read_model(run / ESTIMATED, AseResult)
+    return found.speed_mps if found.vehicle == vehicle else None
+
+
+def _speed_of_whole(model: CombinedModel, own: Path, plane: str) -> float | None:
+    """Speed of the trial behind a plane of a combined model, or of its vehicle file."""
+    from auvident.storage.vehicle_file import load_vehicle
+
+    if own.suffix == ".toml" and own.is_file():
+        return load_vehicle(own).body.design_speed_mps
+    nearest_first = sorted(model.models, key=lambda source: source.plane != plane)
+    files = [*(Path(source.file) for source in nearest_first), own]
+    speeds = (_speed_of_trial(file, model.vehicle) for file in files if file.is_file())
+    return next((speed for speed in speeds if speed is not None), None)
+
+
+def _speed_of_model(flown: Mapping[str, float], asked: Asked, observer: Observer) -> float:
+    """The middle of the speeds flown, or the usual one; which it is, is said where it counts."""
+    middle = 0.5 * (flown.get("u", 0.0) + flown.get("u_low", 0.0))
+    known = middle > 0.0
+    if asked.speed_mps is None and asked.rpm is None:
+        observer.note(SPEED_OF_MODEL.format(middle) if known else SPEED_ASSUMED)
+    return middle if known else USUAL_SPEED_MPS
 
 
 def _of_other_plane(model: "IdentifiedModel", where: str, order: DeskOrder) -> InputError:

@@ -69,8 +69,11 @@ def export_model(
     Raises
     ------
     UsageError
-        A binary form without a file; a form that the model does not fit.
+        A binary form without a file; a form that the model does not fit; a plane of a model of
+        six degrees of freedom.
     """
+    if is_whole(target):
+        _refuse_of_plane(form, plane)
     if form in BINARY and not to_file:
         raise UsageError(
             f"{form} is a binary file, which no terminal shows", "--output", "Give --output FILE."
@@ -101,15 +104,31 @@ def export_of(path: Path, model: "AnyModel", form: str) -> Exported:
     from auvident.stages.export import export, header_of, remarks_on
 
     if isinstance(model, CombinedModel):
-        raise UsageError(
-            f"{form} is no form of a model of six degrees of freedom",
-            "--format",
-            f"One of {', '.join(WRITERS)}, or export the model of one plane.",
-        )
+        raise _no_form_of_whole(form)
     if form == "fmu":
         return _fmu(path, model)
     header = header_of(model).encode() if form == "c" else b""
     return Exported(path, model, export(model, form).encode(), remarks_on(model, form), header)
+
+
+def _refuse_of_plane(form: str, plane: str | None) -> None:
+    """Refuse what is asked for of one plane, where the model is of six degrees of freedom."""
+    if form not in WRITERS:
+        raise _no_form_of_whole(form)
+    if plane is not None:
+        raise UsageError(
+            "a model of six degrees of freedom is exported whole",
+            "--plane",
+            "Leave it out, or export the model of one plane.",
+        )
+
+
+def _no_form_of_whole(form: str) -> UsageError:
+    return UsageError(
+        f"{form} is no form of a model of six degrees of freedom",
+        "--format",
+        f"One of {', '.join(WRITERS)}, or export the model of one plane.",
+    )
 
 
 def write_export(made: Exported, form: str, file: Path) -> None:
@@ -145,13 +164,10 @@ def _fmu(path: Path, model: "IdentifiedModel") -> Exported:
 
 
 def _pvs(path: Path, model: "AnyModel") -> Exported:
-    from auvident.stages.export.contents import remarks_on_effects
-    from auvident.stages.export.pvs import as_pvs
+    from auvident.stages.export.pvs import as_pvs, left_out_of_pvs
     from auvident.stages.export.whole import whole_of
 
-    return Exported(
-        path, model, as_pvs(model).encode(), remarks_on_effects(whole_of(model).effects)
-    )
+    return Exported(path, model, as_pvs(model).encode(), left_out_of_pvs(whole_of(model)))
 
 
 def _gz(path: Path, model: "AnyModel") -> Exported:

@@ -13,7 +13,7 @@ from auvident.pipeline.planes import planes_of
 from auvident.pipeline.steps import announce_compilation
 from auvident.pipeline.table import BY_NAME
 from auvident.schema.places import beside
-from auvident.storage.artifacts import read_model
+from auvident.storage.artifacts import as_model, read_json, read_model
 from auvident.storage.run_directory import MANIFEST, RunDirectory
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ REFINED = "refine/model.json"  # goes first, unless what it rests on has changed
 IDENTIFIED = "identify/model.json"
 WHOLE = "combine/model.json"  # of a run of both planes
 VEHICLE = "ingest/vehicle.json"
+WRITTEN = "Give a model.json that auvident has written."
 USUAL_FINENESS = 8.0  # length over diameter of a survey AUV
 SIGNS_ASSUMED = (
     "The model is not in a run directory, so a positive rudder is assumed to turn to port "
@@ -64,18 +65,26 @@ def find_model(target: Path, plane: str | None = None) -> "tuple[Path, Identifie
     Raises
     ------
     InputError
-        There is no such file, or its model is of another plane.
+        There is no such file, its model is of another plane, or a combined one.
     StageError
         The run directory has no model, or the file is none.
     """
     from auvident.schema.artifacts import IdentifiedModel
+    from auvident.schema.combined import COMBINED
 
     path = target
     if target.is_dir() or not target.suffix:
         path = _model_of(RunDirectory(target), plane)
     elif not target.exists():
         raise InputError("no such file", str(target), "Give a run directory or a model.json.")
-    model = read_model(path, IdentifiedModel, "Give a model.json that auvident has written.")
+    tree = read_json(path, WRITTEN)
+    if isinstance(tree, dict) and tree.get("schema") == COMBINED:
+        raise InputError(
+            "is a combined model already, and not the model of a plane",
+            str(path),
+            "Give run directories, or the model.json of a plane.",
+        )
+    model = as_model(tree, IdentifiedModel, path, WRITTEN)
     if plane not in (None, model.plane):
         raise InputError(f"is a model of the {model.plane} plane", str(path), "Leave out --plane.")
     return path, model

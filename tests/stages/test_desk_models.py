@@ -1,6 +1,7 @@
 """Models on the desk against other sources: a published hull, and the generator of trials."""
 
 import math
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from auvident.storage.vehicle_file import load_vehicle
 from tests import loop_world
 from tests.command_line import ROOT, SAMPLES
 from tests.physics.desk_models import changed, remus
+from tests.stages.test_export import with_effects
 
 SUBOFF = ROOT / "tests" / "data" / "vehicles" / "suboff.toml"
 # Roddy 1990, table 4, fully appended: prime values by symbol (theory 8.1)
@@ -119,6 +121,9 @@ def test_what_cannot_be_flown_says_so() -> None:
     models, order = remus("horizontal"), desk_order("turning-circle:15")
     with pytest.raises(InputError, match="no rudder: N_uud is 0"):
         fly_maneuver(changed(models, N_uud=0.0), order, Approach())
+    vertical = changed(remus("vertical"), M_uud=0.0, Z_uud=0.0)
+    with pytest.raises(InputError, match="no elevator: M_uud is 0"):
+        fly_maneuver(vertical, desk_order("depth-step"), Approach(speed_mps=1.5))
     weak = changed(models, N_uud=1e-4, Y_uud=1e-4)
     with pytest.raises(NumericsError, match="none of its figures"):
         fly_maneuver(weak, order, Approach(speed_mps=1.5))
@@ -152,7 +157,22 @@ def test_a_slower_fin_goes_further_before_it_turns() -> None:
     assert "typical" in fly_maneuver(remus("horizontal"), order, Approach()).result.servo
 
 
+def test_a_servo_has_its_rate_and_its_lag() -> None:
+    """Told as what they are, each after the other."""
+    servo = with_effects("horizontal", "rudder_lag", "rudder_rate_limit")
+    models = identified_models(servo, "model.json", 0, np.random.default_rng(0))
+    found = fly_maneuver(models, desk_order("zigzag"), Approach(speed_mps=1.5)).result.servo
+    assert re.fullmatch(r"[\d.]+ deg/s, lag [\d.]+ s \(from the model\)", found)
+
+
 # --- against the generator ----------------------------------------------------------------
+
+
+SAID = re.compile(
+    r"zigzag 20/20 the vehicle has overshoots of ([\d.]+) and ([\d.]+) deg and a period of "
+    r"([\d.]+) s, the model ([\d.]+) \(([\d.]+) to ([\d.]+)\), "
+    r"([\d.]+) \(([\d.]+) to ([\d.]+)\) and ([\d.]+) s \(([\d.]+) to ([\d.]+)\)"
+)
 
 
 def sailed(legs: list[list[float]]) -> dict[str, np.ndarray]:
@@ -254,3 +274,18 @@ def test_a_zigzag_is_that_of_the_vehicle(harbour: DeskModel, degrees: int) -> No
         assert within(told(desk)[name], truth[f"{name}_deg"], 0.05), name
     assert within(told(desk)["period"], truth["period_s"], 0.03)
     assert within(told(desk)["initial_turning_time"], truth["initial_turning_time_s"], 0.03)
+
+
+def test_the_page_has_the_zigzag_of_vehicle_and_model(harbour: DeskModel) -> None:
+    """To the digit that it gives; the ends of intervals move a little with the libraries."""
+    page = " ".join((ROOT / "docs" / "desk-maneuvers.md").read_text(encoding="utf-8").split())
+    sys.path.insert(0, str(SAMPLES))
+    angle, found = math.radians(20.0), SAID.search(page)
+    s = sailed(legs_of(4, fin=-angle, switch=angle, count=5))
+    truth = zigzag_figures(s["time"], s["heading"], s["rudder"], 0.0, angle)
+    figures = told(fly_maneuver(harbour, desk_order("zigzag:20/20"), Approach(rpm=RPM)))
+    rows = [figures[name] for name in ("overshoot_1", "overshoot_2", "period")]
+    expected = [truth[name] for name in ("overshoot_1_deg", "overshoot_2_deg", "period_s")]
+    expected += [x for row in rows for x in (row.value, row.low, row.high)]
+    assert found
+    assert [float(text) for text in found.groups()] == pytest.approx(expected, abs=0.1)

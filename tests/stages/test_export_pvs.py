@@ -3,11 +3,13 @@
 import ast
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from auvident.pipeline.exporting import export_model
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.combined import CombinedModel
 from auvident.schema.effects import BY_ID
@@ -15,6 +17,7 @@ from auvident.schema.planes import BY_PLANE, PLANES, Plane
 from auvident.stages.combine import STATE_COLUMNS, simulate_whole
 from auvident.stages.export import export
 from auvident.stages.export.pvs import as_pvs
+from auvident.storage.artifacts import json_bytes
 from tests.engines.chain import sample
 from tests.engines.effects_world import DT, blank
 from tests.engines.whole_world import whole_vehicle
@@ -71,6 +74,41 @@ def test_a_plane_flies_as_in_the_program(plane: Plane, kind: str) -> None:
     found = flown(vehicle_of(model), first, angles, controls)
     np.testing.assert_allclose(found[:, columns], expected[:, :3], rtol=0, atol=EQUAL)
     assert not np.delete(found, columns, axis=1).any()
+
+
+EARLY_S = -0.14
+
+
+def early(plane: Plane) -> IdentifiedModel:
+    """A model whose fin moves before it is ordered to, as where a clock is late."""
+    effect = f"{BY_PLANE[plane].fin}_delay"
+    delay = {"id": effect, "internal": {f"{effect}.delay_s": EARLY_S}}
+    return with_effects(plane).model_copy(update={"effects": (delay,)})
+
+
+def early_in_both() -> CombinedModel:
+    """The same of both planes."""
+    effects = {plane: early(plane).effects for plane in PLANES}
+    names = [f"{plane} {effect['id']}.delay_s" for plane, (effect,) in effects.items()]
+    update = {"effects": effects, "parameters": dict.fromkeys(names, EARLY_S)}
+    return whole_vehicle().model_copy(update=update)
+
+
+def test_a_negative_delay_is_left_out_and_said(tmp_path: Path) -> None:
+    """In the notes and in the file; of a delay that can be, nothing."""
+    told, file = "nothing acts before it is ordered: the negative delay of ", tmp_path / "m.json"
+    for model, fins in (
+        (early("horizontal"), "the rudder."),
+        (early("vertical"), "the elevator."),
+        (early_in_both(), "the rudder and the elevator."),
+        (with_effects("horizontal", "rudder_delay"), ""),
+    ):
+        file.write_bytes(json_bytes(model, "model"))
+        made = export_model(file, "pvs")
+        text = " ".join(made.content.decode().split())
+        for place in (" ".join(made.notes), text):
+            assert f"{told}{fins}" in place if fins else told not in place
+        assert vehicle_of(model).rudder.delay >= 0.0
 
 
 def test_six_degrees_of_freedom_fly_as_in_the_program() -> None:

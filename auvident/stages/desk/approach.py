@@ -63,6 +63,7 @@ def begin(models: DeskModel, approach: Approach) -> Approached:
     """
     _refuse_nonsense(approach)
     first = models.of_first()
+    side = _side(models, first)  # without a fin no balance is found either, for another reason
     advance = speed_per_rate_m(first)
     speed = approach.speed_mps or approach.usual_speed_mps
     held = None if math.isfinite(advance) else speed
@@ -73,7 +74,7 @@ def begin(models: DeskModel, approach: Approach) -> Approached:
     run = _run(fleet, approach, speed, speed / advance if held is None else 0.0)
     if not run.found[0]:
         raise _not_held(models, speed)
-    return Approached(fleet, run, _side(models, first), servo)
+    return Approached(fleet, run, side, servo)
 
 
 def _run(fleet: Fleet, approach: Approach, speed: float, rate_rps: float) -> SteadyRun:
@@ -103,7 +104,7 @@ def _fin_rate(models: DeskModel, approach: Approach, speed: float) -> tuple[floa
         if e[SLOWNESS] > 0.0 or e[LAG] > 0.0:
             rate = f"{math.degrees(1.0 / e[SLOWNESS]):.3g} deg/s" if e[SLOWNESS] > 0.0 else ""
             lag = f"lag {e[LAG]:.2g} s" if e[LAG] > 0.0 else ""
-            return None, f"{' '.join(t for t in (rate, lag) if t)} (from the model)"
+            return None, f"{', '.join(t for t in (rate, lag) if t)} (from the model)"
         asked = usual_rate_degps(speed, models.length_m)
         return math.radians(asked), f"{asked:.3g} deg/s (typical)"
     return math.radians(asked), f"{asked:.3g} deg/s (as given)"

@@ -65,6 +65,7 @@ EXPRESSIONS = {
     "race_flow_mps": "flow",
     "race_reach_m2ps": "FIN_STATION_M * flow",
 }
+EARLY = "Left out, as nothing acts before it is ordered: the negative delay of {}."
 LAGS = ("lag", "motor")  # act above zero alone
 OVER_GROUND = ("current.north_mps", "current.east_mps")
 WATER: dict[Plane, tuple[str, ...]] = {
@@ -279,12 +280,13 @@ def remarks_on_effects(ids: Sequence[str]) -> tuple[str, ...]:
 
 def comment_lines(model: IdentifiedModel, mark: str, width: int) -> str:
     """Effects that act, and what is left out, as lines of a comment."""
-    return acting_lines([str(effect["id"]) for effect in model.effects], mark, width)
+    ids = [str(effect["id"]) for effect in model.effects]
+    return acting_lines(ids, remarks_on_effects(ids), mark, width)
 
 
-def acting_lines(ids: Sequence[str], mark: str, width: int) -> str:
-    """Which of these effects act, and what is left out, as lines of a comment."""
+def acting_lines(ids: Sequence[str], left_out: Sequence[str], mark: str, width: int) -> str:
+    """Which of these effects act, and lines of what is left out, as lines of a comment."""
     acting = ", ".join(name for name in ids if BY_ID[name].enters in IN_MOTION) or "none"
-    lines = (f"Effects that act: {acting}.", *remarks_on_effects(ids))
+    lines = (f"Effects that act: {acting}.", *left_out)
     wrapped = (textwrap.fill(line, width) for line in lines)
     return "\n".join(f"{mark}{part}" for line in wrapped for part in line.splitlines())

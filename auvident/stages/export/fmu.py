@@ -15,7 +15,7 @@ from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.planes import BY_PLANE
 from auvident.schema.quoting import comment
 from auvident.stages.export.c import as_c
-from auvident.stages.export.contents import Contents, contents_of, remarks, title
+from auvident.stages.export.contents import EARLY, Contents, contents_of, remarks, title
 from auvident.stages.export.fmu_source import PARTS
 from auvident.stages.export.template import assembled, filled
 
@@ -225,9 +225,7 @@ def remarks_of(model: IdentifiedModel) -> tuple[str, ...]:
     if "DRIFT" in contents.water:
         found.append("Left out, as parameters of an FMU are constant: current_drift.")
     if contents.actuation.get("FIN_DELAY_S", 0.0) < 0.0:
-        found.append(
-            "Left out, as nothing acts before it is ordered: the negative delay of the fin."
-        )
+        found.append(EARLY.format("the fin"))
     return tuple(found)
 
 

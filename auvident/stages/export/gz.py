@@ -115,7 +115,7 @@ def name_of_model(whole: Whole) -> str:
 def _comment(whole: Whole, cost: tuple[str, ...]) -> str:
     topic = f"gz topic -m gz.msgs.Double -t /model/{name_of_model(whole)}/joint"
     return written_comment(
-        f"{whole.vehicle}: model identified by auvident, for gz-sim 8 and later with DART.",
+        f"{whole.vehicle}: model {whole.made}, for gz-sim 8 and later with DART.",
         "Run: gz sim FILE. A joint turns as the fin does: a positive rudder turns to port, a "
         "positive elevator has its trailing edge down (rad). The propeller takes rad/s; publish "
         "its rate again and again, as the thrust follows the speed only then:",

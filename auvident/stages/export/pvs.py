@@ -13,7 +13,12 @@ from auvident.physics.six_dof_terms import AXES, INPUTS, OF_RACE
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.planes import BY_FIN, BY_PLANE
 from auvident.schema.quoting import quoted
-from auvident.stages.export.contents import acting_lines, contents_of
+from auvident.stages.export.contents import (
+    EARLY,
+    acting_lines,
+    contents_of,
+    remarks_on_effects,
+)
 from auvident.stages.export.expressions import (
     CONSTANT_NAMES,
     POWER_TEXT,
@@ -87,8 +92,15 @@ def as_pvs(model: AnyModel) -> str:
     return filled(
         text,
         (),
-        {"title": f"{vehicle}: {_kind(whole)}, identified by auvident.", "vehicle": vehicle},
+        {"title": f"{vehicle}: {_kind(whole)}, {whole.made}.", "vehicle": vehicle},
     )
+
+
+def left_out_of_pvs(whole: Whole) -> tuple[str, ...]:
+    """What the class leaves out or has off, a line each."""
+    early = [f"the {BY_PLANE[p].fin}" for p, e in whole.commands.items() if e[act.DELAY] < 0.0]
+    told = (EARLY.format(" and ".join(early)),) if early else ()
+    return (*remarks_on_effects(whole.effects), *told)
 
 
 def _kind(whole: Whole) -> str:
@@ -196,7 +208,7 @@ def _of_class(whole: Whole) -> dict[str, str]:
         "change_time": repr(float(vertical[act.CHANGE_TIME])),
         "change_over": repr(float(vertical[act.CHANGE_OVER])),
         "rpm": repr(_usual_rpm(whole)),
-        "remarks": acting_lines(whole.effects, "", WIDTH),
+        "remarks": acting_lines(whole.effects, left_out_of_pvs(whole), "", WIDTH),
     }
 
 

@@ -111,7 +111,7 @@ def _products_left_out(whole: Whole, hull: HullForces) -> list[str]:
 
 def _comment(whole: Whole, cost: tuple[str, ...]) -> str:
     return written_comment(
-        f"{whole.vehicle}: model identified by auvident, for uuv_simulator and Plankton.",
+        f"{whole.vehicle}: model {whole.made}, for uuv_simulator and Plankton.",
         "Fins take rad (a positive rudder turns to port, a positive elevator has its trailing "
         "edge down), the thruster rad/s.",
         CANNOT,

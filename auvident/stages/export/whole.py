@@ -33,6 +33,7 @@ Array = npt.NDArray[Any]
 AnyModel = IdentifiedModel | CombinedModel
 
 INERTIAS = ("I_xx", "I_yy", "I_zz")
+GIVEN = "vehicle file"  # origin of a coefficient that stands there
 RIGID = {*CONSTANTS, *INERTIAS}  # of the body itself: mass, its place, inertia, weight
 
 
@@ -72,6 +73,8 @@ class Whole:
         What becomes of a command, by plane, in the order of `physics.actuation.COMMAND`.
     of_planes : mapping
         Effects that the model carries, by plane.
+    made : str
+        Where it comes from, for people: ``identified by auvident``, or estimated.
     """
 
     vehicle: str
@@ -84,6 +87,7 @@ class Whole:
     added: Array
     commands: dict[Plane, Array]
     of_planes: dict[Plane, tuple[str, ...]]
+    made: str
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -212,7 +216,16 @@ def _assembled(
         _matrix([entry for entry in mass if entry[2].endswith("dot")], values),
         commands,
         of_planes,
+        _made(model),
     )
+
+
+def _made(model: AnyModel) -> str:
+    """Where a model comes from; of one that no trial stands behind, that it is an estimate."""
+    if isinstance(model, IdentifiedModel) or model.models:
+        return "identified by auvident"
+    given = any(c.origin == GIVEN for c in model.coefficients)
+    return f"estimated from geometry{' and given coefficients' if given else ''} by auvident"
 
 
 def _matrix(entries: list[Any], values: dict[str, float]) -> Array:
