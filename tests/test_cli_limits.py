@@ -1,10 +1,12 @@
 """Options and commands that look things up, on what is no sound input."""
 
+from pathlib import Path
+
 import pytest
 from click.testing import CliRunner
 
 from auvident.cli.common import parse_limits
-from auvident.cli.tables import inspect
+from auvident.cli.tables import inspect, new_vehicle
 from auvident.errors import InputError, UsageError
 
 
@@ -34,3 +36,45 @@ def test_inspect_does_not_call_a_log_sound_of_which_a_file_is_damaged(tmp_path):
     assert told.exit_code == 0
     assert "without a map" not in told.output
     assert "1 of 2 files cannot be read" in told.output
+
+
+SOUND = "time_s,u_mps,v_mps,r_degps,rudder_deg,rpm\n"
+FOREIGN = "t,surge,sway,yaw_rate,delta_cmd,n_prop\n"
+
+
+def log_with(path: Path, header: str) -> Path:
+    """A wide log of ten seconds."""
+    rows = (f"{k / 10},1.5,{k % 7 / 100},{k % 5},{k % 3},{900 + k % 2}\n" for k in range(100))
+    path.write_text(header + "".join(rows))
+    return path
+
+
+@pytest.mark.parametrize("header", [SOUND, FOREIGN])
+@pytest.mark.parametrize("there", ["trial.csv", "map.toml"])
+def test_inspect_overwrites_nothing(tmp_path, header, there):
+    """Neither the log itself, nor a map that somebody has edited."""
+    log = log_with(tmp_path / "trial.csv", header)
+    (tmp_path / "map.toml").write_text("# edited\n")
+    content = (tmp_path / there).read_bytes()
+    told = CliRunner().invoke(inspect, [str(log), "--output", str(tmp_path / there)])
+    assert isinstance(told.exception, UsageError)
+    assert told.exception.problem == "exists already"
+    assert (tmp_path / there).read_bytes() == content
+
+
+@pytest.mark.parametrize(("header", "is_written"), [(SOUND, False), (FOREIGN, True)])
+def test_inspect_writes_a_map_only_where_it_proposes_one(tmp_path, header, is_written):
+    file = tmp_path / "map.toml"
+    log = log_with(tmp_path / "trial.csv", header)
+    told = CliRunner().invoke(inspect, [str(log), "--output", str(file)])
+    assert told.exit_code == 0
+    assert file.exists() == is_written
+    assert ("map.toml was not written" in told.output) != is_written
+
+
+@pytest.mark.parametrize("arguments", [[], ["LOG"]])
+def test_a_device_may_be_written_to(tmp_path, arguments):
+    log = log_with(tmp_path / "trial.csv", FOREIGN)
+    command = inspect if arguments else new_vehicle
+    told = CliRunner().invoke(command, [str(log)] * len(arguments) + ["--output", "/dev/null"])
+    assert told.exit_code == 0
