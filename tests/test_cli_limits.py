@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 
@@ -43,8 +44,8 @@ FOREIGN = "t,surge,sway,yaw_rate,delta_cmd,n_prop\n"
 
 
 def log_with(path: Path, header: str) -> Path:
-    """A wide log of ten seconds."""
-    rows = (f"{k / 10},1.5,{k % 7 / 100},{k % 5},{k % 3},{900 + k % 2}\n" for k in range(100))
+    """A wide log of a minute and a half."""
+    rows = (f"{k / 10},1.5,{k % 7 / 100},{k % 5},{k % 3},{900 + k % 2}\n" for k in range(900))
     path.write_text(header + "".join(rows))
     return path
 
@@ -78,3 +79,50 @@ def test_a_device_may_be_written_to(tmp_path, arguments):
     command = inspect if arguments else new_vehicle
     told = CliRunner().invoke(command, [str(log)] * len(arguments) + ["--output", "/dev/null"])
     assert told.exit_code == 0
+
+
+def with_another_time(case: str, log: pd.DataFrame) -> pd.DataFrame:
+    """A log whose rows or time stamps no trial can have."""
+    if case == "reversed":
+        return log[::-1]
+    if case == "shuffled":
+        return log.sample(frac=1.0, random_state=0)
+    if case == "days":
+        return log.assign(time_s=45_000.0 + log["time_s"] / 86_400)
+    stamps = pd.to_datetime(1.7e9 + log["time_s"], unit="s").dt.strftime("%m/%d/%Y %H:%M:%S.%f")
+    return log.drop(columns="time_s").assign(timestamp=stamps.str[:-3])
+
+
+@pytest.mark.parametrize("case", ["reversed", "shuffled", "days", "of the US"])
+def test_inspect_does_not_call_a_log_sound_whose_time_cannot_be_used(tmp_path, case):
+    log = log_with(tmp_path / "trial.csv", SOUND)
+    with_another_time(case, pd.read_csv(log)).to_csv(log, index=False)
+    told = CliRunner().invoke(inspect, [str(log)])
+    assert told.exit_code == 0
+    assert "without a map" not in told.output
+    assert "it cannot be read as it is" in told.output
+
+
+def test_inspect_does_not_call_a_log_sound_that_runs_on_two_clocks(tmp_path):
+    table = pd.read_csv(log_with(tmp_path / "trial.csv", SOUND))
+    folder = tmp_path / "run"
+    folder.mkdir()
+    columns = {"dvl": ["u_mps", "v_mps"], "gyro": ["r_degps"], "rudder": ["rudder_deg"]}
+    for sensor, names in {**columns, "rpm": ["rpm"]}.items():
+        table[["time_s", *names]].to_csv(folder / f"{sensor}.csv", index=False)
+    assert "can be read as it is" in CliRunner().invoke(inspect, [str(folder)]).output
+    stamps = pd.to_datetime(1.7e9 + table["time_s"], unit="s").astype(str)
+    pd.DataFrame({"timestamp": stamps, "rpm": 900.0}).to_csv(folder / "rpm.csv", index=False)
+    told = CliRunner().invoke(inspect, [str(folder)]).output
+    assert "it cannot be read as it is" in told
+    assert "different clocks" in told
+
+
+def test_inspect_names_a_file_that_would_be_set_aside(tmp_path):
+    """Of a sensor that no trial needs: the log is read, but not all of it."""
+    log_with(tmp_path / "dvl.csv", SOUND)
+    rows = "".join(f"06/01/2024 12:04:{k:02d},{k}\n" for k in range(50))
+    (tmp_path / "attitude.csv").write_text("timestamp,heading_deg\n" + rows)
+    told = CliRunner().invoke(inspect, [str(tmp_path)]).output
+    assert "it cannot be read as it is" in told
+    assert "attitude.csv was not used" in told

@@ -172,11 +172,21 @@ def inspect(output: Output, log: Path, file: Path | None) -> None:
         if faulty:
             watch.note(f"{len(faulty)} of {len(report.files)} files cannot be read; see above.")
         elif not report.proposed_map and not report.unassigned:
-            watch.note("The log can be read as it is, without a map.")
+            watch.note(_as_it_is(log))
         if file is not None and not report.proposed_map:
             watch.note(f"No map is proposed, and {file} was not written.")
     _put(output, report.proposed_map, file)
     output.artifact(report, "inspect")
+
+
+def _as_it_is(log: Path) -> str:
+    """Whether a log that needs no map can be read."""
+    from auvident.pipeline.ingesting import hindrance
+
+    told = hindrance(log)
+    if told:
+        return f"It needs no map, but it cannot be read as it is: {told}"
+    return "The log can be read as it is, without a map."
 
 
 def _put(output: Output, proposed_map: str, file: Path | None) -> None:

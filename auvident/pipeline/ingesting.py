@@ -194,6 +194,31 @@ def _trial_sources(given: Given, aside: _Aside) -> "list[TrialSource]":
     return found
 
 
+def hindrance(path: Path) -> str:
+    """Why a log is refused as it is, or a part of it set aside; empty where all of it is read.
+
+    Parameters
+    ----------
+    path : Path
+        A file, a trial folder or a folder of them; read without a map.
+    """
+    from auvident.stages.ingest.order import order_rows
+    from auvident.storage.log_find import Fault, find_trials
+    from auvident.storage.logs import read_trial
+
+    faults: list[Fault] = []
+    try:
+        for source in find_trials([path], None, faults):
+            raw = read_trial(source)
+            for sensor in raw.sensors.values():
+                order_rows(sensor)
+            for finding in (f for f in raw.findings if f.code == "file_set_aside"):
+                return str(InputError(finding.message, finding.where, finding.remedy))
+    except InputError as error:
+        return str(error)
+    return str(faults[0].error) if faults else ""
+
+
 def _groups(options: Mapping[str, Any]) -> list[list[Path]]:
     """All logs together; one by one where one may fail (sensor files belong together)."""
     paths = [not_here(Path(p)) for p in options["logs"]]
