@@ -270,7 +270,6 @@ def _column_map(options: Mapping[str, Any]) -> "ColumnMap | None":
 def ingest_sources(options: Mapping[str, Any]) -> list[Path]:
     """Files of the logs, the map, the vehicle file and its offsets file."""
     from auvident.storage.declared import file_named_in, outside_allowed, read_toml
-    from auvident.storage.log_find import find_trials
 
     vehicle = Path(options["vehicle"])
     sources = [vehicle]
@@ -280,11 +279,19 @@ def ingest_sources(options: Mapping[str, Any]) -> list[Path]:
             sources.append(file_named_in(vehicle, hull["offsets"], "[hull] offsets"))
     if options["map"]:
         sources.append(Path(options["map"]))
+    return list(dict.fromkeys([*sources, *log_files(options)]))
+
+
+def log_files(options: Mapping[str, Any]) -> list[Path]:
+    """Files of the trials among the logs."""
+    from auvident.storage.log_find import find_trials
+
+    found: list[Path] = []
     column_map = _column_map(options)
     for group in _groups(options):
         try:
-            sources += [f for trial in find_trials(group, column_map, []) for f in trial.files]
+            found += [f for trial in find_trials(group, column_map, []) for f in trial.files]
         except InputError:
             if not options.get("keep_going"):
                 raise
-    return list(dict.fromkeys(sources))
+    return found
