@@ -33,7 +33,8 @@ def other_log(entry: StageEntry, run: RunDirectory) -> tuple[str, str]:
         return "", ""
     known = {os.path.abspath(run.located(name)): name for name in entry.inputs}
     others = (entry.options.get("vehicle"), entry.options.get("map"))
-    inside = [f for f in known if any(Path(f).is_relative_to(log) for log in given)]
+    places = set(given)
+    inside = [f for f in known if places & {Path(f), *Path(f).parents}]
     logs = [file for file in inside if known[file] not in others]
     gone = [file for file in logs if not os.path.exists(file)]
     if len(gone) == len(logs):
