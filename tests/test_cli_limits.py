@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from auvident.cli.common import parse_limits
+from auvident.cli.common import PATH, parse_limits
 from auvident.cli.tables import inspect, new_vehicle
 from auvident.errors import InputError, UsageError
 
@@ -19,6 +19,14 @@ def test_a_limit_that_no_error_can_be_held_against_is_refused(text):
 
 def test_a_limit_is_read():
     assert parse_limits(("u=0.05", "r = 1e-3")) == {"u": 0.05, "r": 1e-3}
+
+
+def test_whether_a_path_may_be_read_is_not_asked_by_the_command_line(tmp_path, monkeypatch):
+    """Its refusal would be a matter of usage (code 2), and name neither cause nor remedy."""
+    monkeypatch.setattr("os.access", lambda *_, **__: False)
+    (tmp_path / "v.toml").write_text("")
+    assert PATH.convert(str(tmp_path / "v.toml"), None, None) == tmp_path / "v.toml"
+    assert PATH.convert(str(tmp_path), None, None) == tmp_path
 
 
 @pytest.mark.parametrize("content", [b"", b"%% LOGSTART 2024-05-01\n1.0 X iX 3\n"])
