@@ -286,3 +286,65 @@ def test_a_plan_of_the_user_is_an_input(demo: Path, auvident: Callable[..., Call
     with contextlib.chdir(demo):  # the plan is found from anywhere
         said = decisions(auvident("run", "--run", "."))
     assert said["identify"].endswith("mine.toml changed")
+
+
+@pytest.fixture
+def with_own_logs(tmp_path: Path, demo: Path, auvident: Callable[..., Called]) -> Path:
+    """A run of a folder of logs that a test may change; ingested alone."""
+    logs = tmp_path / "logs" / "harbour_trial"
+    shutil.copytree(SAMPLES / "harbour_trial", logs)
+    (logs / "notes.md").write_text("Calm, no current.\n")
+    vehicle = ("--vehicle", SAMPLES / "remus100.toml")
+    called = auvident("ingest", logs.parent, *vehicle, "--run", "runs/own", "--quiet")
+    assert called.code == 0, called.err
+    assert states(Path("runs/own"))["ingest"] == "done"
+    return logs
+
+
+def told(run: str = "runs/own") -> str:
+    """Why its logs are to be read again, as `status` says."""
+    return next(d.reason for d in status(Path(run))[0] if d.stage == "ingest")
+
+
+def test_a_log_that_came_or_went_makes_a_run_stale(
+    with_own_logs: Path, auvident: Callable[..., Called]
+) -> None:
+    depth = with_own_logs / "depth.csv"
+    content = depth.read_bytes()
+    depth.unlink()
+    assert told() == "harbour_trial/depth.csv is missing"
+    called = auvident("segment", "runs/own")
+    assert called.code == 4
+    assert "depth.csv is missing" in called.err
+    depth.write_bytes(content)
+    assert told() == ""
+    shutil.copytree(with_own_logs, with_own_logs.with_name("second_trial"))
+    assert told() == "second_trial/attitude.csv is new"
+    assert auvident("segment", "runs/own").code == 4
+
+
+def test_what_is_no_log_makes_no_run_stale(with_own_logs: Path, demo: Path) -> None:
+    """Notes, hidden files, a table that the program wrote, a run directory."""
+    (with_own_logs / "hull.txt").write_text("x_m,radius_m\n0,1\n")
+    (with_own_logs / ".dvl.csv").write_text("time_s,u_mps\n0,1\n")
+    pd.DataFrame({"time_s": [0.0], "u_mps_low": 1.0, "u_mps_high": 1.0, "v_mps_low": 1.0}).assign(
+        v_mps_high=1.0
+    ).to_csv(with_own_logs / "simulated.csv", index=False)
+    shutil.copytree(demo, with_own_logs / "run")
+    assert told() == ""
+
+
+def test_a_run_need_not_keep_its_logs(with_own_logs: Path) -> None:
+    """Whether their folder is left or not."""
+    for file in with_own_logs.iterdir():
+        file.unlink()
+    assert told() == ""
+    shutil.rmtree(with_own_logs.parent)
+    assert told() == ""
+
+
+def test_the_logs_of_a_run_are_not_opened_to_see_that_none_came(
+    with_own_logs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("auvident.pipeline.ingesting.log_files", None)
+    assert told() == ""

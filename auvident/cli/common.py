@@ -272,7 +272,7 @@ class GivenPath(click.Path):
         return super().convert(value, param, ctx)
 
 
-PATH: Any = GivenPath(path_type=Path)
+PATH: Any = GivenPath(path_type=Path, readable=False)  # as above: not click's business (code 2)
 RUN = click.argument("run", metavar="RUN", type=PATH)
 
 

@@ -130,8 +130,7 @@ def new_vehicle(output: Output, file: Path | None) -> None:
 
     text = vehicle_template()
     if file is not None:
-        if file.exists():
-            raise UsageError("exists already", str(file), "Give the name of a new file.")
+        _refuse_existing(file)
         write_bytes(file, text.encode())
         with output.watch() as watch:
             watch.note(f"written to {file}; once it has your numbers: auvident ase {file}")
@@ -140,22 +139,29 @@ def new_vehicle(output: Output, file: Path | None) -> None:
     output.artifact({"schema": "auvident/new-vehicle/1", "toml": text}, "new-vehicle")
 
 
+def _refuse_existing(file: Path) -> None:
+    """Refuse to write over a file, which a person may have edited, or which is the log itself."""
+    if file.exists() and (file.is_file() or file.is_dir()):  # /dev/stdout may be written to
+        raise UsageError("exists already", str(file), "Give the name of a new file.")
+
+
 @command(
     "inspect",
     "auvident inspect sample_logs/harbour_trial",
     "auvident inspect sample_logs/harbour_trial/gyro.csv --json",
 )
 @click.argument("log", metavar="LOG", type=PATH)
-@click.option("--output", "file", type=PATH, help="Write the proposed map to this file (TOML).")
+@click.option("--output", "file", type=PATH, help="Write the proposed map to a new file (TOML).")
 def inspect(output: Output, log: Path, file: Path | None) -> None:
     """Show what a log contains: clocks, columns, ranges, gaps, and a map that would read it.
 
     The proposed map, if one is needed, is printed on standard output, ready for --map.
     """
     from auvident.report.console import log_tables
-    from auvident.storage.artifacts import write_bytes
     from auvident.storage.log_inspect import inspect_log
 
+    if file is not None:
+        _refuse_existing(file)
     report = inspect_log(log)
     faulty = [f for f in report.files if f.fault]
     if len(faulty) == len(report.files):
@@ -166,9 +172,28 @@ def inspect(output: Output, log: Path, file: Path | None) -> None:
         if faulty:
             watch.note(f"{len(faulty)} of {len(report.files)} files cannot be read; see above.")
         elif not report.proposed_map and not report.unassigned:
-            watch.note("The log can be read as it is, without a map.")
-    if file is not None:
-        write_bytes(file, report.proposed_map.encode())
-    elif report.proposed_map and not output.json:
-        output.text(report.proposed_map.rstrip("\n"))
+            watch.note(_as_it_is(log))
+        if file is not None and not report.proposed_map:
+            watch.note(f"No map is proposed, and {file} was not written.")
+    _put(output, report.proposed_map, file)
     output.artifact(report, "inspect")
+
+
+def _as_it_is(log: Path) -> str:
+    """Whether a log that needs no map can be read."""
+    from auvident.pipeline.ingesting import hindrance
+
+    told = hindrance(log)
+    if told:
+        return f"It needs no map, but it cannot be read as it is: {told}"
+    return "The log can be read as it is, without a map."
+
+
+def _put(output: Output, proposed_map: str, file: Path | None) -> None:
+    """A proposed map, if there is one: into a file, else on standard output."""
+    from auvident.storage.artifacts import write_bytes
+
+    if proposed_map and file is not None:
+        write_bytes(file, proposed_map.encode())
+    elif proposed_map and not output.json:
+        output.text(proposed_map.rstrip("\n"))

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from auvident import __version__
 from auvident.pipeline.given import fits, matching
+from auvident.pipeline.log_changes import other_log
 from auvident.pipeline.planes import planes_of
 from auvident.pipeline.table import BY_NAME, STAGES, Stage, before
 from auvident.schema.manifest import Manifest, StageEntry
@@ -55,8 +56,8 @@ def judge(
     run : RunDirectory
     manifest : Manifest or None
     wanted : Wanted, optional
-        Options and sources of a new run; without it those of the last run hold, and a source
-        that can no longer be found does not make the stage stale.
+        Options and sources of a new run; without it those of the last run hold, and logs that
+        can no longer be found do not make the stage stale, unless only some of them are gone.
     """
     entry = manifest.stages.get(stage.name) if manifest else None
     if entry is None or manifest is None:
@@ -117,7 +118,8 @@ def _sources(stage: Stage, entry: StageEntry, run: RunDirectory, wanted: Wanted 
         now = sha256_of(run.located(name))
         if now is not None and now != old:
             return f"{_shown(name)} changed"
-    return ""
+    name, how = other_log(entry, run) if stage.name == "ingest" else ("", "")
+    return f"{_shown(name)} {how}" if name else ""
 
 
 def _inputs(stage: Stage, entry: StageEntry, run: RunDirectory, manifest: Manifest) -> str:

@@ -194,6 +194,31 @@ def _trial_sources(given: Given, aside: _Aside) -> "list[TrialSource]":
     return found
 
 
+def hindrance(path: Path) -> str:
+    """Why a log is refused as it is, or a part of it set aside; empty where all of it is read.
+
+    Parameters
+    ----------
+    path : Path
+        A file, a trial folder or a folder of them; read without a map.
+    """
+    from auvident.stages.ingest.order import order_rows
+    from auvident.storage.log_find import Fault, find_trials
+    from auvident.storage.logs import read_trial
+
+    faults: list[Fault] = []
+    try:
+        for source in find_trials([path], None, faults):
+            raw = read_trial(source)
+            for sensor in raw.sensors.values():
+                order_rows(sensor)
+            for finding in (f for f in raw.findings if f.code == "file_set_aside"):
+                return str(InputError(finding.message, finding.where, finding.remedy))
+    except InputError as error:
+        return str(error)
+    return str(faults[0].error) if faults else ""
+
+
 def _groups(options: Mapping[str, Any]) -> list[list[Path]]:
     """All logs together; one by one where one may fail (sensor files belong together)."""
     paths = [not_here(Path(p)) for p in options["logs"]]
@@ -245,7 +270,6 @@ def _column_map(options: Mapping[str, Any]) -> "ColumnMap | None":
 def ingest_sources(options: Mapping[str, Any]) -> list[Path]:
     """Files of the logs, the map, the vehicle file and its offsets file."""
     from auvident.storage.declared import file_named_in, outside_allowed, read_toml
-    from auvident.storage.log_find import find_trials
 
     vehicle = Path(options["vehicle"])
     sources = [vehicle]
@@ -255,11 +279,19 @@ def ingest_sources(options: Mapping[str, Any]) -> list[Path]:
             sources.append(file_named_in(vehicle, hull["offsets"], "[hull] offsets"))
     if options["map"]:
         sources.append(Path(options["map"]))
+    return list(dict.fromkeys([*sources, *log_files(options)]))
+
+
+def log_files(options: Mapping[str, Any]) -> list[Path]:
+    """Files of the trials among the logs."""
+    from auvident.storage.log_find import find_trials
+
+    found: list[Path] = []
     column_map = _column_map(options)
     for group in _groups(options):
         try:
-            sources += [f for trial in find_trials(group, column_map, []) for f in trial.files]
+            found += [f for trial in find_trials(group, column_map, []) for f in trial.files]
         except InputError:
             if not options.get("keep_going"):
                 raise
-    return list(dict.fromkeys(sources))
+    return found

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -22,14 +22,15 @@ DOTTED_KEY = re.compile(
     r"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){""" + f"{MOST_LEVELS}}}"
 )
 MOST_FAULTS = 10  # of one file in a message
+LIST_ASKED_FOR = ("tuple_type", "list_type")  # faults of pydantic
 
 Model = TypeVar("Model", bound=BaseModel)
 
 _OUTSIDE = ContextVar("paths in declared files may leave their folder", default=False)
 OUTSIDE_REMEDY = "Copy it there, or give --allow-outside."
 SYNTAX_REMEDY = (
-    "Correct it there: key = value on a line of its own, tables as [name], text in quotes, and "
-    "numbers with a decimal point."
+    "Correct it there: key = value on a line of its own, tables as [name] (as [[name]] where "
+    "there may be several), text in quotes, and numbers with a decimal point."
 )
 
 
@@ -176,12 +177,19 @@ def explain(error: ValidationError) -> str:
             message = "unknown key"
         elif fault["type"] == "missing":
             message = "is missing"
+        elif fault["type"] in LIST_ASKED_FOR and len(place) == 1 and _is_table(fault):
+            message = f"is one of a list of tables: write [[{clipped(str(place[0]))}]]"
         elif fault["type"] not in ("value_error", "missing"):
             message = f"{message}, not {clipped(repr(fault.get('input')))}"
         lines.append(f"{table}{key}: {message}" if key else f"{table}{message}")
     if len(faults) > MOST_FAULTS:
         lines.append(f"and {len(faults) - MOST_FAULTS} more")
     return "; ".join(lines)
+
+
+def _is_table(fault: Mapping[str, Any]) -> bool:
+    """Whether a table stands where a fault was found."""
+    return isinstance(fault.get("input"), dict)
 
 
 def parse(model: type[Model], data: dict, path: Path, remedy: str = "") -> Model:

@@ -172,7 +172,8 @@ def _holder(descriptor: int) -> Holder | None:
 
 
 def _cannot_be_made(folder: Path, why: str | None) -> InputError:
-    return InputError(f"cannot be created: {why}", str(folder), "Choose another folder.")
+    what = "written to" if os.path.isdir(folder) else "created"
+    return InputError(f"cannot be {what}: {why}", str(folder), "Choose another folder.")
 
 
 def _in_use(folder: Path, holder: Holder | None, also: str = "") -> InUseError:

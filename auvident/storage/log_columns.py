@@ -1,6 +1,7 @@
 """Which column of a file holds which channel, in which unit; what to suggest when none does."""
 
 import difflib
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -154,6 +155,7 @@ ALIASES: dict[str, tuple[str, ...]] = {
         "rev",
         "n_rpm",
         "n_cmd",
+        "rpm_cmd",
     ),
     "roll": ("phi", "roll_angle"),
     "pitch": ("theta", "pitch_angle"),
@@ -184,6 +186,7 @@ TIME_ALIASES = (
 )
 USUAL_UNIT = {"m/s": "mps", "rad": "deg", "rad/s": "degps", "1/min": "rpm", "m": "m"}
 MOST_LISTED = 40  # names in a message
+LEAST_LETTERS = 3  # of a quantity whose name says something within that of a column
 TIME_REMEDY = "Name it time_s (seconds) or timestamp (ISO 8601 or epoch)"
 
 
@@ -360,8 +363,9 @@ def _only_one(log: LogFile, channel: Channel, names: Sequence[str]) -> LogColumn
     Raises
     ------
     InputError
-        When none has a unit that fits, or two have.
+        When none has a unit that fits, or two have, or two have one name.
     """
+    log.refuse_twice(names)
     stated = [name for name in names if _stated_unit(log, name, channel) is not None]
     if len(stated) > 1:
         raise InputError(
@@ -448,11 +452,12 @@ def missing_channel(
         Columns found, by file name.
     """
     found = "; ".join(f"{file}: {', '.join(names)}" for file, names in columns.items())
-    guesses = [(f, guess_column(channel, names)) for f, names in columns.items()]
-    file, name = next(((f, n) for f, n in guesses if n), (next(iter(columns), "log.csv"), None))
+    guesses = [(f, _likely_column(channel, names)) for f, names in columns.items()]
+    file, name = next(((f, n) for f, n in guesses if n), ("", "your_column"))
     suffixes = " or ".join(_log_names(channel))
-    entry = entry_text(channel, name or "your_column")
-    place = f'[{channel.sensor}] file = "{file}", ' + entry.split("] ")[1]
+    place = entry_text(channel, name)
+    if file:
+        place = place.replace("] ", f'] file = "{file}", ', 1)
     return InputError(
         f"no column {suffixes} ({channel.meaning}) for {channel.sensor}; "
         f"found {found or 'nothing'}",
@@ -461,6 +466,14 @@ def missing_channel(
         + _without(channel),
         lacks=channel.column,
     )
+
+
+def _likely_column(channel: Channel, names: Sequence[str]) -> str | None:
+    """A column to name in a message: under another name, or with that of the channel within."""
+    found = guess_column(channel, names)
+    if found is not None or len(channel.quantity) < LEAST_LETTERS:
+        return found
+    return next((n for n in names if channel.quantity in re.split(r"[\W_]+", n.lower())), None)
 
 
 def _without(channel: Channel) -> str:

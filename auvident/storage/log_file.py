@@ -1,5 +1,6 @@
 """One table of a log file (text, Parquet, or a container of many): columns, values on demand."""
 
+import unicodedata
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -83,15 +84,40 @@ class LogFile:
         return self.topic.rpartition("/")[2] if self.topic else stem(self.path)
 
     def find(self, name: str) -> str | None:
-        """Name in the file of a column, case ignored unless that is ambiguous."""
+        """Name in the file of a column, case ignored unless that is ambiguous.
+
+        Letters with marks may be one sign or two (NFC, NFD), as editors and systems have it.
+        """
         if name in self.names:
             return name
-        same = [own for own in self.names if own.strip().lower() == name.strip().lower()]
-        return same[0] if len(same) == 1 else None
+        for spelled in (_composed, _plain):
+            same = [own for own in self.names if spelled(own) == spelled(name)]
+            if len(same) == 1:
+                return same[0]
+        return None
+
+    def refuse_twice(self, names: Collection[str]) -> None:
+        """Refuse columns of which there are two of one name: no map could tell them apart.
+
+        Raises
+        ------
+        InputError
+        """
+        for name in names:
+            if self.names.count(name) > 1:
+                raise InputError(f"has two columns named {name}", self.where, "Rename one of them.")
 
     def unit_of(self, name: str) -> str:
         """Unit that the file states beside the name of a column, or ""."""
         return self.units[self.names.index(name)]
+
+
+def _composed(name: str) -> str:
+    return unicodedata.normalize("NFC", name)
+
+
+def _plain(name: str) -> str:
+    return _composed(name).strip().lower()
 
 
 def stem(path: Path) -> str:
@@ -177,9 +203,7 @@ def _open_text(path: Path, time_names: Collection[str]) -> LogFile:
 
 def read_log(log: LogFile, wanted: Mapping[str, Kind | None]) -> LogTable:
     """Read columns of a log file; see `auvident.storage.log_csv.read_csv`."""
-    for name in wanted:
-        if log.names.count(name) > 1:
-            raise InputError(f"has two columns named {name}", log.where, "Rename one of them.")
+    log.refuse_twice(wanted)
     if log.container is not None:
         return _read_table(log, log.container, wanted)
     if log.layout is not None:

@@ -15,6 +15,7 @@ from auvident.storage.log_file import LogFile, open_logs, read_log
 from auvident.storage.log_find import LAYOUT_REMEDY
 from auvident.storage.log_own import MAX_DEPTH, folders_in, logs_in
 from auvident.storage.log_propose import propose_map
+from auvident.storage.log_propose_files import trials_without_map
 from auvident.storage.log_time import as_floats, to_seconds
 from auvident.storage.regular import refuse_irregular
 
@@ -62,7 +63,7 @@ class FileReport(Artifact):
 class LogReport(Artifact):
     """Everything ``auvident inspect`` shows.
 
-    `proposed_map` is the text of a ``MAP.toml``; "" when the log can be read without one.
+    `proposed_map` is the text of a ``MAP.toml``; "" when none is needed, or none would help.
     `unassigned` names needed channels for which no column was found.
     """
 
@@ -107,7 +108,8 @@ def inspect_log(path: Path) -> LogReport:
             reports.append(report)
     first = files[0].parent
     together = {key: log for key, log in opened.items() if log.path.parent == first}
-    text, unassigned = propose_map(together, values)
+    trials = trials_without_map(path, together)
+    text, unassigned = propose_map(together, values, trials)
     return LogReport(path=str(path), files=tuple(reports), proposed_map=text, unassigned=unassigned)
 
 

@@ -29,6 +29,12 @@ from auvident.storage.log_proposal import (
     unit_of,
 )
 from auvident.storage.log_propose_angles import angle_proposals, find_angles
+from auvident.storage.log_propose_files import (
+    Tables,
+    are_one_trial,
+    file_patterns,
+    to_propose_for,
+)
 from auvident.storage.log_propose_topics import assign_topics, flag_lines, is_generic, topic_lines
 
 USUAL_STEP_S = 5.0  # a median step above it means that the time is not in seconds
@@ -37,7 +43,9 @@ HEADER = (
 )
 
 
-def propose_map(logs: Mapping[str, LogFile], values: Values) -> tuple[str, tuple[str, ...]]:
+def propose_map(
+    logs: Mapping[str, LogFile], values: Values, trials: Sequence[Tables] = ()
+) -> tuple[str, tuple[str, ...]]:
     """Text of a map for the tables of one folder or container, and needed channels without one.
 
     Parameters
@@ -46,6 +54,8 @@ def propose_map(logs: Mapping[str, LogFile], values: Values) -> tuple[str, tuple
         The tables by `LogFile.where`; of files alike (a trial each) the first stands for all.
     values : mapping
         Their columns.
+    trials : sequence of mapping
+        Those of them that are read together without a map, as `trials_without_map` finds them.
 
     Returns
     -------
@@ -54,17 +64,19 @@ def propose_map(logs: Mapping[str, LogFile], values: Values) -> tuple[str, tuple
     unassigned : tuple of str
         Needed channel columns for which nothing was found.
     """
-    chosen = _first_of_alike(logs)
+    chosen = _first_of_alike(to_propose_for(logs, trials))
     with_topics = any(log.topic for log in chosen.values())
     assigned = assign_topics(chosen, values) if with_topics else _assign(chosen, values)
     proposals = in_knots(one_unit(assigned), chosen, values)
     found = {p.channel.column for p in proposals}
     unassigned = tuple(c.column for c in CHANNELS if c.needed and c.column not in found)
     silent = any(may_be_on_change(p, chosen, values) for p in proposals)
-    if not silent and _reads_without(chosen, proposals):
+    homes = {q.home: [p.name for p in proposals if p.home == q.home] for q in proposals}
+    if not silent and are_one_trial(homes, trials) and _reads_without(chosen, proposals):
         return "", unassigned
+    files = file_patterns(homes, chosen)
     tables = [
-        _table(sensor, [p for p in proposals if p.channel.sensor == sensor], chosen, values)
+        _table(sensor, [p for p in proposals if p.channel.sensor == sensor], chosen, values, files)
         for sensor in SENSORS
     ]
     text = HEADER + "\n".join(table for table in tables if table)
@@ -217,7 +229,11 @@ def _has_rivals(fixes: LogFile, logs: Mapping[str, LogFile], proposals: Sequence
 
 
 def _table(
-    sensor: str, proposals: list[Proposal], logs: Mapping[str, LogFile], values: Values
+    sensor: str,
+    proposals: list[Proposal],
+    logs: Mapping[str, LogFile],
+    values: Values,
+    files: Mapping[str, str],
 ) -> str:
     if not proposals:
         return ""
@@ -228,7 +244,7 @@ def _table(
         lines += topic_lines(sensor, log, values[home], proposals)
     else:
         if len(logs) > 1 and log.stem.lower() != sensor:
-            lines.append(f"file = {json.dumps(log.path.name)}")
+            lines.append(f"file = {json.dumps(files[home])}")
         lines += _time_lines(log, values[home])
         lines += flag_lines(sensor, values[home])
     lines += [_entry(p) for p in proposals if p.home == home]

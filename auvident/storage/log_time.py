@@ -18,6 +18,10 @@ MOST_STEP_S = 60.0  # between rows; beyond it the unit of whole numbers is a fin
 # Dates of 1982 to 2119 as numbers of days: of spreadsheets, and of MATLAB (datenum).
 DAYS = {"Excel": (3e4, 8e4), "MATLAB": (7.24e5, 7.74e5)}
 MOST_DAY_STEP = 2e-4  # mean distance of rows: 17 s in days; in seconds faster than any sensor
+FEWEST_OF_RATE = 10  # rows by which it is judged
+MOST_RATE_HZ = 9e3  # PX4 logs raw gyros at 8 kHz; 10 Hz in s that are read as ms are beyond it
+MOST_SHARED = 0.5  # of the rows may have the time of the row before, in a clock of whole seconds
+LEAST_LOST_S = 1.0  # floats of 32 bits that are further apart have lost the time within a second
 MOST_COUNT = 2**62  # half of what 64 bits hold, the year 2116 in ns: beyond it is a filler
 MISSING_COUNT = np.iinfo(np.int64).min  # an empty cell among integers; numpy's NaT is the same
 
@@ -64,8 +68,16 @@ def read_stamps(values: np.ndarray, unit: str | None, where: str, rows: np.ndarr
     Raises
     ------
     InputError
-        When a text is no instant, or integers are neither of a named unit nor an epoch.
+        When a text is no instant, integers are neither of a named unit nor an epoch, floats have
+        lost the seconds, or the rows follow each other faster than those of any sensor.
     """
+    stamps = _stamps_of(values, unit, where, rows)
+    _refuse_too_fast(stamps.time_s, where)
+    return stamps
+
+
+def _stamps_of(values: np.ndarray, unit: str | None, where: str, rows: np.ndarray) -> Stamps:
+    """Times of a column, however fast they follow each other."""
     if values.dtype == object:
         values = _from_text(values, where, rows)
     if values.dtype.kind == "M":
@@ -77,6 +89,7 @@ def read_stamps(values: np.ndarray, unit: str | None, where: str, rows: np.ndarr
     numbers = np.where(np.isfinite(values), values, np.nan)
     factor = TIME_UNITS[unit] if unit in TIME_UNITS else _epoch_factor(numbers)
     _refuse_finer(numbers * factor, where)
+    _refuse_single_precision(numbers, factor, where)
     if unit in (None, "s"):
         _refuse_days(numbers, where)
     return Stamps(numbers * factor, 0)
@@ -169,6 +182,40 @@ def _refuse_finer(seconds: np.ndarray, where: str, is_finer: bool = False) -> No
             where,
             "Give the column the suffix of its unit (time_ns), name it timestamp, or set "
             'time_unit = "ns" in a map (--map).',
+        )
+
+
+def _refuse_single_precision(numbers: np.ndarray, factor: float, where: str) -> None:
+    """Refuse times of which 32 bits have kept no seconds: most rows share that of another."""
+    known = numbers[np.isfinite(numbers)]
+    if known.size < 2 or np.mean(np.diff(known) == 0.0) < MOST_SHARED:
+        return
+    with np.errstate(over="ignore"):
+        rounded = known.astype(np.float32)
+    step_s = float(np.spacing(np.abs(np.median(rounded)))) * factor
+    if np.array_equal(rounded, known) and LEAST_LOST_S <= step_s < np.inf:
+        raise InputError(
+            f"times are floats of 32 bits, of which two neighbours are {step_s:.3g} s apart",
+            where,
+            "Store the time as floats of 64 bits (double), as integers or as instants; what is "
+            "between those steps is lost in this file.",
+        )
+
+
+def _refuse_too_fast(seconds: np.ndarray, where: str) -> None:
+    """Refuse rows that follow each other faster than those of any sensor, by their mean distance.
+
+    Not by the median: messages may come in bursts.
+    """
+    known = seconds[np.isfinite(seconds)]
+    span = float(np.ptp(known)) if known.size >= FEWEST_OF_RATE else 0.0
+    if span > 0.0 and known.size - 1 > MOST_RATE_HZ * span:
+        raise InputError(
+            f"{known.size} rows in {span:.3g} s, {(known.size - 1) / span:.3g} a second, are more "
+            "than any sensor delivers",
+            where,
+            "Check the unit of the time: time_unit in the map (--map), or the suffix of the "
+            "column (time_s, time_ms).",
         )
 
 

@@ -169,7 +169,7 @@ def test_a_lock_file_that_is_a_link_is_not_written_through(tmp_path: Path) -> No
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / lock.LOCK_FILE).symlink_to("../mine")
     with (
-        pytest.raises(InputError, match="cannot be created"),
+        pytest.raises(InputError, match="run: cannot be written to"),
         RunDirectory(tmp_path / "run").lock(),
     ):
         pass
@@ -253,5 +253,21 @@ def test_a_directory_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     with (
         pytest.raises(InputError, match="file/run: cannot be created"),
         RunDirectory(tmp_path / "file" / "run").lock(),
+    ):
+        pass
+
+
+def test_a_directory_that_is_there_cannot_be_written_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As root nothing is denied: the system is played."""
+
+    def denied(*arguments: object) -> int:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+    monkeypatch.setattr(os, "open", denied)
+    with (
+        pytest.raises(InputError, match="cannot be written to: Permission denied"),
+        RunDirectory(tmp_path).lock(),
     ):
         pass

@@ -185,3 +185,18 @@ def test_nanoseconds_in_a_column_of_seconds_are_refused(tmp_path, first):
         read_trials([path])
     for word in (str(path), "column time_s", "finer unit", "time_ns"):
         assert word in str(caught.value)
+
+
+@pytest.mark.parametrize(("per_second", "step"), [(1.0, "128 s"), (1e3, "131 s")])
+def test_an_epoch_of_single_precision_is_told_by_its_steps(tmp_path, per_second, step):
+    seconds = (stamps_ns() / 1e9 * per_second).astype(np.float32)
+    path = write(tmp_path / "run.parquet", pa.array(seconds, pa.float32()))
+    with pytest.raises(InputError, match=f"floats of 32 bits.* {step} apart") as caught:
+        read_trials([path])
+    assert "64 bits" in caught.value.remedy
+
+
+def test_seconds_of_single_precision_are_read_where_they_suffice(tmp_path):
+    seconds = np.repeat(np.arange(0.0, 30.0), 10).astype(np.float32)  # a clock of whole seconds
+    path = write(tmp_path / "run.parquet", pa.array(seconds, pa.float32()), "time_s")
+    np.testing.assert_array_equal(times(path)[0], seconds)

@@ -210,3 +210,27 @@ def test_a_pipe_named_after_a_sensor_is_refused_by_its_name(tmp_path):
     with pytest.raises(InputError, match="is a pipe, not a file") as told:
         read_trials([folder])
     assert told.value.where.endswith("dvl.csv")
+
+
+def test_two_columns_of_one_name_are_to_be_renamed(tmp_path):
+    """A map could not choose between them."""
+    path = wide_file(tmp_path, lambda text: text.replace("u_mps", "v_mps", 1))
+    message = refused(path, path, "two columns named v_mps", "Rename one of them")
+    assert "--map" not in message
+
+
+def test_the_remedy_for_a_missing_channel_names_a_file_that_may_have_it(tmp_path):
+    tables = sensor_tables()
+    tables["attitude"] = tables["dvl"].rename(columns={"u_mps": "roll_deg", "v_mps": "pitch_deg"})
+    tables["thruster"] = tables.pop("rpm").rename(columns={"rpm": "rpm_cmd"})
+    message = '[rpm] file = "thruster.csv", rpm = { column = "rpm_cmd", unit = "rpm" }'
+    refused(write_folder(tmp_path / "run", tables), message)
+    tables["thruster"] = tables["thruster"].rename(columns={"rpm_cmd": "main_rpm_2"})
+    refused(write_folder(tmp_path / "other", tables), 'file = "thruster.csv"', '"main_rpm_2"')
+
+
+def test_the_remedy_for_a_missing_channel_names_no_file_where_none_may_have_it(tmp_path):
+    tables = sensor_tables()
+    del tables["rudder"]
+    message = refused(write_folder(tmp_path / "run", tables), '[rudder] rudder = { column = "your')
+    assert "file =" not in message

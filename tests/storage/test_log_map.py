@@ -1,5 +1,7 @@
 """MAP.toml: the user's names, files, units, signs and clocks."""
 
+import unicodedata
+
 import numpy as np
 import pytest
 from log_world import sensor_tables, wide_table, write_folder
@@ -222,3 +224,34 @@ def test_what_is_no_pattern_of_files_is_refused(tmp_path, pattern):
 
 def test_patterns_within_the_log_folder_may_have_folders(tmp_path):
     assert column_map(tmp_path, 'file = "day..1/*/x.csv"\n').file == "day..1/*/x.csv"
+
+
+@pytest.mark.parametrize(("in_file", "in_map"), [("NFC", "NFD"), ("NFD", "NFC")])
+def test_letters_with_marks_may_be_one_sign_or_two(tmp_path, in_file, in_map):
+    of_file, of_map = (unicodedata.normalize(form, "Fahrt längs") for form in (in_file, in_map))
+    assert of_file != of_map
+    table = wide_table().rename(columns={"u_mps": of_file})
+    table.to_csv(tmp_path / "run.csv", index=False)
+    text = f'[dvl]\nu = {{ column = "{of_map}", unit = "mps" }}\n'
+    (trial,) = read_trials([tmp_path / "run.csv"], column_map(tmp_path, text))
+    assert trial.sensors["dvl"].columns["u_mps"] == of_file
+
+
+@pytest.mark.parametrize("every", [1, 2])
+def test_a_unit_of_time_that_makes_rows_follow_too_fast_is_refused(tmp_path, every):
+    """A log of 10 Hz whose seconds are read as milliseconds; at 5 Hz a sensor might be so fast."""
+    wide_table()[::every].to_csv(tmp_path / "run.csv", index=False)
+    mapping = column_map(tmp_path, 'time = "time_s"\ntime_unit = "ms"\n')
+    if every == 2:
+        assert len(read_trials([tmp_path / "run.csv"], mapping)) == 1
+        return
+    with pytest.raises(InputError, match="1e\\+04 a second") as caught:
+        read_trials([tmp_path / "run.csv"], mapping)
+    assert "Check the unit of the time: time_unit" in caught.value.remedy
+
+
+def test_messages_that_come_in_bursts_are_no_fault_of_the_unit(tmp_path):
+    table = wide_table()
+    table["time_s"] = 0.1 * (table.index // 10) + 1e-6 * (table.index % 10)
+    table.to_csv(tmp_path / "run.csv", index=False, float_format="%.7f")
+    assert len(read_trials([tmp_path / "run.csv"])) == 1

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
-from log_world import sensor_tables, write_folder
+from log_world import sensor_tables, wide_table, write_folder
 
 from auvident.storage.log_inspect import inspect_log
 from auvident.storage.logs import read_column_map, read_trials
@@ -166,3 +166,49 @@ def test_an_input_without_a_clock_is_proposed_without_one(tmp_path):
     text = inspect_log(tmp_path / "run.csv").proposed_map
     assert 'time = "?"' in text
     assert "on_change" not in text
+
+
+def written(folder, tables):
+    """Tables by the names of their files, in a folder of their own."""
+    folder.mkdir()
+    for name, table in tables.items():
+        table.to_csv(folder / f"{name}.csv", index=False)
+    return folder
+
+
+def read_as_proposed(folder, tmp_path):
+    (tmp_path / "MAP.toml").write_text(inspect_log(folder).proposed_map)
+    return read_trials([folder], read_column_map(tmp_path / "MAP.toml"))
+
+
+def test_trials_told_apart_by_what_their_files_begin_with_get_patterns(tmp_path):
+    """Although every column has the program's own name: without a map each file is a trial."""
+    tables = {f"{run}_{s}": t for run in ("a1", "b2") for s, t in sensor_tables().items()}
+    found = read_as_proposed(written(tmp_path / "logs", tables), tmp_path)
+    assert [trial.name for trial in found] == ["a1", "b2"]
+    assert found[1].sensors["gyro"].file.endswith("b2_gyro.csv")
+
+
+def test_no_pattern_where_one_trial_has_other_columns(tmp_path):
+    tables = {f"{run}_{s}": t for run in ("a1", "b2") for s, t in sensor_tables().items()}
+    tables["b2_gyro"] = np.radians(tables["b2_gyro"]).rename(columns={"r_degps": "r_radps"})
+    text = inspect_log(written(tmp_path / "logs", tables)).proposed_map
+    assert "*" not in text
+    assert 'file = "a1_gyro.csv"' in text
+
+
+def test_a_wide_file_beside_others_that_hold_the_rest_of_it_needs_a_map(tmp_path):
+    wide = wide_table()
+    angles = pd.DataFrame({"time_s": wide["time_s"], "heading_deg": 10.0 + wide.index / 100})
+    fixes = pd.DataFrame({"time_s": wide["time_s"], "north_m": 1.0 * wide.index, "east_m": 2.0})
+    tables = {"control": wide, "ahrs": angles, "usbl": fixes}
+    (trial,) = read_as_proposed(written(tmp_path / "run", tables), tmp_path)
+    assert {"dvl", "gyro", "rudder", "rpm", "attitude", "position"} == set(trial.sensors)
+
+
+def test_wide_files_that_are_trials_of_their_own_need_none(tmp_path):
+    """One of them has a depth as well; a map would mix the two."""
+    tables = {"one": wide_table(), "two": wide_table().assign(depth_m=2.0)}
+    folder = written(tmp_path / "day", tables)
+    assert inspect_log(folder).proposed_map == ""
+    assert [trial.name for trial in read_trials([folder])] == ["one", "two"]

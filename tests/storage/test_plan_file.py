@@ -65,3 +65,9 @@ def test_only_a_built_in_plan_that_stands_for_itself_is_continued(tmp_path, name
 def test_stages_that_are_no_tables_are_refused(tmp_path) -> None:
     with pytest.raises(InputError, match=r"\[stage\]"):
         read_plan(written(tmp_path, 'continues = "spiral"\nstage = 3'))
+
+
+def test_a_stage_that_is_written_as_a_table_says_how(tmp_path):
+    (tmp_path / "p.toml").write_text('name = "p"\n[stage]\nname = "surge"\nfree = ["X_uu"]\n')
+    with pytest.raises(InputError, match=r"write \[\[stage\]\]"):
+        read_plan(tmp_path / "p.toml")

@@ -247,3 +247,11 @@ def test_a_name_that_is_none_is_no_offsets_file(tmp_path, name):
         path = tmp_path / "v.toml"
         path.write_text(text)
         load_vehicle(path)
+
+
+def test_a_list_of_tables_that_is_written_as_one_says_how(tmp_path):
+    """Once, where the tables were read; twice, where it is no TOML."""
+    head, _, fin = REMUS.partition("[[fin]]")
+    one = f"{head}[fin]{fin.partition('[[fin]]')[0]}"
+    assert "[fin] is one of a list of tables: write [[fin]]" in refused(tmp_path, one)
+    assert "[[name]]" in refused(tmp_path, REMUS.replace("[[fin]]", "[fin]"))
