@@ -251,6 +251,33 @@ def test_a_propeller_that_stands_still_for_a_row_is_a_drop_out(name):
     assert "fill_value" not in reasons(sensors, "rpm")
 
 
+@pytest.mark.parametrize("written", [-9999.0, -999.0, 9999.0])
+@pytest.mark.parametrize(("first", "rows"), [((3000, 5000, 7000, 9000), 1), ((3000,), 300)])
+@pytest.mark.parametrize("name", ["harbour_trial", "bay_trial"])
+def test_a_propeller_rate_that_loggers_write_for_none_is_no_rate(name, first, rows, written):
+    """Single rows and half a minute of them."""
+    raw, vehicle = logged(name)
+    rpm = raw.sensors["rpm"].values["rpm"].copy()
+    bad = np.add.outer(first, np.arange(rows)).ravel()
+    rpm[bad] = written
+    sensors = clean_trial(with_values(raw, {"rpm": rpm}), vehicle, NEEDED)
+    left, numbers = kept(sensors)["rpm"], raw.sensors["rpm"].rows
+    before = np.setdiff1d(kept_as_logged(name)["rpm"], numbers[bad])
+    assert "fill_value" in reasons(sensors, "rpm")
+    np.testing.assert_array_equal(left, before)
+
+
+def test_a_propeller_that_turns_astern_at_999_or_counts_in_decimals_turns():
+    raw, vehicle = logged("bay_trial")
+    rpm = raw.sensors["rpm"].values["rpm"]
+    astern, little = rpm.copy(), rpm.copy()
+    astern[3000:3200], astern[5000:5050] = -999.0, -400.0
+    little[3000:3200] = -0.999
+    for turning in (astern, little):
+        sensors = clean_trial(with_values(raw, {"rpm": turning}), vehicle, NEEDED)
+        assert "fill_value" not in reasons(sensors, "rpm")
+
+
 @pytest.mark.parametrize("name", ["harbour_trial", "bay_trial"])
 def test_a_fin_that_is_at_no_fin_angle_for_a_row_has_spikes(name):
     raw, vehicle = logged(name)

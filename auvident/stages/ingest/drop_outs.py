@@ -1,12 +1,13 @@
 """Inputs off for a row or two: a propeller at 600, 0 and 600 rpm in 0.2 s, a fin at 3, 50, 3 deg.
 
 What a motor or a fin cannot do in the time; a command that is given and taken back stays, as do
-the levels between which an autopilot switches.
+the levels between which an autopilot switches. A propeller at -9999 is off however long that lasts.
 """
 
 import numpy as np
 
 from auvident.schema.channels import Channel
+from auvident.stages.ingest.fill_values import is_sentinel
 from auvident.stages.ingest.pace import Pace
 
 MOST_ROWS = 2  # in a row
@@ -17,6 +18,8 @@ USUAL = 0.9  # quantile of the magnitudes
 MOST_SHARE = 0.2  # of the rows: beyond it this is how the vehicle is steered
 SENTINEL_SHARE = 1.2  # of every other value: a fin angle that no fin has otherwise
 FEWEST = 2  # times
+# 1/min: from 9999 on no propeller turns so; from 999 on some do, but none astern by that alone
+NEVER_RPM, NEVER_ASTERN_RPM = 9998.0, 998.0
 # so many, and share of the rows, as of spikes of other sensors: a few may have been commanded
 FEWEST_PULSES, PULSE_SHARE = 8, 0.002
 REACHED = 0.99  # of the rows: two pulses in a row are among the others
@@ -25,7 +28,7 @@ REACHED = 0.99  # of the rows: two pulses in a row are among the others
 def find_drop_outs(
     time_s: np.ndarray, values: np.ndarray, channel: Channel, pace: Pace
 ) -> np.ndarray:
-    """Rows of an input that jump to zero, or far beyond its range, and back.
+    """Rows of an input that jump to zero, or far beyond its range, and back; an rpm of -9999.
 
     Parameters
     ----------
@@ -37,19 +40,28 @@ def find_drop_outs(
     numpy.ndarray of bool
         Shape (n,).
     """
-    flags = np.zeros(values.size, dtype=bool)
+    flags, turns = np.zeros(values.size, dtype=bool), channel.quantity == "rpm"
     for rows in range(1, MOST_ROWS + 1):
         first = _brief_runs(time_s, values, rows, pace)
         value = values[first]
-        if channel.quantity == "rpm":
-            first = first[value == 0.0]
-        else:
-            first = first[_is_beyond(values, value)]
+        off = _is_beyond(values, value) | (turns & (value == 0.0))
         for k in range(rows):
-            flags[first + k] = True
+            flags[first[off] + k] = True
     if flags.sum() < FEWEST or flags.sum() > MOST_SHARE * values.size:
-        return np.zeros_like(flags)
-    return flags
+        flags[:] = False
+    return flags | _stands_for_none(values, channel) if turns else flags
+
+
+def _stands_for_none(values: np.ndarray, channel: Channel) -> np.ndarray:
+    """Propeller rates that loggers write for "none", far from all others; fewer than those."""
+    size = np.abs(values)
+    none = is_sentinel(values, channel) & (size >= NEVER_ASTERN_RPM)
+    others = values[~none]
+    if none.sum() >= others.size:
+        return np.zeros_like(none)
+    beyond = (size >= NEVER_RPM) & (size > SENTINEL_SHARE * np.abs(others).max())
+    astern = (values < 0.0) & (others.min() >= 0.0)
+    return none & (beyond | astern)
 
 
 def find_pulses(time_s: np.ndarray, values: np.ndarray, channel: Channel, pace: Pace) -> np.ndarray:
