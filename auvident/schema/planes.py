@@ -87,6 +87,11 @@ class PlaneRow:
         return tuple(BY_QUANTITY[fin].column for fin in self.fins)
 
     @property
+    def needed(self) -> tuple[str, ...]:
+        """Columns without which nothing identifies in it: its velocities and its fin."""
+        return (*self.columns[:3], self.control_columns[0])
+
+    @property
     def names(self) -> dict[str, str]:
         """Symbols of the generic axes A, B and velocities a, b."""
         return dict(zip("ABab", (*self.axes[1:], *self.velocities[1:]), strict=True))

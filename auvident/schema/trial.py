@@ -1,5 +1,6 @@
 """One ingested trial: every sensor on one clock."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -44,6 +45,10 @@ class Trial:
     def has_heading(self) -> bool:
         """Whether a heading was logged."""
         return "heading_rad" in self.table and bool(self.table["heading_rad"].notna().any())
+
+    def lacking(self, columns: Iterable[str]) -> list[str]:
+        """Those of some columns of which there is no value."""
+        return [c for c in columns if c not in self.table or not self.table[c].notna().any()]
 
     @cached_property
     def turned_rad(self) -> npt.NDArray[Any] | None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from auvident.engines.records import LEAD_IN_S
-from auvident.errors import NumericsError
+from auvident.errors import InputError, NumericsError
 from auvident.estimation.identifiability import Direction
 from auvident.pipeline.steps import DEFAULT_PLAN
 from auvident.schema.artifacts import AseResult, IdentifiedModel
@@ -20,6 +20,7 @@ from auvident.schema.trial import Trial
 from auvident.stages.identify import stage as stage_module
 from auvident.stages.identify.result import _combination
 from auvident.stages.identify.setup import prepare, sensing_of
+from auvident.stages.segment import segment_both
 from tests.engines.chain import identified, plan_named, sample, validated
 
 HARBOUR, DIVE = ("harbour_trial", "horizontal"), ("dive_trial", "vertical")
@@ -238,6 +239,15 @@ def test_without_a_maneuver_of_the_plane_there_is_an_error() -> None:
     c = sample("harbour_trial")
     with pytest.raises(NumericsError, match="vertical-plane"):
         c.identify("vertical", maneuvers=only({"turn", "zigzag"}))
+
+
+@pytest.mark.parametrize("lacking", ["elevator_rad", "w_mps"])
+def test_a_plane_of_which_something_is_not_logged_is_refused_with_its_name(lacking) -> None:
+    c = sample("dive_trial")
+    trials = [replace(t, table=t.table.drop(columns=lacking)) for t in c.trials]
+    with pytest.raises(InputError, match=f"vertical plane: {lacking} not in the log") as caught:
+        c.identify("vertical", trials=trials, maneuvers=segment_both(trials))
+    assert caught.value.exit_code == 3 and "--map" in caught.value.remedy
 
 
 # --- the artifact --------------------------------------------------------------------------

@@ -1,5 +1,6 @@
 """Both planes in one list: each stretch once, numbered in time order, of one role."""
 
+from dataclasses import replace
 from functools import cache
 from itertools import combinations
 from pathlib import Path
@@ -131,6 +132,50 @@ def test_the_ids_of_the_sample_trial_are_what_they_were() -> None:
     assert [m.id for m in result.maneuvers] == [f"dive_trial-{name}" for name in names]
     runs = [m for m in result.maneuvers if m.kind == "straight" and m.plane == "horizontal"]
     assert all(m.planes == PLANES for m in runs)
+
+
+def without(trial: Trial, *columns: str) -> Trial:
+    return replace(trial, table=trial.table.drop(columns=[*columns]))
+
+
+@pytest.mark.parametrize("lacking", ["elevator_rad", "w_mps", "q_radps"])
+def test_a_run_shows_no_plane_of_which_something_is_not_logged(lacking) -> None:
+    """Also beside a trial that has the vertical plane: an unknown elevator is not zero."""
+    dive = ingested(SAMPLES / "dive_trial", "remus100")
+    other = replace(without(ingested(SAMPLES / "harbour_trial", "remus100"), lacking), name="h")
+    for trials in ([other], [other, dive]):
+        runs = [m for m in segment_both(trials).maneuvers if m.kind == "straight"]
+        assert {m.planes for m in runs if m.trial == "h"} == {("horizontal",)}
+    assert any(m.planes == PLANES for m in runs if m.trial == "dive_trial")
+
+
+def test_a_run_over_which_the_elevator_is_lost_is_one_of_the_horizontal_plane() -> None:
+    dive = ingested(SAMPLES / "dive_trial", "remus100")
+    first, *others = runs(segment_both([dive]))
+    table = dive.table.copy()
+    lost = table["time_s"].between(first.t_start_s + 30.0, first.t_start_s + 36.0)
+    table.loc[lost, "elevator_rad"] = np.nan
+    found = segment_both([replace(dive, table=table)])
+    (torn,) = (m for m in runs(found) if same(m, first))
+    assert torn.planes == ("horizontal",) and torn.features["planes"] == ["horizontal"]
+    assert all(m.planes == PLANES for m in runs(found) if any(same(m, x) for x in others))
+
+
+@pytest.mark.parametrize(
+    ("lacking", "said"),
+    [
+        (["elevator_rad"], "elevator_rad"),
+        (["w_mps"], "w_mps"),
+        (["w_mps", "q_radps"], "w_mps, q_radps"),
+        (["w_mps", "q_radps", "elevator_rad"], ""),  # nobody meant the vertical plane
+    ],
+)
+def test_vertical_maneuvers_that_could_not_be_looked_for_are_told(lacking, said) -> None:
+    dive = ingested(SAMPLES / "dive_trial", "remus100")
+    found = segment_both([without(dive, *lacking)])
+    told = [f for f in found.findings if f.code == "plane_not_searched"]
+    assert [f.message.partition(" not in the log")[0] for f in told] == ([said] if said else [])
+    assert all(f.where == "dive_trial" and "--map" in f.remedy for f in told)
 
 
 def turned(trial: Trial, m: Maneuver) -> float:

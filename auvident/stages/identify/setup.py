@@ -12,7 +12,7 @@ from auvident.constants import GRAVITY_MPS2
 from auvident.engines.carried import Carried
 from auvident.engines.records import STATE_COLUMNS, Record, record_of, sensor_matrix
 from auvident.engines.setup import Setup
-from auvident.errors import NumericsError
+from auvident.errors import InputError, NumericsError
 from auvident.physics.terms import parameter_vector, symbol_in
 from auvident.schema.artifacts import (
     AseResult,
@@ -114,7 +114,7 @@ def _records_of(
     by_name = {trial.name: without_held_out(trial, maneuvers, plane) for trial in trials}
     chosen = identifying(trials, maneuvers, plane)
     if not chosen:
-        raise _nothing_identifies(maneuvers, plane)
+        raise _nothing_identifies(trials, maneuvers, plane)
     records = {}
     for m in chosen:
         record = _masked(record_of(m, by_name[m.trial], plane, sensor), carried)
@@ -160,7 +160,18 @@ def _nothing_is_read(chosen: Sequence[Maneuver]) -> NumericsError:
     )
 
 
-def _nothing_identifies(maneuvers: Maneuvers, plane: Plane) -> NumericsError:
+def _nothing_identifies(
+    trials: Sequence[Trial], maneuvers: Maneuvers, plane: Plane
+) -> InputError | NumericsError:
+    lacking = min((t.lacking(BY_PLANE[plane].needed) for t in trials), key=len, default=[])
+    if lacking:
+        return InputError(
+            f"no trial can be used for the {plane} plane: {', '.join(lacking)} not in the log",
+            where=", ".join(trial.name for trial in trials),
+            remedy="Log it, or name its column in a map (--map). Without --plane the planes are "
+            "identified that the trials have maneuvers of.",
+            lacks=lacking[0],
+        )
     within = [m.id for m in maneuvers.maneuvers if m.role == "identify" and m.shows(plane)]
     if within:
         return NumericsError(

@@ -10,9 +10,9 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TypeVar
 
-from auvident.schema.artifacts import Maneuver, Maneuvers
+from auvident.schema.artifacts import Finding, Maneuver, Maneuvers
 from auvident.schema.base import Artifact
-from auvident.schema.planes import Plane
+from auvident.schema.planes import BY_PLANE, Plane
 from auvident.schema.trial import Trial
 from auvident.stages.segment.gaps import parts_of
 from auvident.stages.segment.stage import (
@@ -28,6 +28,7 @@ from auvident.stages.segment.vertical import search_vertically
 
 Said = TypeVar("Said", bound=Artifact)
 
+NO_PIECES = ("no_record", "plane_not_searched")  # findings of a plane without a piece of record
 SAME_S = 5.0  # runs that begin and end this close are one: the searches look at different rows
 
 
@@ -55,7 +56,7 @@ def segment_both(trials: Sequence[Trial], hold_out: Sequence[str] = ()) -> Maneu
     """
     horizontal, vertical = gather(trials, search_horizontally), gather(trials, search_vertically)
     if not any(f.plane == "vertical" for _, f in vertical.wholes):
-        vertical = Gathered()  # most trials have none; identifying in that plane says so
+        vertical = Gathered(findings=_half_logged(trials, vertical.findings))
     if not horizontal.wholes and not vertical.wholes:
         raise nothing_found(trials, "horizontal", horizontal)
     wholes = numbered(merged(horizontal.wholes, vertical.wholes), trials)
@@ -63,6 +64,17 @@ def segment_both(trials: Sequence[Trial], hold_out: Sequence[str] = ()) -> Maneu
     findings = [*horizontal.findings, *vertical.findings]
     both = Gathered(wholes, _once(rejected), _once(findings))
     return finished(both, trials, hold_out)
+
+
+def _half_logged(trials: Sequence[Trial], findings: Sequence[Finding]) -> list[Finding]:
+    """Why the vertical plane was not searched where its fin or its motion was logged.
+
+    Most trials have neither, or all and no maneuvers of it; identifying in that plane says so.
+    """
+    row = BY_PLANE["vertical"]
+    ways = (row.control_columns[:1], row.columns[1:3])
+    meant = {t.name for t in trials if any(not t.lacking(way) for way in ways)}
+    return [f for f in findings if f.where in meant and f.code in NO_PIECES]
 
 
 def _once(said: Sequence[Said]) -> list[Said]:
@@ -82,7 +94,7 @@ def merged(horizontal: Sequence[Whole], vertical: Sequence[Whole]) -> list[Whole
         w if w[0].id in shared or w[0].trial not in searched[1] else _only(w, "horizontal")
         for w in horizontal
     ]
-    new = [w for w in vertical if w[0].id not in again]
+    new = [w for w in vertical if w[0].id not in again and w[0].shows("vertical")]
     return [*own, *(_only(w, "vertical") if w[0].trial in searched[0] else w for w in new)]
 
 

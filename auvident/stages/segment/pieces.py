@@ -102,7 +102,7 @@ class Found:
 
     @property
     def planes(self) -> tuple[Plane, ...]:
-        """In which it identifies: a run with thrust steps is one of either plane."""
+        """In which it may identify: a run with thrust steps is one of either plane."""
         runs = self.kind == "straight" and self.plane == "horizontal"
         return PLANES if runs else (self.plane,)
 
@@ -112,6 +112,24 @@ class Found:
         return self.piece.seconds(self.start, self.stop)
 
 
+def planes_logged(trial: Trial, found: Found) -> tuple[Plane, ...]:
+    """In which a maneuver identifies: its trial has the motion, and the fin all along.
+
+    What is not logged would count as zero, at which no elevator stays.
+    """
+    time = trial.table[TIME_COLUMN].to_numpy()
+    rows = (time >= found.piece.time(found.start)) & (time < found.piece.time(found.stop))
+    if RECORD_COLUMN in trial.table:
+        rows &= trial.table[RECORD_COLUMN].to_numpy() >= 0
+
+    def has(plane: Plane) -> bool:
+        row = BY_PLANE[plane]
+        fin = row.control_columns[0]
+        return not trial.lacking(row.needed) and bool(trial.table[fin].notna()[rows].all())
+
+    return tuple(p for p in found.planes if p == found.plane or has(p))
+
+
 def pieces_of(trial: Trial, plane: Plane = "horizontal") -> list[Piece]:
     """Pieces of a trial without a long gap, in time order; too short ones are left out.
 
@@ -119,8 +137,7 @@ def pieces_of(trial: Trial, plane: Plane = "horizontal") -> list[Piece]:
     remembers them.
     """
     table = trial.table
-    own = BY_PLANE[plane]
-    needed = {*NEEDED, *own.columns[:3], own.control_columns[0]}
+    needed = {*NEEDED, *BY_PLANE[plane].needed}
     if any(column not in table for column in needed):
         return []
     columns = {c: table[c].to_numpy(dtype=float).copy() for c in table.columns if c in _READ}

@@ -14,7 +14,7 @@ from auvident.stages.segment.elevators import elevator_zigzags_of, on_clock_of
 from auvident.stages.segment.features import features_of, reference_rms
 from auvident.stages.segment.gaps import parts_of, settle_cuts
 from auvident.stages.segment.level import level
-from auvident.stages.segment.pieces import Found, Piece, pieces_of
+from auvident.stages.segment.pieces import Found, Piece, pieces_of, planes_logged
 from auvident.stages.segment.scales import LEAST_FIN_RAD, Scales, held_fins, scales_of
 from auvident.stages.segment.spans import Spans
 from auvident.stages.segment.split import split
@@ -23,7 +23,8 @@ from auvident.stages.segment.turns import find_steady_turns, find_turns
 from auvident.stages.segment.zigzags import find_zigzags
 
 CLOSEST = 8  # rejected candidates named when nothing was found
-NOT_SEARCHED = ("never_under_way", "no_record")  # findings of a trial that was not looked at
+# findings of a trial that was not looked at
+NOT_SEARCHED = ("never_under_way", "no_record", "plane_not_searched")
 
 Search = Callable[[Piece, Scales], tuple[list[Found], list[Rejected]]]
 Searched = tuple[list[Found], list[Rejected], list[Finding]]
@@ -121,7 +122,7 @@ def gather(trials: Sequence[Trial], search: Callable[[Trial], Searched]) -> Gath
     gathered = Gathered()
     for trial in trials:
         found, refused, said = search(trial)
-        gathered.wholes.extend(zip(_named(trial.name, found), found, strict=True))
+        gathered.wholes.extend(zip(_named(trial, found), found, strict=True))
         gathered.rejected.extend(refused)
         gathered.findings.extend(said)
     return gathered
@@ -178,7 +179,7 @@ def search_trial(trial: Trial, plane: Plane, search: Search) -> Searched:
     return found, sorted([*rejected, *cut], key=lambda r: r.t_start_s), findings
 
 
-def _named(trial: str, found: Sequence[Found]) -> list[Maneuver]:
+def _named(trial: Trial, found: Sequence[Found]) -> list[Maneuver]:
     """Maneuvers with their IDs and features; roles follow."""
     if not found:
         return []
@@ -187,17 +188,22 @@ def _named(trial: str, found: Sequence[Found]) -> list[Maneuver]:
     named = []
     for f in found:
         count[f.kind] += 1
+        planes = planes_logged(trial, f)
         named.append(
             Maneuver(
-                id=maneuver_id(trial, f.plane, f.kind, count[f.kind]),
-                trial=trial,
+                id=maneuver_id(trial.name, f.plane, f.kind, count[f.kind]),
+                trial=trial.name,
                 kind=f.kind,
                 t_start_s=round(f.piece.time(f.start), 3),
                 t_end_s=round(f.piece.time(f.stop), 3),
                 role="identify",
                 plane=f.plane,
-                planes=f.planes,
-                features={**features_of(f, reference), "parts": len(parts_of(f))},
+                planes=planes,
+                features={
+                    **features_of(f, reference),
+                    "parts": len(parts_of(f)),
+                    **({"planes": [*planes]} if planes != f.planes else {}),
+                },
             )
         )
     return named
@@ -209,6 +215,15 @@ def maneuver_id(trial: str, plane: Plane, kind: str, number: int) -> str:
 
 
 def _no_record(trial: Trial, plane: Plane) -> Finding:
+    lacking = trial.lacking(BY_PLANE[plane].needed)
+    if lacking:
+        return Finding(
+            code="plane_not_searched",
+            message=f"{', '.join(lacking)} not in the log: {plane} maneuvers were not looked for.",
+            where=trial.name,
+            remedy=f"Log it, or name its column in a map (--map), if the {plane} plane is to be "
+            "identified.",
+        )
     needed = "elevator and pitch rate" if plane == "vertical" else "every needed channel"
     return Finding(
         code="no_record",
