@@ -1,6 +1,8 @@
 """A grid so slow that a span of a second, or of half a one, holds no row."""
 
 from dataclasses import replace
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +19,43 @@ from auvident.stages.segment.pieces import pieces_of
 from auvident.stages.segment.scales import scales_of
 from auvident.stages.segment.turns import eases_off
 from auvident.stages.segment.zigzags import first_execute
+from auvident.storage.logs import read_trials
+from auvident.storage.vehicle_file import load_vehicle
+
+SAMPLES = Path(__file__).parents[2] / "sample_logs"
+VEHICLES = {"harbour_trial": "remus100", "dive_trial": "remus100", "shelf_trial": "tern180"}
+
+
+@cache
+def read(name):
+    (raw,) = read_trials([SAMPLES / name])
+    return raw, load_vehicle(SAMPLES / f"{VEHICLES[name]}.toml")
+
+
+def checks_at(rate_hz, name, raw=None):
+    _, quality = ingest(raw or read(name)[0], read(name)[1], rate_hz=rate_hz)
+    return {c.name: c for c in quality.checks_made}
+
+
+@pytest.mark.parametrize("rate_hz", [0.2, 0.5, 0.7, 1.0, 2.0])
+@pytest.mark.parametrize("name", VEHICLES)
+def test_a_slow_grid_accuses_no_sensor(name, rate_hz):
+    """Sway was said to be -0.4 times that of the position, the pitch rate half of the pitch's."""
+    found = checks_at(rate_hz, name)
+    assert not [c.name for c in found.values() if c.outcome == "contradicts"]
+    assert found["sway_by_position"].outcome == "agrees"
+    assert found["sway_by_position"].value == pytest.approx(1.0, abs=0.2)
+
+
+@pytest.mark.parametrize(("rate_hz", "proposes"), [(0.7, False), (2.0, True)])
+def test_a_pitch_rate_that_is_far_off_is_told_on_a_slow_grid(rate_hz, proposes):
+    """What differences over long steps leave of it is no scale to correct it by."""
+    raw, _ = read("dive_trial")
+    gyro = raw.sensors["gyro"]
+    little = replace(gyro, values={**gyro.values, "q_radps": 0.4 * gyro.values["q_radps"]})
+    trial = replace(raw, sensors={**raw.sensors, "gyro": little})
+    found = checks_at(rate_hz, "dive_trial", trial)["pitch_rate_scale"]
+    assert found.outcome == "contradicts" and bool(found.fix) == proposes
 
 
 @pytest.mark.parametrize("rate_hz", [1.0, 0.5, 0.2])

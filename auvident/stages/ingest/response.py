@@ -115,6 +115,31 @@ def heading_rate(
     return np.asarray((q * np.sin(roll) + r * np.cos(roll)) / np.cos(pitch))
 
 
+def kept_on_the_grid(
+    records: list[Signals], rate: str, use: Callable[[Signals], np.ndarray]
+) -> float:
+    """What differences over steps of the grid keep of a rate: 1 of a fine one, 0.4 of a coarse one.
+
+    Parameters
+    ----------
+    records : list of dict
+        From `smooth_records`.
+    rate : str
+        Signal that is summed up, then differentiated as an angle of `records` is.
+    use : callable
+        As of `fit_relation`.
+    """
+
+    def relation(s: Signals, lag: float) -> tuple[np.ndarray, np.ndarray]:
+        own, time = s[rate], s["time"]
+        steps = 0.5 * (own[1:] + own[:-1]) * np.diff(time)
+        turned = np.concatenate(([0.0], np.cumsum(steps)))
+        return np.gradient(turned, time), np.column_stack((own, np.ones_like(own)))
+
+    found = fit_relation(records, relation, (0.0, 0.0), use)
+    return float(found.theta[0]) if found is not None else 1.0
+
+
 def fit_relation(
     records: list[Signals],
     relation: Callable[[Signals, float], tuple[np.ndarray, np.ndarray]],

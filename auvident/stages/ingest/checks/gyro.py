@@ -14,6 +14,7 @@ from auvident.stages.ingest.response import (
     Signals,
     fit_relation,
     heading_rate,
+    kept_on_the_grid,
     shifted,
     smooth_records,
 )
@@ -125,6 +126,8 @@ def by_heading(seen: Seen) -> Verdict:
     if _apart(gain) <= told:
         words = f"the heading changes at the yaw rate (tested to {100.0 * told:.0f} %)"
         return gain.verdict("agrees", words)
+    if _kept(seen) - told <= gain.value < 1.0:
+        return untested("the steps of --rate are long against the turns")
     return gain.verdict(
         "contradicts",
         f"the heading changes at {gain.value:.2f} times the yaw rate",
@@ -135,6 +138,12 @@ def by_heading(seen: Seen) -> Verdict:
 
 def _apart(gain: Figure) -> float:
     return abs(gain.value - 1.0)
+
+
+def _kept(seen: Seen) -> float:
+    """What the grid keeps of the turns."""
+    records = smooth_records(seen.trial, {"r": "r_radps", "u": "u_mps"}, MARGIN_S)
+    return kept_on_the_grid(records, "r", lambda s: np.abs(s["u"]) > seen.way_mps)
 
 
 def _turning(seen: Seen, lag_s: float) -> Relation | None:

@@ -7,7 +7,13 @@ import numpy as np
 from auvident.stages.ingest.checks.correction import scaled
 from auvident.stages.ingest.checks.row import Figure, Verdict, untested
 from auvident.stages.ingest.checks.seen import Seen
-from auvident.stages.ingest.response import Relation, Signals, fit_relation, smooth_records
+from auvident.stages.ingest.response import (
+    Relation,
+    Signals,
+    fit_relation,
+    kept_on_the_grid,
+    smooth_records,
+)
 
 MARGIN_S = 2.0  # as in the checks of the horizontal plane
 LEAST_EXPLAINED = 0.6  # of the variance of the rate of depth
@@ -241,17 +247,24 @@ def pitch_rate(seen: Seen) -> Verdict:
     def relation(s: Signals, lag: float) -> tuple[np.ndarray, np.ndarray]:
         return s["pitch_dot"], np.column_stack((s["q"], np.ones_like(s["q"])))
 
+    def under_way(s: Signals) -> np.ndarray:
+        return np.abs(s["u"]) > seen.way_mps
+
     columns = {"q": "q_radps", "pitch": "pitch_rad", "u": "u_mps"}
     records = smooth_records(seen.trial, columns, MARGIN_S)
-    found = fit_relation(records, relation, (0.0, 0.0), lambda s: np.abs(s["u"]) > seen.way_mps)
+    found = fit_relation(records, relation, (0.0, 0.0), under_way)
     if found is None or found.explained < LEAST_EXPLAINED:
         return untested("the pitch hardly changes")
     gain = Figure.of(found)
-    if abs(gain.value - 1.0) <= RATE_LIMIT + SIGN_STDS * gain.std:
+    told = RATE_LIMIT + SIGN_STDS * gain.std
+    if abs(gain.value - 1.0) <= told:
         return gain.verdict("agrees", "the pitch changes at the pitch rate")
+    kept = kept_on_the_grid(records, "q", under_way)
+    if kept - told <= gain.value < 1.0:
+        return untested("the steps of --rate are long against the pitching")
     return gain.verdict(
         "contradicts",
         f"the pitch changes at {gain.value:.2f} times the pitch rate",
         "Check units, signs and scales of q and pitch.",
-        scaled(gain.value, "q_radps"),
+        scaled(gain.value, "q_radps") if kept >= 1.0 - RATE_LIMIT else "",
     )

@@ -93,14 +93,18 @@ def _pieces(seen: Seen) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray, npt.NDAr
     step = round(PIECE_S * seen.trial.rate_hz)
     first = np.arange(0, u.size - step, step)
     ahead = np.exp(1j * heading) / seen.trial.rate_hz
-    way, sideways = (
-        np.array([x[k : k + step].sum() for k in first]) for x in (body * ahead, 1j * v * ahead)
-    )
+    way, sideways = (_summed(x, first, step) for x in (body * ahead, 1j * v * ahead))
     level = np.array([abs(pitch[k : k + step].mean()) < LEVEL_RAD for k in first])
     place = north + 1j * east
     moved = place[first + step] - place[first] if first.size else np.empty(0, complex)
     good = np.isfinite(way) & np.isfinite(moved) & level if first.size else np.empty(0, bool)
     return moved[good], way[good], sideways[good], np.full(int(good.sum()), PIECE_S)
+
+
+def _summed(x: npt.NDArray, first: npt.NDArray, step: int) -> npt.NDArray:
+    """Sums over pieces, half of each end: a sum of all rows but the last lags by half a row."""
+    ends = 0.5 * (x[first] + x[first + step])
+    return np.array([x[k : k + step + 1].sum() for k in first]) - ends
 
 
 def course_gain(seen: Seen) -> Figure | None:
