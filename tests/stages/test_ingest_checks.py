@@ -521,6 +521,14 @@ def test_a_wrong_sign_of_u_is_not_told_as_one_of_pitch():
     assert found["surge_sign"].fix and found["pitch_sign"].outcome == "untested"
 
 
+@pytest.mark.parametrize("absent", [(), ("w_mps", "q_radps")])
+def test_a_depth_that_is_negative_throughout_is_a_height_and_the_pitch_is_right(absent):
+    """The trial is level: neither heave nor pitch rate tells which of them is wrong."""
+    found = on_the_grid(*absent, **times(-1.0, "depth_m"))["pitch_sign"]
+    assert found.outcome == "contradicts" and found.fix == scaled(-1.0, "depth_m")
+    assert "looks like a height" in found.message
+
+
 def test_without_turns_either_may_be_off():
     straight = times(1e-3, "r_radps", "rudder_rad") | times(2.0, "rpm")
     found = on_the_grid("north_m", "east_m", "heading_rad", "depth_m", **straight)

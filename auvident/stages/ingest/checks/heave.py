@@ -28,6 +28,8 @@ SCALES = {
     "pressure in kPa logged as depth": 10.0,
     "pressure in bar logged as depth": 0.1,
 }
+ENDS = 0.01  # quantile of the depths, and of the rest
+WAVES = 0.5  # hull lengths that a vehicle at the surface is below it
 NEAR = 0.13  # share of such a number within which it is meant
 SCALE_LIMIT = 0.5  # the worst of 150 drawn trials is 40 % off; feet are a factor of 3.3
 # As in `speed_by_position`. 0.024 is the worst of 21 drawn clean logs that know it to 0.025; two
@@ -96,12 +98,23 @@ def pitch_by_depth(seen: Seen) -> Verdict:
 
 
 def _is_depth(seen: Seen, found: Relation) -> bool:
-    """Whether the depth has the wrong sign: the heave, else the pitch rate, sides with pitch."""
+    """Whether the depth has the wrong sign: the heave, else the pitch rate, sides with pitch.
+
+    Where neither tells, a vehicle that would be above the water.
+    """
     if found.theta.size > 2 and _shows_heave(found):
         heave = Figure.of(found, 1)
         if abs(heave.value) >= SIGN_STDS * heave.std:
             return heave.value < 0.0
-    return pitch_rate(seen).outcome == "agrees"
+    by_rate = pitch_rate(seen).outcome
+    return by_rate == "agrees" or (by_rate == "untested" and _is_above_water(seen))
+
+
+def _is_above_water(seen: Seen) -> bool:
+    """Whether the depth, as it is, is that of a vehicle in the air, never below the waves."""
+    (depth,) = seen.columns("depth_m")
+    highest, deepest = np.quantile(depth, (ENDS, 1.0 - ENDS))
+    return bool(highest < -seen.length_m and deepest < WAVES * seen.length_m)
 
 
 def heave_by_depth(seen: Seen) -> Verdict:
