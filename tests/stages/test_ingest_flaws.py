@@ -320,6 +320,39 @@ def test_a_spike_while_at_rest_makes_no_fill_values_of_its_zeros(turned):
     assert find_fills(t, lost, BY_COLUMN["u_mps"], pace)[1000:1010].all()
 
 
+def held_fixes(raw: RawTrial, rate_hz: float, digits: int) -> RawTrial:
+    """The trial with each fix copied into the rows of a faster log until the next."""
+    fixes = raw.sensors["position"]
+    time = np.arange(fixes.time_s.min(), fixes.time_s.max(), 1.0 / rate_hz)
+    last = np.searchsorted(np.maximum.accumulate(fixes.time_s), time, side="right") - 1
+    values = {c: np.round(x[last], digits) for c, x in fixes.values.items()}
+    held = replace(fixes, time_s=time, values=values, rows=np.arange(time.size) + 2)
+    return replace(raw, sensors={**raw.sensors, "position": held})
+
+
+@pytest.mark.parametrize("digits", [1, 2])
+@pytest.mark.parametrize("rate_hz", [5.0, 10.0, 50.0])
+@pytest.mark.parametrize("name", TRIALS)
+def test_a_place_to_which_the_vehicle_returns_is_none_of_no_value(name, rate_hz, digits):
+    """Copies are no recurrence: 121 rows of 1 Hz fixes at 10 Hz went, each of two of them alike."""
+    raw, vehicle = logged(name)
+    sensors = clean_trial(held_fixes(raw, rate_hz, digits), vehicle, NEEDED)
+    for column in ("north_m", "east_m"):
+        assert not REASONS & set(reasons(sensors, column)), column
+
+
+@pytest.mark.parametrize("written", [0.0, -9999.0, 1234.5])
+def test_a_fix_that_stands_for_none_is_found_among_copies(written):
+    raw, vehicle = logged("bay_trial")
+    north = raw.sensors["position"].values["north_m"].copy()
+    north[[200, 400, 600, 800]] = written
+    held = held_fixes(with_values(raw, {"north_m": north}), 10.0, 2)
+    planted = np.count_nonzero(held.sensors["position"].values["north_m"] == written)
+    sensors = clean_trial(held, vehicle, NEEDED)
+    assert reasons(sensors, "north_m")["fill_value"] == planted >= 39
+    assert "fill_value" not in reasons(sensors, "east_m")
+
+
 def test_ticks_are_those_of_any_channel_and_no_copy_where_that_is_all_of_them():
     raw, vehicle = logged("bay_trial")
     gyro, dvl = raw.sensors["gyro"], raw.sensors["dvl"]

@@ -71,6 +71,8 @@ def find_fills(time_s: np.ndarray, values: np.ndarray, channel: Channel, pace: P
     flags = np.zeros(values.size, dtype=bool)
     some = excerpt(values)
     others = some[some != 0.0]  # a fifth of zeros would make jumps the usual step
+    if _rows_of_a_run(others) > 1:  # beside copies every step would be an unusual one
+        others = others[_begins(others)]
     limit = step_limit(np.unwrap(others) if channel.is_angle else others, channel, pace)
     if limit is None:
         return flags
@@ -81,14 +83,27 @@ def find_fills(time_s: np.ndarray, values: np.ndarray, channel: Channel, pace: P
     rows = np.bincount(kind[sure], weights=(ends - starts)[sure], minlength=kinds.size)
     place = np.minimum(np.searchsorted(kinds, values), kinds.size - 1)
     total = np.bincount(place[values == kinds[place]], minlength=kinds.size)
-    least = max(LEAST_ROWS, LEAST_SHARE * values.size)
+    none = (kinds == 0.0) | is_sentinel(kinds, channel)
+    least = LEAST_ROWS * np.where(none, 1, _rows_of_a_run(values))  # copies are one reading
+    least = np.maximum(least, LEAST_SHARE * values.size)
     again = np.bincount(kind[sure], minlength=kinds.size) >= LEAST_RUNS  # a held fix comes once
-    again |= (kinds == 0.0) | is_sentinel(kinds, channel)
+    again |= none
     is_fill = again & (rows >= least) & ((rows >= APART_SHARE * total) | (kinds == 0.0))
     edges = np.zeros(values.size + 1, dtype=int)
     edges[starts[is_fill[kind]]] += 1
     edges[ends[is_fill[kind]]] -= 1
     return np.cumsum(edges[:-1]) > 0
+
+
+def _begins(values: np.ndarray) -> np.ndarray:
+    """Rows with another value than the one before, shape (n,)."""
+    return np.concatenate(([True], values[1:] != values[:-1]))[: values.size]
+
+
+def _rows_of_a_run(values: np.ndarray) -> int:
+    """Usual number of rows in a row with one value: more than 1 where a slow sensor is held."""
+    starts = np.flatnonzero(_begins(values))
+    return int(np.median(np.diff(starts, append=values.size))) if starts.size else 1
 
 
 def _jumped_runs(
