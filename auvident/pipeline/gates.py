@@ -181,8 +181,8 @@ def _incomparable(table: Mapping[str, Any], own: Mapping[str, Any], last: Mappin
     for run in (last, own):
         if not run["held_out"]:
             return (
-                f"{run['run']} has no held-out error; hold out a maneuver (`auvident segment "
-                f"{run['run']} --hold-out ID`), or run `auvident validate {run['run']}`"
+                f"{run['run']} has no held-out error; run `auvident validate {run['run']}`, where "
+                f"nothing is held out after `auvident segment {run['run']} --hold-out ID`"
             )
     return ""
 
