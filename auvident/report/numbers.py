@@ -102,7 +102,7 @@ class Style:
 
 def unit_text(unit: str) -> str:
     """A unit as people write it."""
-    return unit.replace("^2", "²").replace("1/min", "rpm")
+    return unit.replace("^2", "²").replace("^3", "³").replace("1/min", "rpm")
 
 
 TERMINAL = Style(padded=False, minus="-", missing="", space=" ", degrees=False)
