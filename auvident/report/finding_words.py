@@ -12,6 +12,7 @@ SAID = frozenset(
         "error-rises",
         "channels_absent",
         "stability_undecided",
+        "sensor_shifted",
     }
 )
 IN_THE_MESSAGE = frozenset({"prior-contradicted"})  # of which the limit alone is told

@@ -49,6 +49,7 @@ SERIOUS = {
     "rudder_scale",
     "rudder_stuck",
     "rudder_unit",
+    "sensor_shifted",
     "speed_by_depth",
     "speed_by_drift",
     "speed_position_ratio",

@@ -102,6 +102,18 @@ def test_only_the_overlap_is_used_and_late_sensors_are_named():
     assert late[0].threshold == 10.0
 
 
+@pytest.mark.parametrize("seconds", [60.0, -60.0])
+def test_a_sensor_that_starts_and_stops_off_all_others_has_another_clock(seconds):
+    raw = moved(calm(duration_s=300), "gyro", seconds)
+    _, quality = ingest(raw, vehicle())
+    (found,) = [f for f in quality.findings if f.code == "sensor_shifted"]
+    assert found.where == "gyro.csv" and found.value == pytest.approx(seconds, abs=1.0)
+    assert f"time_offset_s = {-seconds:.1f}" in found.remedy
+    for shorter in (moved(calm(duration_s=300), "gyro", 12.0), calm(duration_s=300)):
+        _, quality = ingest(shorter, vehicle())
+        assert "sensor_shifted" not in {f.code for f in quality.findings}
+
+
 def test_sensors_that_never_overlap_are_refused():
     with pytest.raises(InputError) as caught:
         ingest(moved(calm(), "rpm", 500.0), vehicle())

@@ -10,6 +10,9 @@ from auvident.schema.holding import SAMPLED
 from auvident.schema.logs import ChannelQuality, SensorQuality
 
 LATE_S = 10.0  # a needed sensor that starts so late or stops so early costs part of the trial
+# The start and the stop of sensors that are switched together scatter by seconds; a clock that is
+# off by less than SHIFTED_S is found by the checks of clocks, which look 30 s far.
+TOGETHER_S, SHIFTED_S, FEWEST_OTHERS = 5.0, 25.0, 2
 REPEATED_SHARE = 0.02  # of the rows: stamps are then coarser than the samples
 JITTER_SHARE = 0.25  # of the period: stamps are then those of arrival, not of the sample, ...
 # ... and of L/U: a vehicle that goes into a turn changes its yaw rate by less than 1 % of that of
@@ -69,6 +72,7 @@ def sampling_findings(
     own = {BY_COLUMN[column].sensor for column in needed}
     found = [f for s in sensors for c in s.channels for f in _much_left_out(s, c)]
     found += [*_spans([s for s in sensors if s.sensor in own and s.rows_read])]
+    found += [*_shifted([s for s in sensors if s.rows_read and s.method != "on_change"])]
     for sensor in sensors:
         is_silent = sensor.sensor in silent
         found += [*_silences(sensor)] if is_silent else []
@@ -101,6 +105,34 @@ def _spans(sensors: Sequence[SensorQuality]) -> Iterator[Finding]:
                     value=lost,
                     threshold=LATE_S,
                 )
+
+
+def _shifted(sensors: Sequence[SensorQuality]) -> Iterator[Finding]:
+    """A sensor that starts and stops off all others by the same: loggers are switched together."""
+    for sensor in sensors:
+        others = [s for s in sensors if s is not sensor]
+        if len(others) < FEWEST_OTHERS:
+            return
+        starts, ends = ([getattr(s, e) for s in others] for e in ("t_start_s", "t_end_s"))
+        together = max(max(x) - min(x) for x in (starts, ends)) <= TOGETHER_S
+        off = sensor.t_start_s - min(starts), sensor.t_end_s - max(ends)
+        alike = abs(off[0] - off[1]) <= TOGETHER_S
+        if together and alike and min(map(abs, off)) > SHIFTED_S:
+            yield _of_clock(sensor, 0.5 * sum(off))
+
+
+def _of_clock(sensor: SensorQuality, off_s: float) -> Finding:
+    side = "after" if off_s > 0.0 else "before"
+    return Finding(
+        code="sensor_shifted",
+        message=f"{sensor.sensor} starts and stops {abs(off_s):.0f} s {side} all other sensors: "
+        "its clock is likely off by so much, and every check of it is in doubt",
+        where=sensor.file,
+        value=off_s,
+        threshold=SHIFTED_S,
+        remedy=f"If it is: [{sensor.sensor}] time_offset_s = {-off_s:.1f} in a map (--map); the "
+        "checks then tell the rest. No other correction is to be trusted before.",
+    )
 
 
 def _clock(sensor: SensorQuality, passage_s: float) -> Iterator[Finding]:
