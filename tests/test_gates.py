@@ -31,12 +31,17 @@ def test_every_channel_of_every_plane_is_named() -> None:
     check_planes([FLAT, STEEP], {"u": 0.05, "w": 0.05})
 
 
-def test_a_plane_with_nothing_held_out_is_not_asked_for_what_the_other_judges() -> None:
-    empty = judged(HORIZONTAL, {})
-    check_planes([empty, STEEP], {"u": 0.05})
-    assert len(limit_gates([empty, STEEP], {"u": 0.05})) == 1
-    with pytest.raises(GateError, match="no held-out maneuver measures v"):
-        check_planes([empty, STEEP], {"v": 0.05})
+def test_a_plane_with_nothing_held_out_meets_no_gate_of_its_channels_and_is_named() -> None:
+    """What the other plane shows of the surge says nothing of a model that was not tested."""
+    empty = Judged({}, HORIZONTAL, ())
+    with pytest.raises(
+        GateError, match="horizontal plane: no held-out maneuver measures u"
+    ) as told:
+        check_planes([empty, STEEP], {"u": 0.05})
+    assert "vertical plane" not in str(told.value) and "--hold-out" in str(told.value)
+    assert [bool(gate.unmet) for gate in limit_gates([empty, STEEP], {"u": 0.05})] == [True, False]
+    with pytest.raises(GateError, match="no held-out maneuver measures u"):
+        check_planes([empty], {"u": 0.05})
 
 
 def test_a_plane_that_runs_away_is_not_excused_by_the_other() -> None:

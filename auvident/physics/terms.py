@@ -79,6 +79,7 @@ HYDRODYNAMIC = (
     ("B", "B_b|b|", ("b", "x|x|")),
     ("B", "B_uud", ("u", "x^2"), ("d", "x")),
 )
+LINEAR_DRAG = "linear_drag.X_u"  # beside X_uu in every balance of thrust and drag
 # Forces of effects: parameter of the table of effects (with generic axes; of two twins that of the
 # horizontal plane), equation, weight, factors.
 EFFECT_FORCES: tuple[tuple[Any, ...], ...] = (
@@ -95,7 +96,7 @@ EFFECT_FORCES: tuple[tuple[Any, ...], ...] = (
     ("cubic_damping.B_bbb", "B", +1, ("b", "x^3")),
     ("turning_drag.X_aau", "X", +1, ("a", "x^2"), ("u", "x")),
     ("turning_drag.X_bbu", "X", +1, ("b", "x^2"), ("u", "x")),
-    ("linear_drag.X_u", "X", +1, ("u", "x")),
+    (LINEAR_DRAG, "X", +1, ("u", "x")),
     ("linear_damping.A_a", "A", +1, ("a", "x")),
     ("linear_damping.B_b", "B", +1, ("b", "x")),
     ("weight_change.weight_n", "X", -1, ("changed", "x"), ("sin", "x")),

@@ -86,11 +86,20 @@ def check_planes(planes: Sequence[Judged], limits: Mapping[str, float]) -> None:
             _check(plane, own)
         except GateError as gate:
             unmet.append((plane.plane, gate))
-    if len(unmet) == 1:
+    if unmet and len(planes) == 1:
         raise unmet[0][1]
     if unmet:
         told = "; ".join(f"{plane} plane: {gate.problem}" for plane, gate in unmet)
-        raise GateError(told, "gates of both planes")
+        raise GateError(told, *_where_and_remedy(unmet))
+
+
+def _where_and_remedy(unmet: Sequence[tuple[Plane, GateError]]) -> tuple[str, str]:
+    """Places and remedies of several gates, each once."""
+    wheres, remedies = (
+        dict.fromkeys(x for x in told if x)
+        for told in zip(*((gate.where, gate.remedy) for _, gate in unmet), strict=True)
+    )
+    return ", ".join(wheres), " ".join(remedies)
 
 
 def limit_gates(planes: Sequence[Judged], limits: Mapping[str, float]) -> list[GateResult]:
@@ -203,14 +212,10 @@ def _no_worse(
 
 
 def _concerns(channel: str, planes: Sequence[Judged], plane: Judged) -> bool:
-    """Whether a plane is judged by a channel; one that none has concerns the first.
-
-    Of planes that know it, those that have it held out; a plane whose prediction diverges there
-    is not excused by the other.
-    """
-    knowing = [p for p in planes if channel in p.known]
-    judging = [p for p in knowing if channel in p.found or p.ran_away]
-    return any(p is plane for p in judging or knowing or planes[:1])
+    """Whether a plane has a channel; one that none has concerns the first."""
+    return channel in plane.known or (
+        plane is planes[0] and not any(channel in p.known for p in planes)
+    )
 
 
 def _check(plane: Judged, limits: Mapping[str, float]) -> None:

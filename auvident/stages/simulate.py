@@ -17,6 +17,7 @@ from auvident.engines.stretches import as_maneuver, uninterrupted
 from auvident.errors import NumericsError
 from auvident.physics.dynamics import N_STATES
 from auvident.physics.maneuvers.track import dead_reckoning
+from auvident.physics.terms import LINEAR_DRAG
 from auvident.schema.artifacts import Extrapolation, IdentifiedModel
 from auvident.schema.channels import TIME_COLUMN
 from auvident.schema.planes import BY_PLANE, PLANE_ROWS, STATE_COLUMNS
@@ -25,7 +26,6 @@ from auvident.schema.trial import Trial
 Array = npt.NDArray[np.float64]
 
 SAMPLES = 100  # models drawn for the band: their variance is then known to a seventh
-LINEAR_DRAG = "linear_drag.X_u"
 INPUT_COLUMNS = {row.name: (row.control_columns[0], "rpm") for row in PLANE_ROWS}
 
 

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from auvident.constants import NORMAL_95
 from auvident.estimation.change import ChangeSearch, FoundChange, course, search, series_along
 from auvident.estimation.pooling import between_neighbours, for_few, scattered
+from auvident.physics.terms import LINEAR_DRAG
 from auvident.schema.artifacts import Finding
 from auvident.schema.changes import Changes, SeriesPoint, VehicleChange
 from auvident.schema.coefficients import ESTIMATED
@@ -47,7 +48,7 @@ def quantities(data: Collected) -> tuple[ShareOf, ...]:
     for name in data.names:
         if name in ESTIMATED:
             by_group.setdefault(ESTIMATED[name].group, []).append(name)
-    drag = [*by_group.get("drag", ()), *(n for n in data.names if n == "linear_drag.X_u")]
+    drag = [*by_group.get("drag", ()), *(n for n in data.names if n == LINEAR_DRAG)]
     rows = (
         ("fin", by_group.get("control", []), f"the {BY_PLANE[plane].fin} gives {{share}} {{more}}"),
         ("drag", drag, "the drag is {share} {larger}"),

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from auvident.engines.records import HEADING, NORTH, Record
 from auvident.engines.setup import Setup
-from auvident.physics.terms import FREE_FORCE, parameter_vector, structure_of
+from auvident.physics.terms import FREE_FORCE, LINEAR_DRAG, parameter_vector, structure_of
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.coefficients import expand
 from auvident.schema.effects import BY_ID, Effect, EffectParameter, in_plane, parameter_of
@@ -32,7 +32,6 @@ FREE_GROUPS = ("drag", "thrust", "turning_drag", "lift", "cross_flow", "control"
 # friction grows a little slower than u^2: the same as this share of it in proportion to u.
 FRICTION_SLOPE = 0.17
 FRICTION_UNSURE = 0.5  # of it: how much of a drag is friction is known no better
-FRICTION = "linear_drag.X_u"
 # A change of an input is known to the step of the grid in which it falls, not where in it: a delay
 # or lag below this share of a step is none. At 1 Hz `harbour_trial` showed one of -0.14 s.
 STEP_UNSURE = 0.5
@@ -238,7 +237,7 @@ def case_of(
             low[i], high[i] = declared.low * scale, declared.high * scale
         elif name in setup.structure.parameters:
             stds[i] = setup.prior_std[setup.structure.index(name)]
-    friction, at = FRICTION_SLOPE * setup.friction, structure.index(FRICTION)
+    friction, at = FRICTION_SLOPE * setup.friction, structure.index(LINEAR_DRAG)
     prior[at] = friction * prior[structure.index("X_uu")] * unit[0]
     nuisance[at] = max(nuisance[at], FRICTION_UNSURE * abs(prior[at]))
     whole = replace(setup, structure=structure, prior=prior, prior_std=stds)

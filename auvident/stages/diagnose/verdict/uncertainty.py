@@ -9,9 +9,10 @@ import numpy.typing as npt
 from scipy.special import stdtrit
 
 from auvident.engines.free_run import normal_equations
+from auvident.physics.terms import LINEAR_DRAG
 from auvident.schema.diagnosis import Bound, ParameterValue, ends
 from auvident.schema.effects import BY_ID, EFFECTS, EffectParameter, parameter_of
-from auvident.stages.diagnose.fit.case import FRICTION, Case
+from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, output_error, prior_of
 from auvident.stages.diagnose.score.left_out import MOST_FITS, FitsWithout
 from auvident.stages.diagnose.select.candidates import bounds_of, open_of
@@ -60,7 +61,7 @@ def of_every_vehicle(case: Case, i: int) -> float:
     name = case.names[i]
     if name in TIMED:
         return lent(case)
-    return float(case.nuisance_std[i]) if name == FRICTION else 0.0
+    return float(case.nuisance_std[i]) if name == LINEAR_DRAG else 0.0
 
 
 def _information(case: Case, fitted: Fitted) -> tuple[Array, Array]:
