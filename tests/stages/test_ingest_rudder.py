@@ -5,6 +5,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -16,7 +17,8 @@ from auvident.schema.channels import RECORD_COLUMN
 from auvident.schema.logs import DEG, RawTrial
 from auvident.schema.trial import Trial
 from auvident.stages.ingest import ingest
-from auvident.stages.ingest.held import Held, Votes, held_fin
+from auvident.stages.ingest.checks import rudder
+from auvident.stages.ingest.held import Held, SettledHold, Votes, held_fin
 from auvident.stages.ingest.response import Relation
 from auvident.stages.ingest.signs import judge_rudder
 from auvident.storage.logs import read_trials
@@ -287,3 +289,25 @@ def test_a_slow_vehicle_on_its_way_from_turn_to_turn_has_no_stuck_rudder(passage
     _, quality = ingest(nomoto(lambda t, psi, r, d: steady(t, psi, r, d), passages), vehicle())
     (made,) = [c for c in quality.checks_made if c.name == "rudder_stuck"]
     assert made.outcome == "agrees", made.message
+
+
+@pytest.mark.parametrize(
+    ("rates", "reference", "outcome"),
+    [
+        ((0.053, 0.052, 0.054), "ground", "agrees"),  # a current: the turns are alike
+        ((0.045, 0.052, 0.056), "ground", "contradicts"),  # the log has cut the angle off
+        ((0.053, 0.052, 0.054), "water", "contradicts"),  # no current bends these
+    ],
+)
+def test_a_current_bends_turns_at_one_rudder_apart_and_cuts_nothing(
+    rates, reference, outcome, monkeypatch
+):
+    bends = (0.162, 0.19, 0.217)
+    holds = [
+        SettledHold(0.0, 60.0, -0.2, bend, 0.01, 0.0, rate)
+        for bend, rate in zip(bends, rates, strict=True)
+    ]
+    monkeypatch.setattr(rudder, "settled_holds", lambda *_: holds)
+    dvl = SimpleNamespace(reference=reference)
+    seen = SimpleNamespace(trial=None, length_m=4.0, way_mps=1.0, vehicle=SimpleNamespace(dvl=dvl))
+    assert rudder.rudder_cut(seen).outcome == outcome

@@ -39,6 +39,10 @@ SCALES = {
 NEAR_RATIO = 0.5  # logarithm, of a named scale
 ALIKE = 0.02  # of the largest angle: holds at one extreme
 LEAST_HOLDS = 3
+# Least share, in the logarithm, that the yaw rates have in what bends apart. Where the angle was
+# cut off, r = U / R, and the speed falls by less than the radius; a current leaves the rates as
+# they are (a share of 0.1 in a drawn trial whose turns bent apart by 1.34).
+RATE_SHARE = 0.5
 SETTLED = 0.3  # range of the curvature of a turn over its median: zigzags of a slow ship have more
 CUT_SPREAD = 1.3  # ratio of turns at one and the same rudder; 1.06 at most of 15 trials
 LEAST_BALANCED = 0.6  # of the variance of the yaw acceleration
@@ -162,7 +166,7 @@ def rudder_cut(seen: Seen) -> Verdict:
     least, *_, most = sorted(alike, key=lambda h: abs(h.bend))
     ratio = abs(most.bend / least.bend)
     over_ground = seen.vehicle.dvl.reference == "ground"
-    if over_ground and abs(most.rate) < np.sqrt(ratio) * abs(least.rate):
+    if over_ground and abs(most.rate) < ratio**RATE_SHARE * abs(least.rate):
         return agrees("turns at the largest rudder have yaw rates that are alike", ratio)
     if ratio < CUT_SPREAD:
         return agrees("turns at the largest rudder are alike", ratio)
