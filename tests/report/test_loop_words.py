@@ -3,9 +3,10 @@
 import pytest
 
 from auvident.report import loop_words as words
-from auvident.report.tables_loop import sight
-from auvident.schema.diagnosis import Detectable, Lookalikes, ParameterValue
-from auvident.schema.loop_statements import nothing_found
+from auvident.report.numbers import TERMINAL
+from auvident.report.tables_loop import attempts, candidates, sight
+from auvident.schema.diagnosis import Attempt, Detectable, Lookalikes, ParameterValue
+from auvident.schema.loop_statements import nothing_found, nothing_known, remaining
 from auvident.schema.planes import HORIZONTAL
 from auvident.stages.diagnose.verdict.observability import detectable_push
 from tests import loop_world
@@ -169,3 +170,45 @@ def test_what_was_found_is_not_told_to_be_hidden() -> None:
     assert not any("hidden" in str(row) for row in sight(found).rows)
     other = none.model_copy(update={"sees": (hidden,)})
     assert any("hidden" in str(row) for row in sight(other).rows)
+
+
+def test_what_a_force_follows_is_said_where_it_explains_something() -> None:
+    row = {"axis": "Y", "regressor": "roll", "gain": 21.0}
+    told = {
+        fall: nothing_known({"channels": ["v"], "correlates": [{**row, "rms_fall": {"v": fall}}]})
+        for fall in (-0.007, 0.01, 0.05)
+    }
+    assert [("follows the roll" in text) for text in told.values()] == [False, False, True]
+
+
+def test_several_effects_come_closest_and_one_comes() -> None:
+    assert "; current comes closest, but is not confirmed" in nothing_known({"nearest": "current"})
+    several = {"nearest": "current, wave"}
+    assert "; current, wave come closest, but are not confirmed" in nothing_known(several)
+    assert "current, wave come closest, but fit too badly" in remaining(several)
+
+
+def test_candidates_say_beside_which_effects_they_were_tried() -> None:
+    found = loop_world.diagnosis().candidates
+    heads = [column.head for column in candidates(found).columns]
+    assert "beside" not in heads
+    later = found[0].model_copy(update={"beside": ("dvl_delay",)})
+    table = candidates([later, *found[1:]])
+    place = [column.head for column in table.columns].index("beside")
+    assert [row[place].text(TERMINAL) for row in table.rows][:2] == ["dvl_delay", ""]
+
+
+def test_effects_whose_column_is_not_logged_are_named() -> None:
+    found = loop_world.diagnosis().model_copy(update={"missing": ("roll_rad",), "sees": ()})
+    (row,) = [row for row in sight(found).rows if row[0] == "not tested"]
+    assert "roll_coupling" in str(row[1]) and "roll_rad is not in the log" in str(row[1])
+
+
+def test_attempts_show_what_decides() -> None:
+    first = Attempt(effects=())
+    tried = Attempt(effects=("current",), left_out={"u": 1.2}, balance=-0.44, balance_se=0.2)
+    found = loop_world.comparison(loop_world.diagnosis())
+    table = attempts(found.model_copy(update={"attempts": (first, tried)}))
+    place = [c.head for c in table.columns].index("left-out errors of all, with ÷ without")
+    cell = table.rows[0][place]
+    assert (cell.value, cell.std) == pytest.approx((0.644, 0.129), abs=0.001)
