@@ -131,6 +131,12 @@ def test_a_bar_is_told_with_what_so_many_trials_allow():
     assert low == pytest.approx(34.2, abs=0.1) and high == 100.0
 
 
+def test_every_written_model_counts_in_what_breaks_physics():
+    written = {"identify/model.json": [], "refine/model.json": ["thrust"]}
+    found = bar("models that break", outcome_with(broken=written))
+    assert (found["n"], found["found"], found["met"]) == (2, "50.0%", "NO")
+
+
 def test_a_bar_without_trials_is_neither_met_nor_missed():
     found = bar("visible pairs", outcome_with())
     assert (found["n"], found["found"], found["met"]) == (0, "-", "")

@@ -45,6 +45,7 @@ def bars(scores: Scores) -> Table:
         _most("a velocity surely worse after", 0.01, [rises_surely(s.loop) for s in told]),
         _most("refined model worse on what was left out", 0.0, _told(s.ships_worse for s in told)),
         _most("... by more than a standard error", 0.0, _told(s.surely_worse for s in told)),
+        _most("models that break what physics knows", 0.0, [b for s in told for b in s.broken]),
         _most("nothing planted: ... or has too small to see", None, [_faint(s) for s in none]),
         _least("shown: declared", None, [_said(s) for s in shown]),
         _least("shown: named or in its group", None, [_right(s) for s in shown]),

@@ -39,6 +39,7 @@ class Drawn:
     model predicts the identifying maneuvers worse when they are left out, ``surely_worse``: by
     more than the standard error (None where nothing was refined). ``chance`` is the least ``p`` of
     the candidates that are large enough and that the vehicle has not of itself; 1 without any.
+    ``broken``: of each model that was written, whether it breaks what physics knows (`physical`).
     """
 
     seed: int
@@ -64,6 +65,7 @@ class Drawn:
     ships_worse: bool | None = None
     surely_worse: bool | None = None
     chance: float = 1.0
+    broken: tuple[bool, ...] = ()
 
 
 Scores = Sequence[Drawn]
@@ -102,6 +104,7 @@ def scored(outcome: Row) -> Drawn:
         zero_inside=zero_inside(outcome.get("comparison") or {}),
         ships_worse=worse_by(outcome.get("comparison") or {}, errors=0.0),
         surely_worse=worse_by(outcome.get("comparison") or {}, errors=1.0),
+        broken=tuple(bool(what) for what in outcome.get("broken", {}).values()),
         chance=least_chance(
             outcome.get("diagnosis") or {}, [n for n in plant if plant[n].get("visible")]
         ),

@@ -28,6 +28,7 @@ from tests.bench.effects_trial import (
     identifying,
 )
 from tests.bench.effects_truth import planted_of
+from tests.bench.physical import broken_in
 from tests.engines.chain import SAMPLES
 
 if str(SAMPLES) not in sys.path:
@@ -86,6 +87,7 @@ def outcome(
         found |= chain(folder, run, until, plane)
         found["segmentation"] = segmentation(folder / "run", truth, plane)
         found["own"] = _own(drawn, sailed, found)
+        found["broken"] = broken_in(folder / "run")
     return found
 
 
