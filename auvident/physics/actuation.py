@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.jit import kernel
+from auvident.jit import borrowing, kernel
 from auvident.physics.term_tables import N_INPUTS
 from auvident.physics.vector import values_of
 from auvident.schema.effects import name_in
@@ -50,6 +50,7 @@ COMMANDS = {plane: tuple(name_in(plane, name) for name in COMMAND) for plane in 
 DELAY, DEADBAND, BACKLASH, ASYMMETRY, LAG, SLOWNESS, OFFSET, STALL, RACE = range(9)
 MOTOR_LAG, SAG, STEP, STEP_TIME, OVER, CHANGE_TIME, CHANGE_OVER, T_NN, T_NU, X_FIN = range(9, 19)
 SERVO = (DELAY, DEADBAND, BACKLASH, ASYMMETRY, LAG, SLOWNESS)
+STEERING = (*SERVO, OFFSET, STALL)  # act on the own control alone; the others on all but it
 # columns of the inputs
 CONTROL, OTHER, REVS, THRUST, DRIVE, CHANGED, RACED, FLOW, REACH = range(9)
 ROLL, PITCH, DEPTH, FORCE = range(9, 13)
@@ -122,11 +123,18 @@ def turned(target, angle, slowness, h, keep, most, trailing):
         distance = target - angle
         if distance == 0.0:  # mostly at once: without a lag only the longest turns take a step
             break
-        turning = abs(distance) * per_angle
-        limited = 0.5 * turning if turning <= 1.0 else 1.0 - 0.5 / turning
-        short += max(trailing, limited) * distance
-        angle += min(max(distance * (1.0 - keep), -most), most)
+        lying, turn = substep(distance, per_angle, keep, most, trailing)
+        short, angle = short + lying, angle + turn
     return target - short / SUBSTEPS, angle
+
+
+@kernel
+def substep(distance, per_angle, keep, most, trailing):
+    """How far short of its target a servo lies in the mean over a substep, and how far it turns."""
+    turning = abs(distance) * per_angle
+    limited = 0.5 * turning if turning <= 1.0 else 1.0 - 0.5 / turning
+    lying = max(trailing, limited) * distance
+    return lying, min(max(distance * (1.0 - keep), -most), most)
 
 
 @kernel
@@ -250,37 +258,56 @@ def _is_wiped_out(points, value):
 def _turn_fins(past, command, dt, e, angle):
     """Angles (v, n) of the servo with each of some effects e (v, 19).
 
-    Row by row, as the processor works on several servos at a time but on one row of each.
+    Substep by substep, as the processor works on several servos at a time but on one substep of
+    each; of one servo `follow` says the same.
     """
-    count, parts, last = e.shape[0], np.ones((e.shape[0], 2, 4)), command.shape[0] - 1
-    taken, reached, whole = np.zeros(count), np.zeros(count), np.empty(count, np.int64)
-    share = np.empty(count)
+    count, last = e.shape[0], command.shape[0] - 1
+    parts, lasts, whole = np.ones((count, 2, 4)), np.empty((2, count)), np.empty(count, np.int64)
+    taken, reached = np.empty(count), np.empty(count)
+    target, short = np.empty(count), np.empty(count)
     for v in range(count):
         whole[v] = math.floor(e[v, DELAY] / dt)
-        share[v] = e[v, DELAY] / dt - whole[v]
-        servo_parts(e[v], dt, share[v], parts[v])
+        lasts[0, v] = e[v, DELAY] / dt - whole[v]
+        lasts[1, v] = 1.0 - lasts[0, v]
+        servo_parts(e[v], dt, lasts[0, v], parts[v])
+        first = command[min(max(-whole[v] - (lasts[0, v] > 0.0), 0), last)]
+        taken[v] = play_after(past, first, e[v])  # the play is where the orders before it left it
+        reached[v] = unequal(taken[v], e[v, ASYMMETRY])
     for k in range(command.shape[0]):
         for v in range(count):
-            order = command[min(max(k - whole[v], 0), last)]
-            before = command[min(max(k - whole[v] - 1, 0), last)]
-            half_width = e[v, BACKLASH]
-            if k == 0:  # it has arrived, and the play is where the orders before it left it
-                first = before if share[v] > 0.0 else order
-                taken[v] = play_after(past, first, e[v])
-                reached[v] = unequal(taken[v], e[v, ASYMMETRY])
-            angle[v, k], taken[v], reached[v] = follow(
-                before, order, share[v], parts[v], e[v], half_width, taken[v], reached[v]
-            )
+            angle[v, k] = 0.0
+        for part in range(2):
+            for v in range(count):
+                short[v], target[v] = 0.0, reached[v]
+                if lasts[part, v] > 0.0:
+                    order = command[min(max(k - whole[v] - 1 + part, 0), last)]
+                    taken[v] = taken_up(order, taken[v], e[v, DEADBAND], e[v, BACKLASH])
+                    target[v] = unequal(taken[v], e[v, ASYMMETRY])
+            _turn_together(parts, part, e, target, short, reached)
+            for v in range(count):
+                if lasts[part, v] > 0.0:
+                    angle[v, k] += lasts[part, v] * (target[v] - short[v] / SUBSTEPS)
+
+
+@borrowing
+def _turn_together(parts, part, e, target, short, reached):
+    """Turn every servo for a part of a step; adds to `short` and `reached` (v,)."""
+    for _ in range(SUBSTEPS):
+        for v in range(target.shape[0]):
+            h, keep, most, trailing = parts[v, part]
+            distance, per_angle = target[v] - reached[v], max(e[v, SLOWNESS], 0.0) / h
+            lying, turn = substep(distance, per_angle, keep, most, trailing)
+            short[v] += lying
+            reached[v] += turn
 
 
 @kernel
-def _act(raw, elapsed, speed, e, k, angle, revs, out):
-    """What servo and propeller do to the vehicle in row k; fills the first inputs in `out`."""
+def _drive(elapsed, speed, e, k, revs, out):
+    """What the propeller does to the vehicle in row k; fills the first inputs, but for controls."""
     thrust = thrust_of(revs, speed[k], e)
     factor = 1.0 - e[SAG] * elapsed[k] / SAG_PERIOD_S
     factor -= e[STEP] * share_fallen(elapsed[k], e[STEP_TIME], e[OVER])
-    out[CONTROL] = felt_angle(angle, e)
-    out[OTHER], out[REVS], out[THRUST] = raw[k, OTHER], revs, factor
+    out[REVS], out[THRUST] = revs, factor
     out[DRIVE] = thrust * factor
     out[CHANGED] = share_fallen(elapsed[k], e[CHANGE_TIME], e[CHANGE_OVER])
     out[RACED], out[FLOW], out[REACH] = race_at_fin(out[DRIVE], speed[k], e)
@@ -363,15 +390,21 @@ def actuate_steps(past, raw, elapsed, speed, dt, e, places, steps, whole, slopes
     command = raw[:, REVS].copy()
     lagged(command, e[MOTOR_LAG], dt, rate)
     for k in range(rows):
-        _act(raw, elapsed, speed, e, k, angle[0, k], rate[k], whole[k])
+        whole[k, CONTROL], whole[k, OTHER] = felt_angle(angle[0, k], e), raw[k, OTHER]
+        _drive(elapsed, speed, e, k, rate[k], whole[k])
     for v in range(1, 1 + count):
-        at_propeller = places[v - 1] == MOTOR_LAG
+        steering, at_propeller = places[v - 1] in STEERING, places[v - 1] == MOTOR_LAG
         if at_propeller:
             lagged(command, moved[v, MOTOR_LAG], dt, lagging)
         for t in range(n):
             k = lead + t
-            revs = lagging[k] if at_propeller else rate[k]
-            _act(raw, elapsed, speed, moved[v], k, angle[fin_of[v], k], revs, there)
+            for i in range(ACTED):
+                there[i] = whole[k, i]
+            if steering:
+                there[CONTROL] = felt_angle(angle[fin_of[v], k], moved[v])
+            else:
+                revs = lagging[k] if at_propeller else rate[k]
+                _drive(elapsed, speed, moved[v], k, revs, there)
             for i in range(ACTED):
                 slopes[t, i, v - 1] = (there[i] - whole[k, i]) / steps[v - 1, 1]
 

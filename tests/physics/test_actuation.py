@@ -22,9 +22,12 @@ from auvident.physics.actuation import (
     acting_inputs,
     acting_with_steps,
     command_values,
+    follow,
     play_after,
     race_flow,
+    servo_parts,
     turning_points,
+    unequal,
 )
 from auvident.physics.terms import structure_of
 from auvident.schema.effects import parameter_of
@@ -417,3 +420,55 @@ def test_a_delay_has_a_slope_on_both_sides() -> None:
     small = 1e-3
     before, after = angle(0.2) - angle(0.2 - small), angle(0.2 + small) - angle(0.2)
     assert np.abs(np.convolve(after - before, np.ones(8))).max() < 0.02 * np.abs(before).max() * 8
+
+
+EVERY = {
+    "rudder_delay__delay_s": 0.13,
+    "rudder_deadband__deadband_deg": 1.0,
+    "rudder_backlash__half_width_deg": 1.0,
+    "rudder_asymmetry__gain": 0.1,
+    "rudder_lag__lag_s": 0.3,
+    "rudder_rate_limit__rate_degps": 20.0,
+    "rudder_offset__offset_deg": 1.0,
+    "rudder_stall__angle_deg": 25.0,
+    "propeller_race__c_m2ps2pn": 0.02,
+    "propeller_lag__lag_s": 0.4,
+    "thrust_sag__fraction_per_1000_s": 0.1,
+}
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("at_work", [True, False])
+def test_all_slopes_together_are_the_differences_one_at_a_time(seed: int, at_work: bool) -> None:
+    raw = inputs(helms(seed), revs=14.0)
+    raw[40:, 2] = 20.0
+    e, n = effects(**(EVERY if at_work else {})), len(raw)
+    places = np.flatnonzero(effects(**EVERY))
+    steps = np.column_stack([1.0e-2 * (1.0 + np.abs(e[places])), np.full(len(places), 0.5)])
+    log = raw, DT * np.arange(n), np.linspace(1.0, 1.5, n), np.zeros(n), np.zeros(n), DT
+    whole, slopes = acting_with_steps(*log, e, 0.0, n, places, steps)
+    assert (whole == acting_inputs(*log, e)).all()
+    for k, place in enumerate(places):
+        moved = e.copy()
+        moved[place] += steps[k, 0]
+        there = acting_inputs(*log, moved)
+        assert (slopes[:, :, k] == (there - whole)[:, : slopes.shape[1]] / steps[k, 1]).all()
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.07, 0.2, 0.33])
+def test_servos_side_by_side_turn_as_one_alone(delay_s: float) -> None:
+    e = effects(**{**EVERY, "rudder_delay__delay_s": delay_s, "rudder_offset__offset_deg": 0.0})
+    e[COMMAND.index("rudder_stall.angle_deg")] = 0.0
+    order, whole = helms(7), math.floor(e[0] / DT)
+    share, parts = e[0] / DT - whole, np.ones((2, 4))
+    servo_parts(e, DT, share, parts)
+    late = np.concatenate([np.full(whole + 1, order[0]), order])
+    taken = play_after(np.zeros(0), order[0], e)
+    angle, alone = unequal(taken, e[COMMAND.index("rudder_asymmetry.gain")]), []
+    half_width = e[COMMAND.index("rudder_backlash.half_width_deg")]
+    for k in range(len(order)):
+        mean, taken, angle = follow(late[k], late[k + 1], share, parts, e, half_width, taken, angle)
+        alone.append(mean)
+    n = len(order)
+    log = inputs(order), DT * np.arange(n), np.ones(n), np.zeros(n), np.zeros(n), DT
+    assert acting_inputs(*log, e)[:, 0] == pytest.approx(np.array(alone), abs=1e-15)
