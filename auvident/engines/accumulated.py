@@ -119,6 +119,42 @@ def place_slopes(sees, z, out):
     _place_all(sees, z, out)
 
 
+@kernel
+def left_over(readings, slopes, measured, seen, channels, start, error):
+    """What a prediction leaves of the readings when its start moves back by so much.
+
+    Parameters
+    ----------
+    readings, measured : (n, 4) array
+    slopes : (n, 4, >= 4) array
+        Of the readings by the start.
+    seen : (n, 4) bool array
+    channels : (k,) int array
+        Active states, whose starts move and whose readings follow.
+    start : (k,) array
+    error : (n, 4) array, filled
+        Measured minus predicted; NaN where not seen.
+    """
+    for t in range(error.shape[0]):
+        for c in range(N_CHANNELS):
+            error[t, c] = measured[t, c] - readings[t, c] if seen[t, c] else np.nan
+        for c in channels:
+            moved = 0.0
+            for j in range(channels.shape[0]):
+                moved += slopes[t, c, channels[j]] * start[j]
+            error[t, c] += moved
+
+
+@kernel
+def all_within(values, most):
+    """Whether no number of values (n, m) is larger than so much, nor a NaN."""
+    for row in range(values.shape[0]):
+        for column in range(values.shape[1]):
+            if not abs(values[row, column]) <= most:
+                return False
+    return True
+
+
 @borrowing
 def _add_products(rows, gram):
     """Add the products of the columns of `ROWS` rows with each other, above the diagonal.

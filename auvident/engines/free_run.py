@@ -196,9 +196,8 @@ def finite_innovations(
 ) -> Innovations | None:
     """As `innovations`; None as well where the motion is nearly lost."""
     found = innovations(output, p, record, free)
-    if found is None or not np.abs(found.white).max() <= LARGEST**0.5:  # nor a NaN
-        return None
-    return found
+    lost = found is None or not accumulated.all_within(found.white, LARGEST**0.5)
+    return None if lost else found
 
 
 def best_start(output: OutputError, own: Array, others: Array) -> Array:
@@ -359,8 +358,10 @@ def residual_of(output: OutputError, p: Array, record: Record) -> RecordResidual
     if found is None:
         return None
     there, (start, gained) = found.predicted, _taken_up(output, record, found)
-    error = np.where(found.seen, record.measured - there.readings, np.nan)
-    error[:, output.active] += there.slopes[:, output.active][:, :, output.channels] @ start
+    error = np.empty(found.seen.shape)
+    accumulated.left_over(
+        there.readings, there.slopes, record.measured, found.seen, output.channels, start, error
+    )
     away = np.zeros(N_STATES)
     away[output.active] = -start
     cost = _cost_of(output, record, found)

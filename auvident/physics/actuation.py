@@ -23,6 +23,9 @@ from auvident.schema.planes import PLANES, Plane
 Array = npt.NDArray[Any]
 
 SUBSTEPS = 5  # of a step, for the servo: a fifth of a step is short beside any servo
+# [rad or 1/s] nearer to its target a servo or a propeller has arrived: on its way to zero it would
+# pass numbers so small that the processor takes a hundred times as long over each
+ARRIVED = 1.0e-100
 SAG_PERIOD_S = 1000.0  # the thrust sags by its fraction in this time
 # parameters in the order in which `actuate_steps` takes them, in the horizontal plane
 COMMAND = (
@@ -125,7 +128,13 @@ def turned(target, angle, slowness, h, keep, most, trailing):
             break
         lying, turn = substep(distance, per_angle, keep, most, trailing)
         short, angle = short + lying, angle + turn
-    return target - short / SUBSTEPS, angle
+    return target - short / SUBSTEPS, arrived(angle, target)
+
+
+@kernel
+def arrived(value, target):
+    """The target, where a value has come as near to it as counts."""
+    return target if abs(target - value) < ARRIVED else value
 
 
 @kernel
@@ -148,7 +157,7 @@ def lagged(command, lag, dt, out):
     now = command[0]
     for k in range(command.shape[0]):
         out[k] = command[k] + (now - command[k]) * (1.0 - keep) * lag / dt
-        now = command[k] + (now - command[k]) * keep
+        now = arrived(command[k] + (now - command[k]) * keep, command[k])
 
 
 @kernel
@@ -285,6 +294,7 @@ def _turn_fins(past, command, dt, e, angle):
                     target[v] = unequal(taken[v], e[v, ASYMMETRY])
             _turn_together(parts, part, e, target, short, reached)
             for v in range(count):
+                reached[v] = arrived(reached[v], target[v])
                 if lasts[part, v] > 0.0:
                     angle[v, k] += lasts[part, v] * (target[v] - short[v] / SUBSTEPS)
 

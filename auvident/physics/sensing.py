@@ -180,6 +180,8 @@ def water_by_pitch(sensing: Sensing, e: Array, pitch: Array, heading: Array | No
 
 def unknown_rows(e: Array, n: int, dt: float) -> Array:
     """Rows (n, 4) whose late reading stems from before the first or after the last row."""
-    rows = np.arange(n)[:, None]
-    steps = np.array([e[DVL_DELAY], e[DVL_DELAY], e[GYRO_DELAY], 0.0]) / dt
-    return np.logical_not(is_known(rows, n, steps))
+    rows, unknown = np.arange(n), np.zeros((n, N_CHANNELS), np.bool_)
+    for channel, delay in enumerate((e[DVL_DELAY], e[DVL_DELAY], e[GYRO_DELAY])):
+        if delay != 0.0:
+            unknown[:, channel] = np.logical_not(is_known(rows, n, delay / dt))
+    return unknown
