@@ -111,6 +111,29 @@ def test_the_order_of_trials_does_not_matter() -> None:
         assert a.std == pytest.approx(b.std, rel=1e-3)
 
 
+def test_a_scatter_between_maneuvers_counts_in_as_many_trials_as_chance_makes_of_it() -> None:
+    """Beyond chance in one maneuver set of twenty: not in one trial of four (18 %), in two."""
+    rows = models()
+
+    def structural(wide: int) -> float:
+        own = [scattered_more(m, "Y_uud", 0.3) for m in rows[:wide]] + rows[wide:]
+        found = pool(trials(own)).model.pooling.parameters
+        return next(p.structural_std / p.prior_std for p in found if p.symbol == "Y_uud")
+
+    none = structural(0)
+    assert structural(1) == pytest.approx(none, abs=1e-6)
+    assert structural(2) == pytest.approx(np.sqrt(0.5) * 0.3, rel=0.1)
+    assert structural(4) == pytest.approx(0.3, rel=0.1)
+
+
+def scattered_more(model: IdentifiedModel, symbol: str, by: float) -> IdentifiedModel:
+    """The model with one variance widened by the square of a share of the prior's deviation."""
+    covariance = json.loads(json.dumps(model.covariance))
+    k = covariance["symbols"].index(symbol)
+    covariance["matrix"][k][k] += (by * covariance["scale"][k]) ** 2
+    return model.model_copy(update={"covariance": covariance})
+
+
 def test_it_is_a_model_like_any_other_within_what_physics_allows() -> None:
     found = pool(trials(models())).model
     read = IdentifiedModel.model_validate_json(found.model_dump_json(by_alias=True))
