@@ -135,9 +135,9 @@ def _pooled(first: Posterior, second: Posterior, shared: Sequence[str]) -> tuple
     """Mean and covariance of the shared values: both planes' data, the prior once.
 
     In units of the prior, information of the data is that of the posterior less that of its own
-    prior (an estimate goes with the speed of the run, by the Reynolds number); where scatter between
-    maneuvers makes a posterior wider than the prior in some direction, the data count as none
-    there.
+    prior (an estimate goes with the speed of the run, by the Reynolds number); where scatter
+    between maneuvers makes a posterior wider than the prior in some direction, the data count as
+    none there.
     """
     at = first.at(shared)
     scale = np.where(np.isfinite(first.prior_std[at]), first.prior_std[at], 0.0)
