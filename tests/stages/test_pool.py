@@ -9,6 +9,7 @@ import pytest
 from scipy.linalg import block_diag
 
 from auvident.engines.carried import claimed_covariance, fitted_covariance, vector_behind
+from auvident.engines.predictive import pushes_behind
 from auvident.errors import InputError
 from auvident.estimation.pooling import pooled
 from auvident.report.figures_campaign import over_trials
@@ -132,6 +133,22 @@ def scattered_more(model: IdentifiedModel, symbol: str, by: float) -> Identified
     k = covariance["symbols"].index(symbol)
     covariance["matrix"][k][k] += (by * covariance["scale"][k]) ** 2
     return model.model_copy(update={"covariance": covariance})
+
+
+def test_a_hull_that_hardly_keeps_its_course_is_pushed_in_the_pooled_model_too() -> None:
+    """Else its band is that of a stable one, with errors judged beside pushes."""
+    own = models()
+    assert pushes_behind(pool(trials(own)).model) is None
+    sizes = (0.03, 0.04)
+    for k, size in enumerate(sizes):
+        left = own[k].left_out
+        assert left is not None
+        told = left.model_copy(update={"push": {"v": size, "r": 2.0 * size}})
+        own[k] = own[k].model_copy(update={"left_out": told})
+    pushes = pushes_behind(pool(trials(own)).model)
+    assert pushes is not None
+    rms = float(np.sqrt(np.mean(np.square(sizes))))
+    assert pushes.std == pytest.approx([0.0, rms, 2.0 * rms, 0.0])
 
 
 def test_it_is_a_model_like_any_other_within_what_physics_allows() -> None:
