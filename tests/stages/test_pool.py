@@ -18,7 +18,7 @@ from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.effects import BY_ID, EFFECTS
 from auvident.stages.pool import PoolResult, PoolTrial, changes_of, pool
 from auvident.stages.pool.carry import about_common, carrier, map_of
-from auvident.stages.pool.changes import model_value, quantities
+from auvident.stages.pool.changes import model_value, of_shares, quantities
 from auvident.stages.pool.collect import collect
 from tests.bench import pool as bench
 from tests.session import once
@@ -244,6 +244,13 @@ def test_a_step_is_told_in_a_sentence_with_its_size(what: str, sentence: str) ->
         assert change.size == pytest.approx(-0.4, abs=max(0.05, 3.0 * change.std))
     else:
         assert what in change.rivals or set(change.symbols) <= set(group.symbols)
+
+
+def test_an_interval_of_shares_that_holds_zero_is_not_told_without_it() -> None:
+    """Found beside another change, a small one may be left that is none."""
+    assert of_shares(-0.05, -0.01) == "1 to 5 %"
+    assert of_shares(0.01, 0.05) == "1 to 5 %"
+    assert of_shares(-0.05, 0.01) == "-5 to +1 %"
 
 
 def series() -> PoolResult:
