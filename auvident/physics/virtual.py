@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.physics.batch import inverse_mass
-from auvident.physics.dynamics import N_STATES, N_VELOCITIES, simulate_states, step
+from auvident.physics.dynamics import N_STATES, N_VELOCITIES, step
 from auvident.physics.term_tables import N_INPUTS
 from auvident.physics.terms import Structure
 
@@ -18,7 +18,8 @@ Array = npt.NDArray[Any]
 Helm = Callable[[float, float, float], tuple[float, float]]
 
 ACTIVE = np.array([True, True, True, True])
-APPROACH_STEP_S = 0.1
+APPROACH_STEP_S = 1.0e-3  # over which a speed is to stay as it is
+FASTEST_MPS = 30.0  # no steady speed is looked for beyond
 
 
 @dataclass(frozen=True)
@@ -121,11 +122,24 @@ def healthy(inputs: Array) -> Array:
     return np.concatenate([inputs, [1.0], np.zeros(N_INPUTS - 4)])
 
 
-def steady_approach(structure: Structure, p: Array, n_rps: float, settle_s: float = 60.0) -> Array:
-    """State (4,) of a straight run at a propeller rate, lateral motion held at zero."""
-    active, rows = np.array([True, False, False, False]), 1 + round(settle_s / APPROACH_STEP_S)
-    start, still = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros((rows, N_STATES))
-    inputs = np.tile(healthy(np.array([0.0, 0.0, n_rps])), (rows, 1))
-    states = simulate_states(start, inputs, still, APPROACH_STEP_S, p, active, structure.equations)
-    settled: Array = states[-1]
-    return settled
+def steady_approach(structure: Structure, p: Array, n_rps: float) -> Array:
+    """State (4,) of a straight run ahead at a propeller rate, lateral motion held at zero.
+
+    The speed is that at which nothing changes any more, however long the vehicle takes to come to
+    it (a tanker of 7 m minutes); NaN where thrust and drag balance at none.
+    """
+    from scipy.optimize import brentq
+
+    active, inverse = np.array([True, False, False, False]), np.empty((N_VELOCITIES, N_VELOCITIES))
+    inverse_mass(p, structure.mass, structure.mass_weights, active, inverse)
+    acting, equations = healthy(np.array([0.0, 0.0, n_rps])), structure.equations
+
+    def gained(speed: float) -> float:
+        x, out = np.array([speed, 0.0, 0.0, 0.0]), np.empty(N_STATES)
+        step(x, acting, x, x, APPROACH_STEP_S, p, inverse, active, equations, out)
+        return float(out[0] - speed)
+
+    found = np.zeros(N_STATES)
+    balanced = gained(0.0) > 0.0 > gained(FASTEST_MPS)
+    found[0] = brentq(gained, 0.0, FASTEST_MPS) if balanced else np.nan
+    return found

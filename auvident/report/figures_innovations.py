@@ -21,15 +21,15 @@ from auvident.report.figures import (
 )
 from auvident.report.html_data import CHANNELS
 from auvident.report.numbers import SHOWN_UNITS
-from auvident.report.tables_consistency import size_verdict
+from auvident.report.tables_consistency import MANEUVERS, size_verdict
 from auvident.report.verdict_rules import FAIL, LAGS
-from auvident.schema.artifacts import ResidualTests
+from auvident.schema.artifacts import ResidualTests, Role
 
 HEIGHT_IN = 1.35  # of a channel
 
 
 def innovations(
-    table: pd.DataFrame, tests: Mapping[str, ResidualTests], role: str, name: str
+    table: pd.DataFrame, tests: Mapping[str, ResidualTests], role: Role, name: str
 ) -> str | None:
     """Error of each channel with the band of its noise, and its autocorrelation, judged.
 
@@ -76,7 +76,7 @@ def innovations(
     left.set_xlabel("time, maneuvers one after the other, s")
     right.set_xlabel("lag, s")
     figure.align_ylabels()
-    return svg(figure, name, _told({r[0]: tests[r[0]] for r in rows}))
+    return svg(figure, name, _told({r[0]: tests[r[0]] for r in rows}, role))
 
 
 def _over_time(
@@ -128,11 +128,11 @@ def _look(verdict: str) -> dict[str, Any]:
     return {"fontsize": 8.5, "pad": 3, "color": VERMILLION if verdict == FAIL else SOFT}
 
 
-def _told(tests: Mapping[str, ResidualTests]) -> str:
+def _told(tests: Mapping[str, ResidualTests], role: Role) -> str:
     """For those who cannot see it."""
     pieces = []
     for symbol, t in tests.items():
         white = LAGS.of(t.autocorrelation.outside).words if t.autocorrelation else "not tested"
         size = size_verdict(t.nis) if t.nis else "not tested"
         pieces.append(f"{symbol}: size {size}, white {white}")
-    return f"Errors of the held-out maneuvers and their autocorrelation; {'; '.join(pieces)}"
+    return f"Errors of {MANEUVERS[role]} and their autocorrelation; {'; '.join(pieces)}"

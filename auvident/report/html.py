@@ -320,7 +320,7 @@ def _plane_tables(report: ReportData) -> dict[str, Any]:
         else None,
         "residuals": tables_run.residuals(final) if final else None,
         "consistency": tables_consistency.consistency(final, model),
-        "consistency_words": tables_consistency.consistency_words(report.final_tests),
+        "consistency_words": tables_consistency.consistency_words(report.final_tests, report.role),
         "model_sight": replace(tables_model.sight(model), title="") if model else None,
         "coefficients": tables_evidence.evidence(model, report.superseded) if model else None,
         "carried": PAGE.signs(nuisance_parameters(model.effects)) if model else "",

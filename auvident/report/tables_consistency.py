@@ -14,9 +14,14 @@ if TYPE_CHECKING:
         Metrics,
         NisTest,
         ResidualTests,
+        Role,
     )
 
 LEAST_P = 0.05  # probability of a distance of Kolmogorov and Smirnov below which it fails
+MANEUVERS = {
+    "validate": "the held-out maneuvers",
+    "identify": "the maneuvers used for identification",
+}
 SOURCES = {"validate": "prediction, held out", "identify": "prediction, identifying"}
 
 
@@ -69,7 +74,14 @@ def size_verdict(nis: "NisTest") -> str:
 def _distribution(nis: "NisTest") -> list[Cell]:
     if nis.ks is None or nis.ks_p is None:
         return ["", "", ""]
-    return [Number(nis.ks, 2), Fixed(nis.ks_p, ".2f"), PASS if nis.ks_p >= LEAST_P else FAIL]
+    return [Number(nis.ks, 2), Fixed(nis.ks_p, ".2f"), _normality(nis)]
+
+
+def _normality(nis: "NisTest") -> str:
+    """Whether the errors are normally distributed; empty where that is not known."""
+    if nis.ks_p is None:
+        return ""
+    return PASS if nis.ks_p >= LEAST_P else FAIL
 
 
 def _colour(white: "Autocorrelation | None") -> list[Cell]:
@@ -91,8 +103,8 @@ def not_white(residuals: "Mapping[str, ResidualTests]") -> list[str]:
     ]
 
 
-def consistency_words(residuals: "Mapping[str, ResidualTests]") -> str:
-    """What the tests of the held-out maneuvers come to, in a sentence."""
+def consistency_words(residuals: "Mapping[str, ResidualTests]", role: "Role" = "validate") -> str:
+    """What the tests of the maneuvers of a role come to, in a sentence."""
     tested = {k: t.nis for k, t in residuals.items() if t.nis is not None}
     if not tested:
         return ""
@@ -104,5 +116,14 @@ def consistency_words(residuals: "Mapping[str, ResidualTests]") -> str:
             "what their noise model says, so something other than sensor noise is left."
         )
     if off:
-        lines.append(f"Those of {listed(off)} do not have the size that it says.")
-    return " ".join(lines) or "Yes: the errors of the held-out maneuvers cannot be told from noise."
+        lines.append(f"{_those(lines)} of {listed(off)} do not have the size that it says.")
+    odd = [k for k, nis in tested.items() if _normality(nis) == FAIL]
+    if odd:
+        lines.append(f"{_those(lines)} of {listed(odd)} are not normally distributed.")
+    all_well = f"Yes: the errors of {MANEUVERS[role]} cannot be told from noise."
+    return " ".join(lines) or all_well
+
+
+def _those(lines: list[str]) -> str:
+    """The errors, where no sentence before has named them."""
+    return "Those" if lines else "Not entirely: the errors"

@@ -9,6 +9,7 @@ from auvident.report.tables import Cell, Interval, Number, Quantity, Rows, Table
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.desk import DeskFigure, DeskResult, StandardManeuvers
 from auvident.schema.effects import DEGREES
+from auvident.schema.planes import Plane
 from auvident.schema.vehicle import Fin, Vehicle
 
 # figures told of each maneuver, in their order
@@ -41,6 +42,13 @@ TOLD: dict[str, tuple[str, ...]] = {
 }
 OF_EQUATIONS = ("nomoto_gain", "nomoto_time", "stability_index")
 EQUATIONS_WORDS = "linearised equations"
+# what a stability index below zero means; in the vertical plane the righting moment is beside it
+UNSTABLE: dict[Plane, str] = {
+    "horizontal": " The stability index is below zero: it does not keep a straight course by "
+    "itself, and K and T are those of an unstable vehicle.",
+    "vertical": " The stability index is below zero: beyond some speed it does not keep its pitch "
+    "by itself, in spite of the righting moment, which the index leaves out.",
+}
 # unit -> powers of L and U that make it a number, and what it is then called
 WITHOUT_UNIT: dict[str, tuple[int, int, str]] = {
     "m": (-1, 0, "L"),
@@ -118,10 +126,7 @@ def _caption(found: StandardManeuvers) -> str:
         text += f"{', '.join(beyond)}."
     index = next((f.value for f in first.figures if f.name == "stability_index"), None)
     if index is not None and index < 0.0:
-        text += (
-            " The stability index is below zero: it does not keep a straight course by itself, "
-            "and K and T are those of an unstable vehicle."
-        )
+        text += UNSTABLE[found.plane]
     doubts = [f"{_order(r)}: {f.message}." for r in found.maneuvers for f in r.findings]
     text = " ".join([text, *(f"{d[:1].upper()}{d[1:]}" for d in doubts)])
     lost = [f"{f.where} ({f.message})" for f in found.findings]

@@ -198,7 +198,8 @@ EFFECTS: tuple[Effect, ...] = (
         P("down_mps", "m/s", 0.05, 0.012, -1.0, 1.0, powers=SPEED),
     ), "velocity over ground = velocity through the water + R(pitch)' (0, down)",
         "w residual that is the same at every speed, u residual that follows the pitch", (),
-        "Fossen (2021), 10.3", words="water that sinks by {down_mps:.3f} m/s", alike="incidence",
+        "Fossen (2021), 10.3", words="water that {down_mps:sinks|rises} by {down_mps:abs.3f} m/s",
+        alike="incidence",
         of_trial=True),
     Effect("one_off_event", "environment", "disturbance", HV, (
         P("time_s", "s", 1.0, 0.0, 0.0, 1e9), P("duration_s", "s", 1.0, 0.0, 0.0, 1e3),
@@ -351,7 +352,7 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("linear_drag", "hydrodynamics", "force", HV, (
         P("X_u", "kg/s", 1.0e-3, 4e-4, -0.1, 0.1, powers=(1, 2, 1, 0), nuisance_std=1.5e-4),
     ), "X + X_u u", "u / n changes with speed",
-        words="linear drag of {X_u:.2f} kg/s", alike="drag",
+        words="linear drag of {X_u:abs.2f} kg/s{X_u: that pushes ahead|}", alike="drag",
         surge_alone=True),
     Effect("linear_damping", "hydrodynamics", "force", HV, (
         *in_axes("A_a", "kg/s", 0.015, 0.005, -1.0, 1.0, powers=(1, 2, 1, 0)),

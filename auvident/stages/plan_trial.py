@@ -9,15 +9,17 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.constants import VehicleTime
+from auvident.engines.carried import structure_behind, vector_behind
 from auvident.engines.records import sensor_matrix
 from auvident.errors import NumericsError, StageError
 from auvident.physics.dynamics import N_STATES, simulate_with_sensitivities
 from auvident.physics.term_tables import N_INPUTS
-from auvident.physics.terms import Structure, parameter_vector, structure_of, symbol_in
+from auvident.physics.terms import Structure, structure_of, symbol_in
 from auvident.physics.virtual import (
     ACTIVE,
     Helm,
     combined_helm,
+    healthy,
     held_helm,
     run_virtual,
     steady_approach,
@@ -57,8 +59,8 @@ def plan_trial(
 ) -> TrialPlan:
     """Rank candidate maneuvers by what each would add to the information of the trial.
 
-    Each is simulated with the identified model at rates and amplitudes of the trial; its Fisher
-    information, with the noise found in the trial, is added to the posterior.
+    Each is simulated with the model at rates and amplitudes of the trial, the forces of its effects
+    included; its Fisher information, with the noise found in the trial, is added to the posterior.
 
     Parameters
     ----------
@@ -74,11 +76,9 @@ def plan_trial(
     """
     if not model.covariance:
         raise StageError("the model has no covariance", "identify", "Run `auvident identify`.")
-    structure = structure_of(model.plane)
+    structure, own = structure_behind(model), structure_of(model.plane).parameters
     named = list(model.covariance["symbols"])
-    kept = [
-        i for i, name in enumerate(named) if name in structure.parameters
-    ]  # no nuisance parameters
+    kept = [i for i, name in enumerate(named) if name in own]  # no parameters of effects
     symbols = [named[i] for i in kept]
     posterior = np.array(model.covariance["matrix"])[np.ix_(kept, kept)]
     stds = dict(zip(symbols, np.sqrt(np.diag(posterior)), strict=True))
@@ -160,9 +160,10 @@ def expected_information(
 
     `stds` has these by symbol. None when the model cannot be run through it.
     """
-    p = parameter_vector(model.plane, model.values(), model.rigid_body)
-    n_rps = candidate.rpm / 60.0
+    p, n_rps = vector_behind(model), candidate.rpm / 60.0
     start = steady_approach(structure, p, n_rps)
+    if not np.isfinite(start).all():
+        return None
     run = run_virtual(structure, p, start, n_rps, candidate.duration_s, candidate.helm, dt_s=dt_s)
     column = np.full(len(p), -1, dtype=np.int64)
     for i, symbol in enumerate(stds):
@@ -177,7 +178,7 @@ def expected_information(
     slopes = np.zeros((n, N_STATES, 1 + N_STATES + len(stds)))
     if not simulate_with_sensitivities(
         run.states[0],
-        run.inputs,
+        np.array([healthy(row) for row in run.inputs]),
         np.zeros((n, N_INPUTS, 0)),
         np.zeros(0, dtype=np.int64),
         run.states,

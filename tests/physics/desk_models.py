@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 
+from auvident.schema.coefficients import BY_SYMBOL, symbols_of
 from auvident.schema.planes import Plane
 from auvident.stages.ase import estimate
 from auvident.stages.desk import DeskModel, estimated_models
@@ -43,3 +44,15 @@ def stated(models: DeskModel, **values: float) -> DeskModel:
 def linear(models: DeskModel) -> DeskModel:
     """The same without cross-flow in sway and yaw."""
     return changed(models, **{s.replace("|", "__"): 0.0 for s in QUADRATIC})
+
+
+def enlarged(models: DeskModel, by: float) -> DeskModel:
+    """A vehicle of the same shape and so many times as long, in the same water (horizontal)."""
+    rigid = {"m": 3, "m x_G": 4, "I": 5, "x_fin": 1}
+    vectors = models.vectors.copy()
+    for name in symbols_of(models.plane):
+        power = BY_SYMBOL[name].length_power
+        vectors[:, models.structure.index(name)] *= by**power
+    for name, power in rigid.items():
+        vectors[:, models.structure.index(name)] *= by**power
+    return replace(models, vectors=vectors, length_m=by * models.length_m)

@@ -57,6 +57,17 @@ def test_words_name_the_channels() -> None:
     assert consistency_words({}) == ""
 
 
+def test_words_say_no_where_any_test_of_the_table_fails() -> None:
+    """Nor do they speak of held-out maneuvers where nothing was held out."""
+    told = consistency_words({"u": left(), "v": left(p=0.01)})
+    assert told == "Not entirely: the errors of v are not normally distributed."
+    told = consistency_words({"u": left(nis=2.0, p=0.01)})
+    assert told.startswith("Not entirely: the errors of u do not have the size")
+    assert "Those of u are not normally" in told
+    assert "held-out" in consistency_words({"u": left()})
+    assert "used for identification" in consistency_words({"u": left()}, "identify")
+
+
 def test_the_figure_says_pass_or_fail_and_draws_every_lag() -> None:
     time = np.arange(0.0, 20.0, 0.1)
     rng = np.random.default_rng(2)

@@ -99,6 +99,20 @@ def test_an_unstable_ship_is_called_so(found: StandardManeuvers) -> None:
     assert "does not keep a straight course" not in standard(found).caption
 
 
+def test_an_unstable_diver_keeps_no_pitch_and_has_no_course(found: StandardManeuvers) -> None:
+    """The index of the vertical plane is of heave and pitch, without the righting moment."""
+    zigzag = result(
+        "vertical-zigzag",
+        {"elevator_deg": 10.0, "pitch_deg": 5.0},
+        overshoot_1_deg=3.0,
+        stability_index=-0.2,
+    )
+    dives = {"plane": "vertical", "maneuvers": (zigzag,)}
+    told = standard(found.model_copy(update=dives)).caption
+    assert "does not keep its pitch" in told and "righting moment" in told
+    assert "course" not in told and "K and T" not in told
+
+
 @pytest.mark.parametrize(
     ("hull_time_s", "first", "second"),
     [(5.0, 10.0, 25.0), (10.0, 10.0, 25.0), (20.0, 15.0, 32.5), (30.0, 20.0, 40.0), (60, 20, 40)],

@@ -116,6 +116,10 @@ def test_an_effect_tells_which_parameters_are_at_a_bound_and_its_table_shows_it(
         ("thrust_sag", (0.1,), "thrust that declines by 10.0% in 1000 s"),
         ("thrust_sag", (-0.1,), "thrust that rises by 10.0% in 1000 s"),
         ("thrust_step", (-0.2,), "thrust that rises by 20.0%"),
+        ("linear_drag", (-2.4,), "linear drag of 2.40 kg/s"),
+        ("linear_drag", (2.4,), "linear drag of 2.40 kg/s that pushes ahead"),
+        ("vertical_current", (0.05,), "water that sinks by 0.050 m/s"),
+        ("vertical_current", (-0.05,), "water that rises by 0.050 m/s"),
     ],
 )
 def test_what_falls_is_not_said_to_grow_by_less_than_nothing(effect, sizes, says):

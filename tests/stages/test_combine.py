@@ -75,6 +75,27 @@ def test_a_prior_that_no_data_narrowed_is_counted_once() -> None:
     assert covariance == pytest.approx(np.array([[0.25]]))
 
 
+def test_each_plane_is_taken_off_its_own_prior() -> None:
+    """An estimate at another speed is no reading; a reading from another estimate is the same."""
+    one = Posterior("horizontal", ("s",), *(np.array([x]) for x in (2.0, 2.0, 0.5)), np.eye(1) / 4)
+    other = Posterior(
+        "vertical", ("s",), *(np.array([x]) for x in (2.2, 2.2, 0.4)), np.eye(1) * 0.16
+    )
+    mean, covariance = _pooled(one, other, ("s",))
+    assert mean == pytest.approx([2.0])
+    assert covariance == pytest.approx(np.array([[0.25]]))
+    reading, variance = 3.0, 0.09
+    both = 1.0 / 0.16 + 1.0 / variance
+    seen = replace(
+        other,
+        mean=np.array([(2.2 / 0.16 + reading / variance) / both]),
+        covariance=np.eye(1) / both,
+    )
+    mean, covariance = _pooled(one, seen, ("s",))
+    assert covariance == pytest.approx(np.array([[1.0 / (4.0 + 1.0 / variance)]]))
+    assert mean == pytest.approx((4.0 * 2.0 + reading / variance) * covariance[0])
+
+
 def test_every_coefficient_and_constant_is_there_with_its_origin() -> None:
     model = combined()
     origin = {e.symbol: e.origin for e in model.entries}

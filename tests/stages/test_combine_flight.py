@@ -131,6 +131,21 @@ def test_the_table_has_every_state_with_its_band(whole: CombinedModel) -> None:
     assert table.depth_m[0] == pytest.approx(logged.depth_m[800.0])
 
 
+def test_water_that_sinks_takes_the_depth_along(whole: CombinedModel) -> None:
+    """Of the same motion through the water; the depth is over ground, as a sensor has it."""
+    row = {"id": "vertical_current", "parameters": [], "internal": {}}
+    effects = {**whole.effects, "vertical": (*whole.effects["vertical"], row)}
+    down = {"vertical vertical_current.down_mps": 0.05}
+    carried = {"effects": effects, "parameters": {**whole.parameters, **down}}
+    options = {"samples": 0, "speed_mps": 1.4}  # the same start for both
+    found = flight_table(whole.model_copy(update=carried), **options)
+    without = flight_table(whole, **options)
+    seconds = found.time_s - found.time_s[0]
+    np.testing.assert_allclose(found[list(STATE_COLUMNS)], without[list(STATE_COLUMNS)], atol=1e-9)
+    np.testing.assert_allclose(found.depth_m - without.depth_m, 0.05 * seconds, atol=1e-9)
+    np.testing.assert_allclose(found.north_m, without.north_m, atol=1e-9)
+
+
 def held_share(model: CombinedModel, plane: str) -> tuple[np.ndarray, np.ndarray]:
     """Share of the readings of held-out maneuvers within the band, and its mean width (4,)."""
     (trial,) = sample(TRIALS[plane]).trials

@@ -26,7 +26,7 @@ from auvident.stages.identify.setup import rigid_body
 from auvident.storage.vehicle_file import load_vehicle
 from tests import loop_world
 from tests.command_line import ROOT, SAMPLES
-from tests.physics.desk_models import changed, remus
+from tests.physics.desk_models import changed, enlarged, remus
 from tests.stages.test_export import with_effects
 
 SUBOFF = ROOT / "tests" / "data" / "vehicles" / "suboff.toml"
@@ -289,3 +289,23 @@ def test_the_page_has_the_zigzag_of_vehicle_and_model(harbour: DeskModel) -> Non
     expected += [x for row in rows for x in (row.value, row.low, row.high)]
     assert found
     assert [float(text) for text in found.groups()] == pytest.approx(expected, abs=0.1)
+
+
+@pytest.mark.parametrize("by", [0.6, 6.0, 240.0])
+def test_overshoots_are_those_of_the_shape_however_large_the_vehicle(by: float) -> None:
+    """Of a ship rows were kept so far apart that overshoots counted from after the reversal."""
+    rate, speed = 25.0, 1.5
+
+    def flown(models: DeskModel, rate_degps: float) -> dict[str, Any]:
+        approach = Approach(speed_mps=speed, rudder_rate_degps=rate_degps)
+        return told(fly_maneuver(models, desk_order("zigzag:10/10"), approach))
+
+    own, other = (
+        flown(remus("horizontal"), rate),
+        flown(enlarged(remus("horizontal"), by), rate / by),
+    )
+    for k in range(1, 5):
+        name = f"overshoot_{k}"
+        # steps are 0.01 L/U of the small ones, and shorter beside the time of a large one
+        assert other[name].value == pytest.approx(own[name].value, rel=0.005)
+    assert other["period"].value == pytest.approx(by * own["period"].value, rel=0.01)

@@ -5,10 +5,11 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from auvident.constants import GRAVITY_MPS2
+from auvident.constants import GRAVITY_MPS2, USUAL_SPEED_MPS
 from auvident.errors import UsageError
 from auvident.physics.six_dof import rates_six_dof, state_of, system_of
 from auvident.physics.six_dof_terms import VELOCITIES, six_dof_structure
+from auvident.physics.terms import LINEAR_DRAG
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.planes import BY_PLANE, PLANES, Plane
 from auvident.stages.export import export
@@ -241,3 +242,19 @@ def test_what_is_no_vehicle_is_refused() -> None:
     entries = tuple(e.model_copy(update={"value": np.inf}) for e in whole.constants)
     with pytest.raises(UsageError, match="not a finite number"):
         whole_of(whole.model_copy(update={"constants": entries}))
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_the_rate_of_a_straight_run_balances_linear_drag_too(plane: Plane) -> None:
+    """About that run uuv_simulator has the thrust of the model, which falls with the speed."""
+    whole = whole_of(with_effects(plane, "linear_drag"))
+    plain = whole_of(with_effects(plane))
+    u, n, own = USUAL_SPEED_MPS, whole.usual_rate_rps, whole.values
+    thrust = own["T_nn"] * n * n + own["T_nu"] * n * u
+    drag = own["X_uu"] * u * u + own[LINEAR_DRAG] * u
+    assert own[LINEAR_DRAG] > 0.0 and n < plain.usual_rate_rps  # of its usual size, but ahead
+    assert thrust + drag == pytest.approx(0.0, abs=1e-9 * thrust)
+    read, ahead = read_uuv(as_uuv(whole)), np.array([u, 0.0, 0.0, 0.0, 0.0, 0.0])
+    resistance = whole.values["X_uu"] * u * u + whole.values[LINEAR_DRAG] * u
+    found = read.thrust(n, ahead) + float(read.hydrodynamics(ahead)[0]) - resistance
+    assert found == pytest.approx(thrust, rel=1e-9)

@@ -9,6 +9,7 @@ import pytest
 from scipy.linalg import block_diag
 
 from auvident.engines.carried import claimed_covariance, fitted_covariance, vector_behind
+from auvident.engines.predictive import pushes_behind
 from auvident.errors import InputError
 from auvident.estimation.pooling import pooled
 from auvident.report.figures_campaign import over_trials
@@ -17,7 +18,7 @@ from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.effects import BY_ID, EFFECTS
 from auvident.stages.pool import PoolResult, PoolTrial, changes_of, pool
 from auvident.stages.pool.carry import about_common, carrier, map_of
-from auvident.stages.pool.changes import model_value, quantities
+from auvident.stages.pool.changes import model_value, of_shares, quantities
 from auvident.stages.pool.collect import collect
 from tests.bench import pool as bench
 from tests.session import once
@@ -109,6 +110,45 @@ def test_the_order_of_trials_does_not_matter() -> None:
     for a, b in zip(one.coefficients, other.coefficients, strict=True):
         assert a.value == pytest.approx(b.value, abs=1e-3 * a.prior_std)
         assert a.std == pytest.approx(b.std, rel=1e-3)
+
+
+def test_a_scatter_between_maneuvers_counts_in_as_many_trials_as_chance_makes_of_it() -> None:
+    """Beyond chance in one maneuver set of twenty: not in one trial of four (18 %), in two."""
+    rows = models()
+
+    def structural(wide: int) -> float:
+        own = [scattered_more(m, "Y_uud", 0.3) for m in rows[:wide]] + rows[wide:]
+        found = pool(trials(own)).model.pooling.parameters
+        return next(p.structural_std / p.prior_std for p in found if p.symbol == "Y_uud")
+
+    none = structural(0)
+    assert structural(1) == pytest.approx(none, abs=1e-6)
+    assert structural(2) == pytest.approx(np.sqrt(0.5) * 0.3, rel=0.1)
+    assert structural(4) == pytest.approx(0.3, rel=0.1)
+
+
+def scattered_more(model: IdentifiedModel, symbol: str, by: float) -> IdentifiedModel:
+    """The model with one variance widened by the square of a share of the prior's deviation."""
+    covariance = json.loads(json.dumps(model.covariance))
+    k = covariance["symbols"].index(symbol)
+    covariance["matrix"][k][k] += (by * covariance["scale"][k]) ** 2
+    return model.model_copy(update={"covariance": covariance})
+
+
+def test_a_hull_that_hardly_keeps_its_course_is_pushed_in_the_pooled_model_too() -> None:
+    """Else its band is that of a stable one, with errors judged beside pushes."""
+    own = models()
+    assert pushes_behind(pool(trials(own)).model) is None
+    sizes = (0.03, 0.04)
+    for k, size in enumerate(sizes):
+        left = own[k].left_out
+        assert left is not None
+        told = left.model_copy(update={"push": {"v": size, "r": 2.0 * size}})
+        own[k] = own[k].model_copy(update={"left_out": told})
+    pushes = pushes_behind(pool(trials(own)).model)
+    assert pushes is not None
+    rms = float(np.sqrt(np.mean(np.square(sizes))))
+    assert pushes.std == pytest.approx([0.0, rms, 2.0 * rms, 0.0])
 
 
 def test_it_is_a_model_like_any_other_within_what_physics_allows() -> None:
@@ -204,6 +244,13 @@ def test_a_step_is_told_in_a_sentence_with_its_size(what: str, sentence: str) ->
         assert change.size == pytest.approx(-0.4, abs=max(0.05, 3.0 * change.std))
     else:
         assert what in change.rivals or set(change.symbols) <= set(group.symbols)
+
+
+def test_an_interval_of_shares_that_holds_zero_is_not_told_without_it() -> None:
+    """Found beside another change, a small one may be left that is none."""
+    assert of_shares(-0.05, -0.01) == "1 to 5 %"
+    assert of_shares(0.01, 0.05) == "1 to 5 %"
+    assert of_shares(-0.05, 0.01) == "-5 to +1 %"
 
 
 def series() -> PoolResult:

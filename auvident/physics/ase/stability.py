@@ -220,8 +220,11 @@ def righting_speed_mps(
     Returns
     -------
     float or None
-        m/s; None when the vehicle is stable at every speed, 0 when nothing rights it.
+        m/s; None when the vehicle is stable at every speed, 0 when nothing rights it, or the
+        centre of gravity lies above that of buoyancy and topples it.
     """
+    if z_g < 0.0:
+        return 0.0  # of the characteristic polynomial the last coefficient is negative
     m11, m12 = mass - c["Z_wdot"], -mass * x_g - c["Z_qdot"]
     m21, m22 = -mass * x_g - c["M_wdot"], inertia - c["M_qdot"]
     a11, a12, a21, a22 = c["Z_uw"], c["Z_uq"] + mass, c["M_uw"], c["M_uq"] - mass * x_g

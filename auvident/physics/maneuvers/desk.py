@@ -58,12 +58,14 @@ class Moment:
 class DeskHelm(Protocol):
     """Orders the fins (S,) and says which models (S,) are through.
 
-    It steps in `step_s` at the most, keeps a row every `row_s`, and gives up at `longest_s`.
+    It steps in `step_s` at the most, keeps a row every `row_s`, and gives up at `longest_s`. Where
+    it `switches`, figures count from the moment of a reversal, and that is a row as well.
     """
 
     longest_s: float
     step_s: float
     row_s: float
+    switches: bool
 
     def order(self, now: Moment) -> Array:
         """Angles ordered [rad], positive to starboard or up."""
@@ -90,6 +92,7 @@ class CircleHelm:
 
     setting: Setting
     order_rad: float
+    switches: bool = False
 
     def __post_init__(self) -> None:
         self.longest_s = MOST_CIRCLE * self.setting.hull_time_s
@@ -112,6 +115,7 @@ class ZigzagHelm:
     setting: Setting
     order_rad: float
     switch_rad: float
+    switches: bool = True
 
     def __post_init__(self) -> None:
         self.longest_s = (EXECUTES + 1) * MOST_SWING * self.setting.hull_time_s
@@ -150,6 +154,7 @@ class StairHelm:
     setting: Setting
     orders_rad: Sequence[float]
     levels: list[Level] = field(default_factory=list)
+    switches: bool = False
 
     def __post_init__(self) -> None:
         self.longest_s = len(self.orders_rad) * MOST_SETTLING * self.setting.hull_time_s
@@ -191,6 +196,7 @@ class DepthHelm:
 
     setting: Setting
     depth_m: float
+    switches: bool = False
 
     def __post_init__(self) -> None:
         time = self.setting.hull_time_s
@@ -282,7 +288,7 @@ def fly(
     servos = Servos(fleet, run.angle.copy(), dt)
     gone = made_good(fleet, states)
     rows: list[tuple[Any, ...]] = []
-    ends, k = np.full(fleet.size, -1), 0
+    ends, k, told = np.full(fleet.size, -1), 0, np.full(fleet.size, np.nan)
     with np.errstate(invalid="ignore", over="ignore"):
         while True:
             now = Moment(k * dt, states, states[3] - start, way)
@@ -291,7 +297,8 @@ def fly(
             last = bool(through[0] and (through | ~np.isfinite(states[0])).all())
             last |= k * dt >= helm.longest_s or not np.isfinite(states[:, 0]).all()
             new = through & (ends < 0)
-            if k % every == 0 or last or new[0]:
+            turned, told = helm.switches and bool((order != told).any()), order
+            if k % every == 0 or last or new[0] or turned:
                 rows.append((k * dt, states.copy(), way.copy(), order, servos.angle.copy()))
             ends = np.where(new, len(rows) - 1, ends)
             if last:

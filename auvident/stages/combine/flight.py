@@ -15,7 +15,7 @@ from auvident.engines.records import Record, is_read_at, record_of, sensor_matri
 from auvident.engines.stretches import as_maneuver, uninterrupted
 from auvident.errors import NumericsError
 from auvident.physics.maneuvers.track import heading_from_rate
-from auvident.physics.sensing import current
+from auvident.physics.sensing import DOWN, current
 from auvident.physics.six_dof import (
     ATTITUDE,
     POSITION,
@@ -51,6 +51,7 @@ STATE_COLUMNS = tuple(BY_QUANTITY[name].column for name in CHANNELS)
 TRACK_COLUMNS = tuple(BY_QUANTITY[name].column for name in ("north", "east", "depth"))
 # effects of the propeller: one acts on it, whichever plane showed it
 OF_PROPELLER = frozenset({"propeller_lag", "thrust_sag", "thrust_step"})
+SINKING = "vertical_current"  # carries the vehicle down, which the log of the depth shows
 FASTEST_MPS = 30.0  # no steady speed is looked for beyond
 
 
@@ -66,8 +67,8 @@ class Flight:
         As they act; see `physics.six_dof`.
     logged : (n, 3) array
         Rudder, elevator [rad], rpm.
-    drift : (n, 2) array
-        How far a current has carried the vehicle, north and east [m].
+    drift : (n, 3) array
+        How far the water has carried the vehicle, north, east and down [m].
     heading_rad : float
         Heading at the start, as the log counts it.
     """
@@ -323,13 +324,18 @@ def steady_speed(system: SixDofSystem, rate_rps: float) -> float:
 
 
 def _drift(model: CombinedModel, record: Record, dt_s: float) -> Array:
-    """How far the current has carried the vehicle (n, 2) since the start."""
-    if not CURRENTS & set(model.effect_ids("horizontal")):
-        return np.zeros((len(record.time_s), 2))
-    frame, p = plane_frame(model, "horizontal", dt_s)
-    since = None if record.source is None else record.source.from_middle_s
-    water = current(frame.reading_effects(p), np.zeros(len(record)) if since is None else since)
-    return np.column_stack([heading_from_rate(record.time_s, x) for x in water.T])
+    """How far moving water has carried the vehicle (n, 3) since the start."""
+    drift = np.zeros((len(record.time_s), 3))
+    if CURRENTS & set(model.effect_ids("horizontal")):
+        frame, p = plane_frame(model, "horizontal", dt_s)
+        since = None if record.source is None else record.source.from_middle_s
+        at = np.zeros(len(record)) if since is None else since
+        water = current(frame.reading_effects(p), at)
+        drift[:, :2] = np.column_stack([heading_from_rate(record.time_s, x) for x in water.T])
+    if SINKING in model.effect_ids("vertical"):
+        frame, p = plane_frame(model, "vertical", dt_s)
+        drift[:, 2] = frame.reading_effects(p)[DOWN] * (record.time_s - record.time_s[0])
+    return drift
 
 
 def _predict(
@@ -352,8 +358,7 @@ def _predict(
     columns |= dict(zip(INPUT_COLUMNS, flight.logged.T, strict=True))
     shown = _shown(states, flight.heading_rad)
     columns |= dict(zip(STATE_COLUMNS, shown.T, strict=True))
-    track = states[:, POSITION].copy()
-    track[:, :2] += flight.drift
+    track = states[:, POSITION] + flight.drift
     columns |= dict(zip(TRACK_COLUMNS, track.T, strict=True))
     runs = (simulate_six_dof(flight.start, flight.inputs, dt_s, one) for one in drawn)
     stable = [_shown(run, flight.heading_rad) for run in runs if np.isfinite(run).all()]

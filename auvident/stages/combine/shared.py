@@ -134,9 +134,10 @@ def _apart(first: Posterior, second: Posterior, shared: Sequence[str]) -> tuple[
 def _pooled(first: Posterior, second: Posterior, shared: Sequence[str]) -> tuple[Array, Array]:
     """Mean and covariance of the shared values: both planes' data, the prior once.
 
-    In units of the prior, information of the data is that of the posterior less one; where
-    scatter between maneuvers makes a posterior wider than the prior in some direction, the data
-    count as none there.
+    In units of the prior, information of the data is that of the posterior less that of its own
+    prior (an estimate goes with the speed of the run, by the Reynolds number); where scatter
+    between maneuvers makes a posterior wider than the prior in some direction, the data count as
+    none there.
     """
     at = first.at(shared)
     scale = np.where(np.isfinite(first.prior_std[at]), first.prior_std[at], 0.0)
@@ -145,12 +146,13 @@ def _pooled(first: Posterior, second: Posterior, shared: Sequence[str]) -> tuple
     information, moved = np.diag(prior), np.zeros(len(shared))
     centre = first.prior[at]
     for one in (first, second):
-        own = np.outer(scale, scale) * np.linalg.inv(one.among(shared))
-        values, vectors = np.linalg.eigh(own - np.diag(prior))
+        own, there = np.outer(scale, scale) * np.linalg.inv(one.among(shared)), one.at(shared)
+        known = (scale / one.prior_std[there]) ** 2 * prior
+        values, vectors = np.linalg.eigh(own - np.diag(known))
         seen = vectors[:, values > 0.0]
         data = seen @ np.diag(values[values > 0.0]) @ seen.T
-        away = (one.mean[one.at(shared)] - centre) / scale
-        moved += seen @ (seen.T @ (own @ away))
+        away, begun = ((x[there] - centre) / scale for x in (one.mean, one.prior))
+        moved += seen @ (seen.T @ (own @ away - known * begun))
         information += data
     covariance = np.linalg.inv(information)
     return centre + scale * (covariance @ moved), covariance * np.outer(scale, scale)

@@ -4,9 +4,6 @@ import re
 import textwrap
 from collections.abc import Sequence
 
-import numpy as np
-
-from auvident.constants import USUAL_SPEED_MPS
 from auvident.physics import actuation as act
 from auvident.physics.six_dof import SUBSTEPS
 from auvident.physics.six_dof_terms import AXES, INPUTS, OF_RACE
@@ -207,7 +204,7 @@ def _of_class(whole: Whole) -> dict[str, str]:
         "fall_over": repr(float(e[act.OVER])),
         "change_time": repr(float(vertical[act.CHANGE_TIME])),
         "change_over": repr(float(vertical[act.CHANGE_OVER])),
-        "rpm": repr(_usual_rpm(whole)),
+        "rpm": repr(float(round(60.0 * whole.usual_rate_rps, -1))),
         "remarks": acting_lines(whole.effects, left_out_of_pvs(whole), "", WIDTH),
     }
 
@@ -229,14 +226,6 @@ def _fin(whole: Whole, fin: str) -> str:
     if e[act.STALL] > 0.0:
         found["stall"] = float(e[act.STALL]) ** -0.5
     return ", ".join(f"{name}={value!r}" for name, value in found.items())
-
-
-def _usual_rpm(whole: Whole) -> float:
-    """Rate for a usual speed on a straight run, rounded: for the step inputs."""
-    u, values = USUAL_SPEED_MPS, whole.values
-    roots = np.roots([values.get("T_nn", 0.0), values.get("T_nu", 0.0) * u, values["X_uu"] * u * u])
-    ahead = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0.0)]
-    return float(round(60.0 * ahead.min(initial=np.inf), -1)) if len(ahead) else 0.0
 
 
 def _wrapped(force: str) -> str:

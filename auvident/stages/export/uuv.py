@@ -12,7 +12,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from auvident.constants import GRAVITY_MPS2
+from auvident.constants import GRAVITY_MPS2, USUAL_SPEED_MPS
 from auvident.physics import actuation as act
 from auvident.physics.six_dof_terms import AXES, VELOCITIES
 from auvident.schema.planes import BY_FIN
@@ -267,6 +267,5 @@ def _drag_for_thrust(whole: Whole) -> float:
 
 def _speed_per_rate(whole: Whole) -> float:
     """Speed over rate on a straight run in balance [m per revolution]; zero without thrust."""
-    roots = np.roots([whole.values.get(n, 0.0) for n in ("X_uu", "T_nu", "T_nn")])
-    speeds = roots.real[(np.abs(roots.imag) < 1e-12) & (roots.real > 0.0)]
-    return float(speeds.max()) if len(speeds) else 0.0
+    rate = whole.usual_rate_rps
+    return USUAL_SPEED_MPS / rate if rate > 0.0 else 0.0

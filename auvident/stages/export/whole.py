@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.constants import GRAVITY_MPS2
+from auvident.constants import GRAVITY_MPS2, USUAL_SPEED_MPS
 from auvident.engines.carried import structure_behind, vector_behind
 from auvident.errors import UsageError
 from auvident.physics import actuation as act
@@ -22,7 +22,7 @@ from auvident.physics.six_dof_terms import (
     six_dof_structure,
     whole_names,
 )
-from auvident.physics.terms import CONSTANTS, POWERS, structure_of
+from auvident.physics.terms import CONSTANTS, LINEAR_DRAG, POWERS, structure_of
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.combined import CombinedModel
 from auvident.schema.planes import BY_PLANE, PLANES, Plane
@@ -110,6 +110,15 @@ class Whole:
         """Buoyancy; a model of the horizontal plane alone has that of its weight."""
         excess = self.values.get("W-B", 0.0) if "vertical" in self.planes else 0.0
         return self.values["m"] * GRAVITY_MPS2 - excess
+
+    @property
+    def usual_rate_rps(self) -> float:
+        """Propeller rate of a straight run at `USUAL_SPEED_MPS`, linear drag counted; or zero."""
+        u, thrust = USUAL_SPEED_MPS, (self.values.get("T_nn", 0.0), self.values.get("T_nu", 0.0))
+        drag = self.values.get("X_uu", 0.0) * u * u + self.values.get(LINEAR_DRAG, 0.0) * u
+        roots = np.roots([thrust[0], thrust[1] * u, drag])
+        ahead = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0.0)]
+        return float(ahead.min()) if len(ahead) else 0.0
 
     @property
     def inverse(self) -> Array:

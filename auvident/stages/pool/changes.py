@@ -237,9 +237,8 @@ class _Teller:
         """As one would say it."""
         trials, n = self.data.trials, len(self.data.names)
         if measure.share:
-            ends = sorted(abs(100.0 * x) for x in interval)
             share = f"{abs(100.0 * size):.0f} %"
-            of = f"({ends[0]:.0f} to {ends[1]:.0f} %)"
+            of = f"({of_shares(*interval)})"
         else:
             unit = "" if measure.unit == "-" else f" {measure.unit}"
             share = f"{abs(size):.2g}{unit}"
@@ -285,3 +284,11 @@ class _Teller:
                 points.append(SeriesPoint(trial=t.name, date=t.date, value=size * factor, std=seen))
             rows[self.name(d)] = tuple(points)
         return rows
+
+
+def of_shares(low: float, high: float) -> str:
+    """An interval of shares in per cent: their sizes, unless it reaches to both sides of zero."""
+    if low < 0.0 < high:
+        return f"{100.0 * low:+.0f} to {100.0 * high:+.0f} %"
+    least, most = sorted(abs(100.0 * x) for x in (low, high))
+    return f"{least:.0f} to {most:.0f} %"

@@ -183,7 +183,11 @@ def _covariance(t: Together) -> dict[str, Any]:
 
 
 def _left_out(data: Collected) -> LeftOutSummary | None:
-    """Maneuvers left out in each trial, all together: bands are made of their errors."""
+    """Maneuvers left out in each trial, all together: bands are made of their errors.
+
+    Where some of the hulls hardly keep their course, so may the pooled one: its band then has
+    their pushes (`auvident.engines.falling`), which their errors were judged with.
+    """
     found = [t.model.left_out for t in data.trials if t.model.left_out is not None]
     if not found:
         return None
@@ -191,6 +195,7 @@ def _left_out(data: Collected) -> LeftOutSummary | None:
         channel: [s.model_error[channel] for s in found if channel in s.model_error]
         for channel in dict.fromkeys(c for s in found for c in s.model_error)
     }
+    pushed = [s.push for s in found if s.push]
     spreads = {c: [s.spread[c] for s in found if c in s.spread] for c in found[0].spread}
     return LeftOutSummary(
         maneuvers=tuple(m for s in found for m in s.maneuvers),
@@ -203,6 +208,9 @@ def _left_out(data: Collected) -> LeftOutSummary | None:
             )
             for c, rows in errors.items()
         },
+        push={c: float(np.sqrt(np.mean([p[c] ** 2 for p in pushed]))) for c in pushed[0]}
+        if pushed
+        else {},
     )
 
 

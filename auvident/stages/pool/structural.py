@@ -21,6 +21,7 @@ Array = npt.NDArray[Any]
 
 # As in a single trial: a coefficient is widened where maneuvers scatter so in one case of twenty.
 BY_CHANCE = 0.05
+ROUNDING = 1.0e-9  # of the prior's variance: what is added is less of none that was widened
 
 
 def structural_covariance(data: Collected, found: Pooled, between: Array) -> Array:
@@ -52,7 +53,7 @@ def beyond_noise(models: list[IdentifiedModel]) -> float:
 
 def _often(data: Collected) -> npt.NDArray[np.bool_]:
     """Coefficients that were widened in more trials than chance makes of it."""
-    count = data.widened.sum(axis=0)
+    count = np.count_nonzero(data.widened > ROUNDING, axis=0)
     chance = np.where(count > 0, bdtrc(count - 1, len(data.trials), BY_CHANCE), 1.0)
     return np.asarray(chance <= BY_CHANCE + 1e-9)
 

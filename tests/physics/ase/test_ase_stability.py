@@ -129,6 +129,20 @@ def test_righting_moment_holds_an_unstable_vehicle_below_a_speed():
     assert growth(0.99 * limit) < 0.0 < growth(1.01 * limit)
 
 
+@pytest.mark.parametrize("efficiency", [0.35, 1.0])
+def test_a_high_centre_of_gravity_topples_whatever_the_fins_do(efficiency):
+    """The last coefficient of the characteristic polynomial, -Z_uw u m g z_G, is negative."""
+    remus = load("remus")
+    high = changed(
+        remus,
+        fin=fins(remus, "rudder", "elevator", efficiency=efficiency),
+        vehicle={**remus.model_dump(by_alias=True)["vehicle"], "z_g_m": -0.01},
+    )
+    facts = estimate(high).facts["vertical"]
+    assert not facts["stable_at_every_speed"]
+    assert facts["stable_below_mps"] == 0.0
+
+
 def test_vehicle_that_nothing_steers_has_no_steady_turns():
     """A rudder turned into the horizontal plane by its dihedral acts in the vertical one only."""
     remus = load("remus")
