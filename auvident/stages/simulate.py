@@ -12,7 +12,7 @@ from auvident.engines.falling import simulated_pushed
 from auvident.engines.flown import beyond, reached_in
 from auvident.engines.prediction import Frame, at_effects, simulated
 from auvident.engines.predictive import OF_DRAWS, half_widths, pushes_behind
-from auvident.engines.records import Record, is_read_at, record_of, sensor_matrix
+from auvident.engines.records import ANGLE, Record, is_read_at, record_of, sensor_matrix
 from auvident.engines.stretches import as_maneuver, uninterrupted
 from auvident.errors import NumericsError
 from auvident.physics.dynamics import N_STATES
@@ -130,6 +130,8 @@ def _stretch(
         return _acting(model, record, trial.rate_hz)
     begun = np.zeros(N_STATES)
     begun[0] = steady_speed(model, record.inputs[0, 2]) if speed is None else speed
+    if model.plane == "horizontal" and trial.has_heading:
+        begun[ANGLE] = record.start[ANGLE]  # a track is north and east, and so is a current
     if record.source is not None:
         logged = record.source.speed
         known = np.where(logged == 0.0, begun[0], logged)  # zero where it is not logged

@@ -229,6 +229,11 @@ def test_where_nothing_is_read_a_flight_begins_in_balance(whole: CombinedModel) 
     window = (800.0, 805.0)
     found = flight_table(whole, trial=deaf, samples=0, window_s=window)
     assert found.u_mps[0] > 1.0 and found.pitch_rad[0] == 0.0
+    read, told = (
+        trial.table["heading_rad"][trial.table["time_s"] >= window[0]],
+        found["heading_rad"],
+    )
+    assert told.iloc[0] == pytest.approx(read.iloc[0], abs=0.02)  # a track is north and east
     (start,) = unread_starts(deaf, window_s=window)
     assert start == pytest.approx(800.0, abs=0.1)
     assert not unread_starts(trial, window_s=window)

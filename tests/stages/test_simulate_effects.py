@@ -81,7 +81,10 @@ def test_where_nothing_is_read_a_motion_begins_in_balance(given: Given) -> None:
     found, model = run(given.model, deaf), given.model
     rate = trial.table["rpm"][trial.table["time_s"] >= WINDOW[0]].iloc[0] / 60.0
     assert found["u_mps"].iloc[0] == pytest.approx(steady_speed(model, rate), rel=1e-3)
-    assert found[STATES].iloc[0, 1:].eq(0.0).all()
+    assert found[["v_mps", "r_radps"]].iloc[0].eq(0.0).all()
+    # a track is north and east: the bow points to where it is read to
+    assert found["heading_rad"].iloc[0] == run(model, trial)["heading_rad"].iloc[0] != 0.0
+    assert run(model, trial, speed_mps=1.2)["heading_rad"].iloc[0] == found["heading_rad"].iloc[0]
     assert unread_starts(model, deaf, window_s=WINDOW) == pytest.approx([WINDOW[0]], abs=0.1)
     assert not unread_starts(model, trial, window_s=WINDOW)
     assert not unread_starts(model, deaf, window_s=WINDOW, speed_mps=1.0)

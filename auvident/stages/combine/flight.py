@@ -224,7 +224,7 @@ def flight_of(
     measured = not unread_planes(trial, start_s)
     if speed_mps is not None or not measured:
         first = _inputs(model, acting)[0]
-        start[:9] = 0.0
+        start[: 8 if trial.has_heading else 9] = 0.0  # the bow points to where it is read to
         start[0] = speed_mps if speed_mps is not None else steady_speed(system, first[2])
     one = Flight(
         acting["horizontal"].time_s,
