@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from auvident.cli.common import OUTSIDE, PATH, Output, command
+from auvident.cli.results import tell_outdated
 
 
 @command(
@@ -39,6 +40,7 @@ def combine(
             write_combined(model, file)
             named = ", ".join(str(path) for path in files)
             watch.note(f"model of six degrees of freedom written to {file} (from {named})")
+        tell_outdated(watch, *runs)
     if file is None and not output.json:
         from auvident.storage.artifacts import json_bytes
 

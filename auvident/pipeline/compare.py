@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from auvident.pipeline.freshness import is_of_this_run
+from auvident.pipeline.freshness import is_of_this_run, outdated
 from auvident.pipeline.given import Given
 from auvident.pipeline.planes import planes_of
 from auvident.pipeline.predict import REFINED, find_model
@@ -30,7 +30,7 @@ def compare_runs(paths: Sequence[Path]) -> dict[str, Any]:
     -------
     dict
         ``runs`` (path, vehicle, its length, plane, filter, model file, maneuvers held out, those
-        whose prediction diverges, verdict of the refinement),
+        whose prediction diverges, verdict of the refinement, what changed since it was made),
         ``coefficients`` (symbol, unit, and by run value and std; ``apart``: greatest difference
         from the first run in standard deviations of the difference), ``effects`` (the same of
         the parameters of effects that were added), ``held_out`` (channel, unit, and by run rmse
@@ -70,6 +70,7 @@ def _compared(paths: Sequence[Path], plane: str | None) -> dict[str, Any]:
                 "held_out": errors["maneuvers"],
                 "ran_away": errors.get("ran_away", []),
                 "verdict": errors.get("verdict"),
+                "outdated": outdated(path) if path.is_dir() else "",
             }
             for path, (file, model), errors in zip(paths, models, held_out, strict=True)
         ],

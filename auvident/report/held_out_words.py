@@ -20,12 +20,13 @@ OTHERS_HELD_OUT = "The runs hold out different maneuvers: their errors compare o
 
 
 def doubts_of(comparison: Mapping[str, Any]) -> list[str]:
-    """What runs side by side differ in, so that their numbers compare only roughly."""
+    """What runs side by side differ in, so that their numbers compare only roughly or not."""
     hulls = (f"{run['vehicle']} ({run['length_m']:.4g} m)" for run in comparison["runs"])
     vehicles = list(dict.fromkeys(hulls))
     lines = [f"The runs are of different vehicles: {', '.join(vehicles)}."]
     sets = {tuple(run["held_out"]) for run in comparison["runs"]}
-    return lines * (len(vehicles) > 1) + [OTHERS_HELD_OUT] * (len(sets) > 1)
+    lines = lines * (len(vehicles) > 1) + [OTHERS_HELD_OUT] * (len(sets) > 1)
+    return lines + [run["outdated"] for run in comparison["runs"] if run.get("outdated")]
 
 
 def why_held_out(maneuvers: Sequence[Maneuver]) -> list[str]:
