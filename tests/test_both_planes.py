@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import auvident
 from auvident.errors import GateError, NumericsError, UsageError
 from auvident.pipeline.gates import Judged, check_planes, predicted
 from auvident.pipeline.planes import wanted_planes
@@ -418,3 +419,11 @@ def test_planes_are_those_with_maneuvers_of_their_own(found, planes) -> None:
     assert wanted_planes("found", maneuvers) == planes
     assert wanted_planes("both", maneuvers) == ("horizontal", "vertical")
     assert wanted_planes("vertical", maneuvers) == ("vertical",)
+
+
+def test_the_interface_reads_the_whole_model_of_a_run_as_load_model_does_that_of_a_plane(
+    run: Path,
+) -> None:
+    found = auvident.load_whole_model(run)
+    assert found.artifact == auvident.load_run(run).whole.artifact
+    assert found.path == run / "combine/model.json"
