@@ -262,6 +262,7 @@ def test_the_report_has_a_section_for_each_plane(whole: Path) -> None:
     for symbol in ("Z_uw", "Y_uv"):
         assert f"<td>{symbol}</td>" in page
     assert "identified, both planes" in page
+    assert "<code>auvident simulate RUN --inputs LOG</code> flies it" in page
     ids = [part.split('"')[0] for part in page.split(' id="')[1:]]
     assert len(ids) == len(set(ids))
 

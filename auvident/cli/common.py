@@ -311,11 +311,16 @@ def write_table(table: "pd.DataFrame", target: Path) -> None:
     """A table as Parquet or CSV, by the end of the file's name."""
     from auvident.storage.artifacts import parquet_bytes, write_bytes
 
+    refuse_no_table(target)
     if target.suffix == ".parquet":
         write_bytes(target, parquet_bytes(table, {}))
-    elif target.suffix == ".csv":
-        write_bytes(target, table.to_csv(index=False).encode())
     else:
+        write_bytes(target, table.to_csv(index=False).encode())
+
+
+def refuse_no_table(target: Path | None) -> None:
+    """Before any work: a file whose name says of no form of a table."""
+    if target is not None and target.suffix not in (".parquet", ".csv"):
         raise UsageError(
             "is neither a .parquet nor a .csv file",
             str(target),

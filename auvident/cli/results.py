@@ -15,6 +15,7 @@ from auvident.cli.common import (
     Output,
     command,
     completing,
+    refuse_no_table,
     write_table,
 )
 from auvident.cli.ending import of_comparison, told_in_files
@@ -195,6 +196,7 @@ def simulate(
     """
     if (log is None) == (maneuver is None):
         raise click.UsageError("Give either --inputs LOG or --maneuver NAME.")
+    refuse_no_table(file)
     if maneuver is not None:
         logged: dict[str, Any] = {
             "--from": from_s,
