@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from auvident.cli.common import OUTSIDE, PATH, Output, command
+from auvident.cli.precious import refuse_precious
 from auvident.cli.results import tell_outdated
 
 
@@ -32,6 +33,7 @@ def combine(
     from auvident.pipeline.whole import combine_runs, write_combined
     from auvident.report.console_combined import combined_pieces
 
+    refuse_precious(file, *runs, vehicle)
     model, files = combine_runs(runs, vehicle)
     with output.watch() as watch:
         for piece in combined_pieces(model):

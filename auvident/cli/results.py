@@ -19,6 +19,7 @@ from auvident.cli.common import (
     write_table,
 )
 from auvident.cli.ending import of_comparison, told_in_files
+from auvident.cli.precious import refuse_precious
 from auvident.constants import BAND_SHARE
 from auvident.schema.places import BESIDE
 from auvident.schema.planes import PLANES, Plane
@@ -197,6 +198,8 @@ def simulate(
     if (log is None) == (maneuver is None):
         raise click.UsageError("Give either --inputs LOG or --maneuver NAME.")
     refuse_no_table(file)
+    for written in (file, figure):
+        refuse_precious(written, target, log, vehicle, map_)
     if maneuver is not None:
         logged: dict[str, Any] = {
             "--from": from_s,
@@ -371,6 +374,7 @@ def export(
     """
     from auvident.pipeline.exporting import export_model, write_export
 
+    refuse_precious(file, target)
     if form is None:
         form = FORM_OF_SUFFIX.get(file.suffix, "json") if file else "json"
     with output.watch() as watch:
