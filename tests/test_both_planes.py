@@ -249,6 +249,12 @@ def test_runs_of_both_planes_are_compared_in_both(whole: Path, run: Path) -> Non
     assert call("validate", run, "--quiet").code == 0
     found = json.loads(call("compare", whole, run, "--json").out)
     assert [r["plane"] for r in found["runs"]] == ["horizontal", "vertical"]
+    (drag, fin) = (
+        next(r for r in found["coefficients"] if r["symbol"] == s) for s in ("X_uu", "X_uudd")
+    )
+    assert drag["apart"] is not None and None not in fin["value"]
+    assert fin["apart"] is None  # that of the rudder, and that of the elevator
+    assert "The runs are of different planes" in call("compare", whole, run).err
     beside = found["planes"]["vertical"]
     assert [r["plane"] for r in beside["runs"]] == ["vertical", "vertical"]
     (row,) = (r for r in beside["coefficients"] if r["symbol"] == "M_uq")
