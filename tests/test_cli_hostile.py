@@ -217,6 +217,18 @@ def test_a_gate_is_judged_when_nobody_reads_any_more(demo: Path, limit: str, cod
         assert done.returncode == code
 
 
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
+def test_a_stream_that_is_closed_from_the_start_is_no_error(closed: str, demo: Path) -> None:
+    """As of a service without a terminal: code 1 with a traceback, or without a word."""
+    for words, code in ((["coefficients"], 0), (["validate", str(demo), "--fail-above=r=1e-6"], 1)):
+        script = f"{shlex.join([*COMMAND, *words])} {closed}"
+        done = subprocess.run(
+            ["bash", "-c", script], env=ENVIRONMENT, capture_output=True, text=True
+        )
+        assert done.returncode == code
+        assert "bug" not in done.stderr and "Traceback" not in done.stderr
+
+
 def test_another_pipe_that_breaks_is_told(
     auvident: Callable[..., Called], fails: Callable[[BaseException], None]
 ) -> None:

@@ -29,7 +29,11 @@ def outlive_readers() -> None:
     """
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
-        with suppress(OSError, ValueError, AttributeError):  # none, closed, or no file
+        if stream is None:  # closed by who started this (``>&-``): takes its place and number
+            nowhere = io.BufferedWriter(io.FileIO(os.devnull, "w"))
+            setattr(sys, name, io.TextIOWrapper(nowhere, encoding="utf-8"))
+            continue
+        with suppress(OSError, ValueError):  # closed here, or no file
             if not stream.isatty():
                 setattr(sys, name, _patient(stream))
 

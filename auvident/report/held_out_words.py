@@ -29,7 +29,7 @@ def doubts_of(comparison: Mapping[str, Any]) -> list[str]:
     vehicles = list(dict.fromkeys(hulls))
     lines = [f"The runs are of different vehicles: {', '.join(vehicles)}."]
     sets = {tuple(run["held_out"]) for run in comparison["runs"]}
-    planes = {run["plane"] for run in comparison["runs"]}
+    planes = {run.get("plane") for run in comparison["runs"]}
     lines = lines * (len(vehicles) > 1) + [OTHER_PLANES] * (len(planes) > 1)
     lines += [OTHERS_HELD_OUT] * (len(sets) > 1)
     return lines + [run["outdated"] for run in comparison["runs"] if run.get("outdated")]
