@@ -49,6 +49,17 @@ def test_it_is_refused_before_any_work(
     assert Path(file).read_bytes() == before
 
 
+@pytest.mark.parametrize("command", ["ingest", "run"])
+def test_a_run_is_not_made_in_the_folder_of_its_log(
+    command: str, here: Path, auvident: Callable[..., Called]
+) -> None:
+    """The log was read once, and from then on refused as a run directory."""
+    before = sorted(Path(LOG).iterdir())
+    called = auvident(command, LOG, "--vehicle", VEHICLE, "--run", "trial/../trial")
+    assert called.code == 2 and "is the folder of the log" in called.err
+    assert sorted(Path(LOG).iterdir()) == before
+
+
 def test_other_files_are_replaced(here: Path, auvident: Callable[..., Called]) -> None:
     """Also within a run directory: a model for use elsewhere, or a prediction."""
     for _ in range(2):
