@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import auvident
 from auvident.errors import GateError, NumericsError, UsageError
 from auvident.pipeline.gates import Judged, check_planes, predicted
 from auvident.pipeline.planes import wanted_planes
@@ -248,6 +249,12 @@ def test_runs_of_both_planes_are_compared_in_both(whole: Path, run: Path) -> Non
     assert call("validate", run, "--quiet").code == 0
     found = json.loads(call("compare", whole, run, "--json").out)
     assert [r["plane"] for r in found["runs"]] == ["horizontal", "vertical"]
+    (drag, fin) = (
+        next(r for r in found["coefficients"] if r["symbol"] == s) for s in ("X_uu", "X_uudd")
+    )
+    assert drag["apart"] is not None and None not in fin["value"]
+    assert fin["apart"] is None  # that of the rudder, and that of the elevator
+    assert "The runs are of different planes" in call("compare", whole, run).err
     beside = found["planes"]["vertical"]
     assert [r["plane"] for r in beside["runs"]] == ["vertical", "vertical"]
     (row,) = (r for r in beside["coefficients"] if r["symbol"] == "M_uq")
@@ -261,6 +268,7 @@ def test_the_report_has_a_section_for_each_plane(whole: Path) -> None:
     for symbol in ("Z_uw", "Y_uv"):
         assert f"<td>{symbol}</td>" in page
     assert "identified, both planes" in page
+    assert "<code>auvident simulate RUN --inputs LOG</code> flies it" in page
     ids = [part.split('"')[0] for part in page.split(' id="')[1:]]
     assert len(ids) == len(set(ids))
 
@@ -418,3 +426,11 @@ def test_planes_are_those_with_maneuvers_of_their_own(found, planes) -> None:
     assert wanted_planes("found", maneuvers) == planes
     assert wanted_planes("both", maneuvers) == ("horizontal", "vertical")
     assert wanted_planes("vertical", maneuvers) == ("vertical",)
+
+
+def test_the_interface_reads_the_whole_model_of_a_run_as_load_model_does_that_of_a_plane(
+    run: Path,
+) -> None:
+    found = auvident.load_whole_model(run)
+    assert found.artifact == auvident.load_run(run).whole.artifact
+    assert found.path == run / "combine/model.json"

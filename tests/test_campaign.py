@@ -246,7 +246,7 @@ def test_each_trial_is_a_process_and_its_error_is_told() -> None:
     jobs = [Job("v/a", ("good",)), Job("v/b", ("bad",))]
     found = {d.key: d for d in LocalProcesses(2, start).each(jobs)}
     assert (found["v/a"].exit_code, found["v/a"].problem) == (0, "")
-    assert (found["v/b"].exit_code, found["v/b"].problem) == (3, "a: is empty Fill it.")
+    assert (found["v/b"].exit_code, found["v/b"].problem) == (3, "a: is empty. Fill it.")
     assert all(command[1:3] == list(PROGRAM) for command in calls)
 
 
@@ -272,7 +272,7 @@ def test_whoever_gives_up_leaves_no_process_behind() -> None:
 
 
 def test_the_problem_is_the_error_without_what_came_before() -> None:
-    assert problem_of("Warning: x\nError: y: z\n  Do it.\n") == "y: z Do it."
+    assert problem_of("Warning: x\nError: y: z\n  Do it.\n") == "y: z. Do it."
     assert problem_of("") == ""
 
 

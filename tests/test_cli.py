@@ -345,6 +345,38 @@ def test_compare_puts_runs_side_by_side(demo: Path, auvident: Callable[..., Call
     assert row["apart"] > 0.0
 
 
+def test_a_model_that_is_taken_as_it_is_says_what_changed_since(
+    demo: Path, auvident: Callable[..., Called]
+) -> None:
+    """`plan-trial` refuses it; what is exported, flown or compared was of before without a word."""
+    log = ("--inputs", "sample_logs/harbour_trial", "--from", "1373", "--to", "1380")
+    commands = (
+        ("export", demo, "--format", "toml"),
+        ("simulate", demo, "--maneuver", "zigzag:10/10", "--samples", "2"),
+        ("simulate", demo, *log, "--samples", "2", "--output", "flown.csv"),
+        ("combine", demo),
+        ("compare", demo, demo),
+    )
+    said = "vehicle.toml changed since its model was identified"
+    vehicle = Path("vehicle.toml")
+    text = Path("sample_logs/remus100.toml").read_text()
+    vehicle.write_text(text)
+    manifest = demo / "run.json"
+    manifest.write_text(manifest.read_text().replace("sample_logs/remus100.toml", "vehicle.toml"))
+    assert all(said not in auvident(*command).err for command in commands)
+    vehicle.write_text(text.replace("mass_kg = 30.48", "mass_kg = 30.6"))
+    for command in commands:
+        called = auvident(*command)
+        assert called.code == 0, called.err
+        told = " ".join(called.err.split())
+        assert said in told and "`auvident run --run runs/demo`" in told
+        assert said not in called.out
+    (compared, _) = json.loads(auvident("compare", demo, demo, "--json").out)["runs"]
+    assert said in compared["outdated"]
+    vehicle.unlink()  # what is gone says nothing
+    assert all(said not in auvident(*command).err for command in commands)
+
+
 def test_gates_decide_by_the_held_out_error(demo: Path, auvident: Callable[..., Called]) -> None:
     metrics = json.loads((demo / "validate" / "metrics.json").read_text())
     error = metrics["summary"]["validate"]["r"]["rmse"]

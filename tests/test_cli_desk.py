@@ -320,6 +320,20 @@ def test_wrong_usage_and_inputs(
     assert "Traceback" not in called.err
 
 
+def test_a_table_of_no_form_is_refused_before_anything_is_flown(
+    samples: Path, auvident: Call
+) -> None:
+    sweep = ("--sweep", "rudder.exposed_span_m=0.08:0.09:2")
+    for command in (
+        ("simulate", VEHICLE, "--maneuver", "zigzag"),
+        ("simulate", VEHICLE, "--inputs", "sample_logs/harbour_trial"),
+        ("ase", "--vehicle", VEHICLE, *sweep),
+    ):
+        called = auvident(*command, "--output", "f.txt")
+        assert called.code == 2
+        assert called.err.startswith("Error: f.txt: is neither a .parquet nor a .csv file")
+
+
 def test_the_help_names_every_maneuver_with_its_defaults(auvident: Call) -> None:
     from auvident.schema.desk import MANEUVERS
 

@@ -239,6 +239,28 @@ def unmet(compared: dict, share: float = 0.1) -> list[str]:
     return [gate.unmet for gate in baseline_gates(compared, share) if gate.unmet]
 
 
+def test_the_gates_of_both_planes_of_a_run_are_told_apart() -> None:
+    beside = table()
+    gates = baseline_gates({**table(), "planes": {"vertical": beside}}, 0.1)
+    assert [(g.of, g.channel) for g in gates] == [
+        ("new", "u"),
+        ("new", "r"),
+        ("new, vertical plane", "u"),
+        ("new, vertical plane", "r"),
+    ]
+
+
+def test_a_change_is_that_of_the_first_run_against_the_last() -> None:
+    """It stood under "first to last", which is the other way round; a rise of 0.2 % was -0 %."""
+    compared = table()
+    rows = zip(compared["held_out"], ((0.11, 0.1), (0.998, 1.0), (1.0, 2.0)), strict=True)
+    held_out = [{**row, "rmse": list(errors)} for row, errors in rows]
+    text = markdown(CommandOutcome("compare", 0, compared=({**compared, "held_out": held_out},)))
+    assert "| first against last |" in text
+    changes = [line.split("|")[-2].strip() for line in text.splitlines() if " m/s |" in line]
+    assert changes == ["+10 %", "0 %", "-50 %"]
+
+
 def test_what_cannot_be_compared_does_not_pass() -> None:
     assert unmet(table()) == []
     assert unmet(table(held_out=["z-2"])) == []  # compares roughly, which is said

@@ -1,7 +1,9 @@
 """Hostile names, options and outputs at the command line; what is left over is one line."""
 
+import errno
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -192,6 +194,47 @@ def test_a_reader_that_leaves_is_no_error() -> None:
     script = f"set -o pipefail; {command} | head -c 10"
     done = subprocess.run(["bash", "-c", script], env=ENVIRONMENT, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("words", ["effects", "effects --json", "run --help", "schema model"])
+def test_a_reader_that_is_gone_before_the_first_line_is_no_gate(
+    words: str, unbuffered: str
+) -> None:
+    """Click ends with code 1 by a broken pipe, which is that of a gate that is not met."""
+    script = f"{shlex.join(COMMAND)} {words} | true; exit ${{PIPESTATUS[0]}}"
+    environment = {**ENVIRONMENT, "PYTHONUNBUFFERED": unbuffered}
+    done = subprocess.run(["bash", "-c", script], env=environment, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(("limit", "code"), [("r=9", 0), ("r=1e-6", 1)])
+def test_a_gate_is_judged_when_nobody_reads_any_more(demo: Path, limit: str, code: int) -> None:
+    validate = shlex.join([*COMMAND, "validate", str(demo), "--fail-above", limit])
+    for piped in (f"{validate} --json | true", f"{validate} --json 2>&1 | true"):
+        script = f"{piped}; exit ${{PIPESTATUS[0]}}"
+        done = subprocess.run(["bash", "-c", script], env=ENVIRONMENT)
+        assert done.returncode == code
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
+def test_a_stream_that_is_closed_from_the_start_is_no_error(closed: str, demo: Path) -> None:
+    """As of a service without a terminal: code 1 with a traceback, or without a word."""
+    for words, code in ((["coefficients"], 0), (["validate", str(demo), "--fail-above=r=1e-6"], 1)):
+        script = f"{shlex.join([*COMMAND, *words])} {closed}"
+        done = subprocess.run(
+            ["bash", "-c", script], env=ENVIRONMENT, capture_output=True, text=True
+        )
+        assert done.returncode == code
+        assert "bug" not in done.stderr and "Traceback" not in done.stderr
+
+
+def test_another_pipe_that_breaks_is_told(
+    auvident: Callable[..., Called], fails: Callable[[BaseException], None]
+) -> None:
+    fails(BrokenPipeError(errno.EPIPE, "Broken pipe"))
+    called = auvident("coefficients")
+    assert called.code == 3 and "Broken pipe" in called.err
 
 
 def test_an_export_to_a_device_leaves_the_device(

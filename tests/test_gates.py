@@ -44,6 +44,17 @@ def test_a_plane_with_nothing_held_out_meets_no_gate_of_its_channels_and_is_name
         check_planes([empty], {"u": 0.05})
 
 
+def test_gates_of_one_channel_in_two_planes_are_told_apart() -> None:
+    """As cases of JUnit they had one name, and the summary said the same twice."""
+    gates = limit_gates([FLAT, STEEP], {"u": 0.025, "w": 0.1})
+    assert [(g.of, g.channel, bool(g.unmet)) for g in gates] == [
+        ("horizontal plane", "u", False),
+        ("vertical plane", "u", True),
+        ("vertical plane", "w", False),
+    ]
+    assert [g.of for g in limit_gates([FLAT], {"u": 0.025})] == [""]
+
+
 def test_a_plane_that_runs_away_is_not_excused_by_the_other() -> None:
     lost = judged(HORIZONTAL, {}, LOST)
     with pytest.raises(GateError, match="diverges"):

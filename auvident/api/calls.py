@@ -161,22 +161,25 @@ def load_model(path: PathLike, plane: Plane | None = None) -> Model:
 
 
 def load_whole_model(path: PathLike) -> WholeModel:
-    """A model of six degrees of freedom from its file.
+    """A model of six degrees of freedom from its file, or that of a run of both planes.
 
     Parameters
     ----------
     path : path
-        What ``auvident combine`` or a run of both planes has written, or a vehicle file (TOML),
-        which gives a model from geometry and its own ``[coefficients]`` alone.
+        What ``auvident combine`` has written, a run directory, or a vehicle file (TOML), which
+        gives a model from geometry and its own ``[coefficients]`` alone.
 
     Raises
     ------
     InputError, StageError
         There is no such model.
     """
+    from auvident.pipeline.reporting import WHOLE
     from auvident.pipeline.whole import find_whole
 
     file = Path(path)
+    if (file / WHOLE).exists():
+        return load_run(file).whole
     artifact, vehicle = find_whole(file)
     return WholeModel(artifact, file, vehicle)
 

@@ -13,6 +13,7 @@ import click
 from auvident import __version__
 from auvident.cli import failures, interrupt
 from auvident.cli.common import Group, ending
+from auvident.cli.streams import outlive_readers
 from auvident.errors import AuvidentError
 
 INTERRUPTED_EXIT_CODE = 130  # 128 + SIGINT, as shells count
@@ -70,6 +71,8 @@ def _show_version(ctx: click.Context, parameter: click.Parameter, asked: bool) -
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and leave with its exit code."""
+    if arguments is None:
+        outlive_readers()
     code = _run(arguments)
     if arguments is None:  # the process of a command, which ends now
         _leave(code)
@@ -91,9 +94,6 @@ def _run(arguments: list[str] | None) -> int:
         return failures.told(error)
     except (KeyboardInterrupt, click.Abort):
         return _interrupted()
-    except BrokenPipeError:  # the reader of a pipe has left
-        failures.forget_output()
-        return 0
     except OSError as error:
         failures.forget_output()
         return _interrupted() if interrupt.was_asked() else failures.from_outside(error)

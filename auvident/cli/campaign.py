@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from auvident.cli.common import PATH, SEED, Output, command
+from auvident.cli.precious import refuse_precious
 from auvident.schema.planes import PLANES
 
 if TYPE_CHECKING:
@@ -71,6 +72,8 @@ def pool(
     from auvident.report.console_style import rich_table
     from auvident.storage.artifacts import json_bytes, write_bytes
 
+    for written in (file, changes_file):
+        refuse_precious(written, *runs, *left_out)
     found = pool_runs(runs, plane=plane, keep=keep, false_alarms=false_alarms, seed=seed or 0)
     with output.watch() as watch:
         for piece in pooled_pieces(found.model, found.changes):

@@ -5,6 +5,8 @@ from pathlib import Path
 import click
 
 from auvident.cli.common import OUTSIDE, PATH, Output, command
+from auvident.cli.precious import refuse_precious
+from auvident.cli.results import tell_outdated
 
 
 @command(
@@ -31,6 +33,7 @@ def combine(
     from auvident.pipeline.whole import combine_runs, write_combined
     from auvident.report.console_combined import combined_pieces
 
+    refuse_precious(file, *runs, vehicle)
     model, files = combine_runs(runs, vehicle)
     with output.watch() as watch:
         for piece in combined_pieces(model):
@@ -39,6 +42,7 @@ def combine(
             write_combined(model, file)
             named = ", ".join(str(path) for path in files)
             watch.note(f"model of six degrees of freedom written to {file} (from {named})")
+        tell_outdated(watch, *runs)
     if file is None and not output.json:
         from auvident.storage.artifacts import json_bytes
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from auvident.errors import UsageError
+from auvident.errors import InputError, UsageError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -82,6 +82,14 @@ class Group(click.Group):
     def __init__(self, *args: Any, sources: Mapping[str, tuple[str, ...]], **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.module_of = {name: module for module, names in sources.items() for name in names}
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """As click does, which would end with the code of a gate when any pipe is broken."""
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError as error:
+            problem = f"cannot be used: {error.strerror}"
+            raise InputError(problem, "a pipe", "Run the command again.") from error
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names of all commands, in the order of the table."""
@@ -303,11 +311,16 @@ def write_table(table: "pd.DataFrame", target: Path) -> None:
     """A table as Parquet or CSV, by the end of the file's name."""
     from auvident.storage.artifacts import parquet_bytes, write_bytes
 
+    refuse_no_table(target)
     if target.suffix == ".parquet":
         write_bytes(target, parquet_bytes(table, {}))
-    elif target.suffix == ".csv":
-        write_bytes(target, table.to_csv(index=False).encode())
     else:
+        write_bytes(target, table.to_csv(index=False).encode())
+
+
+def refuse_no_table(target: Path | None) -> None:
+    """Before any work: a file whose name says of no form of a table."""
+    if target is not None and target.suffix not in (".parquet", ".csv"):
         raise UsageError(
             "is neither a .parquet nor a .csv file",
             str(target),

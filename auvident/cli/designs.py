@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from auvident.cli.common import Output, write_table
+from auvident.cli.common import Output, refuse_no_table, write_table
+from auvident.cli.precious import refuse_precious
 
 SHOWN_VARIANTS = 20  # rows of a sweep on the console
 
@@ -26,6 +27,8 @@ def show_sweep(output: Output, file: Path, texts: Sequence[str], target: Path | 
     from auvident.report.console import frame_table
     from auvident.storage.vehicle_file import load_vehicle
 
+    refuse_no_table(target)
+    refuse_precious(target, file)
     grid = parse_sweep(texts)
     table = sweep(load_vehicle(file), grid)
     if target is not None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from auvident.cli.common import PATH, Output, options
+from auvident.cli.precious import refuse_precious
 from auvident.errors import UsageError
 
 if TYPE_CHECKING:
@@ -117,6 +118,7 @@ def _refuse(summary: Path | None, junit: Path | None) -> None:
     for name, file in (("--summary", summary), ("--junit", junit)):
         if file is not None and file.is_dir():
             raise UsageError("is a folder", str(file), f"{name} needs the name of a file.")
+        refuse_precious(file)
 
 
 def _write_beside(

@@ -15,14 +15,17 @@ from auvident.cli.common import (
     Output,
     command,
     completing,
+    refuse_no_table,
     write_table,
 )
 from auvident.cli.ending import of_comparison, told_in_files
+from auvident.cli.precious import refuse_precious
 from auvident.constants import BAND_SHARE
 from auvident.schema.places import BESIDE
 from auvident.schema.planes import PLANES, Plane
 
 if TYPE_CHECKING:
+    from auvident.cli.watch import Watch
     from auvident.pipeline.predict import SimulatedTrial
 
 MOST_SAMPLES = 10_000  # of a band: its edge is then known to 1 % of its width
@@ -194,6 +197,9 @@ def simulate(
     """
     if (log is None) == (maneuver is None):
         raise click.UsageError("Give either --inputs LOG or --maneuver NAME.")
+    refuse_no_table(file)
+    for written in (file, figure):
+        refuse_precious(written, target, log, vehicle, map_)
     if maneuver is not None:
         logged: dict[str, Any] = {
             "--from": from_s,
@@ -235,6 +241,7 @@ def _predict(
     from auvident.storage.run_directory import RunDirectory
 
     with output.watch() as watch:
+        tell_outdated(watch, target)
         made = predict(target, log, observer=watch, options=options, **data)
         if file is None and target.is_dir():
             of = MADE_OF.get(made.model_file.parent.name, "")
@@ -259,6 +266,14 @@ def _predict(
         output.text(made.table.to_csv(index=False).rstrip("\n"))
 
 
+def tell_outdated(watch: "Watch", *targets: Path) -> None:
+    """Say of run directories what changed since their models were made, which are taken as is."""
+    from auvident.pipeline.freshness import outdated
+
+    for line in filter(None, map(outdated, filter(Path.is_dir, targets))):
+        watch.note(line)
+
+
 def _band_of(made: "SimulatedTrial") -> dict[str, Any]:
     """What the band of each column holds a share of: readings, or the models drawn."""
     banded = [c for c in made.table if f"{c}_low" in made.table]
@@ -280,6 +295,7 @@ def _fly(
 
     form = _picture_form(figure)
     with output.watch() as watch:
+        tell_outdated(watch, target)
         desk = fly_on_desk(target, maneuver, Asked(**asked), watch)
         for piece in desk_pieces(desk.result):
             watch.show(piece)
@@ -358,6 +374,7 @@ def export(
     """
     from auvident.pipeline.exporting import export_model, write_export
 
+    refuse_precious(file, target)
     if form is None:
         form = FORM_OF_SUFFIX.get(file.suffix, "json") if file else "json"
     with output.watch() as watch:
@@ -367,6 +384,7 @@ def export(
             watch.note(f"{made.source} written as {form} to {file}")
         for line in made.notes:
             watch.note(line)
+        tell_outdated(watch, target)
     if file is None and not output.json:
         output.text(made.content.decode().rstrip("\n"))
     output.artifact(made.model, str(made.source))

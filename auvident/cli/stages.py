@@ -21,6 +21,7 @@ from auvident.cli.common import (
     run_one,
 )
 from auvident.cli.ending import of_run, told_in_files
+from auvident.errors import UsageError
 from auvident.schema.planes import PLANES
 
 if TYPE_CHECKING:
@@ -126,7 +127,7 @@ def ingest(
     LOG is a trial folder with one file per sensor, a single wide file, or a folder of trials;
     several may be given. `auvident inspect LOG` shows what a log contains.
     """
-    _need(logs, vehicle)
+    _need(logs, vehicle, run)
     outputs = run_one(
         output,
         "ingest",
@@ -143,11 +144,21 @@ def ingest(
     return exit_code(outputs.get("ingest/quality.json"))
 
 
-def _need(logs: tuple[Path, ...], vehicle: Path | None) -> None:
+def _need(logs: tuple[Path, ...], vehicle: Path | None, run: Path) -> None:
     if not logs:
         raise click.UsageError("Missing argument 'LOG...'.")
     if vehicle is None:
         raise click.UsageError("Missing option '--vehicle'.")
+    if run.is_dir() and not (run / "run.json").exists() and any(map(run.samefile, _there(logs))):
+        raise UsageError(
+            "is the folder of the log, which could not be read again with a run in it",
+            "--run",
+            "Give another folder.",
+        )
+
+
+def _there(logs: tuple[Path, ...]) -> list[Path]:
+    return [log for log in logs if log.exists()]
 
 
 def exit_code(quality: "Quality | None") -> int:
@@ -238,7 +249,7 @@ def run(
 
     limits = parse_limits(fail_above)
     if logs or vehicle is not None:
-        _need(logs, vehicle)
+        _need(logs, vehicle, run)
     asked = {
         "logs": logs,
         "vehicle": vehicle,

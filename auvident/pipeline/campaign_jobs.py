@@ -154,4 +154,5 @@ def problem_of(said: str) -> str:
     lines = [line.strip() for line in said.splitlines() if line.strip()]
     starts = [k for k, line in enumerate(lines) if line.startswith("Error:")]
     told = lines[starts[-1] :] if starts else lines[-2:]
-    return " ".join(told).removeprefix("Error:").strip()
+    ended = [line if line.endswith((".", "!", "?", ":")) else f"{line}." for line in told[:-1]]
+    return " ".join([*ended, *told[-1:]]).removeprefix("Error:").strip()

@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from auvident.pipeline.freshness import is_of_this_run
+from auvident.pipeline.freshness import is_of_this_run, outdated
 from auvident.pipeline.given import Given
 from auvident.pipeline.planes import planes_of
 from auvident.pipeline.predict import REFINED, find_model
@@ -14,8 +14,12 @@ from auvident.schema.places import BESIDE
 from auvident.schema.planes import PLANES
 from auvident.storage.run_directory import RunDirectory
 
+if TYPE_CHECKING:
+    from auvident.schema.artifacts import IdentifiedModel
+
 METRICS = "validate/metrics.json"
 VALIDATE = BY_NAME["validate"]
+FIN_DRAG = "X_uudd"  # of the fin that steers in the plane
 
 
 def compare_runs(paths: Sequence[Path]) -> dict[str, Any]:
@@ -30,7 +34,7 @@ def compare_runs(paths: Sequence[Path]) -> dict[str, Any]:
     -------
     dict
         ``runs`` (path, vehicle, its length, plane, filter, model file, maneuvers held out, those
-        whose prediction diverges, verdict of the refinement),
+        whose prediction diverges, verdict of the refinement, what changed since it was made),
         ``coefficients`` (symbol, unit, and by run value and std; ``apart``: greatest difference
         from the first run in standard deviations of the difference), ``effects`` (the same of
         the parameters of effects that were added), ``held_out`` (channel, unit, and by run rmse
@@ -70,10 +74,11 @@ def _compared(paths: Sequence[Path], plane: str | None) -> dict[str, Any]:
                 "held_out": errors["maneuvers"],
                 "ran_away": errors.get("ran_away", []),
                 "verdict": errors.get("verdict"),
+                "outdated": outdated(path) if path.is_dir() else "",
             }
             for path, (file, model), errors in zip(paths, models, held_out, strict=True)
         ],
-        "coefficients": _rows([{c.symbol: c for c in m.estimates} for _, m in models]),
+        "coefficients": _coefficients([model for _, model in models]),
         "effects": _rows([errors.get("effects", {}) for errors in held_out]),
         "held_out": _errors([errors["channels"] for errors in held_out]),
     }
@@ -106,6 +111,14 @@ def _held_out(path: Path, model_file: Path) -> dict[str, Any]:
 def _ran_away(findings: Sequence[Finding]) -> list[str]:
     """Where the prediction diverges."""
     return [f.where for f in findings if f.code == RAN_AWAY]
+
+
+def _coefficients(models: "Sequence[IdentifiedModel]") -> list[dict[str, Any]]:
+    """Values by symbol; the drag of the rudder is no other value of that of the elevator."""
+    rows = _rows([{c.symbol: c for c in m.estimates} for m in models])
+    if len({m.plane for m in models}) > 1:
+        return [{**row, "apart": None} if row["symbol"] == FIN_DRAG else row for row in rows]
+    return rows
 
 
 def _rows(tables: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -9,7 +9,7 @@ from auvident.constants import USUAL_SPEED_MPS
 from auvident.errors import InputError, StageError
 from auvident.pipeline.freshness import judge
 from auvident.pipeline.observer import Observer
-from auvident.pipeline.predict import find_model, run_around
+from auvident.pipeline.predict import drawn_by, find_model, refuse_nonsense, run_around
 from auvident.pipeline.steps import COMPILING, COMPILING_EACH_TIME
 from auvident.pipeline.table import BY_NAME
 from auvident.pipeline.whole import is_whole
@@ -152,9 +152,8 @@ def fly_models(
 
 
 def _rng(asked: Asked) -> "np.random.Generator":
-    import numpy as np
-
-    return np.random.default_rng(asked.seed)
+    refuse_nonsense({"samples": asked.samples})
+    return drawn_by(asked.seed)
 
 
 def _of_vehicle(

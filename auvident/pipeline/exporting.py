@@ -101,8 +101,11 @@ def export_of(path: Path, model: "AnyModel", form: str) -> Exported:
     if form in WRITERS:
         return WRITERS[form](path, model)
     from auvident.schema.combined import CombinedModel
-    from auvident.stages.export import export, header_of, remarks_on
+    from auvident.stages.export import FORMS, export, header_of, remarks_on
 
+    if form not in (*FORMS, *BINARY):
+        known = ", ".join((*FORMS, *BINARY, *WRITERS))
+        raise UsageError(f"there is no format {form!r}", "--format", f"One of {known}.")
     if isinstance(model, CombinedModel):
         raise _no_form_of_whole(form)
     if form == "fmu":

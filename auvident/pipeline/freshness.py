@@ -1,5 +1,6 @@
 """Which stages are done, stale, missing or not needed, and why: hashes decide, not times."""
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -186,3 +187,24 @@ def first_broken(name: str, run: RunDirectory, manifest: Manifest | None) -> Dec
     needed = {stage.name for stage in before(name)}
     decisions = (judge(BY_NAME[s.name], run, manifest) for s in STAGES if s.name in needed)
     return next((d for d in decisions if d.state != "done"), None)
+
+
+def outdated(path: Path) -> str:
+    """What changed since the model of a run was identified: a sentence, empty where nothing has.
+
+    For commands that take a model as it is. An artifact that is gone says nothing against it, nor
+    does another version of the program.
+    """
+    run = RunDirectory(path)
+    manifest = run.existing()
+    for stage in (*before("identify"), BY_NAME["identify"]):
+        entry = manifest.stages.get(stage.name)
+        if entry is None:
+            continue
+        inputs = _inputs(stage, entry, run, manifest)
+        kept = "" if inputs.endswith(" is missing") else inputs
+        reason = _sources(stage, entry, run, None) or kept
+        if reason:
+            again = f"auvident run --run {shlex.quote(str(path))}"
+            return f"{path}: {reason} since its model was identified. `{again}` makes it again."
+    return ""

@@ -1,7 +1,7 @@
 """The gates of ``--fail-above``: the held-out error of a channel must stay below a limit."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 from auvident.errors import GateError, UsageError
@@ -108,18 +108,19 @@ def limit_gates(planes: Sequence[Judged], limits: Mapping[str, float]) -> list[G
     for plane in planes:
         for channel, limit in limits.items():
             if _concerns(channel, planes, plane):
-                found.append(_gate(plane, channel, limit))
+                of = f"{plane.plane} plane" if len(planes) > 1 else ""
+                found.append(_gate(plane, channel, limit, of))
     return found
 
 
-def _gate(plane: Judged, channel: str, limit: float) -> GateResult:
+def _gate(plane: Judged, channel: str, limit: float, of: str) -> GateResult:
     error = plane.found.get(channel)
     value, unit = (error.rmse, error.unit) if error else (None, "")
     try:
         _check(plane, {channel: limit})
     except GateError as gate:
-        return GateResult(channel, limit, value, unit, unmet=gate.problem)
-    return GateResult(channel, limit, value, unit)
+        return GateResult(channel, limit, value, unit, of, gate.problem)
+    return GateResult(channel, limit, value, unit, of)
 
 
 def check_not_worse(comparison: Mapping[str, Any], share: float) -> None:
@@ -140,8 +141,8 @@ def check_not_worse(comparison: Mapping[str, Any], share: float) -> None:
     failed = [f"{g.of}: {g.unmet}" for g in baseline_gates(comparison, share) if g.unmet]
     if failed:
         raise GateError(
-            f"a held-out error is above that of the baseline by more than {share:.3g} of it, or "
-            "cannot be compared: " + "; ".join(failed),
+            f"a held-out error is above that of the baseline by more than {100.0 * share:.3g} % of "
+            "it, or cannot be compared: " + "; ".join(failed),
             "--fail-if-worse",
         )
 
@@ -158,7 +159,8 @@ def baseline_gates(comparison: Mapping[str, Any], share: float) -> list[GateResu
             continue
         for name in names:
             if name in own:
-                found += _against(table, own.index(name), share)
+                beside_it = _against(table, own.index(name), share)
+                found += [replace(gate, of=f"{gate.of}, {plane} plane") for gate in beside_it]
             else:
                 found.append(_unmet(name, f"it has no {plane} plane, which the baseline has"))
     return found

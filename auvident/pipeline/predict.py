@@ -17,6 +17,7 @@ from auvident.storage.artifacts import as_model, read_json, read_model
 from auvident.storage.run_directory import MANIFEST, RunDirectory
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
 
     from auvident.schema.artifacts import Extrapolation, IdentifiedModel
@@ -302,13 +303,26 @@ def predict_trial(
     observer: Observer,
 ) -> "pd.DataFrame":
     """Simulate a trial with a model; `options` as of `auvident.stages.simulate.simulate`."""
-    import numpy as np
-
     from auvident.stages.simulate import simulate, unread_starts
 
     refuse_nonsense(options)
     tell_unread(unread_starts(model, trial, **options), observer)
-    return simulate(model, trial, rng=np.random.default_rng(seed), **options)
+    return simulate(model, trial, rng=drawn_by(seed), **options)
+
+
+def drawn_by(seed: int) -> "np.random.Generator":
+    """The random numbers of a seed.
+
+    Raises
+    ------
+    UsageError
+        A negative one.
+    """
+    import numpy as np
+
+    if seed < 0:
+        raise UsageError(f"{seed} is no seed", "--seed", "Give 0, or a whole number above it.")
+    return np.random.default_rng(seed)
 
 
 def refuse_nonsense(options: Mapping[str, Any]) -> None:

@@ -11,6 +11,7 @@ from auvident.pipeline.predict import (
     VEHICLE,
     SimulatedTrial,
     bare_vehicle,
+    drawn_by,
     find_model,
     read_inputs,
     refuse_nonsense,
@@ -198,13 +199,11 @@ def predict_whole_trial(
     observer: Observer,
 ) -> "pd.DataFrame":
     """Simulate a trial; `options` as of `auvident.stages.combine.simulate_whole`."""
-    import numpy as np
-
     from auvident.stages.combine import simulate_whole, unread_starts
 
     refuse_nonsense(options)
     tell_unread(unread_starts(trial, **options), observer)
-    return simulate_whole(model, trial, rng=np.random.default_rng(seed), **options)
+    return simulate_whole(model, trial, rng=drawn_by(seed), **options)
 
 
 def signs_of(

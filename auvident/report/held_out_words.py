@@ -16,16 +16,23 @@ WORDS = {
     "q": "of pitch rate",
 }
 DIGITS = 2
+OTHER_PLANES = (
+    "The runs are of different planes: they share drag and thrust, but X_uudd is the drag of the "
+    "rudder in one and of the elevator in the other."
+)
 OTHERS_HELD_OUT = "The runs hold out different maneuvers: their errors compare only roughly."
 
 
 def doubts_of(comparison: Mapping[str, Any]) -> list[str]:
-    """What runs side by side differ in, so that their numbers compare only roughly."""
+    """What runs side by side differ in, so that their numbers compare only roughly or not."""
     hulls = (f"{run['vehicle']} ({run['length_m']:.4g} m)" for run in comparison["runs"])
     vehicles = list(dict.fromkeys(hulls))
     lines = [f"The runs are of different vehicles: {', '.join(vehicles)}."]
     sets = {tuple(run["held_out"]) for run in comparison["runs"]}
-    return lines * (len(vehicles) > 1) + [OTHERS_HELD_OUT] * (len(sets) > 1)
+    planes = {run.get("plane") for run in comparison["runs"]}
+    lines = lines * (len(vehicles) > 1) + [OTHER_PLANES] * (len(planes) > 1)
+    lines += [OTHERS_HELD_OUT] * (len(sets) > 1)
+    return lines + [run["outdated"] for run in comparison["runs"] if run.get("outdated")]
 
 
 def why_held_out(maneuvers: Sequence[Maneuver]) -> list[str]:

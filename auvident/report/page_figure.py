@@ -30,6 +30,7 @@ MANY = 4  # columns from which on panels flow, as many side by side as there is 
 MOST_SQUARE_PX = 620  # width of a panel with one scale both ways
 KEY_PX = (26, 10)  # sample of a line in a legend
 LABEL_PITCH_PX = 12.5  # of names that stand on end
+AT_THE_END = 0.985  # of an axis: half of a number there stands beyond it
 TICK_PX = 17  # room below a panel for the numbers of its axis
 
 
@@ -231,11 +232,17 @@ def _numbers_below(axes: Axes, x: Ticks) -> str:
         return ""
     kind = "x upright" if _upright(axes, x) else "x"
     parts = [
-        f'<text x="{percent(share)}" y="100%"{_other(i, kind)}>{escape(label)}</text>'
+        f'<text x="{percent(share)}" y="100%"{_other(i, kind)}{_inside(share, kind)}>'
+        f"{escape(label)}</text>"
         for i, (share, label) in enumerate(zip(x.places, x.labels, strict=True))
         if label
     ]
     return f'<g class="{kind}">{"".join(parts)}</g>'
+
+
+def _inside(share: float, kind: str) -> str:
+    """A number at the very end of the axis ends there, as the page may end there, too."""
+    return ' style="text-anchor:end"' if share > AT_THE_END and kind == "x" else ""
 
 
 def _other(i: int, kind: str) -> str:

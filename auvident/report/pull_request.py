@@ -139,13 +139,19 @@ def _side_by_side(table: Mapping[str, Any]) -> str:
     for row in table["held_out"]:
         *own, last = row["rmse"]
         first = own[0] if own else None
-        change = f"{100.0 * (first / last - 1.0):+.0f} %" if first is not None and last else ""
+        change = _change(first, last) if first is not None and last else ""
         cells = [escaped(row["channel"]), escaped(row["unit"]), *(number(x) for x in row["rmse"])]
         rows.append([*cells, change])
-    heads = ["RMSE, held out", "unit", *names, "first to last"]
+    heads = ["RMSE, held out", "unit", *names, "first against last"]
     note = "".join(f"\n\n{escaped(line)}" for line in doubts_of(table))
     plane = table["runs"][0]["plane"].capitalize()
     return f"**{plane} plane**\n\n{_table(heads, rows)}{note}"
+
+
+def _change(new: float, old: float) -> str:
+    """By how much an error is above or below another one, in whole percent of it."""
+    percent = round(100.0 * (new / old - 1.0))
+    return f"{percent:+d} %" if percent else "0 %"
 
 
 def _checks(outcome: CommandOutcome) -> Iterator[str]:

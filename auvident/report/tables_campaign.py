@@ -10,6 +10,7 @@ from auvident.schema.spin import share
 
 NO_CHANGE = "No change of the vehicle stands out from chance"
 DISAGREE = 0.01
+REPEATS = "Trials to look at, or to repeat"
 LONGEST = 120  # characters of a reason in a table
 
 
@@ -176,11 +177,11 @@ def shortened(text: str) -> str:
 
 
 def repeats(result: CampaignResult) -> Table:
-    """Which trials to repeat, and why."""
+    """Which trials to look at or to repeat, and why: not each of them has to go to sea again."""
     heads = (*columns(("vehicle", "trial")), Column("why"))
     rows: Rows = [
         [v.name, str(row["trial"]), shortened(str(row["why"]))]
         for v in result.vehicles
         for row in v.repeat
     ]
-    return Table(heads, rows, "Trials to repeat")
+    return Table(heads, rows, REPEATS)

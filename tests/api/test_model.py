@@ -200,6 +200,15 @@ def test_a_maneuver_of_the_other_plane_or_of_none(model: auvident.Model) -> None
         model.maneuver("zigzack")
 
 
+@pytest.mark.parametrize("wrong", [{"draws": -1}, {"seed": -1}])
+def test_numbers_of_draws_that_are_none(wrong: dict, model: auvident.Model) -> None:
+    """A maneuver took a negative number for none, and a negative seed ended as by a bug."""
+    table = pd.DataFrame({"time_s": np.arange(20) * 0.1, "rudder_rad": 0.0, "rpm": 900.0})
+    for call in (lambda: model.maneuver("zigzag", **wrong), lambda: model.simulate(table, **wrong)):
+        with pytest.raises(auvident.UsageError, match="-1"):
+            call()
+
+
 def test_an_export_is_that_of_the_command(
     demo: Path,
     auvident: Call,
@@ -241,6 +250,13 @@ def test_a_model_without_a_file_is_exported_without_what_it_costs(model: auviden
     apart = auvident.Model(model.artifact)
     assert "held-out maneuvers" in model.export("gz")
     assert "told for a model in a run directory" in apart.export("gz")
+
+
+def test_a_form_that_is_none_is_told_those_that_are(model: auvident.Model) -> None:
+    forms = ("json", "python", "fmu", "pvs", "gz", "uuv")
+    with pytest.raises(auvident.UsageError) as told:
+        model.export("simulink")
+    assert all(form in str(told.value) for form in forms)
 
 
 def test_no_model_is_an_error(demo: Path) -> None:

@@ -148,3 +148,15 @@ def test_figures_of_a_page_make_no_ticks_but_those_that_are_asked_for() -> None:
         assert "−1" in [t.get_text() for t in axes.get_yticklabels()]  # made when asked for
         with taken():
             assert type(new_figure(2.0).subplots()) is Axes  # as matplotlib makes it
+
+
+def test_a_number_at_the_very_end_of_an_axis_stays_on_the_page() -> None:
+    with style():
+        figure = new_figure(2.0)
+        axes = figure.subplots()
+        axes.plot([0.0, 2000.0], [0.0, 1.0])
+        axes.set_xlim(0.0, 2000.0)
+        axes.set_xticks([0.0, 1000.0, 2000.0])
+        page = svg(figure, "name", "A line")
+    (last,) = re.findall(r"<text[^>]*>2000</text>", page)
+    assert "text-anchor:end" in last and page.count("text-anchor:end") == 1
