@@ -401,6 +401,14 @@ def _factor(log: LogFile, name: str, channel: Channel, unit: str | None) -> floa
     allowed = units_of(channel.unit)
     stem = channel.quantity if channel.quantity != "rpm" else "n"
     names = " or ".join(f"{stem}_{suffix}" for suffix in allowed)
+    label = log.unit_of(name).strip()
+    if unit is None and label:
+        raise InputError(
+            f"column {name} ({channel.meaning}) is labelled {label!r}, which is no known unit",
+            log.where,
+            f"State its unit in a map (--map), with scale, what 1 {label} is in that unit: "
+            + entry_text(channel, name).replace(" }", ", scale = ... }"),
+        )
     problem = "has no unit" if unit is None else f"has the unit {unit}, which does not fit"
     raise InputError(
         f"column {name} ({channel.meaning}) {problem}",

@@ -158,7 +158,9 @@ def _assign(logs: Mapping[str, LogFile], values: Values) -> list[Proposal]:
                 name = _named(channel, logs[key], names, exact)
                 if name is not None:
                     unit, guessed = unit_of(channel, logs[key], name, values[key][name])
-                    found[channel.column] = Proposal(channel, key, name, unit, guessed)
+                    label = logs[key].unit_of(name).strip() if guessed else ""
+                    said = f'labelled "{label}"' if label else ""
+                    found[channel.column] = Proposal(channel, key, name, unit, guessed, remark=said)
                     used.add((key, name))
                     break
     return _with_angles(found, logs, values)
