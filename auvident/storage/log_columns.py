@@ -25,6 +25,7 @@ from auvident.schema.logs import (
 from auvident.storage.log_file import LogFile
 from auvident.storage.log_geographic import quantity_named
 from auvident.storage.log_layout import TIME_NAMES
+from auvident.storage.log_time_parts import whole_seconds_in
 
 RPM_STEMS = ("n", "prop", "propeller", "propeller_rate", "shaft", "thruster", "motor")
 # Names met in logs, by quantity; only proposed, never used without the user's word.
@@ -276,7 +277,7 @@ def guess_time(log: LogFile) -> str | None:
         found = log.find(alias)
         if found is not None:
             return found
-    return None
+    return whole_seconds_in(log.names)
 
 
 def time_unit(name: str, mapping: SensorMap) -> str | None:
