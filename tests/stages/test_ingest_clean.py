@@ -12,8 +12,9 @@ from auvident.errors import InputError
 from auvident.schema.channels import BY_COLUMN
 from auvident.stages.ingest import ingest
 from auvident.stages.ingest.clean import internal_sign
+from auvident.stages.ingest.held_copies import keep_one_of_held
 from auvident.stages.ingest.order import order_rows
-from auvident.stages.ingest.outliers import find_outliers, keep_one_of_held, noise_std
+from auvident.stages.ingest.outliers import find_outliers, noise_std
 
 TICKS = np.arange(100) * 0.1
 
