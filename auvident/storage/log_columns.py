@@ -184,7 +184,14 @@ TIME_ALIASES = (
     "t_ms",
     "t_us",
     "clock",
+    "time_usec",
+    "time_boot_ms",
+    "timestamp_usec",
+    "timeus",
+    "timems",
 )
+TIME_SPELLINGS = {"usec": "us", "msec": "ms", "nsec": "ns"}  # of MAVLink: time_usec
+RUN_TOGETHER = {"timeus": "us", "timems": "ms"}  # of DataFlash: TimeUS
 USUAL_UNIT = {"m/s": "mps", "rad": "deg", "rad/s": "degps", "1/min": "rpm", "m": "m"}
 MOST_LISTED = 40  # names in a message
 LEAST_LETTERS = 3  # of a quantity whose name says something within that of a column
@@ -285,7 +292,10 @@ def time_unit(name: str, mapping: SensorMap) -> str | None:
     if mapping.time_unit is not None:
         return mapping.time_unit
     suffix = name.lower().rpartition("_")[2]
-    return suffix if suffix in TIME_UNITS and name.lower() != suffix else None
+    if name.lower() == suffix:
+        return RUN_TOGETHER.get(suffix)
+    suffix = TIME_SPELLINGS.get(suffix, suffix)
+    return suffix if suffix in TIME_UNITS else None
 
 
 def resolve(log: LogFile, sensor: str, mapping: SensorMap) -> dict[str, LogColumn]:

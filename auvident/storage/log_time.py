@@ -29,6 +29,9 @@ MISSING_COUNT = np.iinfo(np.int64).min  # an empty cell among integers; numpy's 
 
 TIME_OF_DAY = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:\.\d+)?)Z?")
 DAY_S = 86400.0
+# Dates of which no other reading is usual: 01.05.2024 and 2024/05/01; 5/1/2024 may be either.
+DAY_FIRST = re.compile(r"^(\d{2})\.(\d{2})\.(\d{4})(?=\D|$)")
+SLASHED = re.compile(r"^(\d{4})/(\d{2})/(\d{2})(?=\D|$)")
 # Numbers that are hours, minutes and seconds (hhmmss.ss of NMEA) never end in 60 to 99; seconds do
 # for 40 of every 100, unless the log is shorter than that or its rows are far apart.
 LEAST_SPAN_S, MOST_CLOCK_STEP_S = 200.0, 10.0
@@ -264,6 +267,8 @@ def _from_text(values: np.ndarray, where: str, rows: np.ndarray) -> np.ndarray:
     of_day = texts[~empty].str.fullmatch(TIME_OF_DAY)
     if of_day.size and of_day.all():
         return _from_time_of_day(texts)
+    texts = texts.str.replace(DAY_FIRST, r"\3-\2-\1", regex=True)
+    texts = texts.str.replace(SLASHED, r"\1-\2-\3", regex=True)
     instants = pd.to_datetime(texts.mask(empty), format="ISO8601", utc=True, errors="coerce")
     wrong = np.flatnonzero(np.asarray(instants.isna() & ~empty))
     if wrong.size:  # among seconds stored as text, the word that made a text of them

@@ -270,3 +270,12 @@ def test_missing_channel_is_refused():
         ingest(
             replace(raw, sensors={k: s for k, s in raw.sensors.items() if k != "rpm"}), vehicle()
         )
+
+
+def test_rows_that_are_all_hours_apart_tell_of_their_unit():
+    with pytest.raises(InputError, match="time jumps") as caught:
+        ordered(1e6 * TICKS)
+    assert 'time_unit = "us"' in str(caught.value)
+    apart = np.where(TICKS < 5.0, TICKS, TICKS + 1e6)
+    with pytest.raises(InputError, match="Split the log there"):
+        ordered(apart)

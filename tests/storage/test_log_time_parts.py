@@ -91,3 +91,39 @@ def test_names_in_a_comment_right_above_the_data(tmp_path, mark):
     (trial,) = read_trials([file], mapped("time"))
     np.testing.assert_allclose(trial.sensors["dvl"].time_s, table["time"])
     assert trial.sensors["dvl"].rows[0] == 3
+
+
+def counted(per_second):
+    def columns(time_s):
+        return {"timestamp": np.rint(time_s * per_second).astype(np.int64)}
+
+    return columns
+
+
+@pytest.mark.parametrize(("unit", "per_second"), [("ms", 1e3), ("us", 1e6)])
+def test_counts_since_switch_on_get_a_unit_proposed(tmp_path, unit, per_second):
+    text = inspect_log(retimed(tmp_path / "run", counted(per_second))).proposed_map
+    assert text.count(f'time_unit = "{unit}"') == len(TIMED)
+
+
+@pytest.mark.parametrize(
+    ("name", "per_second"), [("time_usec", 1e6), ("TimeUS", 1e6), ("time_boot_ms", 1e3)]
+)
+def test_names_of_counts_say_their_unit(tmp_path, name, per_second):
+    def columns(time_s):
+        return {name: np.rint(time_s * per_second).astype(np.int64)}
+
+    folder = retimed(tmp_path / "run", columns)
+    assert f'time = "{name}"\n' in inspect_log(folder).proposed_map
+    (trial,) = read_trials([folder], mapped(name))
+    np.testing.assert_allclose(trial.sensors["dvl"].time_s, sensor_tables()["dvl"]["time_s"])
+
+
+@pytest.mark.parametrize("written", ["%d.%m.%Y %H:%M:%S.%f", "%Y/%m/%d %H:%M:%S.%f"])
+def test_dates_that_can_be_read_one_way_only(tmp_path, written):
+    def columns(time_s):
+        days = pd.Timestamp(STARTED_S, unit="s") + pd.to_timedelta(time_s, unit="s")
+        return {"timestamp": [day.strftime(written) for day in days]}
+
+    (trial,) = read_trials([retimed(tmp_path / "run", columns)])
+    assert trial.origin == "2024-05-01T12:01:40Z"
