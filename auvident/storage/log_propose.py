@@ -75,12 +75,9 @@ def propose_map(
     unassigned = tuple(c.column for c in CHANNELS if c.needed and c.column not in found)
     silent = any(may_be_on_change(p, chosen, values) for p in proposals)
     homes = {q.home: [p.name for p in proposals if p.home == q.home] for q in proposals}
-    if (
-        not silent
-        and not _in_finer_units(proposals, chosen, values)
-        and are_one_trial(homes, trials)
-        and _reads_without(chosen, proposals)
-    ):
+    is_read = not silent and not _in_finer_units(proposals, chosen, values)
+    is_read = is_read and are_one_trial(homes, trials) and _reads_without(chosen, proposals)
+    if is_read and not (unassigned and _have_other_columns(chosen, values, proposals)):
         return "", unassigned
     files = file_patterns(homes, chosen)
     tables = [
@@ -263,6 +260,21 @@ def _table(
             lines.append("on_change = true  # rows differ, with silences between: check")
         lines.append("# add sign = -1 if its sign is opposite to [signs]")
     return "\n".join(lines) + "\n"
+
+
+def _have_other_columns(
+    logs: Mapping[str, LogFile], values: Values, proposals: Sequence[Proposal]
+) -> bool:
+    """Whether the tables have columns of numbers that may be what is missing."""
+    taken = {(p.home, p.name) for p in proposals}
+    taken |= {
+        (key, name) for key, log in logs.items() for name in (guess_time(log), "valid") if name
+    }
+    return any(
+        numbers.dtype != object and (key, name) not in taken
+        for key in logs
+        for name, numbers in values[key].items()
+    )
 
 
 def _in_finer_units(
