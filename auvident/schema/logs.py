@@ -12,12 +12,14 @@ from pydantic import BeforeValidator, Field, model_validator
 from auvident.schema.artifacts import Finding
 from auvident.schema.base import Artifact, Declared
 from auvident.schema.channels import BY_COLUMN, BY_QUANTITY, SENSORS
+from auvident.schema.unit_spellings import spelled
 
 if TYPE_CHECKING:
     import numpy as np
 
 DEG = 0.017453292519943295  # rad per degree
 KNOT = 1852.0 / 3600.0  # m/s per knot
+FOOT = 0.3048  # m per foot
 
 # Unit of a column (suffix or map) -> unit of the channel it fits, factor to that unit.
 UNITS: dict[str, tuple[str, float]] = {
@@ -25,6 +27,8 @@ UNITS: dict[str, tuple[str, float]] = {
     "kn": ("m/s", KNOT),
     "cmps": ("m/s", 0.01),
     "mmps": ("m/s", 0.001),
+    "kmph": ("m/s", 1.0 / 3.6),
+    "ftps": ("m/s", FOOT),
     "rad": ("rad", 1.0),
     "deg": ("rad", DEG),
     "radps": ("rad/s", 1.0),
@@ -32,40 +36,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "rpm": ("1/min", 1.0),
     "rps": ("1/min", 60.0),
     "m": ("m", 1.0),
-}
-# Other spellings, as found in unit rows, brackets and maps.
-UNIT_SPELLINGS: dict[str, str] = {
-    "m/s": "mps",
-    "ms-1": "mps",
-    "m s-1": "mps",
-    "kt": "kn",
-    "kts": "kn",
-    "knot": "kn",
-    "knots": "kn",
-    "cm/s": "cmps",
-    "mm/s": "mmps",
-    "°": "deg",
-    "degree": "deg",
-    "degrees": "deg",
-    "radian": "rad",
-    "radians": "rad",
-    "degrees_north": "deg",
-    "degree_north": "deg",
-    "degrees_east": "deg",
-    "degree_east": "deg",
-    "rad/s": "radps",
-    "deg/s": "degps",
-    "°/s": "degps",
-    "dps": "degps",
-    "1/min": "rpm",
-    "rev/min": "rpm",
-    "1/s": "rps",
-    "rev/s": "rps",
-    "hz": "rps",
-    "metre": "m",
-    "meter": "m",
-    "metres": "m",
-    "meters": "m",
+    "ft": ("m", FOOT),
 }
 PERCENT = frozenset(("percent", "%", "pct"))  # of a throttle: no unit until its scale is known
 PERCENT_REMEDY = (
@@ -82,8 +53,7 @@ TIME_UNITS: dict[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 def unit_name(text: str) -> str | None:
     """Name of a unit in `UNITS` from any known spelling, or None."""
-    word = text.strip().strip("[]()").strip().lower()
-    word = UNIT_SPELLINGS.get(word, word)
+    word = spelled(text)
     return word if word in UNITS else None
 
 

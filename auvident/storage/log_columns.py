@@ -25,6 +25,7 @@ from auvident.schema.logs import (
 from auvident.storage.log_file import LogFile
 from auvident.storage.log_geographic import quantity_named
 from auvident.storage.log_layout import TIME_NAMES
+from auvident.storage.log_time_parts import whole_seconds_in
 
 RPM_STEMS = ("n", "prop", "propeller", "propeller_rate", "shaft", "thruster", "motor")
 # Names met in logs, by quantity; only proposed, never used without the user's word.
@@ -183,7 +184,14 @@ TIME_ALIASES = (
     "t_ms",
     "t_us",
     "clock",
+    "time_usec",
+    "time_boot_ms",
+    "timestamp_usec",
+    "timeus",
+    "timems",
 )
+TIME_SPELLINGS = {"usec": "us", "msec": "ms", "nsec": "ns"}  # of MAVLink: time_usec
+RUN_TOGETHER = {"timeus": "us", "timems": "ms"}  # of DataFlash: TimeUS
 USUAL_UNIT = {"m/s": "mps", "rad": "deg", "rad/s": "degps", "1/min": "rpm", "m": "m"}
 MOST_LISTED = 40  # names in a message
 LEAST_LETTERS = 3  # of a quantity whose name says something within that of a column
@@ -276,7 +284,7 @@ def guess_time(log: LogFile) -> str | None:
         found = log.find(alias)
         if found is not None:
             return found
-    return None
+    return whole_seconds_in(log.names)
 
 
 def time_unit(name: str, mapping: SensorMap) -> str | None:
@@ -284,7 +292,10 @@ def time_unit(name: str, mapping: SensorMap) -> str | None:
     if mapping.time_unit is not None:
         return mapping.time_unit
     suffix = name.lower().rpartition("_")[2]
-    return suffix if suffix in TIME_UNITS and name.lower() != suffix else None
+    if name.lower() == suffix:
+        return RUN_TOGETHER.get(suffix)
+    suffix = TIME_SPELLINGS.get(suffix, suffix)
+    return suffix if suffix in TIME_UNITS else None
 
 
 def resolve(log: LogFile, sensor: str, mapping: SensorMap) -> dict[str, LogColumn]:
@@ -401,6 +412,14 @@ def _factor(log: LogFile, name: str, channel: Channel, unit: str | None) -> floa
     allowed = units_of(channel.unit)
     stem = channel.quantity if channel.quantity != "rpm" else "n"
     names = " or ".join(f"{stem}_{suffix}" for suffix in allowed)
+    label = log.unit_of(name).strip()
+    if unit is None and label:
+        raise InputError(
+            f"column {name} ({channel.meaning}) is labelled {label!r}, which is no known unit",
+            log.where,
+            f"State its unit in a map (--map), with scale, what 1 {label} is in that unit: "
+            + entry_text(channel, name).replace(" }", ", scale = ... }"),
+        )
     problem = "has no unit" if unit is None else f"has the unit {unit}, which does not fit"
     raise InputError(
         f"column {name} ({channel.meaning}) {problem}",

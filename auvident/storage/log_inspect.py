@@ -16,7 +16,8 @@ from auvident.storage.log_find import LAYOUT_REMEDY
 from auvident.storage.log_own import MAX_DEPTH, folders_in, logs_in
 from auvident.storage.log_propose import propose_map
 from auvident.storage.log_propose_files import trials_without_map
-from auvident.storage.log_time import as_floats, to_seconds
+from auvident.storage.log_time import as_floats
+from auvident.storage.log_time_parts import read_parts
 from auvident.storage.regular import refuse_irregular
 
 Text = Annotated[str, AfterValidator(encodable)]  # of a damaged file, to be written as JSON
@@ -138,8 +139,8 @@ def _inspect_file(log: LogFile) -> tuple[dict[str, np.ndarray], FileReport]:
     if time_name is not None and time_name in values:
         unit = time_unit(time_name, SensorMap())
         try:
-            time = to_seconds(values[time_name], unit, log.where, np.arange(1, rows + 1))
-            clock = _clock(time)
+            stamps = read_parts(values, time_name, unit, log.where, np.arange(1, rows + 1))
+            clock = _clock(stamps.time_s + stamps.origin_s)
         except InputError as error:
             notes.append(error.problem)
     columns = tuple(_column(log, name, numbers.get(name)) for name in log.names if name)

@@ -94,7 +94,7 @@ def find_layout(text: str, where: str, time_names: Collection[str]) -> Layout:
     lines = text.split("\n")
     header = _header_by_name(lines, time_names)
     if header is None:
-        header = _header_by_structure(lines)
+        header = _header_by_structure(lines) or _header_in_comment(lines)
     if header is None:
         first = next((line.strip() for line in lines if line.strip()), "")
         raise InputError(
@@ -175,6 +175,20 @@ def _header_by_structure(lines: Sequence[str]) -> tuple[int, str] | None:
         if len(row) - len(fields) in (0, 1) and 2 * values >= len(row):
             return index, delimiter
     return None
+
+
+def _header_in_comment(lines: Sequence[str]) -> tuple[int, str] | None:
+    """The comment right above the data, of as many words (``%time,u`` of ROS, ``# t u``)."""
+    start = _next_content(lines, 0)
+    above = max((k for k in range(start or 0) if lines[k].strip()), default=None)
+    if start is None or above is None:
+        return None
+    delimiter, fields = _best_split(_uncommented(lines[above]))
+    row = split(lines[start], delimiter)
+    are_names = len(fields) > 1 and not any(is_value(field) for field in fields)
+    values = sum(is_value(field) for field in row)
+    fits = are_names and len(row) == len(fields) and 2 * values >= len(row)
+    return (above, delimiter) if fits else None
 
 
 def _plain(name: str) -> tuple[str, str]:

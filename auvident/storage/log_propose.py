@@ -7,7 +7,7 @@ import numpy as np
 
 from auvident.errors import InputError
 from auvident.schema.channels import CHANNELS, SENSORS, Channel
-from auvident.schema.logs import TIME_UNITS, SensorMap, unit_name
+from auvident.schema.logs import SensorMap, unit_name
 from auvident.storage.log_columns import (
     ALIASES,
     angle_of,
@@ -18,6 +18,7 @@ from auvident.storage.log_columns import (
     resolve,
     split_unit,
     time_column,
+    time_unit,
 )
 from auvident.storage.log_file import LogFile
 from auvident.storage.log_proposal import (
@@ -36,8 +37,10 @@ from auvident.storage.log_propose_files import (
     to_propose_for,
 )
 from auvident.storage.log_propose_topics import assign_topics, flag_lines, is_generic, topic_lines
+from auvident.storage.log_time import EPOCH_MAGNITUDES
 
 USUAL_STEP_S = 5.0  # a median step above it means that the time is not in seconds
+STEPS_OF = {"ms": 1e3 * USUAL_STEP_S, "us": 1e6 * USUAL_STEP_S}  # steps below: this unit
 HEADER = (
     "# Proposed by `auvident inspect`: check names, units and signs, then pass it with --map.\n"
 )
@@ -72,7 +75,9 @@ def propose_map(
     unassigned = tuple(c.column for c in CHANNELS if c.needed and c.column not in found)
     silent = any(may_be_on_change(p, chosen, values) for p in proposals)
     homes = {q.home: [p.name for p in proposals if p.home == q.home] for q in proposals}
-    if not silent and are_one_trial(homes, trials) and _reads_without(chosen, proposals):
+    is_read = not silent and not _in_finer_units(proposals, chosen, values)
+    is_read = is_read and are_one_trial(homes, trials) and _reads_without(chosen, proposals)
+    if is_read and not (unassigned and _have_other_columns(chosen, values, proposals)):
         return "", unassigned
     files = file_patterns(homes, chosen)
     tables = [
@@ -158,7 +163,9 @@ def _assign(logs: Mapping[str, LogFile], values: Values) -> list[Proposal]:
                 name = _named(channel, logs[key], names, exact)
                 if name is not None:
                     unit, guessed = unit_of(channel, logs[key], name, values[key][name])
-                    found[channel.column] = Proposal(channel, key, name, unit, guessed)
+                    label = logs[key].unit_of(name).strip() if guessed else ""
+                    said = f'labelled "{label}"' if label else ""
+                    found[channel.column] = Proposal(channel, key, name, unit, guessed, remark=said)
                     used.add((key, name))
                     break
     return _with_angles(found, logs, values)
@@ -255,19 +262,55 @@ def _table(
     return "\n".join(lines) + "\n"
 
 
+def _have_other_columns(
+    logs: Mapping[str, LogFile], values: Values, proposals: Sequence[Proposal]
+) -> bool:
+    """Whether the tables have columns of numbers that may be what is missing."""
+    taken = {(p.home, p.name) for p in proposals}
+    taken |= {
+        (key, name) for key, log in logs.items() for name in (guess_time(log), "valid") if name
+    }
+    return any(
+        numbers.dtype != object and (key, name) not in taken
+        for key in logs
+        for name, numbers in values[key].items()
+    )
+
+
+def _in_finer_units(
+    proposals: Sequence[Proposal], logs: Mapping[str, LogFile], values: Values
+) -> bool:
+    """Whether the rows of every needed table are too far apart for seconds, and are no epochs."""
+    homes = {p.home for p in proposals if p.channel.needed}
+    return bool(homes) and all(
+        _finer_unit(logs[home], values[home])
+        and np.nanmedian(values[home][guess_time(logs[home]) or ""]) < EPOCH_MAGNITUDES[-1][1]
+        for home in homes
+    )
+
+
 def _time_lines(log: LogFile, values: Mapping[str, np.ndarray]) -> list[str]:
-    name = guess_time(log)
+    name, unit = guess_time(log), _finer_unit(log, values)
     if name is None:
         return ['time = "?"  # no time column was recognised']
-    lines = [f"time = {json.dumps(name)}"]
-    suffix = name.lower().rpartition("_")[2]
-    numbers = values.get(name)
-    if suffix in TIME_UNITS or numbers is None or numbers.dtype == object:
-        return lines
-    steps = np.diff(numbers[np.isfinite(numbers)])
-    if steps.size and USUAL_STEP_S < np.median(steps) < 1e3 * USUAL_STEP_S:
-        lines.append('time_unit = "ms"  # by the distance of the rows: check')
-    return lines
+    by_rows = [f'time_unit = "{unit}"  # by the distance of the rows: check'] if unit else []
+    return [f"time = {json.dumps(name)}", *by_rows]
+
+
+def _finer_unit(log: LogFile, values: Mapping[str, np.ndarray]) -> str | None:
+    """Unit of a time whose name says none, where the rows are too far apart for seconds."""
+    name = guess_time(log)
+    numbers = None if name is None else values.get(name)
+    if name is None or numbers is None or numbers.dtype == object or time_unit(name, SensorMap()):
+        return None
+    known = numbers[np.isfinite(numbers)]
+    step = float(np.median(np.diff(known))) if known.size > 1 else 0.0
+    if step <= USUAL_STEP_S:
+        return None
+    of_epoch = (unit for unit, least in EPOCH_MAGNITUDES if np.median(known) >= least)
+    return next(of_epoch, None) or next(
+        (unit for unit, most in STEPS_OF.items() if step < most), None
+    )
 
 
 def _plain(number: float) -> str:

@@ -1,5 +1,6 @@
 """Time columns: seconds, epoch counts and ISO 8601 instants become seconds."""
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,16 @@ MOST_SHARED = 0.5  # of the rows may have the time of the row before, in a clock
 LEAST_LOST_S = 1.0  # floats of 32 bits that are further apart have lost the time within a second
 MOST_COUNT = 2**62  # half of what 64 bits hold, the year 2116 in ns: beyond it is a filler
 MISSING_COUNT = np.iinfo(np.int64).min  # an empty cell among integers; numpy's NaT is the same
+
+
+TIME_OF_DAY = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:\.\d+)?)Z?")
+DAY_S = 86400.0
+# Dates of which no other reading is usual: 01.05.2024 and 2024/05/01; 5/1/2024 may be either.
+DAY_FIRST = re.compile(r"^(\d{2})\.(\d{2})\.(\d{4})(?=\D|$)")
+SLASHED = re.compile(r"^(\d{4})/(\d{2})/(\d{2})(?=\D|$)")
+# Numbers that are hours, minutes and seconds (hhmmss.ss of NMEA) never end in 60 to 99; seconds do
+# for 40 of every 100, unless the log is shorter than that or its rows are far apart.
+LEAST_SPAN_S, MOST_CLOCK_STEP_S = 200.0, 10.0
 
 
 @dataclass(frozen=True)
@@ -92,6 +103,7 @@ def _stamps_of(values: np.ndarray, unit: str | None, where: str, rows: np.ndarra
     _refuse_single_precision(numbers, factor, where)
     if unit in (None, "s"):
         _refuse_days(numbers, where)
+        _refuse_digits_of_clock(numbers, where)
     return Stamps(numbers * factor, 0)
 
 
@@ -172,6 +184,23 @@ def _refuse_days(numbers: np.ndarray, where: str) -> None:
             )
 
 
+def _refuse_digits_of_clock(numbers: np.ndarray, where: str) -> None:
+    """Refuse times of day as GPS receivers write them: each minute would be a gap of 40 s."""
+    known = numbers[np.isfinite(numbers)]
+    if known.size < FEWEST_OF_RATE or np.ptp(known) < LEAST_SPAN_S:
+        return
+    are_of_day = known.min() >= 0.0 and known.max() < 240000.0
+    if not are_of_day or _usual_step(known) > MOST_CLOCK_STEP_S:
+        return
+    if np.all(known % 1e2 < 60.0) and np.all(known % 1e4 < 6e3):
+        raise InputError(
+            f"times from {known.min():.2f} to {known.max():.2f} never end in 60 to 99: they are "
+            "hours, minutes and seconds (hhmmss), not seconds",
+            where,
+            "Write them as 12:34:56.7, or as seconds (column time_s).",
+        )
+
+
 def _refuse_finer(seconds: np.ndarray, where: str, is_finer: bool = False) -> None:
     """Refuse times beyond any epoch: counts of a finer unit than the column says."""
     known = seconds[np.isfinite(seconds)]
@@ -235,6 +264,11 @@ def _from_text(values: np.ndarray, where: str, rows: np.ndarray) -> np.ndarray:
     texts = pd.Series(values, dtype=object).fillna("").astype(str).str.strip().str.strip('"')
     texts = texts.str.replace(r"(\d),(\d+)", r"\1.\2", regex=True)
     empty = texts == ""
+    of_day = texts[~empty].str.fullmatch(TIME_OF_DAY)
+    if of_day.size and of_day.all():
+        return _from_time_of_day(texts)
+    texts = texts.str.replace(DAY_FIRST, r"\3-\2-\1", regex=True)
+    texts = texts.str.replace(SLASHED, r"\1-\2-\3", regex=True)
     instants = pd.to_datetime(texts.mask(empty), format="ISO8601", utc=True, errors="coerce")
     wrong = np.flatnonzero(np.asarray(instants.isna() & ~empty))
     if wrong.size:  # among seconds stored as text, the word that made a text of them
@@ -246,3 +280,16 @@ def _from_text(values: np.ndarray, where: str, rows: np.ndarray) -> np.ndarray:
             "Write seconds in a column time_s, or ISO 8601 or epoch counts in timestamp.",
         )
     return instants.dt.tz_convert(None).to_numpy()
+
+
+def _from_time_of_day(texts: pd.Series) -> np.ndarray:
+    """Times of day (``23:59:59.9``) as durations since the midnight before the first of them."""
+    parts = texts.str.extract(TIME_OF_DAY).astype(float)
+    seconds = (3600.0 * parts[0] + 60.0 * parts[1] + parts[2]).to_numpy()
+    known = np.isfinite(seconds)
+    own = seconds[known]
+    # Both ways: a row that is out of order around midnight falls back into the day before.
+    days = np.cumsum(np.rint(-np.diff(own, prepend=own[:1]) / DAY_S))
+    ns = np.full(seconds.size, np.datetime64("NaT").astype("timedelta64[ns]"))
+    ns[known] = np.rint((own + DAY_S * days) * 1e9).astype("timedelta64[ns]")
+    return ns

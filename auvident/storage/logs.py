@@ -43,7 +43,8 @@ from auvident.storage.log_csv import Kind, LogTable
 from auvident.storage.log_file import LogFile, open_logs, read_log
 from auvident.storage.log_find import TrialSource, find_trials, has_sensor
 from auvident.storage.log_geographic import COLUMNS, faults_of, from_first_fix
-from auvident.storage.log_time import ABSOLUTE_S, Stamps, read_stamps
+from auvident.storage.log_time import ABSOLUTE_S, Stamps
+from auvident.storage.log_time_parts import nanoseconds_of, read_parts
 from auvident.storage.log_valid import marked
 
 Tables = tuple[LogFile, ...]
@@ -220,7 +221,10 @@ def _read_sensors(
         wanted: dict[str, Kind | None] = {}
         for sensor in here:
             mapping = column_map.of(sensor)
-            wanted[time_column(log, mapping)] = None
+            time = time_column(log, mapping)
+            wanted[time] = None
+            beside = nanoseconds_of(time, log.names)
+            wanted |= {beside: None} if beside else {}
             wanted |= {column.name: "number" for column in columns[sensor].values()}
             flag = _valid_column(log, sensor, here, mapping.valid)
             if flag is not None:
@@ -237,7 +241,7 @@ def _read_sensors(
 
 def _stamps(log: LogFile, table: LogTable, name: str, mapping: SensorMap) -> Stamps:
     where = f"{log.where}, column {name}"
-    return read_stamps(table.columns[name], time_unit(name, mapping), where, table.rows)
+    return read_parts(table.columns, name, time_unit(name, mapping), where, table.rows)
 
 
 def _valid_column(log: LogFile, sensor: str, here: Sequence[str], mapped: str | None) -> str | None:

@@ -12,8 +12,9 @@ from auvident.errors import InputError
 from auvident.schema.channels import BY_COLUMN
 from auvident.stages.ingest import ingest
 from auvident.stages.ingest.clean import internal_sign
+from auvident.stages.ingest.held_copies import keep_one_of_held
 from auvident.stages.ingest.order import order_rows
-from auvident.stages.ingest.outliers import find_outliers, keep_one_of_held, noise_std
+from auvident.stages.ingest.outliers import find_outliers, noise_std
 
 TICKS = np.arange(100) * 0.1
 
@@ -269,3 +270,12 @@ def test_missing_channel_is_refused():
         ingest(
             replace(raw, sensors={k: s for k, s in raw.sensors.items() if k != "rpm"}), vehicle()
         )
+
+
+def test_rows_that_are_all_hours_apart_tell_of_their_unit():
+    with pytest.raises(InputError, match="time jumps") as caught:
+        ordered(1e6 * TICKS)
+    assert 'time_unit = "us"' in str(caught.value)
+    apart = np.where(TICKS < 5.0, TICKS, TICKS + 1e6)
+    with pytest.raises(InputError, match="Split the log there"):
+        ordered(apart)

@@ -212,3 +212,13 @@ def test_wide_files_that_are_trials_of_their_own_need_none(tmp_path):
     folder = written(tmp_path / "day", tables)
     assert inspect_log(folder).proposed_map == ""
     assert [trial.name for trial in read_trials([folder])] == ["one", "two"]
+
+
+def test_a_map_to_finish_where_one_column_has_another_name(tmp_path):
+    """Two rudders of which neither is called rudder, in a log that is right otherwise."""
+    tables = sensor_tables()
+    upper = tables["rudder"].rename(columns={"rudder_deg": "upper_deg"})
+    folder = write_folder(tmp_path / "run", tables | {"rudder": upper.assign(lower_deg=1.0)})
+    report = inspect_log(folder)
+    assert report.unassigned == ("rudder_rad",)
+    assert "No column was recognised for rudder_rad" in report.proposed_map

@@ -16,8 +16,9 @@ from auvident.stages.ingest.fill_values import (
     is_sentinel,
 )
 from auvident.stages.ingest.flat import find_flat
+from auvident.stages.ingest.held_copies import holds_throughout, keep_one_of_held
 from auvident.stages.ingest.order import order_rows
-from auvident.stages.ingest.outliers import find_outliers, keep_one_of_held, of_rows
+from auvident.stages.ingest.outliers import find_outliers, of_rows
 from auvident.stages.ingest.overflow import find_overflows
 from auvident.stages.ingest.pace import Pace, pace_of
 from auvident.stages.ingest.remarks import NOT_A_FAULT
@@ -26,7 +27,6 @@ from auvident.stages.ingest.units import refuse_wrong_unit
 
 # Depth and position may stand still, angles of attitude are smoothed.
 LEAST_LEFT = 0.3  # of the samples of a needed channel
-FEW_COPIES = 0.8  # of the rows kept: a drop-out filled with copies, not a slow sensor
 FLAT_SENSORS = ("dvl", "gyro", "rudder", "elevator", "rpm")
 
 
@@ -95,9 +95,12 @@ def clean_sensor(raw: RawSensor, vehicle: Vehicle, pace: Pace) -> CleanSensor:
     keep = ordered.keep
     dropped = _with(_reader_drops(raw), "backward_time", raw, ordered.backward)
     copies = _copies(raw, keep, pace)
-    dropped = _with(dropped, "held_copy", raw, keep[copies])
-    keep = keep[~copies] if copies.any() else keep
-    filled = _fill_values(raw, keep, pace)
+    thinned = keep[~copies] if copies.any() else keep
+    filled = _fill_values(raw, thinned, pace)
+    late = _copied_fixes(raw, thinned, filled)
+    dropped = _with(dropped, "held_copy", raw, thinned[late] if late.any() else keep[copies])
+    keep = thinned[~late] if late.any() else thinned
+    filled = {column: own[~late] for column, own in filled.items()} if late.any() else filled
     series, lost = {}, {}
     for column in raw.values:
         clean = _clean_channel(raw, BY_COLUMN[column], keep, filled[column], vehicle, pace)
@@ -163,14 +166,26 @@ def _with(
 def _copies(raw: RawSensor, keep: np.ndarray, pace: Pace) -> np.ndarray:
     """Which of the rows `keep` repeat the one before them; zeros of a lost bottom are no copies."""
     none = np.zeros(keep.size, dtype=bool)
-    held = keep_one_of_held(raw, keep)
-    if held is None or held.mean() < FEW_COPIES:
+    held = None if raw.sensor == "position" else keep_one_of_held(raw, keep)
+    if held is None or holds_throughout(raw, keep):
         return none if held is None else ~held
     lost = np.logical_or.reduce([*_fill_values(raw, keep, pace).values()])
     held = keep_one_of_held(raw, keep[~lost])
     if held is not None:
         none[~lost] = ~held
     return none
+
+
+def _copied_fixes(raw: RawSensor, keep: np.ndarray, filled: dict[str, np.ndarray]) -> np.ndarray:
+    """Which rows repeat a fix in a log of more rows than fixes: it would come half a fix late.
+
+    Only once fill values are found, of which each copy counts.
+    """
+    none = np.zeros(keep.size, dtype=bool)
+    held = keep_one_of_held(raw, keep) if raw.sensor == "position" else None
+    if held is None:
+        return none
+    return ~held & ~np.logical_or.reduce([none, *filled.values()])
 
 
 def _fill_values(raw: RawSensor, keep: np.ndarray, pace: Pace) -> dict[str, np.ndarray]:

@@ -65,7 +65,7 @@ def find_flat(values: np.ndarray, is_input: bool = False) -> tuple[np.ndarray, n
     runs = every.only((every.length >= FLAT_ROWS) & (every.value != 0.0))
     if not runs.start.size:
         return none, none
-    runs = runs.only(_are_abrupt(values, runs))
+    runs = runs.only(are_abrupt(values, runs.start))
     ends = {e for e in (values.min(), values.max()) if _is_wall(runs, e)}
     stuck = runs.only((runs.length >= STUCK_ROWS) & ~np.isin(runs.value, list(ends)))
     if is_input and (stuck.start.size > FEW_HOLDS or ends):
@@ -94,12 +94,20 @@ def _is_noisy(values: np.ndarray, every: Runs, ends: set[float], stuck: Runs) ->
     return bool((length - 1).sum() <= STUCK_SHARE * rows and short.sum() <= few)
 
 
-def _are_abrupt(values: np.ndarray, runs: Runs) -> np.ndarray:
-    """Whether the steps before each run are about as large as anywhere."""
+def are_abrupt(values: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Whether the steps before some rows are about as large as anywhere: no motion that settles.
+
+    Parameters
+    ----------
+    values : numpy.ndarray
+        Samples of a channel, shape (n,).
+    starts : numpy.ndarray of int
+        First row of each run, shape (k,).
+    """
     steps = np.abs(np.diff(excerpt(values)))
     moving = steps[steps > 0.0]
     usual = float(np.median(moving)) if moving.size else np.inf
-    before = runs.start[:, None] - 1 - np.arange(BEFORE)
+    before = starts[:, None] - 1 - np.arange(BEFORE)
     inside = before >= 0
     at = np.maximum(before, 0)
     sums = np.where(inside, np.abs(values[at + 1] - values[at]), 0.0).sum(axis=1)

@@ -12,6 +12,10 @@ MAX_GLITCHES = 200  # runs of 2 or 3 rows out of order; more mean the clock is n
 STAYED_TICKS = 1.5  # a clock that lost more than this over a glitch has been set back
 MAX_PAUSE_S = 6 * 3600.0  # a pause within a trial; beyond it there are two trials
 MIN_PERIOD_ROWS = 10  # fewer rows have no typical period
+UNIT_REMEDY = (
+    "The time is no seconds: name the column by its unit (time_us, time_ms), or set "
+    'time_unit = "us" in a map (--map).'
+)
 
 
 @dataclass(frozen=True)
@@ -126,8 +130,11 @@ def _drop_leaps(sensor: RawSensor, keep: np.ndarray) -> None:
         elif head.size <= GLITCH_ROWS:
             keep[head] = False
         else:
+            remedy = "Split the log there into two trials, or correct its clock."
+            if np.median(np.diff(time)) > MAX_PAUSE_S:  # every row, not one
+                remedy = UNIT_REMEDY
             raise InputError(
                 f"time jumps from {time[leap]:.3f} s to {time[leap + 1]:.3f} s",
                 f"{sensor.file}, row {sensor.rows[tail[0]]}, column {sensor.time_column}",
-                "Split the log there into two trials, or correct its clock.",
+                remedy,
             )

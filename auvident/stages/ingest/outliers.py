@@ -1,9 +1,8 @@
-"""Samples that no motion of a vehicle can explain, and copies of a held sample."""
+"""Samples that no motion of a vehicle can explain."""
 
 import numpy as np
 
 from auvident.constants import MEDIAN_OF_ABS_TO_STD
-from auvident.schema.logs import RawSensor
 
 MIN_SAMPLES = 7  # fewer do not show what is usual
 MAX_RUN = 2  # wild samples in a row; a longer excursion may be motion and stays
@@ -13,11 +12,6 @@ NEIGHBOUR_STEPS = 3.0  # times the steps nearby: an onset or peak has such steps
 NEARBY = 5  # steps on either side that count
 BLOCK = 1 << 18  # samples looked at together, for the sake of memory
 SPARED = 2  # largest of them that do not: those of another outlier
-
-HELD_SENSORS = ("dvl", "gyro", "attitude")  # depth and position may well stand still
-MIN_HELD_RUNS = 20  # fewer changes do not show a pattern
-HELD_QUANTILE = 0.1  # so many of the runs may be shorter than two rows
-STUCK_SENSORS = ("dvl", "gyro")  # a heading is smoothed, and stands still on a straight run
 STUCK_ROWS = 8  # equal rows of a sensor whose noise otherwise hardly ever repeats a value ...
 STUCK_SHARE = 0.05  # ... in less than this share of its rows: a drop-out filled with copies
 
@@ -107,53 +101,6 @@ def resolution(values: np.ndarray) -> float:
     return least if np.isfinite(least) else 0.0
 
 
-def keep_one_of_held(raw: RawSensor, rows: np.ndarray) -> np.ndarray | None:
-    """Rows that carry a new sample, where the last one is copied into the rows that follow.
-
-    Logs of a fast sensor carry copies of a slow one, and some sensors repeat their last value
-    in a drop-out. Copies would count one measurement several times, delay it and hide the gap.
-
-    Parameters
-    ----------
-    raw : RawSensor
-        Sensor as read.
-    rows : numpy.ndarray
-        Indices of its rows in ascending time, shape (n,).
-
-    Returns
-    -------
-    numpy.ndarray of bool or None
-        True for the rows to keep, shape (n,); None when there are no copies.
-    """
-    if raw.sensor not in HELD_SENSORS or rows.size <= MIN_HELD_RUNS:
-        return None
-    columns = [of_rows(raw.values[column], rows) for column in raw.values]
-    starts = np.concatenate(([0], np.flatnonzero(_changes(columns)) + 1))
-    lengths = np.diff(np.concatenate((starts, [rows.size])))
-    first = np.zeros(rows.size, dtype=bool)
-    first[starts] = True
-    if lengths.size < MIN_HELD_RUNS:
-        return None
-    if np.quantile(lengths[:-1], HELD_QUANTILE) >= 2:
-        return first
-    stuck = (lengths >= STUCK_ROWS) & (raw.sensor in STUCK_SENSORS)
-    # empty rows are drop-outs as they are
-    known = np.logical_or.reduce([np.isfinite(x[starts]) for x in columns])
-    repeats = rows.size - lengths.size - int(np.sum((lengths - 1)[~known]))
-    if not (stuck & known).any() or repeats > STUCK_SHARE * rows.size:
-        return None
-    return first | ~np.repeat(stuck & known, lengths)
-
-
 def of_rows(values: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Values of some ascending rows; without a copy when these are all."""
     return values if rows.size == values.size else values[rows]
-
-
-def _changes(columns: list[np.ndarray]) -> np.ndarray:
-    """Whether any column has another value than in the row before, shape (n - 1,)."""
-    changed = np.zeros(columns[0].size - 1, dtype=bool)
-    for x in columns:
-        empty = np.isnan(x)  # an empty cell equals an empty cell
-        changed |= (x[1:] != x[:-1]) & ~(empty[1:] & empty[:-1])
-    return changed
