@@ -271,6 +271,7 @@ def test_the_report_has_a_section_for_each_plane(whole: Path) -> None:
     assert "<code>auvident simulate RUN --inputs LOG</code> flies it" in page
     ids = [part.split('"')[0] for part in page.split(' id="')[1:]]
     assert len(ids) == len(set(ids))
+    assert page.count("a heading that turned round and round") == 1  # in one plane alone
 
 
 def test_both_planes_make_one_model_of_six_degrees_of_freedom(whole: Path, run: Path) -> None:

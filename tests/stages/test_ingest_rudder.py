@@ -63,6 +63,7 @@ def judged(raw: RawTrial, boat) -> str:
         if getattr(error, "check", "") == "clock_rudder":
             return "another clock"
         assert "rudder sign contradicts [signs]" in error.problem
+        assert "turns the bow to " in error.problem
         return "refused"
     codes = [finding.code for finding in quality.findings]
     return "undecided" if "rudder_sign_unverified" in codes else "right"
