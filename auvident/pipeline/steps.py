@@ -27,6 +27,9 @@ COMPILING_EACH_TIME = (
     "Compiling the numerical kernels, about half a minute in every run: the folder that "
     "caches them is not writable. Set NUMBA_CACHE_DIR to one that is."
 )
+NOT_ALONG = (
+    "A model with all small effects, which `pool` would take, could not be identified: {problem}"
+)
 DEFAULT_PLAN = "refined"
 LEAST_UNDER_WAY_MPS = 0.3  # slower samples do not belong to a run at speed
 PREDICTED = "prediction and standard maneuvers of the identified model"
@@ -248,6 +251,8 @@ def refine(given: Given) -> dict[str, Any]:
     model, history = given.model, given.table("identify/history.parquet")
     if after is not None:
         model, history, now = after[0].model, after[0].history, after[1]
+    bare = carried is None and not (force and force.added)
+    along = _estimated_along(given, filter, before) if bare else {}
     comparison = compare(
         given.diagnosis,
         given.maneuvers,
@@ -271,7 +276,27 @@ def refine(given: Given) -> dict[str, Any]:
         "refine/simulation.parquet": now.simulation,
         "refine/metrics.json": now.metrics,
         "refine/standard.json": (after is None and standard) or _standard(given, model, now),
+        **along,
     }
+
+
+def _estimated_along(given: Given, filter: str, before: "Validation") -> dict[str, Any]:
+    """The model that trials are pooled by, where the run ends with one without effects."""
+    from auvident.errors import NumericsError
+    from auvident.stages.refine import along
+    from auvident.stages.refine.errors import cruise_of
+
+    speed, _ = cruise_of(before.simulation)
+    carried = along(given.diagnosis, given.model, speed, heading=_has_headings(given))
+    try:
+        return {"refine/along.json": _identified_with(given, filter, carried).model}
+    except NumericsError as error:
+        given.observer.note(NOT_ALONG.format(problem=error.problem))
+        return {}
+
+
+def _has_headings(given: Given) -> bool:
+    return any(t.table["heading_rad"].notna().any() for t in given.trials)
 
 
 def _unexplained(
@@ -281,12 +306,11 @@ def _unexplained(
     from auvident.stages.refine import Base, with_unexplained
 
     nuisance = identifying_plan(given).nuisance
-    heading = any(t.table["heading_rad"].notna().any() for t in given.trials)
     made, force = with_unexplained(
         Base.of(carried, nuisance, model, prediction),
         lambda c: _identified_again(given, filter, c),
         given.maneuvers,
-        heading=heading,
+        heading=_has_headings(given),
         seed=given.seed or 0,
     )
     return (made.found if made else None), force
@@ -294,10 +318,19 @@ def _unexplained(
 
 def _identified_again(given: Given, filter: str, carried: Any) -> "_Again":
     """Identify with what was found, and predict."""
-    from auvident.stages.identify import identify as estimate_jointly
     from auvident.stages.validate import validate as predict_again
 
-    result = estimate_jointly(
+    result = _identified_with(given, filter, carried)
+    return result, predict_again(
+        given.trials, given.maneuvers, result.model, estimated=given.ase.applies
+    )
+
+
+def _identified_with(given: Given, filter: str, carried: Any) -> "Identification":
+    """Identify with effects carried."""
+    from auvident.stages.identify import identify as estimate_jointly
+
+    return estimate_jointly(
         given.trials,
         given.maneuvers,
         given.ase,
@@ -310,9 +343,6 @@ def _identified_again(given: Given, filter: str, carried: Any) -> "_Again":
         carried=carried,
         shared=_shared(given.former.get("refine/model.json") or _first_model(given)),
         progress=given.observer.progress,
-    )
-    return result, predict_again(
-        given.trials, given.maneuvers, result.model, estimated=given.ase.applies
     )
 
 

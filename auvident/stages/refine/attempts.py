@@ -45,15 +45,18 @@ def carried_of(diagnosis: Diagnosis) -> Carried | None:
     )
     if not modelled and not windows:
         return None
-    carried = diagnosis.carried
-    stds = {n: 0.0 if n in HELD else std for n, std in carried["prior_std"].items()}
+    return replace(nuisances_of(diagnosis), effects=tuple(modelled), windows=windows)
+
+
+def nuisances_of(diagnosis: Diagnosis) -> Carried:
+    """Everything that a diagnosis hands on, without a claim."""
+    told = diagnosis.carried
+    stds = {n: 0.0 if n in HELD else std for n, std in told.get("prior_std", {}).items()}
     return Carried(
-        effects=tuple(modelled),
-        start=carried["start"],
-        prior=carried["prior"],
+        start=told.get("start", {}),
+        prior=told.get("prior", {}),
         prior_std=stds,
-        windows=windows,
-        expected=carried.get("expected", {}),
+        expected=told.get("expected", {}),
     )
 
 
