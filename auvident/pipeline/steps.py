@@ -13,7 +13,7 @@ from auvident.pipeline.observer import Observer
 if TYPE_CHECKING:
     from auvident.schema.artifacts import IdentifiedModel
     from auvident.schema.desk import StandardManeuvers
-    from auvident.schema.diagnosis import Attempt, UnexplainedForce
+    from auvident.schema.diagnosis import Attempt, Comparison, UnexplainedForce
     from auvident.schema.plan import Plan
     from auvident.schema.planes import Plane
     from auvident.schema.trial import Trial
@@ -251,8 +251,6 @@ def refine(given: Given) -> dict[str, Any]:
     model, history = given.model, given.table("identify/history.parquet")
     if after is not None:
         model, history, now = after[0].model, after[0].history, after[1]
-    bare = carried is None and not (force and force.added)
-    along = _estimated_along(given, filter, before) if bare else {}
     comparison = compare(
         given.diagnosis,
         given.maneuvers,
@@ -276,18 +274,26 @@ def refine(given: Given) -> dict[str, Any]:
         "refine/simulation.parquet": now.simulation,
         "refine/metrics.json": now.metrics,
         "refine/standard.json": (after is None and standard) or _standard(given, model, now),
-        **along,
+        **_estimated_along(given, filter, comparison, model, now),
     }
 
 
-def _estimated_along(given: Given, filter: str, before: "Validation") -> dict[str, Any]:
-    """The model that trials are pooled by, where the run ends with one without effects."""
+def _estimated_along(
+    given: Given,
+    filter: str,
+    comparison: "Comparison",
+    model: "IdentifiedModel",
+    prediction: "Validation",
+) -> dict[str, Any]:
+    """The model that the trial is pooled by, where the run ends with one that has less."""
     from auvident.errors import NumericsError
     from auvident.stages.refine import along
     from auvident.stages.refine.errors import cruise_of
 
-    speed, _ = cruise_of(before.simulation)
-    carried = along(given.diagnosis, given.model, speed, heading=_has_headings(given))
+    claimed, (speed, _) = {e.id for e in comparison.effects}, cruise_of(prediction.simulation)
+    carried = along(given.diagnosis, claimed, model, speed, heading=_has_headings(given))
+    if carried is None:
+        return {}
     try:
         return {"refine/along.json": _identified_with(given, filter, carried).model}
     except NumericsError as error:

@@ -84,15 +84,19 @@ def fewer(carried: Carried, before: IdentifiedModel, speed_mps: float) -> Iterat
         out = set(carried.effects[n:])
         has = [str(e["id"]) for e in before.effects if e["id"] in out]
         usual = allowed(has, before.plane, before.length_m, speed_mps)
-        rest = carried.only({name.partition(".")[0] for name in carried.start} - out)
-        yield replace(
-            rest,
-            effects=carried.effects[:n],
-            start={**rest.start, **usual.start},
-            prior={**rest.prior, **usual.prior},
-            prior_std={**rest.prior_std, **usual.prior_std},
-            expected={**rest.expected, **usual.expected},
-        )
+        yield replace(without(carried, out, usual), effects=carried.effects[:n])
+
+
+def without(carried: Carried, out: set[str], usual: Carried) -> Carried:
+    """What is carried without some effects, of which as much is left as is usual."""
+    rest = carried.only({name.partition(".")[0] for name in carried.start} - out)
+    return replace(
+        rest,
+        start={**rest.start, **usual.start},
+        prior={**rest.prior, **usual.prior},
+        prior_std={**rest.prior_std, **usual.prior_std},
+        expected={**rest.expected, **usual.expected},
+    )
 
 
 @dataclass(frozen=True)
