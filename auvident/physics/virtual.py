@@ -128,8 +128,6 @@ def steady_approach(structure: Structure, p: Array, n_rps: float) -> Array:
     The speed is that at which nothing changes any more, however long the vehicle takes to come to
     it (a tanker of 7 m minutes); NaN where thrust and drag balance at none.
     """
-    from scipy.optimize import brentq
-
     active, inverse = np.array([True, False, False, False]), np.empty((N_VELOCITIES, N_VELOCITIES))
     inverse_mass(p, structure.mass, structure.mass_weights, active, inverse)
     acting, equations = healthy(np.array([0.0, 0.0, n_rps])), structure.equations
@@ -141,5 +139,12 @@ def steady_approach(structure: Structure, p: Array, n_rps: float) -> Array:
 
     found = np.zeros(N_STATES)
     balanced = gained(0.0) > 0.0 > gained(FASTEST_MPS)
-    found[0] = brentq(gained, 0.0, FASTEST_MPS) if balanced else np.nan
+    found[0] = _last_gaining(gained, 0.0, FASTEST_MPS) if balanced else np.nan
     return found
+
+
+def _last_gaining(gained: Callable[[float], float], low: float, high: float) -> float:
+    """Where a gain turns into a loss, by halves; `scipy.optimize` takes 0.3 s to import."""
+    while low < (middle := 0.5 * (low + high)) < high:
+        low, high = (middle, high) if gained(middle) > 0.0 else (low, middle)
+    return middle
