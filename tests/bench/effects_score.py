@@ -78,13 +78,21 @@ def least_chance(diagnosis: Row, own: Iterable[str] = ()) -> float:
 
     What the vehicle has of itself (`own`) is left out: the others would be false names.
     """
-    told = [
-        c["p"]
+    return min((c["p"] for c in _large_enough(diagnosis, own)), default=1.0)
+
+
+def most_strength(diagnosis: Row, own: Iterable[str] = ()) -> float:
+    """Largest ``strength`` of the same candidates; 0 where there is none."""
+    return max((c.get("strength") or 0.0 for c in _large_enough(diagnosis, own)), default=0.0)
+
+
+def _large_enough(diagnosis: Row, own: Iterable[str]) -> list[Row]:
+    return [
+        c
         for c in diagnosis.get("candidates", [])
         if c.get("p") is not None and c["id"] not in own
         if (c.get("refusal") or {}).get("code") != "small"
     ]
-    return min(told, default=1.0)
 
 
 def uniformity(chances: Sequence[float]) -> dict[str, Any]:

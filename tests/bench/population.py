@@ -19,6 +19,7 @@ from tests.bench import written
 from tests.bench.effects import GENERATOR, append, program, read_outcomes, side_by_side
 from tests.bench.halves import measured, options_of, seeds
 from tests.bench.population_bars import bars
+from tests.bench.population_healthy import healthy_tables
 from tests.bench.population_score import is_wrong, scored, tables
 from tests.bench.population_trial import CHANNELS, WANTED, key_of, outcome
 
@@ -33,7 +34,7 @@ def main(arguments: list[str], show: Show) -> None:
     options = _options(arguments)
     wanted = seeds(options.first, options.count, options.half)
     short, plane = not options.long, options.plane
-    planted = tuple(options.planted) or None
+    planted = () if options.clean else tuple(options.planted) or None
     if options.score is not None:
         kept = read_outcomes(options.score, with_bugs=True)
     else:
@@ -44,6 +45,7 @@ def main(arguments: list[str], show: Show) -> None:
     trials = [s for s in scores if s.failed_at != GENERATOR]
     whole = options.until == WANTED[-1]
     found = {"bars": bars(trials)} if whole else {}
+    found |= healthy_tables(trials) if options.clean else {}
     found |= tables(scores, CLASSES, with_seeds=options.half == "tune", whole=whole)
     if options.json is not None:
         options.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
@@ -54,6 +56,7 @@ def main(arguments: list[str], show: Show) -> None:
         every = [kept[key] for key in keys if key in kept]
         done = [one for one in every if one.get("stage") != GENERATOR]
         ways = ["population", *([plane] if plane != "horizontal" else []), *options.planted]
+        ways += ["clean"] * options.clean
         written.write("-".join(ways), measured(done, options.half), without_empty(found))
 
 
@@ -99,6 +102,7 @@ def _options(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--until", choices=WANTED, default=WANTED[-1], help="the last stage")
     parser.add_argument("--plane", choices=CHANNELS, default="horizontal", help="of the maneuvers")
     parser.add_argument("--planted", nargs="+", default=[], help="effects, in place of drawn ones")
+    parser.add_argument("--clean", action="store_true", help="nothing is planted in any of them")
     parser.add_argument("--long", action="store_true", help="logs of 10 to 60 minutes")
     parser.add_argument("--score", type=Path, help="sail nothing, score the outcomes in a file")
     parser.add_argument("--json", type=Path, help="file for the tables")

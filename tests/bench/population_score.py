@@ -9,7 +9,7 @@ from typing import Any
 
 from tests.bench.effects import GENERATOR
 from tests.bench.effects_bars import rises_surely
-from tests.bench.effects_score import Score, least_chance, score, uniformity
+from tests.bench.effects_score import Score, least_chance, most_strength, score, uniformity
 from tests.bench.effects_summary import CHANCE
 
 ALL = "all"
@@ -38,7 +38,8 @@ class Drawn:
     named effect with intervals, whether zero lies in all of them; ``ships_worse``: the refined
     model predicts the identifying maneuvers worse when they are left out, ``surely_worse``: by
     more than the standard error (None where nothing was refined). ``chance`` is the least ``p`` of
-    the candidates that are large enough and that the vehicle has not of itself; 1 without any.
+    the candidates that are large enough and that the vehicle has not of itself; 1 without any;
+    ``strength`` the largest of the same.
     ``broken``: of each model that was written, whether it breaks what physics knows (`physical`).
     """
 
@@ -65,6 +66,7 @@ class Drawn:
     ships_worse: bool | None = None
     surely_worse: bool | None = None
     chance: float = 1.0
+    strength: float = 0.0
     broken: tuple[bool, ...] = ()
 
 
@@ -74,7 +76,8 @@ Scores = Sequence[Drawn]
 def scored(outcome: Row) -> Drawn:
     """Score of one outcome."""
     loop, truth = score(outcome), outcome["truth"]
-    plant = outcome.get("own") or {}
+    plant, found = outcome.get("own") or {}, outcome.get("diagnosis") or {}
+    sees = [n for n in plant if plant[n].get("visible")]
     shows = [n for n in loop.named if plant.get(n, {}).get("visible")]
     own = tuple(n for n in loop.named if n in shows or _stands(plant.get(n, {})))
     false = tuple(n for n in loop.extra if n not in own)
@@ -105,9 +108,8 @@ def scored(outcome: Row) -> Drawn:
         ships_worse=worse_by(outcome.get("comparison") or {}, errors=0.0),
         surely_worse=worse_by(outcome.get("comparison") or {}, errors=1.0),
         broken=tuple(bool(what) for what in outcome.get("broken", {}).values()),
-        chance=least_chance(
-            outcome.get("diagnosis") or {}, [n for n in plant if plant[n].get("visible")]
-        ),
+        chance=least_chance(found, sees),
+        strength=most_strength(found, sees),
     )
 
 

@@ -110,6 +110,7 @@ def key_of(
 ) -> str:
     """Name of a trial in the file of outcomes."""
     ways = {plane: plane != "horizontal", "long": not short, until: until != WANTED[-1]}
+    ways["clean"] = planted == ()
     return "-".join([str(seed), *(way for way, told in ways.items() if told), *(planted or ())])
 
 

@@ -177,6 +177,8 @@ class Helped:
         How often an effect that means nothing would help as much; see `chance_of`.
     t : float
         The gain in standard errors; see `t_value`.
+    strength : float
+        The same, fewer where other rules are not met; see `select.healthy`.
     explained : float
         Of the power of the residual above the noise of the sensor, the share that is explained,
         in the channel where that is most; see `explained_share`.
@@ -189,6 +191,7 @@ class Helped:
     p: float = 1.0
     t: float = 0.0
     explained: float = 0.0
+    strength: float = 0.0
 
 
 def helped(

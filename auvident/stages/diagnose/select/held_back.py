@@ -19,6 +19,7 @@ from auvident.stages.diagnose.score.left_out import (
 from auvident.stages.diagnose.select import rules
 from auvident.stages.diagnose.select.candidates import Tried
 from auvident.stages.diagnose.select.decisions import judge
+from auvident.stages.diagnose.select.healthy import share_of_healthy, strength
 from auvident.stages.diagnose.select.records import Account
 from auvident.stages.diagnose.select.rule import passes
 from auvident.stages.diagnose.select.telling import LEAVE_OUT, Telling
@@ -73,7 +74,9 @@ def left_out_with(
     floor = noise_floor(case, after.colours)
     found = helped(old, new, rng, log_gain(before, after), floor)
     found = with_sensors(case, before, after, found)
-    return replace(found, p=min(1.0, among * found.p))
+    told = strength(found)
+    chance = max(min(1.0, among * found.p), share_of_healthy(told))
+    return replace(found, p=chance, strength=told)
 
 
 def with_sensors(case: Case, before: Fitted, fitted: Fitted, found: Helped) -> Helped:

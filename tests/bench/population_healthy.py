@@ -1,0 +1,37 @@
+"""How strong the strongest candidate of a healthy vehicle is, and whether its chance is uniform."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from tests.bench.effects_score import uniformity
+from tests.bench.effects_summary import CHANCE
+from tests.bench.population_score import Drawn
+
+STRENGTH = "strongest candidate of a healthy vehicle"
+SHARES = (1.0, 0.8, 0.6, 0.5, 0.4, 0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02)
+Table = list[dict[str, Any]]
+
+
+def healthy_tables(trials: Sequence[Drawn]) -> dict[str, Table]:
+    """For `select.healthy`: strengths that so many of the healthy vehicles reach; chances."""
+    told = [s for s in trials if s.clean != "failed"]
+    return {
+        STRENGTH: reached([s.strength for s in told]),
+        CHANCE: [uniformity([s.chance for s in told])],
+    }
+
+
+def reached(strengths: Sequence[float]) -> Table:
+    """Strength that a share of so many vehicles reaches, for shares that they can tell.
+
+    The k-th largest of n is reached by another vehicle as often as k / (n + 1).
+    """
+    found, n = np.sort(strengths)[::-1], len(strengths)
+    shares = [share for share in SHARES if share * (n + 1) >= 1.0]
+    ranks = [min(share * (n + 1), n) - 1 for share in shares]
+    values = np.interp(ranks, np.arange(n), np.maximum(found, 0.0))
+    return [
+        {"share": s, "strength": round(float(v), 2)} for s, v in zip(shares, values, strict=True)
+    ]
