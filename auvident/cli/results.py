@@ -463,5 +463,6 @@ def plan_trial(output: Output, run: Path, plane: Plane | None) -> None:
 
     with output.watch() as watch:
         plan = rank(run, watch, plane)
+        tell_outdated(watch, run)
         watch.show(trial_plan_table(plan))
     output.artifact(plan, "plan-trial")

@@ -10,7 +10,7 @@ from auvident.pipeline.given import Given
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.planes import MODEL, planes_of
 from auvident.pipeline.predict import find_model
-from auvident.pipeline.run import command_of
+from auvident.pipeline.remedies import command_of
 from auvident.pipeline.steps import announce_compilation
 from auvident.storage.run_directory import RunDirectory
 

@@ -10,11 +10,12 @@ from auvident.errors import InputError, StageError, UsageError
 from auvident.pipeline.freshness import is_of_this_run
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.planes import planes_of
+from auvident.pipeline.remedies import made_again, run_around
 from auvident.pipeline.steps import announce_compilation
 from auvident.pipeline.table import BY_NAME
 from auvident.schema.places import beside
 from auvident.storage.artifacts import as_model, read_json, read_model
-from auvident.storage.run_directory import MANIFEST, RunDirectory
+from auvident.storage.run_directory import RunDirectory
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,7 +30,6 @@ REFINED = "refine/model.json"  # goes first, unless what it rests on has changed
 IDENTIFIED = "identify/model.json"
 WHOLE = "combine/model.json"  # of a run of both planes
 VEHICLE = "ingest/vehicle.json"
-WRITTEN = "Give a model.json that auvident has written."
 USUAL_FINENESS = 8.0  # length over diameter of a survey AUV
 SIGNS_ASSUMED = (
     "The model is not in a run directory, so a positive rudder is assumed to turn to port "
@@ -78,14 +78,15 @@ def find_model(target: Path, plane: str | None = None) -> "tuple[Path, Identifie
         path = _model_of(RunDirectory(target), plane)
     elif not target.exists():
         raise InputError("no such file", str(target), "Give a run directory or a model.json.")
-    tree = read_json(path, WRITTEN)
+    remedy = made_again(path)
+    tree = read_json(path, remedy)
     if isinstance(tree, dict) and tree.get("schema") == COMBINED:
         raise InputError(
             "is a combined model already, and not the model of a plane",
             str(path),
             "Give run directories, or the model.json of a plane.",
         )
-    model = as_model(tree, IdentifiedModel, path, WRITTEN)
+    model = as_model(tree, IdentifiedModel, path, remedy)
     if plane not in (None, model.plane):
         raise InputError(f"is a model of the {model.plane} plane", str(path), "Leave out --plane.")
     return path, model
@@ -128,16 +129,10 @@ def vehicle_of(
         return load_vehicle(vehicle_file)
     run = run_around(model_file) if model_file else None
     if run is not None and (run / VEHICLE).exists():
-        return read_model(run / VEHICLE, Vehicle)
+        return read_model(run / VEHICLE, Vehicle, made_again(run / VEHICLE))
     observer.note(SIGNS_ASSUMED)
     rigid = model.rigid_body
     return bare_vehicle(model.vehicle, rigid.mass_kg, rigid.inertia_kgm2, model.length_m)
-
-
-def run_around(model_file: Path) -> Path | None:
-    """The run directory that a model stands in."""
-    folders = model_file.resolve().parents[1:3]  # one more above the model of a second plane
-    return next((folder for folder in folders if (folder / MANIFEST).exists()), None)
 
 
 def bare_vehicle(name: str, mass_kg: float, izz_kgm2: float, length_m: float) -> "Vehicle":

@@ -1,0 +1,76 @@
+"""Runs in which artifacts were deleted or damaged by hand: what commands say, and advise."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.command_line import Called
+
+NOT_REFINED = "the identified model is taken in place of the refined one"
+AGAIN = "`auvident run --run runs/demo` makes it again"
+HALF = 300  # bytes of an artifact that a copy left
+
+
+def test_a_model_without_its_refinement_says_so(
+    demo: Path, auvident: Callable[..., Called]
+) -> None:
+    """Whoever deletes `refine` has the identified model again, but not without a word."""
+    commands = (
+        ("export", demo, "--format", "toml"),
+        ("simulate", demo, "--maneuver", "zigzag:10/10", "--samples", "2"),
+        ("combine", demo),
+        ("compare", demo, demo),
+        ("pool", demo),
+        ("plan-trial", demo),
+    )
+    assert all(NOT_REFINED not in auvident(*command).err for command in commands[:3])
+    shutil.rmtree(demo / "refine")
+    for command in commands:
+        called = auvident(*command)
+        assert called.code == 0, called.err
+        told = " ".join(called.err.split())
+        assert f"{NOT_REFINED}: refine/model.json is missing. {AGAIN}" in told
+        assert NOT_REFINED not in called.out
+    reported = auvident("report", demo)
+    told = " ".join(reported.err.split())
+    assert reported.code == 0
+    assert f"report does without refine, which is stale: refine/model.json is missing. {AGAIN}" in (
+        told
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "command"),
+    [
+        ("identify/model.json", ("export", "--format", "toml")),
+        ("refine/model.json", ("export", "--format", "toml")),
+        ("identify/model.json", ("pool",)),
+        ("ingest/vehicle.json", ("combine",)),
+        ("ingest/quality.json", ("pool",)),
+        ("segment/maneuvers.json", ("combine",)),
+        ("ase/coefficients.json", ("simulate", "--maneuver", "zigzag:10/10", "--samples", "2")),
+    ],
+)
+def test_a_damaged_artifact_is_told_with_what_makes_it_again(
+    name: str, command: tuple[str, ...], demo: Path, auvident: Callable[..., Called]
+) -> None:
+    file = demo / name
+    file.write_bytes(file.read_bytes()[:HALF])
+    called = auvident(command[0], demo, *command[1:])
+    told = " ".join(called.err.split())
+    if name.startswith("refine"):
+        assert called.code == 0 and f"{name} was changed after it was written" in told
+    else:
+        assert called.code == 4 and f"{name}: is damaged" in told
+    assert AGAIN in told
+
+
+def test_a_damaged_model_outside_of_a_run_has_a_remedy(
+    tmp_path: Path, auvident: Callable[..., Called]
+) -> None:
+    file = tmp_path / "model.json"
+    file.write_text('{"schema": ')
+    called = auvident("export", file, "--format", "toml")
+    assert called.code == 4 and "Give a model.json that auvident has written." in called.err
