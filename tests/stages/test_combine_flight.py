@@ -146,6 +146,49 @@ def test_water_that_sinks_takes_the_depth_along(whole: CombinedModel) -> None:
     np.testing.assert_allclose(found.north_m, without.north_m, atol=1e-9)
 
 
+def test_a_current_that_one_plane_alone_knows_carries_the_vehicle(whole: CombinedModel) -> None:
+    """Whichever plane it is, from the start on: there is one water."""
+
+    def flown(plane: str) -> pd.DataFrame:
+        row = {"id": "current", "parameters": [], "internal": {}}
+        effects = {**whole.effects, plane: (*whole.effects[plane], row)}
+        water = {f"{plane} current.north_mps": 0.2, f"{plane} current.east_mps": -0.1}
+        carried = {"effects": effects, "parameters": {**whole.parameters, **water}}
+        return flight_table(whole.model_copy(update=carried), samples=0)
+
+    found, other = flown("vertical"), flown("horizontal")
+    without = flight_table(whole, samples=0)
+    assert abs(found.u_mps[0] - without.u_mps[0]) > 0.01  # through the water
+    columns = [*STATE_COLUMNS, "north_m", "east_m"]
+    np.testing.assert_allclose(found[columns], other[columns], atol=1e-9)
+
+
+def test_a_hull_that_hardly_keeps_its_course_is_pushed_in_its_band(whole: CombinedModel) -> None:
+    """As in the band of the plane; what is not pushed keeps its own."""
+    pushed = whole.model_copy(update={"pushes": {"horizontal": {"v": 0.02, "r": 0.05}}})
+    own, wide = flight_table(whole, samples=40), flight_table(pushed, samples=40)
+    np.testing.assert_array_equal(own[list(STATE_COLUMNS)], wide[list(STATE_COLUMNS)])
+    last = len(own) - 1
+
+    def width(table: pd.DataFrame, column: str) -> float:
+        return float(table[f"{column}_high"][last] - table[f"{column}_low"][last])
+
+    for column in ("v_mps", "r_radps", "heading_rad"):
+        assert width(wide, column) > 1.2 * width(own, column)
+    assert width(wide, "u_mps") == pytest.approx(width(own, "u_mps"), rel=0.3)
+
+
+def test_pushes_are_those_of_the_models_of_the_planes() -> None:
+    """And of a model that keeps its course there are none."""
+    models, given = [planar(plane) for plane in PLANES], sample(TRIALS["horizontal"])
+    assert combine(models, given.vehicle, given.ase).pushes == {}
+    told = models[0].left_out.model_copy(update={"push": {"v": 0.02, "r": 0.01}})
+    models[0] = models[0].model_copy(update={"left_out": told})
+    assert combine(models, given.vehicle, given.ase).pushes == {
+        "horizontal": {"v": 0.02, "r": 0.01}
+    }
+
+
 def held_share(model: CombinedModel, plane: str) -> tuple[np.ndarray, np.ndarray]:
     """Share of the readings of held-out maneuvers within the band, and its mean width (4,)."""
     (trial,) = sample(TRIALS[plane]).trials
