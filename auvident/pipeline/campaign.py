@@ -301,17 +301,19 @@ def _vehicle(
     """Pool the trials of a vehicle; what stands in the way is told, and stops no other."""
     told = [r for r in rows if r.state != "failed"]
     failed = [{"trial": r.trial, "why": r.problem} for r in rows if r.state == "failed"]
+    folder = plan.output / name
     if not told:
+        _remove_earlier(folder)
         problem = "no trial came to a model"
         return None, CampaignVehicleResult(
             name=name, plane="", trials=len(rows), problem=problem, repeat=tuple(failed)
         )
-    folder = plan.output / name
     try:
         found = pool_runs(
             [Path(r.run) for r in told], false_alarms=plan.false_alarms, seed=plan.seed
         )
     except AuvidentError as error:
+        _remove_earlier(folder)
         return None, CampaignVehicleResult(
             name=name,
             plane="",
@@ -334,6 +336,12 @@ def _vehicle(
         findings=found.model.findings,
         repeat=(*failed, *_to_repeat(found)),
     )
+
+
+def _remove_earlier(folder: Path) -> None:
+    """A pooled model of an earlier campaign is not to be taken for that of this one."""
+    for name in (POOLED, CHANGES):
+        (folder / name).unlink(missing_ok=True)
 
 
 def _to_repeat(found: PooledRuns) -> list[dict[str, Any]]:

@@ -1,6 +1,6 @@
 """Trials pooled from their run directories: models, dates and vehicle files are read, no log."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from itertools import takewhile
@@ -101,10 +101,18 @@ def logs_behind(file: Path, model: "IdentifiedModel") -> dict[str, str]:
     run = run_around(file)
     if run is None or not (run / QUALITY).exists() or not (run / MANEUVERS).exists():
         return {}
-    entry = RunDirectory(run).existing().stages.get("ingest")
     own = {m for stage in model.stages for m in stage.maneuvers}
     flown = {m["trial"] for m in _tree(run / MANEUVERS) if m["id"] in own}
-    trials = [t for t in _tree(run / QUALITY).get("trials", ()) if t["trial"] in flown]
+    return logs_of(run, flown)
+
+
+def logs_of(run: Path, names: Collection[str] | None = None) -> dict[str, str]:
+    """Trials of a run, all or those of some names, by the hash of the log of their gyro."""
+    if not (run / QUALITY).exists():
+        return {}
+    entry = RunDirectory(run).existing().stages.get("ingest")
+    found = _tree(run / QUALITY).get("trials", ())
+    trials = [t for t in found if names is None or t["trial"] in names]
     hashes = {_hash(_gyro_of(t), entry.inputs if entry else {}): t["trial"] for t in trials}
     return {digest: trial for digest, trial in hashes.items() if digest}
 
