@@ -10,7 +10,7 @@ from auvident.errors import InputError, StageError
 from auvident.pipeline.freshness import is_of_this_run
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.predict import drawn_by, find_model, refuse_nonsense
-from auvident.pipeline.remedies import COMBINE, made_again, run_around
+from auvident.pipeline.remedies import COMBINE, made_again, run_around, typed
 from auvident.pipeline.steps import COMPILING, COMPILING_EACH_TIME
 from auvident.pipeline.table import BY_NAME
 from auvident.pipeline.whole import is_whole
@@ -237,7 +237,7 @@ def _model_for(target: Path, order: DeskOrder) -> "tuple[Path, IdentifiedModel]"
     raise StageError(
         f"there is no model of the {needed} plane, which {order.row.name} needs",
         str(target),
-        f"Run `auvident identify {target} --plane {needed}` (in a copy, to keep this one).",
+        f"Run `auvident identify {typed(target)} --plane {needed}` (in a copy, to keep this one).",
     )
 
 

@@ -10,10 +10,11 @@ from auvident.errors import InputError, StageError, UsageError
 from auvident.pipeline.freshness import is_of_this_run
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.planes import planes_of
-from auvident.pipeline.remedies import made_again, run_around
+from auvident.pipeline.remedies import WRITTEN, made_again, run_around, typed
 from auvident.pipeline.steps import announce_compilation
 from auvident.pipeline.table import BY_NAME
 from auvident.schema.places import beside
+from auvident.schema.quoting import clipped
 from auvident.storage.artifacts import as_model, read_json, read_model
 from auvident.storage.run_directory import RunDirectory
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from auvident.schema.vehicle import Vehicle
 
 REFINED = "refine/model.json"  # goes first, unless what it rests on has changed since
+MODELS = "auvident/model/"  # schemas of the models of a plane, pooled ones among them
 IDENTIFIED = "identify/model.json"
 WHOLE = "combine/model.json"  # of a run of both planes
 VEHICLE = "ingest/vehicle.json"
@@ -86,6 +88,9 @@ def find_model(target: Path, plane: str | None = None) -> "tuple[Path, Identifie
             str(path),
             "Give run directories, or the model.json of a plane.",
         )
+    schema = tree.get("schema") if isinstance(tree, dict) else None
+    if path == target and isinstance(schema, str) and not schema.startswith(MODELS):
+        raise StageError(f"is no model: its schema is {clipped(schema)!r}", str(path), WRITTEN)
     model = as_model(tree, IdentifiedModel, path, remedy)
     if plane not in (None, model.plane):
         raise InputError(f"is a model of the {model.plane} plane", str(path), "Leave out --plane.")
@@ -96,9 +101,8 @@ def _model_of(run: RunDirectory, plane: str | None) -> Path:
     manifest = run.existing()
     identify = manifest.stages.get("identify")
     if identify is None or not (run / IDENTIFIED).exists():
-        raise StageError(
-            "there is no identified model", str(run.path), f"Run `auvident identify {run.path}`."
-        )
+        remedy = f"Run `auvident identify {typed(run.path)}`."
+        raise StageError("there is no identified model", str(run.path), remedy)
     identified, refined = _names_of(run, plane)
     is_refined = is_of_this_run(BY_NAME["refine"], run, manifest)
     return run / (refined if is_refined and (run / refined).exists() else identified)
@@ -113,7 +117,7 @@ def _names_of(run: RunDirectory, plane: str | None) -> tuple[str, str]:
         raise StageError(
             f"there is no model of the {plane} plane",
             str(run.path),
-            f"Run `auvident identify {run.path} --plane both`.",
+            f"Run `auvident identify {typed(run.path)} --plane both`.",
         )
     return beside(IDENTIFIED), beside(REFINED)
 
@@ -239,7 +243,7 @@ def _whole_of(target: Path, observer: Observer) -> Path | None:
         return target / WHOLE
     observer.note(
         f"{target / WHOLE} is out of date: the model of one plane is flown. "
-        f"`auvident combine {target} --output FILE.json` makes a new one."
+        f"`auvident combine {typed(target)} --output FILE.json` makes a new one."
     )
     return None
 

@@ -10,9 +10,14 @@ WRITTEN = "Give a model.json that auvident has written."
 COMBINE = "`auvident combine RUN... --output FILE.json` makes one of run directories."
 
 
+def typed(path: Path | str) -> str:
+    """A path as it is typed on the command line."""
+    return shlex.quote(str(path))
+
+
 def again(run: Path) -> str:
     """The command that makes what a run lacks, with the options of its last run."""
-    return f"auvident run --run {shlex.quote(str(run))}"
+    return f"auvident run --run {typed(run)}"
 
 
 def made_again(file: Path, elsewhere: str = WRITTEN) -> str:
@@ -37,19 +42,14 @@ def run_around(file: Path) -> Path | None:
 
 def command_of(stage: str, run: RunDirectory, manifest: Manifest | None) -> str:
     """The command that runs a stage."""
-    path = shlex.quote(str(run.path))
+    path = typed(run.path)
     if stage != "ingest":
         return f"auvident {stage} {path}"
     entry = manifest.stages.get("ingest") if manifest else None
     if entry is None:
         return f"auvident ingest LOG... --vehicle V.toml --run {path}"
-    logs = " ".join(_typed(run, name) for name in entry.options["logs"])
+    logs = " ".join(typed(run.located(name)) for name in entry.options["logs"])
     column_map = entry.options.get("map")
-    also = f" --map {_typed(run, column_map)}" if column_map else ""
-    vehicle = _typed(run, entry.options["vehicle"])
+    also = f" --map {typed(run.located(column_map))}" if column_map else ""
+    vehicle = typed(run.located(entry.options["vehicle"]))
     return f"auvident ingest {logs} --vehicle {vehicle}{also} --run {path}"
-
-
-def _typed(run: RunDirectory, remembered: str) -> str:
-    """A file of the manifest as it is typed here."""
-    return shlex.quote(str(run.located(remembered)))
