@@ -67,6 +67,26 @@ def test_a_damaged_artifact_is_told_with_what_makes_it_again(
     assert AGAIN in told
 
 
+def test_the_command_for_a_stale_stage_has_the_options_of_its_last_run(
+    demo: Path, auvident: Callable[..., Called]
+) -> None:
+    """Without them the stage made another model than the one that was stale."""
+    vehicle = ("--vehicle", "sample_logs/remus100.toml")
+    fast = ("--rate", "5", "--max-gap", "4", "--run", demo)
+    assert auvident("ingest", "sample_logs/harbour_trial", *vehicle, *fast).code == 0
+    assert auvident("segment", demo, "--hold-out", "harbour_trial-turn-4").code == 0
+    quality, maneuvers = demo / "ingest" / "quality.json", demo / "segment" / "maneuvers.json"
+    kept = quality.read_bytes()
+    quality.write_bytes(kept + b" ")
+    said = "--vehicle sample_logs/remus100.toml --rate 5.0 --max-gap 4.0 --run runs/demo` first"
+    assert said in " ".join(auvident("ase", demo).err.split())
+    quality.write_bytes(kept)
+    maneuvers.write_bytes(maneuvers.read_bytes() + b" ")
+    assert auvident("ase", demo).code == 0
+    said = "`auvident segment runs/demo --hold-out harbour_trial-turn-4` first"
+    assert said in " ".join(auvident("identify", demo).err.split())
+
+
 def test_a_damaged_model_outside_of_a_run_has_a_remedy(
     tmp_path: Path, auvident: Callable[..., Called]
 ) -> None:

@@ -13,6 +13,7 @@ from auvident.pipeline.freshness import is_of_this_run
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.pooling import PooledRuns, date_of, pool_runs
 from auvident.pipeline.predict import find_model
+from auvident.pipeline.remedies import FLAGS
 from auvident.pipeline.run import up_to_date
 from auvident.pipeline.table import BY_NAME
 from auvident.schema.campaign import (
@@ -33,15 +34,7 @@ METRICS, COMPARISON = "validate/metrics.json", "refine/comparison.json"
 POOLED, CHANGES = "pooled.json", "changes.json"
 MOSTLY = 0.5  # share of the data from which on a coefficient is said to come from them
 NEW = 2  # trials since a change, up to which it should be confirmed
-OPTION_NAMES = {
-    "rate_hz": "--rate",
-    "max_gap_s": "--max-gap",
-    "filter": "--filter",
-    "plane": "--plane",
-    "plan": "--plan",
-    "fix": "--fix",
-    "hold_out": "--hold-out",
-}
+OPTION_NAMES = {key: FLAGS[key] for key in RunOptions.model_fields}
 # Up to where a run must be up to date for its trial to count though its process ended with this
 # code. A gate, or a log that was set aside, is told when the whole run stands; where the numbers
 # of a stage fail that the report can do without, what stands up to the errors counts. After any

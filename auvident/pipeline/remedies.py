@@ -1,17 +1,31 @@
 """What to type where an artifact is missing, stale or damaged."""
 
 import shlex
+from collections.abc import Iterator
 from pathlib import Path
 
-from auvident.schema.manifest import Manifest
+from auvident.schema.manifest import Manifest, StageEntry
 from auvident.storage.run_directory import MANIFEST, RunDirectory
 
+FLAGS = {
+    "map": "--map",
+    "rate_hz": "--rate",
+    "max_gap_s": "--max-gap",
+    "allow_outside": "--allow-outside",
+    "filter": "--filter",
+    "engine": "--engine",
+    "plane": "--plane",
+    "plan": "--plan",
+    "fix": "--fix",
+    "hold_out": "--hold-out",
+    "with_unexplained": "--with-unexplained",
+}
 WRITTEN = "Give a model.json that auvident has written."
 COMBINE = "`auvident combine RUN... --output FILE.json` makes one of run directories."
 
 
-def typed(path: Path | str) -> str:
-    """A path as it is typed on the command line."""
+def typed(path: Path | str | float) -> str:
+    """A path or value as it is typed on the command line."""
     return shlex.quote(str(path))
 
 
@@ -41,15 +55,29 @@ def run_around(file: Path) -> Path | None:
 
 
 def command_of(stage: str, run: RunDirectory, manifest: Manifest | None) -> str:
-    """The command that runs a stage."""
+    """The command that runs a stage, with the options that it was last run with."""
     path = typed(run.path)
+    entry = manifest.stages.get(stage) if manifest else None
     if stage != "ingest":
-        return f"auvident {stage} {path}"
-    entry = manifest.stages.get("ingest") if manifest else None
+        return " ".join([f"auvident {stage} {path}", *(_options_of(stage, run, entry))])
     if entry is None:
         return f"auvident ingest LOG... --vehicle V.toml --run {path}"
-    logs = " ".join(typed(run.located(name)) for name in entry.options["logs"])
-    column_map = entry.options.get("map")
-    also = f" --map {typed(run.located(column_map))}" if column_map else ""
+    logs = [typed(run.located(name)) for name in entry.options["logs"]]
     vehicle = typed(run.located(entry.options["vehicle"]))
-    return f"auvident ingest {logs} --vehicle {vehicle}{also} --run {path}"
+    words = ["auvident ingest", *logs, "--vehicle", vehicle, *_options_of(stage, run, entry)]
+    return " ".join([*words, "--run", path])
+
+
+def _options_of(stage: str, run: RunDirectory, entry: StageEntry | None) -> Iterator[str]:
+    """Words of the options of a stage that are not the usual ones."""
+    from auvident.pipeline.table import BY_NAME
+
+    usual = BY_NAME[stage]
+    for key, value in (entry.options if entry else {}).items():
+        is_usual = value is None or value is False or value in ([], usual.options.get(key))
+        if key not in FLAGS or is_usual:
+            continue
+        for one in value if isinstance(value, list) else [value]:
+            place = run.located(one) if key in usual.paths else None
+            named = place if place is not None and place.exists() else one
+            yield FLAGS[key] if one is True else f"{FLAGS[key]} {typed(named)}"
