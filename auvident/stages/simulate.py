@@ -10,7 +10,7 @@ from auvident.engines.carried import frame_of, over_ground, structure_behind, ve
 from auvident.engines.draws import drawn_vectors
 from auvident.engines.falling import simulated_pushed
 from auvident.engines.flown import beyond, reached_in
-from auvident.engines.prediction import Frame, at_effects, simulated
+from auvident.engines.prediction import Frame, at_effects, ran_away_remedy, simulated
 from auvident.engines.predictive import OF_DRAWS, half_widths, pushes_behind
 from auvident.engines.records import ANGLE, Record, is_read_at, record_of, sensor_matrix
 from auvident.engines.stretches import as_maneuver, uninterrupted
@@ -165,7 +165,7 @@ def _predict(
         raise NumericsError(
             "the simulation diverges",
             f"{record.id}, {record.time_s[row]:.1f} s",
-            "The inputs lie outside the range that the model was identified from.",
+            ran_away_remedy(dt_s),
         )
     columns = {TIME_COLUMN: record.time_s}
     own, rpm = INPUT_COLUMNS[model.plane]

@@ -11,7 +11,7 @@ import pandas as pd
 from auvident.engines.carried import CURRENTS, OF_THRUST, with_speed
 from auvident.engines.falling import PushesAlong
 from auvident.engines.flown import SPEEDS, beyond, joined, reached_in
-from auvident.engines.prediction import Frame, at_effects
+from auvident.engines.prediction import Frame, at_effects, ran_away_remedy
 from auvident.engines.predictive import OF_DRAWS, half_width
 from auvident.engines.records import Record, is_read_at, record_of, sensor_matrix
 from auvident.engines.stretches import as_maneuver, uninterrupted
@@ -402,7 +402,7 @@ def _predict(
         raise NumericsError(
             "the simulation diverges",
             f"{name}, {flight.time_s[row]:.1f} s",
-            "The inputs lie outside the range that the model was identified from.",
+            ran_away_remedy(dt_s),
         )
     columns = {TIME_COLUMN: flight.time_s}
     columns |= dict(zip(INPUT_COLUMNS, flight.logged.T, strict=True))
