@@ -94,3 +94,19 @@ def test_a_damaged_model_outside_of_a_run_has_a_remedy(
     file.write_text('{"schema": ')
     called = auvident("export", file, "--format", "toml")
     assert called.code == 4 and "Give a model.json that auvident has written." in called.err
+
+
+def test_a_model_of_a_vehicle_that_the_run_has_no_more_is_not_flown_with_other_signs(
+    demo: Path, auvident: Callable[..., Called]
+) -> None:
+    """`ingest` of another vehicle's log leaves the model, and takes the signs that it had."""
+    tern = ("--vehicle", "sample_logs/tern180.toml")
+    assert auvident("ingest", "sample_logs/bay_trial", *tern, "--run", demo).code == 0
+    inputs = ("--inputs", "sample_logs/harbour_trial", "--from", "1373", "--to", "1380")
+    command = ("simulate", demo, *inputs, "--samples", "0", "--output", "flown.csv")
+    called = auvident(*command)
+    told = " ".join(called.err.split())
+    assert called.code == 4 and "the run has read logs of Tern 180 since" in told
+    assert auvident(*command, "--vehicle", "sample_logs/remus100.toml").code == 0
+    said = " ".join(auvident("export", demo, "--format", "csv").err.split())
+    assert said.count("bay_trial.parquet is new") == 1 and NOT_REFINED in said

@@ -196,10 +196,12 @@ def outdated(path: Path) -> str:
     """
     run = RunDirectory(path)
     manifest = run.existing()
-    told = (_changed_since(run, manifest), _not_refined(run, manifest))
-    if not any(told):
-        return ""
-    return f"{path}: {'; '.join(filter(None, told))}. `{again(path)}` makes it again."
+    since, unrefined = _changed_since(run, manifest), _not_refined(run, manifest)
+    told = [f"{since} since its model was identified"] if since else []
+    if unrefined:
+        why = f": {unrefined}" if unrefined != since else ""
+        told.append(f"the identified model is taken in place of the refined one{why}")
+    return f"{path}: {'; '.join(told)}. `{again(path)}` makes it again." if told else ""
 
 
 def _changed_since(run: RunDirectory, manifest: Manifest) -> str:
@@ -215,7 +217,7 @@ def _changed_since(run: RunDirectory, manifest: Manifest) -> str:
         kept = "" if inputs.endswith(" is missing") else inputs
         reason = _sources(stage, entry, run, None) or kept
         if reason:
-            return f"{reason} since its model was identified"
+            return reason
     return ""
 
 
@@ -223,5 +225,4 @@ def _not_refined(run: RunDirectory, manifest: Manifest) -> str:
     """Why the refined model, where there was one, is not the one that is taken."""
     stage = BY_NAME["refine"]
     entry = manifest.stages.get(stage.name)
-    reason = entry and (_inputs(stage, entry, run, manifest) or _outputs(entry, run))
-    return f"the identified model is taken in place of the refined one: {reason}" if reason else ""
+    return _inputs(stage, entry, run, manifest) or _outputs(entry, run) if entry else ""

@@ -10,7 +10,7 @@ from auvident.errors import InputError, StageError, UsageError
 from auvident.pipeline.freshness import is_of_this_run
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.planes import planes_of
-from auvident.pipeline.remedies import WRITTEN, made_again, run_around, typed
+from auvident.pipeline.remedies import WRITTEN, again, made_again, run_around, typed
 from auvident.pipeline.steps import announce_compilation
 from auvident.pipeline.table import BY_NAME
 from auvident.schema.places import beside
@@ -125,7 +125,13 @@ def _names_of(run: RunDirectory, plane: str | None) -> tuple[str, str]:
 def vehicle_of(
     model_file: Path | None, model: "IdentifiedModel", vehicle_file: Path | None, observer: Observer
 ) -> "Vehicle":
-    """The vehicle: as given, or of the run directory that the model stands in."""
+    """The vehicle: as given, or of the run directory that the model stands in.
+
+    Raises
+    ------
+    StageError
+        The run directory is that of another vehicle by now.
+    """
     from auvident.schema.vehicle import Vehicle
     from auvident.storage.vehicle_file import load_vehicle
 
@@ -133,7 +139,15 @@ def vehicle_of(
         return load_vehicle(vehicle_file)
     run = run_around(model_file) if model_file else None
     if run is not None and (run / VEHICLE).exists():
-        return read_model(run / VEHICLE, Vehicle, made_again(run / VEHICLE))
+        vehicle = read_model(run / VEHICLE, Vehicle, made_again(run / VEHICLE))
+        if (vehicle.body.name, vehicle.hull.length_m) != (model.vehicle, model.length_m):
+            raise StageError(
+                f"the run has read logs of {vehicle.body.name} since, so that the signs of "
+                f"{model.vehicle}, of which the model is, are not known",
+                str(run),
+                f"Give --vehicle V.toml; `{again(run)}` identifies {vehicle.body.name}.",
+            )
+        return vehicle
     observer.note(SIGNS_ASSUMED)
     rigid = model.rigid_body
     return bare_vehicle(model.vehicle, rigid.mass_kg, rigid.inertia_kgm2, model.length_m)
