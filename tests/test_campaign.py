@@ -322,6 +322,19 @@ def test_what_is_wrong_in_a_campaign_file_is_told(tmp_path: Path, text: str, pro
         read_campaign(written(tmp_path, text))
 
 
+def test_what_a_campaign_cannot_be_made_of_is_told(demo: Path) -> None:
+    """A vehicle file in place of the campaign, a folder that is none, a file for the output."""
+    vehicle = "sample_logs/remus100.toml"
+    called = call("campaign", vehicle, "--output", "out")
+    assert called.code == 3 and "is a vehicle file, not a campaign file" in called.err
+    assert "--vehicle" in called.err
+    called = call("campaign", "nothing", "--output", "out")
+    assert called.code == 3 and "nothing: no such folder" in called.err
+    Path("out").write_text("")
+    called = call("campaign", "sample_logs/kvlcc2", "--vehicle", vehicle, "--output", "out")
+    assert called.code == 2 and "out: is a file, not a folder" in called.err
+
+
 def test_a_folder_needs_a_vehicle(tmp_path: Path) -> None:
     written(tmp_path, VEHICLE)
     with pytest.raises(InputError, match=r"there is no vehicle\.toml"):
