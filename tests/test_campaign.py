@@ -357,6 +357,20 @@ def test_runs_are_pooled_without_their_logs(demo: Path, tmp_path: Path) -> None:
     assert date_of(demo) == ""
 
 
+def test_a_run_that_ends_without_effects_is_pooled_by_the_model_with_the_small_ones(
+    demo: Path,
+) -> None:
+    file, model = find_model(demo)
+    along = json.loads((file.parent / "along.json").read_text())
+    assert not any(e["id"] == "current" for e in model.effects)
+    assert any(e["id"] == "current" for e in along["effects"])
+    symbols = {p.symbol for p in pool_runs([demo]).model.pooling.parameters}
+    assert "propeller_lag.lag_s" in symbols  # the vehicle's own; its water is gone
+    shutil.copy(file, "model.json")  # a model by itself is taken as it is
+    alone = {p.symbol for p in pool_runs([Path("model.json")]).model.pooling.parameters}
+    assert "propeller_lag.lag_s" not in alone
+
+
 def another_model_of_the_same_log(run: Path, other: Path) -> None:
     """A copy of a run whose model came out a little otherwise."""
     shutil.copytree(run, other)

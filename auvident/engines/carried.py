@@ -79,6 +79,16 @@ class Carried:
             expected=kept(self.expected),
         )
 
+    def adding(self, stds: Mapping[str, float]) -> "Carried":
+        """With other parameters, which are estimated from nothing on, beside these."""
+        none = dict.fromkeys(stds, 0.0)
+        return replace(
+            self,
+            start={**self.start, **none},
+            prior={**self.prior, **none},
+            prior_std={**self.prior_std, **stds},
+        )
+
     def structure(self, plane: Plane) -> Structure:
         """The equations with these effects."""
         return structure_of(plane, self.ids(plane))

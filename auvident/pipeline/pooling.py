@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from auvident.errors import GateError, InputError
 from auvident.pipeline.predict import VEHICLE, find_model
 from auvident.pipeline.remedies import made_again, run_around
-from auvident.storage.artifacts import json_bytes, read_json, write_bytes
+from auvident.storage.artifacts import json_bytes, read_json, read_model, write_bytes
 from auvident.storage.run_directory import MANIFEST, RunDirectory
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 QUALITY, MANEUVERS = "ingest/quality.json", "segment/maneuvers.json"
 SAME_FILE = "Pool trials that were run with the same vehicle file; leave the others out."
 SHOWN = 3  # keys that differ
+ALONG = "along.json"  # beside the model that a run ends with
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,17 @@ def _trial(target: Path, plane: str | None, name: str) -> "PoolTrial":
     from auvident.stages.pool import PoolTrial
 
     path, model = find_model(target, plane)
-    return PoolTrial(name, model, date_of(target), str(path), logs_behind(path, model))
+    logs = logs_behind(path, model)
+    return PoolTrial(name, _with_small_effects(path, model), date_of(target), str(path), logs)
+
+
+def _with_small_effects(path: Path, model: "IdentifiedModel") -> "IdentifiedModel":
+    """The model of a run that carries small effects, where the run ends with one without any."""
+    from auvident.schema.artifacts import IdentifiedModel
+
+    along = path.with_name(ALONG)
+    there = run_around(path) is not None and along.exists()
+    return read_model(along, IdentifiedModel, made_again(along)) if there else model
 
 
 def logs_behind(file: Path, model: "IdentifiedModel") -> dict[str, str]:

@@ -13,7 +13,7 @@ from auvident.pipeline.observer import Observer
 if TYPE_CHECKING:
     from auvident.schema.artifacts import IdentifiedModel
     from auvident.schema.desk import StandardManeuvers
-    from auvident.schema.diagnosis import Attempt, UnexplainedForce
+    from auvident.schema.diagnosis import Attempt, Comparison, UnexplainedForce
     from auvident.schema.plan import Plan
     from auvident.schema.planes import Plane
     from auvident.schema.trial import Trial
@@ -26,6 +26,9 @@ COMPILING = "Compiling the numerical kernels, once on this machine: about half a
 COMPILING_EACH_TIME = (
     "Compiling the numerical kernels, about half a minute in every run: the folder that "
     "caches them is not writable. Set NUMBA_CACHE_DIR to one that is."
+)
+NOT_ALONG = (
+    "A model with all small effects, which `pool` would take, could not be identified: {problem}"
 )
 DEFAULT_PLAN = "refined"
 LEAST_UNDER_WAY_MPS = 0.3  # slower samples do not belong to a run at speed
@@ -271,7 +274,35 @@ def refine(given: Given) -> dict[str, Any]:
         "refine/simulation.parquet": now.simulation,
         "refine/metrics.json": now.metrics,
         "refine/standard.json": (after is None and standard) or _standard(given, model, now),
+        **_estimated_along(given, filter, comparison, model, now),
     }
+
+
+def _estimated_along(
+    given: Given,
+    filter: str,
+    comparison: "Comparison",
+    model: "IdentifiedModel",
+    prediction: "Validation",
+) -> dict[str, Any]:
+    """The model that the trial is pooled by, where the run ends with one that has less."""
+    from auvident.errors import NumericsError
+    from auvident.stages.refine import along
+    from auvident.stages.refine.errors import cruise_of
+
+    claimed, (speed, _) = {e.id for e in comparison.effects}, cruise_of(prediction.simulation)
+    carried = along(given.diagnosis, claimed, model, speed, heading=_has_headings(given))
+    if carried is None:
+        return {}
+    try:
+        return {"refine/along.json": _identified_with(given, filter, carried).model}
+    except NumericsError as error:
+        given.observer.note(NOT_ALONG.format(problem=error.problem))
+        return {}
+
+
+def _has_headings(given: Given) -> bool:
+    return any(t.table["heading_rad"].notna().any() for t in given.trials)
 
 
 def _unexplained(
@@ -281,12 +312,11 @@ def _unexplained(
     from auvident.stages.refine import Base, with_unexplained
 
     nuisance = identifying_plan(given).nuisance
-    heading = any(t.table["heading_rad"].notna().any() for t in given.trials)
     made, force = with_unexplained(
         Base.of(carried, nuisance, model, prediction),
         lambda c: _identified_again(given, filter, c),
         given.maneuvers,
-        heading=heading,
+        heading=_has_headings(given),
         seed=given.seed or 0,
     )
     return (made.found if made else None), force
@@ -294,10 +324,19 @@ def _unexplained(
 
 def _identified_again(given: Given, filter: str, carried: Any) -> "_Again":
     """Identify with what was found, and predict."""
-    from auvident.stages.identify import identify as estimate_jointly
     from auvident.stages.validate import validate as predict_again
 
-    result = estimate_jointly(
+    result = _identified_with(given, filter, carried)
+    return result, predict_again(
+        given.trials, given.maneuvers, result.model, estimated=given.ase.applies
+    )
+
+
+def _identified_with(given: Given, filter: str, carried: Any) -> "Identification":
+    """Identify with effects carried."""
+    from auvident.stages.identify import identify as estimate_jointly
+
+    return estimate_jointly(
         given.trials,
         given.maneuvers,
         given.ase,
@@ -310,9 +349,6 @@ def _identified_again(given: Given, filter: str, carried: Any) -> "_Again":
         carried=carried,
         shared=_shared(given.former.get("refine/model.json") or _first_model(given)),
         progress=given.observer.progress,
-    )
-    return result, predict_again(
-        given.trials, given.maneuvers, result.model, estimated=given.ase.applies
     )
 
 

@@ -188,6 +188,7 @@ STAGES: tuple[Stage, ...] = (
             "refine/simulation.parquet",
             "refine/metrics.json",
             "refine/standard.json",
+            "refine/along.json",
         ),
         main="refine/comparison.json",
         function=steps.refine,

@@ -89,9 +89,9 @@ class Candidate(Artifact):
 
     ``gain`` is the rise of the log-likelihood by adding it, in nats, corrected for the colour of
     the residual; never below zero, as the fit with it holds the one without. ``held_back_gain``
-    is that of identifying maneuvers left out in turn, ``p`` how often the best of all candidates
-    would gain as much there by chance (signs of the gains drawn, times the candidates), both
-    only of candidates that came so far,
+    is that of identifying maneuvers left out in turn, ``standard_errors`` the same in its standard
+    errors, ``p`` how often the best of all candidates would gain as much there by chance (signs of
+    the gains drawn, times the candidates), all three only of candidates that came so far,
     ``improved`` the share of them that it helps, ``rms_fall`` the relative fall of the residual
     by channel. ``refitted`` is false where ``gain`` is only what the first steps promise.
     ``rejected`` says in words which test it failed, empty for an accepted one, and ``refusal`` by
@@ -106,6 +106,7 @@ class Candidate(Artifact):
     p: float | None = None
     parameters: tuple[ParameterValue, ...] = ()
     held_back_gain: float | None = None
+    standard_errors: float | None = None
     improved: float | None = None
     rms_fall: dict[str, float] = {}
     refitted: bool = False

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from auvident.estimation.change import search, series_along
-from auvident.estimation.pooling import TrialData
+from auvident.estimation.change import Scattering, search, search_from, series_along
+from auvident.estimation.pooling import TrialData, between_neighbours
 
 N = 4
 
@@ -21,13 +21,27 @@ def series(rng, count, change=lambda k: np.zeros(N)):
 
 
 def looked(trials, rng, false_alarms=0.01):
-    return search(trials, np.eye(N), np.arange(len(trials)) * 1.0, rng, false_alarms)
+    return search(trials, np.eye(N), np.arange(len(trials)) * 1.0, rng, false_alarms)[0]
 
 
 def test_false_alarms_are_as_rare_as_stated() -> None:
     rng = np.random.default_rng(1)
     alarms = sum(bool(looked(series(rng, 8), rng, 0.1).found) for _ in range(60))
     assert 1 <= alarms <= 13  # 6 expected; 99.8 % of cases
+
+
+def test_scatter_estimated_from_few_trials_is_no_change() -> None:
+    """Taken as known, it alarms in a third of the series at a stated 5 %."""
+    rng, count, known, alarms = np.random.default_rng(5), 10, 0, 0
+    times, certain = np.arange(count) * 1.0, 1.0e9
+    for _ in range(40):
+        moved = rng.uniform(0.3, 1.0) * rng.normal(size=(count, N))
+        told = series(rng, count, lambda k, moved=moved: moved[k])
+        taken = Scattering(told, between_neighbours(told), certain)
+        known += bool(search_from(taken, np.eye(N), times, rng, 0.05).found)
+        alarms += bool(looked(told, rng, 0.05).found)
+    assert known >= 8
+    assert alarms <= 5  # 2 expected; 98.6 % of cases
 
 
 @pytest.mark.parametrize("size", [0.8, -1.2])

@@ -24,7 +24,7 @@ from auvident.schema.diagnosis import (
 )
 from auvident.schema.effects import BY_ID
 from auvident.stages.identify.setup import prepare
-from auvident.stages.refine import carried_of, choose, compare
+from auvident.stages.refine import along, carried_of, choose, compare
 from auvident.stages.refine.attempts import (
     MOST_RISE,
     TriedModel,
@@ -271,6 +271,39 @@ def test_nothing_found_is_nothing_carried() -> None:
     assert carried_of(diagnosis()) is None
     wave = EVENT.model_copy(update={"id": "wave", "maneuver": None, "time_s": None})
     assert carried_of(diagnosis(wave)) is None
+
+
+def test_trials_are_pooled_by_a_model_with_all_small_effects_and_its_water() -> None:
+    found = along(diagnosis(OFFSET), ["rudder_offset"], model(), 1.5, heading=True)
+    assert found.ids("horizontal") == ("current", "rudder_offset", "rudder_lag")
+    assert found.prior_std["current.north_mps"] == pytest.approx(0.2 * 1.5)
+    assert found.start["current.east_mps"] == found.prior["current.east_mps"] == 0.0
+    known = {"current.north_mps": 0.1, "current.east_mps": 0.0}
+    carried = CARRIED | {"start": CARRIED["start"] | known}
+    seen = diagnosis().model_copy(update={"carried": carried})
+    assert along(seen, [], model(), 1.5, heading=True).start["current.north_mps"] == 0.1
+
+
+def test_without_a_heading_no_current_is_told_along() -> None:
+    found = along(diagnosis(), [], model(), 1.5, heading=False)
+    assert found.ids("horizontal") == ("rudder_offset", "rudder_lag")
+
+
+def test_what_was_found_and_does_not_stand_is_as_small_as_usual_along() -> None:
+    lag = OFFSET.model_copy(update={"id": "rudder_lag"})
+    wide = CARRIED | {"prior_std": {"rudder_lag.lag_s": 0.35}, "prior": {"rudder_lag.lag_s": 0.0}}
+    seen = diagnosis(lag, OFFSET).model_copy(update={"carried": wide})
+    found = along(seen, [], model(), 1.5, heading=False)
+    assert found.ids("horizontal") == ("rudder_lag",)
+    length = model().length_m
+    assert found.prior_std["rudder_lag.lag_s"] == pytest.approx(0.035 * length / 1.5)
+
+
+def test_a_model_that_carries_all_of_it_is_pooled_itself() -> None:
+    full = model().model_copy(
+        update={"effects": [{"id": e} for e in ("current", "rudder_offset", "rudder_lag")]}
+    )
+    assert along(diagnosis(OFFSET), ["rudder_offset"], full, 1.5, heading=True) is None
 
 
 def test_what_has_a_prior_is_estimated_and_the_rest_given() -> None:

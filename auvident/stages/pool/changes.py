@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from auvident.constants import NORMAL_95
 from auvident.estimation.change import ChangeSearch, FoundChange, course, search, series_along
-from auvident.estimation.pooling import between_neighbours, for_few, scattered
 from auvident.physics.terms import LINEAR_DRAG
 from auvident.schema.artifacts import Finding
 from auvident.schema.changes import Changes, SeriesPoint, VehicleChange
@@ -95,13 +94,11 @@ def changes_of(
             message=f"nothing is said of changes with fewer than {LEAST_TRIALS} trials that agree",
         )
         return nothing.model_copy(update={"findings": (*strange, few)})
-    between = for_few(between_neighbours(data.told), len(names))
-    trials = [scattered(t, between) for t in data.told]
     groups = quantities(data)
     theta = np.array([model_value(result, name) for name in data.names])
     directions = np.vstack([np.eye(len(data.names)), *(_along(g, data, theta) for g in groups)])
     times = _times(dates, dated)
-    found = search(trials, directions, times, rng, false_alarms)
+    found, trials = search(data.told, directions, times, rng, false_alarms)
     told = _Teller(data, groups, theta, data.origin + data.unit * found.theta, dated)
     return nothing.model_copy(
         update={

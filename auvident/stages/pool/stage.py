@@ -140,7 +140,8 @@ def strangers(data: Collected, candidates: Sequence[int]) -> dict[int, Distance]
     count = len(candidates)
     while count - len(out) >= LEAST_TO_JUDGE and len(out) + 1 <= MOST_LEFT_OUT * count:
         inside = [k for k in candidates if k not in out]
-        far = {k: found for k in inside if (found := _far(data, inside, k)) is not None}
+        between = between_trials([data.told[k] for k in inside])
+        far = {k: f for k in inside if (f := _far(data, inside, k, between)) is not None}
         if not far:
             break
         worst = max(far, key=lambda k: far[k].square / far[k].directions)
@@ -148,10 +149,14 @@ def strangers(data: Collected, candidates: Sequence[int]) -> dict[int, Distance]
     return out
 
 
-def _far(data: Collected, inside: Sequence[int], k: int) -> Distance | None:
-    """Distance of a trial from the others, if it is one that none of them explains."""
+def _far(data: Collected, inside: Sequence[int], k: int, between: Array) -> Distance | None:
+    """Distance of a trial from the others, if it is one that none of them explains.
+
+    ``between`` is the variance between all of them, from which that of the others is climbed.
+    """
     others = [data.told[j] for j in inside if j != k]
-    found = distance(data.told[k], others, for_few(between_trials(others), len(others)))
+    scatter = for_few(between_trials(others, between), len(others))
+    found = distance(data.told[k], others, scatter)
     least = max(_least(found.directions, FITS_NONE / len(data.told)), FAR * found.directions)
     square = found.rest if k == inside[-1] else found.square
     return found if found.directions and square > least else None

@@ -45,15 +45,18 @@ def carried_of(diagnosis: Diagnosis) -> Carried | None:
     )
     if not modelled and not windows:
         return None
-    carried = diagnosis.carried
-    stds = {n: 0.0 if n in HELD else std for n, std in carried["prior_std"].items()}
+    return replace(nuisances_of(diagnosis), effects=tuple(modelled), windows=windows)
+
+
+def nuisances_of(diagnosis: Diagnosis) -> Carried:
+    """Everything that a diagnosis hands on, without a claim."""
+    told = diagnosis.carried
+    stds = {n: 0.0 if n in HELD else std for n, std in told.get("prior_std", {}).items()}
     return Carried(
-        effects=tuple(modelled),
-        start=carried["start"],
-        prior=carried["prior"],
+        start=told.get("start", {}),
+        prior=told.get("prior", {}),
         prior_std=stds,
-        windows=windows,
-        expected=carried.get("expected", {}),
+        expected=told.get("expected", {}),
     )
 
 
@@ -81,15 +84,19 @@ def fewer(carried: Carried, before: IdentifiedModel, speed_mps: float) -> Iterat
         out = set(carried.effects[n:])
         has = [str(e["id"]) for e in before.effects if e["id"] in out]
         usual = allowed(has, before.plane, before.length_m, speed_mps)
-        rest = carried.only({name.partition(".")[0] for name in carried.start} - out)
-        yield replace(
-            rest,
-            effects=carried.effects[:n],
-            start={**rest.start, **usual.start},
-            prior={**rest.prior, **usual.prior},
-            prior_std={**rest.prior_std, **usual.prior_std},
-            expected={**rest.expected, **usual.expected},
-        )
+        yield replace(without(carried, out, usual), effects=carried.effects[:n])
+
+
+def without(carried: Carried, out: set[str], usual: Carried) -> Carried:
+    """What is carried without some effects, of which as much is left as is usual."""
+    rest = carried.only({name.partition(".")[0] for name in carried.start} - out)
+    return replace(
+        rest,
+        start={**rest.start, **usual.start},
+        prior={**rest.prior, **usual.prior},
+        prior_std={**rest.prior_std, **usual.prior_std},
+        expected={**rest.expected, **usual.expected},
+    )
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """A force without a name: added where it predicts maneuvers that were left out, and only then."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 import pandas as pd
@@ -80,13 +80,7 @@ class Base:
             if heading or not product.follows_heading:
                 declared = parameter_of(name)
                 stds[name] = spread * declared.prior * declared.size_unit(*told)
-        own, none = self.carried, dict.fromkeys(stds, 0.0)
-        return replace(
-            own,
-            start={**own.start, **none},
-            prior={**own.prior, **none},
-            prior_std={**own.prior_std, **stds},
-        )
+        return self.carried.adding(stds)
 
 
 def with_unexplained(

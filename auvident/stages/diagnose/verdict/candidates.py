@@ -44,6 +44,7 @@ def _row(case: Case, tried: Tried, beside: tuple[str, ...]) -> Candidate:
         p=helped.p if helped else None,
         parameters=values,
         held_back_gain=helped.gain if helped else None,
+        standard_errors=helped.t if helped else None,
         improved=helped.share if helped else None,
         rms_fall=dict(tried.account.falls),
         refitted=tried.account.settled,
