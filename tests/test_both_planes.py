@@ -237,6 +237,29 @@ def test_a_whole_vehicle_out_of_date_is_not_flown(run: Path) -> None:
     assert (run / "simulate/dive_trial.parquet").exists()
 
 
+@pytest.mark.parametrize("form", ["json", "toml", "csv", "python", "matlab", "c"])
+def test_a_form_of_one_plane_says_that_there_is_another(whole: Path, form: str) -> None:
+    """In the file as well, which goes to somebody who has not seen the terminal."""
+    called = call("export", whole, "--format", form)
+    said = "This is the horizontal plane alone, of a run of both: --plane vertical"
+    assert called.code == 0 and said in " ".join(called.err.split())
+    assert form in ("json", "csv") or said in called.out
+    assert "horizontal" in called.out
+    asked = call("export", whole, "--format", form, "--plane", "vertical")
+    assert asked.code == 0 and said not in asked.err + asked.out and "vertical" in asked.out
+
+
+def test_a_simulator_that_gets_one_plane_of_two_is_told(run: Path) -> None:
+    said = "This is the horizontal plane alone, of a run of both"
+    assert said not in call("export", run, "--format", "pvs").err
+    shutil.rmtree(run / "combine")
+    called = call("export", run, "--format", "pvs")
+    assert called.code == 0 and said in " ".join(called.err.split())
+    assert "`auvident run --run runs/both` makes the whole vehicle's" in " ".join(
+        called.err.split()
+    )
+
+
 def test_a_plane_that_a_run_has_not_is_refused(run: Path) -> None:
     assert call("identify", run, "--plane", "vertical", "--quiet").code == 0
     for command in ("export", "plan-trial"):

@@ -123,7 +123,10 @@ def test_results_of_an_earlier_run_do_not_stand_for_one_that_fails(demo: Path) -
     shutil.copy(SAMPLES / "remus100.toml", samples)
     assert run_campaign(only(demo), Observer(), runner=Runs()).result.trials[0].pooled
     (samples / "harbour_trial" / "rudder.csv").unlink()
+    pooled = [demo.parent / name for name in ("pooled.json", "changes.json")]
+    assert all(file.is_file() for file in pooled)
     done = run_campaign(only(demo), Observer(), runner=Runs()).result
+    assert not any(file.exists() for file in pooled)  # of that earlier run
     (trial,), (vehicle,) = done.trials, done.vehicles
     assert (trial.state, trial.exit_code) == ("failed", 3)
     assert "rudder_rad" in trial.problem
@@ -319,6 +322,19 @@ def test_what_is_wrong_in_a_campaign_file_is_told(tmp_path: Path, text: str, pro
         read_campaign(written(tmp_path, text))
 
 
+def test_what_a_campaign_cannot_be_made_of_is_told(demo: Path) -> None:
+    """A vehicle file in place of the campaign, a folder that is none, a file for the output."""
+    vehicle = "sample_logs/remus100.toml"
+    called = call("campaign", vehicle, "--output", "out")
+    assert called.code == 3 and "is a vehicle file, not a campaign file" in called.err
+    assert "--vehicle" in called.err
+    called = call("campaign", "nothing", "--output", "out")
+    assert called.code == 3 and "nothing: no such folder" in called.err
+    Path("out").write_text("")
+    called = call("campaign", "sample_logs/kvlcc2", "--vehicle", vehicle, "--output", "out")
+    assert called.code == 2 and "out: is a file, not a folder" in called.err
+
+
 def test_a_folder_needs_a_vehicle(tmp_path: Path) -> None:
     written(tmp_path, VEHICLE)
     with pytest.raises(InputError, match=r"there is no vehicle\.toml"):
@@ -390,12 +406,24 @@ def test_the_logs_behind_a_model_are_told_by_their_gyros(demo: Path) -> None:
 
 
 def test_a_run_that_was_left_out_is_predicted_beside_its_own_model(demo: Path) -> None:
-    found = pool_runs([demo / "identify" / "model.json"])
+    shutil.copy(demo / "identify" / "model.json", "model.json")  # it stands for another trial
+    found = pool_runs([Path("model.json")])
     rows = {row.channel: row for row in left_out_errors(found.model, [demo])}
     assert rows.keys() >= {"u", "v", "r", "heading"}
     assert all(0.0 < row.pooled < 20.0 * row.own for row in rows.values())
     with pytest.raises(UsageError, match="went into the pooled model"):
         left_out_errors(pool_runs([demo]).model, [demo])
+
+
+def test_a_run_that_was_pooled_is_known_by_any_path_and_by_its_log(demo: Path) -> None:
+    pooled = pool_runs([demo]).model
+    Path("link").symlink_to(demo)
+    for path in (demo.resolve(), Path("runs/../runs/demo"), Path("link")):
+        with pytest.raises(UsageError, match=": went into the pooled model"):
+            left_out_errors(pooled, [path])
+    another_model_of_the_same_log(demo, Path("runs/other"))
+    with pytest.raises(UsageError, match="the log harbour_trial went into the pooled model"):
+        left_out_errors(pooled, [Path("runs/other")])
 
 
 def test_runs_with_other_vehicle_files_are_refused_with_the_keys(demo: Path) -> None:

@@ -345,6 +345,20 @@ def test_compare_puts_runs_side_by_side(demo: Path, auvident: Callable[..., Call
     assert row["apart"] > 0.0
 
 
+def test_what_a_command_prints_as_json_names_its_schema(
+    demo: Path, auvident: Callable[..., Called]
+) -> None:
+    for command in (
+        ("inspect", "sample_logs/harbour_trial/rpm.csv"),
+        ("status", demo),
+        ("compare", demo, demo),
+        ("plan-trial", demo),
+        ("export", demo),
+        ("new-vehicle",),
+    ):
+        assert json.loads(auvident(*command, "--json").out)["schema"].startswith("auvident/")
+
+
 def test_a_model_that_is_taken_as_it_is_says_what_changed_since(
     demo: Path, auvident: Callable[..., Called]
 ) -> None:

@@ -249,6 +249,35 @@ def test_an_export_to_a_device_leaves_the_device(
     os.close(master), os.close(slave)
 
 
+@pytest.mark.parametrize("name", ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1", "link"])
+def test_an_output_that_is_standard_output_goes_there(name: str, demo: Path) -> None:
+    """Into a pipe, which has no name, and behind what a shell has written into a file."""
+    Path("link").symlink_to("/dev/stdout")
+    words = [*COMMAND, "export", str(demo), "--format", "toml", "--output", name]
+    done = subprocess.run(words, env=ENVIRONMENT, capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("# REMUS")
+    told = Path("told.toml")
+    told.write_text("# before\n")
+    with told.open("a") as stream:
+        subprocess.run(words, env=ENVIRONMENT, stdout=stream, stderr=subprocess.DEVNULL, check=True)
+        print("# after", file=stream)
+    lines = told.read_text().splitlines()
+    assert lines[0] == "# before" and lines[1].startswith("# REMUS") and lines[-1] == "# after"
+
+
+def test_a_table_goes_into_a_pipe_as_csv_whose_reader_may_leave(demo: Path) -> None:
+    words = [*COMMAND, "simulate", str(demo), "--maneuver", "zigzag:10/10", "--samples", "2"]
+    words += ["--output", "/dev/stdout"]
+    done = subprocess.run(words, env=ENVIRONMENT, capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("time_s,rudder_rad,")
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(words, env=ENVIRONMENT, **pipes) as process:
+        assert process.stdout is not None and process.stderr is not None
+        process.stdout.close()
+        told = process.stderr.read().decode()
+    assert process.returncode == 0, told
+
+
 @pytest.fixture
 def far_hull(tmp_path: Path) -> Path:
     """A vehicle file whose offsets stand in the folder above."""

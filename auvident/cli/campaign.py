@@ -7,6 +7,7 @@ import click
 
 from auvident.cli.common import PATH, SEED, Output, command
 from auvident.cli.precious import refuse_precious
+from auvident.cli.results import tell_outdated
 from auvident.schema.planes import PLANES
 
 if TYPE_CHECKING:
@@ -85,6 +86,7 @@ def pool(
             watch.note(f"Pooled model written to {file}")
         if changes_file is not None:
             write_bytes(changes_file, json_bytes(found.changes, str(changes_file)))
+        tell_outdated(watch, *runs)
     if file is None and not output.json:
         output.text(json_bytes(found.model, "pool").decode().rstrip("\n"))
     output.artifact(found.model, "pool")

@@ -308,7 +308,7 @@ def parse_limits(texts: tuple[str, ...]) -> dict[str, float]:
 
 
 def write_table(table: "pd.DataFrame", target: Path) -> None:
-    """A table as Parquet or CSV, by the end of the file's name."""
+    """A table as Parquet or CSV, by the end of the file's name; into a pipe or device as CSV."""
     from auvident.storage.artifacts import parquet_bytes, write_bytes
 
     refuse_no_table(target)
@@ -320,7 +320,11 @@ def write_table(table: "pd.DataFrame", target: Path) -> None:
 
 def refuse_no_table(target: Path | None) -> None:
     """Before any work: a file whose name says of no form of a table."""
-    if target is not None and target.suffix not in (".parquet", ".csv"):
+    from auvident.storage.artifacts import stream_of
+
+    if target is None or target.suffix in (".parquet", ".csv") or stream_of(target) is not None:
+        return
+    if not target.exists() or target.is_file() or target.is_dir():  # no device or pipe
         raise UsageError(
             "is neither a .parquet nor a .csv file",
             str(target),

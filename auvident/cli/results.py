@@ -25,6 +25,8 @@ from auvident.schema.places import BESIDE
 from auvident.schema.planes import PLANES, Plane
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from auvident.cli.watch import Watch
     from auvident.pipeline.predict import SimulatedTrial
 
@@ -248,14 +250,21 @@ def _predict(
             name = f"simulate/{made.trial}{of}.parquet"
             RunDirectory(target).refuse_link(name)
             file = target / name
-        if file is not None:
+            _write_in_run(made.table, file)
+        elif file is not None:
             write_table(made.table, file)
+        if file is not None:
             watch.note(f"{len(made.table)} rows written to {file} (model: {made.model_file})")
         bare = [c for c in made.of_coefficients if f"{c}_low" in made.table]
         if bare:
             watch.note(f"{', '.join(bare)}: {OF_MODELS_ALONE}")
         for line in beyond({made.trial: made.extrapolation}):
             watch.note(line)
+        begun = made.table.loc[made.table["stretch"].diff().fillna(1) != 0, "time_s"]
+        if len(begun) > 1:
+            times = ", ".join(f"{time:.1f}" for time in begun[:MOST_TIMES])
+            times += ", ..." if len(begun) > MOST_TIMES else ""
+            watch.note(STRETCHES.format(len(begun), times))
     if output.json:
         columns = {name: values.tolist() for name, values in made.table.items()}
         simulation = {"schema": "auvident/simulation/1", "trial": made.trial, "columns": columns}
@@ -264,6 +273,24 @@ def _predict(
         output.artifact(simulation | told, "simulation")
     elif file is None:
         output.text(made.table.to_csv(index=False).rstrip("\n"))
+
+
+def _write_in_run(table: "pd.DataFrame", file: Path) -> None:
+    """Write a table where nobody has named a file; the run may be one that is only read."""
+    from auvident.errors import InputError
+
+    try:
+        write_table(table, file)
+    except OSError as error:
+        what = f"cannot be written: {error.strerror}"
+        raise InputError(what, str(file), "Give another place with --output FILE.") from None
+
+
+MOST_TIMES = 5  # that are listed
+STRETCHES = (
+    "Inputs are missing in between: the motion is predicted in {} stretches, which begin anew at "
+    "{} s (column stretch)."
+)
 
 
 def tell_outdated(watch: "Watch", *targets: Path) -> None:
@@ -463,5 +490,6 @@ def plan_trial(output: Output, run: Path, plane: Plane | None) -> None:
 
     with output.watch() as watch:
         plan = rank(run, watch, plane)
+        tell_outdated(watch, run)
         watch.show(trial_plan_table(plan))
     output.artifact(plan, "plan-trial")

@@ -40,8 +40,8 @@ class PushesAlong:
 
     Attributes
     ----------
-    std : (4,) array
-        Standard deviation of the change of each state.
+    std : (k,) array
+        Standard deviation of the change of each state, of the whole vehicle of each velocity.
     length_m : float
     """
 
@@ -50,13 +50,17 @@ class PushesAlong:
 
     def rows(self, record: Record, dt_s: float) -> npt.NDArray[np.int64]:
         """Rows of a record at which the hull is pushed; the first is its start."""
-        speed = max(abs(float(record.start[0])), SLOWEST_MPS)
+        return self.rows_of(len(record), float(record.start[0]), dt_s)
+
+    def rows_of(self, length: int, speed_mps: float, dt_s: float) -> npt.NDArray[np.int64]:
+        """The same of so many rows that begin at a speed."""
+        speed = max(abs(speed_mps), SLOWEST_MPS)
         every = max(round(self.length_m / (speed * dt_s)), 1)
-        return np.arange(0, max(len(record) - 1, 1), every)
+        return np.arange(0, max(length - 1, 1), every)
 
     def drawn(self, count: int, rng: np.random.Generator) -> Array:
-        """Some pushes (count, 4)."""
-        return self.std * rng.standard_normal((count, N_STATES))
+        """Some pushes (count, k)."""
+        return self.std * rng.standard_normal((count, len(self.std)))
 
 
 def growth_of_push(structure: Structure, p: Array, length_m: float) -> float:

@@ -47,6 +47,7 @@ SMALL = 0.1  # an effect below this part of its step is not at work yet
 # nats above their optimum; with this one those that converged end within 0.2.
 SMALL_STEP = 1.0e-3
 READING_STEP = 0.05  # [of the prior] step of a slope of the readings
+USUAL_STEP_S = 0.1  # of a log at the usual rate
 NO_WATER = np.zeros((0, 2))
 MOST_KEPT = 1 << 23  # [numbers, 64 MB] of working memory is used again; more is given back
 
@@ -194,6 +195,13 @@ def _both(found: Sequence[tuple[int, int]]) -> tuple[Array, Array]:
     """Columns (k,) and places (k,) of some effects."""
     columns, places = np.array(found, dtype=np.int64).reshape(-1, 2).T
     return columns.copy(), places.copy()
+
+
+def ran_away_remedy(dt_s: float) -> str:
+    """What may be behind a simulation that diverges: the inputs, or steps longer than the usual."""
+    text = "The inputs lie outside the range that the model was identified from"
+    steps = f", or steps of {dt_s:g} s are too long for the vehicle: give a higher --rate"
+    return f"{text}{steps if dt_s > USUAL_STEP_S else ''}."
 
 
 def at_effects(frame: Frame, p: Array, record: Record) -> Record:

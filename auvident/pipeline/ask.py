@@ -10,7 +10,7 @@ from auvident.pipeline.given import Given
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.planes import MODEL, planes_of
 from auvident.pipeline.predict import find_model
-from auvident.pipeline.run import command_of
+from auvident.pipeline.remedies import command_of, typed
 from auvident.pipeline.steps import announce_compilation
 from auvident.storage.run_directory import RunDirectory
 
@@ -75,7 +75,7 @@ def in_plane(given: Given, plane: "Plane | None") -> Given:
         raise StageError(
             f"there is no model of the {plane} plane",
             str(given.run.path),
-            f"Run `auvident identify {given.run.path} --plane both`.",
+            f"Run `auvident identify {typed(given.run.path)} --plane both`.",
         )
     return replace(given, planes=planes).within(plane or planes[0])
 

@@ -13,6 +13,7 @@ from auvident.pipeline.freshness import is_of_this_run
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.pooling import PooledRuns, date_of, pool_runs
 from auvident.pipeline.predict import find_model
+from auvident.pipeline.remedies import FLAGS
 from auvident.pipeline.run import up_to_date
 from auvident.pipeline.table import BY_NAME
 from auvident.schema.campaign import (
@@ -33,15 +34,7 @@ METRICS, COMPARISON = "validate/metrics.json", "refine/comparison.json"
 POOLED, CHANGES = "pooled.json", "changes.json"
 MOSTLY = 0.5  # share of the data from which on a coefficient is said to come from them
 NEW = 2  # trials since a change, up to which it should be confirmed
-OPTION_NAMES = {
-    "rate_hz": "--rate",
-    "max_gap_s": "--max-gap",
-    "filter": "--filter",
-    "plane": "--plane",
-    "plan": "--plan",
-    "fix": "--fix",
-    "hold_out": "--hold-out",
-}
+OPTION_NAMES = {key: FLAGS[key] for key in RunOptions.model_fields}
 # Up to where a run must be up to date for its trial to count though its process ended with this
 # code. A gate, or a log that was set aside, is told when the whole run stands; where the numbers
 # of a stage fail that the report can do without, what stands up to the errors counts. After any
@@ -301,17 +294,19 @@ def _vehicle(
     """Pool the trials of a vehicle; what stands in the way is told, and stops no other."""
     told = [r for r in rows if r.state != "failed"]
     failed = [{"trial": r.trial, "why": r.problem} for r in rows if r.state == "failed"]
+    folder = plan.output / name
     if not told:
+        _remove_earlier(folder)
         problem = "no trial came to a model"
         return None, CampaignVehicleResult(
             name=name, plane="", trials=len(rows), problem=problem, repeat=tuple(failed)
         )
-    folder = plan.output / name
     try:
         found = pool_runs(
             [Path(r.run) for r in told], false_alarms=plan.false_alarms, seed=plan.seed
         )
     except AuvidentError as error:
+        _remove_earlier(folder)
         return None, CampaignVehicleResult(
             name=name,
             plane="",
@@ -334,6 +329,12 @@ def _vehicle(
         findings=found.model.findings,
         repeat=(*failed, *_to_repeat(found)),
     )
+
+
+def _remove_earlier(folder: Path) -> None:
+    """A pooled model of an earlier campaign is not to be taken for that of this one."""
+    for name in (POOLED, CHANGES):
+        (folder / name).unlink(missing_ok=True)
 
 
 def _to_repeat(found: PooledRuns) -> list[dict[str, Any]]:

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from auvident.constants import USUAL_SPEED_MPS
 from auvident.errors import InputError, StageError
-from auvident.pipeline.freshness import judge
+from auvident.pipeline.freshness import is_of_this_run
 from auvident.pipeline.observer import Observer
-from auvident.pipeline.predict import drawn_by, find_model, refuse_nonsense, run_around
+from auvident.pipeline.predict import drawn_by, find_model, refuse_nonsense
+from auvident.pipeline.remedies import COMBINE, made_again, run_around, typed
 from auvident.pipeline.steps import COMPILING, COMPILING_EACH_TIME
 from auvident.pipeline.table import BY_NAME
 from auvident.pipeline.whole import is_whole
@@ -75,7 +76,7 @@ def fly_on_desk(target: Path, maneuver: str, asked: Asked, observer: Observer) -
             "no such file", str(target), "Give a run directory, a model.json or a vehicle file."
         )
     if target.suffix != ".toml" and is_whole(target):
-        whole = read_model(target, CombinedModel)
+        whole = read_model(target, CombinedModel, made_again(target, COMBINE))
         return fly_whole(whole, str(target), order, asked, observer)
     if target.suffix == ".toml":
         models, usual = _of_vehicle(target, order, asked, observer)
@@ -187,7 +188,7 @@ def _speed_of_trial(path: Path, vehicle: str) -> float | None:
     run = run_around(path)
     if run is None or not (run / ESTIMATED).exists():
         return None
-    found = read_model(run / ESTIMATED, AseResult)
+    found = read_model(run / ESTIMATED, AseResult, made_again(run / ESTIMATED))
     return found.speed_mps if found.vehicle == vehicle else None
 
 
@@ -236,7 +237,7 @@ def _model_for(target: Path, order: DeskOrder) -> "tuple[Path, IdentifiedModel]"
     raise StageError(
         f"there is no model of the {needed} plane, which {order.row.name} needs",
         str(target),
-        f"Run `auvident identify {target} --plane {needed}` (in a copy, to keep this one).",
+        f"Run `auvident identify {typed(target)} --plane {needed}` (in a copy, to keep this one).",
     )
 
 
@@ -244,10 +245,10 @@ def _second_model(run: RunDirectory) -> "tuple[Path, IdentifiedModel] | None":
     """The model of the other plane of a run with both: refined, unless that is out of date."""
     from auvident.schema.artifacts import IdentifiedModel
 
-    refined = judge(BY_NAME["refine"], run, run.existing()).state == "done"
+    refined = is_of_this_run(BY_NAME["refine"], run, run.existing())
     for name in SECOND_PLANE if refined else SECOND_PLANE[1:]:
         if (run / name).exists():
-            return run / name, read_model(run / name, IdentifiedModel)
+            return run / name, read_model(run / name, IdentifiedModel, made_again(run / name))
     return None
 
 

@@ -1,15 +1,19 @@
 """A model for use elsewhere: found, written in its form, with what the form leaves out."""
 
+import textwrap
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from auvident.errors import UsageError
-from auvident.pipeline.freshness import judge
+from auvident.pipeline.freshness import is_of_this_run
+from auvident.pipeline.planes import planes_of
 from auvident.pipeline.predict import find_model
+from auvident.pipeline.remedies import again
 from auvident.pipeline.table import BY_NAME
 from auvident.pipeline.whole import find_whole, is_whole
+from auvident.schema.planes import PLANES
 from auvident.storage.artifacts import write_bytes
 from auvident.storage.run_directory import MANIFEST, RunDirectory
 
@@ -24,6 +28,9 @@ if TYPE_CHECKING:
 BINARY = ("fmu",)
 NOWHERE = Path()  # a model that was never in a file
 COMBINED = "combine/model.json"
+COMMENT = {"toml": "# ", "python": "# ", "pvs": "# ", "matlab": "% ", "c": "// "}
+WIDTH = 88
+WHOLE_FORMS = "pvs, gz and uuv hold the whole vehicle."
 NO_RUN = "What that costs on held-out maneuvers is told for a model in a run directory."
 
 
@@ -79,7 +86,33 @@ def export_model(
             f"{form} is a binary file, which no terminal shows", "--output", "Give --output FILE."
         )
     found = find_any_model(target, plane) if form in WRITERS else find_model(target, plane)
-    return export_of(*found, form)
+    made = export_of(*found, form)
+    return made if plane else _with_note(made, form, _one_of_both(target, found[1], form))
+
+
+def _one_of_both(target: Path, model: "AnyModel", form: str) -> str:
+    """What is said of a plane that stands for a run of both; empty for anything else."""
+    from auvident.schema.artifacts import IdentifiedModel
+
+    planes = planes_of(RunDirectory(target)) if target.is_dir() else ()
+    if len(planes) < len(PLANES) or not isinstance(model, IdentifiedModel):
+        return ""
+    whole = f"`{again(target)}` makes the whole vehicle's, which is missing or out of date."
+    return (
+        f"This is the {planes[0]} plane alone, of a run of both: --plane {planes[1]} exports the "
+        f"other. {whole if form in WRITERS else WHOLE_FORMS}"
+    )
+
+
+def _with_note(made: Exported, form: str, note: str) -> Exported:
+    """With a note, which stands in the first lines of the file where it can hold a comment."""
+    if not note:
+        return made
+    mark = COMMENT.get(form, "")
+    head = "".join(f"{mark}{line}\n" for line in textwrap.wrap(note, WIDTH)) if mark else ""
+    text = head.encode()
+    header = made.header and text + made.header
+    return replace(made, content=text + made.content, notes=(*made.notes, note), header=header)
 
 
 def export_of(path: Path, model: "AnyModel", form: str) -> Exported:
@@ -147,7 +180,7 @@ def find_any_model(target: Path, plane: str | None = None) -> "tuple[Path, AnyMo
         return target, find_whole(target)[0]
     if plane is None and target.is_dir() and (target / COMBINED).exists():
         run = RunDirectory(target)
-        if judge(BY_NAME["combine"], run, run.existing()).state == "done":
+        if is_of_this_run(BY_NAME["combine"], run, run.existing()):
             return target / COMBINED, find_whole(target / COMBINED)[0]
     return find_model(target, plane)
 

@@ -1,6 +1,5 @@
 """Which stages are done, stale, missing or not needed, and why: hashes decide, not times."""
 
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from auvident import __version__
 from auvident.pipeline.given import fits, matching
 from auvident.pipeline.log_changes import other_log
 from auvident.pipeline.planes import planes_of
+from auvident.pipeline.remedies import again
 from auvident.pipeline.table import BY_NAME, STAGES, Stage, before
 from auvident.schema.manifest import Manifest, StageEntry
 from auvident.schema.planes import PLANES, Plane
@@ -190,13 +190,25 @@ def first_broken(name: str, run: RunDirectory, manifest: Manifest | None) -> Dec
 
 
 def outdated(path: Path) -> str:
-    """What changed since the model of a run was identified: a sentence, empty where nothing has.
+    """What the model of a run does not rest on any more: sentences, empty where all is as it was.
 
-    For commands that take a model as it is. An artifact that is gone says nothing against it, nor
-    does another version of the program.
+    For commands that take a model as it is.
     """
     run = RunDirectory(path)
     manifest = run.existing()
+    since, unrefined = _changed_since(run, manifest), _not_refined(run, manifest)
+    told = [f"{since} since its model was identified"] if since else []
+    if unrefined:
+        why = f": {unrefined}" if unrefined != since else ""
+        told.append(f"the identified model is taken in place of the refined one{why}")
+    return f"{path}: {'; '.join(told)}. `{again(path)}` makes it again." if told else ""
+
+
+def _changed_since(run: RunDirectory, manifest: Manifest) -> str:
+    """What changed since the model was identified.
+
+    An artifact that is gone says nothing against it, nor does another version of the program.
+    """
     for stage in (*before("identify"), BY_NAME["identify"]):
         entry = manifest.stages.get(stage.name)
         if entry is None:
@@ -205,6 +217,12 @@ def outdated(path: Path) -> str:
         kept = "" if inputs.endswith(" is missing") else inputs
         reason = _sources(stage, entry, run, None) or kept
         if reason:
-            again = f"auvident run --run {shlex.quote(str(path))}"
-            return f"{path}: {reason} since its model was identified. `{again}` makes it again."
+            return reason
     return ""
+
+
+def _not_refined(run: RunDirectory, manifest: Manifest) -> str:
+    """Why the refined model, where there was one, is not the one that is taken."""
+    stage = BY_NAME["refine"]
+    entry = manifest.stages.get(stage.name)
+    return _inputs(stage, entry, run, manifest) or _outputs(entry, run) if entry else ""

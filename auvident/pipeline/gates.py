@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 from auvident.errors import GateError, UsageError
+from auvident.pipeline.remedies import typed
 from auvident.schema.artifacts import RAN_AWAY, Finding, Metrics
 from auvident.schema.outcome import GateResult
 from auvident.schema.planes import JUDGED, PLANE_ROWS, Plane
@@ -191,9 +192,10 @@ def _incomparable(table: Mapping[str, Any], own: Mapping[str, Any], last: Mappin
         return f"the prediction diverges in {', '.join(own['ran_away'])}"
     for run in (last, own):
         if not run["held_out"]:
+            named = typed(run["run"])
             return (
-                f"{run['run']} has no held-out error; run `auvident validate {run['run']}`, where "
-                f"nothing is held out after `auvident segment {run['run']} --hold-out ID`"
+                f"{run['run']} has no held-out error; run `auvident validate {named}`, where "
+                f"nothing is held out after `auvident segment {named} --hold-out ID`"
             )
     return ""
 

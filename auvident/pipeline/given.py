@@ -4,12 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from functools import cached_property
-from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel
 
 from auvident.pipeline.observer import Observer
+from auvident.pipeline.remedies import made_again
 from auvident.schema.manifest import Manifest
 from auvident.schema.places import BY_PLANE_STAGES, beside
 from auvident.schema.planes import Plane
@@ -86,18 +86,19 @@ class Given:
 
     def read(self, name: str, model: type[Model]) -> Model:
         """A JSON artifact as its class."""
-        return read_model(self.run / self.place(name), model, self._remedy(name))
+        return read_model(self.run / self.place(name), model, self.remedy(name))
 
     def table(self, name: str) -> "pd.DataFrame":
         """A Parquet artifact."""
-        return read_table(self.run / self.place(name), self._remedy(name))
+        return read_table(self.run / self.place(name), self.remedy(name))
 
     def has(self, name: str) -> bool:
         """Whether an artifact is there."""
         return (self.run / self.place(name)).exists()
 
-    def _remedy(self, name: str) -> str:
-        return f"Run `auvident {PurePosixPath(name).parts[0]} {self.run.path}` again."
+    def remedy(self, name: str) -> str:
+        """What to do where an artifact cannot be used."""
+        return made_again(self.run / self.place(name))
 
     @cached_property
     def vehicle(self) -> "Vehicle":
@@ -130,8 +131,8 @@ class Given:
 
         name = "segment/maneuvers.json"
         path = self.run / name
-        tree = {"maneuvers": read_json(path, self._remedy(name))}
-        return as_model(tree, Maneuvers, path, self._remedy(name))
+        tree = {"maneuvers": read_json(path, self.remedy(name))}
+        return as_model(tree, Maneuvers, path, self.remedy(name))
 
     @cached_property
     def ase(self) -> "AseResult":

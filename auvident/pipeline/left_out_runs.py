@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from auvident.errors import UsageError
 from auvident.pipeline.given import Given
+from auvident.pipeline.pooling import logs_behind, logs_of
 from auvident.pipeline.predict import find_model
 from auvident.schema.changes import LeftOutTrialError
 from auvident.schema.effects import BY_ID
@@ -16,6 +17,9 @@ if TYPE_CHECKING:
     from auvident.schema.pooled import PooledModel
 
 
+LEFT_OUT = "Give runs that were left out of it."
+
+
 def left_out_errors(model: "PooledModel", targets: Sequence[Path]) -> list[LeftOutTrialError]:
     """Errors of the held-out maneuvers of runs, by the pooled model and by their own.
 
@@ -24,18 +28,27 @@ def left_out_errors(model: "PooledModel", targets: Sequence[Path]) -> list[LeftO
     Raises
     ------
     UsageError
-        A run went into the pooled model.
+        A run, or a log of it, went into the pooled model.
     """
-    pooled = {t.file for t in model.pooling.trials if t.used}
+    pooled = [Path(t.file) for t in model.pooling.trials if t.used]
+    logs = _logs_behind(pooled)
     found = []
     for target in targets:
         path, own = find_model(target, model.plane)
-        if str(path) in pooled:
-            raise UsageError(
-                "went into the pooled model", str(target), "Give runs that were left out of it."
-            )
+        if path.resolve() in [file.resolve() for file in pooled]:
+            raise UsageError("went into the pooled model", str(target), LEFT_OUT)
+        again = [name for digest, name in logs_of(target).items() if digest in logs]
+        if again:
+            what = f"the log {again[0]} went into the pooled model with another run"
+            raise UsageError(what, str(target), LEFT_OUT)
         found += _errors(target, with_own(model, own), own)
     return found
+
+
+def _logs_behind(files: Sequence[Path]) -> set[str]:
+    """Hashes of the logs that models were identified from, as far as their runs tell them."""
+    there = [file for file in files if file.is_file()]
+    return {digest for file in there for digest in logs_behind(file, find_model(file)[1])}
 
 
 def with_own(model: "PooledModel", own: "IdentifiedModel") -> "IdentifiedModel":

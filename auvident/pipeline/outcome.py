@@ -18,6 +18,7 @@ from auvident.errors import (
 from auvident.pipeline.freshness import Decision, judge_all
 from auvident.pipeline.given import Given
 from auvident.pipeline.planes import planes_of
+from auvident.pipeline.reporting import REJECTED
 from auvident.pipeline.table import BY_NAME, STAGES, before
 from auvident.report.loop_words import place
 from auvident.schema.artifacts import Finding
@@ -213,7 +214,7 @@ def _findings(given: Given, done: frozenset[str]) -> Iterator[Finding]:
             yield from (_placed(f, trial.trial if several else "") for f in trial.findings)
         yield from given.quality.findings
     if "segment" in done:
-        rejected = read_json(given.run / "segment/rejected.json")
+        rejected = read_json(given.run / REJECTED, given.remedy(REJECTED))
         yield from (Finding.model_validate(f) for f in rejected["findings"])
     if "ase" in done:
         yield from given.ase.findings

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from auvident.errors import NumericsError, StageError
 from auvident.pipeline.given import Given
+from auvident.pipeline.remedies import made_again
 from auvident.schema.planes import PLANES, Plane
 from auvident.storage.artifacts import read_json
 from auvident.storage.run_directory import RunDirectory
@@ -81,9 +82,10 @@ def _noted(outputs: Mapping[str, Any], plane: Plane, error: NumericsError) -> di
 
 def planes_of(run: RunDirectory) -> tuple[Plane, ...]:
     """Planes of a run that has been identified: of its model, and of that beside it."""
-    tree = read_json(run / MODEL)
+    remedy = made_again(run / MODEL)
+    tree = read_json(run / MODEL, remedy)
     first: Plane | None = tree.get("plane") if isinstance(tree, dict) else None
     if first not in PLANES:
-        raise StageError("names no plane", str(run / MODEL), f"Run `auvident identify {run.path}`.")
+        raise StageError("names no plane", str(run / MODEL), remedy)
     given = Given(run, planes=PLANES, plane=PLANES[-1])
     return (first, PLANES[-1]) if first == PLANES[0] and given.has(MODEL) else (first,)

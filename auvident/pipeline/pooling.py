@@ -1,6 +1,6 @@
 """Trials pooled from their run directories: models, dates and vehicle files are read, no log."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from itertools import takewhile
@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from auvident.errors import GateError, InputError
-from auvident.pipeline.predict import VEHICLE, find_model, run_around
+from auvident.pipeline.predict import VEHICLE, find_model
+from auvident.pipeline.remedies import made_again, run_around
 from auvident.storage.artifacts import json_bytes, read_json, read_model, write_bytes
 from auvident.storage.run_directory import MANIFEST, RunDirectory
 
@@ -99,7 +100,7 @@ def _with_small_effects(path: Path, model: "IdentifiedModel") -> "IdentifiedMode
 
     along = path.with_name(ALONG)
     there = run_around(path) is not None and along.exists()
-    return read_model(along, IdentifiedModel) if there else model
+    return read_model(along, IdentifiedModel, made_again(along)) if there else model
 
 
 def logs_behind(file: Path, model: "IdentifiedModel") -> dict[str, str]:
@@ -111,12 +112,25 @@ def logs_behind(file: Path, model: "IdentifiedModel") -> dict[str, str]:
     run = run_around(file)
     if run is None or not (run / QUALITY).exists() or not (run / MANEUVERS).exists():
         return {}
-    entry = RunDirectory(run).existing().stages.get("ingest")
     own = {m for stage in model.stages for m in stage.maneuvers}
-    flown = {m["trial"] for m in read_json(run / MANEUVERS) if m["id"] in own}
-    trials = [t for t in read_json(run / QUALITY).get("trials", ()) if t["trial"] in flown]
+    flown = {m["trial"] for m in _tree(run / MANEUVERS) if m["id"] in own}
+    return logs_of(run, flown)
+
+
+def logs_of(run: Path, names: Collection[str] | None = None) -> dict[str, str]:
+    """Trials of a run, all or those of some names, by the hash of the log of their gyro."""
+    if not (run / QUALITY).exists():
+        return {}
+    entry = RunDirectory(run).existing().stages.get("ingest")
+    found = _tree(run / QUALITY).get("trials", ())
+    trials = [t for t in found if names is None or t["trial"] in names]
     hashes = {_hash(_gyro_of(t), entry.inputs if entry else {}): t["trial"] for t in trials}
     return {digest: trial for digest, trial in hashes.items() if digest}
+
+
+def _tree(file: Path) -> Any:
+    """Plain content of an artifact."""
+    return read_json(file, made_again(file))
 
 
 def _gyro_of(trial: Mapping[str, Any]) -> Path:
@@ -138,7 +152,7 @@ def date_of(run: Path) -> str:
     file = run / QUALITY
     if not run.is_dir() or not file.exists():
         return ""
-    tree = read_json(file)
+    tree = _tree(file)
     starts = [
         datetime.fromisoformat(trial["origin"]) + timedelta(seconds=trial["t_start_s"])
         for trial in tree.get("trials", ())
@@ -158,9 +172,9 @@ def _refuse_other_files(targets: Sequence[Path]) -> None:
     told = [t for t in targets if (t / MANIFEST).exists() and (t / VEHICLE).exists()]
     if not told:
         return
-    first = _flat(read_json(told[0] / VEHICLE))
+    first = _flat(_tree(told[0] / VEHICLE))
     for other in told[1:]:
-        tree = _flat(read_json(other / VEHICLE))
+        tree = _flat(_tree(other / VEHICLE))
         keys = [k for k in {**first, **tree} if first.get(k) != tree.get(k)]
         if keys:
             pairs = (f"{k} {tree.get(k)} (there {first.get(k)})" for k in keys[:SHOWN])

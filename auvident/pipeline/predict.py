@@ -10,11 +10,13 @@ from auvident.errors import InputError, StageError, UsageError
 from auvident.pipeline.freshness import is_of_this_run
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.planes import planes_of
+from auvident.pipeline.remedies import WRITTEN, again, made_again, run_around, typed
 from auvident.pipeline.steps import announce_compilation
 from auvident.pipeline.table import BY_NAME
 from auvident.schema.places import beside
+from auvident.schema.quoting import clipped
 from auvident.storage.artifacts import as_model, read_json, read_model
-from auvident.storage.run_directory import MANIFEST, RunDirectory
+from auvident.storage.run_directory import RunDirectory
 
 if TYPE_CHECKING:
     import numpy as np
@@ -26,10 +28,10 @@ if TYPE_CHECKING:
     from auvident.schema.vehicle import Vehicle
 
 REFINED = "refine/model.json"  # goes first, unless what it rests on has changed since
+MODELS = "auvident/model/"  # schemas of the models of a plane, pooled ones among them
 IDENTIFIED = "identify/model.json"
 WHOLE = "combine/model.json"  # of a run of both planes
 VEHICLE = "ingest/vehicle.json"
-WRITTEN = "Give a model.json that auvident has written."
 USUAL_FINENESS = 8.0  # length over diameter of a survey AUV
 SIGNS_ASSUMED = (
     "The model is not in a run directory, so a positive rudder is assumed to turn to port "
@@ -78,14 +80,18 @@ def find_model(target: Path, plane: str | None = None) -> "tuple[Path, Identifie
         path = _model_of(RunDirectory(target), plane)
     elif not target.exists():
         raise InputError("no such file", str(target), "Give a run directory or a model.json.")
-    tree = read_json(path, WRITTEN)
+    remedy = made_again(path)
+    tree = read_json(path, remedy)
     if isinstance(tree, dict) and tree.get("schema") == COMBINED:
         raise InputError(
             "is a combined model already, and not the model of a plane",
             str(path),
             "Give run directories, or the model.json of a plane.",
         )
-    model = as_model(tree, IdentifiedModel, path, WRITTEN)
+    schema = tree.get("schema") if isinstance(tree, dict) else None
+    if path == target and isinstance(schema, str) and not schema.startswith(MODELS):
+        raise StageError(f"is no model: its schema is {clipped(schema)!r}", str(path), WRITTEN)
+    model = as_model(tree, IdentifiedModel, path, remedy)
     if plane not in (None, model.plane):
         raise InputError(f"is a model of the {model.plane} plane", str(path), "Leave out --plane.")
     return path, model
@@ -95,9 +101,8 @@ def _model_of(run: RunDirectory, plane: str | None) -> Path:
     manifest = run.existing()
     identify = manifest.stages.get("identify")
     if identify is None or not (run / IDENTIFIED).exists():
-        raise StageError(
-            "there is no identified model", str(run.path), f"Run `auvident identify {run.path}`."
-        )
+        remedy = f"Run `auvident identify {typed(run.path)}`."
+        raise StageError("there is no identified model", str(run.path), remedy)
     identified, refined = _names_of(run, plane)
     is_refined = is_of_this_run(BY_NAME["refine"], run, manifest)
     return run / (refined if is_refined and (run / refined).exists() else identified)
@@ -112,7 +117,7 @@ def _names_of(run: RunDirectory, plane: str | None) -> tuple[str, str]:
         raise StageError(
             f"there is no model of the {plane} plane",
             str(run.path),
-            f"Run `auvident identify {run.path} --plane both`.",
+            f"Run `auvident identify {typed(run.path)} --plane both`.",
         )
     return beside(IDENTIFIED), beside(REFINED)
 
@@ -120,7 +125,13 @@ def _names_of(run: RunDirectory, plane: str | None) -> tuple[str, str]:
 def vehicle_of(
     model_file: Path | None, model: "IdentifiedModel", vehicle_file: Path | None, observer: Observer
 ) -> "Vehicle":
-    """The vehicle: as given, or of the run directory that the model stands in."""
+    """The vehicle: as given, or of the run directory that the model stands in.
+
+    Raises
+    ------
+    StageError
+        The run directory is that of another vehicle by now.
+    """
     from auvident.schema.vehicle import Vehicle
     from auvident.storage.vehicle_file import load_vehicle
 
@@ -128,16 +139,18 @@ def vehicle_of(
         return load_vehicle(vehicle_file)
     run = run_around(model_file) if model_file else None
     if run is not None and (run / VEHICLE).exists():
-        return read_model(run / VEHICLE, Vehicle)
+        vehicle = read_model(run / VEHICLE, Vehicle, made_again(run / VEHICLE))
+        if (vehicle.body.name, vehicle.hull.length_m) != (model.vehicle, model.length_m):
+            raise StageError(
+                f"the run has read logs of {vehicle.body.name} since, so that the signs of "
+                f"{model.vehicle}, of which the model is, are not known",
+                str(run),
+                f"Give --vehicle V.toml; `{again(run)}` identifies {vehicle.body.name}.",
+            )
+        return vehicle
     observer.note(SIGNS_ASSUMED)
     rigid = model.rigid_body
     return bare_vehicle(model.vehicle, rigid.mass_kg, rigid.inertia_kgm2, model.length_m)
-
-
-def run_around(model_file: Path) -> Path | None:
-    """The run directory that a model stands in."""
-    folders = model_file.resolve().parents[1:3]  # one more above the model of a second plane
-    return next((folder for folder in folders if (folder / MANIFEST).exists()), None)
 
 
 def bare_vehicle(name: str, mass_kg: float, izz_kgm2: float, length_m: float) -> "Vehicle":
@@ -244,7 +257,7 @@ def _whole_of(target: Path, observer: Observer) -> Path | None:
         return target / WHOLE
     observer.note(
         f"{target / WHOLE} is out of date: the model of one plane is flown. "
-        f"`auvident combine {target} --output FILE.json` makes a new one."
+        f"`auvident combine {typed(target)} --output FILE.json` makes a new one."
     )
     return None
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 
 WHOLE = "combine/model.json"
+REJECTED = "segment/rejected.json"
 
 
 def report_data(given: Given, plans: bool = True) -> "ReportData":
@@ -127,7 +128,7 @@ def _plan(given: Given) -> "TrialPlan | None":
 
 def _maneuvers(given: Given) -> "Maneuvers":
     """The maneuvers with what was rejected, which stands in a file of its own."""
-    beside = read_json(given.run / "segment/rejected.json")
+    beside = read_json(given.run / REJECTED, given.remedy(REJECTED))
     return given.maneuvers.model_validate(
         {
             "maneuvers": given.maneuvers.maneuvers,

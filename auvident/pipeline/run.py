@@ -15,6 +15,7 @@ from auvident.pipeline.freshness import Decision, Wanted, first_broken, in_plane
 from auvident.pipeline.given import Given, matching
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.planes import asked_for, called, planes_of, wanted_planes
+from auvident.pipeline.remedies import again, command_of
 from auvident.pipeline.table import BY_NAME, STAGES, Outputs, Stage
 from auvident.schema.manifest import FailedAttempt, Manifest, StageEntry
 from auvident.schema.places import beside
@@ -219,20 +220,6 @@ def status(path: Path) -> tuple[list[Decision], Manifest]:
     return judge_all(run, manifest), manifest
 
 
-def command_of(stage: str, run: RunDirectory, manifest: Manifest | None) -> str:
-    """The command that runs a stage."""
-    if stage != "ingest":
-        return f"auvident {stage} {run.path}"
-    entry = manifest.stages.get("ingest") if manifest else None
-    if entry is None:
-        return f"auvident ingest LOG... --vehicle V.toml --run {run.path}"
-    logs = " ".join(str(run.located(p)) for p in entry.options["logs"])
-    column_map = entry.options.get("map")
-    also = f" --map {run.located(column_map)}" if column_map else ""
-    vehicle = run.located(entry.options["vehicle"])
-    return f"auvident ingest {logs} --vehicle {vehicle}{also} --run {run.path}"
-
-
 def _refuse_broken(stage: Stage, run: RunDirectory, manifest: Manifest | None) -> None:
     broken = first_broken(stage.name, run, manifest)
     if broken is not None:
@@ -285,7 +272,7 @@ def _execute(
     former = manifest.stages.get(stage.name) if manifest else None
     wanted = _with_seed(stage, wanted, former)
     inputs = {name: run.sha256(name) or "" for name in matching(manifest, stage.reads)}
-    also = frozenset(s for s in stage.also if judge(BY_NAME[s], run, manifest).state == "done")
+    also = _also(stage, run, manifest, observer)
     given = Given(run, manifest, {**stage.options, **options}, wanted.seed or 0, observer, also)
     given = replace(given, planes=_planes(stage, given), kept={} if kept is None else kept)
     outputs, content = _call(stage, given, wanted)
@@ -301,6 +288,19 @@ def _execute(
     run.save(_with(manifest, stage.name, entry))
     observer.finished(stage.name, outputs, time.perf_counter() - clock)
     return outputs
+
+
+def _also(
+    stage: Stage, run: RunDirectory, manifest: Manifest | None, observer: Observer
+) -> frozenset[str]:
+    """Stages that a stage shows where they are up to date; of one that is stale it is said."""
+    decisions = [judge(BY_NAME[name], run, manifest) for name in stage.also]
+    for stale in (d for d in decisions if d.state == "stale"):
+        observer.note(
+            f"{stage.name} does without {stale.stage}, which is stale: {stale.reason}. "
+            f"`{again(run.path)}` makes it again."
+        )
+    return frozenset(d.stage for d in decisions if d.state == "done")
 
 
 def _planes(stage: Stage, given: Given) -> tuple[Plane, ...]:

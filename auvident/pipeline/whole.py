@@ -17,9 +17,10 @@ from auvident.pipeline.predict import (
     refuse_nonsense,
     tell_unread,
 )
+from auvident.pipeline.remedies import COMBINE, made_again
 from auvident.schema.combined import COMBINED, CombinedModel
 from auvident.schema.planes import PLANES
-from auvident.storage.artifacts import read_json, read_model
+from auvident.storage.artifacts import Model, read_json, read_model
 from auvident.storage.run_directory import MANIFEST, RunDirectory
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ def combine_runs(
     found = [pair for target in targets for pair in models_of(target)]
     vehicle = _one_vehicle(targets, vehicle_file)
     runs = [] if vehicle_file else [t for t in targets if (t / ESTIMATE).exists()]
-    ase = read_model(runs[0] / ESTIMATE, AseResult) if runs else estimate(vehicle)
+    ase = _read(runs[0] / ESTIMATE, AseResult) if runs else estimate(vehicle)
     models = [model for _, model in found]
     combined = combine(models, vehicle, ase, logs=[_logs(t) for t in targets if t.is_dir()])
     files = tuple(path for path, _ in found)
@@ -73,6 +74,11 @@ def combine_runs(
         for source, path in zip(combined.models, files, strict=True)
     ]
     return combined.model_copy(update={"models": tuple(sources)}), files
+
+
+def _read(file: Path, kind: type[Model]) -> Model:
+    """An artifact of a run, as its class."""
+    return read_model(file, kind, made_again(file))
 
 
 def _logs(target: Path) -> "tuple[list[Trial], Maneuvers]":
@@ -100,7 +106,7 @@ def models_of(target: Path) -> "list[tuple[Path, IdentifiedModel]]":
     if path != target and not other.exists():  # refined in one plane only
         other = path.parents[1] / "identify" / BESIDE / path.name
     if path != target and other.exists():
-        found.append((other, read_model(other, IdentifiedModel)))
+        found.append((other, _read(other, IdentifiedModel)))
     return found
 
 
@@ -111,7 +117,7 @@ def _one_vehicle(targets: Sequence[Path], vehicle_file: Path | None) -> "Vehicle
 
     if vehicle_file is not None:
         return load_vehicle(vehicle_file)
-    vehicles = {t: read_model(t / VEHICLE, Vehicle) for t in targets if (t / VEHICLE).exists()}
+    vehicles = {t: _read(t / VEHICLE, Vehicle) for t in targets if (t / VEHICLE).exists()}
     if not vehicles:
         raise InputError(
             "the vehicle is unknown: a model file does not describe the other plane",
@@ -138,7 +144,7 @@ def is_whole(target: Path) -> bool:
         return True
     if target.suffix != ".json":
         return False
-    tree = read_json(target, "Give a model.json that auvident has written.")
+    tree = read_json(target, made_again(target))
     return isinstance(tree, dict) and tree.get("schema") == COMBINED
 
 
@@ -157,7 +163,7 @@ def find_whole(target: Path) -> "tuple[CombinedModel, Vehicle | None]":
             str(target),
             "`auvident combine` makes one of run directories and of models of a plane.",
         )
-    return read_model(target, CombinedModel), None
+    return read_model(target, CombinedModel, made_again(target, COMBINE)), None
 
 
 def predict_whole(
@@ -223,7 +229,7 @@ def signs_of(
         return own
     folders = [*(list(target.resolve().parents)[1:2] if target else ()), *_folders(model)]
     runs = [f for f in folders if (f / MANIFEST).exists() and (f / VEHICLE).exists()]
-    vehicles = [read_model(run / VEHICLE, Vehicle) for run in runs]
+    vehicles = [_read(run / VEHICLE, Vehicle) for run in runs]
     for found in vehicles:  # another run may stand at that path by now
         if (found.body.name, found.hull.length_m) == (model.vehicle, model.length_m):
             return found

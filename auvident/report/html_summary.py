@@ -107,7 +107,7 @@ def _judged(data: ReportData) -> tuple[Lines, str]:
     told = {k: e for k, e in all_errors.items() if k != TRACK}  # a position has no usual spread
     shares = {k: share(k, e.rmse, e.nrmse) for k, e in told.items()}
     called = {k: ERROR.of(x) for k, x in shares.items() if x is not None}
-    gains, better = _gains(data, errors)
+    gains, better = _gains(data, {k: e for k, e in told.items() if k in errors or k in called})
     band, trusted = _band(data, told)
     grades = [*(w.grade for w in called.values()), *better, *trusted]
     count = sum(m.role == data.role for m in metrics.maneuvers)

@@ -66,8 +66,9 @@ def listed(names: Sequence[str]) -> str:
 
 def interval(p: ParameterValue) -> tuple[float, float]:
     """The 95 % interval: as stated, else from the standard deviation."""
-    low = p.value - NORMAL_95 * p.std if p.low is None else p.low
-    high = p.value + NORMAL_95 * p.std if p.high is None else p.high
+    half = NORMAL_95 * (p.std or 0.0)
+    low = p.value - half if p.low is None else p.low
+    high = p.value + half if p.high is None else p.high
     return low, high
 
 
@@ -82,7 +83,7 @@ def interval_text(p: ParameterValue) -> str:
     if p.bound:
         told = [number(end) for end in (p.low, p.high) if end is not None]
         return f"{SIDES[p.bound]} {told[0]}" if told else ""
-    if p.std <= 0.0 and (p.low is None or p.high is None):
+    if not p.std and (p.low is None or p.high is None):
         return ""
     return TERMINAL.interval(*interval(p))
 

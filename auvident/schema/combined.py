@@ -66,7 +66,8 @@ class CombinedModel(Artifact):
     models, by plane, ``parameters`` the value of each of their parameters in the equations;
     ``fin_x_m`` the station of rudder and elevator, ``flown`` the range of each model.
     ``band`` is by channel: of those that it lacks (nothing was left out in turn, or the file is of
-    an earlier version) no more than the scatter of the coefficients is known.
+    an earlier version) no more than the scatter of the coefficients is known. ``pushes`` are those
+    to a hull that hardly keeps its course, by plane and state (`auvident.engines.falling`).
     """
 
     schema_: str = Field(default=COMBINED, alias="schema")
@@ -83,6 +84,7 @@ class CombinedModel(Artifact):
     sensing: dict[Plane, Sensing] = {}
     flown: dict[Plane, dict[str, float]] = {}
     band: dict[str, ChannelBand] = {}
+    pushes: dict[Plane, dict[str, float]] = {}
     models: tuple[CombinedSource, ...] = ()
     findings: tuple[Finding, ...] = ()
 

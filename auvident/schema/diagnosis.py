@@ -15,6 +15,7 @@ Bound = Literal["at least", "at most"]
 class ParameterValue(Artifact):
     """A parameter of an effect in the unit an engineer reads; interval of 95 %.
 
+    ``std`` is None where it was not worked out, as of a candidate in its row.
     ``bound`` is set where the search ended at a bound of the parameter: it is as large as
     ``value``, or larger (``at least``), or as small or smaller (``at most``), and its interval is
     open to that side.
@@ -22,7 +23,7 @@ class ParameterValue(Artifact):
 
     symbol: str
     value: float
-    std: float
+    std: float | None
     unit: str
     low: float | None = None
     high: float | None = None

@@ -10,14 +10,14 @@ from auvident.engines.carried import frame_of, over_ground, structure_behind, ve
 from auvident.engines.draws import drawn_vectors
 from auvident.engines.falling import simulated_pushed
 from auvident.engines.flown import beyond, reached_in
-from auvident.engines.prediction import Frame, at_effects, simulated
+from auvident.engines.prediction import Frame, at_effects, ran_away_remedy, simulated
 from auvident.engines.predictive import OF_DRAWS, half_widths, pushes_behind
 from auvident.engines.records import ANGLE, Record, is_read_at, record_of, sensor_matrix
 from auvident.engines.stretches import as_maneuver, uninterrupted
 from auvident.errors import NumericsError
 from auvident.physics.dynamics import N_STATES
 from auvident.physics.maneuvers.track import dead_reckoning
-from auvident.physics.terms import LINEAR_DRAG
+from auvident.physics.virtual import steady_approach
 from auvident.schema.artifacts import Extrapolation, IdentifiedModel
 from auvident.schema.channels import TIME_COLUMN
 from auvident.schema.planes import BY_PLANE, PLANE_ROWS, STATE_COLUMNS
@@ -146,15 +146,8 @@ def _acting(model: IdentifiedModel, record: Record, rate_hz: float) -> Record:
 
 def steady_speed(model: IdentifiedModel, rate_rps: float) -> float:
     """Speed at which thrust and drag balance on a straight run ahead [m/s]; 0 without thrust."""
-    known = dict(zip(structure_behind(model).parameters, vector_behind(model), strict=True))
-    if rate_rps <= 0.0 or known["X_uu"] >= 0.0:
-        return 0.0
-    slope = known.get(LINEAR_DRAG, 0.0) + known["T_nu"] * rate_rps
-    roots = np.roots(
-        [known["X_uu"], slope, known["T_nn"] * rate_rps**2]
-    )  # X_uu u^2 + (X_u + T_nu n) u + T_nn n^2 = 0
-    real = roots.real[np.abs(roots.imag) < 1e-12]
-    return float(max(real.max(initial=0.0), 0.0))
+    speed = steady_approach(structure_behind(model), vector_behind(model), rate_rps)[0]
+    return float(np.nan_to_num(speed))
 
 
 def _predict(
@@ -172,7 +165,7 @@ def _predict(
         raise NumericsError(
             "the simulation diverges",
             f"{record.id}, {record.time_s[row]:.1f} s",
-            "The inputs lie outside the range that the model was identified from.",
+            ran_away_remedy(dt_s),
         )
     columns = {TIME_COLUMN: record.time_s}
     own, rpm = INPUT_COLUMNS[model.plane]

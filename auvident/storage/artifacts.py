@@ -10,6 +10,7 @@ import io
 import json
 import math
 import os
+import re
 import stat
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
 Model = TypeVar("Model", bound=BaseModel)
 
 TEMPORARY_SUFFIX = ".auvident-partial"  # of a file that is being written
+STREAM = re.compile(r"/dev/(stdout|stderr)|/(?:dev|proc/self)/fd/(\d{1,9})")
+STREAMS = {"stdout": 1, "stderr": 2}
+MOST_LINKS = 40  # to follow, as Linux does
 HASH_CHUNK = 1 << 20  # bytes read at a time
 MOST_JSON_BYTES = 256 * MEGABYTE  # the largest, a model of many trials, has 10
 # Unit of a column by the end of its name, the longest first.
@@ -204,9 +208,13 @@ def sha256_of(path: Path) -> str | None:
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file so that it is there whole or not at all, and stays after a power cut.
 
-    A device or a pipe (``/dev/stdout``) is written to as it is, and never replaced by a file;
-    a link stays, and leads to what was written.
+    A device or a pipe is written to as it is, and never replaced by a file, nor is what stands
+    behind an open stream (``/dev/stdout``); a link stays, and leads to what was written.
     """
+    stream = stream_of(path)
+    if stream is not None:
+        _write_into(path, content, stream)
+        return
     if path.is_symlink():
         path = path.resolve()
     mode = _mode(path)
@@ -219,6 +227,22 @@ def write_bytes(path: Path, content: bytes) -> None:
     _replace(path, content)
 
 
+def stream_of(path: Path) -> int | None:
+    """Number of the open stream that a path, or a link, names; None for any other file.
+
+    What is behind it is no file to be replaced: a pipe has no name, and a file of ``>`` or ``>>``
+    may hold what others have written.
+    """
+    for _ in range(MOST_LINKS):
+        named = STREAM.fullmatch(os.path.abspath(path))
+        if named:
+            return STREAMS[named[1]] if named[1] else int(named[2])
+        if not path.is_symlink():
+            return None
+        path = path.parent / path.readlink()
+    return None
+
+
 def _mode(path: Path) -> int:
     """Kind of what stands at a path; 0 for nothing."""
     try:
@@ -227,10 +251,14 @@ def _mode(path: Path) -> int:
         return 0
 
 
-def _write_into(path: Path, content: bytes) -> None:
+def _write_into(path: Path, content: bytes, number: int | None = None) -> None:
+    """Write into a device, or into the open stream of a number, which stays open."""
     try:
-        with path.open("wb") as stream:
+        with open(path if number is None else os.dup(number), "wb") as stream:
             stream.write(content)
+    except BrokenPipeError as error:
+        if number not in STREAMS.values():  # a reader of the output may leave
+            raise _named(error, path) from None
     except OSError as error:
         raise _named(error, path) from None
 

@@ -12,6 +12,9 @@ from auvident.storage.log_find import Fault, find_trials
 
 REMEDY = "`auvident schema campaign` lists the tables and keys."
 VEHICLE = "vehicle.toml"
+OF_VEHICLE = {"hull", "fin", "signs"}  # tables that stand in a vehicle file alone
+FOLDERS = "Give folders of trials, or a campaign file."
+WITH_FOLDERS = f"{FOLDERS[:-1]}; a vehicle file goes with --vehicle."
 TRIALS = 'Give folders of trials, e.g. trials = ["2026-05/*"].'
 
 
@@ -35,7 +38,10 @@ def read_campaign(path: Path) -> tuple[Campaign, list[PlannedTrial]]:
     InputError
         Missing or unreadable file, unknown key, a pattern that no trial fits.
     """
-    campaign = parse(Campaign, read_toml(path), path, REMEDY)
+    tree = read_toml(path)
+    if tree.keys() & OF_VEHICLE:
+        raise InputError("is a vehicle file, not a campaign file", str(path), WITH_FOLDERS)
+    campaign = parse(Campaign, tree, path, REMEDY)
     trials = [t for v in campaign.vehicle for t in _of_vehicle(v, campaign.run, path)]
     return campaign, trials
 
@@ -74,7 +80,8 @@ def trials_in_folders(
     found: list[PlannedTrial] = []
     for folder in folders:
         if not folder.is_dir():
-            raise InputError("is no folder of trials", str(folder), TRIALS)
+            what = "is no folder of trials" if folder.exists() else "no such folder"
+            raise InputError(what, str(folder), FOLDERS)
         file = vehicle_file or folder / VEHICLE
         if not file.exists():
             raise InputError(

@@ -121,6 +121,9 @@ def _check_parts(parts: Sequence[str]) -> None:
         raise ValueError("'**' stands for whole folders only")
 
 
+FOLDER = "Name a TOML file; the folder of a log is an argument, and no option."
+
+
 def _is_outside(problem: str, path: Path, key: str) -> InputError:
     return InputError(problem, f"{path}: {key}", OUTSIDE_REMEDY)
 
@@ -136,7 +139,7 @@ def read_toml(path: Path) -> dict:
     except FileNotFoundError:
         raise InputError("no such file", str(path), "Check the path.") from None
     except IsADirectoryError:
-        raise InputError("is a folder, not a TOML file", str(path)) from None
+        raise InputError("is a folder, not a TOML file", str(path), FOLDER) from None
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", str(path)) from error
     except UnicodeDecodeError as error:

@@ -18,7 +18,7 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from auvident.errors import InputError, InUseError
+from auvident.errors import InputError, InUseError, UsageError
 
 LOCK_FILE = ".auvident-lock"
 ATTEMPTS = 100  # to lock a folder that others make and remove at the same time
@@ -85,6 +85,8 @@ def locked(folder: Path) -> Iterator[None]:
 def _made_and_locked(folder: Path) -> tuple[list[Path], int]:
     """Folders that had to be made, the innermost first, and the descriptor with the lock."""
     file = folder / LOCK_FILE
+    if folder.is_file():
+        raise UsageError("is a file, not a folder", str(folder), "Choose another folder.")
     for _ in range(ATTEMPTS):
         descriptor = None
         try:

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import AfterValidator
+from pydantic import AfterValidator, Field
 
 from auvident.errors import InputError
 from auvident.schema.base import Artifact
@@ -68,6 +68,7 @@ class LogReport(Artifact):
     `unassigned` names needed channels for which no column was found.
     """
 
+    schema_: str = Field(default="auvident/inspect/1", alias="schema")
     path: Text
     files: tuple[FileReport, ...]
     proposed_map: Text = ""

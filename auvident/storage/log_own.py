@@ -1,5 +1,6 @@
 """Outputs of this program among the logs: run directories, simulations, tables of coefficients."""
 
+import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -120,7 +121,7 @@ def refuse_own(path: Path) -> None:
         raise InputError(
             "is a run directory of auvident, not a log",
             str(path),
-            f"{REMEDY} `auvident run --run {path}` without logs uses them again.",
+            f"{REMEDY} `auvident run --run {shlex.quote(str(path))}` without logs uses them again.",
         )
     what = own_output(path) if path.is_file() else ""
     if what:

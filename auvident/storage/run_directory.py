@@ -1,6 +1,7 @@
 """The run directory: artifacts by stage, the manifest, and a lock while a stage writes."""
 
 import os
+import shlex
 import stat
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
@@ -48,7 +49,9 @@ class RunDirectory:
     def __init__(self, path: Path) -> None:
         self.path = Path(path)
         if _is_no_folder(self.path):
-            raise UsageError("is a file, not a run directory", str(path), "Choose another folder.")
+            above = next((p for p in self.path.parents if (p / MANIFEST).is_file()), None)
+            instead = f"Give the run directory, {above}." if above else "Choose another folder."
+            raise UsageError("is a file, not a run directory", str(path), instead)
 
     def __truediv__(self, relative: str) -> Path:
         return self.path / relative
@@ -241,12 +244,21 @@ class RunDirectory:
         """
         manifest = self.manifest()
         if manifest is None:
-            raise StageError(
-                "there is no run here (no run.json)",
-                str(self.path),
-                f"Run `auvident ingest LOG... --vehicle V.toml --run {self.path}` first.",
-            )
+            raise StageError("there is no run here (no run.json)", str(self.path), self._instead())
         return manifest
+
+    def _instead(self) -> str:
+        """What to do where there is no run: the folder may be a part of one, or that of a log."""
+        above = self.path.resolve().parent
+        if (above / MANIFEST).is_file():
+            return f"It is a folder of the run {above.name}; give that one."
+        named = shlex.quote(str(self.path))
+        if self.path.is_dir() and any(self.path.iterdir()):
+            return (
+                f"If it is the folder of a log, `auvident run {named} --vehicle V.toml --run RUN` "
+                "makes a run of it."
+            )
+        return f"Run `auvident ingest LOG... --vehicle V.toml --run {named}` first."
 
 
 def _in_the_way(place: Path) -> UsageError:

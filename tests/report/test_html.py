@@ -362,7 +362,9 @@ def test_a_heading_that_ran_round_and_round_is_neither_well_nor_badly_predicted(
         return verdict(judged(data, summary={"validate": {**pooled, "heading": heading}}))
 
     assert "heading fairly well" in turned(0.2, 0.1)
+    assert "(heading)" in turned(0.2, 0.1)  # with the factor of the estimate, as the others
     assert "predicts 3 held-out maneuvers well" in turned(0.2, 2.0)  # of a spread of 10 rad
+    assert "(heading)" not in turned(0.2, 2.0)
 
 
 def test_a_band_that_is_too_narrow_spoils_the_verdict(data: ReportData) -> None:

@@ -24,7 +24,7 @@ def test_a_size_has_unit_and_interval() -> None:
     assert words.size("current", loop_world.NORTH) == "north_mps -0.121 m/s (-0.129 to -0.113)"
     bare = ParameterValue(symbol="gain", value=0.2, std=0.01, unit="-")
     assert words.size("rudder_asymmetry", bare) == "gain 0.2 (0.18 to 0.22)"
-    screened = bare.model_copy(update={"std": 0.0})  # a size without an interval
+    screened = bare.model_copy(update={"std": None})  # a size without an interval
     assert words.size("rudder_asymmetry", screened) == "gain 0.2"
     late = ParameterValue(symbol="time_s", value=1358.5, std=0.5, unit="s", low=1357.5, high=1359.5)
     assert words.size("weight_change", late) == "time_s 1358.5 s (1357.5 to 1359.5)"

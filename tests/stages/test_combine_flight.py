@@ -12,6 +12,7 @@ from auvident.engines.records import record_of, sensor_matrix
 from auvident.engines.stretches import as_maneuver
 from auvident.errors import InputError, NumericsError
 from auvident.physics.six_dof import simulate_six_dof, system_of
+from auvident.schema.artifacts import Sensing
 from auvident.schema.combined import CombinedModel
 from auvident.schema.effects import BY_ID
 from auvident.schema.planes import BY_PLANE, PLANES
@@ -23,8 +24,8 @@ from auvident.stages.combine import (
     simulate_whole,
     unread_starts,
 )
-from auvident.stages.combine.flight import flight_of, structure_behind_whole
-from auvident.stages.combine.roll import roll_period_s, with_roll
+from auvident.stages.combine.flight import flight_of, plane_frame, structure_behind_whole
+from auvident.stages.combine.roll import _at_origin, _sensor_effects, roll_period_s, with_roll
 from tests.engines.chain import SAMPLES, sample
 from tests.engines.whole_world import (
     EVERY,
@@ -144,6 +145,49 @@ def test_water_that_sinks_takes_the_depth_along(whole: CombinedModel) -> None:
     np.testing.assert_allclose(found[list(STATE_COLUMNS)], without[list(STATE_COLUMNS)], atol=1e-9)
     np.testing.assert_allclose(found.depth_m - without.depth_m, 0.05 * seconds, atol=1e-9)
     np.testing.assert_allclose(found.north_m, without.north_m, atol=1e-9)
+
+
+def test_a_current_that_one_plane_alone_knows_carries_the_vehicle(whole: CombinedModel) -> None:
+    """Whichever plane it is, from the start on: there is one water."""
+
+    def flown(plane: str) -> pd.DataFrame:
+        row = {"id": "current", "parameters": [], "internal": {}}
+        effects = {**whole.effects, plane: (*whole.effects[plane], row)}
+        water = {f"{plane} current.north_mps": 0.2, f"{plane} current.east_mps": -0.1}
+        carried = {"effects": effects, "parameters": {**whole.parameters, **water}}
+        return flight_table(whole.model_copy(update=carried), samples=0)
+
+    found, other = flown("vertical"), flown("horizontal")
+    without = flight_table(whole, samples=0)
+    assert abs(found.u_mps[0] - without.u_mps[0]) > 0.01  # through the water
+    columns = [*STATE_COLUMNS, "north_m", "east_m"]
+    np.testing.assert_allclose(found[columns], other[columns], atol=1e-9)
+
+
+def test_a_hull_that_hardly_keeps_its_course_is_pushed_in_its_band(whole: CombinedModel) -> None:
+    """As in the band of the plane; what is not pushed keeps its own."""
+    pushed = whole.model_copy(update={"pushes": {"horizontal": {"v": 0.02, "r": 0.05}}})
+    own, wide = flight_table(whole, samples=40), flight_table(pushed, samples=40)
+    np.testing.assert_array_equal(own[list(STATE_COLUMNS)], wide[list(STATE_COLUMNS)])
+    last = len(own) - 1
+
+    def width(table: pd.DataFrame, column: str) -> float:
+        return float(table[f"{column}_high"][last] - table[f"{column}_low"][last])
+
+    for column in ("v_mps", "r_radps", "heading_rad"):
+        assert width(wide, column) > 1.2 * width(own, column)
+    assert width(wide, "u_mps") == pytest.approx(width(own, "u_mps"), rel=0.3)
+
+
+def test_pushes_are_those_of_the_models_of_the_planes() -> None:
+    """And of a model that keeps its course there are none."""
+    models, given = [planar(plane) for plane in PLANES], sample(TRIALS["horizontal"])
+    assert combine(models, given.vehicle, given.ase).pushes == {}
+    told = models[0].left_out.model_copy(update={"push": {"v": 0.02, "r": 0.01}})
+    models[0] = models[0].model_copy(update={"left_out": told})
+    assert combine(models, given.vehicle, given.ase).pushes == {
+        "horizontal": {"v": 0.02, "r": 0.01}
+    }
 
 
 def held_share(model: CombinedModel, plane: str) -> tuple[np.ndarray, np.ndarray]:
@@ -352,6 +396,34 @@ def test_the_heel_of_a_spiral_descent_comes_out(whole: CombinedModel, helices: D
         table = simulate_whole(whole, trial, window_s=span, samples=0, rng=np.random.default_rng(0))
         logged = trial.table.set_index("time_s").roll_rad.reindex(table.time_s).to_numpy()
         assert np.degrees(np.sqrt(np.nanmean((table.roll_rad - logged) ** 2))) < 0.4
+
+
+def test_roll_sees_the_motion_of_a_vehicle_whose_dvl_is_misaligned(whole: CombinedModel) -> None:
+    """Found in a plane or stated in the file: 5 deg of v are a tenth of the speed."""
+    n, rng = 50, np.random.default_rng(1)
+    names = ("u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps")
+    true = {name: rng.standard_normal(n) for name in names}
+    effects = {"horizontal": ("dvl_misalignment", "dvl_scale"), "vertical": ("dvl_pitch",)}
+    carried = {
+        "effects": {plane: tuple({"id": e} for e in ids) for plane, ids in effects.items()},
+        "parameters": {
+            "horizontal dvl_misalignment.yaw_deg": 0.09,
+            "horizontal dvl_scale.fraction": 0.02,
+            "vertical dvl_pitch.pitch_deg": -0.05,
+        },
+    }
+    model, still = whole.model_copy(update=carried), np.zeros(n)
+    place = Sensing(noise_std={}, dvl_x_m=0.0, dvl_y_m=0.0, dvl_z_m=0.0, dvl_mounting_yaw_rad=0.03)
+    found = model.model_copy(update={"sensing": dict.fromkeys(PLANES, place)})
+    readings = dict(true)
+    for plane, other in (("vertical", "w_mps"), ("horizontal", "v_mps")):
+        frame, p = plane_frame(found, plane, 0.1)
+        matrix = sensor_matrix(plane, place, frame.reading_effects(p))
+        pair = np.stack([readings["u_mps"], readings[other], still, still])
+        readings["u_mps"], readings[other] = (matrix @ pair)[:2]
+    readings["w_mps"] = 1.02 * readings["w_mps"]  # its scale stands in the horizontal plane here
+    back = _at_origin(readings, place, _sensor_effects(found, 0.1))
+    np.testing.assert_allclose(back, np.column_stack([true[name] for name in names]), atol=1e-12)
 
 
 def test_logs_without_roll_leave_it_to_the_geometry() -> None:

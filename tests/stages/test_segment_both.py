@@ -167,15 +167,26 @@ def test_a_run_over_which_the_elevator_is_lost_is_one_of_the_horizontal_plane() 
         (["elevator_rad"], "elevator_rad"),
         (["w_mps"], "w_mps"),
         (["w_mps", "q_radps"], "w_mps, q_radps"),
-        (["w_mps", "q_radps", "elevator_rad"], ""),  # nobody meant the vertical plane
+        # nobody meant the vertical plane, but the depth tells of dives
+        (["w_mps", "q_radps", "elevator_rad"], "but w_mps, q_radps, elevator_rad"),
+        (["w_mps", "q_radps", "elevator_rad", "depth_m"], ""),
     ],
 )
 def test_vertical_maneuvers_that_could_not_be_looked_for_are_told(lacking, said) -> None:
     dive = ingested(SAMPLES / "dive_trial", "remus100")
     found = segment_both([without(dive, *lacking)])
     told = [f for f in found.findings if f.code == "plane_not_searched"]
-    assert [f.message.partition(" not in the log")[0] for f in told] == ([said] if said else [])
+    heads = [f.message.partition(" not in the log")[0] for f in told]
+    assert len(heads) == bool(said) and all(head.endswith(said) for head in heads)
+    assert all(("times" in head) is said.startswith("but") for head in heads)
     assert all(f.where == "dive_trial" and "--map" in f.remedy for f in told)
+
+
+@pytest.mark.parametrize("name", ["harbour_trial", "bay_trial"])
+def test_a_vehicle_that_keeps_its_depth_is_not_said_to_dive(name) -> None:
+    vehicle = "remus100" if name == "harbour_trial" else "tern180"
+    level = without(ingested(SAMPLES / name, vehicle), "w_mps", "q_radps", "elevator_rad")
+    assert not any(f.code == "plane_not_searched" for f in segment_both([level]).findings)
 
 
 def turned(trial: Trial, m: Maneuver) -> float:

@@ -7,6 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from auvident.engines.carried import structure_behind, vector_behind
+from auvident.physics.virtual import steady_approach
 from auvident.pipeline.given import Given
 from auvident.pipeline.inputs import trial_of
 from auvident.schema.artifacts import IdentifiedModel
@@ -72,6 +74,20 @@ def test_a_run_that_begins_in_balance_stays_there_also_with_linear_drag(given: G
     found, without = (run(m, trial, **options) for m in (model, given.model))
     assert found["u_mps"].iloc[-1] == pytest.approx(found["u_mps"].iloc[0], rel=1e-4)
     assert found["u_mps"].iloc[0] < 0.98 * without["u_mps"].iloc[0]
+
+
+@pytest.mark.parametrize("drag", [0.0, -0.5])
+def test_the_speed_in_balance_is_the_one_that_maneuvers_are_planned_at(
+    given: Given, drag: float
+) -> None:
+    """And that of the polynomial, as surge has no other terms; none where nothing drives."""
+    model = with_effects(given.model, linear_drag={"X_u": drag}) if drag else given.model
+    values, rate = given.model.values(), 700.0 / 60.0
+    terms = [values["X_uu"], drag + values["T_nu"] * rate, values["T_nn"] * rate**2]
+    assert steady_speed(model, rate) == pytest.approx(max(np.roots(terms).real), rel=1e-6)
+    planned = steady_approach(structure_behind(model), vector_behind(model), rate)
+    assert steady_speed(model, rate) == planned[0]
+    assert steady_speed(model, 0.0) == steady_speed(model, -rate) == 0.0
 
 
 def test_where_nothing_is_read_a_motion_begins_in_balance(given: Given) -> None:

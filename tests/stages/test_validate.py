@@ -231,6 +231,20 @@ def changed(model: IdentifiedModel, **values) -> IdentifiedModel:
     return model.model_copy(update={"coefficients": tuple(rows)})
 
 
+@pytest.mark.parametrize("effectiveness", [0.9, 1.1])
+def test_initial_turning_times_are_to_one_angle(effectiveness: float) -> None:
+    """A rudder that turns harder is there sooner; by its own reversals it had as far to go."""
+    own = base().values()
+    other = changed(base(), **{s: effectiveness * own[s] for s in ("N_uud", "Y_uud")})
+    found = validate([sailed(base())], maneuvers(), other).metrics
+    (zigzag,) = [m.zigzag for m in found.maneuvers if m.kind == "zigzag"]
+    ratio = zigzag["simulated"]["switch_deg"] / zigzag["measured"]["switch_deg"]
+    assert ratio == pytest.approx(effectiveness, rel=0.05)
+    times = [zigzag[side]["initial_turning_time_s"] for side in ("simulated", "measured")]
+    assert (times[0] < times[1]) is (effectiveness > 1.0)
+    assert abs(times[0] / times[1] - 1.0) > 0.02
+
+
 def test_a_prediction_that_runs_away_is_a_finding_and_the_rest_stays_finite() -> None:
     unstable = changed(base(), X_uu=+200.0)
     result = validate([sailed(base())], maneuvers(), unstable)

@@ -1,15 +1,17 @@
 """Prediction in six degrees of freedom: from the inputs of a log to the motion, with a band."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
 from auvident.engines.carried import CURRENTS, OF_THRUST, with_speed
+from auvident.engines.falling import PushesAlong
 from auvident.engines.flown import SPEEDS, beyond, joined, reached_in
-from auvident.engines.prediction import Frame, at_effects
+from auvident.engines.prediction import Frame, at_effects, ran_away_remedy
 from auvident.engines.predictive import OF_DRAWS, half_width
 from auvident.engines.records import Record, is_read_at, record_of, sensor_matrix
 from auvident.engines.stretches import as_maneuver, uninterrupted
@@ -51,6 +53,7 @@ STATE_COLUMNS = tuple(BY_QUANTITY[name].column for name in CHANNELS)
 TRACK_COLUMNS = tuple(BY_QUANTITY[name].column for name in ("north", "east", "depth"))
 # effects of the propeller: one acts on it, whichever plane showed it
 OF_PROPELLER = frozenset({"propeller_lag", "thrust_sag", "thrust_step"})
+CURRENT = "current"
 SINKING = "vertical_current"  # carries the vehicle down, which the log of the depth shows
 FASTEST_MPS = 30.0  # no steady speed is looked for beyond
 
@@ -127,10 +130,47 @@ def simulate_whole(
     tables = []
     for number, (start_s, end_s) in enumerate(uninterrupted(trial, INPUT_COLUMNS, window_s)):
         flight = flight_of(model, trial, system, start_s, end_s, speed_mps)
-        table = _predict(flight, trial.name, system, drawn, model.band, dt_s)
+        runs = _drawn_runs(model, flight, drawn, dt_s, rng)
+        table = _predict(flight, trial.name, system, runs, model.band, dt_s)
         table.insert(1, "stretch", number)
         tables.append(table)
     return pd.concat(tables, ignore_index=True)
+
+
+def _drawn_runs(
+    model: CombinedModel,
+    flight: Flight,
+    drawn: Sequence[SixDofSystem],
+    dt_s: float,
+    rng: np.random.Generator,
+) -> Iterator[Array]:
+    """States (n, 13) of the models drawn, pushed along the way where they hardly keep a course."""
+    pushed = {name: std for of_plane in model.pushes.values() for name, std in of_plane.items()}
+    pushes = PushesAlong(np.array([pushed.get(name, 0.0) for name in VELOCITIES]), model.length_m)
+    rows = pushes.rows_of(len(flight.inputs), float(flight.start[0]), dt_s)
+    for system in drawn:
+        if pushed:
+            yield _simulated_pushed(flight, system, dt_s, rows, pushes.drawn(len(rows), rng))
+        else:
+            yield simulate_six_dof(flight.start, flight.inputs, dt_s, system)
+
+
+def _simulated_pushed(
+    flight: Flight,
+    system: SixDofSystem,
+    dt_s: float,
+    rows: npt.NDArray[np.int64],
+    push: Array,
+) -> Array:
+    """States (n, 13) of a flight that is pushed (m, 6) at some rows, of which the first is 0."""
+    states, now = np.empty((len(flight.inputs), len(flight.start))), flight.start.copy()
+    for by, (first, last) in zip(push, pairwise([*rows, len(states) - 1]), strict=True):
+        now[: len(by)] += by
+        states[first : last + 1] = simulate_six_dof(
+            now, flight.inputs[first : last + 1], dt_s, system
+        )
+        now = states[last].copy()
+    return states
 
 
 def unread_planes(trial: Trial, time_s: float) -> list[Plane]:
@@ -197,12 +237,22 @@ def _drawn_systems(
 
 
 def plane_frame(model: CombinedModel, plane: Plane, dt_s: float) -> tuple[Frame, Array]:
-    """The equations of one plane and its parameters: what effects make of inputs and readings."""
-    ids = model.effect_ids(plane)
+    """The equations of one plane and its parameters: what effects make of inputs and readings.
+
+    There is one water: a current that one plane alone knows is that of the other as well.
+    """
+    ids, names = model.effect_ids(plane), whole_names(plane, model.effect_ids(plane))
+    knows = _that_knows_current(model)
+    if knows not in (None, plane) and CURRENT not in ids:
+        ids, names = (*ids, CURRENT), whole_names(knows, (CURRENT,)) | names
     structure, values = structure_of(plane, ids), model.values()
-    names = whole_names(plane, ids)
     p = np.array([values.get(names[n], 0.0) for n in structure.parameters])
     return Frame(structure, model.sensing[plane], dt_s), p
+
+
+def _that_knows_current(model: CombinedModel) -> Plane | None:
+    """The first plane of which the model carries a current."""
+    return next((plane for plane in PLANES if CURRENT in model.effect_ids(plane)), None)
 
 
 def flight_of(
@@ -326,7 +376,7 @@ def steady_speed(system: SixDofSystem, rate_rps: float) -> float:
 def _drift(model: CombinedModel, record: Record, dt_s: float) -> Array:
     """How far moving water has carried the vehicle (n, 3) since the start."""
     drift = np.zeros((len(record.time_s), 3))
-    if CURRENTS & set(model.effect_ids("horizontal")):
+    if CURRENTS & set(model.effect_ids("horizontal")) or _that_knows_current(model):
         frame, p = plane_frame(model, "horizontal", dt_s)
         since = None if record.source is None else record.source.from_middle_s
         at = np.zeros(len(record)) if since is None else since
@@ -342,7 +392,7 @@ def _predict(
     flight: Flight,
     name: str,
     system: SixDofSystem,
-    drawn: list[SixDofSystem],
+    runs: Iterable[Array],
     band: Mapping[str, ChannelBand],
     dt_s: float,
 ) -> pd.DataFrame:
@@ -352,7 +402,7 @@ def _predict(
         raise NumericsError(
             "the simulation diverges",
             f"{name}, {flight.time_s[row]:.1f} s",
-            "The inputs lie outside the range that the model was identified from.",
+            ran_away_remedy(dt_s),
         )
     columns = {TIME_COLUMN: flight.time_s}
     columns |= dict(zip(INPUT_COLUMNS, flight.logged.T, strict=True))
@@ -360,7 +410,6 @@ def _predict(
     columns |= dict(zip(STATE_COLUMNS, shown.T, strict=True))
     track = states[:, POSITION] + flight.drift
     columns |= dict(zip(TRACK_COLUMNS, track.T, strict=True))
-    runs = (simulate_six_dof(flight.start, flight.inputs, dt_s, one) for one in drawn)
     stable = [_shown(run, flight.heading_rad) for run in runs if np.isfinite(run).all()]
     if stable:
         low, high = _band(band, flight.time_s - flight.time_s[0], shown, np.array(stable))

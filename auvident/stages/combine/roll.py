@@ -18,6 +18,7 @@ import numpy.typing as npt
 import pandas as pd
 from scipy.ndimage import uniform_filter1d
 
+from auvident.physics.sensing import DVL_PITCH, SCALE, YAW
 from auvident.physics.six_dof import balance, variables_of
 from auvident.physics.six_dof_terms import (
     ROLL_SIGNS,
@@ -31,6 +32,7 @@ from auvident.schema.combined import CombinedEntry, CombinedModel, CovarianceBlo
 from auvident.schema.planes import PLANES
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
+from auvident.stages.combine.flight import plane_frame
 
 Array = npt.NDArray[np.float64]
 Logs = Sequence[tuple[Sequence[Trial], Maneuvers]]
@@ -158,7 +160,7 @@ def _motion(
 ) -> tuple[Array, Array]:
     """Variables (n, k) and accelerations (n, 6) at the origin."""
     columns = {c: piece[c].to_numpy(float) for c in COLUMNS}
-    velocities = _at_origin(columns, model.sensing[PLANES[0]])
+    velocities = _at_origin(columns, model.sensing[PLANES[0]], _sensor_effects(model, dt_s))
     size = max(round(period_s / dt_s), 1)
     velocities[:, :3] = uniform_filter1d(velocities[:, :3], size, axis=0, mode="nearest")
     angles = np.column_stack([columns["roll_rad"], columns["pitch_rad"]])
@@ -171,18 +173,31 @@ def _motion(
     return variables_of(velocities, angles, inputs), accelerations
 
 
-def _at_origin(columns: Mapping[str, Array], sensing: Sensing) -> Array:
-    """Velocities (n, 6) of the origin from those of the DVL (theory 1.1 and 1.5)."""
-    c, s = np.cos(sensing.dvl_mounting_yaw_rad), np.sin(sensing.dvl_mounting_yaw_rad)
-    u, v = (columns["u_mps"], columns["v_mps"])
-    ahead, across = c * u - s * v, s * u + c * v
+def _sensor_effects(model: CombinedModel, dt_s: float) -> Array:
+    """Effects in the order of `READING`, each of the first plane that carries it."""
+    frames = (plane_frame(model, plane, dt_s) for plane in PLANES)
+    first, second = (frame.reading_effects(p) for frame, p in frames)
+    return np.where(first != 0.0, first, second)
+
+
+def _at_origin(columns: Mapping[str, Array], sensing: Sensing, effects: Array) -> Array:
+    """Velocities (n, 6) of the origin from those of the DVL (theory 1.1 and 1.5).
+
+    The DVL is turned as the vehicle file says, and as much further as the models found; its scale
+    is theirs, too.
+    """
+    yaw = sensing.dvl_mounting_yaw_rad + effects[YAW]
+    u, v, w = (columns[name] / (1.0 + effects[SCALE]) for name in ("u_mps", "v_mps", "w_mps"))
+    u, v = np.cos(yaw) * u - np.sin(yaw) * v, np.sin(yaw) * u + np.cos(yaw) * v
+    pitch = effects[DVL_PITCH]
+    ahead, below = np.cos(pitch) * u + np.sin(pitch) * w, np.cos(pitch) * w - np.sin(pitch) * u
     p, q, r = (columns[name] for name in ("p_radps", "q_radps", "r_radps"))
     x, y, z = sensing.dvl_x_m, sensing.dvl_y_m, sensing.dvl_z_m
     return np.column_stack(
         [
             ahead - q * z + r * y,
-            across - r * x + p * z,
-            columns["w_mps"] - p * y + q * x,
+            v - r * x + p * z,
+            below - p * y + q * x,
             *(p, q, r),
         ]
     )

@@ -96,6 +96,7 @@ def combine(
         sensing={p: _sensing(vehicle) for p in PLANES} | {m.plane: m.sensing for m in models},
         flown={m.plane: m.flown for m in models if m.flown},
         band=band_of_planes(models),
+        pushes={m.plane: m.left_out.push for m in models if m.left_out and m.left_out.push},
         models=tuple(_source(m) for m in models),
         findings=(*joined.findings, *_findings(models, entries)),
     )

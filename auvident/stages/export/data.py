@@ -18,6 +18,7 @@ CSV_COLUMNS = (
     "prior_std",
     "origin",
     "data_share",
+    "plane",
 )
 
 
@@ -48,5 +49,6 @@ def as_csv(model: IdentifiedModel) -> str:
     """One row for each coefficient and constant."""
     lines = [",".join(CSV_COLUMNS)]
     for c in model.estimates:
-        lines.append(",".join(csv_cell(getattr(c, name, "")) for name in CSV_COLUMNS))
+        row = {name: getattr(c, name, "") for name in CSV_COLUMNS} | {"plane": model.plane}
+        lines.append(",".join(map(csv_cell, row.values())))
     return "\n".join(lines) + "\n"

@@ -20,7 +20,11 @@ Array = npt.NDArray[Any]
 PRIOR_APART = 0.5
 PRIOR_WIDER = 1.5  # ratio of standard deviations
 LEAST_SHARE = 0.5  # of the trials that have an effect: from which on it is the vehicle's
-SAME = ("vehicle", "plane", "length_m", "density_kgpm3", "rigid_body")
+SAME = ("vehicle", "length_m", "density_kgpm3", "rigid_body")
+ONE_PLANE = (
+    "Pool trials of one plane, with --plane where runs have both; `auvident combine` makes one "
+    "model of both planes."
+)
 ONE_VEHICLE = (
     "Pool trials of one vehicle with the same vehicle file; leave the others out, or run them "
     "again with it."
@@ -136,6 +140,13 @@ def refuse_others(trials: Sequence[PoolTrial]) -> None:
     """Refuse trials of another vehicle, plane or estimate than the first one."""
     first = trials[0]
     for other in trials[1:]:
+        if other.model.plane != first.model.plane:
+            raise InputError(
+                f"its model is of the {other.model.plane} plane, that of {first.name} of the "
+                f"{first.model.plane} plane",
+                other.name,
+                ONE_PLANE,
+            )
         differs = next(_differences(first.model, other.model), "")
         if differs:
             raise InputError(

@@ -170,7 +170,7 @@ def _with_final_values(
 def _final_value(p: ParameterValue, final: Mapping[str, Any]) -> ParameterValue:
     """A parameter with the value of the refined model and the wider interval."""
     value = float(final["value"])
-    std = max(float(final["std"]), p.std)
+    std = max(float(final["std"]), p.std or 0.0)
     half = max(NORMAL_95 * std, p.half)
     half = max(half, NORMAL_95 * abs(value - p.value))  # two methods that differ: say so
     return ParameterValue(

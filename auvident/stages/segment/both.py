@@ -7,7 +7,7 @@ plane counts a reading twice.
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TypeVar
 
 from auvident.schema.artifacts import Finding, Maneuver, Maneuvers
@@ -24,11 +24,13 @@ from auvident.stages.segment.stage import (
     nothing_found,
     search_horizontally,
 )
-from auvident.stages.segment.vertical import search_vertically
+from auvident.stages.segment.vertical import ordered_depths, search_vertically
 
 Said = TypeVar("Said", bound=Artifact)
 
-NO_PIECES = ("no_record", "plane_not_searched")  # findings of a plane without a piece of record
+NOT_LOGGED = "plane_not_searched"
+NO_PIECES = ("no_record", NOT_LOGGED)  # findings of a plane without a piece of record
+FEWEST_DIVES = 2  # one may be the way down from the surface that was cut, or the autopilot
 SAME_S = 5.0  # runs that begin and end this close are one: the searches look at different rows
 
 
@@ -67,14 +69,26 @@ def segment_both(trials: Sequence[Trial], hold_out: Sequence[str] = ()) -> Maneu
 
 
 def _half_logged(trials: Sequence[Trial], findings: Sequence[Finding]) -> list[Finding]:
-    """Why the vertical plane was not searched where its fin or its motion was logged.
+    """Why the vertical plane was not searched where its fin or its motion was logged, or it dived.
 
     Most trials have neither, or all and no maneuvers of it; identifying in that plane says so.
     """
     row = BY_PLANE["vertical"]
     ways = (row.control_columns[:1], row.columns[1:3])
     meant = {t.name for t in trials if any(not t.lacking(way) for way in ways)}
-    return [f for f in findings if f.where in meant and f.code in NO_PIECES]
+    told = [f for f in findings if f.where in meant and f.code in NO_PIECES]
+    by_name = {t.name: t for t in trials if t.name not in meant}
+    unmeant = [f for f in findings if f.where in by_name and f.code == NOT_LOGGED]
+    return [*told, *(d for f in unmeant for d in _dived(by_name[f.where], f))]
+
+
+def _dived(trial: Trial, finding: Finding) -> Iterator[Finding]:
+    """The finding that the plane was not searched, of a trial whose depth was changed by order."""
+    runs = ordered_depths(trial)
+    if len(runs) >= FEWEST_DIVES:
+        message = f"The vehicle changes its depth by order ({len(runs)} times), but "
+        message += finding.message
+        yield finding.model_copy(update={"message": message, "value": float(len(runs))})
 
 
 def _once(said: Sequence[Said]) -> list[Said]:

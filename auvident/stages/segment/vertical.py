@@ -13,8 +13,8 @@ from auvident.stages.segment.course import course_changes
 from auvident.stages.segment.depth import least_rows, sink_by_depth
 from auvident.stages.segment.elevators import find_elevator_zigzags, on_clock_of
 from auvident.stages.segment.level import level, usual_depth
-from auvident.stages.segment.pieces import Found, Piece, true_ranges
-from auvident.stages.segment.scales import Scales
+from auvident.stages.segment.pieces import Found, Piece, pieces_of, true_ranges
+from auvident.stages.segment.scales import Scales, scales_of
 from auvident.stages.segment.stage import Searched, assemble, search_trial
 from auvident.stages.segment.straights import find_straights
 
@@ -138,6 +138,21 @@ def find_depth_steps(
         notes = {"maneuver": "depth_step", "depth_range_m": ends}
         found.append(Found("straight", piece, start, stop, plane="vertical", notes=notes))
     return found, rejected
+
+
+def ordered_depths(trial: Trial) -> list[Found]:
+    """Runs of ordered changes of depth in a log that need not have elevator, heave and pitch rate.
+
+    Elevator zigzags count among them, as nothing else tells of these there.
+    """
+    pieces, turned = pieces_of(trial), course_changes(trial)
+    if not pieces:
+        return []
+    scales, found = scales_of(pieces), []
+    for piece in pieces if scales.rpm > 0 else ():
+        here = [f for f in (on_clock_of(piece, t) for t in turned) if f.start < f.stop]
+        found += find_depth_steps(piece, scales, (), here)[0]
+    return found
 
 
 def _on_course_s(piece: Piece, turned: Sequence[Found]) -> Array:

@@ -282,7 +282,12 @@ def virtual_zigzag(p: Prediction, structure: Structure, parameters: Array) -> di
         dt_s=dt,
         rate_limit_radps=float(np.abs(np.diff(control)).max()) / dt,
     )
-    return zigzag_figures(run.time_s, run.states[:, 3], run.inputs[:, 0])
+    return zigzag_figures(
+        run.time_s,
+        run.states[:, 3],
+        run.inputs[:, 0],
+        switch_rad=math.radians(measured["switch_deg"]),
+    )
 
 
 def _filled(angle: Array) -> Array:
@@ -315,16 +320,19 @@ def _one(p: Prediction, structure: Structure, parameters: Array) -> ManeuverMetr
 
 def _figures(p: Prediction) -> dict[str, dict[str, float]]:
     """Figures of a turn or zigzag, measured and simulated."""
-    found = {}
+    t, control = p.record.time_s, p.record.inputs[:, 0]
     measured = np.column_stack([p.record.given[:, :3], _filled(p.measured[:, 3])])
-    for name, x in (("measured", measured), ("simulated", p.states)):
-        if p.maneuver.kind == "turn":
-            found[name] = turn_figures(
-                p.record.time_s, x[:, 0], x[:, 1], x[:, 2], p.record.inputs[:, 0], x[:, 3]
-            )
-        else:
-            found[name] = zigzag_figures(p.record.time_s, x[:, 3], p.record.inputs[:, 0])
-    return found
+    if p.maneuver.kind == "turn":
+        return {
+            name: turn_figures(t, x[:, 0], x[:, 1], x[:, 2], control, x[:, 3])
+            for name, x in (("measured", measured), ("simulated", p.states))
+        }
+    found = zigzag_figures(t, measured[:, 3], control)
+    # steered at the times of the log, the simulated motion reverses at another angle: the initial
+    # turning time of both is to the measured one
+    switch = math.radians(found["switch_deg"]) if "switch_deg" in found else None
+    simulated = zigzag_figures(t, p.states[:, 3], control, switch_rad=switch)
+    return {"measured": found, "simulated": simulated}
 
 
 def _pooled(predictions: Sequence[Prediction], plane: Plane) -> dict[str, ChannelMetrics]:

@@ -78,6 +78,8 @@ def test_every_candidate_and_every_size_is_of_the_table(name) -> None:
         assert not BY_ID[c.id].nuisance
         assert c.family == BY_ID[c.id].family
         assert math.isfinite(c.gain)
+        assert all(p.std is None for p in c.parameters)  # not worked out, which is not zero
+    assert all(p.std for e in found.effects for p in e.parameters)
     pushes = [row for row in found.sees if row.id == "one_off_event"]
     assert [(row.symbol, row.unit) for row in pushes] == [("v_mps", "m/s"), ("r_degps", "deg/s")]
     assert all(0.0 < row.size < 60.0 for row in pushes)

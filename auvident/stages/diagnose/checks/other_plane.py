@@ -50,7 +50,7 @@ def _as_check(effect: EffectFound, plane: str) -> SensorCheck | None:
     return SensorCheck(
         names=tuple(f"{effect.id}.{d.symbol}" for d, _ in both),
         mean=np.array([d.internal(p.value) for d, p in both]),
-        covariance=np.diag([(p.std / d.factor) ** 2 for d, p in both]),
+        covariance=np.diag([((p.std or 0.0) / d.factor) ** 2 for d, p in both]),
         samples=0,
         residual_rms=0.0,
         what=f"{effect.id} by the {plane} plane",
@@ -61,4 +61,4 @@ def _is_shared(planes: tuple[Plane, ...], declared: EffectParameter, found: Para
     """Whether a size is known to both sides, and stands in both planes."""
     alike = set(planes) == set(declared.planes) == set(PLANES)
     size = declared.form == "plain" and declared.practical > 0.0
-    return alike and size and found.bound is None and found.std > 0.0
+    return alike and size and found.bound is None and bool(found.std)

@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import asdict
 
-import numpy as np
-
 from auvident.schema.diagnosis import Candidate, Refused
 from auvident.schema.effects import BY_ID
 from auvident.stages.diagnose.fit.case import Case
@@ -36,8 +34,7 @@ def _unlisted(name: str, gain: float, beside: tuple[str, ...]) -> Candidate:
 
 
 def _row(case: Case, tried: Tried, beside: tuple[str, ...]) -> Candidate:
-    nothing = np.zeros(len(tried.fitted.parameters))
-    values = effect_values(case, tried.id, tried.fitted.parameters, nothing)
+    values = effect_values(case, tried.id, tried.fitted.parameters, None)
     helped, refusal = tried.account.helped, tried.refusal
     return Candidate(
         id=tried.id,
@@ -45,7 +42,7 @@ def _row(case: Case, tried: Tried, beside: tuple[str, ...]) -> Candidate:
         gain=tried.gain,
         beside=beside,
         p=helped.p if helped else None,
-        parameters=tuple(v.model_copy(update={"low": None, "high": None}) for v in values),
+        parameters=values,
         held_back_gain=helped.gain if helped else None,
         strength=helped.strength if helped else None,
         improved=helped.share if helped else None,

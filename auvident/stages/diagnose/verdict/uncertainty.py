@@ -112,23 +112,30 @@ def lent(case: Case) -> float:
     return math.hypot(*(float(case.nuisance_std[case.position(n)]) for n in own))
 
 
-def effect_values(case: Case, effect: str, p: Array, stds: Array) -> tuple[ParameterValue, ...]:
-    """Parameters of an effect in the units of the artifacts, with 95 % intervals."""
+def effect_values(
+    case: Case, effect: str, p: Array, stds: Array | None
+) -> tuple[ParameterValue, ...]:
+    """Parameters of an effect in the units of the artifacts, with 95 % intervals.
+
+    Without standard deviations in internal units they have the values alone.
+    """
     found, at = [], bounds_of(case, effect, p)
     freedom = max(min(len(case.records), MOST_FITS) - 1, 1)
     reach = float(stdtrit(freedom, INTERVAL))
     for i in case.positions(effect):
         declared = parameter_of(case.names[i])
-        value, std = declared.shown(float(p[i] - case.setup.prior[i]), float(stds[i]))
+        internal = float(p[i] - case.setup.prior[i])
+        value, std = declared.shown(internal, 0.0 if stds is None else float(stds[i]))
         bound = bound_of(declared, at[i]) if i in at else None
+        known = {} if stds is None else ends(value, reach * std, bound)
         found.append(
             ParameterValue(
                 symbol=declared.symbol,
                 value=value,
-                std=std,
+                std=None if stds is None else std,
                 unit=declared.unit,
                 bound=bound,
-                **ends(value, reach * std, bound),
+                **known,
             )
         )
     return tuple(found)
