@@ -19,6 +19,8 @@ from auvident.pipeline.observer import Observer
 from auvident.pipeline.warming import warm_for_runs
 from auvident.schema.campaign import CampaignResult
 from auvident.storage.campaign_file import read_campaign
+from tests.bench import written
+from tests.bench.effects import program
 from tests.engines.chain import SAMPLES
 
 if str(SAMPLES) not in sys.path:
@@ -45,6 +47,7 @@ def main(arguments: list[str], show: Callable[[str, list[dict[str, Any]]], None]
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int)
     parser.add_argument("--steady", action="store_true", help="nothing happens")
+    parser.add_argument("--write", action="store_true", help="replace the section of the page")
     parser.add_argument("--folder", type=Path, help="keep it here, and go on where it was")
     options = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory(prefix="auvident-season-") as name:
@@ -54,8 +57,13 @@ def main(arguments: list[str], show: Callable[[str, list[dict[str, Any]]], None]
         plan = CampaignPlan(folder / "out", trials, options.jobs)
         done = run_campaign(plan, _Told(), warm=warm_for_runs)
         truth = json.loads((folder / "truth.json").read_text(encoding="utf-8"))
-        for title, rows in judged(done.result, truth).items():
+        found = judged(done.result, truth)
+        for title, rows in found.items():
             show(title, rows)
+        if options.write:
+            section = "season-steady" if options.steady else "season"
+            seed = f"Program `{program()}`; {options.trials} trials, seed {options.seed}."
+            written.write(section, seed, {title: rows for title, rows in found.items() if rows})
 
 
 def made(folder: Path, trials: int, seed: int, steady: bool) -> None:
@@ -81,7 +89,8 @@ def judged(result: CampaignResult, truth: dict[str, Any]) -> dict[str, list[dict
     own = {tuple(key) for key in faults.values()}
     others = [t for key, t in rows.items() if key not in own and not t.pooled]
     lost = [{"trial": f"{t.vehicle}/{t.trial}", "why": t.problem or t.reason} for t in others]
-    return {"changes": changes, "spoilt trials": spoilt, "others left out": lost}
+    counts = [{"trials": len(rows), "spoilt": len(own), "left out beside these": len(others)}]
+    return {"changes": changes, "spoilt trials": spoilt, "trials": counts, "others left out": lost}
 
 
 def _of_vehicle(vehicle: Any, truth: dict[str, Any]) -> dict[str, Any]:

@@ -10,7 +10,12 @@ from pathlib import Path
 from typing import Any
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "benchmarks.md"
-ELSEWHERE = {"exports": "exports.md", "campaign-cost": "campaigns.md"}  # sections of other pages
+ELSEWHERE = {  # sections of other pages
+    "exports": "exports.md",
+    "campaign-cost": "campaigns.md",
+    "season": "campaigns.md",
+    "season-steady": "campaigns.md",
+}
 PLACE = r"(?<=<!-- begin {name} -->\n).*?(?=<!-- end {name} -->\n)"
 
 Rows = list[dict[str, Any]]
