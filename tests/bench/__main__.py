@@ -25,7 +25,10 @@ STUDIES = (
 OF_A_STUDY = (
     "population-vertical",
     "population-current_drift",
-)  # sections besides the one of its name
+    "population-clean",
+    "season",
+    "season-steady",
+)  # sections besides the one of its name, or of what is a study of `SEASONS`
 BY_HAND = ("casadi", "campaign-cost")  # what `make bench` leaves out: other libraries, or long
 SEASONS = ("pool", "season", "cluster")  # as well; their results depend on what they were asked for
 PARTS = (
