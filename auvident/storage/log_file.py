@@ -1,5 +1,6 @@
 """One table of a log file (text, Parquet, or a container of many): columns, values on demand."""
 
+import re
 import unicodedata
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
@@ -36,6 +37,12 @@ MOST_TIMES = 100
 MOST_UNPACKED = 256 * MEGABYTE
 CELL_BYTES = 8
 MOST_COLUMNS = 10_000
+# What a browser, a file manager or a logger that begins a new file adds to a name. A number of
+# three digits or more is a date, a propeller rate or a run.
+ADDED = re.compile(
+    r"(?P<of>.+?)(?:[\s_-]*(?:\(\d+\)|(?:part|pt)[\s_-]*\d+|-?\s*copy(?:\s*\(\d+\))?)|[\s_-]+\d\d?)",
+    re.IGNORECASE,
+)
 
 
 @dataclass(frozen=True)
@@ -126,6 +133,12 @@ def stem(path: Path) -> str:
     own = next((s for s in (*LOG_SUFFIXES, *OTHER_SUFFIXES) if lower.endswith(s)), None)
     suffix = own or next((s for s in container_suffixes() if lower.endswith(s)), path.suffix)
     return path.name[: -len(suffix)] if suffix else path.name
+
+
+def log_name(path: Path) -> str:
+    """Name of the log that a file is a part of, lower case (``dvl (1).csv`` -> ``dvl``)."""
+    found = ADDED.fullmatch(stem(path))
+    return (found["of"] if found else stem(path)).lower()
 
 
 def looks_like_log(path: Path) -> bool:

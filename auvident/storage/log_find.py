@@ -14,7 +14,14 @@ from auvident.schema.channels import SENSORS
 from auvident.schema.logs import ColumnMap
 from auvident.storage.declared import fitting
 from auvident.storage.log_columns import resolve, time_column
-from auvident.storage.log_file import LogFile, is_container, looks_like_log, open_logs, stem
+from auvident.storage.log_file import (
+    LogFile,
+    is_container,
+    log_name,
+    looks_like_log,
+    open_logs,
+    stem,
+)
 from auvident.storage.log_own import (
     MAX_DEPTH,
     REMEDY,
@@ -257,13 +264,16 @@ def _has_time(log: Path, column_map: ColumnMap) -> bool:
 
 
 def _is_split(logs: Sequence[Path], column_map: ColumnMap) -> bool:
-    """Whether no file alone has dvl, gyro and rudder, but together they have them once each."""
+    """Whether no file alone has dvl, gyro and rudder, but together they have them once each.
+
+    Parts of one log (``dvl_part1.csv``, ``dvl_part2.csv``) count once.
+    """
     core = ("dvl", "gyro", "rudder")
     names = _time_names(column_map)
-    have = [_sensors_in(open_logs(log, names), column_map) for log in logs]
-    if any(all(sensor in h for sensor in core) for h in have):
+    have = [(log_name(p), _sensors_in(open_logs(p, names), column_map)) for p in logs]
+    if any(all(sensor in h for sensor in core) for _, h in have):
         return False
-    return all(sum(sensor in h for h in have) == 1 for sensor in core)
+    return all(len({name for name, h in have if sensor in h}) == 1 for sensor in core)
 
 
 def _time_names(column_map: ColumnMap) -> set[str]:

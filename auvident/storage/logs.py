@@ -28,7 +28,7 @@ from auvident.schema.logs import (
     moved_stamps,
 )
 from auvident.storage.declared import parse, read_toml, refuse_outside
-from auvident.storage.log_aside import blamed, open_usable, read_usable, set_aside
+from auvident.storage.log_aside import Read, blamed, open_usable, read_usable, set_aside
 from auvident.storage.log_columns import (
     LogColumn,
     listed,
@@ -43,6 +43,7 @@ from auvident.storage.log_csv import Kind, LogTable
 from auvident.storage.log_file import LogFile, open_logs, read_log
 from auvident.storage.log_find import TrialSource, find_trials, has_sensor
 from auvident.storage.log_geographic import COLUMNS, faults_of, from_first_fix
+from auvident.storage.log_parts import Columns, Part, are_of_one_log, parts_of, with_parts
 from auvident.storage.log_time import ABSOLUTE_S, Stamps
 from auvident.storage.log_time_parts import nanoseconds_of, read_parts
 from auvident.storage.log_valid import marked
@@ -116,11 +117,15 @@ def read_trial(
     sensors, origins = read_usable(
         homes, needed, lambda own: _read_sensors(own, columns, column_map), faults
     )
+    parts = _parts(source, logs, {s: homes[s] for s in sensors})
+    (sensors, origins), joined = _with_parts((sensors, origins), homes, parts, column_map)
     undecided = _undecided(source, logs, homes, column_map)
+    told = (*undecided, *(log for others in parts.values() for log in others))
     remarks = (remark for sensor in sensors.values() for remark in sensor.remarks)
     findings = (
         *remarks,
-        *_unused(source, logs, homes, undecided),
+        *joined,
+        *_unused(source, logs, homes, undecided, told),
         *set_aside(faults),
         *_damage(logs),
     )
@@ -146,7 +151,7 @@ def _home(
     if named:
         return named[0]
     having = _having(searched, sensor, column_map)[0]
-    if len(having) > 1:
+    if len(having) > 1 and not are_of_one_log(having):
         names = " and ".join(log.label for log in having)
         key = "topic" if having[0].topic else "file"
         raise InputError(
@@ -237,6 +242,30 @@ def _read_sensors(
             found[sensor] = _sensor(log, table, sensor, columns[sensor], column_map, flag, stamps)
             origins[sensor] = stamps.origin_s
     return {sensor: found[sensor] for sensor in SENSORS if sensor in found}, origins
+
+
+def _parts(
+    source: TrialSource, logs: dict[Path, Tables], homes: dict[str, LogFile]
+) -> dict[str, Tables]:
+    """Files that may be parts of the log of a sensor, where no map chooses one."""
+    tables = [log for own in logs.values() for log in own]
+    return {s: parts_of(home, tables) for s, home in homes.items() if s not in source.assigned}
+
+
+def _with_parts(
+    read: Read, homes: dict[str, LogFile], parts: dict[str, Tables], column_map: ColumnMap
+) -> tuple[Read, tuple[Finding, ...]]:
+    def columns_of(sensor: str, log: LogFile) -> Columns:
+        has = has_sensor(log, sensor, column_map)
+        return resolve(log, sensor, column_map.of(sensor)) if has else {}
+
+    def read_part(sensor: str, log: LogFile) -> Part:
+        own = {s: log for s, others in parts.items() if log in others and columns_of(s, log)}
+        columns = {s: dict(columns_of(s, log)) for s in own}
+        found, origins = _read_sensors(own, columns, column_map)
+        return found[sensor], origins[sensor]
+
+    return with_parts(read, homes, parts, columns_of, read_part)
 
 
 def _stamps(log: LogFile, table: LogTable, name: str, mapping: SensorMap) -> Stamps:
@@ -360,8 +389,9 @@ def _unused(
     logs: dict[Path, Tables],
     homes: dict[str, LogFile],
     undecided: Tables,
+    told: Tables,
 ) -> tuple[Finding, ...]:
-    used = {log.path for log in (*homes.values(), *undecided)}
+    used = {log.path for log in (*homes.values(), *told)}
     aside = tuple(
         Finding(
             code="file_not_used",
