@@ -18,6 +18,13 @@ from auvident.stages.ingest.checks.row import (
     untested,
 )
 from auvident.stages.ingest.checks.seen import MIN_SPEED_MPS, Seen
+from auvident.stages.ingest.checks.throttle import (
+    PULSES_REMEDY,
+    SHARE_REMEDY,
+    column_of_rpm,
+    rest_us,
+    share_of_throttle,
+)
 from auvident.stages.ingest.checks.track import LEAST_EXPLAINED, TrackFit, sway_gain, track
 
 MIN_RPM = 10.0  # a propeller that turns slower is stopped
@@ -40,6 +47,7 @@ GEARS = {
     "rpm of a motor before a gear of 2": 0.5,
     "rpm of a motor before a gear of 3": 1.0 / 3.0,
     "rpm that counts every second turn": 2.0,
+    "rev/s in an rpm column": 60.0,
 }
 ONE_RATE = "rpm never changes: thrust and drag cannot be told apart"
 LEVELS = 1.3  # ratio of steady speeds over ground that one propeller rate does not make
@@ -188,6 +196,8 @@ def balance(seen: Seen) -> Balance | None:
 
 def _blamed(seen: Seen, ratio: Ratio) -> tuple[str, ...]:
     """Which of speed and propeller rate is off: position or depth tell, else the drift in turns."""
+    if rest_us(seen) is not None:
+        return ("rpm",)
     found = tracked(seen)
     if found is not None:
         near = abs(np.log(found.scale.value)) < 0.2
@@ -221,6 +231,14 @@ def by_propeller(seen: Seen) -> Verdict:
 
 def rpm_by_speed(seen: Seen) -> Verdict:
     """Whether the propeller rate is what the speed asks for."""
+    rest = rest_us(seen)
+    if rest is not None:
+        return contradicts(
+            f"rpm is {rest:.0f} where the vehicle stands still: microseconds of a throttle's "
+            "pulses (PWM), no rate of a propeller",
+            rest,
+            PULSES_REMEDY.format(column=column_of_rpm(seen), rest=rest),
+        )
     return _held_against(seen, "rpm", "speed", GEARS, scaled_speed=False)
 
 
@@ -241,13 +259,14 @@ def _held_against(
         )
     wanted = 1.0 / found.ratio.value if scaled_speed else found.ratio.value
     named = _nearest(names, wanted, found.limit)
+    share = "" if scaled_speed or named else share_of_throttle(seen)
     either = f" (or the {other} is off)" if len(found.blamed) > 1 else ""
-    guess = f"{named or 'a wrong unit, a gear'}? Or another vehicle's file?"
+    guess = f"{named or share or 'a wrong unit, a gear'}? Or another vehicle's file?"
     columns = _velocities(seen) if scaled_speed else ["rpm"]
     return found.ratio.verdict(
         "contradicts",
         f"{_words(found)}; {guess}{either}",
-        REMEDY,
+        SHARE_REMEDY.format(column=column_of_rpm(seen)) if share else REMEDY,
         scaled(names[named], *columns) if named else "",
     )
 
@@ -357,9 +376,10 @@ def _drives_without(most: float, speed_mps: float) -> Verdict:
     stands = f"at {most:.3g}" if most == 0.0 else f"within {most:.2g}"
     return contradicts(
         f"the vehicle makes {speed_mps:.2g} m/s although rpm stands {stands} throughout: the log "
-        "of the propeller looks stuck, or is not connected",
+        "of the propeller looks stuck, or is not connected"
+        f"{'' if most == 0.0 else ', or it is a throttle of 0 to 1'}",
         speed_mps,
-        "Check the log of rpm; a map (--map) names another column.",
+        "Check the log of rpm; a map (--map) names another column, or the scale of a throttle.",
     )
 
 
@@ -393,7 +413,8 @@ def advance_ratio(seen: Seen) -> Verdict:
         return agrees("u / (n D) is that of a propeller that drives a hull", advance)
     fault = "motor rather than propeller rpm (gear ratio)"
     if advance > MAX_ADVANCE:
-        fault = "rev/s in an rpm column" if advance > 10 * MAX_ADVANCE else "u in knots or cm/s"
+        fault = f"{share_of_throttle(seen)}, or u in knots or cm/s".removeprefix(", or ")
+        fault = "rev/s in an rpm column" if advance > 10 * MAX_ADVANCE else fault
     return contradicts(
         f"u / (n D) is {advance:.3g}; looks like {fault}, or a wrong propeller diameter",
         advance,
