@@ -47,6 +47,7 @@ from auvident.storage.log_parts import Columns, Part, are_of_one_log, parts_of, 
 from auvident.storage.log_time import ABSOLUTE_S, Stamps
 from auvident.storage.log_time_parts import nanoseconds_of, read_parts
 from auvident.storage.log_valid import marked
+from auvident.storage.log_zeros import ZEROS, zeros_between, zeros_told
 
 Tables = tuple[LogFile, ...]
 MAP_REMEDY = (
@@ -314,6 +315,13 @@ def _sensor(
         false &= valid
         _note(dropped, dropped_rows, "marked_invalid", table.rows[false])
         valid &= ~false
+    names = [column.name for column in columns.values()]
+    zeros = np.zeros_like(valid)
+    zeros[valid] = zeros_between(time_s[valid], [table.columns[name][valid] for name in names])
+    if zeros.any():
+        _note(dropped, dropped_rows, ZEROS, table.rows[zeros])
+        remarks += (zeros_told(sensor, log.where, names, zeros),)
+        valid &= ~zeros
     values = {key: column.in_si(table.columns[column.name]) for key, column in columns.items()}
     of_angles = any(column.is_angle for column in columns.values())
     faults = faults_of(*(values[key] for key in COLUMNS)) if of_angles else {}

@@ -25,6 +25,7 @@ MUCH_SHARE = 0.30  # of a channel's samples that cleaning left out
 # a stair, and the noise that the filter counts with is none.
 COARSE_SHARE = 0.03
 MOTION = ("u_mps", "v_mps", "w_mps", "q_radps", "r_radps")
+NO_SAMPLES = ("held_copy", "zero_for_empty")  # rows of other sensors
 NOT_A_FAULT = ("empty", "repeated_time")  # of the sample that stands there
 
 # What cleaning found wrong with samples of a channel, by reason: code, words, remedy.
@@ -165,7 +166,7 @@ def _clock(sensor: SensorQuality, passage_s: float) -> Iterator[Finding]:
 
 
 def _losses(sensor: SensorQuality) -> Iterator[Finding]:
-    counts = {reason: d.count for reason, d in sensor.dropped.items() if reason != "held_copy"}
+    counts = {reason: d.count for reason, d in sensor.dropped.items() if reason not in NO_SAMPLES}
     lost = sum(counts.values())
     if lost > DROPPED_SHARE * sensor.rows_read:
         reasons = ", ".join(f"{count} {reason}" for reason, count in counts.items())
