@@ -22,9 +22,9 @@ from auvident.schema.logs import (
     units_for,
     units_of,
 )
-from auvident.storage.log_file import LogFile
+from auvident.storage.log_file import UNNAMED_INDEX, LogFile
 from auvident.storage.log_geographic import quantity_named
-from auvident.storage.log_layout import TIME_NAMES
+from auvident.storage.log_layout import INDEX, TIME_NAMES
 from auvident.storage.log_time_parts import whole_seconds_in
 
 RPM_STEMS = ("n", "prop", "propeller", "propeller_rate", "shaft", "thruster", "motor")
@@ -189,6 +189,8 @@ TIME_ALIASES = (
     "timestamp_usec",
     "timeus",
     "timems",
+    UNNAMED_INDEX,
+    INDEX,
 )
 TIME_SPELLINGS = {"usec": "us", "msec": "ms", "nsec": "ns"}  # of MAVLink: time_usec
 RUN_TOGETHER = {"timeus": "us", "timems": "ms"}  # of DataFlash: TimeUS

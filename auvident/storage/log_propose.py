@@ -36,7 +36,14 @@ from auvident.storage.log_propose_files import (
     file_patterns,
     to_propose_for,
 )
-from auvident.storage.log_propose_topics import assign_topics, flag_lines, is_generic, topic_lines
+from auvident.storage.log_propose_topics import (
+    as_topics,
+    assign_topics,
+    flag_lines,
+    is_generic,
+    is_printed,
+    topic_lines,
+)
 from auvident.storage.log_time import EPOCH_MAGNITUDES
 
 USUAL_STEP_S = 5.0  # a median step above it means that the time is not in seconds
@@ -68,8 +75,8 @@ def propose_map(
         Needed channel columns for which nothing was found.
     """
     chosen = _first_of_alike(to_propose_for(logs, trials))
-    with_topics = any(log.topic for log in chosen.values())
-    assigned = assign_topics(chosen, values) if with_topics else _assign(chosen, values)
+    with_topics = any(log.topic or is_printed(log) for log in chosen.values())
+    assigned = assign_topics(as_topics(chosen), values) if with_topics else _assign(chosen, values)
     proposals = in_knots(one_unit(assigned), chosen, values)
     found = {p.channel.column for p in proposals}
     unassigned = tuple(c.column for c in CHANNELS if c.needed and c.column not in found)

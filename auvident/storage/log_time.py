@@ -28,6 +28,7 @@ MISSING_COUNT = np.iinfo(np.int64).min  # an empty cell among integers; numpy's 
 
 
 TIME_OF_DAY = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:\.\d+)?)Z?")
+DURATION = re.compile(r"-?\d+ days?,? \d{1,2}:\d{2}:\d{2}(?:\.\d+)?")  # of pandas and Python
 DAY_S = 86400.0
 # Dates of which no other reading is usual: 01.05.2024 and 2024/05/01; 5/1/2024 may be either.
 DAY_FIRST = re.compile(r"^(\d{2})\.(\d{2})\.(\d{4})(?=\D|$)")
@@ -267,6 +268,9 @@ def _from_text(values: np.ndarray, where: str, rows: np.ndarray) -> np.ndarray:
     of_day = texts[~empty].str.fullmatch(TIME_OF_DAY)
     if of_day.size and of_day.all():
         return _from_time_of_day(texts)
+    if of_day.size and texts[~empty].str.fullmatch(DURATION).all():
+        plain = texts.mask(empty).str.replace(",", "", regex=False)
+        return pd.to_timedelta(plain).dt.as_unit("ns").to_numpy()
     texts = texts.str.replace(DAY_FIRST, r"\3-\2-\1", regex=True)
     texts = texts.str.replace(SLASHED, r"\1-\2-\3", regex=True)
     instants = pd.to_datetime(texts.mask(empty), format="ISO8601", utc=True, errors="coerce")

@@ -35,6 +35,7 @@ from auvident.stages.ingest.resample import (
     resample_input,
     resample_measured,
 )
+from auvident.stages.ingest.time_units import unit_by_span
 
 MAX_RATE_HZ = 1000.0
 MAX_PERIOD_S: VehicleTime = 5.0  # slower velocities or yaw rates do not show a maneuver
@@ -203,7 +204,8 @@ def _common_grid(
         raise InputError(
             f"the required sensors never overlap in time: {spans}",
             f"trial {raw.name}",
-            "Check that all of them run on the same clock; time_offset_s in a map (--map) "
+            " ".join(f"{f.message}. {f.remedy}" for f in unit_by_span(raw.sensors))
+            or "Check that all of them run on the same clock; time_offset_s in a map (--map) "
             "shifts one.",
         )
     return grid

@@ -1,0 +1,55 @@
+"""Milliseconds that are read as seconds, and seconds that are read as milliseconds."""
+
+import numpy as np
+import pytest
+from ingest_world import calm, changed, sensor, vehicle, with_sensor
+
+from auvident.errors import InputError
+from auvident.stages.ingest import ingest
+
+
+def in_unit(raw, name, factor, late_s=0.0):
+    """The trial with the time of one sensor a factor of what it is."""
+    return changed(raw, name, time_s=(raw.sensors[name].time_s + late_s) * factor)
+
+
+def with_depth():
+    time = np.arange(0.0, 60.0, 0.2)
+    return with_sensor(calm(duration_s=60.0), sensor("depth", time, depth_m=4.0 + 0.01 * time))
+
+
+def units(quality):
+    return [f for f in quality.findings if f.code == "time_unit"]
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1e3, "ms"), (1e-3, "s")])
+def test_a_sensor_that_lasts_a_thousand_times_as_long_is_told(factor, unit):
+    (told,) = units(ingest(in_unit(with_depth(), "depth", factor), vehicle())[1])
+    assert "depth lasts" in told.message
+    assert f'[depth] time_unit = "{unit}"' in told.remedy
+    assert not units(ingest(with_depth(), vehicle())[1])
+
+
+def test_needed_sensors_that_never_overlap_name_the_unit():
+    raw = calm(duration_s=60.0)
+    for name in ("dvl", "gyro", "rpm"):
+        raw = in_unit(raw, name, 1.0, late_s=100.0)
+    with pytest.raises(InputError, match="never overlap") as caught:
+        ingest(in_unit(raw, "rudder", 1e3, late_s=100.0), vehicle())
+    assert '[rudder] time_unit = "ms"' in (caught.value.remedy or "")
+
+
+@pytest.mark.parametrize("rate_hz", [1.0, 5.0, 8.0])
+def test_a_trial_that_is_over_within_some_lengths_is_told(rate_hz):
+    """Slower than 9 Hz it is not beyond what the fastest gyro delivers."""
+    raw = calm(rate_hz=rate_hz, duration_s=1000.0)
+    quick = raw
+    for name in raw.sensors:
+        quick = in_unit(quick, name, 1e-3)
+    (told,) = units(ingest(quick, vehicle())[1])
+    assert "seconds read as milliseconds" in told.message
+    assert not units(ingest(raw, vehicle())[1])
+
+
+def test_a_simulation_of_a_thousand_rows_a_second_is_none():
+    assert not units(ingest(calm(rate_hz=1000.0, duration_s=40.0), vehicle())[1])
