@@ -18,7 +18,9 @@ INDEX = "index"  # name given to the index of a data frame that has none
 # fmt: off
 MISSING = frozenset((
     "", "-", "--", "?", "nan", "-nan", "+nan", "nan(ind)", "-nan(ind)", "null", "none", "nil",
-    "nat", "n/a", "na", "#n/a", "inf", "-inf", "+inf", "infinity", "-infinity",
+    "nat", "n/a", "na", "n.a.", "<na>", "inf", "-inf", "+inf", "infinity", "-infinity",
+    "1.#qnan", "-1.#qnan", "1.#ind", "-1.#ind", "1.#inf", "-1.#inf", "nan(snan)", "-nan(snan)",
+    "#n/a", "#div/0!", "#value!", "#num!", "#ref!", "#null!", "missing", "undefined", "*", ".",
 ))
 # fmt: on
 TIME_NAMES = (

@@ -12,13 +12,11 @@ from auvident.storage.log_columns import (
     ALIASES,
     angle_of,
     guess_column,
-    guess_time,
     of_sensor,
     quantity_of,
     resolve,
     split_unit,
     time_column,
-    time_unit,
 )
 from auvident.storage.log_file import LogFile
 from auvident.storage.log_proposal import (
@@ -45,6 +43,7 @@ from auvident.storage.log_propose_topics import (
     topic_lines,
 )
 from auvident.storage.log_time import EPOCH_MAGNITUDES
+from auvident.storage.log_time_names import guess_time, time_unit
 
 USUAL_STEP_S = 5.0  # a median step above it means that the time is not in seconds
 STEPS_OF = {"ms": 1e3 * USUAL_STEP_S, "us": 1e6 * USUAL_STEP_S}  # steps below: this unit
@@ -308,7 +307,12 @@ def _finer_unit(log: LogFile, values: Mapping[str, np.ndarray]) -> str | None:
     """Unit of a time whose name says none, where the rows are too far apart for seconds."""
     name = guess_time(log)
     numbers = None if name is None else values.get(name)
-    if name is None or numbers is None or numbers.dtype == object or time_unit(name, SensorMap()):
+    if (
+        name is None
+        or numbers is None
+        or numbers.dtype == object
+        or time_unit(log, name, SensorMap())
+    ):
         return None
     known = numbers[np.isfinite(numbers)]
     step = float(np.median(np.diff(known))) if known.size > 1 else 0.0

@@ -53,3 +53,24 @@ def test_a_trial_that_is_over_within_some_lengths_is_told(rate_hz):
 
 def test_a_simulation_of_a_thousand_rows_a_second_is_none():
     assert not units(ingest(calm(rate_hz=1000.0, duration_s=40.0), vehicle())[1])
+
+
+def test_sensors_that_begin_past_midnight_are_put_a_day_later():
+    raw = calm(duration_s=60.0)
+    for name in raw.sensors:
+        late = 86399.9 if name == "gyro" else 0.0
+        raw = in_unit(raw, name, 1.0, late_s=late)
+    with pytest.raises(InputError, match="never overlap") as caught:
+        ingest(raw, vehicle())
+    for name in ("dvl", "rudder", "rpm"):
+        assert f"[{name}] time_offset_s = 86400" in (caught.value.remedy or "")
+    assert "[gyro]" not in (caught.value.remedy or "")
+
+
+def test_a_depth_that_begins_past_midnight_is_told():
+    raw = with_depth()
+    for name in ("dvl", "gyro", "rudder", "rpm"):
+        raw = in_unit(raw, name, 1.0, late_s=86399.9)
+    quality = ingest(raw, vehicle())[1]
+    (told,) = [f for f in quality.findings if f.code == "clock_day"]
+    assert "[depth] time_offset_s = 86400" in told.remedy

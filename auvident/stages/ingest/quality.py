@@ -25,7 +25,7 @@ from auvident.stages.ingest.outliers import noise_std, resolution
 from auvident.stages.ingest.pace import pace_of
 from auvident.stages.ingest.remarks import sampling_findings
 from auvident.stages.ingest.resample import Resampled, median_period
-from auvident.stages.ingest.time_units import too_quick, unit_by_span
+from auvident.stages.ingest.time_units import a_day_apart, too_quick, unit_by_span
 
 MIN_NOISE_SAMPLES = 30  # fewer second differences do not tell the noise
 
@@ -72,6 +72,7 @@ def report(
         ),
         *_unusable(sensors),
         *unit_by_span(raw.sensors),
+        *a_day_apart(raw.sensors),
         *_too_quick(own, float(time[-1] - time[0]), pace_of(raw.sensors, vehicle).passage_s),
         *aligned.findings,
     )

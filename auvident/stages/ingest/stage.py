@@ -35,7 +35,7 @@ from auvident.stages.ingest.resample import (
     resample_input,
     resample_measured,
 )
-from auvident.stages.ingest.time_units import unit_by_span
+from auvident.stages.ingest.time_units import a_day_apart, unit_by_span
 
 MAX_RATE_HZ = 1000.0
 MAX_PERIOD_S: VehicleTime = 5.0  # slower velocities or yaw rates do not show a maneuver
@@ -196,6 +196,7 @@ def _common_grid(
         )
     grid = Grid.within(start, end, rate_hz)
     if grid.size < 2:
+        clocks = (*unit_by_span(raw.sensors), *a_day_apart(raw.sensors))
         spans = "; ".join(
             f"{s.file} {s.time_s.min():.3f} to {s.time_s.max():.3f} s"
             for name, s in raw.sensors.items()
@@ -204,7 +205,7 @@ def _common_grid(
         raise InputError(
             f"the required sensors never overlap in time: {spans}",
             f"trial {raw.name}",
-            " ".join(f"{f.message}. {f.remedy}" for f in unit_by_span(raw.sensors))
+            " ".join(f"{f.message}. {f.remedy}" for f in clocks)
             or "Check that all of them run on the same clock; time_offset_s in a map (--map) "
             "shifts one.",
         )

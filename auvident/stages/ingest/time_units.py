@@ -1,4 +1,4 @@
-"""Times that are in another unit than they are read in: milliseconds as seconds, or the reverse."""
+"""Times in another unit than they are read in, and times of day of which midnight is in between."""
 
 from collections.abc import Iterator, Mapping
 
@@ -7,6 +7,7 @@ import numpy as np
 from auvident.schema.artifacts import Finding
 from auvident.schema.logs import RawSensor
 
+DAY_S = 86400.0
 WITHIN = 1.5  # factor: sensors of one trial start and stop together, more or less
 FEWEST_OTHERS = 2
 LEAST_SAMPLES = 20
@@ -43,6 +44,33 @@ def unit_by_span(sensors: Mapping[str, RawSensor]) -> list[Finding]:
                 )
             )
     return found
+
+
+def a_day_apart(sensors: Mapping[str, RawSensor]) -> list[Finding]:
+    """What is said of sensors that start a day before the others: past midnight, without a date.
+
+    Parameters
+    ----------
+    sensors : mapping of str to RawSensor
+        As read.
+    """
+    starts = {name: float(np.nanmin(s.time_s)) for name, s in sensors.items() if s.time_s.size}
+    last = max(starts.values(), default=0.0)
+    longest = max((_span(sensors[name].time_s) for name in starts), default=0.0)
+    early = {name: last - start for name, start in starts.items() if last - start > 0.5 * DAY_S}
+    return [
+        Finding(
+            code="clock_day",
+            message=f"{name} starts {apart:.0f} s before the last sensor: its first row is past "
+            "midnight, and times of day have no date",
+            where=sensors[name].file,
+            value=apart,
+            threshold=0.5 * DAY_S,
+            remedy=f"Put it a day later in a map (--map): [{name}] time_offset_s = {DAY_S:.0f}.",
+        )
+        for name, apart in early.items()
+        if starts[name] >= 0.0 and abs(apart - DAY_S) < min(longest, 0.5 * DAY_S)
+    ]
 
 
 def _span(time_s: np.ndarray) -> float:
