@@ -15,6 +15,7 @@ from auvident.schema.logs import ColumnMap
 from auvident.storage.declared import fitting
 from auvident.storage.log_columns import resolve, time_column
 from auvident.storage.log_file import (
+    OTHER_SUFFIXES,
     LogFile,
     is_container,
     log_name,
@@ -172,7 +173,17 @@ def _folder_or_refuse(
     if wanted:
         problem = f"contains no file that matches {', '.join(wanted)} and has the mapped columns"
     listing = ", ".join(inside[:12]) + (", ..." if len(inside) > 12 else "")
-    raise InputError(f"{problem}; found {listing or 'nothing'}", str(path), LAYOUT_REMEDY)
+    raise InputError(f"{problem}; found {listing or 'nothing'}", str(path), layout_remedy(path))
+
+
+def layout_remedy(folder: Path) -> str:
+    """What to do about a folder without a log: text files with other endings are not looked at."""
+    texts = sorted(p.name for p in folder.iterdir() if p.name.lower().endswith(OTHER_SUFFIXES))
+    if not texts:
+        return LAYOUT_REMEDY
+    return (
+        f"If {texts[0]} is a table, give it the ending .csv, as all of its folder. " + LAYOUT_REMEDY
+    )
 
 
 def none_usable(faults: Sequence[Fault]) -> InputError:

@@ -12,7 +12,7 @@ from auvident.schema.logs import SensorMap
 from auvident.schema.quoting import encodable
 from auvident.storage.log_columns import angle_of, quantity_of
 from auvident.storage.log_file import LogFile, open_logs, read_log
-from auvident.storage.log_find import LAYOUT_REMEDY
+from auvident.storage.log_find import layout_remedy
 from auvident.storage.log_own import MAX_DEPTH, folders_in, logs_in
 from auvident.storage.log_propose import propose_map
 from auvident.storage.log_propose_files import trials_without_map
@@ -127,7 +127,7 @@ def _files(path: Path) -> list[Path]:
         found += [p for folder in level for p in logs_in(folder)]
         level = [p for folder in level for p in folders_in(folder)]
     if not found:
-        raise InputError("contains no CSV or Parquet file", str(path), LAYOUT_REMEDY)
+        raise InputError("contains no CSV or Parquet file", str(path), layout_remedy(path))
     return found
 
 

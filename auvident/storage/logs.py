@@ -41,7 +41,7 @@ from auvident.storage.log_constant import with_constants
 from auvident.storage.log_csv import Kind, LogTable
 from auvident.storage.log_file import LogFile, open_logs, read_log
 from auvident.storage.log_find import TrialSource, find_trials, has_sensor
-from auvident.storage.log_geographic import COLUMNS, faults_of, from_first_fix
+from auvident.storage.log_geographic import COLUMNS, faults_of, from_first_fix, minutes_told
 from auvident.storage.log_parts import Columns, Part, are_of_one_log, parts_of, with_parts
 from auvident.storage.log_time import ABSOLUTE_S, FEWEST_OF_RATE, Stamps
 from auvident.storage.log_time_names import refuse_time_label, time_unit
@@ -328,6 +328,8 @@ def _sensor(
     values = {key: column.in_si(table.columns[column.name]) for key, column in columns.items()}
     of_angles = any(column.is_angle for column in columns.values())
     faults = faults_of(*(values[key] for key in COLUMNS)) if of_angles else {}
+    if of_angles:
+        remarks += minutes_told(values[COLUMNS[0]], values[COLUMNS[1]], log.where)
     for reason, wrong in faults.items():
         _note(dropped, dropped_rows, reason, table.rows[valid & wrong])
         valid &= ~wrong

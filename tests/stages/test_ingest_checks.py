@@ -240,6 +240,25 @@ def test_a_throttle_is_named_and_a_rate_that_is_held_is_none():
     assert "microseconds" not in held.message
 
 
+@pytest.mark.parametrize(
+    ("north", "east", "words"),
+    [
+        (("east_m", 1.0), ("north_m", 1.0), "north and east are swapped?"),
+        (("north_m", 1.0), ("east_m", -1.0), "east has the other sign?"),
+        (("north_m", -1.0), ("east_m", 1.0), "north has the other sign?"),
+        (("east_m", -1.0), ("north_m", -1.0), "north and east are swapped and have the other"),
+    ],
+)
+def test_a_position_in_a_mirror_is_told(north, east, words):
+    trial, _ = ingested()
+    table = trial.table.assign(
+        north_m=north[1] * trial.table[north[0]], east_m=east[1] * trial.table[east[0]]
+    )
+    made = run_checks(Seen(sailed(), replace(trial, table=table), BOAT))[0]
+    (row,) = [c for c in made if c.name == "speed_by_position"]
+    assert row.outcome == "contradicts" and words in row.message
+
+
 def reckoned(raw: RawTrial, gyro: float) -> RawTrial:
     """Heading and position computed from gyro and DVL, as a vehicle without aids does."""
     dvl, attitude, gyros, fixes = (

@@ -39,6 +39,14 @@ TURNING = 0.1  # r L / u
 PIVOT, PIVOT_STD = 0.35, 0.15  # lengths ahead of midships; logarithm, of 150 drawn vehicles
 PIVOT_LIMIT = 0.5  # logarithm; the worst of them is 0.42 off
 TOLD_APART = 4.0  # difference of chi-square that names one of two
+SURELY_EXPLAINED = 0.8  # of a track in the mirror, where the track itself is not even half
+# By the quarters that the track in the mirror (east of the other sign) is turned by.
+MIRRORS = (
+    "east has the other sign",
+    "north and east are swapped and have the other sign",
+    "north has the other sign",
+    "north and east are swapped",
+)
 UNITS = {
     "knots logged as m/s": KNOT,
     "m/s logged as knots": 1.0 / KNOT,
@@ -72,7 +80,7 @@ def by_position(seen: Seen) -> Verdict:
         return untested(POSITION)
     found = tracked(seen)
     if found is None:
-        return _by_path(seen)
+        return _mirrored(seen) or _by_path(seen)
     scale = found.scale
     speed = Figure(1.0 / scale.value, scale.std / scale.value**2)
     off = abs(speed.value - 1.0)
@@ -89,6 +97,20 @@ def by_position(seen: Seen) -> Verdict:
         f"{f'; {named}?' if named else ', current taken out'}",
         "Check the units of u, v and of the position, and the DVL's sound speed.",
         scaled(factor, *_velocities(seen)),
+    )
+
+
+def _mirrored(seen: Seen) -> Verdict | None:
+    """A position that follows the DVL as in a mirror: swapped, or one of it of the other sign."""
+    found = track(seen, mirrored=True)
+    if found is None or found.explained < SURELY_EXPLAINED:
+        return None
+    words = MIRRORS[round(found.turned / (0.5 * np.pi)) % 4]
+    return contradicts(
+        f"the position follows heading and speed only as in a mirror: {words}?",
+        found.scale.value,
+        "Check columns and signs of north and east (a longitude west is negative) in a map "
+        "(--map); or heading, r and v count to port, as ROS has them: then turn all three.",
     )
 
 
