@@ -302,6 +302,7 @@ def _parse_carefully(
     header = texts[first] == first
     for name in kinds:
         header &= texts[name].isin([name, ""]) | (texts[name] == name)
+    header |= _repeats_units(texts, layout)
     comment = texts[first].str.startswith(COMMENT_MARKS)
     kept = ~np.asarray(header | comment, dtype=bool)
     has_point = bool(DECIMAL_POINT.search(body))
@@ -312,6 +313,14 @@ def _parse_carefully(
             _numbers(path, name, text, kept, lines) if kind == "number" else text.to_numpy(object)
         )
     return columns, kept, lines
+
+
+def _repeats_units(texts: Mapping[str, pd.Series], layout: Layout) -> pd.Series | bool:
+    """Rows that hold the units of the columns once more, below a header written again."""
+    units = {name: layout.units[layout.names.index(name)] for name in texts}
+    if not any(units.values()):
+        return False
+    return np.logical_and.reduce([texts[name] == unit for name, unit in units.items()])
 
 
 def _without_thousands(text: pd.Series) -> pd.Series:

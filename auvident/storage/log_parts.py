@@ -156,13 +156,16 @@ def _names(home: LogFile, others: Iterable[LogFile]) -> str:
 
 def _said(homes: Mapping[str, LogFile], joined: Iterable[str]) -> list[Finding]:
     names = "; ".join(joined)
-    finding = Finding(
-        code="files_joined",
-        message=f"parts that follow each other in time were read as one log: {names}",
-        where=str(next(iter(homes.values())).path.parent),
-        remedy="If they are of two trials, keep only those of one in this folder.",
-    )
-    return [finding] if names else []
+    if not names:
+        return []
+    return [
+        Finding(
+            code="files_joined",
+            message=f"parts that follow each other in time were read as one log: {names}",
+            where=str(next(iter(homes.values())).path.parent),
+            remedy="If they are of two trials, keep only those of one in this folder.",
+        )
+    ]
 
 
 def _told(home: LogFile, others: Sequence[LogFile], fault: str, sensor: str) -> Finding:

@@ -45,7 +45,8 @@ from auvident.storage.log_geographic import COLUMNS, faults_of, from_first_fix, 
 from auvident.storage.log_parts import Columns, Part, are_of_one_log, parts_of, with_parts
 from auvident.storage.log_time import ABSOLUTE_S, FEWEST_OF_RATE, Stamps
 from auvident.storage.log_time_names import refuse_time_label, time_unit
-from auvident.storage.log_time_parts import nanoseconds_of, read_parts
+from auvident.storage.log_time_parts import beyond_seconds_of, read_parts
+from auvident.storage.log_unread import columns_told
 from auvident.storage.log_valid import marked
 from auvident.storage.log_zeros import ZEROS, zeros_between, zeros_told
 
@@ -121,13 +122,16 @@ def read_trial(
     )
     parts = _parts(source, logs, {s: homes[s] for s in sensors})
     (sensors, origins), joined = _with_parts((sensors, origins), homes, parts, column_map)
+    is_mapped = any(column_map.of(sensor).entries() for sensor in SENSORS)  # as its writer chose
     undecided = _undecided(source, logs, homes, column_map)
+    unread = tuple(log for log in _all(logs) if log not in undecided)
     told = (*undecided, *(log for others in parts.values() for log in others))
     remarks = (remark for sensor in sensors.values() for remark in sensor.remarks)
     findings = (
         *remarks,
         *joined,
         *_unused(source, logs, homes, undecided, told),
+        *(() if is_mapped else columns_told(unread, homes, columns, elsewhere)),
         *set_aside(faults),
         *_damage(logs),
     )
@@ -230,7 +234,7 @@ def _read_sensors(
             mapping = column_map.of(sensor)
             time = time_column(log, mapping)
             wanted[time] = None
-            beside = nanoseconds_of(time, log.names)
+            beside = beyond_seconds_of(time, log.names)
             wanted |= {beside: None} if beside else {}
             wanted |= {column.name: "number" for column in columns[sensor].values()}
             flag = _valid_column(log, sensor, here, mapping.valid)
@@ -247,12 +251,15 @@ def _read_sensors(
     return {sensor: found[sensor] for sensor in SENSORS if sensor in found}, origins
 
 
+def _all(logs: dict[Path, Tables]) -> Tables:
+    return tuple(log for own in logs.values() for log in own)
+
+
 def _parts(
     source: TrialSource, logs: dict[Path, Tables], homes: dict[str, LogFile]
 ) -> dict[str, Tables]:
     """Files that may be parts of the log of a sensor, where no map chooses one."""
-    tables = [log for own in logs.values() for log in own]
-    return {s: parts_of(home, tables) for s, home in homes.items() if s not in source.assigned}
+    return {s: parts_of(home, _all(logs)) for s, home in homes.items() if s not in source.assigned}
 
 
 def _with_parts(

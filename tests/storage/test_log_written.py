@@ -136,3 +136,13 @@ def test_a_label_of_another_unit_is_refused(tmp_path, name, told):
 def test_the_map_has_the_last_word_on_the_unit(tmp_path):
     table = with_time("time_s [ms]", wide_table()["time_s"])
     same(read(tmp_path / "run.csv", table, ColumnMap.model_validate({"time_unit": "s"})))
+
+
+def test_a_header_and_its_units_written_again_are_left_out(tmp_path):
+    names, *rows = wide_table().to_csv(index=False).splitlines()
+    units = "s,m/s,m/s,rad/s,deg,rpm"
+    lines = [names, units, *rows[:100], names, units, *rows[100:]]
+    (tmp_path / "run.csv").write_text("\n".join(lines))
+    (trial,) = read_trials([tmp_path / "run.csv"])
+    same(trial)
+    assert trial.sensors["dvl"].dropped == {"repeated_header": 2}
