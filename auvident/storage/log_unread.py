@@ -8,6 +8,7 @@ from auvident.storage.log_columns import LogColumn, guess_column, of_sensor, spl
 from auvident.storage.log_file import LogFile
 from auvident.storage.log_geographic import quantity_named
 from auvident.storage.log_time_names import guess_time
+from auvident.storage.readers.quaternions import quaternions_in
 
 LEAST_LETTERS = 3  # of a name that means something in a file that is not that of its sensor
 
@@ -37,18 +38,33 @@ def columns_told(
         if sensor == "position" and own:
             continue
         for log in [homes[sensor]] if sensor in homes else plain:
-            taken = {
-                c.name
-                for s, home in homes.items()
-                if home.where == log.where
-                for c in columns[s].values()
-            }
-            names = [n for n in log.names if n not in taken and n != guess_time(log)]
-            for channel in absent:
-                name = _likely(channel, log, names)
-                if name is not None:
-                    found.setdefault(log.path.name, []).append(f"{name} ({channel.meaning})")
-    return tuple(_told(file, names, plain[0]) for file, names in found.items())
+            names = _left(log, homes, columns)
+            likely = [(c, _likely(c, log, names)) for c in absent]
+            said = [f"{name} ({channel.meaning})" for channel, name in likely if name]
+            if sensor == "attitude" and sensor not in homes:
+                said += _quaternions(names)
+            found.setdefault(log.path.name, []).extend(said)
+    return tuple(_told(file, names, plain[0]) for file, names in found.items() if names)
+
+
+def _left(
+    log: LogFile, homes: Mapping[str, LogFile], columns: Mapping[str, Mapping[str, LogColumn]]
+) -> list[str]:
+    """Columns of a table that no sensor has."""
+    here = [sensor for sensor, home in homes.items() if home.where == log.where]
+    taken = {column.name for sensor in here for column in columns[sensor].values()}
+    return [name for name in log.names if name not in taken and name != guess_time(log)]
+
+
+def _quaternions(names: list[str]) -> list[str]:
+    """Attitudes as quaternions, which are read of containers alone."""
+    known = {name.lower() for name in names}
+    found = [*quaternions_in(names), *(q for q in ("q", "quat_", "q_") if _parts(q) <= known)]
+    return [f"{name} (a quaternion: write roll_deg, pitch_deg, heading_deg)" for name in found]
+
+
+def _parts(base: str) -> set[str]:
+    return {f"{base}{axis}" for axis in "wxyz"}
 
 
 def _likely(channel: Channel, log: LogFile, names: list[str]) -> str | None:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pandas as pd
+import pytest
 from log_world import sensor_tables, wide_table, write_folder
 
 from auvident.schema.logs import ColumnMap
@@ -41,3 +42,11 @@ def test_columns_of_other_things_are_not_told(tmp_path):
     table.to_csv(tmp_path / "run.csv", index=False)
     assert told(tmp_path / "run.csv") == []
     assert told(write_folder(tmp_path / "folder")) == []
+
+
+@pytest.mark.parametrize("base", ["q", "quat_", "orientation."])
+def test_a_quaternion_is_told_with_what_to_write(tmp_path, base):
+    table = wide_table().assign(**{f"{base}{axis}": 0.5 for axis in "wxyz"})
+    table.to_csv(tmp_path / "run.csv", index=False)
+    (message,) = told(tmp_path / "run.csv")
+    assert f"{base.removesuffix('.')} (a quaternion: write roll_deg" in message
