@@ -99,8 +99,13 @@ def _without_copies(
         if not same:
             kept.append(log)
             continue
-        message = f"{log.path.name} is a copy of {same[0].path.name}, and is not read"
-        told.append(Finding(code="file_not_used", message=message, where=str(log.path.parent)))
+        told.append(
+            Finding(
+                code="file_not_used",
+                message=f"{log.path.name} is a copy of {same[0].path.name}, and is not read",
+                where=str(log.path.parent),
+            )
+        )
     return kept[1:], told
 
 

@@ -43,7 +43,7 @@ from auvident.storage.log_file import LogFile, open_logs, read_log
 from auvident.storage.log_find import TrialSource, find_trials, has_sensor
 from auvident.storage.log_geographic import COLUMNS, faults_of, from_first_fix, minutes_told
 from auvident.storage.log_parts import Columns, Part, are_of_one_log, parts_of, with_parts
-from auvident.storage.log_time import ABSOLUTE_S, FEWEST_OF_RATE, Stamps
+from auvident.storage.log_time import ABSOLUTE_S, Stamps
 from auvident.storage.log_time_names import refuse_time_label, time_unit
 from auvident.storage.log_time_parts import beyond_seconds_of, read_parts
 from auvident.storage.log_unread import columns_told
@@ -51,7 +51,6 @@ from auvident.storage.log_valid import marked
 from auvident.storage.log_zeros import ZEROS, zeros_between, zeros_told
 
 Tables = tuple[LogFile, ...]
-DESCENDING_SHARE = 0.9  # of the steps in time go back: the newest row comes first
 MAP_REMEDY = (
     'A table per sensor, e.g. [rudder] file = "*.csv", time = "t", '
     'rudder = { column = "delta_cmd", unit = "deg", sign = -1 }.'
@@ -245,8 +244,7 @@ def _read_sensors(
             flag = _valid_column(log, sensor, here, column_map.of(sensor).valid)
             name = time_column(log, column_map.of(sensor))
             stamps = _stamps(log, table, name, column_map.of(sensor))
-            own = (log, table, sensor, columns[sensor], column_map, flag, stamps)
-            found[sensor] = _newest_last(_sensor(*own))
+            found[sensor] = _sensor(log, table, sensor, columns[sensor], column_map, flag, stamps)
             origins[sensor] = stamps.origin_s
     return {sensor: found[sensor] for sensor in SENSORS if sensor in found}, origins
 
@@ -359,15 +357,6 @@ def _sensor(
         time_column=time_column(log, mapping),
         remarks=remarks,
     )
-
-
-def _newest_last(sensor: RawSensor) -> RawSensor:
-    """The sensor with its rows the other way round, where the log has the newest first."""
-    steps = np.diff(sensor.time_s)
-    if steps.size < FEWEST_OF_RATE or np.mean(steps < 0.0) < DESCENDING_SHARE:
-        return sensor
-    values = {column: own[::-1] for column, own in sensor.values.items()}
-    return replace(sensor, time_s=sensor.time_s[::-1], values=values, rows=sensor.rows[::-1])
 
 
 def _chosen(values: np.ndarray, which: np.ndarray) -> np.ndarray:

@@ -74,3 +74,11 @@ def test_a_depth_that_begins_past_midnight_is_told():
     quality = ingest(raw, vehicle())[1]
     (told,) = [f for f in quality.findings if f.code == "clock_day"]
     assert "[depth] time_offset_s = 86400" in told.remedy
+
+
+def test_a_log_with_its_newest_row_first_is_to_be_sorted():
+    raw = calm(duration_s=60.0)
+    raw = changed(raw, "dvl", time_s=raw.sensors["dvl"].time_s[::-1])
+    with pytest.raises(InputError, match="the newest row comes first") as caught:
+        ingest(raw, vehicle())
+    assert "Sort the rows by time" in (caught.value.remedy or "")

@@ -108,12 +108,6 @@ def test_a_clock_that_is_set_back_does_not_go_on(tmp_path):
     assert np.diff(trial.sensors["dvl"].time_s).min() < -80000.0
 
 
-def test_a_log_with_the_newest_row_first_is_read_from_its_end(tmp_path):
-    trial = read(tmp_path / "run.csv", wide_table()[::-1])
-    same(trial)
-    assert trial.sensors["dvl"].rows[0] == len(wide_table()) + 1
-
-
 @pytest.mark.parametrize(
     ("name", "factor"),
     [("Mission time [ms]", 1e3), ("t (us)", 1e6), ("Elapsed [seconds]", 1.0), ("Zeit [s]", 1.0)],
