@@ -75,6 +75,7 @@ SERIOUS = {
 }
 NOTES = {
     "channels_absent",
+    "columns_not_read",
     "file_not_used",
     "assumed_section",
     "assumed_propulsion_factor",

@@ -26,6 +26,7 @@ SEVERITIES: dict[str, Severity] = {
     "assumed_section": "note",
     "channels_absent": "note",
     "coarse_time": "note",
+    "columns_not_read": "note",
     "cut_by_gap": "note",
     "derived_channels": "note",
     "dvl_roll_removed": "note",

@@ -12,7 +12,6 @@ from auvident.schema.channels import BY_QUANTITY, CHANNELS, Channel
 from auvident.schema.logs import (
     LONE_ANGLE,
     PERCENT,
-    TIME_UNITS,
     UNITS,
     ColumnEntry,
     Derive,
@@ -25,7 +24,7 @@ from auvident.schema.logs import (
 from auvident.storage.log_file import LogFile
 from auvident.storage.log_geographic import quantity_named
 from auvident.storage.log_layout import TIME_NAMES
-from auvident.storage.log_time_parts import whole_seconds_in
+from auvident.storage.log_time_names import guess_time
 
 RPM_STEMS = ("n", "prop", "propeller", "propeller_rate", "shaft", "thruster", "motor")
 # Names met in logs, by quantity; only proposed, never used without the user's word.
@@ -165,33 +164,6 @@ ALIASES: dict[str, tuple[str, ...]] = {
     "north": ("x", "x_north", "pos_n", "pos_north", "northing", "ned_x", "pos_x", "y_utm", "x0"),
     "east": ("y", "y_east", "pos_e", "pos_east", "easting", "ned_y", "pos_y", "x_utm", "y0"),
 }
-TIME_ALIASES = (
-    "t",
-    "time",
-    "t_s",
-    "time_sec",
-    "seconds",
-    "sec",
-    "stamp",
-    "utc",
-    "datetime",
-    "date_time",
-    "epoch",
-    "unix_time",
-    "timestamp_s",
-    "timestamp_ms",
-    "timestamp_us",
-    "t_ms",
-    "t_us",
-    "clock",
-    "time_usec",
-    "time_boot_ms",
-    "timestamp_usec",
-    "timeus",
-    "timems",
-)
-TIME_SPELLINGS = {"usec": "us", "msec": "ms", "nsec": "ns"}  # of MAVLink: time_usec
-RUN_TOGETHER = {"timeus": "us", "timems": "ms"}  # of DataFlash: TimeUS
 USUAL_UNIT = {"m/s": "mps", "rad": "deg", "rad/s": "degps", "1/min": "rpm", "m": "m"}
 MOST_LISTED = 40  # names in a message
 LEAST_LETTERS = 3  # of a quantity whose name says something within that of a column
@@ -274,28 +246,6 @@ def time_column(log: LogFile, mapping: SensorMap) -> str:
         f"{log.where}, columns {', '.join(log.names)}",
         TIME_REMEDY + hint + ".",
     )
-
-
-def guess_time(log: LogFile) -> str | None:
-    """A column that may be the time, or None."""
-    if log.time:
-        return log.time
-    for alias in (*TIME_NAMES, *TIME_ALIASES):
-        found = log.find(alias)
-        if found is not None:
-            return found
-    return whole_seconds_in(log.names)
-
-
-def time_unit(name: str, mapping: SensorMap) -> str | None:
-    """Unit of a time column: the map's word, or the suffix of its name, or None."""
-    if mapping.time_unit is not None:
-        return mapping.time_unit
-    suffix = name.lower().rpartition("_")[2]
-    if name.lower() == suffix:
-        return RUN_TOGETHER.get(suffix)
-    suffix = TIME_SPELLINGS.get(suffix, suffix)
-    return suffix if suffix in TIME_UNITS else None
 
 
 def resolve(log: LogFile, sensor: str, mapping: SensorMap) -> dict[str, LogColumn]:

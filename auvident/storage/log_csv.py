@@ -38,6 +38,10 @@ DECIMAL_COMMA = re.compile(
     rb"(?:^|[;\t ])[ \"]*[+-]?\d*,\d+(?:[eE][+-]?\d+)?[ \"]*(?=[;\t \n]|\Z)", re.MULTILINE
 )
 # fmt: on
+DECIMAL_POINT = re.compile(
+    rb"(?:^|[,;\t ])[ \"]*[+-]?\d*\.\d+(?:[eE][+-]?\d+)?[ \"]*(?=[,;\t \n]|\Z)", re.MULTILINE
+)
+THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+(?:\.\d*)?")
 NULLS = sorted({w for m in MISSING for w in (m, m.upper(), m.capitalize())} | {"NaN", "N/a"})
 Kind = Literal["number", "text"]
 
@@ -298,15 +302,37 @@ def _parse_carefully(
     header = texts[first] == first
     for name in kinds:
         header &= texts[name].isin([name, ""]) | (texts[name] == name)
+    header |= _repeats_units(texts, layout)
     comment = texts[first].str.startswith(COMMENT_MARKS)
     kept = ~np.asarray(header | comment, dtype=bool)
+    has_point = bool(DECIMAL_POINT.search(body))
     columns = {}
     for name, kind in kinds.items():
-        text = texts[name]
+        text = _without_thousands(texts[name]) if has_point else texts[name]
         columns[name] = (
             _numbers(path, name, text, kept, lines) if kind == "number" else text.to_numpy(object)
         )
     return columns, kept, lines
+
+
+def _repeats_units(texts: Mapping[str, pd.Series], layout: Layout) -> pd.Series | bool:
+    """Rows that hold the units of the columns once more, below a header written again."""
+    units = {name: layout.units[layout.names.index(name)] for name in texts}
+    if not any(units.values()):
+        return False
+    return np.logical_and.reduce([texts[name] == unit for name, unit in units.items()])
+
+
+def _without_thousands(text: pd.Series) -> pd.Series:
+    """Numbers such as 1,170 as 1170, in a file that has decimals behind a point.
+
+    Where one number with a comma is none of these, the commas of the column are decimal ones.
+    """
+    plain = text.str.strip('"')
+    with_comma = plain.str.contains(",", regex=False)
+    if not with_comma.any() or not plain[with_comma].str.fullmatch(THOUSANDS).all():
+        return text
+    return plain.where(~with_comma, plain.str.replace(",", "", regex=False))
 
 
 def _numbers(

@@ -1,5 +1,6 @@
 """One table of a log file (text, Parquet, or a container of many): columns, values on demand."""
 
+import re
 import unicodedata
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
@@ -35,7 +36,14 @@ PARQUET_MAGIC = b"PAR1"
 MOST_TIMES = 100
 MOST_UNPACKED = 256 * MEGABYTE
 CELL_BYTES = 8
+UNNAMED_INDEX = "__index_level_0__"  # as pandas writes it to Parquet
 MOST_COLUMNS = 10_000
+# What a browser, a file manager or a logger that begins a new file adds to a name. A number of
+# three digits or more is a date, a propeller rate or a run.
+ADDED = re.compile(
+    r"(?P<of>.+?)(?:[\s_-]*(?:\(\d+\)|(?:part|pt)[\s_-]*\d+|-?\s*copy(?:\s*\(\d+\))?)|[\s_-]+\d\d?)",
+    re.IGNORECASE,
+)
 
 
 @dataclass(frozen=True)
@@ -126,6 +134,12 @@ def stem(path: Path) -> str:
     own = next((s for s in (*LOG_SUFFIXES, *OTHER_SUFFIXES) if lower.endswith(s)), None)
     suffix = own or next((s for s in container_suffixes() if lower.endswith(s)), path.suffix)
     return path.name[: -len(suffix)] if suffix else path.name
+
+
+def log_name(path: Path) -> str:
+    """Name of the log that a file is a part of, lower case (``dvl (1).csv`` -> ``dvl``)."""
+    found = ADDED.fullmatch(stem(path))
+    return (found["of"] if found else stem(path)).lower()
 
 
 def looks_like_log(path: Path) -> bool:
@@ -235,7 +249,16 @@ def _open_parquet(path: Path) -> LogFile:
     units = tuple(
         (field.metadata or {}).get(b"unit", b"").decode(errors="replace") for field in schema
     )
-    return LogFile(path, names, units, None)
+    return LogFile(path, names, units, None, time=_index_of_time(schema))
+
+
+def _index_of_time(schema: pa.Schema) -> str:
+    """The index of a data frame, where it has no name, holds times, and no column is called so."""
+    if any(name.strip().lower() in TIME_NAMES for name in schema.names):
+        return ""
+    kinds = [field.type for field in schema if field.name == UNNAMED_INDEX]
+    is_time = any(pa.types.is_timestamp(kind) or pa.types.is_duration(kind) for kind in kinds)
+    return UNNAMED_INDEX if is_time else ""
 
 
 def _read_parquet(log: LogFile, wanted: Mapping[str, Kind | None]) -> LogTable:

@@ -14,7 +14,15 @@ from auvident.schema.channels import SENSORS
 from auvident.schema.logs import ColumnMap
 from auvident.storage.declared import fitting
 from auvident.storage.log_columns import resolve, time_column
-from auvident.storage.log_file import LogFile, is_container, looks_like_log, open_logs, stem
+from auvident.storage.log_file import (
+    OTHER_SUFFIXES,
+    LogFile,
+    is_container,
+    log_name,
+    looks_like_log,
+    open_logs,
+    stem,
+)
 from auvident.storage.log_own import (
     MAX_DEPTH,
     REMEDY,
@@ -165,7 +173,17 @@ def _folder_or_refuse(
     if wanted:
         problem = f"contains no file that matches {', '.join(wanted)} and has the mapped columns"
     listing = ", ".join(inside[:12]) + (", ..." if len(inside) > 12 else "")
-    raise InputError(f"{problem}; found {listing or 'nothing'}", str(path), LAYOUT_REMEDY)
+    raise InputError(f"{problem}; found {listing or 'nothing'}", str(path), layout_remedy(path))
+
+
+def layout_remedy(folder: Path) -> str:
+    """What to do about a folder without a log: text files with other endings are not looked at."""
+    texts = sorted(p.name for p in folder.iterdir() if p.name.lower().endswith(OTHER_SUFFIXES))
+    if not texts:
+        return LAYOUT_REMEDY
+    return (
+        f"If {texts[0]} is a table, give it the ending .csv, as all of its folder. " + LAYOUT_REMEDY
+    )
 
 
 def none_usable(faults: Sequence[Fault]) -> InputError:
@@ -257,13 +275,16 @@ def _has_time(log: Path, column_map: ColumnMap) -> bool:
 
 
 def _is_split(logs: Sequence[Path], column_map: ColumnMap) -> bool:
-    """Whether no file alone has dvl, gyro and rudder, but together they have them once each."""
+    """Whether no file alone has dvl, gyro and rudder, but together they have them once each.
+
+    Parts of one log (``dvl_part1.csv``, ``dvl_part2.csv``) count once.
+    """
     core = ("dvl", "gyro", "rudder")
     names = _time_names(column_map)
-    have = [_sensors_in(open_logs(log, names), column_map) for log in logs]
-    if any(all(sensor in h for sensor in core) for h in have):
+    have = [(log_name(p), _sensors_in(open_logs(p, names), column_map)) for p in logs]
+    if any(all(sensor in h for sensor in core) for _, h in have):
         return False
-    return all(sum(sensor in h for h in have) == 1 for sensor in core)
+    return all(len({name for name, h in have if sensor in h}) == 1 for sensor in core)
 
 
 def _time_names(column_map: ColumnMap) -> set[str]:

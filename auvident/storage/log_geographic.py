@@ -7,6 +7,7 @@ the distance d: 0.07 m at 1 km and 40 degrees, 7 m at 10 km.
 
 import numpy as np
 
+from auvident.schema.artifacts import Finding
 from auvident.schema.channels import BY_QUANTITY
 
 # Names of the columns, by the quantity that is made of them.
@@ -19,6 +20,7 @@ EARTH_M, FLATTENING = 6378137.0, 1 / 298.257223563  # WGS 84
 MOST_RAD = (np.pi / 2, np.pi)  # of latitude and longitude, either way
 WHOLE_TURN_RAD = 2.0 * np.pi  # of a longitude that is counted eastward all around
 ROUNDING = 1e-7  # of the largest angle: a float of four bytes
+MOSTLY = 0.5  # of the latitudes are beyond a pole: another unit
 FAR_RAD = np.deg2rad(1.0)  # in latitude, from the middle of a trial: a wild reading
 
 
@@ -75,3 +77,23 @@ def _radii_m(lat_rad: float) -> tuple[float, float]:
     e2 = FLATTENING * (2.0 - FLATTENING)
     w = 1.0 - e2 * np.sin(lat_rad) ** 2
     return EARTH_M * (1.0 - e2) / w**1.5, EARTH_M / np.sqrt(w)
+
+
+def minutes_told(lat_rad: np.ndarray, lon_rad: np.ndarray, where: str) -> tuple[Finding, ...]:
+    """What is said of fixes beyond the globe that are degrees and minutes (ddmm.mmmm of NMEA)."""
+    lat, lon = (np.abs(np.degrees(x[np.isfinite(x)])).round(6) for x in (lat_rad, lon_rad))
+    of_minutes = all(
+        np.all(x % 100.0 <= 60.0) and np.all(x // 100.0 <= most)
+        for x, most in ((lat, 90.0), (lon, 180.0))
+    )
+    if not lat.size or np.mean(lat > 90.0) < MOSTLY or not of_minutes:
+        return ()
+    return (
+        Finding(
+            code="degrees_and_minutes",
+            message=f"latitude and longitude look like degrees and minutes (ddmm.mmmm of NMEA, "
+            f"{np.median(lat):.4f} and {np.median(lon):.4f}), and no fix of them was read",
+            where=where,
+            remedy="Write them in degrees: dd + mm.mmmm / 60.",
+        ),
+    )

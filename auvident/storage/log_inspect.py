@@ -10,13 +10,14 @@ from auvident.errors import InputError
 from auvident.schema.base import Artifact
 from auvident.schema.logs import SensorMap
 from auvident.schema.quoting import encodable
-from auvident.storage.log_columns import angle_of, guess_time, quantity_of, time_unit
+from auvident.storage.log_columns import angle_of, quantity_of
 from auvident.storage.log_file import LogFile, open_logs, read_log
-from auvident.storage.log_find import LAYOUT_REMEDY
+from auvident.storage.log_find import layout_remedy
 from auvident.storage.log_own import MAX_DEPTH, folders_in, logs_in
 from auvident.storage.log_propose import propose_map
 from auvident.storage.log_propose_files import trials_without_map
 from auvident.storage.log_time import as_floats
+from auvident.storage.log_time_names import guess_time, refuse_time_label, time_unit
 from auvident.storage.log_time_parts import read_parts
 from auvident.storage.regular import refuse_irregular
 
@@ -127,7 +128,7 @@ def _files(path: Path) -> list[Path]:
         found += [p for folder in level for p in logs_in(folder)]
         level = [p for folder in level for p in folders_in(folder)]
     if not found:
-        raise InputError("contains no CSV or Parquet file", str(path), LAYOUT_REMEDY)
+        raise InputError("contains no CSV or Parquet file", str(path), layout_remedy(path))
     return found
 
 
@@ -138,8 +139,9 @@ def _inspect_file(log: LogFile) -> tuple[dict[str, np.ndarray], FileReport]:
     time_name = guess_time(log)
     clock: dict[str, float | int | None] = {}
     if time_name is not None and time_name in values:
-        unit = time_unit(time_name, SensorMap())
         try:
+            refuse_time_label(log, time_name, SensorMap())
+            unit = time_unit(log, time_name, SensorMap())
             stamps = read_parts(values, time_name, unit, log.where, np.arange(1, rows + 1))
             clock = _clock(stamps.time_s + stamps.origin_s)
         except InputError as error:

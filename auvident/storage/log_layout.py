@@ -14,10 +14,13 @@ HEADER_LINES = 400  # a longer preamble is no log of ours
 COMMENT_MARKS = ("#", "//", "%")
 DELIMITERS = ("\t", ";", ",")
 WHITESPACE = " "
+INDEX = "index"  # name given to the index of a data frame that has none
 # fmt: off
 MISSING = frozenset((
     "", "-", "--", "?", "nan", "-nan", "+nan", "nan(ind)", "-nan(ind)", "null", "none", "nil",
-    "nat", "n/a", "na", "#n/a", "inf", "-inf", "+inf", "infinity", "-infinity",
+    "nat", "n/a", "na", "n.a.", "<na>", "inf", "-inf", "+inf", "infinity", "-infinity",
+    "1.#qnan", "-1.#qnan", "1.#ind", "-1.#ind", "1.#inf", "-1.#inf", "nan(snan)", "-nan(snan)",
+    "#n/a", "#div/0!", "#value!", "#num!", "#ref!", "#null!", "missing", "undefined", "*", ".",
 ))
 # fmt: on
 TIME_NAMES = (
@@ -108,10 +111,27 @@ def find_layout(text: str, where: str, time_names: Collection[str]) -> Layout:
         start = _next_content(lines, start + 1)
     if start is None:
         raise InputError("has column names but no data", where, OR_WITHOUT)
-    extra = len(split(lines[start], delimiter)) - len(names)
-    if extra == 1 and split(lines[start], delimiter)[-1] == "":  # rows end in a delimiter
+    row = split(lines[start], delimiter)
+    extra = len(row) - len(names)
+    if extra == 1 and row[-1] == "":  # rows end in a delimiter
         names, units = (*names, ""), (*units, "")
-    return Layout(delimiter, names, units, index, start)
+    return Layout(delimiter, _with_index(names, row, time_names), units, index, start)
+
+
+def _with_index(
+    names: tuple[str, ...], row: Sequence[str], time_names: Collection[str]
+) -> tuple[str, ...]:
+    """Names, with one for the index of a data frame: a first column that has none.
+
+    Instants are the time, where no other column is; numbers with a fraction may be, counts are not.
+    """
+    known = {name.lower() for name in names}
+    if names[0] or len(names) < 2 or INDEX in known:
+        return names
+    is_time = bool(INSTANT.fullmatch(row[0])) and not row[0].isdigit()
+    if is_time and not known & {*time_names}:
+        return ("timestamp", *names[1:])
+    return (INDEX, *names[1:]) if "." in row[0] else names
 
 
 def _uncommented(line: str) -> str:

@@ -9,10 +9,11 @@ from auvident.errors import InputError
 from auvident.schema.channels import Channel
 from auvident.schema.holding import seems_on_change
 from auvident.schema.logs import KNOT, UNITS, SensorMap, is_angle_for, unit_name
-from auvident.storage.log_columns import guess_time, split_unit, time_unit
+from auvident.storage.log_columns import split_unit
 from auvident.storage.log_file import LogFile
 from auvident.storage.log_geographic import from_first_fix
 from auvident.storage.log_time import to_seconds
+from auvident.storage.log_time_names import guess_time, time_unit
 
 Values = Mapping[str, Mapping[str, np.ndarray]]  # columns of tables by `LogFile.where`
 Track = tuple[np.ndarray, np.ndarray]  # times in s, and values
@@ -134,7 +135,7 @@ def _track(proposal: Proposal, logs: Mapping[str, LogFile], values: Values) -> T
         return none, none
     try:
         rows = np.arange(1, table[name].size + 1)
-        time = to_seconds(table[name], time_unit(name, SensorMap()), log.where, rows)
+        time = to_seconds(table[name], time_unit(log, name, SensorMap()), log.where, rows)
     except InputError:  # what is amiss with the clock is told beside its file
         return none, none
     good = np.isfinite(time) & np.isfinite(table[proposal.name])

@@ -12,13 +12,11 @@ from auvident.storage.log_columns import (
     ALIASES,
     angle_of,
     guess_column,
-    guess_time,
     of_sensor,
     quantity_of,
     resolve,
     split_unit,
     time_column,
-    time_unit,
 )
 from auvident.storage.log_file import LogFile
 from auvident.storage.log_proposal import (
@@ -36,8 +34,16 @@ from auvident.storage.log_propose_files import (
     file_patterns,
     to_propose_for,
 )
-from auvident.storage.log_propose_topics import assign_topics, flag_lines, is_generic, topic_lines
+from auvident.storage.log_propose_topics import (
+    as_topics,
+    assign_topics,
+    flag_lines,
+    is_generic,
+    is_printed,
+    topic_lines,
+)
 from auvident.storage.log_time import EPOCH_MAGNITUDES
+from auvident.storage.log_time_names import guess_time, time_unit
 
 USUAL_STEP_S = 5.0  # a median step above it means that the time is not in seconds
 STEPS_OF = {"ms": 1e3 * USUAL_STEP_S, "us": 1e6 * USUAL_STEP_S}  # steps below: this unit
@@ -68,8 +74,8 @@ def propose_map(
         Needed channel columns for which nothing was found.
     """
     chosen = _first_of_alike(to_propose_for(logs, trials))
-    with_topics = any(log.topic for log in chosen.values())
-    assigned = assign_topics(chosen, values) if with_topics else _assign(chosen, values)
+    with_topics = any(log.topic or is_printed(log) for log in chosen.values())
+    assigned = assign_topics(as_topics(chosen), values) if with_topics else _assign(chosen, values)
     proposals = in_knots(one_unit(assigned), chosen, values)
     found = {p.channel.column for p in proposals}
     unassigned = tuple(c.column for c in CHANNELS if c.needed and c.column not in found)
@@ -301,7 +307,12 @@ def _finer_unit(log: LogFile, values: Mapping[str, np.ndarray]) -> str | None:
     """Unit of a time whose name says none, where the rows are too far apart for seconds."""
     name = guess_time(log)
     numbers = None if name is None else values.get(name)
-    if name is None or numbers is None or numbers.dtype == object or time_unit(name, SensorMap()):
+    if (
+        name is None
+        or numbers is None
+        or numbers.dtype == object
+        or time_unit(log, name, SensorMap())
+    ):
         return None
     known = numbers[np.isfinite(numbers)]
     step = float(np.median(np.diff(known))) if known.size > 1 else 0.0

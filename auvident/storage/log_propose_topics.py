@@ -3,7 +3,7 @@
 import json
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -55,12 +55,23 @@ FLAGS = (
     *("ok", "dvl_ok", "good", "dvl_good"),
 )
 STAMPED = "stamp_ns"
+PRINTED = "field."  # of each name in the text of `rostopic echo -p`
 MOST_LATE_S = 60.0  # of a stamp by the sensor against that of the recording
 
 
 def is_generic(name: str) -> bool:
     """Whether a column's name says nothing of what it holds."""
     return re.sub(r"\[\d+\]$", "", name.strip().lower()).rpartition(".")[2] in GENERIC
+
+
+def is_printed(log: LogFile) -> bool:
+    """Whether a text file holds the messages of a topic as ROS prints them."""
+    return any(name.startswith(PRINTED) for name in log.names)
+
+
+def as_topics(logs: Mapping[str, LogFile]) -> dict[str, LogFile]:
+    """Files of printed messages as the topics that they hold, by the names of the files."""
+    return {key: replace(log, topic=log.topic or log.stem) for key, log in logs.items()}
 
 
 def assign_topics(logs: Mapping[str, LogFile], values: Values) -> list[Proposal]:
@@ -191,7 +202,9 @@ def _words(name: str) -> str:
 
 
 def _axes(log: LogFile) -> str:
-    return log.container.tables[log.topic].axes if log.container else ""
+    if log.container is None:
+        return "flu" if is_printed(log) else ""
+    return log.container.tables[log.topic].axes
 
 
 def _proposals(

@@ -28,10 +28,18 @@ MISSING_COUNT = np.iinfo(np.int64).min  # an empty cell among integers; numpy's 
 
 
 TIME_OF_DAY = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:\.\d+)?)Z?")
+DURATION = re.compile(r"-?\d+ days?,? \d{1,2}:\d{2}:\d{2}(?:\.\d+)?")  # of pandas and Python
 DAY_S = 86400.0
 # Dates of which no other reading is usual: 01.05.2024 and 2024/05/01; 5/1/2024 may be either.
 DAY_FIRST = re.compile(r"^(\d{2})\.(\d{2})\.(\d{4})(?=\D|$)")
 SLASHED = re.compile(r"^(\d{4})/(\d{2})/(\d{2})(?=\D|$)")
+MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+NAMED_MONTH = re.compile(
+    rf"^(\d{{1,2}})[- ]({'|'.join(MONTHS)})[- ](\d{{4}})(?=\D|$)", re.IGNORECASE
+)
+UTC_WORD = re.compile(r"\s*(?:UTC|GMT)$", re.IGNORECASE)  # other names of zones mean several
+# Seconds of the day and of the GPS week begin again at 0: within so many of their steps of the end.
+ROLL_OVERS_S, ROLLED_STEPS = (86400.0, 604800.0), 5.0
 # Numbers that are hours, minutes and seconds (hhmmss.ss of NMEA) never end in 60 to 99; seconds do
 # for 40 of every 100, unless the log is shorter than that or its rows are far apart.
 LEAST_SPAN_S, MOST_CLOCK_STEP_S = 200.0, 10.0
@@ -101,10 +109,11 @@ def _stamps_of(values: np.ndarray, unit: str | None, where: str, rows: np.ndarra
     factor = TIME_UNITS[unit] if unit in TIME_UNITS else _epoch_factor(numbers)
     _refuse_finer(numbers * factor, where)
     _refuse_single_precision(numbers, factor, where)
+    seconds = _rolled_over(numbers * factor)
     if unit in (None, "s"):
         _refuse_days(numbers, where)
-        _refuse_digits_of_clock(numbers, where)
-    return Stamps(numbers * factor, 0)
+        _refuse_digits_of_clock(seconds, where)
+    return Stamps(seconds, 0)
 
 
 def as_floats(values: np.ndarray) -> np.ndarray:
@@ -256,6 +265,25 @@ def _epoch_factor(numbers: np.ndarray) -> float:
     return 1.0
 
 
+def _rolled_over(seconds: np.ndarray) -> np.ndarray:
+    """Seconds of the day or of the GPS week, that go on where they begin again."""
+    known = np.flatnonzero(np.isfinite(seconds))
+    own = seconds[known]
+    steps = np.diff(own)
+    back = np.flatnonzero(steps < 0.0)
+    if not back.size:
+        return seconds
+    least = int(back[np.argmin(steps[back])])
+    near = ROLLED_STEPS * max(_usual_step(own), 1e-3)
+    for period in ROLL_OVERS_S:
+        within = own.min() >= 0.0 and own.max() <= period
+        if within and -near <= steps[least] + period <= near:
+            found = seconds.copy()
+            found[known[least + 1 :]] += period
+            return found
+    return seconds
+
+
 def _usual_step(seconds: np.ndarray) -> float:
     return float(np.median(np.abs(np.diff(seconds)))) if seconds.size > 1 else 0.0
 
@@ -267,8 +295,13 @@ def _from_text(values: np.ndarray, where: str, rows: np.ndarray) -> np.ndarray:
     of_day = texts[~empty].str.fullmatch(TIME_OF_DAY)
     if of_day.size and of_day.all():
         return _from_time_of_day(texts)
+    if of_day.size and texts[~empty].str.fullmatch(DURATION).all():
+        plain = texts.mask(empty).str.replace(",", "", regex=False)
+        return pd.to_timedelta(plain).dt.as_unit("ns").to_numpy()
     texts = texts.str.replace(DAY_FIRST, r"\3-\2-\1", regex=True)
     texts = texts.str.replace(SLASHED, r"\1-\2-\3", regex=True)
+    texts = texts.str.replace(NAMED_MONTH, _with_number, regex=True)
+    texts = texts.str.replace(UTC_WORD, "Z", regex=True)
     instants = pd.to_datetime(texts.mask(empty), format="ISO8601", utc=True, errors="coerce")
     wrong = np.flatnonzero(np.asarray(instants.isna() & ~empty))
     if wrong.size:  # among seconds stored as text, the word that made a text of them
@@ -280,6 +313,11 @@ def _from_text(values: np.ndarray, where: str, rows: np.ndarray) -> np.ndarray:
             "Write seconds in a column time_s, or ISO 8601 or epoch counts in timestamp.",
         )
     return instants.dt.tz_convert(None).to_numpy()
+
+
+def _with_number(found: re.Match[str]) -> str:
+    """A date with the name of a month (``01-May-2024`` of MATLAB) as ISO 8601 has it."""
+    return f"{found[3]}-{MONTHS.index(found[2].lower()) + 1:02d}-{int(found[1]):02d}"
 
 
 def _from_time_of_day(texts: pd.Series) -> np.ndarray:

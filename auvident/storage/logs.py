@@ -28,7 +28,7 @@ from auvident.schema.logs import (
     moved_stamps,
 )
 from auvident.storage.declared import parse, read_toml, refuse_outside
-from auvident.storage.log_aside import blamed, open_usable, read_usable, set_aside
+from auvident.storage.log_aside import Read, blamed, open_usable, read_usable, set_aside
 from auvident.storage.log_columns import (
     LogColumn,
     listed,
@@ -36,16 +36,19 @@ from auvident.storage.log_columns import (
     missing_topic,
     resolve,
     time_column,
-    time_unit,
 )
 from auvident.storage.log_constant import with_constants
 from auvident.storage.log_csv import Kind, LogTable
 from auvident.storage.log_file import LogFile, open_logs, read_log
 from auvident.storage.log_find import TrialSource, find_trials, has_sensor
-from auvident.storage.log_geographic import COLUMNS, faults_of, from_first_fix
+from auvident.storage.log_geographic import COLUMNS, faults_of, from_first_fix, minutes_told
+from auvident.storage.log_parts import Columns, Part, are_of_one_log, parts_of, with_parts
 from auvident.storage.log_time import ABSOLUTE_S, Stamps
-from auvident.storage.log_time_parts import nanoseconds_of, read_parts
+from auvident.storage.log_time_names import refuse_time_label, time_unit
+from auvident.storage.log_time_parts import beyond_seconds_of, read_parts
+from auvident.storage.log_unread import columns_told
 from auvident.storage.log_valid import marked
+from auvident.storage.log_zeros import ZEROS, zeros_between, zeros_told
 
 Tables = tuple[LogFile, ...]
 MAP_REMEDY = (
@@ -116,11 +119,18 @@ def read_trial(
     sensors, origins = read_usable(
         homes, needed, lambda own: _read_sensors(own, columns, column_map), faults
     )
+    parts = _parts(source, logs, {s: homes[s] for s in sensors})
+    (sensors, origins), joined = _with_parts((sensors, origins), homes, parts, column_map)
+    is_mapped = any(column_map.of(sensor).entries() for sensor in SENSORS)  # as its writer chose
     undecided = _undecided(source, logs, homes, column_map)
+    unread = tuple(log for log in _all(logs) if log not in undecided)
+    told = (*undecided, *(log for others in parts.values() for log in others))
     remarks = (remark for sensor in sensors.values() for remark in sensor.remarks)
     findings = (
         *remarks,
-        *_unused(source, logs, homes, undecided),
+        *joined,
+        *_unused(source, logs, homes, undecided, told),
+        *(() if is_mapped else columns_told(unread, homes, columns, elsewhere)),
         *set_aside(faults),
         *_damage(logs),
     )
@@ -146,7 +156,7 @@ def _home(
     if named:
         return named[0]
     having = _having(searched, sensor, column_map)[0]
-    if len(having) > 1:
+    if len(having) > 1 and not are_of_one_log(having):
         names = " and ".join(log.label for log in having)
         key = "topic" if having[0].topic else "file"
         raise InputError(
@@ -223,7 +233,7 @@ def _read_sensors(
             mapping = column_map.of(sensor)
             time = time_column(log, mapping)
             wanted[time] = None
-            beside = nanoseconds_of(time, log.names)
+            beside = beyond_seconds_of(time, log.names)
             wanted |= {beside: None} if beside else {}
             wanted |= {column.name: "number" for column in columns[sensor].values()}
             flag = _valid_column(log, sensor, here, mapping.valid)
@@ -239,9 +249,37 @@ def _read_sensors(
     return {sensor: found[sensor] for sensor in SENSORS if sensor in found}, origins
 
 
+def _all(logs: dict[Path, Tables]) -> Tables:
+    return tuple(log for own in logs.values() for log in own)
+
+
+def _parts(
+    source: TrialSource, logs: dict[Path, Tables], homes: dict[str, LogFile]
+) -> dict[str, Tables]:
+    """Files that may be parts of the log of a sensor, where no map chooses one."""
+    return {s: parts_of(home, _all(logs)) for s, home in homes.items() if s not in source.assigned}
+
+
+def _with_parts(
+    read: Read, homes: dict[str, LogFile], parts: dict[str, Tables], column_map: ColumnMap
+) -> tuple[Read, tuple[Finding, ...]]:
+    def columns_of(sensor: str, log: LogFile) -> Columns:
+        has = has_sensor(log, sensor, column_map)
+        return resolve(log, sensor, column_map.of(sensor)) if has else {}
+
+    def read_part(sensor: str, log: LogFile) -> Part:
+        own = {s: log for s, others in parts.items() if log in others and columns_of(s, log)}
+        columns = {s: dict(columns_of(s, log)) for s in own}
+        found, origins = _read_sensors(own, columns, column_map)
+        return found[sensor], origins[sensor]
+
+    return with_parts(read, homes, parts, columns_of, read_part)
+
+
 def _stamps(log: LogFile, table: LogTable, name: str, mapping: SensorMap) -> Stamps:
     where = f"{log.where}, column {name}"
-    return read_parts(table.columns, name, time_unit(name, mapping), where, table.rows)
+    refuse_time_label(log, name, mapping)
+    return read_parts(table.columns, name, time_unit(log, name, mapping), where, table.rows)
 
 
 def _valid_column(log: LogFile, sensor: str, here: Sequence[str], mapped: str | None) -> str | None:
@@ -285,9 +323,18 @@ def _sensor(
         false &= valid
         _note(dropped, dropped_rows, "marked_invalid", table.rows[false])
         valid &= ~false
+    names = [column.name for column in columns.values()]
+    zeros = np.zeros_like(valid)
+    zeros[valid] = zeros_between(time_s[valid], [table.columns[name][valid] for name in names])
+    if zeros.any():
+        _note(dropped, dropped_rows, ZEROS, table.rows[zeros])
+        remarks += (zeros_told(sensor, log.where, names, zeros),)
+        valid &= ~zeros
     values = {key: column.in_si(table.columns[column.name]) for key, column in columns.items()}
     of_angles = any(column.is_angle for column in columns.values())
     faults = faults_of(*(values[key] for key in COLUMNS)) if of_angles else {}
+    if of_angles:
+        remarks += minutes_told(values[COLUMNS[0]], values[COLUMNS[1]], log.where)
     for reason, wrong in faults.items():
         _note(dropped, dropped_rows, reason, table.rows[valid & wrong])
         valid &= ~wrong
@@ -360,8 +407,9 @@ def _unused(
     logs: dict[Path, Tables],
     homes: dict[str, LogFile],
     undecided: Tables,
+    told: Tables,
 ) -> tuple[Finding, ...]:
-    used = {log.path for log in (*homes.values(), *undecided)}
+    used = {log.path for log in (*homes.values(), *told)}
     aside = tuple(
         Finding(
             code="file_not_used",

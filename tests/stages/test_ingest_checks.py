@@ -163,6 +163,9 @@ DAMAGED = {
     "rpm negative": (times(-1.0, "rpm"), "rpm_sign", True),
     "rpm constant": ({"rpm": lambda x: 0 * x + np.nanmedian(x)}, "rpm_constant", False),
     "rpm in rev/s": (times(1 / 60, "rpm"), "advance_ratio", False),
+    "rev/s, by speed": (times(1 / 60, "rpm"), "rpm_scale", True),
+    "pulses about 1500 us": ({"rpm": lambda x: 1500.0 + 0.2 * x}, "rpm_scale", False),
+    "per cent of a throttle": (times(0.05, "rpm"), "rpm_scale", False),
     "m/s as cm/s": (times(0.01, *VELOCITIES), "advance_ratio", False),
     "v x 0.4": (times(0.4, "v_mps"), "sway_by_position", False),
     "v of the wrong sign, by position": (times(-1.0, "v_mps"), "sway_by_position", True),
@@ -206,6 +209,54 @@ def test_a_unit_that_fits_is_named():
         assert words in on_the_grid(**changes)[name].message
     pressure = on_the_grid(**times(9.9, "depth_m"))["pitch_sign"]
     assert "pressure in kPa logged as depth?" in pressure.message
+
+
+@pytest.mark.parametrize("rest", [1000.0, 1100.0, 1500.0])
+@pytest.mark.parametrize("begins", [0.0, 0.5])
+def test_pulses_of_a_throttle_are_told_from_a_rate(rest, begins):
+    """Also where the log begins under way: steady speeds point to the pulse of no speed."""
+    trial, _ = ingested()
+    table = trial.table.copy()
+    table["rpm"] = rest + 0.2 * table["rpm"]
+    table = table[table["u_mps"] > begins].reset_index(drop=True)
+    rows_of = {
+        made.name: made for made in run_checks(Seen(sailed(), replace(trial, table=table), BOAT))[0]
+    }
+    made = rows_of["rpm_scale"]
+    assert made.outcome == "contradicts" and not made.fix
+    assert "where the vehicle stands still: microseconds" in made.message
+    assert 'column = "rpm", unit = "rpm", scale = S' in made.remedy
+    assert rows_of["speed_scale"].outcome != "contradicts"
+    assert made.value == pytest.approx(rest, abs=60.0)
+
+
+def test_a_throttle_is_named_and_a_rate_that_is_held_is_none():
+    share = on_the_grid(**times(0.05, "rpm"))
+    for name in ("rpm_scale", "advance_ratio"):
+        assert "per cent of a throttle in an rpm column" in share[name].message
+    assert 'unit = "percent", scale = ...' in share["rpm_scale"].remedy
+    assert "a throttle of 0 to 1" in on_the_grid(**times(5e-4, "rpm"))["rpm_constant"].message
+    held = on_the_grid(rpm=lambda x: 0.0 * x + 1200.0)["rpm_scale"]
+    assert "microseconds" not in held.message
+
+
+@pytest.mark.parametrize(
+    ("north", "east", "words"),
+    [
+        (("east_m", 1.0), ("north_m", 1.0), "north and east are swapped?"),
+        (("north_m", 1.0), ("east_m", -1.0), "east has the other sign?"),
+        (("north_m", -1.0), ("east_m", 1.0), "north has the other sign?"),
+        (("east_m", -1.0), ("north_m", -1.0), "north and east are swapped and have the other"),
+    ],
+)
+def test_a_position_in_a_mirror_is_told(north, east, words):
+    trial, _ = ingested()
+    table = trial.table.assign(
+        north_m=north[1] * trial.table[north[0]], east_m=east[1] * trial.table[east[0]]
+    )
+    made = run_checks(Seen(sailed(), replace(trial, table=table), BOAT))[0]
+    (row,) = [c for c in made if c.name == "speed_by_position"]
+    assert row.outcome == "contradicts" and words in row.message
 
 
 def reckoned(raw: RawTrial, gyro: float) -> RawTrial:

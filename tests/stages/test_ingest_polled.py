@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auvident.stages.ingest.polled import Share, sampled_inputs, share_before
+from auvident.stages.ingest.polled import Share, copied_inputs, sampled_inputs, share_before
 
 STEP_S, PERIOD_S, LAST_S = 0.005, 0.2, 600.0
 DRAG = 0.8  # [1/s] of the rate
@@ -95,3 +95,42 @@ def test_what_nobody_answers_to_tells_nothing() -> None:
 def test_a_share_has_to_be_large_sure_and_possible() -> None:
     assert Share(0.4, 0.1).sampled and Share(0.11, 0.01).sampled
     assert not any(s.sampled for s in (Share(0.4, 0.2), Share(0.09, 0.01), Share(1.2, 0.1)))
+
+
+def copied(signals: dict) -> dict:
+    """The same with each row of the rudder copied into the rows of the gyro."""
+    rows, angle = signals["rudder_rad"]
+    fast = signals["r_radps"][0]
+    return signals | {"rudder_rad": (fast, angle[np.searchsorted(rows, fast + 1e-6) - 1])}
+
+
+def at_once(signals: dict) -> dict:
+    once = copied_inputs(signals)["rudder_rad"]
+    return signals | {"rudder_rad": tuple(x[once] for x in signals["rudder_rad"])}
+
+
+@pytest.mark.parametrize("is_sampled", [True, False])
+def test_samples_copied_into_faster_rows_are_told_from_commands_held(is_sampled: bool) -> None:
+    signals = copied(busy(signals_of(sampled=is_sampled)))
+    found = at_once(signals)
+    period = np.diff(found["rudder_rad"][0])
+    assert np.mean(np.abs(period - PERIOD_S) < 0.021) > 0.95
+    assert sampled_inputs(signals, 1.0) == ()  # rows of the gyro are no half a period late
+    assert sampled_inputs(found, 1.0) == (("rudder_rad",) if is_sampled else ())
+
+
+def busy(signals: dict) -> dict:
+    """A minute at the end in which an autopilot moves the rudder a little with each row."""
+    rows, angle = signals["rudder_rad"]
+    late = rows > LAST_S - 60.0
+    moved = angle + np.where(late, 1e-4 * np.arange(rows.size), 0.0)
+    return signals | {"rudder_rad": (rows, moved)}
+
+
+def test_rows_that_change_at_any_time_are_no_copies() -> None:
+    signals = signals_of(sampled=True)
+    assert copied_inputs(signals) == {}
+    assert copied_inputs(busy(signals)) == {}  # in rows of its own
+    fast = signals["r_radps"][0]
+    noisy = np.random.default_rng(2).integers(0, 3, fast.size).astype(float)
+    assert copied_inputs(signals | {"rudder_rad": (fast, noisy)}) == {}

@@ -7,6 +7,7 @@ import pytest
 from log_world import sensor_tables, wide_table, write_folder
 
 from auvident.errors import InputError
+from auvident.storage.log_inspect import inspect_log
 from auvident.storage.logs import read_trials
 
 
@@ -234,3 +235,14 @@ def test_the_remedy_for_a_missing_channel_names_no_file_where_none_may_have_it(t
     del tables["rudder"]
     message = refused(write_folder(tmp_path / "run", tables), '[rudder] rudder = { column = "your')
     assert "file =" not in message
+
+
+def test_text_files_with_other_endings_are_to_be_renamed(tmp_path):
+    for sensor, table in sensor_tables().items():
+        table.to_csv(tmp_path / f"{sensor}.txt", index=False)
+    for look in (lambda: read_trials([tmp_path]), lambda: inspect_log(tmp_path)):
+        with pytest.raises(InputError) as caught:
+            look()
+        assert (caught.value.remedy or "").startswith(
+            "If dvl.txt is a table, give it the ending .csv"
+        )

@@ -347,3 +347,20 @@ def test_knots_are_told_by_fixes_as_well(tmp_path):
     tables["position"] = pd.DataFrame({"t": t, "lat": lat, "lon": lon})
     text = inspect_log(write_folder(tmp_path / "run", tables)).proposed_map
     assert '{ column = "surge", unit = "kn" }' in text
+
+
+def test_degrees_and_minutes_of_nmea_are_told(tmp_path):
+    table = fixes()
+    for name in DEG:
+        whole = np.floor(np.abs(table[name]))
+        table[name] = 100.0 * whole + 60.0 * (np.abs(table[name]) - whole)
+    (trial,) = read_trials([folder_with(tmp_path / "run", table)])
+    assert trial.sensors["position"].dropped["implausible"] == len(table)
+    (told,) = [f for f in trial.findings if f.code == "degrees_and_minutes"]
+    assert "ddmm.mmmm" in told.message and "mm.mmmm / 60" in (told.remedy or "")
+
+
+@pytest.mark.parametrize("scale", [1e7, 3600.0, 57.29578])
+def test_latitudes_in_another_unit_are_not_taken_for_minutes(tmp_path, scale):
+    (trial,) = read_trials([folder_with(tmp_path / "run", fixes(scale=scale))])
+    assert not [f for f in trial.findings if f.code == "degrees_and_minutes"]

@@ -222,3 +222,38 @@ def test_a_map_to_finish_where_one_column_has_another_name(tmp_path):
     report = inspect_log(folder)
     assert report.unassigned == ("rudder_rad",)
     assert "No column was recognised for rudder_rad" in report.proposed_map
+
+
+def printed(folder):
+    """The small log as `rostopic echo -p` prints it: one file for each topic, axes of REP 103."""
+    names = {
+        "u_mps": ("field.twist.twist.linear.x", 1.0),
+        "v_mps": ("field.twist.twist.linear.y", -1.0),
+        "r_degps": ("field.angular_velocity.z", -np.pi / 180.0),
+        "rudder_deg": ("field.data", np.pi / 180.0),
+        "rpm": ("field.data", 1.0),
+    }
+    files = {"dvl": "dvl_twist", "gyro": "imu_data", "rudder": "rudder_angle", "rpm": "shaft_rpm"}
+    tables = {}
+    for sensor, table in sensor_tables().items():
+        ns = np.rint(table["time_s"].to_numpy() * 1e9).astype(np.int64) + 1_714_564_800 * 10**9
+        columns = {"%time": ns, "field.header.seq": np.arange(ns.size), "field.header.stamp": ns}
+        own = {names[c][0]: names[c][1] * table[c] for c in table if c != "time_s"}
+        tables[files[sensor]] = pd.DataFrame(columns | own)
+    return write_folder(folder, tables)
+
+
+def test_messages_that_ros_printed_get_a_map_with_its_axes(tmp_path):
+    folder = printed(tmp_path / "run")
+    report = inspect_log(folder)
+    assert report.unassigned == ()
+    assert 'v = { column = "field.twist.twist.linear.y", unit = "mps", sign = -1 }' in (
+        report.proposed_map
+    )
+    path = tmp_path / "map.toml"
+    path.write_text(report.proposed_map)
+    (trial,) = read_trials([folder], read_column_map(path))
+    (plain,) = read_trials([write_folder(tmp_path / "plain")])
+    for sensor, other in plain.sensors.items():
+        for column, values in other.values.items():
+            np.testing.assert_allclose(trial.sensors[sensor].values[column], values, atol=1e-9)

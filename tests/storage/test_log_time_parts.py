@@ -127,3 +127,18 @@ def test_dates_that_can_be_read_one_way_only(tmp_path, written):
 
     (trial,) = read_trials([retimed(tmp_path / "run", columns)])
     assert trial.origin == "2024-05-01T12:01:40Z"
+
+
+@pytest.mark.parametrize(
+    ("names", "ns"), [(("tv_sec", "tv_usec"), 10**3), (("secs", "msecs"), 10**6)]
+)
+def test_microseconds_and_milliseconds_beside_whole_seconds(tmp_path, names, ns):
+    def columns(time_s):
+        whole, beyond = in_parts(("whole", "beyond"))(time_s).values()
+        return dict(zip(names, (whole, beyond // ns), strict=True))
+
+    folder = retimed(tmp_path / "run", columns)
+    (trial,) = read_trials([folder], mapped(names[0]))
+    steps = np.diff(sensor_tables()["dvl"]["time_s"])
+    np.testing.assert_allclose(np.diff(trial.sensors["dvl"].time_s), steps, atol=1e-6)
+    assert f'time = "{names[0]}"' in inspect_log(folder).proposed_map

@@ -16,7 +16,7 @@ from auvident.stages.ingest.fill_values import (
     is_sentinel,
 )
 from auvident.stages.ingest.flat import find_flat
-from auvident.stages.ingest.held_copies import holds_throughout, keep_one_of_held
+from auvident.stages.ingest.held_copies import holds_throughout, keep_one_of_held, slow_samples
 from auvident.stages.ingest.order import order_rows
 from auvident.stages.ingest.outliers import find_outliers, of_rows
 from auvident.stages.ingest.overflow import find_overflows
@@ -48,6 +48,11 @@ class Series:
     def time_s(self) -> np.ndarray:
         """Times, shape (n,), strictly ascending."""
         return self.all_times_s if self.used is None else self.all_times_s[self.used]
+
+    def only(self, which: np.ndarray) -> "Series":
+        """Some of the samples."""
+        time_s, values = self.time_s[which], self.values[which]
+        return replace(self, all_times_s=time_s, all_values=values, used=None)
 
     @property
     def values(self) -> np.ndarray:
@@ -179,10 +184,12 @@ def _copies(raw: RawSensor, keep: np.ndarray, pace: Pace) -> np.ndarray:
 def _copied_fixes(raw: RawSensor, keep: np.ndarray, filled: dict[str, np.ndarray]) -> np.ndarray:
     """Which rows repeat a fix in a log of more rows than fixes: it would come half a fix late.
 
-    Only once fill values are found, of which each copy counts.
+    Or a depth. Only once fill values are found, of which each copy counts.
     """
     none = np.zeros(keep.size, dtype=bool)
     held = keep_one_of_held(raw, keep) if raw.sensor == "position" else None
+    if raw.sensor == "depth":
+        held = slow_samples(of_rows(raw.time_s, keep), of_rows(raw.values["depth_m"], keep))
     if held is None:
         return none
     return ~held & ~np.logical_or.reduce([none, *filled.values()])

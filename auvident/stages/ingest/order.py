@@ -12,6 +12,7 @@ MAX_GLITCHES = 200  # runs of 2 or 3 rows out of order; more mean the clock is n
 STAYED_TICKS = 1.5  # a clock that lost more than this over a glitch has been set back
 MAX_PAUSE_S = 6 * 3600.0  # a pause within a trial; beyond it there are two trials
 MIN_PERIOD_ROWS = 10  # fewer rows have no typical period
+DESCENDING_SHARE = 0.9  # of the steps in time go back: the log has the newest row first
 UNIT_REMEDY = (
     "The time is no seconds: name the column by its unit (time_us, time_ms), or set "
     'time_unit = "us" in a map (--map).'
@@ -110,6 +111,13 @@ def _stayed(
 
 def _backward(sensor: RawSensor, last: int, first: int) -> InputError:
     time, rows = sensor.time_s, sensor.rows
+    if np.mean(np.diff(time) < 0.0) > DESCENDING_SHARE:
+        return InputError(
+            f"the newest row comes first: {time[0]:.3f} s at row {rows[0]}, "
+            f"{time[-1]:.3f} s at row {rows[-1]}",
+            f"{sensor.file}, column {sensor.time_column}",
+            "Sort the rows by time, the oldest first.",
+        )
     return InputError(
         f"time goes backward and stays there: {time[last]:.3f} s at row {rows[last]}, "
         f"then {time[first]:.3f} s at row {rows[first]}",

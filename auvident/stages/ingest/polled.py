@@ -13,6 +13,9 @@ where rows are changes, whatever the servo, half where they are samples and the 
 Of ten drawn vehicles whose log tells it to 0.06 it was 0.08 to 0.57; their rows are samples.
 Logged at the ticks of the controller, where rows are changes, it was -0.24 to 0.06 in the six of 40
 drawn vehicles that tell it to 0.1, and none is taken for samples.
+
+A log of more rows than samples copies each sample into the rows that follow. Whether these hold a
+command or copy a sample tells the answer likewise, at the first row of each.
 """
 
 from collections.abc import Mapping
@@ -21,6 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from auvident.schema.holding import median_period
+from auvident.stages.ingest.held_copies import slow_samples
 from auvident.stages.ingest.response import SLOW_SHARE
 
 SURE_STDS = 3.0  # standard deviations by which a share has to differ from none ...
@@ -73,6 +77,18 @@ def sampled_inputs(signals: Signals, passage_s: float) -> tuple[str, ...]:
     shares = (share_before(column, signals) for column in ANSWERS if slow)
     told = any(share.sampled for share in shares if share is not None)
     return tuple(slow) if told else ()
+
+
+def copied_inputs(signals: Signals) -> dict[str, np.ndarray]:
+    """Inputs that change only at the ticks of a clock slower than their rows.
+
+    Returns
+    -------
+    dict of str to numpy.ndarray of bool
+        For each such column, which of its rows are at those ticks.
+    """
+    ticks = {c: slow_samples(*signals[c]) for c in ANSWERS if c in signals}
+    return {column: rows for column, rows in ticks.items() if rows is not None}
 
 
 def share_before(column: str, signals: Signals) -> Share | None:

@@ -25,6 +25,7 @@ from auvident.stages.ingest.outliers import noise_std, resolution
 from auvident.stages.ingest.pace import pace_of
 from auvident.stages.ingest.remarks import sampling_findings
 from auvident.stages.ingest.resample import Resampled, median_period
+from auvident.stages.ingest.time_units import a_day_apart, too_quick, unit_by_span
 
 MIN_NOISE_SAMPLES = 30  # fewer second differences do not tell the noise
 
@@ -70,6 +71,9 @@ def report(
             silent_inputs(sensors),
         ),
         *_unusable(sensors),
+        *unit_by_span(raw.sensors),
+        *a_day_apart(raw.sensors),
+        *_too_quick(own, float(time[-1] - time[0]), pace_of(raw.sensors, vehicle).passage_s),
         *aligned.findings,
     )
     return TrialQuality(
@@ -117,6 +121,15 @@ def _unusable(sensors: Mapping[str, CleanSensor]) -> list[Finding]:
         for column in sensor.raw.values
         if column not in sensor.series
     ]
+
+
+def _too_quick(
+    sensors: Sequence[SensorQuality], duration_s: float, passage_s: float
+) -> list[Finding]:
+    dvl = next((s for s in sensors if s.sensor == "dvl"), None)
+    if dvl is None or not dvl.rate_hz:
+        return []
+    return [*too_quick(dvl.rate_hz, duration_s, passage_s, dvl.file)]
 
 
 def _sensor(

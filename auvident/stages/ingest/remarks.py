@@ -19,12 +19,17 @@ JITTER_SHARE = 0.25  # of the period: stamps are then those of arrival, not of t
 # the turn meanwhile; a fast gyro with stamps of whole milliseconds has nothing but a jitter of 3.
 JITTER_LENGTHS = 0.01
 DROPPED_SHARE = 0.10  # of the rows
+TURNED_FLAG = (
+    "If the flag marks good samples with 0, as a status or an error does, write its opposite, or "
+    "rename it: without a column of that name all rows count."
+)
 MISSING_SHARE = 0.05  # of the grid
 MUCH_SHARE = 0.30  # of a channel's samples that cleaning left out
 # Digits of a channel of the motion, of its range: in steps of 1 to 20 the answer to a rudder is
 # a stair, and the noise that the filter counts with is none.
 COARSE_SHARE = 0.03
 MOTION = ("u_mps", "v_mps", "w_mps", "q_radps", "r_radps")
+NO_SAMPLES = ("held_copy", "zero_for_empty")  # rows of other sensors
 NOT_A_FAULT = ("empty", "repeated_time")  # of the sample that stands there
 
 # What cleaning found wrong with samples of a channel, by reason: code, words, remedy.
@@ -165,7 +170,7 @@ def _clock(sensor: SensorQuality, passage_s: float) -> Iterator[Finding]:
 
 
 def _losses(sensor: SensorQuality) -> Iterator[Finding]:
-    counts = {reason: d.count for reason, d in sensor.dropped.items() if reason != "held_copy"}
+    counts = {reason: d.count for reason, d in sensor.dropped.items() if reason not in NO_SAMPLES}
     lost = sum(counts.values())
     if lost > DROPPED_SHARE * sensor.rows_read:
         reasons = ", ".join(f"{count} {reason}" for reason, count in counts.items())
@@ -175,6 +180,7 @@ def _losses(sensor: SensorQuality) -> Iterator[Finding]:
             where=sensor.file,
             value=lost / sensor.rows_read,
             threshold=DROPPED_SHARE,
+            remedy=TURNED_FLAG if counts.get("marked_invalid", 0) > 0.5 * sensor.rows_read else "",
         )
 
 

@@ -1,6 +1,6 @@
 """The ingest stage: clean, find the common clock, resample, check, report."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,7 +25,7 @@ from auvident.stages.ingest.clean import CleanSensor, Series, clean_trial
 from auvident.stages.ingest.derived import with_derived
 from auvident.stages.ingest.dvl_roll import without_roll
 from auvident.stages.ingest.pace import pace_of
-from auvident.stages.ingest.polled import sampled_inputs
+from auvident.stages.ingest.polled import copied_inputs, sampled_inputs
 from auvident.stages.ingest.quality import report, silent_inputs
 from auvident.stages.ingest.resample import (
     Grid,
@@ -35,6 +35,7 @@ from auvident.stages.ingest.resample import (
     resample_input,
     resample_measured,
 )
+from auvident.stages.ingest.time_units import a_day_apart, unit_by_span
 
 MAX_RATE_HZ = 1000.0
 MAX_PERIOD_S: VehicleTime = 5.0  # slower velocities or yaw rates do not show a maneuver
@@ -102,7 +103,11 @@ def ingest(
     sensors, done = without_roll(sensors, vehicle.dvl, max_gap_s)
     _refuse_too_slow(sensors, needed)
     signals = {c: (s.time_s, s.values) for c, s, _ in _series(sensors)}
+    once = copied_inputs(signals)
+    signals |= {c: (signals[c][0][rows], signals[c][1][rows]) for c, rows in once.items()}
     sampled = sampled_inputs(signals, pace_of(raw.sensors, vehicle).passage_s)
+    copied = {c: rows for c, rows in once.items() if c in sampled}
+    sensors = {name: _without_copies(k, copied) for name, k in sensors.items()}
     plans = {c: _plan(s, k, rate_hz, max_gap_s, c in sampled) for c, s, k in _series(sensors)}
     grid = _common_grid(raw, plans, needed, rate_hz)
     columns = {c: _resample(series, plans[c], grid) for c, series, _ in _series(sensors)}
@@ -135,6 +140,12 @@ def _perhaps_on_change(error: InputError, silent: Collection[str]) -> InputError
 def _series(sensors: dict[str, CleanSensor]) -> list[tuple[str, Series, CleanSensor]]:
     found = {c: (c, s, k) for k in sensors.values() for c, s in k.series.items()}
     return [found[c.column] for c in CHANNELS if c.column in found]
+
+
+def _without_copies(sensor: CleanSensor, copied: Mapping[str, np.ndarray]) -> CleanSensor:
+    """The sensor with each sample of an input once, where rows that follow copy it."""
+    once = {c: s.only(copied[c]) for c, s in sensor.series.items() if c in copied}
+    return replace(sensor, series=sensor.series | once) if once else sensor
 
 
 def _only(sensor: CleanSensor, columns: Collection[str]) -> CleanSensor:
@@ -185,6 +196,7 @@ def _common_grid(
         )
     grid = Grid.within(start, end, rate_hz)
     if grid.size < 2:
+        clocks = (*unit_by_span(raw.sensors), *a_day_apart(raw.sensors))
         spans = "; ".join(
             f"{s.file} {s.time_s.min():.3f} to {s.time_s.max():.3f} s"
             for name, s in raw.sensors.items()
@@ -193,7 +205,8 @@ def _common_grid(
         raise InputError(
             f"the required sensors never overlap in time: {spans}",
             f"trial {raw.name}",
-            "Check that all of them run on the same clock; time_offset_s in a map (--map) "
+            " ".join(f"{f.message}. {f.remedy}" for f in clocks)
+            or "Check that all of them run on the same clock; time_offset_s in a map (--map) "
             "shifts one.",
         )
     return grid

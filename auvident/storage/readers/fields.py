@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 from auvident.errors import InputError
-from auvident.storage.log_columns import TIME_ALIASES
 from auvident.storage.log_layout import TIME_NAMES
 from auvident.storage.log_time import MISSING_COUNT, MOST_COUNT
+from auvident.storage.log_time_names import TIME_ALIASES
 from auvident.storage.readers.interface import (
     DAMAGED_REMEDY,
     ColumnHead,

@@ -18,6 +18,13 @@ from auvident.stages.ingest.checks.row import (
     untested,
 )
 from auvident.stages.ingest.checks.seen import MIN_SPEED_MPS, Seen
+from auvident.stages.ingest.checks.throttle import (
+    PULSES_REMEDY,
+    SHARE_REMEDY,
+    column_of_rpm,
+    rest_us,
+    share_of_throttle,
+)
 from auvident.stages.ingest.checks.track import LEAST_EXPLAINED, TrackFit, sway_gain, track
 
 MIN_RPM = 10.0  # a propeller that turns slower is stopped
@@ -32,6 +39,14 @@ TURNING = 0.1  # r L / u
 PIVOT, PIVOT_STD = 0.35, 0.15  # lengths ahead of midships; logarithm, of 150 drawn vehicles
 PIVOT_LIMIT = 0.5  # logarithm; the worst of them is 0.42 off
 TOLD_APART = 4.0  # difference of chi-square that names one of two
+SURELY_EXPLAINED = 0.8  # of a track in the mirror, where the track itself is not even half
+# By the quarters that the track in the mirror (east of the other sign) is turned by.
+MIRRORS = (
+    "east has the other sign",
+    "north and east are swapped and have the other sign",
+    "north has the other sign",
+    "north and east are swapped",
+)
 UNITS = {
     "knots logged as m/s": KNOT,
     "m/s logged as knots": 1.0 / KNOT,
@@ -40,6 +55,7 @@ GEARS = {
     "rpm of a motor before a gear of 2": 0.5,
     "rpm of a motor before a gear of 3": 1.0 / 3.0,
     "rpm that counts every second turn": 2.0,
+    "rev/s in an rpm column": 60.0,
 }
 ONE_RATE = "rpm never changes: thrust and drag cannot be told apart"
 LEVELS = 1.3  # ratio of steady speeds over ground that one propeller rate does not make
@@ -64,7 +80,7 @@ def by_position(seen: Seen) -> Verdict:
         return untested(POSITION)
     found = tracked(seen)
     if found is None:
-        return _by_path(seen)
+        return _mirrored(seen) or _by_path(seen)
     scale = found.scale
     speed = Figure(1.0 / scale.value, scale.std / scale.value**2)
     off = abs(speed.value - 1.0)
@@ -81,6 +97,20 @@ def by_position(seen: Seen) -> Verdict:
         f"{f'; {named}?' if named else ', current taken out'}",
         "Check the units of u, v and of the position, and the DVL's sound speed.",
         scaled(factor, *_velocities(seen)),
+    )
+
+
+def _mirrored(seen: Seen) -> Verdict | None:
+    """A position that follows the DVL as in a mirror: swapped, or one of it of the other sign."""
+    found = track(seen, mirrored=True)
+    if found is None or found.explained < SURELY_EXPLAINED:
+        return None
+    words = MIRRORS[round(found.turned / (0.5 * np.pi)) % 4]
+    return contradicts(
+        f"the position follows heading and speed only as in a mirror: {words}?",
+        found.scale.value,
+        "Check columns and signs of north and east (a longitude west is negative) in a map "
+        "(--map); or heading, r and v count to port, as ROS has them: then turn all three.",
     )
 
 
@@ -188,6 +218,8 @@ def balance(seen: Seen) -> Balance | None:
 
 def _blamed(seen: Seen, ratio: Ratio) -> tuple[str, ...]:
     """Which of speed and propeller rate is off: position or depth tell, else the drift in turns."""
+    if rest_us(seen) is not None:
+        return ("rpm",)
     found = tracked(seen)
     if found is not None:
         near = abs(np.log(found.scale.value)) < 0.2
@@ -221,6 +253,14 @@ def by_propeller(seen: Seen) -> Verdict:
 
 def rpm_by_speed(seen: Seen) -> Verdict:
     """Whether the propeller rate is what the speed asks for."""
+    rest = rest_us(seen)
+    if rest is not None:
+        return contradicts(
+            f"rpm is {rest:.0f} where the vehicle stands still: microseconds of a throttle's "
+            "pulses (PWM), no rate of a propeller",
+            rest,
+            PULSES_REMEDY.format(column=column_of_rpm(seen), rest=rest),
+        )
     return _held_against(seen, "rpm", "speed", GEARS, scaled_speed=False)
 
 
@@ -241,13 +281,14 @@ def _held_against(
         )
     wanted = 1.0 / found.ratio.value if scaled_speed else found.ratio.value
     named = _nearest(names, wanted, found.limit)
+    share = "" if scaled_speed or named else share_of_throttle(seen)
     either = f" (or the {other} is off)" if len(found.blamed) > 1 else ""
-    guess = f"{named or 'a wrong unit, a gear'}? Or another vehicle's file?"
+    guess = f"{named or share or 'a wrong unit, a gear'}? Or another vehicle's file?"
     columns = _velocities(seen) if scaled_speed else ["rpm"]
     return found.ratio.verdict(
         "contradicts",
         f"{_words(found)}; {guess}{either}",
-        REMEDY,
+        SHARE_REMEDY.format(column=column_of_rpm(seen)) if share else REMEDY,
         scaled(names[named], *columns) if named else "",
     )
 
@@ -357,9 +398,10 @@ def _drives_without(most: float, speed_mps: float) -> Verdict:
     stands = f"at {most:.3g}" if most == 0.0 else f"within {most:.2g}"
     return contradicts(
         f"the vehicle makes {speed_mps:.2g} m/s although rpm stands {stands} throughout: the log "
-        "of the propeller looks stuck, or is not connected",
+        "of the propeller looks stuck, or is not connected"
+        f"{'' if most == 0.0 else ', or it is a throttle of 0 to 1'}",
         speed_mps,
-        "Check the log of rpm; a map (--map) names another column.",
+        "Check the log of rpm; a map (--map) names another column, or the scale of a throttle.",
     )
 
 
@@ -393,7 +435,8 @@ def advance_ratio(seen: Seen) -> Verdict:
         return agrees("u / (n D) is that of a propeller that drives a hull", advance)
     fault = "motor rather than propeller rpm (gear ratio)"
     if advance > MAX_ADVANCE:
-        fault = "rev/s in an rpm column" if advance > 10 * MAX_ADVANCE else "u in knots or cm/s"
+        fault = f"{share_of_throttle(seen)}, or u in knots or cm/s".removeprefix(", or ")
+        fault = "rev/s in an rpm column" if advance > 10 * MAX_ADVANCE else fault
     return contradicts(
         f"u / (n D) is {advance:.3g}; looks like {fault}, or a wrong propeller diameter",
         advance,

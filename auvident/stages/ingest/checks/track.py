@@ -33,9 +33,13 @@ class TrackFit:
     explained: float
 
 
-def track(seen: Seen) -> TrackFit | None:
-    """Fit of scale, angle and current; None without position, heading or enough way."""
+def track(seen: Seen, mirrored: bool = False) -> TrackFit | None:
+    """Fit of scale, angle and current; None without position, heading or enough way.
+
+    `mirrored` takes the other sign of east.
+    """
     moved, way, _, seconds = _pieces(seen)
+    moved = np.conj(moved) if mirrored else moved
     if moved.size < LEAST_PIECES:
         return None
     gain, current = _fit(moved, way, seconds)
