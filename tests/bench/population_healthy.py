@@ -26,12 +26,14 @@ def healthy_tables(trials: Sequence[Drawn]) -> dict[str, Table]:
 def reached(strengths: Sequence[float]) -> Table:
     """Strength that a share of so many vehicles reaches, for shares that they can tell.
 
-    The k-th largest of n is reached by another vehicle as often as k / (n + 1).
+    The k-th largest of n is reached by another vehicle as often as k / (n + 1). Many reach none.
     """
-    found, n = np.sort(strengths)[::-1], len(strengths)
+    found, n = np.sort(np.maximum(strengths, 0.0))[::-1], len(strengths)
     shares = [share for share in SHARES if share * (n + 1) >= 1.0]
     ranks = [min(share * (n + 1), n) - 1 for share in shares]
-    values = np.interp(ranks, np.arange(n), np.maximum(found, 0.0))
+    values = np.interp(ranks, np.arange(n), found)
+    kept = (values > 0.0) | (np.array(shares) == 1.0)
+    shares, values = [s for s, k in zip(shares, kept, strict=True) if k], values[kept]
     return [
         {"share": s, "strength": round(float(v), 2)} for s, v in zip(shares, values, strict=True)
     ]

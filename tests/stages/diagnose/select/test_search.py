@@ -12,6 +12,7 @@ from auvident.stages.diagnose.score.first_order import Score
 from auvident.stages.diagnose.score.left_out import FitsWithout
 from auvident.stages.diagnose.select import held_back, refitting, search
 from auvident.stages.diagnose.select.candidates import Traced, Tried
+from auvident.stages.diagnose.select.healthy import share_of_healthy, strength
 from auvident.stages.diagnose.select.rule import Refusal
 from auvident.stages.diagnose.select.rules import STUCK
 from auvident.stages.diagnose.select.screen import Screen
@@ -221,7 +222,17 @@ def test_what_is_accepted_joins_the_model_until_nothing_is(monkeypatch) -> None:
     assert found.steps == ("current added: 800 nats", "gyro_bias added: 800 nats")
     assert [r.accepted for r in found.rounds] == ["current", "gyro_bias", None]
     helped = found.rounds[0].tried[0].account.helped
-    assert helped is not None and helped.p == pytest.approx(3 * 0.003)  # the best of three
+    assert helped is not None and helped.strength == strength(GOOD.helped)
+    # of the best of three, and of a healthy vehicle
+    assert helped.p == max(0.009, share_of_healthy(helped.strength))
+
+
+def test_signs_alone_tell_a_chance_that_is_larger_than_that_of_a_healthy_vehicle(
+    monkeypatch,
+) -> None:
+    monkeypatch.setattr(held_back, "share_of_healthy", lambda told: 0.001)
+    helped = traced(monkeypatch, {"current": {}}).rounds[0].tried[0].account.helped
+    assert helped is not None and helped.p == pytest.approx(3 * 0.003)
 
 
 def test_effects_are_seen_together_after_each_that_is_accepted(monkeypatch) -> None:
