@@ -7,7 +7,7 @@ import numpy as np
 
 from auvident.report import loop_words as words
 from auvident.report import tables_loop as tables
-from auvident.report.html_data import ReportData, number
+from auvident.report.html_data import ReportData
 from auvident.report.tables import Table
 from auvident.schema.diagnosis import Comparison, Diagnosis
 
