@@ -1,5 +1,6 @@
 """A run directory as an object: models, errors, maneuvers, findings, signals, figures."""
 
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,6 +16,7 @@ from auvident.api.signals import predictions, with_smoothed
 from auvident.api.whole import WholeModel
 from auvident.errors import StageError
 from auvident.pipeline.ask import need, opened
+from auvident.pipeline.freshness import outdated
 from auvident.pipeline.given import Given
 from auvident.pipeline.observer import Observer
 from auvident.schema.planes import Plane
@@ -82,8 +84,14 @@ class Run:
 
     @cached_property
     def models(self) -> dict[str, PlaneModels]:
-        """Models by plane: ``run.models["horizontal"].identified``, ``.refined``, ``.final``."""
+        """Models by plane: ``run.models["horizontal"].identified``, ``.refined``, ``.final``.
+
+        Warns where the run has changed since, or its refined model is gone or out of date.
+        """
         need(self._given, "identify")
+        told = outdated(self.path)
+        if told:
+            warnings.warn(told, stacklevel=3)
         return {view.plane or "": self._models(view) for view in self._views()}
 
     def _models(self, view: Given) -> PlaneModels:

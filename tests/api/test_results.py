@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -75,6 +76,15 @@ def test_held_out_errors_are_those_of_the_artifacts(run: auvident.Run) -> None:
         assert row["r2"] == told["r2"] == pytest.approx(1.0 - told["nrmse"] ** 2)
         assert row["coverage"] == metrics["coverage"][channel]["covered"]
     assert table["rmse_refined"].isna().all()  # nothing was lacking
+
+
+def test_a_run_without_its_refined_model_warns(demo: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert auvident.load_run(demo).model.plane == "horizontal"
+    shutil.rmtree(demo / "refine")
+    with pytest.warns(UserWarning, match="the identified model is taken"):
+        assert auvident.load_run(demo).model.plane == "horizontal"
 
 
 def test_a_refined_model_stands_beside_the_identified_one(demo: Path) -> None:
