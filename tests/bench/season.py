@@ -33,6 +33,8 @@ TELLS = {
     "fouling": {"drag", "X_uu", "linear_drag.X_u", "thrust", "T_nn", "T_nu"},
     "new thruster": {"thrust", "T_nn", "T_nu", "drag", "X_uu", "linear_drag.X_u"},
 }
+# a fault that a trial names among its effects, and is pooled without
+EFFECTS_OF = {"gyro scale": "gyro_scale"}
 
 
 class _Told(Observer):
@@ -83,8 +85,10 @@ def judged(result: CampaignResult, truth: dict[str, Any]) -> dict[str, list[dict
     spoilt = []
     for kind, key in faults.items():
         t = rows[tuple(key)]
-        named = t.state == "failed" or not t.pooled
-        why = t.problem or t.reason
+        is_named = EFFECTS_OF.get(kind) in t.effects
+        named = t.state == "failed" or not t.pooled or is_named
+        why = t.problem or t.reason or ", ".join(t.effects) * is_named
+        why = why.replace(f"{t.log}/", "").replace(f"{t.log}: ", "")
         spoilt.append({"fault": kind, "trial": "/".join(key), "named": named, "why": why[:60]})
     own = {tuple(key) for key in faults.values()}
     others = [t for key, t in rows.items() if key not in own and not t.pooled]
