@@ -294,11 +294,23 @@ def _estimated_along(
     carried = along(given.diagnosis, claimed, model, speed, heading=_has_headings(given))
     if carried is None:
         return {}
+    plan = _from_here(identifying_plan(given))
     try:
-        return {"refine/along.json": _identified_with(given, filter, carried).model}
+        return {"refine/along.json": _identified_with(given, filter, carried, plan).model}
     except NumericsError as error:
         given.observer.note(NOT_ALONG.format(problem=error.problem))
         return {}
+
+
+def _from_here(plan: "Plan") -> "Plan":
+    """The refinement of the prediction alone, where a plan ends with it.
+
+    It ends where it does after all stages, as the diagnosis has brought the coefficients near.
+    """
+    last = plan.stage[-1]
+    if last.method != "output_error":
+        return plan
+    return plan.model_copy(update={"stage": (last,), "cycles": 1})
 
 
 def _has_headings(given: Given) -> bool:
@@ -332,8 +344,10 @@ def _identified_again(given: Given, filter: str, carried: Any) -> "_Again":
     )
 
 
-def _identified_with(given: Given, filter: str, carried: Any) -> "Identification":
-    """Identify with effects carried."""
+def _identified_with(
+    given: Given, filter: str, carried: Any, plan: "Plan | None" = None
+) -> "Identification":
+    """Identify with effects carried, by the plan of the identification or another one."""
     from auvident.stages.identify import identify as estimate_jointly
 
     return estimate_jointly(
@@ -343,7 +357,7 @@ def _identified_with(given: Given, filter: str, carried: Any) -> "Identification
         given.vehicle,
         given.noise(),
         plane=given.model.plane,
-        plan=identifying_plan(given),
+        plan=plan or identifying_plan(given),
         filter=filter,
         engine=given.model.engine,
         carried=carried,
