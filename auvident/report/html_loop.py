@@ -64,7 +64,7 @@ def lacks(report: ReportData) -> Lacks | None:
         verdict=words.VERDICTS[found.verdict],
         grade=GRADES[found.verdict],
         statement=found.statement,
-        false_alarm_p="" if found.false_alarm_p is None else f"{100.0 * found.false_alarm_p:.2g} %",
+        false_alarm_p="" if found.false_alarm_p is None else f"{100.0 * found.false_alarm_p:.3g} %",
         effects=tables.effects((*found.effects, *found.not_confirmed)),
         attempts=tables.attempts(comparison) if comparison else None,
         nuisance=tables.effects(diagnosis.nuisance),
