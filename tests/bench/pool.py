@@ -26,7 +26,7 @@ PART = 6  # maneuvers of the programme that a trial flies, a straight run among 
 def main(arguments: list[str], show: Callable[[str, list[dict[str, Any]]], None]) -> None:
     """Identify, pool, compare and print."""
     parser = argparse.ArgumentParser(prog="python -m tests.bench pool", description=__doc__)
-    parser.add_argument("--vehicles", type=int, default=10)
+    parser.add_argument("--vehicles", type=int, default=30)
     parser.add_argument("--trials", type=int, default=8)
     options = parser.parse_args(arguments)
     rows, shares = [], []
