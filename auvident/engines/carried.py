@@ -79,15 +79,20 @@ class Carried:
             expected=kept(self.expected),
         )
 
+    def with_values_of(self, other: "Carried") -> "Carried":
+        """With the values of another one beside these, and in their place."""
+        return replace(
+            self,
+            start={**self.start, **other.start},
+            prior={**self.prior, **other.prior},
+            prior_std={**self.prior_std, **other.prior_std},
+            expected={**self.expected, **other.expected},
+        )
+
     def adding(self, stds: Mapping[str, float]) -> "Carried":
         """With other parameters, which are estimated from nothing on, beside these."""
         none = dict.fromkeys(stds, 0.0)
-        return replace(
-            self,
-            start={**self.start, **none},
-            prior={**self.prior, **none},
-            prior_std={**self.prior_std, **stds},
-        )
+        return self.with_values_of(Carried(start=none, prior=none, prior_std=stds))
 
     def structure(self, plane: Plane) -> Structure:
         """The equations with these effects."""

@@ -100,14 +100,20 @@ def scattered(told: TrialData, between: Array) -> TrialData:
     at = np.flatnonzero(between > 0.0)
     if not at.size:
         return told
-    across = told.information[:, at]
-    gain = np.linalg.solve(across[at] + np.diag(1.0 / between[at]), across.T).T
-    information = told.information - gain @ across.T
-    return replace(
-        told,
-        information=0.5 * (information + information.T),
-        score=told.score - gain @ told.score[at],
+    (score,), (information,) = _all_scattered(
+        told.score[None], told.information[None], at, between[at]
     )
+    return replace(told, information=0.5 * (information + information.T), score=score)
+
+
+def _all_scattered(
+    scores: Array, informations: Array, at: npt.NDArray[np.int64], variances: Array
+) -> tuple[Array, Array]:
+    """Scores (k, n) and informations (k, n, n) of trials that scatter in parameters ``at``."""
+    across = informations[:, at]
+    gain = np.linalg.solve(across[:, :, at] + np.diag(1.0 / variances), across)
+    told = informations - np.swapaxes(across, 1, 2) @ gain
+    return scores - np.einsum("tki,tk->ti", gain, scores[:, at]), told
 
 
 @dataclass(frozen=True)
@@ -226,9 +232,9 @@ def between_trials(trials: Sequence[TrialData], start: Array | None = None) -> A
 def _likely(trials: Sequence[TrialData], start: Array, rounds: int) -> Array:
     """Variances (n,) of largest restricted likelihood, from a start on; what is not seen has none.
 
-    Every step raises the likelihood, and what is not there goes to zero (Zhou, Hu, Qiao, Cho and
-    Chang 2019). Moments swap the scatter of parameters that every trial sees together: of six
-    trials that see four of them sharply the squared errors were 6 times as large as claimed.
+    Every step raises the likelihood, and what is not there goes to zero (MM steps of Zhou, Hu,
+    Zhou and Lange 2019). Moments swap the scatter of parameters that every trial sees together: of
+    six trials that see four of them sharply the squared errors were 6 times as large as claimed.
     """
     informations = np.array([t.information for t in trials])
     scores = np.array([t.score for t in trials])
@@ -245,16 +251,6 @@ def _likely(trials: Sequence[TrialData], start: Array, rounds: int) -> Array:
     likely = np.zeros(len(start))
     likely[at] = np.where((ratio > STAYS) & (found * most[at] >= UNFELT), found, 0.0)
     return likely
-
-
-def _all_scattered(
-    scores: Array, informations: Array, at: npt.NDArray[np.int64], variances: Array
-) -> tuple[Array, Array]:
-    """Scores (k, n) and informations (k, n, n) as of `scattered`, with these variances there."""
-    across = informations[:, at]
-    gain = np.linalg.solve(across[:, :, at] + np.diag(1.0 / variances), across)
-    told = informations - np.swapaxes(across, 1, 2) @ gain
-    return scores - np.einsum("tki,tk->ti", gain, scores[:, at]), told
 
 
 def _about_mean(scores: Array, informations: Array) -> tuple[Array, Array]:

@@ -284,6 +284,12 @@ def test_trials_are_pooled_by_a_model_with_all_small_effects_and_its_water() -> 
     assert along(seen, [], model(), 1.5, heading=True).start["current.north_mps"] == 0.1
 
 
+def test_readings_of_an_event_are_left_out_along_as_well() -> None:
+    found = along(diagnosis(EVENT), ["one_off_event"], model(), 1.5, heading=True)
+    assert found.windows == (("turn-2", 431.5, 437.5),)
+    assert "one_off_event" not in found.ids("horizontal")
+
+
 def test_without_a_heading_no_current_is_told_along() -> None:
     found = along(diagnosis(), [], model(), 1.5, heading=False)
     assert found.ids("horizontal") == ("rudder_offset", "rudder_lag")

@@ -38,14 +38,19 @@ def carried_of(diagnosis: Diagnosis) -> Carried | None:
     With an event and no effect these are the windows to leave out, and the nuisance parameters.
     """
     modelled = [e.id for e in diagnosis.to_try if BY_ID[e.id].enters != "disturbance"]
-    windows = tuple(
+    windows = windows_of(diagnosis)
+    if not modelled and not windows:
+        return None
+    return replace(nuisances_of(diagnosis), effects=tuple(modelled), windows=windows)
+
+
+def windows_of(diagnosis: Diagnosis) -> tuple[tuple[str, float, float], ...]:
+    """Maneuver, start and end [s] of the events whose readings are left out."""
+    return tuple(
         (e.maneuver, e.time_s, e.time_s + (e.duration_s or 0.0))
         for e in diagnosis.effects
         if e.id == "one_off_event" and e.maneuver is not None and e.time_s is not None
     )
-    if not modelled and not windows:
-        return None
-    return replace(nuisances_of(diagnosis), effects=tuple(modelled), windows=windows)
 
 
 def nuisances_of(diagnosis: Diagnosis) -> Carried:
@@ -89,14 +94,8 @@ def fewer(carried: Carried, before: IdentifiedModel, speed_mps: float) -> Iterat
 
 def without(carried: Carried, out: set[str], usual: Carried) -> Carried:
     """What is carried without some effects, of which as much is left as is usual."""
-    rest = carried.only({name.partition(".")[0] for name in carried.start} - out)
-    return replace(
-        rest,
-        start={**rest.start, **usual.start},
-        prior={**rest.prior, **usual.prior},
-        prior_std={**rest.prior_std, **usual.prior_std},
-        expected={**rest.expected, **usual.expected},
-    )
+    kept = {name.partition(".")[0] for name in carried.start} - out
+    return carried.only(kept).with_values_of(usual)
 
 
 @dataclass(frozen=True)
