@@ -61,7 +61,7 @@ HOW = {
     "splits": "; the first clean trials of even seeds, five random splits each",
     "whole": "; models of the harbour trial and of the dive trial, joined",
     "exports": "; models of the harbour trial and of the dive trial",
-    "band": "; the first 29 clean trials of even seeds",
+    "band": "; the first 100 clean trials of odd seeds from 6601",
 }
 
 

@@ -20,16 +20,17 @@ if str(SAMPLES) not in sys.path:
 
 STATES = {s.symbol: s for s in BY_PLANE["horizontal"].states}
 CHANNELS = (*STATES, TRACK)
-TRIALS = 29
+TRIALS = 100
+FIRST_SEED = 6601  # odd seeds report, and no study before drew these
 
 Rows = list[dict[str, Any]]
 
 
 def clean_trials(count: int) -> Iterator[tuple[int, tuple[str, ...], Chain]]:
-    """Seed, classes and chain of the first trials of even seeds in which nothing is planted."""
+    """Seed, classes and chain of the first trials of odd seeds in which nothing is planted."""
     from seatrial.population import draw
 
-    found, seed = 0, 0
+    found, seed = 0, FIRST_SEED
     while found < count:
         drawn = draw(seed, True)
         if drawn.kind == "none":
