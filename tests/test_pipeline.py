@@ -214,6 +214,18 @@ def test_two_trials_stand_side_by_side(tmp_path: Path, auvident: Callable[..., C
     assert [p.name for p in (run / "ingest").glob("*.parquet")] == ["harbour_trial.parquet"]
 
 
+def test_a_log_without_a_compass_runs_to_the_end(
+    tmp_path: Path, auvident: Callable[..., Called]
+) -> None:
+    log, run = tmp_path / "trial", tmp_path / "run"
+    shutil.copytree(SAMPLES / "harbour_trial", log)
+    (log / "attitude.csv").unlink()
+    vehicle = SAMPLES / "remus100.toml"
+    assert auvident("run", log, "--vehicle", vehicle, "--run", run, "--quiet").code == 0
+    effects = json.loads((run / "refine" / "along.json").read_text())["effects"]
+    assert "current" in {e["id"] for e in effects}  # by the yaw rate of one trial, summed up
+
+
 def test_cruising_speed_is_the_median_under_way() -> None:
     from auvident.schema.trial import Trial
 

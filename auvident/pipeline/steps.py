@@ -291,7 +291,8 @@ def _estimated_along(
     from auvident.stages.refine.errors import cruise_of
 
     claimed, (speed, _) = {e.id for e in comparison.effects}, cruise_of(prediction.simulation)
-    carried = along(given.diagnosis, claimed, model, speed, heading=_has_headings(given))
+    heading = _in_one_frame(given, model.plane)
+    carried = along(given.diagnosis, claimed, model, speed, heading=heading)
     if carried is None:
         return {}
     plan = _from_here(identifying_plan(given))
@@ -314,7 +315,13 @@ def _from_here(plan: "Plan") -> "Plan":
 
 
 def _has_headings(given: Given) -> bool:
-    return any(t.table["heading_rad"].notna().any() for t in given.trials)
+    return any(t.has_heading for t in given.trials)
+
+
+def _in_one_frame(given: Given, plane: "Plane") -> bool:
+    """Whether headings can be held against each other: logged, or summed up of one yaw rate."""
+    alone = given.trials[0] if len(given.trials) == 1 and plane == "horizontal" else None
+    return _has_headings(given) or (alone is not None and alone.turned_rad is not None)
 
 
 def _unexplained(

@@ -38,7 +38,7 @@ def along(
     speed_mps : float
         Of the vehicle in the maneuvers.
     heading : bool
-        Whether headings were logged; without them no current can be told.
+        Whether headings can be held against each other; without them no current can be told.
 
     Returns
     -------
