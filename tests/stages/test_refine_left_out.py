@@ -23,6 +23,7 @@ from tests.stages.test_refine import carried_effects, claimed, model, predicted
 
 CHANNELS = ("u", "v", "r")
 SAMPLES = (100, 200, 300, 400)
+BOTH = ("current", "rudder_backlash")
 
 
 def summary(*errors: dict[str, float]) -> LeftOutSummary:
@@ -162,7 +163,7 @@ def with_left_out(left_out: LeftOutSummary) -> IdentifiedModel:
     return model().model_copy(update={"left_out": left_out})
 
 
-def refined(*outcomes: LeftOutSummary | None):
+def refined(*outcomes: LeftOutSummary | None, found: tuple[str, ...] = ("current",)):
     """Attempts that end with these left-out errors (None: they fail), and what was asked for."""
     asked: list[Carried] = []
 
@@ -176,7 +177,7 @@ def refined(*outcomes: LeftOutSummary | None):
         )
 
     before = SimpleNamespace(simulation=predicted(0))
-    return (*choose(carried_effects("current"), with_left_out(alike()), before, again), asked)
+    return (*choose(carried_effects(*found), with_left_out(alike()), before, again), asked)
 
 
 def test_a_channel_that_rises_is_kept_by_the_next_attempt() -> None:
@@ -203,6 +204,18 @@ def test_the_best_is_taken_where_no_attempt_keeps_the_channel() -> None:
     assert made is not None and [row.taken for row in rows] == [False, False, True, False, False]
     (finding,) = findings_of(rows)
     assert finding.code == "error-rises" and "left out in turn, by 30 %" in finding.message
+
+
+@pytest.mark.parametrize(("alone", "taken"), [(0.4, ("current",)), (0.8, BOTH)])
+def test_what_makes_one_maneuver_much_worse_has_to_be_better_than_less(alone, taken) -> None:
+    """The only straight run told how large a false backlash was: r seven times as large there."""
+    others = [dict.fromkeys(CHANNELS, 0.4)] * 3
+    spoilt = summary({"u": 0.4, "v": 0.4, "r": 14.0}, *others)
+    less = alike(**dict.fromkeys(CHANNELS, alone))
+    made, rows, asked = refined(spoilt, less, found=BOTH)
+    assert [row.effects for row in rows] == [(), BOTH, ("current",)]
+    assert rows[1].left_out["r"] > 2.0 and rows[1].balance < 0.0
+    assert made is not None and made.carried.effects == taken and len(asked) == 2
 
 
 def test_channels_that_count_less_have_at_least_that_noise() -> None:
