@@ -34,8 +34,8 @@ POWER: dict[str, Callable[[Array], Array]] = {
 
 def rigid_constants(body: Body, plane: Plane = "horizontal") -> dict[str, float]:
     """Mass, its moment and inertia in the equations of a plane; the other constants are zero."""
-    inertia = body.izz_kgm2 if plane == "horizontal" else body.iyy_kgm2 or body.izz_kgm2
-    known = {"m": body.mass_kg, "m x_G": body.mass_kg * body.x_g_m, "I": inertia}
+    moment, inertia = body.mass_kg * body.x_g_m, body.inertia_kgm2(plane)
+    known = {"m": body.mass_kg, "m x_G": moment, "I": inertia}
     return {name: known.get(name, 0.0) for name in CONSTANTS}
 
 
