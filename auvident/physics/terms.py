@@ -21,7 +21,7 @@ variable. Everything is linear in the parameters p, hence the Jacobians of `dyna
 and a further term is one more row here.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -50,7 +50,15 @@ INPUTS = (
     *("X", "A", "B"),
 )
 VARIABLES = ("u", "a", "b", "sin", "cos", *INPUTS)
-POWERS = ("x", "|x|", "x^2", "x|x|", "x^3")
+# the powers of values in arrays; `batch.place_powers` has those of one value, in the same order
+POWER_OF: dict[str, Callable[[npt.NDArray[Any]], npt.NDArray[Any]]] = {
+    "x": lambda x: x,
+    "|x|": np.abs,
+    "x^2": np.square,
+    "x|x|": lambda x: x * np.abs(x),
+    "x^3": lambda x: x**3,
+}
+POWERS = tuple(POWER_OF)
 # known; then those that the data may change
 CONSTANTS = ("m", "m x_G", "I", "x_fin", *(c.symbol for c in ESTIMATED_CONSTANTS))
 PER_G = 1.0 / GRAVITY_MPS2  # from z_G W to m z_G

@@ -4,13 +4,20 @@ The terms are those of `auvident.physics.terms`, gone through with arrays over t
 few hundred models and steps that is faster than to load compiled kernels.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
-from auvident.physics.terms import CONSTANTS, POWERS, VARIABLES, mass_matrices, structure_of
+from auvident.physics.terms import (
+    CONSTANTS,
+    POWER_OF,
+    POWERS,
+    VARIABLES,
+    mass_matrices,
+    structure_of,
+)
 from auvident.schema.planes import Plane
 from auvident.schema.vehicle import Body
 
@@ -24,12 +31,6 @@ LONGEST = 60.0  # L/U: to turn by 180 degrees at 15 degrees of rudder takes 5 to
 # Rate of a fin that nothing tells of: that of a small vehicle's servo, or 93 deg in the time L/U
 # where that is slower: 65 deg in 28 s (SOLAS II-1/29) with the L/U of 40 s of a tanker
 USUAL_RATE_DEGPS, USUAL_RATE_DEG = 25.0, 93.0
-POWER: dict[str, Callable[[Array], Array]] = {
-    "x": lambda x: x,
-    "|x|": np.abs,
-    "x^2": np.square,
-    "x|x|": lambda x: x * np.abs(x),
-}
 
 
 def rigid_constants(body: Body, plane: Plane = "horizontal") -> dict[str, float]:
@@ -76,7 +77,7 @@ class Models:
             product = weight
             for pair in factors:
                 if pair not in powers:
-                    powers[pair] = POWER[POWERS[pair[1]]](known[VARIABLES[pair[0]]])
+                    powers[pair] = POWER_OF[POWERS[pair[1]]](known[VARIABLES[pair[0]]])
                 product = product * powers[pair]
             force[:, equation] += product
         moved = np.einsum("nij,nj->in", self.inverse, force)
