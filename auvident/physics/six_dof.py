@@ -240,13 +240,6 @@ def simulate_six_dof(
     return out
 
 
-def step_six_dof(
-    x: Array, inputs: Array, dt: float, system: SixDofSystem, substeps: int = SUBSTEPS
-) -> Array:
-    """State (13,) after a step under inputs (4,) that are held: for a helm in closed loop."""
-    return simulate_six_dof(x, np.array([inputs, inputs], float), dt, system, substeps)[1]
-
-
 def rates_six_dof(x: Array, inputs: Array, system: SixDofSystem) -> Array:
     """Time derivative (13,) of a state under inputs (4,)."""
     value, work = _workspace()

@@ -221,7 +221,7 @@ def case_of(
     plane = setup.structure.plane
     structure = structure_of(plane, (*(e.id for e in in_plane(plane)), FREE_FORCE))
     records = tuple(record for _, record in setup.records.values())
-    n, unit = len(structure.parameters), sizes_of(model, records)
+    n, unit = len(structure.parameters), sizes_of(records)
     prior = parameter_vector(plane, _prior_values(setup), model.rigid_body, structure=structure)
     stds, nuisance = np.zeros(n), np.zeros(n)
     low, high = np.full(n, -np.inf), np.full(n, np.inf)
@@ -251,7 +251,7 @@ def _prior_values(setup: Setup) -> dict[str, float]:
     return dict(zip(setup.structure.parameters, setup.prior, strict=True))
 
 
-def sizes_of(model: IdentifiedModel, records: Sequence[Record]) -> tuple[float, float]:
+def sizes_of(records: Sequence[Record]) -> tuple[float, float]:
     """Median speed [m/s] and propeller rate [rev/s] of the maneuvers."""
     speed = float(np.median(np.concatenate([r.given[:, 0] for r in records])))
     rate = float(np.median(np.abs(np.concatenate([r.inputs[:, 2] for r in records]))))

@@ -47,7 +47,7 @@ def unit_of(name: str) -> float:
     """What the sizes of a parameter are multiplied by for this vehicle: L/U of a time."""
     made = loop("harbour_trial")
     records = [record for _, record in made.setup.records.values()]
-    return cases.size_unit(parameter_of(name), made.model, cases.sizes_of(made.model, records))
+    return cases.size_unit(parameter_of(name), made.model, cases.sizes_of(records))
 
 
 # --- what is free, and how far -------------------------------------------------------------
