@@ -31,7 +31,7 @@ from auvident.engines.falling import PushesAlong, fallen_variance
 from auvident.engines.prediction import Frame, Free, readings_with_slopes
 from auvident.engines.records import Record
 from auvident.physics.dynamics import N_STATES
-from auvident.physics.maneuvers import heading_from_rate, headings_from_start, track_of
+from auvident.physics.maneuvers import headings_from_start, integral_of, track_of
 from auvident.physics.sensing import sensor_matrix
 from auvident.schema.artifacts import IdentifiedModel, ModelError, Sensing
 from auvident.schema.planes import BY_PLANE, TRACK, Plane
@@ -96,7 +96,7 @@ def _track_slopes(time_s: Array, states: Array, slopes: Array) -> tuple[Array, A
     cos, sin = np.cos(angle), np.sin(angle)
     north = cos * slopes[:, 0] - sin * slopes[:, 1] - (u * sin + v * cos) * slopes[:, 3]
     east = sin * slopes[:, 0] + cos * slopes[:, 1] + (u * cos - v * sin) * slopes[:, 3]
-    summed = [[heading_from_rate(time_s, x) for x in rates.T] for rates in (north, east)]
+    summed = [[integral_of(time_s, x) for x in rates.T] for rates in (north, east)]
     return np.array(summed[0]).T, np.array(summed[1]).T
 
 
