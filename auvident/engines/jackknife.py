@@ -15,10 +15,9 @@ from auvident.engines.free_run import likelihood
 from auvident.engines.map_fit import Prior
 from auvident.engines.predictive import LeftOutCourse, left_out_course, noise_of, widened
 from auvident.engines.setup import Outcome, Setup
-from auvident.estimation.identifiability import UNSEEN_INFORMATION
 from auvident.estimation.inequalities import kept
 from auvident.estimation.output_error import bounded_step, fit
-from auvident.estimation.pooling import for_few
+from auvident.estimation.pooling import for_few, seen_axes
 from auvident.schema.plan import PlanStage
 
 Array = npt.NDArray[Any]
@@ -126,8 +125,7 @@ def noise_claim(gradients: Mapping[str, Array], curvatures: Mapping[str, Array])
     own, known = centred(gradients, curvatures), seen_inverse(list(curvatures.values()))
     found = expected = 0.0
     for name, h in curvatures.items():
-        values, vectors = np.linalg.eigh(h)
-        axes = (vectors / np.sqrt(np.maximum(values, ROUNDING)))[:, values > UNSEEN_INFORMATION]
+        axes = seen_axes(h)
         found += float(np.sum((axes.T @ own[name]) ** 2))
         expected += float(np.trace(axes.T @ (h - h @ known @ h) @ axes))
     return Claimed(found / expected, expected) if expected > LEAST_FREEDOM else None

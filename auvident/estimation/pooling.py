@@ -23,10 +23,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import chdtrc
 
+from auvident.estimation.identifiability import UNSEEN_INFORMATION
+
 Array = npt.NDArray[Any]
 
 ROUNDING = 1.0e-9  # of the largest eigenvalue of an information; smaller ones are zero
-SEEN = 0.5  # information from which on a direction counts in tests, in units of the prior's
+SEEN = UNSEEN_INFORMATION  # from which on a direction counts in tests
 # Variance of a prior that says nothing of what the data see, and keeps what none of them sees where
 # it is: a wider one would let rounding move it far.
 WIDE = 100.0
