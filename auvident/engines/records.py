@@ -144,25 +144,24 @@ def record_of(maneuver: Maneuver, trial: Trial, plane: Plane, sensor: Array) -> 
         if trial.turned_rad is not None:
             readings[:, ANGLE], frame = trial.turned_rad[first:last], trial.name
             start[ANGLE] = trial.turned_rad[first]
-    inverse = np.linalg.inv(sensor)
+    inverse, bridged = np.linalg.inv(sensor), np.nan_to_num(readings)
     lead = min(round(LEAD_IN_S * trial.rate_hz), int(first))
-    raw = _raw_inputs(trial, plane, int(first) - lead, int(last))
-    bridged = np.nan_to_num(readings)
-    extra = _columns(trial, AUXILIARY, int(first) - lead, int(last))
-    speed = _speed(trial, int(first) - lead, int(last))
+    begin, end = int(first) - lead, int(last)
+    raw = _raw_inputs(trial, plane, begin, end)
+    p, q, roll, pitch, depth, heading = _columns(trial, AUXILIARY, begin, end).T
     source = Source(
         raw,
-        time[first - lead : last] - time[0],
-        speed,
-        extra[:, 2],
-        extra[:, 3],
-        extra[lead:, :2],
+        time[begin:end] - time[0],
+        _speed(trial, begin, end),
+        roll,
+        pitch,
+        np.column_stack([p, q])[lead:],
         bridged,
         start,
         from_middle_s=time[first:last] - 0.5 * (time[0] + time[-1]),
-        depth=extra[:, 4],
-        past=_past_of(trial, plane, int(first) - lead),
-        heading=extra[lead:, 5] if plane == "vertical" else None,
+        depth=depth,
+        past=_past_of(trial, plane, begin),
+        heading=heading[lead:] if plane == "vertical" else None,
         frame=frame,
     )
     return Record(
