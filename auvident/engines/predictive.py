@@ -185,7 +185,7 @@ def errors_of(
     """Model error and factor of each channel, from maneuvers that were left out in turn.
 
     The factor puts `NOMINAL` of their samples within the band (a conformal step). What one
-    maneuver more would be off scatters about what the F left out show as about a mean of F: the
+    maneuver more would be off scatters about what the F measured show as about a mean of F: the
     variance of a prediction is (1 + 1/F) times theirs. The samples of a sum drift away together:
     its maneuvers count as one draw each, of which the mean squares over the variances give the
     spread, and the factor is the quantile of Student's t with F degrees of freedom.
@@ -207,6 +207,7 @@ def errors_of(
         error = np.concatenate([c.error[name] for c in courses])
         whose = np.repeat(np.arange(len(courses)), [len(c.error[name]) for c in courses])
         seen = np.isfinite(error)
+        whose = whose[seen]
         known = np.concatenate([c.variance[name] for c in courses])[seen]
         known = known + noise.get(name, 0.0) ** 2
         grown = grown_by(np.concatenate([c.elapsed_s for c in courses])[seen], growth)
@@ -216,8 +217,8 @@ def errors_of(
         square = error[seen] ** 2
         left = model_error(square, known, grown)
         ratio = square / np.maximum(with_model_error(known, left, grown), LEAST)
-        factor = drifting(ratio, whose[seen], level) if growth else _conformal(ratio, level)
-        factor *= math.sqrt(1.0 + 1.0 / len(courses))
+        factor = drifting(ratio, whose, level) if growth else _conformal(ratio, level)
+        factor *= math.sqrt(1.0 + 1.0 / len(np.unique(whose)))
         if math.isfinite(factor):
             found[name] = ModelError(std=math.sqrt(left), growth=growth, factor=factor)
     return found

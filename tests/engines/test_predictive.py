@@ -134,6 +134,16 @@ def test_a_channel_that_was_not_measured_has_no_band() -> None:
     assert set(errors_of(courses, "horizontal", {}, 0)) == {"u", "r", "heading", "track"}
 
 
+def test_maneuvers_in_which_a_channel_was_not_measured_tell_nothing_of_it() -> None:
+    rng = np.random.default_rng(9)
+    courses = [course(rng, 0.02, 0.01) for _ in range(8)]
+    for c in courses[3:]:
+        c.error["v"][:] = np.nan
+        c.error["track"][:] = np.nan
+    found, of_three = (errors_of(some, "horizontal", {}, 0) for some in (courses, courses[:3]))
+    assert (found["v"], found["track"]) == (of_three["v"], of_three["track"])
+
+
 def test_a_prediction_that_runs_away_is_none() -> None:
     model, setup = identified("harbour_trial").model, setup_of("harbour_trial")
     frame, (free, covariance) = frame_of(model, setup.dt_s), free_behind(model)
