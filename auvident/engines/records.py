@@ -30,7 +30,8 @@ __all__ = [
     "stack",
 ]
 
-LEAD_IN_S = 20.0  # inputs before a maneuver, for what remembers them: lags and delays
+# inputs before a maneuver, for what remembers them: lags and delays
+LEAD_IN_S: VehicleTime = 20.0
 NORTH = "north"  # what a logged heading counts from
 HEADING, ANGLE = "heading_rad", 3  # the angle of the horizontal plane, and its place
 AUXILIARY = ("p_radps", "q_radps", "roll_rad", "pitch_rad", "depth_m", HEADING)
