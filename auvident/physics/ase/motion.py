@@ -62,7 +62,7 @@ class Models:
         mass[~self.possible] = np.eye(3)
         self.inverse = np.linalg.inv(mass)
         self.terms = [
-            (row[0], weight * p[row[1]], [(v, q) for v, q in zip(*_pairs(row), strict=True)])
+            (row[0], weight * p[row[1]], _factors(row))
             for row, weight in zip(structure.terms.tolist(), structure.weights, strict=True)
         ]
         self.rate_rps = rate_rps
@@ -91,10 +91,9 @@ class Models:
         return states + dt_s * self.rates(half, rudder)
 
 
-def _pairs(row: list[int]) -> tuple[list[int], list[int]]:
-    """Variables and powers of a row of the terms."""
-    used = [k for k in range(3, len(row), 2) if row[k] >= 0]
-    return [row[k - 1] for k in used], [row[k] for k in used]
+def _factors(row: list[int]) -> list[tuple[int, int]]:
+    """Variable and power of each factor in a row of the terms."""
+    return [(v, power) for v, power in zip(row[2::2], row[3::2], strict=True) if power >= 0]
 
 
 @dataclass

@@ -35,6 +35,7 @@ FRICTION_UNSURE = 0.5  # of it: how much of a drag is friction is known no bette
 # A change of an input is known to the step of the grid in which it falls, not where in it: a delay
 # or lag below this share of a step is none. At 1 Hz `harbour_trial` showed one of -0.14 s.
 STEP_UNSURE = 0.5
+LEAST_SPEED_MPS, LEAST_RATE_RPS = 0.1, 0.1  # by which sizes are told of a vehicle at rest
 FREE_SIZE = (0.005, 0.005, 0.002)  # prior of a free force on X, A, B [density/2 L^2 U^2, N: L^3]
 
 
@@ -255,7 +256,7 @@ def sizes_of(records: Sequence[Record]) -> tuple[float, float]:
     """Median speed [m/s] and propeller rate [rev/s] of the maneuvers."""
     speed = float(np.median(np.concatenate([r.given[:, 0] for r in records])))
     rate = float(np.median(np.abs(np.concatenate([r.inputs[:, 2] for r in records]))))
-    return max(speed, 0.1), max(rate, 0.1)
+    return max(speed, LEAST_SPEED_MPS), max(rate, LEAST_RATE_RPS)
 
 
 def size_unit(
