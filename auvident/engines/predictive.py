@@ -30,7 +30,7 @@ from auvident.engines.carried import (
 from auvident.engines.falling import PushesAlong, fallen_variance
 from auvident.engines.prediction import Frame, Free, readings_with_slopes
 from auvident.engines.records import Record
-from auvident.physics.dynamics import N_STATES
+from auvident.physics.dynamics import ALL_STATES, N_STATES
 from auvident.physics.maneuvers import headings_from_start, integral_of, track_of
 from auvident.physics.sensing import sensor_matrix
 from auvident.schema.artifacts import IdentifiedModel, ModelError, Sensing
@@ -45,7 +45,6 @@ OF_DRAWS = (50.0 * (1.0 - NOMINAL), 50.0 * (1.0 + NOMINAL))  # percentiles
 # come and go (a random walk, 1/2) and some stay (1); a track is the sum of headings that are off
 # times the speed, one power more. Others are held by damping.
 HEADING_GROWTH, TRACK_GROWTH = 0.75, 1.75
-ALL = np.ones(N_STATES, dtype=bool)
 LEAST = 1.0e-30  # variance, so that errors without one can be divided by it
 MOST_STEPS, CONVERGED = 60, 1.0e-9  # of the mean square that is to be one
 
@@ -71,7 +70,8 @@ def parameter_variance(
     dict or None
         ``track`` is the mean squared distance [m^2].
     """
-    found = readings_with_slopes(frame, p, free_running(frame, p, record, ALL), ALL, free)
+    running = free_running(frame, p, record, ALL_STATES)
+    found = readings_with_slopes(frame, p, running, ALL_STATES, free)
     if found is None:
         return None
     slopes = found.slopes[:, :, N_STATES:]
@@ -161,7 +161,7 @@ def left_out_course(
 ) -> LeftOutCourse | None:
     """Prediction of a record with parameters from the other maneuvers; None: it runs away."""
     variance = parameter_variance(frame, p, record, free, covariance)
-    course = predicted_course(frame, p, record, ALL)
+    course = predicted_course(frame, p, record, ALL_STATES)
     if variance is None or not np.isfinite(course.readings).all():
         return None
     readings, plane = measured_channels(record, frame.dt_s), frame.structure.plane

@@ -5,7 +5,6 @@ import pytest
 
 from auvident.engines.carried import frame_of, free_behind, predicted_course, vector_behind
 from auvident.engines.predictive import (
-    ALL,
     TRACK_GROWTH,
     LeftOutCourse,
     drifting,
@@ -14,6 +13,7 @@ from auvident.engines.predictive import (
     model_error,
     parameter_variance,
 )
+from auvident.physics.dynamics import ALL_STATES
 from auvident.physics.maneuvers import track_of
 from tests.engines.chain import identified, setup_of
 
@@ -29,7 +29,8 @@ def test_variance_by_one_parameter_is_the_squared_change_of_the_prediction(symbo
     found = parameter_variance(frame, p, record, free, np.outer(unit, unit))
     step = 1.0e-4  # the third derivative adds its square, the rounding 1e-12
     there, back = (
-        predicted_course(frame, free.moved(p, s * step * unit), record, ALL) for s in (1.0, -1.0)
+        predicted_course(frame, free.moved(p, s * step * unit), record, ALL_STATES)
+        for s in (1.0, -1.0)
     )
     slopes = (there.readings - back.readings) / (2.0 * step)
     for c, name in enumerate(("u", "v", "r", "heading")):
