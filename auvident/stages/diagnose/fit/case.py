@@ -185,6 +185,9 @@ def counted_from(records: Sequence[Record]) -> Literal["north", "bow"]:
     return "north" if known else "bow"
 
 
+RATES = ("p_radps", "q_radps")  # columns of `Source.rates`
+
+
 def _is_logged(column: str, records: Sequence[Record], states: Sequence[str]) -> bool:
     source = [r.source for r in records if r.source is not None]
     if column in states:
@@ -197,8 +200,8 @@ def _is_logged(column: str, records: Sequence[Record], states: Sequence[str]) ->
     }
     if column in series:
         return any(np.any(getattr(s, series[column])) for s in source)
-    if column in ("p_radps", "q_radps"):
-        return any(np.any(s.rates) for s in source)
+    if column in RATES:
+        return any(np.any(s.rates[:, RATES.index(column)]) for s in source)
     return True  # position logs are looked for by the checks that use them
 
 

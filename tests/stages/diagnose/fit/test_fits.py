@@ -212,6 +212,15 @@ def test_effects_that_no_log_can_show_are_not_tried() -> None:
     assert "rudder_offset" in {e.id for e in there}
 
 
+def test_a_pitch_rate_stands_for_no_roll_rate() -> None:
+    setup, records = loop("harbour_trial").setup, []
+    for _, r in setup.records.values():
+        rates = np.column_stack([np.zeros(len(r)), 0.01 * np.ones(len(r))])
+        records.append(replace(r, source=replace(r.source, rates=rates)))
+    there, missing = cases.testable(setup, records)
+    assert "p_radps" in missing and "dvl_height" not in {e.id for e in there}
+
+
 @pytest.mark.parametrize(
     ("frames", "shown"),
     [(("trial",), True), (("trial", "another"), False), (("trial", NORTH), False)],
