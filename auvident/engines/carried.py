@@ -10,7 +10,7 @@ import numpy.typing as npt
 from auvident.constants import USUAL_SPEED_MPS
 from auvident.engines.prediction import Frame, Free, at_effects, readings, simulated
 from auvident.engines.records import Record
-from auvident.physics.sensing import current, water_in_vertical
+from auvident.physics.sensing import current, water_abreast, water_in_vertical
 from auvident.physics.terms import Structure, parameter_vector, structure_of, symbol_in
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.coefficients import Plane
@@ -250,9 +250,9 @@ def over_ground(frame: Frame, p: Array, record: Record, states: Array) -> Array:
     middle = None if record.source is None else record.source.from_middle_s
     since = np.zeros(len(states)) if middle is None else middle
     north, east = current(e, since).T
-    c, s = np.cos(states[:, 3]), np.sin(states[:, 3])
-    out[:, 0] += north * c + east * s
-    out[:, 1] += east * c - north * s
+    ahead, aside = water_abreast(north, east, states[:, 3])
+    out[:, 0] += ahead
+    out[:, 1] += aside
     return out
 
 

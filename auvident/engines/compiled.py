@@ -30,7 +30,7 @@ from auvident.estimation.kalman import LANES, ProcessNoise
 from auvident.physics.batch import point_system, point_work
 from auvident.physics.sensitivity import step_work, system_at
 from auvident.physics.term_tables import N_INPUTS, N_POSITIONS, used_variables
-from auvident.physics.terms import STATES
+from auvident.schema.planes import BY_PLANE
 
 Array = npt.NDArray[Any]
 
@@ -163,7 +163,7 @@ def raise_fault(problem: FilterProblem, fault: np.ndarray) -> None:
     time = step_number * problem.records.dt_s
     where = f"maneuver {problem.records.ids[record]}, {time:.1f} s after its start"
     if reason == DIVERGED:
-        where += f", state {STATES[state]}"
+        where += f", {BY_PLANE[problem.structure.plane].states[state].words}"
     advice = "Check this maneuver in the ingested log, narrow the prior, or hold the maneuver out"
     if problem.records.dt_s > COARSE_S:
         advice = f"Give ingest a faster --rate than {1.0 / problem.records.dt_s:g} Hz. {advice}"

@@ -183,7 +183,8 @@ def filter_pass(task: Task, parameters: Array, noise: Array, observer_time_s: fl
     noise : (4,) array
         Effective standard deviation of each channel.
     observer_time_s : float
-        Noise over this time is the process noise, per square root of a second.
+        The process noise is the noise times the root of a step over this time, per square root of
+        a second: readings at every step are followed with a gain of the step over the time.
     """
     problem = _problem_of(task, parameters, noise, observer_time_s)
     passed = _engine(task.setup.engine)(problem, task.setup.filter)

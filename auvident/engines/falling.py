@@ -18,7 +18,7 @@ from auvident.engines.carried import free_running, over_ground
 from auvident.engines.prediction import Frame, Free, at_effects, readings
 from auvident.engines.records import Record
 from auvident.physics.ase.stability import eigenvalues_per_metre
-from auvident.physics.dynamics import N_STATES, simulate_states
+from auvident.physics.dynamics import ALL_STATES, N_STATES, simulate_states
 from auvident.physics.maneuvers import track_of
 from auvident.physics.terms import Structure
 from auvident.schema.planes import BY_PLANE, TRACK, Plane
@@ -31,7 +31,6 @@ Array = npt.NDArray[Any]
 HARDLY = 0.25
 MEMBERS = 64  # drawn: a share of 0.05 that falls to the other side is known to 0.03
 SLOWEST_MPS = 1.0e-3  # of a start at rest, which is pushed there alone
-ALL = np.ones(N_STATES, dtype=bool)
 
 
 @dataclass(frozen=True)
@@ -148,7 +147,7 @@ def simulated_pushed(
             acting.given[part],
             frame.dt_s,
             p,
-            ALL,
+            ALL_STATES,
             frame.structure.equations,
         )
         now = states[last]
@@ -159,7 +158,7 @@ def _course(
     frame: Frame, p: Array, record: Record, rows: npt.NDArray[np.int64], push: Array
 ) -> dict[str, Array]:
     """Readings (n,) by channel of a pushed simulation, and the track (n, 2) where there is one."""
-    record = free_running(frame, p, record, ALL)
+    record = free_running(frame, p, record, ALL_STATES)
     states = simulated_pushed(frame, p, at_effects(frame, p, record), rows, push)
     names = [state.symbol for state in BY_PLANE[frame.structure.plane].states]
     found = dict(zip(names, readings(frame, p, record, states).T, strict=True))

@@ -9,12 +9,13 @@ A record is predicted from its start and its inputs alone. Its readings y are ta
 (`estimation.coloured` says what b is). A scalar Kalman filter of each channel turns y - h(x) and
 its slopes into white innovations e, E by the start and J by the free parameters, so that::
 
-    -log p(y | theta) = min_d |e + E d|^2 / 2 + d' D^-1 d / 2 + constant
+    -log p(y | theta) = min_d |e + E d|^2 / 2 + d' D^-1 d / 2 + log det(I + E D E') / 2 + constant
 
 The start is a nuisance parameter: linear in d, it is eliminated in closed form. `normal_equations`
 is what one record adds to value, gradient and curvature, `likelihood` their sum over the records.
-E depends on theta as well, and the gradient leaves that out: it is exact where d is zero. So the
-records of a fit begin where d had come to, and d counts on from there (`well_started`).
+E depends on theta as well. The determinant is left out for that, and so is the change of E in the
+gradient, which is exact where d is zero: the records of a fit begin where d had come to, and d
+counts on from there (`well_started`).
 """
 
 import math

@@ -15,9 +15,9 @@ from auvident.engines.free_run import likelihood
 from auvident.engines.map_fit import Prior
 from auvident.engines.predictive import LeftOutCourse, left_out_course, noise_of, widened
 from auvident.engines.setup import Outcome, Setup
-from auvident.estimation.identifiability import UNSEEN_INFORMATION
 from auvident.estimation.inequalities import kept
 from auvident.estimation.output_error import bounded_step, fit
+from auvident.estimation.pooling import for_few, seen_axes
 from auvident.schema.plan import PlanStage
 
 Array = npt.NDArray[Any]
@@ -31,7 +31,6 @@ LONG_STEP = 7.0
 MOST_STEPS = 10  # of a fit to the others; on these trials those that converge take seven at most
 ENOUGH = 1.0e-5  # relative fall of the cost below which it has converged: some tenths of a nat
 ROUNDING = 1.0e-13  # of the largest eigenvalue; smaller ones are zero
-LEAST_FREEDOM_OF_T = 3  # fewer leave Student's t without a variance
 LEAST_FREEDOM = 1.0  # expected squares below which they say nothing
 
 
@@ -126,8 +125,7 @@ def noise_claim(gradients: Mapping[str, Array], curvatures: Mapping[str, Array])
     own, known = centred(gradients, curvatures), seen_inverse(list(curvatures.values()))
     found = expected = 0.0
     for name, h in curvatures.items():
-        values, vectors = np.linalg.eigh(h)
-        axes = (vectors / np.sqrt(np.maximum(values, ROUNDING)))[:, values > UNSEEN_INFORMATION]
+        axes = seen_axes(h)
         found += float(np.sum((axes.T @ own[name]) ** 2))
         expected += float(np.trace(axes.T @ (h - h @ known @ h) @ axes))
     return Claimed(found / expected, expected) if expected > LEAST_FREEDOM else None
@@ -264,7 +262,7 @@ def structural_covariance(
         (K - 1)/K times the sum over the K kinds of the outer products of the moves,
 
     about the estimate: of two or three kinds there is no mean worth centring at. With one kind
-    there is the scatter between maneuvers alone, widened as in `of_few`.
+    there is the scatter between maneuvers alone, widened as by `pooling.for_few`.
 
     Parameters
     ----------
@@ -285,7 +283,7 @@ def structural_covariance(
     if covariance is None:
         return None
     if count < 2:
-        return of_few(len(moves)) * covariance
+        return for_few(covariance, len(moves))
     whole = moves_without(by_kind(gradients, kinds), by_kind(curvatures, kinds), prior)
     table = np.array(list(whole.values()))
     found: Array = covariance + (count - 1) / count * table.T @ table
@@ -298,17 +296,6 @@ def by_kind(parts: Mapping[str, Array], kinds: Mapping[str, str]) -> dict[str, A
     for name, part in parts.items():
         found[kinds[name]] = found.get(kinds[name], np.zeros_like(part)) + part
     return found
-
-
-def of_few(count: int) -> float:
-    """What a variance that so few maneuvers tell has to be multiplied with.
-
-    It is known to `count` - 1 degrees of freedom only: the error over its root is Student's t, of
-    variance n/(n - 2) with n degrees. The same factor makes the mean of the inverse, which is the
-    information that several trials add up, that of the true variance.
-    """
-    freedom = max(count - 1, LEAST_FREEDOM_OF_T)
-    return freedom / (freedom - 2.0)
 
 
 def expected_variance(curvatures: Sequence[Array], prior: Array) -> tuple[Array, Array]:

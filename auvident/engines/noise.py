@@ -1,7 +1,7 @@
 """The noise of each channel, as large as what a prediction leaves says."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from auvident.engines.free_run import (
 )
 from auvident.engines.records import Record
 from auvident.errors import NumericsError
-from auvident.estimation.coloured import Colour, colour_of
+from auvident.estimation.coloured import Colour, at_least, colour_of
 from auvident.estimation.output_error import correlation_time
 from auvident.parallel import each
 from auvident.physics.dynamics import N_STATES
@@ -120,7 +120,7 @@ def coloured_noise(output: OutputError, p: Array, sensor_std: Array) -> Colours:
         most_likely_colours(residuals, output.channels, output.frame.dt_s),
         strict=True,
     ):
-        found[c] = replace(colour, white=max(colour.white, float(sensor_std[c])))
+        found[c] = at_least(colour, float(sensor_std[c]))
     return tuple(found)
 
 

@@ -78,7 +78,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Free:
-    """Parameters that move: positions, the column of every parameter, unit and step of each.
+    """Parameters that move: positions, the column of every parameter, the unit of each.
 
     Attributes
     ----------

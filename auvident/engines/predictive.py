@@ -30,8 +30,8 @@ from auvident.engines.carried import (
 from auvident.engines.falling import PushesAlong, fallen_variance
 from auvident.engines.prediction import Frame, Free, readings_with_slopes
 from auvident.engines.records import Record
-from auvident.physics.dynamics import N_STATES
-from auvident.physics.maneuvers import heading_from_rate, headings_from_start, track_of
+from auvident.physics.dynamics import ALL_STATES, N_STATES
+from auvident.physics.maneuvers import headings_from_start, integral_of, track_of
 from auvident.physics.sensing import sensor_matrix
 from auvident.schema.artifacts import IdentifiedModel, ModelError, Sensing
 from auvident.schema.planes import BY_PLANE, TRACK, Plane
@@ -45,7 +45,6 @@ OF_DRAWS = (50.0 * (1.0 - NOMINAL), 50.0 * (1.0 + NOMINAL))  # percentiles
 # come and go (a random walk, 1/2) and some stay (1); a track is the sum of headings that are off
 # times the speed, one power more. Others are held by damping.
 HEADING_GROWTH, TRACK_GROWTH = 0.75, 1.75
-ALL = np.ones(N_STATES, dtype=bool)
 LEAST = 1.0e-30  # variance, so that errors without one can be divided by it
 MOST_STEPS, CONVERGED = 60, 1.0e-9  # of the mean square that is to be one
 
@@ -71,7 +70,8 @@ def parameter_variance(
     dict or None
         ``track`` is the mean squared distance [m^2].
     """
-    found = readings_with_slopes(frame, p, free_running(frame, p, record, ALL), ALL, free)
+    running = free_running(frame, p, record, ALL_STATES)
+    found = readings_with_slopes(frame, p, running, ALL_STATES, free)
     if found is None:
         return None
     slopes = found.slopes[:, :, N_STATES:]
@@ -96,7 +96,7 @@ def _track_slopes(time_s: Array, states: Array, slopes: Array) -> tuple[Array, A
     cos, sin = np.cos(angle), np.sin(angle)
     north = cos * slopes[:, 0] - sin * slopes[:, 1] - (u * sin + v * cos) * slopes[:, 3]
     east = sin * slopes[:, 0] + cos * slopes[:, 1] + (u * cos - v * sin) * slopes[:, 3]
-    summed = [[heading_from_rate(time_s, x) for x in rates.T] for rates in (north, east)]
+    summed = [[integral_of(time_s, x) for x in rates.T] for rates in (north, east)]
     return np.array(summed[0]).T, np.array(summed[1]).T
 
 
@@ -161,7 +161,7 @@ def left_out_course(
 ) -> LeftOutCourse | None:
     """Prediction of a record with parameters from the other maneuvers; None: it runs away."""
     variance = parameter_variance(frame, p, record, free, covariance)
-    course = predicted_course(frame, p, record, ALL)
+    course = predicted_course(frame, p, record, ALL_STATES)
     if variance is None or not np.isfinite(course.readings).all():
         return None
     readings, plane = measured_channels(record, frame.dt_s), frame.structure.plane
@@ -185,7 +185,7 @@ def errors_of(
     """Model error and factor of each channel, from maneuvers that were left out in turn.
 
     The factor puts `NOMINAL` of their samples within the band (a conformal step). What one
-    maneuver more would be off scatters about what the F left out show as about a mean of F: the
+    maneuver more would be off scatters about what the F measured show as about a mean of F: the
     variance of a prediction is (1 + 1/F) times theirs. The samples of a sum drift away together:
     its maneuvers count as one draw each, of which the mean squares over the variances give the
     spread, and the factor is the quantile of Student's t with F degrees of freedom.
@@ -207,6 +207,7 @@ def errors_of(
         error = np.concatenate([c.error[name] for c in courses])
         whose = np.repeat(np.arange(len(courses)), [len(c.error[name]) for c in courses])
         seen = np.isfinite(error)
+        whose = whose[seen]
         known = np.concatenate([c.variance[name] for c in courses])[seen]
         known = known + noise.get(name, 0.0) ** 2
         grown = grown_by(np.concatenate([c.elapsed_s for c in courses])[seen], growth)
@@ -216,8 +217,8 @@ def errors_of(
         square = error[seen] ** 2
         left = model_error(square, known, grown)
         ratio = square / np.maximum(with_model_error(known, left, grown), LEAST)
-        factor = drifting(ratio, whose[seen], level) if growth else _conformal(ratio, level)
-        factor *= math.sqrt(1.0 + 1.0 / len(courses))
+        factor = drifting(ratio, whose, level) if growth else _conformal(ratio, level)
+        factor *= math.sqrt(1.0 + 1.0 / len(np.unique(whose)))
         if math.isfinite(factor):
             found[name] = ModelError(std=math.sqrt(left), growth=growth, factor=factor)
     return found

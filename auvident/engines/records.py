@@ -30,7 +30,8 @@ __all__ = [
     "stack",
 ]
 
-LEAD_IN_S = 20.0  # inputs before a maneuver, for what remembers them: lags and delays
+# inputs before a maneuver, for what remembers them: lags and delays
+LEAD_IN_S: VehicleTime = 20.0
 NORTH = "north"  # what a logged heading counts from
 HEADING, ANGLE = "heading_rad", 3  # the angle of the horizontal plane, and its place
 AUXILIARY = ("p_radps", "q_radps", "roll_rad", "pitch_rad", "depth_m", HEADING)
@@ -144,25 +145,24 @@ def record_of(maneuver: Maneuver, trial: Trial, plane: Plane, sensor: Array) -> 
         if trial.turned_rad is not None:
             readings[:, ANGLE], frame = trial.turned_rad[first:last], trial.name
             start[ANGLE] = trial.turned_rad[first]
-    inverse = np.linalg.inv(sensor)
+    inverse, bridged = np.linalg.inv(sensor), np.nan_to_num(readings)
     lead = min(round(LEAD_IN_S * trial.rate_hz), int(first))
-    raw = _raw_inputs(trial, plane, int(first) - lead, int(last))
-    bridged = np.nan_to_num(readings)
-    extra = _columns(trial, AUXILIARY, int(first) - lead, int(last))
-    speed = _speed(trial, int(first) - lead, int(last))
+    begin, end = int(first) - lead, int(last)
+    raw = _raw_inputs(trial, plane, begin, end)
+    p, q, roll, pitch, depth, heading = _columns(trial, AUXILIARY, begin, end).T
     source = Source(
         raw,
-        time[first - lead : last] - time[0],
-        speed,
-        extra[:, 2],
-        extra[:, 3],
-        extra[lead:, :2],
+        time[begin:end] - time[0],
+        _speed(trial, begin, end),
+        roll,
+        pitch,
+        np.column_stack([p, q])[lead:],
         bridged,
         start,
         from_middle_s=time[first:last] - 0.5 * (time[0] + time[-1]),
-        depth=extra[:, 4],
-        past=_past_of(trial, plane, int(first) - lead),
-        heading=extra[lead:, 5] if plane == "vertical" else None,
+        depth=depth,
+        past=_past_of(trial, plane, begin),
+        heading=heading[lead:] if plane == "vertical" else None,
         frame=frame,
     )
     return Record(

@@ -202,17 +202,13 @@ def run(problem: FilterProblem, kind: str, scaling: float = 1.0) -> FilterResult
     log_likelihood, count = 0.0, 0
     for t in range(n_steps):
         alive = int(np.sum(lengths > t))
-        chi, covariance = chi[: model.size(alive)], covariance[: len(chi), : len(chi)]
-        covariance = covariance[: model.size(alive), : model.size(alive)]
         readings = model.readings(alive, t)
         if readings:
             chi, covariance, gained = _update(model, chi, covariance, t, readings, whitened)
             log_likelihood += gained
             count += len(readings)
-        history[t], history_std[t] = (
-            chi[: model.n_theta],
-            np.sqrt(np.diag(covariance)[: model.n_theta]),
-        )
+        history[t] = chi[: model.n_theta]
+        history_std[t] = np.sqrt(np.diag(covariance)[: model.n_theta])
         for j in range(alive):
             states[j, t] = model.full_state(chi, j, t)
         alive = int(np.sum(lengths > t + 1))

@@ -90,7 +90,9 @@ def forcing_std(
 ) -> Array:
     """Process noise (4,) per root second that would leave residuals like those found.
 
-    A residual of rms s and correlation time T comes from white forcing of s sqrt(2 / T).
+    A velocity that forgets within a time tau and is driven by white noise of intensity q has the
+    variance s^2 = q^2 tau / 2 and a correlation time of 2 tau, both sides together. Beside white
+    sensor noise of the variance n^2 that of the sum is shorter: 2 tau = T (s^2 + n^2) / s^2.
     """
     states = simulate_states(
         record.start, record.inputs, record.given, dt_s, p, active, structure.equations
@@ -100,7 +102,9 @@ def forcing_std(
     for c in np.flatnonzero(active):
         values = residual[np.isfinite(residual[:, c]), c]
         if values.size:
-            correlation = correlation_time(values, round(LONGEST_CORRELATION_S / dt_s)) * dt_s
-            excess = max(float(np.mean(values**2)) - sensor_std[c] ** 2, 0.0)
-            forcing[c] = max(forcing[c], np.sqrt(2.0 * excess / correlation))
+            both_sides_s = correlation_time(values, round(LONGEST_CORRELATION_S / dt_s)) * dt_s
+            power = float(np.mean(values**2))
+            slow = max(power - sensor_std[c] ** 2, 0.0)
+            if slow > 0.0:
+                forcing[c] = max(forcing[c], 2.0 * slow / np.sqrt(both_sides_s * power))
     return forcing

@@ -314,7 +314,8 @@ def _found(
         drift = c == len(series.courses) - 1
         near = np.flatnonzero(z[:-1, d] ** 2 > own**2 - WITHIN)
         best = (z**2).max(axis=0)
-        rivals = [int(r) for r in np.argsort(-best) if r != d and best[r] > own**2 - RIVAL]
+        order = np.argsort(-best, kind="stable")
+        rivals = [int(r) for r in order if r != d and best[r] > own**2 - RIVAL]
         found.append(
             FoundChange(
                 "drift" if drift else "step",

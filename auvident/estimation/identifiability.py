@@ -39,7 +39,7 @@ class Direction:
 
     def named(self, symbols: Sequence[str]) -> list[tuple[str, float]]:
         """Symbols and weights worth naming, largest first."""
-        order = np.argsort(-np.abs(self.weights))
+        order = np.argsort(-np.abs(self.weights), kind="stable")
         return [
             (symbols[i], round(float(self.weights[i]), 3))
             for i in order

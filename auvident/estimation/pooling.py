@@ -23,10 +23,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import chdtrc
 
+from auvident.estimation.identifiability import UNSEEN_INFORMATION
+
 Array = npt.NDArray[Any]
 
 ROUNDING = 1.0e-9  # of the largest eigenvalue of an information; smaller ones are zero
-SEEN = 0.5  # information from which on a direction counts in tests, in units of the prior's
+SEEN = UNSEEN_INFORMATION  # from which on a direction counts in tests
 # Variance of a prior that says nothing of what the data see, and keeps what none of them sees where
 # it is: a wider one would let rounding move it far.
 WIDE = 100.0
@@ -35,7 +37,7 @@ WEAK = 1.0e-6  # information that keeps the scale of what no trial sees finite
 # scatter: with 0.1 the squared errors of six trials that scatter by 0.02 of the prior variance were
 # 1.11 times as large as claimed, so 1.04; of six that agree 0.96 and 0.94.
 AGREE = 0.2
-LEAST_FREEDOM = 3  # degrees of freedom of a scatter that are counted at least
+LEAST_FREEDOM = 3  # of a scatter, counted at least: fewer leave Student's t without a variance
 LEAST_TOLD = 0.5  # degrees of freedom below which a sum of squares says nothing
 ALIKE_ROUNDS = 30
 # Where the likelihood of a variance is climbed from at least, and steps at most, from a good start
@@ -292,10 +294,11 @@ def _alike(pairs: Sequence[tuple[Array, Array]]) -> float:
 
 
 def for_few(between: Array, count: int) -> Array:
-    """Variance between trials to count with when it was estimated from so many of them.
+    """Variance between so many trials (or maneuvers) to count with where they alone tell it.
 
     The error of a mean over its estimated standard deviation has Student's t distribution, whose
-    variance is nu / (nu - 2).
+    variance is nu / (nu - 2) with nu = count - 1. The same factor makes the mean of the inverse,
+    which is the information that several estimates add up, that of the true variance.
     """
     freedom = max(count - 1, LEAST_FREEDOM)
     return between * freedom / (freedom - 2)

@@ -48,7 +48,7 @@ class PointSystem(NamedTuple):
         Parameters that differ from point to point.
     moving : (15,) bool array
         Inputs that do.
-    used : (17,) bool array
+    used : (20,) bool array
         From `term_tables.used_variables`.
     table, weights : arrays from `term_tables.sort_terms`
     powers : array from `term_tables.needed_powers`

@@ -23,7 +23,15 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.constants import NORMAL_95
-from auvident.physics.terms import CONSTANTS, EQUATIONS, POWERS, STATES, Structure, symbol_in
+from auvident.physics.terms import (
+    CONSTANTS,
+    EQUATIONS,
+    POWER_OF,
+    STATES,
+    VARIABLES,
+    Structure,
+    symbol_in,
+)
 from auvident.schema.coefficients import BY_SYMBOL
 from auvident.schema.planes import PLANES, Plane
 
@@ -31,6 +39,8 @@ Array = npt.NDArray[Any]
 
 MASS_LEFT = 0.5  # share of the rigid body's least eigenvalue that the total mass matrix keeps
 VELOCITIES = len(EQUATIONS)
+# a variable below this number stands at its place in a state
+assert VARIABLES[:VELOCITIES] == STATES[:VELOCITIES] == ("u", "a", "b")
 
 
 class Basis(NamedTuple):
@@ -166,7 +176,7 @@ def hull_power(structure: Structure, state: Array) -> Array:
     The hull's are those of velocities alone; a side force or moment that neither drift nor turn
     makes is none of its damping. Propeller, fins, weight and rigid body are left out.
     """
-    power, values = np.zeros(len(structure.parameters)), _powers(state)
+    power, values = np.zeros(len(structure.parameters)), [of(state) for of in POWER_OF.values()]
     for row, weight in zip(structure.terms, structure.weights, strict=True):
         factors = [(v, k) for v, k in row[2:].reshape(-1, 2) if k >= 0]
         variables = {v for v, _ in factors}
@@ -176,13 +186,6 @@ def hull_power(structure: Structure, state: Array) -> Array:
         force = weight * np.prod([values[k][v] for v, k in factors])
         power[row[1]] += state[row[0]] * force
     return power
-
-
-def _powers(x: Array) -> tuple[Array, ...]:
-    """Powers of the velocities, in the order of `terms.POWERS`."""
-    found = (x, np.abs(x), x**2, x * np.abs(x), x**3)
-    assert len(found) == len(POWERS) and STATES[:VELOCITIES] == ("u", "a", "b")
-    return found
 
 
 def _of_sign(generic: str, surely: bool = False) -> Callable[[Basis], Iterator[Row]]:

@@ -20,6 +20,7 @@ from auvident.physics.terms import Equations
 
 Array = npt.NDArray[Any]
 
+ALL_STATES = np.ones(N_STATES, dtype=bool)  # they move: none is taken as logged
 SPEED_LIMIT = 1.0e3  # [m/s, rad/s] a velocity beyond this ran away, whatever the vehicle
 
 

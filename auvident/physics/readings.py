@@ -38,6 +38,7 @@ _place_sensor = kernel(sensing.place_sensor)
 _over_ground = kernel(sensing.water_over_ground)
 _below = kernel(sensing.water_below)
 _along = kernel(sensing.water_along)
+_abreast = kernel(sensing.water_abreast)
 known_row = kernel(sensing.is_known)
 
 
@@ -49,8 +50,7 @@ def _water(vertical, e, angle, from_middle, heading, k):
     north, east = _over_ground(e, from_middle[k] if from_middle.shape[0] > 0 else 0.0)
     if north == 0.0 and east == 0.0:
         return 0.0, 0.0
-    c, s = math.cos(angle), math.sin(angle)
-    return north * c + east * s, east * c - north * s
+    return _abreast(north, east, angle)
 
 
 @kernel

@@ -115,6 +115,12 @@ def water_along(e: Array, heading: Any) -> Any:
     return e[NORTH] * np.cos(heading) + e[EAST] * np.sin(heading)
 
 
+def water_abreast(north: Any, east: Any, heading: Any) -> tuple[Any, Any]:
+    """Velocity of the water ahead and to starboard."""
+    c, s = np.cos(heading), np.sin(heading)
+    return north * c + east * s, east * c - north * s
+
+
 def is_known(k: Any, n: int, steps: Any) -> Any:
     """Whether a late reading stems from the rows of its record."""
     return (k - steps >= 0.0) & (k - steps <= n - 1.0)

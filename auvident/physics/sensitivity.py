@@ -54,7 +54,7 @@ class System(NamedTuple):
     Attributes
     ----------
     active : (4,) bool array
-    used : (17,) bool array
+    used : (20,) bool array
         From `term_tables.standing_in`.
     moving : (15,) bool array
         Inputs that stand in a term and depend on free parameters.

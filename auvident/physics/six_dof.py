@@ -18,16 +18,16 @@ import numpy.typing as npt
 
 from auvident.errors import NumericsError
 from auvident.jit import kernel
-from auvident.physics.batch import ADVANCE, N_POINTS, SHARE
+from auvident.physics.batch import ADVANCE, N_POINTS, SHARE, place_powers
 from auvident.physics.dynamics import SPEED_LIMIT
 from auvident.physics.six_dof_terms import AXES, INPUTS, VARIABLES, VELOCITIES, SixDofStructure
-from auvident.physics.terms import POWERS
+from auvident.physics.term_tables import N_POWERS
+from auvident.physics.terms import POWER_OF
 
 Array = npt.NDArray[Any]
 
 N_STATES, N_VELOCITIES, N_INPUTS = 13, len(VELOCITIES), len(INPUTS)
 ATTITUDE, POSITION = slice(6, 10), slice(10, 13)
-N_POWERS = len(POWERS)
 N_VARIABLES = len(VARIABLES)
 ONE = N_VARIABLES * N_POWERS  # place of the factor 1, after the powers of all variables
 FIRST_INPUT = N_VARIABLES - N_INPUTS
@@ -36,15 +36,6 @@ VW, QR, SIN, SIDE, COS, HEADING_SIN, HEADING_COS, ROLL_ANGLE, PITCH_ANGLE, DEPTH
 )
 # of a step of the log: the roll of a vehicle of the size of REMUS swings at 5 rad/s
 SUBSTEPS = 2
-
-
-POWER_FUNCTIONS = (  # of `terms.POWERS`, for arrays
-    lambda y: y,
-    np.abs,
-    np.square,
-    lambda y: y * np.abs(y),
-    lambda y: y**3,
-)
 
 
 class SixDofSystem(NamedTuple):
@@ -122,38 +113,30 @@ def _inverse(mass: Array, active: tuple[str, ...]) -> Array:
 
 
 @kernel
-def _place(variable, y, value):
-    """Every power (`terms.POWERS`) of the value y of a variable."""
-    at, absolute = variable * N_POWERS, abs(y)
-    value[at], value[at + 1], value[at + 2] = y, absolute, y * y
-    value[at + 3], value[at + 4] = y * absolute, y * y * y
-
-
-@kernel
 def _place_attitude(x, value):
     """Direction of gravity in body axes (third row of the rotation matrix), angles, depth."""
     a, b, c, d = x[6], x[7], x[8], x[9]
     heading = math.atan2(2.0 * (b * c + a * d), 1.0 - 2.0 * (c * c + d * d))
-    _place(HEADING_SIN, math.sin(heading), value)
-    _place(HEADING_COS, math.cos(heading), value)
-    _place(DEPTH, x[12], value)
+    place_powers(HEADING_SIN, math.sin(heading), value)
+    place_powers(HEADING_COS, math.cos(heading), value)
+    place_powers(DEPTH, x[12], value)
     sine = 2.0 * (a * c - b * d)
     side, cosine = 2.0 * (c * d + a * b), a * a - b * b - c * c + d * d
-    _place(SIN, sine, value)
-    _place(SIDE, side, value)
-    _place(COS, cosine, value)
-    _place(ROLL_ANGLE, math.atan2(side, cosine), value)
-    _place(PITCH_ANGLE, math.asin(min(max(sine, -1.0), 1.0)), value)
+    place_powers(SIN, sine, value)
+    place_powers(SIDE, side, value)
+    place_powers(COS, cosine, value)
+    place_powers(ROLL_ANGLE, math.atan2(side, cosine), value)
+    place_powers(PITCH_ANGLE, math.asin(min(max(sine, -1.0), 1.0)), value)
 
 
 @kernel
 def six_dof_rates(x, system, value, force, out):
     """Time derivative (13,) of the state; the inputs are placed in `value` already."""
     for i in range(N_VELOCITIES):
-        _place(i, x[i], value)
+        place_powers(i, x[i], value)
         force[i] = 0.0
-    _place(VW, math.sqrt(x[1] * x[1] + x[2] * x[2]), value)
-    _place(QR, math.sqrt(x[4] * x[4] + x[5] * x[5]), value)
+    place_powers(VW, math.sqrt(x[1] * x[1] + x[2] * x[2]), value)
+    place_powers(QR, math.sqrt(x[4] * x[4] + x[5] * x[5]), value)
     _place_attitude(x, value)
     equation, places, size = system.equation, system.places, system.size
     for k in range(size.shape[0]):
@@ -187,7 +170,7 @@ def _kinematics(x, out):
 def six_dof_step(x, inputs, dt, system, value, work):
     """One RK4 step of the state x (13,) in place; work (4, 13)."""
     for i in range(inputs.shape[0]):
-        _place(FIRST_INPUT + i, inputs[i], value)
+        place_powers(FIRST_INPUT + i, inputs[i], value)
     stage, rate, total, force = work[0], work[1], work[2], work[3]
     for i in range(N_STATES):
         stage[i], total[i] = x[i], 0.0
@@ -257,18 +240,11 @@ def simulate_six_dof(
     return out
 
 
-def step_six_dof(
-    x: Array, inputs: Array, dt: float, system: SixDofSystem, substeps: int = SUBSTEPS
-) -> Array:
-    """State (13,) after a step under inputs (4,) that are held: for a helm in closed loop."""
-    return simulate_six_dof(x, np.array([inputs, inputs], float), dt, system, substeps)[1]
-
-
 def rates_six_dof(x: Array, inputs: Array, system: SixDofSystem) -> Array:
     """Time derivative (13,) of a state under inputs (4,)."""
     value, work = _workspace()
     for i, y in enumerate(inputs):
-        _place(FIRST_INPUT + i, float(y), value)
+        place_powers(FIRST_INPUT + i, float(y), value)
     out = np.zeros(N_STATES)
     six_dof_rates(np.asarray(x, float), system, value, work[3], out)
     return out
@@ -306,7 +282,7 @@ def balance(structure: SixDofStructure, axis: str, variables: Array, acceleratio
     Multiplied with the parameters it is zero where the equation holds: for regression along a log.
     """
     out = np.zeros((len(variables), len(structure.parameters)))
-    powers = np.stack([y(variables) for y in POWER_FUNCTIONS])
+    powers = np.stack([of(variables) for of in POWER_OF.values()])
     equation = AXES.index(axis)
     for term, weight in zip(structure.terms, structure.weights, strict=True):
         if term[0] == equation:

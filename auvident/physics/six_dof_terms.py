@@ -28,7 +28,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from auvident.physics.terms import POWERS, Structure, structure_of
+from auvident.physics.terms import POWERS, Structure, row_of, structure_of
 from auvident.physics.terms import VARIABLES as PLANAR
 from auvident.schema.coefficients import BY_SYMBOL
 from auvident.schema.planes import BY_PLANE, HORIZONTAL, PLANE_ROWS, PLANES, VERTICAL, Plane
@@ -265,9 +265,13 @@ def six_dof_structure(
     names |= dict.fromkeys(name for _, name, *_ in rows)
     names |= dict.fromkeys(name for _, _, name, _ in mass)
     parameters = tuple(names)
+    terms = [
+        row_of(AXES.index(axis), parameters.index(name), factors, VARIABLES, FACTORS_PER_TERM)
+        for axis, name, _, factors in rows
+    ]
     return SixDofStructure(
         parameters,
-        np.array([_encoded(parameters, *row) for row in rows], dtype=np.int64),
+        np.array(terms, dtype=np.int64),
         np.array([row[2] for row in rows]),
         np.array(
             [[AXES.index(i), AXES.index(j), parameters.index(name)] for i, j, name, _ in mass]
@@ -283,12 +287,3 @@ def _merged(rows: Iterable[Row]) -> list[Row]:
         key = (equation, parameter, factors)
         sums[key] = sums.get(key, 0.0) + weight
     return [(e, p, weight, f) for (e, p, f), weight in sums.items() if weight != 0.0]
-
-
-def _encoded(
-    parameters: tuple[str, ...], equation: str, parameter: str, _: float, factors: Factors
-) -> list[int]:
-    row = [AXES.index(equation), parameters.index(parameter)]
-    for variable, power in factors:
-        row += [VARIABLES.index(variable), POWERS.index(power)]
-    return row + [0, -1] * (FACTORS_PER_TERM - len(factors))

@@ -21,7 +21,7 @@ variable. Everything is linear in the parameters p, hence the Jacobians of `dyna
 and a further term is one more row here.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -36,7 +36,7 @@ from auvident.schema.coefficients import symbols_of
 from auvident.schema.effects import BY_ID, name_in
 from auvident.schema.planes import PLANE_ROWS, Plane
 from auvident.schema.planes import symbol_in as symbol_in
-from auvident.schema.unexplained import NAME, PRODUCTS
+from auvident.schema.unexplained import NAME, PRODUCTS, Factor
 
 STATES = ("u", "a", "b", "angle")
 EQUATIONS = ("X", "A", "B")
@@ -50,7 +50,15 @@ INPUTS = (
     *("X", "A", "B"),
 )
 VARIABLES = ("u", "a", "b", "sin", "cos", *INPUTS)
-POWERS = ("x", "|x|", "x^2", "x|x|", "x^3")
+# the powers of values in arrays; `batch.place_powers` has those of one value, in the same order
+POWER_OF: dict[str, Callable[[npt.NDArray[Any]], npt.NDArray[Any]]] = {
+    "x": lambda x: x,
+    "|x|": np.abs,
+    "x^2": np.square,
+    "x|x|": lambda x: x * np.abs(x),
+    "x^3": lambda x: x**3,
+}
+POWERS = tuple(POWER_OF)
 # known; then those that the data may change
 CONSTANTS = ("m", "m x_G", "I", "x_fin", *(c.symbol for c in ESTIMATED_CONSTANTS))
 PER_G = 1.0 / GRAVITY_MPS2  # from z_G W to m z_G
@@ -219,11 +227,14 @@ def force_name(plane: Plane, generic: str) -> str:
     return f"{effect}.{symbol_in(plane, symbol)}"
 
 
-def _row(parameters: tuple[str, ...], equation: str, parameter: str, factors: tuple) -> list[int]:
-    row = [EQUATIONS.index(equation), parameters.index(parameter)]
+def row_of(
+    equation: int, parameter: int, factors: Sequence[Factor], variables: Sequence[str], most: int
+) -> list[int]:
+    """A term as numbers, see `Structure.terms`, with room for so many factors."""
+    row = [equation, parameter]
     for variable, power in factors:
-        row += [VARIABLES.index(variable), POWERS.index(power)]
-    return row + [0, -1] * (FACTORS_PER_TERM - len(factors))
+        row += [variables.index(variable), POWERS.index(power)]
+    return row + [0, -1] * (most - len(factors))
 
 
 @lru_cache(maxsize=64)
@@ -234,7 +245,8 @@ def structure_of(plane: Plane, effects: tuple[str, ...] = ()) -> Structure:
     parameters = symbols_of(plane) + CONSTANTS + names
     rows, weights = [], []
     for equation, parameter, weight, factors in _force_rows(plane, effects, names):
-        rows.append(_row(parameters, equation, parameter, factors))
+        places = EQUATIONS.index(equation), parameters.index(parameter)
+        rows.append(row_of(*places, factors, VARIABLES, FACTORS_PER_TERM))
         weights.append(float(weight))
     mass = [*MASS, ("A", "B", "m x_G", SIGMA[plane]), ("B", "A", "m x_G", SIGMA[plane])]
     if plane == "vertical":

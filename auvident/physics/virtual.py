@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.physics.batch import inverse_mass
-from auvident.physics.dynamics import N_STATES, N_VELOCITIES, step
+from auvident.physics.dynamics import ALL_STATES, N_STATES, N_VELOCITIES, step
 from auvident.physics.term_tables import N_INPUTS
 from auvident.physics.terms import Structure
 
@@ -17,7 +17,6 @@ Array = npt.NDArray[Any]
 # seconds since the start, angle since the start [rad], last command [rad] -> command, thrust ratio
 Helm = Callable[[float, float, float], tuple[float, float]]
 
-ACTIVE = np.array([True, True, True, True])
 APPROACH_STEP_S = 1.0e-3  # over which a speed is to stay as it is
 FASTEST_MPS = 30.0  # no steady speed is looked for beyond
 
@@ -98,7 +97,7 @@ def run_virtual(
         Ends early where the model runs away.
     """
     inverse = np.empty((N_VELOCITIES, N_VELOCITIES))
-    inverse_mass(p, structure.mass, structure.mass_weights, ACTIVE, inverse)
+    inverse_mass(p, structure.mass, structure.mass_weights, ALL_STATES, inverse)
     states, inputs = [np.asarray(start, dtype=float)], []
     acting, equations = healthy(np.zeros(3)), structure.equations
     command = control = 0.0
@@ -109,7 +108,7 @@ def run_virtual(
         control += min(max(command - control, -move), move)
         acting[0], acting[2] = control, n_rps * ratio
         inputs.append(acting[:3].copy())
-        step(x, acting, x, x, dt_s, p, inverse, ACTIVE, equations, out)
+        step(x, acting, x, x, dt_s, p, inverse, ALL_STATES, equations, out)
         if not all(map(math.isfinite, out)):
             break
         states.append(out)

@@ -302,10 +302,10 @@ class FittedNoise(Artifact):
 class StageRecord(Artifact):
     """One pass of the plan: what was free, what it used and how well it explained the data.
 
-    `noise_std` is what an independent reading counts with; in a filter that over
-    `observer_time_s` is the process noise, per square root of a second. `fitted_noise` is the
-    noise of an output-error stage, of which `nis` tests the innovations of each maneuver with the
-    noise that the others have.
+    `noise_std` is what an independent reading counts with. In a filter that times the root of a
+    step, over `observer_time_s`, is the process noise per square root of a second: the filter
+    follows its readings within this time. `fitted_noise` is the noise of an output-error stage, of
+    which `nis` tests the innovations of each maneuver with the noise that the others have.
     """
 
     stage: str

@@ -106,7 +106,7 @@ def _sections(hull: Hull) -> HullShape:
 
 def _nose(hull: Hull, nose: np.ndarray, radius: np.ndarray) -> Squared:
     """R = d/2 [1 - ((xi + a_off - a)/a)^2]^(1/n), a = nose length + a_off (Prestero 2.1)."""
-    a = nose + np.asarray(hull.myring_nose_offset_m, float)
+    a = nose + np.asarray(hull.myring_nose_offset_m, float)[..., None]
     a = np.where(a > 1e-9 * radius, a, 1.0)  # no nose at all
     power = 2.0 / np.asarray(hull.myring_n, float)[..., None]
 

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from auvident.schema.base import Declared
 from auvident.schema.coefficients import ESTIMATED
+from auvident.schema.planes import Plane
 from auvident.schema.quoting import clipped
 
 Positive = Annotated[float, Field(gt=0)]
@@ -46,6 +47,10 @@ class Body(Declared):
     buoyancy_std_n: NonNegative | None = None
     x_g_std_m: NonNegative | None = None
     z_g_std_m: NonNegative | None = None
+
+    def inertia_kgm2(self, plane: Plane) -> float:
+        """Inertia about the axis that a plane turns about; in pitch that of yaw unless stated."""
+        return self.izz_kgm2 if plane == "horizontal" else self.iyy_kgm2 or self.izz_kgm2
 
 
 class Hull(Declared):

@@ -12,11 +12,10 @@ from auvident.constants import VehicleTime
 from auvident.engines.carried import structure_behind, vector_behind
 from auvident.engines.records import sensor_matrix
 from auvident.errors import NumericsError, StageError
-from auvident.physics.dynamics import N_STATES, simulate_with_sensitivities
+from auvident.physics.dynamics import ALL_STATES, N_STATES, simulate_with_sensitivities
 from auvident.physics.term_tables import N_INPUTS
 from auvident.physics.terms import Structure, structure_of, symbol_in
 from auvident.physics.virtual import (
-    ACTIVE,
     Helm,
     combined_helm,
     healthy,
@@ -185,7 +184,7 @@ def expected_information(
         np.zeros(N_STATES),
         dt_s,
         p,
-        ACTIVE,
+        ALL_STATES,
         structure.equations,
         column,
         spread,

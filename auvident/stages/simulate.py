@@ -15,7 +15,7 @@ from auvident.engines.predictive import OF_DRAWS, half_widths, pushes_behind
 from auvident.engines.records import ANGLE, Record, is_read_at, record_of, sensor_matrix
 from auvident.engines.stretches import as_maneuver, uninterrupted
 from auvident.errors import NumericsError
-from auvident.physics.dynamics import N_STATES
+from auvident.physics.dynamics import ALL_STATES, N_STATES
 from auvident.physics.maneuvers.track import dead_reckoning
 from auvident.physics.virtual import steady_approach
 from auvident.schema.artifacts import Extrapolation, IdentifiedModel
@@ -157,7 +157,7 @@ def _predict(
     dt_s: float,
     rng: np.random.Generator,
 ) -> pd.DataFrame:
-    frame, active = frame_of(model, dt_s), np.ones(N_STATES, dtype=bool)
+    frame, active = frame_of(model, dt_s), ALL_STATES
     runs = [simulated(frame, draws[0], record, active)]
     runs += _drawn_runs(model, frame, record, draws[1:], rng)
     if not np.isfinite(runs[0]).all():
@@ -194,7 +194,7 @@ def _drawn_runs(
     rng: np.random.Generator,
 ) -> list[Array]:
     """States (n, 4) of the models drawn, pushed along the way where they hardly keep a course."""
-    active, pushes = np.ones(N_STATES, dtype=bool), pushes_behind(model)
+    active, pushes = ALL_STATES, pushes_behind(model)
     if pushes is None:
         return [simulated(frame, p, record, active) for p in draws]
     rows = pushes.rows(record, frame.dt_s)

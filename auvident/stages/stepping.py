@@ -26,7 +26,7 @@ from auvident.physics.actuation import (
     thrust_of,
 )
 from auvident.physics.batch import inverse_mass
-from auvident.physics.dynamics import N_STATES, SPEED_LIMIT, step
+from auvident.physics.dynamics import ALL_STATES, N_STATES, SPEED_LIMIT, step
 from auvident.physics.fleet import Fleet, Servos
 from auvident.physics.maneuvers.desk import made_good
 from auvident.physics.term_tables import N_INPUTS, N_VELOCITIES
@@ -34,8 +34,6 @@ from auvident.physics.terms import Structure
 from auvident.schema.artifacts import IdentifiedModel
 
 Array = npt.NDArray[Any]
-
-ACTIVE = np.ones(N_STATES, dtype=bool)
 
 
 @dataclass(frozen=True)
@@ -68,7 +66,7 @@ class ModelStepper:
         x, out = np.array(state, dtype=float), np.empty(N_STATES)
         acting = self._acting(fin_rad, rate_rps, float(x[0]))
         equations = self.structure.equations
-        step(x, acting, x, x, dt_s, self.p, self.inverse, ACTIVE, equations, out)
+        step(x, acting, x, x, dt_s, self.p, self.inverse, ALL_STATES, equations, out)
         return finite(out)
 
     def _acting(self, fin_rad: float, rate_rps: float, speed_mps: float) -> Array:
@@ -85,7 +83,7 @@ def stepper_of(model: IdentifiedModel) -> ModelStepper:
     """The equations of a model, ready to be stepped."""
     structure, p = structure_behind(model), vector_behind(model)
     inverse = np.empty((N_VELOCITIES, N_VELOCITIES))
-    inverse_mass(p, structure.mass, structure.mass_weights, ACTIVE, inverse)
+    inverse_mass(p, structure.mass, structure.mass_weights, ALL_STATES, inverse)
     return ModelStepper(structure, p, command_values(model.plane, structure.parameters, p), inverse)
 
 

@@ -7,7 +7,6 @@ import pytest
 
 from auvident.engines.carried import frame_of, free_behind, vector_behind
 from auvident.engines.falling import (
-    ALL,
     PushesAlong,
     fallen_variance,
     growth_of_push,
@@ -18,6 +17,7 @@ from auvident.engines.falling import (
 from auvident.engines.prediction import Frame, at_effects, simulated
 from auvident.engines.predictive import band_of, parameter_variance
 from auvident.engines.records import Record
+from auvident.physics.dynamics import ALL_STATES
 from tests.engines.chain import identified, setup_of
 
 LENGTH_M = identified("harbour_trial").model.length_m
@@ -73,7 +73,9 @@ def test_without_a_push_the_simulation_is_the_usual_one() -> None:
     frame, p, record = harbour()
     acting, rows = at_effects(frame, p, record), NO_PUSH.rows(record, frame.dt_s)
     pushed = simulated_pushed(frame, p, acting, rows, np.zeros((len(rows), 4)))
-    np.testing.assert_allclose(pushed, simulated(frame, p, acting, ALL), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(
+        pushed, simulated(frame, p, acting, ALL_STATES), rtol=1e-12, atol=1e-12
+    )
 
 
 def test_a_hull_is_pushed_at_its_start_and_once_each_length() -> None:
@@ -108,7 +110,7 @@ def test_a_hull_that_may_fall_to_either_side_is_off_by_the_way_to_the_other() ->
     record = amidships(harbour()[2])
     record = replace(record, start=np.array([record.start[0], 0.0, 1.0e-4, 0.0]))
     free, covariance = free_behind(identified("harbour_trial").model)
-    turning = simulated(frame, p, at_effects(frame, p, record), ALL)[-1, 2]
+    turning = simulated(frame, p, at_effects(frame, p, record), ALL_STATES)[-1, 2]
     assert abs(turning) > 0.3
     pushes = PushesAlong(np.array([0.0, 1.0e-3, 1.0e-3, 0.0]), LENGTH_M)
     found = fallen_variance(frame, p, record, free, 1.0e-6 * covariance, pushes)

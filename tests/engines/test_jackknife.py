@@ -19,13 +19,13 @@ from auvident.engines.jackknife import (
     left_out_courses,
     moves_without,
     noise_claim,
-    of_few,
     scatter_of,
     structural_covariance,
 )
 from auvident.engines.noise import white
 from auvident.engines.setup import Setup
 from auvident.estimation.output_error import fit
+from auvident.estimation.pooling import for_few
 from auvident.schema.plan import Tuning
 from auvident.stages.identify.result import widening
 from tests.engines.test_estimator import linear_setup, stage
@@ -256,7 +256,7 @@ def test_what_few_maneuvers_tell_of_a_variance_is_widened_to_student_s_t(count) 
             str(i): np.array([(own.sum() - x) / (count - 1) - own.mean()])
             for i, x in enumerate(own)
         }
-        claimed = of_few(count) * jackknife_covariance(without)[0, 0]
+        claimed = for_few(jackknife_covariance(without), count)[0, 0]
         squares.append(own.mean() ** 2 / claimed)
         inverses.append(1.0 / claimed)
     # the fourth moment of t is infinite at few degrees: the mean of few is known less well
@@ -278,7 +278,7 @@ def test_what_pulls_a_kind_of_maneuvers_alike_shows_beside_another_kind() -> Non
     alike = structural_covariance(
         gradients, curvatures, np.zeros((1, 1)), dict.fromkeys(PULLS, "turn")
     )
-    assert alike == pytest.approx(np.array([[of_few(4) * between_maneuvers]]))
+    assert alike == pytest.approx(for_few(np.array([[between_maneuvers]]), 4))
 
 
 def test_two_maneuvers_of_two_kinds_tell_nothing_of_what_the_equations_lack() -> None:
@@ -288,7 +288,7 @@ def test_two_maneuvers_of_two_kinds_tell_nothing_of_what_the_equations_lack() ->
 
 
 def test_three_maneuvers_count_as_four() -> None:
-    assert of_few(3) == of_few(4) == 3.0
+    assert for_few(1.0, 3) == for_few(1.0, 4) == 3.0
 
 
 def test_only_a_scatter_beyond_chance_widens_and_never_beyond_the_prior() -> None:

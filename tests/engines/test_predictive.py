@@ -5,7 +5,6 @@ import pytest
 
 from auvident.engines.carried import frame_of, free_behind, predicted_course, vector_behind
 from auvident.engines.predictive import (
-    ALL,
     TRACK_GROWTH,
     LeftOutCourse,
     drifting,
@@ -14,6 +13,7 @@ from auvident.engines.predictive import (
     model_error,
     parameter_variance,
 )
+from auvident.physics.dynamics import ALL_STATES
 from auvident.physics.maneuvers import track_of
 from tests.engines.chain import identified, setup_of
 
@@ -29,7 +29,8 @@ def test_variance_by_one_parameter_is_the_squared_change_of_the_prediction(symbo
     found = parameter_variance(frame, p, record, free, np.outer(unit, unit))
     step = 1.0e-4  # the third derivative adds its square, the rounding 1e-12
     there, back = (
-        predicted_course(frame, free.moved(p, s * step * unit), record, ALL) for s in (1.0, -1.0)
+        predicted_course(frame, free.moved(p, s * step * unit), record, ALL_STATES)
+        for s in (1.0, -1.0)
     )
     slopes = (there.readings - back.readings) / (2.0 * step)
     for c, name in enumerate(("u", "v", "r", "heading")):
@@ -132,6 +133,16 @@ def test_a_channel_that_was_not_measured_has_no_band() -> None:
     for c in courses:
         c.error["v"][:] = np.nan
     assert set(errors_of(courses, "horizontal", {}, 0)) == {"u", "r", "heading", "track"}
+
+
+def test_maneuvers_in_which_a_channel_was_not_measured_tell_nothing_of_it() -> None:
+    rng = np.random.default_rng(9)
+    courses = [course(rng, 0.02, 0.01) for _ in range(8)]
+    for c in courses[3:]:
+        c.error["v"][:] = np.nan
+        c.error["track"][:] = np.nan
+    found, of_three = (errors_of(some, "horizontal", {}, 0) for some in (courses, courses[:3]))
+    assert (found["v"], found["track"]) == (of_three["v"], of_three["track"])
 
 
 def test_a_prediction_that_runs_away_is_none() -> None:

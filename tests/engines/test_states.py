@@ -3,7 +3,7 @@
 import numpy as np
 
 from auvident.engines.records import Record
-from auvident.engines.states import smoothed_states
+from auvident.engines.states import forcing_std, smoothed_states
 from auvident.physics.dynamics import simulate_states
 from auvident.physics.terms import parameter_vector, structure_of
 from auvident.schema.artifacts import RigidBody
@@ -60,6 +60,34 @@ def test_the_error_of_smoothed_states_is_of_the_stated_size() -> None:
         found = smoothed_states(structure, p, record, ACTIVE, np.eye(4), NOISE, 0.1)
         ratios.append(np.mean(((found.mean - truth)[:, :3] / found.std[:, :3]) ** 2))
     assert 0.2 < np.mean(ratios) < 2.0  # the forcing is bounded from below: cautious
+
+
+def driven(seed: int, forcing: np.ndarray):
+    """The same motion, pushed at every step by white noise (3,) per root second."""
+    structure, p, record, _ = made(seed)
+    n, rng = 4000, np.random.default_rng(100 + seed)
+    inputs, held = np.resize(record.inputs[:188], (n, 3)), np.zeros((2, 4))  # a whole period
+    truth = np.tile(record.start, (n, 1))
+    for k in range(1, n):
+        own = held, 0.1, p, ACTIVE, structure.equations
+        truth[k] = simulate_states(truth[k - 1], inputs[k - 1 : k + 1], *own)[1]
+        truth[k, :3] += forcing * np.sqrt(0.1) * rng.normal(size=3)
+    measured = truth + rng.normal(size=(n, 4)) * NOISE
+    time = np.arange(n) * 0.1
+    return structure, p, Record("m", time, inputs, np.zeros((n, 4)), measured, record.start), truth
+
+
+def test_the_process_noise_is_that_which_drives_the_motion() -> None:
+    """Of white noise in the accelerations; the errors of the states are then of their size."""
+    forcing, found, ratios = np.array([0.03, 0.03, 0.012]), [], []
+    for seed in range(4):
+        structure, p, record, truth = driven(seed, forcing)
+        own = structure, p, record, ACTIVE, np.eye(4), NOISE, 0.1
+        found.append(forcing_std(*own)[:3])
+        states = smoothed_states(*own)
+        ratios.append(np.mean(((states.mean - truth)[:, :3] / states.std[:, :3]) ** 2))
+    np.testing.assert_allclose(np.mean(found, axis=0), forcing, rtol=0.15)  # 400 s each
+    assert 0.93 < np.mean(ratios) < 1.07
 
 
 def test_the_pitch_is_smoothed_with_the_vertical_motion() -> None:

@@ -16,13 +16,14 @@ from auvident.engines.carried import (
     vector_behind,
 )
 from auvident.engines.setup import Setup
+from auvident.physics.dynamics import ALL_STATES
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.channels import BY_COLUMN, TIME_COLUMN
 from auvident.schema.effects import parameter_of
 from auvident.schema.trial import Trial
 from auvident.stages.identify import stage as identify_stage
 from auvident.stages.simulate import simulate
-from auvident.stages.validate import ACTIVE, validate
+from auvident.stages.validate import validate
 from auvident.storage.artifacts import json_bytes
 from tests.engines.chain import Chain, sample
 
@@ -79,8 +80,10 @@ def test_the_model_read_again_predicts_what_was_identified() -> None:
     _, setup, final, model = identified()
     again = read_again(model)
     for _, record in setup.records.values():
-        found = predicted_course(frame_of(again, setup.dt_s), vector_behind(again), record, ACTIVE)
-        expected = predicted_course(setup.frame, final, record, ACTIVE)
+        found = predicted_course(
+            frame_of(again, setup.dt_s), vector_behind(again), record, ALL_STATES
+        )
+        expected = predicted_course(setup.frame, final, record, ALL_STATES)
         for f in fields(found):
             np.testing.assert_array_equal(getattr(found, f.name), getattr(expected, f.name))
 
@@ -131,7 +134,7 @@ def test_validation_predicts_the_identifying_maneuvers_as_identified() -> None:
     table = validated()
     for name, (_, record) in setup.records.items():
         rows = table[table["maneuver"] == name]
-        expected = predicted_course(setup.frame, final, record, ACTIVE).readings
+        expected = predicted_course(setup.frame, final, record, ALL_STATES).readings
         for k, column in enumerate(("u_mps", "v_mps", "r_radps")):
             away = np.abs(rows[f"{column}_simulated"].to_numpy() - expected[:, k])
             # the start and the inputs before may lie in a held-out maneuver, blanked for one only
@@ -147,7 +150,7 @@ def test_simulation_of_a_window_is_the_prediction_of_that_maneuver() -> None:
     found = simulate(
         read_again(model), trial, window_s=window, samples=0, rng=np.random.default_rng(0)
     )
-    expected = predicted_course(setup.frame, final, record, ACTIVE).states
+    expected = predicted_course(setup.frame, final, record, ALL_STATES).states
     n = min(len(found), len(expected))
     assert n > 0.9 * len(expected)
     for k, column in enumerate(("u_mps", "v_mps", "r_radps", "heading_rad")):

@@ -65,13 +65,12 @@ def rigid_body_terms(vehicle: Vehicle) -> dict[str, float]:
     """
     body = vehicle.body
     m, moment = body.mass_kg, body.mass_kg * body.x_g_m
-    iyy = body.izz_kgm2 if body.iyy_kgm2 is None else body.iyy_kgm2
     return {
         "X_udot": m,
         "Y_vdot": m,
         "Z_wdot": m,
         "N_rdot": body.izz_kgm2,
-        "M_qdot": iyy,
+        "M_qdot": body.inertia_kgm2("vertical"),
         "Y_rdot": moment,
         "N_vdot": moment,
         "Z_qdot": -moment,
@@ -148,7 +147,7 @@ def _horizontal(vehicle: Vehicle, c: Mapping[str, float]) -> dict[str, Any]:
 def _vertical(vehicle: Vehicle, c: Mapping[str, float]) -> dict[str, Any]:
     """Facts of the vertical plane."""
     body = vehicle.body
-    inertia = body.izz_kgm2 if body.iyy_kgm2 is None else body.iyy_kgm2
+    inertia = body.inertia_kgm2("vertical")
     facts: dict[str, Any] = {
         "G": _quotient(stability.vertical_stability, c, body.mass_kg, body.x_g_m)
     }

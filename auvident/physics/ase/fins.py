@@ -53,10 +53,14 @@ class FinForces:
     projection: dict[str, float]
 
 
+def mean_chord_m(fin: Fin) -> np.ndarray:
+    """Mean of the chords at root and tip."""
+    return 0.5 * (np.asarray(fin.root_chord_m, float) + np.asarray(fin.tip_chord_m, float))
+
+
 def area_m2(fin: Fin) -> np.ndarray:
     """Planform of one fin."""
-    chord = 0.5 * (np.asarray(fin.root_chord_m, float) + np.asarray(fin.tip_chord_m, float))
-    return np.asarray(fin.exposed_span_m, float) * chord
+    return np.asarray(fin.exposed_span_m, float) * mean_chord_m(fin)
 
 
 def aspect_ratio(fin: Fin) -> np.ndarray:
@@ -231,9 +235,8 @@ def _lift_accuracy(
 
 def _centre_m(fin: Fin, deviation: Deviation) -> np.ndarray:
     """Centre of pressure: the stated station, moved by the accuracy of that station."""
-    chord = 0.5 * (np.asarray(fin.root_chord_m, float) + np.asarray(fin.tip_chord_m, float))
     name = "sail_centre" if fin.kind == "sail" else "fin_centre"
-    return np.asarray(fin.x_m, float) - chord * deviation.shift(name)
+    return np.asarray(fin.x_m, float) - mean_chord_m(fin) * deviation.shift(name)
 
 
 def chord_edges_m(fin: Fin) -> tuple[np.ndarray, np.ndarray]:
@@ -244,6 +247,5 @@ def chord_edges_m(fin: Fin) -> tuple[np.ndarray, np.ndarray]:
     aft, forward : ndarray
         Body axes, m.
     """
-    middle = np.asarray(fin.mid_chord_x_m, float)
-    half = 0.25 * (np.asarray(fin.root_chord_m, float) + np.asarray(fin.tip_chord_m, float))
+    middle, half = np.asarray(fin.mid_chord_x_m, float), 0.5 * mean_chord_m(fin)
     return middle - half, middle + half

@@ -4,13 +4,20 @@ The terms are those of `auvident.physics.terms`, gone through with arrays over t
 few hundred models and steps that is faster than to load compiled kernels.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
-from auvident.physics.terms import CONSTANTS, POWERS, VARIABLES, mass_matrices, structure_of
+from auvident.physics.terms import (
+    CONSTANTS,
+    POWER_OF,
+    POWERS,
+    VARIABLES,
+    mass_matrices,
+    structure_of,
+)
 from auvident.schema.planes import Plane
 from auvident.schema.vehicle import Body
 
@@ -24,18 +31,12 @@ LONGEST = 60.0  # L/U: to turn by 180 degrees at 15 degrees of rudder takes 5 to
 # Rate of a fin that nothing tells of: that of a small vehicle's servo, or 93 deg in the time L/U
 # where that is slower: 65 deg in 28 s (SOLAS II-1/29) with the L/U of 40 s of a tanker
 USUAL_RATE_DEGPS, USUAL_RATE_DEG = 25.0, 93.0
-POWER: dict[str, Callable[[Array], Array]] = {
-    "x": lambda x: x,
-    "|x|": np.abs,
-    "x^2": np.square,
-    "x|x|": lambda x: x * np.abs(x),
-}
 
 
 def rigid_constants(body: Body, plane: Plane = "horizontal") -> dict[str, float]:
     """Mass, its moment and inertia in the equations of a plane; the other constants are zero."""
-    inertia = body.izz_kgm2 if plane == "horizontal" else body.iyy_kgm2 or body.izz_kgm2
-    known = {"m": body.mass_kg, "m x_G": body.mass_kg * body.x_g_m, "I": inertia}
+    moment, inertia = body.mass_kg * body.x_g_m, body.inertia_kgm2(plane)
+    known = {"m": body.mass_kg, "m x_G": moment, "I": inertia}
     return {name: known.get(name, 0.0) for name in CONSTANTS}
 
 
@@ -61,7 +62,7 @@ class Models:
         mass[~self.possible] = np.eye(3)
         self.inverse = np.linalg.inv(mass)
         self.terms = [
-            (row[0], weight * p[row[1]], [(v, q) for v, q in zip(*_pairs(row), strict=True)])
+            (row[0], weight * p[row[1]], _factors(row))
             for row, weight in zip(structure.terms.tolist(), structure.weights, strict=True)
         ]
         self.rate_rps = rate_rps
@@ -76,7 +77,7 @@ class Models:
             product = weight
             for pair in factors:
                 if pair not in powers:
-                    powers[pair] = POWER[POWERS[pair[1]]](known[VARIABLES[pair[0]]])
+                    powers[pair] = POWER_OF[POWERS[pair[1]]](known[VARIABLES[pair[0]]])
                 product = product * powers[pair]
             force[:, equation] += product
         moved = np.einsum("nij,nj->in", self.inverse, force)
@@ -90,10 +91,9 @@ class Models:
         return states + dt_s * self.rates(half, rudder)
 
 
-def _pairs(row: list[int]) -> tuple[list[int], list[int]]:
-    """Variables and powers of a row of the terms."""
-    used = [k for k in range(3, len(row), 2) if row[k] >= 0]
-    return [row[k - 1] for k in used], [row[k] for k in used]
+def _factors(row: list[int]) -> list[tuple[int, int]]:
+    """Variable and power of each factor in a row of the terms."""
+    return [(v, power) for v, power in zip(row[2::2], row[3::2], strict=True) if power >= 0]
 
 
 @dataclass

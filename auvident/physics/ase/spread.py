@@ -84,7 +84,7 @@ def _row(drawn: Mapping[str, Array], i: int) -> dict[str, float]:
 def _stability(vehicle: Vehicle, drawn: Mapping[str, Array], plane: Plane) -> dict[str, Any]:
     """Stability index of a plane, and how likely its sign and that of the bow's moment are."""
     body, (margin, moment, sign) = vehicle.body, MARGINS[plane]
-    inertia = body.izz_kgm2 if plane == "horizontal" else body.iyy_kgm2 or body.izz_kgm2
+    inertia = body.inertia_kgm2(plane)
     with np.errstate(divide="ignore", invalid="ignore"):
         index = np.asarray(margin(drawn, body.mass_kg, body.x_g_m), float)
     growth = stability.eigenvalues_per_metre(drawn, body.mass_kg, inertia, body.x_g_m, plane)

@@ -12,8 +12,8 @@ from auvident.physics.maneuvers.straight import rpm_levels, straight_figures
 from auvident.physics.maneuvers.track import (
     dead_reckoning,
     first_crossing,
-    heading_from_rate,
     headings_from_start,
+    integral_of,
     track_of,
 )
 from auvident.physics.maneuvers.turn import turn_figures
@@ -22,8 +22,8 @@ from auvident.physics.maneuvers.zigzag import reversals, zigzag_figures
 __all__ = [
     "dead_reckoning",
     "first_crossing",
-    "heading_from_rate",
     "headings_from_start",
+    "integral_of",
     "reversals",
     "rpm_levels",
     "straight_figures",

@@ -137,11 +137,10 @@ class ZigzagHelm:
 
 @dataclass(frozen=True)
 class Level:
-    """Where a level of a stair of orders ended: order, states (4, S), how long it took."""
+    """Where a level of a stair of orders ended: order, states (4, S)."""
 
     order_rad: float
     states: Array
-    lasted_s: float
 
 
 @dataclass
@@ -165,9 +164,9 @@ class StairHelm:
     def order(self, now: Moment) -> Array:
         """The next one where the last has settled."""
         if len(self.levels) < len(self.orders_rad) and self._has_settled(now):
-            lasted, self._since, self._seen = now.time_s - self._since, now.time_s, []
+            self._since, self._seen = now.time_s, []
             order = self.orders_rad[len(self.levels)]
-            self.levels.append(Level(order, now.states.copy(), lasted))
+            self.levels.append(Level(order, now.states.copy()))
         at = min(len(self.levels), len(self.orders_rad) - 1)
         return np.full(self.setting.size, self.orders_rad[at])
 

@@ -13,7 +13,7 @@ from auvident.physics.maneuvers.desk import (
     StairHelm,
     ZigzagHelm,
 )
-from auvident.physics.maneuvers.track import first_crossing
+from auvident.physics.maneuvers.track import first_crossing, integral_of
 from auvident.physics.maneuvers.turn import turn_figures
 from auvident.physics.maneuvers.zigzag import reversals, zigzag_figures
 
@@ -60,8 +60,7 @@ def swing_figures(flight: DeskFlight, s: int) -> Figures:
     found = zigzag_figures(time, angle, order, 0.0, flight.helm.switch_rad)
     told = {k: v for k, v in found.items() if k not in ("rudder_deg", "executes", "switch_deg")}
     if "initial_turning_time_s" in told:
-        speed = np.hypot(states[:, 0], states[:, 1])
-        gone = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))])
+        gone = integral_of(time, np.hypot(states[:, 0], states[:, 1]))
         there = np.interp(told["initial_turning_time_s"], time, gone)
         told["initial_turning_distance_m"] = float(there)
     return told
@@ -90,8 +89,7 @@ def nomoto_from(time_s: Array, r: Array, heading_rad: Array, order_rad: Array) -
     order_rad : (n,) array
         Angle of the fin, positive to starboard [rad].
     """
-    steps = np.diff(time_s)
-    laid = np.concatenate([[0.0], np.cumsum(0.5 * (order_rad[1:] + order_rad[:-1]) * steps)])
+    laid = integral_of(time_s, order_rad)
     matrix = np.column_stack([r[0] - r, laid, time_s - time_s[0]])
     (lag, gain, _), *_ = np.linalg.lstsq(matrix, heading_rad - heading_rad[0], rcond=None)
     return {"zigzag_gain_ps": float(gain), "zigzag_time_s": float(lag)}

@@ -1,4 +1,4 @@
-"""Heading and track of a maneuver by integration, and where a signal first reaches a value."""
+"""Integral of a rate, track of a maneuver, and where a signal first reaches a value."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -6,9 +6,9 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 
-def heading_from_rate(time_s: ArrayLike, r: ArrayLike) -> Array:
-    """Heading change since the first sample [rad], by the trapezoidal rule."""
-    t, rate = np.asarray(time_s, dtype=float), np.asarray(r, dtype=float)
+def integral_of(time_s: ArrayLike, rate: ArrayLike) -> Array:
+    """Integral (n,) of a rate (n,) since the first sample, by the trapezoidal rule."""
+    t, rate = np.asarray(time_s, dtype=float), np.asarray(rate, dtype=float)
     steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(t)
     return np.concatenate(([0.0], np.cumsum(steps)))
 
@@ -20,8 +20,8 @@ def dead_reckoning(
     u, v = np.asarray(u, dtype=float), np.asarray(v, dtype=float)
     cos, sin = np.cos(heading_rad), np.sin(heading_rad)
     return (
-        heading_from_rate(time_s, u * cos - v * sin),
-        heading_from_rate(time_s, u * sin + v * cos),
+        integral_of(time_s, u * cos - v * sin),
+        integral_of(time_s, u * sin + v * cos),
     )
 
 

@@ -7,7 +7,7 @@ from auvident.physics.maneuvers.track import (
     Array,
     dead_reckoning,
     first_crossing,
-    heading_from_rate,
+    integral_of,
 )
 
 ADVANCE_RAD = np.pi / 2  # IMO: advance and transfer at 90 degrees change of heading
@@ -53,7 +53,7 @@ def turn_figures(
     """
     t = np.asarray(time_s, dtype=float)
     u, v, r = (np.asarray(x, dtype=float) for x in (u, v, r))
-    heading = heading_from_rate(t, r) if heading_rad is None else np.asarray(heading_rad)
+    heading = integral_of(t, r) if heading_rad is None else np.asarray(heading_rad)
     turned = heading - heading[0]
     approach = float(np.hypot(u[0], v[0])) if approach_speed_mps is None else approach_speed_mps
     figures = {

@@ -6,6 +6,8 @@ from numpy.typing import ArrayLike, NDArray
 from auvident.physics.maneuvers.track import Array, first_crossing
 
 HALF = 0.5  # a rudder beyond half its amplitude has been put over
+AMPLITUDE = 0.9  # quantile of the angle that is the amplitude: an overshoot of the servo is none
+ON_LEVEL = 0.9  # share of the angle held, from which on the rudder has not left it
 
 
 def reversals(rudder_rad: ArrayLike) -> NDArray[np.int64]:
@@ -16,7 +18,7 @@ def reversals(rudder_rad: ArrayLike) -> NDArray[np.int64]:
     The last sample, which may be the release already, starts no new side.
     """
     x = np.asarray(rudder_rad, dtype=float)
-    level = HALF * float(np.quantile(np.abs(x), 0.9))
+    level = HALF * float(np.quantile(np.abs(x), AMPLITUDE))
     side = np.where(x > level, 1, np.where(x < -level, -1, 0))
     known = np.flatnonzero(side)
     known = known[: known.size - (known.size > 1 and known[-1] == x.size - 1)]
@@ -30,7 +32,7 @@ def _departure(x: Array, last: int) -> int:
     other = np.flatnonzero(~(sign * x[:last] > 0))  # not on this side
     begin = int(other[-1]) + 1 if other.size else 0
     held = float(np.median(x[begin : last + 1]))
-    on_level = np.flatnonzero(sign * x[begin : last + 1] >= 0.9 * abs(held))
+    on_level = np.flatnonzero(sign * x[begin : last + 1] >= ON_LEVEL * abs(held))
     return begin + int(on_level[-1]) + 1 if on_level.size else last + 1
 
 

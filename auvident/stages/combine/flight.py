@@ -16,7 +16,7 @@ from auvident.engines.predictive import OF_DRAWS, half_width
 from auvident.engines.records import Record, is_read_at, record_of, sensor_matrix
 from auvident.engines.stretches import as_maneuver, uninterrupted
 from auvident.errors import NumericsError
-from auvident.physics.maneuvers.track import heading_from_rate
+from auvident.physics.maneuvers.track import integral_of
 from auvident.physics.sensing import DOWN, current
 from auvident.physics.six_dof import (
     ATTITUDE,
@@ -381,7 +381,7 @@ def _drift(model: CombinedModel, record: Record, dt_s: float) -> Array:
         since = None if record.source is None else record.source.from_middle_s
         at = np.zeros(len(record)) if since is None else since
         water = current(frame.reading_effects(p), at)
-        drift[:, :2] = np.column_stack([heading_from_rate(record.time_s, x) for x in water.T])
+        drift[:, :2] = np.column_stack([integral_of(record.time_s, x) for x in water.T])
     if SINKING in model.effect_ids("vertical"):
         frame, p = plane_frame(model, "vertical", dt_s)
         drift[:, 2] = frame.reading_effects(p)[DOWN] * (record.time_s - record.time_s[0])

@@ -156,7 +156,7 @@ def _constants(
     body = vehicle.body
     weight = body.mass_kg * GRAVITY_MPS2
     buoyancy = body.buoyancy_n or weight
-    known = {"m": body.mass_kg, "I_zz": body.izz_kgm2, "I_yy": body.iyy_kgm2 or body.izz_kgm2}
+    known = {"m": body.mass_kg, "I_zz": body.izz_kgm2, "I_yy": body.inertia_kgm2("vertical")}
     # a vehicle is ballasted to lie level: no trim moment unless one is known
     known |= {"W-B": weight - buoyancy, "x_GW": 0.0, "z_GW": body.z_g_m * weight}
     stds = dict.fromkeys(known, 0.0)

@@ -115,7 +115,7 @@ def _diagnosed(
 ) -> Diagnosed:
     there, missing = testable(case.setup, case.records)
     candidates = tuple(e.id for e in there if not e.nuisance)
-    pushes = Pushes(case, headings_of(case), model.length_m / sizes_of(model, case.records)[0])
+    pushes = Pushes(case, headings_of(case), model.length_m / sizes_of(case.records)[0])
 
     def wanting(fitted: Fitted) -> bool:
         return bool(mattering(remainders(case, fitted, model.length_m)))

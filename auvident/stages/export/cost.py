@@ -10,7 +10,7 @@ import numpy.typing as npt
 from auvident.engines.carried import predicted_course
 from auvident.engines.prediction import Frame, at_effects, readings
 from auvident.engines.records import Record, record_of, sensor_matrix
-from auvident.physics.dynamics import N_STATES
+from auvident.physics.dynamics import ALL_STATES
 from auvident.physics.six_dof_terms import whole_names
 from auvident.physics.terms import structure_of
 from auvident.schema.artifacts import IdentifiedModel, Maneuver, Maneuvers, Sensing
@@ -20,7 +20,6 @@ from auvident.stages.export.simulators import ReadVehicle, fly_plane
 from auvident.stages.export.whole import AnyModel, Whole
 
 Array = npt.NDArray[Any]
-EVERY = np.ones(N_STATES, dtype=bool)
 
 
 @dataclass(frozen=True)
@@ -83,7 +82,7 @@ def _cost(
         dt_s, sensing = 1.0 / trial.rate_hz, _sensing(model, plane)
         record = record_of(maneuver, trial, plane, sensor_matrix(plane, sensing))
         frame, p = _frame(whole, plane, sensing, dt_s)
-        ours = predicted_course(frame, p, record, EVERY).readings
+        ours = predicted_course(frame, p, record, ALL_STATES).readings
         flown = readings(frame, p, record, _flown(frame, p, record, vehicle, plane))
         if not np.isfinite(flown).all():
             lost += 1

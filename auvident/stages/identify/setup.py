@@ -199,12 +199,11 @@ def rigid_body(vehicle: Vehicle, plane: Plane) -> RigidBody:
     """Mass properties in the equations of a plane."""
     body = vehicle.body
     weight = body.mass_kg * GRAVITY_MPS2
-    inertia = body.izz_kgm2 if plane == "horizontal" else (body.iyy_kgm2 or body.izz_kgm2)
     return RigidBody(
         mass_kg=body.mass_kg,
         x_g_m=body.x_g_m,
         z_g_m=body.z_g_m,
-        inertia_kgm2=inertia,
+        inertia_kgm2=body.inertia_kgm2(plane),
         weight_n=weight,
         buoyancy_n=body.buoyancy_n or weight,
         fin_x_m=vehicle.station_of(BY_PLANE[plane].fin),

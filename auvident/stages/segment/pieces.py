@@ -13,7 +13,7 @@ from auvident.physics.maneuvers.plateaus import (
     running_mean,
     running_median,
 )
-from auvident.physics.maneuvers.track import heading_from_rate
+from auvident.physics.maneuvers.track import integral_of
 from auvident.schema.artifacts import ManeuverKind, Rejected
 from auvident.schema.channels import CHANNELS, NEEDED, RECORD_COLUMN, TIME_COLUMN
 from auvident.schema.planes import BY_PLANE, CONTROL_COLUMNS, PLANES, STATE_COLUMNS, STATES, Plane
@@ -217,7 +217,7 @@ def _piece(
     rate = columns[of_rate][rows]
     angle = columns.get(of_angle, np.array([]))[rows]
     if angle.size != t.size or not np.isfinite(angle).all():
-        angle = heading_from_rate(t, rate)
+        angle = integral_of(t, rate)
     deep = columns.get("depth_m", np.array([]))
     depth = deep[rows] if np.isfinite(deep).any() else None
     narrow = odd_samples(MEDIAN_WINDOW_S, trial.rate_hz)

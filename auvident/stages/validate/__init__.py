@@ -1,7 +1,6 @@
 """Validation: re-simulation of whole maneuvers from their initial state and inputs alone."""
 
 from auvident.stages.validate.stage import (
-    ACTIVE,
     Prediction,
     Validation,
     compare,
@@ -9,4 +8,4 @@ from auvident.stages.validate.stage import (
     validate,
 )
 
-__all__ = ["ACTIVE", "Prediction", "Validation", "compare", "tracks", "validate"]
+__all__ = ["Prediction", "Validation", "compare", "tracks", "validate"]

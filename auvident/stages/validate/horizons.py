@@ -4,9 +4,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from auvident.constants import VehicleTime
 from auvident.schema.artifacts import ChannelMetrics, Maneuvers
 
-HORIZONS_S = (5.0, 20.0)
+HORIZONS_S: tuple[VehicleTime, ...] = (5.0, 20.0)
 
 
 def windows_of(maneuvers: Maneuvers, horizon_s: float) -> Maneuvers:

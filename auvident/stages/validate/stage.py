@@ -13,6 +13,7 @@ from auvident.engines.carried import frame_of, predicted_course, structure_behin
 from auvident.engines.flown import beyond_in_turn
 from auvident.engines.predictive import band_of, measured_channels, measured_track
 from auvident.engines.records import Record, record_of, sensor_matrix
+from auvident.physics.dynamics import ALL_STATES
 from auvident.physics.maneuvers import (
     headings_from_start,
     track_of,
@@ -40,8 +41,6 @@ from auvident.stages.validate.horizons import HORIZONS_S, over_the_same_spread, 
 from auvident.stages.validate.residuals import Compared, residuals_of
 
 Array = npt.NDArray[np.float64]
-
-ACTIVE = np.array([True, True, True, True])
 
 
 @dataclass(frozen=True)
@@ -176,7 +175,7 @@ def _predict(maneuver: Maneuver, trial: Trial, model: IdentifiedModel, p: Array)
     sensor = sensor_matrix(model.plane, model.sensing)
     record = record_of(maneuver, trial, model.plane, sensor)
     dt = 1.0 / trial.rate_hz
-    course = predicted_course(frame_of(model, dt), p, record, ACTIVE)
+    course = predicted_course(frame_of(model, dt), p, record, ALL_STATES)
     measured = measured_channels(record, dt)
     return Prediction(maneuver, record, measured, course.readings, course.over_ground)
 

@@ -5,7 +5,9 @@ import pytest
 from ase_vehicles import changed, fins, load
 
 from auvident.errors import UsageError
-from auvident.physics.ase.sweep import parse_sweep, sweep
+from auvident.physics.ase.sweep import _is_number, parse_sweep, sweep, with_values
+from auvident.schema.coefficients import COEFFICIENTS
+from auvident.schema.vehicle import Vehicle
 from auvident.stages.ase import estimate
 
 
@@ -21,6 +23,31 @@ def test_sweep_gives_what_single_estimates_give():
         assert row[c.symbol] == pytest.approx(c.value, rel=1e-6, abs=1e-12), c.symbol
     assert row["G_H"] == pytest.approx(single.facts["horizontal"]["G"], rel=1e-6)
     assert row["G_V"] == pytest.approx(single.facts["vertical"]["G"], rel=1e-6)
+
+
+def numbers_of(vehicle: Vehicle) -> dict[str, float]:
+    """Every number that the file of a vehicle states, by its key in a sweep."""
+    tables = {"vehicle": vehicle.body, "hull": vehicle.hull, "propeller": vehicle.propeller}
+    tables |= {"fluid": vehicle.fluid, **{fin.kind: fin for fin in vehicle.fin}}
+    return {
+        f"{table}.{name}": getattr(row, name)
+        for table, row in tables.items()
+        for name in (type(row).model_fields if row else ())
+        if _is_number(row, name) and getattr(row, name)
+    }
+
+
+@pytest.mark.parametrize(("key", "value"), numbers_of(load("remus")).items())
+def test_every_number_of_the_file_can_be_swept(key: str, value: float) -> None:
+    """Three values side by side, and one after the other."""
+    remus, values = load("remus"), value * np.array([1.0, 1.004, 0.996])
+    found = sweep(remus, {key: values})
+    assert (found["problem"] == "").all()
+    for k, x in enumerate(values):
+        one = sweep(with_values(remus, {key: float(x)}), {})
+        for c in COEFFICIENTS:
+            expected = pytest.approx(one[c.symbol][0], rel=1e-9, abs=1e-12)
+            assert found[c.symbol][k] == expected, c.symbol
 
 
 def test_ten_thousand_variants_take_seconds_not_minutes():

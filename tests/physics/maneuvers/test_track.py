@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auvident.physics.maneuvers import dead_reckoning, first_crossing, heading_from_rate
+from auvident.physics.maneuvers import dead_reckoning, first_crossing, integral_of
 
 
 def test_dead_reckoning_of_a_straight_course():
@@ -15,7 +15,7 @@ def test_dead_reckoning_of_a_straight_course():
 
 def test_heading_is_the_integral_of_the_rate():
     t = np.linspace(0, 5, 501)
-    assert heading_from_rate(t, np.cos(t))[-1] == pytest.approx(np.sin(5), abs=1e-4)  # dt^2/12
+    assert integral_of(t, np.cos(t))[-1] == pytest.approx(np.sin(5), abs=1e-4)  # dt^2/12
 
 
 def test_first_crossing():

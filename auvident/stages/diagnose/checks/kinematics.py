@@ -215,7 +215,7 @@ def position_change(stretch: Stretch, x: Array, dvl: Dvl) -> Array:
     s, dt = stretch.signals, stretch.dt_s
     yaw = math.radians(dvl.mounting_yaw_deg) + x[4]
     u, v, w = (late(s[c], x[5], dt) / (1.0 + x[3]) for c in ("u_mps", "v_mps", "w_mps"))
-    u, v = math.cos(yaw) * u - math.sin(yaw) * v, math.sin(yaw) * u + math.cos(yaw) * v
+    u, v = turned(u, v, yaw)
     p, q, r = s["p_radps"], s["q_radps"], s["r_radps"]
     at_origin = (
         u - q * dvl.down_m + r * dvl.y_m,
@@ -229,6 +229,12 @@ def position_change(stretch: Stretch, x: Array, dvl: Dvl) -> Array:
     beside = _north_east(stretch, (np.full(len(u), x[1]), np.full(len(u), x[2]), np.zeros(len(u))))
     expected = track - x[0] * over_ground + beside
     return np.column_stack([s["north_m"], s["east_m"]]) - expected
+
+
+def turned(u: Array, v: Array, yaw: float) -> tuple[Array, Array]:
+    """Velocities ahead and to starboard, from those in axes that lie to starboard by an angle."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    return c * u - s * v, s * u + c * v
 
 
 def _north_east(stretch: Stretch, vector: tuple[Array, Array, Array]) -> Array:

@@ -25,6 +25,7 @@ from auvident.stages.diagnose.checks.kinematics import (
     late,
     position_against_dvl,
     position_change,
+    turned,
 )
 from auvident.stages.diagnose.checks.paired_logs import (
     WEAK,
@@ -163,8 +164,7 @@ def depth_change(stretch: Stretch, x: Array, dvl: Dvl, of_pitch: bool = False) -
     With `of_pitch` the ratio is that of the pitch.
     """
     s, yaw = stretch.signals, math.radians(dvl.mounting_yaw_deg)
-    u, v = s["u_mps"], s["v_mps"]
-    u, v = math.cos(yaw) * u - math.sin(yaw) * v, math.sin(yaw) * u + math.cos(yaw) * v
+    u, v = turned(s["u_mps"], s["v_mps"], yaw)
     p, q, r = s["p_radps"], s["q_radps"], s["r_radps"]
     u, v = u - q * dvl.down_m + r * dvl.y_m, v - r * dvl.x_m
     w = s["w_mps"] - p * dvl.y_m + q * dvl.x_m

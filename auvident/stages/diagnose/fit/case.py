@@ -35,6 +35,7 @@ FRICTION_UNSURE = 0.5  # of it: how much of a drag is friction is known no bette
 # A change of an input is known to the step of the grid in which it falls, not where in it: a delay
 # or lag below this share of a step is none. At 1 Hz `harbour_trial` showed one of -0.14 s.
 STEP_UNSURE = 0.5
+LEAST_SPEED_MPS, LEAST_RATE_RPS = 0.1, 0.1  # by which sizes are told of a vehicle at rest
 FREE_SIZE = (0.005, 0.005, 0.002)  # prior of a free force on X, A, B [density/2 L^2 U^2, N: L^3]
 
 
@@ -184,6 +185,9 @@ def counted_from(records: Sequence[Record]) -> Literal["north", "bow"]:
     return "north" if known else "bow"
 
 
+RATES = ("p_radps", "q_radps")  # columns of `Source.rates`
+
+
 def _is_logged(column: str, records: Sequence[Record], states: Sequence[str]) -> bool:
     source = [r.source for r in records if r.source is not None]
     if column in states:
@@ -196,8 +200,8 @@ def _is_logged(column: str, records: Sequence[Record], states: Sequence[str]) ->
     }
     if column in series:
         return any(np.any(getattr(s, series[column])) for s in source)
-    if column in ("p_radps", "q_radps"):
-        return any(np.any(s.rates) for s in source)
+    if column in RATES:
+        return any(np.any(s.rates[:, RATES.index(column)]) for s in source)
     return True  # position logs are looked for by the checks that use them
 
 
@@ -221,7 +225,7 @@ def case_of(
     plane = setup.structure.plane
     structure = structure_of(plane, (*(e.id for e in in_plane(plane)), FREE_FORCE))
     records = tuple(record for _, record in setup.records.values())
-    n, unit = len(structure.parameters), sizes_of(model, records)
+    n, unit = len(structure.parameters), sizes_of(records)
     prior = parameter_vector(plane, _prior_values(setup), model.rigid_body, structure=structure)
     stds, nuisance = np.zeros(n), np.zeros(n)
     low, high = np.full(n, -np.inf), np.full(n, np.inf)
@@ -251,11 +255,11 @@ def _prior_values(setup: Setup) -> dict[str, float]:
     return dict(zip(setup.structure.parameters, setup.prior, strict=True))
 
 
-def sizes_of(model: IdentifiedModel, records: Sequence[Record]) -> tuple[float, float]:
+def sizes_of(records: Sequence[Record]) -> tuple[float, float]:
     """Median speed [m/s] and propeller rate [rev/s] of the maneuvers."""
     speed = float(np.median(np.concatenate([r.given[:, 0] for r in records])))
     rate = float(np.median(np.abs(np.concatenate([r.inputs[:, 2] for r in records]))))
-    return max(speed, 0.1), max(rate, 0.1)
+    return max(speed, LEAST_SPEED_MPS), max(rate, LEAST_RATE_RPS)
 
 
 def size_unit(

@@ -27,7 +27,7 @@ from auvident.engines.map_fit import Estimate, NoisePolicy, Prior, beginning, ma
 from auvident.engines.noise import Noise, most_likely_colours, residuals_or_raise
 from auvident.engines.records import Record
 from auvident.errors import NumericsError
-from auvident.estimation.coloured import Colour
+from auvident.estimation.coloured import TIMES_S, Colour
 from auvident.parallel import each
 from auvident.stages.diagnose.fit.case import ACTIVE, NUISANCE_REACH, Case
 
@@ -37,6 +37,8 @@ N_CHANNELS = 3
 ROUNDS, STEPS = 2, 8  # rounds of fixed weights, steps in each
 TOLERANCE = 1.0e-4  # relative fall of the cost at which a round ends
 NOISE_SETTLED = 0.01  # relative change of the noise below which another round changes nothing
+# [noise of the sensor] a disturbance as slow as any, where nothing is known of what a model leaves
+FIRST_SLOW = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +82,8 @@ def noise_of(case: Case, residuals: Sequence[RecordResidual]) -> Noise:
 
 def first_colours(case: Case, p: Array) -> Colours:
     """Noise with a model that nothing is known of yet."""
-    sensors = tuple(Colour(std, 10.0 * std, 4.0) for std in case.setup.sensor_std[:N_CHANNELS])
+    stds = case.setup.sensor_std[:N_CHANNELS]
+    sensors = tuple(Colour(std, FIRST_SLOW * std, TIMES_S[-1]) for std in stds)
     found = residuals_of(output_error(case, sensors), p)
     return sensors if found is None else noise_of(case, found).colours
 

@@ -50,6 +50,7 @@ WEAK = ("gain", "share-helped", "evidence", "explained")  # refusals of what sho
 PLAUSIBLE = 3.0  # an effect that must exceed so many priors to be seen is not visible
 BEYOND = 1e3  # so many priors, or m/s and rad/s of a push, stand for any size
 ABSORBED = 0.015  # of the signature left by the coefficients: no size is stated
+HARDLY_LEFT = 0.05  # ... and so little is why an effect is not visible, if it is not
 SEPARABLE = 0.98  # cosine from which on two effects are not told apart
 
 
@@ -259,7 +260,7 @@ def _why(joint: Joint, position: int, kept: float, sizes: tuple[float, float]) -
     if _is_taken_along(joint, position):
         return "estimated along, as the vehicle file does not state it"
     needs = () if BY_ID[effect].by_rate else BY_ID[effect].needs  # it has the yaw rate
-    if kept < 0.05:
+    if kept < HARDLY_LEFT:
         others = " and what was found" if joint.fitted.effects else ""
         return f"indistinguishable from the coefficients{others}"
     if needs and not check_cost(case, joint.fitted.parameters) and not case.checks:

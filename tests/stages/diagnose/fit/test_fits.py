@@ -47,7 +47,7 @@ def unit_of(name: str) -> float:
     """What the sizes of a parameter are multiplied by for this vehicle: L/U of a time."""
     made = loop("harbour_trial")
     records = [record for _, record in made.setup.records.values()]
-    return cases.size_unit(parameter_of(name), made.model, cases.sizes_of(made.model, records))
+    return cases.size_unit(parameter_of(name), made.model, cases.sizes_of(records))
 
 
 # --- what is free, and how far -------------------------------------------------------------
@@ -210,6 +210,15 @@ def test_effects_that_no_log_can_show_are_not_tried() -> None:
     assert {"current", "gyro_scale", "roll_coupling", "dvl_height", "weight_excess"} <= gone
     assert {"heading_rad", "roll_rad", "p_radps", "pitch_rad"} <= set(missing)
     assert "rudder_offset" in {e.id for e in there}
+
+
+def test_a_pitch_rate_stands_for_no_roll_rate() -> None:
+    setup, records = loop("harbour_trial").setup, []
+    for _, r in setup.records.values():
+        rates = np.column_stack([np.zeros(len(r)), 0.01 * np.ones(len(r))])
+        records.append(replace(r, source=replace(r.source, rates=rates)))
+    there, missing = cases.testable(setup, records)
+    assert "p_radps" in missing and "dvl_height" not in {e.id for e in there}
 
 
 @pytest.mark.parametrize(
