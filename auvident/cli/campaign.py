@@ -184,7 +184,7 @@ def _plan(
     allow_outside: bool,
 ) -> "CampaignPlan":
     """What is to be done, by the file or the folders."""
-    from auvident.pipeline.campaign import CampaignPlan, refuse_empty
+    from auvident.pipeline.campaign import CampaignPlan, refuse_among_logs, refuse_empty
     from auvident.schema.campaign import Campaign, RunOptions
     from auvident.storage.campaign_file import read_campaign, trials_in_folders
 
@@ -193,13 +193,13 @@ def _plan(
         raise click.UsageError("Give either one campaign file or folders (with --vehicle).")
     declared: Campaign | None = None
     if files:
-        declared, trials = read_campaign(files[0])
+        declared, trials = read_campaign(files[0], folder)
     else:
         trials = trials_in_folders(sources, vehicle, RunOptions())  # type: ignore[call-arg]
     refuse_empty(trials)
     own = declared.campaign if declared else None
     rate = own.false_alarms if own else 0.01
-    return CampaignPlan(
+    plan = CampaignPlan(
         folder,
         trials,
         jobs or (own.jobs if own else None),
@@ -207,3 +207,5 @@ def _plan(
         allow_outside,
         seed or 0,
     )
+    refuse_among_logs(plan)
+    return plan
