@@ -21,7 +21,9 @@ FALSE_ALARMS = click.option(
     "  [default: 0.01]",
 )
 FAIL_ON_CHANGE = click.option(
-    "--fail-on-change", is_flag=True, help="Exit with code 1 if the vehicle changed."
+    "--fail-on-change",
+    is_flag=True,
+    help="Exit with code 1 if the vehicle changed, or its last trial fits no other.",
 )
 KEEP = click.option(
     "--keep", is_flag=True, help="Also pool trials that fit no other; they are only named."

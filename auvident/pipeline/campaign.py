@@ -12,7 +12,7 @@ from auvident.pipeline.campaign_jobs import Job, JobDone, JobRunner, LocalProces
 from auvident.pipeline.freshness import is_of_this_run
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.planes import planes_of
-from auvident.pipeline.pooling import PooledRuns, date_of, pool_runs
+from auvident.pipeline.pooling import PooledRuns, alarms, date_of, pool_runs
 from auvident.pipeline.predict import find_model
 from auvident.pipeline.remedies import FLAGS
 from auvident.pipeline.run import up_to_date
@@ -452,11 +452,9 @@ def refuse_changes(result: CampaignResult) -> None:
     Raises
     ------
     GateError
-        A vehicle changed, with what.
+        A vehicle changed, with what; or its last trial fits no other.
     """
-    told = [
-        f"{v.name}: {c.sentence}" for v in result.vehicles if v.changes for c in v.changes.changes
-    ]
+    told = [f"{v.name}: {text}" for v in result.vehicles if v.changes for text in alarms(v.changes)]
     if told:
         raise GateError("; ".join(told), "", "See the campaign page.")
 

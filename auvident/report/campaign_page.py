@@ -75,7 +75,10 @@ def _vehicle(
         "changes": tables.changes(found) if found and found.changes else None,
         "figure": _drawn(found),
         "parameters": tables.pooled_parameters(model) if model else None,
-        "findings": vehicle.findings,
+        "findings": [
+            *vehicle.findings,
+            *(f for f in (found.findings if found else ()) if f not in vehicle.findings),
+        ],
         "heads": ("trial", "began", "result", *(f"NRMSE {c}" for c in channels), "from data",
                   "distance", "pooled"),
         "lines": [_line(t, channels) for t in own],
